@@ -1,0 +1,44 @@
+//! The `deepmill` program: parse, call the library, print.
+
+mod output;
+
+use clap::{Parser, Subcommand};
+use output::Output;
+use std::process::ExitCode;
+
+/// Which parts of a surface a milling cutter cannot reach, and what is in its way.
+///
+/// Without a command it runs the demo. Lengths are millimetres.
+#[derive(Parser)]
+#[command(version, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Number of threads (0: one per processor). Results do not depend on it.
+    #[arg(long, global = true, default_value_t = 0)]
+    threads: usize,
+    /// Print one JSON object on standard output; everything else goes to standard error.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let output = Output::new(cli.json);
+    let run = || match &cli.command {
+        None => Ok(()),
+        Some(command) => match *command {},
+    };
+    match deepmill::par::with_threads(cli.threads, run)
+        .and_then(|result: deepmill::Result<()>| result)
+    {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            output.error(&error);
+            ExitCode::from(1)
+        }
+    }
+}

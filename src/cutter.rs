@@ -1,0 +1,1 @@
+//! Cutters: solids of revolution about their axis that only grow upward.

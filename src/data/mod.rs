@@ -1,0 +1,1 @@
+//! Samples, files on disk, augmentation and generated parts.

@@ -1,0 +1,1 @@
+//! Ordered sets of unit vectors from the tip to the spindle.

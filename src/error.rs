@@ -1,0 +1,135 @@
+//! The one error type: what was attempted, where, what was found, and what to do about it.
+
+use std::path::{Path, PathBuf};
+
+/// Result with this crate's [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Every failure this crate reports. The message is one line that ends with a remedy.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused to open, read or write a file.
+    #[error("{}: cannot be {action}: {source}; check the path and its permissions", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// "read" or "written": what was attempted.
+        action: &'static str,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The content of a file is not what its format demands.
+    #[error("{}: {place}: {found}; {remedy}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Line, byte offset, element or tensor name.
+        place: String,
+        /// What is wrong there.
+        found: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// A mesh or point cloud cannot be used as it is.
+    #[error("{place}: {found}; {remedy}")]
+    Geometry {
+        /// Vertex, edge, face or component.
+        place: String,
+        /// What is wrong there.
+        found: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// An argument is outside its domain.
+    #[error("{name} is {found}, expected {expected}; {remedy}")]
+    Argument {
+        /// The argument's name as the user knows it.
+        name: &'static str,
+        /// The value given.
+        found: String,
+        /// The values allowed.
+        expected: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// The work asked for needs more memory than is sensible.
+    #[error("{operation} needs about {needed_bytes} bytes, the limit is {limit_bytes}; {remedy}")]
+    TooLarge {
+        /// The operation.
+        operation: &'static str,
+        /// Estimated bytes.
+        needed_bytes: u64,
+        /// Bytes allowed.
+        limit_bytes: u64,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// A computation left the finite numbers.
+    #[error("{place}: {found}; {remedy}")]
+    NotFinite {
+        /// Epoch, batch, sample or tensor.
+        place: String,
+        /// The value.
+        found: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// The user asked to stop; whatever was finished is on disk.
+    #[error("interrupted; {remedy}")]
+    Interrupted {
+        /// How to go on.
+        remedy: String,
+    },
+}
+
+impl Error {
+    /// A failed read of `path`.
+    pub fn read(path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        Error::Io { path: path.as_ref().into(), action: "read", source }
+    }
+
+    /// A failed write of `path`.
+    pub fn write(path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        Error::Io { path: path.as_ref().into(), action: "written", source }
+    }
+
+    /// Bad content at `place` of `path`.
+    pub fn file(
+        path: impl AsRef<Path>,
+        place: impl Into<String>,
+        found: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Error::File {
+            path: path.as_ref().into(),
+            place: place.into(),
+            found: found.into(),
+            remedy: remedy.into(),
+        }
+    }
+
+    /// Unusable geometry at `place`.
+    pub fn geometry(
+        place: impl Into<String>,
+        found: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Error::Geometry { place: place.into(), found: found.into(), remedy: remedy.into() }
+    }
+
+    /// An argument outside its domain.
+    pub fn argument(
+        name: &'static str,
+        found: impl ToString,
+        expected: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Error::Argument {
+            name,
+            found: found.to_string(),
+            expected: expected.into(),
+            remedy: remedy.into(),
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! Triangle meshes: vertices, faces, and what follows directly from them.
+
+use glam::DVec3;
+
+/// A triangle mesh in millimetres, right-handed, +z up; corners counter-clockwise seen from outside.
+///
+/// The fields are public: whether a mesh is closed, manifold and oriented is a finding of
+/// `geom::check`, not a property of the type. Every index must be below `vertices.len()`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Mesh {
+    /// Corner positions, mm.
+    pub vertices: Vec<DVec3>,
+    /// Corner indices of each face.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// The corners of face `f`, mm.
+    pub fn corners(&self, f: usize) -> [DVec3; 3] {
+        self.triangles[f].map(|v| self.vertices[v as usize])
+    }
+
+    /// Twice the area of face `f` times its outward unit normal, mm².
+    pub fn area_vector(&self, f: usize) -> DVec3 {
+        let [a, b, c] = self.corners(f);
+        (b - a).cross(c - a)
+    }
+
+    /// Least and greatest corner of the bounding box, mm; `None` for a mesh without vertices.
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let first = *self.vertices.first()?;
+        Some(self.vertices.iter().fold((first, first), |(lo, hi), v| (lo.min(*v), hi.max(*v))))
+    }
+
+    /// Length of the bounding box's diagonal, mm; 0 for a mesh without vertices.
+    pub fn diagonal(&self) -> f64 {
+        self.bounds().map_or(0.0, |(lo, hi)| (hi - lo).length())
+    }
+
+    /// Surface area, mm².
+    pub fn area(&self) -> f64 {
+        (0..self.triangles.len()).map(|f| 0.5 * self.area_vector(f).length()).sum()
+    }
+
+    /// Enclosed volume by the divergence theorem, mm³; negative for an inward-oriented mesh.
+    pub fn volume(&self) -> f64 {
+        let six = |f| {
+            let [a, b, c] = self.corners(f);
+            a.dot(b.cross(c))
+        };
+        (0..self.triangles.len()).map(six).sum::<f64>() / 6.0
+    }
+}

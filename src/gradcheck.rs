@@ -1,0 +1,1 @@
+//! Finite differences and adjoint tests, in f64.

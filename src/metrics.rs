@@ -1,0 +1,1 @@
+//! Accuracy, F1 and IoU.

@@ -1,0 +1,1 @@
+//! The octree U-Net with cutter modules, its weights, and prediction.

@@ -1,0 +1,1 @@
+//! Sparse octrees: keys, construction, neighbours, batches and kernel maps.

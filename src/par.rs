@@ -1,0 +1,85 @@
+//! Parallel loops whose results do not depend on the number of threads.
+//!
+//! Work is cut into blocks whose size is a constant of the call site, each output belongs to one
+//! block, and partial results are joined in block order. The only file that names rayon.
+
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Calls `work(block_index, block)` for consecutive blocks of `block_len` items.
+pub fn for_each_block<T: Send>(
+    items: &mut [T],
+    block_len: usize,
+    work: impl Fn(usize, &mut [T]) + Sync,
+) {
+    items.par_chunks_mut(block_len.max(1)).enumerate().for_each(|(i, block)| work(i, block));
+}
+
+/// Results of `work` over consecutive ranges of `block_len` indices of `0..n`, in order.
+pub fn map_blocks<R: Send>(
+    n: usize,
+    block_len: usize,
+    work: impl Fn(Range<usize>) -> R + Sync,
+) -> Vec<R> {
+    let block_len = block_len.max(1);
+    (0..n.div_ceil(block_len))
+        .into_par_iter()
+        .map(|i| work(i * block_len..((i + 1) * block_len).min(n)))
+        .collect()
+}
+
+/// Results of `work` for every index of `0..n`, in order, one task each.
+pub fn map<R: Send>(n: usize, work: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
+    (0..n).into_par_iter().with_max_len(1).map(work).collect()
+}
+
+/// Two computations, possibly at the same time.
+pub fn join<A: Send, B: Send>(
+    a: impl FnOnce() -> A + Send,
+    b: impl FnOnce() -> B + Send,
+) -> (A, B) {
+    rayon::join(a, b)
+}
+
+/// Sorts in parallel by a total order on keys; equal keys keep their order.
+pub fn sort_by_key<T: Send, K: Ord>(items: &mut [T], key: impl Fn(&T) -> K + Sync) {
+    items.par_sort_by_key(key);
+}
+
+/// Number of threads that parallel loops started here would use.
+pub fn threads() -> usize {
+    rayon::current_num_threads()
+}
+
+/// Runs `work` with parallel loops limited to `n_threads` (0: one per logical CPU).
+///
+/// # Errors
+/// If the system refuses to start the threads.
+pub fn with_threads<R: Send>(n_threads: usize, work: impl FnOnce() -> R + Send) -> Result<R> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build();
+    let pool = pool.map_err(|e| {
+        Error::argument("threads", n_threads, "a number the system can start", e.to_string())
+    })?;
+    Ok(pool.install(work))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_cover_everything_in_order_for_any_thread_count() {
+        for n_threads in [1, 2, 5] {
+            let ranges = with_threads(n_threads, || map_blocks(10, 4, |r| r)).unwrap();
+            assert_eq!(ranges, [0..4, 4..8, 8..10]);
+            let mut items = vec![0; 10];
+            with_threads(n_threads, || {
+                for_each_block(&mut items, 4, |i, block| block.fill(i + 1));
+            })
+            .unwrap();
+            assert_eq!(items, [1, 1, 1, 1, 2, 2, 2, 2, 3, 3]);
+        }
+        assert!(map_blocks(0, 4, |r| r).is_empty());
+    }
+}

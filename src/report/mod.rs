@@ -1,0 +1,1 @@
+//! Tables, coloured point clouds and pictures: shows, never computes.

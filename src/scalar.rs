@@ -1,0 +1,170 @@
+//! The numbers of the network: `f32` through the SIMD kernels, `f64` for decisive gradient checks.
+
+use std::fmt::{Debug, Display};
+use std::iter::Sum;
+use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// A real number that layers can be written in; implemented by `f32` and `f64` alone.
+///
+/// No function here calls the system's mathematical library, so results are the same everywhere.
+pub trait Scalar:
+    Copy
+    + Default
+    + Debug
+    + Display
+    + PartialEq
+    + PartialOrd
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+    + DivAssign
+    + Sum
+{
+    /// 0.
+    const ZERO: Self;
+    /// 1.
+    const ONE: Self;
+
+    /// Nearest value to `x`.
+    fn from_f64(x: f64) -> Self;
+    /// Exact value.
+    fn to_f64(self) -> f64;
+    /// `self * b + c` with one rounding.
+    fn mul_add(self, b: Self, c: Self) -> Self;
+    /// Square root, correctly rounded.
+    fn sqrt(self) -> Self;
+    /// e to the power `self`.
+    fn exp(self) -> Self;
+    /// Natural logarithm.
+    fn ln(self) -> Self;
+    /// Magnitude.
+    fn abs(self) -> Self;
+    /// The greater of two numbers that are not NaN.
+    fn max(self, other: Self) -> Self;
+    /// Neither infinite nor NaN.
+    fn is_finite(self) -> bool;
+
+    /// `c[c_rows[r], j] += Σ_p a[a_rows[r], p] · b[p, j]` for every `r`, `a: [_, k]`, `b: [k, n]`, `c: [_, n]`.
+    ///
+    /// Each element of `c` takes its products one by one, `p` ascending, by fused multiply-add onto
+    /// the value it holds. `c_rows` must not repeat a row.
+    ///
+    /// # Panics
+    /// If a row index is outside its matrix or the two row lists differ in length.
+    fn matmul_rows(
+        a: &[Self],
+        a_rows: &[u32],
+        k: usize,
+        b: &[Self],
+        n: usize,
+        c: &mut [Self],
+        c_rows: &[u32],
+    );
+
+    /// `d[p, j] += Σ_r a[a_rows[r], p] · g[g_rows[r], j]`, `a: [_, k]`, `g: [_, n]`, `d: [k, n]`; `r` ascending,
+    /// fused as in [`Scalar::matmul_rows`].
+    ///
+    /// # Panics
+    /// If a row index is outside its matrix or the two row lists differ in length.
+    fn matmul_tn_rows(
+        a: &[Self],
+        a_rows: &[u32],
+        k: usize,
+        g: &[Self],
+        g_rows: &[u32],
+        n: usize,
+        d: &mut [Self],
+    );
+}
+
+macro_rules! scalar {
+    ($t:ident, $exp:path, $ln:path) => {
+        impl Scalar for $t {
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+
+            fn from_f64(x: f64) -> Self {
+                x as $t
+            }
+            fn to_f64(self) -> f64 {
+                f64::from(self)
+            }
+            #[inline(always)]
+            fn mul_add(self, b: Self, c: Self) -> Self {
+                $t::mul_add(self, b, c)
+            }
+            fn sqrt(self) -> Self {
+                $t::sqrt(self)
+            }
+            fn exp(self) -> Self {
+                $exp(self)
+            }
+            fn ln(self) -> Self {
+                $ln(self)
+            }
+            fn abs(self) -> Self {
+                $t::abs(self)
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                if other > self { other } else { self }
+            }
+            fn is_finite(self) -> bool {
+                $t::is_finite(self)
+            }
+
+            fn matmul_rows(
+                a: &[Self],
+                a_rows: &[u32],
+                k: usize,
+                b: &[Self],
+                n: usize,
+                c: &mut [Self],
+                c_rows: &[u32],
+            ) {
+                assert_eq!(a_rows.len(), c_rows.len());
+                for (&i, &o) in a_rows.iter().zip(c_rows) {
+                    let x = &a[i as usize * k..][..k];
+                    let y = &mut c[o as usize * n..][..n];
+                    for (p, &x) in x.iter().enumerate() {
+                        for (y, &w) in y.iter_mut().zip(&b[p * n..][..n]) {
+                            *y = x.mul_add(w, *y);
+                        }
+                    }
+                }
+            }
+
+            fn matmul_tn_rows(
+                a: &[Self],
+                a_rows: &[u32],
+                k: usize,
+                g: &[Self],
+                g_rows: &[u32],
+                n: usize,
+                d: &mut [Self],
+            ) {
+                assert_eq!(a_rows.len(), g_rows.len());
+                for (&i, &o) in a_rows.iter().zip(g_rows) {
+                    let x = &a[i as usize * k..][..k];
+                    let y = &g[o as usize * n..][..n];
+                    for (p, &x) in x.iter().enumerate() {
+                        for (d, &y) in d[p * n..][..n].iter_mut().zip(y) {
+                            *d = x.mul_add(y, *d);
+                        }
+                    }
+                }
+            }
+        }
+    };
+}
+
+scalar!(f32, libm::expf, libm::logf);
+scalar!(f64, libm::exp, libm::log);
