@@ -1,5 +1,6 @@
 //! The `deepmill` program: parse, call the library, print.
 
+mod demo;
 mod output;
 
 use clap::{Parser, Subcommand};
@@ -29,7 +30,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let output = Output::new(cli.json);
     let run = || match &cli.command {
-        None => Ok(()),
+        None => demo::run(&output),
         Some(command) => match *command {},
     };
     match deepmill::par::with_threads(cli.threads, run)
