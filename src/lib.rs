@@ -13,6 +13,8 @@
 #![deny(unsafe_code)]
 
 pub mod access;
+#[cfg(feature = "formats")]
+pub mod aside;
 pub mod cutter;
 pub mod data;
 pub mod directions;
