@@ -1,5 +1,7 @@
 //! The numbers of the network: `f32` through the SIMD kernels, `f64` for decisive gradient checks.
 
+use crate::simd::{Level, level};
+use crate::{Error, Result};
 use std::fmt::{Debug, Display};
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -83,6 +85,19 @@ pub trait Scalar:
         n: usize,
         d: &mut [Self],
     );
+}
+
+/// The instruction-set level that the kernels run at; call it first, so that a forced level that this
+/// processor lacks is noticed. Results do not depend on the level.
+///
+/// # Errors
+/// If the environment variable `DEEPMILL_SIMD` names a level that is not available.
+pub fn simd_level() -> Result<Level> {
+    Level::requested().map_err(|error| {
+        let names: Vec<_> = Level::available().iter().map(|level| level.name()).collect();
+        let expected = format!("one of {}", names.join(", "));
+        Error::argument(level::VARIABLE, error.name, expected, "unset it to use the fastest")
+    })
 }
 
 macro_rules! scalar {

@@ -1,2 +1,18 @@
 //! Vector kernels and the choice between them: the only room with unsafe code.
+//!
+//! # Numeric contract
+//!
+//! A kernel returns the same bits at every [`Level`]: lanes run over outputs, every output takes its
+//! terms one at a time in the documented order, tails use the same operations as full vectors.
+//!
+//! # Safety contract
+//!
+//! Instructions beyond the baseline of the target run only inside [`Level::run`], under a token that
+//! nothing but a successful check of the processor can build. Kernels check every index that they
+//! are given before they form a pointer from it.
 #![allow(unsafe_code)]
+
+pub mod fma;
+pub mod level;
+
+pub use level::{Kernel, Level, Simd};

@@ -29,9 +29,12 @@ enum Command {}
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let output = Output::new(cli.json);
-    let run = || match &cli.command {
-        None => demo::run(&output),
-        Some(command) => match *command {},
+    let run = || {
+        deepmill::scalar::simd_level()?;
+        match &cli.command {
+            None => demo::run(&output),
+            Some(command) => match *command {},
+        }
     };
     match deepmill::par::with_threads(cli.threads, run)
         .and_then(|result: deepmill::Result<()>| result)
