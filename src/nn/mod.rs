@@ -13,5 +13,14 @@
 //!
 //! Output vectors are `&mut Vec<T>`, resized by the layer, so that buffers live on between steps.
 //! A layer without buffers or without need of `x` in backward leaves that argument out.
+//! Layers that act on each element or column (normalisation, ReLU, dropout) turn `dy` into `dx` in
+//! place: their argument `d` holds `dy` before the call and `dx` after it.
 
+pub mod batch_norm;
+pub mod concat;
+pub mod dropout;
+pub mod group_norm;
+pub mod linear;
 pub mod params;
+pub mod relu;
+mod rows;

@@ -1,0 +1,242 @@
+//! Batch normalisation (Ioffe and Szegedy 2015) over all rows of a batch.
+
+use super::params::{Init, Layout};
+use super::rows;
+use crate::scalar::Scalar;
+use std::ops::Range;
+
+/// Added to the variance.
+pub const EPS: f64 = 1e-5;
+/// Share of the batch in a running statistic.
+pub const MOMENTUM: f64 = 0.1;
+
+/// `y = (x - mean) / √(var + ε) · weight + bias`, per column of `[n, c]`.
+///
+/// In training `mean` and `var` are those of the batch (`var` biased); the running statistics move a
+/// tenth of the way to them (`var` unbiased there). A batch of a single row has no variance: training
+/// then normalises with the running statistics, as inference does, and leaves them alone.
+#[derive(Debug, Clone)]
+pub struct BatchNorm {
+    /// Columns.
+    pub c: usize,
+    weight: Range<usize>,
+    bias: Range<usize>,
+    running_mean: Range<usize>,
+    running_var: Range<usize>,
+    n_batches: Range<usize>,
+}
+
+/// What [`BatchNorm::forward_train`] keeps for backward: `c` numbers each.
+#[derive(Debug, Clone, Default)]
+pub struct Cache<T> {
+    mean: Vec<T>,
+    inv_std: Vec<T>,
+    from_batch: bool,
+}
+
+impl BatchNorm {
+    /// Appends `{name}.weight`, `{name}.bias` and the buffers `{name}.running_mean`,
+    /// `{name}.running_var` and `{name}.num_batches_tracked`.
+    pub fn new(layout: &mut Layout, name: &str, c: usize) -> Self {
+        let mut buffer = |suffix: &str, shape: &[usize], start: f64| {
+            layout.buffer(format!("{name}.{suffix}"), shape, Init::Constant(start))
+        };
+        let running_mean = buffer("running_mean", &[c], 0.0);
+        let running_var = buffer("running_var", &[c], 1.0);
+        let n_batches = buffer("num_batches_tracked", &[], 0.0);
+        let weight = layout.param(format!("{name}.weight"), &[c], Init::Constant(1.0));
+        let bias = layout.param(format!("{name}.bias"), &[c], Init::Constant(0.0));
+        BatchNorm { c, weight, bias, running_mean, running_var, n_batches }
+    }
+
+    /// Normalises `x: [n, c]` into `y` with the running statistics.
+    pub fn forward<T: Scalar>(&self, params: &[T], buffers: &[T], x: &[T], y: &mut Vec<T>) {
+        self.apply(params, &self.running(buffers), x, y);
+    }
+
+    /// Normalises `x: [n, c]` into `y` with the statistics of `x`, and moves the running ones.
+    pub fn forward_train<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        x: &[T],
+        y: &mut Vec<T>,
+        cache: &mut Cache<T>,
+    ) {
+        *cache = if x.len() > self.c { self.measure(buffers, x) } else { self.running(buffers) };
+        self.apply(params, cache, x, y);
+    }
+
+    /// Turns `dy` into `dx`; `grads` of weight and bias accumulate.
+    ///
+    /// With `x̂ = (x - mean) · inv_std`: `dbias = Σ dy`, `dweight = Σ dy x̂`, and
+    /// `dx = weight · inv_std · (dy - dbias / n - x̂ dweight / n)`; the two means vanish when the
+    /// statistics did not come from the batch.
+    pub fn backward<T: Scalar>(
+        &self,
+        params: &[T],
+        x: &[T],
+        cache: &Cache<T>,
+        d: &mut [T],
+        grads: &mut [T],
+    ) {
+        let (c, Cache { mean, inv_std, .. }) = (self.c, cache);
+        let n_rows = x.len() / c;
+        let [dweight, dbias] = rows::column_sums(0..n_rows, c, |row, [dweight, dbias]| {
+            let (x, dy) = (&x[row * c..][..c], &d[row * c..][..c]);
+            for j in 0..c {
+                let x_hat = (x[j] - mean[j]) * inv_std[j];
+                dweight[j] += (x_hat * dy[j]).to_f64();
+                dbias[j] += dy[j].to_f64();
+            }
+        });
+        let share = if cache.from_batch { 1.0 / n_rows as f64 } else { 0.0 };
+        let mean_of = |sums: &[f64]| sums.iter().map(|s| T::from_f64(s * share)).collect();
+        let (mean_dweight, mean_dbias): (Vec<T>, Vec<T>) = (mean_of(&dweight), mean_of(&dbias));
+        let weight = &params[self.weight.clone()];
+        rows::for_each_row(d, c, |row, d| {
+            let x = &x[row * c..][..c];
+            for j in 0..c {
+                let x_hat = (x[j] - mean[j]) * inv_std[j];
+                let centred = d[j] - mean_dbias[j] - x_hat * mean_dweight[j];
+                d[j] = weight[j] * inv_std[j] * centred;
+            }
+        });
+        for j in 0..c {
+            grads[self.weight.start + j] += T::from_f64(dweight[j]);
+            grads[self.bias.start + j] += T::from_f64(dbias[j]);
+        }
+    }
+
+    /// Factor and summand per column that inference applies: `y = x · factor + summand`.
+    pub fn folded<T: Scalar>(&self, params: &[T], buffers: &[T]) -> (Vec<T>, Vec<T>) {
+        let Cache { mean, inv_std, .. } = self.running(buffers);
+        let column = |j| {
+            let factor = params[self.weight.start + j] * inv_std[j];
+            (factor, params[self.bias.start + j] - mean[j] * factor)
+        };
+        (0..self.c).map(column).unzip()
+    }
+
+    fn running<T: Scalar>(&self, buffers: &[T]) -> Cache<T> {
+        let variance = &buffers[self.running_var.clone()];
+        Cache {
+            mean: buffers[self.running_mean.clone()].to_vec(),
+            inv_std: variance.iter().map(|v| T::from_f64(inv_std(v.to_f64()))).collect(),
+            from_batch: false,
+        }
+    }
+
+    fn measure<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Cache<T> {
+        let (mean, var) = rows::moments(x, self.c);
+        let n = (x.len() / self.c) as f64;
+        let mut blend = |place: &Range<usize>, values: &[f64], factor: f64| {
+            for (running, value) in buffers[place.clone()].iter_mut().zip(values) {
+                let new = (1.0 - MOMENTUM) * running.to_f64() + MOMENTUM * factor * value;
+                *running = T::from_f64(new);
+            }
+        };
+        blend(&self.running_mean, &mean, 1.0);
+        blend(&self.running_var, &var, n / (n - 1.0));
+        buffers[self.n_batches.start] += T::ONE;
+        Cache {
+            mean: mean.iter().map(|&m| T::from_f64(m)).collect(),
+            inv_std: var.iter().map(|&v| T::from_f64(inv_std(v))).collect(),
+            from_batch: true,
+        }
+    }
+
+    fn apply<T: Scalar>(&self, params: &[T], cache: &Cache<T>, x: &[T], y: &mut Vec<T>) {
+        let (weight, bias) = (&params[self.weight.clone()], &params[self.bias.clone()]);
+        let factor: Vec<T> = weight.iter().zip(&cache.inv_std).map(|(&w, &s)| w * s).collect();
+        y.resize(x.len(), T::ZERO);
+        rows::for_each_row(y, self.c, |row, y| {
+            let x = &x[row * self.c..][..self.c];
+            for j in 0..self.c {
+                y[j] = (x[j] - cache.mean[j]).mul_add(factor[j], bias[j]);
+            }
+        });
+    }
+}
+
+fn inv_std(variance: f64) -> f64 {
+    1.0 / (variance + EPS).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gradcheck::{self, Settings};
+
+    fn layer(c: usize) -> (BatchNorm, Vec<f64>, Vec<f64>) {
+        let mut layout = Layout::default();
+        let norm = BatchNorm::new(&mut layout, "bn", c);
+        let params = gradcheck::probe(layout.n_params(), 5);
+        let buffers = gradcheck::probe(layout.n_buffers(), 6).iter().map(|b| b.abs()).collect();
+        (norm, params, buffers)
+    }
+
+    #[test]
+    fn training_gradients_are_right_for_one_and_many_rows() {
+        let c = 3;
+        let (norm, params, buffers) = layer(c);
+        for n in [1, 2, 7, 1500] {
+            let x = gradcheck::probe(n * c, 7);
+            let forward = |x: &[f64], params: &[f64]| {
+                let (mut y, mut cache) = (Vec::new(), Cache::default());
+                norm.forward_train(params, &mut buffers.clone(), x, &mut y, &mut cache);
+                (y, cache)
+            };
+            let backward = |v: &[Vec<f64>], dy: &[f64]| {
+                let (mut d, mut grads) = (dy.to_vec(), vec![0.0; params.len()]);
+                norm.backward(&v[1], &v[0], &forward(&v[0], &v[1]).1, &mut d, &mut grads);
+                vec![d, grads]
+            };
+            let settings = Settings { max_elements: 60, ..Settings::default() };
+            let inputs: [(&str, &[f64]); 2] = [("x", &x), ("params", &params)];
+            gradcheck::layer(&inputs, |v| forward(&v[0], &v[1]).0, backward, &settings)
+                .require(1e-7)
+                .unwrap();
+        }
+    }
+
+    #[test]
+    fn output_of_a_batch_has_the_moments_of_weight_and_bias() {
+        let (norm, params, mut buffers) = layer(2);
+        let x: Vec<f64> = gradcheck::probe(4000, 1).iter().map(|x| 50.0 + 3.0 * x).collect();
+        let mut y = Vec::new();
+        norm.forward_train(&params, &mut buffers, &x, &mut y, &mut Cache::default());
+        let (mean, var) = rows::moments(&y, 2);
+        for j in 0..2 {
+            assert!((mean[j] - params[norm.bias.start + j]).abs() < 1e-12);
+            assert!((var[j].sqrt() - params[norm.weight.start + j].abs()).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn running_statistics_converge_to_those_of_the_data() {
+        let (norm, params, mut buffers) = layer(1);
+        let x = [1.0, 2.0, 6.0];
+        let (mut trained, mut inferred, mut cache) = (Vec::new(), Vec::new(), Cache::default());
+        for _ in 0..300 {
+            norm.forward_train(&params, &mut buffers, &x, &mut trained, &mut cache);
+        }
+        norm.forward(&params, &buffers, &x, &mut inferred);
+        assert!((buffers[norm.running_mean.start] - 3.0).abs() < 1e-9);
+        assert!((buffers[norm.running_var.start] - 7.0).abs() < 1e-9);
+        let (factor, summand) = norm.folded(&params, &buffers);
+        for (x, y) in x.iter().zip(&inferred) {
+            assert!((x * factor[0] + summand[0] - y).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn one_row_leaves_the_running_statistics_alone() {
+        let (norm, params, buffers) = layer(3);
+        let (mut moved, mut trained, mut inferred) = (buffers.clone(), Vec::new(), Vec::new());
+        let x = [1.0, 2.0, 3.0];
+        norm.forward_train(&params, &mut moved, &x, &mut trained, &mut Cache::default());
+        norm.forward(&params, &buffers, &x, &mut inferred);
+        assert_eq!((moved, trained), (buffers, inferred));
+    }
+}

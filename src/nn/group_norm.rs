@@ -1,0 +1,188 @@
+//! Group normalisation (Wu and He 2018) of each shape of a batch by itself.
+
+use super::params::{Init, Layout};
+use super::rows;
+use crate::scalar::Scalar;
+use std::ops::Range;
+
+/// Added to the variance.
+pub const EPS: f64 = 1e-5;
+
+/// `y = (x - mean) / √(var + ε) · weight + bias`, mean and biased variance over all nodes of a shape
+/// and all channels of a group.
+#[derive(Debug, Clone)]
+pub struct GroupNorm {
+    /// Columns.
+    pub c: usize,
+    /// Groups of consecutive columns, all of the same size.
+    pub n_groups: usize,
+    weight: Range<usize>,
+    bias: Range<usize>,
+}
+
+/// What [`GroupNorm::forward`] keeps for backward: mean and 1/deviation per shape and group.
+#[derive(Debug, Clone, Default)]
+pub struct Cache {
+    mean: Vec<f64>,
+    inv_std: Vec<f64>,
+}
+
+impl GroupNorm {
+    /// Appends `{name}.weight` and `{name}.bias`.
+    ///
+    /// # Panics
+    /// If `n_groups` does not divide `c`.
+    pub fn new(layout: &mut Layout, name: &str, c: usize, n_groups: usize) -> Self {
+        assert!(n_groups > 0 && c.is_multiple_of(n_groups), "{n_groups} groups of {c} channels");
+        let weight = layout.param(format!("{name}.weight"), &[c], Init::Constant(1.0));
+        let bias = layout.param(format!("{name}.bias"), &[c], Init::Constant(0.0));
+        GroupNorm { c, n_groups, weight, bias }
+    }
+
+    /// Normalises `x: [n, c]` into `y`, in training and inference alike; `shapes` are the rows of each shape.
+    pub fn forward<T: Scalar>(
+        &self,
+        params: &[T],
+        shapes: &[Range<usize>],
+        x: &[T],
+        y: &mut Vec<T>,
+        cache: &mut Cache,
+    ) {
+        let (weight, bias) = (&params[self.weight.clone()], &params[self.bias.clone()]);
+        y.resize(x.len(), T::ZERO);
+        cache.mean.clear();
+        cache.inv_std.clear();
+        for shape in shapes {
+            let (mean, inv_std) = self.measure(&x[shape.start * self.c..shape.end * self.c]);
+            let rows = shape.start * self.c..shape.end * self.c;
+            rows::for_each_row(&mut y[rows.clone()], self.c, |row, y| {
+                let x = &x[rows.start + row * self.c..][..self.c];
+                for j in 0..self.c {
+                    let g = self.group(j);
+                    let x_hat = T::from_f64((x[j].to_f64() - mean[g]) * inv_std[g]);
+                    y[j] = x_hat.mul_add(weight[j], bias[j]);
+                }
+            });
+            cache.mean.extend(mean);
+            cache.inv_std.extend(inv_std);
+        }
+    }
+
+    /// Turns `dy` into `dx`; `grads` of weight and bias accumulate.
+    ///
+    /// With `d̂ = dy · weight` and means over the shape's nodes and the group's channels:
+    /// `dx = inv_std · (d̂ - mean(d̂) - x̂ mean(d̂ x̂))`.
+    pub fn backward<T: Scalar>(
+        &self,
+        params: &[T],
+        shapes: &[Range<usize>],
+        x: &[T],
+        cache: &Cache,
+        d: &mut [T],
+        grads: &mut [T],
+    ) {
+        let (c, weight) = (self.c, &params[self.weight.clone()]);
+        for (s, shape) in shapes.iter().enumerate() {
+            let stats = s * self.n_groups..(s + 1) * self.n_groups;
+            let (mean, inv_std) = (&cache.mean[stats.clone()], &cache.inv_std[stats]);
+            let x_hat = |row: usize, j: usize| {
+                (x[row * c + j].to_f64() - mean[self.group(j)]) * inv_std[self.group(j)]
+            };
+            let [dweight, dbias] = rows::column_sums(shape.clone(), c, |row, [dweight, dbias]| {
+                for j in 0..c {
+                    let dy = d[row * c + j].to_f64();
+                    dweight[j] += dy * x_hat(row, j);
+                    dbias[j] += dy;
+                }
+            });
+            let (mut mean_d, mut mean_dx) = (vec![0.0; self.n_groups], vec![0.0; self.n_groups]);
+            let n = (shape.len() * c / self.n_groups) as f64;
+            for j in 0..c {
+                mean_d[self.group(j)] += weight[j].to_f64() * dbias[j] / n;
+                mean_dx[self.group(j)] += weight[j].to_f64() * dweight[j] / n;
+                grads[self.weight.start + j] += T::from_f64(dweight[j]);
+                grads[self.bias.start + j] += T::from_f64(dbias[j]);
+            }
+            rows::for_each_row(&mut d[shape.start * c..shape.end * c], c, |row, d| {
+                for j in 0..c {
+                    let g = self.group(j);
+                    let d_hat = d[j].to_f64() * weight[j].to_f64();
+                    let centred = d_hat - mean_d[g] - x_hat(shape.start + row, j) * mean_dx[g];
+                    d[j] = T::from_f64(inv_std[g] * centred);
+                }
+            });
+        }
+    }
+
+    fn group(&self, column: usize) -> usize {
+        column / (self.c / self.n_groups)
+    }
+
+    /// Mean and 1/deviation of each group of one shape's rows; an empty shape has none to speak of.
+    fn measure<T: Scalar>(&self, x: &[T]) -> (Vec<f64>, Vec<f64>) {
+        if x.is_empty() {
+            return (vec![0.0; self.n_groups], vec![1.0; self.n_groups]);
+        }
+        let (mean, var) = rows::moments(x, self.c);
+        let size = self.c / self.n_groups;
+        let average = |v: &[f64]| v.iter().sum::<f64>() / size as f64;
+        let group = |(mean, var): (&[f64], &[f64])| {
+            let centre = average(mean);
+            let between: Vec<f64> = mean.iter().map(|m| (m - centre) * (m - centre)).collect();
+            (centre, 1.0 / (average(var) + average(&between) + EPS).sqrt())
+        };
+        mean.chunks(size).zip(var.chunks(size)).map(group).unzip()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gradcheck::{self, Settings};
+
+    #[test]
+    fn gradients_are_right_for_every_grouping_and_shape_size() {
+        let (c, shapes) = (6, [0..5, 5..6, 6..6, 6..13]);
+        for n_groups in [1, 2, 6] {
+            let mut layout = Layout::default();
+            let norm = GroupNorm::new(&mut layout, "gn", c, n_groups);
+            let params = gradcheck::probe(layout.n_params(), 5);
+            let x = gradcheck::probe(13 * c, 7);
+            let forward = |v: &[Vec<f64>]| {
+                let (mut y, mut cache) = (Vec::new(), Cache::default());
+                norm.forward(&v[1], &shapes, &v[0], &mut y, &mut cache);
+                (y, cache)
+            };
+            let backward = |v: &[Vec<f64>], dy: &[f64]| {
+                let (mut d, mut grads) = (dy.to_vec(), vec![0.0; params.len()]);
+                norm.backward(&v[1], &shapes, &v[0], &forward(v).1, &mut d, &mut grads);
+                vec![d, grads]
+            };
+            // One node and one channel per group: x̂ is 0 whatever x is, curvature ~ 1/ε.
+            let inputs: [(&str, &[f64]); 2] = [("x", &x), ("params", &params)];
+            gradcheck::layer(&inputs, |v| forward(v).0, backward, &Settings::default())
+                .require(1e-7)
+                .unwrap();
+        }
+    }
+
+    #[test]
+    fn every_group_of_every_shape_is_normalised() {
+        let mut layout = Layout::default();
+        let norm = GroupNorm::new(&mut layout, "gn", 4, 2);
+        let params: Vec<f64> = layout.init_params(0);
+        let x: Vec<f64> = gradcheck::probe(80, 3).iter().map(|x| 7.0 + 2.0 * x).collect();
+        let mut y = Vec::new();
+        norm.forward(&params, &[0..8, 8..20], &x, &mut y, &mut Cache::default());
+        for rows in [0..8, 8..20] {
+            for group in [0, 2] {
+                let values: Vec<f64> =
+                    rows.clone().flat_map(|r| [y[4 * r + group], y[4 * r + group + 1]]).collect();
+                let n = values.len() as f64;
+                let mean = values.iter().sum::<f64>() / n;
+                let square = values.iter().map(|v| v * v).sum::<f64>() / n;
+                assert!(mean.abs() < 1e-12 && (square - 1.0).abs() < 1e-4);
+            }
+        }
+    }
+}

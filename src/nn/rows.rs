@@ -1,0 +1,103 @@
+//! Dense products and column sums over blocks of rows: what linear and normalising layers share.
+
+use crate::par;
+use crate::scalar::Scalar;
+use std::ops::Range;
+
+/// Rows of one task. A constant, so that sums over rows do not depend on the number of threads.
+const BLOCK_ROWS: usize = 1024;
+
+static IDENTITY: [u32; BLOCK_ROWS] = {
+    let mut rows = [0; BLOCK_ROWS];
+    let mut i = 0;
+    while i < BLOCK_ROWS {
+        rows[i] = i as u32;
+        i += 1;
+    }
+    rows
+};
+
+/// `y[n, c_out] += x[n, c_in] · w[c_in, c_out]`, each element in the order of [`Scalar::matmul_rows`].
+pub(super) fn add_product<T: Scalar>(x: &[T], w: &[T], c_in: usize, c_out: usize, y: &mut [T]) {
+    par::for_each_block(y, BLOCK_ROWS * c_out, |i, y| {
+        let rows = &IDENTITY[..y.len() / c_out];
+        let x = &x[i * BLOCK_ROWS * c_in..];
+        T::matmul_rows(x, rows, c_in, w, c_out, y, rows);
+    });
+}
+
+/// `d[k, n] += aᵀ[k, rows] · g[rows, n]`: blocks of rows, joined in order.
+pub(super) fn add_transposed_product<T: Scalar>(a: &[T], k: usize, g: &[T], n: usize, d: &mut [T]) {
+    let partial = par::map_blocks(a.len() / k, BLOCK_ROWS, |block| {
+        let rows = &IDENTITY[..block.len()];
+        let mut sum = vec![T::ZERO; k * n];
+        T::matmul_tn_rows(&a[block.start * k..], rows, k, &g[block.start * n..], rows, n, &mut sum);
+        sum
+    });
+    for sum in partial {
+        add(d, &sum);
+    }
+}
+
+/// `y += x`, element by element.
+pub(super) fn add<T: Scalar>(y: &mut [T], x: &[T]) {
+    for (y, &x) in y.iter_mut().zip(x) {
+        *y += x;
+    }
+}
+
+/// Sums of `N` quantities per column over `rows`, in f64, blocks joined in order.
+///
+/// `add(row, sums)` adds one row's share to `sums[q][column]`.
+pub(super) fn column_sums<const N: usize>(
+    rows: Range<usize>,
+    n_columns: usize,
+    add: impl Fn(usize, &mut [Vec<f64>; N]) + Sync,
+) -> [Vec<f64>; N] {
+    let zero = || std::array::from_fn(|_| vec![0.0; n_columns]);
+    let start = rows.start;
+    let partial = par::map_blocks(rows.len(), BLOCK_ROWS, |block| {
+        let mut sums = zero();
+        for row in block {
+            add(start + row, &mut sums);
+        }
+        sums
+    });
+    let mut total = zero();
+    for block in &partial {
+        for (total, block) in total.iter_mut().zip(block) {
+            self::add(total, block);
+        }
+    }
+    total
+}
+
+/// Calls `work(row_index, row)` for every row of `x: [n, c]`.
+pub(super) fn for_each_row<T: Scalar>(
+    x: &mut [T],
+    c: usize,
+    work: impl Fn(usize, &mut [T]) + Sync,
+) {
+    par::for_each_block(x, BLOCK_ROWS * c, |i, block| {
+        for (row, x) in block.chunks_exact_mut(c).enumerate() {
+            work(i * BLOCK_ROWS + row, x);
+        }
+    });
+}
+
+/// Mean and biased variance of every column of `x: [n, c]`, `n ≥ 1`; two passes.
+pub(super) fn moments<T: Scalar>(x: &[T], c: usize) -> (Vec<f64>, Vec<f64>) {
+    let n = x.len() / c;
+    let [mut mean] = column_sums(0..n, c, |row, [sum]| {
+        sum.iter_mut().zip(&x[row * c..][..c]).for_each(|(sum, x)| *sum += x.to_f64());
+    });
+    mean.iter_mut().for_each(|m| *m /= n as f64);
+    let [mut var] = column_sums(0..n, c, |row, [sum]| {
+        for ((sum, x), mean) in sum.iter_mut().zip(&x[row * c..][..c]).zip(&mean) {
+            let centred = x.to_f64() - mean;
+            *sum += centred * centred;
+        }
+    });
+    var.iter_mut().for_each(|v| *v /= n as f64);
+    (mean, var)
+}
