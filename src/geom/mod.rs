@@ -2,6 +2,8 @@
 
 pub mod mesh;
 pub mod sites;
+pub mod spacing;
+mod tree;
 
 pub use mesh::Mesh;
 pub use sites::Sites;
