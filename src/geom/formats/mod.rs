@@ -1,0 +1,339 @@
+//! Mesh and point-cloud files: STL, OBJ, PLY and NPZ in, STL out.
+//!
+//! STL and OBJ are read here, because the position of a fault in the file belongs into the message and
+//! no library tells it; PLY and NPZ are read through `ply-rs-bw` and `npyz`, behind guards against
+//! headers that promise more than the file holds. Memory stays within a small multiple of the
+//! file's size, whatever a header claims. Every reader also takes bytes, for tests and fuzzing.
+
+mod npz;
+mod obj;
+mod ply;
+mod polygon;
+mod stl;
+mod text;
+
+use super::{Mesh, Sites, weld};
+use crate::{Error, Result, aside};
+use glam::{DVec3, Vec3};
+use std::path::Path;
+
+/// Largest file that is read, bytes.
+const MAX_FILE_BYTES: u64 = 4 << 30;
+/// Largest coordinate that is accepted, mm: far beyond any part, and its cube is still far from
+/// the largest number, so no later computation overflows.
+const MAX_COORDINATE: f64 = 1e12;
+/// Shortest normal that still has a direction.
+const MIN_NORMAL: f64 = 1e-12;
+
+/// How the numbers of a mesh file become a mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReadOptions {
+    /// Millimetres per unit of the file; positive.
+    pub scale: f64,
+    /// Corners closer than this fraction of the bounding box's diagonal become one; 0 joins only
+    /// equal ones. See [`weld::DEFAULT_TOLERANCE`].
+    pub weld: f64,
+}
+
+impl Default for ReadOptions {
+    /// Millimetres, default weld.
+    fn default() -> Self {
+        ReadOptions { scale: 1.0, weld: weld::DEFAULT_TOLERANCE }
+    }
+}
+
+/// File formats that can hold a mesh or a cloud.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// STL, ASCII or binary.
+    Stl,
+    /// Wavefront OBJ.
+    Obj,
+    /// PLY, ASCII or binary.
+    Ply,
+    /// NumPy archive with `points` and `normals`.
+    Npz,
+}
+
+impl Format {
+    /// The format that the ending of `path` stands for.
+    ///
+    /// # Errors
+    /// If it stands for none; the message lists those that can be read.
+    pub fn of(path: &Path) -> Result<Self> {
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        match ending.as_deref() {
+            Some("stl") => Ok(Format::Stl),
+            Some("obj") => Ok(Format::Obj),
+            Some("ply") => Ok(Format::Ply),
+            Some("npz") => Ok(Format::Npz),
+            Some("step" | "stp" | "iges" | "igs") => Err(Error::file(
+                path,
+                "file name",
+                "a CAD exchange file has no triangles",
+                "export it as STL in millimetres from the CAD program (docs/meshes.md says how)",
+            )),
+            _ => Err(Error::file(
+                path,
+                "file name",
+                "its ending names no format that can be read",
+                "use .stl, .obj or .ply for a mesh, .ply or .npz for a cloud",
+            )),
+        }
+    }
+}
+
+/// What a command can work on: a mesh, or sites that someone else has sampled.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Part {
+    /// A surface of triangles, corners welded.
+    Mesh(Mesh),
+    /// Points with unit normals.
+    Cloud(Sites),
+}
+
+/// Reads a mesh or a cloud, whichever `path` holds: an NPZ, or a PLY without faces but with
+/// normals, is a cloud.
+///
+/// # Errors
+/// As [`read_mesh`] and [`read_cloud`].
+pub fn read_part(path: &Path, options: &ReadOptions) -> Result<Part> {
+    let format = Format::of(path)?;
+    let bytes = read_bytes(path)?;
+    let cloud = match format {
+        Format::Npz => true,
+        Format::Ply => ply::is_cloud(&bytes, path)?,
+        Format::Stl | Format::Obj => false,
+    };
+    if cloud {
+        cloud_from_bytes(&bytes, format, path, options.scale).map(Part::Cloud)
+    } else {
+        mesh_from_bytes(&bytes, format, path, options).map(Part::Mesh)
+    }
+}
+
+/// Reads a mesh: STL, OBJ or PLY, by the ending of `path`. Corners are scaled and welded; no
+/// triangle is dropped or turned, and polygons are cut into triangles.
+///
+/// # Errors
+/// If the file cannot be read, is not what its ending says, or holds no triangle; the message names
+/// the file, the line or byte, and what to do. Whether the mesh is closed is not asked here but by
+/// [`super::check`].
+pub fn read_mesh(path: &Path, options: &ReadOptions) -> Result<Mesh> {
+    let format = Format::of(path)?;
+    mesh_from_bytes(&read_bytes(path)?, format, path, options)
+}
+
+/// [`read_mesh`] from memory; `path` only serves messages.
+///
+/// # Errors
+/// As [`read_mesh`].
+pub fn mesh_from_bytes(
+    bytes: &[u8],
+    format: Format,
+    path: &Path,
+    options: &ReadOptions,
+) -> Result<Mesh> {
+    check_options(options)?;
+    refuse_empty(bytes, path)?;
+    let mut mesh = match format {
+        Format::Stl => stl::read(bytes, path)?,
+        Format::Obj => obj::read(bytes, path)?,
+        Format::Ply => ply::read_mesh(bytes, path)?,
+        Format::Npz => {
+            return Err(Error::file(
+                path,
+                "file name",
+                "an NPZ archive holds points, not a mesh",
+                "give a .stl, .obj or .ply file here",
+            ));
+        }
+    };
+    if mesh.triangles.is_empty() {
+        return Err(Error::file(path, "faces", "there is no triangle", "export the part again"));
+    }
+    for vertex in &mut mesh.vertices {
+        *vertex *= options.scale;
+    }
+    check_size(mesh.vertices.iter().copied(), path)?;
+    Ok(weld::weld(&mesh, options.weld))
+}
+
+/// Reads points with normals, as they are in the file (millimetres): a PLY with the properties
+/// `x y z nx ny nz`, or an NPZ with arrays `points` and `normals` of shape `[n, 3]`. Normals are
+/// brought to unit length.
+///
+/// # Errors
+/// If the file cannot be read or is not of that form, normals are missing, a number is not finite,
+/// or a normal is zero.
+pub fn read_cloud(path: &Path) -> Result<Sites> {
+    let format = Format::of(path)?;
+    cloud_from_bytes(&read_bytes(path)?, format, path, 1.0)
+}
+
+/// [`read_cloud`] from memory, with `scale` millimetres per unit; `path` only serves messages.
+///
+/// # Errors
+/// As [`read_cloud`].
+pub fn cloud_from_bytes(bytes: &[u8], format: Format, path: &Path, scale: f64) -> Result<Sites> {
+    check_options(&ReadOptions { scale, ..ReadOptions::default() })?;
+    refuse_empty(bytes, path)?;
+    let (mut points, normals) = match format {
+        Format::Ply => ply::read_cloud(bytes, path)?,
+        Format::Npz => npz::read_cloud(bytes, path)?,
+        Format::Stl | Format::Obj => {
+            return Err(Error::file(
+                path,
+                "file name",
+                "a cloud of points with normals cannot come from this format",
+                "give a .ply or .npz file here, or use the file as a mesh",
+            ));
+        }
+    };
+    if points.is_empty() {
+        return Err(Error::file(path, "points", "there are none", "export the cloud again"));
+    }
+    for point in &mut points {
+        *point *= scale;
+    }
+    check_size(points.iter().copied(), path)?;
+    let unit = |(i, n): (usize, &DVec3)| {
+        unit_normal(*n).ok_or_else(|| {
+            Error::file(
+                path,
+                format!("normal {i}"),
+                format!("({}, {}, {}) has no direction", n.x, n.y, n.z),
+                "give every point a finite normal that is not zero",
+            )
+        })
+    };
+    Ok(Sites {
+        normals: normals.iter().enumerate().map(unit).collect::<Result<_>>()?,
+        points: points.iter().map(|p| p.as_vec3()).collect(),
+        faces: Vec::new(),
+    })
+}
+
+/// Writes a binary STL, coordinates rounded to f32, facet normals from the corners.
+///
+/// # Errors
+/// If the system refuses, or the mesh has more triangles than the format can count.
+pub fn write_stl(path: &Path, mesh: &Mesh) -> Result<()> {
+    stl::check_count(mesh)?;
+    aside::write(path, |writer| stl::write(writer, mesh))
+}
+
+fn read_bytes(path: &Path) -> Result<Vec<u8>> {
+    let size = std::fs::metadata(path).map_err(|e| Error::read(path, e))?.len();
+    if size > MAX_FILE_BYTES {
+        return Err(Error::TooLarge {
+            operation: "reading the file",
+            needed_bytes: size,
+            limit_bytes: MAX_FILE_BYTES,
+            remedy: format!("{}: export the part with fewer triangles", path.display()),
+        });
+    }
+    std::fs::read(path).map_err(|e| Error::read(path, e))
+}
+
+fn refuse_empty(bytes: &[u8], path: &Path) -> Result<()> {
+    if bytes.is_empty() {
+        return Err(Error::file(path, "byte 0", "the file is empty", "export the part again"));
+    }
+    Ok(())
+}
+
+fn check_options(options: &ReadOptions) -> Result<()> {
+    if !(options.scale > 0.0 && options.scale <= 1e9) {
+        return Err(Error::argument(
+            "scale",
+            options.scale,
+            "a number above 0 and up to 1e9",
+            "1 is millimetres, 25.4 inches",
+        ));
+    }
+    if !(0.0..=0.1).contains(&options.weld) {
+        return Err(Error::argument(
+            "weld",
+            options.weld,
+            "a fraction of the diagonal from 0 to 0.1",
+            format!("the default is {:e}", weld::DEFAULT_TOLERANCE),
+        ));
+    }
+    Ok(())
+}
+
+fn check_size(mut points: impl Iterator<Item = DVec3>, path: &Path) -> Result<()> {
+    match points.position(|p| p.abs().max_element() > MAX_COORDINATE) {
+        None => Ok(()),
+        Some(i) => Err(Error::file(
+            path,
+            format!("vertex {i}"),
+            format!("a coordinate is beyond {MAX_COORDINATE:e} mm"),
+            "check the unit and the export; such numbers usually mean a damaged file",
+        )),
+    }
+}
+
+fn unit_normal(normal: DVec3) -> Option<Vec3> {
+    // Scaled first, so that neither very long nor very short normals lose their direction.
+    let largest = normal.abs().max_element();
+    (normal.is_finite() && largest > MIN_NORMAL).then(|| (normal / largest).normalize().as_vec3())
+}
+
+/// Text of unknown origin, fit for a one-line message.
+fn one_line(text: impl std::fmt::Display) -> String {
+    const LIMIT: usize = 120;
+    let words: Vec<String> = text
+        .to_string()
+        .split(|c: char| c.is_whitespace() || c.is_control())
+        .filter(|w| !w.is_empty())
+        .take(LIMIT)
+        .map(str::to_owned)
+        .collect();
+    let line = words.join(" ");
+    if line.chars().count() <= LIMIT {
+        return line;
+    }
+    line.chars().take(LIMIT).chain("…".chars()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_of_any_length_keep_their_direction() {
+        assert_eq!(unit_normal(DVec3::new(0.0, 3e200, 0.0)), Some(Vec3::Y));
+        assert_eq!(unit_normal(DVec3::new(1e-9, 0.0, 0.0)), Some(Vec3::X));
+        assert_eq!(unit_normal(DVec3::ZERO), None);
+        assert_eq!(unit_normal(DVec3::new(f64::NAN, 1.0, 0.0)), None);
+        assert_eq!(unit_normal(DVec3::new(f64::INFINITY, 1.0, 0.0)), None);
+    }
+
+    #[test]
+    fn foreign_text_becomes_one_short_line() {
+        assert_eq!(one_line("a\n\tb\u{7}  c"), "a b c");
+        assert_eq!(one_line("x".repeat(500)).chars().count(), 121);
+    }
+
+    #[test]
+    fn endings_decide_the_format_whatever_their_case() {
+        assert_eq!(Format::of(Path::new("a/B.STL")).unwrap(), Format::Stl);
+        assert!(Format::of(Path::new("a.step")).unwrap_err().to_string().contains("export it"));
+        assert!(Format::of(Path::new("a")).is_err());
+    }
+
+    #[test]
+    fn a_cube_goes_through_a_file_unchanged() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cube.stl");
+        let cube = crate::geom::solids::cuboid(DVec3::new(1.0, 2.0, 3.0));
+        write_stl(&path, &cube).unwrap();
+        let back = read_mesh(&path, &ReadOptions::default()).unwrap();
+        assert_eq!((back.vertices.len(), back.triangles.len()), (8, 12));
+        assert_eq!(back.volume(), 6.0);
+        let inch = ReadOptions { scale: 25.4, ..ReadOptions::default() };
+        assert_eq!(read_mesh(&path, &inch).unwrap().bounds().unwrap().1.z, 3.0 * 25.4);
+    }
+}

@@ -1,0 +1,93 @@
+//! Wavefront OBJ: positions and polygons; groups, materials, normals and texture are passed over.
+
+use super::polygon::Polygons;
+use super::text::{Lines, coordinates};
+use super::{Mesh, one_line};
+use crate::{Error, Result};
+use glam::DVec3;
+use std::path::Path;
+
+/// Vertices as they are and polygons cut into triangles, in file units.
+pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Mesh> {
+    let mut vertices = Vec::new();
+    let mut polygons = Polygons::default();
+    let mut lines = Lines::new(bytes);
+    while let Some((number, line)) = lines.next() {
+        let mut line = line;
+        while let Some(begun) = line.trim_end().strip_suffix('\\') {
+            let rest = lines.next().map(|(_, rest)| rest).unwrap_or_default();
+            line = format!("{begun} {rest}").into();
+        }
+        let fault = |found: String, remedy: &str| {
+            Err(Error::file(path, format!("line {number}"), found, remedy))
+        };
+        let mut tokens = line.split_whitespace();
+        match tokens.next() {
+            Some("v") => match coordinates(tokens) {
+                Ok(vertex) => vertices.push(vertex),
+                Err(found) => return fault(found, "export the part again"),
+            },
+            Some("f") => {
+                for token in tokens {
+                    match corner(token, &vertices) {
+                        Ok(index) => polygons.push_corner(index),
+                        Err(found) => return fault(found, INDEX_REMEDY),
+                    }
+                }
+                polygons.end(number);
+            }
+            _ => {}
+        }
+    }
+    polygons.into_mesh(vertices, path, |line| format!("line {line}"))
+}
+
+const INDEX_REMEDY: &str = "export the part again; faces count vertices from 1, or back from -1";
+
+/// The vertex, from 0, that one corner of a face names; whether it exists is asked at the end,
+/// since vertices may follow their faces.
+fn corner(token: &str, vertices: &[DVec3]) -> std::result::Result<u64, String> {
+    let position = token.split('/').next().unwrap_or_default();
+    let known = vertices.len();
+    match position.parse::<i64>() {
+        Ok(i) if i > 0 => Ok(i.unsigned_abs() - 1),
+        Ok(i) if i < 0 && i.unsigned_abs() <= known as u64 => Ok(known as u64 - i.unsigned_abs()),
+        Ok(i) => Err(format!("vertex index {i}, {known} vertices so far")),
+        Err(_) => Err(format!("\"{}\" is not a vertex index", one_line(token))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<Mesh> {
+        read(text.as_bytes(), Path::new("part.obj"))
+    }
+
+    #[test]
+    fn groups_slashes_negative_and_forward_indices_name_the_same_square() {
+        let corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+        let plain = read_text(&format!("{corners}f 1 2 3 4\n")).unwrap();
+        assert_eq!(plain.triangles.len(), 2);
+        for faces in [
+            "mtllib no.mtl\r\ng a\r\nusemtl b\r\nf 1/1/1 2//2 3/3 4\r\n",
+            "o x\nf -4 -3 -2 -1\n",
+            "f 1 2 \\\n 3 4\n",
+        ] {
+            assert_eq!(read_text(&format!("{corners}{faces}")).unwrap(), plain, "{faces}");
+        }
+        assert_eq!(read_text(&format!("f 1 2 3 4\n{corners}")).unwrap(), plain);
+    }
+
+    #[test]
+    fn bad_faces_are_refused_with_their_line() {
+        let message = |face: &str| {
+            let text = format!("v 0 0 0\nv 1 0 0\nv 1 1 0\n\nf {face}\n");
+            read_text(&text).unwrap_err().to_string()
+        };
+        for face in ["1 2 4", "0 1 2", "-4 1 2", "1 2 x", "1 2", "1 2 99999999999999999999"] {
+            assert!(message(face).starts_with("part.obj: line 5: "), "{}", message(face));
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! Joining corners that are meant to be one vertex.
+//!
+//! Corners within the tolerance of each other are one vertex, and so are those of a chain of such
+//! pairs. The vertex lies on the least of its corners (by x, then y, then z), so neither the joining
+//! nor its outcome depends on the order of the file (but see `CROWD`). Cost: O(n) expected, through a
+//! grid of cells a few tolerances wide.
+
+use super::Mesh;
+use glam::DVec3;
+use std::collections::HashMap;
+
+/// Default tolerance, as a fraction of the bounding box's diagonal. Of the parts we tried, those
+/// with gaps close anywhere from 1e-9 to 1e-5, and the first detail is lost at 1e-4; f32 files
+/// round at 6e-8.
+pub const DEFAULT_TOLERANCE: f64 = 1e-6;
+
+/// Width of a grid cell in tolerances: wide enough that most points need to look into one only.
+const CELL: f64 = 8.0;
+/// Points of a cell that are compared with a new one. Parts have one or two in a cell; this keeps a
+/// hostile file with a million points in one from taking forever.
+const CROWD: usize = 256;
+
+/// The mesh with corners joined that lie within `tolerance` times the diagonal of each other.
+///
+/// Triangles keep their order and number, so some may have a corner twice now; vertices come in the
+/// order in which triangles first use them, and vertices without a triangle are left out.
+pub fn weld(mesh: &Mesh, tolerance: f64) -> Mesh {
+    let vertices: Vec<DVec3> = mesh.vertices.iter().map(|v| *v + 0.0).collect();
+    let (distinct, of_vertex) = distinct(&vertices);
+    let cluster = clusters(&distinct, tolerance * mesh.diagonal());
+    let mut place = vec![None::<DVec3>; distinct.len()];
+    for (point, root) in distinct.iter().zip(&cluster) {
+        let least = &mut place[*root as usize];
+        *least = Some(least.map_or(*point, |l| if precedes(*point, l) { *point } else { l }));
+    }
+    let mut new_index = vec![u32::MAX; distinct.len()];
+    let mut welded = Mesh::default();
+    for triangle in &mesh.triangles {
+        welded.triangles.push(triangle.map(|v| {
+            let root = cluster[of_vertex[v as usize] as usize] as usize;
+            if new_index[root] == u32::MAX {
+                new_index[root] = welded.vertices.len() as u32;
+                welded.vertices.extend(place[root]);
+            }
+            new_index[root]
+        }));
+    }
+    welded
+}
+
+fn precedes(a: DVec3, b: DVec3) -> bool {
+    a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)).is_lt()
+}
+
+/// The different positions in order of appearance, and which one each vertex has.
+fn distinct(vertices: &[DVec3]) -> (Vec<DVec3>, Vec<u32>) {
+    let mut known = HashMap::with_capacity(vertices.len() / 2);
+    let mut distinct = Vec::new();
+    let index = vertices.iter().map(|v| {
+        *known.entry(v.to_array().map(f64::to_bits)).or_insert_with(|| {
+            distinct.push(*v);
+            distinct.len() as u32 - 1
+        })
+    });
+    let index = index.collect();
+    (distinct, index)
+}
+
+/// For every point the representative (lowest index) of its chain of near neighbours.
+fn clusters(points: &[DVec3], distance: f64) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..points.len() as u32).collect();
+    if !(distance > 0.0 && distance.is_finite()) {
+        return parent;
+    }
+    let cell = |p: DVec3| (p / (CELL * distance)).floor().to_array().map(|c| c as i64);
+    // A little more than the distance, so that rounding never hides a neighbouring cell.
+    let reach = DVec3::splat(1.001 * distance);
+    let mut last_of_cell: HashMap<[i64; 3], u32> = HashMap::with_capacity(points.len());
+    let mut previous = vec![u32::MAX; points.len()];
+    for (i, point) in points.iter().enumerate() {
+        let (low, high) = (cell(*point - reach), cell(*point + reach));
+        let cells = (low[0]..=high[0]).flat_map(|x| {
+            (low[1]..=high[1]).flat_map(move |y| (low[2]..=high[2]).map(move |z| [x, y, z]))
+        });
+        for key in cells {
+            let mut other = last_of_cell.get(&key).copied().unwrap_or(u32::MAX);
+            for _ in 0..CROWD {
+                let Some(position) = points.get(other as usize) else { break };
+                if position.distance(*point) <= distance {
+                    join(&mut parent, other, i as u32);
+                }
+                other = previous[other as usize];
+            }
+        }
+        if let Some(before) = last_of_cell.insert(cell(*point), i as u32) {
+            previous[i] = before;
+        }
+    }
+    (0..points.len() as u32).map(|i| root(&mut parent, i)).collect()
+}
+
+pub(super) fn root(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
+    }
+    i
+}
+
+pub(super) fn join(parent: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (root(parent, a), root(parent, b));
+    parent[a.max(b) as usize] = a.min(b);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::solids::torus;
+    use crate::rng::{Purpose, Stream};
+
+    /// Every triangle with corners of its own, each moved by at most `noise` mm.
+    fn soup(mesh: &Mesh, noise: f64) -> Mesh {
+        let mut stream = Stream::new(1, 0, 0, Purpose::Probe);
+        let mut soup = Mesh::default();
+        for f in 0..mesh.triangles.len() {
+            let n = soup.vertices.len() as u32;
+            soup.triangles.push([n, n + 1, n + 2]);
+            for corner in mesh.corners(f) {
+                let mut shift = || stream.range(-noise, noise) / 2.0;
+                soup.vertices.push(corner + DVec3::new(shift(), shift(), shift()));
+            }
+        }
+        soup
+    }
+
+    #[test]
+    fn a_noisy_soup_becomes_the_torus_it_was() {
+        let torus = torus(3.0, 1.0, 30, 20);
+        for (noise, tolerance) in [(0.0, 0.0), (0.0, 1e-6), (1e-6, 1e-6), (1e-4, 1e-4)] {
+            let welded = weld(&soup(&torus, noise), tolerance);
+            assert_eq!(welded.vertices.len(), torus.vertices.len());
+            assert_eq!(welded.triangles.len(), torus.triangles.len());
+            assert!((welded.volume() / torus.volume() - 1.0).abs() < 1e-3);
+        }
+        assert_eq!(weld(&soup(&torus, 1e-6), 0.0).vertices.len(), 3 * torus.triangles.len());
+    }
+
+    #[test]
+    fn the_order_of_triangles_does_not_change_the_vertices() {
+        let mut soup = soup(&torus(3.0, 1.0, 12, 9), 1e-5);
+        let sorted = |mesh: &Mesh| {
+            let mut vertices: Vec<_> = mesh.vertices.iter().map(|v| v.to_array()).collect();
+            vertices.sort_by(|a, b| a.partial_cmp(b).unwrap());
+            vertices
+        };
+        let before = sorted(&weld(&soup, 1e-4));
+        soup.triangles.reverse();
+        soup.vertices.reverse();
+        let n = soup.vertices.len() as u32 - 1;
+        soup.triangles.iter_mut().flatten().for_each(|v| *v = n - *v);
+        assert_eq!(sorted(&weld(&soup, 1e-4)), before);
+    }
+
+    #[test]
+    fn neighbours_are_joined_across_cell_borders_and_signs_of_zero() {
+        let vertices = vec![
+            DVec3::new(0.0, 0.0, 0.0),
+            DVec3::new(-0.0, -2.7e-16, 1e-9),
+            DVec3::new(10.0, 0.0, 0.0),
+            DVec3::new(0.0, 10.0, 0.0),
+            DVec3::new(5.0, 5.0, 5.0),
+        ];
+        let mesh = Mesh { vertices, triangles: vec![[0, 2, 3], [1, 3, 2]] };
+        let welded = weld(&mesh, 1e-6);
+        assert_eq!(welded.triangles, [[0, 1, 2], [0, 2, 1]]);
+        assert_eq!(welded.vertices.len(), 3);
+    }
+}
