@@ -268,7 +268,7 @@ fn check_shapes(mesh: &Mesh, found: &mut Findings) {
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
         let height = mesh.area_vector(f).length() / longest;
         // A point has height 0/0.
-        if !(height > 0.0) {
+        if height.is_nan() || height == 0.0 {
             found.add(Fault::Degenerate, Place::Triangle(f as u32, centre(mesh, f)));
         } else if height < sliver {
             found.add(Fault::Sliver, Place::Triangle(f as u32, centre(mesh, f)));

@@ -18,7 +18,7 @@ use std::path::Path;
 /// Vertices and polygons cut into triangles, in file units.
 pub(super) fn read_mesh(bytes: &[u8], path: &Path) -> Result<Mesh> {
     let mut body = Body::open(bytes, path)?;
-    if !body.header.elements.get("face").is_some_and(|face| face.count > 0) {
+    if body.header.elements.get("face").is_none_or(|face| face.count == 0) {
         return Err(body.fault(
             "header",
             "there is no element face",
