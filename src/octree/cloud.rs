@@ -1,0 +1,49 @@
+//! Points with normals of one shape, as the builder takes them.
+
+use crate::{Error, Result};
+use glam::Vec3;
+
+/// Points of one shape in [−1, 1]³, and their normals: as many, or none at all.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cloud<'a> {
+    /// Positions, dimensionless (see [`super::normalise`]).
+    pub points: &'a [Vec3],
+    /// Normals, one per point, of any length; or empty.
+    pub normals: &'a [Vec3],
+}
+
+impl<'a> Cloud<'a> {
+    /// A cloud with normals.
+    pub fn new(points: &'a [Vec3], normals: &'a [Vec3]) -> Self {
+        Cloud { points, normals }
+    }
+
+    /// Whether the cloud can be put into an octree; `shape` is its index, for the message.
+    pub(super) fn check(&self, shape: usize, wants_normals: bool) -> Result<()> {
+        if self.points.is_empty() {
+            return Err(Error::geometry(
+                format!("shape {shape}"),
+                "it has no points",
+                "give every shape of a batch at least one point",
+            ));
+        }
+        let n_normals = if wants_normals { self.points.len() } else { 0 };
+        if self.normals.len() != n_normals {
+            return Err(Error::geometry(
+                format!("shape {shape}"),
+                format!("{} normals for {} points", self.normals.len(), self.points.len()),
+                "give each point of every shape a normal, or none at all",
+            ));
+        }
+        let vectors = self.points.iter().map(|p| ("point", p)).enumerate();
+        let vectors = vectors.chain(self.normals.iter().map(|n| ("normal", n)).enumerate());
+        match vectors.into_iter().find(|(_, (_, v))| !v.is_finite()) {
+            None => Ok(()),
+            Some((i, (what, v))) => Err(Error::NotFinite {
+                place: format!("{what} {i} of shape {shape}"),
+                found: v.to_string(),
+                remedy: "remove or repair it".into(),
+            }),
+        }
+    }
+}

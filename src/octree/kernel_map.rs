@@ -1,0 +1,152 @@
+//! Which input rows meet which kernel offset in which output rows, compacted.
+//!
+//! Output rows are cut into blocks of constant length. For each block and each kernel offset the map
+//! lists the pairs (input row, output row within the block) that exist, output rows ascending, so
+//! that a missing neighbour costs nothing. The block length depends on the number of rows only.
+
+use crate::par;
+
+/// Longest block: long enough to load each weight matrix seldom, short enough to stay in the cache.
+const MAX_BLOCK: usize = 256;
+/// Shortest block; blocks are multiples of it.
+const MIN_BLOCK: usize = 32;
+/// Small maps are cut into about this many blocks, to keep several threads busy.
+const MIN_BLOCKS: usize = 8;
+
+/// Pairs of input and output rows for every block of output rows and every kernel offset.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct KernelMap {
+    n_inputs: usize,
+    n_outputs: usize,
+    n_offsets: usize,
+    block_len: usize,
+    starts: Vec<usize>,
+    inputs: Vec<u32>,
+    outputs: Vec<u32>,
+}
+
+impl KernelMap {
+    /// The 27 offsets of a 3×3×3 convolution over nodes with neighbours `neigh` (−1: missing).
+    pub fn convolution(neigh: &[[i32; 27]]) -> Self {
+        Self::from_rows(neigh.len(), neigh.len(), |n| neigh[n])
+    }
+
+    /// One offset: input `i` goes to output `rows[i]` of `n_outputs`; `rows` ascends strictly.
+    pub fn scatter(rows: &[u32], n_outputs: usize) -> Self {
+        let mut input_of = vec![-1; n_outputs];
+        for (i, &row) in rows.iter().enumerate() {
+            input_of[row as usize] = i as i32;
+        }
+        Self::from_rows(rows.len(), n_outputs, |n| [input_of[n]])
+    }
+
+    /// One offset: input `rows[i]` of `n_inputs` goes to output `i`.
+    pub fn gather(rows: &[u32], n_inputs: usize) -> Self {
+        Self::from_rows(n_inputs, rows.len(), |n| [rows[n] as i32])
+    }
+
+    fn from_rows<const K: usize>(
+        n_inputs: usize,
+        n_outputs: usize,
+        row: impl Fn(usize) -> [i32; K] + Sync,
+    ) -> Self {
+        let block_len = block_len(n_outputs);
+        let blocks = par::map_blocks(n_outputs, block_len, |range| {
+            let mut lists: [Vec<u32>; K] = std::array::from_fn(|_| Vec::new());
+            let mut locals: [Vec<u32>; K] = std::array::from_fn(|_| Vec::new());
+            for (local, n) in range.enumerate() {
+                for (k, input) in row(n).into_iter().enumerate() {
+                    if let Ok(input) = u32::try_from(input) {
+                        lists[k].push(input);
+                        locals[k].push(local as u32);
+                    }
+                }
+            }
+            (lists, locals)
+        });
+        let mut starts = Vec::with_capacity(blocks.len() * K + 1);
+        starts.push(0);
+        for list in blocks.iter().flat_map(|(lists, _)| lists) {
+            starts.push(starts[starts.len() - 1] + list.len());
+        }
+        let inputs = blocks.iter().flat_map(|(lists, _)| lists).flatten().copied().collect();
+        let outputs = blocks.iter().flat_map(|(_, locals)| locals).flatten().copied().collect();
+        KernelMap { n_inputs, n_outputs, n_offsets: K, block_len, starts, inputs, outputs }
+    }
+
+    /// Number of rows read.
+    pub fn n_inputs(&self) -> usize {
+        self.n_inputs
+    }
+
+    /// Number of rows written.
+    pub fn n_outputs(&self) -> usize {
+        self.n_outputs
+    }
+
+    /// Number of kernel offsets.
+    pub fn n_offsets(&self) -> usize {
+        self.n_offsets
+    }
+
+    /// Output rows per block; the last block may be shorter.
+    pub fn block_len(&self) -> usize {
+        self.block_len
+    }
+
+    /// Number of blocks.
+    pub fn n_blocks(&self) -> usize {
+        self.n_outputs.div_ceil(self.block_len.max(1))
+    }
+
+    /// Number of pairs: a convolution does `2·n_pairs·c_in·c_out` floating-point operations.
+    pub fn n_pairs(&self) -> usize {
+        self.inputs.len()
+    }
+
+    /// Input rows, and output rows counted from the block's first, of one block and offset.
+    ///
+    /// # Panics
+    /// If there is no such block or offset.
+    pub fn pairs(&self, block: usize, offset: usize) -> (&[u32], &[u32]) {
+        assert!(offset < self.n_offsets);
+        let i = block * self.n_offsets + offset;
+        let range = self.starts[i]..self.starts[i + 1];
+        (&self.inputs[range.clone()], &self.outputs[range])
+    }
+}
+
+fn block_len(n_outputs: usize) -> usize {
+    (n_outputs / MIN_BLOCKS).next_multiple_of(MIN_BLOCK).clamp(MIN_BLOCK, MAX_BLOCK)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_existing_pair_is_listed_once_in_its_block() {
+        for n in [1usize, 31, 33, 700, 3000] {
+            let neigh: Vec<[i32; 27]> = (0..n)
+                .map(|r| {
+                    std::array::from_fn(|k| {
+                        if (r + k) % 3 == 0 { -1 } else { ((r * 7 + k) % n) as i32 }
+                    })
+                })
+                .collect();
+            let map = KernelMap::convolution(&neigh);
+            let mut rebuilt = vec![-1; 27 * n];
+            for block in 0..map.n_blocks() {
+                for k in 0..27 {
+                    let (inputs, outputs) = map.pairs(block, k);
+                    assert!(outputs.windows(2).all(|w| w[0] < w[1]));
+                    for (&i, &o) in inputs.iter().zip(outputs) {
+                        rebuilt[27 * (block * map.block_len() + o as usize) + k] = i as i32;
+                    }
+                }
+            }
+            assert_eq!(rebuilt, neigh.as_flattened());
+            assert_eq!(map.n_pairs(), neigh.iter().flatten().filter(|&&i| i >= 0).count());
+        }
+    }
+}

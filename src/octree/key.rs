@@ -1,0 +1,106 @@
+//! Shuffled keys: the bits of a cell's coordinates interleaved, x highest.
+//!
+//! Bit `3i+2` is bit `i` of x, `3i+1` of y, `3i` of z; the shape's index sits above bit 48. The parent's
+//! key is the key without its lowest three bits, which number the child: `4x + 2y + z`.
+
+use glam::Vec3;
+
+/// First bit of the shape's index.
+pub const SHAPE_SHIFT: u32 = 48;
+/// Number of shapes that keys can tell apart.
+pub const MAX_SHAPES: usize = 1 << 15;
+
+const CELL_BITS: u64 = (1 << SHAPE_SHIFT) - 1;
+
+/// Key of `cell` (each coordinate below 2¹⁶) of `shape`.
+pub fn encode(cell: [u32; 3], shape: usize) -> u64 {
+    let [x, y, z] = cell.map(spread);
+    (shape as u64) << SHAPE_SHIFT | x << 2 | y << 1 | z
+}
+
+/// Cell and shape of a key.
+pub fn decode(key: u64) -> ([u32; 3], usize) {
+    let bits = key & CELL_BITS;
+    ([gather(bits >> 2), gather(bits >> 1), gather(bits)], (key >> SHAPE_SHIFT) as usize)
+}
+
+/// Key of the ancestor `levels` above.
+pub fn ancestor(key: u64, levels: usize) -> u64 {
+    (key & !CELL_BITS) | (key & CELL_BITS) >> (3 * levels)
+}
+
+/// Key of child `octant` (0..8).
+pub fn child(key: u64, octant: u64) -> u64 {
+    (key & !CELL_BITS) | (key & CELL_BITS) << 3 | octant
+}
+
+/// Position of `point` in cells of `depth` from the cube's corner: `(p + 1)·2^(depth−1)`, first added,
+/// then multiplied, in f32.
+pub fn in_cells(point: Vec3, depth: usize) -> Vec3 {
+    (point + Vec3::ONE) * (0.5 * (1u32 << depth) as f32)
+}
+
+/// Cell of `depth` that contains `point`; `None` outside [−1, 1]³ and for NaN. The far faces of the
+/// cube belong to the last cells.
+pub fn cell(point: Vec3, depth: usize) -> Option<[u32; 3]> {
+    if point.is_nan() || point.abs().max_element() > 1.0 {
+        return None;
+    }
+    let last = (1u32 << depth) - 1;
+    Some(in_cells(point, depth).to_array().map(|x| (x as u32).min(last)))
+}
+
+fn spread(x: u32) -> u64 {
+    let mut x = u64::from(x) & 0xffff;
+    x = (x | x << 16) & 0x0000_ff00_00ff;
+    x = (x | x << 8) & 0xf00f_00f0_0f00_f00f & CELL_BITS;
+    x = (x | x << 4) & 0x30c3_0c30_c30c_30c3 & CELL_BITS;
+    (x | x << 2) & 0x9249_2492_4924_9249 & CELL_BITS
+}
+
+fn gather(bits: u64) -> u32 {
+    let mut x = bits & 0x9249_2492_4924_9249 & CELL_BITS;
+    x = (x | x >> 2) & 0x30c3_0c30_c30c_30c3;
+    x = (x | x >> 4) & 0xf00f_00f0_0f00_f00f;
+    x = (x | x >> 8) & 0x0000_ff00_00ff;
+    ((x | x >> 16) & 0xffff) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Purpose, Stream};
+
+    /// The definition, bit by bit.
+    fn interleave(cell: [u32; 3]) -> u64 {
+        (0..16).fold(0, |key, i| {
+            let bit = |c: u32, to: u32| u64::from(c >> i & 1) << (3 * i + to);
+            key | bit(cell[0], 2) | bit(cell[1], 1) | bit(cell[2], 0)
+        })
+    }
+
+    #[test]
+    fn keys_interleave_bits_and_decode() {
+        let mut stream = Stream::new(1, 0, 0, Purpose::Probe);
+        for _ in 0..1000 {
+            let cell = [0; 3].map(|_: u32| stream.below(1 << 16) as u32);
+            let shape = stream.below(MAX_SHAPES);
+            let key = encode(cell, shape);
+            assert_eq!(key, interleave(cell) | (shape as u64) << 48);
+            assert_eq!(decode(key), (cell, shape));
+            assert_eq!(ancestor(key, 3), encode(cell.map(|c| c >> 3), shape));
+            let octant = u64::from((cell[0] & 1) << 2 | (cell[1] & 1) << 1 | cell[2] & 1);
+            assert_eq!(child(ancestor(key, 1), octant), key);
+        }
+    }
+
+    #[test]
+    fn the_far_face_belongs_to_the_last_cell_and_nothing_lies_outside() {
+        assert_eq!(cell(Vec3::ONE, 4), Some([15; 3]));
+        assert_eq!(cell(-Vec3::ONE, 4), Some([0; 3]));
+        assert_eq!(cell(Vec3::ZERO, 4), Some([8; 3]));
+        assert_eq!(cell(Vec3::new(0.0, 1.0 + f32::EPSILON, 0.0), 4), None);
+        assert_eq!(cell(Vec3::new(0.0, f32::NAN, 0.0), 4), None);
+        assert_eq!(cell(Vec3::new(f32::INFINITY, 0.0, 0.0), 4), None);
+    }
+}

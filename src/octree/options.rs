@@ -1,0 +1,64 @@
+//! What kind of octree to build.
+
+use crate::{Error, Result};
+
+/// Greatest depth: keys and rows of deeper trees would still fit, their nodes would not.
+pub const MAX_DEPTH: usize = 10;
+
+/// Depths, conventions and limits of an [`super::Octree`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct OctreeOptions {
+    /// Finest depth, `1..=10`.
+    pub depth: usize,
+    /// Deepest depth that holds all its nodes, `0..=depth`.
+    pub full_depth: usize,
+    /// Replace every normal by its componentwise absolute value before averaging. The reference does
+    /// so, for data with unoriented normals; it loses the difference between inside and outside.
+    pub absolute_normals: bool,
+    /// Let trilinear interpolation within half a cell of a face of the cube take part of its weight from
+    /// the cells at the opposite face. The reference does so for want of a bounds check; otherwise
+    /// the weights of the cells inside are renormalised.
+    pub wrap_at_faces: bool,
+    /// Refuse to build an octree that needs more bytes than this, by an upper estimate.
+    pub max_bytes: u64,
+}
+
+impl Default for OctreeOptions {
+    /// Depth 5, full to depth 2, signed normals, no wrapping, at most 4 GiB.
+    fn default() -> Self {
+        OctreeOptions {
+            depth: 5,
+            full_depth: 2,
+            absolute_normals: false,
+            wrap_at_faces: false,
+            max_bytes: 4 << 30,
+        }
+    }
+}
+
+impl OctreeOptions {
+    /// Bit for bit what the reference network does: absolute normals and wrapping at the faces.
+    pub fn reference() -> Self {
+        OctreeOptions { absolute_normals: true, wrap_at_faces: true, ..Self::default() }
+    }
+
+    pub(super) fn check(&self) -> Result<()> {
+        if !(1..=MAX_DEPTH).contains(&self.depth) {
+            return Err(Error::argument(
+                "octree depth",
+                self.depth,
+                "1 to 10",
+                "choose another depth",
+            ));
+        }
+        if self.full_depth > self.depth {
+            return Err(Error::argument(
+                "octree full depth",
+                self.full_depth,
+                format!("0 to the depth, {}", self.depth),
+                "choose a smaller full depth",
+            ));
+        }
+        Ok(())
+    }
+}
