@@ -1,6 +1,6 @@
-//! The numbers of the network: `f32` through the SIMD kernels, `f64` for decisive gradient checks.
+//! The numbers of the network: `f32` for work, `f64` for decisive gradient checks.
 
-use crate::simd::{Level, level};
+use crate::simd::{Level, gemm, level};
 use crate::{Error, Result};
 use std::fmt::{Debug, Display};
 use std::iter::Sum;
@@ -145,16 +145,7 @@ macro_rules! scalar {
                 c: &mut [Self],
                 c_rows: &[u32],
             ) {
-                assert_eq!(a_rows.len(), c_rows.len());
-                for (&i, &o) in a_rows.iter().zip(c_rows) {
-                    let x = &a[i as usize * k..][..k];
-                    let y = &mut c[o as usize * n..][..n];
-                    for (p, &x) in x.iter().enumerate() {
-                        for (y, &w) in y.iter_mut().zip(&b[p * n..][..n]) {
-                            *y = x.mul_add(w, *y);
-                        }
-                    }
-                }
+                gemm::matmul_rows(Level::active(), (a, a_rows), k, b, n, (c, c_rows));
             }
 
             fn matmul_tn_rows(
@@ -166,16 +157,7 @@ macro_rules! scalar {
                 n: usize,
                 d: &mut [Self],
             ) {
-                assert_eq!(a_rows.len(), g_rows.len());
-                for (&i, &o) in a_rows.iter().zip(g_rows) {
-                    let x = &a[i as usize * k..][..k];
-                    let y = &g[o as usize * n..][..n];
-                    for (p, &x) in x.iter().enumerate() {
-                        for (d, &y) in d[p * n..][..n].iter_mut().zip(y) {
-                            *d = x.mul_add(y, *d);
-                        }
-                    }
-                }
+                gemm::matmul_tn_rows(Level::active(), (a, a_rows), k, (g, g_rows), n, d);
             }
         }
     };

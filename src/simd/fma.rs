@@ -55,31 +55,25 @@ mod tests {
         }
     }
 
-    /// Sums that end next to the middle between two neighbouring results, where rounding twice
-    /// goes wrong, at every exponent down to the subnormals.
+    /// `c` plus half a unit of its last place, less a little that no double beside `c` can hold:
+    /// rounding to `f64` first would call it a tie.
     #[test]
-    fn emulation_equals_the_fused_operation_near_ties() {
+    fn emulation_equals_the_fused_operation_beside_ties() {
         let mut state = 88_172_645_463_325_252;
         for _ in 0..1_000_000 {
             let x = bits(&mut state);
-            let (a, b) = (f32::from_bits(x as u32), f32::from_bits((x >> 32) as u32));
-            let product = f64::from(a) * f64::from(b);
-            if !product.is_finite() || product == 0.0 {
-                continue;
+            let exponent = 50 + (x >> 40) % 150;
+            let c = f32::from_bits((x as u32 & 0x007F_FFFF) | (exponent as u32) << 23);
+            let e = 1.0 / (1 << (15 + (x >> 32) % 9)) as f32;
+            let half_unit = f32::from_bits((exponent as u32 - 24) << 23);
+            for (a, c) in [(half_unit, c), (half_unit, -c), (-half_unit, c), (-half_unit, -c)] {
+                assert_fused(a * (1.0 + e), 1.0 - e, c);
             }
-            let y = bits(&mut state);
-            // c between 2^-60 and 2^60 of the product, with few or many significant bits.
-            let scaled = product * 2f64.powi((y % 121) as i32 - 60);
-            let c = f32::from_bits((scaled as f32).to_bits() & !0u32 << (y >> 32 & 23));
-            assert_fused(a, b, c);
-            assert_fused(a, b, -c);
-            assert_fused(a, b, -(product as f32));
-            // A short product that is a tie of c's last place, and one unit beside it.
-            let short = f32::from_bits((y as u32) & 0xFFFF_F000);
-            let half = f32::from_bits((short.to_bits() >> 23 & 0xFF).saturating_sub(24) << 23);
-            assert_fused(half, 1.0, short);
-            assert_fused(half, 1.0 + f32::EPSILON, short);
-            assert_fused(half, 1.0 - f32::EPSILON / 2.0, -short);
+            // The same where the unit is that of the subnormals.
+            let c = f32::from_bits(x as u32 & 0x80FF_FFFF);
+            let root = f32::from_bits((127 - 75) << 23);
+            assert_fused(root * (1.0 + e), root * (1.0 - e), c);
+            assert_fused(root * (1.0 + e), -root * (1.0 - e), c);
         }
     }
 

@@ -13,6 +13,7 @@
 #![allow(unsafe_code)]
 
 pub mod fma;
+pub mod gemm;
 pub mod level;
 
 pub use level::{Kernel, Level, Simd};

@@ -1,0 +1,353 @@
+//! Products of gathered rows: a register tile fed by row pointers.
+//!
+//! ```text
+//! matmul_rows:     c[c_rows[r], j] += Σ_p a[a_rows[r], p] · b[p, j]          p ascending
+//! matmul_tn_rows:  d[p, j]         += Σ_r a[a_rows[r], p] · g[g_rows[r], j]  r ascending
+//! ```
+//!
+//! 1. A tile of `M` rows and `N` columns of the output is loaded into registers, takes its products
+//!    one index of the sum at a time, and is stored again. Each lane is one output; no sum is ever
+//!    split, so tile sizes, tails and levels cannot change a bit.
+//! 2. Rows are gathered by pointers in the tile: no im2col, no copy of `a`.
+//! 3. Columns are taken `N` at a time from a panel: a copy on the stack of `N` columns of `b` or `g`
+//!    that stays in the first-level cache while all row tiles pass over it; where there are too few
+//!    row tiles to pay for the copy, the matrix itself is read.
+//! 4. The last columns are padded with zeros in the panel and pass through a padded copy of the output.
+//! 5. Rows are split into tiles of equal height, give or take one, so that no tile is short of
+//!    independent sums to hide the latency of the multiply-add.
+//!
+//! The arrays in `gemm/tile.rs` become vectors by themselves; `benches/gemm.rs` compares them with
+//! matrixmultiply's intrinsics.
+
+mod tile;
+
+use super::{Kernel, Level, Simd};
+use std::mem::MaybeUninit;
+use std::ops::Range;
+pub use tile::Real;
+use tile::{Panel, RowPointers, tile_rows, tile_tn};
+
+/// Sum indices per pass: a panel of this depth fills half of a 32 KB first-level cache at 16 columns.
+const DEPTH: usize = 256;
+
+/// Fewest rows of `c` for which copying a panel of `b` pays (benches/gemm.rs, `few rows`).
+const ROWS_FOR_PANEL: usize = 24;
+
+/// Inputs of [`matmul_rows`], checked.
+struct MatmulRows<'a, T> {
+    a: &'a [T],
+    a_rows: &'a [u32],
+    k: usize,
+    b: &'a [T],
+    n: usize,
+    c: &'a mut [T],
+    c_rows: &'a [u32],
+}
+
+/// Inputs of [`matmul_tn_rows`], checked.
+struct MatmulTnRows<'a, T> {
+    a: &'a [T],
+    a_rows: &'a [u32],
+    k: usize,
+    g: &'a [T],
+    g_rows: &'a [u32],
+    n: usize,
+    d: &'a mut [T],
+}
+
+/// `c[c_rows[r], j] += Σ_p a[a_rows[r], p] · b[p, j]` at a chosen level; `c_rows` must not repeat a row.
+///
+/// # Panics
+/// If a row index is outside its matrix, the two row lists differ in length, or `b` is not `[k, n]`.
+pub fn matmul_rows<T: Real>(
+    level: Level,
+    (a, a_rows): (&[T], &[u32]),
+    k: usize,
+    b: &[T],
+    n: usize,
+    (c, c_rows): (&mut [T], &[u32]),
+) {
+    assert_eq!(a_rows.len(), c_rows.len(), "one row of a for each row of c");
+    assert_eq!(b.len(), k * n, "b is [k, n]");
+    check_rows(a_rows, a.len(), k);
+    check_rows(c_rows, c.len(), n);
+    if !a_rows.is_empty() && k * n > 0 {
+        level.run(MatmulRows { a, a_rows, k, b, n, c, c_rows });
+    }
+}
+
+/// `d[p, j] += Σ_r a[a_rows[r], p] · g[g_rows[r], j]` at a chosen level.
+///
+/// # Panics
+/// If a row index is outside its matrix, the two row lists differ in length, or `d` is not `[k, n]`.
+pub fn matmul_tn_rows<T: Real>(
+    level: Level,
+    (a, a_rows): (&[T], &[u32]),
+    k: usize,
+    (g, g_rows): (&[T], &[u32]),
+    n: usize,
+    d: &mut [T],
+) {
+    assert_eq!(a_rows.len(), g_rows.len(), "one row of a for each row of g");
+    assert_eq!(d.len(), k * n, "d is [k, n]");
+    check_rows(a_rows, a.len(), k);
+    check_rows(g_rows, g.len(), n);
+    if !a_rows.is_empty() && k * n > 0 {
+        level.run(MatmulTnRows { a, a_rows, k, g, g_rows, n, d });
+    }
+}
+
+/// Panics unless every row of width `width` lies inside a matrix of `len` numbers.
+fn check_rows(rows: &[u32], len: usize, width: usize) {
+    if let Some(last) = rows.iter().copied().max() {
+        let end = (last as usize).checked_add(1).and_then(|n| n.checked_mul(width));
+        assert!(end.is_some_and(|end| end <= len), "row {last} of width {width} in {len} numbers");
+    }
+}
+
+impl<T: Real> Kernel for MatmulRows<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        // Sums, one row of the panel and one broadcast fill the registers.
+        match (S::LANES * S::REGISTERS, size_of::<T>()) {
+            (512.., 4) => matmul_rows_body::<T, S, 12, 32>(simd, self),
+            (512.., _) => matmul_rows_body::<T, S, 12, 16>(simd, self),
+            (128.., 4) => matmul_rows_body::<T, S, 6, 16>(simd, self),
+            (128.., _) => matmul_rows_body::<T, S, 6, 8>(simd, self),
+            _ => matmul_rows_body::<T, S, 2, 8>(simd, self),
+        }
+    }
+}
+
+impl<T: Real> Kernel for MatmulTnRows<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        // Sums, one row of the panel and one broadcast fill the registers.
+        match (S::LANES * S::REGISTERS, size_of::<T>()) {
+            (512.., 4) => matmul_tn_rows_body::<T, S, 12, 32>(simd, self),
+            (512.., _) => matmul_tn_rows_body::<T, S, 12, 16>(simd, self),
+            (128.., 4) => matmul_tn_rows_body::<T, S, 6, 16>(simd, self),
+            (128.., _) => matmul_tn_rows_body::<T, S, 6, 8>(simd, self),
+            _ => matmul_tn_rows_body::<T, S, 2, 8>(simd, self),
+        }
+    }
+}
+
+/// Calls `$tile::<T, S, HEIGHT, N>` for the height at hand; heights above `$max` are compiled out.
+macro_rules! with_height {
+    ($height:expr, $max:expr, $tile:ident::<$t:ty, $s:ty, $n:ident>$args:tt) => {
+        with_height!(@ $height, $max, $tile, $t, $s, $n, $args, 1 2 3 4 5 6 7 8 9 10 11 12)
+    };
+    (@ $height:expr, $max:expr, $tile:ident, $t:ty, $s:ty, $n:ident, $args:tt, $($m:literal)*) => {
+        match $height {
+            $($m if $m <= $max => $tile::<$t, $s, $m, $n>$args,)*
+            height => unreachable!("a tile of {height} rows"),
+        }
+    };
+}
+
+#[inline(always)]
+fn matmul_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
+    simd: S,
+    x: MatmulRows<'_, T>,
+) {
+    let mut copy = [const { MaybeUninit::uninit() }; DEPTH];
+    for p in passes(x.k, DEPTH) {
+        for j in (0..x.n).step_by(N) {
+            let j = j..x.n.min(j + N);
+            let rows = x.b[p.start * x.n..p.end * x.n].chunks_exact(x.n).map(|row| &row[j.clone()]);
+            let panel = if j.len() < N || x.a_rows.len() >= ROWS_FOR_PANEL {
+                Panel::<T, N>::copied(&mut copy, rows)
+            } else {
+                Panel::in_place(&x.b[p.start * x.n + j.start..], x.n, p.len())
+            };
+            for r in tiles(x.a_rows.len(), M) {
+                let a = x.a[p.start..].as_ptr();
+                let a = RowPointers { start: a, rows: &x.a_rows[r.clone()], width: x.k };
+                let c = x.c[j.start..].as_mut_ptr();
+                let c = RowPointers { start: c, rows: &x.c_rows[r.clone()], width: x.n };
+                // SAFETY: all rows were checked on entry, and p and j stay inside them.
+                unsafe {
+                    with_height!(r.len(), M, tile_rows::<T, S, N>(simd, a, &panel, c, j.len()))
+                };
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn matmul_tn_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
+    simd: S,
+    x: MatmulTnRows<'_, T>,
+) {
+    let mut copy = [const { MaybeUninit::uninit() }; DEPTH];
+    for r in passes(x.a_rows.len(), DEPTH) {
+        for j in (0..x.n).step_by(N) {
+            let j = j..x.n.min(j + N);
+            let g_rows =
+                x.g_rows[r.clone()].iter().map(|&row| &x.g[row as usize * x.n..][j.clone()]);
+            let panel = Panel::<T, N>::copied(&mut copy, g_rows);
+            for p in tiles(x.k, M) {
+                let a = x.a[p.start..].as_ptr();
+                let a = RowPointers { start: a, rows: &x.a_rows[r.clone()], width: x.k };
+                let d = x.d[p.start * x.n + j.start..].as_mut_ptr();
+                // SAFETY: all rows were checked on entry, and p and j stay inside them.
+                unsafe {
+                    with_height!(p.len(), M, tile_tn::<T, S, N>(simd, a, &panel, d, x.n, j.len()))
+                };
+            }
+        }
+    }
+}
+
+/// Consecutive ranges of `size` indices of `0..n`; the last may be shorter.
+#[inline(always)]
+fn passes(n: usize, size: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..n).step_by(size).map(move |start| start..n.min(start + size))
+}
+
+/// Consecutive ranges of `0..n` of equal length, give or take one, and at most `max`.
+#[inline(always)]
+fn tiles(n: usize, max: usize) -> impl Iterator<Item = Range<usize>> {
+    let count = n.div_ceil(max);
+    (0..count).map(move |i| i * n / count..(i + 1) * n / count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Below, at and above the edges of tiles, of panels and of the rows that pay for one.
+    const SIZES: [usize; 14] = [0, 1, 2, 5, 6, 7, 8, 12, 13, 16, 17, 24, 33, 49];
+
+    /// Whole numbers and others from one formula: this room imports nothing.
+    fn numbers(len: usize, whole: bool) -> Vec<f32> {
+        let value = |i: usize| ((i * 7919 + 13) % 97) as f32 - 48.0;
+        (0..len).map(|i| if whole { value(i) } else { value(i) * 0.37 + 1e-3 }).collect()
+    }
+
+    /// Every second row or so, descending.
+    fn gathered(n: usize) -> Vec<u32> {
+        (0..n as u32).rev().map(|r| r * 2 + r % 2).collect()
+    }
+
+    fn bits(x: &[f32]) -> Vec<u32> {
+        x.iter().map(|x| x.to_bits()).collect()
+    }
+
+    fn assert_rows(level: Level, rows: usize, k: usize, n: usize, whole: bool) {
+        let (a_rows, c_rows) =
+            (gathered(rows), (0..rows as u32).map(|r| r + 1).collect::<Vec<_>>());
+        let (a, b) = (numbers(2 * rows * k, whole), numbers(k * n, whole));
+        let mut c = numbers((rows + 2) * n, whole);
+        c[..n].fill(f32::NAN);
+        c[(rows + 1) * n..].fill(f32::NAN);
+        let mut expected = c.clone();
+        for (&i, &o) in a_rows.iter().zip(&c_rows) {
+            for j in 0..n {
+                let c = &mut expected[o as usize * n + j];
+                for p in 0..k {
+                    *c = a[i as usize * k + p].mul_add(b[p * n + j], *c);
+                }
+            }
+        }
+        matmul_rows(level, (&a, &a_rows), k, &b, n, (&mut c, &c_rows));
+        assert!(bits(&c) == bits(&expected), "{} {rows} x {k} x {n}", level.name());
+    }
+
+    fn assert_tn_rows(level: Level, rows: usize, k: usize, n: usize, whole: bool) {
+        let (a_rows, g_rows) = (gathered(rows), (0..rows as u32).rev().collect::<Vec<_>>());
+        let (a, g) = (numbers(2 * rows * k, whole), numbers(rows * n, whole));
+        let mut d = numbers(k * n, whole);
+        let mut expected = d.clone();
+        for (&i, &o) in a_rows.iter().zip(&g_rows) {
+            for p in 0..k {
+                for j in 0..n {
+                    let d = &mut expected[p * n + j];
+                    *d = a[i as usize * k + p].mul_add(g[o as usize * n + j], *d);
+                }
+            }
+        }
+        matmul_tn_rows(level, (&a, &a_rows), k, (&g, &g_rows), n, &mut d);
+        assert!(bits(&d) == bits(&expected), "{} {rows} x {k} x {n}", level.name());
+    }
+
+    #[test]
+    fn every_level_equals_the_plain_loop_around_every_edge() {
+        for &level in Level::available() {
+            for rows in SIZES {
+                for k in SIZES {
+                    for n in SIZES {
+                        assert_rows(level, rows, k, n, false);
+                        assert_tn_rows(level, rows, k, n, false);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_level_equals_the_plain_loop_beyond_one_pass() {
+        for &level in Level::available() {
+            for deep in [DEPTH - 1, DEPTH, DEPTH + 1, 2 * DEPTH + 3] {
+                assert_rows(level, 7, deep, 33, false);
+                assert_rows(level, 25, deep, 16, true);
+                assert_tn_rows(level, deep, 7, 33, false);
+                assert_tn_rows(level, deep, 25, 16, true);
+            }
+        }
+    }
+
+    #[test]
+    fn f64_equals_the_plain_loop_at_every_level() {
+        for &level in Level::available() {
+            for (rows, k, n) in [(1, 1, 1), (25, 7, 9), (13, 300, 17), (7, 5, 35)] {
+                let list = gathered(rows);
+                let wide =
+                    |x: Vec<f32>| x.into_iter().map(|x| f64::from(x) / 3.0).collect::<Vec<_>>();
+                let (a, b) = (wide(numbers(2 * rows * k, false)), wide(numbers(k * n, false)));
+                let mut c = wide(numbers(2 * rows * n, false));
+                let mut d = b.clone();
+                let (mut expected_c, mut expected_d, g) = (c.clone(), d.clone(), c.clone());
+                for &r in &list {
+                    let r = r as usize;
+                    for p in 0..k {
+                        for j in 0..n {
+                            let (c, d) = (&mut expected_c[r * n + j], &mut expected_d[p * n + j]);
+                            *c = a[r * k + p].mul_add(b[p * n + j], *c);
+                            *d = a[r * k + p].mul_add(g[r * n + j], *d);
+                        }
+                    }
+                }
+                matmul_rows(level, (&a, &list), k, &b, n, (&mut c, &list));
+                matmul_tn_rows(level, (&a, &list), k, (&g, &list), n, &mut d);
+                assert_eq!((c, d), (expected_c, expected_d), "{}", level.name());
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "row 3 of width 4 in 12 numbers")]
+    fn a_row_outside_its_matrix_panics() {
+        let (a, b, mut c) = ([0.0f32; 12], [0.0; 8], [0.0; 8]);
+        matmul_rows(Level::active(), (&a, &[0, 3]), 4, &b, 2, (&mut c, &[0, 1]));
+    }
+
+    #[test]
+    #[should_panic(expected = "row 9 of width 2 in 8 numbers")]
+    fn an_output_row_outside_its_matrix_panics() {
+        let (a, b, mut c) = ([0.0f32; 12], [0.0; 8], [0.0; 8]);
+        matmul_rows(Level::active(), (&a, &[0, 2]), 4, &b, 2, (&mut c, &[0, 9]));
+    }
+
+    #[test]
+    #[should_panic(expected = "one row of a for each row of g")]
+    fn row_lists_of_different_length_panic() {
+        let (a, g, mut d) = ([0.0f32; 12], [0.0; 8], [0.0; 8]);
+        matmul_tn_rows(Level::active(), (&a, &[0, 2]), 4, (&g, &[0]), 2, &mut d);
+    }
+}

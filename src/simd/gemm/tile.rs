@@ -1,0 +1,188 @@
+//! One register tile, its rows gathered by pointers and its columns read from a panel.
+
+use super::super::Simd;
+use super::DEPTH;
+use std::marker::PhantomData;
+use std::mem::MaybeUninit;
+
+/// A number that tiles are made of: `f32` or `f64`.
+pub trait Real: Copy + Default + 'static {
+    /// `a * b + c` with one rounding.
+    fn fused<S: Simd>(simd: S, a: Self, b: Self, c: Self) -> Self;
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn fused<S: Simd>(simd: S, a: f32, b: f32, c: f32) -> f32 {
+        simd.mul_add(a, b, c)
+    }
+}
+
+impl Real for f64 {
+    /// Without the instruction this is a call, right but slow: `f64` serves gradient checks.
+    #[inline(always)]
+    fn fused<S: Simd>(_: S, a: f64, b: f64, c: f64) -> f64 {
+        a.mul_add(b, c)
+    }
+}
+
+/// Rows of a matrix, beginning at a column.
+#[derive(Clone, Copy)]
+pub(super) struct RowPointers<'a, P> {
+    /// Where that column is in row 0.
+    pub(super) start: P,
+    pub(super) rows: &'a [u32],
+    pub(super) width: usize,
+}
+
+/// Up to [`DEPTH`] rows of `N` columns.
+pub(super) struct Panel<'a, T, const N: usize> {
+    start: *const T,
+    stride: usize,
+    depth: usize,
+    source: PhantomData<&'a [T]>,
+}
+
+impl<'a, T: Real, const N: usize> Panel<'a, T, N> {
+    /// A copy of `rows`, of `N` or fewer numbers each, padded with zeros.
+    #[inline(always)]
+    pub(super) fn copied<'b>(
+        copy: &'a mut [MaybeUninit<[T; N]>; DEPTH],
+        rows: impl Iterator<Item = &'b [T]>,
+    ) -> Self {
+        let mut depth = 0;
+        for (place, row) in copy.iter_mut().zip(rows) {
+            match row.first_chunk::<N>() {
+                Some(row) => place.write(*row),
+                None => place
+                    .write(std::array::from_fn(|i| row.get(i).copied().unwrap_or(T::default()))),
+            };
+            depth += 1;
+        }
+        Panel { start: copy.as_ptr().cast(), stride: N, depth, source: PhantomData }
+    }
+
+    /// `depth` rows of `matrix`, which is `stride` wide and begins at the first column of the panel.
+    #[inline(always)]
+    pub(super) fn in_place(matrix: &'a [T], stride: usize, depth: usize) -> Self {
+        assert!(depth == 0 || matrix.len() >= (depth - 1) * stride + N);
+        Panel { start: matrix.as_ptr(), stride, depth, source: PhantomData }
+    }
+
+    /// Row `p < depth`.
+    #[inline(always)]
+    unsafe fn row(&self, p: usize) -> [T; N] {
+        // SAFETY: both constructors hold `depth` rows of N numbers, `stride` apart.
+        unsafe { self.start.add(p * self.stride).cast::<[T; N]>().read() }
+    }
+}
+
+/// One tile of [`matmul_rows`].
+///
+/// # Safety
+/// `a` and `c` have `M` rows; those of `a` reach `panel.depth` numbers far, those of `c` `width ≤ N`.
+#[inline(always)]
+pub(super) unsafe fn tile_rows<T: Real, S: Simd, const M: usize, const N: usize>(
+    simd: S,
+    a: RowPointers<'_, *const T>,
+    panel: &Panel<'_, T, N>,
+    c: RowPointers<'_, *mut T>,
+    width: usize,
+) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let a: [_; M] = std::array::from_fn(|i| a.start.add(a.rows[i] as usize * a.width));
+        let c: [_; M] = std::array::from_fn(|i| c.start.add(c.rows[i] as usize * c.width));
+        let mut copy = MaybeUninit::uninit();
+        let tile = pad::<T, M, N>(c, width, &mut copy);
+        let mut sums = tile.map(|row| row.read());
+        for p in 0..panel.depth {
+            let b = panel.row(p);
+            for (sums, a) in sums.iter_mut().zip(a) {
+                let a = *a.add(p);
+                for (sum, b) in sums.iter_mut().zip(b) {
+                    *sum = T::fused(simd, a, b, *sum);
+                }
+            }
+        }
+        store(sums, tile, c, width);
+    }
+}
+
+/// One tile of [`matmul_tn_rows`]: `M` rows of `d`, `n` apart.
+///
+/// # Safety
+/// `a` has `panel.depth` rows that reach `M` numbers far; the rows of `d` reach `width ≤ N` far.
+#[inline(always)]
+pub(super) unsafe fn tile_tn<T: Real, S: Simd, const M: usize, const N: usize>(
+    simd: S,
+    a: RowPointers<'_, *const T>,
+    panel: &Panel<'_, T, N>,
+    d: *mut T,
+    n: usize,
+    width: usize,
+) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let d: [_; M] = std::array::from_fn(|i| d.add(i * n));
+        let mut copy = MaybeUninit::uninit();
+        let tile = pad::<T, M, N>(d, width, &mut copy);
+        let mut sums = tile.map(|row| row.read());
+        for (r, &row) in a.rows.iter().enumerate() {
+            let g = panel.row(r);
+            let a = a.start.add(row as usize * a.width).cast::<[T; M]>().read();
+            for (sums, a) in sums.iter_mut().zip(a) {
+                for (sum, g) in sums.iter_mut().zip(g) {
+                    *sum = T::fused(simd, a, g, *sum);
+                }
+            }
+        }
+        store(sums, tile, d, width);
+    }
+}
+
+/// Rows of `N` numbers to read a tile from and to write it to: `rows`, or padded copies in `copy`
+/// when they have only `width`.
+///
+/// # Safety
+/// Each row reaches `width ≤ N` far.
+#[inline(always)]
+unsafe fn pad<T: Real, const M: usize, const N: usize>(
+    rows: [*mut T; M],
+    width: usize,
+    copy: &mut MaybeUninit<[[T; N]; M]>,
+) -> [*mut [T; N]; M] {
+    if width == N {
+        return rows.map(|row| row.cast());
+    }
+    let mut copy = copy.write([[T::default(); N]; M]).each_mut();
+    for (row, copy) in rows.into_iter().zip(&mut copy) {
+        // SAFETY: the caller's promise; the copy is N long.
+        unsafe { row.copy_to_nonoverlapping(copy.as_mut_ptr(), width) };
+    }
+    copy.map(std::ptr::from_mut)
+}
+
+/// Writes a tile to the rows that [`pad`] gave, and from copies on to the first `width` numbers of `rows`.
+///
+/// # Safety
+/// `tile` is what [`pad`] returned for `rows` and `width`.
+#[inline(always)]
+unsafe fn store<T: Real, const M: usize, const N: usize>(
+    sums: [[T; N]; M],
+    tile: [*mut [T; N]; M],
+    rows: [*mut T; M],
+    width: usize,
+) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        for (row, sums) in tile.into_iter().zip(sums) {
+            row.write(sums);
+        }
+        if width < N {
+            for (row, copy) in rows.into_iter().zip(tile) {
+                row.copy_from_nonoverlapping(copy.cast(), width);
+            }
+        }
+    }
+}
