@@ -1,1 +1,4 @@
 //! Samples, files on disk, augmentation and generated parts.
+
+#[cfg(feature = "generate")]
+pub mod generated;
