@@ -1,1 +1,143 @@
 //! Cross-entropy.
+
+use crate::par;
+use crate::scalar::Scalar;
+
+/// Rows per block of the sum: a constant, so that the sum does not depend on the number of threads.
+const BLOCK: usize = 4096;
+
+/// Mean cross-entropy of logits `[n, n_classes]` against class numbers.
+///
+/// With `p` the softmax of a row's logits, class weights `w`, smoothing `ε` and target `t`, a row costs
+/// `w_t·(1−ε)·(−ln p_t) + ε/C · Σ_c w_c·(−ln p_c)`, and the loss is `Σ rows / Σ w_t`: as PyTorch's
+/// `cross_entropy`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CrossEntropy {
+    /// Weight of each class; their number is the number of classes.
+    pub class_weights: Vec<f64>,
+    /// Share `ε` of each target that is spread evenly over all classes, in `[0, 1)`.
+    pub label_smoothing: f64,
+}
+
+impl CrossEntropy {
+    /// Two classes of equal weight, no smoothing.
+    pub fn binary() -> Self {
+        CrossEntropy { class_weights: vec![1.0; 2], label_smoothing: 0.0 }
+    }
+
+    /// The loss; 0 for no rows. `dlogits` is overwritten with `scale` times its gradient.
+    ///
+    /// # Panics
+    /// If `logits` and `targets` disagree in length or a target is not a class.
+    pub fn loss<T: Scalar>(
+        &self,
+        logits: &[T],
+        targets: &[u8],
+        scale: f64,
+        dlogits: &mut Vec<T>,
+    ) -> f64 {
+        let n_classes = self.class_weights.len();
+        assert_eq!(logits.len(), targets.len() * n_classes, "logits for another number of targets");
+        let total: f64 = targets.iter().map(|t| self.class_weights[*t as usize]).sum();
+        if targets.is_empty() {
+            dlogits.clear();
+            return 0.0;
+        }
+        dlogits.resize(logits.len(), T::ZERO);
+        let factor = scale / total;
+        let rows = |first: usize, block: &mut [T]| {
+            let mut sum = 0.0;
+            for (i, d) in block.chunks_exact_mut(n_classes).enumerate() {
+                let row = first + i;
+                sum += self.row(&logits[row * n_classes..][..n_classes], targets[row], factor, d);
+            }
+            sum
+        };
+        let sums = par::map_chunks(dlogits, BLOCK * n_classes, |i, block| rows(i * BLOCK, block));
+        sums.into_iter().sum::<f64>() / total
+    }
+
+    /// Cost of one row; `d` is overwritten with `factor` times its gradient.
+    fn row<T: Scalar>(&self, logits: &[T], target: u8, factor: f64, d: &mut [T]) -> f64 {
+        let greatest = logits.iter().copied().fold(logits[0], T::max);
+        let exponentials = logits.iter().map(|&x| (x - greatest).exp());
+        let sum: T = exponentials.clone().sum();
+        let log_sum = greatest + sum.ln();
+        let spread = self.label_smoothing / logits.len() as f64;
+        let weight = |c: usize| {
+            let hit = if c == target as usize { 1.0 - self.label_smoothing } else { 0.0 };
+            self.class_weights[c] * (hit + spread)
+        };
+        let all: f64 = (0..logits.len()).map(weight).sum();
+        for (c, (d, e)) in d.iter_mut().zip(exponentials).enumerate() {
+            let p = (e / sum).to_f64();
+            *d = T::from_f64(factor * (all * p - weight(c)));
+        }
+        (0..logits.len()).map(|c| weight(c) * (log_sum - logits[c]).to_f64()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Purpose, Stream};
+
+    fn case(n: usize) -> (Vec<f64>, Vec<u8>) {
+        let mut stream = Stream::new(1, 0, 0, Purpose::Probe);
+        let logits = (0..3 * n).map(|_| 2.0 * stream.normal()).collect();
+        (logits, (0..n).map(|_| stream.below(3) as u8).collect())
+    }
+
+    #[test]
+    fn uniform_logits_cost_the_logarithm_of_the_number_of_classes() {
+        let mut d = Vec::new();
+        let loss = CrossEntropy::binary().loss(&[0.5f32, 0.5, -3.0, -3.0], &[0, 1], 1.0, &mut d);
+        assert!((loss - 2f64.ln()).abs() < 1e-7);
+        assert_eq!(d, [-0.25, 0.25, 0.25, -0.25]);
+        assert_eq!(CrossEntropy::binary().loss::<f32>(&[], &[], 1.0, &mut d), 0.0);
+    }
+
+    #[test]
+    fn huge_logits_stay_finite() {
+        let mut d = Vec::new();
+        let loss = CrossEntropy::binary().loss(&[1e30f32, -1e30], &[0], 1.0, &mut d);
+        assert_eq!((loss, d.as_slice()), (0.0, [0.0, 0.0].as_slice()));
+        assert!(CrossEntropy::binary().loss(&[1e30f32, -1e30], &[1], 1.0, &mut d) > 1e30);
+    }
+
+    #[test]
+    fn the_gradient_is_the_difference_quotient() {
+        let (logits, targets) = case(40);
+        let weighted = CrossEntropy { class_weights: vec![1.0, 3.0, 0.2], label_smoothing: 0.1 };
+        let plain = CrossEntropy { class_weights: vec![1.0; 3], label_smoothing: 0.0 };
+        for criterion in [plain, weighted] {
+            let (mut d, mut unused) = (Vec::new(), Vec::new());
+            criterion.loss(&logits, &targets, 1.0, &mut d);
+            for i in 0..logits.len() {
+                let mut at = |shift: f64| {
+                    let mut moved = logits.clone();
+                    moved[i] += shift;
+                    criterion.loss(&moved, &targets, 1.0, &mut unused)
+                };
+                let numeric = (at(1e-5) - at(-1e-5)) / 2e-5;
+                assert!(
+                    (numeric - d[i]).abs() <= 1e-7 * d[i].abs().max(1e-2),
+                    "{numeric} {}",
+                    d[i]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn many_rows_are_summed_alike_on_any_number_of_threads() {
+        let (logits, targets) = case(20_000);
+        let criterion = CrossEntropy { class_weights: vec![1.0; 3], label_smoothing: 0.0 };
+        let on = |n| {
+            let mut d = Vec::new();
+            let loss = par::with_threads(n, || criterion.loss(&logits, &targets, 0.5, &mut d));
+            (loss.unwrap().to_bits(), d)
+        };
+        assert_eq!(on(1), on(4));
+    }
+}

@@ -1,1 +1,150 @@
-//! Accuracy, F1 and IoU.
+//! Accuracy, F1 and IoU of yes/no predictions.
+
+use serde::{Deserialize, Serialize};
+use std::ops::AddAssign;
+
+/// Counts of right and wrong predictions; they add up over samples, so pooled scores are exact.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Confusion {
+    /// Predicted yes, truly yes.
+    pub true_positive: u64,
+    /// Predicted yes, truly no.
+    pub false_positive: u64,
+    /// Predicted no, truly yes.
+    pub false_negative: u64,
+    /// Predicted no, truly no.
+    pub true_negative: u64,
+}
+
+impl Confusion {
+    /// Counts of predicted against true labels; surplus entries of the longer list are left out.
+    pub fn of_labels(predicted: &[bool], truth: &[bool]) -> Self {
+        let mut counts = Confusion::default();
+        for (p, t) in predicted.iter().zip(truth) {
+            counts.add(*p, *t);
+        }
+        counts
+    }
+
+    /// Counts of the greater of two logits (`[n, 2]`; the first of equal ones) against classes; "yes" is
+    /// class `positive`.
+    pub fn of_logits<T: PartialOrd>(logits: &[T], targets: &[u8], positive: u8) -> Self {
+        let mut counts = Confusion::default();
+        for (row, target) in logits.as_chunks::<2>().0.iter().zip(targets) {
+            counts.add(u8::from(row[1] > row[0]) == positive, *target == positive);
+        }
+        counts
+    }
+
+    fn add(&mut self, predicted: bool, truth: bool) {
+        *match (predicted, truth) {
+            (true, true) => &mut self.true_positive,
+            (true, false) => &mut self.false_positive,
+            (false, true) => &mut self.false_negative,
+            (false, false) => &mut self.true_negative,
+        } += 1;
+    }
+
+    /// The counts with "no" as the positive class.
+    pub fn swapped(&self) -> Self {
+        Confusion {
+            true_positive: self.true_negative,
+            false_positive: self.false_negative,
+            false_negative: self.false_positive,
+            true_negative: self.true_positive,
+        }
+    }
+
+    /// Number of predictions.
+    pub fn n(&self) -> u64 {
+        self.true_positive + self.false_positive + self.false_negative + self.true_negative
+    }
+
+    /// Share of right predictions; 1 if there are none.
+    pub fn accuracy(&self) -> f64 {
+        ratio(self.true_positive + self.true_negative, self.n())
+    }
+
+    /// Share of true ones among those predicted "yes"; 1 if none is.
+    pub fn precision(&self) -> f64 {
+        ratio(self.true_positive, self.true_positive + self.false_positive)
+    }
+
+    /// Share of those truly "yes" that are predicted so; 1 if there are none.
+    pub fn recall(&self) -> f64 {
+        ratio(self.true_positive, self.true_positive + self.false_negative)
+    }
+
+    /// Harmonic mean of precision and recall, `2·TP / (2·TP + FP + FN)`; 1 if nothing is "yes" in truth
+    /// or prediction.
+    pub fn f1(&self) -> f64 {
+        let twice = 2 * self.true_positive;
+        ratio(twice, twice + self.false_positive + self.false_negative)
+    }
+
+    /// Intersection over union, `TP / (TP + FP + FN)`; 1 if nothing is "yes" in truth or prediction.
+    pub fn iou(&self) -> f64 {
+        let union = self.true_positive + self.false_positive + self.false_negative;
+        ratio(self.true_positive, union)
+    }
+}
+
+fn ratio(a: u64, b: u64) -> f64 {
+    if b == 0 { 1.0 } else { a as f64 / b as f64 }
+}
+
+impl AddAssign for Confusion {
+    fn add_assign(&mut self, other: Self) {
+        self.true_positive += other.true_positive;
+        self.false_positive += other.false_positive;
+        self.false_negative += other.false_negative;
+        self.true_negative += other.true_negative;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scores_of_a_hand_made_table() {
+        let counts = Confusion::of_labels(
+            &[true, true, true, false, false, false, false, false],
+            &[true, true, false, true, false, false, false, false],
+        );
+        let [tp, fp, fneg, tn] = [2, 1, 1, 4];
+        assert_eq!(
+            counts,
+            Confusion {
+                true_positive: tp,
+                false_positive: fp,
+                false_negative: fneg,
+                true_negative: tn
+            }
+        );
+        assert_eq!(counts.accuracy(), 0.75);
+        assert_eq!((counts.precision(), counts.recall()), (2.0 / 3.0, 2.0 / 3.0));
+        assert_eq!((counts.f1(), counts.iou()), (2.0 / 3.0, 0.5));
+        assert_eq!(counts.swapped().f1(), 0.8);
+        let mut twice = counts;
+        twice += counts;
+        assert_eq!((twice.n(), twice.f1()), (16, counts.f1()));
+    }
+
+    #[test]
+    fn logits_and_labels_agree_and_ties_go_to_class_0() {
+        let logits = [0.1f32, 0.2, 0.3, 0.3, 0.9, -0.9, 0.0, 1.0];
+        let by_logits = Confusion::of_logits(&logits, &[1, 0, 1, 0], 0);
+        let by_labels =
+            Confusion::of_labels(&[false, true, true, false], &[false, true, false, true]);
+        assert_eq!(by_logits, by_labels);
+        assert_eq!(Confusion::of_logits(&logits, &[1, 0, 1, 0], 1), by_labels.swapped());
+    }
+
+    #[test]
+    fn nothing_to_find_and_nothing_claimed_is_perfect() {
+        let none = Confusion::of_labels(&[false; 5], &[false; 5]);
+        assert_eq!((none.f1(), none.iou(), none.accuracy()), (1.0, 1.0, 1.0));
+        assert_eq!(Confusion::default().accuracy(), 1.0);
+    }
+}

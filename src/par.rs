@@ -16,6 +16,31 @@ pub fn for_each_block<T: Send>(
     items.par_chunks_mut(block_len.max(1)).enumerate().for_each(|(i, block)| work(i, block));
 }
 
+/// Calls `work(block_index, a_block, b_block)` for consecutive blocks of two slices of equal length.
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn for_each_block2<A: Send, B: Send>(
+    a: &mut [A],
+    b: &mut [B],
+    block_len: usize,
+    work: impl Fn(usize, &mut [A], &mut [B]) + Sync,
+) {
+    assert_eq!(a.len(), b.len());
+    let blocks = a.par_chunks_mut(block_len.max(1)).zip(b.par_chunks_mut(block_len.max(1)));
+    blocks.enumerate().for_each(|(i, (a, b))| work(i, a, b));
+}
+
+/// Results of `work(block_index, block)` for consecutive blocks of `block_len` items, in order.
+pub fn map_chunks<T: Send, R: Send>(
+    items: &mut [T],
+    block_len: usize,
+    work: impl Fn(usize, &mut [T]) -> R + Sync,
+) -> Vec<R> {
+    let blocks = items.par_chunks_mut(block_len.max(1)).enumerate();
+    blocks.map(|(i, block)| work(i, block)).collect()
+}
+
 /// Results of `work` over consecutive ranges of `block_len` indices of `0..n`, in order.
 pub fn map_blocks<R: Send>(
     n: usize,

@@ -1,1 +1,7 @@
 //! Optimisers and learning-rate schedules.
+
+mod schedule;
+mod sgd;
+
+pub use schedule::Schedule;
+pub use sgd::Sgd;

@@ -1,0 +1,53 @@
+//! Stochastic gradient descent with momentum.
+
+use crate::par;
+use crate::scalar::Scalar;
+
+/// Elements per task.
+const BLOCK: usize = 1 << 14;
+
+/// SGD with momentum and weight decay, no Nesterov term, no dampening: PyTorch's `SGD`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sgd {
+    /// Share of the velocity that lives on, in `[0, 1)`.
+    pub momentum: f64,
+    /// Added to the gradient per unit of parameter, on every parameter.
+    pub weight_decay: f64,
+}
+
+impl Sgd {
+    /// `v ← momentum·v + (g + weight_decay·p)`, then `p ← p − lr·v`; a velocity of zeros starts it.
+    ///
+    /// # Panics
+    /// If the three vectors differ in length.
+    pub fn step<T: Scalar>(&self, lr: f64, grads: &[T], velocity: &mut [T], params: &mut [T]) {
+        assert!(grads.len() == params.len() && velocity.len() == params.len());
+        let [lr, momentum, decay] = [lr, self.momentum, self.weight_decay].map(T::from_f64);
+        par::for_each_block2(velocity, params, BLOCK, |i, velocity, params| {
+            let grads = &grads[i * BLOCK..][..params.len()];
+            for ((v, p), g) in velocity.iter_mut().zip(params).zip(grads) {
+                *v = momentum * *v + (*g + decay * *p);
+                *p -= lr * *v;
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_steps_by_hand() {
+        let sgd = Sgd { momentum: 0.5, weight_decay: 0.1 };
+        let (mut p, mut v) = ([2.0f64], [0.0]);
+        sgd.step(0.5, &[1.0], &mut v, &mut p);
+        // v = 1 + 0.1·2 = 1.2, p = 2 − 0.6
+        assert_eq!((v[0], p[0]), (1.2, 1.4));
+        sgd.step(0.5, &[0.0], &mut v, &mut p);
+        // v = 0.6 + 0.14, p = 1.4 − 0.37
+        assert!((v[0] - 0.74).abs() < 1e-15 && (p[0] - 1.03).abs() < 1e-15);
+        sgd.step(0.0, &[5.0], &mut v, &mut p);
+        assert!((v[0] - 5.473).abs() < 1e-15 && (p[0] - 1.03).abs() < 1e-15);
+    }
+}
