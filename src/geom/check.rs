@@ -5,7 +5,7 @@
 //! outward. Everything is decided by indices, so corners must be welded before (the readers do);
 //! only size, area and volume look at coordinates. Cost: O(n log n).
 
-mod topology;
+pub(crate) mod topology;
 
 use super::Mesh;
 use crate::{Error, Result};
@@ -14,7 +14,7 @@ use std::fmt;
 use topology::Topology;
 
 /// Places reported per finding.
-const N_PLACES: usize = 5;
+pub(crate) const N_PLACES: usize = 5;
 
 /// Triangles lower than this fraction of the bounding box's diagonal are slivers: with corners
 /// rounded to f32 (6e-8) their normal is uncertain by up to half a degree.
@@ -50,6 +50,22 @@ impl Fault {
     /// Whether labels of a mesh with this fault would be meaningless.
     pub fn blocks_labelling(self) -> bool {
         self < Fault::Degenerate
+    }
+
+    /// Its name for programs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Fault::Empty => "empty",
+            Fault::OpenEdge => "open_edge",
+            Fault::NonManifoldEdge => "non_manifold_edge",
+            Fault::InconsistentEdge => "inconsistent_edge",
+            Fault::NonManifoldVertex => "non_manifold_vertex",
+            Fault::ManyComponents => "many_components",
+            Fault::Inward => "inward",
+            Fault::Degenerate => "degenerate",
+            Fault::Sliver => "sliver",
+            Fault::SelfIntersection => "self_intersection",
+        }
     }
 
     fn noun(self) -> &'static str {
@@ -278,7 +294,7 @@ fn check_shapes(mesh: &Mesh, found: &mut Findings) {
 
 /// Volume between some triangles and the first corner of the first, mm³: that of the solid if they
 /// are closed. Near the corner, so that a part far from the origin keeps its digits.
-fn volume_of(mesh: &Mesh, faces: &[u32]) -> f64 {
+pub(crate) fn volume_of(mesh: &Mesh, faces: &[u32]) -> f64 {
     let origin = mesh.corners(faces[0] as usize)[0];
     let six = |f: &u32| {
         let [a, b, c] = mesh.corners(*f as usize).map(|v| v - origin);
@@ -287,7 +303,7 @@ fn volume_of(mesh: &Mesh, faces: &[u32]) -> f64 {
     faces.iter().map(six).sum::<f64>() / 6.0
 }
 
-fn centre(mesh: &Mesh, f: usize) -> DVec3 {
+pub(crate) fn centre(mesh: &Mesh, f: usize) -> DVec3 {
     mesh.corners(f).iter().sum::<DVec3>() / 3.0
 }
 

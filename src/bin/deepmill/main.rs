@@ -1,6 +1,8 @@
 //! The `deepmill` program: parse, call the library, print.
 
+mod check;
 mod demo;
+mod mesh_args;
 mod output;
 
 use clap::{Parser, Subcommand};
@@ -24,7 +26,9 @@ struct Cli {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    Check(check::Args),
+}
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -33,7 +37,7 @@ fn main() -> ExitCode {
         deepmill::scalar::simd_level()?;
         match &cli.command {
             None => demo::run(&output),
-            Some(command) => match *command {},
+            Some(Command::Check(args)) => check::run(args, &output),
         }
     };
     match deepmill::par::with_threads(cli.threads, run)

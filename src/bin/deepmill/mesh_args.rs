@@ -1,0 +1,81 @@
+//! How a mesh file becomes the part to work on: the options all commands share.
+
+use crate::output::Output;
+use deepmill::Result;
+use deepmill::geom::formats::{self, Part, ReadOptions};
+use deepmill::geom::units::{Unit, size_line, size_warning};
+use deepmill::geom::{Mesh, check, repair, weld};
+use glam::DVec3;
+use std::path::Path;
+
+/// Options that say how a mesh file is read.
+#[derive(clap::Args)]
+pub struct MeshArgs {
+    /// Unit of the file's numbers: mm, cm, m or in.
+    #[arg(long, default_value_t, value_name = "UNIT")]
+    unit: Unit,
+    /// Factor on top of the unit.
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
+    scale: f64,
+    /// Join corners closer than this fraction of the bounding box's diagonal.
+    #[arg(long, default_value_t = weld::DEFAULT_TOLERANCE, value_name = "FRACTION")]
+    weld: f64,
+    /// Mend small faults: weld gaps, drop doubled and collapsed triangles, orient.
+    #[arg(long)]
+    pub repair: bool,
+}
+
+impl MeshArgs {
+    fn options(&self) -> ReadOptions {
+        ReadOptions { scale: self.unit.millimetres() * self.scale, weld: self.weld }
+    }
+
+    /// Reads a mesh or a cloud to be labelled, says its size, and applies the repairs asked for; an
+    /// inward-facing mesh is turned with a notice. A mesh that does not bound one solid is refused,
+    /// or with `accept_faults` warned about.
+    #[allow(dead_code)] // Until the first command that labels.
+    pub fn read_part(&self, path: &Path, accept_faults: bool, output: &Output) -> Result<Part> {
+        let mut part = formats::read_part(path, &self.options())?;
+        match &mut part {
+            Part::Mesh(mesh) => {
+                self.prepare(mesh, output);
+                match check::require_labelable(mesh) {
+                    Err(fault) if accept_faults => output.warn(fault),
+                    verdict => verdict?,
+                }
+            }
+            Part::Cloud(sites) => {
+                let points = sites.points.iter().map(|p| p.as_dvec3());
+                let low = points.clone().fold(DVec3::INFINITY, DVec3::min);
+                self.echo(low, points.fold(DVec3::NEG_INFINITY, DVec3::max), output);
+            }
+        }
+        Ok(part)
+    }
+
+    /// Reads a mesh as it is, with the repairs asked for; whether it can be labelled is not asked.
+    pub fn read_mesh(&self, path: &Path, output: &Output) -> Result<(Mesh, Vec<repair::Change>)> {
+        let mut mesh = formats::read_mesh(path, &self.options())?;
+        let changes = self.prepare(&mut mesh, output);
+        Ok((mesh, changes))
+    }
+
+    fn prepare(&self, mesh: &mut Mesh, output: &Output) -> Vec<repair::Change> {
+        if let Some((low, high)) = mesh.bounds() {
+            self.echo(low, high, output);
+        }
+        let changes = match self.repair {
+            true => repair::repair(mesh),
+            false => repair::face_outward(mesh).into_iter().collect(),
+        };
+        changes.iter().for_each(|change| output.warn(change));
+        changes
+    }
+
+    fn echo(&self, low: DVec3, high: DVec3, output: &Output) {
+        output.say(format!("size {}", size_line(low, high)));
+        if let Some(warning) = size_warning(low, high, self.options().scale) {
+            output.warn(warning);
+        }
+    }
+}

@@ -1,0 +1,341 @@
+//! Small repairs that say what they did: weld, drop, turn.
+//!
+//! Nothing here invents surface: holes stay open, and overlapping bodies stay as they are.
+
+use super::check::topology::{Topology, has_three_corners};
+use super::check::{Fault, check, volume_of};
+use super::{Mesh, inside, weld};
+use glam::DVec3;
+use std::collections::{HashMap, HashSet};
+use std::fmt;
+
+/// Tolerance with which gaps are welded, as a fraction of the diagonal; see
+/// [`weld::DEFAULT_TOLERANCE`] for how far one can go.
+pub const GAP_TOLERANCE: f64 = 1e-5;
+
+/// Something that a repair did or found it could not do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Change {
+    /// Vertices joined with others, and by which fraction of the diagonal they were apart at most.
+    Welded {
+        /// Vertices that are gone.
+        n_vertices: usize,
+        /// The tolerance.
+        tolerance: f64,
+    },
+    /// Triangles dropped because a corner occurs twice in them.
+    DroppedCollapsed(usize),
+    /// Triangles dropped because another one has the same corners: copies, and pairs that face
+    /// opposite sides and enclose nothing.
+    DroppedDoubled(usize),
+    /// Triangles turned over to face the same side as their neighbours.
+    TurnedTriangles(usize),
+    /// Components of which all triangles were turned, to face out of the solid.
+    TurnedComponents(usize),
+    /// Components whose triangles cannot be turned to agree, as on a Möbius strip.
+    Unorientable(usize),
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Change::Welded { n_vertices, tolerance } => write!(
+                f,
+                "joined {n_vertices} vertices with others closer than {tolerance:e} of the diagonal"
+            ),
+            Change::DroppedCollapsed(n) => {
+                write!(f, "dropped {n} triangles with a corner used twice")
+            }
+            Change::DroppedDoubled(n) => write!(f, "dropped {n} doubled triangles"),
+            Change::TurnedTriangles(n) => {
+                write!(f, "turned {n} triangles to agree with their neighbours")
+            }
+            Change::TurnedComponents(n) => write!(f, "turned {n} inward-facing components outward"),
+            Change::Unorientable(n) => {
+                write!(f, "{n} components cannot be oriented, left as they are")
+            }
+        }
+    }
+}
+
+/// Welds gaps, drops triangles that collapsed or are doubled, and orients; returns what it did, which
+/// is nothing for a faultless mesh.
+///
+/// Welding is kept only if it closes open edges without making others non-manifold.
+pub fn repair(mesh: &mut Mesh) -> Vec<Change> {
+    let mut changes: Vec<Change> = weld_gaps(mesh).into_iter().collect();
+    changes.extend(drop_collapsed(mesh));
+    changes.extend(drop_doubled(mesh));
+    changes.extend(orient(mesh));
+    changes
+}
+
+/// Turns a mesh whose triangles agree, but all face inward. Returns the notice to show if so.
+pub fn face_outward(mesh: &mut Mesh) -> Option<Change> {
+    let report = check(mesh);
+    let turned = report.n_components == 1
+        && report.blocking().is_some_and(|finding| finding.fault == Fault::Inward);
+    turned.then(|| {
+        mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        Change::TurnedComponents(1)
+    })
+}
+
+fn weld_gaps(mesh: &mut Mesh) -> Option<Change> {
+    let count = |mesh: &Mesh| {
+        let report = check(mesh);
+        (report.count(Fault::OpenEdge), report.count(Fault::NonManifoldEdge))
+    };
+    let before = count(mesh);
+    if before.0 == 0 {
+        return None;
+    }
+    let welded = weld::weld(mesh, GAP_TOLERANCE);
+    let after = count(&welded);
+    if after.0 >= before.0 || after.1 > before.1 {
+        return None;
+    }
+    let n_vertices = mesh.vertices.len() - welded.vertices.len();
+    *mesh = welded;
+    Some(Change::Welded { n_vertices, tolerance: GAP_TOLERANCE })
+}
+
+fn drop_collapsed(mesh: &mut Mesh) -> Option<Change> {
+    let before = mesh.triangles.len();
+    mesh.triangles.retain(has_three_corners);
+    let n = before - mesh.triangles.len();
+    (n > 0).then_some(Change::DroppedCollapsed(n))
+}
+
+/// Of triangles with the same corners, keeps one of the side that has more, or none.
+fn drop_doubled(mesh: &mut Mesh) -> Option<Change> {
+    let mut surplus: HashMap<[u32; 3], (i64, i64)> = HashMap::new();
+    for triangle in &mesh.triangles {
+        let (key, even) = sorted(*triangle);
+        let entry = surplus.entry(key).or_default();
+        *if even { &mut entry.0 } else { &mut entry.1 } += 1;
+    }
+    let before = mesh.triangles.len();
+    mesh.triangles.retain(|triangle| {
+        let (key, even) = sorted(*triangle);
+        let Some(entry) = surplus.get_mut(&key) else { return true };
+        let (mine, other) = if even { (entry.0, entry.1) } else { (entry.1, entry.0) };
+        if mine <= other {
+            return false;
+        }
+        // The first one stays; the marker makes all later ones, of either side, go.
+        *entry = (0, 0);
+        true
+    });
+    let n = before - mesh.triangles.len();
+    (n > 0).then_some(Change::DroppedDoubled(n))
+}
+
+/// The corners ascending, and whether that is a rotation of their order.
+fn sorted([a, b, c]: [u32; 3]) -> ([u32; 3], bool) {
+    let mut key = [a, b, c];
+    key.sort_unstable();
+    (key, [[a, b, c], [b, c, a], [c, a, b]].contains(&key))
+}
+
+/// Makes the triangles of each component agree, then each closed component face out of the solid:
+/// away from its own inside, or towards it if it bounds a void within another.
+fn orient(mesh: &mut Mesh) -> Vec<Change> {
+    let topology = Topology::of(mesh);
+    let components = topology.components();
+    let neighbours = neighbours(&topology, mesh.triangles.len());
+    let (mut n_turned, mut n_unorientable) = (0, 0);
+    for faces in &components {
+        match agreement(faces, &neighbours) {
+            Some(turned) => {
+                turned.iter().for_each(|f| mesh.triangles[*f as usize].swap(1, 2));
+                n_turned += turned.len();
+            }
+            None => n_unorientable += 1,
+        }
+    }
+    // Sides have changed with the triangles.
+    let n_components = turn_outward(mesh, &Topology::of(mesh), &components);
+    let changes = [
+        (n_turned, Change::TurnedTriangles(n_turned)),
+        (n_components, Change::TurnedComponents(n_components)),
+        (n_unorientable, Change::Unorientable(n_unorientable)),
+    ];
+    changes.into_iter().filter(|(n, _)| *n > 0).map(|(_, change)| change).collect()
+}
+
+/// For every face the faces across its manifold edges, and whether they pass the edge oppositely.
+fn neighbours(topology: &Topology, n_triangles: usize) -> Vec<Vec<(u32, bool)>> {
+    let mut neighbours = vec![Vec::new(); n_triangles];
+    for uses in topology.edges() {
+        if let [a, b] = uses {
+            let agree = a.forward != b.forward;
+            neighbours[a.face as usize].push((b.face, agree));
+            neighbours[b.face as usize].push((a.face, agree));
+        }
+    }
+    neighbours
+}
+
+/// The fewest faces to turn so that all of a component agree; `None` if none would do. Groups that
+/// hang together by non-manifold edges only are settled one by one.
+fn agreement(faces: &[u32], neighbours: &[Vec<(u32, bool)>]) -> Option<Vec<u32>> {
+    let mut turn: HashMap<u32, bool> = HashMap::new();
+    let mut all_turned = Vec::new();
+    for start in faces {
+        if turn.contains_key(start) {
+            continue;
+        }
+        turn.insert(*start, false);
+        let mut group = vec![*start];
+        let mut next = 0;
+        while next < group.len() {
+            let face = group[next];
+            next += 1;
+            for (other, agree) in &neighbours[face as usize] {
+                let wanted = turn[&face] == *agree;
+                match turn.get(other) {
+                    Some(known) if *known != wanted => return None,
+                    Some(_) => {}
+                    None => {
+                        turn.insert(*other, wanted);
+                        group.push(*other);
+                    }
+                }
+            }
+        }
+        let (turned, kept): (Vec<u32>, Vec<u32>) = group.into_iter().partition(|f| turn[f]);
+        all_turned.extend(if turned.len() <= kept.len() { turned } else { kept });
+    }
+    Some(all_turned)
+}
+
+/// Turns the closed components that face the wrong way; returns how many.
+fn turn_outward(mesh: &mut Mesh, topology: &Topology, components: &[Vec<u32>]) -> usize {
+    let mut owner = vec![u32::MAX; mesh.triangles.len()];
+    for (i, faces) in components.iter().enumerate() {
+        faces.iter().for_each(|f| owner[*f as usize] = i as u32);
+    }
+    let open: HashSet<u32> = topology
+        .edges()
+        .filter(|uses| 2 * uses.iter().filter(|u| u.forward).count() != uses.len())
+        .flat_map(|uses| uses.iter().map(|u| owner[u.face as usize]))
+        .collect();
+    owner.iter_mut().filter(|i| open.contains(i)).for_each(|i| *i = u32::MAX);
+    let probes: Vec<DVec3> = components.iter().map(|f| mesh.corners(f[0] as usize)[0]).collect();
+    let around = inside::groups_around(mesh, &owner, &probes);
+    let mut n_turned = 0;
+    for (i, faces) in components.iter().enumerate() {
+        let depth = around[i].iter().filter(|k| **k != i as u32).count();
+        let is_void = depth % 2 == 1;
+        if !open.contains(&(i as u32)) && (volume_of(mesh, faces) < 0.0) != is_void {
+            faces.iter().for_each(|f| mesh.triangles[*f as usize].swap(1, 2));
+            n_turned += 1;
+        }
+    }
+    n_turned
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::solids::{cuboid, torus};
+
+    fn together(a: &Mesh, b: &Mesh) -> Mesh {
+        let n = a.vertices.len() as u32;
+        let mut both = a.clone();
+        both.vertices.extend(&b.vertices);
+        both.triangles.extend(b.triangles.iter().map(|t| t.map(|v| v + n)));
+        both
+    }
+
+    #[test]
+    fn a_faultless_mesh_is_left_alone() {
+        let mut mesh = torus(3.0, 1.0, 20, 10);
+        let before = mesh.clone();
+        assert_eq!(repair(&mut mesh), []);
+        assert_eq!(face_outward(&mut mesh), None);
+        assert_eq!(mesh, before);
+    }
+
+    #[test]
+    fn gaps_doubles_and_turned_triangles_are_mended_and_named() {
+        let solid = torus(3.0, 1.0, 20, 10);
+        let mut broken = solid.clone();
+        broken.triangles.extend([[0, 1, 1], broken.triangles[250]]);
+        broken.triangles[5].swap(0, 1);
+        broken.triangles[90].swap(0, 1);
+        let moved = broken.vertices[3] + DVec3::splat(2e-5);
+        broken.vertices.push(moved);
+        let f = broken.triangles.iter().rposition(|t| t.contains(&3)).unwrap();
+        broken.triangles[f] = broken.triangles[f].map(|v| if v == 3 { 200 } else { v });
+        let changes = repair(&mut broken);
+        assert_eq!(
+            changes,
+            [
+                Change::Welded { n_vertices: 1, tolerance: GAP_TOLERANCE },
+                Change::DroppedCollapsed(1),
+                Change::DroppedDoubled(1),
+                Change::TurnedTriangles(2),
+            ]
+        );
+        assert!(check(&broken).findings.is_empty());
+        assert_eq!(broken.triangles.len(), solid.triangles.len());
+    }
+
+    #[test]
+    fn an_inward_mesh_is_turned_with_a_notice() {
+        let mut mesh = cuboid(DVec3::ONE);
+        mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        let notice = face_outward(&mut mesh).unwrap().to_string();
+        assert!(notice.contains("turned 1 inward"), "{notice}");
+        assert_eq!(mesh.volume(), 1.0);
+        mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        assert_eq!(repair(&mut mesh), [Change::TurnedComponents(1)]);
+        assert_eq!(mesh.volume(), 1.0);
+    }
+
+    #[test]
+    fn a_void_keeps_facing_into_itself() {
+        let mut void = cuboid(DVec3::ONE);
+        void.vertices.iter_mut().for_each(|v| *v += 1.0);
+        let outer = cuboid(DVec3::splat(3.0));
+        let mut hollow = together(&outer, &void);
+        assert_eq!(repair(&mut hollow), [Change::TurnedComponents(1)]);
+        assert_eq!(hollow.volume(), 26.0);
+        assert_eq!(repair(&mut hollow), []);
+    }
+
+    #[test]
+    fn a_moebius_strip_and_a_hole_are_left_as_they_are() {
+        let n = 12;
+        let ring = |i: u32| f64::from(i) * std::f64::consts::TAU / f64::from(n);
+        let vertex = |i: u32, side: f64| {
+            let (turn, lift) = (ring(i), ring(i) / 2.0);
+            let radius = 5.0 + side * lift.cos();
+            DVec3::new(radius * turn.cos(), radius * turn.sin(), side * lift.sin())
+        };
+        let vertices = (0..n).flat_map(|i| [vertex(i, -1.0), vertex(i, 1.0)]).collect();
+        let quad = |i: u32| {
+            let (a, b) = (2 * i, 2 * i + 1);
+            let (c, d) = if i + 1 < n { (a + 2, b + 2) } else { (1, 0) };
+            [[a, c, b], [b, c, d]]
+        };
+        let mut strip = Mesh { vertices, triangles: (0..n).flat_map(quad).collect() };
+        assert_eq!(repair(&mut strip), [Change::Unorientable(1)]);
+        let mut open = cuboid(DVec3::ONE);
+        open.triangles.pop();
+        assert_eq!(repair(&mut open), []);
+        assert_eq!(check(&open).count(Fault::OpenEdge), 3);
+    }
+
+    #[test]
+    fn a_flap_of_two_opposite_triangles_goes() {
+        let mut mesh = cuboid(DVec3::ONE);
+        mesh.vertices.push(DVec3::splat(2.0));
+        mesh.triangles.extend([[0, 1, 8], [1, 0, 8]]);
+        assert_eq!(repair(&mut mesh), [Change::DroppedDoubled(2)]);
+        assert!(check(&mesh).findings.is_empty());
+    }
+}
