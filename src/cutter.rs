@@ -1,1 +1,409 @@
 //! Cutters: solids of revolution about their axis that only grow upward.
+//!
+//! A [`Cutter`] is a rule for where its *reference point* lies when it touches a site, and a list of
+//! [`Step`]s above that point: everything higher than a step's height and nearer to the axis than its
+//! radius is inside the cutter. Because radii never shrink upward, a step needs no upper end. What
+//! lies below the first step, the ball and its neighbourhood, is contact and not collision.
+
+use crate::rng::Stream;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// Lengths of a ball-end cutter with a holder, mm, unchecked; the order is `CR, CH, FR, FH` everywhere.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CutterParams {
+    /// CR: radius of the ball and of the cylinder above it.
+    pub cr_mm: f64,
+    /// CH: height of that cylinder, from the top of the ball to the holder.
+    pub ch_mm: f64,
+    /// FR: radius of the holder.
+    pub fr_mm: f64,
+    /// FH: height of the holder; above it everything is spindle.
+    pub fh_mm: f64,
+}
+
+impl CutterParams {
+    /// From `[CR, CH, FR, FH]`, mm.
+    pub fn from_array([cr_mm, ch_mm, fr_mm, fh_mm]: [f64; 4]) -> Self {
+        CutterParams { cr_mm, ch_mm, fr_mm, fh_mm }
+    }
+
+    /// `[CR, CH, FR, FH]`, mm.
+    pub fn to_array(self) -> [f64; 4] {
+        [self.cr_mm, self.ch_mm, self.fr_mm, self.fh_mm]
+    }
+}
+
+/// The published ranges that cutters are drawn from; each length is uniform and independent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CutterSet {
+    /// Training and main test set: CR 1–2, CH 0.1–10.1, FR 5–100, FH 0.1–10.1.
+    Uniform,
+    /// Hardly any stick-out: CR 1–2, CH 0.1–0.2, FR 80–100, FH 0.1–0.2.
+    Short,
+    /// Long and slender: CR 1–2, CH 10–10.1, FR 5–5.1, FH 10–10.1.
+    Long,
+    /// Beyond the training range: CR 1–2, CH 20–20.1, FR 5–5.1, FH 20–20.1.
+    Extreme,
+}
+
+impl CutterSet {
+    /// Every set, in the order of the paper.
+    pub const ALL: [CutterSet; 4] =
+        [CutterSet::Uniform, CutterSet::Short, CutterSet::Long, CutterSet::Extreme];
+
+    /// `uniform`, `short`, `long` or `extreme`.
+    pub fn name(self) -> &'static str {
+        match self {
+            CutterSet::Uniform => "uniform",
+            CutterSet::Short => "short",
+            CutterSet::Long => "long",
+            CutterSet::Extreme => "extreme",
+        }
+    }
+
+    /// The set called `name`.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn named(name: &str) -> Result<Self> {
+        CutterSet::ALL.into_iter().find(|set| set.name() == name).ok_or_else(|| {
+            Error::argument(
+                "cutter set",
+                name,
+                "uniform, short, long or extreme",
+                "name one of these or give CR,CH,FR,FH",
+            )
+        })
+    }
+
+    /// Ranges `[low, high)` of CR, CH, FR, FH, mm.
+    pub fn ranges_mm(self) -> [[f64; 2]; 4] {
+        let cr = [1.0, 2.0];
+        match self {
+            CutterSet::Uniform => [cr, [0.1, 10.1], [5.0, 100.0], [0.1, 10.1]],
+            CutterSet::Short => [cr, [0.1, 0.2], [80.0, 100.0], [0.1, 0.2]],
+            CutterSet::Long => [cr, [10.0, 10.1], [5.0, 5.1], [10.0, 10.1]],
+            CutterSet::Extreme => [cr, [20.0, 20.1], [5.0, 5.1], [20.0, 20.1]],
+        }
+    }
+
+    /// One cutter of the set; takes four numbers from the stream.
+    pub fn draw(self, stream: &mut Stream) -> CutterParams {
+        CutterParams::from_array(self.ranges_mm().map(|[low, high]| stream.range(low, high)))
+    }
+}
+
+/// One widening of a cutter: from `height_mm` above its reference point on, it fills `radius_mm`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Step {
+    /// Height above the reference point, mm.
+    pub height_mm: f64,
+    /// Radius from there upward, mm; infinite for the spindle's half-space.
+    pub radius_mm: f64,
+}
+
+/// A checked cutter: where it touches, and steps whose heights increase and radii do not decrease.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cutter {
+    corner_mm: f64,
+    side_mm: f64,
+    steps: Vec<Step>,
+}
+
+impl Cutter {
+    /// Ball-end cutter with a cylindrical holder and a spindle above it (the paper's cutter).
+    ///
+    /// Steps above the ball's centre: `(CR, CR)`, `(CR+CH, FR)`, `(CR+CH+FH, ∞)`.
+    ///
+    /// # Errors
+    /// If a length is not finite and positive, or FR < CR.
+    ///
+    /// ```
+    /// use deepmill::cutter::{Cutter, CutterParams};
+    /// let cutter = Cutter::ball_end(CutterParams::from_array([1.5, 6.0, 40.0, 5.0]))?;
+    /// assert_eq!(cutter.steps()[1].height_mm, 7.5);
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    pub fn ball_end(params: CutterParams) -> Result<Self> {
+        Cutter::bull_nose(params, params.cr_mm)
+    }
+
+    /// Flat-end cutter with the lengths of a ball-end one: its tip is a disc of radius CR.
+    ///
+    /// # Errors
+    /// As [`Cutter::ball_end`].
+    pub fn flat_end(params: CutterParams) -> Result<Self> {
+        Cutter::bull_nose(params, 0.0)
+    }
+
+    /// Cutter whose tip is a disc with edges rounded by `corner_mm` (0: flat end, CR: ball end).
+    ///
+    /// The outline above the tip is that of the ball-end cutter: steps begin `2·CR`, `2·CR+CH`,
+    /// `2·CR+CH+FH` above the tip, whatever the corner. The reference point is `corner_mm` above the
+    /// tip.
+    ///
+    /// # Errors
+    /// As [`Cutter::ball_end`], or if the corner is negative or greater than CR.
+    pub fn bull_nose(params: CutterParams, corner_mm: f64) -> Result<Self> {
+        let CutterParams { cr_mm, ch_mm, fr_mm, fh_mm } = params;
+        let names =
+            ["cutter radius CR", "cutter height CH", "holder radius FR", "holder height FH"];
+        for (name, length) in names.into_iter().zip(params.to_array()) {
+            positive(name, length)?;
+        }
+        if fr_mm < cr_mm {
+            let expected = format!("at least CR = {cr_mm} mm");
+            return Err(Error::argument("holder radius FR", fr_mm, expected, ORDER));
+        }
+        if !(0.0..=cr_mm).contains(&corner_mm) {
+            let expected = format!("between 0 and CR = {cr_mm} mm");
+            return Err(Error::argument("corner radius", corner_mm, expected, "use CR for a ball"));
+        }
+        let first = cr_mm + (cr_mm - corner_mm);
+        Cutter::from_steps(
+            corner_mm,
+            cr_mm - corner_mm,
+            vec![
+                Step { height_mm: first, radius_mm: cr_mm },
+                Step { height_mm: first + ch_mm, radius_mm: fr_mm },
+                Step { height_mm: first + ch_mm + fh_mm, radius_mm: f64::INFINITY },
+            ],
+        )
+    }
+
+    /// Ball-end cutter with any holder: each section is `(length, radius)` mm, from the ball's top
+    /// upward; the first is the cutter's own cylinder. `spindle` puts a half-space on top.
+    ///
+    /// # Errors
+    /// If there is no section, a length or radius is not positive, or a radius shrinks upward.
+    pub fn stepped(cr_mm: f64, sections: &[(f64, f64)], spindle: bool) -> Result<Self> {
+        positive("cutter radius CR", cr_mm)?;
+        let mut height_mm = cr_mm;
+        let mut steps = Vec::with_capacity(sections.len() + 1);
+        for &(length, radius_mm) in sections {
+            positive("section length", length)?;
+            steps.push(Step { height_mm, radius_mm });
+            height_mm += length;
+        }
+        if spindle {
+            steps.push(Step { height_mm, radius_mm: f64::INFINITY });
+        }
+        Cutter::from_steps(cr_mm, 0.0, steps)
+    }
+
+    /// Ball-end cutter whose flank widens by `taper_rad` over the height CH, in `n_steps` steps that
+    /// enclose the true cone; then holder and spindle as in [`Cutter::ball_end`].
+    ///
+    /// # Errors
+    /// As [`Cutter::ball_end`], or if the taper is not below a right angle, there are no steps, or the
+    /// cone is wider than the holder.
+    pub fn tapered(params: CutterParams, taper_rad: f64, n_steps: usize) -> Result<Self> {
+        let base = Cutter::ball_end(params)?;
+        let allowed = "between 0 and a right angle";
+        if !(0.0..1.57).contains(&taper_rad) {
+            let remedy = "give the angle between flank and axis in radians";
+            return Err(Error::argument("taper", taper_rad, allowed, remedy));
+        }
+        if n_steps == 0 || n_steps > MAX_STEPS - 2 {
+            let expected = format!("1 to {}", MAX_STEPS - 2);
+            return Err(Error::argument("steps of the taper", n_steps, expected, "16 is plenty"));
+        }
+        let slope = libm::tan(taper_rad);
+        let length = params.ch_mm / n_steps as f64;
+        let cone = (0..n_steps).map(|i| Step {
+            height_mm: params.cr_mm + i as f64 * length,
+            radius_mm: params.cr_mm + (i + 1) as f64 * length * slope,
+        });
+        let steps = cone.chain(base.steps[1..].iter().copied()).collect();
+        Cutter::from_steps(params.cr_mm, 0.0, steps)
+    }
+
+    /// The general form. Touching a site with normal `n` in direction `d`, the reference point is
+    /// `s + corner·n + side·n⊥/|n⊥|`, where `n⊥` is the part of `n` across `d`.
+    ///
+    /// # Errors
+    /// If there are no steps or more than 64, a length is negative or not a number, heights do not
+    /// increase, or a radius shrinks upward (a lollipop): collision must only ever grow upward.
+    pub fn from_steps(corner_mm: f64, side_mm: f64, steps: Vec<Step>) -> Result<Self> {
+        for (name, length) in [("corner radius", corner_mm), ("side offset", side_mm)] {
+            if !(0.0..=MAX_LENGTH_MM).contains(&length) {
+                let expected = "zero or more, at most 10 m";
+                return Err(Error::argument(name, length, expected, "give it in mm"));
+            }
+        }
+        if steps.is_empty() || steps.len() > MAX_STEPS {
+            let expected = format!("1 to {MAX_STEPS}");
+            return Err(Error::argument("number of steps", steps.len(), expected, "merge steps"));
+        }
+        for (i, step) in steps.iter().enumerate() {
+            check_step(i, step, steps.get(i.wrapping_sub(1)))?;
+        }
+        Ok(Cutter { corner_mm, side_mm, steps })
+    }
+
+    /// Reference point's distance from the touched site along the normal, and its height above the
+    /// tip, mm.
+    pub fn corner_mm(&self) -> f64 {
+        self.corner_mm
+    }
+
+    /// Reference point's further distance across the direction, mm; 0 for a ball end.
+    pub fn side_mm(&self) -> f64 {
+        self.side_mm
+    }
+
+    /// The steps, heights increasing, radii not decreasing.
+    pub fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// This cutter with a safety margin: every step begins `clearance_mm` lower and is as much wider.
+    ///
+    /// A negative margin shrinks it; radii stop at 0. The point of contact does not move.
+    ///
+    /// # Errors
+    /// If the margin is not a number or beyond 10 m.
+    pub fn with_clearance(&self, clearance_mm: f64) -> Result<Self> {
+        if !(-MAX_LENGTH_MM..=MAX_LENGTH_MM).contains(&clearance_mm) {
+            let expected = "a length within 10 m";
+            return Err(Error::argument("clearance", clearance_mm, expected, "give it in mm"));
+        }
+        let grow = |step: &Step| Step {
+            height_mm: step.height_mm - clearance_mm,
+            radius_mm: (step.radius_mm + clearance_mm).max(0.0),
+        };
+        Ok(Cutter { steps: self.steps.iter().map(grow).collect(), ..self.clone() })
+    }
+}
+
+/// More steps than any real tool has.
+const MAX_STEPS: usize = 64;
+/// Longer than any real tool: beyond it, squares and sums might leave the range of `f32` arithmetic.
+const MAX_LENGTH_MM: f64 = 1e4;
+const ORDER: &str = "order the lengths CR,CH,FR,FH; a holder is at least as wide as its cutter";
+
+fn positive(name: &'static str, length: f64) -> Result<()> {
+    if length > 0.0 && length <= MAX_LENGTH_MM {
+        return Ok(());
+    }
+    Err(Error::argument(name, length, "a positive length, at most 10 m", "give it in mm"))
+}
+
+fn check_step(index: usize, step: &Step, below: Option<&Step>) -> Result<()> {
+    let place = |what: &str| format!("{what} of step {index}");
+    let Step { height_mm, radius_mm } = *step;
+    if !(-MAX_LENGTH_MM..=MAX_LENGTH_MM).contains(&height_mm) {
+        let found = format!("{} {height_mm}", place("height"));
+        return Err(Error::argument("cutter step", found, "within 10 m", "give it in mm"));
+    }
+    let finite_or_spindle = radius_mm <= MAX_LENGTH_MM || radius_mm == f64::INFINITY;
+    if !(radius_mm > 0.0 && finite_or_spindle) {
+        let found = format!("{} {radius_mm}", place("radius"));
+        let expected = "positive, at most 10 m, or infinite for the spindle";
+        return Err(Error::argument("cutter step", found, expected, "give it in mm"));
+    }
+    let Some(below) = below else { return Ok(()) };
+    if height_mm <= below.height_mm {
+        let found = format!("{} {height_mm} above {}", place("height"), below.height_mm);
+        let remedy = "list steps from the tip upward";
+        return Err(Error::argument("cutter step", found, "increasing heights", remedy));
+    }
+    if radius_mm < below.radius_mm {
+        let found = format!("{} {radius_mm} above {}", place("radius"), below.radius_mm);
+        let remedy = "a lollipop's neck cannot be expressed: give the neck the radius below it";
+        return Err(Error::argument("cutter step", found, "radii that never shrink", remedy));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Purpose;
+
+    fn ball(lengths: [f64; 4]) -> Result<Cutter> {
+        Cutter::ball_end(CutterParams::from_array(lengths))
+    }
+
+    #[test]
+    fn steps_of_a_ball_end_are_the_papers() {
+        let cutter = ball([1.5, 6.0, 40.0, 5.0]).unwrap();
+        let expected = [(1.5, 1.5), (7.5, 40.0), (12.5, f64::INFINITY)];
+        let found: Vec<_> = cutter.steps().iter().map(|s| (s.height_mm, s.radius_mm)).collect();
+        assert_eq!(found, expected);
+        assert_eq!((cutter.corner_mm(), cutter.side_mm()), (1.5, 0.0));
+    }
+
+    #[test]
+    fn outlines_above_the_tip_do_not_depend_on_the_corner() {
+        let params = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]);
+        for corner in [0.0, 0.5, 1.5] {
+            let cutter = Cutter::bull_nose(params, corner).unwrap();
+            let tip: Vec<_> = cutter.steps().iter().map(|s| s.height_mm + corner).collect();
+            assert_eq!(tip, [3.0, 9.0, 14.0]);
+            assert_eq!(cutter.side_mm(), 1.5 - corner);
+        }
+    }
+
+    #[test]
+    fn a_taper_encloses_its_cone() {
+        let params = CutterParams::from_array([1.0, 8.0, 20.0, 5.0]);
+        let cutter = Cutter::tapered(params, 0.1, 8).unwrap();
+        assert_eq!(cutter.steps().len(), 10);
+        let slope = libm::tan(0.1);
+        for step in &cutter.steps()[..8] {
+            let cone_at_top = 1.0 + (step.height_mm - 1.0 + 1.0) * slope;
+            assert!((step.radius_mm - cone_at_top).abs() < 1e-12);
+        }
+        assert!(Cutter::tapered(params, 1.3, 8).is_err(), "wider than its holder");
+        assert!(Cutter::tapered(params, 2.0, 8).is_err());
+        assert!(Cutter::tapered(params, 0.1, 0).is_err());
+    }
+
+    #[test]
+    fn impossible_cutters_are_refused_with_a_remedy() {
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            for place in 0..4 {
+                let mut lengths = [1.0, 2.0, 30.0, 4.0];
+                lengths[place] = bad;
+                let message = ball(lengths).unwrap_err().to_string();
+                assert!(message.contains("positive") && message.contains("mm"), "{message}");
+            }
+        }
+        let message = ball([2.0, 5.0, 1.0, 5.0]).unwrap_err().to_string();
+        assert!(message.contains("holder radius FR is 1"), "{message}");
+        let lollipop = Cutter::stepped(3.0, &[(5.0, 3.0), (20.0, 1.0)], true);
+        let message = lollipop.unwrap_err().to_string();
+        assert!(message.contains("lollipop") && message.contains("step 1"), "{message}");
+        assert!(Cutter::stepped(1.0, &[], false).is_err());
+        assert!(Cutter::stepped(1.0, &[(0.0, 1.0)], false).is_err());
+    }
+
+    #[test]
+    fn clearance_lowers_and_widens_every_step() {
+        let cutter = ball([1.5, 6.0, 40.0, 5.0]).unwrap();
+        let wide = cutter.with_clearance(0.5).unwrap();
+        assert_eq!(wide.steps()[1], Step { height_mm: 7.0, radius_mm: 40.5 });
+        assert_eq!(wide.corner_mm(), 1.5);
+        assert_eq!(cutter.with_clearance(-2.0).unwrap().steps()[0].radius_mm, 0.0);
+        assert!(cutter.with_clearance(f64::NAN).is_err());
+    }
+
+    #[test]
+    fn drawn_cutters_lie_in_their_ranges_and_are_valid() {
+        for set in CutterSet::ALL {
+            assert_eq!(CutterSet::named(set.name()).unwrap(), set);
+            let mut stream = Stream::new(1, 0, 0, Purpose::Cutter);
+            for _ in 0..100 {
+                let params = set.draw(&mut stream);
+                for ([low, high], length) in set.ranges_mm().into_iter().zip(params.to_array()) {
+                    assert!((low..high).contains(&length));
+                }
+                Cutter::ball_end(params).unwrap();
+            }
+        }
+        assert!(CutterSet::named("huge").is_err());
+    }
+}

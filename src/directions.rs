@@ -1,1 +1,267 @@
 //! Ordered sets of unit vectors from the tip to the spindle.
+//!
+//! A [`DirectionSet`] is the recipe, small enough to be recorded with every data set; [`Directions`]
+//! holds the vectors. Everything is computed in `f64` with [`libm`] and rounded to `f32` once, so a
+//! recipe gives the same bits everywhere.
+
+use crate::{Error, Result};
+use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// How a set of directions is made. Axes need not be unit vectors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum DirectionSet {
+    /// `z_k = 1 − (k+½)/m`, azimuth `k·π(3−√5)`, k = 0…m−1: even over the upper half, without +z
+    /// itself, which would put every vertical wall on the knife edge r = R.
+    FibonacciHemisphere {
+        /// Number of directions m.
+        n_dirs: usize,
+    },
+    /// `z_k = 1 − (2k+1)/m`, same azimuths: even over the whole sphere.
+    FibonacciSphere {
+        /// Number of directions m.
+        n_dirs: usize,
+    },
+    /// Upper half, polar angles `(i+½)·(π/2)/n_polar`, azimuths `(j+½)·2π/n_azimuth`, polar outermost:
+    /// symmetric in x and y for even `n_azimuth`.
+    LatLong {
+        /// Number of rings.
+        n_polar: usize,
+        /// Directions on each ring.
+        n_azimuth: usize,
+    },
+    /// Within `half_angle_rad` of `axis`, even in area: the tilt limits of a machine.
+    Cone {
+        /// The cone's axis.
+        axis: [f64; 3],
+        /// Greatest angle from the axis, at most π.
+        half_angle_rad: f64,
+        /// Number of directions.
+        n_dirs: usize,
+    },
+    /// Across `axis`, angles `k·2π/m`: a fourth axis.
+    Circle {
+        /// The axis of rotation.
+        axis: [f64; 3],
+        /// Number of directions.
+        n_dirs: usize,
+    },
+    /// These vectors in this order, made unit: 3-axis and 3+2 setups.
+    List {
+        /// Any lengths but zero.
+        vectors: Vec<[f64; 3]>,
+    },
+}
+
+/// At least one unit vector; the order is part of the result of every labelling.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Directions {
+    set: DirectionSet,
+    vectors: Vec<Vec3>,
+}
+
+impl Directions {
+    /// The vectors of `set`.
+    ///
+    /// # Errors
+    /// If the set is empty or larger than a million, an axis or vector has no direction, or the
+    /// cone's angle is not in `(0, π]`.
+    pub fn new(set: DirectionSet) -> Result<Self> {
+        let n_dirs = match &set {
+            DirectionSet::FibonacciHemisphere { n_dirs }
+            | DirectionSet::FibonacciSphere { n_dirs }
+            | DirectionSet::Cone { n_dirs, .. }
+            | DirectionSet::Circle { n_dirs, .. } => *n_dirs,
+            DirectionSet::LatLong { n_polar, n_azimuth } => n_polar.saturating_mul(*n_azimuth),
+            DirectionSet::List { vectors } => vectors.len(),
+        };
+        if n_dirs == 0 || n_dirs > MAX_DIRECTIONS {
+            let expected = format!("1 to {MAX_DIRECTIONS}");
+            return Err(Error::argument("directions", n_dirs, expected, "the paper uses 150"));
+        }
+        let vectors = build(&set, n_dirs)?;
+        Ok(Directions { set, vectors: vectors.into_iter().map(DVec3::as_vec3).collect() })
+    }
+
+    /// The default: `n_dirs` Fibonacci directions on the upper half, the paper's number being 150.
+    ///
+    /// # Errors
+    /// If `n_dirs` is 0 or above a million.
+    ///
+    /// ```
+    /// let directions = deepmill::directions::Directions::fibonacci_hemisphere(150)?;
+    /// assert!(directions.vectors().iter().all(|d| d.z > 0.0));
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    pub fn fibonacci_hemisphere(n_dirs: usize) -> Result<Self> {
+        Directions::new(DirectionSet::FibonacciHemisphere { n_dirs })
+    }
+
+    /// Unit vectors from tip to spindle.
+    pub fn vectors(&self) -> &[Vec3] {
+        &self.vectors
+    }
+
+    /// The recipe.
+    pub fn set(&self) -> &DirectionSet {
+        &self.set
+    }
+
+    /// Number of directions.
+    pub fn len(&self) -> usize {
+        self.vectors.len()
+    }
+
+    /// Never true: a set has at least one direction.
+    pub fn is_empty(&self) -> bool {
+        self.vectors.is_empty()
+    }
+}
+
+const MAX_DIRECTIONS: usize = 1_000_000;
+
+fn build(set: &DirectionSet, n_dirs: usize) -> Result<Vec<DVec3>> {
+    let all = 0..n_dirs;
+    Ok(match set {
+        DirectionSet::FibonacciHemisphere { .. } => {
+            all.map(|k| fibonacci(k, n_dirs, 1.0)).collect()
+        }
+        DirectionSet::FibonacciSphere { .. } => all.map(|k| fibonacci(k, n_dirs, 2.0)).collect(),
+        DirectionSet::LatLong { n_polar, n_azimuth } => all
+            .map(|k| {
+                let polar = ((k / n_azimuth) as f64 + 0.5) * FRAC_PI_2 / *n_polar as f64;
+                let azimuth = ((k % n_azimuth) as f64 + 0.5) * TAU / *n_azimuth as f64;
+                let (sin, cos) = (libm::sin(polar), libm::cos(polar));
+                DVec3::new(sin * libm::cos(azimuth), sin * libm::sin(azimuth), cos)
+            })
+            .collect(),
+        DirectionSet::Cone { axis, half_angle_rad, .. } => {
+            if !(*half_angle_rad > 0.0 && *half_angle_rad <= PI) {
+                let remedy = "give the greatest tilt in radians";
+                let expected = "above 0, at most pi";
+                return Err(Error::argument("cone angle", half_angle_rad, expected, remedy));
+            }
+            let [u, v, w] = basis(unit("cone axis", *axis)?);
+            let depth = 1.0 - libm::cos(*half_angle_rad);
+            all.map(|k| fibonacci(k, n_dirs, depth)).map(|p| u * p.x + v * p.y + w * p.z).collect()
+        }
+        DirectionSet::Circle { axis, .. } => {
+            let [u, v, _] = basis(unit("circle axis", *axis)?);
+            let angle = |k: usize| k as f64 * TAU / n_dirs as f64;
+            all.map(angle).map(|a| u * libm::cos(a) + v * libm::sin(a)).collect()
+        }
+        DirectionSet::List { vectors } => {
+            vectors.iter().map(|&d| unit("direction", d)).collect::<Result<_>>()?
+        }
+    })
+}
+
+/// Point `k` of `n` on the cap of the unit sphere above `z = 1 − depth`, midpoints in z.
+fn fibonacci(k: usize, n: usize, depth: f64) -> DVec3 {
+    let z = 1.0 - depth * (k as f64 + 0.5) / n as f64;
+    let azimuth = k as f64 * (PI * (3.0 - 5f64.sqrt()));
+    let across = (1.0 - z * z).max(0.0).sqrt();
+    DVec3::new(across * libm::cos(azimuth), across * libm::sin(azimuth), z)
+}
+
+fn unit(name: &'static str, vector: [f64; 3]) -> Result<DVec3> {
+    DVec3::from_array(vector).try_normalize().ok_or_else(|| {
+        let found = format!("{vector:?}");
+        Error::argument(
+            name,
+            found,
+            "a finite vector of non-zero length",
+            "check the three numbers",
+        )
+    })
+}
+
+/// `[u, v, w]` right-handed and orthonormal with `w` given (Duff et al. 2017).
+pub(crate) fn basis(w: DVec3) -> [DVec3; 3] {
+    let sign = 1f64.copysign(w.z);
+    let a = -1.0 / (sign + w.z);
+    let b = w.x * w.y * a;
+    let u = DVec3::new(1.0 + sign * w.x * w.x * a, sign * b, -sign * w.x);
+    let v = DVec3::new(b, sign + w.y * w.y * a, -w.y);
+    [u, v, w]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn vectors(set: DirectionSet) -> Vec<Vec3> {
+        Directions::new(set).unwrap().vectors().to_vec()
+    }
+
+    #[test]
+    fn every_set_holds_as_many_unit_vectors_as_it_says() {
+        let axis = [1.0, 2.0, -2.0];
+        let sets = [
+            (DirectionSet::FibonacciHemisphere { n_dirs: 150 }, 150),
+            (DirectionSet::FibonacciSphere { n_dirs: 33 }, 33),
+            (DirectionSet::LatLong { n_polar: 5, n_azimuth: 12 }, 60),
+            (DirectionSet::Cone { axis, half_angle_rad: 0.4, n_dirs: 20 }, 20),
+            (DirectionSet::Circle { axis, n_dirs: 8 }, 8),
+            (DirectionSet::List { vectors: vec![[0.0, 0.0, 3.0]] }, 1),
+        ];
+        for (set, n) in sets {
+            let text = format!("{set:?}");
+            let found = vectors(set);
+            assert_eq!(found.len(), n, "{text}");
+            assert!(found.iter().all(|d| (d.length() - 1.0).abs() < 1e-6), "{text}");
+        }
+    }
+
+    #[test]
+    fn hemisphere_follows_its_formula() {
+        let found = vectors(DirectionSet::FibonacciHemisphere { n_dirs: 4 });
+        let heights: Vec<f32> = found.iter().map(|d| d.z).collect();
+        assert_eq!(heights, [0.875, 0.625, 0.375, 0.125]);
+        let azimuth = f64::from(found[1].y).atan2(f64::from(found[1].x));
+        assert!((azimuth - PI * (3.0 - 5f64.sqrt())).abs() < 1e-6);
+    }
+
+    #[test]
+    fn sets_lie_where_they_should() {
+        let axis = [0.0, 1.0, 0.0];
+        let circle = vectors(DirectionSet::Circle { axis, n_dirs: 7 });
+        assert!(circle.iter().all(|d| d.y.abs() < 1e-7));
+        let cone = vectors(DirectionSet::Cone { axis, half_angle_rad: 0.3, n_dirs: 50 });
+        assert!(cone.iter().all(|d| f64::from(d.y) > libm::cos(0.3)));
+        let lat_long = vectors(DirectionSet::LatLong { n_polar: 3, n_azimuth: 8 });
+        for d in &lat_long {
+            let mirrored = Vec3::new(-d.x, d.y, d.z);
+            assert!(lat_long.iter().any(|e| (*e - mirrored).length() < 1e-6));
+        }
+        let sphere = vectors(DirectionSet::FibonacciSphere { n_dirs: 100 });
+        assert!(sphere.iter().copied().sum::<Vec3>().length() < 1.0);
+    }
+
+    #[test]
+    fn bases_are_right_handed_and_orthonormal() {
+        for d in vectors(DirectionSet::FibonacciSphere { n_dirs: 500 }) {
+            let [u, v, w] = basis(d.as_dvec3().normalize());
+            assert!((u.cross(v) - w).length() < 1e-12 && (u.length() - 1.0).abs() < 1e-12);
+        }
+        let [u, v, w] = basis(DVec3::NEG_Z);
+        assert!((u.cross(v) - w).length() < 1e-15);
+    }
+
+    #[test]
+    fn sets_without_directions_are_refused() {
+        let zero = DirectionSet::List { vectors: vec![[0.0; 3]] };
+        for set in [
+            DirectionSet::FibonacciHemisphere { n_dirs: 0 },
+            DirectionSet::LatLong { n_polar: usize::MAX, n_azimuth: 2 },
+            DirectionSet::List { vectors: vec![] },
+            DirectionSet::Circle { axis: [f64::NAN, 0.0, 1.0], n_dirs: 3 },
+            DirectionSet::Cone { axis: [0.0, 0.0, 1.0], half_angle_rad: 0.0, n_dirs: 3 },
+            zero,
+        ] {
+            assert!(Directions::new(set).is_err());
+        }
+    }
+}

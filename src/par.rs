@@ -6,6 +6,7 @@
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Calls `work(block_index, block)` for consecutive blocks of `block_len` items.
 pub fn for_each_block<T: Send>(
@@ -59,6 +60,34 @@ pub fn map<R: Send>(n: usize, work: impl Fn(usize) -> R + Send + Sync) -> Vec<R>
     (0..n).into_par_iter().with_max_len(1).map(work).collect()
 }
 
+/// Results of `work` for every index of `0..n`, in order, and the workers' states.
+///
+/// Each worker makes one state and lends it to every call it makes; indices go to whichever worker is
+/// free. What is summed up in a state must not depend on the order of summing: whole numbers do not.
+pub fn map_with<S: Send, R: Send>(
+    n: usize,
+    state: impl Fn() -> S + Sync,
+    work: impl Fn(&mut S, usize) -> R + Sync,
+) -> (Vec<R>, Vec<S>) {
+    let next = AtomicUsize::new(0);
+    let run = || {
+        let mut state = state();
+        let mut results = Vec::new();
+        loop {
+            let i = next.fetch_add(1, Ordering::Relaxed);
+            if i >= n {
+                return (results, state);
+            }
+            results.push((i, work(&mut state, i)));
+        }
+    };
+    let workers = map(threads().min(n), |_| run());
+    let (results, states): (Vec<_>, Vec<_>) = workers.into_iter().unzip();
+    let mut results: Vec<(usize, R)> = results.into_iter().flatten().collect();
+    results.sort_unstable_by_key(|(i, _)| *i);
+    (results.into_iter().map(|(_, result)| result).collect(), states)
+}
+
 /// Two computations, possibly at the same time.
 pub fn join<A: Send, B: Send>(
     a: impl FnOnce() -> A + Send,
@@ -106,5 +135,19 @@ mod tests {
             assert_eq!(items, [1, 1, 1, 1, 2, 2, 2, 2, 3, 3]);
         }
         assert!(map_blocks(0, 4, |r| r).is_empty());
+    }
+
+    #[test]
+    fn workers_share_out_all_indices_and_keep_their_order() {
+        for n_threads in [1, 2, 5] {
+            let add = |sum: &mut usize, i: usize| {
+                *sum += i;
+                2 * i
+            };
+            let (results, sums) = with_threads(n_threads, || map_with(100, || 0, add)).unwrap();
+            assert!(results.into_iter().eq((0..100).map(|i| 2 * i)));
+            assert_eq!(sums.iter().sum::<usize>(), 4950);
+        }
+        assert!(map_with(0, || (), |(), i| i).0.is_empty());
     }
 }

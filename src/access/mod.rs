@@ -1,1 +1,38 @@
 //! Which sites a cutter cannot reach, and which sites are in its way: the exact collision labeler.
+//!
+//! # Definition
+//!
+//! Direction `d` points from tip to spindle. Touching site `i`, the cutter's reference point (the
+//! ball's centre) is `c_i = s_i + CR·n_i`. Another point `s_j` at height `h = (s_j − c_i)·d` and
+//! distance `r` from the axis collides iff for some [step](crate::cutter::Step) `h > height` and
+//! `r ≤ radius`; for the ball-end cutter
+//!
+//! ```text
+//! h > CR+CH+FH   or   h > CR+CH and r ≤ FR   or   h > CR and r ≤ CR
+//! ```
+//!
+//! A site is **inaccessible** iff it collides in every direction. `β_j` counts the pairs
+//! (inaccessible `i`, direction) in which `j` is a collider; the **occlusion points** are the
+//! `ceil(share·n)` sites of greatest β, lower index first among equals, never one with β = 0.
+//! [`predicate`] fixes the order of every `f32` operation.
+//!
+//! # Engines
+//!
+//! [`Engine::Reference`] is that text as plain loops, the law. [`Engine::Batched`] does the same tests
+//! eight at a time. All engines return the same labels and counts, bit for bit, for any number of
+//! threads and at every SIMD level.
+
+mod batched;
+mod driver;
+mod labels;
+mod occlusion;
+pub mod predicate;
+mod problem;
+mod reference;
+mod stats;
+
+pub use driver::{label, label_many};
+pub use labels::{Engine, LabelOptions, Labels, Reach};
+pub use occlusion::occlusion_points;
+pub use problem::{Obstacles, Queries};
+pub use stats::Stats;

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 pub const VARIABLE: &str = "DEEPMILL_SIMD";
 
 /// What a kernel body may ask of the level it is compiled for.
-pub trait Simd: Copy {
+pub trait Simd: super::eights::Eights {
     /// Lanes of `f32` in a vector register.
     const LANES: usize;
     /// Number of vector registers.

@@ -12,6 +12,8 @@
 //! are given before they form a pointer from it.
 #![allow(unsafe_code)]
 
+pub mod collide;
+pub mod eights;
 pub mod fma;
 pub mod gemm;
 pub mod level;

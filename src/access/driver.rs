@@ -1,0 +1,190 @@
+//! From a question to labels: directions are shared out among threads, their answers joined.
+
+use super::batched::Batched;
+use super::labels::{Engine, LabelOptions, Labels, Reach};
+use super::occlusion::occlusion_points;
+use super::predicate::{self, Frame};
+use super::problem::{Obstacles, Queries, Scene, Tool};
+use super::reference::Reference;
+use super::stats::Stats;
+use crate::cutter::Cutter;
+use crate::directions::Directions;
+use crate::{Result, par};
+
+/// One way of answering; directions are independent of each other.
+pub(super) trait Method: Sync {
+    /// What a worker reuses from one direction to the next.
+    type Scratch: Send;
+
+    /// A new worker's scratch.
+    fn scratch(&self) -> Self::Scratch;
+    /// Turns to another direction.
+    fn enter(&self, scratch: &mut Self::Scratch, frame: &Frame);
+    /// Sets the bit of every query at which `tool` collides; `row` comes zeroed.
+    fn collide(&self, scratch: &mut Self::Scratch, tool: &Tool, row: &mut [u64]) -> Stats;
+    /// Adds to each obstacle's `beta` the number of `inaccessible` queries (ascending) it collides at.
+    fn count(
+        &self,
+        scratch: &mut Self::Scratch,
+        tool: &Tool,
+        inaccessible: &[u32],
+        beta: &mut [u64],
+    ) -> Stats;
+}
+
+/// Labels of `queries` for one cutter; see the [module](super) for the definition.
+///
+/// # Errors
+/// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, volume queries have no
+/// obstacles of their own, or the share is not in (0, 1].
+///
+/// ```
+/// use deepmill::{access, cutter::*, directions::Directions, geom::Sites};
+/// use glam::Vec3;
+/// // A floor site beside a tall post: the holder hits the post from nearly everywhere.
+/// let sites = Sites {
+///     points: vec![Vec3::ZERO, Vec3::new(3.0, 0.0, 9.0)],
+///     normals: vec![Vec3::Z, Vec3::Z],
+///     faces: vec![],
+/// };
+/// let cutter = Cutter::ball_end(CutterParams::from_array([1.0, 2.0, 20.0, 2.0]))?;
+/// let directions = Directions::fibonacci_hemisphere(150)?;
+/// let options = access::LabelOptions::default();
+/// let labels =
+///     access::label(&sites, access::Obstacles::Queries, &cutter, &directions, &options)?;
+/// assert_eq!(labels.accessible_directions[1], 150);
+/// assert!(labels.accessible_directions[0] < 150);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
+pub fn label<'a>(
+    queries: impl Into<Queries<'a>>,
+    obstacles: Obstacles,
+    cutter: &Cutter,
+    directions: &Directions,
+    options: &LabelOptions,
+) -> Result<Labels> {
+    let cutters = std::slice::from_ref(cutter);
+    let mut labels = label_many(queries, obstacles, cutters, directions, options)?;
+    Ok(labels.pop().expect("one cutter gives one result"))
+}
+
+/// Labels for several cutters on one part, in their order; what does not depend on the cutter is
+/// computed once.
+///
+/// # Errors
+/// As [`label`].
+pub fn label_many<'a>(
+    queries: impl Into<Queries<'a>>,
+    obstacles: Obstacles,
+    cutters: &[Cutter],
+    directions: &Directions,
+    options: &LabelOptions,
+) -> Result<Vec<Labels>> {
+    options.check()?;
+    let scene = Scene::new(queries.into(), obstacles)?;
+    let tools: Vec<Tool> = cutters.iter().map(|cutter| Tool::new(&scene, cutter)).collect();
+    let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
+    let level = options.level;
+    Ok(match options.engine {
+        Engine::Reference => run(&Reference { scene: &scene }, &scene, &tools, &frames, options),
+        Engine::Batched => run(&Batched { scene: &scene, level }, &scene, &tools, &frames, options),
+    })
+}
+
+fn run<M: Method>(
+    method: &M,
+    scene: &Scene,
+    tools: &[Tool],
+    frames: &[Frame],
+    options: &LabelOptions,
+) -> Vec<Labels> {
+    let mut labels = reach(method, scene, tools, frames);
+    if options.occlusion {
+        count(method, scene, tools, frames, &mut labels);
+        for labels in &mut labels {
+            labels.occlusion = occlusion_points(&labels.beta[..scene.n_ranked], options.share);
+        }
+    }
+    if !options.matrix {
+        labels.iter_mut().for_each(|labels| labels.reach = None);
+    }
+    labels
+}
+
+/// Everything but β.
+fn reach<M: Method>(method: &M, scene: &Scene, tools: &[Tool], frames: &[Frame]) -> Vec<Labels> {
+    let n_queries = scene.n_queries();
+    let (by_direction, _) = par::map_with(
+        frames.len(),
+        || method.scratch(),
+        |scratch, k| {
+            method.enter(scratch, &frames[k]);
+            let answer = |tool| {
+                let mut row = vec![0; n_queries.div_ceil(64)];
+                let stats = method.collide(scratch, tool, &mut row);
+                (row, stats)
+            };
+            tools.iter().map(answer).collect::<Vec<_>>()
+        },
+    );
+    let mut rows: Vec<Vec<Vec<u64>>> = tools.iter().map(|_| Vec::new()).collect();
+    let mut stats = vec![Stats::default(); tools.len()];
+    for answers in by_direction {
+        for (t, (row, more)) in answers.into_iter().enumerate() {
+            rows[t].push(row);
+            stats[t] += more;
+        }
+    }
+    let labels = rows.into_iter().zip(stats).map(|(rows, stats)| {
+        let reach = Reach::new(n_queries, rows);
+        let (inaccessible, accessible_directions, witness) = reach.summary();
+        Labels {
+            inaccessible,
+            accessible_directions,
+            witness,
+            reach: Some(reach),
+            stats,
+            ..Labels::default()
+        }
+    });
+    labels.collect()
+}
+
+/// Fills in β. Each worker has its own sums; integers add up alike in any order.
+fn count<M: Method>(
+    method: &M,
+    scene: &Scene,
+    tools: &[Tool],
+    frames: &[Frame],
+    labels: &mut [Labels],
+) {
+    let lists: Vec<Vec<u32>> = labels.iter().map(|l| indices(&l.inaccessible)).collect();
+    let zeros = || tools.iter().map(|_| vec![0; scene.obstacles.n]).collect::<Vec<Vec<u64>>>();
+    labels.iter_mut().zip(zeros()).for_each(|(labels, zeros)| labels.beta = zeros);
+    if lists.iter().all(Vec::is_empty) {
+        return;
+    }
+    let (by_direction, workers) = par::map_with(
+        frames.len(),
+        || (method.scratch(), zeros()),
+        |(scratch, beta), k| {
+            method.enter(scratch, &frames[k]);
+            let tools = tools.iter().zip(&lists).zip(beta);
+            tools
+                .map(|((tool, list), beta)| method.count(scratch, tool, list, beta))
+                .collect::<Vec<_>>()
+        },
+    );
+    for stats in by_direction {
+        labels.iter_mut().zip(stats).for_each(|(labels, more)| labels.stats += more);
+    }
+    for (_, beta) in workers {
+        for (labels, beta) in labels.iter_mut().zip(beta) {
+            labels.beta.iter_mut().zip(beta).for_each(|(sum, more)| *sum += more);
+        }
+    }
+}
+
+fn indices(marks: &[bool]) -> Vec<u32> {
+    (0..marks.len() as u32).filter(|&i| marks[i as usize]).collect()
+}

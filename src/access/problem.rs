@@ -1,0 +1,182 @@
+//! The question in checked form: coordinates of queries and obstacles, and cutters as numbers.
+
+use super::predicate::{self, Frame};
+use crate::cutter::Cutter;
+use crate::geom::Sites;
+use crate::simd::Level;
+use crate::simd::collide::{Coordinates, Rotate, StepSquared};
+use crate::{Error, Result};
+use glam::Vec3;
+
+/// Where the cutter is asked to go.
+#[derive(Debug, Clone, Copy)]
+pub enum Queries<'a> {
+    /// Touching a surface at these sites: the reference point is `s + CR·n`.
+    Sites(&'a Sites),
+    /// With its tip at these points of space (roughing), mm: the reference point is `p + CR·d`.
+    Volume(&'a [Vec3]),
+}
+
+impl<'a> From<&'a Sites> for Queries<'a> {
+    fn from(sites: &'a Sites) -> Self {
+        Queries::Sites(sites)
+    }
+}
+
+impl Queries<'_> {
+    /// Number of queries.
+    pub fn len(&self) -> usize {
+        self.points().len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.points().is_empty()
+    }
+
+    fn points(&self) -> &[Vec3] {
+        match self {
+            Queries::Sites(sites) => &sites.points,
+            Queries::Volume(points) => points,
+        }
+    }
+}
+
+/// What the cutter must not touch. β follows the order of the obstacles.
+#[derive(Debug, Clone, Copy)]
+pub enum Obstacles<'a> {
+    /// The query sites themselves, as in the paper; a site is never its own obstacle. All are ranked.
+    Queries,
+    /// The query sites, then these points, mm: a denser and so more faithful surface. A site is never
+    /// its own obstacle. β counts all, but only the sites are ranked as occlusion points.
+    QueriesAnd(&'a [Vec3]),
+    /// These points alone, mm. All are ranked.
+    Points(&'a [Vec3]),
+}
+
+/// Coordinates beyond this are refused: squares of distances must stay far inside `f32`.
+const MAX_COORDINATE_MM: f32 = 1e6;
+
+/// Checked queries and obstacles in an engine's order.
+pub(super) struct Scene {
+    pub points: Vec<Vec3>,
+    /// Empty for volume queries.
+    pub normals: Vec<Vec3>,
+    pub obstacles: Coordinates,
+    /// Per query the obstacle that is the query itself; empty if none is.
+    pub own: Vec<u32>,
+    /// Obstacles that can be occlusion points: the first so many as given.
+    pub n_ranked: usize,
+}
+
+impl Scene {
+    pub fn new(queries: Queries, obstacles: Obstacles) -> Result<Self> {
+        let points = queries.points();
+        let normals: &[Vec3] = match queries {
+            Queries::Sites(sites) => &sites.normals,
+            Queries::Volume(_) => &[],
+        };
+        let volume = matches!(queries, Queries::Volume(_));
+        if !volume && normals.len() != points.len() {
+            let found = format!("{} normals for {} sites", normals.len(), points.len());
+            let remedy = "give every site its outward unit normal";
+            return Err(Error::geometry("query sites", found, remedy));
+        }
+        let (same, extra): (bool, &[Vec3]) = match obstacles {
+            Obstacles::Queries => (true, &[]),
+            Obstacles::QueriesAnd(extra) => (true, extra),
+            Obstacles::Points(points) => (false, points),
+        };
+        if same && volume {
+            let found = "the queries are points of space, not of the part";
+            return Err(Error::geometry("obstacles", found, "give obstacles of their own"));
+        }
+        check("query", points)?;
+        check("obstacle", extra)?;
+        check_normals(normals)?;
+        let own = if same { 0..points.len() as u32 } else { 0..0 };
+        let first = if same { points } else { &[] };
+        let n_obstacles = first.len() + extra.len();
+        let mut all = Coordinates::zeros(n_obstacles);
+        first.iter().chain(extra).enumerate().for_each(|(j, p)| all.set(j, p.to_array()));
+        let n_ranked = if same { first.len() } else { n_obstacles };
+        Ok(Scene {
+            points: points.into(),
+            normals: normals.into(),
+            obstacles: all,
+            own: own.collect(),
+            n_ranked,
+        })
+    }
+
+    pub fn n_queries(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The obstacle that does not count for query `i`; `usize::MAX` for none.
+    pub fn own(&self, i: usize) -> usize {
+        self.own.get(i).map_or(usize::MAX, |&j| j as usize)
+    }
+}
+
+fn check(what: &str, points: &[Vec3]) -> Result<()> {
+    if points.len() > u32::MAX as usize / 2 {
+        let remedy = "label in parts";
+        return Err(Error::geometry(what, format!("{} points", points.len()), remedy));
+    }
+    let bad = points.iter().position(|p| !(p.abs().max_element() <= MAX_COORDINATE_MM));
+    let Some(i) = bad.or_else(|| points.iter().position(|p| p.is_nan())) else { return Ok(()) };
+    let remedy = "coordinates must be finite and within 1 km; check the file and its unit";
+    Err(Error::geometry(format!("{what} {i}"), format!("position {}", points[i]), remedy))
+}
+
+fn check_normals(normals: &[Vec3]) -> Result<()> {
+    let unit = |n: &Vec3| (n.length_squared() - 1.0).abs() < 1e-3;
+    let Some(i) = normals.iter().position(|n| !unit(n)) else { return Ok(()) };
+    let found = format!("normal {} is not a unit vector", normals[i]);
+    Err(Error::geometry(format!("query {i}"), found, "normalise the normals or resample the part"))
+}
+
+/// A cutter at every query, before the direction is known.
+pub(super) struct Tool {
+    pub steps: Vec<StepSquared>,
+    /// Base of each reference point.
+    pub bases: Coordinates,
+    lift: f32,
+    side: f32,
+}
+
+impl Tool {
+    pub fn new(scene: &Scene, cutter: &Cutter) -> Self {
+        let volume = scene.normals.is_empty();
+        let corner = cutter.corner_mm() as f32;
+        let mut bases = Coordinates::zeros(scene.n_queries());
+        for (i, &point) in scene.points.iter().enumerate() {
+            let normal = scene.normals.get(i).copied().unwrap_or(Vec3::ZERO);
+            bases.set(i, predicate::base(point, normal, corner));
+        }
+        Tool {
+            steps: predicate::steps(cutter),
+            bases,
+            lift: if volume { corner } else { 0.0 },
+            side: if volume { 0.0 } else { cutter.side_mm() as f32 },
+        }
+    }
+
+    /// Reference point of query `i` in the frame.
+    pub fn centre(&self, scene: &Scene, frame: &Frame, i: usize) -> [f32; 3] {
+        let centre = predicate::rotate(frame, self.bases.get(i));
+        let normal = scene.normals.get(i).map_or([0.0; 3], |n| n.to_array());
+        predicate::displace(centre, self.lift, self.side, predicate::rotate(frame, normal))
+    }
+
+    /// Reference points of all queries in the frame, the same bits as [`Tool::centre`].
+    pub fn centres(&self, scene: &Scene, frame: &Frame, level: Level, to: &mut Coordinates) {
+        level.run(Rotate { frame, from: &self.bases, to: &mut *to });
+        if self.lift != 0.0 || self.side != 0.0 {
+            for i in 0..scene.n_queries() {
+                to.set(i, self.centre(scene, frame, i));
+            }
+        }
+    }
+}

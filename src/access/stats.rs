@@ -1,0 +1,34 @@
+//! What an engine did.
+
+use std::ops::AddAssign;
+
+/// Counts of the work done. They depend on the engine, not on threads or SIMD level.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Stats {
+    /// Questions "does the cutter collide here?": queries × directions.
+    pub queries: u64,
+    /// Of these, decided by the greatest height of all obstacles alone (the shaft test).
+    pub by_height: u64,
+    /// Of these, decided by boxes around obstacles, without testing any obstacle.
+    pub by_box: u64,
+    /// Obstacles tested one by one for the rest.
+    pub pairs_tested: u64,
+    /// Pairs (centre of an inaccessible site, obstacle) whose share in β was counted by height alone.
+    pub beta_by_rank: u64,
+    /// Pairs whose share in β was counted by boxes alone.
+    pub beta_by_box: u64,
+    /// Pairs tested one by one for β.
+    pub beta_pairs_tested: u64,
+}
+
+impl AddAssign for Stats {
+    fn add_assign(&mut self, other: Stats) {
+        self.queries += other.queries;
+        self.by_height += other.by_height;
+        self.by_box += other.by_box;
+        self.pairs_tested += other.pairs_tested;
+        self.beta_by_rank += other.beta_by_rank;
+        self.beta_by_box += other.beta_by_box;
+        self.beta_pairs_tested += other.beta_pairs_tested;
+    }
+}

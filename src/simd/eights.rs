@@ -1,0 +1,378 @@
+//! Eight numbers at a time: the vector operations that the collision kernels are written in.
+//!
+//! Every level works on eight lanes, in one register or several, so that the kernels, their tails and
+//! their results do not depend on the level. Nothing here is fused or reassociated: lane by lane each
+//! operation is the `f32` operation of the same name. No operand may be NaN.
+
+use super::level::Portable;
+
+/// Eight-lane operations of a level; the token `self` proves that the processor has them.
+pub trait Eights: Copy {
+    /// Eight `f32`.
+    type Eight: Copy;
+
+    /// All lanes `x`.
+    fn splat(self, x: f32) -> Self::Eight;
+    /// Lanes from memory.
+    fn load(self, from: &[f32; 8]) -> Self::Eight;
+    /// Lanes to memory.
+    fn store(self, lanes: Self::Eight, to: &mut [f32; 8]);
+    /// `a + b`.
+    fn add(self, a: Self::Eight, b: Self::Eight) -> Self::Eight;
+    /// `a − b`.
+    fn sub(self, a: Self::Eight, b: Self::Eight) -> Self::Eight;
+    /// `a · b`.
+    fn mul(self, a: Self::Eight, b: Self::Eight) -> Self::Eight;
+    /// The lesser of each pair; either zero when both are zeros.
+    fn min(self, a: Self::Eight, b: Self::Eight) -> Self::Eight;
+    /// The greater of each pair; either zero when both are zeros.
+    fn max(self, a: Self::Eight, b: Self::Eight) -> Self::Eight;
+    /// Bit `l` is `a > b` in lane `l`.
+    fn greater(self, a: Self::Eight, b: Self::Eight) -> u32;
+    /// Bit `l` is `a ≤ b` in lane `l`.
+    fn at_most(self, a: Self::Eight, b: Self::Eight) -> u32;
+    /// Bit `l` is `a > b` and `c ≤ d` in lane `l`.
+    fn greater_and_at_most(
+        self,
+        a: Self::Eight,
+        b: Self::Eight,
+        c: Self::Eight,
+        d: Self::Eight,
+    ) -> u32;
+    /// The lanes named by `mask`, in order, moved to the front; the other lanes are unspecified.
+    fn compress(self, lanes: Self::Eight, mask: u32) -> Self::Eight;
+    /// Lane `l` is the least lane of `rows[l]`.
+    fn least_of_each(self, rows: [Self::Eight; 8]) -> Self::Eight;
+    /// Lane `l` is the greatest lane of `rows[l]`.
+    fn greatest_of_each(self, rows: [Self::Eight; 8]) -> Self::Eight;
+}
+
+macro_rules! lanes {
+    ($body:expr) => {
+        std::array::from_fn($body)
+    };
+}
+
+macro_rules! bits {
+    ($condition:expr) => {{
+        let condition = $condition;
+        let mut bits = 0;
+        for lane in 0..8 {
+            bits |= u32::from(condition(lane)) << lane;
+        }
+        bits
+    }};
+}
+
+macro_rules! arrays {
+    ($token:ty) => {
+        impl Eights for $token {
+            type Eight = [f32; 8];
+
+            #[inline(always)]
+            fn splat(self, x: f32) -> [f32; 8] {
+                [x; 8]
+            }
+            #[inline(always)]
+            fn load(self, from: &[f32; 8]) -> [f32; 8] {
+                *from
+            }
+            #[inline(always)]
+            fn store(self, lanes: [f32; 8], to: &mut [f32; 8]) {
+                *to = lanes;
+            }
+            #[inline(always)]
+            fn add(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+                lanes!(|l| a[l] + b[l])
+            }
+            #[inline(always)]
+            fn sub(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+                lanes!(|l| a[l] - b[l])
+            }
+            #[inline(always)]
+            fn mul(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+                lanes!(|l| a[l] * b[l])
+            }
+            #[inline(always)]
+            fn min(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+                lanes!(|l| if a[l] < b[l] { a[l] } else { b[l] })
+            }
+            #[inline(always)]
+            fn max(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+                lanes!(|l| if a[l] > b[l] { a[l] } else { b[l] })
+            }
+            #[inline(always)]
+            fn greater(self, a: [f32; 8], b: [f32; 8]) -> u32 {
+                bits!(|l: usize| a[l] > b[l])
+            }
+            #[inline(always)]
+            fn at_most(self, a: [f32; 8], b: [f32; 8]) -> u32 {
+                bits!(|l: usize| a[l] <= b[l])
+            }
+            #[inline(always)]
+            fn greater_and_at_most(
+                self,
+                a: [f32; 8],
+                b: [f32; 8],
+                c: [f32; 8],
+                d: [f32; 8],
+            ) -> u32 {
+                bits!(|l: usize| (a[l] > b[l]) & (c[l] <= d[l]))
+            }
+            #[inline(always)]
+            fn compress(self, lanes: [f32; 8], mask: u32) -> [f32; 8] {
+                let mut packed = [0.0; 8];
+                let mut n = 0;
+                for (lane, x) in lanes.into_iter().enumerate() {
+                    packed[n & 7] = x;
+                    n += (mask >> lane & 1) as usize;
+                }
+                packed
+            }
+            #[inline(always)]
+            fn least_of_each(self, rows: [[f32; 8]; 8]) -> [f32; 8] {
+                lanes!(|l: usize| rows[l].iter().fold(f32::INFINITY, |m, &x| if x < m {
+                    x
+                } else {
+                    m
+                }))
+            }
+            #[inline(always)]
+            fn greatest_of_each(self, rows: [[f32; 8]; 8]) -> [f32; 8] {
+                lanes!(|l: usize| rows[l].iter().fold(f32::NEG_INFINITY, |m, &x| if x > m {
+                    x
+                } else {
+                    m
+                }))
+            }
+        }
+    };
+}
+
+arrays!(Portable);
+// NEON belongs to the baseline of 64-bit ARM, so the compiler vectorises the arrays by itself.
+#[cfg(target_arch = "aarch64")]
+arrays!(super::level::Neon);
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::Eights;
+    use crate::simd::level::{Avx2, Avx512};
+    use std::arch::x86_64::*;
+
+    /// Lane numbers that bring the lanes of a mask to the front.
+    static TO_FRONT: [[u32; 8]; 256] = {
+        let mut table = [[0; 8]; 256];
+        let mut mask = 0;
+        while mask < 256 {
+            let (mut lane, mut n) = (0, 0);
+            while lane < 8 {
+                if mask >> lane & 1 == 1 {
+                    table[mask][n] = lane as u32;
+                    n += 1;
+                }
+                lane += 1;
+            }
+            mask += 1;
+        }
+        table
+    };
+
+    macro_rules! reduce_each {
+        ($pick:ident, $rows:ident) => {{
+            let two = |a, b| $pick(_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+            let four = |a, b| {
+                let (a, b) = (_mm256_castps_pd(a), _mm256_castps_pd(b));
+                let low = _mm256_castpd_ps(_mm256_unpacklo_pd(a, b));
+                $pick(low, _mm256_castpd_ps(_mm256_unpackhi_pd(a, b)))
+            };
+            let [a, b, c, d, e, f, g, h] = $rows;
+            let (low, high) = (four(two(a, b), two(c, d)), four(two(e, f), two(g, h)));
+            let halves = _mm256_permute2f128_ps::<0x20>(low, high);
+            $pick(halves, _mm256_permute2f128_ps::<0x31>(low, high))
+        }};
+    }
+
+    macro_rules! ymm {
+        ($token:ty, $greater:expr, $at_most:expr, $both:expr, $compress:expr) => {
+            impl Eights for $token {
+                type Eight = __m256;
+
+                #[inline(always)]
+                fn splat(self, x: f32) -> __m256 {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe { _mm256_set1_ps(x) }
+                }
+                #[inline(always)]
+                fn load(self, from: &[f32; 8]) -> __m256 {
+                    // SAFETY: AVX2 as above; the reference is valid for eight floats.
+                    unsafe { _mm256_loadu_ps(from.as_ptr()) }
+                }
+                #[inline(always)]
+                fn store(self, lanes: __m256, to: &mut [f32; 8]) {
+                    // SAFETY: AVX2 as above; the reference is valid for eight floats.
+                    unsafe { _mm256_storeu_ps(to.as_mut_ptr(), lanes) }
+                }
+                #[inline(always)]
+                fn add(self, a: __m256, b: __m256) -> __m256 {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe { _mm256_add_ps(a, b) }
+                }
+                #[inline(always)]
+                fn sub(self, a: __m256, b: __m256) -> __m256 {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe { _mm256_sub_ps(a, b) }
+                }
+                #[inline(always)]
+                fn mul(self, a: __m256, b: __m256) -> __m256 {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe { _mm256_mul_ps(a, b) }
+                }
+                #[inline(always)]
+                fn min(self, a: __m256, b: __m256) -> __m256 {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe { _mm256_min_ps(a, b) }
+                }
+                #[inline(always)]
+                fn max(self, a: __m256, b: __m256) -> __m256 {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe { _mm256_max_ps(a, b) }
+                }
+                #[inline(always)]
+                fn greater(self, a: __m256, b: __m256) -> u32 {
+                    // SAFETY: the token proves that the processor has the level's features.
+                    unsafe { $greater(a, b) }
+                }
+                #[inline(always)]
+                fn at_most(self, a: __m256, b: __m256) -> u32 {
+                    // SAFETY: the token proves that the processor has the level's features.
+                    unsafe { $at_most(a, b) }
+                }
+                #[inline(always)]
+                fn greater_and_at_most(self, a: __m256, b: __m256, c: __m256, d: __m256) -> u32 {
+                    // SAFETY: the token proves that the processor has the level's features.
+                    unsafe { $both(a, b, c, d) }
+                }
+                #[inline(always)]
+                fn compress(self, lanes: __m256, mask: u32) -> __m256 {
+                    // SAFETY: the token proves that the processor has the level's features.
+                    unsafe { $compress(lanes, mask) }
+                }
+                #[inline(always)]
+                fn least_of_each(self, rows: [__m256; 8]) -> __m256 {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe { reduce_each!(_mm256_min_ps, rows) }
+                }
+                #[inline(always)]
+                fn greatest_of_each(self, rows: [__m256; 8]) -> __m256 {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe { reduce_each!(_mm256_max_ps, rows) }
+                }
+            }
+        };
+    }
+
+    ymm!(
+        Avx2,
+        |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(a, b)) as u32,
+        |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) as u32,
+        |a, b, c, d| {
+            let greater = _mm256_cmp_ps::<_CMP_GT_OQ>(a, b);
+            let both = _mm256_and_ps(greater, _mm256_cmp_ps::<_CMP_LE_OQ>(c, d));
+            _mm256_movemask_ps(both) as u32
+        },
+        |lanes, mask: u32| {
+            let order: *const [u32; 8] = &TO_FRONT[(mask & 255) as usize];
+            _mm256_permutevar8x32_ps(lanes, _mm256_loadu_si256(order.cast()))
+        }
+    );
+    ymm!(
+        Avx512,
+        |a, b| u32::from(_mm256_cmp_ps_mask::<_CMP_GT_OQ>(a, b)),
+        |a, b| u32::from(_mm256_cmp_ps_mask::<_CMP_LE_OQ>(a, b)),
+        |a, b, c, d| {
+            let greater = _mm256_cmp_ps_mask::<_CMP_GT_OQ>(a, b);
+            u32::from(_mm256_mask_cmp_ps_mask::<_CMP_LE_OQ>(greater, c, d))
+        },
+        |lanes, mask: u32| _mm256_maskz_compress_ps(mask as u8, lanes)
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::simd::{Kernel, Level, Simd};
+
+    /// Results of every operation on two vectors, as plain numbers.
+    struct Everything<'a>(&'a [f32; 8], &'a [f32; 8]);
+
+    impl Kernel for Everything<'_> {
+        type Output = (Vec<[f32; 8]>, Vec<u32>);
+
+        #[inline(always)]
+        fn run<S: Simd>(self, s: S) -> Self::Output {
+            let (a, b) = (s.load(self.0), s.load(self.1));
+            let rows: [S::Eight; 8] =
+                std::array::from_fn(|l| s.add(a, s.mul(b, s.splat(l as f32 - 3.5))));
+            let eights = [
+                s.splat(self.0[3]),
+                s.add(a, b),
+                s.sub(a, b),
+                s.mul(a, b),
+                s.min(a, b),
+                s.max(a, b),
+                s.least_of_each(rows),
+                s.greatest_of_each(rows),
+            ];
+            let stored = eights.map(|v| {
+                let mut out = [0.0; 8];
+                s.store(v, &mut out);
+                out
+            });
+            let masks = vec![
+                s.greater(a, b),
+                s.at_most(a, b),
+                s.greater_and_at_most(a, b, b, s.splat(0.5)),
+            ];
+            (stored.to_vec(), masks)
+        }
+    }
+
+    struct Compress<'a>(&'a [f32; 8], u32);
+
+    impl Kernel for Compress<'_> {
+        type Output = [f32; 8];
+
+        #[inline(always)]
+        fn run<S: Simd>(self, s: S) -> [f32; 8] {
+            let mut out = [0.0; 8];
+            s.store(s.compress(s.load(self.0), self.1), &mut out);
+            out
+        }
+    }
+
+    #[test]
+    fn every_level_gives_the_same_lanes() {
+        let mut stream = crate::rng::Stream::new(3, 0, 0, crate::rng::Purpose::Probe);
+        for _ in 0..200 {
+            let mut draw = || std::array::from_fn(|_| stream.range(-2.0, 2.0).round() as f32 * 0.3);
+            let (a, b): ([f32; 8], [f32; 8]) = (draw(), draw());
+            let plain = Level::available()[0].run(Everything(&a, &b));
+            assert_eq!(plain.1[0], (0..8).map(|l| u32::from(a[l] > b[l]) << l).sum::<u32>());
+            for level in Level::available() {
+                assert_eq!(level.run(Everything(&a, &b)), plain, "{}", level.name());
+            }
+        }
+    }
+
+    #[test]
+    fn compress_brings_the_named_lanes_to_the_front() {
+        let lanes: [f32; 8] = std::array::from_fn(|l| l as f32);
+        for level in Level::available() {
+            for mask in 0..256 {
+                let expected = (0..8).filter(|l| mask >> l & 1 == 1).map(|l| l as f32);
+                let n = mask.count_ones() as usize;
+                assert!(level.run(Compress(&lanes, mask))[..n].iter().copied().eq(expected));
+            }
+        }
+    }
+}

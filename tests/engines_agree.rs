@@ -1,0 +1,274 @@
+//! Promise: every engine gives the same labels and counts, bit for bit, whatever the scene, the
+//! cutter, the number of threads and the SIMD level.
+
+use deepmill::access::{Engine, LabelOptions, Labels, Obstacles, Queries, label, label_many};
+use deepmill::cutter::{Cutter, CutterParams, CutterSet};
+use deepmill::directions::{DirectionSet, Directions};
+use deepmill::geom::Sites;
+use deepmill::par::with_threads;
+use deepmill::rng::{Purpose, Stream};
+use deepmill::simd::Level;
+use glam::{DVec3, Vec3};
+
+fn unit(stream: &mut Stream) -> Vec3 {
+    let v = DVec3::new(stream.normal(), stream.normal(), stream.normal());
+    v.try_normalize().unwrap_or(DVec3::Z).as_vec3()
+}
+
+fn sites(points: Vec<Vec3>, normals: Vec<Vec3>) -> Sites {
+    Sites { points, normals, faces: vec![] }
+}
+
+/// Points anywhere in a box, normals anywhere, some points doubled.
+fn cloud(n: usize, size: f64, stream: &mut Stream) -> Sites {
+    let mut point = || {
+        let mut at = || stream.range(0.0, size) as f32;
+        Vec3::new(at(), at(), at())
+    };
+    let mut points: Vec<Vec3> = (0..n).map(|_| point()).collect();
+    for i in (7..n).step_by(7) {
+        points[i] = points[i - 7];
+    }
+    let normals = (0..n).map(|_| unit(stream)).collect();
+    sites(points, normals)
+}
+
+/// A gridded pocket: floor, four walls exactly one ball radius apart in places, and a rim. Thousands
+/// of knife edges: equal heights, equal radii, distances of exactly CR.
+fn gridded_pocket(cells: i32, pitch: f32) -> Sites {
+    let (mut points, mut normals) = (Vec::new(), Vec::new());
+    let mut add = |x: i32, y: i32, z: i32, normal: Vec3| {
+        points.push(Vec3::new(x as f32, y as f32, z as f32) * pitch);
+        normals.push(normal);
+    };
+    for a in 0..=cells {
+        for b in 0..=cells {
+            add(a, b, 0, Vec3::Z);
+            add(0, a, b, Vec3::X);
+            add(cells, a, b, Vec3::NEG_X);
+            add(a, 0, b, Vec3::Y);
+            add(a, cells, b, Vec3::NEG_Y);
+            add(a - cells, b, cells, Vec3::Z);
+        }
+    }
+    sites(points, normals)
+}
+
+/// A sphere and a deep tube: most of the tube's inside is out of reach.
+fn solids(n: usize) -> Sites {
+    let spiral = Directions::new(DirectionSet::FibonacciSphere { n_dirs: n }).unwrap();
+    let (mut points, mut normals) = (Vec::new(), Vec::new());
+    for (k, &d) in spiral.vectors().iter().enumerate() {
+        if k % 2 == 0 {
+            points.push(Vec3::new(40.0, 0.0, 0.0) + 15.0 * d);
+            normals.push(d);
+        } else {
+            let out = Vec3::new(d.x, d.y, 0.0).normalize();
+            points.push(6.0 * out + Vec3::Z * 30.0 * d.z);
+            normals.push(-out);
+        }
+    }
+    sites(points, normals)
+}
+
+fn options(engine: Engine, level: Level) -> LabelOptions {
+    LabelOptions { engine, level, matrix: true, ..LabelOptions::default() }
+}
+
+/// Everything but the account of the work.
+fn answer(mut labels: Labels) -> Labels {
+    labels.stats = Default::default();
+    labels
+}
+
+fn assert_engines_agree<'a>(
+    queries: impl Into<Queries<'a>>,
+    obstacles: Obstacles,
+    cutters: &[Cutter],
+    directions: &Directions,
+    what: &str,
+) -> Vec<Labels> {
+    let queries = queries.into();
+    let run = |engine, level, n_threads| {
+        let work = || label_many(queries, obstacles, cutters, directions, &options(engine, level));
+        let labels = with_threads(n_threads, work).unwrap().unwrap();
+        labels.into_iter().map(answer).collect::<Vec<_>>()
+    };
+    let law = run(Engine::Reference, Level::fastest(), 2);
+    for engine in Engine::ALL {
+        for &level in Level::available() {
+            for n_threads in [1, 3] {
+                let found = run(engine, level, n_threads);
+                let place = format!("{what}, {engine:?}, {}, {n_threads} threads", level.name());
+                for (t, (found, law)) in found.iter().zip(&law).enumerate() {
+                    assert_same(found, law, &format!("{place}, cutter {t}"));
+                }
+            }
+        }
+    }
+    law
+}
+
+fn assert_same(found: &Labels, law: &Labels, place: &str) {
+    assert_eq!(found.accessible_directions, law.accessible_directions, "{place}: directions");
+    assert_eq!(found.witness, law.witness, "{place}: witness");
+    assert_eq!(found.beta, law.beta, "{place}: beta");
+    assert!(found == law, "{place}: labels");
+}
+
+fn cutters(n: usize, seed: u64) -> Vec<Cutter> {
+    let mut stream = Stream::new(seed, 0, 0, Purpose::Cutter);
+    let draw = |i: usize| CutterSet::ALL[i % 4].draw(&mut stream);
+    (0..n).map(draw).map(|params| Cutter::ball_end(params).unwrap()).collect()
+}
+
+fn hemisphere(n_dirs: usize) -> Directions {
+    Directions::fibonacci_hemisphere(n_dirs).unwrap()
+}
+
+#[test]
+fn engines_agree_around_every_block_edge() {
+    let mut stream = Stream::new(5, 0, 0, Purpose::Probe);
+    for n in [0, 1, 2, 3, 7, 8, 9, 15, 16, 17, 31, 33, 63, 64, 65, 71, 127, 128, 129, 511, 513, 577]
+    {
+        let scene = cloud(n, 25.0, &mut stream);
+        let what = format!("cloud of {n}");
+        assert_engines_agree(
+            &scene,
+            Obstacles::Queries,
+            &cutters(4, n as u64),
+            &hemisphere(7),
+            &what,
+        );
+    }
+}
+
+#[test]
+fn engines_agree_on_solids_for_thirty_cutters() {
+    let scene = solids(1500);
+    let cutters = cutters(30, 2);
+    let labels =
+        assert_engines_agree(&scene, Obstacles::Queries, &cutters, &hemisphere(12), "solids");
+    assert!(labels.iter().any(|l| l.n_inaccessible() > 100 && l.n_occlusion() > 0));
+}
+
+#[test]
+fn engines_agree_on_knife_edges() {
+    let exact = |lengths| Cutter::ball_end(CutterParams::from_array(lengths)).unwrap();
+    let cutters =
+        [exact([1.0, 1.0, 2.0, 1.0]), exact([1.0, 2.0, 1.0, 3.0]), exact([2.0, 4.0, 8.0, 2.0])];
+    let axes = vec![[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.6, 0.0, 0.8]];
+    let axes = Directions::new(DirectionSet::List { vectors: axes }).unwrap();
+    for pitch in [1.0, 0.5, 0.1] {
+        let scene = gridded_pocket(9, pitch);
+        let what = format!("pocket of pitch {pitch}");
+        assert_engines_agree(&scene, Obstacles::Queries, &cutters, &axes, &what);
+        assert_engines_agree(&scene, Obstacles::Queries, &cutters, &hemisphere(6), &what);
+    }
+}
+
+#[test]
+fn engines_agree_on_other_obstacles_and_volumes() {
+    let mut stream = Stream::new(6, 0, 0, Purpose::Probe);
+    let scene = solids(300);
+    let dense = solids(1100).points;
+    let space = cloud(200, 40.0, &mut stream).points;
+    let cutters = cutters(4, 9);
+    let few = hemisphere(9);
+    assert_engines_agree(&scene, Obstacles::Points(&dense), &cutters, &few, "points");
+    assert_engines_agree(&scene, Obstacles::Points(&[]), &cutters, &few, "no obstacles");
+    let both = assert_engines_agree(&scene, Obstacles::QueriesAnd(&dense), &cutters, &few, "both");
+    assert_eq!((both[0].beta.len(), both[0].occlusion.len()), (1400, 300));
+    let volume = Queries::Volume(&space);
+    assert_engines_agree(volume, Obstacles::Points(&dense), &cutters, &few, "volume");
+}
+
+#[test]
+fn engines_agree_on_every_kind_of_cutter() {
+    let params = CutterParams::from_array([1.5, 6.0, 12.0, 5.0]);
+    let cutters = [
+        Cutter::flat_end(params).unwrap(),
+        Cutter::bull_nose(params, 0.5).unwrap(),
+        Cutter::tapered(params, 0.1, 9).unwrap(),
+        Cutter::stepped(1.0, &[(4.0, 1.0), (6.0, 3.0), (5.0, 9.0)], false).unwrap(),
+        Cutter::stepped(1.0, &[(4.0, 1.0)], true).unwrap(),
+        Cutter::ball_end(params).unwrap().with_clearance(0.7).unwrap(),
+        Cutter::ball_end(params).unwrap().with_clearance(-1.6).unwrap(),
+    ];
+    let sphere = Directions::new(DirectionSet::FibonacciSphere { n_dirs: 11 }).unwrap();
+    assert_engines_agree(&solids(700), Obstacles::Queries, &cutters, &sphere, "cutters");
+    assert_engines_agree(&gridded_pocket(8, 1.0), Obstacles::Queries, &cutters, &sphere, "pocket");
+}
+
+#[test]
+fn labels_do_not_depend_on_the_company_of_other_cutters() {
+    let scene = solids(400);
+    let cutters = cutters(5, 3);
+    let options = LabelOptions::default();
+    let together =
+        label_many(&scene, Obstacles::Queries, &cutters, &hemisphere(10), &options).unwrap();
+    for (cutter, together) in cutters.iter().zip(together) {
+        let alone = label(&scene, Obstacles::Queries, cutter, &hemisphere(10), &options).unwrap();
+        assert!(answer(alone) == answer(together));
+    }
+}
+
+/// Five points by hand. CR 1, CH 2, FR 5, FH 3, so steps (1, 1), (3, 5), (6, ∞); direction +z alone.
+/// The query's ball centre is (0, 0, 1).
+#[test]
+fn definition_holds_on_a_case_done_by_hand() {
+    let up = Directions::new(DirectionSet::List { vectors: vec![[0.0, 0.0, 1.0]] }).unwrap();
+    let cutter = Cutter::ball_end(CutterParams::from_array([1.0, 2.0, 5.0, 3.0])).unwrap();
+    let query = sites(vec![Vec3::ZERO], vec![Vec3::Z]);
+    let cases = [
+        (Vec3::new(0.0, 0.0, 2.0), false, "h = CR: contact"),
+        (Vec3::new(1.0, 0.0, 2.5), true, "in the cutter, r = CR"),
+        (Vec3::new(1.5, 0.0, 4.0), false, "beside the cutter, h = CR + CH"),
+        (Vec3::new(3.0, 4.0, 4.5), true, "in the holder, r = FR"),
+        (Vec3::new(3.0, 4.5, 7.0), false, "beside the holder, h = CR + CH + FH"),
+        (Vec3::new(300.0, 0.0, 7.5), true, "in the spindle"),
+    ];
+    for (obstacle, expected, what) in cases {
+        for engine in Engine::ALL {
+            let options = options(engine, Level::fastest());
+            let obstacles = [obstacle];
+            let labels =
+                label(&query, Obstacles::Points(&obstacles), &cutter, &up, &options).unwrap();
+            assert_eq!(labels.inaccessible, [expected], "{what}, {engine:?}");
+            assert_eq!(labels.beta, [u64::from(expected)], "{what}, {engine:?}");
+            assert_eq!(labels.occlusion, [expected], "{what}, {engine:?}");
+            assert_eq!(labels.witness, [(!expected).then_some(0)], "{what}, {engine:?}");
+        }
+    }
+}
+
+#[test]
+fn unusable_questions_are_refused_with_a_remedy() {
+    let cutter = &cutters(1, 1)[0];
+    let few = hemisphere(3);
+    let good = solids(20);
+    let refused = |sites: &Sites, obstacles, options: &LabelOptions| {
+        label(sites, obstacles, cutter, &few, options).unwrap_err().to_string()
+    };
+    let defaults = LabelOptions::default();
+    for bad in [f32::NAN, f32::INFINITY, 1e9] {
+        let mut sites = good.clone();
+        sites.points[3].y = bad;
+        let message = refused(&sites, Obstacles::Queries, &defaults);
+        assert!(message.contains("query 3") && message.contains("finite"), "{message}");
+        let message = refused(&good, Obstacles::Points(&sites.points), &defaults);
+        assert!(message.contains("obstacle 3"), "{message}");
+    }
+    let mut sites = good.clone();
+    sites.normals.pop();
+    assert!(refused(&sites, Obstacles::Queries, &defaults).contains("19 normals for 20 sites"));
+    let mut sites = good.clone();
+    sites.normals[4] *= 2.0;
+    assert!(refused(&sites, Obstacles::Queries, &defaults).contains("query 4"));
+    for share in [0.0, -1.0, 1.5, f64::NAN] {
+        let options = LabelOptions { share, ..defaults };
+        assert!(refused(&good, Obstacles::Queries, &options).contains("occlusion share"));
+    }
+    let volume = label(Queries::Volume(&good.points), Obstacles::Queries, cutter, &few, &defaults);
+    assert!(volume.unwrap_err().to_string().contains("obstacles of their own"));
+}
