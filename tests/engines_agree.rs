@@ -247,9 +247,10 @@ fn unusable_questions_are_refused_with_a_remedy() {
     let cutter = &cutters(1, 1)[0];
     let few = hemisphere(3);
     let good = solids(20);
-    let refused = |sites: &Sites, obstacles, options: &LabelOptions| {
-        label(sites, obstacles, cutter, &few, options).unwrap_err().to_string()
-    };
+    fn refused(sites: &Sites, obstacles: Obstacles, options: &LabelOptions) -> String {
+        let cutter = &cutters(1, 1)[0];
+        label(sites, obstacles, cutter, &hemisphere(3), options).unwrap_err().to_string()
+    }
     let defaults = LabelOptions::default();
     for bad in [f32::NAN, f32::INFINITY, 1e9] {
         let mut sites = good.clone();

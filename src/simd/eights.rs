@@ -368,7 +368,7 @@ mod tests {
     fn compress_brings_the_named_lanes_to_the_front() {
         let lanes: [f32; 8] = std::array::from_fn(|l| l as f32);
         for level in Level::available() {
-            for mask in 0..256 {
+            for mask in 0..256u32 {
                 let expected = (0..8).filter(|l| mask >> l & 1 == 1).map(|l| l as f32);
                 let n = mask.count_ones() as usize;
                 assert!(level.run(Compress(&lanes, mask))[..n].iter().copied().eq(expected));
