@@ -124,14 +124,14 @@ fn check(what: &str, points: &[Vec3]) -> Result<()> {
         let remedy = "label in parts";
         return Err(Error::geometry(what, format!("{} points", points.len()), remedy));
     }
-    let bad = points.iter().position(|p| !(p.abs().max_element() <= MAX_COORDINATE_MM));
-    let Some(i) = bad.or_else(|| points.iter().position(|p| p.is_nan())) else { return Ok(()) };
+    let usable = |p: &Vec3| p.is_finite() && p.abs().max_element() <= MAX_COORDINATE_MM;
+    let Some(i) = points.iter().position(|p| !usable(p)) else { return Ok(()) };
     let remedy = "coordinates must be finite and within 1 km; check the file and its unit";
     Err(Error::geometry(format!("{what} {i}"), format!("position {}", points[i]), remedy))
 }
 
 fn check_normals(normals: &[Vec3]) -> Result<()> {
-    let unit = |n: &Vec3| (n.length_squared() - 1.0).abs() < 1e-3;
+    let unit = |n: &Vec3| n.is_finite() && (n.length_squared() - 1.0).abs() < 1e-3;
     let Some(i) = normals.iter().position(|n| !unit(n)) else { return Ok(()) };
     let found = format!("normal {} is not a unit vector", normals[i]);
     Err(Error::geometry(format!("query {i}"), found, "normalise the normals or resample the part"))
