@@ -2,3 +2,5 @@
 
 #[cfg(feature = "generate")]
 pub mod generated;
+#[cfg(feature = "formats")]
+pub mod npz;

@@ -1,1 +1,32 @@
-//! Tables, coloured point clouds and pictures: shows, never computes.
+//! Tables, coloured point clouds, pictures and curves: shows, never computes labels.
+//!
+//! A [`Part`] is what is shown, a [`Colouring`] says in which colours; [`picture`] and [`points`]
+//! take both, [`tables`] and [`curves`] take numbers.
+
+mod camera;
+mod colour;
+pub mod curves;
+pub mod image;
+mod paint;
+pub mod picture;
+pub mod points;
+mod raster;
+mod shade;
+pub mod tables;
+
+pub use colour::{Class, Colouring, Rgb};
+
+use crate::geom::{Mesh, Sites};
+
+/// What a picture or a point file shows.
+#[derive(Debug, Clone, Copy)]
+pub struct Part<'a> {
+    /// Name for titles, usually the file's.
+    pub name: &'a str,
+    /// The surface, mm; without it the sites are drawn as small discs.
+    pub mesh: Option<&'a Mesh>,
+    /// The sites that carry the labels, mm.
+    pub sites: &'a Sites,
+    /// The cutter in words, for titles and metadata.
+    pub cutter: &'a str,
+}

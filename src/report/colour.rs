@@ -1,0 +1,122 @@
+//! Colours of sites, chosen to stay apart for colour-blind eyes and in grey print.
+
+/// Red, green and blue, 0 to 255 each, sRGB.
+pub type Rgb = [u8; 3];
+
+/// A group of sites that share a colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Class {
+    /// Name in legends.
+    pub name: &'static str,
+    /// Colour before shading.
+    pub colour: Rgb,
+}
+
+/// What the colours of the sites say; the slices have one entry per site.
+#[derive(Debug, Clone, Copy)]
+pub enum Colouring<'a> {
+    /// The answers of one engine, exact or predicted.
+    Labels {
+        /// The cutter collides in every direction.
+        inaccessible: &'a [bool],
+        /// Among the sites most often in the way.
+        occlusion: &'a [bool],
+    },
+    /// One answer predicted, compared with the true one.
+    Difference {
+        /// What "yes" means, e.g. "inaccessible".
+        positive: &'static str,
+        /// The exact answers.
+        truth: &'a [bool],
+        /// The predicted answers.
+        predicted: &'a [bool],
+    },
+}
+
+const LABELS: [Class; 4] = [
+    Class { name: "accessible", colour: [205, 208, 212] },
+    Class { name: "inaccessible", colour: [206, 58, 44] },
+    Class { name: "occlusion", colour: [245, 196, 50] },
+    Class { name: "inaccessible and occlusion", colour: [112, 56, 150] },
+];
+
+const DIFFERENCE: [Class; 4] = [
+    Class { name: "agreed: no", colour: [212, 214, 217] },
+    Class { name: "agreed: yes", colour: [122, 134, 150] },
+    Class { name: "missed", colour: [206, 58, 44] },
+    Class { name: "false alarm", colour: [50, 120, 200] },
+];
+
+impl Colouring<'_> {
+    /// The groups, in legend order.
+    pub fn classes(&self) -> &'static [Class; 4] {
+        match self {
+            Colouring::Labels { .. } => &LABELS,
+            Colouring::Difference { .. } => &DIFFERENCE,
+        }
+    }
+
+    /// The group of site `i`, an index into [`Colouring::classes`].
+    ///
+    /// # Panics
+    /// If there is no site `i`.
+    pub fn class(&self, i: usize) -> usize {
+        match self {
+            Colouring::Labels { inaccessible, occlusion } => {
+                usize::from(inaccessible[i]) + 2 * usize::from(occlusion[i])
+            }
+            Colouring::Difference { truth, predicted, .. } => match (truth[i], predicted[i]) {
+                (false, false) => 0,
+                (true, true) => 1,
+                (true, false) => 2,
+                (false, true) => 3,
+            },
+        }
+    }
+
+    /// Number of sites.
+    pub fn len(&self) -> usize {
+        match self {
+            Colouring::Labels { inaccessible, .. } => inaccessible.len(),
+            Colouring::Difference { truth, .. } => truth.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The colour of site `i` before shading.
+    ///
+    /// # Panics
+    /// If there is no site `i`.
+    pub fn colour(&self, i: usize) -> Rgb {
+        self.classes()[self.class(i)].colour
+    }
+
+    /// Number of sites in each group.
+    pub fn counts(&self) -> [usize; 4] {
+        let mut counts = [0; 4];
+        (0..self.len()).for_each(|i| counts[self.class(i)] += 1);
+        counts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_combination_has_its_own_class() {
+        let (a, b) = ([false, true, false, true], [false, false, true, true]);
+        let labels = Colouring::Labels { inaccessible: &a, occlusion: &b };
+        assert_eq!([0, 1, 2, 3].map(|i| labels.class(i)), [0, 1, 2, 3]);
+        let difference = Colouring::Difference { positive: "x", truth: &a, predicted: &b };
+        assert_eq!(
+            [0, 1, 2, 3].map(|i| difference.classes()[difference.class(i)].name),
+            ["agreed: no", "missed", "false alarm", "agreed: yes"]
+        );
+        assert_eq!(difference.counts(), [1; 4]);
+    }
+}

@@ -1,0 +1,273 @@
+//! Pictures of labelled parts: shaded views from above and below, with title, legend and scale.
+
+use super::Part;
+use super::camera::Camera;
+use super::colour::{Colouring, Rgb};
+use super::image::{Font, Image, fitted};
+use super::paint::{METAL, Painter};
+use super::raster::{Surface, draw};
+use super::shade::{Look, SAMPLES, shade};
+use crate::Result;
+use crate::geom::Mesh;
+use glam::DVec3;
+use std::path::Path;
+
+/// Size of a picture in pixels.
+const SIZE: [u32; 2] = [1400, 800];
+/// Height of title and legend in pixels.
+const HEAD: u32 = 70;
+const FOOT: u32 = 60;
+/// Free pixels around the part.
+const MARGIN: f64 = 26.0;
+const BACKGROUND: Rgb = [255, 255, 255];
+const LOOK: Look = Look { background: BACKGROUND, edges: true, from_below: false };
+const INK: Rgb = [40, 42, 46];
+const FAINT: Rgb = [120, 124, 130];
+/// Where the two eyes are: opposite each other, so that every side of a box is seen.
+const EYES: [(DVec3, &str); 2] = [
+    (DVec3::new(0.75, -1.2, 1.05), "from above, front right"),
+    (DVec3::new(-0.75, 1.2, -1.05), "from below, back left"),
+];
+/// Colours and directions of the small axes in each view.
+const AXES: [(DVec3, &str, Rgb); 3] = [
+    (DVec3::X, "x", [190, 50, 50]),
+    (DVec3::Y, "y", [40, 130, 60]),
+    (DVec3::Z, "z", [40, 80, 180]),
+];
+
+/// A picture of `part`, 1400 × 800 pixels; `caption` says where the colours come from.
+///
+/// Each pixel has the colour of the nearest site that faces the same way. Both views have the same
+/// scale. The result is the same for any number of threads.
+///
+/// # Panics
+/// If `colouring` has not one entry per site.
+pub fn render(part: &Part, caption: &str, colouring: &Colouring) -> Image {
+    assert_eq!(colouring.len(), part.sites.len(), "one colour per site");
+    let mut image = Image::new(SIZE[0], SIZE[1], BACKGROUND);
+    let painter = Painter::new(part, colouring);
+    let (width, height) = (SIZE[0] / 2, SIZE[1] - HEAD - FOOT);
+    let mut cameras = EYES.map(|(eye, _)| panel_camera(eye, width, height));
+    let scales = cameras.each_mut().map(|c| c.centre_on(painter.surface.vertices(), margin()));
+    let scale = scales[0].min(scales[1]);
+    for (k, camera) in cameras.iter_mut().enumerate() {
+        camera.scale = scale;
+        let look = Look { edges: painter.has_edges(), from_below: EYES[k].0.z < 0.0, ..LOOK };
+        let fragments = draw(&painter.surface, camera);
+        let view = shade(&fragments, camera, look, |f, p| painter.at(f, p));
+        let x = k as i32 * width as i32;
+        image.paste(&view, i64::from(x), i64::from(HEAD));
+        draw_axes(&mut image, camera, x + 46, (HEAD + height) as i32 - 46);
+        image.text(x + 20, HEAD as i32 + 4, EYES[k].1, Font::Small, FAINT);
+    }
+    draw_title(&mut image, part, caption);
+    draw_legend(&mut image, colouring);
+    draw_scale_bar(&mut image, scale * SAMPLES_PER_PIXEL.recip());
+    image
+}
+
+/// [`render`] into a PNG file.
+///
+/// # Errors
+/// If the system refuses the file.
+///
+/// # Panics
+/// As [`render`].
+pub fn write(path: &Path, part: &Part, caption: &str, colouring: &Colouring) -> Result<()> {
+    render(part, caption, colouring).write_png(path)
+}
+
+/// A shaded view of a mesh from above, without text, for contact sheets (see [`Image::grid`]).
+pub fn thumbnail(mesh: &Mesh, width: u32, height: u32) -> Image {
+    let surface = Surface::of_mesh(mesh);
+    let mut camera = panel_camera(EYES[0].0, width, height);
+    camera.scale = camera.centre_on(surface.vertices(), 0.06 * camera.width as f64);
+    shade(&draw(&surface, &camera), &camera, LOOK, |_, _| METAL)
+}
+
+const SAMPLES_PER_PIXEL: f64 = SAMPLES as f64;
+
+fn margin() -> f64 {
+    MARGIN * SAMPLES_PER_PIXEL
+}
+
+fn panel_camera(eye: DVec3, width: u32, height: u32) -> Camera {
+    Camera::new(eye, width as usize * SAMPLES, height as usize * SAMPLES)
+}
+
+fn draw_title(image: &mut Image, part: &Part, caption: &str) {
+    let width = SIZE[0] - 40;
+    let title = format!("{}: {caption}", part.name);
+    image.text(20, 10, &fitted(&title, Font::Normal, width), Font::Normal, INK);
+    let mut facts = vec![part.cutter.to_string(), format!("{} sites", part.sites.len())];
+    let corners = part.sites.points.iter().map(|p| p.as_dvec3());
+    let bounds = part.mesh.and_then(Mesh::bounds).or_else(|| {
+        corners.fold(None, |b, p| {
+            Some(b.map_or((p, p), |(l, h): (DVec3, DVec3)| (l.min(p), h.max(p))))
+        })
+    });
+    if let Some((lo, hi)) = bounds {
+        let size = hi - lo;
+        facts.push(format!(
+            "box {:.4} × {:.4} × {:.4} mm",
+            short(size.x),
+            short(size.y),
+            short(size.z)
+        ));
+    }
+    facts.retain(|f| !f.is_empty());
+    let facts = fitted(&facts.join("  ·  "), Font::Bold, width);
+    image.text(20, 38, &facts, Font::Bold, FAINT);
+}
+
+/// A length with about four digits.
+fn short(x: f64) -> String {
+    let digits = if x >= 100.0 {
+        0
+    } else if x >= 10.0 {
+        1
+    } else {
+        3
+    };
+    format!("{x:.digits$}")
+}
+
+fn draw_legend(image: &mut Image, colouring: &Colouring) {
+    let n = colouring.len().max(1) as f64;
+    let y = (SIZE[1] - FOOT) as i32 + 24;
+    let mut x = 260;
+    if let Colouring::Difference { positive, .. } = colouring {
+        let head = format!("{positive}?");
+        image.text(x, y, &head, Font::Bold, INK);
+        x += Font::Bold.width(&head) as i32 + 24;
+    }
+    for (class, count) in colouring.classes().iter().zip(colouring.counts()) {
+        let name = format!("{} {:.1} %", class.name, 100.0 * count as f64 / n);
+        image.rectangle(x, y, 18, 18, INK);
+        image.rectangle(x + 1, y + 1, 16, 16, class.colour);
+        image.text(x + 26, y, &name, Font::Bold, INK);
+        x += 26 + Font::Bold.width(&name) as i32 + 26;
+    }
+}
+
+/// A bar of a round number of millimetres at the lower left; `scale` is pixels per millimetre.
+fn draw_scale_bar(image: &mut Image, scale: f64) {
+    let (length, pixels) = scale_bar(scale);
+    let (x, y) = (24, (SIZE[1] - 18) as i32);
+    image.rectangle(x, y - 2, pixels as u32, 3, INK);
+    image.rectangle(x, y - 8, 2, 14, INK);
+    image.rectangle(x + pixels as i32 - 2, y - 8, 2, 14, INK);
+    image.text(x, y - 30, &format!("{length} mm"), Font::Bold, INK);
+}
+
+/// The greatest length 1, 2 or 5 × 10^k mm that takes at most 200 pixels, and its pixels.
+fn scale_bar(scale: f64) -> (f64, f64) {
+    let exponents = (-6..7).map(|k| if k < 0 { 1.0 / ten_to(-k) } else { ten_to(k) });
+    let lengths = exponents.flat_map(|e| [e, 2.0 * e, 5.0 * e]);
+    let length = lengths.take_while(|l| l * scale <= 200.0).last().unwrap_or(1.0);
+    (length, (length * scale).round().max(1.0))
+}
+
+fn ten_to(k: i32) -> f64 {
+    (0..k).fold(1.0, |x, _| x * 10.0)
+}
+
+fn draw_axes(image: &mut Image, camera: &Camera, x: i32, y: i32) {
+    let mut axes = AXES.map(|(axis, name, colour)| (camera.turn(axis), name, colour));
+    axes.sort_by(|a, b| a.0.z.total_cmp(&b.0.z));
+    for (axis, name, colour) in axes {
+        let tip = [x + (axis.x * 30.0).round() as i32, y - (axis.y * 30.0).round() as i32];
+        image.line([x, y], tip, 2, colour);
+        let letter = [x + (axis.x * 40.0).round() as i32, y - (axis.y * 40.0).round() as i32];
+        image.text(letter[0] - 3, letter[1] - 7, name, Font::Small, colour);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Sites;
+    use crate::par;
+    use glam::Vec3;
+
+    /// A block 40 × 20 × 10 mm and a lattice of sites on it.
+    fn block() -> (Mesh, Sites) {
+        let corner = |i: usize| {
+            let bit = |k: usize| f64::from(u8::from(i >> k & 1 == 1));
+            DVec3::new(40.0 * bit(0), 20.0 * bit(1), 10.0 * bit(2))
+        };
+        let quads =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
+        let mesh = Mesh { vertices: (0..8).map(corner).collect(), triangles: triangles.collect() };
+        let mut sites = Sites::default();
+        for (face, quad) in quads.iter().enumerate() {
+            let [a, b, _, d] = quad.map(|v| corner(v as usize));
+            let normal = mesh.area_vector(2 * face).normalize().as_vec3();
+            for k in 0..64 {
+                let (s, t) = ((f64::from(k % 8) + 0.5) / 8.0, (f64::from(k / 8) + 0.5) / 8.0);
+                sites.points.push((a + (b - a) * s + (d - a) * t).as_vec3());
+                sites.normals.push(normal);
+                sites.faces.push(2 * face as u32);
+            }
+        }
+        (mesh, sites)
+    }
+
+    fn reddish(p: Rgb) -> bool {
+        p[0] > 100 && p[0] / 2 > p[1] && p[0] / 2 > p[2]
+    }
+
+    #[test]
+    fn each_side_shows_its_own_colour_with_and_without_a_mesh() {
+        let (mesh, sites) = block();
+        let below: Vec<bool> = sites.normals.iter().map(|n| n.z < -0.5).collect();
+        let none = vec![false; sites.len()];
+        let colouring = Colouring::Labels { inaccessible: &below, occlusion: &none };
+        for mesh in [Some(&mesh), None] {
+            let part = Part { name: "block", mesh, sites: &sites, cutter: "CR 1" };
+            let image = render(&part, "test", &colouring);
+            let count = |columns: std::ops::Range<u32>| {
+                let rows = HEAD + 20..SIZE[1] - FOOT - 90;
+                let seen = |y| columns.clone().filter_map(|x| image.pixel(x, y)).collect();
+                rows.flat_map(|y| -> Vec<Rgb> { seen(y) }).filter(|p| reddish(*p)).count()
+            };
+            assert_eq!(count(0..700), 0, "nothing red is seen from above");
+            assert!(count(700..1400) > 20_000, "the underside is red");
+        }
+    }
+
+    #[test]
+    fn pictures_do_not_depend_on_the_number_of_threads() {
+        let (mesh, sites) = block();
+        let truth: Vec<bool> = (0..sites.len()).map(|i| i % 3 == 0).collect();
+        let predicted: Vec<bool> = (0..sites.len()).map(|i| i % 4 == 0).collect();
+        let colouring = Colouring::Difference {
+            positive: "inaccessible",
+            truth: &truth,
+            predicted: &predicted,
+        };
+        let part = Part { name: "block", mesh: Some(&mesh), sites: &sites, cutter: "" };
+        let [one, three] =
+            [1, 3].map(|n| par::with_threads(n, || render(&part, "", &colouring)).unwrap());
+        assert!(one == three);
+    }
+
+    #[test]
+    fn scale_bars_are_round_and_fit() {
+        assert_eq!(scale_bar(4.0), (50.0, 200.0));
+        assert_eq!(scale_bar(0.3), (500.0, 150.0));
+        assert_eq!(scale_bar(1000.0), (0.2, 200.0));
+    }
+
+    #[test]
+    fn empty_and_flat_inputs_draw_something() {
+        let nothing = Mesh::default();
+        assert_eq!(thumbnail(&nothing, 40, 30).pixel(20, 15), Some(BACKGROUND));
+        let sites = Sites { points: vec![Vec3::ONE], normals: vec![Vec3::Z], faces: vec![] };
+        let colouring = Colouring::Labels { inaccessible: &[true], occlusion: &[false] };
+        let part = Part { name: "dot", mesh: None, sites: &sites, cutter: "" };
+        let image = render(&part, "", &colouring);
+        assert!(image.pixel(350, 400).is_some_and(reddish));
+    }
+}
