@@ -14,7 +14,7 @@
 //!    row tiles to pay for the copy, the matrix itself is read.
 //! 4. The last columns are padded with zeros in the panel and pass through a padded copy of the output.
 //! 5. Rows are split into tiles of equal height, give or take one, so that no tile is short of
-//!    independent sums to hide the latency of the multiply-add.
+//!    independent sums to hide the latency of the multiply-add; the higher ones come first.
 //!
 //! The arrays in `gemm/tile.rs` become vectors by themselves; `benches/gemm.rs` compares them with
 //! matrixmultiply's intrinsics.
@@ -30,8 +30,10 @@ use tile::{Panel, RowPointers, tile_rows, tile_tn};
 /// Sum indices per pass: a panel of this depth fills half of a 32 KB first-level cache at 16 columns.
 const DEPTH: usize = 256;
 
-/// Fewest rows of `c` for which copying a panel of `b` pays (benches/gemm.rs, `few rows`).
-const ROWS_FOR_PANEL: usize = 24;
+/// Fewest rows and columns of `c` for which copying a panel of `b` pays: narrower matrices stay in
+/// the first-level cache as they are (benches/gemm.rs).
+const ROWS_FOR_PANEL: usize = 64;
+const WIDTH_FOR_PANEL: usize = 128;
 
 /// Inputs of [`matmul_rows`], checked.
 struct MatmulRows<'a, T> {
@@ -160,7 +162,8 @@ fn matmul_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
         for j in (0..x.n).step_by(N) {
             let j = j..x.n.min(j + N);
             let rows = x.b[p.start * x.n..p.end * x.n].chunks_exact(x.n).map(|row| &row[j.clone()]);
-            let panel = if j.len() < N || x.a_rows.len() >= ROWS_FOR_PANEL {
+            let wide = x.n >= WIDTH_FOR_PANEL && x.a_rows.len() >= ROWS_FOR_PANEL;
+            let panel = if wide || j.len() < N {
                 Panel::<T, N>::copied(&mut copy, rows)
             } else {
                 Panel::in_place(&x.b[p.start * x.n + j.start..], x.n, p.len())
@@ -210,11 +213,12 @@ fn passes(n: usize, size: usize) -> impl Iterator<Item = Range<usize>> {
     (0..n).step_by(size).map(move |start| start..n.min(start + size))
 }
 
-/// Consecutive ranges of `0..n` of equal length, give or take one, and at most `max`.
+/// Consecutive ranges of `0..n` of at most `max`: the first ones longer by one than the others, if need be.
 #[inline(always)]
 fn tiles(n: usize, max: usize) -> impl Iterator<Item = Range<usize>> {
-    let count = n.div_ceil(max);
-    (0..count).map(move |i| i * n / count..(i + 1) * n / count)
+    let count = n.div_ceil(max).max(1);
+    let (size, longer) = (n / count, n % count);
+    (0..count).map(move |i| i * size + i.min(longer)..(i + 1) * size + (i + 1).min(longer))
 }
 
 #[cfg(test)]
@@ -222,7 +226,7 @@ mod tests {
     use super::*;
 
     /// Below, at and above the edges of tiles, of panels and of the rows that pay for one.
-    const SIZES: [usize; 14] = [0, 1, 2, 5, 6, 7, 8, 12, 13, 16, 17, 24, 33, 49];
+    const SIZES: [usize; 13] = [0, 1, 2, 5, 6, 7, 8, 12, 13, 16, 17, 33, 49];
 
     /// Whole numbers and others from one formula: this room imports nothing.
     fn numbers(len: usize, whole: bool) -> Vec<f32> {
@@ -296,6 +300,7 @@ mod tests {
             for deep in [DEPTH - 1, DEPTH, DEPTH + 1, 2 * DEPTH + 3] {
                 assert_rows(level, 7, deep, 33, false);
                 assert_rows(level, 25, deep, 16, true);
+                assert_rows(level, ROWS_FOR_PANEL + 1, deep, WIDTH_FOR_PANEL + 1, false);
                 assert_tn_rows(level, deep, 7, 33, false);
                 assert_tn_rows(level, deep, 25, 16, true);
             }
