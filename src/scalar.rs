@@ -106,9 +106,11 @@ macro_rules! scalar {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
 
+            #[inline(always)]
             fn from_f64(x: f64) -> Self {
                 x as $t
             }
+            #[inline(always)]
             fn to_f64(self) -> f64 {
                 f64::from(self)
             }
@@ -116,6 +118,7 @@ macro_rules! scalar {
             fn mul_add(self, b: Self, c: Self) -> Self {
                 $t::mul_add(self, b, c)
             }
+            #[inline(always)]
             fn sqrt(self) -> Self {
                 $t::sqrt(self)
             }
@@ -125,6 +128,7 @@ macro_rules! scalar {
             fn ln(self) -> Self {
                 $ln(self)
             }
+            #[inline(always)]
             fn abs(self) -> Self {
                 $t::abs(self)
             }
@@ -132,6 +136,7 @@ macro_rules! scalar {
             fn max(self, other: Self) -> Self {
                 if other > self { other } else { self }
             }
+            #[inline(always)]
             fn is_finite(self) -> bool {
                 $t::is_finite(self)
             }

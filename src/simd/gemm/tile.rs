@@ -91,21 +91,22 @@ pub(super) unsafe fn tile_rows<T: Real, S: Simd, const M: usize, const N: usize>
 ) {
     // SAFETY: the caller's promise.
     unsafe {
-        let a: [_; M] = std::array::from_fn(|i| a.start.add(a.rows[i] as usize * a.width));
-        let c: [_; M] = std::array::from_fn(|i| c.start.add(c.rows[i] as usize * c.width));
-        let mut copy = MaybeUninit::uninit();
-        let tile = pad::<T, M, N>(c, width, &mut copy);
-        let mut sums = tile.map(|row| row.read());
+        let (mut a_rows, mut c_rows) = ([a.start; M], [c.start; M]);
+        for i in 0..M {
+            a_rows[i] = a.start.add(a.rows[i] as usize * a.width);
+            c_rows[i] = c.start.add(c.rows[i] as usize * c.width);
+        }
+        let mut sums: [[T; N]; M] = load(&c_rows, width);
         for p in 0..panel.depth {
             let b = panel.row(p);
-            for (sums, a) in sums.iter_mut().zip(a) {
+            for (sums, a) in sums.iter_mut().zip(&a_rows) {
                 let a = *a.add(p);
-                for (sum, b) in sums.iter_mut().zip(b) {
+                for (sum, &b) in sums.iter_mut().zip(&b) {
                     *sum = T::fused(simd, a, b, *sum);
                 }
             }
         }
-        store(sums, tile, c, width);
+        store(&sums, &c_rows, width);
     }
 }
 
@@ -124,65 +125,83 @@ pub(super) unsafe fn tile_tn<T: Real, S: Simd, const M: usize, const N: usize>(
 ) {
     // SAFETY: the caller's promise.
     unsafe {
-        let d: [_; M] = std::array::from_fn(|i| d.add(i * n));
-        let mut copy = MaybeUninit::uninit();
-        let tile = pad::<T, M, N>(d, width, &mut copy);
-        let mut sums = tile.map(|row| row.read());
+        let mut d_rows = [d; M];
+        for (i, row) in d_rows.iter_mut().enumerate() {
+            *row = d.add(i * n);
+        }
+        let mut sums: [[T; N]; M] = load(&d_rows, width);
         for (r, &row) in a.rows.iter().enumerate() {
             let g = panel.row(r);
             let a = a.start.add(row as usize * a.width).cast::<[T; M]>().read();
-            for (sums, a) in sums.iter_mut().zip(a) {
-                for (sum, g) in sums.iter_mut().zip(g) {
+            for (sums, &a) in sums.iter_mut().zip(&a) {
+                for (sum, &g) in sums.iter_mut().zip(&g) {
                     *sum = T::fused(simd, a, g, *sum);
                 }
             }
         }
-        store(sums, tile, d, width);
+        store(&sums, &d_rows, width);
     }
 }
 
-/// Rows of `N` numbers to read a tile from and to write it to: `rows`, or padded copies in `copy`
-/// when they have only `width`.
+/// The first `width ≤ N` numbers of each row, padded with zeros.
 ///
 /// # Safety
-/// Each row reaches `width ≤ N` far.
+/// Each row reaches that far.
 #[inline(always)]
-unsafe fn pad<T: Real, const M: usize, const N: usize>(
-    rows: [*mut T; M],
+unsafe fn load<T: Real, const M: usize, const N: usize>(
+    rows: &[*mut T; M],
     width: usize,
-    copy: &mut MaybeUninit<[[T; N]; M]>,
-) -> [*mut [T; N]; M] {
-    if width == N {
-        return rows.map(|row| row.cast());
+) -> [[T; N]; M] {
+    let mut tile = [[T::default(); N]; M];
+    for (tile, row) in tile.iter_mut().zip(rows) {
+        // SAFETY: the caller's promise.
+        *tile = unsafe {
+            if width == N { row.cast::<[T; N]>().read() } else { load_some(*row, width) }
+        };
     }
-    let mut copy = copy.write([[T::default(); N]; M]).each_mut();
-    for (row, copy) in rows.into_iter().zip(&mut copy) {
-        // SAFETY: the caller's promise; the copy is N long.
-        unsafe { row.copy_to_nonoverlapping(copy.as_mut_ptr(), width) };
-    }
-    copy.map(std::ptr::from_mut)
+    tile
 }
 
-/// Writes a tile to the rows that [`pad`] gave, and from copies on to the first `width` numbers of `rows`.
+/// Kept out of line: a copy of varying length would force the tile out of its registers.
 ///
 /// # Safety
-/// `tile` is what [`pad`] returned for `rows` and `width`.
+/// The row reaches `width ≤ N` far.
+#[inline(never)]
+unsafe fn load_some<T: Real, const N: usize>(row: *const T, width: usize) -> [T; N] {
+    let mut padded = [T::default(); N];
+    // SAFETY: the caller's promise.
+    unsafe { row.copy_to_nonoverlapping(padded.as_mut_ptr(), width) };
+    padded
+}
+
+/// Writes the first `width ≤ N` numbers of a tile to its rows.
+///
+/// # Safety
+/// Each row reaches that far and belongs to the caller.
 #[inline(always)]
 unsafe fn store<T: Real, const M: usize, const N: usize>(
-    sums: [[T; N]; M],
-    tile: [*mut [T; N]; M],
-    rows: [*mut T; M],
+    tile: &[[T; N]; M],
+    rows: &[*mut T; M],
     width: usize,
 ) {
-    // SAFETY: the caller's promise.
-    unsafe {
-        for (row, sums) in tile.into_iter().zip(sums) {
-            row.write(sums);
-        }
-        if width < N {
-            for (row, copy) in rows.into_iter().zip(tile) {
-                row.copy_from_nonoverlapping(copy.cast(), width);
+    for (tile, row) in tile.iter().zip(rows) {
+        // SAFETY: the caller's promise.
+        unsafe {
+            if width == N {
+                row.cast::<[T; N]>().write(*tile);
+            } else {
+                store_some(*tile, *row, width);
             }
         }
     }
+}
+
+/// As [`load_some`], the other way.
+///
+/// # Safety
+/// The row reaches `width ≤ N` far and belongs to the caller.
+#[inline(never)]
+unsafe fn store_some<T: Real, const N: usize>(tile: [T; N], row: *mut T, width: usize) {
+    // SAFETY: the caller's promise.
+    unsafe { row.copy_from_nonoverlapping(tile.as_ptr(), width) };
 }
