@@ -229,7 +229,7 @@ fn children(keys: &[u64], nonempty: &[u64]) -> Vec<i32> {
     keys.iter().map(&mut place).collect()
 }
 
-/// Mean point in finest cells and normalised mean normal of every leaf, summed in f64 in point order.
+/// Mean point in finest cells and normalised mean normal of every leaf, summed in point order.
 fn leaf_means(
     clouds: &[Cloud],
     ranges: &[Range<usize>],
@@ -237,29 +237,36 @@ fn leaf_means(
     leaves: &Leaves,
     options: &OctreeOptions,
 ) -> (Vec<Vec3>, Vec<Vec3>) {
-    let point = |cloud: &Cloud, i: usize| key::in_cells(cloud.points[i], options.depth);
-    let normal = |cloud: &Cloud, i: usize| {
-        let n = cloud.normals[i];
-        if options.absolute_normals { n.abs() } else { n }
-    };
-    let sum = |leaf: usize, value: &dyn Fn(&Cloud, usize) -> Vec3| -> DVec3 {
+    let sum_of_leaf = |leaf: usize, value: &dyn Fn(&Cloud, usize) -> Vec3| {
         let shape = key::decode(leaves.keys[leaf]).1;
         let points = &sorted[leaves.starts[leaf]..leaves.starts[leaf + 1]];
         let local = points.iter().map(|&(_, i)| i as usize - ranges[shape].start);
-        local.map(|i| value(&clouds[shape], i).as_dvec3()).sum()
+        sum(local.map(|i| value(&clouds[shape], i)), options.single_precision_means)
+    };
+    let mean = |leaf: usize| {
+        let total = sum_of_leaf(leaf, &|cloud, i| key::in_cells(cloud.points[i], options.depth));
+        let count = leaves.starts[leaf + 1] - leaves.starts[leaf];
+        (total / count as f64).as_vec3()
+    };
+    let direction = |leaf: usize| {
+        let total = sum_of_leaf(leaf, &|cloud, i| match options.absolute_normals {
+            true => cloud.normals[i].abs(),
+            false => cloud.normals[i],
+        });
+        (total / total.length().max(1e-12)).as_vec3()
     };
     let n_leaves = leaves.keys.len();
     let n_normals = if clouds[0].normals.is_empty() { 0 } else { n_leaves };
-    let mean = |leaf: usize| {
-        let count = leaves.starts[leaf + 1] - leaves.starts[leaf];
-        (sum(leaf, &point) / count as f64).as_vec3()
-    };
-    let direction = |leaf: usize| {
-        let total = sum(leaf, &normal);
-        (total / total.length().max(1e-12)).as_vec3()
-    };
     let points = par::map_blocks(n_leaves, BLOCK, |range| range.map(mean).collect::<Vec<_>>());
     let normals =
         par::map_blocks(n_normals, BLOCK, |range| range.map(direction).collect::<Vec<_>>());
     (points.concat(), normals.concat())
+}
+
+fn sum(vectors: impl Iterator<Item = Vec3>, single_precision: bool) -> DVec3 {
+    if single_precision {
+        vectors.sum::<Vec3>().as_dvec3()
+    } else {
+        vectors.map(|v| v.as_dvec3()).sum()
+    }
 }

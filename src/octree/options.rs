@@ -19,27 +19,36 @@ pub struct OctreeOptions {
     /// the cells at the opposite face. The reference does so for want of a bounds check; otherwise
     /// the weights of the cells inside are renormalised.
     pub wrap_at_faces: bool,
+    /// Sum the points and normals of a cell in f32 as the reference does. Its mean points then err by up
+    /// to n·2⁻²⁴ relative for n points in a cell; otherwise sums are made in f64. Both in point order.
+    pub single_precision_means: bool,
     /// Refuse to build an octree that needs more bytes than this, by an upper estimate.
     pub max_bytes: u64,
 }
 
 impl Default for OctreeOptions {
-    /// Depth 5, full to depth 2, signed normals, no wrapping, at most 4 GiB.
+    /// Depth 5, full to depth 2, signed normals, no wrapping, means in f64, at most 4 GiB.
     fn default() -> Self {
         OctreeOptions {
             depth: 5,
             full_depth: 2,
             absolute_normals: false,
             wrap_at_faces: false,
+            single_precision_means: false,
             max_bytes: 4 << 30,
         }
     }
 }
 
 impl OctreeOptions {
-    /// Bit for bit what the reference network does: absolute normals and wrapping at the faces.
+    /// What the reference network does: absolute normals, wrapping at the faces, means in f32.
     pub fn reference() -> Self {
-        OctreeOptions { absolute_normals: true, wrap_at_faces: true, ..Self::default() }
+        OctreeOptions {
+            absolute_normals: true,
+            wrap_at_faces: true,
+            single_precision_means: true,
+            ..Self::default()
+        }
     }
 
     pub(super) fn check(&self) -> Result<()> {
