@@ -18,9 +18,17 @@
 
 pub mod batch_norm;
 pub mod concat;
+pub mod conv;
+pub mod conv_transpose;
+pub mod down;
 pub mod dropout;
 pub mod group_norm;
+pub mod interp;
+mod kernel_product;
 pub mod linear;
+pub mod pad;
 pub mod params;
+pub mod pool;
 pub mod relu;
 mod rows;
+pub mod upsample;

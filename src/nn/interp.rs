@@ -1,0 +1,300 @@
+//! From features of nodes to features of points, and from one depth to a finer one.
+//!
+//! Each query point takes a weighted sum of at most eight nodes. Trilinear: with the query in cells,
+//! `q = (p + 1)·2^(d−1) − ½`, the nodes at `⌊q⌋` and `⌊q⌋ + 1` along each axis, weighted by
+//! `Π (1 − |q − node|)`; cells without a node are left out and the weights divided by
+//! (their sum + 1e-12). Nearest: the node that contains the point. A point far from every
+//! node gets zeros.
+
+use crate::octree::{Octree, key};
+use crate::par;
+use crate::scalar::Scalar;
+use glam::{UVec3, Vec3};
+use std::ops::Range;
+
+/// Query points or nodes per task.
+const BLOCK: usize = 256;
+
+/// Which nodes each query point reads, with which weights; serves any number of channels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Interpolation<T> {
+    n_nodes: usize,
+    terms: Terms<T>,
+}
+
+/// Row `r` is the sum over `starts[r]..starts[r + 1]` of `weights[i]` times row `sources[i]`.
+#[derive(Debug, Clone, PartialEq)]
+struct Terms<T> {
+    starts: Vec<usize>,
+    sources: Vec<u32>,
+    weights: Vec<T>,
+}
+
+impl<T: Scalar> Interpolation<T> {
+    /// Trilinear between the nodes of `depth`; the points of shape `s` are `points[ranges[s]]`, in [−1, 1]³.
+    /// The faces of the cube are treated as `octree.options().wrap_at_faces` says.
+    ///
+    /// # Panics
+    /// If the octree has no such depth, or if the ranges do not cover the points in order.
+    pub fn linear(octree: &Octree, depth: usize, points: &[Vec3], ranges: &[Range<usize>]) -> Self {
+        Self::new(octree, depth, points, ranges, |shape, point| {
+            linear_terms(octree, depth, shape, point)
+        })
+    }
+
+    /// The node of `depth` that contains each point; points and ranges as in [`Interpolation::linear`].
+    ///
+    /// # Panics
+    /// As [`Interpolation::linear`].
+    pub fn nearest(
+        octree: &Octree,
+        depth: usize,
+        points: &[Vec3],
+        ranges: &[Range<usize>],
+    ) -> Self {
+        Self::new(octree, depth, points, ranges, |shape, point| {
+            octree.locate(depth, shape, point).map(|node| (node, T::ONE)).into_iter().collect()
+        })
+    }
+
+    /// Trilinear from the nodes of depth `from` to the centres of the nodes of depth `to`.
+    ///
+    /// # Panics
+    /// If the octree has not both depths.
+    pub fn between_depths(octree: &Octree, from: usize, to: usize) -> Self {
+        let edge = 2.0 / (1u32 << to) as f32;
+        let centre = |&k: &u64| (UVec3::from(key::decode(k).0).as_vec3() + 0.5) * edge - 1.0;
+        let level = &octree.levels[to];
+        let centres: Vec<Vec3> = level.keys.iter().map(centre).collect();
+        Self::linear(octree, from, &centres, &level.ranges)
+    }
+
+    fn new(
+        octree: &Octree,
+        depth: usize,
+        points: &[Vec3],
+        ranges: &[Range<usize>],
+        terms_of: impl Fn(usize, Vec3) -> Vec<(u32, T)> + Sync,
+    ) -> Self {
+        let ends = ranges.iter().scan(0, |end, r| {
+            assert_eq!(r.start, *end, "ranges of points must follow each other");
+            *end = r.end;
+            Some(r.end)
+        });
+        let ends: Vec<usize> = ends.collect();
+        assert_eq!(ends.last().copied().unwrap_or(0), points.len(), "ranges must cover the points");
+        let rows = par::map_blocks(points.len(), BLOCK, |block| {
+            let shape_of = |i: usize| ends.partition_point(|&end| end <= i);
+            block.map(|i| terms_of(shape_of(i), points[i])).collect::<Vec<_>>()
+        });
+        let mut terms = Terms { starts: vec![0], sources: vec![], weights: vec![] };
+        for row in rows.iter().flatten() {
+            terms.sources.extend(row.iter().map(|t| t.0));
+            terms.weights.extend(row.iter().map(|t| t.1));
+            terms.starts.push(terms.sources.len());
+        }
+        Interpolation { n_nodes: octree.levels[depth].n_nodes(), terms }
+    }
+
+    /// Number of query points.
+    pub fn n_points(&self) -> usize {
+        self.terms.starts.len() - 1
+    }
+
+    /// `x: [n_nodes, channels]` to `y: [n_points, channels]`.
+    ///
+    /// # Panics
+    /// If `x` has not one row per node.
+    pub fn forward(&self, channels: usize, x: &[T], y: &mut Vec<T>) {
+        assert_eq!(x.len(), self.n_nodes * channels, "rows of the input and of the octree differ");
+        self.terms.sum(channels, x, y);
+    }
+
+    /// `dx[node] = Σ weight·dy[point]`, over the points that read the node, in order; overwrites `dx`.
+    ///
+    /// # Panics
+    /// If `dy` has not one row per point.
+    pub fn backward(&self, channels: usize, dy: &[T], dx: &mut Vec<T>) {
+        assert_eq!(dy.len(), self.n_points() * channels, "rows of the gradient and points differ");
+        self.terms.transposed(self.n_nodes).sum(channels, dy, dx);
+    }
+}
+
+impl<T: Scalar> Terms<T> {
+    fn sum(&self, channels: usize, x: &[T], y: &mut Vec<T>) {
+        y.resize((self.starts.len() - 1) * channels, T::ZERO);
+        par::for_each_block(y, BLOCK * channels, |block, rows| {
+            rows.fill(T::ZERO);
+            for (i, row) in rows.chunks_exact_mut(channels).enumerate() {
+                let r = block * BLOCK + i;
+                for t in self.starts[r]..self.starts[r + 1] {
+                    let source = &x[self.sources[t] as usize * channels..][..channels];
+                    let weight = self.weights[t];
+                    row.iter_mut().zip(source).for_each(|(y, &x)| *y = weight.mul_add(x, *y));
+                }
+            }
+        });
+    }
+
+    /// The same terms listed by source; within one source in the order of rows.
+    fn transposed(&self, n_sources: usize) -> Terms<T> {
+        let mut starts = vec![0; n_sources + 1];
+        self.sources.iter().for_each(|&s| starts[s as usize + 1] += 1);
+        (0..n_sources).for_each(|s| starts[s + 1] += starts[s]);
+        let mut next = starts.clone();
+        let mut sources = vec![0; self.sources.len()];
+        let mut weights = vec![T::ZERO; self.weights.len()];
+        for (row, range) in self.starts.windows(2).enumerate() {
+            for t in range[0]..range[1] {
+                let place = &mut next[self.sources[t] as usize];
+                (sources[*place], weights[*place]) = (row as u32, self.weights[t]);
+                *place += 1;
+            }
+        }
+        Terms { starts, sources, weights }
+    }
+}
+
+fn linear_terms<T: Scalar>(
+    octree: &Octree,
+    depth: usize,
+    shape: usize,
+    point: Vec3,
+) -> Vec<(u32, T)> {
+    let (half_cells, half) = (T::from_f64(0.5 * (1u32 << depth) as f64), T::from_f64(0.5));
+    let q = point.to_array().map(|p| (T::from_f64(f64::from(p)) + T::ONE) * half_cells - half);
+    let base = q.map(|q| q.to_f64().floor());
+    let fraction = std::array::from_fn(|i| q[i] - T::from_f64(base[i]));
+    let mask = (1i64 << depth) - 1;
+    let cell_along = |axis: usize, step: i64| {
+        let cell = base[axis] as i64 + step;
+        let inside = cell & mask == cell || octree.options().wrap_at_faces;
+        inside.then_some((cell & mask) as u32)
+    };
+    let weight_along =
+        |fraction: T, step: i64| if step == 1 { fraction } else { T::ONE - fraction };
+    let [x, y, z]: [T; 3] = fraction;
+    let mut terms = Vec::with_capacity(8);
+    for corner in 0..8 {
+        let [i, j, k] = [corner >> 2, corner >> 1 & 1, corner & 1];
+        let cells = (cell_along(0, i), cell_along(1, j), cell_along(2, k));
+        let (Some(cx), Some(cy), Some(cz)) = cells else { continue };
+        if let Some(node) = octree.find(depth, shape, [cx, cy, cz]) {
+            terms.push((node, weight_along(x, i) * weight_along(y, j) * weight_along(z, k)));
+        }
+    }
+    let total = terms.iter().map(|t| t.1).sum::<T>() + T::from_f64(1e-12);
+    terms.iter_mut().for_each(|t| t.1 /= total);
+    terms
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernel_product::tests::{large_octree, octrees, require_gradients};
+    use super::*;
+    use crate::gradcheck::{adjoint, probe};
+    use crate::octree::{Cloud, OctreeOptions};
+
+    /// Query points all over the cube, its faces included, for each shape.
+    fn queries(octree: &Octree, n: usize) -> (Vec<Vec3>, Vec<Range<usize>>) {
+        let mut stream = crate::rng::Stream::new(4, 0, 0, crate::rng::Purpose::Probe);
+        let n_points = n * octree.n_shapes();
+        let mut coordinate = || (stream.range(-1.1, 1.1) as f32).clamp(-1.0, 1.0);
+        let points = (0..n_points).map(|_| Vec3::from_array([0; 3].map(|_| coordinate())));
+        (points.collect(), (0..octree.n_shapes()).map(|s| s * n..(s + 1) * n).collect())
+    }
+
+    fn forward(map: &Interpolation<f64>, channels: usize, x: &[f64]) -> Vec<f64> {
+        let mut y = vec![f64::NAN; 3];
+        map.forward(channels, x, &mut y);
+        y
+    }
+
+    fn backward(map: &Interpolation<f64>, channels: usize, dy: &[f64]) -> Vec<f64> {
+        let mut dx = vec![f64::NAN; 3];
+        map.backward(channels, dy, &mut dx);
+        dx
+    }
+
+    #[test]
+    fn linear_functions_are_reproduced_where_all_corners_exist() {
+        let octree = Octree::build(
+            &[Cloud::new(&[Vec3::ZERO], &[])],
+            &OctreeOptions { depth: 3, full_depth: 3, ..Default::default() },
+        )
+        .unwrap();
+        let value = |p: Vec3| f64::from(1.0 + p.x - 2.0 * p.y + 3.0 * p.z);
+        let centre = |&k: &u64| UVec3::from(key::decode(k).0).as_vec3() * 0.25 - 0.875;
+        let x: Vec<f64> = octree.finest().keys.iter().map(|k| value(centre(k))).collect();
+        let (points, ranges) = queries(&octree, 500);
+        let y = forward(&Interpolation::linear(&octree, 3, &points, &ranges), 1, &x);
+        let inside = points.iter().zip(y).filter(|(p, _)| p.abs().max_element() < 0.875);
+        assert!(inside.clone().count() > 200);
+        inside.for_each(|(&p, y)| assert!((y - value(p)).abs() < 1e-6));
+    }
+
+    #[test]
+    fn weights_are_renormalised_or_wrapped_at_the_faces() {
+        let points = [Vec3::new(1.0, 0.3, 0.3)];
+        for wrap_at_faces in [false, true] {
+            let options =
+                OctreeOptions { depth: 2, full_depth: 2, wrap_at_faces, ..Default::default() };
+            let octree = Octree::build(&[Cloud::new(&points, &[])], &options).unwrap();
+            let along_x = |k: &u64| f64::from(key::decode(*k).0[0]);
+            let x: Vec<f64> = octree.finest().keys.iter().map(along_x).collect();
+            let y =
+                forward(&Interpolation::linear(&octree, 2, &points, &octree.point_ranges), 1, &x);
+            // Half of the weight lies outside; wrapped, it is that of the cell x = 0.
+            assert!((y[0] - if wrap_at_faces { 1.5 } else { 3.0 }).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn nearest_takes_the_node_that_holds_the_point_or_nothing() {
+        for octree in octrees() {
+            let level = octree.finest();
+            let (points, ranges) = queries(&octree, 100);
+            let x: Vec<f64> = (1..=level.n_nodes()).map(|n| n as f64).collect();
+            let map = Interpolation::nearest(&octree, octree.depth(), &points, &ranges);
+            for (i, y) in forward(&map, 1, &x).into_iter().enumerate() {
+                let node = octree.locate(octree.depth(), i / 100, points[i]);
+                assert_eq!(y, node.map_or(0.0, |n| f64::from(n + 1)));
+            }
+        }
+    }
+
+    #[test]
+    fn constants_stay_constant_from_depth_to_depth() {
+        let octree = &octrees()[3];
+        let map = Interpolation::between_depths(octree, 2, 4);
+        assert_eq!(map.n_points(), octree.finest().n_nodes());
+        let y = forward(&map, 2, &vec![5.0; 2 * octree.levels[2].n_nodes()]);
+        assert!(y.iter().all(|y| (y - 5.0).abs() < 1e-9));
+    }
+
+    #[test]
+    fn gradients_are_right_on_every_kind_of_octree() {
+        for octree in octrees() {
+            let (points, ranges) = queries(&octree, 40);
+            for depth in 1..=octree.depth() {
+                for map in [Interpolation::linear, Interpolation::nearest] {
+                    let map = map(&octree, depth, &points, &ranges);
+                    let x = probe(3 * octree.levels[depth].n_nodes(), 1);
+                    let forward = |v: &[Vec<f64>]| forward(&map, 3, &v[0]);
+                    let backward = |_: &[Vec<f64>], dy: &[f64]| vec![backward(&map, 3, dy)];
+                    require_gradients(&[("x", &x)], forward, backward);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn backward_is_the_adjoint_on_a_large_octree() {
+        let octree = large_octree();
+        let (points, ranges) = queries(&octree, 3000);
+        let map = Interpolation::linear(&octree, 3, &points, &ranges);
+        let (n_in, n_out) = (octree.levels[3].n_nodes() * 2, points.len() * 2);
+        let error = adjoint(n_in, n_out, |x| forward(&map, 2, x), |dy| backward(&map, 2, dy));
+        assert!(error < 1e-14);
+    }
+}
