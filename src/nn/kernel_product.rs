@@ -1,15 +1,25 @@
 //! Products over a kernel map: the loop behind every convolution, and its weight gradient.
 //!
-//! `y[o] = Σ_k Σ_{i →k o} x[i]·W_k`. A block of outputs is one task; each output row takes its offsets
-//! in order and, within one, the input channels in order, so that its value depends on nothing but its
-//! own inputs.
+//! `y[o] = Σ_k Σ_{i →k o} x[i]·W_k`. A block of outputs is one task; each output row takes its terms in
+//! order, for each its offsets in order and, within one, the input channels in order, so that its value
+//! depends on nothing but its own inputs.
 
 use crate::octree::KernelMap;
 use crate::par;
 use crate::scalar::Scalar;
+use std::ops::Range;
 
 /// Output rows per partial sum of a weight gradient.
 const RANGE_ROWS: usize = 8192;
+
+/// Some of the input columns of a product.
+pub(super) enum Term<'a, T> {
+    /// `x: [n_inputs, columns.len()]`: these columns of every input row.
+    Nodes { x: &'a [T], columns: Range<usize> },
+    /// Columns that are the same in all rows of a shape, multiplied already: what each shape adds for
+    /// each offset, `[n_offsets, n_shapes, c_out]`. Inputs and outputs are the same rows.
+    Shapes { products: Vec<T>, shapes: &'a [Range<usize>] },
+}
 
 /// `y[o] = Σ_k Σ_{i →k o} x[i]·weights[k]` with `weights: [n_offsets, c_in, c_out]`; `y` is overwritten.
 pub(super) fn product<T: Scalar>(
@@ -20,15 +30,95 @@ pub(super) fn product<T: Scalar>(
     c_out: usize,
     y: &mut Vec<T>,
 ) {
-    assert_eq!(x.len(), map.n_inputs() * c_in, "rows of the input and of the kernel map differ");
+    sum_of_terms(map, &[Term::Nodes { x, columns: 0..c_in }], (weights, c_in), c_out, y);
+}
+
+/// [`product`] with the columns of `x` in several terms.
+pub(super) fn sum_of_terms<T: Scalar>(
+    map: &KernelMap,
+    terms: &[Term<T>],
+    (weights, c_in): (&[T], usize),
+    c_out: usize,
+    y: &mut Vec<T>,
+) {
+    for term in terms {
+        if let Term::Nodes { x, columns } = term {
+            let n = map.n_inputs() * columns.len();
+            assert_eq!(x.len(), n, "rows of the input and of the kernel map differ");
+        }
+    }
     y.resize(map.n_outputs() * c_out, T::ZERO);
     par::for_each_block(y, map.block_len() * c_out, |block, rows| {
         rows.fill(T::ZERO);
-        for (k, w) in weights.chunks_exact(c_in * c_out).enumerate() {
-            let (inputs, outputs) = map.pairs(block, k);
-            T::matmul_rows(x, inputs, c_in, w, c_out, rows, outputs);
+        for term in terms {
+            for (k, weights) in weights.chunks_exact(c_in * c_out).enumerate() {
+                let (inputs, outputs) = map.pairs(block, k);
+                match term {
+                    Term::Nodes { x, columns } => {
+                        let w = &weights[columns.start * c_out..columns.end * c_out];
+                        T::matmul_rows(x, inputs, columns.len(), w, c_out, rows, outputs);
+                    }
+                    Term::Shapes { products, shapes } => {
+                        let first = block * map.block_len();
+                        for_each_shape(shapes, first, outputs, |shape, outputs| {
+                            let product = &products[(k * shapes.len() + shape) * c_out..];
+                            for &o in outputs {
+                                let y = &mut rows[o as usize * c_out..][..c_out];
+                                y.iter_mut().zip(product).for_each(|(y, &p)| *y += p);
+                            }
+                        });
+                    }
+                }
+            }
         }
     });
+}
+
+/// Calls `work(shape, rows)` for the runs of `rows`, ascending and counted from `first`, that lie in one
+/// shape.
+fn for_each_shape(
+    shapes: &[Range<usize>],
+    first: usize,
+    mut rows: &[u32],
+    mut work: impl FnMut(usize, &[u32]),
+) {
+    while let Some(&row) = rows.first() {
+        let shape = shapes.partition_point(|shape| shape.end <= first + row as usize);
+        let (run, rest) =
+            rows.split_at(rows.partition_point(|&r| first + (r as usize) < shapes[shape].end));
+        work(shape, run);
+        rows = rest;
+    }
+}
+
+/// `sums[k, s] = Σ_o g[o]` over the output rows `o` of shape `s` that have an input at offset `k`:
+/// `[n_offsets, n_shapes, c]`. Inputs and outputs are the same rows.
+pub(super) fn sums_of_shapes<T: Scalar>(
+    map: &KernelMap,
+    shapes: &[Range<usize>],
+    g: &[T],
+    c: usize,
+) -> Vec<T> {
+    let partials = par::map(map.n_blocks(), |block| {
+        let first = block * map.block_len();
+        let mut partial = Vec::new();
+        for k in 0..map.n_offsets() {
+            for_each_shape(shapes, first, map.pairs(block, k).1, |shape, outputs| {
+                let mut sum = vec![T::ZERO; c];
+                for &o in outputs {
+                    let g = &g[(first + o as usize) * c..][..c];
+                    sum.iter_mut().zip(g).for_each(|(sum, &g)| *sum += g);
+                }
+                partial.push((k * shapes.len() + shape, sum));
+            });
+        }
+        partial
+    });
+    let mut sums = vec![T::ZERO; map.n_offsets() * shapes.len() * c];
+    for (slot, partial) in partials.into_iter().flatten() {
+        sums[slot * c..][..c].iter_mut().zip(partial).for_each(|(sum, p)| *sum += p);
+    }
+    sums
 }
 
 /// `grads[group·k + j] += Σ_{i →k o} a[group·i + j]ᵀ·g[o]`, each `[c_a, c_g]`.
@@ -41,7 +131,19 @@ pub(super) fn weight_gradient<T: Scalar>(
     (g, c_g): (&[T], usize),
     grads: &mut [T],
 ) {
-    assert_eq!(a.len(), map.n_inputs() * group * c_a, "rows of `a` and of the kernel map differ");
+    weight_gradient_of_columns(map, group, (a, 0..c_a, c_a), (g, c_g), grads);
+}
+
+/// [`weight_gradient`] where `a` has only `columns` of the `c_a` input columns.
+pub(super) fn weight_gradient_of_columns<T: Scalar>(
+    map: &KernelMap,
+    group: usize,
+    (a, columns, c_a): (&[T], Range<usize>, usize),
+    (g, c_g): (&[T], usize),
+    grads: &mut [T],
+) {
+    let width = columns.len();
+    assert_eq!(a.len(), map.n_inputs() * group * width, "rows of `a` and of the kernel map differ");
     assert_eq!(g.len(), map.n_outputs() * c_g, "rows of `g` and of the kernel map differ");
     let blocks_per_range = (RANGE_ROWS / map.block_len().max(1)).max(1);
     let n_ranges = map.n_blocks().div_ceil(blocks_per_range);
@@ -51,37 +153,48 @@ pub(super) fn weight_gradient<T: Scalar>(
             let (inputs, outputs) = map.pairs(block, slot / group);
             let g = &g[block * map.block_len() * c_g..];
             if group == 1 {
-                T::matmul_tn_rows(a, inputs, c_a, g, outputs, c_g, d);
+                T::matmul_tn_rows(a, inputs, width, g, outputs, c_g, d);
             } else {
                 let row = |&i: &u32| i * group as u32 + (slot % group) as u32;
                 let rows: Vec<u32> = inputs.iter().map(row).collect();
-                T::matmul_tn_rows(a, &rows, c_a, g, outputs, c_g, d);
+                T::matmul_tn_rows(a, &rows, width, g, outputs, c_g, d);
             }
         }
     };
+    let place = columns.start * c_g..columns.end * c_g;
     if n_ranges <= 1 {
-        par::for_each_block(grads, c_a * c_g, |slot, d| add(slot, 0, d));
+        par::for_each_block(grads, c_a * c_g, |slot, d| add(slot, 0, &mut d[place.clone()]));
         return;
     }
     let partials = par::map(grads.len() / (c_a * c_g) * n_ranges, |task| {
-        let mut d = vec![T::ZERO; c_a * c_g];
+        let mut d = vec![T::ZERO; width * c_g];
         add(task / n_ranges, task % n_ranges, &mut d);
         d
     });
     par::for_each_block(grads, c_a * c_g, |slot, d| {
         for partial in &partials[slot * n_ranges..(slot + 1) * n_ranges] {
-            d.iter_mut().zip(partial).for_each(|(d, &p)| *d += p);
+            d[place.clone()].iter_mut().zip(partial).for_each(|(d, &p)| *d += p);
         }
     });
 }
 
 /// Each of the matrices `[rows, cols]` of `weights` transposed, the last one first.
 pub(super) fn transposed_reversed<T: Scalar>(weights: &[T], rows: usize, cols: usize) -> Vec<T> {
-    let mut transposed = vec![T::ZERO; weights.len()];
+    transposed_reversed_rows(weights, rows, cols, 0..rows)
+}
+
+/// [`transposed_reversed`] of some rows of each matrix.
+pub(super) fn transposed_reversed_rows<T: Scalar>(
+    weights: &[T],
+    rows: usize,
+    cols: usize,
+    some: Range<usize>,
+) -> Vec<T> {
     let n = weights.len() / (rows * cols);
-    par::for_each_block(&mut transposed, rows * cols, |k, to| {
-        let from = &weights[(n - 1 - k) * rows * cols..][..rows * cols];
-        transpose(from, rows, cols, to);
+    let mut transposed = vec![T::ZERO; n * some.len() * cols];
+    par::for_each_block(&mut transposed, some.len() * cols, |k, to| {
+        let from = &weights[(n - 1 - k) * rows * cols..][some.start * cols..some.end * cols];
+        transpose(from, some.len(), cols, to);
     });
     transposed
 }

@@ -12,7 +12,7 @@ pub struct Linear {
     pub c_in: usize,
     /// Columns of `y`.
     pub c_out: usize,
-    weight: Range<usize>,
+    pub(super) weight: Range<usize>,
     bias: Option<Range<usize>>,
 }
 
@@ -27,14 +27,18 @@ impl Linear {
 
     /// `y = x Wᵀ + b`.
     pub fn forward<T: Scalar>(&self, params: &[T], x: &[T], y: &mut Vec<T>) {
+        self.start(params, x.len() / self.c_in, y);
+        let transposed = rows::transposed(&params[self.weight.clone()], self.c_out, self.c_in);
+        rows::add_product(x, &transposed, self.c_in, self.c_out, y);
+    }
+
+    /// `n` rows of the bias, or of zeros.
+    pub(super) fn start<T: Scalar>(&self, params: &[T], n: usize, y: &mut Vec<T>) {
         y.clear();
-        let n = x.len() / self.c_in;
         match &self.bias {
             None => y.resize(n * self.c_out, T::ZERO),
             Some(bias) => (0..n).for_each(|_| y.extend_from_slice(&params[bias.clone()])),
         }
-        let transposed = self.transposed(&params[self.weight.clone()]);
-        rows::add_product(x, &transposed, self.c_in, self.c_out, y);
     }
 
     /// `dW += dyᵀ x`, `db += Σ dy`; `dx = dy W` where wanted.
@@ -53,6 +57,10 @@ impl Linear {
         }
         let dw = &mut grads[self.weight.clone()];
         rows::add_transposed_product(dy, self.c_out, x, self.c_in, dw);
+        self.add_bias_gradient(dy, grads);
+    }
+
+    pub(super) fn add_bias_gradient<T: Scalar>(&self, dy: &[T], grads: &mut [T]) {
         if let Some(bias) = &self.bias {
             let [db] = rows::column_sums(0..dy.len() / self.c_out, self.c_out, |row, [sum]| {
                 let dy = &dy[row * self.c_out..][..self.c_out];
@@ -66,11 +74,6 @@ impl Linear {
     /// `dx += dy W`: for an input that another branch has already sent a gradient to.
     pub fn add_dx<T: Scalar>(&self, params: &[T], dy: &[T], dx: &mut [T]) {
         rows::add_product(dy, &params[self.weight.clone()], self.c_out, self.c_in, dx);
-    }
-
-    fn transposed<T: Scalar>(&self, weight: &[T]) -> Vec<T> {
-        let columns = (0..self.c_in).flat_map(|i| weight[i..].iter().step_by(self.c_in));
-        columns.copied().collect()
     }
 }
 

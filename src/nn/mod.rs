@@ -24,6 +24,7 @@ pub mod down;
 pub mod dropout;
 pub mod group_norm;
 pub mod interp;
+pub mod joined;
 mod kernel_product;
 pub mod linear;
 pub mod pad;

@@ -39,6 +39,12 @@ pub(super) fn add_transposed_product<T: Scalar>(a: &[T], k: usize, g: &[T], n: u
     }
 }
 
+/// `x: [rows, columns]` as `[columns, rows]`.
+pub(super) fn transposed<T: Scalar>(x: &[T], rows: usize, columns: usize) -> Vec<T> {
+    let column = |i| (0..rows).map(move |row| x[row * columns + i]);
+    (0..columns).flat_map(column).collect()
+}
+
 /// `y += x`, element by element.
 pub(super) fn add<T: Scalar>(y: &mut [T], x: &[T]) {
     for (y, &x) in y.iter_mut().zip(x) {
