@@ -1,1 +1,22 @@
-//! The octree U-Net with cutter modules, its weights, and prediction.
+//! Networks: their configuration, their numbers, and what they answer.
+//!
+//! A [`Model`] is a description ([`UNet`]) with two flat vectors of numbers. Inference takes `&self` and
+//! may run from many threads at once; training keeps its memory in a [`Workspace`] of the caller.
+
+mod batch;
+pub mod config;
+pub mod cutter_modules;
+pub mod heads;
+#[cfg(feature = "formats")]
+pub mod parity;
+mod predict;
+mod training;
+pub mod unet;
+#[cfg(feature = "formats")]
+pub mod weights;
+
+pub use batch::{Batch, Shape};
+pub use config::UNetConfig;
+pub use predict::{Model, Prediction};
+pub use training::Workspace;
+pub use unet::{Activations, UNet};

@@ -49,9 +49,15 @@ impl BatchNorm {
         BatchNorm { c, weight, bias, running_mean, running_var, n_batches }
     }
 
-    /// Normalises `x: [n, c]` into `y` with the running statistics.
-    pub fn forward<T: Scalar>(&self, params: &[T], buffers: &[T], x: &[T], y: &mut Vec<T>) {
-        self.apply(params, &self.running(buffers), x, y);
+    /// Normalises `x: [n, c]` in place with the running statistics.
+    pub fn forward<T: Scalar>(&self, params: &[T], buffers: &[T], x: &mut [T]) {
+        let Cache { mean, inv_std, .. } = self.running(buffers);
+        let (factor, bias) = self.factor_and_bias(params, &inv_std);
+        rows::for_each_row(x, self.c, |_, x| {
+            for j in 0..self.c {
+                x[j] = (x[j] - mean[j]).mul_add(factor[j], bias[j]);
+            }
+        });
     }
 
     /// Normalises `x: [n, c]` into `y` with the statistics of `x`, and moves the running ones.
@@ -118,7 +124,8 @@ impl BatchNorm {
         (0..self.c).map(column).unzip()
     }
 
-    fn running<T: Scalar>(&self, buffers: &[T]) -> Cache<T> {
+    /// What backward needs after [`BatchNorm::forward`]: the running statistics, taken as constants.
+    pub fn running<T: Scalar>(&self, buffers: &[T]) -> Cache<T> {
         let variance = &buffers[self.running_var.clone()];
         Cache {
             mean: buffers[self.running_mean.clone()].to_vec(),
@@ -146,9 +153,14 @@ impl BatchNorm {
         }
     }
 
+    fn factor_and_bias<'a, T: Scalar>(&self, params: &'a [T], inv_std: &[T]) -> (Vec<T>, &'a [T]) {
+        let weight = &params[self.weight.clone()];
+        let factor = weight.iter().zip(inv_std).map(|(&w, &s)| w * s).collect();
+        (factor, &params[self.bias.clone()])
+    }
+
     fn apply<T: Scalar>(&self, params: &[T], cache: &Cache<T>, x: &[T], y: &mut Vec<T>) {
-        let (weight, bias) = (&params[self.weight.clone()], &params[self.bias.clone()]);
-        let factor: Vec<T> = weight.iter().zip(&cache.inv_std).map(|(&w, &s)| w * s).collect();
+        let (factor, bias) = self.factor_and_bias(params, &cache.inv_std);
         y.resize(x.len(), T::ZERO);
         rows::for_each_row(y, self.c, |row, y| {
             let x = &x[row * self.c..][..self.c];
@@ -217,11 +229,11 @@ mod tests {
     fn running_statistics_converge_to_those_of_the_data() {
         let (norm, params, mut buffers) = layer(1);
         let x = [1.0, 2.0, 6.0];
-        let (mut trained, mut inferred, mut cache) = (Vec::new(), Vec::new(), Cache::default());
+        let (mut trained, mut inferred, mut cache) = (Vec::new(), x, Cache::default());
         for _ in 0..300 {
             norm.forward_train(&params, &mut buffers, &x, &mut trained, &mut cache);
         }
-        norm.forward(&params, &buffers, &x, &mut inferred);
+        norm.forward(&params, &buffers, &mut inferred);
         assert!((buffers[norm.running_mean.start] - 3.0).abs() < 1e-9);
         assert!((buffers[norm.running_var.start] - 7.0).abs() < 1e-9);
         let (factor, summand) = norm.folded(&params, &buffers);
@@ -233,10 +245,10 @@ mod tests {
     #[test]
     fn one_row_leaves_the_running_statistics_alone() {
         let (norm, params, buffers) = layer(3);
-        let (mut moved, mut trained, mut inferred) = (buffers.clone(), Vec::new(), Vec::new());
         let x = [1.0, 2.0, 3.0];
+        let (mut moved, mut trained, mut inferred) = (buffers.clone(), Vec::new(), x.to_vec());
         norm.forward_train(&params, &mut moved, &x, &mut trained, &mut Cache::default());
-        norm.forward(&params, &buffers, &x, &mut inferred);
+        norm.forward(&params, &buffers, &mut inferred);
         assert_eq!((moved, trained), (buffers, inferred));
     }
 }

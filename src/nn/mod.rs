@@ -17,6 +17,7 @@
 //! place: their argument `d` holds `dy` before the call and `dx` after it.
 
 pub mod batch_norm;
+pub mod blocks;
 pub mod concat;
 pub mod conv;
 pub mod conv_transpose;
@@ -31,5 +32,7 @@ pub mod pad;
 pub mod params;
 pub mod pool;
 pub mod relu;
+pub mod residual;
 mod rows;
+pub mod unit;
 pub mod upsample;

@@ -1,0 +1,94 @@
+//! Shapes and cutters as the network takes them.
+
+use super::config::{CutterInput, InputConfig};
+use super::cutter_modules::N_LENGTHS;
+use crate::Result;
+use crate::nn::interp::Interpolation;
+use crate::octree::{Cloud, Octree};
+use crate::scalar::Scalar;
+use glam::Vec3;
+
+/// One shape to be judged, in millimetres.
+#[derive(Debug, Clone, Copy)]
+pub struct Shape<'a> {
+    /// Sites, mm.
+    pub points: &'a [Vec3],
+    /// Outward normals, one per site.
+    pub normals: &'a [Vec3],
+    /// CR, CH, FR, FH of the cutter, mm.
+    pub cutter_mm: [f64; N_LENGTHS],
+}
+
+/// Several shapes, ready for the network.
+#[derive(Debug, Clone)]
+pub struct Batch<T> {
+    /// The joint octree.
+    pub octree: Octree,
+    /// Features of its finest nodes, `[n_nodes, n_channels]`.
+    pub features: Vec<T>,
+    /// From the finest nodes to the points, shape after shape.
+    pub interpolation: Interpolation<T>,
+    /// Cutter lengths as the network takes them, `[n_shapes, 4]`.
+    pub cutters: Vec<T>,
+}
+
+impl<T: Scalar> Batch<T> {
+    /// Normalises each shape, builds the joint octree and its features.
+    ///
+    /// # Errors
+    /// If there are no shapes, or one has no points, lacks normals, or holds a number that is not finite;
+    /// if the octree would be too large.
+    pub fn new(shapes: &[Shape], input: &InputConfig) -> Result<Self> {
+        let (mut points, mut cutters) = (Vec::new(), Vec::new());
+        for shape in shapes {
+            let frame = input.normalisation().frame(shape.points)?;
+            points.push(shape.points.iter().map(|&p| frame.apply(p)).collect::<Vec<_>>());
+            cutters.push(shape.cutter_mm.map(|length| match input.cutter {
+                CutterInput::Millimetres => length,
+                CutterInput::Scaled => length * frame.scale,
+            }));
+        }
+        let clouds = points.iter().zip(shapes).map(|(points, s)| Cloud::new(points, s.normals));
+        let clouds: Vec<_> = clouds.collect();
+        Self::from_normalised(&clouds, &cutters, input)
+    }
+
+    /// Like [`Batch::new`] for points that are normalised already and cutters in the network's unit.
+    ///
+    /// # Errors
+    /// As [`Batch::new`], and if a point lies outside `[-1, 1]³`.
+    ///
+    /// # Panics
+    /// If there are not as many cutters as clouds.
+    pub fn from_normalised(
+        clouds: &[Cloud],
+        cutters: &[[f64; N_LENGTHS]],
+        input: &InputConfig,
+    ) -> Result<Self> {
+        assert_eq!(clouds.len(), cutters.len());
+        let octree = Octree::build(clouds, &input.octree())?;
+        let features = octree.features(input.node_features()?)?;
+        let points: Vec<Vec3> = clouds.iter().flat_map(|c| c.points).copied().collect();
+        Ok(Batch {
+            interpolation: Interpolation::linear(
+                &octree,
+                octree.depth(),
+                &points,
+                &octree.point_ranges,
+            ),
+            features: features.into_iter().map(|f| T::from_f64(f64::from(f))).collect(),
+            cutters: cutters.as_flattened().iter().map(|&c| T::from_f64(c)).collect(),
+            octree,
+        })
+    }
+
+    /// Number of shapes.
+    pub fn n_shapes(&self) -> usize {
+        self.octree.n_shapes()
+    }
+
+    /// Number of points over all shapes.
+    pub fn n_points(&self) -> usize {
+        self.octree.n_points()
+    }
+}

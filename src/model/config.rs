@@ -1,0 +1,315 @@
+//! What a network looks like: depths, widths, blocks, cutter modules and what it is fed with.
+
+use crate::octree::{Features, Normalisation, OctreeOptions};
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// In which unit the cutter's four lengths enter the network.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CutterInput {
+    /// As they are, in mm, beside a shape whose millimetres were normalised away: the reference's way.
+    #[default]
+    Millimetres,
+    /// In units of the normalised shape: multiplied by its scale.
+    Scaled,
+}
+
+/// Which decoder stages see the cutter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CutterPlacement {
+    /// No stage: the network knows the shape alone.
+    None,
+    /// The coarsest stage only.
+    First,
+    /// The finest stage only.
+    Last,
+    /// Every stage: the reference's way.
+    #[default]
+    All,
+}
+
+/// The cube a shape is moved into; see [`Normalisation`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cube {
+    /// Bounding box centred, longest edge to `[-1, 1]`: the paper's.
+    #[default]
+    Box,
+    /// Mean of the points centred, largest |coordinate| 0.8: the reference code's.
+    Mean,
+}
+
+/// From points, normals and cutter in millimetres to the network's input.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct InputConfig {
+    /// Finest depth of the octree, `1..=10`.
+    pub depth: usize,
+    /// Deepest depth that holds all its nodes.
+    pub full_depth: usize,
+    /// Letters of the node features: some of `NDP`, see [`Features`].
+    pub features: String,
+    /// Normalisation of the points.
+    pub cube: Cube,
+    /// Componentwise absolute normals, as the reference takes them.
+    pub absolute_normals: bool,
+    /// The reference's interpolation across opposite faces of the cube.
+    pub wrap_at_faces: bool,
+    /// The reference's single-precision sums over the points of a cell.
+    pub single_precision_means: bool,
+    /// Unit of the cutter's lengths.
+    pub cutter: CutterInput,
+}
+
+impl Default for InputConfig {
+    /// Depth 5, full to 2, features `ND`, signed normals, box normalisation, cutter scaled.
+    fn default() -> Self {
+        InputConfig {
+            depth: 5,
+            full_depth: 2,
+            features: "ND".into(),
+            cube: Cube::Box,
+            absolute_normals: false,
+            wrap_at_faces: false,
+            single_precision_means: false,
+            cutter: CutterInput::Scaled,
+        }
+    }
+}
+
+impl InputConfig {
+    /// What the reference code does, its quirks included.
+    pub fn reference() -> Self {
+        InputConfig {
+            cube: Cube::Mean,
+            absolute_normals: true,
+            wrap_at_faces: true,
+            single_precision_means: true,
+            cutter: CutterInput::Millimetres,
+            ..InputConfig::default()
+        }
+    }
+
+    /// Options of the octree.
+    pub fn octree(&self) -> OctreeOptions {
+        OctreeOptions {
+            depth: self.depth,
+            full_depth: self.full_depth,
+            absolute_normals: self.absolute_normals,
+            wrap_at_faces: self.wrap_at_faces,
+            single_precision_means: self.single_precision_means,
+            ..OctreeOptions::default()
+        }
+    }
+
+    /// Features of the finest nodes.
+    ///
+    /// # Errors
+    /// If the letters are not some of `NDP` in this order.
+    pub fn node_features(&self) -> Result<Features> {
+        self.features.parse()
+    }
+
+    /// Normalisation of the points.
+    pub fn normalisation(&self) -> Normalisation {
+        match self.cube {
+            Cube::Box => Normalisation::UnitCube,
+            Cube::Mean => Normalisation::Mean,
+        }
+    }
+}
+
+/// The modules that turn four cutter lengths into features of the decoder.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CutterConfig {
+    /// Which decoder stages get cutter features.
+    pub placement: CutterPlacement,
+    /// One module for all stages instead of one each.
+    pub shared: bool,
+    /// Width of the hidden layer.
+    pub hidden_width: usize,
+    /// Width of the output.
+    pub width: usize,
+    /// Dropout probability after each of the two layers, in `[0, 1)`.
+    pub dropout: f64,
+}
+
+impl Default for CutterConfig {
+    /// The reference's: a module for each stage, 4 → 32 → 256, dropout 0.3.
+    fn default() -> Self {
+        CutterConfig {
+            placement: CutterPlacement::All,
+            shared: false,
+            hidden_width: 32,
+            width: 256,
+            dropout: 0.3,
+        }
+    }
+}
+
+/// Configuration of a [`super::UNet`]; checked when the network is built.
+///
+/// There are as many decoder stages as encoder stages, and at most `depth` of each: stage `i` of the
+/// encoder works at depth `depth - 1 - i`, stage `i` of the decoder climbs back up.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UNetConfig {
+    /// Octree, normalisation, cutter unit.
+    #[serde(default)]
+    pub input: InputConfig,
+    /// Channels of the first convolution, at the finest depth.
+    pub stem_width: usize,
+    /// Channels of each encoder stage, from fine to coarse.
+    pub encoder_widths: Vec<usize>,
+    /// Residual blocks of each encoder stage, at least 1.
+    pub encoder_blocks: Vec<usize>,
+    /// Channels of each decoder stage, from coarse to fine.
+    pub decoder_widths: Vec<usize>,
+    /// Residual blocks of each decoder stage, at least 1.
+    pub decoder_blocks: Vec<usize>,
+    /// Hidden channels of each head.
+    pub head_width: usize,
+    /// Cutter modules.
+    #[serde(default)]
+    pub cutter: CutterConfig,
+}
+
+impl UNetConfig {
+    /// The published network, its input conventions included: 43,313,668 parameters.
+    pub fn reference() -> Self {
+        UNetConfig {
+            input: InputConfig::reference(),
+            stem_width: 32,
+            encoder_widths: vec![32, 64, 128, 256],
+            encoder_blocks: vec![2, 3, 4, 6],
+            decoder_widths: vec![256, 128, 96, 96],
+            decoder_blocks: vec![2; 4],
+            head_width: 64,
+            cutter: CutterConfig::default(),
+        }
+    }
+
+    /// For training on a CPU in hours.
+    pub fn small() -> Self {
+        UNetConfig {
+            input: InputConfig::default(),
+            stem_width: 16,
+            encoder_widths: vec![32, 48, 64, 96],
+            encoder_blocks: vec![1, 1, 2, 2],
+            decoder_widths: vec![64, 64, 48, 32],
+            decoder_blocks: vec![1; 4],
+            head_width: 32,
+            cutter: CutterConfig { width: 32, dropout: 0.0, ..CutterConfig::default() },
+        }
+    }
+
+    /// For demonstrations and tests: learns something within seconds.
+    pub fn tiny() -> Self {
+        UNetConfig {
+            input: InputConfig { depth: 4, ..InputConfig::default() },
+            stem_width: 16,
+            encoder_widths: vec![16, 32, 48],
+            encoder_blocks: vec![1; 3],
+            decoder_widths: vec![32, 32, 16],
+            decoder_blocks: vec![1; 3],
+            head_width: 16,
+            cutter: CutterConfig { width: 16, dropout: 0.0, ..CutterConfig::default() },
+        }
+    }
+
+    /// The preset of this name: `reference`, `small` or `tiny`.
+    ///
+    /// # Errors
+    /// If there is no such preset.
+    pub fn preset(name: &str) -> Result<Self> {
+        match name {
+            "reference" => Ok(Self::reference()),
+            "small" => Ok(Self::small()),
+            "tiny" => Ok(Self::tiny()),
+            _ => Err(Error::argument(
+                "network preset",
+                name,
+                "reference, small or tiny",
+                "choose one of them or give a configuration file",
+            )),
+        }
+    }
+
+    /// Whether the decoder stage sees the cutter.
+    pub(super) fn sees_cutter(&self, stage: usize) -> bool {
+        match self.cutter.placement {
+            CutterPlacement::None => false,
+            CutterPlacement::First => stage == 0,
+            CutterPlacement::Last => stage + 1 == self.decoder_widths.len(),
+            CutterPlacement::All => true,
+        }
+    }
+
+    /// Every number in its domain and every list of the same length.
+    pub(super) fn check(&self) -> Result<()> {
+        self.input.node_features()?;
+        let n = self.encoder_widths.len();
+        require("octree depth", self.input.depth, 1..=10)?;
+        require("octree full depth", self.input.full_depth, 0..=self.input.depth)?;
+        require("number of encoder stages", n, 1..=self.input.depth)?;
+        require("number of encoder block counts", self.encoder_blocks.len(), n..=n)?;
+        require("number of decoder stages", self.decoder_widths.len(), n..=n)?;
+        require("number of decoder block counts", self.decoder_blocks.len(), n..=n)?;
+        let widths = self.encoder_widths.iter().chain(&self.decoder_widths);
+        let cutter = [&self.cutter.hidden_width, &self.cutter.width];
+        for &width in widths.chain([&self.stem_width, &self.head_width]).chain(cutter) {
+            require("width", width, 1..=MAX_WIDTH)?;
+        }
+        for &blocks in self.encoder_blocks.iter().chain(&self.decoder_blocks) {
+            require("number of residual blocks", blocks, 1..=MAX_BLOCKS)?;
+        }
+        if !(0.0..1.0).contains(&self.cutter.dropout) {
+            let found = self.cutter.dropout;
+            return Err(Error::argument("dropout", found, "0 to below 1", "choose such a value"));
+        }
+        Ok(())
+    }
+}
+
+const MAX_WIDTH: usize = 1 << 12;
+const MAX_BLOCKS: usize = 1 << 8;
+
+fn require(
+    name: &'static str,
+    value: usize,
+    allowed: std::ops::RangeInclusive<usize>,
+) -> Result<()> {
+    if allowed.contains(&value) {
+        return Ok(());
+    }
+    let (low, high) = (allowed.start(), allowed.end());
+    let expected = if low == high { format!("{low}") } else { format!("{low} to {high}") };
+    Err(Error::argument(name, value, expected, "change the network's configuration"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn configurations_outside_their_domain_are_refused_by_name() {
+        let broken = |change: fn(&mut UNetConfig)| {
+            let mut config = UNetConfig::tiny();
+            config.check().unwrap();
+            change(&mut config);
+            config.check().unwrap_err().to_string()
+        };
+        assert!(broken(|c| c.stem_width = 0).starts_with("width is 0"));
+        assert!(
+            broken(|c| c.decoder_widths = vec![4]).starts_with("number of decoder stages is 1")
+        );
+        assert!(broken(|c| c.encoder_blocks[1] = 0).starts_with("number of residual blocks is 0"));
+        assert!(broken(|c| c.input.depth = 2).starts_with("number of encoder stages is 3"));
+        assert!(broken(|c| c.cutter.dropout = 1.0).starts_with("dropout is 1"));
+        assert!(broken(|c| c.input.features = "X".into()).contains("octree features"));
+        assert!(UNetConfig::preset("huge").is_err());
+    }
+}

@@ -1,0 +1,77 @@
+//! A head: point features to the two logits of one question.
+
+use crate::nn::batch_norm::BatchNorm;
+use crate::nn::linear::Linear;
+use crate::nn::params::Layout;
+use crate::nn::unit::{self, Unit};
+use crate::scalar::Scalar;
+
+/// Logits per point and head.
+pub const N_CLASSES: usize = 2;
+
+/// Linear without bias, batch norm, ReLU, linear with bias: `[n, c] → [n, 2]`.
+#[derive(Debug, Clone)]
+pub struct Head {
+    hidden: Unit<Linear>,
+    output: Linear,
+}
+
+/// What [`Head::forward_train`] keeps for backward.
+#[derive(Debug, Clone, Default)]
+pub struct Cache<T> {
+    unit: unit::Cache<T>,
+    hidden: Vec<T>,
+}
+
+impl Head {
+    /// Appends `{name}.0.conv.linear`, `{name}.0.bn` and `{name}.1.linear`.
+    pub fn new(layout: &mut Layout, name: &str, c: usize, width: usize) -> Self {
+        let map = Linear::new(layout, &format!("{name}.0.conv.linear"), c, width, false);
+        let norm = BatchNorm::new(layout, &format!("{name}.0.bn"), width);
+        let output = Linear::new(layout, &format!("{name}.1.linear"), width, N_CLASSES, true);
+        Head { hidden: Unit { map, norm, relu: true }, output }
+    }
+
+    /// Inference: `y` is overwritten with the logits.
+    pub fn forward<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &[T],
+        x: &[T],
+        y: &mut Vec<T>,
+        hidden: &mut Vec<T>,
+    ) {
+        self.hidden.forward(params, buffers, &(), x, hidden);
+        self.output.forward(params, hidden, y);
+    }
+
+    /// Training: statistics of the batch.
+    pub fn forward_train<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        x: &[T],
+        y: &mut Vec<T>,
+        cache: &mut Cache<T>,
+    ) {
+        let Cache { unit, hidden } = cache;
+        self.hidden.forward_train(params, buffers, &(), x, hidden, unit);
+        self.output.forward(params, hidden, y);
+    }
+
+    /// Overwrites `dx`; `dy` is the gradient of the logits.
+    pub fn backward<T: Scalar>(
+        &self,
+        params: &[T],
+        x: &[T],
+        cache: &Cache<T>,
+        dy: &[T],
+        dx: &mut Vec<T>,
+        grads: &mut [T],
+    ) {
+        let Cache { unit, hidden } = cache;
+        let mut d = Vec::new();
+        self.output.backward(params, hidden, dy, Some(&mut d), grads);
+        self.hidden.backward(params, &(), x, hidden, unit, &mut d, Some(dx), grads);
+    }
+}

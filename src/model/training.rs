@@ -1,0 +1,239 @@
+//! The U-Net's training pass and its way back, over memory that lives between steps.
+
+use super::batch::Batch;
+use super::unet::{N_HEADS, UNet, conv_rows, down_rows, up_rows};
+use super::{cutter_modules, heads};
+use crate::nn::blocks;
+use crate::nn::concat::PartGradient;
+use crate::nn::residual::Scratch;
+use crate::nn::unit;
+use crate::rng::Stream;
+use crate::scalar::Scalar;
+
+/// What a training pass keeps for backward, and the memory both work in.
+#[derive(Debug, Clone, Default)]
+pub struct Workspace<T> {
+    /// Logits of both heads, `[n_points, 2]` each.
+    pub logits: [Vec<T>; N_HEADS],
+    stem: Kept<T>,
+    down: Vec<Kept<T>>,
+    encoder: Vec<blocks::Cache<T>>,
+    cutters: Vec<KeptCutter<T>>,
+    up: Vec<Kept<T>>,
+    joined: Vec<Vec<T>>,
+    decoder: Vec<blocks::Cache<T>>,
+    points: Vec<T>,
+    heads: [heads::Cache<T>; N_HEADS],
+    gradients: Gradients<T>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Kept<T> {
+    y: Vec<T>,
+    cache: unit::Cache<T>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct KeptCutter<T> {
+    y: Vec<T>,
+    cache: cutter_modules::Cache<T>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Gradients<T> {
+    /// Of the current stage's output, and of its input.
+    d: Vec<T>,
+    dx: Vec<T>,
+    /// Of the features that skip from encoder to decoder: stem, encoder stages.
+    skips: Vec<Vec<T>>,
+    cutters: Vec<Vec<T>>,
+    scratch: Scratch<T>,
+}
+
+impl UNet {
+    /// Training pass: statistics of the batch, logits in [`Workspace::logits`].
+    ///
+    /// `dropout` holds one stream per shape, keyed by (seed, epoch, sample); `None` turns dropout off.
+    pub fn forward_train<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        batch: &Batch<T>,
+        mut dropout: Option<&mut [Stream]>,
+        work: &mut Workspace<T>,
+    ) {
+        work.resize(self);
+        self.encode_train(params, buffers, batch, work);
+        for (module, kept) in self.cutters.iter().zip(&mut work.cutters) {
+            let (streams, KeptCutter { y, cache }) = (dropout.as_deref_mut(), kept);
+            module.forward_train(params, buffers, streams, &batch.cutters, y, cache);
+        }
+        self.decode_train(params, buffers, batch, work);
+        for (i, head) in self.heads.iter().enumerate() {
+            let (y, cache) = (&mut work.logits[i], &mut work.heads[i]);
+            head.forward_train(params, buffers, &work.points, y, cache);
+        }
+    }
+
+    fn encode_train<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        batch: &Batch<T>,
+        work: &mut Workspace<T>,
+    ) {
+        let octree = &batch.octree;
+        let Kept { y, cache } = &mut work.stem;
+        let rows = conv_rows(octree, octree.depth());
+        self.stem.forward_train(params, buffers, rows, &batch.features, y, cache);
+        for (i, stage) in self.encoder.iter().enumerate() {
+            let depth = octree.depth() - 1 - i;
+            let (before, after) = work.encoder.split_at_mut(i);
+            let x = before.last().map_or(&work.stem.y[..], |stage| stage.output());
+            let Kept { y, cache } = &mut work.down[i];
+            stage.down.forward_train(params, buffers, down_rows(octree, depth), x, y, cache);
+            let rows = conv_rows(octree, depth);
+            stage.blocks.forward_train(params, buffers, rows, y, &mut after[0]);
+        }
+    }
+
+    fn decode_train<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        batch: &Batch<T>,
+        work: &mut Workspace<T>,
+    ) {
+        let (octree, n) = (&batch.octree, self.decoder.len());
+        for (i, stage) in self.decoder.iter().enumerate() {
+            let depth = self.decoder_depth(octree, i);
+            let (before, after) = work.decoder.split_at_mut(i);
+            let x = before.last().unwrap_or(&work.encoder[n - 1]).output();
+            let Kept { y, cache } = &mut work.up[i];
+            stage.up.forward_train(params, buffers, up_rows(octree, depth), x, y, cache);
+            let skip = if i + 1 < n { work.encoder[n - 2 - i].output() } else { &work.stem.y };
+            let cutter = stage.cutter.map(|m| &work.cutters[m].y[..]);
+            stage.join(octree, depth, skip, cutter, y, &mut work.joined[i]);
+            let rows = conv_rows(octree, depth);
+            stage.blocks.forward_train(params, buffers, rows, &work.joined[i], &mut after[0]);
+        }
+        let x = work.decoder[n - 1].output();
+        batch.interpolation.forward(self.point_width(), x, &mut work.points);
+    }
+
+    /// Adds to `grads` the gradient of a loss whose gradients by the logits are `dlogits`.
+    ///
+    /// `work` comes from [`UNet::forward_train`] with the same parameters and batch.
+    pub fn backward<T: Scalar>(
+        &self,
+        params: &[T],
+        batch: &Batch<T>,
+        dlogits: [&[T]; N_HEADS],
+        work: &mut Workspace<T>,
+        grads: &mut [T],
+    ) {
+        let mut g = std::mem::take(&mut work.gradients);
+        g.skips.resize_with(self.encoder.len(), Vec::new);
+        g.cutters.resize_with(self.cutters.len(), Vec::new);
+        g.cutters.iter_mut().for_each(Vec::clear);
+        self.backward_heads(params, dlogits, work, &mut g, grads);
+        batch.interpolation.backward(self.point_width(), &g.d, &mut g.dx);
+        std::mem::swap(&mut g.d, &mut g.dx);
+        self.backward_decoder(params, batch, work, &mut g, grads);
+        for (m, module) in self.cutters.iter().enumerate() {
+            let cache = &work.cutters[m].cache;
+            module.backward(params, &batch.cutters, cache, &mut g.cutters[m], None, grads);
+        }
+        self.backward_encoder(params, batch, work, &mut g, grads);
+        work.gradients = g;
+    }
+
+    fn backward_heads<T: Scalar>(
+        &self,
+        params: &[T],
+        dlogits: [&[T]; N_HEADS],
+        work: &Workspace<T>,
+        g: &mut Gradients<T>,
+        grads: &mut [T],
+    ) {
+        let [first, second] = &self.heads;
+        first.backward(params, &work.points, &work.heads[0], dlogits[0], &mut g.d, grads);
+        second.backward(params, &work.points, &work.heads[1], dlogits[1], &mut g.dx, grads);
+        add(&mut g.d, &g.dx);
+    }
+
+    /// From the gradient of the decoder's output in `g.d` to that of the encoder's.
+    fn backward_decoder<T: Scalar>(
+        &self,
+        params: &[T],
+        batch: &Batch<T>,
+        work: &Workspace<T>,
+        g: &mut Gradients<T>,
+        grads: &mut [T],
+    ) {
+        let (octree, n) = (&batch.octree, self.decoder.len());
+        let Gradients { d, dx, skips, cutters, scratch } = g;
+        let mut cutter = Vec::new();
+        for (i, stage) in self.decoder.iter().enumerate().rev() {
+            let depth = self.decoder_depth(octree, i);
+            let (rows, cache) = (conv_rows(octree, depth), &work.decoder[i]);
+            stage.blocks.backward(params, rows, &work.joined[i], cache, d, dx, grads, scratch);
+            let mut parts = vec![PartGradient::Nodes(&mut skips[n - 1 - i])];
+            parts.extend(stage.cutter.map(|_| PartGradient::Shapes(&mut cutter)));
+            parts.push(PartGradient::Nodes(d));
+            stage.concat(octree, depth).backward(dx, &mut parts);
+            if let Some(m) = stage.cutter {
+                cutters[m].resize(cutter.len(), T::ZERO);
+                add(&mut cutters[m], &cutter);
+            }
+            let x =
+                if i == 0 { work.encoder[n - 1].output() } else { work.decoder[i - 1].output() };
+            let (rows, Kept { y, cache }) = (up_rows(octree, depth), &work.up[i]);
+            stage.up.backward(params, rows, x, y, cache, d, Some(dx), grads);
+            std::mem::swap(d, dx);
+        }
+    }
+
+    /// From the gradient of the encoder's output in `g.d`, and those of the skips, to the stem.
+    fn backward_encoder<T: Scalar>(
+        &self,
+        params: &[T],
+        batch: &Batch<T>,
+        work: &Workspace<T>,
+        g: &mut Gradients<T>,
+        grads: &mut [T],
+    ) {
+        let octree = &batch.octree;
+        let Gradients { d, dx, skips, scratch, .. } = g;
+        for (i, stage) in self.encoder.iter().enumerate().rev() {
+            let depth = octree.depth() - 1 - i;
+            let Kept { y, cache } = &work.down[i];
+            let (rows, blocks) = (conv_rows(octree, depth), &work.encoder[i]);
+            stage.blocks.backward(params, rows, y, blocks, d, dx, grads, scratch);
+            let x = if i == 0 { &work.stem.y } else { work.encoder[i - 1].output() };
+            let rows = down_rows(octree, depth);
+            stage.down.backward(params, rows, x, y, cache, dx, Some(d), grads);
+            add(d, &skips[i]);
+        }
+        let (rows, Kept { y, cache }) = (conv_rows(octree, octree.depth()), &work.stem);
+        self.stem.backward(params, rows, &batch.features, y, cache, d, None, grads);
+    }
+}
+
+impl<T: Scalar> Workspace<T> {
+    fn resize(&mut self, net: &UNet) {
+        let n = net.encoder.len();
+        self.down.resize_with(n, Default::default);
+        self.encoder.resize_with(n, Default::default);
+        self.cutters.resize_with(net.cutters.len(), Default::default);
+        self.up.resize_with(n, Default::default);
+        self.joined.resize_with(n, Default::default);
+        self.decoder.resize_with(n, Default::default);
+    }
+}
+
+fn add<T: Scalar>(y: &mut [T], x: &[T]) {
+    for (y, &x) in y.iter_mut().zip(x) {
+        *y += x;
+    }
+}

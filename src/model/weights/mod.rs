@@ -1,0 +1,319 @@
+//! Weight files: safetensors under the reference's state-dict names.
+//!
+//! A file holds every parameter and every running statistic. Files written here also say how to use them,
+//! in the metadata entry `deepmill` ([`About`]). A file without it is taken for a checkpoint of the
+//! reference: what its shapes cannot tell (depth, conventions, dropout) is the reference's.
+
+mod infer;
+pub mod tensors;
+
+use super::predict::{INACCESSIBLE_CLASS, Model, OCCLUSION_CLASS};
+use super::{UNet, UNetConfig};
+use crate::nn::params::Entry;
+use crate::scalar::Scalar;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::path::Path;
+use tensors::{Tensor, TensorFile, Values, to_bf16};
+
+/// Name of our entry in a file's metadata.
+const ABOUT: &str = "deepmill";
+/// Ending of the one integer in a state dict.
+const BATCHES: &str = ".num_batches_tracked";
+
+/// In which type learned numbers are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Storage {
+    /// As the model holds them: reading gives the same bits.
+    #[default]
+    Exact,
+    /// Parameters rounded to bf16, running statistics in f32: half the size.
+    Bf16,
+}
+
+/// What a weight file says about itself.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct About {
+    /// Configuration of the network.
+    pub config: UNetConfig,
+    /// Class of head 1 that means "inaccessible".
+    pub inaccessible_class: usize,
+    /// Class of head 2 that means "occlusion point".
+    pub occlusion_class: usize,
+    /// Unit of lengths before normalisation.
+    pub unit: String,
+    /// Free text: data, commands, scores.
+    #[serde(default)]
+    pub notes: String,
+}
+
+impl About {
+    /// A file with this network, its label classes as everywhere in this crate.
+    pub fn new(config: &UNetConfig, notes: &str) -> Self {
+        About {
+            config: config.clone(),
+            inaccessible_class: INACCESSIBLE_CLASS,
+            occlusion_class: OCCLUSION_CLASS,
+            unit: "mm".into(),
+            notes: notes.into(),
+        }
+    }
+}
+
+/// Reads a model, ours or a checkpoint of the reference.
+///
+/// # Errors
+/// If the file cannot be read or is not safetensors; if a tensor is missing, extra, of another shape than
+/// the configuration demands, or holds a number that is not finite: the first such tensor is named.
+pub fn read<T: Scalar>(path: &Path) -> Result<Model<T>> {
+    from_file(&TensorFile::read(path)?, path)
+}
+
+/// Like [`read`], from a file's content; `origin` is named in errors.
+///
+/// # Errors
+/// As [`read`].
+pub fn from_bytes<T: Scalar>(bytes: &[u8], origin: &Path) -> Result<Model<T>> {
+    from_file(&TensorFile::from_bytes(bytes, origin)?, origin)
+}
+
+/// Writes a model; `notes` go into the metadata.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write<T: Scalar>(
+    path: &Path,
+    model: &Model<T>,
+    storage: Storage,
+    notes: &str,
+) -> Result<()> {
+    to_file(model, storage, notes).write(path)
+}
+
+/// The content of the file that [`write`] writes.
+pub fn to_bytes<T: Scalar>(model: &Model<T>, storage: Storage, notes: &str) -> Vec<u8> {
+    to_file(model, storage, notes).to_bytes()
+}
+
+/// The metadata of a file, `None` if it was not written by this crate.
+///
+/// # Errors
+/// If the entry is there but cannot be understood, or says that classes mean something else.
+pub fn about(file: &TensorFile, origin: &Path) -> Result<Option<About>> {
+    let Some(text) = file.metadata.get(ABOUT) else { return Ok(None) };
+    let error = |found: String| {
+        Error::file(
+            origin,
+            "metadata entry deepmill",
+            found,
+            "use a file of this version of deepmill",
+        )
+    };
+    let about: About = serde_json::from_str(text).map_err(|e| error(e.to_string()))?;
+    if (about.inaccessible_class, about.occlusion_class) != (INACCESSIBLE_CLASS, OCCLUSION_CLASS) {
+        return Err(error(
+            "its classes mean something else than 0 = inaccessible, 1 = occlusion".into(),
+        ));
+    }
+    Ok(Some(about))
+}
+
+pub(super) fn from_file<T: Scalar>(file: &TensorFile, origin: &Path) -> Result<Model<T>> {
+    let config = match about(file, origin)? {
+        Some(about) => about.config,
+        None => infer::config(file, origin)?,
+    };
+    let net = UNet::new(&config)?;
+    compare_names(&net, file, origin)?;
+    let params = gather(&net.layout().params, file, origin)?;
+    let buffers = gather(&net.layout().buffers, file, origin)?;
+    Ok(Model { net, params, buffers })
+}
+
+/// All names and shapes, before anything is allocated.
+fn compare_names(net: &UNet, file: &TensorFile, origin: &Path) -> Result<()> {
+    let entries = || net.layout().params.iter().chain(&net.layout().buffers);
+    let error = |name: &str, found: String| {
+        let remedy = "give the whole state dict of this network, nothing else";
+        Err(Error::file(origin, format!("tensor {name}"), found, remedy))
+    };
+    for entry in entries() {
+        match file.tensors.get(&entry.name) {
+            None => return error(&entry.name, "it is missing".into()),
+            Some(t) if t.shape != entry.shape => {
+                let found = format!("its shape is {:?}, expected {:?}", t.shape, entry.shape);
+                return error(&entry.name, found);
+            }
+            Some(_) => {}
+        }
+    }
+    let known: BTreeSet<&str> = entries().map(|e| e.name.as_str()).collect();
+    match file.tensors.keys().find(|name| !known.contains(name.as_str())) {
+        Some(extra) => error(extra, "it is not part of the network".into()),
+        None => Ok(()),
+    }
+}
+
+fn gather<T: Scalar>(entries: &[Entry], file: &TensorFile, origin: &Path) -> Result<Vec<T>> {
+    let mut values = Vec::with_capacity(entries.last().map_or(0, |e| e.range.end));
+    for entry in entries {
+        let tensor = &file.tensors[&entry.name];
+        values.extend(tensor.to_f64().into_iter().map(T::from_f64));
+        if let Some(i) = values[entry.range.clone()].iter().position(|v| !v.is_finite()) {
+            return Err(Error::NotFinite {
+                place: format!("{}: tensor {}, element {i}", origin.display(), entry.name),
+                found: values[entry.range.start + i].to_string(),
+                remedy: "use an earlier checkpoint".into(),
+            });
+        }
+    }
+    Ok(values)
+}
+
+pub(super) fn to_file<T: Scalar>(model: &Model<T>, storage: Storage, notes: &str) -> TensorFile {
+    let mut file = TensorFile::default();
+    let about = About::new(model.net.config(), notes);
+    let about = serde_json::to_string(&about).expect("a configuration has only plain fields");
+    file.metadata.insert(ABOUT.into(), about);
+    let layout = model.net.layout();
+    let mut add = |entries: &[Entry], values: &[T], storage: Storage| {
+        for entry in entries {
+            let values = store(&entry.name, &values[entry.range.clone()], storage);
+            file.tensors.insert(entry.name.clone(), Tensor { shape: entry.shape.clone(), values });
+        }
+    };
+    add(&layout.params, &model.params, storage);
+    add(&layout.buffers, &model.buffers, Storage::Exact);
+    file
+}
+
+fn store<T: Scalar>(name: &str, values: &[T], storage: Storage) -> Values {
+    let values = values.iter().map(|v| v.to_f64());
+    if name.ends_with(BATCHES) {
+        return Values::I64(values.map(|v| v as i64).collect());
+    }
+    match storage {
+        Storage::Bf16 => Values::Bf16(values.map(|v| to_bf16(v as f32)).collect()),
+        Storage::Exact if size_of::<T>() == size_of::<f64>() => Values::F64(values.collect()),
+        Storage::Exact => Values::F32(values.map(|v| v as f32).collect()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::config::CutterPlacement;
+
+    fn origin() -> &'static Path {
+        Path::new("w.safetensors")
+    }
+
+    /// A network small enough to write often, with recognisable numbers.
+    fn model(change: impl Fn(&mut UNetConfig)) -> Model<f32> {
+        let mut config = UNetConfig {
+            input: super::super::config::InputConfig::reference(),
+            stem_width: 3,
+            encoder_widths: vec![4, 5, 6, 7],
+            encoder_blocks: vec![1, 2, 1, 1],
+            decoder_widths: vec![7, 6, 5, 3],
+            decoder_blocks: vec![2, 1, 1, 1],
+            head_width: 2,
+            cutter: super::super::config::CutterConfig {
+                width: 9,
+                hidden_width: 8,
+                ..Default::default()
+            },
+        };
+        change(&mut config);
+        let mut model = Model::new(&config, 1).unwrap();
+        model.buffers.iter_mut().enumerate().for_each(|(i, b)| *b = (i % 1000) as f32);
+        model
+    }
+
+    #[test]
+    fn a_model_survives_a_file_bit_by_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.safetensors");
+        let model = model(|c| c.input.depth = 7);
+        write(&path, &model, Storage::Exact, "made by a test").unwrap();
+        let read: Model<f32> = read(&path).unwrap();
+        assert_eq!(read.net.config(), model.net.config());
+        assert_eq!((read.params, read.buffers), (model.params, model.buffers));
+        let file = TensorFile::read(&path).unwrap();
+        assert_eq!(about(&file, &path).unwrap().unwrap().notes, "made by a test");
+    }
+
+    #[test]
+    fn bf16_storage_keeps_eight_bits() {
+        let model = model(|_| ());
+        let read: Model<f32> = from_bytes(&to_bytes(&model, Storage::Bf16, ""), origin()).unwrap();
+        for (a, b) in model.params.iter().zip(&read.params) {
+            assert!((a - b).abs() <= a.abs() / 256.0);
+        }
+        assert_eq!(model.buffers, read.buffers);
+    }
+
+    #[test]
+    fn configuration_follows_from_the_shapes() {
+        use CutterPlacement::{All, First, Last, None};
+        for (placement, shared) in
+            [(All, false), (All, true), (First, false), (Last, false), (None, false)]
+        {
+            let model = model(|c| {
+                c.cutter.placement = placement;
+                c.cutter.shared = shared;
+                if placement == None {
+                    c.cutter =
+                        super::super::config::CutterConfig { placement, ..Default::default() };
+                }
+            });
+            let mut file = to_file(&model, Storage::Exact, "");
+            file.metadata.clear();
+            let read: Model<f32> = from_file(&file, origin()).unwrap();
+            assert_eq!(read.net.config(), model.net.config());
+        }
+        let mut file = to_file(&model(|c| c.input.features = "NDP".into()), Storage::Exact, "");
+        file.metadata.clear();
+        let read: Model<f32> = from_file(&file, origin()).unwrap();
+        assert_eq!(read.net.config().input.features, "NDP");
+    }
+
+    #[test]
+    fn missing_extra_misshaped_and_infinite_tensors_are_named() {
+        let whole = to_file(&model(|_| ()), Storage::Exact, "");
+        let message = |change: &dyn Fn(&mut TensorFile)| {
+            let mut file = whole.clone();
+            change(&mut file);
+            let with_metadata = from_file::<f32>(&file, origin()).unwrap_err().to_string();
+            file.metadata.clear();
+            assert_eq!(from_file::<f32>(&file, origin()).unwrap_err().to_string(), with_metadata);
+            with_metadata
+        };
+        let name = "encoder.1.resblks.1.conv3x3b.bn.running_var";
+        let missing = message(&|f| drop(f.tensors.remove(name)));
+        assert!(missing.contains(name) && missing.contains("missing"), "{missing}");
+        let extra = message(&|f| {
+            let tensor = f.tensors[name].clone();
+            f.tensors.insert("extra.weight".into(), tensor);
+        });
+        assert!(extra.contains("extra.weight: it is not part"), "{extra}");
+        let shape = message(&|f| f.tensors.get_mut(name).unwrap().shape = vec![1, 5]);
+        assert!(shape.contains(name) && shape.contains("[1, 5], expected [5]"), "{shape}");
+        let infinite = message(&|f| {
+            f.tensors.get_mut("header.1.linear.bias").unwrap().values =
+                Values::F32(vec![0.0, f32::NAN]);
+        });
+        assert!(infinite.contains("header.1.linear.bias, element 1"), "{infinite}");
+    }
+
+    #[test]
+    fn nonsense_metadata_and_foreign_files_are_refused() {
+        let mut file = to_file(&model(|_| ()), Storage::Exact, "");
+        file.metadata.insert(ABOUT.into(), "{}".into());
+        let message = from_file::<f32>(&file, origin()).unwrap_err().to_string();
+        assert!(message.contains("metadata entry deepmill"), "{message}");
+        let empty = from_file::<f32>(&TensorFile::default(), origin()).unwrap_err().to_string();
+        assert!(empty.contains("tensor conv1.conv.weights: it is missing"), "{empty}");
+    }
+}

@@ -1,0 +1,97 @@
+//! Residual blocks one after another, all at one depth of the octree.
+
+use super::params::Layout;
+use super::residual::{self, Residual, Scratch};
+use crate::octree::KernelMap;
+use crate::scalar::Scalar;
+
+/// At least one [`Residual`]; the first may change the width.
+#[derive(Debug, Clone)]
+pub struct Blocks {
+    blocks: Vec<Residual>,
+}
+
+/// What [`Blocks::forward_train`] keeps for backward.
+#[derive(Debug, Clone, Default)]
+pub struct Cache<T> {
+    blocks: Vec<residual::Cache<T>>,
+    outputs: Vec<Vec<T>>,
+}
+
+impl<T> Cache<T> {
+    /// Output of the last block.
+    pub fn output(&self) -> &[T] {
+        self.outputs.last().map_or(&[], |y| y)
+    }
+}
+
+impl Blocks {
+    /// Appends `{name}.resblks.0`, `{name}.resblks.1`, …
+    pub fn new(layout: &mut Layout, name: &str, n: usize, c_in: usize, c_out: usize) -> Self {
+        let mut block = |i| {
+            let c_in = if i == 0 { c_in } else { c_out };
+            Residual::new(layout, &format!("{name}.resblks.{i}"), c_in, c_out)
+        };
+        Blocks { blocks: (0..n).map(&mut block).collect() }
+    }
+
+    /// Inference: `y` is overwritten.
+    pub fn forward<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &[T],
+        rows: &KernelMap,
+        x: &[T],
+        y: &mut Vec<T>,
+        scratch: &mut Scratch<T>,
+    ) {
+        let mut previous = std::mem::take(&mut scratch.block);
+        for (i, block) in self.blocks.iter().enumerate() {
+            std::mem::swap(&mut previous, y);
+            let x = if i == 0 { x } else { &previous };
+            block.forward(params, buffers, rows, x, y, scratch);
+        }
+        scratch.block = previous;
+    }
+
+    /// Training; the result is [`Cache::output`].
+    pub fn forward_train<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        rows: &KernelMap,
+        x: &[T],
+        cache: &mut Cache<T>,
+    ) {
+        cache.blocks.resize_with(self.blocks.len(), Default::default);
+        cache.outputs.resize_with(self.blocks.len(), Default::default);
+        for (i, block) in self.blocks.iter().enumerate() {
+            let (before, after) = cache.outputs.split_at_mut(i);
+            let x = before.last().map_or(x, |x| x);
+            block.forward_train(params, buffers, rows, x, &mut after[0], &mut cache.blocks[i]);
+        }
+    }
+
+    /// `d` holds the gradient of the output and is used up; `dx` is overwritten.
+    #[allow(clippy::too_many_arguments)]
+    pub fn backward<T: Scalar>(
+        &self,
+        params: &[T],
+        rows: &KernelMap,
+        x: &[T],
+        cache: &Cache<T>,
+        d: &mut Vec<T>,
+        dx: &mut Vec<T>,
+        grads: &mut [T],
+        scratch: &mut Scratch<T>,
+    ) {
+        for (i, block) in self.blocks.iter().enumerate().rev() {
+            let (y, cache_i) = (&cache.outputs[i], &cache.blocks[i]);
+            let x = if i == 0 { x } else { &cache.outputs[i - 1] };
+            block.backward(params, rows, x, y, cache_i, d, dx, grads, scratch);
+            if i > 0 {
+                std::mem::swap(d, dx);
+            }
+        }
+    }
+}

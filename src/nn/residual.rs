@@ -1,0 +1,139 @@
+//! Residual block: two 3³ convolutions around which the input takes a shortcut.
+
+use super::conv::OctreeConv;
+use super::linear::Linear;
+use super::params::Layout;
+use super::unit::{self, Unit};
+use super::{batch_norm::BatchNorm, relu, rows};
+use crate::octree::KernelMap;
+use crate::scalar::Scalar;
+
+/// `y = relu(norm(conv(relu(norm(conv(x))))) + shortcut(x))` (He et al. 2016).
+///
+/// The shortcut is the identity, or a linear map with batch norm where the widths differ.
+#[derive(Debug, Clone)]
+pub struct Residual {
+    first: Unit<OctreeConv>,
+    second: Unit<OctreeConv>,
+    shortcut: Option<Unit<Linear>>,
+}
+
+/// What [`Residual::forward_train`] keeps for backward.
+#[derive(Debug, Clone, Default)]
+pub struct Cache<T> {
+    first: unit::Cache<T>,
+    second: unit::Cache<T>,
+    shortcut: unit::Cache<T>,
+    middle: Vec<T>,
+    straight: Vec<T>,
+}
+
+/// Working memory that blocks share: nothing in it outlives a call.
+#[derive(Debug, Clone, Default)]
+pub struct Scratch<T> {
+    pub(super) block: Vec<T>,
+    a: Vec<T>,
+    b: Vec<T>,
+}
+
+impl Residual {
+    /// Appends `{name}.conv3x3a`, `{name}.conv3x3b` and, if `c_in ≠ c_out`, `{name}.conv1x1`.
+    pub fn new(layout: &mut Layout, name: &str, c_in: usize, c_out: usize) -> Self {
+        let mut convolution = |part: &str, c_in: usize, relu: bool| Unit {
+            map: OctreeConv::new(layout, &format!("{name}.{part}.conv"), c_in, c_out),
+            norm: BatchNorm::new(layout, &format!("{name}.{part}.bn"), c_out),
+            relu,
+        };
+        let first = convolution("conv3x3a", c_in, true);
+        let second = convolution("conv3x3b", c_out, false);
+        let shortcut = (c_in != c_out).then(|| {
+            let name = format!("{name}.conv1x1");
+            Unit {
+                map: Linear::new(layout, &format!("{name}.conv.linear"), c_in, c_out, false),
+                norm: BatchNorm::new(layout, &format!("{name}.bn"), c_out),
+                relu: false,
+            }
+        });
+        Residual { first, second, shortcut }
+    }
+
+    /// Columns of the output.
+    pub fn c_out(&self) -> usize {
+        self.second.norm.c
+    }
+
+    /// Inference: `y` is overwritten.
+    pub fn forward<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &[T],
+        rows: &KernelMap,
+        x: &[T],
+        y: &mut Vec<T>,
+        scratch: &mut Scratch<T>,
+    ) {
+        self.first.forward(params, buffers, rows, x, &mut scratch.a);
+        self.second.forward(params, buffers, rows, &scratch.a, y);
+        match &self.shortcut {
+            None => rows::add(y, x),
+            Some(shortcut) => {
+                shortcut.forward(params, buffers, &(), x, &mut scratch.a);
+                rows::add(y, &scratch.a);
+            }
+        }
+        relu::forward(y);
+    }
+
+    /// Training: statistics of the batch.
+    pub fn forward_train<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        rows: &KernelMap,
+        x: &[T],
+        y: &mut Vec<T>,
+        cache: &mut Cache<T>,
+    ) {
+        let Cache { first, second, shortcut, middle, straight } = cache;
+        self.first.forward_train(params, buffers, rows, x, middle, first);
+        self.second.forward_train(params, buffers, rows, middle, y, second);
+        match &self.shortcut {
+            None => rows::add(y, x),
+            Some(unit) => {
+                unit.forward_train(params, buffers, &(), x, straight, shortcut);
+                rows::add(y, straight);
+            }
+        }
+        relu::forward(y);
+    }
+
+    /// `d` holds the gradient of `y` and is used up; `y` is the output of `forward_train`.
+    #[allow(clippy::too_many_arguments)]
+    pub fn backward<T: Scalar>(
+        &self,
+        params: &[T],
+        rows: &KernelMap,
+        x: &[T],
+        y: &[T],
+        cache: &Cache<T>,
+        d: &mut [T],
+        dx: &mut Vec<T>,
+        grads: &mut [T],
+        scratch: &mut Scratch<T>,
+    ) {
+        let Scratch { a, b, .. } = scratch;
+        relu::backward(y, d);
+        b.clear();
+        b.extend_from_slice(d);
+        self.second.backward(params, rows, &cache.middle, &[], &cache.second, b, Some(a), grads);
+        let (middle, first) = (&cache.middle, &cache.first);
+        self.first.backward(params, rows, x, middle, first, a, Some(dx), grads);
+        match &self.shortcut {
+            None => rows::add(dx, d),
+            Some(unit) => {
+                unit.backward(params, &(), x, &[], &cache.shortcut, d, None, grads);
+                unit.map.add_dx(params, d, dx);
+            }
+        }
+    }
+}
