@@ -4,6 +4,7 @@ mod check;
 mod demo;
 mod mesh_args;
 mod output;
+mod parity;
 
 use clap::{Parser, Subcommand};
 use output::Output;
@@ -28,6 +29,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Check(check::Args),
+    Parity(parity::Args),
 }
 
 fn main() -> ExitCode {
@@ -38,6 +40,7 @@ fn main() -> ExitCode {
         match &cli.command {
             None => demo::run(&output),
             Some(Command::Check(args)) => check::run(args, &output),
+            Some(Command::Parity(args)) => parity::run(args, &output),
         }
     };
     match deepmill::par::with_threads(cli.threads, run)

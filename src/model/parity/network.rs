@@ -1,0 +1,159 @@
+//! The whole network on a fixture: octree, inference, training.
+
+use super::Tensors;
+use super::fixture::{Fixture, Sgd as Settings};
+use crate::Result;
+use crate::loss::CrossEntropy;
+use crate::model::heads::N_CLASSES;
+use crate::model::weights::tensors::Values;
+use crate::model::{Activations, Batch, Model, Workspace};
+use crate::nn::params::Entry;
+use crate::octree::Octree;
+use crate::optim::Sgd;
+use crate::scalar::Scalar;
+
+/// Weight of each head's loss: the reference averages them.
+const HEAD_WEIGHT: f64 = 0.5;
+
+/// Computes in `T` what the fixture records under `prefix`.
+pub(super) fn run<T: Scalar>(fixture: &Fixture, prefix: &str, to: &mut Tensors) -> Result<()> {
+    let mut model = cast::<T>(&fixture.model);
+    let input = &model.net.config().input;
+    let batch = Batch::<T>::from_normalised(&fixture.clouds(), &fixture.cutters, input)?;
+    if prefix.is_empty() {
+        octree(&batch.octree, to);
+        to.add_rows("input_feature", input.node_features()?.n_channels(), &batch.features);
+    }
+    let mut activations = Activations::default();
+    model.forward(&batch, &mut activations);
+    stages(&model, &activations, &format!("{prefix}eval."), to);
+    if let Some(labels) = &fixture.labels {
+        let mut run = Run { model: &mut model, batch: &batch, labels, work: Workspace::default() };
+        run.train(fixture.config.sgd.unwrap_or_default(), prefix, to);
+        model.forward(&batch, &mut activations);
+        logits(&activations.logits, &format!("{prefix}post."), to);
+    }
+    Ok(())
+}
+
+/// The same model in another precision.
+fn cast<T: Scalar>(model: &Model<f32>) -> Model<T> {
+    let numbers = |values: &[f32]| values.iter().map(|&v| T::from_f64(f64::from(v))).collect();
+    Model {
+        net: model.net.clone(),
+        params: numbers(&model.params),
+        buffers: numbers(&model.buffers),
+    }
+}
+
+fn octree(octree: &Octree, to: &mut Tensors) {
+    let (mut nodes, mut nonempty, mut shape_nodes, mut shape_nonempty) =
+        (vec![], vec![], vec![], vec![]);
+    for (d, level) in octree.levels.iter().enumerate() {
+        let n = level.n_nodes();
+        let integers = |values: &[i32]| Values::I32(values.to_vec());
+        let keys = level.keys.iter().map(|&key| key as i64).collect();
+        to.insert(format!("octree.d{d}.keys"), &[n], Values::I64(keys));
+        to.insert(format!("octree.d{d}.children"), &[n], integers(&level.children));
+        to.insert(format!("octree.d{d}.neigh"), &[n, 27], integers(level.neigh.as_flattened()));
+        nodes.push(n as i64);
+        nonempty.push(level.n_nonempty() as i64);
+        for range in &level.ranges {
+            shape_nodes.push(range.len() as i64);
+            let filled = level.children[range.clone()].iter().filter(|&&child| child >= 0).count();
+            shape_nonempty.push(filled as i64);
+        }
+    }
+    let (depths, shapes) = (octree.levels.len(), octree.n_shapes());
+    to.insert("octree.nnum", &[depths], Values::I64(nodes));
+    to.insert("octree.nnum_nempty", &[depths], Values::I64(nonempty));
+    to.insert("octree.batch_nnum", &[depths, shapes], Values::I64(shape_nodes));
+    to.insert("octree.batch_nnum_nempty", &[depths, shapes], Values::I64(shape_nonempty));
+    let leaves = octree.point_node.iter().map(|&node| node as i32).collect();
+    to.insert("octree.point_node", &[octree.n_points()], Values::I32(leaves));
+    let rows =
+        |vectors: &[glam::Vec3]| vectors.iter().flat_map(|v| v.to_array()).collect::<Vec<_>>();
+    to.add_rows("octree.points", 3, &rows(&octree.leaf_points));
+    to.add_rows("octree.normals", 3, &rows(&octree.leaf_normals));
+}
+
+fn stages<T: Scalar>(model: &Model<T>, from: &Activations<T>, prefix: &str, to: &mut Tensors) {
+    let config = model.net.config();
+    to.add_rows(format!("{prefix}conv1"), config.stem_width, &from.stem);
+    let mut add = |name: &str, first: usize, c: &dyn Fn(usize) -> usize, all: &[Vec<T>]| {
+        for (i, values) in all.iter().enumerate() {
+            to.add_rows(format!("{prefix}{name}{}", i + first), c(i), values);
+        }
+    };
+    add("downsample.", 0, &|i| config.encoder_widths[i], &from.downsampled);
+    add("encoder.", 0, &|i| config.encoder_widths[i], &from.encoded);
+    add("fc_module_", 1, &|_| config.cutter.width, &from.cutters);
+    add("upsample.", 0, &|i| config.decoder_widths[i], &from.upsampled);
+    add("decoder.", 0, &|i| config.decoder_widths[i], &from.decoded);
+    to.add_rows(format!("{prefix}interp"), model.net.point_width(), &from.points);
+    logits(&from.logits, prefix, to);
+}
+
+fn logits<T: Scalar>(logits: &[Vec<T>; 2], prefix: &str, to: &mut Tensors) {
+    for (i, logits) in logits.iter().enumerate() {
+        to.add_rows(format!("{prefix}logits_{}", i + 1), N_CLASSES, logits);
+    }
+}
+
+struct Run<'a, T> {
+    model: &'a mut Model<T>,
+    batch: &'a Batch<T>,
+    labels: &'a [Vec<u8>; 2],
+    work: Workspace<T>,
+}
+
+impl<T: Scalar> Run<'_, T> {
+    fn train(&mut self, settings: Settings, prefix: &str, to: &mut Tensors) {
+        let Settings { lr, momentum, weight_decay, steps } = settings;
+        let sgd = Sgd { momentum, weight_decay };
+        let mut velocity = vec![T::ZERO; self.model.params.len()];
+        let mut losses = Vec::new();
+        for step in 0..steps {
+            let (loss, grads) = self.gradient();
+            losses.push(loss);
+            if step == 0 {
+                logits(&self.work.logits, &format!("{prefix}train."), to);
+                let entries = &self.model.net.layout().params;
+                tensors(entries, &grads, &format!("{prefix}grad."), to);
+            }
+            sgd.step(lr, &grads, &mut velocity, &mut self.model.params);
+        }
+        let buffers = self.model.buffers.clone();
+        losses.push(self.gradient().0);
+        self.model.buffers = buffers;
+        to.insert(format!("{prefix}train.loss"), &[losses.len()], Values::F64(losses));
+        let layout = self.model.net.layout();
+        tensors(&layout.params, &self.model.params, &format!("{prefix}post."), to);
+        tensors(&layout.buffers, &self.model.buffers, &format!("{prefix}post."), to);
+    }
+
+    /// Loss in training mode and its gradient.
+    fn gradient(&mut self) -> (f64, Vec<T>) {
+        self.model.forward_train(self.batch, None, &mut self.work);
+        let (mut loss, mut d) = (0.0, [Vec::new(), Vec::new()]);
+        for (head, d) in d.iter_mut().enumerate() {
+            let (logits, labels) = (&self.work.logits[head], &self.labels[head]);
+            loss += HEAD_WEIGHT * CrossEntropy::binary().loss(logits, labels, HEAD_WEIGHT, d);
+        }
+        let mut grads = vec![T::ZERO; self.model.params.len()];
+        self.model.backward(self.batch, [&d[0], &d[1]], &mut self.work, &mut grads);
+        (loss, grads)
+    }
+}
+
+/// Every tensor of a flat vector by its name; counters as integers.
+fn tensors<T: Scalar>(entries: &[Entry], values: &[T], prefix: &str, to: &mut Tensors) {
+    for Entry { name, shape, range, .. } in entries {
+        let values = &values[range.clone()];
+        let full_name = format!("{prefix}{name}");
+        match name.ends_with("num_batches_tracked") {
+            true => to.insert(full_name, shape, Values::I64(vec![values[0].to_f64() as i64])),
+            false => to.add(full_name, shape, values),
+        }
+    }
+}
