@@ -27,7 +27,7 @@ impl Method for Batched<'_> {
         Scratch {
             frame: Frame::default(),
             obstacles: Coordinates::zeros(self.scene.obstacles.n),
-            centres: Coordinates::zeros(self.scene.n_queries()),
+            centres: Coordinates::default(),
         }
     }
 
@@ -40,14 +40,15 @@ impl Method for Batched<'_> {
 
     fn collide(&self, scratch: &mut Scratch, tool: &Tool, row: &mut [u64]) -> Stats {
         let Scratch { frame, obstacles, centres } = scratch;
-        tool.centres(self.scene, frame, self.level, centres);
-        let mut stats = Stats { queries: centres.n as u64, ..Stats::default() };
-        for i in 0..centres.n {
+        centres.resize(tool.n());
+        tool.centres(frame, self.level, centres);
+        let mut stats = Stats { queries: tool.n() as u64, ..Stats::default() };
+        for i in 0..tool.n() {
             let (hit, tested) = self.level.run(AnyObstacle {
                 centre: centres.get(i),
                 steps: &tool.steps,
                 obstacles,
-                except: self.scene.own(i),
+                except: tool.own(i),
             });
             row[i / 64] |= u64::from(hit) << (i % 64);
             stats.pairs_tested += tested as u64;
@@ -55,31 +56,22 @@ impl Method for Batched<'_> {
         stats
     }
 
-    fn count(
-        &self,
-        scratch: &mut Scratch,
-        tool: &Tool,
-        inaccessible: &[u32],
-        beta: &mut [u64],
-    ) -> Stats {
-        let mut centres = Coordinates::zeros(inaccessible.len());
-        let mut own = vec![usize::MAX; scratch.obstacles.n];
-        for (place, &i) in inaccessible.iter().enumerate() {
-            centres.set(place, tool.centre(self.scene, &scratch.frame, i as usize));
-            if let Some(own) = own.get_mut(self.scene.own(i as usize)) {
-                *own = place;
-            }
-        }
+    fn count(&self, scratch: &mut Scratch, tool: &Tool, beta: &mut [u64]) -> Stats {
+        let Scratch { frame, obstacles, centres } = scratch;
+        centres.resize(tool.n());
+        tool.centres(frame, self.level, centres);
         centres.pad_z(f32::INFINITY);
+        let mut own = vec![usize::MAX; obstacles.n];
+        tool.own.iter().enumerate().for_each(|(i, &j)| own[j as usize] = i);
         for (j, count) in beta.iter_mut().enumerate() {
             *count += self.level.run(CountCentres {
-                obstacle: scratch.obstacles.get(j),
+                obstacle: obstacles.get(j),
                 steps: &tool.steps,
-                centres: &centres,
+                centres,
                 except: own[j],
             });
         }
-        let pairs = inaccessible.len() as u64 * scratch.obstacles.n as u64;
+        let pairs = tool.n() as u64 * obstacles.n as u64;
         Stats { beta_pairs_tested: pairs, ..Stats::default() }
     }
 }

@@ -3,8 +3,10 @@
 use super::batched::Batched;
 use super::labels::{Engine, LabelOptions, Labels, Reach};
 use super::occlusion::occlusion_points;
+use super::order::Order;
 use super::predicate::{self, Frame};
 use super::problem::{Obstacles, Queries, Scene, Tool};
+use super::pruned::Pruned;
 use super::reference::Reference;
 use super::stats::Stats;
 use crate::cutter::Cutter;
@@ -22,14 +24,8 @@ pub(super) trait Method: Sync {
     fn enter(&self, scratch: &mut Self::Scratch, frame: &Frame);
     /// Sets the bit of every query at which `tool` collides; `row` comes zeroed.
     fn collide(&self, scratch: &mut Self::Scratch, tool: &Tool, row: &mut [u64]) -> Stats;
-    /// Adds to each obstacle's `beta` the number of `inaccessible` queries (ascending) it collides at.
-    fn count(
-        &self,
-        scratch: &mut Self::Scratch,
-        tool: &Tool,
-        inaccessible: &[u32],
-        beta: &mut [u64],
-    ) -> Stats;
+    /// Adds to each obstacle's `beta` the number of the tool's queries it collides at.
+    fn count(&self, scratch: &mut Self::Scratch, tool: &Tool, beta: &mut [u64]) -> Stats;
 }
 
 /// Labels of `queries` for one cutter; see the [module](super) for the definition.
@@ -82,28 +78,40 @@ pub fn label_many<'a>(
 ) -> Result<Vec<Labels>> {
     options.check()?;
     let scene = Scene::new(queries.into(), obstacles)?;
-    let tools: Vec<Tool> = cutters.iter().map(|cutter| Tool::new(&scene, cutter)).collect();
+    let n_ranked = scene.n_ranked;
     let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
     let level = options.level;
-    Ok(match options.engine {
-        Engine::Reference => run(&Reference { scene: &scene }, &scene, &tools, &frames, options),
-        Engine::Batched => run(&Batched { scene: &scene, level }, &scene, &tools, &frames, options),
-    })
+    let mut labels = match options.engine {
+        Engine::Reference => run(&Reference { scene: &scene }, &scene, cutters, &frames, options),
+        Engine::Batched => {
+            run(&Batched { scene: &scene, level }, &scene, cutters, &frames, options)
+        }
+        Engine::Pruned => {
+            let order = Order::of(&scene);
+            let scene = scene.reordered(&order);
+            let labels = run(&Pruned { scene: &scene, level }, &scene, cutters, &frames, options);
+            labels.into_iter().map(|labels| order.restore(labels)).collect()
+        }
+    };
+    if options.occlusion {
+        for labels in &mut labels {
+            labels.occlusion = occlusion_points(&labels.beta[..n_ranked], options.share);
+        }
+    }
+    Ok(labels)
 }
 
 fn run<M: Method>(
     method: &M,
     scene: &Scene,
-    tools: &[Tool],
+    cutters: &[Cutter],
     frames: &[Frame],
     options: &LabelOptions,
 ) -> Vec<Labels> {
-    let mut labels = reach(method, scene, tools, frames);
+    let tools: Vec<Tool> = cutters.iter().map(|cutter| Tool::new(scene, cutter)).collect();
+    let mut labels = reach(method, scene, &tools, frames);
     if options.occlusion {
-        count(method, scene, tools, frames, &mut labels);
-        for labels in &mut labels {
-            labels.occlusion = occlusion_points(&labels.beta[..scene.n_ranked], options.share);
-        }
+        count(method, scene, &tools, frames, &mut labels);
     }
     if !options.matrix {
         labels.iter_mut().for_each(|labels| labels.reach = None);
@@ -158,10 +166,11 @@ fn count<M: Method>(
     frames: &[Frame],
     labels: &mut [Labels],
 ) {
-    let lists: Vec<Vec<u32>> = labels.iter().map(|l| indices(&l.inaccessible)).collect();
+    let restrict = |(tool, labels): (&Tool, &Labels)| tool.only(&indices(&labels.inaccessible));
+    let tools: Vec<Tool> = tools.iter().zip(&*labels).map(restrict).collect();
     let zeros = || tools.iter().map(|_| vec![0; scene.obstacles.n]).collect::<Vec<Vec<u64>>>();
     labels.iter_mut().zip(zeros()).for_each(|(labels, zeros)| labels.beta = zeros);
-    if lists.iter().all(Vec::is_empty) {
+    if tools.iter().all(|tool| tool.n() == 0) {
         return;
     }
     let (by_direction, workers) = par::map_with(
@@ -169,10 +178,8 @@ fn count<M: Method>(
         || (method.scratch(), zeros()),
         |(scratch, beta), k| {
             method.enter(scratch, &frames[k]);
-            let tools = tools.iter().zip(&lists).zip(beta);
-            tools
-                .map(|((tool, list), beta)| method.count(scratch, tool, list, beta))
-                .collect::<Vec<_>>()
+            let tools = tools.iter().zip(beta);
+            tools.map(|(tool, beta)| method.count(scratch, tool, beta)).collect::<Vec<_>>()
         },
     );
     for stats in by_direction {

@@ -13,17 +13,20 @@ pub enum Engine {
     Reference,
     /// The same tests, eight at a time.
     Batched,
+    /// Boxes around obstacles decide most questions, the same tests the rest.
+    Pruned,
 }
 
 impl Engine {
     /// Every engine, slowest first.
-    pub const ALL: [Engine; 2] = [Engine::Reference, Engine::Batched];
+    pub const ALL: [Engine; 3] = [Engine::Reference, Engine::Batched, Engine::Pruned];
 
-    /// `reference` or `batched`.
+    /// `reference`, `batched` or `pruned`.
     pub fn name(self) -> &'static str {
         match self {
             Engine::Reference => "reference",
             Engine::Batched => "batched",
+            Engine::Pruned => "pruned",
         }
     }
 
@@ -42,7 +45,7 @@ impl Engine {
 /// What to compute.
 #[derive(Debug, Clone, Copy)]
 pub struct LabelOptions {
-    /// The engine; batched by default.
+    /// The engine; pruned by default.
     pub engine: Engine,
     /// Also count β and mark occlusion points (default). Costs several times the labels alone.
     pub occlusion: bool,
@@ -57,7 +60,7 @@ pub struct LabelOptions {
 impl Default for LabelOptions {
     fn default() -> Self {
         LabelOptions {
-            engine: Engine::Batched,
+            engine: Engine::Pruned,
             occlusion: true,
             share: 0.1,
             matrix: false,
@@ -145,6 +148,18 @@ impl Reach {
     /// If the direction is out of range.
     pub fn words(&self, direction: usize) -> &[u64] {
         &self.rows[direction]
+    }
+
+    /// Former query `p` becomes query `order[p]`.
+    pub(super) fn reordered(self, order: &[u32]) -> Reach {
+        let rows = self.rows.iter().map(|row| {
+            let mut moved = vec![0; row.len()];
+            for (p, &i) in order.iter().enumerate() {
+                moved[i as usize / 64] |= (row[p / 64] >> (p % 64) & 1) << (i % 64);
+            }
+            moved
+        });
+        Reach { rows: rows.collect(), ..self }
     }
 
     /// Per query, whether it collides in every direction, in how many it does not, and the first of

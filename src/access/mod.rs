@@ -19,15 +19,17 @@
 //! # Engines
 //!
 //! [`Engine::Reference`] is that text as plain loops, the law. [`Engine::Batched`] does the same tests
-//! eight at a time. All engines return the same labels and counts, bit for bit, for any number of
+//! eight at a time. [`Engine::Pruned`], the default, lets boxes around obstacles decide most of them. All engines return the same labels and counts, bit for bit, for any number of
 //! threads and at every SIMD level.
 
 mod batched;
 mod driver;
 mod labels;
 mod occlusion;
+mod order;
 pub mod predicate;
 mod problem;
+mod pruned;
 mod reference;
 mod stats;
 

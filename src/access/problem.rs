@@ -1,5 +1,6 @@
 //! The question in checked form: coordinates of queries and obstacles, and cutters as numbers.
 
+use super::order::Order;
 use super::predicate::{self, Frame};
 use crate::cutter::Cutter;
 use crate::geom::Sites;
@@ -113,9 +114,24 @@ impl Scene {
         self.points.len()
     }
 
-    /// The obstacle that does not count for query `i`; `usize::MAX` for none.
-    pub fn own(&self, i: usize) -> usize {
-        self.own.get(i).map_or(usize::MAX, |&j| j as usize)
+    /// The same scene with query `p` being the former `order.queries[p]`, likewise for obstacles.
+    pub fn reordered(self, order: &Order) -> Scene {
+        let Order { queries, obstacles } = order;
+        let pick = |from: &[Vec3]| queries.iter().map(|&i| from[i as usize]).collect();
+        let mut moved = Coordinates::zeros(self.obstacles.n);
+        let mut places = vec![0; self.obstacles.n];
+        for (p, &j) in obstacles.iter().enumerate() {
+            moved.set(p, self.obstacles.get(j as usize));
+            places[j as usize] = p as u32;
+        }
+        let own = |&i: &u32| self.own.get(i as usize).map(|&j| places[j as usize]);
+        Scene {
+            points: pick(&self.points),
+            normals: if self.normals.is_empty() { vec![] } else { pick(&self.normals) },
+            obstacles: moved,
+            own: queries.iter().filter_map(own).collect(),
+            n_ranked: self.n_ranked,
+        }
     }
 }
 
@@ -142,6 +158,10 @@ pub(super) struct Tool {
     pub steps: Vec<StepSquared>,
     /// Base of each reference point.
     pub bases: Coordinates,
+    /// Per query the obstacle that is the query itself; empty if none is.
+    pub own: Vec<u32>,
+    /// Only kept for a cutter with a side offset.
+    normals: Vec<Vec3>,
     lift: f32,
     side: f32,
 }
@@ -155,28 +175,55 @@ impl Tool {
             let normal = scene.normals.get(i).copied().unwrap_or(Vec3::ZERO);
             bases.set(i, predicate::base(point, normal, corner));
         }
+        let side = if volume { 0.0 } else { cutter.side_mm() as f32 };
         Tool {
             steps: predicate::steps(cutter),
             bases,
+            own: scene.own.clone(),
+            normals: if side > 0.0 { scene.normals.clone() } else { vec![] },
             lift: if volume { corner } else { 0.0 },
-            side: if volume { 0.0 } else { cutter.side_mm() as f32 },
+            side,
         }
     }
 
+    /// The same cutter at these queries alone.
+    pub fn only(&self, queries: &[u32]) -> Tool {
+        let mut bases = Coordinates::zeros(queries.len());
+        queries.iter().enumerate().for_each(|(p, &i)| bases.set(p, self.bases.get(i as usize)));
+        Tool {
+            steps: self.steps.clone(),
+            bases,
+            own: queries.iter().filter_map(|&i| self.own.get(i as usize).copied()).collect(),
+            normals: queries
+                .iter()
+                .filter_map(|&i| self.normals.get(i as usize).copied())
+                .collect(),
+            ..*self
+        }
+    }
+
+    /// Number of queries.
+    pub fn n(&self) -> usize {
+        self.bases.n
+    }
+
+    /// The obstacle that does not count for query `i`; `usize::MAX` for none.
+    pub fn own(&self, i: usize) -> usize {
+        self.own.get(i).map_or(usize::MAX, |&j| j as usize)
+    }
+
     /// Reference point of query `i` in the frame.
-    pub fn centre(&self, scene: &Scene, frame: &Frame, i: usize) -> [f32; 3] {
+    pub fn centre(&self, frame: &Frame, i: usize) -> [f32; 3] {
         let centre = predicate::rotate(frame, self.bases.get(i));
-        let normal = scene.normals.get(i).map_or([0.0; 3], |n| n.to_array());
+        let normal = self.normals.get(i).map_or([0.0; 3], |n| n.to_array());
         predicate::displace(centre, self.lift, self.side, predicate::rotate(frame, normal))
     }
 
     /// Reference points of all queries in the frame, the same bits as [`Tool::centre`].
-    pub fn centres(&self, scene: &Scene, frame: &Frame, level: Level, to: &mut Coordinates) {
+    pub fn centres(&self, frame: &Frame, level: Level, to: &mut Coordinates) {
         level.run(Rotate { frame, from: &self.bases, to: &mut *to });
         if self.lift != 0.0 || self.side != 0.0 {
-            for i in 0..scene.n_queries() {
-                to.set(i, self.centre(scene, frame, i));
-            }
+            (0..self.n()).for_each(|i| to.set(i, self.centre(frame, i)));
         }
     }
 }

@@ -32,13 +32,12 @@ impl Method for Reference<'_> {
     }
 
     fn collide(&self, scratch: &mut Scratch, tool: &Tool, row: &mut [u64]) -> Stats {
-        let n_queries = self.scene.n_queries();
-        let mut stats = Stats { queries: n_queries as u64, ..Stats::default() };
-        for i in 0..n_queries {
-            let centre = tool.centre(self.scene, &scratch.frame, i);
+        let mut stats = Stats { queries: tool.n() as u64, ..Stats::default() };
+        for i in 0..tool.n() {
+            let centre = tool.centre(&scratch.frame, i);
             for (j, &obstacle) in scratch.obstacles.iter().enumerate() {
                 stats.pairs_tested += 1;
-                if j != self.scene.own(i) && predicate::collides(&tool.steps, centre, obstacle) {
+                if j != tool.own(i) && predicate::collides(&tool.steps, centre, obstacle) {
                     row[i / 64] |= 1 << (i % 64);
                     break;
                 }
@@ -47,23 +46,16 @@ impl Method for Reference<'_> {
         stats
     }
 
-    fn count(
-        &self,
-        scratch: &mut Scratch,
-        tool: &Tool,
-        inaccessible: &[u32],
-        beta: &mut [u64],
-    ) -> Stats {
-        for &i in inaccessible {
-            let i = i as usize;
-            let centre = tool.centre(self.scene, &scratch.frame, i);
+    fn count(&self, scratch: &mut Scratch, tool: &Tool, beta: &mut [u64]) -> Stats {
+        for i in 0..tool.n() {
+            let centre = tool.centre(&scratch.frame, i);
             for (j, &obstacle) in scratch.obstacles.iter().enumerate() {
-                if j != self.scene.own(i) && predicate::collides(&tool.steps, centre, obstacle) {
+                if j != tool.own(i) && predicate::collides(&tool.steps, centre, obstacle) {
                     beta[j] += 1;
                 }
             }
         }
-        let pairs = inaccessible.len() as u64 * scratch.obstacles.len() as u64;
+        let pairs = tool.n() as u64 * scratch.obstacles.len() as u64;
         Stats { beta_pairs_tested: pairs, ..Stats::default() }
     }
 }

@@ -28,6 +28,15 @@ impl Coordinates {
         Coordinates { x: zeros.clone(), y: zeros.clone(), z: zeros, n }
     }
 
+    /// Makes room for `n` points; what the places hold is unspecified.
+    pub fn resize(&mut self, n: usize) {
+        let len = n.next_multiple_of(PADDING);
+        for axis in [&mut self.x, &mut self.y, &mut self.z] {
+            axis.resize(len, 0.0);
+        }
+        self.n = n;
+    }
+
     /// Point `i`.
     pub fn get(&self, i: usize) -> [f32; 3] {
         [self.x[i], self.y[i], self.z[i]]
@@ -68,19 +77,28 @@ impl Kernel for Rotate<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
-        let rows = self.frame.map(|row| row.map(|a| s.splat(a)));
+        let [u, v, w] = self.frame;
+        let (u, v, w) = (splat_row(s, u), splat_row(s, v), splat_row(s, w));
         let from = eights(&self.from.x).iter().zip(eights(&self.from.y)).zip(eights(&self.from.z));
         let Coordinates { x, y, z, .. } = self.to;
         let to = eights_mut(x).iter_mut().zip(eights_mut(y)).zip(eights_mut(z));
         for (((x, y), z), ((to_x, to_y), to_z)) in from.zip(to) {
             let (x, y, z) = (s.load(x), s.load(y), s.load(z));
-            let [a, b, c] =
-                rows.map(|r| s.add(s.add(s.mul(r[0], x), s.mul(r[1], y)), s.mul(r[2], z)));
-            s.store(a, to_x);
-            s.store(b, to_y);
-            s.store(c, to_z);
+            s.store(dot(s, u, x, y, z), to_x);
+            s.store(dot(s, v, x, y, z), to_y);
+            s.store(dot(s, w, x, y, z), to_z);
         }
     }
+}
+
+#[inline(always)]
+fn splat_row<S: Simd>(s: S, row: &[f32; 3]) -> [S::Eight; 3] {
+    [s.splat(row[0]), s.splat(row[1]), s.splat(row[2])]
+}
+
+#[inline(always)]
+fn dot<S: Simd>(s: S, row: [S::Eight; 3], x: S::Eight, y: S::Eight, z: S::Eight) -> S::Eight {
+    s.add(s.add(s.mul(row[0], x), s.mul(row[1], y)), s.mul(row[2], z))
 }
 
 /// Does some obstacle collide with a cutter? Stops at the first eight that hold one.
@@ -138,7 +156,7 @@ impl Kernel for CountCentres<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) -> u64 {
-        let [ox, oy, oz] = self.obstacle.map(|a| s.splat(a));
+        let [ox, oy, oz] = splat_row(s, &self.obstacle);
         let centres = eights(&self.centres.x).iter().zip(eights(&self.centres.y));
         let mut count = 0;
         for (block, ((x, y), z)) in centres.zip(eights(&self.centres.z)).enumerate() {

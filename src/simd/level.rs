@@ -67,9 +67,13 @@ token!(
 );
 #[cfg(target_arch = "x86_64")]
 token!(
-    /// AVX2 and FMA.
+    /// AVX2 and FMA, with the bit counting that comes with them.
     Avx2, 8, 16, f32::mul_add,
-    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
+    is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("popcnt")
+        && is_x86_feature_detected!("bmi1")
+        && is_x86_feature_detected!("bmi2")
 );
 #[cfg(target_arch = "x86_64")]
 token!(
@@ -222,13 +226,13 @@ impl Level {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
+#[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2")]
 fn run_avx2<K: Kernel>(kernel: K, token: Avx2) -> K::Output {
     kernel.run(token)
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma")]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,popcnt,bmi1,bmi2")]
 fn run_avx512<K: Kernel>(kernel: K, token: Avx512) -> K::Output {
     kernel.run(token)
 }

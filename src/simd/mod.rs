@@ -12,10 +12,12 @@
 //! are given before they form a pointer from it.
 #![allow(unsafe_code)]
 
+pub mod boxes;
 pub mod collide;
 pub mod eights;
 pub mod fma;
 pub mod gemm;
 pub mod level;
+pub mod windows;
 
 pub use level::{Kernel, Level, Simd};

@@ -1,0 +1,129 @@
+//! The default engine: boxes around runs of obstacles decide most questions; the predicate decides the
+//! rest. Equal to the law bit for bit, see [`boxes`](crate::simd::boxes) for why.
+//!
+//! Labels: the greatest height of all obstacles decides most queries (the shaft test). For the others,
+//! boxes of 8, 64, 512, … obstacles are searched from the top: a box too low or too far is skipped, a
+//! box that lies within a step's radius and reaches above it is a collision.
+//!
+//! β: see [`count`]. Obstacles and queries are put into a spatial order once; the boxes are built anew
+//! in every direction from the rotated coordinates, at a cost of about one operation per obstacle.
+
+mod count;
+mod ranks;
+
+use super::driver::Method;
+use super::predicate::{self, Frame};
+use super::problem::{Scene, Tool};
+use super::stats::Stats;
+use crate::simd::Level;
+use crate::simd::boxes::{Boxes, Enclose, Search, Tree};
+use crate::simd::collide::{AnyObstacle, Coordinates, Rotate};
+use count::Counting;
+
+/// The engine; its scene must be in spatial order to be fast.
+pub(super) struct Pruned<'a> {
+    pub scene: &'a Scene,
+    pub level: Level,
+}
+
+/// Coordinates, boxes and lists of the current direction.
+pub(super) struct Scratch {
+    frame: Frame,
+    tree: Tree,
+    centres: Coordinates,
+    own_z: Vec<f32>,
+    undecided: Vec<u32>,
+    counting: Counting,
+}
+
+impl Method for Pruned<'_> {
+    type Scratch = Scratch;
+
+    fn scratch(&self) -> Scratch {
+        Scratch {
+            frame: Frame::default(),
+            tree: Tree::new(self.scene.obstacles.n),
+            centres: Coordinates::default(),
+            own_z: Vec::new(),
+            undecided: Vec::new(),
+            counting: Counting::default(),
+        }
+    }
+
+    fn enter(&self, scratch: &mut Scratch, frame: &Frame) {
+        scratch.frame = *frame;
+        grow(&mut scratch.tree, &self.scene.obstacles, frame, self.level);
+    }
+
+    fn collide(&self, scratch: &mut Scratch, tool: &Tool, row: &mut [u64]) -> Stats {
+        let Scratch { frame, tree, centres, own_z, undecided, .. } = scratch;
+        centres.resize(tool.n());
+        tool.centres(frame, self.level, centres);
+        own_heights(tool, &tree.points.z, own_z, centres.z.len());
+        undecided.clear();
+        let search = Search { centres, steps: &tool.steps, tree, own_z, row: &mut *row, undecided };
+        let done = self.level.run(search);
+        let mut stats = Stats {
+            queries: tool.n() as u64,
+            by_height: done.by_height,
+            by_box: done.by_box,
+            pairs_tested: done.tested,
+            ..Stats::default()
+        };
+        for &i in &*undecided {
+            let (hit, tested) = self.level.run(AnyObstacle {
+                centre: centres.get(i as usize),
+                steps: &tool.steps,
+                obstacles: &tree.points,
+                except: tool.own(i as usize),
+            });
+            row[i as usize / 64] |= u64::from(hit) << (i % 64);
+            stats.pairs_tested += tested as u64;
+        }
+        stats
+    }
+
+    fn count(&self, scratch: &mut Scratch, tool: &Tool, beta: &mut [u64]) -> Stats {
+        let Scratch { frame, tree, centres, counting, .. } = scratch;
+        centres.resize(tool.n());
+        tool.centres(frame, self.level, centres);
+        let stats = counting.run(&tool.steps, centres, tree, beta, self.level);
+        for i in 0..tool.n() {
+            let own = tool.own(i);
+            if own != usize::MAX
+                && predicate::collides(&tool.steps, centres.get(i), tree.points.get(own))
+            {
+                beta[own] -= 1;
+            }
+        }
+        stats
+    }
+}
+
+/// Rotates the obstacles and builds the boxes around them.
+fn grow(tree: &mut Tree, obstacles: &Coordinates, frame: &Frame, level: Level) {
+    let points = &mut tree.points;
+    level.run(Rotate { frame, from: obstacles, to: points });
+    points.pad_z(f32::NEG_INFINITY);
+    if let Some(last) = points.n.checked_sub(1) {
+        let [x, y, _] = points.get(last);
+        points.x[last..].fill(x);
+        points.y[last..].fill(y);
+    }
+    let (first, rest) = tree.levels.split_first_mut().expect("a tree has a level of boxes");
+    let Coordinates { x, y, z, .. } = &*points;
+    level.run(Enclose { from: [x, x, y, y, z], to: &mut *first });
+    let mut below: &Boxes = first;
+    for boxes in rest {
+        let from = [&below.x0[..], &below.x1, &below.y0, &below.y1, &below.top];
+        level.run(Enclose { from, to: &mut *boxes });
+        below = boxes;
+    }
+}
+
+/// Height of each query's own obstacle, −∞ where it has none.
+fn own_heights(tool: &Tool, z: &[f32], own_z: &mut Vec<f32>, len: usize) {
+    own_z.clear();
+    own_z.extend(tool.own.iter().map(|&j| z[j as usize]));
+    own_z.resize(len, f32::NEG_INFINITY);
+}

@@ -1,0 +1,133 @@
+//! Centres sorted by height, and ranks of heights among them.
+
+use crate::simd::collide::Coordinates;
+
+/// Heights in ascending order, with a coarse index into them.
+#[derive(Default)]
+pub(super) struct Sorted {
+    /// Height and index of each centre, ascending in height.
+    places: Vec<(f32, u32)>,
+    heights: Vec<f32>,
+    /// Place of the first centre of each bucket; the last bucket's end follows.
+    starts: Vec<u32>,
+    lowest: f32,
+    buckets_per_mm: f32,
+}
+
+/// Buckets of up to this many centres are sorted by insertion.
+const SMALL_BUCKET: usize = 24;
+
+impl Sorted {
+    /// Sorts the centres, at least one: into as many buckets of equal height as there are centres, then
+    /// within each bucket.
+    pub fn fill(&mut self, centres: &Coordinates) {
+        let z = &centres.z[..centres.n];
+        self.lowest = z.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a });
+        let highest = z.iter().fold(f32::NEG_INFINITY, |a, &b| if b > a { b } else { a });
+        self.buckets_per_mm = (z.len() as f32 / (highest - self.lowest)).min(f32::MAX);
+        self.starts.clear();
+        self.starts.resize(z.len() + 2, 0);
+        for &z in z {
+            let bucket = self.bucket(z);
+            self.starts[bucket + 2] += 1;
+        }
+        let mut sum = 0;
+        for start in &mut self.starts {
+            sum += *start;
+            *start = sum;
+        }
+        self.places.resize(z.len(), (0.0, 0));
+        for (&z, i) in z.iter().zip(0..) {
+            let bucket = self.bucket(z);
+            let next = &mut self.starts[bucket + 1];
+            self.places[*next as usize] = (z, i);
+            *next += 1;
+        }
+        for bucket in self.starts.windows(2) {
+            sort(&mut self.places[bucket[0] as usize..bucket[1] as usize]);
+        }
+        self.heights.clear();
+        self.heights.extend(self.places.iter().map(|place| place.0));
+    }
+
+    /// Indices of the centres, ascending in height.
+    pub fn indices(&self) -> impl Iterator<Item = usize> {
+        self.places.iter().map(|place| place.1 as usize)
+    }
+
+    /// Number of centres with `height of the centre + step < z`.
+    pub fn rank(&self, z: f32, step: f32) -> u32 {
+        let below = |height: f32| height + step < z;
+        if !below(self.lowest) {
+            return 0;
+        }
+        let bucket = self.bucket(z - step);
+        let (mut low, mut high) = (self.starts[bucket] as usize, self.starts[bucket + 1] as usize);
+        while low < high {
+            let middle = (low + high) / 2;
+            if below(self.heights[middle]) {
+                low = middle + 1;
+            } else {
+                high = middle;
+            }
+        }
+        // Rounding may have named a neighbouring bucket; the comparison itself has the last word.
+        while low < self.heights.len() && below(self.heights[low]) {
+            low += 1;
+        }
+        while low > 0 && !below(self.heights[low - 1]) {
+            low -= 1;
+        }
+        low as u32
+    }
+
+    /// Never descends with `z`; the cast takes what is below the lowest to bucket 0.
+    fn bucket(&self, z: f32) -> usize {
+        (((z - self.lowest) * self.buckets_per_mm) as usize).min(self.starts.len() - 3)
+    }
+}
+
+fn sort(places: &mut [(f32, u32)]) {
+    if places.len() > SMALL_BUCKET {
+        return places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    }
+    for i in 1..places.len() {
+        let place = places[i];
+        let mut j = i;
+        while j > 0 && places[j - 1].0 > place.0 {
+            places[j] = places[j - 1];
+            j -= 1;
+        }
+        places[j] = place;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Purpose, Stream};
+
+    #[test]
+    fn ranks_are_counts_whatever_the_heights() {
+        let mut stream = Stream::new(1, 0, 0, Purpose::Probe);
+        for (n, grid) in [(1, 1.0), (2, 0.0), (50, 4.0), (300, 0.0), (300, 1e-7), (1000, 1e4)] {
+            let mut centres = Coordinates::zeros(n);
+            for i in 0..n {
+                centres.z[i] = 5.0 + (stream.range(-1.0, 1.0) * grid).round() as f32 * 0.3;
+            }
+            let mut sorted = Sorted::default();
+            sorted.fill(&centres);
+            let z = &centres.z[..n];
+            let ordered: Vec<f32> = sorted.indices().map(|i| z[i]).collect();
+            assert!(ordered.is_sorted());
+            for &probe in z.iter().chain(&[-1e6, 1e6, 5.0, 5.15]) {
+                for step in [0.0, 0.3, 1.0, 0.1] {
+                    for z_j in [probe, probe + step] {
+                        let count = z.iter().filter(|&&c| c + step < z_j).count();
+                        assert_eq!(sorted.rank(z_j, step) as usize, count);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! Counting kernels of β: how many centres of a window lie within a radius of each obstacle?
+//!
+//! Centres come as a list sorted by height, so "the cutter's step reaches this obstacle" is a window of
+//! places in the list. [`Split`] compares the list with the box around some obstacles: centres within
+//! the radius of the whole box are counted for all its obstacles by prefix sums, centres beyond reach
+//! are dropped, and the ring between is handed down. [`CountWindows`] tests what is left. Boxes decide
+//! exactly, see [`boxes`](super::boxes).
+
+use super::boxes::near_and_far;
+use super::level::{Kernel, Simd};
+
+/// Places of a list that must be readable past its end.
+pub const SLACK: usize = 8;
+
+/// Sixty-four places of a split list: which are inside and ring, and how many of each came before.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Word {
+    inside: u64,
+    ring: u64,
+    inside_before: u32,
+    ring_before: u32,
+}
+
+impl Word {
+    #[inline(always)]
+    fn before(&self, place: u32) -> (u32, u32) {
+        let mask = (1u64 << (place % 64)) - 1;
+        (
+            self.inside_before + (self.inside & mask).count_ones(),
+            self.ring_before + (self.ring & mask).count_ones(),
+        )
+    }
+}
+
+/// Obstacles with their windows `[from, to)` into a list and their counts so far; equal lengths.
+pub struct Windows<'a> {
+    /// First place of each window.
+    pub from: &'a mut [u32],
+    /// Place after each window.
+    pub to: &'a mut [u32],
+    /// Centres counted.
+    pub counts: &'a mut [u32],
+}
+
+impl<'a> Windows<'a> {
+    /// The first `n` of them, or all if there are fewer; they are taken away.
+    pub fn split_to(&mut self, n: usize) -> Windows<'a> {
+        let n = n.min(self.counts.len());
+        let take = |slice: &mut &'a mut [u32]| {
+            let (head, tail) = std::mem::take(slice).split_at_mut(n);
+            *slice = tail;
+            head
+        };
+        Windows {
+            from: take(&mut self.from),
+            to: take(&mut self.to),
+            counts: take(&mut self.counts),
+        }
+    }
+
+    /// The same windows, lent.
+    pub fn reborrow(&mut self) -> Windows<'_> {
+        Windows { from: self.from, to: self.to, counts: self.counts }
+    }
+}
+
+/// First place and place after the last of all windows that are not empty.
+pub struct Span<'a>(pub &'a Windows<'a>);
+
+impl Kernel for Span<'_> {
+    type Output = (u32, u32);
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> (u32, u32) {
+        let (mut first, mut last) = (u32::MAX, 0);
+        for (&from, &to) in self.0.from.iter().zip(&*self.0.to) {
+            let (from, to) = if from < to { (from, to) } else { (u32::MAX, 0) };
+            first = first.min(from);
+            last = last.max(to);
+        }
+        (first, last)
+    }
+}
+
+/// Splits a list of centres by a box; counts the inside, moves the windows on to the ring.
+pub struct Split<'a> {
+    /// Least and greatest x, least and greatest y of the obstacles.
+    pub bounds: [f32; 4],
+    /// Squared radius of the step, mm².
+    pub radius_squared: f32,
+    /// Centres' x and y, the windows' places, with [`SLACK`].
+    pub x: &'a [f32],
+    /// Centres' y.
+    pub y: &'a [f32],
+    /// Place of the first centre that some window uses; the same place is 0 in the ring's count.
+    pub first: u32,
+    /// Place after the last one.
+    pub last: u32,
+    /// The obstacles in the box.
+    pub windows: Windows<'a>,
+    /// Room for one word per 64 centres and one more.
+    pub words: &'a mut [Word],
+    /// Receives the ring's x, with [`SLACK`].
+    pub ring_x: &'a mut [f32],
+    /// Receives the ring's y.
+    pub ring_y: &'a mut [f32],
+}
+
+impl Kernel for Split<'_> {
+    /// Centres in the ring, and pairs counted.
+    type Output = (usize, u64);
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) -> (usize, u64) {
+        let [x0, x1, y0, y1] = self.bounds;
+        let (x0, x1, y0, y1) = (s.splat(x0), s.splat(x1), s.splat(y0), s.splat(y1));
+        let (zero, within) = (s.splat(0.0), s.splat(self.radius_squared));
+        let n = (self.last - self.first) as usize;
+        let range = self.first as usize..self.first as usize + n.next_multiple_of(8);
+        let x = self.x[range.clone()].as_chunks::<8>().0;
+        let y = self.y[range].as_chunks::<8>().0;
+        let (mut n_inside, mut n_ring) = (0, 0);
+        for (w, (x, y)) in x.chunks(8).zip(y.chunks(8)).enumerate() {
+            let mut word =
+                Word { inside_before: n_inside, ring_before: n_ring as u32, ..Word::default() };
+            for (c, (x, y)) in x.iter().zip(y).enumerate() {
+                let (x, y) = (s.load(x), s.load(y));
+                let (near_x, far_x) = near_and_far(s, x, x0, x1, zero);
+                let (near_y, far_y) = near_and_far(s, y, y0, y1, zero);
+                let valid = !0u32 >> (24 + (64 * w + 8 * c + 8).saturating_sub(n));
+                let inside = s.at_most(s.add(far_x, far_y), within) & valid;
+                let ring = s.at_most(s.add(near_x, near_y), within) & valid & !inside;
+                word.inside |= u64::from(inside) << (8 * c);
+                word.ring |= u64::from(ring) << (8 * c);
+                append(s, s.compress(x, ring), self.ring_x, n_ring);
+                append(s, s.compress(y, ring), self.ring_y, n_ring);
+                n_ring += ring.count_ones() as usize;
+            }
+            n_inside += word.inside.count_ones();
+            self.words[w] = word;
+        }
+        self.words[n.div_ceil(64)] =
+            Word { inside_before: n_inside, ring_before: n_ring as u32, ..Word::default() };
+        (n_ring, move_windows(self.windows, self.words, self.first))
+    }
+}
+
+#[inline(always)]
+fn append<S: Simd>(s: S, lanes: S::Eight, to: &mut [f32], place: usize) {
+    let to = to[place..].first_chunk_mut().expect("the slack has room for eight");
+    s.store(lanes, to);
+}
+
+/// Counts the inside of each window and replaces it by its window into the ring.
+#[inline(always)]
+fn move_windows(windows: Windows, words: &[Word], first: u32) -> u64 {
+    let Windows { from, to, counts } = windows;
+    let mut counted = 0;
+    for ((from, to), count) in from.iter_mut().zip(to).zip(counts) {
+        if *from < *to {
+            let (a, b) = (*from - first, *to - first);
+            let (inside_a, ring_a) = words[a as usize / 64].before(a);
+            let (inside_b, ring_b) = words[b as usize / 64].before(b);
+            *count += inside_b - inside_a;
+            counted += u64::from(inside_b - inside_a);
+            (*from, *to) = (ring_a, ring_b);
+        } else {
+            (*from, *to) = (0, 0);
+        }
+    }
+    counted
+}
+
+/// Counts, for each obstacle, the centres of its window within the radius.
+pub struct CountWindows<'a> {
+    /// Squared radius of the step, mm².
+    pub radius_squared: f32,
+    /// Centres' x, with [`SLACK`].
+    pub x: &'a [f32],
+    /// Centres' y, with [`SLACK`].
+    pub y: &'a [f32],
+    /// Obstacles' x.
+    pub obstacle_x: &'a [f32],
+    /// Obstacles' y.
+    pub obstacle_y: &'a [f32],
+    /// Obstacles' windows and counts.
+    pub windows: Windows<'a>,
+}
+
+impl Kernel for CountWindows<'_> {
+    /// Pairs tested.
+    type Output = u64;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) -> u64 {
+        let within = s.splat(self.radius_squared);
+        let Windows { from, to, counts } = self.windows;
+        let obstacles = self.obstacle_x.iter().zip(self.obstacle_y);
+        let mut tested = 0;
+        for (((&from, &to), count), (&ox, &oy)) in from.iter().zip(&*to).zip(counts).zip(obstacles)
+        {
+            let n = to.saturating_sub(from) as usize;
+            let range = from as usize..from as usize + n.next_multiple_of(8);
+            let (ox, oy) = (s.splat(ox), s.splat(oy));
+            let x = self.x[range.clone()].as_chunks::<8>().0;
+            let y = self.y[range].as_chunks::<8>().0;
+            let mut found = 0;
+            let mut left = n;
+            for (x, y) in x.iter().zip(y) {
+                let (dx, dy) = (s.sub(ox, s.load(x)), s.sub(oy, s.load(y)));
+                let hits = s.at_most(s.add(s.mul(dx, dx), s.mul(dy, dy)), within);
+                let valid = if left < 8 { (1 << left) - 1 } else { 255 };
+                found += (hits & valid).count_ones();
+                left = left.saturating_sub(8);
+            }
+            *count += found;
+            tested += n as u64;
+        }
+        tested
+    }
+}
