@@ -95,15 +95,14 @@ fn assert_engines_agree<'a>(
         labels.into_iter().map(answer).collect::<Vec<_>>()
     };
     let law = run(Engine::Reference, Level::fastest(), 2);
-    for engine in Engine::ALL {
-        for &level in Level::available() {
-            for n_threads in [1, 3] {
-                let found = run(engine, level, n_threads);
-                let place = format!("{what}, {engine:?}, {}, {n_threads} threads", level.name());
-                for (t, (found, law)) in found.iter().zip(&law).enumerate() {
-                    assert_same(found, law, &format!("{place}, cutter {t}"));
-                }
-            }
+    let mut runs = vec![(Engine::Batched, Level::fastest(), 2)];
+    for &level in Level::available() {
+        runs.extend([1, 3].map(|n_threads| (Engine::Pruned, level, n_threads)));
+    }
+    for (engine, level, n_threads) in runs {
+        let place = format!("{what}, {engine:?}, {}, {n_threads} threads", level.name());
+        for (t, (found, law)) in run(engine, level, n_threads).iter().zip(&law).enumerate() {
+            assert_same(found, law, &format!("{place}, cutter {t}"));
         }
     }
     law
@@ -145,10 +144,10 @@ fn engines_agree_around_every_block_edge() {
 
 #[test]
 fn engines_agree_on_solids_for_thirty_cutters() {
-    let scene = solids(1500);
-    let cutters = cutters(30, 2);
+    let scene = solids(900);
+    let cutters = cutters(32, 2);
     let labels =
-        assert_engines_agree(&scene, Obstacles::Queries, &cutters, &hemisphere(12), "solids");
+        assert_engines_agree(&scene, Obstacles::Queries, &cutters, &hemisphere(10), "solids");
     assert!(labels.iter().any(|l| l.n_inaccessible() > 100 && l.n_occlusion() > 0));
 }
 
@@ -198,6 +197,25 @@ fn engines_agree_on_every_kind_of_cutter() {
     let sphere = Directions::new(DirectionSet::FibonacciSphere { n_dirs: 11 }).unwrap();
     assert_engines_agree(&solids(700), Obstacles::Queries, &cutters, &sphere, "cutters");
     assert_engines_agree(&gridded_pocket(8, 1.0), Obstacles::Queries, &cutters, &sphere, "pocket");
+}
+
+/// Levels and threads of the batched engine, which the comparisons above run at one of each.
+#[test]
+fn batched_is_the_same_at_every_level_and_thread_count() {
+    let scene = solids(300);
+    let cutter = &cutters(1, 4)[0];
+    let run = |engine, level, n_threads| {
+        let options = options(engine, level);
+        let work = || label(&scene, Obstacles::Queries, cutter, &hemisphere(9), &options);
+        answer(with_threads(n_threads, work).unwrap().unwrap())
+    };
+    let law = run(Engine::Reference, Level::fastest(), 1);
+    for &level in Level::available() {
+        for n_threads in [1, 2, 5] {
+            assert_same(&run(Engine::Batched, level, n_threads), &law, level.name());
+        }
+    }
+    assert_same(&run(Engine::Reference, Level::fastest(), 4), &law, "reference");
 }
 
 #[test]

@@ -18,7 +18,7 @@ impl Order {
     pub fn of(scene: &Scene) -> Self {
         let queries = spatial_order(scene.points.iter().copied());
         let all = &scene.obstacles;
-        if scene.own.len() == all.n {
+        if !scene.own.is_empty() && scene.own.len() == all.n {
             return Order { obstacles: queries.clone(), queries };
         }
         let obstacles = spatial_order((0..all.n).map(|j| Vec3::from(all.get(j))));

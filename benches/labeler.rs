@@ -1,0 +1,294 @@
+//! How long labels take: engines × sizes, the worst of several parts and cutters.
+//!
+//! ```text
+//! cargo bench --bench labeler -- [--parts FOLDER_OR_FILE…] [--sizes 7000,15000] [--published STRIDE]
+//! ```
+//!
+//! Without parts it draws its own. Parts with an edge of the bounding box below 80 mm are scaled up to
+//! 80 mm, as data sets do. Times are the best of several runs; each size is checked against the batched
+//! engine on a few directions before it is timed. `published` runs the paper's method beside it (one thread,
+//! `f64`, branches, detection cylinder first) on every STRIDE-th site and multiplies.
+#![allow(clippy::print_stdout)]
+
+use deepmill::access::{Engine, LabelOptions, Labels, Obstacles, label, label_many};
+use deepmill::cutter::{Cutter, CutterParams};
+use deepmill::data::generated;
+use deepmill::directions::Directions;
+use deepmill::geom::formats::{ReadOptions, read_mesh};
+use deepmill::geom::sites::{SiteOptions, sample};
+use deepmill::geom::{Mesh, Sites};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// CR, CH, FR, FH, mm: the corners of the ranges 1–2, 0.2–20, 5–90, 0.2–20, and the middle.
+const CUTTERS: [[f64; 4]; 8] = [
+    [1.0, 0.2, 90.0, 0.2],
+    [2.0, 0.2, 5.0, 20.0],
+    [1.0, 20.0, 5.0, 20.0],
+    [2.0, 20.0, 40.0, 20.0],
+    [1.5, 5.0, 20.0, 20.0],
+    [1.5, 10.0, 10.0, 10.0],
+    [1.5, 6.0, 40.0, 5.0],
+    [2.0, 2.0, 90.0, 20.0],
+];
+const N_DIRS: usize = 150;
+const N_GENERATED: u64 = 4;
+
+struct Settings {
+    parts: Vec<PathBuf>,
+    sizes: Vec<usize>,
+    published: usize,
+    cutters: Vec<[f64; 4]>,
+}
+
+fn settings() -> Settings {
+    let mut settings = Settings {
+        parts: vec![],
+        sizes: vec![7000, 15_000],
+        published: 40,
+        cutters: CUTTERS.to_vec(),
+    };
+    let mut list = "";
+    for argument in std::env::args().skip(1) {
+        match argument.as_str() {
+            "--bench" => {}
+            "--parts" => list = "parts",
+            "--sizes" => list = "sizes",
+            "--published" => list = "published",
+            "--cutter" => list = "cutter",
+            value if list == "sizes" => settings.sizes = numbers(value),
+            value if list == "published" => settings.published = numbers(value)[0],
+            value if list == "cutter" => {
+                let lengths: Vec<f64> = value.split(',').map(|n| n.parse().unwrap()).collect();
+                settings.cutters = vec![lengths.try_into().unwrap()];
+            }
+            value => settings.parts.push(value.into()),
+        }
+    }
+    settings
+}
+
+fn numbers(list: &str) -> Vec<usize> {
+    list.split(',').map(|n| n.parse().expect("a list of whole numbers")).collect()
+}
+
+fn parts(paths: &[PathBuf]) -> Vec<(String, Mesh)> {
+    if paths.is_empty() {
+        let named = |index| {
+            let (family, mesh) = generated::mixed_part(1, index);
+            (family.name().to_string(), mesh)
+        };
+        return (0..N_GENERATED).map(named).collect();
+    }
+    let files = |path: &PathBuf| match path.is_dir() {
+        true => std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()).collect(),
+        false => vec![path.clone()],
+    };
+    let mut files: Vec<PathBuf> = paths.iter().flat_map(files).collect();
+    files.retain(|path| path.extension().is_some_and(|e| e != "csv"));
+    files.sort();
+    let read = |path: &PathBuf| {
+        let name = Path::file_stem(path).unwrap().to_string_lossy().into_owned();
+        (name, read_mesh(path, &ReadOptions::default()).unwrap())
+    };
+    files.iter().map(read).collect()
+}
+
+/// Scaled so that the least edge of the bounding box is at least 80 mm.
+fn enlarged(mut mesh: Mesh) -> Mesh {
+    let (lo, hi) = mesh.bounds().expect("a part has vertices");
+    let scale = (80.0 / (hi - lo).min_element()).max(1.0);
+    mesh.vertices.iter_mut().for_each(|v| *v = (*v - lo) * scale);
+    mesh
+}
+
+fn seconds<R>(runs: usize, mut work: impl FnMut() -> R) -> (f64, R) {
+    let mut best = f64::INFINITY;
+    let mut result = None;
+    for _ in 0..runs {
+        let start = Instant::now();
+        result = Some(work());
+        best = best.min(start.elapsed().as_secs_f64());
+    }
+    (best, result.unwrap())
+}
+
+fn run(sites: &Sites, cutter: &Cutter, directions: &Directions, options: &LabelOptions) -> Labels {
+    label(sites, Obstacles::Queries, cutter, directions, options).unwrap()
+}
+
+/// The slowest case of a size so far.
+#[derive(Default, Clone)]
+struct Worst {
+    seconds: f64,
+    case: String,
+}
+
+impl Worst {
+    fn meet(&mut self, seconds: f64, case: impl FnOnce() -> String) {
+        if seconds > self.seconds {
+            *self = Worst { seconds, case: case() };
+        }
+    }
+}
+
+fn main() {
+    let settings = settings();
+    let directions = Directions::fibonacci_hemisphere(N_DIRS).unwrap();
+    let parts: Vec<_> =
+        parts(&settings.parts).into_iter().map(|(n, mesh)| (n, enlarged(mesh))).collect();
+    println!(
+        "{} parts, {} cutters, {} threads",
+        parts.len(),
+        settings.cutters.len(),
+        deepmill::par::threads()
+    );
+    println!(
+        "{:>9} {:<22} {:<14} {:>9} {:>9}  {:>5} {:>6} {:>6} {:>6} {:>7}",
+        "sites",
+        "part",
+        "cutter",
+        "labels ms",
+        "+beta ms",
+        "inacc",
+        "height",
+        "box",
+        "tests",
+        "pairs/j"
+    );
+    let mut fit: [Vec<(f64, f64)>; 2] = Default::default();
+    for &n_sites in &settings.sizes {
+        let mut worst: [Worst; 2] = Default::default();
+        for (name, mesh) in &parts {
+            let sites = sample(mesh, &SiteOptions { n_sites, ..Default::default() }).unwrap();
+            for &lengths in &settings.cutters {
+                let cutter = Cutter::ball_end(CutterParams::from_array(lengths)).unwrap();
+                check(&sites, &cutter, n_sites);
+                let runs = if n_sites <= 20_000 { 5 } else { 1 };
+                let mut options = LabelOptions { occlusion: false, ..Default::default() };
+                let (quick, _) = seconds(runs, || run(&sites, &cutter, &directions, &options));
+                options.occlusion = true;
+                let (full, labels) = seconds(runs, || run(&sites, &cutter, &directions, &options));
+                report(n_sites, name, lengths, quick, full, &labels);
+                for (worst, seconds) in worst.iter_mut().zip([quick, full]) {
+                    worst.meet(seconds, || format!("{name} {lengths:?}"));
+                }
+                if settings.published > 0 && n_sites <= 20_000 && lengths == CUTTERS[6] {
+                    published(&sites, lengths, &directions, settings.published, full);
+                }
+            }
+        }
+        for ((fit, worst), what) in fit.iter_mut().zip(&worst).zip(["labels", "labels + beta"]) {
+            println!("{n_sites:>9} worst {what}: {:.1} ms ({})", worst.seconds * 1e3, worst.case);
+            fit.push((n_sites as f64, worst.seconds));
+        }
+    }
+    for (fit, what) in fit.iter().zip(["labels", "labels + beta"]) {
+        if fit.len() > 1 {
+            println!("growth exponent of the worst {what}: {:.2}", exponent(fit));
+        }
+    }
+    share_work(&parts[0].1, &directions);
+}
+
+/// Pruned equals batched on a few directions of this very case.
+fn check(sites: &Sites, cutter: &Cutter, n_sites: usize) {
+    let few = Directions::fibonacci_hemisphere(if n_sites > 20_000 { 1 } else { 3 }).unwrap();
+    let occlusion = n_sites <= 100_000;
+    if n_sites > 200_000 {
+        return;
+    }
+    let answer = |engine| {
+        let options = LabelOptions { engine, occlusion, ..Default::default() };
+        let labels = run(sites, cutter, &few, &options);
+        (labels.accessible_directions, labels.witness, labels.beta, labels.occlusion)
+    };
+    assert!(answer(Engine::Pruned) == answer(Engine::Batched), "engines differ");
+}
+
+fn report(n: usize, name: &str, lengths: [f64; 4], quick: f64, full: f64, labels: &Labels) {
+    let s = labels.stats;
+    let share = |part: u64| 100.0 * part as f64 / s.queries as f64;
+    let [cr, ch, fr, fh] = lengths;
+    println!(
+        "{n:>9} {name:<22} {:<14} {:>9.1} {:>9.1}  {:>4.0}% {:>5.1}% {:>5.1}% {:>6.2} {:>7.1}",
+        format!("{cr},{ch},{fr},{fh}"),
+        quick * 1e3,
+        full * 1e3,
+        100.0 * labels.n_inaccessible() as f64 / n as f64,
+        share(s.by_height),
+        share(s.by_box),
+        s.pairs_tested as f64 / s.queries as f64,
+        s.beta_pairs_tested as f64 / (n * N_DIRS) as f64,
+    );
+}
+
+/// Slope of log time over log size, least squares.
+fn exponent(points: &[(f64, f64)]) -> f64 {
+    let n = points.len() as f64;
+    let logs: Vec<_> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
+    let (mx, my) = logs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
+    let over = logs.iter().map(|(x, y)| (x - mx) * (y - my)).sum::<f64>();
+    over / logs.iter().map(|(x, _)| (x - mx).powi(2)).sum::<f64>()
+}
+
+/// The paper's method: for each site and direction the points inside a cylinder around the axis, tested
+/// one by one; an inaccessible site's colliders are counted in all directions.
+fn published(sites: &Sites, lengths: [f64; 4], directions: &Directions, stride: usize, ours: f64) {
+    let [cr, ch, fr, fh] = lengths;
+    let points: Vec<_> = sites.points.iter().map(|p| p.as_dvec3()).collect();
+    let detection = cr.max(fr) + 0.1;
+    let mut beta = vec![0u64; points.len()];
+    let start = Instant::now();
+    for i in (0..points.len()).step_by(stride) {
+        let centre = points[i] + cr * sites.normals[i].as_dvec3();
+        let collides = |d: glam::DVec3, j: usize| {
+            let offset = points[j] - centre;
+            let height = offset.dot(d);
+            let radius = (offset - height * d).length();
+            if radius > detection {
+                return height > cr + ch + fh;
+            }
+            height > cr + ch + fh
+                || (height > cr + ch && radius <= fr)
+                || (height > cr && radius <= cr)
+        };
+        let blocked = |d: glam::DVec3| (0..points.len()).any(|j| j != i && collides(d, j));
+        if directions.vectors().iter().all(|d| blocked(d.as_dvec3())) {
+            for d in directions.vectors() {
+                for (j, count) in beta.iter_mut().enumerate() {
+                    if j != i && collides(d.as_dvec3(), j) {
+                        *count += 1;
+                    }
+                }
+            }
+        }
+    }
+    let theirs = start.elapsed().as_secs_f64() * stride as f64;
+    std::hint::black_box(&beta);
+    println!("{:>9} published method: {theirs:.1} s, ratio {:.0}", points.len(), theirs / ours);
+}
+
+/// Several cutters on one part, together and one by one.
+fn share_work(mesh: &Mesh, directions: &Directions) {
+    let sites = sample(mesh, &SiteOptions::default()).unwrap();
+    let cutters: Vec<Cutter> = CUTTERS
+        .iter()
+        .map(|&lengths| Cutter::ball_end(CutterParams::from_array(lengths)).unwrap())
+        .collect();
+    for occlusion in [false, true] {
+        let options = LabelOptions { occlusion, ..Default::default() };
+        let all =
+            || label_many(&sites, Obstacles::Queries, &cutters, directions, &options).unwrap();
+        let (together, _) = seconds(5, all);
+        let each =
+            || cutters.iter().map(|c| run(&sites, c, directions, &options)).collect::<Vec<_>>();
+        let (alone, _) = seconds(5, each);
+        println!(
+            "{} cutters, beta {occlusion}: together {:.1} ms, one by one {:.1} ms",
+            cutters.len(),
+            together * 1e3,
+            alone * 1e3
+        );
+    }
+}
