@@ -15,6 +15,8 @@ pub struct Class {
 /// What the colours of the sites say; the slices have one entry per site.
 #[derive(Debug, Clone, Copy)]
 pub enum Colouring<'a> {
+    /// Nothing: this many sites without an answer.
+    Plain(usize),
     /// The answers of one engine, exact or predicted.
     Labels {
         /// The cutter collides in every direction.
@@ -33,11 +35,13 @@ pub enum Colouring<'a> {
     },
 }
 
+const PLAIN: [Class; 1] = [Class { name: "site", colour: [176, 186, 198] }];
+
 const LABELS: [Class; 4] = [
     Class { name: "accessible", colour: [205, 208, 212] },
     Class { name: "inaccessible", colour: [206, 58, 44] },
     Class { name: "occlusion", colour: [245, 196, 50] },
-    Class { name: "inaccessible and occlusion", colour: [112, 56, 150] },
+    Class { name: "both", colour: [112, 56, 150] },
 ];
 
 const DIFFERENCE: [Class; 4] = [
@@ -49,8 +53,9 @@ const DIFFERENCE: [Class; 4] = [
 
 impl Colouring<'_> {
     /// The groups, in legend order.
-    pub fn classes(&self) -> &'static [Class; 4] {
+    pub fn classes(&self) -> &'static [Class] {
         match self {
+            Colouring::Plain(_) => &PLAIN,
             Colouring::Labels { .. } => &LABELS,
             Colouring::Difference { .. } => &DIFFERENCE,
         }
@@ -62,6 +67,7 @@ impl Colouring<'_> {
     /// If there is no site `i`.
     pub fn class(&self, i: usize) -> usize {
         match self {
+            Colouring::Plain(_) => 0,
             Colouring::Labels { inaccessible, occlusion } => {
                 usize::from(inaccessible[i]) + 2 * usize::from(occlusion[i])
             }
@@ -77,6 +83,7 @@ impl Colouring<'_> {
     /// Number of sites.
     pub fn len(&self) -> usize {
         match self {
+            Colouring::Plain(n) => *n,
             Colouring::Labels { inaccessible, .. } => inaccessible.len(),
             Colouring::Difference { truth, .. } => truth.len(),
         }
@@ -95,9 +102,21 @@ impl Colouring<'_> {
         self.classes()[self.class(i)].colour
     }
 
+    /// Number of sites that the legend states for each group. Labels overlap: a site that is both
+    /// counts as inaccessible, as occlusion and as both.
+    pub fn legend_counts(&self) -> Vec<usize> {
+        let counts = self.counts();
+        match (self, &counts[..]) {
+            (Colouring::Labels { .. }, [none, first, second, both]) => {
+                vec![none + second, first + both, second + both, *both]
+            }
+            _ => counts,
+        }
+    }
+
     /// Number of sites in each group.
-    pub fn counts(&self) -> [usize; 4] {
-        let mut counts = [0; 4];
+    pub fn counts(&self) -> Vec<usize> {
+        let mut counts = vec![0; self.classes().len()];
         (0..self.len()).for_each(|i| counts[self.class(i)] += 1);
         counts
     }
@@ -117,6 +136,7 @@ mod tests {
             [0, 1, 2, 3].map(|i| difference.classes()[difference.class(i)].name),
             ["agreed: no", "missed", "false alarm", "agreed: yes"]
         );
-        assert_eq!(difference.counts(), [1; 4]);
+        assert_eq!(difference.legend_counts(), [1; 4]);
+        assert_eq!(labels.legend_counts(), [2, 2, 2, 1]);
     }
 }

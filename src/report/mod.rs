@@ -1,16 +1,19 @@
 //! Tables, coloured point clouds, pictures and curves: shows, never computes labels.
 //!
 //! A [`Part`] is what is shown, a [`Colouring`] says in which colours; [`picture`] and [`points`]
-//! take both, [`tables`] and [`curves`] take numbers.
+//! take both, [`folder`] writes all files of a report, [`tables`], [`scores`] and [`curves`] show
+//! numbers.
 
 mod camera;
 mod colour;
 pub mod curves;
+pub mod folder;
 pub mod image;
 mod paint;
 pub mod picture;
 pub mod points;
 mod raster;
+pub mod scores;
 mod shade;
 pub mod tables;
 

@@ -141,7 +141,7 @@ fn draw_legend(image: &mut Image, colouring: &Colouring) {
         image.text(x, y, &head, Font::Bold, INK);
         x += Font::Bold.width(&head) as i32 + 24;
     }
-    for (class, count) in colouring.classes().iter().zip(colouring.counts()) {
+    for (class, count) in colouring.classes().iter().zip(colouring.legend_counts()) {
         let name = format!("{} {:.1} %", class.name, 100.0 * count as f64 / n);
         image.rectangle(x, y, 18, 18, INK);
         image.rectangle(x + 1, y + 1, 16, 16, class.colour);

@@ -1,6 +1,6 @@
 //! Numbers in rows: as text for people, as JSON for programs, from the same cells.
 
-use comfy_table::{Cell as TextCell, CellAlignment, presets};
+use comfy_table::{Cell as TextCell, CellAlignment, LineStyle, TableStyle};
 use serde_json::{Map, Value, json};
 
 /// One number or word.
@@ -144,11 +144,11 @@ impl Facts {
         self
     }
 
-    /// For people: two columns.
+    /// For people: two columns, both to the left.
     pub fn text(&self) -> String {
         let mut table = plain();
         for (_, name, value) in &self.0 {
-            table.add_row([TextCell::new(name), text_cell(value)]);
+            table.add_row([TextCell::new(name), TextCell::new(value.show())]);
         }
         table.trim_fmt()
     }
@@ -160,9 +160,13 @@ impl Facts {
     }
 }
 
+/// No lines but one below the headings.
+const STYLE: TableStyle =
+    TableStyle::new().header_separator(LineStyle::none().fill('-').junction('-'));
+
 fn plain() -> comfy_table::Table {
     let mut table = comfy_table::Table::new();
-    table.load_style(presets::ASCII_NO_BORDERS);
+    table.load_style(STYLE);
     table
 }
 

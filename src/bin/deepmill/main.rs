@@ -1,12 +1,18 @@
 //! The `deepmill` program: parse, call the library, print.
 
+mod args;
 mod check;
+mod clock;
 mod demo;
+mod label;
 mod mesh_args;
 mod output;
 mod parity;
+mod report;
+mod sample;
 
 use clap::{Parser, Subcommand};
+use deepmill::Error;
 use output::Output;
 use std::process::ExitCode;
 
@@ -30,6 +36,9 @@ struct Cli {
 enum Command {
     Check(check::Args),
     Parity(parity::Args),
+    Sample(sample::Args),
+    Label(label::Args),
+    Report(report::Args),
 }
 
 fn main() -> ExitCode {
@@ -41,6 +50,9 @@ fn main() -> ExitCode {
             None => demo::run(&output),
             Some(Command::Check(args)) => check::run(args, &output),
             Some(Command::Parity(args)) => parity::run(args, &output),
+            Some(Command::Sample(args)) => sample::run(args, &output),
+            Some(Command::Label(args)) => label::run(args, &output),
+            Some(Command::Report(args)) => report::run(args, &output),
         }
     };
     match deepmill::par::with_threads(cli.threads, run)
@@ -49,7 +61,8 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             output.error(&error);
-            ExitCode::from(1)
+            // An argument that cannot be is a matter of usage, whoever finds it out.
+            ExitCode::from(if matches!(error, Error::Argument { .. }) { 2 } else { 1 })
         }
     }
 }

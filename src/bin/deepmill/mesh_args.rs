@@ -33,7 +33,6 @@ impl MeshArgs {
     /// Reads a mesh or a cloud to be labelled, says its size, and applies the repairs asked for; an
     /// inward-facing mesh is turned with a notice. A mesh that does not bound one solid is refused,
     /// or with `accept_faults` warned about.
-    #[allow(dead_code)] // Until the first command that labels.
     pub fn read_part(&self, path: &Path, accept_faults: bool, output: &Output) -> Result<Part> {
         let mut part = formats::read_part(path, &self.options())?;
         match &mut part {

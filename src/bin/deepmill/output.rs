@@ -1,7 +1,12 @@
 //! Where a command's words go: text for people, or one JSON object for programs.
-#![allow(clippy::print_stdout, clippy::print_stderr)]
 
-/// The program's standard streams.
+use deepmill::Error;
+use serde_json::{Value, json};
+use std::fmt::Display;
+use std::io::{Write, stderr, stdout};
+use std::path::PathBuf;
+
+/// The program's standard streams. A reader that goes away is no failure.
 pub struct Output {
     json: bool,
 }
@@ -12,28 +17,39 @@ impl Output {
     }
 
     /// A line for people: standard output, or standard error when that carries JSON.
-    pub fn say(&self, line: impl std::fmt::Display) {
-        if self.json {
-            eprintln!("{line}");
-        } else {
-            println!("{line}");
-        }
+    pub fn say(&self, line: impl Display) {
+        let _ = match self.json {
+            true => writeln!(stderr(), "{line}"),
+            false => writeln!(stdout(), "{line}"),
+        };
     }
 
     /// A warning, on standard error.
-    pub fn warn(&self, line: impl std::fmt::Display) {
-        eprintln!("warning: {line}");
+    pub fn warn(&self, line: impl Display) {
+        let _ = writeln!(stderr(), "warning: {line}");
     }
 
-    /// The failure that ends the program, on standard error.
-    pub fn error(&self, error: &deepmill::Error) {
-        eprintln!("error: {error}");
+    /// The failure that ends the program, on standard error, and under `--json` as the result.
+    pub fn error(&self, error: &Error) {
+        let _ = writeln!(stderr(), "error: {error}");
+        self.result(&json!({ "error": error.to_string() }));
     }
 
     /// The machine-readable result; printed only under `--json`, once per run.
-    pub fn result(&self, value: &serde_json::Value) {
+    pub fn result(&self, value: &Value) {
         if self.json {
-            println!("{value}");
+            let _ = writeln!(stdout(), "{value}");
         }
+    }
+
+    /// Names the files written.
+    pub fn files(&self, paths: &[PathBuf]) {
+        paths.iter().for_each(|path| self.say(format!("written {}", path.display())));
+    }
+
+    /// [`Output::result`] with the files written.
+    pub fn result_with_files(&self, mut value: Value, paths: &[PathBuf]) {
+        value["files"] = json!(paths);
+        self.result(&value);
     }
 }

@@ -1,0 +1,345 @@
+//! Files of labels and of predictions: NPZ archives that say what their numbers mean.
+//!
+//! `docs/formats.md` lists every array. One row per site, in the order of the sites.
+
+use super::npz::{NpzReader, NpzWriter};
+use crate::access::Labels;
+use crate::cutter::CutterParams;
+use crate::geom::Sites;
+use crate::{Error, Result};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Version of both formats; a reader refuses newer ones.
+const VERSION: u64 = 1;
+
+/// What the answers of a file are about.
+#[derive(Debug, Clone, PartialEq)]
+pub struct About {
+    /// Name of the part.
+    pub part: String,
+    /// The cutter's lengths, mm.
+    pub cutter: CutterParams,
+    /// The cutter in words, with what the four lengths do not say.
+    pub tool: String,
+    /// Everything else that decided the answers: seed, directions, engine or model.
+    pub settings: Value,
+}
+
+impl About {
+    /// About a ball-end cutter; `tool` is in words what `cutter` is in numbers.
+    pub fn ball_end(part: impl Into<String>, cutter: CutterParams, settings: Value) -> Self {
+        About { part: part.into(), cutter, tool: ball_end_words(cutter), settings }
+    }
+
+    fn metadata(&self, format: &str, meaning: Value) -> Value {
+        json!({
+            "format": format,
+            "version": VERSION,
+            "program": concat!("deepmill ", env!("CARGO_PKG_VERSION")),
+            "unit": "mm",
+            "part": self.part,
+            "cutter": { "order": "CR, CH, FR, FH", "words": self.tool },
+            "meaning": meaning,
+            "settings": self.settings,
+        })
+    }
+
+    /// Reads what [`About::metadata`] and the array `cutter` hold, and checks the format.
+    fn read(path: &Path, npz: &mut NpzReader, format: &str) -> Result<Self> {
+        let metadata = npz.metadata()?;
+        let bad = |found: String| {
+            let remedy = "name a file that this version of deepmill has written";
+            Error::file(path, "metadata.json", found, remedy)
+        };
+        if metadata["format"] != format {
+            return Err(bad(format!("the format is {}, expected {format}", metadata["format"])));
+        }
+        if metadata["version"].as_u64().is_none_or(|v| v > VERSION) {
+            return Err(bad(format!("the version is {}", metadata["version"])));
+        }
+        let lengths = npz.f64s("cutter", 1)?;
+        let lengths = <[f64; 4]>::try_from(lengths).map_err(|l| {
+            let found = format!("{} numbers", l.len());
+            Error::file(path, "cutter", found, "store CR, CH, FR, FH in mm")
+        })?;
+        let word = |v: &Value| v.as_str().unwrap_or_default().to_string();
+        Ok(About {
+            part: word(&metadata["part"]),
+            cutter: CutterParams::from_array(lengths),
+            tool: word(&metadata["cutter"]["words"]),
+            settings: metadata["settings"].clone(),
+        })
+    }
+}
+
+/// `ball-end CR 1.5, CH 6, FR 40, FH 5 mm`.
+pub fn ball_end_words(cutter: CutterParams) -> String {
+    let [cr, ch, fr, fh] = cutter.to_array();
+    format!("ball-end CR {cr}, CH {ch}, FR {fr}, FH {fh} mm")
+}
+
+/// The exact answers for one part and cutter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LabelFile {
+    /// Part, cutter and settings.
+    pub about: About,
+    /// The sites asked about, mm.
+    pub sites: Sites,
+    /// One entry per site; β of further obstacles, the matrix and the engine's counts are not kept.
+    pub labels: Labels,
+}
+
+impl LabelFile {
+    const FORMAT: &str = "deepmill labels";
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// If a list has fewer entries than there are sites, or the system refuses the file.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let Labels { inaccessible, accessible_directions, witness, beta, occlusion, .. } =
+            &self.labels;
+        let n = self.sites.len();
+        let occlusion_asked = !occlusion.is_empty();
+        let lengths = [
+            ("inaccessible", inaccessible.len()),
+            ("accessible_directions", accessible_directions.len()),
+            ("occlusion", if occlusion_asked { occlusion.len() } else { n }),
+            ("beta", if occlusion_asked { beta.len() } else { n }),
+        ];
+        if let Some((name, len)) = lengths.iter().find(|(_, len)| *len < n) {
+            let found = format!("{len} entries for {n} sites");
+            return Err(Error::file(path, *name, found, "label the same sites that are written"));
+        }
+        let witness: Vec<i64> = witness.iter().map(|w| w.map_or(-1, i64::from)).collect();
+        let mut npz = start(&self.sites, &self.about);
+        npz.array("inaccessible", &[n], &inaccessible[..n]);
+        npz.array("accessible_directions", &[n], &accessible_directions[..n]);
+        npz.array("witness", &[witness.len()], &witness);
+        if occlusion_asked {
+            npz.array("occlusion", &[n], &occlusion[..n]).array("beta", &[n], &beta[..n]);
+        }
+        npz.metadata(&self.about.metadata(Self::FORMAT, label_meaning()));
+        npz.write(path)
+    }
+
+    /// Reads a file that [`LabelFile::write`] has written.
+    ///
+    /// # Errors
+    /// If it is no such file, or an array is missing, of the wrong length or out of range.
+    pub fn read(path: &Path) -> Result<Self> {
+        let mut npz = NpzReader::open(path)?;
+        let about = About::read(path, &mut npz, Self::FORMAT)?;
+        let sites = read_sites(path, &mut npz)?;
+        let mut labels = Labels {
+            inaccessible: npz.bools("inaccessible")?,
+            accessible_directions: npz.counts("accessible_directions")?,
+            ..Labels::default()
+        };
+        let witness = npz.counts::<i64>("witness")?;
+        labels.witness = witness.into_iter().map(|w| u32::try_from(w).ok()).collect();
+        if npz.has("occlusion") {
+            labels.occlusion = npz.bools("occlusion")?;
+            labels.beta = npz.counts("beta")?;
+            same_length(path, &sites, "occlusion", labels.occlusion.len())?;
+            same_length(path, &sites, "beta", labels.beta.len())?;
+        }
+        same_length(path, &sites, "inaccessible", labels.inaccessible.len())?;
+        let n_directions = labels.accessible_directions.len();
+        same_length(path, &sites, "accessible_directions", n_directions)?;
+        same_length(path, &sites, "witness", labels.witness.len())?;
+        Ok(LabelFile { about, sites, labels })
+    }
+}
+
+fn label_meaning() -> Value {
+    json!({
+        "inaccessible": "true: the cutter collides in every direction (positive class)",
+        "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
+        "beta": "pairs (inaccessible site, direction) in which this site collides with the cutter",
+        "accessible_directions": "number of directions without collision",
+        "witness": "index of the first direction without collision, -1 if there is none",
+    })
+}
+
+/// A network's answers for one part and cutter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PredictionFile {
+    /// Part, cutter and settings.
+    pub about: About,
+    /// The sites asked about, mm.
+    pub sites: Sites,
+    /// Head 1, `[n, 2]`: scores of "accessible" and of "inaccessible".
+    pub logits_inaccessible: Vec<f32>,
+    /// Head 2, `[n, 2]`: scores of "no" and of "occlusion".
+    pub logits_occlusion: Vec<f32>,
+}
+
+impl PredictionFile {
+    const FORMAT: &str = "deepmill predictions";
+
+    /// Head 1 as a decision: the score of "inaccessible" is the greater one.
+    pub fn inaccessible(&self) -> Vec<bool> {
+        decisions(&self.logits_inaccessible)
+    }
+
+    /// Head 2 as a decision: the score of "occlusion" is the greater one.
+    pub fn occlusion(&self) -> Vec<bool> {
+        decisions(&self.logits_occlusion)
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// If there are not two scores per site and head, or the system refuses the file.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let n = self.sites.len();
+        let heads =
+            [("inaccessible", &self.logits_inaccessible), ("occlusion", &self.logits_occlusion)];
+        let mut npz = start(&self.sites, &self.about);
+        for (name, logits) in heads {
+            if logits.len() != 2 * n {
+                let found = format!("{} scores for {n} sites", logits.len());
+                return Err(Error::file(path, name, found, "give two scores per site"));
+            }
+            npz.array(&format!("logits_{name}"), &[n, 2], logits);
+            npz.array(&format!("probability_{name}"), &[n], &probabilities(logits));
+            npz.array(&format!("predicted_{name}"), &[n], &decisions(logits));
+        }
+        npz.metadata(&self.about.metadata(Self::FORMAT, prediction_meaning()));
+        npz.write(path)
+    }
+
+    /// Reads a file that [`PredictionFile::write`] has written.
+    ///
+    /// # Errors
+    /// If it is no such file, or an array is missing or of the wrong length.
+    pub fn read(path: &Path) -> Result<Self> {
+        let mut npz = NpzReader::open(path)?;
+        let about = About::read(path, &mut npz, Self::FORMAT)?;
+        let sites = read_sites(path, &mut npz)?;
+        let [logits_inaccessible, logits_occlusion] = ["inaccessible", "occlusion"].map(|name| {
+            let name = format!("logits_{name}");
+            let logits = npz.f32s(&name, 2)?;
+            same_length(path, &sites, &name, logits.len() / 2)?;
+            Ok(logits)
+        });
+        let (logits_inaccessible, logits_occlusion) = (logits_inaccessible?, logits_occlusion?);
+        Ok(PredictionFile { about, sites, logits_inaccessible, logits_occlusion })
+    }
+}
+
+fn prediction_meaning() -> Value {
+    json!({
+        "logits_inaccessible": "columns: accessible, inaccessible (positive class)",
+        "logits_occlusion": "columns: no, occlusion (positive class)",
+        "probability_inaccessible": "softmax of the logits, of the positive class",
+        "probability_occlusion": "softmax of the logits, of the positive class",
+        "predicted_inaccessible": "true: the second logit is the greater one",
+        "predicted_occlusion": "true: the second logit is the greater one",
+    })
+}
+
+/// Probability of the second class: softmax of two logits.
+pub fn probabilities(logits: &[f32]) -> Vec<f32> {
+    logits.chunks_exact(2).map(|l| 1.0 / (1.0 + libm::expf(l[0] - l[1]))).collect()
+}
+
+/// Whether the second of two logits is the greater one.
+pub fn decisions(logits: &[f32]) -> Vec<bool> {
+    logits.chunks_exact(2).map(|l| l[1] > l[0]).collect()
+}
+
+fn start(sites: &Sites, about: &About) -> NpzWriter {
+    let mut npz = NpzWriter::new();
+    npz.vectors("points", &sites.points).vectors("normals", &sites.normals);
+    if !sites.faces.is_empty() {
+        npz.array("faces", &[sites.faces.len()], &sites.faces);
+    }
+    npz.array("cutter", &[4], &about.cutter.to_array());
+    npz
+}
+
+fn read_sites(path: &Path, npz: &mut NpzReader) -> Result<Sites> {
+    let sites = Sites {
+        points: npz.vectors("points")?,
+        normals: npz.vectors("normals")?,
+        faces: if npz.has("faces") { npz.counts("faces")? } else { Vec::new() },
+    };
+    same_length(path, &sites, "normals", sites.normals.len())?;
+    if !sites.faces.is_empty() {
+        same_length(path, &sites, "faces", sites.faces.len())?;
+    }
+    Ok(sites)
+}
+
+fn same_length(path: &Path, sites: &Sites, name: &str, len: usize) -> Result<()> {
+    let n = sites.len();
+    if len == n {
+        return Ok(());
+    }
+    Err(Error::file(path, name, format!("{len} rows for {n} points"), "store one row per site"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    fn about() -> About {
+        let cutter = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]);
+        About::ball_end("a.stl", cutter, json!({ "seed": 7 }))
+    }
+
+    fn sites() -> Sites {
+        let points = vec![Vec3::new(0.1, 0.2, 0.3), Vec3::ONE];
+        Sites { points, normals: vec![Vec3::Z, Vec3::X], faces: vec![3, 9] }
+    }
+
+    #[test]
+    fn labels_come_back_exactly() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("labels.npz");
+        let labels = Labels {
+            inaccessible: vec![true, false],
+            accessible_directions: vec![0, 17],
+            witness: vec![None, Some(4)],
+            beta: vec![3, 1 << 40],
+            occlusion: vec![false, true],
+            ..Labels::default()
+        };
+        let file = LabelFile { about: about(), sites: sites(), labels };
+        file.write(&path).unwrap();
+        assert_eq!(LabelFile::read(&path).unwrap(), file);
+        let cloud = crate::geom::formats::read_cloud(&path).unwrap();
+        assert_eq!(cloud.points, file.sites.points);
+        let mut few = file.clone();
+        few.labels.inaccessible.pop();
+        assert!(few.write(&path).unwrap_err().to_string().contains("1 entries for 2 sites"));
+        let mut bare = file;
+        (bare.labels.beta, bare.labels.occlusion) = (vec![], vec![]);
+        bare.write(&path).unwrap();
+        assert_eq!(LabelFile::read(&path).unwrap(), bare);
+    }
+
+    #[test]
+    fn predictions_come_back_exactly_and_are_not_taken_for_labels() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("predictions.npz");
+        let file = PredictionFile {
+            about: about(),
+            sites: sites(),
+            logits_inaccessible: vec![0.0, 2.0, 1.0, 1.0],
+            logits_occlusion: vec![3.5, -1.0, 0.25, 0.5],
+        };
+        file.write(&path).unwrap();
+        assert_eq!(PredictionFile::read(&path).unwrap(), file);
+        assert_eq!(file.inaccessible(), [true, false]);
+        assert_eq!(file.occlusion(), [false, true]);
+        let p = probabilities(&file.logits_inaccessible);
+        assert!((p[0] - 0.880_797).abs() < 1e-6 && p[1] == 0.5);
+        let message = LabelFile::read(&path).unwrap_err().to_string();
+        assert!(message.contains("the format is \"deepmill predictions\""), "{message}");
+    }
+}

@@ -1,0 +1,256 @@
+//! The files of a report: data, coloured points and pictures of labels, predictions and their
+//! difference, side by side in one folder.
+
+use super::points::{self, Values};
+use super::{Colouring, Part, picture};
+use crate::Result;
+use crate::data::files::{About, LabelFile, PredictionFile, probabilities};
+use crate::geom::{Mesh, Sites, formats};
+use std::path::{Path, PathBuf};
+
+/// Names of the data files in a report's folder.
+pub const LABELS: &str = "labels.npz";
+/// See [`LABELS`].
+pub const PREDICTIONS: &str = "predictions.npz";
+/// The surface the sites lie on, mm.
+pub const SURFACE: &str = "part.stl";
+
+/// Which pictures to draw besides the data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Show {
+    /// Data and coloured points only.
+    Points,
+    /// Pictures as well.
+    Pictures,
+}
+
+/// Writes `part.stl`, so that pictures can be drawn again from the folder alone.
+///
+/// # Errors
+/// If the system refuses the file.
+pub fn write_surface(folder: &Path, mesh: &Mesh) -> Result<PathBuf> {
+    let path = folder.join(SURFACE);
+    formats::write_stl(&path, mesh)?;
+    Ok(path)
+}
+
+/// Writes `labels.npz`, `labels.ply` and, if asked for, `labels.png`; returns their paths.
+///
+/// # Errors
+/// If the file is inconsistent or the system refuses it.
+pub fn write_labels(
+    folder: &Path,
+    file: &LabelFile,
+    mesh: Option<&Mesh>,
+    show: Show,
+) -> Result<Vec<PathBuf>> {
+    let data = folder.join(LABELS);
+    file.write(&data)?;
+    let mut paths = vec![data];
+    paths.extend(draw_labels(folder, file, mesh, show)?);
+    Ok(paths)
+}
+
+/// Writes what [`write_labels`] writes, without the data.
+///
+/// # Errors
+/// If the system refuses a file.
+pub fn draw_labels(
+    folder: &Path,
+    file: &LabelFile,
+    mesh: Option<&Mesh>,
+    show: Show,
+) -> Result<Vec<PathBuf>> {
+    let n = file.sites.len();
+    let none = vec![false; n];
+    let labels = &file.labels;
+    let occlusion = labels.occlusion.get(..n).unwrap_or(&none);
+    let inaccessible = &labels.inaccessible[..n];
+    let mut values = vec![
+        ("inaccessible", Values::Flags(inaccessible)),
+        ("accessible_directions", Values::Counts(&labels.accessible_directions[..n])),
+    ];
+    if let Some(beta) = labels.beta.get(..n) {
+        values.push(("occlusion", Values::Flags(occlusion)));
+        values.push(("beta", Values::LargeCounts(beta)));
+    }
+    let notes = [
+        "inaccessible 1: the cutter collides in every direction".to_string(),
+        "occlusion 1: among the sites most often in the way of inaccessible ones".to_string(),
+    ];
+    let writer = Writer { folder, about: &file.about, sites: &file.sites, mesh, show };
+    let colouring = Colouring::Labels { inaccessible, occlusion };
+    writer.write("labels", "exact labels", &colouring, &values, &notes)
+}
+
+/// Writes `predictions.npz`, `predictions.ply` and, if asked for, `predictions.png`; returns their
+/// paths.
+///
+/// # Errors
+/// If the file is inconsistent or the system refuses it.
+pub fn write_predictions(
+    folder: &Path,
+    file: &PredictionFile,
+    mesh: Option<&Mesh>,
+    show: Show,
+) -> Result<Vec<PathBuf>> {
+    let data = folder.join(PREDICTIONS);
+    file.write(&data)?;
+    let mut paths = vec![data];
+    paths.extend(draw_predictions(folder, file, mesh, show)?);
+    Ok(paths)
+}
+
+/// Writes what [`write_predictions`] writes, without the data.
+///
+/// # Errors
+/// If the system refuses a file.
+pub fn draw_predictions(
+    folder: &Path,
+    file: &PredictionFile,
+    mesh: Option<&Mesh>,
+    show: Show,
+) -> Result<Vec<PathBuf>> {
+    let (inaccessible, occlusion) = (file.inaccessible(), file.occlusion());
+    let first = probabilities(&file.logits_inaccessible);
+    let second = probabilities(&file.logits_occlusion);
+    let values = [
+        ("inaccessible", Values::Flags(&inaccessible)),
+        ("occlusion", Values::Flags(&occlusion)),
+        ("probability_inaccessible", Values::Reals(&first)),
+        ("probability_occlusion", Values::Reals(&second)),
+    ];
+    let notes = ["predicted by a network, not computed".to_string()];
+    let writer = Writer { folder, about: &file.about, sites: &file.sites, mesh, show };
+    let colouring = Colouring::Labels { inaccessible: &inaccessible, occlusion: &occlusion };
+    writer.write("predictions", "predicted", &colouring, &values, &notes)
+}
+
+/// Writes `difference-inaccessible` and `difference-occlusion`, each as `.ply` and, if asked for,
+/// `.png`; returns their paths. Both answers must be about the same sites.
+///
+/// # Errors
+/// If the system refuses a file.
+///
+/// # Panics
+/// If labels and predictions differ in length; [`same_sites`] tells before.
+pub fn write_difference(
+    folder: &Path,
+    labels: &LabelFile,
+    predictions: &PredictionFile,
+    mesh: Option<&Mesh>,
+    show: Show,
+) -> Result<Vec<PathBuf>> {
+    let n = labels.sites.len();
+    let writer = Writer { folder, about: &labels.about, sites: &labels.sites, mesh, show };
+    let heads = [
+        ("inaccessible", labels.labels.inaccessible.get(..n), predictions.inaccessible()),
+        ("occlusion", labels.labels.occlusion.get(..n), predictions.occlusion()),
+    ];
+    let mut paths = Vec::new();
+    for (positive, truth, predicted) in heads {
+        let Some(truth) = truth else { continue };
+        let colouring = Colouring::Difference { positive, truth, predicted: &predicted };
+        let values = [("exact", Values::Flags(truth)), ("predicted", Values::Flags(&predicted))];
+        let notes = [format!("1 means {positive}")];
+        let name = format!("difference-{positive}");
+        paths.extend(writer.write(
+            &name,
+            "exact against predicted",
+            &colouring,
+            &values,
+            &notes,
+        )?);
+    }
+    Ok(paths)
+}
+
+/// Whether two files are about the same sites, in the same order.
+pub fn same_sites(a: &Sites, b: &Sites) -> bool {
+    a.points == b.points && a.normals == b.normals
+}
+
+/// What all files of one kind of answer share.
+struct Writer<'a> {
+    folder: &'a Path,
+    about: &'a About,
+    sites: &'a Sites,
+    mesh: Option<&'a Mesh>,
+    show: Show,
+}
+
+impl Writer<'_> {
+    fn write(
+        &self,
+        name: &str,
+        caption: &str,
+        colouring: &Colouring,
+        values: &[(&str, Values)],
+        notes: &[String],
+    ) -> Result<Vec<PathBuf>> {
+        let About { part, tool, .. } = self.about;
+        let part = Part { name: part, mesh: self.mesh, sites: self.sites, cutter: tool };
+        let cloud = self.folder.join(format!("{name}.ply"));
+        points::write(&cloud, &part, colouring, values, notes)?;
+        let mut paths = vec![cloud];
+        if self.show == Show::Pictures {
+            let png = self.folder.join(format!("{name}.png"));
+            picture::write(&png, &part, caption, colouring)?;
+            paths.push(png);
+        }
+        Ok(paths)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::access::Labels;
+    use crate::cutter::CutterParams;
+    use glam::Vec3;
+
+    #[test]
+    fn a_folder_holds_every_file_it_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let cutter = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
+        let about = About::ball_end("p", cutter, serde_json::Value::Null);
+        let points = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+        let sites = Sites { points, normals: vec![Vec3::Z; 3], faces: vec![] };
+        let labels = Labels {
+            inaccessible: vec![true, false, true],
+            accessible_directions: vec![0, 5, 0],
+            witness: vec![None, Some(0), None],
+            beta: vec![1, 0, 0],
+            occlusion: vec![true, false, false],
+            ..Labels::default()
+        };
+        let labels = LabelFile { about: about.clone(), sites: sites.clone(), labels };
+        let logits = vec![0.0, 1.0, 1.0, 0.0, 1.0, 0.0];
+        let predictions = PredictionFile {
+            about,
+            sites,
+            logits_inaccessible: logits.clone(),
+            logits_occlusion: logits,
+        };
+        let folder = folder.path();
+        let mut paths = write_labels(folder, &labels, None, Show::Pictures).unwrap();
+        paths.extend(write_predictions(folder, &predictions, None, Show::Points).unwrap());
+        paths.extend(write_difference(folder, &labels, &predictions, None, Show::Points).unwrap());
+        let names: Vec<_> =
+            paths.iter().map(|p| p.file_name().unwrap().to_str().unwrap()).collect();
+        assert_eq!(
+            names,
+            [
+                "labels.npz",
+                "labels.ply",
+                "labels.png",
+                "predictions.npz",
+                "predictions.ply",
+                "difference-inaccessible.ply",
+                "difference-occlusion.ply",
+            ]
+        );
+        assert!(paths.iter().all(|p| std::fs::metadata(p).unwrap().len() > 100));
+        assert!(same_sites(&labels.sites, &predictions.sites));
+    }
+}
