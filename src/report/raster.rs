@@ -7,6 +7,8 @@ use glam::{DVec3, Vec3};
 
 /// Faces that meet at less than this angle look smooth: cosine of 35°.
 const SMOOTH_COS: f32 = 0.819;
+/// Faces lower than this share of the part's diagonal have no normal of their own.
+const SLIVER: f64 = 2e-5;
 /// Rows per task.
 const BAND: usize = 32;
 /// Pixels by which faces overlap, so that rounding leaves no gap along a shared edge.
@@ -28,13 +30,13 @@ impl Surface {
     pub fn of_mesh(mesh: &Mesh) -> Self {
         let areas: Vec<Vec3> =
             (0..mesh.triangles.len()).map(|f| mesh.area_vector(f).as_vec3()).collect();
-        let units: Vec<Vec3> = areas.iter().map(|a| a.normalize_or_zero()).collect();
         let (starts, around) = faces_around(mesh);
+        let units = unit_normals(mesh, &areas, &starts, &around);
         let corner = |f: usize, v: u32| {
             let range = starts[v as usize] as usize..starts[v as usize + 1] as usize;
             let near = around[range].iter().map(|g| *g as usize);
             let smooth = near.filter(|g| units[*g].dot(units[f]) > SMOOTH_COS);
-            let sum: Vec3 = smooth.map(|g| areas[g]).sum();
+            let sum: Vec3 = smooth.map(|g| units[g] * areas[g].length()).sum();
             sum.normalize_or(units[f].normalize_or(Vec3::Z))
         };
         let normals =
@@ -73,6 +75,32 @@ impl Surface {
     pub fn vertices(&self) -> impl Iterator<Item = DVec3> + '_ {
         self.vertices.iter().copied()
     }
+}
+
+/// Unit normal of each face. Rounding of the corners turns the normal of a sliver anywhere, so a
+/// sliver takes that of the sound face on the other side of its longest edge.
+fn unit_normals(mesh: &Mesh, areas: &[Vec3], starts: &[u32], around: &[u32]) -> Vec<Vec3> {
+    let thin = SLIVER * mesh.diagonal();
+    let longest = |f: usize| {
+        let length = |k: usize| {
+            let [a, b] = [k, (k + 1) % 3].map(|k| mesh.triangles[f][k] as usize);
+            mesh.vertices[a].distance(mesh.vertices[b])
+        };
+        let k = (0..3).max_by(|i, j| length(*i).total_cmp(&length(*j))).unwrap_or(0);
+        (mesh.triangles[f][k], mesh.triangles[f][(k + 1) % 3], length(k))
+    };
+    let is_sliver = |f: usize| f64::from(areas[f].length()) <= thin * longest(f).2;
+    let normal = |f: usize| {
+        if !is_sliver(f) {
+            return areas[f].normalize_or_zero();
+        }
+        let (a, b, _) = longest(f);
+        let range = starts[a as usize] as usize..starts[a as usize + 1] as usize;
+        let across = around[range].iter().map(|g| *g as usize);
+        let mut across = across.filter(|g| mesh.triangles[*g].contains(&b) && !is_sliver(*g));
+        areas[across.next().unwrap_or(f)].normalize_or_zero()
+    };
+    (0..mesh.triangles.len()).map(normal).collect()
 }
 
 /// Faces at each vertex: starts in the list, and the list.
@@ -241,6 +269,15 @@ mod tests {
         }
         let triangle = surface.triangles[0].map(|v| surface.vertices[v as usize]);
         assert!((triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).x > 0.0);
+    }
+
+    #[test]
+    fn slivers_take_the_normal_of_their_neighbour() {
+        let mut mesh = steps();
+        mesh.vertices.push(DVec3::new(0.0, -2.0 - 1e-6, 1e-5));
+        mesh.triangles.push([0, 8, 1]);
+        let surface = Surface::of_mesh(&mesh);
+        assert!(surface.normals[4].iter().all(|n| n.distance(Vec3::Z) < 1e-6));
     }
 
     #[test]
