@@ -261,16 +261,19 @@ fn check_edges(mesh: &Mesh, topology: &Topology, found: &mut Findings) {
     }
 }
 
-/// Counts components; several of them, and those that face inward, are findings.
+/// Counts components; several of them, and those that are closed but face inward, are findings.
 fn check_components(mesh: &Mesh, topology: &Topology, found: &mut Findings) -> usize {
     let components = topology.components();
+    let mut open = vec![false; mesh.triangles.len()];
+    topology.unbalanced().flatten().for_each(|u| open[u.face as usize] = true);
     for faces in &components {
         let place = Place::Component(faces.len(), centre(mesh, faces[0] as usize));
         if components.len() > 1 {
             found.add(Fault::ManyComponents, place);
         }
+        let closed = !faces.iter().any(|f| open[*f as usize]);
         // A void within a solid rightly faces inward, but then there are two components anyway.
-        if volume_of(mesh, faces) < 0.0 {
+        if closed && volume_of(mesh, faces) < 0.0 {
             found.add(Fault::Inward, place);
         }
     }
@@ -366,6 +369,9 @@ mod tests {
         mesh.triangles[3].swap(0, 1);
         assert_eq!(faults(&mesh), [(Fault::InconsistentEdge, 3)]);
         assert_eq!(faults(&turned_over(&cube())), [(Fault::Inward, 1)]);
+        let mut open = turned_over(&cube());
+        open.triangles.pop();
+        assert_eq!(faults(&open), [(Fault::OpenEdge, 3)]);
         assert!(require_labelable(&turned_over(&cube())).is_err());
     }
 

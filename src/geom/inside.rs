@@ -176,10 +176,7 @@ impl Columns {
 
 /// Passes meshes in which every edge is used equally often in both directions.
 fn require_balanced(mesh: &Mesh) -> Result<()> {
-    let topology = Topology::of(mesh);
-    let uneven =
-        topology.edges().find(|uses| 2 * uses.iter().filter(|u| u.forward).count() != uses.len());
-    match uneven {
+    match Topology::of(mesh).unbalanced().next() {
         None => Ok(()),
         Some(uses) => {
             let ends = uses[0].ends();

@@ -16,8 +16,12 @@ use robust::{Coord, Coord3D, orient2d, orient3d};
 
 /// Cells per parallel task.
 const BLOCK: usize = 128;
+/// Most pairs looked for in one cell: a mesh with more is hopeless, and counting them all could take
+/// the square of its size.
+const MAX_PAIRS: usize = 10_000;
 
-/// All intersecting pairs of triangles, ascending, the lower index first.
+/// The intersecting pairs of triangles, ascending, the lower index first; all of them, unless more
+/// than 10,000 crowd in one cell of the search grid.
 pub fn pairs(mesh: &Mesh) -> Vec<[u32; 2]> {
     let bounds = |f: usize| {
         let [a, b, c] = mesh.corners(f);
@@ -29,19 +33,19 @@ pub fn pairs(mesh: &Mesh) -> Vec<[u32; 2]> {
         let mut found = Vec::new();
         for cell in cells {
             let near = grid.in_cell(cell);
-            for (k, a) in near.iter().enumerate() {
-                for b in &near[k + 1..] {
-                    let (one, other) = (bounds[*a as usize], bounds[*b as usize]);
-                    let common = one.0.max(other.0);
-                    // A pair that meets in several cells is looked at in one.
-                    if common.cmple(one.1.min(other.1)).all()
-                        && grid.cell_of(common) == cell
-                        && intersect(mesh, *a as usize, *b as usize)
-                    {
-                        found.push([*a, *b]);
-                    }
-                }
-            }
+            let candidates = near
+                .iter()
+                .enumerate()
+                .flat_map(|(k, a)| near[k + 1..].iter().map(move |b| [*a, *b]));
+            let meet = |[a, b]: &[u32; 2]| {
+                let (one, other) = (bounds[*a as usize], bounds[*b as usize]);
+                let common = one.0.max(other.0);
+                // A pair that meets in several cells is looked at in one.
+                common.cmple(one.1.min(other.1)).all()
+                    && grid.cell_of(common) == cell
+                    && intersect(mesh, *a as usize, *b as usize)
+            };
+            found.extend(candidates.filter(meet).take(MAX_PAIRS));
         }
         found
     });

@@ -218,8 +218,7 @@ fn turn_outward(mesh: &mut Mesh, topology: &Topology, components: &[Vec<u32>]) -
         faces.iter().for_each(|f| owner[*f as usize] = i as u32);
     }
     let open: HashSet<u32> = topology
-        .edges()
-        .filter(|uses| 2 * uses.iter().filter(|u| u.forward).count() != uses.len())
+        .unbalanced()
         .flat_map(|uses| uses.iter().map(|u| owner[u.face as usize]))
         .collect();
     owner.iter_mut().filter(|i| open.contains(i)).for_each(|i| *i = u32::MAX);

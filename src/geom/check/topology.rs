@@ -67,6 +67,12 @@ impl Topology {
         self.uses.chunk_by(|a, b| a.ends == b.ends)
     }
 
+    /// The edges that are not passed equally often in both directions: where the surface is open, or
+    /// triangles face different sides.
+    pub(crate) fn unbalanced(&self) -> impl Iterator<Item = &[Use]> {
+        self.edges().filter(|uses| 2 * uses.iter().filter(|u| u.forward).count() != uses.len())
+    }
+
     /// V − E + F over triangles with three different corners and the vertices they use.
     pub(crate) fn euler(&self, mesh: &Mesh) -> i64 {
         let mut used = vec![false; mesh.vertices.len()];

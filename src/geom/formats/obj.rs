@@ -10,7 +10,7 @@ use std::path::Path;
 /// Vertices as they are and polygons cut into triangles, in file units.
 pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Mesh> {
     let mut vertices = Vec::new();
-    let mut polygons = Polygons::default();
+    let mut polygons = Polygons::counting_from(1);
     let mut lines = Lines::new(bytes);
     while let Some((number, line)) = lines.next() {
         let mut line = line;
@@ -44,14 +44,14 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Mesh> {
 
 const INDEX_REMEDY: &str = "export the part again; faces count vertices from 1, or back from -1";
 
-/// The vertex, from 0, that one corner of a face names; whether it exists is asked at the end,
-/// since vertices may follow their faces.
-fn corner(token: &str, vertices: &[DVec3]) -> std::result::Result<u64, String> {
+/// The vertex, from 1, that one corner of a face names; whether it exists is asked at the end, since
+/// vertices may follow their faces.
+fn corner(token: &str, vertices: &[DVec3]) -> std::result::Result<i64, String> {
     let position = token.split('/').next().unwrap_or_default();
-    let known = vertices.len();
+    let known = vertices.len() as i64;
     match position.parse::<i64>() {
-        Ok(i) if i > 0 => Ok(i.unsigned_abs() - 1),
-        Ok(i) if i < 0 && i.unsigned_abs() <= known as u64 => Ok(known as u64 - i.unsigned_abs()),
+        Ok(i) if i > 0 => Ok(i),
+        Ok(i) if i < 0 && i >= -known => Ok(known + 1 + i),
         Ok(i) => Err(format!("vertex index {i}, {known} vertices so far")),
         Err(_) => Err(format!("\"{}\" is not a vertex index", one_line(token))),
     }

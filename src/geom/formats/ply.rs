@@ -25,7 +25,7 @@ pub(super) fn read_mesh(bytes: &[u8], path: &Path) -> Result<Mesh> {
             "give a mesh, or, if the points have normals nx ny nz, use the file as a cloud",
         ));
     }
-    let (mut vertices, mut polygons) = (Vec::new(), Polygons::default());
+    let (mut vertices, mut polygons) = (Vec::new(), Polygons::counting_from(0));
     body.read("face", |element, i, item| {
         match element {
             "vertex" => vertices.push(item.point()?),
@@ -78,7 +78,7 @@ struct Item {
     /// Properties x, y, z, nx, ny, nz.
     values: [f64; 6],
     /// The list `vertex_indices`.
-    corners: Vec<u64>,
+    corners: Vec<i64>,
 }
 
 impl Item {
@@ -106,13 +106,12 @@ impl PropertyAccess for Item {
             "nz" => 5,
             "vertex_indices" | "vertex_index" => {
                 self.corners = match property {
-                    // A negative index wraps to one that no file can hold, and is refused later.
-                    Property::ListChar(list) => list.iter().map(|i| *i as u64).collect(),
-                    Property::ListUChar(list) => list.iter().map(|i| u64::from(*i)).collect(),
-                    Property::ListShort(list) => list.iter().map(|i| *i as u64).collect(),
-                    Property::ListUShort(list) => list.iter().map(|i| u64::from(*i)).collect(),
-                    Property::ListInt(list) => list.iter().map(|i| *i as u64).collect(),
-                    Property::ListUInt(list) => list.iter().map(|i| u64::from(*i)).collect(),
+                    Property::ListChar(list) => widened(&list),
+                    Property::ListUChar(list) => widened(&list),
+                    Property::ListShort(list) => widened(&list),
+                    Property::ListUShort(list) => widened(&list),
+                    Property::ListInt(list) => widened(&list),
+                    Property::ListUInt(list) => widened(&list),
                     _ => return PropertyAccessResult::UnsupportedType,
                 };
                 return PropertyAccessResult::Set;
@@ -132,6 +131,10 @@ impl PropertyAccess for Item {
         };
         PropertyAccessResult::Set
     }
+}
+
+fn widened<T: Copy + Into<i64>>(list: &[T]) -> Vec<i64> {
+    list.iter().map(|i| (*i).into()).collect()
 }
 
 /// A file whose header is read.

@@ -14,15 +14,21 @@ use std::path::Path;
 const MAX_CORNERS: usize = 4096;
 
 /// Polygons of a file, each with a number that tells its place.
-#[derive(Default)]
 pub(super) struct Polygons {
-    corners: Vec<u64>,
+    /// How the format counts its first vertex: 0 or 1.
+    first: i64,
+    /// Vertices as the file counts them.
+    corners: Vec<i64>,
     /// End in `corners` and place of each polygon.
     ends: Vec<(usize, usize)>,
 }
 
 impl Polygons {
-    pub(super) fn push_corner(&mut self, vertex: u64) {
+    pub(super) fn counting_from(first: i64) -> Self {
+        Polygons { first, corners: Vec::new(), ends: Vec::new() }
+    }
+
+    pub(super) fn push_corner(&mut self, vertex: i64) {
         self.corners.push(vertex);
     }
 
@@ -41,7 +47,7 @@ impl Polygons {
         let mut triangles = Vec::with_capacity(self.ends.len());
         let mut begin = 0;
         for (end, at) in self.ends {
-            let polygon = indices(&self.corners[begin..end], vertices.len())
+            let polygon = indices(&self.corners[begin..end], self.first, vertices.len())
                 .and_then(|polygon| cut(&polygon, &vertices, &mut triangles));
             polygon.map_err(|found| Error::file(path, place(at), found, REMEDY))?;
             begin = end;
@@ -52,15 +58,21 @@ impl Polygons {
 
 const REMEDY: &str = "export the part again, as triangles if the program can";
 
-fn indices(corners: &[u64], n_vertices: usize) -> std::result::Result<Vec<u32>, String> {
+fn indices(
+    corners: &[i64],
+    first: i64,
+    n_vertices: usize,
+) -> std::result::Result<Vec<u32>, String> {
     match corners.len() {
         0..3 => return Err(format!("a face has {} corners, at least 3 are needed", corners.len())),
         3..=MAX_CORNERS => {}
         n => return Err(format!("a face has {n} corners, more than {MAX_CORNERS}")),
     }
-    let index = |c: &u64| match u32::try_from(*c) {
-        Ok(i) if *c < n_vertices as u64 => Ok(i),
-        _ => Err(format!("vertex {} (counted from 1) of {n_vertices} does not exist", c + 1)),
+    let index = |c: &i64| {
+        let position = c.checked_sub(first).and_then(|i| u32::try_from(i).ok());
+        position.filter(|i| (*i as usize) < n_vertices).ok_or_else(|| {
+            format!("vertex {c} of {n_vertices}, counted from {first}, does not exist")
+        })
     };
     corners.iter().map(index).collect()
 }
@@ -138,8 +150,16 @@ fn ears(points: &[DVec2]) -> std::result::Result<Vec<[usize; 3]>, String> {
             quality[k] = ear(points, &left, k);
         }
     }
-    triangles.push([left[0], left[1], left[2]]);
+    let rest = [left[0], left[1], left[2]];
+    if turn(points[rest[0]], points[rest[1]], points[rest[2]]) < 0.0 {
+        return Err(crossing(points.len()));
+    }
+    triangles.push(rest);
     Ok(triangles)
+}
+
+fn crossing(n_corners: usize) -> String {
+    format!("the outline of a face of {n_corners} corners crosses itself")
 }
 
 /// How good an ear corner `i` of what is left makes: above 0 for a proper one, 0 for one without
@@ -233,6 +253,7 @@ mod tests {
             [1., 1.],
         ];
         assert_eq!(area(&keyhole).unwrap().0, 8.0);
+        assert!(area(&[[0., 0.], [2., 2.], [2., 0.], [0., 2.]]).is_err());
         assert!(area(&[[0., 0.], [2., 2.], [2., 0.], [0., 2.], [5., 1.]]).is_err());
     }
 

@@ -1,0 +1,255 @@
+//! Files as they come: every way to write a part gives the same part, and every broken file one line
+//! that names the file, the place and what to do.
+#![cfg(feature = "formats")]
+
+use deepmill::geom::formats::{Part, ReadOptions, read_cloud, read_mesh, read_part, write_stl};
+use deepmill::geom::{Mesh, check, solids};
+use glam::{DVec3, Vec3};
+use std::path::{Path, PathBuf};
+
+fn cube() -> Mesh {
+    solids::cuboid(DVec3::new(10.0, 20.0, 30.0))
+}
+
+fn put(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+fn binary_stl(mesh: &Mesh, head: &str) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.stl");
+    write_stl(&path, mesh).unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[..80].fill(b' ');
+    bytes[..head.len()].copy_from_slice(head.as_bytes());
+    bytes
+}
+
+fn ascii_stl(mesh: &Mesh) -> String {
+    let facet = |f: usize| {
+        let corner = |v: DVec3| format!("      vertex {:e} {} {}\r\n", v.x, v.y, v.z);
+        let corners: String = mesh.corners(f).into_iter().map(corner).collect();
+        format!(
+            "  facet normal nan 0 0\r\n    outer loop\r\n{corners}    endloop\r\n  endfacet\r\n"
+        )
+    };
+    let facets: String = (0..mesh.triangles.len()).map(facet).collect();
+    format!("solid\r\n{facets}endsolid\r\n")
+}
+
+fn obj(mesh: &Mesh) -> String {
+    let vertices: String =
+        mesh.vertices.iter().map(|v| format!("v {} {} {} 1.0\r\n", v.x, v.y, v.z)).collect();
+    // Six quads, some counted from the end.
+    let faces = "f 4 3 2 1\r\nf 5//1 6//1 7//1 8//1\r\ng walls\r\nusemtl none\r\nf 1/1 2/2 6/3 5/4\r\n\
+        f -7 -6 -2 -3\r\nf 3 4 8 7\r\nf 4 1 5 8\r\n";
+    format!("# cube\r\nmtllib missing.mtl\r\no cube\r\n{vertices}{faces}")
+}
+
+#[test]
+fn every_way_to_write_a_cube_gives_the_same_cube() {
+    let folder = tempfile::tempdir().unwrap();
+    let cube = cube();
+    let files = [
+        put(folder.path(), "ascii.stl", ascii_stl(&cube)),
+        put(
+            folder.path(),
+            "two.STL",
+            ascii_stl(&cube).replacen("  facet", "endsolid a\nsolid b\n  facet", 2).replacen(
+                "endsolid a\nsolid b\n",
+                "",
+                1,
+            ),
+        ),
+        put(folder.path(), "binary.stl", binary_stl(&cube, "made by hand")),
+        put(folder.path(), "solid.STL", binary_stl(&cube, "solid cube")),
+        put(folder.path(), "cube.obj", obj(&cube)),
+    ];
+    for path in &files {
+        let mesh = read_mesh(path, &ReadOptions::default()).unwrap();
+        assert!(check::check(&mesh).findings.is_empty(), "{}", path.display());
+        assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (8, 12), "{}", path.display());
+        assert_eq!((mesh.volume(), mesh.area()), (cube.volume(), cube.area()));
+    }
+}
+
+#[test]
+fn a_cloud_is_told_from_a_mesh_and_its_normals_get_unit_length() {
+    let folder = tempfile::tempdir().unwrap();
+    let cloud = "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty double y\n\
+        property double z\nproperty float nx\nproperty float ny\nproperty float nz\nend_header\n\
+        1 2 3 0 0 5\n4 5 6 1e-5 0 0\n";
+    let path = put(folder.path(), "cloud.ply", cloud);
+    let scale = ReadOptions { scale: 10.0, ..ReadOptions::default() };
+    let Part::Cloud(sites) = read_part(&path, &scale).unwrap() else { panic!("not a cloud") };
+    assert_eq!(sites.points[1], Vec3::new(40.0, 50.0, 60.0));
+    assert_eq!(sites.normals, [Vec3::Z, Vec3::X]);
+    let path = put(folder.path(), "cube.stl", ascii_stl(&cube()));
+    assert!(
+        matches!(read_part(&path, &scale).unwrap(), Part::Mesh(mesh) if mesh.triangles.len() == 12)
+    );
+}
+
+/// File name, content, and what the message must say beside the file: place and remedy among it.
+type Case = (&'static str, Vec<u8>, &'static [&'static str]);
+
+fn broken_meshes() -> Vec<Case> {
+    let whole = binary_stl(&cube(), "cube");
+    let solid = binary_stl(&cube(), "solid cube");
+    let with = |at: usize, bytes: &[u8]| {
+        let mut file = whole.clone();
+        file[at..at + bytes.len()].copy_from_slice(bytes);
+        file
+    };
+    let text = ascii_stl(&cube());
+    let obj = obj(&cube());
+    let ply = |vertices: &str, faces: &str| {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+             property float z\nelement face 1\nproperty list uchar int vertex_indices\n\
+             end_header\n{vertices}{faces}"
+        )
+        .into_bytes()
+    };
+    let corners = "0 0 0\n1 0 0\n0 1 0\n";
+    vec![
+        ("empty.stl", vec![], &["byte 0", "empty", "export"]),
+        ("empty.obj", vec![], &["byte 0", "empty", "export"]),
+        ("empty.ply", vec![], &["byte 0", "empty", "export"]),
+        ("short.stl", whole[..50].to_vec(), &["byte 50", "head", "copy"]),
+        ("cut.stl", whole[..whole.len() - 7].to_vec(), &["12 triangles", "room for 11", "cut off"]),
+        ("cut_solid.stl", solid[..300].to_vec(), &["12 triangles", "room for 4", "cut off"]),
+        ("long.stl", [&whole[..], &[0; 3]].concat(), &["byte 684", "more follows"]),
+        ("count.stl", with(80, &[13]), &["13 triangles", "room for 12"]),
+        ("giant.stl", with(80, &[255; 4]), &["4294967295 triangles", "cut off"]),
+        ("none.stl", [&whole[..80], &[0; 4]].concat(), &["no triangle"]),
+        ("nan.stl", with(84 + 50 + 12, &f32::NAN.to_le_bytes()), &["triangle 1 at byte 134", "NaN", "finite"]),
+        ("inf.stl", with(84 + 16, &f32::INFINITY.to_le_bytes()), &["triangle 0", "inf", "finite"]),
+        ("huge.stl", with(84 + 16, &1e30f32.to_le_bytes()), &["vertex 0", "1e12 mm", "unit"]),
+        ("text_nan.stl", text.replacen("vertex 1e1", "vertex nan", 1).into(), &["line 5", "NaN"]),
+        ("text_word.stl", text.replacen("vertex 1e1", "vertex 1,0", 1).into(), &["line 5", "\"1,0\""]),
+        ("text_cut.stl", text.replace("endsolid\r\n", "").into(), &["cut off"]),
+        ("text_torn.stl", text[..text.len() - 40].into(), &["z is missing"]),
+        ("text_four.stl", text.replacen("    endloop", "      vertex 0 0 0\n    endloop", 1).into(), &["line 7", "\"vertex\""]),
+        ("text_two.stl", text.replacen("      vertex 0e0 0 0\r\n", "", 1).into(), &["2 vertices"]),
+        ("not.stl", b"<html>no such part</html>".to_vec(), &["ends within", "copy"]),
+        ("range.obj", obj.replace("f 3 4 8 7", "f 3 4 9 7").into(), &["line 18", "vertex 9", "does not exist", "export"]),
+        ("zero.obj", obj.replace("f 3 4 8 7", "f 3 4 0 7").into(), &["line 18", "index 0", "from 1"]),
+        ("back.obj", obj.replace("-7", "-9").into(), &["line 17", "index -9", "8 vertices"]),
+        ("inf.obj", obj.replacen("v 10", "v inf", 1).into(), &["line 5", "inf"]),
+        ("two.obj", b"v 0 0 0\nv 1 0 0\nf 1 2\n".to_vec(), &["line 3", "2 corners"]),
+        ("points.obj", b"v 0 0 0\nv 1 0 0\n".to_vec(), &["no triangle"]),
+        ("bow.obj", b"v 0 0 0\nv 2 2 0\nv 2 0 0\nv 0 2 0\nf 1 2 3 4\n".to_vec(), &["line 5", "crosses itself"]),
+        ("cut.ply", ply("0 0 0\n1 0 0\n", ""), &["element vertex", "promises 3", "cut off"]),
+        ("nan.ply", ply("0 0 0\n1 nan 0\n0 1 0\n", "3 0 1 2\n"), &["line 11"]),
+        ("range.ply", ply(corners, "3 0 1 3\n"), &["face 0", "does not exist"]),
+        // Found by fuzzing: counting −1 as an unsigned number overflowed in the message.
+        ("minus.ply", ply(corners, "3 0 1 -1\n"), &["face 0", "vertex -1 of 3", "does not exist"]),
+        ("points.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n".to_vec(), &["no element face", "cloud"]),
+        ("head.ply", b"ply\nformat ascii 1.0\nelement vertex three\nend_header\n".to_vec(), &["header line 3"]),
+        ("part.step", b"ISO-10303-21;".to_vec(), &["no triangles", "export it as STL"]),
+        ("part.txt", b"1 2 3".to_vec(), &["names no format", ".stl"]),
+    ]
+}
+
+#[test]
+fn every_broken_mesh_is_refused_in_one_line_with_file_place_and_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes, expected) in broken_meshes() {
+        let path = put(folder.path(), name, bytes);
+        let message = match read_mesh(&path, &ReadOptions::default()) {
+            Ok(_) => panic!("{name} was read"),
+            Err(error) => error.to_string(),
+        };
+        verify(name, &message, &path, expected);
+    }
+    let missing = read_mesh(&folder.path().join("no.stl"), &ReadOptions::default());
+    assert!(missing.unwrap_err().to_string().contains("no.stl: cannot be read"));
+}
+
+fn verify(name: &str, message: &str, path: &Path, expected: &[&str]) {
+    assert!(message.starts_with(&format!("{}: ", path.display())), "{name}: {message}");
+    assert!(!message.contains('\n') && message.contains("; "), "{name}: {message}");
+    for words in expected {
+        assert!(message.contains(words), "{name}: {message} lacks {words:?}");
+    }
+}
+
+#[test]
+fn every_broken_cloud_is_refused_in_one_line_with_file_place_and_remedy() {
+    let ply = |properties: &str, rows: &str| {
+        let lines: String =
+            properties.split_whitespace().map(|p| format!("property float {p}\n")).collect();
+        format!("ply\nformat ascii 1.0\nelement vertex 2\n{lines}end_header\n{rows}").into_bytes()
+    };
+    let full = "x y z nx ny nz";
+    let npz = |arrays: &[(&str, &[u64], &[f64])]| {
+        use npyz::WriterBuilder;
+        let mut archive = npyz::npz::NpzWriter::new(std::io::Cursor::new(Vec::new()));
+        for (name, shape, values) in arrays {
+            let array = archive.array(name, Default::default()).unwrap();
+            let mut writer = array.default_dtype().shape(shape).begin_nd().unwrap();
+            writer.extend(values.iter()).unwrap();
+            writer.finish().unwrap();
+        }
+        archive.zip_writer().finish().unwrap().into_inner()
+    };
+    let points: &[f64] = &[0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
+    let bad: &[f64] = &[0.0, 0.0, 0.0, 1.0, f64::NAN, 1.0];
+    let cases: Vec<Case> = vec![
+        ("empty.ply", vec![], &["empty"]),
+        ("bare.ply", ply("x y z", "0 0 0\n1 1 1\n"), &["no normals", "nx", "export"]),
+        ("zero.ply", ply(full, "0 0 0 0 0 1\n1 1 1 0 0 0\n"), &["normal 1", "no direction"]),
+        (
+            "none.ply",
+            ply(full, "").iter().map(|b| if *b == b'2' { b'0' } else { *b }).collect(),
+            &["there are none"],
+        ),
+        ("mesh.stl", ascii_stl(&cube()).into(), &["normals", "as a mesh"]),
+        ("text.npz", b"points".to_vec(), &["zip archive", "numpy.savez"]),
+        ("bare.npz", npz(&[("points", &[2, 3], points)]), &["array normals", "numpy.savez"]),
+        (
+            "shape.npz",
+            npz(&[("points", &[6], points), ("normals", &[2, 3], points)]),
+            &["array points", "shape is [6]"],
+        ),
+        (
+            "uneven.npz",
+            npz(&[("points", &[2, 3], points), ("normals", &[1, 3], &points[3..])]),
+            &["2 points, but 1 normals"],
+        ),
+        (
+            "nan.npz",
+            npz(&[("points", &[2, 3], bad), ("normals", &[2, 3], points)]),
+            &["points row 1", "NaN"],
+        ),
+        (
+            "nan_normal.npz",
+            npz(&[("points", &[2, 3], points), ("normals", &[2, 3], bad)]),
+            &["normal 0", "no direction"],
+        ),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes, expected) in cases {
+        let path = put(folder.path(), name, bytes);
+        let message = match read_cloud(&path) {
+            Ok(_) => panic!("{name} was read"),
+            Err(error) => error.to_string(),
+        };
+        verify(name, &message, &path, expected);
+    }
+    let good = npz(&[("normals", &[2, 3], &[0., 0., 2., 3., 0., 0.]), ("points", &[2, 3], points)]);
+    let sites = read_cloud(&put(folder.path(), "good.npz", good)).unwrap();
+    assert_eq!(sites.normals, [Vec3::Z, Vec3::X]);
+}
+
+#[test]
+fn bad_options_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = put(folder.path(), "cube.stl", ascii_stl(&cube()));
+    for (scale, weld) in [(0.0, 0.0), (-1.0, 0.0), (f64::NAN, 0.0), (1.0, -1e-6), (1.0, f64::NAN)] {
+        assert!(read_mesh(&path, &ReadOptions { scale, weld }).is_err());
+    }
+}
