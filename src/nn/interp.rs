@@ -23,7 +23,7 @@ pub struct Interpolation<T> {
 }
 
 /// Row `r` is the sum over `starts[r]..starts[r + 1]` of `weights[i]` times row `sources[i]`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 struct Terms<T> {
     starts: Vec<usize>,
     sources: Vec<u32>,
@@ -37,8 +37,8 @@ impl<T: Scalar> Interpolation<T> {
     /// # Panics
     /// If the octree has no such depth, or if the ranges do not cover the points in order.
     pub fn linear(octree: &Octree, depth: usize, points: &[Vec3], ranges: &[Range<usize>]) -> Self {
-        Self::new(octree, depth, points, ranges, |shape, point| {
-            linear_terms(octree, depth, shape, point)
+        Self::new(octree, depth, points, ranges, |shape, point, terms| {
+            terms.push_linear(octree, depth, shape, point);
         })
     }
 
@@ -52,8 +52,9 @@ impl<T: Scalar> Interpolation<T> {
         points: &[Vec3],
         ranges: &[Range<usize>],
     ) -> Self {
-        Self::new(octree, depth, points, ranges, |shape, point| {
-            octree.locate(depth, shape, point).map(|node| (node, T::ONE)).into_iter().collect()
+        Self::new(octree, depth, points, ranges, |shape, point, terms| {
+            terms.sources.extend(octree.locate(depth, shape, point));
+            terms.weights.resize(terms.sources.len(), T::ONE);
         })
     }
 
@@ -74,7 +75,7 @@ impl<T: Scalar> Interpolation<T> {
         depth: usize,
         points: &[Vec3],
         ranges: &[Range<usize>],
-        terms_of: impl Fn(usize, Vec3) -> Vec<(u32, T)> + Sync,
+        push: impl Fn(usize, Vec3, &mut Terms<T>) + Sync,
     ) -> Self {
         let ends = ranges.iter().scan(0, |end, r| {
             assert_eq!(r.start, *end, "ranges of points must follow each other");
@@ -83,15 +84,19 @@ impl<T: Scalar> Interpolation<T> {
         });
         let ends: Vec<usize> = ends.collect();
         assert_eq!(ends.last().copied().unwrap_or(0), points.len(), "ranges must cover the points");
-        let rows = par::map_blocks(points.len(), BLOCK, |block| {
-            let shape_of = |i: usize| ends.partition_point(|&end| end <= i);
-            block.map(|i| terms_of(shape_of(i), points[i])).collect::<Vec<_>>()
+        let blocks = par::map_blocks(points.len(), BLOCK, |block| {
+            let mut terms = Terms::default();
+            for i in block {
+                push(ends.partition_point(|&end| end <= i), points[i], &mut terms);
+                terms.starts.push(terms.sources.len());
+            }
+            terms
         });
-        let mut terms = Terms { starts: vec![0], sources: vec![], weights: vec![] };
-        for row in rows.iter().flatten() {
-            terms.sources.extend(row.iter().map(|t| t.0));
-            terms.weights.extend(row.iter().map(|t| t.1));
-            terms.starts.push(terms.sources.len());
+        let mut terms = Terms { starts: vec![0], ..Terms::default() };
+        for block in &blocks {
+            terms.starts.extend(block.starts.iter().map(|end| terms.sources.len() + end));
+            terms.sources.extend_from_slice(&block.sources);
+            terms.weights.extend_from_slice(&block.weights);
         }
         Interpolation { n_nodes: octree.levels[depth].n_nodes(), terms }
     }
@@ -155,37 +160,37 @@ impl<T: Scalar> Terms<T> {
     }
 }
 
-fn linear_terms<T: Scalar>(
-    octree: &Octree,
-    depth: usize,
-    shape: usize,
-    point: Vec3,
-) -> Vec<(u32, T)> {
-    let (half_cells, half) = (T::from_f64(0.5 * (1u32 << depth) as f64), T::from_f64(0.5));
-    let q = point.to_array().map(|p| (T::from_f64(f64::from(p)) + T::ONE) * half_cells - half);
-    let base = q.map(|q| q.to_f64().floor());
-    let fraction = std::array::from_fn(|i| q[i] - T::from_f64(base[i]));
-    let mask = (1i64 << depth) - 1;
-    let cell_along = |axis: usize, step: i64| {
-        let cell = base[axis] as i64 + step;
-        let inside = cell & mask == cell || octree.options().wrap_at_faces;
-        inside.then_some((cell & mask) as u32)
-    };
-    let weight_along =
-        |fraction: T, step: i64| if step == 1 { fraction } else { T::ONE - fraction };
-    let [x, y, z]: [T; 3] = fraction;
-    let mut terms = Vec::with_capacity(8);
-    for corner in 0..8 {
-        let [i, j, k] = [corner >> 2, corner >> 1 & 1, corner & 1];
-        let cells = (cell_along(0, i), cell_along(1, j), cell_along(2, k));
-        let (Some(cx), Some(cy), Some(cz)) = cells else { continue };
-        if let Some(node) = octree.find(depth, shape, [cx, cy, cz]) {
-            terms.push((node, weight_along(x, i) * weight_along(y, j) * weight_along(z, k)));
+impl<T: Scalar> Terms<T> {
+    /// Appends the corners around one point, their weights adding up to one.
+    fn push_linear(&mut self, octree: &Octree, depth: usize, shape: usize, point: Vec3) {
+        let (half_cells, half) = (T::from_f64(0.5 * f64::from(1u32 << depth)), T::from_f64(0.5));
+        let q = point.to_array().map(|p| (T::from_f64(f64::from(p)) + T::ONE) * half_cells - half);
+        let base = q.map(|q| q.to_f64().floor());
+        let fraction: [T; 3] = std::array::from_fn(|i| q[i] - T::from_f64(base[i]));
+        let mask = (1i64 << depth) - 1;
+        let cell_along = |axis: usize, step: i64| {
+            let cell = base[axis] as i64 + step;
+            let inside = cell & mask == cell || octree.options().wrap_at_faces;
+            inside.then_some((cell & mask) as u32)
+        };
+        let cells: [[Option<u32>; 2]; 3] =
+            std::array::from_fn(|axis| [cell_along(axis, 0), cell_along(axis, 1)]);
+        let weights = fraction.map(|f| [T::ONE - f, f]);
+        let first = self.weights.len();
+        for corner in 0..8 {
+            let [i, j, k] = [corner >> 2, corner >> 1 & 1, corner & 1];
+            let (Some(x), Some(y), Some(z)) = (cells[0][i], cells[1][j], cells[2][k]) else {
+                continue;
+            };
+            if let Some(node) = octree.find(depth, shape, [x, y, z]) {
+                self.sources.push(node);
+                self.weights.push(weights[0][i] * weights[1][j] * weights[2][k]);
+            }
         }
+        let present = &mut self.weights[first..];
+        let total = present.iter().copied().sum::<T>() + T::from_f64(1e-12);
+        present.iter_mut().for_each(|weight| *weight /= total);
     }
-    let total = terms.iter().map(|t| t.1).sum::<T>() + T::from_f64(1e-12);
-    terms.iter_mut().for_each(|t| t.1 /= total);
-    terms
 }
 
 #[cfg(test)]

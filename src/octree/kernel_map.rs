@@ -5,6 +5,7 @@
 //! that a missing neighbour costs nothing. The block length depends on the number of rows only.
 
 use crate::par;
+use std::ops::Range;
 
 /// Longest block: long enough to load each weight matrix seldom, short enough to stay in the cache.
 const MAX_BLOCK: usize = 256;
@@ -51,26 +52,16 @@ impl KernelMap {
         row: impl Fn(usize) -> [i32; K] + Sync,
     ) -> Self {
         let block_len = block_len(n_outputs);
-        let blocks = par::map_blocks(n_outputs, block_len, |range| {
-            let mut lists: [Vec<u32>; K] = std::array::from_fn(|_| Vec::new());
-            let mut locals: [Vec<u32>; K] = std::array::from_fn(|_| Vec::new());
-            for (local, n) in range.enumerate() {
-                for (k, input) in row(n).into_iter().enumerate() {
-                    if let Ok(input) = u32::try_from(input) {
-                        lists[k].push(input);
-                        locals[k].push(local as u32);
-                    }
-                }
-            }
-            (lists, locals)
-        });
+        let blocks = par::map_blocks(n_outputs, block_len, |range| Block::new(range, &row));
+        let n_pairs = blocks.iter().map(|block| block.inputs.len()).sum();
+        let (mut inputs, mut outputs) = (Vec::with_capacity(n_pairs), Vec::with_capacity(n_pairs));
         let mut starts = Vec::with_capacity(blocks.len() * K + 1);
         starts.push(0);
-        for list in blocks.iter().flat_map(|(lists, _)| lists) {
-            starts.push(starts[starts.len() - 1] + list.len());
+        for block in &blocks {
+            starts.extend(block.ends.iter().map(|end| inputs.len() + end));
+            inputs.extend_from_slice(&block.inputs);
+            outputs.extend_from_slice(&block.outputs);
         }
-        let inputs = blocks.iter().flat_map(|(lists, _)| lists).flatten().copied().collect();
-        let outputs = blocks.iter().flat_map(|(_, locals)| locals).flatten().copied().collect();
         KernelMap { n_inputs, n_outputs, n_offsets: K, block_len, starts, inputs, outputs }
     }
 
@@ -113,6 +104,34 @@ impl KernelMap {
         let i = block * self.n_offsets + offset;
         let range = self.starts[i]..self.starts[i + 1];
         (&self.inputs[range.clone()], &self.outputs[range])
+    }
+}
+
+/// The lists of one block, offset after offset.
+struct Block<const K: usize> {
+    ends: [usize; K],
+    inputs: Vec<u32>,
+    outputs: Vec<u32>,
+}
+
+impl<const K: usize> Block<K> {
+    fn new(range: Range<usize>, row: impl Fn(usize) -> [i32; K]) -> Self {
+        let len = range.len();
+        let rows: Vec<[i32; K]> = range.map(row).collect();
+        let mut block = Block { ends: [0; K], inputs: vec![0; K * len], outputs: vec![0; K * len] };
+        let mut n = 0;
+        for k in 0..K {
+            for (local, row) in rows.iter().enumerate() {
+                // Written in any case and kept if it exists: faster than a branch nobody can predict.
+                block.inputs[n] = row[k] as u32;
+                block.outputs[n] = local as u32;
+                n += usize::from(row[k] >= 0);
+            }
+            block.ends[k] = n;
+        }
+        block.inputs.truncate(n);
+        block.outputs.truncate(n);
+        block
     }
 }
 
