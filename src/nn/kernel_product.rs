@@ -11,6 +11,8 @@ use std::ops::Range;
 
 /// Output rows per partial sum of a weight gradient.
 const RANGE_ROWS: usize = 8192;
+/// Edge of the square tiles in which a matrix is transposed: one cache line of f32.
+const TILE: usize = 16;
 
 /// Some of the input columns of a product.
 pub(super) enum Term<'a, T> {
@@ -194,20 +196,20 @@ pub(super) fn transposed_reversed_rows<T: Scalar>(
     let mut transposed = vec![T::ZERO; n * some.len() * cols];
     par::for_each_block(&mut transposed, some.len() * cols, |k, to| {
         let from = &weights[(n - 1 - k) * rows * cols..][some.start * cols..some.end * cols];
-        transpose(from, some.len(), cols, to);
+        par::for_each_block(to, TILE * some.len(), |band, to| {
+            transpose_band(from, cols, band * TILE, to);
+        });
     });
     transposed
 }
 
-/// `to[c, r] = from[r, c]`, in tiles that fit the cache.
-fn transpose<T: Scalar>(from: &[T], rows: usize, cols: usize, to: &mut [T]) {
-    const TILE: usize = 16;
+/// `to[c, r] = from[r, first + c]` for a band of columns, in tiles that fit the cache.
+fn transpose_band<T: Scalar>(from: &[T], cols: usize, first: usize, to: &mut [T]) {
+    let rows = from.len() / cols;
     for r0 in (0..rows).step_by(TILE) {
-        for c0 in (0..cols).step_by(TILE) {
-            for c in c0..(c0 + TILE).min(cols) {
-                for r in r0..(r0 + TILE).min(rows) {
-                    to[c * rows + r] = from[r * cols + c];
-                }
+        for (c, to) in to.chunks_exact_mut(rows).enumerate() {
+            for r in r0..(r0 + TILE).min(rows) {
+                to[r] = from[r * cols + first + c];
             }
         }
     }
