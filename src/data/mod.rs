@@ -1,8 +1,16 @@
 //! Samples, files on disk, augmentation and generated parts.
 
+pub mod augment;
+#[cfg(all(feature = "formats", feature = "generate"))]
+pub mod dataset;
 #[cfg(feature = "formats")]
 pub mod files;
 #[cfg(feature = "generate")]
 pub mod generated;
+pub mod loader;
 #[cfg(feature = "formats")]
 pub mod npz;
+pub mod sample;
+
+pub use augment::Augment;
+pub use sample::{Sample, Source};

@@ -133,6 +133,10 @@ pub struct CutterConfig {
     pub hidden_width: usize,
     /// Width of the output.
     pub width: usize,
+    /// Batch norm over the shapes of a batch after each of the two layers, as the reference has it. With
+    /// few shapes its statistics in training (biased variance) and inference (unbiased) differ much:
+    /// by a factor of 2 for two shapes.
+    pub batch_norm: bool,
     /// Dropout probability after each of the two layers, in `[0, 1)`.
     pub dropout: f64,
 }
@@ -145,8 +149,16 @@ impl Default for CutterConfig {
             shared: false,
             hidden_width: 32,
             width: 256,
+            batch_norm: true,
             dropout: 0.3,
         }
+    }
+}
+
+impl CutterConfig {
+    /// For batches of a few shapes: neither batch norm nor dropout.
+    pub fn small_batches() -> Self {
+        CutterConfig { batch_norm: false, dropout: 0.0, ..CutterConfig::default() }
     }
 }
 
@@ -202,7 +214,7 @@ impl UNetConfig {
             decoder_widths: vec![64, 64, 48, 32],
             decoder_blocks: vec![1; 4],
             head_width: 32,
-            cutter: CutterConfig { width: 32, dropout: 0.0, ..CutterConfig::default() },
+            cutter: CutterConfig { width: 32, ..CutterConfig::small_batches() },
         }
     }
 
@@ -216,7 +228,7 @@ impl UNetConfig {
             decoder_widths: vec![32, 32, 16],
             decoder_blocks: vec![1; 3],
             head_width: 16,
-            cutter: CutterConfig { width: 16, dropout: 0.0, ..CutterConfig::default() },
+            cutter: CutterConfig { width: 16, ..CutterConfig::small_batches() },
         }
     }
 

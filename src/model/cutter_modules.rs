@@ -12,7 +12,7 @@ use crate::scalar::Scalar;
 /// Lengths of a cutter: CR, CH, FR, FH.
 pub const N_LENGTHS: usize = 4;
 
-/// Twice: linear, ReLU, batch norm, dropout; `[n_shapes, 4] → [n_shapes, width]`.
+/// Twice: linear, ReLU, batch norm (an option), dropout; `[n_shapes, 4] → [n_shapes, width]`.
 ///
 /// Batch norm here runs over the shapes of a batch. With a single shape, training uses the running
 /// statistics instead (see [`BatchNorm`]); the reference refuses such a batch.
@@ -25,7 +25,7 @@ pub struct CutterModule {
 #[derive(Debug, Clone)]
 struct Half {
     linear: Linear,
-    norm: BatchNorm,
+    norm: Option<BatchNorm>,
     dropout: Dropout,
 }
 
@@ -45,18 +45,20 @@ struct HalfCache<T> {
 }
 
 impl Half {
-    fn new(layout: &mut Layout, names: [String; 2], c: [usize; 2], dropout: f64) -> Self {
+    fn new(layout: &mut Layout, names: [String; 2], c: [usize; 2], config: &CutterConfig) -> Self {
         Half {
             linear: Linear::new(layout, &names[0], c[0], c[1], true),
-            norm: BatchNorm::new(layout, &names[1], c[1]),
-            dropout: Dropout { p: dropout },
+            norm: config.batch_norm.then(|| BatchNorm::new(layout, &names[1], c[1])),
+            dropout: Dropout { p: config.dropout },
         }
     }
 
     fn forward<T: Scalar>(&self, params: &[T], buffers: &[T], x: &[T], y: &mut Vec<T>) {
         self.linear.forward(params, x, y);
         relu::forward(y);
-        self.norm.forward(params, buffers, y);
+        if let Some(norm) = &self.norm {
+            norm.forward(params, buffers, y);
+        }
     }
 
     fn forward_train<T: Scalar>(
@@ -70,7 +72,12 @@ impl Half {
     ) {
         self.linear.forward(params, x, &mut cache.rectified);
         relu::forward(&mut cache.rectified);
-        self.norm.forward_train(params, buffers, &cache.rectified, y, &mut cache.norm);
+        match &self.norm {
+            Some(norm) => {
+                norm.forward_train(params, buffers, &cache.rectified, y, &mut cache.norm);
+            }
+            None => y.clone_from(&cache.rectified),
+        }
         self.dropout.forward_train(dropout, y, &mut cache.mask);
     }
 
@@ -84,7 +91,9 @@ impl Half {
         grads: &mut [T],
     ) {
         self.dropout.backward(&cache.mask, d);
-        self.norm.backward(params, &cache.rectified, &cache.norm, d, grads);
+        if let Some(norm) = &self.norm {
+            norm.backward(params, &cache.rectified, &cache.norm, d, grads);
+        }
         relu::backward(&cache.rectified, d);
         self.linear.backward(params, x, d, dx, grads);
     }
@@ -94,10 +103,10 @@ impl CutterModule {
     /// Appends `{name}.0`, `{name}.2`, `{name}.4` and `{name}.6`.
     pub fn new(layout: &mut Layout, name: &str, config: &CutterConfig) -> Self {
         let names = |a, b| [format!("{name}.{a}"), format!("{name}.{b}")];
-        let CutterConfig { hidden_width: hidden, width, dropout, .. } = *config;
+        let CutterConfig { hidden_width: hidden, width, .. } = *config;
         CutterModule {
-            first: Half::new(layout, names(0, 2), [N_LENGTHS, hidden], dropout),
-            second: Half::new(layout, names(4, 6), [hidden, width], dropout),
+            first: Half::new(layout, names(0, 2), [N_LENGTHS, hidden], config),
+            second: Half::new(layout, names(4, 6), [hidden, width], config),
         }
     }
 

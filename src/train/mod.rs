@@ -1,1 +1,20 @@
 //! Training loop, checkpoints, logs and evaluation.
+//!
+//! A [`Run`] is settings, a network, the optimiser's velocity and how far it has come. Every random
+//! decision is keyed by (seed, epoch, sample), so a run that was interrupted and read back from its
+//! [`Checkpoint`] ends with the same bits as one that was not.
+
+#[cfg(feature = "formats")]
+pub mod checkpoint;
+pub mod evaluate;
+pub mod history;
+mod run;
+mod settings;
+mod step;
+
+#[cfg(feature = "formats")]
+pub use checkpoint::Checkpoint;
+pub use evaluate::{Evaluation, HeadScores, evaluate};
+pub use history::{HeadScore, Row};
+pub use run::{Flow, Observer, Progress, Run, StepReport};
+pub use settings::{LossSettings, Reduction, Settings};

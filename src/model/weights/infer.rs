@@ -91,6 +91,7 @@ impl Shapes<'_> {
             shared: placement == CutterPlacement::All && n > 1 && modules.len() == 1,
             hidden_width: self.of(&format!("fc_module_{}.0.weight", first + 1), 2)?[0],
             width: self.of(&format!("fc_module_{}.4.weight", first + 1), 2)?[0],
+            batch_norm: self.has(&format!("fc_module_{}.2.weight", first + 1)),
             ..CutterConfig::default()
         })
     }

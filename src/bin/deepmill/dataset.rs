@@ -1,0 +1,198 @@
+//! `deepmill dataset`: parts in, labelled samples out.
+
+use crate::output::Output;
+use crate::progress;
+use clap::Subcommand;
+use deepmill::cutter::CutterSet;
+use deepmill::data::dataset::{Builder, Dataset, Manifest, PartSource, Settings, Split};
+use deepmill::directions::DirectionSet;
+use deepmill::{Error, Result};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+/// Build and inspect data sets for training and evaluation.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    Build(BuildArgs),
+    Show(ShowArgs),
+}
+
+/// Read, scale, sample and label parts, with random cutters.
+///
+/// A build that was interrupted goes on where it stopped when the same command is given again. Parts
+/// that cannot be labelled are skipped; the manifest says why.
+#[derive(clap::Args)]
+#[command(after_help = "Example: deepmill dataset build parts/ --out data --cutters 2 --seed 1\n\
+Shards (any order, any machine, one folder): … --shard 0/4, … --shard 1/4, and so on")]
+struct BuildArgs {
+    /// Mesh files (mm), and folders of them.
+    parts: Vec<PathBuf>,
+    /// Also make this many parts with the built-in generator.
+    #[arg(long, default_value_t = 0, value_name = "COUNT")]
+    generated: u64,
+    /// Folder of the data set.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Random cutters per part. A part and all its cutters are in one split.
+    #[arg(long, default_value_t = 1, value_name = "COUNT")]
+    cutters: usize,
+    /// Where cutters are drawn from: uniform, short, long or extreme.
+    #[arg(long, default_value = "uniform", value_name = "SET")]
+    cutter_set: String,
+    /// Sites per part.
+    #[arg(long, default_value_t = 7000, value_name = "COUNT")]
+    sites: usize,
+    /// Denser obstacles: this many extra points per part.
+    #[arg(long, value_name = "COUNT")]
+    obstacles: Option<usize>,
+    /// Directions over the upper hemisphere (Fibonacci points).
+    #[arg(long, default_value_t = 150, value_name = "COUNT")]
+    directions: usize,
+    /// Take directions over the whole sphere instead.
+    #[arg(long)]
+    whole_sphere: bool,
+    /// Scale up parts whose smallest box edge is below this, mm (0: never).
+    #[arg(long, default_value_t = 80.0, value_name = "MM")]
+    min_edge: f64,
+    /// Probability of a part to be kept for validation.
+    #[arg(long, default_value_t = 0.0, value_name = "SHARE")]
+    validation: f64,
+    /// Seed of all random decisions.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Make only every N-th part, starting with the I-th (from 0).
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    shard: Option<(usize, usize)>,
+}
+
+/// Say what a data set holds.
+#[derive(clap::Args)]
+#[command(after_help = "Example: deepmill dataset show data")]
+struct ShowArgs {
+    /// Folder of the data set.
+    folder: PathBuf,
+}
+
+pub fn run(args: &Args, output: &Output) -> Result<()> {
+    match &args.verb {
+        Verb::Build(args) => build(args, output),
+        Verb::Show(args) => {
+            show(&Dataset::open(&args.folder)?.manifest, output);
+            Ok(())
+        }
+    }
+}
+
+fn build(args: &BuildArgs, output: &Output) -> Result<()> {
+    let n_dirs = args.directions;
+    let settings = Settings {
+        seed: args.seed,
+        n_sites: args.sites,
+        n_obstacles: args.obstacles,
+        directions: match args.whole_sphere {
+            true => DirectionSet::FibonacciSphere { n_dirs },
+            false => DirectionSet::FibonacciHemisphere { n_dirs },
+        },
+        cutter_set: CutterSet::named(&args.cutter_set)?,
+        n_cutters: args.cutters,
+        min_edge_mm: (args.min_edge > 0.0).then_some(args.min_edge),
+        validation_share: args.validation,
+        ..Settings::default()
+    };
+    let mut sources = Vec::new();
+    for path in &args.parts {
+        sources.extend(mesh_files(path)?.into_iter().map(PartSource::File));
+    }
+    sources.extend((0..args.generated).map(|index| PartSource::Generated { seed: args.seed, index }));
+    let builder = Builder::new(&args.out, settings, sources)?;
+    let (first, step) = args.shard.unwrap_or((0, 1));
+    let mine: Vec<usize> = (first..builder.n_parts()).step_by(step).collect();
+    let stop = progress::stop_flag()?;
+    let bar = progress::bar(mine.len() as u64, "parts");
+    for index in mine {
+        let record = builder.part(index)?;
+        if let Some(reason) = record.skipped {
+            bar.suspend(|| output.warn(format!("skipped {}: {reason}", record.name)));
+        }
+        bar.inc(1);
+        if stop.load(Ordering::Relaxed) {
+            let remedy = "give the same command again to go on".into();
+            return Err(Error::Interrupted { remedy });
+        }
+    }
+    bar.finish_and_clear();
+    match builder.finish()? {
+        Some(manifest) => show(&manifest, output),
+        None => {
+            output.say("this shard is finished; others are not");
+            output.result(&json!({ "finished": false }));
+        }
+    }
+    Ok(())
+}
+
+fn show(manifest: &Manifest, output: &Output) {
+    let count = |split: Split| {
+        manifest.parts.iter().filter(|p| p.content.is_some() && p.split == split).count()
+    };
+    let skipped = manifest.parts.iter().filter(|p| p.skipped.is_some()).count();
+    let cutters = || manifest.parts.iter().filter_map(|p| p.content.as_ref()).flat_map(|c| &c.cutters);
+    let share = cutters().map(|c| c.inaccessible).sum::<f64>() / (cutters().count().max(1)) as f64;
+    output.say(format!(
+        "{} parts for training, {} for validation, {skipped} skipped; {} samples, {:.1} % of the sites inaccessible",
+        count(Split::Train),
+        count(Split::Validation),
+        manifest.n_samples(),
+        100.0 * share
+    ));
+    output.result(&json!({
+        "finished": true,
+        "n_train_parts": count(Split::Train),
+        "n_validation_parts": count(Split::Validation),
+        "n_skipped": skipped,
+        "n_samples": manifest.n_samples(),
+        "inaccessible_share": share,
+        "settings": manifest.settings,
+    }));
+}
+
+/// The file itself, or the mesh files of a folder in the order of their names.
+fn mesh_files(path: &Path) -> Result<Vec<PathBuf>> {
+    if !path.is_dir() {
+        return Ok(vec![path.into()]);
+    }
+    let entries = std::fs::read_dir(path).map_err(|e| Error::read(path, e))?;
+    let mut files = Vec::new();
+    for entry in entries {
+        let file = entry.map_err(|e| Error::read(path, e))?.path();
+        let extension = file.extension().map(|e| e.to_string_lossy().to_lowercase());
+        if extension.is_some_and(|e| ["stl", "obj", "ply"].contains(&e.as_str())) {
+            files.push(file);
+        }
+    }
+    files.sort();
+    if files.is_empty() {
+        return Err(Error::file(
+            path,
+            "folder",
+            "it holds no .stl, .obj or .ply file",
+            "name the folder that holds the parts",
+        ));
+    }
+    Ok(files)
+}
+
+fn shard(text: &str) -> std::result::Result<(usize, usize), String> {
+    let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    match parsed {
+        Some((i, n)) if i < n => Ok((i, n)),
+        _ => Err("expected I/N with 0 ≤ I < N, such as 0/4".into()),
+    }
+}

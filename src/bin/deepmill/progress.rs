@@ -1,0 +1,32 @@
+//! Progress bars on standard error, and the wish to stop.
+
+use deepmill::{Error, Result};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A bar over `n` things with the time left; invisible where standard error is no terminal.
+pub fn bar(n: u64, things: &'static str) -> ProgressBar {
+    let template = "{bar:32} {pos}/{len} {prefix}, {eta} left  {msg}";
+    let style = ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar());
+    ProgressBar::new(n).with_style(style).with_prefix(things)
+}
+
+/// A flag that Ctrl-C or a termination signal sets; a second Ctrl-C ends the program at once.
+///
+/// # Errors
+/// If the system does not let signals be caught.
+pub fn stop_flag() -> Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let seen = Arc::clone(&flag);
+    let caught = ctrlc::set_handler(move || {
+        if seen.swap(true, Ordering::Relaxed) {
+            std::process::exit(1);
+        }
+    });
+    caught.map_err(|e| {
+        let remedy = "run it where signals can be caught";
+        Error::argument("signal handler", e, "one that can be set", remedy)
+    })?;
+    Ok(flag)
+}

@@ -1,0 +1,224 @@
+//! Random changes of a sample that keep its labels: mirroring, turning about +z, elastic deformation.
+//!
+//! Mirroring in x or y and turning about +z keep labels exactly when the direction set has the same
+//! symmetry; the Fibonacci set has it only approximately. Elastic deformation changes the geometry
+//! and keeps the labels by decree, as in the published training.
+
+use crate::data::Sample;
+use crate::geom::Sites;
+use crate::rng::Stream;
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// How far a sample may be turned about +z.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Turn {
+    /// Not at all.
+    #[default]
+    None,
+    /// By 0°, 90°, 180° or 270°.
+    Quarter,
+    /// By any angle.
+    Any,
+}
+
+/// Smooth random displacement of all points.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Elastic {
+    /// Spacing of the random displacements, as a share of the longest box edge.
+    pub spacing: f64,
+    /// Standard deviation of each component, as a share of the longest box edge.
+    pub magnitude: f64,
+}
+
+/// Which changes to draw.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Augment {
+    /// Mirror in x with probability ½, and in y with probability ½.
+    pub mirror: bool,
+    /// Turn about +z.
+    pub turn: Turn,
+    /// Elastic deformation, or none.
+    pub elastic: Option<Elastic>,
+}
+
+impl Augment {
+    /// `sample` changed at random by numbers from `stream`.
+    pub fn apply(&self, sample: &Sample, stream: &mut Stream) -> Sample {
+        let flip = |yes: bool| if yes { -1.0 } else { 1.0 };
+        let mirror = match self.mirror {
+            true => Vec3::new(flip(stream.chance(0.5)), flip(stream.chance(0.5)), 1.0),
+            false => Vec3::ONE,
+        };
+        let (sin, cos) = self.turn.draw(stream);
+        let map = |v: Vec3| {
+            let v = v * mirror;
+            Vec3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z)
+        };
+        let mut points: Vec<Vec3> = sample.sites.points.iter().map(|p| map(*p)).collect();
+        if let Some(elastic) = self.elastic {
+            elastic.apply(&mut points, stream);
+        }
+        let normals = sample.sites.normals.iter().map(|n| map(*n)).collect();
+        let sites = Sites { points, normals, faces: sample.sites.faces.clone() };
+        Sample { sites: Arc::new(sites), ..sample.clone() }
+    }
+}
+
+impl Turn {
+    /// Sine and cosine of a random angle.
+    fn draw(self, stream: &mut Stream) -> (f32, f32) {
+        match self {
+            Turn::None => (0.0, 1.0),
+            Turn::Quarter => [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][stream.below(4)],
+            Turn::Any => {
+                let (sin, cos) = libm::sincos(stream.range(0.0, std::f64::consts::TAU));
+                (sin as f32, cos as f32)
+            }
+        }
+    }
+}
+
+impl Elastic {
+    /// Displaces points by trilinear interpolation of smoothed normal noise on a grid.
+    fn apply(&self, points: &mut [Vec3], stream: &mut Stream) {
+        let Some(first) = points.first().copied() else { return };
+        let (low, high) = points.iter().fold((first, first), |(a, b), p| (a.min(*p), b.max(*p)));
+        let longest = (high - low).max_element();
+        let cell = (self.spacing as f32 * longest).max(longest / 64.0);
+        if cell <= 0.0 {
+            return;
+        }
+        let noise = NoiseGrid::draw(low, high, cell, self.magnitude as f32 * longest, stream);
+        for p in points {
+            *p += noise.at((*p - low) / cell);
+        }
+    }
+}
+
+/// Random displacements at the corners of a grid.
+struct NoiseGrid {
+    size: [usize; 3],
+    values: Vec<Vec3>,
+}
+
+impl NoiseGrid {
+    fn draw(low: Vec3, high: Vec3, cell: f32, sigma: f32, stream: &mut Stream) -> Self {
+        let size = ((high - low) / cell).to_array().map(|cells| cells as usize + 2);
+        let n = size.iter().product();
+        let mut normal = || stream.normal() as f32;
+        let values = (0..n).map(|_| Vec3::new(normal(), normal(), normal()) * sigma).collect();
+        NoiseGrid { size, values }.smoothed()
+    }
+
+    /// One pass of the mean over each corner and its neighbours along every axis, rescaled so that
+    /// inner corners keep their standard deviation: three means of three shrink it by 27^½.
+    fn smoothed(mut self) -> Self {
+        let strides = [self.size[1] * self.size[2], self.size[2], 1];
+        for (axis, stride) in strides.into_iter().enumerate() {
+            let old = self.values.clone();
+            for (i, value) in self.values.iter_mut().enumerate() {
+                let place = i / stride % self.size[axis];
+                let before = if place > 0 { old[i - stride] } else { old[i] };
+                let after = if place + 1 < self.size[axis] { old[i + stride] } else { old[i] };
+                *value = (before + old[i] + after) * (1.0 / 3f32.sqrt());
+            }
+        }
+        self
+    }
+
+    /// Displacement at `x`, in cells from the grid's first corner.
+    fn at(&self, x: Vec3) -> Vec3 {
+        let base: [usize; 3] =
+            std::array::from_fn(|a| (x[a].max(0.0) as usize).min(self.size[a] - 2));
+        let mut sum = Vec3::ZERO;
+        for corner in 0..8usize {
+            let bit = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+            let [i, j, k]: [usize; 3] = std::array::from_fn(|a| base[a] + bit[a]);
+            let weight = (0..3).map(|a| {
+                let t = x[a] - base[a] as f32;
+                if bit[a] == 1 { t } else { 1.0 - t }
+            });
+            sum += self.values[(i * self.size[1] + j) * self.size[2] + k] * weight.product::<f32>();
+        }
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cutter::CutterParams;
+    use crate::rng::Purpose;
+
+    fn sample() -> Sample {
+        let points = (0..500).map(|i| {
+            let t = i as f32;
+            Vec3::new(t % 10.0, (t / 10.0).floor() % 10.0, (t / 100.0).floor()) * 3.0
+        });
+        let points: Vec<Vec3> = points.collect();
+        let normals = vec![Vec3::new(0.6, 0.0, 0.8); points.len()];
+        let n = points.len();
+        Sample {
+            name: "grid".into(),
+            sites: Arc::new(Sites { points, normals, faces: vec![] }),
+            cutter: CutterParams { cr_mm: 1.0, ch_mm: 1.0, fr_mm: 5.0, fh_mm: 1.0 },
+            inaccessible: vec![false; n],
+            occlusion: vec![true; n],
+        }
+    }
+
+    fn stream(i: u64) -> Stream {
+        Stream::new(3, 0, i, Purpose::Augment)
+    }
+
+    #[test]
+    fn no_augmentation_changes_no_bit() {
+        let before = sample();
+        let after = Augment::default().apply(&before, &mut stream(0));
+        assert_eq!(before.sites, after.sites);
+    }
+
+    #[test]
+    fn turning_and_mirroring_keep_distances_and_heights() {
+        let before = sample();
+        let augment = Augment { mirror: true, turn: Turn::Any, elastic: None };
+        let mut seen = std::collections::HashSet::new();
+        for i in 0..20 {
+            let after = augment.apply(&before, &mut stream(i));
+            seen.insert(after.sites.points[7].x.to_bits());
+            for j in 0..before.sites.len() {
+                let (p, q) = (before.sites.points[j], after.sites.points[j]);
+                assert_eq!(p.z, q.z);
+                assert!((p.length() - q.length()).abs() < 1e-4);
+                let angle = |s: &Sites| s.points[j].dot(s.normals[j]);
+                assert!((angle(&before.sites) - angle(&after.sites)).abs() < 1e-4);
+            }
+        }
+        assert_eq!(seen.len(), 20);
+    }
+
+    #[test]
+    fn elastic_displacement_has_the_size_asked_for_and_is_smooth() {
+        let before = sample();
+        let elastic = Elastic { spacing: 0.1, magnitude: 0.01 };
+        let augment = Augment { elastic: Some(elastic), ..Augment::default() };
+        let (mut square, mut step, mut n) = (0.0, 0.0, 0.0);
+        for i in 0..20 {
+            let after = augment.apply(&before, &mut stream(i));
+            let moved = |j: usize| after.sites.points[j] - before.sites.points[j];
+            for j in 0..499 {
+                square += f64::from(moved(j).length_squared()) / 3.0;
+                step += f64::from((moved(j + 1) - moved(j)).length_squared()) / 3.0;
+                n += 1.0;
+            }
+        }
+        // The longest edge is 27 mm; interpolation between corners and the kept edges shift it a little.
+        let sigma = (square / n).sqrt() / 27.0;
+        assert!((0.006..0.016).contains(&sigma), "{sigma}");
+        assert!(step < 1.2 * square, "neighbours move together: {step} against {square}");
+    }
+}

@@ -1,0 +1,229 @@
+//! Making a data set: read, scale, sample, draw cutters, label, write, part by part.
+
+use super::manifest::{self, Content, FORMAT, MANIFEST, read_json, write_json};
+use super::{CutterRecord, LabelledPart, Manifest, PartRecord, Settings, Split, content_hash};
+use crate::access::{self, LabelOptions, Obstacles};
+use crate::cutter::{Cutter, CutterParams};
+use crate::data::generated;
+use crate::directions::Directions;
+use crate::geom::sites::SiteOptions;
+use crate::geom::{Mesh, Sites, check, formats, sites};
+use crate::rng::{Purpose, Stream};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Where a part comes from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PartSource {
+    /// A mesh file in millimetres.
+    File(PathBuf),
+    /// Part `index` of the crate's own generator; the families take turns.
+    Generated {
+        /// Seed of the generator.
+        seed: u64,
+        /// Number of the part.
+        index: u64,
+    },
+}
+
+impl PartSource {
+    /// Name of the part.
+    pub fn name(&self) -> String {
+        match self {
+            PartSource::File(path) => {
+                path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned())
+            }
+            PartSource::Generated { seed, index } => {
+                format!("{}-{seed}-{index}", generated::mixed_family(*index).name())
+            }
+        }
+    }
+
+    /// The part's mesh, mm.
+    ///
+    /// # Errors
+    /// If the file cannot be read as a mesh.
+    pub fn mesh(&self) -> Result<Mesh> {
+        match self {
+            PartSource::File(path) => formats::read_mesh(path, &formats::ReadOptions::default()),
+            PartSource::Generated { seed, index } => {
+                Ok(generated::mixed_part(*seed, *index).1)
+            }
+        }
+    }
+}
+
+/// A data set in the making.
+#[derive(Debug, Clone)]
+pub struct Builder {
+    folder: PathBuf,
+    settings: Settings,
+    sources: Vec<PartSource>,
+    directions: Directions,
+}
+
+impl Builder {
+    /// Prepares `folder`; an interrupted build there goes on if its settings are the same.
+    ///
+    /// # Errors
+    /// If settings are out of range, there are no parts, or the folder holds another data set.
+    pub fn new(folder: &Path, settings: Settings, sources: Vec<PartSource>) -> Result<Self> {
+        if sources.is_empty() {
+            let remedy = "name mesh files or folders, or ask for generated parts";
+            return Err(Error::argument("the list of parts", "empty", "at least one part", remedy));
+        }
+        if settings.n_cutters == 0 {
+            let remedy = "draw at least one per part";
+            return Err(Error::argument("cutters", 0, "1 or more", remedy));
+        }
+        let directions = Directions::new(settings.directions.clone())?;
+        let plan = folder.join("settings.json");
+        match plan.exists() {
+            true if read_json::<Settings>(&plan, "choose another folder")? != settings => {
+                return Err(Error::file(
+                    &plan,
+                    "settings",
+                    "the folder holds a data set made with other settings",
+                    "choose another folder, or repeat the settings to go on with it",
+                ));
+            }
+            true => {}
+            false => write_json(&plan, &settings)?,
+        }
+        Ok(Builder { folder: folder.into(), settings, sources, directions })
+    }
+
+    /// Number of parts.
+    pub fn n_parts(&self) -> usize {
+        self.sources.len()
+    }
+
+    /// Makes part `index`, or returns the record of an earlier run. A part that cannot be labelled is
+    /// a record with the reason, not an error.
+    ///
+    /// # Errors
+    /// If the part's files cannot be written.
+    pub fn part(&self, index: usize) -> Result<PartRecord> {
+        let path = self.record_path(index);
+        if path.exists() {
+            return read_json(&path, "delete this file and build again");
+        }
+        let name = self.sources[index].name();
+        let (content, skipped) = match self.label(index) {
+            Ok((part, scale, box_mm)) => (Some(self.store(index, &part, scale, box_mm)?), None),
+            Err(reason) => (None, Some(reason.to_string())),
+        };
+        let record = PartRecord { index, split: self.split(&name), name, content, skipped };
+        write_json(&path, &record)?;
+        Ok(record)
+    }
+
+    /// Writes the manifest if every part is finished; `None` while other shards are still at work.
+    ///
+    /// # Errors
+    /// If a record cannot be read or the manifest not written.
+    pub fn finish(&self) -> Result<Option<Manifest>> {
+        let mut parts = Vec::with_capacity(self.n_parts());
+        for index in 0..self.n_parts() {
+            let path = self.record_path(index);
+            if !path.exists() {
+                return Ok(None);
+            }
+            parts.push(read_json(&path, "delete this file and build again")?);
+        }
+        let settings = self.settings.clone();
+        let manifest = Manifest { format: FORMAT.into(), settings, parts };
+        write_json(&self.folder.join(MANIFEST), &manifest)?;
+        Ok(Some(manifest))
+    }
+
+    fn stem(&self, index: usize) -> String {
+        let name = self.sources[index].name();
+        let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+        format!("parts/{index:06}-{}", name.chars().map(safe).collect::<String>())
+    }
+
+    fn record_path(&self, index: usize) -> PathBuf {
+        self.folder.join(format!("{}.json", self.stem(index)))
+    }
+
+    /// By name, so that a part stays in its split when others come or go.
+    fn split(&self, name: &str) -> Split {
+        let key = name.bytes().fold(0xcbf2_9ce4_8422_2325u64, |h, b| {
+            (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
+        });
+        let u = Stream::new(self.settings.seed, 0, key, Purpose::Shuffle).unit();
+        if u < self.settings.validation_share { Split::Validation } else { Split::Train }
+    }
+
+    fn label(&self, index: usize) -> Result<(LabelledPart, f64, [f64; 3])> {
+        let mut mesh = self.sources[index].mesh()?;
+        check::require_labelable(&mesh)?;
+        let scale = scale_to_min_edge(&mut mesh, self.settings.min_edge_mm);
+        let box_mm = mesh.bounds().map_or([0.0; 3], |(lo, hi)| (hi - lo).to_array());
+        let sites = self.sites(&mesh, self.settings.n_sites, index)?;
+        let dense = match self.settings.n_obstacles {
+            Some(n) => self.sites(&mesh, n, index)?.points,
+            None => Vec::new(),
+        };
+        let obstacles = match dense.as_slice() {
+            [] => Obstacles::Queries,
+            points => Obstacles::QueriesAnd(points),
+        };
+        let mut stream = Stream::new(self.settings.seed, 0, index as u64, Purpose::Cutter);
+        let drawn = (0..self.settings.n_cutters).map(|_| self.settings.cutter_set.draw(&mut stream));
+        let params: Vec<CutterParams> = drawn.collect();
+        let cutters = params.iter().map(|p| Cutter::ball_end(*p)).collect::<Result<Vec<_>>>()?;
+        let options = LabelOptions { share: self.settings.occlusion_share, ..LabelOptions::default() };
+        let labels = access::label_many(&sites, obstacles, &cutters, &self.directions, &options)?;
+        let mut part = LabelledPart { sites, cutters: params, ..LabelledPart::default() };
+        for labels in labels {
+            part.inaccessible.push(labels.inaccessible);
+            part.occlusion.push(labels.occlusion);
+            part.accessible_directions.push(labels.accessible_directions);
+        }
+        Ok((part, scale, box_mm))
+    }
+
+    fn sites(&self, mesh: &Mesh, n_sites: usize, index: usize) -> Result<Sites> {
+        let seed = Stream::new(self.settings.seed, n_sites as u64, index as u64, Purpose::Sites).bits();
+        sites::sample(mesh, &SiteOptions { n_sites, seed, ..SiteOptions::default() })
+    }
+
+    fn store(
+        &self,
+        index: usize,
+        part: &LabelledPart,
+        scale: f64,
+        box_mm: [f64; 3],
+    ) -> Result<manifest::Content> {
+        let file = format!("{}.npz", self.stem(index));
+        let path = self.folder.join(&file);
+        part.write(&path)?;
+        let share = |labels: &[bool]| {
+            labels.iter().filter(|l| **l).count() as f64 / labels.len().max(1) as f64
+        };
+        let cutters = (0..part.cutters.len())
+            .map(|k| CutterRecord {
+                cutter: part.cutters[k],
+                inaccessible: share(&part.inaccessible[k]),
+                occlusion: share(&part.occlusion[k]),
+            })
+            .collect();
+        let sha256 = content_hash(&path)?;
+        Ok(Content { file, sha256, scale, box_mm, n_sites: part.sites.len(), cutters })
+    }
+}
+
+/// Scales `mesh` so that its smallest box edge is at least `min_edge_mm`; returns the factor.
+pub fn scale_to_min_edge(mesh: &mut Mesh, min_edge_mm: Option<f64>) -> f64 {
+    let edge = mesh.bounds().map_or(0.0, |(lo, hi)| (hi - lo).min_element());
+    match min_edge_mm {
+        Some(wanted) if edge > 0.0 && edge < wanted => {
+            let scale = wanted / edge;
+            mesh.vertices.iter_mut().for_each(|v| *v *= scale);
+            scale
+        }
+        _ => 1.0,
+    }
+}

@@ -1,0 +1,159 @@
+//! What a data set records about itself.
+
+use crate::aside;
+use crate::cutter::{CutterParams, CutterSet};
+use crate::directions::DirectionSet;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use std::io::Write;
+use std::path::Path;
+
+/// Name of the manifest in a data set's folder.
+pub(super) const MANIFEST: &str = "manifest.json";
+/// The format this version writes.
+pub(super) const FORMAT: &str = "deepmill-dataset/1";
+
+/// Everything that decides the content of a data set, besides its parts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Seed of all random decisions.
+    pub seed: u64,
+    /// Sites per part.
+    pub n_sites: usize,
+    /// Obstacle sites per part; `None`: the sites themselves, as the paper has it.
+    pub n_obstacles: Option<usize>,
+    /// Directions the cutter may come from.
+    pub directions: DirectionSet,
+    /// Distribution the cutters are drawn from.
+    pub cutter_set: CutterSet,
+    /// Cutters per part.
+    pub n_cutters: usize,
+    /// Parts whose smallest box edge is below this are scaled up to it, mm; `None`: never.
+    pub min_edge_mm: Option<f64>,
+    /// Share of the sites that are occlusion points.
+    pub occlusion_share: f64,
+    /// Probability of a part to be in the validation split.
+    pub validation_share: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            seed: 0,
+            n_sites: 7000,
+            n_obstacles: None,
+            directions: DirectionSet::FibonacciHemisphere { n_dirs: 150 },
+            cutter_set: CutterSet::Uniform,
+            n_cutters: 1,
+            min_edge_mm: Some(80.0),
+            occlusion_share: 0.1,
+            validation_share: 0.0,
+        }
+    }
+}
+
+/// What a part is used for. A part never serves both.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Split {
+    /// The network learns from it.
+    Train,
+    /// The network is measured on it.
+    Validation,
+}
+
+/// One cutter's labels in numbers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CutterRecord {
+    /// The cutter.
+    pub cutter: CutterParams,
+    /// Share of inaccessible sites.
+    pub inaccessible: f64,
+    /// Share of occlusion sites.
+    pub occlusion: f64,
+}
+
+/// Where a finished part's arrays are and what they hold.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Content {
+    /// NPZ file, relative to the data set's folder.
+    pub file: String,
+    /// SHA-256 of that file, hexadecimal.
+    pub sha256: String,
+    /// Factor the part was scaled by.
+    pub scale: f64,
+    /// Box edges after scaling, mm.
+    pub box_mm: [f64; 3],
+    /// Sites.
+    pub n_sites: usize,
+    /// Its cutters.
+    pub cutters: Vec<CutterRecord>,
+}
+
+/// One part of a data set: finished, or skipped with the reason.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PartRecord {
+    /// Place in the list of parts.
+    pub index: usize,
+    /// Name of the part.
+    pub name: String,
+    /// What it is used for.
+    pub split: Split,
+    /// What was made of it.
+    pub content: Option<Content>,
+    /// Why nothing was.
+    pub skipped: Option<String>,
+}
+
+/// The table of contents of a data set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Format and version.
+    pub format: String,
+    /// How it was made.
+    pub settings: Settings,
+    /// Its parts, in order.
+    pub parts: Vec<PartRecord>,
+}
+
+impl Manifest {
+    /// Reads a manifest.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is not a manifest, or is of another format version.
+    pub fn read(path: &Path) -> Result<Self> {
+        let manifest: Manifest = read_json(path, "make it with `deepmill dataset build`")?;
+        if manifest.format != FORMAT {
+            return Err(Error::file(
+                path,
+                "format",
+                format!("{:?}, this version reads {FORMAT:?}", manifest.format),
+                "build the data set again",
+            ));
+        }
+        Ok(manifest)
+    }
+
+    /// Number of samples: one per cutter of every finished part.
+    pub fn n_samples(&self) -> usize {
+        self.parts.iter().filter_map(|p| p.content.as_ref()).map(|c| c.cutters.len()).sum()
+    }
+}
+
+/// Reads any JSON value, with `remedy` in the error.
+pub(super) fn read_json<T: DeserializeOwned>(path: &Path, remedy: &str) -> Result<T> {
+    let text = std::fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
+    serde_json::from_str(&text).map_err(|e| {
+        let place = format!("line {} column {}", e.line(), e.column());
+        Error::file(path, place, e.to_string(), remedy)
+    })
+}
+
+/// Writes any value as indented JSON, aside first.
+pub(super) fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<()> {
+    aside::write(path, |file| {
+        serde_json::to_writer_pretty(&mut *file, value)?;
+        writeln!(file)
+    })
+}

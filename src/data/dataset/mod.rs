@@ -1,0 +1,169 @@
+//! Data sets on disk: one NPZ file and one record per part, one manifest for all.
+//!
+//! Building is restartable and shardable: a part is finished when its record exists, its content
+//! depends only on the settings and its place in the list, and the manifest is the records in order.
+//! Every part belongs wholly to training or wholly to validation, so no cutter of a part leaks.
+
+mod build;
+mod manifest;
+
+pub use build::{Builder, PartSource};
+pub use manifest::{CutterRecord, Manifest, PartRecord, Settings, Split};
+
+use crate::cutter::CutterParams;
+use crate::data::Sample;
+use crate::data::npz::{NpzReader, NpzWriter};
+use crate::geom::Sites;
+use crate::{Error, Result};
+use sha2::{Digest, Sha256};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A finished data set.
+#[derive(Debug, Clone)]
+pub struct Dataset {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// What it holds.
+    pub manifest: Manifest,
+}
+
+impl Dataset {
+    /// Opens the data set in `folder`.
+    ///
+    /// # Errors
+    /// If there is no manifest, or it cannot be understood.
+    pub fn open(folder: &Path) -> Result<Self> {
+        let manifest = Manifest::read(&folder.join(manifest::MANIFEST))?;
+        Ok(Dataset { folder: folder.into(), manifest })
+    }
+
+    /// All samples of `split` (`None`: of both), in the order of parts and cutters.
+    ///
+    /// # Errors
+    /// If a part's file is missing, damaged (its hash differs) or inconsistent.
+    pub fn samples(&self, split: Option<Split>) -> Result<Vec<Sample>> {
+        let parts = self.manifest.parts.iter().filter(|p| p.content.is_some());
+        let wanted: Vec<&PartRecord> = parts.filter(|p| split.is_none_or(|s| s == p.split)).collect();
+        let read = crate::par::map(wanted.len(), |i| self.part_samples(wanted[i]));
+        let mut samples = Vec::new();
+        for part in read {
+            samples.extend(part?);
+        }
+        Ok(samples)
+    }
+
+    /// The samples of one part, one per cutter.
+    fn part_samples(&self, record: &PartRecord) -> Result<Vec<Sample>> {
+        let Some(content) = &record.content else { return Ok(Vec::new()) };
+        let path = self.folder.join(&content.file);
+        let found = content_hash(&path)?;
+        if found != content.sha256 {
+            return Err(Error::file(
+                &path,
+                "content hash",
+                format!("{found}, the manifest says {}", content.sha256),
+                "build this part again: delete its .json record and run `dataset build` once more",
+            ));
+        }
+        let part = LabelledPart::read(&path)?;
+        let sites = Arc::new(part.sites);
+        let labels = part.inaccessible.into_iter().zip(part.occlusion);
+        let samples = part.cutters.into_iter().zip(labels).map(|(cutter, labels)| Sample {
+            name: record.name.clone(),
+            sites: Arc::clone(&sites),
+            cutter,
+            inaccessible: labels.0,
+            occlusion: labels.1,
+        });
+        Ok(samples.collect())
+    }
+}
+
+/// Labels of one part for several cutters, as one NPZ file holds them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LabelledPart {
+    /// Sites, mm.
+    pub sites: Sites,
+    /// Cutters, mm.
+    pub cutters: Vec<CutterParams>,
+    /// Per cutter and site: the cutter collides in every direction.
+    pub inaccessible: Vec<Vec<bool>>,
+    /// Per cutter and site: among the sites most often in the way.
+    pub occlusion: Vec<Vec<bool>>,
+    /// Per cutter and site: the number of directions without collision.
+    pub accessible_directions: Vec<Vec<u32>>,
+}
+
+impl LabelledPart {
+    /// Writes `points`, `normals` `[n, 3]`, `cutters` `[k, 4]` (CR, CH, FR, FH) and, with a row per site and
+    /// a column per cutter, `inaccessible`, `occlusion` (bool) and `accessible_directions` (u32).
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let (n, k) = (self.sites.len(), self.cutters.len());
+        let cutters: Vec<f64> = self.cutters.iter().flat_map(|c| c.to_array()).collect();
+        let mut npz = NpzWriter::new();
+        npz.vectors("points", &self.sites.points);
+        npz.vectors("normals", &self.sites.normals);
+        npz.array("cutters", &[k, 4], &cutters);
+        npz.array("inaccessible", &[n, k], &by_site(&self.inaccessible));
+        npz.array("occlusion", &[n, k], &by_site(&self.occlusion));
+        npz.array("accessible_directions", &[n, k], &by_site(&self.accessible_directions));
+        npz.write(path)
+    }
+
+    /// Reads what [`LabelledPart::write`] wrote; the faces of the sites are not stored.
+    ///
+    /// # Errors
+    /// If an array is missing, of another shape, or holds other values.
+    pub fn read(path: &Path) -> Result<Self> {
+        let mut npz = NpzReader::open(path)?;
+        let points = npz.vectors("points")?;
+        let normals = npz.vectors("normals")?;
+        let cutters = npz.f64s("cutters", 4)?;
+        let cutters: Vec<_> = cutters
+            .chunks_exact(4)
+            .map(|c| CutterParams::from_array(std::array::from_fn(|i| c[i])))
+            .collect();
+        let (n, k) = (points.len(), cutters.len());
+        if normals.len() != n {
+            let found = format!("{} rows for {n} points", normals.len());
+            return Err(Error::file(path, "normals", found, "build this part again"));
+        }
+        let mut column = |name: &str| -> Result<Vec<Vec<f32>>> {
+            let values = npz.f32s(name, k)?;
+            if values.len() != n * k {
+                let found = format!("{} rows for {n} points", values.len() / k.max(1));
+                return Err(Error::file(path, name, found, "build this part again"));
+            }
+            Ok((0..k).map(|c| values.iter().skip(c).step_by(k).copied().collect()).collect())
+        };
+        let truth = |columns: Vec<Vec<f32>>| -> Vec<Vec<bool>> {
+            columns.iter().map(|c| c.iter().map(|v| *v != 0.0).collect()).collect()
+        };
+        Ok(LabelledPart {
+            inaccessible: truth(column("inaccessible")?),
+            occlusion: truth(column("occlusion")?),
+            accessible_directions: column("accessible_directions")?
+                .iter()
+                .map(|c| c.iter().map(|v| *v as u32).collect())
+                .collect(),
+            sites: Sites { points, normals, faces: Vec::new() },
+            cutters,
+        })
+    }
+}
+
+/// Columns per cutter, rearranged to rows per site.
+fn by_site<T: Copy>(columns: &[Vec<T>]) -> Vec<T> {
+    let n = columns.first().map_or(0, Vec::len);
+    (0..n).flat_map(|i| columns.iter().map(move |c| c[i])).collect()
+}
+
+/// SHA-256 of a file's bytes, hexadecimal.
+fn content_hash(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
+    Ok(Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect())
+}

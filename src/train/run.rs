@@ -1,0 +1,239 @@
+//! The loop: epochs of steps, with progress, interruption and exact continuation.
+
+use super::evaluate::evaluate;
+use super::step::{self, Memory};
+use super::{HeadScore, Row, Settings};
+use crate::data::{Sample, Source, loader};
+use crate::metrics::Confusion;
+use crate::model::Model;
+use crate::rng::{Purpose, Stream};
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// Whether to go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flow {
+    /// Go on.
+    Continue,
+    /// Stop after this step; the run can be stored and resumed.
+    Stop,
+}
+
+/// One finished step.
+#[derive(Debug, Clone, Copy)]
+pub struct StepReport {
+    /// Epoch, from 1.
+    pub epoch: u64,
+    /// Steps of this epoch that are done.
+    pub step: usize,
+    /// Steps per epoch.
+    pub n_steps: usize,
+    /// Loss of this step's batch.
+    pub loss: f64,
+    /// Training scores of both heads since the epoch began.
+    pub scores: [HeadScore; 2],
+}
+
+/// What looks on while a run goes on.
+pub trait Observer {
+    /// After every step.
+    fn step(&mut self, report: &StepReport) -> Flow {
+        let _ = report;
+        Flow::Continue
+    }
+
+    /// After every epoch, with the run in the state that a checkpoint would store.
+    ///
+    /// # Errors
+    /// Whatever stops the run, such as a checkpoint that cannot be written.
+    fn epoch(&mut self, run: &Run, row: &Row) -> Result<Flow> {
+        let _ = (run, row);
+        Ok(Flow::Continue)
+    }
+}
+
+/// An observer that only lets the run go on.
+impl Observer for () {}
+
+/// How far a run has come.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    /// One row per finished epoch.
+    pub history: Vec<Row>,
+    /// Steps done in the running epoch.
+    pub steps_done: usize,
+    /// Sum of the running epoch's losses, as the bits of an `f64`, so that text keeps it exactly.
+    pub loss_sum_bits: u64,
+    /// Confusion counts of both heads in the running epoch.
+    pub confusion: [Confusion; 2],
+    /// Wall-clock seconds of the running epoch before it was interrupted.
+    pub seconds: f64,
+    /// Best validation score so far and its epoch: the sum of both heads' F1.
+    pub best: Option<(f64, u64)>,
+}
+
+/// A training run.
+#[derive(Debug)]
+pub struct Run {
+    /// How it was set up.
+    pub settings: Settings,
+    /// How far it has come.
+    pub progress: Progress,
+    /// The network.
+    pub model: Model<f32>,
+    /// Velocity of the optimiser, as long as the parameters.
+    pub velocity: Vec<f32>,
+    pub(super) memory: Memory,
+}
+
+impl Run {
+    /// A run at its beginning.
+    ///
+    /// # Errors
+    /// If a setting is outside its domain.
+    pub fn new(settings: Settings) -> Result<Self> {
+        settings.check()?;
+        let model = Model::new(&settings.network, settings.seed)?;
+        let velocity = vec![0.0; model.params.len()];
+        let progress = Progress::default();
+        Ok(Run { settings, progress, model, velocity, memory: Memory::default() })
+    }
+
+    /// The state to store.
+    #[cfg(feature = "formats")]
+    pub fn checkpoint(&self) -> super::Checkpoint {
+        super::Checkpoint {
+            settings: self.settings.clone(),
+            progress: self.progress.clone(),
+            params: self.model.params.clone(),
+            buffers: self.model.buffers.clone(),
+            velocity: self.velocity.clone(),
+        }
+    }
+
+    /// The run whose state `checkpoint` is.
+    ///
+    /// # Errors
+    /// If its vectors do not fit its settings.
+    #[cfg(feature = "formats")]
+    pub fn resume(checkpoint: super::Checkpoint) -> Result<Self> {
+        let mut run = Run::new(checkpoint.settings)?;
+        let fits = checkpoint.params.len() == run.model.params.len()
+            && checkpoint.velocity.len() == run.model.params.len()
+            && checkpoint.buffers.len() == run.model.buffers.len();
+        if !fits {
+            let found = format!("{} parameters in the checkpoint", checkpoint.params.len());
+            let expected = format!("{}, as its network has", run.model.params.len());
+            return Err(Error::argument("checkpoint", found, expected, "start the run anew"));
+        }
+        run.model.params = checkpoint.params;
+        run.model.buffers = checkpoint.buffers;
+        run.velocity = checkpoint.velocity;
+        run.progress = checkpoint.progress;
+        Ok(run)
+    }
+
+    /// Whether all epochs are done.
+    pub fn is_finished(&self) -> bool {
+        self.progress.history.len() as u64 >= self.settings.n_epochs
+    }
+
+    /// Trains until the last epoch is done or the observer stops it.
+    ///
+    /// # Errors
+    /// If there are no samples, one is inconsistent or cannot be drawn, the loss is not finite, or the
+    /// observer fails.
+    pub fn train(
+        &mut self,
+        source: &(impl Source + ?Sized),
+        validation: &[Sample],
+        observer: &mut impl Observer,
+    ) -> Result<Flow> {
+        if source.is_empty() {
+            let remedy = "build a data set with at least one part that can be labelled";
+            return Err(Error::argument("training set", "empty", "one sample or more", remedy));
+        }
+        while !self.is_finished() {
+            if self.steps(source, observer)? == Flow::Stop {
+                return Ok(Flow::Stop);
+            }
+            let row = self.close_epoch(validation)?;
+            if observer.epoch(self, &row)? == Flow::Stop {
+                return Ok(Flow::Stop);
+            }
+        }
+        Ok(Flow::Continue)
+    }
+
+    /// The steps that are left of the running epoch.
+    fn steps(
+        &mut self,
+        source: &(impl Source + ?Sized),
+        observer: &mut impl Observer,
+    ) -> Result<Flow> {
+        let epoch = self.progress.history.len() as u64 + 1;
+        let Settings { batch_size, seed, lr, n_epochs, .. } = self.settings;
+        let batches = loader::batches(source.len(), batch_size, seed, epoch);
+        let lr = self.settings.schedule.lr(lr, epoch, n_epochs);
+        for (i, indices) in batches.iter().enumerate().skip(self.progress.steps_done) {
+            let start = Instant::now();
+            let samples = step::draw(source, &self.settings, epoch, indices)?;
+            let stream = |s: &usize| Stream::new(seed, epoch, *s as u64, Purpose::Dropout);
+            let mut dropout: Vec<Stream> = indices.iter().map(stream).collect();
+            let place = format!("epoch {epoch}, batch {}", i + 1);
+            let outcome = self.learn(lr, &samples, &mut dropout, &place)?;
+            let progress = &mut self.progress;
+            progress.steps_done = i + 1;
+            progress.loss_sum_bits = (f64::from_bits(progress.loss_sum_bits) + outcome.loss).to_bits();
+            progress.confusion[0] += outcome.confusion[0];
+            progress.confusion[1] += outcome.confusion[1];
+            progress.seconds += start.elapsed().as_secs_f64();
+            let report = StepReport {
+                epoch,
+                step: i + 1,
+                n_steps: batches.len(),
+                loss: outcome.loss,
+                scores: progress.confusion.map(score),
+            };
+            if observer.step(&report) == Flow::Stop {
+                return Ok(Flow::Stop);
+            }
+        }
+        Ok(Flow::Continue)
+    }
+
+    /// Turns the running epoch into a row of the history.
+    fn close_epoch(&mut self, validation: &[Sample]) -> Result<Row> {
+        let epoch = self.progress.history.len() as u64 + 1;
+        let settings = &self.settings;
+        let due = epoch.is_multiple_of(settings.evaluate_every) || epoch == settings.n_epochs;
+        let scores = match due && !validation.is_empty() {
+            true => Some(evaluate(&self.model, validation)?.mean()),
+            false => None,
+        };
+        let progress = &mut self.progress;
+        let [a, b] = progress.confusion.map(score);
+        let row = Row {
+            epoch,
+            lr: settings.schedule.lr(settings.lr, epoch, settings.n_epochs),
+            loss: f64::from_bits(progress.loss_sum_bits) / progress.steps_done.max(1) as f64,
+            inaccessible: a,
+            occlusion: b,
+            validation: scores,
+            seconds: progress.seconds,
+        };
+        let score = scores.map(|[a, b]| a.f1 + b.f1);
+        if let Some(score) = score.filter(|s| progress.best.is_none_or(|(best, _)| *s > best)) {
+            progress.best = Some((score, epoch));
+        }
+        let history = std::mem::take(&mut progress.history);
+        *progress = Progress { history, best: progress.best, ..Progress::default() };
+        progress.history.push(row);
+        Ok(row)
+    }
+}
+
+fn score(counts: Confusion) -> HeadScore {
+    HeadScore { accuracy: counts.accuracy(), f1: counts.f1() }
+}

@@ -1,0 +1,207 @@
+//! How a network is trained: every number that decides the outcome, apart from the data.
+
+use crate::data::Augment;
+use crate::data::augment::{Elastic, Turn};
+use crate::model::UNetConfig;
+use crate::optim::Schedule;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// How the losses of the two heads become one.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reduction {
+    /// Their sum, as in the paper.
+    #[default]
+    Sum,
+    /// Their mean, as in the reference code.
+    Mean,
+}
+
+/// The loss.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LossSettings {
+    /// Sum or mean of the heads.
+    pub reduction: Reduction,
+    /// Share of each target that is spread evenly over both classes, in `[0, 1)`.
+    pub label_smoothing: f64,
+    /// Weight of the positive class of each head (inaccessible, occlusion) against 1 for the other.
+    pub positive_weights: Option<[f64; 2]>,
+}
+
+/// How a network is trained.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Seed of every random decision.
+    pub seed: u64,
+    /// Passes over the data.
+    pub n_epochs: u64,
+    /// Samples per step.
+    pub batch_size: usize,
+    /// Learning rate that the schedule scales.
+    pub lr: f64,
+    /// Momentum of SGD.
+    pub momentum: f64,
+    /// Weight decay, added to the gradient of every parameter.
+    pub weight_decay: f64,
+    /// Learning rate over the epochs.
+    pub schedule: Schedule,
+    /// Greatest Euclidean norm of the gradient; longer ones are shortened to it.
+    pub clip_norm: Option<f64>,
+    /// Evaluate on the validation set after every so many epochs, and after the last.
+    pub evaluate_every: u64,
+    /// The loss.
+    #[serde(default)]
+    pub loss: LossSettings,
+    /// Random changes of the samples.
+    #[serde(default)]
+    pub augment: Augment,
+    /// The network.
+    pub network: UNetConfig,
+}
+
+impl Settings {
+    /// As the paper says: SGD 0.9 / 5e-4, cosine annealing from 1.0, batch 128, 1500 epochs, mirroring
+    /// and elastic deformation, the sum of the losses, the reference network.
+    pub fn paper() -> Self {
+        Settings {
+            n_epochs: 1500,
+            batch_size: 128,
+            lr: 1.0,
+            schedule: Schedule::Cosine { min_lr: 0.0 },
+            clip_norm: None,
+            evaluate_every: 50,
+            augment: Augment {
+                mirror: true,
+                turn: Turn::None,
+                elastic: Some(Elastic { spacing: 0.2, magnitude: 0.01 }),
+            },
+            network: UNetConfig::reference(),
+            ..Settings::small()
+        }
+    }
+
+    /// As the reference code does: rate 0.1 divided by ten after epochs 375 and 750, batch 8, 1500
+    /// epochs, no augmentation, the mean of the losses.
+    pub fn reference() -> Self {
+        Settings {
+            batch_size: 8,
+            lr: 0.1,
+            schedule: Schedule::Step { milestones: vec![375, 750], factor: 0.1 },
+            loss: LossSettings { reduction: Reduction::Mean, ..LossSettings::default() },
+            augment: Augment::default(),
+            ..Settings::paper()
+        }
+    }
+
+    /// For hours on a few processors: the small network, batch 8, cosine annealing from 0.1 with a
+    /// warm-up epoch, gradients clipped, quarter turns and mirroring.
+    pub fn small() -> Self {
+        Settings {
+            seed: 0,
+            n_epochs: 100,
+            batch_size: 8,
+            lr: 0.1,
+            momentum: 0.9,
+            weight_decay: 5e-4,
+            schedule: Schedule::CosineWarmup { warmup_epochs: 1, start: 0.1, min_ratio: 0.001 },
+            clip_norm: Some(5.0),
+            evaluate_every: 5,
+            loss: LossSettings::default(),
+            augment: Augment { mirror: true, turn: Turn::Quarter, elastic: None },
+            network: UNetConfig::small(),
+        }
+    }
+
+    /// For a minute: the tiny network, batch 4.
+    pub fn tiny() -> Self {
+        Settings {
+            n_epochs: 20,
+            batch_size: 4,
+            evaluate_every: 1_000_000,
+            network: UNetConfig::tiny(),
+            ..Settings::small()
+        }
+    }
+
+    /// The preset of that name: `paper`, `reference`, `small` or `tiny`.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn preset(name: &str) -> Result<Self> {
+        match name {
+            "paper" => Ok(Self::paper()),
+            "reference" => Ok(Self::reference()),
+            "small" => Ok(Self::small()),
+            "tiny" => Ok(Self::tiny()),
+            _ => Err(Error::argument(
+                "preset",
+                name,
+                "paper, reference, small or tiny",
+                "choose one of them or give a configuration file",
+            )),
+        }
+    }
+
+    /// Checks that every number is in its domain; the network checks its own.
+    ///
+    /// # Errors
+    /// Names the first number that is not.
+    pub fn check(&self) -> Result<()> {
+        let positive = |x: f64| x > 0.0 && x.is_finite();
+        let share = |x: f64| (0.0..1.0).contains(&x);
+        let rules: [(&'static str, f64, bool, &str); 8] = [
+            ("n_epochs", self.n_epochs as f64, self.n_epochs > 0, "1 or more"),
+            ("batch_size", self.batch_size as f64, self.batch_size > 0, "1 or more"),
+            ("lr", self.lr, positive(self.lr), "above 0"),
+            ("momentum", self.momentum, share(self.momentum), "0 to below 1"),
+            ("weight_decay", self.weight_decay, share(self.weight_decay), "0 to below 1"),
+            ("evaluate_every", self.evaluate_every as f64, self.evaluate_every > 0, "1 or more"),
+            (
+                "clip_norm",
+                self.clip_norm.unwrap_or(1.0),
+                self.clip_norm.is_none_or(positive),
+                "above 0",
+            ),
+            (
+                "loss.label_smoothing",
+                self.loss.label_smoothing,
+                share(self.loss.label_smoothing),
+                "0 to below 1",
+            ),
+        ];
+        if let Some((name, found, _, expected)) = rules.into_iter().find(|(.., good, _)| !good) {
+            return Err(Error::argument(name, found, expected, "change the training settings"));
+        }
+        if let Some(weights) = self.loss.positive_weights.filter(|w| !w.iter().all(|w| positive(*w))) {
+            let found = format!("{weights:?}");
+            let remedy = "change the training settings";
+            return Err(Error::argument("loss.positive_weights", found, "above 0", remedy));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_in_their_domain_and_others_are_refused_by_name() {
+        for name in ["paper", "reference", "small", "tiny"] {
+            Settings::preset(name).unwrap().check().unwrap();
+        }
+        assert!(Settings::preset("huge").is_err());
+        let broken = |change: fn(&mut Settings)| {
+            let mut settings = Settings::tiny();
+            change(&mut settings);
+            settings.check().unwrap_err().to_string()
+        };
+        assert!(broken(|s| s.lr = f64::NAN).starts_with("lr is NaN"));
+        assert!(broken(|s| s.clip_norm = Some(0.0)).starts_with("clip_norm is 0"));
+        assert!(broken(|s| s.batch_size = 0).starts_with("batch_size is 0"));
+        assert!(broken(|s| s.loss.positive_weights = Some([1.0, -1.0])).contains("positive_weights"));
+    }
+}

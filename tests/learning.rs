@@ -1,0 +1,129 @@
+//! Learning is real: a network overfits two parts, and an interrupted run ends with the same bits.
+#![cfg(feature = "generate")]
+
+use deepmill::access::{LabelOptions, Obstacles, label};
+use deepmill::cutter::{Cutter, CutterParams};
+use deepmill::data::generated::{Family, part};
+use deepmill::data::{Augment, Sample};
+use deepmill::directions::Directions;
+use deepmill::geom::sites::{SiteOptions, sample};
+use deepmill::optim::Schedule;
+use deepmill::train::{Flow, Observer, Run, Settings, StepReport, evaluate};
+use std::sync::Arc;
+
+fn sample_of(family: Family, n_sites: usize, cutter: [f64; 4]) -> Sample {
+    let mesh = part(family, 3, 1);
+    let sites = sample(&mesh, &SiteOptions { n_sites, seed: 1, ..SiteOptions::default() }).unwrap();
+    let params = CutterParams::from_array(cutter);
+    let tool = Cutter::ball_end(params).unwrap();
+    let directions = Directions::fibonacci_hemisphere(60).unwrap();
+    let labels =
+        label(&sites, Obstacles::Queries, &tool, &directions, &LabelOptions::default()).unwrap();
+    Sample {
+        name: family.name().into(),
+        sites: Arc::new(sites),
+        cutter: params,
+        inaccessible: labels.inaccessible,
+        occlusion: labels.occlusion,
+    }
+}
+
+fn two_parts(n_sites: usize) -> Vec<Sample> {
+    vec![
+        sample_of(Family::ALL[0], n_sites, [1.5, 6.0, 40.0, 5.0]),
+        sample_of(Family::ALL[1], n_sites, [1.0, 3.0, 20.0, 8.0]),
+    ]
+}
+
+#[test]
+fn a_small_network_overfits_two_parts() {
+    let samples = two_parts(2000);
+    let mut settings = Settings {
+        n_epochs: 220,
+        batch_size: 2,
+        schedule: Schedule::Cosine { min_lr: 1e-3 },
+        augment: Augment::default(),
+        weight_decay: 0.0,
+        ..Settings::tiny()
+    };
+    settings.network.input.depth = 5;
+    let mut run = Run::new(settings).unwrap();
+    run.train(&samples[..], &samples, &mut ()).unwrap();
+    let evaluation = evaluate(&run.model, &samples).unwrap();
+    for head in 0..2 {
+        let score = evaluation.head(head).pooled;
+        assert!(score.accuracy >= 0.98, "head {head}: {score:?}");
+    }
+    let history = &run.progress.history;
+    assert_eq!(history.len(), 220);
+    assert!(history[219].loss < 0.1 * history[0].loss);
+}
+
+/// Stops after a number of steps.
+struct StopAfter(usize);
+
+impl Observer for StopAfter {
+    fn step(&mut self, _: &StepReport) -> Flow {
+        self.0 -= 1;
+        if self.0 == 0 { Flow::Stop } else { Flow::Continue }
+    }
+}
+
+#[cfg(feature = "formats")]
+#[test]
+fn a_run_interrupted_anywhere_ends_with_the_same_bits() {
+    use deepmill::train::Checkpoint;
+    let samples: Vec<Sample> = (0..5)
+        .map(|i| sample_of(Family::ALL[i], 300, [1.0 + 0.1 * i as f64, 4.0, 30.0, 5.0]))
+        .collect();
+    let settings = Settings { n_epochs: 3, batch_size: 2, ..Settings::tiny() };
+    let mut whole = Run::new(settings.clone()).unwrap();
+    whole.train(&samples[..], &[], &mut ()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    for stop in [1, 3, 4, 8] {
+        let mut run = Run::new(settings.clone()).unwrap();
+        assert_eq!(run.train(&samples[..], &[], &mut StopAfter(stop)).unwrap(), Flow::Stop);
+        run.checkpoint().write(&path).unwrap();
+        let mut resumed = Run::resume(Checkpoint::read(&path).unwrap()).unwrap();
+        assert_eq!(resumed.train(&samples[..], &[], &mut ()).unwrap(), Flow::Continue);
+        assert_eq!(bits(&resumed.model.params), bits(&whole.model.params), "stopped after {stop}");
+        assert_eq!(bits(&resumed.model.buffers), bits(&whole.model.buffers));
+        assert_eq!(bits(&resumed.velocity), bits(&whole.velocity));
+        let losses = |run: &Run| run.progress.history.iter().map(|r| r.loss).collect::<Vec<_>>();
+        assert_eq!(losses(&resumed), losses(&whole));
+    }
+}
+
+#[cfg(feature = "formats")]
+#[test]
+fn a_damaged_checkpoint_is_refused_with_advice() {
+    use deepmill::train::Checkpoint;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    let run = Run::new(Settings::tiny()).unwrap();
+    run.checkpoint().write(&path).unwrap();
+    assert_eq!(Checkpoint::read(&path).unwrap(), run.checkpoint());
+    let whole = std::fs::read(&path).unwrap();
+    let mut flipped = whole.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    for damaged in [&flipped[..], &whole[..whole.len() - 5], &whole[..9], b""] {
+        std::fs::write(&path, damaged).unwrap();
+        let error = Checkpoint::read(&path).unwrap_err().to_string();
+        assert!(error.contains("use the previous checkpoint"), "{error}");
+    }
+}
+
+#[test]
+fn a_loss_that_is_not_finite_names_epoch_batch_and_sample() {
+    let samples = two_parts(200);
+    let settings = Settings { lr: 1e30, clip_norm: None, n_epochs: 9, ..Settings::tiny() };
+    let mut run = Run::new(settings).unwrap();
+    let error = run.train(&samples[..], &[], &mut ()).unwrap_err().to_string();
+    assert!(error.starts_with("epoch ") && error.contains("batch 1: the loss is "), "{error}");
+    assert!(error.contains(samples[0].name.as_str()), "{error}");
+}
+
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|v| v.to_bits()).collect()
+}
