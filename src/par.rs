@@ -2,6 +2,9 @@
 //!
 //! Work is cut into blocks whose size is a constant of the call site, each output belongs to one
 //! block, and partial results are joined in block order. The only file that names rayon.
+//!
+//! Work goes to rayon as `&dyn Fn`: one indirect call per block, and rayon's machinery is compiled
+//! once per type instead of once per loop.
 
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -14,6 +17,7 @@ pub fn for_each_block<T: Send>(
     block_len: usize,
     work: impl Fn(usize, &mut [T]) + Sync,
 ) {
+    let work: &(dyn Fn(usize, &mut [T]) + Sync) = &work;
     items.par_chunks_mut(block_len.max(1)).enumerate().for_each(|(i, block)| work(i, block));
 }
 
@@ -28,6 +32,7 @@ pub fn for_each_block2<A: Send, B: Send>(
     work: impl Fn(usize, &mut [A], &mut [B]) + Sync,
 ) {
     assert_eq!(a.len(), b.len());
+    let work: &(dyn Fn(usize, &mut [A], &mut [B]) + Sync) = &work;
     let blocks = a.par_chunks_mut(block_len.max(1)).zip(b.par_chunks_mut(block_len.max(1)));
     blocks.enumerate().for_each(|(i, (a, b))| work(i, a, b));
 }
@@ -38,6 +43,7 @@ pub fn map_chunks<T: Send, R: Send>(
     block_len: usize,
     work: impl Fn(usize, &mut [T]) -> R + Sync,
 ) -> Vec<R> {
+    let work: &(dyn Fn(usize, &mut [T]) -> R + Sync) = &work;
     let blocks = items.par_chunks_mut(block_len.max(1)).enumerate();
     blocks.map(|(i, block)| work(i, block)).collect()
 }
@@ -49,6 +55,7 @@ pub fn map_blocks<R: Send>(
     work: impl Fn(Range<usize>) -> R + Sync,
 ) -> Vec<R> {
     let block_len = block_len.max(1);
+    let work: &(dyn Fn(Range<usize>) -> R + Sync) = &work;
     (0..n.div_ceil(block_len))
         .into_par_iter()
         .map(|i| work(i * block_len..((i + 1) * block_len).min(n)))
@@ -57,6 +64,7 @@ pub fn map_blocks<R: Send>(
 
 /// Results of `work` for every index of `0..n`, in order, one task each.
 pub fn map<R: Send>(n: usize, work: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
+    let work: &(dyn Fn(usize) -> R + Send + Sync) = &work;
     (0..n).into_par_iter().with_max_len(1).map(work).collect()
 }
 

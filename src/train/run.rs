@@ -185,7 +185,8 @@ impl Run {
             let outcome = self.learn(lr, &samples, &mut dropout, &place)?;
             let progress = &mut self.progress;
             progress.steps_done = i + 1;
-            progress.loss_sum_bits = (f64::from_bits(progress.loss_sum_bits) + outcome.loss).to_bits();
+            progress.loss_sum_bits =
+                (f64::from_bits(progress.loss_sum_bits) + outcome.loss).to_bits();
             progress.confusion[0] += outcome.confusion[0];
             progress.confusion[1] += outcome.confusion[1];
             progress.seconds += start.elapsed().as_secs_f64();

@@ -175,7 +175,9 @@ impl Settings {
         if let Some((name, found, _, expected)) = rules.into_iter().find(|(.., good, _)| !good) {
             return Err(Error::argument(name, found, expected, "change the training settings"));
         }
-        if let Some(weights) = self.loss.positive_weights.filter(|w| !w.iter().all(|w| positive(*w))) {
+        if let Some(weights) =
+            self.loss.positive_weights.filter(|w| !w.iter().all(|w| positive(*w)))
+        {
             let found = format!("{weights:?}");
             let remedy = "change the training settings";
             return Err(Error::argument("loss.positive_weights", found, "above 0", remedy));
@@ -202,6 +204,8 @@ mod tests {
         assert!(broken(|s| s.lr = f64::NAN).starts_with("lr is NaN"));
         assert!(broken(|s| s.clip_norm = Some(0.0)).starts_with("clip_norm is 0"));
         assert!(broken(|s| s.batch_size = 0).starts_with("batch_size is 0"));
-        assert!(broken(|s| s.loss.positive_weights = Some([1.0, -1.0])).contains("positive_weights"));
+        assert!(
+            broken(|s| s.loss.positive_weights = Some([1.0, -1.0])).contains("positive_weights")
+        );
     }
 }

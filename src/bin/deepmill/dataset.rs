@@ -110,7 +110,8 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
     for path in &args.parts {
         sources.extend(mesh_files(path)?.into_iter().map(PartSource::File));
     }
-    sources.extend((0..args.generated).map(|index| PartSource::Generated { seed: args.seed, index }));
+    sources
+        .extend((0..args.generated).map(|index| PartSource::Generated { seed: args.seed, index }));
     let builder = Builder::new(&args.out, settings, sources)?;
     let (first, step) = args.shard.unwrap_or((0, 1));
     let mine: Vec<usize> = (first..builder.n_parts()).step_by(step).collect();
@@ -143,7 +144,8 @@ fn show(manifest: &Manifest, output: &Output) {
         manifest.parts.iter().filter(|p| p.content.is_some() && p.split == split).count()
     };
     let skipped = manifest.parts.iter().filter(|p| p.skipped.is_some()).count();
-    let cutters = || manifest.parts.iter().filter_map(|p| p.content.as_ref()).flat_map(|c| &c.cutters);
+    let cutters =
+        || manifest.parts.iter().filter_map(|p| p.content.as_ref()).flat_map(|c| &c.cutters);
     let share = cutters().map(|c| c.inaccessible).sum::<f64>() / (cutters().count().max(1)) as f64;
     output.say(format!(
         "{} parts for training, {} for validation, {skipped} skipped; {} samples, {:.1} % of the sites inaccessible",

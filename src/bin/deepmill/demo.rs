@@ -1,11 +1,195 @@
-//! The demo: what the program does when it is given nothing to do.
+//! The demo: a part, its exact labels, a network trained for a minute, and pictures of both answers.
 
 use crate::output::Output;
-use deepmill::Result;
+use crate::predict::predict;
+use crate::progress;
+use deepmill::access::{LabelOptions, Obstacles, label};
+use deepmill::cutter::{Cutter, CutterParams, CutterSet};
+use deepmill::data::files::{About, LabelFile, ball_end_words};
+use deepmill::data::{Augment, Sample, generated};
+use deepmill::directions::Directions;
+use deepmill::geom::sites::{SiteOptions, sample};
+use deepmill::geom::{Mesh, Sites};
+use deepmill::metrics::Confusion;
+use deepmill::optim::Schedule;
+use deepmill::report::folder::{self, Show};
+use deepmill::report::scores;
+use deepmill::report::tables::{Cell, Facts};
+use deepmill::rng::{Purpose, Stream};
+use deepmill::train::{Flow, Observer, Run, Settings, StepReport};
+use deepmill::{Error, Result, par};
+use indicatif::ProgressBar;
+use serde_json::json;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+const CUTTER: [f64; 4] = [1.5, 6.0, 40.0, 5.0];
+const N_SITES: usize = 7000;
+const N_DIRECTIONS: usize = 150;
+const SEED: u64 = 1;
+const FOLDER: &str = "deepmill-demo";
+
+/// Parts, cutters for each, sites on each, and epochs of the training: about a minute on two cores.
+const N_PARTS: usize = 24;
+const N_CUTTERS: usize = 2;
+const N_TRAINING_SITES: usize = 3000;
+const N_EPOCHS: u64 = 14;
 
 pub fn run(output: &Output) -> Result<()> {
-    output.warn("this version has no demo yet");
-    output.say(format!("deepmill {}", env!("CARGO_PKG_VERSION")));
-    output.result(&serde_json::json!({ "version": env!("CARGO_PKG_VERSION") }));
+    let folder = Path::new(FOLDER);
+    let mesh = generated::demo_part();
+    let params = CutterParams::from_array(CUTTER);
+    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
+    output.say(format!(
+        "The part: a block of 100 x 70 x 40 mm. The tool: {}.",
+        ball_end_words(params)
+    ));
+
+    let (labels, sites_s, labels_s) = exact(&mesh, params, &directions)?;
+    output.say(format!(
+        "{N_SITES} sites in {sites_s:.2} s, exact labels over {N_DIRECTIONS} directions in {labels_s:.3} s."
+    ));
+    let start = Instant::now();
+    let samples = training_samples(&directions)?;
+    output.say(format!(
+        "{} labelled training samples from {N_PARTS} generated parts in {:.1} s. Training:",
+        samples.len(),
+        start.elapsed().as_secs_f64()
+    ));
+    let start = Instant::now();
+    let run = train(&samples)?;
+    let train_s = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let about = About::ball_end("demo part", params, json!({ "training_epochs": N_EPOCHS }));
+    let predictions = predict(&run.model, about, labels.sites.clone())?;
+    let predict_s = start.elapsed().as_secs_f64();
+
+    let (inaccessible, occlusion) = (predictions.inaccessible(), predictions.occlusion());
+    let share = |flags: &[bool]| {
+        Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len() as f64)
+    };
+    let mut facts = Facts::new();
+    facts.add("n_sites", "sites", Cell::count(N_SITES));
+    facts.add("inaccessible", "inaccessible, exact", share(&labels.labels.inaccessible));
+    facts.add("predicted_inaccessible", "inaccessible, predicted", share(&inaccessible));
+    facts.add("occlusion", "occlusion, exact", share(&labels.labels.occlusion));
+    facts.add("predicted_occlusion", "occlusion, predicted", share(&occlusion));
+    facts.add("labels_s", "time: exact labels", Cell::Seconds(labels_s));
+    facts.add("train_s", "time: training", Cell::Seconds(train_s));
+    facts.add("predict_s", "time: prediction", Cell::Seconds(predict_s));
+    output.say(facts.text());
+    let first = Confusion::of_labels(&inaccessible, &labels.labels.inaccessible);
+    let second = Confusion::of_labels(&occlusion, &labels.labels.occlusion);
+    let heads = scores::heads(&first, &second);
+    let rows: Vec<(&str, &Confusion)> = heads.iter().map(|(name, c)| (*name, c)).collect();
+    let table = scores::table(&rows);
+    output.say("Prediction against exact labels; each row names its positive class:");
+    output.say(table.text());
+
+    let mut paths = folder::write_labels(folder, &labels, Some(&mesh), Show::Pictures)?;
+    paths.extend(folder::write_predictions(folder, &predictions, Some(&mesh), Show::Pictures)?);
+    paths.extend(folder::write_difference(
+        folder,
+        &labels,
+        &predictions,
+        Some(&mesh),
+        Show::Pictures,
+    )?);
+    paths.push(folder::write_surface(folder, &mesh)?);
+    output.say(
+        "labels.* are the exact answers, predictions.* the network's, difference* where they part;",
+    );
+    output.say("PNG pictures to look at, PLY coloured points, NPZ the numbers.");
+    output.files(&paths);
+    let mut result = facts.json();
+    result["scores"] = table.json();
+    output.result_with_files(result, &paths);
     Ok(())
+}
+
+fn exact(
+    mesh: &Mesh,
+    params: CutterParams,
+    directions: &Directions,
+) -> Result<(LabelFile, f64, f64)> {
+    let start = Instant::now();
+    let options = SiteOptions { n_sites: N_SITES, seed: SEED, ..SiteOptions::default() };
+    let sites = sample(mesh, &options)?;
+    let sites_s = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let cutter = Cutter::ball_end(params)?;
+    let labels = label(&sites, Obstacles::Queries, &cutter, directions, &LabelOptions::default())?;
+    let labels_s = start.elapsed().as_secs_f64();
+    let settings = json!({ "n_directions": N_DIRECTIONS, "seed": SEED });
+    let about = About::ball_end("demo part", params, settings);
+    Ok((LabelFile { about, sites, labels }, sites_s, labels_s))
+}
+
+fn training_samples(directions: &Directions) -> Result<Vec<Sample>> {
+    let made: Vec<Result<Vec<Sample>>> = par::map(N_PARTS, |i| {
+        let (family, mesh) = generated::mixed_part(SEED, i as u64);
+        let options =
+            SiteOptions { n_sites: N_TRAINING_SITES, seed: SEED, ..SiteOptions::default() };
+        let sites = Arc::new(sample(&mesh, &options)?);
+        let mut stream = Stream::new(SEED, 0, i as u64, Purpose::Cutter);
+        (0..N_CUTTERS).map(|_| labelled(family.name(), &sites, &mut stream, directions)).collect()
+    });
+    let mut samples = Vec::new();
+    for part in made {
+        samples.extend(part?);
+    }
+    Ok(samples)
+}
+
+fn labelled(
+    name: &str,
+    sites: &Arc<Sites>,
+    stream: &mut Stream,
+    directions: &Directions,
+) -> Result<Sample> {
+    let cutter = CutterSet::Uniform.draw(stream);
+    let tool = Cutter::ball_end(cutter)?;
+    let labels = label(&**sites, Obstacles::Queries, &tool, directions, &LabelOptions::default())?;
+    Ok(Sample {
+        name: name.into(),
+        sites: Arc::clone(sites),
+        cutter,
+        inaccessible: labels.inaccessible,
+        occlusion: labels.occlusion,
+    })
+}
+
+fn train(samples: &[Sample]) -> Result<Run> {
+    let settings = Settings {
+        seed: SEED,
+        n_epochs: N_EPOCHS,
+        schedule: Schedule::Cosine { min_lr: 1e-3 },
+        augment: Augment { mirror: true, ..Augment::default() },
+        ..Settings::tiny()
+    };
+    let n_steps = N_EPOCHS * samples.len().div_ceil(settings.batch_size) as u64;
+    let mut run = Run::new(settings)?;
+    let mut watch = Watch { bar: progress::bar(n_steps, "steps"), stop: progress::stop_flag()? };
+    let flow = run.train(samples, &[], &mut watch)?;
+    watch.bar.finish_and_clear();
+    match flow {
+        Flow::Continue => Ok(run),
+        Flow::Stop => Err(Error::Interrupted { remedy: "start it again".into() }),
+    }
+}
+
+struct Watch {
+    bar: ProgressBar,
+    stop: Arc<AtomicBool>,
+}
+
+impl Observer for Watch {
+    fn step(&mut self, r: &StepReport) -> Flow {
+        self.bar.inc(1);
+        self.bar.set_message(format!("epoch {} loss {:.3}", r.epoch, r.loss));
+        if self.stop.load(Ordering::Relaxed) { Flow::Stop } else { Flow::Continue }
+    }
 }

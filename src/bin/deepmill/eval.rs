@@ -1,7 +1,6 @@
 //! `deepmill eval`: how good a network is on a data set, beside what costs nothing to guess.
 
 use crate::output::Output;
-use deepmill::access::baseline;
 use deepmill::data::Sample;
 use deepmill::data::dataset::{Dataset, Split};
 use deepmill::model::weights;
@@ -37,7 +36,7 @@ enum SplitArg {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let model = weights::read(&args.model)?;
+    let model = weights::read::<f32>(&args.model)?;
     let split = args.split.map(|split| match split {
         SplitArg::Train => Split::Train,
         SplitArg::Validation => Split::Validation,
@@ -66,7 +65,6 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let name = folder.display().to_string();
         add(&mut table, &name, "network", &evaluate(&model, &samples)?, true);
         add(&mut table, &name, "majority class", &majority(&samples), false);
-        add(&mut table, &name, "normal angle, highest by z", &by_geometry(&samples), false);
     }
     output.say(format!("{n_samples} samples; F1 of the classes inaccessible and occlusion"));
     output.say(table.text());
@@ -105,20 +103,6 @@ fn majority(samples: &[Sample]) -> Evaluation {
     for sample in samples {
         let n = sample.sites.len();
         evaluation.add(sample, &vec![inaccessible; n], &vec![occlusion; n]);
-    }
-    evaluation
-}
-
-/// Downward normals are inaccessible (best threshold of this data set), the highest tenth occludes.
-fn by_geometry(samples: &[Sample]) -> Evaluation {
-    let threshold = baseline::best_normal_threshold(
-        samples.iter().map(|s| (s.sites.normals.as_slice(), s.inaccessible.as_slice())),
-    );
-    let mut evaluation = Evaluation::default();
-    for sample in samples {
-        let inaccessible = baseline::normals_below(&sample.sites.normals, threshold);
-        let occlusion = baseline::highest_by_z(&sample.sites.points, 0.1);
-        evaluation.add(sample, &inaccessible, &occlusion);
     }
     evaluation
 }

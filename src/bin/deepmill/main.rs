@@ -3,13 +3,18 @@
 mod args;
 mod check;
 mod clock;
+mod dataset;
 mod demo;
+mod eval;
 mod label;
 mod mesh_args;
 mod output;
 mod parity;
+mod predict;
+mod progress;
 mod report;
 mod sample;
+mod train;
 
 use clap::{Parser, Subcommand};
 use deepmill::Error;
@@ -38,6 +43,10 @@ enum Command {
     Parity(parity::Args),
     Sample(sample::Args),
     Label(label::Args),
+    Dataset(dataset::Args),
+    Train(train::Args),
+    Eval(eval::Args),
+    Predict(predict::Args),
     Report(report::Args),
 }
 
@@ -52,6 +61,10 @@ fn main() -> ExitCode {
             Some(Command::Parity(args)) => parity::run(args, &output),
             Some(Command::Sample(args)) => sample::run(args, &output),
             Some(Command::Label(args)) => label::run(args, &output),
+            Some(Command::Dataset(args)) => dataset::run(args, &output),
+            Some(Command::Train(args)) => train::run(args, &output),
+            Some(Command::Eval(args)) => eval::run(args, &output),
+            Some(Command::Predict(args)) => predict::run(args, &output),
             Some(Command::Report(args)) => report::run(args, &output),
         }
     };

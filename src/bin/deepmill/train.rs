@@ -3,7 +3,7 @@
 use crate::output::Output;
 use crate::progress;
 use deepmill::data::dataset::{Dataset, Split};
-use deepmill::model::weights;
+use deepmill::model::weights::{self, Storage};
 use deepmill::report::curves::{Chart, Series, write_curves};
 use deepmill::train::{Checkpoint, Flow, Observer, Row, Run, Settings, StepReport, history};
 use deepmill::{Error, Result};
@@ -130,7 +130,8 @@ fn read_settings(path: &Path) -> Result<Settings> {
 
 fn write_settings(path: &Path, settings: &Settings) -> Result<()> {
     use std::io::Write;
-    let text = toml::to_string_pretty(settings).map_err(|e| Error::write(path, std::io::Error::other(e)))?;
+    let text = toml::to_string_pretty(settings)
+        .map_err(|e| Error::write(path, std::io::Error::other(e)))?;
     deepmill::aside::write(path, |file| file.write_all(text.as_bytes()))
 }
 
@@ -168,10 +169,11 @@ fn store(folder: &Path, run: &Run) -> Result<()> {
         std::fs::rename(&checkpoint, &previous).map_err(|e| Error::write(&previous, e))?;
     }
     run.checkpoint().write(&checkpoint)?;
-    weights::write(&folder.join(MODEL), &run.model)?;
+    let notes = rows.last().map_or_else(String::new, line);
+    weights::write(&folder.join(MODEL), &run.model, Storage::Exact, &notes)?;
     let is_best = run.progress.best.is_some_and(|(_, epoch)| epoch == rows.len() as u64);
     if is_best && run.progress.steps_done == 0 {
-        weights::write(&folder.join(BEST), &run.model)?;
+        weights::write(&folder.join(BEST), &run.model, Storage::Exact, &notes)?;
     }
     history::write_csv(&folder.join("history.csv"), rows)?;
     draw(&folder.join("curves.svg"), rows)

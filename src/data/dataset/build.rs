@@ -46,9 +46,7 @@ impl PartSource {
     pub fn mesh(&self) -> Result<Mesh> {
         match self {
             PartSource::File(path) => formats::read_mesh(path, &formats::ReadOptions::default()),
-            PartSource::Generated { seed, index } => {
-                Ok(generated::mixed_part(*seed, *index).1)
-            }
+            PartSource::Generated { seed, index } => Ok(generated::mixed_part(*seed, *index).1),
         }
     }
 }
@@ -171,10 +169,12 @@ impl Builder {
             points => Obstacles::QueriesAnd(points),
         };
         let mut stream = Stream::new(self.settings.seed, 0, index as u64, Purpose::Cutter);
-        let drawn = (0..self.settings.n_cutters).map(|_| self.settings.cutter_set.draw(&mut stream));
+        let drawn =
+            (0..self.settings.n_cutters).map(|_| self.settings.cutter_set.draw(&mut stream));
         let params: Vec<CutterParams> = drawn.collect();
         let cutters = params.iter().map(|p| Cutter::ball_end(*p)).collect::<Result<Vec<_>>>()?;
-        let options = LabelOptions { share: self.settings.occlusion_share, ..LabelOptions::default() };
+        let options =
+            LabelOptions { share: self.settings.occlusion_share, ..LabelOptions::default() };
         let labels = access::label_many(&sites, obstacles, &cutters, &self.directions, &options)?;
         let mut part = LabelledPart { sites, cutters: params, ..LabelledPart::default() };
         for labels in labels {
@@ -186,7 +186,8 @@ impl Builder {
     }
 
     fn sites(&self, mesh: &Mesh, n_sites: usize, index: usize) -> Result<Sites> {
-        let seed = Stream::new(self.settings.seed, n_sites as u64, index as u64, Purpose::Sites).bits();
+        let seed =
+            Stream::new(self.settings.seed, n_sites as u64, index as u64, Purpose::Sites).bits();
         sites::sample(mesh, &SiteOptions { n_sites, seed, ..SiteOptions::default() })
     }
 

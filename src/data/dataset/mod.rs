@@ -44,7 +44,8 @@ impl Dataset {
     /// If a part's file is missing, damaged (its hash differs) or inconsistent.
     pub fn samples(&self, split: Option<Split>) -> Result<Vec<Sample>> {
         let parts = self.manifest.parts.iter().filter(|p| p.content.is_some());
-        let wanted: Vec<&PartRecord> = parts.filter(|p| split.is_none_or(|s| s == p.split)).collect();
+        let wanted: Vec<&PartRecord> =
+            parts.filter(|p| split.is_none_or(|s| s == p.split)).collect();
         let read = crate::par::map(wanted.len(), |i| self.part_samples(wanted[i]));
         let mut samples = Vec::new();
         for part in read {

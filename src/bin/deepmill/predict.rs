@@ -1,0 +1,103 @@
+//! `deepmill predict`: which sites of a part a cutter cannot reach, as a network sees it.
+
+use crate::args::{CutterArgs, SiteArgs, name_of};
+use crate::clock::Clock;
+use crate::mesh_args::MeshArgs;
+use crate::output::Output;
+use deepmill::data::files::{About, PredictionFile};
+use deepmill::geom::Sites;
+use deepmill::model::{Model, weights};
+use deepmill::report::folder::{self, Show};
+use deepmill::report::tables::{Cell, Facts};
+use deepmill::{Error, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Predict which sites of a part a ball-end cutter cannot reach, and which sites are in its way.
+///
+/// Writes to DIR: predictions.npz (numbers), predictions.ply (coloured points), predictions.png
+/// (picture) and part.stl (the surface as used, in mm).
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example: deepmill predict part.stl --cutter 1.5,6,40,5 --model run/best.safetensors --out predictions"
+)]
+pub struct Args {
+    /// Mesh (STL, OBJ, PLY) or cloud of points with normals (PLY, NPZ).
+    part: PathBuf,
+    #[command(flatten)]
+    read: MeshArgs,
+    #[command(flatten)]
+    cutter: CutterArgs,
+    #[command(flatten)]
+    sites: SiteArgs,
+    /// Network: a safetensors file that `deepmill train` has written, or a checkpoint of the reference.
+    #[arg(long, value_name = "FILE")]
+    model: PathBuf,
+    /// Folder of the results.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Draw no picture.
+    #[arg(long)]
+    no_picture: bool,
+    /// Take a mesh that does not bound one solid; the answer may mean nothing.
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: &Args, output: &Output) -> Result<()> {
+    let tool = args.cutter.tool()?;
+    if tool.words != deepmill::data::files::ball_end_words(tool.params) {
+        let remedy = "leave out --corner and --clearance, or use `deepmill label`";
+        let expected = "a ball end without clearance: the network knows no other";
+        return Err(Error::argument("cutter", tool.words, expected, remedy));
+    }
+    let model = weights::read::<f32>(&args.model)?;
+    let mut clock = Clock::start();
+    let part = args.read.read_part(&args.part, args.force, output)?;
+    clock.lap("read_s", "reading");
+    let (mesh, sites) = args.sites.place(part)?;
+    clock.lap("sites_s", "sites");
+    let settings = json!({
+        "sites": args.sites.settings(mesh.is_some()),
+        "model": name_of(&args.model),
+    });
+    let about = About::ball_end(name_of(&args.part), tool.params, settings);
+    let file = predict(&model, about, sites)?;
+    clock.lap("predict_s", "prediction");
+    let show = if args.no_picture { Show::Points } else { Show::Pictures };
+    let mut paths = folder::write_predictions(&args.out, &file, mesh.as_ref(), show)?;
+    if let Some(mesh) = &mesh {
+        paths.push(folder::write_surface(&args.out, mesh)?);
+    }
+    clock.lap("write_s", "writing and drawing");
+
+    let share = |flags: Vec<bool>| {
+        Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len().max(1) as f64)
+    };
+    let mut facts = Facts::new();
+    facts.add("part", "part", Cell::text(&file.about.part));
+    facts.add("cutter", "cutter", Cell::text(&file.about.tool));
+    facts.add("n_sites", "sites", Cell::count(file.sites.len()));
+    facts.add("inaccessible", "inaccessible", share(file.inaccessible()));
+    facts.add("occlusion", "occlusion", share(file.occlusion()));
+    clock.add_to(&mut facts);
+    output.say(facts.text());
+    output.files(&paths);
+    output.result_with_files(facts.json(), &paths);
+    Ok(())
+}
+
+/// A network's answers in the form of files: the positive class comes second in both heads.
+pub fn predict(model: &Model<f32>, about: About, sites: Sites) -> Result<PredictionFile> {
+    let answer = model.predict(&sites.points, &sites.normals, about.cutter.to_array())?;
+    let swapped = answer
+        .logits_inaccessible
+        .iter()
+        .flat_map(|[inaccessible, accessible]| [*accessible, *inaccessible]);
+    Ok(PredictionFile {
+        logits_inaccessible: swapped.collect(),
+        logits_occlusion: answer.logits_occlusion.into_flattened(),
+        about,
+        sites,
+    })
+}
