@@ -253,3 +253,40 @@ fn bad_options_are_refused() {
         assert!(read_mesh(&path, &ReadOptions { scale, weld }).is_err());
     }
 }
+
+#[cfg(feature = "cli")]
+#[test]
+fn the_check_command_prints_one_object_and_mends_what_it_can() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_deepmill"));
+        let output = command.args(["check", "--json"]).args(arguments).output().unwrap();
+        let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        (output.status.code(), result, String::from_utf8(output.stderr).unwrap())
+    };
+    let mut open = cube();
+    open.triangles.pop();
+    let path = put(folder.path(), "open.stl", ascii_stl(&open));
+    let (code, result, words) = run(&[path.to_str().unwrap()]);
+    assert_eq!((code, &result["labelable"]), (Some(1), &false.into()));
+    assert_eq!(result["findings"][0]["fault"], "open_edge");
+    assert_eq!(result["findings"][0]["places"].as_array().unwrap().len(), 3);
+    assert!(words.contains("error: edge") && words.contains("size 10 × 20 × 30 mm"), "{words}");
+
+    let mut doubled = cube();
+    doubled.triangles.push(doubled.triangles[4]);
+    doubled.triangles[7].swap(0, 1);
+    let path = put(folder.path(), "doubled.stl", ascii_stl(&doubled));
+    let mended = folder.path().join("mended.stl");
+    let arguments = [path.to_str().unwrap(), "--repair", "--out", mended.to_str().unwrap()];
+    let (code, result, words) = run(&arguments);
+    assert_eq!((code, result["changes"].as_array().unwrap().len()), (Some(0), 2));
+    assert!(words.contains("warning: dropped 1 doubled") && words.contains("warning: turned 1"));
+    let mesh = read_mesh(&mended, &ReadOptions::default()).unwrap();
+    assert!(check::require_labelable(&mesh).is_ok() && mesh.volume() == 6000.0);
+
+    let (code, result, _) = run(&[path.to_str().unwrap(), "--scale", "0.01"]);
+    assert_eq!((code, &result["labelable"]), (Some(1), &false.into()));
+    let (_, _, words) = run(&[path.to_str().unwrap(), "--scale", "0.01", "--repair"]);
+    assert!(words.contains("under 1 mm; the file is probably in cm: give --unit cm"), "{words}");
+}

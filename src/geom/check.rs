@@ -172,6 +172,21 @@ impl Report {
         self.findings.iter().find(|f| f.fault.blocks_labelling())
     }
 
+    /// Passes if nothing blocks labelling.
+    ///
+    /// # Errors
+    /// [`Error::Geometry`] with the place, count and remedy of the most fundamental blocking finding.
+    pub fn require_labelable(&self) -> Result<()> {
+        match self.blocking() {
+            None => Ok(()),
+            Some(finding) => Err(Error::geometry(
+                finding.places[0].to_string(),
+                finding.to_string(),
+                finding.fault.remedy(),
+            )),
+        }
+    }
+
     /// How often `fault` was found.
     pub fn count(&self, fault: Fault) -> usize {
         self.findings.iter().find(|f| f.fault == fault).map_or(0, |f| f.count)
@@ -213,16 +228,9 @@ pub fn check(mesh: &Mesh) -> Report {
 /// Passes meshes that bound one solid and face outward.
 ///
 /// # Errors
-/// [`Error::Geometry`] with the place, count and remedy of the most fundamental blocking finding.
+/// As [`Report::require_labelable`].
 pub fn require_labelable(mesh: &Mesh) -> Result<()> {
-    match check(mesh).blocking() {
-        None => Ok(()),
-        Some(finding) => Err(Error::geometry(
-            finding.places[0].to_string(),
-            finding.to_string(),
-            finding.fault.remedy(),
-        )),
-    }
+    check(mesh).require_labelable()
 }
 
 #[derive(Default)]

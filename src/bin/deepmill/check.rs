@@ -52,7 +52,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "changes": changes,
         "findings": report.findings.iter().map(json_of).collect::<Vec<_>>(),
     }));
-    check::require_labelable(&mesh)
+    report.require_labelable()
 }
 
 fn say(report: &Report, output: &Output) {

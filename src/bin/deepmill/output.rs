@@ -5,15 +5,18 @@ use serde_json::{Value, json};
 use std::fmt::Display;
 use std::io::{Write, stderr, stdout};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The program's standard streams. A reader that goes away is no failure.
 pub struct Output {
     json: bool,
+    /// Whether the result is printed.
+    done: AtomicBool,
 }
 
 impl Output {
     pub fn new(json: bool) -> Self {
-        Output { json }
+        Output { json, done: AtomicBool::new(false) }
     }
 
     /// A line for people: standard output, or standard error when that carries JSON.
@@ -35,9 +38,10 @@ impl Output {
         self.result(&json!({ "error": error.to_string() }));
     }
 
-    /// The machine-readable result; printed only under `--json`, once per run.
+    /// The machine-readable result; printed only under `--json`, and only the first of a run: a
+    /// failure after it is told by the exit code.
     pub fn result(&self, value: &Value) {
-        if self.json {
+        if self.json && !self.done.swap(true, Ordering::Relaxed) {
             let _ = writeln!(stdout(), "{value}");
         }
     }
