@@ -1,6 +1,7 @@
 //! Triangles and points, in millimetres: meshes, their files and faults, and sample sites.
 
 mod boxes;
+pub mod cells;
 pub mod check;
 #[cfg(feature = "formats")]
 pub mod formats;

@@ -1,17 +1,29 @@
-//! How evenly sites are spread, measured.
+//! How evenly sites are spread, and whether they are dense enough for a cutter.
+//!
+//! `docs/sites.md` derives the advice.
 
+use super::Sites;
+use super::sites::same_sheet;
 use super::tree::Tree;
-use super::{Mesh, Sites};
 use crate::par;
-use crate::rng::{Purpose, Stream};
 use glam::DVec3;
 
-/// Nearest-neighbour distances of a set of sites.
+/// Greatest distance of a point of the surface from the nearest site, in mean spacings, for sites of
+/// [`sample`](super::sites::sample): 0.58 in a hexagonal lattice, at most 0.92 on the parts measured in
+/// docs/sites.md.
+pub const COVERING: f64 = 0.95;
+/// Sites per parallel task.
+const BLOCK: usize = 1024;
+
+/// Distances from each site to the nearest other one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spacing {
-    /// Mean distance, mm.
+    /// Number of sites that have a neighbour.
+    pub n_sites: usize,
+    /// Mean, mm.
     pub mean_mm: f64,
-    /// Standard deviation over mean.
+    /// Coefficient of variation: standard deviation over mean. 0.52 for random points on a plane,
+    /// 0 for a lattice.
     pub cv: f64,
     /// Least, mm.
     pub min_mm: f64,
@@ -20,72 +32,151 @@ pub struct Spacing {
 }
 
 impl Spacing {
-    /// Straight distances to the nearest other site; `None` for fewer than two sites.
+    /// Straight distances, whatever lies between; `None` for fewer than two sites.
     pub fn measure(sites: &Sites) -> Option<Self> {
-        Self::of(sites, |_, _| true)
+        Self::among(sites, |_, _| true)
     }
 
-    /// As [`Spacing::measure`], but only sites whose normals are less than 120° apart count.
+    /// Straight distances to the nearest site on the same sheet (see [`same_sheet`]), so that
+    /// the far side of a thin wall does not count; `None` if no site has one.
     pub fn measure_on_sheet(sites: &Sites) -> Option<Self> {
-        Self::of(sites, |i, j| sites.normals[i].dot(sites.normals[j]) > -0.5)
+        let at = |i: usize| (sites.points[i].as_dvec3(), sites.normals[i].as_dvec3());
+        Self::among(sites, |i, j| {
+            let ((p, m), (q, n)) = (at(i), at(j));
+            same_sheet(p - q, m, n)
+        })
     }
 
-    fn of(sites: &Sites, neighbours: impl Fn(usize, usize) -> bool + Sync) -> Option<Self> {
+    fn among(sites: &Sites, count: impl Fn(usize, usize) -> bool + Sync) -> Option<Self> {
         let points: Vec<DVec3> = sites.points.iter().map(|p| p.as_dvec3()).collect();
         let tree = Tree::build(&points);
-        let blocks = par::map_blocks(points.len(), 512, |range| {
-            let nearest = |i: usize| {
-                tree.nearest(points[i], |j| j as usize != i && neighbours(i, j as usize))
-            };
-            range.filter_map(nearest).map(|(_, d2)| d2.sqrt()).collect::<Vec<_>>()
+        let nearest = |i: usize| {
+            let counts = |j: u32| j as usize != i && count(i, j as usize);
+            tree.nearest(points[i], f64::INFINITY, counts).map(|(_, square)| square.sqrt())
+        };
+        let blocks = par::map_blocks(points.len(), BLOCK, |range| {
+            range.filter_map(nearest).collect::<Vec<_>>()
         });
-        let all = blocks.concat();
-        if all.is_empty() {
+        let distances = blocks.concat();
+        if distances.is_empty() {
             return None;
         }
-        let (mean_mm, cv) = mean_and_cv(&all);
-        let min_mm = all.iter().copied().fold(f64::INFINITY, f64::min);
-        let max_mm = all.iter().copied().fold(0.0, f64::max);
-        Some(Spacing { mean_mm, cv, min_mm, max_mm })
+        let (mean_mm, cv) = mean_and_cv(&distances);
+        let min_mm = distances.iter().copied().fold(f64::INFINITY, f64::min);
+        let max_mm = distances.iter().copied().fold(0.0, f64::max);
+        Some(Spacing { n_sites: distances.len(), mean_mm, cv, min_mm, max_mm })
+    }
+
+    /// Compares the spacing with a cutter of ball radius `cr_mm`.
+    pub fn advice(&self, cr_mm: f64) -> Advice {
+        let covering_mm = COVERING * self.mean_mm;
+        let enough = |radius_mm: f64| {
+            let ratio = covering_mm / radius_mm;
+            (self.n_sites as f64 * ratio * ratio).ceil() as usize
+        };
+        let left = cr_mm * cr_mm - covering_mm * covering_mm;
+        Advice {
+            cr_mm,
+            mean_mm: self.mean_mm,
+            n_sites: self.n_sites,
+            hidden_mm: (left >= 0.0).then(|| cr_mm - left.sqrt()),
+            n_sites_enough: enough(cr_mm),
+            n_sites_fine: enough(cr_mm * FINE_DISC),
+        }
     }
 }
 
-fn mean_and_cv(values: &[f64]) -> (f64, f64) {
+/// Radius, in ball radii, of the disc that a ball cuts out of a plane it enters by a tenth of its
+/// radius: √(2·0.1 − 0.1²).
+const FINE_DISC: f64 = 0.435_889_894_354_067_4;
+
+/// Whether sites are dense enough to notice what a cutter penetrates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Advice {
+    /// Ball radius of the cutter, mm.
+    pub cr_mm: f64,
+    /// Mean spacing of the sites, mm.
+    pub mean_mm: f64,
+    /// Number of sites.
+    pub n_sites: usize,
+    /// Depth up to which the cutter can enter a surface between the sites, mm; `None` if it can
+    /// pass right through.
+    pub hidden_mm: Option<f64>,
+    /// Sites with which nothing that stands right across the cutter can slip between them.
+    pub n_sites_enough: usize,
+    /// Sites with which the cutter cannot enter a surface by more than a tenth of its radius unnoticed.
+    pub n_sites_fine: usize,
+}
+
+impl Advice {
+    /// Whether nothing that stands right across the cutter can slip between the sites.
+    pub fn is_enough(&self) -> bool {
+        self.hidden_mm.is_some()
+    }
+
+    /// One line for the user if the sites are too few.
+    pub fn warning(&self) -> Option<String> {
+        let Advice { cr_mm, mean_mm, n_sites, n_sites_enough, .. } = self;
+        (!self.is_enough()).then(|| {
+            format!(
+                "{n_sites} sites are {mean_mm:.2} mm apart, too far to notice all that a cutter of \
+                 radius {cr_mm} mm runs into; {n_sites_enough} sites would be enough"
+            )
+        })
+    }
+}
+
+/// Mean, and standard deviation over mean, of values summed in order.
+pub(super) fn mean_and_cv(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let variance = values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n;
     (mean, variance.sqrt() / mean)
 }
 
-/// Coefficient of variation of the cells' areas.
-pub fn cell_area_cv(mesh: &Mesh, sites: &Sites, per_site: usize, seed: u64) -> f64 {
-    let mut ends = Vec::new();
-    let mut total = 0.0;
-    for f in 0..mesh.triangles.len() {
-        total += mesh.area_vector(f).length();
-        ends.push(total);
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    fn lattice(n: usize, pitch: f32) -> Sites {
+        let points = (0..n * n).map(|i| Vec3::new((i % n) as f32, (i / n) as f32, 0.0) * pitch);
+        Sites { points: points.collect(), normals: vec![Vec3::Z; n * n], faces: Vec::new() }
     }
-    let points: Vec<DVec3> = sites.points.iter().map(|p| p.as_dvec3()).collect();
-    let tree = Tree::build(&points);
-    let n = sites.len();
-    let blocks = par::map_blocks(n * per_site, 4096, |range| {
-        let mut stream = Stream::new(seed, range.start as u64, 0, Purpose::Sites);
-        range
-            .filter_map(|_| {
-                let target = stream.unit() * total;
-                let f = ends.partition_point(|&e| e <= target).min(ends.len() - 1);
-                let [a, b, c] = mesh.corners(f);
-                let (u, v) = (stream.unit().sqrt(), stream.unit());
-                let q = a + (b - a + (c - b) * v) * u;
-                let m = mesh.area_vector(f).normalize().as_vec3();
-                tree.nearest(q, |j| sites.normals[j as usize].dot(m) > -0.5).map(|(j, _)| j)
-            })
-            .collect::<Vec<_>>()
-    });
-    let mut counts = vec![0.0; n];
-    for j in blocks.concat() {
-        counts[j as usize] += 1.0;
+
+    #[test]
+    fn a_lattice_has_no_variation() {
+        let spacing = Spacing::measure(&lattice(10, 0.5)).unwrap();
+        let expected = Spacing { n_sites: 100, mean_mm: 0.5, cv: 0.0, min_mm: 0.5, max_mm: 0.5 };
+        assert_eq!(spacing, expected);
+        assert_eq!(Spacing::measure(&lattice(1, 1.0)), None);
+        assert_eq!(Spacing::measure(&Sites::default()), None);
     }
-    let (mean, cv) = mean_and_cv(&counts);
-    (cv * cv - 1.0 / mean).max(0.0).sqrt()
+
+    #[test]
+    fn the_far_side_of_a_wall_counts_only_in_the_straight_measure() {
+        let mut sites = lattice(10, 2.0);
+        let back = lattice(10, 2.0);
+        sites.points.extend(back.points.iter().map(|p| *p - Vec3::Z * 0.25));
+        sites.normals.extend(vec![-Vec3::Z; 100]);
+        assert_eq!(Spacing::measure(&sites).unwrap().mean_mm, 0.25);
+        assert_eq!(Spacing::measure_on_sheet(&sites).unwrap().mean_mm, 2.0);
+    }
+
+    #[test]
+    fn the_advised_number_removes_the_warning_and_one_fewer_does_not() {
+        let with = |n: usize| {
+            let mean_mm = 4.0 * (1000.0 / n as f64).sqrt();
+            Spacing { n_sites: n, mean_mm, cv: 0.0, min_mm: mean_mm, max_mm: mean_mm }
+        };
+        for cr_mm in [0.5, 1.0, 1.5, 3.0, 3.79] {
+            let advice = with(1000).advice(cr_mm);
+            assert!(advice.warning().unwrap().ends_with("sites would be enough"));
+            assert!(with(advice.n_sites_enough).advice(cr_mm).warning().is_none());
+            assert!(with(advice.n_sites_enough - 1).advice(cr_mm).warning().is_some());
+            let hidden = with(advice.n_sites_fine).advice(cr_mm).hidden_mm.unwrap();
+            assert!(hidden <= 0.1 * cr_mm && hidden > 0.099 * cr_mm, "{hidden}");
+        }
+        assert!(with(1000).advice(3.81).is_enough());
+    }
 }

@@ -1,6 +1,7 @@
 //! A k-d tree over points: nearest neighbour and all within a radius, whatever the distribution.
 //!
-//! Splitting at the median makes the shape a function of the number of points alone, so a node is
+//! Points of a surface fill few cells of a uniform grid, and mesh vertices are anything but uniform;
+//! a tree does not mind either. Splitting at the median makes the shape a function of the number of points alone, so a node is
 //! its number and a range. Building costs n log n, a query on a surface about log n.
 
 use glam::DVec3;
@@ -31,10 +32,16 @@ impl Tree {
         self.order
     }
 
-    /// The accepted point nearest to `q` and its squared distance (ties: lower index).
-    pub fn nearest(&self, q: DVec3, accept: impl Fn(u32) -> bool) -> Option<(u32, f64)> {
-        let mut best = (u32::MAX, f64::INFINITY);
-        let mut limit = f64::INFINITY;
+    /// The accepted point nearest to `q`, at most `radius` away, and its squared distance (ties:
+    /// lower index).
+    pub fn nearest(
+        &self,
+        q: DVec3,
+        radius: f64,
+        accept: impl Fn(u32) -> bool,
+    ) -> Option<(u32, f64)> {
+        let mut best = (u32::MAX, radius * radius);
+        let mut limit = best.1;
         self.visit(
             0,
             0..self.order.len(),
@@ -115,4 +122,31 @@ fn split(points: &[DVec3], order: &mut [u32], node: usize, splits: &mut Vec<(u8,
     let (left, right) = order.split_at_mut(middle);
     split(points, left, 2 * node + 1, splits);
     split(points, right, 2 * node + 2, splits);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn queries_equal_brute_force(
+            cells in prop::collection::vec([0i32..6, 0i32..6, 0i32..3], 0..200),
+            q in [-1.0f64..7.0, -1.0f64..7.0, -1.0f64..4.0],
+            radius in 0.1f64..4.0,
+        ) {
+            let points: Vec<DVec3> = cells.iter().map(|c| DVec3::from_array(c.map(f64::from))).collect();
+            let (tree, q) = (Tree::build(&points), DVec3::from_array(q));
+            let odd = |i: u32| i % 2 == 1;
+            let squares = points.iter().enumerate().map(|(i, p)| (p.distance_squared(q), i as u32));
+            let near: Vec<(f64, u32)> = squares.filter(|(d2, _)| *d2 <= radius * radius).collect();
+            let nearest = near.iter().copied().filter(|(_, i)| odd(*i)).min_by(|x, y| x.partial_cmp(y).unwrap());
+            prop_assert_eq!(tree.nearest(q, radius, odd), nearest.map(|(d2, i)| (i, d2)));
+            let mut found = Vec::new();
+            tree.within(q, radius, |i, d2| found.push((d2, i)));
+            found.sort_by_key(|&(_, i)| i);
+            prop_assert_eq!(found, near);
+        }
+    }
 }

@@ -1,11 +1,12 @@
 //! A mesh prepared for walking on it: face normals and which face lies across which edge.
 
+use super::sheet::OPPOSITE;
 use crate::geom::Mesh;
 use crate::{Error, Result, par};
 use glam::DVec3;
 
-/// No face across an edge: the edge is open, non-manifold, inconsistently oriented, or the face
-/// there has no area.
+/// No way across an edge: it is open, non-manifold, inconsistently oriented or sharper than 37°
+/// ([`OPPOSITE`]), or the face there has no area.
 const WALL: u32 = u32::MAX;
 /// A face is taken to have no area when its height is below this fraction of its longest edge.
 const FLAT: f64 = 1e-12;
@@ -56,13 +57,14 @@ impl<'a> Surface<'a> {
         if area <= 0.0 {
             return Err(Error::geometry("mesh", "no face has an area", "check the file"));
         }
-        let across = link(&mesh.triangles, &areas);
+        let across = link(&mesh.triangles, &normals);
         Ok(Surface { mesh, normals, areas, area, across })
     }
 
     /// From `start` straight ahead along `step` (tangent to its face), around edges as on a taut
-    /// string; ends early at a wall. The result lies in its face.
-    pub fn walk(&self, start: Place, mut step: DVec3) -> Place {
+    /// string; ends early at a wall, and before a face opposite to the unit vector `sheet`. The
+    /// result lies in its face.
+    pub fn walk(&self, start: Place, mut step: DVec3, sheet: DVec3) -> Place {
         let Place { mut point, mut face } = start;
         let mut entered = None;
         for _ in 0..MAX_CROSSINGS {
@@ -72,7 +74,7 @@ impl<'a> Surface<'a> {
             };
             point += step * part;
             let next = self.across[face as usize][edge];
-            if next == WALL {
+            if next == WALL || self.normals[next as usize].dot(sheet) <= OPPOSITE {
                 break;
             }
             (step, entered) = self.turn(face, edge, next, step * (1.0 - part));
@@ -126,8 +128,8 @@ fn require_usable(mesh: &Mesh) -> Result<()> {
     Ok(())
 }
 
-/// Pairs the two faces on each edge that run along it in opposite directions.
-fn link(triangles: &[[u32; 3]], areas: &[f64]) -> Vec<[u32; 3]> {
+/// Pairs the two faces on each edge unless something of [`WALL`] is the case.
+fn link(triangles: &[[u32; 3]], normals: &[DVec3]) -> Vec<[u32; 3]> {
     let mut across = vec![[WALL; 3]; triangles.len()];
     let mut edges: Vec<(u32, u32, u32)> = Vec::with_capacity(3 * triangles.len());
     for (face, corners) in triangles.iter().enumerate() {
@@ -141,7 +143,8 @@ fn link(triangles: &[[u32; 3]], areas: &[f64]) -> Vec<[u32; 3]> {
         let &[(_, _, x), (_, _, y)] = same else { continue };
         let (f, g) = ((x / 3) as usize, (y / 3) as usize);
         let opposed = triangles[f][(x % 3) as usize] != triangles[g][(y % 3) as usize];
-        if opposed && areas[f] > 0.0 && areas[g] > 0.0 {
+        let with_area = normals[f] != DVec3::ZERO && normals[g] != DVec3::ZERO;
+        if opposed && with_area && normals[f].dot(normals[g]) > OPPOSITE {
             across[f][(x % 3) as usize] = g as u32;
             across[g][(y % 3) as usize] = f as u32;
         }
@@ -150,7 +153,7 @@ fn link(triangles: &[[u32; 3]], areas: &[f64]) -> Vec<[u32; 3]> {
 }
 
 /// The point of a triangle with area nearest to `p` (Ericson 2005, Real-Time Collision Detection, 5.1.5).
-fn nearest_in_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
+pub(super) fn nearest_in_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac) = (b - a, c - a);
     let (d1, d2) = (ab.dot(p - a), ac.dot(p - a));
     if d1 <= 0.0 && d2 <= 0.0 {
@@ -175,4 +178,78 @@ fn nearest_in_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
         return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
     }
     a + (ab * vb + ac * vc) / (va + vb + vc)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::solids::{cuboid, torus};
+    use glam::dvec3;
+
+    #[test]
+    fn a_walk_around_a_cube_comes_back_to_its_start() {
+        let cube = cuboid(DVec3::splat(2.0));
+        let surface = Surface::build(&cube).unwrap();
+        let face = (0..12).find(|&f| surface.normals[f] == DVec3::Z).unwrap() as u32;
+        let corners = cube.corners(face as usize);
+        let start = Place { point: (corners[0] + corners[1] + corners[2]) / 3.0, face };
+        let end = surface.walk(start, dvec3(8.0, 0.0, 0.0), DVec3::ZERO);
+        assert_eq!(surface.normals[end.face as usize], DVec3::Z);
+        assert!(end.point.distance(start.point) < 1e-12, "{end:?}");
+        let quarter = surface.walk(start, dvec3(0.0, 2.0, 0.0), DVec3::Z);
+        assert_eq!(surface.normals[quarter.face as usize], DVec3::Y);
+        let stopped = surface.walk(start, dvec3(0.0, 8.0, 0.0), DVec3::Z);
+        assert_eq!(surface.normals[stopped.face as usize], DVec3::Y);
+        assert_eq!(stopped.point.z, 0.0, "at the edge to the opposite face");
+    }
+
+    #[test]
+    fn a_walk_stops_at_open_and_sharp_edges_and_at_faces_without_area() {
+        let vertices =
+            vec![DVec3::ZERO, DVec3::X, DVec3::Y, dvec3(0.1, 0.1, -0.05), dvec3(0.5, 0.5, 0.0)];
+        let sharp = [[0, 1, 2], [1, 0, 3], [1, 2, 4]];
+        let mesh = Mesh { vertices, triangles: sharp.to_vec() };
+        let surface = Surface::build(&mesh).unwrap();
+        let start = Place { point: dvec3(0.3, 0.3, 0.0), face: 0 };
+        for (step, end) in [
+            (-DVec3::X, dvec3(0.0, 0.3, 0.0)),
+            (-DVec3::Y, dvec3(0.3, 0.0, 0.0)),
+            (dvec3(1.0, 1.0, 0.0), dvec3(0.5, 0.5, 0.0)),
+        ] {
+            let place = surface.walk(start, step, DVec3::Z);
+            assert_eq!(place.face, 0);
+            assert!(place.point.distance(end) < 1e-12, "{place:?}");
+        }
+    }
+
+    #[test]
+    fn a_long_walk_on_a_torus_stays_in_its_face() {
+        let mesh = torus(10.0, 4.0, 40, 20);
+        let surface = Surface::build(&mesh).unwrap();
+        let mut place = Place { point: mesh.vertices[mesh.triangles[0][0] as usize], face: 0 };
+        for turn in 0..200 {
+            let normal = surface.normals[place.face as usize];
+            let ahead = normal.cross(dvec3(1.0, f64::from(turn), 2.0)).normalize() * 3.0;
+            place = surface.walk(place, ahead, DVec3::ZERO);
+            let corners = mesh.corners(place.face as usize);
+            assert!(place.point.distance(nearest_in_triangle(place.point, corners)) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn unusable_meshes_are_named() {
+        let triangle = |vertices: [DVec3; 3], last: u32| Mesh {
+            vertices: vertices.to_vec(),
+            triangles: vec![[0, 1, last]],
+        };
+        let message = |mesh: &Mesh| Surface::build(mesh).err().unwrap().to_string();
+        let flat = [DVec3::ZERO, DVec3::X, DVec3::X * 2.0];
+        assert!(message(&triangle(flat, 2)).starts_with("mesh: no face has an area"));
+        assert!(
+            message(&triangle(flat, 3)).starts_with("face 0: names a vertex beyond the last of 3")
+        );
+        let open = [DVec3::ZERO, DVec3::X, DVec3::Y * f64::NAN];
+        assert!(message(&triangle(open, 2)).starts_with("vertex 2: is not finite"));
+        assert!(message(&Mesh::default()).starts_with("mesh: no face"));
+    }
 }

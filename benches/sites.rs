@@ -1,0 +1,53 @@
+//! Sites on a curved, a flat and a thin-walled body: time for each count, after the quality is asserted.
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use deepmill::geom::Mesh;
+use deepmill::geom::cells::Cells;
+use deepmill::geom::sites::{SiteOptions, sample};
+use deepmill::geom::solids::{cuboid, torus};
+use deepmill::geom::spacing::Spacing;
+use glam::dvec3;
+use std::hint::black_box;
+
+/// From the paper's count to fifteen times as many: the time per site should not grow.
+const COUNTS: [usize; 3] = [7_000, 30_000, 100_000];
+
+fn bodies() -> [(&'static str, Mesh); 3] {
+    [
+        ("torus", torus(40.0, 15.0, 150, 60)),
+        ("block", cuboid(dvec3(100.0, 80.0, 40.0))),
+        ("plate", cuboid(dvec3(100.0, 80.0, 0.5))),
+    ]
+}
+
+fn sampling(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("sample");
+    group.sample_size(10);
+    for (name, mesh) in bodies() {
+        for n_sites in COUNTS {
+            let options = SiteOptions { n_sites, ..SiteOptions::default() };
+            let sites = sample(&mesh, &options).expect("a sound body");
+            let spacing = Spacing::measure_on_sheet(&sites).expect("more than one site");
+            assert!(spacing.cv <= 0.12, "{name} {n_sites}: {spacing:?}");
+            group.throughput(Throughput::Elements(n_sites as u64));
+            group.bench_function(BenchmarkId::new(name, n_sites), |bencher| {
+                bencher.iter(|| sample(black_box(&mesh), &options));
+            });
+        }
+    }
+    group.finish();
+}
+
+fn measuring(criterion: &mut Criterion) {
+    let mesh = torus(40.0, 15.0, 150, 60);
+    let sites = sample(&mesh, &SiteOptions::default()).expect("a sound body");
+    criterion.bench_function("spacing of 7000", |bencher| {
+        bencher.iter(|| Spacing::measure(black_box(&sites)));
+    });
+    criterion.bench_function("cells of 7000", |bencher| {
+        bencher.iter(|| Cells::build(black_box(&sites)).spread(&mesh, 16, 1));
+    });
+}
+
+criterion_group!(benches, sampling, measuring);
+criterion_main!(benches);
