@@ -6,6 +6,7 @@ mod clock;
 mod dataset;
 mod demo;
 mod eval;
+mod generate;
 mod label;
 mod mesh_args;
 mod output;
@@ -40,6 +41,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Check(check::Args),
+    Generate(generate::Args),
     Parity(parity::Args),
     Sample(sample::Args),
     Label(label::Args),
@@ -58,6 +60,7 @@ fn main() -> ExitCode {
         match &cli.command {
             None => demo::run(&output),
             Some(Command::Check(args)) => check::run(args, &output),
+            Some(Command::Generate(args)) => generate::run(args, &output),
             Some(Command::Parity(args)) => parity::run(args, &output),
             Some(Command::Sample(args)) => sample::run(args, &output),
             Some(Command::Label(args)) => label::run(args, &output),

@@ -1,7 +1,8 @@
 //! From a drawn solid to a part: one body, turned as it lies, corners rounded to f32, checked.
 
 use super::solid::Solid;
-use crate::geom::Mesh;
+use crate::geom::check::{self, Fault};
+use crate::geom::{Mesh, intersect, weld};
 use crate::rng::Stream;
 use glam::{DMat3, DQuat, DVec3};
 use std::collections::HashMap;
@@ -78,40 +79,13 @@ fn rounded(mesh: &Mesh) -> Mesh {
     Mesh { vertices, triangles }
 }
 
-/// Closed, manifold, one component, outward, no triangle without area.
+/// One closed body that faces outward, every triangle with an area, none through another, and no
+/// two corners that a reader would join.
 fn is_sound(mesh: &Mesh) -> bool {
-    mesh.volume() > 0.0
-        && (0..mesh.triangles.len()).all(|f| mesh.area_vector(f) != DVec3::ZERO)
-        && edges_pair_up(mesh)
-        && fans_close(mesh)
-}
-
-/// Every directed edge occurs once, and so does its reverse.
-fn edges_pair_up(mesh: &Mesh) -> bool {
-    let edges = mesh.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
-    let mut forward: Vec<(u32, u32)> = edges.collect();
-    let mut backward: Vec<(u32, u32)> = forward.iter().map(|&(a, b)| (b, a)).collect();
-    forward.sort_unstable();
-    backward.sort_unstable();
-    forward == backward && forward.windows(2).all(|w| w[0] != w[1])
-}
-
-/// The triangles at each corner form one fan, and all corners are connected: for a closed mesh
-/// with paired edges the sum over fans is what walking from corner to corner can reach.
-fn fans_close(mesh: &Mesh) -> bool {
-    let mut next = HashMap::with_capacity(3 * mesh.triangles.len());
-    let mut valence = vec![0usize; mesh.vertices.len()];
-    let mut start = vec![0u32; mesh.vertices.len()];
-    for &[a, b, c] in &mesh.triangles {
-        for [v, from, to] in [[a, b, c], [b, c, a], [c, a, b]] {
-            next.insert((v, from), to);
-            valence[v as usize] += 1;
-            start[v as usize] = from;
-        }
-    }
-    (0..mesh.vertices.len()).all(|v| {
-        let turn = |&at: &u32| next.get(&(v as u32, at)).copied();
-        let around = std::iter::successors(Some(start[v]), turn).skip(1);
-        around.take_while(|&at| at != start[v]).count() + 1 == valence[v]
-    })
+    let report = check::check(mesh);
+    let joined = || weld::weld(mesh, weld::DEFAULT_TOLERANCE).vertices.len();
+    report.blocking().is_none()
+        && report.count(Fault::Degenerate) == 0
+        && joined() == mesh.vertices.len()
+        && intersect::pairs(mesh).is_empty()
 }
