@@ -102,15 +102,27 @@ fn enlarged(mut mesh: Mesh) -> Mesh {
     mesh
 }
 
-fn seconds<R>(runs: usize, mut work: impl FnMut() -> R) -> (f64, R) {
-    let mut best = f64::INFINITY;
+/// Least wall time and least processor time of some runs, s, and the last result.
+fn seconds<R>(runs: usize, mut work: impl FnMut() -> R) -> (f64, f64, R) {
+    let (mut wall, mut processor) = (f64::INFINITY, f64::INFINITY);
     let mut result = None;
     for _ in 0..runs {
-        let start = Instant::now();
+        let (before, start) = (processor_seconds(), Instant::now());
         result = Some(work());
-        best = best.min(start.elapsed().as_secs_f64());
+        wall = wall.min(start.elapsed().as_secs_f64());
+        processor = processor.min(processor_seconds() - before);
     }
-    (best, result.unwrap())
+    (wall, processor, result.unwrap())
+}
+
+/// Processor time of all threads so far, s; 0 where the system does not tell.
+fn processor_seconds() -> f64 {
+    let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+    let nanoseconds = threads.filter_map(|thread| {
+        let text = std::fs::read_to_string(thread.path().join("schedstat")).ok()?;
+        text.split(' ').next()?.parse::<f64>().ok()
+    });
+    nanoseconds.sum::<f64>() / 1e9
 }
 
 fn run(sites: &Sites, cutter: &Cutter, directions: &Directions, options: &LabelOptions) -> Labels {
@@ -144,12 +156,14 @@ fn main() {
         deepmill::par::threads()
     );
     println!(
-        "{:>9} {:<22} {:<14} {:>9} {:>9}  {:>5} {:>6} {:>6} {:>6} {:>7}",
+        "{:>9} {:<22} {:<14} {:>9} {:>9} {:>9} {:>9}  {:>5} {:>6} {:>6} {:>6} {:>7}",
         "sites",
         "part",
         "cutter",
         "labels ms",
         "+beta ms",
+        "cpu ms",
+        "cpu ms",
         "inacc",
         "height",
         "box",
@@ -166,10 +180,12 @@ fn main() {
                 check(&sites, &cutter, n_sites);
                 let runs = if n_sites <= 20_000 { 5 } else { 1 };
                 let mut options = LabelOptions { occlusion: false, ..Default::default() };
-                let (quick, _) = seconds(runs, || run(&sites, &cutter, &directions, &options));
+                let (quick, quick_cpu, _) =
+                    seconds(runs, || run(&sites, &cutter, &directions, &options));
                 options.occlusion = true;
-                let (full, labels) = seconds(runs, || run(&sites, &cutter, &directions, &options));
-                report(n_sites, name, lengths, quick, full, &labels);
+                let (full, full_cpu, labels) =
+                    seconds(runs, || run(&sites, &cutter, &directions, &options));
+                report(n_sites, name, lengths, [quick, full, quick_cpu, full_cpu], &labels);
                 for (worst, seconds) in worst.iter_mut().zip([quick, full]) {
                     worst.meet(seconds, || format!("{name} {lengths:?}"));
                 }
@@ -188,7 +204,9 @@ fn main() {
             println!("growth exponent of the worst {what}: {:.2}", exponent(fit));
         }
     }
-    share_work(&parts[0].1, &directions);
+    if settings.cutters.len() > 1 {
+        share_work(&parts[0].1, &directions);
+    }
 }
 
 /// Pruned equals batched on a few directions of this very case.
@@ -206,15 +224,17 @@ fn check(sites: &Sites, cutter: &Cutter, n_sites: usize) {
     assert!(answer(Engine::Pruned) == answer(Engine::Batched), "engines differ");
 }
 
-fn report(n: usize, name: &str, lengths: [f64; 4], quick: f64, full: f64, labels: &Labels) {
+fn report(n: usize, name: &str, lengths: [f64; 4], times: [f64; 4], labels: &Labels) {
     let s = labels.stats;
     let share = |part: u64| 100.0 * part as f64 / s.queries as f64;
     let [cr, ch, fr, fh] = lengths;
     println!(
-        "{n:>9} {name:<22} {:<14} {:>9.1} {:>9.1}  {:>4.0}% {:>5.1}% {:>5.1}% {:>6.2} {:>7.1}",
+        "{n:>9} {name:<22} {:<14} {:>9.1} {:>9.1} {:>9.1} {:>9.1}  {:>4.0}% {:>5.1}% {:>5.1}% {:>6.2} {:>7.1}",
         format!("{cr},{ch},{fr},{fh}"),
-        quick * 1e3,
-        full * 1e3,
+        times[0] * 1e3,
+        times[1] * 1e3,
+        times[2] * 1e3,
+        times[3] * 1e3,
         100.0 * labels.n_inaccessible() as f64 / n as f64,
         share(s.by_height),
         share(s.by_box),
@@ -280,15 +300,17 @@ fn share_work(mesh: &Mesh, directions: &Directions) {
         let options = LabelOptions { occlusion, ..Default::default() };
         let all =
             || label_many(&sites, Obstacles::Queries, &cutters, directions, &options).unwrap();
-        let (together, _) = seconds(5, all);
+        let (together, together_cpu, _) = seconds(5, all);
         let each =
             || cutters.iter().map(|c| run(&sites, c, directions, &options)).collect::<Vec<_>>();
-        let (alone, _) = seconds(5, each);
+        let (alone, alone_cpu, _) = seconds(5, each);
         println!(
-            "{} cutters, beta {occlusion}: together {:.1} ms, one by one {:.1} ms",
+            "{} cutters, beta {occlusion}: together {:.1} ms ({:.1} cpu), one by one {:.1} ms ({:.1} cpu)",
             cutters.len(),
             together * 1e3,
-            alone * 1e3
+            together_cpu * 1e3,
+            alone * 1e3,
+            alone_cpu * 1e3
         );
     }
 }

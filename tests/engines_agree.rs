@@ -231,6 +231,59 @@ fn labels_do_not_depend_on_the_company_of_other_cutters() {
     }
 }
 
+/// Against the formula as plain loops, and against relabelling with a grown cutter.
+#[test]
+fn clearance_is_the_growth_at_which_the_label_flips() {
+    let scene = solids(250);
+    let few = hemisphere(5);
+    let limit_mm = 8.0;
+    let options = LabelOptions { clearance_limit_mm: Some(limit_mm), ..LabelOptions::default() };
+    for cutter in &cutters(4, 8) {
+        let run = |n| {
+            let work = || label(&scene, Obstacles::Queries, cutter, &few, &options).unwrap();
+            with_threads(n, work).unwrap()
+        };
+        let labels = run(1);
+        assert_eq!(labels.clearance_mm, run(3).clearance_mm);
+        for (i, &clearance) in labels.clearance_mm.iter().enumerate() {
+            let by_formula =
+                clearance_by_formula(&scene, i, cutter, &few).clamp(-limit_mm, limit_mm);
+            assert!(
+                (f64::from(clearance) - by_formula).abs() < 1e-4,
+                "{i}: {clearance} {by_formula}"
+            );
+            assert!(if labels.inaccessible[i] { clearance <= 0.0 } else { clearance >= 0.0 });
+        }
+        for growth in [-2.0, -0.3, 0.4, 3.0] {
+            let grown = cutter.with_clearance(growth).unwrap();
+            let flipped = label(&scene, Obstacles::Queries, &grown, &few, &options).unwrap();
+            for (i, &clearance) in labels.clearance_mm.iter().enumerate() {
+                let away = f64::from(clearance) - growth;
+                if away.abs() > 1e-4 {
+                    assert_eq!(flipped.inaccessible[i], away < 0.0, "{i}: {clearance} {growth}");
+                }
+            }
+        }
+    }
+}
+
+fn clearance_by_formula(scene: &Sites, i: usize, cutter: &Cutter, directions: &Directions) -> f64 {
+    let corner = cutter.corner_mm();
+    let centre = scene.points[i].as_dvec3() + corner * scene.normals[i].as_dvec3();
+    let in_direction = |d: DVec3| {
+        let others = (0..scene.len()).filter(|&j| j != i);
+        let growth = others.map(|j| {
+            let offset = scene.points[j].as_dvec3() - centre;
+            let (h, r) = (offset.dot(d), (offset - offset.dot(d) * d).length());
+            let steps = cutter.steps().iter();
+            steps.map(|s| (s.height_mm - h).max(r - s.radius_mm)).fold(f64::INFINITY, f64::min)
+        });
+        growth.fold(f64::INFINITY, f64::min)
+    };
+    let growths = directions.vectors().iter().map(|d| in_direction(d.as_dvec3()));
+    growths.fold(f64::NEG_INFINITY, f64::max)
+}
+
 /// Five points by hand. CR 1, CH 2, FR 5, FH 3, so steps (1, 1), (3, 5), (6, ∞); direction +z alone.
 /// The query's ball centre is (0, 0, 1).
 #[test]
@@ -288,6 +341,8 @@ fn unusable_questions_are_refused_with_a_remedy() {
         let options = LabelOptions { share, ..defaults };
         assert!(refused(&good, Obstacles::Queries, &options).contains("occlusion share"));
     }
+    let options = LabelOptions { clearance_limit_mm: Some(0.0), ..defaults };
+    assert!(refused(&good, Obstacles::Queries, &options).contains("clearance limit"));
     let volume = label(Queries::Volume(&good.points), Obstacles::Queries, cutter, &few, &defaults);
     assert!(volume.unwrap_err().to_string().contains("obstacles of their own"));
 }

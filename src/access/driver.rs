@@ -1,6 +1,7 @@
 //! From a question to labels: directions are shared out among threads, their answers joined.
 
 use super::batched::Batched;
+use super::clearance::signed_clearance;
 use super::labels::{Engine, LabelOptions, Labels, Reach};
 use super::occlusion::occlusion_points;
 use super::order::Order;
@@ -32,7 +33,7 @@ pub(super) trait Method: Sync {
 ///
 /// # Errors
 /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, volume queries have no
-/// obstacles of their own, or the share is not in (0, 1].
+/// obstacles of their own, the share is not in (0, 1], or the clearance limit is not positive.
 ///
 /// ```
 /// use deepmill::{access, cutter::*, directions::Directions, geom::Sites};
@@ -77,7 +78,8 @@ pub fn label_many<'a>(
     options: &LabelOptions,
 ) -> Result<Vec<Labels>> {
     options.check()?;
-    let scene = Scene::new(queries.into(), obstacles)?;
+    let queries = queries.into();
+    let scene = Scene::new(queries, obstacles)?;
     let n_ranked = scene.n_ranked;
     let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
     let level = options.level;
@@ -93,6 +95,16 @@ pub fn label_many<'a>(
             labels.into_iter().map(|labels| order.restore(labels)).collect()
         }
     };
+    if let Some(limit_mm) = options.clearance_limit_mm {
+        let scene = Scene::new(queries, obstacles)?;
+        let order = Order::of(&scene);
+        let scene = scene.reordered(&order);
+        for (labels, cutter) in labels.iter_mut().zip(cutters) {
+            let clearance = signed_clearance(&scene, cutter, &frames, limit_mm, level);
+            labels.clearance_mm = order.restore_queries(clearance);
+            labels.settle_signs();
+        }
+    }
     if options.occlusion {
         for labels in &mut labels {
             labels.occlusion = occlusion_points(&labels.beta[..n_ranked], options.share);

@@ -53,6 +53,8 @@ pub struct LabelOptions {
     pub share: f64,
     /// Also keep the answer for every direction and query, one bit each.
     pub matrix: bool,
+    /// Also compute the signed clearance, up to this many mm either way. Costs tens of times the labels.
+    pub clearance_limit_mm: Option<f64>,
     /// SIMD level of the kernels; results do not depend on it.
     pub level: Level,
 }
@@ -64,6 +66,7 @@ impl Default for LabelOptions {
             occlusion: true,
             share: 0.1,
             matrix: false,
+            clearance_limit_mm: None,
             level: Level::active(),
         }
     }
@@ -71,11 +74,18 @@ impl Default for LabelOptions {
 
 impl LabelOptions {
     pub(super) fn check(&self) -> Result<()> {
-        if self.share > 0.0 && self.share <= 1.0 {
-            return Ok(());
+        if !(self.share > 0.0 && self.share <= 1.0) {
+            let expected = "above 0, at most 1";
+            let remedy = "the paper uses 0.1";
+            return Err(Error::argument("occlusion share", self.share, expected, remedy));
         }
-        let expected = "above 0, at most 1";
-        Err(Error::argument("occlusion share", self.share, expected, "the paper uses 0.1"))
+        match self.clearance_limit_mm {
+            Some(limit) if !(limit > 0.0 && limit < f64::INFINITY) => {
+                let remedy = "give the greatest clearance of interest in mm";
+                Err(Error::argument("clearance limit", limit, "a positive length", remedy))
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -93,6 +103,10 @@ pub struct Labels {
     /// Per ranked obstacle (see [`Obstacles`](super::Obstacles)): is an occlusion point; empty if not
     /// asked for.
     pub occlusion: Vec<bool>,
+    /// Per query, mm: how far every height and radius of the cutter may grow before the query becomes
+    /// inaccessible (positive), or must shrink before it becomes accessible (negative), within the
+    /// limit asked for; empty if not asked for. `docs/labeling.md` has the formula.
+    pub clearance_mm: Vec<f32>,
     /// The answer per direction and query, if asked for.
     pub reach: Option<Reach>,
     /// What the engine did.
@@ -103,6 +117,13 @@ impl Labels {
     /// Number of inaccessible queries.
     pub fn n_inaccessible(&self) -> usize {
         self.inaccessible.iter().filter(|&&l| l).count()
+    }
+
+    /// Gives clearances the sign of the label where rounding left it open.
+    pub(super) fn settle_signs(&mut self) {
+        for (c, &blocked) in self.clearance_mm.iter_mut().zip(&self.inaccessible) {
+            *c = if blocked { c.min(0.0) } else { c.max(0.0) };
+        }
     }
 
     /// Number of occlusion points.
@@ -165,30 +186,51 @@ impl Reach {
     /// Per query, whether it collides in every direction, in how many it does not, and the first of
     /// those.
     pub(super) fn summary(&self) -> (Vec<bool>, Vec<u32>, Vec<Option<u32>>) {
-        let blocks = crate::par::map_blocks(self.n_queries, SUMMARY_BLOCK, |range| {
-            let mut counts = vec![0u32; range.len()];
-            let mut first = vec![u32::MAX; range.len()];
-            for (k, row) in self.rows.iter().enumerate() {
-                let words = row[range.start / 64..].iter();
-                for ((counts, first), word) in
-                    counts.chunks_mut(64).zip(first.chunks_mut(64)).zip(words)
-                {
-                    for (l, (count, first)) in counts.iter_mut().zip(first).enumerate() {
-                        let free = !(word >> l) as u32 & 1;
-                        *count += free;
-                        let here = if free == 1 { k as u32 } else { u32::MAX };
-                        *first = (*first).min(here);
-                    }
-                }
-            }
-            (counts, first)
+        let n_words = self.n_queries.div_ceil(64);
+        let blocks = crate::par::map_blocks(n_words, SUMMARY_BLOCK, |words| {
+            words.map(|word| self.word_summary(word)).collect::<Vec<_>>()
         });
-        let counts: Vec<u32> = blocks.iter().flat_map(|(counts, _)| counts).copied().collect();
-        let witness = blocks.iter().flat_map(|(_, first)| first);
-        let witness = witness.map(|&k| (k != u32::MAX).then_some(k)).collect();
+        let summaries = blocks.into_iter().flatten();
+        let mut counts = Vec::with_capacity(64 * n_words);
+        let mut witness = Vec::with_capacity(64 * n_words);
+        for (free, first) in summaries {
+            counts.extend(free);
+            witness.extend(first.map(|k| (k != u32::MAX).then_some(k)));
+        }
+        counts.truncate(self.n_queries);
+        witness.truncate(self.n_queries);
         (counts.iter().map(|&n| n == 0).collect(), counts, witness)
+    }
+
+    /// Number of free directions and the first of them for the 64 queries of a word.
+    ///
+    /// Counts are kept bit-sliced: bit `l` of `planes[b]` is bit `b` of the count of query `l`.
+    fn word_summary(&self, word: usize) -> ([u32; 64], [u32; 64]) {
+        let mut planes = [0u64; 32];
+        let mut first = [u32::MAX; 64];
+        let mut unseen = !0u64;
+        for (k, row) in self.rows.iter().enumerate() {
+            let free = !row[word];
+            let mut new = free & unseen;
+            unseen &= !free;
+            while new != 0 {
+                first[new.trailing_zeros() as usize] = k as u32;
+                new &= new - 1;
+            }
+            let mut carry = free;
+            for plane in &mut planes {
+                if carry == 0 {
+                    break;
+                }
+                (*plane, carry) = (*plane ^ carry, *plane & carry);
+            }
+        }
+        let counts = std::array::from_fn(|l| {
+            planes.iter().zip(0..).map(|(plane, b)| ((plane >> l & 1) as u32) << b).sum()
+        });
+        (counts, first)
     }
 }
 
-/// Queries per task of the summary; a multiple of 64.
-const SUMMARY_BLOCK: usize = 4096;
+/// Words of 64 queries per task of the summary.
+const SUMMARY_BLOCK: usize = 64;

@@ -22,8 +22,11 @@
 //! eight at a time. [`Engine::Pruned`], the default, lets boxes around obstacles decide most of them. All engines return the same labels and counts, bit for bit, for any number of
 //! threads and at every SIMD level.
 
+pub mod baselines;
 mod batched;
+mod clearance;
 mod driver;
+mod gouge;
 mod labels;
 mod occlusion;
 mod order;
@@ -34,6 +37,7 @@ mod reference;
 mod stats;
 
 pub use driver::{label, label_many};
+pub use gouge::gouges;
 pub use labels::{Engine, LabelOptions, Labels, Reach};
 pub use occlusion::occlusion_points;
 pub use problem::{Obstacles, Queries};

@@ -4,7 +4,7 @@
 ///
 /// `share` is in (0, 1]; a product within 1e-9 above a whole number counts as that number.
 pub fn occlusion_points(beta: &[u64], share: f64) -> Vec<bool> {
-    let wanted = (share * beta.len() as f64 - 1e-9).ceil().max(0.0) as usize;
+    let wanted = n_wanted(beta.len(), share);
     let mut order: Vec<u32> = (0..beta.len() as u32).filter(|&j| beta[j as usize] > 0).collect();
     let rank = |&j: &u32| (std::cmp::Reverse(beta[j as usize]), j);
     if wanted < order.len() {
@@ -14,6 +14,11 @@ pub fn occlusion_points(beta: &[u64], share: f64) -> Vec<bool> {
     let mut marks = vec![false; beta.len()];
     order.into_iter().for_each(|j| marks[j as usize] = true);
     marks
+}
+
+/// `ceil(share·n)`, forgiving rounding.
+pub(super) fn n_wanted(n: usize, share: f64) -> usize {
+    (share * n as f64 - 1e-9).ceil().max(0.0) as usize
 }
 
 #[cfg(test)]

@@ -25,6 +25,11 @@ impl Order {
         Order { queries, obstacles }
     }
 
+    /// One value per query in the order of the question.
+    pub fn restore_queries<T: Copy + Default>(&self, values: Vec<T>) -> Vec<T> {
+        scatter(&self.queries, values)
+    }
+
     /// Labels in the order of the question.
     pub fn restore(&self, labels: Labels) -> Labels {
         Labels {

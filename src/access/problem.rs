@@ -162,6 +162,7 @@ pub(super) struct Tool {
     pub own: Vec<u32>,
     /// Only kept for a cutter with a side offset.
     normals: Vec<Vec3>,
+    in_order: bool,
     lift: f32,
     side: f32,
 }
@@ -180,6 +181,8 @@ impl Tool {
             steps: predicate::steps(cutter),
             bases,
             own: scene.own.clone(),
+            in_order: !scene.own.is_empty()
+                && scene.own.iter().copied().eq(0..scene.n_queries() as u32),
             normals: if side > 0.0 { scene.normals.clone() } else { vec![] },
             lift: if volume { corner } else { 0.0 },
             side,
@@ -210,6 +213,11 @@ impl Tool {
     /// The obstacle that does not count for query `i`; `usize::MAX` for none.
     pub fn own(&self, i: usize) -> usize {
         self.own.get(i).map_or(usize::MAX, |&j| j as usize)
+    }
+
+    /// Whether query `i` is obstacle `i` for all of `n_obstacles`.
+    pub fn own_in_order(&self, n_obstacles: usize) -> bool {
+        self.in_order && self.n() == n_obstacles
     }
 
     /// Reference point of query `i` in the frame.

@@ -140,6 +140,7 @@ impl Kernel for Search<'_> {
         let finite = &self.steps[..self.steps.len() - usize::from(spindle.is_some())];
         let highest = s.splat(self.tree.highest());
         let first = s.splat(self.steps[0].height);
+        let mut stack = [(0, 0); STACK];
         let blocks = eights(&self.centres.z).iter().zip(eights(self.own_z)).enumerate();
         for (block, (z, own_z)) in blocks.take(self.centres.n.div_ceil(8)) {
             let z = s.load(z);
@@ -157,7 +158,8 @@ impl Kernel for Search<'_> {
                 open &= open - 1;
                 let i = 8 * block + lane;
                 let tested = done.tested;
-                if descend(s, self.centres.get(i), finite, self.tree, &mut done.tested) {
+                if descend(s, self.centres.get(i), finite, self.tree, &mut stack, &mut done.tested)
+                {
                     bits |= 1 << lane;
                 }
                 done.by_box += u64::from(tested == done.tested);
@@ -183,11 +185,11 @@ fn descend<S: Simd>(
     [cx, cy, cz]: [f32; 3],
     steps: &[StepSquared],
     tree: &Tree,
+    stack: &mut [(u32, u32); STACK],
     tested: &mut u64,
 ) -> bool {
     let (cx, cy) = (s.splat(cx), s.splat(cy));
     let zero = s.splat(0.0);
-    let mut stack = [(0u32, 0u32); STACK];
     stack[0] = (tree.levels.len() as u32, 0);
     let mut depth = 1;
     while depth > 0 {

@@ -39,6 +39,14 @@ pub trait Eights: Copy {
         c: Self::Eight,
         d: Self::Eight,
     ) -> u32;
+    /// Eight counters.
+    type Counts: Copy;
+    /// Counters at zero.
+    fn no_counts(self) -> Self::Counts;
+    /// Counter `l` goes up by one if `a ≤ b` in lane `l`; good for 2³² steps.
+    fn count_at_most(self, counts: Self::Counts, a: Self::Eight, b: Self::Eight) -> Self::Counts;
+    /// Sum of the counters.
+    fn total(self, counts: Self::Counts) -> u32;
     /// The lanes named by `mask`, in order, moved to the front; the other lanes are unspecified.
     fn compress(self, lanes: Self::Eight, mask: u32) -> Self::Eight;
     /// Lane `l` is the least lane of `rows[l]`.
@@ -68,6 +76,20 @@ macro_rules! arrays {
     ($token:ty) => {
         impl Eights for $token {
             type Eight = [f32; 8];
+            type Counts = [u32; 8];
+
+            #[inline(always)]
+            fn no_counts(self) -> [u32; 8] {
+                [0; 8]
+            }
+            #[inline(always)]
+            fn count_at_most(self, counts: [u32; 8], a: [f32; 8], b: [f32; 8]) -> [u32; 8] {
+                lanes!(|l| counts[l] + u32::from(a[l] <= b[l]))
+            }
+            #[inline(always)]
+            fn total(self, counts: [u32; 8]) -> u32 {
+                counts.iter().sum()
+            }
 
             #[inline(always)]
             fn splat(self, x: f32) -> [f32; 8] {
@@ -197,6 +219,28 @@ mod x86 {
         ($token:ty, $greater:expr, $at_most:expr, $both:expr, $compress:expr) => {
             impl Eights for $token {
                 type Eight = __m256;
+                type Counts = __m256i;
+
+                #[inline(always)]
+                fn no_counts(self) -> __m256i {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe { _mm256_setzero_si256() }
+                }
+                #[inline(always)]
+                fn count_at_most(self, counts: __m256i, a: __m256, b: __m256) -> __m256i {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe {
+                        let minus_ones = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b));
+                        _mm256_sub_epi32(counts, minus_ones)
+                    }
+                }
+                #[inline(always)]
+                fn total(self, counts: __m256i) -> u32 {
+                    let mut lanes = [0u32; 8];
+                    // SAFETY: AVX2 as above; the array has room for eight counters.
+                    unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), counts) };
+                    lanes.iter().sum()
+                }
 
                 #[inline(always)]
                 fn splat(self, x: f32) -> __m256 {

@@ -7,6 +7,7 @@
 //! exactly, see [`boxes`](super::boxes).
 
 use super::boxes::near_and_far;
+use super::collide::eights;
 use super::level::{Kernel, Simd};
 
 /// Places of a list that must be readable past its end.
@@ -117,8 +118,7 @@ impl Kernel for Split<'_> {
         let (zero, within) = (s.splat(0.0), s.splat(self.radius_squared));
         let n = (self.last - self.first) as usize;
         let range = self.first as usize..self.first as usize + n.next_multiple_of(8);
-        let x = self.x[range.clone()].as_chunks::<8>().0;
-        let y = self.y[range].as_chunks::<8>().0;
+        let (x, y) = (eights(&self.x[range.clone()]), eights(&self.y[range]));
         let (mut n_inside, mut n_ring) = (0, 0);
         for (w, (x, y)) in x.chunks(8).zip(y.chunks(8)).enumerate() {
             let mut word =
@@ -202,20 +202,32 @@ impl Kernel for CountWindows<'_> {
             let n = to.saturating_sub(from) as usize;
             let range = from as usize..from as usize + n.next_multiple_of(8);
             let (ox, oy) = (s.splat(ox), s.splat(oy));
-            let x = self.x[range.clone()].as_chunks::<8>().0;
-            let y = self.y[range].as_chunks::<8>().0;
-            let mut found = 0;
-            let mut left = n;
-            for (x, y) in x.iter().zip(y) {
-                let (dx, dy) = (s.sub(ox, s.load(x)), s.sub(oy, s.load(y)));
-                let hits = s.at_most(s.add(s.mul(dx, dx), s.mul(dy, dy)), within);
-                let valid = if left < 8 { (1 << left) - 1 } else { 255 };
-                found += (hits & valid).count_ones();
-                left = left.saturating_sub(8);
+            let (x, y) = (eights(&self.x[range.clone()]), eights(&self.y[range]));
+            let mut counts = s.no_counts();
+            for (x, y) in x.iter().zip(y).take(n / 8) {
+                let squared = squared_distance(s, ox, oy, x, y);
+                counts = s.count_at_most(counts, squared, within);
+            }
+            let mut found = s.total(counts);
+            if let (Some(x), Some(y)) = (x.get(n / 8), y.get(n / 8)) {
+                let last = s.at_most(squared_distance(s, ox, oy, x, y), within);
+                found += (last & ((1 << (n % 8)) - 1)).count_ones();
             }
             *count += found;
             tested += n as u64;
         }
         tested
     }
+}
+
+#[inline(always)]
+fn squared_distance<S: Simd>(
+    s: S,
+    ox: S::Eight,
+    oy: S::Eight,
+    x: &[f32; 8],
+    y: &[f32; 8],
+) -> S::Eight {
+    let (dx, dy) = (s.sub(ox, s.load(x)), s.sub(oy, s.load(y)));
+    s.add(s.mul(dx, dx), s.mul(dy, dy))
 }

@@ -54,8 +54,7 @@ impl Counting {
         self.prepare(centres, tree);
         let z = &tree.points.z[..tree.points.n];
         for step in steps.iter().rev() {
-            self.ranks.clear();
-            self.ranks.extend(z.iter().map(|&z| self.sorted.rank(z, step.height)));
+            self.sorted.ranks(z, step.height, &mut self.ranks, level);
             if step.radius_squared == f32::INFINITY {
                 for (count, &rank) in self.counts.iter_mut().zip(&self.ranks) {
                     *count += rank;
@@ -70,7 +69,7 @@ impl Counting {
                 Windows { from: &mut self.from, to: &mut self.ranks, counts: &mut self.counts };
             let radius_squared = step.radius_squared;
             let mut walk = Walk { tree, level, radius_squared, stats: &mut stats };
-            walk.visit(tree.levels.len(), 0, &mut self.rings, windows);
+            walk.start(&mut self.rings, windows);
         }
         beta.iter_mut().zip(&self.counts).for_each(|(beta, &count)| *beta += u64::from(count));
         stats
@@ -103,7 +102,21 @@ struct Walk<'a> {
     stats: &'a mut Stats,
 }
 
+/// A top level of so few boxes is not worth a split.
+const FEW: usize = 4;
+
 impl Walk<'_> {
+    /// Counts for all obstacles from the list `rings[0]`.
+    fn start(&mut self, rings: &mut [Ring], mut windows: Windows) {
+        let levels = &self.tree.levels;
+        let skipped = levels.len() > 1 && levels[levels.len() - 1].n <= FEW;
+        let height = levels.len() - usize::from(skipped);
+        for group in 0..levels[height - 1].n.div_ceil(8) {
+            let length = 8usize.pow(height as u32 + 1);
+            self.visit(height, group, rings, windows.split_to(length));
+        }
+    }
+
     /// Counts for the obstacles of `group`, a box above level `height` of the tree; `windows` are
     /// theirs, into the list `rings[0]`.
     fn visit(&mut self, height: usize, group: usize, rings: &mut [Ring], windows: Windows) {

@@ -59,7 +59,12 @@ impl Method for Pruned<'_> {
         let Scratch { frame, tree, centres, own_z, undecided, .. } = scratch;
         centres.resize(tool.n());
         tool.centres(frame, self.level, centres);
-        own_heights(tool, &tree.points.z, own_z, centres.z.len());
+        let own_z = if tool.own_in_order(tree.points.n) {
+            &tree.points.z
+        } else {
+            own_heights(tool, &tree.points.z, own_z, centres.z.len());
+            own_z
+        };
         undecided.clear();
         let search = Search { centres, steps: &tool.steps, tree, own_z, row: &mut *row, undecided };
         let done = self.level.run(search);
@@ -101,7 +106,7 @@ impl Method for Pruned<'_> {
 }
 
 /// Rotates the obstacles and builds the boxes around them.
-fn grow(tree: &mut Tree, obstacles: &Coordinates, frame: &Frame, level: Level) {
+pub(super) fn grow(tree: &mut Tree, obstacles: &Coordinates, frame: &Frame, level: Level) {
     let points = &mut tree.points;
     level.run(Rotate { frame, from: obstacles, to: points });
     points.pad_z(f32::NEG_INFINITY);

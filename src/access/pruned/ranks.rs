@@ -1,12 +1,14 @@
 //! Centres sorted by height, and ranks of heights among them.
 
 use crate::simd::collide::Coordinates;
+use crate::simd::{Kernel, Level, Simd};
 
 /// Heights in ascending order, with a coarse index into them.
 #[derive(Default)]
 pub(super) struct Sorted {
     /// Height and index of each centre, ascending in height.
     places: Vec<(f32, u32)>,
+    /// The heights alone, between one −∞ and [`AHEAD`] times +∞.
     heights: Vec<f32>,
     /// Place of the first centre of each bucket; the last bucket's end follows.
     starts: Vec<u32>,
@@ -16,17 +18,20 @@ pub(super) struct Sorted {
 
 /// Buckets of up to this many centres are sorted by insertion.
 const SMALL_BUCKET: usize = 24;
+/// Centres of a bucket that a rank looks at without asking whether it needs to.
+const AHEAD: usize = 4;
 
 impl Sorted {
-    /// Sorts the centres, at least one: into as many buckets of equal height as there are centres, then
-    /// within each bucket.
+    /// Sorts the centres, at least one: into twice as many buckets of equal height as there are centres,
+    /// then within each bucket.
     pub fn fill(&mut self, centres: &Coordinates) {
         let z = &centres.z[..centres.n];
         self.lowest = z.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a });
         let highest = z.iter().fold(f32::NEG_INFINITY, |a, &b| if b > a { b } else { a });
-        self.buckets_per_mm = (z.len() as f32 / (highest - self.lowest)).min(f32::MAX);
+        let n_buckets = 2 * z.len();
+        self.buckets_per_mm = (n_buckets as f32 / (highest - self.lowest)).min(f32::MAX);
         self.starts.clear();
-        self.starts.resize(z.len() + 2, 0);
+        self.starts.resize(n_buckets + 2, 0);
         for &z in z {
             let bucket = self.bucket(z);
             self.starts[bucket + 2] += 1;
@@ -47,7 +52,9 @@ impl Sorted {
             sort(&mut self.places[bucket[0] as usize..bucket[1] as usize]);
         }
         self.heights.clear();
+        self.heights.push(f32::NEG_INFINITY);
         self.heights.extend(self.places.iter().map(|place| place.0));
+        self.heights.extend([f32::INFINITY; AHEAD]);
     }
 
     /// Indices of the centres, ascending in height.
@@ -55,35 +62,53 @@ impl Sorted {
         self.places.iter().map(|place| place.1 as usize)
     }
 
-    /// Number of centres with `height of the centre + step < z`.
-    pub fn rank(&self, z: f32, step: f32) -> u32 {
+    /// For each of the heights `z`, the number of centres with `height of the centre + step < z`.
+    pub fn ranks(&self, z: &[f32], step: f32, ranks: &mut Vec<u32>, level: Level) {
+        ranks.resize(z.len(), 0);
+        level.run(Ranks { sorted: self, z, step, ranks });
+    }
+
+    #[inline(always)]
+    fn rank(&self, z: f32, step: f32) -> u32 {
         let below = |height: f32| height + step < z;
         if !below(self.lowest) {
             return 0;
         }
-        let bucket = self.bucket(z - step);
-        let (mut low, mut high) = (self.starts[bucket] as usize, self.starts[bucket + 1] as usize);
-        while low < high {
-            let middle = (low + high) / 2;
-            if below(self.heights[middle]) {
-                low = middle + 1;
-            } else {
-                high = middle;
-            }
+        let start = self.starts[self.bucket(z - step)] as usize;
+        let ahead = &self.heights[start + 1..start + 1 + AHEAD];
+        let rank = start + ahead.iter().filter(|&&height| below(height)).count();
+        // The bucket may be fuller, or a neighbour by rounding; the comparison has the last word.
+        if rank == start + AHEAD {
+            return (rank + self.heights[rank + 1..].partition_point(|&h| below(h))) as u32;
         }
-        // Rounding may have named a neighbouring bucket; the comparison itself has the last word.
-        while low < self.heights.len() && below(self.heights[low]) {
-            low += 1;
+        if !below(self.heights[rank]) {
+            return self.heights[1..=rank].partition_point(|&h| below(h)) as u32;
         }
-        while low > 0 && !below(self.heights[low - 1]) {
-            low -= 1;
-        }
-        low as u32
+        rank as u32
     }
 
     /// Never descends with `z`; the cast takes what is below the lowest to bucket 0.
+    #[inline(always)]
     fn bucket(&self, z: f32) -> usize {
         (((z - self.lowest) * self.buckets_per_mm) as usize).min(self.starts.len() - 3)
+    }
+}
+
+struct Ranks<'a> {
+    sorted: &'a Sorted,
+    z: &'a [f32],
+    step: f32,
+    ranks: &'a mut [u32],
+}
+
+impl Kernel for Ranks<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        for (rank, &z) in self.ranks.iter_mut().zip(self.z) {
+            *rank = self.sorted.rank(z, self.step);
+        }
     }
 }
 
@@ -107,6 +132,12 @@ mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
 
+    fn rank(sorted: &Sorted, z: f32, step: f32) -> usize {
+        let mut ranks = vec![];
+        sorted.ranks(&[z], step, &mut ranks, Level::fastest());
+        ranks[0] as usize
+    }
+
     #[test]
     fn ranks_are_counts_whatever_the_heights() {
         let mut stream = Stream::new(1, 0, 0, Purpose::Probe);
@@ -124,7 +155,7 @@ mod tests {
                 for step in [0.0, 0.3, 1.0, 0.1] {
                     for z_j in [probe, probe + step] {
                         let count = z.iter().filter(|&&c| c + step < z_j).count();
-                        assert_eq!(sorted.rank(z_j, step) as usize, count);
+                        assert_eq!(rank(&sorted, z_j, step), count);
                     }
                 }
             }
