@@ -65,21 +65,33 @@ impl<'a> Windows<'a> {
     }
 }
 
-/// First place and place after the last of all windows that are not empty.
+/// What the windows that are not empty cover.
+#[derive(Debug, Clone, Copy)]
+pub struct Cover {
+    /// First place.
+    pub first: u32,
+    /// Place after the last.
+    pub last: u32,
+    /// Sum of the windows' lengths.
+    pub pairs: u64,
+}
+
+/// Finds what windows cover.
 pub struct Span<'a>(pub &'a Windows<'a>);
 
 impl Kernel for Span<'_> {
-    type Output = (u32, u32);
+    type Output = Cover;
 
     #[inline(always)]
-    fn run<S: Simd>(self, _: S) -> (u32, u32) {
-        let (mut first, mut last) = (u32::MAX, 0);
+    fn run<S: Simd>(self, _: S) -> Cover {
+        let (mut first, mut last, mut pairs) = (u32::MAX, 0, 0);
         for (&from, &to) in self.0.from.iter().zip(&*self.0.to) {
-            let (from, to) = if from < to { (from, to) } else { (u32::MAX, 0) };
-            first = first.min(from);
-            last = last.max(to);
+            let length = to.saturating_sub(from);
+            pairs += u64::from(length);
+            first = first.min(if length > 0 { from } else { u32::MAX });
+            last = last.max(if length > 0 { to } else { 0 });
         }
-        (first, last)
+        Cover { first, last, pairs }
     }
 }
 

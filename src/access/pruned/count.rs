@@ -13,7 +13,7 @@ use crate::access::Stats;
 use crate::simd::Level;
 use crate::simd::boxes::Tree;
 use crate::simd::collide::{Coordinates, StepSquared};
-use crate::simd::windows::{CountWindows, SLACK, Span, Split, Windows, Word};
+use crate::simd::windows::{CountWindows, Cover, SLACK, Span, Split, Windows, Word};
 
 /// Lists and windows, reused from direction to direction.
 #[derive(Default)]
@@ -34,8 +34,10 @@ struct Ring {
     words: Vec<Word>,
 }
 
-/// A list this short is tested rather than split (chosen by `benches/labeler.rs`).
-const SHORT: u32 = 64;
+/// Testing one pair costs this share of splitting off one centre or of moving one obstacle's window on:
+/// a box is split only if that can pay (chosen by `benches/labeler.rs`).
+const PAIRS_PER_CENTRE: u64 = 4;
+const PAIRS_PER_OBSTACLE: u64 = 64;
 
 impl Counting {
     /// Adds to each obstacle's `beta` the number of centres whose cutter it is in.
@@ -126,11 +128,13 @@ impl Walk<'_> {
         let mut rest = windows;
         for child in 8 * group..boxes.n.min(8 * group + 8) {
             let mut windows = rest.split_to(length);
-            let (first, last) = self.level.run(Span(&windows));
-            if first >= last {
+            let Cover { first, last, pairs } = self.level.run(Span(&windows));
+            if pairs == 0 {
                 continue;
             }
-            if last - first <= SHORT {
+            let split = PAIRS_PER_CENTRE * u64::from(last - first)
+                + PAIRS_PER_OBSTACLE * windows.counts.len() as u64;
+            if pairs <= split {
                 self.test(child * length, list, windows);
                 continue;
             }
