@@ -26,7 +26,7 @@ fn main() {
         "part", "cutter", "inacc", "missed", "2400 dirs", "flipped", "F1 high", "F1 facing"
     );
     for path in std::env::args().skip(1).filter(|a| a != "--bench") {
-        let mut mesh = read_mesh(&path, &ReadOptions::default()).unwrap();
+        let mut mesh = read_mesh(std::path::Path::new(&path), &ReadOptions::default()).unwrap();
         let (lo, hi) = mesh.bounds().unwrap();
         let scale = (80.0 / (hi - lo).min_element()).max(1.0);
         mesh.vertices.iter_mut().for_each(|v| *v *= scale);

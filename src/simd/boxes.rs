@@ -254,7 +254,7 @@ fn distances<S: Simd>(
 
 /// Squared distances from `c` to the nearest and farthest place of an interval.
 #[inline(always)]
-pub(super) fn near_and_far<S: Simd>(
+fn near_and_far<S: Simd>(
     s: S,
     c: S::Eight,
     least: S::Eight,

@@ -1,12 +1,11 @@
 //! Counting kernels of β: how many centres of a window lie within a radius of each obstacle?
 //!
 //! Centres come as a list sorted by height, so "the cutter's step reaches this obstacle" is a window of
-//! places in the list. [`Split`] compares the list with the box around some obstacles: centres within
-//! the radius of the whole box are counted for all its obstacles by prefix sums, centres beyond reach
-//! are dropped, and the ring between is handed down. [`CountWindows`] tests what is left. Boxes decide
-//! exactly, see [`boxes`](super::boxes).
+//! places in the list. [`Split`] compares the list with a circle around some obstacles: centres within
+//! the radius of the whole circle are counted for all its obstacles by prefix sums, centres beyond reach
+//! are dropped, and the ring between is handed down. [`CountWindows`] tests what is left. The ring is
+//! drawn wider than rounding could ever matter, see [`Ring`].
 
-use super::boxes::near_and_far;
 use super::collide::eights;
 use super::level::{Kernel, Simd};
 
@@ -95,21 +94,51 @@ impl Kernel for Span<'_> {
     }
 }
 
-/// Splits a list of centres by a box; counts the inside, moves the windows on to the ring.
+/// Centres between the two circles may or may not be within a radius of an obstacle of the box; inside
+/// the inner one they are within it of all, outside the outer one of none.
+#[derive(Debug, Clone, Copy)]
+pub struct Ring {
+    x: f32,
+    y: f32,
+    inner_squared: f32,
+    outer_squared: f32,
+}
+
+/// Share of the radius by which circles keep their distance from the knife edge. Each squared distance
+/// in `f32` is off by four roundings at most, 1.2e-7 of the distance, and so is the predicate's own:
+/// this is thirty times as much.
+const MARGIN: f64 = 1e-5;
+
+impl Ring {
+    /// For a step of `radius_squared` (mm², finite) and obstacles within `[x0, x1] × [y0, y1]`.
+    pub fn new([x0, x1, y0, y1]: [f32; 4], radius_squared: f32) -> Self {
+        let (x, y) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));
+        let half = |c: f32, least: f32, greatest: f32| {
+            (f64::from(greatest) - f64::from(c)).max(f64::from(c) - f64::from(least))
+        };
+        let (dx, dy) = (half(x, x0, x1), half(y, y0, y1));
+        let reach = (dx * dx + dy * dy).sqrt();
+        let radius = f64::from(radius_squared).sqrt();
+        let outer = (radius + reach) * (1.0 + MARGIN);
+        let inner = radius * (1.0 - MARGIN) - reach;
+        let inner_squared = if inner > 0.0 { (inner * inner) as f32 } else { -1.0 };
+        Ring { x, y, inner_squared, outer_squared: (outer * outer) as f32 }
+    }
+}
+
+/// Splits a list of centres by a ring; counts the inside, moves the windows on to the ring.
 pub struct Split<'a> {
-    /// Least and greatest x, least and greatest y of the obstacles.
-    pub bounds: [f32; 4],
-    /// Squared radius of the step, mm².
-    pub radius_squared: f32,
-    /// Centres' x and y, the windows' places, with [`SLACK`].
+    /// The ring around the obstacles.
+    pub ring: Ring,
+    /// Centres' x, the windows' places, with [`SLACK`].
     pub x: &'a [f32],
-    /// Centres' y.
+    /// Centres' y, with [`SLACK`].
     pub y: &'a [f32],
-    /// Place of the first centre that some window uses; the same place is 0 in the ring's count.
+    /// Place of the first centre that some window uses.
     pub first: u32,
     /// Place after the last one.
     pub last: u32,
-    /// The obstacles in the box.
+    /// The obstacles of the box.
     pub windows: Windows<'a>,
     /// Room for one word per 64 centres and one more.
     pub words: &'a mut [Word],
@@ -125,9 +154,8 @@ impl Kernel for Split<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) -> (usize, u64) {
-        let [x0, x1, y0, y1] = self.bounds;
-        let (x0, x1, y0, y1) = (s.splat(x0), s.splat(x1), s.splat(y0), s.splat(y1));
-        let (zero, within) = (s.splat(0.0), s.splat(self.radius_squared));
+        let (ring_x, ring_y) = (s.splat(self.ring.x), s.splat(self.ring.y));
+        let (inner, outer) = (s.splat(self.ring.inner_squared), s.splat(self.ring.outer_squared));
         let n = (self.last - self.first) as usize;
         let range = self.first as usize..self.first as usize + n.next_multiple_of(8);
         let (x, y) = (eights(&self.x[range.clone()]), eights(&self.y[range]));
@@ -136,16 +164,14 @@ impl Kernel for Split<'_> {
             let mut word =
                 Word { inside_before: n_inside, ring_before: n_ring as u32, ..Word::default() };
             for (c, (x, y)) in x.iter().zip(y).enumerate() {
-                let (x, y) = (s.load(x), s.load(y));
-                let (near_x, far_x) = near_and_far(s, x, x0, x1, zero);
-                let (near_y, far_y) = near_and_far(s, y, y0, y1, zero);
+                let squared = squared_distance(s, ring_x, ring_y, x, y);
                 let valid = !0u32 >> (24 + (64 * w + 8 * c + 8).saturating_sub(n));
-                let inside = s.at_most(s.add(far_x, far_y), within) & valid;
-                let ring = s.at_most(s.add(near_x, near_y), within) & valid & !inside;
+                let inside = s.at_most(squared, inner) & valid;
+                let ring = s.at_most(squared, outer) & valid & !inside;
                 word.inside |= u64::from(inside) << (8 * c);
                 word.ring |= u64::from(ring) << (8 * c);
-                append(s, s.compress(x, ring), self.ring_x, n_ring);
-                append(s, s.compress(y, ring), self.ring_y, n_ring);
+                append(s, s.compress(s.load(x), ring), self.ring_x, n_ring);
+                append(s, s.compress(s.load(y), ring), self.ring_y, n_ring);
                 n_ring += ring.count_ones() as usize;
             }
             n_inside += word.inside.count_ones();

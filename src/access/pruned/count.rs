@@ -13,13 +13,13 @@ use crate::access::Stats;
 use crate::simd::Level;
 use crate::simd::boxes::Tree;
 use crate::simd::collide::{Coordinates, StepSquared};
-use crate::simd::windows::{CountWindows, Cover, SLACK, Span, Split, Windows, Word};
+use crate::simd::windows::{CountWindows, Cover, Ring, SLACK, Span, Split, Windows, Word};
 
 /// Lists and windows, reused from direction to direction.
 #[derive(Default)]
 pub(super) struct Counting {
     sorted: Sorted,
-    rings: Vec<Ring>,
+    lists: Vec<List>,
     ranks: Vec<u32>,
     above: Vec<u32>,
     from: Vec<u32>,
@@ -28,7 +28,7 @@ pub(super) struct Counting {
 
 /// A list of centres, ascending in height, and room for what a split says about it.
 #[derive(Default)]
-struct Ring {
+struct List {
     x: Vec<f32>,
     y: Vec<f32>,
     words: Vec<Word>,
@@ -71,7 +71,7 @@ impl Counting {
                 Windows { from: &mut self.from, to: &mut self.ranks, counts: &mut self.counts };
             let radius_squared = step.radius_squared;
             let mut walk = Walk { tree, level, radius_squared, stats: &mut stats };
-            walk.start(&mut self.rings, windows);
+            walk.start(&mut self.lists, windows);
         }
         beta.iter_mut().zip(&self.counts).for_each(|(beta, &count)| *beta += u64::from(count));
         stats
@@ -79,13 +79,13 @@ impl Counting {
 
     fn prepare(&mut self, centres: &Coordinates, tree: &Tree) {
         self.sorted.fill(centres);
-        self.rings.resize_with(tree.levels.len() + 1, Ring::default);
-        for ring in &mut self.rings {
-            ring.x.resize(centres.n + SLACK, 0.0);
-            ring.y.resize(centres.n + SLACK, 0.0);
-            ring.words.resize(centres.n / 64 + 2, Word::default());
+        self.lists.resize_with(tree.levels.len() + 1, List::default);
+        for list in &mut self.lists {
+            list.x.resize(centres.n + SLACK, 0.0);
+            list.y.resize(centres.n + SLACK, 0.0);
+            list.words.resize(centres.n / 64 + 2, Word::default());
         }
-        let list = &mut self.rings[0];
+        let list = &mut self.lists[0];
         for ((x, y), i) in list.x.iter_mut().zip(&mut list.y).zip(self.sorted.indices()) {
             (*x, *y) = (centres.x[i], centres.y[i]);
         }
@@ -108,21 +108,21 @@ struct Walk<'a> {
 const FEW: usize = 4;
 
 impl Walk<'_> {
-    /// Counts for all obstacles from the list `rings[0]`.
-    fn start(&mut self, rings: &mut [Ring], mut windows: Windows) {
+    /// Counts for all obstacles from the list `lists[0]`.
+    fn start(&mut self, lists: &mut [List], mut windows: Windows) {
         let levels = &self.tree.levels;
         let skipped = levels.len() > 1 && levels[levels.len() - 1].n <= FEW;
         let height = levels.len() - usize::from(skipped);
         for group in 0..levels[height - 1].n.div_ceil(8) {
             let length = 8usize.pow(height as u32 + 1);
-            self.visit(height, group, rings, windows.split_to(length));
+            self.visit(height, group, lists, windows.split_to(length));
         }
     }
 
     /// Counts for the obstacles of `group`, a box above level `height` of the tree; `windows` are
-    /// theirs, into the list `rings[0]`.
-    fn visit(&mut self, height: usize, group: usize, rings: &mut [Ring], windows: Windows) {
-        let [list, below @ ..] = rings else { return };
+    /// theirs, into the list `lists[0]`.
+    fn visit(&mut self, height: usize, group: usize, lists: &mut [List], windows: Windows) {
+        let [list, below @ ..] = lists else { return };
         let boxes = &self.tree.levels[height - 1];
         let length = 8usize.pow(height as u32);
         let mut rest = windows;
@@ -138,9 +138,9 @@ impl Walk<'_> {
                 self.test(child * length, list, windows);
                 continue;
             }
+            let bounds = [boxes.x0[child], boxes.x1[child], boxes.y0[child], boxes.y1[child]];
             let (ring, counted) = self.level.run(Split {
-                bounds: [boxes.x0[child], boxes.x1[child], boxes.y0[child], boxes.y1[child]],
-                radius_squared: self.radius_squared,
+                ring: Ring::new(bounds, self.radius_squared),
                 x: &list.x,
                 y: &list.y,
                 first,
@@ -160,7 +160,7 @@ impl Walk<'_> {
     }
 
     /// Tests the windows of the obstacles from `first` on, centre by centre.
-    fn test(&mut self, first: usize, list: &Ring, windows: Windows) {
+    fn test(&mut self, first: usize, list: &List, windows: Windows) {
         let range = first..first + windows.counts.len();
         self.stats.beta_pairs_tested += self.level.run(CountWindows {
             radius_squared: self.radius_squared,
