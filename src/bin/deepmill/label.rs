@@ -86,6 +86,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut facts = facts(&file, &directions, spacing);
     clock.add_to(&mut facts);
     output.say(facts.text());
+    if let Some(spacing) = spacing {
+        advise(spacing.mean_mm, file.sites.len(), tool.params.cr_mm, output);
+    }
     output.files(&paths);
     output.result_with_files(facts.json(), &paths);
     Ok(())
@@ -146,4 +149,19 @@ fn facts(file: &LabelFile, directions: &Directions, spacing: Option<Spacing>) ->
     facts.add("both", "inaccessible and occlusion", share(both));
     facts.add("free_directions", "directions that reach a site, mean", Cell::Share(mean));
     facts
+}
+
+/// Greatest distance of a point of the surface from its site, in mean spacings.
+const COVERING: f64 = 0.85;
+
+/// Warns if the tool could slip between the sites, and says how many would be enough.
+fn advise(mean_mm: f64, n_sites: usize, cr_mm: f64, output: &Output) {
+    let ratio = COVERING * mean_mm / cr_mm;
+    if ratio > 1.0 {
+        let enough = (n_sites as f64 * ratio * ratio).ceil();
+        output.warn(format!(
+            "{n_sites} sites are {mean_mm:.2} mm apart, too far to notice all that a cutter of \
+             radius {cr_mm} mm runs into; {enough} sites would be enough"
+        ));
+    }
 }

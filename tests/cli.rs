@@ -1,0 +1,308 @@
+//! What the program promises at its command line: exit codes, one-line errors, JSON, files.
+#![cfg(feature = "cli")]
+
+use deepmill::data::files::{LabelFile, PredictionFile};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+const CUTTER: &str = "1.5,6,40,5";
+
+fn deepmill(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_deepmill")).args(args).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// The JSON object on standard output.
+fn json(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// The program's last words, after checking that it failed in the promised way.
+fn failure(output: &Output, code: i32) -> String {
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{stderr}");
+    assert!(!stderr.contains("panicked"), "{stderr}");
+    let errors: Vec<&str> = stderr.lines().filter(|l| l.starts_with("error: ")).collect();
+    assert_eq!(errors.len(), 1, "one error: {stderr}");
+    assert!(stderr.ends_with(&format!("{}\n", errors[0])), "the error is the last line: {stderr}");
+    assert!(errors[0].contains("; "), "with a remedy: {stderr}");
+    errors[0].into()
+}
+
+type Corner = [f32; 3];
+
+/// The twelve triangles of a box, counter-clockwise from outside.
+fn block(low: Corner, high: Corner) -> Vec<[Corner; 3]> {
+    let corner = |i: usize| [0, 1, 2].map(|k| if i >> k & 1 == 1 { high[k] } else { low[k] });
+    let quads =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let split = |q: &[usize; 4]| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]].map(|t| t.map(corner));
+    quads.iter().flat_map(split).collect()
+}
+
+fn stl(triangles: &[[Corner; 3]]) -> Vec<u8> {
+    let mut bytes = vec![0; 80];
+    bytes.extend((triangles.len() as u32).to_le_bytes());
+    for triangle in triangles {
+        bytes.extend([0u8; 12]);
+        triangle.iter().flatten().for_each(|x| bytes.extend(x.to_le_bytes()));
+        bytes.extend([0u8; 2]);
+    }
+    bytes
+}
+
+struct Folder(TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Folder(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.path().join(name).to_str().unwrap().into()
+    }
+
+    fn file(&self, name: &str, content: impl AsRef<[u8]>) -> String {
+        std::fs::write(self.path(name), content).unwrap();
+        self.path(name)
+    }
+
+    /// A block 40 × 30 × 20 mm.
+    fn block(&self) -> String {
+        self.file("block.stl", stl(&block([0.0; 3], [40.0, 30.0, 20.0])))
+    }
+
+    fn label(&self, part: &str, more: &[&str]) -> Output {
+        let out = self.path("out");
+        deepmill(&[&["label", part, "--cutter", CUTTER, "--out", &out], more].concat())
+    }
+}
+
+#[test]
+fn bad_files_fail_with_code_1_and_say_where_and_what_to_do() {
+    let folder = Folder::new();
+    let whole = stl(&block([0.0; 3], [40.0, 30.0, 20.0]));
+    let edited = |at: usize, bytes: &[u8]| {
+        let mut stl = whole.clone();
+        stl[at..at + bytes.len()].copy_from_slice(bytes);
+        stl
+    };
+    let two = [block([0.0; 3], [9.0; 3]), block([20.0; 3], [29.0; 3])].concat();
+    let cloud = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n\
+                 property float z\nend_header\n0 0 0\n";
+    let cases: Vec<(&str, Vec<u8>, &str)> = vec![
+        ("empty.stl", vec![], "empty"),
+        ("truncated.stl", whole[..whole.len() - 30].to_vec(), "byte"),
+        ("count.stl", edited(80, &13u32.to_le_bytes()), "13"),
+        ("boast.stl", edited(80, &u32::MAX.to_le_bytes()), "4294967295"),
+        ("nan.stl", edited(96, &f32::NAN.to_le_bytes()), "NaN"),
+        ("infinite.stl", edited(96, &f32::INFINITY.to_le_bytes()), "inf"),
+        ("index.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n".to_vec(), "line 4"),
+        ("open.stl", stl(&block([0.0; 3], [9.0; 3])[1..]), "edge"),
+        ("two.stl", stl(&two), "component"),
+        ("normals.ply", cloud.into(), "normal"),
+        ("garbage.npz", b"garbage".to_vec(), "garbage.npz"),
+        ("drawing.step", b"ISO-10303-21;".to_vec(), "STL"),
+        ("part.xyz", b"1 2 3".to_vec(), ".stl"),
+    ];
+    for (name, content, expected) in cases {
+        let part = folder.file(name, content);
+        let message = failure(&folder.label(&part, &[]), 1);
+        assert!(message.contains(expected), "{name}: {message}");
+        assert!(!Path::new(&folder.path("out")).exists(), "{name} left files behind");
+    }
+    let missing = failure(&folder.label(&folder.path("nowhere.stl"), &[]), 1);
+    assert!(missing.contains("nowhere.stl"), "{missing}");
+    failure(&folder.label(&folder.path(""), &[]), 1);
+}
+
+#[test]
+fn bad_arguments_fail_with_code_2_and_name_the_argument() {
+    let folder = Folder::new();
+    let part = folder.block();
+    let out = folder.path("out");
+    for (cutter, expected) in [
+        ("1.5,6,40", "--cutter"),
+        ("1.5,6,40,x", "--cutter"),
+        ("NaN,6,40,5", "CR"),
+        ("0,6,40,5", "CR"),
+        ("1.5,-6,40,5", "CH"),
+        ("1.5,6,inf,5", "FR"),
+        ("40,6,1.5,5", "FR"),
+    ] {
+        let output = deepmill(&["label", &part, "--cutter", cutter, "--out", &out]);
+        let message = failure(&output, 2);
+        assert!(message.contains(expected), "{cutter}: {message}");
+    }
+    for more in [
+        ["--sites", "0"],
+        ["--sites", "many"],
+        ["--directions", "0"],
+        ["--directions", "ring:5"],
+        ["--engine", "magic"],
+        ["--occlusion-share", "0"],
+        ["--clearance", "NaN"],
+        ["--corner", "2"],
+        ["--scale", "0"],
+        ["--scale", "NaN"],
+    ] {
+        let message = failure(&folder.label(&part, &more), 2);
+        let name = more[0].trim_start_matches('-').replace('-', " ");
+        assert!(message.contains(&name) || message.contains("corner"), "{more:?}: {message}");
+    }
+    for args in [&["label"][..], &["nonsense"], &["label", &part, "--unit", "furlong"]] {
+        assert_eq!(deepmill(args).status.code(), Some(2), "{args:?}");
+    }
+}
+
+#[test]
+fn failures_under_json_are_json() {
+    let output = deepmill(&["--json", "check", "nowhere.stl"]);
+    assert_eq!(output.status.code(), Some(1));
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(result["error"].as_str().unwrap().contains("nowhere.stl"));
+}
+
+#[test]
+fn label_writes_files_that_read_back_and_do_not_depend_on_threads() {
+    let folder = Folder::new();
+    let part = folder.block();
+    let run = |threads: &str| {
+        let out = folder.path(&format!("out{threads}"));
+        let result = json(&deepmill(&[
+            "label",
+            &part,
+            "--cutter",
+            CUTTER,
+            "--out",
+            &out,
+            "--sites",
+            "600",
+            "--json",
+            "--threads",
+            threads,
+        ]));
+        (PathBuf::from(out), result)
+    };
+    let (out, result) = run("1");
+    let file = LabelFile::read(&out.join("labels.npz")).unwrap();
+    let count = |flags: &[bool]| flags.iter().filter(|f| **f).count();
+    let share = |flags: &[bool]| count(flags) as f64 / 600.0;
+    assert_eq!(result["n_sites"], 600);
+    // The parser of this test may round a number's last bit.
+    let close = |name: &str, x: f64| (result[name].as_f64().unwrap() - x).abs() < 1e-15;
+    assert!(close("inaccessible", share(&file.labels.inaccessible)), "{result}");
+    assert!(close("occlusion", share(&file.labels.occlusion)), "{result}");
+    assert!(share(&file.labels.inaccessible) > 0.1, "the underside is out of reach");
+    let top = file.sites.normals.iter().zip(&file.labels.inaccessible).filter(|(n, _)| n.z > 0.5);
+    assert!(top.into_iter().all(|(_, inaccessible)| !inaccessible), "the top is in reach");
+    assert_eq!(file.about.cutter.to_array(), [1.5, 6.0, 40.0, 5.0]);
+    assert_eq!(file.about.part, "block.stl");
+    let (other, _) = run("3");
+    for path in result["files"].as_array().unwrap() {
+        let name = Path::new(path.as_str().unwrap()).file_name().unwrap();
+        let bytes = std::fs::read(out.join(name)).unwrap();
+        assert!(bytes.len() > 300);
+        assert!(bytes == std::fs::read(other.join(name)).unwrap(), "{name:?} differs");
+    }
+}
+
+#[test]
+fn units_and_clouds_give_the_same_labels() {
+    let folder = Folder::new();
+    let inches = [40.0, 30.0, 20.0].map(|x: f32| x / 25.4);
+    let part = folder.file("inch.stl", stl(&block([0.0; 3], inches)));
+    let out = folder.path("out");
+    let args = ["--unit", "in", "--sites", "300", "--no-picture"];
+    let output = folder.label(&part, &args);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("40 × 30 × 20 mm"), "{}", text(&output.stdout));
+    let first = LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap();
+    for cloud in ["labels.npz", "labels.ply"] {
+        let cloud = folder.path(&format!("out/{cloud}"));
+        let again = folder.path("again");
+        let output = deepmill(&["label", &cloud, "--cutter", CUTTER, "--out", &again]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let second = LabelFile::read(&Path::new(&again).join("labels.npz")).unwrap();
+        assert_eq!(second.sites.points, first.sites.points);
+        assert_eq!(second.labels.inaccessible, first.labels.inaccessible);
+        assert_eq!(second.labels.beta, first.labels.beta);
+        assert!(Path::new(&again).join("labels.png").is_file());
+        assert!(!Path::new(&again).join("part.stl").exists());
+    }
+}
+
+#[test]
+fn sample_writes_clouds_that_can_be_labelled() {
+    let folder = Folder::new();
+    let part = folder.block();
+    for name in ["sites.ply", "sites.npz"] {
+        let cloud = folder.path(name);
+        let result =
+            json(&deepmill(&["sample", &part, "--sites", "200", "--out", &cloud, "--json"]));
+        assert_eq!(result["n_sites"], 200);
+        assert_eq!(deepmill::geom::formats::read_cloud(cloud.as_ref()).unwrap().len(), 200);
+        assert!(folder.label(&cloud, &["--no-picture"]).status.success());
+    }
+    let corners = folder.path("corners.npz");
+    let args = ["sample", &part, "--sites", "vertices", "--out", &corners, "--json"];
+    assert_eq!(json(&deepmill(&args))["n_sites"], 8);
+    let wrong = deepmill(&["sample", &part, "--out", &folder.path("sites.txt")]);
+    assert!(failure(&wrong, 1).contains(".ply or .npz"));
+}
+
+#[test]
+fn report_draws_again_and_compares() {
+    let folder = Folder::new();
+    let part = folder.block();
+    assert!(folder.label(&part, &["--sites", "200", "--no-picture"]).status.success());
+    let out = folder.path("out");
+    let file = LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap();
+    let logits = |flags: &[bool], flip: usize| -> Vec<f32> {
+        let yes = |(i, f): (usize, &bool)| f32::from(u8::from(*f != (i == flip)));
+        flags.iter().enumerate().flat_map(|f| [0.5, yes(f)]).collect()
+    };
+    let predictions = PredictionFile {
+        about: file.about.clone(),
+        sites: file.sites.clone(),
+        logits_inaccessible: logits(&file.labels.inaccessible, 0),
+        logits_occlusion: logits(&file.labels.occlusion, 200),
+    };
+    let guess = folder.path("guess.npz");
+    predictions.write(guess.as_ref()).unwrap();
+    let result = json(&deepmill(&["report", &out, "--compare", &guess, "--json"]));
+    let scores = result["scores"].as_array().unwrap();
+    assert_eq!(scores[0]["positive_class"], "inaccessible");
+    assert_eq!(scores[0]["accuracy"], 199.0 / 200.0);
+    assert_eq!(scores[2]["f1"], 1.0);
+    for name in ["labels.png", "predictions.png", "difference-inaccessible.png"] {
+        assert!(Path::new(&out).join(name).is_file(), "{name}");
+    }
+    let mut other = predictions;
+    other.sites.points.reverse();
+    other.write(guess.as_ref()).unwrap();
+    let output = deepmill(&["report", &out, "--compare", &guess]);
+    assert!(failure(&output, 1).contains("not the sites of the labels"));
+    assert!(failure(&deepmill(&["report", &folder.path("")]), 1).contains("labels.npz"));
+}
+
+#[test]
+fn every_command_has_help_with_an_example() {
+    let help = text(&deepmill(&["--help"]).stdout);
+    let listed = help.split("Commands:").nth(1).unwrap().split("Options:").next().unwrap();
+    let named = listed.lines().filter_map(|l| l.strip_prefix("  "));
+    let commands: Vec<&str> =
+        named.filter(|l| !l.starts_with(' ')).filter_map(|l| l.split_whitespace().next()).collect();
+    assert!(commands.contains(&"label"), "{commands:?}");
+    for command in commands.into_iter().filter(|c| *c != "help") {
+        let help = text(&deepmill(&[command, "--help"]).stdout);
+        let verbs = help.contains("Commands:");
+        assert!(help.contains("Example: deepmill ") || verbs, "{command}: {help}");
+    }
+}
