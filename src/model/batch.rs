@@ -4,7 +4,7 @@ use super::config::{CutterInput, InputConfig};
 use super::cutter_modules::N_LENGTHS;
 use crate::Result;
 use crate::nn::interp::Interpolation;
-use crate::octree::{Cloud, Octree};
+use crate::octree::{Cloud, Frame, Octree};
 use crate::scalar::Scalar;
 use glam::Vec3;
 
@@ -43,10 +43,7 @@ impl<T: Scalar> Batch<T> {
         for shape in shapes {
             let frame = input.normalisation().frame(shape.points)?;
             points.push(shape.points.iter().map(|&p| frame.apply(p)).collect::<Vec<_>>());
-            cutters.push(shape.cutter_mm.map(|length| match input.cutter {
-                CutterInput::Millimetres => length,
-                CutterInput::Scaled => length * frame.scale,
-            }));
+            cutters.push(shape.cutter_mm.map(|mm| cutter_input(input.cutter, mm, &frame)));
         }
         let clouds = points.iter().zip(shapes).map(|(points, s)| Cloud::new(points, s.normals));
         let clouds: Vec<_> = clouds.collect();
@@ -90,5 +87,13 @@ impl<T: Scalar> Batch<T> {
     /// Number of points over all shapes.
     pub fn n_points(&self) -> usize {
         self.octree.n_points()
+    }
+}
+
+/// A length of a cutter in the unit that the network takes.
+pub(super) fn cutter_input(unit: CutterInput, length_mm: f64, frame: &Frame) -> f64 {
+    match unit {
+        CutterInput::Millimetres => length_mm,
+        CutterInput::Scaled => length_mm * frame.scale,
     }
 }

@@ -41,6 +41,15 @@ pub enum Cube {
     Mean,
 }
 
+impl From<Cube> for Normalisation {
+    fn from(cube: Cube) -> Self {
+        match cube {
+            Cube::Box => Normalisation::UnitCube,
+            Cube::Mean => Normalisation::Mean,
+        }
+    }
+}
+
 /// From points, normals and cutter in millimetres to the network's input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -114,10 +123,7 @@ impl InputConfig {
 
     /// Normalisation of the points.
     pub fn normalisation(&self) -> Normalisation {
-        match self.cube {
-            Cube::Box => Normalisation::UnitCube,
-            Cube::Mean => Normalisation::Mean,
-        }
+        self.cube.into()
     }
 }
 

@@ -6,6 +6,8 @@
 mod batch;
 pub mod config;
 pub mod cutter_modules;
+pub mod graph;
+pub mod graph_sage;
 pub mod heads;
 #[cfg(feature = "formats")]
 pub mod parity;
@@ -17,6 +19,7 @@ pub mod weights;
 
 pub use batch::{Batch, Shape};
 pub use config::UNetConfig;
+pub use graph_sage::GraphSage;
 pub use predict::{Model, Prediction};
 pub use training::Workspace;
 pub use unet::{Activations, UNet};

@@ -129,3 +129,99 @@ impl<T: Scalar> Model<T> {
         self.net.backward(&self.params, batch, dlogits, work, grads);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::config::CutterPlacement;
+    use crate::octree::tests::sheet;
+    use crate::par;
+
+    const CUTTERS: [[f64; 4]; 3] =
+        [[1.5, 6.0, 40.0, 5.0], [1.0, 0.2, 90.0, 0.1], [2.0, 20.0, 5.0, 20.0]];
+
+    /// A tiny network whose running statistics are not those of a fresh one.
+    fn model() -> Model<f32> {
+        let mut model = Model::<f32>::new(&UNetConfig::tiny(), 3).unwrap();
+        let shapes: Vec<_> = [400, 300].iter().map(|&n| sheet(n, n as u64 % 7)).collect();
+        let batch = Batch::new(&as_shapes(&shapes), &model.net.config().input).unwrap();
+        model.forward_train(&batch, None, &mut Workspace::default());
+        model
+    }
+
+    fn as_shapes(shapes: &[(Vec<Vec3>, Vec<Vec3>)]) -> Vec<Shape<'_>> {
+        let parts = shapes.iter().zip(CUTTERS);
+        parts.map(|((points, normals), cutter_mm)| Shape { points, normals, cutter_mm }).collect()
+    }
+
+    #[test]
+    fn presets_have_the_stated_sizes() {
+        let count =
+            |name: &str| UNet::new(&UNetConfig::preset(name).unwrap()).unwrap().layout().n_params();
+        assert_eq!(count("reference"), 43_313_668);
+        assert!((1_000_000..4_000_000).contains(&count("small")), "{}", count("small"));
+        assert!(count("tiny") < 500_000, "{}", count("tiny"));
+        let buffers = UNet::new(&UNetConfig::reference()).unwrap();
+        let layout = buffers.layout();
+        assert_eq!((layout.params.len(), layout.buffers.len()), (219, 3 * 69));
+    }
+
+    #[test]
+    fn shapes_together_and_one_by_one_give_the_same_bits() {
+        let model = model();
+        let shapes: Vec<_> = [500, 1, 40].iter().map(|&n| sheet(n, n as u64)).collect();
+        let batch = Batch::new(&as_shapes(&shapes), &model.net.config().input).unwrap();
+        let mut together = Activations::default();
+        model.forward(&batch, &mut together);
+        let ranges = &batch.octree.point_ranges;
+        for ((range, (points, normals)), cutter_mm) in ranges.iter().zip(&shapes).zip(CUTTERS) {
+            let alone = model.predict(points, normals, cutter_mm).unwrap();
+            let of_shape = |logits: &Vec<f32>| logits[2 * range.start..2 * range.end].to_vec();
+            assert_eq!(alone.logits_inaccessible.as_flattened(), of_shape(&together.logits[0]));
+            assert_eq!(alone.logits_occlusion.as_flattened(), of_shape(&together.logits[1]));
+        }
+    }
+
+    #[test]
+    fn logits_and_gradients_do_not_depend_on_the_number_of_threads() {
+        let shapes: Vec<_> = [900, 700].iter().map(|&n| sheet(n, n as u64 % 5)).collect();
+        let run = || {
+            let mut model = model();
+            let batch = Batch::new(&as_shapes(&shapes), &model.net.config().input).unwrap();
+            let (mut work, mut grads) = (Workspace::default(), vec![0.0; model.params.len()]);
+            model.forward_train(&batch, None, &mut work);
+            let d: Vec<f32> = (0..2 * batch.n_points()).map(|i| (i % 7) as f32 - 3.0).collect();
+            model.backward(&batch, [&d, &d], &mut work, &mut grads);
+            (work.logits, grads, model.buffers)
+        };
+        let [one, four] = [1, 4].map(|n| par::with_threads(n, run).unwrap());
+        assert!(one == four);
+        assert!(one.1.iter().all(|g| g.is_finite()) && one.1.iter().any(|g| *g != 0.0));
+    }
+
+    #[test]
+    fn cutters_matter_exactly_where_modules_are_placed() {
+        let (points, normals) = sheet(200, 1);
+        for (placement, expected) in [(CutterPlacement::None, false), (CutterPlacement::Last, true)]
+        {
+            let mut config = UNetConfig::tiny();
+            config.cutter.placement = placement;
+            let model = Model::<f32>::new(&config, 3).unwrap();
+            let [a, b, _] = CUTTERS.map(|c| model.predict(&points, &normals, c).unwrap());
+            assert_eq!(a != b, expected);
+        }
+    }
+
+    #[test]
+    fn answers_follow_the_greater_logit() {
+        let prediction = Prediction::<f64> {
+            logits_inaccessible: vec![[2.0, 0.0], [0.0, 1.0], [1.0, 1.0]],
+            logits_occlusion: vec![[2.0, 0.0], [0.0, 1.0], [1.0, 1.0]],
+        };
+        assert_eq!(prediction.inaccessible(), [true, false, true]);
+        assert_eq!(prediction.occlusion(), [false, true, false]);
+        let p = prediction.probability_inaccessible();
+        assert!((p[0] - 0.880_797).abs() < 1e-6 && (p[1] - 0.268_941).abs() < 1e-6);
+        assert!((prediction.probability_occlusion()[0] - 0.119_203).abs() < 1e-6);
+    }
+}

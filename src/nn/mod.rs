@@ -28,6 +28,7 @@ pub mod interp;
 pub mod joined;
 mod kernel_product;
 pub mod linear;
+pub mod neighbour_mean;
 pub mod pad;
 pub mod params;
 pub mod pool;

@@ -1,0 +1,175 @@
+//! Mesh graphs as a graph network takes them.
+
+use super::batch::cutter_input;
+use super::config::{Cube, CutterInput};
+use super::cutter_modules::N_LENGTHS;
+use crate::nn::neighbour_mean::NeighbourMean;
+use crate::octree::Normalisation;
+use crate::rng::Stream;
+use crate::scalar::Scalar;
+use crate::{Error, Result};
+use glam::Vec3;
+use std::ops::Range;
+
+/// Channels of a vertex: position and normal.
+pub const N_FEATURES: usize = 6;
+
+/// The vertices of one mesh, in millimetres, and the edges between them.
+#[derive(Debug, Clone, Copy)]
+pub struct GraphShape<'a> {
+    /// Vertices, mm.
+    pub points: &'a [Vec3],
+    /// Outward unit normals, one per vertex.
+    pub normals: &'a [Vec3],
+    /// Corner indices of each face; its three edges join neighbours.
+    pub triangles: &'a [[u32; 3]],
+    /// CR, CH, FR, FH of the cutter, mm.
+    pub cutter_mm: [f64; N_LENGTHS],
+}
+
+/// Several meshes, ready for a graph network.
+#[derive(Debug, Clone)]
+pub struct GraphBatch<T> {
+    /// Normalised position and normal of every vertex, `[n, 6]`.
+    pub features: Vec<T>,
+    /// Neighbours of every vertex, ascending.
+    pub neighbours: Vec<Vec<u32>>,
+    /// Mean over all neighbours.
+    pub mean: NeighbourMean,
+    /// Vertices of each shape.
+    pub shapes: Vec<Range<usize>>,
+    /// Cutter lengths as the network takes them, `[n_shapes, 4]`.
+    pub cutters: Vec<T>,
+}
+
+impl<T: Scalar> GraphBatch<T> {
+    /// Normalises each shape and joins the graphs.
+    ///
+    /// # Errors
+    /// If a shape has no vertices, not one normal per vertex, a number that is not finite, or a face with
+    /// a corner that is not a vertex.
+    pub fn new(shapes: &[GraphShape], cube: Cube, cutter: CutterInput) -> Result<Self> {
+        let (mut features, mut neighbours) = (Vec::new(), Vec::new());
+        let (mut ranges, mut cutters) = (Vec::new(), Vec::new());
+        for (i, shape) in shapes.iter().enumerate() {
+            check(i, shape)?;
+            let frame = Normalisation::from(cube).frame(shape.points)?;
+            for (point, normal) in shape.points.iter().zip(shape.normals) {
+                let numbers = [frame.apply(*point).to_array(), normal.to_array()];
+                features.extend(numbers.as_flattened().iter().map(|&x| T::from_f64(f64::from(x))));
+            }
+            let lengths = shape.cutter_mm.map(|mm| cutter_input(cutter, mm, &frame));
+            cutters.extend(lengths.map(T::from_f64));
+            let start = neighbours.len();
+            neighbours.extend(neighbours_of(shape, start as u32));
+            ranges.push(start..neighbours.len());
+        }
+        let mean = NeighbourMean::new(neighbours.iter().map(Vec::as_slice));
+        Ok(GraphBatch { features, neighbours, mean, shapes: ranges, cutters })
+    }
+
+    /// Number of vertices over all shapes.
+    pub fn n_points(&self) -> usize {
+        self.neighbours.len()
+    }
+
+    /// Mean over at most `n_neighbours` neighbours of each vertex, drawn without repetition; shape `i` draws from
+    /// `streams[i]`.
+    pub fn sample(&self, n_neighbours: usize, streams: &mut [Stream]) -> NeighbourMean {
+        let mut lists = self.neighbours.clone();
+        for (shape, stream) in self.shapes.iter().zip(streams) {
+            for list in lists[shape.clone()].iter_mut().filter(|list| list.len() > n_neighbours) {
+                for i in 0..n_neighbours {
+                    let other = i + stream.below(list.len() - i);
+                    list.swap(i, other);
+                }
+                list.truncate(n_neighbours);
+                list.sort_unstable();
+            }
+        }
+        NeighbourMean::new(lists.iter().map(Vec::as_slice))
+    }
+}
+
+fn neighbours_of(shape: &GraphShape, start: u32) -> Vec<Vec<u32>> {
+    let mut lists = vec![Vec::new(); shape.points.len()];
+    for corners in shape.triangles {
+        for i in 0..3 {
+            let (a, b) = (corners[i], corners[(i + 1) % 3]);
+            lists[a as usize].push(start + b);
+            lists[b as usize].push(start + a);
+        }
+    }
+    for list in &mut lists {
+        list.sort_unstable();
+        list.dedup();
+    }
+    lists
+}
+
+fn check(i: usize, shape: &GraphShape) -> Result<()> {
+    let n = shape.points.len();
+    let place = format!("shape {i}");
+    if shape.normals.len() != n {
+        let found = format!("{} normals for {n} vertices", shape.normals.len());
+        return Err(Error::geometry(place, found, "give each vertex a normal"));
+    }
+    if let Some(v) = shape.normals.iter().position(|normal| !normal.is_finite()) {
+        let found = format!("the normal of vertex {v} is not finite");
+        return Err(Error::geometry(place, found, "remove or repair it"));
+    }
+    match shape.triangles.as_flattened().iter().find(|&&corner| corner as usize >= n) {
+        None => Ok(()),
+        Some(corner) => {
+            let found = format!("a face has corner {corner} of {n} vertices");
+            Err(Error::geometry(place, found, "give the faces of these vertices"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Purpose;
+
+    fn tetrahedron() -> ([Vec3; 4], [[u32; 3]; 4]) {
+        let points = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        (points, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    }
+
+    #[test]
+    fn edges_join_the_vertices_of_each_shape() {
+        let (points, triangles) = tetrahedron();
+        let shape = GraphShape {
+            points: &points,
+            normals: &points,
+            triangles: &triangles,
+            cutter_mm: [1.0, 2.0, 3.0, 4.0],
+        };
+        let batch =
+            GraphBatch::<f64>::new(&[shape, shape], Cube::Box, CutterInput::Scaled).unwrap();
+        assert_eq!(batch.neighbours[1], [0, 2, 3]);
+        assert_eq!(batch.neighbours[6], [4, 5, 7]);
+        assert_eq!(batch.shapes, [0..4, 4..8]);
+        assert_eq!(batch.cutters[..4], [2.0, 4.0, 6.0, 8.0]);
+        let mut streams = [0, 1].map(|i| Stream::new(1, 0, i, Purpose::Neighbours));
+        let mut y = Vec::new();
+        batch.sample(2, &mut streams).forward(N_FEATURES, &vec![1.0; 48], &mut y);
+        assert_eq!(y, vec![1.0; 48]);
+    }
+
+    #[test]
+    fn faces_of_other_vertices_are_refused() {
+        let (points, _) = tetrahedron();
+        let shape = GraphShape {
+            points: &points,
+            normals: &points[..3],
+            triangles: &[[0, 1, 9]],
+            cutter_mm: [1.0; 4],
+        };
+        let build = |shape| GraphBatch::<f32>::new(&[shape], Cube::Box, CutterInput::Scaled);
+        assert!(build(shape).unwrap_err().to_string().contains("3 normals for 4 vertices"));
+        let shape = GraphShape { normals: &points, ..shape };
+        assert!(build(shape).unwrap_err().to_string().contains("corner 9"));
+    }
+}
