@@ -15,9 +15,6 @@ pub const MOMENTUM: f64 = 0.1;
 /// In training `mean` and `var` are those of the batch (`var` biased); the running statistics move a
 /// tenth of the way to them (`var` unbiased there). A batch of a single row has no variance: training
 /// then normalises with the running statistics, as inference does, and leaves them alone.
-///
-/// Everything between reading `x` and writing the result is f64: over few rows (a cutter module sees one row
-/// per shape) the gradient is what is left when nearly equal numbers cancel.
 #[derive(Debug, Clone)]
 pub struct BatchNorm {
     /// Columns.
@@ -31,9 +28,9 @@ pub struct BatchNorm {
 
 /// What [`BatchNorm::forward_train`] keeps for backward: `c` numbers each.
 #[derive(Debug, Clone, Default)]
-pub struct Cache {
-    mean: Vec<f64>,
-    inv_std: Vec<f64>,
+pub struct Cache<T> {
+    mean: Vec<T>,
+    inv_std: Vec<T>,
     from_batch: bool,
 }
 
@@ -54,11 +51,11 @@ impl BatchNorm {
 
     /// Normalises `x: [n, c]` in place with the running statistics.
     pub fn forward<T: Scalar>(&self, params: &[T], buffers: &[T], x: &mut [T]) {
-        let (c, columns) = (self.c, self.columns(params, self.running(buffers)));
-        let [mean, _, factor, bias] = columns.slices(c);
-        rows::for_each_row(x, c, |_, x| {
-            for j in 0..c {
-                x[j] = T::from_f64((x[j].to_f64() - mean[j]) * factor[j] + bias[j]);
+        let Cache { mean, inv_std, .. } = self.running(buffers);
+        let (factor, bias) = self.factor_and_bias(params, &inv_std);
+        rows::for_each_row(x, self.c, |_, x| {
+            for j in 0..self.c {
+                x[j] = (x[j] - mean[j]).mul_add(factor[j], bias[j]);
             }
         });
     }
@@ -70,18 +67,10 @@ impl BatchNorm {
         buffers: &mut [T],
         x: &[T],
         y: &mut Vec<T>,
-        cache: &mut Cache,
+        cache: &mut Cache<T>,
     ) {
         *cache = if x.len() > self.c { self.measure(buffers, x) } else { self.running(buffers) };
-        let (c, columns) = (self.c, self.columns(params, cache.clone()));
-        let [mean, _, factor, bias] = columns.slices(c);
-        y.resize(x.len(), T::ZERO);
-        rows::for_each_row(y, c, |row, y| {
-            let x = &x[row * c..][..c];
-            for j in 0..c {
-                y[j] = T::from_f64((x[j].to_f64() - mean[j]) * factor[j] + bias[j]);
-            }
-        });
+        self.apply(params, cache, x, y);
     }
 
     /// Turns `dy` into `dx`; `grads` of weight and bias accumulate.
@@ -93,32 +82,30 @@ impl BatchNorm {
         &self,
         params: &[T],
         x: &[T],
-        cache: &Cache,
+        cache: &Cache<T>,
         d: &mut [T],
         grads: &mut [T],
     ) {
-        let (c, columns) = (self.c, self.columns(params, cache.clone()));
-        let [mean, inv_std, factor, _] = columns.slices(c);
+        let (c, Cache { mean, inv_std, .. }) = (self.c, cache);
         let n_rows = x.len() / c;
         let [dweight, dbias] = rows::column_sums(0..n_rows, c, |row, [dweight, dbias]| {
-            let (dweight, dbias) = (&mut dweight[..c], &mut dbias[..c]);
             let (x, dy) = (&x[row * c..][..c], &d[row * c..][..c]);
             for j in 0..c {
-                let dy = dy[j].to_f64();
-                dweight[j] += (x[j].to_f64() - mean[j]) * inv_std[j] * dy;
-                dbias[j] += dy;
+                let x_hat = (x[j] - mean[j]) * inv_std[j];
+                dweight[j] += (x_hat * dy[j]).to_f64();
+                dbias[j] += dy[j].to_f64();
             }
         });
         let share = if cache.from_batch { 1.0 / n_rows as f64 } else { 0.0 };
-        let means = |sums: &[f64]| sums.iter().map(|s| s * share).collect::<Vec<_>>();
-        let (mean_dweight, mean_dbias) = (means(&dweight), means(&dbias));
-        let (mean_dweight, mean_dbias) = (&mean_dweight[..c], &mean_dbias[..c]);
+        let mean_of = |sums: &[f64]| sums.iter().map(|s| T::from_f64(s * share)).collect();
+        let (mean_dweight, mean_dbias): (Vec<T>, Vec<T>) = (mean_of(&dweight), mean_of(&dbias));
+        let weight = &params[self.weight.clone()];
         rows::for_each_row(d, c, |row, d| {
             let x = &x[row * c..][..c];
             for j in 0..c {
-                let x_hat = (x[j].to_f64() - mean[j]) * inv_std[j];
-                let centred = d[j].to_f64() - mean_dbias[j] - x_hat * mean_dweight[j];
-                d[j] = T::from_f64(factor[j] * centred);
+                let x_hat = (x[j] - mean[j]) * inv_std[j];
+                let centred = d[j] - mean_dbias[j] - x_hat * mean_dweight[j];
+                d[j] = weight[j] * inv_std[j] * centred;
             }
         });
         for j in 0..c {
@@ -129,23 +116,25 @@ impl BatchNorm {
 
     /// Factor and summand per column that inference applies: `y = x · factor + summand`.
     pub fn folded<T: Scalar>(&self, params: &[T], buffers: &[T]) -> (Vec<T>, Vec<T>) {
-        let columns = self.columns(params, self.running(buffers));
-        let [mean, _, factor, bias] = columns.slices(self.c);
-        let fold = |j| (T::from_f64(factor[j]), T::from_f64(bias[j] - mean[j] * factor[j]));
-        (0..self.c).map(fold).unzip()
+        let Cache { mean, inv_std, .. } = self.running(buffers);
+        let column = |j| {
+            let factor = params[self.weight.start + j] * inv_std[j];
+            (factor, params[self.bias.start + j] - mean[j] * factor)
+        };
+        (0..self.c).map(column).unzip()
     }
 
     /// What backward needs after [`BatchNorm::forward`]: the running statistics, taken as constants.
-    pub fn running<T: Scalar>(&self, buffers: &[T]) -> Cache {
-        let numbers = |place: &Range<usize>| buffers[place.clone()].iter().map(|v| v.to_f64());
+    pub fn running<T: Scalar>(&self, buffers: &[T]) -> Cache<T> {
+        let variance = &buffers[self.running_var.clone()];
         Cache {
-            mean: numbers(&self.running_mean).collect(),
-            inv_std: numbers(&self.running_var).map(inv_std).collect(),
+            mean: buffers[self.running_mean.clone()].to_vec(),
+            inv_std: variance.iter().map(|v| T::from_f64(inv_std(v.to_f64()))).collect(),
             from_batch: false,
         }
     }
 
-    fn measure<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Cache {
+    fn measure<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Cache<T> {
         let (mean, var) = rows::moments(x, self.c);
         let n = (x.len() / self.c) as f64;
         let mut blend = |place: &Range<usize>, values: &[f64], factor: f64| {
@@ -157,32 +146,28 @@ impl BatchNorm {
         blend(&self.running_mean, &mean, 1.0);
         blend(&self.running_var, &var, n / (n - 1.0));
         buffers[self.n_batches.start] += T::ONE;
-        Cache { mean, inv_std: var.into_iter().map(inv_std).collect(), from_batch: true }
-    }
-
-    fn columns<T: Scalar>(&self, params: &[T], cache: Cache) -> Columns {
-        let numbers = |place: &Range<usize>| params[place.clone()].iter().map(|v| v.to_f64());
-        Columns {
-            factor: numbers(&self.weight).zip(&cache.inv_std).map(|(w, s)| w * s).collect(),
-            bias: numbers(&self.bias).collect(),
-            mean: cache.mean,
-            inv_std: cache.inv_std,
+        Cache {
+            mean: mean.iter().map(|&m| T::from_f64(m)).collect(),
+            inv_std: var.iter().map(|&v| T::from_f64(inv_std(v))).collect(),
+            from_batch: true,
         }
     }
-}
 
-/// What each column is normalised with; `factor` is weight times `inv_std`.
-struct Columns {
-    mean: Vec<f64>,
-    inv_std: Vec<f64>,
-    factor: Vec<f64>,
-    bias: Vec<f64>,
-}
+    fn factor_and_bias<'a, T: Scalar>(&self, params: &'a [T], inv_std: &[T]) -> (Vec<T>, &'a [T]) {
+        let weight = &params[self.weight.clone()];
+        let factor = weight.iter().zip(inv_std).map(|(&w, &s)| w * s).collect();
+        (factor, &params[self.bias.clone()])
+    }
 
-impl Columns {
-    /// All four at the same length, so that loops over columns need no bounds checks.
-    fn slices(&self, c: usize) -> [&[f64]; 4] {
-        [&self.mean[..c], &self.inv_std[..c], &self.factor[..c], &self.bias[..c]]
+    fn apply<T: Scalar>(&self, params: &[T], cache: &Cache<T>, x: &[T], y: &mut Vec<T>) {
+        let (factor, bias) = self.factor_and_bias(params, &cache.inv_std);
+        y.resize(x.len(), T::ZERO);
+        rows::for_each_row(y, self.c, |row, y| {
+            let x = &x[row * self.c..][..self.c];
+            for j in 0..self.c {
+                y[j] = (x[j] - cache.mean[j]).mul_add(factor[j], bias[j]);
+            }
+        });
     }
 }
 

@@ -93,7 +93,7 @@ pub struct Unit<M> {
 pub struct Cache<T> {
     /// Output of the linear map, before normalisation.
     mapped: Vec<T>,
-    norm: batch_norm::Cache,
+    norm: batch_norm::Cache<T>,
 }
 
 impl<M: LinearMap> Unit<M> {
