@@ -34,7 +34,7 @@ impl PartSource {
                 path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned())
             }
             PartSource::Generated { seed, index } => {
-                format!("{}-{seed}-{index}", generated::mixed_family(*index).name())
+                format!("{}-{seed}-{index}", generated::family_of(*index).name())
             }
         }
     }
@@ -46,7 +46,7 @@ impl PartSource {
     pub fn mesh(&self) -> Result<Mesh> {
         match self {
             PartSource::File(path) => formats::read_mesh(path, &formats::ReadOptions::default()),
-            PartSource::Generated { seed, index } => Ok(generated::mixed_part(*seed, *index).1),
+            PartSource::Generated { seed, index } => Ok(generated::mixed_part(*seed, *index)),
         }
     }
 }

@@ -95,17 +95,6 @@ fn attempts(family: Family, seed: u64, index: u64, lie: Lie) -> (Mesh, u64) {
     panic!("{} {seed} {index}: no sound part in {MAX_ATTEMPTS} draws", family.name());
 }
 
-/// Any family, chosen evenly: part number `index` of a mixed series of `seed`.
-pub fn mixed_part(seed: u64, index: u64) -> (Family, Mesh) {
-    let family = mixed_family(index);
-    (family, part(family, seed, index))
-}
-
-/// The family of part number `index` of a mixed series.
-pub fn mixed_family(index: u64) -> Family {
-    Family::ALL[(index % Family::ALL.len() as u64) as usize]
-}
-
 /// A whole number, uniform in `low..=high`.
 fn whole(random: &mut Stream, low: usize, high: usize) -> usize {
     low + random.below(high - low + 1)

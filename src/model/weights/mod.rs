@@ -316,4 +316,22 @@ mod tests {
         let empty = from_file::<f32>(&TensorFile::default(), origin()).unwrap_err().to_string();
         assert!(empty.contains("tensor conv1.conv.weights: it is missing"), "{empty}");
     }
+
+    #[test]
+    fn files_with_changed_bytes_are_read_or_refused() {
+        use crate::rng::{Purpose, Stream};
+        let whole = to_bytes(&model(|_| ()), Storage::Exact, "");
+        let header = u64::from_le_bytes(whole[..8].try_into().unwrap()) as usize;
+        let mut stream = Stream::new(1, 0, 0, Purpose::Probe);
+        let mut n_refused = 0;
+        for _ in 0..300 {
+            let mut bytes = whole.clone();
+            for _ in 0..1 + stream.below(3) {
+                let place = stream.below(header + 8);
+                bytes[place] = stream.below(256) as u8;
+            }
+            n_refused += usize::from(from_bytes::<f32>(&bytes, origin()).is_err());
+        }
+        assert!(n_refused > 200, "{n_refused}");
+    }
 }
