@@ -72,6 +72,6 @@ impl Head {
         let Cache { unit, hidden } = cache;
         let mut d = Vec::new();
         self.output.backward(params, hidden, dy, Some(&mut d), grads);
-        self.hidden.backward(params, &(), x, hidden, unit, &mut d, Some(dx), grads);
+        self.hidden.backward(params, &(), x, hidden, unit, &mut d, Some(dx.into()), grads);
     }
 }

@@ -20,7 +20,6 @@ pub struct Workspace<T> {
     encoder: Vec<blocks::Cache<T>>,
     cutters: Vec<KeptCutter<T>>,
     up: Vec<Kept<T>>,
-    joined: Vec<Vec<T>>,
     decoder: Vec<blocks::Cache<T>>,
     points: Vec<T>,
     heads: [heads::Cache<T>; N_HEADS],
@@ -93,7 +92,7 @@ impl UNet {
             let Kept { y, cache } = &mut work.down[i];
             stage.down.forward_train(params, buffers, down_rows(octree, depth), x, y, cache);
             let rows = conv_rows(octree, depth);
-            stage.blocks.forward_train(params, buffers, rows, y, &mut after[0]);
+            stage.blocks.forward_train(params, buffers, rows, &*y, &mut after[0]);
         }
     }
 
@@ -113,9 +112,9 @@ impl UNet {
             stage.up.forward_train(params, buffers, up_rows(octree, depth), x, y, cache);
             let skip = if i + 1 < n { work.encoder[n - 2 - i].output() } else { &work.stem.y };
             let cutter = stage.cutter.map(|m| &work.cutters[m].y[..]);
-            stage.join(octree, depth, skip, cutter, y, &mut work.joined[i]);
-            let rows = conv_rows(octree, depth);
-            stage.blocks.forward_train(params, buffers, rows, &work.joined[i], &mut after[0]);
+            let parts = stage.parts(skip, cutter, y);
+            let (rows, x) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
+            stage.blocks.forward_train(params, buffers, rows, x, &mut after[0]);
         }
         let x = work.decoder[n - 1].output();
         batch.interpolation.forward(self.point_width(), x, &mut work.points);
@@ -176,12 +175,15 @@ impl UNet {
         let mut cutter = Vec::new();
         for (i, stage) in self.decoder.iter().enumerate().rev() {
             let depth = self.decoder_depth(octree, i);
-            let (rows, cache) = (conv_rows(octree, depth), &work.decoder[i]);
-            stage.blocks.backward(params, rows, &work.joined[i], cache, d, dx, grads, scratch);
-            let mut parts = vec![PartGradient::Nodes(&mut skips[n - 1 - i])];
-            parts.extend(stage.cutter.map(|_| PartGradient::Shapes(&mut cutter)));
-            parts.push(PartGradient::Nodes(d));
-            stage.concat(octree, depth).backward(dx, &mut parts);
+            let skip = if i + 1 < n { work.encoder[n - 2 - i].output() } else { &work.stem.y };
+            let features = stage.cutter.map(|m| &work.cutters[m].y[..]);
+            let parts = stage.parts(skip, features, &work.up[i].y);
+            let (rows, x) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
+            let mut to = vec![PartGradient::Nodes(&mut skips[n - 1 - i])];
+            to.extend(stage.cutter.map(|_| PartGradient::Shapes(&mut cutter)));
+            to.push(PartGradient::Nodes(dx));
+            let (cache, to) = (&work.decoder[i], (&mut to[..]).into());
+            stage.blocks.backward(params, rows, x, cache, d, to, grads, scratch);
             if let Some(m) = stage.cutter {
                 cutters[m].resize(cutter.len(), T::ZERO);
                 add(&mut cutters[m], &cutter);
@@ -189,8 +191,7 @@ impl UNet {
             let x =
                 if i == 0 { work.encoder[n - 1].output() } else { work.decoder[i - 1].output() };
             let (rows, Kept { y, cache }) = (up_rows(octree, depth), &work.up[i]);
-            stage.up.backward(params, rows, x, y, cache, d, Some(dx), grads);
-            std::mem::swap(d, dx);
+            stage.up.backward(params, rows, x, y, cache, dx, Some(d.into()), grads);
         }
     }
 
@@ -209,10 +210,10 @@ impl UNet {
             let depth = octree.depth() - 1 - i;
             let Kept { y, cache } = &work.down[i];
             let (rows, blocks) = (conv_rows(octree, depth), &work.encoder[i]);
-            stage.blocks.backward(params, rows, y, blocks, d, dx, grads, scratch);
+            stage.blocks.backward(params, rows, y, blocks, d, dx.into(), grads, scratch);
             let x = if i == 0 { &work.stem.y } else { work.encoder[i - 1].output() };
             let rows = down_rows(octree, depth);
-            stage.down.backward(params, rows, x, y, cache, dx, Some(d), grads);
+            stage.down.backward(params, rows, x, y, cache, dx, Some(d.into()), grads);
             add(d, &skips[i]);
         }
         let (rows, Kept { y, cache }) = (conv_rows(octree, octree.depth()), &work.stem);
@@ -227,7 +228,6 @@ impl<T: Scalar> Workspace<T> {
         self.encoder.resize_with(n, Default::default);
         self.cutters.resize_with(net.cutters.len(), Default::default);
         self.up.resize_with(n, Default::default);
-        self.joined.resize_with(n, Default::default);
         self.decoder.resize_with(n, Default::default);
     }
 }

@@ -7,10 +7,11 @@ use super::heads::Head;
 use crate::Result;
 use crate::nn::batch_norm::BatchNorm;
 use crate::nn::blocks::Blocks;
-use crate::nn::concat::{Concat, Part};
+use crate::nn::concat::Part;
 use crate::nn::conv::OctreeConv;
 use crate::nn::conv_transpose::OctreeUp;
 use crate::nn::down::OctreeDown;
+use crate::nn::joined::Joined;
 use crate::nn::params::Layout;
 use crate::nn::residual::Scratch;
 use crate::nn::unit::Unit;
@@ -67,7 +68,7 @@ pub struct Activations<T> {
     pub points: Vec<T>,
     /// Logits of both heads, `[n_points, 2]` each.
     pub logits: [Vec<T>; N_HEADS],
-    joined: Vec<T>,
+    hidden: Vec<T>,
     scratch: Scratch<T>,
 }
 
@@ -123,7 +124,7 @@ impl UNet {
             module.forward(params, buffers, &batch.cutters, y);
         }
         self.decode(params, buffers, batch, to);
-        let Activations { points, logits, joined: hidden, .. } = to;
+        let Activations { points, logits, hidden, .. } = to;
         for (head, logits) in self.heads.iter().zip(logits) {
             head.forward(params, buffers, points, logits, hidden);
         }
@@ -165,7 +166,7 @@ impl UNet {
         to: &mut Activations<T>,
     ) {
         let (octree, n) = (&batch.octree, self.decoder.len());
-        let Activations { stem, encoded, cutters, upsampled, decoded, joined, scratch, .. } = to;
+        let Activations { stem, encoded, cutters, upsampled, decoded, scratch, .. } = to;
         upsampled.resize_with(n, Vec::new);
         decoded.resize_with(n, Vec::new);
         for (i, stage) in self.decoder.iter().enumerate() {
@@ -175,9 +176,9 @@ impl UNet {
             stage.up.forward(params, buffers, up_rows(octree, depth), x, &mut upsampled[i]);
             let skip = if i + 1 < n { &encoded[n - 2 - i] } else { &*stem };
             let cutter = stage.cutter.map(|m| &cutters[m][..]);
-            stage.join(octree, depth, skip, cutter, &upsampled[i], joined);
-            let rows = conv_rows(octree, depth);
-            stage.blocks.forward(params, buffers, rows, joined, &mut after[0], scratch);
+            let parts = stage.parts(skip, cutter, &upsampled[i]);
+            let (rows, x) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
+            stage.blocks.forward(params, buffers, rows, x, &mut after[0], scratch);
         }
         batch.interpolation.forward(self.point_width(), &decoded[n - 1], &mut to.points);
     }
@@ -194,28 +195,25 @@ impl UNet {
 }
 
 impl DecoderStage {
-    /// `joined = [skip | cutter | upsampled]`: the one place where the cutter meets the shape.
-    pub fn join<T: Scalar>(
+    /// Skip, cutter (if the stage sees one) and upsampled features.
+    pub fn parts<'a, T>(
         &self,
-        octree: &Octree,
-        depth: usize,
-        skip: &[T],
-        cutter: Option<&[T]>,
-        upsampled: &[T],
-        joined: &mut Vec<T>,
-    ) {
-        let concat = self.concat(octree, depth);
-        match cutter {
-            None => concat.forward(&[Part::Nodes(skip), Part::Nodes(upsampled)], joined),
-            Some(cutter) => {
-                let parts = [Part::Nodes(skip), Part::Shapes(cutter), Part::Nodes(upsampled)];
-                concat.forward(&parts, joined);
-            }
-        }
+        skip: &'a [T],
+        cutter: Option<&'a [T]>,
+        upsampled: &'a [T],
+    ) -> Vec<Part<'a, T>> {
+        let cutter = cutter.map(Part::Shapes);
+        std::iter::once(Part::Nodes(skip)).chain(cutter).chain([Part::Nodes(upsampled)]).collect()
     }
 
-    pub fn concat<'a>(&'a self, octree: &'a Octree, depth: usize) -> Concat<'a> {
-        Concat { shapes: &octree.levels[depth].ranges, widths: &self.widths }
+    /// `[skip | cutter | upsampled]`: the one place where the cutter meets the shape.
+    pub fn join<'a, T>(
+        &'a self,
+        octree: &'a Octree,
+        depth: usize,
+        parts: &'a [Part<'a, T>],
+    ) -> Joined<'a, T> {
+        Joined { shapes: &octree.levels[depth].ranges, widths: &self.widths, parts }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Residual blocks one after another, all at one depth of the octree.
 
+use super::joined::{Columns, ColumnsGradient};
 use super::params::Layout;
 use super::residual::{self, Residual, Scratch};
 use crate::octree::KernelMap;
@@ -36,62 +37,65 @@ impl Blocks {
     }
 
     /// Inference: `y` is overwritten.
-    pub fn forward<T: Scalar>(
+    pub fn forward<'a, T: Scalar>(
         &self,
         params: &[T],
         buffers: &[T],
         rows: &KernelMap,
-        x: &[T],
+        x: impl Into<Columns<'a, T>>,
         y: &mut Vec<T>,
         scratch: &mut Scratch<T>,
     ) {
+        let x = x.into();
         let mut previous = std::mem::take(&mut scratch.block);
         for (i, block) in self.blocks.iter().enumerate() {
             std::mem::swap(&mut previous, y);
-            let x = if i == 0 { x } else { &previous };
+            let x = if i == 0 { x } else { Columns::One(&previous) };
             block.forward(params, buffers, rows, x, y, scratch);
         }
         scratch.block = previous;
     }
 
     /// Training; the result is [`Cache::output`].
-    pub fn forward_train<T: Scalar>(
+    pub fn forward_train<'a, T: Scalar>(
         &self,
         params: &[T],
         buffers: &mut [T],
         rows: &KernelMap,
-        x: &[T],
+        x: impl Into<Columns<'a, T>>,
         cache: &mut Cache<T>,
     ) {
+        let x = x.into();
         cache.blocks.resize_with(self.blocks.len(), Default::default);
         cache.outputs.resize_with(self.blocks.len(), Default::default);
         for (i, block) in self.blocks.iter().enumerate() {
             let (before, after) = cache.outputs.split_at_mut(i);
-            let x = before.last().map_or(x, |x| x);
+            let x = before.last().map_or(x, |x| Columns::One(x));
             block.forward_train(params, buffers, rows, x, &mut after[0], &mut cache.blocks[i]);
         }
     }
 
     /// `d` holds the gradient of the output and is used up; `dx` is overwritten.
     #[allow(clippy::too_many_arguments)]
-    pub fn backward<T: Scalar>(
+    pub fn backward<'a, T: Scalar>(
         &self,
         params: &[T],
         rows: &KernelMap,
-        x: &[T],
+        x: impl Into<Columns<'a, T>>,
         cache: &Cache<T>,
         d: &mut Vec<T>,
-        dx: &mut Vec<T>,
+        dx: ColumnsGradient<T>,
         grads: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
-        for (i, block) in self.blocks.iter().enumerate().rev() {
+        for (i, block) in self.blocks.iter().enumerate().skip(1).rev() {
             let (y, cache_i) = (&cache.outputs[i], &cache.blocks[i]);
-            let x = if i == 0 { x } else { &cache.outputs[i - 1] };
-            block.backward(params, rows, x, y, cache_i, d, dx, grads, scratch);
-            if i > 0 {
-                std::mem::swap(d, dx);
-            }
+            let mut next = std::mem::take(&mut scratch.block);
+            let (x, to) = (&cache.outputs[i - 1], (&mut next).into());
+            block.backward(params, rows, x, y, cache_i, d, to, grads, scratch);
+            scratch.block = std::mem::replace(d, next);
         }
+        let (y, cache) = (&cache.outputs[0], &cache.blocks[0]);
+        self.blocks[0].backward(params, rows, x, y, cache, d, dx, grads, scratch);
     }
 }

@@ -30,6 +30,88 @@ pub struct Joined<'a, T> {
     pub parts: &'a [Part<'a, T>],
 }
 
+/// What a layer reads: a matrix, or one whose columns stand apart.
+#[derive(Debug, Clone, Copy)]
+pub enum Columns<'a, T> {
+    /// `[n, c]`.
+    One(&'a [T]),
+    /// Several groups of columns.
+    Joined(Joined<'a, T>),
+}
+
+/// Where the gradient of [`Columns`] goes.
+#[derive(Debug)]
+pub enum ColumnsGradient<'a, 'b, T> {
+    /// `[n, c]`.
+    One(&'a mut Vec<T>),
+    /// One for each group of columns.
+    Joined(&'a mut [PartGradient<'b, T>]),
+}
+
+impl<'a, T> From<&'a [T]> for Columns<'a, T> {
+    fn from(x: &'a [T]) -> Self {
+        Columns::One(x)
+    }
+}
+
+impl<'a, T> From<&'a Vec<T>> for Columns<'a, T> {
+    fn from(x: &'a Vec<T>) -> Self {
+        Columns::One(x)
+    }
+}
+
+impl<'a, T> From<Joined<'a, T>> for Columns<'a, T> {
+    fn from(x: Joined<'a, T>) -> Self {
+        Columns::Joined(x)
+    }
+}
+
+impl<'a, T> From<&'a mut Vec<T>> for ColumnsGradient<'a, '_, T> {
+    fn from(dx: &'a mut Vec<T>) -> Self {
+        ColumnsGradient::One(dx)
+    }
+}
+
+impl<'a, 'b, T> From<&'a mut [PartGradient<'b, T>]> for ColumnsGradient<'a, 'b, T> {
+    fn from(dx: &'a mut [PartGradient<'b, T>]) -> Self {
+        ColumnsGradient::Joined(dx)
+    }
+}
+
+impl<'a, T> Columns<'a, T> {
+    /// The one matrix.
+    ///
+    /// # Panics
+    /// If the columns stand apart.
+    pub fn one(self) -> &'a [T] {
+        match self {
+            Columns::One(x) => x,
+            Columns::Joined(_) => unreachable!("this layer reads one matrix"),
+        }
+    }
+}
+
+impl<'a, 'b, T> ColumnsGradient<'a, 'b, T> {
+    /// The one matrix.
+    ///
+    /// # Panics
+    /// If the columns stand apart.
+    pub fn one(self) -> &'a mut Vec<T> {
+        match self {
+            ColumnsGradient::One(dx) => dx,
+            ColumnsGradient::Joined(_) => unreachable!("this layer read one matrix"),
+        }
+    }
+
+    /// The same place, lent for a while.
+    pub fn reborrow(&mut self) -> ColumnsGradient<'_, 'b, T> {
+        match self {
+            ColumnsGradient::One(dx) => ColumnsGradient::One(dx),
+            ColumnsGradient::Joined(dx) => ColumnsGradient::Joined(dx),
+        }
+    }
+}
+
 impl<'a, T: Scalar> Joined<'a, T> {
     fn n_rows(&self) -> usize {
         self.shapes.last().map_or(0, |shape| shape.end)
@@ -145,8 +227,30 @@ impl Linear {
         }
     }
 
+    /// As [`Linear::backward`], for an input that another branch has already sent a gradient to: `dx` is
+    /// added to.
+    pub fn add_backward<T: Scalar>(
+        &self,
+        params: &[T],
+        x: Columns<T>,
+        dy: &[T],
+        dx: ColumnsGradient<T>,
+        grads: &mut [T],
+    ) {
+        match (x, dx) {
+            (Columns::One(x), ColumnsGradient::One(dx)) => {
+                self.backward(params, x, dy, None, grads);
+                self.add_dx(params, dy, dx);
+            }
+            (Columns::Joined(x), ColumnsGradient::Joined(dx)) => {
+                self.add_backward_joined(params, &x, dy, dx, grads);
+            }
+            _ => unreachable!("columns and their gradient are of one kind"),
+        }
+    }
+
     /// [`Linear::backward`] of joined columns; every part of `dx` is added to.
-    pub fn add_backward_joined<T: Scalar>(
+    fn add_backward_joined<T: Scalar>(
         &self,
         params: &[T],
         x: &Joined<T>,

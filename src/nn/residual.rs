@@ -1,6 +1,7 @@
 //! Residual block: two 3³ convolutions around which the input takes a shortcut.
 
 use super::conv::OctreeConv;
+use super::joined::{Columns, ColumnsGradient};
 use super::linear::Linear;
 use super::params::Layout;
 use super::unit::{self, Unit};
@@ -63,19 +64,20 @@ impl Residual {
     }
 
     /// Inference: `y` is overwritten.
-    pub fn forward<T: Scalar>(
+    pub fn forward<'a, T: Scalar>(
         &self,
         params: &[T],
         buffers: &[T],
         rows: &KernelMap,
-        x: &[T],
+        x: impl Into<Columns<'a, T>>,
         y: &mut Vec<T>,
         scratch: &mut Scratch<T>,
     ) {
+        let x = x.into();
         self.first.forward(params, buffers, rows, x, &mut scratch.a);
-        self.second.forward(params, buffers, rows, &scratch.a, y);
+        self.second.forward(params, buffers, rows, &scratch.a[..], y);
         match &self.shortcut {
-            None => rows::add(y, x),
+            None => rows::add(y, x.one()),
             Some(shortcut) => {
                 shortcut.forward(params, buffers, &(), x, &mut scratch.a);
                 rows::add(y, &scratch.a);
@@ -85,20 +87,21 @@ impl Residual {
     }
 
     /// Training: statistics of the batch.
-    pub fn forward_train<T: Scalar>(
+    pub fn forward_train<'a, T: Scalar>(
         &self,
         params: &[T],
         buffers: &mut [T],
         rows: &KernelMap,
-        x: &[T],
+        x: impl Into<Columns<'a, T>>,
         y: &mut Vec<T>,
         cache: &mut Cache<T>,
     ) {
+        let x = x.into();
         let Cache { first, second, shortcut, middle, straight } = cache;
         self.first.forward_train(params, buffers, rows, x, middle, first);
-        self.second.forward_train(params, buffers, rows, middle, y, second);
+        self.second.forward_train(params, buffers, rows, &middle[..], y, second);
         match &self.shortcut {
-            None => rows::add(y, x),
+            None => rows::add(y, x.one()),
             Some(unit) => {
                 unit.forward_train(params, buffers, &(), x, straight, shortcut);
                 rows::add(y, straight);
@@ -109,30 +112,31 @@ impl Residual {
 
     /// `d` holds the gradient of `y` and is used up; `y` is the output of `forward_train`.
     #[allow(clippy::too_many_arguments)]
-    pub fn backward<T: Scalar>(
+    pub fn backward<'a, T: Scalar>(
         &self,
         params: &[T],
         rows: &KernelMap,
-        x: &[T],
+        x: impl Into<Columns<'a, T>>,
         y: &[T],
         cache: &Cache<T>,
         d: &mut [T],
-        dx: &mut Vec<T>,
+        mut dx: ColumnsGradient<T>,
         grads: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
-        let Scratch { a, b, .. } = scratch;
+        let (x, Scratch { a, b, .. }) = (x.into(), scratch);
         relu::backward(y, d);
         b.clear();
         b.extend_from_slice(d);
-        self.second.backward(params, rows, &cache.middle, &[], &cache.second, b, Some(a), grads);
-        let (middle, first) = (&cache.middle, &cache.first);
-        self.first.backward(params, rows, x, middle, first, a, Some(dx), grads);
+        let middle = &cache.middle[..];
+        self.second.backward(params, rows, middle, &[], &cache.second, b, Some(a.into()), grads);
+        let to = Some(dx.reborrow());
+        self.first.backward(params, rows, x, middle, &cache.first, a, to, grads);
         match &self.shortcut {
-            None => rows::add(dx, d),
+            None => rows::add(dx.one(), d),
             Some(unit) => {
-                unit.backward(params, &(), x, &[], &cache.shortcut, d, None, grads);
-                unit.map.add_dx(params, d, dx);
+                unit.backward_norm(params, &[], &cache.shortcut, d, grads);
+                unit.map.add_backward(params, x, d, dx, grads);
             }
         }
     }

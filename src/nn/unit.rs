@@ -4,6 +4,7 @@ use super::batch_norm::{self, BatchNorm};
 use super::conv::OctreeConv;
 use super::conv_transpose::OctreeUp;
 use super::down::OctreeDown;
+use super::joined::{Columns, ColumnsGradient};
 use super::linear::Linear;
 use super::relu;
 use crate::octree::{KernelMap, Level};
@@ -15,37 +16,48 @@ pub trait LinearMap {
     type Rows: ?Sized;
 
     /// Overwrites `y` with the map of `x`.
-    fn forward<T: Scalar>(&self, params: &[T], rows: &Self::Rows, x: &[T], y: &mut Vec<T>);
+    fn forward<T: Scalar>(&self, params: &[T], rows: &Self::Rows, x: Columns<T>, y: &mut Vec<T>);
 
-    /// Overwrites `dx`, where wanted, and adds to `grads`.
+    /// Overwrites `dx`, where wanted, and adds to `grads`. `dx` is of the kind of `x`.
     fn backward<T: Scalar>(
         &self,
         params: &[T],
         rows: &Self::Rows,
-        x: &[T],
+        x: Columns<T>,
         dy: &[T],
-        dx: Option<&mut Vec<T>>,
+        dx: Option<ColumnsGradient<T>>,
         grads: &mut [T],
     );
 }
 
-impl LinearMap for Linear {
-    type Rows = ();
+impl LinearMap for OctreeConv {
+    type Rows = KernelMap;
 
-    fn forward<T: Scalar>(&self, params: &[T], _: &(), x: &[T], y: &mut Vec<T>) {
-        Linear::forward(self, params, x, y);
+    fn forward<T: Scalar>(&self, params: &[T], map: &KernelMap, x: Columns<T>, y: &mut Vec<T>) {
+        match x {
+            Columns::One(x) => self.forward(params, map, x, y),
+            Columns::Joined(x) => self.forward_joined(params, map, &x, y),
+        }
     }
 
     fn backward<T: Scalar>(
         &self,
         params: &[T],
-        _: &(),
-        x: &[T],
+        map: &KernelMap,
+        x: Columns<T>,
         dy: &[T],
-        dx: Option<&mut Vec<T>>,
+        dx: Option<ColumnsGradient<T>>,
         grads: &mut [T],
     ) {
-        Linear::backward(self, params, x, dy, dx, grads);
+        match (x, dx) {
+            (Columns::One(x), dx) => {
+                self.backward(params, map, x, dy, dx.map(ColumnsGradient::one), grads);
+            }
+            (Columns::Joined(x), Some(ColumnsGradient::Joined(dx))) => {
+                self.backward_joined(params, map, &x, dy, dx, grads);
+            }
+            _ => unreachable!("columns and their gradient are of one kind"),
+        }
     }
 }
 
@@ -54,26 +66,56 @@ macro_rules! linear_map {
         impl LinearMap for $map {
             type Rows = $rows;
 
-            fn forward<T: Scalar>(&self, params: &[T], rows: &$rows, x: &[T], y: &mut Vec<T>) {
-                <$map>::forward(self, params, rows, x, y);
+            fn forward<T: Scalar>(
+                &self,
+                params: &[T],
+                rows: &$rows,
+                x: Columns<T>,
+                y: &mut Vec<T>,
+            ) {
+                <$map>::forward(self, params, rows, x.one(), y);
             }
 
             fn backward<T: Scalar>(
                 &self,
                 params: &[T],
                 rows: &$rows,
-                x: &[T],
+                x: Columns<T>,
                 dy: &[T],
-                dx: Option<&mut Vec<T>>,
+                dx: Option<ColumnsGradient<T>>,
                 grads: &mut [T],
             ) {
-                <$map>::backward(self, params, rows, x, dy, dx, grads);
+                let dx = dx.map(ColumnsGradient::one);
+                <$map>::backward(self, params, rows, x.one(), dy, dx, grads);
             }
         }
     };
 }
 
-linear_map!(OctreeConv, KernelMap);
+impl LinearMap for Linear {
+    type Rows = ();
+
+    fn forward<T: Scalar>(&self, params: &[T], _: &(), x: Columns<T>, y: &mut Vec<T>) {
+        match x {
+            Columns::One(x) => Linear::forward(self, params, x, y),
+            Columns::Joined(x) => self.forward_joined(params, &x, y),
+        }
+    }
+
+    fn backward<T: Scalar>(
+        &self,
+        params: &[T],
+        _: &(),
+        x: Columns<T>,
+        dy: &[T],
+        dx: Option<ColumnsGradient<T>>,
+        grads: &mut [T],
+    ) {
+        let dx = dx.map(ColumnsGradient::one);
+        Linear::backward(self, params, x.one(), dy, dx, grads);
+    }
+}
+
 linear_map!(OctreeDown, Level);
 linear_map!(OctreeUp, Level);
 
@@ -98,15 +140,15 @@ pub struct Cache<T> {
 
 impl<M: LinearMap> Unit<M> {
     /// Inference: `y` is overwritten.
-    pub fn forward<T: Scalar>(
+    pub fn forward<'a, T: Scalar>(
         &self,
         params: &[T],
         buffers: &[T],
         rows: &M::Rows,
-        x: &[T],
+        x: impl Into<Columns<'a, T>>,
         y: &mut Vec<T>,
     ) {
-        self.map.forward(params, rows, x, y);
+        self.map.forward(params, rows, x.into(), y);
         self.norm.forward(params, buffers, y);
         if self.relu {
             relu::forward(y);
@@ -114,16 +156,16 @@ impl<M: LinearMap> Unit<M> {
     }
 
     /// Training: statistics of the batch.
-    pub fn forward_train<T: Scalar>(
+    pub fn forward_train<'a, T: Scalar>(
         &self,
         params: &[T],
         buffers: &mut [T],
         rows: &M::Rows,
-        x: &[T],
+        x: impl Into<Columns<'a, T>>,
         y: &mut Vec<T>,
         cache: &mut Cache<T>,
     ) {
-        self.map.forward(params, rows, x, &mut cache.mapped);
+        self.map.forward(params, rows, x.into(), &mut cache.mapped);
         self.norm.forward_train(params, buffers, &cache.mapped, y, &mut cache.norm);
         if self.relu {
             relu::forward(y);
@@ -132,21 +174,33 @@ impl<M: LinearMap> Unit<M> {
 
     /// `d` holds the gradient of `y` and is used up; `y` is the output of `forward_train`.
     #[allow(clippy::too_many_arguments)]
-    pub fn backward<T: Scalar>(
+    pub fn backward<'a, T: Scalar>(
         &self,
         params: &[T],
         rows: &M::Rows,
-        x: &[T],
+        x: impl Into<Columns<'a, T>>,
         y: &[T],
         cache: &Cache<T>,
         d: &mut [T],
-        dx: Option<&mut Vec<T>>,
+        dx: Option<ColumnsGradient<T>>,
+        grads: &mut [T],
+    ) {
+        self.backward_norm(params, y, cache, d, grads);
+        self.map.backward(params, rows, x.into(), d, dx, grads);
+    }
+
+    /// Turns `d` into the gradient of the linear map's output.
+    pub(super) fn backward_norm<T: Scalar>(
+        &self,
+        params: &[T],
+        y: &[T],
+        cache: &Cache<T>,
+        d: &mut [T],
         grads: &mut [T],
     ) {
         if self.relu {
             relu::backward(y, d);
         }
         self.norm.backward(params, &cache.mapped, &cache.norm, d, grads);
-        self.map.backward(params, rows, x, d, dx, grads);
     }
 }

@@ -149,8 +149,9 @@ impl<'a, T: Scalar> Op<'a, T> {
     fn linear_map<M: LinearMap>(&mut self, rows: &M::Rows, layer: &M) -> Result<()> {
         let (params, x, dy) = (self.params()?, self.get("x")?, self.get("gy")?);
         let (mut y, mut dx, mut grads) = (Vec::new(), Vec::new(), vec![T::ZERO; params.len()]);
-        layer.forward(&params, rows, &x, &mut y);
-        layer.backward(&params, rows, &x, &dy, Some(&mut dx), &mut grads);
+        layer.forward(&params, rows, (&x).into(), &mut y);
+        let to = Some((&mut dx).into());
+        layer.backward(&params, rows, (&x).into(), &dy, to, &mut grads);
         let (c_out, c_in) = (self.shape("gy", 2)?[1], self.shape("x", 2)?[1]);
         self.finish((c_out, &y), (c_in, &dx), &grads, &[]);
         Ok(())
@@ -195,7 +196,8 @@ impl<'a, T: Scalar> Op<'a, T> {
         let (mut dx, mut grads) = (Vec::new(), vec![T::ZERO; params.len()]);
         let (rows, scratch) = (&octree.levels[3].conv, &mut Scratch::default());
         block.forward_train(&params, &mut buffers, rows, &x, &mut y, &mut cache);
-        block.backward(&params, rows, &x, &y, &cache, &mut d, &mut dx, &mut grads, scratch);
+        let to = (&mut dx).into();
+        block.backward(&params, rows, &x, &y, &cache, &mut d, to, &mut grads, scratch);
         self.finish((c_out, &y), (c_in, &dx), &grads, &buffers);
         Ok(())
     }
