@@ -1,6 +1,6 @@
 //! The numbers of the network: `f32` for work, `f64` for decisive gradient checks.
 
-use crate::simd::{Level, gemm, level};
+use crate::simd::{Kernel, Level, Simd, gemm, level};
 use crate::{Error, Result};
 use std::fmt::{Debug, Display};
 use std::iter::Sum;
@@ -98,6 +98,24 @@ pub fn simd_level() -> Result<Level> {
         let expected = format!("one of {}", names.join(", "));
         Error::argument(level::VARIABLE, error.name, expected, "unset it to use the fastest")
     })
+}
+
+/// Runs `work` as compiled for the level in force: for loops over numbers whose results do not depend
+/// on how many of them are taken at a time. What the compiler does not inline runs as usual.
+#[inline]
+pub fn vectorised<R>(work: impl FnOnce() -> R) -> R {
+    struct Work<F>(F);
+
+    impl<R, F: FnOnce() -> R> Kernel for Work<F> {
+        type Output = R;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, _: S) -> R {
+            (self.0)()
+        }
+    }
+
+    Level::active().run(Work(work))
 }
 
 macro_rules! scalar {

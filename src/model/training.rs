@@ -6,6 +6,7 @@ use super::{cutter_modules, heads};
 use crate::nn::blocks;
 use crate::nn::concat::PartGradient;
 use crate::nn::residual::Scratch;
+use crate::nn::rows;
 use crate::nn::unit;
 use crate::rng::Stream;
 use crate::scalar::Scalar;
@@ -158,7 +159,7 @@ impl UNet {
         let [first, second] = &self.heads;
         first.backward(params, &work.points, &work.heads[0], dlogits[0], &mut g.d, grads);
         second.backward(params, &work.points, &work.heads[1], dlogits[1], &mut g.dx, grads);
-        add(&mut g.d, &g.dx);
+        rows::add_all(&mut g.d, &g.dx);
     }
 
     /// From the gradient of the decoder's output in `g.d` to that of the encoder's.
@@ -186,7 +187,7 @@ impl UNet {
             stage.blocks.backward(params, rows, x, cache, d, to, grads, scratch);
             if let Some(m) = stage.cutter {
                 cutters[m].resize(cutter.len(), T::ZERO);
-                add(&mut cutters[m], &cutter);
+                rows::add_all(&mut cutters[m], &cutter);
             }
             let x =
                 if i == 0 { work.encoder[n - 1].output() } else { work.decoder[i - 1].output() };
@@ -214,7 +215,7 @@ impl UNet {
             let x = if i == 0 { &work.stem.y } else { work.encoder[i - 1].output() };
             let rows = down_rows(octree, depth);
             stage.down.backward(params, rows, x, y, cache, dx, Some(d.into()), grads);
-            add(d, &skips[i]);
+            rows::add_all(d, &skips[i]);
         }
         let (rows, Kept { y, cache }) = (conv_rows(octree, octree.depth()), &work.stem);
         self.stem.backward(params, rows, &batch.features, y, cache, d, None, grads);
@@ -229,11 +230,5 @@ impl<T: Scalar> Workspace<T> {
         self.cutters.resize_with(net.cutters.len(), Default::default);
         self.up.resize_with(n, Default::default);
         self.decoder.resize_with(n, Default::default);
-    }
-}
-
-fn add<T: Scalar>(y: &mut [T], x: &[T]) {
-    for (y, &x) in y.iter_mut().zip(x) {
-        *y += x;
     }
 }

@@ -51,11 +51,23 @@ impl BatchNorm {
 
     /// Normalises `x: [n, c]` in place with the running statistics.
     pub fn forward<T: Scalar>(&self, params: &[T], buffers: &[T], x: &mut [T]) {
+        self.forward_then(params, buffers, x, |x| x);
+    }
+
+    /// [`BatchNorm::forward`], and `then` on every number.
+    pub(super) fn forward_then<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &[T],
+        x: &mut [T],
+        then: impl Fn(T) -> T + Sync,
+    ) {
         let Cache { mean, inv_std, .. } = self.running(buffers);
         let (factor, bias) = self.factor_and_bias(params, &inv_std);
         rows::for_each_row(x, self.c, |_, x| {
-            for j in 0..self.c {
-                x[j] = (x[j] - mean[j]).mul_add(factor[j], bias[j]);
+            let columns = mean.iter().zip(&factor).zip(bias);
+            for (x, ((&mean, &factor), &bias)) in x.iter_mut().zip(columns) {
+                *x = then((*x - mean) * factor + bias);
             }
         });
     }
@@ -69,8 +81,29 @@ impl BatchNorm {
         y: &mut Vec<T>,
         cache: &mut Cache<T>,
     ) {
+        self.forward_train_then(params, buffers, x, y, cache, |y| y);
+    }
+
+    /// [`BatchNorm::forward_train`], and `then` on every number.
+    pub(super) fn forward_train_then<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        x: &[T],
+        y: &mut Vec<T>,
+        cache: &mut Cache<T>,
+        then: impl Fn(T) -> T + Sync,
+    ) {
         *cache = if x.len() > self.c { self.measure(buffers, x) } else { self.running(buffers) };
-        self.apply(params, cache, x, y);
+        let (factor, bias) = self.factor_and_bias(params, &cache.inv_std);
+        y.resize(x.len(), T::ZERO);
+        rows::for_each_row(y, self.c, |row, y| {
+            let x = &x[row * self.c..][..self.c];
+            let columns = cache.mean.iter().zip(&factor).zip(bias);
+            for ((y, &x), ((&mean, &factor), &bias)) in y.iter_mut().zip(x).zip(columns) {
+                *y = then((x - mean) * factor + bias);
+            }
+        });
     }
 
     /// Turns `dy` into `dx`; `grads` of weight and bias accumulate.
@@ -90,22 +123,27 @@ impl BatchNorm {
         let n_rows = x.len() / c;
         let [dweight, dbias] = rows::column_sums(0..n_rows, c, |row, [dweight, dbias]| {
             let (x, dy) = (&x[row * c..][..c], &d[row * c..][..c]);
-            for j in 0..c {
-                let x_hat = (x[j] - mean[j]) * inv_std[j];
-                dweight[j] += (x_hat * dy[j]).to_f64();
-                dbias[j] += dy[j].to_f64();
+            let columns = mean.iter().zip(inv_std).zip(dweight.iter_mut().zip(dbias));
+            for ((&x, &dy), ((&mean, &inv_std), (dweight, dbias))) in x.iter().zip(dy).zip(columns)
+            {
+                let x_hat = (x - mean) * inv_std;
+                *dweight += (x_hat * dy).to_f64();
+                *dbias += dy.to_f64();
             }
         });
         let share = if cache.from_batch { 1.0 / n_rows as f64 } else { 0.0 };
         let mean_of = |sums: &[f64]| sums.iter().map(|s| T::from_f64(s * share)).collect();
         let (mean_dweight, mean_dbias): (Vec<T>, Vec<T>) = (mean_of(&dweight), mean_of(&dbias));
         let weight = &params[self.weight.clone()];
+        let factor: Vec<T> = weight.iter().zip(inv_std).map(|(&w, &s)| w * s).collect();
         rows::for_each_row(d, c, |row, d| {
             let x = &x[row * c..][..c];
-            for j in 0..c {
-                let x_hat = (x[j] - mean[j]) * inv_std[j];
-                let centred = d[j] - mean_dbias[j] - x_hat * mean_dweight[j];
-                d[j] = weight[j] * inv_std[j] * centred;
+            let columns = mean.iter().zip(inv_std).zip(&factor).zip(&mean_dbias).zip(&mean_dweight);
+            for ((d, &x), ((((mean, inv_std), factor), dbias), dweight)) in
+                d.iter_mut().zip(x).zip(columns)
+            {
+                let x_hat = (x - *mean) * *inv_std;
+                *d = *factor * (*d - *dbias - x_hat * *dweight);
             }
         });
         for j in 0..c {
@@ -157,17 +195,6 @@ impl BatchNorm {
         let weight = &params[self.weight.clone()];
         let factor = weight.iter().zip(inv_std).map(|(&w, &s)| w * s).collect();
         (factor, &params[self.bias.clone()])
-    }
-
-    fn apply<T: Scalar>(&self, params: &[T], cache: &Cache<T>, x: &[T], y: &mut Vec<T>) {
-        let (factor, bias) = self.factor_and_bias(params, &cache.inv_std);
-        y.resize(x.len(), T::ZERO);
-        rows::for_each_row(y, self.c, |row, y| {
-            let x = &x[row * self.c..][..self.c];
-            for j in 0..self.c {
-                y[j] = (x[j] - cache.mean[j]).mul_add(factor[j], bias[j]);
-            }
-        });
     }
 }
 

@@ -34,6 +34,6 @@ pub mod params;
 pub mod pool;
 pub mod relu;
 pub mod residual;
-mod rows;
+pub(crate) mod rows;
 pub mod unit;
 pub mod upsample;

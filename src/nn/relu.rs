@@ -1,24 +1,26 @@
 //! `y = max(x, 0)`, in place.
 
+use super::rows::combine;
 use crate::par;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, vectorised};
 
-const BLOCK: usize = 1 << 16;
+const BLOCK: usize = 1 << 15;
 
 /// Turns `x` into `max(x, 0)`.
 pub fn forward<T: Scalar>(x: &mut [T]) {
     par::for_each_block(x, BLOCK, |_, block| {
-        block.iter_mut().for_each(|x| *x = (*x).max(T::ZERO));
+        vectorised(|| block.iter_mut().for_each(|x| *x = (*x).max(T::ZERO)));
     });
+}
+
+/// Turns `x` into `max(x + other, 0)`.
+pub fn forward_sum<T: Scalar>(x: &mut [T], other: &[T]) {
+    combine(x, other, |x, other| (x + other).max(T::ZERO));
 }
 
 /// Turns `dy` into `dx`: the gradient passes where the output `y` is positive.
 pub fn backward<T: Scalar>(y: &[T], d: &mut [T]) {
-    par::for_each_block(d, BLOCK, |i, block| {
-        for (d, &y) in block.iter_mut().zip(&y[i * BLOCK..]) {
-            *d = if y > T::ZERO { *d } else { T::ZERO };
-        }
-    });
+    combine(d, y, |d, y| if y > T::ZERO { d } else { T::ZERO });
 }
 
 #[cfg(test)]

@@ -77,13 +77,12 @@ impl Residual {
         self.first.forward(params, buffers, rows, x, &mut scratch.a);
         self.second.forward(params, buffers, rows, &scratch.a[..], y);
         match &self.shortcut {
-            None => rows::add(y, x.one()),
+            None => relu::forward_sum(y, x.one()),
             Some(shortcut) => {
                 shortcut.forward(params, buffers, &(), x, &mut scratch.a);
-                rows::add(y, &scratch.a);
+                relu::forward_sum(y, &scratch.a);
             }
         }
-        relu::forward(y);
     }
 
     /// Training: statistics of the batch.
@@ -101,13 +100,12 @@ impl Residual {
         self.first.forward_train(params, buffers, rows, x, middle, first);
         self.second.forward_train(params, buffers, rows, &middle[..], y, second);
         match &self.shortcut {
-            None => rows::add(y, x.one()),
+            None => relu::forward_sum(y, x.one()),
             Some(unit) => {
                 unit.forward_train(params, buffers, &(), x, straight, shortcut);
-                rows::add(y, straight);
+                relu::forward_sum(y, straight);
             }
         }
-        relu::forward(y);
     }
 
     /// `d` holds the gradient of `y` and is used up; `y` is the output of `forward_train`.
@@ -133,7 +131,7 @@ impl Residual {
         let to = Some(dx.reborrow());
         self.first.backward(params, rows, x, middle, &cache.first, a, to, grads);
         match &self.shortcut {
-            None => rows::add(dx.one(), d),
+            None => rows::add_all(dx.one(), d),
             Some(unit) => {
                 unit.backward_norm(params, &[], &cache.shortcut, d, grads);
                 unit.map.add_backward(params, x, d, dx, grads);

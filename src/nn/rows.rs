@@ -1,11 +1,14 @@
 //! Dense products and column sums over blocks of rows: what linear and normalising layers share.
 
 use crate::par;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, vectorised};
 use std::ops::Range;
 
 /// Rows of one task. A constant, so that sums over rows do not depend on the number of threads.
 const BLOCK_ROWS: usize = 1024;
+
+/// Elements of one task, where rows do not matter.
+const BLOCK_ELEMENTS: usize = 1 << 15;
 
 static IDENTITY: [u32; BLOCK_ROWS] = {
     let mut rows = [0; BLOCK_ROWS];
@@ -47,9 +50,21 @@ pub(super) fn transposed<T: Scalar>(x: &[T], rows: usize, columns: usize) -> Vec
 
 /// `y += x`, element by element.
 pub(super) fn add<T: Scalar>(y: &mut [T], x: &[T]) {
-    for (y, &x) in y.iter_mut().zip(x) {
-        *y += x;
-    }
+    y.iter_mut().zip(x).for_each(|(y, &x)| *y += x);
+}
+
+/// `y += x`, element by element, in parallel.
+pub(crate) fn add_all<T: Scalar>(y: &mut [T], x: &[T]) {
+    combine(y, x, |y, x| y + x);
+}
+
+/// `y = f(y, x)`, element by element, in parallel.
+pub(super) fn combine<T: Scalar>(y: &mut [T], x: &[T], f: impl Fn(T, T) -> T + Sync) {
+    assert_eq!(y.len(), x.len());
+    par::for_each_block(y, BLOCK_ELEMENTS, |i, y| {
+        let x = &x[i * BLOCK_ELEMENTS..][..y.len()];
+        vectorised(|| y.iter_mut().zip(x).for_each(|(y, &x)| *y = f(*y, x)));
+    });
 }
 
 /// Sums of `N` quantities per column over `rows`, in f64, blocks joined in order.
@@ -64,9 +79,7 @@ pub(super) fn column_sums<const N: usize>(
     let start = rows.start;
     let partial = par::map_blocks(rows.len(), BLOCK_ROWS, |block| {
         let mut sums = zero();
-        for row in block {
-            add(start + row, &mut sums);
-        }
+        vectorised(|| block.for_each(|row| add(start + row, &mut sums)));
         sums
     });
     let mut total = zero();
@@ -85,9 +98,11 @@ pub(super) fn for_each_row<T: Scalar>(
     work: impl Fn(usize, &mut [T]) + Sync,
 ) {
     par::for_each_block(x, BLOCK_ROWS * c, |i, block| {
-        for (row, x) in block.chunks_exact_mut(c).enumerate() {
-            work(i * BLOCK_ROWS + row, x);
-        }
+        vectorised(|| {
+            for (row, x) in block.chunks_exact_mut(c).enumerate() {
+                work(i * BLOCK_ROWS + row, x);
+            }
+        });
     });
 }
 

@@ -149,9 +149,9 @@ impl<M: LinearMap> Unit<M> {
         y: &mut Vec<T>,
     ) {
         self.map.forward(params, rows, x.into(), y);
-        self.norm.forward(params, buffers, y);
-        if self.relu {
-            relu::forward(y);
+        match self.relu {
+            true => self.norm.forward_then(params, buffers, y, |y| y.max(T::ZERO)),
+            false => self.norm.forward(params, buffers, y),
         }
     }
 
@@ -166,9 +166,12 @@ impl<M: LinearMap> Unit<M> {
         cache: &mut Cache<T>,
     ) {
         self.map.forward(params, rows, x.into(), &mut cache.mapped);
-        self.norm.forward_train(params, buffers, &cache.mapped, y, &mut cache.norm);
-        if self.relu {
-            relu::forward(y);
+        let Cache { mapped, norm } = cache;
+        match self.relu {
+            true => {
+                self.norm.forward_train_then(params, buffers, mapped, y, norm, |y| y.max(T::ZERO));
+            }
+            false => self.norm.forward_train(params, buffers, mapped, y, norm),
         }
     }
 

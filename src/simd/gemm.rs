@@ -114,8 +114,8 @@ impl<T: Real> Kernel for MatmulRows<'_, T> {
     fn run<S: Simd>(self, simd: S) {
         // Sums, one row of the panel and one broadcast fill the registers.
         match (S::LANES * S::REGISTERS, size_of::<T>()) {
-            (512.., 4) => matmul_rows_body::<T, S, 12, 32>(simd, self),
-            (512.., _) => matmul_rows_body::<T, S, 12, 16>(simd, self),
+            (512.., 4) => matmul_rows_body::<T, S, 8, 32>(simd, self),
+            (512.., _) => matmul_rows_body::<T, S, 8, 16>(simd, self),
             (128.., 4) => matmul_rows_body::<T, S, 6, 16>(simd, self),
             (128.., _) => matmul_rows_body::<T, S, 6, 8>(simd, self),
             _ => matmul_rows_body::<T, S, 2, 8>(simd, self),
@@ -130,8 +130,8 @@ impl<T: Real> Kernel for MatmulTnRows<'_, T> {
     fn run<S: Simd>(self, simd: S) {
         // Sums, one row of the panel and one broadcast fill the registers.
         match (S::LANES * S::REGISTERS, size_of::<T>()) {
-            (512.., 4) => matmul_tn_rows_body::<T, S, 12, 32>(simd, self),
-            (512.., _) => matmul_tn_rows_body::<T, S, 12, 16>(simd, self),
+            (512.., 4) => matmul_tn_rows_body::<T, S, 8, 32>(simd, self),
+            (512.., _) => matmul_tn_rows_body::<T, S, 8, 16>(simd, self),
             (128.., 4) => matmul_tn_rows_body::<T, S, 6, 16>(simd, self),
             (128.., _) => matmul_tn_rows_body::<T, S, 6, 8>(simd, self),
             _ => matmul_tn_rows_body::<T, S, 2, 8>(simd, self),
@@ -142,7 +142,7 @@ impl<T: Real> Kernel for MatmulTnRows<'_, T> {
 /// Calls `$tile::<T, S, HEIGHT, N>` for the height at hand; heights above `$max` are compiled out.
 macro_rules! with_height {
     ($height:expr, $max:expr, $tile:ident::<$t:ty, $s:ty, $n:ident>$args:tt) => {
-        with_height!(@ $height, $max, $tile, $t, $s, $n, $args, 1 2 3 4 5 6 7 8 9 10 11 12)
+        with_height!(@ $height, $max, $tile, $t, $s, $n, $args, 1 2 3 4 5 6 7 8)
     };
     (@ $height:expr, $max:expr, $tile:ident, $t:ty, $s:ty, $n:ident, $args:tt, $($m:literal)*) => {
         match $height {

@@ -1,6 +1,7 @@
 //! The `deepmill` program: parse, call the library, print.
 
 mod args;
+mod bench;
 mod check;
 mod clock;
 mod dataset;
@@ -40,6 +41,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Bench(bench::Args),
     Check(check::Args),
     Generate(generate::Args),
     Parity(parity::Args),
@@ -59,6 +61,7 @@ fn main() -> ExitCode {
         deepmill::scalar::simd_level()?;
         match &cli.command {
             None => demo::run(&output),
+            Some(Command::Bench(args)) => bench::run(args, &output),
             Some(Command::Check(args)) => check::run(args, &output),
             Some(Command::Generate(args)) => generate::run(args, &output),
             Some(Command::Parity(args)) => parity::run(args, &output),

@@ -1,0 +1,90 @@
+//! The same bits for any number of threads and at every instruction-set level.
+
+use deepmill::loss::CrossEntropy;
+use deepmill::model::{Activations, Batch, Model, Shape, UNetConfig, Workspace};
+use deepmill::optim::Sgd;
+use deepmill::par;
+use deepmill::rng::{Purpose, Stream};
+use deepmill::simd::Level;
+use glam::Vec3;
+
+const THREADS: [usize; 4] = [1, 2, 3, 8];
+const STEPS: usize = 10;
+
+/// Points on a wavy sheet, some doubled, with their normals.
+fn cloud(n: usize, seed: u64) -> (Vec<Vec3>, Vec<Vec3>) {
+    let mut stream = Stream::new(seed, 0, 0, Purpose::Probe);
+    let point = |_| {
+        let [x, y] = [0; 2].map(|_| stream.range(-40.0, 40.0) as f32);
+        Vec3::new(x, y, 0.01 * x * x - 0.3 * y)
+    };
+    let mut points: Vec<Vec3> = (0..n).map(point).collect();
+    points.push(points[0]);
+    let normals = points.iter().map(|p| Vec3::new(-0.02 * p.x, 0.3, 1.0).normalize()).collect();
+    (points, normals)
+}
+
+fn batch(config: &UNetConfig) -> Batch<f32> {
+    let clouds = [cloud(900, 1), cloud(200, 2), cloud(300, 3)];
+    let shapes: Vec<_> = clouds
+        .iter()
+        .map(|(points, normals)| Shape { points, normals, cutter_mm: [1.5, 6.0, 40.0, 5.0] })
+        .collect();
+    Batch::new(&shapes, &config.input).unwrap()
+}
+
+/// Dropout on, widths that are no multiple of a tile, several blocks of rows.
+fn config() -> UNetConfig {
+    let mut config = UNetConfig::tiny();
+    config.input.depth = 5;
+    config.encoder_widths = vec![17, 24, 33];
+    config.cutter.dropout = 0.3;
+    config
+}
+
+/// Everything a run of ten steps produces: losses, parameters, running statistics, last gradients, and
+/// the logits of an inference with the final network.
+fn train() -> Vec<u32> {
+    let config = config();
+    let (batch, mut model) = (batch(&config), Model::<f32>::new(&config, 7).unwrap());
+    let (mut work, mut dlogits) = (Workspace::default(), [vec![], vec![]]);
+    let n = model.params.len();
+    let (mut grads, mut velocity, mut losses) = (vec![0.0; n], vec![0.0; n], Vec::new());
+    let targets: Vec<u8> = (0..batch.n_points()).map(|i| (i % 7 == 0) as u8).collect();
+    for step in 0..STEPS as u64 {
+        let stream = |shape| Stream::new(7, step, shape, Purpose::Dropout);
+        let mut dropout: Vec<_> = (0..batch.n_shapes() as u64).map(stream).collect();
+        model.forward_train(&batch, Some(&mut dropout), &mut work);
+        for (logits, d) in work.logits.iter().zip(&mut dlogits) {
+            losses.push(CrossEntropy::binary().loss(logits, &targets, 0.5, d) as f32);
+        }
+        grads.fill(0.0);
+        let [first, second] = &dlogits;
+        model.backward(&batch, [first, second], &mut work, &mut grads);
+        let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
+        sgd.step(0.1, &grads, &mut velocity, &mut model.params);
+    }
+    let mut activations = Activations::default();
+    model.forward(&batch, &mut activations);
+    assert!(losses.iter().all(|loss| loss.is_finite()));
+    assert!(losses[2 * STEPS - 2] < losses[0], "it learns: {losses:?}");
+    let [first, second] = &activations.logits;
+    let all = [&losses, &model.params, &model.buffers, &grads, first, second];
+    all.into_iter().flatten().map(|x| x.to_bits()).collect()
+}
+
+/// One test, because the level in force belongs to the whole process.
+#[test]
+fn ten_training_steps_are_identical_for_any_threads_and_any_level() {
+    let expected = par::with_threads(1, train).unwrap();
+    for n_threads in THREADS {
+        assert!(par::with_threads(n_threads, train).unwrap() == expected, "{n_threads} threads");
+    }
+    let chosen = Level::requested().unwrap();
+    for &level in Level::available() {
+        level.activate();
+        let got = par::with_threads(2, train).unwrap();
+        chosen.activate();
+        assert!(got == expected, "level {}", level.name());
+    }
+}
