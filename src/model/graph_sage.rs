@@ -218,7 +218,7 @@ impl GraphSage {
         for (i, layer) in self.layers.iter().enumerate().rev() {
             let LayerCache { both, y, unit, .. } = &work.layers[i];
             let mut dboth = Vec::new();
-            let to = Some(&mut dboth);
+            let to = Some((&mut dboth).into());
             layer.unit.backward(params, &(), &both[..], y, unit, &mut d, to, grads);
             let mut dcutter = Vec::new();
             layer.spread(&batch.shapes, &means[i], &dboth, &mut d, &mut dcutter);

@@ -1,0 +1,43 @@
+//! Any options and any coordinates: an error of one line, or an octree whose nodes hold their points, whose
+//! neighbours agree with each other, and which interpolates ones to ones.
+#![no_main]
+
+use deepmill::nn::interp::Interpolation;
+use deepmill::octree::{Cloud, Octree, OctreeOptions};
+use glam::Vec3;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|input: &[u8]| {
+    let [depth, full_depth, wrap, coordinates @ ..] = input else { return };
+    let options = OctreeOptions {
+        depth: usize::from(*depth),
+        full_depth: usize::from(*full_depth),
+        wrap_at_faces: wrap % 2 == 1,
+        max_bytes: 1 << 24,
+        ..OctreeOptions::default()
+    };
+    // Either any bit patterns, or points on a coarse lattice inside the cube.
+    let bits = coordinates.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b));
+    let lattice = coordinates.iter().map(|b| f32::from(*b) / 127.5 - 1.0);
+    let numbers: Vec<f32> = if wrap & 2 == 0 { bits.collect() } else { lattice.collect() };
+    let points: Vec<Vec3> = numbers.as_chunks::<3>().0.iter().map(|p| Vec3::from(*p)).collect();
+    let clouds: Vec<Cloud> = points.chunks(5).map(|p| Cloud::new(p, &[])).collect();
+    let octree = match Octree::build(&clouds, &options) {
+        Ok(octree) => octree,
+        Err(error) => return assert!(!error.to_string().contains('\n'), "{error}"),
+    };
+    for (i, &point) in points.iter().enumerate() {
+        let node = octree.finest().nonempty[octree.point_node[i] as usize];
+        assert_eq!(octree.locate(octree.depth(), i / 5, point), Some(node));
+    }
+    for level in &octree.levels {
+        for (n, neigh) in level.neigh.iter().enumerate() {
+            let mutual = |k: usize, m: i32| m < 0 || level.neigh[m as usize][26 - k] == n as i32;
+            assert!(neigh.iter().enumerate().all(|(k, &m)| mutual(k, m)));
+        }
+    }
+    let map = Interpolation::linear(&octree, octree.depth(), &points, &octree.point_ranges);
+    let (ones, mut y) = (vec![1.0f64; octree.finest().n_nodes()], vec![]);
+    map.forward(1, &ones, &mut y);
+    assert!(y.iter().all(|y| (y - 1.0).abs() < 1e-9));
+});
