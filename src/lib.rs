@@ -29,6 +29,8 @@ pub mod octree;
 pub mod optim;
 pub mod par;
 #[cfg(feature = "formats")]
+pub mod parity;
+#[cfg(feature = "formats")]
 pub mod report;
 pub mod rng;
 pub mod scalar;

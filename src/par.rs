@@ -21,6 +21,8 @@ pub fn for_each_block<T: Send>(
     items.par_chunks_mut(block_len.max(1)).enumerate().for_each(|(i, block)| work(i, block));
 }
 
+type PairWork<'a, A, B> = dyn Fn(usize, &mut [A], &mut [B]) + Sync + 'a;
+
 /// Calls `work(block_index, a_block, b_block)` for consecutive blocks of two slices of equal length.
 ///
 /// # Panics
@@ -32,7 +34,7 @@ pub fn for_each_block2<A: Send, B: Send>(
     work: impl Fn(usize, &mut [A], &mut [B]) + Sync,
 ) {
     assert_eq!(a.len(), b.len());
-    let work: &(dyn Fn(usize, &mut [A], &mut [B]) + Sync) = &work;
+    let work: &PairWork<A, B> = &work;
     let blocks = a.par_chunks_mut(block_len.max(1)).zip(b.par_chunks_mut(block_len.max(1)));
     blocks.enumerate().for_each(|(i, (a, b))| work(i, a, b));
 }

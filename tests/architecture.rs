@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 const EVERYWHERE: [&str; 7] = ["error", "scalar", "rng", "par", "aside", "Error", "Result"];
 
 /// Room → rooms it may import. Arrows only point down.
-const PLAN: [(&str, &[&str]); 20] = [
+const PLAN: [(&str, &[&str]); 21] = [
     ("report", &["train", "metrics", "access", "geom", "cutter"]),
+    ("parity", &["model", "nn", "octree", "optim", "loss", "cutter"]),
     ("train", &["model", "data", "optim", "loss", "metrics"]),
     ("data", &["access", "geom", "octree", "cutter", "directions"]),
     ("model", &["nn", "octree", "cutter"]),
@@ -37,7 +38,7 @@ const FILE_ROOMS: [&str; 10] = [
     "data/npz",
     "data/dataset",
     "model/weights",
-    "model/parity",
+    "parity/",
     "train/checkpoint",
     "train/history",
     "report/",

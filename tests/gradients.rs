@@ -164,7 +164,7 @@ fn units_of_convolution_norm_and_relu() {
         let back = |params: &[f64], x: &[f64], dy: &[f64]| {
             let ((y, cache), mut d) = (run(params, x), dy.to_vec());
             let (mut dx, mut grads) = (Vec::new(), vec![0.0; params.len()]);
-            let to = Some(&mut dx);
+            let to = Some((&mut dx).into());
             unit.backward(params, &level.conv, x, &y, &cache, &mut d, to, &mut grads);
             (dx, grads)
         };
@@ -201,9 +201,9 @@ fn units_between_depths() {
         let back = |params: &[f64], x: &[f64], dy: &[f64]| {
             let ((middle, y, caches), mut d) = (run(params, x), dy.to_vec());
             let (mut dm, mut dx, mut grads) = (Vec::new(), Vec::new(), vec![0.0; params.len()]);
-            let to = Some(&mut dm);
+            let to = Some((&mut dm).into());
             up.backward(params, coarse, &middle[..], &y, &caches[1], &mut d, to, &mut grads);
-            let to = Some(&mut dx);
+            let to = Some((&mut dx).into());
             down.backward(params, coarse, x, &middle, &caches[0], &mut dm, to, &mut grads);
             (dx, grads)
         };
@@ -230,7 +230,7 @@ fn residual_blocks_with_and_without_change_of_width() {
             let back = |params: &[f64], x: &[f64], dy: &[f64]| {
                 let (cache, mut d, mut dx) = (run(params, x), dy.to_vec(), Vec::new());
                 let (mut grads, scratch) = (vec![0.0; params.len()], &mut Scratch::default());
-                let to = &mut dx;
+                let to = (&mut dx).into();
                 stage.backward(params, &level.conv, x, &cache, &mut d, to, &mut grads, scratch);
                 (dx, grads)
             };

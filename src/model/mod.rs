@@ -9,8 +9,6 @@ pub mod cutter_modules;
 pub mod graph;
 pub mod graph_sage;
 pub mod heads;
-#[cfg(feature = "formats")]
-pub mod parity;
 mod predict;
 mod training;
 pub mod unet;

@@ -130,7 +130,8 @@ fn exact(
 
 fn training_samples(directions: &Directions) -> Result<Vec<Sample>> {
     let made: Vec<Result<Vec<Sample>>> = par::map(N_PARTS, |i| {
-        let (family, mesh) = (generated::family_of(i as u64), generated::mixed_part(SEED, i as u64));
+        let (family, mesh) =
+            (generated::family_of(i as u64), generated::mixed_part(SEED, i as u64));
         let options =
             SiteOptions { n_sites: N_TRAINING_SITES, seed: SEED, ..SiteOptions::default() };
         let sites = Arc::new(sample(&mesh, &options)?);

@@ -1,7 +1,7 @@
 //! `deepmill parity`: compare this build with tensors recorded from the reference implementation.
 
 use crate::output::Output;
-use deepmill::model::parity::{self, Row};
+use deepmill::parity::{self, Row};
 use deepmill::{Error, Result};
 use std::path::PathBuf;
 

@@ -154,7 +154,7 @@ pub(super) fn lattice(random: &mut Stream) -> Solid {
     let fillet = random.log_range(0.5, 4.0);
     let open = pitch - strut;
     let place = |i: usize, n: usize| (i as f64 - 0.5 * (n as f64 - 1.0)) * pitch;
-    for axis in 0..3 {
+    for (axis, reach) in size.into_iter().enumerate() {
         if axis > 0 && random.chance(0.25) {
             continue;
         }
@@ -165,7 +165,7 @@ pub(super) fn lattice(random: &mut Stream) -> Solid {
         };
         for k in 0..n[u] * n[v] {
             let (x, y) = (place(k % n[u], n[u]), place(k / n[u], n[v]));
-            let cut = Solid::prism(&window.clone().at(x, y), -size[axis], size[axis]);
+            let cut = Solid::prism(&window.clone().at(x, y), -reach, reach);
             body -= match axis {
                 0 => cut.along_x(),
                 1 => cut.along_y(),

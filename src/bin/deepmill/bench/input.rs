@@ -41,7 +41,7 @@ impl Args {
         let n = self.batch.max(1);
         if self.clouds.is_empty() {
             let options = sites::SiteOptions { n_sites: self.sites, ..Default::default() };
-            let part = |i| sites::sample(&generated::mixed_part(0, i).1, &options);
+            let part = |i| sites::sample(&generated::mixed_part(0, i), &options);
             return (0..n as u64).map(part).collect();
         }
         self.clouds.iter().cycle().take(n).map(|path| formats::read_cloud(path)).collect()

@@ -11,7 +11,7 @@ mod gates;
 mod network;
 mod ops;
 
-use super::weights::tensors::{Tensor, TensorFile, Values};
+use crate::model::weights::tensors::{Tensor, TensorFile, Values};
 use crate::scalar::Scalar;
 use crate::{Error, Result};
 pub use gates::Row;
