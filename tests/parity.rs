@@ -2,7 +2,8 @@
 #![cfg(feature = "formats")]
 
 use deepmill::model::weights::{self, tensors::TensorFile};
-use deepmill::model::{Model, parity};
+use deepmill::model::Model;
+use deepmill::parity;
 use std::fs;
 use std::path::{Path, PathBuf};
 
