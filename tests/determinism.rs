@@ -25,7 +25,7 @@ fn cloud(n: usize, seed: u64) -> (Vec<Vec3>, Vec<Vec3>) {
 }
 
 fn batch(config: &UNetConfig) -> Batch<f32> {
-    let clouds = [cloud(900, 1), cloud(200, 2), cloud(300, 3)];
+    let clouds = [cloud(1500, 1), cloud(700, 2), cloud(900, 3)];
     let shapes: Vec<_> = clouds
         .iter()
         .map(|(points, normals)| Shape { points, normals, cutter_mm: [1.5, 6.0, 40.0, 5.0] })
