@@ -9,7 +9,7 @@ use crate::par;
 use glam::DVec3;
 
 /// Greatest distance of a point of the surface from the nearest site, in mean spacings, for sites of
-/// [`sample`](super::sites::sample): 0.58 in a hexagonal lattice, at most 0.92 on the parts measured in
+/// [`sample`](super::sites::sample): 0.58 in a hexagonal lattice, at most 0.94 on the parts measured in
 /// docs/sites.md.
 pub const COVERING: f64 = 0.95;
 /// Sites per parallel task.

@@ -1,7 +1,7 @@
 //! Sample sites: near-uniform points on a surface, with outward normals.
 //!
 //! [`sample`] spreads points by area (`start`) and lets them repel each other along the surface
-//! (`relax`) until their spacing is even; `docs/sites.md` says why and how well. Cost: about 20 µs
+//! (`relax`) until their spacing is even; `docs/sites.md` says why and how well. Cost: about 30 µs
 //! of one core per site.
 //!
 //! ```

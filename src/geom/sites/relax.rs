@@ -4,7 +4,7 @@
 //! held fast, so the result depends on neither thread count nor order. The force `(R/r − 1)³` falls
 //! to zero at the reach `R` and grows without bound for near pairs: it evens out what is measured,
 //! the distance to the nearest neighbour. A long reach comes first to even out the density, a short
-//! one then settles the pattern. Cost: about 13 evaluated pairs per site and round.
+//! one then settles the pattern. Cost: 7 to 14 pairs per site and move.
 
 use super::sheet::same_sheet;
 use super::surface::{Place, Surface};
