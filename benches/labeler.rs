@@ -75,7 +75,7 @@ fn numbers(list: &str) -> Vec<usize> {
 fn parts(paths: &[PathBuf]) -> Vec<(String, Mesh)> {
     if paths.is_empty() {
         let named = |index| {
-            let (family, mesh) = generated::mixed_part(1, index);
+            let (family, mesh) = (generated::family_of(index), generated::mixed_part(1, index));
             (family.name().to_string(), mesh)
         };
         return (0..N_GENERATED).map(named).collect();

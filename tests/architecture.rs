@@ -8,7 +8,7 @@ const EVERYWHERE: [&str; 7] = ["error", "scalar", "rng", "par", "aside", "Error"
 
 /// Room → rooms it may import. Arrows only point down.
 const PLAN: [(&str, &[&str]); 21] = [
-    ("report", &["train", "metrics", "access", "geom", "cutter"]),
+    ("report", &["train", "data", "metrics", "access", "geom", "cutter"]),
     ("parity", &["model", "nn", "octree", "optim", "loss", "cutter"]),
     ("train", &["model", "data", "optim", "loss", "metrics"]),
     ("data", &["access", "geom", "octree", "cutter", "directions"]),

@@ -1,8 +1,8 @@
 //! The network equals the reference implementation, tensor by tensor.
 #![cfg(feature = "formats")]
 
-use deepmill::model::weights::{self, tensors::TensorFile};
 use deepmill::model::Model;
+use deepmill::model::weights::{self, tensors::TensorFile};
 use deepmill::parity;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -63,8 +63,8 @@ pub struct Progress {
     pub history: Vec<Row>,
     /// Steps done in the running epoch.
     pub steps_done: usize,
-    /// Sum of the running epoch's losses, as the bits of an `f64`, so that text keeps it exactly.
-    pub loss_sum_bits: u64,
+    /// Sum of the running epoch's losses.
+    pub loss_sum: f64,
     /// Confusion counts of both heads in the running epoch.
     pub confusion: [Confusion; 2],
     /// Wall-clock seconds of the running epoch before it was interrupted.
@@ -185,8 +185,7 @@ impl Run {
             let outcome = self.learn(lr, &samples, &mut dropout, &place)?;
             let progress = &mut self.progress;
             progress.steps_done = i + 1;
-            progress.loss_sum_bits =
-                (f64::from_bits(progress.loss_sum_bits) + outcome.loss).to_bits();
+            progress.loss_sum += outcome.loss;
             progress.confusion[0] += outcome.confusion[0];
             progress.confusion[1] += outcome.confusion[1];
             progress.seconds += start.elapsed().as_secs_f64();
@@ -218,7 +217,7 @@ impl Run {
         let row = Row {
             epoch,
             lr: settings.schedule.lr(settings.lr, epoch, settings.n_epochs),
-            loss: f64::from_bits(progress.loss_sum_bits) / progress.steps_done.max(1) as f64,
+            loss: progress.loss_sum / progress.steps_done.max(1) as f64,
             inaccessible: a,
             occlusion: b,
             validation: scores,

@@ -35,7 +35,7 @@ const FOLDER: &str = "deepmill-demo";
 const N_PARTS: usize = 24;
 const N_CUTTERS: usize = 2;
 const N_TRAINING_SITES: usize = 3000;
-const N_EPOCHS: u64 = 14;
+const N_EPOCHS: u64 = 40;
 
 pub fn run(output: &Output) -> Result<()> {
     let folder = Path::new(FOLDER);

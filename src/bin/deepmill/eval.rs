@@ -1,6 +1,7 @@
 //! `deepmill eval`: how good a network is on a data set, beside what costs nothing to guess.
 
 use crate::output::Output;
+use deepmill::access::baselines;
 use deepmill::data::Sample;
 use deepmill::data::dataset::{Dataset, Split};
 use deepmill::model::weights;
@@ -65,6 +66,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let name = folder.display().to_string();
         add(&mut table, &name, "network", &evaluate(&model, &samples)?, true);
         add(&mut table, &name, "majority class", &majority(&samples), false);
+        add(&mut table, &name, "facing down, highest by z", &by_geometry(&samples), false);
     }
     output.say(format!("{n_samples} samples; F1 of the classes inaccessible and occlusion"));
     output.say(table.text());
@@ -103,6 +105,20 @@ fn majority(samples: &[Sample]) -> Evaluation {
     for sample in samples {
         let n = sample.sites.len();
         evaluation.add(sample, &vec![inaccessible; n], &vec![occlusion; n]);
+    }
+    evaluation
+}
+
+/// What faces down past the best threshold of these very sites is inaccessible, the highest tenth is in
+/// the way.
+fn by_geometry(samples: &[Sample]) -> Evaluation {
+    let normals: Vec<_> = samples.iter().flat_map(|s| s.sites.normals.iter().copied()).collect();
+    let truth: Vec<bool> = samples.iter().flat_map(|s| s.inaccessible.iter().copied()).collect();
+    let min_z = baselines::best_facing(&normals, &truth);
+    let mut evaluation = Evaluation::default();
+    for sample in samples {
+        let inaccessible = baselines::facing_away(&sample.sites.normals, min_z);
+        evaluation.add(sample, &inaccessible, &baselines::highest(&sample.sites.points, 0.1));
     }
     evaluation
 }
