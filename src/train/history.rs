@@ -30,7 +30,7 @@ pub struct Row {
     pub seconds: f64,
 }
 
-/// The columns of [`write_csv`].
+/// The columns of a history file.
 pub const CSV_HEADER: &str = "epoch,lr,loss,acc_inaccessible,f1_inaccessible,acc_occlusion,f1_occlusion,\
 val_acc_inaccessible,val_f1_inaccessible,val_acc_occlusion,val_f1_occlusion,seconds";
 
@@ -47,6 +47,7 @@ pub fn write_csv(path: &std::path::Path, rows: &[Row]) -> crate::Result<()> {
     })
 }
 
+#[cfg(feature = "formats")]
 impl Row {
     fn csv(&self) -> String {
         let head = |h: &HeadScore| format!("{:.6},{:.6}", h.accuracy, h.f1);

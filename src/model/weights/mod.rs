@@ -91,7 +91,7 @@ pub fn write<T: Scalar>(
     to_file(model, storage, notes).write(path)
 }
 
-/// The content of the file that [`write`] writes.
+/// The content of the file that [`fn@write`] writes.
 pub fn to_bytes<T: Scalar>(model: &Model<T>, storage: Storage, notes: &str) -> Vec<u8> {
     to_file(model, storage, notes).to_bytes()
 }
