@@ -1,0 +1,47 @@
+//! One training step of the tiny and the small network: batch, forward, losses, backward, update.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use deepmill::data::generated::mixed_part;
+use deepmill::geom::sites::{SiteOptions, sample};
+use deepmill::loss::CrossEntropy;
+use deepmill::model::{Batch, Model, Shape, UNetConfig, Workspace};
+use deepmill::optim::Sgd;
+
+const CUTTER_MM: [f64; 4] = [1.5, 6.0, 40.0, 5.0];
+
+fn train_step(c: &mut Criterion) {
+    let options = SiteOptions { n_sites: 7000, ..SiteOptions::default() };
+    let parts: Vec<_> = (0..2).map(|i| sample(&mixed_part(0, i), &options)).collect();
+    let parts: Vec<_> = parts.into_iter().filter_map(Result::ok).collect();
+    let shapes: Vec<Shape> = parts
+        .iter()
+        .map(|s| Shape { points: &s.points, normals: &s.normals, cutter_mm: CUTTER_MM })
+        .collect();
+    let mut group = c.benchmark_group("train_step");
+    group.sample_size(10);
+    for (name, config) in [("tiny", UNetConfig::tiny()), ("small", UNetConfig::small())] {
+        let mut model = Model::<f32>::new(&config, 1).expect("a preset is a network");
+        let mut work = Workspace::default();
+        let mut velocity = vec![0.0; model.params.len()];
+        let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
+        let mut step = || {
+            let batch = Batch::new(&shapes, &config.input).expect("generated parts are sound");
+            let labels = vec![0; batch.n_points()];
+            model.forward_train(&batch, None, &mut work);
+            let (mut d, mut loss) = ([Vec::new(), Vec::new()], 0.0);
+            for (logits, d) in work.logits.iter().zip(&mut d) {
+                loss += CrossEntropy::binary().loss(logits, &labels, 1.0, d);
+            }
+            let mut grads = vec![0.0; model.params.len()];
+            model.backward(&batch, [&d[0], &d[1]], &mut work, &mut grads);
+            sgd.step(1e-3, &grads, &mut velocity, &mut model.params);
+            loss
+        };
+        assert!(step().is_finite());
+        group.bench_function(name, |b| b.iter(&mut step));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, train_step);
+criterion_main!(benches);
