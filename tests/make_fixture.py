@@ -324,13 +324,14 @@ def main():
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--official", action="store_true")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--points", type=int, nargs="+", help="points of each shape")
     args = parser.parse_args()
     torch.manual_seed(args.seed)
     torch.set_num_threads(1)
     rng = np.random.default_rng(args.seed)
     config = OFFICIAL if args.official else NARROW
     limit = 4000 if args.official else 300
-    sizes = config["points"]
+    sizes = config["points"] = args.points or config["points"]
     shapes = [made_up_shape(n, rng) for n in sizes]
     points, normals = (np.concatenate([s[i] for s in shapes]) for i in range(2))
     batch_id = torch.repeat_interleave(torch.arange(len(sizes)), torch.tensor(sizes)).int()

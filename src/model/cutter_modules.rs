@@ -40,7 +40,7 @@ pub struct Cache<T> {
 #[derive(Debug, Clone, Default)]
 struct HalfCache<T> {
     rectified: Vec<T>,
-    norm: batch_norm::Cache<T>,
+    norm: batch_norm::Cache,
     mask: Vec<T>,
 }
 

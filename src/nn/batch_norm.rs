@@ -10,6 +10,11 @@ pub const EPS: f64 = 1e-5;
 /// Share of the batch in a running statistic.
 pub const MOMENTUM: f64 = 0.1;
 
+/// Batches of at most this many rows are normalised in f64: there `x` determines the statistics so
+/// nearly that the gradient is what rounding leaves of a cancellation (for two rows, a share of
+/// `ε / (var + ε)`).
+const FEW_ROWS: usize = 32;
+
 /// `y = (x - mean) / √(var + ε) · weight + bias`, per column of `[n, c]`.
 ///
 /// In training `mean` and `var` are those of the batch (`var` biased); the running statistics move a
@@ -28,9 +33,9 @@ pub struct BatchNorm {
 
 /// What [`BatchNorm::forward_train`] keeps for backward: `c` numbers each.
 #[derive(Debug, Clone, Default)]
-pub struct Cache<T> {
-    mean: Vec<T>,
-    inv_std: Vec<T>,
+pub struct Cache {
+    mean: Vec<f64>,
+    inv_std: Vec<f64>,
     from_batch: bool,
 }
 
@@ -62,10 +67,9 @@ impl BatchNorm {
         x: &mut [T],
         then: impl Fn(T) -> T + Sync,
     ) {
-        let Cache { mean, inv_std, .. } = self.running(buffers);
-        let (factor, bias) = self.factor_and_bias(params, &inv_std);
+        let Columns { mean, factor, bias } = self.columns(params, &self.running(buffers));
         rows::for_each_row(x, self.c, |_, x| {
-            let columns = mean.iter().zip(&factor).zip(bias);
+            let columns = mean.iter().zip(&factor).zip(&bias);
             for (x, ((&mean, &factor), &bias)) in x.iter_mut().zip(columns) {
                 *x = then((*x - mean) * factor + bias);
             }
@@ -79,7 +83,7 @@ impl BatchNorm {
         buffers: &mut [T],
         x: &[T],
         y: &mut Vec<T>,
-        cache: &mut Cache<T>,
+        cache: &mut Cache,
     ) {
         self.forward_train_then(params, buffers, x, y, cache, |y| y);
     }
@@ -91,17 +95,31 @@ impl BatchNorm {
         buffers: &mut [T],
         x: &[T],
         y: &mut Vec<T>,
-        cache: &mut Cache<T>,
+        cache: &mut Cache,
         then: impl Fn(T) -> T + Sync,
     ) {
         *cache = if x.len() > self.c { self.measure(buffers, x) } else { self.running(buffers) };
-        let (factor, bias) = self.factor_and_bias(params, &cache.inv_std);
+        match x.len() / self.c {
+            0..=FEW_ROWS => self.normalise_as::<T, f64>(params, x, y, cache, then),
+            _ => self.normalise_as::<T, T>(params, x, y, cache, then),
+        }
+    }
+
+    fn normalise_as<T: Scalar, W: Scalar>(
+        &self,
+        params: &[T],
+        x: &[T],
+        y: &mut Vec<T>,
+        cache: &Cache,
+        then: impl Fn(T) -> T + Sync,
+    ) {
+        let Columns { mean, factor, bias } = self.columns::<T, W>(params, cache);
         y.resize(x.len(), T::ZERO);
         rows::for_each_row(y, self.c, |row, y| {
             let x = &x[row * self.c..][..self.c];
-            let columns = cache.mean.iter().zip(&factor).zip(bias);
+            let columns = mean.iter().zip(&factor).zip(&bias);
             for ((y, &x), ((&mean, &factor), &bias)) in y.iter_mut().zip(x).zip(columns) {
-                *y = then((x - mean) * factor + bias);
+                *y = then(cast((cast::<T, W>(x) - mean) * factor + bias));
             }
         });
     }
@@ -115,35 +133,49 @@ impl BatchNorm {
         &self,
         params: &[T],
         x: &[T],
-        cache: &Cache<T>,
+        cache: &Cache,
         d: &mut [T],
         grads: &mut [T],
     ) {
-        let (c, Cache { mean, inv_std, .. }) = (self.c, cache);
-        let n_rows = x.len() / c;
+        match x.len() / self.c {
+            0..=FEW_ROWS => self.backward_as::<T, f64>(params, x, cache, d, grads),
+            _ => self.backward_as::<T, T>(params, x, cache, d, grads),
+        }
+    }
+
+    fn backward_as<T: Scalar, W: Scalar>(
+        &self,
+        params: &[T],
+        x: &[T],
+        cache: &Cache,
+        d: &mut [T],
+        grads: &mut [T],
+    ) {
+        let (c, n_rows) = (self.c, x.len() / self.c);
+        let Columns { mean, factor, .. } = self.columns::<T, W>(params, cache);
+        let inv_std: Vec<W> = cache.inv_std.iter().copied().map(cast).collect();
         let [dweight, dbias] = rows::column_sums(0..n_rows, c, |row, [dweight, dbias]| {
             let (x, dy) = (&x[row * c..][..c], &d[row * c..][..c]);
-            let columns = mean.iter().zip(inv_std).zip(dweight.iter_mut().zip(dbias));
+            let columns = mean.iter().zip(&inv_std).zip(dweight.iter_mut().zip(dbias));
             for ((&x, &dy), ((&mean, &inv_std), (dweight, dbias))) in x.iter().zip(dy).zip(columns)
             {
-                let x_hat = (x - mean) * inv_std;
-                *dweight += (x_hat * dy).to_f64();
+                let x_hat = (cast::<T, W>(x) - mean) * inv_std;
+                *dweight += (x_hat * cast(dy)).to_f64();
                 *dbias += dy.to_f64();
             }
         });
         let share = if cache.from_batch { 1.0 / n_rows as f64 } else { 0.0 };
-        let mean_of = |sums: &[f64]| sums.iter().map(|s| T::from_f64(s * share)).collect();
-        let (mean_dweight, mean_dbias): (Vec<T>, Vec<T>) = (mean_of(&dweight), mean_of(&dbias));
-        let weight = &params[self.weight.clone()];
-        let factor: Vec<T> = weight.iter().zip(inv_std).map(|(&w, &s)| w * s).collect();
+        let mean_of = |sums: &[f64]| sums.iter().map(|s| W::from_f64(s * share)).collect();
+        let (mean_dweight, mean_dbias): (Vec<W>, Vec<W>) = (mean_of(&dweight), mean_of(&dbias));
         rows::for_each_row(d, c, |row, d| {
             let x = &x[row * c..][..c];
-            let columns = mean.iter().zip(inv_std).zip(&factor).zip(&mean_dbias).zip(&mean_dweight);
-            for ((d, &x), ((((mean, inv_std), factor), dbias), dweight)) in
+            let columns =
+                mean.iter().zip(&inv_std).zip(&factor).zip(&mean_dbias).zip(&mean_dweight);
+            for ((d, &x), ((((&mean, &inv_std), &factor), &dbias), &dweight)) in
                 d.iter_mut().zip(x).zip(columns)
             {
-                let x_hat = (x - *mean) * *inv_std;
-                *d = *factor * (*d - *dbias - x_hat * *dweight);
+                let x_hat = (cast::<T, W>(x) - mean) * inv_std;
+                *d = cast(factor * (cast::<T, W>(*d) - dbias - x_hat * dweight));
             }
         });
         for j in 0..c {
@@ -154,25 +186,23 @@ impl BatchNorm {
 
     /// Factor and summand per column that inference applies: `y = x · factor + summand`.
     pub fn folded<T: Scalar>(&self, params: &[T], buffers: &[T]) -> (Vec<T>, Vec<T>) {
-        let Cache { mean, inv_std, .. } = self.running(buffers);
-        let column = |j| {
-            let factor = params[self.weight.start + j] * inv_std[j];
-            (factor, params[self.bias.start + j] - mean[j] * factor)
-        };
-        (0..self.c).map(column).unzip()
+        let Columns { mean, factor, bias } = self.columns::<T, T>(params, &self.running(buffers));
+        let summand = |j: usize| bias[j] - mean[j] * factor[j];
+        let summands = (0..self.c).map(summand).collect();
+        (factor, summands)
     }
 
     /// What backward needs after [`BatchNorm::forward`]: the running statistics, taken as constants.
-    pub fn running<T: Scalar>(&self, buffers: &[T]) -> Cache<T> {
-        let variance = &buffers[self.running_var.clone()];
+    pub fn running<T: Scalar>(&self, buffers: &[T]) -> Cache {
+        let (mean, var) = (&buffers[self.running_mean.clone()], &buffers[self.running_var.clone()]);
         Cache {
-            mean: buffers[self.running_mean.clone()].to_vec(),
-            inv_std: variance.iter().map(|v| T::from_f64(inv_std(v.to_f64()))).collect(),
+            mean: mean.iter().map(|m| m.to_f64()).collect(),
+            inv_std: var.iter().map(|v| inv_std(v.to_f64())).collect(),
             from_batch: false,
         }
     }
 
-    fn measure<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Cache<T> {
+    fn measure<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Cache {
         let (mean, var) = rows::moments(x, self.c);
         let n = (x.len() / self.c) as f64;
         let mut blend = |place: &Range<usize>, values: &[f64], factor: f64| {
@@ -184,18 +214,30 @@ impl BatchNorm {
         blend(&self.running_mean, &mean, 1.0);
         blend(&self.running_var, &var, n / (n - 1.0));
         buffers[self.n_batches.start] += T::ONE;
-        Cache {
-            mean: mean.iter().map(|&m| T::from_f64(m)).collect(),
-            inv_std: var.iter().map(|&v| T::from_f64(inv_std(v))).collect(),
-            from_batch: true,
-        }
+        let inv_std = var.iter().map(|&v| inv_std(v)).collect();
+        Cache { mean, inv_std, from_batch: true }
     }
 
-    fn factor_and_bias<'a, T: Scalar>(&self, params: &'a [T], inv_std: &[T]) -> (Vec<T>, &'a [T]) {
+    fn columns<T: Scalar, W: Scalar>(&self, params: &[T], cache: &Cache) -> Columns<W> {
         let weight = &params[self.weight.clone()];
-        let factor = weight.iter().zip(inv_std).map(|(&w, &s)| w * s).collect();
-        (factor, &params[self.bias.clone()])
+        let factor = |(&w, &s): (&T, &f64)| cast::<T, W>(w) * W::from_f64(s);
+        Columns {
+            mean: cache.mean.iter().copied().map(cast).collect(),
+            factor: weight.iter().zip(&cache.inv_std).map(factor).collect(),
+            bias: params[self.bias.clone()].iter().copied().map(cast).collect(),
+        }
     }
+}
+
+/// What normalises each column: `y = (x - mean) · factor + bias`.
+struct Columns<W> {
+    mean: Vec<W>,
+    factor: Vec<W>,
+    bias: Vec<W>,
+}
+
+fn cast<T: Scalar, W: Scalar>(x: T) -> W {
+    W::from_f64(x.to_f64())
 }
 
 fn inv_std(variance: f64) -> f64 {
@@ -237,6 +279,26 @@ mod tests {
                 .require(1e-7)
                 .unwrap();
         }
+    }
+
+    /// In f32 arithmetic the cancellation leaves errors of a few per cent here.
+    #[test]
+    fn gradients_of_two_rows_survive_cancellation_in_f32() {
+        let c = 64;
+        let (norm, params, buffers) = layer(c);
+        let single = |values: &[f64]| values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
+        let (x, dy) = (single(&gradcheck::probe(2 * c, 7)), single(&gradcheck::probe(2 * c, 8)));
+        fn dx<T: Scalar>(norm: &BatchNorm, [params, buffers, x, dy]: [Vec<T>; 4]) -> Vec<f64> {
+            let (mut y, mut cache, mut buffers) = (Vec::new(), Cache::default(), buffers);
+            norm.forward_train(&params, &mut buffers, &x, &mut y, &mut cache);
+            let (mut d, mut grads) = (dy, vec![T::ZERO; params.len()]);
+            norm.backward(&params, &x, &cache, &mut d, &mut grads);
+            d.iter().map(|d| d.to_f64()).collect()
+        }
+        let singles = [single(&params), single(&buffers), x, dy];
+        let doubles = singles.clone().map(|v| v.iter().map(|&v| f64::from(v)).collect());
+        let (a, b) = (dx(&norm, singles), dx(&norm, doubles));
+        assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= 1e-6 * b.abs()));
     }
 
     #[test]

@@ -135,7 +135,7 @@ pub struct Unit<M> {
 pub struct Cache<T> {
     /// Output of the linear map, before normalisation.
     mapped: Vec<T>,
-    norm: batch_norm::Cache<T>,
+    norm: batch_norm::Cache,
 }
 
 impl<M: LinearMap> Unit<M> {
