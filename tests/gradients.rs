@@ -14,7 +14,7 @@ use deepmill::model::cutter_modules::{self, CutterModule};
 use deepmill::model::graph::{GraphBatch, GraphShape};
 use deepmill::model::graph_sage::{GraphSage, GraphSageConfig, GraphWorkspace};
 use deepmill::model::heads::{self, Head};
-use deepmill::model::{Batch, Model, UNetConfig, Workspace};
+use deepmill::model::{Batch, InputGradients, Model, UNetConfig, Workspace};
 use deepmill::nn::batch_norm::BatchNorm;
 use deepmill::nn::blocks::{self, Blocks};
 use deepmill::nn::conv::OctreeConv;
@@ -107,7 +107,7 @@ fn split(layout: &Layout, grads: &[f64]) -> Vec<Vec<f64>> {
 /// Batch norm over rows of small deviation magnifies rounding, which wants a long step, and curvature, which
 /// wants a short one, most of all where all points share a cell; these steps balance the two.
 const BLOCK_STEP: f64 = 4e-5;
-const STEPS: [f64; 3] = [4e-5, 2.5e-5, 1e-4];
+const STEPS: [f64; 5] = [4e-5, 1e-4, 6e-4, 3e-4, 2.5e-5];
 
 fn settings(step: f64, max_elements: usize) -> Settings {
     Settings { step, max_elements, ..Settings::default() }
@@ -300,7 +300,7 @@ fn heads() {
 }
 
 /// The whole network with both losses, dropout held, at a dozen elements per tensor on average.
-fn check_network(kinds: &[usize], cutter: CutterConfig, dropout: bool) {
+fn check_network(kinds: &[usize], cutter: CutterConfig, dropout: bool, empty: bool) {
     let config = UNetConfig {
         input: input(),
         stem_width: 4,
@@ -309,6 +309,7 @@ fn check_network(kinds: &[usize], cutter: CutterConfig, dropout: bool) {
         decoder_widths: vec![6, 4],
         decoder_blocks: vec![1, 1],
         head_width: 4,
+        normalise_empty_parents: empty,
         cutter,
     };
     let batch = batch(kinds);
@@ -319,10 +320,17 @@ fn check_network(kinds: &[usize], cutter: CutterConfig, dropout: bool) {
         (0..batch.n_points()).map(|i| u8::from((i + shift).is_multiple_of(3))).collect()
     };
     let labels = [labels(0), labels(1)];
-    let run = |params: &[f64], grads: Option<&mut [f64]>| {
+    let (n_params, n_features) = (layout.n_params(), batch.features.len());
+    // All that the loss depends on: parameters, node features, cutter lengths.
+    let all = [&model.params[..], &batch.features, &batch.cutters].concat();
+    let run = |all: &[f64], gradients: Option<&mut Vec<f64>>| {
         let mut streams: Vec<_> =
             (0..kinds.len()).map(|i| Stream::new(6, 0, i as u64, Purpose::Dropout)).collect();
+        let (params, inputs) = all.split_at(n_params);
         let mut model = Model { params: params.to_vec(), ..model.clone() };
+        let mut batch = batch.clone();
+        (batch.features, batch.cutters) =
+            (inputs[..n_features].to_vec(), inputs[n_features..].to_vec());
         let mut work = Workspace::default();
         model.forward_train(&batch, dropout.then_some(&mut streams[..]), &mut work);
         let (mut losses, mut d) = (Vec::new(), [Vec::new(), Vec::new()]);
@@ -330,25 +338,31 @@ fn check_network(kinds: &[usize], cutter: CutterConfig, dropout: bool) {
             let (logits, entropy) = (&work.logits[head], CrossEntropy::binary());
             losses.push(0.5 * entropy.loss(logits, &labels[head], 0.5, &mut d[head]));
         }
-        if let Some(grads) = grads {
-            model.backward(&batch, [&d[0], &d[1]], &mut work, grads);
+        if let Some(gradients) = gradients {
+            let (mut inputs, d) = (InputGradients::default(), [&d[0][..], &d[1]]);
+            gradients.resize(n_params, 0.0);
+            let Model { net, params, .. } = &model;
+            net.backward_to_inputs(params, &batch, d, &mut work, &mut inputs, gradients);
+            gradients.extend([inputs.features, inputs.cutters].concat());
         }
         losses.iter().sum::<f64>()
     };
-    // One flat input, so that the floor of the relative error follows the greatest gradient of the whole
-    // network: the loss is rounded to about 1e-16, a quotient over 4e-5 to 2e-12, so no difference can
-    // confirm gradients below 2e-5 to 1e-7. Blocks and layers are held to that tensor by tensor.
+    // Errors are relative to gradients of at least a thousandth of the network's greatest, not tensor by
+    // tensor: the loss is rounded to about 1e-16, a quotient over 4e-5 to 2e-12, so no difference can confirm
+    // gradients below 2e-5 to 1e-7. Blocks and layers are held to that tensor by tensor.
     let check = |step: f64| {
+        let (params, inputs) = all.split_at(n_params);
         gradcheck::layer(
-            &[("params", &model.params)],
-            |v| vec![run(&v[0], None)],
+            &[("parameters", params), ("inputs", inputs)],
+            |v| vec![run(&v.concat(), None)],
             |v, dy| {
-                let mut grads = vec![0.0; layout.n_params()];
-                run(&v[0], Some(&mut grads));
-                grads.iter_mut().for_each(|g| *g *= dy[0]);
-                vec![grads]
+                let mut gradient = Vec::new();
+                run(&v.concat(), Some(&mut gradient));
+                gradient.iter_mut().for_each(|g| *g *= dy[0]);
+                let inputs = gradient.split_off(n_params);
+                vec![gradient, inputs]
             },
-            &settings(step, 12 * layout.params.len()),
+            &settings(step, 9 * layout.params.len()),
         )
     };
     // Rounding falls with the step and curvature grows with its fourth power, in each network otherwise:
@@ -367,12 +381,14 @@ fn networks_with_both_losses() {
         batch_norm: true,
         dropout: 0.3,
     };
-    check_network(&[0, 1, 2], cutter(CutterPlacement::All, false), true);
-    check_network(&[0, 2], cutter(CutterPlacement::All, true), true);
-    check_network(&[0, 1], cutter(CutterPlacement::Last, false), false);
+    for empty in [true, false] {
+        check_network(&[0, 1, 2], cutter(CutterPlacement::All, false), true, empty);
+    }
+    check_network(&[0, 2], cutter(CutterPlacement::All, true), true, true);
+    check_network(&[0, 1], cutter(CutterPlacement::Last, false), false, false);
     for kinds in [[0], [1], [2]] {
-        check_network(&kinds, cutter(CutterPlacement::First, false), true);
-        check_network(&kinds, cutter(CutterPlacement::None, false), false);
+        check_network(&kinds, cutter(CutterPlacement::First, false), true, true);
+        check_network(&kinds, cutter(CutterPlacement::None, false), false, true);
     }
 }
 
@@ -460,7 +476,7 @@ fn graph_networks_with_both_losses_and_sampled_neighbours() {
                 grads.iter_mut().for_each(|g| *g *= dy[0]);
                 split(layout, &grads)
             },
-            &settings(STEPS[1], 12),
+            &settings(2.5e-5, 12),
         );
         require("graph network", &report);
     }

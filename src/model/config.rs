@@ -190,6 +190,10 @@ pub struct UNetConfig {
     pub decoder_blocks: Vec<usize>,
     /// Hidden channels of each head.
     pub head_width: usize,
+    /// Whether nodes without points take part in the batch norm after a strided convolution, with zero
+    /// rows, as in the reference: see [`crate::nn::downsample::Downsample`].
+    #[serde(default = "yes")]
+    pub normalise_empty_parents: bool,
     /// Cutter modules.
     #[serde(default)]
     pub cutter: CutterConfig,
@@ -206,6 +210,7 @@ impl UNetConfig {
             decoder_widths: vec![256, 128, 96, 96],
             decoder_blocks: vec![2; 4],
             head_width: 64,
+            normalise_empty_parents: true,
             cutter: CutterConfig::default(),
         }
     }
@@ -220,6 +225,7 @@ impl UNetConfig {
             decoder_widths: vec![64, 64, 48, 32],
             decoder_blocks: vec![1; 4],
             head_width: 32,
+            normalise_empty_parents: true,
             cutter: CutterConfig { width: 32, ..CutterConfig::small_batches() },
         }
     }
@@ -234,6 +240,7 @@ impl UNetConfig {
             decoder_widths: vec![32, 32, 16],
             decoder_blocks: vec![1; 3],
             head_width: 16,
+            normalise_empty_parents: true,
             cutter: CutterConfig { width: 16, ..CutterConfig::small_batches() },
         }
     }
@@ -290,6 +297,10 @@ impl UNetConfig {
         }
         Ok(())
     }
+}
+
+fn yes() -> bool {
+    true
 }
 
 const MAX_WIDTH: usize = 1 << 12;

@@ -19,5 +19,5 @@ pub use batch::{Batch, Shape};
 pub use config::UNetConfig;
 pub use graph_sage::GraphSage;
 pub use predict::{Model, Prediction};
-pub use training::Workspace;
+pub use training::{InputGradients, Workspace};
 pub use unet::{Activations, UNet};

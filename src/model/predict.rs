@@ -133,20 +133,24 @@ impl<T: Scalar> Model<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::config::CutterPlacement;
+    use crate::model::config::{CutterConfig, CutterPlacement, InputConfig};
     use crate::octree::tests::sheet;
     use crate::par;
 
     const CUTTERS: [[f64; 4]; 3] =
         [[1.5, 6.0, 40.0, 5.0], [1.0, 0.2, 90.0, 0.1], [2.0, 20.0, 5.0, 20.0]];
 
-    /// A tiny network whose running statistics are not those of a fresh one.
-    fn model() -> Model<f32> {
-        let mut model = Model::<f32>::new(&UNetConfig::tiny(), 3).unwrap();
+    /// A network whose running statistics are not those of a fresh one.
+    fn trained(config: &UNetConfig) -> Model<f32> {
+        let mut model = Model::<f32>::new(config, 3).unwrap();
         let shapes: Vec<_> = [400, 300].iter().map(|&n| sheet(n, n as u64 % 7)).collect();
         let batch = Batch::new(&as_shapes(&shapes), &model.net.config().input).unwrap();
         model.forward_train(&batch, None, &mut Workspace::default());
         model
+    }
+
+    fn model() -> Model<f32> {
+        trained(&UNetConfig::tiny())
     }
 
     fn as_shapes(shapes: &[(Vec<Vec3>, Vec<Vec3>)]) -> Vec<Shape<'_>> {
@@ -166,10 +170,8 @@ mod tests {
         assert_eq!((layout.params.len(), layout.buffers.len()), (219, 3 * 69));
     }
 
-    #[test]
-    fn shapes_together_and_one_by_one_give_the_same_bits() {
-        let model = model();
-        let shapes: Vec<_> = [500, 1, 40].iter().map(|&n| sheet(n, n as u64)).collect();
+    fn require_the_same_alone(model: &Model<f32>, sizes: &[usize]) {
+        let shapes: Vec<_> = sizes.iter().map(|&n| sheet(n, n as u64)).collect();
         let batch = Batch::new(&as_shapes(&shapes), &model.net.config().input).unwrap();
         let mut together = Activations::default();
         model.forward(&batch, &mut together);
@@ -179,6 +181,21 @@ mod tests {
             let of_shape = |logits: &Vec<f32>| logits[2 * range.start..2 * range.end].to_vec();
             assert_eq!(alone.logits_inaccessible.as_flattened(), of_shape(&together.logits[0]));
             assert_eq!(alone.logits_occlusion.as_flattened(), of_shape(&together.logits[1]));
+        }
+    }
+
+    #[test]
+    fn shapes_together_and_one_by_one_give_the_same_bits() {
+        let reference = UNetConfig {
+            input: InputConfig { depth: 4, ..InputConfig::reference() },
+            cutter: CutterConfig { width: 16, ..CutterConfig::default() },
+            ..UNetConfig::tiny()
+        };
+        let packed = UNetConfig { normalise_empty_parents: false, ..UNetConfig::tiny() };
+        for config in [UNetConfig::tiny(), UNetConfig::small(), reference, packed] {
+            let model = trained(&config);
+            require_the_same_alone(&model, &[500, 1, 40]);
+            require_the_same_alone(&model, &[1]);
         }
     }
 

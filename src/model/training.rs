@@ -5,6 +5,8 @@ use super::unet::{N_HEADS, UNet, conv_rows, down_rows, up_rows};
 use super::{cutter_modules, heads};
 use crate::nn::blocks;
 use crate::nn::concat::PartGradient;
+use crate::nn::downsample;
+use crate::nn::joined::ColumnsGradient;
 use crate::nn::residual::Scratch;
 use crate::nn::rows;
 use crate::nn::unit;
@@ -17,7 +19,7 @@ pub struct Workspace<T> {
     /// Logits of both heads, `[n_points, 2]` each.
     pub logits: [Vec<T>; N_HEADS],
     stem: Kept<T>,
-    down: Vec<Kept<T>>,
+    down: Vec<KeptDown<T>>,
     encoder: Vec<blocks::Cache<T>>,
     cutters: Vec<KeptCutter<T>>,
     up: Vec<Kept<T>>,
@@ -27,10 +29,25 @@ pub struct Workspace<T> {
     gradients: Gradients<T>,
 }
 
+/// Gradient of a loss by what the network is fed with.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct InputGradients<T> {
+    /// By the features of the finest nodes, shaped as [`Batch::features`].
+    pub features: Vec<T>,
+    /// By the cutter's lengths as fed in, shaped as [`Batch::cutters`].
+    pub cutters: Vec<T>,
+}
+
 #[derive(Debug, Clone, Default)]
 struct Kept<T> {
     y: Vec<T>,
     cache: unit::Cache<T>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct KeptDown<T> {
+    y: Vec<T>,
+    cache: downsample::Cache<T>,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -90,7 +107,7 @@ impl UNet {
             let depth = octree.depth() - 1 - i;
             let (before, after) = work.encoder.split_at_mut(i);
             let x = before.last().map_or(&work.stem.y[..], |stage| stage.output());
-            let Kept { y, cache } = &mut work.down[i];
+            let KeptDown { y, cache } = &mut work.down[i];
             stage.down.forward_train(params, buffers, down_rows(octree, depth), x, y, cache);
             let rows = conv_rows(octree, depth);
             stage.blocks.forward_train(params, buffers, rows, &*y, &mut after[0]);
@@ -132,6 +149,37 @@ impl UNet {
         work: &mut Workspace<T>,
         grads: &mut [T],
     ) {
+        self.backward_to(params, batch, dlogits, work, None, grads);
+    }
+
+    /// [`UNet::backward`], and the gradient by what the network is fed with: which nodes and which lengths
+    /// of the cutter an answer hangs on.
+    pub fn backward_to_inputs<T: Scalar>(
+        &self,
+        params: &[T],
+        batch: &Batch<T>,
+        dlogits: [&[T]; N_HEADS],
+        work: &mut Workspace<T>,
+        inputs: &mut InputGradients<T>,
+        grads: &mut [T],
+    ) {
+        self.backward_to(params, batch, dlogits, work, Some(inputs), grads);
+    }
+
+    fn backward_to<T: Scalar>(
+        &self,
+        params: &[T],
+        batch: &Batch<T>,
+        dlogits: [&[T]; N_HEADS],
+        work: &mut Workspace<T>,
+        inputs: Option<&mut InputGradients<T>>,
+        grads: &mut [T],
+    ) {
+        let (dfeatures, mut dcutters) = inputs.map(|i| (&mut i.features, &mut i.cutters)).unzip();
+        if let Some(dcutters) = &mut dcutters {
+            dcutters.clear();
+            dcutters.resize(batch.cutters.len(), T::ZERO);
+        }
         let mut g = std::mem::take(&mut work.gradients);
         g.skips.resize_with(self.encoder.len(), Vec::new);
         g.cutters.resize_with(self.cutters.len(), Vec::new);
@@ -142,9 +190,14 @@ impl UNet {
         self.backward_decoder(params, batch, work, &mut g, grads);
         for (m, module) in self.cutters.iter().enumerate() {
             let cache = &work.cutters[m].cache;
-            module.backward(params, &batch.cutters, cache, &mut g.cutters[m], None, grads);
+            let mut share = dcutters.is_some().then(Vec::new);
+            let d = &mut g.cutters[m];
+            module.backward(params, &batch.cutters, cache, d, share.as_mut(), grads);
+            if let (Some(sum), Some(share)) = (&mut dcutters, &share) {
+                rows::add_all(sum, share);
+            }
         }
-        self.backward_encoder(params, batch, work, &mut g, grads);
+        self.backward_encoder(params, batch, work, &mut g, dfeatures, grads);
         work.gradients = g;
     }
 
@@ -203,13 +256,14 @@ impl UNet {
         batch: &Batch<T>,
         work: &Workspace<T>,
         g: &mut Gradients<T>,
+        dfeatures: Option<&mut Vec<T>>,
         grads: &mut [T],
     ) {
         let octree = &batch.octree;
         let Gradients { d, dx, skips, scratch, .. } = g;
         for (i, stage) in self.encoder.iter().enumerate().rev() {
             let depth = octree.depth() - 1 - i;
-            let Kept { y, cache } = &work.down[i];
+            let KeptDown { y, cache } = &work.down[i];
             let (rows, blocks) = (conv_rows(octree, depth), &work.encoder[i]);
             stage.blocks.backward(params, rows, y, blocks, d, dx.into(), grads, scratch);
             let x = if i == 0 { &work.stem.y } else { work.encoder[i - 1].output() };
@@ -218,7 +272,8 @@ impl UNet {
             rows::add_all(d, &skips[i]);
         }
         let (rows, Kept { y, cache }) = (conv_rows(octree, octree.depth()), &work.stem);
-        self.stem.backward(params, rows, &batch.features, y, cache, d, None, grads);
+        let to = dfeatures.map(ColumnsGradient::from);
+        self.stem.backward(params, rows, &batch.features, y, cache, d, to, grads);
     }
 }
 

@@ -10,7 +10,7 @@ use crate::nn::blocks::Blocks;
 use crate::nn::concat::Part;
 use crate::nn::conv::OctreeConv;
 use crate::nn::conv_transpose::OctreeUp;
-use crate::nn::down::OctreeDown;
+use crate::nn::downsample::Downsample;
 use crate::nn::joined::Joined;
 use crate::nn::params::Layout;
 use crate::nn::residual::Scratch;
@@ -35,7 +35,7 @@ pub struct UNet {
 
 #[derive(Debug, Clone)]
 pub(super) struct EncoderStage {
-    pub down: Unit<OctreeDown>,
+    pub down: Downsample,
     pub blocks: Blocks,
 }
 
@@ -235,11 +235,8 @@ pub(super) fn up_rows(octree: &Octree, depth: usize) -> &Level {
 fn encoder(config: &UNetConfig, layout: &mut Layout) -> Vec<EncoderStage> {
     let mut c_in = config.stem_width;
     let mut stage = |(i, (&c, &n_blocks)): (usize, (&usize, &usize))| {
-        let down = Unit {
-            map: OctreeDown::new(layout, &format!("downsample.{i}.conv"), c_in, c),
-            norm: BatchNorm::new(layout, &format!("downsample.{i}.bn"), c),
-            relu: true,
-        };
+        let name = format!("downsample.{i}");
+        let down = Downsample::new(layout, &name, c_in, c, config.normalise_empty_parents);
         c_in = c;
         EncoderStage { down, blocks: Blocks::new(layout, &format!("encoder.{i}"), n_blocks, c, c) }
     };

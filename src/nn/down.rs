@@ -6,6 +6,7 @@
 use super::conv::xavier_bound;
 use super::kernel_product::{product, transposed_reversed, weight_gradient};
 use super::params::{Init, Layout};
+use super::rows;
 use crate::octree::Level;
 use crate::scalar::Scalar;
 use std::ops::Range;
@@ -69,11 +70,54 @@ impl OctreeDown {
     }
 }
 
+/// [`OctreeDown`] with rows for the non-empty nodes alone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PackedDown(pub OctreeDown);
+
+impl PackedDown {
+    /// `x: [8·n_nonempty, c_in]` to `y: [n_nonempty, c_out]`.
+    ///
+    /// # Panics
+    /// If `x` has not one row per node one depth finer than `coarse`.
+    pub fn forward<T: Scalar>(&self, params: &[T], coarse: &Level, x: &[T], y: &mut Vec<T>) {
+        let OctreeDown { c_in, c_out, weights } = &self.0;
+        assert_eq!(x.len(), 8 * coarse.n_nonempty() * c_in, "rows of input and finer nodes differ");
+        y.clear();
+        y.resize(coarse.n_nonempty() * c_out, T::ZERO);
+        rows::add_product(x, &params[weights.clone()], 8 * c_in, *c_out, y);
+    }
+
+    /// Overwrites `dx` (shaped as `x`) if wanted and adds to the weights' part of `grads`.
+    ///
+    /// # Panics
+    /// If `x` or `dy` has the wrong number of rows.
+    pub fn backward<T: Scalar>(
+        &self,
+        params: &[T],
+        coarse: &Level,
+        x: &[T],
+        dy: &[T],
+        dx: Option<&mut Vec<T>>,
+        grads: &mut [T],
+    ) {
+        let OctreeDown { c_in, c_out, weights } = &self.0;
+        assert_eq!(dy.len(), coarse.n_nonempty() * c_out, "rows of dy and non-empty nodes differ");
+        if let Some(dx) = dx {
+            let transposed = rows::transposed(&params[weights.clone()], 8 * c_in, *c_out);
+            dx.clear();
+            dx.resize(x.len(), T::ZERO);
+            rows::add_product(dy, &transposed, *c_out, 8 * c_in, dx);
+        }
+        rows::add_transposed_product(x, 8 * c_in, dy, *c_out, &mut grads[weights.clone()]);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::kernel_product::tests::{large_octree, octrees, require_gradients};
     use super::*;
     use crate::gradcheck::{adjoint, probe};
+    use crate::nn::pad::Depad;
 
     fn down(c_in: usize, c_out: usize) -> (OctreeDown, Vec<f64>) {
         let mut layout = Layout::default();
@@ -98,6 +142,10 @@ mod tests {
                     }
                     assert_eq!(y, expected);
                 }
+                let (mut packed, mut depadded) = (vec![f64::NAN; 7], vec![]);
+                PackedDown(layer.clone()).forward(&w, coarse, &x, &mut packed);
+                Depad::new(2).forward(coarse, &y, &mut depadded);
+                assert_eq!(packed, depadded);
             }
         }
     }

@@ -22,6 +22,7 @@ pub mod concat;
 pub mod conv;
 pub mod conv_transpose;
 pub mod down;
+pub mod downsample;
 pub mod dropout;
 pub mod group_norm;
 pub mod interp;

@@ -3,7 +3,7 @@
 use super::batch_norm::{self, BatchNorm};
 use super::conv::OctreeConv;
 use super::conv_transpose::OctreeUp;
-use super::down::OctreeDown;
+use super::down::{OctreeDown, PackedDown};
 use super::joined::{Columns, ColumnsGradient};
 use super::linear::Linear;
 use super::relu;
@@ -117,6 +117,7 @@ impl LinearMap for Linear {
 }
 
 linear_map!(OctreeDown, Level);
+linear_map!(PackedDown, Level);
 linear_map!(OctreeUp, Level);
 
 /// `y = relu(norm(map(x)))`, or without the ReLU.
