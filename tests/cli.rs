@@ -258,6 +258,39 @@ fn sample_writes_clouds_that_can_be_labelled() {
 }
 
 #[test]
+fn sample_says_how_even_the_sites_are_and_how_many_would_do() {
+    let folder = Folder::new();
+    let (part, out) = (folder.block(), folder.path("sites.ply"));
+    let with = |more: &[&str]| {
+        deepmill(&[&["sample", &part, "--sites", "400", "--out", &out, "--json"], more].concat())
+    };
+    let few = with(&["--cr", "1"]);
+    let result = json(&few);
+    for name in ["spacing_cv", "spacing_straight_cv", "cell_area_cv"] {
+        assert!((0.0..0.12).contains(&result[name].as_f64().unwrap()), "{name}: {result}");
+    }
+    let enough = result["n_sites_enough"].to_string();
+    assert!(text(&few.stderr).contains(&format!("{enough} sites would be enough")));
+    let more = ["sample", &part, "--sites", &enough, "--cr", "1", "--smooth=20", "--out", &out];
+    assert!(!text(&deepmill(&more).stderr).contains("warning"), "{enough}");
+    assert!(failure(&with(&["--cr", "0"]), 2).contains("--cr"));
+    assert!(failure(&with(&["--smooth=181"]), 2).contains("--smooth"));
+}
+
+#[test]
+fn sample_tells_inside_from_outside() {
+    let folder = Folder::new();
+    let (part, out) = (folder.block(), folder.path("volume.npz"));
+    let args = ["sample", &part, "--volume", "24000", "--out", &out, "--json"];
+    let result = json(&deepmill(&args));
+    // One point in each cubic millimetre of the bounding box, which the block fills.
+    assert_eq!((&result["n_points"], &result["inside"]), (&24000.into(), &1.0.into()));
+    let read = deepmill::data::npz::NpzReader::open(&out).unwrap();
+    assert!(read.has("points") && read.has("inside"));
+    assert!(failure(&deepmill(&[&args[..5], &["sites.ply"]].concat()), 1).contains("use .npz"));
+}
+
+#[test]
 fn report_draws_again_and_compares() {
     let folder = Folder::new();
     let part = folder.block();

@@ -48,6 +48,23 @@ fn obj(mesh: &Mesh) -> String {
     format!("# cube\r\nmtllib missing.mtl\r\no cube\r\n{vertices}{faces}")
 }
 
+fn three_mf(mesh: &Mesh) -> Vec<u8> {
+    let vertex = |v: &DVec3| format!("<vertex x=\"{}\" y=\"{}\" z=\"{}\" />", v.x, v.y, v.z);
+    let triangle = |[a, b, c]: &[u32; 3]| format!("<triangle v1=\"{a}\" v2=\"{b}\" v3=\"{c}\"/>\n");
+    let vertices: String = mesh.vertices.iter().map(vertex).collect();
+    let triangles: String = mesh.triangles.iter().map(triangle).collect();
+    let model = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model unit=\"millimeter\" xml:lang=\"en-US\" \
+         xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\"><resources>\
+         <object id=\"1\" type=\"model\"><mesh><vertices>{vertices}</vertices><triangles>{triangles}\
+         </triangles></mesh></object></resources><build><item objectid=\"1\"/></build></model>"
+    );
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    archive.start_file("3D/3dmodel.model", zip::write::FileOptions::default()).unwrap();
+    std::io::Write::write_all(&mut archive, model.as_bytes()).unwrap();
+    archive.finish().unwrap().into_inner()
+}
+
 #[test]
 fn every_way_to_write_a_cube_gives_the_same_cube() {
     let folder = tempfile::tempdir().unwrap();
@@ -66,6 +83,7 @@ fn every_way_to_write_a_cube_gives_the_same_cube() {
         put(folder.path(), "binary.stl", binary_stl(&cube, "made by hand")),
         put(folder.path(), "solid.STL", binary_stl(&cube, "solid cube")),
         put(folder.path(), "cube.obj", obj(&cube)),
+        put(folder.path(), "cube.3mf", three_mf(&cube)),
     ];
     for path in &files {
         let mesh = read_mesh(path, &ReadOptions::default()).unwrap();
@@ -134,6 +152,8 @@ fn broken_meshes() -> Vec<Case> {
         ("text_torn.stl", text[..text.len() - 40].into(), &["z is missing"]),
         ("text_four.stl", text.replacen("    endloop", "      vertex 0 0 0\n    endloop", 1).into(), &["line 7", "\"vertex\""]),
         ("text_two.stl", text.replacen("      vertex 0e0 0 0\r\n", "", 1).into(), &["2 vertices"]),
+        ("not.3mf", b"PK and then nothing".to_vec(), &["zip archive", "export"]),
+        ("cut.3mf", three_mf(&cube())[..200].to_vec(), &["zip archive", "export"]),
         ("not.stl", b"<html>no such part</html>".to_vec(), &["ends within", "copy"]),
         ("range.obj", obj.replace("f 3 4 8 7", "f 3 4 9 7").into(), &["line 18", "vertex 9", "does not exist", "export"]),
         ("zero.obj", obj.replace("f 3 4 8 7", "f 3 4 0 7").into(), &["line 18", "index 0", "from 1"]),
@@ -271,6 +291,10 @@ fn the_check_command_prints_one_object_and_mends_what_it_can() {
     assert_eq!((code, &result["labelable"]), (Some(1), &false.into()));
     assert_eq!(result["findings"][0]["fault"], "open_edge");
     assert_eq!(result["findings"][0]["places"].as_array().unwrap().len(), 3);
+    assert_eq!(result["findings"][0]["places"][0]["edge"].as_array().unwrap().len(), 2);
+    assert!(words.contains("try `deepmill check --repair`"), "{words}");
+    let (_, _, tried) = run(&[path.to_str().unwrap(), "--repair"]);
+    assert!(tried.contains("repair could not") && !tried.contains("try `"), "{tried}");
     assert!(words.contains("error: edge") && words.contains("size 10 × 20 × 30 mm"), "{words}");
 
     let mut doubled = cube();

@@ -5,10 +5,12 @@
 //! outward. Everything is decided by indices, so corners must be welded before (the readers do);
 //! only size, area and volume look at coordinates. Cost: O(n log n).
 
+mod fault;
 pub(crate) mod topology;
 
 use super::Mesh;
 use crate::{Error, Result};
+pub use fault::Fault;
 use glam::DVec3;
 use std::fmt;
 use topology::Topology;
@@ -19,86 +21,6 @@ pub(crate) const N_PLACES: usize = 5;
 /// Triangles lower than this fraction of the bounding box's diagonal are slivers: with corners
 /// rounded to f32 (6e-8) their normal is uncertain by up to half a degree.
 const SLIVER: f64 = 1e-5;
-
-/// Kinds of fault, the most fundamental first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-#[non_exhaustive]
-pub enum Fault {
-    /// There is no triangle with three different corners.
-    Empty,
-    /// Edges with one triangle: the surface has a hole there.
-    OpenEdge,
-    /// Edges with more than two triangles.
-    NonManifoldEdge,
-    /// Edges whose two triangles pass them in the same direction: one of them is turned over.
-    InconsistentEdge,
-    /// Vertices where the triangles form more than one fan: solids touching in a point.
-    NonManifoldVertex,
-    /// More pieces than one that share no edge.
-    ManyComponents,
-    /// The triangles face inward.
-    Inward,
-    /// Triangles without area: a corner used twice, or three in line.
-    Degenerate,
-    /// Triangles so low that their normal is uncertain.
-    Sliver,
-    /// Triangles that pierce others; found by [`super::intersect`] only.
-    SelfIntersection,
-}
-
-impl Fault {
-    /// Whether labels of a mesh with this fault would be meaningless.
-    pub fn blocks_labelling(self) -> bool {
-        self < Fault::Degenerate
-    }
-
-    /// Its name for programs.
-    pub fn name(self) -> &'static str {
-        match self {
-            Fault::Empty => "empty",
-            Fault::OpenEdge => "open_edge",
-            Fault::NonManifoldEdge => "non_manifold_edge",
-            Fault::InconsistentEdge => "inconsistent_edge",
-            Fault::NonManifoldVertex => "non_manifold_vertex",
-            Fault::ManyComponents => "many_components",
-            Fault::Inward => "inward",
-            Fault::Degenerate => "degenerate",
-            Fault::Sliver => "sliver",
-            Fault::SelfIntersection => "self_intersection",
-        }
-    }
-
-    fn noun(self) -> &'static str {
-        match self {
-            Fault::Empty => "meshes without a triangle",
-            Fault::OpenEdge => "open edges (used by one triangle)",
-            Fault::NonManifoldEdge => "edges used by more than two triangles",
-            Fault::InconsistentEdge => "edges between triangles that face opposite sides",
-            Fault::NonManifoldVertex => "vertices where several sheets touch in a point",
-            Fault::ManyComponents => "separate components",
-            Fault::Inward => "components with inward-facing triangles",
-            Fault::Degenerate => "triangles without area",
-            Fault::Sliver => "slivers (lower than 1e-5 of the diagonal)",
-            Fault::SelfIntersection => "pairs of triangles that pierce each other",
-        }
-    }
-
-    /// What the user can do about it.
-    pub fn remedy(self) -> &'static str {
-        match self {
-            Fault::Empty => "export the part again",
-            Fault::OpenEdge | Fault::NonManifoldEdge => {
-                "try `deepmill check --repair`, else close the solid in the program that wrote it"
-            }
-            Fault::InconsistentEdge | Fault::Inward => "try `deepmill check --repair`",
-            Fault::NonManifoldVertex => "separate or join the touching bodies in the CAD program",
-            Fault::ManyComponents => "join the bodies, or label them one file each",
-            Fault::Degenerate => "harmless for labels; `deepmill check --repair` drops some",
-            Fault::Sliver => "harmless for labels unless sites land on them",
-            Fault::SelfIntersection => "unite the overlapping bodies in the CAD program",
-        }
-    }
-}
 
 /// Where a fault is: coordinates in mm, indices as in the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -111,6 +33,8 @@ pub enum Place {
     Edge([u32; 2], [DVec3; 2]),
     /// A triangle and its centre.
     Triangle(u32, DVec3),
+    /// Two triangles and the middle of the box they share.
+    Triangles([u32; 2], DVec3),
     /// A component: its number of triangles, and the centre of the first of them.
     Component(usize, DVec3),
 }
@@ -123,6 +47,7 @@ impl fmt::Display for Place {
             Place::Vertex(v, p) => write!(f, "vertex {v} {}", at(p)),
             Place::Edge([a, b], [p, q]) => write!(f, "edge {a}–{b} {}–{}", at(p), at(q)),
             Place::Triangle(t, p) => write!(f, "triangle {t} at {}", at(p)),
+            Place::Triangles([s, t], p) => write!(f, "triangles {s} and {t} at {}", at(p)),
             Place::Component(n, p) => write!(f, "component of {n} triangles at {}", at(p)),
         }
     }
@@ -141,7 +66,7 @@ pub struct Finding {
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}", self.count, self.fault.noun())
+        write!(f, "{} {}", self.count, self.fault.words(self.count))
     }
 }
 
@@ -269,19 +194,33 @@ fn check_edges(mesh: &Mesh, topology: &Topology, found: &mut Findings) {
     }
 }
 
-/// Counts components; several of them, and those that are closed but face inward, are findings.
+/// Counts components; several of them, and those that are closed but face inward and are no voids, are
+/// findings.
 fn check_components(mesh: &Mesh, topology: &Topology, found: &mut Findings) -> usize {
     let components = topology.components();
     let mut open = vec![false; mesh.triangles.len()];
     topology.unbalanced().flatten().for_each(|u| open[u.face as usize] = true);
+    let mut inward = Vec::new();
+    let mut outer = None::<(f64, [DVec3; 2])>;
     for faces in &components {
         let place = Place::Component(faces.len(), centre(mesh, faces[0] as usize));
         if components.len() > 1 {
             found.add(Fault::ManyComponents, place);
         }
-        let closed = !faces.iter().any(|f| open[*f as usize]);
-        // A void within a solid rightly faces inward, but then there are two components anyway.
-        if closed && volume_of(mesh, faces) < 0.0 {
+        if faces.iter().any(|f| open[*f as usize]) {
+            continue;
+        }
+        let (volume, bounds) = (volume_of(mesh, faces), bounds_of(mesh, faces));
+        if volume < 0.0 {
+            inward.push((place, bounds));
+        } else if outer.is_none_or(|(largest, _)| volume > largest) {
+            outer = Some((volume, bounds));
+        }
+    }
+    for (place, [low, high]) in inward {
+        // A void within the largest body rightly faces inward.
+        let within = |(_, [l, h]): (f64, [DVec3; 2])| low.cmpge(l).all() && high.cmple(h).all();
+        if !outer.is_some_and(within) {
             found.add(Fault::Inward, place);
         }
     }
@@ -312,6 +251,13 @@ pub(crate) fn volume_of(mesh: &Mesh, faces: &[u32]) -> f64 {
         a.dot(b.cross(c))
     };
     faces.iter().map(six).sum::<f64>() / 6.0
+}
+
+/// Least and greatest corner of the box around some triangles, mm.
+fn bounds_of(mesh: &Mesh, faces: &[u32]) -> [DVec3; 2] {
+    let corners = faces.iter().flat_map(|f| mesh.corners(*f as usize));
+    let all = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    corners.fold(all, |[low, high], p| [low.min(p), high.max(p)])
 }
 
 pub(crate) fn centre(mesh: &Mesh, f: usize) -> DVec3 {
@@ -390,6 +336,14 @@ mod tests {
         assert_eq!(beside(DVec3::new(3.0, 0.0, 0.0)), [split]);
         assert_eq!(beside(DVec3::ONE), [(Fault::NonManifoldVertex, 1), split]);
         assert_eq!(beside(DVec3::new(1.0, 1.0, 0.0)), [(Fault::NonManifoldEdge, 1)]);
+    }
+
+    #[test]
+    fn a_void_within_a_body_rightly_faces_inward_but_an_inward_body_beside_it_does_not() {
+        let block = cuboid(DVec3::splat(5.0));
+        let hollow = |at: f64| together(&block, &moved(&turned_over(&cube()), DVec3::splat(at)));
+        assert_eq!(faults(&hollow(2.0)), [(Fault::ManyComponents, 2)]);
+        assert_eq!(faults(&hollow(7.0)), [(Fault::ManyComponents, 2), (Fault::Inward, 1)]);
     }
 
     #[test]

@@ -7,6 +7,34 @@
 //! were moved by (ε, ε², ε³) with ε too small to matter (Edelsbrunner and Mücke 1990). Every edge is
 //! therefore passed on exactly one side, and no ray is ever special.
 //!
+//! ```
+//! use deepmill::access::{LabelOptions, Obstacles, Queries, label};
+//! use deepmill::cutter::{Cutter, CutterParams};
+//! use deepmill::directions::{DirectionSet, Directions};
+//! use deepmill::geom::inside::{Lattice, lattice_inside};
+//! use deepmill::geom::sites::{SiteOptions, sample};
+//! use deepmill::geom::solids;
+//!
+//! // Where in the stock around a part can the cutter's tip go?
+//! let part = solids::torus(20.0, 8.0, 60, 30);
+//! let (low, high) = part.bounds().unwrap();
+//! let lattice = Lattice::with_about(low, high, 1000)?;
+//! let inside = lattice_inside(&part, &lattice)?;
+//! let outside = (0..lattice.len()).filter(|&n| !inside[n]);
+//! let stock: Vec<_> = outside.map(|n| lattice.point(n).as_vec3()).collect();
+//!
+//! let sites = sample(&part, &SiteOptions { n_sites: 2000, ..SiteOptions::default() })?;
+//! let lengths = CutterParams { cr_mm: 3.0, ch_mm: 20.0, fr_mm: 25.0, fh_mm: 30.0 };
+//! let cutter = Cutter::ball_end(lengths)?;
+//! let directions = Directions::new(DirectionSet::FibonacciHemisphere { n_dirs: 50 })?;
+//! let obstacles = Obstacles::Points(&sites.points);
+//! let queries = Queries::Volume(&stock);
+//! let labels = label(queries, obstacles, &cutter, &directions, &LabelOptions::default())?;
+//! let n_blocked = labels.inaccessible.iter().filter(|blocked| **blocked).count();
+//! assert!(0 < n_blocked && n_blocked < stock.len());
+//! # Ok::<(), deepmill::Error>(())
+//! ```
+//!
 //! Points above one another share the search for their triangles. Cost for a lattice of m columns of
 //! k points over n triangles: O(n + m·(t·log k + k)) with t the triangles near a column.
 
@@ -56,6 +84,21 @@ impl Lattice {
         }
         let origin = 0.5 * (low + high - (counts - 1.0) * step_mm);
         Ok(Lattice { origin, step_mm, counts: counts.to_array().map(|c| c as usize) })
+    }
+
+    /// [`Lattice::covering`] with about `n_points` points: the step is the edge of a cube with that
+    /// share of the box.
+    ///
+    /// # Errors
+    /// If the box has no volume, `n_points` is 0, or there would be more than 2³⁰ points.
+    pub fn with_about(low: DVec3, high: DVec3, n_points: usize) -> Result<Self> {
+        let volume = (high - low).element_product();
+        if !(volume > 0.0 && volume.is_finite()) || n_points == 0 {
+            let found = format!("{n_points} points in a volume of {volume} mm³");
+            let expected = "at least one point, and a box with a volume";
+            return Err(Error::argument("volume samples", found, expected, "check the part"));
+        }
+        Lattice::covering(low, high, libm::cbrt(volume / n_points as f64))
     }
 
     /// Number of points.
@@ -358,6 +401,9 @@ mod tests {
         assert!(windings(&weld(&mesh, 0.0), &[]).is_err());
         assert!(Lattice::covering(DVec3::ZERO, DVec3::ONE, 0.0).is_err());
         assert!(Lattice::covering(DVec3::ZERO, DVec3::ONE, 1e-4).is_err());
+        let about = |n| Lattice::with_about(DVec3::ZERO, DVec3::new(4.0, 2.0, 1.0), n);
+        assert_eq!(about(1000).unwrap().counts, [20, 10, 5]);
+        assert!(about(0).is_err() && Lattice::with_about(DVec3::ZERO, DVec3::X, 9).is_err());
     }
 
     #[test]

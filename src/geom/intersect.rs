@@ -9,7 +9,7 @@
 use super::Mesh;
 use super::boxes::Boxes;
 use super::check::topology::has_three_corners;
-use super::check::{Fault, Finding, N_PLACES, Place, centre};
+use super::check::{Fault, Finding, N_PLACES, Place};
 use crate::par;
 use glam::{DVec2, DVec3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
@@ -57,10 +57,18 @@ pub fn pairs(mesh: &Mesh) -> Vec<[u32; 2]> {
 /// [`pairs`] as a finding; `None` if there are none.
 pub fn finding(mesh: &Mesh) -> Option<Finding> {
     let pairs = pairs(mesh);
-    let place = |[f, _]: &[u32; 2]| Place::Triangle(*f, centre(mesh, *f as usize));
+    let place = |pair: &[u32; 2]| Place::Triangles(*pair, between(mesh, *pair));
     let places = pairs.iter().take(N_PLACES).map(place).collect();
     let fault = Fault::SelfIntersection;
     (!pairs.is_empty()).then_some(Finding { fault, count: pairs.len(), places })
+}
+
+/// The middle of what the bounding boxes of two triangles have in common.
+fn between(mesh: &Mesh, pair: [u32; 2]) -> DVec3 {
+    let [f, g] = pair.map(|f| mesh.corners(f as usize));
+    let low = |[a, b, c]: [DVec3; 3]| a.min(b).min(c);
+    let high = |[a, b, c]: [DVec3; 3]| a.max(b).max(c);
+    0.5 * (low(f).max(low(g)) + high(f).min(high(g)))
 }
 
 fn intersect(mesh: &Mesh, f: usize, g: usize) -> bool {

@@ -39,21 +39,25 @@ pub enum Change {
 
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
+        let count = |n: usize, noun: &str| format!("{n} {noun}{}", if n == 1 { "" } else { "s" });
+        match *self {
             Change::Welded { n_vertices, tolerance } => write!(
                 f,
-                "joined {n_vertices} vertices with others closer than {tolerance:e} of the diagonal"
+                "joined {n_vertices} {} with others closer than {tolerance:e} of the diagonal",
+                if n_vertices == 1 { "vertex" } else { "vertices" }
             ),
             Change::DroppedCollapsed(n) => {
-                write!(f, "dropped {n} triangles with a corner used twice")
+                write!(f, "dropped {} with a corner used twice", count(n, "triangle"))
             }
-            Change::DroppedDoubled(n) => write!(f, "dropped {n} doubled triangles"),
+            Change::DroppedDoubled(n) => write!(f, "dropped {}", count(n, "doubled triangle")),
             Change::TurnedTriangles(n) => {
-                write!(f, "turned {n} triangles to agree with their neighbours")
+                write!(f, "turned {} to agree with neighbours", count(n, "triangle"))
             }
-            Change::TurnedComponents(n) => write!(f, "turned {n} inward-facing components outward"),
+            Change::TurnedComponents(n) => {
+                write!(f, "turned {} that faced the wrong way", count(n, "component"))
+            }
             Change::Unorientable(n) => {
-                write!(f, "{n} components cannot be oriented, left as they are")
+                write!(f, "{} cannot be oriented, left as it is", count(n, "component"))
             }
         }
     }
@@ -222,18 +226,36 @@ fn turn_outward(mesh: &mut Mesh, topology: &Topology, components: &[Vec<u32>]) -
         .flat_map(|uses| uses.iter().map(|u| owner[u.face as usize]))
         .collect();
     owner.iter_mut().filter(|i| open.contains(i)).for_each(|i| *i = u32::MAX);
-    let probes: Vec<DVec3> = components.iter().map(|f| mesh.corners(f[0] as usize)[0]).collect();
+    let probes: Vec<DVec3> = components.iter().flat_map(|faces| extremes(mesh, faces)).collect();
     let around = inside::groups_around(mesh, &owner, &probes);
     let mut n_turned = 0;
     for (i, faces) in components.iter().enumerate() {
-        let depth = around[i].iter().filter(|k| **k != i as u32).count();
-        let is_void = depth % 2 == 1;
+        let depth = |groups: &Vec<u32>| groups.iter().filter(|k| **k != i as u32).count();
+        // A body that merely overlaps another sticks out of it somewhere.
+        let is_void = around[6 * i..6 * i + 6].iter().all(|groups| depth(groups) % 2 == 1);
         if !open.contains(&(i as u32)) && (volume_of(mesh, faces) < 0.0) != is_void {
             faces.iter().for_each(|f| mesh.triangles[*f as usize].swap(1, 2));
             n_turned += 1;
         }
     }
     n_turned
+}
+
+/// The least and greatest corners of some triangles along each axis (ties: the first).
+fn extremes(mesh: &Mesh, faces: &[u32]) -> [DVec3; 6] {
+    let first = mesh.corners(faces[0] as usize)[0];
+    let mut found = [first; 6];
+    for corner in faces.iter().flat_map(|f| mesh.corners(*f as usize)) {
+        for axis in 0..3 {
+            if corner[axis] < found[axis][axis] {
+                found[axis] = corner;
+            }
+            if corner[axis] > found[axis + 3][axis] {
+                found[axis + 3] = corner;
+            }
+        }
+    }
+    found
 }
 
 #[cfg(test)]
@@ -288,7 +310,7 @@ mod tests {
         let mut mesh = cuboid(DVec3::ONE);
         mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
         let notice = face_outward(&mut mesh).unwrap().to_string();
-        assert!(notice.contains("turned 1 inward"), "{notice}");
+        assert_eq!(notice, "turned 1 component that faced the wrong way");
         assert_eq!(mesh.volume(), 1.0);
         mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
         assert_eq!(repair(&mut mesh), [Change::TurnedComponents(1)]);
@@ -304,6 +326,18 @@ mod tests {
         assert_eq!(repair(&mut hollow), [Change::TurnedComponents(1)]);
         assert_eq!(hollow.volume(), 26.0);
         assert_eq!(repair(&mut hollow), []);
+    }
+
+    #[test]
+    fn overlapping_bodies_both_face_outward_whichever_way_they_came() {
+        let mut other = cuboid(DVec3::splat(2.0));
+        other.vertices.iter_mut().for_each(|v| *v += 1.0);
+        let mut both = together(&cuboid(DVec3::splat(2.0)), &other);
+        assert_eq!(repair(&mut both), []);
+        assert_eq!(both.volume(), 16.0);
+        both.triangles[12..].iter_mut().for_each(|t| t.swap(0, 1));
+        assert_eq!(repair(&mut both), [Change::TurnedComponents(1)]);
+        assert_eq!(both.volume(), 16.0);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use deepmill::cutter::{Cutter, CutterParams};
 use deepmill::data::files::ball_end_words;
 use deepmill::directions::{DirectionSet, Directions};
 use deepmill::geom::formats::Part;
-use deepmill::geom::sites::{self, SiteOptions};
+use deepmill::geom::sites::{self, Normals, SiteOptions};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
@@ -77,6 +77,13 @@ pub struct SiteArgs {
     /// Seed of the sites.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
+    /// For smooth parts: interpolate normals across edges folded by less than this angle (30 if
+    /// none is given). Without it a site has the normal of its face.
+    #[arg(
+        long, value_name = "DEGREES", num_args = 0..=1, require_equals = true,
+        default_missing_value = "30"
+    )]
+    smooth: Option<f64>,
 }
 
 impl SiteArgs {
@@ -94,16 +101,29 @@ impl SiteArgs {
                     let found = format!("`{count}`");
                     Error::argument("--sites", found, expected, "the paper uses 7000")
                 })?;
-                let options = SiteOptions { n_sites, seed: self.seed, ..SiteOptions::default() };
-                sites::sample(&mesh, &options)?
+                let normals = self.normals()?;
+                sites::sample(&mesh, &SiteOptions { n_sites, seed: self.seed, normals })?
             }
         };
         Ok((Some(mesh), sites))
     }
 
+    fn normals(&self) -> Result<Normals> {
+        match self.smooth {
+            None => Ok(Normals::Face),
+            Some(degrees) if (0.0..=180.0).contains(&degrees) => {
+                Ok(Normals::Smooth { crease_rad: degrees.to_radians() })
+            }
+            Some(degrees) => {
+                let expected = "an angle from 0 to 180 degrees";
+                Err(Error::argument("--smooth", degrees, expected, "30 suits most parts"))
+            }
+        }
+    }
+
     pub fn settings(&self, has_mesh: bool) -> Value {
         match has_mesh {
-            true => json!({ "sites": self.sites, "seed": self.seed }),
+            true => json!({ "sites": self.sites, "seed": self.seed, "smooth_deg": self.smooth }),
             false => json!({ "sites": "as given" }),
         }
     }

@@ -3,7 +3,7 @@
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::Result;
-use deepmill::geom::check::{self, Finding, Report};
+use deepmill::geom::check::{self, Finding, Place, Report};
 use deepmill::geom::{formats, intersect};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill check part.stl --unit in --repair --out mended.stl")]
 pub struct Args {
-    /// Mesh file: STL, OBJ or PLY.
+    /// Mesh file: STL, OBJ, PLY or 3MF.
     mesh: PathBuf,
     #[command(flatten)]
     read: MeshArgs,
@@ -32,12 +32,13 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     if !args.skip_intersections {
         report.findings.extend(intersect::finding(&mesh));
     }
-    say(&report, output);
+    say(&report, args, output);
     if let Some(path) = &args.out {
         formats::write_stl(path, &mesh)?;
-        output.say(format!("written to {}", path.display()));
+        output.say(format!("written {}", path.display()));
     }
     let changes: Vec<String> = changes.iter().map(ToString::to_string).collect();
+    let findings: Vec<Value> = report.findings.iter().map(|f| json_of(f, args)).collect();
     output.result(&json!({
         "file": args.mesh,
         "labelable": report.blocking().is_none(),
@@ -50,19 +51,23 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "area_mm2": report.area_mm2,
         "volume_mm3": report.volume_mm3,
         "changes": changes,
-        "findings": report.findings.iter().map(json_of).collect::<Vec<_>>(),
+        "findings": findings,
     }));
-    report.require_labelable()
+    args.read.require_labelable(&report)
 }
 
-fn say(report: &Report, output: &Output) {
-    let closed = if report.is_closed() { "closed" } else { "open" };
+fn say(report: &Report, args: &Args, output: &Output) {
+    let counted = |n: usize, noun: &str| format!("{n} {noun}{}", if n == 1 { "" } else { "s" });
     output.say(format!(
-        "{} triangles, {} vertices, {} component(s), {closed}, Euler characteristic {}",
-        report.n_triangles, report.n_vertices, report.n_components, report.euler
+        "{}, {} vertices, {}, {}, Euler characteristic {}",
+        counted(report.n_triangles, "triangle"),
+        report.n_vertices,
+        counted(report.n_components, "component"),
+        if report.is_closed() { "closed" } else { "open" },
+        report.euler,
     ));
-    let (area, volume) = (report.area_mm2, report.volume_mm3);
-    output.say(format!("area {area:.6} mm², volume {volume:.6} mm³"));
+    let (area, volume) = (digits(report.area_mm2), digits(report.volume_mm3));
+    output.say(format!("area {area} mm², volume {volume} mm³"));
     for finding in &report.findings {
         let weight = if finding.fault.blocks_labelling() { "BLOCKS LABELLING" } else { "note" };
         output.say(format!("{weight}: {finding}"));
@@ -71,19 +76,40 @@ fn say(report: &Report, output: &Output) {
         if more > 0 {
             output.say(format!("    and {more} more"));
         }
-        output.say(format!("    {}", finding.fault.remedy()));
+        output.say(format!("    {}", args.read.remedy(finding.fault)));
     }
     if report.blocking().is_none() {
-        output.say("can be labelled");
+        let skipped = ", piercing triangles not looked for";
+        let skipped = if args.skip_intersections { skipped } else { "" };
+        output.say(format!(
+            "can be labelled: closed, manifold, one component, facing outward{skipped}"
+        ));
     }
 }
 
-fn json_of(finding: &Finding) -> Value {
+/// Six decimals, but none that are zero.
+fn digits(value: f64) -> String {
+    let text = format!("{value:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').into()
+}
+
+fn json_of(finding: &Finding, args: &Args) -> Value {
     json!({
         "fault": finding.fault.name(),
         "blocks_labelling": finding.fault.blocks_labelling(),
         "count": finding.count,
-        "places": finding.places.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        "remedy": finding.fault.remedy(),
+        "places": finding.places.iter().map(place).collect::<Vec<_>>(),
+        "remedy": args.read.remedy(finding.fault),
     })
+}
+
+fn place(place: &Place) -> Value {
+    match place {
+        Place::Vertex(v, at) => json!({ "vertex": v, "at_mm": [at.to_array()] }),
+        Place::Edge(ends, at) => json!({ "edge": ends, "at_mm": at.map(|p| p.to_array()) }),
+        Place::Triangle(t, at) => json!({ "triangle": t, "at_mm": [at.to_array()] }),
+        Place::Triangles(pair, at) => json!({ "triangles": pair, "at_mm": [at.to_array()] }),
+        Place::Component(n, at) => json!({ "n_triangles": n, "at_mm": [at.to_array()] }),
+        Place::Whole => json!({ "at_mm": [] }),
+    }
 }

@@ -2,18 +2,18 @@
 
 use crate::args::{CutterArgs, DirectionArgs, SiteArgs, Tool, name_of};
 use crate::clock::Clock;
+use crate::density;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::Result;
 use deepmill::access::{self, Engine, LabelOptions, Labels, Obstacles};
 use deepmill::data::files::{About, LabelFile};
 use deepmill::directions::Directions;
-use deepmill::geom::Mesh;
 use deepmill::geom::sites::{self, SiteOptions};
 use deepmill::geom::spacing::Spacing;
+use deepmill::geom::{Mesh, Sites};
 use deepmill::report::folder::{self, Show};
 use deepmill::report::tables::{Cell, Facts};
-use glam::Vec3;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -24,7 +24,7 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill label part.stl --cutter 1.5,6,40,5 --out labels")]
 pub struct Args {
-    /// Mesh (STL, OBJ, PLY) or cloud of points with normals (PLY, NPZ).
+    /// Mesh (STL, OBJ, PLY, 3MF) or cloud of points with normals (PLY, NPZ).
     part: PathBuf,
     #[command(flatten)]
     read: MeshArgs,
@@ -64,11 +64,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let part = args.read.read_part(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");
     let (mesh, sites) = args.sites.place(part)?;
-    let spacing = Spacing::measure_on_sheet(&sites);
     let more = further_obstacles(args, mesh.as_ref(), output)?;
     clock.lap("sites_s", "sites");
     let obstacles = match &more {
-        Some(points) => Obstacles::QueriesAnd(points),
+        Some(sites) => Obstacles::QueriesAnd(&sites.points),
         None => Obstacles::Queries,
     };
     let labels = access::label(&sites, obstacles, &tool.cutter, &directions, &options)?;
@@ -83,11 +82,16 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
     clock.lap("write_s", "writing and drawing");
 
-    let mut facts = facts(&file, &directions, spacing);
+    let mut facts = facts(&file, &directions);
+    let mut spacing = density::add_spacing(&mut facts, &file.sites);
+    if let Some(denser) = more.filter(|more| more.len() > file.sites.len()) {
+        spacing = Spacing::measure_on_sheet(&denser);
+    }
+    let warning = spacing.and_then(|s| density::add_advice(&mut facts, &s, tool.params.cr_mm));
     clock.add_to(&mut facts);
     output.say(facts.text());
-    if let Some(spacing) = spacing {
-        advise(spacing.mean_mm, file.sites.len(), tool.params.cr_mm, output);
+    if let Some(warning) = warning {
+        output.warn(format!("{warning}: raise --sites, or add --obstacles"));
     }
     output.files(&paths);
     output.result_with_files(facts.json(), &paths);
@@ -95,11 +99,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 }
 
 /// Points of the surface beside the sites, from another stream of the same seed.
-fn further_obstacles(
-    args: &Args,
-    mesh: Option<&Mesh>,
-    output: &Output,
-) -> Result<Option<Vec<Vec3>>> {
+fn further_obstacles(args: &Args, mesh: Option<&Mesh>, output: &Output) -> Result<Option<Sites>> {
     match (args.obstacles, mesh) {
         (None, _) => Ok(None),
         (Some(_), None) => {
@@ -109,7 +109,7 @@ fn further_obstacles(
         (Some(n_sites), Some(mesh)) => {
             let seed = args.sites.seed.wrapping_add(1);
             let options = SiteOptions { n_sites, seed, ..SiteOptions::default() };
-            sites::sample(mesh, &options).map(|sites| Some(sites.points))
+            sites::sample(mesh, &options).map(Some)
         }
     }
 }
@@ -127,7 +127,7 @@ fn about(args: &Args, tool: &Tool, directions: &Directions, has_mesh: bool) -> A
     About { part: name_of(&args.part), cutter: tool.params, tool: tool.words.clone(), settings }
 }
 
-fn facts(file: &LabelFile, directions: &Directions, spacing: Option<Spacing>) -> Facts {
+fn facts(file: &LabelFile, directions: &Directions) -> Facts {
     let Labels { inaccessible, occlusion, accessible_directions, .. } = &file.labels;
     let n = file.sites.len();
     let share = |count: usize| Cell::Share(count as f64 / n.max(1) as f64);
@@ -139,29 +139,10 @@ fn facts(file: &LabelFile, directions: &Directions, spacing: Option<Spacing>) ->
     facts.add("part", "part", Cell::text(&file.about.part));
     facts.add("cutter", "cutter", Cell::text(&file.about.tool));
     facts.add("n_sites", "sites", Cell::count(n));
-    if let Some(spacing) = spacing {
-        facts.add("spacing_mm", "mean spacing", Cell::Millimetres(spacing.mean_mm));
-        facts.add("spacing_cv", "variation of spacing", Cell::Number(spacing.cv));
-    }
     facts.add("n_directions", "directions", Cell::count(directions.len()));
     facts.add("inaccessible", "inaccessible", share(count(inaccessible)));
     facts.add("occlusion", "occlusion", share(count(occlusion)));
     facts.add("both", "inaccessible and occlusion", share(both));
     facts.add("free_directions", "directions that reach a site, mean", Cell::Share(mean));
     facts
-}
-
-/// Greatest distance of a point of the surface from its site, in mean spacings.
-const COVERING: f64 = 0.85;
-
-/// Warns if the tool could slip between the sites, and says how many would be enough.
-fn advise(mean_mm: f64, n_sites: usize, cr_mm: f64, output: &Output) {
-    let ratio = COVERING * mean_mm / cr_mm;
-    if ratio > 1.0 {
-        let enough = (n_sites as f64 * ratio * ratio).ceil();
-        output.warn(format!(
-            "{n_sites} sites are {mean_mm:.2} mm apart, too far to notice all that a cutter of \
-             radius {cr_mm} mm runs into; {enough} sites would be enough"
-        ));
-    }
 }

@@ -6,6 +6,7 @@ mod check;
 mod clock;
 mod dataset;
 mod demo;
+mod density;
 mod eval;
 mod generate;
 mod label;

@@ -1,10 +1,11 @@
 //! How a mesh file becomes the part to work on: the options all commands share.
 
 use crate::output::Output;
-use deepmill::Result;
+use deepmill::geom::check::{Fault, Report};
 use deepmill::geom::formats::{self, Part, ReadOptions};
 use deepmill::geom::units::{Unit, size_line, size_warning};
 use deepmill::geom::{Mesh, check, repair, weld};
+use deepmill::{Error, Result};
 use glam::DVec3;
 use std::path::Path;
 
@@ -38,7 +39,7 @@ impl MeshArgs {
         match &mut part {
             Part::Mesh(mesh) => {
                 self.prepare(mesh, output);
-                match check::require_labelable(mesh) {
+                match self.require_labelable(&check::check(mesh)) {
                     Err(fault) if accept_faults => output.warn(fault),
                     verdict => verdict?,
                 }
@@ -50,6 +51,23 @@ impl MeshArgs {
             }
         }
         Ok(part)
+    }
+
+    /// As [`Report::require_labelable`]; does not propose a repair that was made.
+    pub fn require_labelable(&self, report: &Report) -> Result<()> {
+        match report.blocking() {
+            None => Ok(()),
+            Some(finding) => Err(Error::geometry(
+                finding.places[0].to_string(),
+                finding.to_string(),
+                self.remedy(finding.fault),
+            )),
+        }
+    }
+
+    /// What the user can do about a fault that is still there.
+    pub fn remedy(&self, fault: Fault) -> &'static str {
+        if self.repair { fault.remedy_beyond_repair() } else { fault.remedy() }
     }
 
     /// Reads a mesh as it is, with the repairs asked for; whether it can be labelled is not asked.

@@ -22,7 +22,7 @@ use std::path::PathBuf;
     after_help = "Example: deepmill predict part.stl --cutter 1.5,6,40,5 --model run/best.safetensors --out predictions"
 )]
 pub struct Args {
-    /// Mesh (STL, OBJ, PLY) or cloud of points with normals (PLY, NPZ).
+    /// Mesh (STL, OBJ, PLY, 3MF) or cloud of points with normals (PLY, NPZ).
     part: PathBuf,
     #[command(flatten)]
     read: MeshArgs,

@@ -1,8 +1,8 @@
-//! Mesh and point-cloud files: STL, OBJ, PLY and NPZ in, STL out.
+//! Mesh and point-cloud files: STL, OBJ, PLY, 3MF and NPZ in, STL out.
 //!
 //! STL and OBJ are read here, because the position of a fault in the file belongs into the message and
-//! no library tells it; PLY and NPZ are read through `ply-rs-bw` and `npyz`, behind guards against
-//! headers that promise more than the file holds. Memory stays within a small multiple of the
+//! no library tells it; PLY, NPZ and 3MF are read through `ply-rs-bw`, `npyz` and `quick-xml`, behind guards
+//! against headers that promise more than the file holds. Memory stays within a small multiple of the
 //! file's size, whatever a header claims. Every reader also takes bytes, for tests and fuzzing.
 
 mod npz;
@@ -11,6 +11,7 @@ mod ply;
 mod polygon;
 mod stl;
 mod text;
+mod threemf;
 
 use super::{Mesh, Sites, weld};
 use crate::{Error, Result, aside};
@@ -28,7 +29,7 @@ const MIN_NORMAL: f64 = 1e-12;
 /// How the numbers of a mesh file become a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReadOptions {
-    /// Millimetres per unit of the file; positive.
+    /// Millimetres per unit of the file; positive. A 3MF says its unit: for it, a factor on top.
     pub scale: f64,
     /// Corners closer than this fraction of the bounding box's diagonal become one; 0 joins only
     /// equal ones. See [`weld::DEFAULT_TOLERANCE`].
@@ -51,6 +52,8 @@ pub enum Format {
     Obj,
     /// PLY, ASCII or binary.
     Ply,
+    /// 3MF.
+    ThreeMf,
     /// NumPy archive with `points` and `normals`.
     Npz,
 }
@@ -66,6 +69,7 @@ impl Format {
             Some("stl") => Ok(Format::Stl),
             Some("obj") => Ok(Format::Obj),
             Some("ply") => Ok(Format::Ply),
+            Some("3mf") => Ok(Format::ThreeMf),
             Some("npz") => Ok(Format::Npz),
             Some("step" | "stp" | "iges" | "igs") => Err(Error::file(
                 path,
@@ -77,7 +81,7 @@ impl Format {
                 path,
                 "file name",
                 "its ending names no format that can be read",
-                "use .stl, .obj or .ply for a mesh, .ply or .npz for a cloud",
+                "use .stl, .obj, .ply or .3mf for a mesh, .ply or .npz for a cloud",
             )),
         }
     }
@@ -103,7 +107,7 @@ pub fn read_part(path: &Path, options: &ReadOptions) -> Result<Part> {
     let cloud = match format {
         Format::Npz => true,
         Format::Ply => ply::is_cloud(&bytes, path)?,
-        Format::Stl | Format::Obj => false,
+        Format::Stl | Format::Obj | Format::ThreeMf => false,
     };
     if cloud {
         cloud_from_bytes(&bytes, format, path, options.scale).map(Part::Cloud)
@@ -112,7 +116,7 @@ pub fn read_part(path: &Path, options: &ReadOptions) -> Result<Part> {
     }
 }
 
-/// Reads a mesh: STL, OBJ or PLY, by the ending of `path`. Corners are scaled and welded; no
+/// Reads a mesh: STL, OBJ, PLY or 3MF, by the ending of `path`. Corners are scaled and welded; no
 /// triangle is dropped or turned, and polygons are cut into triangles.
 ///
 /// # Errors
@@ -140,12 +144,13 @@ pub fn mesh_from_bytes(
         Format::Stl => stl::read(bytes, path)?,
         Format::Obj => obj::read(bytes, path)?,
         Format::Ply => ply::read_mesh(bytes, path)?,
+        Format::ThreeMf => threemf::read(bytes, path)?,
         Format::Npz => {
             return Err(Error::file(
                 path,
                 "file name",
                 "an NPZ archive holds points, not a mesh",
-                "give a .stl, .obj or .ply file here",
+                "give a .stl, .obj, .ply or .3mf file here",
             ));
         }
     };
@@ -181,7 +186,7 @@ pub fn cloud_from_bytes(bytes: &[u8], format: Format, path: &Path, scale: f64) -
     let (mut points, normals) = match format {
         Format::Ply => ply::read_cloud(bytes, path)?,
         Format::Npz => npz::read_cloud(bytes, path)?,
-        Format::Stl | Format::Obj => {
+        Format::Stl | Format::Obj | Format::ThreeMf => {
             return Err(Error::file(
                 path,
                 "file name",
