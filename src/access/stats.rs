@@ -9,7 +9,8 @@ pub struct Stats {
     pub queries: u64,
     /// Of these, decided by the greatest height of all obstacles alone (the shaft test).
     pub by_height: u64,
-    /// Of these, decided by boxes around obstacles, without testing any obstacle.
+    /// Of these, decided by boxes around obstacles, without testing any obstacle but the eight that were in
+    /// the way of a query before.
     pub by_box: u64,
     /// Obstacles tested one by one for the rest.
     pub pairs_tested: u64,

@@ -4,7 +4,7 @@
 //! operations in their own order. Rounding is monotone, so for every obstacle of a box
 //! `near² ≤ r² ≤ far²` holds bit for bit: boxes decide without an epsilon and never wrongly.
 
-use super::collide::{Coordinates, PADDING, StepSquared, eights, eights_mut};
+use super::collide::{Coordinates, PADDING, StepSquared, eights, eights_mut, squared_distance};
 use super::level::{Kernel, Simd};
 
 /// Boxes across the direction, unbounded downward; arrays are padded with empty boxes to a multiple
@@ -141,6 +141,7 @@ impl Kernel for Search<'_> {
         let highest = s.splat(self.tree.highest());
         let first = s.splat(self.steps[0].height);
         let mut stack = [(0, 0); STACK];
+        let mut struck = 0;
         let blocks = eights(&self.centres.z).iter().zip(eights(self.own_z)).enumerate();
         for (block, (z, own_z)) in blocks.take(self.centres.n.div_ceil(8)) {
             let z = s.load(z);
@@ -156,11 +157,19 @@ impl Kernel for Search<'_> {
             while open != 0 {
                 let lane = open.trailing_zeros() as usize;
                 open &= open - 1;
-                let i = 8 * block + lane;
+                let centre = self.centres.get(8 * block + lane);
+                // What stood in a neighbour's way often stands in this one's.
+                done.tested += 8;
+                if strikes(s, centre, finite, &self.tree.points, struck) {
+                    bits |= 1 << lane;
+                    continue;
+                }
                 let tested = done.tested;
-                if descend(s, self.centres.get(i), finite, self.tree, &mut stack, &mut done.tested)
+                if let Some(group) =
+                    descend(s, centre, finite, self.tree, &mut stack, &mut done.tested)
                 {
                     bits |= 1 << lane;
+                    struck = group.unwrap_or(struck);
                 }
                 done.by_box += u64::from(tested == done.tested);
             }
@@ -178,16 +187,39 @@ impl Kernel for Search<'_> {
 /// Most groups that can wait: seven per level and no tree has more than eleven levels.
 const STACK: usize = 96;
 
-/// Does some obstacle collide with the cutter at `centre`?
+/// Does some obstacle of this group of eight collide with the cutter at `centre`?
+#[inline(always)]
+fn strikes<S: Simd>(
+    s: S,
+    [cx, cy, cz]: [f32; 3],
+    steps: &[StepSquared],
+    points: &Coordinates,
+    group: usize,
+) -> bool {
+    let (x, y) = (&eights(&points.x)[group], &eights(&points.y)[group]);
+    let squared = squared_distance(s, s.splat(cx), s.splat(cy), x, y);
+    let z = s.load(&eights(&points.z)[group]);
+    for step in steps {
+        let (above, within) = (s.splat(cz + step.height), s.splat(step.radius_squared));
+        if s.greater_and_at_most(z, above, squared, within) != 0 {
+            return true;
+        }
+    }
+    false
+}
+
+/// Does some obstacle collide with the cutter at `centre`? If so, which group of eight was found to do so,
+/// if it was one.
 #[inline(always)]
 fn descend<S: Simd>(
     s: S,
-    [cx, cy, cz]: [f32; 3],
+    centre: [f32; 3],
     steps: &[StepSquared],
     tree: &Tree,
     stack: &mut [(u32, u32); STACK],
     tested: &mut u64,
-) -> bool {
+) -> Option<Option<usize>> {
+    let [cx, cy, cz] = centre;
     let (cx, cy) = (s.splat(cx), s.splat(cy));
     let zero = s.splat(0.0);
     stack[0] = (tree.levels.len() as u32, 0);
@@ -197,17 +229,9 @@ fn descend<S: Simd>(
         let (level, group) = stack[depth];
         let group = group as usize;
         if level == 0 {
-            let points = &tree.points;
-            let (x, y) = (s.load(&eights(&points.x)[group]), s.load(&eights(&points.y)[group]));
-            let (dx, dy) = (s.sub(x, cx), s.sub(y, cy));
-            let squared = s.add(s.mul(dx, dx), s.mul(dy, dy));
-            let z = s.load(&eights(&points.z)[group]);
             *tested += 8;
-            for step in steps {
-                let (above, within) = (s.splat(cz + step.height), s.splat(step.radius_squared));
-                if s.greater_and_at_most(z, above, squared, within) != 0 {
-                    return true;
-                }
+            if strikes(s, centre, steps, &tree.points, group) {
+                return Some(Some(group));
             }
             continue;
         }
@@ -218,7 +242,7 @@ fn descend<S: Simd>(
         for step in steps {
             let (above, within) = (s.splat(cz + step.height), s.splat(step.radius_squared));
             if s.greater_and_at_most(top, above, far, within) != 0 {
-                return true;
+                return Some(None);
             }
             open |= s.greater_and_at_most(top, above, near, within);
         }
@@ -229,7 +253,7 @@ fn descend<S: Simd>(
             depth += 1;
         }
     }
-    false
+    None
 }
 
 /// Squared distances across the direction from a point to the nearest and farthest place of eight

@@ -180,6 +180,19 @@ fn bit_of(index: usize, block: usize) -> u32 {
     if index / 8 == block { 1 << (index % 8) } else { 0 }
 }
 
+/// Squared distances from a place to eight points, in the order of the predicate.
+#[inline(always)]
+pub(super) fn squared_distance<S: Simd>(
+    s: S,
+    x0: S::Eight,
+    y0: S::Eight,
+    x: &[f32; 8],
+    y: &[f32; 8],
+) -> S::Eight {
+    let (dx, dy) = (s.sub(x0, s.load(x)), s.sub(y0, s.load(y)));
+    s.add(s.mul(dx, dx), s.mul(dy, dy))
+}
+
 #[inline(always)]
 pub(super) fn eights(a: &[f32]) -> &[[f32; 8]] {
     a.as_chunks().0

@@ -45,6 +45,8 @@ pub trait Eights: Copy {
     fn no_counts(self) -> Self::Counts;
     /// Counter `l` goes up by one if `a ≤ b` in lane `l`; good for 2³² steps.
     fn count_at_most(self, counts: Self::Counts, a: Self::Eight, b: Self::Eight) -> Self::Counts;
+    /// Counters added lane by lane.
+    fn add_counts(self, a: Self::Counts, b: Self::Counts) -> Self::Counts;
     /// Sum of the counters.
     fn total(self, counts: Self::Counts) -> u32;
     /// The lanes named by `mask`, in order, moved to the front; the other lanes are unspecified.
@@ -85,6 +87,10 @@ macro_rules! arrays {
             #[inline(always)]
             fn count_at_most(self, counts: [u32; 8], a: [f32; 8], b: [f32; 8]) -> [u32; 8] {
                 lanes!(|l| counts[l] + u32::from(a[l] <= b[l]))
+            }
+            #[inline(always)]
+            fn add_counts(self, a: [u32; 8], b: [u32; 8]) -> [u32; 8] {
+                lanes!(|l| a[l] + b[l])
             }
             #[inline(always)]
             fn total(self, counts: [u32; 8]) -> u32 {
@@ -235,11 +241,20 @@ mod x86 {
                     }
                 }
                 #[inline(always)]
+                fn add_counts(self, a: __m256i, b: __m256i) -> __m256i {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe { _mm256_add_epi32(a, b) }
+                }
+                #[inline(always)]
                 fn total(self, counts: __m256i) -> u32 {
-                    let mut lanes = [0u32; 8];
-                    // SAFETY: AVX2 as above; the array has room for eight counters.
-                    unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), counts) };
-                    lanes.iter().sum()
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe {
+                        let high = _mm256_extracti128_si256::<1>(counts);
+                        let four = _mm_add_epi32(_mm256_castsi256_si128(counts), high);
+                        let two = _mm_add_epi32(four, _mm_shuffle_epi32::<0b1110>(four));
+                        let one = _mm_add_epi32(two, _mm_shuffle_epi32::<1>(two));
+                        _mm_cvtsi128_si32(one) as u32
+                    }
                 }
 
                 #[inline(always)]

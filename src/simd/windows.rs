@@ -6,7 +6,7 @@
 //! are dropped, and the ring between is handed down. [`CountWindows`] tests what is left. The ring is
 //! drawn wider than rounding could ever matter, see [`Ring`].
 
-use super::collide::eights;
+use super::collide::{eights, squared_distance};
 use super::level::{Kernel, Simd};
 
 /// Places of a list that must be readable past its end.
@@ -110,26 +110,40 @@ pub struct Ring {
 const MARGIN: f64 = 1e-5;
 
 impl Ring {
-    /// For a step of `radius_squared` (mm², finite) and obstacles within `[x0, x1] × [y0, y1]`.
-    pub fn new([x0, x1, y0, y1]: [f32; 4], radius_squared: f32) -> Self {
-        let (x, y) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));
-        let half = |c: f32, least: f32, greatest: f32| {
-            (f64::from(greatest) - f64::from(c)).max(f64::from(c) - f64::from(least))
-        };
-        let (dx, dy) = (half(x, x0, x1), half(y, y0, y1));
-        let reach = (dx * dx + dy * dy).sqrt();
+    /// For a step of `radius_squared` (mm², finite) and obstacles at most `reach` away from a place.
+    #[inline(always)]
+    fn new([x, y]: [f32; 2], reach: f64, radius_squared: f32) -> Self {
         let radius = f64::from(radius_squared).sqrt();
         let outer = (radius + reach) * (1.0 + MARGIN);
-        let inner = radius * (1.0 - MARGIN) - reach;
+        let inner = radius * (1.0 - MARGIN) - reach * (1.0 + MARGIN);
         let inner_squared = if inner > 0.0 { (inner * inner) as f32 } else { -1.0 };
         Ring { x, y, inner_squared, outer_squared: (outer * outer) as f32 }
     }
 }
 
+/// How far the obstacles are from a place at most, mm, rounded up or down.
+#[inline(always)]
+fn reach<S: Simd>(s: S, [x0, y0]: [f32; 2], x: &[f32], y: &[f32]) -> f64 {
+    let (x0, y0) = (s.splat(x0), s.splat(y0));
+    let mut farthest = s.splat(0.0);
+    for (x, y) in eights(x).iter().zip(eights(y)) {
+        farthest = s.max(farthest, squared_distance(s, x0, y0, x, y));
+    }
+    let mut lanes = [0.0; 8];
+    s.store(farthest, &mut lanes);
+    f64::from(lanes.into_iter().fold(0.0, |a: f32, b| if b > a { b } else { a })).sqrt()
+}
+
 /// Splits a list of centres by a ring; counts the inside, moves the windows on to the ring.
 pub struct Split<'a> {
-    /// The ring around the obstacles.
-    pub ring: Ring,
+    /// Squared radius of the step, mm².
+    pub radius_squared: f32,
+    /// A place among the obstacles of the box, mm.
+    pub middle: [f32; 2],
+    /// Obstacles' x, a multiple of eight; the last one again where there are fewer.
+    pub obstacle_x: &'a [f32],
+    /// Obstacles' y.
+    pub obstacle_y: &'a [f32],
     /// Centres' x, the windows' places, with [`SLACK`].
     pub x: &'a [f32],
     /// Centres' y, with [`SLACK`].
@@ -153,39 +167,67 @@ impl Kernel for Split<'_> {
     type Output = (usize, u64);
 
     #[inline(always)]
-    fn run<S: Simd>(self, s: S) -> (usize, u64) {
-        let (ring_x, ring_y) = (s.splat(self.ring.x), s.splat(self.ring.y));
-        let (inner, outer) = (s.splat(self.ring.inner_squared), s.splat(self.ring.outer_squared));
+    fn run<S: Simd>(mut self, s: S) -> (usize, u64) {
+        let reach = reach(s, self.middle, self.obstacle_x, self.obstacle_y);
+        let ring = Ring::new(self.middle, reach, self.radius_squared);
+        let (n_inside, n_ring) = if ring.inner_squared < 0.0 {
+            self.split::<S, false>(s, ring)
+        } else {
+            self.split::<S, true>(s, ring)
+        };
         let n = (self.last - self.first) as usize;
-        let range = self.first as usize..self.first as usize + n.next_multiple_of(8);
-        let (x, y) = (eights(&self.x[range.clone()]), eights(&self.y[range]));
-        let (mut n_inside, mut n_ring) = (0, 0);
-        for (w, (x, y)) in x.chunks(8).zip(y.chunks(8)).enumerate() {
-            let mut word =
-                Word { inside_before: n_inside, ring_before: n_ring as u32, ..Word::default() };
-            for (c, (x, y)) in x.iter().zip(y).enumerate() {
-                let squared = squared_distance(s, ring_x, ring_y, x, y);
-                let valid = !0u32 >> (24 + (64 * w + 8 * c + 8).saturating_sub(n));
-                let inside = s.at_most(squared, inner) & valid;
-                let ring = s.at_most(squared, outer) & valid & !inside;
-                word.inside |= u64::from(inside) << (8 * c);
-                word.ring |= u64::from(ring) << (8 * c);
-                append(s, s.compress(s.load(x), ring), self.ring_x, n_ring);
-                append(s, s.compress(s.load(y), ring), self.ring_y, n_ring);
-                n_ring += ring.count_ones() as usize;
-            }
-            n_inside += word.inside.count_ones();
-            self.words[w] = word;
-        }
         self.words[n.div_ceil(64)] =
             Word { inside_before: n_inside, ring_before: n_ring as u32, ..Word::default() };
         (n_ring, move_windows(self.windows, self.words, self.first))
     }
 }
 
+impl Split<'_> {
+    /// Fills the words and the ring; places past the last one, up to a multiple of eight, are split like the
+    /// others, but no window ends behind them. `INNER`: whether there is an inner circle.
+    #[inline(always)]
+    fn split<S: Simd, const INNER: bool>(&mut self, s: S, ring: Ring) -> (u32, usize) {
+        let circles =
+            [ring.x, ring.y, ring.inner_squared, ring.outer_squared].map(|value| s.splat(value));
+        let n = ((self.last - self.first) as usize).next_multiple_of(8);
+        let range = self.first as usize..self.first as usize + n;
+        let (x, y) = (eights(&self.x[range.clone()]), eights(&self.y[range]));
+        assert!(
+            self.ring_x.len() >= n && self.ring_y.len() >= n && self.words.len() >= n.div_ceil(64)
+        );
+        let (mut n_inside, mut n_ring) = (0, 0);
+        for (word, (x, y)) in self.words.iter_mut().zip(x.chunks(8).zip(y.chunks(8))) {
+            let (inside_before, ring_before) = (n_inside, n_ring as u32);
+            let (mut inside_bits, mut ring_bits) = (0u64, 0u64);
+            for (c, (x, y)) in x.iter().zip(y).enumerate() {
+                let squared = squared_distance(s, circles[0], circles[1], x, y);
+                let inside = if INNER { s.at_most(squared, circles[2]) } else { 0 };
+                let ring = s.at_most(squared, circles[3]) & !inside;
+                inside_bits |= u64::from(inside) << (8 * c);
+                ring_bits |= u64::from(ring) << (8 * c);
+                // SAFETY: every eight before has brought `n_ring` forward by eight at most, so there is room
+                // for eight behind it, as asserted above.
+                unsafe {
+                    append(s, s.compress(s.load(x), ring), self.ring_x, n_ring);
+                    append(s, s.compress(s.load(y), ring), self.ring_y, n_ring);
+                }
+                n_ring += ring.count_ones() as usize;
+            }
+            *word = Word { inside: inside_bits, ring: ring_bits, inside_before, ring_before };
+            n_inside += inside_bits.count_ones();
+        }
+        (n_inside, n_ring)
+    }
+}
+
+/// Writes eight lanes from `place` on.
+///
+/// # Safety
+/// `to` must have eight places there.
 #[inline(always)]
-fn append<S: Simd>(s: S, lanes: S::Eight, to: &mut [f32], place: usize) {
-    let to = to[place..].first_chunk_mut().expect("the slack has room for eight");
+unsafe fn append<S: Simd>(s: S, lanes: S::Eight, to: &mut [f32], place: usize) {
+    // SAFETY: the caller's promise.
+    let to = unsafe { &mut *to.as_mut_ptr().add(place).cast::<[f32; 8]>() };
     s.store(lanes, to);
 }
 
@@ -241,31 +283,22 @@ impl Kernel for CountWindows<'_> {
             let range = from as usize..from as usize + n.next_multiple_of(8);
             let (ox, oy) = (s.splat(ox), s.splat(oy));
             let (x, y) = (eights(&self.x[range.clone()]), eights(&self.y[range]));
-            let mut counts = s.no_counts();
-            for (x, y) in x.iter().zip(y).take(n / 8) {
-                let squared = squared_distance(s, ox, oy, x, y);
-                counts = s.count_at_most(counts, squared, within);
+            let mut counts = [s.no_counts(), s.no_counts()];
+            let whole = n / 16 * 2;
+            for (x, y) in x[..whole].as_chunks::<2>().0.iter().zip(y[..whole].as_chunks::<2>().0) {
+                for half in 0..2 {
+                    let squared = squared_distance(s, ox, oy, &x[half], &y[half]);
+                    counts[half] = s.count_at_most(counts[half], squared, within);
+                }
             }
-            let mut found = s.total(counts);
-            if let (Some(x), Some(y)) = (x.get(n / 8), y.get(n / 8)) {
-                let last = s.at_most(squared_distance(s, ox, oy, x, y), within);
-                found += (last & ((1 << (n % 8)) - 1)).count_ones();
+            let mut found = s.total(s.add_counts(counts[0], counts[1]));
+            for (c, (x, y)) in x[whole..].iter().zip(&y[whole..]).enumerate() {
+                let left = !0u32 >> (24 + (8 * (whole + c) + 8).saturating_sub(n));
+                found += (s.at_most(squared_distance(s, ox, oy, x, y), within) & left).count_ones();
             }
             *count += found;
             tested += n as u64;
         }
         tested
     }
-}
-
-#[inline(always)]
-fn squared_distance<S: Simd>(
-    s: S,
-    ox: S::Eight,
-    oy: S::Eight,
-    x: &[f32; 8],
-    y: &[f32; 8],
-) -> S::Eight {
-    let (dx, dy) = (s.sub(ox, s.load(x)), s.sub(oy, s.load(y)));
-    s.add(s.mul(dx, dx), s.mul(dy, dy))
 }

@@ -13,7 +13,7 @@ use crate::access::Stats;
 use crate::simd::Level;
 use crate::simd::boxes::Tree;
 use crate::simd::collide::{Coordinates, StepSquared};
-use crate::simd::windows::{CountWindows, Cover, Ring, SLACK, Span, Split, Windows, Word};
+use crate::simd::windows::{CountWindows, Cover, SLACK, Span, Split, Windows, Word};
 
 /// Lists and windows, reused from direction to direction.
 #[derive(Default)]
@@ -36,7 +36,7 @@ struct List {
 
 /// Testing one pair costs this share of splitting off one centre or of moving one obstacle's window on:
 /// a box is split only if that can pay (chosen by `benches/labeler.rs`).
-const PAIRS_PER_CENTRE: u64 = 4;
+const PAIRS_PER_CENTRE: u64 = 6;
 const PAIRS_PER_OBSTACLE: u64 = 64;
 
 impl Counting {
@@ -83,7 +83,7 @@ impl Counting {
         for list in &mut self.lists {
             list.x.resize(centres.n + SLACK, 0.0);
             list.y.resize(centres.n + SLACK, 0.0);
-            list.words.resize(centres.n / 64 + 2, Word::default());
+            list.words.resize(centres.n / 64 + 3, Word::default());
         }
         let list = &mut self.lists[0];
         for ((x, y), i) in list.x.iter_mut().zip(&mut list.y).zip(self.sorted.indices()) {
@@ -138,9 +138,14 @@ impl Walk<'_> {
                 self.test(child * length, list, windows);
                 continue;
             }
-            let bounds = [boxes.x0[child], boxes.x1[child], boxes.y0[child], boxes.y1[child]];
+            let middle = |least: &[f32], greatest: &[f32]| 0.5 * (least[child] + greatest[child]);
+            let start = child * length;
+            let obstacles = start..start + windows.counts.len().next_multiple_of(8);
             let (ring, counted) = self.level.run(Split {
-                ring: Ring::new(bounds, self.radius_squared),
+                radius_squared: self.radius_squared,
+                middle: [middle(&boxes.x0, &boxes.x1), middle(&boxes.y0, &boxes.y1)],
+                obstacle_x: &self.tree.points.x[obstacles.clone()],
+                obstacle_y: &self.tree.points.y[obstacles],
                 x: &list.x,
                 y: &list.y,
                 first,
