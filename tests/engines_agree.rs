@@ -9,6 +9,7 @@ use deepmill::par::with_threads;
 use deepmill::rng::{Purpose, Stream};
 use deepmill::simd::Level;
 use glam::{DVec3, Vec3};
+use proptest::prelude::*;
 
 fn unit(stream: &mut Stream) -> Vec3 {
     let v = DVec3::new(stream.normal(), stream.normal(), stream.normal());
@@ -149,6 +150,40 @@ fn engines_agree_on_solids_for_thirty_cutters() {
     let labels =
         assert_engines_agree(&scene, Obstacles::Queries, &cutters, &hemisphere(10), "solids");
     assert!(labels.iter().any(|l| l.n_inaccessible() > 100 && l.n_occlusion() > 0));
+}
+
+/// Enough sites for every level of boxes that splits lists.
+#[test]
+fn engines_agree_on_deep_trees() {
+    let scene = solids(4800);
+    assert_engines_agree(&scene, Obstacles::Queries, &cutters(4, 5), &hemisphere(2), "deep trees");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Coordinates and lengths on a coarse grid make ties and knife edges common.
+    #[test]
+    fn engines_agree_on_whatever_comes(
+        points in prop::collection::vec(prop::array::uniform3(0u8..40), 0..300),
+        lengths in prop::array::uniform4(1u8..32),
+        vectors in prop::collection::vec(prop::array::uniform3(-2i8..3), 1..4),
+        seed in any::<u64>(),
+    ) {
+        let mut stream = Stream::new(seed, 0, 0, Purpose::Probe);
+        let length = |k: usize| 0.25 * f64::from(lengths[k]);
+        let params = [length(0), length(1), length(0) + length(2) - 0.25, length(3)];
+        let cutter = Cutter::ball_end(CutterParams::from_array(params)).unwrap();
+        let vectors = vectors.iter().map(|v| [v[0].into(), v[1].into(), f64::from(v[2]) + 2.5]);
+        let directions = DirectionSet::List { vectors: vectors.collect() };
+        let directions = Directions::new(directions).unwrap();
+        let axes = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z];
+        let normal = |_: &[u8; 3]| axes[stream.range(0.0, 6.0) as usize % 6];
+        let normals = points.iter().map(normal).collect();
+        let at = |p: &[u8; 3]| Vec3::from(p.map(f32::from)) * 0.25;
+        let scene = sites(points.iter().map(at).collect(), normals);
+        assert_engines_agree(&scene, Obstacles::Queries, &[cutter], &directions, "drawn");
+    }
 }
 
 #[test]
