@@ -101,7 +101,8 @@ pub fn simd_level() -> Result<Level> {
 }
 
 /// Runs `work` as compiled for the level in force: for loops over numbers whose results do not depend
-/// on how many of them are taken at a time. What the compiler does not inline runs as usual.
+/// on how many of them are taken at a time. What is not inlined runs as usual: write the closure, and
+/// those that it calls, with `#[inline(always)]`, or a large one stays outside.
 #[inline]
 pub fn vectorised<R>(work: impl FnOnce() -> R) -> R {
     struct Work<F>(F);

@@ -162,10 +162,10 @@ fn units_of_convolution_norm_and_relu() {
             (y, cache)
         };
         let back = |params: &[f64], x: &[f64], dy: &[f64]| {
-            let ((y, cache), mut d) = (run(params, x), dy.to_vec());
+            let ((_, cache), mut d) = (run(params, x), dy.to_vec());
             let (mut dx, mut grads) = (Vec::new(), vec![0.0; params.len()]);
             let to = Some((&mut dx).into());
-            unit.backward(params, &level.conv, x, &y, &cache, &mut d, to, &mut grads);
+            unit.backward(params, &level.conv, x, &cache, &mut d, to, &mut grads);
             (dx, grads)
         };
         let x = gradcheck::probe(n * 3, 1);
@@ -199,12 +199,12 @@ fn units_between_depths() {
             (middle, y, caches)
         };
         let back = |params: &[f64], x: &[f64], dy: &[f64]| {
-            let ((middle, y, caches), mut d) = (run(params, x), dy.to_vec());
+            let ((middle, _, caches), mut d) = (run(params, x), dy.to_vec());
             let (mut dm, mut dx, mut grads) = (Vec::new(), Vec::new(), vec![0.0; params.len()]);
             let to = Some((&mut dm).into());
-            up.backward(params, coarse, &middle[..], &y, &caches[1], &mut d, to, &mut grads);
+            up.backward(params, coarse, &middle[..], &caches[1], &mut d, to, &mut grads);
             let to = Some((&mut dx).into());
-            down.backward(params, coarse, x, &middle, &caches[0], &mut dm, to, &mut grads);
+            down.backward(params, coarse, x, &caches[0], &mut dm, to, &mut grads);
             (dx, grads)
         };
         let x = gradcheck::probe(fine.n_nodes() * 4, 1);
@@ -224,7 +224,8 @@ fn residual_blocks_with_and_without_change_of_width() {
             let run = |params: &[f64], x: &[f64]| {
                 let mut cache = blocks::Cache::default();
                 let mut buffers = layout.init_buffers();
-                stage.forward_train(params, &mut buffers, &level.conv, x, &mut cache);
+                let scratch = &mut Scratch::default();
+                stage.forward_train(params, &mut buffers, &level.conv, x, &mut cache, scratch);
                 cache
             };
             let back = |params: &[f64], x: &[f64], dy: &[f64]| {
@@ -286,12 +287,14 @@ fn heads() {
         let params = clear_of_kinks(&layout, n);
         let run = |params: &[f64], x: &[f64]| {
             let (mut y, mut cache) = (Vec::new(), heads::Cache::default());
-            head.forward_train(params, &mut layout.init_buffers(), x, &mut y, &mut cache);
+            let (buffers, hidden) = (&mut layout.init_buffers(), &mut Vec::new());
+            head.forward_train(params, buffers, x, &mut y, &mut cache, hidden);
             (y, cache)
         };
         let back = |params: &[f64], x: &[f64], dy: &[f64]| {
             let (mut dx, mut grads) = (Vec::new(), vec![0.0; params.len()]);
-            head.backward(params, x, &run(params, x).1, dy, &mut dx, &mut grads);
+            let (cache, mut memory) = (run(params, x).1, [Vec::new(), Vec::new()]);
+            head.backward(params, x, &cache, dy, &mut dx, &mut grads, memory.each_mut());
             (dx, grads)
         };
         let x = gradcheck::probe(n * 6, 1);

@@ -191,9 +191,10 @@ impl GraphSage {
             let LayerCache { both, y, unit, .. } = now;
             layer.unit.forward_train(params, buffers, &(), &both[..], y, unit);
         }
-        let GraphWorkspace { logits, layers, heads, .. } = work;
+        let GraphWorkspace { logits, layers, heads, hidden, .. } = work;
         for ((head, logits), cache) in self.heads.iter().zip(logits).zip(heads) {
-            head.forward_train(params, buffers, &layers[layers.len() - 1].y, logits, cache);
+            let x = &layers[layers.len() - 1].y;
+            head.forward_train(params, buffers, x, logits, cache, hidden);
         }
     }
 
@@ -211,15 +212,19 @@ impl GraphSage {
     ) {
         let (mut d, mut dx) = (Vec::new(), Vec::new());
         let x = &work.layers[work.layers.len() - 1].y;
-        self.heads[0].backward(params, x, &work.heads[0], dlogits[0], &mut d, grads);
-        self.heads[1].backward(params, x, &work.heads[1], dlogits[1], &mut dx, grads);
+        let (mut hidden, mut dhidden) = (Vec::new(), Vec::new());
+        for (head, to) in [&mut d, &mut dx].into_iter().enumerate() {
+            let (cache, dlogits) = (&work.heads[head], dlogits[head]);
+            let memory = [&mut hidden, &mut dhidden];
+            self.heads[head].backward(params, x, cache, dlogits, to, grads, memory);
+        }
         add(&mut d, &dx);
         let mut dcutters = vec![vec![T::ZERO; 0]; self.cutters.len()];
         for (i, layer) in self.layers.iter().enumerate().rev() {
-            let LayerCache { both, y, unit, .. } = &work.layers[i];
+            let LayerCache { both, unit, .. } = &work.layers[i];
             let mut dboth = Vec::new();
             let to = Some((&mut dboth).into());
-            layer.unit.backward(params, &(), &both[..], y, unit, &mut d, to, grads);
+            layer.unit.backward(params, &(), &both[..], unit, &mut d, to, grads);
             let mut dcutter = Vec::new();
             layer.spread(&batch.shapes, &means[i], &dboth, &mut d, &mut dcutter);
             if let Some(m) = layer.cutter {

@@ -19,8 +19,7 @@ pub struct Head {
 /// What [`Head::forward_train`] keeps for backward.
 #[derive(Debug, Clone, Default)]
 pub struct Cache<T> {
-    unit: unit::Cache<T>,
-    hidden: Vec<T>,
+    pub(super) unit: unit::Cache<T>,
 }
 
 impl Head {
@@ -45,7 +44,7 @@ impl Head {
         self.output.forward(params, hidden, y);
     }
 
-    /// Training: statistics of the batch.
+    /// Training: statistics of the batch; `hidden` is memory to work in.
     pub fn forward_train<T: Scalar>(
         &self,
         params: &[T],
@@ -53,13 +52,14 @@ impl Head {
         x: &[T],
         y: &mut Vec<T>,
         cache: &mut Cache<T>,
+        hidden: &mut Vec<T>,
     ) {
-        let Cache { unit, hidden } = cache;
-        self.hidden.forward_train(params, buffers, &(), x, hidden, unit);
+        self.hidden.forward_train(params, buffers, &(), x, hidden, &mut cache.unit);
         self.output.forward(params, hidden, y);
     }
 
-    /// Overwrites `dx`; `dy` is the gradient of the logits.
+    /// Overwrites `dx`; `dy` is the gradient of the logits, the last two are memory to work in.
+    #[allow(clippy::too_many_arguments)]
     pub fn backward<T: Scalar>(
         &self,
         params: &[T],
@@ -68,10 +68,11 @@ impl Head {
         dy: &[T],
         dx: &mut Vec<T>,
         grads: &mut [T],
+        [hidden, dhidden]: [&mut Vec<T>; 2],
     ) {
-        let Cache { unit, hidden } = cache;
-        let mut d = Vec::new();
-        self.output.backward(params, hidden, dy, Some(&mut d), grads);
-        self.hidden.backward(params, &(), x, hidden, unit, &mut d, Some(dx.into()), grads);
+        self.hidden.output(params, &cache.unit, hidden);
+        self.output.backward(params, hidden, dy, Some(dhidden), grads);
+        let (unit, to) = (&cache.unit, Some(dx.into()));
+        self.hidden.backward(params, &(), x, unit, dhidden, to, grads);
     }
 }

@@ -22,7 +22,7 @@ pub struct Workspace<T> {
     down: Vec<KeptDown<T>>,
     encoder: Vec<blocks::Cache<T>>,
     cutters: Vec<KeptCutter<T>>,
-    up: Vec<Kept<T>>,
+    up: Vec<unit::Cache<T>>,
     decoder: Vec<blocks::Cache<T>>,
     points: Vec<T>,
     heads: [heads::Cache<T>; N_HEADS],
@@ -88,7 +88,8 @@ impl UNet {
         self.decode_train(params, buffers, batch, work);
         for (i, head) in self.heads.iter().enumerate() {
             let (y, cache) = (&mut work.logits[i], &mut work.heads[i]);
-            head.forward_train(params, buffers, &work.points, y, cache);
+            let hidden = &mut work.gradients.scratch.a;
+            head.forward_train(params, buffers, &work.points, y, cache, hidden);
         }
     }
 
@@ -110,7 +111,8 @@ impl UNet {
             let KeptDown { y, cache } = &mut work.down[i];
             stage.down.forward_train(params, buffers, down_rows(octree, depth), x, y, cache);
             let rows = conv_rows(octree, depth);
-            stage.blocks.forward_train(params, buffers, rows, &*y, &mut after[0]);
+            let scratch = &mut work.gradients.scratch;
+            stage.blocks.forward_train(params, buffers, rows, &*y, &mut after[0], scratch);
         }
     }
 
@@ -126,13 +128,15 @@ impl UNet {
             let depth = self.decoder_depth(octree, i);
             let (before, after) = work.decoder.split_at_mut(i);
             let x = before.last().unwrap_or(&work.encoder[n - 1]).output();
-            let Kept { y, cache } = &mut work.up[i];
-            stage.up.forward_train(params, buffers, up_rows(octree, depth), x, y, cache);
+            // Backward computes it once more.
+            let Gradients { d: y, scratch, .. } = &mut work.gradients;
+            let (rows, cache) = (up_rows(octree, depth), &mut work.up[i]);
+            stage.up.forward_train(params, buffers, rows, x, y, cache);
             let skip = if i + 1 < n { work.encoder[n - 2 - i].output() } else { &work.stem.y };
             let cutter = stage.cutter.map(|m| &work.cutters[m].y[..]);
             let parts = stage.parts(skip, cutter, y);
             let (rows, x) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
-            stage.blocks.forward_train(params, buffers, rows, x, &mut after[0]);
+            stage.blocks.forward_train(params, buffers, rows, x, &mut after[0], scratch);
         }
         let x = work.decoder[n - 1].output();
         batch.interpolation.forward(self.point_width(), x, &mut work.points);
@@ -140,7 +144,8 @@ impl UNet {
 
     /// Adds to `grads` the gradient of a loss whose gradients by the logits are `dlogits`.
     ///
-    /// `work` comes from [`UNet::forward_train`] with the same parameters and batch.
+    /// `work` comes from [`UNet::forward_train`] with the same parameters and batch, and serves one
+    /// backward only: what it kept becomes memory to work in.
     pub fn backward<T: Scalar>(
         &self,
         params: &[T],
@@ -187,7 +192,11 @@ impl UNet {
         self.backward_heads(params, dlogits, work, &mut g, grads);
         batch.interpolation.backward(self.point_width(), &g.d, &mut g.dx);
         std::mem::swap(&mut g.d, &mut g.dx);
-        self.backward_decoder(params, batch, work, &mut g, grads);
+        // What the heads kept has served: the largest memory that nobody needs.
+        let mut upsampled = work.heads[0].unit.take_memory();
+        g.scratch.block = work.heads[1].unit.take_memory();
+        std::mem::swap(&mut g.scratch.middle, &mut work.points);
+        self.backward_decoder(params, batch, work, &mut g, &mut upsampled, grads);
         for (m, module) in self.cutters.iter().enumerate() {
             let cache = &work.cutters[m].cache;
             let mut share = dcutters.is_some().then(Vec::new);
@@ -198,6 +207,9 @@ impl UNet {
             }
         }
         self.backward_encoder(params, batch, work, &mut g, dfeatures, grads);
+        std::mem::swap(&mut g.scratch.middle, &mut work.points);
+        work.heads[0].unit.give_memory(upsampled);
+        work.heads[1].unit.give_memory(std::mem::take(&mut g.scratch.block));
         work.gradients = g;
     }
 
@@ -209,9 +221,12 @@ impl UNet {
         g: &mut Gradients<T>,
         grads: &mut [T],
     ) {
-        let [first, second] = &self.heads;
-        first.backward(params, &work.points, &work.heads[0], dlogits[0], &mut g.d, grads);
-        second.backward(params, &work.points, &work.heads[1], dlogits[1], &mut g.dx, grads);
+        let Gradients { d, dx, scratch, .. } = g;
+        for (head, to) in [d, dx].into_iter().enumerate() {
+            let (cache, dlogits) = (&work.heads[head], dlogits[head]);
+            let memory = [&mut scratch.a, &mut scratch.b];
+            self.heads[head].backward(params, &work.points, cache, dlogits, to, grads, memory);
+        }
         rows::add_all(&mut g.d, &g.dx);
     }
 
@@ -222,6 +237,7 @@ impl UNet {
         batch: &Batch<T>,
         work: &Workspace<T>,
         g: &mut Gradients<T>,
+        upsampled: &mut Vec<T>,
         grads: &mut [T],
     ) {
         let (octree, n) = (&batch.octree, self.decoder.len());
@@ -231,7 +247,8 @@ impl UNet {
             let depth = self.decoder_depth(octree, i);
             let skip = if i + 1 < n { work.encoder[n - 2 - i].output() } else { &work.stem.y };
             let features = stage.cutter.map(|m| &work.cutters[m].y[..]);
-            let parts = stage.parts(skip, features, &work.up[i].y);
+            stage.up.output(params, &work.up[i], upsampled);
+            let parts = stage.parts(skip, features, upsampled);
             let (rows, x) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
             let mut to = vec![PartGradient::Nodes(&mut skips[n - 1 - i])];
             to.extend(stage.cutter.map(|_| PartGradient::Shapes(&mut cutter)));
@@ -244,8 +261,8 @@ impl UNet {
             }
             let x =
                 if i == 0 { work.encoder[n - 1].output() } else { work.decoder[i - 1].output() };
-            let (rows, Kept { y, cache }) = (up_rows(octree, depth), &work.up[i]);
-            stage.up.backward(params, rows, x, y, cache, dx, Some(d.into()), grads);
+            let (rows, cache) = (up_rows(octree, depth), &work.up[i]);
+            stage.up.backward(params, rows, x, cache, dx, Some(d.into()), grads);
         }
     }
 
@@ -268,12 +285,12 @@ impl UNet {
             stage.blocks.backward(params, rows, y, blocks, d, dx.into(), grads, scratch);
             let x = if i == 0 { &work.stem.y } else { work.encoder[i - 1].output() };
             let rows = down_rows(octree, depth);
-            stage.down.backward(params, rows, x, y, cache, dx, Some(d.into()), grads);
+            stage.down.backward(params, rows, x, cache, dx, Some(d.into()), grads);
             rows::add_all(d, &skips[i]);
         }
-        let (rows, Kept { y, cache }) = (conv_rows(octree, octree.depth()), &work.stem);
+        let (rows, cache) = (conv_rows(octree, octree.depth()), &work.stem.cache);
         let to = dfeatures.map(ColumnsGradient::from);
-        self.stem.backward(params, rows, &batch.features, y, cache, d, to, grads);
+        self.stem.backward(params, rows, &batch.features, cache, d, to, grads);
     }
 }
 

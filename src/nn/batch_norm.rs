@@ -2,7 +2,7 @@
 
 use super::params::{Init, Layout};
 use super::rows;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, vectorised};
 use std::ops::Range;
 
 /// Added to the variance.
@@ -56,24 +56,18 @@ impl BatchNorm {
 
     /// Normalises `x: [n, c]` in place with the running statistics.
     pub fn forward<T: Scalar>(&self, params: &[T], buffers: &[T], x: &mut [T]) {
-        self.forward_then(params, buffers, x, |x| x);
+        let columns = self.inference(params, buffers);
+        rows::for_each_row(
+            x,
+            self.c,
+            #[inline(always)]
+            |row, x| columns.apply_to_row(row, Finish::Nothing, x),
+        );
     }
 
-    /// [`BatchNorm::forward`], and `then` on every number.
-    pub(super) fn forward_then<T: Scalar>(
-        &self,
-        params: &[T],
-        buffers: &[T],
-        x: &mut [T],
-        then: impl Fn(T) -> T + Sync,
-    ) {
-        let Columns { mean, factor, bias } = self.columns(params, &self.running(buffers));
-        rows::for_each_row(x, self.c, |_, x| {
-            let columns = mean.iter().zip(&factor).zip(&bias);
-            for (x, ((&mean, &factor), &bias)) in x.iter_mut().zip(columns) {
-                *x = then((*x - mean) * factor + bias);
-            }
-        });
+    /// What inference does to rows.
+    pub(super) fn inference<T: Scalar>(&self, params: &[T], buffers: &[T]) -> Columns<T> {
+        self.columns(params, &self.running(buffers))
     }
 
     /// Normalises `x: [n, c]` into `y` with the statistics of `x`, and moves the running ones.
@@ -85,43 +79,28 @@ impl BatchNorm {
         y: &mut Vec<T>,
         cache: &mut Cache,
     ) {
-        self.forward_train_then(params, buffers, x, y, cache, |y| y);
+        *cache = self.measure(buffers, x);
+        self.normalise(params, x, cache, Finish::Nothing, y);
     }
 
-    /// [`BatchNorm::forward_train`], and `then` on every number.
-    pub(super) fn forward_train_then<T: Scalar>(
-        &self,
-        params: &[T],
-        buffers: &mut [T],
-        x: &[T],
-        y: &mut Vec<T>,
-        cache: &mut Cache,
-        then: impl Fn(T) -> T + Sync,
-    ) {
-        *cache = if x.len() > self.c { self.measure(buffers, x) } else { self.running(buffers) };
-        match x.len() / self.c {
-            0..=FEW_ROWS => self.normalise_as::<T, f64>(params, x, y, cache, then),
-            _ => self.normalise_as::<T, T>(params, x, y, cache, then),
-        }
+    /// Statistics of `x`, towards which the running ones move; of a single row, the running ones.
+    pub(super) fn measure<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Cache {
+        if x.len() > self.c { self.measure_batch(buffers, x) } else { self.running(buffers) }
     }
 
-    fn normalise_as<T: Scalar, W: Scalar>(
+    /// Normalises `x: [n, c]` into `y` with the statistics in `cache`.
+    pub(super) fn normalise<T: Scalar>(
         &self,
         params: &[T],
         x: &[T],
-        y: &mut Vec<T>,
         cache: &Cache,
-        then: impl Fn(T) -> T + Sync,
+        finish: Finish<T>,
+        y: &mut Vec<T>,
     ) {
-        let Columns { mean, factor, bias } = self.columns::<T, W>(params, cache);
-        y.resize(x.len(), T::ZERO);
-        rows::for_each_row(y, self.c, |row, y| {
-            let x = &x[row * self.c..][..self.c];
-            let columns = mean.iter().zip(&factor).zip(&bias);
-            for ((y, &x), ((&mean, &factor), &bias)) in y.iter_mut().zip(x).zip(columns) {
-                *y = then(cast((cast::<T, W>(x) - mean) * factor + bias));
-            }
-        });
+        match x.len() / self.c {
+            0..=FEW_ROWS => self.columns::<T, f64>(params, cache).apply_to(x, finish, y),
+            _ => self.columns::<T, T>(params, cache).apply_to(x, finish, y),
+        }
     }
 
     /// Turns `dy` into `dx`; `grads` of weight and bias accumulate.
@@ -137,13 +116,37 @@ impl BatchNorm {
         d: &mut [T],
         grads: &mut [T],
     ) {
+        self.backward_of::<T, false>(params, x, cache, d, grads);
+    }
+
+    /// [`BatchNorm::backward`] where a ReLU follows: `dy` passes where the output, computed again from
+    /// `x`, is positive.
+    pub(super) fn backward_relu<T: Scalar>(
+        &self,
+        params: &[T],
+        x: &[T],
+        cache: &Cache,
+        d: &mut [T],
+        grads: &mut [T],
+    ) {
+        self.backward_of::<T, true>(params, x, cache, d, grads);
+    }
+
+    fn backward_of<T: Scalar, const RELU: bool>(
+        &self,
+        params: &[T],
+        x: &[T],
+        cache: &Cache,
+        d: &mut [T],
+        grads: &mut [T],
+    ) {
         match x.len() / self.c {
-            0..=FEW_ROWS => self.backward_as::<T, f64>(params, x, cache, d, grads),
-            _ => self.backward_as::<T, T>(params, x, cache, d, grads),
+            0..=FEW_ROWS => self.backward_as::<T, f64, RELU>(params, x, cache, d, grads),
+            _ => self.backward_as::<T, T, RELU>(params, x, cache, d, grads),
         }
     }
 
-    fn backward_as<T: Scalar, W: Scalar>(
+    fn backward_as<T: Scalar, W: Scalar, const RELU: bool>(
         &self,
         params: &[T],
         x: &[T],
@@ -152,32 +155,44 @@ impl BatchNorm {
         grads: &mut [T],
     ) {
         let (c, n_rows) = (self.c, x.len() / self.c);
-        let Columns { mean, factor, .. } = self.columns::<T, W>(params, cache);
+        let columns = self.columns::<T, W>(params, cache);
         let inv_std: Vec<W> = cache.inv_std.iter().copied().map(cast).collect();
-        let [dweight, dbias] = rows::column_sums(0..n_rows, c, |row, [dweight, dbias]| {
-            let (x, dy) = (&x[row * c..][..c], &d[row * c..][..c]);
-            let columns = mean.iter().zip(&inv_std).zip(dweight.iter_mut().zip(dbias));
-            for ((&x, &dy), ((&mean, &inv_std), (dweight, dbias))) in x.iter().zip(dy).zip(columns)
-            {
-                let x_hat = (cast::<T, W>(x) - mean) * inv_std;
-                *dweight += (x_hat * cast(dy)).to_f64();
-                *dbias += dy.to_f64();
-            }
-        });
+        let [dweight, dbias] = rows::column_sums(
+            0..n_rows,
+            c,
+            #[inline(always)]
+            |row, [dweight, dbias]| {
+                let (x, dy) = (&x[row * c..][..c], &d[row * c..][..c]);
+                let sums = inv_std.iter().zip(dweight.iter_mut().zip(dbias));
+                for (((&x, &dy), column), (&inv_std, (dweight, dbias))) in
+                    x.iter().zip(dy).zip(columns.iter()).zip(sums)
+                {
+                    let dy = if RELU && !column.is_positive(x) { T::ZERO } else { dy };
+                    let x_hat = (cast::<T, W>(x) - column.mean) * inv_std;
+                    *dweight += (x_hat * cast(dy)).to_f64();
+                    *dbias += dy.to_f64();
+                }
+            },
+        );
         let share = if cache.from_batch { 1.0 / n_rows as f64 } else { 0.0 };
         let mean_of = |sums: &[f64]| sums.iter().map(|s| W::from_f64(s * share)).collect();
         let (mean_dweight, mean_dbias): (Vec<W>, Vec<W>) = (mean_of(&dweight), mean_of(&dbias));
-        rows::for_each_row(d, c, |row, d| {
-            let x = &x[row * c..][..c];
-            let columns =
-                mean.iter().zip(&inv_std).zip(&factor).zip(&mean_dbias).zip(&mean_dweight);
-            for ((d, &x), ((((&mean, &inv_std), &factor), &dbias), &dweight)) in
-                d.iter_mut().zip(x).zip(columns)
-            {
-                let x_hat = (cast::<T, W>(x) - mean) * inv_std;
-                *d = cast(factor * (cast::<T, W>(*d) - dbias - x_hat * dweight));
-            }
-        });
+        rows::for_each_row(
+            d,
+            c,
+            #[inline(always)]
+            |row, d| {
+                let x = &x[row * c..][..c];
+                let means = inv_std.iter().zip(&mean_dbias).zip(&mean_dweight);
+                for (((d, &x), column), ((&inv_std, &dbias), &dweight)) in
+                    d.iter_mut().zip(x).zip(columns.iter()).zip(means)
+                {
+                    let dy = if RELU && !column.is_positive(x) { T::ZERO } else { *d };
+                    let x_hat = (cast::<T, W>(x) - column.mean) * inv_std;
+                    *d = cast(column.factor * (cast::<T, W>(dy) - dbias - x_hat * dweight));
+                }
+            },
+        );
         for j in 0..c {
             grads[self.weight.start + j] += T::from_f64(dweight[j]);
             grads[self.bias.start + j] += T::from_f64(dbias[j]);
@@ -186,7 +201,7 @@ impl BatchNorm {
 
     /// Factor and summand per column that inference applies: `y = x · factor + summand`.
     pub fn folded<T: Scalar>(&self, params: &[T], buffers: &[T]) -> (Vec<T>, Vec<T>) {
-        let Columns { mean, factor, bias } = self.columns::<T, T>(params, &self.running(buffers));
+        let Columns { mean, factor, bias } = self.inference(params, buffers);
         let summand = |j: usize| bias[j] - mean[j] * factor[j];
         let summands = (0..self.c).map(summand).collect();
         (factor, summands)
@@ -202,7 +217,7 @@ impl BatchNorm {
         }
     }
 
-    fn measure<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Cache {
+    fn measure_batch<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Cache {
         let (mean, var) = rows::moments(x, self.c);
         let n = (x.len() / self.c) as f64;
         let mut blend = |place: &Range<usize>, values: &[f64], factor: f64| {
@@ -229,11 +244,93 @@ impl BatchNorm {
     }
 }
 
+/// What follows a normalisation, in the same pass over memory.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Finish<'a, T> {
+    /// `y`.
+    Nothing,
+    /// `max(y, 0)`.
+    Relu,
+    /// `max(y + other, 0)`, `other` as large as `y`.
+    ReluOfSum(&'a [T]),
+}
+
 /// What normalises each column: `y = (x - mean) · factor + bias`.
-struct Columns<W> {
+pub(super) struct Columns<W> {
     mean: Vec<W>,
     factor: Vec<W>,
     bias: Vec<W>,
+}
+
+/// One of [`Columns`].
+#[derive(Clone, Copy)]
+struct Column<W> {
+    mean: W,
+    factor: W,
+    bias: W,
+}
+
+impl<W: Scalar> Column<W> {
+    #[inline(always)]
+    fn of<T: Scalar>(self, x: T) -> T {
+        cast((cast::<T, W>(x) - self.mean) * self.factor + self.bias)
+    }
+
+    #[inline(always)]
+    fn is_positive<T: Scalar>(self, x: T) -> bool {
+        self.of(x) > T::ZERO
+    }
+}
+
+impl<W: Scalar> Columns<W> {
+    #[inline(always)]
+    fn iter(&self) -> impl Iterator<Item = Column<W>> + '_ {
+        let columns = self.mean.iter().zip(&self.factor).zip(&self.bias);
+        columns.map(|((&mean, &factor), &bias)| Column { mean, factor, bias })
+    }
+
+    /// Normalises some rows in place; `first` is the number of their first one.
+    pub(super) fn apply<T: Scalar>(&self, first: usize, finish: Finish<T>, rows: &mut [T]) {
+        vectorised(
+            #[inline(always)]
+            || {
+                for (i, y) in rows.chunks_exact_mut(self.mean.len()).enumerate() {
+                    self.apply_to_row(first + i, finish, y);
+                }
+            },
+        );
+    }
+
+    /// Normalises `x` into `y`.
+    fn apply_to<T: Scalar>(&self, x: &[T], finish: Finish<T>, y: &mut Vec<T>) {
+        let c = self.mean.len();
+        y.resize(x.len(), T::ZERO);
+        rows::for_each_row(
+            y,
+            c,
+            #[inline(always)]
+            |row, y| {
+                y.copy_from_slice(&x[row * c..][..c]);
+                self.apply_to_row(row, finish, y);
+            },
+        );
+    }
+
+    #[inline(always)]
+    fn apply_to_row<T: Scalar>(&self, row: usize, finish: Finish<T>, y: &mut [T]) {
+        let other = match finish {
+            Finish::ReluOfSum(other) => &other[row * y.len()..][..y.len()],
+            _ => &[],
+        };
+        let columns = y.iter_mut().zip(self.iter());
+        match finish {
+            Finish::Nothing => columns.for_each(|(y, column)| *y = column.of(*y)),
+            Finish::Relu => columns.for_each(|(y, column)| *y = column.of(*y).max(T::ZERO)),
+            Finish::ReluOfSum(_) => columns.zip(other).for_each(|((y, column), &other)| {
+                *y = (column.of(*y) + other).max(T::ZERO);
+            }),
+        }
+    }
 }
 
 fn cast<T: Scalar, W: Scalar>(x: T) -> W {

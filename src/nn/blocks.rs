@@ -64,6 +64,7 @@ impl Blocks {
         rows: &KernelMap,
         x: impl Into<Columns<'a, T>>,
         cache: &mut Cache<T>,
+        scratch: &mut Scratch<T>,
     ) {
         let x = x.into();
         cache.blocks.resize_with(self.blocks.len(), Default::default);
@@ -71,7 +72,8 @@ impl Blocks {
         for (i, block) in self.blocks.iter().enumerate() {
             let (before, after) = cache.outputs.split_at_mut(i);
             let x = before.last().map_or(x, |x| Columns::One(x));
-            block.forward_train(params, buffers, rows, x, &mut after[0], &mut cache.blocks[i]);
+            let (y, cache) = (&mut after[0], &mut cache.blocks[i]);
+            block.forward_train(params, buffers, rows, x, y, cache, scratch);
         }
     }
 

@@ -63,10 +63,15 @@ impl Concat<'_> {
                 PartGradient::Shapes(dx) => {
                     dx.clear();
                     for shape in self.shapes {
-                        let [sums] = rows::column_sums(shape.clone(), c, |row, [sum]| {
-                            let dy = columns(row);
-                            sum.iter_mut().zip(dy).for_each(|(sum, dy)| *sum += dy.to_f64());
-                        });
+                        let [sums] = rows::column_sums(
+                            shape.clone(),
+                            c,
+                            #[inline(always)]
+                            |row, [sum]| {
+                                let dy = columns(row);
+                                sum.iter_mut().zip(dy).for_each(|(sum, dy)| *sum += dy.to_f64());
+                            },
+                        );
                         dx.extend(sums.into_iter().map(T::from_f64));
                     }
                 }

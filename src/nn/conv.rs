@@ -4,8 +4,9 @@
 //! `k` of `n` exactly if `n` is neighbour `26 − k` of `m`, the input gradient is the same sum with
 //! `W_{26−k}ᵀ` in place of `W_k`.
 
-use super::kernel_product::{product, transposed_reversed, weight_gradient};
+use super::kernel_product::{product, product_then, transposed_reversed, weight_gradient};
 use super::params::{Init, Layout};
+use super::rows::{Then, nothing};
 use crate::octree::KernelMap;
 use crate::scalar::Scalar;
 use std::ops::Range;
@@ -47,7 +48,20 @@ impl OctreeConv {
     /// # Panics
     /// If `x` has not one row per node.
     pub fn forward<T: Scalar>(&self, params: &[T], map: &KernelMap, x: &[T], y: &mut Vec<T>) {
-        product(map, x, self.c_in, &params[self.weights.clone()], self.c_out, y);
+        self.forward_then(params, map, x, y, &nothing);
+    }
+
+    /// [`OctreeConv::forward`], and `then` on each block of rows.
+    pub(super) fn forward_then<T: Scalar>(
+        &self,
+        params: &[T],
+        map: &KernelMap,
+        x: &[T],
+        y: &mut Vec<T>,
+        then: &Then<T>,
+    ) {
+        let weights = (&params[self.weights.clone()], self.c_in);
+        product_then(map, x, weights, self.c_out, y, then);
     }
 
     /// Overwrites `dx: [n_nodes, c_in]` if wanted and adds to the weights' part of `grads`.

@@ -4,8 +4,9 @@
 //! Rows of empty nodes are not read and get zero gradients.
 
 use super::conv::xavier_bound;
-use super::kernel_product::{product, transposed_reversed, weight_gradient};
+use super::kernel_product::{product, product_then, transposed_reversed, weight_gradient};
 use super::params::{Init, Layout};
+use super::rows::{Then, nothing};
 use crate::octree::Level;
 use crate::scalar::Scalar;
 use std::ops::Range;
@@ -42,9 +43,23 @@ impl OctreeUp {
     /// # Panics
     /// If `x` has not one row per node of `coarse`.
     pub fn forward<T: Scalar>(&self, params: &[T], coarse: &Level, x: &[T], y: &mut Vec<T>) {
+        self.forward_then(params, coarse, x, y, &nothing);
+    }
+
+    /// [`OctreeUp::forward`], and `then` on each block of rows.
+    pub(super) fn forward_then<T: Scalar>(
+        &self,
+        params: &[T],
+        coarse: &Level,
+        x: &[T],
+        y: &mut Vec<T>,
+        then: &Then<T>,
+    ) {
         let weights = &params[self.weights.clone()];
         let weights = transposed_reversed(weights, 8 * self.c_out, self.c_in);
-        product(&coarse.depad, x, self.c_in, &weights, 8 * self.c_out, y);
+        // A row of the product is the eight rows of a node's children.
+        let then = |first: usize, rows: &mut [T]| then(8 * first, rows);
+        product_then(&coarse.depad, x, (&weights, self.c_in), 8 * self.c_out, y, &then);
     }
 
     /// Overwrites `dx` (shaped as `x`) if wanted and adds to the weights' part of `grads`.

@@ -4,9 +4,9 @@
 //! is one product of `[1, 8·c_in]` by `[8·c_in, c_out]` per non-empty node. Empty nodes get zero rows.
 
 use super::conv::xavier_bound;
-use super::kernel_product::{product, transposed_reversed, weight_gradient};
+use super::kernel_product::{product, product_then, transposed_reversed, weight_gradient};
 use super::params::{Init, Layout};
-use super::rows;
+use super::rows::{self, Term, Then, nothing};
 use crate::octree::Level;
 use crate::scalar::Scalar;
 use std::ops::Range;
@@ -44,7 +44,20 @@ impl OctreeDown {
     /// # Panics
     /// If `x` has not one row per finer node.
     pub fn forward<T: Scalar>(&self, params: &[T], coarse: &Level, x: &[T], y: &mut Vec<T>) {
-        product(&coarse.pad, x, 8 * self.c_in, &params[self.weights.clone()], self.c_out, y);
+        self.forward_then(params, coarse, x, y, &nothing);
+    }
+
+    /// [`OctreeDown::forward`], and `then` on each block of rows.
+    pub(super) fn forward_then<T: Scalar>(
+        &self,
+        params: &[T],
+        coarse: &Level,
+        x: &[T],
+        y: &mut Vec<T>,
+        then: &Then<T>,
+    ) {
+        let weights = (&params[self.weights.clone()], 8 * self.c_in);
+        product_then(&coarse.pad, x, weights, self.c_out, y, then);
     }
 
     /// Overwrites `dx` (shaped as `x`) if wanted and adds to the weights' part of `grads`.
@@ -80,11 +93,23 @@ impl PackedDown {
     /// # Panics
     /// If `x` has not one row per node one depth finer than `coarse`.
     pub fn forward<T: Scalar>(&self, params: &[T], coarse: &Level, x: &[T], y: &mut Vec<T>) {
+        self.forward_then(params, coarse, x, y, &nothing);
+    }
+
+    /// [`PackedDown::forward`], and `then` on each block of rows.
+    pub(super) fn forward_then<T: Scalar>(
+        &self,
+        params: &[T],
+        coarse: &Level,
+        x: &[T],
+        y: &mut Vec<T>,
+        then: &Then<T>,
+    ) {
         let OctreeDown { c_in, c_out, weights } = &self.0;
         assert_eq!(x.len(), 8 * coarse.n_nonempty() * c_in, "rows of input and finer nodes differ");
-        y.clear();
-        y.resize(coarse.n_nonempty() * c_out, T::ZERO);
-        rows::add_product(x, &params[weights.clone()], 8 * c_in, *c_out, y);
+        let w = (&params[weights.clone()]).into();
+        let term = Term::Product { x, w, c_in: 8 * c_in };
+        rows::linear(&[term], None, (coarse.n_nonempty(), *c_out), y, then);
     }
 
     /// Overwrites `dx` (shaped as `x`) if wanted and adds to the weights' part of `grads`.

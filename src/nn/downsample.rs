@@ -91,14 +91,13 @@ impl Downsample {
         }
     }
 
-    /// `d` holds the gradient of `y` and is used up; `y` is the output of `forward_train`.
+    /// `d` holds the gradient of the output and is used up.
     #[allow(clippy::too_many_arguments)]
     pub fn backward<T: Scalar>(
         &self,
         params: &[T],
         coarse: &Level,
         x: &[T],
-        y: &[T],
         cache: &Cache<T>,
         d: &mut Vec<T>,
         dx: Option<ColumnsGradient<T>>,
@@ -106,13 +105,13 @@ impl Downsample {
     ) {
         match self {
             Downsample::AllNodes(unit) => {
-                unit.backward(params, coarse, x, y, &cache.unit, d, dx, grads);
+                unit.backward(params, coarse, x, &cache.unit, d, dx, grads);
             }
             Downsample::NonEmpty(unit) => {
                 let mut packed = Vec::new();
                 Depad::new(unit.norm.c).forward(coarse, d, &mut packed);
                 *d = packed;
-                unit.backward(params, coarse, x, &cache.packed, &cache.unit, d, dx, grads);
+                unit.backward(params, coarse, x, &cache.unit, d, dx, grads);
             }
         }
     }

@@ -55,14 +55,19 @@ impl GroupNorm {
         for shape in shapes {
             let (mean, inv_std) = self.measure(&x[shape.start * self.c..shape.end * self.c]);
             let rows = shape.start * self.c..shape.end * self.c;
-            rows::for_each_row(&mut y[rows.clone()], self.c, |row, y| {
-                let x = &x[rows.start + row * self.c..][..self.c];
-                for j in 0..self.c {
-                    let g = self.group(j);
-                    let x_hat = T::from_f64((x[j].to_f64() - mean[g]) * inv_std[g]);
-                    y[j] = x_hat.mul_add(weight[j], bias[j]);
-                }
-            });
+            rows::for_each_row(
+                &mut y[rows.clone()],
+                self.c,
+                #[inline(always)]
+                |row, y| {
+                    let x = &x[rows.start + row * self.c..][..self.c];
+                    for j in 0..self.c {
+                        let g = self.group(j);
+                        let x_hat = T::from_f64((x[j].to_f64() - mean[g]) * inv_std[g]);
+                        y[j] = x_hat.mul_add(weight[j], bias[j]);
+                    }
+                },
+            );
             cache.mean.extend(mean);
             cache.inv_std.extend(inv_std);
         }
@@ -88,13 +93,18 @@ impl GroupNorm {
             let x_hat = |row: usize, j: usize| {
                 (x[row * c + j].to_f64() - mean[self.group(j)]) * inv_std[self.group(j)]
             };
-            let [dweight, dbias] = rows::column_sums(shape.clone(), c, |row, [dweight, dbias]| {
-                for j in 0..c {
-                    let dy = d[row * c + j].to_f64();
-                    dweight[j] += dy * x_hat(row, j);
-                    dbias[j] += dy;
-                }
-            });
+            let [dweight, dbias] = rows::column_sums(
+                shape.clone(),
+                c,
+                #[inline(always)]
+                |row, [dweight, dbias]| {
+                    for j in 0..c {
+                        let dy = d[row * c + j].to_f64();
+                        dweight[j] += dy * x_hat(row, j);
+                        dbias[j] += dy;
+                    }
+                },
+            );
             let (mut mean_d, mut mean_dx) = (vec![0.0; self.n_groups], vec![0.0; self.n_groups]);
             let n = (shape.len() * c / self.n_groups) as f64;
             for j in 0..c {
@@ -103,14 +113,19 @@ impl GroupNorm {
                 grads[self.weight.start + j] += T::from_f64(dweight[j]);
                 grads[self.bias.start + j] += T::from_f64(dbias[j]);
             }
-            rows::for_each_row(&mut d[shape.start * c..shape.end * c], c, |row, d| {
-                for j in 0..c {
-                    let g = self.group(j);
-                    let d_hat = d[j].to_f64() * weight[j].to_f64();
-                    let centred = d_hat - mean_d[g] - x_hat(shape.start + row, j) * mean_dx[g];
-                    d[j] = T::from_f64(inv_std[g] * centred);
-                }
-            });
+            rows::for_each_row(
+                &mut d[shape.start * c..shape.end * c],
+                c,
+                #[inline(always)]
+                |row, d| {
+                    for j in 0..c {
+                        let g = self.group(j);
+                        let d_hat = d[j].to_f64() * weight[j].to_f64();
+                        let centred = d_hat - mean_d[g] - x_hat(shape.start + row, j) * mean_dx[g];
+                        d[j] = T::from_f64(inv_std[g] * centred);
+                    }
+                },
+            );
         }
     }
 

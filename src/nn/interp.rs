@@ -8,7 +8,7 @@
 
 use crate::octree::{Octree, key};
 use crate::par;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, vectorised};
 use glam::{UVec3, Vec3};
 use std::ops::Range;
 
@@ -130,14 +130,21 @@ impl<T: Scalar> Terms<T> {
         y.resize((self.starts.len() - 1) * channels, T::ZERO);
         par::for_each_block(y, BLOCK * channels, |block, rows| {
             rows.fill(T::ZERO);
-            for (i, row) in rows.chunks_exact_mut(channels).enumerate() {
-                let r = block * BLOCK + i;
-                for t in self.starts[r]..self.starts[r + 1] {
-                    let source = &x[self.sources[t] as usize * channels..][..channels];
-                    let weight = self.weights[t];
-                    row.iter_mut().zip(source).for_each(|(y, &x)| *y = weight.mul_add(x, *y));
-                }
-            }
+            vectorised(
+                #[inline(always)]
+                || {
+                    for (i, row) in rows.chunks_exact_mut(channels).enumerate() {
+                        let r = block * BLOCK + i;
+                        for t in self.starts[r]..self.starts[r + 1] {
+                            let source = &x[self.sources[t] as usize * channels..][..channels];
+                            let weight = self.weights[t];
+                            row.iter_mut()
+                                .zip(source)
+                                .for_each(|(y, &x)| *y = weight.mul_add(x, *y));
+                        }
+                    }
+                },
+            );
         });
     }
 

@@ -125,10 +125,6 @@ impl<'a, T: Scalar> Joined<'a, T> {
             (*part, end - width..end)
         })
     }
-
-    fn shape_of(&self, row: usize) -> usize {
-        self.shapes.partition_point(|shape| shape.end <= row)
-    }
 }
 
 impl OctreeConv {
@@ -142,6 +138,18 @@ impl OctreeConv {
         map: &KernelMap,
         x: &Joined<T>,
         y: &mut Vec<T>,
+    ) {
+        self.forward_joined_then(params, map, x, y, &rows::nothing);
+    }
+
+    /// [`OctreeConv::forward_joined`], and `then` on each block of rows.
+    pub(super) fn forward_joined_then<T: Scalar>(
+        &self,
+        params: &[T],
+        map: &KernelMap,
+        x: &Joined<T>,
+        y: &mut Vec<T>,
+        then: &rows::Then<T>,
     ) {
         let (weights, c_in, c_out) = (&params[self.weights()], self.c_in(), self.c_out());
         let term = |(part, columns)| match part {
@@ -158,7 +166,7 @@ impl OctreeConv {
             }
         };
         let terms: Vec<_> = x.columns().map(term).collect();
-        sum_of_terms(map, &terms, (weights, c_in), c_out, y);
+        sum_of_terms(map, &terms, (weights, c_in), c_out, y, then);
     }
 
     /// [`OctreeConv::backward`] of joined columns; every part of `dx` is overwritten.
@@ -210,21 +218,31 @@ impl OctreeConv {
 impl Linear {
     /// [`Linear::forward`] of joined columns: equal up to rounding.
     pub fn forward_joined<T: Scalar>(&self, params: &[T], x: &Joined<T>, y: &mut Vec<T>) {
-        self.start(params, x.n_rows(), y);
-        for (part, columns) in x.columns() {
-            let width = columns.len();
-            let w = rows::transposed(&self.columns(params, columns), self.c_out, width);
+        self.forward_joined_then(params, x, y, &rows::nothing);
+    }
+
+    /// [`Linear::forward_joined`], and `then` on each block of rows.
+    pub(super) fn forward_joined_then<T: Scalar>(
+        &self,
+        params: &[T],
+        x: &Joined<T>,
+        y: &mut Vec<T>,
+        then: &rows::Then<T>,
+    ) {
+        let terms = x.columns().map(|(part, columns)| {
+            let c_in = columns.len();
+            let w = rows::transposed(&self.columns(params, columns), self.c_out, c_in);
             match part {
-                Part::Nodes(x) => rows::add_product(x, &w, width, self.c_out, y),
-                Part::Shapes(values) => {
-                    let mut products = vec![T::ZERO; x.shapes.len() * self.c_out];
-                    rows::add_product(values, &w, width, self.c_out, &mut products);
-                    rows::for_each_row(y, self.c_out, |row, y| {
-                        rows::add(y, &products[x.shape_of(row) * self.c_out..]);
-                    });
+                Part::Nodes(x) => rows::Term::Product { x, w: w.into(), c_in },
+                Part::Shapes(features) => {
+                    let mut values = vec![T::ZERO; x.shapes.len() * self.c_out];
+                    rows::add_product(features, &w, c_in, self.c_out, &mut values);
+                    rows::Term::Shapes { values, shapes: x.shapes }
                 }
             }
-        }
+        });
+        let terms: Vec<_> = terms.collect();
+        rows::linear(&terms, self.bias(params), (x.n_rows(), self.c_out), y, then);
     }
 
     /// As [`Linear::backward`], for an input that another branch has already sent a gradient to: `dx` is
@@ -290,10 +308,15 @@ impl Linear {
     /// Sum of the rows of each shape, `[n_shapes, c_out]`.
     fn sums_of_shapes<T: Scalar>(&self, shapes: &[Range<usize>], dy: &[T]) -> Vec<T> {
         let sum = |shape: &Range<usize>| {
-            let [sums] = rows::column_sums(shape.clone(), self.c_out, |row, [sum]| {
-                let dy = &dy[row * self.c_out..][..self.c_out];
-                sum.iter_mut().zip(dy).for_each(|(sum, dy)| *sum += dy.to_f64());
-            });
+            let [sums] = rows::column_sums(
+                shape.clone(),
+                self.c_out,
+                #[inline(always)]
+                |row, [sum]| {
+                    let dy = &dy[row * self.c_out..][..self.c_out];
+                    sum.iter_mut().zip(dy).for_each(|(sum, dy)| *sum += dy.to_f64());
+                },
+            );
             sums
         };
         shapes.iter().flat_map(sum).map(T::from_f64).collect()

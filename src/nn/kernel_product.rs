@@ -4,9 +4,10 @@
 //! order, for each its offsets in order and, within one, the input channels in order, so that its value
 //! depends on nothing but its own inputs.
 
+use super::rows::{Then, nothing};
 use crate::octree::KernelMap;
 use crate::par;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, vectorised};
 use std::ops::Range;
 
 /// Output rows per partial sum of a weight gradient.
@@ -32,16 +33,29 @@ pub(super) fn product<T: Scalar>(
     c_out: usize,
     y: &mut Vec<T>,
 ) {
-    sum_of_terms(map, &[Term::Nodes { x, columns: 0..c_in }], (weights, c_in), c_out, y);
+    product_then(map, x, (weights, c_in), c_out, y, &nothing);
 }
 
-/// [`product`] with the columns of `x` in several terms.
+/// [`product`], and `then` on each block of rows as soon as it is done.
+pub(super) fn product_then<T: Scalar>(
+    map: &KernelMap,
+    x: &[T],
+    (weights, c_in): (&[T], usize),
+    c_out: usize,
+    y: &mut Vec<T>,
+    then: &Then<T>,
+) {
+    sum_of_terms(map, &[Term::Nodes { x, columns: 0..c_in }], (weights, c_in), c_out, y, then);
+}
+
+/// [`product_then`] with the columns of `x` in several terms.
 pub(super) fn sum_of_terms<T: Scalar>(
     map: &KernelMap,
     terms: &[Term<T>],
     (weights, c_in): (&[T], usize),
     c_out: usize,
     y: &mut Vec<T>,
+    then: &Then<T>,
 ) {
     for term in terms {
         if let Term::Nodes { x, columns } = term {
@@ -63,17 +77,27 @@ pub(super) fn sum_of_terms<T: Scalar>(
                     Term::Shapes { products, shapes } => {
                         let first = block * map.block_len();
                         for_each_shape(shapes, first, outputs, |shape, outputs| {
-                            let product = &products[(k * shapes.len() + shape) * c_out..];
-                            for &o in outputs {
-                                let y = &mut rows[o as usize * c_out..][..c_out];
-                                y.iter_mut().zip(product).for_each(|(y, &p)| *y += p);
-                            }
+                            let product = &products[(k * shapes.len() + shape) * c_out..][..c_out];
+                            vectorised(
+                                #[inline(always)]
+                                || add_to_rows(product, outputs, rows),
+                            );
                         });
                     }
                 }
             }
         }
+        then(block * map.block_len(), rows);
     });
+}
+
+/// Adds `x` to these rows of `y`.
+#[inline(always)]
+fn add_to_rows<T: Scalar>(x: &[T], rows: &[u32], y: &mut [T]) {
+    for &row in rows {
+        let y = &mut y[row as usize * x.len()..][..x.len()];
+        y.iter_mut().zip(x).for_each(|(y, &x)| *y += x);
+    }
 }
 
 /// Calls `work(shape, rows)` for the runs of `rows`, ascending and counted from `first`, that lie in one
@@ -107,10 +131,15 @@ pub(super) fn sums_of_shapes<T: Scalar>(
         for k in 0..map.n_offsets() {
             for_each_shape(shapes, first, map.pairs(block, k).1, |shape, outputs| {
                 let mut sum = vec![T::ZERO; c];
-                for &o in outputs {
-                    let g = &g[(first + o as usize) * c..][..c];
-                    sum.iter_mut().zip(g).for_each(|(sum, &g)| *sum += g);
-                }
+                vectorised(
+                    #[inline(always)]
+                    || {
+                        for &o in outputs {
+                            let g = &g[(first + o as usize) * c..][..c];
+                            sum.iter_mut().zip(g).for_each(|(sum, &g)| *sum += g);
+                        }
+                    },
+                );
                 partial.push((k * shapes.len() + shape, sum));
             });
         }
@@ -151,17 +180,9 @@ pub(super) fn weight_gradient_of_columns<T: Scalar>(
     let n_ranges = map.n_blocks().div_ceil(blocks_per_range);
     let add = |slot: usize, range: usize, d: &mut [T]| {
         let first = range * blocks_per_range;
-        for block in first..(first + blocks_per_range).min(map.n_blocks()) {
-            let (inputs, outputs) = map.pairs(block, slot / group);
-            let g = &g[block * map.block_len() * c_g..];
-            if group == 1 {
-                T::matmul_tn_rows(a, inputs, width, g, outputs, c_g, d);
-            } else {
-                let row = |&i: &u32| i * group as u32 + (slot % group) as u32;
-                let rows: Vec<u32> = inputs.iter().map(row).collect();
-                T::matmul_tn_rows(a, &rows, width, g, outputs, c_g, d);
-            }
-        }
+        let blocks = first..(first + blocks_per_range).min(map.n_blocks());
+        let (inputs, outputs) = pairs_of_blocks(map, blocks, group, slot);
+        T::matmul_tn_rows(a, &inputs, width, g, &outputs, c_g, d);
     };
     let place = columns.start * c_g..columns.end * c_g;
     if n_ranges <= 1 {
@@ -178,6 +199,26 @@ pub(super) fn weight_gradient_of_columns<T: Scalar>(
             d[place.clone()].iter_mut().zip(partial).for_each(|(d, &p)| *d += p);
         }
     });
+}
+
+/// Rows of `a` and of `g` that meet in gradient `slot`, block after block: one long sum keeps the tiles of
+/// the gradient in registers.
+fn pairs_of_blocks(
+    map: &KernelMap,
+    blocks: Range<usize>,
+    group: usize,
+    slot: usize,
+) -> (Vec<u32>, Vec<u32>) {
+    let (offset, member) = (slot / group, slot % group);
+    let n_pairs = blocks.clone().map(|block| map.pairs(block, offset).0.len()).sum();
+    let (mut a, mut g) = (Vec::with_capacity(n_pairs), Vec::with_capacity(n_pairs));
+    for block in blocks {
+        let (inputs, outputs) = map.pairs(block, offset);
+        let first = (block * map.block_len()) as u32;
+        a.extend(inputs.iter().map(|i| i * group as u32 + member as u32));
+        g.extend(outputs.iter().map(|o| first + o));
+    }
+    (a, g)
 }
 
 /// Each of the matrices `[rows, cols]` of `weights` transposed, the last one first.

@@ -27,18 +27,25 @@ impl Linear {
 
     /// `y = x Wᵀ + b`.
     pub fn forward<T: Scalar>(&self, params: &[T], x: &[T], y: &mut Vec<T>) {
-        self.start(params, x.len() / self.c_in, y);
-        let transposed = rows::transposed(&params[self.weight.clone()], self.c_out, self.c_in);
-        rows::add_product(x, &transposed, self.c_in, self.c_out, y);
+        self.forward_then(params, x, y, &rows::nothing);
     }
 
-    /// `n` rows of the bias, or of zeros.
-    pub(super) fn start<T: Scalar>(&self, params: &[T], n: usize, y: &mut Vec<T>) {
-        y.clear();
-        match &self.bias {
-            None => y.resize(n * self.c_out, T::ZERO),
-            Some(bias) => (0..n).for_each(|_| y.extend_from_slice(&params[bias.clone()])),
-        }
+    /// [`Linear::forward`], and `then` on each block of rows.
+    pub(super) fn forward_then<T: Scalar>(
+        &self,
+        params: &[T],
+        x: &[T],
+        y: &mut Vec<T>,
+        then: &rows::Then<T>,
+    ) {
+        let w = rows::transposed(&params[self.weight.clone()], self.c_out, self.c_in);
+        let n = x.len() / self.c_in;
+        let term = rows::Term::Product { x, w: w.into(), c_in: self.c_in };
+        rows::linear(&[term], self.bias(params), (n, self.c_out), y, then);
+    }
+
+    pub(super) fn bias<'a, T>(&self, params: &'a [T]) -> Option<&'a [T]> {
+        self.bias.as_ref().map(|bias| &params[bias.clone()])
     }
 
     /// `dW += dyᵀ x`, `db += Σ dy`; `dx = dy W` where wanted.
@@ -62,10 +69,15 @@ impl Linear {
 
     pub(super) fn add_bias_gradient<T: Scalar>(&self, dy: &[T], grads: &mut [T]) {
         if let Some(bias) = &self.bias {
-            let [db] = rows::column_sums(0..dy.len() / self.c_out, self.c_out, |row, [sum]| {
-                let dy = &dy[row * self.c_out..][..self.c_out];
-                sum.iter_mut().zip(dy).for_each(|(sum, dy)| *sum += dy.to_f64());
-            });
+            let [db] = rows::column_sums(
+                0..dy.len() / self.c_out,
+                self.c_out,
+                #[inline(always)]
+                |row, [sum]| {
+                    let dy = &dy[row * self.c_out..][..self.c_out];
+                    sum.iter_mut().zip(dy).for_each(|(sum, dy)| *sum += dy.to_f64());
+                },
+            );
             let db: Vec<T> = db.into_iter().map(T::from_f64).collect();
             rows::add(&mut grads[bias.clone()], &db);
         }

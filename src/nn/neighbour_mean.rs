@@ -48,24 +48,34 @@ impl NeighbourMean {
     pub fn forward<T: Scalar>(&self, c: usize, x: &[T], y: &mut Vec<T>) {
         y.clear();
         y.resize(self.n_nodes() * c, T::ZERO);
-        rows::for_each_row(y, c, |v, y| {
-            let share = self.share(v);
-            for &u in &self.sources[self.starts[v] as usize..self.starts[v + 1] as usize] {
-                add_scaled(y, share, &x[u as usize * c..][..c]);
-            }
-        });
+        rows::for_each_row(
+            y,
+            c,
+            #[inline(always)]
+            |v, y| {
+                let share = self.share(v);
+                for &u in &self.sources[self.starts[v] as usize..self.starts[v + 1] as usize] {
+                    add_scaled(y, share, &x[u as usize * c..][..c]);
+                }
+            },
+        );
     }
 
     /// `dx[u] = Σ_v dy[v] / deg(v)` over the nodes `v` that read `u`; overwrites `dx`.
     pub fn backward<T: Scalar>(&self, c: usize, dy: &[T], dx: &mut Vec<T>) {
         dx.clear();
         dx.resize(self.n_nodes() * c, T::ZERO);
-        rows::for_each_row(dx, c, |u, dx| {
-            let readers = self.reader_starts[u] as usize..self.reader_starts[u + 1] as usize;
-            for &v in &self.readers[readers] {
-                add_scaled(dx, self.share(v as usize), &dy[v as usize * c..][..c]);
-            }
-        });
+        rows::for_each_row(
+            dx,
+            c,
+            #[inline(always)]
+            |u, dx| {
+                let readers = self.reader_starts[u] as usize..self.reader_starts[u + 1] as usize;
+                for &v in &self.readers[readers] {
+                    add_scaled(dx, self.share(v as usize), &dy[v as usize * c..][..c]);
+                }
+            },
+        );
     }
 
     fn share<T: Scalar>(&self, v: usize) -> T {

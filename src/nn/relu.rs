@@ -9,7 +9,10 @@ const BLOCK: usize = 1 << 15;
 /// Turns `x` into `max(x, 0)`.
 pub fn forward<T: Scalar>(x: &mut [T]) {
     par::for_each_block(x, BLOCK, |_, block| {
-        vectorised(|| block.iter_mut().for_each(|x| *x = (*x).max(T::ZERO)));
+        vectorised(
+            #[inline(always)]
+            || block.iter_mut().for_each(|x| *x = (*x).max(T::ZERO)),
+        );
     });
 }
 

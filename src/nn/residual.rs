@@ -1,11 +1,12 @@
 //! Residual block: two 3³ convolutions around which the input takes a shortcut.
 
+use super::batch_norm::{BatchNorm, Finish};
 use super::conv::OctreeConv;
 use super::joined::{Columns, ColumnsGradient};
 use super::linear::Linear;
 use super::params::Layout;
 use super::unit::{self, Unit};
-use super::{batch_norm::BatchNorm, relu, rows};
+use super::{relu, rows};
 use crate::octree::KernelMap;
 use crate::scalar::Scalar;
 
@@ -25,16 +26,15 @@ pub struct Cache<T> {
     first: unit::Cache<T>,
     second: unit::Cache<T>,
     shortcut: unit::Cache<T>,
-    middle: Vec<T>,
-    straight: Vec<T>,
 }
 
 /// Working memory that blocks share: nothing in it outlives a call.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch<T> {
-    pub(super) block: Vec<T>,
-    a: Vec<T>,
-    b: Vec<T>,
+    pub(crate) block: Vec<T>,
+    pub(crate) a: Vec<T>,
+    pub(crate) b: Vec<T>,
+    pub(crate) middle: Vec<T>,
 }
 
 impl Residual {
@@ -73,19 +73,21 @@ impl Residual {
         y: &mut Vec<T>,
         scratch: &mut Scratch<T>,
     ) {
-        let x = x.into();
-        self.first.forward(params, buffers, rows, x, &mut scratch.a);
-        self.second.forward(params, buffers, rows, &scratch.a[..], y);
-        match &self.shortcut {
-            None => relu::forward_sum(y, x.one()),
+        let (x, Scratch { middle, b, .. }) = (x.into(), scratch);
+        self.first.forward(params, buffers, rows, x, middle);
+        let straight = match &self.shortcut {
+            None => x.one(),
             Some(shortcut) => {
-                shortcut.forward(params, buffers, &(), x, &mut scratch.a);
-                relu::forward_sum(y, &scratch.a);
+                shortcut.forward(params, buffers, &(), x, b);
+                b
             }
-        }
+        };
+        let (middle, finish) = (Columns::One(middle), Finish::ReluOfSum(straight));
+        self.second.forward_to(params, buffers, rows, middle, finish, y);
     }
 
     /// Training: statistics of the batch.
+    #[allow(clippy::too_many_arguments)]
     pub fn forward_train<'a, T: Scalar>(
         &self,
         params: &[T],
@@ -94,18 +96,20 @@ impl Residual {
         x: impl Into<Columns<'a, T>>,
         y: &mut Vec<T>,
         cache: &mut Cache<T>,
+        scratch: &mut Scratch<T>,
     ) {
-        let x = x.into();
-        let Cache { first, second, shortcut, middle, straight } = cache;
+        let (x, Scratch { middle, b, .. }) = (x.into(), scratch);
+        let Cache { first, second, shortcut } = cache;
         self.first.forward_train(params, buffers, rows, x, middle, first);
-        self.second.forward_train(params, buffers, rows, &middle[..], y, second);
-        match &self.shortcut {
-            None => relu::forward_sum(y, x.one()),
+        let straight = match &self.shortcut {
+            None => x.one(),
             Some(unit) => {
-                unit.forward_train(params, buffers, &(), x, straight, shortcut);
-                relu::forward_sum(y, straight);
+                unit.forward_train(params, buffers, &(), x, b, shortcut);
+                b
             }
-        }
+        };
+        let (middle, finish) = (Columns::One(middle), Finish::ReluOfSum(straight));
+        self.second.forward_train_to(params, buffers, rows, middle, finish, y, second);
     }
 
     /// `d` holds the gradient of `y` and is used up; `y` is the output of `forward_train`.
@@ -122,18 +126,17 @@ impl Residual {
         grads: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
-        let (x, Scratch { a, b, .. }) = (x.into(), scratch);
+        let (x, Scratch { a, b, middle, .. }) = (x.into(), scratch);
         relu::backward(y, d);
         b.clear();
         b.extend_from_slice(d);
-        let middle = &cache.middle[..];
-        self.second.backward(params, rows, middle, &[], &cache.second, b, Some(a.into()), grads);
-        let to = Some(dx.reborrow());
-        self.first.backward(params, rows, x, middle, &cache.first, a, to, grads);
+        self.first.output(params, &cache.first, middle);
+        self.second.backward(params, rows, &middle[..], &cache.second, b, Some(a.into()), grads);
+        self.first.backward(params, rows, x, &cache.first, a, Some(dx.reborrow()), grads);
         match &self.shortcut {
             None => rows::add_all(dx.one(), d),
             Some(unit) => {
-                unit.backward_norm(params, &[], &cache.shortcut, d, grads);
+                unit.backward_norm(params, &cache.shortcut, d, grads);
                 unit.map.add_backward(params, x, d, dx, grads);
             }
         }

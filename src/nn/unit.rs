@@ -1,12 +1,12 @@
 //! The repeating unit of the network: a linear map, batch norm and, usually, ReLU.
 
-use super::batch_norm::{self, BatchNorm};
+use super::batch_norm::{self, BatchNorm, Finish};
 use super::conv::OctreeConv;
 use super::conv_transpose::OctreeUp;
 use super::down::{OctreeDown, PackedDown};
 use super::joined::{Columns, ColumnsGradient};
 use super::linear::Linear;
-use super::relu;
+use super::rows::{Then, nothing};
 use crate::octree::{KernelMap, Level};
 use crate::scalar::Scalar;
 
@@ -16,7 +16,20 @@ pub trait LinearMap {
     type Rows: ?Sized;
 
     /// Overwrites `y` with the map of `x`.
-    fn forward<T: Scalar>(&self, params: &[T], rows: &Self::Rows, x: Columns<T>, y: &mut Vec<T>);
+    fn forward<T: Scalar>(&self, params: &[T], rows: &Self::Rows, x: Columns<T>, y: &mut Vec<T>) {
+        self.forward_then(params, rows, x, y, &nothing);
+    }
+
+    /// [`LinearMap::forward`], and `then` once on every block of rows of `y`, with the number of its
+    /// first row, while the block is in the cache.
+    fn forward_then<T: Scalar>(
+        &self,
+        params: &[T],
+        rows: &Self::Rows,
+        x: Columns<T>,
+        y: &mut Vec<T>,
+        then: &(dyn Fn(usize, &mut [T]) + Sync),
+    );
 
     /// Overwrites `dx`, where wanted, and adds to `grads`. `dx` is of the kind of `x`.
     fn backward<T: Scalar>(
@@ -33,10 +46,17 @@ pub trait LinearMap {
 impl LinearMap for OctreeConv {
     type Rows = KernelMap;
 
-    fn forward<T: Scalar>(&self, params: &[T], map: &KernelMap, x: Columns<T>, y: &mut Vec<T>) {
+    fn forward_then<T: Scalar>(
+        &self,
+        params: &[T],
+        map: &KernelMap,
+        x: Columns<T>,
+        y: &mut Vec<T>,
+        then: &Then<T>,
+    ) {
         match x {
-            Columns::One(x) => self.forward(params, map, x, y),
-            Columns::Joined(x) => self.forward_joined(params, map, &x, y),
+            Columns::One(x) => self.forward_then(params, map, x, y, then),
+            Columns::Joined(x) => self.forward_joined_then(params, map, &x, y, then),
         }
     }
 
@@ -66,14 +86,15 @@ macro_rules! linear_map {
         impl LinearMap for $map {
             type Rows = $rows;
 
-            fn forward<T: Scalar>(
+            fn forward_then<T: Scalar>(
                 &self,
                 params: &[T],
                 rows: &$rows,
                 x: Columns<T>,
                 y: &mut Vec<T>,
+                then: &Then<T>,
             ) {
-                <$map>::forward(self, params, rows, x.one(), y);
+                <$map>::forward_then(self, params, rows, x.one(), y, then);
             }
 
             fn backward<T: Scalar>(
@@ -95,10 +116,17 @@ macro_rules! linear_map {
 impl LinearMap for Linear {
     type Rows = ();
 
-    fn forward<T: Scalar>(&self, params: &[T], _: &(), x: Columns<T>, y: &mut Vec<T>) {
+    fn forward_then<T: Scalar>(
+        &self,
+        params: &[T],
+        _: &(),
+        x: Columns<T>,
+        y: &mut Vec<T>,
+        then: &Then<T>,
+    ) {
         match x {
-            Columns::One(x) => Linear::forward(self, params, x, y),
-            Columns::Joined(x) => self.forward_joined(params, &x, y),
+            Columns::One(x) => Linear::forward_then(self, params, x, y, then),
+            Columns::Joined(x) => self.forward_joined_then(params, &x, y, then),
         }
     }
 
@@ -139,6 +167,19 @@ pub struct Cache<T> {
     norm: batch_norm::Cache,
 }
 
+impl<T> Cache<T> {
+    /// Memory to work in until the next [`Unit::forward_train`], which overwrites it; the cache serves no
+    /// backward any more.
+    pub(crate) fn take_memory(&mut self) -> Vec<T> {
+        std::mem::take(&mut self.mapped)
+    }
+
+    /// Gives back what [`Cache::take_memory`] took.
+    pub(crate) fn give_memory(&mut self, memory: Vec<T>) {
+        self.mapped = memory;
+    }
+}
+
 impl<M: LinearMap> Unit<M> {
     /// Inference: `y` is overwritten.
     pub fn forward<'a, T: Scalar>(
@@ -149,11 +190,23 @@ impl<M: LinearMap> Unit<M> {
         x: impl Into<Columns<'a, T>>,
         y: &mut Vec<T>,
     ) {
-        self.map.forward(params, rows, x.into(), y);
-        match self.relu {
-            true => self.norm.forward_then(params, buffers, y, |y| y.max(T::ZERO)),
-            false => self.norm.forward(params, buffers, y),
-        }
+        self.forward_to(params, buffers, rows, x.into(), self.finish(), y);
+    }
+
+    /// [`Unit::forward`] with another end: each block of rows is normalised and finished as soon as the
+    /// linear map has written it.
+    pub(super) fn forward_to<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &[T],
+        rows: &M::Rows,
+        x: Columns<T>,
+        finish: Finish<T>,
+        y: &mut Vec<T>,
+    ) {
+        let columns = self.norm.inference(params, buffers);
+        let then = |first: usize, rows: &mut [T]| columns.apply(first, finish, rows);
+        self.map.forward_then(params, rows, x, y, &then);
     }
 
     /// Training: statistics of the batch.
@@ -166,30 +219,48 @@ impl<M: LinearMap> Unit<M> {
         y: &mut Vec<T>,
         cache: &mut Cache<T>,
     ) {
-        self.map.forward(params, rows, x.into(), &mut cache.mapped);
-        let Cache { mapped, norm } = cache;
-        match self.relu {
-            true => {
-                self.norm.forward_train_then(params, buffers, mapped, y, norm, |y| y.max(T::ZERO));
-            }
-            false => self.norm.forward_train(params, buffers, mapped, y, norm),
-        }
+        self.forward_train_to(params, buffers, rows, x.into(), self.finish(), y, cache);
     }
 
-    /// `d` holds the gradient of `y` and is used up; `y` is the output of `forward_train`.
+    /// [`Unit::forward_train`] with another end.
+    #[allow(clippy::too_many_arguments)]
+    pub(super) fn forward_train_to<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        rows: &M::Rows,
+        x: Columns<T>,
+        finish: Finish<T>,
+        y: &mut Vec<T>,
+        cache: &mut Cache<T>,
+    ) {
+        self.map.forward(params, rows, x, &mut cache.mapped);
+        cache.norm = self.norm.measure(buffers, &cache.mapped);
+        self.norm.normalise(params, &cache.mapped, &cache.norm, finish, y);
+    }
+
+    /// The output of [`Unit::forward_train`], computed once more from what it kept.
+    pub(crate) fn output<T: Scalar>(&self, params: &[T], cache: &Cache<T>, y: &mut Vec<T>) {
+        self.norm.normalise(params, &cache.mapped, &cache.norm, self.finish(), y);
+    }
+
+    fn finish<T>(&self) -> Finish<'static, T> {
+        if self.relu { Finish::Relu } else { Finish::Nothing }
+    }
+
+    /// `d` holds the gradient of the output and is used up.
     #[allow(clippy::too_many_arguments)]
     pub fn backward<'a, T: Scalar>(
         &self,
         params: &[T],
         rows: &M::Rows,
         x: impl Into<Columns<'a, T>>,
-        y: &[T],
         cache: &Cache<T>,
         d: &mut [T],
         dx: Option<ColumnsGradient<T>>,
         grads: &mut [T],
     ) {
-        self.backward_norm(params, y, cache, d, grads);
+        self.backward_norm(params, cache, d, grads);
         self.map.backward(params, rows, x.into(), d, dx, grads);
     }
 
@@ -197,14 +268,14 @@ impl<M: LinearMap> Unit<M> {
     pub(super) fn backward_norm<T: Scalar>(
         &self,
         params: &[T],
-        y: &[T],
         cache: &Cache<T>,
         d: &mut [T],
         grads: &mut [T],
     ) {
-        if self.relu {
-            relu::backward(y, d);
+        let Cache { mapped, norm } = cache;
+        match self.relu {
+            true => self.norm.backward_relu(params, mapped, norm, d, grads),
+            false => self.norm.backward(params, mapped, norm, d, grads),
         }
-        self.norm.backward(params, &cache.mapped, &cache.norm, d, grads);
     }
 }

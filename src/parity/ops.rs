@@ -195,7 +195,7 @@ impl<'a, T: Scalar> Op<'a, T> {
         let (mut y, mut cache) = (Vec::new(), residual::Cache::default());
         let (mut dx, mut grads) = (Vec::new(), vec![T::ZERO; params.len()]);
         let (rows, scratch) = (&octree.levels[3].conv, &mut Scratch::default());
-        block.forward_train(&params, &mut buffers, rows, &x, &mut y, &mut cache);
+        block.forward_train(&params, &mut buffers, rows, &x, &mut y, &mut cache, scratch);
         let to = (&mut dx).into();
         block.backward(&params, rows, &x, &y, &cache, &mut d, to, &mut grads, scratch);
         self.finish((c_out, &y), (c_in, &dx), &grads, &buffers);
@@ -227,8 +227,9 @@ impl<'a, T: Scalar> Op<'a, T> {
         let mut buffers = self.gather(&self.layout.buffers)?;
         let (mut y, mut cache) = (Vec::new(), heads::Cache::default());
         let (mut dx, mut grads) = (Vec::new(), vec![T::ZERO; params.len()]);
-        head.forward_train(&params, &mut buffers, &x, &mut y, &mut cache);
-        head.backward(&params, &x, &cache, &dy, &mut dx, &mut grads);
+        let memory = &mut [Vec::new(), Vec::new()];
+        head.forward_train(&params, &mut buffers, &x, &mut y, &mut cache, &mut memory[0]);
+        head.backward(&params, &x, &cache, &dy, &mut dx, &mut grads, memory.each_mut());
         self.finish((heads::N_CLASSES, &y), (weight[1], &dx), &grads, &buffers);
         Ok(())
     }

@@ -25,7 +25,7 @@ use super::{Kernel, Level, Simd};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 pub use tile::Real;
-use tile::{Panel, RowPointers, tile_rows, tile_tn};
+use tile::{Copied, Panel, RowPointers, tile_rows, tile_tn};
 
 /// Sum indices per pass: a panel of this depth fills half of a 32 KB first-level cache at 16 columns.
 const DEPTH: usize = 256;
@@ -34,6 +34,10 @@ const DEPTH: usize = 256;
 /// the first-level cache as they are (benches/gemm.rs).
 const ROWS_FOR_PANEL: usize = 64;
 const WIDTH_FOR_PANEL: usize = 128;
+
+/// Rows that are too few to hide the latency of the multiply-add in tiles of the usual width: wider ones
+/// do, and read `b` in longer stretches.
+const FEW: usize = 3;
 
 /// Inputs of [`matmul_rows`], checked.
 struct MatmulRows<'a, T> {
@@ -113,7 +117,14 @@ impl<T: Real> Kernel for MatmulRows<'_, T> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         // Sums, one row of the panel and one broadcast fill the registers.
+        let few = self.a_rows.len() <= FEW;
         match (S::LANES * S::REGISTERS, size_of::<T>()) {
+            (512.., 4) if few && self.n.is_multiple_of(64) => {
+                matmul_rows_body::<T, S, FEW, 64>(simd, self);
+            }
+            (128..512, 4) if few && self.n.is_multiple_of(32) => {
+                matmul_rows_body::<T, S, FEW, 32>(simd, self);
+            }
             (512.., 4) => matmul_rows_body::<T, S, 8, 32>(simd, self),
             (512.., _) => matmul_rows_body::<T, S, 8, 16>(simd, self),
             (128.., 4) => matmul_rows_body::<T, S, 6, 16>(simd, self),
@@ -157,7 +168,7 @@ fn matmul_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
     simd: S,
     x: MatmulRows<'_, T>,
 ) {
-    let mut copy = [const { MaybeUninit::uninit() }; DEPTH];
+    let mut copy = Copied([const { MaybeUninit::uninit() }; DEPTH]);
     for p in passes(x.k, DEPTH) {
         for j in (0..x.n).step_by(N) {
             let j = j..x.n.min(j + N);
@@ -187,7 +198,7 @@ fn matmul_tn_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
     simd: S,
     x: MatmulTnRows<'_, T>,
 ) {
-    let mut copy = [const { MaybeUninit::uninit() }; DEPTH];
+    let mut copy = Copied([const { MaybeUninit::uninit() }; DEPTH]);
     for r in passes(x.a_rows.len(), DEPTH) {
         for j in (0..x.n).step_by(N) {
             let j = j..x.n.min(j + N);
@@ -285,7 +296,7 @@ mod tests {
         for &level in Level::available() {
             for rows in SIZES {
                 for k in SIZES {
-                    for n in SIZES {
+                    for n in SIZES.into_iter().chain([32, 64]) {
                         assert_rows(level, rows, k, n, false);
                         assert_tn_rows(level, rows, k, n, false);
                     }

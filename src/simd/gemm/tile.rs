@@ -35,6 +35,10 @@ pub(super) struct RowPointers<'a, P> {
     pub(super) width: usize,
 }
 
+/// Room for the copy of a panel; whole cache lines, so that no load crosses two.
+#[repr(align(64))]
+pub(super) struct Copied<T, const N: usize>(pub(super) [MaybeUninit<[T; N]>; DEPTH]);
+
 /// Up to [`DEPTH`] rows of `N` columns.
 pub(super) struct Panel<'a, T, const N: usize> {
     start: *const T,
@@ -47,11 +51,11 @@ impl<'a, T: Real, const N: usize> Panel<'a, T, N> {
     /// A copy of `rows`, of `N` or fewer numbers each, padded with zeros.
     #[inline(always)]
     pub(super) fn copied<'b>(
-        copy: &'a mut [MaybeUninit<[T; N]>; DEPTH],
+        copy: &'a mut Copied<T, N>,
         rows: impl Iterator<Item = &'b [T]>,
     ) -> Self {
         let mut depth = 0;
-        for (place, row) in copy.iter_mut().zip(rows) {
+        for (place, row) in copy.0.iter_mut().zip(rows) {
             match row.first_chunk::<N>() {
                 Some(row) => place.write(*row),
                 None => place
@@ -59,7 +63,7 @@ impl<'a, T: Real, const N: usize> Panel<'a, T, N> {
             };
             depth += 1;
         }
-        Panel { start: copy.as_ptr().cast(), stride: N, depth, source: PhantomData }
+        Panel { start: copy.0.as_ptr().cast(), stride: N, depth, source: PhantomData }
     }
 
     /// `depth` rows of `matrix`, which is `stride` wide and begins at the first column of the panel.
