@@ -38,7 +38,7 @@ impl CrossEntropy {
     ) -> f64 {
         let n_classes = self.class_weights.len();
         assert_eq!(logits.len(), targets.len() * n_classes, "logits for another number of targets");
-        let total: f64 = targets.iter().map(|t| self.class_weights[*t as usize]).sum();
+        let total = self.total_weight(targets);
         if targets.is_empty() {
             dlogits.clear();
             return 0.0;
@@ -55,6 +55,11 @@ impl CrossEntropy {
         };
         let sums = par::map_chunks(dlogits, BLOCK * n_classes, |i, block| rows(i * BLOCK, block));
         sums.into_iter().sum::<f64>() / total
+    }
+
+    /// `Σ w_t`, by which [`CrossEntropy::loss`] divides: the share of some rows in the mean over all.
+    pub fn total_weight(&self, targets: &[u8]) -> f64 {
+        targets.iter().map(|t| self.class_weights[*t as usize]).sum()
     }
 
     /// Cost of one row; `d` is overwritten with `factor` times its gradient.

@@ -40,6 +40,11 @@ pub struct Settings {
     pub n_epochs: u64,
     /// Samples per step.
     pub batch_size: usize,
+    /// Samples that go through the network together, if not all of a step's: their gradients add up to
+    /// the step's, in memory for so many. Batch norm then takes its statistics from each such part alone,
+    /// and the running statistics move once per part. Without it every step is one batch.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub micro_batch_size: Option<usize>,
     /// Learning rate that the schedule scales.
     pub lr: f64,
     /// Momentum of SGD.
@@ -69,6 +74,7 @@ impl Settings {
         Settings {
             n_epochs: 1500,
             batch_size: 128,
+            micro_batch_size: None,
             lr: 1.0,
             schedule: Schedule::Cosine { min_lr: 0.0 },
             clip_norm: None,
@@ -88,6 +94,7 @@ impl Settings {
     pub fn reference() -> Self {
         Settings {
             batch_size: 8,
+            micro_batch_size: None,
             lr: 0.1,
             schedule: Schedule::Step { milestones: vec![375, 750], factor: 0.1 },
             loss: LossSettings { reduction: Reduction::Mean, ..LossSettings::default() },
@@ -103,6 +110,7 @@ impl Settings {
             seed: 0,
             n_epochs: 100,
             batch_size: 8,
+            micro_batch_size: None,
             lr: 0.1,
             momentum: 0.9,
             weight_decay: 5e-4,
@@ -152,9 +160,11 @@ impl Settings {
     pub fn check(&self) -> Result<()> {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         let share = |x: f64| (0.0..1.0).contains(&x);
-        let rules: [(&'static str, f64, bool, &str); 8] = [
+        let micro_batch_size = self.micro_batch_size.unwrap_or(self.batch_size);
+        let rules: [(&'static str, f64, bool, &str); 9] = [
             ("n_epochs", self.n_epochs as f64, self.n_epochs > 0, "1 or more"),
             ("batch_size", self.batch_size as f64, self.batch_size > 0, "1 or more"),
+            ("micro_batch_size", micro_batch_size as f64, micro_batch_size > 0, "1 or more"),
             ("lr", self.lr, positive(self.lr), "above 0"),
             ("momentum", self.momentum, share(self.momentum), "0 to below 1"),
             ("weight_decay", self.weight_decay, share(self.weight_decay), "0 to below 1"),

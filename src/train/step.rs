@@ -71,34 +71,59 @@ impl Run {
         place: &str,
     ) -> Result<Outcome> {
         let Run { settings, model, velocity, memory, .. } = self;
-        let batch = batch(model, samples)?;
-        let targets = targets(samples);
-        model.forward_train(&batch, Some(dropout), &mut memory.work);
         let scale = match settings.loss.reduction {
             Reduction::Sum => 1.0,
             Reduction::Mean => 0.5,
         };
+        let criteria = [0, 1].map(|head| criterion(settings, head));
+        let weights = |samples: &[Sample]| {
+            let targets = targets(samples);
+            [0, 1].map(|head: usize| criteria[head].total_weight(&targets[head]))
+        };
+        let (all, size) =
+            (weights(samples), settings.micro_batch_size.unwrap_or(samples.len().max(1)));
+        memory.grads.clear();
+        memory.grads.resize(model.params.len(), 0.0);
         let mut outcome = Outcome { loss: 0.0, confusion: Default::default() };
-        for head in 0..2 {
-            let (logits, targets) = (&memory.work.logits[head], &targets[head]);
-            let criterion = criterion(settings, head);
-            let dlogits = &mut memory.dlogits[head];
-            outcome.loss += scale * criterion.loss(logits, targets, scale, dlogits);
-            outcome.confusion[head] = Confusion::of_logits(logits, targets, POSITIVE[head]);
+        for (part, dropout) in samples.chunks(size).zip(dropout.chunks_mut(size)) {
+            let some = weights(part);
+            let shares = [0, 1].map(|head: usize| scale * (some[head] / all[head]));
+            memory.accumulate(model, part, dropout, &criteria, shares, &mut outcome)?;
         }
         if !outcome.loss.is_finite() {
             return Err(not_finite(place, outcome.loss, samples));
         }
-        memory.grads.clear();
-        memory.grads.resize(model.params.len(), 0.0);
-        let [first, second] = &memory.dlogits;
-        model.backward(&batch, [first, second], &mut memory.work, &mut memory.grads);
         if let Some(most) = settings.clip_norm {
             clip(&mut memory.grads, most);
         }
         let sgd = Sgd { momentum: settings.momentum, weight_decay: settings.weight_decay };
         sgd.step(lr, &memory.grads, velocity, &mut model.params);
         Ok(outcome)
+    }
+}
+
+impl Memory {
+    /// Adds the gradient of `shares` times the mean losses of some of a step's samples.
+    fn accumulate(
+        &mut self,
+        model: &mut Model<f32>,
+        samples: &[Sample],
+        dropout: &mut [Stream],
+        criteria: &[CrossEntropy; 2],
+        shares: [f64; 2],
+        outcome: &mut Outcome,
+    ) -> Result<()> {
+        let (batch, targets) = (batch(model, samples)?, targets(samples));
+        model.forward_train(&batch, Some(dropout), &mut self.work);
+        for head in 0..2 {
+            let (logits, targets) = (&self.work.logits[head], &targets[head]);
+            let (share, dlogits) = (shares[head], &mut self.dlogits[head]);
+            outcome.loss += share * criteria[head].loss(logits, targets, share, dlogits);
+            outcome.confusion[head] += Confusion::of_logits(logits, targets, POSITIVE[head]);
+        }
+        let [first, second] = &self.dlogits;
+        model.backward(&batch, [first, second], &mut self.work, &mut self.grads);
+        Ok(())
     }
 }
 
@@ -139,6 +164,61 @@ fn clip(grads: &mut [f32], most: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cutter::CutterParams;
+    use crate::geom::Sites;
+    use glam::Vec3;
+
+    /// Two parts of different size, labelled by a plane.
+    fn samples() -> Vec<Sample> {
+        let sample = |n: usize| {
+            let mut stream = Stream::new(3, 0, n as u64, Purpose::Probe);
+            let mut unit = || Vec3::from_array([0; 3].map(|_| stream.range(-1.0, 1.0) as f32));
+            let points: Vec<Vec3> = (0..n).map(|_| unit() * 40.0).collect();
+            let normals = (0..n).map(|_| (unit() + Vec3::Z).normalize()).collect();
+            let labels: Vec<bool> = points.iter().map(|p| p.x > 20.0).collect();
+            let cutter = CutterParams { cr_mm: 1.5, ch_mm: 6.0, fr_mm: 40.0, fh_mm: 5.0 };
+            let sites = Sites { points, normals, faces: Vec::new() }.into();
+            let name = format!("{n} sites");
+            Sample { name, sites, cutter, inaccessible: labels.clone(), occlusion: labels }
+        };
+        [90, 40].map(sample).into()
+    }
+
+    /// Loss of one step, and what it adds to the parameters.
+    fn step(micro_batch_size: Option<usize>, samples: &[Sample]) -> (f64, Vec<f32>) {
+        let mut settings = Settings { micro_batch_size, clip_norm: None, ..Settings::tiny() };
+        settings.network.cutter.dropout = 0.0;
+        // A single shape has no statistics of its cutter.
+        settings.network.cutter.batch_norm = false;
+        settings.loss.positive_weights = Some([2.0, 5.0]);
+        let mut run = Run::new(settings).unwrap();
+        let start = run.model.params.clone();
+        let mut dropout: Vec<_> =
+            (0..samples.len() as u64).map(|i| Stream::new(1, 0, i, Purpose::Dropout)).collect();
+        let outcome = run.learn(0.1, samples, &mut dropout, "here").unwrap();
+        let moved = run.model.params.iter().zip(&start).map(|(new, old)| new - old);
+        (outcome.loss, moved.collect())
+    }
+
+    #[test]
+    fn a_micro_batch_of_all_samples_changes_no_bit() {
+        let samples = samples();
+        assert_eq!(step(None, &samples), step(Some(2), &samples));
+        assert_eq!(step(None, &samples), step(Some(9), &samples));
+    }
+
+    /// Equal samples have equal statistics, so that parts differ from the whole by rounding alone; the
+    /// weights of classes are those of the whole step.
+    #[test]
+    fn micro_batches_add_up_to_the_step() {
+        let sample = samples().swap_remove(0);
+        let samples = [sample.clone(), sample];
+        let ((whole_loss, whole), (loss, moved)) = (step(None, &samples), step(Some(1), &samples));
+        assert!((loss - whole_loss).abs() < 1e-5 * whole_loss, "{loss} {whole_loss}");
+        let norm = |x: &[f32]| x.iter().map(|x| x * x).sum::<f32>().sqrt();
+        let apart: Vec<f32> = moved.iter().zip(&whole).map(|(a, b)| a - b).collect();
+        assert!(norm(&apart) < 0.01 * norm(&whole), "{} of {}", norm(&apart), norm(&whole));
+    }
 
     #[test]
     fn clipping_shortens_long_gradients_only() {
