@@ -133,6 +133,15 @@ def peak_memory():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
+def processor():
+    """Name of the processor, where Linux tells it."""
+    try:
+        lines = open("/proc/cpuinfo", encoding="utf8").read().splitlines()
+        return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor()
+
+
 def measure(command):
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
 
@@ -151,7 +160,8 @@ def main():
     if args.worker:
         return worker(args)
 
-    print(f"{platform.platform()}, {os.cpu_count()} processors, {args.threads} threads")
+    version = subprocess.run([args.deepmill, "--version"], check=True, stdout=subprocess.PIPE, text=True)
+    print(f"{processor()}, {platform.platform()}, {os.cpu_count()} processors, {args.threads} threads")
     print(f"{'work':<8} {'batch':>5} {'PyTorch s':>10} {'deepmill s':>10} {'ratio':>6}"
           f" {'PyTorch MB':>11} {'deepmill MB':>11} {'ratio':>6}")
     for work in WORKS if args.work is None else [args.work]:
@@ -164,7 +174,7 @@ def main():
             print(f"{work:<8} {batch:>5} {peer['seconds']:>10.4f} {ours['seconds']:>10.4f}"
                   f" {peer['seconds'] / ours['seconds']:>6.1f} {mb[0]:>11.0f} {mb[1]:>11.0f}"
                   f" {mb[0] / mb[1]:>6.1f}", flush=True)
-    print(peer["version"])
+    print(f"{version.stdout.strip()}; {peer['version']}, python {platform.python_version()}")
 
 
 if __name__ == "__main__":
