@@ -2,6 +2,8 @@
 //!
 //! `docs/formats.md` lists every array. One row per site, in the order of the sites.
 
+pub mod published;
+
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
 use crate::cutter::CutterParams;

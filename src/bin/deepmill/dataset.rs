@@ -4,7 +4,8 @@ use crate::output::Output;
 use crate::progress;
 use clap::Subcommand;
 use deepmill::cutter::CutterSet;
-use deepmill::data::dataset::{Builder, Dataset, Manifest, PartSource, Settings, Split};
+use deepmill::data::dataset::{Builder, Dataset, Manifest, PartSource, Settings, Split, import};
+use deepmill::data::files::published::{self, List};
 use deepmill::directions::DirectionSet;
 use deepmill::{Error, Result};
 use serde_json::json;
@@ -22,6 +23,8 @@ pub struct Args {
 enum Verb {
     Build(BuildArgs),
     Show(ShowArgs),
+    Export(ExportArgs),
+    Import(ImportArgs),
 }
 
 /// Read, scale, sample and label parts, with random cutters.
@@ -80,9 +83,42 @@ struct ShowArgs {
     folder: PathBuf,
 }
 
+/// Write a data set in the published format: text lines, cutter files, PLY, file lists.
+///
+/// The validation split becomes the test list. In these files label 1 means accessible.
+#[derive(clap::Args)]
+#[command(after_help = "Example: deepmill dataset export data --out published")]
+struct ExportArgs {
+    /// Folder of the data set.
+    folder: PathBuf,
+    /// Folder to write raw_data, points and filelist into.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// Make a data set of samples in the published format, from DIR/raw_data or DIR/filelist.
+#[derive(clap::Args)]
+#[command(after_help = "Example: deepmill dataset import published --out data")]
+struct ImportArgs {
+    /// Folder with raw_data, or with points and filelist.
+    folder: PathBuf,
+    /// Folder of the data set.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Read the prepared lists instead of the raw text: they tell training from test samples, but their
+    /// points are normalised, so that millimetres are lost.
+    #[arg(long)]
+    lists: bool,
+    /// Directions over the upper hemisphere that the labels were made with; recorded only.
+    #[arg(long, default_value_t = 150, value_name = "COUNT")]
+    directions: usize,
+}
+
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     match &args.verb {
         Verb::Build(args) => build(args, output),
+        Verb::Export(args) => export(args, output),
+        Verb::Import(args) => take_in(args, output),
         Verb::Show(args) => {
             show(&Dataset::open(&args.folder)?.manifest, output);
             Ok(())
@@ -136,6 +172,43 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
             output.result(&json!({ "finished": false }));
         }
     }
+    Ok(())
+}
+
+fn export(args: &ExportArgs, output: &Output) -> Result<()> {
+    let set = Dataset::open(&args.folder)?;
+    let train = set.samples(Some(Split::Train))?;
+    let test = set.samples(Some(Split::Validation))?;
+    let listed = |list: List| move |sample| (list, sample);
+    let samples: Vec<_> = train
+        .iter()
+        .map(listed(List::TrainVal))
+        .chain(test.iter().map(listed(List::Test)))
+        .collect();
+    published::write(&args.out, &samples)?;
+    output.say(format!("{} samples written to {}", samples.len(), args.out.display()));
+    output.result(&json!({ "n_samples": samples.len() }));
+    Ok(())
+}
+
+fn take_in(args: &ImportArgs, output: &Output) -> Result<()> {
+    let with = |split: Split| move |sample| (split, sample);
+    let mut samples: Vec<_> = Vec::new();
+    if args.lists {
+        let train = published::read_list(&args.folder, List::TrainVal)?;
+        let test = published::read_list(&args.folder, List::Test)?;
+        samples.extend(train.into_iter().map(with(Split::Train)));
+        samples.extend(test.into_iter().map(with(Split::Validation)));
+    } else {
+        samples.extend(published::read_raw(&args.folder)?.into_iter().map(with(Split::Train)));
+    }
+    let settings = Settings {
+        n_sites: samples.first().map_or(0, |(_, sample)| sample.sites.len()),
+        directions: DirectionSet::FibonacciHemisphere { n_dirs: args.directions },
+        min_edge_mm: None,
+        ..Settings::default()
+    };
+    show(&import(&args.out, settings, &samples)?, output);
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! Making a data set: read, scale, sample, draw cutters, label, write, part by part.
 
-use super::manifest::{self, Content, FORMAT, MANIFEST, read_json, write_json};
+use super::manifest::{Content, FORMAT, MANIFEST, read_json, write_json};
 use super::{CutterRecord, LabelledPart, Manifest, PartRecord, Settings, Split, content_hash};
 use crate::access::{self, LabelOptions, Obstacles};
 use crate::cutter::{Cutter, CutterParams};
@@ -108,7 +108,10 @@ impl Builder {
         }
         let name = self.sources[index].name();
         let (content, skipped) = match self.label(index) {
-            Ok((part, scale, box_mm)) => (Some(self.store(index, &part, scale, box_mm)?), None),
+            Ok((part, scale, box_mm)) => {
+                let content = store(&self.folder, index, &name, &part, scale, box_mm)?;
+                (Some(content), None)
+            }
             Err(reason) => (None, Some(reason.to_string())),
         };
         let record = PartRecord { index, split: self.split(&name), name, content, skipped };
@@ -135,14 +138,8 @@ impl Builder {
         Ok(Some(manifest))
     }
 
-    fn stem(&self, index: usize) -> String {
-        let name = self.sources[index].name();
-        let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
-        format!("parts/{index:06}-{}", name.chars().map(safe).collect::<String>())
-    }
-
     fn record_path(&self, index: usize) -> PathBuf {
-        self.folder.join(format!("{}.json", self.stem(index)))
+        self.folder.join(format!("{}.json", stem(index, &self.sources[index].name())))
     }
 
     /// By name, so that a part stays in its split when others come or go.
@@ -190,30 +187,37 @@ impl Builder {
             Stream::new(self.settings.seed, n_sites as u64, index as u64, Purpose::Sites).bits();
         sites::sample(mesh, &SiteOptions { n_sites, seed, ..SiteOptions::default() })
     }
+}
 
-    fn store(
-        &self,
-        index: usize,
-        part: &LabelledPart,
-        scale: f64,
-        box_mm: [f64; 3],
-    ) -> Result<manifest::Content> {
-        let file = format!("{}.npz", self.stem(index));
-        let path = self.folder.join(&file);
-        part.write(&path)?;
-        let share = |labels: &[bool]| {
-            labels.iter().filter(|l| **l).count() as f64 / labels.len().max(1) as f64
-        };
-        let cutters = (0..part.cutters.len())
-            .map(|k| CutterRecord {
-                cutter: part.cutters[k],
-                inaccessible: share(&part.inaccessible[k]),
-                occlusion: share(&part.occlusion[k]),
-            })
-            .collect();
-        let sha256 = content_hash(&path)?;
-        Ok(Content { file, sha256, scale, box_mm, n_sites: part.sites.len(), cutters })
-    }
+/// Path of a part's files in the data set, without ending.
+fn stem(index: usize, name: &str) -> String {
+    let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    format!("parts/{index:06}-{}", name.chars().map(safe).collect::<String>())
+}
+
+/// Writes a part's arrays; returns what its record says of them.
+pub(super) fn store(
+    folder: &Path,
+    index: usize,
+    name: &str,
+    part: &LabelledPart,
+    scale: f64,
+    box_mm: [f64; 3],
+) -> Result<Content> {
+    let file = format!("{}.npz", stem(index, name));
+    let path = folder.join(&file);
+    part.write(&path)?;
+    let share =
+        |labels: &[bool]| labels.iter().filter(|l| **l).count() as f64 / labels.len().max(1) as f64;
+    let cutters = (0..part.cutters.len())
+        .map(|k| CutterRecord {
+            cutter: part.cutters[k],
+            inaccessible: share(&part.inaccessible[k]),
+            occlusion: share(&part.occlusion[k]),
+        })
+        .collect();
+    let sha256 = content_hash(&path)?;
+    Ok(Content { file, sha256, scale, box_mm, n_sites: part.sites.len(), cutters })
 }
 
 /// Scales `mesh` so that its smallest box edge is at least `min_edge_mm`; returns the factor.

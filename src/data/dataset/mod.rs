@@ -5,9 +5,11 @@
 //! Every part belongs wholly to training or wholly to validation, so no cutter of a part leaks.
 
 mod build;
+mod import;
 mod manifest;
 
 pub use build::{Builder, PartSource};
+pub use import::import;
 pub use manifest::{CutterRecord, Manifest, PartRecord, Settings, Split};
 
 use crate::cutter::CutterParams;

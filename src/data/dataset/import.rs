@@ -1,0 +1,47 @@
+//! A data set from samples that were labelled elsewhere.
+
+use super::build::store;
+use super::manifest::{FORMAT, MANIFEST, write_json};
+use super::{LabelledPart, Manifest, PartRecord, Settings, Split};
+use crate::data::Sample;
+use crate::{Error, Result};
+use std::path::Path;
+
+/// Writes `samples` as a data set into the empty or new `folder`. `settings` say how they were labelled;
+/// that cannot be checked. Of the accessible directions only "none" (0) and "some" (1) are known.
+///
+/// # Errors
+/// If there are no samples, one is inconsistent, the folder holds a data set, or a file cannot be written.
+pub fn import(folder: &Path, settings: Settings, samples: &[(Split, Sample)]) -> Result<Manifest> {
+    let path = folder.join(MANIFEST);
+    if path.exists() {
+        return Err(Error::file(&path, "folder", "it holds a data set", "choose another folder"));
+    }
+    if samples.is_empty() {
+        let remedy = "name a folder with samples of the published format";
+        return Err(Error::argument("the list of samples", "empty", "one or more", remedy));
+    }
+    let mut parts = Vec::with_capacity(samples.len());
+    for (index, (split, sample)) in samples.iter().enumerate() {
+        sample.check()?;
+        let part = LabelledPart {
+            sites: (*sample.sites).clone(),
+            cutters: vec![sample.cutter],
+            inaccessible: vec![sample.inaccessible.clone()],
+            occlusion: vec![sample.occlusion.clone()],
+            accessible_directions: vec![
+                sample.inaccessible.iter().map(|no| u32::from(!no)).collect(),
+            ],
+        };
+        let points = &part.sites.points;
+        let low = points.iter().copied().reduce(|a, b| a.min(b)).unwrap_or_default();
+        let high = points.iter().copied().reduce(|a, b| a.max(b)).unwrap_or_default();
+        let box_mm = (high - low).as_dvec3().to_array();
+        let content = Some(store(folder, index, &sample.name, &part, 1.0, box_mm)?);
+        let name = sample.name.clone();
+        parts.push(PartRecord { index, name, split: *split, content, skipped: None });
+    }
+    let manifest = Manifest { format: FORMAT.into(), settings, parts };
+    write_json(&path, &manifest)?;
+    Ok(manifest)
+}
