@@ -18,6 +18,23 @@ pub fn write(
     write_aside(path, fill).map_err(|source| Error::write(path, source))
 }
 
+/// Removes from `folder` the half-written files that killed processes have left there.
+///
+/// # Errors
+/// If the folder cannot be listed or a file not removed.
+pub fn remove_leftovers(folder: &Path) -> Result<()> {
+    for entry in std::fs::read_dir(folder).map_err(|e| Error::read(folder, e))? {
+        let entry = entry.map_err(|e| Error::read(folder, e))?;
+        if entry.file_name().to_string_lossy().starts_with(PREFIX) {
+            std::fs::remove_file(entry.path()).map_err(|e| Error::write(entry.path(), e))?;
+        }
+    }
+    Ok(())
+}
+
+/// Beginning of the names of files that are being written.
+const PREFIX: &str = ".deepmill-";
+
 fn write_aside(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<&File>) -> std::io::Result<()>,
@@ -28,7 +45,7 @@ fn write_aside(
     };
     std::fs::create_dir_all(folder)?;
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".deepmill-");
+    builder.prefix(PREFIX);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -59,5 +76,9 @@ mod tests {
         assert!(failed.unwrap_err().to_string().contains("a.txt: cannot be written: full"));
         assert_eq!(std::fs::read(&path).unwrap(), b"first");
         assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+        std::fs::write(path.with_file_name(".deepmill-x"), b"left").unwrap();
+        remove_leftovers(path.parent().unwrap()).unwrap();
+        assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+        assert!(path.exists());
     }
 }

@@ -26,6 +26,15 @@ impl Confusion {
         counts
     }
 
+    /// As [`Confusion::of_labels`], each entry counted `weight` times.
+    pub fn weighted(predicted: &[bool], truth: &[bool], weights: &[u64]) -> Self {
+        let mut counts = Confusion::default();
+        for ((p, t), weight) in predicted.iter().zip(truth).zip(weights) {
+            counts.count(*p, *t, *weight);
+        }
+        counts
+    }
+
     /// Counts of the greater of two logits (`[n, 2]`; the first of equal ones) against classes; "yes" is
     /// class `positive`.
     pub fn of_logits<T: PartialOrd>(logits: &[T], targets: &[u8], positive: u8) -> Self {
@@ -37,12 +46,16 @@ impl Confusion {
     }
 
     fn add(&mut self, predicted: bool, truth: bool) {
+        self.count(predicted, truth, 1);
+    }
+
+    fn count(&mut self, predicted: bool, truth: bool, times: u64) {
         *match (predicted, truth) {
             (true, true) => &mut self.true_positive,
             (true, false) => &mut self.false_positive,
             (false, true) => &mut self.false_negative,
             (false, false) => &mut self.true_negative,
-        } += 1;
+        } += times;
     }
 
     /// The counts with "no" as the positive class.

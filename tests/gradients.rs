@@ -45,7 +45,7 @@ fn shape(kind: usize) -> (Vec<Vec3>, Vec<Vec3>) {
 }
 
 fn input() -> InputConfig {
-    InputConfig { depth: 3, full_depth: 1, ..InputConfig::default() }
+    InputConfig { depth: 3, full_depth: 1, point_normals: true, ..InputConfig::default() }
 }
 
 fn batch(kinds: &[usize]) -> Batch<f64> {

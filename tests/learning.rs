@@ -97,6 +97,67 @@ fn a_run_interrupted_anywhere_ends_with_the_same_bits() {
 
 #[cfg(feature = "formats")]
 #[test]
+fn a_run_with_labels_made_on_the_fly_resumes_to_the_same_bits_and_needs_no_labels() {
+    use deepmill::data::Online;
+    use deepmill::train::Checkpoint;
+    let mut samples = two_parts(300);
+    samples.push(sample_of(Family::ALL[2], 300, [1.2, 4.0, 30.0, 5.0]));
+    let settings = Settings {
+        n_epochs: 3,
+        batch_size: 2,
+        samples_per_epoch: Some(4),
+        online: Some(Default::default()),
+        ..Settings::tiny()
+    };
+    let directions = Directions::fibonacci_hemisphere(20).unwrap();
+    let online = |samples: &[Sample]| {
+        Online::new(samples, directions.clone(), 0.1, Default::default(), settings.seed).unwrap()
+    };
+    let mut whole = Run::new(settings.clone()).unwrap();
+    whole.train(&online(&samples), &[], &mut ()).unwrap();
+    for sample in &mut samples {
+        sample.inaccessible.fill(false);
+        sample.occlusion.fill(false);
+    }
+    let path = tempfile::tempdir().unwrap().path().join("checkpoint.safetensors");
+    for stop in [1, 2, 5] {
+        let mut run = Run::new(settings.clone()).unwrap();
+        run.train(&online(&samples), &[], &mut StopAfter(stop)).unwrap();
+        run.checkpoint().write(&path).unwrap();
+        let mut resumed = Run::resume(Checkpoint::read(&path).unwrap()).unwrap();
+        resumed.train(&online(&samples), &[], &mut ()).unwrap();
+        assert_eq!(bits(&resumed.model.params), bits(&whole.model.params), "stopped after {stop}");
+    }
+}
+
+/// Better than what needs no network: the best threshold on the normal's angle, and the highest tenth.
+#[cfg(feature = "weights")]
+#[test]
+fn the_shipped_network_beats_the_baselines_on_the_demo_part() {
+    use deepmill::access::baselines;
+    use deepmill::data::generated::demo_part;
+    use deepmill::metrics::Confusion;
+    use deepmill::model::Model;
+    let options = SiteOptions { n_sites: 7000, seed: 1, ..SiteOptions::default() };
+    let sites = sample(&demo_part(), &options).unwrap();
+    let cutter = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]);
+    let directions = Directions::fibonacci_hemisphere(150).unwrap();
+    let tool = Cutter::ball_end(cutter).unwrap();
+    let labels =
+        label(&sites, Obstacles::Queries, &tool, &directions, &LabelOptions::default()).unwrap();
+    let model = Model::shipped().unwrap();
+    let answer = model.predict(&sites.points, &sites.normals, cutter.to_array()).unwrap();
+    let f1 = |found: &[bool], truth: &[bool]| Confusion::of_labels(found, truth).f1();
+    let truth = &labels.inaccessible;
+    let min_z = baselines::best_facing(&sites.normals, truth);
+    let angle = f1(&baselines::facing_away(&sites.normals, min_z), truth);
+    let highest = f1(&baselines::highest(&sites.points, 0.1), &labels.occlusion);
+    let found = [f1(&answer.inaccessible(), truth), f1(&answer.occlusion(), &labels.occlusion)];
+    assert!(found[0] > angle && found[1] > highest, "{found:?} against {angle} and {highest}");
+}
+
+#[cfg(feature = "formats")]
+#[test]
 fn a_damaged_checkpoint_is_refused_with_advice() {
     use deepmill::train::Checkpoint;
     let folder = tempfile::tempdir().unwrap();

@@ -16,6 +16,34 @@ pub fn batches(n_samples: usize, batch_size: usize, seed: u64, epoch: u64) -> Ve
         .collect()
 }
 
+/// Sample indices of every batch of `epoch` (from 1) when an epoch is only `n_draws` samples long.
+///
+/// The samples come from one endless row of fresh shuffles, shuffle `p` from stream (`seed`, `p`, 0,
+/// shuffle), and each epoch goes on where the one before ended. Batches are full: `n_draws` is rounded up.
+pub fn short_batches(
+    n_samples: usize,
+    batch_size: usize,
+    n_draws: usize,
+    seed: u64,
+    epoch: u64,
+) -> Vec<Vec<usize>> {
+    let batch_size = batch_size.clamp(1, n_samples.max(1));
+    let n_batches = n_draws.div_ceil(batch_size);
+    let first = epoch.saturating_sub(1) as usize * n_batches * batch_size;
+    let mut pass = (usize::MAX, Vec::new());
+    let mut member = |place: usize| {
+        let number = place / n_samples;
+        if pass.0 != number {
+            pass = (number, (0..n_samples).collect());
+            Stream::new(seed, number as u64, 0, Purpose::Shuffle).shuffle(&mut pass.1);
+        }
+        pass.1[place % n_samples]
+    };
+    let mut batch =
+        |b: usize| (0..batch_size).map(|i| member(first + b * batch_size + i)).collect();
+    (0..n_batches).map(&mut batch).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -31,5 +59,21 @@ mod tests {
             assert_eq!(seen, (0..n).collect::<Vec<_>>());
         }
         assert_ne!(batches(50, 50, 5, 2), batches(50, 50, 5, 3));
+    }
+
+    #[test]
+    fn short_epochs_follow_each_other_through_whole_shuffles() {
+        let drawn = |epochs: std::ops::RangeInclusive<u64>| {
+            epochs.flat_map(|e| short_batches(10, 4, 7, 5, e)).flatten().collect::<Vec<_>>()
+        };
+        let all = drawn(1..=5);
+        assert_eq!(all.len(), 40);
+        for pass in all.chunks(10) {
+            let mut pass = pass.to_vec();
+            pass.sort_unstable();
+            assert_eq!(pass, (0..10).collect::<Vec<_>>());
+        }
+        assert_eq!(drawn(3..=5), all[16..]);
+        assert_ne!(all[..10], all[10..20]);
     }
 }

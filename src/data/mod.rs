@@ -10,7 +10,9 @@ pub mod generated;
 pub mod loader;
 #[cfg(feature = "formats")]
 pub mod npz;
+pub mod online;
 pub mod sample;
 
 pub use augment::Augment;
+pub use online::Online;
 pub use sample::{Sample, Source};

@@ -148,6 +148,37 @@ pub(super) fn mean_and_cv(values: &[f64]) -> (f64, f64) {
     (mean, variance.sqrt() / mean)
 }
 
+/// The area each site stands for, in units of the mean: proportional to the mean squared distance of the
+/// (up to) six nearest sites on its sheet, which six hexagonal neighbours make exact. 1 where a site has
+/// none within four mean spacings.
+pub fn relative_areas(sites: &Sites) -> Vec<f64> {
+    let n = sites.len();
+    let Some(spacing) = Spacing::measure_on_sheet(sites) else { return vec![1.0; n] };
+    let points: Vec<DVec3> = sites.points.iter().map(|p| p.as_dvec3()).collect();
+    let tree = Tree::build(&points);
+    let square = |i: usize| {
+        let normal = |i: usize| sites.normals[i].as_dvec3();
+        let mut near = Vec::new();
+        tree.within(points[i], REACH * spacing.mean_mm, |j, square| {
+            let j = j as usize;
+            if j != i && same_sheet(points[j] - points[i], normal(i), normal(j)) {
+                near.push(square);
+            }
+        });
+        near.sort_by(f64::total_cmp);
+        near.truncate(6);
+        (!near.is_empty()).then(|| near.iter().sum::<f64>() / near.len() as f64)
+    };
+    let blocks = par::map_blocks(n, BLOCK, |range| range.map(square).collect::<Vec<_>>());
+    let squares = blocks.concat();
+    let known: Vec<f64> = squares.iter().flatten().copied().collect();
+    let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
+    squares.into_iter().map(|s| s.map_or(1.0, |s| s / mean)).collect()
+}
+
+/// How far [`relative_areas`] looks for neighbours, in mean spacings.
+const REACH: f64 = 4.0;
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -30,6 +30,8 @@ pub struct Batch<T> {
     pub interpolation: Interpolation<T>,
     /// Cutter lengths as the network takes them, `[n_shapes, 4]`.
     pub cutters: Vec<T>,
+    /// Normals of the points for the heads, `[n_points, 3]`; empty if they do not read them.
+    pub point_normals: Vec<T>,
 }
 
 impl<T: Scalar> Batch<T> {
@@ -66,6 +68,8 @@ impl<T: Scalar> Batch<T> {
         let octree = Octree::build(clouds, &input.octree())?;
         let features = octree.features(input.node_features()?)?;
         let points: Vec<Vec3> = clouds.iter().flat_map(|c| c.points).copied().collect();
+        let normals = clouds.iter().filter(|_| input.point_normals).flat_map(|c| c.normals);
+        let point_normals = normals.flat_map(|n| n.to_array());
         Ok(Batch {
             interpolation: Interpolation::linear(
                 &octree,
@@ -75,8 +79,28 @@ impl<T: Scalar> Batch<T> {
             ),
             features: features.into_iter().map(|f| T::from_f64(f64::from(f))).collect(),
             cutters: cutters.as_flattened().iter().map(|&c| T::from_f64(c)).collect(),
+            point_normals: point_normals.map(|x| T::from_f64(f64::from(x))).collect(),
             octree,
         })
+    }
+
+    /// What the heads read, `[n_points, width]`: the features `[n_nodes, channels]` of the finest nodes,
+    /// interpolated, followed by the point's normal where the network asks for it.
+    pub(super) fn point_features(&self, channels: usize, nodes: &[T], to: &mut Vec<T>) {
+        self.interpolation.forward(channels, nodes, to);
+        if !self.point_normals.is_empty() {
+            let rows = to.chunks_exact(channels).zip(self.point_normals.chunks_exact(3));
+            *to = rows.flat_map(|(features, normal)| [features, normal].concat()).collect();
+        }
+    }
+
+    /// From the gradient of [`Batch::point_features`] to that of the nodes; overwrites both.
+    pub(super) fn point_features_backward(&self, channels: usize, d: &mut Vec<T>, to: &mut Vec<T>) {
+        if !self.point_normals.is_empty() {
+            let rows = d.chunks_exact(channels + 3);
+            *d = rows.flat_map(|row| &row[..channels]).copied().collect();
+        }
+        self.interpolation.backward(channels, d, to);
     }
 
     /// Number of shapes.

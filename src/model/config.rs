@@ -70,6 +70,9 @@ pub struct InputConfig {
     pub single_precision_means: bool,
     /// Unit of the cutter's lengths.
     pub cutter: CutterInput,
+    /// The heads also read each point's own normal, beside the features interpolated from the octree: a
+    /// cell that holds both sides of a thin wall knows only their mean.
+    pub point_normals: bool,
 }
 
 impl Default for InputConfig {
@@ -84,6 +87,7 @@ impl Default for InputConfig {
             wrap_at_faces: false,
             single_precision_means: false,
             cutter: CutterInput::Scaled,
+            point_normals: false,
         }
     }
 }

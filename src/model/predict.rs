@@ -55,6 +55,24 @@ impl<T: Scalar> Prediction<T> {
     pub fn occlusion(&self) -> Vec<bool> {
         self.logits_occlusion.iter().map(|[other, occlusion]| occlusion > other).collect()
     }
+
+    /// The `ceil(share·n)` sites that look most like occlusion points, lower index first among equals: as
+    /// many as the labels' definition marks, where [`Prediction::occlusion`] leaves their number open.
+    pub fn occlusion_ranked(&self, share: f64) -> Vec<bool> {
+        let margin = |[other, occlusion]: &[T; N_CLASSES]| *occlusion - *other;
+        greatest(&self.logits_occlusion.iter().map(margin).collect::<Vec<_>>(), share)
+    }
+}
+
+/// Marks the `ceil(share·n)` greatest values, lower index first among equals.
+fn greatest<T: Scalar>(values: &[T], share: f64) -> Vec<bool> {
+    let wanted = ((share * values.len() as f64).ceil() as usize).min(values.len());
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    let by_value = |&a: &usize, &b: &usize| values[b].to_f64().total_cmp(&values[a].to_f64());
+    order.sort_by(by_value);
+    let mut marks = vec![false; values.len()];
+    order[..wanted].iter().for_each(|&i| marks[i] = true);
+    marks
 }
 
 fn probabilities<T: Scalar>(logits: &[[T; N_CLASSES]], class: usize) -> Vec<T> {
@@ -237,6 +255,8 @@ mod tests {
         };
         assert_eq!(prediction.inaccessible(), [true, false, true]);
         assert_eq!(prediction.occlusion(), [false, true, false]);
+        assert_eq!(prediction.occlusion_ranked(0.4), [false, true, true]);
+        assert_eq!(prediction.occlusion_ranked(1.0), [true; 3]);
         let p = prediction.probability_inaccessible();
         assert!((p[0] - 0.880_797).abs() < 1e-6 && (p[1] - 0.268_941).abs() < 1e-6);
         assert!((prediction.probability_occlusion()[0] - 0.119_203).abs() < 1e-6);

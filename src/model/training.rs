@@ -139,7 +139,7 @@ impl UNet {
             stage.blocks.forward_train(params, buffers, rows, x, &mut after[0], scratch);
         }
         let x = work.decoder[n - 1].output();
-        batch.interpolation.forward(self.point_width(), x, &mut work.points);
+        batch.point_features(self.point_width(), x, &mut work.points);
     }
 
     /// Adds to `grads` the gradient of a loss whose gradients by the logits are `dlogits`.
@@ -190,7 +190,7 @@ impl UNet {
         g.cutters.resize_with(self.cutters.len(), Vec::new);
         g.cutters.iter_mut().for_each(Vec::clear);
         self.backward_heads(params, dlogits, work, &mut g, grads);
-        batch.interpolation.backward(self.point_width(), &g.d, &mut g.dx);
+        batch.point_features_backward(self.point_width(), &mut g.d, &mut g.dx);
         std::mem::swap(&mut g.d, &mut g.dx);
         // What the heads kept has served: the largest memory that nobody needs.
         let mut upsampled = work.heads[0].unit.take_memory();

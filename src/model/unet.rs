@@ -64,7 +64,7 @@ pub struct Activations<T> {
     pub upsampled: Vec<Vec<T>>,
     /// `decoder.i`.
     pub decoded: Vec<Vec<T>>,
-    /// `interp`: point features.
+    /// `interp`: what the heads read at the points.
     pub points: Vec<T>,
     /// Logits of both heads, `[n_points, 2]` each.
     pub logits: [Vec<T>; N_HEADS],
@@ -94,7 +94,8 @@ impl UNet {
         };
         let cutters = seeing.iter().map(module).collect();
         let decoder = decoder(config, &mut layout);
-        let c = config.decoder_widths[config.decoder_widths.len() - 1];
+        let normal = if config.input.point_normals { 3 } else { 0 };
+        let c = config.decoder_widths[config.decoder_widths.len() - 1] + normal;
         let heads =
             ["header", "header_2"].map(|name| Head::new(&mut layout, name, c, config.head_width));
         Ok(UNet { config: config.clone(), layout, stem, encoder, cutters, decoder, heads })
@@ -180,10 +181,10 @@ impl UNet {
             let (rows, x) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
             stage.blocks.forward(params, buffers, rows, x, &mut after[0], scratch);
         }
-        batch.interpolation.forward(self.point_width(), &decoded[n - 1], &mut to.points);
+        batch.point_features(self.point_width(), &decoded[n - 1], &mut to.points);
     }
 
-    /// Columns of the features that the heads read.
+    /// Columns of the octree features that are interpolated to the points.
     pub fn point_width(&self) -> usize {
         self.config.decoder_widths[self.config.decoder_widths.len() - 1]
     }

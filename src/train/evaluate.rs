@@ -1,10 +1,14 @@
-//! How good predictions are: per sample and pooled, both heads, positive class named.
+//! How good predictions are: per sample, pooled and by area, both heads, positive class named.
 
 use super::HeadScore;
 use crate::Result;
+use crate::access::{self, LabelOptions, Obstacles};
+use crate::cutter::Cutter;
 use crate::data::Sample;
+use crate::directions::Directions;
+use crate::geom::spacing;
 use crate::metrics::Confusion;
-use crate::model::Model;
+use crate::model::{Model, Prediction};
 use std::time::Instant;
 
 /// Scores of one way to predict, over a list of samples. The positive classes are *inaccessible* and
@@ -13,6 +17,9 @@ use std::time::Instant;
 pub struct Evaluation {
     /// Confusion counts of both heads for each sample.
     pub samples: Vec<[Confusion; 2]>,
+    /// The same for each sample, every site counted by its share of the surface in thousandths of a
+    /// mean site's.
+    pub by_area: Vec<[Confusion; 2]>,
     /// Wall-clock seconds of all predictions.
     pub seconds: f64,
 }
@@ -24,6 +31,8 @@ pub struct HeadScores {
     pub mean: HeadScore,
     /// All sites of all samples in one table.
     pub pooled: HeadScore,
+    /// Mean over the samples, sites weighted by the area they stand for.
+    pub by_area: HeadScore,
     /// Mean over the samples of the F1 that takes class 1 as positive, as the reference code does.
     pub reference_f1: f64,
 }
@@ -31,33 +40,49 @@ pub struct HeadScores {
 impl Evaluation {
     /// Adds a sample's prediction.
     pub fn add(&mut self, sample: &Sample, inaccessible: &[bool], occlusion: &[bool]) {
-        self.samples.push([
-            Confusion::of_labels(inaccessible, &sample.inaccessible),
-            Confusion::of_labels(occlusion, &sample.occlusion),
-        ]);
+        let areas = spacing::relative_areas(&sample.sites);
+        let weights: Vec<u64> = areas.iter().map(|a| (1000.0 * a) as u64).collect();
+        let heads = [(inaccessible, &sample.inaccessible), (occlusion, &sample.occlusion)];
+        self.samples.push(heads.map(|(found, truth)| Confusion::of_labels(found, truth)));
+        self.by_area.push(heads.map(|(found, truth)| Confusion::weighted(found, truth, &weights)));
+    }
+
+    /// Adds all samples of `other`.
+    pub fn append(&mut self, other: &Evaluation) {
+        self.samples.extend_from_slice(&other.samples);
+        self.by_area.extend_from_slice(&other.by_area);
+        self.seconds += other.seconds;
     }
 
     /// Scores of a head: 0 = accessibility, 1 = occlusion.
     pub fn head(&self, head: usize) -> HeadScores {
-        let n = self.samples.len().max(1) as f64;
-        let mean = |score: &dyn Fn(&Confusion) -> f64| {
-            self.samples.iter().map(|s| score(&s[head])).sum::<f64>() / n
-        };
         let mut pooled = Confusion::default();
         self.samples.iter().for_each(|s| pooled += s[head]);
         // Class 1 of head 1 is "accessible", of head 2 "occlusion".
         let reference = |c: &Confusion| if head == 0 { c.swapped().f1() } else { c.f1() };
         HeadScores {
-            mean: HeadScore { accuracy: mean(&Confusion::accuracy), f1: mean(&Confusion::f1) },
+            mean: mean_scores(&self.samples, head),
             pooled: HeadScore { accuracy: pooled.accuracy(), f1: pooled.f1() },
-            reference_f1: mean(&reference),
+            by_area: mean_scores(&self.by_area, head),
+            reference_f1: mean(&self.samples, head, reference),
         }
     }
 
     /// Per-sample averages of both heads.
     pub fn mean(&self) -> [HeadScore; 2] {
-        [self.head(0).mean, self.head(1).mean]
+        [0, 1].map(|head| mean_scores(&self.samples, head))
     }
+}
+
+fn mean_scores(samples: &[[Confusion; 2]], head: usize) -> HeadScore {
+    HeadScore {
+        accuracy: mean(samples, head, Confusion::accuracy),
+        f1: mean(samples, head, Confusion::f1),
+    }
+}
+
+fn mean(samples: &[[Confusion; 2]], head: usize, score: impl Fn(&Confusion) -> f64) -> f64 {
+    samples.iter().map(|s| score(&s[head])).sum::<f64>() / samples.len().max(1) as f64
 }
 
 /// Predicts every sample by itself and scores it.
@@ -65,15 +90,124 @@ impl Evaluation {
 /// # Errors
 /// If a sample is inconsistent.
 pub fn evaluate(model: &Model<f32>, samples: &[Sample]) -> Result<Evaluation> {
-    let mut evaluation = Evaluation::default();
+    let [evaluation] = score(samples, |sample| {
+        let prediction = predict(model, sample)?;
+        Ok([(prediction.inaccessible(), prediction.occlusion())])
+    })?;
+    Ok(evaluation)
+}
+
+/// As [`evaluate`], and a second time with the `share` of sites that look most like occlusion points in
+/// place of those with the greater logit.
+///
+/// # Errors
+/// As [`evaluate`].
+pub fn evaluate_ranked(
+    model: &Model<f32>,
+    samples: &[Sample],
+    share: f64,
+) -> Result<[Evaluation; 2]> {
+    score(samples, |sample| {
+        let prediction = predict(model, sample)?;
+        let inaccessible = prediction.inaccessible();
+        let ranked = prediction.occlusion_ranked(share);
+        Ok([(inaccessible.clone(), prediction.occlusion()), (inaccessible, ranked)])
+    })
+}
+
+fn predict(model: &Model<f32>, sample: &Sample) -> Result<Prediction<f32>> {
+    let sites = &sample.sites;
+    model.predict(&sites.points, &sites.normals, sample.cutter.to_array())
+}
+
+/// Labels every sample anew, as the network is asked to: for its time, and for its labels where those of
+/// the samples were made with denser obstacles or other directions. `share` is that of occlusion points.
+///
+/// # Errors
+/// If a sample is inconsistent or its cutter impossible.
+pub fn evaluate_exact(
+    samples: &[Sample],
+    directions: &Directions,
+    share: f64,
+) -> Result<Evaluation> {
+    let options = LabelOptions { share, ..LabelOptions::default() };
+    let [evaluation] = score(samples, |sample| {
+        let cutter = Cutter::ball_end(sample.cutter)?;
+        let sites = &*sample.sites;
+        let labels = access::label(sites, Obstacles::Queries, &cutter, directions, &options)?;
+        Ok([(labels.inaccessible, labels.occlusion)])
+    })?;
+    Ok(evaluation)
+}
+
+type Answer = (Vec<bool>, Vec<bool>);
+
+fn score<const N: usize>(
+    samples: &[Sample],
+    answers: impl Fn(&Sample) -> Result<[Answer; N]>,
+) -> Result<[Evaluation; N]> {
+    let mut evaluations: [Evaluation; N] = std::array::from_fn(|_| Evaluation::default());
     for sample in samples {
         sample.check()?;
         let start = Instant::now();
-        let sites = &sample.sites;
-        let cutter = sample.cutter.to_array();
-        let prediction = model.predict(&sites.points, &sites.normals, cutter)?;
-        evaluation.seconds += start.elapsed().as_secs_f64();
-        evaluation.add(sample, &prediction.inaccessible(), &prediction.occlusion());
+        let answers = answers(sample)?;
+        let seconds = start.elapsed().as_secs_f64();
+        for (evaluation, (inaccessible, occlusion)) in evaluations.iter_mut().zip(answers) {
+            evaluation.seconds += seconds;
+            evaluation.add(sample, &inaccessible, &occlusion);
+        }
     }
-    Ok(evaluation)
+    Ok(evaluations)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cutter::CutterParams;
+    use crate::geom::Sites;
+    use glam::Vec3;
+    use std::sync::Arc;
+
+    /// A fine grid on a square and a coarse one beside it, four times as far apart.
+    fn two_grids() -> Sample {
+        let grid = |n: i32, step: f32, x: f32| {
+            (0..n * n)
+                .map(move |i| Vec3::new(x + (i % n) as f32 * step, (i / n) as f32 * step, 0.0))
+        };
+        let points: Vec<Vec3> = grid(20, 1.0, 0.0).chain(grid(20, 4.0, 200.0)).collect();
+        let n = points.len();
+        let sites = Sites { normals: vec![Vec3::Z; n], points, faces: vec![] };
+        Sample {
+            name: "grids".into(),
+            sites: Arc::new(sites),
+            cutter: CutterParams::from_array([1.0, 1.0, 5.0, 1.0]),
+            inaccessible: (0..n).map(|i| i < 400).collect(),
+            occlusion: vec![false; n],
+        }
+    }
+
+    #[test]
+    fn sites_that_stand_for_more_surface_count_more() {
+        let sample = two_grids();
+        let mut evaluation = Evaluation::default();
+        evaluation.add(&sample, &[true; 800], &[false; 800]);
+        let [first, second] = [0, 1].map(|head| evaluation.head(head));
+        assert_eq!(first.mean.accuracy, 0.5);
+        assert_eq!(first.mean, first.pooled);
+        // The fine grid is 1 of 17 parts of the area; sites at the rims see fewer neighbours.
+        assert!((first.by_area.accuracy - 1.0 / 17.0).abs() < 0.01, "{first:?}");
+        assert_eq!((second.by_area.accuracy, second.mean.f1), (1.0, 1.0));
+    }
+
+    #[test]
+    fn sets_join_to_the_scores_of_all_their_samples() {
+        let sample = two_grids();
+        let (mut all, mut one) = (Evaluation::default(), Evaluation::default());
+        one.add(&sample, &[true; 800], &[false; 800]);
+        all.add(&sample, &sample.inaccessible, &sample.occlusion);
+        all.append(&one);
+        assert_eq!(all.samples.len(), 2);
+        assert_eq!(all.head(0).mean.accuracy, 0.75);
+        assert_eq!(all.head(0).reference_f1, 0.5);
+    }
 }

@@ -14,7 +14,7 @@ mod step;
 
 #[cfg(feature = "formats")]
 pub use checkpoint::Checkpoint;
-pub use evaluate::{Evaluation, HeadScores, evaluate};
+pub use evaluate::{Evaluation, HeadScores, evaluate, evaluate_exact, evaluate_ranked};
 pub use history::{HeadScore, Row};
 pub use run::{Flow, Observer, Progress, Run, StepReport};
 pub use settings::{LossSettings, Reduction, Settings};

@@ -100,6 +100,25 @@ impl Run {
         Ok(Run { settings, progress, model, velocity, memory: Memory::default() })
     }
 
+    /// Begins with the weights of `model` instead of random ones.
+    ///
+    /// # Errors
+    /// If it is another network than the settings ask for.
+    pub fn start_from(&mut self, model: Model<f32>) -> Result<()> {
+        if model.net.config() != self.model.net.config() {
+            let remedy = "train with the settings.toml of the run that the weights come from";
+            let expected = "the network of the settings";
+            return Err(Error::argument(
+                "weights to start from",
+                "another network",
+                expected,
+                remedy,
+            ));
+        }
+        self.model = model;
+        Ok(())
+    }
+
     /// The state to store.
     #[cfg(feature = "formats")]
     pub fn checkpoint(&self) -> super::Checkpoint {
@@ -174,7 +193,11 @@ impl Run {
     ) -> Result<Flow> {
         let epoch = self.progress.history.len() as u64 + 1;
         let Settings { batch_size, seed, lr, n_epochs, .. } = self.settings;
-        let batches = loader::batches(source.len(), batch_size, seed, epoch);
+        let n = source.len();
+        let batches = match self.settings.samples_per_epoch {
+            None => loader::batches(n, batch_size, seed, epoch),
+            Some(n_draws) => loader::short_batches(n, batch_size, n_draws, seed, epoch),
+        };
         let lr = self.settings.schedule.lr(lr, epoch, n_epochs);
         for (i, indices) in batches.iter().enumerate().skip(self.progress.steps_done) {
             let start = Instant::now();

@@ -3,6 +3,9 @@
 use crate::output::Output;
 use crate::progress;
 use deepmill::data::dataset::{Dataset, Split};
+use deepmill::data::online::OnlineSettings;
+use deepmill::data::{Online, Sample};
+use deepmill::directions::{DirectionSet, Directions};
 use deepmill::model::weights::{self, Storage};
 use deepmill::report::curves::{Chart, Series, write_curves};
 use deepmill::train::{Checkpoint, Flow, Observer, Row, Run, Settings, StepReport, history};
@@ -21,9 +24,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill train --data data --out run --preset small --epochs 30")]
 pub struct Args {
-    /// Data set made by `deepmill dataset build`.
-    #[arg(long, value_name = "DIR")]
-    data: PathBuf,
+    /// Data sets made by `deepmill dataset build`; several are joined.
+    #[arg(long, value_name = "DIR", required = true, num_args = 1..)]
+    data: Vec<PathBuf>,
+    /// Data sets that are wholly for validation, beside what `--data` keeps back.
+    #[arg(long, value_name = "DIR", num_args = 1..)]
+    validate: Vec<PathBuf>,
     /// Folder of the run.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -45,6 +51,16 @@ pub struct Args {
     /// Seed, in place of the settings' number.
     #[arg(long)]
     seed: Option<u64>,
+    /// Samples per epoch, if not every sample once.
+    #[arg(long, value_name = "COUNT")]
+    samples_per_epoch: Option<usize>,
+    /// Draw a fresh cutter and orientation for every sample of every epoch and label it in the loop;
+    /// `[online]` in the settings says from what.
+    #[arg(long)]
+    online: bool,
+    /// Weights to begin with, of the same network, in place of random ones.
+    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
+    start_from: Option<PathBuf>,
     /// Go on with the run in the folder.
     #[arg(long)]
     resume: bool,
@@ -52,9 +68,8 @@ pub struct Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut run = start(args)?;
-    let data = Dataset::open(&args.data)?;
-    let samples = data.samples(Some(Split::Train))?;
-    let validation = data.samples(Some(Split::Validation))?;
+    let data = Data::read(args)?;
+    let Data { samples, validation, .. } = &data;
     output.say(format!(
         "{} training samples, {} for validation, {} parameters",
         samples.len(),
@@ -67,7 +82,12 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         stop: progress::stop_flag()?,
     };
     watch.bar.set_position(run.progress.history.len() as u64);
-    let flow = run.train(&samples[..], &validation, &mut watch)?;
+    let flow = match run.settings.online {
+        None => run.train(&samples[..], validation, &mut watch)?,
+        Some(online) => {
+            run.train(&data.online(online, run.settings.seed)?, validation, &mut watch)?
+        }
+    };
     watch.bar.finish_and_clear();
     if flow == Flow::Stop {
         store(&args.out, &run)?;
@@ -88,6 +108,45 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     Ok(())
 }
 
+/// What the data sets hold for this run.
+struct Data {
+    samples: Vec<Sample>,
+    validation: Vec<Sample>,
+    /// Directions and share of occlusion points, the same in all.
+    directions: DirectionSet,
+    share: f64,
+}
+
+impl Data {
+    fn read(args: &Args) -> Result<Self> {
+        let first = Dataset::open(&args.data[0])?.manifest.settings;
+        let (directions, share) = (first.directions, first.occlusion_share);
+        let mut data = Data { samples: Vec::new(), validation: Vec::new(), directions, share };
+        let wholly = args.validate.iter().map(|folder| (folder, true));
+        for (folder, validate) in args.data.iter().map(|folder| (folder, false)).chain(wholly) {
+            let set = Dataset::open(folder)?;
+            let settings = &set.manifest.settings;
+            if (&settings.directions, settings.occlusion_share) != (&data.directions, data.share) {
+                let found = "its labels have other directions or another share of occlusion points";
+                let remedy = "join data sets of the same --directions";
+                return Err(Error::file(folder, "settings", found, remedy));
+            }
+            if validate {
+                data.validation.extend(set.samples(None)?);
+            } else {
+                data.samples.extend(set.samples(Some(Split::Train))?);
+                data.validation.extend(set.samples(Some(Split::Validation))?);
+            }
+        }
+        Ok(data)
+    }
+
+    fn online(&self, settings: OnlineSettings, seed: u64) -> Result<Online> {
+        let directions = Directions::new(self.directions.clone())?;
+        Online::new(&self.samples, directions, self.share, settings, seed)
+    }
+}
+
 const MODEL: &str = "model.safetensors";
 const BEST: &str = "best.safetensors";
 const CHECKPOINT: &str = "checkpoint.safetensors";
@@ -97,7 +156,11 @@ const SETTINGS: &str = "settings.toml";
 fn start(args: &Args) -> Result<Run> {
     let checkpoint = args.out.join(CHECKPOINT);
     if args.resume {
-        return Run::resume(Checkpoint::read(&checkpoint)?);
+        let run = Run::resume(Checkpoint::read(&checkpoint)?)?;
+        // What a kill between the checkpoint and these files left out, and what it left behind.
+        show(&args.out, &run)?;
+        deepmill::aside::remove_leftovers(&args.out)?;
+        return Ok(run);
     }
     if checkpoint.exists() {
         return Err(Error::file(
@@ -115,8 +178,16 @@ fn start(args: &Args) -> Result<Run> {
     settings.batch_size = args.batch_size.unwrap_or(settings.batch_size);
     settings.lr = args.lr.unwrap_or(settings.lr);
     settings.seed = args.seed.unwrap_or(settings.seed);
+    settings.samples_per_epoch = args.samples_per_epoch.or(settings.samples_per_epoch);
+    if args.online {
+        settings.online.get_or_insert_default();
+    }
     write_settings(&args.out.join(SETTINGS), &settings)?;
-    Run::new(settings)
+    let mut run = Run::new(settings)?;
+    if let Some(path) = &args.start_from {
+        run.start_from(weights::read(path)?)?;
+    }
+    Ok(run)
 }
 
 fn read_settings(path: &Path) -> Result<Settings> {
@@ -160,15 +231,21 @@ impl Observer for Watch<'_> {
     }
 }
 
-/// Everything the run's folder shows and needs.
+/// Everything the run's folder needs and shows. At every moment there is a whole checkpoint.
 fn store(folder: &Path, run: &Run) -> Result<()> {
-    let rows = &run.progress.history;
     let checkpoint = folder.join(CHECKPOINT);
     if checkpoint.exists() {
         let previous = folder.join(PREVIOUS);
-        std::fs::rename(&checkpoint, &previous).map_err(|e| Error::write(&previous, e))?;
+        let bytes = std::fs::read(&checkpoint).map_err(|e| Error::read(&checkpoint, e))?;
+        deepmill::aside::write(&previous, |file| std::io::Write::write_all(file, &bytes))?;
     }
     run.checkpoint().write(&checkpoint)?;
+    show(folder, run)
+}
+
+/// Networks, history and curves, as the run's state says.
+fn show(folder: &Path, run: &Run) -> Result<()> {
+    let rows = &run.progress.history;
     let notes = rows.last().map_or_else(String::new, line);
     weights::write(&folder.join(MODEL), &run.model, Storage::Exact, &notes)?;
     let is_best = run.progress.best.is_some_and(|(_, epoch)| epoch == rows.len() as u64);

@@ -1,0 +1,227 @@
+//! Labels on the fly: a fresh cutter and a fresh orientation for every sample of every epoch.
+//!
+//! The labeler runs inside the training loop, so turned and mirrored parts carry exact labels for any
+//! direction set, and no (part, cutter) pair is ever seen twice. Everything is keyed by (seed, epoch,
+//! sample): the same arguments give the same sample, whatever was drawn before.
+
+use crate::access::{self, LabelOptions, Obstacles};
+use crate::cutter::{Cutter, CutterSet};
+use crate::data::augment::Turn;
+use crate::data::{Sample, Source};
+use crate::directions::Directions;
+use crate::geom::Sites;
+use crate::rng::{Purpose, Stream};
+use crate::{Error, Result};
+use glam::{Mat3, Quat, Vec3};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// What is drawn for every sample.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OnlineSettings {
+    /// Where cutters are drawn from.
+    pub cutter_set: CutterSet,
+    /// Mirror in x with probability ½.
+    pub mirror: bool,
+    /// Turn about +z.
+    pub turn: Turn,
+    /// Probability of a part to lie on one of its six sides, chosen evenly, in `[0, 1]`.
+    pub sides: f64,
+    /// Probability of a part to be turned anyhow, in `[0, 1]`; comes before the other turns.
+    pub tilt: f64,
+}
+
+impl Default for OnlineSettings {
+    /// Uniform cutters, mirroring, quarter turns, every tenth part tilted and of the others three in ten
+    /// on another side.
+    fn default() -> Self {
+        OnlineSettings {
+            cutter_set: CutterSet::Uniform,
+            mirror: true,
+            turn: Turn::Quarter,
+            sides: 0.3,
+            tilt: 0.1,
+        }
+    }
+}
+
+impl OnlineSettings {
+    /// A random orthogonal matrix: a rotation, or a rotation after mirroring.
+    fn orientation(&self, stream: &mut Stream) -> Mat3 {
+        let mirrored = self.mirror && stream.chance(0.5);
+        let mirror = Mat3::from_diagonal(Vec3::new(if mirrored { -1.0 } else { 1.0 }, 1.0, 1.0));
+        if stream.chance(self.tilt) {
+            return any_rotation(stream) * mirror;
+        }
+        let side = if stream.chance(self.sides) { SIDES[stream.below(6)] } else { Mat3::IDENTITY };
+        let (sin, cos) = self.turn.draw(stream);
+        let turn = Mat3::from_cols(Vec3::new(cos, sin, 0.0), Vec3::new(-sin, cos, 0.0), Vec3::Z);
+        turn * side * mirror
+    }
+}
+
+/// Rotations that bring +z, −z, +x, −x, +y, −y up.
+const SIDES: [Mat3; 6] = [
+    Mat3::IDENTITY,
+    Mat3::from_cols(Vec3::X, Vec3::NEG_Y, Vec3::NEG_Z),
+    Mat3::from_cols(Vec3::Z, Vec3::Y, Vec3::NEG_X),
+    Mat3::from_cols(Vec3::NEG_Z, Vec3::Y, Vec3::X),
+    Mat3::from_cols(Vec3::X, Vec3::Z, Vec3::NEG_Y),
+    Mat3::from_cols(Vec3::X, Vec3::NEG_Z, Vec3::Y),
+];
+
+/// Evenly distributed: four normal numbers are a random quaternion.
+fn any_rotation(stream: &mut Stream) -> Mat3 {
+    let [x, y, z, w] = [0; 4].map(|_| stream.normal() as f32);
+    match Quat::from_xyzw(x, y, z, w).length_recip() {
+        scale if scale.is_finite() => Mat3::from_quat(Quat::from_xyzw(x, y, z, w) * scale),
+        _ => Mat3::IDENTITY,
+    }
+}
+
+/// Parts without labels: each sample is oriented, given a cutter and labelled when it is asked for.
+#[derive(Debug, Clone)]
+pub struct Online {
+    parts: Vec<(String, Arc<Sites>)>,
+    directions: Directions,
+    options: LabelOptions,
+    settings: OnlineSettings,
+    seed: u64,
+}
+
+impl Online {
+    /// The parts of `samples`, each once, whatever their cutters; `share` of the sites are occlusion
+    /// points, in (0, 1].
+    ///
+    /// # Errors
+    /// If there are no parts.
+    pub fn new(
+        samples: &[Sample],
+        directions: Directions,
+        share: f64,
+        settings: OnlineSettings,
+        seed: u64,
+    ) -> Result<Self> {
+        let mut parts: Vec<(String, Arc<Sites>)> = Vec::new();
+        for sample in samples {
+            sample.check()?;
+            if parts.last().is_none_or(|(_, sites)| !Arc::ptr_eq(sites, &sample.sites)) {
+                parts.push((sample.name.clone(), Arc::clone(&sample.sites)));
+            }
+        }
+        if parts.is_empty() {
+            let remedy = "build a data set with at least one part that can be labelled";
+            return Err(Error::argument("training set", "empty", "one part or more", remedy));
+        }
+        let options = LabelOptions { share, ..LabelOptions::default() };
+        Ok(Online { parts, directions, options, settings, seed })
+    }
+}
+
+impl Source for Online {
+    fn len(&self) -> usize {
+        self.parts.len()
+    }
+
+    fn sample(&self, epoch: u64, index: usize) -> Result<Sample> {
+        let (name, sites) = &self.parts[index];
+        let stream = |purpose| Stream::new(self.seed, epoch, index as u64, purpose);
+        let turn = self.settings.orientation(&mut stream(Purpose::Orientation));
+        let turned = |vectors: &[Vec3]| vectors.iter().map(|v| turn * *v).collect();
+        let sites = Sites {
+            points: turned(&sites.points),
+            normals: turned(&sites.normals),
+            faces: Vec::new(),
+        };
+        let cutter = self.settings.cutter_set.draw(&mut stream(Purpose::Cutter));
+        let tool = Cutter::ball_end(cutter)?;
+        let labels =
+            access::label(&sites, Obstacles::Queries, &tool, &self.directions, &self.options)?;
+        Ok(Sample {
+            name: name.clone(),
+            sites: Arc::new(sites),
+            cutter,
+            inaccessible: labels.inaccessible,
+            occlusion: labels.occlusion,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cutter::CutterParams;
+
+    fn bowl() -> Sample {
+        let points: Vec<Vec3> = (0..400)
+            .map(|i| {
+                let p = Vec3::new((i % 20) as f32, (i / 20) as f32, 0.0) * 2.0 - 19.0;
+                Vec3::new(p.x, p.y, p.x * p.x / 12.0 + 0.1 * p.y)
+            })
+            .collect();
+        let normal = |p: &Vec3| Vec3::new(-p.x / 6.0, -0.1, 1.0).normalize();
+        let n = points.len();
+        Sample {
+            name: "bowl".into(),
+            sites: Arc::new(Sites {
+                normals: points.iter().map(normal).collect(),
+                points,
+                faces: vec![],
+            }),
+            cutter: CutterParams::from_array([1.0, 1.0, 5.0, 1.0]),
+            inaccessible: vec![false; n],
+            occlusion: vec![false; n],
+        }
+    }
+
+    fn online(settings: OnlineSettings) -> Online {
+        let directions = Directions::fibonacci_hemisphere(20).unwrap();
+        Online::new(&[bowl(), bowl()], directions, 0.1, settings, 5).unwrap()
+    }
+
+    #[test]
+    fn a_sample_depends_on_seed_epoch_and_index_alone() {
+        let source = online(OnlineSettings::default());
+        let first = source.sample(3, 1).unwrap();
+        source.sample(4, 0).unwrap();
+        let again = source.sample(3, 1).unwrap();
+        assert_eq!(first.sites, again.sites);
+        assert_eq!((first.cutter, &first.inaccessible), (again.cutter, &again.inaccessible));
+        assert_ne!(first.cutter, source.sample(4, 1).unwrap().cutter);
+        assert_ne!(first.cutter, source.sample(3, 0).unwrap().cutter);
+        assert!((1..9).any(|e| source.sample(e, 1).unwrap().inaccessible.contains(&true)));
+    }
+
+    #[test]
+    fn cutters_of_one_part_are_one_part() {
+        let bowl = bowl();
+        let other = Sample { cutter: CutterParams::from_array([2.0; 4]), ..bowl.clone() };
+        let directions = Directions::fibonacci_hemisphere(5).unwrap();
+        let settings = OnlineSettings::default();
+        let source = Online::new(&[bowl, other], directions.clone(), 0.1, settings, 0).unwrap();
+        assert_eq!(source.len(), 1);
+        assert!(Online::new(&[], directions, 0.1, settings, 0).is_err());
+    }
+
+    #[test]
+    fn orientations_are_rigid_and_quarter_turns_exact() {
+        let mut stream = Stream::new(1, 0, 0, Purpose::Probe);
+        let plain = OnlineSettings { tilt: 0.0, sides: 1.0, ..OnlineSettings::default() };
+        let mut seen = std::collections::HashSet::new();
+        for _ in 0..2000 {
+            let m = plain.orientation(&mut stream);
+            let entries = m.to_cols_array();
+            assert!(entries.iter().all(|x| [-1.0, 0.0, 1.0].contains(x)));
+            assert_eq!(m * m.transpose(), Mat3::IDENTITY);
+            seen.insert(entries.map(|x| x as i32));
+        }
+        assert_eq!(seen.len(), 48, "all symmetries of the cube");
+        let tilted = OnlineSettings { tilt: 1.0, ..plain };
+        for _ in 0..100 {
+            let m = tilted.orientation(&mut stream);
+            let error = m * m.transpose() - Mat3::IDENTITY;
+            assert!(error.to_cols_array().iter().all(|x| x.abs() < 1e-5));
+        }
+    }
+}
