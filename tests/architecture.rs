@@ -10,7 +10,10 @@ const EVERYWHERE: [&str; 7] = ["error", "scalar", "rng", "par", "aside", "Error"
 const PLAN: [(&str, &[&str]); 21] = [
     ("report", &["train", "data", "metrics", "access", "geom", "cutter"]),
     ("parity", &["model", "nn", "octree", "optim", "loss", "cutter"]),
-    ("train", &["model", "data", "optim", "loss", "metrics"]),
+    (
+        "train",
+        &["model", "data", "access", "geom", "optim", "loss", "metrics", "cutter", "directions"],
+    ),
     ("data", &["access", "geom", "octree", "cutter", "directions"]),
     ("model", &["nn", "octree", "cutter"]),
     ("nn", &["octree"]),
@@ -32,11 +35,12 @@ const PLAN: [(&str, &[&str]); 21] = [
 ];
 
 /// Where files may be opened or written.
-const FILE_ROOMS: [&str; 10] = [
+const FILE_ROOMS: [&str; 11] = [
     "aside.rs",
     "geom/formats",
     "data/npz",
     "data/dataset",
+    "data/files",
     "model/weights",
     "parity/",
     "train/checkpoint",

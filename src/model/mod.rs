@@ -10,6 +10,8 @@ pub mod graph;
 pub mod graph_sage;
 pub mod heads;
 mod predict;
+#[cfg(feature = "weights")]
+mod shipped;
 mod training;
 pub mod unet;
 #[cfg(feature = "formats")]

@@ -1,4 +1,4 @@
-//! The demo: a part, its exact labels, a network trained for a minute, and pictures of both answers.
+//! The demo: a part, its exact labels, a network's answers, and pictures of both.
 
 use crate::output::Output;
 use crate::predict::predict;
@@ -6,11 +6,12 @@ use crate::progress;
 use deepmill::access::{LabelOptions, Obstacles, label};
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
 use deepmill::data::files::{About, LabelFile, ball_end_words};
-use deepmill::data::{Augment, Sample, generated};
+use deepmill::data::{Sample, generated};
 use deepmill::directions::Directions;
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::metrics::Confusion;
+use deepmill::model::Model;
 use deepmill::optim::Schedule;
 use deepmill::report::folder::{self, Show};
 use deepmill::report::scores;
@@ -37,7 +38,19 @@ const N_CUTTERS: usize = 2;
 const N_TRAINING_SITES: usize = 3000;
 const N_EPOCHS: u64 = 40;
 
-pub fn run(output: &Output) -> Result<()> {
+/// Label a part, let the network predict the same, and draw both.
+///
+/// Makes its own part and needs no files; writes to the folder deepmill-demo. The same as no command.
+#[derive(clap::Args, Default)]
+#[command(after_help = "Example: deepmill demo --train")]
+pub struct Args {
+    /// Train a small network on generated parts first (about half a minute) instead of using the one that
+    /// comes with deepmill.
+    #[arg(long)]
+    train: bool,
+}
+
+pub fn run(args: &Args, output: &Output) -> Result<()> {
     let folder = Path::new(FOLDER);
     let mesh = generated::demo_part();
     let params = CutterParams::from_array(CUTTER);
@@ -51,20 +64,10 @@ pub fn run(output: &Output) -> Result<()> {
     output.say(format!(
         "{N_SITES} sites in {sites_s:.2} s, exact labels over {N_DIRECTIONS} directions in {labels_s:.3} s."
     ));
+    let (model, name, train_s) = network(args, &directions, output)?;
     let start = Instant::now();
-    let samples = training_samples(&directions)?;
-    output.say(format!(
-        "{} labelled training samples from {N_PARTS} generated parts in {:.1} s. Training:",
-        samples.len(),
-        start.elapsed().as_secs_f64()
-    ));
-    let start = Instant::now();
-    let run = train(&samples)?;
-    let train_s = start.elapsed().as_secs_f64();
-
-    let start = Instant::now();
-    let about = About::ball_end("demo part", params, json!({ "training_epochs": N_EPOCHS }));
-    let predictions = predict(&run.model, about, labels.sites.clone())?;
+    let about = About::ball_end("demo part", params, json!({ "model": name }));
+    let predictions = predict(&model, about, labels.sites.clone())?;
     let predict_s = start.elapsed().as_secs_f64();
 
     let (inaccessible, occlusion) = (predictions.inaccessible(), predictions.occlusion());
@@ -78,7 +81,7 @@ pub fn run(output: &Output) -> Result<()> {
     facts.add("occlusion", "occlusion, exact", share(&labels.labels.occlusion));
     facts.add("predicted_occlusion", "occlusion, predicted", share(&occlusion));
     facts.add("labels_s", "time: exact labels", Cell::Seconds(labels_s));
-    facts.add("train_s", "time: training", Cell::Seconds(train_s));
+    facts.add("train_s", "time: training", train_s.map_or(Cell::Missing, Cell::Seconds));
     facts.add("predict_s", "time: prediction", Cell::Seconds(predict_s));
     output.say(facts.text());
     let first = Confusion::of_labels(&inaccessible, &labels.labels.inaccessible);
@@ -108,6 +111,29 @@ pub fn run(output: &Output) -> Result<()> {
     result["scores"] = table.json();
     output.result_with_files(result, &paths);
     Ok(())
+}
+
+/// The network that comes with deepmill, or one trained now; its name, and the seconds that took.
+fn network(
+    args: &Args,
+    directions: &Directions,
+    output: &Output,
+) -> Result<(Model<f32>, &'static str, Option<f64>)> {
+    #[cfg(feature = "weights")]
+    if !args.train {
+        return Ok((Model::shipped()?, "the network that comes with deepmill", None));
+    }
+    let _ = args.train;
+    let start = Instant::now();
+    let samples = training_samples(directions)?;
+    output.say(format!(
+        "{} labelled training samples from {N_PARTS} generated parts in {:.1} s. Training:",
+        samples.len(),
+        start.elapsed().as_secs_f64()
+    ));
+    let start = Instant::now();
+    let run = train(&samples)?;
+    Ok((run.model, "trained by the demo", Some(start.elapsed().as_secs_f64())))
 }
 
 fn exact(
@@ -168,7 +194,6 @@ fn train(samples: &[Sample]) -> Result<Run> {
         seed: SEED,
         n_epochs: N_EPOCHS,
         schedule: Schedule::Cosine { min_lr: 1e-3 },
-        augment: Augment { mirror: true, ..Augment::default() },
         ..Settings::tiny()
     };
     let n_steps = N_EPOCHS * samples.len().div_ceil(settings.batch_size) as u64;

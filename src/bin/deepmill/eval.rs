@@ -1,33 +1,43 @@
-//! `deepmill eval`: how good a network is on a data set, beside what costs nothing to guess.
+//! `deepmill eval`: how good a network is on data sets, beside what costs nothing to guess.
 
+use crate::model_args::ModelArgs;
 use crate::output::Output;
 use deepmill::access::baselines;
 use deepmill::data::Sample;
 use deepmill::data::dataset::{Dataset, Split};
-use deepmill::model::weights;
+use deepmill::directions::Directions;
+use deepmill::model::config::CutterPlacement;
+use deepmill::model::{Model, weights};
 use deepmill::report::tables::{Cell, Table};
-use deepmill::train::{Evaluation, evaluate};
+use deepmill::train::{Evaluation, HeadScore, HeadScores, evaluate_exact, evaluate_ranked};
 use deepmill::{Error, Result};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Score a network on a data set.
+/// Score a network on data sets.
 ///
-/// Positive classes: inaccessible, and occlusion point. Scores are averages over samples; "pooled" puts
-/// all sites into one table; "ref F1" counts class 1 as positive in both heads, as the reference code
-/// does (for head 1 that is: accessible).
+/// Positive classes: inaccessible, and occlusion point. Three tables: averages over samples, as the paper
+/// has them; all sites of a set pooled; averages over samples with sites weighted by the area they stand
+/// for. "ref F1_i" counts accessible as positive, as the reference code does. T is the time per sample.
+/// "Occlusion by rank" marks the share of sites with the greatest scores instead of all with a score above
+/// one half: as many as the labels have.
 #[derive(clap::Args)]
-#[command(after_help = "Example: deepmill eval --model run/best.safetensors --data data")]
+#[command(after_help = "Example: deepmill eval --model run/best.safetensors --data data --exact")]
 pub struct Args {
-    /// Network: a safetensors file.
-    #[arg(long, value_name = "FILE")]
-    model: PathBuf,
+    #[command(flatten)]
+    model: ModelArgs,
+    /// Further networks to compare with, such as one without cutter modules.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    against: Vec<PathBuf>,
     /// Data sets made by `deepmill dataset build`.
-    #[arg(long, value_name = "DIR", required = true)]
+    #[arg(long, value_name = "DIR", required = true, num_args = 1..)]
     data: Vec<PathBuf>,
     /// Only this split: train or validation.
     #[arg(long, value_name = "SPLIT")]
     split: Option<SplitArg>,
+    /// Also label every sample exactly, for the labeler's time on the same samples.
+    #[arg(long)]
+    exact: bool,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -37,11 +47,116 @@ enum SplitArg {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let model = weights::read::<f32>(&args.model)?;
-    let split = args.split.map(|split| match split {
+    let mut networks = vec![("network".to_owned(), args.model.read()?.0)];
+    for path in &args.against {
+        let model = weights::read::<f32>(path)?;
+        networks.push((name_of(&model, path), model));
+    }
+    let mut rows: Vec<Row> = Vec::new();
+    for folder in &args.data {
+        let name = folder.display().to_string();
+        for (engine, timed, evaluation) in score_set(args, folder, &networks)? {
+            rows.push(Row { set: name.clone(), engine, timed, evaluation });
+        }
+    }
+    if args.data.len() > 1 {
+        rows.extend(overall(&rows));
+    }
+    let n_samples: usize =
+        rows.iter().filter(|r| r.engine == "network" && r.set != ALL).map(Row::n).sum();
+    output.say(format!("{n_samples} samples; F1 of the classes inaccessible and occlusion"));
+    let mut result = json!({ "n_samples": n_samples });
+    for (key, heading, scores) in WEIGHTINGS {
+        let table = table(&rows, scores);
+        output.say(format!("\n{heading}:"));
+        output.say(table.text());
+        result[key] = table.json();
+    }
+    output.result(&result);
+    Ok(())
+}
+
+const ALL: &str = "all";
+
+type Scores = fn(&HeadScores) -> HeadScore;
+
+/// Key for programs, heading for people, and which scores.
+const WEIGHTINGS: [(&str, &str, Scores); 3] = [
+    ("per_sample", "average over samples", |h| h.mean),
+    ("pooled", "all sites pooled", |h| h.pooled),
+    ("by_area", "average over samples, sites weighted by area", |h| h.by_area),
+];
+
+struct Row {
+    set: String,
+    engine: String,
+    timed: bool,
+    evaluation: Evaluation,
+}
+
+impl Row {
+    fn n(&self) -> usize {
+        self.evaluation.samples.len()
+    }
+}
+
+/// What a further network is called: by what it lacks, or by its file.
+fn name_of(model: &Model<f32>, path: &Path) -> String {
+    match model.net.config().cutter.placement {
+        CutterPlacement::None => "network without cutter modules".into(),
+        _ => path.display().to_string(),
+    }
+}
+
+type Scored = (String, bool, Evaluation);
+
+fn score_set(args: &Args, folder: &Path, networks: &[(String, Model<f32>)]) -> Result<Vec<Scored>> {
+    let set = Dataset::open(folder)?;
+    let samples = set.samples(args.split.map(|split| match split {
         SplitArg::Train => Split::Train,
         SplitArg::Validation => Split::Validation,
-    });
+    }))?;
+    if samples.is_empty() {
+        let found = "no samples in this split";
+        let remedy = "choose another split, or build with --validation";
+        return Err(Error::file(folder, "data set", found, remedy));
+    }
+    let mut scored = Vec::new();
+    let settings = &set.manifest.settings;
+    for (name, model) in networks {
+        let [plain, ranked] = evaluate_ranked(model, &samples, settings.occlusion_share)?;
+        scored.push((name.clone(), true, plain));
+        let share = 100.0 * settings.occlusion_share;
+        scored.push((format!("{name}, occlusion by rank ({share} %)"), true, ranked));
+    }
+    if args.exact {
+        let directions = Directions::new(settings.directions.clone())?;
+        let exact = evaluate_exact(&samples, &directions, settings.occlusion_share)?;
+        scored.push(("exact labeler".into(), true, exact));
+    }
+    scored.push(("majority class".into(), false, majority(&samples)));
+    scored.push(("normal's angle; highest 10 % by z".into(), false, by_geometry(&samples)));
+    Ok(scored)
+}
+
+/// One row for each engine over all sets.
+fn overall(rows: &[Row]) -> Vec<Row> {
+    let mut all: Vec<Row> = Vec::new();
+    for row in rows {
+        match all.iter_mut().find(|a| a.engine == row.engine) {
+            Some(found) => found.evaluation.append(&row.evaluation),
+            None => all.push(Row {
+                set: ALL.into(),
+                engine: row.engine.clone(),
+                timed: row.timed,
+                evaluation: row.evaluation.clone(),
+            }),
+        }
+    }
+    all
+}
+
+fn table(rows: &[Row], scores: Scores) -> Table {
     let mut table = Table::new(&[
         ("data", "data"),
         ("engine", "engine"),
@@ -49,47 +164,25 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         ("f1_i", "F1_i"),
         ("acc_o", "Acc_o"),
         ("f1_o", "F1_o"),
-        ("pooled_f1_i", "pooled F1_i"),
-        ("pooled_f1_o", "pooled F1_o"),
         ("reference_f1_i", "ref F1_i"),
         ("seconds_per_sample", "T"),
     ]);
-    let mut n_samples = 0;
-    for folder in &args.data {
-        let samples = Dataset::open(folder)?.samples(split)?;
-        if samples.is_empty() {
-            let found = "no samples in this split";
-            let remedy = "choose another split, or build with --validation";
-            return Err(Error::file(folder, "data set", found, remedy));
-        }
-        n_samples += samples.len();
-        let name = folder.display().to_string();
-        add(&mut table, &name, "network", &evaluate(&model, &samples)?, true);
-        add(&mut table, &name, "majority class", &majority(&samples), false);
-        add(&mut table, &name, "facing down, highest by z", &by_geometry(&samples), false);
+    for row in rows {
+        let heads = [0, 1].map(|head| row.evaluation.head(head));
+        let [i, o] = heads.each_ref().map(scores);
+        let time = Cell::Seconds(row.evaluation.seconds / row.n().max(1) as f64);
+        table.row([
+            Cell::text(&row.set),
+            Cell::text(&row.engine),
+            Cell::Share(i.accuracy),
+            Cell::Share(i.f1),
+            Cell::Share(o.accuracy),
+            Cell::Share(o.f1),
+            Cell::Share(heads[0].reference_f1),
+            if row.timed { time } else { Cell::Missing },
+        ]);
     }
-    output.say(format!("{n_samples} samples; F1 of the classes inaccessible and occlusion"));
-    output.say(table.text());
-    output.result(&json!({ "n_samples": n_samples, "rows": table.json() }));
-    Ok(())
-}
-
-fn add(table: &mut Table, data: &str, engine: &str, evaluation: &Evaluation, timed: bool) {
-    let [i, o] = [evaluation.head(0), evaluation.head(1)];
-    let share = |x: f64| Cell::Share(x);
-    let n = evaluation.samples.len().max(1) as f64;
-    table.row([
-        Cell::text(data),
-        Cell::text(engine),
-        share(i.mean.accuracy),
-        share(i.mean.f1),
-        share(o.mean.accuracy),
-        share(o.mean.f1),
-        share(i.pooled.f1),
-        share(o.pooled.f1),
-        share(i.reference_f1),
-        if timed { Cell::Seconds(evaluation.seconds / n) } else { Cell::Missing },
-    ]);
+    table
 }
 
 /// The more frequent answer of each head over all samples, for every site.

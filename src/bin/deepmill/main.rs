@@ -11,6 +11,7 @@ mod eval;
 mod generate;
 mod label;
 mod mesh_args;
+mod model_args;
 mod output;
 mod parity;
 mod predict;
@@ -18,6 +19,7 @@ mod progress;
 mod report;
 mod sample;
 mod train;
+mod weights;
 
 use clap::{Parser, Subcommand};
 use deepmill::Error;
@@ -44,6 +46,7 @@ struct Cli {
 enum Command {
     Bench(bench::Args),
     Check(check::Args),
+    Demo(demo::Args),
     Generate(generate::Args),
     Parity(parity::Args),
     Sample(sample::Args),
@@ -53,6 +56,7 @@ enum Command {
     Eval(eval::Args),
     Predict(predict::Args),
     Report(report::Args),
+    Weights(weights::Args),
 }
 
 fn main() -> ExitCode {
@@ -61,9 +65,10 @@ fn main() -> ExitCode {
     let run = || {
         deepmill::scalar::simd_level()?;
         match &cli.command {
-            None => demo::run(&output),
+            None => demo::run(&demo::Args::default(), &output),
             Some(Command::Bench(args)) => bench::run(args, &output),
             Some(Command::Check(args)) => check::run(args, &output),
+            Some(Command::Demo(args)) => demo::run(args, &output),
             Some(Command::Generate(args)) => generate::run(args, &output),
             Some(Command::Parity(args)) => parity::run(args, &output),
             Some(Command::Sample(args)) => sample::run(args, &output),
@@ -73,6 +78,7 @@ fn main() -> ExitCode {
             Some(Command::Eval(args)) => eval::run(args, &output),
             Some(Command::Predict(args)) => predict::run(args, &output),
             Some(Command::Report(args)) => report::run(args, &output),
+            Some(Command::Weights(args)) => weights::run(args, &output),
         }
     };
     match deepmill::par::with_threads(cli.threads, run)

@@ -3,10 +3,11 @@
 use crate::args::{CutterArgs, SiteArgs, name_of};
 use crate::clock::Clock;
 use crate::mesh_args::MeshArgs;
+use crate::model_args::ModelArgs;
 use crate::output::Output;
 use deepmill::data::files::{About, PredictionFile};
 use deepmill::geom::Sites;
-use deepmill::model::{Model, weights};
+use deepmill::model::Model;
 use deepmill::report::folder::{self, Show};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result};
@@ -18,9 +19,7 @@ use std::path::PathBuf;
 /// Writes to DIR: predictions.npz (numbers), predictions.ply (coloured points), predictions.png
 /// (picture) and part.stl (the surface as used, in mm).
 #[derive(clap::Args)]
-#[command(
-    after_help = "Example: deepmill predict part.stl --cutter 1.5,6,40,5 --model run/best.safetensors --out predictions"
-)]
+#[command(after_help = "Example: deepmill predict part.stl --cutter 1.5,6,40,5 --out predictions")]
 pub struct Args {
     /// Mesh (STL, OBJ, PLY, 3MF) or cloud of points with normals (PLY, NPZ).
     part: PathBuf,
@@ -30,9 +29,8 @@ pub struct Args {
     cutter: CutterArgs,
     #[command(flatten)]
     sites: SiteArgs,
-    /// Network: a safetensors file that `deepmill train` has written, or a checkpoint of the reference.
-    #[arg(long, value_name = "FILE")]
-    model: PathBuf,
+    #[command(flatten)]
+    model: ModelArgs,
     /// Folder of the results.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -51,7 +49,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let expected = "a ball end without clearance: the network knows no other";
         return Err(Error::argument("cutter", tool.words, expected, remedy));
     }
-    let model = weights::read::<f32>(&args.model)?;
+    let (model, model_name) = args.model.read()?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");
@@ -59,7 +57,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     clock.lap("sites_s", "sites");
     let settings = json!({
         "sites": args.sites.settings(mesh.is_some()),
-        "model": name_of(&args.model),
+        "model": model_name,
     });
     let about = About::ball_end(name_of(&args.part), tool.params, settings);
     let file = predict(&model, about, sites)?;

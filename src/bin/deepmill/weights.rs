@@ -1,0 +1,50 @@
+//! `deepmill weights`: what a file of weights says about itself, and copies of half the size.
+
+use crate::output::Output;
+use deepmill::model::weights::tensors::TensorFile;
+use deepmill::model::weights::{self, Storage};
+use deepmill::{Error, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Show what a network is, or store it in bf16.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example: deepmill weights run/best.safetensors --bf16 small.safetensors --notes card.md"
+)]
+pub struct Args {
+    /// Network: a safetensors file.
+    model: PathBuf,
+    /// Write a copy with parameters rounded to bf16 (half the size) to this file.
+    #[arg(long, value_name = "FILE")]
+    bf16: Option<PathBuf>,
+    /// Text to store in the copy: data, commands, scores. Without it the notes of the original are kept.
+    #[arg(long, value_name = "FILE", requires = "bf16")]
+    notes: Option<PathBuf>,
+}
+
+pub fn run(args: &Args, output: &Output) -> Result<()> {
+    let file = TensorFile::read(&args.model)?;
+    let about = weights::about(&file, &args.model)?;
+    let model = weights::read::<f32>(&args.model)?;
+    let mut notes = about.map_or_else(String::new, |about| about.notes);
+    let n = model.params.len();
+    output.say(format!("{n} parameters, {} running statistics", model.buffers.len()));
+    let config = serde_json::to_value(model.net.config()).map_err(|e| {
+        Error::file(&args.model, "configuration", e.to_string(), "report this file")
+    })?;
+    output.say(format!("{config:#}"));
+    output.say(&notes);
+    if let Some(path) = &args.notes {
+        notes = std::fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
+    }
+    let mut files = Vec::new();
+    if let Some(path) = &args.bf16 {
+        weights::write(path, &model, Storage::Bf16, &notes)?;
+        files.push(path.clone());
+        output.files(&files);
+    }
+    let result = json!({ "n_parameters": n, "config": config, "notes": notes });
+    output.result_with_files(result, &files);
+    Ok(())
+}
