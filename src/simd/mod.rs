@@ -18,6 +18,7 @@ pub mod eights;
 pub mod fma;
 pub mod gemm;
 pub mod level;
+pub mod search;
 pub mod windows;
 
 pub use level::{Kernel, Level, Simd};

@@ -16,8 +16,9 @@ use super::predicate::{self, Frame};
 use super::problem::{Scene, Tool};
 use super::stats::Stats;
 use crate::simd::Level;
-use crate::simd::boxes::{Boxes, Enclose, Search, Tree};
+use crate::simd::boxes::{Boxes, Enclose, Tree};
 use crate::simd::collide::{AnyObstacle, Coordinates, Rotate};
+use crate::simd::search::Search;
 use count::Counting;
 
 /// The engine; its scene must be in spatial order to be fast.
