@@ -292,7 +292,7 @@ fn heads() {
             (y, cache)
         };
         let back = |params: &[f64], x: &[f64], dy: &[f64]| {
-            let (mut dx, mut grads) = (Vec::new(), vec![0.0; params.len()]);
+            let (mut dx, mut grads) = (vec![0.0; x.len()], vec![0.0; params.len()]);
             let (cache, mut memory) = (run(params, x).1, [Vec::new(), Vec::new()]);
             head.backward(params, x, &cache, dy, &mut dx, &mut grads, memory.each_mut());
             (dx, grads)

@@ -210,15 +210,13 @@ impl GraphSage {
         work: &GraphWorkspace<T>,
         grads: &mut [T],
     ) {
-        let (mut d, mut dx) = (Vec::new(), Vec::new());
         let x = &work.layers[work.layers.len() - 1].y;
+        let mut d = vec![T::ZERO; x.len()];
         let (mut hidden, mut dhidden) = (Vec::new(), Vec::new());
-        for (head, to) in [&mut d, &mut dx].into_iter().enumerate() {
-            let (cache, dlogits) = (&work.heads[head], dlogits[head]);
-            let memory = [&mut hidden, &mut dhidden];
-            self.heads[head].backward(params, x, cache, dlogits, to, grads, memory);
+        for (head, dlogits) in dlogits.into_iter().enumerate() {
+            let (cache, memory) = (&work.heads[head], [&mut hidden, &mut dhidden]);
+            self.heads[head].backward(params, x, cache, dlogits, &mut d, grads, memory);
         }
-        add(&mut d, &dx);
         let mut dcutters = vec![vec![T::ZERO; 0]; self.cutters.len()];
         for (i, layer) in self.layers.iter().enumerate().rev() {
             let LayerCache { both, unit, .. } = &work.layers[i];

@@ -58,7 +58,7 @@ impl Head {
         self.output.forward(params, hidden, y);
     }
 
-    /// Overwrites `dx`; `dy` is the gradient of the logits, the last two are memory to work in.
+    /// Adds to `dx`; `dy` is the gradient of the logits, the last two are memory to work in.
     #[allow(clippy::too_many_arguments)]
     pub fn backward<T: Scalar>(
         &self,
@@ -66,13 +66,14 @@ impl Head {
         x: &[T],
         cache: &Cache<T>,
         dy: &[T],
-        dx: &mut Vec<T>,
+        dx: &mut [T],
         grads: &mut [T],
         [hidden, dhidden]: [&mut Vec<T>; 2],
     ) {
         self.hidden.output(params, &cache.unit, hidden);
         self.output.backward(params, hidden, dy, Some(dhidden), grads);
-        let (unit, to) = (&cache.unit, Some(dx.into()));
-        self.hidden.backward(params, &(), x, unit, dhidden, to, grads);
+        let Unit { map, .. } = &self.hidden;
+        self.hidden.backward(params, &(), x, &cache.unit, dhidden, None, grads);
+        map.add_dx(params, dhidden, dx);
     }
 }

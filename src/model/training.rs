@@ -88,7 +88,7 @@ impl UNet {
         self.decode_train(params, buffers, batch, work);
         for (i, head) in self.heads.iter().enumerate() {
             let (y, cache) = (&mut work.logits[i], &mut work.heads[i]);
-            let hidden = &mut work.gradients.scratch.a;
+            let hidden = &mut work.gradients.scratch.middle;
             head.forward_train(params, buffers, &work.points, y, cache, hidden);
         }
     }
@@ -131,7 +131,9 @@ impl UNet {
             // Backward computes it once more.
             let Gradients { d: y, scratch, .. } = &mut work.gradients;
             let (rows, cache) = (up_rows(octree, depth), &mut work.up[i]);
+            cache.give_memory(std::mem::take(&mut scratch.a));
             stage.up.forward_train(params, buffers, rows, x, y, cache);
+            scratch.a = cache.take_memory();
             let skip = if i + 1 < n { work.encoder[n - 2 - i].output() } else { &work.stem.y };
             let cutter = stage.cutter.map(|m| &work.cutters[m].y[..]);
             let parts = stage.parts(skip, cutter, y);
@@ -190,12 +192,13 @@ impl UNet {
         g.cutters.resize_with(self.cutters.len(), Vec::new);
         g.cutters.iter_mut().for_each(Vec::clear);
         self.backward_heads(params, dlogits, work, &mut g, grads);
+        // What the heads kept has served: the largest memory that nobody needs.
+        g.dx = work.heads[0].unit.take_memory();
+        let mut upsampled = work.heads[1].unit.take_memory();
+        let points = std::mem::take(&mut work.points);
+        g.scratch.block = std::mem::replace(&mut g.scratch.middle, points);
         batch.point_features_backward(self.point_width(), &mut g.d, &mut g.dx);
         std::mem::swap(&mut g.d, &mut g.dx);
-        // What the heads kept has served: the largest memory that nobody needs.
-        let mut upsampled = work.heads[0].unit.take_memory();
-        g.scratch.block = work.heads[1].unit.take_memory();
-        std::mem::swap(&mut g.scratch.middle, &mut work.points);
         self.backward_decoder(params, batch, work, &mut g, &mut upsampled, grads);
         for (m, module) in self.cutters.iter().enumerate() {
             let cache = &work.cutters[m].cache;
@@ -207,9 +210,11 @@ impl UNet {
             }
         }
         self.backward_encoder(params, batch, work, &mut g, dfeatures, grads);
-        std::mem::swap(&mut g.scratch.middle, &mut work.points);
-        work.heads[0].unit.give_memory(upsampled);
-        work.heads[1].unit.give_memory(std::mem::take(&mut g.scratch.block));
+        std::mem::swap(&mut g.d, &mut g.dx);
+        work.heads[0].unit.give_memory(std::mem::take(&mut g.dx));
+        work.heads[1].unit.give_memory(upsampled);
+        let block = std::mem::take(&mut g.scratch.block);
+        work.points = std::mem::replace(&mut g.scratch.middle, block);
         work.gradients = g;
     }
 
@@ -221,13 +226,13 @@ impl UNet {
         g: &mut Gradients<T>,
         grads: &mut [T],
     ) {
-        let Gradients { d, dx, scratch, .. } = g;
-        for (head, to) in [d, dx].into_iter().enumerate() {
-            let (cache, dlogits) = (&work.heads[head], dlogits[head]);
-            let memory = [&mut scratch.a, &mut scratch.b];
-            self.heads[head].backward(params, &work.points, cache, dlogits, to, grads, memory);
+        let Gradients { d, scratch, .. } = g;
+        d.clear();
+        d.resize(work.points.len(), T::ZERO);
+        for (head, dlogits) in dlogits.into_iter().enumerate() {
+            let (cache, memory) = (&work.heads[head], [&mut scratch.middle, &mut scratch.b]);
+            self.heads[head].backward(params, &work.points, cache, dlogits, d, grads, memory);
         }
-        rows::add_all(&mut g.d, &g.dx);
     }
 
     /// From the gradient of the decoder's output in `g.d` to that of the encoder's.
@@ -247,22 +252,30 @@ impl UNet {
             let depth = self.decoder_depth(octree, i);
             let skip = if i + 1 < n { work.encoder[n - 2 - i].output() } else { &work.stem.y };
             let features = stage.cutter.map(|m| &work.cutters[m].y[..]);
-            stage.up.output(params, &work.up[i], upsampled);
+            let x =
+                if i == 0 { work.encoder[n - 1].output() } else { work.decoder[i - 1].output() };
+            let up_again = |memory: &mut Vec<T>| {
+                let (rows, memory) = (up_rows(octree, depth), std::mem::take(memory));
+                stage.up.again(params, rows, x.into(), &work.up[i], memory)
+            };
+            let mut kept = up_again(&mut scratch.a);
+            stage.up.output(params, &kept, upsampled);
+            scratch.a = kept.take_memory();
             let parts = stage.parts(skip, features, upsampled);
-            let (rows, x) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
+            let (rows, joined) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
             let mut to = vec![PartGradient::Nodes(&mut skips[n - 1 - i])];
             to.extend(stage.cutter.map(|_| PartGradient::Shapes(&mut cutter)));
             to.push(PartGradient::Nodes(dx));
             let (cache, to) = (&work.decoder[i], (&mut to[..]).into());
-            stage.blocks.backward(params, rows, x, cache, d, to, grads, scratch);
+            stage.blocks.backward(params, rows, joined, cache, d, to, grads, scratch);
             if let Some(m) = stage.cutter {
                 cutters[m].resize(cutter.len(), T::ZERO);
                 rows::add_all(&mut cutters[m], &cutter);
             }
-            let x =
-                if i == 0 { work.encoder[n - 1].output() } else { work.decoder[i - 1].output() };
-            let (rows, cache) = (up_rows(octree, depth), &work.up[i]);
-            stage.up.backward(params, rows, x, cache, dx, Some(d.into()), grads);
+            let mut kept = up_again(&mut scratch.a);
+            let rows = up_rows(octree, depth);
+            stage.up.backward(params, rows, x, &kept, dx, Some(d.into()), grads);
+            scratch.a = kept.take_memory();
         }
     }
 

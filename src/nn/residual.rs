@@ -98,13 +98,16 @@ impl Residual {
         cache: &mut Cache<T>,
         scratch: &mut Scratch<T>,
     ) {
-        let (x, Scratch { middle, b, .. }) = (x.into(), scratch);
+        let (x, Scratch { middle, a, b, .. }) = (x.into(), scratch);
         let Cache { first, second, shortcut } = cache;
         self.first.forward_train(params, buffers, rows, x, middle, first);
         let straight = match &self.shortcut {
             None => x.one(),
             Some(unit) => {
+                // Backward computes it again: it is cheap beside the convolutions and as large.
+                shortcut.give_memory(std::mem::take(a));
                 unit.forward_train(params, buffers, &(), x, b, shortcut);
+                *a = shortcut.take_memory();
                 b
             }
         };
@@ -136,7 +139,10 @@ impl Residual {
         match &self.shortcut {
             None => rows::add_all(dx.one(), d),
             Some(unit) => {
-                unit.backward_norm(params, &cache.shortcut, d, grads);
+                let memory = std::mem::take(a);
+                let mut shortcut = unit.again(params, &(), x, &cache.shortcut, memory);
+                unit.backward_norm(params, &shortcut, d, grads);
+                *a = shortcut.take_memory();
                 unit.map.add_backward(params, x, d, dx, grads);
             }
         }

@@ -169,7 +169,7 @@ pub struct Cache<T> {
 
 impl<T> Cache<T> {
     /// Memory to work in until the next [`Unit::forward_train`], which overwrites it; the cache serves no
-    /// backward any more.
+    /// backward any more, but [`Unit::again`].
     pub(crate) fn take_memory(&mut self) -> Vec<T> {
         std::mem::take(&mut self.mapped)
     }
@@ -242,6 +242,20 @@ impl<M: LinearMap> Unit<M> {
     /// The output of [`Unit::forward_train`], computed once more from what it kept.
     pub(crate) fn output<T: Scalar>(&self, params: &[T], cache: &Cache<T>, y: &mut Vec<T>) {
         self.norm.normalise(params, &cache.mapped, &cache.norm, self.finish(), y);
+    }
+
+    /// What [`Unit::forward_train`] kept, computed once more from its input into `memory`.
+    pub(crate) fn again<T: Scalar>(
+        &self,
+        params: &[T],
+        rows: &M::Rows,
+        x: Columns<T>,
+        cache: &Cache<T>,
+        memory: Vec<T>,
+    ) -> Cache<T> {
+        let mut again = Cache { mapped: memory, norm: cache.norm.clone() };
+        self.map.forward(params, rows, x, &mut again.mapped);
+        again
     }
 
     fn finish<T>(&self) -> Finish<'static, T> {

@@ -226,7 +226,7 @@ impl<'a, T: Scalar> Op<'a, T> {
         let (params, x, dy) = (self.params()?, self.get("x")?, self.get("gy")?);
         let mut buffers = self.gather(&self.layout.buffers)?;
         let (mut y, mut cache) = (Vec::new(), heads::Cache::default());
-        let (mut dx, mut grads) = (Vec::new(), vec![T::ZERO; params.len()]);
+        let (mut dx, mut grads) = (vec![T::ZERO; x.len()], vec![T::ZERO; params.len()]);
         let memory = &mut [Vec::new(), Vec::new()];
         head.forward_train(&params, &mut buffers, &x, &mut y, &mut cache, &mut memory[0]);
         head.backward(&params, &x, &cache, &dy, &mut dx, &mut grads, memory.each_mut());
