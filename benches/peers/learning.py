@@ -6,7 +6,7 @@
 
 DATA and VAL are folders of `deepmill dataset build`. Both sides train a U-Net of the reference's kind
 (layers of PyPI's ocnn; widths for a CPU, cutter modules without batch norm) with SGD at a constant rate,
-batches of 4, clipped gradients, mirroring and quarter turns, then predict VAL. Reading the data set is
+batches of 4 and clipped gradients, then predict VAL. Reading the data set is
 not counted. Scores are averages over samples; F1 of the classes inaccessible and occlusion.
 """
 
@@ -37,8 +37,8 @@ evaluate_every = 1000000
 [schedule]
 kind = "constant"
 [augment]
-mirror = true
-turn = "quarter"
+mirror = false
+turn = "none"
 [network]
 stem_width = {STEM}
 encoder_widths = {ENCODER}
@@ -137,20 +137,14 @@ def theirs(args):
     torch.manual_seed(1)
     random = np.random.default_rng(1)
 
-    def batch(chosen, augment):
+    def batch(chosen):
         octrees, queries, cutters = [], [], []
         for i, (points, normals, cutter, *_) in enumerate(chosen):
-            turn = np.eye(3, dtype="f4")
-            if augment:
-                quarter = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], "f4")
-                turn = np.linalg.matrix_power(quarter, random.integers(4))
-                turn = turn @ np.diag([random.choice([-1, 1]), random.choice([-1, 1]), 1]).astype("f4")
-            p, n = points @ turn.T, normals @ turn.T
-            low, high = p.min(0), p.max(0)
+            low, high = points.min(0), points.max(0)
             scale = 2 / (high - low).max()
-            p = torch.from_numpy((p - (low + high) / 2) * scale).clamp(-0.999999, 0.999999)
+            p = torch.from_numpy((points - (low + high) / 2) * scale).clamp(-0.999999, 0.999999)
             octree = ocnn.octree.Octree(5, 2)
-            octree.build_octree(ocnn.octree.Points(p, torch.from_numpy(n)))
+            octree.build_octree(ocnn.octree.Points(p, torch.from_numpy(normals)))
             octrees.append(octree)
             queries.append(torch.cat([p, torch.full((len(p), 1), float(i))], dim=1))
             cutters.append(torch.from_numpy(cutter * scale))
@@ -166,7 +160,7 @@ def theirs(args):
     while time.perf_counter() - start < args.seconds:
         if len(order) < BATCH:
             order = list(random.permutation(len(train)))
-        octree, query, cutter, labels = batch([train[order.pop()] for _ in range(BATCH)], True)
+        octree, query, cutter, labels = batch([train[order.pop()] for _ in range(BATCH)])
         sgd.zero_grad()
         logits = net(octree, query, cutter)
         sum(torch.nn.functional.cross_entropy(x, y) for x, y in zip(logits, labels)).backward()
@@ -177,7 +171,7 @@ def theirs(args):
     net.eval()
     scores = []
     for sample in validation:
-        octree, query, cutter, labels = batch([sample], False)
+        octree, query, cutter, labels = batch([sample])
         with torch.no_grad():
             logits = net(octree, query, cutter)
         row = []
