@@ -39,6 +39,18 @@ impl Boxes {
             n,
         }
     }
+
+    /// x0, x1, y0, y1 and top of one box.
+    #[inline(always)]
+    pub(super) fn get(&self, index: usize) -> [f32; 5] {
+        [&self.x0, &self.x1, &self.y0, &self.y1, &self.top].map(|side| side[index])
+    }
+
+    /// x0, x1, y0, y1 and top of the boxes from `8 * eight` on.
+    #[inline(always)]
+    pub(super) fn eight(&self, eight: usize) -> [&[f32; 8]; 5] {
+        [&self.x0, &self.x1, &self.y0, &self.y1, &self.top].map(|side| &eights(side)[eight])
+    }
 }
 
 /// Boxes around runs of eight points or boxes.

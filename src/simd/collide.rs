@@ -193,8 +193,9 @@ pub(super) fn squared_distance<S: Simd>(
     s.add(s.mul(dx, dx), s.mul(dy, dy))
 }
 
+/// The whole eights of `a`.
 #[inline(always)]
-pub(super) fn eights(a: &[f32]) -> &[[f32; 8]] {
+pub fn eights(a: &[f32]) -> &[[f32; 8]] {
     a.as_chunks().0
 }
 

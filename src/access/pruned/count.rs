@@ -36,7 +36,7 @@ struct List {
 
 /// Testing one pair costs this share of splitting off one centre or of moving one obstacle's window on:
 /// a box is split only if that can pay (chosen by `benches/labeler.rs`).
-const PAIRS_PER_CENTRE: u64 = 6;
+const PAIRS_PER_CENTRE: u64 = 12;
 const PAIRS_PER_OBSTACLE: u64 = 64;
 
 impl Counting {

@@ -1,6 +1,6 @@
 //! Centres sorted by height, and ranks of heights among them.
 
-use crate::simd::collide::Coordinates;
+use crate::simd::collide::{Coordinates, eights};
 use crate::simd::{Kernel, Level, Simd};
 
 /// Heights in ascending order, with a coarse index into them.
@@ -19,7 +19,7 @@ pub(super) struct Sorted {
 /// Buckets of up to this many centres are sorted by insertion.
 const SMALL_BUCKET: usize = 24;
 /// Centres of a bucket that a rank looks at without asking whether it needs to.
-const AHEAD: usize = 4;
+const AHEAD: usize = 8;
 
 impl Sorted {
     /// Sorts the centres, at least one: into twice as many buckets of equal height as there are centres,
@@ -69,14 +69,12 @@ impl Sorted {
     }
 
     #[inline(always)]
-    fn rank(&self, z: f32, step: f32) -> u32 {
+    fn rank<S: Simd>(&self, s: S, z: f32, step: f32) -> u32 {
         let below = |height: f32| height + step < z;
-        if !below(self.lowest) {
-            return 0;
-        }
         let start = self.starts[self.bucket(z - step)] as usize;
-        let ahead = &self.heights[start + 1..start + 1 + AHEAD];
-        let rank = start + ahead.iter().filter(|&&height| below(height)).count();
+        let ahead = &eights(&self.heights[start + 1..start + 1 + AHEAD])[0];
+        let ahead = s.greater(s.splat(z), s.add(s.load(ahead), s.splat(step)));
+        let rank = start + ahead.count_ones() as usize;
         // The bucket may be fuller, or a neighbour by rounding; the comparison has the last word.
         if rank == start + AHEAD {
             return (rank + self.heights[rank + 1..].partition_point(|&h| below(h))) as u32;
@@ -105,9 +103,9 @@ impl Kernel for Ranks<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
+    fn run<S: Simd>(self, s: S) {
         for (rank, &z) in self.ranks.iter_mut().zip(self.z) {
-            *rank = self.sorted.rank(z, self.step);
+            *rank = self.sorted.rank(s, z, self.step);
         }
     }
 }
