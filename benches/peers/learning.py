@@ -74,7 +74,8 @@ def ours(args):
         process.send_signal(signal.SIGINT)
         process.wait()
         table = subprocess.run([args.deepmill, *threads, "--json", "eval", "--data", *args.validate, "--model",
-                                run / "model.safetensors"], check=True, stdout=subprocess.PIPE).stdout
+                                run / "model.safetensors"], check=True, stdout=subprocess.PIPE,
+                               stderr=subprocess.DEVNULL).stdout
         sets = [row for row in json.loads(table)["per_sample"] if row["engine"] == "network"]
         return 40 * len(rows), [sets[-1][key] for key in ("acc_i", "f1_i", "acc_o", "f1_o")]
 
