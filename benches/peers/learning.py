@@ -21,6 +21,8 @@ import subprocess
 import tempfile
 import time
 
+import reference
+
 STEM, ENCODER, DECODER = 16, [32, 48, 96, 96], [96, 48, 32, 16]
 ENCODER_BLOCKS, DECODER_BLOCKS = [1, 2, 2, 1], [2, 2, 1, 1]
 HEAD, CUTTER, BATCH = 64, 32, 4
@@ -93,39 +95,15 @@ def samples(folders):
                            (~z["inaccessible"][:, k]).astype("i8"), z["occlusion"][:, k].astype("i8"))
 
 
-def network(torch, ocnn):
-    class Network(ocnn.models.UNet):
-        def config_network(self):
-            super().config_network()
-            self.encoder_channel, self.decoder_channel = [STEM, *ENCODER], [ENCODER[-1], *DECODER]
-            self.encoder_blocks, self.decoder_blocks = ENCODER_BLOCKS, DECODER_BLOCKS
-            self.head_channel = HEAD
-
-        def __init__(self):
-            super().__init__(4, 2)
-            c, skip = self.decoder_channel, self.encoder_channel[-2::-1]
-            self.decoder = torch.nn.ModuleList([
-                ocnn.modules.OctreeResBlocks(skip[i] + CUTTER + c[i + 1], c[i + 1], self.decoder_blocks[i],
-                                             self.bottleneck, self.nempty, self.resblk) for i in range(4)])
-            self.cutters = torch.nn.ModuleList([torch.nn.Sequential(
-                torch.nn.Linear(4, 32), torch.nn.ReLU(), torch.nn.Linear(32, CUTTER), torch.nn.ReLU())
-                for _ in range(4)])
-            self.header_2 = torch.nn.Sequential(ocnn.modules.Conv1x1BnRelu(c[-1], self.head_channel),
-                                                ocnn.modules.Conv1x1(self.head_channel, 2, use_bias=True))
-
-        def forward(self, octree, query, cutter):
-            data, depth = ocnn.modules.InputFeature("ND")(octree), octree.depth
-            skips = self.unet_encoder(data, octree, depth)
-            x = skips[depth - self.encoder_stages]
-            for i in range(self.decoder_stages):
-                d = depth - self.encoder_stages + i
-                x = self.upsample[i](x, octree, d)
-                seen = self.cutters[i](cutter)[octree.batch_id(d + 1, self.nempty).long()]
-                x = self.decoder[i](torch.cat([skips[d + 1], seen, x], dim=1), octree, d + 1)
-            x = self.octree_interp(x, octree, depth, query)
-            return self.header(x), self.header_2(x)
-
-    return Network()
+def small(torch, ocnn):
+    """The network of `SETTINGS`."""
+    def cutter_module():
+        return torch.nn.Sequential(torch.nn.Linear(4, 32), torch.nn.ReLU(),
+                                   torch.nn.Linear(32, CUTTER), torch.nn.ReLU())
+    return reference.network(
+        torch, ocnn, cutter_module, CUTTER, encoder_channel=[STEM, *ENCODER],
+        decoder_channel=[ENCODER[-1], *DECODER], encoder_blocks=ENCODER_BLOCKS,
+        decoder_blocks=DECODER_BLOCKS, head_channel=HEAD)
 
 
 def theirs(args):
@@ -154,8 +132,9 @@ def theirs(args):
         labels = [torch.from_numpy(np.concatenate([s[k] for s in chosen])) for k in (3, 4)]
         return octree, torch.cat(queries), torch.stack(cutters).float(), labels
 
+    data = ocnn.modules.InputFeature("ND")
     train, validation = list(samples(args.data)), list(samples(args.validate))
-    net = network(torch, ocnn)
+    net = small(torch, ocnn)
     sgd = torch.optim.SGD(net.parameters(), 0.05, momentum=0.9, weight_decay=5e-4)
     order, seen, start = [], 0, time.perf_counter()
     while time.perf_counter() - start < args.seconds:
@@ -163,7 +142,7 @@ def theirs(args):
             order = list(random.permutation(len(train)))
         octree, query, cutter, labels = batch([train[order.pop()] for _ in range(BATCH)])
         sgd.zero_grad()
-        logits = net(octree, query, cutter)
+        logits = net(data(octree), octree, octree.depth, query, cutter)
         sum(torch.nn.functional.cross_entropy(x, y) for x, y in zip(logits, labels)).backward()
         torch.nn.utils.clip_grad_norm_(net.parameters(), 5.0)
         sgd.step()
@@ -174,7 +153,7 @@ def theirs(args):
     for sample in validation:
         octree, query, cutter, labels = batch([sample])
         with torch.no_grad():
-            logits = net(octree, query, cutter)
+            logits = net(data(octree), octree, octree.depth, query, cutter)
         row = []
         for x, y, positive in zip(logits, labels, (0, 1)):
             found, truth = x.argmax(1) == positive, y == positive

@@ -21,45 +21,18 @@ import subprocess
 import sys
 import time
 
+import reference
+
 WORKS = ["octree", "forward", "step"]
 
 
-def reference(torch, ocnn):
-    """The network of the paper, from ocnn's layers."""
-
-    class CutterModule(torch.nn.Sequential):
-        def __init__(self):
-            def unit(c_in, c_out):
-                return [torch.nn.Linear(c_in, c_out), torch.nn.ReLU(),
-                        torch.nn.BatchNorm1d(c_out), torch.nn.Dropout(0.3)]
-            super().__init__(*unit(4, 32), *unit(32, 256))
-
-    class Network(ocnn.models.UNet):
-        def __init__(self):
-            super().__init__(4, 2)
-            c, skip = self.decoder_channel, self.encoder_channel[-2::-1]
-            self.decoder = torch.nn.ModuleList([
-                ocnn.modules.OctreeResBlocks(
-                    skip[i] + 256 + c[i + 1], c[i + 1], self.decoder_blocks[i],
-                    self.bottleneck, self.nempty, self.resblk)
-                for i in range(self.decoder_stages)])
-            self.cutters = torch.nn.ModuleList([CutterModule() for _ in range(4)])
-            self.header_2 = torch.nn.Sequential(
-                ocnn.modules.Conv1x1BnRelu(c[-1], self.head_channel),
-                ocnn.modules.Conv1x1(self.head_channel, 2, use_bias=True))
-
-        def forward(self, data, octree, depth, query, cutter):
-            skips = self.unet_encoder(data, octree, depth)
-            x = skips[depth - self.encoder_stages]
-            for i in range(self.decoder_stages):
-                d = depth - self.encoder_stages + i
-                x = self.upsample[i](x, octree, d)
-                seen = self.cutters[i](cutter)[octree.batch_id(d + 1, self.nempty).long()]
-                x = self.decoder[i](torch.cat([skips[d + 1], seen, x], dim=1), octree, d + 1)
-            x = self.octree_interp(x, octree, depth, query)
-            return self.header(x), self.header_2(x)
-
-    return Network()
+def published(torch, ocnn):
+    """The network of the paper."""
+    def unit(c_in, c_out):
+        return [torch.nn.Linear(c_in, c_out), torch.nn.ReLU(),
+                torch.nn.BatchNorm1d(c_out), torch.nn.Dropout(0.3)]
+    return reference.network(
+        torch, ocnn, lambda: torch.nn.Sequential(*unit(4, 32), *unit(32, 256)), 256)
 
 
 def worker(args):
@@ -98,7 +71,7 @@ def worker(args):
         run = build
     else:
         data = ocnn.modules.InputFeature("ND")(octree)
-        network = reference(torch, ocnn)
+        network = published(torch, ocnn)
         if args.work == "forward":
             network.eval()
 

@@ -28,7 +28,7 @@ pub fn short_batches(
     epoch: u64,
 ) -> Vec<Vec<usize>> {
     let batch_size = batch_size.clamp(1, n_samples.max(1));
-    let n_batches = n_draws.div_ceil(batch_size);
+    let n_batches = if n_samples == 0 { 0 } else { n_draws.div_ceil(batch_size) };
     let first = epoch.saturating_sub(1) as usize * n_batches * batch_size;
     let mut pass = (usize::MAX, Vec::new());
     let mut member = |place: usize| {
@@ -73,6 +73,7 @@ mod tests {
             pass.sort_unstable();
             assert_eq!(pass, (0..10).collect::<Vec<_>>());
         }
+        assert!(short_batches(0, 4, 7, 5, 1).is_empty());
         assert_eq!(drawn(3..=5), all[16..]);
         assert_ne!(all[..10], all[10..20]);
     }

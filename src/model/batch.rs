@@ -88,18 +88,22 @@ impl<T: Scalar> Batch<T> {
     /// interpolated, followed by the point's normal where the network asks for it.
     pub(super) fn point_features(&self, channels: usize, nodes: &[T], to: &mut Vec<T>) {
         self.interpolation.forward(channels, nodes, to);
-        if !self.point_normals.is_empty() {
-            let rows = to.chunks_exact(channels).zip(self.point_normals.chunks_exact(3));
-            *to = rows.flat_map(|(features, normal)| [features, normal].concat()).collect();
+        let width = channels + 3;
+        to.resize(to.len() + self.point_normals.len(), T::ZERO);
+        // From the last row on: each moves to where only rows after it were.
+        for (i, normal) in self.point_normals.chunks_exact(3).enumerate().rev() {
+            to.copy_within(channels * i..channels * (i + 1), width * i);
+            to[width * i + channels..width * (i + 1)].copy_from_slice(normal);
         }
     }
 
     /// From the gradient of [`Batch::point_features`] to that of the nodes; overwrites both.
     pub(super) fn point_features_backward(&self, channels: usize, d: &mut Vec<T>, to: &mut Vec<T>) {
-        if !self.point_normals.is_empty() {
-            let rows = d.chunks_exact(channels + 3);
-            *d = rows.flat_map(|row| &row[..channels]).copied().collect();
+        let width = channels + 3;
+        for i in 0..self.point_normals.len() / 3 {
+            d.copy_within(width * i..width * i + channels, channels * i);
         }
+        d.truncate(d.len() - self.point_normals.len());
         self.interpolation.backward(channels, d, to);
     }
 
