@@ -180,7 +180,7 @@ fn main() {
         "cpu ms",
         "inacc",
         "height",
-        "box",
+        "grid",
         "tests",
         "pairs/j"
     );
@@ -282,7 +282,7 @@ fn report(n: usize, name: &str, lengths: [f64; 4], times: [f64; 4], labels: &Lab
         times[3] * 1e3,
         100.0 * labels.n_inaccessible() as f64 / n as f64,
         share(s.by_height),
-        share(s.by_box),
+        share(s.by_grid),
         s.pairs_tested as f64 / s.queries as f64,
         s.beta_pairs_tested as f64 / s.queries as f64,
     );

@@ -201,6 +201,54 @@ fn engines_agree_on_knife_edges() {
     }
 }
 
+/// Obstacles that fill no area, all of one height, or far from the queries; steps as wide as nothing and
+/// wider than everything.
+#[test]
+fn engines_agree_at_the_edges_of_the_grid() {
+    let mut stream = Stream::new(7, 0, 0, Purpose::Probe);
+    let mut within = |size: [f64; 3], step: f64, n: usize| -> Vec<Vec3> {
+        let mut along = |length: f64| ((stream.range(0.0, length) / step).round() * step) as f32;
+        (0..n).map(|_| Vec3::from(size.map(&mut along))).collect()
+    };
+    let axes = vec![[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.6, 0.8], [0.3, -0.5, 0.7]];
+    let axes = Directions::new(DirectionSet::List { vectors: axes }).unwrap();
+    let stepped =
+        |sections: &[(f64, f64)], spindle| Cutter::stepped(1e-3, sections, spindle).unwrap();
+    let cutters = [
+        stepped(&[(0.5, 1e-3), (3.0, 2.0)], true),
+        stepped(&[(0.25, 0.5), (0.25, 1.0), (2.0, 1e4)], false),
+        stepped(&[(1.0, 25.0)], false),
+        Cutter::stepped(1e4, &[(1e4, 1e4)], false).unwrap(),
+        Cutter::ball_end(CutterParams::from_array([0.5, 2.0, 30.0, 4.0])).unwrap(),
+    ];
+    let clouds = [
+        ("line", within([60.0, 0.0, 0.0], 0.5, 300)),
+        ("column", within([0.0, 0.0, 40.0], 0.5, 300)),
+        ("plate", within([40.0, 30.0, 0.0], 0.25, 2000)),
+        ("one place", vec![Vec3::splat(3.0); 100]),
+        ("one", vec![Vec3::splat(-2.0)]),
+        ("block", within([9.0, 9.0, 20.0], 0.5, 700)),
+    ];
+    let mut queries = within([90.0, 90.0, 40.0], 0.5, 300);
+    queries.iter_mut().step_by(2).for_each(|p| *p -= Vec3::new(30.0, 30.0, 0.0));
+    queries.extend([
+        Vec3::new(9e3, 0.0, 1.0),
+        Vec3::new(-9e5, 5.0, 2.0),
+        Vec3::new(1.0, 2e4, -9e4),
+    ]);
+    for (name, cloud) in &clouds {
+        let volume = Queries::Volume(&queries);
+        assert_engines_agree(volume, Obstacles::Points(cloud), &cutters, &axes, name);
+        for shift in [0.0, 1e5] {
+            let points: Vec<Vec3> = cloud.iter().map(|&p| p + shift).collect();
+            let normals =
+                (0..points.len()).map(|i| [Vec3::Z, Vec3::X, Vec3::NEG_Z][i % 3]).collect();
+            let scene = sites(points, normals);
+            assert_engines_agree(&scene, Obstacles::Queries, &cutters, &axes, name);
+        }
+    }
+}
+
 #[test]
 fn engines_agree_on_other_obstacles_and_volumes() {
     let mut stream = Stream::new(6, 0, 0, Purpose::Probe);

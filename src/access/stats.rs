@@ -9,9 +9,8 @@ pub struct Stats {
     pub queries: u64,
     /// Of these, decided by the greatest height of all obstacles alone (the shaft test).
     pub by_height: u64,
-    /// Of these, decided by boxes around obstacles, without testing any obstacle but the eight that were in
-    /// the way of a query before.
-    pub by_box: u64,
+    /// Of these, decided by the rasters of the direction's grid, without testing any obstacle.
+    pub by_grid: u64,
     /// Obstacles tested one by one for the rest.
     pub pairs_tested: u64,
     /// Pairs (centre of an inaccessible site, obstacle) whose share in β was counted by height alone.
@@ -26,7 +25,7 @@ impl AddAssign for Stats {
     fn add_assign(&mut self, other: Stats) {
         self.queries += other.queries;
         self.by_height += other.by_height;
-        self.by_box += other.by_box;
+        self.by_grid += other.by_grid;
         self.pairs_tested += other.pairs_tested;
         self.beta_by_rank += other.beta_by_rank;
         self.beta_by_box += other.beta_by_box;

@@ -1,11 +1,8 @@
-//! Boxes around runs of eight, sixty-four, … obstacles.
-//!
-//! A box is built from the rotated `f32` coordinates themselves and compared with the predicate's own
-//! operations in their own order. Rounding is monotone, so for every obstacle of a box
-//! `near² ≤ r² ≤ far²` holds bit for bit: boxes decide without an epsilon and never wrongly.
+//! Boxes around runs of eight, sixty-four, … obstacles, built anew in every direction from the rotated
+//! coordinates at a cost of about one operation per obstacle.
 
 use super::collide::{Coordinates, PADDING, eights, eights_mut};
-use super::level::{Kernel, Simd};
+use super::level::{Kernel, Level, Simd};
 
 /// Boxes across the direction, unbounded downward; arrays are padded with empty boxes to a multiple
 /// of [`PADDING`].
@@ -38,18 +35,6 @@ impl Boxes {
             top: greatest,
             n,
         }
-    }
-
-    /// x0, x1, y0, y1 and top of one box.
-    #[inline(always)]
-    pub(super) fn get(&self, index: usize) -> [f32; 5] {
-        [&self.x0, &self.x1, &self.y0, &self.y1, &self.top].map(|side| side[index])
-    }
-
-    /// x0, x1, y0, y1 and top of the boxes from `8 * eight` on.
-    #[inline(always)]
-    pub(super) fn eight(&self, eight: usize) -> [&[f32; 8]; 5] {
-        [&self.x0, &self.x1, &self.y0, &self.y1, &self.top].map(|side| &eights(side)[eight])
     }
 }
 
@@ -108,9 +93,16 @@ impl Tree {
         Tree { points: Coordinates::zeros(n), levels }
     }
 
-    /// The greatest height of all obstacles; −∞ if there are none.
-    pub fn highest(&self) -> f32 {
-        let tops = self.levels.last().map_or(&[][..], |level| &level.top);
-        tops.iter().fold(f32::NEG_INFINITY, |a, &b| if b > a { b } else { a })
+    /// Puts the boxes around the points.
+    pub fn enclose(&mut self, level: Level) {
+        let (first, rest) = self.levels.split_first_mut().expect("a tree has a level of boxes");
+        let Coordinates { x, y, z, .. } = &self.points;
+        level.run(Enclose { from: [x, x, y, y, z], to: &mut *first });
+        let mut below: &Boxes = first;
+        for boxes in rest {
+            let from = [&below.x0[..], &below.x1, &below.y0, &below.y1, &below.top];
+            level.run(Enclose { from, to: &mut *boxes });
+            below = boxes;
+        }
     }
 }

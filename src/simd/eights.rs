@@ -51,6 +51,10 @@ pub trait Eights: Copy {
     fn total(self, counts: Self::Counts) -> u32;
     /// The lanes named by `mask`, in order, moved to the front; the other lanes are unspecified.
     fn compress(self, lanes: Self::Eight, mask: u32) -> Self::Eight;
+    /// The lanes named by `mask`, those of `other` elsewhere.
+    fn only(self, lanes: Self::Eight, mask: u32, other: Self::Eight) -> Self::Eight;
+    /// The lanes, from 0 to 2³¹, without their fractions.
+    fn truncate(self, lanes: Self::Eight) -> [u32; 8];
     /// Lane `l` is the least lane of `rows[l]`.
     fn least_of_each(self, rows: [Self::Eight; 8]) -> Self::Eight;
     /// Lane `l` is the greatest lane of `rows[l]`.
@@ -156,6 +160,14 @@ macro_rules! arrays {
                     n += (mask >> lane & 1) as usize;
                 }
                 packed
+            }
+            #[inline(always)]
+            fn only(self, lanes: [f32; 8], mask: u32, other: [f32; 8]) -> [f32; 8] {
+                lanes!(|l| if mask >> l & 1 == 1 { lanes[l] } else { other[l] })
+            }
+            #[inline(always)]
+            fn truncate(self, lanes: [f32; 8]) -> [u32; 8] {
+                lanes.map(|lane| lane as u32)
             }
             #[inline(always)]
             fn least_of_each(self, rows: [[f32; 8]; 8]) -> [f32; 8] {
@@ -316,6 +328,25 @@ mod x86 {
                 fn compress(self, lanes: __m256, mask: u32) -> __m256 {
                     // SAFETY: the token proves that the processor has the level's features.
                     unsafe { $compress(lanes, mask) }
+                }
+                #[inline(always)]
+                fn only(self, lanes: __m256, mask: u32, other: __m256) -> __m256 {
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe {
+                        let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+                        let named = _mm256_and_si256(_mm256_set1_epi32(mask as i32), bits);
+                        let named = _mm256_castsi256_ps(_mm256_cmpeq_epi32(named, bits));
+                        _mm256_blendv_ps(other, lanes, named)
+                    }
+                }
+                #[inline(always)]
+                fn truncate(self, lanes: __m256) -> [u32; 8] {
+                    let mut to = [0; 8];
+                    // SAFETY: AVX2 as above; the array has room for eight whole numbers.
+                    unsafe {
+                        _mm256_storeu_si256(to.as_mut_ptr().cast(), _mm256_cvttps_epi32(lanes));
+                    }
+                    to
                 }
                 #[inline(always)]
                 fn least_of_each(self, rows: [__m256; 8]) -> __m256 {

@@ -1,12 +1,8 @@
-//! The default engine: boxes around runs of obstacles decide most questions; the predicate decides the
-//! rest. Equal to the law bit for bit, see [`boxes`](crate::simd::boxes) for why.
+//! The default engine: heights, rasters and boxes decide most questions, the predicate decides the rest.
+//! Equal to the law bit for bit.
 //!
-//! Labels: the greatest height of all obstacles decides most queries (the shaft test). For the others,
-//! boxes of 8, 64, 512, … obstacles are searched from the top: a box too low or too far is skipped, a
-//! box that lies within a step's radius and reaches above it is a collision.
-//!
-//! β: see [`count`]. Obstacles and queries are put into a spatial order once; the boxes are built anew
-//! in every direction from the rotated coordinates, at a cost of about one operation per obstacle.
+//! Labels: see [`search`](crate::simd::search). β: see [`count`]. Obstacles and queries are put into a spatial
+//! order once; grids and boxes are built anew in every direction from the rotated coordinates.
 
 mod count;
 mod ranks;
@@ -16,9 +12,9 @@ use super::predicate::{self, Frame};
 use super::problem::{Scene, Tool};
 use super::stats::Stats;
 use crate::simd::Level;
-use crate::simd::boxes::{Boxes, Enclose, Tree};
+use crate::simd::boxes::Tree;
 use crate::simd::collide::{AnyObstacle, Coordinates, Rotate};
-use crate::simd::search::Search;
+use crate::simd::search::{Room, Search};
 use count::Counting;
 
 /// The engine; its scene must be in spatial order to be fast.
@@ -31,9 +27,12 @@ pub(super) struct Pruned<'a> {
 pub(super) struct Scratch {
     frame: Frame,
     tree: Tree,
+    /// Whether the boxes are those of this direction.
+    enclosed: bool,
     centres: Coordinates,
     own_z: Vec<f32>,
     undecided: Vec<u32>,
+    room: Room,
     counting: Counting,
 }
 
@@ -44,20 +43,23 @@ impl Method for Pruned<'_> {
         Scratch {
             frame: Frame::default(),
             tree: Tree::new(self.scene.obstacles.n),
+            enclosed: false,
             centres: Coordinates::default(),
             own_z: Vec::new(),
             undecided: Vec::new(),
+            room: Room::default(),
             counting: Counting::default(),
         }
     }
 
     fn enter(&self, scratch: &mut Scratch, frame: &Frame) {
         scratch.frame = *frame;
-        grow(&mut scratch.tree, &self.scene.obstacles, frame, self.level);
+        scratch.enclosed = false;
+        turn(&mut scratch.tree.points, &self.scene.obstacles, frame, self.level);
     }
 
     fn collide(&self, scratch: &mut Scratch, tool: &Tool, row: &mut [u64]) -> Stats {
-        let Scratch { frame, tree, centres, own_z, undecided, .. } = scratch;
+        let Scratch { frame, tree, centres, own_z, undecided, room, .. } = scratch;
         centres.resize(tool.n());
         tool.centres(frame, self.level, centres);
         let own_z = if tool.own_in_order(tree.points.n) {
@@ -67,12 +69,13 @@ impl Method for Pruned<'_> {
             own_z
         };
         undecided.clear();
-        let search = Search { centres, steps: &tool.steps, tree, own_z, row: &mut *row, undecided };
+        let (steps, obstacles) = (&tool.steps, &tree.points);
+        let search = Search { centres, steps, obstacles, own_z, row: &mut *row, undecided, room };
         let done = self.level.run(search);
         let mut stats = Stats {
             queries: tool.n() as u64,
             by_height: done.by_height,
-            by_box: done.by_box,
+            by_grid: done.by_grid,
             pairs_tested: done.tested,
             ..Stats::default()
         };
@@ -90,7 +93,10 @@ impl Method for Pruned<'_> {
     }
 
     fn count(&self, scratch: &mut Scratch, tool: &Tool, beta: &mut [u64]) -> Stats {
-        let Scratch { frame, tree, centres, counting, .. } = scratch;
+        let Scratch { frame, tree, enclosed, centres, counting, .. } = scratch;
+        if !std::mem::replace(enclosed, true) {
+            tree.enclose(self.level);
+        }
         centres.resize(tool.n());
         tool.centres(frame, self.level, centres);
         let stats = counting.run(&tool.steps, centres, tree, beta, self.level);
@@ -106,9 +112,8 @@ impl Method for Pruned<'_> {
     }
 }
 
-/// Rotates the obstacles and builds the boxes around them.
-pub(super) fn grow(tree: &mut Tree, obstacles: &Coordinates, frame: &Frame, level: Level) {
-    let points = &mut tree.points;
+/// Rotates the obstacles; the boxes around them are still those of another direction.
+fn turn(points: &mut Coordinates, obstacles: &Coordinates, frame: &Frame, level: Level) {
     level.run(Rotate { frame, from: obstacles, to: points });
     points.pad_z(f32::NEG_INFINITY);
     if let Some(last) = points.n.checked_sub(1) {
@@ -116,15 +121,12 @@ pub(super) fn grow(tree: &mut Tree, obstacles: &Coordinates, frame: &Frame, leve
         points.x[last..].fill(x);
         points.y[last..].fill(y);
     }
-    let (first, rest) = tree.levels.split_first_mut().expect("a tree has a level of boxes");
-    let Coordinates { x, y, z, .. } = &*points;
-    level.run(Enclose { from: [x, x, y, y, z], to: &mut *first });
-    let mut below: &Boxes = first;
-    for boxes in rest {
-        let from = [&below.x0[..], &below.x1, &below.y0, &below.y1, &below.top];
-        level.run(Enclose { from, to: &mut *boxes });
-        below = boxes;
-    }
+}
+
+/// Rotates the obstacles and builds the boxes around them.
+pub(super) fn grow(tree: &mut Tree, obstacles: &Coordinates, frame: &Frame, level: Level) {
+    turn(&mut tree.points, obstacles, frame, level);
+    tree.enclose(level);
 }
 
 /// Height of each query's own obstacle, −∞ where it has none.
