@@ -3,13 +3,121 @@
 //! Work is cut into blocks whose size is a constant of the call site, each output belongs to one
 //! block, and partial results are joined in block order. The only file that names rayon.
 //!
-//! Work goes to rayon as `&dyn Fn`: one indirect call per block, and rayon's machinery is compiled
-//! once per type instead of once per loop.
+//! Blocks are handed out one after another, to whichever thread is free next, and the thread that asked
+//! for a loop takes part in it. Waking a thread that sleeps takes longer than most of the network's
+//! loops: nobody goes to sleep for a while after the last block ([`PATIENCE`]), and within [`awake`] the
+//! threads stay up between loops.
 
 use crate::{Error, Result};
-use rayon::prelude::*;
+use rayon::Yield;
+use rayon::slice::ParallelSliceMut;
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Blocks that a thread takes at a time, if there are this many times more of them than threads.
+const SHARE: usize = 64;
+
+/// How long a thread without work stays awake. Finite, so that a thread which waits here cannot keep
+/// others, that wait for what it left, waiting for good.
+const PATIENCE: Duration = Duration::from_millis(20);
+
+/// Looks for work between two looks at the clock.
+const LOOKS: usize = 64;
+
+/// Calls `work` once for every one of the `n` items, on all threads.
+fn share_out<I>(n: usize, items: impl Iterator<Item = I> + Send, work: &(dyn Fn(I) + Sync))
+where
+    I: Send,
+{
+    let n_threads = threads().min(n);
+    if n_threads <= 1 {
+        items.for_each(work);
+        return;
+    }
+    let at_a_time = (n / (n_threads * SHARE)).max(1);
+    let items = Mutex::new(items);
+    let drain = || loop {
+        let mut items = items.lock().unwrap_or_else(PoisonError::into_inner);
+        let some: Vec<I> = items.by_ref().take(at_a_time).collect();
+        drop(items);
+        if some.is_empty() {
+            return;
+        }
+        some.into_iter().for_each(work);
+    };
+    let n_busy = AtomicUsize::new(n_threads - 1);
+    rayon::in_place_scope(|scope| {
+        for _ in 1..n_threads {
+            scope.spawn(|_| {
+                let _done = OnDrop(|| {
+                    n_busy.fetch_sub(1, Ordering::Release);
+                });
+                drain();
+            });
+        }
+        drain();
+        keep_looking_for_work(|| n_busy.load(Ordering::Acquire) == 0);
+    });
+}
+
+/// Takes on any work of this pool until `done`, or until there has been none for a while.
+fn keep_looking_for_work(done: impl Fn() -> bool) {
+    let mut idle_since = Instant::now();
+    while may_spin() {
+        for _ in 0..LOOKS {
+            if done() {
+                return;
+            }
+            match rayon::yield_now() {
+                Some(Yield::Executed) => idle_since = Instant::now(),
+                Some(Yield::Idle) => std::hint::spin_loop(),
+                None => return,
+            }
+        }
+        if idle_since.elapsed() > PATIENCE {
+            return;
+        }
+        std::thread::yield_now();
+    }
+}
+
+/// Whether every thread of this pool has a processor, so that one that waits takes it from nobody.
+fn may_spin() -> bool {
+    static N_PROCESSORS: OnceLock<usize> = OnceLock::new();
+    let count = || std::thread::available_parallelism().map_or(1, usize::from);
+    threads() <= *N_PROCESSORS.get_or_init(count)
+}
+
+/// Calls its function when dropped, also by a panic.
+struct OnDrop<F: FnMut()>(F);
+
+impl<F: FnMut()> Drop for OnDrop<F> {
+    fn drop(&mut self) {
+        (self.0)();
+    }
+}
+
+/// Runs `work`, between whose parallel loops the threads stay awake: for many short loops.
+///
+/// Results are those of `work` alone. Without a processor for every thread, this is just a call.
+pub fn awake<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+    if threads() <= 1 || !may_spin() {
+        return work();
+    }
+    let done = &AtomicBool::new(false);
+    rayon::scope(|scope| {
+        let _done = OnDrop(|| done.store(true, Ordering::Release));
+        let here = rayon::current_thread_index();
+        scope.spawn_broadcast(move |_, other| {
+            if Some(other.index()) != here {
+                keep_looking_for_work(|| done.load(Ordering::Acquire));
+            }
+        });
+        work()
+    })
+}
 
 /// Calls `work(block_index, block)` for consecutive blocks of `block_len` items.
 pub fn for_each_block<T: Send>(
@@ -17,11 +125,9 @@ pub fn for_each_block<T: Send>(
     block_len: usize,
     work: impl Fn(usize, &mut [T]) + Sync,
 ) {
-    let work: &(dyn Fn(usize, &mut [T]) + Sync) = &work;
-    items.par_chunks_mut(block_len.max(1)).enumerate().for_each(|(i, block)| work(i, block));
+    let blocks = items.chunks_mut(block_len.max(1)).enumerate();
+    share_out(blocks.len(), blocks, &|(i, block)| work(i, block));
 }
-
-type PairWork<'a, A, B> = dyn Fn(usize, &mut [A], &mut [B]) + Sync + 'a;
 
 /// Calls `work(block_index, a_block, b_block)` for consecutive blocks of two slices of equal length.
 ///
@@ -34,9 +140,8 @@ pub fn for_each_block2<A: Send, B: Send>(
     work: impl Fn(usize, &mut [A], &mut [B]) + Sync,
 ) {
     assert_eq!(a.len(), b.len());
-    let work: &PairWork<A, B> = &work;
-    let blocks = a.par_chunks_mut(block_len.max(1)).zip(b.par_chunks_mut(block_len.max(1)));
-    blocks.enumerate().for_each(|(i, (a, b))| work(i, a, b));
+    let blocks = a.chunks_mut(block_len.max(1)).zip(b.chunks_mut(block_len.max(1))).enumerate();
+    share_out(blocks.len(), blocks, &|(i, (a, b))| work(i, a, b));
 }
 
 /// Results of `work(block_index, block)` for consecutive blocks of `block_len` items, in order.
@@ -45,9 +150,7 @@ pub fn map_chunks<T: Send, R: Send>(
     block_len: usize,
     work: impl Fn(usize, &mut [T]) -> R + Sync,
 ) -> Vec<R> {
-    let work: &(dyn Fn(usize, &mut [T]) -> R + Sync) = &work;
-    let blocks = items.par_chunks_mut(block_len.max(1)).enumerate();
-    blocks.map(|(i, block)| work(i, block)).collect()
+    collect(items.chunks_mut(block_len.max(1)), |i, block| work(i, block))
 }
 
 /// Results of `work` over consecutive ranges of `block_len` indices of `0..n`, in order.
@@ -57,17 +160,23 @@ pub fn map_blocks<R: Send>(
     work: impl Fn(Range<usize>) -> R + Sync,
 ) -> Vec<R> {
     let block_len = block_len.max(1);
-    let work: &(dyn Fn(Range<usize>) -> R + Sync) = &work;
-    (0..n.div_ceil(block_len))
-        .into_par_iter()
-        .map(|i| work(i * block_len..((i + 1) * block_len).min(n)))
-        .collect()
+    map(n.div_ceil(block_len), |i| work(i * block_len..((i + 1) * block_len).min(n)))
 }
 
 /// Results of `work` for every index of `0..n`, in order, one task each.
-pub fn map<R: Send>(n: usize, work: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
-    let work: &(dyn Fn(usize) -> R + Send + Sync) = &work;
-    (0..n).into_par_iter().with_max_len(1).map(work).collect()
+pub fn map<R: Send>(n: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
+    collect(0..n, |i, _| work(i))
+}
+
+/// Results of `work(index, item)` for every item, in order.
+fn collect<I: Send, R: Send>(
+    items: impl ExactSizeIterator<Item = I> + Send,
+    work: impl Fn(usize, I) -> R + Sync,
+) -> Vec<R> {
+    let mut results: Vec<Option<R>> = std::iter::repeat_with(|| None).take(items.len()).collect();
+    let places = results.iter_mut().zip(items).enumerate();
+    share_out(places.len(), places, &|(i, (place, item))| *place = Some(work(i, item)));
+    results.into_iter().map(|result| result.expect("every item was handed out")).collect()
 }
 
 /// Results of `work` for every index of `0..n`, in order, and the workers' states.
@@ -145,6 +254,36 @@ mod tests {
             assert_eq!(items, [1, 1, 1, 1, 2, 2, 2, 2, 3, 3]);
         }
         assert!(map_blocks(0, 4, |r| r).is_empty());
+    }
+
+    /// Each level waits for loops below it, on every thread at once.
+    fn nested(depth: u32) -> u64 {
+        match depth {
+            0 => 1,
+            _ => awake(|| map(3, |_| nested(depth - 1)).into_iter().sum()),
+        }
+    }
+
+    #[test]
+    fn loops_within_loops_end_awake_or_not() {
+        for n_threads in [1, 2, 5] {
+            assert_eq!(with_threads(n_threads, || nested(5)).unwrap(), 243);
+        }
+        let (a, b) = std::thread::scope(|scope| {
+            let [a, b] = [(); 2].map(|()| scope.spawn(|| nested(4)));
+            (a.join().unwrap(), b.join().unwrap())
+        });
+        assert_eq!((a, b), (81, 81));
+    }
+
+    #[test]
+    fn a_panic_in_a_block_ends_the_loop_and_lets_all_threads_go() {
+        let fail = || {
+            awake(|| map(100, |i| assert!(i != 57, "this one")));
+        };
+        let caught = with_threads(2, || std::panic::catch_unwind(fail)).unwrap();
+        assert!(caught.is_err());
+        assert_eq!(with_threads(2, || map(3, |i| i)).unwrap(), [0, 1, 2]);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::training::Workspace;
 use super::unet::{Activations, N_HEADS, UNet};
 use super::{UNetConfig, heads::N_CLASSES};
 use crate::Result;
+use crate::par;
 use crate::rng::Stream;
 use crate::scalar::Scalar;
 use glam::Vec3;
@@ -123,7 +124,7 @@ impl<T: Scalar> Model<T> {
 
     /// Inference on a batch, with every intermediate result.
     pub fn forward(&self, batch: &Batch<T>, to: &mut Activations<T>) {
-        self.net.forward(&self.params, &self.buffers, batch, to);
+        par::awake(|| self.net.forward(&self.params, &self.buffers, batch, to));
     }
 
     /// Training pass, see [`UNet::forward_train`]; moves the running statistics.
@@ -133,7 +134,9 @@ impl<T: Scalar> Model<T> {
         dropout: Option<&mut [Stream]>,
         work: &mut Workspace<T>,
     ) {
-        self.net.forward_train(&self.params, &mut self.buffers, batch, dropout, work);
+        par::awake(|| {
+            self.net.forward_train(&self.params, &mut self.buffers, batch, dropout, work);
+        });
     }
 
     /// Adds the gradient of a loss to `grads`, see [`UNet::backward`].
@@ -144,7 +147,7 @@ impl<T: Scalar> Model<T> {
         work: &mut Workspace<T>,
         grads: &mut [T],
     ) {
-        self.net.backward(&self.params, batch, dlogits, work, grads);
+        par::awake(|| self.net.backward(&self.params, batch, dlogits, work, grads));
     }
 }
 
@@ -153,7 +156,6 @@ mod tests {
     use super::*;
     use crate::model::config::{CutterConfig, CutterPlacement, InputConfig};
     use crate::octree::tests::sheet;
-    use crate::par;
 
     const CUTTERS: [[f64; 4]; 3] =
         [[1.5, 6.0, 40.0, 5.0], [1.0, 0.2, 90.0, 0.1], [2.0, 20.0, 5.0, 20.0]];
