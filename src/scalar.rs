@@ -1,25 +1,24 @@
 //! The numbers of the network: `f32` for work, `f64` for decisive gradient checks.
 
-use crate::simd::{Kernel, Level, Simd, gemm, level};
+pub use crate::simd::Level;
+pub use crate::simd::gemm::{Real, block, matmul_columns, weights};
+use crate::simd::{Kernel, Simd, gemm, level};
 use crate::{Error, Result};
 use std::fmt::{Debug, Display};
 use std::iter::Sum;
-use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A real number that layers can be written in; implemented by `f32` and `f64` alone.
 ///
 /// No function here calls the system's mathematical library, so results are the same everywhere.
 pub trait Scalar:
-    Copy
-    + Default
+    Real
     + Debug
     + Display
     + PartialEq
     + PartialOrd
     + Send
     + Sync
-    + 'static
-    + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
     + Div<Output = Self>

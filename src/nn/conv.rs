@@ -4,7 +4,7 @@
 //! `k` of `n` exactly if `n` is neighbour `26 − k` of `m`, the input gradient is the same sum with
 //! `W_{26−k}ᵀ` in place of `W_k`.
 
-use super::kernel_product::{product, product_then, transposed_reversed, weight_gradient};
+use super::kernel_product::{Weights, product, product_then, weight_gradient};
 use super::params::{Init, Layout};
 use super::rows::{Then, nothing};
 use crate::octree::KernelMap;
@@ -60,8 +60,12 @@ impl OctreeConv {
         y: &mut Vec<T>,
         then: &Then<T>,
     ) {
-        let weights = (&params[self.weights.clone()], self.c_in);
-        product_then(map, x, weights, self.c_out, y, then);
+        product_then(map, x, self.matrices(params), y, then);
+    }
+
+    /// The weights as matrices, one for each offset.
+    pub(super) fn matrices<'a, T: Scalar>(&self, params: &'a [T]) -> Weights<'a, T> {
+        Weights::new(&params[self.weights.clone()], self.c_in, self.c_out)
     }
 
     /// Overwrites `dx: [n_nodes, c_in]` if wanted and adds to the weights' part of `grads`.
@@ -78,9 +82,7 @@ impl OctreeConv {
         grads: &mut [T],
     ) {
         if let Some(dx) = dx {
-            let weights = &params[self.weights.clone()];
-            let weights = transposed_reversed(weights, self.c_in, self.c_out);
-            product(map, dy, self.c_out, &weights, self.c_in, dx);
+            product(map, dy, self.matrices(params).transposed().reversed(), dx);
         }
         let grads = &mut grads[self.weights.clone()];
         weight_gradient(map, 1, (x, self.c_in), (dy, self.c_out), grads);

@@ -4,7 +4,7 @@
 //! Rows of empty nodes are not read and get zero gradients.
 
 use super::conv::xavier_bound;
-use super::kernel_product::{product, product_then, transposed_reversed, weight_gradient};
+use super::kernel_product::{Weights, product, product_then, weight_gradient};
 use super::params::{Init, Layout};
 use super::rows::{Then, nothing};
 use crate::octree::Level;
@@ -55,11 +55,14 @@ impl OctreeUp {
         y: &mut Vec<T>,
         then: &Then<T>,
     ) {
-        let weights = &params[self.weights.clone()];
-        let weights = transposed_reversed(weights, 8 * self.c_out, self.c_in);
         // A row of the product is the eight rows of a node's children.
         let then = |first: usize, rows: &mut [T]| then(8 * first, rows);
-        product_then(&coarse.depad, x, (&weights, self.c_in), 8 * self.c_out, y, &then);
+        product_then(&coarse.depad, x, self.matrix(params).transposed(), y, &then);
+    }
+
+    /// The weights as one matrix.
+    fn matrix<'a, T: Scalar>(&self, params: &'a [T]) -> Weights<'a, T> {
+        Weights::new(&params[self.weights.clone()], 8 * self.c_out, self.c_in)
     }
 
     /// Overwrites `dx` (shaped as `x`) if wanted and adds to the weights' part of `grads`.
@@ -76,8 +79,7 @@ impl OctreeUp {
         grads: &mut [T],
     ) {
         if let Some(dx) = dx {
-            let weights = &params[self.weights.clone()];
-            product(&coarse.pad, dy, 8 * self.c_out, weights, self.c_in, dx);
+            product(&coarse.pad, dy, self.matrix(params), dx);
         }
         let grads = &mut grads[self.weights.clone()];
         weight_gradient(&coarse.pad, 8, (dy, self.c_out), (x, self.c_in), grads);

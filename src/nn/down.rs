@@ -4,7 +4,7 @@
 //! is one product of `[1, 8·c_in]` by `[8·c_in, c_out]` per non-empty node. Empty nodes get zero rows.
 
 use super::conv::xavier_bound;
-use super::kernel_product::{product, product_then, transposed_reversed, weight_gradient};
+use super::kernel_product::{Weights, product, product_then, weight_gradient};
 use super::params::{Init, Layout};
 use super::rows::{self, Term, Then, nothing};
 use crate::octree::Level;
@@ -56,8 +56,12 @@ impl OctreeDown {
         y: &mut Vec<T>,
         then: &Then<T>,
     ) {
-        let weights = (&params[self.weights.clone()], 8 * self.c_in);
-        product_then(&coarse.pad, x, weights, self.c_out, y, then);
+        product_then(&coarse.pad, x, self.matrix(params), y, then);
+    }
+
+    /// The weights as one matrix.
+    fn matrix<'a, T: Scalar>(&self, params: &'a [T]) -> Weights<'a, T> {
+        Weights::new(&params[self.weights.clone()], 8 * self.c_in, self.c_out)
     }
 
     /// Overwrites `dx` (shaped as `x`) if wanted and adds to the weights' part of `grads`.
@@ -74,9 +78,7 @@ impl OctreeDown {
         grads: &mut [T],
     ) {
         if let Some(dx) = dx {
-            let weights = &params[self.weights.clone()];
-            let weights = transposed_reversed(weights, 8 * self.c_in, self.c_out);
-            product(&coarse.depad, dy, self.c_out, &weights, 8 * self.c_in, dx);
+            product(&coarse.depad, dy, self.matrix(params).transposed(), dx);
         }
         let grads = &mut grads[self.weights.clone()];
         weight_gradient(&coarse.pad, 8, (x, self.c_in), (dy, self.c_out), grads);

@@ -9,8 +9,7 @@
 use super::concat::{Part, PartGradient};
 use super::conv::OctreeConv;
 use super::kernel_product::{
-    Term, product, sum_of_terms, sums_of_shapes, transposed_reversed_rows,
-    weight_gradient_of_columns,
+    Term, product, product_of_rows, sum_of_terms, sums_of_shapes, weight_gradient_of_columns,
 };
 use super::linear::Linear;
 use super::rows;
@@ -153,7 +152,7 @@ impl OctreeConv {
     ) {
         let (weights, c_in, c_out) = (&params[self.weights()], self.c_in(), self.c_out());
         let term = |(part, columns)| match part {
-            Part::Nodes(x) => Term::Nodes { x, columns },
+            Part::Nodes(x) => Term::Nodes { x, weights: self.matrices(params).rows(columns) },
             Part::Shapes(values) => {
                 let mut products = vec![T::ZERO; map.n_offsets() * x.shapes.len() * c_out];
                 let shapes: Vec<u32> = (0..x.shapes.len() as u32).collect();
@@ -166,7 +165,7 @@ impl OctreeConv {
             }
         };
         let terms: Vec<_> = x.columns().map(term).collect();
-        sum_of_terms(map, &terms, (weights, c_in), c_out, y, then);
+        sum_of_terms(map, &terms, c_out, y, then);
     }
 
     /// [`OctreeConv::backward`] of joined columns; every part of `dx` is overwritten.
@@ -182,27 +181,21 @@ impl OctreeConv {
         dx: &mut [PartGradient<T>],
         grads: &mut [T],
     ) {
-        let (weights, c_in, c_out) = (&params[self.weights()], self.c_in(), self.c_out());
+        let (c_in, c_out) = (self.c_in(), self.c_out());
         let grads = &mut grads[self.weights()];
         for ((part, columns), dx) in x.columns().zip(dx) {
-            let (width, some) = (columns.len(), columns.clone());
-            let transposed = transposed_reversed_rows(weights, c_in, c_out, some);
+            let width = columns.len();
+            let transposed = self.matrices(params).rows(columns.clone()).transposed();
             match (part, dx) {
                 (Part::Nodes(x), PartGradient::Nodes(dx)) => {
-                    product(map, dy, c_out, &transposed, width, dx);
+                    product(map, dy, transposed.reversed(), dx);
                     weight_gradient_of_columns(map, 1, (x, columns, c_in), (dy, c_out), grads);
                 }
                 (Part::Shapes(values), PartGradient::Shapes(dv)) => {
                     let shapes: Vec<u32> = (0..x.shapes.len() as u32).collect();
                     let len = shapes.len() * c_out;
                     let sums = sums_of_shapes(map, x.shapes, dy, c_out);
-                    dv.clear();
-                    dv.resize(shapes.len() * width, T::ZERO);
-                    // The last offset's matrix is the first of the transposed ones.
-                    let reversed = transposed.chunks_exact(c_out * width).rev();
-                    for (sums, w) in sums.chunks_exact(len).zip(reversed) {
-                        T::matmul_rows(sums, &shapes, c_out, w, width, dv, &shapes);
-                    }
+                    product_of_rows(&sums, shapes.len(), &transposed, dv);
                     par::for_each_block(grads, c_in * c_out, |k, d| {
                         let d = &mut d[columns.start * c_out..columns.end * c_out];
                         let sums = &sums[k * len..][..len];

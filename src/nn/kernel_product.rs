@@ -7,88 +7,188 @@
 use super::rows::{Then, nothing};
 use crate::octree::KernelMap;
 use crate::par;
-use crate::scalar::{Scalar, vectorised};
+use crate::scalar::block::{self, Source};
+use crate::scalar::weights::Packed;
+pub(super) use crate::scalar::weights::Weights;
+use crate::scalar::{Level, Scalar, matmul_columns, vectorised};
 use std::ops::Range;
 
 /// Output rows per partial sum of a weight gradient.
 const RANGE_ROWS: usize = 8192;
-/// Edge of the square tiles in which a matrix is transposed: one cache line of f32.
-const TILE: usize = 16;
+/// Parts into which the columns of a map of one block are cut, and the width they are multiples of: whole
+/// cache lines of weights that nobody else reads.
+const PARTS: usize = 4;
+const PART_WIDTH: usize = 32;
 
 /// Some of the input columns of a product.
 pub(super) enum Term<'a, T> {
-    /// `x: [n_inputs, columns.len()]`: these columns of every input row.
-    Nodes { x: &'a [T], columns: Range<usize> },
+    /// `x: [n_inputs, depth of the weights]`.
+    Nodes { x: &'a [T], weights: Weights<'a, T> },
     /// Columns that are the same in all rows of a shape, multiplied already: what each shape adds for
     /// each offset, `[n_offsets, n_shapes, c_out]`. Inputs and outputs are the same rows.
     Shapes { products: Vec<T>, shapes: &'a [Range<usize>] },
 }
 
-/// `y[o] = Σ_k Σ_{i →k o} x[i]·weights[k]` with `weights: [n_offsets, c_in, c_out]`; `y` is overwritten.
-pub(super) fn product<T: Scalar>(
-    map: &KernelMap,
-    x: &[T],
-    c_in: usize,
-    weights: &[T],
-    c_out: usize,
-    y: &mut Vec<T>,
-) {
-    product_then(map, x, (weights, c_in), c_out, y, &nothing);
+/// `y[o] = Σ_k Σ_{i →k o} x[i]·weights[k]`; `y` is overwritten.
+pub(super) fn product<T: Scalar>(map: &KernelMap, x: &[T], weights: Weights<T>, y: &mut Vec<T>) {
+    product_then(map, x, weights, y, &nothing);
 }
 
 /// [`product`], and `then` on each block of rows as soon as it is done.
 pub(super) fn product_then<T: Scalar>(
     map: &KernelMap,
     x: &[T],
-    (weights, c_in): (&[T], usize),
-    c_out: usize,
+    weights: Weights<T>,
     y: &mut Vec<T>,
     then: &Then<T>,
 ) {
-    sum_of_terms(map, &[Term::Nodes { x, columns: 0..c_in }], (weights, c_in), c_out, y, then);
+    let c_out = weights.width();
+    sum_of_terms(map, &[Term::Nodes { x, weights }], c_out, y, then);
 }
 
 /// [`product_then`] with the columns of `x` in several terms.
 pub(super) fn sum_of_terms<T: Scalar>(
     map: &KernelMap,
     terms: &[Term<T>],
-    (weights, c_in): (&[T], usize),
     c_out: usize,
     y: &mut Vec<T>,
     then: &Then<T>,
 ) {
     for term in terms {
-        if let Term::Nodes { x, columns } = term {
-            let n = map.n_inputs() * columns.len();
+        if let Term::Nodes { x, weights } = term {
+            let n = map.n_inputs() * weights.depth();
             assert_eq!(x.len(), n, "rows of the input and of the kernel map differ");
         }
     }
     y.resize(map.n_outputs() * c_out, T::ZERO);
+    match map.n_blocks() {
+        1 => {
+            sum_by_columns(map, terms, c_out, y);
+            then(0, y);
+        }
+        _ => sum_by_blocks(map, terms, c_out, y, then),
+    }
+}
+
+/// A block of rows is one task. Weights are packed once for all blocks.
+fn sum_by_blocks<T: Scalar>(
+    map: &KernelMap,
+    terms: &[Term<T>],
+    c_out: usize,
+    y: &mut [T],
+    then: &Then<T>,
+) {
+    let level = Level::active();
+    let pack = |term: &Term<T>| match term {
+        Term::Nodes { weights, .. } => Some(Packed::new(level, weights, |panels, len, work| {
+            par::for_each_block(panels, len, work);
+        })),
+        Term::Shapes { .. } => None,
+    };
+    let packed: Vec<_> = terms.iter().map(pack).collect();
     par::for_each_block(y, map.block_len() * c_out, |block, rows| {
-        rows.fill(T::ZERO);
-        for term in terms {
-            for (k, weights) in weights.chunks_exact(c_in * c_out).enumerate() {
-                let (inputs, outputs) = map.pairs(block, k);
-                match term {
-                    Term::Nodes { x, columns } => {
-                        let w = &weights[columns.start * c_out..columns.end * c_out];
-                        T::matmul_rows(x, inputs, columns.len(), w, c_out, rows, outputs);
-                    }
-                    Term::Shapes { products, shapes } => {
-                        let first = block * map.block_len();
-                        for_each_shape(shapes, first, outputs, |shape, outputs| {
-                            let product = &products[(k * shapes.len() + shape) * c_out..][..c_out];
-                            vectorised(
-                                #[inline(always)]
-                                || add_to_rows(product, outputs, rows),
-                            );
-                        });
-                    }
+        let source = |i: usize| packed[i].as_ref().map(Source::Packed);
+        let terms = terms_of_block(map, block, terms, c_out, source);
+        block::sum_of_terms(level, &terms, c_out, 0..c_out, rows);
+        then(block * map.block_len(), rows);
+    });
+}
+
+/// Some columns of all rows are one task: few rows take less time than their weights take to be read,
+/// which is done once.
+fn sum_by_columns<T: Scalar>(map: &KernelMap, terms: &[Term<T>], c_out: usize, y: &mut [T]) {
+    let level = Level::active();
+    let width = c_out.div_ceil(PARTS).next_multiple_of(PART_WIDTH);
+    let columns = |part: usize| part * width..c_out.min((part + 1) * width);
+    let plain = |term: &Term<T>| match term {
+        Term::Nodes { weights, .. } => weights.plain(0).is_some(),
+        Term::Shapes { .. } => true,
+    };
+    let in_place = terms.iter().all(plain);
+    let parts = par::map(c_out.div_ceil(width), |part| {
+        let columns = columns(part);
+        let mut y = vec![T::ZERO; map.n_outputs() * columns.len()];
+        if in_place {
+            add_in_place(level, map, terms, c_out, columns, &mut y);
+        } else {
+            let copied = |i: usize| match &terms[i] {
+                Term::Nodes { weights, .. } => Some(Source::Matrices(weights.clone())),
+                Term::Shapes { .. } => None,
+            };
+            let terms = terms_of_block(map, 0, terms, c_out, copied);
+            block::sum_of_terms(level, &terms, c_out, columns, &mut y);
+        }
+        y
+    });
+    for (row, y) in y.chunks_exact_mut(c_out).enumerate() {
+        for (part, from) in parts.iter().enumerate() {
+            let columns = columns(part);
+            y[columns.clone()].copy_from_slice(&from[row * columns.len()..][..columns.len()]);
+        }
+    }
+}
+
+/// Adds some columns of the terms to `y`, offset by offset, so that weights are read as they lie.
+fn add_in_place<T: Scalar>(
+    level: Level,
+    map: &KernelMap,
+    terms: &[Term<T>],
+    c_out: usize,
+    columns: Range<usize>,
+    y: &mut [T],
+) {
+    for term in terms {
+        for k in 0..map.n_offsets() {
+            let (inputs, outputs) = map.pairs(0, k);
+            match term {
+                Term::Nodes { x, weights } => {
+                    let w = weights.plain(k).expect("weights that are not transposed");
+                    let (w, c) = ((w, c_out, columns.clone()), (&mut *y, outputs));
+                    matmul_columns(level, (x, inputs), weights.depth(), w, c);
+                }
+                Term::Shapes { products, shapes } => {
+                    for_each_shape(shapes, 0, outputs, |shape, outputs| {
+                        let product = &products[(k * shapes.len() + shape) * c_out..][..c_out];
+                        let product = &product[columns.clone()];
+                        vectorised(
+                            #[inline(always)]
+                            || add_to_rows(product, outputs, y),
+                        );
+                    });
                 }
             }
         }
-        then(block * map.block_len(), rows);
-    });
+    }
+}
+
+/// The terms as the kernel takes them; `source(i)` holds the weights of term `i`.
+fn terms_of_block<'a, T: Scalar>(
+    map: &'a KernelMap,
+    block: usize,
+    terms: &'a [Term<T>],
+    c_out: usize,
+    source: impl Fn(usize) -> Option<Source<'a, T>>,
+) -> Vec<block::Term<'a, T>> {
+    let offsets = 0..map.n_offsets();
+    let term = |(i, term): (usize, &'a Term<T>)| match (term, source(i)) {
+        (Term::Nodes { x, .. }, Some(weights)) => {
+            let pairs = offsets.clone().map(|k| map.pairs(block, k)).collect();
+            block::Term::Products { x, pairs, weights }
+        }
+        (Term::Shapes { products, shapes }, _) => {
+            let mut rows = Vec::new();
+            for k in offsets.clone() {
+                let first = block * map.block_len();
+                for_each_shape(shapes, first, map.pairs(block, k).1, |shape, outputs| {
+                    let product = &products[(k * shapes.len() + shape) * c_out..][..c_out];
+                    rows.push((product, outputs));
+                });
+            }
+            block::Term::Rows(rows)
+        }
+        _ => unreachable!("each product has its weights"),
+    };
+    terms.iter().enumerate().map(term).collect()
 }
 
 /// Adds `x` to these rows of `y`.
@@ -102,11 +202,11 @@ fn add_to_rows<T: Scalar>(x: &[T], rows: &[u32], y: &mut [T]) {
 
 /// Calls `work(shape, rows)` for the runs of `rows`, ascending and counted from `first`, that lie in one
 /// shape.
-fn for_each_shape(
+fn for_each_shape<'a>(
     shapes: &[Range<usize>],
     first: usize,
-    mut rows: &[u32],
-    mut work: impl FnMut(usize, &[u32]),
+    mut rows: &'a [u32],
+    mut work: impl FnMut(usize, &'a [u32]),
 ) {
     while let Some(&row) = rows.first() {
         let shape = shapes.partition_point(|shape| shape.end <= first + row as usize);
@@ -221,39 +321,22 @@ fn pairs_of_blocks(
     (a, g)
 }
 
-/// Each of the matrices `[rows, cols]` of `weights` transposed, the last one first.
-pub(super) fn transposed_reversed<T: Scalar>(weights: &[T], rows: usize, cols: usize) -> Vec<T> {
-    transposed_reversed_rows(weights, rows, cols, 0..rows)
-}
-
-/// [`transposed_reversed`] of some rows of each matrix.
-pub(super) fn transposed_reversed_rows<T: Scalar>(
-    weights: &[T],
-    rows: usize,
-    cols: usize,
-    some: Range<usize>,
-) -> Vec<T> {
-    let n = weights.len() / (rows * cols);
-    let mut transposed = vec![T::ZERO; n * some.len() * cols];
-    par::for_each_block(&mut transposed, some.len() * cols, |k, to| {
-        let from = &weights[(n - 1 - k) * rows * cols..][some.start * cols..some.end * cols];
-        par::for_each_block(to, TILE * some.len(), |band, to| {
-            transpose_band(from, cols, band * TILE, to);
-        });
+/// `y[r] = Σ_k x[k·n + r]·weights[k]`: `n` rows of `y`, for each of which every offset has one row of `x`.
+pub(super) fn product_of_rows<T: Scalar>(x: &[T], n: usize, weights: &Weights<T>, y: &mut Vec<T>) {
+    let (depth, c_out) = (weights.depth(), weights.width());
+    assert_eq!(x.len(), weights.n_offsets() * n * depth, "one row for each offset and output");
+    y.resize(n * c_out, T::ZERO);
+    par::for_each_block(y, block::MAX_ROWS * c_out, |i, y| {
+        let outputs: Vec<u32> = (0..(y.len() / c_out) as u32).collect();
+        let first = |k: usize| (k * n + i * block::MAX_ROWS) as u32;
+        let inputs =
+            (0..weights.n_offsets()).map(|k| outputs.iter().map(|r| first(k) + r).collect());
+        let inputs: Vec<Vec<u32>> = inputs.collect();
+        let pairs = inputs.iter().map(|inputs| (&inputs[..], &outputs[..])).collect();
+        let weights = Source::Matrices(weights.clone());
+        let terms = [block::Term::Products { x, pairs, weights }];
+        block::sum_of_terms(Level::active(), &terms, c_out, 0..c_out, y);
     });
-    transposed
-}
-
-/// `to[c, r] = from[r, first + c]` for a band of columns, in tiles that fit the cache.
-fn transpose_band<T: Scalar>(from: &[T], cols: usize, first: usize, to: &mut [T]) {
-    let rows = from.len() / cols;
-    for r0 in (0..rows).step_by(TILE) {
-        for (c, to) in to.chunks_exact_mut(rows).enumerate() {
-            for r in r0..(r0 + TILE).min(rows) {
-                to[r] = from[r * cols + first + c];
-            }
-        }
-    }
 }
 
 #[cfg(test)]
@@ -288,15 +371,6 @@ pub(super) mod tests {
     ) {
         let settings = Settings { max_elements: 120, ..Settings::default() };
         gradcheck::layer(inputs, forward, backward, &settings).require(1e-7).unwrap();
-    }
-
-    #[test]
-    fn transposing_twice_is_the_identity() {
-        let weights: Vec<f64> = (0..3 * 17 * 35).map(f64::from).collect();
-        let once = transposed_reversed(&weights, 17, 35);
-        assert_eq!(once[0], weights[2 * 17 * 35]);
-        assert_eq!(once[17 * 3 + 5], weights[2 * 17 * 35 + 35 * 5 + 3]);
-        assert_eq!(transposed_reversed(&once, 35, 17), weights);
     }
 
     #[test]

@@ -7,12 +7,12 @@
 use crate::par;
 use std::ops::Range;
 
-/// Longest block: long enough to load each weight matrix seldom, short enough to stay in the cache.
+/// Longest block: its sums in one panel of columns fill half of a first-level cache.
 const MAX_BLOCK: usize = 256;
-/// Shortest block; blocks are multiples of it.
-const MIN_BLOCK: usize = 32;
-/// Small maps are cut into about this many blocks, to keep several threads busy.
-const MIN_BLOCKS: usize = 8;
+/// Shortest block of a map that has several; blocks are multiples of it.
+const MIN_BLOCK: usize = 64;
+/// Such maps are cut into about this many blocks, to keep several threads busy to the end.
+const MIN_BLOCKS: usize = 32;
 
 /// Pairs of input and output rows for every block of output rows and every kernel offset.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -135,8 +135,12 @@ impl<const K: usize> Block<K> {
     }
 }
 
+/// Maps that fit one block have one: work on them is shared by columns.
 fn block_len(n_outputs: usize) -> usize {
-    (n_outputs / MIN_BLOCKS).next_multiple_of(MIN_BLOCK).clamp(MIN_BLOCK, MAX_BLOCK)
+    match n_outputs {
+        0..=MAX_BLOCK => MAX_BLOCK,
+        n => (n / MIN_BLOCKS).next_multiple_of(MIN_BLOCK).clamp(MIN_BLOCK, MAX_BLOCK),
+    }
 }
 
 #[cfg(test)]
@@ -145,7 +149,7 @@ mod tests {
 
     #[test]
     fn every_existing_pair_is_listed_once_in_its_block() {
-        for n in [1usize, 31, 33, 700, 3000] {
+        for n in [1usize, 31, 256, 257, 700, 3000] {
             let neigh: Vec<[i32; 27]> = (0..n)
                 .map(|r| {
                     std::array::from_fn(|k| {

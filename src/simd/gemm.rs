@@ -19,13 +19,15 @@
 //! The arrays in `gemm/tile.rs` become vectors by themselves; `benches/gemm.rs` compares them with
 //! matrixmultiply's intrinsics.
 
+pub mod block;
 mod tile;
+pub mod weights;
 
 use super::{Kernel, Level, Simd};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 pub use tile::Real;
-use tile::{Copied, Panel, RowPointers, tile_rows, tile_tn};
+use tile::{Copied, Panel, RowPointers, tile_rows, tile_tn, with_height};
 
 /// Sum indices per pass: a panel of this depth fills half of a 32 KB first-level cache at 16 columns.
 const DEPTH: usize = 256;
@@ -46,6 +48,7 @@ struct MatmulRows<'a, T> {
     k: usize,
     b: &'a [T],
     n: usize,
+    columns: Range<usize>,
     c: &'a mut [T],
     c_rows: &'a [u32],
 }
@@ -73,12 +76,27 @@ pub fn matmul_rows<T: Real>(
     n: usize,
     (c, c_rows): (&mut [T], &[u32]),
 ) {
+    matmul_columns(level, (a, a_rows), k, (b, n, 0..n), (c, c_rows));
+}
+
+/// [`matmul_rows`] with some columns of `b: [k, n]` alone: `c` has only these.
+///
+/// # Panics
+/// As [`matmul_rows`], and if `b` lacks the columns.
+pub fn matmul_columns<T: Real>(
+    level: Level,
+    (a, a_rows): (&[T], &[u32]),
+    k: usize,
+    (b, n, columns): (&[T], usize, Range<usize>),
+    (c, c_rows): (&mut [T], &[u32]),
+) {
     assert_eq!(a_rows.len(), c_rows.len(), "one row of a for each row of c");
     assert_eq!(b.len(), k * n, "b is [k, n]");
+    assert!(columns.start <= columns.end && columns.end <= n, "columns of b");
     check_rows(a_rows, a.len(), k);
-    check_rows(c_rows, c.len(), n);
-    if !a_rows.is_empty() && k * n > 0 {
-        level.run(MatmulRows { a, a_rows, k, b, n, c, c_rows });
+    check_rows(c_rows, c.len(), columns.len());
+    if !a_rows.is_empty() && k * columns.len() > 0 {
+        level.run(MatmulRows { a, a_rows, k, b, n, columns, c, c_rows });
     }
 }
 
@@ -116,21 +134,54 @@ impl<T: Real> Kernel for MatmulRows<'_, T> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        // Sums, one row of the panel and one broadcast fill the registers.
         let few = self.a_rows.len() <= FEW;
         match (S::LANES * S::REGISTERS, size_of::<T>()) {
-            (512.., 4) if few && self.n.is_multiple_of(64) => {
+            (512.., 4) if few && self.columns.len().is_multiple_of(64) => {
                 matmul_rows_body::<T, S, FEW, 64>(simd, self);
             }
-            (128..512, 4) if few && self.n.is_multiple_of(32) => {
+            (128..512, 4) if few && self.columns.len().is_multiple_of(32) => {
                 matmul_rows_body::<T, S, FEW, 32>(simd, self);
             }
-            (512.., 4) => matmul_rows_body::<T, S, 8, 32>(simd, self),
-            (512.., _) => matmul_rows_body::<T, S, 8, 16>(simd, self),
-            (128.., 4) => matmul_rows_body::<T, S, 6, 16>(simd, self),
-            (128.., _) => matmul_rows_body::<T, S, 6, 8>(simd, self),
-            _ => matmul_rows_body::<T, S, 2, 8>(simd, self),
+            _ => with_tile::<T, S, Self>(simd, self),
         }
+    }
+}
+
+/// Work in tiles of `M` rows and `N` columns.
+trait Tiled<T> {
+    type Output;
+
+    fn run<S: Simd, const M: usize, const N: usize>(self, simd: S) -> Self::Output;
+}
+
+/// The work in the tiles that suit the level: sums, one row of the panel and one broadcast fill the
+/// registers.
+#[inline(always)]
+fn with_tile<T, S: Simd, W: Tiled<T>>(simd: S, work: W) -> W::Output {
+    match (S::LANES * S::REGISTERS, size_of::<T>()) {
+        (512.., 4) => work.run::<S, 8, 32>(simd),
+        (512.., _) => work.run::<S, 8, 16>(simd),
+        (128.., 4) => work.run::<S, 6, 16>(simd),
+        (128.., _) => work.run::<S, 6, 8>(simd),
+        _ => work.run::<S, 2, 8>(simd),
+    }
+}
+
+impl<T: Real> Tiled<T> for MatmulRows<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd, const M: usize, const N: usize>(self, simd: S) {
+        matmul_rows_body::<T, S, M, N>(simd, self);
+    }
+}
+
+impl<T: Real> Tiled<T> for MatmulTnRows<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd, const M: usize, const N: usize>(self, simd: S) {
+        matmul_tn_rows_body::<T, S, M, N>(simd, self);
     }
 }
 
@@ -139,28 +190,8 @@ impl<T: Real> Kernel for MatmulTnRows<'_, T> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        // Sums, one row of the panel and one broadcast fill the registers.
-        match (S::LANES * S::REGISTERS, size_of::<T>()) {
-            (512.., 4) => matmul_tn_rows_body::<T, S, 8, 32>(simd, self),
-            (512.., _) => matmul_tn_rows_body::<T, S, 8, 16>(simd, self),
-            (128.., 4) => matmul_tn_rows_body::<T, S, 6, 16>(simd, self),
-            (128.., _) => matmul_tn_rows_body::<T, S, 6, 8>(simd, self),
-            _ => matmul_tn_rows_body::<T, S, 2, 8>(simd, self),
-        }
+        with_tile::<T, S, Self>(simd, self);
     }
-}
-
-/// Calls `$tile::<T, S, HEIGHT, N>` for the height at hand; heights above `$max` are compiled out.
-macro_rules! with_height {
-    ($height:expr, $max:expr, $tile:ident::<$t:ty, $s:ty, $n:ident>$args:tt) => {
-        with_height!(@ $height, $max, $tile, $t, $s, $n, $args, 1 2 3 4 5 6 7 8)
-    };
-    (@ $height:expr, $max:expr, $tile:ident, $t:ty, $s:ty, $n:ident, $args:tt, $($m:literal)*) => {
-        match $height {
-            $($m if $m <= $max => $tile::<$t, $s, $m, $n>$args,)*
-            height => unreachable!("a tile of {height} rows"),
-        }
-    };
 }
 
 #[inline(always)]
@@ -170,8 +201,8 @@ fn matmul_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
 ) {
     let mut copy = Copied([const { MaybeUninit::uninit() }; DEPTH]);
     for p in passes(x.k, DEPTH) {
-        for j in (0..x.n).step_by(N) {
-            let j = j..x.n.min(j + N);
+        for start in x.columns.clone().step_by(N) {
+            let j = start..x.columns.end.min(start + N);
             let rows = x.b[p.start * x.n..p.end * x.n].chunks_exact(x.n).map(|row| &row[j.clone()]);
             let wide = x.n >= WIDTH_FOR_PANEL && x.a_rows.len() >= ROWS_FOR_PANEL;
             let panel = if wide || j.len() < N {
@@ -182,8 +213,9 @@ fn matmul_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
             for r in tiles(x.a_rows.len(), M) {
                 let a = x.a[p.start..].as_ptr();
                 let a = RowPointers { start: a, rows: &x.a_rows[r.clone()], width: x.k };
-                let c = x.c[j.start..].as_mut_ptr();
-                let c = RowPointers { start: c, rows: &x.c_rows[r.clone()], width: x.n };
+                let c = x.c[j.start - x.columns.start..].as_mut_ptr();
+                let width = x.columns.len();
+                let c = RowPointers { start: c, rows: &x.c_rows[r.clone()], width };
                 // SAFETY: all rows were checked on entry, and p and j stay inside them.
                 unsafe {
                     with_height!(r.len(), M, tile_rows::<T, S, N>(simd, a, &panel, c, j.len()))

@@ -5,8 +5,22 @@ use super::DEPTH;
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
 
+/// Calls `$tile::<T, S, HEIGHT, N>` for the height at hand; heights above `$max` are compiled out.
+macro_rules! with_height {
+    ($height:expr, $max:expr, $tile:ident::<$t:ty, $s:ty, $n:ident>$args:tt) => {
+        with_height!(@ $height, $max, $tile, $t, $s, $n, $args, 1 2 3 4 5 6 7 8)
+    };
+    (@ $height:expr, $max:expr, $tile:ident, $t:ty, $s:ty, $n:ident, $args:tt, $($m:literal)*) => {
+        match $height {
+            $($m if $m <= $max => $tile::<$t, $s, $m, $n>$args,)*
+            height => unreachable!("a tile of {height} rows"),
+        }
+    };
+}
+pub(super) use with_height;
+
 /// A number that tiles are made of: `f32` or `f64`.
-pub trait Real: Copy + Default + 'static {
+pub trait Real: Copy + Default + std::ops::Add<Output = Self> + 'static {
     /// `a * b + c` with one rounding.
     fn fused<S: Simd>(simd: S, a: Self, b: Self, c: Self) -> Self;
 }
@@ -63,6 +77,16 @@ impl<'a, T: Real, const N: usize> Panel<'a, T, N> {
             };
             depth += 1;
         }
+        Panel { start: copy.0.as_ptr().cast(), stride: N, depth, source: PhantomData }
+    }
+
+    /// The first `depth` rows of `copy`.
+    ///
+    /// # Safety
+    /// They are written.
+    #[inline(always)]
+    pub(super) unsafe fn of_copy(copy: &'a Copied<T, N>, depth: usize) -> Self {
+        assert!(depth <= DEPTH);
         Panel { start: copy.0.as_ptr().cast(), stride: N, depth, source: PhantomData }
     }
 

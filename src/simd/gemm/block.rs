@@ -1,0 +1,330 @@
+//! A block of output rows of a sum of products over kernel offsets.
+//!
+//! ```text
+//! y[o, j] = Σ over the terms in order; a term of products: Σ_k Σ_p x[i, p] · w[k, p, j]  for i →k o
+//! ```
+//!
+//! Columns are taken a panel at a time: the sums of all rows of the block in it stay in the first-level
+//! cache while every offset of every term is added, and the panels of the weights pass by once, in one
+//! piece if they were packed.
+
+use super::super::{Kernel, Level, Simd};
+use super::tile::{Copied, Panel, Real, RowPointers, tile_rows, with_height};
+use super::weights::{Packed, Weights};
+use super::{DEPTH, Tiled, check_rows, passes, tiles, with_tile};
+use std::mem::MaybeUninit;
+use std::ops::Range;
+
+/// Most rows of a block.
+pub const MAX_ROWS: usize = 256;
+
+/// Rows that meet at one kernel offset: of the input, and of the block.
+pub type Pairs<'a> = (&'a [u32], &'a [u32]);
+
+/// One summand of a block.
+pub enum Term<'a, T> {
+    /// Products of rows of `x: [_, depth]`.
+    Products {
+        /// The inputs.
+        x: &'a [T],
+        /// Which rows meet at each offset.
+        pairs: Vec<Pairs<'a>>,
+        /// What they are multiplied by.
+        weights: Source<'a, T>,
+    },
+    /// The same row, of all columns, for each of some rows of the block; one after another.
+    Rows(Vec<(&'a [T], &'a [u32])>),
+}
+
+/// Where panels come from.
+pub enum Source<'a, T> {
+    /// One piece of memory.
+    Packed(&'a Packed<T>),
+    /// The matrices, from which each panel is copied when it is needed.
+    Matrices(Weights<'a, T>),
+}
+
+/// Inputs of [`sum_of_terms`], checked.
+struct Block<'a, T> {
+    terms: &'a [Term<'a, T>],
+    columns: Range<usize>,
+    y: &'a mut [T],
+}
+
+/// Sums of one panel of a block; whole cache lines.
+#[repr(align(64))]
+struct Sums<T, const N: usize>([[T; N]; MAX_ROWS]);
+
+/// Overwrites `y: [n_rows, columns.len()]` with these columns of the sum of the terms. Each element takes
+/// its products one by one in the order of terms, offsets and columns of `x`, fused onto 0.
+///
+/// # Panics
+/// If there are more than [`MAX_ROWS`] rows, the columns do not begin with a panel of packed weights, or a
+/// term does not fit.
+pub fn sum_of_terms<T: Real>(
+    level: Level,
+    terms: &[Term<T>],
+    n: usize,
+    columns: Range<usize>,
+    y: &mut [T],
+) {
+    assert!(columns.start <= columns.end && columns.end <= n, "columns of the output");
+    if columns.is_empty() {
+        return;
+    }
+    let n_rows = y.len() / columns.len();
+    assert!(n_rows * columns.len() == y.len() && n_rows <= MAX_ROWS, "whole rows of a block");
+    for term in terms {
+        check(level, term, n, n_rows, columns.start);
+    }
+    level.run(Block { terms, columns, y });
+}
+
+fn check<T: Real>(level: Level, term: &Term<T>, n: usize, n_rows: usize, first: usize) {
+    let within_block = |rows: &[u32]| rows.iter().all(|&row| (row as usize) < n_rows);
+    match term {
+        Term::Products { x, pairs, weights } => {
+            let (n_offsets, depth, width) = match weights {
+                Source::Packed(packed) => {
+                    let panel_width = super::weights::panel_width::<T>(level);
+                    assert_eq!(packed.panel_width, panel_width, "packed for this level");
+                    assert!(first.is_multiple_of(panel_width), "columns begin with a panel");
+                    (packed.n_offsets, packed.depth, packed.width)
+                }
+                Source::Matrices(w) => (w.n_offsets(), w.depth(), w.width()),
+            };
+            assert_eq!((pairs.len(), width), (n_offsets, n), "offsets and columns of the weights");
+            for (inputs, outputs) in pairs {
+                assert_eq!(inputs.len(), outputs.len(), "one row of x for each row of the block");
+                assert!(within_block(outputs), "rows of the block");
+                check_rows(inputs, x.len(), depth);
+            }
+        }
+        Term::Rows(rows) => {
+            assert!(rows.iter().all(|(row, outputs)| row.len() == n && within_block(outputs)));
+        }
+    }
+}
+
+impl<T: Real> Kernel for Block<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        with_tile::<T, S, Self>(simd, self);
+    }
+}
+
+impl<T: Real> Tiled<T> for Block<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd, const M: usize, const N: usize>(self, simd: S) {
+        let Block { terms, columns, y } = self;
+        let width = columns.len();
+        let mut copy = Copied([const { MaybeUninit::uninit() }; DEPTH]);
+        let mut sums = Sums([[T::default(); N]; MAX_ROWS]);
+        for first in columns.clone().step_by(N) {
+            sums.0[..y.len() / width].fill([T::default(); N]);
+            for term in terms {
+                match term {
+                    Term::Products { x, pairs, weights } => {
+                        products::<T, S, M, N>(
+                            simd,
+                            (x, pairs),
+                            weights,
+                            first,
+                            &mut copy,
+                            &mut sums,
+                        );
+                    }
+                    Term::Rows(rows) => add_rows(rows, first, &mut sums),
+                }
+            }
+            let place = first - columns.start..width.min(first - columns.start + N);
+            for (y, sums) in y.chunks_exact_mut(width).zip(&sums.0) {
+                y[place.clone()].copy_from_slice(&sums[..place.len()]);
+            }
+        }
+    }
+}
+
+/// Adds the products of one term to the panel that begins at column `first`.
+#[inline(always)]
+fn products<T: Real, S: Simd, const M: usize, const N: usize>(
+    simd: S,
+    (x, pairs): (&[T], &[Pairs]),
+    weights: &Source<T>,
+    first: usize,
+    copy: &mut Copied<T, N>,
+    sums: &mut Sums<T, N>,
+) {
+    let depth = match weights {
+        Source::Packed(packed) => packed.depth,
+        Source::Matrices(weights) => weights.depth(),
+    };
+    for (k, (inputs, outputs)) in pairs.iter().enumerate().filter(|(_, p)| !p.0.is_empty()) {
+        for p in passes(depth, DEPTH) {
+            let panel = match weights {
+                Source::Packed(packed) => {
+                    let place = first / N * packed.n_offsets + k;
+                    let numbers = &packed.numbers()[(place * depth + p.start) * N..];
+                    Panel::<T, N>::in_place(numbers, N, p.len())
+                }
+                Source::Matrices(weights) => {
+                    let mut n_written = 0;
+                    weights.fill::<N>(k, p.clone(), first, |row| {
+                        copy.0[n_written].write(row);
+                        n_written += 1;
+                    });
+                    // SAFETY: that many rows are written.
+                    unsafe { Panel::of_copy(copy, n_written) }
+                }
+            };
+            for r in tiles(inputs.len(), M) {
+                let a = RowPointers {
+                    start: x[p.start..].as_ptr(),
+                    rows: &inputs[r.clone()],
+                    width: depth,
+                };
+                let c = sums.0.as_mut_ptr().cast::<T>();
+                let c = RowPointers { start: c, rows: &outputs[r.clone()], width: N };
+                // SAFETY: all rows were checked on entry, p stays inside those of x, and rows of the
+                // block inside the sums.
+                unsafe { with_height!(r.len(), M, tile_rows::<T, S, N>(simd, a, &panel, c, N)) };
+            }
+        }
+    }
+}
+
+/// Adds to each row its share of the panel that begins at column `first`.
+#[inline(always)]
+fn add_rows<T: Real, const N: usize>(rows: &[(&[T], &[u32])], first: usize, sums: &mut Sums<T, N>) {
+    for (row, outputs) in rows {
+        let row = &row[first..];
+        let padded: [T; N] = match row.first_chunk::<N>() {
+            Some(row) => *row,
+            None => std::array::from_fn(|i| row.get(i).copied().unwrap_or(T::default())),
+        };
+        for &output in *outputs {
+            let sums = &mut sums.0[output as usize];
+            sums.iter_mut().zip(padded).for_each(|(sum, x)| *sum = *sum + x);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn numbers(len: usize, seed: usize) -> Vec<f32> {
+        (0..len).map(|i| (((i + seed) * 7919 + 13) % 97) as f32 * 0.37 - 17.0).collect()
+    }
+
+    /// Rows that meet: some, none, all.
+    fn pairs(n_offsets: usize, n_rows: usize, n_inputs: usize) -> Vec<(Vec<u32>, Vec<u32>)> {
+        let some = |k: usize| {
+            let outputs = (0..n_rows).filter(move |o| (o + k) % 3 != 0 && k % 4 != 2);
+            let pair = |o: usize| (((o * 5 + k) % n_inputs) as u32, o as u32);
+            outputs.map(pair).unzip()
+        };
+        (0..n_offsets).map(some).collect()
+    }
+
+    struct Case {
+        n_offsets: usize,
+        n_rows: usize,
+        rows: usize,
+        columns: usize,
+        some: Range<usize>,
+        transposed: bool,
+    }
+
+    fn assert_equals_the_plain_sum(level: Level, case: &Case) {
+        let Case { n_offsets, n_rows, rows, columns, .. } = *case;
+        let w = numbers(n_offsets * rows * columns, 3);
+        let mut weights = Weights::new(&w, rows, columns).rows(case.some.clone());
+        if case.transposed {
+            weights = weights.transposed().reversed();
+        }
+        let (depth, n) = (weights.depth(), weights.width());
+        let x = numbers(40 * depth, 5);
+        let (constant, lists) = (numbers(n, 7), pairs(n_offsets, n_rows, 40));
+        let ones: Vec<u32> = (0..n_rows as u32).step_by(2).collect();
+        let mut expected = vec![0.0f32; n_rows * n];
+        ones.iter().for_each(|&o| {
+            expected[o as usize * n..][..n].iter_mut().zip(&constant).for_each(|(y, c)| *y += c);
+        });
+        for (k, (inputs, outputs)) in lists.iter().enumerate() {
+            for (&i, &o) in inputs.iter().zip(outputs) {
+                for j in 0..n {
+                    for p in 0..depth {
+                        let place = match case.transposed {
+                            false => (k * rows + case.some.start + p) * columns + j,
+                            true => {
+                                ((n_offsets - 1 - k) * rows + case.some.start + j) * columns + p
+                            }
+                        };
+                        let y = &mut expected[o as usize * n + j];
+                        *y = x[i as usize * depth + p].mul_add(w[place], *y);
+                    }
+                }
+            }
+        }
+        let packed = Packed::new(level, &weights, |numbers, len, work| {
+            numbers.chunks_mut(len).enumerate().for_each(|(i, block)| work(i, block));
+        });
+        for source in [Source::Packed(&packed), Source::Matrices(weights.clone())] {
+            let pairs = lists.iter().map(|(i, o)| (&i[..], &o[..])).collect();
+            let rows = Term::Rows(vec![(&constant[..], &ones[..])]);
+            let terms = [rows, Term::Products { x: &x, pairs, weights: source }];
+            for split in [0, 64.min(n)] {
+                for columns in [0..split, split..n] {
+                    let mut y = vec![f32::NAN; n_rows * columns.len()];
+                    sum_of_terms(level, &terms, n, columns.clone(), &mut y);
+                    let expected = expected.chunks_exact(n).flat_map(|row| &row[columns.clone()]);
+                    assert!(y.iter().zip(expected).all(|(a, b)| a.to_bits() == b.to_bits()));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_level_equals_the_plain_sum_packed_or_not() {
+        for &level in Level::available() {
+            for (n_rows, rows, columns) in [
+                (1, 1, 1),
+                (5, 7, 16),
+                (13, 17, 33),
+                (32, 48, 96),
+                (7, 2 * DEPTH + 3, 5),
+                (256, 8, 70),
+            ] {
+                for transposed in [false, true] {
+                    for some in [0..rows, rows / 3..rows] {
+                        let case = Case { n_offsets: 5, n_rows, rows, columns, some, transposed };
+                        assert_equals_the_plain_sum(level, &case);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "rows of the block")]
+    fn an_output_row_outside_the_block_panics() {
+        let (x, w, mut y) = ([0.0f32; 4], [0.0; 4], [0.0; 4]);
+        let weights = Source::Matrices(Weights::new(&w, 2, 2));
+        let terms = [Term::Products { x: &x, pairs: vec![(&[0], &[2])], weights }];
+        sum_of_terms(Level::active(), &terms, 2, 0..2, &mut y);
+    }
+
+    #[test]
+    #[should_panic(expected = "row 2 of width 2 in 4 numbers")]
+    fn an_input_row_outside_its_matrix_panics() {
+        let (x, w, mut y) = ([0.0f32; 4], [0.0; 4], [0.0; 4]);
+        let weights = Source::Matrices(Weights::new(&w, 2, 2));
+        let terms = [Term::Products { x: &x, pairs: vec![(&[2], &[0])], weights }];
+        sum_of_terms(Level::active(), &terms, 2, 0..2, &mut y);
+    }
+}
