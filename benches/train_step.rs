@@ -22,7 +22,8 @@ fn train_step(c: &mut Criterion) {
     for (name, config) in [("tiny", UNetConfig::tiny()), ("small", UNetConfig::small())] {
         let mut model = Model::<f32>::new(&config, 1).expect("a preset is a network");
         let mut work = Workspace::default();
-        let mut velocity = vec![0.0; model.params.len()];
+        let n = model.params.len();
+        let (mut velocity, mut grads) = (vec![0.0; n], vec![0.0; n]);
         let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
         let mut step = || {
             let batch = Batch::new(&shapes, &config.input).expect("generated parts are sound");
@@ -32,9 +33,8 @@ fn train_step(c: &mut Criterion) {
             for (logits, d) in work.logits.iter().zip(&mut d) {
                 loss += CrossEntropy::binary().loss(logits, &labels, 1.0, d);
             }
-            let mut grads = vec![0.0; model.params.len()];
             model.backward(&batch, [&d[0], &d[1]], &mut work, &mut grads);
-            sgd.step(1e-3, &grads, &mut velocity, &mut model.params);
+            sgd.step(1e-3, &mut grads, &mut velocity, &mut model.params);
             loss
         };
         assert!(step().is_finite());

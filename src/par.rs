@@ -129,19 +129,21 @@ pub fn for_each_block<T: Send>(
     share_out(blocks.len(), blocks, &|(i, block)| work(i, block));
 }
 
-/// Calls `work(block_index, a_block, b_block)` for consecutive blocks of two slices of equal length.
+/// Calls `work(a_block, b_block, c_block)` for consecutive blocks of three slices of equal length.
 ///
 /// # Panics
 /// If the slices differ in length.
-pub fn for_each_block2<A: Send, B: Send>(
+pub fn for_each_block3<A: Send, B: Send, C: Send>(
     a: &mut [A],
     b: &mut [B],
+    c: &mut [C],
     block_len: usize,
-    work: impl Fn(usize, &mut [A], &mut [B]) + Sync,
+    work: impl Fn(&mut [A], &mut [B], &mut [C]) + Sync,
 ) {
-    assert_eq!(a.len(), b.len());
-    let blocks = a.chunks_mut(block_len.max(1)).zip(b.chunks_mut(block_len.max(1))).enumerate();
-    share_out(blocks.len(), blocks, &|(i, (a, b))| work(i, a, b));
+    assert!(a.len() == b.len() && b.len() == c.len());
+    let len = block_len.max(1);
+    let blocks = a.chunks_mut(len).zip(b.chunks_mut(len)).zip(c.chunks_mut(len));
+    share_out(blocks.len(), blocks, &|((a, b), c)| work(a, b, c));
 }
 
 /// Results of `work(block_index, block)` for consecutive blocks of `block_len` items, in order.

@@ -114,14 +114,14 @@ impl<T: Scalar> Run<'_, T> {
         let mut velocity = vec![T::ZERO; self.model.params.len()];
         let mut losses = Vec::new();
         for step in 0..steps {
-            let (loss, grads) = self.gradient();
+            let (loss, mut grads) = self.gradient();
             losses.push(loss);
             if step == 0 {
                 logits(&self.work.logits, &format!("{prefix}train."), to);
                 let entries = &self.model.net.layout().params;
                 tensors(entries, &grads, &format!("{prefix}grad."), to);
             }
-            sgd.step(lr, &grads, &mut velocity, &mut self.model.params);
+            sgd.step(lr, &mut grads, &mut velocity, &mut self.model.params);
         }
         let buffers = self.model.buffers.clone();
         losses.push(self.gradient().0);

@@ -250,8 +250,8 @@ impl<'a, T: Scalar> Op<'a, T> {
         let (momentum, weight_decay) = (settings.momentum, settings.weight_decay);
         let (sgd, mut velocity) = (Sgd { momentum, weight_decay }, vec![T::ZERO; p.len()]);
         for step in 0..3 {
-            let g = self.get(&format!("g{step}"))?;
-            sgd.step(settings.lr, &g, &mut velocity, &mut p);
+            let mut g = self.get(&format!("g{step}"))?;
+            sgd.step(settings.lr, &mut g, &mut velocity, &mut p);
             self.results.add(format!("sgd.p{}", step + 1), &[p.len()], &p);
         }
         Ok(())

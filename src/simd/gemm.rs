@@ -32,6 +32,10 @@ use tile::{Copied, Panel, RowPointers, tile_rows, tile_tn, with_height};
 /// Sum indices per pass: a panel of this depth fills half of a 32 KB first-level cache at 16 columns.
 const DEPTH: usize = 256;
 
+/// Rows per pass of a weight gradient: a panel of them and the lines of `a` that a tile reads share that
+/// cache.
+const TN_DEPTH: usize = 128;
+
 /// Fewest rows and columns of `c` for which copying a panel of `b` pays: narrower matrices stay in
 /// the first-level cache as they are (benches/gemm.rs).
 const ROWS_FOR_PANEL: usize = 64;
@@ -231,7 +235,7 @@ fn matmul_tn_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
     x: MatmulTnRows<'_, T>,
 ) {
     let mut copy = Copied([const { MaybeUninit::uninit() }; DEPTH]);
-    for r in passes(x.a_rows.len(), DEPTH) {
+    for r in passes(x.a_rows.len(), TN_DEPTH) {
         for j in (0..x.n).step_by(N) {
             let j = j..x.n.min(j + N);
             let g_rows =

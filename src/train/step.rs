@@ -13,6 +13,7 @@ use crate::{Error, Result};
 #[derive(Debug, Default)]
 pub(super) struct Memory {
     work: Workspace<f32>,
+    /// Zeros between steps.
     grads: Vec<f32>,
     dlogits: [Vec<f32>; 2],
 }
@@ -82,22 +83,23 @@ impl Run {
         };
         let (all, size) =
             (weights(samples), settings.micro_batch_size.unwrap_or(samples.len().max(1)));
-        memory.grads.clear();
         memory.grads.resize(model.params.len(), 0.0);
         let mut outcome = Outcome { loss: 0.0, confusion: Default::default() };
         for (part, dropout) in samples.chunks(size).zip(dropout.chunks_mut(size)) {
             let some = weights(part);
             let shares = [0, 1].map(|head: usize| scale * (some[head] / all[head]));
-            memory.accumulate(model, part, dropout, &criteria, shares, &mut outcome)?;
+            let added = memory.accumulate(model, part, dropout, &criteria, shares, &mut outcome);
+            added.inspect_err(|_| memory.grads.fill(0.0))?;
         }
         if !outcome.loss.is_finite() {
+            memory.grads.fill(0.0);
             return Err(not_finite(place, outcome.loss, samples));
         }
         if let Some(most) = settings.clip_norm {
             clip(&mut memory.grads, most);
         }
         let sgd = Sgd { momentum: settings.momentum, weight_decay: settings.weight_decay };
-        sgd.step(lr, &memory.grads, velocity, &mut model.params);
+        sgd.step(lr, &mut memory.grads, velocity, &mut model.params);
         Ok(outcome)
     }
 }

@@ -99,11 +99,10 @@ impl Trainer {
         for (logits, d) in self.work.logits.iter().zip(&mut self.dlogits) {
             CrossEntropy::binary().loss(logits, &self.targets, 1.0, d);
         }
-        self.grads.fill(0.0);
         let [first, second] = &self.dlogits;
         self.model.backward(batch, [first, second], &mut self.work, &mut self.grads);
         let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
-        sgd.step(1e-3, &self.grads, &mut self.velocity, &mut self.model.params);
+        sgd.step(1e-3, &mut self.grads, &mut self.velocity, &mut self.model.params);
     }
 }
 
