@@ -152,7 +152,7 @@ pub fn map_chunks<T: Send, R: Send>(
     block_len: usize,
     work: impl Fn(usize, &mut [T]) -> R + Sync,
 ) -> Vec<R> {
-    collect(items.chunks_mut(block_len.max(1)), |i, block| work(i, block))
+    collect(items.chunks_mut(block_len.max(1)), work)
 }
 
 /// Results of `work` over consecutive ranges of `block_len` indices of `0..n`, in order.

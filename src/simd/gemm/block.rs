@@ -224,7 +224,7 @@ mod tests {
     /// Rows that meet: some, none, all.
     fn pairs(n_offsets: usize, n_rows: usize, n_inputs: usize) -> Vec<(Vec<u32>, Vec<u32>)> {
         let some = |k: usize| {
-            let outputs = (0..n_rows).filter(move |o| (o + k) % 3 != 0 && k % 4 != 2);
+            let outputs = (0..n_rows).filter(move |o| !(o + k).is_multiple_of(3) && k % 4 != 2);
             let pair = |o: usize| (((o * 5 + k) % n_inputs) as u32, o as u32);
             outputs.map(pair).unzip()
         };

@@ -112,9 +112,9 @@ fn transpose<T: Real, const N: usize>(rows: [&[T]; N], depth: usize, mut put: im
             None => std::array::from_fn(|i| row.get(p + i).copied().unwrap_or(T::default())),
         };
         let square: [[T; EDGE]; N] = std::array::from_fn(|i| chunk(rows[i]));
-        for i in 0..EDGE.min(depth - p) {
-            put(std::array::from_fn(|row| square[row][i]));
-        }
+        let columns: [[T; N]; EDGE] =
+            std::array::from_fn(|i| std::array::from_fn(|row| square[row][i]));
+        columns.into_iter().take(depth - p).for_each(&mut put);
     }
 }
 
