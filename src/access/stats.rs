@@ -15,8 +15,8 @@ pub struct Stats {
     pub pairs_tested: u64,
     /// Pairs (centre of an inaccessible site, obstacle) whose share in β was counted by height alone.
     pub beta_by_rank: u64,
-    /// Pairs whose share in β was counted by boxes alone.
-    pub beta_by_box: u64,
+    /// Pairs whose share in β was counted for runs of obstacles as a whole.
+    pub beta_by_run: u64,
     /// Pairs tested one by one for β.
     pub beta_pairs_tested: u64,
 }
@@ -28,7 +28,7 @@ impl AddAssign for Stats {
         self.by_grid += other.by_grid;
         self.pairs_tested += other.pairs_tested;
         self.beta_by_rank += other.beta_by_rank;
-        self.beta_by_box += other.beta_by_box;
+        self.beta_by_run += other.beta_by_run;
         self.beta_pairs_tested += other.beta_pairs_tested;
     }
 }

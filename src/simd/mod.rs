@@ -13,6 +13,7 @@
 #![allow(unsafe_code)]
 
 pub mod boxes;
+pub mod cells;
 pub mod collide;
 pub mod eights;
 pub mod fma;
@@ -22,3 +23,14 @@ pub mod search;
 pub mod windows;
 
 pub use level::{Kernel, Level, Simd};
+
+/// The places of the bits that are set.
+#[inline(always)]
+fn ones(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = bits.trailing_zeros() as usize;
+        let more = bits != 0;
+        bits &= bits.wrapping_sub(1);
+        more.then_some(place)
+    })
+}

@@ -121,26 +121,37 @@ impl Ring {
     }
 }
 
-/// How far the obstacles are from a place at most, mm, rounded up or down.
+/// A place among the obstacles, and how far they are from it at most, mm.
 #[inline(always)]
-fn reach<S: Simd>(s: S, [x0, y0]: [f32; 2], x: &[f32], y: &[f32]) -> f64 {
-    let (x0, y0) = (s.splat(x0), s.splat(y0));
+fn middle_and_reach<S: Simd>(s: S, x: &[f32], y: &[f32]) -> ([f32; 2], f64) {
+    let middle = [middle(s, x), middle(s, y)];
+    let (x0, y0) = (s.splat(middle[0]), s.splat(middle[1]));
     let mut farthest = s.splat(0.0);
     for (x, y) in eights(x).iter().zip(eights(y)) {
         farthest = s.max(farthest, squared_distance(s, x0, y0, x, y));
     }
     let mut lanes = [0.0; 8];
-    s.store(farthest, &mut lanes);
-    f64::from(lanes.into_iter().fold(0.0, |a: f32, b| if b > a { b } else { a })).sqrt()
+    s.store(s.greatest_of_each([farthest; 8]), &mut lanes);
+    (middle, f64::from(lanes[0]).sqrt())
+}
+
+#[inline(always)]
+fn middle<S: Simd>(s: S, axis: &[f32]) -> f32 {
+    let (mut least, mut most) = (s.splat(f32::INFINITY), s.splat(f32::NEG_INFINITY));
+    for eight in eights(axis) {
+        (least, most) = (s.min(least, s.load(eight)), s.max(most, s.load(eight)));
+    }
+    let (least, most) = (s.least_of_each([least; 8]), s.greatest_of_each([most; 8]));
+    let mut lanes = [0.0; 8];
+    s.store(s.mul(s.add(least, most), s.splat(0.5)), &mut lanes);
+    lanes[0]
 }
 
 /// Splits a list of centres by a ring; counts the inside, moves the windows on to the ring.
 pub struct Split<'a> {
     /// Squared radius of the step, mm².
     pub radius_squared: f32,
-    /// A place among the obstacles of the box, mm.
-    pub middle: [f32; 2],
-    /// Obstacles' x, a multiple of eight; the last one again where there are fewer.
+    /// Obstacles' x, a multiple of eight: the last one again where there are fewer.
     pub obstacle_x: &'a [f32],
     /// Obstacles' y.
     pub obstacle_y: &'a [f32],
@@ -168,8 +179,8 @@ impl Kernel for Split<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(mut self, s: S) -> (usize, u64) {
-        let reach = reach(s, self.middle, self.obstacle_x, self.obstacle_y);
-        let ring = Ring::new(self.middle, reach, self.radius_squared);
+        let (middle, reach) = middle_and_reach(s, self.obstacle_x, self.obstacle_y);
+        let ring = Ring::new(middle, reach, self.radius_squared);
         let (n_inside, n_ring) = if ring.inner_squared < 0.0 {
             self.split::<S, false>(s, ring)
         } else {

@@ -2,7 +2,7 @@
 //! Equal to the law bit for bit.
 //!
 //! Labels: see [`search`](crate::simd::search). β: see [`count`]. Obstacles and queries are put into a spatial
-//! order once; grids and boxes are built anew in every direction from the rotated coordinates.
+//! order once, the rest is done anew in every direction from the rotated coordinates.
 
 mod count;
 mod ranks;
@@ -23,12 +23,10 @@ pub(super) struct Pruned<'a> {
     pub level: Level,
 }
 
-/// Coordinates, boxes and lists of the current direction.
+/// Coordinates and lists of the current direction.
 pub(super) struct Scratch {
     frame: Frame,
-    tree: Tree,
-    /// Whether the boxes are those of this direction.
-    enclosed: bool,
+    obstacles: Coordinates,
     centres: Coordinates,
     own_z: Vec<f32>,
     undecided: Vec<u32>,
@@ -42,8 +40,7 @@ impl Method for Pruned<'_> {
     fn scratch(&self) -> Scratch {
         Scratch {
             frame: Frame::default(),
-            tree: Tree::new(self.scene.obstacles.n),
-            enclosed: false,
+            obstacles: Coordinates::zeros(self.scene.obstacles.n),
             centres: Coordinates::default(),
             own_z: Vec::new(),
             undecided: Vec::new(),
@@ -54,22 +51,21 @@ impl Method for Pruned<'_> {
 
     fn enter(&self, scratch: &mut Scratch, frame: &Frame) {
         scratch.frame = *frame;
-        scratch.enclosed = false;
-        turn(&mut scratch.tree.points, &self.scene.obstacles, frame, self.level);
+        turn(&mut scratch.obstacles, &self.scene.obstacles, frame, self.level);
     }
 
     fn collide(&self, scratch: &mut Scratch, tool: &Tool, row: &mut [u64]) -> Stats {
-        let Scratch { frame, tree, centres, own_z, undecided, room, .. } = scratch;
+        let Scratch { frame, obstacles, centres, own_z, undecided, room, .. } = scratch;
         centres.resize(tool.n());
         tool.centres(frame, self.level, centres);
-        let own_z = if tool.own_in_order(tree.points.n) {
-            &tree.points.z
+        let own_z = if tool.own_in_order(obstacles.n) {
+            &obstacles.z
         } else {
-            own_heights(tool, &tree.points.z, own_z, centres.z.len());
+            own_heights(tool, &obstacles.z, own_z, centres.z.len());
             own_z
         };
         undecided.clear();
-        let (steps, obstacles) = (&tool.steps, &tree.points);
+        let steps = &tool.steps;
         let search = Search { centres, steps, obstacles, own_z, row: &mut *row, undecided, room };
         let done = self.level.run(search);
         let mut stats = Stats {
@@ -83,7 +79,7 @@ impl Method for Pruned<'_> {
             let (hit, tested) = self.level.run(AnyObstacle {
                 centre: centres.get(i as usize),
                 steps: &tool.steps,
-                obstacles: &tree.points,
+                obstacles,
                 except: tool.own(i as usize),
             });
             row[i as usize / 64] |= u64::from(hit) << (i % 64);
@@ -93,17 +89,14 @@ impl Method for Pruned<'_> {
     }
 
     fn count(&self, scratch: &mut Scratch, tool: &Tool, beta: &mut [u64]) -> Stats {
-        let Scratch { frame, tree, enclosed, centres, counting, .. } = scratch;
-        if !std::mem::replace(enclosed, true) {
-            tree.enclose(self.level);
-        }
+        let Scratch { frame, obstacles, centres, counting, .. } = scratch;
         centres.resize(tool.n());
         tool.centres(frame, self.level, centres);
-        let stats = counting.run(&tool.steps, centres, tree, beta, self.level);
+        let stats = counting.run(&tool.steps, centres, obstacles, beta, self.level);
         for i in 0..tool.n() {
             let own = tool.own(i);
             if own != usize::MAX
-                && predicate::collides(&tool.steps, centres.get(i), tree.points.get(own))
+                && predicate::collides(&tool.steps, centres.get(i), obstacles.get(own))
             {
                 beta[own] -= 1;
             }
@@ -112,7 +105,7 @@ impl Method for Pruned<'_> {
     }
 }
 
-/// Rotates the obstacles; the boxes around them are still those of another direction.
+/// Rotates the obstacles; padding repeats the place of the last one, at height −∞.
 fn turn(points: &mut Coordinates, obstacles: &Coordinates, frame: &Frame, level: Level) {
     level.run(Rotate { frame, from: obstacles, to: points });
     points.pad_z(f32::NEG_INFINITY);

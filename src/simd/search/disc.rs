@@ -6,7 +6,7 @@ use crate::simd::level::Simd;
 
 /// Cells by which discs keep their distance from the knife edge. Finding the columns of two places takes two
 /// roundings each, together off by 2.4e-7 of the greater one, and no grid has more than
-/// [`MOST_CELLS`](super::grid::MOST_CELLS) of them: this is four times as much.
+/// [`MOST_CELLS`](crate::simd::cells::MOST_CELLS) of them: this is four times as much.
 const MARGIN: f64 = 1e-3;
 /// Likewise the share of the radius: each of the four roundings of a squared distance is at most 6e-8 of it.
 pub const SHARE: f64 = 1e-5;

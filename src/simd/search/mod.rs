@@ -8,8 +8,10 @@
 mod disc;
 mod grid;
 
+use super::cells::Extent;
 use super::collide::{Coordinates, StepSquared, eights};
 use super::level::{Kernel, Simd};
+use crate::simd::ones;
 use grid::Grid;
 
 /// Sets the bit of every query at which some obstacle collides.
@@ -51,28 +53,6 @@ pub struct Searched {
     pub tested: u64,
 }
 
-/// What the open queries span, mm.
-#[derive(Debug, Clone, Copy)]
-pub struct Extent {
-    /// Least x, y, z.
-    pub least: [f32; 3],
-    /// Greatest x, y, z.
-    pub greatest: [f32; 3],
-}
-
-impl Extent {
-    /// Of eight extents.
-    #[inline(always)]
-    pub fn of<S: Simd>(s: S, least: [S::Eight; 3], greatest: [S::Eight; 3]) -> Self {
-        let rows = |[x, y, z]: [S::Eight; 3]| [x, y, z, x, x, x, x, x];
-        let (mut lo, mut hi) = ([0.0; 8], [0.0; 8]);
-        s.store(s.least_of_each(rows(least)), &mut lo);
-        s.store(s.greatest_of_each(rows(greatest)), &mut hi);
-        let three = |[x, y, z, ..]: [f32; 8]| [x, y, z];
-        Extent { least: three(lo), greatest: three(hi) }
-    }
-}
-
 impl Kernel for Search<'_> {
     type Output = Searched;
 
@@ -85,7 +65,8 @@ impl Kernel for Search<'_> {
         for step in self.steps[..n_finite].iter().rev() {
             let n_open = count(&self.room.open);
             let floor = extent.least[2] + step.height;
-            if n_open > 0 && self.room.grid.fill(s, self.obstacles, floor, step, &extent, n_open) {
+            if n_open > 0 && self.room.grid.fill(s, (self.obstacles, floor), step, &extent, n_open)
+            {
                 done.tested += self.ask(s, step);
             }
         }
@@ -151,18 +132,17 @@ impl Search<'_> {
             let [x, y, z] = [&x[block], &y[block], &z[block]];
             let [lane_x, lane_y] = [s.load(x), s.load(y)];
             let threshold = s.add(s.load(z), s.splat(step.height));
-            let [lower, upper] = grid.bounds(s, &grid.cells(s, lane_x, lane_y));
+            let [lower, upper] = grid.bounds(s, &grid.cells.places(s, lane_x, lane_y));
             let mut hit = s.greater(lower, threshold) & u32::from(*open);
             let may = s.greater(upper, threshold) & u32::from(*open) & !hit;
             if may != 0 {
-                let first = grid.cells(s, s.sub(lane_x, reach), s.sub(lane_y, reach));
-                let last = grid.cells(s, s.add(lane_x, reach), s.add(lane_y, reach));
+                let first = grid.cells.places(s, s.sub(lane_x, reach), s.sub(lane_y, reach));
+                let last = grid.cells.places(s, s.add(lane_x, reach), s.add(lane_y, reach));
                 let mut above = [0.0; 8];
                 s.store(threshold, &mut above);
                 for lane in ones(may) {
                     let cylinder = [x[lane], y[lane], above[lane], step.radius_squared];
-                    let (struck, n) =
-                        grid.strikes(s, cylinder, first.place(lane), last.place(lane));
+                    let (struck, n) = grid.strikes(s, cylinder, first.get(lane), last.get(lane));
                     hit |= u32::from(struck) << lane;
                     n_tested += n;
                 }
@@ -187,15 +167,4 @@ fn highest<S: Simd>(s: S, z: &[f32]) -> f32 {
 
 fn count(bits: &[u8]) -> u64 {
     bits.iter().map(|byte| u64::from(byte.count_ones())).sum()
-}
-
-/// The places of the bits that are set.
-#[inline(always)]
-fn ones(mut bits: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let place = bits.trailing_zeros() as usize;
-        let more = bits != 0;
-        bits &= bits.wrapping_sub(1);
-        more.then_some(place)
-    })
 }
