@@ -16,10 +16,10 @@ pub struct Head {
     output: Linear,
 }
 
-/// What [`Head::forward_train`] keeps for backward.
+/// What [`Head::forward_train`] keeps for backward: statistics alone.
 #[derive(Debug, Clone, Default)]
 pub struct Cache<T> {
-    pub(super) unit: unit::Cache<T>,
+    unit: unit::Cache<T>,
 }
 
 impl Head {
@@ -54,7 +54,7 @@ impl Head {
         cache: &mut Cache<T>,
         hidden: &mut Vec<T>,
     ) {
-        self.hidden.forward_train(params, buffers, &(), x, hidden, &mut cache.unit);
+        self.hidden.forward_train_in_place(params, buffers, &(), x, hidden, &mut cache.unit);
         self.output.forward(params, hidden, y);
     }
 
@@ -68,12 +68,16 @@ impl Head {
         dy: &[T],
         dx: &mut [T],
         grads: &mut [T],
-        [hidden, dhidden]: [&mut Vec<T>; 2],
+        [mapped, hidden]: [&mut Vec<T>; 2],
     ) {
-        self.hidden.output(params, &cache.unit, hidden);
-        self.output.backward(params, hidden, dy, Some(dhidden), grads);
-        let Unit { map, .. } = &self.hidden;
-        self.hidden.backward(params, &(), x, &cache.unit, dhidden, None, grads);
-        map.add_dx(params, dhidden, dx);
+        let kept = self.hidden.again(params, &(), x.into(), &cache.unit, std::mem::take(mapped));
+        self.hidden.output(params, &kept, hidden);
+        self.output.backward(params, hidden, dy, None, grads);
+        // Its gradient takes its place.
+        hidden.fill(T::ZERO);
+        self.output.add_dx(params, dy, hidden);
+        self.hidden.backward(params, &(), x, &kept, hidden, None, grads);
+        self.hidden.map.add_dx(params, hidden, dx);
+        *mapped = kept.into_memory();
     }
 }

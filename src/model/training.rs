@@ -131,9 +131,7 @@ impl UNet {
             // Backward computes it once more.
             let Gradients { d: y, scratch, .. } = &mut work.gradients;
             let (rows, cache) = (up_rows(octree, depth), &mut work.up[i]);
-            cache.give_memory(std::mem::take(&mut scratch.a));
-            stage.up.forward_train(params, buffers, rows, x, y, cache);
-            scratch.a = cache.take_memory();
+            stage.up.forward_train_in_place(params, buffers, rows, x, y, cache);
             let skip = if i + 1 < n { work.encoder[n - 2 - i].output() } else { &work.stem.y };
             let cutter = stage.cutter.map(|m| &work.cutters[m].y[..]);
             let parts = stage.parts(skip, cutter, y);
@@ -192,14 +190,14 @@ impl UNet {
         g.cutters.resize_with(self.cutters.len(), Vec::new);
         g.cutters.iter_mut().for_each(Vec::clear);
         self.backward_heads(params, dlogits, work, &mut g, grads);
-        // What the heads kept has served: the largest memory that nobody needs.
-        g.dx = work.heads[0].unit.take_memory();
-        let mut upsampled = work.heads[1].unit.take_memory();
-        let points = std::mem::take(&mut work.points);
-        g.scratch.block = std::mem::replace(&mut g.scratch.middle, points);
+        // What the heads read has served, and so has the decoder's output: the largest memory there is.
+        g.dx = std::mem::take(&mut work.points);
         batch.point_features_backward(self.point_width(), &mut g.d, &mut g.dx);
         std::mem::swap(&mut g.d, &mut g.dx);
+        let last = self.decoder.len() - 1;
+        let mut upsampled = work.decoder[last].pass_relu(&mut g.d);
         self.backward_decoder(params, batch, work, &mut g, &mut upsampled, grads);
+        work.decoder[last].give_memory(upsampled);
         for (m, module) in self.cutters.iter().enumerate() {
             let cache = &work.cutters[m].cache;
             let mut share = dcutters.is_some().then(Vec::new);
@@ -210,11 +208,7 @@ impl UNet {
             }
         }
         self.backward_encoder(params, batch, work, &mut g, dfeatures, grads);
-        std::mem::swap(&mut g.d, &mut g.dx);
-        work.heads[0].unit.give_memory(std::mem::take(&mut g.dx));
-        work.heads[1].unit.give_memory(upsampled);
-        let block = std::mem::take(&mut g.scratch.block);
-        work.points = std::mem::replace(&mut g.scratch.middle, block);
+        work.points = std::mem::take(&mut g.dx);
         work.gradients = g;
     }
 
@@ -254,13 +248,8 @@ impl UNet {
             let features = stage.cutter.map(|m| &work.cutters[m].y[..]);
             let x =
                 if i == 0 { work.encoder[n - 1].output() } else { work.decoder[i - 1].output() };
-            let up_again = |memory: &mut Vec<T>| {
-                let (rows, memory) = (up_rows(octree, depth), std::mem::take(memory));
-                stage.up.again(params, rows, x.into(), &work.up[i], memory)
-            };
-            let mut kept = up_again(&mut scratch.a);
-            stage.up.output(params, &kept, upsampled);
-            scratch.a = kept.take_memory();
+            let coarse = up_rows(octree, depth);
+            stage.up.output_again(params, coarse, x.into(), &work.up[i], upsampled);
             let parts = stage.parts(skip, features, upsampled);
             let (rows, joined) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
             let mut to = vec![PartGradient::Nodes(&mut skips[n - 1 - i])];
@@ -272,10 +261,10 @@ impl UNet {
                 cutters[m].resize(cutter.len(), T::ZERO);
                 rows::add_all(&mut cutters[m], &cutter);
             }
-            let mut kept = up_again(&mut scratch.a);
-            let rows = up_rows(octree, depth);
-            stage.up.backward(params, rows, x, &kept, dx, Some(d.into()), grads);
-            scratch.a = kept.take_memory();
+            let memory = std::mem::take(upsampled);
+            let kept = stage.up.again(params, coarse, x.into(), &work.up[i], memory);
+            stage.up.backward(params, coarse, x, &kept, dx, Some(d.into()), grads);
+            *upsampled = kept.into_memory();
         }
     }
 

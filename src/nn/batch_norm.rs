@@ -56,13 +56,7 @@ impl BatchNorm {
 
     /// Normalises `x: [n, c]` in place with the running statistics.
     pub fn forward<T: Scalar>(&self, params: &[T], buffers: &[T], x: &mut [T]) {
-        let columns = self.inference(params, buffers);
-        rows::for_each_row(
-            x,
-            self.c,
-            #[inline(always)]
-            |row, x| columns.apply_to_row(row, Finish::Nothing, x),
-        );
+        self.inference(params, buffers).apply_in_place(Finish::Nothing, x);
     }
 
     /// What inference does to rows.
@@ -100,6 +94,20 @@ impl BatchNorm {
         match x.len() / self.c {
             0..=FEW_ROWS => self.columns::<T, f64>(params, cache).apply_to(x, finish, y),
             _ => self.columns::<T, T>(params, cache).apply_to(x, finish, y),
+        }
+    }
+
+    /// [`BatchNorm::normalise`] with the statistics in `cache`, in place.
+    pub(super) fn normalise_in_place<T: Scalar>(
+        &self,
+        params: &[T],
+        cache: &Cache,
+        finish: Finish<T>,
+        x: &mut [T],
+    ) {
+        match x.len() / self.c {
+            0..=FEW_ROWS => self.columns::<T, f64>(params, cache).apply_in_place(finish, x),
+            _ => self.columns::<T, T>(params, cache).apply_in_place(finish, x),
         }
     }
 
@@ -313,6 +321,16 @@ impl<W: Scalar> Columns<W> {
                 y.copy_from_slice(&x[row * c..][..c]);
                 self.apply_to_row(row, finish, y);
             },
+        );
+    }
+
+    /// Normalises all rows in place.
+    fn apply_in_place<T: Scalar>(&self, finish: Finish<T>, x: &mut [T]) {
+        rows::for_each_row(
+            x,
+            self.mean.len(),
+            #[inline(always)]
+            |row, x| self.apply_to_row(row, finish, x),
         );
     }
 

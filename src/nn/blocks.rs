@@ -2,6 +2,7 @@
 
 use super::joined::{Columns, ColumnsGradient};
 use super::params::Layout;
+use super::relu;
 use super::residual::{self, Residual, Scratch};
 use crate::octree::KernelMap;
 use crate::scalar::Scalar;
@@ -17,9 +18,34 @@ pub struct Blocks {
 pub struct Cache<T> {
     blocks: Vec<residual::Cache<T>>,
     outputs: Vec<Vec<T>>,
+    /// Whether the gradient went through the last ReLU already.
+    passed_relu: bool,
 }
 
 impl<T> Cache<T> {
+    /// Turns the gradient `d` of the output into that before the last ReLU, which backward then leaves
+    /// alone, and lends the memory of the output.
+    pub(crate) fn pass_relu(&mut self, d: &mut [T]) -> Vec<T>
+    where
+        T: Scalar,
+    {
+        relu::backward(self.output(), d);
+        self.passed_relu = true;
+        self.outputs.last_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// Takes back what [`Cache::pass_relu`] lent.
+    pub(crate) fn give_memory(&mut self, memory: Vec<T>) {
+        if let Some(output) = self.outputs.last_mut() {
+            *output = memory;
+        }
+    }
+
+    /// Output of block `i`, unless the gradient went through its ReLU already.
+    fn output_of(&self, i: usize) -> Option<&[T]> {
+        (i + 1 < self.outputs.len() || !self.passed_relu).then(|| &self.outputs[i][..])
+    }
+
     /// Output of the last block.
     pub fn output(&self) -> &[T] {
         self.outputs.last().map_or(&[], |y| y)
@@ -69,6 +95,7 @@ impl Blocks {
         let x = x.into();
         cache.blocks.resize_with(self.blocks.len(), Default::default);
         cache.outputs.resize_with(self.blocks.len(), Default::default);
+        cache.passed_relu = false;
         for (i, block) in self.blocks.iter().enumerate() {
             let (before, after) = cache.outputs.split_at_mut(i);
             let x = before.last().map_or(x, |x| Columns::One(x));
@@ -91,13 +118,11 @@ impl Blocks {
         scratch: &mut Scratch<T>,
     ) {
         for (i, block) in self.blocks.iter().enumerate().skip(1).rev() {
-            let (y, cache_i) = (&cache.outputs[i], &cache.blocks[i]);
-            let mut next = std::mem::take(&mut scratch.block);
-            let (x, to) = (&cache.outputs[i - 1], (&mut next).into());
-            block.backward(params, rows, x, y, cache_i, d, to, grads, scratch);
-            scratch.block = std::mem::replace(d, next);
+            let (y, cache_i) = (cache.output_of(i), &cache.blocks[i]);
+            let x = &cache.outputs[i - 1];
+            block.backward_in_place(params, rows, x, y, cache_i, d, grads, scratch);
         }
-        let (y, cache) = (&cache.outputs[0], &cache.blocks[0]);
+        let (y, cache) = (cache.output_of(0), &cache.blocks[0]);
         self.blocks[0].backward(params, rows, x, y, cache, d, dx, grads, scratch);
     }
 }

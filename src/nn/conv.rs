@@ -68,6 +68,17 @@ impl OctreeConv {
         Weights::new(&params[self.weights.clone()], self.c_in, self.c_out)
     }
 
+    /// Overwrites `dx: [n_nodes, c_in]` alone.
+    pub(super) fn backward_input<T: Scalar>(
+        &self,
+        params: &[T],
+        map: &KernelMap,
+        dy: &[T],
+        dx: &mut Vec<T>,
+    ) {
+        product(map, dy, self.matrices(params).transposed().reversed(), dx);
+    }
+
     /// Overwrites `dx: [n_nodes, c_in]` if wanted and adds to the weights' part of `grads`.
     ///
     /// # Panics
@@ -82,7 +93,7 @@ impl OctreeConv {
         grads: &mut [T],
     ) {
         if let Some(dx) = dx {
-            product(map, dy, self.matrices(params).transposed().reversed(), dx);
+            self.backward_input(params, map, dy, dx);
         }
         let grads = &mut grads[self.weights.clone()];
         weight_gradient(map, 1, (x, self.c_in), (dy, self.c_out), grads);

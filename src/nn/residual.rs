@@ -32,7 +32,6 @@ pub struct Cache<T> {
 #[derive(Debug, Clone, Default)]
 pub struct Scratch<T> {
     pub(crate) block: Vec<T>,
-    pub(crate) a: Vec<T>,
     pub(crate) b: Vec<T>,
     pub(crate) middle: Vec<T>,
 }
@@ -98,16 +97,14 @@ impl Residual {
         cache: &mut Cache<T>,
         scratch: &mut Scratch<T>,
     ) {
-        let (x, Scratch { middle, a, b, .. }) = (x.into(), scratch);
+        let (x, Scratch { middle, b, .. }) = (x.into(), scratch);
         let Cache { first, second, shortcut } = cache;
         self.first.forward_train(params, buffers, rows, x, middle, first);
         let straight = match &self.shortcut {
             None => x.one(),
             Some(unit) => {
                 // Backward computes it again: it is cheap beside the convolutions and as large.
-                shortcut.give_memory(std::mem::take(a));
-                unit.forward_train(params, buffers, &(), x, b, shortcut);
-                *a = shortcut.take_memory();
+                unit.forward_train_in_place(params, buffers, &(), x, b, shortcut);
                 b
             }
         };
@@ -115,36 +112,81 @@ impl Residual {
         self.second.forward_train_to(params, buffers, rows, middle, finish, y, second);
     }
 
-    /// `d` holds the gradient of `y` and is used up; `y` is the output of `forward_train`.
+    /// `d` holds the gradient of `y` and is used up; `y` is the output of `forward_train`, or none if
+    /// `d` went through the last ReLU already.
     #[allow(clippy::too_many_arguments)]
     pub fn backward<'a, T: Scalar>(
         &self,
         params: &[T],
         rows: &KernelMap,
         x: impl Into<Columns<'a, T>>,
-        y: &[T],
+        y: Option<&[T]>,
         cache: &Cache<T>,
         d: &mut [T],
         mut dx: ColumnsGradient<T>,
         grads: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
-        let (x, Scratch { a, b, middle, .. }) = (x.into(), scratch);
-        relu::backward(y, d);
-        b.clear();
-        b.extend_from_slice(d);
-        self.first.output(params, &cache.first, middle);
-        self.second.backward(params, rows, &middle[..], &cache.second, b, Some(a.into()), grads);
-        self.first.backward(params, rows, x, &cache.first, a, Some(dx.reborrow()), grads);
+        let x = x.into();
+        self.backward_to_middle(params, rows, y, cache, d, grads, scratch);
+        let Scratch { b, middle, .. } = scratch;
+        self.first.backward(params, rows, x, &cache.first, middle, Some(dx.reborrow()), grads);
         match &self.shortcut {
             None => rows::add_all(dx.one(), d),
             Some(unit) => {
-                let memory = std::mem::take(a);
-                let mut shortcut = unit.again(params, &(), x, &cache.shortcut, memory);
+                let memory = std::mem::take(b);
+                let shortcut = unit.again(params, &(), x, &cache.shortcut, memory);
                 unit.backward_norm(params, &shortcut, d, grads);
-                *a = shortcut.take_memory();
+                *b = shortcut.into_memory();
                 unit.map.add_backward(params, x, d, dx, grads);
             }
         }
+    }
+
+    /// [`Residual::backward`] of a block around which the input goes unchanged: `d` becomes the gradient
+    /// of `x`.
+    #[allow(clippy::too_many_arguments)]
+    pub(super) fn backward_in_place<T: Scalar>(
+        &self,
+        params: &[T],
+        rows: &KernelMap,
+        x: &[T],
+        y: Option<&[T]>,
+        cache: &Cache<T>,
+        d: &mut Vec<T>,
+        grads: &mut [T],
+        scratch: &mut Scratch<T>,
+    ) {
+        assert!(self.shortcut.is_none(), "the input goes unchanged");
+        self.backward_to_middle(params, rows, y, cache, d, grads, scratch);
+        let Scratch { b, middle, .. } = scratch;
+        self.first.backward(params, rows, x, &cache.first, middle, Some((&mut *b).into()), grads);
+        rows::add_all(b, d);
+        std::mem::swap(b, d);
+    }
+
+    /// Leaves in `d` what passes the last ReLU, and in `scratch.middle` the gradient of what lies between
+    /// the convolutions.
+    #[allow(clippy::too_many_arguments)]
+    fn backward_to_middle<T: Scalar>(
+        &self,
+        params: &[T],
+        rows: &KernelMap,
+        y: Option<&[T]>,
+        cache: &Cache<T>,
+        d: &mut [T],
+        grads: &mut [T],
+        scratch: &mut Scratch<T>,
+    ) {
+        let Scratch { b, middle, .. } = scratch;
+        if let Some(y) = y {
+            relu::backward(y, d);
+        }
+        b.clear();
+        b.extend_from_slice(d);
+        self.first.output(params, &cache.first, middle);
+        self.second.backward(params, rows, &middle[..], &cache.second, b, None, grads);
+        // Its place is free now.
+        self.second.map.backward_input(params, rows, b, middle);
     }
 }

@@ -168,15 +168,9 @@ pub struct Cache<T> {
 }
 
 impl<T> Cache<T> {
-    /// Memory to work in until the next [`Unit::forward_train`], which overwrites it; the cache serves no
-    /// backward any more, but [`Unit::again`].
-    pub(crate) fn take_memory(&mut self) -> Vec<T> {
-        std::mem::take(&mut self.mapped)
-    }
-
-    /// Gives back what [`Cache::take_memory`] took.
-    pub(crate) fn give_memory(&mut self, memory: Vec<T>) {
-        self.mapped = memory;
+    /// The memory of what was kept, which is lost.
+    pub(crate) fn into_memory(self) -> Vec<T> {
+        self.mapped
     }
 }
 
@@ -237,6 +231,35 @@ impl<M: LinearMap> Unit<M> {
         self.map.forward(params, rows, x, &mut cache.mapped);
         cache.norm = self.norm.measure(buffers, &cache.mapped);
         self.norm.normalise(params, &cache.mapped, &cache.norm, finish, y);
+    }
+
+    /// [`Unit::forward_train`] without the memory for the linear map's output, which `cache` then lacks:
+    /// it serves [`Unit::output_again`] and [`Unit::again`].
+    pub(crate) fn forward_train_in_place<'a, T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        rows: &M::Rows,
+        x: impl Into<Columns<'a, T>>,
+        y: &mut Vec<T>,
+        cache: &mut Cache<T>,
+    ) {
+        self.map.forward(params, rows, x.into(), y);
+        cache.norm = self.norm.measure(buffers, y);
+        self.norm.normalise_in_place(params, &cache.norm, self.finish(), y);
+    }
+
+    /// The output of [`Unit::forward_train`], computed once more from its input.
+    pub(crate) fn output_again<T: Scalar>(
+        &self,
+        params: &[T],
+        rows: &M::Rows,
+        x: Columns<T>,
+        cache: &Cache<T>,
+        y: &mut Vec<T>,
+    ) {
+        self.map.forward(params, rows, x, y);
+        self.norm.normalise_in_place(params, &cache.norm, self.finish(), y);
     }
 
     /// The output of [`Unit::forward_train`], computed once more from what it kept.

@@ -197,7 +197,7 @@ impl<'a, T: Scalar> Op<'a, T> {
         let (rows, scratch) = (&octree.levels[3].conv, &mut Scratch::default());
         block.forward_train(&params, &mut buffers, rows, &x, &mut y, &mut cache, scratch);
         let to = (&mut dx).into();
-        block.backward(&params, rows, &x, &y, &cache, &mut d, to, &mut grads, scratch);
+        block.backward(&params, rows, &x, Some(&y), &cache, &mut d, to, &mut grads, scratch);
         self.finish((c_out, &y), (c_in, &dx), &grads, &buffers);
         Ok(())
     }
