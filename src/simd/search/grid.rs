@@ -70,14 +70,14 @@ impl Grid {
     }
 
     /// Is there an obstacle in the cylinder (x, y, lower end, squared radius), which lies within the cells from
-    /// `first` to `last` (column, row)? And how many were tested.
+    /// `first` to `last` (column, row)? Its axis is in cell `middle`, and the lower bound there does not
+    /// reach its lower end. And how many obstacles were tested.
     #[inline(always)]
     pub fn strikes<S: Simd>(
         &self,
         s: S,
         [x, y, above, radius_squared]: [f32; 4],
-        first: [usize; 2],
-        last: [usize; 2],
+        [first, middle, last]: [[usize; 2]; 3],
     ) -> (bool, u64) {
         let (x, y) = (s.splat(x), s.splat(y));
         let (above, within) = (s.splat(above), s.splat(radius_squared));
@@ -85,18 +85,24 @@ impl Grid {
         let (mut hits, mut n_tested) = (0, 0);
         for row in first[1]..=last[1] {
             let [start, end] = self.cells.run(row, first[0], last[0]);
-            let mut place = start;
-            // Eight even if there are none; obstacles of the next cells do no harm.
-            loop {
-                let [px, py, pz] = self.cells.eight(place);
-                let squared = squared_distance(s, x, y, px, py);
-                hits |= s.greater_and_at_most(s.load(pz), above, squared, within);
-                place += 8;
-                if place >= end {
-                    break;
+            // What must be within the radius is not high enough, as the lower bound says.
+            let [gap, resume] = match self.must.get(row.abs_diff(middle[1])) {
+                Some(&half) => self.cells.run(
+                    row,
+                    middle[0].saturating_sub(half),
+                    (middle[0] + half).min(self.cells.n[0] - 1),
+                ),
+                None => [end, end],
+            };
+            for [start, end] in [[start, gap], [resume, end]] {
+                // Obstacles of the next cells do no harm.
+                for place in (start..end).step_by(8) {
+                    let [px, py, pz] = self.cells.eight(place);
+                    let squared = squared_distance(s, x, y, px, py);
+                    hits |= s.greater_and_at_most(s.load(pz), above, squared, within);
+                    n_tested += 8;
                 }
             }
-            n_tested += (place - start) as u64;
             if !few && hits != 0 {
                 break;
             }
@@ -156,7 +162,8 @@ mod tests {
                 let first = grid.cells.places(s, s.sub(lane_x, reach), s.sub(lane_y, reach)).get(3);
                 let last = grid.cells.places(s, s.add(lane_x, reach), s.add(lane_y, reach)).get(3);
                 let cylinder = [x, y, z + step.height, step.radius_squared];
-                (bounds[0][3], bounds[1][3], grid.strikes(s, cylinder, first, last).0)
+                let struck = grid.strikes(s, cylinder, [first, places.get(3), last]).0;
+                (bounds[0][3], bounds[1][3], struck || bounds[0][3] > cylinder[2])
             };
             (0..queries.n).map(ask).collect()
         }

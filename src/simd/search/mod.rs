@@ -132,7 +132,8 @@ impl Search<'_> {
             let [x, y, z] = [&x[block], &y[block], &z[block]];
             let [lane_x, lane_y] = [s.load(x), s.load(y)];
             let threshold = s.add(s.load(z), s.splat(step.height));
-            let [lower, upper] = grid.bounds(s, &grid.cells.places(s, lane_x, lane_y));
+            let middle = grid.cells.places(s, lane_x, lane_y);
+            let [lower, upper] = grid.bounds(s, &middle);
             let mut hit = s.greater(lower, threshold) & u32::from(*open);
             let may = s.greater(upper, threshold) & u32::from(*open) & !hit;
             if may != 0 {
@@ -142,7 +143,11 @@ impl Search<'_> {
                 s.store(threshold, &mut above);
                 for lane in ones(may) {
                     let cylinder = [x[lane], y[lane], above[lane], step.radius_squared];
-                    let (struck, n) = grid.strikes(s, cylinder, first.get(lane), last.get(lane));
+                    let (struck, n) = grid.strikes(
+                        s,
+                        cylinder,
+                        [first.get(lane), middle.get(lane), last.get(lane)],
+                    );
                     hit |= u32::from(struck) << lane;
                     n_tested += n;
                 }
