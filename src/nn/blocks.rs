@@ -112,7 +112,7 @@ impl Blocks {
         rows: &KernelMap,
         x: impl Into<Columns<'a, T>>,
         cache: &Cache<T>,
-        d: &mut Vec<T>,
+        d: &mut [T],
         dx: ColumnsGradient<T>,
         grads: &mut [T],
         scratch: &mut Scratch<T>,

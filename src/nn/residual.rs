@@ -153,7 +153,7 @@ impl Residual {
         x: &[T],
         y: Option<&[T]>,
         cache: &Cache<T>,
-        d: &mut Vec<T>,
+        d: &mut [T],
         grads: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
@@ -161,8 +161,7 @@ impl Residual {
         self.backward_to_middle(params, rows, y, cache, d, grads, scratch);
         let Scratch { b, middle, .. } = scratch;
         self.first.backward(params, rows, x, &cache.first, middle, Some((&mut *b).into()), grads);
-        rows::add_all(b, d);
-        std::mem::swap(b, d);
+        rows::add_all(d, b);
     }
 
     /// Leaves in `d` what passes the last ReLU, and in `scratch.middle` the gradient of what lies between
