@@ -5,7 +5,7 @@
 //!
 //! Blocks are handed out one after another, to whichever thread is free next, and the thread that asked
 //! for a loop takes part in it. Waking a thread that sleeps takes longer than most of the network's
-//! loops: nobody goes to sleep for a while after the last block ([`PATIENCE`]), and within [`awake`] the
+//! loops: nobody goes to sleep for a while after the last block (`PATIENCE`), and within [`awake`] the
 //! threads stay up between loops.
 
 use crate::{Error, Result};

@@ -1,7 +1,7 @@
 //! The search for labels: which queries does some obstacle collide with, in one direction?
 //!
 //! The greatest height of all obstacles decides most queries. Each step of finite radius, the widest first,
-//! asks what is open then of a [`Grid`] of the obstacles high enough to matter: two rasters of heights bound
+//! asks what is open then of a grid of the obstacles high enough to matter: two rasters of heights bound
 //! the greatest height within the radius from above and below; where the threshold lies between the two, the
 //! obstacles of the cells around are tested by the predicate.
 
