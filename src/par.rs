@@ -16,9 +16,6 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Blocks that a thread takes at a time, if there are this many times more of them than threads.
-const SHARE: usize = 64;
-
 /// How long a thread without work stays awake. Finite, so that a thread which waits here cannot keep
 /// others, that wait for what it left, waiting for good.
 const PATIENCE: Duration = Duration::from_millis(20);
@@ -36,16 +33,12 @@ where
         items.for_each(work);
         return;
     }
-    let at_a_time = (n / (n_threads * SHARE)).max(1);
     let items = Mutex::new(items);
-    let drain = || loop {
-        let mut items = items.lock().unwrap_or_else(PoisonError::into_inner);
-        let some: Vec<I> = items.by_ref().take(at_a_time).collect();
-        drop(items);
-        if some.is_empty() {
-            return;
+    let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let drain = || {
+        while let Some(item) = next() {
+            work(item);
         }
-        some.into_iter().for_each(work);
     };
     let n_busy = AtomicUsize::new(n_threads - 1);
     rayon::in_place_scope(|scope| {

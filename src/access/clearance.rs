@@ -15,7 +15,7 @@
 
 use super::predicate::Frame;
 use super::problem::{Scene, Tool};
-use super::pruned::grow;
+use super::pruned::turn;
 use crate::cutter::Cutter;
 use crate::par;
 use crate::simd::Level;
@@ -38,7 +38,8 @@ pub(super) fn signed_clearance(
         (Tree::new(scene.obstacles.n), Coordinates::default(), best)
     };
     let (_, workers) = par::map_with(frames.len(), state, |(tree, centres, best), k| {
-        grow(tree, &scene.obstacles, &frames[k], level);
+        turn(&mut tree.points, &scene.obstacles, &frames[k], level);
+        tree.enclose(level);
         centres.resize(tool.n());
         tool.centres(&frames[k], level, centres);
         for (i, best) in best.iter_mut().enumerate() {

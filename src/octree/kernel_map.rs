@@ -5,10 +5,9 @@
 //! that a missing neighbour costs nothing. The block length depends on the number of rows only.
 
 use crate::par;
+use crate::scalar::block::MAX_ROWS as MAX_BLOCK;
 use std::ops::Range;
 
-/// Longest block: its sums in one panel of columns fill half of a first-level cache.
-const MAX_BLOCK: usize = 256;
 /// Shortest block of a map that has several; blocks are multiples of it.
 const MIN_BLOCK: usize = 64;
 /// Such maps are cut into about this many blocks, to keep several threads busy to the end.

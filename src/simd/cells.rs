@@ -40,12 +40,7 @@ impl Extent {
     /// Of least and greatest coordinates in eight lanes.
     #[inline(always)]
     pub fn of<S: Simd>(s: S, least: [S::Eight; 3], greatest: [S::Eight; 3]) -> Self {
-        let rows = |[x, y, z]: [S::Eight; 3]| [x, y, z, x, x, x, x, x];
-        let (mut lo, mut hi) = ([0.0; 8], [0.0; 8]);
-        s.store(s.least_of_each(rows(least)), &mut lo);
-        s.store(s.greatest_of_each(rows(greatest)), &mut hi);
-        let three = |[x, y, z, ..]: [f32; 8]| [x, y, z];
-        Extent { least: three(lo), greatest: three(hi) }
+        Extent { least: least.map(|l| s.least(l)), greatest: greatest.map(|l| s.greatest(l)) }
     }
 
     /// Of points, at least one; padding repeats the place of one of them.

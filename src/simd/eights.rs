@@ -59,6 +59,20 @@ pub trait Eights: Copy {
     fn least_of_each(self, rows: [Self::Eight; 8]) -> Self::Eight;
     /// Lane `l` is the greatest lane of `rows[l]`.
     fn greatest_of_each(self, rows: [Self::Eight; 8]) -> Self::Eight;
+    /// The least lane.
+    #[inline(always)]
+    fn least(self, lanes: Self::Eight) -> f32 {
+        let mut least = [0.0; 8];
+        self.store(self.least_of_each([lanes; 8]), &mut least);
+        least[0]
+    }
+    /// The greatest lane.
+    #[inline(always)]
+    fn greatest(self, lanes: Self::Eight) -> f32 {
+        let mut greatest = [0.0; 8];
+        self.store(self.greatest_of_each([lanes; 8]), &mut greatest);
+        greatest[0]
+    }
 }
 
 macro_rules! lanes {

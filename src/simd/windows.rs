@@ -94,7 +94,7 @@ impl Kernel for Span<'_> {
     }
 }
 
-/// Centres between the two circles may or may not be within a radius of an obstacle of the box; inside
+/// Centres between the two circles may or may not be within a radius of some obstacle; inside
 /// the inner one they are within it of all, outside the outer one of none.
 #[derive(Debug, Clone, Copy)]
 pub struct Ring {
@@ -130,9 +130,7 @@ fn middle_and_reach<S: Simd>(s: S, x: &[f32], y: &[f32]) -> ([f32; 2], f64) {
     for (x, y) in eights(x).iter().zip(eights(y)) {
         farthest = s.max(farthest, squared_distance(s, x0, y0, x, y));
     }
-    let mut lanes = [0.0; 8];
-    s.store(s.greatest_of_each([farthest; 8]), &mut lanes);
-    (middle, f64::from(lanes[0]).sqrt())
+    (middle, f64::from(s.greatest(farthest)).sqrt())
 }
 
 #[inline(always)]
@@ -141,10 +139,7 @@ fn middle<S: Simd>(s: S, axis: &[f32]) -> f32 {
     for eight in eights(axis) {
         (least, most) = (s.min(least, s.load(eight)), s.max(most, s.load(eight)));
     }
-    let (least, most) = (s.least_of_each([least; 8]), s.greatest_of_each([most; 8]));
-    let mut lanes = [0.0; 8];
-    s.store(s.mul(s.add(least, most), s.splat(0.5)), &mut lanes);
-    lanes[0]
+    0.5 * (s.least(least) + s.greatest(most))
 }
 
 /// Splits a list of centres by a ring; counts the inside, moves the windows on to the ring.
@@ -163,7 +158,7 @@ pub struct Split<'a> {
     pub first: u32,
     /// Place after the last one.
     pub last: u32,
-    /// The obstacles of the box.
+    /// Windows of the obstacles.
     pub windows: Windows<'a>,
     /// Room for one word per 64 centres and one more.
     pub words: &'a mut [Word],

@@ -1,4 +1,4 @@
-//! The default engine: heights, rasters and boxes decide most questions, the predicate decides the rest.
+//! The default engine: heights, rasters and runs decide most questions, the predicate decides the rest.
 //! Equal to the law bit for bit.
 //!
 //! Labels: see [`search`](crate::simd::search). β: see [`count`]. Obstacles and queries are put into a spatial
@@ -12,7 +12,6 @@ use super::predicate::{self, Frame};
 use super::problem::{Scene, Tool};
 use super::stats::Stats;
 use crate::simd::Level;
-use crate::simd::boxes::Tree;
 use crate::simd::collide::{AnyObstacle, Coordinates, Rotate};
 use crate::simd::search::{Room, Search};
 use count::Counting;
@@ -106,7 +105,7 @@ impl Method for Pruned<'_> {
 }
 
 /// Rotates the obstacles; padding repeats the place of the last one, at height −∞.
-fn turn(points: &mut Coordinates, obstacles: &Coordinates, frame: &Frame, level: Level) {
+pub(super) fn turn(points: &mut Coordinates, obstacles: &Coordinates, frame: &Frame, level: Level) {
     level.run(Rotate { frame, from: obstacles, to: points });
     points.pad_z(f32::NEG_INFINITY);
     if let Some(last) = points.n.checked_sub(1) {
@@ -114,12 +113,6 @@ fn turn(points: &mut Coordinates, obstacles: &Coordinates, frame: &Frame, level:
         points.x[last..].fill(x);
         points.y[last..].fill(y);
     }
-}
-
-/// Rotates the obstacles and builds the boxes around them.
-pub(super) fn grow(tree: &mut Tree, obstacles: &Coordinates, frame: &Frame, level: Level) {
-    turn(&mut tree.points, obstacles, frame, level);
-    tree.enclose(level);
 }
 
 /// Height of each query's own obstacle, −∞ where it has none.

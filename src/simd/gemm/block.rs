@@ -15,7 +15,7 @@ use super::{DEPTH, Tiled, check_rows, passes, tiles, with_tile};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 
-/// Most rows of a block.
+/// Most rows of a block: their sums in one panel of columns fill half of a first-level cache.
 pub const MAX_ROWS: usize = 256;
 
 /// Rows that meet at one kernel offset: of the input, and of the block.

@@ -167,7 +167,7 @@ fn highest<S: Simd>(s: S, z: &[f32]) -> f32 {
     for z in eights(z) {
         highest = s.max(highest, s.load(z));
     }
-    Extent::of(s, [highest; 3], [highest; 3]).greatest[2]
+    s.greatest(highest)
 }
 
 fn count(bits: &[u8]) -> u64 {
