@@ -9,8 +9,8 @@
 use super::collide::{eights, squared_distance};
 use super::level::{Kernel, Simd};
 
-/// Places of a list that must be readable past its end.
-pub const SLACK: usize = 8;
+/// Places of a list that must be readable, and writable, past its end.
+pub const SLACK: usize = 80;
 
 /// Sixty-four places of a split list: which are inside and ring, and how many of each came before.
 #[derive(Debug, Clone, Copy, Default)]
@@ -83,14 +83,24 @@ impl Kernel for Span<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, _: S) -> Cover {
-        let (mut first, mut last, mut pairs) = (u32::MAX, 0, 0);
-        for (&from, &to) in self.0.from.iter().zip(&*self.0.to) {
-            let length = to.saturating_sub(from);
-            pairs += u64::from(length);
-            first = first.min(if length > 0 { from } else { u32::MAX });
-            last = last.max(if length > 0 { to } else { 0 });
+        let (mut first, mut last, mut pairs) = ([u32::MAX; 8], [0; 8], [0; 8]);
+        let mut cover = |from: &[u32], to: &[u32]| {
+            for (lane, (&from, &to)) in from.iter().zip(to).enumerate() {
+                let length = to.saturating_sub(from);
+                pairs[lane] += u64::from(length);
+                first[lane] = first[lane].min(if length > 0 { from } else { u32::MAX });
+                last[lane] = last[lane].max(if length > 0 { to } else { 0 });
+            }
+        };
+        let (from, from_rest) = self.0.from.as_chunks::<8>();
+        let (to, to_rest) = self.0.to.as_chunks::<8>();
+        from.iter().zip(to).for_each(|(from, to)| cover(from, to));
+        cover(from_rest, to_rest);
+        Cover {
+            first: first.into_iter().fold(u32::MAX, u32::min),
+            last: last.into_iter().fold(0, u32::max),
+            pairs: pairs.iter().sum(),
         }
-        Cover { first, last, pairs }
     }
 }
 
@@ -189,38 +199,37 @@ impl Kernel for Split<'_> {
 }
 
 impl Split<'_> {
-    /// Fills the words and the ring; places past the last one, up to a multiple of eight, are split like the
+    /// Fills the words and the ring; places past the last one, up to a multiple of 64, are split like the
     /// others, but no window ends behind them. `INNER`: whether there is an inner circle.
     #[inline(always)]
     fn split<S: Simd, const INNER: bool>(&mut self, s: S, ring: Ring) -> (u32, usize) {
-        let circles =
+        let [x0, y0, inner, outer] =
             [ring.x, ring.y, ring.inner_squared, ring.outer_squared].map(|value| s.splat(value));
-        let n = ((self.last - self.first) as usize).next_multiple_of(8);
+        let n = ((self.last - self.first) as usize).next_multiple_of(64);
         let range = self.first as usize..self.first as usize + n;
         let (x, y) = (eights(&self.x[range.clone()]), eights(&self.y[range]));
-        assert!(
-            self.ring_x.len() >= n && self.ring_y.len() >= n && self.words.len() >= n.div_ceil(64)
-        );
+        assert!(self.ring_x.len() >= n + 8 && self.ring_y.len() >= n + 8);
         let (mut n_inside, mut n_ring) = (0, 0);
-        for (word, (x, y)) in self.words.iter_mut().zip(x.chunks(8).zip(y.chunks(8))) {
+        let words = x.as_chunks::<8>().0.iter().zip(y.as_chunks::<8>().0).zip(&mut *self.words);
+        for ((x, y), word) in words {
             let (inside_before, ring_before) = (n_inside, n_ring as u32);
-            let (mut inside_bits, mut ring_bits) = (0u64, 0u64);
-            for (c, (x, y)) in x.iter().zip(y).enumerate() {
-                let squared = squared_distance(s, circles[0], circles[1], x, y);
-                let inside = if INNER { s.at_most(squared, circles[2]) } else { 0 };
-                let ring = s.at_most(squared, circles[3]) & !inside;
-                inside_bits |= u64::from(inside) << (8 * c);
-                ring_bits |= u64::from(ring) << (8 * c);
+            let (mut inside_bits, mut ring_bits) = ([0; 8], [0; 8]);
+            for c in 0..8 {
+                let squared = squared_distance(s, x0, y0, &x[c], &y[c]);
+                let inside = if INNER { s.at_most(squared, inner) } else { 0 };
+                let ring = s.at_most(squared, outer) & !inside;
+                (inside_bits[c], ring_bits[c]) = (inside as u8, ring as u8);
                 // SAFETY: every eight before has brought `n_ring` forward by eight at most, so there is room
                 // for eight behind it, as asserted above.
                 unsafe {
-                    append(s, s.compress(s.load(x), ring), self.ring_x, n_ring);
-                    append(s, s.compress(s.load(y), ring), self.ring_y, n_ring);
+                    append(s, s.compress(s.load(&x[c]), ring), self.ring_x, n_ring);
+                    append(s, s.compress(s.load(&y[c]), ring), self.ring_y, n_ring);
                 }
                 n_ring += ring.count_ones() as usize;
             }
-            *word = Word { inside: inside_bits, ring: ring_bits, inside_before, ring_before };
-            n_inside += inside_bits.count_ones();
+            let [inside, ring] = [inside_bits, ring_bits].map(u64::from_le_bytes);
+            *word = Word { inside, ring, inside_before, ring_before };
+            n_inside += inside.count_ones();
         }
         (n_inside, n_ring)
     }
@@ -273,38 +282,60 @@ pub struct CountWindows<'a> {
     pub windows: Windows<'a>,
 }
 
+/// A squared distance beyond all that coordinates of up to 1 km, and steps, have.
+const BEYOND: f32 = 1e30;
+/// From place `16 − n` on: `n` zeros, then [`BEYOND`].
+static MASK: [f32; 32] = {
+    let mut mask = [0.0; 32];
+    let mut place = 16;
+    while place < 32 {
+        mask[place] = BEYOND;
+        place += 1;
+    }
+    mask
+};
+
 impl Kernel for CountWindows<'_> {
     /// Pairs tested.
     type Output = u64;
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) -> u64 {
-        let within = s.splat(self.radius_squared);
+        let within = s.splat(self.radius_squared.min(0.5 * BEYOND));
         let Windows { from, to, counts } = self.windows;
         let obstacles = self.obstacle_x.iter().zip(self.obstacle_y);
         let mut tested = 0;
         for (((&from, &to), count), (&ox, &oy)) in from.iter().zip(&*to).zip(counts).zip(obstacles)
         {
-            let n = to.saturating_sub(from) as usize;
-            let range = from as usize..from as usize + n.next_multiple_of(8);
+            if from >= to {
+                continue;
+            }
+            let n = (to - from) as usize;
+            let range = from as usize..from as usize + n.next_multiple_of(16);
+            let (x, y) = (sixteens(&self.x[range.clone()]), sixteens(&self.y[range]));
+            let ([x @ .., last_x], [y @ .., last_y]) = (x, y) else { continue };
             let (ox, oy) = (s.splat(ox), s.splat(oy));
-            let (x, y) = (eights(&self.x[range.clone()]), eights(&self.y[range]));
-            let mut counts = [s.no_counts(), s.no_counts()];
-            let whole = n / 16 * 2;
-            for (x, y) in x[..whole].as_chunks::<2>().0.iter().zip(y[..whole].as_chunks::<2>().0) {
+            let mut counts = [s.no_counts(); 2];
+            for (x, y) in x.iter().zip(y) {
                 for half in 0..2 {
                     let squared = squared_distance(s, ox, oy, &x[half], &y[half]);
                     counts[half] = s.count_at_most(counts[half], squared, within);
                 }
             }
-            let mut found = s.total(s.add_counts(counts[0], counts[1]));
-            for (c, (x, y)) in x[whole..].iter().zip(&y[whole..]).enumerate() {
-                let left = !0u32 >> (24 + (8 * (whole + c) + 8).saturating_sub(n));
-                found += (s.at_most(squared_distance(s, ox, oy, x, y), within) & left).count_ones();
+            let mask = eights(&MASK[15 - (n - 1) % 16..]);
+            for half in 0..2 {
+                let squared = squared_distance(s, ox, oy, &last_x[half], &last_y[half]);
+                let squared = s.max(squared, s.load(&mask[half]));
+                counts[half] = s.count_at_most(counts[half], squared, within);
             }
-            *count += found;
+            *count += s.total(s.add_counts(counts[0], counts[1]));
             tested += n as u64;
         }
         tested
     }
+}
+
+#[inline(always)]
+fn sixteens(axis: &[f32]) -> &[[[f32; 8]; 2]] {
+    eights(axis).as_chunks().0
 }

@@ -35,7 +35,7 @@ struct List {
 
 /// Testing one pair costs this share of splitting off one centre or of moving one obstacle's window on:
 /// a run splits its list only if that can pay (chosen by `benches/labeler.rs`).
-const PAIRS_PER_CENTRE: u64 = 12;
+const PAIRS_PER_CENTRE: u64 = 8;
 const PAIRS_PER_OBSTACLE: u64 = 64;
 
 impl Counting {
@@ -52,7 +52,7 @@ impl Counting {
         if centres.n == 0 || obstacles.n == 0 {
             return stats;
         }
-        self.prepare(centres, obstacles.n);
+        self.prepare(centres, obstacles.n, level);
         for step in steps.iter().rev() {
             self.count(step, obstacles, level, &mut stats);
         }
@@ -87,8 +87,8 @@ impl Counting {
         walk.visit(longest_run(obstacles.n), 0, &mut self.lists, windows);
     }
 
-    fn prepare(&mut self, centres: &Coordinates, n_obstacles: usize) {
-        self.sorted.fill(centres);
+    fn prepare(&mut self, centres: &Coordinates, n_obstacles: usize, level: Level) {
+        self.sorted.fill(centres, level);
         let n_lists = (longest_run(n_obstacles) / SHORTEST_RUN).ilog(FAN_OUT) as usize + 2;
         self.lists.resize_with(n_lists, List::default);
         for list in &mut self.lists {
@@ -108,13 +108,13 @@ impl Counting {
 }
 
 /// Obstacles of the runs that split no list for shorter runs, and how many shorter runs a run has.
-const SHORTEST_RUN: usize = 16;
+const SHORTEST_RUN: usize = 32;
 const FAN_OUT: usize = 8;
 
-/// Length of the first runs that split a list: there are more than four of them if any are split at all.
+/// Length of the first runs that split a list: there are more than sixteen of them if any are split at all.
 fn longest_run(n_obstacles: usize) -> usize {
     let mut length = SHORTEST_RUN;
-    while 4 * FAN_OUT * length <= n_obstacles {
+    while 16 * FAN_OUT * length <= n_obstacles {
         length *= FAN_OUT;
     }
     length

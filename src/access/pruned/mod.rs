@@ -94,7 +94,9 @@ impl Method for Pruned<'_> {
         let stats = counting.run(&tool.steps, centres, obstacles, beta, self.level);
         for i in 0..tool.n() {
             let own = tool.own(i);
+            // Nearly all are too low, which is quickly seen.
             if own != usize::MAX
+                && obstacles.z[own] > centres.z[i] + tool.steps[0].height
                 && predicate::collides(&tool.steps, centres.get(i), obstacles.get(own))
             {
                 beta[own] -= 1;

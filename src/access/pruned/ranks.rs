@@ -8,53 +8,72 @@ use crate::simd::{Kernel, Level, Simd};
 pub(super) struct Sorted {
     /// Height and index of each centre, ascending in height.
     places: Vec<(f32, u32)>,
-    /// The heights alone, between one −∞ and [`AHEAD`] times +∞.
+    /// The heights alone, between one −∞ and eight times +∞.
     heights: Vec<f32>,
     /// Place of the first centre of each bucket; the last bucket's end follows.
     starts: Vec<u32>,
+    buckets: Buckets,
+    /// Bucket of each centre.
+    bucket: Vec<u32>,
+}
+
+/// Buckets of equal height.
+#[derive(Default, Clone, Copy)]
+struct Buckets {
     lowest: f32,
-    buckets_per_mm: f32,
+    per_mm: f32,
+    last: f32,
+}
+
+impl Buckets {
+    /// Those of eight heights; they never descend with the height.
+    #[inline(always)]
+    fn of<S: Simd>(self, s: S, z: S::Eight) -> [u32; 8] {
+        let bucket = s.mul(s.sub(z, s.splat(self.lowest)), s.splat(self.per_mm));
+        s.truncate(s.min(s.max(bucket, s.splat(0.0)), s.splat(self.last)))
+    }
 }
 
 /// Buckets of up to this many centres are sorted by insertion.
-const SMALL_BUCKET: usize = 24;
-/// Centres of a bucket that a rank looks at without asking whether it needs to.
-const AHEAD: usize = 8;
+const SMALL_BUCKET: u32 = 24;
 
 impl Sorted {
-    /// Sorts the centres, at least one: into twice as many buckets of equal height as there are centres,
-    /// then within each bucket.
-    pub fn fill(&mut self, centres: &Coordinates) {
+    /// Sorts the centres, at least one: into as many buckets as there are centres, then by insertion.
+    pub fn fill(&mut self, centres: &Coordinates, level: Level) {
         let z = &centres.z[..centres.n];
-        self.lowest = z.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a });
-        let highest = z.iter().fold(f32::NEG_INFINITY, |a, &b| if b > a { b } else { a });
-        let n_buckets = 2 * z.len();
-        self.buckets_per_mm = (n_buckets as f32 / (highest - self.lowest)).min(f32::MAX);
+        level.run(Distribute { sorted: self, z });
         self.starts.clear();
-        self.starts.resize(n_buckets + 2, 0);
-        for &z in z {
-            let bucket = self.bucket(z);
-            self.starts[bucket + 2] += 1;
+        self.starts.resize(z.len() + 2, 0);
+        for &bucket in &self.bucket {
+            self.starts[bucket as usize + 2] += 1;
         }
-        let mut sum = 0;
+        let (mut sum, mut fullest) = (0, 0);
         for start in &mut self.starts {
+            fullest = fullest.max(*start);
             sum += *start;
             *start = sum;
         }
         self.places.resize(z.len(), (0.0, 0));
-        for (&z, i) in z.iter().zip(0..) {
-            let bucket = self.bucket(z);
-            let next = &mut self.starts[bucket + 1];
+        for ((&z, &bucket), i) in z.iter().zip(&self.bucket).zip(0..) {
+            let next = &mut self.starts[bucket as usize + 1];
             self.places[*next as usize] = (z, i);
             *next += 1;
         }
-        for bucket in self.starts.windows(2) {
-            sort(&mut self.places[bucket[0] as usize..bucket[1] as usize]);
+        if fullest > SMALL_BUCKET {
+            self.sort_full_buckets();
         }
+        insert_each(&mut self.places);
         self.heights.clear();
         self.heights.push(f32::NEG_INFINITY);
         self.heights.extend(self.places.iter().map(|place| place.0));
-        self.heights.extend([f32::INFINITY; AHEAD]);
+        self.heights.extend([f32::INFINITY; 8]);
+    }
+
+    fn sort_full_buckets(&mut self) {
+        for bucket in self.starts.windows(2).filter(|b| b[1] - b[0] > SMALL_BUCKET) {
+            let places = &mut self.places[bucket[0] as usize..bucket[1] as usize];
+            places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        }
     }
 
     /// Indices of the centres, ascending in height.
@@ -68,27 +87,41 @@ impl Sorted {
         level.run(Ranks { sorted: self, z, step, ranks });
     }
 
-    #[inline(always)]
-    fn rank<S: Simd>(&self, s: S, z: f32, step: f32) -> u32 {
-        let below = |height: f32| height + step < z;
-        let start = self.starts[self.bucket(z - step)] as usize;
-        let ahead = &eights(&self.heights[start + 1..start + 1 + AHEAD])[0];
-        let ahead = s.greater(s.splat(z), s.add(s.load(ahead), s.splat(step)));
-        let rank = start + ahead.count_ones() as usize;
-        // The bucket may be fuller, or a neighbour by rounding; the comparison has the last word.
-        if rank == start + AHEAD {
-            return (rank + self.heights[rank + 1..].partition_point(|&h| below(h))) as u32;
-        }
-        if !below(self.heights[rank]) {
-            return self.heights[1..=rank].partition_point(|&h| below(h)) as u32;
-        }
-        rank as u32
+    /// One rank, without the index.
+    #[cold]
+    fn rank(&self, z: f32, step: f32) -> u32 {
+        self.heights[1..].partition_point(|&height| height + step < z) as u32
     }
+}
 
-    /// Never descends with `z`; the cast takes what is below the lowest to bucket 0.
+/// Chooses the buckets and finds that of each height.
+struct Distribute<'a> {
+    sorted: &'a mut Sorted,
+    z: &'a [f32],
+}
+
+impl Kernel for Distribute<'_> {
+    type Output = ();
+
     #[inline(always)]
-    fn bucket(&self, z: f32) -> usize {
-        (((z - self.lowest) * self.buckets_per_mm) as usize).min(self.starts.len() - 3)
+    fn run<S: Simd>(self, s: S) {
+        let Distribute { sorted: Sorted { buckets, bucket, .. }, z } = self;
+        let (whole, rest) = z.as_chunks::<8>();
+        let mut last = [z[0]; 8];
+        last[..rest.len()].copy_from_slice(rest);
+        let (mut least, mut greatest) = (s.load(&last), s.load(&last));
+        for z in whole {
+            least = s.min(least, s.load(z));
+            greatest = s.max(greatest, s.load(z));
+        }
+        let lowest = s.least(least);
+        let per_mm = (z.len() as f32 / (s.greatest(greatest) - lowest)).min(f32::MAX);
+        *buckets = Buckets { lowest, per_mm, last: (z.len() - 1) as f32 };
+        bucket.clear();
+        for z in whole {
+            bucket.extend(buckets.of(s, s.load(z)));
+        }
+        bucket.extend(&buckets.of(s, s.load(&last))[..rest.len()]);
     }
 }
 
@@ -104,16 +137,29 @@ impl Kernel for Ranks<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
-        for (rank, &z) in self.ranks.iter_mut().zip(self.z) {
-            *rank = self.sorted.rank(s, z, self.step);
+        let Ranks { sorted, z, step, ranks } = self;
+        let lanes = s.splat(step);
+        let ((z, z_rest), (ranks, rest)) = (z.as_chunks::<8>(), ranks.as_chunks_mut::<8>());
+        for (z, ranks) in z.iter().zip(ranks) {
+            let buckets = sorted.buckets.of(s, s.sub(s.load(z), lanes));
+            for ((rank, &z), bucket) in ranks.iter_mut().zip(z).zip(buckets) {
+                let start = sorted.starts[bucket as usize];
+                let ahead = &eights(&sorted.heights[start as usize..])[0];
+                let below = s.greater(s.splat(z), s.add(s.load(ahead), lanes));
+                // The first of the eight comes before the bucket. If it is not below, or all are, rounding led to
+                // a neighbour or the bucket is full.
+                let found = (1..255).contains(&below);
+                *rank = if found { start + below.count_ones() - 1 } else { sorted.rank(z, step) };
+            }
+        }
+        for (rank, &z) in rest.iter_mut().zip(z_rest) {
+            *rank = sorted.rank(z, step);
         }
     }
 }
 
-fn sort(places: &mut [(f32, u32)]) {
-    if places.len() > SMALL_BUCKET {
-        return places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    }
+/// Sorts what is nearly in order.
+fn insert_each(places: &mut [(f32, u32)]) {
     for i in 1..places.len() {
         let place = places[i];
         let mut j = i;
@@ -130,10 +176,11 @@ mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
 
-    fn rank(sorted: &Sorted, z: f32, step: f32) -> usize {
+    /// The rank found in eights and the one found alone.
+    fn rank(sorted: &Sorted, z: f32, step: f32) -> [usize; 2] {
         let mut ranks = vec![];
-        sorted.ranks(&[z], step, &mut ranks, Level::fastest());
-        ranks[0] as usize
+        sorted.ranks(&[z; 9], step, &mut ranks, Level::fastest());
+        [ranks[0] as usize, ranks[8] as usize]
     }
 
     #[test]
@@ -145,7 +192,7 @@ mod tests {
                 centres.z[i] = 5.0 + (stream.range(-1.0, 1.0) * grid).round() as f32 * 0.3;
             }
             let mut sorted = Sorted::default();
-            sorted.fill(&centres);
+            sorted.fill(&centres, Level::fastest());
             let z = &centres.z[..n];
             let ordered: Vec<f32> = sorted.indices().map(|i| z[i]).collect();
             assert!(ordered.is_sorted());
@@ -153,7 +200,7 @@ mod tests {
                 for step in [0.0, 0.3, 1.0, 0.1] {
                     for z_j in [probe, probe + step] {
                         let count = z.iter().filter(|&&c| c + step < z_j).count();
-                        assert_eq!(rank(&sorted, z_j, step), count);
+                        assert_eq!(rank(&sorted, z_j, step), [count; 2]);
                     }
                 }
             }
