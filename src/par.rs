@@ -23,21 +23,27 @@ const PATIENCE: Duration = Duration::from_millis(20);
 /// Looks for work between two looks at the clock.
 const LOOKS: usize = 64;
 
-/// Calls `work` once for every one of the `n` items, on all threads.
-fn share_out<I>(n: usize, items: impl Iterator<Item = I> + Send, work: &(dyn Fn(I) + Sync))
-where
+/// Calls `work` once for every one of the `n` items, on all threads, each of which lends its calls a state.
+fn share_out<S, I>(
+    n: usize,
+    items: impl Iterator<Item = I> + Send,
+    state: &(dyn Fn() -> S + Sync),
+    work: &(dyn Fn(&mut S, I) + Sync),
+) where
     I: Send,
 {
     let n_threads = threads().min(n);
     if n_threads <= 1 {
-        items.for_each(work);
+        let mut state = state();
+        items.for_each(|item| work(&mut state, item));
         return;
     }
     let items = Mutex::new(items);
     let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
     let drain = || {
+        let mut state = state();
         while let Some(item) = next() {
-            work(item);
+            work(&mut state, item);
         }
     };
     let n_busy = AtomicUsize::new(n_threads - 1);
@@ -118,8 +124,19 @@ pub fn for_each_block<T: Send>(
     block_len: usize,
     work: impl Fn(usize, &mut [T]) + Sync,
 ) {
+    for_each_block_with(items, block_len, || (), |(), i, block| work(i, block));
+}
+
+/// [`for_each_block`], with a state for `work` to reuse. Each thread makes its own: what a call leaves there
+/// must not change the results of the next.
+pub fn for_each_block_with<T: Send, S>(
+    items: &mut [T],
+    block_len: usize,
+    state: impl Fn() -> S + Sync,
+    work: impl Fn(&mut S, usize, &mut [T]) + Sync,
+) {
     let blocks = items.chunks_mut(block_len.max(1)).enumerate();
-    share_out(blocks.len(), blocks, &|(i, block)| work(i, block));
+    share_out(blocks.len(), blocks, &state, &|state, (i, block)| work(state, i, block));
 }
 
 /// Calls `work(a_block, b_block, c_block)` for consecutive blocks of three slices of equal length.
@@ -136,7 +153,7 @@ pub fn for_each_block3<A: Send, B: Send, C: Send>(
     assert!(a.len() == b.len() && b.len() == c.len());
     let len = block_len.max(1);
     let blocks = a.chunks_mut(len).zip(b.chunks_mut(len)).zip(c.chunks_mut(len));
-    share_out(blocks.len(), blocks, &|((a, b), c)| work(a, b, c));
+    share_out(blocks.len(), blocks, &|| (), &|(), ((a, b), c)| work(a, b, c));
 }
 
 /// Results of `work(block_index, block)` for consecutive blocks of `block_len` items, in order.
@@ -170,7 +187,9 @@ fn collect<I: Send, R: Send>(
 ) -> Vec<R> {
     let mut results: Vec<Option<R>> = std::iter::repeat_with(|| None).take(items.len()).collect();
     let places = results.iter_mut().zip(items).enumerate();
-    share_out(places.len(), places, &|(i, (place, item))| *place = Some(work(i, item)));
+    share_out(places.len(), places, &|| (), &|(), (i, (place, item))| {
+        *place = Some(work(i, item));
+    });
     results.into_iter().map(|result| result.expect("every item was handed out")).collect()
 }
 
@@ -249,6 +268,21 @@ mod tests {
             assert_eq!(items, [1, 1, 1, 1, 2, 2, 2, 2, 3, 3]);
         }
         assert!(map_blocks(0, 4, |r| r).is_empty());
+    }
+
+    #[test]
+    fn a_thread_lends_its_state_to_all_its_blocks() {
+        for n_threads in [1, 2, 5] {
+            let mut items = vec![0; 50];
+            let count = |n: &mut usize, i: usize, block: &mut [usize]| {
+                *n += 1;
+                block.fill(1000 * i + *n);
+            };
+            with_threads(n_threads, || for_each_block_with(&mut items, 5, || 0, count)).unwrap();
+            let n_states = items.iter().step_by(5).filter(|&item| item % 1000 == 1).count();
+            assert!((1..=n_threads).contains(&n_states));
+            assert!((0..50).all(|i| items[i] / 1000 == i / 5));
+        }
     }
 
     /// Each level waits for loops below it, on every thread at once.

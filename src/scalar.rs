@@ -1,12 +1,12 @@
 //! The numbers of the network: `f32` for work, `f64` for decisive gradient checks.
 
 pub use crate::simd::Level;
-pub use crate::simd::gemm::{Real, block, matmul_columns, weights};
+pub use crate::simd::gemm::{Real, block, matmul_columns, weights, winograd};
 use crate::simd::{Kernel, Simd, gemm, level};
 use crate::{Error, Result};
 use std::fmt::{Debug, Display};
 use std::iter::Sum;
-use std::ops::{AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{AddAssign, Div, DivAssign, Mul, MulAssign, Neg, SubAssign};
 
 /// A real number that layers can be written in; implemented by `f32` and `f64` alone.
 ///
@@ -19,7 +19,6 @@ pub trait Scalar:
     + PartialOrd
     + Send
     + Sync
-    + Sub<Output = Self>
     + Mul<Output = Self>
     + Div<Output = Self>
     + Neg<Output = Self>

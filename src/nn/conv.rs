@@ -149,6 +149,67 @@ mod tests {
         }
     }
 
+    /// Levels on which wide convolutions take another way.
+    fn levels_of_siblings(octree: &Octree) -> impl Iterator<Item = &Level> {
+        octree.levels.iter().filter(|level| !level.conv.siblings().is_empty())
+    }
+
+    #[test]
+    fn wide_output_equals_the_plain_sum_up_to_rounding() {
+        for (c_in, c_out) in [(16, 24), (40, 16)] {
+            let (conv, w) = conv(c_in, c_out);
+            for octree in octrees().iter().chain([&large_octree()]) {
+                let levels: Vec<_> = levels_of_siblings(octree).collect();
+                assert!(!levels.is_empty());
+                for level in levels {
+                    let x = probe(level.n_nodes() * c_in, 2);
+                    let mut y = vec![f64::NAN; 7];
+                    conv.forward(&w, &level.conv, &x, &mut y);
+                    let plain = plain(level, &w, c_in, c_out, &x);
+                    assert!(y.iter().zip(&plain).all(|(y, plain)| (y - plain).abs() < 1e-13));
+                    assert!(y.iter().zip(&plain).any(|(y, plain)| y != plain), "another way");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn wide_gradients_are_right_on_every_kind_of_octree() {
+        let (c_in, c_out) = (72, 64);
+        let (conv, w) = conv(c_in, c_out);
+        for octree in octrees() {
+            for level in levels_of_siblings(&octree) {
+                let x = probe(level.n_nodes() * c_in, 3);
+                let forward = |v: &[Vec<f64>]| {
+                    let mut y = vec![];
+                    conv.forward(&v[1], &level.conv, &v[0], &mut y);
+                    y
+                };
+                let backward = |v: &[Vec<f64>], dy: &[f64]| {
+                    let (mut dx, mut grads) = (vec![], vec![0.0; w.len()]);
+                    conv.backward(&v[1], &level.conv, &v[0], dy, Some(&mut dx), &mut grads);
+                    vec![dx, grads]
+                };
+                require_gradients(&[("x", &x), ("weights", &w)], forward, backward);
+            }
+        }
+    }
+
+    #[test]
+    fn wide_weight_gradient_equals_the_plain_sum_and_is_added() {
+        let (c, octree) = (64, large_octree());
+        let ((conv, w), level) = (conv(c, c), octree.finest());
+        let (x, dy) = (probe(level.n_nodes() * c, 4), probe(level.n_nodes() * c, 5));
+        let mut grads = vec![1.0; w.len()];
+        conv.backward(&w, &level.conv, &x, &dy, None, &mut grads);
+        for (k, p, j) in [(0, 3, 5), (13, 0, 63), (14, 63, 0), (26, 31, 32)] {
+            let rows = level.neigh.iter().enumerate().filter(|(_, neigh)| neigh[k] >= 0);
+            let plain: f64 =
+                rows.map(|(n, neigh)| x[neigh[k] as usize * c + p] * dy[n * c + j]).sum();
+            assert!((grads[(k * c + p) * c + j] - 1.0 - plain).abs() < 1e-11);
+        }
+    }
+
     #[test]
     fn gradients_are_right_on_every_kind_of_octree() {
         let (conv, w) = conv(3, 2);
@@ -172,55 +233,64 @@ mod tests {
 
     #[test]
     fn input_gradient_is_the_adjoint_on_a_large_octree() {
-        let (octree, (conv, w)) = (large_octree(), conv(2, 3));
+        let octree = large_octree();
         let (level, n) = (octree.finest(), octree.finest().n_nodes());
-        let forward = |x: &[f64]| {
-            let mut y = vec![];
-            conv.forward(&w, &level.conv, x, &mut y);
-            y
-        };
-        let transposed = |dy: &[f64]| {
-            let (mut dx, mut grads, x) = (vec![], vec![0.0; w.len()], vec![0.0; 2 * n]);
-            conv.backward(&w, &level.conv, &x, dy, Some(&mut dx), &mut grads);
-            dx
-        };
-        assert!(adjoint(2 * n, 3 * n, forward, transposed) < 1e-14);
+        for (c_in, c_out) in [(2, 3), (16, 24)] {
+            let (conv, w) = conv(c_in, c_out);
+            let forward = |x: &[f64]| {
+                let mut y = vec![];
+                conv.forward(&w, &level.conv, x, &mut y);
+                y
+            };
+            let transposed = |dy: &[f64]| {
+                let mut dx = vec![];
+                conv.backward_input(&w, &level.conv, dy, &mut dx);
+                dx
+            };
+            assert!(adjoint(c_in * n, c_out * n, forward, transposed) < 1e-14);
+        }
     }
 
     #[test]
     fn a_batch_gives_the_bits_of_its_shapes_alone() {
         let (sizes, options) = ([900, 1, 2500], OctreeOptions::default());
-        let mut layout = Layout::default();
-        let conv = OctreeConv::new(&mut layout, "conv", 4, 24);
-        let w = layout.init_params::<f32>(1);
         let batch = sheets(&sizes, &options);
         let level = batch.finest();
-        let x: Vec<f32> = probe(level.n_nodes() * 4, 1).iter().map(|&x| x as f32).collect();
-        let (mut together, mut alone) = (vec![], vec![]);
-        conv.forward(&w, &level.conv, &x, &mut together);
-        for (shape, &n) in sizes.iter().enumerate() {
-            let (points, normals) = sheet(n, shape as u64);
-            let single = Octree::build(&[Cloud::new(&points, &normals)], &options).unwrap();
-            let rows = level.ranges[shape].clone();
-            conv.forward(&w, &single.finest().conv, &x[4 * rows.start..4 * rows.end], &mut alone);
-            assert_eq!(alone, together[24 * rows.start..24 * rows.end]);
+        for c in [4, 16] {
+            let mut layout = Layout::default();
+            let conv = OctreeConv::new(&mut layout, "conv", c, 24);
+            let w = layout.init_params::<f32>(1);
+            let x: Vec<f32> = probe(level.n_nodes() * c, 1).iter().map(|&x| x as f32).collect();
+            let (mut together, mut alone) = (vec![], vec![]);
+            conv.forward(&w, &level.conv, &x, &mut together);
+            for (shape, &n) in sizes.iter().enumerate() {
+                let (points, normals) = sheet(n, shape as u64);
+                let single = Octree::build(&[Cloud::new(&points, &normals)], &options).unwrap();
+                let rows = level.ranges[shape].clone();
+                let x = &x[c * rows.start..c * rows.end];
+                conv.forward(&w, &single.finest().conv, x, &mut alone);
+                assert_eq!(alone, together[24 * rows.start..24 * rows.end]);
+            }
         }
     }
 
     #[test]
     fn both_passes_are_identical_on_any_number_of_threads() {
-        let (octree, (conv, w)) = (large_octree(), conv(2, 3));
+        let octree = large_octree();
         let n = octree.finest().n_nodes();
-        let (x, dy) = (probe(2 * n, 1), probe(3 * n, 2));
-        let run = |n_threads| {
-            let passes = || {
-                let (mut y, mut dx, mut grads) = (vec![], vec![], vec![0.0; w.len()]);
-                conv.forward(&w, &octree.finest().conv, &x, &mut y);
-                conv.backward(&w, &octree.finest().conv, &x, &dy, Some(&mut dx), &mut grads);
-                (y, dx, grads)
+        for (c_in, c_out) in [(2, 3), (64, 64)] {
+            let (conv, w) = conv(c_in, c_out);
+            let (x, dy) = (probe(c_in * n, 1), probe(c_out * n, 2));
+            let run = |n_threads| {
+                let passes = || {
+                    let (mut y, mut dx, mut grads) = (vec![], vec![], vec![0.0; w.len()]);
+                    conv.forward(&w, &octree.finest().conv, &x, &mut y);
+                    conv.backward(&w, &octree.finest().conv, &x, &dy, Some(&mut dx), &mut grads);
+                    (y, dx, grads)
+                };
+                with_threads(n_threads, passes).unwrap()
             };
-            with_threads(n_threads, passes).unwrap()
-        };
-        assert_eq!(run(1), run(5));
+            assert!(run(1) == run(5));
+        }
     }
 }

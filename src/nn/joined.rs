@@ -336,23 +336,26 @@ mod tests {
     /// Runs `joined` on the parts and `plain` on the columns put side by side; both return outputs and
     /// gradients by the parts and the parameters, which must be equal up to rounding.
     fn assert_equal(
+        (widths, c_out): ([usize; 3], usize),
         shapes: &[Range<usize>],
         n_params: usize,
         joined: impl Fn(&Joined<f64>, &[f64], &mut [PartGradient<f64>], &mut [f64]) -> Vec<f64>,
         plain: impl Fn(&[f64], &[f64], &mut Vec<f64>, &mut [f64]) -> Vec<f64>,
     ) {
         let n = shapes.last().unwrap().end;
-        let (skip, cutter, up) = (probe(n * 3, 1), probe(shapes.len() * 5, 2), probe(n * 2, 3));
+        let [skip, cutter, up] = [n, shapes.len(), n];
+        let skip = probe(skip * widths[0], 1);
+        let (cutter, up) = (probe(cutter * widths[1], 2), probe(up * widths[2], 3));
         let parts = [Part::Nodes(&skip[..]), Part::Shapes(&cutter), Part::Nodes(&up)];
-        let dy = probe(n * 4, 4);
-        let concat = Concat { shapes, widths: &WIDTHS };
+        let dy = probe(n * c_out, 4);
+        let concat = Concat { shapes, widths: &widths };
         let (mut x, mut dx) = (vec![], vec![]);
         concat.forward(&parts, &mut x);
         let (mut a, mut grads_a) = (std::array::from_fn(|_| vec![]), vec![0.0; n_params]);
         let (mut b, mut grads_b) = (std::array::from_fn(|_| vec![]), vec![0.0; n_params]);
         let y_b = plain(&x, &dy, &mut dx, &mut grads_b);
         concat.backward(&dx, &mut gradients(&mut b));
-        let x = Joined { shapes, widths: &WIDTHS, parts: &parts };
+        let x = Joined { shapes, widths: &widths, parts: &parts };
         let y_a = joined(&x, &dy, &mut gradients(&mut a), &mut grads_a);
         assert!(difference(&y_a, &y_b) < 1e-14);
         assert!(difference(&grads_a, &grads_b) < 1e-14);
@@ -366,15 +369,15 @@ mod tests {
         [PartGradient::Nodes(skip), PartGradient::Shapes(cutter), PartGradient::Nodes(up)]
     }
 
-    #[test]
-    fn convolution_equals_that_of_the_columns_side_by_side() {
+    fn assert_convolutions_equal((widths, c_out): ([usize; 3], usize)) {
         let mut layout = Layout::default();
-        let conv = OctreeConv::new(&mut layout, "conv", 10, 4);
+        let conv = OctreeConv::new(&mut layout, "conv", widths.iter().sum(), c_out);
         let params = layout.init_params(1);
         for octree in octrees() {
             for level in &octree.levels {
                 let map = &level.conv;
                 assert_equal(
+                    (widths, c_out),
                     &level.ranges,
                     params.len(),
                     |x, dy, dx, grads| {
@@ -395,6 +398,16 @@ mod tests {
     }
 
     #[test]
+    fn convolution_equals_that_of_the_columns_side_by_side() {
+        assert_convolutions_equal((WIDTHS, 4));
+    }
+
+    #[test]
+    fn wide_convolution_equals_that_of_the_columns_side_by_side() {
+        assert_convolutions_equal(([64, 8, 72], 64));
+    }
+
+    #[test]
     fn linear_map_equals_that_of_the_columns_side_by_side() {
         for bias in [false, true] {
             let mut layout = Layout::default();
@@ -402,6 +415,7 @@ mod tests {
             let params = layout.init_params(1);
             let shapes = [0..700, 700..700, 700..701, 701..2500];
             assert_equal(
+                (WIDTHS, 4),
                 &shapes,
                 params.len(),
                 |x, dy, dx, grads| {

@@ -5,6 +5,7 @@
 //! depends on nothing but its own inputs.
 
 use super::rows::{Then, nothing};
+use super::winograd;
 use crate::octree::KernelMap;
 use crate::par;
 use crate::scalar::block::{self, Source};
@@ -61,7 +62,12 @@ pub(super) fn sum_of_terms<T: Scalar>(
         }
     }
     y.resize(map.n_outputs() * c_out, T::ZERO);
+    let suits = |term: &Term<T>| match term {
+        Term::Nodes { weights, .. } => winograd::suits(map, weights.depth(), c_out),
+        Term::Shapes { .. } => true,
+    };
     match map.n_blocks() {
+        _ if terms.iter().all(suits) => winograd::sum_of_terms(map, terms, c_out, y, then),
         1 => {
             sum_by_columns(map, terms, c_out, y);
             then(0, y);
@@ -276,6 +282,10 @@ pub(super) fn weight_gradient_of_columns<T: Scalar>(
     let width = columns.len();
     assert_eq!(a.len(), map.n_inputs() * group * width, "rows of `a` and of the kernel map differ");
     assert_eq!(g.len(), map.n_outputs() * c_g, "rows of `g` and of the kernel map differ");
+    if group == 1 && winograd::suits_gradient(map, width, c_g) {
+        winograd::weight_gradient(map, (a, columns, c_a), (g, c_g), grads);
+        return;
+    }
     let blocks_per_range = (RANGE_ROWS / map.block_len().max(1)).max(1);
     let n_ranges = map.n_blocks().div_ceil(blocks_per_range);
     let add = |slot: usize, range: usize, d: &mut [T]| {

@@ -38,3 +38,4 @@ pub mod residual;
 pub(crate) mod rows;
 pub mod unit;
 pub mod upsample;
+mod winograd;

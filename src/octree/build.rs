@@ -7,10 +7,12 @@ use std::ops::Range;
 
 /// Points per task.
 const BLOCK: usize = 8192;
-/// Upper estimate: key, child, neighbours, row, all 27 pairs of the kernel map, both padding maps.
-const BYTES_PER_NODE: u64 = 8 + 4 + 27 * 4 + 4 + 27 * 8 + 2 * 8;
+/// Upper estimate: key, child, neighbours, row, all 27 pairs of the kernel map, siblings, both padding maps.
+const BYTES_PER_NODE: u64 = 8 + 4 + 27 * 4 + 4 + 27 * 8 + 27 * 4 / 8 + 2 * 8;
 /// Sorted pair of key and index, node, mean point and normal.
 const BYTES_PER_POINT: u64 = 16 + 8 + 4 + 12 + 12;
+/// Least depth whose kernel map knows siblings: a shape has too few nodes in coarser ones for that to pay.
+const SIBLINGS: usize = 4;
 
 impl Octree {
     /// Builds the octree of a batch of shapes. Every shape's nodes are those it would have alone.
@@ -178,24 +180,34 @@ fn levels(nonempty: &[Vec<u64>], n_shapes: usize, options: &OctreeOptions) -> Ve
         } else {
             children(&keys, nonempty)
         };
-        let neigh = match levels.last() {
-            Some(coarse) => {
-                neighbours::of_children(&coarse.nonempty, &coarse.children, &coarse.neigh)
-            }
-            None => neighbours::of_roots(n_shapes),
-        };
-        levels.push(level(keys, children, neigh, n_shapes));
+        let siblings = levels.last().map(|coarse| {
+            neighbours::of_parents(&coarse.nonempty, &coarse.children, &coarse.neigh)
+        });
+        levels.push(level(d, keys, children, siblings, n_shapes));
     }
     levels
 }
 
-fn level(keys: Vec<u64>, children: Vec<i32>, neigh: Vec<[i32; 27]>, n_shapes: usize) -> Level {
+fn level(
+    depth: usize,
+    keys: Vec<u64>,
+    children: Vec<i32>,
+    siblings: Option<Vec<[i32; 27]>>,
+    n_shapes: usize,
+) -> Level {
+    let neigh = match &siblings {
+        Some(siblings) => neighbours::of_children(siblings),
+        None => neighbours::of_roots(n_shapes),
+    };
     let first_of = |shape: usize| keys.partition_point(|&k| key::decode(k).1 < shape);
     let ranges = (0..n_shapes).map(|shape| first_of(shape)..first_of(shape + 1)).collect();
     let nonempty: Vec<u32> =
         (0..keys.len() as u32).filter(|&n| children[n as usize] >= 0).collect();
     Level {
-        conv: KernelMap::convolution(&neigh),
+        conv: KernelMap::convolution(
+            &neigh,
+            siblings.filter(|_| depth >= SIBLINGS).unwrap_or_default(),
+        ),
         pad: KernelMap::scatter(&nonempty, keys.len()),
         depad: KernelMap::gather(&nonempty, keys.len()),
         keys,

@@ -23,12 +23,18 @@ pub struct KernelMap {
     starts: Vec<usize>,
     inputs: Vec<u32>,
     outputs: Vec<u32>,
+    siblings: Vec<[i32; 27]>,
 }
 
 impl KernelMap {
-    /// The 27 offsets of a 3×3×3 convolution over nodes with neighbours `neigh` (−1: missing).
-    pub fn convolution(neigh: &[[i32; 27]]) -> Self {
-        Self::from_rows(neigh.len(), neigh.len(), |n| neigh[n])
+    /// The 27 offsets of a 3×3×3 convolution over nodes with neighbours `neigh` (−1: missing), and what
+    /// [`KernelMap::siblings`] returns.
+    ///
+    /// # Panics
+    /// If there are siblings, but not for every eight nodes.
+    pub fn convolution(neigh: &[[i32; 27]], siblings: Vec<[i32; 27]>) -> Self {
+        assert!(siblings.is_empty() || 8 * siblings.len() == neigh.len(), "groups of eight nodes");
+        KernelMap { siblings, ..Self::from_rows(neigh.len(), neigh.len(), |n| neigh[n]) }
     }
 
     /// One offset: input `i` goes to output `rows[i]` of `n_outputs`; `rows` ascends strictly.
@@ -61,7 +67,17 @@ impl KernelMap {
             inputs.extend_from_slice(&block.inputs);
             outputs.extend_from_slice(&block.outputs);
         }
-        KernelMap { n_inputs, n_outputs, n_offsets: K, block_len, starts, inputs, outputs }
+        let siblings = Vec::new();
+        KernelMap {
+            n_inputs,
+            n_outputs,
+            n_offsets: K,
+            block_len,
+            starts,
+            inputs,
+            outputs,
+            siblings,
+        }
     }
 
     /// Number of rows read.
@@ -92,6 +108,12 @@ impl KernelMap {
     /// Number of pairs: a convolution does `2·n_pairs·c_in·c_out` floating-point operations.
     pub fn n_pairs(&self) -> usize {
         self.inputs.len()
+    }
+
+    /// If the rows of this convolution are known to be the children of some parents, eight after eight: for
+    /// each parent, the first child of each of its 27 neighbours (−1: missing). Else empty.
+    pub fn siblings(&self) -> &[[i32; 27]] {
+        &self.siblings
     }
 
     /// Input rows, and output rows counted from the block's first, of one block and offset.
@@ -156,7 +178,7 @@ mod tests {
                     })
                 })
                 .collect();
-            let map = KernelMap::convolution(&neigh);
+            let map = KernelMap::convolution(&neigh, vec![]);
             let mut rebuilt = vec![-1; 27 * n];
             for block in 0..map.n_blocks() {
                 for k in 0..27 {

@@ -30,21 +30,29 @@ pub(super) fn of_roots(n_shapes: usize) -> Vec<[i32; 27]> {
     (0..n_shapes).map(alone).collect()
 }
 
-/// Neighbours of the children of the nodes `nonempty`, whose depth has `children` and `neigh`.
-pub(super) fn of_children(
+/// Around the children of each of the nodes `nonempty`, whose depth has `children` and `neigh`: first child
+/// of every neighbour of the parent.
+pub(super) fn of_parents(
     nonempty: &[u32],
     children: &[i32],
     neigh: &[[i32; 27]],
 ) -> Vec<[i32; 27]> {
-    let mut finer = vec![[-1; 27]; 8 * nonempty.len()];
+    let first_child = |p: i32| match usize::try_from(p).map(|p| children[p]) {
+        Ok(group @ 0..) => 8 * group,
+        _ => -1,
+    };
+    nonempty.iter().map(|&parent| neigh[parent as usize].map(first_child)).collect()
+}
+
+/// Neighbours of the children that [`of_parents`] is about.
+pub(super) fn of_children(siblings: &[[i32; 27]]) -> Vec<[i32; 27]> {
+    let mut finer = vec![[-1; 27]; 8 * siblings.len()];
     par::for_each_block(&mut finer, BLOCK, |block, rows| {
         for (i, row) in rows.iter_mut().enumerate() {
             let n = block * BLOCK + i;
-            let around = neigh[nonempty[n / 8] as usize]
-                .map(|p| usize::try_from(p).map_or(-1, |p| children[p]));
             for (neighbour, &(parent, octant)) in row.iter_mut().zip(&STEPS[n % 8]) {
-                let group = around[parent as usize];
-                *neighbour = if group < 0 { -1 } else { 8 * group + i32::from(octant) };
+                let first = siblings[n / 8][parent as usize];
+                *neighbour = if first < 0 { -1 } else { first + i32::from(octant) };
             }
         }
     });

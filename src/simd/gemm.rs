@@ -22,6 +22,7 @@
 pub mod block;
 mod tile;
 pub mod weights;
+pub mod winograd;
 
 use super::{Kernel, Level, Simd};
 use std::mem::MaybeUninit;
@@ -222,7 +223,11 @@ fn matmul_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
                 let c = RowPointers { start: c, rows: &x.c_rows[r.clone()], width };
                 // SAFETY: all rows were checked on entry, and p and j stay inside them.
                 unsafe {
-                    with_height!(r.len(), M, tile_rows::<T, S, N>(simd, a, &panel, c, j.len()))
+                    with_height!(
+                        r.len(),
+                        M,
+                        tile_rows::<T, S, N>(simd, a, &panel, c, j.len(), true)
+                    )
                 };
             }
         }

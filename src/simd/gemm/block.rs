@@ -191,7 +191,9 @@ fn products<T: Real, S: Simd, const M: usize, const N: usize>(
                 let c = RowPointers { start: c, rows: &outputs[r.clone()], width: N };
                 // SAFETY: all rows were checked on entry, p stays inside those of x, and rows of the
                 // block inside the sums.
-                unsafe { with_height!(r.len(), M, tile_rows::<T, S, N>(simd, a, &panel, c, N)) };
+                unsafe {
+                    with_height!(r.len(), M, tile_rows::<T, S, N>(simd, a, &panel, c, N, true))
+                };
             }
         }
     }

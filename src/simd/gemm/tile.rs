@@ -4,6 +4,7 @@ use super::super::Simd;
 use super::DEPTH;
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
+use std::ops::{Add, Sub};
 
 /// Calls `$tile::<T, S, HEIGHT, N>` for the height at hand; heights above `$max` are compiled out.
 macro_rules! with_height {
@@ -20,15 +21,29 @@ macro_rules! with_height {
 pub(super) use with_height;
 
 /// A number that tiles are made of: `f32` or `f64`.
-pub trait Real: Copy + Default + std::ops::Add<Output = Self> + 'static {
+pub trait Real: Copy + Default + Add<Output = Self> + Sub<Output = Self> + 'static {
     /// `a * b + c` with one rounding.
     fn fused<S: Simd>(simd: S, a: Self, b: Self, c: Self) -> Self;
+    /// Exact value.
+    fn from_f32(x: f32) -> Self;
+    /// Half of it.
+    fn half(self) -> Self;
 }
 
 impl Real for f32 {
     #[inline(always)]
     fn fused<S: Simd>(simd: S, a: f32, b: f32, c: f32) -> f32 {
         simd.mul_add(a, b, c)
+    }
+
+    #[inline(always)]
+    fn from_f32(x: f32) -> f32 {
+        x
+    }
+
+    #[inline(always)]
+    fn half(self) -> f32 {
+        0.5 * self
     }
 }
 
@@ -37,6 +52,16 @@ impl Real for f64 {
     #[inline(always)]
     fn fused<S: Simd>(_: S, a: f64, b: f64, c: f64) -> f64 {
         a.mul_add(b, c)
+    }
+
+    #[inline(always)]
+    fn from_f32(x: f32) -> f64 {
+        f64::from(x)
+    }
+
+    #[inline(always)]
+    fn half(self) -> f64 {
+        0.5 * self
     }
 }
 
@@ -105,7 +130,7 @@ impl<'a, T: Real, const N: usize> Panel<'a, T, N> {
     }
 }
 
-/// One tile of [`matmul_rows`].
+/// One tile of [`matmul_rows`]; adds to `c` if there is `more`, else overwrites it.
 ///
 /// # Safety
 /// `a` and `c` have `M` rows; those of `a` reach `panel.depth` numbers far, those of `c` `width ≤ N`.
@@ -116,6 +141,7 @@ pub(super) unsafe fn tile_rows<T: Real, S: Simd, const M: usize, const N: usize>
     panel: &Panel<'_, T, N>,
     c: RowPointers<'_, *mut T>,
     width: usize,
+    more: bool,
 ) {
     // SAFETY: the caller's promise.
     unsafe {
@@ -124,7 +150,10 @@ pub(super) unsafe fn tile_rows<T: Real, S: Simd, const M: usize, const N: usize>
             a_rows[i] = a.start.add(a.rows[i] as usize * a.width);
             c_rows[i] = c.start.add(c.rows[i] as usize * c.width);
         }
-        let mut sums: [[T; N]; M] = load(&c_rows, width);
+        let mut sums = match more {
+            true => load(&c_rows, width),
+            false => [[T::default(); N]; M],
+        };
         for p in 0..panel.depth {
             let b = panel.row(p);
             for (sums, a) in sums.iter_mut().zip(&a_rows) {

@@ -111,9 +111,14 @@ fn transpose<T: Real, const N: usize>(rows: [&[T]; N], depth: usize, mut put: im
             Some(chunk) => *chunk,
             None => std::array::from_fn(|i| row.get(p + i).copied().unwrap_or(T::default())),
         };
-        let square: [[T; EDGE]; N] = std::array::from_fn(|i| chunk(rows[i]));
-        let columns: [[T; N]; EDGE] =
-            std::array::from_fn(|i| std::array::from_fn(|row| square[row][i]));
+        // Loops: what `array::from_fn` calls need not be inlined, and is then compiled for any processor.
+        let mut columns = [[T::default(); N]; EDGE];
+        for (i, row) in rows.iter().enumerate() {
+            let chunk = chunk(row);
+            for (column, x) in columns.iter_mut().zip(chunk) {
+                column[i] = x;
+            }
+        }
         columns.into_iter().take(depth - p).for_each(&mut put);
     }
 }
@@ -154,17 +159,31 @@ impl<T: Real> Packed<T> {
     where
         T: Send + Sync,
     {
-        let panel_width = panel_width::<T>(level);
         let (n_offsets, depth, width) = (weights.n_offsets(), weights.depth(), weights.width());
-        let len = width.div_ceil(panel_width) * n_offsets * depth * panel_width;
-        let mut memory = vec![T::default(); len + CACHE_LINE / size_of::<T>()];
-        let start = memory.as_ptr().align_offset(CACHE_LINE).min(memory.len() - len);
+        let mut packed = Self::zeros(level, n_offsets, depth, width);
+        let len = depth * packed.panel_width;
         if len > 0 {
-            for_each_block(&mut memory[start..start + len], depth * panel_width, &|i, to| {
+            for_each_block(packed.numbers_mut(), len, &|i, to| {
                 level.run(Pack { weights, panel: i / n_offsets, offset: i % n_offsets, to });
             });
         }
+        packed
+    }
+
+    /// Panels of zeros.
+    pub(super) fn zeros(level: Level, n_offsets: usize, depth: usize, width: usize) -> Self {
+        let panel_width = panel_width::<T>(level);
+        let len = width.div_ceil(panel_width) * n_offsets * depth * panel_width;
+        let memory = vec![T::default(); len + CACHE_LINE / size_of::<T>()];
+        let start = memory.as_ptr().align_offset(CACHE_LINE).min(memory.len() - len);
         Packed { memory, start, n_offsets, depth, width, panel_width }
+    }
+
+    /// The panels alone.
+    pub(super) fn numbers_mut(&mut self) -> &mut [T] {
+        let len =
+            self.width.div_ceil(self.panel_width) * self.n_offsets * self.depth * self.panel_width;
+        &mut self.memory[self.start..self.start + len]
     }
 
     /// The panels, and perhaps a little more.
