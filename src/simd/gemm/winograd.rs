@@ -582,8 +582,8 @@ impl<T: Real, const N: usize> Cubes<T, N> {
         let Cubes([a, b]) = self;
         let mut along = [Lanes::zeros(); I];
         for yz in 0..I * I {
-            for i in 0..I {
-                along[i] = x(i * I * I + yz);
+            for (i, along) in along.iter_mut().enumerate() {
+                *along = x(i * I * I + yz);
             }
             let out = line(along);
             for o in 0..O {
@@ -592,8 +592,8 @@ impl<T: Real, const N: usize> Cubes<T, N> {
         }
         for x in 0..O {
             for z in 0..I {
-                for i in 0..I {
-                    along[i] = a[(x * I + i) * I + z];
+                for (i, along) in along.iter_mut().enumerate() {
+                    *along = a[(x * I + i) * I + z];
                 }
                 let out = line(along);
                 for o in 0..O {
@@ -602,8 +602,8 @@ impl<T: Real, const N: usize> Cubes<T, N> {
             }
         }
         for xy in 0..O * O {
-            for i in 0..I {
-                along[i] = b[xy * I + i];
+            for (i, along) in along.iter_mut().enumerate() {
+                *along = b[xy * I + i];
             }
             let out = line(along);
             for o in 0..O {
