@@ -17,38 +17,25 @@
 //! *frequencies* one by one, each of which is a matrix product over channels. Frequencies and nodes of a
 //! cube are counted `16·i + 4·j + l`, children `4·x + 2·y + z`, kernel offsets `9·x + 3·y + z`.
 
+mod cube;
+mod transforms;
+
 use super::super::{Kernel, Level, Simd};
 use super::tile::{Panel, Real, RowPointers, tile_rows, with_height};
-use super::weights::{Packed, Weights, panel_width};
+use super::weights::{Packed, panel_width};
 use super::{DEPTH, Tiled, passes, tiles, with_tile};
-use std::ops::{Add, Sub};
-
-/// Frequencies of a cube.
-pub const N_FREQUENCIES: usize = 64;
-
-/// Columns are taken this many at a time, and must be a multiple of it.
-pub const CHANNELS: usize = 8;
-
-/// Most columns of inputs.
-pub const MAX_DEPTH: usize = 256;
+use cube::{Cubes, Lanes, output};
+pub use transforms::{
+    CHANNELS, MAX_DEPTH, N_FREQUENCIES, transform_gradients, transform_inputs, transform_products,
+    transform_weight_gradients, transform_weights,
+};
+use transforms::{check_groups, frequencies, frequencies_of_ones};
 
 /// Most groups of a block: with 96 columns their frequencies fill a second-level cache or two.
 pub const MAX_GROUPS: usize = 32;
 
 /// A cache line between the planes of two frequencies, so that not all fall into one set of a cache.
 const GAP: usize = 16;
-
-/// For each node of a cube: which neighbour of the parent holds it, and as which child.
-static PLACES: [(usize, usize); 64] = {
-    let mut places = [(0, 0); 64];
-    let mut i = 0;
-    while i < 64 {
-        let (x, y, z) = (i / 16 + 1, i / 4 % 4 + 1, i % 4 + 1);
-        places[i] = (9 * (x / 2) + 3 * (y / 2) + z / 2, 4 * (x % 2) + 2 * (y % 2) + z % 2);
-        i += 1;
-    }
-    places
-};
 
 static ROWS: [u32; MAX_GROUPS] = {
     let mut rows = [0; MAX_GROUPS];
@@ -85,83 +72,6 @@ pub struct Room<T> {
     sums: Vec<T>,
 }
 
-/// `G w`, in panels: `weights` has 27 offsets. `for_each_block` as in [`Packed::new`].
-///
-/// # Panics
-/// If there are not 27 offsets.
-pub fn transform_weights<T: Real + Send + Sync>(
-    level: Level,
-    weights: &Weights<T>,
-    for_each_block: impl FnOnce(&mut [T], usize, &(dyn Fn(usize, &mut [T]) + Sync)),
-) -> Packed<T> {
-    assert_eq!(weights.n_offsets(), 27, "a kernel of 3×3×3");
-    let depth = weights.depth();
-    let mut packed = Packed::zeros(level, N_FREQUENCIES, depth, weights.width());
-    let len = N_FREQUENCIES * depth * packed.panel_width;
-    for_each_block(packed.numbers_mut(), len, &|panel, to| {
-        level.run(TransformWeights { weights, panel, to });
-    });
-    packed
-}
-
-/// Overwrites `to: [64, n]` with `G` applied to `products`: 27 rows of `n`, `stride` apart.
-///
-/// # Panics
-/// If something does not fit.
-pub fn transform_products<T: Real>(level: Level, products: &[T], stride: usize, to: &mut [T]) {
-    let width = to.len() / N_FREQUENCIES;
-    check_rows_of(products, 27, stride, width, to, N_FREQUENCIES);
-    level.run(TransformProducts { x: products, stride, width, to });
-}
-
-/// Overwrites `to: [27, n]` with `Gᵀ` applied to `u`: 64 rows of `n`, `stride` apart.
-///
-/// # Panics
-/// If something does not fit.
-pub fn transform_weight_gradients<T: Real>(level: Level, u: &[T], stride: usize, to: &mut [T]) {
-    let width = to.len() / 27;
-    check_rows_of(u, N_FREQUENCIES, stride, width, to, 27);
-    level.run(TransformWeightGradients { x: u, stride, width, to });
-}
-
-fn check_rows_of<T>(x: &[T], n: usize, stride: usize, width: usize, to: &[T], n_to: usize) {
-    assert!(width.is_multiple_of(CHANNELS) && to.len() == n_to * width, "whole rows");
-    assert!(width <= stride && x.len() >= (n - 1) * stride + width, "rows of the input");
-}
-
-/// Overwrites `to` with `Bᵀ x` for some groups: `[64, n_rows, depth]` of which `groups.len()` rows each
-/// are written.
-///
-/// # Panics
-/// If something does not fit.
-pub fn transform_inputs<T: Real>(
-    level: Level,
-    groups: &[[i32; 27]],
-    (x, depth): (&[T], usize),
-    n_rows: usize,
-    to: &mut [T],
-) {
-    check_groups(groups, x.len(), depth);
-    assert!(groups.len() <= n_rows && to.len() == N_FREQUENCIES * n_rows * depth, "frequencies");
-    level.run(TransformInputs { groups, x, depth, plane: n_rows * depth, to });
-}
-
-/// Overwrites `to` with `A dy` for the children `dy: [8·n, width]` of some parents, laid out as by
-/// [`transform_inputs`].
-///
-/// # Panics
-/// If something does not fit.
-pub fn transform_gradients<T: Real>(
-    level: Level,
-    (dy, width): (&[T], usize),
-    n_rows: usize,
-    to: &mut [T],
-) {
-    assert!(width.is_multiple_of(CHANNELS) && dy.len().is_multiple_of(8 * width), "whole groups");
-    assert!(dy.len() <= 8 * n_rows * width && to.len() == N_FREQUENCIES * n_rows * width);
-    level.run(TransformGradients { dy, width, plane: n_rows * width, to });
-}
-
 /// Overwrites `y: [8·groups.len(), n]`, the children of some parents, with the sum of the terms. `groups`
 /// holds, for each parent, the first row in `x` of the children of its 27 neighbours, −1 for none.
 ///
@@ -196,171 +106,12 @@ pub fn sum_of_terms<T: Real>(
     level.run(Block { groups, terms, n, room, y });
 }
 
-fn check_groups(groups: &[[i32; 27]], len: usize, depth: usize) {
-    assert!(depth.is_multiple_of(CHANNELS) && depth <= MAX_DEPTH, "columns of the input");
-    assert!(len.is_multiple_of(8 * depth), "rows of the input");
-    let n_rows = len / depth;
-    let inside = |&first: &i32| usize::try_from(first).is_ok_and(|first| first + 8 <= n_rows);
-    assert!(groups.as_flattened().iter().all(|first| *first < 0 || inside(first)), "neighbours");
-}
-
-struct TransformWeights<'a, 'b, T> {
-    weights: &'a Weights<'b, T>,
-    panel: usize,
-    to: &'a mut [T],
-}
-
-struct TransformProducts<'a, T> {
-    x: &'a [T],
-    stride: usize,
-    width: usize,
-    to: &'a mut [T],
-}
-
-struct TransformWeightGradients<'a, T> {
-    x: &'a [T],
-    stride: usize,
-    width: usize,
-    to: &'a mut [T],
-}
-
-struct TransformInputs<'a, T> {
-    groups: &'a [[i32; 27]],
-    x: &'a [T],
-    depth: usize,
-    plane: usize,
-    to: &'a mut [T],
-}
-
-struct TransformGradients<'a, T> {
-    dy: &'a [T],
-    width: usize,
-    plane: usize,
-    to: &'a mut [T],
-}
-
 struct Block<'a, T> {
     groups: &'a [[i32; 27]],
     terms: &'a [Term<'a, T>],
     n: usize,
     room: &'a mut Room<T>,
     y: &'a mut [T],
-}
-
-impl<T: Real> Kernel for TransformWeights<'_, '_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        with_tile::<T, S, Self>(simd, self);
-    }
-}
-
-impl<T: Real> Tiled<T> for TransformWeights<'_, '_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd, const M: usize, const N: usize>(self, _: S) {
-        const AT_A_TIME: usize = 8;
-        let depth = self.weights.depth();
-        let to = self.to.as_chunks_mut::<N>().0;
-        let mut w = [[[T::default(); N]; AT_A_TIME]; 27];
-        let mut cubes = Cubes::<T, N>::new();
-        for p in passes(depth, AT_A_TIME) {
-            for (k, w) in w.iter_mut().enumerate() {
-                let mut rows = w.iter_mut();
-                self.weights.fill::<N>(k, p.clone(), self.panel * N, |row| {
-                    if let Some(to) = rows.next() {
-                        *to = row;
-                    }
-                });
-            }
-            for (i, p) in p.enumerate() {
-                let all = cubes.each_axis(|k| Lanes(w[k][i]), kernel);
-                (0..N_FREQUENCIES).for_each(|f| to[f * depth + p] = all[f].0);
-            }
-        }
-    }
-}
-
-impl<T: Real> Kernel for TransformProducts<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let TransformProducts { x, stride, width, to } = self;
-        let mut cubes = Cubes::<T, CHANNELS>::new();
-        for c in (0..width).step_by(CHANNELS) {
-            let all = cubes.each_axis(|k| Lanes::of(x, k * stride + c), kernel);
-            all.iter().enumerate().for_each(|(f, x)| x.put(to, f * width + c));
-        }
-    }
-}
-
-impl<T: Real> Kernel for TransformWeightGradients<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let TransformWeightGradients { x, stride, width, to } = self;
-        let mut cubes = Cubes::<T, CHANNELS>::new();
-        for c in (0..width).step_by(CHANNELS) {
-            let all = cubes.each_axis(|f| Lanes::of(x, f * stride + c), kernel_gradient);
-            all[..27].iter().enumerate().for_each(|(k, x)| x.put(to, k * width + c));
-        }
-    }
-}
-
-impl<T: Real> Kernel for TransformInputs<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let TransformInputs { groups, x, depth, plane, to } = self;
-        let mut cubes = Cubes::new();
-        for (i, group) in groups.iter().enumerate() {
-            frequencies(&mut cubes, group, (x, depth), plane, &mut to[i * depth..]);
-        }
-    }
-}
-
-/// `Bᵀ x` of one group; frequencies are `plane` apart.
-#[inline(always)]
-fn frequencies<T: Real>(
-    cubes: &mut Cubes<T, CHANNELS>,
-    group: &[i32; 27],
-    (x, depth): (&[T], usize),
-    plane: usize,
-    to: &mut [T],
-) {
-    let missing = &[T::default(); MAX_DEPTH][..depth];
-    let mut rows: [&[T]; 64] = [missing; 64];
-    for (row, (parent, child)) in rows.iter_mut().zip(&PLACES) {
-        if let Ok(first) = usize::try_from(group[*parent]) {
-            *row = &x[(first + child) * depth..][..depth];
-        }
-    }
-    for c in (0..depth).step_by(CHANNELS) {
-        let node = |i: usize| Lanes::of(rows[i], c);
-        let all = cubes.each_axis::<4, 4>(node, input);
-        all.iter().enumerate().for_each(|(f, x)| x.put(to, f * plane + c));
-    }
-}
-
-impl<T: Real> Kernel for TransformGradients<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let TransformGradients { dy, width, plane, to } = self;
-        let mut cubes = Cubes::<T, CHANNELS>::new();
-        for (i, dy) in dy.chunks_exact(8 * width).enumerate() {
-            for c in (0..width).step_by(CHANNELS) {
-                let all = cubes.each_axis(|child| Lanes::of(dy, child * width + c), gradient);
-                all.iter().enumerate().for_each(|(f, x)| x.put(to, f * plane + i * width + c));
-            }
-        }
-    }
 }
 
 impl<T: Real> Kernel for Block<'_, T> {
@@ -446,17 +197,6 @@ impl<T: Real> Tiled<T> for Block<'_, T> {
     }
 }
 
-/// `Bᵀ 1` of some groups: what the frequencies of constant inputs are multiplied by.
-#[inline(always)]
-fn frequencies_of_ones<T: Real>(groups: &[[i32; 27]], plane: usize, to: &mut [T]) {
-    let mut cubes = Cubes::<f32, 1>::new();
-    for (i, group) in groups.iter().enumerate() {
-        let node = |node: usize| Lanes([if group[PLACES[node].0] < 0 { 0.0 } else { 1.0 }]);
-        let all = cubes.each_axis::<4, 4>(node, input);
-        all.iter().enumerate().for_each(|(f, x)| to[f * plane + i] = T::from_f32(x.0[0]));
-    }
-}
-
 /// `sums[r, N] += x[r, depth] · w[depth, N]`, or without what was there if there is not `more`.
 #[inline(always)]
 fn add_product<T: Real, S: Simd, const M: usize, const N: usize>(
@@ -483,139 +223,10 @@ fn add_product<T: Real, S: Simd, const M: usize, const N: usize>(
     }
 }
 
-/// Numbers of one place, of several columns.
-#[derive(Clone, Copy)]
-struct Lanes<T, const N: usize>([T; N]);
-
-impl<T: Real, const N: usize> Lanes<T, N> {
-    #[inline(always)]
-    fn zeros() -> Self {
-        Lanes([T::default(); N])
-    }
-
-    /// From place `at` of `x` on.
-    #[inline(always)]
-    fn of(x: &[T], at: usize) -> Self {
-        Lanes(x[at..at + N].as_chunks().0[0])
-    }
-
-    #[inline(always)]
-    fn put(self, x: &mut [T], at: usize) {
-        x[at..at + N].copy_from_slice(&self.0);
-    }
-
-    #[inline(always)]
-    fn half(mut self) -> Self {
-        self.0.iter_mut().for_each(|x| *x = x.half());
-        self
-    }
-}
-
-impl<T: Real, const N: usize> Add for Lanes<T, N> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn add(mut self, other: Self) -> Self {
-        self.0.iter_mut().zip(&other.0).for_each(|(x, y)| *x = *x + *y);
-        self
-    }
-}
-
-impl<T: Real, const N: usize> Sub for Lanes<T, N> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn sub(mut self, other: Self) -> Self {
-        self.0.iter_mut().zip(&other.0).for_each(|(x, y)| *x = *x - *y);
-        self
-    }
-}
-
-/// Bᵀ
-#[inline(always)]
-fn input<T: Real, const N: usize>([a, b, c, d]: [Lanes<T, N>; 4]) -> [Lanes<T, N>; 4] {
-    [a - c, b + c, c - b, b - d]
-}
-
-/// G
-#[inline(always)]
-fn kernel<T: Real, const N: usize>([a, b, c]: [Lanes<T, N>; 3]) -> [Lanes<T, N>; 4] {
-    let (ends, middle) = ((a + c).half(), b.half());
-    [a, ends + middle, ends - middle, c]
-}
-
-/// Aᵀ
-#[inline(always)]
-fn output<T: Real, const N: usize>([a, b, c, d]: [Lanes<T, N>; 4]) -> [Lanes<T, N>; 2] {
-    [a + b + c, b - c - d]
-}
-
-/// A
-#[inline(always)]
-fn gradient<T: Real, const N: usize>([a, b]: [Lanes<T, N>; 2]) -> [Lanes<T, N>; 4] {
-    [a, a + b, a - b, Lanes::zeros() - b]
-}
-
-/// Gᵀ
-#[inline(always)]
-fn kernel_gradient<T: Real, const N: usize>([a, b, c, d]: [Lanes<T, N>; 4]) -> [Lanes<T, N>; 3] {
-    let (sum, difference) = ((b + c).half(), (b - c).half());
-    [a + sum, difference, sum + d]
-}
-
-/// Room for a cube and for what becomes of it along the way.
-struct Cubes<T, const N: usize>([[Lanes<T, N>; 64]; 2]);
-
-impl<T: Real, const N: usize> Cubes<T, N> {
-    #[inline(always)]
-    fn new() -> Self {
-        Cubes([[Lanes::zeros(); 64]; 2])
-    }
-
-    /// Applies `line` along each axis of a cube of side `I` to make one of side `O`.
-    #[inline(always)]
-    fn each_axis<const I: usize, const O: usize>(
-        &mut self,
-        x: impl Fn(usize) -> Lanes<T, N>,
-        line: impl Fn([Lanes<T, N>; I]) -> [Lanes<T, N>; O],
-    ) -> &[Lanes<T, N>; 64] {
-        let Cubes([a, b]) = self;
-        let mut along = [Lanes::zeros(); I];
-        for yz in 0..I * I {
-            for (i, along) in along.iter_mut().enumerate() {
-                *along = x(i * I * I + yz);
-            }
-            let out = line(along);
-            for o in 0..O {
-                a[o * I * I + yz] = out[o];
-            }
-        }
-        for x in 0..O {
-            for z in 0..I {
-                for (i, along) in along.iter_mut().enumerate() {
-                    *along = a[(x * I + i) * I + z];
-                }
-                let out = line(along);
-                for o in 0..O {
-                    b[(x * O + o) * I + z] = out[o];
-                }
-            }
-        }
-        for xy in 0..O * O {
-            for (i, along) in along.iter_mut().enumerate() {
-                *along = b[xy * I + i];
-            }
-            let out = line(along);
-            for o in 0..O {
-                a[xy * O + o] = out[o];
-            }
-        }
-        a
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::weights::Weights;
+    use super::transforms::PLACES;
     use super::*;
 
     const N_GROUPS: usize = 13;
