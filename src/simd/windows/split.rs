@@ -80,9 +80,9 @@ pub struct Split<'a> {
     pub obstacle_x: &'a [f32],
     /// Obstacles' y.
     pub obstacle_y: &'a [f32],
-    /// Centres' x, the windows' places, with [`SLACK`].
+    /// Centres' x, the windows' places, with `SLACK`.
     pub x: &'a [f32],
-    /// Centres' y, with [`SLACK`].
+    /// Centres' y, with `SLACK`.
     pub y: &'a [f32],
     /// Place of the first centre that some window uses.
     pub first: u32,
@@ -92,7 +92,7 @@ pub struct Split<'a> {
     pub windows: Windows<'a>,
     /// Room for one word per 64 centres and one more.
     pub words: &'a mut [Word],
-    /// Receives the ring's x, with [`SLACK`].
+    /// Receives the ring's x, with `SLACK`.
     pub ring_x: &'a mut [f32],
     /// Receives the ring's y.
     pub ring_y: &'a mut [f32],
