@@ -2,7 +2,7 @@
 //!
 //! `y[o] = Σ_k Σ_{i →k o} x[i]·W_k`. A block of outputs is one task; each output row takes its terms in
 //! order, for each its offsets in order and, within one, the input channels in order, so that its value
-//! depends on nothing but its own inputs.
+//! depends on nothing but its own inputs. Wide 3×3×3 convolutions take another way: see `nn/winograd.rs`.
 
 use super::rows::{Then, nothing};
 use super::winograd;
