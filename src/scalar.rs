@@ -1,7 +1,7 @@
 //! The numbers of the network: `f32` for work, `f64` for decisive gradient checks.
 
 pub use crate::simd::Level;
-pub use crate::simd::gemm::{Real, block, matmul_columns, weights, winograd};
+pub use crate::simd::gemm::{Real, block, identity, matmul_columns, weights, winograd};
 use crate::simd::{Kernel, Simd, gemm, level};
 use crate::{Error, Result};
 use std::fmt::{Debug, Display};

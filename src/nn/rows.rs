@@ -1,7 +1,7 @@
 //! Dense products and column sums over blocks of rows: what linear and normalising layers share.
 
 use crate::par;
-use crate::scalar::{Scalar, vectorised};
+use crate::scalar::{Scalar, identity, vectorised};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -11,15 +11,7 @@ const BLOCK_ROWS: usize = 1024;
 /// Elements of one task, where rows do not matter.
 const BLOCK_ELEMENTS: usize = 1 << 15;
 
-static IDENTITY: [u32; BLOCK_ROWS] = {
-    let mut rows = [0; BLOCK_ROWS];
-    let mut i = 0;
-    while i < BLOCK_ROWS {
-        rows[i] = i as u32;
-        i += 1;
-    }
-    rows
-};
+static IDENTITY: [u32; BLOCK_ROWS] = identity();
 
 /// Called with the number of the first of some finished rows, and these rows.
 pub(super) type Then<'a, T> = dyn Fn(usize, &mut [T]) + Sync + 'a;

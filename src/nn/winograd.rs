@@ -7,6 +7,7 @@ use super::kernel_product::Term;
 use super::rows::Then;
 use crate::octree::KernelMap;
 use crate::par;
+use crate::scalar::weights::Packed;
 use crate::scalar::winograd::{self, CHANNELS, MAX_DEPTH, MAX_GROUPS, N_FREQUENCIES, Room};
 use crate::scalar::{Level, Scalar};
 use std::ops::Range;
@@ -42,7 +43,7 @@ pub(super) fn suits_gradient(map: &KernelMap, c_in: usize, c_out: usize) -> bool
 
 /// What became of a [`Term`].
 enum Transformed<'a, T> {
-    Nodes { x: &'a [T], weights: crate::scalar::weights::Packed<T> },
+    Nodes { x: &'a [T], weights: Packed<T> },
     Shapes { products: Vec<T>, shapes: Vec<usize> },
 }
 
@@ -123,6 +124,17 @@ pub(super) fn weight_gradient<T: Scalar>(
             T::matmul_tn_rows(&inputs, &rows, width, &gradients, &rows, c_g, sums);
         });
     }
+    drop((inputs, gradients));
+    add_gradients((&sums, columns, c_a), c_g, grads);
+}
+
+/// Adds to the rows `columns` of each `[c_a, c_g]` what the frequencies `[64, columns.len(), c_g]` say.
+fn add_gradients<T: Scalar>(
+    (sums, columns, c_a): (&[T], Range<usize>, usize),
+    c_g: usize,
+    grads: &mut [T],
+) {
+    let (level, width) = (Level::active(), columns.len());
     let mut d = vec![T::ZERO; width * 27 * c_g];
     par::for_each_block(&mut d, 27 * c_g, |row, d| {
         winograd::transform_weight_gradients(level, &sums[row * c_g..], width * c_g, d);

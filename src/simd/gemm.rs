@@ -100,8 +100,14 @@ pub fn matmul_columns<T: Real>(
     assert!(columns.start <= columns.end && columns.end <= n, "columns of b");
     check_rows(a_rows, a.len(), k);
     check_rows(c_rows, c.len(), columns.len());
-    if !a_rows.is_empty() && k * columns.len() > 0 {
-        level.run(MatmulRows { a, a_rows, k, b, n, columns, c, c_rows });
+    if a_rows.is_empty() || k * columns.len() == 0 {
+        return;
+    }
+    let work = MatmulRows { a, a_rows, k, b, n, columns, c, c_rows };
+    if a_rows.len() <= FEW {
+        level.run(MatmulFewRows(work));
+    } else {
+        level.run(work);
     }
 }
 
@@ -134,68 +140,83 @@ fn check_rows(rows: &[u32], len: usize, width: usize) {
     }
 }
 
-impl<T: Real> Kernel for MatmulRows<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let few = self.a_rows.len() <= FEW;
-        match (S::LANES * S::REGISTERS, size_of::<T>()) {
-            (512.., 4) if few && self.columns.len().is_multiple_of(64) => {
-                matmul_rows_body::<T, S, FEW, 64>(simd, self);
-            }
-            (128..512, 4) if few && self.columns.len().is_multiple_of(32) => {
-                matmul_rows_body::<T, S, FEW, 32>(simd, self);
-            }
-            _ => with_tile::<T, S, Self>(simd, self),
-        }
+/// The row numbers `0..N`, of rows that are not gathered.
+pub const fn identity<const N: usize>() -> [u32; N] {
+    let mut rows = [0; N];
+    let mut i = 0;
+    while i < N {
+        rows[i] = i as u32;
+        i += 1;
     }
+    rows
 }
 
 /// Work in tiles of `M` rows and `N` columns.
-trait Tiled<T> {
+pub trait Tiled {
+    /// What the tiles hold.
+    type Number;
+    /// What the work returns.
     type Output;
 
-    fn run<S: Simd, const M: usize, const N: usize>(self, simd: S) -> Self::Output;
+    /// The body; as [`Kernel::run`].
+    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) -> Self::Output;
 }
 
 /// The work in the tiles that suit the level: sums, one row of the panel and one broadcast fill the
 /// registers.
-#[inline(always)]
-fn with_tile<T, S: Simd, W: Tiled<T>>(simd: S, work: W) -> W::Output {
-    match (S::LANES * S::REGISTERS, size_of::<T>()) {
-        (512.., 4) => work.run::<S, 8, 32>(simd),
-        (512.., _) => work.run::<S, 8, 16>(simd),
-        (128.., 4) => work.run::<S, 6, 16>(simd),
-        (128.., _) => work.run::<S, 6, 8>(simd),
-        _ => work.run::<S, 2, 8>(simd),
+impl<W: Tiled> Kernel for W {
+    type Output = W::Output;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> W::Output {
+        match (S::LANES * S::REGISTERS, size_of::<W::Number>()) {
+            (512.., 4) => self.run_tiled::<S, 8, 32>(simd),
+            (512.., _) => self.run_tiled::<S, 8, 16>(simd),
+            (128.., 4) => self.run_tiled::<S, 6, 16>(simd),
+            (128.., _) => self.run_tiled::<S, 6, 8>(simd),
+            _ => self.run_tiled::<S, 2, 8>(simd),
+        }
     }
 }
 
-impl<T: Real> Tiled<T> for MatmulRows<'_, T> {
+impl<T: Real> Tiled for MatmulRows<'_, T> {
+    type Number = T;
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd, const M: usize, const N: usize>(self, simd: S) {
+    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
         matmul_rows_body::<T, S, M, N>(simd, self);
     }
 }
 
-impl<T: Real> Tiled<T> for MatmulTnRows<'_, T> {
-    type Output = ();
+/// [`MatmulRows`] with so few rows that wider tiles than usual pay.
+struct MatmulFewRows<'a, T>(MatmulRows<'a, T>);
 
-    #[inline(always)]
-    fn run<S: Simd, const M: usize, const N: usize>(self, simd: S) {
-        matmul_tn_rows_body::<T, S, M, N>(simd, self);
-    }
-}
-
-impl<T: Real> Kernel for MatmulTnRows<'_, T> {
+impl<T: Real> Kernel for MatmulFewRows<'_, T> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        with_tile::<T, S, Self>(simd, self);
+        let width = self.0.columns.len();
+        match (S::LANES * S::REGISTERS, size_of::<T>()) {
+            (512.., 4) if width.is_multiple_of(64) => {
+                matmul_rows_body::<T, S, FEW, 64>(simd, self.0);
+            }
+            (128..512, 4) if width.is_multiple_of(32) => {
+                matmul_rows_body::<T, S, FEW, 32>(simd, self.0);
+            }
+            _ => self.0.run(simd),
+        }
+    }
+}
+
+impl<T: Real> Tiled for MatmulTnRows<'_, T> {
+    type Number = T;
+    type Output = ();
+
+    #[inline(always)]
+    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
+        matmul_tn_rows_body::<T, S, M, N>(simd, self);
     }
 }
 

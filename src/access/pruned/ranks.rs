@@ -26,6 +26,12 @@ struct Buckets {
 }
 
 impl Buckets {
+    /// As many buckets as heights between `lowest` and `greatest`, up to the whole numbers that `f32` can count.
+    fn new(n: usize, [lowest, greatest]: [f32; 2]) -> Self {
+        let n = n.clamp(1, 1 << f32::MANTISSA_DIGITS) as f32;
+        Buckets { lowest, per_mm: (n / (greatest - lowest)).min(f32::MAX), last: n - 1.0 }
+    }
+
     /// Those of eight heights; they never descend with the height.
     #[inline(always)]
     fn of<S: Simd>(self, s: S, z: S::Eight) -> [u32; 8] {
@@ -114,9 +120,7 @@ impl Kernel for Distribute<'_> {
             least = s.min(least, s.load(z));
             greatest = s.max(greatest, s.load(z));
         }
-        let lowest = s.least(least);
-        let per_mm = (z.len() as f32 / (s.greatest(greatest) - lowest)).min(f32::MAX);
-        *buckets = Buckets { lowest, per_mm, last: (z.len() - 1) as f32 };
+        *buckets = Buckets::new(z.len(), [s.least(least), s.greatest(greatest)]);
         bucket.clear();
         for z in whole {
             bucket.extend(buckets.of(s, s.load(z)));
@@ -181,6 +185,30 @@ mod tests {
         let mut ranks = vec![];
         sorted.ranks(&[z; 9], step, &mut ranks, Level::fastest());
         [ranks[0] as usize, ranks[8] as usize]
+    }
+
+    /// Finds the bucket of a height.
+    struct BucketOf(Buckets, f32);
+
+    impl Kernel for BucketOf {
+        type Output = u32;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, s: S) -> u32 {
+            self.0.of(s, s.splat(self.1))[0]
+        }
+    }
+
+    #[test]
+    fn no_height_is_beyond_the_buckets_however_many_they_are() {
+        for n in [1, 2, 1000, (1 << 24) - 1, 1 << 24, (1 << 24) + 1, (1 << 24) + 3, 100_000_000] {
+            let buckets = Buckets::new(n, [-3.0, 5.0]);
+            for &level in Level::available() {
+                assert_eq!(level.run(BucketOf(buckets, -3.0)), 0);
+                let last = level.run(BucketOf(buckets, 5.0)) as usize;
+                assert_eq!(last, n.min(1 << 24) - 1);
+            }
+        }
     }
 
     #[test]

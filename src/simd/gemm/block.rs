@@ -8,10 +8,10 @@
 //! cache while every offset of every term is added, and the panels of the weights pass by once, in one
 //! piece if they were packed.
 
-use super::super::{Kernel, Level, Simd};
+use super::super::{Level, Simd};
 use super::tile::{Copied, Panel, Real, RowPointers, tile_rows, with_height};
 use super::weights::{Packed, Weights};
-use super::{DEPTH, Tiled, check_rows, passes, tiles, with_tile};
+use super::{DEPTH, Tiled, check_rows, passes, tiles};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 
@@ -106,20 +106,12 @@ fn check<T: Real>(level: Level, term: &Term<T>, n: usize, n_rows: usize, first: 
     }
 }
 
-impl<T: Real> Kernel for Block<'_, T> {
+impl<T: Real> Tiled for Block<'_, T> {
+    type Number = T;
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        with_tile::<T, S, Self>(simd, self);
-    }
-}
-
-impl<T: Real> Tiled<T> for Block<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd, const M: usize, const N: usize>(self, simd: S) {
+    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
         let Block { terms, columns, y } = self;
         let width = columns.len();
         let mut copy = Copied([const { MaybeUninit::uninit() }; DEPTH]);

@@ -1,8 +1,9 @@
 //! The right-hand side of a product over kernel offsets, and its panels side by side.
 
-use super::super::{Kernel, Level, Simd};
+use super::super::{Level, Simd};
+use super::Tiled;
 use super::tile::Real;
-use super::{Tiled, with_tile};
+use std::marker::PhantomData;
 use std::ops::Range;
 
 /// One matrix per kernel offset, or the transposed of each.
@@ -146,7 +147,7 @@ struct Pack<'a, 'b, T> {
 }
 
 /// Asks for the width of panels.
-struct PanelWidth;
+struct PanelWidth<T>(PhantomData<T>);
 
 impl<T: Real> Packed<T> {
     /// Packs `weights` for `level`; `for_each_block(numbers, length, work)` calls `work(i, block)` for all
@@ -194,43 +195,25 @@ impl<T: Real> Packed<T> {
 
 /// Columns of a panel at `level`.
 pub(super) fn panel_width<T: Real>(level: Level) -> usize {
-    struct Ask<T>(PanelWidth, std::marker::PhantomData<T>);
-
-    impl<T: Real> Kernel for Ask<T> {
-        type Output = usize;
-
-        #[inline(always)]
-        fn run<S: Simd>(self, simd: S) -> usize {
-            with_tile::<T, S, PanelWidth>(simd, self.0)
-        }
-    }
-
-    level.run(Ask::<T>(PanelWidth, std::marker::PhantomData))
+    level.run(PanelWidth::<T>(PhantomData))
 }
 
-impl<T> Tiled<T> for PanelWidth {
+impl<T: Real> Tiled for PanelWidth<T> {
+    type Number = T;
     type Output = usize;
 
     #[inline(always)]
-    fn run<S: Simd, const M: usize, const N: usize>(self, _: S) -> usize {
+    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, _: S) -> usize {
         N
     }
 }
 
-impl<T: Real> Kernel for Pack<'_, '_, T> {
+impl<T: Real> Tiled for Pack<'_, '_, T> {
+    type Number = T;
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        with_tile::<T, S, Self>(simd, self);
-    }
-}
-
-impl<T: Real> Tiled<T> for Pack<'_, '_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd, const M: usize, const N: usize>(self, _: S) {
+    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, _: S) {
         let mut rows = self.to.as_chunks_mut::<N>().0.iter_mut();
         self.weights.fill::<N>(self.offset, 0..self.weights.depth(), self.panel * N, |row| {
             if let Some(to) = rows.next() {

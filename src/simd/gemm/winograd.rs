@@ -20,11 +20,12 @@
 mod cube;
 mod transforms;
 
-use super::super::{Kernel, Level, Simd};
+use super::super::{Level, Simd};
 use super::tile::{Panel, Real, RowPointers, tile_rows, with_height};
 use super::weights::{Packed, panel_width};
-use super::{DEPTH, Tiled, passes, tiles, with_tile};
+use super::{DEPTH, Tiled, identity, passes, tiles};
 use cube::{Cubes, Lanes, output};
+use std::ops::Range;
 pub use transforms::{
     CHANNELS, MAX_DEPTH, N_FREQUENCIES, transform_gradients, transform_inputs, transform_products,
     transform_weight_gradients, transform_weights,
@@ -37,15 +38,12 @@ pub const MAX_GROUPS: usize = 32;
 /// A cache line between the planes of two frequencies, so that not all fall into one set of a cache.
 const GAP: usize = 16;
 
-static ROWS: [u32; MAX_GROUPS] = {
-    let mut rows = [0; MAX_GROUPS];
-    let mut i = 0;
-    while i < MAX_GROUPS {
-        rows[i] = i as u32;
-        i += 1;
-    }
-    rows
-};
+/// Numbers from one frequency to the next, of `n` groups and so many columns.
+const fn plane(n: usize, columns: usize) -> usize {
+    n * columns + GAP
+}
+
+static ROWS: [u32; MAX_GROUPS] = identity();
 
 /// One summand of a block.
 pub enum Term<'a, T> {
@@ -114,85 +112,101 @@ struct Block<'a, T> {
     y: &'a mut [T],
 }
 
-impl<T: Real> Kernel for Block<'_, T> {
+impl<T: Real> Tiled for Block<'_, T> {
+    type Number = T;
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        with_tile::<T, S, Self>(simd, self);
+    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
+        let Block { groups, terms, n, room: Room { inputs, sums }, y } = self;
+        inputs.resize_with(terms.len(), Vec::new);
+        for (term, to) in terms.iter().zip(&mut *inputs) {
+            transform(term, groups, to);
+        }
+        let apart = plane(groups.len(), N);
+        sums.resize(N_FREQUENCIES * apart, T::default());
+        for first in (0..n).step_by(N) {
+            let columns = first..n.min(first + N);
+            for f in 0..N_FREQUENCIES {
+                let sums = &mut sums[f * apart..][..groups.len() * N];
+                for (i, (term, x)) in terms.iter().zip(&*inputs).enumerate() {
+                    add_term::<T, S, M, N>(simd, (term, x), f, (n, &columns), i > 0, sums);
+                }
+            }
+            put_children::<T, N>(sums, apart, (n, &columns), y);
+        }
     }
 }
 
-impl<T: Real> Tiled<T> for Block<'_, T> {
-    type Output = ();
+/// The frequencies of one term's inputs.
+#[inline(always)]
+fn transform<T: Real>(term: &Term<T>, groups: &[[i32; 27]], to: &mut Vec<T>) {
+    match term {
+        Term::Nodes { x, weights } => {
+            let depth = weights.depth;
+            let apart = plane(groups.len(), depth);
+            to.resize(N_FREQUENCIES * apart, T::default());
+            let mut cubes = Cubes::new();
+            for (i, group) in groups.iter().enumerate() {
+                frequencies(&mut cubes, group, (x, depth), apart, &mut to[i * depth..]);
+            }
+        }
+        Term::Shapes { .. } => {
+            let apart = plane(groups.len(), 1);
+            to.resize(N_FREQUENCIES * apart, T::default());
+            frequencies_of_ones(groups, apart, to);
+        }
+    }
+}
 
-    #[inline(always)]
-    fn run<S: Simd, const M: usize, const N: usize>(self, simd: S) {
-        let Block { groups, terms, n, room: Room { inputs, sums }, y } = self;
-        let plane = |depth: usize| groups.len() * depth + GAP;
-        inputs.resize_with(terms.len(), Vec::new);
-        for (term, to) in terms.iter().zip(&mut *inputs) {
-            match term {
-                Term::Nodes { x, weights } => {
-                    let depth = weights.depth;
-                    to.resize(N_FREQUENCIES * plane(depth), T::default());
-                    let mut cubes = Cubes::new();
-                    for (i, group) in groups.iter().enumerate() {
-                        frequencies(
-                            &mut cubes,
-                            group,
-                            (x, depth),
-                            plane(depth),
-                            &mut to[i * depth..],
-                        );
-                    }
-                }
-                Term::Shapes { .. } => {
-                    to.resize(N_FREQUENCIES * plane(1), T::default());
-                    frequencies_of_ones(groups, plane(1), to);
+/// Adds some columns of one term's products at frequency `f`, or without what was there if there is not
+/// `more`.
+#[inline(always)]
+fn add_term<T: Real, S: Simd, const M: usize, const N: usize>(
+    simd: S,
+    (term, x): (&Term<T>, &[T]),
+    f: usize,
+    (n, columns): (usize, &Range<usize>),
+    more: bool,
+    sums: &mut [T],
+) {
+    let n_groups = sums.len() / N;
+    match term {
+        Term::Nodes { weights, .. } => {
+            let depth = weights.depth;
+            let x = &x[f * plane(n_groups, depth)..][..n_groups * depth];
+            let w = (columns.start / N * N_FREQUENCIES + f) * depth * N;
+            add_product::<T, S, M, N>(simd, (x, depth), &weights.numbers()[w..], more, sums);
+        }
+        Term::Shapes { products, shapes } => {
+            if !more {
+                sums.fill(T::default());
+            }
+            let x = &x[f * plane(n_groups, 1)..][..n_groups];
+            for ((sum, &x), shape) in sums.as_chunks_mut::<N>().0.iter_mut().zip(x).zip(*shapes) {
+                let row = &products[(shape * N_FREQUENCIES + f) * n..][columns.clone()];
+                for (sum, &y) in sum.iter_mut().zip(row) {
+                    *sum = T::fused(simd, x, y, *sum);
                 }
             }
         }
-        sums.resize(N_FREQUENCIES * plane(N), T::default());
-        let mut cubes = Cubes::<T, N>::new();
-        for first in (0..n).step_by(N) {
-            let width = N.min(n - first);
-            for f in 0..N_FREQUENCIES {
-                let sums = &mut sums[f * plane(N)..][..groups.len() * N];
-                for (i, (term, x)) in terms.iter().zip(&*inputs).enumerate() {
-                    match term {
-                        Term::Nodes { weights, .. } => {
-                            let depth = weights.depth;
-                            let x = &x[f * plane(depth)..][..groups.len() * depth];
-                            let w = (first / N * N_FREQUENCIES + f) * depth * N;
-                            let w = &weights.numbers()[w..];
-                            add_product::<T, S, M, N>(simd, (x, depth), w, i > 0, sums);
-                        }
-                        Term::Shapes { products, shapes } => {
-                            if i == 0 {
-                                sums.fill(T::default());
-                            }
-                            let x = &x[f * plane(1)..][..groups.len()];
-                            for ((sum, &x), shape) in
-                                sums.as_chunks_mut::<N>().0.iter_mut().zip(x).zip(*shapes)
-                            {
-                                let row =
-                                    &products[(shape * N_FREQUENCIES + f) * n + first..][..width];
-                                for (sum, &y) in sum.iter_mut().zip(row) {
-                                    *sum = T::fused(simd, x, y, *sum);
-                                }
-                            }
-                        }
-                    }
-                }
-            }
-            for (i, y) in y.chunks_exact_mut(8 * n).enumerate() {
-                let sum = |f: usize| Lanes::of(sums, f * plane(N) + i * N);
-                let children = cubes.each_axis::<4, 2>(sum, output);
-                for (y, child) in y.chunks_exact_mut(n).zip(children) {
-                    y[first..first + width].copy_from_slice(&child.0[..width]);
-                }
-            }
+    }
+}
+
+/// Some columns of `y: [8·n_groups, n]`, from the sums of all frequencies, which lie `apart`.
+#[inline(always)]
+fn put_children<T: Real, const N: usize>(
+    sums: &[T],
+    apart: usize,
+    (n, columns): (usize, &Range<usize>),
+    y: &mut [T],
+) {
+    let mut cubes = Cubes::<T, N>::new();
+    for (i, y) in y.chunks_exact_mut(8 * n).enumerate() {
+        let sum = |f: usize| Lanes::of(sums, f * apart + i * N);
+        let children = cubes.each_axis::<4, 2>(sum, output);
+        for (y, child) in y.chunks_exact_mut(n).zip(children) {
+            y[columns.clone()].copy_from_slice(&child.0[..columns.len()]);
         }
     }
 }

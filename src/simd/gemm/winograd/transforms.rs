@@ -3,7 +3,7 @@
 use super::super::super::{Kernel, Level, Simd};
 use super::super::tile::Real;
 use super::super::weights::{Packed, Weights};
-use super::super::{Tiled, passes, with_tile};
+use super::super::{Tiled, passes};
 use super::cube::{Cubes, Lanes, gradient, input, kernel, kernel_gradient};
 
 /// Frequencies of a cube.
@@ -53,7 +53,7 @@ pub fn transform_weights<T: Real + Send + Sync>(
 pub fn transform_products<T: Real>(level: Level, products: &[T], stride: usize, to: &mut [T]) {
     let width = to.len() / N_FREQUENCIES;
     check_rows_of(products, 27, stride, width, to, N_FREQUENCIES);
-    level.run(TransformProducts { x: products, stride, width, to });
+    level.run(TransformKernel::<T, false> { x: products, stride, width, to });
 }
 
 /// Overwrites `to: [27, n]` with `Gᵀ` applied to `u`: 64 rows of `n`, `stride` apart.
@@ -63,7 +63,7 @@ pub fn transform_products<T: Real>(level: Level, products: &[T], stride: usize, 
 pub fn transform_weight_gradients<T: Real>(level: Level, u: &[T], stride: usize, to: &mut [T]) {
     let width = to.len() / 27;
     check_rows_of(u, N_FREQUENCIES, stride, width, to, 27);
-    level.run(TransformWeightGradients { x: u, stride, width, to });
+    level.run(TransformKernel::<T, true> { x: u, stride, width, to });
 }
 
 fn check_rows_of<T>(x: &[T], n: usize, stride: usize, width: usize, to: &[T], n_to: usize) {
@@ -118,14 +118,8 @@ struct TransformWeights<'a, 'b, T> {
     to: &'a mut [T],
 }
 
-struct TransformProducts<'a, T> {
-    x: &'a [T],
-    stride: usize,
-    width: usize,
-    to: &'a mut [T],
-}
-
-struct TransformWeightGradients<'a, T> {
+/// `G x`, or `Gᵀ x` on the way back.
+struct TransformKernel<'a, T, const BACK: bool> {
     x: &'a [T],
     stride: usize,
     width: usize,
@@ -147,20 +141,12 @@ struct TransformGradients<'a, T> {
     to: &'a mut [T],
 }
 
-impl<T: Real> Kernel for TransformWeights<'_, '_, T> {
+impl<T: Real> Tiled for TransformWeights<'_, '_, T> {
+    type Number = T;
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        with_tile::<T, S, Self>(simd, self);
-    }
-}
-
-impl<T: Real> Tiled<T> for TransformWeights<'_, '_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd, const M: usize, const N: usize>(self, _: S) {
+    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, _: S) {
         const AT_A_TIME: usize = 8;
         let depth = self.weights.depth();
         let to = self.to.as_chunks_mut::<N>().0;
@@ -183,30 +169,20 @@ impl<T: Real> Tiled<T> for TransformWeights<'_, '_, T> {
     }
 }
 
-impl<T: Real> Kernel for TransformProducts<'_, T> {
+impl<T: Real, const BACK: bool> Kernel for TransformKernel<'_, T, BACK> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, _: S) {
-        let TransformProducts { x, stride, width, to } = self;
+        let TransformKernel { x, stride, width, to } = self;
         let mut cubes = Cubes::<T, CHANNELS>::new();
         for c in (0..width).step_by(CHANNELS) {
-            let all = cubes.each_axis(|k| Lanes::of(x, k * stride + c), kernel);
-            all.iter().enumerate().for_each(|(f, x)| x.put(to, f * width + c));
-        }
-    }
-}
-
-impl<T: Real> Kernel for TransformWeightGradients<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let TransformWeightGradients { x, stride, width, to } = self;
-        let mut cubes = Cubes::<T, CHANNELS>::new();
-        for c in (0..width).step_by(CHANNELS) {
-            let all = cubes.each_axis(|f| Lanes::of(x, f * stride + c), kernel_gradient);
-            all[..27].iter().enumerate().for_each(|(k, x)| x.put(to, k * width + c));
+            let row = |i: usize| Lanes::of(x, i * stride + c);
+            let all = match BACK {
+                false => &cubes.each_axis(row, kernel)[..],
+                true => &cubes.each_axis(row, kernel_gradient)[..27],
+            };
+            all.iter().enumerate().for_each(|(i, x)| x.put(to, i * width + c));
         }
     }
 }
