@@ -215,11 +215,11 @@ fn units_between_depths() {
 #[test]
 fn residual_blocks_with_and_without_change_of_width() {
     for kinds in KINDS {
-        for c_in in [4, 6] {
+        for (n_blocks, c_in) in [(1, 4), (1, 6), (2, 4), (2, 6), (3, 4), (3, 6)] {
             let octree = octree(kinds);
             let level = &octree.levels[2];
             let mut layout = Layout::default();
-            let stage = Blocks::new(&mut layout, "stage", 2, c_in, 4);
+            let stage = Blocks::new(&mut layout, "stage", n_blocks, c_in, 4);
             let params = clear_of_kinks(&layout, level.n_nodes());
             let run = |params: &[f64], x: &[f64]| {
                 let mut cache = blocks::Cache::default();
@@ -229,10 +229,10 @@ fn residual_blocks_with_and_without_change_of_width() {
                 cache
             };
             let back = |params: &[f64], x: &[f64], dy: &[f64]| {
-                let (cache, mut d, mut dx) = (run(params, x), dy.to_vec(), Vec::new());
+                let (mut cache, mut d, mut dx) = (run(params, x), dy.to_vec(), Vec::new());
                 let (mut grads, scratch) = (vec![0.0; params.len()], &mut Scratch::default());
                 let to = (&mut dx).into();
-                stage.backward(params, &level.conv, x, &cache, &mut d, to, &mut grads, scratch);
+                stage.backward(params, &level.conv, x, &mut cache, &mut d, to, &mut grads, scratch);
                 (dx, grads)
             };
             // An identity shortcut adds x to what enters the last ReLU: same sign, no smaller.
@@ -294,7 +294,9 @@ fn heads() {
         let back = |params: &[f64], x: &[f64], dy: &[f64]| {
             let (mut dx, mut grads) = (vec![0.0; x.len()], vec![0.0; params.len()]);
             let (cache, mut memory) = (run(params, x).1, [Vec::new(), Vec::new()]);
-            head.backward(params, x, &cache, dy, &mut dx, &mut grads, memory.each_mut());
+            let [hidden, memory] = &mut memory;
+            head.backward(params, x, &cache, dy, &mut grads, hidden, memory);
+            head.add_dx(params, hidden, &mut dx);
             (dx, grads)
         };
         let x = gradcheck::probe(n * 6, 1);

@@ -212,10 +212,11 @@ impl GraphSage {
     ) {
         let x = &work.layers[work.layers.len() - 1].y;
         let mut d = vec![T::ZERO; x.len()];
-        let (mut hidden, mut dhidden) = (Vec::new(), Vec::new());
+        let (mut hidden, mut memory) = (Vec::new(), Vec::new());
         for (head, dlogits) in dlogits.into_iter().enumerate() {
-            let (cache, memory) = (&work.heads[head], [&mut hidden, &mut dhidden]);
-            self.heads[head].backward(params, x, cache, dlogits, &mut d, grads, memory);
+            let (head, cache) = (&self.heads[head], &work.heads[head]);
+            head.backward(params, x, cache, dlogits, grads, &mut hidden, &mut memory);
+            head.add_dx(params, &hidden, &mut d);
         }
         let mut dcutters = vec![vec![T::ZERO; 0]; self.cutters.len()];
         for (i, layer) in self.layers.iter().enumerate().rev() {

@@ -58,7 +58,8 @@ impl Head {
         self.output.forward(params, hidden, y);
     }
 
-    /// Adds to `dx`; `dy` is the gradient of the logits, the last two are memory to work in.
+    /// `dy` is the gradient of the logits. Leaves in `hidden` what [`Head::add_dx`] needs; `memory` is for
+    /// working in.
     #[allow(clippy::too_many_arguments)]
     pub fn backward<T: Scalar>(
         &self,
@@ -66,18 +67,24 @@ impl Head {
         x: &[T],
         cache: &Cache<T>,
         dy: &[T],
-        dx: &mut [T],
         grads: &mut [T],
-        [mapped, hidden]: [&mut Vec<T>; 2],
+        hidden: &mut Vec<T>,
+        memory: &mut Vec<T>,
     ) {
-        let kept = self.hidden.again(params, &(), x.into(), &cache.unit, std::mem::take(mapped));
-        self.hidden.output(params, &kept, hidden);
-        self.output.backward(params, hidden, dy, None, grads);
+        let mut kept =
+            self.hidden.again(params, &(), x.into(), &cache.unit, std::mem::take(hidden));
+        self.hidden.output(params, &kept, memory);
+        self.output.backward(params, memory, dy, None, grads);
         // Its gradient takes its place.
-        hidden.fill(T::ZERO);
-        self.output.add_dx(params, dy, hidden);
-        self.hidden.backward(params, &(), x, &kept, hidden, None, grads);
+        memory.fill(T::ZERO);
+        self.output.add_dx(params, dy, memory);
+        self.hidden.backward_norm(params, &mut kept, memory, grads);
+        self.hidden.map.backward(params, x, kept.parts().0, None, grads);
+        *hidden = kept.take_memory();
+    }
+
+    /// Adds to `dx`, the gradient by `x`, what [`Head::backward`] left in `hidden`.
+    pub fn add_dx<T: Scalar>(&self, params: &[T], hidden: &[T], dx: &mut [T]) {
         self.hidden.map.add_dx(params, hidden, dx);
-        *mapped = kept.into_memory();
     }
 }

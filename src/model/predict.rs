@@ -237,6 +237,29 @@ mod tests {
     }
 
     #[test]
+    fn a_used_workspace_gives_the_bits_of_a_fresh_one() {
+        for n_blocks in [1, 2, 3] {
+            let mut config = UNetConfig::tiny();
+            config.encoder_blocks.fill(n_blocks);
+            config.decoder_blocks.fill(n_blocks);
+            let mut used = Workspace::default();
+            for n in [700, 300, 900] {
+                let shapes: Vec<_> = [n, n / 2].iter().map(|&n| sheet(n, 1)).collect();
+                let run = |work: &mut Workspace<f32>| {
+                    let mut model = Model::<f32>::new(&config, 3).unwrap();
+                    let batch = Batch::new(&as_shapes(&shapes), &config.input).unwrap();
+                    let mut grads = vec![0.0; model.params.len()];
+                    model.forward_train(&batch, None, work);
+                    let d: Vec<f32> = (0..2 * batch.n_points()).map(|i| (i % 7) as f32).collect();
+                    model.backward(&batch, [&d, &d], work, &mut grads);
+                    grads
+                };
+                assert!(run(&mut used) == run(&mut Workspace::default()));
+            }
+        }
+    }
+
+    #[test]
     fn cutters_matter_exactly_where_modules_are_placed() {
         let (points, normals) = sheet(200, 1);
         for (placement, expected) in [(CutterPlacement::None, false), (CutterPlacement::Last, true)]

@@ -6,7 +6,7 @@ use super::{cutter_modules, heads};
 use crate::nn::blocks;
 use crate::nn::concat::PartGradient;
 use crate::nn::downsample;
-use crate::nn::joined::ColumnsGradient;
+use crate::nn::joined::{Columns, ColumnsGradient};
 use crate::nn::residual::Scratch;
 use crate::nn::rows;
 use crate::nn::unit;
@@ -58,9 +58,8 @@ struct KeptCutter<T> {
 
 #[derive(Debug, Clone, Default)]
 struct Gradients<T> {
-    /// Of the current stage's output, and of its input.
+    /// Of the current stage's output.
     d: Vec<T>,
-    dx: Vec<T>,
     /// Of the features that skip from encoder to decoder: stem, encoder stages.
     skips: Vec<Vec<T>>,
     cutters: Vec<Vec<T>>,
@@ -101,9 +100,10 @@ impl UNet {
         work: &mut Workspace<T>,
     ) {
         let octree = &batch.octree;
+        // Backward computes it once more.
         let Kept { y, cache } = &mut work.stem;
         let rows = conv_rows(octree, octree.depth());
-        self.stem.forward_train(params, buffers, rows, &batch.features, y, cache);
+        self.stem.forward_train_in_place(params, buffers, rows, &batch.features, y, cache);
         for (i, stage) in self.encoder.iter().enumerate() {
             let depth = octree.depth() - 1 - i;
             let (before, after) = work.encoder.split_at_mut(i);
@@ -190,14 +190,8 @@ impl UNet {
         g.cutters.resize_with(self.cutters.len(), Vec::new);
         g.cutters.iter_mut().for_each(Vec::clear);
         self.backward_heads(params, dlogits, work, &mut g, grads);
-        // What the heads read has served, and so has the decoder's output: the largest memory there is.
-        g.dx = std::mem::take(&mut work.points);
-        batch.point_features_backward(self.point_width(), &mut g.d, &mut g.dx);
-        std::mem::swap(&mut g.d, &mut g.dx);
-        let last = self.decoder.len() - 1;
-        let mut upsampled = work.decoder[last].pass_relu(&mut g.d);
-        self.backward_decoder(params, batch, work, &mut g, &mut upsampled, grads);
-        work.decoder[last].give_memory(upsampled);
+        batch.point_features_backward(self.point_width(), &mut work.points, &mut g.d);
+        self.backward_decoder(params, batch, work, &mut g, grads);
         for (m, module) in self.cutters.iter().enumerate() {
             let cache = &work.cutters[m].cache;
             let mut share = dcutters.is_some().then(Vec::new);
@@ -208,24 +202,30 @@ impl UNet {
             }
         }
         self.backward_encoder(params, batch, work, &mut g, dfeatures, grads);
-        work.points = std::mem::take(&mut g.dx);
         work.gradients = g;
     }
 
+    /// Turns what the heads read into the gradient by it.
     fn backward_heads<T: Scalar>(
         &self,
         params: &[T],
         dlogits: [&[T]; N_HEADS],
-        work: &Workspace<T>,
+        work: &mut Workspace<T>,
         g: &mut Gradients<T>,
         grads: &mut [T],
     ) {
-        let Gradients { d, scratch, .. } = g;
-        d.clear();
-        d.resize(work.points.len(), T::ZERO);
-        for (head, dlogits) in dlogits.into_iter().enumerate() {
-            let (cache, memory) = (&work.heads[head], [&mut scratch.middle, &mut scratch.b]);
-            self.heads[head].backward(params, &work.points, cache, dlogits, d, grads, memory);
+        let Workspace { decoder, points, heads: caches, .. } = work;
+        let last = decoder.len() - 1;
+        let mut memory = decoder[last].take_output();
+        let mut hidden = [&mut g.d, &mut g.scratch.middle];
+        let heads = || self.heads.iter().zip(&*caches).zip(dlogits);
+        for (((head, cache), dlogits), hidden) in heads().zip(&mut hidden) {
+            head.backward(params, points, cache, dlogits, grads, hidden, &mut memory);
+        }
+        decoder[last].give_output(memory);
+        points.fill(T::ZERO);
+        for (head, hidden) in self.heads.iter().zip(hidden) {
+            head.add_dx(params, hidden, points);
         }
     }
 
@@ -234,37 +234,43 @@ impl UNet {
         &self,
         params: &[T],
         batch: &Batch<T>,
-        work: &Workspace<T>,
+        work: &mut Workspace<T>,
         g: &mut Gradients<T>,
-        upsampled: &mut Vec<T>,
         grads: &mut [T],
     ) {
         let (octree, n) = (&batch.octree, self.decoder.len());
-        let Gradients { d, dx, skips, cutters, scratch } = g;
+        let Gradients { d, skips, cutters, scratch } = g;
+        // What the heads read has served: the largest memory there is.
+        let upsampled = &mut work.points;
         let mut cutter = Vec::new();
         for (i, stage) in self.decoder.iter().enumerate().rev() {
             let depth = self.decoder_depth(octree, i);
             let skip = if i + 1 < n { work.encoder[n - 2 - i].output() } else { &work.stem.y };
             let features = stage.cutter.map(|m| &work.cutters[m].y[..]);
-            let x =
-                if i == 0 { work.encoder[n - 1].output() } else { work.decoder[i - 1].output() };
+            let (before, after) = work.decoder.split_at_mut(i);
+            let (x, cache) =
+                (before.last().unwrap_or(&work.encoder[n - 1]).output(), &mut after[0]);
             let coarse = up_rows(octree, depth);
             stage.up.output_again(params, coarse, x.into(), &work.up[i], upsampled);
             let parts = stage.parts(skip, features, upsampled);
-            let (rows, joined) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
+            let (rows, joined) =
+                (conv_rows(octree, depth), stage.join(octree, depth, &parts).into());
+            stage.blocks.backward_to_first(params, rows, joined, cache, d, grads, scratch);
+            let mut dx = cache.take_memory();
             let mut to = vec![PartGradient::Nodes(&mut skips[n - 1 - i])];
             to.extend(stage.cutter.map(|_| PartGradient::Shapes(&mut cutter)));
-            to.push(PartGradient::Nodes(dx));
-            let (cache, to) = (&work.decoder[i], (&mut to[..]).into());
-            stage.blocks.backward(params, rows, joined, cache, d, to, grads, scratch);
+            to.push(PartGradient::Nodes(&mut dx));
+            let to = (&mut to[..]).into();
+            stage.blocks.backward_first(params, rows, joined, cache, d, to, grads, scratch);
             if let Some(m) = stage.cutter {
                 cutters[m].resize(cutter.len(), T::ZERO);
                 rows::add_all(&mut cutters[m], &cutter);
             }
             let memory = std::mem::take(upsampled);
-            let kept = stage.up.again(params, coarse, x.into(), &work.up[i], memory);
-            stage.up.backward(params, coarse, x, &kept, dx, Some(d.into()), grads);
-            *upsampled = kept.into_memory();
+            let mut kept = stage.up.again(params, coarse, x.into(), &work.up[i], memory);
+            stage.up.backward(params, coarse, x, &kept, &mut dx, Some(d.into()), grads);
+            *upsampled = kept.take_memory();
+            cache.give_memory(dx);
         }
     }
 
@@ -273,26 +279,35 @@ impl UNet {
         &self,
         params: &[T],
         batch: &Batch<T>,
-        work: &Workspace<T>,
+        work: &mut Workspace<T>,
         g: &mut Gradients<T>,
         dfeatures: Option<&mut Vec<T>>,
         grads: &mut [T],
     ) {
         let octree = &batch.octree;
-        let Gradients { d, dx, skips, scratch, .. } = g;
+        let Gradients { d, skips, scratch, .. } = g;
         for (i, stage) in self.encoder.iter().enumerate().rev() {
             let depth = octree.depth() - 1 - i;
             let KeptDown { y, cache } = &work.down[i];
-            let (rows, blocks) = (conv_rows(octree, depth), &work.encoder[i]);
-            stage.blocks.backward(params, rows, y, blocks, d, dx.into(), grads, scratch);
-            let x = if i == 0 { &work.stem.y } else { work.encoder[i - 1].output() };
+            let (before, after) = work.encoder.split_at_mut(i);
+            let (rows, blocks) = (conv_rows(octree, depth), &mut after[0]);
+            let input = y.into();
+            stage.blocks.backward_to_first(params, rows, input, blocks, d, grads, scratch);
+            let mut dx = blocks.take_memory();
+            let to = (&mut dx).into();
+            stage.blocks.backward_first(params, rows, input, blocks, d, to, grads, scratch);
+            let x = before.last().map_or(&work.stem.y[..], |stage| stage.output());
             let rows = down_rows(octree, depth);
-            stage.down.backward(params, rows, x, cache, dx, Some(d.into()), grads);
+            stage.down.backward(params, rows, x, cache, &mut dx, Some(d.into()), grads);
+            blocks.give_memory(dx);
             rows::add_all(d, &skips[i]);
         }
-        let (rows, cache) = (conv_rows(octree, octree.depth()), &work.stem.cache);
+        let (rows, memory) = (conv_rows(octree, octree.depth()), std::mem::take(&mut work.points));
+        let x = Columns::One(&batch.features);
+        let mut kept = self.stem.again(params, rows, x, &work.stem.cache, memory);
         let to = dfeatures.map(ColumnsGradient::from);
-        self.stem.backward(params, rows, &batch.features, cache, d, to, grads);
+        self.stem.backward(params, rows, x, &kept, d, to, grads);
+        work.points = kept.take_memory();
     }
 }
 

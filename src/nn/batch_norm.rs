@@ -124,7 +124,7 @@ impl BatchNorm {
         d: &mut [T],
         grads: &mut [T],
     ) {
-        self.backward_of::<T, false>(params, x, cache, d, grads);
+        self.backward_over::<T, false, false>(params, cache, (x, d), grads);
     }
 
     /// [`BatchNorm::backward`] where a ReLU follows: `dy` passes where the output, computed again from
@@ -137,34 +137,52 @@ impl BatchNorm {
         d: &mut [T],
         grads: &mut [T],
     ) {
-        self.backward_of::<T, true>(params, x, cache, d, grads);
+        self.backward_over::<T, true, false>(params, cache, (x, d), grads);
     }
 
-    fn backward_of<T: Scalar, const RELU: bool>(
+    /// [`BatchNorm::backward`], or that of a ReLU after it, which turns `x` into `dx`.
+    pub(super) fn backward_over_input<T: Scalar>(
         &self,
         params: &[T],
-        x: &[T],
+        x: &mut [T],
         cache: &Cache,
-        d: &mut [T],
+        d: &[T],
+        relu: bool,
         grads: &mut [T],
     ) {
-        match x.len() / self.c {
-            0..=FEW_ROWS => self.backward_as::<T, f64, RELU>(params, x, cache, d, grads),
-            _ => self.backward_as::<T, T, RELU>(params, x, cache, d, grads),
+        match relu {
+            true => self.backward_over::<T, true, true>(params, cache, (d, x), grads),
+            false => self.backward_over::<T, false, true>(params, cache, (d, x), grads),
         }
     }
 
-    fn backward_as<T: Scalar, W: Scalar, const RELU: bool>(
+    /// `over` holds `x` if `INPUT`, else `dy`, and becomes `dx`; `read` is the other one.
+    fn backward_over<T: Scalar, const RELU: bool, const INPUT: bool>(
         &self,
         params: &[T],
-        x: &[T],
         cache: &Cache,
-        d: &mut [T],
+        (read, over): (&[T], &mut [T]),
         grads: &mut [T],
     ) {
-        let (c, n_rows) = (self.c, x.len() / self.c);
+        match read.len() / self.c {
+            0..=FEW_ROWS => {
+                self.backward_as::<T, f64, RELU, INPUT>(params, cache, (read, over), grads);
+            }
+            _ => self.backward_as::<T, T, RELU, INPUT>(params, cache, (read, over), grads),
+        }
+    }
+
+    fn backward_as<T: Scalar, W: Scalar, const RELU: bool, const INPUT: bool>(
+        &self,
+        params: &[T],
+        cache: &Cache,
+        (read, over): (&[T], &mut [T]),
+        grads: &mut [T],
+    ) {
+        let (c, n_rows) = (self.c, read.len() / self.c);
         let columns = self.columns::<T, W>(params, cache);
         let inv_std: Vec<W> = cache.inv_std.iter().copied().map(cast).collect();
+        let (x, d): (&[T], &[T]) = if INPUT { (over, read) } else { (read, over) };
         let [dweight, dbias] = rows::column_sums(
             0..n_rows,
             c,
@@ -186,24 +204,54 @@ impl BatchNorm {
         let mean_of = |sums: &[f64]| sums.iter().map(|s| W::from_f64(s * share)).collect();
         let (mean_dweight, mean_dbias): (Vec<W>, Vec<W>) = (mean_of(&dweight), mean_of(&dbias));
         rows::for_each_row(
-            d,
+            over,
             c,
             #[inline(always)]
-            |row, d| {
-                let x = &x[row * c..][..c];
+            |row, over| {
+                let read = &read[row * c..][..c];
                 let means = inv_std.iter().zip(&mean_dbias).zip(&mean_dweight);
-                for (((d, &x), column), ((&inv_std, &dbias), &dweight)) in
-                    d.iter_mut().zip(x).zip(columns.iter()).zip(means)
+                for (((over, &read), column), ((&inv_std, &dbias), &dweight)) in
+                    over.iter_mut().zip(read).zip(columns.iter()).zip(means)
                 {
-                    let dy = if RELU && !column.is_positive(x) { T::ZERO } else { *d };
+                    let (x, dy) = if INPUT { (*over, read) } else { (read, *over) };
+                    let dy = if RELU && !column.is_positive(x) { T::ZERO } else { dy };
                     let x_hat = (cast::<T, W>(x) - column.mean) * inv_std;
-                    *d = cast(column.factor * (cast::<T, W>(dy) - dbias - x_hat * dweight));
+                    *over = cast(column.factor * (cast::<T, W>(dy) - dbias - x_hat * dweight));
                 }
             },
         );
         for j in 0..c {
             grads[self.weight.start + j] += T::from_f64(dweight[j]);
             grads[self.bias.start + j] += T::from_f64(dbias[j]);
+        }
+    }
+
+    /// Turns `y` into `max(norm(x) + y, 0)`.
+    pub(super) fn add_to_and_rectify<T: Scalar>(
+        &self,
+        params: &[T],
+        x: &[T],
+        cache: &Cache,
+        y: &mut [T],
+    ) {
+        match x.len() / self.c {
+            0..=FEW_ROWS => self.columns::<T, f64>(params, cache).add_to_and_rectify(x, y),
+            _ => self.columns::<T, T>(params, cache).add_to_and_rectify(x, y),
+        }
+    }
+
+    /// Leaves of `d`, the gradient of `max(norm(x) + other, 0)`, what passes the ReLU.
+    pub(super) fn pass_relu_of_sum<T: Scalar>(
+        &self,
+        params: &[T],
+        x: &[T],
+        cache: &Cache,
+        other: &[T],
+        d: &mut [T],
+    ) {
+        match x.len() / self.c {
+            0..=FEW_ROWS => self.columns::<T, f64>(params, cache).pass_relu_of_sum(x, other, d),
+            _ => self.columns::<T, T>(params, cache).pass_relu_of_sum(x, other, d),
         }
     }
 
@@ -331,6 +379,36 @@ impl<W: Scalar> Columns<W> {
             self.mean.len(),
             #[inline(always)]
             |row, x| self.apply_to_row(row, finish, x),
+        );
+    }
+
+    fn add_to_and_rectify<T: Scalar>(&self, x: &[T], y: &mut [T]) {
+        let c = self.mean.len();
+        rows::for_each_row(
+            y,
+            c,
+            #[inline(always)]
+            |row, y| {
+                let x = &x[row * c..][..c];
+                for ((y, &x), column) in y.iter_mut().zip(x).zip(self.iter()) {
+                    *y = (column.of(x) + *y).max(T::ZERO);
+                }
+            },
+        );
+    }
+
+    fn pass_relu_of_sum<T: Scalar>(&self, x: &[T], other: &[T], d: &mut [T]) {
+        let c = self.mean.len();
+        rows::for_each_row(
+            d,
+            c,
+            #[inline(always)]
+            |row, d| {
+                let (x, other) = (&x[row * c..][..c], &other[row * c..][..c]);
+                for (((d, &x), &other), column) in d.iter_mut().zip(x).zip(other).zip(self.iter()) {
+                    *d = if column.of(x) + other > T::ZERO { *d } else { T::ZERO };
+                }
+            },
         );
     }
 

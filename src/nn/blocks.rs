@@ -2,7 +2,6 @@
 
 use super::joined::{Columns, ColumnsGradient};
 use super::params::Layout;
-use super::relu;
 use super::residual::{self, Residual, Scratch};
 use crate::octree::KernelMap;
 use crate::scalar::Scalar;
@@ -13,42 +12,49 @@ pub struct Blocks {
     blocks: Vec<Residual>,
 }
 
-/// What [`Blocks::forward_train`] keeps for backward.
+/// What [`Blocks::forward_train`] keeps for backward: one output for all blocks, since each takes the
+/// place of the one before, which backward computes again.
 #[derive(Debug, Clone, Default)]
 pub struct Cache<T> {
     blocks: Vec<residual::Cache<T>>,
-    outputs: Vec<Vec<T>>,
-    /// Whether the gradient went through the last ReLU already.
-    passed_relu: bool,
+    output: Vec<T>,
+    spare: Vec<T>,
 }
 
 impl<T> Cache<T> {
-    /// Turns the gradient `d` of the output into that before the last ReLU, which backward then leaves
-    /// alone, and lends the memory of the output.
-    pub(crate) fn pass_relu(&mut self, d: &mut [T]) -> Vec<T>
-    where
-        T: Scalar,
-    {
-        relu::backward(self.output(), d);
-        self.passed_relu = true;
-        self.outputs.last_mut().map(std::mem::take).unwrap_or_default()
+    /// Output of the last block.
+    pub fn output(&self) -> &[T] {
+        &self.output
     }
 
-    /// Takes back what [`Cache::pass_relu`] lent.
-    pub(crate) fn give_memory(&mut self, memory: Vec<T>) {
-        if let Some(output) = self.outputs.last_mut() {
-            *output = memory;
+    /// Memory as large as the output, to work in until [`Cache::give_output`]; the output itself, if backward
+    /// can do without.
+    pub(crate) fn take_output(&mut self) -> Vec<T> {
+        let place = if self.blocks.len() > 1 { &mut self.output } else { &mut self.spare };
+        std::mem::take(place)
+    }
+
+    /// Takes back what [`Cache::take_output`] lent.
+    pub(crate) fn give_output(&mut self, memory: Vec<T>) {
+        let place = if self.blocks.len() > 1 { &mut self.output } else { &mut self.spare };
+        *place = memory;
+    }
+
+    /// Memory as large as the output, free after [`Blocks::backward_to_first`] until
+    /// [`Cache::give_memory`].
+    pub(crate) fn take_memory(&mut self) -> Vec<T> {
+        match &mut self.blocks[..] {
+            [_, .., last] => last.take_memory(),
+            _ => std::mem::take(&mut self.spare),
         }
     }
 
-    /// Output of block `i`, unless the gradient went through its ReLU already.
-    fn output_of(&self, i: usize) -> Option<&[T]> {
-        (i + 1 < self.outputs.len() || !self.passed_relu).then(|| &self.outputs[i][..])
-    }
-
-    /// Output of the last block.
-    pub fn output(&self) -> &[T] {
-        self.outputs.last().map_or(&[], |y| y)
+    /// Takes back what [`Cache::take_memory`] lent.
+    pub(crate) fn give_memory(&mut self, memory: Vec<T>) {
+        match &mut self.blocks[..] {
+            [_, .., last] => last.give_memory(memory),
+            _ => self.spare = memory,
+        }
     }
 }
 
@@ -92,37 +98,83 @@ impl Blocks {
         cache: &mut Cache<T>,
         scratch: &mut Scratch<T>,
     ) {
-        let x = x.into();
         cache.blocks.resize_with(self.blocks.len(), Default::default);
-        cache.outputs.resize_with(self.blocks.len(), Default::default);
-        cache.passed_relu = false;
-        for (i, block) in self.blocks.iter().enumerate() {
-            let (before, after) = cache.outputs.split_at_mut(i);
-            let x = before.last().map_or(x, |x| Columns::One(x));
-            let (y, cache) = (&mut after[0], &mut cache.blocks[i]);
-            block.forward_train(params, buffers, rows, x, y, cache, scratch);
+        let Cache { blocks: caches, output: y, .. } = cache;
+        let [first, others @ ..] = &self.blocks[..] else { return };
+        let [cache, caches @ ..] = &mut caches[..] else { return };
+        first.forward_train(params, buffers, rows, x, y, cache, scratch);
+        for (block, cache) in others.iter().zip(caches) {
+            block.forward_train_in_place(params, buffers, rows, y, cache, scratch);
         }
     }
 
-    /// `d` holds the gradient of the output and is used up; `dx` is overwritten.
+    /// `d` holds the gradient of the output and is used up, and so is `cache`; `dx` is overwritten.
     #[allow(clippy::too_many_arguments)]
     pub fn backward<'a, T: Scalar>(
         &self,
         params: &[T],
         rows: &KernelMap,
         x: impl Into<Columns<'a, T>>,
-        cache: &Cache<T>,
+        cache: &mut Cache<T>,
         d: &mut [T],
         dx: ColumnsGradient<T>,
         grads: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
+        let x = x.into();
+        self.backward_to_first(params, rows, x, cache, d, grads, scratch);
+        self.backward_first(params, rows, x, cache, d, dx, grads, scratch);
+    }
+
+    /// The first part of [`Blocks::backward`]: turns `d` into the gradient of the first block's output.
+    #[allow(clippy::too_many_arguments)]
+    pub(crate) fn backward_to_first<T: Scalar>(
+        &self,
+        params: &[T],
+        rows: &KernelMap,
+        x: Columns<T>,
+        cache: &mut Cache<T>,
+        d: &mut [T],
+        grads: &mut [T],
+        scratch: &mut Scratch<T>,
+    ) {
+        let Cache { blocks: caches, output, .. } = cache;
         for (i, block) in self.blocks.iter().enumerate().skip(1).rev() {
-            let (y, cache_i) = (cache.output_of(i), &cache.blocks[i]);
-            let x = &cache.outputs[i - 1];
-            block.backward_in_place(params, rows, x, y, cache_i, d, grads, scratch);
+            self.output_again(params, x, &caches[..i], output);
+            block.backward_in_place(params, rows, output, &mut caches[i], d, grads, scratch);
         }
-        let (y, cache) = (cache.output_of(0), &cache.blocks[0]);
-        self.blocks[0].backward(params, rows, x, y, cache, d, dx, grads, scratch);
+    }
+
+    /// The other part of it.
+    #[allow(clippy::too_many_arguments)]
+    pub(crate) fn backward_first<T: Scalar>(
+        &self,
+        params: &[T],
+        rows: &KernelMap,
+        x: Columns<T>,
+        cache: &mut Cache<T>,
+        d: &mut [T],
+        dx: ColumnsGradient<T>,
+        grads: &mut [T],
+        scratch: &mut Scratch<T>,
+    ) {
+        let Cache { blocks: caches, output, .. } = cache;
+        self.blocks[0].backward(params, rows, x, output, &mut caches[0], d, dx, grads, scratch);
+    }
+
+    /// The output of the blocks that `caches` belong to, at least one.
+    fn output_again<T: Scalar>(
+        &self,
+        params: &[T],
+        x: Columns<T>,
+        caches: &[residual::Cache<T>],
+        y: &mut Vec<T>,
+    ) {
+        for (i, (block, cache)) in self.blocks.iter().zip(caches).enumerate() {
+            match i {
+                0 => block.output_again(params, x, cache, y),
+                _ => block.finish_in_place(params, cache, y),
+            }
+        }
     }
 }

@@ -5,7 +5,7 @@ use super::conv::OctreeConv;
 use super::joined::{Columns, ColumnsGradient};
 use super::linear::Linear;
 use super::params::Layout;
-use super::unit::{self, Unit};
+use super::unit::{self, LinearMap, Unit};
 use super::{relu, rows};
 use crate::octree::KernelMap;
 use crate::scalar::Scalar;
@@ -97,48 +97,106 @@ impl Residual {
         cache: &mut Cache<T>,
         scratch: &mut Scratch<T>,
     ) {
-        let (x, Scratch { middle, b, .. }) = (x.into(), scratch);
-        let Cache { first, second, shortcut } = cache;
-        self.first.forward_train(params, buffers, rows, x, middle, first);
-        let straight = match &self.shortcut {
-            None => x.one(),
+        let x = x.into();
+        self.convolve(params, buffers, rows, x, cache, scratch);
+        match &self.shortcut {
+            None => self.finish(params, x.one(), cache, y),
             Some(unit) => {
                 // Backward computes it again: it is cheap beside the convolutions and as large.
-                unit.forward_train_in_place(params, buffers, &(), x, b, shortcut);
-                b
+                unit.forward_train_in_place(params, buffers, &(), x, y, &mut cache.shortcut);
+                self.finish_in_place(params, cache, y);
             }
-        };
-        let (middle, finish) = (Columns::One(middle), Finish::ReluOfSum(straight));
-        self.second.forward_train_to(params, buffers, rows, middle, finish, y, second);
+        }
     }
 
-    /// `d` holds the gradient of `y` and is used up; `y` is the output of `forward_train`, or none if
-    /// `d` went through the last ReLU already.
+    /// [`Residual::forward_train`] of a block around which the input goes unchanged: `x` becomes `y`.
+    pub(super) fn forward_train_in_place<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        rows: &KernelMap,
+        x: &mut [T],
+        cache: &mut Cache<T>,
+        scratch: &mut Scratch<T>,
+    ) {
+        assert!(self.shortcut.is_none(), "the input goes unchanged");
+        self.convolve(params, buffers, rows, Columns::One(x), cache, scratch);
+        self.finish_in_place(params, cache, x);
+    }
+
+    /// The output of [`Residual::forward_train`] once more, from its input and what it kept.
+    pub(super) fn output_again<T: Scalar>(
+        &self,
+        params: &[T],
+        x: Columns<T>,
+        cache: &Cache<T>,
+        y: &mut Vec<T>,
+    ) {
+        match &self.shortcut {
+            None => self.finish(params, x.one(), cache, y),
+            Some(unit) => {
+                unit.output_again(params, &(), x, &cache.shortcut, y);
+                self.finish_in_place(params, cache, y);
+            }
+        }
+    }
+
+    /// Both convolutions, up to the second one's normalisation.
+    fn convolve<T: Scalar>(
+        &self,
+        params: &[T],
+        buffers: &mut [T],
+        rows: &KernelMap,
+        x: Columns<T>,
+        cache: &mut Cache<T>,
+        scratch: &mut Scratch<T>,
+    ) {
+        let Cache { first, second, .. } = cache;
+        self.first.forward_train(params, buffers, rows, x, &mut scratch.middle, first);
+        self.second.map_train(params, buffers, rows, Columns::One(&scratch.middle), second);
+    }
+
+    /// The end of the block, beside the shortcut's output.
+    fn finish<T: Scalar>(&self, params: &[T], straight: &[T], cache: &Cache<T>, y: &mut Vec<T>) {
+        let Unit { norm, .. } = &self.second;
+        let (mapped, measured) = cache.second.parts();
+        norm.normalise(params, mapped, measured, Finish::ReluOfSum(straight), y);
+    }
+
+    /// The end of the block: `y` holds the shortcut's output.
+    pub(super) fn finish_in_place<T: Scalar>(&self, params: &[T], cache: &Cache<T>, y: &mut [T]) {
+        let (mapped, measured) = cache.second.parts();
+        self.second.norm.add_to_and_rectify(params, mapped, measured, y);
+    }
+
+    /// `d` holds the gradient of `y` and is used up, and so is `cache`; `y` is the output of
+    /// `forward_train`.
     #[allow(clippy::too_many_arguments)]
     pub fn backward<'a, T: Scalar>(
         &self,
         params: &[T],
         rows: &KernelMap,
         x: impl Into<Columns<'a, T>>,
-        y: Option<&[T]>,
-        cache: &Cache<T>,
+        y: &[T],
+        cache: &mut Cache<T>,
         d: &mut [T],
         mut dx: ColumnsGradient<T>,
         grads: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
         let x = x.into();
-        self.backward_to_middle(params, rows, y, cache, d, grads, scratch);
-        let Scratch { b, middle, .. } = scratch;
-        self.first.backward(params, rows, x, &cache.first, middle, Some(dx.reborrow()), grads);
+        relu::backward(y, d);
+        self.backward_to_first(params, rows, cache, d, grads, scratch);
+        let Cache { first, second, shortcut } = cache;
+        let dy = first.parts().0;
+        LinearMap::backward(&self.first.map, params, rows, x, dy, Some(dx.reborrow()), grads);
         match &self.shortcut {
             None => rows::add_all(dx.one(), d),
             Some(unit) => {
-                let memory = std::mem::take(b);
-                let shortcut = unit.again(params, &(), x, &cache.shortcut, memory);
-                unit.backward_norm(params, &shortcut, d, grads);
-                *b = shortcut.into_memory();
-                unit.map.add_backward(params, x, d, dx, grads);
+                let mut kept = unit.again(params, &(), x, shortcut, second.take_memory());
+                unit.backward_norm(params, &mut kept, d, grads);
+                unit.map.add_backward(params, x, kept.parts().0, dx, grads);
+                second.give_memory(kept.take_memory());
             }
         }
     }
@@ -151,41 +209,51 @@ impl Residual {
         params: &[T],
         rows: &KernelMap,
         x: &[T],
-        y: Option<&[T]>,
-        cache: &Cache<T>,
+        cache: &mut Cache<T>,
         d: &mut [T],
         grads: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
         assert!(self.shortcut.is_none(), "the input goes unchanged");
-        self.backward_to_middle(params, rows, y, cache, d, grads, scratch);
-        let Scratch { b, middle, .. } = scratch;
-        self.first.backward(params, rows, x, &cache.first, middle, Some((&mut *b).into()), grads);
-        rows::add_all(d, b);
+        let (mapped, measured) = cache.second.parts();
+        self.second.norm.pass_relu_of_sum(params, mapped, measured, x, d);
+        self.backward_to_first(params, rows, cache, d, grads, scratch);
+        let dx = &mut scratch.middle;
+        let dy = cache.first.parts().0;
+        self.first.map.backward(params, rows, x, dy, Some(&mut *dx), grads);
+        rows::add_all(d, dx);
     }
 
-    /// Leaves in `d` what passes the last ReLU, and in `scratch.middle` the gradient of what lies between
-    /// the convolutions.
-    #[allow(clippy::too_many_arguments)]
-    fn backward_to_middle<T: Scalar>(
+    /// From `d`, which passed the last ReLU, to the gradient of the first convolution's output, in the place
+    /// of that output.
+    fn backward_to_first<T: Scalar>(
         &self,
         params: &[T],
         rows: &KernelMap,
-        y: Option<&[T]>,
-        cache: &Cache<T>,
-        d: &mut [T],
+        cache: &mut Cache<T>,
+        d: &[T],
         grads: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
-        let Scratch { b, middle, .. } = scratch;
-        if let Some(y) = y {
-            relu::backward(y, d);
-        }
-        b.clear();
-        b.extend_from_slice(d);
-        self.first.output(params, &cache.first, middle);
-        self.second.backward(params, rows, &middle[..], &cache.second, b, None, grads);
+        let (Cache { first, second, .. }, Scratch { middle, .. }) = (cache, scratch);
+        self.first.output(params, first, middle);
+        self.second.backward_norm(params, second, d, grads);
+        let dy = second.parts().0;
+        self.second.map.backward(params, rows, middle, dy, None, grads);
         // Its place is free now.
-        self.second.map.backward_input(params, rows, b, middle);
+        self.second.map.backward_input(params, rows, dy, middle);
+        self.first.backward_norm(params, first, middle, grads);
+    }
+}
+
+impl<T> Cache<T> {
+    /// Memory that is free once backward has passed the block.
+    pub(super) fn take_memory(&mut self) -> Vec<T> {
+        self.first.take_memory()
+    }
+
+    /// Takes back what [`Cache::take_memory`] lent.
+    pub(super) fn give_memory(&mut self, memory: Vec<T>) {
+        self.first.give_memory(memory);
     }
 }

@@ -168,9 +168,19 @@ pub struct Cache<T> {
 }
 
 impl<T> Cache<T> {
-    /// The memory of what was kept, which is lost.
-    pub(crate) fn into_memory(self) -> Vec<T> {
-        self.mapped
+    /// Output of the linear map, or what [`Unit::backward_norm`] left in its place, and its statistics.
+    pub(crate) fn parts(&self) -> (&[T], &batch_norm::Cache) {
+        (&self.mapped, &self.norm)
+    }
+
+    /// The memory of the linear map's output, which is lost.
+    pub(crate) fn take_memory(&mut self) -> Vec<T> {
+        std::mem::take(&mut self.mapped)
+    }
+
+    /// Takes back what [`Cache::take_memory`] lent.
+    pub(crate) fn give_memory(&mut self, memory: Vec<T>) {
+        self.mapped = memory;
     }
 }
 
@@ -213,24 +223,21 @@ impl<M: LinearMap> Unit<M> {
         y: &mut Vec<T>,
         cache: &mut Cache<T>,
     ) {
-        self.forward_train_to(params, buffers, rows, x.into(), self.finish(), y, cache);
+        self.map_train(params, buffers, rows, x.into(), cache);
+        self.output(params, cache, y);
     }
 
-    /// [`Unit::forward_train`] with another end.
-    #[allow(clippy::too_many_arguments)]
-    pub(super) fn forward_train_to<T: Scalar>(
+    /// [`Unit::forward_train`] up to the statistics.
+    pub(super) fn map_train<T: Scalar>(
         &self,
         params: &[T],
         buffers: &mut [T],
         rows: &M::Rows,
         x: Columns<T>,
-        finish: Finish<T>,
-        y: &mut Vec<T>,
         cache: &mut Cache<T>,
     ) {
         self.map.forward(params, rows, x, &mut cache.mapped);
         cache.norm = self.norm.measure(buffers, &cache.mapped);
-        self.norm.normalise(params, &cache.mapped, &cache.norm, finish, y);
     }
 
     /// [`Unit::forward_train`] without the memory for the linear map's output, which `cache` then lacks:
@@ -297,22 +304,24 @@ impl<M: LinearMap> Unit<M> {
         dx: Option<ColumnsGradient<T>>,
         grads: &mut [T],
     ) {
-        self.backward_norm(params, cache, d, grads);
-        self.map.backward(params, rows, x.into(), d, dx, grads);
-    }
-
-    /// Turns `d` into the gradient of the linear map's output.
-    pub(super) fn backward_norm<T: Scalar>(
-        &self,
-        params: &[T],
-        cache: &Cache<T>,
-        d: &mut [T],
-        grads: &mut [T],
-    ) {
         let Cache { mapped, norm } = cache;
         match self.relu {
             true => self.norm.backward_relu(params, mapped, norm, d, grads),
             false => self.norm.backward(params, mapped, norm, d, grads),
         }
+        self.map.backward(params, rows, x.into(), d, dx, grads);
+    }
+
+    /// Turns what was kept of the linear map's output into the gradient by it; `d` is that of the unit's
+    /// output.
+    pub(crate) fn backward_norm<T: Scalar>(
+        &self,
+        params: &[T],
+        cache: &mut Cache<T>,
+        d: &[T],
+        grads: &mut [T],
+    ) {
+        let Cache { mapped, norm } = cache;
+        self.norm.backward_over_input(params, mapped, norm, d, self.relu, grads);
     }
 }

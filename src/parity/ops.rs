@@ -197,7 +197,7 @@ impl<'a, T: Scalar> Op<'a, T> {
         let (rows, scratch) = (&octree.levels[3].conv, &mut Scratch::default());
         block.forward_train(&params, &mut buffers, rows, &x, &mut y, &mut cache, scratch);
         let to = (&mut dx).into();
-        block.backward(&params, rows, &x, Some(&y), &cache, &mut d, to, &mut grads, scratch);
+        block.backward(&params, rows, &x, &y, &mut cache, &mut d, to, &mut grads, scratch);
         self.finish((c_out, &y), (c_in, &dx), &grads, &buffers);
         Ok(())
     }
@@ -229,7 +229,9 @@ impl<'a, T: Scalar> Op<'a, T> {
         let (mut dx, mut grads) = (vec![T::ZERO; x.len()], vec![T::ZERO; params.len()]);
         let memory = &mut [Vec::new(), Vec::new()];
         head.forward_train(&params, &mut buffers, &x, &mut y, &mut cache, &mut memory[0]);
-        head.backward(&params, &x, &cache, &dy, &mut dx, &mut grads, memory.each_mut());
+        let [hidden, memory] = memory;
+        head.backward(&params, &x, &cache, &dy, &mut grads, hidden, memory);
+        head.add_dx(&params, hidden, &mut dx);
         self.finish((heads::N_CLASSES, &y), (weight[1], &dx), &grads, &buffers);
         Ok(())
     }
