@@ -86,9 +86,11 @@ fn sum_by_blocks<T: Scalar>(
 ) {
     let level = Level::active();
     let pack = |term: &Term<T>| match term {
-        Term::Nodes { weights, .. } => Some(Packed::new(level, weights, |panels, len, work| {
-            par::for_each_block(panels, len, work);
-        })),
+        Term::Nodes { weights, .. } => {
+            Some(Packed::new(level, weights, Vec::new(), |panels, len, work| {
+                par::for_each_block(panels, len, work);
+            }))
+        }
         Term::Shapes { .. } => None,
     };
     let packed: Vec<_> = terms.iter().map(pack).collect();

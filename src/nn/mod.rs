@@ -28,6 +28,7 @@ pub mod group_norm;
 pub mod interp;
 pub mod joined;
 mod kernel_product;
+mod lent;
 pub mod linear;
 pub mod neighbour_mean;
 pub mod pad;

@@ -4,6 +4,7 @@
 //! that the method asks for. See [`crate::scalar::winograd`] for the arithmetic.
 
 use super::kernel_product::Term;
+use super::lent::Lent;
 use super::rows::Then;
 use crate::octree::KernelMap;
 use crate::par;
@@ -41,6 +42,20 @@ pub(super) fn suits_gradient(map: &KernelMap, c_in: usize, c_out: usize) -> bool
     suits(map, c_in, c_out) && c_in * c_out >= LEAST_OF_GRADIENT
 }
 
+/// Memory of a call, for the next one.
+struct Memory<T> {
+    /// Transformed weights of the terms, or nodes and gradients in frequencies.
+    large: [Vec<T>; 2],
+    sums: Vec<T>,
+    gradients: Vec<T>,
+}
+
+impl<T> Default for Memory<T> {
+    fn default() -> Self {
+        Memory { large: Default::default(), sums: Vec::new(), gradients: Vec::new() }
+    }
+}
+
 /// What became of a [`Term`].
 enum Transformed<'a, T> {
     Nodes { x: &'a [T], weights: Packed<T> },
@@ -56,9 +71,13 @@ pub(super) fn sum_of_terms<T: Scalar>(
     then: &Then<T>,
 ) {
     let (level, siblings) = (Level::active(), map.siblings());
-    let terms: Vec<_> = terms.iter().map(|term| transformed(level, map, term, c_out)).collect();
+    let mut lent = Lent::<Memory<T>>::new();
+    let mut memory = lent.get().large.iter_mut();
+    let mut take = || memory.next().map(std::mem::take).unwrap_or_default();
+    let of_term = |term| transformed(level, map, term, c_out, &mut take);
+    let terms: Vec<_> = terms.iter().map(of_term).collect();
     let len = siblings.len().div_ceil(MIN_BLOCKS).clamp(MIN_GROUPS, MAX_GROUPS);
-    par::for_each_block_with(y, len * 8 * c_out, Room::default, |room, block, y| {
+    par::for_each_block_with(y, len * 8 * c_out, Lent::<Room<T>>::new, |room, block, y| {
         let groups = block * len..siblings.len().min((block + 1) * len);
         let term = |term| match term {
             &Transformed::Nodes { x, ref weights } => winograd::Term::Nodes { x, weights },
@@ -67,9 +86,14 @@ pub(super) fn sum_of_terms<T: Scalar>(
             }
         };
         let terms: Vec<_> = terms.iter().map(term).collect();
-        winograd::sum_of_terms(level, &siblings[groups.clone()], &terms, c_out, room, y);
+        winograd::sum_of_terms(level, &siblings[groups.clone()], &terms, c_out, room.get(), y);
         then(8 * groups.start, y);
     });
+    let used = terms.into_iter().filter_map(|term| match term {
+        Transformed::Nodes { weights, .. } => Some(weights.into_memory()),
+        Transformed::Shapes { .. } => None,
+    });
+    lent.get().large.iter_mut().zip(used).for_each(|(memory, used)| *memory = used);
 }
 
 fn transformed<'a, T: Scalar>(
@@ -77,12 +101,14 @@ fn transformed<'a, T: Scalar>(
     map: &KernelMap,
     term: &Term<'a, T>,
     c_out: usize,
+    memory: &mut dyn FnMut() -> Vec<T>,
 ) -> Transformed<'a, T> {
     match term {
         Term::Nodes { x, weights } => {
-            let weights = winograd::transform_weights(level, weights, |panels, len, work| {
-                par::for_each_block(panels, len, work);
-            });
+            let weights =
+                winograd::transform_weights(level, weights, memory(), |panels, len, work| {
+                    par::for_each_block(panels, len, work);
+                });
             Transformed::Nodes { x, weights }
         }
         Term::Shapes { products: from, shapes } => {
@@ -106,37 +132,40 @@ pub(super) fn weight_gradient<T: Scalar>(
 ) {
     let (level, width) = (Level::active(), columns.len());
     let step = STEP.min(map.siblings().len()).next_multiple_of(TASK);
-    let mut inputs = vec![T::ZERO; step * N_FREQUENCIES * width];
-    let mut gradients = vec![T::ZERO; step * N_FREQUENCIES * c_g];
-    let mut sums = vec![T::ZERO; N_FREQUENCIES * width * c_g];
+    let mut lent = Lent::<Memory<T>>::new();
+    let Memory { large: [inputs, gradients], sums, gradients: d } = lent.get();
+    inputs.resize(step * N_FREQUENCIES * width, T::ZERO);
+    gradients.resize(step * N_FREQUENCIES * c_g, T::ZERO);
+    sums.clear();
+    sums.resize(N_FREQUENCIES * width * c_g, T::ZERO);
     for (groups, g) in map.siblings().chunks(step).zip(g.chunks(step * 8 * c_g)) {
-        par::for_each_block(&mut inputs, TASK * N_FREQUENCIES * width, |i, to| {
+        par::for_each_block(inputs, TASK * N_FREQUENCIES * width, |i, to| {
             let groups = groups.chunks(TASK).nth(i).unwrap_or_default();
             winograd::transform_inputs(level, groups, (a, width), TASK, to);
         });
-        par::for_each_block(&mut gradients, TASK * N_FREQUENCIES * c_g, |i, to| {
+        par::for_each_block(gradients, TASK * N_FREQUENCIES * c_g, |i, to| {
             let g = g.chunks(TASK * 8 * c_g).nth(i).unwrap_or_default();
             winograd::transform_gradients(level, (g, c_g), TASK, to);
         });
-        par::for_each_block(&mut sums, width * c_g, |f, sums| {
+        par::for_each_block(sums, width * c_g, |f, sums| {
             let row = |group: usize| (group / TASK * N_FREQUENCIES + f) * TASK + group % TASK;
             let rows: Vec<u32> = (0..groups.len()).map(|group| row(group) as u32).collect();
-            T::matmul_tn_rows(&inputs, &rows, width, &gradients, &rows, c_g, sums);
+            T::matmul_tn_rows(inputs, &rows, width, gradients, &rows, c_g, sums);
         });
     }
-    drop((inputs, gradients));
-    add_gradients((&sums, columns, c_a), c_g, grads);
+    d.resize(width * 27 * c_g, T::ZERO);
+    add_gradients((sums, columns, c_a), c_g, d, grads);
 }
 
 /// Adds to the rows `columns` of each `[c_a, c_g]` what the frequencies `[64, columns.len(), c_g]` say.
 fn add_gradients<T: Scalar>(
     (sums, columns, c_a): (&[T], Range<usize>, usize),
     c_g: usize,
+    d: &mut [T],
     grads: &mut [T],
 ) {
     let (level, width) = (Level::active(), columns.len());
-    let mut d = vec![T::ZERO; width * 27 * c_g];
-    par::for_each_block(&mut d, 27 * c_g, |row, d| {
+    par::for_each_block(d, 27 * c_g, |row, d| {
         winograd::transform_weight_gradients(level, &sums[row * c_g..], width * c_g, d);
     });
     par::for_each_block(grads, c_a * c_g, |k, grads| {

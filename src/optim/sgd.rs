@@ -4,7 +4,7 @@ use crate::par;
 use crate::scalar::{Scalar, vectorised};
 
 /// Elements per task.
-const BLOCK: usize = 1 << 14;
+const BLOCK: usize = 1 << 17;
 
 /// SGD with momentum and weight decay, no Nesterov term, no dampening: PyTorch's `SGD`.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -55,6 +55,8 @@ pub trait Eights: Copy {
     fn only(self, lanes: Self::Eight, mask: u32, other: Self::Eight) -> Self::Eight;
     /// The lanes, from 0 to 2³¹, without their fractions.
     fn truncate(self, lanes: Self::Eight) -> [u32; 8];
+    /// Lane `r` of number `l` is lane `l` of `rows[r]`, NaN or not.
+    fn transpose(self, rows: [Self::Eight; 8]) -> [Self::Eight; 8];
     /// Lane `l` is the least lane of `rows[l]`.
     fn least_of_each(self, rows: [Self::Eight; 8]) -> Self::Eight;
     /// Lane `l` is the greatest lane of `rows[l]`.
@@ -184,6 +186,14 @@ macro_rules! arrays {
                 lanes.map(|lane| lane as u32)
             }
             #[inline(always)]
+            fn transpose(self, rows: [[f32; 8]; 8]) -> [[f32; 8]; 8] {
+                let mut columns = [[0.0; 8]; 8];
+                for (r, row) in rows.into_iter().enumerate() {
+                    columns.iter_mut().zip(row).for_each(|(column, x)| column[r] = x);
+                }
+                columns
+            }
+            #[inline(always)]
             fn least_of_each(self, rows: [[f32; 8]; 8]) -> [f32; 8] {
                 lanes!(|l: usize| rows[l].iter().fold(f32::INFINITY, |m, &x| if x < m {
                     x
@@ -244,6 +254,20 @@ mod x86 {
             let (low, high) = (four(two(a, b), two(c, d)), four(two(e, f), two(g, h)));
             let halves = _mm256_permute2f128_ps::<0x20>(low, high);
             $pick(halves, _mm256_permute2f128_ps::<0x31>(low, high))
+        }};
+    }
+
+    /// Four rows of eight: the first and the second half of each column stand in one vector.
+    macro_rules! columns_of_halves {
+        ($a:ident, $b:ident, $c:ident, $d:ident) => {{
+            let (ab, cd) = (_mm256_unpacklo_ps($a, $b), _mm256_unpacklo_ps($c, $d));
+            let (ab_high, cd_high) = (_mm256_unpackhi_ps($a, $b), _mm256_unpackhi_ps($c, $d));
+            [
+                _mm256_shuffle_ps::<0x44>(ab, cd),
+                _mm256_shuffle_ps::<0xEE>(ab, cd),
+                _mm256_shuffle_ps::<0x44>(ab_high, cd_high),
+                _mm256_shuffle_ps::<0xEE>(ab_high, cd_high),
+            ]
         }};
     }
 
@@ -363,6 +387,25 @@ mod x86 {
                     to
                 }
                 #[inline(always)]
+                fn transpose(self, rows: [__m256; 8]) -> [__m256; 8] {
+                    let [a, b, c, d, e, f, g, h] = rows;
+                    // SAFETY: the token proves that the processor has AVX2.
+                    unsafe {
+                        let [a, b, c, d] = columns_of_halves!(a, b, c, d);
+                        let [e, f, g, h] = columns_of_halves!(e, f, g, h);
+                        [
+                            _mm256_permute2f128_ps::<0x20>(a, e),
+                            _mm256_permute2f128_ps::<0x20>(b, f),
+                            _mm256_permute2f128_ps::<0x20>(c, g),
+                            _mm256_permute2f128_ps::<0x20>(d, h),
+                            _mm256_permute2f128_ps::<0x31>(a, e),
+                            _mm256_permute2f128_ps::<0x31>(b, f),
+                            _mm256_permute2f128_ps::<0x31>(c, g),
+                            _mm256_permute2f128_ps::<0x31>(d, h),
+                        ]
+                    }
+                }
+                #[inline(always)]
                 fn least_of_each(self, rows: [__m256; 8]) -> __m256 {
                     // SAFETY: the token proves that the processor has AVX2.
                     unsafe { reduce_each!(_mm256_min_ps, rows) }
@@ -438,6 +481,29 @@ mod tests {
                 s.greater_and_at_most(a, b, b, s.splat(0.5)),
             ];
             (stored.to_vec(), masks)
+        }
+    }
+
+    struct Transpose<'a>(&'a [[f32; 8]; 8]);
+
+    impl Kernel for Transpose<'_> {
+        type Output = [[f32; 8]; 8];
+
+        #[inline(always)]
+        fn run<S: Simd>(self, s: S) -> [[f32; 8]; 8] {
+            let columns = s.transpose(std::array::from_fn(|r| s.load(&self.0[r])));
+            let mut out = [[0.0; 8]; 8];
+            columns.into_iter().zip(&mut out).for_each(|(column, out)| s.store(column, out));
+            out
+        }
+    }
+
+    #[test]
+    fn rows_become_columns() {
+        let rows = std::array::from_fn(|r| std::array::from_fn(|l| (8 * r + l) as f32));
+        let columns = std::array::from_fn(|l| std::array::from_fn(|r| (8 * r + l) as f32));
+        for level in Level::available() {
+            assert_eq!(level.run(Transpose(&rows)), columns, "{}", level.name());
         }
     }
 

@@ -216,7 +216,10 @@ impl<T: Real> Tiled for MatmulTnRows<'_, T> {
 
     #[inline(always)]
     fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
-        matmul_tn_rows_body::<T, S, M, N>(simd, self);
+        match self.a_rows.len() * self.n.div_ceil(N) {
+            0..=DEPTH => matmul_tn_few_rows_body::<T, S, M, N>(simd, self),
+            _ => matmul_tn_rows_body::<T, S, M, N>(simd, self),
+        }
     }
 }
 
@@ -232,7 +235,7 @@ fn matmul_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
             let rows = x.b[p.start * x.n..p.end * x.n].chunks_exact(x.n).map(|row| &row[j.clone()]);
             let wide = x.n >= WIDTH_FOR_PANEL && x.a_rows.len() >= ROWS_FOR_PANEL;
             let panel = if wide || j.len() < N {
-                Panel::<T, N>::copied(&mut copy, rows)
+                Panel::<T, N>::copied(&mut copy.0, rows)
             } else {
                 Panel::in_place(&x.b[p.start * x.n + j.start..], x.n, p.len())
             };
@@ -266,7 +269,7 @@ fn matmul_tn_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
             let j = j..x.n.min(j + N);
             let g_rows =
                 x.g_rows[r.clone()].iter().map(|&row| &x.g[row as usize * x.n..][j.clone()]);
-            let panel = Panel::<T, N>::copied(&mut copy, g_rows);
+            let panel = Panel::<T, N>::copied(&mut copy.0, g_rows);
             for p in tiles(x.k, M) {
                 let a = x.a[p.start..].as_ptr();
                 let a = RowPointers { start: a, rows: &x.a_rows[r.clone()], width: x.k };
@@ -276,6 +279,36 @@ fn matmul_tn_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
                     with_height!(p.len(), M, tile_tn::<T, S, N>(simd, a, &panel, d, x.n, j.len()))
                 };
             }
+        }
+    }
+}
+
+/// [`matmul_tn_rows_body`] where all panels fit side by side: little is added to each number of `d`, which
+/// is therefore walked through as it lies.
+#[inline(always)]
+fn matmul_tn_few_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
+    simd: S,
+    x: MatmulTnRows<'_, T>,
+) {
+    let mut copy = Copied([const { MaybeUninit::uninit() }; DEPTH]);
+    let copies = &mut copy.0[..x.g_rows.len() * x.n.div_ceil(N)];
+    for (copy, start) in copies.chunks_exact_mut(x.g_rows.len()).zip((0..).step_by(N)) {
+        let j = start..x.n.min(start + N);
+        let rows = x.g_rows.iter().map(|&row| &x.g[row as usize * x.n..][j.clone()]);
+        Panel::<T, N>::copied(copy, rows);
+    }
+    for p in tiles(x.k, M) {
+        let a = x.a[p.start..].as_ptr();
+        let a = RowPointers { start: a, rows: x.a_rows, width: x.k };
+        for (copy, start) in copies.chunks_exact(x.g_rows.len()).zip((0..).step_by(N)) {
+            let width = N.min(x.n - start);
+            let d = x.d[p.start * x.n + start..].as_mut_ptr();
+            // SAFETY: the panel was written above, all rows were checked on entry, and p and the columns
+            // stay inside them.
+            unsafe {
+                let panel = Panel::<T, N>::of_copy(copy);
+                with_height!(p.len(), M, tile_tn::<T, S, N>(simd, a, &panel, d, x.n, width))
+            };
         }
     }
 }

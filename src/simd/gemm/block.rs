@@ -165,12 +165,12 @@ fn products<T: Real, S: Simd, const M: usize, const N: usize>(
                 }
                 Source::Matrices(weights) => {
                     let mut n_written = 0;
-                    weights.fill::<N>(k, p.clone(), first, |row| {
+                    weights.fill::<S, N>(simd, k, p.clone(), first, |row| {
                         copy.0[n_written].write(row);
                         n_written += 1;
                     });
                     // SAFETY: that many rows are written.
-                    unsafe { Panel::of_copy(copy, n_written) }
+                    unsafe { Panel::of_copy(&copy.0[..n_written]) }
                 }
             };
             for r in tiles(inputs.len(), M) {
@@ -265,7 +265,7 @@ mod tests {
                 }
             }
         }
-        let packed = Packed::new(level, &weights, |numbers, len, work| {
+        let packed = Packed::new(level, &weights, vec![f32::NAN; 7], |numbers, len, work| {
             numbers.chunks_mut(len).enumerate().for_each(|(i, block)| work(i, block));
         });
         for source in [Source::Packed(&packed), Source::Matrices(weights.clone())] {

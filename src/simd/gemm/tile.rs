@@ -28,6 +28,8 @@ pub trait Real: Copy + Default + Add<Output = Self> + Sub<Output = Self> + 'stat
     fn from_f32(x: f32) -> Self;
     /// Half of it.
     fn half(self) -> Self;
+    /// The columns of eight rows.
+    fn columns<S: Simd>(simd: S, rows: &[[Self; 8]; 8]) -> [[Self; 8]; 8];
 }
 
 impl Real for f32 {
@@ -44,6 +46,17 @@ impl Real for f32 {
     #[inline(always)]
     fn half(self) -> f32 {
         0.5 * self
+    }
+
+    #[inline(always)]
+    fn columns<S: Simd>(simd: S, rows: &[[f32; 8]; 8]) -> [[f32; 8]; 8] {
+        let mut lanes = [simd.splat(0.0); 8];
+        lanes.iter_mut().zip(rows).for_each(|(lanes, row)| *lanes = simd.load(row));
+        let mut columns = [[0.0; 8]; 8];
+        for (lanes, column) in simd.transpose(lanes).into_iter().zip(&mut columns) {
+            simd.store(lanes, column);
+        }
+        columns
     }
 }
 
@@ -62,6 +75,15 @@ impl Real for f64 {
     #[inline(always)]
     fn half(self) -> f64 {
         0.5 * self
+    }
+
+    #[inline(always)]
+    fn columns<S: Simd>(_: S, rows: &[[f64; 8]; 8]) -> [[f64; 8]; 8] {
+        let mut columns = [[0.0; 8]; 8];
+        for (r, row) in rows.iter().enumerate() {
+            columns.iter_mut().zip(row).for_each(|(column, &x)| column[r] = x);
+        }
+        columns
     }
 }
 
@@ -90,11 +112,11 @@ impl<'a, T: Real, const N: usize> Panel<'a, T, N> {
     /// A copy of `rows`, of `N` or fewer numbers each, padded with zeros.
     #[inline(always)]
     pub(super) fn copied<'b>(
-        copy: &'a mut Copied<T, N>,
+        copy: &'a mut [MaybeUninit<[T; N]>],
         rows: impl Iterator<Item = &'b [T]>,
     ) -> Self {
         let mut depth = 0;
-        for (place, row) in copy.0.iter_mut().zip(rows) {
+        for (place, row) in copy.iter_mut().zip(rows) {
             match row.first_chunk::<N>() {
                 Some(row) => place.write(*row),
                 None => place
@@ -102,17 +124,16 @@ impl<'a, T: Real, const N: usize> Panel<'a, T, N> {
             };
             depth += 1;
         }
-        Panel { start: copy.0.as_ptr().cast(), stride: N, depth, source: PhantomData }
+        Panel { start: copy.as_ptr().cast(), stride: N, depth, source: PhantomData }
     }
 
-    /// The first `depth` rows of `copy`.
+    /// The rows of `copy`.
     ///
     /// # Safety
     /// They are written.
     #[inline(always)]
-    pub(super) unsafe fn of_copy(copy: &'a Copied<T, N>, depth: usize) -> Self {
-        assert!(depth <= DEPTH);
-        Panel { start: copy.0.as_ptr().cast(), stride: N, depth, source: PhantomData }
+    pub(super) unsafe fn of_copy(copy: &'a [MaybeUninit<[T; N]>]) -> Self {
+        Panel { start: copy.as_ptr().cast(), stride: N, depth: copy.len(), source: PhantomData }
     }
 
     /// `depth` rows of `matrix`, which is `stride` wide and begins at the first column of the panel.

@@ -3,6 +3,7 @@
 use super::super::{Level, Simd};
 use super::Tiled;
 use super::tile::Real;
+use std::hint::black_box;
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -76,8 +77,9 @@ impl<'a, T: Real> Weights<'a, T> {
     /// Calls `put` with the rows `depth` of the matrix of `offset`, one by one: the `N` columns from `first`
     /// on, zeros beyond the last.
     #[inline(always)]
-    pub(super) fn fill<const N: usize>(
+    pub(super) fn fill<S: Simd, const N: usize>(
         &self,
+        simd: S,
         offset: usize,
         depth: Range<usize>,
         first: usize,
@@ -85,11 +87,8 @@ impl<'a, T: Real> Weights<'a, T> {
     ) {
         let (stored, width) = (self.stored(offset), N.min(self.width() - first));
         if self.transposed {
-            let row = |i: usize| match i < width {
-                true => &stored[(first + i) * self.columns..][depth.clone()],
-                false => &[],
-            };
-            transpose::<T, N>(std::array::from_fn(row), depth.len(), put);
+            let rows = &stored[first * self.columns..(first + width) * self.columns];
+            transpose::<T, S, N>(simd, rows, self.columns, depth, put);
             return;
         }
         let stored = &stored[depth.start * self.columns..depth.end * self.columns];
@@ -103,24 +102,44 @@ impl<'a, T: Real> Weights<'a, T> {
     }
 }
 
-/// Calls `put` with the columns of the rows, one by one; rows are `depth` long, or empty for zeros.
+/// Calls `put` with the columns `depth` of up to `N` rows, `stride` apart, one by one; zeros where rows are
+/// missing.
 #[inline(always)]
-fn transpose<T: Real, const N: usize>(rows: [&[T]; N], depth: usize, mut put: impl FnMut([T; N])) {
+fn transpose<T: Real, S: Simd, const N: usize>(
+    simd: S,
+    rows: &[T],
+    stride: usize,
+    depth: Range<usize>,
+    mut put: impl FnMut([T; N]),
+) {
     const EDGE: usize = 8;
-    for p in (0..depth).step_by(EDGE) {
-        let chunk = |row: &[T]| match row.get(p..).and_then(|row| row.first_chunk::<EDGE>()) {
-            Some(chunk) => *chunk,
-            None => std::array::from_fn(|i| row.get(p + i).copied().unwrap_or(T::default())),
-        };
-        // Loops: what `array::from_fn` calls need not be inlined, and is then compiled for any processor.
+    const { assert!(N.is_multiple_of(EDGE)) };
+    // Rows side by side are more streams than a processor fetches ahead; one after another they are one.
+    for row in rows.chunks_exact(stride) {
+        row[depth.clone()].iter().step_by(CACHE_LINE / size_of::<T>()).for_each(|x| {
+            black_box(*x);
+        });
+    }
+    // Loops: what `array::from_fn` calls need not be inlined, and is then compiled for any processor.
+    for p in depth.clone().step_by(EDGE) {
+        let n = EDGE.min(depth.end - p);
         let mut columns = [[T::default(); N]; EDGE];
-        for (i, row) in rows.iter().enumerate() {
-            let chunk = chunk(row);
-            for (column, x) in columns.iter_mut().zip(chunk) {
-                column[i] = x;
+        let mut rows = rows.chunks_exact(stride);
+        for i in (0..N).step_by(EDGE) {
+            let mut square = [[T::default(); EDGE]; EDGE];
+            for (to, row) in square.iter_mut().zip(&mut rows) {
+                match row[p..].first_chunk::<EDGE>() {
+                    Some(row) if n == EDGE => *to = *row,
+                    _ => to[..n].copy_from_slice(&row[p..p + n]),
+                }
+            }
+            for (column, part) in columns.iter_mut().zip(T::columns(simd, &square)) {
+                column[i..i + EDGE].copy_from_slice(&part);
             }
         }
-        columns.into_iter().take(depth - p).for_each(&mut put);
+        for column in &columns[..n] {
+            put(*column);
+        }
     }
 }
 
@@ -151,17 +170,18 @@ struct PanelWidth<T>(PhantomData<T>);
 
 impl<T: Real> Packed<T> {
     /// Packs `weights` for `level`; `for_each_block(numbers, length, work)` calls `work(i, block)` for all
-    /// consecutive blocks of that length.
+    /// consecutive blocks of that length. What is in `memory` is lost.
     pub fn new(
         level: Level,
         weights: &Weights<T>,
+        memory: Vec<T>,
         for_each_block: impl FnOnce(&mut [T], usize, &(dyn Fn(usize, &mut [T]) + Sync)),
     ) -> Self
     where
         T: Send + Sync,
     {
         let (n_offsets, depth, width) = (weights.n_offsets(), weights.depth(), weights.width());
-        let mut packed = Self::zeros(level, n_offsets, depth, width);
+        let mut packed = Self::unwritten(level, n_offsets, depth, width, memory);
         let len = depth * packed.panel_width;
         if len > 0 {
             for_each_block(packed.numbers_mut(), len, &|i, to| {
@@ -171,13 +191,24 @@ impl<T: Real> Packed<T> {
         packed
     }
 
-    /// Panels of zeros.
-    pub(super) fn zeros(level: Level, n_offsets: usize, depth: usize, width: usize) -> Self {
+    /// Panels of whatever was in `memory`.
+    pub(super) fn unwritten(
+        level: Level,
+        n_offsets: usize,
+        depth: usize,
+        width: usize,
+        mut memory: Vec<T>,
+    ) -> Self {
         let panel_width = panel_width::<T>(level);
         let len = width.div_ceil(panel_width) * n_offsets * depth * panel_width;
-        let memory = vec![T::default(); len + CACHE_LINE / size_of::<T>()];
+        memory.resize(len + CACHE_LINE / size_of::<T>(), T::default());
         let start = memory.as_ptr().align_offset(CACHE_LINE).min(memory.len() - len);
         Packed { memory, start, n_offsets, depth, width, panel_width }
+    }
+
+    /// The memory; what is in it is lost.
+    pub fn into_memory(self) -> Vec<T> {
+        self.memory
     }
 
     /// The panels alone.
@@ -213,9 +244,10 @@ impl<T: Real> Tiled for Pack<'_, '_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, _: S) {
+    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
         let mut rows = self.to.as_chunks_mut::<N>().0.iter_mut();
-        self.weights.fill::<N>(self.offset, 0..self.weights.depth(), self.panel * N, |row| {
+        let depth = 0..self.weights.depth();
+        self.weights.fill::<S, N>(simd, self.offset, depth, self.panel * N, |row| {
             if let Some(to) = rows.next() {
                 *to = row;
             }

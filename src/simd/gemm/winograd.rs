@@ -270,7 +270,8 @@ mod tests {
     }
 
     fn packed<T: Real + Send + Sync>(level: Level, w: &[T], depth: usize, n: usize) -> Packed<T> {
-        transform_weights(level, &Weights::new(w, depth, n), |numbers, len, work| {
+        let memory = vec![T::from_f32(f32::NAN); 7];
+        transform_weights(level, &Weights::new(w, depth, n), memory, |numbers, len, work| {
             numbers.chunks_mut(len).enumerate().for_each(|(i, block)| work(i, block));
         })
     }

@@ -27,18 +27,19 @@ pub(super) static PLACES: [(usize, usize); 64] = {
     places
 };
 
-/// `G w`, in panels: `weights` has 27 offsets. `for_each_block` as in [`Packed::new`].
+/// `G w`, in panels: `weights` has 27 offsets. `memory` and `for_each_block` as in [`Packed::new`].
 ///
 /// # Panics
 /// If there are not 27 offsets.
 pub fn transform_weights<T: Real + Send + Sync>(
     level: Level,
     weights: &Weights<T>,
+    memory: Vec<T>,
     for_each_block: impl FnOnce(&mut [T], usize, &(dyn Fn(usize, &mut [T]) + Sync)),
 ) -> Packed<T> {
     assert_eq!(weights.n_offsets(), 27, "a kernel of 3×3×3");
     let depth = weights.depth();
-    let mut packed = Packed::zeros(level, N_FREQUENCIES, depth, weights.width());
+    let mut packed = Packed::unwritten(level, N_FREQUENCIES, depth, weights.width(), memory);
     let len = N_FREQUENCIES * depth * packed.panel_width;
     for_each_block(packed.numbers_mut(), len, &|panel, to| {
         level.run(TransformWeights { weights, panel, to });
@@ -146,7 +147,7 @@ impl<T: Real> Tiled for TransformWeights<'_, '_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, _: S) {
+    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
         const AT_A_TIME: usize = 8;
         let depth = self.weights.depth();
         let to = self.to.as_chunks_mut::<N>().0;
@@ -155,7 +156,7 @@ impl<T: Real> Tiled for TransformWeights<'_, '_, T> {
         for p in passes(depth, AT_A_TIME) {
             for (k, w) in w.iter_mut().enumerate() {
                 let mut rows = w.iter_mut();
-                self.weights.fill::<N>(k, p.clone(), self.panel * N, |row| {
+                self.weights.fill::<S, N>(simd, k, p.clone(), self.panel * N, |row| {
                     if let Some(to) = rows.next() {
                         *to = row;
                     }
