@@ -89,7 +89,8 @@ pub fn label_many<'a>(
             run(&Batched { scene: &scene, level }, &scene, cutters, &frames, options)
         }
         Engine::Pruned => {
-            let order = Order::of(&scene);
+            let order =
+                if options.occlusion { Order::compact(&scene) } else { Order::quick(&scene) };
             let scene = scene.reordered(&order);
             let labels = run(&Pruned { scene: &scene, level }, &scene, cutters, &frames, options);
             labels.into_iter().map(|labels| order.restore(labels)).collect()
@@ -97,7 +98,7 @@ pub fn label_many<'a>(
     };
     if let Some(limit_mm) = options.clearance_limit_mm {
         let scene = Scene::new(queries, obstacles)?;
-        let order = Order::of(&scene);
+        let order = Order::compact(&scene);
         let scene = scene.reordered(&order);
         for (labels, cutter) in labels.iter_mut().zip(cutters) {
             let clearance = signed_clearance(&scene, cutter, &frames, limit_mm, level);

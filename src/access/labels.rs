@@ -225,12 +225,16 @@ impl Reach {
                 (*plane, carry) = (*plane ^ carry, *plane & carry);
             }
         }
-        let counts = std::array::from_fn(|l| {
-            planes.iter().zip(0..).map(|(plane, b)| ((plane >> l & 1) as u32) << b).sum()
-        });
+        let n_planes = (usize::BITS - self.rows.len().leading_zeros()) as usize;
+        let mut counts = [0; 64];
+        for (plane, b) in planes[..n_planes.min(32)].iter().zip(0..) {
+            for (l, count) in counts.iter_mut().enumerate() {
+                *count |= ((plane >> l & 1) as u32) << b;
+            }
+        }
         (counts, first)
     }
 }
 
 /// Words of 64 queries per task of the summary.
-const SUMMARY_BLOCK: usize = 64;
+const SUMMARY_BLOCK: usize = 16;

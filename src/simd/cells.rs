@@ -6,25 +6,56 @@ use super::level::Simd;
 /// Most cells along the longer side, give or take the border.
 pub const MOST_CELLS: f64 = 1000.0;
 
+/// Strips have so many rows that a run of columns as long as twice the radius holds about so many points.
+const POINTS_PER_RUN: f64 = 6.0;
+
+/// From this radius on, in cells, looking at cells before points pays.
+const WIDE: f64 = 6.0;
+
 /// Points in cells; what lies outside counts for the nearest cell of the border.
 #[derive(Debug, Default)]
 pub struct Cells {
     /// The points by cell. Eight can be read from any place of a point on; there is padding at height −∞.
     pub sorted: Coordinates,
-    /// First point of each cell, row by row; the end of the last one, and one more.
-    pub starts: Vec<u32>,
-    /// Greatest height of each cell, −∞ for none.
-    pub top: Vec<f32>,
+    /// First point of each column of each strip, strip by strip; the end of the last one, and one more.
+    starts: Vec<u32>,
+    /// Greatest mark of each cell, 0 for none, and room.
+    top: Vec<u16>,
+    marks: Marks,
     /// Columns and rows.
     pub n: [usize; 2],
-    /// Cells from row to row, a multiple of eight.
+    /// Cells from row to row, a multiple of [`TOPS`].
     pub stride: usize,
     /// Cells a millimetre.
     pub per_mm: f32,
+    /// A strip is `2^strip` rows; points are sorted by strip and column.
+    pub strip: u32,
+    /// The radius is many cells; a strip is one row.
+    pub wide: bool,
     origin: [f32; 2],
     /// The points as they come, and the cell of each.
     kept: Coordinates,
     cell: Vec<u32>,
+}
+
+/// Cells of a row come in so many at a time.
+pub const TOPS: usize = 16;
+
+/// Heights as whole numbers, 1 at the floor and about 65,000 at the greatest; they never descend when the
+/// height ascends.
+#[derive(Debug, Default, Clone, Copy)]
+struct Marks {
+    floor: f32,
+    per_mm: f32,
+}
+
+impl Marks {
+    #[inline(always)]
+    fn of<S: Simd>(self, s: S, z: S::Eight) -> [u32; 8] {
+        let mark = s.mul(s.sub(z, s.splat(self.floor)), s.splat(self.per_mm));
+        let mark = s.min(s.max(mark, s.splat(0.0)), s.splat(1e6));
+        s.truncate(s.add(mark, s.splat(1.0)))
+    }
 }
 
 /// What some points span, mm.
@@ -40,7 +71,12 @@ impl Extent {
     /// Of least and greatest coordinates in eight lanes.
     #[inline(always)]
     pub fn of<S: Simd>(s: S, least: [S::Eight; 3], greatest: [S::Eight; 3]) -> Self {
-        Extent { least: least.map(|l| s.least(l)), greatest: greatest.map(|l| s.greatest(l)) }
+        let ([x0, y0, z0], [x1, y1, z1]) = (least, greatest);
+        let mut to = [[0.0; 8]; 2];
+        s.store(s.least_of_each([x0, y0, z0, z0, z0, z0, z0, z0]), &mut to[0]);
+        s.store(s.greatest_of_each([x1, y1, z1, z1, z1, z1, z1, z1]), &mut to[1]);
+        let [[x0, y0, z0, ..], [x1, y1, z1, ..]] = to;
+        Extent { least: [x0, y0, z0], greatest: [x1, y1, z1] }
     }
 
     /// Of points, at least one; padding repeats the place of one of them.
@@ -100,7 +136,10 @@ impl Cells {
         if self.kept.n == 0 {
             return false;
         }
-        self.lay_out(&Extent::around(s, &self.kept), places, radius, size);
+        let kept = Extent::around(s, &self.kept);
+        let per_mm = (65_000.0 / (kept.greatest[2] - floor)).min(f32::MAX);
+        self.marks = Marks { floor, per_mm };
+        self.lay_out(&kept, places, radius, size);
         self.sort(s);
         true
     }
@@ -162,27 +201,39 @@ impl Cells {
             let last = (greatest[axis] + after) as f32;
             self.n[axis] = ((last - self.origin[axis]) * self.per_mm) as usize + 1;
         }
-        self.stride = self.n[0].next_multiple_of(8);
+        self.stride = self.n[0].next_multiple_of(TOPS);
+        let area = (covered[0] * covered[1]).max(size * size);
+        let per_row = self.kept.n as f64 / area * size * (2.0 * radius + size);
+        self.strip = if radius < WIDE * size {
+            (POINTS_PER_RUN / per_row).log2().clamp(0.0, 3.0) as u32
+        } else {
+            0
+        };
+        self.wide = radius >= WIDE * size;
     }
 
     #[inline(always)]
     fn sort<S: Simd>(&mut self, s: S) {
         let n_cells = self.stride * self.n[1];
+        let n_strips = ((self.n[1] - 1) >> self.strip) + 1;
         let mut starts = std::mem::take(&mut self.starts);
         starts.clear();
-        starts.resize(n_cells + 2, 0);
+        starts.resize(self.stride * n_strips + 2, 0);
         let mut top = std::mem::take(&mut self.top);
         top.clear();
-        top.resize(n_cells, f32::NEG_INFINITY);
+        top.resize(n_cells + TOPS, 0);
         let mut cell = std::mem::take(&mut self.cell);
         let kept = &self.kept;
         cell.resize(kept.n.next_multiple_of(8), 0);
         let [x, y, z] = [&kept.x, &kept.y, &kept.z].map(|axis| eights(axis));
         for (((x, y), z), to) in x.iter().zip(y).zip(z).zip(cell.as_chunks_mut::<8>().0) {
-            *to = self.places(s, s.load(x), s.load(y)).indices();
-            for (&cell, &z) in to.iter().zip(z) {
+            let mut places = self.places(s, s.load(x), s.load(y));
+            let cells = places.indices();
+            places.rows.iter_mut().for_each(|row| *row >>= self.strip);
+            *to = places.indices();
+            for (&cell, mark) in cells.iter().zip(self.marks.of(s, s.load(z))) {
                 let top = &mut top[cell as usize];
-                *top = if z > *top { z } else { *top };
+                *top = (*top).max(mark as u16);
             }
         }
         cell.truncate(kept.n);
@@ -207,11 +258,22 @@ impl Cells {
         (self.starts, self.top, self.cell) = (starts, top, cell);
     }
 
+    /// Greatest mark of each cell, 0 for none.
+    pub fn tops(&self) -> &[u16] {
+        &self.top[..self.stride * self.n[1]]
+    }
+
     /// Columns and rows of eight places. Neither descends when its coordinate ascends.
     #[inline(always)]
     pub fn places<S: Simd>(&self, s: S, x: S::Eight, y: S::Eight) -> Places {
         let [columns, rows] = [self.index(s, x, 0), self.index(s, y, 1)];
         Places { columns, rows, stride: self.stride as u32 }
+    }
+
+    /// Marks of eight heights, to be compared with those of cells.
+    #[inline(always)]
+    pub fn marks<S: Simd>(&self, s: S, z: S::Eight) -> [u32; 8] {
+        self.marks.of(s, z)
     }
 
     #[inline(always)]
@@ -220,11 +282,29 @@ impl Cells {
         s.truncate(s.min(s.max(cells, s.splat(0.0)), s.splat((self.n[axis] - 1) as f32)))
     }
 
-    /// Places in the order of the points of the cells of `row` from column `first` to `last`.
+    /// Places in the order of the points of `strip` from column `first` to `last`.
     #[inline(always)]
-    pub fn run(&self, row: usize, first: usize, last: usize) -> [usize; 2] {
-        let before = row * self.stride;
+    pub fn run(&self, strip: usize, first: usize, last: usize) -> [usize; 2] {
+        let before = strip * self.stride;
         [self.starts[before + first] as usize, self.starts[before + last + 1] as usize]
+    }
+
+    /// Whether a cell of `row` from column `first` to `last`, or a little beyond, has this mark or a greater one.
+    #[inline(always)]
+    pub fn reaches(&self, row: usize, first: usize, last: usize, mark: u32) -> bool {
+        let mark = mark.min(u32::from(u16::MAX)) as u16;
+        let mut reached = false;
+        for column in (first..=last).step_by(TOPS) {
+            let Some(tops) = self.top[row * self.stride + column..].first_chunk::<TOPS>() else {
+                break;
+            };
+            let mut any = 0;
+            for top in tops {
+                any |= u16::from(*top >= mark);
+            }
+            reached |= any != 0;
+        }
+        reached
     }
 
     /// x, y and z of eight points from a place on.

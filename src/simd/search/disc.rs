@@ -1,8 +1,7 @@
 //! Discs of cells: which cells can, and which must, lie within a radius of another, and the greatest value
 //! over such a disc for every cell of a raster.
 
-use crate::simd::collide::{eights, eights_mut};
-use crate::simd::level::Simd;
+use crate::simd::cells::TOPS;
 
 /// Cells by which discs keep their distance from the knife edge. Finding the columns of two places takes two
 /// roundings each, together off by 2.4e-7 of the greater one, and no grid has more than
@@ -11,7 +10,8 @@ const MARGIN: f64 = 1e-3;
 /// Likewise the share of the radius: each of the four roundings of a squared distance is at most 6e-8 of it.
 pub const SHARE: f64 = 1e-5;
 
-/// Half-widths of a disc's rows by their distance from its middle row, in cells; they never grow.
+/// Half-widths of a disc's rows, or half-heights of its columns, by their distance from the middle one, in
+/// cells; they never grow.
 pub type HalfWidths = Vec<usize>;
 
 /// Half-widths of the disc of cells of which some place can be within `radius`, in cells, of some place of
@@ -44,94 +44,80 @@ pub fn must_reach(radius: f64, halves: &mut HalfWidths, [n_columns, n_rows]: [us
     }
 }
 
-/// Memory of [`greatest_over_disc`].
+/// Memory of [`greatest_over_disc`]: rasters with a margin all around.
 #[derive(Debug, Default)]
-pub struct Rows {
-    /// Greatest of runs of `2^k` cells of a row, from each cell on, and room for the next `k`.
-    runs: [Vec<f32>; 2],
-    /// For the last rows, and each width of the disc, the greatest over the window around each cell.
-    windows: Vec<f32>,
-    /// Where the windows of a row's disc begin.
+pub struct Margins {
+    /// Greatest of runs of `2^k` cells of a column, from each cell down, and room for the next `k`.
+    runs: [Vec<u16>; 2],
+    /// Greatest over the window of a column around each cell.
+    windows: Vec<u16>,
+    /// Where the columns of the disc that have the same height begin.
     starts: Vec<usize>,
 }
 
 /// Every cell of `to` becomes the greatest cell of `from` over a disc around it. Rows are `stride` cells, a
-/// multiple of eight.
+/// multiple of [`TOPS`].
 #[inline(always)]
-pub fn greatest_over_disc<S: Simd>(
-    s: S,
-    (from, stride): (&[f32], usize),
+pub fn greatest_over_disc(
+    (from, stride): (&[u16], usize),
     halves: &HalfWidths,
-    rows: &mut Rows,
-    to: &mut Vec<f32>,
+    margins: &mut Margins,
+    to: &mut Vec<u16>,
 ) {
     let Some(reach) = halves.len().checked_sub(1) else { return };
-    to.resize(from.len(), 0.0);
-    let n_rows = from.len() / stride;
-    let (height, n_slots) = (halves.len() * stride, 2 * reach + 1);
-    rows.windows.clear();
-    rows.windows.resize(n_slots * height, f32::NEG_INFINITY);
-    for row in 0..n_rows + reach {
-        let slot = row % n_slots * height;
-        let windows = &mut rows.windows[slot..][..height];
-        match row < n_rows {
-            true => widen(s, &from[row * stride..][..stride], halves, &mut rows.runs, windows),
-            false => windows.fill(f32::NEG_INFINITY),
-        }
-        let Some(middle) = row.checked_sub(reach) else { continue };
-        rows.starts.clear();
-        for other in middle.saturating_sub(reach)..=row {
-            let distance = other.abs_diff(middle);
-            rows.starts.push(other % n_slots * height + distance * stride);
-        }
-        for (e, to) in eights_mut(&mut to[middle * stride..][..stride]).iter_mut().enumerate() {
-            let mut greatest = s.splat(f32::NEG_INFINITY);
-            for &start in &rows.starts {
-                let window = rows.windows[start + 8 * e..].first_chunk();
-                greatest = window.map_or(greatest, |window| s.max(greatest, s.load(window)));
-            }
-            s.store(greatest, to);
-        }
+    let Margins { runs: [runs, next], windows, starts } = margins;
+    let (above, padded, n_rows) = (halves[0], stride + reach, from.len() / stride);
+    runs.clear();
+    runs.resize((n_rows + 2 * above) * padded + reach, 0);
+    next.resize(runs.len(), 0);
+    let inner = &mut runs[above * padded + reach..];
+    for (from, to) in from.chunks_exact(stride).zip(inner.chunks_mut(padded)) {
+        to[..stride].copy_from_slice(from);
     }
-}
-
-/// For each half-width, the greatest of `row` over the window around each cell, one after the other.
-#[inline(always)]
-fn widen<S: Simd>(
-    s: S,
-    row: &[f32],
-    halves: &HalfWidths,
-    [runs, next]: &mut [Vec<f32>; 2],
-    windows: &mut [f32],
-) {
-    let stride = row.len();
-    let left = halves[0].next_multiple_of(8);
-    for buffer in [&mut *runs, &mut *next] {
-        buffer.clear();
-        buffer.resize(stride + 3 * left + 8, f32::NEG_INFINITY);
-    }
-    runs[left..left + stride].copy_from_slice(row);
-    let mut run = 1;
-    for (distance, &half) in halves.iter().enumerate().rev() {
-        let (window, narrower) = windows[distance * stride..].split_at_mut(stride);
-        if halves.get(distance + 1) == Some(&half) {
-            window.copy_from_slice(&narrower[..stride]);
-            continue;
+    windows.resize(n_rows * padded + reach, 0);
+    to.clear();
+    to.resize(from.len(), 0);
+    let (mut run, mut column) = (1, halves.len());
+    while column > 0 {
+        let half = halves[column - 1];
+        starts.clear();
+        while column > 0 && halves[column - 1] == half {
+            column -= 1;
+            starts.extend((column > 0).then_some(reach - column));
+            starts.push(reach + column);
         }
         while 2 * run <= 2 * half + 1 {
-            greatest_of_pairs(s, runs, &runs[run..], next);
+            greatest_of_pairs(runs, &runs[run * padded..], next);
             std::mem::swap(runs, next);
             run *= 2;
         }
-        greatest_of_pairs(s, &runs[left - half..], &runs[left + half + 1 - run..], window);
+        let [upper, lower] = [above - half, above + half + 1 - run].map(|row| row * padded);
+        greatest_of_pairs(&runs[upper..], &runs[lower..], windows);
+        for (row, to) in to.chunks_exact_mut(stride).enumerate() {
+            for (t, to) in to.as_chunks_mut().0.iter_mut().enumerate() {
+                *to = greatest_of_windows(*to, &windows[row * padded + TOPS * t..], starts);
+            }
+        }
     }
 }
 
-/// The greater of each pair, as many whole eights as all have.
+/// The greatest of `tops` and of the windows that begin at each of `starts`.
 #[inline(always)]
-fn greatest_of_pairs<S: Simd>(s: S, a: &[f32], b: &[f32], to: &mut [f32]) {
-    for ((a, b), to) in eights(a).iter().zip(eights(b)).zip(eights_mut(to)) {
-        s.store(s.max(s.load(a), s.load(b)), to);
+fn greatest_of_windows(mut tops: [u16; TOPS], windows: &[u16], starts: &[usize]) -> [u16; TOPS] {
+    for &start in starts {
+        let Some(window) = windows[start..].first_chunk::<TOPS>() else { return tops };
+        for lane in 0..TOPS {
+            tops[lane] = tops[lane].max(window[lane]);
+        }
+    }
+    tops
+}
+
+/// The greater of each pair, as many as all have.
+#[inline(always)]
+fn greatest_of_pairs(a: &[u16], b: &[u16], to: &mut [u16]) {
+    for ((&a, &b), to) in a.iter().zip(b).zip(to) {
+        *to = a.max(b);
     }
 }
 
@@ -139,17 +125,17 @@ fn greatest_of_pairs<S: Simd>(s: S, a: &[f32], b: &[f32], to: &mut [f32]) {
 mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
-    use crate::simd::{Kernel, Level};
+    use crate::simd::{Kernel, Level, Simd};
 
-    struct Greatest<'a>(&'a [f32], usize, &'a HalfWidths);
+    struct Greatest<'a>(&'a [u16], usize, &'a HalfWidths);
 
     impl Kernel for Greatest<'_> {
-        type Output = Vec<f32>;
+        type Output = Vec<u16>;
 
         #[inline(always)]
-        fn run<S: Simd>(self, s: S) -> Vec<f32> {
+        fn run<S: Simd>(self, _: S) -> Vec<u16> {
             let mut to = vec![];
-            greatest_over_disc(s, (self.0, self.1), self.2, &mut Rows::default(), &mut to);
+            greatest_over_disc((self.0, self.1), self.2, &mut Margins::default(), &mut to);
             to
         }
     }
@@ -157,28 +143,32 @@ mod tests {
     #[test]
     fn rasters_over_discs_are_those_of_plain_loops() {
         let mut stream = Stream::new(12, 0, 0, Purpose::Probe);
-        for (stride, n_rows, radius) in
-            [(8, 1, 0.3), (8, 20, 1.0), (24, 9, 2.5), (40, 33, 7.0), (16, 5, 100.0), (64, 70, 16.2)]
-        {
-            let from: Vec<f32> = (0..stride * n_rows)
-                .map(|_| if stream.unit() < 0.2 { stream.unit() as f32 } else { f32::NEG_INFINITY })
-                .collect();
+        for (stride, n_rows, radius) in [
+            (32, 1, 0.3),
+            (32, 20, 1.0),
+            (64, 9, 2.5),
+            (96, 33, 7.0),
+            (32, 5, 100.0),
+            (64, 70, 16.2),
+        ] {
+            let mut top =
+                || if stream.unit() < 0.2 { stream.range(1.0, 65_536.0) as u16 } else { 0 };
+            let from: Vec<u16> = (0..stride * n_rows).map(|_| top()).collect();
             let mut halves = vec![];
             for reach in [may_reach, must_reach] {
-                reach(radius, &mut halves, [stride, n_rows]);
+                reach(radius, &mut halves, [n_rows, stride]);
                 if halves.is_empty() {
                     continue;
                 }
                 let over_disc = |cell: usize| {
                     let (row, column) = (cell / stride, cell % stride);
-                    let inside = |&(_, other): &(&f32, usize)| {
-                        let half = halves.get((other / stride).abs_diff(row));
-                        half.is_some_and(|&half| (other % stride).abs_diff(column) <= half)
+                    let inside = |&(_, other): &(&u16, usize)| {
+                        let half = halves.get((other % stride).abs_diff(column));
+                        half.is_some_and(|&half| (other / stride).abs_diff(row) <= half)
                     };
-                    let values = from.iter().zip(0..).filter(inside).map(|(&value, _)| value);
-                    values.fold(f32::NEG_INFINITY, f32::max)
+                    from.iter().zip(0..).filter(inside).map(|(&value, _)| value).max().unwrap()
                 };
-                let expected: Vec<f32> = (0..from.len()).map(over_disc).collect();
+                let expected: Vec<u16> = (0..from.len()).map(over_disc).collect();
                 for &level in Level::available() {
                     assert_eq!(level.run(Greatest(&from, stride, &halves)), expected, "{radius}");
                 }

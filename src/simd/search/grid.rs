@@ -1,7 +1,7 @@
 //! The obstacles of a direction that are high enough for a step to matter, in cells, and two rasters of
 //! heights.
 
-use super::disc::{HalfWidths, Rows, SHARE, greatest_over_disc, may_reach, must_reach};
+use super::disc::{HalfWidths, Margins, SHARE, greatest_over_disc, may_reach, must_reach};
 use crate::simd::cells::{Cells, Extent, Places};
 use crate::simd::collide::{Coordinates, StepSquared, squared_distance};
 use crate::simd::level::Simd;
@@ -9,7 +9,7 @@ use crate::simd::level::Simd;
 /// Least cells along the longer side.
 const LEAST_CELLS: f64 = 8.0;
 /// Rows of cells to look at for each open query and each obstacle (chosen by `benches/labeler.rs`).
-const WORK_PER_POINT: f64 = 4.0;
+const WORK_PER_POINT: f64 = 8.0;
 
 /// Obstacles in cells, and what the cells say about the greatest height around them.
 #[derive(Debug, Default)]
@@ -18,12 +18,16 @@ pub struct Grid {
     pub cells: Cells,
     /// A little more than the radius, mm: by all that the predicate's roundings can add up to.
     pub reach: f32,
-    /// Greatest height over the disc that may and that must be within the radius of each cell.
-    upper: Vec<f32>,
-    lower: Vec<f32>,
-    may: HalfWidths,
+    /// Greatest mark over the disc that may and that must be within the radius of each cell.
+    upper: Vec<u16>,
+    lower: Vec<u16>,
+    /// Rows of the disc that must be within the radius.
     must: HalfWidths,
-    rows: Rows,
+    /// Columns of a disc.
+    columns: HalfWidths,
+    margins: Margins,
+    /// Obstacles near some queries.
+    near: Coordinates,
 }
 
 impl Grid {
@@ -39,80 +43,187 @@ impl Grid {
     ) -> bool {
         let radius = f64::from(step.radius_squared).sqrt();
         let size = |covered, n: usize| size(covered, radius, n as f64 + n_queries as f64);
-        let Grid { cells, upper, lower, may, must, rows, .. } = self;
+        let Grid { cells, upper, lower, must, columns, margins, .. } = self;
         if !cells.fill(s, obstacles, (queries, radius), size) {
             return false;
         }
         self.reach = ((1.0 + SHARE) * radius) as f32;
         let radius = radius * f64::from(cells.per_mm);
-        may_reach(radius, may, cells.n);
+        let [n_columns, n_rows] = cells.n;
+        let tops = (cells.tops(), cells.stride);
+        may_reach(radius, columns, [n_rows, n_columns]);
+        greatest_over_disc(tops, columns, margins, upper);
+        must_reach(radius, columns, [n_rows, n_columns]);
+        greatest_over_disc(tops, columns, margins, lower);
         must_reach(radius, must, cells.n);
-        greatest_over_disc(s, (&cells.top, cells.stride), may, rows, upper);
-        greatest_over_disc(s, (&cells.top, cells.stride), must, rows, lower);
         true
     }
 
-    /// Within the radius of every one of these places is an obstacle so high, and none is higher than that.
+    /// What the rasters say about cylinders with their axes at these places and their lower ends at these heights.
     #[inline(always)]
-    pub fn bounds<S: Simd>(&self, s: S, places: &Places) -> [S::Eight; 2] {
+    pub fn bounds<S: Simd>(&self, s: S, places: &Places, heights: S::Eight) -> Bounds {
         let cells = places.indices();
-        let (lower, upper) = (&self.lower[..], &self.upper[..]);
-        let mut bounds = [[f32::NEG_INFINITY; 8]; 2];
-        for (&cell, bound) in cells.iter().zip(&mut bounds[1]) {
-            *bound = upper[cell as usize];
+        let marks = self.cells.marks(s, heights);
+        let mut bounds = Bounds::default();
+        for (lane, (&cell, &mark)) in cells.iter().zip(&marks).enumerate() {
+            bounds.may |= u32::from(u32::from(self.upper[cell as usize]) >= mark) << lane;
         }
         if !self.must.is_empty() {
-            for (&cell, bound) in cells.iter().zip(&mut bounds[0]) {
-                *bound = lower[cell as usize];
+            for (lane, (&cell, &mark)) in cells.iter().zip(&marks).enumerate() {
+                let lower = u32::from(self.lower[cell as usize]);
+                bounds.hit |= u32::from(lower > mark) << lane;
+                bounds.clear |= u32::from(lower < mark) << lane;
             }
         }
-        [s.load(&bounds[0]), s.load(&bounds[1])]
+        bounds
     }
 
     /// Is there an obstacle in the cylinder (x, y, lower end, squared radius), which lies within the cells from
-    /// `first` to `last` (column, row)? Its axis is in cell `middle`, and the lower bound there does not
-    /// reach its lower end. And how many obstacles were tested.
+    /// `first` to `last` (column, row)? And how many obstacles were tested.
     #[inline(always)]
     pub fn strikes<S: Simd>(
         &self,
         s: S,
         [x, y, above, radius_squared]: [f32; 4],
-        [first, middle, last]: [[usize; 2]; 3],
+        [first, last]: [[usize; 2]; 2],
     ) -> (bool, u64) {
-        let (x, y) = (s.splat(x), s.splat(y));
-        let (above, within) = (s.splat(above), s.splat(radius_squared));
-        let few = last[1] - first[1] < FEW_ROWS;
+        let cylinder = Cylinder {
+            x: s.splat(x),
+            y: s.splat(y),
+            above: s.splat(above),
+            within: s.splat(radius_squared),
+        };
         let (mut hits, mut n_tested) = (0, 0);
+        for strip in first[1] >> self.cells.strip..=last[1] >> self.cells.strip {
+            let [start, end] = self.cells.run(strip, first[0], last[0]);
+            hits |= self.hits(s, &cylinder, start, end);
+            n_tested += end - start;
+        }
+        (hits != 0, n_tested as u64)
+    }
+
+    /// Which of the cylinders named by `lanes`, at least one, hold an obstacle? None of the obstacles that must
+    /// be within the radius does. And how many obstacles were tested.
+    #[inline(always)]
+    pub fn ring_strikes<S: Simd>(
+        &mut self,
+        s: S,
+        cylinders: &Cylinder<S>,
+        lanes: u32,
+    ) -> (u32, u64) {
+        let Grid { cells, must, near, reach, .. } = self;
+        let around = Around::new(s, cylinders, lanes);
+        let [[x0, y0], [x1, y1]] = [around.least, around.greatest];
+        let corners_x = s.load(&[x0 - *reach, x1 + *reach, x0, x1, x0, x0, x0, x0]);
+        let corners_y = s.load(&[y0 - *reach, y1 + *reach, y0, y1, y0, y0, y0, y0]);
+        let corners = cells.places(s, corners_x, corners_y);
+        let [first, last, least, greatest] = [0, 1, 2, 3].map(|corner| corners.get(corner));
+        let (x0, x1, y0, y1) = (s.splat(x0), s.splat(x1), s.splat(y0), s.splat(y1));
+        let (floor, reach_squared) = (s.splat(around.floor), s.splat(*reach * *reach));
+        let mark = cells.marks(s, floor)[0];
+        let mut n = 0;
         for row in first[1]..=last[1] {
-            let [start, end] = self.cells.run(row, first[0], last[0]);
-            // What must be within the radius is not high enough, as the lower bound says.
-            let [gap, resume] = match self.must.get(row.abs_diff(middle[1])) {
-                Some(&half) => self.cells.run(
-                    row,
-                    middle[0].saturating_sub(half),
-                    (middle[0] + half).min(self.cells.n[0] - 1),
-                ),
-                None => [end, end],
+            let farthest = row.abs_diff(least[1]).max(row.abs_diff(greatest[1]));
+            let (gap, resume) = match must.get(farthest) {
+                Some(&half) if least[0] + half > greatest[0].saturating_sub(half) => {
+                    (greatest[0].saturating_sub(half), least[0] + half)
+                }
+                _ => (last[0], last[0] + 1),
             };
-            for [start, end] in [[start, gap], [resume, end]] {
+            for [from, to] in [[first[0], gap], [resume, last[0]]] {
+                if from > to || !cells.reaches(row, from, to, mark) {
+                    continue;
+                }
+                let [start, end] = cells.run(row, from, to);
                 // Obstacles of the next cells do no harm.
                 for place in (start..end).step_by(8) {
-                    let [px, py, pz] = self.cells.eight(place);
-                    let squared = squared_distance(s, x, y, px, py);
-                    hits |= s.greater_and_at_most(s.load(pz), above, squared, within);
-                    n_tested += 8;
+                    let [x, y, z] = cells.eight(place);
+                    let [x, y, z] = [s.load(x), s.load(y), s.load(z)];
+                    let dx = s.max(s.max(s.sub(x0, x), s.sub(x, x1)), s.splat(0.0));
+                    let dy = s.max(s.max(s.sub(y0, y), s.sub(y, y1)), s.splat(0.0));
+                    let squared = s.add(s.mul(dx, dx), s.mul(dy, dy));
+                    let mask = s.greater_and_at_most(z, floor, squared, reach_squared);
+                    if mask == 0 {
+                        continue;
+                    }
+                    if n + 8 > near.x.len() {
+                        near.resize(2 * n + 64);
+                    }
+                    for (lanes, to) in [(x, &mut near.x), (y, &mut near.y), (z, &mut near.z)] {
+                        if let Some(to) = to[n..].first_chunk_mut() {
+                            s.store(s.compress(lanes, mask), to);
+                        }
+                    }
+                    n += mask.count_ones() as usize;
                 }
             }
-            if !few && hits != 0 {
-                break;
-            }
         }
-        (hits != 0, n_tested)
+        let mut hits = 0;
+        for ((&x, &y), &z) in near.x[..n].iter().zip(&near.y[..n]).zip(&near.z[..n]) {
+            let (dx, dy) = (s.sub(s.splat(x), cylinders.x), s.sub(s.splat(y), cylinders.y));
+            let squared = s.add(s.mul(dx, dx), s.mul(dy, dy));
+            hits |= s.greater_and_at_most(s.splat(z), cylinders.above, squared, cylinders.within);
+        }
+        (hits & lanes, n as u64 * u64::from(lanes.count_ones()))
+    }
+
+    /// Whether some obstacle from one place to another is in the cylinder; those next to them do no harm.
+    #[inline(always)]
+    fn hits<S: Simd>(&self, s: S, cylinder: &Cylinder<S>, start: usize, end: usize) -> u32 {
+        let mut hits = 0;
+        for place in (start..end).step_by(8) {
+            let [x, y, z] = self.cells.eight(place);
+            let squared = squared_distance(s, cylinder.x, cylinder.y, x, y);
+            hits |= s.greater_and_at_most(s.load(z), cylinder.above, squared, cylinder.within);
+        }
+        hits
     }
 }
 
-/// Up to so many rows are looked through without asking in between whether it is still necessary.
-const FEW_ROWS: usize = 4;
+/// What rasters say about eight cylinders, a bit each.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct Bounds {
+    /// Some obstacle is in it.
+    pub hit: u32,
+    /// Perhaps one is.
+    pub may: u32,
+    /// None of the obstacles that must be within its radius is so high.
+    pub clear: u32,
+}
+
+/// Eight cylinders, open above.
+pub struct Cylinder<S: Simd> {
+    pub x: S::Eight,
+    pub y: S::Eight,
+    /// Lower end.
+    pub above: S::Eight,
+    /// Squared radius.
+    pub within: S::Eight,
+}
+
+/// Box around the axes of some cylinders.
+struct Around {
+    least: [f32; 2],
+    greatest: [f32; 2],
+    /// The lowest end.
+    floor: f32,
+}
+
+impl Around {
+    #[inline(always)]
+    fn new<S: Simd>(s: S, cylinders: &Cylinder<S>, lanes: u32) -> Self {
+        let (zero, all) = (s.splat(0.0), s.splat(f32::INFINITY));
+        let x = s.only(cylinders.x, lanes, all);
+        let y = s.only(cylinders.y, lanes, all);
+        let z = s.only(cylinders.above, lanes, all);
+        let minus_x = s.only(s.sub(zero, cylinders.x), lanes, all);
+        let minus_y = s.only(s.sub(zero, cylinders.y), lanes, all);
+        let mut least = [0.0; 8];
+        s.store(s.least_of_each([x, y, z, minus_x, minus_y, z, z, z]), &mut least);
+        let [x, y, floor, minus_x, minus_y, ..] = least;
+        Around { least: [x, y], greatest: [-minus_x, -minus_y], floor }
+    }
+}
 
 /// Size of the cells, mm. Rasters of cells of this size cost `width·depth/size²·(2·radius/size + 3)`.
 fn size([width, depth]: [f64; 2], radius: f64, n_points: f64) -> f64 {
@@ -130,11 +241,12 @@ mod tests {
     use crate::rng::{Purpose, Stream};
     use crate::simd::{Kernel, Level};
 
-    /// Per query: the bounds, and whether the cells around hold a collision.
+    /// Per query: whether the rasters call it hit, and free, and whether the cells around hold a collision, asked
+    /// alone and together with its neighbours.
     struct Ask<'a>(&'a Coordinates, f32, StepSquared, &'a Coordinates);
 
     impl Kernel for Ask<'_> {
-        type Output = Vec<(f32, f32, bool)>;
+        type Output = Vec<(bool, bool, [bool; 2])>;
 
         #[inline(always)]
         fn run<S: Simd>(self, s: S) -> Self::Output {
@@ -149,23 +261,30 @@ mod tests {
             let mut grid = Grid::default();
             let extent = Extent { least, greatest };
             if !grid.fill(s, (obstacles, floor), &step, &extent, queries.n as u64) {
-                return vec![(f32::NEG_INFINITY, f32::NEG_INFINITY, false); queries.n];
+                return vec![(false, true, [false; 2]); queries.n];
             }
-            let ask = |i| {
-                let [x, y, z] = queries.get(i);
-                let (lane_x, lane_y, reach) = (s.splat(x), s.splat(y), s.splat(grid.reach));
-                let mut bounds = [[0.0; 8]; 2];
-                let places = grid.cells.places(s, lane_x, lane_y);
-                for (lanes, to) in grid.bounds(s, &places).into_iter().zip(&mut bounds) {
-                    s.store(lanes, to);
+            let mut answers = vec![];
+            for first in (0..queries.n).step_by(8) {
+                let axis = |axis: &[f32]| s.load(axis[first..].first_chunk().unwrap());
+                let (x, y, z) = (axis(&queries.x), axis(&queries.y), axis(&queries.z));
+                let (above, reach) = (s.add(z, s.splat(step.height)), s.splat(grid.reach));
+                let bounds = grid.bounds(s, &grid.cells.places(s, x, y), above);
+                let low = grid.cells.places(s, s.sub(x, reach), s.sub(y, reach));
+                let high = grid.cells.places(s, s.add(x, reach), s.add(y, reach));
+                let within = s.splat(step.radius_squared);
+                let ring = if grid.cells.wide { bounds.clear } else { 0 };
+                let cylinders = Cylinder { x, y, above, within };
+                let together = if ring == 0 { 0 } else { grid.ring_strikes(s, &cylinders, ring).0 };
+                for lane in 0..8.min(queries.n - first) {
+                    let [x, y, z] = queries.get(first + lane);
+                    let cylinder = [x, y, z + step.height, step.radius_squared];
+                    let alone = grid.strikes(s, cylinder, [low.get(lane), high.get(lane)]).0;
+                    let bit = |bits: u32| bits >> lane & 1 == 1;
+                    let together = if bit(ring) { bit(together) } else { alone };
+                    answers.push((bit(bounds.hit), !bit(bounds.may), [alone, together]));
                 }
-                let first = grid.cells.places(s, s.sub(lane_x, reach), s.sub(lane_y, reach)).get(3);
-                let last = grid.cells.places(s, s.add(lane_x, reach), s.add(lane_y, reach)).get(3);
-                let cylinder = [x, y, z + step.height, step.radius_squared];
-                let struck = grid.strikes(s, cylinder, [first, places.get(3), last]).0;
-                (bounds[0][3], bounds[1][3], struck || bounds[0][3] > cylinder[2])
-            };
-            (0..queries.n).map(ask).collect()
+            }
+            answers
         }
     }
 
@@ -195,7 +314,7 @@ mod tests {
                     (0..200).map(|i| queries.z[i]).fold(f32::INFINITY, f32::min) + step.height;
                 for &level in Level::available() {
                     let answers = level.run(Ask(&obstacles, floor, step, &queries));
-                    for (i, (lower, upper, struck)) in answers.into_iter().enumerate() {
+                    for (i, (hit, free, struck)) in answers.into_iter().enumerate() {
                         let [x, y, z] = queries.get(i);
                         let within = |p: &[f32; 3]| {
                             let (dx, dy) = (p[0] - x, p[1] - y);
@@ -203,11 +322,9 @@ mod tests {
                         };
                         let near = (0..300).map(|j| obstacles.get(j)).filter(within);
                         let top = near.map(|p| p[2]).fold(f32::NEG_INFINITY, f32::max);
-                        assert!(
-                            lower <= top && top <= upper,
-                            "{radius} {span:?}: {lower} {top} {upper}"
-                        );
-                        assert_eq!(struck, top > z + step.height, "{radius} {span:?}");
+                        let collides = top > z + step.height;
+                        assert!(!(hit && !collides || free && collides), "{radius} {span:?}");
+                        assert_eq!(struck, [collides; 2], "{radius} {span:?}");
                     }
                 }
             }

@@ -3,7 +3,8 @@
 //! The greatest height of all obstacles decides most queries. Each step of finite radius, the widest first,
 //! asks what is open then of a grid of the obstacles high enough to matter: two rasters of heights bound
 //! the greatest height within the radius from above and below; where the threshold lies between the two, the
-//! obstacles of the cells around are tested by the predicate.
+//! obstacles of the cells around are tested by the predicate: for a wide step those of the ring between the two
+//! discs, together for neighbours; for a narrow one all, query by query.
 
 mod disc;
 mod grid;
@@ -12,7 +13,7 @@ use super::cells::Extent;
 use super::collide::{Coordinates, StepSquared, eights};
 use super::level::{Kernel, Simd};
 use crate::simd::ones;
-use grid::Grid;
+use grid::{Cylinder, Grid};
 
 /// Sets the bit of every query at which some obstacle collides.
 pub struct Search<'a> {
@@ -133,23 +134,30 @@ impl Search<'_> {
             let [lane_x, lane_y] = [s.load(x), s.load(y)];
             let threshold = s.add(s.load(z), s.splat(step.height));
             let middle = grid.cells.places(s, lane_x, lane_y);
-            let [lower, upper] = grid.bounds(s, &middle);
-            let mut hit = s.greater(lower, threshold) & u32::from(*open);
-            let may = s.greater(upper, threshold) & u32::from(*open) & !hit;
+            let bounds = grid.bounds(s, &middle, threshold);
+            let mut hit = bounds.hit & u32::from(*open);
+            let may = bounds.may & u32::from(*open) & !hit;
             if may != 0 {
-                let first = grid.cells.places(s, s.sub(lane_x, reach), s.sub(lane_y, reach));
-                let last = grid.cells.places(s, s.add(lane_x, reach), s.add(lane_y, reach));
-                let mut above = [0.0; 8];
-                s.store(threshold, &mut above);
-                for lane in ones(may) {
-                    let cylinder = [x[lane], y[lane], above[lane], step.radius_squared];
-                    let (struck, n) = grid.strikes(
-                        s,
-                        cylinder,
-                        [first.get(lane), middle.get(lane), last.get(lane)],
-                    );
-                    hit |= u32::from(struck) << lane;
+                let ring = if grid.cells.wide { may & bounds.clear } else { 0 };
+                if ring != 0 {
+                    let within = s.splat(step.radius_squared);
+                    let cylinders = Cylinder { x: lane_x, y: lane_y, above: threshold, within };
+                    let (struck, n) = grid.ring_strikes(s, &cylinders, ring);
+                    hit |= struck;
                     n_tested += n;
+                }
+                if may != ring {
+                    let first = grid.cells.places(s, s.sub(lane_x, reach), s.sub(lane_y, reach));
+                    let last = grid.cells.places(s, s.add(lane_x, reach), s.add(lane_y, reach));
+                    let mut above = [0.0; 8];
+                    s.store(threshold, &mut above);
+                    for lane in ones(may & !ring) {
+                        let cylinder = [x[lane], y[lane], above[lane], step.radius_squared];
+                        let cells = [first.get(lane), last.get(lane)];
+                        let (struck, n) = grid.strikes(s, cylinder, cells);
+                        hit |= u32::from(struck) << lane;
+                        n_tested += n;
+                    }
                 }
                 tested[block] |= may as u8;
             }
