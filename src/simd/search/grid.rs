@@ -304,10 +304,10 @@ mod tests {
     fn rasters_bound_the_greatest_height_and_cells_hold_every_obstacle_within_reach() {
         let mut stream = Stream::new(11, 0, 0, Purpose::Probe);
         let spans = [[30.0, 20.0, 5.0], [40.0, 0.0, 5.0], [0.0, 0.0, 0.0], [2.0, 50.0, 0.0]];
-        for (case, radius) in [1.0f32, 5.0, 0.25, 40.0, 1e-4, 1e4].into_iter().enumerate() {
+        for (case, radius) in [1.0f32, 5.0, 0.25, 40.0, 100.0, 1e-4, 1e4].into_iter().enumerate() {
             for (span, offset) in spans.into_iter().zip([0.0, 900.0, 1e6, -3.0]) {
                 let obstacles = lattice(300, span, offset, &mut stream);
-                let around = span.map(|length| length * 3.0 + 2.0 * f64::from(radius).min(50.0));
+                let around = span.map(|length| length * 3.0 + 2.0 * f64::from(radius).min(100.0));
                 let queries = lattice(200, around, offset, &mut stream);
                 let step = StepSquared { height: -(case as f32), radius_squared: radius * radius };
                 let floor =
