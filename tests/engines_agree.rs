@@ -314,6 +314,23 @@ fn labels_do_not_depend_on_the_company_of_other_cutters() {
     }
 }
 
+/// Without β, the engine looks at the sites in another order.
+#[test]
+fn labels_do_not_depend_on_whether_occlusion_is_asked_for() {
+    let mut stream = Stream::new(8, 0, 0, Purpose::Probe);
+    for scene in [solids(3000), gridded_pocket(12, 2.0), cloud(1001, 60.0, &mut stream)] {
+        for cutter in &cutters(6, 21) {
+            let run = |occlusion| {
+                let options = LabelOptions { occlusion, matrix: true, ..LabelOptions::default() };
+                let labels = label(&scene, Obstacles::Queries, cutter, &hemisphere(10), &options);
+                let labels = labels.unwrap();
+                (labels.inaccessible, labels.accessible_directions, labels.witness, labels.reach)
+            };
+            assert!(run(false) == run(true));
+        }
+    }
+}
+
 /// Against the formula as plain loops, and against relabelling with a grown cutter.
 #[test]
 fn clearance_is_the_growth_at_which_the_label_flips() {

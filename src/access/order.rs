@@ -108,7 +108,7 @@ fn compact_order(points: &[Vec3]) -> Vec<u32> {
 }
 
 /// Below this many points one thread goes on alone.
-const PARALLEL: usize = 1 << 14;
+const PARALLEL: usize = 1 << 12;
 
 fn split(items: &mut [(Vec3, u32)]) {
     let n = items.len();

@@ -235,10 +235,12 @@ impl Cells {
                 let top = &mut top[cell as usize];
                 *top = (*top).max(mark as u16);
             }
+            for &strip in &*to {
+                starts[strip as usize + 2] += 1;
+            }
         }
-        cell.truncate(kept.n);
-        for &cell in &cell {
-            starts[cell as usize + 2] += 1;
+        for padding in cell.drain(kept.n..) {
+            starts[padding as usize + 2] -= 1;
         }
         let mut sum = 0;
         for start in &mut starts {

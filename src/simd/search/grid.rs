@@ -65,14 +65,21 @@ impl Grid {
         let cells = places.indices();
         let marks = self.cells.marks(s, heights);
         let mut bounds = Bounds::default();
-        for (lane, (&cell, &mark)) in cells.iter().zip(&marks).enumerate() {
-            bounds.may |= u32::from(u32::from(self.upper[cell as usize]) >= mark) << lane;
+        let mut upper = [0; 8];
+        for (upper, &cell) in upper.iter_mut().zip(&cells) {
+            *upper = u32::from(self.upper[cell as usize]);
         }
-        if !self.must.is_empty() {
-            for (lane, (&cell, &mark)) in cells.iter().zip(&marks).enumerate() {
-                let lower = u32::from(self.lower[cell as usize]);
-                bounds.hit |= u32::from(lower > mark) << lane;
-                bounds.clear |= u32::from(lower < mark) << lane;
+        for lane in 0..8 {
+            bounds.may |= u32::from(upper[lane] >= marks[lane]) << lane;
+        }
+        if bounds.may != 0 && !self.must.is_empty() {
+            let mut lower = [0; 8];
+            for (lower, &cell) in lower.iter_mut().zip(&cells) {
+                *lower = u32::from(self.lower[cell as usize]);
+            }
+            for lane in 0..8 {
+                bounds.hit |= u32::from(lower[lane] > marks[lane]) << lane;
+                bounds.clear |= u32::from(lower[lane] < marks[lane]) << lane;
             }
         }
         bounds
