@@ -7,7 +7,7 @@ use super::level::Simd;
 pub const MOST_CELLS: f64 = 1000.0;
 
 /// Strips have so many rows that a run of columns as long as twice the radius holds about so many points.
-const POINTS_PER_RUN: f64 = 6.0;
+const POINTS_PER_RUN: f64 = 10.0;
 
 /// From this radius on, in cells, looking at cells before points pays.
 const WIDE: f64 = 6.0;
