@@ -4,6 +4,7 @@
 //! order, for each its offsets in order and, within one, the input channels in order, so that its value
 //! depends on nothing but its own inputs. Wide 3×3×3 convolutions take another way: see `nn/winograd.rs`.
 
+use super::lent::{Large, Lent};
 use super::rows::{Then, nothing};
 use super::winograd;
 use crate::octree::KernelMap;
@@ -84,10 +85,11 @@ fn sum_by_blocks<T: Scalar>(
     y: &mut [T],
     then: &Then<T>,
 ) {
-    let level = Level::active();
+    let (level, mut lent) = (Level::active(), Lent::<Large<T>>::new());
     let pack = |term: &Term<T>| match term {
         Term::Nodes { weights, .. } => {
-            Some(Packed::new(level, weights, Vec::new(), |panels, len, work| {
+            let memory = lent.get().take();
+            Some(Packed::new(level, weights, memory, |panels, len, work| {
                 par::for_each_block(panels, len, work);
             }))
         }
@@ -100,6 +102,7 @@ fn sum_by_blocks<T: Scalar>(
         block::sum_of_terms(level, &terms, c_out, 0..c_out, rows);
         then(block * map.block_len(), rows);
     });
+    lent.get().give(packed.into_iter().flatten().map(Packed::into_memory));
 }
 
 /// Some columns of all rows are one task: few rows take less time than their weights take to be read,

@@ -1,5 +1,7 @@
-//! Working memory that is kept between calls: fresh pages for every layer cost more than what is done in them.
+//! Working memory that a thread keeps from call to call: fresh pages for every layer would cost more than what
+//! is done in them. It holds nothing that a result depends on.
 
+use crate::scalar::Scalar;
 use std::any::Any;
 use std::cell::RefCell;
 
@@ -35,6 +37,35 @@ impl<M: Default + 'static> Drop for Lent<M> {
                 kept.push(Box::new(memory));
             }
         });
+    }
+}
+
+/// The largest pieces of memory that a product takes: weights in the form it reads, or what becomes of nodes
+/// and of gradients.
+#[derive(Debug)]
+pub(super) struct Large<T>(Vec<Vec<T>>);
+
+impl<T> Default for Large<T> {
+    fn default() -> Self {
+        Large(Vec::new())
+    }
+}
+
+impl<T: Scalar> Large<T> {
+    /// A piece of any size and content.
+    pub(super) fn take(&mut self) -> Vec<T> {
+        self.0.pop().unwrap_or_default()
+    }
+
+    /// A piece of at least `len` numbers.
+    pub(super) fn take_at_least(&mut self, len: usize) -> Vec<T> {
+        let piece = self.take();
+        if piece.len() < len { vec![T::ZERO; len] } else { piece }
+    }
+
+    /// Takes pieces back, the one taken first also first: it will be the first again.
+    pub(super) fn give(&mut self, pieces: impl DoubleEndedIterator<Item = Vec<T>>) {
+        self.0.extend(pieces.rev());
     }
 }
 

@@ -4,7 +4,7 @@
 //! that the method asks for. See [`crate::scalar::winograd`] for the arithmetic.
 
 use super::kernel_product::Term;
-use super::lent::Lent;
+use super::lent::{Large, Lent};
 use super::rows::Then;
 use crate::octree::KernelMap;
 use crate::par;
@@ -42,17 +42,12 @@ pub(super) fn suits_gradient(map: &KernelMap, c_in: usize, c_out: usize) -> bool
     suits(map, c_in, c_out) && c_in * c_out >= LEAST_OF_GRADIENT
 }
 
-/// Memory of a call, for the next one.
-struct Memory<T> {
-    /// Transformed weights of the terms, or nodes and gradients in frequencies.
-    large: [Vec<T>; 2],
-    sums: Vec<T>,
-    gradients: Vec<T>,
-}
+/// Memory of a weight gradient: in frequencies and out of them.
+struct Sums<T>([Vec<T>; 2]);
 
-impl<T> Default for Memory<T> {
+impl<T> Default for Sums<T> {
     fn default() -> Self {
-        Memory { large: Default::default(), sums: Vec::new(), gradients: Vec::new() }
+        Sums(Default::default())
     }
 }
 
@@ -71,10 +66,8 @@ pub(super) fn sum_of_terms<T: Scalar>(
     then: &Then<T>,
 ) {
     let (level, siblings) = (Level::active(), map.siblings());
-    let mut lent = Lent::<Memory<T>>::new();
-    let mut memory = lent.get().large.iter_mut();
-    let mut take = || memory.next().map(std::mem::take).unwrap_or_default();
-    let of_term = |term| transformed(level, map, term, c_out, &mut take);
+    let mut lent = Lent::<Large<T>>::new();
+    let of_term = |term| transformed(level, map, term, c_out, lent.get());
     let terms: Vec<_> = terms.iter().map(of_term).collect();
     let len = siblings.len().div_ceil(MIN_BLOCKS).clamp(MIN_GROUPS, MAX_GROUPS);
     par::for_each_block_with(y, len * 8 * c_out, Lent::<Room<T>>::new, |room, block, y| {
@@ -93,7 +86,7 @@ pub(super) fn sum_of_terms<T: Scalar>(
         Transformed::Nodes { weights, .. } => Some(weights.into_memory()),
         Transformed::Shapes { .. } => None,
     });
-    lent.get().large.iter_mut().zip(used).for_each(|(memory, used)| *memory = used);
+    lent.get().give(used);
 }
 
 fn transformed<'a, T: Scalar>(
@@ -101,12 +94,12 @@ fn transformed<'a, T: Scalar>(
     map: &KernelMap,
     term: &Term<'a, T>,
     c_out: usize,
-    memory: &mut dyn FnMut() -> Vec<T>,
+    memory: &mut Large<T>,
 ) -> Transformed<'a, T> {
     match term {
         Term::Nodes { x, weights } => {
             let weights =
-                winograd::transform_weights(level, weights, memory(), |panels, len, work| {
+                winograd::transform_weights(level, weights, memory.take(), |panels, len, work| {
                     par::for_each_block(panels, len, work);
                 });
             Transformed::Nodes { x, weights }
@@ -132,27 +125,29 @@ pub(super) fn weight_gradient<T: Scalar>(
 ) {
     let (level, width) = (Level::active(), columns.len());
     let step = STEP.min(map.siblings().len()).next_multiple_of(TASK);
-    let mut lent = Lent::<Memory<T>>::new();
-    let Memory { large: [inputs, gradients], sums, gradients: d } = lent.get();
-    inputs.resize(step * N_FREQUENCIES * width, T::ZERO);
-    gradients.resize(step * N_FREQUENCIES * c_g, T::ZERO);
+    let (mut large, mut sums) = (Lent::<Large<T>>::new(), Lent::<Sums<T>>::new());
+    let (len, len_g) = (step * N_FREQUENCIES * width, step * N_FREQUENCIES * c_g);
+    let mut inputs = large.get().take_at_least(len);
+    let mut gradients = large.get().take_at_least(len_g);
+    let Sums([sums, d]) = sums.get();
     sums.clear();
     sums.resize(N_FREQUENCIES * width * c_g, T::ZERO);
     for (groups, g) in map.siblings().chunks(step).zip(g.chunks(step * 8 * c_g)) {
-        par::for_each_block(inputs, TASK * N_FREQUENCIES * width, |i, to| {
+        par::for_each_block(&mut inputs[..len], TASK * N_FREQUENCIES * width, |i, to| {
             let groups = groups.chunks(TASK).nth(i).unwrap_or_default();
             winograd::transform_inputs(level, groups, (a, width), TASK, to);
         });
-        par::for_each_block(gradients, TASK * N_FREQUENCIES * c_g, |i, to| {
+        par::for_each_block(&mut gradients[..len_g], TASK * N_FREQUENCIES * c_g, |i, to| {
             let g = g.chunks(TASK * 8 * c_g).nth(i).unwrap_or_default();
             winograd::transform_gradients(level, (g, c_g), TASK, to);
         });
         par::for_each_block(sums, width * c_g, |f, sums| {
             let row = |group: usize| (group / TASK * N_FREQUENCIES + f) * TASK + group % TASK;
             let rows: Vec<u32> = (0..groups.len()).map(|group| row(group) as u32).collect();
-            T::matmul_tn_rows(inputs, &rows, width, gradients, &rows, c_g, sums);
+            T::matmul_tn_rows(&inputs, &rows, width, &gradients, &rows, c_g, sums);
         });
     }
+    large.get().give([inputs, gradients].into_iter());
     d.resize(width * 27 * c_g, T::ZERO);
     add_gradients((sums, columns, c_a), c_g, d, grads);
 }

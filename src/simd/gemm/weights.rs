@@ -201,7 +201,10 @@ impl<T: Real> Packed<T> {
     ) -> Self {
         let panel_width = panel_width::<T>(level);
         let len = width.div_ceil(panel_width) * n_offsets * depth * panel_width;
-        memory.resize(len + CACHE_LINE / size_of::<T>(), T::default());
+        let needed = len + CACHE_LINE / size_of::<T>();
+        if memory.len() < needed {
+            memory = vec![T::default(); needed];
+        }
         let start = memory.as_ptr().align_offset(CACHE_LINE).min(memory.len() - len);
         Packed { memory, start, n_offsets, depth, width, panel_width }
     }
