@@ -1,8 +1,12 @@
 //! Batch normalisation (Ioffe and Szegedy 2015) over all rows of a batch.
 
+mod columns;
+
 use super::params::{Init, Layout};
 use super::rows;
-use crate::scalar::{Scalar, vectorised};
+use crate::scalar::Scalar;
+use columns::cast;
+pub(super) use columns::{Columns, Finish};
 use std::ops::Range;
 
 /// Added to the variance.
@@ -298,139 +302,6 @@ impl BatchNorm {
             bias: params[self.bias.clone()].iter().copied().map(cast).collect(),
         }
     }
-}
-
-/// What follows a normalisation, in the same pass over memory.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Finish<'a, T> {
-    /// `y`.
-    Nothing,
-    /// `max(y, 0)`.
-    Relu,
-    /// `max(y + other, 0)`, `other` as large as `y`.
-    ReluOfSum(&'a [T]),
-}
-
-/// What normalises each column: `y = (x - mean) · factor + bias`.
-pub(super) struct Columns<W> {
-    mean: Vec<W>,
-    factor: Vec<W>,
-    bias: Vec<W>,
-}
-
-/// One of [`Columns`].
-#[derive(Clone, Copy)]
-struct Column<W> {
-    mean: W,
-    factor: W,
-    bias: W,
-}
-
-impl<W: Scalar> Column<W> {
-    #[inline(always)]
-    fn of<T: Scalar>(self, x: T) -> T {
-        cast((cast::<T, W>(x) - self.mean) * self.factor + self.bias)
-    }
-
-    #[inline(always)]
-    fn is_positive<T: Scalar>(self, x: T) -> bool {
-        self.of(x) > T::ZERO
-    }
-}
-
-impl<W: Scalar> Columns<W> {
-    #[inline(always)]
-    fn iter(&self) -> impl Iterator<Item = Column<W>> + '_ {
-        let columns = self.mean.iter().zip(&self.factor).zip(&self.bias);
-        columns.map(|((&mean, &factor), &bias)| Column { mean, factor, bias })
-    }
-
-    /// Normalises some rows in place; `first` is the number of their first one.
-    pub(super) fn apply<T: Scalar>(&self, first: usize, finish: Finish<T>, rows: &mut [T]) {
-        vectorised(
-            #[inline(always)]
-            || {
-                for (i, y) in rows.chunks_exact_mut(self.mean.len()).enumerate() {
-                    self.apply_to_row(first + i, finish, y);
-                }
-            },
-        );
-    }
-
-    /// Normalises `x` into `y`.
-    fn apply_to<T: Scalar>(&self, x: &[T], finish: Finish<T>, y: &mut Vec<T>) {
-        let c = self.mean.len();
-        y.resize(x.len(), T::ZERO);
-        rows::for_each_row(
-            y,
-            c,
-            #[inline(always)]
-            |row, y| {
-                y.copy_from_slice(&x[row * c..][..c]);
-                self.apply_to_row(row, finish, y);
-            },
-        );
-    }
-
-    /// Normalises all rows in place.
-    fn apply_in_place<T: Scalar>(&self, finish: Finish<T>, x: &mut [T]) {
-        rows::for_each_row(
-            x,
-            self.mean.len(),
-            #[inline(always)]
-            |row, x| self.apply_to_row(row, finish, x),
-        );
-    }
-
-    fn add_to_and_rectify<T: Scalar>(&self, x: &[T], y: &mut [T]) {
-        let c = self.mean.len();
-        rows::for_each_row(
-            y,
-            c,
-            #[inline(always)]
-            |row, y| {
-                let x = &x[row * c..][..c];
-                for ((y, &x), column) in y.iter_mut().zip(x).zip(self.iter()) {
-                    *y = (column.of(x) + *y).max(T::ZERO);
-                }
-            },
-        );
-    }
-
-    fn pass_relu_of_sum<T: Scalar>(&self, x: &[T], other: &[T], d: &mut [T]) {
-        let c = self.mean.len();
-        rows::for_each_row(
-            d,
-            c,
-            #[inline(always)]
-            |row, d| {
-                let (x, other) = (&x[row * c..][..c], &other[row * c..][..c]);
-                for (((d, &x), &other), column) in d.iter_mut().zip(x).zip(other).zip(self.iter()) {
-                    *d = if column.of(x) + other > T::ZERO { *d } else { T::ZERO };
-                }
-            },
-        );
-    }
-
-    #[inline(always)]
-    fn apply_to_row<T: Scalar>(&self, row: usize, finish: Finish<T>, y: &mut [T]) {
-        let other = match finish {
-            Finish::ReluOfSum(other) => &other[row * y.len()..][..y.len()],
-            _ => &[],
-        };
-        let columns = y.iter_mut().zip(self.iter());
-        match finish {
-            Finish::Nothing => columns.for_each(|(y, column)| *y = column.of(*y)),
-            Finish::Relu => columns.for_each(|(y, column)| *y = column.of(*y).max(T::ZERO)),
-            Finish::ReluOfSum(_) => columns.zip(other).for_each(|((y, column), &other)| {
-                *y = (column.of(*y) + other).max(T::ZERO);
-            }),
-        }
-    }
-}
-
-fn cast<T: Scalar, W: Scalar>(x: T) -> W {
-    W::from_f64(x.to_f64())
 }
 
 fn inv_std(variance: f64) -> f64 {
