@@ -2,7 +2,7 @@
 //!
 //! The compact order is built like a k-d tree whose nodes are runs of `8·2^k` points starting at a multiple
 //! of their length, so every aligned run of 8, 64, 512, … points is a compact node and needs no pointers. The
-//! quick order follows a curve that fills space; it takes a tenth of the time, and its runs are less compact.
+//! quick order follows a curve that fills space; it is found sooner, and its runs are less compact.
 
 use super::labels::Labels;
 use super::problem::Scene;

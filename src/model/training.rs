@@ -253,15 +253,13 @@ impl UNet {
             let coarse = up_rows(octree, depth);
             stage.up.output_again(params, coarse, x.into(), &work.up[i], upsampled);
             let parts = stage.parts(skip, features, upsampled);
-            let (rows, joined) =
-                (conv_rows(octree, depth), stage.join(octree, depth, &parts).into());
-            stage.blocks.backward_to_first(params, rows, joined, cache, d, grads, scratch);
-            let mut dx = cache.take_memory();
+            let (rows, joined) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
+            let mut dx = Vec::new();
             let mut to = vec![PartGradient::Nodes(&mut skips[n - 1 - i])];
             to.extend(stage.cutter.map(|_| PartGradient::Shapes(&mut cutter)));
             to.push(PartGradient::Nodes(&mut dx));
             let to = (&mut to[..]).into();
-            stage.blocks.backward_first(params, rows, joined, cache, d, to, grads, scratch);
+            stage.blocks.backward(params, rows, joined, cache, d, to, grads, scratch);
             if let Some(m) = stage.cutter {
                 cutters[m].resize(cutter.len(), T::ZERO);
                 rows::add_all(&mut cutters[m], &cutter);
@@ -291,11 +289,9 @@ impl UNet {
             let KeptDown { y, cache } = &work.down[i];
             let (before, after) = work.encoder.split_at_mut(i);
             let (rows, blocks) = (conv_rows(octree, depth), &mut after[0]);
-            let input = y.into();
-            stage.blocks.backward_to_first(params, rows, input, blocks, d, grads, scratch);
-            let mut dx = blocks.take_memory();
+            let mut dx = Vec::new();
             let to = (&mut dx).into();
-            stage.blocks.backward_first(params, rows, input, blocks, d, to, grads, scratch);
+            stage.blocks.backward(params, rows, y, blocks, d, to, grads, scratch);
             let x = before.last().map_or(&work.stem.y[..], |stage| stage.output());
             let rows = down_rows(octree, depth);
             stage.down.backward(params, rows, x, cache, &mut dx, Some(d.into()), grads);

@@ -40,16 +40,15 @@ impl<T> Cache<T> {
         *place = memory;
     }
 
-    /// Memory as large as the output, free after [`Blocks::backward_to_first`] until
-    /// [`Cache::give_memory`].
-    pub(crate) fn take_memory(&mut self) -> Vec<T> {
+    /// Memory as large as the output, free once backward has passed the last block.
+    fn take_memory(&mut self) -> Vec<T> {
         match &mut self.blocks[..] {
             [_, .., last] => last.take_memory(),
             _ => std::mem::take(&mut self.spare),
         }
     }
 
-    /// Takes back what [`Cache::take_memory`] lent.
+    /// Takes back the memory that [`Blocks::backward`] gave away.
     pub(crate) fn give_memory(&mut self, memory: Vec<T>) {
         match &mut self.blocks[..] {
             [_, .., last] => last.give_memory(memory),
@@ -108,7 +107,8 @@ impl Blocks {
         }
     }
 
-    /// `d` holds the gradient of the output and is used up, and so is `cache`; `dx` is overwritten.
+    /// `d` holds the gradient of the output and is used up, and so is `cache`; `dx` is overwritten. If its last
+    /// part has no memory, it gets some of `cache`.
     #[allow(clippy::too_many_arguments)]
     pub fn backward<'a, T: Scalar>(
         &self,
@@ -117,47 +117,19 @@ impl Blocks {
         x: impl Into<Columns<'a, T>>,
         cache: &mut Cache<T>,
         d: &mut [T],
-        dx: ColumnsGradient<T>,
+        mut dx: ColumnsGradient<T>,
         grads: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
         let x = x.into();
-        self.backward_to_first(params, rows, x, cache, d, grads, scratch);
-        self.backward_first(params, rows, x, cache, d, dx, grads, scratch);
-    }
-
-    /// The first part of [`Blocks::backward`]: turns `d` into the gradient of the first block's output.
-    #[allow(clippy::too_many_arguments)]
-    pub(crate) fn backward_to_first<T: Scalar>(
-        &self,
-        params: &[T],
-        rows: &KernelMap,
-        x: Columns<T>,
-        cache: &mut Cache<T>,
-        d: &mut [T],
-        grads: &mut [T],
-        scratch: &mut Scratch<T>,
-    ) {
-        let Cache { blocks: caches, output, .. } = cache;
         for (i, block) in self.blocks.iter().enumerate().skip(1).rev() {
+            let Cache { blocks: caches, output, .. } = cache;
             self.output_again(params, x, &caches[..i], output);
             block.backward_in_place(params, rows, output, &mut caches[i], d, grads, scratch);
         }
-    }
-
-    /// The other part of it.
-    #[allow(clippy::too_many_arguments)]
-    pub(crate) fn backward_first<T: Scalar>(
-        &self,
-        params: &[T],
-        rows: &KernelMap,
-        x: Columns<T>,
-        cache: &mut Cache<T>,
-        d: &mut [T],
-        dx: ColumnsGradient<T>,
-        grads: &mut [T],
-        scratch: &mut Scratch<T>,
-    ) {
+        if let Some(dx) = dx.last().filter(|dx| dx.capacity() == 0) {
+            *dx = cache.take_memory();
+        }
         let Cache { blocks: caches, output, .. } = cache;
         self.blocks[0].backward(params, rows, x, output, &mut caches[0], d, dx, grads, scratch);
     }

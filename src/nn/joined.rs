@@ -102,6 +102,15 @@ impl<'a, 'b, T> ColumnsGradient<'a, 'b, T> {
         }
     }
 
+    /// Where the gradient of the last columns goes, if it differs from node to node.
+    pub(super) fn last(&mut self) -> Option<&mut Vec<T>> {
+        match self {
+            ColumnsGradient::One(dx) => Some(dx),
+            ColumnsGradient::Joined([.., PartGradient::Nodes(dx)]) => Some(dx),
+            ColumnsGradient::Joined(_) => None,
+        }
+    }
+
     /// The same place, lent for a while.
     pub fn reborrow(&mut self) -> ColumnsGradient<'_, 'b, T> {
         match self {

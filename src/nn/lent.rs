@@ -42,14 +42,8 @@ impl<M: Default + 'static> Drop for Lent<M> {
 
 /// The largest pieces of memory that a product takes: weights in the form it reads, or what becomes of nodes
 /// and of gradients.
-#[derive(Debug)]
+#[derive(Default)]
 pub(super) struct Large<T>(Vec<Vec<T>>);
-
-impl<T> Default for Large<T> {
-    fn default() -> Self {
-        Large(Vec::new())
-    }
-}
 
 impl<T: Scalar> Large<T> {
     /// A piece of any size and content.

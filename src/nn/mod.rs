@@ -9,7 +9,7 @@
 //! - `forward(&self, params, buffers, x, …, y)` is inference: `y` is overwritten.
 //! - `forward_train(&self, params, buffers, x, …, y, cache)` also fills `cache` with what backward needs.
 //! - `backward(&self, params, x, …, cache, dy, dx, grads)`: `dx` is overwritten, `grads` (as long as
-//!   `params`) accumulates.
+//!   `params`) accumulates. Residual blocks use `cache` up.
 //!
 //! Output vectors are `&mut Vec<T>`, resized by the layer, so that buffers live on between steps.
 //! A layer without buffers or without need of `x` in backward leaves that argument out.

@@ -43,13 +43,8 @@ pub(super) fn suits_gradient(map: &KernelMap, c_in: usize, c_out: usize) -> bool
 }
 
 /// Memory of a weight gradient: in frequencies and out of them.
+#[derive(Default)]
 struct Sums<T>([Vec<T>; 2]);
-
-impl<T> Default for Sums<T> {
-    fn default() -> Self {
-        Sums(Default::default())
-    }
-}
 
 /// What became of a [`Term`].
 enum Transformed<'a, T> {
