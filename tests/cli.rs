@@ -213,6 +213,113 @@ fn label_writes_files_that_read_back_and_do_not_depend_on_threads() {
     }
 }
 
+/// `label --json` with these tools, 400 sites and no picture.
+fn label_tools(folder: &Folder, out: &str, tools: &[&str]) -> Value {
+    let (part, out) = (folder.block(), folder.path(out));
+    let args = ["label", &part, "--out", &out, "--sites", "400", "--no-picture", "--json"];
+    json(&deepmill(&[&args, tools].concat()))
+}
+
+#[test]
+fn several_cutters_give_the_files_of_each_alone() {
+    let folder = Folder::new();
+    let lengths = ["1.5,6,40,5", "1,20,5,20"];
+    let tip = ["--corner", "0.5", "--clearance", "0.1"];
+    let both = ["--cutter", lengths[0], "--cutter", lengths[1]];
+    let result = label_tools(&folder, "both", &[&both[..], &tip].concat());
+    for (k, lengths) in lengths.iter().enumerate() {
+        let name = format!("{}-corner0.5-clearance0.1", lengths.replace(',', "-"));
+        let one = label_tools(&folder, "one", &[&["--cutter", lengths][..], &tip].concat());
+        for file in ["labels.npz", "labels.ply"] {
+            let bytes = |path: String| std::fs::read(folder.path(&path)).unwrap();
+            assert!(
+                bytes(format!("both/{name}/{file}")) == bytes(format!("one/{file}")),
+                "{name}/{file} differs"
+            );
+        }
+        let row = &result["tools"][k];
+        assert_eq!(row["name"], name.as_str());
+        for fact in ["inaccessible", "occlusion", "both", "free_directions"] {
+            assert_eq!(row[fact], one[fact], "{name}: {fact}");
+        }
+    }
+    let names = result["files"].as_array().unwrap().iter().map(|f| {
+        let path = Path::new(f.as_str().unwrap());
+        assert!(path.is_file());
+        path.strip_prefix(folder.path("both")).unwrap().components().count()
+    });
+    assert_eq!(names.collect::<Vec<_>>(), [2, 2, 2, 2, 1, 1, 1]);
+}
+
+#[test]
+fn a_tool_table_says_what_each_tool_adds_and_what_none_reaches() {
+    let folder = Folder::new();
+    let table = "# shop\nT;name;CR;CH;FR;FH;corner\n1;stub;1,5;0,2;90;0,2;\n\n2;long;1;12;30;5;0\n";
+    let tools = folder.file("shop.csv", table);
+    let args = ["--tools", &tools, "--cutter", CUTTER, "--directions", "cone:45:60"];
+    let result = label_tools(&folder, "out", &args);
+    let labels = |name: &str| {
+        LabelFile::read(folder.path(&format!("out/{name}/labels.npz")).as_ref()).unwrap().labels
+    };
+    let names = ["1.5-6-40-5", "stub", "long"];
+    let all = names.map(|name| labels(name).inaccessible);
+    let mut adds = [0.0; 4];
+    (0..400).for_each(|i| adds[all.iter().position(|l| !l[i]).unwrap_or(3)] += 1.0 / 400.0);
+    let close = |value: &Value, x: f64| (value.as_f64().unwrap() - x).abs() < 1e-12;
+    for (k, name) in names.iter().enumerate() {
+        let row = &result["tools"][k];
+        assert!(row["name"] == *name && close(&row["adds"], adds[k]), "{row} {adds:?}");
+    }
+    assert!(close(&result["inaccessible_to_all"], adds[3]), "{result} {adds:?}");
+    assert!(adds[0] > 0.1 && adds[2] > 0.1 && adds[3] > 0.1, "{adds:?}");
+    let written = folder.path("out/tools.csv");
+    let again = deepmill::data::files::tools::read(written.as_ref()).unwrap().tools;
+    assert_eq!(again[2].words(), "flat-end CR 1, CH 12, FR 30, FH 5 mm");
+    assert_eq!(again.iter().map(|tool| tool.name.as_str()).collect::<Vec<_>>(), names);
+
+    let out = folder.path("out/long");
+    let drawn = deepmill(&["report", &out]);
+    assert!(drawn.status.success(), "{}", text(&drawn.stderr));
+    let on_mesh = std::fs::read(folder.path("out/long/labels.png")).unwrap();
+    std::fs::remove_file(folder.path("out/tools.ply")).unwrap();
+    assert!(deepmill(&["report", &out]).status.success());
+    let discs = std::fs::read(folder.path("out/long/labels.png")).unwrap();
+    assert!(on_mesh != discs, "drawn on the mesh that the tools share");
+}
+
+#[test]
+fn a_table_of_one_tool_has_a_folder_for_it() {
+    let folder = Folder::new();
+    let tools = folder.file("shop.csv", "CR,CH,FR,FH,name\n1.5,6,40,5,D3\n");
+    let result = label_tools(&folder, "out", &["--tools", &tools]);
+    assert_eq!(result["tools"][0]["name"], "D3");
+    assert!(Path::new(&folder.path("out/D3/labels.npz")).is_file());
+    assert!(!Path::new(&folder.path("out/labels.npz")).exists());
+}
+
+#[test]
+fn bad_sets_of_tools_are_refused_before_anything_is_written() {
+    let folder = Folder::new();
+    let (part, out) = (folder.block(), folder.path("out"));
+    let tools = folder.file("shop.csv", "name,CR,CH,FR,FH\n,1.5,6,40,5\nlong,1,20,5,20\n");
+    let bad = folder.file("bad.csv", "CR,CH,FR,FH\n1.5,6,40,5\n1.5,6,1,5\n");
+    for (args, code, expected) in [
+        (&["--cutter", CUTTER, "--cutter", CUTTER][..], 2, "`1.5-6-40-5` twice"),
+        (&["--cutter", CUTTER, "--tools", &tools], 2, "`1.5-6-40-5` twice"),
+        (&["--corner", "0", "--tools", &tools], 2, "--corner"),
+        (&["--clearance", "0.1", "--tools", &tools], 2, "--clearance"),
+        (&["--tools", &bad], 1, "bad.csv: line 3: holder radius FR is 1"),
+        (&["--tools", &folder.path("none.csv")], 1, "none.csv"),
+    ] {
+        let output = deepmill(&[&["label", &part, "--out", &out], args].concat());
+        let message = failure(&output, code);
+        assert!(message.contains(expected), "{args:?}: {message}");
+        assert!(!Path::new(&out).exists(), "{args:?} left files behind");
+    }
+    let two = ["predict", &part, "--cutter", CUTTER, "--cutter", "1,2,3,4", "--out", &out];
+    assert_eq!(deepmill(&two).status.code(), Some(2), "a network is asked about one cutter");
+}
+
 #[test]
 fn units_and_clouds_give_the_same_labels() {
     let folder = Folder::new();

@@ -2,6 +2,7 @@
 //! that names the file, the place and what to do.
 #![cfg(feature = "formats")]
 
+use deepmill::data::files::tools;
 use deepmill::geom::formats::{Part, ReadOptions, read_cloud, read_mesh, read_part, write_stl};
 use deepmill::geom::{Mesh, check, solids};
 use glam::{DVec3, Vec3};
@@ -263,6 +264,68 @@ fn every_broken_cloud_is_refused_in_one_line_with_file_place_and_remedy() {
     let good = npz(&[("normals", &[2, 3], &[0., 0., 2., 3., 0., 0.]), ("points", &[2, 3], points)]);
     let sites = read_cloud(&put(folder.path(), "good.npz", good)).unwrap();
     assert_eq!(sites.normals, [Vec3::Z, Vec3::X]);
+}
+
+#[test]
+fn every_broken_tool_table_is_refused_in_one_line_with_file_place_and_remedy() {
+    let full = "name,CR,CH,FR,FH\n";
+    let row = |row: &str| [full, "a,1,2,3,4\r\n\r\n# note\r\n", row].concat().into_bytes();
+    let cases: Vec<Case> = vec![
+        ("empty.csv", vec![], &["line 1", "empty", "header row"]),
+        ("notes.csv", b"# x\n\n ,, \n".to_vec(), &["line 1", "empty", "header row"]),
+        ("header.csv", full.into(), &["line 1", "no tool", "add a row"]),
+        ("bare.csv", b"1,2,3,4\n1,2,3,4\n".to_vec(), &["line 1", "no column CR", "header row"]),
+        (
+            "fh.csv",
+            b"\n# x\nCR,CH,FR\n1,2,3\n".to_vec(),
+            &["line 3", "no column FH", "CR,CH,FR,FH"],
+        ),
+        (
+            "twice.csv",
+            b"CR,CH,cr,FR,FH\n1,2,1,3,4\n".to_vec(),
+            &["line 1", "two columns CR", "delete"],
+        ),
+        ("word.csv", row("b,1,2,x,4\n"), &["line 5", "FR is \"x\"", "not a number", "mm"]),
+        ("unit.csv", row("b,1 mm,2,3,4\n"), &["line 5", "CR is \"1 mm\"", "without a unit"]),
+        ("gap.csv", row("b,1,,3,4\n"), &["line 5", "CH is empty", "mm"]),
+        ("short.csv", row("b,1,2,3\n"), &["line 5", "FH is empty", "mm"]),
+        ("comma.csv", row("b,1,5,2,3,4\n"), &["line 5", "6 fields under 5", "semicolons"]),
+        ("zero.csv", row("b,0,2,3,4"), &["line 5", "CR is 0", "positive"]),
+        ("nan.csv", row("b,1,NaN,3,4"), &["line 5", "CH is NaN", "positive"]),
+        ("inf.csv", row("b,1,2,inf,4"), &["line 5", "FR is inf", "positive"]),
+        ("narrow.csv", row("b,3,2,1,4"), &["line 5", "FR is 1", "CR = 3 mm"]),
+        (
+            "corner.csv",
+            b"CR,CH,FR,FH,corner\n1,2,3,4,2\n".to_vec(),
+            &["line 2", "corner radius is 2"],
+        ),
+        (
+            "margin.csv",
+            b"CR;CH;FR;FH;clearance\n1;2;3;4;nan\n".to_vec(),
+            &["line 2", "clearance is NaN"],
+        ),
+        ("names.csv", row("A,1,3,3,4"), &["line 5", "\"A\"", "line 2", "name of its own"]),
+        ("slash.csv", row("../a,1,2,3,4"), &["line 5", "\"../a\"", "folder", "leave out"]),
+        ("dots.csv", row("..,1,2,3,4"), &["line 5", "\"..\"", "folder", "begin it"]),
+        ("part.csv", row("Part.STL,1,2,3,4"), &["line 5", "Part.STL", "choose another"]),
+        ("quote.csv", row("\"b,1,2,3,4\nc,1,2,3,4\n"), &["line 5", "CR is empty"]),
+        (
+            "latin.csv",
+            [full.as_bytes(), b"a,1,2,3,4\n\xd86,1,2,3,4"].concat(),
+            &["line 3", "UTF-8", "save"],
+        ),
+        ("wide.csv", b"\xff\xfeC\0R\0".to_vec(), &["line 1", "UTF-8", "save"]),
+        ("cube.csv", ascii_stl(&cube()).into(), &["line 1", "no column CR"]),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes, expected) in cases {
+        let path = put(folder.path(), name, bytes);
+        let message = match tools::read(&path) {
+            Ok(_) => panic!("{name} was read"),
+            Err(error) => error.to_string(),
+        };
+        verify(name, &message, &path, expected);
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! `docs/formats.md` lists every array. One row per site, in the order of the sites.
 
 pub mod published;
+pub mod tools;
 
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;

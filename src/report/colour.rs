@@ -5,9 +5,9 @@ pub type Rgb = [u8; 3];
 
 /// A group of sites that share a colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Class {
+pub struct Class<'a> {
     /// Name in legends.
-    pub name: &'static str,
+    pub name: &'a str,
     /// Colour before shading.
     pub colour: Rgb,
 }
@@ -33,31 +33,39 @@ pub enum Colouring<'a> {
         /// The predicted answers.
         predicted: &'a [bool],
     },
+    /// Groups of the caller's own.
+    Groups {
+        /// The groups, in legend order.
+        classes: &'a [Class<'a>],
+        /// The group of each site, an index into `classes`.
+        of: &'a [usize],
+    },
 }
 
-const PLAIN: [Class; 1] = [Class { name: "site", colour: [176, 186, 198] }];
+const PLAIN: [Class<'static>; 1] = [Class { name: "site", colour: [176, 186, 198] }];
 
-const LABELS: [Class; 4] = [
+const LABELS: [Class<'static>; 4] = [
     Class { name: "accessible", colour: [205, 208, 212] },
     Class { name: "inaccessible", colour: [206, 58, 44] },
     Class { name: "occlusion", colour: [245, 196, 50] },
     Class { name: "both", colour: [112, 56, 150] },
 ];
 
-const DIFFERENCE: [Class; 4] = [
+const DIFFERENCE: [Class<'static>; 4] = [
     Class { name: "agreed: no", colour: [212, 214, 217] },
     Class { name: "agreed: yes", colour: [122, 134, 150] },
     Class { name: "missed", colour: [206, 58, 44] },
     Class { name: "false alarm", colour: [50, 120, 200] },
 ];
 
-impl Colouring<'_> {
+impl<'a> Colouring<'a> {
     /// The groups, in legend order.
-    pub fn classes(&self) -> &'static [Class] {
+    pub fn classes(&self) -> &'a [Class<'a>] {
         match self {
             Colouring::Plain(_) => &PLAIN,
             Colouring::Labels { .. } => &LABELS,
             Colouring::Difference { .. } => &DIFFERENCE,
+            Colouring::Groups { classes, .. } => classes,
         }
     }
 
@@ -77,6 +85,7 @@ impl Colouring<'_> {
                 (true, false) => 2,
                 (false, true) => 3,
             },
+            Colouring::Groups { of, .. } => of[i],
         }
     }
 
@@ -86,6 +95,7 @@ impl Colouring<'_> {
             Colouring::Plain(n) => *n,
             Colouring::Labels { inaccessible, .. } => inaccessible.len(),
             Colouring::Difference { truth, .. } => truth.len(),
+            Colouring::Groups { of, .. } => of.len(),
         }
     }
 

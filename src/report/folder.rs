@@ -15,6 +15,9 @@ pub const PREDICTIONS: &str = "predictions.npz";
 /// The surface the sites lie on, mm.
 pub const SURFACE: &str = "part.stl";
 
+/// The first tool that reaches each site, beside the folders of several tools.
+pub const FIRST_TOOLS: &str = "tools.ply";
+
 /// Which pictures to draw besides the data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Show {
@@ -78,7 +81,7 @@ pub fn draw_labels(
         "inaccessible 1: the cutter collides in every direction".to_string(),
         "occlusion 1: among the sites most often in the way of inaccessible ones".to_string(),
     ];
-    let writer = Writer { folder, about: &file.about, sites: &file.sites, mesh, show };
+    let writer = Writer { folder, part: part(&file.about, &file.sites, mesh), show };
     let colouring = Colouring::Labels { inaccessible, occlusion };
     writer.write("labels", "exact labels", &colouring, &values, &notes)
 }
@@ -121,7 +124,7 @@ pub fn draw_predictions(
         ("probability_occlusion", Values::Reals(&second)),
     ];
     let notes = ["predicted by a network, not computed".to_string()];
-    let writer = Writer { folder, about: &file.about, sites: &file.sites, mesh, show };
+    let writer = Writer { folder, part: part(&file.about, &file.sites, mesh), show };
     let colouring = Colouring::Labels { inaccessible: &inaccessible, occlusion: &occlusion };
     writer.write("predictions", "predicted", &colouring, &values, &notes)
 }
@@ -142,7 +145,7 @@ pub fn write_difference(
     show: Show,
 ) -> Result<Vec<PathBuf>> {
     let n = labels.sites.len();
-    let writer = Writer { folder, about: &labels.about, sites: &labels.sites, mesh, show };
+    let writer = Writer { folder, part: part(&labels.about, &labels.sites, mesh), show };
     let heads = [
         ("inaccessible", labels.labels.inaccessible.get(..n), predictions.inaccessible()),
         ("occlusion", labels.labels.occlusion.get(..n), predictions.occlusion()),
@@ -171,16 +174,18 @@ pub fn same_sites(a: &Sites, b: &Sites) -> bool {
 }
 
 /// What all files of one kind of answer share.
-struct Writer<'a> {
-    folder: &'a Path,
-    about: &'a About,
-    sites: &'a Sites,
-    mesh: Option<&'a Mesh>,
-    show: Show,
+pub(super) struct Writer<'a> {
+    pub folder: &'a Path,
+    pub part: Part<'a>,
+    pub show: Show,
+}
+
+fn part<'a>(about: &'a About, sites: &'a Sites, mesh: Option<&'a Mesh>) -> Part<'a> {
+    Part { name: &about.part, mesh, sites, cutter: &about.tool }
 }
 
 impl Writer<'_> {
-    fn write(
+    pub fn write(
         &self,
         name: &str,
         caption: &str,
@@ -188,14 +193,12 @@ impl Writer<'_> {
         values: &[(&str, Values)],
         notes: &[String],
     ) -> Result<Vec<PathBuf>> {
-        let About { part, tool, .. } = self.about;
-        let part = Part { name: part, mesh: self.mesh, sites: self.sites, cutter: tool };
         let cloud = self.folder.join(format!("{name}.ply"));
-        points::write(&cloud, &part, colouring, values, notes)?;
+        points::write(&cloud, &self.part, colouring, values, notes)?;
         let mut paths = vec![cloud];
         if self.show == Show::Pictures {
             let png = self.folder.join(format!("{name}.png"));
-            picture::write(&png, &part, caption, colouring)?;
+            picture::write(&png, &self.part, caption, colouring)?;
             paths.push(png);
         }
         Ok(paths)

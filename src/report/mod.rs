@@ -2,10 +2,11 @@
 //!
 //! A [`Part`] is what is shown, a [`Colouring`] says in which colours; [`picture`] and [`points`]
 //! take both, [`folder`] writes all files of a report, [`tables`], [`scores`] and [`curves`] show
-//! numbers.
+//! numbers; [`coverage`] is about several tools at once.
 
 mod camera;
 mod colour;
+pub mod coverage;
 pub mod curves;
 pub mod folder;
 pub mod image;

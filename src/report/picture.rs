@@ -2,7 +2,7 @@
 
 use super::Part;
 use super::camera::Camera;
-use super::colour::{Colouring, Rgb};
+use super::colour::{Class, Colouring, Rgb};
 use super::image::{Font, Image, fitted};
 use super::paint::{METAL, Painter};
 use super::raster::{Surface, draw};
@@ -132,8 +132,8 @@ fn short(x: f64) -> String {
     format!("{x:.digits$}")
 }
 
+/// Groups side by side; in two rows, names cut short, if there is no room for that.
 fn draw_legend(image: &mut Image, colouring: &Colouring) {
-    let n = colouring.len().max(1) as f64;
     let y = (SIZE[1] - FOOT) as i32 + 24;
     let mut x = 260;
     if let Colouring::Difference { positive, .. } = colouring {
@@ -141,13 +141,43 @@ fn draw_legend(image: &mut Image, colouring: &Colouring) {
         image.text(x, y, &head, Font::Bold, INK);
         x += Font::Bold.width(&head) as i32 + 24;
     }
-    for (class, count) in colouring.classes().iter().zip(colouring.legend_counts()) {
-        let name = format!("{} {:.1} %", class.name, 100.0 * count as f64 / n);
-        image.rectangle(x, y, 18, 18, INK);
-        image.rectangle(x + 1, y + 1, 16, 16, class.colour);
-        image.text(x + 26, y, &name, Font::Bold, INK);
-        x += 26 + Font::Bold.width(&name) as i32 + 26;
+    let room = SIZE[0] as i32 - x;
+    let entries = legend_entries(colouring, i32::MAX);
+    if entries.iter().map(|(_, text)| entry_width(text)).sum::<i32>() <= room {
+        for (colour, text) in &entries {
+            draw_entry(image, [x, y], *colour, text);
+            x += entry_width(text);
+        }
+        return;
     }
+    let columns = entries.len().div_ceil(2) as i32;
+    let width = room / columns;
+    for (i, (colour, text)) in (0..).zip(legend_entries(colouring, width)) {
+        let place = [x + i % columns * width, y - 14 + i / columns * 26];
+        draw_entry(image, place, colour, &text);
+    }
+}
+
+/// Colour and words of each group; names are cut so that an entry takes at most `width` pixels.
+fn legend_entries(colouring: &Colouring, width: i32) -> Vec<(Rgb, String)> {
+    let n = colouring.len().max(1) as f64;
+    let entry = |(class, count): (&Class, usize)| {
+        let share = format!(" {:.1} %", 100.0 * count as f64 / n);
+        let room = (width - entry_width(&share)).max(0) as u32;
+        (class.colour, fitted(class.name, Font::Bold, room) + &share)
+    };
+    colouring.classes().iter().zip(colouring.legend_counts()).map(entry).collect()
+}
+
+/// Pixels that a legend's entry takes, with its box and the gap to the next.
+fn entry_width(text: &str) -> i32 {
+    26 + Font::Bold.width(text) as i32 + 26
+}
+
+fn draw_entry(image: &mut Image, [x, y]: [i32; 2], colour: Rgb, text: &str) {
+    image.rectangle(x, y, 18, 18, INK);
+    image.rectangle(x + 1, y + 1, 16, 16, colour);
+    image.text(x + 26, y, text, Font::Bold, INK);
 }
 
 /// A bar of a round number of millimetres at the lower left; `scale` is pixels per millimetre.
@@ -189,6 +219,18 @@ mod tests {
     use crate::geom::Sites;
     use crate::par;
     use glam::Vec3;
+
+    #[test]
+    fn entries_of_a_crowded_legend_are_cut_to_their_room() {
+        let long = "a tool that has a very long name indeed";
+        let classes = [Class { name: long, colour: INK }, Class { name: "b", colour: INK }];
+        let groups = Colouring::Groups { classes: &classes, of: &[0, 1, 1, 1] };
+        let cut = legend_entries(&groups, 285);
+        assert!(cut.iter().all(|(_, text)| entry_width(text) <= 285), "{cut:?}");
+        assert!(cut[0].1.starts_with("a tool that") && cut[0].1.ends_with(".. 25.0 %"), "{cut:?}");
+        assert_eq!(cut[1].1, "b 75.0 %");
+        assert!(legend_entries(&groups, i32::MAX)[0].1.starts_with(long));
+    }
 
     /// A block 40 × 20 × 10 mm and a lattice of sites on it.
     fn block() -> (Mesh, Sites) {

@@ -18,6 +18,8 @@ pub enum Cell {
     Millimetres(f64),
     /// Any other number, shown with four digits.
     Number(f64),
+    /// A number that someone chose, shown with the digits it has.
+    Given(f64),
     /// Not known or not defined.
     Missing,
 }
@@ -42,6 +44,7 @@ impl Cell {
             Cell::Seconds(x) if x.is_finite() => seconds(*x),
             Cell::Millimetres(x) if x.is_finite() => format!("{} mm", significant(*x)),
             Cell::Number(x) if x.is_finite() => significant(*x),
+            Cell::Given(x) if x.is_finite() => x.to_string(),
             _ => "-".into(),
         }
     }
@@ -51,7 +54,11 @@ impl Cell {
         match self {
             Cell::Text(word) => json!(word),
             Cell::Count(n) => json!(n),
-            Cell::Share(x) | Cell::Seconds(x) | Cell::Millimetres(x) | Cell::Number(x) => json!(x),
+            Cell::Share(x)
+            | Cell::Seconds(x)
+            | Cell::Millimetres(x)
+            | Cell::Number(x)
+            | Cell::Given(x) => json!(x),
             Cell::Missing => Value::Null,
         }
     }
@@ -91,7 +98,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table without rows; each column has a key for JSON and a heading for people.
+    /// A table without rows; each column has a key for programs and a heading for people, who do not
+    /// see columns of which the heading is empty.
     pub fn new(columns: &[(&'static str, &'static str)]) -> Self {
         Table { columns: columns.to_vec(), rows: Vec::new() }
     }
@@ -110,9 +118,11 @@ impl Table {
     /// For people: columns of equal width, numbers to the right.
     pub fn text(&self) -> String {
         let mut table = plain();
-        table.set_header(self.columns.iter().map(|(_, heading)| *heading));
+        let headings: Vec<&str> = self.columns.iter().map(|(_, heading)| *heading).collect();
+        let is_shown = |k: &usize| !headings[*k].is_empty();
+        table.set_header(headings.iter().filter(|heading| !heading.is_empty()));
         for row in &self.rows {
-            table.add_row(row.iter().map(text_cell));
+            table.add_row((0..row.len()).filter(is_shown).map(|k| text_cell(&row[k])));
         }
         table.trim_fmt()
     }
@@ -125,6 +135,24 @@ impl Table {
             Value::Object(cells.collect())
         };
         Value::Array(self.rows.iter().map(object).collect())
+    }
+
+    /// For programs: CSV with a header row of the keys; what is missing is empty.
+    pub fn csv(&self) -> Vec<u8> {
+        let field = |cell: &Cell| match cell.json() {
+            Value::String(word) => word,
+            Value::Null => String::new(),
+            number => number.to_string(),
+        };
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        let header = self.columns.iter().map(|(key, _)| key.to_string()).collect();
+        for row in [header]
+            .into_iter()
+            .chain(self.rows.iter().map(|r| r.iter().map(field).collect::<Vec<_>>()))
+        {
+            writer.write_record(row).expect("rows of equal length, into memory");
+        }
+        writer.into_inner().expect("memory takes all")
     }
 }
 
@@ -192,6 +220,18 @@ mod tests {
         );
         assert_eq!(table.json()[1], json!({"head": "occlusion", "f1": null, "time_s": null}));
         assert_eq!(serde_json::from_str::<Value>(&table.json().to_string()).unwrap(), table.json());
+    }
+
+    #[test]
+    fn csv_has_all_columns_and_people_see_those_with_a_heading() {
+        let mut table = Table::new(&[("name", "name"), ("CR", "CR"), ("both", "")]);
+        table.row([Cell::text("6, \"long\""), Cell::Given(1.5), Cell::Share(0.25)]);
+        table.row([Cell::text("Ø6"), Cell::Given(40.0), Cell::Missing]);
+        let csv = String::from_utf8(table.csv()).unwrap();
+        assert_eq!(csv, "name,CR,both\n\"6, \"\"long\"\"\",1.5,0.25\nØ6,40.0,\n");
+        let text = table.text();
+        assert!(text.contains(" 1.5") && text.contains(" 40"), "{text}");
+        assert!(!text.contains("both") && !text.contains("25"), "{text}");
     }
 
     #[test]

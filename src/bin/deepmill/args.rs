@@ -1,14 +1,15 @@
 //! What several commands ask for: the cutter, the sites, the directions.
 
-use deepmill::cutter::{Cutter, CutterParams};
-use deepmill::data::files::ball_end_words;
+use crate::output::Output;
+use deepmill::cutter::CutterParams;
+use deepmill::data::files::tools::{self, Tool};
 use deepmill::directions::{DirectionSet, Directions};
 use deepmill::geom::formats::Part;
 use deepmill::geom::sites::{self, Normals, SiteOptions};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Which cutter.
 #[derive(clap::Args)]
@@ -17,6 +18,28 @@ pub struct CutterArgs {
     /// holder height FH.
     #[arg(long, value_name = "CR,CH,FR,FH")]
     cutter: String,
+    #[command(flatten)]
+    tip: TipArgs,
+}
+
+/// Which cutters.
+#[derive(clap::Args)]
+pub struct ToolArgs {
+    /// Lengths in mm: ball radius CR, height CH of the cylinder above the ball, holder radius FR,
+    /// holder height FH. Give it again for further cutters.
+    #[arg(long, value_name = "CR,CH,FR,FH", required_unless_present = "tools")]
+    cutter: Vec<String>,
+    /// Tool table: CSV with the columns CR, CH, FR, FH (mm) and, if you like, name, corner and
+    /// clearance; the options --corner and --clearance are not about its tools.
+    #[arg(long, value_name = "FILE")]
+    tools: Option<PathBuf>,
+    #[command(flatten)]
+    tip: TipArgs,
+}
+
+/// What the four lengths of every `--cutter` do not say.
+#[derive(clap::Args)]
+struct TipArgs {
     /// Radius of the tip's corner: 0 is a flat end, CR (the default) a ball end.
     #[arg(long, value_name = "MM")]
     corner: Option<f64>,
@@ -25,30 +48,56 @@ pub struct CutterArgs {
     clearance: f64,
 }
 
-/// A cutter that was asked for, in numbers and in words.
-pub struct Tool {
-    pub params: CutterParams,
-    pub cutter: Cutter,
-    pub words: String,
-    pub settings: Value,
-}
-
 impl CutterArgs {
     pub fn tool(&self) -> Result<Tool> {
-        let params = cutter_params(&self.cutter)?;
-        let corner = self.corner.unwrap_or(params.cr_mm);
-        let cutter = Cutter::bull_nose(params, corner)?.with_clearance(self.clearance)?;
-        let mut words = ball_end_words(params);
-        if corner == 0.0 {
-            words = words.replacen("ball-end", "flat-end", 1);
-        } else if corner != params.cr_mm {
-            words = words.replacen("ball-end", &format!("bull-nose {corner} mm,"), 1);
+        self.tip.tool(&self.cutter)
+    }
+}
+
+impl TipArgs {
+    fn tool(&self, lengths: &str) -> Result<Tool> {
+        Tool::new(cutter_params(lengths)?, self.corner, self.clearance)
+    }
+}
+
+impl ToolArgs {
+    /// Every `--cutter`, then the tools of the table; no two have the same name.
+    pub fn tools(&self, output: &Output) -> Result<Vec<Tool>> {
+        self.check_tip()?;
+        let lengths = self.cutter.iter();
+        let mut tools: Vec<Tool> = lengths.map(|l| self.tip.tool(l)).collect::<Result<_>>()?;
+        if let Some(path) = &self.tools {
+            let table = tools::read(path)?;
+            if !table.unused.is_empty() {
+                let columns = table.unused.join(", ");
+                output.warn(format!("{}: columns not used: {columns}", path.display()));
+            }
+            tools.extend(table.tools);
         }
-        if self.clearance != 0.0 {
-            words += &format!(", clearance {} mm", self.clearance);
+        let twice = |(k, tool): &(usize, &Tool)| tools[..*k].iter().any(|t| t.has_name_of(tool));
+        match tools.iter().enumerate().find(twice) {
+            None => Ok(tools),
+            Some((_, tool)) => {
+                let found = format!("`{}` twice", tool.name);
+                let remedy = "leave one out, or give tools of a table names";
+                Err(Error::argument("tool", found, "a name for one tool only", remedy))
+            }
         }
-        let settings = json!({ "corner_mm": corner, "clearance_mm": self.clearance });
-        Ok(Tool { params, cutter, words, settings })
+    }
+
+    /// Whether results go to a folder for each tool: a table's do, however short it is.
+    pub fn are_several(&self) -> bool {
+        self.tools.is_some() || self.cutter.len() > 1
+    }
+
+    fn check_tip(&self) -> Result<()> {
+        let TipArgs { corner, clearance } = self.tip;
+        if self.cutter.is_empty() && (corner.is_some() || clearance != 0.0) {
+            let expected = "left out: they belong to --cutter";
+            let remedy = "give the table a column corner or clearance";
+            return Err(Error::argument("--corner or --clearance", "given", expected, remedy));
+        }
+        Ok(())
     }
 }
 

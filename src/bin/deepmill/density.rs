@@ -18,9 +18,10 @@ pub fn add_spacing(facts: &mut Facts, sites: &Sites) -> Option<Spacing> {
 }
 
 /// Adds how many sites a cutter of ball radius `cr_mm` needs; returns the warning if there are fewer.
-pub fn add_advice(facts: &mut Facts, spacing: &Spacing, cr_mm: f64) -> Option<String> {
+pub fn add_advice(facts: &mut Facts, spacing: &Spacing, which: &str, cr_mm: f64) -> Option<String> {
     let advice = spacing.advice(cr_mm);
-    facts.add("n_sites_enough", "sites enough for this cutter", Cell::count(advice.n_sites_enough));
+    let enough = format!("sites enough for {which}");
+    facts.add("n_sites_enough", enough, Cell::count(advice.n_sites_enough));
     facts.add("n_sites_fine", "sites to notice CR/10 of depth", Cell::count(advice.n_sites_fine));
     let hidden = advice.hidden_mm.map_or(Cell::Missing, Cell::Millimetres);
     facts.add("hidden_mm", "depth that can stay unnoticed", hidden);

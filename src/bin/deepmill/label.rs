@@ -1,35 +1,43 @@
 //! `deepmill label`: which sites of a part a cutter cannot reach, computed exactly.
 
-use crate::args::{CutterArgs, DirectionArgs, SiteArgs, Tool, name_of};
+use crate::args::{DirectionArgs, SiteArgs, ToolArgs, name_of};
 use crate::clock::Clock;
 use crate::density;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
+use crate::progress;
 use deepmill::Result;
 use deepmill::access::{self, Engine, LabelOptions, Labels, Obstacles};
+use deepmill::cutter::Cutter;
+use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{About, LabelFile};
 use deepmill::directions::Directions;
 use deepmill::geom::sites::{self, SiteOptions};
 use deepmill::geom::spacing::Spacing;
 use deepmill::geom::{Mesh, Sites};
+use deepmill::report::Part;
+use deepmill::report::coverage::{Coverage, Shares};
 use deepmill::report::folder::{self, Show};
 use deepmill::report::tables::{Cell, Facts};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Compute exactly which sites of a part a cutter cannot reach, and which sites are in its way.
 ///
 /// Writes to DIR: labels.npz (numbers), labels.ply (coloured points), labels.png (picture) and
-/// part.stl (the surface as used, in mm).
+/// part.stl (the surface as used, in mm). With several cutters, or a table, each has the first three
+/// in a folder DIR/NAME of its own, and DIR holds tools.csv (the table of all), tools.ply and
+/// tools.png (the first tool that reaches each site).
 #[derive(clap::Args)]
-#[command(after_help = "Example: deepmill label part.stl --cutter 1.5,6,40,5 --out labels")]
+#[command(after_help = "Example: deepmill label part.stl --cutter 1.5,6,40,5 --out labels\n\
+A tool table: deepmill label part.stl --tools tools.csv --out labels")]
 pub struct Args {
     /// Mesh (STL, OBJ, PLY, 3MF) or cloud of points with normals (PLY, NPZ).
     part: PathBuf,
     #[command(flatten)]
     read: MeshArgs,
     #[command(flatten)]
-    cutter: CutterArgs,
+    tools: ToolArgs,
     #[command(flatten)]
     sites: SiteArgs,
     #[command(flatten)]
@@ -55,7 +63,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let tool = args.cutter.tool()?;
+    let tools = args.tools.tools(output)?;
     let directions = args.directions.directions()?;
     let engine = Engine::named(&args.engine)?;
     let options = LabelOptions { engine, share: args.occlusion_share, ..LabelOptions::default() };
@@ -70,31 +78,31 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         Some(sites) => Obstacles::QueriesAnd(&sites.points),
         None => Obstacles::Queries,
     };
-    let labels = access::label(&sites, obstacles, &tool.cutter, &directions, &options)?;
+    let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
+    let labels = access::label_many(&sites, obstacles, &cutters, &directions, &options)?;
     clock.lap("labels_s", "labels");
 
-    let about = about(args, &tool, &directions, mesh.is_some());
-    let file = LabelFile { about, sites, labels };
-    let show = if args.no_picture { Show::Points } else { Show::Pictures };
-    let mut paths = folder::write_labels(&args.out, &file, mesh.as_ref(), show)?;
-    if let Some(mesh) = &mesh {
-        paths.push(folder::write_surface(&args.out, mesh)?);
-    }
+    let answers = Answers { args, tools: &tools, directions: &directions, mesh, sites };
+    let coverage =
+        args.tools.are_several().then(|| Coverage::of(&tools, &labels, directions.len()));
+    let mut facts = answers.facts(&labels, coverage.as_ref());
+    let paths = answers.write(labels, coverage.as_ref())?;
     clock.lap("write_s", "writing and drawing");
 
-    let mut facts = facts(&file, &directions);
-    let mut spacing = density::add_spacing(&mut facts, &file.sites);
-    if let Some(denser) = more.filter(|more| more.len() > file.sites.len()) {
-        spacing = Spacing::measure_on_sheet(&denser);
-    }
-    let warning = spacing.and_then(|s| density::add_advice(&mut facts, &s, tool.params.cr_mm));
+    let warning = answers.add_density(&mut facts, more);
     clock.add_to(&mut facts);
     output.say(facts.text());
+    let mut result = facts.json();
     if let Some(warning) = warning {
         output.warn(format!("{warning}: raise --sites, or add --obstacles"));
     }
     output.files(&paths);
-    output.result_with_files(facts.json(), &paths);
+    if let Some(coverage) = &coverage {
+        let table = coverage.table();
+        output.say(table.text());
+        result["tools"] = table.json();
+    }
+    output.result_with_files(result, &paths);
     Ok(())
 }
 
@@ -114,35 +122,103 @@ fn further_obstacles(args: &Args, mesh: Option<&Mesh>, output: &Output) -> Resul
     }
 }
 
-fn about(args: &Args, tool: &Tool, directions: &Directions, has_mesh: bool) -> About {
-    let settings = json!({
-        "sites": args.sites.settings(has_mesh),
-        "tool": tool.settings,
-        "directions": directions.set(),
-        "n_directions": directions.len(),
-        "further_obstacles": args.obstacles,
-        "occlusion_share": args.occlusion_share,
-        "engine": args.engine,
-    });
-    About { part: name_of(&args.part), cutter: tool.params, tool: tool.words.clone(), settings }
+/// What the labels are about; coverage is there if every tool has a folder of its own.
+struct Answers<'a> {
+    args: &'a Args,
+    tools: &'a [Tool],
+    directions: &'a Directions,
+    mesh: Option<Mesh>,
+    sites: Sites,
 }
 
-fn facts(file: &LabelFile, directions: &Directions) -> Facts {
-    let Labels { inaccessible, occlusion, accessible_directions, .. } = &file.labels;
-    let n = file.sites.len();
-    let share = |count: usize| Cell::Share(count as f64 / n.max(1) as f64);
-    let count = |flags: &[bool]| flags.iter().filter(|f| **f).count();
-    let both = inaccessible.iter().zip(occlusion).filter(|(a, b)| **a && **b).count();
-    let free: u64 = accessible_directions.iter().map(|d| u64::from(*d)).sum();
-    let mean = free as f64 / (n * directions.len()).max(1) as f64;
-    let mut facts = Facts::new();
-    facts.add("part", "part", Cell::text(&file.about.part));
-    facts.add("cutter", "cutter", Cell::text(&file.about.tool));
-    facts.add("n_sites", "sites", Cell::count(n));
-    facts.add("n_directions", "directions", Cell::count(directions.len()));
-    facts.add("inaccessible", "inaccessible", share(count(inaccessible)));
-    facts.add("occlusion", "occlusion", share(count(occlusion)));
-    facts.add("both", "inaccessible and occlusion", share(both));
-    facts.add("free_directions", "directions that reach a site, mean", Cell::Share(mean));
-    facts
+impl Answers<'_> {
+    fn facts(&self, labels: &[Labels], coverage: Option<&Coverage>) -> Facts {
+        let mut facts = Facts::new();
+        facts.add("part", "part", Cell::text(name_of(&self.args.part)));
+        if coverage.is_none() {
+            facts.add("cutter", "cutter", Cell::text(self.tools[0].words()));
+        }
+        facts.add("n_sites", "sites", Cell::count(self.sites.len()));
+        facts.add("n_directions", "directions", Cell::count(self.directions.len()));
+        match coverage {
+            None => add_shares(&mut facts, Shares::of(&labels[0], self.directions.len())),
+            Some(coverage) => {
+                let none = Cell::Share(coverage.share_of_first(None));
+                facts.add("inaccessible_to_all", "inaccessible to every tool", none);
+            }
+        }
+        facts
+    }
+
+    /// Adds how dense the sites are for the smallest tool; returns the warning if that is too little.
+    fn add_density(&self, facts: &mut Facts, more: Option<Sites>) -> Option<String> {
+        let mut spacing = density::add_spacing(facts, &self.sites);
+        if let Some(denser) = more.filter(|more| more.len() > self.sites.len()) {
+            spacing = Spacing::measure_on_sheet(&denser);
+        }
+        let which = if self.tools.len() > 1 { "the smallest cutter" } else { "this cutter" };
+        let smallest =
+            self.tools.iter().map(|tool| tool.params.cr_mm).fold(f64::INFINITY, f64::min);
+        spacing.and_then(|spacing| density::add_advice(facts, &spacing, which, smallest))
+    }
+
+    fn write(&self, labels: Vec<Labels>, coverage: Option<&Coverage>) -> Result<Vec<PathBuf>> {
+        let Answers { args, tools, mesh, sites, .. } = self;
+        let show = if args.no_picture { Show::Points } else { Show::Pictures };
+        let mut paths = Vec::new();
+        let progress = progress::bar(tools.len() as u64, "tools");
+        for (tool, labels) in tools.iter().zip(labels) {
+            let folder = match coverage {
+                None => args.out.clone(),
+                Some(_) => args.out.join(&tool.name),
+            };
+            paths.extend(self.write_one(&folder, tool, labels, show)?);
+            progress.inc(1);
+        }
+        progress.finish_and_clear();
+        if let Some(coverage) = coverage {
+            let part = name_of(&args.part);
+            let cutter = &format!("{} tools", tools.len());
+            let part = Part { name: &part, mesh: mesh.as_ref(), sites, cutter };
+            paths.extend(coverage.write(&args.out, part, show)?);
+        }
+        if let Some(mesh) = mesh {
+            paths.push(folder::write_surface(&args.out, mesh)?);
+        }
+        Ok(paths)
+    }
+
+    fn write_one(
+        &self,
+        folder: &Path,
+        tool: &Tool,
+        labels: Labels,
+        show: Show,
+    ) -> Result<Vec<PathBuf>> {
+        let file = LabelFile { about: self.about(tool), sites: self.sites.clone(), labels };
+        folder::write_labels(folder, &file, self.mesh.as_ref(), show)
+    }
+
+    fn about(&self, tool: &Tool) -> About {
+        let Answers { args, directions, .. } = self;
+        let settings = json!({
+            "sites": args.sites.settings(self.mesh.is_some()),
+            "tool": tool.settings(),
+            "directions": directions.set(),
+            "n_directions": directions.len(),
+            "further_obstacles": args.obstacles,
+            "occlusion_share": args.occlusion_share,
+            "engine": args.engine,
+        });
+        About { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings }
+    }
+}
+
+fn add_shares(facts: &mut Facts, shares: Shares) {
+    let Shares { inaccessible, occlusion, both, free_directions } = shares;
+    facts.add("inaccessible", "inaccessible", Cell::Share(inaccessible));
+    facts.add("occlusion", "occlusion", Cell::Share(occlusion));
+    facts.add("both", "inaccessible and occlusion", Cell::Share(both));
+    let name = "directions that reach a site, mean";
+    facts.add("free_directions", name, Cell::Share(free_directions));
 }

@@ -44,10 +44,10 @@ pub struct Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tool = args.cutter.tool()?;
-    if tool.words != deepmill::data::files::ball_end_words(tool.params) {
+    if tool.words() != deepmill::data::files::ball_end_words(tool.params) {
         let remedy = "leave out --corner and --clearance, or use `deepmill label`";
         let expected = "a ball end without clearance: the network knows no other";
-        return Err(Error::argument("cutter", tool.words, expected, remedy));
+        return Err(Error::argument("cutter", tool.words(), expected, remedy));
     }
     let (model, model_name) = args.model.read()?;
     let mut clock = Clock::start();

@@ -5,7 +5,7 @@ use crate::output::Output;
 use deepmill::data::files::{LabelFile, PredictionFile};
 use deepmill::geom::Mesh;
 use deepmill::metrics::Confusion;
-use deepmill::report::folder::{self, LABELS, PREDICTIONS, SURFACE, Show};
+use deepmill::report::folder::{self, FIRST_TOOLS, LABELS, PREDICTIONS, SURFACE, Show};
 use deepmill::report::scores;
 use deepmill::report::tables::{Cell, Table};
 use deepmill::{Error, Result};
@@ -129,7 +129,8 @@ impl Found {
         found.predictions = args.compare.clone().or(found.predictions);
         if found.labels.is_none() && found.predictions.is_none() {
             let missing = format!("it holds neither {LABELS} nor {PREDICTIONS}");
-            let remedy = "name a folder that `deepmill label` or `deepmill predict` has written";
+            let remedy = "name a folder that `deepmill label` or `deepmill predict` has written; of \
+                          several tools, the folder of one";
             return Err(Error::file(results, "folder", missing, remedy));
         }
         Ok(found)
@@ -137,7 +138,11 @@ impl Found {
 
     /// The surface to draw on, if there is one.
     fn mesh(&self, args: &Args, output: &Output) -> Result<Option<Mesh>> {
-        let stored = self.folder.join(SURFACE);
+        let mut stored = self.folder.join(SURFACE);
+        let shared = self.folder.join("..");
+        if !stored.is_file() && shared.join(FIRST_TOOLS).is_file() {
+            stored = shared.join(SURFACE);
+        }
         match &args.part {
             Some(path) => args.read.read_mesh(path, output).map(|(mesh, _)| Some(mesh)),
             None if stored.is_file() => {

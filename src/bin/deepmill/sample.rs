@@ -120,7 +120,8 @@ fn measure(
         facts.add("unowned", "surface in no cell", Cell::Share(spread.unowned));
         facts.add("covering_mm", "farthest from its site", Cell::Millimetres(spread.covering_mm));
     }
-    let advise = |cr_mm: f64| spacing.and_then(|s| density::add_advice(facts, &s, cr_mm));
+    let advise =
+        |cr_mm: f64| spacing.and_then(|s| density::add_advice(facts, &s, "this cutter", cr_mm));
     Ok(args.cr.and_then(advise))
 }
 

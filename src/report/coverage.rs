@@ -1,0 +1,197 @@
+//! What several tools reach, each and together: a table with a row per tool, and the first tool that
+//! reaches each site.
+
+use super::folder::{Show, Writer};
+use super::points::Values;
+use super::tables::{Cell, Table};
+use super::{Class, Colouring, Part, Rgb};
+use crate::access::Labels;
+use crate::data::files::tools::Tool;
+use crate::{Result, aside};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Labels as shares.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shares {
+    /// Of the sites: out of reach.
+    pub inaccessible: f64,
+    /// Of the sites: most often in the way.
+    pub occlusion: f64,
+    /// Of the sites: both.
+    pub both: f64,
+    /// Of the directions: those that reach a site, mean over all sites.
+    pub free_directions: f64,
+}
+
+impl Shares {
+    /// The shares of `labels` with `n_directions` directions.
+    pub fn of(labels: &Labels, n_directions: usize) -> Self {
+        let Labels { inaccessible, occlusion, accessible_directions, .. } = labels;
+        let n = inaccessible.len();
+        let share = |count: usize| count as f64 / n.max(1) as f64;
+        let both = inaccessible.iter().zip(occlusion).filter(|(a, b)| **a && **b).count();
+        let free: u64 = accessible_directions.iter().map(|d| u64::from(*d)).sum();
+        Shares {
+            inaccessible: share(labels.n_inaccessible()),
+            occlusion: share(labels.n_occlusion()),
+            both: share(both),
+            free_directions: free as f64 / (n * n_directions).max(1) as f64,
+        }
+    }
+}
+
+/// What the tools of a table reach.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coverage<'a> {
+    tools: &'a [Tool],
+    shares: Vec<Shares>,
+    /// Per site, the first tool that reaches it.
+    first: Vec<Option<usize>>,
+}
+
+impl<'a> Coverage<'a> {
+    /// Of `tools` with a label each, about the same sites.
+    ///
+    /// # Panics
+    /// If there are not as many labels as tools, at least one, or they differ in length.
+    pub fn of(tools: &'a [Tool], labels: &[Labels], n_directions: usize) -> Self {
+        assert_eq!(tools.len(), labels.len(), "one label per tool");
+        let reaching = |i: usize| labels.iter().position(|labels| !labels.inaccessible[i]);
+        Coverage {
+            tools,
+            shares: labels.iter().map(|labels| Shares::of(labels, n_directions)).collect(),
+            first: (0..labels[0].inaccessible.len()).map(reaching).collect(),
+        }
+    }
+
+    /// Share of the sites of which `tool` is the first that reaches them; `None`: that no tool reaches.
+    pub fn share_of_first(&self, tool: Option<usize>) -> f64 {
+        let n = self.first.iter().filter(|first| **first == tool).count();
+        n as f64 / self.first.len().max(1) as f64
+    }
+
+    /// A row per tool; as CSV it is a tool table again.
+    pub fn table(&self) -> Table {
+        let mut table = Table::new(&[
+            ("name", "tool"),
+            ("CR", "CR"),
+            ("CH", "CH"),
+            ("FR", "FR"),
+            ("FH", "FH"),
+            ("corner", ""),
+            ("clearance", ""),
+            ("inaccessible", "inaccessible"),
+            ("occlusion", "occlusion"),
+            ("both", ""),
+            ("free_directions", "directions"),
+            ("adds", "adds"),
+        ]);
+        for (k, (tool, shares)) in self.tools.iter().zip(&self.shares).enumerate() {
+            let lengths = tool.params.to_array();
+            let shares =
+                [shares.inaccessible, shares.occlusion, shares.both, shares.free_directions];
+            let mut row = vec![Cell::text(&tool.name)];
+            row.extend(
+                lengths.into_iter().chain([tool.corner_mm, tool.clearance_mm]).map(Cell::Given),
+            );
+            row.extend(shares.into_iter().chain([self.share_of_first(Some(k))]).map(Cell::Share));
+            table.row(row);
+        }
+        table
+    }
+
+    /// Writes `tools.csv`, `tools.ply` and, if asked for, `tools.png`; returns their paths.
+    ///
+    /// # Errors
+    /// If the system refuses a file.
+    pub fn write(&self, folder: &Path, part: Part, show: Show) -> Result<Vec<PathBuf>> {
+        let table = folder.join("tools.csv");
+        aside::write(&table, |file| file.write_all(&self.table().csv()))?;
+        let (classes, of) = self.groups();
+        let colouring = Colouring::Groups { classes: &classes, of: &of };
+        let rows: Vec<u32> = self.first.iter().map(|f| f.map_or(0, |k| k as u32 + 1)).collect();
+        let values = [("first_tool", Values::Counts(&rows))];
+        let notes =
+            ["first_tool: row of tools.csv from 1, 0: no tool reaches the site".to_string()];
+        let writer = Writer { folder, part, show };
+        let drawn =
+            writer.write("tools", "first tool that reaches", &colouring, &values, &notes)?;
+        Ok([table].into_iter().chain(drawn).collect())
+    }
+
+    /// Groups for the legend, the tools that add something first, and the group of each site.
+    fn groups(&self) -> (Vec<Class<'_>>, Vec<usize>) {
+        let mut classes = Vec::new();
+        let group_of: Vec<usize> = (0..self.tools.len())
+            .map(|k| {
+                let is_new = self.first.contains(&Some(k)) && classes.len() <= COLOURS.len();
+                if is_new {
+                    let named = COLOURS.get(classes.len()).map(|c| (&*self.tools[k].name, *c));
+                    let (name, colour) = named.unwrap_or(("further tools", FURTHER));
+                    classes.push(Class { name, colour });
+                }
+                classes.len().saturating_sub(1)
+            })
+            .collect();
+        classes.push(Class { name: "no tool", colour: NO_TOOL });
+        let none = classes.len() - 1;
+        let of = self.first.iter().map(|first| first.map_or(none, |k| group_of[k])).collect();
+        (classes, of)
+    }
+}
+
+/// Colours of the tools that add something, apart for the common kinds of colour blindness.
+const COLOURS: [Rgb; 6] =
+    [[205, 208, 212], [86, 180, 233], [240, 228, 66], [0, 158, 115], [204, 121, 167], [0, 90, 160]];
+const FURTHER: Rgb = [110, 100, 90];
+const NO_TOOL: Rgb = [206, 58, 44];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cutter::CutterParams;
+
+    fn tools(n: usize) -> Vec<Tool> {
+        let tool =
+            |k| Tool::new(CutterParams::from_array([1.0 + k as f64, 2.0, 50.0, 4.0]), None, 0.0);
+        (0..n).map(|k| tool(k).unwrap()).collect()
+    }
+
+    fn labels(inaccessible: &[u8]) -> Labels {
+        let inaccessible: Vec<bool> = inaccessible.iter().map(|i| *i == 1).collect();
+        let free = inaccessible.iter().map(|i| if *i { 0 } else { 5 }).collect();
+        let occlusion = vec![true; inaccessible.len()];
+        Labels { inaccessible, accessible_directions: free, occlusion, ..Labels::default() }
+    }
+
+    #[test]
+    fn each_site_counts_for_the_first_tool_that_reaches_it() {
+        let tools = tools(3);
+        let all = [labels(&[0, 1, 1, 1]), labels(&[0, 1, 1, 1]), labels(&[1, 0, 0, 1])];
+        let coverage = Coverage::of(&tools, &all, 10);
+        let adds = [Some(0), Some(1), Some(2), None].map(|k| coverage.share_of_first(k));
+        assert_eq!(adds, [0.25, 0.0, 0.5, 0.25]);
+        let row = &coverage.table().json()[2];
+        assert_eq!(
+            (&row["CR"], &row["inaccessible"], &row["adds"]),
+            (&3.0.into(), &0.5.into(), &0.5.into())
+        );
+        assert_eq!((&row["both"], &row["free_directions"]), (&0.5.into(), &0.25.into()));
+        let (classes, of) = coverage.groups();
+        let names: Vec<&str> = classes.iter().map(|c| c.name).collect();
+        assert_eq!(names, ["1-2-50-4", "3-2-50-4", "no tool"]);
+        assert_eq!(of, [0, 1, 1, 2]);
+    }
+
+    #[test]
+    fn tools_beyond_the_colours_share_one() {
+        let tools = tools(9);
+        let only = |k: usize| (0..10).map(|i| u8::from(i != k)).collect::<Vec<u8>>();
+        let all: Vec<Labels> = (0..9).map(|k| labels(&only(k))).collect();
+        let coverage = Coverage::of(&tools, &all, 10);
+        let (classes, of) = coverage.groups();
+        assert_eq!((classes.len(), classes[6].name), (8, "further tools"));
+        assert_eq!(of, [0, 1, 2, 3, 4, 5, 6, 6, 6, 7]);
+    }
+}
