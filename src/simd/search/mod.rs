@@ -61,17 +61,20 @@ impl Kernel for Search<'_> {
     fn run<S: Simd>(mut self, s: S) -> Searched {
         let infinite = |step: &StepSquared| step.radius_squared == f32::INFINITY;
         let n_finite = self.steps.iter().position(infinite).unwrap_or(self.steps.len());
-        let (mut done, extent) = self.by_height(s, self.steps.get(n_finite));
-        let n_open = count(&self.room.open);
+        let mut done = self.by_height(s, self.steps.get(n_finite));
+        let n_questions = count(&self.room.open);
         for step in self.steps[..n_finite].iter().rev() {
             let n_open = count(&self.room.open);
+            if n_open == 0 {
+                break;
+            }
+            let extent = self.extent(s);
             let floor = extent.least[2] + step.height;
-            if n_open > 0 && self.room.grid.fill(s, (self.obstacles, floor), step, &extent, n_open)
-            {
+            if self.room.grid.fill(s, (self.obstacles, floor), step, &extent, n_open) {
                 done.tested += self.ask(s, step);
             }
         }
-        done.by_grid = n_open - count(&self.room.tested);
+        done.by_grid = n_questions - count(&self.room.tested);
         done
     }
 }
@@ -80,21 +83,18 @@ impl Search<'_> {
     /// Decides what the greatest height of all obstacles decides; the rest is open. `shaft` is the first
     /// infinitely wide step.
     #[inline(always)]
-    fn by_height<S: Simd>(&mut self, s: S, shaft: Option<&StepSquared>) -> (Searched, Extent) {
+    fn by_height<S: Simd>(&mut self, s: S, shaft: Option<&StepSquared>) -> Searched {
         let highest = s.splat(highest(s, &self.obstacles.z));
         let first = s.splat(self.steps[0].height);
         let n = self.centres.n;
         let mut by_height = 0;
-        let mut least = [s.splat(f32::INFINITY); 3];
-        let mut greatest = [s.splat(f32::NEG_INFINITY); 3];
         for bits in [&mut self.room.open, &mut self.room.tested] {
             bits.clear();
             bits.resize(n.div_ceil(8), 0);
         }
-        let [x, y, z] =
-            [&self.centres.x, &self.centres.y, &self.centres.z].map(|axis| eights(axis));
-        for (block, (to, own_z)) in self.room.open.iter_mut().zip(eights(self.own_z)).enumerate() {
-            let z = s.load(&z[block]);
+        let queries = eights(&self.centres.z).iter().zip(eights(self.own_z));
+        for (block, (to, (z, own_z))) in self.room.open.iter_mut().zip(queries).enumerate() {
+            let z = s.load(z);
             let valid = !0u32 >> (24 + (8 * block + 8).saturating_sub(n));
             let contact = s.add(z, first);
             let own = s.greater(s.load(own_z), contact) & valid;
@@ -108,17 +108,25 @@ impl Search<'_> {
                 self.undecided.push((8 * block + lane) as u32);
             }
             *to = open as u8;
-            if open != 0 {
-                for (axis, lanes) in
-                    [s.load(&x[block]), s.load(&y[block]), z].into_iter().enumerate()
-                {
-                    let open_or = |other| s.only(lanes, open, s.splat(other));
-                    least[axis] = s.min(least[axis], open_or(f32::INFINITY));
-                    greatest[axis] = s.max(greatest[axis], open_or(f32::NEG_INFINITY));
-                }
+        }
+        Searched { by_height, ..Searched::default() }
+    }
+
+    /// What the open queries span.
+    #[inline(always)]
+    fn extent<S: Simd>(&self, s: S) -> Extent {
+        let mut least = [s.splat(f32::INFINITY); 3];
+        let mut greatest = [s.splat(f32::NEG_INFINITY); 3];
+        let axes = [&self.centres.x, &self.centres.y, &self.centres.z].map(|axis| eights(axis));
+        for (block, &open) in self.room.open.iter().enumerate().filter(|(_, open)| **open != 0) {
+            for (axis, lanes) in axes.iter().enumerate() {
+                let open_or =
+                    |other| s.only(s.load(&lanes[block]), u32::from(open), s.splat(other));
+                least[axis] = s.min(least[axis], open_or(f32::INFINITY));
+                greatest[axis] = s.max(greatest[axis], open_or(f32::NEG_INFINITY));
             }
         }
-        (Searched { by_height, ..Searched::default() }, Extent::of(s, least, greatest))
+        Extent::of(s, least, greatest)
     }
 
     /// Asks the grid about every open query; the obstacles tested.
