@@ -16,11 +16,6 @@ pub fn forward<T: Scalar>(x: &mut [T]) {
     });
 }
 
-/// Turns `x` into `max(x + other, 0)`.
-pub fn forward_sum<T: Scalar>(x: &mut [T], other: &[T]) {
-    combine(x, other, |x, other| (x + other).max(T::ZERO));
-}
-
 /// Turns `dy` into `dx`: the gradient passes where the output `y` is positive.
 pub fn backward<T: Scalar>(y: &[T], d: &mut [T]) {
     combine(d, y, |d, y| if y > T::ZERO { d } else { T::ZERO });
