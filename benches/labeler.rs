@@ -259,13 +259,21 @@ fn equal(settings: &Settings, parts: &[(String, Mesh)], directions: &Directions)
     }
 }
 
-/// Pruned equals batched on a few directions of this very case.
+/// Pruned equals batched on a few directions of this very case; of very many sites, some are queries and all are
+/// obstacles.
 fn check(sites: &Sites, cutter: &Cutter, n_sites: usize) {
-    let few = Directions::fibonacci_hemisphere(if n_sites > 20_000 { 1 } else { 3 }).unwrap();
-    let occlusion = n_sites <= 100_000;
+    let n_dirs = if (20_000..200_000).contains(&n_sites) { 1 } else { 3 };
+    let few = Directions::fibonacci_hemisphere(n_dirs).unwrap();
+    let stride = if n_sites < 200_000 { 1 } else { n_sites / 15_000 };
+    let some = Sites {
+        points: sites.points.iter().copied().step_by(stride).collect(),
+        normals: sites.normals.iter().copied().step_by(stride).collect(),
+        faces: vec![],
+    };
+    let obstacles = if stride == 1 { Obstacles::Queries } else { Obstacles::Points(&sites.points) };
     let answer = |engine| {
-        let options = LabelOptions { engine, occlusion, ..Default::default() };
-        let labels = run(sites, cutter, &few, &options);
+        let options = LabelOptions { engine, ..Default::default() };
+        let labels = label(&some, obstacles, cutter, &few, &options).unwrap();
         (labels.accessible_directions, labels.witness, labels.beta, labels.occlusion)
     };
     assert!(answer(Engine::Pruned) == answer(Engine::Batched), "engines differ");
