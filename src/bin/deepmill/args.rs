@@ -9,6 +9,7 @@ use deepmill::geom::sites::{self, Normals, SiteOptions};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Which cutter.
@@ -74,10 +75,10 @@ impl ToolArgs {
             }
             tools.extend(table.tools);
         }
-        let twice = |(k, tool): &(usize, &Tool)| tools[..*k].iter().any(|t| t.has_name_of(tool));
-        match tools.iter().enumerate().find(twice) {
+        let mut keys = HashSet::new();
+        match tools.iter().find(|tool| !keys.insert(tool.folder_key())) {
             None => Ok(tools),
-            Some((_, tool)) => {
+            Some(tool) => {
                 let found = format!("`{}` twice", tool.name);
                 let remedy = "leave one out, or give tools of a table names";
                 Err(Error::argument("tool", found, "a name for one tool only", remedy))

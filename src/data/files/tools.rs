@@ -3,8 +3,9 @@
 use super::ball_end_words;
 use crate::cutter::{Cutter, CutterParams};
 use crate::{Error, Result};
-use csv::{ReaderBuilder, StringRecord, Trim};
+use csv::{Position, ReaderBuilder, StringRecord, Trim};
 use serde_json::{Value, json};
+use std::collections::HashMap;
 use std::path::Path;
 
 /// A checked cutter and the numbers it was ordered with.
@@ -64,9 +65,9 @@ impl Tool {
         Ok(Tool { name: name.into(), ..self })
     }
 
-    /// Whether both would have the same folder, on systems too that ignore case.
-    pub fn has_name_of(&self, other: &Tool) -> bool {
-        self.name.to_lowercase() == other.name.to_lowercase()
+    /// The same for two tools that would have the same folder, on systems too that ignore case.
+    pub fn folder_key(&self) -> String {
+        self.name.to_lowercase()
     }
 
     /// The tool in words, without its name.
@@ -169,20 +170,20 @@ impl Source<'_> {
             return Err(self.at(1, "the table is empty", remedy));
         };
         let (columns, unused) = self.columns(header_line, &header)?;
-        let mut tools: Vec<(usize, Tool)> = Vec::new();
+        let (mut tools, mut line_of) = (Vec::new(), HashMap::new());
         for (line, row) in rows {
             let tool = self.tool(line, &row, &columns)?;
-            if let Some((first, _)) = tools.iter().find(|(_, other)| tool.has_name_of(other)) {
+            if let Some(first) = line_of.insert(tool.folder_key(), line) {
                 let found = format!("{} is also the tool of line {first}", shown(&tool.name));
                 return Err(self.at(line, found, "give each tool a name of its own, once"));
             }
-            tools.push((line, tool));
+            tools.push(tool);
         }
         if tools.is_empty() {
             let remedy = "add a row for each tool";
             return Err(self.at(header_line, "no tool follows the header row", remedy));
         }
-        Ok(ToolTable { tools: tools.into_iter().map(|(_, tool)| tool).collect(), unused })
+        Ok(ToolTable { tools, unused })
     }
 
     /// The rows that are not empty, with their lines.
@@ -198,17 +199,17 @@ impl Source<'_> {
         for row in reader.records() {
             let row = row.map_err(|e| self.at(1, e.to_string(), "save the table as CSV"))?;
             if row.iter().any(|field| !field.is_empty()) {
-                let start = row.position().map_or(0, |p| p.byte() as usize);
-                rows.push((self.line_of_row(start), row));
+                let line = row.position().map_or(1, |start| self.line_of_row(start));
+                rows.push((line, row));
             }
         }
         Ok(rows)
     }
 
-    /// Line of the row that the reader found from byte `start` on, comments and empty lines before it.
-    fn line_of_row(&self, start: usize) -> usize {
-        let (before, rest) = self.text.split_at(start);
-        line_at(before.as_bytes()) + rest.lines().take_while(|l| is_passed_over(l)).count()
+    /// Line of the row that the reader found from `start` on, comments and empty lines before it.
+    fn line_of_row(&self, start: &Position) -> usize {
+        let rest = self.text.get(start.byte() as usize..).unwrap_or("");
+        start.line() as usize + rest.lines().take_while(|l| is_passed_over(l)).count()
     }
 
     fn columns(&self, line: usize, header: &StringRecord) -> Result<(Columns, Vec<String>)> {
@@ -311,6 +312,17 @@ mod tests {
         let comma = table("name,CR,CH,FR,FH\na,1.5,6,40,5").unwrap();
         assert_eq!(table("name;CR;CH;FR;FH\na;1,5;6;40;5\n").unwrap(), comma);
         assert_eq!(table("name\tCR\tCH\tFR\tFH\na\t1.5\t6\t40\t5\t\t\n").unwrap(), comma);
+    }
+
+    #[test]
+    fn a_long_table_is_read_in_one_pass() {
+        let row = |k: usize| format!("tool {k},1.5,2,50,4\n# worn\n");
+        let text: String = (0..200_000).map(row).collect();
+        let header = "name,CR,CH,FR,FH\n";
+        assert_eq!(table(&format!("{header}{text}")).unwrap().tools.len(), 200_000);
+        let twice = format!("{header}{text}TOOL 7,1,2,3,4\n");
+        let message = table(&twice).unwrap_err().to_string();
+        assert!(message.contains("line 400002") && message.contains("line 16"), "{message}");
     }
 
     #[test]
