@@ -347,25 +347,36 @@ fn published(sites: &Sites, lengths: [f64; 4], directions: &Directions, stride: 
 /// Several cutters on one part, together and one by one.
 fn share_work(mesh: &Mesh, directions: &Directions) {
     let sites = sample(mesh, &SiteOptions::default()).unwrap();
-    let cutters: Vec<Cutter> = CUTTERS
-        .iter()
-        .map(|&lengths| Cutter::ball_end(CutterParams::from_array(lengths)).unwrap())
-        .collect();
-    for occlusion in [false, true] {
-        let options = LabelOptions { occlusion, ..Default::default() };
-        let all =
-            || label_many(&sites, Obstacles::Queries, &cutters, directions, &options).unwrap();
-        let (together, together_cpu, _) = seconds(3, all);
-        let each =
-            || cutters.iter().map(|c| run(&sites, c, directions, &options)).collect::<Vec<_>>();
-        let (alone, alone_cpu, _) = seconds(3, each);
-        println!(
-            "{} cutters, beta {occlusion}: together {:.1} ms ({:.1} cpu), one by one {:.1} ms ({:.1} cpu)",
-            cutters.len(),
-            together * 1e3,
-            together_cpu * 1e3,
-            alone * 1e3,
-            alone_cpu * 1e3
-        );
+    let lengths = |length: f64| [1.5, length, 20.0, 20.0];
+    let table = |i: usize| [[1.0, 2.0][i / 4], [4.0, 8.0, 12.0, 20.0][i % 4], 20.0, 20.0];
+    let sets = [
+        ("corners of the ranges", CUTTERS.to_vec()),
+        (
+            "one cutter, eight lengths",
+            [2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0].map(lengths).to_vec(),
+        ),
+        ("two balls, four lengths each", (0..8).map(table).collect()),
+    ];
+    for (name, set) in sets {
+        let cutters: Vec<Cutter> = set
+            .into_iter()
+            .map(|lengths| Cutter::ball_end(CutterParams::from_array(lengths)).unwrap())
+            .collect();
+        for occlusion in [false, true] {
+            let options = LabelOptions { occlusion, ..Default::default() };
+            let all =
+                || label_many(&sites, Obstacles::Queries, &cutters, directions, &options).unwrap();
+            let (together, together_cpu, _) = seconds(3, all);
+            let each =
+                || cutters.iter().map(|c| run(&sites, c, directions, &options)).collect::<Vec<_>>();
+            let (alone, alone_cpu, _) = seconds(3, each);
+            println!(
+                "{name}, beta {occlusion}: together {:.1} ms ({:.1} cpu), one by one {:.1} ms ({:.1} cpu)",
+                together * 1e3,
+                together_cpu * 1e3,
+                alone * 1e3,
+                alone_cpu * 1e3
+            );
+        }
     }
 }

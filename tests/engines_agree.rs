@@ -301,17 +301,51 @@ fn batched_is_the_same_at_every_level_and_thread_count() {
     assert_same(&run(Engine::Reference, Level::fastest(), 4), &law, "reference");
 }
 
+/// Lengths of three cutters, wide and narrow holders, and one twice: some hold others, some do not.
+fn families() -> Vec<Cutter> {
+    let mut lengths = vec![];
+    for ch in [0.5, 2.0, 3.5, 6.0, 11.0] {
+        lengths.extend([[1.0, ch, 8.0, 4.0], [2.0, ch, 5.0, 9.0 - 0.5 * ch], [1.0, 7.0, ch, ch]]);
+    }
+    let params: Vec<_> = lengths.into_iter().map(CutterParams::from_array).collect();
+    let mut cutters: Vec<Cutter> =
+        params.iter().filter_map(|&p| Cutter::ball_end(p).ok()).collect();
+    cutters.extend(params[..9].iter().filter_map(|&p| Cutter::flat_end(p).ok()));
+    cutters.push(Cutter::stepped(1.0, &[(4.0, 1.0), (6.0, 3.0), (5.0, 9.0)], false).unwrap());
+    cutters.push(cutters[3].clone());
+    cutters
+}
+
+#[test]
+fn cutters_that_learn_from_each_other_agree_with_the_law() {
+    let mut stream = Stream::new(9, 0, 0, Purpose::Probe);
+    let space = cloud(300, 40.0, &mut stream).points;
+    let few = hemisphere(5);
+    for scene in [solids(600), gridded_pocket(8, 0.5), cloud(400, 20.0, &mut stream)] {
+        assert_engines_agree(&scene, Obstacles::Queries, &families(), &few, "families");
+        let volume = Queries::Volume(&space);
+        let obstacles = Obstacles::Points(&scene.points);
+        assert_engines_agree(volume, obstacles, &families(), &few, "families in space");
+    }
+}
+
 #[test]
 fn labels_do_not_depend_on_the_company_of_other_cutters() {
     let scene = solids(400);
-    let cutters = cutters(5, 3);
-    let options = LabelOptions::default();
-    let together =
-        label_many(&scene, Obstacles::Queries, &cutters, &hemisphere(10), &options).unwrap();
-    for (cutter, together) in cutters.iter().zip(together) {
-        let alone = label(&scene, Obstacles::Queries, cutter, &hemisphere(10), &options).unwrap();
-        assert!(answer(alone) == answer(together));
+    let mut by_cutter = 0;
+    for cutters in [cutters(5, 3), families()] {
+        let options = LabelOptions { matrix: true, ..LabelOptions::default() };
+        let together =
+            label_many(&scene, Obstacles::Queries, &cutters, &hemisphere(10), &options).unwrap();
+        for (cutter, together) in cutters.iter().zip(together) {
+            let alone =
+                label(&scene, Obstacles::Queries, cutter, &hemisphere(10), &options).unwrap();
+            assert_eq!(alone.stats.by_cutter, 0);
+            by_cutter += together.stats.by_cutter;
+            assert!(answer(alone) == answer(together));
+        }
     }
+    assert!(by_cutter > 0);
 }
 
 /// Without β, the engine looks at the sites in another order.

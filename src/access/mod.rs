@@ -19,14 +19,16 @@
 //! # Engines
 //!
 //! [`Engine::Reference`] is that text as plain loops, the law. [`Engine::Batched`] does the same tests
-//! eight at a time. [`Engine::Pruned`], the default, lets boxes around obstacles decide most of them. All engines return the same labels and counts, bit for bit, for any number of
-//! threads and at every SIMD level.
+//! eight at a time. [`Engine::Pruned`], the default, lets heights, rasters and other cutters decide most of
+//! them. All engines return the same labels and counts, bit for bit, for any number of threads and at every SIMD
+//! level.
 
 pub mod baselines;
 mod batched;
 mod clearance;
 mod driver;
 mod gouge;
+mod kin;
 mod labels;
 mod occlusion;
 mod order;

@@ -165,6 +165,9 @@ pub(super) struct Tool {
     in_order: bool,
     lift: f32,
     side: f32,
+    corner: f32,
+    /// The same number for all tools of a call that share their reference points with others.
+    pub kin: Option<usize>,
 }
 
 impl Tool {
@@ -186,7 +189,14 @@ impl Tool {
             normals: if side > 0.0 { scene.normals.clone() } else { vec![] },
             lift: if volume { corner } else { 0.0 },
             side,
+            corner,
+            kin: None,
         }
+    }
+
+    /// Whether both have the same reference points.
+    pub fn is_kin(&self, other: &Tool) -> bool {
+        self.corner == other.corner && self.side == other.side
     }
 
     /// The same cutter at these queries alone.

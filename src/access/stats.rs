@@ -9,6 +9,8 @@ pub struct Stats {
     pub queries: u64,
     /// Of these, decided by the greatest height of all obstacles alone (the shaft test).
     pub by_height: u64,
+    /// Of these, decided by what was found out for other cutters of the same ball or corner in the same call.
+    pub by_cutter: u64,
     /// Of these, decided by the rasters of the direction's grid, without testing any obstacle.
     pub by_grid: u64,
     /// Obstacles tested one by one for the rest.
@@ -25,6 +27,7 @@ impl AddAssign for Stats {
     fn add_assign(&mut self, other: Stats) {
         self.queries += other.queries;
         self.by_height += other.by_height;
+        self.by_cutter += other.by_cutter;
         self.by_grid += other.by_grid;
         self.pairs_tested += other.pairs_tested;
         self.beta_by_rank += other.beta_by_rank;

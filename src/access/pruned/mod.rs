@@ -13,7 +13,7 @@ use super::problem::{Scene, Tool};
 use super::stats::Stats;
 use crate::simd::Level;
 use crate::simd::collide::{AnyObstacle, Coordinates, Rotate};
-use crate::simd::search::{Room, Search};
+use crate::simd::search::{Known, Room, Search};
 use count::Counting;
 
 /// The engine; its scene must be in spatial order to be fast.
@@ -29,6 +29,9 @@ pub(super) struct Scratch {
     centres: Coordinates,
     own_z: Vec<f32>,
     undecided: Vec<u32>,
+    /// Whose reference points `centres` and `known` belong to.
+    kin: Option<usize>,
+    known: Known,
     room: Room,
     counting: Counting,
 }
@@ -43,6 +46,8 @@ impl Method for Pruned<'_> {
             centres: Coordinates::default(),
             own_z: Vec::new(),
             undecided: Vec::new(),
+            kin: None,
+            known: Known::default(),
             room: Room::default(),
             counting: Counting::default(),
         }
@@ -50,13 +55,19 @@ impl Method for Pruned<'_> {
 
     fn enter(&self, scratch: &mut Scratch, frame: &Frame) {
         scratch.frame = *frame;
+        scratch.kin = None;
         turn(&mut scratch.obstacles, &self.scene.obstacles, frame, self.level);
     }
 
     fn collide(&self, scratch: &mut Scratch, tool: &Tool, row: &mut [u64]) -> Stats {
-        let Scratch { frame, obstacles, centres, own_z, undecided, room, .. } = scratch;
-        centres.resize(tool.n());
-        tool.centres(frame, self.level, centres);
+        let Scratch { frame, obstacles, centres, own_z, undecided, kin, known, room, .. } = scratch;
+        if tool.kin.is_none() || *kin != tool.kin {
+            centres.resize(tool.n());
+            tool.centres(frame, self.level, centres);
+            known.clear();
+            *kin = tool.kin;
+        }
+        let known = tool.kin.is_some().then_some(known);
         let own_z = if tool.own_in_order(obstacles.n) {
             &obstacles.z
         } else {
@@ -64,12 +75,20 @@ impl Method for Pruned<'_> {
             own_z
         };
         undecided.clear();
-        let steps = &tool.steps;
-        let search = Search { centres, steps, obstacles, own_z, row: &mut *row, undecided, room };
-        let done = self.level.run(search);
+        let done = self.level.run(Search {
+            centres,
+            steps: &tool.steps,
+            obstacles,
+            own_z,
+            row: &mut *row,
+            undecided,
+            known,
+            room,
+        });
         let mut stats = Stats {
             queries: tool.n() as u64,
             by_height: done.by_height,
+            by_cutter: done.by_known,
             by_grid: done.by_grid,
             pairs_tested: done.tested,
             ..Stats::default()

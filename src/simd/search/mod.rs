@@ -8,12 +8,14 @@
 
 mod disc;
 mod grid;
+mod known;
 
 use super::cells::Extent;
 use super::collide::{Coordinates, StepSquared, eights};
 use super::level::{Kernel, Simd};
 use crate::simd::ones;
 use grid::{Cylinder, Grid};
+pub use known::Known;
 
 /// Sets the bit of every query at which some obstacle collides.
 pub struct Search<'a> {
@@ -29,6 +31,8 @@ pub struct Search<'a> {
     pub row: &'a mut [u64],
     /// Receives the queries whose own obstacle is high enough to matter; their bits stay 0.
     pub undecided: &'a mut Vec<u32>,
+    /// What is known from searches with the same centres in this direction; what this one finds out is added.
+    pub known: Option<&'a mut Known>,
     /// Reused from search to search.
     pub room: &'a mut Room,
 }
@@ -38,6 +42,10 @@ pub struct Search<'a> {
 pub struct Room {
     /// Per eight queries, the open ones.
     open: Vec<u8>,
+    /// Per eight queries, those that the step at hand is asked about.
+    asked: Vec<u8>,
+    /// Per eight queries, those that some step was asked about.
+    ever_asked: Vec<u8>,
     /// Per eight queries, those for which obstacles were tested.
     tested: Vec<u8>,
     grid: Grid,
@@ -48,6 +56,8 @@ pub struct Room {
 pub struct Searched {
     /// By the greatest height alone.
     pub by_height: u64,
+    /// By what was known of other cutters.
+    pub by_known: u64,
     /// By the rasters alone.
     pub by_grid: u64,
     /// Obstacles tested for the others.
@@ -63,18 +73,25 @@ impl Kernel for Search<'_> {
         let n_finite = self.steps.iter().position(infinite).unwrap_or(self.steps.len());
         let mut done = self.by_height(s, self.steps.get(n_finite));
         let n_questions = count(&self.room.open);
-        for step in self.steps[..n_finite].iter().rev() {
-            let n_open = count(&self.room.open);
-            if n_open == 0 {
-                break;
+        let steps = &self.steps[..n_finite];
+        self.recall(steps);
+        for step in steps.iter().rev() {
+            let n_asked = self.choose(step);
+            if n_asked == 0 {
+                continue;
             }
             let extent = self.extent(s);
             let floor = extent.least[2] + step.height;
-            if self.room.grid.fill(s, (self.obstacles, floor), step, &extent, n_open) {
+            if self.room.grid.fill(s, (self.obstacles, floor), step, &extent, n_asked) {
                 done.tested += self.ask(s, step);
             }
+            if let Some(known) = &mut self.known {
+                known.learn(step, &self.room.asked, &self.room.open);
+            }
         }
-        done.by_grid = n_questions - count(&self.room.tested);
+        let n_asked = self.known.map_or(n_questions, |_| count(&self.room.ever_asked));
+        done.by_known = n_questions - n_asked;
+        done.by_grid = n_asked - count(&self.room.tested);
         done
     }
 }
@@ -88,7 +105,8 @@ impl Search<'_> {
         let first = s.splat(self.steps[0].height);
         let n = self.centres.n;
         let mut by_height = 0;
-        for bits in [&mut self.room.open, &mut self.room.tested] {
+        let Room { open, tested, ever_asked, .. } = &mut *self.room;
+        for bits in [open, tested, ever_asked] {
             bits.clear();
             bits.resize(n.div_ceil(8), 0);
         }
@@ -112,39 +130,66 @@ impl Search<'_> {
         Searched { by_height, ..Searched::default() }
     }
 
-    /// What the open queries span.
+    /// Decides the open queries at which some obstacle is known to be in one of the steps.
+    #[inline(always)]
+    fn recall(&mut self, steps: &[StepSquared]) {
+        let Room { open, asked: hits, .. } = &mut *self.room;
+        let Some(known) = &self.known else { return };
+        hits.clear();
+        hits.resize(open.len(), 0);
+        known.hits(steps, hits);
+        for (block, (open, hits)) in open.iter_mut().zip(hits).enumerate() {
+            self.row[block / 8] |= u64::from(*hits & *open) << (8 * (block % 8));
+            *open &= !*hits;
+        }
+    }
+
+    /// Chooses the open queries that this step may decide, and counts them.
+    #[inline(always)]
+    fn choose(&mut self, step: &StepSquared) -> u64 {
+        let Room { open, asked, ever_asked, .. } = &mut *self.room;
+        asked.clone_from(open);
+        if let Some(known) = &self.known {
+            known.keep_open(step, asked);
+            ever_asked.iter_mut().zip(&*asked).for_each(|(ever, asked)| *ever |= asked);
+        }
+        count(asked)
+    }
+
+    /// What the queries asked about span.
     #[inline(always)]
     fn extent<S: Simd>(&self, s: S) -> Extent {
         let mut least = [s.splat(f32::INFINITY); 3];
         let mut greatest = [s.splat(f32::NEG_INFINITY); 3];
         let axes = [&self.centres.x, &self.centres.y, &self.centres.z].map(|axis| eights(axis));
-        for (block, &open) in self.room.open.iter().enumerate().filter(|(_, open)| **open != 0) {
+        for (block, &asked) in self.room.asked.iter().enumerate().filter(|(_, asked)| **asked != 0)
+        {
             for (axis, lanes) in axes.iter().enumerate() {
-                let open_or =
-                    |other| s.only(s.load(&lanes[block]), u32::from(open), s.splat(other));
-                least[axis] = s.min(least[axis], open_or(f32::INFINITY));
-                greatest[axis] = s.max(greatest[axis], open_or(f32::NEG_INFINITY));
+                let asked_or =
+                    |other| s.only(s.load(&lanes[block]), u32::from(asked), s.splat(other));
+                least[axis] = s.min(least[axis], asked_or(f32::INFINITY));
+                greatest[axis] = s.max(greatest[axis], asked_or(f32::NEG_INFINITY));
             }
         }
         Extent::of(s, least, greatest)
     }
 
-    /// Asks the grid about every open query; the obstacles tested.
+    /// Asks the grid about the chosen queries; the obstacles tested.
     #[inline(always)]
     fn ask<S: Simd>(&mut self, s: S, step: &StepSquared) -> u64 {
-        let Room { open, tested, grid } = &mut *self.room;
+        let Room { open, asked, tested, grid, .. } = &mut *self.room;
         let [x, y, z] =
             [&self.centres.x, &self.centres.y, &self.centres.z].map(|axis| eights(axis));
         let reach = s.splat(grid.reach);
         let mut n_tested = 0;
-        for (block, open) in open.iter_mut().enumerate().filter(|(_, open)| **open != 0) {
+        for (block, &asked) in asked.iter().enumerate().filter(|(_, asked)| **asked != 0) {
             let [x, y, z] = [&x[block], &y[block], &z[block]];
             let [lane_x, lane_y] = [s.load(x), s.load(y)];
             let threshold = s.add(s.load(z), s.splat(step.height));
             let middle = grid.cells.places(s, lane_x, lane_y);
             let bounds = grid.bounds(s, &middle, threshold);
-            let mut hit = bounds.hit & u32::from(*open);
-            let may = bounds.may & u32::from(*open) & !hit;
+            let mut hit = bounds.hit & u32::from(asked);
+            let may = bounds.may & u32::from(asked) & !hit;
             if may != 0 {
                 let ring = if grid.cells.wide { may & bounds.clear } else { 0 };
                 if ring != 0 {
@@ -169,7 +214,7 @@ impl Search<'_> {
                 }
                 tested[block] |= may as u8;
             }
-            *open &= !hit as u8;
+            open[block] &= !hit as u8;
             self.row[block / 8] |= u64::from(hit) << (8 * (block % 8));
         }
         n_tested
