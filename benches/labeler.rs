@@ -237,12 +237,19 @@ fn peak_megabytes() -> u64 {
 }
 
 /// Compares the pruned engine with the reference, labels, directions, witnesses and counts, for cutters
-/// drawn from all sets in turn.
+/// drawn from all sets in turn, every third with the ball of the one before.
 fn equal(settings: &Settings, parts: &[(String, Mesh)], directions: &Directions) {
     let mut stream = Stream::new(4, 0, 0, Purpose::Cutter);
-    let draw = |i: usize| CutterSet::ALL[i % 4].draw(&mut stream);
-    let cutters: Vec<Cutter> =
-        (0..settings.equal).map(draw).map(|params| Cutter::ball_end(params).unwrap()).collect();
+    let mut cr_mm = 0.0;
+    let draw = |i: usize| {
+        let mut params = CutterSet::ALL[i % 4].draw(&mut stream);
+        if i % 3 == 2 {
+            params.cr_mm = cr_mm;
+        }
+        cr_mm = params.cr_mm;
+        Cutter::ball_end(params).unwrap()
+    };
+    let cutters: Vec<Cutter> = (0..settings.equal).map(draw).collect();
     for &n_sites in &settings.sizes {
         for (name, mesh) in parts {
             let sites = sample(mesh, &SiteOptions { n_sites, ..Default::default() }).unwrap();
@@ -347,15 +354,16 @@ fn published(sites: &Sites, lengths: [f64; 4], directions: &Directions, stride: 
 /// Several cutters on one part, together and one by one.
 fn share_work(mesh: &Mesh, directions: &Directions) {
     let sites = sample(mesh, &SiteOptions::default()).unwrap();
-    let lengths = |length: f64| [1.5, length, 20.0, 20.0];
-    let table = |i: usize| [[1.0, 2.0][i / 4], [4.0, 8.0, 12.0, 20.0][i % 4], 20.0, 20.0];
+    let lengths = |cr, lengths: &[f64]| {
+        lengths.iter().map(|&length| [cr, length, 20.0, 20.0]).collect::<Vec<_>>()
+    };
+    let few = [4.0, 8.0, 12.0, 20.0];
+    let thirty: Vec<f64> = (0..30).map(|i| 2.0 + 0.6 * f64::from(i)).collect();
     let sets = [
         ("corners of the ranges", CUTTERS.to_vec()),
-        (
-            "one cutter, eight lengths",
-            [2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0].map(lengths).to_vec(),
-        ),
-        ("two balls, four lengths each", (0..8).map(table).collect()),
+        ("two balls, four lengths each", [lengths(1.0, &few), lengths(2.0, &few)].concat()),
+        ("one cutter, eight lengths", lengths(1.5, &[2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0])),
+        ("one cutter, thirty lengths", lengths(1.5, &thirty)),
     ];
     for (name, set) in sets {
         let cutters: Vec<Cutter> = set
