@@ -1,0 +1,191 @@
+//! Bits that a rewrite must not change: SHA-256 of labels, logits and trained weights.
+//!
+//! A hash here changes only with a documented change of an order of summation or of a definition; the
+//! commit that changes it says which, and parity and gradient checks prove the new bits right.
+
+use deepmill::access::{LabelOptions, Obstacles, label};
+use deepmill::cutter::{Cutter, CutterParams};
+use deepmill::data::generated::{demo_part, mixed_part};
+use deepmill::directions::Directions;
+use deepmill::geom::Mesh;
+use deepmill::geom::sites::{SiteOptions, Sites, sample};
+use deepmill::loss::CrossEntropy;
+use deepmill::model::{Batch, Model, Shape, UNetConfig, Workspace};
+use deepmill::optim::Sgd;
+use deepmill::par;
+use deepmill::rng::{Purpose, Stream};
+use deepmill::simd::Level;
+use sha2::{Digest, Sha256};
+use std::sync::Mutex;
+
+/// The level in force belongs to the whole process.
+static LEVEL: Mutex<()> = Mutex::new(());
+
+const CUTTERS: [[f64; 4]; 4] =
+    [[1.5, 6.0, 40.0, 5.0], [1.0, 20.0, 5.0, 20.0], [2.0, 0.1, 90.0, 0.2], [3.0, 12.0, 8.0, 10.0]];
+
+fn parts() -> Vec<Sites> {
+    let options = SiteOptions { n_sites: 900, ..SiteOptions::default() };
+    let parts: [Mesh; 3] = [demo_part(), mixed_part(5, 3), mixed_part(5, 11)];
+    parts.iter().map(|mesh| sample(mesh, &options).unwrap()).collect()
+}
+
+fn hex(hash: Sha256) -> String {
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn add<const N: usize>(hash: &mut Sha256, numbers: impl Iterator<Item = [u8; N]>) {
+    numbers.for_each(|bytes| hash.update(bytes));
+}
+
+fn add_floats(hash: &mut Sha256, x: &[f32]) {
+    add(hash, x.iter().map(|x| x.to_bits().to_le_bytes()));
+}
+
+/// Runs `work` on 1 and on 3 threads, at every level of this processor, and demands one hash of all.
+fn assert_pinned(name: &str, expected: &str, work: impl Fn() -> Sha256 + Sync) {
+    let _alone = LEVEL.lock().unwrap_or_else(|e| e.into_inner());
+    let chosen = Level::requested().unwrap();
+    for &level in Level::available() {
+        level.activate();
+        for n_threads in [1, 3] {
+            let found = hex(par::with_threads(n_threads, &work).unwrap());
+            chosen.activate();
+            assert_eq!(found, expected, "{name}: {}, {n_threads} threads", level.name());
+            level.activate();
+        }
+    }
+    chosen.activate();
+}
+
+#[test]
+fn sites_of_generated_parts_are_pinned() {
+    let mut hash = Sha256::new();
+    for sites in parts() {
+        for points in [&sites.points, &sites.normals] {
+            points.iter().for_each(|p| add_floats(&mut hash, &p.to_array()));
+        }
+    }
+    assert_eq!(hex(hash), "a260cc3a53b91936104e059cdbb5ce8ccf40671569ca275482c5aaec7deb4440");
+}
+
+#[test]
+fn labels_of_three_parts_and_four_cutters_are_pinned() {
+    let (parts, directions) = (parts(), Directions::fibonacci_hemisphere(150).unwrap());
+    assert_pinned(
+        "labels",
+        "ce46754953093d3a5743787e3c004f45801745d9188e3de4b51b39a5f6e35703",
+        || {
+            let mut hash = Sha256::new();
+            for sites in &parts {
+                for lengths in CUTTERS {
+                    let cutter = Cutter::ball_end(CutterParams::from_array(lengths)).unwrap();
+                    let options = LabelOptions::default();
+                    let labels =
+                        label(sites, Obstacles::Queries, &cutter, &directions, &options).unwrap();
+                    add(&mut hash, labels.inaccessible.iter().map(|&l| [u8::from(l)]));
+                    let witness = labels.witness.iter().map(|w| w.unwrap_or(u32::MAX));
+                    add(&mut hash, witness.map(u32::to_le_bytes));
+                    add(&mut hash, labels.accessible_directions.iter().map(|n| n.to_le_bytes()));
+                    add(&mut hash, labels.beta.iter().map(|n| n.to_le_bytes()));
+                    add(&mut hash, labels.occlusion.iter().map(|&l| [u8::from(l)]));
+                }
+            }
+            hash
+        },
+    );
+}
+
+#[test]
+fn logits_of_the_shipped_network_are_pinned() {
+    let (parts, model) = (parts(), Model::shipped().unwrap());
+    assert_pinned(
+        "logits",
+        "f126947fe04b51566bb93bcb9606d5a71f919fb1960f6493bfd155cefe70230a",
+        || {
+            let mut hash = Sha256::new();
+            for sites in &parts {
+                for lengths in CUTTERS {
+                    let answer = model.predict(&sites.points, &sites.normals, lengths).unwrap();
+                    for logits in [&answer.logits_inaccessible, &answer.logits_occlusion] {
+                        add_floats(&mut hash, logits.as_flattened());
+                    }
+                }
+            }
+            hash
+        },
+    );
+}
+
+/// The reference's structure and conventions with few channels.
+fn narrow_reference() -> UNetConfig {
+    let mut config = UNetConfig::reference();
+    config.stem_width = 8;
+    config.encoder_widths = vec![8, 16, 24, 32];
+    config.encoder_blocks = vec![1, 2, 1, 1];
+    config.decoder_widths = vec![32, 24, 24, 64];
+    config.head_width = 16;
+    config.cutter.width = 24;
+    config
+}
+
+/// Parameters and running statistics after three steps on three shapes with dropout.
+fn trained(config: &UNetConfig, parts: &[Sites]) -> Sha256 {
+    let shapes: Vec<Shape> = parts
+        .iter()
+        .zip(CUTTERS)
+        .map(|(s, cutter_mm)| Shape { points: &s.points, normals: &s.normals, cutter_mm })
+        .collect();
+    let batch = Batch::new(&shapes, &config.input).unwrap();
+    let mut model = Model::<f32>::new(config, 3).unwrap();
+    let (mut work, mut dlogits) = (Workspace::default(), [vec![], vec![]]);
+    let n = model.params.len();
+    let (mut grads, mut velocity) = (vec![0.0; n], vec![0.0; n]);
+    let targets: Vec<u8> = (0..batch.n_points()).map(|i| u8::from(i % 5 == 0)).collect();
+    for step in 0..3 {
+        let stream = |shape| Stream::new(3, step, shape, Purpose::Dropout);
+        let mut dropout: Vec<_> = (0..batch.n_shapes() as u64).map(stream).collect();
+        model.forward_train(&batch, Some(&mut dropout), &mut work);
+        for (logits, d) in work.logits.iter().zip(&mut dlogits) {
+            assert!(CrossEntropy::binary().loss(logits, &targets, 1.0, d).is_finite());
+        }
+        let [first, second] = &dlogits;
+        model.backward(&batch, [first, second], &mut work, &mut grads);
+        let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
+        sgd.step(0.1, &mut grads, &mut velocity, &mut model.params);
+    }
+    let mut hash = Sha256::new();
+    add_floats(&mut hash, &model.params);
+    add_floats(&mut hash, &model.buffers);
+    hash
+}
+
+#[test]
+fn weights_after_three_steps_of_tiny_are_pinned() {
+    let (config, parts) = (UNetConfig::tiny(), parts());
+    assert_pinned(
+        "tiny",
+        "1ec11aa3b97e5fd5edd02379f1124abac73ac9d0366135f260155f613bb2ae67",
+        || trained(&config, &parts),
+    );
+}
+
+#[test]
+fn weights_after_three_steps_of_small_are_pinned() {
+    let (config, parts) = (UNetConfig::small(), parts());
+    assert_pinned(
+        "small",
+        "5e861dce9b7e75b2b463fcca39def62a36a63f2048e1965ccb6e671ed387f49c",
+        || trained(&config, &parts),
+    );
+}
+
+#[test]
+fn weights_after_three_steps_of_a_narrow_reference_are_pinned() {
+    let (config, parts) = (narrow_reference(), parts());
+    assert_pinned(
+        "narrow reference",
+        "27142dad4014f9ba053e21191913e327df73138f75e8c603cca46025a5dcf97e",
+        || trained(&config, &parts),
+    );
+}
