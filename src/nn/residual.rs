@@ -223,7 +223,7 @@ impl<T: Scalar> Layer<T> for Residual {
         let (y, shortcut) = match &self.shortcut {
             None => {
                 let (x, mut y) = (x.to_matrix(pass.arena), pass.arena.get(mapped.len()));
-                let activation = Activation::ReluOfSum(&*x);
+                let activation = Activation::ReluOfSum(&x);
                 norm.normalize(params, &mapped, &statistics, activation, &mut y);
                 (y, None)
             }
