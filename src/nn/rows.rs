@@ -1,4 +1,4 @@
-//! Sums over columns and work on rows, by blocks of rows: what normalising and elementwise layers share.
+//! Sums over columns and work on rows, by blocks of rows: what normalizing and elementwise layers share.
 
 use crate::par;
 use crate::scalar::{Scalar, vectorised};
