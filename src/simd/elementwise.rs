@@ -205,6 +205,9 @@ impl Kernel for SgdStep<'_, f32> {
     }
 }
 
+/// Vectors of a row of [`SparseRows`] that are summed together: enough to hide the latency of the multiply-add.
+const STRETCH: usize = 4;
+
 /// Rows that are sums of weighted rows: `y[r] = Σ_t weights[t] · x[sources[t]]`, `t` ascending over
 /// `starts[r]..starts[r + 1]`, fused onto 0.
 #[derive(Debug)]
@@ -243,17 +246,33 @@ impl Kernel for SparseRows<'_, f32> {
     fn run<S: Simd>(self, s: S) {
         let SparseRows { starts, sources, weights, x, c, y } = self;
         let x = x.as_ptr();
+        let in_stretches = c - c % (STRETCH * S::LANES);
         for (y, range) in y.chunks_exact_mut(c).zip(starts.windows(2)) {
             let (sources, weights) = (&sources[range[0]..range[1]], &weights[range[0]..range[1]]);
             let y = y.as_mut_ptr();
+            for first in (0..in_stretches).step_by(STRETCH * S::LANES) {
+                let mut sums = [S::F32::splat(s, 0.0); STRETCH];
+                for (&row, &weight) in sources.iter().zip(weights) {
+                    let weight = S::F32::splat(s, weight);
+                    for (v, sum) in sums.iter_mut().enumerate() {
+                        let place = row as usize * c + first + v * S::LANES;
+                        // SAFETY: all sources are rows of `x`, as checked on entry.
+                        *sum = weight.mul_add(unsafe { S::F32::load_ptr(s, x.add(place)) }, *sum);
+                    }
+                }
+                for (v, sum) in sums.into_iter().enumerate() {
+                    // SAFETY: the stretch lies inside the row.
+                    unsafe { sum.store_ptr(y.add(first + v * S::LANES)) };
+                }
+            }
             // SAFETY: all sources are rows of `x`, as checked on entry, and `y` is a row.
-            for_each_vector!(S, c, |chunk| unsafe {
+            for_each_vector!(S, c - in_stretches, |chunk| unsafe {
                 let mut sum = S::F32::splat(s, 0.0);
                 for (&row, &weight) in sources.iter().zip(weights) {
-                    let x = chunk.load(s, x.add(row as usize * c));
+                    let x = chunk.load(s, x.add(row as usize * c + in_stretches));
                     sum = S::F32::splat(s, weight).mul_add(x, sum);
                 }
-                chunk.store::<S>(sum, y);
+                chunk.store::<S>(sum, y.add(in_stretches));
             });
         }
     }

@@ -248,9 +248,13 @@ fn matmul_tn_all_rows<S: Simd>(s: S, x: MatmulTnRows<'_, f32>, copy: &mut PanelC
     for r in passes(x.a_rows.len(), TN_DEPTH) {
         for j in (0..x.n).step_by(n_columns) {
             let j = j..x.n.min(j + n_columns);
-            let g_rows =
-                x.g_rows[r.clone()].iter().map(|&row| &x.g[row as usize * x.n..][j.clone()]);
-            let panel = Panel::copied(s, copy.rows(r.len(), n_columns), g_rows);
+            let g = RowPointers {
+                start: x.g[j.start..].as_ptr(),
+                rows: &x.g_rows[r.clone()],
+                width: x.n,
+            };
+            // SAFETY: all rows were checked on entry, and j stays inside them.
+            let panel = unsafe { Panel::gathered(s, copy.rows(r.len(), n_columns), g, j.len()) };
             for p in tiles(x.k, S::TILE_ROWS) {
                 let a = x.a[p.start..].as_ptr();
                 let a = RowPointers { start: a, rows: &x.a_rows[r.clone()], width: x.k };
@@ -272,19 +276,20 @@ fn matmul_tn_few_rows<S: Simd>(s: S, x: MatmulTnRows<'_, f32>, copy: &mut PanelC
     let len = n_rows * n_columns;
     let copies = copy.rows(n_rows * x.n.div_ceil(n_columns), n_columns);
     for (copy, start) in copies.chunks_exact_mut(len).zip((0..).step_by(n_columns)) {
-        let j = start..x.n.min(start + n_columns);
-        let rows = x.g_rows.iter().map(|&row| &x.g[row as usize * x.n..][j.clone()]);
-        Panel::copied(s, copy, rows);
+        let g = RowPointers { start: x.g[start..].as_ptr(), rows: x.g_rows, width: x.n };
+        // SAFETY: all rows were checked on entry, and the columns stay inside them.
+        unsafe { Panel::gathered(s, copy, g, n_columns.min(x.n - start)) };
     }
+    let (a, d) = (x.a.as_ptr(), x.d.as_mut_ptr());
     for p in tiles(x.k, S::TILE_ROWS) {
-        let a = RowPointers { start: x.a[p.start..].as_ptr(), rows: x.a_rows, width: x.k };
+        let a = RowPointers { start: a.wrapping_add(p.start), rows: x.a_rows, width: x.k };
         for (copy, start) in copies.chunks_exact(len).zip((0..).step_by(n_columns)) {
             let width = n_columns.min(x.n - start);
-            let d = (x.d[p.start * x.n + start..].as_mut_ptr(), x.n);
-            // SAFETY: the panel was written above, all rows were checked on entry, and p and the columns
-            // stay inside them.
+            // SAFETY: the panel was written above, all rows were checked on entry, `d` is `[k, n]`, and p and the
+            // columns stay inside them.
             unsafe {
                 let panel = Panel::written::<S>(copy);
+                let d = (d.add(p.start * x.n + start), x.n);
                 with_height!(p.len(), tile_tn::<S, WIDTH>(s, a, panel, d, width));
             }
         }

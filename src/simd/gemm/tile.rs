@@ -84,6 +84,36 @@ impl<'a> Panel<'a> {
         Panel { start: copy.as_ptr().cast(), stride: columns::<S>(), depth, source: PhantomData }
     }
 
+    /// A copy of the first `width` columns of gathered rows, padded with zeros.
+    ///
+    /// # Safety
+    /// `g` has rows that reach `width` numbers far, as many as `copy` has places for.
+    #[inline(always)]
+    pub(super) unsafe fn gathered<S: Simd>(
+        s: S,
+        copy: &'a mut [MaybeUninit<f32>],
+        g: RowPointers<'_, *const f32>,
+        width: usize,
+    ) -> Self {
+        let stride = columns::<S>();
+        assert!(g.rows.len() * stride == copy.len());
+        let to: *mut f32 = copy.as_mut_ptr().cast();
+        for (r, &row) in g.rows.iter().enumerate() {
+            for v in 0..WIDTH {
+                // SAFETY: the caller's promise; the copy has a place for each row.
+                unsafe {
+                    let from = g.start.add(row as usize * g.width).wrapping_add(v * S::LANES);
+                    let lanes = match width == stride {
+                        true => S::F32::load_ptr(s, from),
+                        false => S::F32::load_partial_ptr(s, from, lanes_of::<S>(width, v)),
+                    };
+                    lanes.store_ptr(to.add(r * stride + v * S::LANES));
+                }
+            }
+        }
+        Panel { start: to, stride, depth: g.rows.len(), source: PhantomData }
+    }
+
     /// All rows of a copy.
     ///
     /// # Safety
@@ -145,19 +175,33 @@ pub(super) unsafe fn tile_rows<S: Simd, const M: usize, const V: usize>(
             c_rows[i] = c.start.add(c.rows[i] as usize * c.width);
         }
         let mut sums = match more {
-            true => load::<S, M, V>(s, &c_rows, width),
+            true => load::<S, M, V>(s, |i| c_rows[i], width),
             false => [[S::F32::splat(s, 0.0); V]; M],
         };
         for p in 0..panel.depth {
-            let b = panel_row::<S, V>(s, panel, p);
-            for i in 0..M {
-                let a = S::F32::splat(s, *a_rows[i].add(p));
+            if V > M {
+                // The shorter side of the tile waits in registers.
+                let mut a = [S::F32::splat(s, 0.0); M];
+                for i in 0..M {
+                    a[i] = S::F32::splat(s, *a_rows[i].add(p));
+                }
                 for v in 0..V {
-                    sums[i][v] = a.mul_add(b[v], sums[i][v]);
+                    let b = panel_vector(s, panel, p, v);
+                    for i in 0..M {
+                        sums[i][v] = a[i].mul_add(b, sums[i][v]);
+                    }
+                }
+            } else {
+                let b = panel_row::<S, V>(s, panel, p);
+                for i in 0..M {
+                    let a = S::F32::splat(s, *a_rows[i].add(p));
+                    for v in 0..V {
+                        sums[i][v] = a.mul_add(b[v], sums[i][v]);
+                    }
                 }
             }
         }
-        store::<S, M, V>(&sums, &c_rows, width);
+        store::<S, M, V>(&sums, |i| c_rows[i], width);
     }
 }
 
@@ -176,11 +220,8 @@ pub(super) unsafe fn tile_tn<S: Simd, const M: usize, const V: usize>(
 ) {
     // SAFETY: the caller's promise.
     unsafe {
-        let mut d_rows = [d; M];
-        for (i, row) in d_rows.iter_mut().enumerate() {
-            *row = d.add(i * n);
-        }
-        let mut sums = load::<S, M, V>(s, &d_rows, width);
+        let d_row = |i: usize| d.wrapping_add(i * n);
+        let mut sums = load::<S, M, V>(s, d_row, width);
         for r in 0..panel.depth {
             let g = panel_row::<S, V>(s, panel, r);
             let a = a.start.add(*a.rows.get_unchecked(r) as usize * a.width);
@@ -191,7 +232,7 @@ pub(super) unsafe fn tile_tn<S: Simd, const M: usize, const V: usize>(
                 }
             }
         }
-        store::<S, M, V>(&sums, &d_rows, width);
+        store::<S, M, V>(&sums, d_row, width);
     }
 }
 
@@ -204,9 +245,19 @@ unsafe fn panel_row<S: Simd, const V: usize>(s: S, panel: Panel<'_>, p: usize) -
     let mut row = [S::F32::splat(s, 0.0); V];
     for (v, row) in row.iter_mut().enumerate() {
         // SAFETY: the caller's promise.
-        *row = unsafe { S::F32::load_ptr(s, panel.start.add(p * panel.stride + v * S::LANES)) };
+        *row = unsafe { panel_vector(s, panel, p, v) };
     }
     row
+}
+
+/// Vector `v` of row `p` of a panel.
+///
+/// # Safety
+/// The panel has the row, which has the vector.
+#[inline(always)]
+unsafe fn panel_vector<S: Simd>(s: S, panel: Panel<'_>, p: usize, v: usize) -> S::F32 {
+    // SAFETY: the caller's promise.
+    unsafe { S::F32::load_ptr(s, panel.start.add(p * panel.stride + v * S::LANES)) }
 }
 
 /// The first `width ≤ V·LANES` numbers of each row, padded with zeros.
@@ -216,7 +267,7 @@ unsafe fn panel_row<S: Simd, const V: usize>(s: S, panel: Panel<'_>, p: usize) -
 #[inline(always)]
 unsafe fn load<S: Simd, const M: usize, const V: usize>(
     s: S,
-    rows: &[*mut f32; M],
+    row: impl Fn(usize) -> *mut f32,
     width: usize,
 ) -> [[S::F32; V]; M] {
     let mut tile = [[S::F32::splat(s, 0.0); V]; M];
@@ -224,7 +275,7 @@ unsafe fn load<S: Simd, const M: usize, const V: usize>(
         for v in 0..V {
             // SAFETY: the caller's promise.
             tile[i][v] = unsafe {
-                let from = rows[i].wrapping_add(v * S::LANES);
+                let from = row(i).wrapping_add(v * S::LANES);
                 match width == V * S::LANES {
                     true => S::F32::load_ptr(s, from),
                     false => S::F32::load_partial_ptr(s, from, lanes_of::<S>(width, v)),
@@ -242,12 +293,12 @@ unsafe fn load<S: Simd, const M: usize, const V: usize>(
 #[inline(always)]
 unsafe fn store<S: Simd, const M: usize, const V: usize>(
     tile: &[[S::F32; V]; M],
-    rows: &[*mut f32; M],
+    row: impl Fn(usize) -> *mut f32,
     width: usize,
 ) {
     for i in 0..M {
         for v in 0..V {
-            let to = rows[i].wrapping_add(v * S::LANES);
+            let to = row(i).wrapping_add(v * S::LANES);
             // SAFETY: the caller's promise.
             unsafe {
                 match width == V * S::LANES {

@@ -161,7 +161,7 @@ fn transform<S: Simd>(
     work: &mut Work,
     to: &mut Vec<f32>,
 ) {
-    let (halfway, rows) = work.parts(s);
+    let (halfway, rows, exists) = work.parts(s);
     match term {
         Term::Nodes { x, weights } => {
             let depth = weights.depth;
@@ -175,7 +175,7 @@ fn transform<S: Simd>(
         Term::Shapes { .. } => {
             let apart = plane(groups.len(), 1);
             to.resize(N_FREQUENCIES * apart, 0.0);
-            frequencies_of_ones(s, halfway, groups, apart, to);
+            frequencies_of_ones(s, halfway, exists, groups, apart, to);
         }
     }
 }
@@ -205,13 +205,20 @@ fn add_term<S: Simd>(
                 sums.fill(0.0);
             }
             let x = &x[f * plane(n_groups, 1)..][..n_groups];
-            for ((sum, &x), shape) in sums.chunks_exact_mut(n_columns).zip(x).zip(*shapes) {
-                let row = &products[(shape * N_FREQUENCIES + f) * n..][columns.clone()];
-                let x = S::F32::splat(s, x);
-                for v in 0..WIDTH {
-                    let row = row.get(v * S::LANES..).unwrap_or_default();
-                    let sum = &mut sum[v * S::LANES..];
-                    x.mul_add(S::F32::load_partial(s, row), S::F32::load(s, sum)).store(sum);
+            assert!(shapes.len() == n_groups && columns.end <= n);
+            for v in 0..WIDTH {
+                let n_lanes = lanes_of::<S>(columns.len(), v);
+                let first = f * n + columns.start + if n_lanes > 0 { v * S::LANES } else { 0 };
+                let (to, from) = (sums[v * S::LANES..].as_mut_ptr(), products[first..].as_ptr());
+                for (i, (&x, shape)) in x.iter().zip(*shapes).enumerate() {
+                    // SAFETY: there is a product for each shape, as checked on entry, and a row of sums for each
+                    // group.
+                    unsafe {
+                        let row = from.add(shape * N_FREQUENCIES * n);
+                        let row = S::F32::load_partial_ptr(s, row, n_lanes);
+                        let to = to.add(i * n_columns);
+                        S::F32::splat(s, x).mul_add(row, S::F32::load_ptr(s, to)).store_ptr(to);
+                    }
                 }
             }
         }
@@ -228,7 +235,7 @@ fn put_children<S: Simd>(
     y: &mut [f32],
 ) {
     let n_columns = self::columns::<S>();
-    let (halfway, _) = work.parts(s);
+    let (halfway, ..) = work.parts(s);
     for (i, y) in y.chunks_exact_mut(8 * n).enumerate() {
         for v in 0..WIDTH {
             let n_lanes = lanes_of::<S>(columns.len(), v);

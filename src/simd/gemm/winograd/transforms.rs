@@ -174,17 +174,24 @@ pub struct GradientTransform<'a, T> {
 pub(in crate::simd) struct Work {
     halfway: [MaybeUninit<f32>; 2 * 64 * MAX_LANES],
     rows: [*const f32; 64],
+    exists: Exists,
 }
+
+/// Whether the 27 neighbors of some groups exist, 1 or 0, a lane per group.
+pub(in crate::simd) type Exists = [[f32; MAX_LANES]; 27];
 
 impl Work {
     pub(in crate::simd) fn new() -> Self {
         let halfway = [const { MaybeUninit::uninit() }; 2 * 64 * MAX_LANES];
-        Work { halfway, rows: [ZEROS.as_ptr(); 64] }
+        Work { halfway, rows: [ZEROS.as_ptr(); 64], exists: [[0.0; MAX_LANES]; 27] }
     }
 
-    /// The cube in vectors, and the rows.
+    /// The cube in vectors, the rows, and which neighbors exist.
     #[inline(always)]
-    pub(super) fn parts<S: Simd>(&mut self, s: S) -> (&mut Halfway<S::F32>, &mut [*const f32; 64]) {
+    pub(super) fn parts<S: Simd>(
+        &mut self,
+        s: S,
+    ) -> (&mut Halfway<S::F32>, &mut [*const f32; 64], &mut Exists) {
         let halfway: *mut Halfway<S::F32> = self.halfway.as_mut_ptr().cast();
         // SAFETY: the memory is aligned and large enough for 128 vectors of any level, and belongs to
         // `self`; it is written before it is lent.
@@ -194,7 +201,7 @@ impl Work {
             }
             &mut *halfway
         };
-        (halfway, &mut self.rows)
+        (halfway, &mut self.rows, &mut self.exists)
     }
 }
 
@@ -260,7 +267,7 @@ impl Kernel for InputKernel<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
         let InputKernel(InputTransform { groups, x, depth, plane, to }, work) = self;
-        let (halfway, rows) = work.parts(s);
+        let (halfway, rows, _) = work.parts(s);
         for (i, group) in groups.iter().enumerate() {
             find_rows(group, (x, depth), rows);
             frequencies(s, halfway, rows, depth, plane, &mut to[i * depth..]);
@@ -318,7 +325,7 @@ impl Kernel for GradientKernel<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
         let GradientKernel(GradientTransform { dy, width, plane, to }, work) = self;
-        let (halfway, _) = work.parts(s);
+        let (halfway, ..) = work.parts(s);
         let zero = S::F32::splat(s, 0.0);
         for (i, dy) in dy.chunks_exact(8 * width).enumerate() {
             let to = &mut to[i * width..];
@@ -362,7 +369,7 @@ impl Kernel for KernelKernel<'_, '_> {
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
         let KernelKernel(transform, work, kernel_rows) = self;
-        let (halfway, _) = work.parts(s);
+        let (halfway, ..) = work.parts(s);
         let half = S::F32::splat(s, 0.5);
         match transform {
             KernelTransform::Weights { weights, panel, to } => {
@@ -449,12 +456,12 @@ fn transform_panel<S: Simd>(
 pub(super) fn frequencies_of_ones<S: Simd>(
     s: S,
     halfway: &mut Halfway<S::F32>,
+    exists: &mut Exists,
     groups: &[[i32; 27]],
     plane: usize,
     to: &mut [f32],
 ) {
     assert!(to.len() >= (N_FREQUENCIES - 1) * plane + groups.len());
-    let mut exists = [[0.0f32; MAX_LANES]; 27];
     for (i, groups) in groups.chunks(S::LANES).enumerate() {
         for (k, exists) in exists.iter_mut().enumerate() {
             for (lane, exists) in exists[..S::LANES].iter_mut().enumerate() {
