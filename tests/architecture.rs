@@ -33,7 +33,7 @@ const PLAN: [(&str, &[&str]); 21] = [
     ("loss", &[]),
     ("metrics", &[]),
     ("access", &["geom", "cutter", "directions", "simd"]),
-    ("octree", &[]),
+    ("octree", &["simd"]),
     ("geom", &[]),
     ("cutter", &[]),
     ("directions", &[]),
