@@ -235,19 +235,14 @@ impl<T: Scalar> Layer<T> for Residual {
         let (y, shortcut) = match &self.shortcut {
             None => {
                 let (x, mut y) = (x.to_matrix(pass.arena), pass.arena.get(mapped.len()));
-                let activation = Activation::ReluOfSum(&*x);
+                let activation = Activation::ReluOfSum(&x);
                 norm.normalize(params, &statistics, Some(&mapped), activation, &mut y);
                 (y, None)
             }
             Some(shortcut) => {
                 let (mut y, saved) = shortcut.forward_train(pass, &(), x);
-                norm.normalize(
-                    params,
-                    &statistics,
-                    Some(&mapped),
-                    Activation::ReluOfSumWithOutput,
-                    &mut y,
-                );
+                let activation = Activation::ReluOfSumWithOutput;
+                norm.normalize(params, &statistics, Some(&mapped), activation, &mut y);
                 (y, Some(saved))
             }
         };
