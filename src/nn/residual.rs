@@ -99,14 +99,11 @@ impl Residual {
             _ => x.copied(pass.arena),
         };
         let SavedLinearNormAct { mapped, statistics } = &saved.second;
-        let norm = &self.second.norm;
-        match mapped.get() {
-            Some(mapped) => norm.add_to_and_rectify(pass.params, mapped, statistics, &mut y),
-            None => {
-                let mapped = self.recompute_second(pass, map, x, saved);
-                norm.add_to_and_rectify(pass.params, &mapped, statistics, &mut y);
-            }
-        }
+        let (norm, activation) = (&self.second.norm, Activation::ReluOfSumWithOutput);
+        let recompute = || self.recompute_second(pass, map, x, saved);
+        let recomputed = mapped.get().is_none().then(recompute);
+        let mapped = mapped.get().or(recomputed.as_ref()).map(|mapped| &mapped[..]);
+        norm.normalize(pass.params, statistics, mapped, activation, &mut y);
         y
     }
 
@@ -121,7 +118,8 @@ impl Residual {
         let SavedLinearNormAct { mapped, statistics } = &saved.second;
         match (&self.shortcut, mapped.get()) {
             (None, Some(mapped)) => {
-                self.second.norm.add_to_and_rectify(pass.params, mapped, statistics, &mut x);
+                let (norm, activation) = (&self.second.norm, Activation::ReluOfSumWithOutput);
+                norm.normalize(pass.params, statistics, Some(mapped), activation, &mut x);
                 x
             }
             _ => {
@@ -197,7 +195,8 @@ impl Residual {
                 Matrix::Owned(layer.output(pass.params, mapped, statistics, y))
             }
         };
-        self.second.norm.pass_relu_of_sum(pass.params, second, statistics, &straight, d);
+        let activation = Activation::PassReluOfSum(&straight);
+        self.second.norm.normalize(pass.params, statistics, Some(second), activation, d);
     }
 }
 
@@ -236,12 +235,13 @@ impl<T: Scalar> Layer<T> for Residual {
             None => {
                 let (x, mut y) = (x.to_matrix(pass.arena), pass.arena.get(mapped.len()));
                 let activation = Activation::ReluOfSum(&x);
-                norm.normalize(params, &mapped, &statistics, activation, &mut y);
+                norm.normalize(params, &statistics, Some(&mapped), activation, &mut y);
                 (y, None)
             }
             Some(shortcut) => {
                 let (mut y, saved) = shortcut.forward_train(pass, &(), x);
-                norm.add_to_and_rectify(params, &mapped, &statistics, &mut y);
+                let activation = Activation::ReluOfSumWithOutput;
+                norm.normalize(params, &statistics, Some(&mapped), activation, &mut y);
                 (y, Some(saved))
             }
         };
