@@ -240,8 +240,8 @@ impl LinearOperator for OctreeConv {
 mod tests {
     use super::super::arena::Arena;
     use super::super::testing::{
-        difference, forward, gradients, large_octree, octrees, require_adjoint, require_concatenation,
-        require_gradients,
+        difference, forward, gradients, large_octree, octrees, require_adjoint,
+        require_concatenation, require_gradients,
     };
     use super::*;
     use crate::gradcheck::probe;
