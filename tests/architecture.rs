@@ -35,7 +35,7 @@ const PLAN: [(&str, &[&str]); 21] = [
 ];
 
 /// Where files may be opened or written.
-const FILE_ROOMS: [&str; 11] = [
+const FILE_ROOMS: [&str; 13] = [
     "aside.rs",
     "geom/formats",
     "data/npz",
@@ -45,6 +45,8 @@ const FILE_ROOMS: [&str; 11] = [
     "parity/",
     "train/checkpoint",
     "train/history",
+    "train/run_folder",
+    "train/settings_file",
     "report/",
     "bin/",
 ];

@@ -2,7 +2,7 @@
 
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
-use deepmill::Result;
+use deepmill::{Result, aside};
 use deepmill::geom::check::{self, Finding, Place, Report};
 use deepmill::geom::{formats, intersect};
 use serde_json::{Value, json};
@@ -27,6 +27,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
+    args.out.iter().try_for_each(|path| aside::check_file(path))?;
     let (mesh, changes) = args.read.read_mesh(&args.mesh, output)?;
     let mut report = check::check(&mesh);
     if !args.skip_intersections {

@@ -3,11 +3,10 @@
 use crate::output::Output;
 use crate::progress;
 use clap::Subcommand;
-use deepmill::cutter::CutterSet;
 use deepmill::data::dataset::{Builder, Dataset, Manifest, PartSource, Settings, Split, import};
 use deepmill::data::files::published::{self, List};
 use deepmill::directions::DirectionSet;
-use deepmill::{Error, Result};
+use deepmill::{Error, Result, aside};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -127,6 +126,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 }
 
 fn build(args: &BuildArgs, output: &Output) -> Result<()> {
+    aside::check_folder(&args.out)?;
     let n_dirs = args.directions;
     let settings = Settings {
         seed: args.seed,
@@ -136,7 +136,7 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
             true => DirectionSet::FibonacciSphere { n_dirs },
             false => DirectionSet::FibonacciHemisphere { n_dirs },
         },
-        cutter_set: CutterSet::named(&args.cutter_set)?,
+        cutter_set: args.cutter_set.parse()?,
         n_cutters: args.cutters,
         min_edge_mm: (args.min_edge > 0.0).then_some(args.min_edge),
         validation_share: args.validation,
@@ -176,6 +176,7 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
 }
 
 fn export(args: &ExportArgs, output: &Output) -> Result<()> {
+    aside::check_folder(&args.out)?;
     let set = Dataset::open(&args.folder)?;
     let train = set.samples(Some(Split::Train))?;
     let test = set.samples(Some(Split::Validation))?;
@@ -192,6 +193,7 @@ fn export(args: &ExportArgs, output: &Output) -> Result<()> {
 }
 
 fn take_in(args: &ImportArgs, output: &Output) -> Result<()> {
+    aside::check_folder(&args.out)?;
     let with = |split: Split| move |sample| (split, sample);
     let mut samples: Vec<_> = Vec::new();
     if args.lists {

@@ -6,8 +6,8 @@ use crate::density;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use crate::progress;
-use deepmill::Result;
-use deepmill::access::{self, Engine, LabelOptions, Labels, Obstacles};
+use deepmill::{Result, aside};
+use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::cutter::Cutter;
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{About, LabelFile};
@@ -65,9 +65,10 @@ pub struct Args {
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.tools.tools(output)?;
     let directions = args.directions.directions()?;
-    let engine = Engine::named(&args.engine)?;
+    let engine = args.engine.parse()?;
     let options = LabelOptions { engine, share: args.occlusion_share, ..LabelOptions::default() };
 
+    aside::check_folder(&args.out)?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");

@@ -12,7 +12,7 @@ use deepmill::geom::inside::{Lattice, lattice_inside};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::report::{Colouring, Part, points};
-use deepmill::{Error, Result};
+use deepmill::{Error, Result, aside};
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -51,6 +51,7 @@ pub struct Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let npz = is_npz(args)?;
+    aside::check_file(&args.out)?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");
