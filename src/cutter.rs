@@ -379,7 +379,7 @@ fn positive(name: &'static str, length: f64) -> Result<()> {
     if (MIN_LENGTH_MM..=MAX_LENGTH_MM).contains(&length) {
         return Ok(());
     }
-    Err(Error::argument(name, length, "0.0001 mm to 10 m", "give it in mm"))
+    Err(Error::argument(name, length, "a positive length, 0.0001 mm to 10 m", "give it in mm"))
 }
 
 fn check_step(index: usize, step: &Step, below: Option<&Step>) -> Result<()> {

@@ -17,8 +17,12 @@ pub struct Confusion {
 }
 
 impl Confusion {
-    /// Counts of predicted against true labels; surplus entries of the longer list are left out.
+    /// Counts of predicted against true labels.
+    ///
+    /// # Panics
+    /// If there are not as many of both.
     pub fn of_labels(predicted: &[bool], truth: &[bool]) -> Self {
+        assert_eq!(predicted.len(), truth.len(), "as many predicted as true labels");
         let mut counts = Confusion::default();
         for (p, t) in predicted.iter().zip(truth) {
             counts.add(*p, *t);
@@ -27,7 +31,12 @@ impl Confusion {
     }
 
     /// As [`Confusion::of_labels`], each entry counted `weight` times.
+    ///
+    /// # Panics
+    /// If there are not as many of all three.
     pub fn weighted(predicted: &[bool], truth: &[bool], weights: &[u64]) -> Self {
+        assert_eq!(predicted.len(), truth.len(), "as many predicted as true labels");
+        assert_eq!(predicted.len(), weights.len(), "as many weights as labels");
         let mut counts = Confusion::default();
         for ((p, t), weight) in predicted.iter().zip(truth).zip(weights) {
             counts.count(*p, *t, *weight);
@@ -37,7 +46,11 @@ impl Confusion {
 
     /// Counts of the greater of two logits (`[n, 2]`; the first of equal ones) against classes; "yes" is
     /// class `positive`.
+    ///
+    /// # Panics
+    /// If there are not two logits for each target.
     pub fn of_logits<T: PartialOrd>(logits: &[T], targets: &[u8], positive: u8) -> Self {
+        assert_eq!(logits.len(), 2 * targets.len(), "two logits for each target");
         let mut counts = Confusion::default();
         for (row, target) in logits.as_chunks::<2>().0.iter().zip(targets) {
             counts.add(u8::from(row[1] > row[0]) == positive, *target == positive);
@@ -159,5 +172,13 @@ mod tests {
         let none = Confusion::of_labels(&[false; 5], &[false; 5]);
         assert_eq!((none.f1(), none.iou(), none.accuracy()), (1.0, 1.0, 1.0));
         assert_eq!(Confusion::default().accuracy(), 1.0);
+    }
+
+    #[test]
+    fn lists_of_different_length_are_not_compared() {
+        let panics = |work: fn() -> Confusion| std::panic::catch_unwind(work).is_err();
+        assert!(panics(|| Confusion::of_labels(&[true; 3], &[true; 2])));
+        assert!(panics(|| Confusion::weighted(&[true; 3], &[true; 3], &[1; 2])));
+        assert!(panics(|| Confusion::of_logits(&[0.0; 5], &[1; 3], 1)));
     }
 }

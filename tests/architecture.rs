@@ -15,7 +15,7 @@ const PLAN: [(&str, &[&str]); 21] = [
         &["model", "data", "access", "geom", "optim", "loss", "metrics", "cutter", "directions"],
     ),
     ("data", &["access", "geom", "octree", "cutter", "directions"]),
-    ("model", &["nn", "octree", "cutter"]),
+    ("model", &["nn", "octree", "cutter", "geom"]),
     ("nn", &["octree"]),
     ("gradcheck", &["nn", "loss"]),
     ("optim", &[]),

@@ -167,7 +167,7 @@ mod tests {
         let mut both = cuboid(DVec3::splat(2.0));
         both.vertices.extend(cuboid(DVec3::splat(2.0)).vertices.iter().map(|v| *v + shift));
         both.triangles.extend(cuboid(DVec3::ONE).triangles.iter().map(|t| t.map(|v| v + 8)));
-        crate::geom::weld::weld(&both, 0.0)
+        crate::geom::weld::weld(&both, 0.0).unwrap()
     }
 
     #[test]

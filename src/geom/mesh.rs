@@ -1,5 +1,6 @@
 //! Triangle meshes: vertices, faces, and what follows directly from them.
 
+use crate::{Error, Result};
 use glam::DVec3;
 
 /// A triangle mesh in millimetres, right-handed, +z up; corners counter-clockwise seen from outside.
@@ -15,7 +16,33 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Checks that every corner names a vertex and every vertex is finite.
+    ///
+    /// # Errors
+    /// Names the first face or vertex of which that is not so.
+    pub fn check(&self) -> Result<()> {
+        if let Some(f) = self.face_without_vertex() {
+            let n = self.vertices.len();
+            let found = format!("names a vertex beyond the last of {n}");
+            return Err(Error::geometry(format!("face {f}"), found, "check the file"));
+        }
+        match self.vertices.iter().position(|v| !v.is_finite()) {
+            Some(v) => Err(Error::geometry(format!("vertex {v}"), "is not finite", "check the file")),
+            None => Ok(()),
+        }
+    }
+
+    /// The first face with a corner that names no vertex.
+    pub(crate) fn face_without_vertex(&self) -> Option<usize> {
+        let n = self.vertices.len();
+        self.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= n))
+    }
+
     /// The corners of face `f`, mm.
+    ///
+    /// # Panics
+    /// If there is no such face, or it names a missing vertex ([`Mesh::check`]); so do all that follow
+    /// but the bounds.
     pub fn corners(&self, f: usize) -> [DVec3; 3] {
         self.triangles[f].map(|v| self.vertices[v as usize])
     }
@@ -49,5 +76,21 @@ impl Mesh {
             a.dot(b.cross(c))
         };
         (0..self.triangles.len()).map(six).sum::<f64>() / 6.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faces_without_vertices_and_vertices_without_a_place_are_named() {
+        let mut mesh = crate::geom::solids::cuboid(DVec3::ONE);
+        mesh.check().unwrap();
+        mesh.triangles[5][1] = 8;
+        assert!(mesh.check().unwrap_err().to_string().starts_with("face 5: names a vertex beyond"));
+        mesh.triangles[5][1] = 0;
+        mesh.vertices[2].y = f64::NAN;
+        assert!(mesh.check().unwrap_err().to_string().starts_with("vertex 2: is not finite"));
     }
 }

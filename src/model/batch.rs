@@ -2,10 +2,12 @@
 
 use super::config::{CutterInput, InputConfig};
 use super::cutter_modules::N_LENGTHS;
-use crate::Result;
+use crate::cutter::{Cutter, CutterParams};
+use crate::geom::sites::check_sites;
 use crate::nn::interp::Interpolation;
 use crate::octree::{Cloud, Frame, Octree};
 use crate::scalar::Scalar;
+use crate::{Error, Result};
 use glam::Vec3;
 
 /// One shape to be judged, in millimetres.
@@ -17,6 +19,23 @@ pub struct Shape<'a> {
     pub normals: &'a [Vec3],
     /// CR, CH, FR, FH of the cutter, mm.
     pub cutter_mm: [f64; N_LENGTHS],
+}
+
+impl Shape<'_> {
+    /// Checks that the network can say something about the shape: sites that are somewhere and not all in
+    /// one place, unit normals, and a cutter.
+    ///
+    /// # Errors
+    /// Names what is wrong.
+    pub(super) fn check(&self) -> Result<()> {
+        check_sites(self.points, self.normals)?;
+        Cutter::ball_end(CutterParams::from_array(self.cutter_mm))?;
+        if self.points.windows(2).all(|pair| pair[0] == pair[1]) {
+            let found = format!("{} in one place", self.points.len());
+            return Err(Error::geometry("sites", found, "give two or more that are apart"));
+        }
+        Ok(())
+    }
 }
 
 /// Several shapes, ready for the network.

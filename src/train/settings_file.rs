@@ -23,7 +23,7 @@ pub fn read(path: &Path, base: &Settings) -> Result<Settings> {
         Err(error) => error,
     };
     let bad = |e: &toml::de::Error| {
-        let line = e.span().map(|s| text[..s.start].lines().count().max(1));
+        let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
         let place = line.map_or_else(|| "settings".into(), |line| format!("line {line}"));
         Error::file(path, place, e.message().trim().replace('\n', ", "), REMEDY)
     };

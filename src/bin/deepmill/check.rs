@@ -111,6 +111,7 @@ fn place(place: &Place) -> Value {
         Place::Triangle(t, at) => json!({ "triangle": t, "at_mm": [at.to_array()] }),
         Place::Triangles(pair, at) => json!({ "triangles": pair, "at_mm": [at.to_array()] }),
         Place::Component(n, at) => json!({ "n_triangles": n, "at_mm": [at.to_array()] }),
-        Place::Whole => json!({ "at_mm": [] }),
+        Place::Corner(t, v) => json!({ "triangle": t, "vertex": v, "at_mm": [] }),
+        _ => json!({ "at_mm": [] }),
     }
 }

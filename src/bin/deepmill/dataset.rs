@@ -3,11 +3,13 @@
 use crate::output::Output;
 use crate::progress;
 use clap::Subcommand;
+use deepmill::data::Sample;
 use deepmill::data::dataset::{Builder, Dataset, Manifest, PartSource, Settings, Split, import};
 use deepmill::data::files::published::{self, List};
 use deepmill::directions::DirectionSet;
 use deepmill::{Error, Result, aside};
 use serde_json::json;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
@@ -49,7 +51,7 @@ struct BuildArgs {
     #[arg(long, default_value = "uniform", value_name = "SET")]
     cutter_set: String,
     /// Sites per part.
-    #[arg(long, default_value_t = 7000, value_name = "COUNT")]
+    #[arg(long, default_value_t = 7000, value_name = "COUNT", value_parser = several_sites)]
     sites: usize,
     /// Denser obstacles: this many extra points per part.
     #[arg(long, value_name = "COUNT")]
@@ -95,7 +97,10 @@ struct ExportArgs {
     out: PathBuf,
 }
 
-/// Make a data set of samples in the published format, from DIR/raw_data or DIR/filelist.
+/// Make a data set of samples in the published format.
+///
+/// Reads the raw text under FOLDER/raw_data, whose lengths are millimetres; the lists of FOLDER/filelist,
+/// where there are any, tell training from test samples, which become the validation split.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill dataset import published --out data")]
 struct ImportArgs {
@@ -104,8 +109,8 @@ struct ImportArgs {
     /// Folder of the data set.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Read the prepared lists instead of the raw text: they tell training from test samples, but their
-    /// points are normalised, so that millimetres are lost.
+    /// Read the prepared points of the lists instead of the raw text: they are normalised, so that the
+    /// parts' millimetres are lost.
     #[arg(long)]
     lists: bool,
     /// Directions over the upper hemisphere that the labels were made with; recorded only.
@@ -194,16 +199,10 @@ fn export(args: &ExportArgs, output: &Output) -> Result<()> {
 
 fn take_in(args: &ImportArgs, output: &Output) -> Result<()> {
     aside::check_folder(&args.out)?;
-    let with = |split: Split| move |sample| (split, sample);
-    let mut samples: Vec<_> = Vec::new();
-    if args.lists {
-        let train = published::read_list(&args.folder, List::TrainVal)?;
-        let test = published::read_list(&args.folder, List::Test)?;
-        samples.extend(train.into_iter().map(with(Split::Train)));
-        samples.extend(test.into_iter().map(with(Split::Validation)));
-    } else {
-        samples.extend(published::read_raw(&args.folder)?.into_iter().map(with(Split::Train)));
-    }
+    let samples = match args.lists {
+        true => from_lists(&args.folder, output)?,
+        false => from_raw(&args.folder, output)?,
+    };
     let settings = Settings {
         n_sites: samples.first().map_or(0, |(_, sample)| sample.sites.len()),
         directions: DirectionSet::FibonacciHemisphere { n_dirs: args.directions },
@@ -213,6 +212,41 @@ fn take_in(args: &ImportArgs, output: &Output) -> Result<()> {
     show(&import(&args.out, settings, &samples)?, output);
     Ok(())
 }
+
+/// All samples of the lists; says that their points are in no unit.
+fn from_lists(folder: &Path, output: &Output) -> Result<Vec<(Split, Sample)>> {
+    let mut samples = Vec::new();
+    for (list, split) in LISTS {
+        samples.extend(published::read_list(folder, list)?.into_iter().map(|s| (split, s)));
+    }
+    output.warn(
+        "the points of these lists are normalised, cutters are in mm: lengths of the parts are lost",
+    );
+    Ok(samples)
+}
+
+/// All samples of the raw text, in the splits that the lists beside it name.
+fn from_raw(folder: &Path, output: &Output) -> Result<Vec<(Split, Sample)>> {
+    let samples = published::read_raw(folder)?;
+    let [train, test] = LISTS.map(|(list, _)| published::listed_names(folder, list));
+    let (train, test) = (train?, test?);
+    let in_list = |names: &Option<HashSet<String>>, sample: &Sample| {
+        names.as_ref().is_some_and(|names| names.contains(&sample.name))
+    };
+    let unlisted = samples.iter().filter(|s| !in_list(&train, s) && !in_list(&test, s)).count();
+    if unlisted > 0 {
+        let lists = "the lists in `filelist` (models_train_val.txt, models_test.txt)";
+        output.warn(format!("{unlisted} samples are not in {lists}: they are for training"));
+    }
+    let split = |sample: &Sample| match in_list(&test, sample) {
+        true => Split::Validation,
+        false => Split::Train,
+    };
+    Ok(samples.into_iter().map(|sample| (split(&sample), sample)).collect())
+}
+
+const LISTS: [(List, Split); 2] =
+    [(List::TrainVal, Split::Train), (List::Test, Split::Validation)];
 
 fn show(manifest: &Manifest, output: &Output) {
     let count = |split: Split| {
@@ -264,6 +298,11 @@ fn mesh_files(path: &Path) -> Result<Vec<PathBuf>> {
         ));
     }
     Ok(files)
+}
+
+/// A number of sites that can say something about each other.
+fn several_sites(text: &str) -> std::result::Result<usize, String> {
+    text.parse().ok().filter(|n| *n >= 2).ok_or_else(|| "expected 2 or more".into())
 }
 
 fn shard(text: &str) -> std::result::Result<(usize, usize), String> {

@@ -17,7 +17,6 @@ use crate::data::Sample;
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::geom::Sites;
 use crate::{Error, Result};
-use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -168,5 +167,5 @@ fn by_site<T: Copy>(columns: &[Vec<T>]) -> Vec<T> {
 /// SHA-256 of a file's bytes, hexadecimal.
 fn content_hash(path: &Path) -> Result<String> {
     let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
-    Ok(Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect())
+    Ok(hmac_sha256::Hash::hash(&bytes).iter().map(|b| format!("{b:02x}")).collect())
 }

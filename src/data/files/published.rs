@@ -82,10 +82,28 @@ pub fn read_list(root: &Path, list: List) -> Result<Vec<Sample>> {
         let relative = words[0].replace('\\', "/");
         let points = root.join("points").join(&relative);
         let bytes = std::fs::read(&points).map_err(|e| Error::read(&points, e))?;
-        let name = Path::new(&relative).file_stem().unwrap_or_default().to_string_lossy();
-        Rows::of_ply(&bytes, &points)?.sample(&name, cutter)
+        Rows::of_ply(&bytes, &points)?.sample(&stem(&relative), cutter)
     };
     lines.map(sample).collect()
+}
+
+/// Names of the samples in one list of `root`; `None` if `root` has no such list.
+///
+/// # Errors
+/// If the list cannot be read.
+pub fn listed_names(root: &Path, list: List) -> Result<Option<HashSet<String>>> {
+    let path = list.file(root);
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = read_text(&path)?;
+    Ok(Some(text.lines().filter_map(|line| line.split_whitespace().next()).map(stem).collect()))
+}
+
+/// Name of the sample whose points a list has under `relative`.
+fn stem(relative: &str) -> String {
+    let relative = relative.replace('\\', "/");
+    Path::new(&relative).file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// Writes `samples` under `root` in every form of the format, each file whole or not at all. Samples of the
