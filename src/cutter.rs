@@ -469,6 +469,8 @@ mod tests {
         let message = lollipop.unwrap_err().to_string();
         assert!(message.contains("lollipop") && message.contains("step 1"), "{message}");
         assert!(Cutter::stepped(1.0, &[], false).is_err());
+        assert!(Cutter::stepped(1.0, &[], true).is_err());
+        assert!(ball([1e-30, 2.0, 30.0, 4.0]).is_err() && ball([1.0, 1e-30, 30.0, 4.0]).is_err());
         assert!(Cutter::stepped(1.0, &[(0.0, 1.0)], false).is_err());
     }
 

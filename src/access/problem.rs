@@ -88,7 +88,7 @@ impl Scene {
         check("query", points)?;
         check("obstacle", extra)?;
         if !volume {
-            check_sites(points, normals)?;
+            check_sites("query", points, normals)?;
         }
         let own = if same { 0..points.len() as u32 } else { 0..0 };
         let first = if same { points } else { &[] };

@@ -85,6 +85,11 @@ impl Turn {
 }
 
 impl Elastic {
+    /// Whether both numbers are in their domain.
+    pub fn is_sound(&self) -> bool {
+        self.spacing > 0.0 && self.spacing <= 1.0 && (0.0..=1.0).contains(&self.magnitude)
+    }
+
     /// Displaces points by trilinear interpolation of smoothed normal noise on a grid.
     fn apply(&self, points: &mut [Vec3], stream: &mut Stream) {
         let Some(first) = points.first().copied() else { return };

@@ -80,7 +80,8 @@ pub fn repair(mesh: &mut Mesh) -> Result<Vec<Change>> {
     Ok(changes)
 }
 
-/// Turns a mesh whose triangles agree, but all face inward. Returns the notice to show if so.
+/// Turns a mesh whose triangles agree, but all face inward. Returns the notice to show if so; any other mesh,
+/// usable or not, stays as it is.
 pub fn face_outward(mesh: &mut Mesh) -> Option<Change> {
     let report = check(mesh);
     let turned = report.n_components == 1

@@ -7,7 +7,7 @@ use crate::geom::sites::check_sites;
 use crate::nn::interp::Interpolation;
 use crate::octree::{Cloud, Frame, Octree};
 use crate::scalar::Scalar;
-use crate::{Error, Result};
+use crate::Result;
 use glam::Vec3;
 
 /// One shape to be judged, in millimetres.
@@ -22,19 +22,14 @@ pub struct Shape<'a> {
 }
 
 impl Shape<'_> {
-    /// Checks that the network can say something about the shape: sites that are somewhere and not all in
-    /// one place, unit normals, and a cutter.
+    /// Checks that the network can say something about the shape: sites that are somewhere, unit normals,
+    /// and a cutter.
     ///
     /// # Errors
     /// Names what is wrong.
     pub(super) fn check(&self) -> Result<()> {
-        check_sites(self.points, self.normals)?;
-        Cutter::ball_end(CutterParams::from_array(self.cutter_mm))?;
-        if self.points.windows(2).all(|pair| pair[0] == pair[1]) {
-            let found = format!("{} in one place", self.points.len());
-            return Err(Error::geometry("sites", found, "give two or more that are apart"));
-        }
-        Ok(())
+        check_sites("site", self.points, self.normals)?;
+        Cutter::ball_end(CutterParams::from_array(self.cutter_mm)).map(drop)
     }
 }
 
@@ -57,11 +52,12 @@ impl<T: Scalar> Batch<T> {
     /// Normalises each shape, builds the joint octree and its features.
     ///
     /// # Errors
-    /// If there are no shapes, or one has no points, lacks normals, or holds a number that is not finite;
-    /// if the octree would be too large.
+    /// If there are no shapes, or one has no points, lacks normals, holds a number that is not finite, or
+    /// has lengths that make no cutter; if the octree would be too large.
     pub fn new(shapes: &[Shape], input: &InputConfig) -> Result<Self> {
         let (mut points, mut cutters) = (Vec::new(), Vec::new());
         for shape in shapes {
+            Cutter::ball_end(CutterParams::from_array(shape.cutter_mm))?;
             let frame = input.normalisation().frame(shape.points)?;
             points.push(shape.points.iter().map(|&p| frame.apply(p)).collect::<Vec<_>>());
             cutters.push(shape.cutter_mm.map(|mm| cutter_input(input.cutter, mm, &frame)));

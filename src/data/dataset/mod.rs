@@ -102,9 +102,12 @@ impl LabelledPart {
     /// a column per cutter, `inaccessible`, `occlusion` (bool) and `accessible_directions` (u32).
     ///
     /// # Errors
-    /// If the file cannot be written.
+    /// If there is not an answer for every site and cutter, the sites fail [`Sites::check`], or the file
+    /// cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let (n, k) = (self.sites.len(), self.cutters.len());
+        self.sites.check()?;
+        self.check_lengths(path)?;
         let cutters: Vec<f64> = self.cutters.iter().flat_map(|c| c.to_array()).collect();
         let mut npz = NpzWriter::new();
         npz.vectors("points", &self.sites.points);
@@ -114,6 +117,24 @@ impl LabelledPart {
         npz.array("occlusion", &[n, k], &by_site(&self.occlusion));
         npz.array("accessible_directions", &[n, k], &by_site(&self.accessible_directions));
         npz.write(path)
+    }
+
+    fn check_lengths(&self, path: &Path) -> Result<()> {
+        let (n, k) = (self.sites.len(), self.cutters.len());
+        let lengths = |columns: &[Vec<bool>]| columns.iter().map(Vec::len).collect::<Vec<_>>();
+        let counts = self.accessible_directions.iter().map(Vec::len).collect();
+        for (name, lengths) in [
+            ("inaccessible", lengths(&self.inaccessible)),
+            ("occlusion", lengths(&self.occlusion)),
+            ("accessible_directions", counts),
+        ] {
+            if lengths != vec![n; k] {
+                let found = format!("lists of {lengths:?} for {n} sites and {k} cutters");
+                let remedy = "label every site with every cutter";
+                return Err(Error::file(path, name, found, remedy));
+            }
+        }
+        Ok(())
     }
 
     /// Reads what [`LabelledPart::write`] wrote; the faces of the sites are not stored.

@@ -56,7 +56,7 @@ impl Sites {
     /// # Errors
     /// Names the first site that has not.
     pub fn check(&self) -> Result<()> {
-        check_sites(&self.points, &self.normals)?;
+        check_sites("site", &self.points, &self.normals)?;
         if !self.faces.is_empty() && self.faces.len() != self.len() {
             let found = format!("{} faces for {} sites", self.faces.len(), self.len());
             return Err(Error::geometry("sites", found, "give every site its face, or none"));
@@ -74,9 +74,9 @@ impl Sites {
 /// Coordinates beyond this, mm, are refused: squares of distances must stay far inside `f32`.
 const MAX_COORDINATE_MM: f32 = 1e6;
 
-/// [`Sites::check`] of sites without faces.
-pub(crate) fn check_sites(points: &[Vec3], normals: &[Vec3]) -> Result<()> {
-    check_points("site", points)?;
+/// [`Sites::check`] of sites without faces, which a message calls `what`.
+pub(crate) fn check_sites(what: &str, points: &[Vec3], normals: &[Vec3]) -> Result<()> {
+    check_points(what, points)?;
     if normals.len() != points.len() {
         let found = format!("{} normals for {} sites", normals.len(), points.len());
         return Err(Error::geometry("sites", found, "give every site its outward unit normal"));
@@ -84,7 +84,7 @@ pub(crate) fn check_sites(points: &[Vec3], normals: &[Vec3]) -> Result<()> {
     let unit = |n: &Vec3| n.is_finite() && (n.length_squared() - 1.0).abs() < 1e-3;
     let Some(i) = normals.iter().position(|n| !unit(n)) else { return Ok(()) };
     let found = format!("normal {} is not a unit vector", normals[i]);
-    Err(Error::geometry(format!("site {i}"), found, "normalise the normals or resample the part"))
+    Err(Error::geometry(format!("{what} {i}"), found, "normalise the normals or resample the part"))
 }
 
 /// Finite positions within 1 km; `what` they are in a message.
