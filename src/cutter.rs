@@ -86,6 +86,7 @@ impl FromStr for CutterParams {
 /// The published ranges that cutters are drawn from; each length is uniform and independent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum CutterSet {
     /// Training and main test set: CR 1–2, CH 0.1–10.1, FR 5–100, FH 0.1–10.1.
     Uniform,
@@ -159,7 +160,7 @@ pub struct Step {
 }
 
 /// A checked cutter: where it touches, and steps whose heights increase and radii do not decrease.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cutter {
     corner_mm: f64,
     side_mm: f64,

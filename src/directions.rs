@@ -14,6 +14,7 @@ use std::str::FromStr;
 /// How a set of directions is made. Axes need not be unit vectors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
+#[non_exhaustive]
 pub enum DirectionSet {
     /// `z_k = 1 − (k+½)/m`, azimuth `k·π(3−√5)`, k = 0…m−1: even over the upper half, without +z
     /// itself, which would put every vertical wall on the knife edge r = R.
@@ -104,7 +105,12 @@ impl FromStr for DirectionSet {
             DirectionSet::Cone { half_angle_rad, .. } if !is_cone_angle(*half_angle_rad) => {
                 let found = format!("`{text}`");
                 let expected = "a cone of more than 0 and at most 180 degrees";
-                Err(Error::argument("directions", found, expected, "give its greatest tilt from +z"))
+                Err(Error::argument(
+                    "directions",
+                    found,
+                    expected,
+                    "give its greatest tilt from +z",
+                ))
             }
             _ => Ok(set),
         }

@@ -13,6 +13,8 @@
 #![deny(unsafe_code)]
 
 pub mod access;
+#[cfg(feature = "ndarray")]
+pub mod arrays;
 #[cfg(feature = "formats")]
 pub mod aside;
 pub mod cutter;
@@ -38,3 +40,5 @@ pub mod simd;
 pub mod train;
 
 pub use error::{Error, Result};
+/// The vectors that this crate's types hold.
+pub use glam;

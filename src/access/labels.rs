@@ -8,14 +8,16 @@ use std::fmt;
 use std::str::FromStr;
 
 /// How labels are computed. All engines give the same labels and counts, bit for bit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Engine {
     /// Plain loops in plain order: the law.
     Reference,
     /// The same tests, eight at a time.
     Batched,
     /// Boxes around obstacles decide most questions, the same tests the rest.
+    #[default]
     Pruned,
 }
 

@@ -12,6 +12,7 @@ use glam::Vec3;
 
 /// Where the cutter is asked to go.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub enum Queries<'a> {
     /// Touching a surface at these sites: the reference point is `s + CR·n`.
     Sites(&'a Sites),
@@ -46,6 +47,7 @@ impl Queries<'_> {
 
 /// What the cutter must not touch. β follows the order of the obstacles.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub enum Obstacles<'a> {
     /// The query sites themselves, as in the paper; a site is never its own obstacle. All are ranked.
     Queries,

@@ -16,6 +16,7 @@ use std::sync::Arc;
 /// How far a sample may be turned about +z.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Turn {
     /// Not at all.
     #[default]

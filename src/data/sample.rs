@@ -98,7 +98,8 @@ mod tests {
 
     #[test]
     fn samples_that_cannot_be_are_named() {
-        let sites = Sites { points: vec![Vec3::X, Vec3::Y], normals: vec![Vec3::Z; 2], faces: vec![] };
+        let sites =
+            Sites { points: vec![Vec3::X, Vec3::Y], normals: vec![Vec3::Z; 2], faces: vec![] };
         let good = Sample {
             name: "a".into(),
             sites: sites.clone().into(),
@@ -113,8 +114,14 @@ mod tests {
             (cutter([f64::NAN, 6.0, 40.0, 5.0]), "sample a: cutter radius CR is NaN"),
             (cutter([1.5, -6.0, 40.0, 5.0]), "sample a: cutter height CH is -6"),
             (cutter([40.0, 6.0, 1.5, 5.0]), "sample a: holder radius FR is 1.5"),
-            (with(Sites { normals: vec![Vec3::ZERO; 2], ..sites.clone() }), "sample a: site 0: normal"),
-            (with(Sites { points: vec![Vec3::X, Vec3::NAN], ..sites }), "sample a: site 1: position"),
+            (
+                with(Sites { normals: vec![Vec3::ZERO; 2], ..sites.clone() }),
+                "sample a: site 0: normal",
+            ),
+            (
+                with(Sites { points: vec![Vec3::X, Vec3::NAN], ..sites }),
+                "sample a: site 1: position",
+            ),
             (Sample { occlusion: vec![], ..good.clone() }, "sample a: 0 occlusion for 2 sites"),
         ] {
             let message = sample.check().unwrap_err().to_string();

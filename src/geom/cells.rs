@@ -4,8 +4,8 @@ use super::sites::{OPPOSITE, same_sheet};
 use super::spacing::{Spacing, mean_and_cv};
 use super::tree::Tree;
 use super::{Mesh, Sites};
-use crate::{Result, par};
 use crate::rng::{Purpose, Stream};
+use crate::{Result, par};
 use glam::DVec3;
 
 /// How far from a site, in mean spacings, two opposite neighbours make it a rim site. At 1.2 a few
@@ -36,6 +36,7 @@ pub struct Cells {
 
 /// How even the cells of sites are.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct CellSpread {
     /// Coefficient of variation of the cells' areas.
     pub area_cv: f64,

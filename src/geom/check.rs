@@ -59,6 +59,7 @@ impl fmt::Display for Place {
 
 /// One kind of fault with all its places counted and the first few named.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Finding {
     /// What is wrong.
     pub fault: Fault,
@@ -76,6 +77,7 @@ impl fmt::Display for Finding {
 
 /// All that [`check`] knows about a mesh.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Report {
     /// Number of vertices.
     pub n_vertices: usize,

@@ -250,6 +250,6 @@ mod tests {
             assert!(std::panic::catch_unwind(|| Grid::new(&points)).is_err());
         }
         let far = Grid::new(&[Vec3::splat(-1e6), Vec3::splat(1e6), Vec3::ZERO]);
-        assert_eq!(far.nearest(Vec3::ONE), Some((2, Vec3::ONE.length_squared())));
+        assert_eq!(far.nearest(Vec3::ONE), Some((2, Vec3::ONE.length())));
     }
 }

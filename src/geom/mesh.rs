@@ -2,12 +2,13 @@
 
 use crate::{Error, Result};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// A triangle mesh in millimetres, right-handed, +z up; corners counter-clockwise seen from outside.
 ///
 /// The fields are public: whether a mesh is closed, manifold and oriented is a finding of
 /// `geom::check`, not a property of the type. Every index must be below `vertices.len()`.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Mesh {
     /// Corner positions, mm.
     pub vertices: Vec<DVec3>,
@@ -16,6 +17,33 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// A mesh of these vertices, mm, and triangles.
+    ///
+    /// # Errors
+    /// As [`Mesh::check`].
+    pub fn new(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Result<Self> {
+        let mesh = Mesh { vertices, triangles };
+        mesh.check()?;
+        Ok(mesh)
+    }
+
+    /// [`Mesh::new`] from plain numbers.
+    ///
+    /// # Errors
+    /// As [`Mesh::check`].
+    ///
+    /// ```
+    /// use deepmill::geom::Mesh;
+    /// let corners = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 3.0, 0.0]];
+    /// assert_eq!(Mesh::from_slices(&corners, &[[0, 1, 2]])?.area(), 6.0);
+    /// assert!(Mesh::from_slices(&corners, &[[0, 1, 3]]).is_err());
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    pub fn from_slices(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self> {
+        let vertices = vertices.iter().map(|v| DVec3::from_array(*v)).collect();
+        Mesh::new(vertices, triangles.to_vec())
+    }
+
     /// Checks that every corner names a vertex and every vertex is finite.
     ///
     /// # Errors
@@ -27,7 +55,9 @@ impl Mesh {
             return Err(Error::geometry(format!("face {f}"), found, "check the file"));
         }
         match self.vertices.iter().position(|v| !v.is_finite()) {
-            Some(v) => Err(Error::geometry(format!("vertex {v}"), "is not finite", "check the file")),
+            Some(v) => {
+                Err(Error::geometry(format!("vertex {v}"), "is not finite", "check the file"))
+            }
             None => Ok(()),
         }
     }

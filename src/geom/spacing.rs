@@ -7,6 +7,7 @@ use super::sites::same_sheet;
 use super::tree::Tree;
 use crate::{Result, par};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// Greatest distance of a point of the surface from the nearest site, in mean spacings, for sites of
 /// [`sample`](super::sites::sample): 0.58 in a hexagonal lattice, at most 0.97 on the parts measured in
@@ -19,7 +20,8 @@ const MARGIN: f64 = 1.05;
 const BLOCK: usize = 1024;
 
 /// Distances from each site to the nearest other one.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Spacing {
     /// Number of sites that have a neighbour.
     pub n_sites: usize,
@@ -107,6 +109,7 @@ const FINE_DISC: f64 = 0.435_889_894_354_067_4;
 
 /// Whether sites are dense enough to notice what a cutter penetrates.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Advice {
     /// Ball radius of the cutter, mm.
     pub cr_mm: f64,
@@ -180,7 +183,8 @@ pub fn relative_areas(sites: &Sites) -> Result<Vec<f64>> {
     let squares = blocks.concat();
     let known: Vec<f64> = squares.iter().flatten().copied().collect();
     let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
-    let area = |square: Option<f64>| square.map_or(1.0, |s| if mean > 0.0 { s / mean } else { 1.0 });
+    let area =
+        |square: Option<f64>| square.map_or(1.0, |s| if mean > 0.0 { s / mean } else { 1.0 });
     Ok(squares.into_iter().map(area).collect())
 }
 

@@ -151,7 +151,10 @@ mod tests {
             assert_eq!(welded.triangles.len(), torus.triangles.len());
             assert!((welded.volume() / torus.volume() - 1.0).abs() < 1e-3);
         }
-        assert_eq!(weld(&soup(&torus, 1e-6), 0.0).unwrap().vertices.len(), 3 * torus.triangles.len());
+        assert_eq!(
+            weld(&soup(&torus, 1e-6), 0.0).unwrap().vertices.len(),
+            3 * torus.triangles.len()
+        );
     }
 
     #[test]

@@ -2,12 +2,12 @@
 
 use super::config::{CutterInput, InputConfig};
 use super::cutter_modules::N_LENGTHS;
+use crate::Result;
 use crate::cutter::{Cutter, CutterParams};
 use crate::geom::sites::check_sites;
 use crate::nn::interp::Interpolation;
 use crate::octree::{Cloud, Frame, Octree};
 use crate::scalar::Scalar;
-use crate::Result;
 use glam::Vec3;
 
 /// One shape to be judged, in millimetres.

@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 /// A learning-rate schedule. Epochs count from 1; the rate is constant within one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "kind", deny_unknown_fields)]
+#[non_exhaustive]
 pub enum Schedule {
     /// Always the base rate.
     Constant,

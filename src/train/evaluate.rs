@@ -45,7 +45,12 @@ impl Evaluation {
     ///
     /// # Panics
     /// If there are not as many answers as sites.
-    pub fn add(&mut self, sample: &Sample, inaccessible: &[bool], occlusion: &[bool]) -> Result<()> {
+    pub fn add(
+        &mut self,
+        sample: &Sample,
+        inaccessible: &[bool],
+        occlusion: &[bool],
+    ) -> Result<()> {
         sample.check()?;
         let areas = spacing::relative_areas(&sample.sites)?;
         let weights: Vec<u64> = areas.iter().map(|a| (1000.0 * a) as u64).collect();

@@ -204,7 +204,12 @@ impl Settings {
         if !self.schedule.is_sound() {
             let found = format!("{:?}", self.schedule);
             let expected = "finite numbers, rates and factors not negative, shares at most 1";
-            return Err(Error::argument("schedule", found, expected, "change the training settings"));
+            return Err(Error::argument(
+                "schedule",
+                found,
+                expected,
+                "change the training settings",
+            ));
         }
         if let Some(elastic) = self.augment.elastic.filter(|elastic| !elastic.is_sound()) {
             let found = format!("{elastic:?}");
@@ -240,7 +245,9 @@ mod tests {
         };
         assert!(broken(|s| s.lr = f64::NAN).starts_with("lr is NaN"));
         assert!(broken(|s| s.clip_norm = Some(0.0)).starts_with("clip_norm is 0"));
-        assert!(broken(|s| s.schedule = Schedule::Cosine { min_lr: f64::NAN }).contains("schedule"));
+        assert!(
+            broken(|s| s.schedule = Schedule::Cosine { min_lr: f64::NAN }).contains("schedule")
+        );
         let elastic = |s: &mut Settings| {
             s.augment.elastic = Some(Elastic { spacing: 0.2, magnitude: f64::INFINITY });
         };

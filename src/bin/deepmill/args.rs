@@ -29,7 +29,9 @@ pub struct ToolArgs {
     /// Lengths in mm: ball radius CR, height CH of the cylinder above the ball, holder radius FR,
     /// holder height FH. Give it again for further cutters.
     #[arg(
-        long, value_name = "CR,CH,FR,FH", required_unless_present = "tools",
+        long,
+        value_name = "CR,CH,FR,FH",
+        required_unless_present = "tools",
         allow_hyphen_values = true
     )]
     cutter: Vec<String>,

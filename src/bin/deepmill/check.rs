@@ -2,9 +2,9 @@
 
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
-use deepmill::{Result, aside};
 use deepmill::geom::check::{self, Finding, Place, Report};
 use deepmill::geom::{formats, intersect};
+use deepmill::{Result, aside};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 

@@ -245,8 +245,7 @@ fn from_raw(folder: &Path, output: &Output) -> Result<Vec<(Split, Sample)>> {
     Ok(samples.into_iter().map(|sample| (split(&sample), sample)).collect())
 }
 
-const LISTS: [(List, Split); 2] =
-    [(List::TrainVal, Split::Train), (List::Test, Split::Validation)];
+const LISTS: [(List, Split); 2] = [(List::TrainVal, Split::Train), (List::Test, Split::Validation)];
 
 fn show(manifest: &Manifest, output: &Output) {
     let count = |split: Split| {

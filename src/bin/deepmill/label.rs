@@ -6,7 +6,6 @@ use crate::density;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use crate::progress;
-use deepmill::{Result, aside};
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::cutter::Cutter;
 use deepmill::data::files::tools::Tool;
@@ -19,6 +18,7 @@ use deepmill::report::Part;
 use deepmill::report::coverage::{Coverage, Shares};
 use deepmill::report::folder::{self, Show};
 use deepmill::report::tables::{Cell, Facts};
+use deepmill::{Result, aside};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 

@@ -48,7 +48,9 @@ impl MeshArgs {
                 let n_coincident = sites.n_coincident();
                 if n_coincident > 0 {
                     let n = sites.len();
-                    output.warn(format!("{n_coincident} of {n} points coincide with others: leave them out"));
+                    output.warn(format!(
+                        "{n_coincident} of {n} points coincide with others: leave them out"
+                    ));
                 }
                 let points = sites.points.iter().map(|p| p.as_dvec3());
                 let low = points.clone().fold(DVec3::INFINITY, DVec3::min);

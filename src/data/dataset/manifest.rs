@@ -65,7 +65,12 @@ impl Settings {
         let dense = self.n_obstacles.unwrap_or(1);
         let rules: [(&'static str, f64, bool, &str); 6] = [
             ("cutters", self.n_cutters as f64, self.n_cutters > 0, "1 or more"),
-            ("sites", self.n_sites as f64, (2..=MAX_SITES).contains(&self.n_sites), "2 to 10 million"),
+            (
+                "sites",
+                self.n_sites as f64,
+                (2..=MAX_SITES).contains(&self.n_sites),
+                "2 to 10 million",
+            ),
             ("obstacles", dense as f64, (1..=MAX_SITES).contains(&dense), "1 to 10 million"),
             ("occlusion share", share, share > 0.0 && share <= 1.0, "above 0, at most 1"),
             ("validation share", kept, (0.0..=1.0).contains(&kept), "0 to 1"),

@@ -23,13 +23,14 @@ mod surface;
 use crate::geom::Mesh;
 use crate::{Error, Result};
 use glam::Vec3;
-use std::collections::HashSet;
+use serde::{Deserialize, Serialize};
 pub(crate) use sheet::OPPOSITE;
 pub use sheet::same_sheet;
+use std::collections::HashSet;
 use surface::Surface;
 
 /// Points on a surface with outward unit normals; all vectors have the same length.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sites {
     /// Positions, mm.
     pub points: Vec<Vec3>,
@@ -40,6 +41,23 @@ pub struct Sites {
 }
 
 impl Sites {
+    /// Sites at `points`, mm, with outward unit `normals`, on no mesh.
+    ///
+    /// # Errors
+    /// As [`Sites::check`].
+    ///
+    /// ```
+    /// use deepmill::{geom::Sites, glam::Vec3};
+    /// assert_eq!(Sites::new(vec![Vec3::ZERO, Vec3::X], vec![Vec3::Z; 2])?.len(), 2);
+    /// assert!(Sites::new(vec![Vec3::ZERO], vec![Vec3::ONE]).is_err());
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    pub fn new(points: Vec<Vec3>, normals: Vec<Vec3>) -> Result<Self> {
+        let sites = Sites { points, normals, faces: Vec::new() };
+        sites.check()?;
+        Ok(sites)
+    }
+
     /// Number of sites.
     pub fn len(&self) -> usize {
         self.points.len()
@@ -96,7 +114,9 @@ pub(crate) fn check_points(what: &str, points: &[Vec3]) -> Result<()> {
 }
 
 /// Which normal a sampled site carries.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Normals {
     /// The outward normal of the face the site lies on.
     #[default]
@@ -110,8 +130,15 @@ pub enum Normals {
     },
 }
 
+impl AsRef<Sites> for Sites {
+    fn as_ref(&self) -> &Sites {
+        self
+    }
+}
+
 /// How [`sample`] places its sites.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct SiteOptions {
     /// Number of sites, at least 1.
     pub n_sites: usize,
@@ -239,7 +266,10 @@ mod tests {
         };
         for (x, shown) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (1e30, "1000000")] {
             let message = broken(&|sites| sites.points[7].x = x);
-            assert!(message.starts_with("site 7: position") && message.contains(shown), "{message}");
+            assert!(
+                message.starts_with("site 7: position") && message.contains(shown),
+                "{message}"
+            );
         }
         for normal in [Vec3::ZERO, Vec3::splat(1.0), Vec3::NAN] {
             let message = broken(&|sites| sites.normals[3] = normal);
