@@ -7,6 +7,8 @@ use crate::metrics::Confusion;
 use crate::model::{Batch, Model, Shape, Workspace};
 use crate::optim::Sgd;
 use crate::rng::{Purpose, Stream};
+use crate::simd::Level;
+use crate::simd::elementwise::scale;
 use crate::{Error, Result};
 
 /// Memory of a step that lives on between steps.
@@ -158,7 +160,7 @@ fn clip(grads: &mut [f32], most: f64) {
     if norm > most {
         let factor = (most / norm) as f32;
         crate::par::for_each_block(grads, CLIP_BLOCK, |_, block| {
-            block.iter_mut().for_each(|g| *g *= factor);
+            scale(Level::active(), factor, block);
         });
     }
 }
