@@ -47,6 +47,24 @@ fn cutters_that_cannot_be_are_refused_as_typed() {
 }
 
 #[test]
+fn negative_numbers_are_refused_for_what_they_are() {
+    let folder = Folder::new();
+    let (part, out) = (folder.block(), folder.path("sites.ply"));
+    for option in ["--scale", "--weld", "--sites", "--occlusion-share"] {
+        let message = failure(&folder.label(&part, &[option, "-1"]), 2);
+        assert!(!message.contains("-- -1"), "{option}: {message}");
+        assert!(message.contains("-1"), "{option}: {message}");
+    }
+    let data = folder.path("data");
+    for option in ["--validation", "--min-edge"] {
+        let build = ["dataset", "build", &part, "--out", &data, option, "-1"];
+        assert!(failure(&deepmill(&build), 2).contains("-1, expected"), "{option}");
+    }
+    let message = failure(&deepmill(&["sample", &part, "--out", &out, "--cr", "-1"]), 2);
+    assert!(message.contains("--cr is -1"), "{message}");
+}
+
+#[test]
 fn cones_are_refused_in_the_degrees_they_were_typed_in() {
     let folder = Folder::new();
     let part = folder.block();

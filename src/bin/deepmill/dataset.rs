@@ -63,10 +63,10 @@ struct BuildArgs {
     #[arg(long)]
     whole_sphere: bool,
     /// Scale up parts whose smallest box edge is below this, mm (0: never).
-    #[arg(long, default_value_t = 80.0, value_name = "MM")]
+    #[arg(long, default_value_t = 80.0, value_name = "MM", allow_negative_numbers = true)]
     min_edge: f64,
     /// Probability of a part to be kept for validation.
-    #[arg(long, default_value_t = 0.0, value_name = "SHARE")]
+    #[arg(long, default_value_t = 0.0, value_name = "SHARE", allow_negative_numbers = true)]
     validation: f64,
     /// Seed of all random decisions.
     #[arg(long, default_value_t = 0)]
@@ -143,7 +143,7 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
         },
         cutter_set: args.cutter_set.parse()?,
         n_cutters: args.cutters,
-        min_edge_mm: (args.min_edge > 0.0).then_some(args.min_edge),
+        min_edge_mm: (args.min_edge != 0.0).then_some(args.min_edge),
         validation_share: args.validation,
         ..Settings::default()
     };

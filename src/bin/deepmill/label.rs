@@ -49,7 +49,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", default_value_t = LabelOptions::default().engine.name().into())]
     engine: String,
     /// Share of the sites that are occlusion points.
-    #[arg(long, value_name = "SHARE", default_value_t = LabelOptions::default().share)]
+    #[arg(long, allow_negative_numbers = true, value_name = "SHARE", default_value_t = LabelOptions::default().share)]
     occlusion_share: f64,
     /// Folder of the results.
     #[arg(long, value_name = "DIR")]

@@ -16,10 +16,13 @@ pub struct MeshArgs {
     #[arg(long, default_value_t, value_name = "UNIT")]
     unit: Unit,
     /// Factor on top of the unit.
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_negative_numbers = true)]
     scale: f64,
     /// Join corners closer than this fraction of the bounding box's diagonal.
-    #[arg(long, default_value_t = weld::DEFAULT_TOLERANCE, value_name = "FRACTION")]
+    #[arg(
+        long, default_value_t = weld::DEFAULT_TOLERANCE, value_name = "FRACTION",
+        allow_negative_numbers = true
+    )]
     weld: f64,
     /// Mend small faults: weld gaps, drop doubled and collapsed triangles, orient.
     #[arg(long)]

@@ -35,7 +35,7 @@ pub struct Args {
     #[command(flatten)]
     sites: SiteArgs,
     /// Ball radius of a cutter: say how many sites it needs.
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     cr: Option<f64>,
     /// Instead of sites, about this many points of a regular lattice in the bounding box, each
     /// said to be inside or outside (.npz).

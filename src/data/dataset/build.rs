@@ -98,6 +98,9 @@ impl Builder {
     ///
     /// # Errors
     /// If the part's files cannot be written.
+    ///
+    /// # Panics
+    /// If there is no such part.
     pub fn part(&self, index: usize) -> Result<PartRecord> {
         let path = self.record_path(index);
         if path.exists() {

@@ -190,3 +190,30 @@ fn content_hash(path: &Path) -> Result<String> {
     let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
     Ok(hmac_sha256::Hash::hash(&bytes).iter().map(|b| format!("{b:02x}")).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn parts_with_answers_left_out_are_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("part.npz");
+        let good = LabelledPart {
+            sites: Sites::new(vec![Vec3::X, Vec3::Y], vec![Vec3::Z; 2]).unwrap(),
+            cutters: vec![[1.5, 6.0, 40.0, 5.0].into()],
+            inaccessible: vec![vec![true, false]],
+            occlusion: vec![vec![false, true]],
+            accessible_directions: vec![vec![0, 3]],
+        };
+        good.write(&path).unwrap();
+        let refused = |part: LabelledPart| part.write(&path).unwrap_err().to_string();
+        let short = LabelledPart { occlusion: vec![vec![true]], ..good.clone() };
+        assert!(refused(short).contains("part.npz: occlusion: lists of [1] for 2 sites"));
+        let missing = LabelledPart { accessible_directions: vec![], ..good.clone() };
+        assert!(refused(missing).contains("accessible_directions: lists of []"));
+        let bare = Sites { normals: vec![], ..good.sites.clone() };
+        assert!(refused(LabelledPart { sites: bare, ..good }).contains("0 normals for 2 sites"));
+    }
+}

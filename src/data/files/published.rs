@@ -244,7 +244,8 @@ impl Rows {
         Ok(rows)
     }
 
-    /// Adds one line; a normal that is not a number becomes (0, 0, 1), as in the published preparation.
+    /// Adds one line; a normal that is not a number becomes (0, 0, 1), as in the published preparation, and
+    /// so does one without a length; others are brought to unit length if they have not got it.
     fn push(&mut self, row: [f32; 8]) -> std::result::Result<(), String> {
         let (point, mut normal) = (Vec3::from_slice(&row[..3]), Vec3::from_slice(&row[3..6]));
         if normal.is_nan() {
@@ -252,6 +253,9 @@ impl Rows {
         }
         if !point.is_finite() || !normal.is_finite() {
             return Err(format!("point {point} with normal {normal}"));
+        }
+        if (normal.length_squared() - 1.0).abs() >= 1e-3 {
+            normal = normal.normalize_or(Vec3::Z);
         }
         let label = |x: f32| match x {
             0.0 => Ok(false),
@@ -333,6 +337,8 @@ mod tests {
         let rows =
             read("# made by hand\n\n1 2 3 -nan(ind) -nan(ind) -nan(ind) 1.000000 0\n").unwrap();
         assert_eq!((rows.sites.normals[0], rows.inaccessible[0]), (Vec3::Z, false));
+        let rows = read("1 2 3 0 2 0 1 0\n1 2 3 0 0 0 1 0\n").unwrap();
+        assert_eq!(rows.sites.normals, [Vec3::Y, Vec3::Z]);
         for (text, part) in [
             ("1 2 3 0 0 1 1", "a.txt: line 1: `1 2 3 0 0 1 1`, expected eight numbers"),
             ("1 2 3 0 0 1 1 0\n1 2 x 0 0 1 1 0", "a.txt: line 2"),
