@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 const EVERYWHERE: [&str; 7] = ["error", "scalar", "rng", "par", "aside", "Error", "Result"];
 
 /// Room → rooms it may import. Arrows only point down.
-const PLAN: [(&str, &[&str]); 22] = [
+const PLAN: [(&str, &[&str]); 23] = [
+    ("arrays", &["model", "access", "geom"]),
     ("report", &["train", "data", "metrics", "access", "geom", "spatial", "cutter"]),
     ("parity", &["model", "nn", "octree", "optim", "loss", "cutter"]),
     (
@@ -26,7 +27,7 @@ const PLAN: [(&str, &[&str]); 22] = [
         ],
     ),
     ("data", &["access", "geom", "octree", "cutter", "directions"]),
-    ("model", &["nn", "octree", "cutter"]),
+    ("model", &["nn", "octree", "cutter", "geom"]),
     ("nn", &["octree", "simd"]),
     ("gradcheck", &["nn", "loss"]),
     ("optim", &["simd"]),
@@ -47,7 +48,7 @@ const PLAN: [(&str, &[&str]); 22] = [
 ];
 
 /// Where files may be opened or written.
-const FILE_ROOMS: [&str; 11] = [
+const FILE_ROOMS: [&str; 13] = [
     "aside.rs",
     "geom/formats",
     "data/npz",
@@ -57,6 +58,8 @@ const FILE_ROOMS: [&str; 11] = [
     "parity/",
     "train/checkpoint",
     "train/history",
+    "train/run_folder",
+    "train/settings_file",
     "report/",
     "bin/",
 ];
