@@ -45,7 +45,7 @@ fn measuring(criterion: &mut Criterion) {
         bencher.iter(|| Spacing::measure(black_box(&sites)));
     });
     criterion.bench_function("cells of 7000", |bencher| {
-        bencher.iter(|| VoronoiCells::build(black_box(&sites)).spread(&mesh, 16, 1));
+        bencher.iter(|| VoronoiCells::build(black_box(&sites)).unwrap().spread(&mesh, 16, 1));
     });
 }
 

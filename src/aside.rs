@@ -18,6 +18,35 @@ pub fn write(
     write_aside(path, fill).map_err(|source| Error::write(path, source))
 }
 
+/// Checks that files can be written into `folder`, which need not exist yet; leaves nothing behind.
+///
+/// # Errors
+/// If `folder`, or what of its path exists, is no folder or takes no files.
+pub fn check_folder(folder: &Path) -> Result<()> {
+    let mut existing = folder;
+    while !existing.as_os_str().is_empty() && !existing.exists() {
+        existing = existing.parent().unwrap_or(Path::new(""));
+    }
+    let existing = if existing.as_os_str().is_empty() { Path::new(".") } else { existing };
+    if !existing.is_dir() {
+        let remedy = "name another folder";
+        return Err(Error::file(existing, "folder", "it is a file", remedy));
+    }
+    let probe = tempfile::Builder::new().prefix(PREFIX).tempfile_in(existing);
+    probe.map(drop).map_err(|source| Error::write(folder, source))
+}
+
+/// Checks that the file `path` can be written; leaves nothing behind.
+///
+/// # Errors
+/// If `path` is a folder, or its folder takes no files.
+pub fn check_file(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::file(path, "file", "it is a folder", "name a file"));
+    }
+    check_folder(path.parent().unwrap_or(Path::new("")))
+}
+
 /// Removes from `folder` the half-written files that killed processes have left there.
 ///
 /// # Errors
@@ -63,6 +92,22 @@ fn write_aside(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn places_are_checked_without_a_trace() {
+        let folder = tempfile::tempdir().unwrap();
+        let [file, new] = ["a.txt", "new"].map(|name| folder.path().join(name));
+        std::fs::write(&file, "a").unwrap();
+        check_folder(&new.join("deep")).unwrap();
+        check_file(&new.join("deep/a.txt")).unwrap();
+        check_file(&file).unwrap();
+        for place in [&file, &file.join("deep/er")] {
+            let message = check_folder(place).unwrap_err().to_string();
+            assert!(message.contains("a.txt: folder: it is a file"), "{message}");
+        }
+        assert!(check_file(folder.path()).unwrap_err().to_string().contains("it is a folder"));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
 
     #[test]
     fn a_failed_write_leaves_the_old_file_and_nothing_else() {

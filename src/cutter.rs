@@ -8,6 +8,8 @@
 use crate::rng::Stream;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
 
 /// Lengths of a ball-end cutter with a holder, mm, unchecked; the order is `CR, CH, FR, FH` everywhere.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -34,9 +36,57 @@ impl CutterParams {
     }
 }
 
+impl From<[f64; 4]> for CutterParams {
+    fn from(lengths_mm: [f64; 4]) -> Self {
+        CutterParams::from_array(lengths_mm)
+    }
+}
+
+impl From<CutterParams> for [f64; 4] {
+    fn from(params: CutterParams) -> Self {
+        params.to_array()
+    }
+}
+
+/// Writes `CR,CH,FR,FH`, mm.
+impl fmt::Display for CutterParams {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [cr, ch, fr, fh] = self.to_array();
+        write!(f, "{cr},{ch},{fr},{fh}")
+    }
+}
+
+/// Reads `CR,CH,FR,FH`, mm. Whether the lengths make a cutter is for [`Cutter`] to say.
+///
+/// ```
+/// use deepmill::cutter::{Cutter, CutterParams};
+/// let params: CutterParams = "1.5, 6, 40, 5".parse()?;
+/// assert_eq!(params, [1.5, 6.0, 40.0, 5.0].into());
+/// let cutter: Cutter = "1.5,6,40,5".parse()?;
+/// assert_eq!(cutter, Cutter::ball_end(params)?);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
+impl FromStr for CutterParams {
+    type Err = Error;
+
+    /// # Errors
+    /// If the text is not four numbers with commas between.
+    fn from_str(text: &str) -> Result<Self> {
+        let lengths: Option<Vec<f64>> =
+            text.split(',').map(|length| length.trim().parse().ok()).collect();
+        let four = lengths.and_then(|lengths| <[f64; 4]>::try_from(lengths).ok());
+        four.map(CutterParams::from_array).ok_or_else(|| {
+            let expected = "four lengths in mm: CR,CH,FR,FH";
+            let remedy = "write for example 1.5,6,40,5";
+            Error::argument("cutter", format!("`{text}`"), expected, remedy)
+        })
+    }
+}
+
 /// The published ranges that cutters are drawn from; each length is uniform and independent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum CutterSet {
     /// Training and main test set: CR 1–2, CH 0.1–10.1, FR 5–100, FH 0.1–10.1.
     Uniform,
@@ -63,21 +113,6 @@ impl CutterSet {
         }
     }
 
-    /// The set called `name`.
-    ///
-    /// # Errors
-    /// If there is none.
-    pub fn named(name: &str) -> Result<Self> {
-        CutterSet::ALL.into_iter().find(|set| set.name() == name).ok_or_else(|| {
-            Error::argument(
-                "cutter set",
-                name,
-                "uniform, short, long or extreme",
-                "name one of these or give CR,CH,FR,FH",
-            )
-        })
-    }
-
     /// Ranges `[low, high)` of CR, CH, FR, FH, mm.
     pub fn ranges_mm(self) -> [[f64; 2]; 4] {
         let cr = [1.0, 2.0];
@@ -95,6 +130,26 @@ impl CutterSet {
     }
 }
 
+impl fmt::Display for CutterSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Reads a [name](CutterSet::name).
+impl FromStr for CutterSet {
+    type Err = Error;
+
+    /// # Errors
+    /// If no set has it.
+    fn from_str(name: &str) -> Result<Self> {
+        CutterSet::ALL.into_iter().find(|set| set.name() == name).ok_or_else(|| {
+            let expected = "uniform, short, long or extreme";
+            Error::argument("cutter set", name, expected, "name one of these")
+        })
+    }
+}
+
 /// One widening of a cutter: from `height_mm` above its reference point on, it fills `radius_mm`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Step {
@@ -105,7 +160,7 @@ pub struct Step {
 }
 
 /// A checked cutter: where it touches, and steps whose heights increase and radii do not decrease.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cutter {
     corner_mm: f64,
     side_mm: f64,
@@ -118,7 +173,7 @@ impl Cutter {
     /// Steps above the ball's centre: `(CR, CR)`, `(CR+CH, FR)`, `(CR+CH+FH, ∞)`.
     ///
     /// # Errors
-    /// If a length is not finite and positive, or FR < CR.
+    /// If a length is not a number from 0.0001 mm to 10 m, or FR < CR.
     ///
     /// ```
     /// use deepmill::cutter::{Cutter, CutterParams};
@@ -180,6 +235,10 @@ impl Cutter {
     /// If there is no section, a length or radius is not positive, or a radius shrinks upward.
     pub fn stepped(cr_mm: f64, sections: &[(f64, f64)], spindle: bool) -> Result<Self> {
         positive("cutter radius CR", cr_mm)?;
+        if sections.is_empty() {
+            let remedy = "begin with the cutter's own cylinder";
+            return Err(Error::argument("number of sections", 0, "1 or more", remedy));
+        }
         let mut height_mm = cr_mm;
         let mut steps = Vec::with_capacity(sections.len() + 1);
         for &(length, radius_mm) in sections {
@@ -278,17 +337,50 @@ impl Cutter {
     }
 }
 
+impl TryFrom<CutterParams> for Cutter {
+    type Error = Error;
+
+    /// As [`Cutter::ball_end`].
+    fn try_from(params: CutterParams) -> Result<Self> {
+        Cutter::ball_end(params)
+    }
+}
+
+/// Reads the ball-end cutter `CR,CH,FR,FH`, mm.
+impl FromStr for Cutter {
+    type Err = Error;
+
+    /// # Errors
+    /// As [`CutterParams::from_str`] and [`Cutter::ball_end`].
+    fn from_str(text: &str) -> Result<Self> {
+        Cutter::ball_end(text.parse()?)
+    }
+}
+
+/// Writes corner, side offset and steps: `corner 1.5, side 0, steps height:radius 1.5:1.5 7.5:40 12.5:inf mm`.
+impl fmt::Display for Cutter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "corner {}, side {}, steps height:radius", self.corner_mm, self.side_mm)?;
+        for Step { height_mm, radius_mm } in &self.steps {
+            write!(f, " {height_mm}:{radius_mm}")?;
+        }
+        f.write_str(" mm")
+    }
+}
+
 /// More steps than any real tool has.
 const MAX_STEPS: usize = 64;
 /// Longer than any real tool: beyond it, squares and sums might leave the range of `f32` arithmetic.
 const MAX_LENGTH_MM: f64 = 1e4;
+/// Shorter than any real length: coordinates are `f32` and may be metres.
+const MIN_LENGTH_MM: f64 = 1e-4;
 const ORDER: &str = "order the lengths CR,CH,FR,FH; a holder is at least as wide as its cutter";
 
 fn positive(name: &'static str, length: f64) -> Result<()> {
-    if length > 0.0 && length <= MAX_LENGTH_MM {
+    if (MIN_LENGTH_MM..=MAX_LENGTH_MM).contains(&length) {
         return Ok(());
     }
-    Err(Error::argument(name, length, "a positive length, at most 10 m", "give it in mm"))
+    Err(Error::argument(name, length, "a positive length, 0.0001 mm to 10 m", "give it in mm"))
 }
 
 fn check_step(index: usize, step: &Step, below: Option<&Step>) -> Result<()> {
@@ -298,10 +390,10 @@ fn check_step(index: usize, step: &Step, below: Option<&Step>) -> Result<()> {
         let found = format!("{} {height_mm}", place("height"));
         return Err(Error::argument("cutter step", found, "within 10 m", "give it in mm"));
     }
-    let finite_or_spindle = radius_mm <= MAX_LENGTH_MM || radius_mm == f64::INFINITY;
-    if !(radius_mm > 0.0 && finite_or_spindle) {
+    let finite = (MIN_LENGTH_MM..=MAX_LENGTH_MM).contains(&radius_mm);
+    if !(finite || radius_mm == f64::INFINITY) {
         let found = format!("{} {radius_mm}", place("radius"));
-        let expected = "positive, at most 10 m, or infinite for the spindle";
+        let expected = "0.0001 mm to 10 m, or infinite for the spindle";
         return Err(Error::argument("cutter step", found, expected, "give it in mm"));
     }
     let Some(below) = below else { return Ok(()) };
@@ -378,6 +470,8 @@ mod tests {
         let message = lollipop.unwrap_err().to_string();
         assert!(message.contains("lollipop") && message.contains("step 1"), "{message}");
         assert!(Cutter::stepped(1.0, &[], false).is_err());
+        assert!(Cutter::stepped(1.0, &[], true).is_err());
+        assert!(ball([1e-30, 2.0, 30.0, 4.0]).is_err() && ball([1.0, 1e-30, 30.0, 4.0]).is_err());
         assert!(Cutter::stepped(1.0, &[(0.0, 1.0)], false).is_err());
     }
 
@@ -394,7 +488,7 @@ mod tests {
     #[test]
     fn drawn_cutters_lie_in_their_ranges_and_are_valid() {
         for set in CutterSet::ALL {
-            assert_eq!(CutterSet::named(set.name()).unwrap(), set);
+            assert_eq!(set.name().parse::<CutterSet>().unwrap(), set);
             let mut stream = Stream::new(1, 0, 0, Purpose::Cutter);
             for _ in 0..100 {
                 let params = set.draw(&mut stream);
@@ -404,6 +498,6 @@ mod tests {
                 Cutter::ball_end(params).unwrap();
             }
         }
-        assert!(CutterSet::named("huge").is_err());
+        assert!("huge".parse::<CutterSet>().is_err());
     }
 }

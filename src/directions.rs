@@ -8,10 +8,13 @@ use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::fmt;
+use std::str::FromStr;
 
 /// How a set of directions is made. Axes need not be unit vectors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
+#[non_exhaustive]
 pub enum DirectionSet {
     /// `z_k = 1 − (k+½)/m`, azimuth `k·π(3−√5)`, k = 0…m−1: even over the upper half, without +z
     /// itself, which would put every vertical wall on the knife edge r = R.
@@ -53,6 +56,115 @@ pub enum DirectionSet {
         /// Any lengths but zero.
         vectors: Vec<[f64; 3]>,
     },
+}
+
+/// The form that [`DirectionSet::from_str`] reads.
+impl fmt::Display for DirectionSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let vector = |[x, y, z]: &[f64; 3]| format!("{x},{y},{z}");
+        match self {
+            DirectionSet::FibonacciHemisphere { n_dirs } => write!(f, "hemisphere:{n_dirs}"),
+            DirectionSet::FibonacciSphere { n_dirs } => write!(f, "sphere:{n_dirs}"),
+            DirectionSet::LatLong { n_polar, n_azimuth } => {
+                write!(f, "latlong:{n_polar}x{n_azimuth}")
+            }
+            DirectionSet::Cone { axis, half_angle_rad, n_dirs } => {
+                write!(f, "cone:{}:{n_dirs}", degrees(*half_angle_rad))?;
+                if *axis == UP { Ok(()) } else { write!(f, ":{}", vector(axis)) }
+            }
+            DirectionSet::Circle { axis, n_dirs } => write!(f, "circle:{}:{n_dirs}", vector(axis)),
+            DirectionSet::List { vectors } => {
+                let all: Vec<String> = vectors.iter().map(vector).collect();
+                write!(f, "list:{}", all.join(";"))
+            }
+        }
+    }
+}
+
+/// Reads `COUNT` or `hemisphere:COUNT`, `sphere:COUNT`, `latlong:RINGSxCOUNT`, `cone:DEGREES:COUNT`
+/// (about +z) or `cone:DEGREES:COUNT:X,Y,Z`, `circle:X,Y,Z:COUNT`, `list:X,Y,Z;X,Y,Z;…`.
+///
+/// ```
+/// use deepmill::directions::DirectionSet;
+/// let set: DirectionSet = "cone:30:12".parse()?;
+/// assert_eq!(set.to_string(), "cone:30:12");
+/// # Ok::<(), deepmill::Error>(())
+/// ```
+impl FromStr for DirectionSet {
+    type Err = Error;
+
+    /// # Errors
+    /// If the text has none of these forms, or a cone's angle is not above 0 and at most 180 degrees.
+    fn from_str(text: &str) -> Result<Self> {
+        let set = parse_set(text).ok_or_else(|| {
+            let expected = "COUNT, hemisphere:COUNT, sphere:COUNT, latlong:RINGSxCOUNT, \
+                            cone:DEGREES:COUNT, circle:X,Y,Z:COUNT or list:X,Y,Z;X,Y,Z";
+            Error::argument("directions", format!("`{text}`"), expected, "write for example 150")
+        })?;
+        match &set {
+            DirectionSet::Cone { half_angle_rad, .. } if !is_cone_angle(*half_angle_rad) => {
+                let found = format!("`{text}`");
+                let expected = "a cone of more than 0 and at most 180 degrees";
+                Err(Error::argument(
+                    "directions",
+                    found,
+                    expected,
+                    "give its greatest tilt from +z",
+                ))
+            }
+            _ => Ok(set),
+        }
+    }
+}
+
+const UP: [f64; 3] = [0.0, 0.0, 1.0];
+
+fn parse_set(text: &str) -> Option<DirectionSet> {
+    let (kind, rest) = text.split_once(':').unwrap_or(("hemisphere", text));
+    Some(match kind {
+        "hemisphere" => DirectionSet::FibonacciHemisphere { n_dirs: rest.parse().ok()? },
+        "sphere" => DirectionSet::FibonacciSphere { n_dirs: rest.parse().ok()? },
+        "latlong" => {
+            let (rings, around) = rest.split_once('x')?;
+            let (n_polar, n_azimuth) = (rings.parse().ok()?, around.parse().ok()?);
+            DirectionSet::LatLong { n_polar, n_azimuth }
+        }
+        "cone" => {
+            let (angle, rest) = rest.split_once(':')?;
+            let (count, axis) = rest.split_once(':').unwrap_or((rest, "0,0,1"));
+            let half_angle_rad = angle.parse::<f64>().ok()?.to_radians();
+            DirectionSet::Cone {
+                axis: parse_vector(axis)?,
+                half_angle_rad,
+                n_dirs: count.parse().ok()?,
+            }
+        }
+        "circle" => {
+            let (axis, count) = rest.split_once(':')?;
+            DirectionSet::Circle { axis: parse_vector(axis)?, n_dirs: count.parse().ok()? }
+        }
+        "list" => {
+            let vectors = rest.split(';').map(parse_vector).collect::<Option<_>>()?;
+            DirectionSet::List { vectors }
+        }
+        _ => return None,
+    })
+}
+
+fn parse_vector(text: &str) -> Option<[f64; 3]> {
+    let parts: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
+    parts?.try_into().ok()
+}
+
+/// The shortest number of degrees that is read back as `radians`.
+fn degrees(radians: f64) -> f64 {
+    let exact = radians.to_degrees();
+    let rounded = (exact * 1e9).round() / 1e9;
+    if rounded.to_radians() == radians { rounded } else { exact }
+}
+
+fn is_cone_angle(half_angle_rad: f64) -> bool {
+    half_angle_rad > 0.0 && half_angle_rad <= PI
 }
 
 /// At least one unit vector; the order is part of the result of every labelling.
@@ -120,6 +232,30 @@ impl Directions {
     }
 }
 
+/// As [`DirectionSet::from_str`].
+impl FromStr for Directions {
+    type Err = Error;
+
+    /// # Errors
+    /// As [`DirectionSet::from_str`] and [`Directions::new`].
+    fn from_str(text: &str) -> Result<Self> {
+        Directions::new(text.parse()?)
+    }
+}
+
+/// The recipe, as [`DirectionSet`] is written.
+impl fmt::Display for Directions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.set.fmt(f)
+    }
+}
+
+impl AsRef<[Vec3]> for Directions {
+    fn as_ref(&self) -> &[Vec3] {
+        &self.vectors
+    }
+}
+
 const MAX_DIRECTIONS: usize = 1_000_000;
 
 fn build(set: &DirectionSet, n_dirs: usize) -> Result<Vec<DVec3>> {
@@ -138,7 +274,7 @@ fn build(set: &DirectionSet, n_dirs: usize) -> Result<Vec<DVec3>> {
             })
             .collect(),
         DirectionSet::Cone { axis, half_angle_rad, .. } => {
-            if !(*half_angle_rad > 0.0 && *half_angle_rad <= PI) {
+            if !is_cone_angle(*half_angle_rad) {
                 let remedy = "give the greatest tilt in radians";
                 let expected = "above 0, at most pi";
                 return Err(Error::argument("cone angle", half_angle_rad, expected, remedy));
@@ -194,6 +330,35 @@ mod tests {
 
     fn vectors(set: DirectionSet) -> Vec<Vec3> {
         Directions::new(set).unwrap().vectors().to_vec()
+    }
+
+    #[test]
+    fn every_form_of_text_is_read_and_written_again() {
+        for (text, n) in [
+            ("hemisphere:7", 7),
+            ("sphere:20", 20),
+            ("latlong:3x8", 24),
+            ("cone:30:12", 12),
+            ("cone:180:5", 5),
+            ("cone:33.3:12:1,0,-0.5", 12),
+            ("circle:1,0,0:36", 36),
+            ("list:0,0,1;0,1,0", 2),
+        ] {
+            let directions: Directions = text.parse().unwrap();
+            assert_eq!((directions.len(), directions.to_string().as_str()), (n, text));
+        }
+        let plain: DirectionSet = "150".parse().unwrap();
+        assert_eq!(plain, DirectionSet::FibonacciHemisphere { n_dirs: 150 });
+        for text in
+            ["", "x", "sphere", "sphere:-1", "cone:30", "list:", "list:0,0", "circle:3", "0"]
+        {
+            assert!(text.parse::<Directions>().is_err(), "{text}");
+        }
+        for text in ["cone:200:5", "cone:0:5", "cone:-30:5", "cone:NaN:5"] {
+            let message = text.parse::<Directions>().unwrap_err().to_string();
+            assert!(message.contains(text) && message.contains("180 degrees"), "{message}");
+            assert!(!message.contains("radians"), "{message}");
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[non_exhaustive]
 pub enum Error {
     /// The operating system refused to open, read or write a file.
-    #[error("{}: cannot be {action}: {source}; check the path and its permissions", path.display())]
+    #[error("{}: cannot be {action}: {source}; {}", path.display(), io_remedy(source))]
     Io {
         /// The file.
         path: PathBuf,
@@ -83,6 +83,23 @@ pub enum Error {
     },
 }
 
+/// What helps against a failure of the operating system.
+fn io_remedy(source: &std::io::Error) -> &'static str {
+    use std::io::ErrorKind::{
+        AlreadyExists, FileTooLarge, IsADirectory, NotADirectory, NotFound, PermissionDenied,
+        QuotaExceeded, ReadOnlyFilesystem, StorageFull,
+    };
+    match source.kind() {
+        NotFound => "check the path",
+        PermissionDenied | ReadOnlyFilesystem => "check the permissions, or name another place",
+        StorageFull | QuotaExceeded => "free some space, or name a place on another disk",
+        FileTooLarge => "name a place without that limit",
+        AlreadyExists | NotADirectory => "a file is where a folder should be: name another path",
+        IsADirectory => "this is a folder: name a file",
+        _ => "check the path and the disk it is on",
+    }
+}
+
 impl Error {
     /// A failed read of `path`.
     pub fn read(path: impl AsRef<Path>, source: std::io::Error) -> Self {
@@ -131,5 +148,26 @@ impl Error {
             expected: expected.into(),
             remedy: remedy.into(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io;
+
+    #[test]
+    fn remedies_fit_what_the_system_says() {
+        for (kind, remedy) in [
+            (io::ErrorKind::StorageFull, "; free some space"),
+            (io::ErrorKind::PermissionDenied, "; check the permissions"),
+            (io::ErrorKind::NotFound, "; check the path"),
+            (io::ErrorKind::IsADirectory, "; this is a folder"),
+        ] {
+            let message = Error::write("a", io::Error::from(kind)).to_string();
+            assert!(message.contains(remedy), "{message}");
+        }
+        let full = Error::write("a", io::Error::from(io::ErrorKind::StorageFull)).to_string();
+        assert!(!full.contains("permissions"), "{full}");
     }
 }

@@ -13,6 +13,8 @@
 #![deny(unsafe_code)]
 
 pub mod access;
+#[cfg(feature = "ndarray")]
+pub mod arrays;
 #[cfg(feature = "formats")]
 pub mod aside;
 pub mod cutter;
@@ -39,3 +41,5 @@ pub mod spatial;
 pub mod train;
 
 pub use error::{Error, Result};
+/// The vectors that this crate's types hold.
+pub use glam;

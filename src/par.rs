@@ -239,11 +239,18 @@ pub fn threads() -> usize {
     rayon::current_num_threads()
 }
 
+/// Most threads that [`with_threads`] starts.
+pub const MAX_THREADS: usize = 4096;
+
 /// Runs `work` with parallel loops limited to `n_threads` (0: one per logical CPU).
 ///
 /// # Errors
-/// If the system refuses to start the threads.
+/// If there are more than [`MAX_THREADS`], or the system refuses to start them.
 pub fn with_threads<R: Send>(n_threads: usize, work: impl FnOnce() -> R + Send) -> Result<R> {
+    if n_threads > MAX_THREADS {
+        let expected = format!("at most {MAX_THREADS}");
+        return Err(Error::argument("threads", n_threads, expected, "give 0: one per processor"));
+    }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build();
     let pool = pool.map_err(|e| {
         Error::argument("threads", n_threads, "a number the system can start", e.to_string())
@@ -268,6 +275,11 @@ mod tests {
             assert_eq!(items, [1, 1, 1, 1, 2, 2, 2, 2, 3, 3]);
         }
         assert!(map_blocks(0, 4, |r| r).is_empty());
+    }
+
+    #[test]
+    fn no_machine_is_flooded_with_threads() {
+        assert!(with_threads(MAX_THREADS + 1, || ()).unwrap_err().to_string().contains("4096"));
     }
 
     #[test]

@@ -3,8 +3,8 @@
 //! The four numbers *are* the ChaCha8 key, so no stream depends on how many numbers another one has
 //! drawn: resuming, sharding and reordering do not change any random decision.
 
-use rand::{Rng as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng as _, SeedableRng};
 
 /// What a random stream decides. The discriminants are part of the file formats: never renumber.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

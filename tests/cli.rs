@@ -1,88 +1,12 @@
 //! What the program promises at its command line: exit codes, one-line errors, JSON, files.
 #![cfg(feature = "cli")]
 
+mod command;
+
+use command::{CUTTER, Folder, block, deepmill, failure, json, stl, text};
 use deepmill::data::files::{LabelFile, PredictionFile};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-use tempfile::TempDir;
-
-const CUTTER: &str = "1.5,6,40,5";
-
-fn deepmill(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_deepmill")).args(args).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
-}
-
-/// The JSON object on standard output.
-fn json(output: &Output) -> Value {
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
-/// The program's last words, after checking that it failed in the promised way.
-fn failure(output: &Output, code: i32) -> String {
-    let stderr = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{stderr}");
-    assert!(!stderr.contains("panicked"), "{stderr}");
-    let errors: Vec<&str> = stderr.lines().filter(|l| l.starts_with("error: ")).collect();
-    assert_eq!(errors.len(), 1, "one error: {stderr}");
-    assert!(stderr.ends_with(&format!("{}\n", errors[0])), "the error is the last line: {stderr}");
-    assert!(errors[0].contains("; "), "with a remedy: {stderr}");
-    errors[0].into()
-}
-
-type Corner = [f32; 3];
-
-/// The twelve triangles of a box, counter-clockwise from outside.
-fn block(low: Corner, high: Corner) -> Vec<[Corner; 3]> {
-    let corner = |i: usize| [0, 1, 2].map(|k| if i >> k & 1 == 1 { high[k] } else { low[k] });
-    let quads =
-        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let split = |q: &[usize; 4]| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]].map(|t| t.map(corner));
-    quads.iter().flat_map(split).collect()
-}
-
-fn stl(triangles: &[[Corner; 3]]) -> Vec<u8> {
-    let mut bytes = vec![0; 80];
-    bytes.extend((triangles.len() as u32).to_le_bytes());
-    for triangle in triangles {
-        bytes.extend([0u8; 12]);
-        triangle.iter().flatten().for_each(|x| bytes.extend(x.to_le_bytes()));
-        bytes.extend([0u8; 2]);
-    }
-    bytes
-}
-
-struct Folder(TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Folder(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.path().join(name).to_str().unwrap().into()
-    }
-
-    fn file(&self, name: &str, content: impl AsRef<[u8]>) -> String {
-        std::fs::write(self.path(name), content).unwrap();
-        self.path(name)
-    }
-
-    /// A block 40 × 30 × 20 mm.
-    fn block(&self) -> String {
-        self.file("block.stl", stl(&block([0.0; 3], [40.0, 30.0, 20.0])))
-    }
-
-    fn label(&self, part: &str, more: &[&str]) -> Output {
-        let out = self.path("out");
-        deepmill(&[&["label", part, "--cutter", CUTTER, "--out", &out], more].concat())
-    }
-}
 
 #[test]
 fn bad_files_fail_with_code_1_and_say_where_and_what_to_do() {

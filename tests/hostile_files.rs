@@ -61,7 +61,7 @@ fn three_mf(mesh: &Mesh) -> Vec<u8> {
          </triangles></mesh></object></resources><build><item objectid=\"1\"/></build></model>"
     );
     let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
-    archive.start_file("3D/3dmodel.model", zip::write::FileOptions::default()).unwrap();
+    archive.start_file("3D/3dmodel.model", zip::write::SimpleFileOptions::default()).unwrap();
     std::io::Write::write_all(&mut archive, model.as_bytes()).unwrap();
     archive.finish().unwrap().into_inner()
 }
@@ -208,14 +208,16 @@ fn every_broken_cloud_is_refused_in_one_line_with_file_place_and_remedy() {
     let full = "x y z nx ny nz";
     let npz = |arrays: &[(&str, &[u64], &[f64])]| {
         use npyz::WriterBuilder;
-        let mut archive = npyz::npz::NpzWriter::new(std::io::Cursor::new(Vec::new()));
+        let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
         for (name, shape, values) in arrays {
-            let array = archive.array(name, Default::default()).unwrap();
-            let mut writer = array.default_dtype().shape(shape).begin_nd().unwrap();
-            writer.extend(values.iter()).unwrap();
+            let options = zip::write::SimpleFileOptions::default();
+            archive.start_file(format!("{name}.npy"), options).unwrap();
+            let options = npyz::WriteOptions::<f64>::new().default_dtype().shape(shape);
+            let mut writer = options.writer(&mut archive).begin_nd().unwrap();
+            writer.extend(values.iter().copied()).unwrap();
             writer.finish().unwrap();
         }
-        archive.zip_writer().finish().unwrap().into_inner()
+        archive.finish().unwrap().into_inner()
     };
     let points: &[f64] = &[0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
     let bad: &[f64] = &[0.0, 0.0, 0.0, 1.0, f64::NAN, 1.0];

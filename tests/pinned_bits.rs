@@ -16,7 +16,7 @@ use deepmill::optim::Sgd;
 use deepmill::par;
 use deepmill::rng::{Purpose, Stream};
 use deepmill::simd::Level;
-use sha2::{Digest, Sha256};
+use hmac_sha256::Hash;
 use std::sync::Mutex;
 
 /// The level in force belongs to the whole process.
@@ -31,20 +31,20 @@ fn parts() -> Vec<Sites> {
     parts.iter().map(|mesh| sample(mesh, &options).unwrap()).collect()
 }
 
-fn hex(hash: Sha256) -> String {
+fn hex(hash: Hash) -> String {
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn add<const N: usize>(hash: &mut Sha256, numbers: impl Iterator<Item = [u8; N]>) {
+fn add<const N: usize>(hash: &mut Hash, numbers: impl Iterator<Item = [u8; N]>) {
     numbers.for_each(|bytes| hash.update(bytes));
 }
 
-fn add_floats(hash: &mut Sha256, x: &[f32]) {
+fn add_floats(hash: &mut Hash, x: &[f32]) {
     add(hash, x.iter().map(|x| x.to_bits().to_le_bytes()));
 }
 
 /// Runs `work` on 1 and on 3 threads, at every level of this processor, and demands one hash of all.
-fn assert_pinned(name: &str, expected: &str, work: impl Fn() -> Sha256 + Sync) {
+fn assert_pinned(name: &str, expected: &str, work: impl Fn() -> Hash + Sync) {
     let _alone = LEVEL.lock().unwrap_or_else(|e| e.into_inner());
     let chosen = Level::requested().unwrap();
     for &level in Level::available() {
@@ -61,7 +61,7 @@ fn assert_pinned(name: &str, expected: &str, work: impl Fn() -> Sha256 + Sync) {
 
 #[test]
 fn sites_of_generated_parts_are_pinned() {
-    let mut hash = Sha256::new();
+    let mut hash = Hash::new();
     for sites in parts() {
         for points in [&sites.points, &sites.normals] {
             points.iter().for_each(|p| add_floats(&mut hash, &p.to_array()));
@@ -77,7 +77,7 @@ fn labels_of_three_parts_and_four_cutters_are_pinned() {
         "labels",
         "ce46754953093d3a5743787e3c004f45801745d9188e3de4b51b39a5f6e35703",
         || {
-            let mut hash = Sha256::new();
+            let mut hash = Hash::new();
             for sites in &parts {
                 for lengths in CUTTERS {
                     let cutter = Cutter::ball_end(CutterParams::from_array(lengths)).unwrap();
@@ -104,7 +104,7 @@ fn logits_of_the_shipped_network_are_pinned() {
         "logits",
         "f126947fe04b51566bb93bcb9606d5a71f919fb1960f6493bfd155cefe70230a",
         || {
-            let mut hash = Sha256::new();
+            let mut hash = Hash::new();
             for sites in &parts {
                 for lengths in CUTTERS {
                     let answer = model.predict(&sites.points, &sites.normals, lengths).unwrap();
@@ -131,7 +131,7 @@ fn narrow_reference() -> UNetConfig {
 }
 
 /// Parameters and running statistics after three steps on three shapes with dropout.
-fn trained(config: &UNetConfig, parts: &[Sites]) -> Sha256 {
+fn trained(config: &UNetConfig, parts: &[Sites]) -> Hash {
     let shapes: Vec<Shape> = parts
         .iter()
         .zip(CUTTERS)
@@ -155,7 +155,7 @@ fn trained(config: &UNetConfig, parts: &[Sites]) -> Sha256 {
         let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
         sgd.step(0.1, &mut grads, &mut velocity, &mut model.params);
     }
-    let mut hash = Sha256::new();
+    let mut hash = Hash::new();
     add_floats(&mut hash, &model.params);
     add_floats(&mut hash, &model.buffers);
     hash

@@ -7,7 +7,7 @@ use libfuzzer_sys::fuzz_target;
 use std::io::{Cursor, Write};
 use std::path::Path;
 use zip::ZipWriter;
-use zip::write::FileOptions;
+use zip::write::SimpleFileOptions;
 
 fuzz_target!(|input: &[u8]| {
     let Some((choice, bytes)) = input.split_first() else { return };
@@ -36,7 +36,7 @@ fuzz_target!(|input: &[u8]| {
 /// An archive with the right checksums, in which every entry is `bytes`.
 fn archive(names: &[&str], bytes: &[u8]) -> Vec<u8> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    let stored = FileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    let stored = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
     for name in names {
         zip.start_file(*name, stored).unwrap();
         zip.write_all(bytes).unwrap();

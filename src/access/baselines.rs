@@ -33,7 +33,11 @@ pub fn facing_away(normals: &[Vec3], min_z: f32) -> Vec<bool> {
 /// sites: more than the baseline deserves, so that beating it means something.
 ///
 /// Ties go to the lower threshold; −∞ (nothing marked) if no site is inaccessible.
+///
+/// # Panics
+/// If there are not as many labels as normals.
 pub fn best_facing(normals: &[Vec3], inaccessible: &[bool]) -> f32 {
+    assert_eq!(normals.len(), inaccessible.len(), "as many labels as normals");
     let mut sites: Vec<(f32, bool)> =
         normals.iter().map(|n| n.z).zip(inaccessible.iter().copied()).collect();
     sites.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));

@@ -7,6 +7,7 @@
 use super::predicate;
 use crate::cutter::Cutter;
 use crate::geom::Sites;
+use crate::geom::sites::check_points;
 use crate::spatial::PointGrid;
 use crate::{Error, Result, par};
 use glam::Vec3;
@@ -19,8 +20,8 @@ const BLOCK: usize = 256;
 /// that coincide with the site are on the ball and never inside it.
 ///
 /// # Errors
-/// If the tolerance is not positive or not below the corner radius (a flat end has no ball to test), or the
-/// sites lack normals.
+/// If the tolerance is not positive or not below the corner radius (a flat end has no ball to test), the
+/// sites fail [`Sites::check`], or an obstacle is not finite or beyond 1 km.
 pub fn gouges(
     sites: &Sites,
     obstacles: &[Vec3],
@@ -33,10 +34,8 @@ pub fn gouges(
         let remedy = "a hundredth of the radius suits most samplings";
         return Err(Error::argument("gouge tolerance", tolerance_mm, expected, remedy));
     }
-    if sites.normals.len() != sites.points.len() {
-        let found = format!("{} normals for {} sites", sites.normals.len(), sites.len());
-        return Err(Error::geometry("sites", found, "give every site its outward unit normal"));
-    }
+    sites.check()?;
+    check_points("obstacle", obstacles)?;
     let grid = PointGrid::new(obstacles);
     let reach = (corner - tolerance_mm) as f32;
     let blocks = par::map_blocks(sites.len(), BLOCK, |range| {
@@ -80,6 +79,14 @@ mod tests {
             }
         }
         assert!(gouges(&sites, &[], &cutter, -1.0).is_err());
+        assert!(gouges(&sites, &sites.points, &cutter, f64::NAN).is_err());
+        let message = gouges(&sites, &[Vec3::NAN], &cutter, 0.01).unwrap_err().to_string();
+        assert!(message.starts_with("obstacle 0: position"), "{message}");
+        let mut broken = sites.clone();
+        broken.normals[5] = Vec3::NAN;
+        assert!(gouges(&broken, &sites.points, &cutter, 0.01).is_err());
+        broken = Sites { normals: vec![], ..sites.clone() };
+        assert!(gouges(&broken, &sites.points, &cutter, 0.01).is_err());
         let flat = Cutter::flat_end(CutterParams::from_array([1.0, 2.0, 3.0, 4.0])).unwrap();
         assert!(gouges(&sites, &sites.points, &flat, 0.0).is_err());
     }

@@ -5,16 +5,20 @@ use super::stats::Stats;
 use crate::simd::Level;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
 
 /// How labels are computed. All engines give the same labels and counts, bit for bit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Engine {
     /// Plain loops in plain order: the law.
     Reference,
     /// The same tests, a vector at a time.
     Batched,
     /// Heights, rasters and runs of obstacles decide most queries, the same tests the rest.
+    #[default]
     Pruned,
 }
 
@@ -30,12 +34,21 @@ impl Engine {
             Engine::Pruned => "pruned",
         }
     }
+}
 
-    /// The engine called `name`.
-    ///
+impl fmt::Display for Engine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Reads a [name](Engine::name).
+impl FromStr for Engine {
+    type Err = Error;
+
     /// # Errors
-    /// If there is none.
-    pub fn named(name: &str) -> Result<Self> {
+    /// If no engine has it.
+    fn from_str(name: &str) -> Result<Self> {
         Engine::ALL.into_iter().find(|engine| engine.name() == name).ok_or_else(|| {
             let expected = Engine::ALL.map(Engine::name).join(" or ");
             Error::argument("engine", name, expected, "all engines give the same labels")

@@ -4,6 +4,7 @@ use super::kernels::Rotate;
 use super::predicate::{self, Frame, StepSquared};
 use crate::cutter::Cutter;
 use crate::geom::Sites;
+use crate::geom::sites::{check_points, check_sites};
 use crate::simd::Level;
 use crate::spatial::Coordinates;
 use crate::{Error, Result};
@@ -11,6 +12,7 @@ use glam::Vec3;
 
 /// Where the cutter is to go.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub enum Queries<'a> {
     /// Touching a surface at these sites: the reference point is `s + CR·n`.
     Sites(&'a Sites),
@@ -45,6 +47,7 @@ impl Queries<'_> {
 
 /// What the cutter must not touch. β follows the order of the obstacles.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub enum Obstacles<'a> {
     /// The query sites themselves, as in the paper; a site is never its own obstacle. All are ranked.
     Queries,
@@ -54,9 +57,6 @@ pub enum Obstacles<'a> {
     /// These points alone, mm. All are ranked.
     Points(&'a [Vec3]),
 }
-
-/// Coordinates beyond this are refused: squares of distances must stay far inside `f32`.
-const MAX_COORDINATE_MM: f32 = 1e6;
 
 /// Checked queries and obstacles in an engine's order.
 pub(super) struct Scene {
@@ -78,11 +78,6 @@ impl Scene {
             Queries::Volume(_) => &[],
         };
         let volume = matches!(queries, Queries::Volume(_));
-        if !volume && normals.len() != points.len() {
-            let found = format!("{} normals for {} sites", normals.len(), points.len());
-            let remedy = "give every site its outward unit normal";
-            return Err(Error::geometry("query sites", found, remedy));
-        }
         let (same, extra): (bool, &[Vec3]) = match obstacles {
             Obstacles::Queries => (true, &[]),
             Obstacles::QueriesAnd(extra) => (true, extra),
@@ -94,7 +89,9 @@ impl Scene {
         }
         check("query", points)?;
         check("obstacle", extra)?;
-        check_normals(normals)?;
+        if !volume {
+            check_sites("query", points, normals)?;
+        }
         let own = if same { 0..points.len() as u32 } else { 0..0 };
         let first = if same { points } else { &[] };
         let n_obstacles = first.len() + extra.len();
@@ -120,17 +117,7 @@ fn check(what: &str, points: &[Vec3]) -> Result<()> {
         let remedy = "label in parts";
         return Err(Error::geometry(what, format!("{} points", points.len()), remedy));
     }
-    let usable = |p: &Vec3| p.is_finite() && p.abs().max_element() <= MAX_COORDINATE_MM;
-    let Some(i) = points.iter().position(|p| !usable(p)) else { return Ok(()) };
-    let remedy = "coordinates must be finite and within 1 km; check the file and its unit";
-    Err(Error::geometry(format!("{what} {i}"), format!("position {}", points[i]), remedy))
-}
-
-fn check_normals(normals: &[Vec3]) -> Result<()> {
-    let unit = |n: &Vec3| n.is_finite() && (n.length_squared() - 1.0).abs() < 1e-3;
-    let Some(i) = normals.iter().position(|n| !unit(n)) else { return Ok(()) };
-    let found = format!("normal {} is not a unit vector", normals[i]);
-    Err(Error::geometry(format!("query {i}"), found, "normalize the normals or resample the part"))
+    check_points(what, points)
 }
 
 /// A cutter at every query, before the direction is known.

@@ -16,6 +16,7 @@ use std::sync::Arc;
 /// How far a sample may be turned about +z.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Turn {
     /// Not at all.
     #[default]
@@ -85,6 +86,11 @@ impl Turn {
 }
 
 impl Elastic {
+    /// Whether both numbers are in their domain.
+    pub fn is_sound(&self) -> bool {
+        self.spacing > 0.0 && self.spacing <= 1.0 && (0.0..=1.0).contains(&self.magnitude)
+    }
+
     /// Displaces points by trilinear interpolation of smoothed normal noise on a grid.
     fn apply(&self, points: &mut [Vec3], stream: &mut Stream) {
         let Some(first) = points.first().copied() else { return };

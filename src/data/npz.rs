@@ -6,11 +6,15 @@
 
 use crate::{Error, Result, aside};
 use glam::Vec3;
-use npyz::WriterBuilder;
+use npyz::npz::file_name_from_array_name;
+use npyz::{NpyFile, WriteOptions, WriterBuilder};
 use serde_json::Value;
 use std::fs::File;
 use std::io::{self, BufReader, Cursor, Read, Write};
 use std::path::{Path, PathBuf};
+use zip::result::ZipError;
+use zip::write::SimpleFileOptions;
+use zip::{ZipArchive, ZipWriter};
 
 /// Entry that holds the metadata of an archive.
 const METADATA: &str = "metadata.json";
@@ -25,7 +29,7 @@ const REMEDY: &str = "write the file again with numpy.savez or with this program
 ///
 /// A failure is kept until then, so that calls can be chained.
 pub struct NpzWriter {
-    archive: npyz::npz::NpzWriter<Cursor<Vec<u8>>>,
+    archive: ZipWriter<Cursor<Vec<u8>>>,
     failure: Option<io::Error>,
 }
 
@@ -38,7 +42,7 @@ impl Default for NpzWriter {
 impl NpzWriter {
     /// An archive without arrays.
     pub fn new() -> Self {
-        NpzWriter { archive: npyz::npz::NpzWriter::new(Cursor::new(Vec::new())), failure: None }
+        NpzWriter { archive: ZipWriter::new(Cursor::new(Vec::new())), failure: None }
     }
 
     /// Adds an array of `shape` (row-major) with the type of its values: `f32`, `f64`, `bool` and
@@ -65,8 +69,9 @@ impl NpzWriter {
         values: &[T],
     ) -> io::Result<()> {
         let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
-        let array = self.archive.array::<T>(name, entry_options())?;
-        let mut array = array.default_dtype().shape(&shape).begin_nd()?;
+        self.archive.start_file(file_name_from_array_name(name), entry_options())?;
+        let options = WriteOptions::<T>::new().default_dtype().shape(&shape);
+        let mut array = options.writer(&mut self.archive).begin_nd()?;
         array.extend(values.iter().copied())?;
         array.finish()
     }
@@ -79,11 +84,9 @@ impl NpzWriter {
 
     /// Adds the metadata; at most once.
     pub fn metadata(&mut self, metadata: &Value) -> &mut Self {
-        let zip = self.archive.zip_writer();
-        let added = zip
-            .start_file(METADATA, entry_options())
-            .map_err(io::Error::from)
-            .and_then(|()| zip.write_all(format!("{metadata:#}\n").as_bytes()));
+        let text = format!("{metadata:#}\n");
+        let entry = self.archive.start_file(METADATA, entry_options()).map_err(io::Error::from);
+        let added = entry.and_then(|()| self.archive.write_all(text.as_bytes()));
         self.failure = self.failure.take().or(added.err());
         self
     }
@@ -92,18 +95,18 @@ impl NpzWriter {
     ///
     /// # Errors
     /// If an array could not be stored or the system refuses the file.
-    pub fn write(mut self, path: &Path) -> Result<()> {
+    pub fn write(self, path: &Path) -> Result<()> {
         if let Some(failure) = self.failure {
             return Err(Error::write(path, failure));
         }
-        let bytes = self.archive.zip_writer().finish().map_err(|e| Error::write(path, e.into()))?;
+        let bytes = self.archive.finish().map_err(|e| Error::write(path, e.into()))?;
         aside::write(path, |file| file.write_all(bytes.get_ref()))
     }
 }
 
 /// Compressed, without the time of day.
-fn entry_options() -> zip::write::FileOptions {
-    zip::write::FileOptions::default()
+fn entry_options() -> SimpleFileOptions {
+    SimpleFileOptions::default()
         .last_modified_time(zip::DateTime::default())
         .compression_level(Some(4))
 }
@@ -117,7 +120,7 @@ enum Numbers {
 /// An archive opened for reading.
 pub struct NpzReader {
     path: PathBuf,
-    archive: npyz::npz::NpzArchive<BufReader<File>>,
+    archive: ZipArchive<BufReader<File>>,
 }
 
 impl NpzReader {
@@ -128,14 +131,14 @@ impl NpzReader {
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let file = File::open(path).map_err(|e| Error::read(path, e))?;
-        let archive = npyz::npz::NpzArchive::new(BufReader::new(file))
+        let archive = ZipArchive::new(BufReader::new(file))
             .map_err(|e| Error::file(path, "archive", e.to_string(), REMEDY))?;
         Ok(NpzReader { path: path.into(), archive })
     }
 
     /// Whether the archive has an array of that name.
     pub fn has(&self, name: &str) -> bool {
-        self.archive.array_names().any(|n| n == name)
+        self.archive.index_for_name(&file_name_from_array_name(name)).is_some()
     }
 
     /// The metadata; `Null` if the archive has none.
@@ -144,9 +147,9 @@ impl NpzReader {
     /// If the entry is not JSON.
     pub fn metadata(&mut self) -> Result<Value> {
         let bad = |e: String| Error::file(&self.path, METADATA, e, REMEDY);
-        let entry = match self.archive.zip_archive().by_name(METADATA) {
+        let entry = match self.archive.by_name(METADATA) {
             Ok(entry) => entry,
-            Err(zip::result::ZipError::FileNotFound) => return Ok(Value::Null),
+            Err(ZipError::FileNotFound) => return Ok(Value::Null),
             Err(e) => return Err(bad(e.to_string())),
         };
         let mut text = String::new();
@@ -227,11 +230,14 @@ impl NpzReader {
 
     fn numbers(&mut self, name: &str, n_columns: usize) -> Result<Numbers> {
         let bad = |found: String, remedy: &str| Error::file(&self.path, name, found, remedy);
-        let array = match self.archive.by_name(name) {
-            Ok(Some(array)) => array,
-            Ok(None) => return Err(bad("there is no such array".into(), REMEDY)),
+        let entry = match self.archive.by_name(&file_name_from_array_name(name)) {
+            Ok(entry) => entry,
+            Err(ZipError::FileNotFound) => {
+                return Err(bad("there is no such array".into(), REMEDY));
+            }
             Err(e) => return Err(bad(e.to_string(), REMEDY)),
         };
+        let array = NpyFile::new(entry).map_err(|e| bad(e.to_string(), REMEDY))?;
         let shape = array.shape().to_vec();
         let n_rows = match shape[..] {
             [n] if n_columns == 1 => n,
@@ -269,7 +275,7 @@ fn transposed<T: Copy>(values: &[T], n_columns: usize) -> Vec<T> {
 }
 
 /// The numbers of an array; `None` if they are of no numeric type.
-fn read_numbers<R: Read>(mut array: npyz::NpyFile<R>) -> Option<io::Result<Numbers>> {
+fn read_numbers<R: Read>(mut array: NpyFile<R>) -> Option<io::Result<Numbers>> {
     macro_rules! take {
         ($($kind:ident: $($t:ty),*;)*) => {$($(
             array = match array.try_data::<$t>() {
@@ -360,7 +366,7 @@ mod tests {
             std::fs::write(&path, &whole[..len]).unwrap();
             assert!(NpzReader::open(&path).and_then(|mut z| z.vectors("points")).is_err());
         }
-        let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
         zip.start_file("points.npy", entry_options()).unwrap();
         let text = "{'descr': '<f4', 'fortran_order': False, 'shape': (4000000000, 3), }\n";
         zip.write_all(b"\x93NUMPY\x01\x00").unwrap();

@@ -1,6 +1,6 @@
 //! What the network learns from: one part's sites, one cutter, and the labels of both heads.
 
-use crate::cutter::CutterParams;
+use crate::cutter::{Cutter, CutterParams};
 use crate::geom::Sites;
 use crate::{Error, Result};
 use std::sync::Arc;
@@ -21,10 +21,11 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Checks that every vector has one entry per site.
+    /// Checks that every vector has one entry per site, that the sites pass [`Sites::check`] and the
+    /// lengths make a cutter.
     ///
     /// # Errors
-    /// Names the sample and the vector that is too short or too long.
+    /// Names the sample and what is wrong with it.
     pub fn check(&self) -> Result<()> {
         let n = self.sites.len();
         let lengths = [
@@ -43,7 +44,22 @@ impl Sample {
                 format!("{len} {what} for {n} sites"),
                 "build the data set again",
             )),
-            None => Ok(()),
+            None => self.sites.check().and_then(|()| Cutter::ball_end(self.cutter).map(drop)),
+        }
+        .map_err(|e| self.named(e))
+    }
+
+    /// The error of a part of the sample, as one of the sample.
+    fn named(&self, error: Error) -> Error {
+        let place = format!("sample {}", self.name);
+        match error {
+            Error::Argument { name, found, expected, remedy } => {
+                Error::geometry(place, format!("{name} is {found}, expected {expected}"), remedy)
+            }
+            Error::Geometry { place: within, found, remedy } if within != place => {
+                Error::geometry(place, format!("{within}: {found}"), remedy)
+            }
+            other => other,
         }
     }
 }
@@ -72,5 +88,44 @@ impl Source for [Sample] {
 
     fn sample(&self, _epoch: u64, index: usize) -> Result<Sample> {
         Ok(self[index].clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn samples_that_cannot_be_are_named() {
+        let sites =
+            Sites { points: vec![Vec3::X, Vec3::Y], normals: vec![Vec3::Z; 2], faces: vec![] };
+        let good = Sample {
+            name: "a".into(),
+            sites: sites.clone().into(),
+            cutter: [1.5, 6.0, 40.0, 5.0].into(),
+            inaccessible: vec![true, false],
+            occlusion: vec![false, true],
+        };
+        good.check().unwrap();
+        let cutter = |lengths: [f64; 4]| Sample { cutter: lengths.into(), ..good.clone() };
+        let with = |sites: Sites| Sample { sites: sites.into(), ..good.clone() };
+        for (sample, expected) in [
+            (cutter([f64::NAN, 6.0, 40.0, 5.0]), "sample a: cutter radius CR is NaN"),
+            (cutter([1.5, -6.0, 40.0, 5.0]), "sample a: cutter height CH is -6"),
+            (cutter([40.0, 6.0, 1.5, 5.0]), "sample a: holder radius FR is 1.5"),
+            (
+                with(Sites { normals: vec![Vec3::ZERO; 2], ..sites.clone() }),
+                "sample a: site 0: normal",
+            ),
+            (
+                with(Sites { points: vec![Vec3::X, Vec3::NAN], ..sites }),
+                "sample a: site 1: position",
+            ),
+            (Sample { occlusion: vec![], ..good.clone() }, "sample a: 0 occlusion for 2 sites"),
+        ] {
+            let message = sample.check().unwrap_err().to_string();
+            assert!(message.starts_with(expected), "{message}");
+        }
     }
 }

@@ -3,9 +3,9 @@
 use super::sites::{OPPOSITE, same_sheet};
 use super::spacing::{Spacing, mean_and_cv};
 use super::{Mesh, Sites};
-use crate::par;
 use crate::rng::{Purpose, Stream};
 use crate::spatial::KdTree;
+use crate::{Result, par};
 use glam::DVec3;
 
 /// How far from a site, in mean spacings, two opposite neighbours make it a rim site. At 1.2 a few
@@ -36,6 +36,7 @@ pub struct VoronoiCells {
 
 /// How even the cells of sites are.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct CellSpread {
     /// Coefficient of variation of the cells' areas.
     pub area_cv: f64,
@@ -48,7 +49,11 @@ pub struct CellSpread {
 
 impl VoronoiCells {
     /// Cells of `sites`.
-    pub fn build(sites: &Sites) -> Self {
+    ///
+    /// # Errors
+    /// If the sites fail [`Sites::check`].
+    pub fn build(sites: &Sites) -> Result<Self> {
+        sites.check()?;
         let points: Vec<DVec3> = sites.points.iter().map(|p| p.as_dvec3()).collect();
         let normals: Vec<DVec3> = sites.normals.iter().map(|n| n.as_dvec3()).collect();
         let mean_mm = Spacing::measure_on_sheet(sites).map_or(f64::INFINITY, |s| s.mean_mm);
@@ -56,7 +61,8 @@ impl VoronoiCells {
         let sides = par::map_blocks(points.len(), BLOCK, |range| {
             range.map(|i| rim_side(i, &points, &normals, &tree, mean_mm)).collect::<Vec<_>>()
         });
-        VoronoiCells { sides: sides.concat(), points, normals, tree, search_mm: SEARCH * mean_mm }
+        let search_mm = SEARCH * mean_mm;
+        Ok(VoronoiCells { sides: sides.concat(), points, normals, tree, search_mm })
     }
 
     /// The site to which `point` of the surface, with outward unit `normal` there, belongs.
@@ -72,6 +78,9 @@ impl VoronoiCells {
     /// Measures the cells by Monte Carlo: `per_site` random points of `mesh` per site are given to
     /// their owners. With mean count μ, counting noise adds 1/μ to the square of the coefficient of
     /// variation and is taken off again. All zero without sites or faces.
+    ///
+    /// # Panics
+    /// If a face names a missing vertex ([`Mesh::check`]).
     pub fn spread(&self, mesh: &Mesh, per_site: usize, seed: u64) -> CellSpread {
         let ends = cumulative_areas(mesh);
         let n_probes = if ends.is_empty() { 0 } else { self.points.len() * per_site };
@@ -160,7 +169,7 @@ mod tests {
             let sites = sample(&plate, &SiteOptions { n_sites, ..SiteOptions::default() }).unwrap();
             let spacing = Spacing::measure_on_sheet(&sites).unwrap();
             assert!((1.7..2.1).contains(&spacing.mean_mm) && spacing.cv < 0.12, "{spacing:?}");
-            let cells = VoronoiCells::build(&sites);
+            let cells = VoronoiCells::build(&sites).unwrap();
             let mut sides = vec![[false; 2]; sites.len()];
             let ends = cumulative_areas(&plate);
             let mut stream = Stream::new(3, 0, 0, Purpose::Probe);
@@ -185,7 +194,7 @@ mod tests {
         let mesh = torus(20.0, 8.0, 60, 30);
         let sites =
             sample(&mesh, &SiteOptions { n_sites: 1500, ..SiteOptions::default() }).unwrap();
-        let spread = VoronoiCells::build(&sites).spread(&mesh, 64, 1);
+        let spread = VoronoiCells::build(&sites).unwrap().spread(&mesh, 64, 1);
         let mean = Spacing::measure(&sites).unwrap().mean_mm;
         assert!(spread.area_cv < 0.10 && spread.unowned == 0.0, "{spread:?}");
         assert!((0.6..super::super::spacing::COVERING).contains(&(spread.covering_mm / mean)));
@@ -203,7 +212,7 @@ mod tests {
             sites.points.push(point.as_vec3());
             sites.normals.push(normal.as_vec3());
         }
-        let spread = VoronoiCells::build(&sites).spread(&mesh, 32, 1);
+        let spread = VoronoiCells::build(&sites).unwrap().spread(&mesh, 32, 1);
         assert!((spread.area_cv - 0.529).abs() < 0.03, "{spread:?}");
         // Distances in the plane: Rayleigh, √(4/π − 1) = 0.523.
         let spacing = Spacing::measure(&sites).unwrap();
@@ -211,8 +220,20 @@ mod tests {
     }
 
     #[test]
+    fn sites_without_normals_are_refused() {
+        let sites = Sites { points: vec![glam::Vec3::ZERO; 3], ..Sites::default() };
+        assert!(
+            VoronoiCells::build(&sites)
+                .err()
+                .unwrap()
+                .to_string()
+                .contains("0 normals for 3 sites")
+        );
+    }
+
+    #[test]
     fn empty_input_gives_zero() {
-        let cells = VoronoiCells::build(&Sites::default());
+        let cells = VoronoiCells::build(&Sites::default()).unwrap();
         assert_eq!(cells.owner(DVec3::ZERO, DVec3::Z), None);
         assert_eq!(cells.spread(&Mesh::default(), 8, 1).area_cv, 0.0);
     }

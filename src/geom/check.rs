@@ -24,6 +24,7 @@ const SLIVER: f64 = 1e-5;
 
 /// Where a fault is: coordinates in mm, indices as in the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Place {
     /// The mesh as a whole.
     Whole,
@@ -33,6 +34,8 @@ pub enum Place {
     Edge([u32; 2], [DVec3; 2]),
     /// A triangle and its centre.
     Triangle(u32, DVec3),
+    /// A triangle and the vertex it names, which there is not.
+    Corner(u32, u32),
     /// Two triangles and the middle of the box they share.
     Triangles([u32; 2], DVec3),
     /// A component: its number of triangles, and the centre of the first of them.
@@ -47,6 +50,7 @@ impl fmt::Display for Place {
             Place::Vertex(v, p) => write!(f, "vertex {v} {}", at(p)),
             Place::Edge([a, b], [p, q]) => write!(f, "edge {a}–{b} {}–{}", at(p), at(q)),
             Place::Triangle(t, p) => write!(f, "triangle {t} at {}", at(p)),
+            Place::Corner(t, v) => write!(f, "triangle {t}, vertex {v}"),
             Place::Triangles([s, t], p) => write!(f, "triangles {s} and {t} at {}", at(p)),
             Place::Component(n, p) => write!(f, "component of {n} triangles at {}", at(p)),
         }
@@ -55,6 +59,7 @@ impl fmt::Display for Place {
 
 /// One kind of fault with all its places counted and the first few named.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Finding {
     /// What is wrong.
     pub fault: Fault,
@@ -72,6 +77,7 @@ impl fmt::Display for Finding {
 
 /// All that [`check`] knows about a mesh.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Report {
     /// Number of vertices.
     pub n_vertices: usize,
@@ -123,14 +129,19 @@ impl Report {
     }
 }
 
-/// Examines everything but self-intersections, which [`super::intersect`] finds.
-///
-/// Indices of the mesh must be in range.
+/// Examines everything but self-intersections, which [`super::intersect`] finds. Any mesh may be given: one
+/// that names missing vertices has that finding alone, and no numbers but those of its elements.
 pub fn check(mesh: &Mesh) -> Report {
+    if mesh.face_without_vertex().is_some() {
+        return without_vertices(mesh);
+    }
     let topology = Topology::of(mesh);
     let mut found = Findings::default();
     if topology.is_empty() {
         found.add(Fault::Empty, Place::Whole);
+    }
+    for (v, place) in mesh.vertices.iter().enumerate().filter(|(_, place)| !place.is_finite()) {
+        found.add(Fault::NotFinite, Place::Vertex(v as u32, *place));
     }
     check_edges(mesh, &topology, &mut found);
     for vertex in topology.split_vertices(mesh) {
@@ -147,6 +158,26 @@ pub fn check(mesh: &Mesh) -> Report {
         area_mm2: mesh.area(),
         volume_mm3: mesh.volume(),
         findings: found.sorted(),
+    }
+}
+
+/// Report of a mesh with triangles that name missing vertices.
+fn without_vertices(mesh: &Mesh) -> Report {
+    let mut found = Findings::default();
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        if let Some(v) = triangle.iter().find(|v| **v as usize >= mesh.vertices.len()) {
+            found.add(Fault::MissingVertex, Place::Corner(t as u32, *v));
+        }
+    }
+    Report {
+        n_vertices: mesh.vertices.len(),
+        n_triangles: mesh.triangles.len(),
+        n_components: 0,
+        euler: 0,
+        bounds: mesh.bounds(),
+        area_mm2: 0.0,
+        volume_mm3: 0.0,
+        findings: found.0,
     }
 }
 
@@ -283,7 +314,7 @@ mod tests {
         let mut both = a.clone();
         both.vertices.extend(&b.vertices);
         both.triangles.extend(b.triangles.iter().map(|t| t.map(|v| v + n)));
-        crate::geom::weld::weld(&both, 0.0)
+        crate::geom::weld::weld(&both, 0.0).unwrap()
     }
 
     fn moved(mesh: &Mesh, by: DVec3) -> Mesh {
@@ -303,6 +334,20 @@ mod tests {
         let torus = torus(3.0, 1.0, 30, 20);
         assert_eq!((faults(&torus), check(&torus).euler), (vec![], 0));
         assert!(require_labelable(&moved(&torus, DVec3::splat(1e6))).is_ok());
+    }
+
+    #[test]
+    fn corners_without_vertices_and_vertices_without_a_place_are_findings() {
+        let mut mesh = cube();
+        mesh.triangles[3][2] = 8;
+        mesh.triangles[7] = [u32::MAX; 3];
+        assert_eq!(faults(&mesh), [(Fault::MissingVertex, 2)]);
+        let message = require_labelable(&mesh).unwrap_err().to_string();
+        assert!(message.starts_with("triangle 3, vertex 8: 2 triangles that name"), "{message}");
+        let mut mesh = cube();
+        mesh.vertices[6].z = f64::INFINITY;
+        assert_eq!(faults(&mesh)[0], (Fault::NotFinite, 1));
+        assert!(require_labelable(&mesh).unwrap_err().to_string().starts_with("vertex 6"));
     }
 
     #[test]

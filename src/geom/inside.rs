@@ -398,7 +398,7 @@ mod tests {
         mesh.triangles.pop();
         let message = windings(&mesh, &[DVec3::ZERO]).unwrap_err().to_string();
         assert!(message.contains("edge") && message.contains("no inside"));
-        assert!(windings(&weld(&mesh, 0.0), &[]).is_err());
+        assert!(windings(&weld(&mesh, 0.0).unwrap(), &[]).is_err());
         assert!(Lattice::covering(DVec3::ZERO, DVec3::ONE, 0.0).is_err());
         assert!(Lattice::covering(DVec3::ZERO, DVec3::ONE, 1e-4).is_err());
         let about = |n| Lattice::with_about(DVec3::ZERO, DVec3::new(4.0, 2.0, 1.0), n);

@@ -22,6 +22,9 @@ const MAX_PAIRS: usize = 10_000;
 
 /// The intersecting pairs of triangles, ascending, the lower index first; all of them, unless more
 /// than 10,000 crowd in one cell of the search grid.
+///
+/// # Panics
+/// If a triangle names a missing vertex ([`Mesh::check`]).
 pub fn pairs(mesh: &Mesh) -> Vec<[u32; 2]> {
     let bounds = |f: usize| {
         let [a, b, c] = mesh.corners(f);
@@ -55,6 +58,9 @@ pub fn pairs(mesh: &Mesh) -> Vec<[u32; 2]> {
 }
 
 /// [`pairs`] as a finding; `None` if there are none.
+///
+/// # Panics
+/// As [`pairs`].
 pub fn finding(mesh: &Mesh) -> Option<Finding> {
     let pairs = pairs(mesh);
     let place = |pair: &[u32; 2]| Place::Triangles(*pair, between(mesh, *pair));
@@ -167,7 +173,7 @@ mod tests {
         let mut both = cuboid(DVec3::splat(2.0));
         both.vertices.extend(cuboid(DVec3::splat(2.0)).vertices.iter().map(|v| *v + shift));
         both.triangles.extend(cuboid(DVec3::ONE).triangles.iter().map(|t| t.map(|v| v + 8)));
-        crate::geom::weld::weld(&both, 0.0)
+        crate::geom::weld::weld(&both, 0.0).unwrap()
     }
 
     #[test]

@@ -1,12 +1,14 @@
 //! Triangle meshes: vertices, faces, and what follows directly from them.
 
+use crate::{Error, Result};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// A triangle mesh in millimetres, right-handed, +z up; corners counter-clockwise seen from outside.
 ///
 /// The fields are public: whether a mesh is closed, manifold and oriented is a finding of
 /// `geom::check`, not a property of the type. Every index must be below `vertices.len()`.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Mesh {
     /// Corner positions, mm.
     pub vertices: Vec<DVec3>,
@@ -15,7 +17,62 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// A mesh of these vertices, mm, and triangles.
+    ///
+    /// # Errors
+    /// As [`Mesh::check`].
+    pub fn new(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Result<Self> {
+        let mesh = Mesh { vertices, triangles };
+        mesh.check()?;
+        Ok(mesh)
+    }
+
+    /// [`Mesh::new`] from plain numbers.
+    ///
+    /// # Errors
+    /// As [`Mesh::check`].
+    ///
+    /// ```
+    /// use deepmill::geom::Mesh;
+    /// let corners = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 3.0, 0.0]];
+    /// assert_eq!(Mesh::from_slices(&corners, &[[0, 1, 2]])?.area(), 6.0);
+    /// assert!(Mesh::from_slices(&corners, &[[0, 1, 3]]).is_err());
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    pub fn from_slices(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self> {
+        let vertices = vertices.iter().map(|v| DVec3::from_array(*v)).collect();
+        Mesh::new(vertices, triangles.to_vec())
+    }
+
+    /// Checks that every corner names a vertex and every vertex is finite.
+    ///
+    /// # Errors
+    /// Names the first face or vertex of which that is not so.
+    pub fn check(&self) -> Result<()> {
+        if let Some(f) = self.face_without_vertex() {
+            let n = self.vertices.len();
+            let found = format!("names a vertex beyond the last of {n}");
+            return Err(Error::geometry(format!("face {f}"), found, "check the file"));
+        }
+        match self.vertices.iter().position(|v| !v.is_finite()) {
+            Some(v) => {
+                Err(Error::geometry(format!("vertex {v}"), "is not finite", "check the file"))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// The first face with a corner that names no vertex.
+    pub(crate) fn face_without_vertex(&self) -> Option<usize> {
+        let n = self.vertices.len();
+        self.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= n))
+    }
+
     /// The corners of face `f`, mm.
+    ///
+    /// # Panics
+    /// If there is no such face, or it names a missing vertex ([`Mesh::check`]); so do all that follow
+    /// but the bounds.
     pub fn corners(&self, f: usize) -> [DVec3; 3] {
         self.triangles[f].map(|v| self.vertices[v as usize])
     }
@@ -49,5 +106,21 @@ impl Mesh {
             a.dot(b.cross(c))
         };
         (0..self.triangles.len()).map(six).sum::<f64>() / 6.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faces_without_vertices_and_vertices_without_a_place_are_named() {
+        let mut mesh = crate::geom::solids::cuboid(DVec3::ONE);
+        mesh.check().unwrap();
+        mesh.triangles[5][1] = 8;
+        assert!(mesh.check().unwrap_err().to_string().starts_with("face 5: names a vertex beyond"));
+        mesh.triangles[5][1] = 0;
+        mesh.vertices[2].y = f64::NAN;
+        assert!(mesh.check().unwrap_err().to_string().starts_with("vertex 2: is not finite"));
     }
 }

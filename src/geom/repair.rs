@@ -5,6 +5,7 @@
 use super::check::topology::{Topology, has_three_corners};
 use super::check::{Fault, check, volume_of};
 use super::{Mesh, inside, weld};
+use crate::Result;
 use glam::DVec3;
 use std::collections::{HashMap, HashSet};
 use std::fmt;
@@ -67,15 +68,20 @@ impl fmt::Display for Change {
 /// is nothing for a faultless mesh.
 ///
 /// Welding is kept only if it closes open edges without making others non-manifold.
-pub fn repair(mesh: &mut Mesh) -> Vec<Change> {
-    let mut changes: Vec<Change> = weld_gaps(mesh).into_iter().collect();
+///
+/// # Errors
+/// If the mesh fails [`Mesh::check`]; it is unchanged then.
+pub fn repair(mesh: &mut Mesh) -> Result<Vec<Change>> {
+    mesh.check()?;
+    let mut changes: Vec<Change> = weld_gaps(mesh)?.into_iter().collect();
     changes.extend(drop_collapsed(mesh));
     changes.extend(drop_doubled(mesh));
     changes.extend(orient(mesh));
-    changes
+    Ok(changes)
 }
 
-/// Turns a mesh whose triangles agree, but all face inward. Returns the notice to show if so.
+/// Turns a mesh whose triangles agree, but all face inward. Returns the notice to show if so; any other mesh,
+/// usable or not, stays as it is.
 pub fn face_outward(mesh: &mut Mesh) -> Option<Change> {
     let report = check(mesh);
     let turned = report.n_components == 1
@@ -86,23 +92,23 @@ pub fn face_outward(mesh: &mut Mesh) -> Option<Change> {
     })
 }
 
-fn weld_gaps(mesh: &mut Mesh) -> Option<Change> {
+fn weld_gaps(mesh: &mut Mesh) -> Result<Option<Change>> {
     let count = |mesh: &Mesh| {
         let report = check(mesh);
         (report.count(Fault::OpenEdge), report.count(Fault::NonManifoldEdge))
     };
     let before = count(mesh);
     if before.0 == 0 {
-        return None;
+        return Ok(None);
     }
-    let welded = weld::weld(mesh, GAP_TOLERANCE);
+    let welded = weld::weld(mesh, GAP_TOLERANCE)?;
     let after = count(&welded);
     if after.0 >= before.0 || after.1 > before.1 {
-        return None;
+        return Ok(None);
     }
     let n_vertices = mesh.vertices.len() - welded.vertices.len();
     *mesh = welded;
-    Some(Change::Welded { n_vertices, tolerance: GAP_TOLERANCE })
+    Ok(Some(Change::Welded { n_vertices, tolerance: GAP_TOLERANCE }))
 }
 
 fn drop_collapsed(mesh: &mut Mesh) -> Option<Change> {
@@ -275,7 +281,7 @@ mod tests {
     fn a_faultless_mesh_is_left_alone() {
         let mut mesh = torus(3.0, 1.0, 20, 10);
         let before = mesh.clone();
-        assert_eq!(repair(&mut mesh), []);
+        assert_eq!(repair(&mut mesh).unwrap(), []);
         assert_eq!(face_outward(&mut mesh), None);
         assert_eq!(mesh, before);
     }
@@ -291,7 +297,7 @@ mod tests {
         broken.vertices.push(moved);
         let f = broken.triangles.iter().rposition(|t| t.contains(&3)).unwrap();
         broken.triangles[f] = broken.triangles[f].map(|v| if v == 3 { 200 } else { v });
-        let changes = repair(&mut broken);
+        let changes = repair(&mut broken).unwrap();
         assert_eq!(
             changes,
             [
@@ -313,7 +319,7 @@ mod tests {
         assert_eq!(notice, "turned 1 component that faced the wrong way");
         assert_eq!(mesh.volume(), 1.0);
         mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
-        assert_eq!(repair(&mut mesh), [Change::TurnedComponents(1)]);
+        assert_eq!(repair(&mut mesh).unwrap(), [Change::TurnedComponents(1)]);
         assert_eq!(mesh.volume(), 1.0);
     }
 
@@ -323,9 +329,9 @@ mod tests {
         void.vertices.iter_mut().for_each(|v| *v += 1.0);
         let outer = cuboid(DVec3::splat(3.0));
         let mut hollow = together(&outer, &void);
-        assert_eq!(repair(&mut hollow), [Change::TurnedComponents(1)]);
+        assert_eq!(repair(&mut hollow).unwrap(), [Change::TurnedComponents(1)]);
         assert_eq!(hollow.volume(), 26.0);
-        assert_eq!(repair(&mut hollow), []);
+        assert_eq!(repair(&mut hollow).unwrap(), []);
     }
 
     #[test]
@@ -333,10 +339,10 @@ mod tests {
         let mut other = cuboid(DVec3::splat(2.0));
         other.vertices.iter_mut().for_each(|v| *v += 1.0);
         let mut both = together(&cuboid(DVec3::splat(2.0)), &other);
-        assert_eq!(repair(&mut both), []);
+        assert_eq!(repair(&mut both).unwrap(), []);
         assert_eq!(both.volume(), 16.0);
         both.triangles[12..].iter_mut().for_each(|t| t.swap(0, 1));
-        assert_eq!(repair(&mut both), [Change::TurnedComponents(1)]);
+        assert_eq!(repair(&mut both).unwrap(), [Change::TurnedComponents(1)]);
         assert_eq!(both.volume(), 16.0);
     }
 
@@ -356,10 +362,10 @@ mod tests {
             [[a, c, b], [b, c, d]]
         };
         let mut strip = Mesh { vertices, triangles: (0..n).flat_map(quad).collect() };
-        assert_eq!(repair(&mut strip), [Change::Unorientable(1)]);
+        assert_eq!(repair(&mut strip).unwrap(), [Change::Unorientable(1)]);
         let mut open = cuboid(DVec3::ONE);
         open.triangles.pop();
-        assert_eq!(repair(&mut open), []);
+        assert_eq!(repair(&mut open).unwrap(), []);
         assert_eq!(check(&open).count(Fault::OpenEdge), 3);
     }
 
@@ -368,7 +374,17 @@ mod tests {
         let mut mesh = cuboid(DVec3::ONE);
         mesh.vertices.push(DVec3::splat(2.0));
         mesh.triangles.extend([[0, 1, 8], [1, 0, 8]]);
-        assert_eq!(repair(&mut mesh), [Change::DroppedDoubled(2)]);
+        assert_eq!(repair(&mut mesh).unwrap(), [Change::DroppedDoubled(2)]);
         assert!(check(&mesh).findings.is_empty());
+    }
+
+    #[test]
+    fn a_mesh_that_names_missing_vertices_is_refused_and_left_alone() {
+        let mut mesh = crate::geom::solids::cuboid(DVec3::ONE);
+        mesh.triangles[1][1] = 99;
+        let before = mesh.clone();
+        assert!(repair(&mut mesh).unwrap_err().to_string().starts_with("face 1"));
+        assert_eq!(face_outward(&mut mesh), None);
+        assert_eq!(mesh, before);
     }
 }

@@ -4,9 +4,10 @@
 
 use super::Sites;
 use super::sites::same_sheet;
-use crate::par;
 use crate::spatial::KdTree;
+use crate::{Result, par};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// Greatest distance of a point of the surface from the nearest site, in mean spacings, for sites of
 /// [`sample`](super::sites::sample): 0.58 in a hexagonal lattice, at most 0.97 on the parts measured in
@@ -19,7 +20,8 @@ const MARGIN: f64 = 1.05;
 const BLOCK: usize = 1024;
 
 /// Distances from each site to the nearest other one.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Spacing {
     /// Number of sites that have a neighbour.
     pub n_sites: usize,
@@ -42,6 +44,9 @@ impl Spacing {
 
     /// Straight distances to the nearest site on the same sheet (see [`same_sheet`]), so that
     /// the far side of a thin wall does not count; `None` if no site has one.
+    ///
+    /// # Panics
+    /// If a site has no normal ([`Sites::check`]).
     pub fn measure_on_sheet(sites: &Sites) -> Option<Self> {
         let at = |i: usize| (sites.points[i].as_dvec3(), sites.normals[i].as_dvec3());
         Self::among(sites, |i, j| {
@@ -104,6 +109,7 @@ const FINE_DISC: f64 = 0.435_889_894_354_067_4;
 
 /// Whether sites are dense enough to notice what a cutter penetrates.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Advice {
     /// Ball radius of the cutter, mm.
     pub cr_mm: f64,
@@ -145,15 +151,19 @@ pub(super) fn mean_and_cv(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let variance = values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n;
-    (mean, variance.sqrt() / mean)
+    (mean, if mean == 0.0 { 0.0 } else { variance.sqrt() / mean })
 }
 
 /// The area each site stands for, in units of the mean: proportional to the mean squared distance of the
 /// (up to) six nearest sites on its sheet, which six hexagonal neighbours make exact. 1 where a site has
-/// none within four mean spacings.
-pub fn relative_areas(sites: &Sites) -> Vec<f64> {
+/// none within four mean spacings, and for all sites if all that have a neighbour coincide with it.
+///
+/// # Errors
+/// If the sites fail [`Sites::check`].
+pub fn relative_areas(sites: &Sites) -> Result<Vec<f64>> {
+    sites.check()?;
     let n = sites.len();
-    let Some(spacing) = Spacing::measure_on_sheet(sites) else { return vec![1.0; n] };
+    let Some(spacing) = Spacing::measure_on_sheet(sites) else { return Ok(vec![1.0; n]) };
     let points: Vec<DVec3> = sites.points.iter().map(|p| p.as_dvec3()).collect();
     let tree = KdTree::build(&points);
     let square = |i: usize| {
@@ -173,7 +183,9 @@ pub fn relative_areas(sites: &Sites) -> Vec<f64> {
     let squares = blocks.concat();
     let known: Vec<f64> = squares.iter().flatten().copied().collect();
     let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
-    squares.into_iter().map(|s| s.map_or(1.0, |s| s / mean)).collect()
+    let area =
+        |square: Option<f64>| square.map_or(1.0, |s| if mean > 0.0 { s / mean } else { 1.0 });
+    Ok(squares.into_iter().map(area).collect())
 }
 
 /// How far [`relative_areas`] looks for neighbours, in mean spacings.
@@ -196,6 +208,19 @@ mod tests {
         assert_eq!(spacing, expected);
         assert_eq!(Spacing::measure(&lattice(1, 1.0)), None);
         assert_eq!(Spacing::measure(&Sites::default()), None);
+    }
+
+    #[test]
+    fn coincident_sites_have_areas_that_are_numbers() {
+        let mut sites = lattice(10, 1.0);
+        sites.points[1] = sites.points[0];
+        let areas = relative_areas(&sites).unwrap();
+        assert!(areas.iter().all(|a| *a >= 0.0 && a.is_finite()), "{areas:?}");
+        let one = Sites { points: vec![Vec3::ONE; 9], normals: vec![Vec3::Z; 9], faces: vec![] };
+        assert_eq!(relative_areas(&one).unwrap(), [1.0; 9]);
+        assert_eq!(Spacing::measure(&one).unwrap().cv, 0.0);
+        let bare = Sites { normals: vec![], ..one };
+        assert!(relative_areas(&bare).unwrap_err().to_string().contains("0 normals for 9 sites"));
     }
 
     #[test]

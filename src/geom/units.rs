@@ -12,6 +12,7 @@ const TYPICAL_MM: f64 = 100.0;
 
 /// A unit of length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Unit {
     /// Millimetre.
     #[default]

@@ -6,6 +6,7 @@
 //! grid of cells a few tolerances wide.
 
 use super::Mesh;
+use crate::{Error, Result};
 use glam::DVec3;
 use std::collections::HashMap;
 
@@ -24,7 +25,15 @@ const CROWD: usize = 256;
 ///
 /// Triangles keep their order and number, so some may have a corner twice now; vertices come in the
 /// order in which triangles first use them, and vertices without a triangle are left out.
-pub fn weld(mesh: &Mesh, tolerance: f64) -> Mesh {
+///
+/// # Errors
+/// If the tolerance is negative or not finite, or the mesh fails [`Mesh::check`].
+pub fn weld(mesh: &Mesh, tolerance: f64) -> Result<Mesh> {
+    if !(tolerance >= 0.0 && tolerance.is_finite()) {
+        let expected = "a fraction of the diagonal, 0 or more";
+        return Err(Error::argument("weld", tolerance, expected, "1e-6 suits most files"));
+    }
+    mesh.check()?;
     let vertices: Vec<DVec3> = mesh.vertices.iter().map(|v| *v + 0.0).collect();
     let (distinct, of_vertex) = distinct(&vertices);
     let cluster = clusters(&distinct, tolerance * mesh.diagonal());
@@ -45,7 +54,7 @@ pub fn weld(mesh: &Mesh, tolerance: f64) -> Mesh {
             new_index[root]
         }));
     }
-    welded
+    Ok(welded)
 }
 
 fn precedes(a: DVec3, b: DVec3) -> bool {
@@ -137,12 +146,15 @@ mod tests {
     fn a_noisy_soup_becomes_the_torus_it_was() {
         let torus = torus(3.0, 1.0, 30, 20);
         for (noise, tolerance) in [(0.0, 0.0), (0.0, 1e-6), (1e-6, 1e-6), (1e-4, 1e-4)] {
-            let welded = weld(&soup(&torus, noise), tolerance);
+            let welded = weld(&soup(&torus, noise), tolerance).unwrap();
             assert_eq!(welded.vertices.len(), torus.vertices.len());
             assert_eq!(welded.triangles.len(), torus.triangles.len());
             assert!((welded.volume() / torus.volume() - 1.0).abs() < 1e-3);
         }
-        assert_eq!(weld(&soup(&torus, 1e-6), 0.0).vertices.len(), 3 * torus.triangles.len());
+        assert_eq!(
+            weld(&soup(&torus, 1e-6), 0.0).unwrap().vertices.len(),
+            3 * torus.triangles.len()
+        );
     }
 
     #[test]
@@ -153,12 +165,12 @@ mod tests {
             vertices.sort_by(|a, b| a.partial_cmp(b).unwrap());
             vertices
         };
-        let before = sorted(&weld(&soup, 1e-4));
+        let before = sorted(&weld(&soup, 1e-4).unwrap());
         soup.triangles.reverse();
         soup.vertices.reverse();
         let n = soup.vertices.len() as u32 - 1;
         soup.triangles.iter_mut().flatten().for_each(|v| *v = n - *v);
-        assert_eq!(sorted(&weld(&soup, 1e-4)), before);
+        assert_eq!(sorted(&weld(&soup, 1e-4).unwrap()), before);
     }
 
     #[test]
@@ -171,8 +183,18 @@ mod tests {
             DVec3::new(5.0, 5.0, 5.0),
         ];
         let mesh = Mesh { vertices, triangles: vec![[0, 2, 3], [1, 3, 2]] };
-        let welded = weld(&mesh, 1e-6);
+        let welded = weld(&mesh, 1e-6).unwrap();
         assert_eq!(welded.triangles, [[0, 1, 2], [0, 2, 1]]);
         assert_eq!(welded.vertices.len(), 3);
+    }
+
+    #[test]
+    fn missing_vertices_and_impossible_tolerances_are_refused() {
+        let mut mesh = crate::geom::solids::cuboid(DVec3::ONE);
+        for tolerance in [-1.0, f64::NAN, f64::INFINITY] {
+            assert!(weld(&mesh, tolerance).unwrap_err().to_string().starts_with("weld is"));
+        }
+        mesh.triangles[2][0] = 8;
+        assert!(weld(&mesh, 0.0).unwrap_err().to_string().starts_with("face 2"));
     }
 }

@@ -3,6 +3,8 @@
 use super::config::{CutterInput, InputConfig};
 use super::cutter_modules::N_LENGTHS;
 use crate::Result;
+use crate::cutter::{Cutter, CutterParams};
+use crate::geom::sites::check_sites;
 use crate::nn::interp::Interpolation;
 use crate::nn::operand::Operand;
 use crate::octree::{Cloud, Frame, Octree};
@@ -18,6 +20,18 @@ pub struct Shape<'a> {
     pub normals: &'a [Vec3],
     /// CR, CH, FR, FH of the cutter, mm.
     pub cutter_mm: [f64; N_LENGTHS],
+}
+
+impl Shape<'_> {
+    /// Checks that the network can say something about the shape: sites that are somewhere, unit normals,
+    /// and a cutter.
+    ///
+    /// # Errors
+    /// Names what is wrong.
+    pub(super) fn check(&self) -> Result<()> {
+        check_sites("site", self.points, self.normals)?;
+        Cutter::ball_end(CutterParams::from_array(self.cutter_mm)).map(drop)
+    }
 }
 
 /// Several shapes, ready for the network.
@@ -39,11 +53,12 @@ impl<T: Scalar> Batch<T> {
     /// Normalizes each shape, builds the joint octree and its features.
     ///
     /// # Errors
-    /// If there are no shapes, or one has no points, lacks normals, or holds a number that is not finite;
-    /// if the octree would be too large.
+    /// If there are no shapes, or one has no points, lacks normals, holds a number that is not finite, or
+    /// has lengths that make no cutter; if the octree would be too large.
     pub fn new(shapes: &[Shape], input: &InputConfig) -> Result<Self> {
         let (mut points, mut cutters) = (Vec::new(), Vec::new());
         for shape in shapes {
+            Cutter::ball_end(CutterParams::from_array(shape.cutter_mm))?;
             let frame = input.normalisation().frame(shape.points)?;
             points.push(shape.points.iter().map(|&p| frame.apply(p)).collect::<Vec<_>>());
             cutters.push(shape.cutter_mm.map(|mm| cutter_input(input.cutter, mm, &frame)));

@@ -98,7 +98,9 @@ impl<T: Scalar> Model<T> {
     /// Both answers for every site of one part, in the order of `points_mm`.
     ///
     /// # Errors
-    /// If there are no points, a normal is missing, or a number is not finite.
+    /// If there are no points, one is not finite or beyond 1 km, a normal is missing or not of unit
+    /// length, or the lengths make no ball-end cutter
+    /// ([`Cutter::ball_end`](crate::cutter::Cutter::ball_end)).
     ///
     /// ```
     /// use deepmill::model::{Model, UNetConfig};
@@ -116,6 +118,7 @@ impl<T: Scalar> Model<T> {
         cutter_mm: [f64; N_LENGTHS],
     ) -> Result<Prediction<T>> {
         let shape = Shape { points: points_mm, normals, cutter_mm };
+        shape.check()?;
         let batch = Batch::new(&[shape], &self.net.config().input)?;
         let [first, second] = self.forward(&batch, &Arena::default()).logits;
         let rows = |logits: &[T]| logits.as_chunks().0.to_vec();
@@ -329,5 +332,35 @@ mod tests {
         let p = prediction.probability_inaccessible();
         assert!((p[0] - 0.880_797).abs() < 1e-6 && (p[1] - 0.268_941).abs() < 1e-6);
         assert!((prediction.probability_occlusion()[0] - 0.119_203).abs() < 1e-6);
+    }
+
+    #[test]
+    fn questions_without_sense_are_refused() {
+        let model = Model::<f32>::new(&UNetConfig::tiny(), 1).unwrap();
+        let (points, normals) = ([Vec3::ZERO, Vec3::X], [Vec3::Z, Vec3::Z]);
+        let cutter = [1.5, 6.0, 40.0, 5.0];
+        model.predict(&points, &normals, cutter).unwrap();
+        let refused = |points: &[Vec3], normals: &[Vec3], cutter| {
+            model.predict(points, normals, cutter).unwrap_err().to_string()
+        };
+        for (lengths, expected) in [
+            ([f64::NAN, 6.0, 40.0, 5.0], "cutter radius CR is NaN"),
+            ([1.5, -6.0, 40.0, 5.0], "cutter height CH is -6"),
+            ([40.0, 6.0, 1.5, 5.0], "holder radius FR is 1.5"),
+            ([0.0; 4], "cutter radius CR is 0"),
+        ] {
+            let message = refused(&points, &normals, lengths);
+            assert!(message.starts_with(expected), "{message}");
+        }
+        for normal in [Vec3::ZERO, Vec3::splat(2.0), Vec3::NAN] {
+            let message = refused(&points, &[Vec3::Z, normal], cutter);
+            assert!(message.starts_with("site 1: normal"), "{message}");
+        }
+        for point in [Vec3::splat(1e30), Vec3::NAN, Vec3::splat(f32::INFINITY)] {
+            let message = refused(&[Vec3::ZERO, point], &normals, cutter);
+            assert!(message.starts_with("site 1: position"), "{message}");
+        }
+        assert!(refused(&points, &normals[..1], cutter).contains("1 normals for 2 sites"));
+        assert!(refused(&[], &[], cutter).contains("no points"));
     }
 }

@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 /// A learning-rate schedule. Epochs count from 1; the rate is constant within one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "kind", deny_unknown_fields)]
+#[non_exhaustive]
 pub enum Schedule {
     /// Always the base rate.
     Constant,
@@ -39,6 +40,18 @@ pub enum Schedule {
 }
 
 impl Schedule {
+    /// Whether every number is in its domain: finite, rates and factors not negative, shares at most 1.
+    pub fn is_sound(&self) -> bool {
+        let share = |x: f64| (0.0..=1.0).contains(&x);
+        match self {
+            Schedule::Constant => true,
+            Schedule::Cosine { min_lr } => *min_lr >= 0.0 && min_lr.is_finite(),
+            Schedule::Step { factor, .. } => *factor > 0.0 && factor.is_finite(),
+            Schedule::CosineWarmup { start, min_ratio, .. } => share(*start) && share(*min_ratio),
+            Schedule::Poly { power } => *power > 0.0 && power.is_finite(),
+        }
+    }
+
     /// Rate of `epoch` (from 1) out of `n_epochs`.
     pub fn lr(&self, base: f64, epoch: u64, n_epochs: u64) -> f64 {
         let done = epoch.saturating_sub(1) as f64;

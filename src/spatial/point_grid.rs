@@ -28,8 +28,13 @@ pub struct PointGrid {
 }
 
 impl PointGrid {
-    /// The grid over `points` (finite, mm, fewer than 2³²).
+    /// The grid over `points`, mm.
+    ///
+    /// # Panics
+    /// If a point is not finite, or there are 2³² or more.
     pub fn new(points: &[Vec3]) -> Self {
+        assert!(points.iter().all(|p| p.is_finite()), "points of a grid are finite");
+        assert!(u32::try_from(points.len()).is_ok(), "fewer than 2^32 points in a grid");
         let first = points.first().copied().unwrap_or_default();
         let (low, high) =
             points.iter().fold((first, first), |(lo, hi), p| (lo.min(*p), hi.max(*p)));
@@ -234,5 +239,15 @@ mod tests {
         let grid = PointGrid::new(&[]);
         assert!(grid.is_empty() && grid.nearest(Vec3::ONE).is_none());
         assert!(grid.within(Vec3::ZERO, 10.0).is_empty());
+    }
+
+    #[test]
+    fn points_that_are_nowhere_are_refused() {
+        for bad in [f32::NAN, f32::INFINITY] {
+            let points = [Vec3::ZERO, Vec3::splat(bad)];
+            assert!(std::panic::catch_unwind(|| PointGrid::new(&points)).is_err());
+        }
+        let far = PointGrid::new(&[Vec3::splat(-1e6), Vec3::splat(1e6), Vec3::ZERO]);
+        assert_eq!(far.nearest(Vec3::ONE), Some((2, Vec3::ONE.length())));
     }
 }

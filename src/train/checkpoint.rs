@@ -8,7 +8,6 @@ use crate::aside;
 use crate::{Error, Result};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use serde::de::DeserializeOwned;
-use sha2::{Digest, Sha256};
 use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
@@ -106,7 +105,7 @@ fn from_bytes(bytes: &[u8]) -> Vec<f32> {
 }
 
 fn hash(settings: &str, progress: &str, vectors: &[impl AsRef<[u8]>; 3]) -> String {
-    let mut hasher = Sha256::new();
+    let mut hasher = hmac_sha256::Hash::new();
     for part in [settings.as_bytes(), progress.as_bytes()] {
         hasher.update((part.len() as u64).to_le_bytes());
         hasher.update(part);

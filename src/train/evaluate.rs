@@ -38,13 +38,26 @@ pub struct HeadScores {
 }
 
 impl Evaluation {
-    /// Adds a sample's prediction.
-    pub fn add(&mut self, sample: &Sample, inaccessible: &[bool], occlusion: &[bool]) {
-        let areas = spacing::relative_areas(&sample.sites);
+    /// Adds a sample's prediction, one answer per site for each head.
+    ///
+    /// # Errors
+    /// If the sample is inconsistent.
+    ///
+    /// # Panics
+    /// If there are not as many answers as sites.
+    pub fn add(
+        &mut self,
+        sample: &Sample,
+        inaccessible: &[bool],
+        occlusion: &[bool],
+    ) -> Result<()> {
+        sample.check()?;
+        let areas = spacing::relative_areas(&sample.sites)?;
         let weights: Vec<u64> = areas.iter().map(|a| (1000.0 * a) as u64).collect();
         let heads = [(inaccessible, &sample.inaccessible), (occlusion, &sample.occlusion)];
         self.samples.push(heads.map(|(found, truth)| Confusion::of_labels(found, truth)));
         self.by_area.push(heads.map(|(found, truth)| Confusion::weighted(found, truth, &weights)));
+        Ok(())
     }
 
     /// Adds all samples of `other`.
@@ -54,8 +67,15 @@ impl Evaluation {
         self.seconds += other.seconds;
     }
 
-    /// Scores of a head: 0 = accessibility, 1 = occlusion.
+    /// Scores of a head: 0 = accessibility, 1 = occlusion; 0 if there are no samples.
+    ///
+    /// # Panics
+    /// If `head` is neither.
     pub fn head(&self, head: usize) -> HeadScores {
+        assert!(head < 2, "head {head} is neither 0 (accessibility) nor 1 (occlusion)");
+        if self.samples.is_empty() {
+            return HeadScores::default();
+        }
         let mut pooled = Confusion::default();
         self.samples.iter().for_each(|s| pooled += s[head]);
         // Class 1 of head 1 is "accessible", of head 2 "occlusion".
@@ -147,18 +167,17 @@ fn score<const N: usize>(
     answers: impl Fn(&Sample) -> Result<[Answer; N]>,
 ) -> Result<[Evaluation; N]> {
     if samples.is_empty() {
-        let remedy = "give at least one sample: no score of nothing means anything";
-        return Err(Error::argument("number of samples", 0, "at least 1", remedy));
+        let remedy = "choose another split, or build the data set with --validation";
+        return Err(Error::argument("the list of samples", "empty", "one sample or more", remedy));
     }
     let mut evaluations: [Evaluation; N] = std::array::from_fn(|_| Evaluation::default());
     for sample in samples {
-        sample.check()?;
         let start = Instant::now();
         let answers = answers(sample)?;
         let seconds = start.elapsed().as_secs_f64();
         for (evaluation, (inaccessible, occlusion)) in evaluations.iter_mut().zip(answers) {
             evaluation.seconds += seconds;
-            evaluation.add(sample, &inaccessible, &occlusion);
+            evaluation.add(sample, &inaccessible, &occlusion)?;
         }
     }
     Ok(evaluations)
@@ -169,7 +188,6 @@ mod tests {
     use super::*;
     use crate::cutter::CutterParams;
     use crate::geom::Sites;
-    use crate::model::UNetConfig;
     use glam::Vec3;
     use std::sync::Arc;
 
@@ -195,7 +213,7 @@ mod tests {
     fn sites_that_stand_for_more_surface_count_more() {
         let sample = two_grids();
         let mut evaluation = Evaluation::default();
-        evaluation.add(&sample, &[true; 800], &[false; 800]);
+        evaluation.add(&sample, &[true; 800], &[false; 800]).unwrap();
         let [first, second] = [0, 1].map(|head| evaluation.head(head));
         assert_eq!(first.mean.accuracy, 0.5);
         assert_eq!(first.mean, first.pooled);
@@ -208,8 +226,8 @@ mod tests {
     fn sets_join_to_the_scores_of_all_their_samples() {
         let sample = two_grids();
         let (mut all, mut one) = (Evaluation::default(), Evaluation::default());
-        one.add(&sample, &[true; 800], &[false; 800]);
-        all.add(&sample, &sample.inaccessible, &sample.occlusion);
+        one.add(&sample, &[true; 800], &[false; 800]).unwrap();
+        all.add(&sample, &sample.inaccessible, &sample.occlusion).unwrap();
         all.append(&one);
         assert_eq!(all.samples.len(), 2);
         assert_eq!(all.head(0).mean.accuracy, 0.75);
@@ -217,9 +235,11 @@ mod tests {
     }
 
     #[test]
-    fn an_evaluation_of_nothing_is_refused() {
-        let model = Model::<f32>::new(&UNetConfig::tiny(), 1).unwrap();
+    fn nothing_has_no_score() {
+        let model = Model::new(&crate::model::UNetConfig::tiny(), 1).unwrap();
         let message = evaluate(&model, &[]).unwrap_err().to_string();
-        assert!(message.starts_with("number of samples is 0, expected at least 1"), "{message}");
+        assert!(message.contains("list of samples is empty"), "{message}");
+        assert_eq!(Evaluation::default().head(0), HeadScores::default());
+        assert!(std::panic::catch_unwind(|| Evaluation::default().head(7)).is_err());
     }
 }

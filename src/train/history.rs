@@ -1,6 +1,7 @@
 //! The record of a run: one row per epoch, on disk as CSV.
 
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// One head's scores, each in `[0, 1]`; F1 of class "yes" (inaccessible, or occlusion).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -28,6 +29,20 @@ pub struct Row {
     pub validation: Option<[HeadScore; 2]>,
     /// Wall-clock seconds.
     pub seconds: f64,
+}
+
+/// One line for people: loss and F1 of both heads.
+impl fmt::Display for Row {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Row { epoch, loss, inaccessible, occlusion, .. } = self;
+        let [first, second] = [inaccessible.f1, occlusion.f1];
+        write!(f, "epoch {epoch}: loss {loss:.4}, F1 inaccessible {first:.3}, ")?;
+        write!(f, "F1 occlusion {second:.3}")?;
+        match self.validation {
+            Some([a, b]) => write!(f, "; validation {:.3} and {:.3}", a.f1, b.f1),
+            None => Ok(()),
+        }
+    }
 }
 
 /// The columns of a history file.

@@ -2,14 +2,18 @@
 //!
 //! A [`Run`] is settings, a network, the optimiser's velocity and how far it has come. Every random
 //! decision is keyed by (seed, epoch, sample), so a run that was interrupted and read back from its
-//! [`Checkpoint`] ends with the same bits as one that was not.
+//! [`Checkpoint`] ends with the same bits as one that was not. [`RunFolder`] keeps a run on disk.
 
 #[cfg(feature = "formats")]
 pub mod checkpoint;
 pub mod evaluate;
 pub mod history;
 mod run;
+#[cfg(feature = "formats")]
+mod run_folder;
 mod settings;
+#[cfg(feature = "formats")]
+pub mod settings_file;
 mod step;
 
 #[cfg(feature = "formats")]
@@ -17,4 +21,6 @@ pub use checkpoint::Checkpoint;
 pub use evaluate::{Evaluation, HeadScores, evaluate, evaluate_exact, evaluate_ranked};
 pub use history::{HeadScore, Row};
 pub use run::{Flow, Observer, Progress, Run, StepReport};
+#[cfg(feature = "formats")]
+pub use run_folder::RunFolder;
 pub use settings::{LossSettings, Reduction, Settings};

@@ -22,6 +22,7 @@ pub enum Flow {
 
 /// One finished step.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct StepReport {
     /// Epoch, from 1.
     pub epoch: u64,

@@ -201,6 +201,22 @@ impl Settings {
         if let Some((name, found, _, expected)) = rules.into_iter().find(|(.., good, _)| !good) {
             return Err(Error::argument(name, found, expected, "change the training settings"));
         }
+        if !self.schedule.is_sound() {
+            let found = format!("{:?}", self.schedule);
+            let expected = "finite numbers, rates and factors not negative, shares at most 1";
+            return Err(Error::argument(
+                "schedule",
+                found,
+                expected,
+                "change the training settings",
+            ));
+        }
+        if let Some(elastic) = self.augment.elastic.filter(|elastic| !elastic.is_sound()) {
+            let found = format!("{elastic:?}");
+            let expected = "a spacing above 0 and at most 1, a magnitude from 0 to 1";
+            let remedy = "change the training settings";
+            return Err(Error::argument("augment.elastic", found, expected, remedy));
+        }
         if let Some(weights) =
             self.loss.positive_weights.filter(|w| !w.iter().all(|w| positive(*w)))
         {
@@ -229,6 +245,13 @@ mod tests {
         };
         assert!(broken(|s| s.lr = f64::NAN).starts_with("lr is NaN"));
         assert!(broken(|s| s.clip_norm = Some(0.0)).starts_with("clip_norm is 0"));
+        assert!(
+            broken(|s| s.schedule = Schedule::Cosine { min_lr: f64::NAN }).contains("schedule")
+        );
+        let elastic = |s: &mut Settings| {
+            s.augment.elastic = Some(Elastic { spacing: 0.2, magnitude: f64::INFINITY });
+        };
+        assert!(broken(elastic).starts_with("augment.elastic is"));
         assert!(broken(|s| s.batch_size = 0).starts_with("batch_size is 0"));
         assert!(
             broken(|s| s.loss.positive_weights = Some([1.0, -1.0])).contains("positive_weights")

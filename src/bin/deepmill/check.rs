@@ -2,9 +2,9 @@
 
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
-use deepmill::Result;
 use deepmill::geom::check::{self, Finding, Place, Report};
 use deepmill::geom::{formats, intersect};
+use deepmill::{Result, aside};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -27,6 +27,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
+    args.out.iter().try_for_each(|path| aside::check_file(path))?;
     let (mesh, changes) = args.read.read_mesh(&args.mesh, output)?;
     let mut report = check::check(&mesh);
     if !args.skip_intersections {
@@ -110,6 +111,7 @@ fn place(place: &Place) -> Value {
         Place::Triangle(t, at) => json!({ "triangle": t, "at_mm": [at.to_array()] }),
         Place::Triangles(pair, at) => json!({ "triangles": pair, "at_mm": [at.to_array()] }),
         Place::Component(n, at) => json!({ "n_triangles": n, "at_mm": [at.to_array()] }),
-        Place::Whole => json!({ "at_mm": [] }),
+        Place::Corner(t, v) => json!({ "triangle": t, "vertex": v, "at_mm": [] }),
+        _ => json!({ "at_mm": [] }),
     }
 }

@@ -3,12 +3,13 @@
 use crate::output::Output;
 use crate::progress;
 use clap::Subcommand;
-use deepmill::cutter::CutterSet;
+use deepmill::data::Sample;
 use deepmill::data::dataset::{Builder, Dataset, Manifest, PartSource, Settings, Split, import};
 use deepmill::data::files::published::{self, List};
 use deepmill::directions::DirectionSet;
-use deepmill::{Error, Result};
+use deepmill::{Error, Result, aside};
 use serde_json::json;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
@@ -50,7 +51,7 @@ struct BuildArgs {
     #[arg(long, default_value = "uniform", value_name = "SET")]
     cutter_set: String,
     /// Sites per part.
-    #[arg(long, default_value_t = 7000, value_name = "COUNT")]
+    #[arg(long, default_value_t = 7000, value_name = "COUNT", value_parser = several_sites)]
     sites: usize,
     /// Denser obstacles: this many extra points per part.
     #[arg(long, value_name = "COUNT")]
@@ -62,10 +63,10 @@ struct BuildArgs {
     #[arg(long)]
     whole_sphere: bool,
     /// Scale up parts whose smallest box edge is below this, mm (0: never).
-    #[arg(long, default_value_t = 80.0, value_name = "MM")]
+    #[arg(long, default_value_t = 80.0, value_name = "MM", allow_negative_numbers = true)]
     min_edge: f64,
     /// Probability of a part to be kept for validation.
-    #[arg(long, default_value_t = 0.0, value_name = "SHARE")]
+    #[arg(long, default_value_t = 0.0, value_name = "SHARE", allow_negative_numbers = true)]
     validation: f64,
     /// Seed of all random decisions.
     #[arg(long, default_value_t = 0)]
@@ -96,7 +97,10 @@ struct ExportArgs {
     out: PathBuf,
 }
 
-/// Make a data set of samples in the published format, from DIR/raw_data or DIR/filelist.
+/// Make a data set of samples in the published format.
+///
+/// Reads the raw text under FOLDER/raw_data, whose lengths are millimetres; the lists of FOLDER/filelist,
+/// where there are any, tell training from test samples, which become the validation split.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill dataset import published --out data")]
 struct ImportArgs {
@@ -105,8 +109,8 @@ struct ImportArgs {
     /// Folder of the data set.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Read the prepared lists instead of the raw text: they tell training from test samples, but their
-    /// points are normalised, so that millimetres are lost.
+    /// Read the prepared points of the lists instead of the raw text: they are normalised, so that the
+    /// parts' millimetres are lost.
     #[arg(long)]
     lists: bool,
     /// Directions over the upper hemisphere that the labels were made with; recorded only.
@@ -127,6 +131,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 }
 
 fn build(args: &BuildArgs, output: &Output) -> Result<()> {
+    aside::check_folder(&args.out)?;
     let n_dirs = args.directions;
     let settings = Settings {
         seed: args.seed,
@@ -136,9 +141,9 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
             true => DirectionSet::FibonacciSphere { n_dirs },
             false => DirectionSet::FibonacciHemisphere { n_dirs },
         },
-        cutter_set: CutterSet::named(&args.cutter_set)?,
+        cutter_set: args.cutter_set.parse()?,
         n_cutters: args.cutters,
-        min_edge_mm: (args.min_edge > 0.0).then_some(args.min_edge),
+        min_edge_mm: (args.min_edge != 0.0).then_some(args.min_edge),
         validation_share: args.validation,
         ..Settings::default()
     };
@@ -176,6 +181,7 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
 }
 
 fn export(args: &ExportArgs, output: &Output) -> Result<()> {
+    aside::check_folder(&args.out)?;
     let set = Dataset::open(&args.folder)?;
     let train = set.samples(Some(Split::Train))?;
     let test = set.samples(Some(Split::Validation))?;
@@ -192,16 +198,11 @@ fn export(args: &ExportArgs, output: &Output) -> Result<()> {
 }
 
 fn take_in(args: &ImportArgs, output: &Output) -> Result<()> {
-    let with = |split: Split| move |sample| (split, sample);
-    let mut samples: Vec<_> = Vec::new();
-    if args.lists {
-        let train = published::read_list(&args.folder, List::TrainVal)?;
-        let test = published::read_list(&args.folder, List::Test)?;
-        samples.extend(train.into_iter().map(with(Split::Train)));
-        samples.extend(test.into_iter().map(with(Split::Validation)));
-    } else {
-        samples.extend(published::read_raw(&args.folder)?.into_iter().map(with(Split::Train)));
-    }
+    aside::check_folder(&args.out)?;
+    let samples = match args.lists {
+        true => from_lists(&args.folder, output)?,
+        false => from_raw(&args.folder, output)?,
+    };
     let settings = Settings {
         n_sites: samples.first().map_or(0, |(_, sample)| sample.sites.len()),
         directions: DirectionSet::FibonacciHemisphere { n_dirs: args.directions },
@@ -211,6 +212,40 @@ fn take_in(args: &ImportArgs, output: &Output) -> Result<()> {
     show(&import(&args.out, settings, &samples)?, output);
     Ok(())
 }
+
+/// All samples of the lists; says that their points are in no unit.
+fn from_lists(folder: &Path, output: &Output) -> Result<Vec<(Split, Sample)>> {
+    let mut samples = Vec::new();
+    for (list, split) in LISTS {
+        samples.extend(published::read_list(folder, list)?.into_iter().map(|s| (split, s)));
+    }
+    output.warn(
+        "the points of these lists are normalised, cutters are in mm: lengths of the parts are lost",
+    );
+    Ok(samples)
+}
+
+/// All samples of the raw text, in the splits that the lists beside it name.
+fn from_raw(folder: &Path, output: &Output) -> Result<Vec<(Split, Sample)>> {
+    let samples = published::read_raw(folder)?;
+    let [train, test] = LISTS.map(|(list, _)| published::listed_names(folder, list));
+    let (train, test) = (train?, test?);
+    let in_list = |names: &Option<HashSet<String>>, sample: &Sample| {
+        names.as_ref().is_some_and(|names| names.contains(&sample.name))
+    };
+    let unlisted = samples.iter().filter(|s| !in_list(&train, s) && !in_list(&test, s)).count();
+    if unlisted > 0 {
+        let lists = "the lists in `filelist` (models_train_val.txt, models_test.txt)";
+        output.warn(format!("{unlisted} samples are not in {lists}: they are for training"));
+    }
+    let split = |sample: &Sample| match in_list(&test, sample) {
+        true => Split::Validation,
+        false => Split::Train,
+    };
+    Ok(samples.into_iter().map(|sample| (split(&sample), sample)).collect())
+}
+
+const LISTS: [(List, Split); 2] = [(List::TrainVal, Split::Train), (List::Test, Split::Validation)];
 
 fn show(manifest: &Manifest, output: &Output) {
     let count = |split: Split| {
@@ -262,6 +297,11 @@ fn mesh_files(path: &Path) -> Result<Vec<PathBuf>> {
         ));
     }
     Ok(files)
+}
+
+/// A number of sites that can say something about each other.
+fn several_sites(text: &str) -> std::result::Result<usize, String> {
+    text.parse().ok().filter(|n| *n >= 2).ok_or_else(|| "expected 2 or more".into())
 }
 
 fn shard(text: &str) -> std::result::Result<(usize, usize), String> {

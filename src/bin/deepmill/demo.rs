@@ -18,7 +18,7 @@ use deepmill::report::scores;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::rng::{Purpose, Stream};
 use deepmill::train::{Flow, Observer, Run, Settings, StepReport};
-use deepmill::{Error, Result, par};
+use deepmill::{Error, Result, aside, par};
 use indicatif::ProgressBar;
 use serde_json::json;
 use std::path::Path;
@@ -52,6 +52,7 @@ pub struct Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let folder = Path::new(FOLDER);
+    aside::check_folder(folder)?;
     let mesh = generated::demo_part();
     let params = CutterParams::from_array(CUTTER);
     let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;

@@ -134,8 +134,8 @@ fn score_set(args: &Args, folder: &Path, networks: &[(String, Model<f32>)]) -> R
         let exact = evaluate_exact(&samples, &directions, settings.occlusion_share)?;
         scored.push(("exact labeler".into(), true, exact));
     }
-    scored.push(("majority class".into(), false, majority(&samples)));
-    scored.push(("normal's angle; highest 10 % by z".into(), false, by_geometry(&samples)));
+    scored.push(("majority class".into(), false, majority(&samples)?));
+    scored.push(("normal's angle; highest 10 % by z".into(), false, by_geometry(&samples)?));
     Ok(scored)
 }
 
@@ -186,7 +186,7 @@ fn table(rows: &[Row], scores: Scores) -> Table {
 }
 
 /// The more frequent answer of each head over all samples, for every site.
-fn majority(samples: &[Sample]) -> Evaluation {
+fn majority(samples: &[Sample]) -> Result<Evaluation> {
     let more_yes = |labels: &dyn Fn(&Sample) -> usize| {
         let sites: usize = samples.iter().map(|s| s.sites.len()).sum();
         2 * samples.iter().map(labels).sum::<usize>() > sites
@@ -197,21 +197,21 @@ fn majority(samples: &[Sample]) -> Evaluation {
     let mut evaluation = Evaluation::default();
     for sample in samples {
         let n = sample.sites.len();
-        evaluation.add(sample, &vec![inaccessible; n], &vec![occlusion; n]);
+        evaluation.add(sample, &vec![inaccessible; n], &vec![occlusion; n])?;
     }
-    evaluation
+    Ok(evaluation)
 }
 
 /// What faces down past the best threshold of these very sites is inaccessible, the highest tenth is in
 /// the way.
-fn by_geometry(samples: &[Sample]) -> Evaluation {
+fn by_geometry(samples: &[Sample]) -> Result<Evaluation> {
     let normals: Vec<_> = samples.iter().flat_map(|s| s.sites.normals.iter().copied()).collect();
     let truth: Vec<bool> = samples.iter().flat_map(|s| s.inaccessible.iter().copied()).collect();
     let min_z = baselines::best_facing(&normals, &truth);
     let mut evaluation = Evaluation::default();
     for sample in samples {
         let inaccessible = baselines::facing_away(&sample.sites.normals, min_z);
-        evaluation.add(sample, &inaccessible, &baselines::highest(&sample.sites.points, 0.1));
+        evaluation.add(sample, &inaccessible, &baselines::highest(&sample.sites.points, 0.1))?;
     }
-    evaluation
+    Ok(evaluation)
 }

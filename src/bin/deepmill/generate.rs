@@ -58,6 +58,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     if args.count == 0 {
         return Err(Error::argument("count", 0, "at least 1", "say how many parts to make"));
     }
+    args.out.iter().try_for_each(|path| aside::check_folder(path))?;
+    args.sheet.iter().try_for_each(|path| aside::check_file(path))?;
     let mut index = String::from(HEADER);
     let mut thumbnails = Vec::new();
     let progress = ProgressBar::new(args.count as u64);

@@ -6,8 +6,7 @@ use crate::density;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use crate::progress;
-use deepmill::Result;
-use deepmill::access::{self, Engine, LabelOptions, Labels, Obstacles};
+use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::cutter::Cutter;
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{About, LabelFile};
@@ -19,6 +18,7 @@ use deepmill::report::Part;
 use deepmill::report::coverage::{Coverage, Shares};
 use deepmill::report::folder::{self, Show};
 use deepmill::report::tables::{Cell, Facts};
+use deepmill::{Result, aside};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -49,7 +49,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", default_value_t = LabelOptions::default().engine.name().into())]
     engine: String,
     /// Share of the sites that are occlusion points.
-    #[arg(long, value_name = "SHARE", default_value_t = LabelOptions::default().share)]
+    #[arg(long, allow_negative_numbers = true, value_name = "SHARE", default_value_t = LabelOptions::default().share)]
     occlusion_share: f64,
     /// Folder of the results.
     #[arg(long, value_name = "DIR")]
@@ -65,9 +65,10 @@ pub struct Args {
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.tools.tools(output)?;
     let directions = args.directions.directions()?;
-    let engine = Engine::named(&args.engine)?;
+    let engine = args.engine.parse()?;
     let options = LabelOptions { engine, share: args.occlusion_share, ..LabelOptions::default() };
 
+    aside::check_folder(&args.out)?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");

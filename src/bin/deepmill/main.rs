@@ -81,7 +81,7 @@ fn main() -> ExitCode {
             Some(Command::Weights(args)) => weights::run(args, &output),
         }
     };
-    match deepmill::par::with_threads(cli.threads, run)
+    match deepmill::par::with_threads(n_threads(cli.threads, &output), run)
         .and_then(|result: deepmill::Result<()>| result)
     {
         Ok(()) => ExitCode::SUCCESS,
@@ -91,4 +91,17 @@ fn main() -> ExitCode {
             ExitCode::from(if matches!(error, Error::Argument { .. }) { 2 } else { 1 })
         }
     }
+}
+
+/// More threads than processors only help to show that results do not depend on their number.
+const MOST_THREADS_PER_PROCESSOR: usize = 8;
+
+/// The number of threads asked for, or as many as are of any use.
+fn n_threads(asked: usize, output: &Output) -> usize {
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let most = MOST_THREADS_PER_PROCESSOR * processors;
+    if asked > most {
+        output.warn(format!("--threads {asked}: {most} are used on {processors} processors"));
+    }
+    asked.min(most)
 }

@@ -16,10 +16,13 @@ pub struct MeshArgs {
     #[arg(long, default_value_t, value_name = "UNIT")]
     unit: Unit,
     /// Factor on top of the unit.
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_negative_numbers = true)]
     scale: f64,
     /// Join corners closer than this fraction of the bounding box's diagonal.
-    #[arg(long, default_value_t = weld::DEFAULT_TOLERANCE, value_name = "FRACTION")]
+    #[arg(
+        long, default_value_t = weld::DEFAULT_TOLERANCE, value_name = "FRACTION",
+        allow_negative_numbers = true
+    )]
     weld: f64,
     /// Mend small faults: weld gaps, drop doubled and collapsed triangles, orient.
     #[arg(long)]
@@ -38,13 +41,20 @@ impl MeshArgs {
         let mut part = formats::read_part(path, &self.options())?;
         match &mut part {
             Part::Mesh(mesh) => {
-                self.prepare(mesh, output);
+                self.prepare(mesh, output)?;
                 match self.require_labelable(&check::check(mesh)) {
                     Err(fault) if accept_faults => output.warn(fault),
                     verdict => verdict?,
                 }
             }
             Part::Cloud(sites) => {
+                let n_coincident = sites.n_coincident();
+                if n_coincident > 0 {
+                    let n = sites.len();
+                    output.warn(format!(
+                        "{n_coincident} of {n} points coincide with others: leave them out"
+                    ));
+                }
                 let points = sites.points.iter().map(|p| p.as_dvec3());
                 let low = points.clone().fold(DVec3::INFINITY, DVec3::min);
                 self.echo(low, points.fold(DVec3::NEG_INFINITY, DVec3::max), output);
@@ -73,20 +83,20 @@ impl MeshArgs {
     /// Reads a mesh as it is, with the repairs asked for; whether it can be labelled is not asked.
     pub fn read_mesh(&self, path: &Path, output: &Output) -> Result<(Mesh, Vec<repair::Change>)> {
         let mut mesh = formats::read_mesh(path, &self.options())?;
-        let changes = self.prepare(&mut mesh, output);
+        let changes = self.prepare(&mut mesh, output)?;
         Ok((mesh, changes))
     }
 
-    fn prepare(&self, mesh: &mut Mesh, output: &Output) -> Vec<repair::Change> {
+    fn prepare(&self, mesh: &mut Mesh, output: &Output) -> Result<Vec<repair::Change>> {
         if let Some((low, high)) = mesh.bounds() {
             self.echo(low, high, output);
         }
         let changes = match self.repair {
-            true => repair::repair(mesh),
+            true => repair::repair(mesh)?,
             false => repair::face_outward(mesh).into_iter().collect(),
         };
         changes.iter().for_each(|change| output.warn(change));
-        changes
+        Ok(changes)
     }
 
     fn echo(&self, low: DVec3, high: DVec3, output: &Output) {

@@ -2,7 +2,7 @@
 
 use crate::output::Output;
 use deepmill::parity::{self, Row};
-use deepmill::{Error, Result};
+use deepmill::{Error, Result, aside};
 use std::path::PathBuf;
 
 /// Compare this build with tensors recorded from the reference implementation.
@@ -20,6 +20,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
+    args.out.iter().try_for_each(|path| aside::check_file(path))?;
     let outcome = parity::run(&args.folder)?;
     if let Some(path) = &args.out {
         outcome.actual.write(path)?;

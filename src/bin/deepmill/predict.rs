@@ -10,7 +10,7 @@ use deepmill::geom::Sites;
 use deepmill::model::Model;
 use deepmill::report::folder::{self, Show};
 use deepmill::report::tables::{Cell, Facts};
-use deepmill::{Error, Result};
+use deepmill::{Error, Result, aside};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -49,6 +49,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let expected = "a ball end without clearance: the network knows no other";
         return Err(Error::argument("cutter", tool.words(), expected, remedy));
     }
+    aside::check_folder(&args.out)?;
     let (model, model_name) = args.model.read()?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, args.force, output)?;

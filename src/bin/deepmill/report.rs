@@ -8,7 +8,7 @@ use deepmill::metrics::Confusion;
 use deepmill::report::folder::{self, FIRST_TOOLS, LABELS, PREDICTIONS, SURFACE, Show};
 use deepmill::report::scores;
 use deepmill::report::tables::{Cell, Table};
-use deepmill::{Error, Result};
+use deepmill::{Error, Result, aside};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -35,8 +35,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let found = Found::search(args)?;
     let labels = found.labels.as_deref().map(LabelFile::read).transpose()?;
     let predictions = found.predictions.as_deref().map(PredictionFile::read).transpose()?;
-    let mesh = found.mesh(args, output)?;
     let out = args.out.as_deref().unwrap_or(&found.folder);
+    aside::check_folder(out)?;
+    let mesh = found.mesh(args, output)?;
     let mut paths = Vec::new();
     let mut shares = Table::new(&[
         ("source", "answers"),

@@ -12,7 +12,7 @@ use deepmill::geom::inside::{Lattice, lattice_inside};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::report::{Colouring, Part, points};
-use deepmill::{Error, Result};
+use deepmill::{Error, Result, aside};
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -35,7 +35,7 @@ pub struct Args {
     #[command(flatten)]
     sites: SiteArgs,
     /// Ball radius of a cutter: say how many sites it needs.
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     cr: Option<f64>,
     /// Instead of sites, about this many points of a regular lattice in the bounding box, each
     /// said to be inside or outside (.npz).
@@ -51,6 +51,7 @@ pub struct Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let npz = is_npz(args)?;
+    aside::check_file(&args.out)?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");
@@ -114,7 +115,7 @@ fn measure(
     let spacing = density::add_spacing(facts, sites);
     if let (Some(mesh), Some(_)) = (mesh, &spacing) {
         let per_site = (MOST_PROBES / sites.len()).clamp(1, PROBES_PER_SITE);
-        let spread = VoronoiCells::build(sites).spread(mesh, per_site, args.sites.seed);
+        let spread = VoronoiCells::build(sites)?.spread(mesh, per_site, args.sites.seed);
         facts.add("area_mm2", "area in mm²", Cell::Number(mesh.area()));
         facts.add("cell_area_cv", "variation of cell area", Cell::Number(spread.area_cv));
         facts.add("unowned", "surface in no cell", Cell::Share(spread.unowned));

@@ -6,12 +6,13 @@ use deepmill::data::dataset::{Dataset, Split};
 use deepmill::data::online::OnlineSettings;
 use deepmill::data::{Online, Sample};
 use deepmill::directions::{DirectionSet, Directions};
-use deepmill::model::weights::{self, Storage};
+use deepmill::model::weights;
 use deepmill::report::curves::{Chart, Series, write_curves};
-use deepmill::train::{Checkpoint, Flow, Observer, Row, Run, Settings, StepReport, history};
-use deepmill::{Error, Result};
+use deepmill::train::{Flow, Observer, Row, Run, RunFolder, Settings, StepReport, settings_file};
+use deepmill::{Error, Result, aside};
 use indicatif::ProgressBar;
-use serde_json::json;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,8 +20,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Train a network on a data set.
 ///
 /// Writes to the run's folder: `model.safetensors` (latest), `best.safetensors` (best sum of both F1 on
-/// the validation set), `history.csv`, `curves.svg`, `settings.toml`, and `checkpoint.safetensors` to
-/// go on from. Ctrl-C stores a checkpoint; `--resume` continues to the same bits as an uninterrupted run.
+/// the validation set; the latest as long as none was measured), `history.csv`, `curves.svg`,
+/// `settings.toml`, and `checkpoint.safetensors` to go on from. Ctrl-C stores a checkpoint; `--resume`
+/// continues to the same bits as an uninterrupted run.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill train --data data --out run --preset small --epochs 30")]
 pub struct Args {
@@ -33,11 +35,12 @@ pub struct Args {
     /// Folder of the run.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Settings to start from: paper, reference, small or tiny.
-    #[arg(long, default_value = "small", value_name = "NAME")]
-    preset: String,
-    /// Settings from a TOML file instead, in the form of a run's `settings.toml`.
-    #[arg(long, value_name = "FILE", conflicts_with = "preset")]
+    /// Settings to start from: paper, reference, small (the default) or tiny.
+    #[arg(long, value_name = "NAME")]
+    preset: Option<String>,
+    /// Settings from a TOML file, in the form of a run's `settings.toml`; what it leaves out is as in the
+    /// preset.
+    #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Epochs, in place of the settings' number.
     #[arg(long, value_name = "COUNT")]
@@ -46,7 +49,7 @@ pub struct Args {
     #[arg(long, value_name = "COUNT")]
     batch_size: Option<usize>,
     /// Learning rate, in place of the settings' number.
-    #[arg(long, value_name = "RATE")]
+    #[arg(long, value_name = "RATE", allow_negative_numbers = true)]
     lr: Option<f64>,
     /// Seed, in place of the settings' number.
     #[arg(long)]
@@ -61,13 +64,15 @@ pub struct Args {
     /// Weights to begin with, of the same network, in place of random ones.
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     start_from: Option<PathBuf>,
-    /// Go on with the run in the folder.
+    /// Go on with the run in the folder, with the settings it began with.
     #[arg(long)]
     resume: bool,
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let mut run = start(args)?;
+    aside::check_folder(&args.out)?;
+    let folder = RunFolder::new(&args.out);
+    let mut run = start(args, &folder)?;
     let data = Data::read(args)?;
     let Data { samples, validation, .. } = &data;
     output.say(format!(
@@ -76,36 +81,50 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         validation.len(),
         run.model.params.len()
     ));
-    let mut watch = Watch {
-        folder: &args.out,
-        bar: progress::bar(run.settings.n_epochs, "epochs"),
-        stop: progress::stop_flag()?,
-    };
-    watch.bar.set_position(run.progress.history.len() as u64);
+    let bar = progress::bar(run.settings.n_epochs, "epochs");
+    bar.set_position(run.progress.history.len() as u64);
+    let stop = progress::stop_flag()?;
+    let mut watch = Watch { folder: &args.out, bar, stop, output };
     let flow = match run.settings.online {
-        None => run.train(&samples[..], validation, &mut watch)?,
+        None => folder.train(&mut run, &samples[..], validation, &mut watch)?,
         Some(online) => {
-            run.train(&data.online(online, run.settings.seed)?, validation, &mut watch)?
+            let online = data.online(online, run.settings.seed)?;
+            folder.train(&mut run, &online, validation, &mut watch)?
         }
     };
     watch.bar.finish_and_clear();
     if flow == Flow::Stop {
-        store(&args.out, &run)?;
-        let remedy = format!("go on with `--resume --out {}`", args.out.display());
-        return Err(Error::Interrupted { remedy });
+        return Err(Error::Interrupted { remedy: format!("go on with `{}`", resuming(args)) });
     }
     let rows = &run.progress.history;
-    if let Some(last) = rows.last() {
-        output.say(line(last));
-    }
-    output.say(format!("written to {}", args.out.join(MODEL).display()));
+    output.say(format!("written to {}", folder.model().display()));
     output.result(&json!({
-        "model": args.out.join(MODEL),
+        "model": folder.model(),
+        "best": folder.best(),
         "best_epoch": run.progress.best.map(|(_, epoch)| epoch),
         "seconds": rows.iter().map(|r| r.seconds).sum::<f64>(),
         "last": rows.last(),
     }));
     Ok(())
+}
+
+/// The command that goes on with a run that was stopped.
+fn resuming(args: &Args) -> String {
+    let mut words = vec!["deepmill train --data".to_owned()];
+    words.extend(args.data.iter().map(|path| quoted(path)));
+    if !args.validate.is_empty() {
+        words.push("--validate".into());
+        words.extend(args.validate.iter().map(|path| quoted(path)));
+    }
+    words.extend(["--out".into(), quoted(&args.out), "--resume".into()]);
+    words.join(" ")
+}
+
+/// A path as a shell takes it.
+fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    let plain = |c: char| c.is_alphanumeric() || "/._-+:".contains(c);
+    if text.chars().all(plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
 /// What the data sets hold for this run.
@@ -147,32 +166,27 @@ impl Data {
     }
 }
 
-const MODEL: &str = "model.safetensors";
-const BEST: &str = "best.safetensors";
-const CHECKPOINT: &str = "checkpoint.safetensors";
-const PREVIOUS: &str = "checkpoint.previous.safetensors";
-const SETTINGS: &str = "settings.toml";
-
-fn start(args: &Args) -> Result<Run> {
-    let checkpoint = args.out.join(CHECKPOINT);
+fn start(args: &Args, folder: &RunFolder) -> Result<Run> {
     if args.resume {
-        let run = Run::resume(Checkpoint::read(&checkpoint)?)?;
-        // What a kill between the checkpoint and these files left out, and what it left behind.
-        show(&args.out, &run)?;
-        deepmill::aside::remove_leftovers(&args.out)?;
+        let run = folder.resume()?;
+        require_same(&settings(args, Some(&run.settings))?, &run.settings)?;
+        draw(&args.out, &run.progress.history)?;
         return Ok(run);
     }
-    if checkpoint.exists() {
-        return Err(Error::file(
-            &checkpoint,
-            "run",
-            "the folder holds a run already",
-            "go on with it by --resume, or choose another folder",
-        ));
+    let mut run = folder.start(settings(args, None)?)?;
+    if let Some(path) = &args.start_from {
+        run.start_from(weights::read(path)?)?;
     }
-    let mut settings = match &args.config {
-        Some(path) => read_settings(path)?,
-        None => Settings::preset(&args.preset)?,
+    Ok(run)
+}
+
+/// What the options say; where they are silent, the settings that a resumed run began with.
+fn settings(args: &Args, begun: Option<&Settings>) -> Result<Settings> {
+    let preset = || Settings::preset(args.preset.as_deref().unwrap_or("small"));
+    let mut settings = match (&args.config, begun) {
+        (Some(path), _) => settings_file::read(path, &preset()?)?,
+        (None, Some(begun)) if args.preset.is_none() => begun.clone(),
+        _ => preset()?,
     };
     settings.n_epochs = args.epochs.unwrap_or(settings.n_epochs);
     settings.batch_size = args.batch_size.unwrap_or(settings.batch_size);
@@ -182,35 +196,51 @@ fn start(args: &Args) -> Result<Run> {
     if args.online {
         settings.online.get_or_insert_default();
     }
-    write_settings(&args.out.join(SETTINGS), &settings)?;
-    let mut run = Run::new(settings)?;
-    if let Some(path) = &args.start_from {
-        run.start_from(weights::read(path)?)?;
+    Ok(settings)
+}
+
+/// A resumed run ends with the bits of one that was never stopped, and the learning rate of every epoch
+/// depends on the number of all: no setting may change on the way.
+fn require_same(asked: &Settings, begun: &Settings) -> Result<()> {
+    let (asked, begun) = (numbers(asked), numbers(begun));
+    let differ = |(name, value): (&String, &Value)| {
+        let before = begun.get(name).unwrap_or(&Value::Null);
+        (before != value).then(|| (format!("{name} {value}"), format!("{name} {before}")))
+    };
+    let (found, expected): (Vec<_>, Vec<_>) = asked.iter().filter_map(differ).unzip();
+    if found.is_empty() {
+        return Ok(());
     }
-    Ok(run)
+    let expected = format!("{}, as the run began", expected.join(", "));
+    let remedy = "leave the option out; to train longer or otherwise, begin another run with \
+                  --start-from and this one's model.safetensors";
+    Err(Error::argument("the setting of a resumed run", found.join(", "), expected, remedy))
 }
 
-fn read_settings(path: &Path) -> Result<Settings> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
-    toml::from_str(&text).map_err(|e| {
-        let line = e.span().map_or(0, |s| text[..s.start].lines().count().max(1));
-        let remedy = "compare with the settings.toml that every run writes";
-        Error::file(path, format!("line {line}"), e.message().to_owned(), remedy)
-    })
+/// Every number of the settings under its path.
+fn numbers(settings: &Settings) -> BTreeMap<String, Value> {
+    let mut found = BTreeMap::new();
+    collect("", serde_json::to_value(settings).unwrap_or_default(), &mut found);
+    found
 }
 
-fn write_settings(path: &Path, settings: &Settings) -> Result<()> {
-    use std::io::Write;
-    let text = toml::to_string_pretty(settings)
-        .map_err(|e| Error::write(path, std::io::Error::other(e)))?;
-    deepmill::aside::write(path, |file| file.write_all(text.as_bytes()))
+fn collect(path: &str, value: Value, to: &mut BTreeMap<String, Value>) {
+    let Value::Object(entries) = value else {
+        to.insert(path.into(), value);
+        return;
+    };
+    for (key, value) in entries {
+        let path = if path.is_empty() { key } else { format!("{path}.{key}") };
+        collect(&path, value, to);
+    }
 }
 
-/// Shows a run while it goes on, and stores it after every epoch.
+/// Shows a run while it goes on: a bar at a terminal, a line for each epoch everywhere.
 struct Watch<'a> {
     folder: &'a Path,
     bar: ProgressBar,
     stop: Arc<AtomicBool>,
+    output: &'a Output,
 }
 
 impl Observer for Watch<'_> {
@@ -224,39 +254,15 @@ impl Observer for Watch<'_> {
     }
 
     fn epoch(&mut self, run: &Run, row: &Row) -> Result<Flow> {
-        store(self.folder, run)?;
+        draw(self.folder, &run.progress.history)?;
         self.bar.set_position(row.epoch);
-        self.bar.println(line(row));
+        self.bar.suspend(|| self.output.say(row));
         Ok(Flow::Continue)
     }
 }
 
-/// Everything the run's folder needs and shows. At every moment there is a whole checkpoint.
-fn store(folder: &Path, run: &Run) -> Result<()> {
-    let checkpoint = folder.join(CHECKPOINT);
-    if checkpoint.exists() {
-        let previous = folder.join(PREVIOUS);
-        let bytes = std::fs::read(&checkpoint).map_err(|e| Error::read(&checkpoint, e))?;
-        deepmill::aside::write(&previous, |file| std::io::Write::write_all(file, &bytes))?;
-    }
-    run.checkpoint().write(&checkpoint)?;
-    show(folder, run)
-}
-
-/// Networks, history and curves, as the run's state says.
-fn show(folder: &Path, run: &Run) -> Result<()> {
-    let rows = &run.progress.history;
-    let notes = rows.last().map_or_else(String::new, line);
-    weights::write(&folder.join(MODEL), &run.model, Storage::Exact, &notes)?;
-    let is_best = run.progress.best.is_some_and(|(_, epoch)| epoch == rows.len() as u64);
-    if is_best && run.progress.steps_done == 0 {
-        weights::write(&folder.join(BEST), &run.model, Storage::Exact, &notes)?;
-    }
-    history::write_csv(&folder.join("history.csv"), rows)?;
-    draw(&folder.join("curves.svg"), rows)
-}
-
-fn draw(path: &Path, rows: &[Row]) -> Result<()> {
+/// Loss and scores over the epochs.
+fn draw(folder: &Path, rows: &[Row]) -> Result<()> {
     let series = |name: &str, value: &dyn Fn(&Row) -> Option<f64>| Series {
         name: name.into(),
         points: rows.iter().filter_map(|r| Some((r.epoch as f64, value(r)?))).collect(),
@@ -273,16 +279,5 @@ fn draw(path: &Path, rows: &[Row]) -> Result<()> {
             ],
         },
     ];
-    write_curves(path, "epoch", &charts)
-}
-
-fn line(row: &Row) -> String {
-    let mut text = format!(
-        "epoch {}: loss {:.4}, F1 inaccessible {:.3}, F1 occlusion {:.3}",
-        row.epoch, row.loss, row.inaccessible.f1, row.occlusion.f1
-    );
-    if let Some([a, b]) = row.validation {
-        text += &format!("; validation {:.3} and {:.3}", a.f1, b.f1);
-    }
-    text
+    write_curves(&folder.join("curves.svg"), "epoch", &charts)
 }

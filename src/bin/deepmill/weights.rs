@@ -3,7 +3,7 @@
 use crate::output::Output;
 use deepmill::model::weights::tensors::TensorFile;
 use deepmill::model::weights::{self, Storage};
-use deepmill::{Error, Result};
+use deepmill::{Error, Result, aside};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -24,6 +24,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
+    args.bf16.iter().try_for_each(|path| aside::check_file(path))?;
     let file = TensorFile::read(&args.model)?;
     let about = weights::about(&file, &args.model)?;
     let model = weights::read::<f32>(&args.model)?;

@@ -70,10 +70,7 @@ impl Builder {
             let remedy = "name mesh files or folders, or ask for generated parts";
             return Err(Error::argument("the list of parts", "empty", "at least one part", remedy));
         }
-        if settings.n_cutters == 0 {
-            let remedy = "draw at least one per part";
-            return Err(Error::argument("cutters", 0, "1 or more", remedy));
-        }
+        settings.check()?;
         let directions = Directions::new(settings.directions.clone())?;
         let plan = folder.join("settings.json");
         match plan.exists() {
@@ -101,6 +98,9 @@ impl Builder {
     ///
     /// # Errors
     /// If the part's files cannot be written.
+    ///
+    /// # Panics
+    /// If there is no such part.
     pub fn part(&self, index: usize) -> Result<PartRecord> {
         let path = self.record_path(index);
         if path.exists() {

@@ -3,6 +3,7 @@
 use crate::aside;
 use crate::cutter::{CutterParams, CutterSet};
 use crate::directions::DirectionSet;
+use crate::geom::sites::MAX_SITES;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::io::Write;
@@ -49,6 +50,37 @@ impl Default for Settings {
             min_edge_mm: Some(80.0),
             occlusion_share: 0.1,
             validation_share: 0.0,
+        }
+    }
+}
+
+impl Settings {
+    /// Checks that every number is in its domain; directions check themselves.
+    ///
+    /// # Errors
+    /// Names the first number that is not.
+    pub fn check(&self) -> Result<()> {
+        let (share, kept) = (self.occlusion_share, self.validation_share);
+        let edge = self.min_edge_mm.unwrap_or(1.0);
+        let dense = self.n_obstacles.unwrap_or(1);
+        let rules: [(&'static str, f64, bool, &str); 6] = [
+            ("cutters", self.n_cutters as f64, self.n_cutters > 0, "1 or more"),
+            (
+                "sites",
+                self.n_sites as f64,
+                (2..=MAX_SITES).contains(&self.n_sites),
+                "2 to 10 million",
+            ),
+            ("obstacles", dense as f64, (1..=MAX_SITES).contains(&dense), "1 to 10 million"),
+            ("occlusion share", share, share > 0.0 && share <= 1.0, "above 0, at most 1"),
+            ("validation share", kept, (0.0..=1.0).contains(&kept), "0 to 1"),
+            ("smallest box edge", edge, edge > 0.0 && edge <= 1e6, "above 0 mm, at most 1 km"),
+        ];
+        match rules.into_iter().find(|(.., good, _)| !good) {
+            None => Ok(()),
+            Some((name, found, _, expected)) => {
+                Err(Error::argument(name, found, expected, "change the settings of the data set"))
+            }
         }
     }
 }
@@ -156,4 +188,25 @@ pub(super) fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<()> {
         serde_json::to_writer_pretty(&mut *file, value)?;
         writeln!(file)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_outside_their_domain_are_refused_by_name() {
+        Settings::default().check().unwrap();
+        let broken = |change: fn(&mut Settings)| {
+            let mut settings = Settings::default();
+            change(&mut settings);
+            settings.check().unwrap_err().to_string()
+        };
+        assert!(broken(|s| s.n_cutters = 0).starts_with("cutters is 0"));
+        assert!(broken(|s| s.n_sites = 1).starts_with("sites is 1"));
+        assert!(broken(|s| s.n_obstacles = Some(0)).starts_with("obstacles is 0"));
+        assert!(broken(|s| s.occlusion_share = f64::NAN).starts_with("occlusion share is NaN"));
+        assert!(broken(|s| s.validation_share = 7.0).starts_with("validation share is 7"));
+        assert!(broken(|s| s.min_edge_mm = Some(f64::NAN)).starts_with("smallest box edge is NaN"));
+    }
 }

@@ -17,7 +17,6 @@ use crate::data::Sample;
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::geom::Sites;
 use crate::{Error, Result};
-use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -103,9 +102,12 @@ impl LabelledPart {
     /// a column per cutter, `inaccessible`, `occlusion` (bool) and `accessible_directions` (u32).
     ///
     /// # Errors
-    /// If the file cannot be written.
+    /// If there is not an answer for every site and cutter, the sites fail [`Sites::check`], or the file
+    /// cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let (n, k) = (self.sites.len(), self.cutters.len());
+        self.sites.check()?;
+        self.check_lengths(path)?;
         let cutters: Vec<f64> = self.cutters.iter().flat_map(|c| c.to_array()).collect();
         let mut npz = NpzWriter::new();
         npz.vectors("points", &self.sites.points);
@@ -115,6 +117,24 @@ impl LabelledPart {
         npz.array("occlusion", &[n, k], &by_site(&self.occlusion));
         npz.array("accessible_directions", &[n, k], &by_site(&self.accessible_directions));
         npz.write(path)
+    }
+
+    fn check_lengths(&self, path: &Path) -> Result<()> {
+        let (n, k) = (self.sites.len(), self.cutters.len());
+        let lengths = |columns: &[Vec<bool>]| columns.iter().map(Vec::len).collect::<Vec<_>>();
+        let counts = self.accessible_directions.iter().map(Vec::len).collect();
+        for (name, lengths) in [
+            ("inaccessible", lengths(&self.inaccessible)),
+            ("occlusion", lengths(&self.occlusion)),
+            ("accessible_directions", counts),
+        ] {
+            if lengths != vec![n; k] {
+                let found = format!("lists of {lengths:?} for {n} sites and {k} cutters");
+                let remedy = "label every site with every cutter";
+                return Err(Error::file(path, name, found, remedy));
+            }
+        }
+        Ok(())
     }
 
     /// Reads what [`LabelledPart::write`] wrote; the faces of the sites are not stored.
@@ -168,5 +188,32 @@ fn by_site<T: Copy>(columns: &[Vec<T>]) -> Vec<T> {
 /// SHA-256 of a file's bytes, hexadecimal.
 fn content_hash(path: &Path) -> Result<String> {
     let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
-    Ok(Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect())
+    Ok(hmac_sha256::Hash::hash(&bytes).iter().map(|b| format!("{b:02x}")).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn parts_with_answers_left_out_are_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("part.npz");
+        let good = LabelledPart {
+            sites: Sites::new(vec![Vec3::X, Vec3::Y], vec![Vec3::Z; 2]).unwrap(),
+            cutters: vec![[1.5, 6.0, 40.0, 5.0].into()],
+            inaccessible: vec![vec![true, false]],
+            occlusion: vec![vec![false, true]],
+            accessible_directions: vec![vec![0, 3]],
+        };
+        good.write(&path).unwrap();
+        let refused = |part: LabelledPart| part.write(&path).unwrap_err().to_string();
+        let short = LabelledPart { occlusion: vec![vec![true]], ..good.clone() };
+        assert!(refused(short).contains("part.npz: occlusion: lists of [1] for 2 sites"));
+        let missing = LabelledPart { accessible_directions: vec![], ..good.clone() };
+        assert!(refused(missing).contains("accessible_directions: lists of []"));
+        let bare = Sites { normals: vec![], ..good.sites.clone() };
+        assert!(refused(LabelledPart { sites: bare, ..good }).contains("0 normals for 2 sites"));
+    }
 }

@@ -82,10 +82,28 @@ pub fn read_list(root: &Path, list: List) -> Result<Vec<Sample>> {
         let relative = words[0].replace('\\', "/");
         let points = root.join("points").join(&relative);
         let bytes = std::fs::read(&points).map_err(|e| Error::read(&points, e))?;
-        let name = Path::new(&relative).file_stem().unwrap_or_default().to_string_lossy();
-        Rows::of_ply(&bytes, &points)?.sample(&name, cutter)
+        Rows::of_ply(&bytes, &points)?.sample(&stem(&relative), cutter)
     };
     lines.map(sample).collect()
+}
+
+/// Names of the samples in one list of `root`; `None` if `root` has no such list.
+///
+/// # Errors
+/// If the list cannot be read.
+pub fn listed_names(root: &Path, list: List) -> Result<Option<HashSet<String>>> {
+    let path = list.file(root);
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = read_text(&path)?;
+    Ok(Some(text.lines().filter_map(|line| line.split_whitespace().next()).map(stem).collect()))
+}
+
+/// Name of the sample whose points a list has under `relative`.
+fn stem(relative: &str) -> String {
+    let relative = relative.replace('\\', "/");
+    Path::new(&relative).file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// Writes `samples` under `root` in every form of the format, each file whole or not at all. Samples of the
@@ -226,7 +244,8 @@ impl Rows {
         Ok(rows)
     }
 
-    /// Adds one line; a normal that is not a number becomes (0, 0, 1), as in the published preparation.
+    /// Adds one line; a normal that is not a number becomes (0, 0, 1), as in the published preparation, and
+    /// so does one without a length; others are brought to unit length if they have not got it.
     fn push(&mut self, row: [f32; 8]) -> std::result::Result<(), String> {
         let (point, mut normal) = (Vec3::from_slice(&row[..3]), Vec3::from_slice(&row[3..6]));
         if normal.is_nan() {
@@ -234,6 +253,9 @@ impl Rows {
         }
         if !point.is_finite() || !normal.is_finite() {
             return Err(format!("point {point} with normal {normal}"));
+        }
+        if (normal.length_squared() - 1.0).abs() >= 1e-3 {
+            normal = normal.normalize_or(Vec3::Z);
         }
         let label = |x: f32| match x {
             0.0 => Ok(false),
@@ -315,6 +337,8 @@ mod tests {
         let rows =
             read("# made by hand\n\n1 2 3 -nan(ind) -nan(ind) -nan(ind) 1.000000 0\n").unwrap();
         assert_eq!((rows.sites.normals[0], rows.inaccessible[0]), (Vec3::Z, false));
+        let rows = read("1 2 3 0 2 0 1 0\n1 2 3 0 0 0 1 0\n").unwrap();
+        assert_eq!(rows.sites.normals, [Vec3::Y, Vec3::Z]);
         for (text, part) in [
             ("1 2 3 0 0 1 1", "a.txt: line 1: `1 2 3 0 0 1 1`, expected eight numbers"),
             ("1 2 3 0 0 1 1 0\n1 2 x 0 0 1 1 0", "a.txt: line 2"),

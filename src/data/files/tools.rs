@@ -27,10 +27,13 @@ impl Tool {
     /// A tool named after its lengths; without a corner it is a ball end.
     ///
     /// # Errors
-    /// As [`Cutter::bull_nose`] and [`Cutter::with_clearance`].
+    /// As [`Cutter::bull_nose`]; or if the clearance leaves nothing of the cutter, or is 2·CR or more:
+    /// a margin that thick lies on every site that the cutter touches.
     pub fn new(params: CutterParams, corner_mm: Option<f64>, clearance_mm: f64) -> Result<Self> {
         let corner_mm = corner_mm.unwrap_or(params.cr_mm);
-        let cutter = Cutter::bull_nose(params, corner_mm)?.with_clearance(clearance_mm)?;
+        let cutter = Cutter::bull_nose(params, corner_mm)?;
+        check_clearance(clearance_mm, params.cr_mm)?;
+        let cutter = cutter.with_clearance(clearance_mm)?;
         let mut name = params.to_array().map(|length| length.to_string()).join("-");
         if corner_mm != params.cr_mm {
             name += &format!("-corner{corner_mm}");
@@ -88,6 +91,18 @@ impl Tool {
     pub fn settings(&self) -> Value {
         json!({ "corner_mm": self.corner_mm, "clearance_mm": self.clearance_mm })
     }
+}
+
+fn check_clearance(clearance_mm: f64, cr_mm: f64) -> Result<()> {
+    if clearance_mm > -cr_mm && clearance_mm < 2.0 * cr_mm {
+        return Ok(());
+    }
+    let expected = format!("between -CR = {} and 2 CR = {} mm", -cr_mm, 2.0 * cr_mm);
+    let remedy = match clearance_mm < 0.0 {
+        true => "nothing would be left of the cutter: take a thinner margin",
+        false => "the margin would reach below the tip: widen the holder instead",
+    };
+    Err(Error::argument("clearance", clearance_mm, expected, remedy))
 }
 
 fn starts_with_ignoring_case(text: &str, start: &str) -> bool {

@@ -83,7 +83,7 @@ fn rounded(mesh: &Mesh) -> Mesh {
 /// two corners that a reader would join.
 fn is_sound(mesh: &Mesh) -> bool {
     let report = check::check(mesh);
-    let joined = || weld::weld(mesh, weld::DEFAULT_TOLERANCE).vertices.len();
+    let joined = || weld::weld(mesh, weld::DEFAULT_TOLERANCE).map_or(0, |m| m.vertices.len());
     report.blocking().is_none()
         && report.count(Fault::Degenerate) == 0
         && joined() == mesh.vertices.len()

@@ -4,6 +4,10 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Fault {
+    /// Triangles with a corner that names no vertex; nothing else is looked at then.
+    MissingVertex,
+    /// Vertices whose place is not finite.
+    NotFinite,
     /// There is no triangle with three different corners.
     Empty,
     /// Edges with one triangle: the surface has a hole there.
@@ -35,6 +39,8 @@ impl Fault {
     /// Its name for programs.
     pub fn name(self) -> &'static str {
         match self {
+            Fault::MissingVertex => "missing_vertex",
+            Fault::NotFinite => "not_finite",
             Fault::Empty => "empty",
             Fault::OpenEdge => "open_edge",
             Fault::NonManifoldEdge => "non_manifold_edge",
@@ -51,6 +57,12 @@ impl Fault {
     /// What was found `count` times, in words.
     pub(super) fn words(self, count: usize) -> &'static str {
         let [one, many] = match self {
+            Fault::MissingVertex => {
+                ["triangle that names a missing vertex", "triangles that name a missing vertex"]
+            }
+            Fault::NotFinite => {
+                ["vertex whose place is not finite", "vertices whose place is not finite"]
+            }
             Fault::Empty => ["mesh without a triangle"; 2],
             Fault::OpenEdge => {
                 ["open edge (used by one triangle)", "open edges (used by one triangle)"]
@@ -84,7 +96,7 @@ impl Fault {
     /// What the user can do about it.
     pub fn remedy(self) -> &'static str {
         match self {
-            Fault::Empty => "export the part again",
+            Fault::MissingVertex | Fault::NotFinite | Fault::Empty => "export the part again",
             Fault::OpenEdge => {
                 "try `deepmill check --repair`, which closes gaps of up to 1e-5 of the diagonal; else \
                  close the solid in the program that wrote it"

@@ -161,7 +161,7 @@ pub fn mesh_from_bytes(
         *vertex *= options.scale;
     }
     check_size(mesh.vertices.iter().copied(), path)?;
-    Ok(weld::weld(&mesh, options.weld))
+    weld::weld(&mesh, options.weld)
 }
 
 /// Reads points with normals, as they are in the file (millimetres): a PLY with the properties

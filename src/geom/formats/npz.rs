@@ -7,9 +7,10 @@ use super::one_line;
 use crate::{Error, Result};
 use glam::DVec3;
 use npyz::NpyFile;
-use npyz::npz::{NpzArchive, file_name_from_array_name};
+use npyz::npz::file_name_from_array_name;
 use std::io::{Cursor, Read};
 use std::path::Path;
+use zip::ZipArchive;
 
 /// Most bytes one array may unpack to.
 const MAX_ARRAY_BYTES: u64 = 2 << 30;
@@ -21,7 +22,7 @@ const REMEDY: &str = "save float arrays `points` and `normals` of shape [n, 3] w
 pub(super) fn read_cloud(bytes: &[u8], path: &Path) -> Result<(Vec<DVec3>, Vec<DVec3>)> {
     let fault = |place: &str, found: String| Error::file(path, place, found, REMEDY);
     let mut archive =
-        NpzArchive::new(Cursor::new(bytes)).map_err(|e| fault("zip archive", one_line(e)))?;
+        ZipArchive::new(Cursor::new(bytes)).map_err(|e| fault("zip archive", one_line(e)))?;
     let mut array = |name: &str| {
         let place = format!("array {name}");
         rows(&unpack(&mut archive, name)?).map(|rows| (place, rows))
@@ -39,10 +40,10 @@ pub(super) fn read_cloud(bytes: &[u8], path: &Path) -> Result<(Vec<DVec3>, Vec<D
 }
 
 fn unpack(
-    archive: &mut NpzArchive<Cursor<&[u8]>>,
+    archive: &mut ZipArchive<Cursor<&[u8]>>,
     name: &str,
 ) -> std::result::Result<Vec<u8>, String> {
-    let entry = archive.zip_archive().by_name(&file_name_from_array_name(name));
+    let entry = archive.by_name(&file_name_from_array_name(name));
     let entry = entry.map_err(|e| format!("cannot be opened ({})", one_line(e)))?;
     let mut bytes = Vec::new();
     let read = entry.take(MAX_ARRAY_BYTES + 1).read_to_end(&mut bytes);

@@ -23,12 +23,14 @@ mod surface;
 use crate::geom::Mesh;
 use crate::{Error, Result};
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 pub(crate) use sheet::OPPOSITE;
 pub use sheet::same_sheet;
+use std::collections::HashSet;
 use surface::Surface;
 
 /// Points on a surface with outward unit normals; all vectors have the same length.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sites {
     /// Positions, mm.
     pub points: Vec<Vec3>,
@@ -39,6 +41,23 @@ pub struct Sites {
 }
 
 impl Sites {
+    /// Sites at `points`, mm, with outward unit `normals`, on no mesh.
+    ///
+    /// # Errors
+    /// As [`Sites::check`].
+    ///
+    /// ```
+    /// use deepmill::{geom::Sites, glam::Vec3};
+    /// assert_eq!(Sites::new(vec![Vec3::ZERO, Vec3::X], vec![Vec3::Z; 2])?.len(), 2);
+    /// assert!(Sites::new(vec![Vec3::ZERO], vec![Vec3::ONE]).is_err());
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    pub fn new(points: Vec<Vec3>, normals: Vec<Vec3>) -> Result<Self> {
+        let sites = Sites { points, normals, faces: Vec::new() };
+        sites.check()?;
+        Ok(sites)
+    }
+
     /// Number of sites.
     pub fn len(&self) -> usize {
         self.points.len()
@@ -48,10 +67,56 @@ impl Sites {
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
+
+    /// Checks that every site has a finite position within 1 km and a unit normal (to a thousandth), and
+    /// that there are as many faces as sites, or none.
+    ///
+    /// # Errors
+    /// Names the first site that has not.
+    pub fn check(&self) -> Result<()> {
+        check_sites("site", &self.points, &self.normals)?;
+        if !self.faces.is_empty() && self.faces.len() != self.len() {
+            let found = format!("{} faces for {} sites", self.faces.len(), self.len());
+            return Err(Error::geometry("sites", found, "give every site its face, or none"));
+        }
+        Ok(())
+    }
+
+    /// Number of sites at the same place as one before them; they stand for no surface.
+    pub fn n_coincident(&self) -> usize {
+        let bits = |p: &Vec3| (*p + Vec3::ZERO).to_array().map(f32::to_bits);
+        self.len() - self.points.iter().map(bits).collect::<HashSet<_>>().len()
+    }
+}
+
+/// Coordinates beyond this, mm, are refused: squares of distances must stay far inside `f32`.
+const MAX_COORDINATE_MM: f32 = 1e6;
+
+/// [`Sites::check`] of sites without faces, which a message calls `what`.
+pub(crate) fn check_sites(what: &str, points: &[Vec3], normals: &[Vec3]) -> Result<()> {
+    check_points(what, points)?;
+    if normals.len() != points.len() {
+        let found = format!("{} normals for {} sites", normals.len(), points.len());
+        return Err(Error::geometry("sites", found, "give every site its outward unit normal"));
+    }
+    let unit = |n: &Vec3| n.is_finite() && (n.length_squared() - 1.0).abs() < 1e-3;
+    let Some(i) = normals.iter().position(|n| !unit(n)) else { return Ok(()) };
+    let found = format!("normal {} is not a unit vector", normals[i]);
+    Err(Error::geometry(format!("{what} {i}"), found, "normalise the normals or resample the part"))
+}
+
+/// Finite positions within 1 km; `what` they are in a message.
+pub(crate) fn check_points(what: &str, points: &[Vec3]) -> Result<()> {
+    let usable = |p: &Vec3| p.is_finite() && p.abs().max_element() <= MAX_COORDINATE_MM;
+    let Some(i) = points.iter().position(|p| !usable(p)) else { return Ok(()) };
+    let remedy = "coordinates must be finite and within 1 km; check the file and its unit";
+    Err(Error::geometry(format!("{what} {i}"), format!("position {}", points[i]), remedy))
 }
 
 /// Which normal a sampled site carries.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Normals {
     /// The outward normal of the face the site lies on.
     #[default]
@@ -65,8 +130,15 @@ pub enum Normals {
     },
 }
 
+impl AsRef<Sites> for Sites {
+    fn as_ref(&self) -> &Sites {
+        self
+    }
+}
+
 /// How [`sample`] places its sites.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct SiteOptions {
     /// Number of sites, at least 1.
     pub n_sites: usize,
@@ -181,6 +253,33 @@ mod tests {
         let sheet = Spacing::measure_on_sheet(&sites).unwrap();
         assert!(sheet.cv < 0.12 && sheet.min_mm > 0.2 * sheet.mean_mm, "{sheet:?}");
         assert!(Spacing::measure(&sites).unwrap().mean_mm < 0.9 * sheet.mean_mm);
+    }
+
+    #[test]
+    fn sites_that_are_none_are_named() {
+        let good = sample(&cuboid(DVec3::ONE), &options(20)).unwrap();
+        good.check().unwrap();
+        let broken = |change: &dyn Fn(&mut Sites)| {
+            let mut sites = good.clone();
+            change(&mut sites);
+            sites.check().unwrap_err().to_string()
+        };
+        for (x, shown) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (1e30, "1000000")] {
+            let message = broken(&|sites| sites.points[7].x = x);
+            assert!(
+                message.starts_with("site 7: position") && message.contains(shown),
+                "{message}"
+            );
+        }
+        for normal in [Vec3::ZERO, Vec3::splat(1.0), Vec3::NAN] {
+            let message = broken(&|sites| sites.normals[3] = normal);
+            assert!(message.starts_with("site 3: normal"), "{message}");
+        }
+        assert!(broken(&|sites| sites.normals.truncate(19)).contains("19 normals for 20 sites"));
+        assert!(broken(&|sites| sites.faces.truncate(19)).contains("19 faces for 20 sites"));
+        let mut twice = good.clone();
+        (twice.points[4], twice.points[9]) = (twice.points[0], twice.points[0]);
+        assert_eq!((good.n_coincident(), twice.n_coincident()), (0, 2));
     }
 
     #[test]

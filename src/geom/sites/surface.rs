@@ -39,7 +39,7 @@ impl<'a> Surface<'a> {
     /// # Errors
     /// If a face names a missing vertex, a vertex is not finite, or the mesh has no area.
     pub fn build(mesh: &'a Mesh) -> Result<Self> {
-        require_usable(mesh)?;
+        mesh.check()?;
         let n_faces = mesh.triangles.len();
         let (mut normals, mut areas) = (vec![DVec3::ZERO; n_faces], vec![0.0; n_faces]);
         for face in 0..n_faces {
@@ -114,18 +114,6 @@ impl<'a> Surface<'a> {
         let entered = self.mesh.triangles[next as usize].iter().position(|&v| v == from);
         (along * step.dot(along) + inward * step.dot(out), entered)
     }
-}
-
-fn require_usable(mesh: &Mesh) -> Result<()> {
-    let n = mesh.vertices.len();
-    if let Some(f) = mesh.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= n)) {
-        let found = format!("names a vertex beyond the last of {n}");
-        return Err(Error::geometry(format!("face {f}"), found, "check the file"));
-    }
-    if let Some(v) = mesh.vertices.iter().position(|v| !v.is_finite()) {
-        return Err(Error::geometry(format!("vertex {v}"), "is not finite", "check the file"));
-    }
-    Ok(())
 }
 
 /// Pairs the two faces on each edge unless something of [`WALL`] is the case.

@@ -1,0 +1,40 @@
+//! The shipped network's answer for a cloud of points, beside the exact one, through `ndarray`.
+//!
+//! `cargo run --release --example predict`
+#![allow(clippy::print_stdout)]
+
+use deepmill::access::{LabelOptions, Obstacles, label};
+use deepmill::cutter::{Cutter, CutterParams};
+use deepmill::directions::Directions;
+use deepmill::geom::sites::{SiteOptions, sample};
+use deepmill::geom::{Sites, solids};
+use deepmill::glam::DVec3;
+use deepmill::metrics::Confusion;
+use deepmill::model::Model;
+
+fn main() -> deepmill::Result<()> {
+    // Points and normals may come from anywhere; here from a torus standing on a plate's height.
+    let part = solids::torus(40.0, 15.0, 60, 30);
+    let sampled = sample(&part, &SiteOptions { n_sites: 1500, ..SiteOptions::default() })?;
+    let points = sampled.points_array().to_owned();
+    let normals = sampled.normals_array().to_owned();
+    let sites = Sites::from_arrays(points.view(), normals.view())?;
+    println!("{} sites, extent {:.1} mm", sites.len(), part.bounds().map_or(0.0, extent));
+
+    let params: CutterParams = "1.5,6,40,5".parse()?;
+    let model = Model::shipped()?;
+    let answer = model.predict(&sites.points, &sites.normals, params.into())?;
+    let mean = answer.probability_inaccessible().iter().sum::<f32>() / sites.len() as f32;
+    println!("mean probability to be inaccessible: {mean:.3}");
+
+    let directions = Directions::fibonacci_hemisphere(150)?;
+    let cutter = Cutter::try_from(params)?;
+    let exact = label(&sites, Obstacles::Queries, &cutter, &directions, &LabelOptions::default())?;
+    let inaccessible = Confusion::of_labels(&answer.inaccessible(), &exact.inaccessible);
+    println!("against the exact labels: F1 of the inaccessible class {:.3}", inaccessible.f1());
+    Ok(())
+}
+
+fn extent((low, high): (DVec3, DVec3)) -> f64 {
+    (high - low).max_element()
+}

@@ -1,0 +1,251 @@
+//! A run's folder: its networks, its history, its settings, and a checkpoint to go on from.
+
+use super::{Checkpoint, Flow, Observer, Row, Run, Settings, StepReport, history, settings_file};
+use crate::data::{Sample, Source};
+use crate::model::weights::{self, Storage};
+use crate::{Error, Result, aside};
+use std::path::{Path, PathBuf};
+
+const MODEL: &str = "model.safetensors";
+const BEST: &str = "best.safetensors";
+const CHECKPOINT: &str = "checkpoint.safetensors";
+const PREVIOUS: &str = "checkpoint.previous.safetensors";
+const SETTINGS: &str = "settings.toml";
+const HISTORY: &str = "history.csv";
+
+/// The files of one training run. At every moment after the first epoch there is a whole checkpoint.
+///
+/// | file | holds |
+/// |---|---|
+/// | `settings.toml` | the settings it began with |
+/// | `model.safetensors` | the network after the last stored step |
+/// | `best.safetensors` | the network with the best sum of both F1 on the validation set; the latest, as long as none was measured |
+/// | `history.csv` | a row for each epoch |
+/// | `checkpoint.safetensors` | everything [`RunFolder::resume`] needs |
+/// | `checkpoint.previous.safetensors` | the same, one store earlier |
+///
+/// A resumed run ends with the bits of one that was never stopped. Start, stop and resume:
+///
+/// ```
+/// # use deepmill::{cutter::*, data::Sample, geom::Sites, train::*};
+/// # use glam::Vec3;
+/// # let points: Vec<Vec3> =
+/// #     (0..40).map(|i| Vec3::new((i % 7) as f32, (i / 7) as f32, (i % 3) as f32)).collect();
+/// # let sites = Sites { normals: vec![Vec3::Z; 40], points, faces: vec![] };
+/// # let samples = [Sample {
+/// #     name: "part".into(), sites: sites.into(), cutter: [1.5, 6.0, 40.0, 5.0].into(),
+/// #     inaccessible: vec![false; 40], occlusion: vec![true; 40],
+/// # }];
+/// # let temporary = tempfile::tempdir().unwrap();
+/// # let path = temporary.path().join("run");
+/// struct StopAfterOneStep;
+/// impl Observer for StopAfterOneStep {
+///     fn step(&mut self, _: &StepReport) -> Flow {
+///         Flow::Stop
+///     }
+/// }
+/// let folder = RunFolder::new(path);
+/// let mut run = folder.start(Settings { n_epochs: 2, ..Settings::tiny() })?;
+/// assert_eq!(folder.train(&mut run, &samples[..], &[], &mut StopAfterOneStep)?, Flow::Stop);
+///
+/// let mut run = folder.resume()?;
+/// assert_eq!(folder.train(&mut run, &samples[..], &[], &mut ())?, Flow::Continue);
+/// assert!(run.is_finished() && folder.best().is_file());
+/// # Ok::<(), deepmill::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunFolder {
+    path: PathBuf,
+}
+
+impl RunFolder {
+    /// The folder `path`, which need not exist yet.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        RunFolder { path: path.into() }
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Path of the latest network.
+    pub fn model(&self) -> PathBuf {
+        self.path.join(MODEL)
+    }
+
+    /// Path of the best network.
+    pub fn best(&self) -> PathBuf {
+        self.path.join(BEST)
+    }
+
+    /// Path of the checkpoint.
+    pub fn checkpoint(&self) -> PathBuf {
+        self.path.join(CHECKPOINT)
+    }
+
+    /// A run at its beginning; writes its settings.
+    ///
+    /// # Errors
+    /// If the folder holds a run already or cannot be written, or a setting is outside its domain.
+    pub fn start(&self, settings: Settings) -> Result<Run> {
+        if self.checkpoint().exists() {
+            let remedy = "resume it, or choose another folder";
+            let found = "the folder holds a run already";
+            return Err(Error::file(self.checkpoint(), "run", found, remedy));
+        }
+        let run = Run::new(settings)?;
+        settings_file::write(&self.path.join(SETTINGS), &run.settings)?;
+        Ok(run)
+    }
+
+    /// The run that was stored here, as it was.
+    ///
+    /// # Errors
+    /// If there is none, its checkpoint is damaged, or the folder cannot be written.
+    pub fn resume(&self) -> Result<Run> {
+        let run = Run::resume(Checkpoint::read(&self.checkpoint())?)?;
+        // What a kill between the checkpoint and these files left out, and what it left behind.
+        self.show(&run)?;
+        aside::remove_leftovers(&self.path)?;
+        Ok(run)
+    }
+
+    /// [`Run::train`]; stores the run after every epoch, before `observer` hears of it, and where
+    /// `observer` stops it.
+    ///
+    /// # Errors
+    /// As [`Run::train`], or if a file cannot be written.
+    pub fn train(
+        &self,
+        run: &mut Run,
+        source: &(impl Source + ?Sized),
+        validation: &[Sample],
+        observer: &mut impl Observer,
+    ) -> Result<Flow> {
+        let flow = run.train(source, validation, &mut Storing { folder: self, observer })?;
+        if flow == Flow::Stop {
+            self.store(run)?;
+        }
+        Ok(flow)
+    }
+
+    /// Writes everything but the settings. The checkpoint that was there becomes the previous one.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn store(&self, run: &Run) -> Result<()> {
+        let checkpoint = self.checkpoint();
+        if checkpoint.exists() {
+            let bytes = std::fs::read(&checkpoint).map_err(|e| Error::read(&checkpoint, e))?;
+            let previous = self.path.join(PREVIOUS);
+            aside::write(&previous, |file| std::io::Write::write_all(file, &bytes))?;
+        }
+        run.checkpoint().write(&checkpoint)?;
+        self.show(run)
+    }
+
+    /// Networks and history, as the run's state says.
+    fn show(&self, run: &Run) -> Result<()> {
+        let progress = &run.progress;
+        let rows = &progress.history;
+        let notes = rows.last().map_or_else(String::new, Row::to_string);
+        weights::write(&self.model(), &run.model, Storage::Exact, &notes)?;
+        let is_best = progress.best.is_none_or(|(_, epoch)| epoch == rows.len() as u64);
+        if is_best && progress.steps_done == 0 {
+            weights::write(&self.best(), &run.model, Storage::Exact, &notes)?;
+        }
+        history::write_csv(&self.path.join(HISTORY), rows)
+    }
+}
+
+/// Stores a run, then lets another observer look on.
+struct Storing<'a, O> {
+    folder: &'a RunFolder,
+    observer: &'a mut O,
+}
+
+impl<O: Observer> Observer for Storing<'_, O> {
+    fn step(&mut self, report: &StepReport) -> Flow {
+        self.observer.step(report)
+    }
+
+    fn epoch(&mut self, run: &Run, row: &Row) -> Result<Flow> {
+        self.folder.store(run)?;
+        self.observer.epoch(run, row)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Sites;
+    use glam::Vec3;
+
+    fn samples() -> Vec<Sample> {
+        let points: Vec<Vec3> =
+            (0..60).map(|i| Vec3::new((i % 7) as f32, (i / 7) as f32, (i % 3) as f32)).collect();
+        let labels: Vec<bool> = points.iter().map(|p| p.x > 3.0).collect();
+        let sites = Sites { normals: vec![Vec3::Z; 60], points, faces: vec![] };
+        vec![Sample {
+            name: "part".into(),
+            sites: sites.into(),
+            cutter: [1.5, 6.0, 40.0, 5.0].into(),
+            inaccessible: labels.clone(),
+            occlusion: labels,
+        }]
+    }
+
+    fn settings() -> Settings {
+        Settings { n_epochs: 3, ..Settings::tiny() }
+    }
+
+    struct StopAt(u64);
+
+    impl Observer for StopAt {
+        fn epoch(&mut self, _: &Run, row: &Row) -> Result<Flow> {
+            Ok(if row.epoch == self.0 { Flow::Stop } else { Flow::Continue })
+        }
+    }
+
+    #[test]
+    fn a_run_stopped_and_resumed_ends_with_the_same_files() {
+        let temporary = tempfile::tempdir().unwrap();
+        let [whole, broken] = ["whole", "broken"].map(|n| RunFolder::new(temporary.path().join(n)));
+        let samples = samples();
+        let mut run = whole.start(settings()).unwrap();
+        whole.train(&mut run, &samples[..], &samples, &mut ()).unwrap();
+        let mut run = broken.start(settings()).unwrap();
+        for epoch in [1, 2] {
+            let flow = broken.train(&mut run, &samples[..], &samples, &mut StopAt(epoch)).unwrap();
+            assert_eq!(flow, Flow::Stop);
+            run = broken.resume().unwrap();
+        }
+        broken.train(&mut run, &samples[..], &samples, &mut ()).unwrap();
+        for file in [RunFolder::model, RunFolder::best] {
+            assert_eq!(std::fs::read(file(&whole)).unwrap(), std::fs::read(file(&broken)).unwrap());
+        }
+        assert!(broken.path().join(PREVIOUS).is_file());
+    }
+
+    #[test]
+    fn there_is_a_best_network_without_a_validation_set() {
+        let temporary = tempfile::tempdir().unwrap();
+        let folder = RunFolder::new(temporary.path());
+        let samples = samples();
+        let mut run = folder.start(settings()).unwrap();
+        folder.train(&mut run, &samples[..], &[], &mut ()).unwrap();
+        assert_eq!(std::fs::read(folder.best()).unwrap(), std::fs::read(folder.model()).unwrap());
+    }
+
+    #[test]
+    fn a_folder_holds_one_run() {
+        let temporary = tempfile::tempdir().unwrap();
+        let folder = RunFolder::new(temporary.path());
+        assert!(folder.resume().unwrap_err().to_string().contains(CHECKPOINT));
+        let run = folder.start(settings()).unwrap();
+        folder.store(&run).unwrap();
+        let message = folder.start(settings()).unwrap_err().to_string();
+        assert!(message.contains("holds a run already; resume it"), "{message}");
+    }
+}

@@ -1,0 +1,150 @@
+//! Options of the command line that cannot be, and outputs that cannot be written, are told at once.
+#![cfg(feature = "cli")]
+
+mod command;
+
+use command::{CUTTER, Folder, deepmill, failure, json, text};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+#[test]
+fn a_hundred_thousand_threads_are_capped_with_a_word() {
+    let folder = Folder::new();
+    let part = folder.block();
+    let start = Instant::now();
+    let output = folder.label(&part, &["--sites", "50", "--no-picture", "--threads", "100000"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("warning: --threads 100000: "));
+    assert!(start.elapsed() < Duration::from_secs(60));
+}
+
+#[test]
+fn cutters_that_cannot_be_are_refused_as_typed() {
+    let folder = Folder::new();
+    let (part, out) = (folder.block(), folder.path("out"));
+    for command in ["label", "predict"] {
+        for (cutter, expected) in [
+            ("-1,6,40,5", "cutter radius CR is -1"),
+            ("1e-30,6,40,5", "0.0001 mm to 10 m"),
+            ("1.5,1e-30,40,5", "cutter height CH"),
+        ] {
+            let output = deepmill(&[command, &part, "--cutter", cutter, "--out", &out]);
+            let message = failure(&output, 2);
+            assert!(message.contains(expected), "{cutter}: {message}");
+        }
+        let output = deepmill(&[command, &part, "--cutter", CUTTER, "--out", &out, "--sites", "1"]);
+        assert!(failure(&output, 2).contains("--sites is `1`, expected 2 or more"));
+    }
+    for (clearance, expected) in [("-1.5", "nothing would be left"), ("3", "below the tip")] {
+        let message = failure(&folder.label(&part, &["--clearance", clearance]), 2);
+        assert!(message.contains(expected), "{message}");
+    }
+    for corner in ["-1", "1.6"] {
+        let message = failure(&folder.label(&part, &["--corner", corner]), 2);
+        assert!(message.contains("corner radius is"), "{message}");
+    }
+    assert!(!Path::new(&out).exists());
+}
+
+#[test]
+fn negative_numbers_are_refused_for_what_they_are() {
+    let folder = Folder::new();
+    let (part, out) = (folder.block(), folder.path("sites.ply"));
+    for option in ["--scale", "--weld", "--sites", "--occlusion-share"] {
+        let message = failure(&folder.label(&part, &[option, "-1"]), 2);
+        assert!(!message.contains("-- -1"), "{option}: {message}");
+        assert!(message.contains("-1"), "{option}: {message}");
+    }
+    let data = folder.path("data");
+    for option in ["--validation", "--min-edge"] {
+        let build = ["dataset", "build", &part, "--out", &data, option, "-1"];
+        assert!(failure(&deepmill(&build), 2).contains("-1, expected"), "{option}");
+    }
+    let message = failure(&deepmill(&["sample", &part, "--out", &out, "--cr", "-1"]), 2);
+    assert!(message.contains("--cr is -1"), "{message}");
+}
+
+#[test]
+fn cones_are_refused_in_the_degrees_they_were_typed_in() {
+    let folder = Folder::new();
+    let part = folder.block();
+    for set in ["cone:200:5", "cone:-30:5"] {
+        let message = failure(&folder.label(&part, &["--directions", set]), 2);
+        assert!(message.contains(&format!("--directions is `{set}`")), "{message}");
+        assert!(message.contains("180 degrees") && !message.contains("radians"), "{message}");
+    }
+}
+
+#[test]
+fn places_that_cannot_be_written_are_told_before_the_work() {
+    let folder = Folder::new();
+    // Not even the input has to be right: the output is looked at first.
+    let (bad, file) = (folder.file("bad.stl", "x"), folder.file("file", "x"));
+    let (below, here) = (folder.path("file/below"), folder.path(""));
+    let cutter = ["--cutter", CUTTER];
+    for out in [&file, &below] {
+        for args in [
+            &["label", &bad, cutter[0], cutter[1], "--out", out][..],
+            &["predict", &bad, cutter[0], cutter[1], "--out", out],
+            &["train", "--data", &bad, "--out", out],
+            &["dataset", "build", &bad, "--out", out],
+            &["dataset", "export", &bad, "--out", out],
+            &["dataset", "import", &bad, "--out", out],
+            &["generate", "--count", "1", "--out", out],
+        ] {
+            let message = failure(&deepmill(args), 1);
+            assert!(message.contains("folder: it is a file; name another"), "{args:?}: {message}");
+        }
+    }
+    let ply = folder.path("file/a.ply");
+    for args in [
+        &["sample", &bad, "--out", &ply][..],
+        &["check", &bad, "--out", &ply],
+        &["parity", &bad, "--out", &ply],
+        &["weights", &bad, "--bf16", &ply],
+        &["generate", "--count", "1", "--sheet", &ply],
+    ] {
+        let message = failure(&deepmill(args), 1);
+        assert!(message.contains("file: folder: it is a file"), "{args:?}: {message}");
+    }
+    let message = failure(&deepmill(&["check", &bad, "--out", &here]), 1);
+    assert!(message.contains("it is a folder; name a file"), "{message}");
+}
+
+#[test]
+fn a_published_set_keeps_its_split_and_its_millimetres_or_says_that_it_cannot() {
+    let folder = Folder::new();
+    let [data, published, again] = ["data", "published", "again"].map(|name| folder.path(name));
+    let build = ["--generated", "4", "--sites", "60", "--directions", "10", "--validation", "0.5"];
+    let all = ["dataset", "build", "--out", &data, "--seed", "3"];
+    let built = json(&deepmill(&[&all[..], &build, &["--json"]].concat()));
+    let counts = |value: &serde_json::Value| {
+        ["n_train_parts", "n_validation_parts"].map(|key| value[key].as_u64().unwrap())
+    };
+    let [train, validation] = counts(&built);
+    assert!(train > 0 && validation > 0, "{built}");
+    assert!(deepmill(&["dataset", "export", &data, "--out", &published]).status.success());
+
+    let import = ["dataset", "import", &published, "--out", &again, "--json"];
+    let output = deepmill(&import);
+    assert_eq!(counts(&json(&output)), [train, validation]);
+    assert!(!text(&output.stderr).contains("warning"), "{}", text(&output.stderr));
+    let points = |folder: &str| {
+        let set = deepmill::data::dataset::Dataset::open(Path::new(folder)).unwrap();
+        let mut samples = set.samples(None).unwrap();
+        samples.sort_by(|a, b| a.name.cmp(&b.name));
+        samples.into_iter().map(|s| s.sites.points.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(points(&data), points(&again));
+
+    std::fs::remove_dir_all(&again).unwrap();
+    let output = deepmill(&[&import[..], &["--lists"]].concat());
+    assert_eq!(counts(&json(&output)), [train, validation]);
+    assert!(text(&output.stderr).contains("warning: the points of these lists are normalised"));
+
+    std::fs::remove_dir_all(&again).unwrap();
+    std::fs::remove_dir_all(Path::new(&published).join("filelist")).unwrap();
+    let output = deepmill(&import);
+    assert_eq!(counts(&json(&output)), [train + validation, 0]);
+    assert!(text(&output.stderr).contains("4 samples are not in the lists"));
+}

@@ -1,0 +1,106 @@
+//! What `deepmill train` promises: settings, resuming, logs and files.
+#![cfg(feature = "cli")]
+
+mod command;
+
+use command::{Folder, deepmill, failure, json, text};
+use std::path::Path;
+
+/// A data set of two small parts.
+fn data(folder: &Folder) -> String {
+    let data = folder.path("my data");
+    let args = ["dataset", "build", "--generated", "2", "--sites", "80", "--directions", "10"];
+    assert!(deepmill(&[&args[..], &["--out", &data]].concat()).status.success());
+    data
+}
+
+fn settings(run: &str) -> String {
+    std::fs::read_to_string(Path::new(run).join("settings.toml")).unwrap()
+}
+
+#[test]
+fn a_resumed_run_refuses_other_settings_and_says_why() {
+    let folder = Folder::new();
+    let (data, run) = (data(&folder), folder.path("run"));
+    let begin = ["train", "--data", &data, "--out", &run, "--preset", "tiny", "--epochs", "2"];
+    assert!(deepmill(&begin).status.success());
+    let resume = ["train", "--data", &data, "--out", &run, "--resume"];
+    let with = |more: &[&str]| deepmill(&[&resume[..], more].concat());
+    for (more, expected) in [
+        (&["--epochs", "60", "--lr", "5"][..], "lr 5.0, n_epochs 60, expected lr 0.1, n_epochs 2"),
+        (&["--seed", "7"], "seed 7, expected seed 0"),
+        (&["--batch-size", "1"], "batch_size 1, expected batch_size 4"),
+        (&["--preset", "small"], "network."),
+        (&["--online"], "online."),
+    ] {
+        let message = failure(&with(more), 2);
+        assert!(message.contains(expected) && message.contains("--start-from"), "{message}");
+    }
+    for same in [&[][..], &["--epochs", "2"], &["--preset", "tiny", "--epochs", "2"]] {
+        assert!(with(same).status.success(), "{same:?}");
+    }
+    let message = failure(&deepmill(&begin), 1);
+    assert!(message.contains("holds a run already"), "{message}");
+}
+
+#[test]
+fn a_partial_file_of_settings_changes_the_preset() {
+    let folder = Folder::new();
+    let (data, run) = (data(&folder), folder.path("run"));
+    let config = folder.file("lr.toml", "lr = 0.02\nn_epochs = 1\n[network.input]\ndepth = 4\n");
+    let args = ["train", "--data", &data, "--out", &run, "--preset", "tiny", "--config", &config];
+    let output = deepmill(&args);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let settings = settings(&run);
+    for line in ["lr = 0.02", "n_epochs = 1", "depth = 4", "batch_size = 4"] {
+        assert!(settings.lines().any(|l| l == line), "{line}: {settings}");
+    }
+    let bad = folder.file("bad.toml", "seed = 1\nlearning_rate = 1\n");
+    let args = ["train", "--data", &data, "--out", &folder.path("other"), "--config", &bad];
+    let message = failure(&deepmill(&args), 1);
+    assert!(message.contains("bad.toml: line 2: unknown field `learning_rate`"), "{message}");
+}
+
+#[test]
+fn a_log_that_is_no_terminal_has_a_line_for_each_epoch() {
+    let folder = Folder::new();
+    let (data, run) = (data(&folder), folder.path("run"));
+    let args = ["train", "--data", &data, "--out", &run, "--preset", "tiny", "--epochs", "3"];
+    let output = deepmill(&args);
+    let lines = text(&output.stdout);
+    for epoch in 1..=3 {
+        let starts = format!("epoch {epoch}: loss ");
+        assert_eq!(lines.lines().filter(|l| l.starts_with(&starts)).count(), 1, "{lines}");
+    }
+}
+
+#[test]
+fn every_preset_leaves_a_best_network() {
+    let folder = Folder::new();
+    let (data, run) = (data(&folder), folder.path("run"));
+    let args = ["train", "--data", &data, "--out", &run, "--preset", "tiny", "--epochs", "1"];
+    let best = json(&deepmill(&[&args[..], &["--json"]].concat()))["best"].clone();
+    let eval = ["eval", "--model", best.as_str().unwrap(), "--data", &data];
+    assert!(deepmill(&eval).status.success());
+}
+
+/// The words are those of the shell: paths with spaces are quoted.
+#[cfg(unix)]
+#[test]
+fn the_hint_after_an_interruption_is_the_command_that_goes_on() {
+    use std::process::{Command, Stdio};
+    let folder = Folder::new();
+    let (data, run) = (data(&folder), folder.path("run"));
+    let args = ["train", "--data", &data, "--out", &run, "--preset", "tiny", "--epochs", "100000"];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_deepmill"));
+    let child = command.args(args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    while !Path::new(&run).join("checkpoint.safetensors").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let pid = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+    let message = failure(&child.wait_with_output().unwrap(), 1);
+    let hint = format!("go on with `deepmill train --data '{data}' --out {run} --resume`");
+    assert!(message.contains(&hint), "{message}");
+    assert!(settings(&run).contains("n_epochs = 100000"));
+}
