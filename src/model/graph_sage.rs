@@ -221,12 +221,11 @@ impl GraphSage {
     ) -> InputGradients<T> {
         let GraphTrainingPass { cutters, layers, y, heads, .. } = forward;
         let x = Operand::new(&y, self.c_out());
-        let mut d = OperandGradient::zeros(pass.arena, x);
+        let mut d = pass.arena.zeroed(y.len());
         for ((head, saved), dlogits) in self.heads.iter().zip(heads).zip(dlogits) {
             let dhidden = head.backward_to_hidden(pass, x, saved, dlogits);
-            head.add_input_gradient(pass, x, &dhidden, &mut d);
+            head.add_input_gradient(pass, &dhidden, self.c_out(), &mut d);
         }
-        let mut d = d.into_first();
         let zeros = |(features, _): &(Buffer<T>, _)| pass.arena.zeroed(features.len());
         let mut dcutters: Vec<_> = cutters.iter().map(zeros).collect();
         for (i, (layer, saved)) in self.layers.iter().zip(layers).enumerate().rev() {

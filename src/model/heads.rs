@@ -46,23 +46,29 @@ impl Head {
         saved: SavedLinearNormAct<T>,
         dlogits: &[T],
     ) -> Buffer<T> {
-        let y = self.hidden.recompute_output(pass, &(), x, &saved);
+        let SavedLinearNormAct { mapped, statistics } = saved;
+        let mapped = self.hidden.restore_mapped(pass, &(), x, mapped);
+        let y = pass.arena.get(mapped.len());
+        let y = self.hidden.output(pass.params, &mapped, &statistics, y);
         let hidden = Operand::new(&y, self.output.c_in());
         self.output.weight_gradient(pass, &(), hidden, dlogits);
-        let dy = self.output.input_gradient(pass.context(), &(), hidden, dlogits).into_first();
-        drop(y);
-        self.hidden.backward_params(pass, &(), x, saved, dy)
+        let dy = self.output.input_gradient_over(pass.context(), y, dlogits);
+        let dmapped = self.hidden.backward_norm(pass, mapped, &statistics, &dy);
+        drop(dy);
+        self.hidden.linear.weight_gradient(pass, &(), x, &dmapped);
+        dmapped
     }
 
-    /// Adds the gradient by `x`, from what [`Head::backward_to_hidden`] returned.
+    /// Adds the gradient by the first columns of `x`, as many as `dx: [n, c]` has, from what
+    /// [`Head::backward_to_hidden`] returned.
     pub(super) fn add_input_gradient<T: Scalar>(
         &self,
         pass: &Backward<T>,
-        x: Operand<T>,
         dhidden: &[T],
-        dx: &mut OperandGradient<T>,
+        c: usize,
+        dx: &mut [T],
     ) {
-        self.hidden.linear.add_input_gradient(pass.context(), x, dhidden, dx);
+        self.hidden.linear.add_node_gradient(pass.context(), 0..c, dhidden, dx);
     }
 }
 

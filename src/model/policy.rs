@@ -16,7 +16,7 @@
 //! | residual blocks | output of the last (skip, next stage) | save | 4 | — |
 //! | upsampling | transposed convolution, before norm and after | recompute | 0 | the transposed convolution, twice |
 //! | points | interpolated features | save | 4 | — |
-//! | head | hidden matrix, before norm and after | recompute | 0 | the 96-channel linear map, twice |
+//! | head | hidden matrix, before norm and after | recompute | 0 | the 96-channel linear map |
 //! | cutter module | all, one row per shape | save | — | — |
 //!
 //! What is saved costs memory for as long as the pass lasts; what is recomputed lives while its own stage is on

@@ -2,13 +2,14 @@
 
 use super::batch::Batch;
 use super::cutter_modules::{N_LENGTHS, SavedCutterModule};
+use super::heads::Head;
 use super::unet::{N_HEADS, UNet, conv_rows, down_rows, up_rows};
 use crate::nn::arena::Buffer;
 use crate::nn::blocks::SavedBlocks;
 use crate::nn::interp::Interpolate;
 use crate::nn::layer::Layer;
 use crate::nn::linear_norm_act::SavedLinearNormAct;
-use crate::nn::operand::{Operand, OperandGradient};
+use crate::nn::operand::Operand;
 use crate::nn::pass::{Backward, Training};
 use crate::nn::rows;
 use crate::nn::saved::Saved;
@@ -211,12 +212,19 @@ impl UNet {
     ) -> Buffer<T> {
         let inputs = batch.head_inputs(&points, self.point_width());
         let x = Operand::Concat(&inputs);
-        let mut dx = OperandGradient::zeros(pass.arena, x);
-        for ((head, saved), dlogits) in self.heads.iter().zip(saved).zip(dlogits) {
-            let dhidden = head.backward_to_hidden(pass, x, saved, dlogits);
-            head.add_input_gradient(pass, x, &dhidden, &mut dx);
+        let heads = self.heads.iter().zip(saved).zip(dlogits);
+        let back = |((head, saved), dlogits): ((&Head, _), _)| {
+            head.backward_to_hidden(pass, x, saved, dlogits)
+        };
+        let dhidden: Vec<_> = heads.map(back).collect();
+        drop(inputs);
+        // Nothing reads the points' features any more: their gradient takes their memory.
+        let mut dpoints = points;
+        dpoints.fill(T::ZERO);
+        for (head, dhidden) in self.heads.iter().zip(&dhidden) {
+            head.add_input_gradient(pass, dhidden, self.point_width(), &mut dpoints);
         }
-        dx.into_first()
+        dpoints
     }
 
     /// From the gradient of the decoder's output to that of the encoder's; those of skips and cutters wait.

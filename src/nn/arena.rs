@@ -21,9 +21,10 @@ use std::sync::{Arc, Mutex, MutexGuard};
 /// ```
 pub struct Arena<T>(Arc<Mutex<Pool<T>>>);
 
-/// A free buffer serves a request that it exceeds by at most one part in so many; the arena's memory exceeds the
-/// peak by no more.
-const SLACK: usize = 8;
+/// A free buffer serves a request that it exceeds by at most one part in so many.
+const FIT: usize = 8;
+/// Beyond one part in so many above the peak, free buffers go back to the system before new ones are made.
+const EXCESS: usize = 32;
 
 /// Counts are numbers of `T`.
 struct Pool<T> {
@@ -99,12 +100,12 @@ impl<T: Copy + Default> Pool<T> {
         }
         self.in_use += n;
         self.peak = self.peak.max(self.in_use);
-        let close = n..=n + n / SLACK;
+        let close = n..=n + n / FIT;
         let fits = (0..self.free.len()).filter(|&i| close.contains(&self.free[i].len()));
         if let Some(best) = fits.min_by_key(|&i| self.free[i].len()) {
             return self.free.swap_remove(best);
         }
-        let limit = self.peak + self.peak / SLACK;
+        let limit = self.peak + self.peak / EXCESS;
         while self.reserved + n > limit && self.release(self.reserved + n - limit) {}
         self.reserved += n;
         vec![T::default(); n]

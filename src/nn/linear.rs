@@ -62,6 +62,37 @@ impl Linear {
         }
     }
 
+    /// Adds the gradient by these columns of the input, a row of their own for each node, to `dx`.
+    ///
+    /// # Panics
+    /// If `dx` has not one row for each of `dy`.
+    pub(crate) fn add_node_gradient<T: Scalar>(
+        &self,
+        context: Context<T>,
+        columns: Range<usize>,
+        dy: &[T],
+        dx: &mut [T],
+    ) {
+        let n = dy.len() / self.c_out * columns.len();
+        assert_eq!(dx.len(), n, "rows of both gradients differ");
+        let (c_out, width) = (self.c_out, columns.len());
+        let some = (width < self.c_in).then(|| self.columns(context, columns));
+        let w = some.as_deref().unwrap_or(&context.params[self.weight.clone()]);
+        dense::add_product(dy, w, c_out, width, dx);
+    }
+
+    /// The gradient by a single matrix of the input's width, in its memory: nothing else reads it any more.
+    pub(crate) fn input_gradient_over<T: Scalar>(
+        &self,
+        context: Context<T>,
+        mut x: Buffer<T>,
+        dy: &[T],
+    ) -> Buffer<T> {
+        x.fill(T::ZERO);
+        self.add_node_gradient(context, 0..self.c_in, dy, &mut x);
+        x
+    }
+
     fn add_part_gradient<T: Scalar>(
         &self,
         context: Context<T>,
@@ -69,15 +100,11 @@ impl Linear {
         dy: &[T],
         dx: &mut [T],
     ) {
-        let (c_out, width) = (self.c_out, columns.len());
-        let all = &context.params[self.weight.clone()];
-        let some = (width < self.c_in).then(|| self.columns(context, columns));
-        let w = some.as_deref().unwrap_or(all);
         match part {
-            Part::Nodes(_) => dense::add_product(dy, w, c_out, width, dx),
+            Part::Nodes(_) => self.add_node_gradient(context, columns, dy, dx),
             Part::Shapes(_, shapes) => {
                 let sums = self.sums_of_shapes(context, shapes, dy);
-                dense::add_product(&sums, w, c_out, width, dx);
+                self.add_node_gradient(context, columns, &sums, dx);
             }
         }
     }

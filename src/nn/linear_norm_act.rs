@@ -29,8 +29,8 @@ pub struct LinearNormAct<M> {
 #[derive(Debug)]
 pub struct SavedLinearNormAct<T> {
     /// Output of the linear operator, before normalization.
-    pub(super) mapped: Saved<T>,
-    pub(super) statistics: Statistics,
+    pub(crate) mapped: Saved<T>,
+    pub(crate) statistics: Statistics,
 }
 
 impl<M: LinearOperator> LinearNormAct<M> {
@@ -64,7 +64,7 @@ impl<M: LinearOperator> LinearNormAct<M> {
     }
 
     /// The output from that of the linear operator.
-    pub(super) fn output<T: Scalar>(
+    pub(crate) fn output<T: Scalar>(
         &self,
         params: &[T],
         mapped: &[T],
@@ -107,7 +107,7 @@ impl<M: LinearOperator> LinearNormAct<M> {
     }
 
     /// Output of the linear operator in the training pass that left `saved`.
-    pub(super) fn restore_mapped<T: Scalar>(
+    pub(crate) fn restore_mapped<T: Scalar>(
         &self,
         pass: &Backward<T>,
         geometry: &M::Geometry,

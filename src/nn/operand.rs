@@ -215,14 +215,6 @@ impl<T: Scalar> OperandGradient<T> {
         OperandGradient(x.parts().into_iter().map(of_part).collect())
     }
 
-    /// Zeros, shaped as `x`, to add to.
-    pub fn zeros(arena: &Arena<T>, x: Operand<T>) -> Self {
-        let zeros = |(part, _)| match part {
-            Part::Nodes(x) | Part::Shapes(x, _) => arena.zeroed(x.len()),
-        };
-        OperandGradient(x.parts().into_iter().map(zeros).collect())
-    }
-
     /// One buffer for each matrix of the operand, from left to right.
     pub fn into_parts(self) -> Vec<Buffer<T>> {
         self.0
