@@ -99,6 +99,12 @@ impl Directions {
         Directions::new(DirectionSet::FibonacciHemisphere { n_dirs })
     }
 
+    /// +z alone: 3-axis milling.
+    pub fn up() -> Self {
+        let vectors = vec![[0.0, 0.0, 1.0]];
+        Directions { set: DirectionSet::List { vectors }, vectors: vec![Vec3::Z] }
+    }
+
     /// Unit vectors from tip to spindle.
     pub fn vectors(&self) -> &[Vec3] {
         &self.vectors

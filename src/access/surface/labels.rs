@@ -1,0 +1,153 @@
+//! What to compute about the part itself, and what comes out.
+
+use super::tolerance::ContactTolerance;
+use super::verdict::Verdict;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::ops::AddAssign;
+
+/// The answer for one site.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SiteAnswer {
+    /// In some direction no step penetrates the part, and the tip fits.
+    Accessible,
+    /// In every direction some step (shank, holder or spindle) penetrates the part.
+    Inaccessible,
+    /// In some direction no step penetrates the part, but in all of these the tip does.
+    TipDoesNotFit,
+}
+
+/// What to compute.
+#[derive(Debug, Clone, Copy)]
+pub struct SurfaceOptions {
+    /// By how much the tool is shrunk.
+    pub tolerance: ContactTolerance,
+    /// Count directions exactly (default); otherwise a site is done with its first accessible direction.
+    pub counts: bool,
+    /// Also count β and mark occlusion points (default); not for volume queries.
+    pub occlusion: bool,
+    /// Share of the sites that are occlusion points, in (0, 1].
+    pub share: f64,
+    /// Points of the surface that are asked before the triangles. Answers do not depend on it.
+    pub n_samples: usize,
+}
+
+/// Chosen by measurement: see `docs/labeling.md`.
+const N_SAMPLES: usize = 20_000;
+
+impl Default for SurfaceOptions {
+    fn default() -> Self {
+        SurfaceOptions {
+            tolerance: ContactTolerance::default(),
+            counts: true,
+            occlusion: true,
+            share: 0.1,
+            n_samples: N_SAMPLES,
+        }
+    }
+}
+
+impl SurfaceOptions {
+    pub(super) fn check(&self) -> Result<()> {
+        if self.n_samples > MAX_SAMPLES {
+            let expected = format!("at most {MAX_SAMPLES}");
+            return Err(Error::argument("samples", self.n_samples, expected, "20,000 are plenty"));
+        }
+        if self.share > 0.0 && self.share <= 1.0 {
+            return Ok(());
+        }
+        let expected = "above 0, at most 1";
+        Err(Error::argument("occlusion share", self.share, expected, "the paper uses 0.1"))
+    }
+}
+
+const MAX_SAMPLES: usize = 100_000_000;
+
+/// Answers about the part itself, in the order of the queries.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SurfaceLabels {
+    /// Per query.
+    pub answers: Vec<SiteAnswer>,
+    /// Per query: directions in which no step penetrates the part; empty if not counted.
+    pub collision_free_directions: Vec<u32>,
+    /// Per query: of these, directions in which the tip fits too; empty if not counted.
+    pub accessible_directions: Vec<u32>,
+    /// Per query: the first direction, by its number, in which the tool may stand there.
+    pub witness: Vec<Option<u32>>,
+    /// Per query: the contact tolerance, mm.
+    pub tolerance_mm: Vec<f64>,
+    /// Per site: pairs (inaccessible site, direction) in which it is in the shrunk tool's steps; empty if not asked for.
+    pub beta: Vec<u64>,
+    /// Per site: is an occlusion point; empty if not asked for.
+    pub occlusion: Vec<bool>,
+    /// What was done.
+    pub stats: SurfaceStats,
+}
+
+impl SurfaceLabels {
+    /// Per query, whether no direction is collision-free.
+    pub fn inaccessible(&self) -> Vec<bool> {
+        self.answers.iter().map(|answer| *answer == SiteAnswer::Inaccessible).collect()
+    }
+
+    /// Per query, whether the tip is all that hinders the tool.
+    pub fn tip_does_not_fit(&self) -> Vec<bool> {
+        self.answers.iter().map(|answer| *answer == SiteAnswer::TipDoesNotFit).collect()
+    }
+
+    /// Share of the queries with this answer; 0 if there are none.
+    pub fn share(&self, answer: SiteAnswer) -> f64 {
+        let n = self.answers.iter().filter(|other| **other == answer).count();
+        n as f64 / self.answers.len().max(1) as f64
+    }
+}
+
+/// Counts of the work done; they do not depend on the number of threads.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct SurfaceStats {
+    /// Pairs (query, direction).
+    pub pairs: u64,
+    /// Of these, collisions that a point of the surface proves.
+    pub by_points: u64,
+    /// Whole tools asked of the triangles for the rest.
+    pub tools_tested: u64,
+    /// Triangles tested for these.
+    pub triangles_tested: u64,
+}
+
+impl AddAssign for SurfaceStats {
+    fn add_assign(&mut self, other: SurfaceStats) {
+        self.pairs += other.pairs;
+        self.by_points += other.by_points;
+        self.tools_tested += other.tools_tested;
+        self.triangles_tested += other.triangles_tested;
+    }
+}
+
+/// Directions of a query in the order they were asked.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Tally {
+    pub collision_free: u32,
+    pub accessible: u32,
+    pub witness: Option<u32>,
+}
+
+impl Tally {
+    /// Notes the verdict in direction `k`.
+    pub fn add(&mut self, k: u32, verdict: Verdict) {
+        self.collision_free += u32::from(verdict != Verdict::Collides);
+        if verdict == Verdict::Free {
+            self.accessible += 1;
+            self.witness = self.witness.or(Some(k));
+        }
+    }
+
+    pub fn answer(&self) -> SiteAnswer {
+        match self {
+            Tally { witness: Some(_), .. } => SiteAnswer::Accessible,
+            Tally { collision_free: 0, .. } => SiteAnswer::Inaccessible,
+            _ => SiteAnswer::TipDoesNotFit,
+        }
+    }
+}
