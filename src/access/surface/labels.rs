@@ -3,6 +3,7 @@
 use super::tolerance::ContactTolerance;
 use super::verdict::Verdict;
 use crate::{Error, Result};
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::ops::AddAssign;
 
@@ -29,9 +30,31 @@ pub struct SurfaceOptions {
     pub occlusion: bool,
     /// Share of the sites that are occlusion points, in (0, 1].
     pub share: f64,
+    /// Search between the directions of an even set for sites that none of them reaches (default).
+    pub refinement: Option<RefinementOptions>,
     /// Points of the surface that are asked before the triangles. Answers do not depend on it.
     pub n_samples: usize,
 }
+
+/// How far the search between the directions goes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RefinementOptions {
+    /// Most cells of directions to look at for one site.
+    pub n_tests: usize,
+    /// Cells are cut until no direction is farther than this from their middle, radians.
+    pub resolution_rad: f64,
+}
+
+impl Default for RefinementOptions {
+    fn default() -> Self {
+        RefinementOptions { n_tests: N_TESTS, resolution_rad: RESOLUTION_RAD }
+    }
+}
+
+/// Chosen by measurement: see `docs/labeling.md`.
+const N_TESTS: usize = 256;
+/// About the spacing of 100,000 even directions on the upper half.
+const RESOLUTION_RAD: f64 = 0.004;
 
 /// Chosen by measurement: see `docs/labeling.md`.
 const N_SAMPLES: usize = 20_000;
@@ -43,6 +66,7 @@ impl Default for SurfaceOptions {
             counts: true,
             occlusion: true,
             share: 0.1,
+            refinement: Some(RefinementOptions::default()),
             n_samples: N_SAMPLES,
         }
     }
@@ -67,14 +91,20 @@ const MAX_SAMPLES: usize = 100_000_000;
 /// Answers about the part itself, in the order of the queries.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SurfaceLabels {
+    /// Number of directions asked and counted: those of the set, and +z where the set stands for all within an angle that +z is
+    /// among.
+    pub n_directions: usize,
     /// Per query.
     pub answers: Vec<SiteAnswer>,
     /// Per query: directions in which no step penetrates the part; empty if not counted.
     pub collision_free_directions: Vec<u32>,
     /// Per query: of these, directions in which the tip fits too; empty if not counted.
     pub accessible_directions: Vec<u32>,
-    /// Per query: the first direction, by its number, in which the tool may stand there.
-    pub witness: Vec<Option<u32>>,
+    /// Per query: a direction in which the tool may stand there, the first of the set or one between them.
+    pub witness: Vec<Option<Vec3>>,
+    /// Per query that is not accessible: share of the directions which the set stands for that was not proven closed. At 0 the
+    /// answer holds for every direction, not only for those asked; 1 if there was no search between them.
+    pub open_directions: Vec<f32>,
     /// Per query: the contact tolerance, mm.
     pub tolerance_mm: Vec<f64>,
     /// Per site: pairs (inaccessible site, direction) in which it is in the shrunk tool's steps; empty if not asked for.
@@ -114,6 +144,8 @@ pub struct SurfaceStats {
     pub tools_tested: u64,
     /// Triangles tested for these.
     pub triangles_tested: u64,
+    /// Sites that only a direction between those of the set reaches.
+    pub found_between: u64,
 }
 
 impl AddAssign for SurfaceStats {
@@ -122,6 +154,7 @@ impl AddAssign for SurfaceStats {
         self.by_points += other.by_points;
         self.tools_tested += other.tools_tested;
         self.triangles_tested += other.triangles_tested;
+        self.found_between += other.found_between;
     }
 }
 
@@ -130,23 +163,27 @@ impl AddAssign for SurfaceStats {
 pub(super) struct Tally {
     pub collision_free: u32,
     pub accessible: u32,
-    pub witness: Option<u32>,
+    pub witness: Option<Vec3>,
+    /// Whether a direction between those of the set is collision-free.
+    pub free_between: bool,
+    /// See [`SurfaceLabels::open_directions`].
+    pub open: f32,
 }
 
 impl Tally {
-    /// Notes the verdict in direction `k`.
-    pub fn add(&mut self, k: u32, verdict: Verdict) {
+    /// Notes the verdict in a direction of the set.
+    pub fn add(&mut self, direction: Vec3, verdict: Verdict) {
         self.collision_free += u32::from(verdict != Verdict::Collides);
         if verdict == Verdict::Free {
             self.accessible += 1;
-            self.witness = self.witness.or(Some(k));
+            self.witness = self.witness.or(Some(direction));
         }
     }
 
     pub fn answer(&self) -> SiteAnswer {
         match self {
             Tally { witness: Some(_), .. } => SiteAnswer::Accessible,
-            Tally { collision_free: 0, .. } => SiteAnswer::Inaccessible,
+            Tally { collision_free: 0, free_between: false, .. } => SiteAnswer::Inaccessible,
             _ => SiteAnswer::TipDoesNotFit,
         }
     }

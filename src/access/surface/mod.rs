@@ -29,11 +29,13 @@
 //! A point of the surface in the tool is a collision for certain, so only what points leave free is asked of triangles.
 
 mod bvh;
+mod cells;
 mod drop;
 mod labels;
 mod obstacles;
 mod penetrate;
 mod query;
+mod refine;
 mod samples;
 #[cfg(test)]
 mod tests;
@@ -41,7 +43,7 @@ mod tolerance;
 mod tool;
 mod verdict;
 
-pub use labels::{SiteAnswer, SurfaceLabels, SurfaceOptions, SurfaceStats};
+pub use labels::{RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions, SurfaceStats};
 pub use obstacles::TriangleObstacles;
 pub use tolerance::{ContactTolerance, LEAST_MM};
 pub use verdict::{Raise, Verdict, raise};

@@ -1,15 +1,17 @@
 //! The triangles that block, ready for any cutter and any directions.
 
 use super::bvh::Bvh;
+use super::cells::Domain;
 use super::labels::{SurfaceLabels, SurfaceOptions, SurfaceStats, Tally};
 use super::query::{Probe, Scratch};
+use super::refine::{Hints, Place, Refinement};
 use super::samples;
 use super::tolerance::Bends;
 use super::tool::{Contact, Outline, Stand, axes};
 use super::verdict::{Verdict, raise_at};
 use crate::access::{self, LabelOptions, Obstacles, Queries, Reach};
 use crate::cutter::Cutter;
-use crate::directions::Directions;
+use crate::directions::{DirectionSet, Directions};
 use crate::geom::{Mesh, Sites};
 use crate::{Error, Result, par};
 use glam::{DVec3, Vec3};
@@ -89,9 +91,10 @@ impl TriangleObstacles {
     ) -> Result<SurfaceLabels> {
         options.check()?;
         let problem = self.problem(queries.into(), cutter, options)?;
-        let reach = problem.by_points(cutter, directions, options)?;
-        let tallies = problem.by_triangles(&reach, directions, options);
-        Ok(problem.labels(tallies, options))
+        let (asked, domain) = (asked(directions)?, Domain::of(directions));
+        let reach = problem.by_points(cutter, &asked, options)?;
+        let tallies = problem.by_triangles(&reach, &asked, domain, options);
+        Ok(problem.labels(tallies, &asked, options))
     }
 
     /// As [`TriangleObstacles::label`], by the plain loops of [`raise`](super::raise): slow, the law.
@@ -107,19 +110,18 @@ impl TriangleObstacles {
     ) -> Result<SurfaceLabels> {
         options.check()?;
         let problem = self.problem(queries.into(), cutter, options)?;
+        let asked = asked(directions)?;
         let tally = |i: usize| {
             let verdict = |d: Vec3| {
                 let (contact, tolerance) = (&problem.contacts[i], problem.tolerances[i]);
                 Verdict::of(raise_at(&self.triangles, &problem.outline, tolerance, contact, d))
             };
             let mut tally = Tally::default();
-            for (k, &d) in directions.vectors().iter().enumerate() {
-                tally.add(k as u32, verdict(d));
-            }
+            asked.vectors().iter().for_each(|&d| tally.add(d, verdict(d)));
             (tally, SurfaceStats::default())
         };
         let tallies = par::map(problem.contacts.len(), |i| vec![tally(i)]);
-        Ok(problem.labels(tallies, options))
+        Ok(problem.labels(tallies, &asked, options))
     }
 
     fn problem(
@@ -144,6 +146,17 @@ impl TriangleObstacles {
         let reach = far.fold(self.bvh.radius(), f64::max) + outline.radius();
         Ok(Problem { obstacles: self, contacts, tolerances, outline, reach })
     }
+}
+
+/// The directions of a set, after +z if it stands for all within an angle that +z is among.
+fn asked(directions: &Directions) -> Result<Directions> {
+    let above = Domain::of(directions).is_some_and(|domain| domain.holds(DVec3::Z));
+    if !above || directions.vectors().contains(&Vec3::Z) {
+        return Ok(directions.clone());
+    }
+    let vectors = std::iter::once(&Vec3::Z).chain(directions.vectors());
+    let vectors = vectors.map(|d| d.as_dvec3().to_array()).collect();
+    Directions::new(DirectionSet::List { vectors })
 }
 
 fn contacts(sites: &Sites) -> Result<Vec<Contact>> {
@@ -233,11 +246,15 @@ impl Problem<'_> {
         &self,
         reach: &Reach,
         directions: &Directions,
+        domain: Option<Domain>,
         options: &SurfaceOptions,
     ) -> Vec<Vec<(Tally, SurfaceStats)>> {
         let axes: Vec<_> = directions.vectors().iter().map(|&d| axes(d)).collect();
+        let refinement = options.refinement.zip(domain).map(|(options, domain)| {
+            Refinement::new(domain, options.n_tests, options.resolution_rad)
+        });
         par::map_blocks(self.contacts.len(), WORD, |range| {
-            let mut scratch = Scratch::default();
+            let (mut scratch, mut hints) = (Scratch::default(), Hints::default());
             let word = range.start / WORD;
             let column: Vec<u64> = (0..axes.len()).map(|k| reach.words(k)[word]).collect();
             let mut probe: Option<(f64, Probe)> = None;
@@ -249,7 +266,12 @@ impl Problem<'_> {
                         None => probe.insert((tolerance, self.probe(tolerance))),
                     };
                     scratch = Scratch::renewed(std::mem::take(&mut scratch));
-                    self.tally(i, probe, &axes, &column, options.counts, &mut scratch)
+                    let mut tally =
+                        self.tally(i, probe, &axes, &column, options.counts, &mut scratch);
+                    if let Some(refinement) = &refinement {
+                        self.refine(i, probe, refinement, &mut tally, &mut hints, &mut scratch);
+                    }
+                    tally
                 })
                 .collect()
         })
@@ -268,9 +290,9 @@ impl Problem<'_> {
         counts: bool,
         scratch: &mut Scratch,
     ) -> (Tally, SurfaceStats) {
-        let mut tally = Tally::default();
+        let mut tally = Tally { open: 1.0, ..Tally::default() };
         let mut stats = SurfaceStats { pairs: axes.len() as u64, ..SurfaceStats::default() };
-        for (k, (axes, word)) in axes.iter().zip(column).enumerate() {
+        for (axes, word) in axes.iter().zip(column) {
             let trusted = self.contacts[i].is_steady(&self.outline, axes[2]);
             if trusted && word >> (i % WORD) & 1 == 1 {
                 stats.by_points += 1;
@@ -278,7 +300,7 @@ impl Problem<'_> {
             }
             let reference = self.contacts[i].reference_point(&self.outline, axes[2]);
             let stand = Stand { reference, axes: *axes };
-            tally.add(k as u32, probe.verdict(&self.obstacles.bvh, &stand, scratch));
+            tally.add(axes[2].as_vec3(), probe.verdict(&self.obstacles.bvh, &stand, scratch));
             if tally.witness.is_some() && !counts {
                 break;
             }
@@ -288,16 +310,45 @@ impl Problem<'_> {
         (tally, stats)
     }
 
+    /// Searches between the directions if none of them reaches the query.
+    fn refine(
+        &self,
+        i: usize,
+        probe: &Probe,
+        refinement: &Refinement,
+        (tally, stats): &mut (Tally, SurfaceStats),
+        hints: &mut Hints,
+        scratch: &mut Scratch,
+    ) {
+        if tally.witness.is_some() {
+            return;
+        }
+        let bvh = &self.obstacles.bvh;
+        let place = Place { contact: &self.contacts[i], outline: &self.outline, probe, bvh };
+        let found = refinement.search(&place, tally.collision_free > 0, hints, scratch);
+        tally.witness = found.witness.map(|direction| direction.as_vec3());
+        tally.free_between = found.collision_free;
+        tally.open = found.open as f32;
+        stats.found_between = u64::from(found.witness.is_some());
+        stats.tools_tested = scratch.n_queries;
+        stats.triangles_tested = scratch.n_triangles;
+    }
+
     fn labels(
         self,
         tallies: Vec<Vec<(Tally, SurfaceStats)>>,
+        directions: &Directions,
         options: &SurfaceOptions,
     ) -> SurfaceLabels {
-        let mut labels =
-            SurfaceLabels { tolerance_mm: self.tolerances, ..SurfaceLabels::default() };
+        let mut labels = SurfaceLabels {
+            tolerance_mm: self.tolerances,
+            n_directions: directions.len(),
+            ..SurfaceLabels::default()
+        };
         for (tally, stats) in tallies.into_iter().flatten() {
             labels.answers.push(tally.answer());
             labels.witness.push(tally.witness);
+            labels.open_directions.push(if tally.witness.is_some() { 0.0 } else { tally.open });
             if options.counts {
                 labels.collision_free_directions.push(tally.collision_free);
                 labels.accessible_directions.push(tally.accessible);

@@ -30,28 +30,51 @@ impl Probe {
         Probe { steps, tip, levels }
     }
 
-    /// The verdict over all triangles; `last` is the place of a triangle to try first, and becomes that of the one
-    /// that a step was found to penetrate.
+    /// Height and radius of every shrunk step.
+    pub fn steps(&self) -> &[[f64; 2]] {
+        &self.steps
+    }
+
+    /// The shrunk tip.
+    pub fn tip(&self) -> Tip {
+        self.tip
+    }
+
+    /// The verdict over all triangles. The one that a step penetrated last is tried first.
     pub fn verdict(&self, bvh: &Bvh, stand: &Stand, scratch: &mut Scratch) -> Verdict {
-        scratch.n_queries += 1;
-        if let Some(place) = scratch.last {
-            scratch.n_triangles += 1;
-            if self.step_penetrates(&stand.triangle(bvh.triangle(place))) {
-                return Verdict::Collides;
-            }
-        }
-        let Scratch { stack, last, n_triangles, .. } = scratch;
-        let mut gouges = false;
-        let collides = bvh.visit(stand, &self.levels, stack, |place| {
+        self.verdict_with(bvh, stand, scratch, |_| true)
+    }
+
+    /// As [`Probe::verdict`]; `enough` is told of the triangles that the steps or the tip penetrate, until it says so of one of
+    /// the former.
+    pub fn verdict_with(
+        &self,
+        bvh: &Bvh,
+        stand: &Stand,
+        scratch: &mut Scratch,
+        mut enough: impl FnMut(&[DVec3; 3]) -> bool,
+    ) -> Verdict {
+        let Scratch { stack, last, n_triangles, n_queries } = scratch;
+        *n_queries += 1;
+        let (mut collides, mut gouges) = (false, false);
+        let first = *last;
+        let mut test = |place: u32| {
             *n_triangles += 1;
             let corners = stand.triangle(bvh.triangle(place));
-            let hit = self.step_penetrates(&corners);
-            if hit {
+            if self.step_penetrates(&corners) {
+                collides = true;
                 *last = Some(place);
+                return enough(bvh.triangle(place));
             }
-            gouges |= !hit && !gouges && penetrate::tip(&corners, self.tip);
-            hit
-        });
+            if !collides && !gouges && penetrate::tip(&corners, self.tip) {
+                gouges = true;
+                enough(bvh.triangle(place));
+            }
+            false
+        };
+        if !first.is_some_and(&mut test) {
+            bvh.visit(stand, &self.levels, stack, test);
+        }
         match (collides, gouges) {
             (true, _) => Verdict::Collides,
             (false, true) => Verdict::TipGouges,

@@ -1,6 +1,6 @@
 //! Claims about the part itself, each on bodies whose answer is known.
 
-use super::tool::{Stand, Tip, axes};
+use super::tool::Tip;
 use super::{ContactTolerance, SiteAnswer, SurfaceLabels, SurfaceOptions, TriangleObstacles};
 use super::{drop, penetrate, raise};
 use crate::cutter::{Cutter, CutterParams};
@@ -8,7 +8,7 @@ use crate::directions::{DirectionSet, Directions};
 use crate::geom::{Mesh, Sites, solids};
 use crate::par;
 use crate::rng::{Purpose, Stream};
-use glam::{DMat3, DQuat, DVec2, DVec3, Vec3, dvec2, dvec3};
+use glam::{DMat3, DQuat, DVec2, DVec3, Vec3, dvec3};
 use std::f64::consts::{PI, TAU};
 
 fn ball(lengths: [f64; 4]) -> Cutter {
@@ -28,17 +28,15 @@ fn up() -> Directions {
     list(&[Vec3::Z])
 }
 
-/// The upper half, and +z.
 fn hemisphere(n: usize) -> Directions {
-    let mut vectors = vec![Vec3::Z];
-    vectors.extend(Directions::fibonacci_hemisphere(n).unwrap().vectors());
-    list(&vectors)
+    Directions::fibonacci_hemisphere(n).unwrap()
 }
 
 fn exactly(tolerance: f64) -> SurfaceOptions {
     SurfaceOptions {
         tolerance: ContactTolerance::Millimetres(tolerance),
         occlusion: false,
+        refinement: None,
         n_samples: 2000,
         ..SurfaceOptions::default()
     }
@@ -371,6 +369,7 @@ fn on_a_sphere_the_collision_free_directions_are_the_analytic_ones() {
     let chord_error = radius * (1.0 - (PI / f64::from(n)).cos().powi(2)) + 1e-4;
     let cutter = ball([1.5, 4.0, 6.0, 3.0]);
     let directions = Directions::new(DirectionSet::FibonacciSphere { n_dirs: 200 }).unwrap();
+    let directions = list(directions.vectors());
     let normals: Vec<Vec3> = Directions::fibonacci_hemisphere(30).unwrap().vectors().to_vec();
     let points = normals.iter().map(|n| (n.as_dvec3() * radius).as_vec3()).collect();
     let sites = Sites { points, normals, faces: vec![] };
@@ -548,7 +547,7 @@ fn more_triangles_by_subdivision_change_nothing() {
 fn moved_turned_and_mirrored_parts_have_the_same_answers() {
     let mesh = slotted(4.0, 8.0);
     let sites = everywhere(&mesh, 8);
-    let directions = hemisphere(40);
+    let directions = list(hemisphere(40).vectors());
     let turn = DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -1.1, 2.0));
     let mirror = DMat3::from_diagonal(dvec3(-1.0, 1.0, 1.0));
     for (map, shift) in [
@@ -658,5 +657,82 @@ fn unusable_questions_are_named() {
             .label(&sites, &cutter, &up(), &exactly(0.01))
             .is_ok()
     );
-    let _ = (axes(Vec3::Z), Stand { reference: DVec3::ZERO, axes: axes(Vec3::X) }, dvec2(0.0, 0.0));
+}
+
+#[test]
+fn what_lies_between_the_directions_is_found_and_what_is_closed_is_proven() {
+    // A deep bore, tilted against every direction of the set, and its blind end.
+    let mut mesh = tube(2.5, 10.0, 30.0, 48);
+    let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.35, 0.21, 0.0);
+    mesh.vertices.iter_mut().for_each(|p| *p = turn * *p);
+    let axis = turn * DVec3::Z;
+    let inside =
+        |p: DVec3, n: DVec3| n.dot(axis).abs() < 0.1 && n.dot(p - axis * p.dot(axis)) < 0.0;
+    let sites = sites_on(&mesh, 2, inside);
+    let cutter = ball([1.0, 60.0, 5.0, 20.0]);
+    let coarse = Directions::fibonacci_hemisphere(75).unwrap();
+    let none = label(&mesh, &sites, &cutter, &coarse, &implied());
+    assert!(
+        none.open_directions
+            .iter()
+            .zip(&none.answers)
+            .all(|(open, a)| (*open == 1.0) == (*a != SiteAnswer::Accessible))
+    );
+    let refined = SurfaceOptions {
+        refinement: Some(super::RefinementOptions { n_tests: 2000, resolution_rad: 0.003 }),
+        ..implied()
+    };
+    let found = label(&mesh, &sites, &cutter, &coarse, &refined);
+    assert!(n_of(SiteAnswer::Accessible, &none.answers) * 2 < sites.len());
+    assert_eq!(n_of(SiteAnswer::Accessible, &found.answers), sites.len());
+    let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
+    for i in 0..sites.len() {
+        let one =
+            Sites { points: vec![sites.points[i]], normals: vec![sites.normals[i]], faces: vec![] };
+        let tolerance = exactly(found.tolerance_mm[i] + EPSILON_MM);
+        let law = obstacles.label_by_drop_heights(
+            &one,
+            &cutter,
+            &list(&[found.witness[i].unwrap()]),
+            &tolerance,
+        );
+        assert_eq!(law.unwrap().answers, [SiteAnswer::Accessible], "{i}");
+    }
+}
+
+#[test]
+fn a_site_proven_inaccessible_is_so_in_any_direction() {
+    let mesh = slotted(4.0, 15.0);
+    let sites = everywhere(&mesh, 6);
+    let directions = Directions::fibonacci_hemisphere(150).unwrap();
+    let many = Directions::fibonacci_hemisphere(4000).unwrap();
+    let options = super::RefinementOptions { n_tests: 3000, resolution_rad: 0.003 };
+    let refined = SurfaceOptions { refinement: Some(options), ..exactly(0.01) };
+    for cutter in [
+        ball([1.0, 20.0, 5.0, 20.0]),
+        ball([1.5, 3.0, 20.0, 5.0]),
+        bull([1.5, 3.0, 20.0, 5.0], 0.5),
+    ] {
+        let found = label(&mesh, &sites, &cutter, &directions, &refined);
+        let uniform = label(&mesh, &sites, &cutter, &many, &exactly(0.01));
+        let mut n_proven = 0;
+        for i in 0..sites.len() {
+            if uniform.answers[i] == SiteAnswer::Accessible {
+                assert_eq!(
+                    found.answers[i],
+                    SiteAnswer::Accessible,
+                    "{i} {} {} {:?} {cutter:?}",
+                    found.open_directions[i],
+                    sites.points[i],
+                    uniform.witness[i]
+                );
+            }
+            if found.answers[i] == SiteAnswer::Inaccessible && found.open_directions[i] == 0.0 {
+                n_proven += 1;
+                assert_eq!(uniform.collision_free_directions[i], 0, "{i} {cutter:?}");
+            }
+        }
+        let n_inaccessible = n_of(SiteAnswer::Inaccessible, &found.answers);
+        assert!(n_proven * 2 > n_inaccessible, "{n_proven} of {n_inaccessible} {cutter:?}");
+    }
 }

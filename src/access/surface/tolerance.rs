@@ -46,7 +46,7 @@ impl Bend {
     /// How deep the neighbor reaches into a tool of this radius that touches the face.
     ///
     /// Beside the edge it is `r·(1 − cos turn)`. In a bore of radius `b` not much wider than the tool further facets reach
-    /// deeper, but none deeper than the rim of the polygon's outer circle: `e·b/(b − r)` with the chord error `e`.
+    /// deeper: `e·b/(b − r)` with the chord error `e`; up to twice the former is granted.
     fn depth(&self, r: f64) -> f64 {
         if self.turn == 0.0 {
             return 0.0;
@@ -54,7 +54,7 @@ impl Bend {
         let beside = r * (1.0 - libm::cos(self.turn));
         let chord_error = self.radius * (1.0 - libm::cos(0.5 * self.turn));
         let around = chord_error * self.radius / (self.radius - r);
-        let depth = if self.radius > r { beside.max(around) } else { beside };
+        let depth = if self.radius > r { around.clamp(beside, 2.0 * beside) } else { beside };
         depth.min(GREATEST_SHARE * r)
     }
 }

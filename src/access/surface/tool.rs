@@ -39,6 +39,16 @@ impl Outline {
         self.corner + self.side
     }
 
+    /// Radius of the tip's corner, mm.
+    pub fn corner(&self) -> f64 {
+        self.corner
+    }
+
+    /// Distance of the corner's centre from the axis, mm.
+    pub fn side(&self) -> f64 {
+        self.side
+    }
+
     /// Greatest finite length of the cutter, mm.
     pub fn size(&self) -> f64 {
         let lengths = self.steps.iter().flatten().map(|length| length.abs());
