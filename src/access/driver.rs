@@ -13,6 +13,7 @@ use super::reference::Reference;
 use super::stats::Stats;
 use crate::cutter::Cutter;
 use crate::directions::Directions;
+use crate::simd::Level;
 use crate::{Result, par};
 
 /// One way of answering; directions are independent of each other.
@@ -114,6 +115,29 @@ pub fn label_many<'a>(
         }
     }
     Ok(labels)
+}
+
+/// β of the queries that are `marked`, whatever marks them.
+///
+/// # Errors
+/// As [`label`].
+pub(super) fn count_for(
+    queries: Queries,
+    obstacles: Obstacles,
+    cutter: &Cutter,
+    directions: &Directions,
+    marked: &[bool],
+) -> Result<Vec<u64>> {
+    let scene = Scene::new(queries, obstacles)?;
+    let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
+    let order = Order::compact(&scene);
+    let scene = scene.reordered(&order);
+    let inaccessible = order.queries.iter().map(|&i| marked[i as usize]).collect();
+    let mut labels = [Labels { inaccessible, ..Labels::default() }];
+    let method = Pruned { scene: &scene, level: Level::active() };
+    count(&method, &scene, &[Tool::new(&scene, cutter)], &frames, &mut labels);
+    let [labels] = labels;
+    Ok(order.restore(labels).beta)
 }
 
 fn run<M: Method>(

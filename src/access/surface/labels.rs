@@ -107,10 +107,6 @@ pub struct SurfaceLabels {
     pub open_directions: Vec<f32>,
     /// Per query: the contact tolerance, mm.
     pub tolerance_mm: Vec<f64>,
-    /// Per site: pairs (inaccessible site, direction) in which it is in the shrunk tool's steps; empty if not asked for.
-    pub beta: Vec<u64>,
-    /// Per site: is an occlusion point; empty if not asked for.
-    pub occlusion: Vec<bool>,
     /// What was done.
     pub stats: SurfaceStats,
 }

@@ -31,6 +31,7 @@
 mod bvh;
 mod cells;
 mod drop;
+mod faces;
 mod labels;
 mod obstacles;
 mod penetrate;
@@ -43,6 +44,7 @@ mod tolerance;
 mod tool;
 mod verdict;
 
+pub use faces::{BlockingFace, blocking_faces};
 pub use labels::{RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions, SurfaceStats};
 pub use obstacles::TriangleObstacles;
 pub use tolerance::{ContactTolerance, LEAST_MM};

@@ -9,7 +9,8 @@ use super::samples;
 use super::tolerance::Bends;
 use super::tool::{Contact, Outline, Stand, axes};
 use super::verdict::{Verdict, raise_at};
-use crate::access::{self, LabelOptions, Obstacles, Queries, Reach};
+use crate::access::driver::count_for;
+use crate::access::{self, LabelOptions, Labels, Obstacles, Queries, Reach, occlusion_points};
 use crate::cutter::Cutter;
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::{Mesh, Sites};
@@ -95,6 +96,35 @@ impl TriangleObstacles {
         let reach = problem.by_points(cutter, &asked, options)?;
         let tallies = problem.by_triangles(&reach, &asked, domain, options);
         Ok(problem.labels(tallies, &asked, options))
+    }
+
+    /// As [`TriangleObstacles::label`], for sites, and with β and occlusion points if asked for: β counts, as in
+    /// [`access`](crate::access), the pairs (inaccessible site, direction asked) in which a site is in the steps of the shrunk tool.
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::label`].
+    pub fn label_sites(
+        &self,
+        sites: &Sites,
+        cutter: &Cutter,
+        directions: &Directions,
+        options: &SurfaceOptions,
+    ) -> Result<Labels> {
+        let surface = self.label(sites, cutter, directions, options)?;
+        let inaccessible = surface.inaccessible();
+        let mut labels = Labels {
+            witness: vec![None; sites.len()],
+            accessible_directions: surface.accessible_directions.clone(),
+            ..Labels::default()
+        };
+        if options.occlusion {
+            let tolerance = surface.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
+            let shrunk = cutter.with_clearance(-tolerance)?;
+            let (queries, asked) = (Queries::Sites(sites), asked(directions)?);
+            labels.beta = count_for(queries, Obstacles::Queries, &shrunk, &asked, &inaccessible)?;
+            labels.occlusion = occlusion_points(&labels.beta, options.share);
+        }
+        Ok(Labels { inaccessible, surface: Some(surface), ..labels })
     }
 
     /// As [`TriangleObstacles::label`], by the plain loops of [`raise`](super::raise): slow, the law.
@@ -226,7 +256,9 @@ impl Problem<'_> {
         let margin = MARGIN * (bvh.radius() + self.reach + self.outline.size());
         let tolerance = self.tolerances.iter().fold(0.0, |a: f64, b| a.max(*b));
         let shrunk = cutter.with_clearance(-(tolerance + margin))?;
-        let samples = samples::points(triangles, options.n_samples, origin);
+        // A table would take nearly all points for itself.
+        let part = &triangles[..self.obstacles.bends.len()];
+        let samples = samples::points(part, options.n_samples, origin);
         let samples: Vec<Vec3> = samples.into_iter().map(|p| p.as_vec3()).collect();
         let mut sites = Sites::default();
         for contact in &self.contacts {

@@ -173,7 +173,7 @@ impl Queue {
 
     fn pop(&mut self) -> Option<Cell> {
         self.n_taken += 1;
-        if self.n_taken % PERIOD == 0 {
+        if self.n_taken.is_multiple_of(PERIOD) {
             while self.oldest < self.cells.len() {
                 self.oldest += 1;
                 if let Some(cell) = self.cells[self.oldest - 1].take() {

@@ -64,6 +64,11 @@ impl Bend {
 pub(super) struct Bends(Vec<[Bend; 3]>);
 
 impl Bends {
+    /// Number of faces.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
     pub fn of(mesh: &Mesh) -> Self {
         let mut bends = vec![[Bend::default(); 3]; mesh.triangles.len()];
         let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * mesh.triangles.len());

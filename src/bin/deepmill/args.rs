@@ -183,7 +183,7 @@ impl SiteArgs {
 #[derive(clap::Args)]
 pub struct DirectionArgs {
     /// COUNT or hemisphere:COUNT (upper half), sphere:COUNT, latlong:RINGSxCOUNT, cone:DEGREES:COUNT
-    /// (around +z), circle:X,Y,Z:COUNT (across an axis), or list:X,Y,Z;X,Y,Z;…
+    /// (around +z), circle:X,Y,Z:COUNT (across an axis), list:X,Y,Z;X,Y,Z;…, or up (+z alone)
     #[arg(long, value_name = "SET", default_value = "150")]
     directions: String,
 }
@@ -200,6 +200,9 @@ impl DirectionArgs {
 }
 
 fn direction_set(text: &str) -> Option<DirectionSet> {
+    if text == "up" {
+        return Some(Directions::up().set().clone());
+    }
     let (kind, rest) = text.split_once(':').unwrap_or(("hemisphere", text));
     Some(match kind {
         "hemisphere" => DirectionSet::FibonacciHemisphere { n_dirs: rest.parse().ok()? },
@@ -249,6 +252,7 @@ mod tests {
     fn every_form_of_directions_is_read() {
         for (text, n) in [
             ("150", 150),
+            ("up", 1),
             ("hemisphere:7", 7),
             ("sphere:20", 20),
             ("latlong:3x8", 24),
