@@ -1,7 +1,9 @@
 //! Stochastic gradient descent with momentum.
 
 use crate::par;
-use crate::scalar::{Scalar, vectorised};
+use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::elementwise::{SgdStep, sgd_step};
 
 /// Elements per task.
 const BLOCK: usize = 1 << 17;
@@ -25,16 +27,7 @@ impl Sgd {
         assert!(grads.len() == params.len() && velocity.len() == params.len());
         let [lr, momentum, decay] = [lr, self.momentum, self.weight_decay].map(T::from_f64);
         par::for_each_block3(grads, velocity, params, BLOCK, |grads, velocity, params| {
-            vectorised(
-                #[inline(always)]
-                || {
-                    for ((g, v), p) in grads.iter_mut().zip(velocity).zip(params) {
-                        *v = momentum * *v + (*g + decay * *p);
-                        *p -= lr * *v;
-                        *g = T::ZERO;
-                    }
-                },
-            );
+            sgd_step(Level::active(), SgdStep { lr, momentum, decay, grads, velocity, params });
         });
     }
 }

@@ -5,30 +5,29 @@
 //! matmul_tn_rows:  d[p, j]         += Σ_r a[a_rows[r], p] · g[g_rows[r], j]  r ascending
 //! ```
 //!
-//! 1. A tile of `M` rows and `N` columns of the output is loaded into registers, takes its products
+//! 1. A tile of `M` rows and `V` vectors of the output is loaded into registers, takes its products
 //!    one index of the sum at a time, and is stored again. Each lane is one output; no sum is ever
 //!    split, so tile sizes, tails and levels cannot change a bit.
 //! 2. Rows are gathered by pointers in the tile: no im2col, no copy of `a`.
-//! 3. Columns are taken `N` at a time from a panel: a copy on the stack of `N` columns of `b` or `g`
+//! 3. Columns are taken a tile's width at a time from a panel: a copy of these columns of `b` or `g`
 //!    that stays in the first-level cache while all row tiles pass over it; where there are too few
 //!    row tiles to pay for the copy, the matrix itself is read.
-//! 4. The last columns are padded with zeros in the panel and pass through a padded copy of the output.
+//! 4. The last columns are padded with zeros in the panel; the output's are loaded and stored by mask.
 //! 5. Rows are split into tiles of equal height, give or take one, so that no tile is short of
 //!    independent sums to hide the latency of the multiply-add; the higher ones come first.
 //!
-//! The arrays in `gemm/tile.rs` become vectors by themselves; `benches/gemm.rs` compares them with
-//! matrixmultiply's intrinsics.
+//! Tiles exist for `f32`. Products of `f64` go to matrixmultiply (`simd/double.rs`): they serve gradient
+//! checks. `benches/gemm.rs` compares the tiles with matrixmultiply's.
 
 pub mod block;
 mod tile;
 pub mod weights;
 pub mod winograd;
 
+pub use super::Real;
 use super::{Kernel, Level, Simd};
-use std::mem::MaybeUninit;
 use std::ops::Range;
-pub use tile::Real;
-use tile::{Copied, Panel, RowPointers, tile_rows, tile_tn, with_height};
+use tile::{Panel, PanelCopy, RowPointers, WIDTH, columns, tile_rows, tile_tn, with_height};
 
 /// Sum indices per pass: a panel of this depth fills half of a 32 KB first-level cache at 16 columns.
 const DEPTH: usize = 256;
@@ -45,28 +44,29 @@ const WIDTH_FOR_PANEL: usize = 128;
 /// Rows that are too few to hide the latency of the multiply-add in tiles of the usual width: wider ones
 /// do, and read `b` in longer stretches.
 const FEW: usize = 3;
+const FEW_WIDTH: usize = 2 * WIDTH;
 
 /// Inputs of [`matmul_rows`], checked.
-struct MatmulRows<'a, T> {
-    a: &'a [T],
-    a_rows: &'a [u32],
-    k: usize,
-    b: &'a [T],
-    n: usize,
-    columns: Range<usize>,
-    c: &'a mut [T],
-    c_rows: &'a [u32],
+pub struct MatmulRows<'a, T> {
+    pub(super) a: &'a [T],
+    pub(super) a_rows: &'a [u32],
+    pub(super) k: usize,
+    pub(super) b: &'a [T],
+    pub(super) n: usize,
+    pub(super) columns: Range<usize>,
+    pub(super) c: &'a mut [T],
+    pub(super) c_rows: &'a [u32],
 }
 
 /// Inputs of [`matmul_tn_rows`], checked.
-struct MatmulTnRows<'a, T> {
-    a: &'a [T],
-    a_rows: &'a [u32],
-    k: usize,
-    g: &'a [T],
-    g_rows: &'a [u32],
-    n: usize,
-    d: &'a mut [T],
+pub struct MatmulTnRows<'a, T> {
+    pub(super) a: &'a [T],
+    pub(super) a_rows: &'a [u32],
+    pub(super) k: usize,
+    pub(super) g: &'a [T],
+    pub(super) g_rows: &'a [u32],
+    pub(super) n: usize,
+    pub(super) d: &'a mut [T],
 }
 
 /// `c[c_rows[r], j] += Σ_p a[a_rows[r], p] · b[p, j]` at a chosen level; `c_rows` must not repeat a row.
@@ -100,14 +100,8 @@ pub fn matmul_columns<T: Real>(
     assert!(columns.start <= columns.end && columns.end <= n, "columns of b");
     check_rows(a_rows, a.len(), k);
     check_rows(c_rows, c.len(), columns.len());
-    if a_rows.is_empty() || k * columns.len() == 0 {
-        return;
-    }
-    let work = MatmulRows { a, a_rows, k, b, n, columns, c, c_rows };
-    if a_rows.len() <= FEW {
-        level.run(MatmulFewRows(work));
-    } else {
-        level.run(work);
+    if !a_rows.is_empty() && k * columns.len() > 0 {
+        T::product(level, MatmulRows { a, a_rows, k, b, n, columns, c, c_rows });
     }
 }
 
@@ -128,7 +122,7 @@ pub fn matmul_tn_rows<T: Real>(
     check_rows(a_rows, a.len(), k);
     check_rows(g_rows, g.len(), n);
     if !a_rows.is_empty() && k * n > 0 {
-        level.run(MatmulTnRows { a, a_rows, k, g, g_rows, n, d });
+        T::transposed_product(level, MatmulTnRows { a, a_rows, k, g, g_rows, n, d });
     }
 }
 
@@ -151,95 +145,54 @@ pub const fn identity<const N: usize>() -> [u32; N] {
     rows
 }
 
-/// Work in tiles of `M` rows and `N` columns.
-pub trait Tiled {
-    /// What the tiles hold.
-    type Number;
-    /// What the work returns.
-    type Output;
+/// [`MatmulRows`] and memory for a panel.
+struct RowsKernel<'a>(MatmulRows<'a, f32>, &'a mut PanelCopy);
 
-    /// The body; as [`Kernel::run`].
-    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) -> Self::Output;
-}
+/// [`MatmulTnRows`] and memory for panels.
+struct TnRowsKernel<'a>(MatmulTnRows<'a, f32>, &'a mut PanelCopy);
 
-/// The work in the tiles that suit the level: sums, one row of the panel and one broadcast fill the
-/// registers.
-impl<W: Tiled> Kernel for W {
-    type Output = W::Output;
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> W::Output {
-        match (S::LANES * S::REGISTERS, size_of::<W::Number>()) {
-            (512.., 4) => self.run_tiled::<S, 8, 32>(simd),
-            (512.., _) => self.run_tiled::<S, 8, 16>(simd),
-            (128.., 4) => self.run_tiled::<S, 6, 16>(simd),
-            (128.., _) => self.run_tiled::<S, 6, 8>(simd),
-            _ => self.run_tiled::<S, 2, 8>(simd),
-        }
+impl<'a> MatmulRows<'a, f32> {
+    pub(super) fn run(self, level: Level) {
+        level.run(RowsKernel(self, &mut PanelCopy::new()));
     }
 }
 
-impl<T: Real> Tiled for MatmulRows<'_, T> {
-    type Number = T;
-    type Output = ();
-
-    #[inline(always)]
-    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
-        matmul_rows_body::<T, S, M, N>(simd, self);
+impl<'a> MatmulTnRows<'a, f32> {
+    pub(super) fn run(self, level: Level) {
+        level.run(TnRowsKernel(self, &mut PanelCopy::new()));
     }
 }
 
-/// [`MatmulRows`] with so few rows that wider tiles than usual pay.
-struct MatmulFewRows<'a, T>(MatmulRows<'a, T>);
-
-impl<T: Real> Kernel for MatmulFewRows<'_, T> {
+impl Kernel for RowsKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let width = self.0.columns.len();
-        match (S::LANES * S::REGISTERS, size_of::<T>()) {
-            (512.., 4) if width.is_multiple_of(64) => {
-                matmul_rows_body::<T, S, FEW, 64>(simd, self.0);
-            }
-            (128..512, 4) if width.is_multiple_of(32) => {
-                matmul_rows_body::<T, S, FEW, 32>(simd, self.0);
-            }
-            _ => self.0.run(simd),
-        }
-    }
-}
-
-impl<T: Real> Tiled for MatmulTnRows<'_, T> {
-    type Number = T;
-    type Output = ();
-
-    #[inline(always)]
-    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
-        match self.a_rows.len() * self.n.div_ceil(N) {
-            0..=DEPTH => matmul_tn_few_rows_body::<T, S, M, N>(simd, self),
-            _ => matmul_tn_rows_body::<T, S, M, N>(simd, self),
+    fn run<S: Simd>(self, s: S) {
+        let RowsKernel(x, copy) = self;
+        let whole = x.columns.len().is_multiple_of(FEW_WIDTH * S::LANES);
+        if x.a_rows.len() <= FEW && S::TILE_ROWS >= FEW && whole {
+            matmul_few_rows(s, x);
+        } else {
+            matmul_all_rows(s, x, copy);
         }
     }
 }
 
 #[inline(always)]
-fn matmul_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
-    simd: S,
-    x: MatmulRows<'_, T>,
-) {
-    let mut copy = Copied([const { MaybeUninit::uninit() }; DEPTH]);
+fn matmul_all_rows<S: Simd>(s: S, x: MatmulRows<'_, f32>, copy: &mut PanelCopy) {
+    let n_columns = columns::<S>();
+    let wide = x.n >= WIDTH_FOR_PANEL && x.a_rows.len() >= ROWS_FOR_PANEL;
     for p in passes(x.k, DEPTH) {
-        for start in x.columns.clone().step_by(N) {
-            let j = start..x.columns.end.min(start + N);
-            let rows = x.b[p.start * x.n..p.end * x.n].chunks_exact(x.n).map(|row| &row[j.clone()]);
-            let wide = x.n >= WIDTH_FOR_PANEL && x.a_rows.len() >= ROWS_FOR_PANEL;
-            let panel = if wide || j.len() < N {
-                Panel::<T, N>::copied(&mut copy.0, rows)
+        for start in x.columns.clone().step_by(n_columns) {
+            let j = start..x.columns.end.min(start + n_columns);
+            let panel = if wide || j.len() < n_columns {
+                let rows = x.b[p.start * x.n..p.end * x.n].chunks_exact(x.n);
+                let rows = rows.map(|row| &row[j.clone()]);
+                Panel::copied(s, copy.rows(p.len(), n_columns), rows)
             } else {
-                Panel::in_place(&x.b[p.start * x.n + j.start..], x.n, p.len())
+                Panel::in_place(&x.b[p.start * x.n + j.start..], x.n, p.len(), n_columns)
             };
-            for r in tiles(x.a_rows.len(), M) {
+            for r in tiles(x.a_rows.len(), S::TILE_ROWS) {
                 let a = x.a[p.start..].as_ptr();
                 let a = RowPointers { start: a, rows: &x.a_rows[r.clone()], width: x.k };
                 let c = x.c[j.start - x.columns.start..].as_mut_ptr();
@@ -247,68 +200,98 @@ fn matmul_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
                 let c = RowPointers { start: c, rows: &x.c_rows[r.clone()], width };
                 // SAFETY: all rows were checked on entry, and p and j stay inside them.
                 unsafe {
-                    with_height!(
-                        r.len(),
-                        M,
-                        tile_rows::<T, S, N>(simd, a, &panel, c, j.len(), true)
-                    )
+                    with_height!(r.len(), tile_rows::<S, WIDTH>(s, a, panel, c, j.len(), true))
                 };
             }
         }
     }
 }
 
+/// [`matmul_all_rows`] in wider tiles: at most [`FEW`] rows, and columns in whole tiles.
 #[inline(always)]
-fn matmul_tn_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
-    simd: S,
-    x: MatmulTnRows<'_, T>,
-) {
-    let mut copy = Copied([const { MaybeUninit::uninit() }; DEPTH]);
+fn matmul_few_rows<S: Simd>(s: S, x: MatmulRows<'_, f32>) {
+    let n_columns = FEW_WIDTH * S::LANES;
+    for p in passes(x.k, DEPTH) {
+        for j in x.columns.clone().step_by(n_columns) {
+            let panel = Panel::in_place(&x.b[p.start * x.n + j..], x.n, p.len(), n_columns);
+            let a = RowPointers { start: x.a[p.start..].as_ptr(), rows: x.a_rows, width: x.k };
+            let c = x.c[j - x.columns.start..].as_mut_ptr();
+            let c = RowPointers { start: c, rows: x.c_rows, width: x.columns.len() };
+            // SAFETY: all rows were checked on entry, and p and the columns stay inside them.
+            unsafe {
+                match x.a_rows.len() {
+                    1 => tile_rows::<S, 1, FEW_WIDTH>(s, a, panel, c, n_columns, true),
+                    2 => tile_rows::<S, 2, FEW_WIDTH>(s, a, panel, c, n_columns, true),
+                    _ => tile_rows::<S, FEW, FEW_WIDTH>(s, a, panel, c, n_columns, true),
+                }
+            }
+        }
+    }
+}
+
+impl Kernel for TnRowsKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        let TnRowsKernel(x, copy) = self;
+        match x.a_rows.len() * x.n.div_ceil(columns::<S>()) {
+            0..=DEPTH => matmul_tn_few_rows(s, x, copy),
+            _ => matmul_tn_all_rows(s, x, copy),
+        }
+    }
+}
+
+#[inline(always)]
+fn matmul_tn_all_rows<S: Simd>(s: S, x: MatmulTnRows<'_, f32>, copy: &mut PanelCopy) {
+    let n_columns = columns::<S>();
     for r in passes(x.a_rows.len(), TN_DEPTH) {
-        for j in (0..x.n).step_by(N) {
-            let j = j..x.n.min(j + N);
-            let g_rows =
-                x.g_rows[r.clone()].iter().map(|&row| &x.g[row as usize * x.n..][j.clone()]);
-            let panel = Panel::<T, N>::copied(&mut copy.0, g_rows);
-            for p in tiles(x.k, M) {
+        for j in (0..x.n).step_by(n_columns) {
+            let j = j..x.n.min(j + n_columns);
+            let g = RowPointers {
+                start: x.g[j.start..].as_ptr(),
+                rows: &x.g_rows[r.clone()],
+                width: x.n,
+            };
+            // SAFETY: all rows were checked on entry, and j stays inside them.
+            let panel = unsafe { Panel::gathered(s, copy.rows(r.len(), n_columns), g, j.len()) };
+            for p in tiles(x.k, S::TILE_ROWS) {
                 let a = x.a[p.start..].as_ptr();
                 let a = RowPointers { start: a, rows: &x.a_rows[r.clone()], width: x.k };
-                let d = x.d[p.start * x.n + j.start..].as_mut_ptr();
+                let d = (x.d[p.start * x.n + j.start..].as_mut_ptr(), x.n);
                 // SAFETY: all rows were checked on entry, and p and j stay inside them.
                 unsafe {
-                    with_height!(p.len(), M, tile_tn::<T, S, N>(simd, a, &panel, d, x.n, j.len()))
-                };
+                    with_height!(p.len(), tile_tn::<S, WIDTH>(s, a, panel, d, j.len()));
+                }
             }
         }
     }
 }
 
-/// [`matmul_tn_rows_body`] where all panels fit side by side: little is added to each number of `d`, which
+/// [`matmul_tn_all_rows`] where all panels fit side by side: little is added to each number of `d`, which
 /// is therefore walked through as it lies.
 #[inline(always)]
-fn matmul_tn_few_rows_body<T: Real, S: Simd, const M: usize, const N: usize>(
-    simd: S,
-    x: MatmulTnRows<'_, T>,
-) {
-    let mut copy = Copied([const { MaybeUninit::uninit() }; DEPTH]);
-    let copies = &mut copy.0[..x.g_rows.len() * x.n.div_ceil(N)];
-    for (copy, start) in copies.chunks_exact_mut(x.g_rows.len()).zip((0..).step_by(N)) {
-        let j = start..x.n.min(start + N);
-        let rows = x.g_rows.iter().map(|&row| &x.g[row as usize * x.n..][j.clone()]);
-        Panel::<T, N>::copied(copy, rows);
+fn matmul_tn_few_rows<S: Simd>(s: S, x: MatmulTnRows<'_, f32>, copy: &mut PanelCopy) {
+    let (n_columns, n_rows) = (columns::<S>(), x.g_rows.len());
+    let len = n_rows * n_columns;
+    let copies = copy.rows(n_rows * x.n.div_ceil(n_columns), n_columns);
+    for (copy, start) in copies.chunks_exact_mut(len).zip((0..).step_by(n_columns)) {
+        let g = RowPointers { start: x.g[start..].as_ptr(), rows: x.g_rows, width: x.n };
+        // SAFETY: all rows were checked on entry, and the columns stay inside them.
+        unsafe { Panel::gathered(s, copy, g, n_columns.min(x.n - start)) };
     }
-    for p in tiles(x.k, M) {
-        let a = x.a[p.start..].as_ptr();
-        let a = RowPointers { start: a, rows: x.a_rows, width: x.k };
-        for (copy, start) in copies.chunks_exact(x.g_rows.len()).zip((0..).step_by(N)) {
-            let width = N.min(x.n - start);
-            let d = x.d[p.start * x.n + start..].as_mut_ptr();
-            // SAFETY: the panel was written above, all rows were checked on entry, and p and the columns
-            // stay inside them.
+    let (a, d) = (x.a.as_ptr(), x.d.as_mut_ptr());
+    for p in tiles(x.k, S::TILE_ROWS) {
+        let a = RowPointers { start: a.wrapping_add(p.start), rows: x.a_rows, width: x.k };
+        for (copy, start) in copies.chunks_exact(len).zip((0..).step_by(n_columns)) {
+            let width = n_columns.min(x.n - start);
+            // SAFETY: the panel was written above, all rows were checked on entry, `d` is `[k, n]`, and p and the
+            // columns stay inside them.
             unsafe {
-                let panel = Panel::<T, N>::of_copy(copy);
-                with_height!(p.len(), M, tile_tn::<T, S, N>(simd, a, &panel, d, x.n, width))
-            };
+                let panel = Panel::written::<S>(copy);
+                let d = (d.add(p.start * x.n + start), x.n);
+                with_height!(p.len(), tile_tn::<S, WIDTH>(s, a, panel, d, width));
+            }
         }
     }
 }
@@ -414,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn f64_equals_the_plain_loop_at_every_level() {
+    fn f64_equals_the_plain_loop_up_to_rounding() {
         for &level in Level::available() {
             for (rows, k, n) in [(1, 1, 1), (25, 7, 9), (13, 300, 17), (7, 5, 35)] {
                 let list = gathered(rows);
@@ -436,7 +419,8 @@ mod tests {
                 }
                 matmul_rows(level, (&a, &list), k, &b, n, (&mut c, &list));
                 matmul_tn_rows(level, (&a, &list), k, (&g, &list), n, &mut d);
-                assert_eq!((c, d), (expected_c, expected_d), "{}", level.name());
+                let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-12 * b.abs().max(1e3);
+                assert!(c.iter().zip(&expected_c).all(near) && d.iter().zip(&expected_d).all(near));
             }
         }
     }

@@ -6,6 +6,7 @@
 //! entered.
 
 use super::fma;
+use super::vector::{self, Float32, Float64};
 use std::fmt;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -17,11 +18,29 @@ pub const VARIABLE: &str = "DEEPMILL_SIMD";
 pub trait Simd: super::eights::Eights {
     /// Lanes of `f32` in a vector register.
     const LANES: usize;
-    /// Number of vector registers.
-    const REGISTERS: usize;
+    /// Rows of a register tile of products: with two vectors each they leave room for a row of the other
+    /// operand, and their addresses fit the general registers.
+    const TILE_ROWS: usize;
+    /// `LANES` numbers.
+    type F32: Float32<Isa = Self>;
+    /// Half as many.
+    type F64: Float64<Isa = Self>;
 
     /// `a * b + c` with one rounding.
     fn mul_add(self, a: f32, b: f32, c: f32) -> f32;
+
+    /// Asks for the cache line of a number that will be read soon.
+    #[inline(always)]
+    fn prefetch(self, x: &f32) {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: every 64-bit x86 processor has the instruction, and the reference is valid.
+        unsafe {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(x).cast());
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = x;
+    }
 }
 
 /// Work that is compiled once per level.
@@ -37,7 +56,10 @@ pub trait Kernel {
 }
 
 macro_rules! token {
-    ($(#[$doc:meta])* $name:ident, $lanes:literal, $registers:literal, $mul_add:path, $has:expr) => {
+    (
+        $(#[$doc:meta])* $name:ident, $f32:ty, $f64:ty, $lanes:literal, $rows:literal,
+        $mul_add:path, $has:expr
+    ) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub struct $name(());
@@ -51,7 +73,9 @@ macro_rules! token {
 
         impl Simd for $name {
             const LANES: usize = $lanes;
-            const REGISTERS: usize = $registers;
+            const TILE_ROWS: usize = $rows;
+            type F32 = $f32;
+            type F64 = $f64;
 
             #[inline(always)]
             fn mul_add(self, a: f32, b: f32, c: f32) -> f32 {
@@ -63,12 +87,13 @@ macro_rules! token {
 
 token!(
     /// The target's baseline, with fused multiply-add by arithmetic where the baseline has none.
-    Portable, 4, 16, fma::mul_add, true
+    Portable, vector::Lanes<f32, 4, Portable>, vector::Lanes<f64, 2, Portable>, 4, 2,
+    fma::mul_add, true
 );
 #[cfg(target_arch = "x86_64")]
 token!(
     /// AVX2 and FMA, with the bit counting that comes with them.
-    Avx2, 8, 16, f32::mul_add,
+    Avx2, vector::F32x8, vector::F64x4, 8, 6, f32::mul_add,
     is_x86_feature_detected!("avx2")
         && is_x86_feature_detected!("fma")
         && is_x86_feature_detected!("popcnt")
@@ -78,7 +103,7 @@ token!(
 #[cfg(target_arch = "x86_64")]
 token!(
     /// AVX-512 F, BW, DQ and VL, with AVX2 and FMA.
-    Avx512, 16, 32, f32::mul_add,
+    Avx512, vector::F32x16, vector::F64x8, 16, 8, f32::mul_add,
     is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512bw")
         && is_x86_feature_detected!("avx512dq")
@@ -88,7 +113,7 @@ token!(
 #[cfg(target_arch = "aarch64")]
 token!(
     /// NEON.
-    Neon, 4, 32, f32::mul_add, std::arch::is_aarch64_feature_detected!("neon")
+    Neon, vector::Lanes<f32, 4, Neon>, vector::Lanes<f64, 2, Neon>, 4, 8, f32::mul_add, std::arch::is_aarch64_feature_detected!("neon")
 );
 
 /// An instruction-set level that this processor has.

@@ -15,14 +15,21 @@
 pub mod boxes;
 pub mod cells;
 pub mod collide;
+mod double;
 pub mod eights;
+pub mod elementwise;
 pub mod fma;
 pub mod gemm;
 pub mod level;
+pub mod normalize;
+pub mod real;
 pub mod search;
+pub mod vector;
 pub mod windows;
 
 pub use level::{Kernel, Level, Simd};
+pub use real::Real;
+pub use vector::{Float32, Float64, Vector};
 
 /// The places of the bits that are set.
 #[inline(always)]

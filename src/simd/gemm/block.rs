@@ -8,11 +8,14 @@
 //! cache while every offset of every term is added, and the panels of the weights pass by once, in one
 //! piece if they were packed.
 
-use super::super::{Level, Simd};
-use super::tile::{Copied, Panel, Real, RowPointers, tile_rows, with_height};
-use super::weights::{Packed, Weights};
-use super::{DEPTH, Tiled, check_rows, passes, tiles};
-use std::mem::MaybeUninit;
+use super::super::{Kernel, Level, Simd, Vector};
+use super::tile::{
+    MAX_COLUMNS, Panel, PanelCopy, RowPointers, WIDTH, columns, copy_row, lanes_of, tile_rows,
+    with_height,
+};
+pub use super::weights::PackPanel;
+use super::weights::{Packed, Weights, uninit};
+use super::{DEPTH, Real, check_rows, passes, tiles};
 use std::ops::Range;
 
 /// Most rows of a block: their sums in one panel of columns fill half of a first-level cache.
@@ -45,15 +48,15 @@ pub enum Source<'a, T> {
 }
 
 /// Inputs of [`sum_of_terms`], checked.
-struct Block<'a, T> {
-    terms: &'a [Term<'a, T>],
-    columns: Range<usize>,
-    y: &'a mut [T],
+pub struct Block<'a, T> {
+    pub(in crate::simd) terms: &'a [Term<'a, T>],
+    pub(in crate::simd) columns: Range<usize>,
+    pub(in crate::simd) y: &'a mut [T],
 }
 
-/// Sums of one panel of a block; whole cache lines.
+/// Sums of one panel of a block, a row of the panel's width each; whole cache lines.
 #[repr(align(64))]
-struct Sums<T, const N: usize>([[T; N]; MAX_ROWS]);
+struct Sums([f32; MAX_ROWS * MAX_COLUMNS]);
 
 /// Overwrites `y: [n_rows, columns.len()]` with these columns of the sum of the terms. Each element takes
 /// its products one by one in the order of terms, offsets and columns of `x`, fused onto 0.
@@ -77,7 +80,7 @@ pub fn sum_of_terms<T: Real>(
     for term in terms {
         check(level, term, n, n_rows, columns.start);
     }
-    level.run(Block { terms, columns, y });
+    T::block_sum(level, Block { terms, columns, y });
 }
 
 fn check<T: Real>(level: Level, term: &Term<T>, n: usize, n_rows: usize, first: usize) {
@@ -86,7 +89,7 @@ fn check<T: Real>(level: Level, term: &Term<T>, n: usize, n_rows: usize, first: 
         Term::Products { x, pairs, weights } => {
             let (n_offsets, depth, width) = match weights {
                 Source::Packed(packed) => {
-                    let panel_width = super::weights::panel_width::<T>(level);
+                    let panel_width = T::panel_width(level, n);
                     assert_eq!(packed.panel_width, panel_width, "packed for this level");
                     assert!(first.is_multiple_of(panel_width), "columns begin with a panel");
                     (packed.n_offsets, packed.depth, packed.width)
@@ -106,36 +109,48 @@ fn check<T: Real>(level: Level, term: &Term<T>, n: usize, n_rows: usize, first: 
     }
 }
 
-impl<T: Real> Tiled for Block<'_, T> {
-    type Number = T;
+/// [`Block`] and memory for a panel and its sums.
+struct BlockKernel<'a> {
+    block: Block<'a, f32>,
+    copy: &'a mut PanelCopy,
+    sums: &'a mut Sums,
+}
+
+impl Block<'_, f32> {
+    pub(in crate::simd) fn run(self, level: Level) {
+        let (mut copy, mut sums) = (PanelCopy::new(), Sums([0.0; MAX_ROWS * MAX_COLUMNS]));
+        let Block { terms, columns, y } = self;
+        let block = Block { terms, columns, y };
+        level.run(BlockKernel { block, copy: &mut copy, sums: &mut sums });
+    }
+}
+
+impl Kernel for BlockKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
-        let Block { terms, columns, y } = self;
-        let width = columns.len();
-        let mut copy = Copied([const { MaybeUninit::uninit() }; DEPTH]);
-        let mut sums = Sums([[T::default(); N]; MAX_ROWS]);
-        for first in columns.clone().step_by(N) {
-            sums.0[..y.len() / width].fill([T::default(); N]);
+    fn run<S: Simd>(self, s: S) {
+        let BlockKernel { block: Block { terms, columns: range, y }, copy, sums } = self;
+        let (width, n_columns) = (range.len(), columns::<S>());
+        let sums = &mut sums.0[..y.len() / width * n_columns];
+        for first in range.clone().step_by(n_columns) {
+            sums.fill(0.0);
             for term in terms {
                 match term {
                     Term::Products { x, pairs, weights } => {
-                        products::<T, S, M, N>(
-                            simd,
-                            (x, pairs),
-                            weights,
-                            first,
-                            &mut copy,
-                            &mut sums,
-                        );
+                        add_products(s, (x, pairs), weights, first, copy, sums);
                     }
-                    Term::Rows(rows) => add_rows(rows, first, &mut sums),
+                    Term::Rows(rows) => add_rows(s, rows, first, sums),
                 }
             }
-            let place = first - columns.start..width.min(first - columns.start + N);
-            for (y, sums) in y.chunks_exact_mut(width).zip(&sums.0) {
-                y[place.clone()].copy_from_slice(&sums[..place.len()]);
+            let place = first - range.start;
+            for (y, sums) in y.chunks_exact_mut(width).zip(sums.chunks_exact(n_columns)) {
+                for v in 0..WIDTH {
+                    let lanes = S::F32::load(s, &sums[v * S::LANES..]);
+                    let n = lanes_of::<S>(width - place, v);
+                    let to = place + (n > 0) as usize * v * S::LANES;
+                    lanes.store_partial(&mut y[to..to + n]);
+                }
             }
         }
     }
@@ -143,14 +158,15 @@ impl<T: Real> Tiled for Block<'_, T> {
 
 /// Adds the products of one term to the panel that begins at column `first`.
 #[inline(always)]
-fn products<T: Real, S: Simd, const M: usize, const N: usize>(
-    simd: S,
-    (x, pairs): (&[T], &[Pairs]),
-    weights: &Source<T>,
+fn add_products<S: Simd>(
+    s: S,
+    (x, pairs): (&[f32], &[Pairs]),
+    weights: &Source<f32>,
     first: usize,
-    copy: &mut Copied<T, N>,
-    sums: &mut Sums<T, N>,
+    copy: &mut PanelCopy,
+    sums: &mut [f32],
 ) {
+    let n_columns = columns::<S>();
     let depth = match weights {
         Source::Packed(packed) => packed.depth,
         Source::Matrices(weights) => weights.depth(),
@@ -159,32 +175,32 @@ fn products<T: Real, S: Simd, const M: usize, const N: usize>(
         for p in passes(depth, DEPTH) {
             let panel = match weights {
                 Source::Packed(packed) => {
-                    let place = first / N * packed.n_offsets + k;
-                    let numbers = &packed.numbers()[(place * depth + p.start) * N..];
-                    Panel::<T, N>::in_place(numbers, N, p.len())
+                    let place = first / n_columns * packed.n_offsets + k;
+                    let numbers = &packed.numbers()[(place * depth + p.start) * n_columns..];
+                    Panel::in_place(numbers, n_columns, p.len(), n_columns)
                 }
                 Source::Matrices(weights) => {
-                    let mut n_written = 0;
-                    weights.fill::<S, N>(simd, k, p.clone(), first, |row| {
-                        copy.0[n_written].write(row);
-                        n_written += 1;
-                    });
-                    // SAFETY: that many rows are written.
-                    unsafe { Panel::of_copy(&copy.0[..n_written]) }
+                    let rows = copy.rows(p.len(), n_columns);
+                    weights.copy_panel(s, k, p.clone(), first, rows);
+                    // SAFETY: all rows are written.
+                    unsafe { Panel::written::<S>(rows) }
                 }
             };
-            for r in tiles(inputs.len(), M) {
+            for r in tiles(inputs.len(), S::TILE_ROWS) {
                 let a = RowPointers {
                     start: x[p.start..].as_ptr(),
                     rows: &inputs[r.clone()],
                     width: depth,
                 };
-                let c = sums.0.as_mut_ptr().cast::<T>();
-                let c = RowPointers { start: c, rows: &outputs[r.clone()], width: N };
+                let c = RowPointers {
+                    start: sums.as_mut_ptr(),
+                    rows: &outputs[r.clone()],
+                    width: n_columns,
+                };
                 // SAFETY: all rows were checked on entry, p stays inside those of x, and rows of the
                 // block inside the sums.
                 unsafe {
-                    with_height!(r.len(), M, tile_rows::<T, S, N>(simd, a, &panel, c, N, true))
+                    with_height!(r.len(), tile_rows::<S, WIDTH>(s, a, panel, c, n_columns, true))
                 };
             }
         }
@@ -193,16 +209,17 @@ fn products<T: Real, S: Simd, const M: usize, const N: usize>(
 
 /// Adds to each row its share of the panel that begins at column `first`.
 #[inline(always)]
-fn add_rows<T: Real, const N: usize>(rows: &[(&[T], &[u32])], first: usize, sums: &mut Sums<T, N>) {
+fn add_rows<S: Simd>(s: S, rows: &[(&[f32], &[u32])], first: usize, sums: &mut [f32]) {
+    let mut padded = [0.0; MAX_COLUMNS];
     for (row, outputs) in rows {
         let row = &row[first..];
-        let padded: [T; N] = match row.first_chunk::<N>() {
-            Some(row) => *row,
-            None => std::array::from_fn(|i| row.get(i).copied().unwrap_or(T::default())),
-        };
-        for &output in *outputs {
-            let sums = &mut sums.0[output as usize];
-            sums.iter_mut().zip(padded).for_each(|(sum, x)| *sum = *sum + x);
+        copy_row(s, &row[..row.len().min(columns::<S>())], uninit(&mut padded));
+        for v in 0..WIDTH {
+            let lanes = S::F32::load(s, &padded[v * S::LANES..]);
+            for &output in *outputs {
+                let sum = &mut sums[output as usize * columns::<S>() + v * S::LANES..];
+                (S::F32::load(s, sum) + lanes).store(sum);
+            }
         }
     }
 }

@@ -1,91 +1,38 @@
-//! One register tile, its rows gathered by pointers and its columns read from a panel.
+//! One register tile: `M` rows times `V` vectors of sums, its rows gathered by pointers and its columns read
+//! from a panel.
+//!
+//! The sums are a constant number of vector values, so they stay in registers for the whole depth of the
+//! panel; the inner loop loads `V` vectors of the panel and makes `M·V` fused multiply-adds.
 
-use super::super::Simd;
+use super::super::{Simd, Vector};
 use super::DEPTH;
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
-use std::ops::{Add, Sub};
 
-/// Calls `$tile::<T, S, HEIGHT, N>` for the height at hand; heights above `$max` are compiled out.
+/// Vectors across a tile.
+pub(super) const WIDTH: usize = 2;
+
+/// Most columns of a tile, at any level.
+pub(super) const MAX_COLUMNS: usize = WIDTH * super::super::vector::MAX_LANES;
+
+/// Columns of a tile.
+pub(super) const fn columns<S: Simd>() -> usize {
+    WIDTH * S::LANES
+}
+
+/// Calls `$tile::<S, HEIGHT, V>` for the height at hand; heights above the level's are compiled out.
 macro_rules! with_height {
-    ($height:expr, $max:expr, $tile:ident::<$t:ty, $s:ty, $n:ident>$args:tt) => {
-        with_height!(@ $height, $max, $tile, $t, $s, $n, $args, 1 2 3 4 5 6 7 8)
+    ($height:expr, $tile:ident::<$s:ty, $v:ident>$args:tt) => {
+        with_height!(@ $height, $tile, $s, $v, $args, 1 2 3 4 5 6 7 8)
     };
-    (@ $height:expr, $max:expr, $tile:ident, $t:ty, $s:ty, $n:ident, $args:tt, $($m:literal)*) => {
+    (@ $height:expr, $tile:ident, $s:ty, $v:ident, $args:tt, $($m:literal)*) => {
         match $height {
-            $($m if $m <= $max => $tile::<$t, $s, $m, $n>$args,)*
+            $($m if $m <= <$s>::TILE_ROWS => $tile::<$s, $m, $v>$args,)*
             height => unreachable!("a tile of {height} rows"),
         }
     };
 }
 pub(super) use with_height;
-
-/// A number that tiles are made of: `f32` or `f64`.
-pub trait Real: Copy + Default + Add<Output = Self> + Sub<Output = Self> + 'static {
-    /// `a * b + c` with one rounding.
-    fn fused<S: Simd>(simd: S, a: Self, b: Self, c: Self) -> Self;
-    /// Exact value.
-    fn from_f32(x: f32) -> Self;
-    /// Half of it.
-    fn half(self) -> Self;
-    /// The columns of eight rows.
-    fn columns<S: Simd>(simd: S, rows: &[[Self; 8]; 8]) -> [[Self; 8]; 8];
-}
-
-impl Real for f32 {
-    #[inline(always)]
-    fn fused<S: Simd>(simd: S, a: f32, b: f32, c: f32) -> f32 {
-        simd.mul_add(a, b, c)
-    }
-
-    #[inline(always)]
-    fn from_f32(x: f32) -> f32 {
-        x
-    }
-
-    #[inline(always)]
-    fn half(self) -> f32 {
-        0.5 * self
-    }
-
-    #[inline(always)]
-    fn columns<S: Simd>(simd: S, rows: &[[f32; 8]; 8]) -> [[f32; 8]; 8] {
-        let mut lanes = [simd.splat(0.0); 8];
-        lanes.iter_mut().zip(rows).for_each(|(lanes, row)| *lanes = simd.load(row));
-        let mut columns = [[0.0; 8]; 8];
-        for (lanes, column) in simd.transpose(lanes).into_iter().zip(&mut columns) {
-            simd.store(lanes, column);
-        }
-        columns
-    }
-}
-
-impl Real for f64 {
-    /// Without the instruction this is a call, right but slow: `f64` serves gradient checks.
-    #[inline(always)]
-    fn fused<S: Simd>(_: S, a: f64, b: f64, c: f64) -> f64 {
-        a.mul_add(b, c)
-    }
-
-    #[inline(always)]
-    fn from_f32(x: f32) -> f64 {
-        f64::from(x)
-    }
-
-    #[inline(always)]
-    fn half(self) -> f64 {
-        0.5 * self
-    }
-
-    #[inline(always)]
-    fn columns<S: Simd>(_: S, rows: &[[f64; 8]; 8]) -> [[f64; 8]; 8] {
-        let mut columns = [[0.0; 8]; 8];
-        for (r, row) in rows.iter().enumerate() {
-            columns.iter_mut().zip(row).for_each(|(column, &x)| column[r] = x);
-        }
-        columns
-    }
-}
 
 /// Rows of a matrix, beginning at a column.
 #[derive(Clone, Copy)]
@@ -96,71 +43,127 @@ pub(super) struct RowPointers<'a, P> {
     pub(super) width: usize,
 }
 
-/// Room for the copy of a panel; whole cache lines, so that no load crosses two.
+/// Memory for the copy of a panel; whole cache lines, so that no load crosses two.
 #[repr(align(64))]
-pub(super) struct Copied<T, const N: usize>(pub(super) [MaybeUninit<[T; N]>; DEPTH]);
+pub(super) struct PanelCopy([MaybeUninit<f32>; DEPTH * MAX_COLUMNS]);
 
-/// Up to [`DEPTH`] rows of `N` columns.
-pub(super) struct Panel<'a, T, const N: usize> {
-    start: *const T,
-    stride: usize,
-    depth: usize,
-    source: PhantomData<&'a [T]>,
-}
-
-impl<'a, T: Real, const N: usize> Panel<'a, T, N> {
-    /// A copy of `rows`, of `N` or fewer numbers each, padded with zeros.
-    #[inline(always)]
-    pub(super) fn copied<'b>(
-        copy: &'a mut [MaybeUninit<[T; N]>],
-        rows: impl Iterator<Item = &'b [T]>,
-    ) -> Self {
-        let mut depth = 0;
-        for (place, row) in copy.iter_mut().zip(rows) {
-            match row.first_chunk::<N>() {
-                Some(row) => place.write(*row),
-                None => place
-                    .write(std::array::from_fn(|i| row.get(i).copied().unwrap_or(T::default()))),
-            };
-            depth += 1;
-        }
-        Panel { start: copy.as_ptr().cast(), stride: N, depth, source: PhantomData }
+impl PanelCopy {
+    pub(super) const fn new() -> Self {
+        PanelCopy([const { MaybeUninit::uninit() }; DEPTH * MAX_COLUMNS])
     }
 
-    /// The rows of `copy`.
+    /// Memory for panels of `n_rows` rows of `n_columns` numbers.
+    pub(super) fn rows(&mut self, n_rows: usize, n_columns: usize) -> &mut [MaybeUninit<f32>] {
+        &mut self.0[..n_rows * n_columns]
+    }
+}
+
+/// Up to [`DEPTH`] rows of as many numbers as a tile has columns.
+#[derive(Clone, Copy)]
+pub(super) struct Panel<'a> {
+    start: *const f32,
+    stride: usize,
+    depth: usize,
+    source: PhantomData<&'a [f32]>,
+}
+
+impl<'a> Panel<'a> {
+    /// A copy of `rows`, of `V` vectors or fewer numbers each, padded with zeros. There are as many rows as
+    /// `copy` has places for.
+    #[inline(always)]
+    pub(super) fn copied<'b, S: Simd>(
+        s: S,
+        copy: &'a mut [MaybeUninit<f32>],
+        rows: impl Iterator<Item = &'b [f32]>,
+    ) -> Self {
+        let mut depth = 0;
+        for (place, row) in copy.chunks_exact_mut(columns::<S>()).zip(rows) {
+            copy_row(s, row, place);
+            depth += 1;
+        }
+        Panel { start: copy.as_ptr().cast(), stride: columns::<S>(), depth, source: PhantomData }
+    }
+
+    /// A copy of the first `width` columns of gathered rows, padded with zeros.
+    ///
+    /// # Safety
+    /// `g` has rows that reach `width` numbers far, as many as `copy` has places for.
+    #[inline(always)]
+    pub(super) unsafe fn gathered<S: Simd>(
+        s: S,
+        copy: &'a mut [MaybeUninit<f32>],
+        g: RowPointers<'_, *const f32>,
+        width: usize,
+    ) -> Self {
+        let stride = columns::<S>();
+        assert!(g.rows.len() * stride == copy.len());
+        let to: *mut f32 = copy.as_mut_ptr().cast();
+        for (r, &row) in g.rows.iter().enumerate() {
+            for v in 0..WIDTH {
+                // SAFETY: the caller's promise; the copy has a place for each row.
+                unsafe {
+                    let from = g.start.add(row as usize * g.width).wrapping_add(v * S::LANES);
+                    let lanes = match width == stride {
+                        true => S::F32::load_ptr(s, from),
+                        false => S::F32::load_partial_ptr(s, from, lanes_of::<S>(width, v)),
+                    };
+                    lanes.store_ptr(to.add(r * stride + v * S::LANES));
+                }
+            }
+        }
+        Panel { start: to, stride, depth: g.rows.len(), source: PhantomData }
+    }
+
+    /// All rows of a copy.
     ///
     /// # Safety
     /// They are written.
     #[inline(always)]
-    pub(super) unsafe fn of_copy(copy: &'a [MaybeUninit<[T; N]>]) -> Self {
-        Panel { start: copy.as_ptr().cast(), stride: N, depth: copy.len(), source: PhantomData }
+    pub(super) unsafe fn written<S: Simd>(copy: &'a [MaybeUninit<f32>]) -> Self {
+        let (stride, start) = (columns::<S>(), copy.as_ptr().cast());
+        Panel { start, stride, depth: copy.len() / stride, source: PhantomData }
     }
 
-    /// `depth` rows of `matrix`, which is `stride` wide and begins at the first column of the panel.
+    /// `depth` rows of `matrix`, which is `stride` wide and begins at the first column of the panel; tiles are
+    /// `n_columns` wide.
     #[inline(always)]
-    pub(super) fn in_place(matrix: &'a [T], stride: usize, depth: usize) -> Self {
-        assert!(depth == 0 || matrix.len() >= (depth - 1) * stride + N);
+    pub(super) fn in_place(
+        matrix: &'a [f32],
+        stride: usize,
+        depth: usize,
+        n_columns: usize,
+    ) -> Self {
+        assert!(depth == 0 || matrix.len() >= (depth - 1) * stride + n_columns);
         Panel { start: matrix.as_ptr(), stride, depth, source: PhantomData }
-    }
-
-    /// Row `p < depth`.
-    #[inline(always)]
-    unsafe fn row(&self, p: usize) -> [T; N] {
-        // SAFETY: both constructors hold `depth` rows of N numbers, `stride` apart.
-        unsafe { self.start.add(p * self.stride).cast::<[T; N]>().read() }
     }
 }
 
-/// One tile of [`matmul_rows`]; adds to `c` if there is `more`, else overwrites it.
+/// Writes a row of [`WIDTH`] vectors: `row`, padded with zeros.
+#[inline(always)]
+pub(super) fn copy_row<S: Simd>(s: S, row: &[f32], to: &mut [MaybeUninit<f32>]) {
+    assert!(to.len() >= columns::<S>());
+    for v in 0..WIDTH {
+        let first = v * S::LANES;
+        let lanes = match row.get(first..first + S::LANES) {
+            Some(row) => S::F32::load(s, row),
+            None => S::F32::load_partial(s, row.get(first..).unwrap_or_default()),
+        };
+        // SAFETY: `to` has places for WIDTH vectors.
+        unsafe { lanes.store_ptr(to.as_mut_ptr().add(first).cast()) };
+    }
+}
+
+/// One tile of `matmul_rows`; adds to `c` if there is `more`, else overwrites it.
 ///
 /// # Safety
-/// `a` and `c` have `M` rows; those of `a` reach `panel.depth` numbers far, those of `c` `width ≤ N`.
+/// `a` and `c` have `M` rows; those of `a` reach `panel.depth` numbers far, those of `c` `width ≤ V·LANES`; the
+/// rows of the panel have `V·LANES` numbers.
 #[inline(always)]
-pub(super) unsafe fn tile_rows<T: Real, S: Simd, const M: usize, const N: usize>(
-    simd: S,
-    a: RowPointers<'_, *const T>,
-    panel: &Panel<'_, T, N>,
-    c: RowPointers<'_, *mut T>,
+pub(super) unsafe fn tile_rows<S: Simd, const M: usize, const V: usize>(
+    s: S,
+    a: RowPointers<'_, *const f32>,
+    panel: Panel<'_>,
+    c: RowPointers<'_, *mut f32>,
     width: usize,
     more: bool,
 ) {
@@ -172,114 +175,143 @@ pub(super) unsafe fn tile_rows<T: Real, S: Simd, const M: usize, const N: usize>
             c_rows[i] = c.start.add(c.rows[i] as usize * c.width);
         }
         let mut sums = match more {
-            true => load(&c_rows, width),
-            false => [[T::default(); N]; M],
+            true => load::<S, M, V>(s, |i| c_rows[i], width),
+            false => [[S::F32::splat(s, 0.0); V]; M],
         };
         for p in 0..panel.depth {
-            let b = panel.row(p);
-            for (sums, a) in sums.iter_mut().zip(&a_rows) {
-                let a = *a.add(p);
-                for (sum, &b) in sums.iter_mut().zip(&b) {
-                    *sum = T::fused(simd, a, b, *sum);
+            if V > M {
+                // The shorter side of the tile waits in registers.
+                let mut a = [S::F32::splat(s, 0.0); M];
+                for i in 0..M {
+                    a[i] = S::F32::splat(s, *a_rows[i].add(p));
+                }
+                for v in 0..V {
+                    let b = panel_vector(s, panel, p, v);
+                    for i in 0..M {
+                        sums[i][v] = a[i].mul_add(b, sums[i][v]);
+                    }
+                }
+            } else {
+                let b = panel_row::<S, V>(s, panel, p);
+                for i in 0..M {
+                    let a = S::F32::splat(s, *a_rows[i].add(p));
+                    for v in 0..V {
+                        sums[i][v] = a.mul_add(b[v], sums[i][v]);
+                    }
                 }
             }
         }
-        store(&sums, &c_rows, width);
+        store::<S, M, V>(&sums, |i| c_rows[i], width);
     }
 }
 
-/// One tile of [`matmul_tn_rows`]: `M` rows of `d`, `n` apart.
+/// One tile of `matmul_tn_rows`: `M` rows of `d`, `n` apart.
 ///
 /// # Safety
-/// `a` has `panel.depth` rows that reach `M` numbers far; the rows of `d` reach `width ≤ N` far.
+/// `a` has `panel.depth` rows that reach `M` numbers far; the rows of `d` reach `width ≤ V·LANES` far; the rows
+/// of the panel have `V·LANES` numbers.
 #[inline(always)]
-pub(super) unsafe fn tile_tn<T: Real, S: Simd, const M: usize, const N: usize>(
-    simd: S,
-    a: RowPointers<'_, *const T>,
-    panel: &Panel<'_, T, N>,
-    d: *mut T,
-    n: usize,
+pub(super) unsafe fn tile_tn<S: Simd, const M: usize, const V: usize>(
+    s: S,
+    a: RowPointers<'_, *const f32>,
+    panel: Panel<'_>,
+    (d, n): (*mut f32, usize),
     width: usize,
 ) {
     // SAFETY: the caller's promise.
     unsafe {
-        let mut d_rows = [d; M];
-        for (i, row) in d_rows.iter_mut().enumerate() {
-            *row = d.add(i * n);
-        }
-        let mut sums: [[T; N]; M] = load(&d_rows, width);
-        for (r, &row) in a.rows.iter().enumerate() {
-            let g = panel.row(r);
-            let a = a.start.add(row as usize * a.width).cast::<[T; M]>().read();
-            for (sums, &a) in sums.iter_mut().zip(&a) {
-                for (sum, &g) in sums.iter_mut().zip(&g) {
-                    *sum = T::fused(simd, a, g, *sum);
+        let d_row = |i: usize| d.wrapping_add(i * n);
+        let mut sums = load::<S, M, V>(s, d_row, width);
+        for r in 0..panel.depth {
+            let g = panel_row::<S, V>(s, panel, r);
+            let a = a.start.add(*a.rows.get_unchecked(r) as usize * a.width);
+            for i in 0..M {
+                let a = S::F32::splat(s, *a.add(i));
+                for v in 0..V {
+                    sums[i][v] = a.mul_add(g[v], sums[i][v]);
                 }
             }
         }
-        store(&sums, &d_rows, width);
+        store::<S, M, V>(&sums, d_row, width);
     }
 }
 
-/// The first `width ≤ N` numbers of each row, padded with zeros.
+/// Row `p` of a panel.
+///
+/// # Safety
+/// The panel has the row, and its rows have `V·LANES` numbers.
+#[inline(always)]
+unsafe fn panel_row<S: Simd, const V: usize>(s: S, panel: Panel<'_>, p: usize) -> [S::F32; V] {
+    let mut row = [S::F32::splat(s, 0.0); V];
+    for (v, row) in row.iter_mut().enumerate() {
+        // SAFETY: the caller's promise.
+        *row = unsafe { panel_vector(s, panel, p, v) };
+    }
+    row
+}
+
+/// Vector `v` of row `p` of a panel.
+///
+/// # Safety
+/// The panel has the row, which has the vector.
+#[inline(always)]
+unsafe fn panel_vector<S: Simd>(s: S, panel: Panel<'_>, p: usize, v: usize) -> S::F32 {
+    // SAFETY: the caller's promise.
+    unsafe { S::F32::load_ptr(s, panel.start.add(p * panel.stride + v * S::LANES)) }
+}
+
+/// The first `width ≤ V·LANES` numbers of each row, padded with zeros.
 ///
 /// # Safety
 /// Each row reaches that far.
 #[inline(always)]
-unsafe fn load<T: Real, const M: usize, const N: usize>(
-    rows: &[*mut T; M],
+unsafe fn load<S: Simd, const M: usize, const V: usize>(
+    s: S,
+    row: impl Fn(usize) -> *mut f32,
     width: usize,
-) -> [[T; N]; M] {
-    let mut tile = [[T::default(); N]; M];
-    for (tile, row) in tile.iter_mut().zip(rows) {
-        // SAFETY: the caller's promise.
-        *tile = unsafe {
-            if width == N { row.cast::<[T; N]>().read() } else { load_some(*row, width) }
-        };
+) -> [[S::F32; V]; M] {
+    let mut tile = [[S::F32::splat(s, 0.0); V]; M];
+    for i in 0..M {
+        for v in 0..V {
+            // SAFETY: the caller's promise.
+            tile[i][v] = unsafe {
+                let from = row(i).wrapping_add(v * S::LANES);
+                match width == V * S::LANES {
+                    true => S::F32::load_ptr(s, from),
+                    false => S::F32::load_partial_ptr(s, from, lanes_of::<S>(width, v)),
+                }
+            };
+        }
     }
     tile
 }
 
-/// Kept out of line: a copy of varying length would force the tile out of its registers.
-///
-/// # Safety
-/// The row reaches `width ≤ N` far.
-#[inline(never)]
-unsafe fn load_some<T: Real, const N: usize>(row: *const T, width: usize) -> [T; N] {
-    let mut padded = [T::default(); N];
-    // SAFETY: the caller's promise.
-    unsafe { row.copy_to_nonoverlapping(padded.as_mut_ptr(), width) };
-    padded
-}
-
-/// Writes the first `width ≤ N` numbers of a tile to its rows.
+/// Writes the first `width ≤ V·LANES` numbers of a tile to its rows.
 ///
 /// # Safety
 /// Each row reaches that far and belongs to the caller.
 #[inline(always)]
-unsafe fn store<T: Real, const M: usize, const N: usize>(
-    tile: &[[T; N]; M],
-    rows: &[*mut T; M],
+unsafe fn store<S: Simd, const M: usize, const V: usize>(
+    tile: &[[S::F32; V]; M],
+    row: impl Fn(usize) -> *mut f32,
     width: usize,
 ) {
-    for (tile, row) in tile.iter().zip(rows) {
-        // SAFETY: the caller's promise.
-        unsafe {
-            if width == N {
-                row.cast::<[T; N]>().write(*tile);
-            } else {
-                store_some(*tile, *row, width);
+    for i in 0..M {
+        for v in 0..V {
+            let to = row(i).wrapping_add(v * S::LANES);
+            // SAFETY: the caller's promise.
+            unsafe {
+                match width == V * S::LANES {
+                    true => tile[i][v].store_ptr(to),
+                    false => tile[i][v].store_partial_ptr(to, lanes_of::<S>(width, v)),
+                }
             }
         }
     }
 }
 
-/// As [`load_some`], the other way.
-///
-/// # Safety
-/// The row reaches `width ≤ N` far and belongs to the caller.
-#[inline(never)]
-unsafe fn store_some<T: Real, const N: usize>(tile: [T; N], row: *mut T, width: usize) {
-    // SAFETY: the caller's promise.
-    unsafe { row.copy_from_nonoverlapping(tile.as_ptr(), width) };
+/// How many lanes of vector `v` lie within `width`.
+#[inline(always)]
+pub(super) fn lanes_of<S: Simd>(width: usize, v: usize) -> usize {
+    width.saturating_sub(v * S::LANES).min(S::LANES)
 }

@@ -1,10 +1,10 @@
 //! The right-hand side of a product over kernel offsets, and its panels side by side.
 
-use super::super::{Level, Simd};
-use super::Tiled;
-use super::tile::Real;
-use std::hint::black_box;
-use std::marker::PhantomData;
+use super::super::vector::MAX_LANES;
+use super::super::{Float32, Kernel, Level, Simd, Vector};
+use super::Real;
+use super::tile::{WIDTH, columns, copy_row};
+use std::mem::MaybeUninit;
 use std::ops::Range;
 
 /// One matrix per kernel offset, or the transposed of each.
@@ -74,71 +74,82 @@ impl<'a, T: Real> Weights<'a, T> {
         &matrix[self.some.start * self.columns..self.some.end * self.columns]
     }
 
-    /// Calls `put` with the rows `depth` of the matrix of `offset`, one by one: the `N` columns from `first`
-    /// on, zeros beyond the last.
-    #[inline(always)]
-    pub(super) fn fill<S: Simd, const N: usize>(
-        &self,
-        simd: S,
-        offset: usize,
-        depth: Range<usize>,
-        first: usize,
-        mut put: impl FnMut([T; N]),
-    ) {
-        let (stored, width) = (self.stored(offset), N.min(self.width() - first));
-        if self.transposed {
-            let rows = &stored[first * self.columns..(first + width) * self.columns];
-            transpose::<T, S, N>(simd, rows, self.columns, depth, put);
-            return;
-        }
-        let stored = &stored[depth.start * self.columns..depth.end * self.columns];
-        for row in stored.chunks_exact(self.columns) {
-            let row = &row[first..first + width];
-            put(match row.first_chunk::<N>() {
-                Some(row) => *row,
-                None => std::array::from_fn(|i| row.get(i).copied().unwrap_or(T::default())),
-            });
+    /// One matrix with the distances between its rows and between its columns in memory.
+    pub(in crate::simd) fn strided(&self, offset: usize) -> (&'a [T], usize, usize) {
+        match self.transposed {
+            false => (self.stored(offset), self.columns, 1),
+            true => (self.stored(offset), 1, self.columns),
         }
     }
 }
 
-/// Calls `put` with the columns `depth` of up to `N` rows, `stride` apart, one by one; zeros where rows are
-/// missing.
+impl Weights<'_, f32> {
+    /// Writes the rows `depth` of the matrix of `offset`: the columns of a tile from `first` on, zeros beyond
+    /// the last one.
+    #[inline(always)]
+    pub(in crate::simd) fn copy_panel<S: Simd>(
+        &self,
+        s: S,
+        offset: usize,
+        depth: Range<usize>,
+        first: usize,
+        to: &mut [MaybeUninit<f32>],
+    ) {
+        let (stored, width) = (self.stored(offset), columns::<S>().min(self.width() - first));
+        assert!(to.len() >= depth.len() * columns::<S>());
+        if self.transposed {
+            let rows = &stored[first * self.columns..(first + width) * self.columns];
+            transpose(s, rows, self.columns, depth, to);
+            return;
+        }
+        let stored = &stored[depth.start * self.columns..depth.end * self.columns];
+        let rows = stored.chunks_exact(self.columns);
+        for (row, to) in rows.zip(to.chunks_exact_mut(columns::<S>())) {
+            copy_row(s, &row[first..first + width], to);
+        }
+    }
+}
+
+/// Writes the columns `depth` of some rows, `stride` apart, as rows of a panel; zeros where rows are missing.
+///
+/// Squares of as many rows as a vector has lanes are transposed in registers.
 #[inline(always)]
-fn transpose<T: Real, S: Simd, const N: usize>(
-    simd: S,
-    rows: &[T],
+fn transpose<S: Simd>(
+    s: S,
+    rows: &[f32],
     stride: usize,
     depth: Range<usize>,
-    mut put: impl FnMut([T; N]),
+    to: &mut [MaybeUninit<f32>],
 ) {
-    const EDGE: usize = 8;
-    const { assert!(N.is_multiple_of(EDGE)) };
+    let n_rows = rows.len() / stride;
     // Rows side by side are more streams than a processor fetches ahead; one after another they are one.
     for row in rows.chunks_exact(stride) {
-        row[depth.clone()].iter().step_by(CACHE_LINE / size_of::<T>()).for_each(|x| {
-            black_box(*x);
-        });
+        row[depth.clone()]
+            .iter()
+            .step_by(CACHE_LINE / size_of::<f32>())
+            .for_each(|x| s.prefetch(x));
     }
-    // Loops: what `array::from_fn` calls need not be inlined, and is then compiled for any processor.
-    for p in depth.clone().step_by(EDGE) {
-        let n = EDGE.min(depth.end - p);
-        let mut columns = [[T::default(); N]; EDGE];
-        let mut rows = rows.chunks_exact(stride);
-        for i in (0..N).step_by(EDGE) {
-            let mut square = [[T::default(); EDGE]; EDGE];
-            for (to, row) in square.iter_mut().zip(&mut rows) {
-                match row[p..].first_chunk::<EDGE>() {
-                    Some(row) if n == EDGE => *to = *row,
-                    _ => to[..n].copy_from_slice(&row[p..p + n]),
+    for v in 0..WIDTH {
+        for p in (0..depth.len()).step_by(S::LANES) {
+            let n = S::LANES.min(depth.len() - p);
+            let mut square = [S::F32::splat(s, 0.0); MAX_LANES];
+            for r in 0..S::LANES {
+                let row = v * S::LANES + r;
+                if row < n_rows {
+                    let from = &rows[row * stride + depth.start + p..][..n];
+                    square[r] = match n == S::LANES {
+                        true => S::F32::load(s, from),
+                        false => S::F32::load_partial(s, from),
+                    };
                 }
             }
-            for (column, part) in columns.iter_mut().zip(T::columns(simd, &square)) {
-                column[i..i + EDGE].copy_from_slice(&part);
+            S::F32::transpose(&mut square[..S::LANES]);
+            for i in 0..n {
+                let place = (p + i) * columns::<S>() + v * S::LANES;
+                let to = to[place..place + S::LANES].as_mut_ptr().cast();
+                // SAFETY: the slice has a place for each lane.
+                unsafe { square[i].store_ptr(to) };
             }
-        }
-        for column in &columns[..n] {
-            put(*column);
         }
     }
 }
@@ -148,25 +159,22 @@ pub struct Packed<T> {
     memory: Vec<T>,
     /// Where the panels begin: at a cache line.
     start: usize,
-    pub(super) n_offsets: usize,
-    pub(super) depth: usize,
-    pub(super) width: usize,
-    pub(super) panel_width: usize,
+    pub(in crate::simd) n_offsets: usize,
+    pub(in crate::simd) depth: usize,
+    pub(in crate::simd) width: usize,
+    pub(in crate::simd) panel_width: usize,
 }
 
 /// Bytes.
 const CACHE_LINE: usize = 64;
 
-/// What one task packs: the panels of one offset.
-struct Pack<'a, 'b, T> {
-    weights: &'a Weights<'b, T>,
-    panel: usize,
-    offset: usize,
-    to: &'a mut [T],
+/// What one task packs: one panel of one offset.
+pub struct PackPanel<'a, 'b, T> {
+    pub(in crate::simd) weights: &'a Weights<'b, T>,
+    pub(in crate::simd) panel: usize,
+    pub(in crate::simd) offset: usize,
+    pub(in crate::simd) to: &'a mut [T],
 }
-
-/// Asks for the width of panels.
-struct PanelWidth<T>(PhantomData<T>);
 
 impl<T: Real> Packed<T> {
     /// Packs `weights` for `level`; `for_each_block(numbers, length, work)` calls `work(i, block)` for all
@@ -185,21 +193,22 @@ impl<T: Real> Packed<T> {
         let len = depth * packed.panel_width;
         if len > 0 {
             for_each_block(packed.numbers_mut(), len, &|i, to| {
-                level.run(Pack { weights, panel: i / n_offsets, offset: i % n_offsets, to });
+                let (panel, offset) = (i / n_offsets, i % n_offsets);
+                T::pack_panel(level, PackPanel { weights, panel, offset, to });
             });
         }
         packed
     }
 
     /// Panels of whatever was in `memory`.
-    pub(super) fn unwritten(
+    pub(in crate::simd) fn unwritten(
         level: Level,
         n_offsets: usize,
         depth: usize,
         width: usize,
         mut memory: Vec<T>,
     ) -> Self {
-        let panel_width = panel_width::<T>(level);
+        let panel_width = T::panel_width(level, width);
         let len = width.div_ceil(panel_width) * n_offsets * depth * panel_width;
         let needed = len + CACHE_LINE / size_of::<T>();
         if memory.len() < needed {
@@ -215,45 +224,43 @@ impl<T: Real> Packed<T> {
     }
 
     /// The panels alone.
-    pub(super) fn numbers_mut(&mut self) -> &mut [T] {
+    pub(in crate::simd) fn numbers_mut(&mut self) -> &mut [T] {
         let len =
             self.width.div_ceil(self.panel_width) * self.n_offsets * self.depth * self.panel_width;
         &mut self.memory[self.start..self.start + len]
     }
 
     /// The panels, and perhaps a little more.
-    pub(super) fn numbers(&self) -> &[T] {
+    pub(in crate::simd) fn numbers(&self) -> &[T] {
         &self.memory[self.start..]
     }
 }
 
-/// Columns of a panel at `level`.
-pub(super) fn panel_width<T: Real>(level: Level) -> usize {
-    level.run(PanelWidth::<T>(PhantomData))
-}
-
-impl<T: Real> Tiled for PanelWidth<T> {
-    type Number = T;
-    type Output = usize;
-
-    #[inline(always)]
-    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, _: S) -> usize {
-        N
-    }
-}
-
-impl<T: Real> Tiled for Pack<'_, '_, T> {
-    type Number = T;
+impl Kernel for PackPanel<'_, '_, f32> {
     type Output = ();
 
     #[inline(always)]
-    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
-        let mut rows = self.to.as_chunks_mut::<N>().0.iter_mut();
-        let depth = 0..self.weights.depth();
-        self.weights.fill::<S, N>(simd, self.offset, depth, self.panel * N, |row| {
-            if let Some(to) = rows.next() {
-                *to = row;
-            }
-        });
+    fn run<S: Simd>(self, s: S) {
+        let PackPanel { weights, panel, offset, to } = self;
+        let to = uninit(to);
+        weights.copy_panel(s, offset, 0..weights.depth(), panel * columns::<S>(), to);
+    }
+}
+
+/// Memory that is to be overwritten.
+pub(in crate::simd) fn uninit(x: &mut [f32]) -> &mut [MaybeUninit<f32>] {
+    // SAFETY: the two types have the same layout, and kernels write nothing but numbers.
+    unsafe { &mut *(std::ptr::from_mut(x) as *mut [MaybeUninit<f32>]) }
+}
+
+/// Asks for the columns of a tile.
+pub(in crate::simd) struct PanelWidth;
+
+impl Kernel for PanelWidth {
+    type Output = usize;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> usize {
+        columns::<S>()
     }
 }

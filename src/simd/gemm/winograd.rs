@@ -17,20 +17,21 @@
 //! *frequencies* one by one, each of which is a matrix product over channels. Frequencies and nodes of a
 //! cube are counted `16·i + 4·j + l`, children `4·x + 2·y + z`, kernel offsets `9·x + 3·y + z`.
 
-mod cube;
-mod transforms;
+pub(in crate::simd) mod cube;
+pub(in crate::simd) mod transforms;
 
-use super::super::{Level, Simd};
-use super::tile::{Panel, Real, RowPointers, tile_rows, with_height};
-use super::weights::{Packed, panel_width};
-use super::{DEPTH, Tiled, identity, passes, tiles};
-use cube::{Cubes, Lanes, output};
+use super::super::{Kernel, Level, Simd, Vector};
+use super::tile::{Panel, RowPointers, WIDTH, columns, lanes_of, tile_rows, with_height};
+use super::weights::Packed;
+use super::{DEPTH, Real, identity, passes, tiles};
+use cube::{each_axis, output};
 use std::ops::Range;
 pub use transforms::{
-    CHANNELS, MAX_DEPTH, N_FREQUENCIES, transform_gradients, transform_inputs, transform_products,
-    transform_weight_gradients, transform_weights,
+    CHANNELS, GradientTransform, InputTransform, KernelTransform, MAX_DEPTH, N_FREQUENCIES,
+    transform_gradients, transform_inputs, transform_products, transform_weight_gradients,
+    transform_weights,
 };
-use transforms::{check_groups, frequencies, frequencies_of_ones};
+use transforms::{Work, check_groups, find_rows, frequencies, frequencies_of_ones};
 
 /// Most groups of a block: with 96 columns their frequencies fill a second-level cache or two.
 pub const MAX_GROUPS: usize = 32;
@@ -66,12 +67,12 @@ pub enum Term<'a, T> {
 /// Memory that one block leaves to the next.
 #[derive(Debug, Default)]
 pub struct Room<T> {
-    inputs: Vec<Vec<T>>,
-    sums: Vec<T>,
+    pub(in crate::simd) inputs: Vec<Vec<T>>,
+    pub(in crate::simd) sums: Vec<T>,
 }
 
 /// Overwrites `y: [8·groups.len(), n]`, the children of some parents, with the sum of the terms. `groups`
-/// holds, for each parent, the first row in `x` of the children of its 27 neighbours, −1 for none.
+/// holds, for each parent, the first row in `x` of the children of its 27 neighbors, −1 for none.
 ///
 /// Each element of `y` depends on nothing but the nodes around it, and its frequencies take their
 /// products one by one in the order of terms and columns, fused onto 0.
@@ -90,7 +91,7 @@ pub fn sum_of_terms<T: Real>(
     for term in terms {
         match term {
             Term::Nodes { x, weights } => {
-                let of_level = (panel_width::<T>(level), n, N_FREQUENCIES);
+                let of_level = (T::panel_width(level, n), n, N_FREQUENCIES);
                 assert_eq!((weights.panel_width, weights.width, weights.n_offsets), of_level);
                 check_groups(groups, x.len(), weights.depth);
             }
@@ -101,60 +102,80 @@ pub fn sum_of_terms<T: Real>(
             }
         }
     }
-    level.run(Block { groups, terms, n, room, y });
+    room.inputs.resize_with(terms.len(), Vec::new);
+    T::frequency_sum(level, FrequencyBlock { groups, terms, n, room, y });
 }
 
-struct Block<'a, T> {
-    groups: &'a [[i32; 27]],
-    terms: &'a [Term<'a, T>],
-    n: usize,
-    room: &'a mut Room<T>,
-    y: &'a mut [T],
+/// Inputs of [`sum_of_terms`], checked.
+pub struct FrequencyBlock<'a, T> {
+    pub(in crate::simd) groups: &'a [[i32; 27]],
+    pub(in crate::simd) terms: &'a [Term<'a, T>],
+    pub(in crate::simd) n: usize,
+    /// Has memory for the inputs of every term.
+    pub(in crate::simd) room: &'a mut Room<T>,
+    pub(in crate::simd) y: &'a mut [T],
 }
 
-impl<T: Real> Tiled for Block<'_, T> {
-    type Number = T;
+/// A [`FrequencyBlock`] and memory for transforms.
+struct FrequencyKernel<'a>(FrequencyBlock<'a, f32>, &'a mut Work);
+
+impl FrequencyBlock<'_, f32> {
+    pub(in crate::simd) fn run(self, level: Level) {
+        let FrequencyBlock { groups, terms, n, room, y } = self;
+        let block = FrequencyBlock { groups, terms, n, room, y };
+        level.run(FrequencyKernel(block, &mut Work::new()));
+    }
+}
+
+impl Kernel for FrequencyKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
-        let Block { groups, terms, n, room: Room { inputs, sums }, y } = self;
-        inputs.resize_with(terms.len(), Vec::new);
+    fn run<S: Simd>(self, s: S) {
+        let FrequencyKernel(FrequencyBlock { groups, terms, n, room, y }, work) = self;
+        let Room { inputs, sums } = room;
         for (term, to) in terms.iter().zip(&mut *inputs) {
-            transform(term, groups, to);
+            transform(s, term, groups, work, to);
         }
-        let apart = plane(groups.len(), N);
-        sums.resize(N_FREQUENCIES * apart, T::default());
-        for first in (0..n).step_by(N) {
-            let columns = first..n.min(first + N);
+        let apart = plane(groups.len(), columns::<S>());
+        sums.resize(N_FREQUENCIES * apart, 0.0);
+        for first in (0..n).step_by(columns::<S>()) {
+            let columns = first..n.min(first + columns::<S>());
             for f in 0..N_FREQUENCIES {
-                let sums = &mut sums[f * apart..][..groups.len() * N];
+                let sums = &mut sums[f * apart..][..groups.len() * self::columns::<S>()];
                 for (i, (term, x)) in terms.iter().zip(&*inputs).enumerate() {
-                    add_term::<T, S, M, N>(simd, (term, x), f, (n, &columns), i > 0, sums);
+                    add_term(s, (term, x), f, (n, &columns), i > 0, sums);
                 }
             }
-            put_children::<T, N>(sums, apart, (n, &columns), y);
+            put_children(s, work, (sums, apart), (n, &columns), y);
         }
     }
 }
 
 /// The frequencies of one term's inputs.
 #[inline(always)]
-fn transform<T: Real>(term: &Term<T>, groups: &[[i32; 27]], to: &mut Vec<T>) {
+fn transform<S: Simd>(
+    s: S,
+    term: &Term<f32>,
+    groups: &[[i32; 27]],
+    work: &mut Work,
+    to: &mut Vec<f32>,
+) {
+    let (halfway, rows, exists) = work.parts(s);
     match term {
         Term::Nodes { x, weights } => {
             let depth = weights.depth;
             let apart = plane(groups.len(), depth);
-            to.resize(N_FREQUENCIES * apart, T::default());
-            let mut cubes = Cubes::new();
+            to.resize(N_FREQUENCIES * apart, 0.0);
             for (i, group) in groups.iter().enumerate() {
-                frequencies(&mut cubes, group, (x, depth), apart, &mut to[i * depth..]);
+                find_rows(group, (x, depth), rows);
+                frequencies(s, halfway, rows, depth, apart, &mut to[i * depth..]);
             }
         }
         Term::Shapes { .. } => {
             let apart = plane(groups.len(), 1);
-            to.resize(N_FREQUENCIES * apart, T::default());
-            frequencies_of_ones(groups, apart, to);
+            to.resize(N_FREQUENCIES * apart, 0.0);
+            frequencies_of_ones(s, halfway, exists, groups, apart, to);
         }
     }
 }
@@ -162,31 +183,42 @@ fn transform<T: Real>(term: &Term<T>, groups: &[[i32; 27]], to: &mut Vec<T>) {
 /// Adds some columns of one term's products at frequency `f`, or without what was there if there is not
 /// `more`.
 #[inline(always)]
-fn add_term<T: Real, S: Simd, const M: usize, const N: usize>(
-    simd: S,
-    (term, x): (&Term<T>, &[T]),
+fn add_term<S: Simd>(
+    s: S,
+    (term, x): (&Term<f32>, &[f32]),
     f: usize,
     (n, columns): (usize, &Range<usize>),
     more: bool,
-    sums: &mut [T],
+    sums: &mut [f32],
 ) {
-    let n_groups = sums.len() / N;
+    let n_columns = self::columns::<S>();
+    let n_groups = sums.len() / n_columns;
     match term {
         Term::Nodes { weights, .. } => {
             let depth = weights.depth;
             let x = &x[f * plane(n_groups, depth)..][..n_groups * depth];
-            let w = (columns.start / N * N_FREQUENCIES + f) * depth * N;
-            add_product::<T, S, M, N>(simd, (x, depth), &weights.numbers()[w..], more, sums);
+            let w = (columns.start / n_columns * N_FREQUENCIES + f) * depth * n_columns;
+            add_product(s, (x, depth), &weights.numbers()[w..], more, sums);
         }
         Term::Shapes { products, shapes } => {
             if !more {
-                sums.fill(T::default());
+                sums.fill(0.0);
             }
             let x = &x[f * plane(n_groups, 1)..][..n_groups];
-            for ((sum, &x), shape) in sums.as_chunks_mut::<N>().0.iter_mut().zip(x).zip(*shapes) {
-                let row = &products[(shape * N_FREQUENCIES + f) * n..][columns.clone()];
-                for (sum, &y) in sum.iter_mut().zip(row) {
-                    *sum = T::fused(simd, x, y, *sum);
+            assert!(shapes.len() == n_groups && columns.end <= n);
+            for v in 0..WIDTH {
+                let n_lanes = lanes_of::<S>(columns.len(), v);
+                let first = f * n + columns.start + if n_lanes > 0 { v * S::LANES } else { 0 };
+                let (to, from) = (sums[v * S::LANES..].as_mut_ptr(), products[first..].as_ptr());
+                for (i, (&x, shape)) in x.iter().zip(*shapes).enumerate() {
+                    // SAFETY: there is a product for each shape, as checked on entry, and a row of sums for each
+                    // group.
+                    unsafe {
+                        let row = from.add(shape * N_FREQUENCIES * n);
+                        let row = S::F32::load_partial_ptr(s, row, n_lanes);
+                        let to = to.add(i * n_columns);
+                        S::F32::splat(s, x).mul_add(row, S::F32::load_ptr(s, to)).store_ptr(to);
+                    }
                 }
             }
         }
@@ -195,43 +227,64 @@ fn add_term<T: Real, S: Simd, const M: usize, const N: usize>(
 
 /// Some columns of `y: [8·n_groups, n]`, from the sums of all frequencies, which lie `apart`.
 #[inline(always)]
-fn put_children<T: Real, const N: usize>(
-    sums: &[T],
-    apart: usize,
+fn put_children<S: Simd>(
+    s: S,
+    work: &mut Work,
+    (sums, apart): (&[f32], usize),
     (n, columns): (usize, &Range<usize>),
-    y: &mut [T],
+    y: &mut [f32],
 ) {
-    let mut cubes = Cubes::<T, N>::new();
+    let n_columns = self::columns::<S>();
+    let (halfway, ..) = work.parts(s);
     for (i, y) in y.chunks_exact_mut(8 * n).enumerate() {
-        let sum = |f: usize| Lanes::of(sums, f * apart + i * N);
-        let children = cubes.each_axis::<4, 2>(sum, output);
-        for (y, child) in y.chunks_exact_mut(n).zip(children) {
-            y[columns.clone()].copy_from_slice(&child.0[..columns.len()]);
+        for v in 0..WIDTH {
+            let n_lanes = lanes_of::<S>(columns.len(), v);
+            if n_lanes == 0 {
+                continue;
+            }
+            let place = i * n_columns + v * S::LANES;
+            assert!(sums.len() >= (N_FREQUENCIES - 1) * apart + place + S::LANES);
+            let (from, to) = (&sums[place], &mut y[columns.start + v * S::LANES]);
+            let (from, to) = (std::ptr::from_ref(from), std::ptr::from_mut(to));
+            // SAFETY: the sums have a vector at that place of every frequency, as asserted, and each of the
+            // eight rows of `y` has the columns.
+            unsafe {
+                each_axis::<_, 4, 2>(
+                    halfway,
+                    #[inline(always)]
+                    |f| S::F32::load_ptr(s, from.add(f * apart)),
+                    #[inline(always)]
+                    |along| output(along),
+                    #[inline(always)]
+                    |child, x: S::F32| x.store_partial_ptr(to.add(child * n), n_lanes),
+                );
+            }
         }
     }
 }
 
-/// `sums[r, N] += x[r, depth] · w[depth, N]`, or without what was there if there is not `more`.
+/// `sums[r] += x[r, depth] · w[depth]`, rows of a panel's width, or without what was there if there is not
+/// `more`.
 #[inline(always)]
-fn add_product<T: Real, S: Simd, const M: usize, const N: usize>(
-    simd: S,
-    (x, depth): (&[T], usize),
-    w: &[T],
+fn add_product<S: Simd>(
+    s: S,
+    (x, depth): (&[f32], usize),
+    w: &[f32],
     more: bool,
-    sums: &mut [T],
+    sums: &mut [f32],
 ) {
-    let n_rows = x.len() / depth;
-    assert!(n_rows <= MAX_GROUPS && n_rows * N == sums.len());
+    let (n_rows, n_columns) = (x.len() / depth, columns::<S>());
+    assert!(n_rows <= MAX_GROUPS && n_rows * n_columns == sums.len());
     for p in passes(depth, DEPTH) {
-        let panel = Panel::<T, N>::in_place(&w[p.start * N..], N, p.len());
+        let panel = Panel::in_place(&w[p.start * n_columns..], n_columns, p.len(), n_columns);
         let more = more || p.start > 0;
-        for r in tiles(n_rows, M) {
+        for r in tiles(n_rows, S::TILE_ROWS) {
             let rows = &ROWS[r];
             let a = RowPointers { start: x[p.start..].as_ptr(), rows, width: depth };
-            let c = RowPointers { start: sums.as_mut_ptr(), rows, width: N };
+            let c = RowPointers { start: sums.as_mut_ptr(), rows, width: n_columns };
             // SAFETY: there are as many rows of x and of the sums, and p lies inside those of x.
             unsafe {
-                with_height!(rows.len(), M, tile_rows::<T, S, N>(simd, a, &panel, c, N, more))
+                with_height!(rows.len(), tile_rows::<S, WIDTH>(s, a, panel, c, n_columns, more))
             };
         }
     }
@@ -250,19 +303,19 @@ mod tests {
         (0..len).map(|i| T::from_f32(number(i))).collect()
     }
 
-    /// Groups on a line: some neighbours are missing, all differ.
+    /// Groups on a line: some neighbors are missing, all differ.
     fn groups() -> Vec<[i32; 27]> {
-        let neighbour = |g: usize, k: usize| match (g + k) % 3 {
+        let neighbor = |g: usize, k: usize| match (g + k) % 3 {
             0 if k != 13 => -1,
             _ => 8 * ((g + (k + 14) * 5) % N_GROUPS) as i32,
         };
         let group =
-            |g| std::array::from_fn(|k| if k == 13 { 8 * g as i32 } else { neighbour(g, k) });
+            |g| std::array::from_fn(|k| if k == 13 { 8 * g as i32 } else { neighbor(g, k) });
         (0..N_GROUPS).map(group).collect()
     }
 
-    /// Row of the neighbour at offset `k` of a child.
-    fn neighbour(group: &[i32; 27], child: usize, k: usize) -> Option<usize> {
+    /// Row of the neighbor at offset `k` of a child.
+    fn neighbor(group: &[i32; 27], child: usize, k: usize) -> Option<usize> {
         let (child, k) = ([child >> 2, child >> 1 & 1, child & 1], [k / 9, k / 3 % 3, k % 3]);
         let node: usize = (0..3).fold(0, |node, axis| 4 * node + child[axis] + k[axis]);
         let (parent, child) = PLACES[node];
@@ -306,7 +359,7 @@ mod tests {
             for (g, group) in groups().iter().enumerate() {
                 for child in 0..8 {
                     for j in 0..n {
-                        let there = |k| neighbour(group, child, k).map(|row| (k, row));
+                        let there = |k| neighbor(group, child, k).map(|row| (k, row));
                         let at = |(k, row): (usize, usize)| {
                             let of_nodes = |p| x[row * depth + p] * w[(k * depth + p) * n + j];
                             let shape = if g / 7 == 0 { 1.0 } else { 2.0 };
@@ -353,7 +406,7 @@ mod tests {
                 for j in 0..n {
                     let plain: f64 = (0..8 * N_GROUPS)
                         .filter_map(|o| {
-                            let row = neighbour(&groups()[o / 8], o % 8, k)?;
+                            let row = neighbor(&groups()[o / 8], o % 8, k)?;
                             Some(x[row * depth + p] * dy[o * n + j])
                         })
                         .sum();
@@ -364,8 +417,8 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "neighbours")]
-    fn a_neighbour_outside_the_input_panics() {
+    #[should_panic(expected = "neighbors")]
+    fn a_neighbor_outside_the_input_panics() {
         let (x, mut to) = ([0.0f32; 64], [0.0; 64 * 8]);
         let mut group = [-1; 27];
         group[26] = 8;

@@ -1,22 +1,24 @@
 //! Into frequencies, and back to the gradients of the weights.
 
-use super::super::super::{Kernel, Level, Simd};
-use super::super::tile::Real;
-use super::super::weights::{Packed, Weights};
-use super::super::{Tiled, passes};
-use super::cube::{Cubes, Lanes, gradient, input, kernel, kernel_gradient};
+use super::super::super::vector::MAX_LANES;
+use super::super::super::{Kernel, Level, Simd, Vector};
+use super::super::tile::{MAX_COLUMNS, WIDTH, columns};
+use super::super::weights::{Packed, Weights, uninit};
+use super::super::{Real, passes};
+use super::cube::{Halfway, each_axis, gradient, input, kernel, kernel_gradient};
+use std::mem::MaybeUninit;
 
 /// Frequencies of a cube.
 pub const N_FREQUENCIES: usize = 64;
 
-/// Columns are taken this many at a time, and must be a multiple of it.
+/// Numbers of columns are multiples of this.
 pub const CHANNELS: usize = 8;
 
 /// Most columns of inputs.
 pub const MAX_DEPTH: usize = 256;
 
-/// For each node of a cube: which neighbour of the parent holds it, and as which child.
-pub(super) static PLACES: [(usize, usize); 64] = {
+/// For each node of a cube: which neighbor of the parent holds it, and as which child.
+pub(in crate::simd) static PLACES: [(usize, usize); 64] = {
     let mut places = [(0, 0); 64];
     let mut i = 0;
     while i < 64 {
@@ -42,7 +44,7 @@ pub fn transform_weights<T: Real + Send + Sync>(
     let mut packed = Packed::unwritten(level, N_FREQUENCIES, depth, weights.width(), memory);
     let len = N_FREQUENCIES * depth * packed.panel_width;
     for_each_block(packed.numbers_mut(), len, &|panel, to| {
-        level.run(TransformWeights { weights, panel, to });
+        T::transform_kernels(level, KernelTransform::Weights { weights, panel, to });
     });
     packed
 }
@@ -54,7 +56,7 @@ pub fn transform_weights<T: Real + Send + Sync>(
 pub fn transform_products<T: Real>(level: Level, products: &[T], stride: usize, to: &mut [T]) {
     let width = to.len() / N_FREQUENCIES;
     check_rows_of(products, 27, stride, width, to, N_FREQUENCIES);
-    level.run(TransformKernel::<T, false> { x: products, stride, width, to });
+    T::transform_kernels(level, KernelTransform::Products { x: products, stride, width, to });
 }
 
 /// Overwrites `to: [27, n]` with `Gᵀ` applied to `u`: 64 rows of `n`, `stride` apart.
@@ -64,7 +66,7 @@ pub fn transform_products<T: Real>(level: Level, products: &[T], stride: usize, 
 pub fn transform_weight_gradients<T: Real>(level: Level, u: &[T], stride: usize, to: &mut [T]) {
     let width = to.len() / 27;
     check_rows_of(u, N_FREQUENCIES, stride, width, to, 27);
-    level.run(TransformKernel::<T, true> { x: u, stride, width, to });
+    T::transform_kernels(level, KernelTransform::Gradients { x: u, stride, width, to });
 }
 
 fn check_rows_of<T>(x: &[T], n: usize, stride: usize, width: usize, to: &[T], n_to: usize) {
@@ -86,7 +88,7 @@ pub fn transform_inputs<T: Real>(
 ) {
     check_groups(groups, x.len(), depth);
     assert!(groups.len() <= n_rows && to.len() == N_FREQUENCIES * n_rows * depth, "frequencies");
-    level.run(TransformInputs { groups, x, depth, plane: n_rows * depth, to });
+    T::transform_inputs(level, InputTransform { groups, x, depth, plane: n_rows * depth, to });
 }
 
 /// Overwrites `to` with `A dy` for the children `dy: [8·n, width]` of some parents, laid out as by
@@ -102,7 +104,7 @@ pub fn transform_gradients<T: Real>(
 ) {
     assert!(width.is_multiple_of(CHANNELS) && dy.len().is_multiple_of(8 * width), "whole groups");
     assert!(dy.len() <= 8 * n_rows * width && to.len() == N_FREQUENCIES * n_rows * width);
-    level.run(TransformGradients { dy, width, plane: n_rows * width, to });
+    T::transform_gradients(level, GradientTransform { dy, width, plane: n_rows * width, to });
 }
 
 pub(super) fn check_groups(groups: &[[i32; 27]], len: usize, depth: usize) {
@@ -110,143 +112,375 @@ pub(super) fn check_groups(groups: &[[i32; 27]], len: usize, depth: usize) {
     assert!(len.is_multiple_of(8 * depth), "rows of the input");
     let n_rows = len / depth;
     let inside = |&first: &i32| usize::try_from(first).is_ok_and(|first| first + 8 <= n_rows);
-    assert!(groups.as_flattened().iter().all(|first| *first < 0 || inside(first)), "neighbours");
+    assert!(groups.as_flattened().iter().all(|first| *first < 0 || inside(first)), "neighbors");
 }
 
-struct TransformWeights<'a, 'b, T> {
-    weights: &'a Weights<'b, T>,
-    panel: usize,
-    to: &'a mut [T],
+/// `G`, or `Gᵀ` on the way back.
+pub enum KernelTransform<'a, 'b, T> {
+    /// `G w` of one panel.
+    Weights {
+        /// The weights.
+        weights: &'a Weights<'b, T>,
+        /// Which panel.
+        panel: usize,
+        /// `[64, depth, columns of a panel]`.
+        to: &'a mut [T],
+    },
+    /// `G` of 27 rows.
+    Products {
+        /// The rows.
+        x: &'a [T],
+        /// Numbers from row to row.
+        stride: usize,
+        /// Columns.
+        width: usize,
+        /// `[64, width]`.
+        to: &'a mut [T],
+    },
+    /// `Gᵀ` of 64 rows.
+    Gradients {
+        /// The rows.
+        x: &'a [T],
+        /// Numbers from row to row.
+        stride: usize,
+        /// Columns.
+        width: usize,
+        /// `[27, width]`.
+        to: &'a mut [T],
+    },
 }
 
-/// `G x`, or `Gᵀ x` on the way back.
-struct TransformKernel<'a, T, const BACK: bool> {
-    x: &'a [T],
-    stride: usize,
-    width: usize,
-    to: &'a mut [T],
+/// `Bᵀ x` of some groups.
+pub struct InputTransform<'a, T> {
+    pub(in crate::simd) groups: &'a [[i32; 27]],
+    pub(in crate::simd) x: &'a [T],
+    pub(in crate::simd) depth: usize,
+    /// Numbers from one frequency to the next.
+    pub(in crate::simd) plane: usize,
+    pub(in crate::simd) to: &'a mut [T],
 }
 
-struct TransformInputs<'a, T> {
-    groups: &'a [[i32; 27]],
-    x: &'a [T],
+/// `A dy` of the children of some parents.
+pub struct GradientTransform<'a, T> {
+    pub(in crate::simd) dy: &'a [T],
+    pub(in crate::simd) width: usize,
+    /// Numbers from one frequency to the next.
+    pub(in crate::simd) plane: usize,
+    pub(in crate::simd) to: &'a mut [T],
+}
+
+/// Memory of a transform, outside the kernel: a cube halfway, and where its nodes are.
+#[repr(align(64))]
+pub(in crate::simd) struct Work {
+    halfway: [MaybeUninit<f32>; 2 * 64 * MAX_LANES],
+    rows: [*const f32; 64],
+    exists: Exists,
+}
+
+/// Whether the 27 neighbors of some groups exist, 1 or 0, a lane per group.
+pub(in crate::simd) type Exists = [[f32; MAX_LANES]; 27];
+
+impl Work {
+    pub(in crate::simd) fn new() -> Self {
+        let halfway = [const { MaybeUninit::uninit() }; 2 * 64 * MAX_LANES];
+        Work { halfway, rows: [ZEROS.as_ptr(); 64], exists: [[0.0; MAX_LANES]; 27] }
+    }
+
+    /// The cube in vectors, the rows, and which neighbors exist.
+    #[inline(always)]
+    pub(super) fn parts<S: Simd>(
+        &mut self,
+        s: S,
+    ) -> (&mut Halfway<S::F32>, &mut [*const f32; 64], &mut Exists) {
+        let halfway: *mut Halfway<S::F32> = self.halfway.as_mut_ptr().cast();
+        // SAFETY: the memory is aligned and large enough for 128 vectors of any level, and belongs to
+        // `self`; it is written before it is lent.
+        let halfway = unsafe {
+            for i in 0..128 {
+                halfway.cast::<S::F32>().add(i).write(S::F32::splat(s, 0.0));
+            }
+            &mut *halfway
+        };
+        (halfway, &mut self.rows, &mut self.exists)
+    }
+}
+
+/// A missing node.
+static ZEROS: [f32; MAX_DEPTH] = [0.0; MAX_DEPTH];
+
+/// Numbers of up to one vector in the columns of a matrix.
+#[derive(Clone, Copy)]
+struct Chunk<const WHOLE: bool> {
+    first: usize,
+    n: usize,
+}
+
+impl<const WHOLE: bool> Chunk<WHOLE> {
+    /// # Safety
+    /// From `row` on there are `first + n` numbers, and `n` is the number of lanes if `WHOLE`.
+    #[inline(always)]
+    unsafe fn load<S: Simd>(self, s: S, row: *const f32) -> S::F32 {
+        // SAFETY: the caller's promise.
+        unsafe {
+            match WHOLE {
+                true => S::F32::load_ptr(s, row.add(self.first)),
+                false => S::F32::load_partial_ptr(s, row.add(self.first), self.n),
+            }
+        }
+    }
+
+    /// # Safety
+    /// As for [`Chunk::load`], for writing.
+    #[inline(always)]
+    unsafe fn store<S: Simd>(self, lanes: S::F32, row: *mut f32) {
+        // SAFETY: the caller's promise.
+        unsafe {
+            match WHOLE {
+                true => lanes.store_ptr(row.add(self.first)),
+                false => lanes.store_partial_ptr(row.add(self.first), self.n),
+            }
+        }
+    }
+}
+
+/// Calls `$body` with a chunk for every vector of columns, the last one perhaps not whole.
+macro_rules! for_each_chunk {
+    ($s:ty, $width:expr, |$chunk:ident| $body:expr) => {{
+        let (width, lanes) = ($width, <$s>::LANES);
+        for first in (0..width - width % lanes).step_by(lanes) {
+            let $chunk = Chunk::<true> { first, n: lanes };
+            $body
+        }
+        if width % lanes > 0 {
+            let $chunk = Chunk::<false> { first: width - width % lanes, n: width % lanes };
+            $body
+        }
+    }};
+}
+
+/// An [`InputTransform`] and its memory.
+pub(in crate::simd) struct InputKernel<'a>(pub InputTransform<'a, f32>, pub &'a mut Work);
+
+impl Kernel for InputKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        let InputKernel(InputTransform { groups, x, depth, plane, to }, work) = self;
+        let (halfway, rows, _) = work.parts(s);
+        for (i, group) in groups.iter().enumerate() {
+            find_rows(group, (x, depth), rows);
+            frequencies(s, halfway, rows, depth, plane, &mut to[i * depth..]);
+        }
+    }
+}
+
+/// Where the nodes of a cube are; [`check_groups`] holds for the group.
+#[inline(always)]
+pub(super) fn find_rows(
+    group: &[i32; 27],
+    (x, depth): (&[f32], usize),
+    rows: &mut [*const f32; 64],
+) {
+    for (row, (parent, child)) in rows.iter_mut().zip(&PLACES) {
+        *row = match usize::try_from(group[*parent]) {
+            Ok(first) => x[(first + child) * depth..][..depth].as_ptr(),
+            Err(_) => ZEROS.as_ptr(),
+        };
+    }
+}
+
+/// `Bᵀ x` of the group at `rows`, each of `depth` numbers; frequencies are `plane` apart.
+#[inline(always)]
+pub(super) fn frequencies<S: Simd>(
+    s: S,
+    halfway: &mut Halfway<S::F32>,
+    rows: &[*const f32; 64],
     depth: usize,
     plane: usize,
-    to: &'a mut [T],
+    to: &mut [f32],
+) {
+    assert!(to.len() >= (N_FREQUENCIES - 1) * plane + depth);
+    let to = to.as_mut_ptr();
+    // SAFETY: every row holds `depth` numbers, and so does every frequency, as asserted.
+    for_each_chunk!(S, depth, |chunk| unsafe {
+        each_axis::<_, 4, 4>(
+            halfway,
+            #[inline(always)]
+            |i| chunk.load(s, rows[i]),
+            #[inline(always)]
+            |along| input(along),
+            #[inline(always)]
+            |f, x| chunk.store::<S>(x, to.add(f * plane)),
+        );
+    });
 }
 
-struct TransformGradients<'a, T> {
-    dy: &'a [T],
-    width: usize,
-    plane: usize,
-    to: &'a mut [T],
-}
+/// A [`GradientTransform`] and its memory.
+pub(in crate::simd) struct GradientKernel<'a>(pub GradientTransform<'a, f32>, pub &'a mut Work);
 
-impl<T: Real> Tiled for TransformWeights<'_, '_, T> {
-    type Number = T;
+impl Kernel for GradientKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run_tiled<S: Simd, const M: usize, const N: usize>(self, simd: S) {
-        const AT_A_TIME: usize = 8;
-        let depth = self.weights.depth();
-        let to = self.to.as_chunks_mut::<N>().0;
-        let mut w = [[[T::default(); N]; AT_A_TIME]; 27];
-        let mut cubes = Cubes::<T, N>::new();
-        for p in passes(depth, AT_A_TIME) {
-            for (k, w) in w.iter_mut().enumerate() {
-                let mut rows = w.iter_mut();
-                self.weights.fill::<S, N>(simd, k, p.clone(), self.panel * N, |row| {
-                    if let Some(to) = rows.next() {
-                        *to = row;
-                    }
+    fn run<S: Simd>(self, s: S) {
+        let GradientKernel(GradientTransform { dy, width, plane, to }, work) = self;
+        let (halfway, ..) = work.parts(s);
+        let zero = S::F32::splat(s, 0.0);
+        for (i, dy) in dy.chunks_exact(8 * width).enumerate() {
+            let to = &mut to[i * width..];
+            assert!(to.len() >= (N_FREQUENCIES - 1) * plane + width);
+            let to = to.as_mut_ptr();
+            // SAFETY: `dy` has eight rows of `width` numbers, and every frequency one, as asserted.
+            for_each_chunk!(S, width, |chunk| unsafe {
+                each_axis::<_, 2, 4>(
+                    halfway,
+                    #[inline(always)]
+                    |child| chunk.load(s, dy.as_ptr().add(child * width)),
+                    #[inline(always)]
+                    |along| gradient(zero, along),
+                    #[inline(always)]
+                    |f, x| chunk.store::<S>(x, to.add(f * plane)),
+                );
+            });
+        }
+    }
+}
+
+/// Memory of [`KernelTransform::Weights`]: some rows of a panel for each offset.
+pub(in crate::simd) struct KernelRows([f32; 27 * MAX_LANES * MAX_COLUMNS]);
+
+/// A [`KernelTransform`] and its memory.
+pub(in crate::simd) struct KernelKernel<'a, 'b>(
+    pub KernelTransform<'a, 'b, f32>,
+    pub &'a mut Work,
+    pub &'a mut KernelRows,
+);
+
+impl KernelRows {
+    pub(in crate::simd) fn new() -> Self {
+        KernelRows([0.0; 27 * MAX_LANES * MAX_COLUMNS])
+    }
+}
+
+impl Kernel for KernelKernel<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        let KernelKernel(transform, work, kernel_rows) = self;
+        let (halfway, ..) = work.parts(s);
+        let half = S::F32::splat(s, 0.5);
+        match transform {
+            KernelTransform::Weights { weights, panel, to } => {
+                transform_panel(s, weights, panel, halfway, kernel_rows, to);
+            }
+            KernelTransform::Products { x, stride, width, to } => {
+                assert!(x.len() >= 26 * stride + width && to.len() >= N_FREQUENCIES * width);
+                let (x, to) = (x.as_ptr(), to.as_mut_ptr());
+                // SAFETY: there are 27 rows of `x` and 64 of `to`, as asserted.
+                for_each_chunk!(S, width, |chunk| unsafe {
+                    each_axis::<_, 3, 4>(
+                        halfway,
+                        #[inline(always)]
+                        |k| chunk.load(s, x.add(k * stride)),
+                        #[inline(always)]
+                        |along| kernel(half, along),
+                        #[inline(always)]
+                        |f, x| chunk.store::<S>(x, to.add(f * width)),
+                    );
                 });
             }
-            for (i, p) in p.enumerate() {
-                let all = cubes.each_axis(|k| Lanes(w[k][i]), kernel);
-                (0..N_FREQUENCIES).for_each(|f| to[f * depth + p] = all[f].0);
+            KernelTransform::Gradients { x, stride, width, to } => {
+                assert!(x.len() >= 63 * stride + width && to.len() >= 27 * width);
+                let (x, to) = (x.as_ptr(), to.as_mut_ptr());
+                // SAFETY: there are 64 rows of `x` and 27 of `to`, as asserted.
+                for_each_chunk!(S, width, |chunk| unsafe {
+                    each_axis::<_, 4, 3>(
+                        halfway,
+                        #[inline(always)]
+                        |f| chunk.load(s, x.add(f * stride)),
+                        #[inline(always)]
+                        |along| kernel_gradient(half, along),
+                        #[inline(always)]
+                        |k, x| chunk.store::<S>(x, to.add(k * width)),
+                    );
+                });
             }
         }
     }
 }
 
-impl<T: Real, const BACK: bool> Kernel for TransformKernel<'_, T, BACK> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let TransformKernel { x, stride, width, to } = self;
-        let mut cubes = Cubes::<T, CHANNELS>::new();
-        for c in (0..width).step_by(CHANNELS) {
-            let row = |i: usize| Lanes::of(x, i * stride + c);
-            let all = match BACK {
-                false => &cubes.each_axis(row, kernel)[..],
-                true => &cubes.each_axis(row, kernel_gradient)[..27],
-            };
-            all.iter().enumerate().for_each(|(i, x)| x.put(to, i * width + c));
-        }
-    }
-}
-
-impl<T: Real> Kernel for TransformInputs<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let TransformInputs { groups, x, depth, plane, to } = self;
-        let mut cubes = Cubes::new();
-        for (i, group) in groups.iter().enumerate() {
-            frequencies(&mut cubes, group, (x, depth), plane, &mut to[i * depth..]);
-        }
-    }
-}
-
-/// `Bᵀ x` of one group; frequencies are `plane` apart.
+/// `G w` of one panel: `to: [64, depth, columns of a panel]`.
 #[inline(always)]
-pub(super) fn frequencies<T: Real>(
-    cubes: &mut Cubes<T, CHANNELS>,
-    group: &[i32; 27],
-    (x, depth): (&[T], usize),
-    plane: usize,
-    to: &mut [T],
+fn transform_panel<S: Simd>(
+    s: S,
+    weights: &Weights<f32>,
+    panel: usize,
+    halfway: &mut Halfway<S::F32>,
+    KernelRows(w): &mut KernelRows,
+    to: &mut [f32],
 ) {
-    let missing = &[T::default(); MAX_DEPTH][..depth];
-    let mut rows: [&[T]; 64] = [missing; 64];
-    for (row, (parent, child)) in rows.iter_mut().zip(&PLACES) {
-        if let Ok(first) = usize::try_from(group[*parent]) {
-            *row = &x[(first + child) * depth..][..depth];
+    let (depth, n_columns, half) = (weights.depth(), columns::<S>(), S::F32::splat(s, 0.5));
+    assert!(to.len() >= N_FREQUENCIES * depth * n_columns);
+    for p in passes(depth, S::LANES) {
+        for k in 0..27 {
+            let rows = &mut w[k * S::LANES * n_columns..][..p.len() * n_columns];
+            weights.copy_panel(s, k, p.clone(), panel * n_columns, uninit(rows));
         }
-    }
-    for c in (0..depth).step_by(CHANNELS) {
-        let node = |i: usize| Lanes::of(rows[i], c);
-        let all = cubes.each_axis::<4, 4>(node, input);
-        all.iter().enumerate().for_each(|(f, x)| x.put(to, f * plane + c));
-    }
-}
-
-impl<T: Real> Kernel for TransformGradients<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let TransformGradients { dy, width, plane, to } = self;
-        let mut cubes = Cubes::<T, CHANNELS>::new();
-        for (i, dy) in dy.chunks_exact(8 * width).enumerate() {
-            for c in (0..width).step_by(CHANNELS) {
-                let all = cubes.each_axis(|child| Lanes::of(dy, child * width + c), gradient);
-                all.iter().enumerate().for_each(|(f, x)| x.put(to, f * plane + i * width + c));
+        for (i, p) in p.enumerate() {
+            for v in 0..WIDTH {
+                let (from, at) = (i * n_columns + v * S::LANES, p * n_columns + v * S::LANES);
+                let (w, to) = (w.as_ptr(), to.as_mut_ptr());
+                // SAFETY: `w` has a row of the panel for each offset and index, and `to` for each frequency and
+                // row of the weights, as asserted.
+                unsafe {
+                    each_axis::<_, 3, 4>(
+                        halfway,
+                        #[inline(always)]
+                        |k| S::F32::load_ptr(s, w.add(k * S::LANES * n_columns + from)),
+                        #[inline(always)]
+                        |along| kernel(half, along),
+                        #[inline(always)]
+                        |f, x: S::F32| x.store_ptr(to.add(f * depth * n_columns + at)),
+                    );
+                }
             }
         }
     }
 }
 
-/// `Bᵀ 1` of some groups: what the frequencies of constant inputs are multiplied by.
+/// `Bᵀ 1` of some groups, as many at a time as a vector has lanes: what the frequencies of constant inputs are
+/// multiplied by. Frequencies are `plane ≥ groups.len()` apart.
 #[inline(always)]
-pub(super) fn frequencies_of_ones<T: Real>(groups: &[[i32; 27]], plane: usize, to: &mut [T]) {
-    let mut cubes = Cubes::<f32, 1>::new();
-    for (i, group) in groups.iter().enumerate() {
-        let node = |node: usize| Lanes([if group[PLACES[node].0] < 0 { 0.0 } else { 1.0 }]);
-        let all = cubes.each_axis::<4, 4>(node, input);
-        all.iter().enumerate().for_each(|(f, x)| to[f * plane + i] = T::from_f32(x.0[0]));
+pub(super) fn frequencies_of_ones<S: Simd>(
+    s: S,
+    halfway: &mut Halfway<S::F32>,
+    exists: &mut Exists,
+    groups: &[[i32; 27]],
+    plane: usize,
+    to: &mut [f32],
+) {
+    assert!(to.len() >= (N_FREQUENCIES - 1) * plane + groups.len());
+    for (i, groups) in groups.chunks(S::LANES).enumerate() {
+        for (k, exists) in exists.iter_mut().enumerate() {
+            for (lane, exists) in exists[..S::LANES].iter_mut().enumerate() {
+                let there = groups.get(lane).is_some_and(|group| group[k] >= 0);
+                *exists = if there { 1.0 } else { 0.0 };
+            }
+        }
+        let to = to[i * S::LANES..].as_mut_ptr();
+        // SAFETY: every frequency has a place for each group, as asserted.
+        unsafe {
+            each_axis::<_, 4, 4>(
+                halfway,
+                #[inline(always)]
+                |node| S::F32::load(s, &exists[PLACES[node].0]),
+                #[inline(always)]
+                |along| input(along),
+                #[inline(always)]
+                |f, x: S::F32| x.store_partial_ptr(to.add(f * plane), groups.len()),
+            );
+        }
     }
 }

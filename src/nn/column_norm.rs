@@ -1,27 +1,46 @@
-//! Rows normalised column by column, with what follows.
+//! Rows normalized column by column, and the activation that follows in the same pass over memory.
 
-use super::super::rows;
+use super::rows;
 use crate::scalar::{Scalar, vectorised};
 
-/// What follows a normalisation, in the same pass over memory.
+/// What follows a normalization.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::nn) enum Finish<'a, T> {
+pub enum Activation<'a, T> {
     /// `y`.
-    Nothing,
+    Identity,
     /// `max(y, 0)`.
     Relu,
     /// `max(y + other, 0)`, `other` as large as `y`.
     ReluOfSum(&'a [T]),
 }
 
-/// What normalises each column: `y = (x - mean) · factor + bias`.
-pub(in crate::nn) struct Columns<W> {
+/// What a linear operator does to each block of its output rows as soon as they are done.
+#[derive(Debug, Clone, Copy)]
+pub enum Epilogue<'a, T> {
+    /// Nothing.
+    Identity,
+    /// Normalization with known statistics, and an activation.
+    Normalize(&'a ColumnNorm<T>, Activation<'a, T>),
+}
+
+impl<T: Scalar> Epilogue<'_, T> {
+    /// Treats some rows; `first` is the number of their first one.
+    pub(super) fn apply(&self, first: usize, rows: &mut [T]) {
+        if let Epilogue::Normalize(norm, activation) = *self {
+            norm.apply(first, activation, rows);
+        }
+    }
+}
+
+/// What normalizes each column: `y = (x - mean) · factor + bias`.
+#[derive(Debug, Clone)]
+pub struct ColumnNorm<W> {
     pub(super) mean: Vec<W>,
     pub(super) factor: Vec<W>,
     pub(super) bias: Vec<W>,
 }
 
-/// One of [`Columns`].
+/// One column of a [`ColumnNorm`].
 #[derive(Clone, Copy)]
 pub(super) struct Column<W> {
     pub(super) mean: W,
@@ -41,47 +60,46 @@ impl<W: Scalar> Column<W> {
     }
 }
 
-impl<W: Scalar> Columns<W> {
+impl<W: Scalar> ColumnNorm<W> {
     #[inline(always)]
     pub(super) fn iter(&self) -> impl Iterator<Item = Column<W>> + '_ {
         let columns = self.mean.iter().zip(&self.factor).zip(&self.bias);
         columns.map(|((&mean, &factor), &bias)| Column { mean, factor, bias })
     }
 
-    /// Normalises some rows in place; `first` is the number of their first one.
-    pub(in crate::nn) fn apply<T: Scalar>(&self, first: usize, finish: Finish<T>, rows: &mut [T]) {
+    /// Normalizes some rows in place; `first` is the number of their first one.
+    pub(super) fn apply<T: Scalar>(&self, first: usize, activation: Activation<T>, rows: &mut [T]) {
         vectorised(
             #[inline(always)]
             || {
                 for (i, y) in rows.chunks_exact_mut(self.mean.len()).enumerate() {
-                    self.apply_to_row(first + i, finish, y);
+                    self.apply_to_row(first + i, activation, y);
                 }
             },
         );
     }
 
-    /// Normalises `x` into `y`.
-    pub(super) fn apply_to<T: Scalar>(&self, x: &[T], finish: Finish<T>, y: &mut Vec<T>) {
+    /// Normalizes `x` into `y`.
+    pub(super) fn apply_to<T: Scalar>(&self, x: &[T], activation: Activation<T>, y: &mut [T]) {
         let c = self.mean.len();
-        y.resize(x.len(), T::ZERO);
         rows::for_each_row(
             y,
             c,
             #[inline(always)]
             |row, y| {
                 y.copy_from_slice(&x[row * c..][..c]);
-                self.apply_to_row(row, finish, y);
+                self.apply_to_row(row, activation, y);
             },
         );
     }
 
-    /// Normalises all rows in place.
-    pub(super) fn apply_in_place<T: Scalar>(&self, finish: Finish<T>, x: &mut [T]) {
+    /// Normalizes all rows in place.
+    pub(super) fn apply_in_place<T: Scalar>(&self, activation: Activation<T>, x: &mut [T]) {
         rows::for_each_row(
             x,
             self.mean.len(),
             #[inline(always)]
-            |row, x| self.apply_to_row(row, finish, x),
+            |row, x| self.apply_to_row(row, activation, x),
         );
     }
 
@@ -116,16 +134,16 @@ impl<W: Scalar> Columns<W> {
     }
 
     #[inline(always)]
-    fn apply_to_row<T: Scalar>(&self, row: usize, finish: Finish<T>, y: &mut [T]) {
-        let other = match finish {
-            Finish::ReluOfSum(other) => &other[row * y.len()..][..y.len()],
+    fn apply_to_row<T: Scalar>(&self, row: usize, activation: Activation<T>, y: &mut [T]) {
+        let other = match activation {
+            Activation::ReluOfSum(other) => &other[row * y.len()..][..y.len()],
             _ => &[],
         };
         let columns = y.iter_mut().zip(self.iter());
-        match finish {
-            Finish::Nothing => columns.for_each(|(y, column)| *y = column.of(*y)),
-            Finish::Relu => columns.for_each(|(y, column)| *y = column.of(*y).max(T::ZERO)),
-            Finish::ReluOfSum(_) => columns.zip(other).for_each(|((y, column), &other)| {
+        match activation {
+            Activation::Identity => columns.for_each(|(y, column)| *y = column.of(*y)),
+            Activation::Relu => columns.for_each(|(y, column)| *y = column.of(*y).max(T::ZERO)),
+            Activation::ReluOfSum(_) => columns.zip(other).for_each(|((y, column), &other)| {
                 *y = (column.of(*y) + other).max(T::ZERO);
             }),
         }
