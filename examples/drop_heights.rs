@@ -17,8 +17,8 @@ use deepmill::geom::weld::DEFAULT_TOLERANCE;
 use std::io::Write;
 use std::path::Path;
 
-/// Small enough to change nothing, and not 0, which would be meaningless for labels.
-const TOLERANCE_MM: f64 = 1e-9;
+/// The tools are shrunk by this, or every tangent wall would be a knife edge.
+const TOLERANCE_MM: f64 = 0.01;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();

@@ -19,6 +19,7 @@ import opencamlib as ocl
 
 TOOLS = [("1,20,5,20", 1.0), ("1.5,6,40,5", 1.5), ("2,2,9,5", 0.5), ("1.5,10,10,10", 0.0)]
 LENGTH_MM, FLOOR_MM, SPINDLE_MM = 1000.0, -1e4, 4e3
+TOLERANCE_MM = 0.01  # as in examples/drop_heights.rs: on both sides tools are shrunk by it
 
 
 def read_binary_stl(path):
@@ -36,11 +37,13 @@ def basis(w):
 
 
 def tip_cutter(cr, corner):
+    """The cutter, and the height of the reference point above its lower end."""
+    radius = cr - TOLERANCE_MM
     if corner == cr:
-        return ocl.BallCutter(2 * cr, LENGTH_MM)
+        return ocl.BallCutter(2 * radius, LENGTH_MM), radius
     if corner == 0:
-        return ocl.CylCutter(2 * cr, LENGTH_MM)
-    return ocl.BullCutter(2 * cr, corner, LENGTH_MM)
+        return ocl.CylCutter(2 * radius, LENGTH_MM), -TOLERANCE_MM
+    return ocl.BullCutter(2 * radius, corner - TOLERANCE_MM, LENGTH_MM), corner - TOLERANCE_MM
 
 
 def drop(surface, cutter, points):
@@ -75,12 +78,15 @@ def compare(path, lengths, corner, n_points, n_directions):
         for a, b, c in triangles @ frame.T:
             surface.addTriangle(ocl.Triangle(ocl.Point(*a), ocl.Point(*b), ocl.Point(*c)))
         at = group[:, 3:6] @ frame.T
-        tip = drop(surface, tip_cutter(cr, corner), at)
-        tip_raise = np.where(tip > FLOOR_MM, tip + corner - at[:, 2], -np.inf)
+        cutter, lift = tip_cutter(cr, corner)
+        tip = drop(surface, cutter, at)
+        tip_raise = np.where(tip > FLOOR_MM, tip + lift - at[:, 2], -np.inf)
         step_raise = np.full(len(at), -np.inf)
         for height, radius in steps:
-            z = drop(surface, ocl.CylCutter(2 * radius, LENGTH_MM), at)
-            step_raise = np.maximum(step_raise, np.where(z > FLOOR_MM, z - height - at[:, 2], -np.inf))
+            cylinder = ocl.CylCutter(2 * (radius - TOLERANCE_MM), LENGTH_MM)
+            z = drop(surface, cylinder, at) - height - TOLERANCE_MM
+            z = np.where(z > 0.5 * FLOOR_MM, z - at[:, 2], -np.inf)
+            step_raise = np.maximum(step_raise, z)
         for ours, theirs in [(group[:, 6], tip_raise), (group[:, 7], step_raise)]:
             same = ours == theirs  # both -inf
             differences.append(np.where(same, 0.0, np.abs(ours - theirs)))
