@@ -17,8 +17,12 @@ pub struct Confusion {
 }
 
 impl Confusion {
-    /// Counts of predicted against true labels; surplus entries of the longer list are left out.
+    /// Counts of predicted against true labels.
+    ///
+    /// # Panics
+    /// If the lists differ in length.
     pub fn of_labels(predicted: &[bool], truth: &[bool]) -> Self {
+        check_lengths("true labels", truth.len(), predicted.len());
         let mut counts = Confusion::default();
         for (p, t) in predicted.iter().zip(truth) {
             counts.add(*p, *t);
@@ -27,7 +31,12 @@ impl Confusion {
     }
 
     /// As [`Confusion::of_labels`], each entry counted `weight` times.
+    ///
+    /// # Panics
+    /// If the lists differ in length.
     pub fn weighted(predicted: &[bool], truth: &[bool], weights: &[u64]) -> Self {
+        check_lengths("true labels", truth.len(), predicted.len());
+        check_lengths("weights", weights.len(), predicted.len());
         let mut counts = Confusion::default();
         for ((p, t), weight) in predicted.iter().zip(truth).zip(weights) {
             counts.count(*p, *t, *weight);
@@ -37,7 +46,11 @@ impl Confusion {
 
     /// Counts of the greater of two logits (`[n, 2]`; the first of equal ones) against classes; "yes" is
     /// class `positive`.
+    ///
+    /// # Panics
+    /// If there are not two logits for each target.
     pub fn of_logits<T: PartialOrd>(logits: &[T], targets: &[u8], positive: u8) -> Self {
+        assert_eq!(logits.len(), 2 * targets.len(), "two logits for each target");
         let mut counts = Confusion::default();
         for (row, target) in logits.as_chunks::<2>().0.iter().zip(targets) {
             counts.add(u8::from(row[1] > row[0]) == positive, *target == positive);
@@ -102,6 +115,10 @@ impl Confusion {
     }
 }
 
+fn check_lengths(what: &str, found: usize, predicted: usize) {
+    assert_eq!(found, predicted, "{found} {what} for {predicted} predictions");
+}
+
 fn ratio(a: u64, b: u64) -> f64 {
     if b == 0 { 1.0 } else { a as f64 / b as f64 }
 }
@@ -159,5 +176,23 @@ mod tests {
         let none = Confusion::of_labels(&[false; 5], &[false; 5]);
         assert_eq!((none.f1(), none.iou(), none.accuracy()), (1.0, 1.0, 1.0));
         assert_eq!(Confusion::default().accuracy(), 1.0);
+    }
+
+    #[test]
+    #[should_panic(expected = "2 true labels for 3 predictions")]
+    fn labels_of_another_number_of_sites_are_refused() {
+        Confusion::of_labels(&[true; 3], &[true; 2]);
+    }
+
+    #[test]
+    #[should_panic(expected = "4 weights for 3 predictions")]
+    fn weights_of_another_number_of_sites_are_refused() {
+        Confusion::weighted(&[true; 3], &[true; 3], &[1; 4]);
+    }
+
+    #[test]
+    #[should_panic(expected = "two logits for each target")]
+    fn logits_of_another_number_of_targets_are_refused() {
+        Confusion::of_logits(&[0.0; 5], &[1, 0], 0);
     }
 }

@@ -7,7 +7,7 @@
 use super::predicate;
 use crate::cutter::Cutter;
 use crate::geom::Sites;
-use crate::geom::grid::Grid;
+use crate::spatial::PointGrid;
 use crate::{Error, Result, par};
 use glam::Vec3;
 
@@ -37,7 +37,7 @@ pub fn gouges(
         let found = format!("{} normals for {} sites", sites.normals.len(), sites.len());
         return Err(Error::geometry("sites", found, "give every site its outward unit normal"));
     }
-    let grid = Grid::new(obstacles);
+    let grid = PointGrid::new(obstacles);
     let reach = (corner - tolerance_mm) as f32;
     let blocks = par::map_blocks(sites.len(), BLOCK, |range| {
         let inside = |i: usize| {

@@ -1,13 +1,18 @@
 //! Batch normalization (Ioffe and Szegedy 2015) over all rows of a batch.
 
 use super::arena::Buffer;
-use super::column_norm::{Activation, ColumnNorm, cast};
+use super::column_norm::{Activation, ColumnNorm};
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::params::{Init, Layout};
 use super::pass::{Backward, Inference, Training};
 use super::rows;
+use crate::par;
 use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::normalize::{
+    BackwardApply, BackwardRows, BackwardSums, backward_apply, backward_sums,
+};
 use std::ops::Range;
 
 /// Added to the variance.
@@ -43,6 +48,15 @@ pub struct Statistics {
     from_batch: bool,
 }
 
+/// How gradients go back.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    /// `dy` is that of a ReLU after the norm: it passes where the output, computed again, is positive.
+    relu: bool,
+    /// `dx` takes the place of `dy`, not of `x`.
+    over_dy: bool,
+}
+
 impl BatchNorm {
     /// Appends `{name}.weight`, `{name}.bias` and the buffers `{name}.running_mean`,
     /// `{name}.running_var` and `{name}.num_batches_tracked`.
@@ -73,34 +87,20 @@ impl BatchNorm {
         if x.len() > self.c { self.measure_batch(buffers, x) } else { self.running(buffers) }
     }
 
-    /// Normalizes `x: [n, c]` into `y` with the statistics in `statistics`.
+    /// Normalizes `x: [n, c]`, or `y` where there is none, into `y` with the statistics in `statistics`.
     pub(super) fn normalize<T: Scalar>(
         &self,
         params: &[T],
-        x: &[T],
         statistics: &Statistics,
+        x: Option<&[T]>,
         activation: Activation<T>,
         y: &mut [T],
     ) {
-        match x.len() / self.c {
-            0..=FEW_ROWS => self.columns::<T, f64>(params, statistics).apply_to(x, activation, y),
-            _ => self.columns::<T, T>(params, statistics).apply_to(x, activation, y),
-        }
-    }
-
-    /// [`BatchNorm::normalize`] with the statistics in `statistics`, in place.
-    pub(super) fn normalize_in_place<T: Scalar>(
-        &self,
-        params: &[T],
-        statistics: &Statistics,
-        activation: Activation<T>,
-        x: &mut [T],
-    ) {
-        match x.len() / self.c {
+        match y.len() / self.c {
             0..=FEW_ROWS => {
-                self.columns::<T, f64>(params, statistics).apply_in_place(activation, x)
+                self.columns::<T, f64>(params, statistics).apply_wide(x, activation, y);
             }
-            _ => self.columns::<T, T>(params, statistics).apply_in_place(activation, x),
+            _ => self.columns::<T, T>(params, statistics).apply(x, activation, y),
         }
     }
 
@@ -114,118 +114,94 @@ impl BatchNorm {
         dy: &[T],
         relu: bool,
     ) -> Buffer<T> {
-        let (params, over) = (pass.params, (dy, &mut x[..]));
-        match relu {
-            true => self.backward_over::<T, true, true>(params, statistics, over, pass.grads),
-            false => self.backward_over::<T, false, true>(params, statistics, over, pass.grads),
-        }
+        let way = Way { relu, over_dy: false };
+        self.backward_over(pass, statistics, way, (dy, &mut x[..]));
         x
     }
 
     /// With `x̂ = (x - mean) · inv_std`: `dbias = Σ dy`, `dweight = Σ dy x̂`, and
     /// `dx = weight · inv_std · (dy - dbias / n - x̂ dweight / n)`; the two means vanish when the
-    /// statistics did not come from the batch.
-    ///
-    /// `over` holds `x` if `INPUT`, else `dy`, and becomes `dx`; `read` is the other one. With `RELU`, `dy` is that
-    /// of `max(y, 0)` and passes where `y`, computed again from `x`, is positive.
-    fn backward_over<T: Scalar, const RELU: bool, const INPUT: bool>(
+    /// statistics did not come from the batch. `over` becomes `dx`, `read` is the other one of `x` and `dy`.
+    fn backward_over<T: Scalar>(
         &self,
-        params: &[T],
+        pass: &mut Backward<T>,
         statistics: &Statistics,
+        way: Way,
         (read, over): (&[T], &mut [T]),
-        grads: &mut [T],
     ) {
-        match read.len() / self.c {
-            0..=FEW_ROWS => {
-                self.backward_as::<T, f64, RELU, INPUT>(params, statistics, (read, over), grads);
-            }
-            _ => self.backward_as::<T, T, RELU, INPUT>(params, statistics, (read, over), grads),
-        }
-    }
-
-    fn backward_as<T: Scalar, W: Scalar, const RELU: bool, const INPUT: bool>(
-        &self,
-        params: &[T],
-        statistics: &Statistics,
-        (read, over): (&[T], &mut [T]),
-        grads: &mut [T],
-    ) {
-        let (c, n_rows) = (self.c, read.len() / self.c);
-        let columns = self.columns::<T, W>(params, statistics);
-        let inv_std: Vec<W> = statistics.inv_std.iter().copied().map(cast).collect();
-        let (x, d): (&[T], &[T]) = if INPUT { (over, read) } else { (read, over) };
-        let [dweight, dbias] = rows::column_sums(
-            0..n_rows,
-            c,
-            #[inline(always)]
-            |row, [dweight, dbias]| {
-                let (x, dy) = (&x[row * c..][..c], &d[row * c..][..c]);
-                let sums = inv_std.iter().zip(dweight.iter_mut().zip(dbias));
-                for (((&x, &dy), column), (&inv_std, (dweight, dbias))) in
-                    x.iter().zip(dy).zip(columns.iter()).zip(sums)
-                {
-                    let dy = if RELU && !column.is_positive(x) { T::ZERO } else { dy };
-                    let x_hat = (cast::<T, W>(x) - column.mean) * inv_std;
-                    *dweight += (x_hat * cast(dy)).to_f64();
-                    *dbias += dy.to_f64();
-                }
-            },
-        );
+        let n_rows = read.len() / self.c;
         let share = if statistics.from_batch { 1.0 / n_rows as f64 } else { 0.0 };
-        let mean_of = |sums: &[f64]| sums.iter().map(|s| W::from_f64(s * share)).collect();
-        let (mean_dweight, mean_dbias): (Vec<W>, Vec<W>) = (mean_of(&dweight), mean_of(&dbias));
-        rows::for_each_row(
-            over,
-            c,
-            #[inline(always)]
-            |row, over| {
-                let read = &read[row * c..][..c];
-                let means = inv_std.iter().zip(&mean_dbias).zip(&mean_dweight);
-                for (((over, &read), column), ((&inv_std, &dbias), &dweight)) in
-                    over.iter_mut().zip(read).zip(columns.iter()).zip(means)
-                {
-                    let (x, dy) = if INPUT { (*over, read) } else { (read, *over) };
-                    let dy = if RELU && !column.is_positive(x) { T::ZERO } else { dy };
-                    let x_hat = (cast::<T, W>(x) - column.mean) * inv_std;
-                    *over = cast(column.factor * (cast::<T, W>(dy) - dbias - x_hat * dweight));
-                }
-            },
-        );
-        for j in 0..c {
-            grads[self.weight.start + j] += T::from_f64(dweight[j]);
-            grads[self.bias.start + j] += T::from_f64(dbias[j]);
+        let [dweight, dbias] = match n_rows {
+            0..=FEW_ROWS => self.backward_wide(pass.params, statistics, way, share, (read, over)),
+            _ => self.backward_rows(pass.params, statistics, way, share, (read, over)),
+        };
+        for j in 0..self.c {
+            pass.grads[self.weight.start + j] += T::from_f64(dweight[j]);
+            pass.grads[self.bias.start + j] += T::from_f64(dbias[j]);
         }
     }
 
-    /// Turns `y` into `max(norm(x) + y, 0)`.
-    pub(super) fn add_to_and_rectify<T: Scalar>(
+    /// Gradients of weight and bias; `share` of them is their mean over the rows.
+    fn backward_rows<T: Scalar>(
         &self,
         params: &[T],
-        x: &[T],
         statistics: &Statistics,
-        y: &mut [T],
-    ) {
-        match x.len() / self.c {
-            0..=FEW_ROWS => self.columns::<T, f64>(params, statistics).add_to_and_rectify(x, y),
-            _ => self.columns::<T, T>(params, statistics).add_to_and_rectify(x, y),
-        }
+        way: Way,
+        share: f64,
+        (read, over): (&[T], &mut [T]),
+    ) -> [Vec<f64>; 2] {
+        let c = self.c;
+        let norm = self.columns::<T, T>(params, statistics);
+        let inv_std: Vec<T> = statistics.inv_std.iter().copied().map(T::from_f64).collect();
+        let how = BackwardRows { columns: norm.columns(), inv_std: &inv_std, relu: way.relu };
+        let (x, dy): (&[T], &[T]) = if way.over_dy { (read, over) } else { (over, read) };
+        let sums = rows::column_sums(0..x.len() / c, c, |block, sums| {
+            let block = block.start * c..block.end * c;
+            let (x, dy) = (&x[block.clone()], &dy[block]);
+            backward_sums(Level::active(), BackwardSums { rows: how, x, dy, sums });
+        });
+        let mean = |sums: &Vec<f64>| sums.iter().map(|s| T::from_f64(s * share)).collect();
+        let means: [Vec<T>; 2] = sums.each_ref().map(mean);
+        let len = rows::BLOCK_ROWS * c;
+        par::for_each_block(over, len, |i, over| {
+            let (read, means) = (&read[i * len..][..over.len()], means.each_ref().map(|m| &m[..]));
+            let over_dy = way.over_dy;
+            backward_apply(
+                Level::active(),
+                BackwardApply { rows: how, means, over_dy, read, over },
+            );
+        });
+        sums
     }
 
-    /// Leaves of `d`, the gradient of `max(norm(x) + other, 0)`, what passes the ReLU.
-    pub(super) fn pass_relu_of_sum<T: Scalar>(
+    /// [`BatchNorm::backward_rows`] computed in f64, for few rows.
+    fn backward_wide<T: Scalar>(
         &self,
         params: &[T],
-        x: &[T],
         statistics: &Statistics,
-        other: &[T],
-        d: &mut [T],
-    ) {
-        match x.len() / self.c {
-            0..=FEW_ROWS => {
-                self.columns::<T, f64>(params, statistics).pass_relu_of_sum(x, other, d)
-            }
-            _ => self.columns::<T, T>(params, statistics).pass_relu_of_sum(x, other, d),
+        way: Way,
+        share: f64,
+        (read, over): (&[T], &mut [T]),
+    ) -> [Vec<f64>; 2] {
+        let (c, norm) = (self.c, self.columns::<T, f64>(params, statistics));
+        let at = |i: usize, over: &[T]| {
+            let (x, dy) = if way.over_dy { (read[i], over[i]) } else { (over[i], read[i]) };
+            let passes = !way.relu || norm.at(i, x) > T::ZERO;
+            let x_hat = (x.to_f64() - norm.mean[i % c]) * statistics.inv_std[i % c];
+            (x_hat, if passes { dy.to_f64() } else { 0.0 })
+        };
+        let [mut dweight, mut dbias] = [vec![0.0; c], vec![0.0; c]];
+        for i in 0..over.len() {
+            let (x_hat, dy) = at(i, over);
+            dweight[i % c] += x_hat * dy;
+            dbias[i % c] += dy;
         }
+        for i in 0..over.len() {
+            let (j, (x_hat, dy)) = (i % c, at(i, over));
+            let centred = dy - dbias[j] * share - x_hat * (dweight[j] * share);
+            over[i] = T::from_f64(norm.factor[j] * centred);
+        }
+        [dweight, dbias]
     }
 
     /// Factor and summand per column that inference applies: `y = x · factor + summand`.
@@ -272,11 +248,12 @@ impl BatchNorm {
         statistics: &Statistics,
     ) -> ColumnNorm<W> {
         let weight = &params[self.weight.clone()];
-        let factor = |(&w, &s): (&T, &f64)| cast::<T, W>(w) * W::from_f64(s);
+        let cast = |x: &T| W::from_f64(x.to_f64());
+        let factor = |(w, &s): (&T, &f64)| cast(w) * W::from_f64(s);
         ColumnNorm {
-            mean: statistics.mean.iter().copied().map(cast).collect(),
+            mean: statistics.mean.iter().copied().map(W::from_f64).collect(),
             factor: weight.iter().zip(&statistics.inv_std).map(factor).collect(),
-            bias: params[self.bias.clone()].iter().copied().map(cast).collect(),
+            bias: params[self.bias.clone()].iter().map(cast).collect(),
         }
     }
 }
@@ -294,7 +271,7 @@ impl<T: Scalar> Layer<T> for BatchNorm {
         self.check(&x);
         let mut y = x.copied(pass.arena);
         let norm = self.inference(pass.params, pass.buffers);
-        norm.apply_in_place(Activation::Identity, &mut y);
+        norm.apply(None, Activation::Identity, &mut y);
         y
     }
 
@@ -308,7 +285,7 @@ impl<T: Scalar> Layer<T> for BatchNorm {
         self.check(&x);
         let (x, mut y) = (x.to_matrix(pass.arena), pass.arena.get(x.n_rows() * self.c));
         let statistics = self.measure(pass.buffers, &x);
-        self.normalize(pass.params, &x, &statistics, Activation::Identity, &mut y);
+        self.normalize(pass.params, &statistics, Some(&x), Activation::Identity, &mut y);
         (y, statistics)
     }
 
@@ -323,8 +300,8 @@ impl<T: Scalar> Layer<T> for BatchNorm {
         self.check(&x);
         let matrix = x.to_matrix(pass.arena);
         assert_eq!(dy.len(), matrix.len(), "rows of the gradient and of x differ");
-        let over = (&*matrix, &mut dy[..]);
-        self.backward_over::<T, false, false>(pass.params, &statistics, over, pass.grads);
+        let way = Way { relu: false, over_dy: true };
+        self.backward_over(pass, &statistics, way, (&matrix, &mut dy));
         OperandGradient::of_matrix(pass.arena, x, dy)
     }
 }

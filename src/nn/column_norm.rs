@@ -1,18 +1,12 @@
 //! Rows normalized column by column, and the activation that follows in the same pass over memory.
 
-use super::rows;
-use crate::scalar::{Scalar, vectorised};
-
-/// What follows a normalization.
-#[derive(Debug, Clone, Copy)]
-pub enum Activation<'a, T> {
-    /// `y`.
-    Identity,
-    /// `max(y, 0)`.
-    Relu,
-    /// `max(y + other, 0)`, `other` as large as `y`.
-    ReluOfSum(&'a [T]),
-}
+use super::rows::BLOCK_ROWS;
+use crate::par;
+use crate::scalar::Scalar;
+use crate::simd::Level;
+pub use crate::simd::normalize::Activation;
+use crate::simd::normalize::{Columns, NormalizeRows, normalize};
+use std::ops::Range;
 
 /// What a linear operator does to each block of its output rows as soon as they are done.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +21,8 @@ impl<T: Scalar> Epilogue<'_, T> {
     /// Treats some rows; `first` is the number of their first one.
     pub(super) fn apply(&self, first: usize, rows: &mut [T]) {
         if let Epilogue::Normalize(norm, activation) = *self {
-            norm.apply(first, activation, rows);
+            let start = first * norm.mean.len();
+            norm.apply_to_block(start..start + rows.len(), None, activation, rows);
         }
     }
 }
@@ -40,116 +35,64 @@ pub struct ColumnNorm<W> {
     pub(super) bias: Vec<W>,
 }
 
-/// One column of a [`ColumnNorm`].
-#[derive(Clone, Copy)]
-pub(super) struct Column<W> {
-    pub(super) mean: W,
-    pub(super) factor: W,
-    bias: W,
-}
-
-impl<W: Scalar> Column<W> {
-    #[inline(always)]
-    fn of<T: Scalar>(self, x: T) -> T {
-        cast((cast::<T, W>(x) - self.mean) * self.factor + self.bias)
-    }
-
-    #[inline(always)]
-    pub(super) fn is_positive<T: Scalar>(self, x: T) -> bool {
-        self.of(x) > T::ZERO
+impl<W> ColumnNorm<W> {
+    pub(super) fn columns(&self) -> Columns<'_, W> {
+        Columns { mean: &self.mean, factor: &self.factor, bias: &self.bias }
     }
 }
 
-impl<W: Scalar> ColumnNorm<W> {
-    #[inline(always)]
-    pub(super) fn iter(&self) -> impl Iterator<Item = Column<W>> + '_ {
-        let columns = self.mean.iter().zip(&self.factor).zip(&self.bias);
-        columns.map(|((&mean, &factor), &bias)| Column { mean, factor, bias })
+impl<T: Scalar> ColumnNorm<T> {
+    /// Normalizes `x`, or `y` where there is none, into `y`; both `[n, c]`.
+    pub(super) fn apply(&self, x: Option<&[T]>, activation: Activation<T>, y: &mut [T]) {
+        let len = BLOCK_ROWS * self.mean.len();
+        par::for_each_block(y, len, |i, y| {
+            self.apply_to_block(i * len..i * len + y.len(), x, activation, y);
+        });
     }
 
-    /// Normalizes some rows in place; `first` is the number of their first one.
-    pub(super) fn apply<T: Scalar>(&self, first: usize, activation: Activation<T>, rows: &mut [T]) {
-        vectorised(
-            #[inline(always)]
-            || {
-                for (i, y) in rows.chunks_exact_mut(self.mean.len()).enumerate() {
-                    self.apply_to_row(first + i, activation, y);
-                }
-            },
-        );
-    }
-
-    /// Normalizes `x` into `y`.
-    pub(super) fn apply_to<T: Scalar>(&self, x: &[T], activation: Activation<T>, y: &mut [T]) {
-        let c = self.mean.len();
-        rows::for_each_row(
-            y,
-            c,
-            #[inline(always)]
-            |row, y| {
-                y.copy_from_slice(&x[row * c..][..c]);
-                self.apply_to_row(row, activation, y);
-            },
-        );
-    }
-
-    /// Normalizes all rows in place.
-    pub(super) fn apply_in_place<T: Scalar>(&self, activation: Activation<T>, x: &mut [T]) {
-        rows::for_each_row(
-            x,
-            self.mean.len(),
-            #[inline(always)]
-            |row, x| self.apply_to_row(row, activation, x),
-        );
-    }
-
-    pub(super) fn add_to_and_rectify<T: Scalar>(&self, x: &[T], y: &mut [T]) {
-        let c = self.mean.len();
-        rows::for_each_row(
-            y,
-            c,
-            #[inline(always)]
-            |row, y| {
-                let x = &x[row * c..][..c];
-                for ((y, &x), column) in y.iter_mut().zip(x).zip(self.iter()) {
-                    *y = (column.of(x) + *y).max(T::ZERO);
-                }
-            },
-        );
-    }
-
-    pub(super) fn pass_relu_of_sum<T: Scalar>(&self, x: &[T], other: &[T], d: &mut [T]) {
-        let c = self.mean.len();
-        rows::for_each_row(
-            d,
-            c,
-            #[inline(always)]
-            |row, d| {
-                let (x, other) = (&x[row * c..][..c], &other[row * c..][..c]);
-                for (((d, &x), &other), column) in d.iter_mut().zip(x).zip(other).zip(self.iter()) {
-                    *d = if column.of(x) + other > T::ZERO { *d } else { T::ZERO };
-                }
-            },
-        );
-    }
-
-    #[inline(always)]
-    fn apply_to_row<T: Scalar>(&self, row: usize, activation: Activation<T>, y: &mut [T]) {
-        let other = match activation {
-            Activation::ReluOfSum(other) => &other[row * y.len()..][..y.len()],
-            _ => &[],
+    /// Elements `block` of all.
+    fn apply_to_block(
+        &self,
+        block: Range<usize>,
+        x: Option<&[T]>,
+        activation: Activation<T>,
+        y: &mut [T],
+    ) {
+        let activation = match activation {
+            Activation::ReluOfSum(other) => Activation::ReluOfSum(&other[block.clone()]),
+            Activation::PassReluOfSum(other) => Activation::PassReluOfSum(&other[block.clone()]),
+            other => other,
         };
-        let columns = y.iter_mut().zip(self.iter());
-        match activation {
-            Activation::Identity => columns.for_each(|(y, column)| *y = column.of(*y)),
-            Activation::Relu => columns.for_each(|(y, column)| *y = column.of(*y).max(T::ZERO)),
-            Activation::ReluOfSum(_) => columns.zip(other).for_each(|((y, column), &other)| {
-                *y = (column.of(*y) + other).max(T::ZERO);
-            }),
+        let (columns, x) = (self.columns(), x.map(|x| &x[block]));
+        normalize(Level::active(), NormalizeRows { columns, x, activation, y });
+    }
+}
+
+impl ColumnNorm<f64> {
+    /// [`ColumnNorm::apply`] computed in f64, for few rows.
+    pub(super) fn apply_wide<T: Scalar>(
+        &self,
+        x: Option<&[T]>,
+        activation: Activation<T>,
+        y: &mut [T],
+    ) {
+        let rectified = |x: T| x.max(T::ZERO);
+        for i in 0..y.len() {
+            let n = self.at(i, x.map_or(y[i], |x| x[i]));
+            y[i] = match activation {
+                Activation::Identity => n,
+                Activation::Relu => rectified(n),
+                Activation::ReluOfSum(other) => rectified(n + other[i]),
+                Activation::ReluOfSumWithOutput => rectified(n + y[i]),
+                Activation::PassReluOfSum(other) if n + other[i] > T::ZERO => y[i],
+                Activation::PassReluOfSum(_) => T::ZERO,
+            };
         }
     }
-}
 
-pub(super) fn cast<T: Scalar, W: Scalar>(x: T) -> W {
-    W::from_f64(x.to_f64())
+    /// Element `i` of `[n, c]`, normalized.
+    pub(super) fn at<T: Scalar>(&self, i: usize, x: T) -> T {
+        let j = i % self.mean.len();
+        T::from_f64((x.to_f64() - self.mean[j]) * self.factor[j] + self.bias[j])
+    }
 }

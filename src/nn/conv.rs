@@ -14,6 +14,8 @@ use super::pass::{Backward, Context};
 use crate::octree::KernelMap;
 use crate::par;
 use crate::scalar::Scalar;
+use crate::simd::Level as SimdLevel;
+use crate::simd::gemm::matmul_tn_rows;
 use std::ops::Range;
 
 /// Convolution with weights `{name}.weights: [27, c_in, c_out]`; its geometry is
@@ -124,7 +126,14 @@ impl OctreeConv {
         par::for_each_block(grads, self.c_in * c_out, |k, d| {
             let d = &mut d[of.columns.start * c_out..of.columns.end * c_out];
             let sums = &sums[k * len..][..len];
-            T::matmul_tn_rows(of.values, &shapes, width, sums, &shapes, c_out, d);
+            matmul_tn_rows(
+                SimdLevel::active(),
+                (of.values, &shapes),
+                width,
+                (sums, &shapes),
+                c_out,
+                d,
+            );
         });
     }
 }

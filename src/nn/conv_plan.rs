@@ -31,7 +31,7 @@ mod winograd;
 
 use super::arena::{Arena, Buffer};
 use crate::scalar::Scalar;
-pub(super) use crate::scalar::weights::Weights;
+pub(super) use crate::simd::gemm::weights::Weights;
 pub(super) use product::{OuterProduct, Product, RowMap, Term};
 
 /// The algorithm for an output or an input gradient.

@@ -1,12 +1,18 @@
 //! Group normalization (Wu and He 2018) of each shape of a batch by itself.
 
 use super::arena::Buffer;
+use super::column_norm::{Activation, ColumnNorm};
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::params::{Init, Layout};
 use super::pass::{Backward, Inference, Training};
 use super::rows;
+use crate::par;
 use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::normalize::{
+    BackwardApply, BackwardRows, BackwardSums, Columns, backward_apply, backward_sums,
+};
 use std::ops::Range;
 
 /// Added to the variance.
@@ -50,28 +56,26 @@ impl GroupNorm {
         x: &[T],
         y: &mut [T],
     ) -> GroupStatistics {
-        let (weight, bias) = (&params[self.weight.clone()], &params[self.bias.clone()]);
+        let weight = &params[self.weight.clone()];
         let mut statistics = GroupStatistics::default();
         for shape in shapes {
-            let (mean, inv_std) = self.measure(&x[shape.start * self.c..shape.end * self.c]);
             let rows = shape.start * self.c..shape.end * self.c;
-            rows::for_each_row(
-                &mut y[rows.clone()],
-                self.c,
-                #[inline(always)]
-                |row, y| {
-                    let x = &x[rows.start + row * self.c..][..self.c];
-                    for j in 0..self.c {
-                        let g = self.group(j);
-                        let x_hat = T::from_f64((x[j].to_f64() - mean[g]) * inv_std[g]);
-                        y[j] = x_hat.mul_add(weight[j], bias[j]);
-                    }
-                },
-            );
+            let (mean, inv_std) = self.measure(&x[rows.clone()]);
+            let norm = ColumnNorm {
+                mean: self.per_column(&mean),
+                factor: weight.iter().zip(self.per_column(&inv_std)).map(|(&w, s)| w * s).collect(),
+                bias: params[self.bias.clone()].to_vec(),
+            };
+            norm.apply(Some(&x[rows.clone()]), Activation::Identity, &mut y[rows]);
             statistics.mean.extend(mean);
             statistics.inv_std.extend(inv_std);
         }
         statistics
+    }
+
+    /// The number of its group for each column.
+    fn per_column<T: Scalar>(&self, of_groups: &[f64]) -> Vec<T> {
+        (0..self.c).map(|j| T::from_f64(of_groups[self.group(j)])).collect()
     }
 
     /// Turns `dy` into `dx`; `grads` of weight and bias accumulate.
@@ -86,46 +90,42 @@ impl GroupNorm {
         statistics: &GroupStatistics,
         d: &mut [T],
     ) {
-        let (c, weight, grads) = (self.c, &pass.params[self.weight.clone()], &mut *pass.grads);
-        for (s, shape) in shapes.iter().enumerate() {
+        let (c, weight) = (self.c, &pass.params[self.weight.clone()]);
+        for (s, shape) in shapes.iter().enumerate().filter(|(_, shape)| !shape.is_empty()) {
             let stats = s * self.n_groups..(s + 1) * self.n_groups;
-            let (mean, inv_std) = (&statistics.mean[stats.clone()], &statistics.inv_std[stats]);
-            let x_hat = |row: usize, j: usize| {
-                (x[row * c + j].to_f64() - mean[self.group(j)]) * inv_std[self.group(j)]
-            };
-            let [dweight, dbias] = rows::column_sums(
-                shape.clone(),
-                c,
-                #[inline(always)]
-                |row, [dweight, dbias]| {
-                    for j in 0..c {
-                        let dy = d[row * c + j].to_f64();
-                        dweight[j] += dy * x_hat(row, j);
-                        dbias[j] += dy;
-                    }
-                },
-            );
-            let (mut mean_d, mut mean_dx) = (vec![0.0; self.n_groups], vec![0.0; self.n_groups]);
+            let mean: Vec<T> = self.per_column(&statistics.mean[stats.clone()]);
+            let inv_std: Vec<T> = self.per_column(&statistics.inv_std[stats]);
+            let zeros = vec![T::ZERO; c];
+            let columns = Columns { mean: &mean, factor: &inv_std, bias: &zeros };
+            let how = BackwardRows { columns, inv_std: &inv_std, relu: false };
+            let block = shape.start * c..shape.end * c;
+            let (x, d) = (&x[block.clone()], &mut d[block]);
+            let [dweight, dbias] = rows::column_sums(0..shape.len(), c, |block, sums| {
+                let block = block.start * c..block.end * c;
+                let (x, dy) = (&x[block.clone()], &d[block]);
+                backward_sums(Level::active(), BackwardSums { rows: how, x, dy, sums });
+            });
             let n = (shape.len() * c / self.n_groups) as f64;
+            let mean_of = |sums: &[f64]| {
+                let mut means = vec![0.0; self.n_groups];
+                (0..c).for_each(|j| means[self.group(j)] += weight[j].to_f64() * sums[j] / n);
+                self.per_column::<T>(&means)
+            };
+            let means = [mean_of(&dweight), mean_of(&dbias)];
             for j in 0..c {
-                mean_d[self.group(j)] += weight[j].to_f64() * dbias[j] / n;
-                mean_dx[self.group(j)] += weight[j].to_f64() * dweight[j] / n;
-                grads[self.weight.start + j] += T::from_f64(dweight[j]);
-                grads[self.bias.start + j] += T::from_f64(dbias[j]);
+                pass.grads[self.weight.start + j] += T::from_f64(dweight[j]);
+                pass.grads[self.bias.start + j] += T::from_f64(dbias[j]);
             }
-            rows::for_each_row(
-                &mut d[shape.start * c..shape.end * c],
-                c,
-                #[inline(always)]
-                |row, d| {
-                    for j in 0..c {
-                        let g = self.group(j);
-                        let d_hat = d[j].to_f64() * weight[j].to_f64();
-                        let centred = d_hat - mean_d[g] - x_hat(shape.start + row, j) * mean_dx[g];
-                        d[j] = T::from_f64(inv_std[g] * centred);
-                    }
-                },
-            );
+            // d̂ = dy · weight, then the same formula as in a batch norm.
+            let (mean, factor, bias) = (zeros.clone(), weight.to_vec(), zeros.clone());
+            ColumnNorm { mean, factor, bias }.apply(None, Activation::Identity, d);
+            let len = rows::BLOCK_ROWS * c;
+            par::for_each_block(d, len, |i, over| {
+                let means = means.each_ref().map(|means| &means[..]);
+                let read = &x[i * len..][..over.len()];
+                let work = BackwardApply { rows: how, means, over_dy: true, read, over };
+                backward_apply(Level::active(), work);
+            });
         }
     }
 

@@ -12,7 +12,9 @@ use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
 use crate::octree::{Octree, key};
 use crate::par;
-use crate::scalar::{Scalar, vectorised};
+use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::elementwise::{SparseRows, sparse_rows};
 use glam::{UVec3, Vec3};
 use std::ops::Range;
 
@@ -169,23 +171,12 @@ impl<T: Scalar> Layer<T> for Interpolate {
 
 impl<T: Scalar> Terms<T> {
     fn sum(&self, channels: usize, x: &[T], y: &mut [T]) {
-        par::for_each_block(y, BLOCK * channels, |block, rows| {
-            rows.fill(T::ZERO);
-            vectorised(
-                #[inline(always)]
-                || {
-                    for (i, row) in rows.chunks_exact_mut(channels).enumerate() {
-                        let r = block * BLOCK + i;
-                        for t in self.starts[r]..self.starts[r + 1] {
-                            let source = &x[self.sources[t] as usize * channels..][..channels];
-                            let weight = self.weights[t];
-                            row.iter_mut()
-                                .zip(source)
-                                .for_each(|(y, &x)| *y = weight.mul_add(x, *y));
-                        }
-                    }
-                },
-            );
+        let Terms { starts, sources, weights } = self;
+        par::for_each_block(y, BLOCK * channels, |block, y| {
+            let n = y.len() / channels;
+            let starts = &starts[block * BLOCK..=block * BLOCK + n];
+            let rows = SparseRows { starts, sources, weights, x, c: channels, y };
+            sparse_rows(Level::active(), rows);
         });
     }
 

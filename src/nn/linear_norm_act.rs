@@ -71,7 +71,7 @@ impl<M: LinearOperator> LinearNormAct<M> {
         statistics: &Statistics,
         mut y: Buffer<T>,
     ) -> Buffer<T> {
-        self.norm.normalize(params, mapped, statistics, self.activation(), &mut y);
+        self.norm.normalize(params, statistics, Some(mapped), self.activation(), &mut y);
         y
     }
 
@@ -82,7 +82,7 @@ impl<M: LinearOperator> LinearNormAct<M> {
         mut mapped: Buffer<T>,
         statistics: &Statistics,
     ) -> Buffer<T> {
-        self.norm.normalize_in_place(params, statistics, self.activation(), &mut mapped);
+        self.norm.normalize(params, statistics, None, self.activation(), &mut mapped);
         mapped
     }
 

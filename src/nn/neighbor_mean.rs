@@ -4,8 +4,11 @@ use super::arena::Buffer;
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
-use super::rows;
+use super::rows::BLOCK_ROWS;
+use crate::par;
 use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::elementwise::{SparseRows, sparse_rows};
 use std::ops::Range;
 
 /// `y[v] = Σ_u x[u] / deg(v)` over the neighbors `u` of `v`, `[n_nodes, c]` for any `c`; 0 without neighbors.
@@ -16,10 +19,10 @@ pub struct NeighborMean;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Neighbors {
     /// Node `v` reads `sources[starts[v]..starts[v + 1]]`.
-    starts: Vec<u32>,
+    starts: Vec<usize>,
     sources: Vec<u32>,
     /// The same pairs by source: node `u` is read by `readers[reader_starts[u]..]`, ascending.
-    reader_starts: Vec<u32>,
+    reader_starts: Vec<usize>,
     readers: Vec<u32>,
 }
 
@@ -32,7 +35,7 @@ impl Neighbors {
         let (mut starts, mut sources) = (vec![0], Vec::new());
         for list in neighbors {
             sources.extend_from_slice(list);
-            starts.push(sources.len() as u32);
+            starts.push(sources.len());
         }
         let n = starts.len() - 1;
         let mut reader_starts = vec![0; n + 1];
@@ -40,8 +43,8 @@ impl Neighbors {
         (0..n).for_each(|u| reader_starts[u + 1] += reader_starts[u]);
         let (mut next, mut readers) = (reader_starts.clone(), vec![0; sources.len()]);
         for v in 0..n {
-            for &u in &sources[starts[v] as usize..starts[v + 1] as usize] {
-                readers[next[u as usize] as usize] = v as u32;
+            for &u in &sources[starts[v]..starts[v + 1]] {
+                readers[next[u as usize]] = v as u32;
                 next[u as usize] += 1;
             }
         }
@@ -54,45 +57,36 @@ impl Neighbors {
     }
 
     fn mean<T: Scalar>(&self, c: usize, x: &[T], y: &mut [T]) {
-        y.fill(T::ZERO);
-        rows::for_each_row(
-            y,
-            c,
-            #[inline(always)]
-            |v, y| {
-                let share = self.share(v);
-                for &u in &self.sources[self.starts[v] as usize..self.starts[v + 1] as usize] {
-                    add_scaled(y, share, &x[u as usize * c..][..c]);
-                }
-            },
-        );
+        let weights: Vec<T> = (0..self.n_nodes())
+            .flat_map(|v| (self.starts[v]..self.starts[v + 1]).map(move |_| v))
+            .map(|v| self.share(v))
+            .collect();
+        sum_rows((&self.starts, &self.sources), &weights, (x, c), y);
     }
 
     /// `dx[u] = Σ_v dy[v] / deg(v)` over the nodes `v` that read `u`.
     fn transposed<T: Scalar>(&self, c: usize, dy: &[T], dx: &mut [T]) {
-        dx.fill(T::ZERO);
-        rows::for_each_row(
-            dx,
-            c,
-            #[inline(always)]
-            |u, dx| {
-                let readers = self.reader_starts[u] as usize..self.reader_starts[u + 1] as usize;
-                for &v in &self.readers[readers] {
-                    add_scaled(dx, self.share(v as usize), &dy[v as usize * c..][..c]);
-                }
-            },
-        );
+        let weights: Vec<T> = self.readers.iter().map(|&v| self.share(v as usize)).collect();
+        sum_rows((&self.reader_starts, &self.readers), &weights, (dy, c), dx);
     }
 
     fn share<T: Scalar>(&self, v: usize) -> T {
-        T::from_f64(1.0 / f64::from((self.starts[v + 1] - self.starts[v]).max(1)))
+        T::from_f64(1.0 / ((self.starts[v + 1] - self.starts[v]).max(1) as f64))
     }
 }
 
-fn add_scaled<T: Scalar>(y: &mut [T], factor: T, x: &[T]) {
-    for (y, &x) in y.iter_mut().zip(x) {
-        *y = factor.mul_add(x, *y);
-    }
+/// Overwrites `y` with weighted sums of rows of `x`, see [`SparseRows`].
+fn sum_rows<T: Scalar>(
+    (starts, sources): (&[usize], &[u32]),
+    weights: &[T],
+    (x, c): (&[T], usize),
+    y: &mut [T],
+) {
+    par::for_each_block(y, BLOCK_ROWS * c, |block, y| {
+        let first = block * BLOCK_ROWS;
+        let starts = &starts[first..=first + y.len() / c];
+        sparse_rows(Level::active(), SparseRows { starts, sources, weights, x, c, y });
+    });
 }
 
 impl<T: Scalar> Layer<T> for NeighborMean {

@@ -4,6 +4,7 @@ use super::arena::Buffer;
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
+use super::rows;
 use crate::octree::Level;
 use crate::par;
 use crate::scalar::Scalar;
@@ -141,7 +142,7 @@ impl<T: Scalar> Layer<T> for GlobalMeanPool {
         par::for_each_block(&mut y, c, |shape, y| {
             let rows = level.ranges[shape].clone();
             for x in x[rows.start * c..rows.end * c].chunks_exact(c) {
-                y.iter_mut().zip(x).for_each(|(y, &x)| *y += x);
+                rows::add(y, x);
             }
             let share = T::ONE / T::from_f64(rows.len() as f64);
             y.iter_mut().for_each(|y| *y *= share);

@@ -4,30 +4,18 @@ use super::arena::Buffer;
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
-use super::rows::combine;
-use crate::par;
-use crate::scalar::{Scalar, vectorised};
+use super::rows::{combine, rectify};
+use crate::scalar::Scalar;
+use crate::simd::elementwise::Combination;
 use std::ops::Range;
-
-const BLOCK: usize = 1 << 15;
 
 /// `y = max(x, 0)`, element by element. The derivative at 0 is 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Relu;
 
-/// Turns `x` into `max(x, 0)`.
-pub(super) fn rectify<T: Scalar>(x: &mut [T]) {
-    par::for_each_block(x, BLOCK, |_, block| {
-        vectorised(
-            #[inline(always)]
-            || block.iter_mut().for_each(|x| *x = (*x).max(T::ZERO)),
-        );
-    });
-}
-
 /// Turns `dy` into `dx`: the gradient passes where `y`, input or output of the ReLU, is positive.
 pub(super) fn pass_gradient<T: Scalar>(y: &[T], d: &mut [T]) {
-    combine(d, y, |d, y| if y > T::ZERO { d } else { T::ZERO });
+    combine(Combination::PassRelu, d, y);
 }
 
 impl<T: Scalar> Layer<T> for Relu {

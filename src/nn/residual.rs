@@ -132,8 +132,20 @@ impl Residual {
         let SavedLinearNormAct { mapped, statistics } = &saved.second;
         let (recomputed, norm) = (|| self.recompute_second(pass, map, x, saved), &self.second.norm);
         match mapped.get() {
-            Some(mapped) => norm.add_to_and_rectify(pass.params, mapped, statistics, &mut y),
-            None => norm.add_to_and_rectify(pass.params, &recomputed(), statistics, &mut y),
+            Some(mapped) => norm.normalize(
+                pass.params,
+                statistics,
+                Some(mapped),
+                Activation::ReluOfSumWithOutput,
+                &mut y,
+            ),
+            None => norm.normalize(
+                pass.params,
+                statistics,
+                Some(&recomputed()),
+                Activation::ReluOfSumWithOutput,
+                &mut y,
+            ),
         }
         y
     }
@@ -223,13 +235,14 @@ impl<T: Scalar> Layer<T> for Residual {
         let (y, shortcut) = match &self.shortcut {
             None => {
                 let (x, mut y) = (x.to_matrix(pass.arena), pass.arena.get(mapped.len()));
-                let activation = Activation::ReluOfSum(&*x);
-                norm.normalize(params, &mapped, &statistics, activation, &mut y);
+                let activation = Activation::ReluOfSum(&x);
+                norm.normalize(params, &statistics, Some(&mapped), activation, &mut y);
                 (y, None)
             }
             Some(shortcut) => {
                 let (mut y, saved) = shortcut.forward_train(pass, &(), x);
-                norm.add_to_and_rectify(params, &mapped, &statistics, &mut y);
+                let activation = Activation::ReluOfSumWithOutput;
+                norm.normalize(params, &statistics, Some(&mapped), activation, &mut y);
                 (y, Some(saved))
             }
         };
@@ -287,6 +300,7 @@ impl Residual {
                 Matrix::Owned(layer.output(pass.params, mapped, statistics, y))
             }
         };
-        self.second.norm.pass_relu_of_sum(pass.params, second, statistics, &straight, d);
+        let activation = Activation::PassReluOfSum(&straight);
+        self.second.norm.normalize(pass.params, statistics, Some(second), activation, d);
     }
 }

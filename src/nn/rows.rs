@@ -1,7 +1,9 @@
-//! Sums over columns and work on rows, by blocks of rows: what normalising and elementwise layers share.
+//! Sums over columns and work on rows, by blocks of rows: what normalizing and elementwise layers share.
 
 use crate::par;
-use crate::scalar::{Scalar, vectorised};
+use crate::scalar::Scalar;
+use crate::simd::elementwise::{self, Combination};
+use crate::simd::{Level, normalize};
 use std::ops::Range;
 
 /// Rows of one task. A constant, so that sums over rows do not depend on the number of threads.
@@ -12,48 +14,47 @@ const BLOCK_ELEMENTS: usize = 1 << 15;
 
 /// `y += x`, element by element.
 pub(super) fn add<T: Scalar>(y: &mut [T], x: &[T]) {
-    y.iter_mut().zip(x).for_each(|(y, &x)| *y += x);
+    elementwise::combine(Level::active(), Combination::Add, y, &x[..y.len()]);
 }
 
 /// `y += x`, element by element, in parallel.
 pub(crate) fn add_all<T: Scalar>(y: &mut [T], x: &[T]) {
-    combine(y, x, |y, x| y + x);
+    combine(Combination::Add, y, x);
 }
 
-/// `y = f(y, x)`, element by element, in parallel.
-pub(super) fn combine<T: Scalar>(y: &mut [T], x: &[T], f: impl Fn(T, T) -> T + Sync) {
+/// `y = combination(y, x)`, element by element, in parallel.
+pub(super) fn combine<T: Scalar>(combination: Combination, y: &mut [T], x: &[T]) {
     assert_eq!(y.len(), x.len());
     par::for_each_block(y, BLOCK_ELEMENTS, |i, y| {
         let x = &x[i * BLOCK_ELEMENTS..][..y.len()];
-        vectorised(
-            #[inline(always)]
-            || y.iter_mut().zip(x).for_each(|(y, &x)| *y = f(*y, x)),
-        );
+        elementwise::combine(Level::active(), combination, y, x);
     });
+}
+
+/// `max(x, 0)` in place, in parallel.
+pub(super) fn rectify<T: Scalar>(x: &mut [T]) {
+    par::for_each_block(x, BLOCK_ELEMENTS, |_, x| elementwise::relu(Level::active(), x));
 }
 
 /// Sums of `N` quantities per column over `rows`, in f64, blocks joined in order.
 ///
-/// `add(row, sums)` adds one row's share to `sums[q][column]`.
+/// `add(block, sums)` adds the share of a block of rows to `sums[q][column]`.
 pub(super) fn column_sums<const N: usize>(
     rows: Range<usize>,
     n_columns: usize,
-    add: impl Fn(usize, &mut [Vec<f64>; N]) + Sync,
+    add: impl Fn(Range<usize>, [&mut [f64]; N]) + Sync,
 ) -> [Vec<f64>; N] {
     let zero = || std::array::from_fn(|_| vec![0.0; n_columns]);
     let start = rows.start;
     let partial = par::map_blocks(rows.len(), BLOCK_ROWS, |block| {
-        let mut sums = zero();
-        vectorised(
-            #[inline(always)]
-            || block.for_each(|row| add(start + row, &mut sums)),
-        );
+        let mut sums: [Vec<f64>; N] = zero();
+        add(start + block.start..start + block.end, sums.each_mut().map(|sums| &mut sums[..]));
         sums
     });
     let mut total = zero();
     for block in &partial {
         for (total, block) in total.iter_mut().zip(block) {
-            self::add(total, block);
+            total.iter_mut().zip(block).for_each(|(total, sum)| *total += sum);
         }
     }
     total
@@ -65,12 +66,10 @@ pub(super) fn sums_of_columns<'a, T: Scalar>(
     n_columns: usize,
     row: impl Fn(usize) -> &'a [T] + Sync,
 ) -> Vec<f64> {
-    let [sums] = column_sums(
-        rows,
-        n_columns,
-        #[inline(always)]
-        |i, [sum]| sum.iter_mut().zip(row(i)).for_each(|(sum, x)| *sum += x.to_f64()),
-    );
+    let [sums] = column_sums(rows, n_columns, |block, [sums]| {
+        let level = Level::active();
+        block.for_each(|i| normalize::column_sums(level, row(i), None, sums));
+    });
     sums
 }
 
@@ -81,38 +80,23 @@ pub(super) fn for_each_row<T: Scalar>(
     work: impl Fn(usize, &mut [T]) + Sync,
 ) {
     par::for_each_block(x, BLOCK_ROWS * c, |i, block| {
-        vectorised(
-            #[inline(always)]
-            || {
-                for (row, x) in block.chunks_exact_mut(c).enumerate() {
-                    work(i * BLOCK_ROWS + row, x);
-                }
-            },
-        );
+        for (row, x) in block.chunks_exact_mut(c).enumerate() {
+            work(i * BLOCK_ROWS + row, x);
+        }
     });
 }
 
 /// Mean and biased variance of every column of `x: [n, c]`, `n ≥ 1`; two passes.
 pub(super) fn moments<T: Scalar>(x: &[T], c: usize) -> (Vec<f64>, Vec<f64>) {
     let n = x.len() / c;
-    let mut mean = sums_of_columns(
-        0..n,
-        c,
-        #[inline(always)]
-        |row| &x[row * c..][..c],
-    );
-    mean.iter_mut().for_each(|m| *m /= n as f64);
-    let [mut var] = column_sums(
-        0..n,
-        c,
-        #[inline(always)]
-        |row, [sum]| {
-            for ((sum, x), mean) in sum.iter_mut().zip(&x[row * c..][..c]).zip(&mean) {
-                let centred = x.to_f64() - mean;
-                *sum += centred * centred;
-            }
-        },
-    );
-    var.iter_mut().for_each(|v| *v /= n as f64);
+    let sums = |mean: Option<&[f64]>| {
+        let [mut sums] = column_sums(0..n, c, |block, [sums]| {
+            normalize::column_sums(Level::active(), &x[block.start * c..block.end * c], mean, sums);
+        });
+        sums.iter_mut().for_each(|sum| *sum /= n as f64);
+        sums
+    };
+    let mean = sums(None);
+    let var = sums(Some(&mean));
     (mean, var)
 }

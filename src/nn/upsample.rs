@@ -6,6 +6,7 @@ use super::arena::Buffer;
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
+use super::rows;
 use crate::octree::Level;
 use crate::par;
 use crate::scalar::Scalar;
@@ -40,7 +41,7 @@ fn sum_of_children<T: Scalar>(coarse: &Level, c: usize, dy: &[T], dx: &mut [T]) 
                 continue;
             };
             for child in dy[8 * group * c..][..8 * c].chunks_exact(c) {
-                row.iter_mut().zip(child).for_each(|(d, &dy)| *d += dy);
+                rows::add(row, child);
             }
         }
     });

@@ -1,7 +1,6 @@
 //! How good predictions are: per sample, pooled and by area, both heads, positive class named.
 
 use super::HeadScore;
-use crate::Result;
 use crate::access::{self, LabelOptions, Obstacles};
 use crate::cutter::Cutter;
 use crate::data::Sample;
@@ -9,6 +8,7 @@ use crate::directions::Directions;
 use crate::geom::spacing;
 use crate::metrics::Confusion;
 use crate::model::{Model, Prediction};
+use crate::{Error, Result};
 use std::time::Instant;
 
 /// Scores of one way to predict, over a list of samples. The positive classes are *inaccessible* and
@@ -88,7 +88,7 @@ fn mean(samples: &[[Confusion; 2]], head: usize, score: impl Fn(&Confusion) -> f
 /// Predicts every sample by itself and scores it.
 ///
 /// # Errors
-/// If a sample is inconsistent.
+/// If there are no samples, or one is inconsistent.
 pub fn evaluate(model: &Model<f32>, samples: &[Sample]) -> Result<Evaluation> {
     let [evaluation] = score(samples, |sample| {
         let prediction = predict(model, sample)?;
@@ -124,7 +124,7 @@ fn predict(model: &Model<f32>, sample: &Sample) -> Result<Prediction<f32>> {
 /// the samples were made with denser obstacles or other directions. `share` is that of occlusion points.
 ///
 /// # Errors
-/// If a sample is inconsistent or its cutter impossible.
+/// If there are no samples, or one is inconsistent or its cutter impossible.
 pub fn evaluate_exact(
     samples: &[Sample],
     directions: &Directions,
@@ -146,6 +146,10 @@ fn score<const N: usize>(
     samples: &[Sample],
     answers: impl Fn(&Sample) -> Result<[Answer; N]>,
 ) -> Result<[Evaluation; N]> {
+    if samples.is_empty() {
+        let remedy = "give at least one sample: no score of nothing means anything";
+        return Err(Error::argument("number of samples", 0, "at least 1", remedy));
+    }
     let mut evaluations: [Evaluation; N] = std::array::from_fn(|_| Evaluation::default());
     for sample in samples {
         sample.check()?;
@@ -165,6 +169,7 @@ mod tests {
     use super::*;
     use crate::cutter::CutterParams;
     use crate::geom::Sites;
+    use crate::model::UNetConfig;
     use glam::Vec3;
     use std::sync::Arc;
 
@@ -209,5 +214,12 @@ mod tests {
         assert_eq!(all.samples.len(), 2);
         assert_eq!(all.head(0).mean.accuracy, 0.75);
         assert_eq!(all.head(0).reference_f1, 0.5);
+    }
+
+    #[test]
+    fn an_evaluation_of_nothing_is_refused() {
+        let model = Model::<f32>::new(&UNetConfig::tiny(), 1).unwrap();
+        let message = evaluate(&model, &[]).unwrap_err().to_string();
+        assert!(message.starts_with("number of samples is 0, expected at least 1"), "{message}");
     }
 }

@@ -35,6 +35,7 @@ mod faces;
 mod labels;
 mod obstacles;
 mod penetrate;
+mod problem;
 mod query;
 mod refine;
 mod samples;

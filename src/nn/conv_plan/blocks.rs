@@ -6,9 +6,10 @@ use super::product::{Product, Term};
 use super::shapes::for_each_shape;
 use crate::octree::KernelMap;
 use crate::par;
-use crate::scalar::block::{self, Source};
-use crate::scalar::weights::Packed;
-use crate::scalar::{Level, Scalar};
+use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::gemm::block::{self, Source};
+use crate::simd::gemm::weights::Packed;
 
 pub(super) fn sum_of_terms<T: Scalar>(
     arena: &Arena<T>,

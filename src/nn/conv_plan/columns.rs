@@ -7,8 +7,11 @@ use super::product::{Product, Term};
 use super::shapes::for_each_shape;
 use crate::octree::KernelMap;
 use crate::par;
-use crate::scalar::block::{self, Source};
-use crate::scalar::{Level, Scalar, matmul_columns, vectorised};
+use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::elementwise::{self, Combination};
+use crate::simd::gemm::block::{self, Source};
+use crate::simd::gemm::matmul_columns;
 use std::ops::Range;
 
 /// Parts into which the columns of a map of one block are cut, and the width they are multiples of: whole
@@ -76,11 +79,7 @@ fn add_in_place<T: Scalar>(
                 Term::Shapes { products, shapes } => {
                     for_each_shape(shapes, 0, outputs, |shape, outputs| {
                         let product = &products[(k * shapes.len() + shape) * c_out..][..c_out];
-                        let product = &product[columns.clone()];
-                        vectorised(
-                            #[inline(always)]
-                            || add_to_rows(product, outputs, y),
-                        );
+                        add_to_rows(level, &product[columns.clone()], outputs, y);
                     });
                 }
             }
@@ -89,10 +88,9 @@ fn add_in_place<T: Scalar>(
 }
 
 /// Adds `x` to these rows of `y`.
-#[inline(always)]
-fn add_to_rows<T: Scalar>(x: &[T], rows: &[u32], y: &mut [T]) {
+fn add_to_rows<T: Scalar>(level: Level, x: &[T], rows: &[u32], y: &mut [T]) {
     for &row in rows {
         let y = &mut y[row as usize * x.len()..][..x.len()];
-        y.iter_mut().zip(x).for_each(|(y, &x)| *y += x);
+        elementwise::combine(level, Combination::Add, y, x);
     }
 }

@@ -4,11 +4,13 @@ use super::super::arena::Arena;
 use super::super::rows::{self, BLOCK_ROWS};
 use super::product::{Product, Term};
 use crate::par;
-use crate::scalar::{Scalar, identity};
+use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::gemm::{identity, matmul_rows, matmul_tn_rows};
 
 static IDENTITY: [u32; BLOCK_ROWS] = identity();
 
-/// `y[n, c_out] = bias + Σ terms`, each element in the order of [`Scalar::matmul_rows`]; no bias is zeros.
+/// `y[n, c_out] = bias + Σ terms`, each element in the order of [`matmul_rows`]; no bias is zeros.
 pub(super) fn sum_of_terms<T: Scalar>(product: &Product<T>, y: &mut [T]) {
     let c_out = product.c_out;
     par::for_each_block(y, BLOCK_ROWS * c_out, |i, y| {
@@ -28,7 +30,7 @@ fn add_term<T: Scalar>(term: &Term<T>, c_out: usize, first: usize, y: &mut [T]) 
         Term::Nodes { x, weights } => {
             let (c_in, rows) = (weights.depth(), &IDENTITY[..y.len() / c_out]);
             let w = weights.plain(0).expect("weights that are not transposed");
-            T::matmul_rows(&x[first * c_in..], rows, c_in, w, c_out, y, rows);
+            matmul_rows(Level::active(), (&x[first * c_in..], rows), c_in, w, c_out, (y, rows));
         }
         Term::Shapes { products, shapes } => {
             for (row, y) in y.chunks_exact_mut(c_out).enumerate() {
@@ -39,7 +41,7 @@ fn add_term<T: Scalar>(term: &Term<T>, c_out: usize, first: usize, y: &mut [T]) 
     }
 }
 
-/// `y[n, c_out] += x[n, c_in] · w[c_in, c_out]`, each element in the order of [`Scalar::matmul_rows`].
+/// `y[n, c_out] += x[n, c_in] · w[c_in, c_out]`, each element in the order of [`matmul_rows`].
 pub(in crate::nn) fn add_product<T: Scalar>(
     x: &[T],
     w: &[T],
@@ -50,7 +52,7 @@ pub(in crate::nn) fn add_product<T: Scalar>(
     par::for_each_block(y, BLOCK_ROWS * c_out, |i, y| {
         let rows = &IDENTITY[..y.len() / c_out];
         let x = &x[i * BLOCK_ROWS * c_in..];
-        T::matmul_rows(x, rows, c_in, w, c_out, y, rows);
+        matmul_rows(Level::active(), (x, rows), c_in, w, c_out, (y, rows));
     });
 }
 
@@ -64,7 +66,14 @@ pub(in crate::nn) fn add_transposed_product<T: Scalar>(
     let partial = par::map_blocks(a.len() / k, BLOCK_ROWS, |block| {
         let rows = &IDENTITY[..block.len()];
         let mut sum = arena.zeroed(k * n);
-        T::matmul_tn_rows(&a[block.start * k..], rows, k, &g[block.start * n..], rows, n, &mut sum);
+        matmul_tn_rows(
+            Level::active(),
+            (&a[block.start * k..], rows),
+            k,
+            (&g[block.start * n..], rows),
+            n,
+            &mut sum,
+        );
         sum
     });
     for sum in partial {

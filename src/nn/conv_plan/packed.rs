@@ -2,7 +2,7 @@
 
 use super::super::arena::{Arena, Buffer};
 use crate::scalar::Scalar;
-use crate::scalar::weights::{Packed, Weights};
+use crate::simd::gemm::weights::{Packed, Weights};
 
 /// Widest panel in use, and numbers to skip to the begin of a cache line.
 const PANEL: usize = 32;

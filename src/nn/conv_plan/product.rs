@@ -4,7 +4,7 @@ use super::super::arena::Buffer;
 use super::super::column_norm::Epilogue;
 use crate::octree::KernelMap;
 use crate::scalar::Scalar;
-use crate::scalar::weights::Weights;
+use crate::simd::gemm::weights::Weights;
 use std::ops::Range;
 
 /// Which input rows meet which output rows.

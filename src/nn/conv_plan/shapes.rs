@@ -6,11 +6,15 @@
 //! `dv = Σ_k s_k·V_kᵀ`.
 
 use super::super::arena::{Arena, Buffer};
+use super::super::rows;
 use crate::octree::KernelMap;
 use crate::par;
-use crate::scalar::block::{self, Source};
-use crate::scalar::weights::Weights;
-use crate::scalar::{Level, Scalar, vectorised};
+use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::elementwise::{self, Combination};
+use crate::simd::gemm::block::{self, Source};
+use crate::simd::gemm::matmul_rows;
+use crate::simd::gemm::weights::Weights;
 use std::ops::Range;
 
 /// `p[k, s] = v[s]·V_k`, `[n_offsets, n_shapes, c_out]`; `weights(k)` is `V_k: [c, c_out]`.
@@ -23,7 +27,7 @@ pub(in crate::nn) fn products<'a, T: Scalar>(
     let shapes: Vec<u32> = (0..(values.len() / c) as u32).collect();
     let mut products = arena.zeroed(n_offsets * shapes.len() * c_out);
     par::for_each_block(&mut products, shapes.len() * c_out, |k, products| {
-        T::matmul_rows(values, &shapes, c, weights(k), c_out, products, &shapes);
+        matmul_rows(Level::active(), (values, &shapes), c, weights(k), c_out, (products, &shapes));
     });
     products
 }
@@ -50,23 +54,18 @@ pub(in crate::nn) fn sums<T: Scalar>(
     });
     let mut sums = arena.zeroed(map.n_offsets() * shapes.len() * c);
     for (slot, partial) in partials.into_iter().flatten() {
-        sums[slot * c..][..c].iter_mut().zip(&*partial).for_each(|(sum, &p)| *sum += p);
+        rows::add(&mut sums[slot * c..][..c], &partial);
     }
     sums
 }
 
 /// `sum += Σ g[first + row]` over `rows`.
 fn add_rows<T: Scalar>(g: &[T], first: usize, rows: &[u32], sum: &mut [T]) {
-    let c = sum.len();
-    vectorised(
-        #[inline(always)]
-        || {
-            for &row in rows {
-                let g = &g[(first + row as usize) * c..][..c];
-                sum.iter_mut().zip(g).for_each(|(sum, &g)| *sum += g);
-            }
-        },
-    );
+    let (level, c) = (Level::active(), sum.len());
+    for &row in rows {
+        let g = &g[(first + row as usize) * c..][..c];
+        elementwise::combine(level, Combination::Add, sum, g);
+    }
 }
 
 /// `y[r] = Σ_k x[k·n + r]·weights[k]`: `n` rows of `y`, for each of which every offset has one row of `x`.

@@ -1,10 +1,13 @@
 //! Gradient of weights: sums over ranges of rows, joined in order.
 
 use super::super::arena::Arena;
+use super::super::rows;
 use super::product::OuterProduct;
 use crate::octree::KernelMap;
 use crate::par;
 use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::gemm::matmul_tn_rows;
 use std::ops::Range;
 
 /// Output rows per partial sum.
@@ -25,7 +28,7 @@ pub(super) fn by_ranges<T: Scalar>(
         let first = range * blocks_per_range;
         let blocks = first..(first + blocks_per_range).min(map.n_blocks());
         let (inputs, outputs) = pairs_of_blocks(map, blocks, group, slot);
-        T::matmul_tn_rows(a, &inputs, width, g, &outputs, c_g, d);
+        matmul_tn_rows(Level::active(), (a, &inputs), width, (g, &outputs), c_g, d);
     };
     let place = columns.start * c_g..columns.end * c_g;
     if n_ranges <= 1 {
@@ -39,7 +42,7 @@ pub(super) fn by_ranges<T: Scalar>(
     });
     par::for_each_block(grads, c_a * c_g, |slot, d| {
         for partial in &partials[slot * n_ranges..(slot + 1) * n_ranges] {
-            d[place.clone()].iter_mut().zip(&**partial).for_each(|(d, &p)| *d += p);
+            rows::add(&mut d[place.clone()], partial);
         }
     });
 }

@@ -1,16 +1,19 @@
 //! Wide 3×3×3 convolutions by Winograd's minimal filtering: 64 products where the plain sum takes up to 216.
 //!
 //! The children of one parent are always there together, which makes an octree's nodes the tiles of 2×2×2
-//! that the method asks for. See [`crate::scalar::winograd`] for the arithmetic.
+//! that the method asks for. See [`crate::simd::gemm::winograd`] for the arithmetic.
 
 use super::super::arena::{Arena, Buffer};
+use super::super::rows;
 use super::super::scratch::ScratchGuard;
 use super::packed::PackedWeights;
 use super::product::{OuterProduct, Product, Term};
 use crate::octree::KernelMap;
 use crate::par;
-use crate::scalar::winograd::{self, CHANNELS, MAX_DEPTH, MAX_GROUPS, N_FREQUENCIES, Room};
-use crate::scalar::{Level, Scalar};
+use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::gemm::matmul_tn_rows;
+use crate::simd::gemm::winograd::{self, CHANNELS, MAX_DEPTH, MAX_GROUPS, N_FREQUENCIES, Room};
 
 /// Fewest channels for which it pays: with fewer, transforming takes longer than it saves.
 const LEAST: usize = 16;
@@ -127,7 +130,14 @@ pub(super) fn weight_gradient<T: Scalar>(
         par::for_each_block(&mut sums, width * c_g, |f, sums| {
             let row = |group: usize| (group / TASK * N_FREQUENCIES + f) * TASK + group % TASK;
             let rows: Vec<u32> = (0..groups.len()).map(|group| row(group) as u32).collect();
-            T::matmul_tn_rows(&inputs, &rows, width, &gradients, &rows, c_g, sums);
+            matmul_tn_rows(
+                Level::active(),
+                (&inputs, &rows),
+                width,
+                (&gradients, &rows),
+                c_g,
+                sums,
+            );
         });
     }
     drop((inputs, gradients));
@@ -150,7 +160,7 @@ fn add_gradients<T: Scalar>(
     par::for_each_block(grads, c_a * c_g, |k, grads| {
         let grads = grads[columns.start * c_g..columns.end * c_g].chunks_exact_mut(c_g);
         for (grads, d) in grads.zip(d.chunks_exact(27 * c_g)) {
-            grads.iter_mut().zip(&d[k * c_g..][..c_g]).for_each(|(grad, &d)| *grad += d);
+            rows::add(grads, &d[k * c_g..]);
         }
     });
 }

@@ -15,7 +15,9 @@ use deepmill::nn::pass::{Backward, Context};
 use deepmill::nn::strided_conv::{OctreeStridedConv, OutputRows};
 use deepmill::par;
 use deepmill::report::tables::{Cell, Table};
-use deepmill::scalar::{self, Scalar};
+use deepmill::scalar;
+use deepmill::simd::Level;
+use deepmill::simd::gemm::matmul_rows;
 use serde_json::json;
 
 /// Time every kind of layer, forward and backward, against this machine's own matrix product.
@@ -116,7 +118,7 @@ fn peak(seconds: f64) -> f64 {
         par::map(n_tasks, |_| {
             let mut c = vec![0.0; SIZE * SIZE];
             for _ in 0..REPEATS {
-                f32::matmul_rows(&a, &rows, SIZE, &b, SIZE, &mut c, &rows);
+                matmul_rows(Level::active(), (&a, &rows), SIZE, &b, SIZE, (&mut c, &rows));
             }
             c[SIZE]
         });

@@ -3,6 +3,7 @@
 //! A box is listed in every cell it touches. The cells are made as fine as the number of boxes
 //! warrants, then coarser again until the lists are only a few times longer than the boxes are many.
 
+use super::counting_sort::CountingSort;
 use glam::DVec3;
 
 /// Most list entries per box.
@@ -11,27 +12,27 @@ const MAX_ENTRIES: u64 = 12;
 const MAX_CELLS: f64 = 1024.0;
 
 /// Lists of boxes by cell.
-pub(crate) struct Boxes {
+pub(crate) struct AabbGrid {
     low: DVec3,
     high: DVec3,
     cell_mm: f64,
     n_cells: [usize; 3],
-    begin: Vec<u32>,
+    cells: CountingSort,
     entries: Vec<u32>,
 }
 
-impl Boxes {
+impl AabbGrid {
     /// The grid over `boxes`, each its least and greatest corner, finite. An axis in which all boxes
     /// are flat has one cell.
     pub(crate) fn new(boxes: &[(DVec3, DVec3)]) -> Self {
         let first = boxes.first().copied().unwrap_or_default();
         let (low, high) = boxes.iter().fold(first, |(l, h), b| (l.min(b.0), h.max(b.1)));
-        let mut grid = Boxes {
+        let mut grid = AabbGrid {
             low,
             high,
             cell_mm: finest_cell(high - low, boxes.len()),
             n_cells: [1; 3],
-            begin: Vec::new(),
+            cells: CountingSort::default(),
             entries: Vec::new(),
         };
         loop {
@@ -47,22 +48,18 @@ impl Boxes {
     }
 
     fn fill(&mut self, boxes: &[(DVec3, DVec3)]) {
-        let mut begin = vec![0u32; self.n_cells.iter().product::<usize>() + 1];
+        let mut cells = CountingSort::default();
+        cells.clear(self.n_cells.iter().product());
         for b in boxes {
-            self.for_each_touched(b, |cell| begin[cell + 1] += 1);
+            self.for_each_touched(b, |cell| cells.count(cell));
         }
-        for c in 1..begin.len() {
-            begin[c] += begin[c - 1];
-        }
-        let mut next = begin.clone();
-        let mut entries = vec![0; begin[begin.len() - 1] as usize];
+        cells.finish_counting();
+        let n_entries = boxes.iter().map(|b| self.n_touched(b)).sum::<u64>();
+        let mut entries = vec![0; n_entries as usize];
         for (i, b) in boxes.iter().enumerate() {
-            self.for_each_touched(b, |cell| {
-                entries[next[cell] as usize] = i as u32;
-                next[cell] += 1;
-            });
+            self.for_each_touched(b, |cell| entries[cells.place(cell)] = i as u32);
         }
-        (self.begin, self.entries) = (begin, entries);
+        (self.cells, self.entries) = (cells, entries);
     }
 
     fn n_touched(&self, b: &(DVec3, DVec3)) -> u64 {
@@ -92,7 +89,7 @@ impl Boxes {
 
     /// Number of cells.
     pub(crate) fn n_cells(&self) -> usize {
-        self.begin.len() - 1
+        self.cells.n_buckets()
     }
 
     /// Number of the cell that holds `point`, or of the nearest one.
@@ -102,7 +99,7 @@ impl Boxes {
 
     /// The boxes that touch cell number `cell`, ascending.
     pub(crate) fn in_cell(&self, cell: usize) -> &[u32] {
-        &self.entries[self.begin[cell] as usize..self.begin[cell + 1] as usize]
+        &self.entries[self.cells.range(cell, cell)]
     }
 }
 
@@ -135,7 +132,7 @@ mod tests {
                 .map(|_| (point(10.0), point(1.5)))
                 .map(|(c, e)| (c - e.abs(), c + e.abs()))
                 .collect();
-            let grid = Boxes::new(&boxes);
+            let grid = AabbGrid::new(&boxes);
             assert!(grid.n_cells() > 10);
             for (i, a) in boxes.iter().enumerate() {
                 for (j, b) in boxes.iter().enumerate().skip(i + 1) {
@@ -151,8 +148,8 @@ mod tests {
 
     #[test]
     fn boxes_without_extent_share_one_cell() {
-        assert_eq!(Boxes::new(&[]).n_cells(), 1);
-        let grid = Boxes::new(&[(DVec3::ONE, DVec3::ONE); 3]);
+        assert_eq!(AabbGrid::new(&[]).n_cells(), 1);
+        let grid = AabbGrid::new(&[(DVec3::ONE, DVec3::ONE); 3]);
         assert_eq!((grid.n_cells(), grid.in_cell(0)), (1, &[0, 1, 2][..]));
     }
 }

@@ -1,11 +1,11 @@
 //! Discs of cells: which cells can, and which must, lie within a radius of another, and the greatest value
 //! over such a disc for every cell of a raster.
 
-use crate::simd::cells::TOPS;
+use crate::simd::{Simd, Unsigned};
 
 /// Cells by which discs keep their distance from the knife edge. Finding the columns of two places takes two
 /// roundings each, together off by 2.4e-7 of the greater one, and no grid has more than
-/// [`MOST_CELLS`](crate::simd::cells::MOST_CELLS) of them: this is four times as much.
+/// [`MOST_CELLS`](super::cell_bins::MOST_CELLS) of them: this is four times as much.
 const MARGIN: f64 = 1e-3;
 /// Likewise the share of the radius: each of the four roundings of a squared distance is at most 6e-8 of it.
 pub const SHARE: f64 = 1e-5;
@@ -16,7 +16,7 @@ pub type HalfWidths = Vec<usize>;
 
 /// Half-widths of the disc of cells of which some place can be within `radius`, in cells, of some place of
 /// the middle cell.
-pub fn may_reach(radius: f64, halves: &mut HalfWidths, [n_columns, n_rows]: [usize; 2]) {
+pub fn outer_disc(radius: f64, halves: &mut HalfWidths, [n_columns, n_rows]: [usize; 2]) {
     let radius = radius * (1.0 + SHARE);
     halves.clear();
     for row in 0..n_rows {
@@ -31,7 +31,7 @@ pub fn may_reach(radius: f64, halves: &mut HalfWidths, [n_columns, n_rows]: [usi
 
 /// Half-widths of the disc of cells of which every place is within `radius`, in cells, of every place of the
 /// middle cell; there may be none.
-pub fn must_reach(radius: f64, halves: &mut HalfWidths, [n_columns, n_rows]: [usize; 2]) {
+pub fn inner_disc(radius: f64, halves: &mut HalfWidths, [n_columns, n_rows]: [usize; 2]) {
     let radius = radius * (1.0 - SHARE);
     halves.clear();
     for row in 0..n_rows {
@@ -44,9 +44,9 @@ pub fn must_reach(radius: f64, halves: &mut HalfWidths, [n_columns, n_rows]: [us
     }
 }
 
-/// Memory of [`greatest_over_disc`]: rasters with a margin all around.
+/// Scratch of [`dilate_disc`]: rasters with a margin all around.
 #[derive(Debug, Default)]
-pub struct Margins {
+pub struct DilationScratch {
     /// Greatest of runs of `2^k` cells of a column, from each cell down, and room for the next `k`.
     runs: [Vec<u16>; 2],
     /// Greatest over the window of a column around each cell.
@@ -55,17 +55,24 @@ pub struct Margins {
     starts: Vec<usize>,
 }
 
-/// Every cell of `to` becomes the greatest cell of `from` over a disc around it. Rows are `stride` cells, a
-/// multiple of [`TOPS`].
+/// Every cell of `to` becomes the greatest cell of `from` over a disc around it (grey dilation). Rows are `stride`
+/// cells, a multiple of the `u16` lanes.
+///
+/// ```text
+/// for the columns of the disc, from the lowest to the highest, those of one height together:
+///     windows = greatest over so many cells of a column        two runs of 2^k cells that overlap
+///     to = max(to, windows moved by each of these columns)
+/// ```
 #[inline(always)]
-pub fn greatest_over_disc(
+pub fn dilate_disc<S: Simd>(
+    s: S,
     (from, stride): (&[u16], usize),
     halves: &HalfWidths,
-    margins: &mut Margins,
+    scratch: &mut DilationScratch,
     to: &mut Vec<u16>,
 ) {
     let Some(reach) = halves.len().checked_sub(1) else { return };
-    let Margins { runs: [runs, next], windows, starts } = margins;
+    let DilationScratch { runs: [runs, next], windows, starts } = scratch;
     let (above, padded, n_rows) = (halves[0], stride + reach, from.len() / stride);
     runs.clear();
     runs.resize((n_rows + 2 * above) * padded + reach, 0);
@@ -87,36 +94,38 @@ pub fn greatest_over_disc(
             starts.push(reach + column);
         }
         while 2 * run <= 2 * half + 1 {
-            greatest_of_pairs(runs, &runs[run * padded..], next);
+            greater_of_each(s, runs, &runs[run * padded..], next);
             std::mem::swap(runs, next);
             run *= 2;
         }
         let [upper, lower] = [above - half, above + half + 1 - run].map(|row| row * padded);
-        greatest_of_pairs(&runs[upper..], &runs[lower..], windows);
+        greater_of_each(s, &runs[upper..], &runs[lower..], windows);
         for (row, to) in to.chunks_exact_mut(stride).enumerate() {
-            for (t, to) in to.as_chunks_mut().0.iter_mut().enumerate() {
-                *to = greatest_of_windows(*to, &windows[row * padded + TOPS * t..], starts);
+            for (t, to) in to.chunks_exact_mut(S::U16::LANES).enumerate() {
+                let windows = &windows[row * padded + S::U16::LANES * t..];
+                let mut greatest = S::U16::load(s, to);
+                for &start in &*starts {
+                    let window = &windows[start..start + S::U16::LANES];
+                    greatest = greatest.max(S::U16::load(s, window));
+                }
+                greatest.store(to);
             }
         }
     }
 }
 
-/// The greatest of `tops` and of the windows that begin at each of `starts`.
-#[inline(always)]
-fn greatest_of_windows(mut tops: [u16; TOPS], windows: &[u16], starts: &[usize]) -> [u16; TOPS] {
-    for &start in starts {
-        let Some(window) = windows[start..].first_chunk::<TOPS>() else { return tops };
-        for lane in 0..TOPS {
-            tops[lane] = tops[lane].max(window[lane]);
-        }
-    }
-    tops
-}
-
 /// The greater of each pair, as many as all have.
 #[inline(always)]
-fn greatest_of_pairs(a: &[u16], b: &[u16], to: &mut [u16]) {
-    for ((&a, &b), to) in a.iter().zip(b).zip(to) {
+fn greater_of_each<S: Simd>(s: S, a: &[u16], b: &[u16], to: &mut [u16]) {
+    let n = a.len().min(b.len()).min(to.len());
+    let lanes = S::U16::LANES;
+    let (a, b, to) = (a[..n].chunks_exact(lanes), b[..n].chunks_exact(lanes), &mut to[..n]);
+    let rest = a.remainder().iter().zip(b.remainder());
+    let mut chunks = to.chunks_exact_mut(lanes);
+    for ((a, b), to) in a.zip(b).zip(&mut chunks) {
+        S::U16::load(s, a).max(S::U16::load(s, b)).store(to);
+    }
+    for ((&a, &b), to) in rest.zip(chunks.into_remainder()) {
         *to = a.max(b);
     }
 }
@@ -125,7 +134,7 @@ fn greatest_of_pairs(a: &[u16], b: &[u16], to: &mut [u16]) {
 mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
-    use crate::simd::{Kernel, Level, Simd};
+    use crate::simd::{Kernel, Level};
 
     struct Greatest<'a>(&'a [u16], usize, &'a HalfWidths);
 
@@ -133,9 +142,9 @@ mod tests {
         type Output = Vec<u16>;
 
         #[inline(always)]
-        fn run<S: Simd>(self, _: S) -> Vec<u16> {
+        fn run<S: Simd>(self, s: S) -> Vec<u16> {
             let mut to = vec![];
-            greatest_over_disc((self.0, self.1), self.2, &mut Margins::default(), &mut to);
+            dilate_disc(s, (self.0, self.1), self.2, &mut DilationScratch::default(), &mut to);
             to
         }
     }
@@ -155,7 +164,7 @@ mod tests {
                 || if stream.unit() < 0.2 { stream.range(1.0, 65_536.0) as u16 } else { 0 };
             let from: Vec<u16> = (0..stride * n_rows).map(|_| top()).collect();
             let mut halves = vec![];
-            for reach in [may_reach, must_reach] {
+            for reach in [outer_disc, inner_disc] {
                 reach(radius, &mut halves, [n_rows, stride]);
                 if halves.is_empty() {
                     continue;
@@ -180,8 +189,8 @@ mod tests {
     fn discs_hold_what_can_and_what_must_be_within_the_radius() {
         let (mut may, mut must) = (vec![], vec![]);
         for radius in [0.2, 0.99, 1.0, 1.5, 3.0, 4.98, 17.3] {
-            may_reach(radius, &mut may, [99, 99]);
-            must_reach(radius, &mut must, [99, 99]);
+            outer_disc(radius, &mut may, [99, 99]);
+            inner_disc(radius, &mut must, [99, 99]);
             for (row, column) in (0..30).flat_map(|row| (0..30).map(move |column| (row, column))) {
                 let near = f64::hypot((row as f64 - 1.0).max(0.0), (column as f64 - 1.0).max(0.0));
                 let far = f64::hypot(row as f64 + 1.0, column as f64 + 1.0);

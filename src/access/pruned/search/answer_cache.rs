@@ -1,16 +1,16 @@
 //! What searches with other cutters have found out about the same reference points in the same direction.
 //!
-//! An obstacle in a cylinder is in every cylinder that holds it, and a free cylinder holds none that is not
-//! free. In `f32` too: heights and squared radii are compared with the same numbers, and adding a greater height
+//! An obstacle in a cylinder is in every cylinder that contains it; a cylinder without obstacles contains only such
+//! cylinders. In `f32` too: heights and squared radii are compared with the same numbers, and adding a greater height
 //! to the same one never gives less.
 
-use crate::simd::collide::StepSquared;
+use crate::access::predicate::StepSquared;
 
-/// Answers to questions about cylinders, a bit per query, eight to a byte.
+/// Answers to queries about cylinders, a bit per query.
 #[derive(Debug, Default)]
-pub struct Known {
+pub struct AnswerCache {
     answers: Vec<Answers>,
-    /// How many of them hold; the others are memory.
+    /// How many of them are valid; the others are memory.
     n: usize,
 }
 
@@ -18,8 +18,8 @@ pub struct Known {
 struct Answers {
     height: f32,
     radius_squared: f32,
-    hit: Vec<u8>,
-    free: Vec<u8>,
+    hit: Vec<u64>,
+    collision_free: Vec<u64>,
 }
 
 impl Answers {
@@ -33,15 +33,15 @@ impl Answers {
     }
 }
 
-impl Known {
+impl AnswerCache {
     /// Forgets everything: other reference points, or another direction.
     pub fn clear(&mut self) {
         self.n = 0;
     }
 
-    /// Adds to `hit` the queries at which some obstacle is known to be in the cylinder of one of `steps`.
+    /// Adds to `hit` the queries for which some obstacle is known to be in the cylinder of one of `steps`.
     #[inline(always)]
-    pub fn hits(&self, steps: &[StepSquared], hit: &mut [u8]) {
+    pub fn hits(&self, steps: &[StepSquared], hit: &mut [u64]) {
         for answers in &self.answers[..self.n] {
             if steps.iter().any(|step| answers.within(step)) {
                 hit.iter_mut().zip(&answers.hit).for_each(|(hit, known)| *hit |= known);
@@ -49,17 +49,17 @@ impl Known {
         }
     }
 
-    /// Takes away from `open` the queries whose cylinder is known to be free.
+    /// Takes away from `open` the queries whose cylinder is known to hold no obstacle.
     #[inline(always)]
-    pub fn keep_open(&self, step: &StepSquared, open: &mut [u8]) {
+    pub fn keep_open(&self, step: &StepSquared, open: &mut [u64]) {
         for answers in self.answers[..self.n].iter().filter(|answers| answers.holds(step)) {
-            open.iter_mut().zip(&answers.free).for_each(|(open, known)| *open &= !known);
+            open.iter_mut().zip(&answers.collision_free).for_each(|(open, known)| *open &= !known);
         }
     }
 
-    /// Of the queries `asked`, those in `open` are free, the others are hit.
+    /// Records the answers to `queries`: those still in `open` are collision-free, the others are hit.
     #[inline(always)]
-    pub fn learn(&mut self, step: &StepSquared, asked: &[u8], open: &[u8]) {
+    pub fn record(&mut self, step: &StepSquared, queries: &[u64], open: &[u64]) {
         if self.n == self.answers.len() {
             self.answers.push(Answers::default());
         }
@@ -67,9 +67,11 @@ impl Known {
         self.n += 1;
         (answers.height, answers.radius_squared) = (step.height, step.radius_squared);
         answers.hit.clear();
-        answers.hit.extend(asked.iter().zip(open).map(|(asked, open)| asked & !open));
-        answers.free.clear();
-        answers.free.extend(asked.iter().zip(open).map(|(asked, open)| asked & open));
+        answers.hit.extend(queries.iter().zip(open).map(|(queries, open)| queries & !open));
+        answers.collision_free.clear();
+        answers
+            .collision_free
+            .extend(queries.iter().zip(open).map(|(queries, open)| queries & open));
     }
 }
 
@@ -81,21 +83,21 @@ mod tests {
         StepSquared { height, radius_squared }
     }
 
-    /// Queries 0 and 1 are asked about a cylinder: 0 is hit, 1 is free.
+    /// Queries 0 and 1 are answered for a cylinder: 0 is hit, 1 is collision-free.
     #[test]
     fn hits_pass_to_cylinders_around_and_freedom_to_those_inside() {
-        let mut known = Known::default();
+        let mut cache = AnswerCache::default();
         for _ in 0..2 {
-            known.clear();
-            known.learn(&step(3.0, 4.0), &[0b11], &[0b110]);
+            cache.clear();
+            cache.record(&step(3.0, 4.0), &[0b11], &[0b110]);
             let hits = |height, radius| {
                 let mut hit = [0];
-                known.hits(&[step(9.0, 1.0), step(height, radius)], &mut hit);
+                cache.hits(&[step(9.0, 1.0), step(height, radius)], &mut hit);
                 hit[0]
             };
             let open = |height, radius| {
                 let mut open = [0b111];
-                known.keep_open(&step(height, radius), &mut open);
+                cache.keep_open(&step(height, radius), &mut open);
                 open[0]
             };
             for (height, radius) in [(3.0, 4.0), (2.9, 4.0), (3.0, 4.1)] {
@@ -111,9 +113,9 @@ mod tests {
                 assert_eq!(open(height, radius), 0b111, "{height} {radius}");
             }
         }
-        known.clear();
+        cache.clear();
         let mut open = [0b111];
-        known.keep_open(&step(3.0, 4.0), &mut open);
+        cache.keep_open(&step(3.0, 4.0), &mut open);
         assert_eq!(open, [0b111]);
     }
 }

@@ -1,9 +1,10 @@
-//! A uniform grid over points: nearest neighbour, and all within a radius.
+//! A uniform grid over points: nearest neighbor, and all within a radius.
 //!
 //! Points are sorted by cell, so a cell's points are one slice. Cells hold about two points; distances
 //! are compared in f64, which holds the squares of f32 differences exactly enough that ties are
 //! real ties, and those go to the lower index. Build O(n), a query O(points met).
 
+use super::counting_sort::CountingSort;
 use glam::{UVec3, Vec3};
 
 /// Points per cell aimed at.
@@ -13,20 +14,20 @@ const MAX_CELLS: f64 = 1024.0;
 
 /// A uniform grid over points that stay where they are.
 #[derive(Debug, Clone)]
-pub struct Grid {
+pub struct PointGrid {
     low: Vec3,
     /// Edge length of a cell, mm.
     cell_mm: f32,
     n_cells: UVec3,
-    /// Where each cell's points begin in `index`; one more than there are cells.
-    begin: Vec<u32>,
+    /// Where each cell's points begin in `index`.
+    cells: CountingSort,
     /// Point indices, cell by cell, ascending within a cell.
     index: Vec<u32>,
     /// The points in that order.
     points: Vec<Vec3>,
 }
 
-impl Grid {
+impl PointGrid {
     /// The grid over `points` (finite, mm, fewer than 2³²).
     pub fn new(points: &[Vec3]) -> Self {
         let first = points.first().copied().unwrap_or_default();
@@ -34,11 +35,11 @@ impl Grid {
             points.iter().fold((first, first), |(lo, hi), p| (lo.min(*p), hi.max(*p)));
         let cell_mm = cell_size(low, high, points.len());
         let n_cells = ((high - low) / cell_mm).floor().as_uvec3() + UVec3::ONE;
-        let mut grid = Grid {
+        let mut grid = PointGrid {
             low,
             cell_mm,
             n_cells,
-            begin: vec![0; n_cells.element_product() as usize + 1],
+            cells: CountingSort::default(),
             index: vec![0; points.len()],
             points: vec![Vec3::ZERO; points.len()],
         };
@@ -48,14 +49,11 @@ impl Grid {
 
     fn fill(&mut self, points: &[Vec3]) {
         let cells: Vec<usize> = points.iter().map(|p| self.number(self.cell(*p))).collect();
-        cells.iter().for_each(|c| self.begin[c + 1] += 1);
-        for c in 1..self.begin.len() {
-            self.begin[c] += self.begin[c - 1];
-        }
-        let mut next = self.begin.clone();
-        for (i, c) in cells.into_iter().enumerate() {
-            let slot = next[c] as usize;
-            next[c] += 1;
+        self.cells.clear(self.n_cells.element_product() as usize);
+        cells.iter().for_each(|&cell| self.cells.count(cell));
+        self.cells.finish_counting();
+        for (i, cell) in cells.into_iter().enumerate() {
+            let slot = self.cells.place(cell);
             self.index[slot] = i as u32;
             self.points[slot] = points[i];
         }
@@ -76,7 +74,7 @@ impl Grid {
         self.nearest_where(from, |_| true)
     }
 
-    /// As [`Grid::nearest`], among the points whose index passes `admit`.
+    /// As [`PointGrid::nearest`], among the points whose index passes `admit`.
     pub fn nearest_where(&self, from: Vec3, admit: impl Fn(u32) -> bool) -> Option<(u32, f32)> {
         let home = self.cell(from);
         let last = home.max(self.n_cells - UVec3::ONE - home).max_element();
@@ -107,10 +105,10 @@ impl Grid {
         let (low, high) = (self.cell(from - reach), self.cell(from + reach));
         for z in low.z..=high.z {
             for y in low.y..=high.y {
-                // Cells of one row are neighbours in memory.
+                // Cells of one row are neighbors in memory.
                 let row = self.number(UVec3::new(low.x, y, z));
-                let end = self.number(UVec3::new(high.x, y, z)) + 1;
-                for slot in self.begin[row] as usize..self.begin[end] as usize {
+                let end = self.number(UVec3::new(high.x, y, z));
+                for slot in self.cells.range(row, end) {
                     let square = square_distance(self.points[slot], from);
                     if square <= limit {
                         found(self.index[slot], square);
@@ -142,7 +140,7 @@ impl Grid {
                         continue;
                     }
                     let cell = self.number(UVec3::new(x as u32, y, z));
-                    for slot in self.begin[cell] as usize..self.begin[cell + 1] as usize {
+                    for slot in self.cells.range(cell, cell) {
                         visit(self.index[slot], self.points[slot]);
                     }
                 }
@@ -204,7 +202,7 @@ mod tests {
     fn nearest_and_within_equal_a_plain_search() {
         let mut stream = Stream::new(4, 0, 0, Purpose::Probe);
         for points in clouds() {
-            let grid = Grid::new(&points);
+            let grid = PointGrid::new(&points);
             for round in 0..60 {
                 let wide = if round < 40 { 8.0 } else { 100.0 };
                 let mut from = Vec3::from_array([0; 3].map(|_| stream.range(-wide, wide) as f32));
@@ -233,7 +231,7 @@ mod tests {
 
     #[test]
     fn a_grid_without_points_finds_none() {
-        let grid = Grid::new(&[]);
+        let grid = PointGrid::new(&[]);
         assert!(grid.is_empty() && grid.nearest(Vec3::ONE).is_none());
         assert!(grid.within(Vec3::ZERO, 10.0).is_empty());
     }

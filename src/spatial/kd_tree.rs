@@ -1,4 +1,4 @@
-//! A k-d tree over points: nearest neighbour and all within a radius, whatever the distribution.
+//! A k-d tree over points: nearest neighbor and all within a radius, whatever the distribution.
 //!
 //! Points of a surface fill few cells of a uniform grid, and mesh vertices are anything but uniform;
 //! a tree does not mind either. Splitting at the median makes the shape a function of the number of points alone, so a node is
@@ -11,23 +11,23 @@ use std::ops::Range;
 const LEAF: usize = 8;
 
 /// Points sorted for spatial queries; answers are indices into the slice it was built from.
-pub(crate) struct Tree {
+pub(crate) struct KdTree {
     points: Vec<DVec3>,
     order: Vec<u32>,
     /// Axis and value of the split of each inner node; children of `i` are `2i + 1` and `2i + 2`.
     splits: Vec<(u8, f64)>,
 }
 
-impl Tree {
+impl KdTree {
     /// `points` must be finite and at most `u32::MAX` many.
     pub fn build(points: &[DVec3]) -> Self {
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         let mut splits = Vec::new();
         split(points, &mut order, 0, &mut splits);
-        Tree { points: order.iter().map(|&i| points[i as usize]).collect(), order, splits }
+        KdTree { points: order.iter().map(|&i| points[i as usize]).collect(), order, splits }
     }
 
-    /// Indices in tree order: neighbours in the list are near each other in space.
+    /// Indices in tree order: neighbors in the list are near each other in space.
     pub fn into_order(self) -> Vec<u32> {
         self.order
     }
@@ -137,7 +137,7 @@ mod tests {
             radius in 0.1f64..4.0,
         ) {
             let points: Vec<DVec3> = cells.iter().map(|c| DVec3::from_array(c.map(f64::from))).collect();
-            let (tree, q) = (Tree::build(&points), DVec3::from_array(q));
+            let (tree, q) = (KdTree::build(&points), DVec3::from_array(q));
             let odd = |i: u32| i % 2 == 1;
             let squares = points.iter().enumerate().map(|(i, p)| (p.distance_squared(q), i as u32));
             let near: Vec<(f64, u32)> = squares.filter(|(d2, _)| *d2 <= radius * radius).collect();
