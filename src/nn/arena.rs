@@ -105,14 +105,17 @@ impl<T: Copy + Default> Pool<T> {
             return self.free.swap_remove(best);
         }
         let limit = self.peak + self.peak / SLACK;
-        while self.reserved + n > limit && self.release_largest() {}
+        while self.reserved + n > limit && self.release(self.reserved + n - limit) {}
         self.reserved += n;
         vec![T::default(); n]
     }
 
-    fn release_largest(&mut self) -> bool {
-        let largest = (0..self.free.len()).max_by_key(|&i| self.free[i].len());
-        let released = largest.map(|i| self.free.swap_remove(i));
+    /// Gives the smallest free buffer of at least `n` numbers back to the system, or the largest, if there is one.
+    fn release(&mut self, n: usize) -> bool {
+        let size = |&i: &usize| self.free[i].len();
+        let enough = (0..self.free.len()).filter(|i| size(i) >= n).min_by_key(size);
+        let place = enough.or_else(|| (0..self.free.len()).max_by_key(size));
+        let released = place.map(|i| self.free.swap_remove(i));
         self.reserved -= released.as_ref().map_or(0, Vec::len);
         released.is_some()
     }
