@@ -4,11 +4,16 @@
 //! second over the neighbours that exist: twice that is FLOP/s.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use deepmill::nn::arena::Arena;
+use deepmill::nn::column_norm::Epilogue;
 use deepmill::nn::conv::OctreeConv;
-use deepmill::nn::conv_transpose::OctreeUp;
-use deepmill::nn::down::OctreeDown;
+use deepmill::nn::deconv::OctreeDeconv;
 use deepmill::nn::interp::Interpolation;
+use deepmill::nn::linear_operator::LinearOperator;
+use deepmill::nn::operand::Operand;
 use deepmill::nn::params::Layout;
+use deepmill::nn::pass::{Backward, Context};
+use deepmill::nn::strided_conv::{OctreeStridedConv, OutputRows};
 use deepmill::octree::{Cloud, Features, Octree, OctreeOptions};
 use glam::Vec3;
 use std::hint::black_box;
@@ -74,15 +79,17 @@ fn convolutions(criterion: &mut Criterion) {
         let conv = OctreeConv::new(&mut layout, "conv", c_in, c_out);
         let (map, params) = (&octree.levels[depth].conv, layout.init_params::<f32>(1));
         let (x, dy) = (numbers(map.n_inputs() * c_in), numbers(map.n_outputs() * c_out));
-        let (mut y, mut dx, mut grads) = (vec![], vec![], vec![0.0; params.len()]);
+        let (arena, mut grads) = (&Arena::default(), vec![0.0; params.len()]);
+        let (context, x) = (Context { params: &params, arena }, Operand::new(&x, c_in));
         let name = format!("depth {depth}, {c_in} to {c_out}");
         group.throughput(Throughput::Elements((map.n_pairs() * c_in * c_out) as u64));
         group.bench_function(BenchmarkId::new("forward", &name), |bencher| {
-            bencher.iter(|| conv.forward(&params, map, &x, &mut y));
+            bencher.iter(|| conv.apply(context, map, x, Epilogue::Identity));
         });
         group.throughput(Throughput::Elements((2 * map.n_pairs() * c_in * c_out) as u64));
         group.bench_function(BenchmarkId::new("backward", &name), |bencher| {
-            bencher.iter(|| conv.backward(&params, map, &x, &dy, Some(&mut dx), &mut grads));
+            let mut pass = Backward { params: &params, grads: &mut grads, arena };
+            bencher.iter(|| conv.gradients(&mut pass, map, x, &dy));
         });
     }
 }
@@ -95,19 +102,21 @@ fn strides(criterion: &mut Criterion) {
     for (depth, c_fine, c_coarse) in [(4, 32, 32), (4, 96, 96), (1, 128, 256)] {
         let coarse = &octree.levels[depth];
         let mut layout = Layout::default();
-        let down = OctreeDown::new(&mut layout, "down", c_fine, c_coarse);
+        let rows = OutputRows::AllNodes;
+        let down = OctreeStridedConv::new(&mut layout, "down", c_fine, c_coarse, rows);
         let params = layout.init_params::<f32>(1);
-        let up = OctreeUp::new(&mut Layout::default(), "up", c_coarse, c_fine);
+        let up = OctreeDeconv::new(&mut Layout::default(), "up", c_coarse, c_fine);
         let (fine, rough) =
             (numbers(8 * coarse.n_nonempty() * c_fine), numbers(coarse.n_nodes() * c_coarse));
         let name = format!("depth {depth}, {c_fine} and {c_coarse}");
-        let mut y = vec![];
+        let context = Context { params: &params, arena: &Arena::default() };
+        let (x, rough) = (Operand::new(&fine, c_fine), Operand::new(&rough, c_coarse));
         group.throughput(Throughput::Elements((fine.len() * c_coarse) as u64));
         group.bench_function(BenchmarkId::new("down", &name), |bencher| {
-            bencher.iter(|| down.forward(&params, coarse, &fine, &mut y));
+            bencher.iter(|| down.apply(context, coarse, x, Epilogue::Identity));
         });
         group.bench_function(BenchmarkId::new("up", &name), |bencher| {
-            bencher.iter(|| up.forward(&params, coarse, &rough, &mut y));
+            bencher.iter(|| up.apply(context, coarse, rough, Epilogue::Identity));
         });
     }
 }

@@ -2,7 +2,7 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use deepmill::geom::Mesh;
-use deepmill::geom::cells::Cells;
+use deepmill::geom::cells::VoronoiCells;
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::geom::solids::{cuboid, torus};
 use deepmill::geom::spacing::Spacing;
@@ -45,7 +45,7 @@ fn measuring(criterion: &mut Criterion) {
         bencher.iter(|| Spacing::measure(black_box(&sites)));
     });
     criterion.bench_function("cells of 7000", |bencher| {
-        bencher.iter(|| Cells::build(black_box(&sites)).unwrap().spread(&mesh, 16, 1));
+        bencher.iter(|| VoronoiCells::build(black_box(&sites)).unwrap().spread(&mesh, 16, 1));
     });
 }
 

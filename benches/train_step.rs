@@ -4,7 +4,8 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use deepmill::data::generated::mixed_part;
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::loss::CrossEntropy;
-use deepmill::model::{Batch, Model, Shape, UNetConfig, Workspace};
+use deepmill::model::{Batch, Model, Shape, UNetConfig};
+use deepmill::nn::arena::Arena;
 use deepmill::optim::Sgd;
 
 const CUTTER_MM: [f64; 4] = [1.5, 6.0, 40.0, 5.0];
@@ -21,19 +22,19 @@ fn train_step(c: &mut Criterion) {
     group.sample_size(10);
     for (name, config) in [("tiny", UNetConfig::tiny()), ("small", UNetConfig::small())] {
         let mut model = Model::<f32>::new(&config, 1).expect("a preset is a network");
-        let mut work = Workspace::default();
+        let arena = Arena::default();
         let n = model.params.len();
         let (mut velocity, mut grads) = (vec![0.0; n], vec![0.0; n]);
         let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
         let mut step = || {
             let batch = Batch::new(&shapes, &config.input).expect("generated parts are sound");
             let labels = vec![0; batch.n_points()];
-            model.forward_train(&batch, None, &mut work);
+            let pass = model.forward_train(&batch, None, &arena);
             let (mut d, mut loss) = ([Vec::new(), Vec::new()], 0.0);
-            for (logits, d) in work.logits.iter().zip(&mut d) {
+            for (logits, d) in pass.logits.iter().zip(&mut d) {
                 loss += CrossEntropy::binary().loss(logits, &labels, 1.0, d);
             }
-            model.backward(&batch, [&d[0], &d[1]], &mut work, &mut grads);
+            model.backward(&batch, pass, [&d[0], &d[1]], &mut grads, &arena);
             sgd.step(1e-3, &mut grads, &mut velocity, &mut model.params);
             loss
         };

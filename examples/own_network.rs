@@ -7,7 +7,8 @@ use deepmill::glam::Vec3;
 use deepmill::loss::CrossEntropy;
 use deepmill::metrics::Confusion;
 use deepmill::model::config::{CutterConfig, CutterPlacement, InputConfig};
-use deepmill::model::{Batch, Model, Shape, UNetConfig, Workspace};
+use deepmill::model::{Batch, Model, Shape, UNetConfig};
+use deepmill::nn::arena::Arena;
 use deepmill::optim::Sgd;
 use deepmill::rng::{Purpose, Stream};
 
@@ -29,7 +30,7 @@ fn main() -> deepmill::Result<()> {
     let mut model = Model::<f32>::new(&config, 1)?;
     println!("{} parameters", model.params.len());
 
-    let (mut work, mut dlogits) = (Workspace::default(), [vec![], vec![]]);
+    let (arena, mut dlogits) = (Arena::default(), [vec![], vec![]]);
     let (mut grads, mut velocity) = (vec![0.0; model.params.len()], vec![0.0; model.params.len()]);
     let sgd = Sgd { momentum: 0.9, weight_decay: 1e-4 };
     let criterion = CrossEntropy::binary();
@@ -37,16 +38,16 @@ fn main() -> deepmill::Result<()> {
         let spheres = [sphere(2 * step as u64), sphere(2 * step as u64 + 1)];
         let targets: Vec<u8> = spheres.iter().flatten().map(|p| u8::from(p.z > 0.3)).collect();
         let batch = batch(&spheres, &config.input)?;
-        model.forward_train(&batch, None, &mut work);
+        let pass = model.forward_train(&batch, None, &arena);
         let mut loss = 0.0;
-        for (logits, d) in work.logits.iter().zip(&mut dlogits) {
+        for (logits, d) in pass.logits.iter().zip(&mut dlogits) {
             loss += criterion.loss(logits, &targets, 1.0, d);
         }
+        let scores = Confusion::of_logits(&pass.logits[1], &targets, 1);
         let [first, second] = &dlogits;
-        model.backward(&batch, [first, second], &mut work, &mut grads);
+        model.backward(&batch, pass, [first, second], &mut grads, &arena);
         sgd.step(0.05, &mut grads, &mut velocity, &mut model.params);
         if step % 5 == 4 {
-            let scores = Confusion::of_logits(&work.logits[1], &targets, 1);
             println!("step {:2}: loss {loss:.3}, F1 {:.3}", step + 1, scores.f1());
         }
     }

@@ -1,13 +1,17 @@
 //! Is a hand-written backward pass the derivative of its forward pass? Central differences and the
 //! adjoint test, in f64.
 //!
-//! A layer is any function of named vectors (inputs and parameters alike) with a vector result `y`.
-//! For a fixed random `dy`, [`layer`] compares what backward says about `⟨dy, y⟩` with the central
+//! [`function`] takes any function of named vectors (inputs and parameters alike) with a vector result `y`, and
+//! [`layer`] any [`Layer`]. For a fixed random `dy` they compare what backward says about `⟨dy, y⟩` with the central
 //! difference `D(h) = ⟨dy, y(v + h) - y(v - h)⟩ / 2h`, element by element, whose leading error is removed by
 //! a second step: `(4 D(h) - D(2h)) / 3`. What is left is about `(h / s)⁴` where the function bends over a
 //! length `s` (batch norm over nearly equal rows bends over their small deviation), and a rounding error of
 //! about `2^-53 / h`. With `h = 1e-5` both stay near 1e-10, so a correct gradient of a smooth function passes
 //! at 1e-7, and a wrong one fails by many orders of magnitude.
+//!
+//! A scalar result, such as a loss, is rounded to its own magnitude, beside which one element's share may be
+//! small: no single step suits all elements. There `dy` is 1, and differences at the steps `h, 4h, 16h, 64h` are
+//! extrapolated to 0, of which the estimate that agrees best with its neighbors counts (Ridders 1982).
 //!
 //! ```
 //! use deepmill::gradcheck::{self, Settings};
@@ -16,16 +20,25 @@
 //! let backward = |v: &[Vec<f64>], dy: &[f64]| {
 //!     vec![v[0].iter().zip(dy).map(|(x, dy)| 2.0 * x * dy).collect()]
 //! };
-//! let report = gradcheck::layer(&[("x", &x)], forward, backward, &Settings::default());
-//! report.require(1e-7).unwrap();
+//! let report = gradcheck::function(&[("x", &x)], forward, backward, &Settings::default())?;
+//! report.require(1e-7)?;
+//! # Ok::<(), deepmill::Error>(())
 //! ```
 //!
 //! A function with a kink (ReLU, max) has no derivative there: choose inputs whose distance from every
-//! kink exceeds what a step of `2h` can move them.
+//! kink exceeds what a step of `2h`, or `64h` of a scalar, can move them.
 
+use crate::nn::arena::{Arena, Buffer};
+use crate::nn::layer::{self, Layer};
+use crate::nn::operand::Operand;
+use crate::nn::params::Layout;
+use crate::nn::pass::{Backward, Training};
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
 use std::fmt;
+
+/// Steps at which a scalar function is tried.
+const N_STEPS: i32 = 4;
 
 /// How a check is made.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,7 +76,7 @@ pub struct Element {
     pub error: f64,
 }
 
-/// The outcome of [`layer`].
+/// The outcome of [`function`] and [`layer`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
     /// Worst element of every vector, in the order of the inputs.
@@ -76,7 +89,7 @@ impl Report {
     /// The worst element of all.
     ///
     /// # Panics
-    /// If the check had no inputs, or only empty ones.
+    /// If the report is not one of a check, and empty.
     pub fn worst(&self) -> &Element {
         let worst = self.worst.iter().max_by(|a, b| a.error.total_cmp(&b.error));
         worst.expect("a check has at least one element")
@@ -117,55 +130,194 @@ impl fmt::Display for Report {
 /// Checks `backward` against central differences of `forward`.
 ///
 /// Both get the vectors of `inputs` in order; `backward(vectors, dy)` returns one gradient per vector,
-/// of its length. Anything random in the layer must be held fixed between calls.
+/// of its length. Anything random in the function must be held fixed between calls.
 ///
-/// # Panics
-/// If a gradient's length differs from its vector's.
-pub fn layer(
+/// # Errors
+/// If there is nothing to check (no input element, an empty output, `max_elements` 0), or if backward returns
+/// another number of gradients than there are inputs, or one of another length.
+pub fn function(
     inputs: &[(&str, &[f64])],
     mut forward: impl FnMut(&[Vec<f64>]) -> Vec<f64>,
     mut backward: impl FnMut(&[Vec<f64>], &[f64]) -> Vec<Vec<f64>>,
     settings: &Settings,
-) -> Report {
+) -> Result<Report> {
     let mut vectors: Vec<Vec<f64>> = inputs.iter().map(|(_, v)| v.to_vec()).collect();
-    let dy = probe(forward(&vectors).len(), settings.seed);
+    let n_outputs = forward(&vectors).len();
+    check_sizes(inputs, n_outputs, settings)?;
+    let dy = if n_outputs == 1 { vec![1.0] } else { probe(n_outputs, settings.seed) };
     let gradients = backward(&vectors, &dy);
+    check_gradients(inputs, &gradients)?;
     let mut checked = Vec::new();
     for (i, gradient) in gradients.iter().enumerate() {
-        let name = inputs[i].0;
-        assert_eq!(gradient.len(), vectors[i].len(), "gradient of {name} has another length");
         for index in subset(gradient.len(), settings, i as u64) {
-            let numeric = derivative(&mut vectors, i, index, &dy, &mut forward, settings);
+            let mut difference = |h: f64| {
+                let x = vectors[i][index];
+                let (high, low) = (x + h, x - h);
+                vectors[i][index] = high;
+                let y_high = forward(&vectors);
+                vectors[i][index] = low;
+                let y_low = forward(&vectors);
+                vectors[i][index] = x;
+                let change = |((high, low), dy): ((&f64, &f64), &f64)| (high - low) * dy;
+                y_high.iter().zip(&y_low).zip(&dy).map(change).sum::<f64>() / (high - low)
+            };
+            let h = settings.step * inputs[i].1[index].abs().max(1.0);
+            let numeric = match n_outputs {
+                1 => extrapolated(h, &mut difference),
+                _ => (4.0 * difference(h) - difference(2.0 * h)) / 3.0,
+            };
             checked.push((i, index, gradient[index], numeric));
         }
     }
     // Of all elements: which of them the subset holds must not change how an error is judged.
     let largest = gradients.iter().flatten().fold(0.0, |m: f64, a| m.max(a.abs()));
-    report(inputs, &checked, settings.floor * largest)
+    Ok(report(inputs, &checked, settings.floor * largest))
 }
 
-fn derivative(
-    vectors: &mut [Vec<f64>],
-    vector: usize,
-    index: usize,
-    dy: &[f64],
-    forward: &mut impl FnMut(&[Vec<f64>]) -> Vec<f64>,
+/// Limit of `difference(h)` for `h → 0` from steps that grow fourfold.
+fn extrapolated(h: f64, difference: &mut impl FnMut(f64) -> f64) -> f64 {
+    const FACTOR: f64 = 4.0;
+    let column: Vec<f64> = (0..N_STEPS).map(|k| difference(h * FACTOR.powi(k))).collect();
+    let (mut column, mut best, mut least) = (column, f64::NAN, f64::INFINITY);
+    let mut power = FACTOR * FACTOR;
+    while column.len() > 1 {
+        let next: Vec<f64> =
+            column.windows(2).map(|pair| (power * pair[0] - pair[1]) / (power - 1.0)).collect();
+        for (i, value) in next.iter().enumerate() {
+            let error = (value - column[i]).abs().max((value - column[i + 1]).abs());
+            if error < least {
+                (best, least) = (*value, error);
+            }
+        }
+        (column, power) = (next, power * FACTOR * FACTOR);
+    }
+    best
+}
+
+fn check_sizes(inputs: &[(&str, &[f64])], n_outputs: usize, settings: &Settings) -> Result<()> {
+    let n: usize = inputs.iter().map(|(_, v)| v.len()).sum();
+    let sizes = [
+        ("number of elements to differentiate by", n),
+        ("length of the output", n_outputs),
+        ("max_elements", settings.max_elements),
+    ];
+    match sizes.iter().find(|(_, size)| *size == 0) {
+        None => Ok(()),
+        Some((name, _)) => {
+            let remedy = "a check of nothing proves nothing: give inputs that reach the output";
+            Err(Error::argument(name, 0, "at least 1", remedy))
+        }
+    }
+}
+
+fn check_gradients(inputs: &[(&str, &[f64])], gradients: &[Vec<f64>]) -> Result<()> {
+    if gradients.len() != inputs.len() {
+        let expected = format!("{}, one for each input", inputs.len());
+        let remedy = "return one from backward for each input, in their order";
+        return Err(Error::argument("number of gradients", gradients.len(), expected, remedy));
+    }
+    for ((name, input), gradient) in inputs.iter().zip(gradients) {
+        if gradient.len() != input.len() {
+            let found = format!("{} for {name}", gradient.len());
+            let expected = format!("{}, the length of the input", input.len());
+            let remedy = "return one number for each element";
+            return Err(Error::argument("length of a gradient", found, expected, remedy));
+        }
+    }
+    Ok(())
+}
+
+/// A [`Layer`] with what its passes take, as one call of [`layer`] checks it.
+#[derive(Debug)]
+pub struct Case<'a, G: ?Sized> {
+    /// Names and places of the parameters.
+    pub layout: &'a Layout,
+    /// As long as the layout says.
+    pub params: &'a [f64],
+    /// Which rows meet.
+    pub geometry: &'a G,
+    /// What the layer reads.
+    pub x: Operand<'a, f64>,
+    /// Dropout, drawn from these streams in every pass alike; `None` turns it off.
+    pub dropout: Option<&'a [Stream]>,
+}
+
+/// Checks the training pass of a layer: its gradients by every matrix of its operand and by every one of its
+/// tensors.
+///
+/// ```
+/// use deepmill::gradcheck::{self, Case, Settings};
+/// use deepmill::nn::{linear::Linear, operand::Operand, params::Layout};
+/// let mut layout = Layout::default();
+/// let linear = Linear::new(&mut layout, "linear", 3, 2, true);
+/// let (params, x) = (layout.init_params(1), gradcheck::probe(12, 2));
+/// let x = Operand::new(&x, 3);
+/// let case = Case { layout: &layout, params: &params, geometry: &(), x, dropout: None };
+/// let report = gradcheck::layer(&linear, &case, &Settings::default())?;
+/// assert_eq!(report.worst.len(), 3); // x, linear.weight, linear.bias
+/// report.require(1e-7)?;
+/// # Ok::<(), deepmill::Error>(())
+/// ```
+///
+/// # Errors
+/// As [`function`].
+pub fn layer<L: Layer<f64>>(
+    checked: &L,
+    case: &Case<L::Geometry>,
     settings: &Settings,
-) -> f64 {
-    let x = vectors[vector][index];
-    let h = settings.step * x.abs().max(1.0);
-    let mut central_difference = |h: f64| {
-        let (high, low) = (x + h, x - h);
-        vectors[vector][index] = high;
-        let y_high = forward(vectors);
-        vectors[vector][index] = low;
-        let y_low = forward(vectors);
-        let change = |((high, low), dy): ((&f64, &f64), &f64)| (high - low) * dy;
-        y_high.iter().zip(&y_low).zip(dy).map(change).sum::<f64>() / (high - low)
+) -> Result<Report> {
+    let matrices = case.x.matrices();
+    let n = matrices.len();
+    let names: Vec<String> = match n {
+        1 => vec!["x".into()],
+        _ => (0..n).map(|i| format!("x[{i}]")).collect(),
     };
-    let (near, far) = (central_difference(h), central_difference(2.0 * h));
-    vectors[vector][index] = x;
-    (4.0 * near - far) / 3.0
+    let tensors: Vec<_> = layer::tensors(checked, case.layout).collect();
+    let inputs = names.iter().map(String::as_str).zip(matrices.iter().map(Operand::numbers));
+    let params = tensors.iter().map(|e| (e.name.as_str(), &case.params[e.range.clone()]));
+    let inputs: Vec<_> = inputs.chain(params).collect();
+    let params_of = |v: &[Vec<f64>]| {
+        let mut params = case.params.to_vec();
+        for (entry, values) in tensors.iter().zip(&v[n..]) {
+            params[entry.range.clone()].copy_from_slice(values);
+        }
+        params
+    };
+    let forward = |v: &[Vec<f64>]| run(checked, case, &v[..n], &params_of(v), None).0.to_vec();
+    let backward = |v: &[Vec<f64>], dy: &[f64]| {
+        let (_, mut dx, grads) = run(checked, case, &v[..n], &params_of(v), Some(dy));
+        dx.extend(tensors.iter().map(|e| grads[e.range.clone()].to_vec()));
+        dx
+    };
+    function(&inputs, forward, backward, settings)
+}
+
+/// Output of a training pass on the matrices `x`; if there is a `dy`, gradients by matrices and parameters.
+fn run<L: Layer<f64>>(
+    layer: &L,
+    case: &Case<L::Geometry>,
+    x: &[Vec<f64>],
+    params: &[f64],
+    dy: Option<&[f64]>,
+) -> (Buffer<f64>, Vec<Vec<f64>>, Vec<f64>) {
+    let (arena, mut buffers) = (&Arena::default(), case.layout.init_buffers());
+    let matrices = case.x.matrices();
+    let matrices: Vec<_> = matrices.iter().zip(x).map(|(m, x)| m.with_numbers(x)).collect();
+    let x = match &matrices[..] {
+        [x] => *x,
+        _ => Operand::Concat(&matrices),
+    };
+    let mut dropout = case.dropout.map(<[Stream]>::to_vec);
+    let dropout = dropout.as_deref_mut();
+    let mut pass = Training { params, buffers: &mut buffers, dropout, arena };
+    let (y, saved) = layer.forward_train(&mut pass, case.geometry, x);
+    let (mut dx, mut grads) = (Vec::new(), vec![0.0; params.len()]);
+    if let Some(dy) = dy {
+        let mut pass = Backward { params, grads: &mut grads, arena };
+        let gradient = layer.backward(&mut pass, case.geometry, x, saved, arena.copy_of(dy));
+        dx.extend(gradient.into_parts().iter().map(|part| part.to_vec()));
+    }
+    (y, dx, grads)
 }
 
 fn report(inputs: &[(&str, &[f64])], checked: &[(usize, usize, f64, f64)], floor: f64) -> Report {
@@ -241,7 +393,7 @@ mod tests {
             change(&mut gradients);
             gradients
         };
-        layer(&[("x", &x), ("p", &[0.7])], forward, changed, &Settings::default())
+        function(&[("x", &x), ("p", &[0.7])], forward, changed, &Settings::default()).unwrap()
     }
 
     #[test]
@@ -271,7 +423,7 @@ mod tests {
     fn a_subset_is_checked_when_asked() {
         let settings = Settings { max_elements: 4, ..Settings::default() };
         let x = probe(20, 1);
-        let report = layer(&[("x", &x), ("p", &[0.7])], forward, backward, &settings);
+        let report = function(&[("x", &x), ("p", &[0.7])], forward, backward, &settings).unwrap();
         assert_eq!(report.n_checked, 5);
     }
 
@@ -285,7 +437,8 @@ mod tests {
         };
         for max_elements in 1..=20 {
             let settings = Settings { max_elements, ..Settings::default() };
-            layer(&[("x", &x), ("p", &[0.7])], forward, wrong, &settings).require(1e-7).unwrap();
+            let report = function(&[("x", &x), ("p", &[0.7])], forward, wrong, &settings).unwrap();
+            report.require(1e-7).unwrap();
         }
     }
 
@@ -297,5 +450,63 @@ mod tests {
         };
         assert!(adjoint(3, 3, |x| apply(3, 1, x), |y| apply(1, 3, y)) < 1e-15);
         assert!(adjoint(3, 3, |x| apply(3, 1, x), |y| apply(3, 1, y)) > 1e-3);
+    }
+
+    #[test]
+    fn fewer_gradients_than_inputs_and_gradients_of_other_lengths_are_refused() {
+        let x = probe(20, 1);
+        let message = |change: &dyn Fn(&mut Vec<Vec<f64>>)| {
+            let changed = |v: &[Vec<f64>], dy: &[f64]| {
+                let mut gradients = backward(v, dy);
+                change(&mut gradients);
+                gradients
+            };
+            let inputs: [(&str, &[f64]); 2] = [("x", &x), ("p", &[0.7])];
+            function(&inputs, forward, changed, &Settings::default()).unwrap_err().to_string()
+        };
+        let fewer = message(&|g| drop(g.pop()));
+        assert!(fewer.starts_with("number of gradients is 1, expected 2"), "{fewer}");
+        assert!(message(&|g| g.push(vec![])).starts_with("number of gradients is 3"));
+        let shorter = message(&|g| g[0].truncate(19));
+        assert!(shorter.starts_with("length of a gradient is 19 for x, expected 20"), "{shorter}");
+    }
+
+    #[test]
+    fn a_check_of_nothing_is_refused() {
+        let message = |x: &[f64], max_elements: usize, n_outputs: usize| {
+            let settings = Settings { max_elements, ..Settings::default() };
+            let forward = |_: &[Vec<f64>]| vec![0.0; n_outputs];
+            let backward = |v: &[Vec<f64>], _: &[f64]| v.to_vec();
+            function(&[("x", x)], forward, backward, &settings).unwrap_err().to_string()
+        };
+        assert!(message(&[], 9, 9).contains("elements to differentiate by is 0"));
+        assert!(message(&[1.0], 9, 0).contains("length of the output is 0"));
+        assert!(message(&[1.0], 0, 9).contains("max_elements is 0"));
+    }
+
+    /// A loss of magnitude 10 with gradients from 1 down to 1e-3, one of them over a bend of length 0.02.
+    #[test]
+    fn a_loss_is_checked_without_tuning() {
+        let x = probe(20, 3);
+        let scale = |i: usize| 10f64.powf(-3.0 * i as f64 / 19.0);
+        let sharp = |i: usize| if i == 7 { 50.0 } else { 1.0 };
+        let forward = |v: &[Vec<f64>]| {
+            let terms = v[0].iter().enumerate();
+            vec![10.0 + terms.map(|(i, x)| scale(i) * libm::sin(sharp(i) * x)).sum::<f64>()]
+        };
+        let backward = |v: &[Vec<f64>], dy: &[f64]| {
+            let derivative = |(i, x): (usize, &f64)| scale(i) * sharp(i) * libm::cos(sharp(i) * x);
+            vec![v[0].iter().enumerate().map(|t| dy[0] * derivative(t)).collect::<Vec<f64>>()]
+        };
+        let inputs: [(&str, &[f64]); 1] = [("x", &x)];
+        let report = function(&inputs, forward, backward, &Settings::default()).unwrap();
+        report.require(1e-7).unwrap();
+        let wrong = |v: &[Vec<f64>], dy: &[f64]| {
+            let mut gradients = backward(v, dy);
+            gradients[0][3] *= 1.0001;
+            gradients
+        };
+        let report = function(&inputs, forward, wrong, &Settings::default()).unwrap();
+        assert!(report.require(1e-7).is_err() && report.worst().index == 3);
     }
 }

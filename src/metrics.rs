@@ -20,9 +20,9 @@ impl Confusion {
     /// Counts of predicted against true labels.
     ///
     /// # Panics
-    /// If there are not as many of both.
+    /// If the lists differ in length.
     pub fn of_labels(predicted: &[bool], truth: &[bool]) -> Self {
-        assert_eq!(predicted.len(), truth.len(), "as many predicted as true labels");
+        check_lengths("true labels", truth.len(), predicted.len());
         let mut counts = Confusion::default();
         for (p, t) in predicted.iter().zip(truth) {
             counts.add(*p, *t);
@@ -33,10 +33,10 @@ impl Confusion {
     /// As [`Confusion::of_labels`], each entry counted `weight` times.
     ///
     /// # Panics
-    /// If there are not as many of all three.
+    /// If the lists differ in length.
     pub fn weighted(predicted: &[bool], truth: &[bool], weights: &[u64]) -> Self {
-        assert_eq!(predicted.len(), truth.len(), "as many predicted as true labels");
-        assert_eq!(predicted.len(), weights.len(), "as many weights as labels");
+        check_lengths("true labels", truth.len(), predicted.len());
+        check_lengths("weights", weights.len(), predicted.len());
         let mut counts = Confusion::default();
         for ((p, t), weight) in predicted.iter().zip(truth).zip(weights) {
             counts.count(*p, *t, *weight);
@@ -115,6 +115,10 @@ impl Confusion {
     }
 }
 
+fn check_lengths(what: &str, found: usize, predicted: usize) {
+    assert_eq!(found, predicted, "{found} {what} for {predicted} predictions");
+}
+
 fn ratio(a: u64, b: u64) -> f64 {
     if b == 0 { 1.0 } else { a as f64 / b as f64 }
 }
@@ -175,10 +179,20 @@ mod tests {
     }
 
     #[test]
-    fn lists_of_different_length_are_not_compared() {
-        let panics = |work: fn() -> Confusion| std::panic::catch_unwind(work).is_err();
-        assert!(panics(|| Confusion::of_labels(&[true; 3], &[true; 2])));
-        assert!(panics(|| Confusion::weighted(&[true; 3], &[true; 3], &[1; 2])));
-        assert!(panics(|| Confusion::of_logits(&[0.0; 5], &[1; 3], 1)));
+    #[should_panic(expected = "2 true labels for 3 predictions")]
+    fn labels_of_another_number_of_sites_are_refused() {
+        Confusion::of_labels(&[true; 3], &[true; 2]);
+    }
+
+    #[test]
+    #[should_panic(expected = "4 weights for 3 predictions")]
+    fn weights_of_another_number_of_sites_are_refused() {
+        Confusion::weighted(&[true; 3], &[true; 3], &[1; 4]);
+    }
+
+    #[test]
+    #[should_panic(expected = "two logits for each target")]
+    fn logits_of_another_number_of_targets_are_refused() {
+        Confusion::of_logits(&[0.0; 5], &[1, 0], 0);
     }
 }

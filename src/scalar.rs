@@ -1,8 +1,6 @@
 //! The numbers of the network: `f32` for work, `f64` for decisive gradient checks.
 
-pub use crate::simd::Level;
-pub use crate::simd::gemm::{Real, block, identity, matmul_columns, weights, winograd};
-use crate::simd::{Kernel, Simd, gemm, level};
+use crate::simd::{Level, Real, level};
 use crate::{Error, Result};
 use std::fmt::{Debug, Display};
 use std::iter::Sum;
@@ -51,38 +49,6 @@ pub trait Scalar:
     fn max(self, other: Self) -> Self;
     /// Neither infinite nor NaN.
     fn is_finite(self) -> bool;
-
-    /// `c[c_rows[r], j] += Σ_p a[a_rows[r], p] · b[p, j]` for every `r`, `a: [_, k]`, `b: [k, n]`, `c: [_, n]`.
-    ///
-    /// Each element of `c` takes its products one by one, `p` ascending, by fused multiply-add onto
-    /// the value it holds. `c_rows` must not repeat a row.
-    ///
-    /// # Panics
-    /// If a row index is outside its matrix or the two row lists differ in length.
-    fn matmul_rows(
-        a: &[Self],
-        a_rows: &[u32],
-        k: usize,
-        b: &[Self],
-        n: usize,
-        c: &mut [Self],
-        c_rows: &[u32],
-    );
-
-    /// `d[p, j] += Σ_r a[a_rows[r], p] · g[g_rows[r], j]`, `a: [_, k]`, `g: [_, n]`, `d: [k, n]`; `r` ascending,
-    /// fused as in [`Scalar::matmul_rows`].
-    ///
-    /// # Panics
-    /// If a row index is outside its matrix or the two row lists differ in length.
-    fn matmul_tn_rows(
-        a: &[Self],
-        a_rows: &[u32],
-        k: usize,
-        g: &[Self],
-        g_rows: &[u32],
-        n: usize,
-        d: &mut [Self],
-    );
 }
 
 /// The instruction-set level that the kernels run at; call it first, so that a forced level that this
@@ -96,25 +62,6 @@ pub fn simd_level() -> Result<Level> {
         let expected = format!("one of {}", names.join(", "));
         Error::argument(level::VARIABLE, error.name, expected, "unset it to use the fastest")
     })
-}
-
-/// Runs `work` as compiled for the level in force: for loops over numbers whose results do not depend
-/// on how many of them are taken at a time. What is not inlined runs as usual: write the closure, and
-/// those that it calls, with `#[inline(always)]`, or a large one stays outside.
-#[inline]
-pub fn vectorised<R>(work: impl FnOnce() -> R) -> R {
-    struct Work<F>(F);
-
-    impl<R, F: FnOnce() -> R> Kernel for Work<F> {
-        type Output = R;
-
-        #[inline(always)]
-        fn run<S: Simd>(self, _: S) -> R {
-            (self.0)()
-        }
-    }
-
-    Level::active().run(Work(work))
 }
 
 macro_rules! scalar {
@@ -156,30 +103,6 @@ macro_rules! scalar {
             #[inline(always)]
             fn is_finite(self) -> bool {
                 $t::is_finite(self)
-            }
-
-            fn matmul_rows(
-                a: &[Self],
-                a_rows: &[u32],
-                k: usize,
-                b: &[Self],
-                n: usize,
-                c: &mut [Self],
-                c_rows: &[u32],
-            ) {
-                gemm::matmul_rows(Level::active(), (a, a_rows), k, b, n, (c, c_rows));
-            }
-
-            fn matmul_tn_rows(
-                a: &[Self],
-                a_rows: &[u32],
-                k: usize,
-                g: &[Self],
-                g_rows: &[u32],
-                n: usize,
-                d: &mut [Self],
-            ) {
-                gemm::matmul_tn_rows(Level::active(), (a, a_rows), k, (g, g_rows), n, d);
             }
         }
     };

@@ -1,7 +1,8 @@
 //! The same bits for any number of threads and at every instruction-set level.
 
 use deepmill::loss::CrossEntropy;
-use deepmill::model::{Activations, Batch, Model, Shape, UNetConfig, Workspace};
+use deepmill::model::{Batch, Model, Shape, UNetConfig};
+use deepmill::nn::arena::Arena;
 use deepmill::optim::Sgd;
 use deepmill::par;
 use deepmill::rng::{Purpose, Stream};
@@ -47,7 +48,7 @@ fn config() -> UNetConfig {
 fn train() -> Vec<u32> {
     let config = config();
     let (batch, mut model) = (batch(&config), Model::<f32>::new(&config, 7).unwrap());
-    let (mut work, mut dlogits) = (Workspace::default(), [vec![], vec![]]);
+    let (arena, mut dlogits) = (Arena::default(), [vec![], vec![]]);
     let n = model.params.len();
     let (mut grads, mut velocity, mut losses) = (vec![0.0; n], vec![0.0; n], Vec::new());
     let mut last = Vec::new();
@@ -55,22 +56,21 @@ fn train() -> Vec<u32> {
     for step in 0..STEPS as u64 {
         let stream = |shape| Stream::new(7, step, shape, Purpose::Dropout);
         let mut dropout: Vec<_> = (0..batch.n_shapes() as u64).map(stream).collect();
-        model.forward_train(&batch, Some(&mut dropout), &mut work);
-        for (logits, d) in work.logits.iter().zip(&mut dlogits) {
+        let pass = model.forward_train(&batch, Some(&mut dropout), &arena);
+        for (logits, d) in pass.logits.iter().zip(&mut dlogits) {
             losses.push(CrossEntropy::binary().loss(logits, &targets, 0.5, d) as f32);
         }
         let [first, second] = &dlogits;
-        model.backward(&batch, [first, second], &mut work, &mut grads);
+        model.backward(&batch, pass, [first, second], &mut grads, &arena);
         let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
         last.clone_from(&grads);
         sgd.step(0.1, &mut grads, &mut velocity, &mut model.params);
     }
-    let mut activations = Activations::default();
-    model.forward(&batch, &mut activations);
+    let activations = model.forward(&batch, &arena);
     assert!(losses.iter().all(|loss| loss.is_finite()));
     assert!(losses[2 * STEPS - 2] < losses[0], "it learns: {losses:?}");
     let [first, second] = &activations.logits;
-    let all = [&losses, &model.params, &model.buffers, &last, first, second];
+    let all: [&[f32]; 6] = [&losses, &model.params, &model.buffers, &last, first, second];
     all.into_iter().flatten().map(|x| x.to_bits()).collect()
 }
 

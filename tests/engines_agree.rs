@@ -73,7 +73,7 @@ fn solids(n: usize) -> Sites {
 }
 
 fn options(engine: Engine, level: Level) -> LabelOptions {
-    LabelOptions { engine, level, matrix: true, ..LabelOptions::default() }
+    LabelOptions { engine, level, collision_matrix: true, ..LabelOptions::default() }
 }
 
 /// Everything but the account of the work.
@@ -334,7 +334,7 @@ fn labels_do_not_depend_on_the_company_of_other_cutters() {
     let scene = solids(400);
     let mut by_cutter = 0;
     for cutters in [cutters(5, 3), families()] {
-        let options = LabelOptions { matrix: true, ..LabelOptions::default() };
+        let options = LabelOptions { collision_matrix: true, ..LabelOptions::default() };
         let together =
             label_many(&scene, Obstacles::Queries, &cutters, &hemisphere(10), &options).unwrap();
         for (cutter, together) in cutters.iter().zip(together) {
@@ -355,10 +355,16 @@ fn labels_do_not_depend_on_whether_occlusion_is_asked_for() {
     for scene in [solids(3000), gridded_pocket(12, 2.0), cloud(1001, 60.0, &mut stream)] {
         for cutter in &cutters(6, 21) {
             let run = |occlusion| {
-                let options = LabelOptions { occlusion, matrix: true, ..LabelOptions::default() };
+                let options =
+                    LabelOptions { occlusion, collision_matrix: true, ..LabelOptions::default() };
                 let labels = label(&scene, Obstacles::Queries, cutter, &hemisphere(10), &options);
                 let labels = labels.unwrap();
-                (labels.inaccessible, labels.accessible_directions, labels.witness, labels.reach)
+                (
+                    labels.inaccessible,
+                    labels.accessible_directions,
+                    labels.witness,
+                    labels.collision_matrix,
+                )
             };
             assert!(run(false) == run(true));
         }

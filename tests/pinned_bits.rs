@@ -10,7 +10,8 @@ use deepmill::directions::Directions;
 use deepmill::geom::Mesh;
 use deepmill::geom::sites::{SiteOptions, Sites, sample};
 use deepmill::loss::CrossEntropy;
-use deepmill::model::{Batch, Model, Shape, UNetConfig, Workspace};
+use deepmill::model::{Batch, Model, Shape, UNetConfig};
+use deepmill::nn::arena::Arena;
 use deepmill::optim::Sgd;
 use deepmill::par;
 use deepmill::rng::{Purpose, Stream};
@@ -138,19 +139,19 @@ fn trained(config: &UNetConfig, parts: &[Sites]) -> Hash {
         .collect();
     let batch = Batch::new(&shapes, &config.input).unwrap();
     let mut model = Model::<f32>::new(config, 3).unwrap();
-    let (mut work, mut dlogits) = (Workspace::default(), [vec![], vec![]]);
+    let (arena, mut dlogits) = (Arena::default(), [vec![], vec![]]);
     let n = model.params.len();
     let (mut grads, mut velocity) = (vec![0.0; n], vec![0.0; n]);
     let targets: Vec<u8> = (0..batch.n_points()).map(|i| u8::from(i % 5 == 0)).collect();
     for step in 0..3 {
         let stream = |shape| Stream::new(3, step, shape, Purpose::Dropout);
         let mut dropout: Vec<_> = (0..batch.n_shapes() as u64).map(stream).collect();
-        model.forward_train(&batch, Some(&mut dropout), &mut work);
-        for (logits, d) in work.logits.iter().zip(&mut dlogits) {
+        let pass = model.forward_train(&batch, Some(&mut dropout), &arena);
+        for (logits, d) in pass.logits.iter().zip(&mut dlogits) {
             assert!(CrossEntropy::binary().loss(logits, &targets, 1.0, d).is_finite());
         }
         let [first, second] = &dlogits;
-        model.backward(&batch, [first, second], &mut work, &mut grads);
+        model.backward(&batch, pass, [first, second], &mut grads, &arena);
         let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
         sgd.step(0.1, &mut grads, &mut velocity, &mut model.params);
     }

@@ -2,7 +2,11 @@
 //! neighbours agree with each other, and which interpolates ones to ones.
 #![no_main]
 
-use deepmill::nn::interp::Interpolation;
+use deepmill::nn::arena::Arena;
+use deepmill::nn::interp::{Interpolate, Interpolation};
+use deepmill::nn::layer::Layer;
+use deepmill::nn::operand::Operand;
+use deepmill::nn::pass::Inference;
 use deepmill::octree::{Cloud, Octree, OctreeOptions};
 use glam::Vec3;
 use libfuzzer_sys::fuzz_target;
@@ -37,7 +41,8 @@ fuzz_target!(|input: &[u8]| {
         }
     }
     let map = Interpolation::linear(&octree, octree.depth(), &points, &octree.point_ranges);
-    let (ones, mut y) = (vec![1.0f64; octree.finest().n_nodes()], vec![]);
-    map.forward(1, &ones, &mut y);
+    let ones = vec![1.0f64; octree.finest().n_nodes()];
+    let pass = Inference { params: &[], buffers: &[], arena: &Arena::default() };
+    let y = Interpolate.forward(&pass, &map, Operand::new(&ones, 1));
     assert!(y.iter().all(|y| (y - 1.0).abs() < 1e-9));
 });

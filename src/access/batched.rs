@@ -1,11 +1,12 @@
-//! Every pair, eight at a time, stopping at the first collision: the law in vectors.
+//! Every pair, a vector at a time, stopping at the first collision: the law in vectors.
 
-use super::Stats;
-use super::driver::Method;
+use super::kernels::{AnyObstacle, CountCentres, rotate_obstacles};
+use super::method::Method;
 use super::predicate::Frame;
-use super::problem::{Scene, Tool};
+use super::problem::{PlacedCutter, Scene};
+use super::stats::Stats;
 use crate::simd::Level;
-use crate::simd::collide::{AnyObstacle, Coordinates, CountCentres, Rotate};
+use crate::spatial::Coordinates;
 
 /// The engine.
 pub(super) struct Batched<'a> {
@@ -33,22 +34,20 @@ impl Method for Batched<'_> {
 
     fn enter(&self, scratch: &mut Scratch, frame: &Frame) {
         scratch.frame = *frame;
-        let (from, to) = (&self.scene.obstacles, &mut scratch.obstacles);
-        self.level.run(Rotate { frame, from, to });
-        scratch.obstacles.pad_z(f32::NEG_INFINITY);
+        rotate_obstacles(&self.scene.obstacles, frame, self.level, &mut scratch.obstacles);
     }
 
-    fn collide(&self, scratch: &mut Scratch, tool: &Tool, row: &mut [u64]) -> Stats {
+    fn collide(&self, scratch: &mut Scratch, cutter: &PlacedCutter, row: &mut [u64]) -> Stats {
         let Scratch { frame, obstacles, centres } = scratch;
-        centres.resize(tool.n());
-        tool.centres(frame, self.level, centres);
-        let mut stats = Stats { queries: tool.n() as u64, ..Stats::default() };
-        for i in 0..tool.n() {
+        centres.resize(cutter.n());
+        cutter.centres(frame, self.level, centres);
+        let mut stats = Stats { queries: cutter.n() as u64, ..Stats::default() };
+        for i in 0..cutter.n() {
             let (hit, tested) = self.level.run(AnyObstacle {
                 centre: centres.get(i),
-                steps: &tool.steps,
+                steps: &cutter.steps,
                 obstacles,
-                except: tool.own(i),
+                except: cutter.own(i),
             });
             row[i / 64] |= u64::from(hit) << (i % 64);
             stats.pairs_tested += tested as u64;
@@ -56,22 +55,22 @@ impl Method for Batched<'_> {
         stats
     }
 
-    fn count(&self, scratch: &mut Scratch, tool: &Tool, beta: &mut [u64]) -> Stats {
+    fn count(&self, scratch: &mut Scratch, cutter: &PlacedCutter, beta: &mut [u64]) -> Stats {
         let Scratch { frame, obstacles, centres } = scratch;
-        centres.resize(tool.n());
-        tool.centres(frame, self.level, centres);
+        centres.resize(cutter.n());
+        cutter.centres(frame, self.level, centres);
         centres.pad_z(f32::INFINITY);
         let mut own = vec![usize::MAX; obstacles.n];
-        tool.own.iter().enumerate().for_each(|(i, &j)| own[j as usize] = i);
+        cutter.own.iter().enumerate().for_each(|(i, &j)| own[j as usize] = i);
         for (j, count) in beta.iter_mut().enumerate() {
             *count += self.level.run(CountCentres {
                 obstacle: obstacles.get(j),
-                steps: &tool.steps,
+                steps: &cutter.steps,
                 centres,
                 except: own[j],
             });
         }
-        let pairs = tool.n() as u64 * obstacles.n as u64;
+        let pairs = cutter.n() as u64 * obstacles.n as u64;
         Stats { beta_pairs_tested: pairs, ..Stats::default() }
     }
 }

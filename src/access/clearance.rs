@@ -3,7 +3,7 @@
 //! Growing a cutter by `c` lowers every step by `c` and widens it by `c`
 //! ([`Cutter::with_clearance`](crate::cutter::Cutter::with_clearance)). In one direction, obstacle `j`
 //! begins to collide with the grown cutter at `c = min over steps of max(height − h, r − radius)`; the
-//! direction is free for every smaller `c`. A query's clearance is therefore
+//! direction is accessible for every smaller `c`. A query's clearance is therefore
 //!
 //! ```text
 //! max over directions of  min over obstacles j ≠ i of  min over steps of  max(height − h, r − radius)
@@ -13,14 +13,14 @@
 //! discard obstacles that cannot be the minimum, and directions that cannot be the maximum, so the value
 //! does not depend on threads or levels.
 
+use super::kernels::rotate_obstacles;
 use super::predicate::Frame;
-use super::problem::{Scene, Tool};
-use super::pruned::turn;
+use super::problem::{PlacedCutter, Scene};
 use crate::cutter::Cutter;
 use crate::par;
 use crate::simd::Level;
-use crate::simd::boxes::{Boxes, Tree};
-use crate::simd::collide::Coordinates;
+use crate::spatial::Coordinates;
+use crate::spatial::bvh::{Aabbs, Bvh8, FAN_OUT};
 
 /// Clearance of every query of `scene`, within ±`limit_mm`; next to 0 the sign is open to rounding.
 pub(super) fn signed_clearance(
@@ -30,25 +30,25 @@ pub(super) fn signed_clearance(
     limit_mm: f64,
     level: Level,
 ) -> Vec<f32> {
-    let tool = Tool::new(scene, cutter);
+    let placed = PlacedCutter::new(scene, cutter);
     let steps: Vec<[f64; 2]> =
         cutter.steps().iter().map(|step| [step.height_mm, step.radius_mm]).collect();
     let state = || {
-        let best = vec![-limit_mm; tool.n()];
-        (Tree::new(scene.obstacles.n), Coordinates::default(), best)
+        let best = vec![-limit_mm; placed.n()];
+        (Bvh8::new(scene.obstacles.n), Coordinates::default(), best)
     };
     let (_, workers) = par::map_with(frames.len(), state, |(tree, centres, best), k| {
-        turn(&mut tree.points, &scene.obstacles, &frames[k], level);
-        tree.enclose(level);
-        centres.resize(tool.n());
-        tool.centres(&frames[k], level, centres);
+        rotate_obstacles(&scene.obstacles, &frames[k], level, &mut tree.points);
+        tree.enclose();
+        centres.resize(placed.n());
+        placed.centres(&frames[k], level, centres);
         for (i, best) in best.iter_mut().enumerate() {
             let centre = centres.get(i).map(f64::from);
-            let search = Nearest { tree, steps: &steps, centre, own: tool.own(i), floor: *best };
+            let search = Nearest { tree, steps: &steps, centre, own: placed.own(i), floor: *best };
             *best = search.least(limit_mm).max(*best);
         }
     });
-    let mut clearance = vec![-limit_mm; tool.n()];
+    let mut clearance = vec![-limit_mm; placed.n()];
     for (_, _, best) in &workers {
         clearance.iter_mut().zip(best).for_each(|(all, &one)| *all = all.max(one));
     }
@@ -57,7 +57,7 @@ pub(super) fn signed_clearance(
 
 /// The obstacle that a growing cutter meets first, in one direction.
 struct Nearest<'a> {
-    tree: &'a Tree,
+    tree: &'a Bvh8,
     steps: &'a [[f64; 2]],
     centre: [f64; 3],
     own: usize,
@@ -71,7 +71,7 @@ impl Nearest<'_> {
     fn least(&self, limit: f64) -> f64 {
         let mut least = limit;
         let top = self.tree.levels.len();
-        for group in 0..self.tree.levels[top - 1].n.div_ceil(8) {
+        for group in 0..self.tree.levels[top - 1].n.div_ceil(FAN_OUT) {
             self.descend(top, group, &mut least);
         }
         least
@@ -79,8 +79,8 @@ impl Nearest<'_> {
 
     fn descend(&self, height: usize, group: usize, least: &mut f64) {
         if height == 0 {
-            let end = self.tree.points.n.min(8 * group + 8);
-            for j in (8 * group..end).filter(|&j| j != self.own) {
+            let end = self.tree.points.n.min(FAN_OUT * (group + 1));
+            for j in (FAN_OUT * group..end).filter(|&j| j != self.own) {
                 let [x, y, z] = self.tree.points.get(j).map(f64::from);
                 let (dx, dy) = (x - self.centre[0], y - self.centre[1]);
                 *least = least.min(self.meets(z, (dx * dx + dy * dy).sqrt()));
@@ -88,9 +88,9 @@ impl Nearest<'_> {
             return;
         }
         let boxes = &self.tree.levels[height - 1];
-        let mut bounds = [(0.0, 0); 8];
+        let mut bounds = [(0.0, 0); FAN_OUT];
         let mut n = 0;
-        for child in 8 * group..boxes.n.min(8 * group + 8) {
+        for child in FAN_OUT * group..boxes.n.min(FAN_OUT * (group + 1)) {
             bounds[n] = (self.bound(boxes, child), child);
             n += 1;
         }
@@ -110,7 +110,7 @@ impl Nearest<'_> {
     }
 
     /// No obstacle of a box is met at less growth than this.
-    fn bound(&self, boxes: &Boxes, b: usize) -> f64 {
+    fn bound(&self, boxes: &Aabbs, b: usize) -> f64 {
         let outside = |c: f64, least: f32, greatest: f32| {
             (f64::from(least) - c).max(c - f64::from(greatest)).max(0.0)
         };

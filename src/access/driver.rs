@@ -1,34 +1,21 @@
-//! From a question to labels: directions are shared out among threads, their answers joined.
+//! From queries to labels: directions are shared out among threads, their answers joined.
 
 use super::batched::Batched;
 use super::clearance::signed_clearance;
-use super::kin;
-use super::labels::{Engine, LabelOptions, Labels, Reach};
+use super::cutter_groups::group_by_reference_point;
+use super::labels::{Engine, LabelOptions, Labels};
+use super::matrix::CollisionMatrix;
+use super::method::Method;
 use super::occlusion::occlusion_points;
 use super::order::Order;
 use super::predicate::{self, Frame};
-use super::problem::{Obstacles, Queries, Scene, Tool};
+use super::problem::{Obstacles, PlacedCutter, Queries, Scene};
 use super::pruned::Pruned;
 use super::reference::Reference;
 use super::stats::Stats;
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::{Result, par};
-
-/// One way of answering; directions are independent of each other.
-pub(super) trait Method: Sync {
-    /// What a worker reuses from one direction to the next.
-    type Scratch: Send;
-
-    /// A new worker's scratch.
-    fn scratch(&self) -> Self::Scratch;
-    /// Turns to another direction.
-    fn enter(&self, scratch: &mut Self::Scratch, frame: &Frame);
-    /// Sets the bit of every query at which `tool` collides; `row` comes zeroed.
-    fn collide(&self, scratch: &mut Self::Scratch, tool: &Tool, row: &mut [u64]) -> Stats;
-    /// Adds to each obstacle's `beta` the number of the tool's queries it collides at.
-    fn count(&self, scratch: &mut Self::Scratch, tool: &Tool, beta: &mut [u64]) -> Stats;
-}
 
 /// Labels of `queries` for one cutter; see the [module](super) for the definition.
 ///
@@ -67,7 +54,7 @@ pub fn label<'a>(
 }
 
 /// Labels for several cutters on one part, in their order; what does not depend on the cutter is
-/// computed once, and cutters with the same ball or corner learn from each other: one cutter in several
+/// computed once, and cutters with the same ball or corner use each other's answers: one cutter in several
 /// lengths takes about half the time of as many calls, β apart.
 ///
 /// # Errors
@@ -93,7 +80,7 @@ pub fn label_many<'a>(
         Engine::Pruned => {
             let order =
                 if options.occlusion { Order::compact(&scene) } else { Order::quick(&scene) };
-            let scene = scene.reordered(&order);
+            let scene = order.apply(scene);
             let labels = run(&Pruned { scene: &scene, level }, &scene, cutters, &frames, options);
             labels.into_iter().map(|labels| order.restore(labels)).collect()
         }
@@ -101,7 +88,7 @@ pub fn label_many<'a>(
     if let Some(limit_mm) = options.clearance_limit_mm {
         let scene = Scene::new(queries, obstacles)?;
         let order = Order::compact(&scene);
-        let scene = scene.reordered(&order);
+        let scene = order.apply(scene);
         for (labels, cutter) in labels.iter_mut().zip(cutters) {
             let clearance = signed_clearance(&scene, cutter, &frames, limit_mm, level);
             labels.clearance_mm = order.restore_queries(clearance);
@@ -123,23 +110,24 @@ fn run<M: Method>(
     frames: &[Frame],
     options: &LabelOptions,
 ) -> Vec<Labels> {
-    let mut tools: Vec<Tool> = cutters.iter().map(|cutter| Tool::new(scene, cutter)).collect();
-    let order = kin::acquaint(&mut tools);
-    let mut labels = reach(method, scene, &tools, &order, frames);
+    let placed = |cutter| PlacedCutter::new(scene, cutter);
+    let mut cutters: Vec<PlacedCutter> = cutters.iter().map(placed).collect();
+    let order = group_by_reference_point(&mut cutters);
+    let mut labels = collide(method, scene, &cutters, &order, frames);
     if options.occlusion {
-        count(method, scene, &tools, frames, &mut labels);
+        count(method, scene, &cutters, frames, &mut labels);
     }
-    if !options.matrix {
-        labels.iter_mut().for_each(|labels| labels.reach = None);
+    if !options.collision_matrix {
+        labels.iter_mut().for_each(|labels| labels.collision_matrix = None);
     }
     labels
 }
 
 /// Everything but β.
-fn reach<M: Method>(
+fn collide<M: Method>(
     method: &M,
     scene: &Scene,
-    tools: &[Tool],
+    cutters: &[PlacedCutter],
     order: &[usize],
     frames: &[Frame],
 ) -> Vec<Labels> {
@@ -149,30 +137,30 @@ fn reach<M: Method>(
         || method.scratch(),
         |scratch, k| {
             method.enter(scratch, &frames[k]);
-            let answer = |&t: &usize| {
+            let answer = |&c: &usize| {
                 let mut row = vec![0; n_queries.div_ceil(64)];
-                let stats = method.collide(scratch, &tools[t], &mut row);
+                let stats = method.collide(scratch, &cutters[c], &mut row);
                 (row, stats)
             };
             order.iter().map(answer).collect::<Vec<_>>()
         },
     );
-    let mut rows: Vec<Vec<Vec<u64>>> = tools.iter().map(|_| Vec::new()).collect();
-    let mut stats = vec![Stats::default(); tools.len()];
+    let mut rows: Vec<Vec<Vec<u64>>> = cutters.iter().map(|_| Vec::new()).collect();
+    let mut stats = vec![Stats::default(); cutters.len()];
     for answers in by_direction {
-        for (&t, (row, more)) in order.iter().zip(answers) {
-            rows[t].push(row);
-            stats[t] += more;
+        for (&c, (row, more)) in order.iter().zip(answers) {
+            rows[c].push(row);
+            stats[c] += more;
         }
     }
     let labels = rows.into_iter().zip(stats).map(|(rows, stats)| {
-        let reach = Reach::new(n_queries, rows);
-        let (inaccessible, accessible_directions, witness) = reach.summary();
+        let matrix = CollisionMatrix::new(n_queries, rows);
+        let (inaccessible, accessible_directions, witness) = matrix.summary();
         Labels {
             inaccessible,
             accessible_directions,
             witness,
-            reach: Some(reach),
+            collision_matrix: Some(matrix),
             stats,
             ..Labels::default()
         }
@@ -184,15 +172,17 @@ fn reach<M: Method>(
 fn count<M: Method>(
     method: &M,
     scene: &Scene,
-    tools: &[Tool],
+    cutters: &[PlacedCutter],
     frames: &[Frame],
     labels: &mut [Labels],
 ) {
-    let restrict = |(tool, labels): (&Tool, &Labels)| tool.only(&indices(&labels.inaccessible));
-    let tools: Vec<Tool> = tools.iter().zip(&*labels).map(restrict).collect();
-    let zeros = || tools.iter().map(|_| vec![0; scene.obstacles.n]).collect::<Vec<Vec<u64>>>();
+    let restrict = |(cutter, labels): (&PlacedCutter, &Labels)| {
+        cutter.restricted_to(&indices(&labels.inaccessible))
+    };
+    let cutters: Vec<PlacedCutter> = cutters.iter().zip(&*labels).map(restrict).collect();
+    let zeros = || cutters.iter().map(|_| vec![0; scene.obstacles.n]).collect::<Vec<Vec<u64>>>();
     labels.iter_mut().zip(zeros()).for_each(|(labels, zeros)| labels.beta = zeros);
-    if tools.iter().all(|tool| tool.n() == 0) {
+    if cutters.iter().all(|cutter| cutter.n() == 0) {
         return;
     }
     let (by_direction, workers) = par::map_with(
@@ -200,8 +190,8 @@ fn count<M: Method>(
         || (method.scratch(), zeros()),
         |(scratch, beta), k| {
             method.enter(scratch, &frames[k]);
-            let tools = tools.iter().zip(beta);
-            tools.map(|(tool, beta)| method.count(scratch, tool, beta)).collect::<Vec<_>>()
+            let cutters = cutters.iter().zip(beta);
+            cutters.map(|(cutter, beta)| method.count(scratch, cutter, beta)).collect::<Vec<_>>()
         },
     );
     for stats in by_direction {

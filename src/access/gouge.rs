@@ -7,8 +7,8 @@
 use super::predicate;
 use crate::cutter::Cutter;
 use crate::geom::Sites;
-use crate::geom::grid::Grid;
 use crate::geom::sites::check_points;
+use crate::spatial::PointGrid;
 use crate::{Error, Result, par};
 use glam::Vec3;
 
@@ -36,7 +36,7 @@ pub fn gouges(
     }
     sites.check()?;
     check_points("obstacle", obstacles)?;
-    let grid = Grid::new(obstacles);
+    let grid = PointGrid::new(obstacles);
     let reach = (corner - tolerance_mm) as f32;
     let blocks = par::map_blocks(sites.len(), BLOCK, |range| {
         let inside = |i: usize| {

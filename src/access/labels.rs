@@ -1,6 +1,7 @@
 //! What to compute and what comes out.
 
-use super::Stats;
+use super::matrix::CollisionMatrix;
+use super::stats::Stats;
 use crate::simd::Level;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -14,9 +15,9 @@ use std::str::FromStr;
 pub enum Engine {
     /// Plain loops in plain order: the law.
     Reference,
-    /// The same tests, eight at a time.
+    /// The same tests, a vector at a time.
     Batched,
-    /// Boxes around obstacles decide most questions, the same tests the rest.
+    /// Heights, rasters and runs of obstacles decide most queries, the same tests the rest.
     #[default]
     Pruned,
 }
@@ -65,7 +66,7 @@ pub struct LabelOptions {
     /// Share of the ranked obstacles that are occlusion points, in (0, 1]; the paper's is 0.1.
     pub share: f64,
     /// Also keep the answer for every direction and query, one bit each.
-    pub matrix: bool,
+    pub collision_matrix: bool,
     /// Also compute the signed clearance, up to this many mm either way. Costs tens of times the labels.
     pub clearance_limit_mm: Option<f64>,
     /// SIMD level of the kernels; results do not depend on it.
@@ -78,7 +79,7 @@ impl Default for LabelOptions {
             engine: Engine::Pruned,
             occlusion: true,
             share: 0.1,
-            matrix: false,
+            collision_matrix: false,
             clearance_limit_mm: None,
             level: Level::active(),
         }
@@ -121,7 +122,7 @@ pub struct Labels {
     /// limit asked for; empty if not asked for. `docs/labeling.md` has the formula.
     pub clearance_mm: Vec<f32>,
     /// The answer per direction and query, if asked for.
-    pub reach: Option<Reach>,
+    pub collision_matrix: Option<CollisionMatrix>,
     /// What the engine did.
     pub stats: Stats,
 }
@@ -144,110 +145,3 @@ impl Labels {
         self.occlusion.iter().filter(|&&l| l).count()
     }
 }
-
-/// One bit per direction and query, `[n_dirs, n_queries]` row-major: set where the cutter collides.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Reach {
-    n_queries: usize,
-    rows: Vec<Vec<u64>>,
-}
-
-impl Reach {
-    pub(super) fn new(n_queries: usize, rows: Vec<Vec<u64>>) -> Self {
-        Reach { n_queries, rows }
-    }
-
-    /// Number of directions.
-    pub fn n_dirs(&self) -> usize {
-        self.rows.len()
-    }
-
-    /// Number of queries.
-    pub fn n_queries(&self) -> usize {
-        self.n_queries
-    }
-
-    /// Whether the cutter collides at `query` in `direction`.
-    ///
-    /// # Panics
-    /// If either is out of range.
-    pub fn collides(&self, direction: usize, query: usize) -> bool {
-        assert!(query < self.n_queries);
-        self.rows[direction][query / 64] >> (query % 64) & 1 == 1
-    }
-
-    /// Bits of one direction: query `i` is bit `i % 64` of word `i / 64`, bits past the end are 0.
-    ///
-    /// # Panics
-    /// If the direction is out of range.
-    pub fn words(&self, direction: usize) -> &[u64] {
-        &self.rows[direction]
-    }
-
-    /// Former query `p` becomes query `order[p]`.
-    pub(super) fn reordered(self, order: &[u32]) -> Reach {
-        let rows = self.rows.iter().map(|row| {
-            let mut moved = vec![0; row.len()];
-            for (p, &i) in order.iter().enumerate() {
-                moved[i as usize / 64] |= (row[p / 64] >> (p % 64) & 1) << (i % 64);
-            }
-            moved
-        });
-        Reach { rows: rows.collect(), ..self }
-    }
-
-    /// Per query, whether it collides in every direction, in how many it does not, and the first of
-    /// those.
-    pub(super) fn summary(&self) -> (Vec<bool>, Vec<u32>, Vec<Option<u32>>) {
-        let n_words = self.n_queries.div_ceil(64);
-        let blocks = crate::par::map_blocks(n_words, SUMMARY_BLOCK, |words| {
-            words.map(|word| self.word_summary(word)).collect::<Vec<_>>()
-        });
-        let summaries = blocks.into_iter().flatten();
-        let mut counts = Vec::with_capacity(64 * n_words);
-        let mut witness = Vec::with_capacity(64 * n_words);
-        for (free, first) in summaries {
-            counts.extend(free);
-            witness.extend(first.map(|k| (k != u32::MAX).then_some(k)));
-        }
-        counts.truncate(self.n_queries);
-        witness.truncate(self.n_queries);
-        (counts.iter().map(|&n| n == 0).collect(), counts, witness)
-    }
-
-    /// Number of free directions and the first of them for the 64 queries of a word.
-    ///
-    /// Counts are kept bit-sliced: bit `l` of `planes[b]` is bit `b` of the count of query `l`.
-    fn word_summary(&self, word: usize) -> ([u32; 64], [u32; 64]) {
-        let mut planes = [0u64; 32];
-        let mut first = [u32::MAX; 64];
-        let mut unseen = !0u64;
-        for (k, row) in self.rows.iter().enumerate() {
-            let free = !row[word];
-            let mut new = free & unseen;
-            unseen &= !free;
-            while new != 0 {
-                first[new.trailing_zeros() as usize] = k as u32;
-                new &= new - 1;
-            }
-            let mut carry = free;
-            for plane in &mut planes {
-                if carry == 0 {
-                    break;
-                }
-                (*plane, carry) = (*plane ^ carry, *plane & carry);
-            }
-        }
-        let n_planes = (usize::BITS - self.rows.len().leading_zeros()) as usize;
-        let mut counts = [0; 64];
-        for (plane, b) in planes[..n_planes.min(32)].iter().zip(0..) {
-            for (l, count) in counts.iter_mut().enumerate() {
-                *count |= ((plane >> l & 1) as u32) << b;
-            }
-        }
-        (counts, first)
-    }
-}
-
-/// Words of 64 queries per task of the summary.
-const SUMMARY_BLOCK: usize = 16;

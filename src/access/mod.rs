@@ -19,17 +19,20 @@
 //! # Engines
 //!
 //! [`Engine::Reference`] is that text as plain loops, the law. [`Engine::Batched`] does the same tests
-//! eight at a time. [`Engine::Pruned`], the default, lets heights, rasters and other cutters decide most of
+//! a vector at a time. [`Engine::Pruned`], the default, lets heights, rasters and other cutters decide most of
 //! them. All engines return the same labels and counts, bit for bit, for any number of threads and at every SIMD
 //! level.
 
 pub mod baselines;
 mod batched;
 mod clearance;
+mod cutter_groups;
 mod driver;
 mod gouge;
-mod kin;
+mod kernels;
 mod labels;
+mod matrix;
+mod method;
 mod occlusion;
 mod order;
 pub mod predicate;
@@ -40,7 +43,8 @@ mod stats;
 
 pub use driver::{label, label_many};
 pub use gouge::gouges;
-pub use labels::{Engine, LabelOptions, Labels, Reach};
+pub use labels::{Engine, LabelOptions, Labels};
+pub use matrix::CollisionMatrix;
 pub use occlusion::occlusion_points;
 pub use problem::{Obstacles, Queries};
 pub use stats::Stats;

@@ -12,8 +12,16 @@
 
 use crate::cutter::Cutter;
 use crate::directions::basis;
-use crate::simd::collide::StepSquared;
 use glam::Vec3;
+
+/// One widening of a cutter as the predicate uses it: collides above `height` within `radius_squared`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepSquared {
+    /// Height above the reference point, mm.
+    pub height: f32,
+    /// Squared radius, mm²; may be infinite.
+    pub radius_squared: f32,
+}
 
 /// Rows `u, v, d` of the rotation into a direction's frame.
 pub type Frame = [[f32; 3]; 3];

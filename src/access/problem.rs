@@ -1,16 +1,16 @@
-//! The question in checked form: coordinates of queries and obstacles, and cutters as numbers.
+//! What is to be labeled, in checked form: coordinates of queries and obstacles, and cutters as numbers.
 
-use super::order::Order;
-use super::predicate::{self, Frame};
+use super::kernels::Rotate;
+use super::predicate::{self, Frame, StepSquared};
 use crate::cutter::Cutter;
 use crate::geom::Sites;
 use crate::geom::sites::{check_points, check_sites};
 use crate::simd::Level;
-use crate::simd::collide::{Coordinates, Rotate, StepSquared};
+use crate::spatial::Coordinates;
 use crate::{Error, Result};
 use glam::Vec3;
 
-/// Where the cutter is asked to go.
+/// Where the cutter is to go.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub enum Queries<'a> {
@@ -110,26 +110,6 @@ impl Scene {
     pub fn n_queries(&self) -> usize {
         self.points.len()
     }
-
-    /// The same scene with query `p` being the former `order.queries[p]`, likewise for obstacles.
-    pub fn reordered(self, order: &Order) -> Scene {
-        let Order { queries, obstacles } = order;
-        let pick = |from: &[Vec3]| queries.iter().map(|&i| from[i as usize]).collect();
-        let mut moved = Coordinates::zeros(self.obstacles.n);
-        let mut places = vec![0; self.obstacles.n];
-        for (p, &j) in obstacles.iter().enumerate() {
-            moved.set(p, self.obstacles.get(j as usize));
-            places[j as usize] = p as u32;
-        }
-        let own = |&i: &u32| self.own.get(i as usize).map(|&j| places[j as usize]);
-        Scene {
-            points: pick(&self.points),
-            normals: if self.normals.is_empty() { vec![] } else { pick(&self.normals) },
-            obstacles: moved,
-            own: queries.iter().filter_map(own).collect(),
-            n_ranked: self.n_ranked,
-        }
-    }
 }
 
 fn check(what: &str, points: &[Vec3]) -> Result<()> {
@@ -141,7 +121,7 @@ fn check(what: &str, points: &[Vec3]) -> Result<()> {
 }
 
 /// A cutter at every query, before the direction is known.
-pub(super) struct Tool {
+pub(super) struct PlacedCutter {
     pub steps: Vec<StepSquared>,
     /// Base of each reference point.
     pub bases: Coordinates,
@@ -153,11 +133,11 @@ pub(super) struct Tool {
     lift: f32,
     side: f32,
     corner: f32,
-    /// The same number for all tools of a call that share their reference points with others.
-    pub kin: Option<usize>,
+    /// The same number for all cutters of a call that share their reference points with others.
+    pub group: Option<usize>,
 }
 
-impl Tool {
+impl PlacedCutter {
     pub fn new(scene: &Scene, cutter: &Cutter) -> Self {
         let volume = scene.normals.is_empty();
         let corner = cutter.corner_mm() as f32;
@@ -167,7 +147,7 @@ impl Tool {
             bases.set(i, predicate::base(point, normal, corner));
         }
         let side = if volume { 0.0 } else { cutter.side_mm() as f32 };
-        Tool {
+        PlacedCutter {
             steps: predicate::steps(cutter),
             bases,
             own: scene.own.clone(),
@@ -177,20 +157,20 @@ impl Tool {
             lift: if volume { corner } else { 0.0 },
             side,
             corner,
-            kin: None,
+            group: None,
         }
     }
 
     /// Whether both have the same reference points.
-    pub fn is_kin(&self, other: &Tool) -> bool {
+    pub fn shares_reference_points(&self, other: &PlacedCutter) -> bool {
         self.corner == other.corner && self.side == other.side
     }
 
     /// The same cutter at these queries alone.
-    pub fn only(&self, queries: &[u32]) -> Tool {
+    pub fn restricted_to(&self, queries: &[u32]) -> PlacedCutter {
         let mut bases = Coordinates::zeros(queries.len());
         queries.iter().enumerate().for_each(|(p, &i)| bases.set(p, self.bases.get(i as usize)));
-        Tool {
+        PlacedCutter {
             steps: self.steps.clone(),
             bases,
             own: queries.iter().filter_map(|&i| self.own.get(i as usize).copied()).collect(),
@@ -224,7 +204,7 @@ impl Tool {
         predicate::displace(centre, self.lift, self.side, predicate::rotate(frame, normal))
     }
 
-    /// Reference points of all queries in the frame, the same bits as [`Tool::centre`].
+    /// Reference points of all queries in the frame, the same bits as [`PlacedCutter::centre`].
     pub fn centres(&self, frame: &Frame, level: Level, to: &mut Coordinates) {
         level.run(Rotate { frame, from: &self.bases, to: &mut *to });
         if self.lift != 0.0 || self.side != 0.0 {

@@ -1,9 +1,9 @@
 //! Plain loops in plain order: the law. Every pair is tested by the predicate as it stands.
 
-use super::Stats;
-use super::driver::Method;
+use super::method::Method;
 use super::predicate::{self, Frame};
-use super::problem::{Scene, Tool};
+use super::problem::{PlacedCutter, Scene};
+use super::stats::Stats;
 
 /// The engine; it keeps nothing from one direction to the next.
 pub(super) struct Reference<'a> {
@@ -31,13 +31,13 @@ impl Method for Reference<'_> {
             (0..obstacles.n).map(|j| predicate::rotate(frame, obstacles.get(j))).collect();
     }
 
-    fn collide(&self, scratch: &mut Scratch, tool: &Tool, row: &mut [u64]) -> Stats {
-        let mut stats = Stats { queries: tool.n() as u64, ..Stats::default() };
-        for i in 0..tool.n() {
-            let centre = tool.centre(&scratch.frame, i);
+    fn collide(&self, scratch: &mut Scratch, cutter: &PlacedCutter, row: &mut [u64]) -> Stats {
+        let mut stats = Stats { queries: cutter.n() as u64, ..Stats::default() };
+        for i in 0..cutter.n() {
+            let centre = cutter.centre(&scratch.frame, i);
             for (j, &obstacle) in scratch.obstacles.iter().enumerate() {
                 stats.pairs_tested += 1;
-                if j != tool.own(i) && predicate::collides(&tool.steps, centre, obstacle) {
+                if j != cutter.own(i) && predicate::collides(&cutter.steps, centre, obstacle) {
                     row[i / 64] |= 1 << (i % 64);
                     break;
                 }
@@ -46,16 +46,16 @@ impl Method for Reference<'_> {
         stats
     }
 
-    fn count(&self, scratch: &mut Scratch, tool: &Tool, beta: &mut [u64]) -> Stats {
-        for i in 0..tool.n() {
-            let centre = tool.centre(&scratch.frame, i);
+    fn count(&self, scratch: &mut Scratch, cutter: &PlacedCutter, beta: &mut [u64]) -> Stats {
+        for i in 0..cutter.n() {
+            let centre = cutter.centre(&scratch.frame, i);
             for (j, &obstacle) in scratch.obstacles.iter().enumerate() {
-                if j != tool.own(i) && predicate::collides(&tool.steps, centre, obstacle) {
+                if j != cutter.own(i) && predicate::collides(&cutter.steps, centre, obstacle) {
                     beta[j] += 1;
                 }
             }
         }
-        let pairs = tool.n() as u64 * scratch.obstacles.len() as u64;
+        let pairs = cutter.n() as u64 * scratch.obstacles.len() as u64;
         Stats { beta_pairs_tested: pairs, ..Stats::default() }
     }
 }

@@ -5,11 +5,11 @@ use std::ops::AddAssign;
 /// Counts of the work done. They depend on the engine, not on threads or SIMD level.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Stats {
-    /// Questions "does the cutter collide here?": queries × directions.
+    /// Answers to "does the cutter collide here?": queries × directions.
     pub queries: u64,
     /// Of these, decided by the greatest height of all obstacles alone (the shaft test).
     pub by_height: u64,
-    /// Of these, decided by what was found out for other cutters of the same ball or corner in the same call.
+    /// Of these, decided by the answers for other cutters of the same ball or corner in the same call.
     pub by_cutter: u64,
     /// Of these, decided by the rasters of the direction's grid, without testing any obstacle.
     pub by_grid: u64,

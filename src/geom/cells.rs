@@ -2,9 +2,9 @@
 
 use super::sites::{OPPOSITE, same_sheet};
 use super::spacing::{Spacing, mean_and_cv};
-use super::tree::Tree;
 use super::{Mesh, Sites};
 use crate::rng::{Purpose, Stream};
+use crate::spatial::KdTree;
 use crate::{Result, par};
 use glam::DVec3;
 
@@ -25,12 +25,12 @@ const BLOCK: usize = 1024;
 /// on two opposite sheets sits on the rim of a wall, such as the narrow side of a thin plate; its cell keeps to
 /// its own face and one of the two sheets, the nearer. So no cell holds points of both sides of a
 /// wall thinner than the spacing. A point with no such site within three spacings has no owner.
-pub struct Cells {
+pub struct VoronoiCells {
     points: Vec<DVec3>,
     normals: Vec<DVec3>,
     /// For a rim site, the unit vector midway between its normal and that of the sheet it keeps to.
     sides: Vec<Option<DVec3>>,
-    tree: Tree,
+    tree: KdTree,
     search_mm: f64,
 }
 
@@ -47,7 +47,7 @@ pub struct CellSpread {
     pub covering_mm: f64,
 }
 
-impl Cells {
+impl VoronoiCells {
     /// Cells of `sites`.
     ///
     /// # Errors
@@ -57,11 +57,17 @@ impl Cells {
         let points: Vec<DVec3> = sites.points.iter().map(|p| p.as_dvec3()).collect();
         let normals: Vec<DVec3> = sites.normals.iter().map(|n| n.as_dvec3()).collect();
         let mean_mm = Spacing::measure_on_sheet(sites).map_or(f64::INFINITY, |s| s.mean_mm);
-        let tree = Tree::build(&points);
+        let tree = KdTree::build(&points);
         let sides = par::map_blocks(points.len(), BLOCK, |range| {
             range.map(|i| rim_side(i, &points, &normals, &tree, mean_mm)).collect::<Vec<_>>()
         });
-        Ok(Cells { sides: sides.concat(), points, normals, tree, search_mm: SEARCH * mean_mm })
+        Ok(VoronoiCells {
+            sides: sides.concat(),
+            points,
+            normals,
+            tree,
+            search_mm: SEARCH * mean_mm,
+        })
     }
 
     /// The site to which `point` of the surface, with outward unit `normal` there, belongs.
@@ -118,7 +124,7 @@ fn rim_side(
     i: usize,
     points: &[DVec3],
     normals: &[DVec3],
-    tree: &Tree,
+    tree: &KdTree,
     mean_mm: f64,
 ) -> Option<DVec3> {
     let mut near: Vec<(f64, DVec3)> = Vec::new();
@@ -168,7 +174,7 @@ mod tests {
             let sites = sample(&plate, &SiteOptions { n_sites, ..SiteOptions::default() }).unwrap();
             let spacing = Spacing::measure_on_sheet(&sites).unwrap();
             assert!((1.7..2.1).contains(&spacing.mean_mm) && spacing.cv < 0.12, "{spacing:?}");
-            let cells = Cells::build(&sites).unwrap();
+            let cells = VoronoiCells::build(&sites).unwrap();
             let mut sides = vec![[false; 2]; sites.len()];
             let ends = cumulative_areas(&plate);
             let mut stream = Stream::new(3, 0, 0, Purpose::Probe);
@@ -193,7 +199,7 @@ mod tests {
         let mesh = torus(20.0, 8.0, 60, 30);
         let sites =
             sample(&mesh, &SiteOptions { n_sites: 1500, ..SiteOptions::default() }).unwrap();
-        let spread = Cells::build(&sites).unwrap().spread(&mesh, 64, 1);
+        let spread = VoronoiCells::build(&sites).unwrap().spread(&mesh, 64, 1);
         let mean = Spacing::measure(&sites).unwrap().mean_mm;
         assert!(spread.area_cv < 0.10 && spread.unowned == 0.0, "{spread:?}");
         assert!((0.6..super::super::spacing::COVERING).contains(&(spread.covering_mm / mean)));
@@ -211,7 +217,7 @@ mod tests {
             sites.points.push(point.as_vec3());
             sites.normals.push(normal.as_vec3());
         }
-        let spread = Cells::build(&sites).unwrap().spread(&mesh, 32, 1);
+        let spread = VoronoiCells::build(&sites).unwrap().spread(&mesh, 32, 1);
         assert!((spread.area_cv - 0.529).abs() < 0.03, "{spread:?}");
         // Distances in the plane: Rayleigh, √(4/π − 1) = 0.523.
         let spacing = Spacing::measure(&sites).unwrap();
@@ -221,12 +227,18 @@ mod tests {
     #[test]
     fn sites_without_normals_are_refused() {
         let sites = Sites { points: vec![glam::Vec3::ZERO; 3], ..Sites::default() };
-        assert!(Cells::build(&sites).err().unwrap().to_string().contains("0 normals for 3 sites"));
+        assert!(
+            VoronoiCells::build(&sites)
+                .err()
+                .unwrap()
+                .to_string()
+                .contains("0 normals for 3 sites")
+        );
     }
 
     #[test]
     fn empty_input_gives_zero() {
-        let cells = Cells::build(&Sites::default()).unwrap();
+        let cells = VoronoiCells::build(&Sites::default()).unwrap();
         assert_eq!(cells.owner(DVec3::ZERO, DVec3::Z), None);
         assert_eq!(cells.spread(&Mesh::default(), 8, 1).area_cv, 0.0);
     }

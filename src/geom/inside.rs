@@ -38,9 +38,9 @@
 //! Points above one another share the search for their triangles. Cost for a lattice of m columns of
 //! k points over n triangles: O(n + m·(t·log k + k)) with t the triangles near a column.
 
-use super::boxes::Boxes;
 use super::check::topology::Topology;
 use super::{Mesh, check::Place};
+use crate::spatial::AabbGrid;
 use crate::{Error, Result, par};
 use glam::{DVec2, DVec3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
@@ -175,7 +175,7 @@ pub(crate) fn groups_around(mesh: &Mesh, group: &[u32], probes: &[DVec3]) -> Vec
 /// The triangles of a mesh, by where they lie seen from above.
 struct Columns {
     triangles: Vec<[DVec3; 3]>,
-    boxes: Boxes,
+    boxes: AabbGrid,
 }
 
 impl Columns {
@@ -188,7 +188,7 @@ impl Columns {
         let triangles: Vec<_> = (0..mesh.triangles.len()).map(|f| mesh.corners(f)).collect();
         let flat = |v: DVec3| v.truncate().extend(0.0);
         let bounds = |[a, b, c]: &[DVec3; 3]| (flat(a.min(*b).min(*c)), flat(a.max(*b).max(*c)));
-        let boxes = Boxes::new(&triangles.iter().map(bounds).collect::<Vec<_>>());
+        let boxes = AabbGrid::new(&triangles.iter().map(bounds).collect::<Vec<_>>());
         Columns { triangles, boxes }
     }
 

@@ -7,10 +7,10 @@
 //! meet few others.
 
 use super::Mesh;
-use super::boxes::Boxes;
 use super::check::topology::has_three_corners;
 use super::check::{Fault, Finding, N_PLACES, Place};
 use crate::par;
+use crate::spatial::AabbGrid;
 use glam::{DVec2, DVec3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
 
@@ -31,7 +31,7 @@ pub fn pairs(mesh: &Mesh) -> Vec<[u32; 2]> {
         (a.min(b).min(c), a.max(b).max(c))
     };
     let bounds: Vec<_> = (0..mesh.triangles.len()).map(bounds).collect();
-    let grid = Boxes::new(&bounds);
+    let grid = AabbGrid::new(&bounds);
     let in_cells = par::map_blocks(grid.n_cells(), BLOCK, |cells| {
         let mut found = Vec::new();
         for cell in cells {

@@ -1,11 +1,9 @@
 //! Triangles and points, in millimetres: meshes, their files and faults, and sample sites.
 
-mod boxes;
 pub mod cells;
 pub mod check;
 #[cfg(feature = "formats")]
 pub mod formats;
-pub mod grid;
 pub mod inside;
 pub mod intersect;
 pub mod mesh;
@@ -13,7 +11,6 @@ pub mod repair;
 pub mod sites;
 pub mod solids;
 pub mod spacing;
-mod tree;
 pub mod units;
 pub mod weld;
 

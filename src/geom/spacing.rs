@@ -4,7 +4,7 @@
 
 use super::Sites;
 use super::sites::same_sheet;
-use super::tree::Tree;
+use crate::spatial::KdTree;
 use crate::{Result, par};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -57,7 +57,7 @@ impl Spacing {
 
     fn among(sites: &Sites, count: impl Fn(usize, usize) -> bool + Sync) -> Option<Self> {
         let points: Vec<DVec3> = sites.points.iter().map(|p| p.as_dvec3()).collect();
-        let tree = Tree::build(&points);
+        let tree = KdTree::build(&points);
         let nearest = |i: usize| {
             let counts = |j: u32| j as usize != i && count(i, j as usize);
             tree.nearest(points[i], f64::INFINITY, counts).map(|(_, square)| square.sqrt())
@@ -165,7 +165,7 @@ pub fn relative_areas(sites: &Sites) -> Result<Vec<f64>> {
     let n = sites.len();
     let Some(spacing) = Spacing::measure_on_sheet(sites) else { return Ok(vec![1.0; n]) };
     let points: Vec<DVec3> = sites.points.iter().map(|p| p.as_dvec3()).collect();
-    let tree = Tree::build(&points);
+    let tree = KdTree::build(&points);
     let square = |i: usize| {
         let normal = |i: usize| sites.normals[i].as_dvec3();
         let mut near = Vec::new();

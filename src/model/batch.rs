@@ -6,6 +6,7 @@ use crate::Result;
 use crate::cutter::{Cutter, CutterParams};
 use crate::geom::sites::check_sites;
 use crate::nn::interp::Interpolation;
+use crate::nn::operand::Operand;
 use crate::octree::{Cloud, Frame, Octree};
 use crate::scalar::Scalar;
 use glam::Vec3;
@@ -99,27 +100,12 @@ impl<T: Scalar> Batch<T> {
         })
     }
 
-    /// What the heads read, `[n_points, width]`: the features `[n_nodes, channels]` of the finest nodes,
-    /// interpolated, followed by the point's normal where the network asks for it.
-    pub(super) fn point_features(&self, channels: usize, nodes: &[T], to: &mut Vec<T>) {
-        self.interpolation.forward(channels, nodes, to);
-        let width = channels + 3;
-        to.resize(to.len() + self.point_normals.len(), T::ZERO);
-        // From the last row on: each moves to where only rows after it were.
-        for (i, normal) in self.point_normals.chunks_exact(3).enumerate().rev() {
-            to.copy_within(channels * i..channels * (i + 1), width * i);
-            to[width * i + channels..width * (i + 1)].copy_from_slice(normal);
-        }
-    }
-
-    /// From the gradient of [`Batch::point_features`] to that of the nodes; overwrites both.
-    pub(super) fn point_features_backward(&self, channels: usize, d: &mut Vec<T>, to: &mut Vec<T>) {
-        let width = channels + 3;
-        for i in 0..self.point_normals.len() / 3 {
-            d.copy_within(width * i..width * i + channels, channels * i);
-        }
-        d.truncate(d.len() - self.point_normals.len());
-        self.interpolation.backward(channels, d, to);
+    /// What the heads read: `features: [n_points, c]`, followed by the point's normal where the network asks for
+    /// it.
+    pub(super) fn head_inputs<'a>(&'a self, features: &'a [T], c: usize) -> Vec<Operand<'a, T>> {
+        let normals =
+            (!self.point_normals.is_empty()).then(|| Operand::new(&self.point_normals, 3));
+        std::iter::once(Operand::new(features, c)).chain(normals).collect()
     }
 
     /// Number of shapes.

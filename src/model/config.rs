@@ -197,7 +197,8 @@ pub struct UNetConfig {
     /// Whether nodes without points take part in the batch norm after a strided convolution, with zero
     /// rows, as in the reference: see [`crate::nn::downsample::Downsample`].
     #[serde(default = "yes")]
-    pub normalise_empty_parents: bool,
+    #[serde(rename = "normalise_empty_parents", alias = "normalize_empty_parents")]
+    pub normalize_empty_parents: bool,
     /// Cutter modules.
     #[serde(default)]
     pub cutter: CutterConfig,
@@ -214,7 +215,7 @@ impl UNetConfig {
             decoder_widths: vec![256, 128, 96, 96],
             decoder_blocks: vec![2; 4],
             head_width: 64,
-            normalise_empty_parents: true,
+            normalize_empty_parents: true,
             cutter: CutterConfig::default(),
         }
     }
@@ -229,7 +230,7 @@ impl UNetConfig {
             decoder_widths: vec![64, 64, 48, 32],
             decoder_blocks: vec![1; 4],
             head_width: 32,
-            normalise_empty_parents: true,
+            normalize_empty_parents: true,
             cutter: CutterConfig { width: 32, ..CutterConfig::small_batches() },
         }
     }
@@ -244,7 +245,7 @@ impl UNetConfig {
             decoder_widths: vec![32, 32, 16],
             decoder_blocks: vec![1; 3],
             head_width: 16,
-            normalise_empty_parents: true,
+            normalize_empty_parents: true,
             cutter: CutterConfig { width: 16, ..CutterConfig::small_batches() },
         }
     }

@@ -1,13 +1,18 @@
 //! Cutter modules: four lengths of a cutter become features of the decoder.
 
 use super::config::CutterConfig;
-use crate::nn::batch_norm::{self, BatchNorm};
+use crate::Result;
+use crate::nn::arena::Buffer;
+use crate::nn::batch_norm::{BatchNorm, Statistics};
 use crate::nn::dropout::Dropout;
+use crate::nn::layer::Layer;
 use crate::nn::linear::Linear;
+use crate::nn::operand::{Operand, OperandGradient};
 use crate::nn::params::Layout;
-use crate::nn::relu;
-use crate::rng::Stream;
+use crate::nn::pass::{Backward, Inference, Training};
+use crate::nn::relu::Relu;
 use crate::scalar::Scalar;
+use std::ops::Range;
 
 /// Lengths of a cutter: CR, CH, FR, FH.
 pub const N_LENGTHS: usize = 4;
@@ -29,121 +34,150 @@ struct Half {
     dropout: Dropout,
 }
 
-/// What [`CutterModule::forward_train`] keeps for backward.
-#[derive(Debug, Clone, Default)]
-pub struct Cache<T> {
-    first: HalfCache<T>,
-    middle: Vec<T>,
-    second: HalfCache<T>,
+/// What a training pass leaves for backward.
+#[derive(Debug)]
+pub struct SavedCutterModule<T> {
+    first: SavedHalf<T>,
+    middle: Buffer<T>,
+    second: SavedHalf<T>,
 }
 
-#[derive(Debug, Clone, Default)]
-struct HalfCache<T> {
-    rectified: Vec<T>,
-    norm: batch_norm::Cache,
-    mask: Vec<T>,
+#[derive(Debug)]
+struct SavedHalf<T> {
+    /// After the ReLU.
+    rectified: Buffer<T>,
+    statistics: Option<Statistics>,
+    mask: Option<Buffer<T>>,
 }
 
 impl Half {
-    fn new(layout: &mut Layout, names: [String; 2], c: [usize; 2], config: &CutterConfig) -> Self {
-        Half {
+    fn new(
+        layout: &mut Layout,
+        names: [String; 2],
+        c: [usize; 2],
+        config: &CutterConfig,
+    ) -> Result<Self> {
+        Ok(Half {
             linear: Linear::new(layout, &names[0], c[0], c[1], true),
             norm: config.batch_norm.then(|| BatchNorm::new(layout, &names[1], c[1])),
-            dropout: Dropout { p: config.dropout },
-        }
+            dropout: Dropout::new(config.dropout)?,
+        })
+    }
+}
+
+impl<T: Scalar> Layer<T> for Half {
+    type Geometry = ();
+    type Saved = SavedHalf<T>;
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        let norm = self.norm.as_ref().map(Layer::<T>::param_ranges);
+        Layer::<T>::param_ranges(&self.linear)
+            .into_iter()
+            .chain(norm.into_iter().flatten())
+            .collect()
     }
 
-    fn forward<T: Scalar>(&self, params: &[T], buffers: &[T], x: &[T], y: &mut Vec<T>) {
-        self.linear.forward(params, x, y);
-        relu::forward(y);
-        if let Some(norm) = &self.norm {
-            norm.forward(params, buffers, y);
-        }
-    }
-
-    fn forward_train<T: Scalar>(
-        &self,
-        params: &[T],
-        buffers: &mut [T],
-        dropout: Option<&mut [Stream]>,
-        x: &[T],
-        y: &mut Vec<T>,
-        cache: &mut HalfCache<T>,
-    ) {
-        self.linear.forward(params, x, &mut cache.rectified);
-        relu::forward(&mut cache.rectified);
+    fn forward(&self, pass: &Inference<T>, (): &(), x: Operand<T>) -> Buffer<T> {
+        let c = self.linear.c_out();
+        let mapped = self.linear.forward(pass, &(), x);
+        let rectified = Relu.forward(pass, &(), Operand::new(&mapped, c));
         match &self.norm {
-            Some(norm) => {
-                norm.forward_train(params, buffers, &cache.rectified, y, &mut cache.norm);
-            }
-            None => y.clone_from(&cache.rectified),
+            Some(norm) => norm.forward(pass, &(), Operand::new(&rectified, c)),
+            None => rectified,
         }
-        self.dropout.forward_train(dropout, y, &mut cache.mask);
     }
 
-    fn backward<T: Scalar>(
+    fn forward_train(
         &self,
-        params: &[T],
-        x: &[T],
-        cache: &HalfCache<T>,
-        d: &mut [T],
-        dx: Option<&mut Vec<T>>,
-        grads: &mut [T],
-    ) {
-        self.dropout.backward(&cache.mask, d);
-        if let Some(norm) = &self.norm {
-            norm.backward(params, &cache.rectified, &cache.norm, d, grads);
+        pass: &mut Training<T>,
+        (): &(),
+        x: Operand<T>,
+    ) -> (Buffer<T>, SavedHalf<T>) {
+        let c = self.linear.c_out();
+        let mapped = self.linear.forward(&pass.inference(), &(), x);
+        let rectified = Relu.forward(&pass.inference(), &(), Operand::new(&mapped, c));
+        let x = Operand::new(&rectified, c);
+        let (normalized, statistics) =
+            self.norm.as_ref().map(|norm| norm.forward_train(pass, &(), x)).unzip();
+        let x = normalized.as_deref().map_or(x, |normalized| Operand::new(normalized, c));
+        let (y, mask) = self.dropout.forward_train(pass, &(), x);
+        (y, SavedHalf { rectified, statistics, mask })
+    }
+
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        (): &(),
+        x: Operand<T>,
+        saved: SavedHalf<T>,
+        dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let SavedHalf { rectified, statistics, mask } = saved;
+        let inner = Operand::new(&rectified, self.linear.c_out());
+        let mut d = self.dropout.backward(pass, &(), inner, mask, dy).into_first();
+        if let (Some(norm), Some(statistics)) = (&self.norm, statistics) {
+            d = norm.backward(pass, &(), inner, statistics, d).into_first();
         }
-        relu::backward(&cache.rectified, d);
-        self.linear.backward(params, x, d, dx, grads);
+        let d = Relu.backward(pass, &(), inner, (), d).into_first();
+        self.linear.backward(pass, &(), x, (), d)
     }
 }
 
 impl CutterModule {
     /// Appends `{name}.0`, `{name}.2`, `{name}.4` and `{name}.6`.
-    pub fn new(layout: &mut Layout, name: &str, config: &CutterConfig) -> Self {
+    ///
+    /// # Errors
+    /// If the dropout is not in `[0, 1)`.
+    ///
+    /// # Panics
+    /// If a width is 0 or a name is taken.
+    pub fn new(layout: &mut Layout, name: &str, config: &CutterConfig) -> Result<Self> {
         let names = |a, b| [format!("{name}.{a}"), format!("{name}.{b}")];
         let CutterConfig { hidden_width: hidden, width, .. } = *config;
-        CutterModule {
-            first: Half::new(layout, names(0, 2), [N_LENGTHS, hidden], config),
-            second: Half::new(layout, names(4, 6), [hidden, width], config),
-        }
+        Ok(CutterModule {
+            first: Half::new(layout, names(0, 2), [N_LENGTHS, hidden], config)?,
+            second: Half::new(layout, names(4, 6), [hidden, width], config)?,
+        })
+    }
+}
+
+impl<T: Scalar> Layer<T> for CutterModule {
+    type Geometry = ();
+    type Saved = SavedCutterModule<T>;
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        [&self.first, &self.second].into_iter().flat_map(Layer::<T>::param_ranges).collect()
     }
 
-    /// Inference, no dropout.
-    pub fn forward<T: Scalar>(&self, params: &[T], buffers: &[T], x: &[T], y: &mut Vec<T>) {
-        let mut middle = Vec::new();
-        self.first.forward(params, buffers, x, &mut middle);
-        self.second.forward(params, buffers, &middle, y);
+    /// No dropout.
+    fn forward(&self, pass: &Inference<T>, (): &(), x: Operand<T>) -> Buffer<T> {
+        let middle = self.first.forward(pass, &(), x);
+        self.second.forward(pass, &(), Operand::new(&middle, self.first.linear.c_out()))
     }
 
-    /// Training; `dropout` holds one stream per shape, `None` turns dropout off.
-    pub fn forward_train<T: Scalar>(
+    fn forward_train(
         &self,
-        params: &[T],
-        buffers: &mut [T],
-        mut dropout: Option<&mut [Stream]>,
-        x: &[T],
-        y: &mut Vec<T>,
-        cache: &mut Cache<T>,
-    ) {
-        let Cache { first, middle, second } = cache;
-        self.first.forward_train(params, buffers, dropout.as_deref_mut(), x, middle, first);
-        self.second.forward_train(params, buffers, dropout, middle, y, second);
+        pass: &mut Training<T>,
+        (): &(),
+        x: Operand<T>,
+    ) -> (Buffer<T>, Self::Saved) {
+        let (middle, first) = self.first.forward_train(pass, &(), x);
+        let inner = Operand::new(&middle, self.first.linear.c_out());
+        let (y, second) = self.second.forward_train(pass, &(), inner);
+        (y, SavedCutterModule { first, middle, second })
     }
 
-    /// `d` holds the gradient of `y` and is used up.
-    pub fn backward<T: Scalar>(
+    fn backward(
         &self,
-        params: &[T],
-        x: &[T],
-        cache: &Cache<T>,
-        d: &mut [T],
-        dx: Option<&mut Vec<T>>,
-        grads: &mut [T],
-    ) {
-        let mut middle = Vec::new();
-        self.second.backward(params, &cache.middle, &cache.second, d, Some(&mut middle), grads);
-        self.first.backward(params, x, &cache.first, &mut middle, dx, grads);
+        pass: &mut Backward<T>,
+        (): &(),
+        x: Operand<T>,
+        saved: Self::Saved,
+        dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let SavedCutterModule { first, middle, second } = saved;
+        let inner = Operand::new(&middle, self.first.linear.c_out());
+        let dmiddle = self.second.backward(pass, &(), inner, second, dy).into_first();
+        self.first.backward(pass, &(), x, first, dmiddle)
     }
 }

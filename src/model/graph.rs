@@ -3,7 +3,7 @@
 use super::batch::cutter_input;
 use super::config::{Cube, CutterInput};
 use super::cutter_modules::N_LENGTHS;
-use crate::nn::neighbour_mean::NeighbourMean;
+use crate::nn::neighbor_mean::Neighbors;
 use crate::octree::Normalisation;
 use crate::rng::Stream;
 use crate::scalar::Scalar;
@@ -21,7 +21,7 @@ pub struct GraphShape<'a> {
     pub points: &'a [Vec3],
     /// Outward unit normals, one per vertex.
     pub normals: &'a [Vec3],
-    /// Corner indices of each face; its three edges join neighbours.
+    /// Corner indices of each face; its three edges join neighbors.
     pub triangles: &'a [[u32; 3]],
     /// CR, CH, FR, FH of the cutter, mm.
     pub cutter_mm: [f64; N_LENGTHS],
@@ -30,12 +30,12 @@ pub struct GraphShape<'a> {
 /// Several meshes, ready for a graph network.
 #[derive(Debug, Clone)]
 pub struct GraphBatch<T> {
-    /// Normalised position and normal of every vertex, `[n, 6]`.
+    /// Normalized position and normal of every vertex, `[n, 6]`.
     pub features: Vec<T>,
-    /// Neighbours of every vertex, ascending.
-    pub neighbours: Vec<Vec<u32>>,
-    /// Mean over all neighbours.
-    pub mean: NeighbourMean,
+    /// Neighbors of every vertex, ascending.
+    pub neighbors: Vec<Vec<u32>>,
+    /// The same lists as a layer takes them.
+    pub all: Neighbors,
     /// Vertices of each shape.
     pub shapes: Vec<Range<usize>>,
     /// Cutter lengths as the network takes them, `[n_shapes, 4]`.
@@ -43,13 +43,13 @@ pub struct GraphBatch<T> {
 }
 
 impl<T: Scalar> GraphBatch<T> {
-    /// Normalises each shape and joins the graphs.
+    /// Normalizes each shape and joins the graphs.
     ///
     /// # Errors
     /// If a shape has no vertices, not one normal per vertex, a number that is not finite, or a face with
     /// a corner that is not a vertex.
     pub fn new(shapes: &[GraphShape], cube: Cube, cutter: CutterInput) -> Result<Self> {
-        let (mut features, mut neighbours) = (Vec::new(), Vec::new());
+        let (mut features, mut neighbors) = (Vec::new(), Vec::new());
         let (mut ranges, mut cutters) = (Vec::new(), Vec::new());
         for (i, shape) in shapes.iter().enumerate() {
             check(i, shape)?;
@@ -60,38 +60,38 @@ impl<T: Scalar> GraphBatch<T> {
             }
             let lengths = shape.cutter_mm.map(|mm| cutter_input(cutter, mm, &frame));
             cutters.extend(lengths.map(T::from_f64));
-            let start = neighbours.len();
-            neighbours.extend(neighbours_of(shape, start as u32));
-            ranges.push(start..neighbours.len());
+            let start = neighbors.len();
+            neighbors.extend(neighbors_of(shape, start as u32));
+            ranges.push(start..neighbors.len());
         }
-        let mean = NeighbourMean::new(neighbours.iter().map(Vec::as_slice));
-        Ok(GraphBatch { features, neighbours, mean, shapes: ranges, cutters })
+        let all = Neighbors::new(neighbors.iter().map(Vec::as_slice));
+        Ok(GraphBatch { features, neighbors, all, shapes: ranges, cutters })
     }
 
     /// Number of vertices over all shapes.
     pub fn n_points(&self) -> usize {
-        self.neighbours.len()
+        self.neighbors.len()
     }
 
-    /// Mean over at most `n_neighbours` neighbours of each vertex, drawn without repetition; shape `i` draws from
+    /// At most `n_neighbors` neighbors of each vertex, drawn without repetition; shape `i` draws from
     /// `streams[i]`.
-    pub fn sample(&self, n_neighbours: usize, streams: &mut [Stream]) -> NeighbourMean {
-        let mut lists = self.neighbours.clone();
+    pub fn sample(&self, n_neighbors: usize, streams: &mut [Stream]) -> Neighbors {
+        let mut lists = self.neighbors.clone();
         for (shape, stream) in self.shapes.iter().zip(streams) {
-            for list in lists[shape.clone()].iter_mut().filter(|list| list.len() > n_neighbours) {
-                for i in 0..n_neighbours {
+            for list in lists[shape.clone()].iter_mut().filter(|list| list.len() > n_neighbors) {
+                for i in 0..n_neighbors {
                     let other = i + stream.below(list.len() - i);
                     list.swap(i, other);
                 }
-                list.truncate(n_neighbours);
+                list.truncate(n_neighbors);
                 list.sort_unstable();
             }
         }
-        NeighbourMean::new(lists.iter().map(Vec::as_slice))
+        Neighbors::new(lists.iter().map(Vec::as_slice))
     }
 }
 
-fn neighbours_of(shape: &GraphShape, start: u32) -> Vec<Vec<u32>> {
+fn neighbors_of(shape: &GraphShape, start: u32) -> Vec<Vec<u32>> {
     let mut lists = vec![Vec::new(); shape.points.len()];
     for corners in shape.triangles {
         for i in 0..3 {
@@ -130,6 +130,11 @@ fn check(i: usize, shape: &GraphShape) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nn::arena::Arena;
+    use crate::nn::layer::Layer;
+    use crate::nn::neighbor_mean::NeighborMean;
+    use crate::nn::operand::Operand;
+    use crate::nn::pass::Inference;
     use crate::rng::Purpose;
 
     fn tetrahedron() -> ([Vec3; 4], [[u32; 3]; 4]) {
@@ -148,14 +153,16 @@ mod tests {
         };
         let batch =
             GraphBatch::<f64>::new(&[shape, shape], Cube::Box, CutterInput::Scaled).unwrap();
-        assert_eq!(batch.neighbours[1], [0, 2, 3]);
-        assert_eq!(batch.neighbours[6], [4, 5, 7]);
+        assert_eq!(batch.neighbors[1], [0, 2, 3]);
+        assert_eq!(batch.neighbors[6], [4, 5, 7]);
         assert_eq!(batch.shapes, [0..4, 4..8]);
         assert_eq!(batch.cutters[..4], [2.0, 4.0, 6.0, 8.0]);
         let mut streams = [0, 1].map(|i| Stream::new(1, 0, i, Purpose::Neighbours));
-        let mut y = Vec::new();
-        batch.sample(2, &mut streams).forward(N_FEATURES, &vec![1.0; 48], &mut y);
-        assert_eq!(y, vec![1.0; 48]);
+        let (ones, arena) = (vec![1.0; 48], &Arena::default());
+        let pass = Inference { params: &[], buffers: &[], arena };
+        let x = Operand::new(&ones, N_FEATURES);
+        let y = NeighborMean.forward(&pass, &batch.sample(2, &mut streams), x);
+        assert_eq!(y[..], ones);
     }
 
     #[test]

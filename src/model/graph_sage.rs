@@ -1,21 +1,26 @@
 //! GraphSAGE on the mesh graph (Hamilton et al. 2017): the baseline without an octree.
 //!
-//! Layer: `h' = relu(norm(W·[h | cutter | mean of (h | cutter) over neighbours]))`, with a cutter module where
+//! Layer: `h' = relu(norm(W·[h | cutter | mean of (h | cutter) over neighbors]))`, with a cutter module where
 //! the configuration puts one. Both heads read the last layer. Training takes the mean over a sample of
-//! the neighbours, inference over all.
+//! the neighbors, inference over all.
 
 use super::config::{Cube, CutterConfig, CutterInput, CutterPlacement};
-use super::cutter_modules::{self, CutterModule};
+use super::cutter_modules::{CutterModule, N_LENGTHS, SavedCutterModule};
 use super::graph::{GraphBatch, N_FEATURES};
-use super::heads::{self, Head};
+use super::heads::Head;
+use super::training::InputGradients;
 use super::unet::N_HEADS;
+use crate::nn::arena::Buffer;
 use crate::nn::batch_norm::BatchNorm;
-use crate::nn::concat::{Concat, Part, PartGradient};
+use crate::nn::layer::Layer;
 use crate::nn::linear::Linear;
-use crate::nn::neighbour_mean::NeighbourMean;
+use crate::nn::linear_norm_act::{LinearNormAct, SavedLinearNormAct};
+use crate::nn::neighbor_mean::{NeighborMean, Neighbors};
+use crate::nn::operand::{Operand, OperandGradient};
 use crate::nn::params::Layout;
-use crate::nn::unit::{self, Unit};
-use crate::rng::Stream;
+use crate::nn::pass::{Backward, Inference, Training};
+use crate::nn::rows;
+use crate::nn::saved::Policy;
 use crate::scalar::Scalar;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -25,14 +30,15 @@ use std::ops::Range;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct GraphSageConfig {
-    /// Normalisation of the vertices.
+    /// Normalization of the vertices.
     pub cube: Cube,
     /// Unit of the cutter's lengths.
     pub cutter_input: CutterInput,
     /// Channels of each layer.
     pub widths: Vec<usize>,
     /// Neighbours that training draws for each vertex and layer.
-    pub n_neighbours: usize,
+    #[serde(rename = "n_neighbours", alias = "n_neighbors")]
+    pub n_neighbors: usize,
     /// Hidden channels of each head.
     pub head_width: usize,
     /// Cutter modules; "stage" means layer.
@@ -40,13 +46,13 @@ pub struct GraphSageConfig {
 }
 
 impl Default for GraphSageConfig {
-    /// Four layers of 64 channels, ten neighbours, a cutter module of 32 channels before each layer.
+    /// Four layers of 64 channels, ten neighbors, a cutter module of 32 channels before each layer.
     fn default() -> Self {
         GraphSageConfig {
             cube: Cube::Box,
             cutter_input: CutterInput::Scaled,
             widths: vec![64; 4],
-            n_neighbours: 10,
+            n_neighbors: 10,
             head_width: 64,
             cutter: CutterConfig { width: 32, ..CutterConfig::default() },
         }
@@ -59,36 +65,41 @@ pub struct GraphSage {
     config: GraphSageConfig,
     layout: Layout,
     cutters: Vec<CutterModule>,
-    layers: Vec<Layer>,
+    layers: Vec<SageLayer>,
     heads: [Head; N_HEADS],
 }
 
 #[derive(Debug, Clone)]
-struct Layer {
-    unit: Unit<Linear>,
-    /// Columns of the features and, if the layer sees a cutter, of its features.
-    widths: Vec<usize>,
+struct SageLayer {
+    stage: LinearNormAct<Linear>,
+    /// Columns of the features that come in.
+    c_in: usize,
+    /// Columns of a cutter's features.
+    c_cutter: usize,
+    /// Index of its cutter module.
     cutter: Option<usize>,
 }
 
-/// Memory of a pass, kept between calls; after training it is what backward needs.
-#[derive(Debug, Clone, Default)]
-pub struct GraphWorkspace<T> {
+/// The outcome of a training pass: logits, and what one backward needs and uses up.
+#[derive(Debug)]
+pub struct GraphTrainingPass<T> {
     /// Logits of both heads, `[n_points, 2]` each.
-    pub logits: [Vec<T>; N_HEADS],
-    cutters: Vec<(Vec<T>, cutter_modules::Cache<T>)>,
-    layers: Vec<LayerCache<T>>,
-    heads: [heads::Cache<T>; N_HEADS],
-    hidden: Vec<T>,
+    pub logits: [Buffer<T>; N_HEADS],
+    cutters: Vec<(Buffer<T>, SavedCutterModule<T>)>,
+    layers: Vec<SavedSageLayer<T>>,
+    /// Output of the last layer.
+    y: Buffer<T>,
+    heads: Vec<SavedLinearNormAct<T>>,
 }
 
-#[derive(Debug, Clone, Default)]
-struct LayerCache<T> {
-    own: Vec<T>,
-    mean: Vec<T>,
-    both: Vec<T>,
-    y: Vec<T>,
-    unit: unit::Cache<T>,
+#[derive(Debug)]
+struct SavedSageLayer<T> {
+    /// Output of the layer before; empty for the first, which reads the batch.
+    x: Buffer<T>,
+    /// `[x | cutter]`, and its mean over the neighbors.
+    own: Buffer<T>,
+    mean: Buffer<T>,
+    stage: SavedLinearNormAct<T>,
 }
 
 impl GraphSage {
@@ -97,36 +108,34 @@ impl GraphSage {
     /// # Errors
     /// If there is no layer or a width is 0.
     pub fn new(config: &GraphSageConfig) -> Result<Self> {
-        let zero = config.widths.iter().chain([&config.head_width, &config.n_neighbours]);
+        let zero = config.widths.iter().chain([&config.head_width, &config.n_neighbors]);
         let cutter = [&config.cutter.width, &config.cutter.hidden_width];
         if config.widths.is_empty() || zero.chain(cutter).any(|&width| width == 0) {
             return Err(Error::argument(
                 "graph network",
                 format!("{:?}", config.widths),
-                "at least one layer, every width and the number of neighbours above 0",
+                "at least one layer, every width and the number of neighbors above 0",
                 "change the network's configuration",
             ));
         }
         let (mut layout, mut cutters, mut layers) = (Layout::default(), Vec::new(), Vec::new());
         let mut c_in = N_FEATURES;
         for (i, &c) in config.widths.iter().enumerate() {
-            let cutter = sees_cutter(config, i).then(|| {
-                if cutters.is_empty() || !config.cutter.shared {
-                    let name = format!("fc_module_{}", i + 1);
-                    cutters.push(CutterModule::new(&mut layout, &name, &config.cutter));
-                }
-                cutters.len() - 1
-            });
-            let widths: Vec<usize> =
-                [c_in].into_iter().chain(cutter.map(|_| config.cutter.width)).collect();
-            let both = 2 * widths.iter().sum::<usize>();
-            let map = Linear::new(&mut layout, &format!("layer.{i}.linear"), both, c, false);
+            let cutter = sees_cutter(config, i).then_some(config.cutter.width);
+            if cutter.is_some() && (cutters.is_empty() || !config.cutter.shared) {
+                let name = format!("fc_module_{}", i + 1);
+                cutters.push(CutterModule::new(&mut layout, &name, &config.cutter)?);
+            }
+            let both = 2 * (c_in + cutter.unwrap_or(0));
+            let linear = Linear::new(&mut layout, &format!("layer.{i}.linear"), both, c, false);
             let norm = BatchNorm::new(&mut layout, &format!("layer.{i}.bn"), c);
-            layers.push(Layer { unit: Unit { map, norm, relu: true }, widths, cutter });
+            let stage = LinearNormAct { linear, norm, relu: true, policy: Policy::Save };
+            let cutter = cutter.map(|_| cutters.len() - 1);
+            layers.push(SageLayer { stage, c_in, c_cutter: config.cutter.width, cutter });
             c_in = c;
         }
-        let heads =
-            ["header", "header_2"].map(|n| Head::new(&mut layout, n, c_in, config.head_width));
+        let heads = ["header", "header_2"]
+            .map(|n| Head::new(&mut layout, n, c_in, config.head_width, Policy::Recompute));
         Ok(GraphSage { config: config.clone(), layout, cutters, layers, heads })
     }
 
@@ -135,166 +144,167 @@ impl GraphSage {
         &self.config
     }
 
+    /// Columns of the last layer.
+    fn c_out(&self) -> usize {
+        self.config.widths[self.config.widths.len() - 1]
+    }
+
     /// Names, shapes and places of all parameters and running statistics.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Inference over all neighbours: fills [`GraphWorkspace::logits`].
+    /// Inference over all neighbors: logits of both heads, `[n_points, 2]` each.
     pub fn forward<T: Scalar>(
         &self,
-        params: &[T],
-        buffers: &[T],
+        pass: &Inference<T>,
         batch: &GraphBatch<T>,
-        work: &mut GraphWorkspace<T>,
-    ) {
-        work.resize(self);
-        for (module, (y, _)) in self.cutters.iter().zip(&mut work.cutters) {
-            module.forward(params, buffers, &batch.cutters, y);
+    ) -> [Buffer<T>; N_HEADS] {
+        let lengths = Operand::new(&batch.cutters, N_LENGTHS);
+        let cutters: Vec<_> = self.cutters.iter().map(|m| m.forward(pass, &(), lengths)).collect();
+        let mut y = pass.arena.copy_of(&batch.features);
+        for layer in &self.layers {
+            let cutter = layer.cutter.map(|m| &cutters[m][..]);
+            let (own, mean) = layer.gather(pass, &batch.shapes, &batch.all, &y, cutter);
+            let both = layer.both(&own, &mean);
+            y = layer.stage.forward(pass, &(), Operand::Concat(&both));
         }
-        for (i, layer) in self.layers.iter().enumerate() {
-            let (x, now) = split(&mut work.layers, i, &batch.features);
-            let cutter = layer.cutter.map(|m| &work.cutters[m].0[..]);
-            layer.gather(&batch.shapes, &batch.mean, x, cutter, now);
-            layer.unit.forward(params, buffers, &(), &now.both[..], &mut now.y);
-        }
-        let GraphWorkspace { logits, layers, hidden, .. } = work;
-        for (head, logits) in self.heads.iter().zip(logits) {
-            head.forward(params, buffers, &layers[layers.len() - 1].y, logits, hidden);
-        }
+        let x = Operand::new(&y, self.c_out());
+        self.heads.each_ref().map(|head| head.forward(pass, &(), x))
     }
 
-    /// Training pass; `means[i]` is what layer `i` takes the mean over (see [`GraphBatch::sample`]).
-    ///
-    /// `dropout` holds one stream per shape; `None` turns dropout off.
+    /// Training pass; `samples[i]` are the neighbors that layer `i` takes the mean over (see
+    /// [`GraphBatch::sample`]).
     ///
     /// # Panics
-    /// If there are fewer means than layers.
+    /// If there are fewer samples than layers.
     pub fn forward_train<T: Scalar>(
         &self,
-        params: &[T],
-        buffers: &mut [T],
+        pass: &mut Training<T>,
         batch: &GraphBatch<T>,
-        means: &[NeighbourMean],
-        mut dropout: Option<&mut [Stream]>,
-        work: &mut GraphWorkspace<T>,
-    ) {
-        work.resize(self);
-        for (module, (y, cache)) in self.cutters.iter().zip(&mut work.cutters) {
-            let streams = dropout.as_deref_mut();
-            module.forward_train(params, buffers, streams, &batch.cutters, y, cache);
-        }
+        samples: &[Neighbors],
+    ) -> GraphTrainingPass<T> {
+        let lengths = Operand::new(&batch.cutters, N_LENGTHS);
+        let module = |module: &CutterModule| module.forward_train(pass, &(), lengths);
+        let cutters: Vec<_> = self.cutters.iter().map(module).collect();
+        let (mut x, mut layers) = (Buffer::default(), Vec::new());
         for (i, layer) in self.layers.iter().enumerate() {
-            let (x, now) = split(&mut work.layers, i, &batch.features);
-            let cutter = layer.cutter.map(|m| &work.cutters[m].0[..]);
-            layer.gather(&batch.shapes, &means[i], x, cutter, now);
-            let LayerCache { both, y, unit, .. } = now;
-            layer.unit.forward_train(params, buffers, &(), &both[..], y, unit);
+            let cutter = layer.cutter.map(|m| &cutters[m].0[..]);
+            let input = if i == 0 { &batch.features[..] } else { &x };
+            let (own, mean) =
+                layer.gather(&pass.inference(), &batch.shapes, &samples[i], input, cutter);
+            let both = layer.both(&own, &mean);
+            let (y, stage) = layer.stage.forward_train(pass, &(), Operand::Concat(&both));
+            let x = std::mem::replace(&mut x, y);
+            layers.push(SavedSageLayer { x, own, mean, stage });
         }
-        let GraphWorkspace { logits, layers, heads, hidden, .. } = work;
-        for ((head, logits), cache) in self.heads.iter().zip(logits).zip(heads) {
-            let x = &layers[layers.len() - 1].y;
-            head.forward_train(params, buffers, x, logits, cache, hidden);
-        }
+        let mut heads = Vec::new();
+        let logits = self.heads.each_ref().map(|head| {
+            let (logits, saved) = head.forward_train(pass, &(), Operand::new(&x, self.c_out()));
+            heads.push(saved);
+            logits
+        });
+        GraphTrainingPass { logits, cutters, layers, y: x, heads }
     }
 
-    /// Adds to `grads` the gradient of a loss whose gradients by the logits are `dlogits`.
+    /// Adds to `pass.grads` the gradient of a loss whose gradients by the logits are `dlogits`, and returns that
+    /// by features and cutter lengths.
     ///
-    /// `work` and `means` are those of the preceding [`GraphSage::forward_train`].
+    /// `forward` and `samples` are those of the forward pass.
     pub fn backward<T: Scalar>(
         &self,
-        params: &[T],
+        pass: &mut Backward<T>,
         batch: &GraphBatch<T>,
-        means: &[NeighbourMean],
+        samples: &[Neighbors],
+        forward: GraphTrainingPass<T>,
         dlogits: [&[T]; N_HEADS],
-        work: &GraphWorkspace<T>,
-        grads: &mut [T],
-    ) {
-        let x = &work.layers[work.layers.len() - 1].y;
-        let mut d = vec![T::ZERO; x.len()];
-        let (mut hidden, mut memory) = (Vec::new(), Vec::new());
-        for (head, dlogits) in dlogits.into_iter().enumerate() {
-            let (head, cache) = (&self.heads[head], &work.heads[head]);
-            head.backward(params, x, cache, dlogits, grads, &mut hidden, &mut memory);
-            head.add_dx(params, &hidden, &mut d);
+    ) -> InputGradients<T> {
+        let GraphTrainingPass { cutters, layers, y, heads, .. } = forward;
+        let x = Operand::new(&y, self.c_out());
+        let mut d = OperandGradient::zeros(pass.arena, x);
+        for ((head, saved), dlogits) in self.heads.iter().zip(heads).zip(dlogits) {
+            let dhidden = head.backward_to_hidden(pass, x, saved, dlogits);
+            head.add_input_gradient(pass, x, &dhidden, &mut d);
         }
-        let mut dcutters = vec![vec![T::ZERO; 0]; self.cutters.len()];
-        for (i, layer) in self.layers.iter().enumerate().rev() {
-            let LayerCache { both, unit, .. } = &work.layers[i];
-            let mut dboth = Vec::new();
-            let to = Some((&mut dboth).into());
-            layer.unit.backward(params, &(), &both[..], unit, &mut d, to, grads);
-            let mut dcutter = Vec::new();
-            layer.spread(&batch.shapes, &means[i], &dboth, &mut d, &mut dcutter);
-            if let Some(m) = layer.cutter {
-                dcutters[m].resize(dcutter.len(), T::ZERO);
-                add(&mut dcutters[m], &dcutter);
+        let mut d = d.into_first();
+        let zeros = |(features, _): &(Buffer<T>, _)| pass.arena.zeroed(features.len());
+        let mut dcutters: Vec<_> = cutters.iter().map(zeros).collect();
+        for (i, (layer, saved)) in self.layers.iter().zip(layers).enumerate().rev() {
+            let SavedSageLayer { x, own, mean, stage } = saved;
+            let both = layer.both(&own, &mean);
+            let dboth = layer.stage.backward(pass, &(), Operand::Concat(&both), stage, d);
+            let down = layer.through_mean(pass, &samples[i], &mean, dboth);
+            let input = if i == 0 { &batch.features[..] } else { &x };
+            let features = layer.cutter.map(|m| &cutters[m].0[..]);
+            let inputs = layer.inputs(&batch.shapes, input, features);
+            let dinputs = OperandGradient::of_matrix(pass.arena, Operand::Concat(&inputs), down);
+            let mut parts = dinputs.into_parts().into_iter();
+            d = parts.next().unwrap_or_default();
+            if let Some((m, dcutter)) = layer.cutter.zip(parts.next()) {
+                rows::add_all(&mut dcutters[m], &dcutter);
             }
         }
-        for ((module, (_, cache)), d) in self.cutters.iter().zip(&work.cutters).zip(&mut dcutters) {
-            module.backward(params, &batch.cutters, cache, d, None, grads);
+        let lengths = Operand::new(&batch.cutters, N_LENGTHS);
+        let mut sum = pass.arena.zeroed(batch.cutters.len());
+        for ((module, (_, saved)), d) in self.cutters.iter().zip(cutters).zip(dcutters) {
+            let share = module.backward(pass, &(), lengths, saved, d).into_first();
+            rows::add_all(&mut sum, &share);
         }
+        InputGradients { features: d.to_vec(), cutters: sum.to_vec() }
     }
 }
 
-impl Layer {
+impl SageLayer {
+    /// Columns of `[x | cutter]`.
     fn c_own(&self) -> usize {
-        self.widths.iter().sum()
+        self.c_in + self.cutter.map_or(0, |_| self.c_cutter)
     }
 
-    /// `both = [own | mean of own]` with `own = [x | cutter]`.
+    /// `[x | cutter]`, side by side.
+    fn inputs<'a, T: Scalar>(
+        &self,
+        shapes: &'a [Range<usize>],
+        x: &'a [T],
+        cutter: Option<&'a [T]>,
+    ) -> Vec<Operand<'a, T>> {
+        let cutter = cutter.map(|x| Operand::PerShape { x, c: self.c_cutter, shapes });
+        std::iter::once(Operand::new(x, self.c_in)).chain(cutter).collect()
+    }
+
+    /// `[x | cutter]` in one piece, and its mean over neighbors.
     fn gather<T: Scalar>(
         &self,
+        pass: &Inference<T>,
         shapes: &[Range<usize>],
-        mean: &NeighbourMean,
+        neighbors: &Neighbors,
         x: &[T],
         cutter: Option<&[T]>,
-        to: &mut LayerCache<T>,
-    ) {
-        let parts: Vec<_> = [Part::Nodes(x)].into_iter().chain(cutter.map(Part::Shapes)).collect();
-        Concat { shapes, widths: &self.widths }.forward(&parts, &mut to.own);
-        mean.forward(self.c_own(), &to.own, &mut to.mean);
-        let widths = [self.c_own(); 2];
-        let parts = [Part::Nodes(&to.own), Part::Nodes(&to.mean)];
-        Concat { shapes, widths: &widths }.forward(&parts, &mut to.both);
+    ) -> (Buffer<T>, Buffer<T>) {
+        let own = Operand::Concat(&self.inputs(shapes, x, cutter)).copied(pass.arena);
+        let mean = NeighborMean.forward(pass, neighbors, Operand::new(&own, self.c_own()));
+        (own, mean)
     }
 
-    /// Splits the gradient of `both` over `x` and the cutter features.
-    fn spread<T: Scalar>(
+    /// What the linear map reads: `[own | mean of own]`.
+    fn both<'a, T: Scalar>(&self, own: &'a [T], mean: &'a [T]) -> [Operand<'a, T>; 2] {
+        [own, mean].map(|x| Operand::new(x, self.c_own()))
+    }
+
+    /// Gradient by `[x | cutter]` from that by [`SageLayer::both`].
+    fn through_mean<T: Scalar>(
         &self,
-        shapes: &[Range<usize>],
-        mean: &NeighbourMean,
-        dboth: &[T],
-        dx: &mut Vec<T>,
-        dcutter: &mut Vec<T>,
-    ) {
-        let (mut down, mut dmean, mut through) = (Vec::new(), Vec::new(), Vec::new());
-        let widths = [self.c_own(); 2];
-        let mut parts = [PartGradient::Nodes(&mut down), PartGradient::Nodes(&mut dmean)];
-        Concat { shapes, widths: &widths }.backward(dboth, &mut parts);
-        mean.backward(self.c_own(), &dmean, &mut through);
-        add(&mut down, &through);
-        let mut parts = vec![PartGradient::Nodes(dx)];
-        parts.extend(self.cutter.map(|_| PartGradient::Shapes(dcutter)));
-        Concat { shapes, widths: &self.widths }.backward(&down, &mut parts);
+        pass: &mut Backward<T>,
+        neighbors: &Neighbors,
+        mean: &[T],
+        dboth: OperandGradient<T>,
+    ) -> Buffer<T> {
+        let mut parts = dboth.into_parts().into_iter();
+        let mut down = parts.next().unwrap_or_default();
+        let (x, dmean) = (Operand::new(mean, self.c_own()), parts.next().unwrap_or_default());
+        let through = NeighborMean.backward(pass, neighbors, x, (), dmean).into_first();
+        rows::add_all(&mut down, &through);
+        down
     }
-}
-
-impl<T: Scalar> GraphWorkspace<T> {
-    fn resize(&mut self, net: &GraphSage) {
-        self.cutters.resize_with(net.cutters.len(), Default::default);
-        self.layers.resize_with(net.layers.len(), Default::default);
-    }
-}
-
-/// Input of layer `i`, and its memory.
-fn split<'a, T>(
-    layers: &'a mut [LayerCache<T>],
-    i: usize,
-    features: &'a [T],
-) -> (&'a [T], &'a mut LayerCache<T>) {
-    let (before, after) = layers.split_at_mut(i);
-    (before.last().map_or(features, |layer| &layer.y), &mut after[0])
 }
 
 fn sees_cutter(config: &GraphSageConfig, layer: usize) -> bool {
@@ -306,16 +316,11 @@ fn sees_cutter(config: &GraphSageConfig, layer: usize) -> bool {
     }
 }
 
-fn add<T: Scalar>(y: &mut [T], x: &[T]) {
-    for (y, &x) in y.iter_mut().zip(x) {
-        *y += x;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::model::graph::GraphShape;
+    use crate::nn::arena::Arena;
     use glam::Vec3;
 
     #[test]
@@ -334,9 +339,8 @@ mod tests {
         let buffers: Vec<f32> = net.layout().init_buffers();
         let run = |shapes: &[GraphShape]| {
             let batch = GraphBatch::new(shapes, Cube::Box, CutterInput::Scaled).unwrap();
-            let mut work = GraphWorkspace::default();
-            net.forward(&params, &buffers, &batch, &mut work);
-            work.logits
+            let pass = Inference { params: &params, buffers: &buffers, arena: &Arena::default() };
+            net.forward(&pass, &batch).map(|logits| logits.to_vec())
         };
         let together = run(&shapes);
         let alone = shapes.map(|shape| run(&[shape]));

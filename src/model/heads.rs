@@ -1,10 +1,17 @@
 //! A head: point features to the two logits of one question.
 
+use crate::nn::arena::Buffer;
 use crate::nn::batch_norm::BatchNorm;
+use crate::nn::layer::Layer;
 use crate::nn::linear::Linear;
+use crate::nn::linear_norm_act::{LinearNormAct, SavedLinearNormAct};
+use crate::nn::linear_operator::LinearOperator;
+use crate::nn::operand::{Operand, OperandGradient};
 use crate::nn::params::Layout;
-use crate::nn::unit::{self, Unit};
+use crate::nn::pass::{Backward, Inference, Training};
+use crate::nn::saved::Policy;
 use crate::scalar::Scalar;
+use std::ops::Range;
 
 /// Logits per point and head.
 pub const N_CLASSES: usize = 2;
@@ -12,79 +19,87 @@ pub const N_CLASSES: usize = 2;
 /// Linear without bias, batch norm, ReLU, linear with bias: `[n, c] → [n, 2]`.
 #[derive(Debug, Clone)]
 pub struct Head {
-    hidden: Unit<Linear>,
+    hidden: LinearNormAct<Linear>,
     output: Linear,
 }
 
-/// What [`Head::forward_train`] keeps for backward: statistics alone.
-#[derive(Debug, Clone, Default)]
-pub struct Cache<T> {
-    unit: unit::Cache<T>,
-}
-
 impl Head {
-    /// Appends `{name}.0.conv.linear`, `{name}.0.bn` and `{name}.1.linear`.
-    pub fn new(layout: &mut Layout, name: &str, c: usize, width: usize) -> Self {
-        let map = Linear::new(layout, &format!("{name}.0.conv.linear"), c, width, false);
+    /// Appends `{name}.0.conv.linear`, `{name}.0.bn` and `{name}.1.linear`; `policy` is that of the hidden
+    /// matrix before normalization.
+    ///
+    /// # Panics
+    /// If a width is 0 or a name is taken.
+    pub fn new(layout: &mut Layout, name: &str, c: usize, width: usize, policy: Policy) -> Self {
+        let linear = Linear::new(layout, &format!("{name}.0.conv.linear"), c, width, false);
         let norm = BatchNorm::new(layout, &format!("{name}.0.bn"), width);
         let output = Linear::new(layout, &format!("{name}.1.linear"), width, N_CLASSES, true);
-        Head { hidden: Unit { map, norm, relu: true }, output }
+        Head { hidden: LinearNormAct { linear, norm, relu: true, policy }, output }
     }
 
-    /// Inference: `y` is overwritten with the logits.
-    pub fn forward<T: Scalar>(
+    /// Backward up to the gradient by the hidden linear map's output, from which
+    /// [`Head::add_input_gradient`] goes on: where several heads read one input, their gradients are added
+    /// into one matrix.
+    pub(super) fn backward_to_hidden<T: Scalar>(
         &self,
-        params: &[T],
-        buffers: &[T],
-        x: &[T],
-        y: &mut Vec<T>,
-        hidden: &mut Vec<T>,
-    ) {
-        self.hidden.forward(params, buffers, &(), x, hidden);
-        self.output.forward(params, hidden, y);
+        pass: &mut Backward<T>,
+        x: Operand<T>,
+        saved: SavedLinearNormAct<T>,
+        dlogits: &[T],
+    ) -> Buffer<T> {
+        let y = self.hidden.recompute_output(pass, &(), x, &saved);
+        let hidden = Operand::new(&y, self.output.c_in());
+        self.output.weight_gradient(pass, &(), hidden, dlogits);
+        let dy = self.output.input_gradient(pass.context(), &(), hidden, dlogits).into_first();
+        drop(y);
+        self.hidden.backward_params(pass, &(), x, saved, dy)
     }
 
-    /// Training: statistics of the batch; `hidden` is memory to work in.
-    pub fn forward_train<T: Scalar>(
+    /// Adds the gradient by `x`, from what [`Head::backward_to_hidden`] returned.
+    pub(super) fn add_input_gradient<T: Scalar>(
         &self,
-        params: &[T],
-        buffers: &mut [T],
-        x: &[T],
-        y: &mut Vec<T>,
-        cache: &mut Cache<T>,
-        hidden: &mut Vec<T>,
+        pass: &Backward<T>,
+        x: Operand<T>,
+        dhidden: &[T],
+        dx: &mut OperandGradient<T>,
     ) {
-        self.hidden.forward_train_in_place(params, buffers, &(), x, hidden, &mut cache.unit);
-        self.output.forward(params, hidden, y);
+        self.hidden.linear.add_input_gradient(pass.context(), x, dhidden, dx);
+    }
+}
+
+impl<T: Scalar> Layer<T> for Head {
+    type Geometry = ();
+    type Saved = SavedLinearNormAct<T>;
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        let output = Layer::<T>::param_ranges(&self.output);
+        Layer::<T>::param_ranges(&self.hidden).into_iter().chain(output).collect()
     }
 
-    /// `dy` is the gradient of the logits. Leaves in `hidden` what [`Head::add_dx`] needs; `memory` is for
-    /// working in.
-    #[allow(clippy::too_many_arguments)]
-    pub fn backward<T: Scalar>(
+    fn forward(&self, pass: &Inference<T>, (): &(), x: Operand<T>) -> Buffer<T> {
+        let hidden = self.hidden.forward(pass, &(), x);
+        self.output.forward(pass, &(), Operand::new(&hidden, self.output.c_in()))
+    }
+
+    fn forward_train(
         &self,
-        params: &[T],
-        x: &[T],
-        cache: &Cache<T>,
-        dy: &[T],
-        grads: &mut [T],
-        hidden: &mut Vec<T>,
-        memory: &mut Vec<T>,
-    ) {
-        let mut kept =
-            self.hidden.again(params, &(), x.into(), &cache.unit, std::mem::take(hidden));
-        self.hidden.output(params, &kept, memory);
-        self.output.backward(params, memory, dy, None, grads);
-        // Its gradient takes its place.
-        memory.fill(T::ZERO);
-        self.output.add_dx(params, dy, memory);
-        self.hidden.backward_norm(params, &mut kept, memory, grads);
-        self.hidden.map.backward(params, x, kept.parts().0, None, grads);
-        *hidden = kept.take_memory();
+        pass: &mut Training<T>,
+        (): &(),
+        x: Operand<T>,
+    ) -> (Buffer<T>, Self::Saved) {
+        let (hidden, saved) = self.hidden.forward_train(pass, &(), x);
+        let hidden = Operand::new(&hidden, self.output.c_in());
+        (self.output.forward(&pass.inference(), &(), hidden), saved)
     }
 
-    /// Adds to `dx`, the gradient by `x`, what [`Head::backward`] left in `hidden`.
-    pub fn add_dx<T: Scalar>(&self, params: &[T], hidden: &[T], dx: &mut [T]) {
-        self.hidden.map.add_dx(params, hidden, dx);
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        (): &(),
+        x: Operand<T>,
+        saved: Self::Saved,
+        dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let dhidden = self.backward_to_hidden(pass, x, saved, &dy);
+        self.hidden.linear.input_gradient(pass.context(), &(), x, &dhidden)
     }
 }

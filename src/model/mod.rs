@@ -1,7 +1,8 @@
 //! Networks: their configuration, their numbers, and what they answer.
 //!
 //! A [`Model`] is a description ([`UNet`]) with two flat vectors of numbers. Inference takes `&self` and
-//! may run from many threads at once; training keeps its memory in a [`Workspace`] of the caller.
+//! may run from many threads at once; training and inference
+//! take their memory from an [`Arena`](crate::nn::arena::Arena) of the caller.
 
 mod batch;
 pub mod config;
@@ -9,6 +10,7 @@ pub mod cutter_modules;
 pub mod graph;
 pub mod graph_sage;
 pub mod heads;
+pub mod policy;
 mod predict;
 #[cfg(feature = "weights")]
 mod shipped;
@@ -21,5 +23,5 @@ pub use batch::{Batch, Shape};
 pub use config::UNetConfig;
 pub use graph_sage::GraphSage;
 pub use predict::{Model, Prediction};
-pub use training::{InputGradients, Workspace};
+pub use training::{InputGradients, TrainingPass};
 pub use unet::{Activations, UNet};

@@ -2,10 +2,12 @@
 
 use super::batch::{Batch, Shape};
 use super::cutter_modules::N_LENGTHS;
-use super::training::Workspace;
+use super::training::{InputGradients, TrainingPass};
 use super::unet::{Activations, N_HEADS, UNet};
 use super::{UNetConfig, heads::N_CLASSES};
 use crate::Result;
+use crate::nn::arena::Arena;
+use crate::nn::pass::{Backward, Inference, Training};
 use crate::par;
 use crate::rng::Stream;
 use crate::scalar::Scalar;
@@ -118,46 +120,62 @@ impl<T: Scalar> Model<T> {
         let shape = Shape { points: points_mm, normals, cutter_mm };
         shape.check()?;
         let batch = Batch::new(&[shape], &self.net.config().input)?;
-        let mut activations = Activations::default();
-        self.forward(&batch, &mut activations);
-        let [first, second] = activations.logits;
-        let rows = |logits: Vec<T>| logits.as_chunks().0.to_vec();
-        Ok(Prediction { logits_inaccessible: rows(first), logits_occlusion: rows(second) })
+        let [first, second] = self.forward(&batch, &Arena::default()).logits;
+        let rows = |logits: &[T]| logits.as_chunks().0.to_vec();
+        Ok(Prediction { logits_inaccessible: rows(&first), logits_occlusion: rows(&second) })
     }
 
     /// Inference on a batch, with every intermediate result.
-    pub fn forward(&self, batch: &Batch<T>, to: &mut Activations<T>) {
-        par::awake(|| self.net.forward(&self.params, &self.buffers, batch, to));
+    pub fn forward(&self, batch: &Batch<T>, arena: &Arena<T>) -> Activations<T> {
+        let pass = Inference { params: &self.params, buffers: &self.buffers, arena };
+        par::awake(|| self.net.forward(&pass, batch))
     }
 
-    /// Training pass, see [`UNet::forward_train`]; moves the running statistics.
+    /// Training pass, see [`UNet::forward_train`]; moves the running statistics. `dropout` holds one stream per
+    /// shape, keyed by (seed, epoch, sample); `None` turns dropout off.
     pub fn forward_train(
         &mut self,
         batch: &Batch<T>,
         dropout: Option<&mut [Stream]>,
-        work: &mut Workspace<T>,
-    ) {
-        par::awake(|| {
-            self.net.forward_train(&self.params, &mut self.buffers, batch, dropout, work);
-        });
+        arena: &Arena<T>,
+    ) -> TrainingPass<T> {
+        let Model { net, params, buffers } = self;
+        par::awake(|| net.forward_train(&mut Training { params, buffers, dropout, arena }, batch))
     }
 
     /// Adds the gradient of a loss to `grads`, see [`UNet::backward`].
     pub fn backward(
         &self,
         batch: &Batch<T>,
+        forward: TrainingPass<T>,
         dlogits: [&[T]; N_HEADS],
-        work: &mut Workspace<T>,
         grads: &mut [T],
+        arena: &Arena<T>,
     ) {
-        par::awake(|| self.net.backward(&self.params, batch, dlogits, work, grads));
+        let mut pass = Backward { params: &self.params, grads, arena };
+        par::awake(|| self.net.backward(&mut pass, batch, forward, dlogits));
+    }
+
+    /// [`Model::backward`], and the gradient by the input, see [`UNet::backward_to_inputs`].
+    pub fn backward_to_inputs(
+        &self,
+        batch: &Batch<T>,
+        forward: TrainingPass<T>,
+        dlogits: [&[T]; N_HEADS],
+        grads: &mut [T],
+        arena: &Arena<T>,
+    ) -> InputGradients<T> {
+        let mut pass = Backward { params: &self.params, grads, arena };
+        par::awake(|| self.net.backward_to_inputs(&mut pass, batch, forward, dlogits))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::policy::MemoryPolicy;
     use super::*;
     use crate::model::config::{CutterConfig, CutterPlacement, InputConfig};
+    use crate::nn::saved::Policy;
     use crate::octree::tests::sheet;
 
     const CUTTERS: [[f64; 4]; 3] =
@@ -168,7 +186,7 @@ mod tests {
         let mut model = Model::<f32>::new(config, 3).unwrap();
         let shapes: Vec<_> = [400, 300].iter().map(|&n| sheet(n, n as u64 % 7)).collect();
         let batch = Batch::new(&as_shapes(&shapes), &model.net.config().input).unwrap();
-        model.forward_train(&batch, None, &mut Workspace::default());
+        model.forward_train(&batch, None, &Arena::default());
         model
     }
 
@@ -196,12 +214,11 @@ mod tests {
     fn require_the_same_alone(model: &Model<f32>, sizes: &[usize]) {
         let shapes: Vec<_> = sizes.iter().map(|&n| sheet(n, n as u64)).collect();
         let batch = Batch::new(&as_shapes(&shapes), &model.net.config().input).unwrap();
-        let mut together = Activations::default();
-        model.forward(&batch, &mut together);
+        let together = model.forward(&batch, &Arena::default());
         let ranges = &batch.octree.point_ranges;
         for ((range, (points, normals)), cutter_mm) in ranges.iter().zip(&shapes).zip(CUTTERS) {
             let alone = model.predict(points, normals, cutter_mm).unwrap();
-            let of_shape = |logits: &Vec<f32>| logits[2 * range.start..2 * range.end].to_vec();
+            let of_shape = |logits: &[f32]| logits[2 * range.start..2 * range.end].to_vec();
             assert_eq!(alone.logits_inaccessible.as_flattened(), of_shape(&together.logits[0]));
             assert_eq!(alone.logits_occlusion.as_flattened(), of_shape(&together.logits[1]));
         }
@@ -214,7 +231,7 @@ mod tests {
             cutter: CutterConfig { width: 16, ..CutterConfig::default() },
             ..UNetConfig::tiny()
         };
-        let packed = UNetConfig { normalise_empty_parents: false, ..UNetConfig::tiny() };
+        let packed = UNetConfig { normalize_empty_parents: false, ..UNetConfig::tiny() };
         for config in [UNetConfig::tiny(), UNetConfig::small(), reference, packed] {
             let model = trained(&config);
             require_the_same_alone(&model, &[500, 1, 40]);
@@ -228,38 +245,65 @@ mod tests {
         let run = || {
             let mut model = model();
             let batch = Batch::new(&as_shapes(&shapes), &model.net.config().input).unwrap();
-            let (mut work, mut grads) = (Workspace::default(), vec![0.0; model.params.len()]);
-            model.forward_train(&batch, None, &mut work);
+            let (arena, mut grads) = (Arena::default(), vec![0.0; model.params.len()]);
+            let pass = model.forward_train(&batch, None, &arena);
+            let logits = pass.logits.each_ref().map(|logits| logits.to_vec());
             let d: Vec<f32> = (0..2 * batch.n_points()).map(|i| (i % 7) as f32 - 3.0).collect();
-            model.backward(&batch, [&d, &d], &mut work, &mut grads);
-            (work.logits, grads, model.buffers)
+            model.backward(&batch, pass, [&d, &d], &mut grads, &arena);
+            (logits, grads, model.buffers)
         };
         let [one, four] = [1, 4].map(|n| par::with_threads(n, run).unwrap());
         assert!(one == four);
         assert!(one.1.iter().all(|g| g.is_finite()) && one.1.iter().any(|g| *g != 0.0));
     }
 
+    /// Gradients of a step on two shapes.
+    fn gradients(net: &UNet, n: usize, arena: &Arena<f32>) -> Vec<f32> {
+        let shapes: Vec<_> = [n, n / 2].iter().map(|&n| sheet(n, 1)).collect();
+        let (params, buffers) = (net.layout().init_params(3), net.layout().init_buffers());
+        let mut model = Model::<f32> { net: net.clone(), params, buffers };
+        let batch = Batch::new(&as_shapes(&shapes), &net.config().input).unwrap();
+        let mut grads = vec![0.0; model.params.len()];
+        let pass = model.forward_train(&batch, None, arena);
+        let d: Vec<f32> = (0..2 * batch.n_points()).map(|i| (i % 7) as f32).collect();
+        model.backward(&batch, pass, [&d, &d], &mut grads, arena);
+        grads
+    }
+
+    fn tiny(n_blocks: usize) -> UNetConfig {
+        let mut config = UNetConfig::tiny();
+        config.encoder_blocks.fill(n_blocks);
+        config.decoder_blocks.fill(n_blocks);
+        config
+    }
+
     #[test]
-    fn a_used_workspace_gives_the_bits_of_a_fresh_one() {
+    fn a_used_arena_gives_the_bits_of_a_fresh_one_and_all_memory_comes_back() {
         for n_blocks in [1, 2, 3] {
-            let mut config = UNetConfig::tiny();
-            config.encoder_blocks.fill(n_blocks);
-            config.decoder_blocks.fill(n_blocks);
-            let mut used = Workspace::default();
+            let (net, used) = (UNet::new(&tiny(n_blocks)).unwrap(), Arena::default());
             for n in [700, 300, 900] {
-                let shapes: Vec<_> = [n, n / 2].iter().map(|&n| sheet(n, 1)).collect();
-                let run = |work: &mut Workspace<f32>| {
-                    let mut model = Model::<f32>::new(&config, 3).unwrap();
-                    let batch = Batch::new(&as_shapes(&shapes), &config.input).unwrap();
-                    let mut grads = vec![0.0; model.params.len()];
-                    model.forward_train(&batch, None, work);
-                    let d: Vec<f32> = (0..2 * batch.n_points()).map(|i| (i % 7) as f32).collect();
-                    model.backward(&batch, [&d, &d], work, &mut grads);
-                    grads
-                };
-                assert!(run(&mut used) == run(&mut Workspace::default()));
+                assert!(gradients(&net, n, &used) == gradients(&net, n, &Arena::default()));
+                assert_eq!(used.in_use_bytes(), 0);
+                assert!(used.reserved_bytes() <= used.peak_bytes() * 9 / 8, "{used:?}");
             }
         }
+    }
+
+    #[test]
+    fn gradients_have_the_same_bits_under_every_policy_and_the_default_saves_memory() {
+        let run = |policy: &MemoryPolicy| {
+            let net = UNet::with_policy(&tiny(3), policy).unwrap();
+            let arena = Arena::default();
+            (gradients(&net, 900, &arena), arena.peak_bytes())
+        };
+        let [default, save, recompute] = [
+            MemoryPolicy::default(),
+            MemoryPolicy::uniform(Policy::Save),
+            MemoryPolicy::uniform(Policy::Recompute),
+        ]
+        .map(|policy| run(&policy));
+        assert!(default.0 == save.0 && default.0 == recompute.0);
+        assert!(default.1 < save.1, "{} {}", default.1, save.1);
     }
 
     #[test]

@@ -1,32 +1,54 @@
-//! The U-Net's training pass and its way back, over memory that lives between steps.
+//! The U-Net's training pass and its way back. What is saved between them is declared in [`super::policy`].
 
 use super::batch::Batch;
+use super::cutter_modules::{N_LENGTHS, SavedCutterModule};
 use super::unet::{N_HEADS, UNet, conv_rows, down_rows, up_rows};
-use super::{cutter_modules, heads};
-use crate::nn::blocks;
-use crate::nn::concat::PartGradient;
-use crate::nn::downsample;
-use crate::nn::joined::{Columns, ColumnsGradient};
-use crate::nn::residual::Scratch;
+use crate::nn::arena::Buffer;
+use crate::nn::blocks::SavedBlocks;
+use crate::nn::interp::Interpolate;
+use crate::nn::layer::Layer;
+use crate::nn::linear_norm_act::SavedLinearNormAct;
+use crate::nn::operand::{Operand, OperandGradient};
+use crate::nn::pass::{Backward, Training};
 use crate::nn::rows;
-use crate::nn::unit;
-use crate::rng::Stream;
+use crate::nn::saved::Saved;
 use crate::scalar::Scalar;
 
-/// What a training pass keeps for backward, and the memory both work in.
-#[derive(Debug, Clone, Default)]
-pub struct Workspace<T> {
+/// The outcome of a training pass: logits, and what one backward needs and uses up.
+#[derive(Debug)]
+pub struct TrainingPass<T> {
     /// Logits of both heads, `[n_points, 2]` each.
-    pub logits: [Vec<T>; N_HEADS],
-    stem: Kept<T>,
-    down: Vec<KeptDown<T>>,
-    encoder: Vec<blocks::Cache<T>>,
-    cutters: Vec<KeptCutter<T>>,
-    up: Vec<unit::Cache<T>>,
-    decoder: Vec<blocks::Cache<T>>,
-    points: Vec<T>,
-    heads: [heads::Cache<T>; N_HEADS],
-    gradients: Gradients<T>,
+    pub logits: [Buffer<T>; N_HEADS],
+    saved: SavedUNet<T>,
+}
+
+#[derive(Debug)]
+struct SavedUNet<T> {
+    stem: SavedLinearNormAct<T>,
+    /// Outputs that skip from encoder to decoder: stem, encoder stages but the last.
+    skips: Vec<Buffer<T>>,
+    encoder: Vec<SavedEncoderStage<T>>,
+    /// Features and state of each cutter module.
+    cutters: Vec<(Buffer<T>, SavedCutterModule<T>)>,
+    decoder: Vec<SavedDecoderStage<T>>,
+    points: Buffer<T>,
+    heads: Vec<SavedLinearNormAct<T>>,
+}
+
+#[derive(Debug)]
+struct SavedEncoderStage<T> {
+    down: SavedLinearNormAct<T>,
+    downsampled: Buffer<T>,
+    blocks: SavedBlocks<T>,
+}
+
+#[derive(Debug)]
+struct SavedDecoderStage<T> {
+    /// Output of the stage before: the last encoder's or a decoder's.
+    x: Buffer<T>,
+    up: SavedLinearNormAct<T>,
+    upsampled: Saved<T>,
+    blocks: SavedBlocks<T>,
 }
 
 /// Gradient of a loss by what the network is fed with.
@@ -38,282 +60,237 @@ pub struct InputGradients<T> {
     pub cutters: Vec<T>,
 }
 
-#[derive(Debug, Clone, Default)]
-struct Kept<T> {
-    y: Vec<T>,
-    cache: unit::Cache<T>,
-}
-
-#[derive(Debug, Clone, Default)]
-struct KeptDown<T> {
-    y: Vec<T>,
-    cache: downsample::Cache<T>,
-}
-
-#[derive(Debug, Clone, Default)]
-struct KeptCutter<T> {
-    y: Vec<T>,
-    cache: cutter_modules::Cache<T>,
-}
-
-#[derive(Debug, Clone, Default)]
-struct Gradients<T> {
-    /// Of the current stage's output.
-    d: Vec<T>,
-    /// Of the features that skip from encoder to decoder: stem, encoder stages.
-    skips: Vec<Vec<T>>,
-    cutters: Vec<Vec<T>>,
-    scratch: Scratch<T>,
+/// Gradients that wait on the way back.
+struct Waiting<T> {
+    /// By the features that skip, from the decoder: stem, encoder stages.
+    skips: Vec<Buffer<T>>,
+    /// By the features of each cutter module, from all stages that see it.
+    cutters: Vec<Buffer<T>>,
 }
 
 impl UNet {
-    /// Training pass: statistics of the batch, logits in [`Workspace::logits`].
-    ///
-    /// `dropout` holds one stream per shape, keyed by (seed, epoch, sample); `None` turns dropout off.
+    /// Training pass: statistics of the batch.
     pub fn forward_train<T: Scalar>(
         &self,
-        params: &[T],
-        buffers: &mut [T],
+        pass: &mut Training<T>,
         batch: &Batch<T>,
-        mut dropout: Option<&mut [Stream]>,
-        work: &mut Workspace<T>,
-    ) {
-        work.resize(self);
-        self.encode_train(params, buffers, batch, work);
-        for (module, kept) in self.cutters.iter().zip(&mut work.cutters) {
-            let (streams, KeptCutter { y, cache }) = (dropout.as_deref_mut(), kept);
-            module.forward_train(params, buffers, streams, &batch.cutters, y, cache);
-        }
-        self.decode_train(params, buffers, batch, work);
-        for (i, head) in self.heads.iter().enumerate() {
-            let (y, cache) = (&mut work.logits[i], &mut work.heads[i]);
-            let hidden = &mut work.gradients.scratch.middle;
-            head.forward_train(params, buffers, &work.points, y, cache, hidden);
-        }
+    ) -> TrainingPass<T> {
+        let octree = &batch.octree;
+        let features = Operand::new(&batch.features, self.stem.linear.c_in());
+        let rows = conv_rows(octree, octree.depth());
+        let (y, stem) = self.stem.forward_train(pass, rows, features);
+        let (mut skips, encoder) = self.encode_train(pass, batch, y);
+        let lengths = Operand::new(&batch.cutters, N_LENGTHS);
+        let module = |module: &_| Layer::forward_train(module, pass, &(), lengths);
+        let cutters: Vec<_> = self.cutters.iter().map(module).collect();
+        let x = skips.pop().unwrap_or_default();
+        let (decoded, decoder) = self.decode_train(pass, batch, x, &skips, &cutters);
+        let decoded_rows = Operand::new(&decoded, self.point_width());
+        let points = Interpolate.forward(&pass.inference(), &batch.interpolation, decoded_rows);
+        drop(decoded);
+        let inputs = batch.head_inputs(&points, self.point_width());
+        let mut heads = Vec::new();
+        let logits = self.heads.each_ref().map(|head| {
+            let (logits, saved) = head.forward_train(pass, &(), Operand::Concat(&inputs));
+            heads.push(saved);
+            logits
+        });
+        drop(inputs);
+        let saved = SavedUNet { stem, skips, encoder, cutters, decoder, points, heads };
+        TrainingPass { logits, saved }
     }
 
+    /// Outputs of the stem and of all stages, and what the stages leave.
     fn encode_train<T: Scalar>(
         &self,
-        params: &[T],
-        buffers: &mut [T],
+        pass: &mut Training<T>,
         batch: &Batch<T>,
-        work: &mut Workspace<T>,
-    ) {
-        let octree = &batch.octree;
-        // Backward computes it once more.
-        let Kept { y, cache } = &mut work.stem;
-        let rows = conv_rows(octree, octree.depth());
-        self.stem.forward_train_in_place(params, buffers, rows, &batch.features, y, cache);
+        stem: Buffer<T>,
+    ) -> (Vec<Buffer<T>>, Vec<SavedEncoderStage<T>>) {
+        let (octree, mut outputs, mut saved) = (&batch.octree, vec![stem], Vec::new());
         for (i, stage) in self.encoder.iter().enumerate() {
             let depth = octree.depth() - 1 - i;
-            let (before, after) = work.encoder.split_at_mut(i);
-            let x = before.last().map_or(&work.stem.y[..], |stage| stage.output());
-            let KeptDown { y, cache } = &mut work.down[i];
-            stage.down.forward_train(params, buffers, down_rows(octree, depth), x, y, cache);
-            let rows = conv_rows(octree, depth);
-            let scratch = &mut work.gradients.scratch;
-            stage.blocks.forward_train(params, buffers, rows, &*y, &mut after[0], scratch);
+            let x = Operand::new(&outputs[i], self.skip_width(i));
+            let (downsampled, down) = stage.down.forward_train(pass, down_rows(octree, depth), x);
+            let x = Operand::new(&downsampled, stage.down.c_out());
+            let (y, blocks) = stage.blocks.forward_train(pass, conv_rows(octree, depth), x);
+            outputs.push(y);
+            saved.push(SavedEncoderStage { down, downsampled, blocks });
         }
+        (outputs, saved)
     }
 
+    /// Output of the last stage, and what the stages leave.
     fn decode_train<T: Scalar>(
         &self,
-        params: &[T],
-        buffers: &mut [T],
+        pass: &mut Training<T>,
         batch: &Batch<T>,
-        work: &mut Workspace<T>,
-    ) {
-        let (octree, n) = (&batch.octree, self.decoder.len());
+        mut x: Buffer<T>,
+        skips: &[Buffer<T>],
+        cutters: &[(Buffer<T>, SavedCutterModule<T>)],
+    ) -> (Buffer<T>, Vec<SavedDecoderStage<T>>) {
+        let (octree, mut saved) = (&batch.octree, Vec::new());
         for (i, stage) in self.decoder.iter().enumerate() {
             let depth = self.decoder_depth(octree, i);
-            let (before, after) = work.decoder.split_at_mut(i);
-            let x = before.last().unwrap_or(&work.encoder[n - 1]).output();
-            // Backward computes it once more.
-            let Gradients { d: y, scratch, .. } = &mut work.gradients;
-            let (rows, cache) = (up_rows(octree, depth), &mut work.up[i]);
-            stage.up.forward_train_in_place(params, buffers, rows, x, y, cache);
-            let skip = if i + 1 < n { work.encoder[n - 2 - i].output() } else { &work.stem.y };
-            let cutter = stage.cutter.map(|m| &work.cutters[m].y[..]);
-            let parts = stage.parts(skip, cutter, y);
-            let (rows, x) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
-            stage.blocks.forward_train(params, buffers, rows, x, &mut after[0], scratch);
+            let input = Operand::new(&x, stage.up.linear.c_in());
+            let (upsampled, up) = stage.up.forward_train(pass, up_rows(octree, depth), input);
+            let cutter = stage.cutter.map(|m| &cutters[m].0[..]);
+            let level = &octree.levels[depth];
+            let parts = stage.parts(level, &skips[skips.len() - 1 - i], cutter, &upsampled);
+            let (y, blocks) =
+                stage.blocks.forward_train(pass, &level.conv, Operand::Concat(&parts));
+            let upsampled = Saved::new(stage.up.policy, upsampled);
+            let x = std::mem::replace(&mut x, y);
+            saved.push(SavedDecoderStage { x, up, upsampled, blocks });
         }
-        let x = work.decoder[n - 1].output();
-        batch.point_features(self.point_width(), x, &mut work.points);
+        (x, saved)
     }
 
-    /// Adds to `grads` the gradient of a loss whose gradients by the logits are `dlogits`.
+    /// Adds to `pass.grads` the gradient of a loss whose gradients by the logits are `dlogits`.
     ///
-    /// `work` comes from [`UNet::forward_train`] with the same parameters and batch, and serves one
-    /// backward only: what it kept becomes memory to work in.
+    /// `forward` comes from [`UNet::forward_train`] with the same parameters and batch.
     pub fn backward<T: Scalar>(
         &self,
-        params: &[T],
+        pass: &mut Backward<T>,
         batch: &Batch<T>,
+        forward: TrainingPass<T>,
         dlogits: [&[T]; N_HEADS],
-        work: &mut Workspace<T>,
-        grads: &mut [T],
     ) {
-        self.backward_to(params, batch, dlogits, work, None, grads);
+        let (stem, dstem, _) = self.backward_to_stem(pass, batch, forward.saved, dlogits);
+        let rows = conv_rows(&batch.octree, batch.octree.depth());
+        let features = Operand::new(&batch.features, self.stem.linear.c_in());
+        self.stem.backward_params(pass, rows, features, stem, dstem);
     }
 
-    /// [`UNet::backward`], and the gradient by what the network is fed with: which nodes and which lengths
-    /// of the cutter an answer hangs on.
+    /// [`UNet::backward`], and the gradient by what the network is fed with: the input gradient, or saliency, of
+    /// nodes and cutter lengths.
     pub fn backward_to_inputs<T: Scalar>(
         &self,
-        params: &[T],
+        pass: &mut Backward<T>,
         batch: &Batch<T>,
+        forward: TrainingPass<T>,
         dlogits: [&[T]; N_HEADS],
-        work: &mut Workspace<T>,
-        inputs: &mut InputGradients<T>,
-        grads: &mut [T],
-    ) {
-        self.backward_to(params, batch, dlogits, work, Some(inputs), grads);
+    ) -> InputGradients<T> {
+        let (stem, dstem, dcutters) = self.backward_to_stem(pass, batch, forward.saved, dlogits);
+        let rows = conv_rows(&batch.octree, batch.octree.depth());
+        let features = Operand::new(&batch.features, self.stem.linear.c_in());
+        let dfeatures = self.stem.backward(pass, rows, features, stem, dstem).into_first();
+        InputGradients { features: dfeatures.to_vec(), cutters: dcutters.to_vec() }
     }
 
-    fn backward_to<T: Scalar>(
+    /// What the stem left, and the gradients by its output and by the cutters' lengths.
+    fn backward_to_stem<T: Scalar>(
         &self,
-        params: &[T],
+        pass: &mut Backward<T>,
         batch: &Batch<T>,
+        saved: SavedUNet<T>,
         dlogits: [&[T]; N_HEADS],
-        work: &mut Workspace<T>,
-        inputs: Option<&mut InputGradients<T>>,
-        grads: &mut [T],
-    ) {
-        let (dfeatures, mut dcutters) = inputs.map(|i| (&mut i.features, &mut i.cutters)).unzip();
-        if let Some(dcutters) = &mut dcutters {
-            dcutters.clear();
-            dcutters.resize(batch.cutters.len(), T::ZERO);
-        }
-        let mut g = std::mem::take(&mut work.gradients);
-        g.skips.resize_with(self.encoder.len(), Vec::new);
-        g.cutters.resize_with(self.cutters.len(), Vec::new);
-        g.cutters.iter_mut().for_each(Vec::clear);
-        self.backward_heads(params, dlogits, work, &mut g, grads);
-        batch.point_features_backward(self.point_width(), &mut work.points, &mut g.d);
-        self.backward_decoder(params, batch, work, &mut g, grads);
-        for (m, module) in self.cutters.iter().enumerate() {
-            let cache = &work.cutters[m].cache;
-            let mut share = dcutters.is_some().then(Vec::new);
-            let d = &mut g.cutters[m];
-            module.backward(params, &batch.cutters, cache, d, share.as_mut(), grads);
-            if let (Some(sum), Some(share)) = (&mut dcutters, &share) {
-                rows::add_all(sum, share);
-            }
-        }
-        self.backward_encoder(params, batch, work, &mut g, dfeatures, grads);
-        work.gradients = g;
+    ) -> (SavedLinearNormAct<T>, Buffer<T>, Buffer<T>) {
+        let SavedUNet { stem, skips, encoder, cutters, decoder, points, heads } = saved;
+        let dpoints = self.backward_heads(pass, batch, points, heads, dlogits);
+        let d = batch.interpolation.adjoint(pass.arena, self.point_width(), &dpoints);
+        drop(dpoints);
+        let zeros = |(features, _): &(Buffer<T>, _)| pass.arena.zeroed(features.len());
+        let mut waiting =
+            Waiting { skips: Vec::new(), cutters: cutters.iter().map(zeros).collect() };
+        let features = |m: usize| &cutters[m].0[..];
+        let d = self.backward_decoder(pass, batch, (&skips, &features), decoder, (d, &mut waiting));
+        let dcutters = self.backward_cutters(pass, batch, cutters, waiting.cutters);
+        let d = self.backward_encoder(pass, batch, skips, encoder, (d, waiting.skips));
+        (stem, d, dcutters)
     }
 
-    /// Turns what the heads read into the gradient by it.
+    /// Gradient by the octree features at the points.
     fn backward_heads<T: Scalar>(
         &self,
-        params: &[T],
-        dlogits: [&[T]; N_HEADS],
-        work: &mut Workspace<T>,
-        g: &mut Gradients<T>,
-        grads: &mut [T],
-    ) {
-        let Workspace { decoder, points, heads: caches, .. } = work;
-        let last = decoder.len() - 1;
-        let mut memory = decoder[last].take_output();
-        let mut hidden = [&mut g.d, &mut g.scratch.middle];
-        let heads = || self.heads.iter().zip(&*caches).zip(dlogits);
-        for (((head, cache), dlogits), hidden) in heads().zip(&mut hidden) {
-            head.backward(params, points, cache, dlogits, grads, hidden, &mut memory);
-        }
-        decoder[last].give_output(memory);
-        points.fill(T::ZERO);
-        for (head, hidden) in self.heads.iter().zip(hidden) {
-            head.add_dx(params, hidden, points);
-        }
-    }
-
-    /// From the gradient of the decoder's output in `g.d` to that of the encoder's.
-    fn backward_decoder<T: Scalar>(
-        &self,
-        params: &[T],
+        pass: &mut Backward<T>,
         batch: &Batch<T>,
-        work: &mut Workspace<T>,
-        g: &mut Gradients<T>,
-        grads: &mut [T],
-    ) {
-        let (octree, n) = (&batch.octree, self.decoder.len());
-        let Gradients { d, skips, cutters, scratch } = g;
-        // What the heads read has served: the largest memory there is.
-        let upsampled = &mut work.points;
-        let mut cutter = Vec::new();
-        for (i, stage) in self.decoder.iter().enumerate().rev() {
-            let depth = self.decoder_depth(octree, i);
-            let skip = if i + 1 < n { work.encoder[n - 2 - i].output() } else { &work.stem.y };
-            let features = stage.cutter.map(|m| &work.cutters[m].y[..]);
-            let (before, after) = work.decoder.split_at_mut(i);
-            let (x, cache) =
-                (before.last().unwrap_or(&work.encoder[n - 1]).output(), &mut after[0]);
-            let coarse = up_rows(octree, depth);
-            stage.up.output_again(params, coarse, x.into(), &work.up[i], upsampled);
-            let parts = stage.parts(skip, features, upsampled);
-            let (rows, joined) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
-            let mut dx = Vec::new();
-            let mut to = vec![PartGradient::Nodes(&mut skips[n - 1 - i])];
-            to.extend(stage.cutter.map(|_| PartGradient::Shapes(&mut cutter)));
-            to.push(PartGradient::Nodes(&mut dx));
-            let to = (&mut to[..]).into();
-            stage.blocks.backward(params, rows, joined, cache, d, to, grads, scratch);
-            if let Some(m) = stage.cutter {
-                cutters[m].resize(cutter.len(), T::ZERO);
-                rows::add_all(&mut cutters[m], &cutter);
-            }
-            let memory = std::mem::take(upsampled);
-            let mut kept = stage.up.again(params, coarse, x.into(), &work.up[i], memory);
-            stage.up.backward(params, coarse, x, &kept, &mut dx, Some(d.into()), grads);
-            *upsampled = kept.take_memory();
-            cache.give_memory(dx);
+        points: Buffer<T>,
+        saved: Vec<SavedLinearNormAct<T>>,
+        dlogits: [&[T]; N_HEADS],
+    ) -> Buffer<T> {
+        let inputs = batch.head_inputs(&points, self.point_width());
+        let x = Operand::Concat(&inputs);
+        let mut dx = OperandGradient::zeros(pass.arena, x);
+        for ((head, saved), dlogits) in self.heads.iter().zip(saved).zip(dlogits) {
+            let dhidden = head.backward_to_hidden(pass, x, saved, dlogits);
+            head.add_input_gradient(pass, x, &dhidden, &mut dx);
         }
+        dx.into_first()
     }
 
-    /// From the gradient of the encoder's output in `g.d`, and those of the skips, to the stem.
+    /// From the gradient of the decoder's output to that of the encoder's; those of skips and cutters wait.
+    fn backward_decoder<'a, T: Scalar>(
+        &self,
+        pass: &mut Backward<T>,
+        batch: &Batch<T>,
+        (skips, features): (&[Buffer<T>], &dyn Fn(usize) -> &'a [T]),
+        saved: Vec<SavedDecoderStage<T>>,
+        (mut d, waiting): (Buffer<T>, &mut Waiting<T>),
+    ) -> Buffer<T> {
+        let (octree, n) = (&batch.octree, self.decoder.len());
+        for (i, (stage, saved)) in self.decoder.iter().zip(saved).enumerate().rev() {
+            let depth = self.decoder_depth(octree, i);
+            let SavedDecoderStage { x, up, upsampled, blocks } = saved;
+            let (coarse, input) =
+                (up_rows(octree, depth), Operand::new(&x, stage.up.linear.c_in()));
+            let recompute = || stage.up.recompute_output(pass, coarse, input, &up);
+            let upsampled = upsampled.restore(recompute);
+            let cutter = stage.cutter.map(features);
+            let parts = stage.parts(&octree.levels[depth], &skips[n - 1 - i], cutter, &upsampled);
+            let rows = conv_rows(octree, depth);
+            let dparts = stage.blocks.backward(pass, rows, Operand::Concat(&parts), blocks, d);
+            drop(upsampled);
+            let mut dparts = dparts.into_parts().into_iter();
+            waiting.skips.extend(dparts.next());
+            if let Some((m, dcutter)) = stage.cutter.zip(stage.cutter.and_then(|_| dparts.next())) {
+                rows::add_all(&mut waiting.cutters[m], &dcutter);
+            }
+            let dup = dparts.next().unwrap_or_default();
+            d = stage.up.backward(pass, coarse, input, up, dup).into_first();
+        }
+        d
+    }
+
+    /// Gradient by the cutters' lengths.
+    fn backward_cutters<T: Scalar>(
+        &self,
+        pass: &mut Backward<T>,
+        batch: &Batch<T>,
+        saved: Vec<(Buffer<T>, SavedCutterModule<T>)>,
+        gradients: Vec<Buffer<T>>,
+    ) -> Buffer<T> {
+        let lengths = Operand::new(&batch.cutters, N_LENGTHS);
+        let mut sum = pass.arena.zeroed(batch.cutters.len());
+        for ((module, (_, saved)), d) in self.cutters.iter().zip(saved).zip(gradients) {
+            let share = module.backward(pass, &(), lengths, saved, d).into_first();
+            rows::add_all(&mut sum, &share);
+        }
+        sum
+    }
+
+    /// From the gradient of the encoder's output, and those of the skips (stem first), to that of the stem's.
     fn backward_encoder<T: Scalar>(
         &self,
-        params: &[T],
+        pass: &mut Backward<T>,
         batch: &Batch<T>,
-        work: &mut Workspace<T>,
-        g: &mut Gradients<T>,
-        dfeatures: Option<&mut Vec<T>>,
-        grads: &mut [T],
-    ) {
+        mut skips: Vec<Buffer<T>>,
+        saved: Vec<SavedEncoderStage<T>>,
+        (mut d, mut dskips): (Buffer<T>, Vec<Buffer<T>>),
+    ) -> Buffer<T> {
         let octree = &batch.octree;
-        let Gradients { d, skips, scratch, .. } = g;
-        for (i, stage) in self.encoder.iter().enumerate().rev() {
+        for (i, (stage, saved)) in self.encoder.iter().zip(saved).enumerate().rev() {
             let depth = octree.depth() - 1 - i;
-            let KeptDown { y, cache } = &work.down[i];
-            let (before, after) = work.encoder.split_at_mut(i);
-            let (rows, blocks) = (conv_rows(octree, depth), &mut after[0]);
-            let mut dx = Vec::new();
-            let to = (&mut dx).into();
-            stage.blocks.backward(params, rows, y, blocks, d, to, grads, scratch);
-            let x = before.last().map_or(&work.stem.y[..], |stage| stage.output());
-            let rows = down_rows(octree, depth);
-            stage.down.backward(params, rows, x, cache, &mut dx, Some(d.into()), grads);
-            blocks.give_memory(dx);
-            rows::add_all(d, &skips[i]);
+            let SavedEncoderStage { down, downsampled, blocks } = saved;
+            let x = Operand::new(&downsampled, stage.down.c_out());
+            let d_down = stage.blocks.backward(pass, conv_rows(octree, depth), x, blocks, d);
+            drop(downsampled);
+            let skip = skips.pop().unwrap_or_default();
+            let x = Operand::new(&skip, self.skip_width(i));
+            let d_down = d_down.into_first();
+            d = stage.down.backward(pass, down_rows(octree, depth), x, down, d_down).into_first();
+            rows::add_all(&mut d, &dskips.pop().unwrap_or_default());
         }
-        let (rows, memory) = (conv_rows(octree, octree.depth()), std::mem::take(&mut work.points));
-        let x = Columns::One(&batch.features);
-        let mut kept = self.stem.again(params, rows, x, &work.stem.cache, memory);
-        let to = dfeatures.map(ColumnsGradient::from);
-        self.stem.backward(params, rows, x, &kept, d, to, grads);
-        work.points = kept.take_memory();
-    }
-}
-
-impl<T: Scalar> Workspace<T> {
-    fn resize(&mut self, net: &UNet) {
-        let n = net.encoder.len();
-        self.down.resize_with(n, Default::default);
-        self.encoder.resize_with(n, Default::default);
-        self.cutters.resize_with(net.cutters.len(), Default::default);
-        self.up.resize_with(n, Default::default);
-        self.decoder.resize_with(n, Default::default);
+        d
     }
 }

@@ -2,19 +2,23 @@
 
 use super::batch::Batch;
 use super::config::UNetConfig;
-use super::cutter_modules::CutterModule;
+use super::cutter_modules::{CutterModule, N_LENGTHS};
 use super::heads::Head;
+use super::policy::MemoryPolicy;
 use crate::Result;
+use crate::nn::arena::Buffer;
 use crate::nn::batch_norm::BatchNorm;
 use crate::nn::blocks::Blocks;
-use crate::nn::concat::Part;
 use crate::nn::conv::OctreeConv;
-use crate::nn::conv_transpose::OctreeUp;
+use crate::nn::deconv::OctreeDeconv;
 use crate::nn::downsample::Downsample;
-use crate::nn::joined::Joined;
+use crate::nn::interp::Interpolate;
+use crate::nn::layer::Layer;
+use crate::nn::linear_norm_act::LinearNormAct;
+use crate::nn::operand::Operand;
 use crate::nn::params::Layout;
-use crate::nn::residual::Scratch;
-use crate::nn::unit::Unit;
+use crate::nn::pass::Inference;
+use crate::nn::strided_conv::OutputRows;
 use crate::octree::{KernelMap, Level, Octree};
 use crate::scalar::Scalar;
 
@@ -26,7 +30,7 @@ pub const N_HEADS: usize = 2;
 pub struct UNet {
     pub(super) config: UNetConfig,
     pub(super) layout: Layout,
-    pub(super) stem: Unit<OctreeConv>,
+    pub(super) stem: LinearNormAct<OctreeConv>,
     pub(super) encoder: Vec<EncoderStage>,
     pub(super) cutters: Vec<CutterModule>,
     pub(super) decoder: Vec<DecoderStage>,
@@ -41,35 +45,35 @@ pub(super) struct EncoderStage {
 
 #[derive(Debug, Clone)]
 pub(super) struct DecoderStage {
-    pub up: Unit<OctreeUp>,
-    /// Columns of skip, cutter (if it sees one) and upsampled features.
-    pub widths: Vec<usize>,
+    pub up: LinearNormAct<OctreeDeconv>,
+    /// Columns of the skipping features.
+    pub c_skip: usize,
+    /// Columns of a cutter's features.
+    pub c_cutter: usize,
     /// Index of its cutter module.
     pub cutter: Option<usize>,
     pub blocks: Blocks,
 }
 
-/// Every intermediate result of one inference, by the reference's names; reusable.
-#[derive(Debug, Clone, Default)]
+/// Every intermediate result of one inference, by the reference's names.
+#[derive(Debug, Default)]
 pub struct Activations<T> {
     /// `conv1`: finest depth.
-    pub stem: Vec<T>,
+    pub stem: Buffer<T>,
     /// `downsample.i`, from fine to coarse.
-    pub downsampled: Vec<Vec<T>>,
+    pub downsampled: Vec<Buffer<T>>,
     /// `encoder.i`.
-    pub encoded: Vec<Vec<T>>,
+    pub encoded: Vec<Buffer<T>>,
     /// `fc_module_{i+1}`: features of each cutter module, `[n_shapes, width]`.
-    pub cutters: Vec<Vec<T>>,
+    pub cutters: Vec<Buffer<T>>,
     /// `upsample.i`, from coarse to fine.
-    pub upsampled: Vec<Vec<T>>,
+    pub upsampled: Vec<Buffer<T>>,
     /// `decoder.i`.
-    pub decoded: Vec<Vec<T>>,
-    /// `interp`: what the heads read at the points.
-    pub points: Vec<T>,
+    pub decoded: Vec<Buffer<T>>,
+    /// `interp`: octree features at the points.
+    pub points: Buffer<T>,
     /// Logits of both heads, `[n_points, 2]` each.
-    pub logits: [Vec<T>; N_HEADS],
-    hidden: Vec<T>,
-    scratch: Scratch<T>,
+    pub logits: [Buffer<T>; N_HEADS],
 }
 
 impl UNet {
@@ -78,26 +82,35 @@ impl UNet {
     /// # Errors
     /// If a number of the configuration is outside its domain.
     pub fn new(config: &UNetConfig) -> Result<Self> {
+        Self::with_policy(config, &MemoryPolicy::default())
+    }
+
+    /// [`UNet::new`] with another choice of what training saves.
+    ///
+    /// # Errors
+    /// As [`UNet::new`].
+    pub fn with_policy(config: &UNetConfig, policy: &MemoryPolicy) -> Result<Self> {
         config.check()?;
         let mut layout = Layout::default();
         let c_in = config.input.node_features()?.n_channels();
-        let stem = Unit {
-            map: OctreeConv::new(&mut layout, "conv1.conv", c_in, config.stem_width),
+        let stem = LinearNormAct {
+            linear: OctreeConv::new(&mut layout, "conv1.conv", c_in, config.stem_width),
             norm: BatchNorm::new(&mut layout, "conv1.bn", config.stem_width),
             relu: true,
+            policy: policy.stem,
         };
-        let encoder = encoder(config, &mut layout);
+        let encoder = encoder(config, policy, &mut layout);
         let mut seeing = cutter_stages(config);
         seeing.truncate(if config.cutter.shared { 1 } else { seeing.len() });
         let module = |stage: &usize| {
             CutterModule::new(&mut layout, &format!("fc_module_{}", stage + 1), &config.cutter)
         };
-        let cutters = seeing.iter().map(module).collect();
-        let decoder = decoder(config, &mut layout);
+        let cutters = seeing.iter().map(module).collect::<Result<_>>()?;
+        let decoder = decoder(config, policy, &mut layout);
         let normal = if config.input.point_normals { 3 } else { 0 };
         let c = config.decoder_widths[config.decoder_widths.len() - 1] + normal;
-        let heads =
-            ["header", "header_2"].map(|name| Head::new(&mut layout, name, c, config.head_width));
+        let heads = ["header", "header_2"]
+            .map(|name| Head::new(&mut layout, name, c, config.head_width, policy.head));
         Ok(UNet { config: config.clone(), layout, stem, encoder, cutters, decoder, heads })
     }
 
@@ -111,77 +124,54 @@ impl UNet {
         &self.layout
     }
 
-    /// Inference: fills every field of `to`; logits of a shape do not depend on the rest of the batch.
-    pub fn forward<T: Scalar>(
-        &self,
-        params: &[T],
-        buffers: &[T],
-        batch: &Batch<T>,
-        to: &mut Activations<T>,
-    ) {
-        self.encode(params, buffers, batch, to);
-        to.cutters.resize_with(self.cutters.len(), Vec::new);
-        for (module, y) in self.cutters.iter().zip(&mut to.cutters) {
-            module.forward(params, buffers, &batch.cutters, y);
-        }
-        self.decode(params, buffers, batch, to);
-        let Activations { points, logits, hidden, .. } = to;
-        for (head, logits) in self.heads.iter().zip(logits) {
-            head.forward(params, buffers, points, logits, hidden);
-        }
+    /// Inference, with every intermediate result; logits of a shape do not depend on the rest of the batch.
+    pub fn forward<T: Scalar>(&self, pass: &Inference<T>, batch: &Batch<T>) -> Activations<T> {
+        let mut to = Activations::default();
+        self.encode(pass, batch, &mut to);
+        let cutters = Operand::new(&batch.cutters, N_LENGTHS);
+        to.cutters = self.cutters.iter().map(|m| m.forward(pass, &(), cutters)).collect();
+        self.decode(pass, batch, &mut to);
+        let inputs = batch.head_inputs(&to.points, self.point_width());
+        to.logits = self.heads.each_ref().map(|h| h.forward(pass, &(), Operand::Concat(&inputs)));
+        to
     }
 
-    fn encode<T: Scalar>(
-        &self,
-        params: &[T],
-        buffers: &[T],
-        batch: &Batch<T>,
-        to: &mut Activations<T>,
-    ) {
-        let (octree, n) = (&batch.octree, self.encoder.len());
-        let Activations { stem, downsampled, encoded, scratch, .. } = to;
-        self.stem.forward(
-            params,
-            buffers,
-            conv_rows(octree, octree.depth()),
-            &batch.features,
-            stem,
-        );
-        downsampled.resize_with(n, Vec::new);
-        encoded.resize_with(n, Vec::new);
+    fn encode<T: Scalar>(&self, pass: &Inference<T>, batch: &Batch<T>, to: &mut Activations<T>) {
+        let octree = &batch.octree;
+        let features = Operand::new(&batch.features, self.stem.linear.c_in());
+        to.stem = self.stem.forward(pass, conv_rows(octree, octree.depth()), features);
         for (i, stage) in self.encoder.iter().enumerate() {
             let depth = octree.depth() - 1 - i;
-            let (before, after) = encoded.split_at_mut(i);
-            let x = before.last().unwrap_or(stem);
-            stage.down.forward(params, buffers, down_rows(octree, depth), x, &mut downsampled[i]);
-            let (rows, x) = (conv_rows(octree, depth), &downsampled[i]);
-            stage.blocks.forward(params, buffers, rows, x, &mut after[0], scratch);
+            let x = to.encoded.last().unwrap_or(&to.stem);
+            let x = Operand::new(x, self.skip_width(i));
+            let down = stage.down.forward(pass, down_rows(octree, depth), x);
+            let x = Operand::new(&down, stage.down.c_out());
+            to.encoded.push(stage.blocks.forward(pass, conv_rows(octree, depth), x));
+            to.downsampled.push(down);
         }
     }
 
-    fn decode<T: Scalar>(
-        &self,
-        params: &[T],
-        buffers: &[T],
-        batch: &Batch<T>,
-        to: &mut Activations<T>,
-    ) {
+    fn decode<T: Scalar>(&self, pass: &Inference<T>, batch: &Batch<T>, to: &mut Activations<T>) {
         let (octree, n) = (&batch.octree, self.decoder.len());
-        let Activations { stem, encoded, cutters, upsampled, decoded, scratch, .. } = to;
-        upsampled.resize_with(n, Vec::new);
-        decoded.resize_with(n, Vec::new);
         for (i, stage) in self.decoder.iter().enumerate() {
             let depth = self.decoder_depth(octree, i);
-            let (before, after) = decoded.split_at_mut(i);
-            let x = before.last().unwrap_or(&encoded[n - 1]);
-            stage.up.forward(params, buffers, up_rows(octree, depth), x, &mut upsampled[i]);
-            let skip = if i + 1 < n { &encoded[n - 2 - i] } else { &*stem };
-            let cutter = stage.cutter.map(|m| &cutters[m][..]);
-            let parts = stage.parts(skip, cutter, &upsampled[i]);
-            let (rows, x) = (conv_rows(octree, depth), stage.join(octree, depth, &parts));
-            stage.blocks.forward(params, buffers, rows, x, &mut after[0], scratch);
+            let x = to.decoded.last().unwrap_or(&to.encoded[n - 1]);
+            let x = Operand::new(x, stage.up.linear.c_in());
+            let up = stage.up.forward(pass, up_rows(octree, depth), x);
+            let skip = if i + 1 < n { &to.encoded[n - 2 - i] } else { &to.stem };
+            let cutter = stage.cutter.map(|m| &to.cutters[m][..]);
+            let parts = stage.parts(&octree.levels[depth], skip, cutter, &up);
+            let (rows, x) = (conv_rows(octree, depth), Operand::Concat(&parts));
+            to.decoded.push(stage.blocks.forward(pass, rows, x));
+            to.upsampled.push(up);
         }
-        batch.point_features(self.point_width(), &decoded[n - 1], &mut to.points);
+        let x = Operand::new(&to.decoded[n - 1], self.point_width());
+        to.points = Interpolate.forward(pass, &batch.interpolation, x);
+    }
+
+    /// Columns of what downsampling stage `i` reads: the stem's, or the stage's before it.
+    pub(super) fn skip_width(&self, i: usize) -> usize {
+        if i == 0 { self.config.stem_width } else { self.config.encoder_widths[i - 1] }
     }
 
     /// Columns of the octree features that are interpolated to the points.
@@ -196,25 +186,19 @@ impl UNet {
 }
 
 impl DecoderStage {
-    /// Skip, cutter (if the stage sees one) and upsampled features.
-    pub fn parts<'a, T>(
+    /// `[skip | cutter | upsampled]`, the cutter's features if the stage sees one: the one place where the cutter
+    /// meets the shape.
+    pub fn parts<'a, T: Scalar>(
         &self,
+        level: &'a Level,
         skip: &'a [T],
         cutter: Option<&'a [T]>,
         upsampled: &'a [T],
-    ) -> Vec<Part<'a, T>> {
-        let cutter = cutter.map(Part::Shapes);
-        std::iter::once(Part::Nodes(skip)).chain(cutter).chain([Part::Nodes(upsampled)]).collect()
-    }
-
-    /// `[skip | cutter | upsampled]`: the one place where the cutter meets the shape.
-    pub fn join<'a, T>(
-        &'a self,
-        octree: &'a Octree,
-        depth: usize,
-        parts: &'a [Part<'a, T>],
-    ) -> Joined<'a, T> {
-        Joined { shapes: &octree.levels[depth].ranges, widths: &self.widths, parts }
+    ) -> Vec<Operand<'a, T>> {
+        let cutter =
+            cutter.map(|x| Operand::PerShape { x, c: self.c_cutter, shapes: &level.ranges });
+        let up = Operand::new(upsampled, self.up.linear.c_out());
+        std::iter::once(Operand::new(skip, self.c_skip)).chain(cutter).chain([up]).collect()
     }
 }
 
@@ -233,38 +217,44 @@ pub(super) fn up_rows(octree: &Octree, depth: usize) -> &Level {
     &octree.levels[depth - 1]
 }
 
-fn encoder(config: &UNetConfig, layout: &mut Layout) -> Vec<EncoderStage> {
+fn encoder(config: &UNetConfig, policy: &MemoryPolicy, layout: &mut Layout) -> Vec<EncoderStage> {
+    let rows = match config.normalize_empty_parents {
+        true => OutputRows::AllNodes,
+        false => OutputRows::NonEmpty,
+    };
     let mut c_in = config.stem_width;
     let mut stage = |(i, (&c, &n_blocks)): (usize, (&usize, &usize))| {
         let name = format!("downsample.{i}");
-        let down = Downsample::new(layout, &name, c_in, c, config.normalise_empty_parents);
+        let down = Downsample::new(layout, &name, (c_in, c), rows, policy.down);
         c_in = c;
-        EncoderStage { down, blocks: Blocks::new(layout, &format!("encoder.{i}"), n_blocks, c, c) }
+        let name = format!("encoder.{i}");
+        let blocks = Blocks::new(layout, &name, n_blocks, (c, c), policy.blocks);
+        EncoderStage { down, blocks }
     };
     let stages = config.encoder_widths.iter().zip(&config.encoder_blocks);
     stages.enumerate().map(&mut stage).collect()
 }
 
-fn decoder(config: &UNetConfig, layout: &mut Layout) -> Vec<DecoderStage> {
+fn decoder(config: &UNetConfig, policy: &MemoryPolicy, layout: &mut Layout) -> Vec<DecoderStage> {
     let skips = std::iter::once(&config.stem_width).chain(&config.encoder_widths);
     let mut skips: Vec<usize> = skips.copied().collect();
     let mut c_in = skips.pop().unwrap_or_default();
     let seeing = cutter_stages(config);
     let mut stage = |(i, (&c, &n_blocks)): (usize, (&usize, &usize))| {
-        let up = Unit {
-            map: OctreeUp::new(layout, &format!("upsample.{i}.deconv"), c_in, c),
+        let up = LinearNormAct {
+            linear: OctreeDeconv::new(layout, &format!("upsample.{i}.deconv"), c_in, c),
             norm: BatchNorm::new(layout, &format!("upsample.{i}.bn"), c),
             relu: true,
+            policy: policy.up,
         };
         c_in = c;
         let shared = |m: usize| if config.cutter.shared { 0 } else { m };
         let cutter = seeing.iter().position(|&stage| stage == i).map(shared);
-        let mut widths = vec![skips[skips.len() - 1 - i]];
-        widths.extend(cutter.map(|_| config.cutter.width));
-        widths.push(c);
+        let (c_skip, c_cutter) = (skips[skips.len() - 1 - i], config.cutter.width);
+        let width = c_skip + if cutter.is_some() { c_cutter } else { 0 } + c;
         let name = format!("decoder.{i}");
-        let blocks = Blocks::new(layout, &name, n_blocks, widths.iter().sum(), c);
-        DecoderStage { up, widths, cutter, blocks }
+        let blocks = Blocks::new(layout, &name, n_blocks, (width, c), policy.blocks);
+        DecoderStage { up, c_skip, c_cutter, cutter, blocks }
     };
     let stages = config.decoder_widths.iter().zip(&config.decoder_blocks);
     stages.enumerate().map(&mut stage).collect()

@@ -1,12 +1,18 @@
-//! Batch normalisation (Ioffe and Szegedy 2015) over all rows of a batch.
+//! Batch normalization (Ioffe and Szegedy 2015) over all rows of a batch.
 
-mod columns;
-
+use super::arena::Buffer;
+use super::column_norm::{Activation, ColumnNorm};
+use super::layer::Layer;
+use super::operand::{Operand, OperandGradient};
 use super::params::{Init, Layout};
+use super::pass::{Backward, Inference, Training};
 use super::rows;
+use crate::par;
 use crate::scalar::Scalar;
-use columns::cast;
-pub(super) use columns::{Columns, Finish};
+use crate::simd::Level;
+use crate::simd::normalize::{
+    BackwardApply, BackwardRows, BackwardSums, backward_apply, backward_sums,
+};
 use std::ops::Range;
 
 /// Added to the variance.
@@ -14,7 +20,7 @@ pub const EPS: f64 = 1e-5;
 /// Share of the batch in a running statistic.
 pub const MOMENTUM: f64 = 0.1;
 
-/// Batches of at most this many rows are normalised in f64: there `x` determines the statistics so
+/// Batches of at most this many rows are normalized in f64: there `x` determines the statistics so
 /// nearly that the gradient is what rounding leaves of a cancellation (for two rows, a share of
 /// `ε / (var + ε)`).
 const FEW_ROWS: usize = 32;
@@ -23,11 +29,10 @@ const FEW_ROWS: usize = 32;
 ///
 /// In training `mean` and `var` are those of the batch (`var` biased); the running statistics move a
 /// tenth of the way to them (`var` unbiased there). A batch of a single row has no variance: training
-/// then normalises with the running statistics, as inference does, and leaves them alone.
+/// then normalizes with the running statistics, as inference does, and leaves them alone.
 #[derive(Debug, Clone)]
 pub struct BatchNorm {
-    /// Columns.
-    pub c: usize,
+    c: usize,
     weight: Range<usize>,
     bias: Range<usize>,
     running_mean: Range<usize>,
@@ -35,12 +40,21 @@ pub struct BatchNorm {
     n_batches: Range<usize>,
 }
 
-/// What [`BatchNorm::forward_train`] keeps for backward: `c` numbers each.
-#[derive(Debug, Clone, Default)]
-pub struct Cache {
+/// What a batch was normalized with, `c` numbers each; backward needs it.
+#[derive(Debug, Clone)]
+pub struct Statistics {
     mean: Vec<f64>,
     inv_std: Vec<f64>,
     from_batch: bool,
+}
+
+/// How gradients go back.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    /// `dy` is that of a ReLU after the norm: it passes where the output, computed again, is positive.
+    relu: bool,
+    /// `dx` takes the place of `dy`, not of `x`.
+    over_dy: bool,
 }
 
 impl BatchNorm {
@@ -58,226 +72,157 @@ impl BatchNorm {
         BatchNorm { c, weight, bias, running_mean, running_var, n_batches }
     }
 
-    /// Normalises `x: [n, c]` in place with the running statistics.
-    pub fn forward<T: Scalar>(&self, params: &[T], buffers: &[T], x: &mut [T]) {
-        self.inference(params, buffers).apply_in_place(Finish::Nothing, x);
+    /// Columns.
+    pub fn c(&self) -> usize {
+        self.c
     }
 
     /// What inference does to rows.
-    pub(super) fn inference<T: Scalar>(&self, params: &[T], buffers: &[T]) -> Columns<T> {
+    pub(super) fn inference<T: Scalar>(&self, params: &[T], buffers: &[T]) -> ColumnNorm<T> {
         self.columns(params, &self.running(buffers))
     }
 
-    /// Normalises `x: [n, c]` into `y` with the statistics of `x`, and moves the running ones.
-    pub fn forward_train<T: Scalar>(
-        &self,
-        params: &[T],
-        buffers: &mut [T],
-        x: &[T],
-        y: &mut Vec<T>,
-        cache: &mut Cache,
-    ) {
-        *cache = self.measure(buffers, x);
-        self.normalise(params, x, cache, Finish::Nothing, y);
-    }
-
     /// Statistics of `x`, towards which the running ones move; of a single row, the running ones.
-    pub(super) fn measure<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Cache {
+    pub(super) fn measure<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Statistics {
         if x.len() > self.c { self.measure_batch(buffers, x) } else { self.running(buffers) }
     }
 
-    /// Normalises `x: [n, c]` into `y` with the statistics in `cache`.
-    pub(super) fn normalise<T: Scalar>(
+    /// Normalizes `x: [n, c]`, or `y` where there is none, into `y` with the statistics in `statistics`.
+    pub(super) fn normalize<T: Scalar>(
         &self,
         params: &[T],
-        x: &[T],
-        cache: &Cache,
-        finish: Finish<T>,
-        y: &mut Vec<T>,
-    ) {
-        match x.len() / self.c {
-            0..=FEW_ROWS => self.columns::<T, f64>(params, cache).apply_to(x, finish, y),
-            _ => self.columns::<T, T>(params, cache).apply_to(x, finish, y),
-        }
-    }
-
-    /// [`BatchNorm::normalise`] with the statistics in `cache`, in place.
-    pub(super) fn normalise_in_place<T: Scalar>(
-        &self,
-        params: &[T],
-        cache: &Cache,
-        finish: Finish<T>,
-        x: &mut [T],
-    ) {
-        match x.len() / self.c {
-            0..=FEW_ROWS => self.columns::<T, f64>(params, cache).apply_in_place(finish, x),
-            _ => self.columns::<T, T>(params, cache).apply_in_place(finish, x),
-        }
-    }
-
-    /// Turns `dy` into `dx`; `grads` of weight and bias accumulate.
-    ///
-    /// With `x̂ = (x - mean) · inv_std`: `dbias = Σ dy`, `dweight = Σ dy x̂`, and
-    /// `dx = weight · inv_std · (dy - dbias / n - x̂ dweight / n)`; the two means vanish when the
-    /// statistics did not come from the batch.
-    pub fn backward<T: Scalar>(
-        &self,
-        params: &[T],
-        x: &[T],
-        cache: &Cache,
-        d: &mut [T],
-        grads: &mut [T],
-    ) {
-        self.backward_over::<T, false, false>(params, cache, (x, d), grads);
-    }
-
-    /// [`BatchNorm::backward`] where a ReLU follows: `dy` passes where the output, computed again from
-    /// `x`, is positive.
-    pub(super) fn backward_relu<T: Scalar>(
-        &self,
-        params: &[T],
-        x: &[T],
-        cache: &Cache,
-        d: &mut [T],
-        grads: &mut [T],
-    ) {
-        self.backward_over::<T, true, false>(params, cache, (x, d), grads);
-    }
-
-    /// [`BatchNorm::backward`], or that of a ReLU after it, which turns `x` into `dx`.
-    pub(super) fn backward_over_input<T: Scalar>(
-        &self,
-        params: &[T],
-        x: &mut [T],
-        cache: &Cache,
-        d: &[T],
-        relu: bool,
-        grads: &mut [T],
-    ) {
-        match relu {
-            true => self.backward_over::<T, true, true>(params, cache, (d, x), grads),
-            false => self.backward_over::<T, false, true>(params, cache, (d, x), grads),
-        }
-    }
-
-    /// `over` holds `x` if `INPUT`, else `dy`, and becomes `dx`; `read` is the other one.
-    fn backward_over<T: Scalar, const RELU: bool, const INPUT: bool>(
-        &self,
-        params: &[T],
-        cache: &Cache,
-        (read, over): (&[T], &mut [T]),
-        grads: &mut [T],
-    ) {
-        match read.len() / self.c {
-            0..=FEW_ROWS => {
-                self.backward_as::<T, f64, RELU, INPUT>(params, cache, (read, over), grads);
-            }
-            _ => self.backward_as::<T, T, RELU, INPUT>(params, cache, (read, over), grads),
-        }
-    }
-
-    fn backward_as<T: Scalar, W: Scalar, const RELU: bool, const INPUT: bool>(
-        &self,
-        params: &[T],
-        cache: &Cache,
-        (read, over): (&[T], &mut [T]),
-        grads: &mut [T],
-    ) {
-        let (c, n_rows) = (self.c, read.len() / self.c);
-        let columns = self.columns::<T, W>(params, cache);
-        let inv_std: Vec<W> = cache.inv_std.iter().copied().map(cast).collect();
-        let (x, d): (&[T], &[T]) = if INPUT { (over, read) } else { (read, over) };
-        let [dweight, dbias] = rows::column_sums(
-            0..n_rows,
-            c,
-            #[inline(always)]
-            |row, [dweight, dbias]| {
-                let (x, dy) = (&x[row * c..][..c], &d[row * c..][..c]);
-                let sums = inv_std.iter().zip(dweight.iter_mut().zip(dbias));
-                for (((&x, &dy), column), (&inv_std, (dweight, dbias))) in
-                    x.iter().zip(dy).zip(columns.iter()).zip(sums)
-                {
-                    let dy = if RELU && !column.is_positive(x) { T::ZERO } else { dy };
-                    let x_hat = (cast::<T, W>(x) - column.mean) * inv_std;
-                    *dweight += (x_hat * cast(dy)).to_f64();
-                    *dbias += dy.to_f64();
-                }
-            },
-        );
-        let share = if cache.from_batch { 1.0 / n_rows as f64 } else { 0.0 };
-        let mean_of = |sums: &[f64]| sums.iter().map(|s| W::from_f64(s * share)).collect();
-        let (mean_dweight, mean_dbias): (Vec<W>, Vec<W>) = (mean_of(&dweight), mean_of(&dbias));
-        rows::for_each_row(
-            over,
-            c,
-            #[inline(always)]
-            |row, over| {
-                let read = &read[row * c..][..c];
-                let means = inv_std.iter().zip(&mean_dbias).zip(&mean_dweight);
-                for (((over, &read), column), ((&inv_std, &dbias), &dweight)) in
-                    over.iter_mut().zip(read).zip(columns.iter()).zip(means)
-                {
-                    let (x, dy) = if INPUT { (*over, read) } else { (read, *over) };
-                    let dy = if RELU && !column.is_positive(x) { T::ZERO } else { dy };
-                    let x_hat = (cast::<T, W>(x) - column.mean) * inv_std;
-                    *over = cast(column.factor * (cast::<T, W>(dy) - dbias - x_hat * dweight));
-                }
-            },
-        );
-        for j in 0..c {
-            grads[self.weight.start + j] += T::from_f64(dweight[j]);
-            grads[self.bias.start + j] += T::from_f64(dbias[j]);
-        }
-    }
-
-    /// Turns `y` into `max(norm(x) + y, 0)`.
-    pub(super) fn add_to_and_rectify<T: Scalar>(
-        &self,
-        params: &[T],
-        x: &[T],
-        cache: &Cache,
+        statistics: &Statistics,
+        x: Option<&[T]>,
+        activation: Activation<T>,
         y: &mut [T],
     ) {
-        match x.len() / self.c {
-            0..=FEW_ROWS => self.columns::<T, f64>(params, cache).add_to_and_rectify(x, y),
-            _ => self.columns::<T, T>(params, cache).add_to_and_rectify(x, y),
+        match y.len() / self.c {
+            0..=FEW_ROWS => {
+                self.columns::<T, f64>(params, statistics).apply_wide(x, activation, y);
+            }
+            _ => self.columns::<T, T>(params, statistics).apply(x, activation, y),
         }
     }
 
-    /// Leaves of `d`, the gradient of `max(norm(x) + other, 0)`, what passes the ReLU.
-    pub(super) fn pass_relu_of_sum<T: Scalar>(
+    /// Turns `x` into its own gradient, where `dy` is that of the output, or of a ReLU after it; `grads` of
+    /// weight and bias accumulate.
+    pub(super) fn backward_over_input<T: Scalar>(
+        &self,
+        pass: &mut Backward<T>,
+        mut x: Buffer<T>,
+        statistics: &Statistics,
+        dy: &[T],
+        relu: bool,
+    ) -> Buffer<T> {
+        let way = Way { relu, over_dy: false };
+        self.backward_over(pass, statistics, way, (dy, &mut x[..]));
+        x
+    }
+
+    /// With `x̂ = (x - mean) · inv_std`: `dbias = Σ dy`, `dweight = Σ dy x̂`, and
+    /// `dx = weight · inv_std · (dy - dbias / n - x̂ dweight / n)`; the two means vanish when the
+    /// statistics did not come from the batch. `over` becomes `dx`, `read` is the other one of `x` and `dy`.
+    fn backward_over<T: Scalar>(
+        &self,
+        pass: &mut Backward<T>,
+        statistics: &Statistics,
+        way: Way,
+        (read, over): (&[T], &mut [T]),
+    ) {
+        let n_rows = read.len() / self.c;
+        let share = if statistics.from_batch { 1.0 / n_rows as f64 } else { 0.0 };
+        let [dweight, dbias] = match n_rows {
+            0..=FEW_ROWS => self.backward_wide(pass.params, statistics, way, share, (read, over)),
+            _ => self.backward_rows(pass.params, statistics, way, share, (read, over)),
+        };
+        for j in 0..self.c {
+            pass.grads[self.weight.start + j] += T::from_f64(dweight[j]);
+            pass.grads[self.bias.start + j] += T::from_f64(dbias[j]);
+        }
+    }
+
+    /// Gradients of weight and bias; `share` of them is their mean over the rows.
+    fn backward_rows<T: Scalar>(
         &self,
         params: &[T],
-        x: &[T],
-        cache: &Cache,
-        other: &[T],
-        d: &mut [T],
-    ) {
-        match x.len() / self.c {
-            0..=FEW_ROWS => self.columns::<T, f64>(params, cache).pass_relu_of_sum(x, other, d),
-            _ => self.columns::<T, T>(params, cache).pass_relu_of_sum(x, other, d),
+        statistics: &Statistics,
+        way: Way,
+        share: f64,
+        (read, over): (&[T], &mut [T]),
+    ) -> [Vec<f64>; 2] {
+        let c = self.c;
+        let norm = self.columns::<T, T>(params, statistics);
+        let inv_std: Vec<T> = statistics.inv_std.iter().copied().map(T::from_f64).collect();
+        let how = BackwardRows { columns: norm.columns(), inv_std: &inv_std, relu: way.relu };
+        let (x, dy): (&[T], &[T]) = if way.over_dy { (read, over) } else { (over, read) };
+        let sums = rows::column_sums(0..x.len() / c, c, |block, sums| {
+            let block = block.start * c..block.end * c;
+            let (x, dy) = (&x[block.clone()], &dy[block]);
+            backward_sums(Level::active(), BackwardSums { rows: how, x, dy, sums });
+        });
+        let mean = |sums: &Vec<f64>| sums.iter().map(|s| T::from_f64(s * share)).collect();
+        let means: [Vec<T>; 2] = sums.each_ref().map(mean);
+        let len = rows::BLOCK_ROWS * c;
+        par::for_each_block(over, len, |i, over| {
+            let (read, means) = (&read[i * len..][..over.len()], means.each_ref().map(|m| &m[..]));
+            let over_dy = way.over_dy;
+            backward_apply(
+                Level::active(),
+                BackwardApply { rows: how, means, over_dy, read, over },
+            );
+        });
+        sums
+    }
+
+    /// [`BatchNorm::backward_rows`] computed in f64, for few rows.
+    fn backward_wide<T: Scalar>(
+        &self,
+        params: &[T],
+        statistics: &Statistics,
+        way: Way,
+        share: f64,
+        (read, over): (&[T], &mut [T]),
+    ) -> [Vec<f64>; 2] {
+        let (c, norm) = (self.c, self.columns::<T, f64>(params, statistics));
+        let at = |i: usize, over: &[T]| {
+            let (x, dy) = if way.over_dy { (read[i], over[i]) } else { (over[i], read[i]) };
+            let passes = !way.relu || norm.at(i, x) > T::ZERO;
+            let x_hat = (x.to_f64() - norm.mean[i % c]) * statistics.inv_std[i % c];
+            (x_hat, if passes { dy.to_f64() } else { 0.0 })
+        };
+        let [mut dweight, mut dbias] = [vec![0.0; c], vec![0.0; c]];
+        for i in 0..over.len() {
+            let (x_hat, dy) = at(i, over);
+            dweight[i % c] += x_hat * dy;
+            dbias[i % c] += dy;
         }
+        for i in 0..over.len() {
+            let (j, (x_hat, dy)) = (i % c, at(i, over));
+            let centred = dy - dbias[j] * share - x_hat * (dweight[j] * share);
+            over[i] = T::from_f64(norm.factor[j] * centred);
+        }
+        [dweight, dbias]
     }
 
     /// Factor and summand per column that inference applies: `y = x · factor + summand`.
     pub fn folded<T: Scalar>(&self, params: &[T], buffers: &[T]) -> (Vec<T>, Vec<T>) {
-        let Columns { mean, factor, bias } = self.inference(params, buffers);
+        let ColumnNorm { mean, factor, bias } = self.inference(params, buffers);
         let summand = |j: usize| bias[j] - mean[j] * factor[j];
         let summands = (0..self.c).map(summand).collect();
         (factor, summands)
     }
 
     /// What backward needs after [`BatchNorm::forward`]: the running statistics, taken as constants.
-    pub fn running<T: Scalar>(&self, buffers: &[T]) -> Cache {
+    pub fn running<T: Scalar>(&self, buffers: &[T]) -> Statistics {
         let (mean, var) = (&buffers[self.running_mean.clone()], &buffers[self.running_var.clone()]);
-        Cache {
+        Statistics {
             mean: mean.iter().map(|m| m.to_f64()).collect(),
             inv_std: var.iter().map(|v| inv_std(v.to_f64())).collect(),
             from_batch: false,
         }
     }
 
-    fn measure_batch<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Cache {
+    fn measure_batch<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Statistics {
         let (mean, var) = rows::moments(x, self.c);
         let n = (x.len() / self.c) as f64;
         let mut blend = |place: &Range<usize>, values: &[f64], factor: f64| {
@@ -290,17 +235,74 @@ impl BatchNorm {
         blend(&self.running_var, &var, n / (n - 1.0));
         buffers[self.n_batches.start] += T::ONE;
         let inv_std = var.iter().map(|&v| inv_std(v)).collect();
-        Cache { mean, inv_std, from_batch: true }
+        Statistics { mean, inv_std, from_batch: true }
     }
 
-    fn columns<T: Scalar, W: Scalar>(&self, params: &[T], cache: &Cache) -> Columns<W> {
+    fn check<T: Scalar>(&self, x: &Operand<T>) {
+        assert_eq!(x.width(), self.c, "columns of the input and of the batch norm differ");
+    }
+
+    fn columns<T: Scalar, W: Scalar>(
+        &self,
+        params: &[T],
+        statistics: &Statistics,
+    ) -> ColumnNorm<W> {
         let weight = &params[self.weight.clone()];
-        let factor = |(&w, &s): (&T, &f64)| cast::<T, W>(w) * W::from_f64(s);
-        Columns {
-            mean: cache.mean.iter().copied().map(cast).collect(),
-            factor: weight.iter().zip(&cache.inv_std).map(factor).collect(),
-            bias: params[self.bias.clone()].iter().copied().map(cast).collect(),
+        let cast = |x: &T| W::from_f64(x.to_f64());
+        let factor = |(w, &s): (&T, &f64)| cast(w) * W::from_f64(s);
+        ColumnNorm {
+            mean: statistics.mean.iter().copied().map(W::from_f64).collect(),
+            factor: weight.iter().zip(&statistics.inv_std).map(factor).collect(),
+            bias: params[self.bias.clone()].iter().map(cast).collect(),
         }
+    }
+}
+
+impl<T: Scalar> Layer<T> for BatchNorm {
+    type Geometry = ();
+    type Saved = Statistics;
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        vec![self.weight.clone(), self.bias.clone()]
+    }
+
+    /// Running statistics.
+    fn forward(&self, pass: &Inference<T>, (): &(), x: Operand<T>) -> Buffer<T> {
+        self.check(&x);
+        let mut y = x.copied(pass.arena);
+        let norm = self.inference(pass.params, pass.buffers);
+        norm.apply(None, Activation::Identity, &mut y);
+        y
+    }
+
+    /// Statistics of `x`, towards which the running ones move.
+    fn forward_train(
+        &self,
+        pass: &mut Training<T>,
+        (): &(),
+        x: Operand<T>,
+    ) -> (Buffer<T>, Statistics) {
+        self.check(&x);
+        let (x, mut y) = (x.to_matrix(pass.arena), pass.arena.get(x.n_rows() * self.c));
+        let statistics = self.measure(pass.buffers, &x);
+        self.normalize(pass.params, &statistics, Some(&x), Activation::Identity, &mut y);
+        (y, statistics)
+    }
+
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        (): &(),
+        x: Operand<T>,
+        statistics: Statistics,
+        mut dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        self.check(&x);
+        let matrix = x.to_matrix(pass.arena);
+        assert_eq!(dy.len(), matrix.len(), "rows of the gradient and of x differ");
+        let way = Way { relu: false, over_dy: true };
+        self.backward_over(pass, &statistics, way, (&matrix, &mut dy));
+        OperandGradient::of_matrix(pass.arena, x, dy)
     }
 }
 
@@ -310,53 +312,69 @@ fn inv_std(variance: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::arena::Arena;
+    use super::super::testing::require_gradients;
     use super::*;
-    use crate::gradcheck::{self, Settings};
+    use crate::gradcheck;
 
-    fn layer(c: usize) -> (BatchNorm, Vec<f64>, Vec<f64>) {
+    fn layer(c: usize) -> (BatchNorm, Layout, Vec<f64>, Vec<f64>) {
         let mut layout = Layout::default();
         let norm = BatchNorm::new(&mut layout, "bn", c);
         let params = gradcheck::probe(layout.n_params(), 5);
         let buffers = gradcheck::probe(layout.n_buffers(), 6).iter().map(|b| b.abs()).collect();
-        (norm, params, buffers)
+        (norm, layout, params, buffers)
+    }
+
+    /// Output of a training pass, which moves `buffers`.
+    fn train(norm: &BatchNorm, params: &[f64], buffers: &mut [f64], x: &[f64]) -> Vec<f64> {
+        let mut pass = Training { params, buffers, dropout: None, arena: &Arena::default() };
+        norm.forward_train(&mut pass, &(), Operand::new(x, norm.c)).0.to_vec()
+    }
+
+    fn infer(norm: &BatchNorm, params: &[f64], buffers: &[f64], x: &[f64]) -> Vec<f64> {
+        let pass = Inference { params, buffers, arena: &Arena::default() };
+        norm.forward(&pass, &(), Operand::new(x, norm.c)).to_vec()
     }
 
     #[test]
     fn training_gradients_are_right_for_one_and_many_rows() {
         let c = 3;
-        let (norm, params, buffers) = layer(c);
+        let (norm, layout, params, _) = layer(c);
         for n in [1, 2, 7, 1500] {
             let x = gradcheck::probe(n * c, 7);
-            let forward = |x: &[f64], params: &[f64]| {
-                let (mut y, mut cache) = (Vec::new(), Cache::default());
-                norm.forward_train(params, &mut buffers.clone(), x, &mut y, &mut cache);
-                (y, cache)
-            };
-            let backward = |v: &[Vec<f64>], dy: &[f64]| {
-                let (mut d, mut grads) = (dy.to_vec(), vec![0.0; params.len()]);
-                norm.backward(&v[1], &v[0], &forward(&v[0], &v[1]).1, &mut d, &mut grads);
-                vec![d, grads]
-            };
-            let settings = Settings { max_elements: 60, ..Settings::default() };
-            let inputs: [(&str, &[f64]); 2] = [("x", &x), ("params", &params)];
-            gradcheck::layer(&inputs, |v| forward(&v[0], &v[1]).0, backward, &settings)
-                .require(1e-7)
-                .unwrap();
+            require_gradients(&norm, (&layout, &params), &(), Operand::new(&x, c));
         }
+    }
+
+    #[test]
+    fn gradient_over_the_input_has_the_bits_of_that_over_dy() {
+        let (norm, _, params, mut buffers) = layer(3);
+        let (x, dy) = (gradcheck::probe(300, 1), gradcheck::probe(300, 2));
+        let (arena, statistics) = (&Arena::default(), norm.measure(&mut buffers, &x));
+        let (mut grads, mut other) = (vec![0.0; params.len()], vec![0.0; params.len()]);
+        let mut pass = Backward { params: &params, grads: &mut grads, arena };
+        let over = norm.backward_over_input(&mut pass, arena.copy_of(&x), &statistics, &dy, false);
+        let mut pass = Backward { params: &params, grads: &mut other, arena };
+        let x = Operand::new(&x, 3);
+        let dx = norm.backward(&mut pass, &(), x, statistics, arena.copy_of(&dy)).into_first();
+        assert_eq!((over[..].to_vec(), grads), (dx[..].to_vec(), other));
     }
 
     /// In f32 arithmetic the cancellation leaves errors of a few per cent here.
     #[test]
     fn gradients_of_two_rows_survive_cancellation_in_f32() {
         let c = 64;
-        let (norm, params, buffers) = layer(c);
+        let (norm, _, params, buffers) = layer(c);
         let single = |values: &[f64]| values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
         let (x, dy) = (single(&gradcheck::probe(2 * c, 7)), single(&gradcheck::probe(2 * c, 8)));
-        fn dx<T: Scalar>(norm: &BatchNorm, [params, buffers, x, dy]: [Vec<T>; 4]) -> Vec<f64> {
-            let (mut y, mut cache, mut buffers) = (Vec::new(), Cache::default(), buffers);
-            norm.forward_train(&params, &mut buffers, &x, &mut y, &mut cache);
-            let (mut d, mut grads) = (dy, vec![T::ZERO; params.len()]);
-            norm.backward(&params, &x, &cache, &mut d, &mut grads);
+        fn dx<T: Scalar>(norm: &BatchNorm, [params, mut buffers, x, dy]: [Vec<T>; 4]) -> Vec<f64> {
+            let (arena, x) = (&Arena::default(), Operand::new(&x, norm.c));
+            let mut pass =
+                Training { params: &params, buffers: &mut buffers, dropout: None, arena };
+            let (_, saved) = norm.forward_train(&mut pass, &(), x);
+            let mut grads = vec![T::ZERO; params.len()];
+            let mut pass = Backward { params: &params, grads: &mut grads, arena };
+            let d = norm.backward(&mut pass, &(), x, saved, arena.copy_of(&dy)).into_first();
             d.iter().map(|d| d.to_f64()).collect()
         }
         let singles = [single(&params), single(&buffers), x, dy];
@@ -367,11 +385,9 @@ mod tests {
 
     #[test]
     fn output_of_a_batch_has_the_moments_of_weight_and_bias() {
-        let (norm, params, mut buffers) = layer(2);
+        let (norm, _, params, mut buffers) = layer(2);
         let x: Vec<f64> = gradcheck::probe(4000, 1).iter().map(|x| 50.0 + 3.0 * x).collect();
-        let mut y = Vec::new();
-        norm.forward_train(&params, &mut buffers, &x, &mut y, &mut Cache::default());
-        let (mean, var) = rows::moments(&y, 2);
+        let (mean, var) = rows::moments(&train(&norm, &params, &mut buffers, &x), 2);
         for j in 0..2 {
             assert!((mean[j] - params[norm.bias.start + j]).abs() < 1e-12);
             assert!((var[j].sqrt() - params[norm.weight.start + j].abs()).abs() < 1e-4);
@@ -380,13 +396,12 @@ mod tests {
 
     #[test]
     fn running_statistics_converge_to_those_of_the_data() {
-        let (norm, params, mut buffers) = layer(1);
+        let (norm, _, params, mut buffers) = layer(1);
         let x = [1.0, 2.0, 6.0];
-        let (mut trained, mut inferred, mut cache) = (Vec::new(), x, Cache::default());
         for _ in 0..300 {
-            norm.forward_train(&params, &mut buffers, &x, &mut trained, &mut cache);
+            train(&norm, &params, &mut buffers, &x);
         }
-        norm.forward(&params, &buffers, &mut inferred);
+        let inferred = infer(&norm, &params, &buffers, &x);
         assert!((buffers[norm.running_mean.start] - 3.0).abs() < 1e-9);
         assert!((buffers[norm.running_var.start] - 7.0).abs() < 1e-9);
         let (factor, summand) = norm.folded(&params, &buffers);
@@ -397,11 +412,18 @@ mod tests {
 
     #[test]
     fn one_row_leaves_the_running_statistics_alone() {
-        let (norm, params, buffers) = layer(3);
-        let x = [1.0, 2.0, 3.0];
-        let (mut moved, mut trained, mut inferred) = (buffers.clone(), Vec::new(), x.to_vec());
-        norm.forward_train(&params, &mut moved, &x, &mut trained, &mut Cache::default());
-        norm.forward(&params, &buffers, &mut inferred);
+        let (norm, _, params, buffers) = layer(3);
+        let (x, mut moved) = ([1.0, 2.0, 3.0], buffers.clone());
+        let trained = train(&norm, &params, &mut moved, &x);
+        let inferred = infer(&norm, &params, &buffers, &x);
         assert_eq!((moved, trained), (buffers, inferred));
+    }
+
+    #[test]
+    #[should_panic(expected = "ragged rows of 3: 7")]
+    fn ragged_rows_are_refused() {
+        let (norm, _, params, buffers) = layer(3);
+        let pass = Inference { params: &params, buffers: &buffers, arena: &Arena::default() };
+        norm.forward(&pass, &(), Operand::PerNode { x: &[0.0; 7], c: 3 });
     }
 }

@@ -1,133 +1,127 @@
 //! Downsampling stage: strided convolution, batch norm and ReLU.
 
+use super::arena::Buffer;
 use super::batch_norm::BatchNorm;
-use super::down::{OctreeDown, PackedDown};
-use super::joined::ColumnsGradient;
-use super::pad::{Depad, Pad};
+use super::layer::Layer;
+use super::linear_norm_act::{LinearNormAct, SavedLinearNormAct};
+use super::operand::{Operand, OperandGradient};
+use super::pad;
 use super::params::Layout;
-use super::unit::{self, Unit};
+use super::pass::{Backward, Inference, Training};
+use super::saved::Policy;
+use super::strided_conv::{OctreeStridedConv, OutputRows};
 use crate::octree::Level;
 use crate::scalar::Scalar;
+use std::ops::Range;
 
-/// `relu(norm(down(x)))` in one of two ways to treat the nodes of the coarse depth that hold no points.
+/// `relu(norm(conv(x)))` from all nodes of one depth to those of the next coarser, in one of two ways to treat
+/// the coarse nodes that hold no points.
 ///
-/// Both have the same parameters.
+/// [`OutputRows::AllNodes`]: their zero rows take part in the batch norm: they count in its statistics, and come
+/// out of it and of the ReLU as a constant per channel. The reference's way. [`OutputRows::NonEmpty`]: they take
+/// no part and stay zero. Both have the same parameters.
 #[derive(Debug, Clone)]
-pub enum Downsample {
-    /// Their zero rows take part in the batch norm: they count in its statistics, and come out of it and
-    /// of the ReLU as a constant per channel. The reference's way.
-    AllNodes(Unit<OctreeDown>),
-    /// They take no part and stay zero.
-    NonEmpty(Unit<PackedDown>),
-}
-
-/// What [`Downsample::forward_train`] keeps for backward.
-#[derive(Debug, Clone, Default)]
-pub struct Cache<T> {
-    unit: unit::Cache<T>,
-    packed: Vec<T>,
+pub struct Downsample {
+    stage: LinearNormAct<OctreeStridedConv>,
+    rows: OutputRows,
 }
 
 impl Downsample {
-    /// Appends `{name}.conv` and `{name}.bn`.
+    /// Appends `{name}.conv` and `{name}.bn`; `policy` is that of the convolution's output before
+    /// normalization.
+    ///
+    /// # Panics
+    /// If a width is 0 or a name is taken.
     pub fn new(
         layout: &mut Layout,
         name: &str,
-        c_in: usize,
-        c_out: usize,
-        normalise_empty: bool,
+        (c_in, c_out): (usize, usize),
+        rows: OutputRows,
+        policy: Policy,
     ) -> Self {
-        let map = OctreeDown::new(layout, &format!("{name}.conv"), c_in, c_out);
+        let linear = OctreeStridedConv::new(layout, &format!("{name}.conv"), c_in, c_out, rows);
         let norm = BatchNorm::new(layout, &format!("{name}.bn"), c_out);
-        match normalise_empty {
-            true => Downsample::AllNodes(Unit { map, norm, relu: true }),
-            false => Downsample::NonEmpty(Unit { map: PackedDown(map), norm, relu: true }),
-        }
+        Downsample { stage: LinearNormAct { linear, norm, relu: true, policy }, rows }
     }
 
-    /// Inference: from `x: [8·n_nonempty, c_in]`, all nodes one depth finer than `coarse`, to
-    /// `y: [n_nodes, c_out]` of `coarse`.
-    ///
-    /// # Panics
-    /// If `x` has not one row per finer node.
-    pub fn forward<T: Scalar>(
+    /// Columns of the output.
+    pub fn c_out(&self) -> usize {
+        self.stage.norm.c()
+    }
+
+    /// A row for each node of `coarse`.
+    fn pad<T: Scalar>(
         &self,
-        params: &[T],
-        buffers: &[T],
         coarse: &Level,
-        x: &[T],
-        y: &mut Vec<T>,
-    ) {
-        match self {
-            Downsample::AllNodes(unit) => unit.forward(params, buffers, coarse, x, y),
-            Downsample::NonEmpty(unit) => {
-                let mut packed = Vec::new();
-                unit.forward(params, buffers, coarse, x, &mut packed);
-                Pad::new(unit.norm.c).forward(coarse, &packed, y);
+        y: Buffer<T>,
+        padded: impl FnOnce(usize) -> Buffer<T>,
+    ) -> Buffer<T> {
+        match self.rows {
+            OutputRows::AllNodes => y,
+            OutputRows::NonEmpty => {
+                let mut all = padded(coarse.n_nodes() * self.c_out());
+                pad::scatter(coarse, self.c_out(), &y, &mut all);
+                all
             }
         }
     }
+}
 
-    /// Training: statistics of the batch.
-    ///
-    /// # Panics
-    /// If `x` has not one row per finer node.
-    pub fn forward_train<T: Scalar>(
-        &self,
-        params: &[T],
-        buffers: &mut [T],
-        coarse: &Level,
-        x: &[T],
-        y: &mut Vec<T>,
-        cache: &mut Cache<T>,
-    ) {
-        let Cache { unit: kept, packed } = cache;
-        match self {
-            Downsample::AllNodes(unit) => unit.forward_train(params, buffers, coarse, x, y, kept),
-            Downsample::NonEmpty(unit) => {
-                unit.forward_train(params, buffers, coarse, x, packed, kept);
-                Pad::new(unit.norm.c).forward(coarse, packed, y);
-            }
-        }
+impl<T: Scalar> Layer<T> for Downsample {
+    type Geometry = Level;
+    type Saved = SavedLinearNormAct<T>;
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        Layer::<T>::param_ranges(&self.stage)
     }
 
-    /// `d` holds the gradient of the output and is used up.
-    #[allow(clippy::too_many_arguments)]
-    pub fn backward<T: Scalar>(
+    fn forward(&self, pass: &Inference<T>, coarse: &Level, x: Operand<T>) -> Buffer<T> {
+        let y = self.stage.forward(pass, coarse, x);
+        self.pad(coarse, y, |n| pass.arena.get(n))
+    }
+
+    fn forward_train(
         &self,
-        params: &[T],
+        pass: &mut Training<T>,
         coarse: &Level,
-        x: &[T],
-        cache: &Cache<T>,
-        d: &mut Vec<T>,
-        dx: Option<ColumnsGradient<T>>,
-        grads: &mut [T],
-    ) {
-        match self {
-            Downsample::AllNodes(unit) => {
-                unit.backward(params, coarse, x, &cache.unit, d, dx, grads);
+        x: Operand<T>,
+    ) -> (Buffer<T>, Self::Saved) {
+        let (y, saved) = self.stage.forward_train(pass, coarse, x);
+        (self.pad(coarse, y, |n| pass.arena.get(n)), saved)
+    }
+
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        coarse: &Level,
+        x: Operand<T>,
+        saved: Self::Saved,
+        dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let dy = match self.rows {
+            OutputRows::AllNodes => dy,
+            OutputRows::NonEmpty => {
+                let mut packed = pass.arena.get(coarse.n_nonempty() * self.c_out());
+                pad::gather(coarse, self.c_out(), &dy, &mut packed);
+                packed
             }
-            Downsample::NonEmpty(unit) => {
-                let mut packed = Vec::new();
-                Depad::new(unit.norm.c).forward(coarse, d, &mut packed);
-                *d = packed;
-                unit.backward(params, coarse, x, &cache.unit, d, dx, grads);
-            }
-        }
+        };
+        self.stage.backward(pass, coarse, x, saved, dy)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel_product::tests::octrees;
+    use super::super::arena::Arena;
+    use super::super::testing::octrees;
     use super::*;
     use crate::gradcheck::probe;
 
     #[test]
     fn only_the_reference_way_lets_empty_nodes_count() {
-        let [all, nonempty] = [true, false].map(|normalise_empty| {
+        let [all, nonempty] = [OutputRows::AllNodes, OutputRows::NonEmpty].map(|rows| {
             let mut layout = Layout::default();
-            let stage = Downsample::new(&mut layout, "down", 3, 2, normalise_empty);
+            let stage = Downsample::new(&mut layout, "down", (3, 2), rows, Policy::Save);
             let mut params: Vec<f64> = layout.init_params(1);
             params[layout.n_params() - 2..].fill(0.5);
             (stage, params, layout.init_buffers::<f64>())
@@ -135,13 +129,14 @@ mod tests {
         for octree in octrees() {
             let coarse = &octree.levels[octree.depth() - 1];
             let x = probe(8 * coarse.n_nonempty() * 3, 2);
+            let x = Operand::new(&x, 3);
             let [a, b] = [&all, &nonempty].map(|(stage, params, buffers)| {
-                let (mut y, mut cache) = (vec![f64::NAN; 5], Cache::default());
-                stage.forward_train(params, &mut buffers.clone(), coarse, &x, &mut y, &mut cache);
-                let mut inferred = Vec::new();
-                stage.forward(params, buffers, coarse, &x, &mut inferred);
+                let (arena, mut moved) = (&Arena::default(), buffers.clone());
+                let mut pass = Training { params, buffers: &mut moved, dropout: None, arena };
+                let (y, _) = stage.forward_train(&mut pass, coarse, x);
+                let inferred = stage.forward(&Inference { params, buffers, arena }, coarse, x);
                 assert_eq!((y.len(), inferred.len()), (2 * coarse.n_nodes(), y.len()));
-                y
+                y.to_vec()
             });
             let has_empty = coarse.n_nonempty() < coarse.n_nodes();
             assert_eq!(a == b, !has_empty);

@@ -1,8 +1,18 @@
-//! Group normalisation (Wu and He 2018) of each shape of a batch by itself.
+//! Group normalization (Wu and He 2018) of each shape of a batch by itself.
 
+use super::arena::Buffer;
+use super::column_norm::{Activation, ColumnNorm};
+use super::layer::Layer;
+use super::operand::{Operand, OperandGradient};
 use super::params::{Init, Layout};
+use super::pass::{Backward, Inference, Training};
 use super::rows;
+use crate::par;
 use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::normalize::{
+    BackwardApply, BackwardRows, BackwardSums, Columns, backward_apply, backward_sums,
+};
 use std::ops::Range;
 
 /// Added to the variance.
@@ -12,17 +22,16 @@ pub const EPS: f64 = 1e-5;
 /// and all channels of a group.
 #[derive(Debug, Clone)]
 pub struct GroupNorm {
-    /// Columns.
-    pub c: usize,
-    /// Groups of consecutive columns, all of the same size.
-    pub n_groups: usize,
+    c: usize,
+    /// Of consecutive columns, all of the same size.
+    n_groups: usize,
     weight: Range<usize>,
     bias: Range<usize>,
 }
 
-/// What [`GroupNorm::forward`] keeps for backward: mean and 1/deviation per shape and group.
+/// Mean and 1/deviation per shape and group.
 #[derive(Debug, Clone, Default)]
-pub struct Cache {
+pub struct GroupStatistics {
     mean: Vec<f64>,
     inv_std: Vec<f64>,
 }
@@ -39,93 +48,84 @@ impl GroupNorm {
         GroupNorm { c, n_groups, weight, bias }
     }
 
-    /// Normalises `x: [n, c]` into `y`, in training and inference alike; `shapes` are the rows of each shape.
-    pub fn forward<T: Scalar>(
+    /// Normalizes `x: [n, c]` into `y`, in training and inference alike.
+    fn normalize<T: Scalar>(
         &self,
         params: &[T],
         shapes: &[Range<usize>],
         x: &[T],
-        y: &mut Vec<T>,
-        cache: &mut Cache,
-    ) {
-        let (weight, bias) = (&params[self.weight.clone()], &params[self.bias.clone()]);
-        y.resize(x.len(), T::ZERO);
-        cache.mean.clear();
-        cache.inv_std.clear();
+        y: &mut [T],
+    ) -> GroupStatistics {
+        let weight = &params[self.weight.clone()];
+        let mut statistics = GroupStatistics::default();
         for shape in shapes {
-            let (mean, inv_std) = self.measure(&x[shape.start * self.c..shape.end * self.c]);
             let rows = shape.start * self.c..shape.end * self.c;
-            rows::for_each_row(
-                &mut y[rows.clone()],
-                self.c,
-                #[inline(always)]
-                |row, y| {
-                    let x = &x[rows.start + row * self.c..][..self.c];
-                    for j in 0..self.c {
-                        let g = self.group(j);
-                        let x_hat = T::from_f64((x[j].to_f64() - mean[g]) * inv_std[g]);
-                        y[j] = x_hat.mul_add(weight[j], bias[j]);
-                    }
-                },
-            );
-            cache.mean.extend(mean);
-            cache.inv_std.extend(inv_std);
+            let (mean, inv_std) = self.measure(&x[rows.clone()]);
+            let norm = ColumnNorm {
+                mean: self.per_column(&mean),
+                factor: weight.iter().zip(self.per_column(&inv_std)).map(|(&w, s)| w * s).collect(),
+                bias: params[self.bias.clone()].to_vec(),
+            };
+            norm.apply(Some(&x[rows.clone()]), Activation::Identity, &mut y[rows]);
+            statistics.mean.extend(mean);
+            statistics.inv_std.extend(inv_std);
         }
+        statistics
+    }
+
+    /// The number of its group for each column.
+    fn per_column<T: Scalar>(&self, of_groups: &[f64]) -> Vec<T> {
+        (0..self.c).map(|j| T::from_f64(of_groups[self.group(j)])).collect()
     }
 
     /// Turns `dy` into `dx`; `grads` of weight and bias accumulate.
     ///
     /// With `d̂ = dy · weight` and means over the shape's nodes and the group's channels:
     /// `dx = inv_std · (d̂ - mean(d̂) - x̂ mean(d̂ x̂))`.
-    pub fn backward<T: Scalar>(
+    fn gradients<T: Scalar>(
         &self,
-        params: &[T],
+        pass: &mut Backward<T>,
         shapes: &[Range<usize>],
         x: &[T],
-        cache: &Cache,
+        statistics: &GroupStatistics,
         d: &mut [T],
-        grads: &mut [T],
     ) {
-        let (c, weight) = (self.c, &params[self.weight.clone()]);
-        for (s, shape) in shapes.iter().enumerate() {
+        let (c, weight) = (self.c, &pass.params[self.weight.clone()]);
+        for (s, shape) in shapes.iter().enumerate().filter(|(_, shape)| !shape.is_empty()) {
             let stats = s * self.n_groups..(s + 1) * self.n_groups;
-            let (mean, inv_std) = (&cache.mean[stats.clone()], &cache.inv_std[stats]);
-            let x_hat = |row: usize, j: usize| {
-                (x[row * c + j].to_f64() - mean[self.group(j)]) * inv_std[self.group(j)]
-            };
-            let [dweight, dbias] = rows::column_sums(
-                shape.clone(),
-                c,
-                #[inline(always)]
-                |row, [dweight, dbias]| {
-                    for j in 0..c {
-                        let dy = d[row * c + j].to_f64();
-                        dweight[j] += dy * x_hat(row, j);
-                        dbias[j] += dy;
-                    }
-                },
-            );
-            let (mut mean_d, mut mean_dx) = (vec![0.0; self.n_groups], vec![0.0; self.n_groups]);
+            let mean: Vec<T> = self.per_column(&statistics.mean[stats.clone()]);
+            let inv_std: Vec<T> = self.per_column(&statistics.inv_std[stats]);
+            let zeros = vec![T::ZERO; c];
+            let columns = Columns { mean: &mean, factor: &inv_std, bias: &zeros };
+            let how = BackwardRows { columns, inv_std: &inv_std, relu: false };
+            let block = shape.start * c..shape.end * c;
+            let (x, d) = (&x[block.clone()], &mut d[block]);
+            let [dweight, dbias] = rows::column_sums(0..shape.len(), c, |block, sums| {
+                let block = block.start * c..block.end * c;
+                let (x, dy) = (&x[block.clone()], &d[block]);
+                backward_sums(Level::active(), BackwardSums { rows: how, x, dy, sums });
+            });
             let n = (shape.len() * c / self.n_groups) as f64;
+            let mean_of = |sums: &[f64]| {
+                let mut means = vec![0.0; self.n_groups];
+                (0..c).for_each(|j| means[self.group(j)] += weight[j].to_f64() * sums[j] / n);
+                self.per_column::<T>(&means)
+            };
+            let means = [mean_of(&dweight), mean_of(&dbias)];
             for j in 0..c {
-                mean_d[self.group(j)] += weight[j].to_f64() * dbias[j] / n;
-                mean_dx[self.group(j)] += weight[j].to_f64() * dweight[j] / n;
-                grads[self.weight.start + j] += T::from_f64(dweight[j]);
-                grads[self.bias.start + j] += T::from_f64(dbias[j]);
+                pass.grads[self.weight.start + j] += T::from_f64(dweight[j]);
+                pass.grads[self.bias.start + j] += T::from_f64(dbias[j]);
             }
-            rows::for_each_row(
-                &mut d[shape.start * c..shape.end * c],
-                c,
-                #[inline(always)]
-                |row, d| {
-                    for j in 0..c {
-                        let g = self.group(j);
-                        let d_hat = d[j].to_f64() * weight[j].to_f64();
-                        let centred = d_hat - mean_d[g] - x_hat(shape.start + row, j) * mean_dx[g];
-                        d[j] = T::from_f64(inv_std[g] * centred);
-                    }
-                },
-            );
+            // d̂ = dy · weight, then the same formula as in a batch norm.
+            let (mean, factor, bias) = (zeros.clone(), weight.to_vec(), zeros.clone());
+            ColumnNorm { mean, factor, bias }.apply(None, Activation::Identity, d);
+            let len = rows::BLOCK_ROWS * c;
+            par::for_each_block(d, len, |i, over| {
+                let means = means.each_ref().map(|means| &means[..]);
+                let read = &x[i * len..][..over.len()];
+                let work = BackwardApply { rows: how, means, over_dy: true, read, over };
+                backward_apply(Level::active(), work);
+            });
         }
     }
 
@@ -150,10 +150,56 @@ impl GroupNorm {
     }
 }
 
+impl<T: Scalar> Layer<T> for GroupNorm {
+    /// Rows of each shape.
+    type Geometry = [Range<usize>];
+    type Saved = GroupStatistics;
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        vec![self.weight.clone(), self.bias.clone()]
+    }
+
+    fn forward(&self, pass: &Inference<T>, shapes: &[Range<usize>], x: Operand<T>) -> Buffer<T> {
+        assert_eq!(x.width(), self.c, "columns of the input and of the group norm differ");
+        let x = x.to_matrix(pass.arena);
+        let mut y = pass.arena.get(x.len());
+        self.normalize(pass.params, shapes, &x, &mut y);
+        y
+    }
+
+    fn forward_train(
+        &self,
+        pass: &mut Training<T>,
+        shapes: &[Range<usize>],
+        x: Operand<T>,
+    ) -> (Buffer<T>, GroupStatistics) {
+        assert_eq!(x.width(), self.c, "columns of the input and of the group norm differ");
+        let x = x.to_matrix(pass.arena);
+        let mut y = pass.arena.get(x.len());
+        let statistics = self.normalize(pass.params, shapes, &x, &mut y);
+        (y, statistics)
+    }
+
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        shapes: &[Range<usize>],
+        x: Operand<T>,
+        statistics: GroupStatistics,
+        mut dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let matrix = x.to_matrix(pass.arena);
+        assert_eq!(dy.len(), matrix.len(), "rows of the gradient and of x differ");
+        self.gradients(pass, shapes, &matrix, &statistics, &mut dy);
+        OperandGradient::of_matrix(pass.arena, x, dy)
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::testing::{forward, require_gradients};
     use super::*;
-    use crate::gradcheck::{self, Settings};
+    use crate::gradcheck;
 
     #[test]
     fn gradients_are_right_for_every_grouping_and_shape_size() {
@@ -163,32 +209,18 @@ mod tests {
             let norm = GroupNorm::new(&mut layout, "gn", c, n_groups);
             let params = gradcheck::probe(layout.n_params(), 5);
             let x = gradcheck::probe(13 * c, 7);
-            let forward = |v: &[Vec<f64>]| {
-                let (mut y, mut cache) = (Vec::new(), Cache::default());
-                norm.forward(&v[1], &shapes, &v[0], &mut y, &mut cache);
-                (y, cache)
-            };
-            let backward = |v: &[Vec<f64>], dy: &[f64]| {
-                let (mut d, mut grads) = (dy.to_vec(), vec![0.0; params.len()]);
-                norm.backward(&v[1], &shapes, &v[0], &forward(v).1, &mut d, &mut grads);
-                vec![d, grads]
-            };
             // One node and one channel per group: x̂ is 0 whatever x is, curvature ~ 1/ε.
-            let inputs: [(&str, &[f64]); 2] = [("x", &x), ("params", &params)];
-            gradcheck::layer(&inputs, |v| forward(v).0, backward, &Settings::default())
-                .require(1e-7)
-                .unwrap();
+            require_gradients(&norm, (&layout, &params), &shapes[..], Operand::new(&x, c));
         }
     }
 
     #[test]
-    fn every_group_of_every_shape_is_normalised() {
+    fn every_group_of_every_shape_is_normalized() {
         let mut layout = Layout::default();
         let norm = GroupNorm::new(&mut layout, "gn", 4, 2);
         let params: Vec<f64> = layout.init_params(0);
         let x: Vec<f64> = gradcheck::probe(80, 3).iter().map(|x| 7.0 + 2.0 * x).collect();
-        let mut y = Vec::new();
-        norm.forward(&params, &[0..8, 8..20], &x, &mut y, &mut Cache::default());
+        let y = forward(&norm, &params, &[0..8, 8..20][..], Operand::new(&x, 4));
         for rows in [0..8, 8..20] {
             for group in [0, 2] {
                 let values: Vec<f64> =

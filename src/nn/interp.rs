@@ -6,16 +6,27 @@
 //! (their sum + 1e-12). Nearest: the node that contains the point. A point far from every
 //! node gets zeros.
 
+use super::arena::{Arena, Buffer};
+use super::layer::Layer;
+use super::operand::{Operand, OperandGradient};
+use super::pass::{Backward, Inference, Training};
 use crate::octree::{Octree, key};
 use crate::par;
-use crate::scalar::{Scalar, vectorised};
+use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::elementwise::{SparseRows, sparse_rows};
 use glam::{UVec3, Vec3};
 use std::ops::Range;
 
 /// Query points or nodes per task.
 const BLOCK: usize = 256;
 
-/// Which nodes each query point reads, with which weights; serves any number of channels.
+/// `y[point] = Σ weight·x[node]` over the nodes that the [`Interpolation`] names: from `[n_nodes, c]` to
+/// `[n_points, c]`, for any `c`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Interpolate;
+
+/// Which nodes each query point reads, with which weights.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Interpolation<T> {
     n_nodes: usize,
@@ -106,45 +117,66 @@ impl<T: Scalar> Interpolation<T> {
         self.terms.starts.len() - 1
     }
 
-    /// `x: [n_nodes, channels]` to `y: [n_points, channels]`.
-    ///
-    /// # Panics
-    /// If `x` has not one row per node.
-    pub fn forward(&self, channels: usize, x: &[T], y: &mut Vec<T>) {
-        assert_eq!(x.len(), self.n_nodes * channels, "rows of the input and of the octree differ");
-        self.terms.sum(channels, x, y);
-    }
-
-    /// `dx[node] = Σ weight·dy[point]`, over the points that read the node, in order; overwrites `dx`.
+    /// The gradient by `[n_nodes, c]` from that by `[n_points, c]`: what [`Interpolate`] does on the way back.
     ///
     /// # Panics
     /// If `dy` has not one row per point.
-    pub fn backward(&self, channels: usize, dy: &[T], dx: &mut Vec<T>) {
-        assert_eq!(dy.len(), self.n_points() * channels, "rows of the gradient and points differ");
-        self.terms.transposed(self.n_nodes).sum(channels, dy, dx);
+    pub fn adjoint(&self, arena: &Arena<T>, c: usize, dy: &[T]) -> Buffer<T> {
+        assert_eq!(dy.len(), self.n_points() * c, "rows of the gradient and points differ");
+        let mut dx = arena.get(self.n_nodes * c);
+        self.terms.transposed(self.n_nodes).sum(c, dy, &mut dx);
+        dx
+    }
+}
+
+impl<T: Scalar> Layer<T> for Interpolate {
+    type Geometry = Interpolation<T>;
+    type Saved = ();
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        Vec::new()
+    }
+
+    fn forward(&self, pass: &Inference<T>, map: &Interpolation<T>, x: Operand<T>) -> Buffer<T> {
+        let c = x.width();
+        let x = x.to_matrix(pass.arena);
+        assert_eq!(x.len(), map.n_nodes * c, "rows of the input and of the octree differ");
+        let mut y = pass.arena.get(map.n_points() * c);
+        map.terms.sum(c, &x, &mut y);
+        y
+    }
+
+    fn forward_train(
+        &self,
+        pass: &mut Training<T>,
+        map: &Interpolation<T>,
+        x: Operand<T>,
+    ) -> (Buffer<T>, ()) {
+        (self.forward(&pass.inference(), map, x), ())
+    }
+
+    /// `dx[node] = Σ weight·dy[point]`, over the points that read the node, in order.
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        map: &Interpolation<T>,
+        x: Operand<T>,
+        (): (),
+        dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let dx = map.adjoint(pass.arena, x.width(), &dy);
+        OperandGradient::of_matrix(pass.arena, x, dx)
     }
 }
 
 impl<T: Scalar> Terms<T> {
-    fn sum(&self, channels: usize, x: &[T], y: &mut Vec<T>) {
-        y.resize((self.starts.len() - 1) * channels, T::ZERO);
-        par::for_each_block(y, BLOCK * channels, |block, rows| {
-            rows.fill(T::ZERO);
-            vectorised(
-                #[inline(always)]
-                || {
-                    for (i, row) in rows.chunks_exact_mut(channels).enumerate() {
-                        let r = block * BLOCK + i;
-                        for t in self.starts[r]..self.starts[r + 1] {
-                            let source = &x[self.sources[t] as usize * channels..][..channels];
-                            let weight = self.weights[t];
-                            row.iter_mut()
-                                .zip(source)
-                                .for_each(|(y, &x)| *y = weight.mul_add(x, *y));
-                        }
-                    }
-                },
-            );
+    fn sum(&self, channels: usize, x: &[T], y: &mut [T]) {
+        let Terms { starts, sources, weights } = self;
+        par::for_each_block(y, BLOCK * channels, |block, y| {
+            let n = y.len() / channels;
+            let starts = &starts[block * BLOCK..=block * BLOCK + n];
+            let rows = SparseRows { starts, sources, weights, x, c: channels, y };
+            sparse_rows(Level::active(), rows);
         });
     }
 
@@ -202,9 +234,10 @@ impl<T: Scalar> Terms<T> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel_product::tests::{large_octree, octrees, require_gradients};
+    use super::super::params::Layout;
+    use super::super::testing::{self, large_octree, octrees, require_gradients};
     use super::*;
-    use crate::gradcheck::{adjoint, probe};
+    use crate::gradcheck::probe;
     use crate::octree::{Cloud, OctreeOptions};
 
     /// Query points all over the cube, its faces included, for each shape.
@@ -216,16 +249,8 @@ mod tests {
         (points.collect(), (0..octree.n_shapes()).map(|s| s * n..(s + 1) * n).collect())
     }
 
-    fn forward(map: &Interpolation<f64>, channels: usize, x: &[f64]) -> Vec<f64> {
-        let mut y = vec![f64::NAN; 3];
-        map.forward(channels, x, &mut y);
-        y
-    }
-
-    fn backward(map: &Interpolation<f64>, channels: usize, dy: &[f64]) -> Vec<f64> {
-        let mut dx = vec![f64::NAN; 3];
-        map.backward(channels, dy, &mut dx);
-        dx
+    fn forward(map: &Interpolation<f64>, c: usize, x: &[f64]) -> Vec<f64> {
+        testing::forward(&Interpolate, &[], map, Operand::new(x, c))
     }
 
     #[test]
@@ -246,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_renormalised_or_wrapped_at_the_faces() {
+    fn weights_are_renormalized_or_wrapped_at_the_faces() {
         let points = [Vec3::new(1.0, 0.3, 0.3)];
         for wrap_at_faces in [false, true] {
             let options =
@@ -292,10 +317,23 @@ mod tests {
                 for map in [Interpolation::linear, Interpolation::nearest] {
                     let map = map(&octree, depth, &points, &ranges);
                     let x = probe(3 * octree.levels[depth].n_nodes(), 1);
-                    let forward = |v: &[Vec<f64>]| forward(&map, 3, &v[0]);
-                    let backward = |_: &[Vec<f64>], dy: &[f64]| vec![backward(&map, 3, dy)];
-                    require_gradients(&[("x", &x)], forward, backward);
+                    let none = (&Layout::default(), &[][..]);
+                    require_gradients(&Interpolate, none, &map, Operand::new(&x, 3));
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_between_depths_are_right() {
+        for octree in octrees() {
+            for (from, to) in [(1, 2), (2, 4), (3, 4)] {
+                let map = Interpolation::between_depths(&octree, from, to);
+                let x = probe(2 * octree.levels[from].n_nodes(), 1);
+                let none = (&Layout::default(), &[][..]);
+                require_gradients(&Interpolate, none, &map, Operand::new(&x, 2));
+                let n_out = 2 * octree.levels[to].n_nodes();
+                testing::require_adjoint(&Interpolate, &[], &map, (x.len(), 2), n_out);
             }
         }
     }
@@ -306,7 +344,6 @@ mod tests {
         let (points, ranges) = queries(&octree, 3000);
         let map = Interpolation::linear(&octree, 3, &points, &ranges);
         let (n_in, n_out) = (octree.levels[3].n_nodes() * 2, points.len() * 2);
-        let error = adjoint(n_in, n_out, |x| forward(&map, 2, x), |dy| backward(&map, 2, dy));
-        assert!(error < 1e-14);
+        testing::require_adjoint(&Interpolate, &[], &map, (n_in, 2), n_out);
     }
 }

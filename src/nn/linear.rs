@@ -1,6 +1,15 @@
 //! Linear map of every row: `y = x Wᵀ + b`.
+//!
+//! A convolution with one offset that joins each row to itself. Columns that are the same in all rows of a shape
+//! are multiplied once per shape; their gradients come from the sums of `dy` over each shape.
 
+use super::arena::Buffer;
+use super::column_norm::Epilogue;
+use super::conv_plan::{ConvPlan, OuterProduct, Product, RowMap, Term, Weights, dense, shapes};
+use super::linear_operator::{LinearOperator, check_width};
+use super::operand::{Operand, OperandGradient, Part};
 use super::params::{Init, Layout};
+use super::pass::{Backward, Context};
 use super::rows;
 use crate::scalar::Scalar;
 use std::ops::Range;
@@ -8,138 +17,268 @@ use std::ops::Range;
 /// `y[n, c_out] = x[n, c_in] · Wᵀ + b` with `W: [c_out, c_in]`.
 #[derive(Debug, Clone)]
 pub struct Linear {
-    /// Columns of `x`.
-    pub c_in: usize,
-    /// Columns of `y`.
-    pub c_out: usize,
-    pub(super) weight: Range<usize>,
+    c_in: usize,
+    c_out: usize,
+    weight: Range<usize>,
     bias: Option<Range<usize>>,
 }
 
 impl Linear {
     /// Appends `{name}.weight` and, if wanted, `{name}.bias`; both start uniform in `±1/√c_in`.
+    ///
+    /// # Panics
+    /// If a width is 0 or a name is taken.
     pub fn new(layout: &mut Layout, name: &str, c_in: usize, c_out: usize, bias: bool) -> Self {
+        assert!(c_in > 0 && c_out > 0, "{name}: a linear layer of {c_in} to {c_out} columns");
         let init = Init::Uniform { bound: 1.0 / (c_in as f64).sqrt() };
         let weight = layout.param(format!("{name}.weight"), &[c_out, c_in], init);
         let bias = bias.then(|| layout.param(format!("{name}.bias"), &[c_out], init));
         Linear { c_in, c_out, weight, bias }
     }
 
-    /// `y = x Wᵀ + b`.
-    pub fn forward<T: Scalar>(&self, params: &[T], x: &[T], y: &mut Vec<T>) {
-        self.forward_then(params, x, y, &rows::nothing);
+    /// Columns of `x`.
+    pub fn c_in(&self) -> usize {
+        self.c_in
     }
 
-    /// [`Linear::forward`], and `then` on each block of rows.
-    pub(super) fn forward_then<T: Scalar>(
+    /// Columns of `y`.
+    pub fn c_out(&self) -> usize {
+        self.c_out
+    }
+
+    /// Adds the gradient by `x` to `dx`, to which another branch has sent its own already.
+    ///
+    /// # Panics
+    /// If a part of `dx` is not shaped as that of `x`.
+    pub fn add_input_gradient<T: Scalar>(
         &self,
-        params: &[T],
-        x: &[T],
-        y: &mut Vec<T>,
-        then: &rows::Then<T>,
-    ) {
-        let w = rows::transposed(&params[self.weight.clone()], self.c_out, self.c_in);
-        let n = x.len() / self.c_in;
-        let term = rows::Term::Product { x, w: w.into(), c_in: self.c_in };
-        rows::linear(&[term], self.bias(params), (n, self.c_out), y, then);
-    }
-
-    pub(super) fn bias<'a, T>(&self, params: &'a [T]) -> Option<&'a [T]> {
-        self.bias.as_ref().map(|bias| &params[bias.clone()])
-    }
-
-    /// `dW += dyᵀ x`, `db += Σ dy`; `dx = dy W` where wanted.
-    pub fn backward<T: Scalar>(
-        &self,
-        params: &[T],
-        x: &[T],
+        context: Context<T>,
+        x: Operand<T>,
         dy: &[T],
-        dx: Option<&mut Vec<T>>,
-        grads: &mut [T],
+        dx: &mut OperandGradient<T>,
     ) {
-        if let Some(dx) = dx {
-            dx.clear();
-            dx.resize(x.len(), T::ZERO);
-            self.add_dx(params, dy, dx);
+        for ((part, columns), dx) in x.parts().into_iter().zip(dx.parts_mut()) {
+            self.add_part_gradient(context, (part, columns), dy, dx);
         }
-        let dw = &mut grads[self.weight.clone()];
-        rows::add_transposed_product(dy, self.c_out, x, self.c_in, dw);
-        self.add_bias_gradient(dy, grads);
     }
 
-    pub(super) fn add_bias_gradient<T: Scalar>(&self, dy: &[T], grads: &mut [T]) {
-        if let Some(bias) = &self.bias {
-            let [db] = rows::column_sums(
-                0..dy.len() / self.c_out,
-                self.c_out,
+    fn add_part_gradient<T: Scalar>(
+        &self,
+        context: Context<T>,
+        (part, columns): (Part<T>, Range<usize>),
+        dy: &[T],
+        dx: &mut [T],
+    ) {
+        let (c_out, width) = (self.c_out, columns.len());
+        let all = &context.params[self.weight.clone()];
+        let some = (width < self.c_in).then(|| self.columns(context, columns));
+        let w = some.as_deref().unwrap_or(all);
+        match part {
+            Part::Nodes(_) => dense::add_product(dy, w, c_out, width, dx),
+            Part::Shapes(_, shapes) => {
+                let sums = self.sums_of_shapes(context, shapes, dy);
+                dense::add_product(&sums, w, c_out, width, dx);
+            }
+        }
+    }
+
+    /// These columns of the weight, `[c_out, columns.len()]`.
+    fn columns<T: Scalar>(&self, context: Context<T>, columns: Range<usize>) -> Buffer<T> {
+        let rows = context.params[self.weight.clone()].chunks_exact(self.c_in);
+        let mut some = context.arena.get(self.c_out * columns.len());
+        for (some, row) in some.chunks_exact_mut(columns.len()).zip(rows) {
+            some.copy_from_slice(&row[columns.clone()]);
+        }
+        some
+    }
+
+    /// Sum of the rows of each shape, `[n_shapes, c_out]`.
+    fn sums_of_shapes<T: Scalar>(
+        &self,
+        context: Context<T>,
+        shapes: &[Range<usize>],
+        dy: &[T],
+    ) -> Buffer<T> {
+        let c = self.c_out;
+        let mut sums = context.arena.get(shapes.len() * c);
+        for (sums, shape) in sums.chunks_exact_mut(c).zip(shapes) {
+            let of_columns = rows::sums_of_columns(
+                shape.clone(),
+                c,
                 #[inline(always)]
-                |row, [sum]| {
-                    let dy = &dy[row * self.c_out..][..self.c_out];
-                    sum.iter_mut().zip(dy).for_each(|(sum, dy)| *sum += dy.to_f64());
-                },
+                |row| &dy[row * c..][..c],
             );
-            let db: Vec<T> = db.into_iter().map(T::from_f64).collect();
-            rows::add(&mut grads[bias.clone()], &db);
+            sums.iter_mut().zip(of_columns).for_each(|(sum, of)| *sum = T::from_f64(of));
         }
+        sums
     }
 
-    /// `dx += dy W`: for an input that another branch has already sent a gradient to.
-    pub fn add_dx<T: Scalar>(&self, params: &[T], dy: &[T], dx: &mut [T]) {
-        rows::add_product(dy, &params[self.weight.clone()], self.c_out, self.c_in, dx);
+    fn add_bias_gradient<T: Scalar>(&self, pass: &mut Backward<T>, dy: &[T]) {
+        let (Some(bias), c) = (&self.bias, self.c_out) else { return };
+        let sums = rows::sums_of_columns(
+            0..dy.len() / c,
+            c,
+            #[inline(always)]
+            |row| &dy[row * c..][..c],
+        );
+        let grads = pass.grads[bias.clone()].iter_mut();
+        grads.zip(sums).for_each(|(d, sum)| *d += T::from_f64(sum));
+    }
+
+    /// `dW += dyᵀ x` for some columns of `x` and `dW`.
+    fn add_weight_gradient<T: Scalar>(
+        &self,
+        pass: &mut Backward<T>,
+        columns: Range<usize>,
+        (dy, x): (&[T], &[T]),
+    ) {
+        let (width, n) = (columns.len(), dy.len() / self.c_out);
+        let product = OuterProduct::new((dy, self.c_out), (x, width));
+        let grads = &mut pass.grads[self.weight.clone()];
+        if width == self.c_in {
+            return ConvPlan::add_weight_gradient(pass.arena, RowMap::Same(n), &product, grads);
+        }
+        let mut dw = pass.arena.zeroed(self.c_out * width);
+        ConvPlan::add_weight_gradient(pass.arena, RowMap::Same(n), &product, &mut dw);
+        for (d, dw) in grads.chunks_exact_mut(self.c_in).zip(dw.chunks_exact(width)) {
+            rows::add(&mut d[columns.clone()], dw);
+        }
+    }
+}
+
+impl LinearOperator for Linear {
+    type Geometry = ();
+
+    fn c_in(&self) -> usize {
+        self.c_in
+    }
+
+    fn c_out(&self) -> usize {
+        self.c_out
+    }
+
+    fn tensor_ranges(&self) -> Vec<Range<usize>> {
+        [Some(self.weight.clone()), self.bias.clone()].into_iter().flatten().collect()
+    }
+
+    fn apply<T: Scalar>(
+        &self,
+        context: Context<T>,
+        (): &(),
+        x: Operand<T>,
+        epilogue: Epilogue<T>,
+    ) -> Buffer<T> {
+        check_width(&x, self.c_in);
+        let (c_in, c_out, arena) = (self.c_in, self.c_out, context.arena);
+        let mut transposed = arena.get(c_in * c_out);
+        dense::transpose(&context.params[self.weight.clone()], c_out, c_in, &mut transposed);
+        let terms = x.parts().into_iter().map(|(part, columns)| match part {
+            Part::Nodes(x) => {
+                Term::Nodes { x, weights: Weights::new(&transposed, c_in, c_out).rows(columns) }
+            }
+            Part::Shapes(values, shapes) => {
+                let w = &transposed[columns.start * c_out..columns.end * c_out];
+                let size = (1, c_out);
+                let products = shapes::products(arena, (values, columns.len()), |_| w, size);
+                Term::Shapes { products, shapes }
+            }
+        });
+        let terms: Vec<_> = terms.collect();
+        let bias = self.bias.as_ref().map(|bias| &context.params[bias.clone()]);
+        let product = Product { bias, epilogue, ..Product::new(&terms, c_out) };
+        ConvPlan::of(RowMap::Same(x.n_rows()), &product).run(arena, &product)
+    }
+
+    /// `dW += dyᵀ x`, `db += Σ dy`.
+    fn weight_gradient<T: Scalar>(&self, pass: &mut Backward<T>, (): &(), x: Operand<T>, dy: &[T]) {
+        check_width(&x, self.c_in);
+        assert_eq!(dy.len(), x.n_rows() * self.c_out, "rows of the gradient and of x differ");
+        for (part, columns) in x.parts() {
+            match part {
+                Part::Nodes(x) => self.add_weight_gradient(pass, columns, (dy, x)),
+                Part::Shapes(values, shapes) => {
+                    let sums = self.sums_of_shapes(pass.context(), shapes, dy);
+                    self.add_weight_gradient(pass, columns, (&sums, values));
+                }
+            }
+        }
+        self.add_bias_gradient(pass, dy);
+    }
+
+    /// `dx = dy W`.
+    fn input_gradient<T: Scalar>(
+        &self,
+        context: Context<T>,
+        (): &(),
+        x: Operand<T>,
+        dy: &[T],
+    ) -> OperandGradient<T> {
+        let of_part = |(part, columns): (Part<T>, Range<usize>)| {
+            let len = match part {
+                Part::Nodes(x) | Part::Shapes(x, _) => x.len(),
+            };
+            let mut dx = context.arena.zeroed(len);
+            self.add_part_gradient(context, (part, columns), dy, &mut dx);
+            dx
+        };
+        OperandGradient::new(x.parts().into_iter().map(of_part).collect())
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::testing::{
+        forward, require_adjoint, require_concatenation, require_gradients,
+    };
     use super::*;
-    use crate::gradcheck::{self, Settings};
+    use crate::gradcheck::probe;
+
+    fn linear(c_in: usize, c_out: usize, bias: bool) -> (Linear, Layout, Vec<f64>) {
+        let mut layout = Layout::default();
+        let linear = Linear::new(&mut layout, "l", c_in, c_out, bias);
+        let params = layout.init_params(1);
+        (linear, layout, params)
+    }
 
     #[test]
     fn gradients_are_right_and_the_map_is_adjoint_to_its_backward() {
         for (n, c_in, c_out, bias) in [(1, 1, 1, true), (3, 4, 2, true), (1030, 2, 3, false)] {
-            let mut layout = Layout::default();
-            let linear = Linear::new(&mut layout, "l", c_in, c_out, bias);
-            let params: Vec<f64> = layout.init_params(1);
-            let x = gradcheck::probe(n * c_in, 2);
-            let forward = |x: &[f64], params: &[f64]| {
-                let mut y = Vec::new();
-                linear.forward(params, x, &mut y);
-                y
-            };
-            let backward = |x: &[f64], params: &[f64], dy: &[f64]| {
-                let (mut dx, mut grads) = (Vec::new(), vec![0.0; params.len()]);
-                linear.backward(params, x, dy, Some(&mut dx), &mut grads);
-                vec![dx, grads]
-            };
-            gradcheck::layer(
-                &[("x", &x), ("params", &params)],
-                |v| forward(&v[0], &v[1]),
-                |v, dy| backward(&v[0], &v[1], dy),
-                &Settings { max_elements: 50, ..Settings::default() },
-            )
-            .require(1e-7)
-            .unwrap();
+            let (linear, layout, params) = linear(c_in, c_out, bias);
+            let x = probe(n * c_in, 2);
+            require_gradients(&linear, (&layout, &params), &(), Operand::new(&x, c_in));
             if !bias {
-                let error = gradcheck::adjoint(
-                    n * c_in,
-                    n * c_out,
-                    |x| forward(x, &params),
-                    |dy| backward(&x, &params, dy).swap_remove(0),
-                );
-                assert!(error < 1e-13, "{error}");
+                require_adjoint(&linear, &params, &(), (n * c_in, c_in), n * c_out);
             }
         }
     }
 
     #[test]
+    fn columns_side_by_side_give_what_they_give_in_one_matrix() {
+        for bias in [false, true] {
+            let (linear, layout, params) = linear(10, 4, bias);
+            let shapes = [0..700, 700..700, 700..701, 701..2500];
+            require_concatenation(&linear, (&layout, &params), &(), &shapes, [3, 5, 2]);
+        }
+    }
+
+    #[test]
     fn rows_do_not_influence_each_other() {
-        let mut layout = Layout::default();
-        let linear = Linear::new(&mut layout, "l", 3, 5, true);
-        let params: Vec<f32> = layout.init_params(1);
-        let x: Vec<f32> = gradcheck::probe(6, 2).iter().map(|&v| v as f32).collect();
-        let (mut both, mut first) = (Vec::new(), Vec::new());
-        linear.forward(&params, &x, &mut both);
-        linear.forward(&params, &x[..3], &mut first);
-        assert_eq!(both[..5], first);
+        let (linear, _, params) = linear(3, 5, true);
+        let x = probe(6, 2);
+        let both = forward(&linear, &params, &(), Operand::new(&x, 3));
+        assert_eq!(both[..5], forward(&linear, &params, &(), Operand::new(&x[..3], 3)));
+    }
+
+    #[test]
+    #[should_panic(expected = "l: a linear layer of 0 to 2 columns")]
+    fn a_layer_without_columns_is_refused() {
+        linear(0, 2, true);
+    }
+
+    #[test]
+    #[should_panic(expected = "ragged rows")]
+    fn ragged_rows_are_refused() {
+        let (linear, _, params) = linear(3, 5, true);
+        forward(&linear, &params, &(), Operand::PerNode { x: &[0.0; 7], c: 3 });
     }
 }

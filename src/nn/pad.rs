@@ -2,125 +2,165 @@
 //!
 //! [`Pad`] and [`Depad`] are adjoint: the backward pass of each is the forward pass of the other.
 
+use super::arena::Buffer;
+use super::layer::Layer;
+use super::operand::{Operand, OperandGradient};
+use super::pass::{Backward, Inference, Training};
 use crate::octree::Level;
 use crate::par;
 use crate::scalar::Scalar;
+use std::ops::Range;
 
 /// Rows per task.
 const BLOCK: usize = 1024;
 
-/// From the non-empty nodes to all nodes, with zero rows for the empty ones.
+/// From the non-empty nodes to all nodes, with zero rows for the empty ones: `[n_nonempty, c]` to
+/// `[n_nodes, c]`, for any `c`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Pad {
-    channels: usize,
-}
+pub struct Pad;
 
-impl Pad {
-    /// Padding of rows of `channels` numbers.
-    pub fn new(channels: usize) -> Self {
-        Pad { channels }
-    }
-
-    /// `x: [n_nonempty, channels]` to `y: [n_nodes, channels]`.
-    ///
-    /// # Panics
-    /// If `x` has not one row per non-empty node.
-    pub fn forward<T: Scalar>(&self, level: &Level, x: &[T], y: &mut Vec<T>) {
-        let c = self.channels;
-        assert_eq!(x.len(), level.n_nonempty() * c, "rows of the input and non-empty nodes differ");
-        y.resize(level.n_nodes() * c, T::ZERO);
-        par::for_each_block(y, BLOCK * c, |block, rows| {
-            for (i, row) in rows.chunks_exact_mut(c).enumerate() {
-                match usize::try_from(level.children[block * BLOCK + i]) {
-                    Ok(from) => row.copy_from_slice(&x[from * c..][..c]),
-                    Err(_) => row.fill(T::ZERO),
-                }
-            }
-        });
-    }
-
-    /// `dy: [n_nodes, channels]` to `dx: [n_nonempty, channels]`.
-    ///
-    /// # Panics
-    /// If `dy` has not one row per node.
-    pub fn backward<T: Scalar>(&self, level: &Level, dy: &[T], dx: &mut Vec<T>) {
-        Depad::new(self.channels).forward(level, dy, dx);
-    }
-}
-
-/// From all nodes to the non-empty ones.
+/// From all nodes to the non-empty ones: `[n_nodes, c]` to `[n_nonempty, c]`, for any `c`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Depad {
-    channels: usize,
+pub struct Depad;
+
+/// `x: [n_nonempty, c]` to `y: [n_nodes, c]`.
+pub(super) fn scatter<T: Scalar>(level: &Level, c: usize, x: &[T], y: &mut [T]) {
+    assert_eq!(x.len(), level.n_nonempty() * c, "rows of the input and non-empty nodes differ");
+    par::for_each_block(y, BLOCK * c, |block, rows| {
+        for (i, row) in rows.chunks_exact_mut(c).enumerate() {
+            match usize::try_from(level.children[block * BLOCK + i]) {
+                Ok(from) => row.copy_from_slice(&x[from * c..][..c]),
+                Err(_) => row.fill(T::ZERO),
+            }
+        }
+    });
 }
 
-impl Depad {
-    /// Depadding of rows of `channels` numbers.
-    pub fn new(channels: usize) -> Self {
-        Depad { channels }
+/// `x: [n_nodes, c]` to `y: [n_nonempty, c]`.
+pub(super) fn gather<T: Scalar>(level: &Level, c: usize, x: &[T], y: &mut [T]) {
+    assert_eq!(x.len(), level.n_nodes() * c, "rows of the input and of the octree differ");
+    par::for_each_block(y, BLOCK * c, |block, rows| {
+        for (i, row) in rows.chunks_exact_mut(c).enumerate() {
+            let from = level.nonempty[block * BLOCK + i] as usize;
+            row.copy_from_slice(&x[from * c..][..c]);
+        }
+    });
+}
+
+impl<T: Scalar> Layer<T> for Pad {
+    type Geometry = Level;
+    type Saved = ();
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        Vec::new()
     }
 
-    /// `x: [n_nodes, channels]` to `y: [n_nonempty, channels]`.
-    ///
-    /// # Panics
-    /// If `x` has not one row per node.
-    pub fn forward<T: Scalar>(&self, level: &Level, x: &[T], y: &mut Vec<T>) {
-        let c = self.channels;
-        assert_eq!(x.len(), level.n_nodes() * c, "rows of the input and of the octree differ");
-        y.resize(level.n_nonempty() * c, T::ZERO);
-        par::for_each_block(y, BLOCK * c, |block, rows| {
-            for (i, row) in rows.chunks_exact_mut(c).enumerate() {
-                let from = level.nonempty[block * BLOCK + i] as usize;
-                row.copy_from_slice(&x[from * c..][..c]);
-            }
-        });
+    fn forward(&self, pass: &Inference<T>, level: &Level, x: Operand<T>) -> Buffer<T> {
+        let c = x.width();
+        let mut y = pass.arena.get(level.n_nodes() * c);
+        scatter(level, c, &x.to_matrix(pass.arena), &mut y);
+        y
     }
 
-    /// `dy: [n_nonempty, channels]` to `dx: [n_nodes, channels]`, zero for empty nodes.
-    ///
-    /// # Panics
-    /// If `dy` has not one row per non-empty node.
-    pub fn backward<T: Scalar>(&self, level: &Level, dy: &[T], dx: &mut Vec<T>) {
-        Pad::new(self.channels).forward(level, dy, dx);
+    fn forward_train(
+        &self,
+        pass: &mut Training<T>,
+        level: &Level,
+        x: Operand<T>,
+    ) -> (Buffer<T>, ()) {
+        (self.forward(&pass.inference(), level, x), ())
+    }
+
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        level: &Level,
+        x: Operand<T>,
+        (): (),
+        dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let c = x.width();
+        let mut dx = pass.arena.get(level.n_nonempty() * c);
+        gather(level, c, &dy, &mut dx);
+        OperandGradient::of_matrix(pass.arena, x, dx)
+    }
+}
+
+impl<T: Scalar> Layer<T> for Depad {
+    type Geometry = Level;
+    type Saved = ();
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        Vec::new()
+    }
+
+    fn forward(&self, pass: &Inference<T>, level: &Level, x: Operand<T>) -> Buffer<T> {
+        let c = x.width();
+        let mut y = pass.arena.get(level.n_nonempty() * c);
+        gather(level, c, &x.to_matrix(pass.arena), &mut y);
+        y
+    }
+
+    fn forward_train(
+        &self,
+        pass: &mut Training<T>,
+        level: &Level,
+        x: Operand<T>,
+    ) -> (Buffer<T>, ()) {
+        (self.forward(&pass.inference(), level, x), ())
+    }
+
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        level: &Level,
+        x: Operand<T>,
+        (): (),
+        dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let c = x.width();
+        let mut dx = pass.arena.get(level.n_nodes() * c);
+        scatter(level, c, &dy, &mut dx);
+        OperandGradient::of_matrix(pass.arena, x, dx)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel_product::tests::octrees;
+    use super::super::testing::{
+        forward, large_octree, octrees, require_adjoint, require_concatenation, require_gradients,
+    };
     use super::*;
-    use crate::gradcheck::{adjoint, probe};
+    use crate::gradcheck::probe;
+    use crate::nn::params::Layout;
 
     #[test]
-    fn padding_keeps_rows_fills_zeros_and_is_undone_and_adjoint() {
-        let (pad, depad) = (Pad::new(2), Depad::new(2));
+    fn padding_keeps_rows_fills_zeros_and_is_undone() {
         for octree in octrees() {
             for level in &octree.levels {
-                let (n_in, n_out) = (2 * level.n_nonempty(), 2 * level.n_nodes());
-                let forward = |x: &[f64]| {
-                    let mut y = vec![f64::NAN; 3];
-                    pad.forward(level, x, &mut y);
-                    y
-                };
-                let backward = |dy: &[f64]| {
-                    let mut dx = vec![f64::NAN; 3];
-                    pad.backward(level, dy, &mut dx);
-                    dx
-                };
-                let x = probe(n_in, 1);
-                let y = forward(&x);
-                assert_eq!(y.iter().filter(|&&y| y != 0.0).count(), n_in);
-                let mut back = vec![];
-                depad.forward(level, &y, &mut back);
-                assert_eq!(back, x);
-                assert!(adjoint(n_in, n_out, forward, backward) < 1e-14);
-                let depad_backward = |dy: &[f64]| {
-                    let mut dx = vec![];
-                    depad.backward(level, dy, &mut dx);
-                    dx
-                };
-                assert!(adjoint(n_out, n_in, backward, depad_backward) < 1e-14);
+                let x = probe(2 * level.n_nonempty(), 1);
+                let y = forward(&Pad, &[], level, Operand::new(&x, 2));
+                assert_eq!(y.len(), 2 * level.n_nodes());
+                assert_eq!(y.iter().filter(|&&y| y != 0.0).count(), x.len());
+                assert_eq!(forward(&Depad, &[], level, Operand::new(&y, 2)), x);
             }
         }
+    }
+
+    #[test]
+    fn gradients_are_right_on_every_kind_of_octree() {
+        let none = (&Layout::default(), &[][..]);
+        for octree in octrees() {
+            for level in octree.levels.iter().filter(|level| level.n_nonempty() > 0) {
+                let (packed, all) = (2 * level.n_nonempty(), 2 * level.n_nodes());
+                require_gradients(&Pad, none, level, Operand::new(&probe(packed, 1), 2));
+                require_gradients(&Depad, none, level, Operand::new(&probe(all, 2), 2));
+                require_adjoint(&Pad, &[], level, (packed, 2), all);
+                require_adjoint(&Depad, &[], level, (all, 2), packed);
+                require_concatenation(&Depad, none, level, &level.ranges, [1, 2, 1]);
+            }
+        }
+        let level = large_octree().levels.swap_remove(5);
+        require_adjoint(&Pad, &[], &level, (3 * level.n_nonempty(), 3), 3 * level.n_nodes());
     }
 }

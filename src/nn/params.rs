@@ -40,11 +40,17 @@ pub struct Layout {
 
 impl Layout {
     /// Appends a learned tensor and returns its range in the parameter vector.
+    ///
+    /// # Panics
+    /// If the name is taken, or the shape holds no element.
     pub fn param(&mut self, name: impl Into<String>, shape: &[usize], init: Init) -> Range<usize> {
         append(&mut self.params, name.into(), shape, init)
     }
 
     /// Appends a running statistic and returns its range in the buffer vector.
+    ///
+    /// # Panics
+    /// If the name is taken, or the shape holds no element.
     pub fn buffer(&mut self, name: impl Into<String>, shape: &[usize], init: Init) -> Range<usize> {
         append(&mut self.buffers, name.into(), shape, init)
     }
@@ -71,6 +77,8 @@ impl Layout {
 }
 
 fn append(entries: &mut Vec<Entry>, name: String, shape: &[usize], init: Init) -> Range<usize> {
+    assert!(entries.iter().all(|entry| entry.name != name), "two tensors with the name {name}");
+    assert!(shape.iter().all(|&n| n > 0), "{name}: a tensor of shape {shape:?}");
     let start = entries.last().map_or(0, |e| e.range.end);
     let range = start..start + shape.iter().product::<usize>();
     entries.push(Entry { name, shape: shape.to_vec(), range: range.clone(), init });
@@ -89,4 +97,33 @@ fn init<T: Scalar>(entries: &[Entry], seed: u64) -> Vec<T> {
         }));
     }
     values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tensors_lie_one_after_another() {
+        let mut layout = Layout::default();
+        let first = layout.param("a", &[2, 3], Init::Constant(1.0));
+        let second = layout.param("b", &[], Init::Uniform { bound: 0.5 });
+        assert_eq!((first, second, layout.n_params()), (0..6, 6..7, 7));
+        let params: Vec<f64> = layout.init_params(1);
+        assert!(params[..6] == [1.0; 6] && params[6].abs() <= 0.5);
+    }
+
+    #[test]
+    #[should_panic(expected = "two tensors with the name a")]
+    fn a_name_is_given_once() {
+        let mut layout = Layout::default();
+        layout.param("a", &[1], Init::Constant(0.0));
+        layout.param("a", &[2], Init::Constant(0.0));
+    }
+
+    #[test]
+    #[should_panic(expected = "a: a tensor of shape [3, 0]")]
+    fn a_tensor_without_elements_is_refused() {
+        Layout::default().param("a", &[3, 0], Init::Constant(0.0));
+    }
 }

@@ -1,149 +1,184 @@
-//! Pooling: the children of a node to the node, and all nodes of a shape to the shape.
+//! Pooling: the children of a node to the node, and all nodes of a shape to the shape. For any number of columns.
 
+use super::arena::Buffer;
+use super::layer::Layer;
+use super::operand::{Operand, OperandGradient};
+use super::pass::{Backward, Inference, Training};
+use super::rows;
 use crate::octree::Level;
 use crate::par;
 use crate::scalar::Scalar;
+use std::ops::Range;
 
 /// Rows per task.
 const BLOCK: usize = 1024;
 
-/// Greatest value among the eight children of every non-empty node; empty nodes get zeros.
+/// Greatest value among the eight children of every non-empty node; empty nodes get zeros. From
+/// `[8·n_nonempty, c]`, all nodes one depth finer than the geometry, to its `[n_nodes, c]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct MaxPool {
-    channels: usize,
-}
+pub struct MaxPool;
 
-impl MaxPool {
-    /// Pooling of rows of `channels` numbers.
-    pub fn new(channels: usize) -> Self {
-        MaxPool { channels }
+/// Number of the child that was taken, the first of several, `[n_nodes, c]`.
+#[derive(Debug, Clone)]
+pub struct TakenChildren(Vec<u8>);
+
+/// Mean of the eight children of every non-empty node; empty nodes get zeros. Rows as of [`MaxPool`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MeanPool;
+
+/// Mean over all nodes of each shape, empty ones included: from `[n_nodes, c]` to `[n_shapes, c]`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct GlobalMeanPool;
+
+impl<T: Scalar> Layer<T> for MaxPool {
+    type Geometry = Level;
+    type Saved = TakenChildren;
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        Vec::new()
     }
 
-    /// `x: [8·n_nonempty, channels]` (all nodes one depth finer than `coarse`) to `y: [n_nodes, channels]`.
-    ///
-    /// # Panics
-    /// If `x` has not one row per finer node.
-    pub fn forward<T: Scalar>(&self, coarse: &Level, x: &[T], y: &mut Vec<T>) {
-        from_children(coarse, self.channels, x, y, |children, c| {
-            children[greatest(children, self.channels, c) * self.channels + c]
+    fn forward(&self, pass: &Inference<T>, coarse: &Level, x: Operand<T>) -> Buffer<T> {
+        let c = x.width();
+        let mut y = pass.arena.get(coarse.n_nodes() * c);
+        from_children(coarse, c, &x.to_matrix(pass.arena), &mut y, |children, j| {
+            children[greatest(children, c, j) * c + j]
         });
+        y
     }
 
-    /// As [`MaxPool::forward`]; `cache: [n_nodes, channels]` gets the number of the child that was taken,
-    /// the first of several.
-    ///
-    /// # Panics
-    /// If `x` has not one row per finer node.
-    pub fn forward_train<T: Scalar>(
+    fn forward_train(
         &self,
+        pass: &mut Training<T>,
         coarse: &Level,
-        x: &[T],
-        y: &mut Vec<T>,
-        cache: &mut Vec<u8>,
-    ) {
-        self.forward(coarse, x, y);
-        from_children(coarse, self.channels, x, cache, |children, c| {
-            greatest(children, self.channels, c) as u8
+        x: Operand<T>,
+    ) -> (Buffer<T>, TakenChildren) {
+        let (c, y) = (x.width(), self.forward(&pass.inference(), coarse, x));
+        let mut taken = vec![0; y.len()];
+        from_children(coarse, c, &x.to_matrix(pass.arena), &mut taken, |children, j| {
+            greatest(children, c, j) as u8
         });
+        (y, TakenChildren(taken))
     }
 
     /// `dx[child] = dy[node]` for the child that was taken, 0 for the others.
-    ///
-    /// # Panics
-    /// If `dy` has not one row per node of `coarse`.
-    pub fn backward<T: Scalar>(&self, coarse: &Level, cache: &[u8], dy: &[T], dx: &mut Vec<T>) {
-        let c = self.channels;
-        to_children(coarse, c, dy, dx, |node, octant, rows| {
-            let taken = &cache[node * c..][..c];
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        coarse: &Level,
+        x: Operand<T>,
+        taken: TakenChildren,
+        dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let c = x.width();
+        let mut dx = pass.arena.get(8 * coarse.n_nonempty() * c);
+        to_children(coarse, c, &dy, &mut dx, |node, octant, rows| {
+            let taken = &taken.0[node * c..][..c];
             for ((d, &dy), &taken) in rows.iter_mut().zip(&dy[node * c..]).zip(taken) {
                 *d = if usize::from(taken) == octant { dy } else { T::ZERO };
             }
         });
+        OperandGradient::of_matrix(pass.arena, x, dx)
     }
 }
 
-/// Mean of the eight children of every non-empty node; empty nodes get zeros.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct MeanPool {
-    channels: usize,
-}
+impl<T: Scalar> Layer<T> for MeanPool {
+    type Geometry = Level;
+    type Saved = ();
 
-impl MeanPool {
-    /// Pooling of rows of `channels` numbers.
-    pub fn new(channels: usize) -> Self {
-        MeanPool { channels }
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        Vec::new()
     }
 
-    /// `x: [8·n_nonempty, channels]` (all nodes one depth finer than `coarse`) to `y: [n_nodes, channels]`.
-    ///
-    /// # Panics
-    /// If `x` has not one row per finer node.
-    pub fn forward<T: Scalar>(&self, coarse: &Level, x: &[T], y: &mut Vec<T>) {
-        let eighth = T::from_f64(0.125);
-        from_children(coarse, self.channels, x, y, |children, c| {
-            children.iter().skip(c).step_by(self.channels).copied().sum::<T>() * eighth
+    fn forward(&self, pass: &Inference<T>, coarse: &Level, x: Operand<T>) -> Buffer<T> {
+        let (c, eighth) = (x.width(), T::from_f64(0.125));
+        let mut y = pass.arena.get(coarse.n_nodes() * c);
+        from_children(coarse, c, &x.to_matrix(pass.arena), &mut y, |children, j| {
+            children.iter().skip(j).step_by(c).copied().sum::<T>() * eighth
         });
+        y
+    }
+
+    fn forward_train(
+        &self,
+        pass: &mut Training<T>,
+        coarse: &Level,
+        x: Operand<T>,
+    ) -> (Buffer<T>, ()) {
+        (self.forward(&pass.inference(), coarse, x), ())
     }
 
     /// `dx[child] = dy[node] / 8`.
-    ///
-    /// # Panics
-    /// If `dy` has not one row per node of `coarse`.
-    pub fn backward<T: Scalar>(&self, coarse: &Level, dy: &[T], dx: &mut Vec<T>) {
-        let eighth = T::from_f64(0.125);
-        to_children(coarse, self.channels, dy, dx, |node, _, rows| {
-            let dy = &dy[node * self.channels..];
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        coarse: &Level,
+        x: Operand<T>,
+        (): (),
+        dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let (c, eighth) = (x.width(), T::from_f64(0.125));
+        let mut dx = pass.arena.get(8 * coarse.n_nonempty() * c);
+        to_children(coarse, c, &dy, &mut dx, |node, _, rows| {
+            let dy = &dy[node * c..];
             rows.iter_mut().zip(dy).for_each(|(d, &dy)| *d = dy * eighth);
         });
+        OperandGradient::of_matrix(pass.arena, x, dx)
     }
 }
 
-/// Mean over all nodes of each shape, empty ones included.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct GlobalMeanPool {
-    channels: usize,
-}
+impl<T: Scalar> Layer<T> for GlobalMeanPool {
+    type Geometry = Level;
+    type Saved = ();
 
-impl GlobalMeanPool {
-    /// Pooling of rows of `channels` numbers.
-    pub fn new(channels: usize) -> Self {
-        GlobalMeanPool { channels }
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        Vec::new()
     }
 
-    /// `x: [n_nodes, channels]` of `level` to `y: [n_shapes, channels]`.
-    ///
-    /// # Panics
-    /// If `x` has not one row per node.
-    pub fn forward<T: Scalar>(&self, level: &Level, x: &[T], y: &mut Vec<T>) {
-        let c = self.channels;
+    fn forward(&self, pass: &Inference<T>, level: &Level, x: Operand<T>) -> Buffer<T> {
+        let (c, x) = (x.width(), x.to_matrix(pass.arena));
         assert_eq!(x.len(), level.n_nodes() * c, "rows of the input and of the octree differ");
-        y.resize(level.ranges.len() * c, T::ZERO);
-        par::for_each_block(y, c, |shape, y| {
-            y.fill(T::ZERO);
+        let mut y = pass.arena.zeroed(level.ranges.len() * c);
+        par::for_each_block(&mut y, c, |shape, y| {
             let rows = level.ranges[shape].clone();
             for x in x[rows.start * c..rows.end * c].chunks_exact(c) {
-                y.iter_mut().zip(x).for_each(|(y, &x)| *y += x);
+                rows::add(y, x);
             }
             let share = T::ONE / T::from_f64(rows.len() as f64);
             y.iter_mut().for_each(|y| *y *= share);
         });
+        y
+    }
+
+    fn forward_train(
+        &self,
+        pass: &mut Training<T>,
+        level: &Level,
+        x: Operand<T>,
+    ) -> (Buffer<T>, ()) {
+        (self.forward(&pass.inference(), level, x), ())
     }
 
     /// `dx[node] = dy[shape] / n_nodes(shape)`.
-    ///
-    /// # Panics
-    /// If `dy` has not one row per shape.
-    pub fn backward<T: Scalar>(&self, level: &Level, dy: &[T], dx: &mut Vec<T>) {
-        let c = self.channels;
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        level: &Level,
+        x: Operand<T>,
+        (): (),
+        dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let c = x.width();
         assert_eq!(dy.len(), level.ranges.len() * c, "rows of the gradient and shapes differ");
-        dx.resize(level.n_nodes() * c, T::ZERO);
-        par::for_each_block(dx, BLOCK * c, |block, rows| {
+        let mut dx = pass.arena.get(level.n_nodes() * c);
+        par::for_each_block(&mut dx, BLOCK * c, |block, rows| {
             for (i, row) in rows.chunks_exact_mut(c).enumerate() {
                 let shape = level.shape_of(block * BLOCK + i);
                 let share = T::ONE / T::from_f64(level.ranges[shape].len() as f64);
                 row.iter_mut().zip(&dy[shape * c..]).for_each(|(d, &dy)| *d = dy * share);
             }
         });
+        OperandGradient::of_matrix(pass.arena, x, dx)
     }
 }
 
@@ -157,7 +192,7 @@ fn from_children<T: Scalar, R: Default + Copy + Send>(
     coarse: &Level,
     channels: usize,
     x: &[T],
-    y: &mut Vec<R>,
+    y: &mut [R],
     pool: impl Fn(&[T], usize) -> R + Sync,
 ) {
     assert_eq!(
@@ -165,7 +200,6 @@ fn from_children<T: Scalar, R: Default + Copy + Send>(
         8 * coarse.n_nonempty() * channels,
         "rows of the input and children differ"
     );
-    y.resize(coarse.n_nodes() * channels, R::default());
     par::for_each_block(y, BLOCK * channels, |block, rows| {
         for (i, row) in rows.chunks_exact_mut(channels).enumerate() {
             match usize::try_from(coarse.children[block * BLOCK + i]) {
@@ -184,7 +218,7 @@ fn to_children<T: Scalar>(
     coarse: &Level,
     channels: usize,
     dy: &[T],
-    dx: &mut Vec<T>,
+    dx: &mut [T],
     fill: impl Fn(usize, usize, &mut [T]) + Sync,
 ) {
     assert_eq!(
@@ -192,7 +226,6 @@ fn to_children<T: Scalar>(
         coarse.n_nodes() * channels,
         "rows of the gradient and of the octree differ"
     );
-    dx.resize(8 * coarse.n_nonempty() * channels, T::ZERO);
     par::for_each_block(dx, 8 * BLOCK * channels, |block, rows| {
         for (i, row) in rows.chunks_exact_mut(channels).enumerate() {
             fill(coarse.nonempty[block * BLOCK + i / 8] as usize, i % 8, row);
@@ -202,18 +235,18 @@ fn to_children<T: Scalar>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel_product::tests::{octrees, require_gradients};
+    use super::super::testing::{forward, octrees, require_gradients};
     use super::*;
     use crate::gradcheck::probe;
+    use crate::nn::params::Layout;
 
     #[test]
     fn pooled_values_are_as_defined() {
         for octree in octrees() {
             let coarse = &octree.levels[3];
             let x = probe(8 * coarse.n_nonempty() * 2, 1);
-            let (mut max, mut mean) = (vec![], vec![]);
-            MaxPool::new(2).forward(coarse, &x, &mut max);
-            MeanPool::new(2).forward(coarse, &x, &mut mean);
+            let max = forward(&MaxPool, &[], coarse, Operand::new(&x, 2));
+            let mean = forward(&MeanPool, &[], coarse, Operand::new(&x, 2));
             for n in 0..2 * coarse.n_nodes() {
                 let children = usize::try_from(coarse.children[n / 2]).map_or(vec![], |group| {
                     (0..8).map(|k| x[(8 * group + k) * 2 + n % 2]).collect::<Vec<_>>()
@@ -227,59 +260,29 @@ mod tests {
 
     #[test]
     fn gradients_are_right_on_every_kind_of_octree() {
-        let (max, mean) = (MaxPool::new(2), MeanPool::new(2));
+        let none = (&Layout::default(), &[][..]);
         for octree in octrees() {
             for coarse in &octree.levels[..octree.depth()] {
                 let x = probe(8 * coarse.n_nonempty() * 2, 2);
-                let forward = |v: &[Vec<f64>]| {
-                    let mut y = vec![];
-                    max.forward(coarse, &v[0], &mut y);
-                    y
-                };
-                let backward = |v: &[Vec<f64>], dy: &[f64]| {
-                    let (mut y, mut cache, mut dx) = (vec![], vec![], vec![f64::NAN; 3]);
-                    max.forward_train(coarse, &v[0], &mut y, &mut cache);
-                    max.backward(coarse, &cache, dy, &mut dx);
-                    vec![dx]
-                };
-                require_gradients(&[("x", &x)], forward, backward);
-                let forward = |v: &[Vec<f64>]| {
-                    let mut y = vec![];
-                    mean.forward(coarse, &v[0], &mut y);
-                    y
-                };
-                let backward = |_: &[Vec<f64>], dy: &[f64]| {
-                    let mut dx = vec![f64::NAN; 3];
-                    mean.backward(coarse, dy, &mut dx);
-                    vec![dx]
-                };
-                require_gradients(&[("x", &x)], forward, backward);
+                require_gradients(&MaxPool, none, coarse, Operand::new(&x, 2));
+                require_gradients(&MeanPool, none, coarse, Operand::new(&x, 2));
             }
         }
     }
 
     #[test]
     fn means_of_shapes_have_right_values_and_gradients() {
-        let pool = GlobalMeanPool::new(3);
         for octree in octrees() {
             let level = octree.finest();
             let x = probe(level.n_nodes() * 3, 2);
-            let forward = |v: &[Vec<f64>]| {
-                let mut y = vec![];
-                pool.forward(level, &v[0], &mut y);
-                y
-            };
+            let y = forward(&GlobalMeanPool, &[], level, Operand::new(&x, 3));
             for (shape, rows) in level.ranges.iter().enumerate() {
                 let column = x[3 * rows.start..3 * rows.end].iter().skip(1).step_by(3);
                 let mean = column.sum::<f64>() / rows.len() as f64;
-                assert!((forward(std::slice::from_ref(&x))[3 * shape + 1] - mean).abs() < 1e-14);
+                assert!((y[3 * shape + 1] - mean).abs() < 1e-14);
             }
-            let backward = |_: &[Vec<f64>], dy: &[f64]| {
-                let mut dx = vec![f64::NAN; 3];
-                pool.backward(level, dy, &mut dx);
-                vec![dx]
-            };
-            require_gradients(&[("x", &x)], forward, backward);
+            let none = (&Layout::default(), &[][..]);
+            require_gradients(&GlobalMeanPool, none, level, Operand::new(&x, 3));
         }
     }
 }

@@ -1,54 +1,71 @@
-//! `y = max(x, 0)`, in place.
+//! `y = max(x, 0)`.
 
-use super::rows::combine;
-use crate::par;
-use crate::scalar::{Scalar, vectorised};
+use super::arena::Buffer;
+use super::layer::Layer;
+use super::operand::{Operand, OperandGradient};
+use super::pass::{Backward, Inference, Training};
+use super::rows::{combine, rectify};
+use crate::scalar::Scalar;
+use crate::simd::elementwise::Combination;
+use std::ops::Range;
 
-const BLOCK: usize = 1 << 15;
+/// `y = max(x, 0)`, element by element. The derivative at 0 is 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Relu;
 
-/// Turns `x` into `max(x, 0)`.
-pub fn forward<T: Scalar>(x: &mut [T]) {
-    par::for_each_block(x, BLOCK, |_, block| {
-        vectorised(
-            #[inline(always)]
-            || block.iter_mut().for_each(|x| *x = (*x).max(T::ZERO)),
-        );
-    });
+/// Turns `dy` into `dx`: the gradient passes where `y`, input or output of the ReLU, is positive.
+pub(super) fn pass_gradient<T: Scalar>(y: &[T], d: &mut [T]) {
+    combine(Combination::PassRelu, d, y);
 }
 
-/// Turns `dy` into `dx`: the gradient passes where the output `y` is positive.
-pub fn backward<T: Scalar>(y: &[T], d: &mut [T]) {
-    combine(d, y, |d, y| if y > T::ZERO { d } else { T::ZERO });
+impl<T: Scalar> Layer<T> for Relu {
+    type Geometry = ();
+    type Saved = ();
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        Vec::new()
+    }
+
+    fn forward(&self, pass: &Inference<T>, (): &(), x: Operand<T>) -> Buffer<T> {
+        let mut y = x.copied(pass.arena);
+        rectify(&mut y);
+        y
+    }
+
+    fn forward_train(&self, pass: &mut Training<T>, (): &(), x: Operand<T>) -> (Buffer<T>, ()) {
+        (self.forward(&pass.inference(), &(), x), ())
+    }
+
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        (): &(),
+        x: Operand<T>,
+        (): (),
+        mut dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        pass_gradient(&x.to_matrix(pass.arena), &mut dy);
+        OperandGradient::of_matrix(pass.arena, x, dy)
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::testing::{forward, gradients, require_gradients};
     use super::*;
-    use crate::gradcheck::{self, Settings};
+    use crate::gradcheck;
+    use crate::nn::params::Layout;
 
     #[test]
     fn gradient_is_right_away_from_zero() {
         let x: Vec<f64> = gradcheck::probe(200, 1).iter().map(|x| x + x.signum() * 0.1).collect();
-        let forward_copy = |x: &[f64]| {
-            let mut y = x.to_vec();
-            forward(&mut y);
-            y
-        };
-        let check = |v: &[Vec<f64>], dy: &[f64]| {
-            let mut d = dy.to_vec();
-            backward(&forward_copy(&v[0]), &mut d);
-            vec![d]
-        };
-        let report =
-            gradcheck::layer(&[("x", &x)], |v| forward_copy(&v[0]), check, &Settings::default());
-        report.require(1e-7).unwrap();
+        require_gradients(&Relu, (&Layout::default(), &[]), &(), Operand::new(&x, 4));
     }
 
     #[test]
     fn gradient_at_zero_is_zero() {
-        let (mut y, mut d) = (vec![0.0f32, -0.0, 1.0], vec![1.0f32; 3]);
-        forward(&mut y);
-        backward(&y, &mut d);
-        assert_eq!(d, [0.0, 0.0, 1.0]);
+        let x = Operand::new(&[0.0f32, -0.0, 1.0], 1);
+        assert_eq!(forward(&Relu, &[], &(), x), [0.0, 0.0, 1.0]);
+        assert_eq!(gradients(&Relu, &[], &(), x, &[1.0; 3]).0, [0.0, 0.0, 1.0]);
     }
 }

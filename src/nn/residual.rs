@@ -1,57 +1,81 @@
 //! Residual block: two 3³ convolutions around which the input takes a shortcut.
 
-use super::batch_norm::{BatchNorm, Finish};
+use super::arena::Buffer;
+use super::batch_norm::{BatchNorm, Statistics};
+use super::column_norm::{Activation, Epilogue};
 use super::conv::OctreeConv;
-use super::joined::{Columns, ColumnsGradient};
+use super::layer::Layer;
 use super::linear::Linear;
+use super::linear_norm_act::{LinearNormAct, SavedLinearNormAct};
+use super::linear_operator::LinearOperator;
+use super::operand::{Matrix, Operand, OperandGradient};
 use super::params::Layout;
-use super::unit::{self, LinearMap, Unit};
-use super::{relu, rows};
+use super::pass::{Backward, Inference, Training};
+use super::saved::{Policy, Saved};
 use crate::octree::KernelMap;
 use crate::scalar::Scalar;
+use std::ops::Range;
+
+/// What a block saves of its own for backward.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ResidualPolicy {
+    /// Outputs of both convolutions before normalization, `[n, c_out]` each.
+    pub convolutions: Policy,
+    /// Output of the shortcut's linear map before normalization, `[n, c_out]`.
+    pub shortcut: Policy,
+}
 
 /// `y = relu(norm(conv(relu(norm(conv(x))))) + shortcut(x))` (He et al. 2016).
 ///
 /// The shortcut is the identity, or a linear map with batch norm where the widths differ.
 #[derive(Debug, Clone)]
 pub struct Residual {
-    first: Unit<OctreeConv>,
-    second: Unit<OctreeConv>,
-    shortcut: Option<Unit<Linear>>,
+    first: LinearNormAct<OctreeConv>,
+    second: LinearNormAct<OctreeConv>,
+    shortcut: Option<LinearNormAct<Linear>>,
 }
 
-/// What [`Residual::forward_train`] keeps for backward.
-#[derive(Debug, Clone, Default)]
-pub struct Cache<T> {
-    first: unit::Cache<T>,
-    second: unit::Cache<T>,
-    shortcut: unit::Cache<T>,
+/// What a training pass leaves for backward.
+#[derive(Debug)]
+pub struct SavedResidual<T> {
+    first: SavedLinearNormAct<T>,
+    second: SavedLinearNormAct<T>,
+    shortcut: Option<SavedLinearNormAct<T>>,
 }
 
-/// Working memory that blocks share: nothing in it outlives a call.
-#[derive(Debug, Clone, Default)]
-pub struct Scratch<T> {
-    pub(crate) block: Vec<T>,
-    pub(crate) b: Vec<T>,
-    pub(crate) middle: Vec<T>,
+/// The shortcut on the way back: nothing to do, or its linear map's output.
+enum Shortcut<'a, T> {
+    Identity,
+    Linear { layer: &'a LinearNormAct<Linear>, mapped: Buffer<T>, statistics: Statistics },
 }
 
 impl Residual {
     /// Appends `{name}.conv3x3a`, `{name}.conv3x3b` and, if `c_in ≠ c_out`, `{name}.conv1x1`.
-    pub fn new(layout: &mut Layout, name: &str, c_in: usize, c_out: usize) -> Self {
-        let mut convolution = |part: &str, c_in: usize, relu: bool| Unit {
-            map: OctreeConv::new(layout, &format!("{name}.{part}.conv"), c_in, c_out),
+    ///
+    /// # Panics
+    /// If a width is 0 or a name is taken.
+    pub fn new(
+        layout: &mut Layout,
+        name: &str,
+        c_in: usize,
+        c_out: usize,
+        policy: ResidualPolicy,
+    ) -> Self {
+        let mut convolution = |part: &str, c_in: usize, relu: bool| LinearNormAct {
+            linear: OctreeConv::new(layout, &format!("{name}.{part}.conv"), c_in, c_out),
             norm: BatchNorm::new(layout, &format!("{name}.{part}.bn"), c_out),
             relu,
+            policy: policy.convolutions,
         };
         let first = convolution("conv3x3a", c_in, true);
         let second = convolution("conv3x3b", c_out, false);
         let shortcut = (c_in != c_out).then(|| {
             let name = format!("{name}.conv1x1");
-            Unit {
-                map: Linear::new(layout, &format!("{name}.conv.linear"), c_in, c_out, false),
+            LinearNormAct {
+                linear: Linear::new(layout, &format!("{name}.conv.linear"), c_in, c_out, false),
                 norm: BatchNorm::new(layout, &format!("{name}.bn"), c_out),
                 relu: false,
+                policy: policy.shortcut,
             }
         });
         Residual { first, second, shortcut }
@@ -59,201 +83,224 @@ impl Residual {
 
     /// Columns of the output.
     pub fn c_out(&self) -> usize {
-        self.second.norm.c
+        self.second.norm.c()
     }
 
-    /// Inference: `y` is overwritten.
-    pub fn forward<'a, T: Scalar>(
+    /// The output of the training pass that left `saved`.
+    pub(super) fn recompute_output<T: Scalar>(
         &self,
-        params: &[T],
-        buffers: &[T],
-        rows: &KernelMap,
-        x: impl Into<Columns<'a, T>>,
-        y: &mut Vec<T>,
-        scratch: &mut Scratch<T>,
-    ) {
-        let (x, Scratch { middle, b, .. }) = (x.into(), scratch);
-        self.first.forward(params, buffers, rows, x, middle);
-        let straight = match &self.shortcut {
-            None => x.one(),
-            Some(shortcut) => {
-                shortcut.forward(params, buffers, &(), x, b);
-                b
-            }
+        pass: &Backward<T>,
+        map: &KernelMap,
+        x: Operand<T>,
+        saved: &SavedResidual<T>,
+    ) -> Buffer<T> {
+        let y = match (&self.shortcut, &saved.shortcut) {
+            (Some(shortcut), Some(saved)) => shortcut.recompute_output(pass, &(), x, saved),
+            _ => x.copied(pass.arena),
         };
-        let (middle, finish) = (Columns::One(middle), Finish::ReluOfSum(straight));
-        self.second.forward_to(params, buffers, rows, middle, finish, y);
+        self.add_straight_branch(pass, map, x, saved, y)
     }
 
-    /// Training: statistics of the batch.
-    #[allow(clippy::too_many_arguments)]
-    pub fn forward_train<'a, T: Scalar>(
+    /// [`Residual::recompute_output`] of a block with the identity for a shortcut, in the memory of its input.
+    pub(super) fn recompute_output_over<T: Scalar>(
         &self,
-        params: &[T],
-        buffers: &mut [T],
-        rows: &KernelMap,
-        x: impl Into<Columns<'a, T>>,
-        y: &mut Vec<T>,
-        cache: &mut Cache<T>,
-        scratch: &mut Scratch<T>,
-    ) {
-        let x = x.into();
-        self.convolve(params, buffers, rows, x, cache, scratch);
-        match &self.shortcut {
-            None => self.finish(params, x.one(), cache, y),
-            Some(unit) => {
-                // Backward computes it again: it is cheap beside the convolutions and as large.
-                unit.forward_train_in_place(params, buffers, &(), x, y, &mut cache.shortcut);
-                self.finish_in_place(params, cache, y);
+        pass: &Backward<T>,
+        map: &KernelMap,
+        x: Buffer<T>,
+        saved: &SavedResidual<T>,
+    ) -> Buffer<T> {
+        match (&self.shortcut, saved.second.mapped.get()) {
+            (None, Some(_)) => {
+                let no_input = Operand::Concat(&[]);
+                self.add_straight_branch(pass, map, no_input, saved, x)
+            }
+            _ => {
+                self.recompute_output(pass, map, Operand::new(&x, self.first.linear.c_in()), saved)
             }
         }
     }
 
-    /// [`Residual::forward_train`] of a block around which the input goes unchanged: `x` becomes `y`.
-    pub(super) fn forward_train_in_place<T: Scalar>(
+    /// Turns the shortcut's output `y` into that of the block; `x` is read if the convolutions were not saved.
+    fn add_straight_branch<T: Scalar>(
         &self,
-        params: &[T],
-        buffers: &mut [T],
-        rows: &KernelMap,
-        x: &mut [T],
-        cache: &mut Cache<T>,
-        scratch: &mut Scratch<T>,
-    ) {
-        assert!(self.shortcut.is_none(), "the input goes unchanged");
-        self.convolve(params, buffers, rows, Columns::One(x), cache, scratch);
-        self.finish_in_place(params, cache, x);
+        pass: &Backward<T>,
+        map: &KernelMap,
+        x: Operand<T>,
+        saved: &SavedResidual<T>,
+        mut y: Buffer<T>,
+    ) -> Buffer<T> {
+        let SavedLinearNormAct { mapped, statistics } = &saved.second;
+        let (recomputed, norm) = (|| self.recompute_second(pass, map, x, saved), &self.second.norm);
+        match mapped.get() {
+            Some(mapped) => norm.normalize(
+                pass.params,
+                statistics,
+                Some(mapped),
+                Activation::ReluOfSumWithOutput,
+                &mut y,
+            ),
+            None => norm.normalize(
+                pass.params,
+                statistics,
+                Some(&recomputed()),
+                Activation::ReluOfSumWithOutput,
+                &mut y,
+            ),
+        }
+        y
     }
 
-    /// The output of [`Residual::forward_train`] once more, from its input and what it kept.
-    pub(super) fn output_again<T: Scalar>(
+    /// Output of the second convolution, before normalization.
+    fn recompute_second<T: Scalar>(
         &self,
-        params: &[T],
-        x: Columns<T>,
-        cache: &Cache<T>,
-        y: &mut Vec<T>,
-    ) {
-        match &self.shortcut {
-            None => self.finish(params, x.one(), cache, y),
-            Some(unit) => {
-                unit.output_again(params, &(), x, &cache.shortcut, y);
-                self.finish_in_place(params, cache, y);
+        pass: &Backward<T>,
+        map: &KernelMap,
+        x: Operand<T>,
+        saved: &SavedResidual<T>,
+    ) -> Buffer<T> {
+        let middle = self.first.recompute_output(pass, map, x, &saved.first);
+        let middle = Operand::new(&middle, self.c_out());
+        self.second.linear.apply(pass.context(), map, middle, Epilogue::Identity)
+    }
+
+    fn restore_shortcut<T: Scalar>(
+        &self,
+        pass: &Backward<T>,
+        x: Operand<T>,
+        saved: Option<SavedLinearNormAct<T>>,
+    ) -> Shortcut<'_, T> {
+        match (&self.shortcut, saved) {
+            (Some(layer), Some(SavedLinearNormAct { mapped, statistics })) => {
+                let mapped = layer.restore_mapped(pass, &(), x, mapped);
+                Shortcut::Linear { layer, mapped, statistics }
             }
+            _ => Shortcut::Identity,
         }
     }
 
-    /// Both convolutions, up to the second one's normalisation.
-    fn convolve<T: Scalar>(
-        &self,
-        params: &[T],
-        buffers: &mut [T],
-        rows: &KernelMap,
-        x: Columns<T>,
-        cache: &mut Cache<T>,
-        scratch: &mut Scratch<T>,
-    ) {
-        let Cache { first, second, .. } = cache;
-        self.first.forward_train(params, buffers, rows, x, &mut scratch.middle, first);
-        self.second.map_train(params, buffers, rows, Columns::One(&scratch.middle), second);
-    }
-
-    /// The end of the block, beside the shortcut's output.
-    fn finish<T: Scalar>(&self, params: &[T], straight: &[T], cache: &Cache<T>, y: &mut Vec<T>) {
-        let Unit { norm, .. } = &self.second;
-        let (mapped, measured) = cache.second.parts();
-        norm.normalise(params, mapped, measured, Finish::ReluOfSum(straight), y);
-    }
-
-    /// The end of the block: `y` holds the shortcut's output.
-    pub(super) fn finish_in_place<T: Scalar>(&self, params: &[T], cache: &Cache<T>, y: &mut [T]) {
-        let (mapped, measured) = cache.second.parts();
-        self.second.norm.add_to_and_rectify(params, mapped, measured, y);
-    }
-
-    /// `d` holds the gradient of `y` and is used up, and so is `cache`; `y` is the output of
-    /// `forward_train`.
-    #[allow(clippy::too_many_arguments)]
-    pub fn backward<'a, T: Scalar>(
-        &self,
-        params: &[T],
-        rows: &KernelMap,
-        x: impl Into<Columns<'a, T>>,
-        y: &[T],
-        cache: &mut Cache<T>,
-        d: &mut [T],
-        mut dx: ColumnsGradient<T>,
-        grads: &mut [T],
-        scratch: &mut Scratch<T>,
-    ) {
-        let x = x.into();
-        relu::backward(y, d);
-        self.backward_to_first(params, rows, cache, d, grads, scratch);
-        let Cache { first, second, shortcut } = cache;
-        let dy = first.parts().0;
-        LinearMap::backward(&self.first.map, params, rows, x, dy, Some(dx.reborrow()), grads);
-        match &self.shortcut {
-            None => rows::add_all(dx.one(), d),
-            Some(unit) => {
-                let mut kept = unit.again(params, &(), x, shortcut, second.take_memory());
-                unit.backward_norm(params, &mut kept, d, grads);
-                unit.map.add_backward(params, x, kept.parts().0, dx, grads);
-                second.give_memory(kept.take_memory());
-            }
-        }
-    }
-
-    /// [`Residual::backward`] of a block around which the input goes unchanged: `d` becomes the gradient
-    /// of `x`.
-    #[allow(clippy::too_many_arguments)]
-    pub(super) fn backward_in_place<T: Scalar>(
-        &self,
-        params: &[T],
-        rows: &KernelMap,
-        x: &[T],
-        cache: &mut Cache<T>,
-        d: &mut [T],
-        grads: &mut [T],
-        scratch: &mut Scratch<T>,
-    ) {
-        assert!(self.shortcut.is_none(), "the input goes unchanged");
-        let (mapped, measured) = cache.second.parts();
-        self.second.norm.pass_relu_of_sum(params, mapped, measured, x, d);
-        self.backward_to_first(params, rows, cache, d, grads, scratch);
-        let dx = &mut scratch.middle;
-        let dy = cache.first.parts().0;
-        self.first.map.backward(params, rows, x, dy, Some(&mut *dx), grads);
-        rows::add_all(d, dx);
-    }
-
-    /// From `d`, which passed the last ReLU, to the gradient of the first convolution's output, in the place
-    /// of that output.
+    /// From `d`, which passed the last ReLU, to the gradient of the first convolution's output.
     fn backward_to_first<T: Scalar>(
         &self,
-        params: &[T],
-        rows: &KernelMap,
-        cache: &mut Cache<T>,
+        pass: &mut Backward<T>,
+        map: &KernelMap,
+        first: (Buffer<T>, Statistics),
+        second: (Buffer<T>, Statistics),
         d: &[T],
-        grads: &mut [T],
-        scratch: &mut Scratch<T>,
-    ) {
-        let (Cache { first, second, .. }, Scratch { middle, .. }) = (cache, scratch);
-        self.first.output(params, first, middle);
-        self.second.backward_norm(params, second, d, grads);
-        let dy = second.parts().0;
-        self.second.map.backward(params, rows, middle, dy, None, grads);
-        // Its place is free now.
-        self.second.map.backward_input(params, rows, dy, middle);
-        self.first.backward_norm(params, first, middle, grads);
+    ) -> Buffer<T> {
+        let (c, (mapped, statistics)) = (self.c_out(), first);
+        let middle = pass.arena.get(mapped.len());
+        let middle = self.first.output(pass.params, &mapped, &statistics, middle);
+        let dsecond = self.second.backward_norm(pass, second.0, &second.1, d);
+        let conv = &self.second.linear;
+        conv.weight_gradient(pass, map, Operand::new(&middle, c), &dsecond);
+        let shape = Operand::new(&mapped, c);
+        drop(middle);
+        let dmiddle = conv.input_gradient(pass.context(), map, shape, &dsecond).into_first();
+        drop(dsecond);
+        self.first.backward_norm(pass, mapped, &statistics, &dmiddle)
     }
 }
 
-impl<T> Cache<T> {
-    /// Memory that is free once backward has passed the block.
-    pub(super) fn take_memory(&mut self) -> Vec<T> {
-        self.first.take_memory()
+impl<T: Scalar> Layer<T> for Residual {
+    type Geometry = KernelMap;
+    type Saved = SavedResidual<T>;
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        let parts = [Layer::<T>::param_ranges(&self.first), Layer::<T>::param_ranges(&self.second)];
+        let shortcut = self.shortcut.as_ref().map(Layer::<T>::param_ranges);
+        parts.into_iter().chain(shortcut).flatten().collect()
     }
 
-    /// Takes back what [`Cache::take_memory`] lent.
-    pub(super) fn give_memory(&mut self, memory: Vec<T>) {
-        self.first.give_memory(memory);
+    fn forward(&self, pass: &Inference<T>, map: &KernelMap, x: Operand<T>) -> Buffer<T> {
+        let middle = self.first.forward(pass, map, x);
+        let straight = match &self.shortcut {
+            None => x.to_matrix(pass.arena),
+            Some(shortcut) => Matrix::Owned(shortcut.forward(pass, &(), x)),
+        };
+        let middle = Operand::new(&middle, self.c_out());
+        self.second.forward_with(pass, map, middle, Activation::ReluOfSum(&straight))
+    }
+
+    fn forward_train(
+        &self,
+        pass: &mut Training<T>,
+        map: &KernelMap,
+        x: Operand<T>,
+    ) -> (Buffer<T>, SavedResidual<T>) {
+        let (middle, first) = self.first.forward_train(pass, map, x);
+        let (mapped, statistics) =
+            self.second.measure(pass, map, Operand::new(&middle, self.c_out()));
+        drop(middle);
+        let (params, norm) = (pass.params, &self.second.norm);
+        let (y, shortcut) = match &self.shortcut {
+            None => {
+                let (x, mut y) = (x.to_matrix(pass.arena), pass.arena.get(mapped.len()));
+                let activation = Activation::ReluOfSum(&x);
+                norm.normalize(params, &statistics, Some(&mapped), activation, &mut y);
+                (y, None)
+            }
+            Some(shortcut) => {
+                let (mut y, saved) = shortcut.forward_train(pass, &(), x);
+                let activation = Activation::ReluOfSumWithOutput;
+                norm.normalize(params, &statistics, Some(&mapped), activation, &mut y);
+                (y, Some(saved))
+            }
+        };
+        let mapped = Saved::new(self.second.policy, mapped);
+        (y, SavedResidual { first, second: SavedLinearNormAct { mapped, statistics }, shortcut })
+    }
+
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        map: &KernelMap,
+        x: Operand<T>,
+        saved: SavedResidual<T>,
+        mut dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let recomputed = saved.second.mapped.get().is_none();
+        let second = recomputed.then(|| self.recompute_second(pass, map, x, &saved));
+        let SavedResidual { first, second: saved_second, shortcut } = saved;
+        let second = saved_second.mapped.restore(|| second.unwrap_or_default());
+        let statistics = saved_second.statistics;
+        let shortcut = self.restore_shortcut(pass, x, shortcut);
+        self.pass_last_relu(pass, x, &shortcut, (&second, &statistics), &mut dy);
+        let mapped = self.first.restore_mapped(pass, map, x, first.mapped);
+        let first = (mapped, first.statistics);
+        let dfirst = self.backward_to_first(pass, map, first, (second, statistics), &dy);
+        let mut dx = self.first.linear.gradients(pass, map, x, &dfirst);
+        drop(dfirst);
+        match shortcut {
+            Shortcut::Identity => dx.add(&OperandGradient::of_matrix(pass.arena, x, dy)),
+            Shortcut::Linear { layer, mapped, statistics } => {
+                let dmapped = layer.backward_norm(pass, mapped, &statistics, &dy);
+                drop(dy);
+                layer.linear.weight_gradient(pass, &(), x, &dmapped);
+                layer.linear.add_input_gradient(pass.context(), x, &dmapped, &mut dx);
+            }
+        }
+        dx
+    }
+}
+
+impl Residual {
+    /// Leaves of `d`, the gradient of the output, what passes the last ReLU.
+    fn pass_last_relu<T: Scalar>(
+        &self,
+        pass: &Backward<T>,
+        x: Operand<T>,
+        shortcut: &Shortcut<T>,
+        (second, statistics): (&[T], &Statistics),
+        d: &mut [T],
+    ) {
+        let straight = match shortcut {
+            Shortcut::Identity => x.to_matrix(pass.arena),
+            Shortcut::Linear { layer, mapped, statistics } => {
+                let y = pass.arena.get(mapped.len());
+                Matrix::Owned(layer.output(pass.params, mapped, statistics, y))
+            }
+        };
+        let activation = Activation::PassReluOfSum(&straight);
+        self.second.norm.normalize(pass.params, statistics, Some(second), activation, d);
     }
 }

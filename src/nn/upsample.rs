@@ -2,95 +2,111 @@
 //!
 //! For trilinear upsampling see [`super::interp::Interpolation::between_depths`].
 
+use super::arena::Buffer;
+use super::layer::Layer;
+use super::operand::{Operand, OperandGradient};
+use super::pass::{Backward, Inference, Training};
+use super::rows;
 use crate::octree::Level;
 use crate::par;
 use crate::scalar::Scalar;
+use std::ops::Range;
 
 /// Nodes per task.
 const BLOCK: usize = 1024;
 
-/// `y[8·children[n] + k] = x[n]`; rows of empty nodes are not read.
+/// `y[8·children[n] + k] = x[n]`, from `[n_nodes, c]` of the coarse level to `[8·n_nonempty, c]`, all nodes one
+/// depth finer, for any `c`; rows of empty nodes are not read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NearestUpsample {
-    channels: usize,
+pub struct NearestUpsample;
+
+fn from_parents<T: Scalar>(coarse: &Level, c: usize, x: &[T], y: &mut [T]) {
+    assert_eq!(x.len(), coarse.n_nodes() * c, "rows of the input and of the octree differ");
+    par::for_each_block(y, 8 * BLOCK * c, |block, rows| {
+        for (i, row) in rows.chunks_exact_mut(c).enumerate() {
+            let node = coarse.nonempty[block * BLOCK + i / 8] as usize;
+            row.copy_from_slice(&x[node * c..][..c]);
+        }
+    });
 }
 
-impl NearestUpsample {
-    /// Upsampling of rows of `channels` numbers.
-    pub fn new(channels: usize) -> Self {
-        NearestUpsample { channels }
+/// `dx[n] = Σ_k dy[8·children[n] + k]`; zero for empty nodes.
+fn sum_of_children<T: Scalar>(coarse: &Level, c: usize, dy: &[T], dx: &mut [T]) {
+    let n = 8 * coarse.n_nonempty() * c;
+    assert_eq!(dy.len(), n, "rows of the gradient and children differ");
+    par::for_each_block(dx, BLOCK * c, |block, rows| {
+        rows.fill(T::ZERO);
+        for (i, row) in rows.chunks_exact_mut(c).enumerate() {
+            let Ok(group) = usize::try_from(coarse.children[block * BLOCK + i]) else {
+                continue;
+            };
+            for child in dy[8 * group * c..][..8 * c].chunks_exact(c) {
+                rows::add(row, child);
+            }
+        }
+    });
+}
+
+impl<T: Scalar> Layer<T> for NearestUpsample {
+    type Geometry = Level;
+    type Saved = ();
+
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        Vec::new()
     }
 
-    /// `x: [n_nodes, channels]` of `coarse` to `y: [8·n_nonempty, channels]`, all nodes one depth finer.
-    ///
-    /// # Panics
-    /// If `x` has not one row per node.
-    pub fn forward<T: Scalar>(&self, coarse: &Level, x: &[T], y: &mut Vec<T>) {
-        let c = self.channels;
-        assert_eq!(x.len(), coarse.n_nodes() * c, "rows of the input and of the octree differ");
-        y.resize(8 * coarse.n_nonempty() * c, T::ZERO);
-        par::for_each_block(y, 8 * BLOCK * c, |block, rows| {
-            for (i, row) in rows.chunks_exact_mut(c).enumerate() {
-                let node = coarse.nonempty[block * BLOCK + i / 8] as usize;
-                row.copy_from_slice(&x[node * c..][..c]);
-            }
-        });
+    fn forward(&self, pass: &Inference<T>, coarse: &Level, x: Operand<T>) -> Buffer<T> {
+        let c = x.width();
+        let mut y = pass.arena.get(8 * coarse.n_nonempty() * c);
+        from_parents(coarse, c, &x.to_matrix(pass.arena), &mut y);
+        y
     }
 
-    /// `dx[n] = Σ_k dy[8·children[n] + k]`; zero for empty nodes.
-    ///
-    /// # Panics
-    /// If `dy` has not one row per finer node.
-    pub fn backward<T: Scalar>(&self, coarse: &Level, dy: &[T], dx: &mut Vec<T>) {
-        let c = self.channels;
-        assert_eq!(
-            dy.len(),
-            8 * coarse.n_nonempty() * c,
-            "rows of the gradient and children differ"
-        );
-        dx.resize(coarse.n_nodes() * c, T::ZERO);
-        par::for_each_block(dx, BLOCK * c, |block, rows| {
-            rows.fill(T::ZERO);
-            for (i, row) in rows.chunks_exact_mut(c).enumerate() {
-                let Ok(group) = usize::try_from(coarse.children[block * BLOCK + i]) else {
-                    continue;
-                };
-                for child in dy[8 * group * c..][..8 * c].chunks_exact(c) {
-                    row.iter_mut().zip(child).for_each(|(d, &dy)| *d += dy);
-                }
-            }
-        });
+    fn forward_train(
+        &self,
+        pass: &mut Training<T>,
+        coarse: &Level,
+        x: Operand<T>,
+    ) -> (Buffer<T>, ()) {
+        (self.forward(&pass.inference(), coarse, x), ())
+    }
+
+    fn backward(
+        &self,
+        pass: &mut Backward<T>,
+        coarse: &Level,
+        x: Operand<T>,
+        (): (),
+        dy: Buffer<T>,
+    ) -> OperandGradient<T> {
+        let c = x.width();
+        let mut dx = pass.arena.get(coarse.n_nodes() * c);
+        sum_of_children(coarse, c, &dy, &mut dx);
+        OperandGradient::of_matrix(pass.arena, x, dx)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernel_product::tests::octrees;
+    use super::super::testing::{forward, octrees, require_adjoint, require_gradients};
     use super::*;
-    use crate::gradcheck::{adjoint, probe};
+    use crate::gradcheck::probe;
+    use crate::nn::params::Layout;
 
     #[test]
-    fn children_get_their_parents_row_and_backward_is_the_adjoint() {
-        let layer = NearestUpsample::new(3);
+    fn children_get_their_parents_row_and_gradients_are_right() {
         for octree in octrees() {
             for coarse in &octree.levels[..octree.depth()] {
-                let forward = |x: &[f64]| {
-                    let mut y = vec![f64::NAN; 3];
-                    layer.forward(coarse, x, &mut y);
-                    y
-                };
-                let backward = |dy: &[f64]| {
-                    let mut dx = vec![f64::NAN; 3];
-                    layer.backward(coarse, dy, &mut dx);
-                    dx
-                };
                 let (n_in, n_out) = (3 * coarse.n_nodes(), 24 * coarse.n_nonempty());
                 let x = probe(n_in, 1);
-                for (row, y) in forward(&x).chunks_exact(3).enumerate() {
+                let y = forward(&NearestUpsample, &[], coarse, Operand::new(&x, 3));
+                for (row, y) in y.chunks_exact(3).enumerate() {
                     let parent = coarse.children.iter().position(|&c| c == row as i32 / 8).unwrap();
                     assert_eq!(y, &x[3 * parent..][..3]);
                 }
-                assert!(adjoint(n_in, n_out, forward, backward) < 1e-14);
+                let none = (&Layout::default(), &[][..]);
+                require_gradients(&NearestUpsample, none, coarse, Operand::new(&x, 3));
+                require_adjoint(&NearestUpsample, &[], coarse, (n_in, 3), n_out);
             }
         }
     }

@@ -5,7 +5,7 @@
 //! that a missing neighbour costs nothing. The block length depends on the number of rows only.
 
 use crate::par;
-use crate::scalar::block::MAX_ROWS as MAX_BLOCK;
+use crate::simd::gemm::block::MAX_ROWS as MAX_BLOCK;
 use std::ops::Range;
 
 /// Shortest block of a map that has several; blocks are multiples of it.

@@ -3,6 +3,7 @@
 //! Bit `3i+2` is bit `i` of x, `3i+1` of y, `3i` of z; the shape's index sits above bit 48. The parent's
 //! key is the key without its lowest three bits, which number the child: `4x + 2y + z`.
 
+use crate::spatial::morton;
 use glam::Vec3;
 
 /// First bit of the shape's index.
@@ -14,14 +15,14 @@ const CELL_BITS: u64 = (1 << SHAPE_SHIFT) - 1;
 
 /// Key of `cell` (each coordinate below 2¹⁶) of `shape`.
 pub fn encode(cell: [u32; 3], shape: usize) -> u64 {
-    let [x, y, z] = cell.map(spread);
-    (shape as u64) << SHAPE_SHIFT | x << 2 | y << 1 | z
+    let [x, y, z] = cell;
+    (shape as u64) << SHAPE_SHIFT | morton::encode([z, y, x])
 }
 
 /// Cell and shape of a key.
 pub fn decode(key: u64) -> ([u32; 3], usize) {
-    let bits = key & CELL_BITS;
-    ([gather(bits >> 2), gather(bits >> 1), gather(bits)], (key >> SHAPE_SHIFT) as usize)
+    let [z, y, x] = morton::decode(key);
+    ([x, y, z], (key >> SHAPE_SHIFT) as usize)
 }
 
 /// Key of the ancestor `levels` above.
@@ -48,22 +49,6 @@ pub fn cell(point: Vec3, depth: usize) -> Option<[u32; 3]> {
     }
     let last = (1u32 << depth) - 1;
     Some(in_cells(point, depth).to_array().map(|x| (x as u32).min(last)))
-}
-
-fn spread(x: u32) -> u64 {
-    let mut x = u64::from(x) & 0xffff;
-    x = (x | x << 16) & 0x0000_ff00_00ff;
-    x = (x | x << 8) & 0xf00f_00f0_0f00_f00f & CELL_BITS;
-    x = (x | x << 4) & 0x30c3_0c30_c30c_30c3 & CELL_BITS;
-    (x | x << 2) & 0x9249_2492_4924_9249 & CELL_BITS
-}
-
-fn gather(bits: u64) -> u32 {
-    let mut x = bits & 0x9249_2492_4924_9249 & CELL_BITS;
-    x = (x | x >> 2) & 0x30c3_0c30_c30c_30c3;
-    x = (x | x >> 4) & 0xf00f_00f0_0f00_f00f;
-    x = (x | x >> 8) & 0x0000_ff00_00ff;
-    ((x | x >> 16) & 0xffff) as u32
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@ use crate::Result;
 use crate::loss::CrossEntropy;
 use crate::model::heads::N_CLASSES;
 use crate::model::weights::tensors::Values;
-use crate::model::{Activations, Batch, Model, Workspace};
+use crate::model::{Activations, Batch, Model};
+use crate::nn::arena::{Arena, Buffer};
 use crate::nn::params::Entry;
 use crate::octree::Octree;
 use crate::optim::Sgd;
@@ -24,13 +25,13 @@ pub(super) fn run<T: Scalar>(fixture: &Fixture, prefix: &str, to: &mut Tensors) 
         octree(&batch.octree, to);
         to.add_rows("input_feature", input.node_features()?.n_channels(), &batch.features);
     }
-    let mut activations = Activations::default();
-    model.forward(&batch, &mut activations);
+    let arena = Arena::default();
+    let activations = model.forward(&batch, &arena);
     stages(&model, &activations, &format!("{prefix}eval."), to);
     if let Some(labels) = &fixture.labels {
-        let mut run = Run { model: &mut model, batch: &batch, labels, work: Workspace::default() };
+        let mut run = Run { model: &mut model, batch: &batch, labels, arena: &arena };
         run.train(fixture.config.sgd.unwrap_or_default(), prefix, to);
-        model.forward(&batch, &mut activations);
+        let activations = model.forward(&batch, &arena);
         logits(&activations.logits, &format!("{prefix}post."), to);
     }
     Ok(())
@@ -80,7 +81,7 @@ fn octree(octree: &Octree, to: &mut Tensors) {
 fn stages<T: Scalar>(model: &Model<T>, from: &Activations<T>, prefix: &str, to: &mut Tensors) {
     let config = model.net.config();
     to.add_rows(format!("{prefix}conv1"), config.stem_width, &from.stem);
-    let mut add = |name: &str, first: usize, c: &dyn Fn(usize) -> usize, all: &[Vec<T>]| {
+    let mut add = |name: &str, first: usize, c: &dyn Fn(usize) -> usize, all: &[Buffer<T>]| {
         for (i, values) in all.iter().enumerate() {
             to.add_rows(format!("{prefix}{name}{}", i + first), c(i), values);
         }
@@ -94,7 +95,7 @@ fn stages<T: Scalar>(model: &Model<T>, from: &Activations<T>, prefix: &str, to: 
     logits(&from.logits, prefix, to);
 }
 
-fn logits<T: Scalar>(logits: &[Vec<T>; 2], prefix: &str, to: &mut Tensors) {
+fn logits<T: Scalar>(logits: &[Buffer<T>; 2], prefix: &str, to: &mut Tensors) {
     for (i, logits) in logits.iter().enumerate() {
         to.add_rows(format!("{prefix}logits_{}", i + 1), N_CLASSES, logits);
     }
@@ -104,7 +105,7 @@ struct Run<'a, T> {
     model: &'a mut Model<T>,
     batch: &'a Batch<T>,
     labels: &'a [Vec<u8>; 2],
-    work: Workspace<T>,
+    arena: &'a Arena<T>,
 }
 
 impl<T: Scalar> Run<'_, T> {
@@ -114,10 +115,10 @@ impl<T: Scalar> Run<'_, T> {
         let mut velocity = vec![T::ZERO; self.model.params.len()];
         let mut losses = Vec::new();
         for step in 0..steps {
-            let (loss, mut grads) = self.gradient();
+            let (loss, mut grads, of_heads) = self.gradient();
             losses.push(loss);
             if step == 0 {
-                logits(&self.work.logits, &format!("{prefix}train."), to);
+                logits(&of_heads, &format!("{prefix}train."), to);
                 let entries = &self.model.net.layout().params;
                 tensors(entries, &grads, &format!("{prefix}grad."), to);
             }
@@ -132,17 +133,17 @@ impl<T: Scalar> Run<'_, T> {
         tensors(&layout.buffers, &self.model.buffers, &format!("{prefix}post."), to);
     }
 
-    /// Loss in training mode and its gradient.
-    fn gradient(&mut self) -> (f64, Vec<T>) {
-        self.model.forward_train(self.batch, None, &mut self.work);
+    /// Loss in training mode, its gradient, and the logits.
+    fn gradient(&mut self) -> (f64, Vec<T>, [Buffer<T>; 2]) {
+        let pass = self.model.forward_train(self.batch, None, self.arena);
         let (mut loss, mut d) = (0.0, [Vec::new(), Vec::new()]);
         for (head, d) in d.iter_mut().enumerate() {
-            let (logits, labels) = (&self.work.logits[head], &self.labels[head]);
+            let (logits, labels) = (&pass.logits[head], &self.labels[head]);
             loss += HEAD_WEIGHT * CrossEntropy::binary().loss(logits, labels, HEAD_WEIGHT, d);
         }
-        let mut grads = vec![T::ZERO; self.model.params.len()];
-        self.model.backward(self.batch, [&d[0], &d[1]], &mut self.work, &mut grads);
-        (loss, grads)
+        let (mut grads, logits) = (vec![T::ZERO; self.model.params.len()], pass.logits.clone());
+        self.model.backward(self.batch, pass, [&d[0], &d[1]], &mut grads, self.arena);
+        (loss, grads, logits)
     }
 }
 

@@ -4,17 +4,22 @@ use super::fixture::{Fixture, OPS};
 use super::{Tensors, tensor};
 use crate::loss::CrossEntropy;
 use crate::model::config::CutterConfig;
-use crate::model::cutter_modules::{self, CutterModule};
+use crate::model::cutter_modules::CutterModule;
 use crate::model::heads::{self, Head};
+use crate::model::policy::MemoryPolicy;
 use crate::model::weights::tensors::{TensorFile, Values};
-use crate::nn::batch_norm::{self, BatchNorm};
+use crate::nn::arena::Arena;
+use crate::nn::batch_norm::BatchNorm;
 use crate::nn::conv::OctreeConv;
-use crate::nn::conv_transpose::OctreeUp;
-use crate::nn::down::OctreeDown;
-use crate::nn::interp::Interpolation;
+use crate::nn::deconv::OctreeDeconv;
+use crate::nn::interp::{Interpolate, Interpolation};
+use crate::nn::layer::Layer;
+use crate::nn::linear_operator::LinearOperator;
+use crate::nn::operand::Operand;
 use crate::nn::params::{Entry, Layout};
-use crate::nn::residual::{self, Residual, Scratch};
-use crate::nn::unit::LinearMap;
+use crate::nn::pass::{Backward, Inference, Training};
+use crate::nn::residual::Residual;
+use crate::nn::strided_conv::{OctreeStridedConv, OutputRows};
 use crate::octree::Octree;
 use crate::optim::Sgd;
 use crate::scalar::Scalar;
@@ -34,12 +39,14 @@ pub(super) fn run<T: Scalar>(
     for name in names {
         let mut op = Op::<T>::new(name, recorded);
         match name {
-            "conv3" => op.map(&octree.levels[4].conv, OctreeConv::new)?,
-            "down" => op.map(&octree.levels[3], OctreeDown::new)?,
+            "conv3" => op.operator(&octree.levels[4].conv, OctreeConv::new)?,
+            "down" => op.operator(&octree.levels[3], |layout, name, c_in, c_out| {
+                OctreeStridedConv::new(layout, name, c_in, c_out, OutputRows::AllNodes)
+            })?,
             "up" => {
                 let weights = op.shape("weights", 3)?;
-                let layer = OctreeUp::new(&mut op.layout, name, weights[2], weights[1]);
-                op.linear_map(&octree.levels[3], &layer)?;
+                let layer = OctreeDeconv::new(&mut op.layout, name, weights[2], weights[1]);
+                op.layer(&octree.levels[3], &layer)?;
             }
             "interp" => op.interpolation(fixture, &octree)?,
             "bn_train" | "bn_eval" => op.batch_norm(name == "bn_train")?,
@@ -136,70 +143,62 @@ impl<'a, T: Scalar> Op<'a, T> {
         self.add_all("after", &layout.buffers, buffers);
     }
 
-    fn map<M: LinearMap>(
+    /// A linear operator that is made from its widths.
+    fn operator<M: LinearOperator>(
         &mut self,
-        rows: &M::Rows,
+        geometry: &M::Geometry,
         new: impl Fn(&mut Layout, &str, usize, usize) -> M,
     ) -> Result<()> {
         let weights = self.shape("weights", 3)?;
         let layer = new(&mut self.layout, self.name, weights[1], weights[2]);
-        self.linear_map(rows, &layer)
+        self.layer(geometry, &layer)
     }
 
-    fn linear_map<M: LinearMap>(&mut self, rows: &M::Rows, layer: &M) -> Result<()> {
-        let (params, x, dy) = (self.params()?, self.get("x")?, self.get("gy")?);
-        let (mut y, mut dx, mut grads) = (Vec::new(), Vec::new(), vec![T::ZERO; params.len()]);
-        layer.forward(&params, rows, (&x).into(), &mut y);
-        let to = Some((&mut dx).into());
-        layer.backward(&params, rows, (&x).into(), &dy, to, &mut grads);
-        let (c_out, c_in) = (self.shape("gy", 2)?[1], self.shape("x", 2)?[1]);
-        self.finish((c_out, &y), (c_in, &dx), &grads, &[]);
+    /// Output, gradients and running statistics of a training pass.
+    fn layer<L: Layer<T>>(&mut self, geometry: &L::Geometry, layer: &L) -> Result<()> {
+        let (c_in, c_out) = (self.shape("x", 2)?[1], self.shape("gy", 2)?[1]);
+        let (params, x, arena) = (self.params()?, self.get("x")?, &Arena::default());
+        let (mut buffers, dy) = (self.gather(&self.layout.buffers)?, self.get("gy")?);
+        let x = Operand::new(&x, c_in);
+        let mut pass = Training { params: &params, buffers: &mut buffers, dropout: None, arena };
+        let (y, saved) = layer.forward_train(&mut pass, geometry, x);
+        let mut grads = vec![T::ZERO; params.len()];
+        let mut pass = Backward { params: &params, grads: &mut grads, arena };
+        let dx = layer.backward(&mut pass, geometry, x, saved, arena.copy_of(&dy)).into_first();
+        self.finish((c_out, &y), (c_in, &dx), &grads, &buffers);
         Ok(())
     }
 
     fn interpolation(&mut self, fixture: &Fixture, octree: &Octree) -> Result<()> {
         let (points, shapes) = (&fixture.points, &fixture.shapes);
-        let layer = Interpolation::<T>::linear(octree, octree.depth(), points, shapes);
-        let c = self.shape("x", 2)?[1];
-        let (mut y, mut dx) = (Vec::new(), Vec::new());
-        layer.forward(c, &self.get("x")?, &mut y);
-        layer.backward(c, &self.get("gy")?, &mut dx);
-        self.finish((c, &y), (c, &dx), &[], &[]);
-        Ok(())
+        let map = Interpolation::<T>::linear(octree, octree.depth(), points, shapes);
+        self.layer(&map, &Interpolate)
     }
 
     fn batch_norm(&mut self, train: bool) -> Result<()> {
         let c = self.shape("x", 2)?[1];
         let norm = BatchNorm::new(&mut self.layout, self.name, c);
-        let (params, x, mut d) = (self.params()?, self.get("x")?, self.get("gy")?);
-        let mut buffers = self.gather(&self.layout.buffers)?;
-        let (mut y, mut cache) = (Vec::new(), batch_norm::Cache::default());
-        let mut grads = vec![T::ZERO; params.len()];
         if train {
-            norm.forward_train(&params, &mut buffers, &x, &mut y, &mut cache);
-        } else {
-            y.clone_from(&x);
-            norm.forward(&params, &buffers, &mut y);
-            cache = norm.running(&buffers);
+            return self.layer(&(), &norm);
         }
-        norm.backward(&params, &x, &cache, &mut d, &mut grads);
-        self.finish((c, &y), (c, &d), &grads, &buffers);
+        let (params, x, arena) = (self.params()?, self.get("x")?, &Arena::default());
+        let (buffers, dy) = (self.gather(&self.layout.buffers)?, self.get("gy")?);
+        let x = Operand::new(&x, c);
+        let pass = Inference { params: &params, buffers: &buffers, arena };
+        let y = norm.forward(&pass, &(), x);
+        let mut grads = vec![T::ZERO; params.len()];
+        let mut pass = Backward { params: &params, grads: &mut grads, arena };
+        let (running, dy) = (norm.running(&buffers), arena.copy_of(&dy));
+        let dx = norm.backward(&mut pass, &(), x, running, dy).into_first();
+        self.finish((c, &y), (c, &dx), &grads, &buffers);
         Ok(())
     }
 
     fn residual(&mut self, octree: &Octree) -> Result<()> {
         let (c_in, c_out) = (self.shape("x", 2)?[1], self.shape("gy", 2)?[1]);
-        let block = Residual::new(&mut self.layout, self.name, c_in, c_out);
-        let (params, x, mut d) = (self.params()?, self.get("x")?, self.get("gy")?);
-        let mut buffers = self.gather(&self.layout.buffers)?;
-        let (mut y, mut cache) = (Vec::new(), residual::Cache::default());
-        let (mut dx, mut grads) = (Vec::new(), vec![T::ZERO; params.len()]);
-        let (rows, scratch) = (&octree.levels[3].conv, &mut Scratch::default());
-        block.forward_train(&params, &mut buffers, rows, &x, &mut y, &mut cache, scratch);
-        let to = (&mut dx).into();
-        block.backward(&params, rows, &x, &y, &mut cache, &mut d, to, &mut grads, scratch);
-        self.finish((c_out, &y), (c_in, &dx), &grads, &buffers);
-        Ok(())
+        let policy = MemoryPolicy::default().blocks.block;
+        let block = Residual::new(&mut self.layout, self.name, c_in, c_out, policy);
+        self.layer(&octree.levels[3].conv, &block)
     }
 
     fn cutter_module(&mut self) -> Result<()> {
@@ -209,31 +208,15 @@ impl<'a, T: Scalar> Op<'a, T> {
             dropout: 0.0,
             ..CutterConfig::default()
         };
-        let module = CutterModule::new(&mut self.layout, self.name, &config);
-        let (params, x, mut d) = (self.params()?, self.get("x")?, self.get("gy")?);
-        let mut buffers = self.gather(&self.layout.buffers)?;
-        let (mut y, mut cache) = (Vec::new(), cutter_modules::Cache::default());
-        let (mut dx, mut grads) = (Vec::new(), vec![T::ZERO; params.len()]);
-        module.forward_train(&params, &mut buffers, None, &x, &mut y, &mut cache);
-        module.backward(&params, &x, &cache, &mut d, Some(&mut dx), &mut grads);
-        self.finish((config.width, &y), (cutter_modules::N_LENGTHS, &dx), &grads, &buffers);
-        Ok(())
+        let module = CutterModule::new(&mut self.layout, self.name, &config)?;
+        self.layer(&(), &module)
     }
 
     fn head(&mut self) -> Result<()> {
         let weight = self.shape("0.conv.linear.weight", 2)?;
-        let head = Head::new(&mut self.layout, self.name, weight[1], weight[0]);
-        let (params, x, dy) = (self.params()?, self.get("x")?, self.get("gy")?);
-        let mut buffers = self.gather(&self.layout.buffers)?;
-        let (mut y, mut cache) = (Vec::new(), heads::Cache::default());
-        let (mut dx, mut grads) = (vec![T::ZERO; x.len()], vec![T::ZERO; params.len()]);
-        let memory = &mut [Vec::new(), Vec::new()];
-        head.forward_train(&params, &mut buffers, &x, &mut y, &mut cache, &mut memory[0]);
-        let [hidden, memory] = memory;
-        head.backward(&params, &x, &cache, &dy, &mut grads, hidden, memory);
-        head.add_dx(&params, hidden, &mut dx);
-        self.finish((heads::N_CLASSES, &y), (weight[1], &dx), &grads, &buffers);
-        Ok(())
+        let policy = MemoryPolicy::default().head;
+        let head = Head::new(&mut self.layout, self.name, weight[1], weight[0], policy);
+        self.layer(&(), &head)
     }
 
     fn cross_entropy(&mut self) -> Result<()> {

@@ -2,8 +2,8 @@
 
 use super::raster::{Fragment, Surface};
 use super::{Colouring, Part, Rgb};
-use crate::geom::grid::Grid;
 use crate::geom::spacing::Spacing;
+use crate::spatial::PointGrid;
 use glam::{DVec3, Vec3};
 
 /// Weight of a difference in normals: perpendicular faces count like this many squared spacings.
@@ -20,7 +20,7 @@ pub struct Painter<'a> {
     /// What is drawn: the mesh, or a disc for each site.
     pub surface: Surface,
     /// The sites by place; `None` if each face belongs to a site already.
-    grid: Option<Grid>,
+    grid: Option<PointGrid>,
     spacing: f64,
     part: Part<'a>,
     colouring: &'a Colouring<'a>,
@@ -33,7 +33,7 @@ impl<'a> Painter<'a> {
         let (surface, grid, spacing) = match part.mesh {
             Some(mesh) => {
                 let spacing = (mesh.area() / n_sites).sqrt();
-                (Surface::of_mesh(mesh), Some(Grid::new(&part.sites.points)), spacing)
+                (Surface::of_mesh(mesh), Some(PointGrid::new(&part.sites.points)), spacing)
             }
             None => {
                 let spacing = Spacing::measure_on_sheet(part.sites).map_or(0.0, |s| s.mean_mm);
@@ -58,7 +58,7 @@ impl<'a> Painter<'a> {
         site.map_or(METAL, |i| self.colouring.colour(i as usize))
     }
 
-    fn nearest(&self, grid: &Grid, point: Vec3, normal: Vec3) -> Option<u32> {
+    fn nearest(&self, grid: &PointGrid, point: Vec3, normal: Vec3) -> Option<u32> {
         let weight = NORMAL_WEIGHT * self.spacing * self.spacing;
         let mut best = (f64::INFINITY, None);
         grid.for_each_within(point, (REACH * self.spacing) as f32, |i, square| {

@@ -6,7 +6,7 @@
 //! entered.
 
 use super::fma;
-use super::vector::{self, Float32, Float64};
+use super::vector::{self, Float32, Float64, Unsigned16, Unsigned32};
 use std::fmt;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 pub const VARIABLE: &str = "DEEPMILL_SIMD";
 
 /// What a kernel body may ask of the level it is compiled for.
-pub trait Simd: super::eights::Eights {
+pub trait Simd: Copy {
     /// Lanes of `f32` in a vector register.
     const LANES: usize;
     /// Rows of a register tile of products: with two vectors each they leave room for a row of the other
@@ -25,6 +25,10 @@ pub trait Simd: super::eights::Eights {
     type F32: Float32<Isa = Self>;
     /// Half as many.
     type F64: Float64<Isa = Self>;
+    /// `LANES` whole numbers.
+    type U32: Unsigned32<Isa = Self>;
+    /// Twice as many.
+    type U16: Unsigned16<Isa = Self>;
 
     /// `a * b + c` with one rounding.
     fn mul_add(self, a: f32, b: f32, c: f32) -> f32;
@@ -57,7 +61,7 @@ pub trait Kernel {
 
 macro_rules! token {
     (
-        $(#[$doc:meta])* $name:ident, $f32:ty, $f64:ty, $lanes:literal, $rows:literal,
+        $(#[$doc:meta])* $name:ident, $f32:ty, $f64:ty, $u32:ty, $u16:ty, $lanes:literal, $rows:literal,
         $mul_add:path, $has:expr
     ) => {
         $(#[$doc])*
@@ -76,6 +80,8 @@ macro_rules! token {
             const TILE_ROWS: usize = $rows;
             type F32 = $f32;
             type F64 = $f64;
+            type U32 = $u32;
+            type U16 = $u16;
 
             #[inline(always)]
             fn mul_add(self, a: f32, b: f32, c: f32) -> f32 {
@@ -87,13 +93,14 @@ macro_rules! token {
 
 token!(
     /// The target's baseline, with fused multiply-add by arithmetic where the baseline has none.
-    Portable, vector::Lanes<f32, 4, Portable>, vector::Lanes<f64, 2, Portable>, 4, 2,
+    Portable, vector::Lanes<f32, 4, Portable>, vector::Lanes<f64, 2, Portable>,
+    vector::Lanes<u32, 4, Portable>, vector::Lanes<u16, 8, Portable>, 4, 2,
     fma::mul_add, true
 );
 #[cfg(target_arch = "x86_64")]
 token!(
     /// AVX2 and FMA, with the bit counting that comes with them.
-    Avx2, vector::F32x8, vector::F64x4, 8, 6, f32::mul_add,
+    Avx2, vector::F32x8, vector::F64x4, vector::U32x8, vector::U16x16, 8, 6, f32::mul_add,
     is_x86_feature_detected!("avx2")
         && is_x86_feature_detected!("fma")
         && is_x86_feature_detected!("popcnt")
@@ -103,7 +110,7 @@ token!(
 #[cfg(target_arch = "x86_64")]
 token!(
     /// AVX-512 F, BW, DQ and VL, with AVX2 and FMA.
-    Avx512, vector::F32x16, vector::F64x8, 16, 8, f32::mul_add,
+    Avx512, vector::F32x16, vector::F64x8, vector::U32x16, vector::U16x32, 16, 8, f32::mul_add,
     is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512bw")
         && is_x86_feature_detected!("avx512dq")
@@ -113,7 +120,8 @@ token!(
 #[cfg(target_arch = "aarch64")]
 token!(
     /// NEON.
-    Neon, vector::Lanes<f32, 4, Neon>, vector::Lanes<f64, 2, Neon>, 4, 8, f32::mul_add, std::arch::is_aarch64_feature_detected!("neon")
+    Neon, vector::Lanes<f32, 4, Neon>, vector::Lanes<f64, 2, Neon>,
+    vector::Lanes<u32, 4, Neon>, vector::Lanes<u16, 8, Neon>, 4, 8, f32::mul_add, std::arch::is_aarch64_feature_detected!("neon")
 );
 
 /// An instruction-set level that this processor has.

@@ -4,7 +4,8 @@ use super::{Reduction, Run, Settings};
 use crate::data::{Sample, Source};
 use crate::loss::CrossEntropy;
 use crate::metrics::Confusion;
-use crate::model::{Batch, Model, Shape, Workspace};
+use crate::model::{Batch, Model, Shape};
+use crate::nn::arena::Arena;
 use crate::optim::Sgd;
 use crate::rng::{Purpose, Stream};
 use crate::simd::Level;
@@ -14,7 +15,7 @@ use crate::{Error, Result};
 /// Memory of a step that lives on between steps.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
-    work: Workspace<f32>,
+    arena: Arena<f32>,
     /// Zeros between steps.
     grads: Vec<f32>,
     dlogits: [Vec<f32>; 2],
@@ -118,15 +119,15 @@ impl Memory {
         outcome: &mut Outcome,
     ) -> Result<()> {
         let (batch, targets) = (batch(model, samples)?, targets(samples));
-        model.forward_train(&batch, Some(dropout), &mut self.work);
+        let pass = model.forward_train(&batch, Some(dropout), &self.arena);
         for head in 0..2 {
-            let (logits, targets) = (&self.work.logits[head], &targets[head]);
+            let (logits, targets) = (&pass.logits[head], &targets[head]);
             let (share, dlogits) = (shares[head], &mut self.dlogits[head]);
             outcome.loss += share * criteria[head].loss(logits, targets, share, dlogits);
             outcome.confusion[head] += Confusion::of_logits(logits, targets, POSITIVE[head]);
         }
         let [first, second] = &self.dlogits;
-        model.backward(&batch, [first, second], &mut self.work, &mut self.grads);
+        model.backward(&batch, pass, [first, second], &mut self.grads, &self.arena);
         Ok(())
     }
 }

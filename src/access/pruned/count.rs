@@ -2,19 +2,22 @@
 //!
 //! With the centres of a direction sorted by height, "step k's height is passed" is a prefix of the
 //! list, one rank per obstacle and step. What the spindle hits is that rank. For a step of finite radius
-//! the candidates are the window between its rank and that of the next step (above it the next, wider
+//! the candidates are the range between its rank and that of the next step (above it the next, wider
 //! step decides), and what remains is to count the candidates within the radius. Runs of obstacles, compact
 //! because of their spatial order, split the list: centres within reach of the whole run are counted for all
-//! its obstacles by prefix sums, centres beyond reach are dropped, the ring between is handed to the shorter
+//! its obstacles by prefix sums, centres beyond reach are dropped, the annulus between is handed to the shorter
 //! runs.
 
+use super::annulus_split::{AnnulusSplit, Word};
+use super::rank_ranges::{CountInRanges, FindSpan, RangeSpan, RankRanges, SLACK};
 use super::ranks::Sorted;
-use crate::access::Stats;
+use crate::access::predicate::StepSquared;
+use crate::access::stats::Stats;
 use crate::simd::Level;
-use crate::simd::collide::{Coordinates, StepSquared};
-use crate::simd::windows::{CountWindows, Cover, SLACK, Span, Split, Windows, Word};
+use crate::simd::vector::MAX_LANES;
+use crate::spatial::Coordinates;
 
-/// Lists and windows, reused from direction to direction.
+/// Lists and ranges, reused from direction to direction.
 #[derive(Default)]
 pub(super) struct Counting {
     sorted: Sorted,
@@ -25,7 +28,7 @@ pub(super) struct Counting {
     counts: Vec<u32>,
 }
 
-/// A list of centres, ascending in height, and room for what a split says about it.
+/// A list of centres, ascending in height, and what a split says about it.
 #[derive(Default)]
 struct List {
     x: Vec<f32>,
@@ -33,7 +36,7 @@ struct List {
     words: Vec<Word>,
 }
 
-/// Testing one pair costs this share of splitting off one centre or of moving one obstacle's window on:
+/// Testing one pair costs this share of splitting off one centre or of moving one obstacle's range on:
 /// a run splits its list only if that can pay (chosen by `benches/labeler.rs`).
 const PAIRS_PER_CENTRE: u64 = 8;
 const PAIRS_PER_OBSTACLE: u64 = 64;
@@ -80,11 +83,11 @@ impl Counting {
         }
         std::mem::swap(&mut self.from, &mut self.above);
         self.above.clone_from(&self.ranks);
-        let windows =
-            Windows { from: &mut self.from, to: &mut self.ranks, counts: &mut self.counts };
+        let ranges =
+            RankRanges { from: &mut self.from, to: &mut self.ranks, counts: &mut self.counts };
         let radius_squared = step.radius_squared;
         let mut walk = Walk { obstacles, level, radius_squared, stats };
-        walk.visit(longest_run(obstacles.n), 0, &mut self.lists, windows);
+        walk.visit(longest_run(obstacles.n), 0, &mut self.lists, ranges);
     }
 
     fn prepare(&mut self, centres: &Coordinates, n_obstacles: usize, level: Level) {
@@ -129,26 +132,26 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Counts for the obstacles from `first` on, in runs of `length`; `windows` are theirs, into the list
+    /// Counts for the obstacles from `first` on, in runs of `length`; `ranges` are theirs, of the list
     /// `lists[0]`.
-    fn visit(&mut self, length: usize, first: usize, lists: &mut [List], windows: Windows) {
+    fn visit(&mut self, length: usize, first: usize, lists: &mut [List], ranges: RankRanges) {
         let [list, below @ ..] = lists else { return };
-        let n = windows.counts.len();
-        let mut rest = windows;
+        let n = ranges.counts.len();
+        let mut rest = ranges;
         for start in (first..first + n).step_by(length) {
-            let mut windows = rest.split_to(length);
-            let Cover { first, last, pairs } = self.level.run(Span(&windows));
+            let mut ranges = rest.split_to(length);
+            let RangeSpan { first, last, pairs } = self.level.run(FindSpan(&ranges));
             if pairs == 0 {
                 continue;
             }
             let split = PAIRS_PER_CENTRE * u64::from(last - first)
-                + PAIRS_PER_OBSTACLE * windows.counts.len() as u64;
+                + PAIRS_PER_OBSTACLE * ranges.counts.len() as u64;
             if pairs <= split {
-                self.test(start, list, windows);
+                self.test(start, list, ranges);
                 continue;
             }
-            let range = start..start + windows.counts.len().next_multiple_of(8);
-            let (ring, counted) = self.level.run(Split {
+            let range = start..start + ranges.counts.len().next_multiple_of(MAX_LANES);
+            let (n_annulus, counted) = self.level.run(AnnulusSplit {
                 radius_squared: self.radius_squared,
                 obstacle_x: &self.obstacles.x[range.clone()],
                 obstacle_y: &self.obstacles.y[range],
@@ -156,30 +159,30 @@ impl Walk<'_> {
                 y: &list.y,
                 first,
                 last,
-                windows: windows.reborrow(),
+                ranges: ranges.reborrow(),
                 words: &mut list.words,
-                ring_x: &mut below[0].x,
-                ring_y: &mut below[0].y,
+                annulus_x: &mut below[0].x,
+                annulus_y: &mut below[0].y,
             });
             self.stats.beta_by_run += counted;
-            if ring > 0 && length > SHORTEST_RUN {
-                self.visit(length / FAN_OUT, start, below, windows);
-            } else if ring > 0 {
-                self.test(start, &below[0], windows);
+            if n_annulus > 0 && length > SHORTEST_RUN {
+                self.visit(length / FAN_OUT, start, below, ranges);
+            } else if n_annulus > 0 {
+                self.test(start, &below[0], ranges);
             }
         }
     }
 
-    /// Tests the windows of the obstacles from `first` on, centre by centre.
-    fn test(&mut self, first: usize, list: &List, windows: Windows) {
-        let range = first..first + windows.counts.len();
-        self.stats.beta_pairs_tested += self.level.run(CountWindows {
+    /// Tests the ranges of the obstacles from `first` on, centre by centre.
+    fn test(&mut self, first: usize, list: &List, ranges: RankRanges) {
+        let range = first..first + ranges.counts.len();
+        self.stats.beta_pairs_tested += self.level.run(CountInRanges {
             radius_squared: self.radius_squared,
             x: &list.x,
             y: &list.y,
             obstacle_x: &self.obstacles.x[range.clone()],
             obstacle_y: &self.obstacles.y[range],
-            windows,
+            ranges,
         });
     }
 }

@@ -1,44 +1,49 @@
 //! Centres sorted by height, and ranks of heights among them.
 
-use crate::simd::collide::{Coordinates, eights};
-use crate::simd::{Kernel, Level, Simd};
+use crate::simd::vector::MAX_LANES;
+use crate::simd::{Float32, Kernel, Level, Mask, Simd, Unsigned, Vector};
+use crate::spatial::{Coordinates, CountingSort};
 
 /// Heights in ascending order, with a coarse index into them.
 #[derive(Default)]
 pub(super) struct Sorted {
     /// Height and index of each centre, ascending in height.
     places: Vec<(f32, u32)>,
-    /// The heights alone, between one −∞ and eight times +∞.
+    /// The heights alone, between one −∞ and so many times +∞ as lie [`AHEAD`].
     heights: Vec<f32>,
-    /// Place of the first centre of each bucket; the last bucket's end follows.
-    starts: Vec<u32>,
-    buckets: Buckets,
+    /// Places of the centres of each bucket.
+    sort: CountingSort,
+    buckets: HeightBuckets,
     /// Bucket of each centre.
     bucket: Vec<u32>,
 }
 
 /// Buckets of equal height.
 #[derive(Default, Clone, Copy)]
-struct Buckets {
+struct HeightBuckets {
     lowest: f32,
     per_mm: f32,
     last: f32,
 }
 
-impl Buckets {
+impl HeightBuckets {
     /// As many buckets as heights between `lowest` and `greatest`, up to the whole numbers that `f32` can count.
     fn new(n: usize, [lowest, greatest]: [f32; 2]) -> Self {
         let n = n.clamp(1, 1 << f32::MANTISSA_DIGITS) as f32;
-        Buckets { lowest, per_mm: (n / (greatest - lowest)).min(f32::MAX), last: n - 1.0 }
+        HeightBuckets { lowest, per_mm: (n / (greatest - lowest)).min(f32::MAX), last: n - 1.0 }
     }
 
-    /// Those of eight heights; they never descend with the height.
+    /// Those of some heights; they never descend with the height.
     #[inline(always)]
-    fn of<S: Simd>(self, s: S, z: S::Eight) -> [u32; 8] {
-        let bucket = s.mul(s.sub(z, s.splat(self.lowest)), s.splat(self.per_mm));
-        s.truncate(s.min(s.max(bucket, s.splat(0.0)), s.splat(self.last)))
+    fn of<S: Simd>(self, s: S, z: S::F32) -> S::U32 {
+        let bucket = (z - S::F32::splat(s, self.lowest)) * S::F32::splat(s, self.per_mm);
+        bucket.max(S::F32::splat(s, 0.0)).min(S::F32::splat(s, self.last)).truncate()
     }
 }
+
+/// Heights that are compared with one whose rank is wanted, from the place before its bucket on: one vector, or
+/// two of the shortest.
+const AHEAD: usize = MAX_LANES;
 
 /// Buckets of up to this many centres are sorted by insertion.
 const SMALL_BUCKET: u32 = 24;
@@ -48,22 +53,12 @@ impl Sorted {
     pub fn fill(&mut self, centres: &Coordinates, level: Level) {
         let z = &centres.z[..centres.n];
         level.run(Distribute { sorted: self, z });
-        self.starts.clear();
-        self.starts.resize(z.len() + 2, 0);
-        for &bucket in &self.bucket {
-            self.starts[bucket as usize + 2] += 1;
-        }
-        let (mut sum, mut fullest) = (0, 0);
-        for start in &mut self.starts {
-            fullest = fullest.max(*start);
-            sum += *start;
-            *start = sum;
-        }
+        self.sort.clear(z.len());
+        self.bucket.iter().for_each(|&bucket| self.sort.count(bucket as usize));
+        let fullest = self.sort.finish_counting();
         self.places.resize(z.len(), (0.0, 0));
         for ((&z, &bucket), i) in z.iter().zip(&self.bucket).zip(0..) {
-            let next = &mut self.starts[bucket as usize + 1];
-            self.places[*next as usize] = (z, i);
-            *next += 1;
+            self.places[self.sort.place(bucket as usize)] = (z, i);
         }
         if fullest > SMALL_BUCKET {
             self.sort_full_buckets();
@@ -72,12 +67,13 @@ impl Sorted {
         self.heights.clear();
         self.heights.push(f32::NEG_INFINITY);
         self.heights.extend(self.places.iter().map(|place| place.0));
-        self.heights.extend([f32::INFINITY; 8]);
+        self.heights.extend([f32::INFINITY; AHEAD]);
     }
 
     fn sort_full_buckets(&mut self) {
-        for bucket in self.starts.windows(2).filter(|b| b[1] - b[0] > SMALL_BUCKET) {
-            let places = &mut self.places[bucket[0] as usize..bucket[1] as usize];
+        let buckets = (0..self.sort.n_buckets()).map(|bucket| self.sort.range(bucket, bucket));
+        for bucket in buckets.filter(|bucket| bucket.len() > SMALL_BUCKET as usize) {
+            let places = &mut self.places[bucket];
             places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         }
     }
@@ -112,20 +108,26 @@ impl Kernel for Distribute<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
         let Distribute { sorted: Sorted { buckets, bucket, .. }, z } = self;
-        let (whole, rest) = z.as_chunks::<8>();
-        let mut last = [z[0]; 8];
+        let whole = z.chunks_exact(S::LANES);
+        let rest = whole.remainder();
+        let mut last = [z[0]; MAX_LANES];
         last[..rest.len()].copy_from_slice(rest);
-        let (mut least, mut greatest) = (s.load(&last), s.load(&last));
-        for z in whole {
-            least = s.min(least, s.load(z));
-            greatest = s.max(greatest, s.load(z));
+        let last = S::F32::load(s, &last);
+        let (mut least, mut greatest) = (last, last);
+        for z in whole.clone() {
+            let z = S::F32::load(s, z);
+            (least, greatest) = (least.min(z), greatest.max(z));
         }
-        *buckets = Buckets::new(z.len(), [s.least(least), s.greatest(greatest)]);
-        bucket.clear();
-        for z in whole {
-            bucket.extend(buckets.of(s, s.load(z)));
+        *buckets = HeightBuckets::new(z.len(), [least.reduce_min(), greatest.reduce_max()]);
+        bucket.resize(z.len().next_multiple_of(S::LANES), 0);
+        let (to_whole, to_rest) = bucket.split_at_mut(z.len() - rest.len());
+        for (z, to) in whole.zip(to_whole.chunks_exact_mut(S::LANES)) {
+            buckets.of(s, S::F32::load(s, z)).store(to);
         }
-        bucket.extend(&buckets.of(s, s.load(&last))[..rest.len()]);
+        if !rest.is_empty() {
+            buckets.of(s, last).store(to_rest);
+        }
+        bucket.truncate(z.len());
     }
 }
 
@@ -142,22 +144,28 @@ impl Kernel for Ranks<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
         let Ranks { sorted, z, step, ranks } = self;
-        let lanes = s.splat(step);
-        let ((z, z_rest), (ranks, rest)) = (z.as_chunks::<8>(), ranks.as_chunks_mut::<8>());
-        for (z, ranks) in z.iter().zip(ranks) {
-            let buckets = sorted.buckets.of(s, s.sub(s.load(z), lanes));
-            for ((rank, &z), bucket) in ranks.iter_mut().zip(z).zip(buckets) {
-                let start = sorted.starts[bucket as usize];
-                let ahead = &eights(&sorted.heights[start as usize..])[0];
-                let below = s.greater(s.splat(z), s.add(s.load(ahead), lanes));
-                // The first of the eight comes before the bucket. If it is not below, or all are, rounding led to
-                // a neighbour or the bucket is full.
-                let found = (1..255).contains(&below);
-                *rank = if found { start + below.count_ones() - 1 } else { sorted.rank(z, step) };
+        let lanes = S::F32::splat(s, step);
+        for (z, ranks) in z.chunks(S::LANES).zip(ranks.chunks_mut(S::LANES)) {
+            let mut buckets = [0; MAX_LANES];
+            sorted.buckets.of(s, S::F32::load_partial(s, z) - lanes).store(&mut buckets);
+            for ((rank, &z), &bucket) in ranks.iter_mut().zip(z).zip(&buckets) {
+                let start = sorted.sort.start(bucket as usize);
+                let ahead = &sorted.heights[start..];
+                let mut below = 0;
+                let n_ahead = if S::LANES < 8 { 2 * S::LANES } else { S::LANES };
+                for at in (0..n_ahead).step_by(S::LANES) {
+                    let heights = S::F32::load(s, &ahead[at..at + S::LANES]) + lanes;
+                    below |= S::F32::splat(s, z).gt(heights).bits() << at;
+                }
+                // The first of them comes before the bucket. If it is not below, or all are, rounding led to
+                // a neighbor or the bucket is full.
+                let found = below != 0 && below >> (n_ahead - 1) == 0;
+                *rank = if found {
+                    start as u32 + below.count_ones() - 1
+                } else {
+                    sorted.rank(z, step)
+                };
             }
-        }
-        for (rank, &z) in rest.iter_mut().zip(z_rest) {
-            *rank = sorted.rank(z, step);
         }
     }
 }
@@ -180,29 +188,35 @@ mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
 
-    /// The rank found in eights and the one found alone.
-    fn rank(sorted: &Sorted, z: f32, step: f32) -> [usize; 2] {
-        let mut ranks = vec![];
-        sorted.ranks(&[z; 9], step, &mut ranks, Level::fastest());
-        [ranks[0] as usize, ranks[8] as usize]
+    /// Ranks found in whole vectors and in a part of one, at each level, and the one found by bisection.
+    fn ranks(sorted: &Sorted, z: f32, step: f32) -> Vec<usize> {
+        let mut all = vec![sorted.rank(z, step)];
+        for &level in Level::available() {
+            let mut ranks = vec![];
+            sorted.ranks(&[z; MAX_LANES + 1], step, &mut ranks, level);
+            all.extend(ranks);
+        }
+        all.into_iter().map(|rank| rank as usize).collect()
     }
 
     /// Finds the bucket of a height.
-    struct BucketOf(Buckets, f32);
+    struct BucketOf(HeightBuckets, f32);
 
     impl Kernel for BucketOf {
         type Output = u32;
 
         #[inline(always)]
         fn run<S: Simd>(self, s: S) -> u32 {
-            self.0.of(s, s.splat(self.1))[0]
+            let mut buckets = [0; MAX_LANES];
+            self.0.of(s, S::F32::splat(s, self.1)).store(&mut buckets);
+            buckets[0]
         }
     }
 
     #[test]
     fn no_height_is_beyond_the_buckets_however_many_they_are() {
         for n in [1, 2, 1000, (1 << 24) - 1, 1 << 24, (1 << 24) + 1, (1 << 24) + 3, 100_000_000] {
-            let buckets = Buckets::new(n, [-3.0, 5.0]);
+            let buckets = HeightBuckets::new(n, [-3.0, 5.0]);
             for &level in Level::available() {
                 assert_eq!(level.run(BucketOf(buckets, -3.0)), 0);
                 let last = level.run(BucketOf(buckets, 5.0)) as usize;
@@ -228,7 +242,7 @@ mod tests {
                 for step in [0.0, 0.3, 1.0, 0.1] {
                     for z_j in [probe, probe + step] {
                         let count = z.iter().filter(|&&c| c + step < z_j).count();
-                        assert_eq!(rank(&sorted, z_j, step), [count; 2]);
+                        assert!(ranks(&sorted, z_j, step).into_iter().all(|rank| rank == count));
                     }
                 }
             }

@@ -6,7 +6,7 @@ use crate::density;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::data::npz::NpzWriter;
-use deepmill::geom::cells::Cells;
+use deepmill::geom::cells::VoronoiCells;
 use deepmill::geom::formats::Part as PartFile;
 use deepmill::geom::inside::{Lattice, lattice_inside};
 use deepmill::geom::{Mesh, Sites};
@@ -115,7 +115,7 @@ fn measure(
     let spacing = density::add_spacing(facts, sites);
     if let (Some(mesh), Some(_)) = (mesh, &spacing) {
         let per_site = (MOST_PROBES / sites.len()).clamp(1, PROBES_PER_SITE);
-        let spread = Cells::build(sites)?.spread(mesh, per_site, args.sites.seed);
+        let spread = VoronoiCells::build(sites)?.spread(mesh, per_site, args.sites.seed);
         facts.add("area_mm2", "area in mm²", Cell::Number(mesh.area()));
         facts.add("cell_area_cv", "variation of cell area", Cell::Number(spread.area_cv));
         facts.add("unowned", "surface in no cell", Cell::Share(spread.unowned));

@@ -8,8 +8,8 @@
 
 use super::sheet::same_sheet;
 use super::surface::{Place, Surface};
-use crate::geom::tree::Tree;
 use crate::par;
+use crate::spatial::KdTree;
 use glam::DVec3;
 
 // Tuned on the parts of docs/sites.md. Lengths are in hexagonal spacings: the distance between
@@ -31,7 +31,7 @@ const BLOCK: usize = 256;
 /// Moves `places` apart; also sorts them so that neighbours in the list are near each other.
 pub(super) fn relax(surface: &Surface, places: &mut Vec<Place>) {
     let spacing = (2.0 / 3f64.sqrt() * surface.area / places.len() as f64).sqrt();
-    let order = Tree::build(&points(places)).into_order();
+    let order = KdTree::build(&points(places)).into_order();
     *places = order.into_iter().map(|i| places[i as usize]).collect();
     for (reach, n_lists, n_moves) in PHASES {
         for _ in 0..n_lists {
@@ -100,7 +100,7 @@ impl Near {
 /// For each site the others on its sheet within `radius`.
 fn neighbours(surface: &Surface, places: &[Place], radius: f64) -> Vec<Near> {
     let at = points(places);
-    let tree = Tree::build(&at);
+    let tree = KdTree::build(&at);
     let normal = |i: usize| surface.normals[places[i].face as usize];
     par::map_blocks(places.len(), BLOCK, |range| {
         let sheets = range.clone().map(normal).collect();

@@ -3,12 +3,11 @@
 use super::surface::{Place, Surface};
 use crate::par;
 use crate::rng::{Purpose, Stream};
+use crate::spatial::morton;
 use glam::DVec3;
 
 /// Fractional part of the golden ratio: the most even one-dimensional sequence.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
-/// Bits per axis of the space-filling order.
-const ORDER_BITS: u32 = 16;
 
 /// `n` places, systematic by area: the faces, laid one after another in Z-order, are cut into `n`
 /// pieces of equal area with one point each, so every region gets its share of points.
@@ -53,24 +52,15 @@ fn in_triangle(corners: [DVec3; 3], u: f64, v: f64) -> DVec3 {
 fn z_order(surface: &Surface) -> Vec<u32> {
     let mesh = surface.mesh;
     let (low, high) = mesh.bounds().unwrap_or_default();
-    let cells = f64::from((1u32 << ORDER_BITS) - 1);
+    let cells = f64::from((1u32 << morton::BITS) - 1);
     let scale = cells / (high - low).max_element().max(f64::MIN_POSITIVE);
     let key = |face: u32| {
         let [a, b, c] = mesh.corners(face as usize);
         let cell = ((a + b + c) / 3.0 - low) * scale;
-        interleave(cell.to_array().map(|x| x.clamp(0.0, cells) as u64))
+        morton::encode(cell.to_array().map(|x| x.clamp(0.0, cells) as u32))
     };
     let faces = (0..mesh.triangles.len() as u32).filter(|&f| surface.areas[f as usize] > 0.0);
     let mut keyed: Vec<(u64, u32)> = faces.map(|f| (key(f), f)).collect();
     par::sort_by_key(&mut keyed, |&k| k);
     keyed.into_iter().map(|(_, face)| face).collect()
-}
-
-/// The bits of three numbers, taken in turn.
-fn interleave(axes: [u64; 3]) -> u64 {
-    (0..ORDER_BITS).fold(0, |key, bit| {
-        axes.iter()
-            .enumerate()
-            .fold(key, |key, (axis, x)| key | (x >> bit & 1) << (3 * bit + axis as u32))
-    })
 }

@@ -28,7 +28,7 @@ pub(super) fn config(file: &TensorFile, origin: &Path) -> Result<UNetConfig> {
         encoder_widths,
         decoder_widths,
         head_width: shapes.of("header.0.conv.linear.weight", 2)?[0],
-        normalise_empty_parents: true,
+        normalize_empty_parents: true,
         cutter: CutterConfig::default(),
     };
     config.cutter = shapes.cutter(&config)?;

@@ -219,7 +219,7 @@ mod tests {
             decoder_widths: vec![7, 6, 5, 3],
             decoder_blocks: vec![2, 1, 1, 1],
             head_width: 2,
-            normalise_empty_parents: true,
+            normalize_empty_parents: true,
             cutter: super::super::config::CutterConfig {
                 width: 9,
                 hidden_width: 8,

@@ -1,6 +1,6 @@
 //! Vectors as arrays: the portable level, and NEON, which belongs to the baseline of 64-bit ARM.
 
-use super::{Float32, Float64, Vector};
+use super::{Float32, Float64, Mask, Unsigned, Unsigned16, Unsigned32, Vector};
 use crate::simd::level;
 use std::marker::PhantomData;
 use std::ops::{Add, Mul, Sub};
@@ -101,9 +101,88 @@ array_vector!(f32, 4, level::Neon, f32::mul_add);
 #[cfg(target_arch = "aarch64")]
 array_vector!(f64, 2, level::Neon, f64::mul_add);
 
-macro_rules! float {
+impl<const N: usize> Mask for [bool; N] {
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        std::array::from_fn(|l| self[l] & other[l])
+    }
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        std::array::from_fn(|l| self[l] | other[l])
+    }
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        (0..N).fold(0, |bits, l| bits | u32::from(self[l]) << l)
+    }
+}
+
+macro_rules! unsigned {
+    ($t:ty, $n:literal, $isa:ty) => {
+        impl Unsigned for Lanes<$t, $n, $isa> {
+            type Isa = $isa;
+            type Element = $t;
+            const LANES: usize = $n;
+
+            #[inline(always)]
+            fn splat(_: $isa, x: $t) -> Self {
+                Lanes([x; $n], PhantomData)
+            }
+            #[inline(always)]
+            unsafe fn load_ptr(_: $isa, from: *const $t) -> Self {
+                // SAFETY: the caller's promise; arrays of numbers may lie anywhere.
+                Lanes(unsafe { from.cast::<[$t; $n]>().read_unaligned() }, PhantomData)
+            }
+            #[inline(always)]
+            unsafe fn store_ptr(self, to: *mut $t) {
+                // SAFETY: the caller's promise.
+                unsafe { to.cast::<[$t; $n]>().write_unaligned(self.0) }
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                Self::from_fn(|l| self.0[l].max(other.0[l]))
+            }
+        }
+    };
+}
+
+macro_rules! level_vectors {
     ($isa:ty) => {
         impl Float32 for Lanes<f32, 4, $isa> {
+            #[inline(always)]
+            fn le(self, other: Self) -> [bool; 4] {
+                std::array::from_fn(|l| self.0[l] <= other.0[l])
+            }
+            #[inline(always)]
+            fn mask_from_bits(_: $isa, bits: u32) -> [bool; 4] {
+                std::array::from_fn(|l| bits >> l & 1 == 1)
+            }
+            #[inline(always)]
+            fn compress(self, bits: u32) -> Self {
+                let mut packed = [0.0; 4];
+                let mut n = 0;
+                for (l, x) in self.0.into_iter().enumerate() {
+                    packed[n & 3] = x;
+                    n += (bits >> l & 1) as usize;
+                }
+                Lanes(packed, PhantomData)
+            }
+            #[inline(always)]
+            fn truncate(self) -> Lanes<u32, 4, $isa> {
+                // By way of `i32`, which every processor converts to in one instruction.
+                Lanes::from_fn(|l| self.0[l] as i32 as u32)
+            }
+            #[inline(always)]
+            fn reduce_min(self) -> f32 {
+                let [a, b, c, d] = self.0;
+                let lesser = |x: f32, y: f32| if x < y { x } else { y };
+                lesser(lesser(a, b), lesser(c, d))
+            }
+            #[inline(always)]
+            fn reduce_max(self) -> f32 {
+                let [a, b, c, d] = self.0;
+                let greater = |x: f32, y: f32| if x > y { x } else { y };
+                greater(greater(a, b), greater(c, d))
+            }
             #[inline(always)]
             fn transpose(rows: &mut [Self]) {
                 let rows: &mut [Self; 4] = rows.try_into().expect("as many rows as lanes");
@@ -120,9 +199,70 @@ macro_rules! float {
         }
 
         impl Float64 for Lanes<f64, 2, $isa> {}
+
+        unsigned!(u32, 4, $isa);
+        unsigned!(u16, 8, $isa);
+
+        impl Unsigned32 for Lanes<u32, 4, $isa> {
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                Self::from_fn(|l| self.0[l].wrapping_add(other.0[l]))
+            }
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                Self::from_fn(|l| self.0[l].wrapping_sub(other.0[l]))
+            }
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                Self::from_fn(|l| self.0[l].wrapping_mul(other.0[l]))
+            }
+            #[inline(always)]
+            fn shr(self, bits: u32) -> Self {
+                Self::from_fn(|l| self.0[l] >> (bits & 31))
+            }
+            #[inline(always)]
+            fn and(self, other: Self) -> Self {
+                Self::from_fn(|l| self.0[l] & other.0[l])
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                Self::from_fn(|l| self.0[l].min(other.0[l]))
+            }
+            #[inline(always)]
+            fn ge(self, other: Self) -> [bool; 4] {
+                std::array::from_fn(|l| self.0[l] >= other.0[l])
+            }
+            #[inline(always)]
+            fn select(self, mask: [bool; 4], other: Self) -> Self {
+                Self::from_fn(|l| if mask[l] { self.0[l] } else { other.0[l] })
+            }
+            #[inline(always)]
+            fn count(self, mask: [bool; 4]) -> Self {
+                Self::from_fn(|l| self.0[l].wrapping_add(u32::from(mask[l])))
+            }
+            #[inline(always)]
+            fn reduce_add(self) -> u32 {
+                self.0.into_iter().fold(0, u32::wrapping_add)
+            }
+            #[inline(always)]
+            fn reduce_min(self) -> u32 {
+                self.0.into_iter().fold(u32::MAX, u32::min)
+            }
+            #[inline(always)]
+            fn reduce_max(self) -> u32 {
+                self.0.into_iter().fold(0, u32::max)
+            }
+        }
+
+        impl Unsigned16 for Lanes<u16, 8, $isa> {
+            #[inline(always)]
+            fn any_ge(self, other: Self) -> bool {
+                (0..8).fold(false, |any, l| any | (self.0[l] >= other.0[l]))
+            }
+        }
     };
 }
 
-float!(level::Portable);
+level_vectors!(level::Portable);
 #[cfg(target_arch = "aarch64")]
-float!(level::Neon);
+level_vectors!(level::Neon);

@@ -1,6 +1,6 @@
 //! Vectors of 256 bits.
 
-use super::{Float32, Float64, Vector};
+use super::{Float32, Float64, Mask, Unsigned, Unsigned16, Unsigned32, Vector};
 use crate::simd::level::Avx2;
 use std::arch::x86_64::*;
 use std::ops::{Add, Mul, Sub};
@@ -12,6 +12,32 @@ pub struct F32x8(pub(in crate::simd) __m256);
 /// Four `f64`.
 #[derive(Debug, Clone, Copy)]
 pub struct F64x4(__m256d);
+
+/// Eight `u32`.
+#[derive(Debug, Clone, Copy)]
+pub struct U32x8(__m256i);
+
+/// Sixteen `u16`.
+#[derive(Debug, Clone, Copy)]
+pub struct U16x16(__m256i);
+
+/// Lane numbers that bring the lanes of a mask to the front.
+static TO_FRONT: [[u32; 8]; 256] = {
+    let mut table = [[0; 8]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut lane, mut n) = (0, 0);
+        while lane < 8 {
+            if mask >> lane & 1 == 1 {
+                table[mask][n] = lane as u32;
+                n += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+};
 
 /// All bits of the first `n` of eight lanes from place `8 − n` on.
 static FIRST_LANES: [i32; 16] = [-1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0];
@@ -148,6 +174,42 @@ vector!(
     _mm256_blendv_pd
 );
 
+impl Mask for __m256 {
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        // SAFETY: masks are made by comparisons of vectors, which were made from a token.
+        unsafe { _mm256_and_ps(self, other) }
+    }
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        // SAFETY: as above.
+        unsafe { _mm256_or_ps(self, other) }
+    }
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        // SAFETY: as above.
+        unsafe { _mm256_movemask_ps(self) as u32 }
+    }
+}
+
+/// Folds the lanes of a vector: halves, then pairs, then single lanes.
+macro_rules! reduce {
+    ($pick:ident, $v:expr) => {{
+        let four = $pick(_mm256_castps256_ps128($v), _mm256_extractf128_ps::<1>($v));
+        let two = $pick(four, _mm_movehl_ps(four, four));
+        _mm_cvtss_f32($pick(two, _mm_shuffle_ps::<1>(two, two)))
+    }};
+}
+
+macro_rules! reduce_u32 {
+    ($pick:ident, $v:expr) => {{
+        let v: __m256i = $v;
+        let four = $pick(_mm256_castsi256_si128(v), _mm256_extracti128_si256::<1>(v));
+        let two = $pick(four, _mm_shuffle_epi32::<0b1110>(four));
+        _mm_cvtsi128_si32($pick(two, _mm_shuffle_epi32::<1>(two))) as u32
+    }};
+}
+
 /// Four rows of eight: the first and the second half of each column stand in one vector.
 macro_rules! columns_of_halves {
     ($a:expr, $b:expr, $c:expr, $d:expr) => {{
@@ -163,6 +225,47 @@ macro_rules! columns_of_halves {
 }
 
 impl Float32 for F32x8 {
+    #[inline(always)]
+    fn le(self, other: Self) -> __m256 {
+        // SAFETY: the operands were made from a token.
+        unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0) }
+    }
+
+    #[inline(always)]
+    fn mask_from_bits(_: Avx2, bits: u32) -> __m256 {
+        // SAFETY: the token proves AVX2.
+        unsafe {
+            let lanes = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let named = _mm256_and_si256(_mm256_set1_epi32(bits as i32), lanes);
+            _mm256_castsi256_ps(_mm256_cmpeq_epi32(named, lanes))
+        }
+    }
+
+    #[inline(always)]
+    fn compress(self, bits: u32) -> Self {
+        let order: *const [u32; 8] = &TO_FRONT[(bits & 255) as usize];
+        // SAFETY: the operand was made from a token; the pointer comes from a reference to eight numbers.
+        unsafe { Self(_mm256_permutevar8x32_ps(self.0, _mm256_loadu_si256(order.cast()))) }
+    }
+
+    #[inline(always)]
+    fn truncate(self) -> U32x8 {
+        // SAFETY: the operand was made from a token.
+        unsafe { U32x8(_mm256_cvttps_epi32(self.0)) }
+    }
+
+    #[inline(always)]
+    fn reduce_min(self) -> f32 {
+        // SAFETY: the operand was made from a token.
+        unsafe { reduce!(_mm_min_ps, self.0) }
+    }
+
+    #[inline(always)]
+    fn reduce_max(self) -> f32 {
+        // SAFETY: the operand was made from a token.
+        unsafe { reduce!(_mm_max_ps, self.0) }
+    }
+
     #[inline(always)]
     fn transpose(rows: &mut [Self]) {
         let rows: &mut [Self; 8] = rows.try_into().expect("as many rows as lanes");
@@ -189,3 +292,158 @@ impl Float32 for F32x8 {
 }
 
 impl Float64 for F64x4 {}
+
+macro_rules! unsigned {
+    (
+        $vector:ident, $isa:ty, $element:ty, $lanes:literal,
+        $splat:ident as $cast:ty, $load:ident, $store:ident, $max:ident
+    ) => {
+        impl Unsigned for $vector {
+            type Isa = $isa;
+            type Element = $element;
+            const LANES: usize = $lanes;
+
+            #[inline(always)]
+            fn splat(_: $isa, x: $element) -> Self {
+                // SAFETY: the token proves the level's features.
+                unsafe { Self($splat(x as $cast)) }
+            }
+            #[inline(always)]
+            unsafe fn load_ptr(_: $isa, from: *const $element) -> Self {
+                // SAFETY: the token proves the level's features; the caller promises the numbers.
+                unsafe { Self($load(from.cast())) }
+            }
+            #[inline(always)]
+            unsafe fn store_ptr(self, to: *mut $element) {
+                // SAFETY: `self` was made from a token; the caller promises the places.
+                unsafe { $store(to.cast(), self.0) }
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                // SAFETY: the operands were made from a token.
+                unsafe { Self($max(self.0, other.0)) }
+            }
+        }
+    };
+}
+pub(super) use unsigned;
+
+macro_rules! unsigned32 {
+    (
+        $vector:ident, $mask:ty,
+        $add:ident, $sub:ident, $mul:ident, $shr:ident, $and:ident, $min:ident,
+        $ge:expr, $select:expr, $count:expr, $sum:expr, $least:expr, $greatest:expr
+    ) => {
+        impl Unsigned32 for $vector {
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                // SAFETY: the operands were made from a token.
+                unsafe { Self($add(self.0, other.0)) }
+            }
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                // SAFETY: the operands were made from a token.
+                unsafe { Self($sub(self.0, other.0)) }
+            }
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                // SAFETY: the operands were made from a token.
+                unsafe { Self($mul(self.0, other.0)) }
+            }
+            #[inline(always)]
+            fn shr(self, bits: u32) -> Self {
+                // SAFETY: the operand was made from a token.
+                unsafe { Self($shr(self.0, _mm_cvtsi32_si128((bits & 31) as i32))) }
+            }
+            #[inline(always)]
+            fn and(self, other: Self) -> Self {
+                // SAFETY: the operands were made from a token.
+                unsafe { Self($and(self.0, other.0)) }
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                // SAFETY: the operands were made from a token.
+                unsafe { Self($min(self.0, other.0)) }
+            }
+            #[inline(always)]
+            fn ge(self, other: Self) -> $mask {
+                // SAFETY: the operands were made from a token.
+                unsafe { $ge(self.0, other.0) }
+            }
+            #[inline(always)]
+            fn select(self, mask: $mask, other: Self) -> Self {
+                // SAFETY: the operands were made from a token.
+                unsafe { Self($select(self.0, mask, other.0)) }
+            }
+            #[inline(always)]
+            fn count(self, mask: $mask) -> Self {
+                // SAFETY: the operand was made from a token.
+                unsafe { Self($count(self.0, mask)) }
+            }
+            #[inline(always)]
+            fn reduce_add(self) -> u32 {
+                // SAFETY: the operand was made from a token.
+                unsafe { $sum(self.0) }
+            }
+            #[inline(always)]
+            fn reduce_min(self) -> u32 {
+                // SAFETY: the operand was made from a token.
+                unsafe { $least(self.0) }
+            }
+            #[inline(always)]
+            fn reduce_max(self) -> u32 {
+                // SAFETY: the operand was made from a token.
+                unsafe { $greatest(self.0) }
+            }
+        }
+    };
+}
+pub(super) use unsigned32;
+
+unsigned!(
+    U32x8,
+    Avx2,
+    u32,
+    8,
+    _mm256_set1_epi32 as i32,
+    _mm256_loadu_si256,
+    _mm256_storeu_si256,
+    _mm256_max_epu32
+);
+unsigned!(
+    U16x16,
+    Avx2,
+    u16,
+    16,
+    _mm256_set1_epi16 as i16,
+    _mm256_loadu_si256,
+    _mm256_storeu_si256,
+    _mm256_max_epu16
+);
+unsigned32!(
+    U32x8,
+    __m256,
+    _mm256_add_epi32,
+    _mm256_sub_epi32,
+    _mm256_mullo_epi32,
+    _mm256_srl_epi32,
+    _mm256_and_si256,
+    _mm256_min_epu32,
+    |a, b| _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_max_epu32(a, b), a)),
+    |a, mask, b| _mm256_blendv_epi8(b, a, _mm256_castps_si256(mask)),
+    |a, mask| _mm256_sub_epi32(a, _mm256_castps_si256(mask)),
+    |a| reduce_u32!(_mm_add_epi32, a),
+    |a| reduce_u32!(_mm_min_epu32, a),
+    |a| reduce_u32!(_mm_max_epu32, a)
+);
+
+impl Unsigned16 for U16x16 {
+    #[inline(always)]
+    fn any_ge(self, other: Self) -> bool {
+        // SAFETY: the operands were made from a token.
+        unsafe {
+            let ge = _mm256_cmpeq_epi16(_mm256_max_epu16(self.0, other.0), self.0);
+            _mm256_testz_si256(ge, ge) == 0
+        }
+    }
+}

@@ -1,7 +1,7 @@
 //! Vectors of 512 bits.
 
-use super::avx2::operators;
-use super::{Float32, Float64, Vector};
+use super::avx2::{operators, unsigned, unsigned32};
+use super::{Float32, Float64, Mask, Unsigned, Unsigned16, Unsigned32, Vector};
 use crate::simd::level::Avx512;
 use std::arch::x86_64::*;
 use std::ops::{Add, Mul, Sub};
@@ -13,6 +13,14 @@ pub struct F32x16(pub(in crate::simd) __m512);
 /// Eight `f64`.
 #[derive(Debug, Clone, Copy)]
 pub struct F64x8(__m512d);
+
+/// Sixteen `u32`.
+#[derive(Debug, Clone, Copy)]
+pub struct U32x16(__m512i);
+
+/// Thirty-two `u16`.
+#[derive(Debug, Clone, Copy)]
+pub struct U16x32(__m512i);
 
 operators!(F32x16, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps);
 operators!(F64x8, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd);
@@ -118,7 +126,57 @@ vector!(
     _mm512_mask_blend_pd
 );
 
+impl Mask for __mmask16 {
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        self & other
+    }
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        self | other
+    }
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        u32::from(self)
+    }
+}
+
 impl Float32 for F32x16 {
+    #[inline(always)]
+    fn le(self, other: Self) -> __mmask16 {
+        // SAFETY: the operands were made from a token.
+        unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(self.0, other.0) }
+    }
+
+    #[inline(always)]
+    fn mask_from_bits(_: Avx512, bits: u32) -> __mmask16 {
+        bits as __mmask16
+    }
+
+    #[inline(always)]
+    fn compress(self, bits: u32) -> Self {
+        // SAFETY: the operand was made from a token.
+        unsafe { Self(_mm512_maskz_compress_ps(bits as __mmask16, self.0)) }
+    }
+
+    #[inline(always)]
+    fn truncate(self) -> U32x16 {
+        // SAFETY: the operand was made from a token.
+        unsafe { U32x16(_mm512_cvttps_epi32(self.0)) }
+    }
+
+    #[inline(always)]
+    fn reduce_min(self) -> f32 {
+        // SAFETY: the operand was made from a token.
+        unsafe { _mm512_reduce_min_ps(self.0) }
+    }
+
+    #[inline(always)]
+    fn reduce_max(self) -> f32 {
+        // SAFETY: the operand was made from a token.
+        unsafe { _mm512_reduce_max_ps(self.0) }
+    }
+
     /// Four rounds of exchanges between pairs of rows: neighbors, then rows 2, 4 and 8 apart.
     #[inline(always)]
     fn transpose(rows: &mut [Self]) {
@@ -165,3 +223,48 @@ impl Float32 for F32x16 {
 }
 
 impl Float64 for F64x8 {}
+
+unsigned!(
+    U32x16,
+    Avx512,
+    u32,
+    16,
+    _mm512_set1_epi32 as i32,
+    _mm512_loadu_si512,
+    _mm512_storeu_si512,
+    _mm512_max_epu32
+);
+unsigned!(
+    U16x32,
+    Avx512,
+    u16,
+    32,
+    _mm512_set1_epi16 as i16,
+    _mm512_loadu_si512,
+    _mm512_storeu_si512,
+    _mm512_max_epu16
+);
+unsigned32!(
+    U32x16,
+    __mmask16,
+    _mm512_add_epi32,
+    _mm512_sub_epi32,
+    _mm512_mullo_epi32,
+    _mm512_srl_epi32,
+    _mm512_and_si512,
+    _mm512_min_epu32,
+    |a, b| _mm512_cmpge_epu32_mask(a, b),
+    |a, mask, b| _mm512_mask_blend_epi32(mask, b, a),
+    |a, mask| _mm512_mask_sub_epi32(a, mask, a, _mm512_set1_epi32(-1)),
+    |a| _mm512_reduce_add_epi32(a) as u32,
+    |a| _mm512_reduce_min_epu32(a),
+    |a| _mm512_reduce_max_epu32(a)
+);
+
+impl Unsigned16 for U16x32 {
+    #[inline(always)]
+    fn any_ge(self, other: Self) -> bool {
+        // SAFETY: the operands were made from a token.
+        unsafe { _mm512_cmpge_epu16_mask(self.0, other.0) != 0 }
+    }
+}

@@ -4,16 +4,20 @@ use super::input::{self, median_seconds};
 use crate::output::Output;
 use deepmill::Result;
 use deepmill::model::{Batch, UNetConfig};
-use deepmill::nn::concat::{Part, PartGradient};
+use deepmill::nn::arena::Arena;
+use deepmill::nn::column_norm::Epilogue;
 use deepmill::nn::conv::OctreeConv;
-use deepmill::nn::conv_transpose::OctreeUp;
-use deepmill::nn::down::OctreeDown;
-use deepmill::nn::joined::{Columns, ColumnsGradient, Joined};
+use deepmill::nn::deconv::OctreeDeconv;
+use deepmill::nn::linear_operator::LinearOperator;
+use deepmill::nn::operand::Operand;
 use deepmill::nn::params::Layout;
-use deepmill::nn::unit::LinearMap;
+use deepmill::nn::pass::{Backward, Context};
+use deepmill::nn::strided_conv::{OctreeStridedConv, OutputRows};
 use deepmill::par;
 use deepmill::report::tables::{Cell, Table};
-use deepmill::scalar::{self, Scalar};
+use deepmill::scalar;
+use deepmill::simd::Level;
+use deepmill::simd::gemm::matmul_rows;
 use serde_json::json;
 
 /// Time every kind of layer, forward and backward, against this machine's own matrix product.
@@ -114,7 +118,7 @@ fn peak(seconds: f64) -> f64 {
         par::map(n_tasks, |_| {
             let mut c = vec![0.0; SIZE * SIZE];
             for _ in 0..REPEATS {
-                f32::matmul_rows(&a, &rows, SIZE, &b, SIZE, &mut c, &rows);
+                matmul_rows(Level::active(), (&a, &rows), SIZE, &b, SIZE, (&mut c, &rows));
             }
             c[SIZE]
         });
@@ -161,46 +165,45 @@ impl Layer {
         let level = &batch.octree.levels[self.depth];
         let n = level.n_nodes();
         let gflop = |pairs: usize, c_in: usize| 2e-9 * (pairs * c_in * c_out) as f64;
-        let mut dx = Vec::new();
         let (forward, [y, dy]) = match self.kind {
             Kind::Stem | Kind::Conv => {
                 let conv = OctreeConv::new(&mut layout, "conv", c_in, c_out);
                 let x = values(n * c_in);
                 // The network's input needs no gradient.
-                let dx = (self.kind == Kind::Conv).then_some((&mut dx).into());
+                let timing = Timing { limit, to_input: self.kind == Kind::Conv };
                 let work = gflop(level.conv.n_pairs(), c_in);
-                (work, times(&conv, &layout, &level.conv, (&x).into(), dx, n * c_out, limit))
+                (work, timing.run(&conv, &layout, &level.conv, Operand::new(&x, c_in), n * c_out))
             }
             Kind::Joined => {
                 let conv = OctreeConv::new(&mut layout, "conv", c_in, c_out);
                 let [skip, cutter, up] = self.c_in[..] else { unreachable!("three parts") };
                 let shapes = &level.ranges[..];
                 let x = [n * skip, shapes.len() * cutter, n * up].map(values);
-                let parts = [Part::Nodes(&x[0][..]), Part::Shapes(&x[1]), Part::Nodes(&x[2])];
-                let x = Columns::Joined(Joined { shapes, widths: &self.c_in, parts: &parts });
-                let (mut skip_to, mut up_to) = (Vec::new(), Vec::new());
-                let dx = &mut [
-                    PartGradient::Nodes(&mut skip_to),
-                    PartGradient::Shapes(&mut dx),
-                    PartGradient::Nodes(&mut up_to),
-                ][..];
+                let parts = [
+                    Operand::new(&x[0], skip),
+                    Operand::PerShape { x: &x[1], c: cutter, shapes },
+                    Operand::new(&x[2], up),
+                ];
+                let timing = Timing { limit, to_input: true };
                 let work = gflop(level.conv.n_pairs(), skip + up);
-                (work, times(&conv, &layout, &level.conv, x, Some(dx.into()), n * c_out, limit))
+                let x = Operand::Concat(&parts);
+                (work, timing.run(&conv, &layout, &level.conv, x, n * c_out))
             }
             Kind::Down => {
-                let down = OctreeDown::new(&mut layout, "down", c_in, c_out);
+                let rows = OutputRows::AllNodes;
+                let down = OctreeStridedConv::new(&mut layout, "down", c_in, c_out, rows);
                 let x = values(batch.octree.levels[self.depth + 1].n_nodes() * c_in);
-                let dx = Some((&mut dx).into());
+                let timing = Timing { limit, to_input: true };
                 let work = gflop(8 * level.n_nonempty(), c_in);
-                (work, times(&down, &layout, level, (&x).into(), dx, n * c_out, limit))
+                (work, timing.run(&down, &layout, level, Operand::new(&x, c_in), n * c_out))
             }
             Kind::Up => {
-                let up = OctreeUp::new(&mut layout, "up", c_in, c_out);
+                let up = OctreeDeconv::new(&mut layout, "up", c_in, c_out);
                 let coarse = &batch.octree.levels[self.depth - 1];
                 let x = values(coarse.n_nodes() * c_in);
-                let dx = Some((&mut dx).into());
+                let timing = Timing { limit, to_input: true };
                 let work = gflop(8 * coarse.n_nonempty(), c_in);
-                (work, times(&up, &layout, coarse, (&x).into(), dx, n * c_out, limit))
+                (work, timing.run(&up, &layout, coarse, Operand::new(&x, c_in), n * c_out))
             }
         };
         let backward = if self.kind == Kind::Stem { forward } else { 2.0 * forward };
@@ -208,24 +211,36 @@ impl Layer {
     }
 }
 
-/// Seconds forward and backward.
-fn times<M: LinearMap>(
-    map: &M,
-    layout: &Layout,
-    rows: &M::Rows,
-    x: Columns<f32>,
-    mut dx: Option<ColumnsGradient<f32>>,
-    n_outputs: usize,
+/// How long to measure, and whether the input's gradient belongs to backward.
+struct Timing {
     limit: f64,
-) -> [f64; 2] {
-    let (params, mut y) = (layout.init_params::<f32>(1), Vec::new());
-    let (forward, _) = median_seconds(limit, || map.forward(&params, rows, x, &mut y));
-    let (dy, mut grads) = (values(n_outputs), vec![0.0; params.len()]);
-    let (backward, _) = median_seconds(limit, || {
-        let dx = dx.as_mut().map(ColumnsGradient::reborrow);
-        map.backward(&params, rows, x, &dy, dx, &mut grads);
-    });
-    [forward, backward]
+    to_input: bool,
+}
+
+impl Timing {
+    /// Seconds forward and backward.
+    fn run<M: LinearOperator>(
+        &self,
+        operator: &M,
+        layout: &Layout,
+        geometry: &M::Geometry,
+        x: Operand<f32>,
+        n_outputs: usize,
+    ) -> [f64; 2] {
+        let (params, arena) = (layout.init_params::<f32>(1), &Arena::default());
+        let context = Context { params: &params, arena };
+        let forward = || drop(operator.apply(context, geometry, x, Epilogue::Identity));
+        let (forward, _) = median_seconds(self.limit, forward);
+        let (dy, mut grads) = (values(n_outputs), vec![0.0; params.len()]);
+        let (backward, _) = median_seconds(self.limit, || {
+            let mut pass = Backward { params: &params, grads: &mut grads, arena };
+            match self.to_input {
+                true => drop(operator.gradients(&mut pass, geometry, x, &dy)),
+                false => operator.weight_gradient(&mut pass, geometry, x, &dy),
+            }
+        });
+        [forward, backward]
+    }
 }
 
 /// Numbers that are neither zero nor subnormal.

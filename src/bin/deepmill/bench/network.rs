@@ -4,7 +4,8 @@ use super::input::{self, median_seconds};
 use crate::output::Output;
 use deepmill::Result;
 use deepmill::loss::CrossEntropy;
-use deepmill::model::{Activations, Batch, Model, Workspace};
+use deepmill::model::{Batch, Model};
+use deepmill::nn::arena::Arena;
 use deepmill::octree::{Cloud, Octree};
 use deepmill::optim::Sgd;
 use serde_json::json;
@@ -34,7 +35,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (config, clouds) = (args.input.config()?, args.input.clouds()?);
     let batch = input::batch(&clouds, &config)?;
     let start_bytes = peak_memory();
-    let limit = args.input.seconds;
+    let (limit, arena) = (args.input.seconds, Arena::default());
     let (seconds, repeats) = match args.work {
         Work::Octree => {
             let frames = clouds.iter().map(|c| config.input.normalisation().frame(&c.points));
@@ -51,11 +52,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         }
         Work::Forward => {
             let model = Model::new(&config, 1)?;
-            let mut activations = Activations::default();
-            median_seconds(limit, || model.forward(&batch, &mut activations))
+            median_seconds(limit, || drop(model.forward(&batch, &arena)))
         }
         Work::Step => {
-            let mut trainer = Trainer::new(Model::new(&config, 1)?, &batch);
+            let mut trainer = Trainer::new(Model::new(&config, 1)?, &batch, arena.clone());
             median_seconds(limit, || trainer.step(&batch))
         }
     };
@@ -66,11 +66,13 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     ));
     if let Some(bytes) = peak_memory() {
         output.say(format!("peak memory {:.0} MB", bytes as f64 / 1e6));
+        output.say(format!("of it layers at most {:.0} MB", arena.peak_bytes() as f64 / 1e6));
     }
     output.result(&json!({
         "seconds": seconds, "repeats": repeats, "batch": args.input.batch,
         "n_points": batch.n_points(), "n_nodes": n_nodes,
         "start_bytes": start_bytes, "peak_bytes": peak_memory(),
+        "arena_peak_bytes": arena.peak_bytes(), "arena_reserved_bytes": arena.reserved_bytes(),
     }));
     Ok(())
 }
@@ -78,7 +80,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 /// A training step without data set, schedule and files.
 struct Trainer {
     model: Model<f32>,
-    work: Workspace<f32>,
+    arena: Arena<f32>,
     grads: Vec<f32>,
     velocity: Vec<f32>,
     dlogits: [Vec<f32>; 2],
@@ -86,21 +88,21 @@ struct Trainer {
 }
 
 impl Trainer {
-    fn new(model: Model<f32>, batch: &Batch<f32>) -> Self {
+    fn new(model: Model<f32>, batch: &Batch<f32>, arena: Arena<f32>) -> Self {
         let n = model.params.len();
         let targets = (0..batch.n_points()).map(|i| (i % 2) as u8).collect();
         let (grads, velocity) = (vec![0.0; n], vec![0.0; n]);
-        let (work, dlogits) = Default::default();
-        Trainer { model, work, grads, velocity, dlogits, targets }
+        let dlogits = Default::default();
+        Trainer { model, arena, grads, velocity, dlogits, targets }
     }
 
     fn step(&mut self, batch: &Batch<f32>) {
-        self.model.forward_train(batch, None, &mut self.work);
-        for (logits, d) in self.work.logits.iter().zip(&mut self.dlogits) {
+        let pass = self.model.forward_train(batch, None, &self.arena);
+        for (logits, d) in pass.logits.iter().zip(&mut self.dlogits) {
             CrossEntropy::binary().loss(logits, &self.targets, 1.0, d);
         }
         let [first, second] = &self.dlogits;
-        self.model.backward(batch, [first, second], &mut self.work, &mut self.grads);
+        self.model.backward(batch, pass, [first, second], &mut self.grads, &self.arena);
         let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
         sgd.step(1e-3, &mut self.grads, &mut self.velocity, &mut self.model.params);
     }

@@ -1,0 +1,66 @@
+//! A block of output rows is one task: many rows. Weights are packed once for all blocks.
+
+use super::super::arena::Arena;
+use super::packed::PackedWeights;
+use super::product::{Product, Term};
+use super::shapes::for_each_shape;
+use crate::octree::KernelMap;
+use crate::par;
+use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::gemm::block::{self, Source};
+use crate::simd::gemm::weights::Packed;
+
+pub(super) fn sum_of_terms<T: Scalar>(
+    arena: &Arena<T>,
+    map: &KernelMap,
+    product: &Product<T>,
+    y: &mut [T],
+) {
+    let (level, c_out) = (Level::active(), product.c_out);
+    let packed: Vec<_> = product.terms.iter().map(|term| pack(level, arena, term)).collect();
+    par::for_each_block(y, map.block_len() * c_out, |block, rows| {
+        let source = |i: usize| packed[i].as_ref().map(|p| Source::Packed(p.get()));
+        let terms = terms_of_block(map, block, product, source);
+        block::sum_of_terms(level, &terms, c_out, 0..c_out, rows);
+        product.finish(block * map.block_len(), rows);
+    });
+}
+
+fn pack<T: Scalar>(level: Level, arena: &Arena<T>, term: &Term<T>) -> Option<PackedWeights<T>> {
+    let Term::Nodes { weights, .. } = term else { return None };
+    Some(PackedWeights::new(arena, weights, weights.n_offsets(), |memory| {
+        Packed::new(level, weights, memory, |panels, len, work| {
+            par::for_each_block(panels, len, work);
+        })
+    }))
+}
+
+/// The terms as the kernel takes them; `source(i)` holds the weights of term `i`.
+pub(super) fn terms_of_block<'a, T: Scalar>(
+    map: &'a KernelMap,
+    block: usize,
+    product: &'a Product<T>,
+    source: impl Fn(usize) -> Option<Source<'a, T>>,
+) -> Vec<block::Term<'a, T>> {
+    let (offsets, c_out) = (0..map.n_offsets(), product.c_out);
+    let term = |(i, term): (usize, &'a Term<T>)| match (term, source(i)) {
+        (Term::Nodes { x, .. }, Some(weights)) => {
+            let pairs = offsets.clone().map(|k| map.pairs(block, k)).collect();
+            block::Term::Products { x, pairs, weights }
+        }
+        (Term::Shapes { products, shapes }, _) => {
+            let mut rows = Vec::new();
+            for k in offsets.clone() {
+                let first = block * map.block_len();
+                for_each_shape(shapes, first, map.pairs(block, k).1, |shape, outputs| {
+                    let product = &products[(k * shapes.len() + shape) * c_out..][..c_out];
+                    rows.push((product, outputs));
+                });
+            }
+            block::Term::Rows(rows)
+        }
+        _ => unreachable!("each product has its weights"),
+    };
+    product.terms.iter().enumerate().map(term).collect()
+}

@@ -1,0 +1,96 @@
+//! Some columns of all output rows are one task: few rows take less time than their weights take to be read,
+//! which is done once.
+
+use super::super::arena::Arena;
+use super::blocks::terms_of_block;
+use super::product::{Product, Term};
+use super::shapes::for_each_shape;
+use crate::octree::KernelMap;
+use crate::par;
+use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::elementwise::{self, Combination};
+use crate::simd::gemm::block::{self, Source};
+use crate::simd::gemm::matmul_columns;
+use std::ops::Range;
+
+/// Parts into which the columns of a map of one block are cut, and the width they are multiples of: whole
+/// cache lines of weights that nobody else reads.
+const PARTS: usize = 4;
+const PART_WIDTH: usize = 32;
+
+pub(super) fn sum_of_terms<T: Scalar>(
+    arena: &Arena<T>,
+    map: &KernelMap,
+    product: &Product<T>,
+    y: &mut [T],
+) {
+    let (level, c_out) = (Level::active(), product.c_out);
+    let width = c_out.div_ceil(PARTS).next_multiple_of(PART_WIDTH);
+    let columns = |part: usize| part * width..c_out.min((part + 1) * width);
+    let parts = par::map(c_out.div_ceil(width), |part| {
+        let columns = columns(part);
+        let mut y = arena.zeroed(map.n_outputs() * columns.len());
+        if product.terms.iter().all(is_plain) {
+            add_in_place(level, map, product, columns, &mut y);
+        } else {
+            let copied = |i: usize| match &product.terms[i] {
+                Term::Nodes { weights, .. } => Some(Source::Matrices(weights.clone())),
+                Term::Shapes { .. } => None,
+            };
+            let terms = terms_of_block(map, 0, product, copied);
+            block::sum_of_terms(level, &terms, c_out, columns, &mut y);
+        }
+        y
+    });
+    for (row, y) in y.chunks_exact_mut(c_out).enumerate() {
+        for (part, from) in parts.iter().enumerate() {
+            let columns = columns(part);
+            y[columns.clone()].copy_from_slice(&from[row * columns.len()..][..columns.len()]);
+        }
+    }
+}
+
+fn is_plain<T: Scalar>(term: &Term<T>) -> bool {
+    match term {
+        Term::Nodes { weights, .. } => weights.plain(0).is_some(),
+        Term::Shapes { .. } => true,
+    }
+}
+
+/// Adds some columns of the terms to `y`, offset by offset, so that weights are read as they lie.
+fn add_in_place<T: Scalar>(
+    level: Level,
+    map: &KernelMap,
+    product: &Product<T>,
+    columns: Range<usize>,
+    y: &mut [T],
+) {
+    let c_out = product.c_out;
+    for term in product.terms {
+        for k in 0..map.n_offsets() {
+            let (inputs, outputs) = map.pairs(0, k);
+            match term {
+                Term::Nodes { x, weights } => {
+                    let w = weights.plain(k).expect("weights that are not transposed");
+                    let (w, c) = ((w, c_out, columns.clone()), (&mut *y, outputs));
+                    matmul_columns(level, (x, inputs), weights.depth(), w, c);
+                }
+                Term::Shapes { products, shapes } => {
+                    for_each_shape(shapes, 0, outputs, |shape, outputs| {
+                        let product = &products[(k * shapes.len() + shape) * c_out..][..c_out];
+                        add_to_rows(level, &product[columns.clone()], outputs, y);
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// Adds `x` to these rows of `y`.
+fn add_to_rows<T: Scalar>(level: Level, x: &[T], rows: &[u32], y: &mut [T]) {
+    for &row in rows {
+        let y = &mut y[row as usize * x.len()..][..x.len()];
+        elementwise::combine(level, Combination::Add, y, x);
+    }
+}

@@ -1,0 +1,110 @@
+//! Columns that are the same in all rows of a shape.
+//!
+//! In a convolution `Σ_k x[neigh[n, k]]·W_k` the share of such columns `v`, whose rows of `W_k` are `V_k`, is
+//! `Σ_{k: neigh[n, k] exists} p_k` with `p_k = v·V_k`: 27 vectors per shape, chosen by which neighbors exist. On
+//! the way back, with `s_k = Σ dy[n]` over the nodes whose neighbor `k` exists, `dV_k = vᵀ·s_k` and
+//! `dv = Σ_k s_k·V_kᵀ`.
+
+use super::super::arena::{Arena, Buffer};
+use super::super::rows;
+use crate::octree::KernelMap;
+use crate::par;
+use crate::scalar::Scalar;
+use crate::simd::Level;
+use crate::simd::elementwise::{self, Combination};
+use crate::simd::gemm::block::{self, Source};
+use crate::simd::gemm::matmul_rows;
+use crate::simd::gemm::weights::Weights;
+use std::ops::Range;
+
+/// `p[k, s] = v[s]·V_k`, `[n_offsets, n_shapes, c_out]`; `weights(k)` is `V_k: [c, c_out]`.
+pub(in crate::nn) fn products<'a, T: Scalar>(
+    arena: &Arena<T>,
+    (values, c): (&[T], usize),
+    weights: impl Fn(usize) -> &'a [T] + Sync,
+    (n_offsets, c_out): (usize, usize),
+) -> Buffer<T> {
+    let shapes: Vec<u32> = (0..(values.len() / c) as u32).collect();
+    let mut products = arena.zeroed(n_offsets * shapes.len() * c_out);
+    par::for_each_block(&mut products, shapes.len() * c_out, |k, products| {
+        matmul_rows(Level::active(), (values, &shapes), c, weights(k), c_out, (products, &shapes));
+    });
+    products
+}
+
+/// `sums[k, s] = Σ_o g[o]` over the output rows `o` of shape `s` that have an input at offset `k`:
+/// `[n_offsets, n_shapes, c]`. Inputs and outputs are the same rows.
+pub(in crate::nn) fn sums<T: Scalar>(
+    arena: &Arena<T>,
+    map: &KernelMap,
+    shapes: &[Range<usize>],
+    (g, c): (&[T], usize),
+) -> Buffer<T> {
+    let partials = par::map(map.n_blocks(), |block| {
+        let first = block * map.block_len();
+        let mut partial = Vec::new();
+        for k in 0..map.n_offsets() {
+            for_each_shape(shapes, first, map.pairs(block, k).1, |shape, outputs| {
+                let mut sum = arena.zeroed(c);
+                add_rows(g, first, outputs, &mut sum);
+                partial.push((k * shapes.len() + shape, sum));
+            });
+        }
+        partial
+    });
+    let mut sums = arena.zeroed(map.n_offsets() * shapes.len() * c);
+    for (slot, partial) in partials.into_iter().flatten() {
+        rows::add(&mut sums[slot * c..][..c], &partial);
+    }
+    sums
+}
+
+/// `sum += Σ g[first + row]` over `rows`.
+fn add_rows<T: Scalar>(g: &[T], first: usize, rows: &[u32], sum: &mut [T]) {
+    let (level, c) = (Level::active(), sum.len());
+    for &row in rows {
+        let g = &g[(first + row as usize) * c..][..c];
+        elementwise::combine(level, Combination::Add, sum, g);
+    }
+}
+
+/// `y[r] = Σ_k x[k·n + r]·weights[k]`: `n` rows of `y`, for each of which every offset has one row of `x`.
+pub(in crate::nn) fn product_of_rows<T: Scalar>(
+    arena: &Arena<T>,
+    x: &[T],
+    n: usize,
+    weights: &Weights<T>,
+) -> Buffer<T> {
+    let (depth, c_out) = (weights.depth(), weights.width());
+    assert_eq!(x.len(), weights.n_offsets() * n * depth, "one row for each offset and output");
+    let mut y = arena.get(n * c_out);
+    par::for_each_block(&mut y, block::MAX_ROWS * c_out, |i, y| {
+        let outputs: Vec<u32> = (0..(y.len() / c_out) as u32).collect();
+        let first = |k: usize| (k * n + i * block::MAX_ROWS) as u32;
+        let inputs =
+            (0..weights.n_offsets()).map(|k| outputs.iter().map(|r| first(k) + r).collect());
+        let inputs: Vec<Vec<u32>> = inputs.collect();
+        let pairs = inputs.iter().map(|inputs| (&inputs[..], &outputs[..])).collect();
+        let weights = Source::Matrices(weights.clone());
+        let terms = [block::Term::Products { x, pairs, weights }];
+        block::sum_of_terms(Level::active(), &terms, c_out, 0..c_out, y);
+    });
+    y
+}
+
+/// Calls `work(shape, rows)` for the runs of `rows`, ascending and counted from `first`, that lie in one
+/// shape.
+pub(super) fn for_each_shape<'a>(
+    shapes: &[Range<usize>],
+    first: usize,
+    mut rows: &'a [u32],
+    mut work: impl FnMut(usize, &'a [u32]),
+) {
+    while let Some(&row) = rows.first() {
+        let shape = shapes.partition_point(|shape| shape.end <= first + row as usize);
+        let (run, rest) =
+            rows.split_at(rows.partition_point(|&r| first + (r as usize) < shapes[shape].end));
+        work(shape, run);
+        rows = rest;
+    }
+}
