@@ -43,13 +43,13 @@ fn main() -> deepmill::Result<()> {
         for (logits, d) in pass.logits.iter().zip(&mut dlogits) {
             loss += criterion.loss(logits, &targets, 1.0, d);
         }
-        let scores = Confusion::of_logits(&pass.logits[1], &targets, 1);
+        if step % 5 == 4 {
+            let scores = Confusion::of_logits(&pass.logits[1], &targets, 1);
+            println!("step {:2}: loss {loss:.3}, F1 {:.3}", step + 1, scores.f1());
+        }
         let [first, second] = &dlogits;
         model.backward(&batch, pass, [first, second], &mut grads, &arena);
         sgd.step(0.05, &mut grads, &mut velocity, &mut model.params);
-        if step % 5 == 4 {
-            println!("step {:2}: loss {loss:.3}, F1 {:.3}", step + 1, scores.f1());
-        }
     }
     Ok(())
 }

@@ -2,7 +2,7 @@
 //! adjoint test, in f64.
 //!
 //! [`function`] takes any function of named vectors (inputs and parameters alike) with a vector result `y`, and
-//! [`layer`] any [`Layer`]. For a fixed random `dy` they compare what backward says about `⟨dy, y⟩` with the central
+//! [`layer()`] any [`Layer`]. For a fixed random `dy` they compare what backward says about `⟨dy, y⟩` with the central
 //! difference `D(h) = ⟨dy, y(v + h) - y(v - h)⟩ / 2h`, element by element, whose leading error is removed by
 //! a second step: `(4 D(h) - D(2h)) / 3`. What is left is about `(h / s)⁴` where the function bends over a
 //! length `s` (batch norm over nearly equal rows bends over their small deviation), and a rounding error of
@@ -76,7 +76,7 @@ pub struct Element {
     pub error: f64,
 }
 
-/// The outcome of [`function`] and [`layer`].
+/// The outcome of [`function`] and [`layer()`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
     /// Worst element of every vector, in the order of the inputs.
@@ -227,7 +227,7 @@ fn check_gradients(inputs: &[(&str, &[f64])], gradients: &[Vec<f64>]) -> Result<
     Ok(())
 }
 
-/// A [`Layer`] with what its passes take, as one call of [`layer`] checks it.
+/// A [`Layer`] with what its passes take, as one call of [`layer()`] checks it.
 #[derive(Debug)]
 pub struct Case<'a, G: ?Sized> {
     /// Names and places of the parameters.

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 const EVERYWHERE: [&str; 7] = ["error", "scalar", "rng", "par", "aside", "Error", "Result"];
 
 /// Room → rooms it may import. Arrows only point down.
-const PLAN: [(&str, &[&str]); 22] = [
+const PLAN: [(&str, &[&str]); 23] = [
     ("arrays", &["model", "access", "geom"]),
-    ("report", &["train", "data", "metrics", "access", "geom", "cutter"]),
+    ("report", &["train", "data", "metrics", "access", "geom", "spatial", "cutter"]),
     ("parity", &["model", "nn", "octree", "optim", "loss", "cutter"]),
     (
         "train",
@@ -33,9 +33,10 @@ const PLAN: [(&str, &[&str]); 22] = [
     ("optim", &["simd"]),
     ("loss", &[]),
     ("metrics", &[]),
-    ("access", &["geom", "cutter", "directions", "simd"]),
-    ("octree", &["simd"]),
-    ("geom", &[]),
+    ("access", &["geom", "spatial", "cutter", "directions", "simd"]),
+    ("octree", &["spatial", "simd"]),
+    ("geom", &["spatial"]),
+    ("spatial", &["simd"]),
     ("cutter", &[]),
     ("directions", &[]),
     ("scalar", &["simd"]),
@@ -96,20 +97,44 @@ fn room(path: &str) -> &str {
     path.split('/').next().unwrap().trim_end_matches(".rs")
 }
 
-/// Rooms named as `crate::room` or inside `crate::{…}` on one line.
-fn imports(line: &str) -> Vec<String> {
-    let mut found = Vec::new();
-    for rest in line.split("crate::").skip(1) {
-        let names: Vec<&str> = match rest.strip_prefix('{') {
-            Some(list) => list.split(['}', ',']).collect(),
-            None => vec![rest],
-        };
-        let word = |name: &str| {
-            name.trim().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>()
-        };
-        found.extend(names.into_iter().map(word).filter(|w| !w.is_empty()));
+/// Rooms named as `crate::room` or in a list `crate::{…}`, which may be nested and go over lines.
+fn imports(code: &str) -> Vec<String> {
+    code.split("crate::").skip(1).flat_map(heads).collect()
+}
+
+/// The first name of a path, or of each path of the list that begins here.
+fn heads(path: &str) -> Vec<String> {
+    let word = |name: &str| {
+        name.trim().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>()
+    };
+    let Some(list) = path.strip_prefix('{') else { return vec![word(path)] };
+    let (mut depth, mut names, mut from) = (0, Vec::new(), 0);
+    for (at, c) in list.char_indices() {
+        match c {
+            '{' => depth += 1,
+            ',' | '}' if depth == 0 => {
+                names.push(word(&list[from..at]));
+                from = at + 1;
+                if c == '}' {
+                    break;
+                }
+            }
+            '}' => depth -= 1,
+            _ => {}
+        }
     }
-    found
+    names.retain(|name| !name.is_empty());
+    names
+}
+
+#[test]
+fn imports_are_read_over_lines_and_in_nested_lists() {
+    let code = "use crate::{\n    access::{label, Labels},\n    geom,\n};\nlet x = crate::par::map(crate::Error);";
+    assert_eq!(imports(code), ["access", "geom", "par", "Error"]);
+    assert_eq!(
+        imports("use crate::simd::{Kernel, Level};\nuse crate::{Error, Result, par};"),
+        ["simd", "Error", "Result", "par"]
+    );
 }
 
 #[test]
@@ -121,7 +146,7 @@ fn imports_only_point_down_the_plan() {
             breaches.push(format!("{path}: a room the plan does not know"));
             continue;
         };
-        for name in lines.iter().flat_map(|line| imports(line)) {
+        for name in imports(&lines.join("\n")) {
             let everywhere = own != "simd" && EVERYWHERE.contains(&name.as_str());
             if name != own && !everywhere && !allowed.contains(&name.as_str()) {
                 breaches.push(format!("{path} imports {name}"));
@@ -162,115 +187,128 @@ fn unsafe_threads_files_and_printing_stay_in_their_rooms() {
     assert!(breaches.is_empty(), "{breaches:#?}");
 }
 
-/// Modules below `src`, as paths of names, and the code of each: `nn/conv_plan/dense.rs` is
-/// `nn::conv_plan::dense`, `nn/mod.rs` is `nn`.
-fn modules() -> Vec<(Vec<String>, String)> {
-    let module = |(path, lines): (String, Vec<String>)| {
-        let names = path.trim_end_matches(".rs").trim_end_matches("/mod").split('/');
-        (names.map(str::to_owned).collect(), lines.join("\n"))
-    };
-    files().into_iter().map(module).collect()
+/// Rooms whose own modules must not import each other in a circle, and how long a module's path is.
+const WITHOUT_CIRCLES: [&str; 5] = ["access/", "model/", "nn/", "simd/", "spatial/"];
+
+/// The module of a file: `access/pruned/mod.rs` is `access/pruned`.
+fn module(path: &str) -> &str {
+    let path = path.strip_suffix(".rs").unwrap();
+    path.strip_suffix("/mod").unwrap_or(path)
 }
 
-/// Paths that the `use` items of some code name, braces written out, over any number of lines.
-fn used_paths(code: &str) -> Vec<String> {
+/// Every path that code names from `super` or `crate` on, lists written out: `super::a::{b, c::d}` gives two.
+fn paths(code: &str) -> Vec<String> {
     let mut found = Vec::new();
-    for item in code.split("use ").skip(1).filter_map(|rest| rest.split(';').next()) {
-        expand("", item, &mut found);
+    for start in ["super::", "crate::"] {
+        for (at, _) in code.match_indices(start) {
+            let before = code[..at].chars().next_back();
+            if !before.is_some_and(|c| c.is_alphanumeric() || c == '_' || c == ':') {
+                spell_out("", &code[at..], &mut found);
+            }
+        }
     }
     found
 }
 
-/// Writes out one level of braces after another.
-fn expand(prefix: &str, item: &str, found: &mut Vec<String>) {
-    let item = item.trim();
-    let Some((path, rest)) = item.split_once('{') else {
-        return found.push(format!("{prefix}{item}"));
-    };
-    let list = &rest[..rest.rfind('}').unwrap_or(rest.len())];
-    let (mut depth, mut start) = (0, 0);
-    for (i, c) in list.char_indices().chain([(list.len(), ',')]) {
+fn spell_out(prefix: &str, rest: &str, found: &mut Vec<String>) {
+    let end =
+        rest.find(|c: char| !c.is_alphanumeric() && c != '_' && c != ':').unwrap_or(rest.len());
+    let path = format!("{prefix}{}", &rest[..end]);
+    let Some(list) = rest[end..].strip_prefix('{') else { return found.push(path) };
+    let (mut depth, mut from) = (0, 0);
+    for (at, c) in list.char_indices() {
         match c {
             '{' => depth += 1,
-            '}' => depth -= 1,
-            ',' if depth == 0 => {
-                let part = &list[start..i];
-                if !part.trim().is_empty() {
-                    expand(&format!("{prefix}{path}"), part, found);
+            ',' | '}' if depth == 0 => {
+                spell_out(&path, list[from..at].trim(), found);
+                from = at + 1;
+                if c == '}' {
+                    return;
                 }
-                start = i + 1;
             }
+            '}' => depth -= 1,
             _ => {}
         }
     }
 }
 
-/// The module that `path` leads to from `own`: the longest beginning that is one.
-fn resolve(own: &[String], path: &str, known: &[&[String]]) -> Option<Vec<String>> {
-    let mut at: Vec<String> = own.to_vec();
-    for (i, name) in path.split("::").map(str::trim).enumerate() {
+/// The module among `modules` that a path named in module `own` leads to.
+fn target<'a>(own: &str, path: &str, modules: &'a [String]) -> Option<&'a String> {
+    let mut at: Vec<&str> = own.split('/').collect();
+    for name in path.split("::") {
         match name {
             "crate" => at.clear(),
-            "super" => drop(at.pop()),
-            "self" => {}
-            _ => {
-                at.push(name.split_whitespace().next()?.to_owned());
-                if i == 0 && !known.contains(&&at[..]) {
-                    return None; // another crate
-                }
+            "super" => {
+                at.pop();
             }
+            name => at.push(name),
         }
     }
-    while !at.is_empty() && !known.contains(&&at[..]) {
-        at.pop();
-    }
-    (!at.is_empty() && at != own).then_some(at)
+    (1..=at.len()).rev().find_map(|n| modules.iter().find(|module| **module == at[..n].join("/")))
 }
 
-/// Rooms in which no module imports, by any way round, one that imports it. `mod.rs` files only list their
-/// modules and stay out.
-const ROOMS_WITHOUT_CIRCLES: [&str; 2] = ["nn", "model"];
-
-#[test]
-fn modules_of_a_room_import_in_no_circle() {
-    let modules = modules();
-    for room in ROOMS_WITHOUT_CIRCLES {
-        let inside: Vec<_> = modules.iter().filter(|(m, _)| m[0] == room && m.len() > 1).collect();
-        let known: Vec<&[String]> = inside.iter().map(|(module, _)| &module[..]).collect();
-        let children = |code: &str| -> Vec<String> {
-            let names = code.lines().filter_map(|line| line.trim().split_once("mod "));
-            names.filter_map(|(_, name)| Some(name.strip_suffix(';')?.to_owned())).collect()
-        };
-        let imports = |(own, code): &(Vec<String>, String)| -> Vec<Vec<String>> {
-            let child = |name: String| [&own[..], &[name]].concat();
-            let used = used_paths(code).into_iter().filter_map(|p| resolve(own, &p, &known));
-            used.chain(children(code).into_iter().map(child)).collect()
-        };
-        let mut left: Vec<_> = inside.iter().map(|m| (m.0.clone(), imports(m))).collect();
-        assert!(left.iter().any(|(_, imports)| imports.len() > 3), "imports of {room} are read");
-        // Whatever imports nothing that is left is no part of a circle.
-        loop {
-            let names: Vec<_> = left.iter().map(|(module, _)| module.clone()).collect();
-            let before = left.len();
-            left.retain(|(_, imports)| imports.iter().any(|import| names.contains(import)));
-            if left.len() == before {
-                break;
+/// A module that reaches itself by `edges`, and the way there.
+fn circle(edges: &[(String, Vec<String>)]) -> Option<Vec<String>> {
+    fn visit(
+        at: &str,
+        way: &mut Vec<String>,
+        done: &mut Vec<String>,
+        edges: &[(String, Vec<String>)],
+    ) -> bool {
+        if way.iter().any(|module| module == at) {
+            way.push(at.into());
+            return true;
+        }
+        if done.iter().any(|module| module == at) {
+            return false;
+        }
+        way.push(at.into());
+        let next = edges.iter().filter(|(from, _)| from == at).flat_map(|(_, to)| to);
+        for to in next {
+            if visit(to, way, done, edges) {
+                return true;
             }
         }
-        assert!(left.is_empty(), "a circle among {left:#?}");
+        done.extend(way.pop());
+        false
+    }
+    let mut done = Vec::new();
+    edges.iter().find_map(|(from, _)| {
+        let mut way = Vec::new();
+        visit(from, &mut way, &mut done, edges).then_some(way)
+    })
+}
+
+/// What a module declares or hands on of its children is no import; what children take from their parent is.
+#[test]
+fn modules_of_a_room_do_not_import_each_other_in_circles() {
+    let files = files();
+    for room in WITHOUT_CIRCLES {
+        let own: Vec<_> = files.iter().filter(|(path, _)| path.starts_with(room)).collect();
+        let modules: Vec<String> = own.iter().map(|(path, _)| module(path).to_string()).collect();
+        let edges = own.iter().map(|(path, lines)| {
+            let from = module(path);
+            let to = paths(&lines.join("\n"))
+                .into_iter()
+                .filter_map(|path| target(from, &path, &modules));
+            (from.to_string(), to.filter(|to| *to != from).cloned().collect())
+        });
+        let found = circle(&edges.collect::<Vec<_>>());
+        assert!(found.is_none(), "{found:?}");
     }
 }
 
 #[test]
-fn imports_over_several_lines_and_levels_are_read() {
-    let code = "use crate::{\n    nn::{arena::Arena, rows},\n    par,\n};\nuse super::pass;";
-    let expected = ["crate::nn::arena::Arena", "crate::nn::rows", "crate::par", "super::pass"];
-    assert_eq!(used_paths(code), expected);
-    let known = [["nn", "rows"], ["nn", "pass"]].map(|m| m.map(str::to_owned).to_vec());
-    let known: Vec<&[String]> = known.iter().map(Vec::as_slice).collect();
-    let own = ["nn", "conv"].map(str::to_owned);
-    let resolved = |path| resolve(&own, path, &known).map(|m| m.join("::"));
-    assert_eq!(resolved("crate::nn::rows::add").as_deref(), Some("nn::rows"));
-    assert_eq!(resolved("super::pass::Context").as_deref(), Some("nn::pass"));
-    assert_eq!(resolved("std::fmt"), None);
+fn circles_of_imports_are_found() {
+    let modules = ["a", "a/b", "a/c", "a/c/d"].map(String::from);
+    assert_eq!(target("a/c/d", "super::super::b::Thing", &modules).unwrap(), "a/b");
+    assert_eq!(target("a/b", "crate::a::c::d::Thing", &modules).unwrap(), "a/c/d");
+    assert_eq!(target("a/b", "crate::other::Thing", &modules), None);
+    let listed = paths("use super::{b, c::{d::X, Y}};\nuse crate::a::b::Z;");
+    assert_eq!(listed, ["super::b", "super::c::d::X", "super::c::Y", "crate::a::b::Z"]);
+    let edge =
+        |from: &str, to: &[&str]| (from.to_string(), to.iter().map(|to| to.to_string()).collect());
+    assert_eq!(circle(&[edge("a", &["b", "c"]), edge("b", &["c"]), edge("c", &[])]), None);
+    let found = circle(&[edge("a", &["b"]), edge("b", &["c"]), edge("c", &["b"])]).unwrap();
+    assert_eq!(found, ["a", "b", "c", "b"]);
 }

@@ -61,13 +61,8 @@ impl VoronoiCells {
         let sides = par::map_blocks(points.len(), BLOCK, |range| {
             range.map(|i| rim_side(i, &points, &normals, &tree, mean_mm)).collect::<Vec<_>>()
         });
-        Ok(VoronoiCells {
-            sides: sides.concat(),
-            points,
-            normals,
-            tree,
-            search_mm: SEARCH * mean_mm,
-        })
+        let search_mm = SEARCH * mean_mm;
+        Ok(VoronoiCells { sides: sides.concat(), points, normals, tree, search_mm })
     }
 
     /// The site to which `point` of the surface, with outward unit `normal` there, belongs.

@@ -50,7 +50,7 @@ pub struct Batch<T> {
 }
 
 impl<T: Scalar> Batch<T> {
-    /// Normalises each shape, builds the joint octree and its features.
+    /// Normalizes each shape, builds the joint octree and its features.
     ///
     /// # Errors
     /// If there are no shapes, or one has no points, lacks normals, holds a number that is not finite, or
@@ -65,17 +65,17 @@ impl<T: Scalar> Batch<T> {
         }
         let clouds = points.iter().zip(shapes).map(|(points, s)| Cloud::new(points, s.normals));
         let clouds: Vec<_> = clouds.collect();
-        Self::from_normalised(&clouds, &cutters, input)
+        Self::from_normalized(&clouds, &cutters, input)
     }
 
-    /// Like [`Batch::new`] for points that are normalised already and cutters in the network's unit.
+    /// Like [`Batch::new`] for points that are normalized already and cutters in the network's unit.
     ///
     /// # Errors
     /// As [`Batch::new`], and if a point lies outside `[-1, 1]³`.
     ///
     /// # Panics
     /// If there are not as many cutters as clouds.
-    pub fn from_normalised(
+    pub fn from_normalized(
         clouds: &[Cloud],
         cutters: &[[f64; N_LENGTHS]],
         input: &InputConfig,

@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CutterInput {
-    /// As they are, in mm, beside a shape whose millimetres were normalised away: the reference's way.
+    /// As they are, in mm, beside a shape whose millimetres were normalized away: the reference's way.
     #[default]
     Millimetres,
-    /// In units of the normalised shape: multiplied by its scale.
+    /// In units of the normalized shape: multiplied by its scale.
     Scaled,
 }
 
@@ -60,7 +60,7 @@ pub struct InputConfig {
     pub full_depth: usize,
     /// Letters of the node features: some of `NDP`, see [`Features`].
     pub features: String,
-    /// Normalisation of the points.
+    /// Normalization of the points.
     pub cube: Cube,
     /// Componentwise absolute normals, as the reference takes them.
     pub absolute_normals: bool,
@@ -76,7 +76,7 @@ pub struct InputConfig {
 }
 
 impl Default for InputConfig {
-    /// Depth 5, full to 2, features `ND`, signed normals, box normalisation, cutter scaled.
+    /// Depth 5, full to 2, features `ND`, signed normals, box normalization, cutter scaled.
     fn default() -> Self {
         InputConfig {
             depth: 5,
@@ -125,7 +125,7 @@ impl InputConfig {
         self.features.parse()
     }
 
-    /// Normalisation of the points.
+    /// Normalization of the points.
     pub fn normalisation(&self) -> Normalisation {
         self.cube.into()
     }
@@ -179,7 +179,7 @@ impl CutterConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UNetConfig {
-    /// Octree, normalisation, cutter unit.
+    /// Octree, normalization, cutter unit.
     #[serde(default)]
     pub input: InputConfig,
     /// Channels of the first convolution, at the finest depth.

@@ -36,7 +36,7 @@ pub struct GraphSageConfig {
     pub cutter_input: CutterInput,
     /// Channels of each layer.
     pub widths: Vec<usize>,
-    /// Neighbours that training draws for each vertex and layer.
+    /// Neighbors that training draws for each vertex and layer.
     #[serde(rename = "n_neighbours", alias = "n_neighbors")]
     pub n_neighbors: usize,
     /// Hidden channels of each head.

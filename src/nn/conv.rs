@@ -240,8 +240,8 @@ impl LinearOperator for OctreeConv {
 mod tests {
     use super::super::arena::Arena;
     use super::super::testing::{
-        forward, gradients, large_octree, octrees, require_adjoint, require_concatenation,
-        require_gradients,
+        difference, forward, gradients, large_octree, octrees, require_adjoint,
+        require_concatenation, require_gradients,
     };
     use super::*;
     use crate::gradcheck::probe;
@@ -257,8 +257,8 @@ mod tests {
     }
 
     /// The definition, product by product in the promised order.
-    fn plain(level: &Level, w: &[f64], c_in: usize, c_out: usize, x: &[f64]) -> Vec<f64> {
-        let mut y = vec![0.0; level.n_nodes() * c_out];
+    fn plain<T: Scalar>(level: &Level, w: &[T], c_in: usize, c_out: usize, x: &[T]) -> Vec<T> {
+        let mut y = vec![T::ZERO; level.n_nodes() * c_out];
         for (neigh, y) in level.neigh.iter().zip(y.chunks_exact_mut(c_out)) {
             for (k, &m) in neigh.iter().enumerate().filter(|(_, m)| **m >= 0) {
                 for p in 0..c_in {
@@ -275,11 +275,16 @@ mod tests {
     #[test]
     fn output_equals_the_plain_sum_over_neighbors() {
         let (conv, _, w) = conv(3, 5);
+        let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<_>>();
+        let w_f32 = narrow(&w);
         for octree in octrees() {
             for level in &octree.levels {
                 let x = probe(level.n_nodes() * 3, 2);
                 let y = forward(&conv, &w, &level.conv, Operand::new(&x, 3));
-                assert_eq!(y, plain(level, &w, 3, 5, &x));
+                assert!(difference(&y, &plain(level, &w, 3, 5, &x)) < 1e-14);
+                let x = narrow(&x);
+                let y = forward(&conv, &w_f32, &level.conv, Operand::new(&x, 3));
+                assert_eq!(y, plain(level, &w_f32, 3, 5, &x));
             }
         }
     }

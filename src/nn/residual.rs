@@ -94,60 +94,39 @@ impl Residual {
         x: Operand<T>,
         saved: &SavedResidual<T>,
     ) -> Buffer<T> {
-        let y = match (&self.shortcut, &saved.shortcut) {
+        let mut y = match (&self.shortcut, &saved.shortcut) {
             (Some(shortcut), Some(saved)) => shortcut.recompute_output(pass, &(), x, saved),
             _ => x.copied(pass.arena),
         };
-        self.add_straight_branch(pass, map, x, saved, y)
+        let SavedLinearNormAct { mapped, statistics } = &saved.second;
+        let (norm, activation) = (&self.second.norm, Activation::ReluOfSumWithOutput);
+        let recompute = || self.recompute_second(pass, map, x, saved);
+        let recomputed = mapped.get().is_none().then(recompute);
+        let mapped = mapped.get().or(recomputed.as_ref()).map(|mapped| &mapped[..]);
+        norm.normalize(pass.params, statistics, mapped, activation, &mut y);
+        y
     }
 
-    /// [`Residual::recompute_output`] of a block with the identity for a shortcut, in the memory of its input.
+    /// [`Residual::recompute_output`], in the memory of the input where nothing else must be recomputed.
     pub(super) fn recompute_output_over<T: Scalar>(
         &self,
         pass: &Backward<T>,
         map: &KernelMap,
-        x: Buffer<T>,
+        mut x: Buffer<T>,
         saved: &SavedResidual<T>,
-    ) -> Buffer<T> {
-        match (&self.shortcut, saved.second.mapped.get()) {
-            (None, Some(_)) => {
-                let no_input = Operand::Concat(&[]);
-                self.add_straight_branch(pass, map, no_input, saved, x)
-            }
-            _ => {
-                self.recompute_output(pass, map, Operand::new(&x, self.first.linear.c_in()), saved)
-            }
-        }
-    }
-
-    /// Turns the shortcut's output `y` into that of the block; `x` is read if the convolutions were not saved.
-    fn add_straight_branch<T: Scalar>(
-        &self,
-        pass: &Backward<T>,
-        map: &KernelMap,
-        x: Operand<T>,
-        saved: &SavedResidual<T>,
-        mut y: Buffer<T>,
     ) -> Buffer<T> {
         let SavedLinearNormAct { mapped, statistics } = &saved.second;
-        let (recomputed, norm) = (|| self.recompute_second(pass, map, x, saved), &self.second.norm);
-        match mapped.get() {
-            Some(mapped) => norm.normalize(
-                pass.params,
-                statistics,
-                Some(mapped),
-                Activation::ReluOfSumWithOutput,
-                &mut y,
-            ),
-            None => norm.normalize(
-                pass.params,
-                statistics,
-                Some(&recomputed()),
-                Activation::ReluOfSumWithOutput,
-                &mut y,
-            ),
+        match (&self.shortcut, mapped.get()) {
+            (None, Some(mapped)) => {
+                let (norm, activation) = (&self.second.norm, Activation::ReluOfSumWithOutput);
+                norm.normalize(pass.params, statistics, Some(mapped), activation, &mut x);
+                x
+            }
+            _ => {
+                let x = Operand::new(&x, self.first.linear.c_in());
+                self.recompute_output(pass, map, x, saved)
+            }
         }
-        y
     }
 
     /// Output of the second convolution, before normalization.
@@ -198,6 +177,26 @@ impl Residual {
         let dmiddle = conv.input_gradient(pass.context(), map, shape, &dsecond).into_first();
         drop(dsecond);
         self.first.backward_norm(pass, mapped, &statistics, &dmiddle)
+    }
+
+    /// Leaves of `d`, the gradient of the output, what passes the last ReLU.
+    fn pass_last_relu<T: Scalar>(
+        &self,
+        pass: &Backward<T>,
+        x: Operand<T>,
+        shortcut: &Shortcut<T>,
+        (second, statistics): (&[T], &Statistics),
+        d: &mut [T],
+    ) {
+        let straight = match shortcut {
+            Shortcut::Identity => x.to_matrix(pass.arena),
+            Shortcut::Linear { layer, mapped, statistics } => {
+                let y = pass.arena.get(mapped.len());
+                Matrix::Owned(layer.output(pass.params, mapped, statistics, y))
+            }
+        };
+        let activation = Activation::PassReluOfSum(&straight);
+        self.second.norm.normalize(pass.params, statistics, Some(second), activation, d);
     }
 }
 
@@ -280,27 +279,5 @@ impl<T: Scalar> Layer<T> for Residual {
             }
         }
         dx
-    }
-}
-
-impl Residual {
-    /// Leaves of `d`, the gradient of the output, what passes the last ReLU.
-    fn pass_last_relu<T: Scalar>(
-        &self,
-        pass: &Backward<T>,
-        x: Operand<T>,
-        shortcut: &Shortcut<T>,
-        (second, statistics): (&[T], &Statistics),
-        d: &mut [T],
-    ) {
-        let straight = match shortcut {
-            Shortcut::Identity => x.to_matrix(pass.arena),
-            Shortcut::Linear { layer, mapped, statistics } => {
-                let y = pass.arena.get(mapped.len());
-                Matrix::Owned(layer.output(pass.params, mapped, statistics, y))
-            }
-        };
-        let activation = Activation::PassReluOfSum(&straight);
-        self.second.norm.normalize(pass.params, statistics, Some(second), activation, d);
     }
 }

@@ -20,7 +20,7 @@ const HEAD_WEIGHT: f64 = 0.5;
 pub(super) fn run<T: Scalar>(fixture: &Fixture, prefix: &str, to: &mut Tensors) -> Result<()> {
     let mut model = cast::<T>(&fixture.model);
     let input = &model.net.config().input;
-    let batch = Batch::<T>::from_normalised(&fixture.clouds(), &fixture.cutters, input)?;
+    let batch = Batch::<T>::from_normalized(&fixture.clouds(), &fixture.cutters, input)?;
     if prefix.is_empty() {
         octree(&batch.octree, to);
         to.add_rows("input_feature", input.node_features()?.n_channels(), &batch.features);

@@ -23,7 +23,7 @@ impl Coordinates {
         Coordinates { x: zeros.clone(), y: zeros.clone(), z: zeros, n }
     }
 
-    /// Makes room for `n` points; what the places hold is unspecified.
+    /// Becomes `n` points long; what the places hold is unspecified.
     pub fn resize(&mut self, n: usize) {
         let len = n.next_multiple_of(PADDING);
         for axis in [&mut self.x, &mut self.y, &mut self.z] {

@@ -45,7 +45,7 @@ impl CountingSort {
         greatest
     }
 
-    /// Place of the next item of this bucket, to be asked once for every counted item.
+    /// Place of the next item of this bucket, to be taken once for every counted item.
     ///
     /// # Panics
     /// If there is no such bucket.

@@ -167,8 +167,8 @@ fn score<const N: usize>(
     answers: impl Fn(&Sample) -> Result<[Answer; N]>,
 ) -> Result<[Evaluation; N]> {
     if samples.is_empty() {
-        let remedy = "give at least one sample: no score of nothing means anything";
-        return Err(Error::argument("number of samples", 0, "at least 1", remedy));
+        let remedy = "choose another split, or build the data set with --validation";
+        return Err(Error::argument("the list of samples", "empty", "one sample or more", remedy));
     }
     let mut evaluations: [Evaluation; N] = std::array::from_fn(|_| Evaluation::default());
     for sample in samples {
@@ -188,7 +188,6 @@ mod tests {
     use super::*;
     use crate::cutter::CutterParams;
     use crate::geom::Sites;
-    use crate::model::UNetConfig;
     use glam::Vec3;
     use std::sync::Arc;
 
@@ -236,10 +235,10 @@ mod tests {
     }
 
     #[test]
-    fn an_evaluation_of_nothing_is_refused() {
-        let model = Model::<f32>::new(&UNetConfig::tiny(), 1).unwrap();
+    fn nothing_has_no_score() {
+        let model = Model::new(&crate::model::UNetConfig::tiny(), 1).unwrap();
         let message = evaluate(&model, &[]).unwrap_err().to_string();
-        assert!(message.starts_with("number of samples is 0, expected at least 1"), "{message}");
+        assert!(message.contains("list of samples is empty"), "{message}");
         assert_eq!(Evaluation::default().head(0), HeadScores::default());
         assert!(std::panic::catch_unwind(|| Evaluation::default().head(7)).is_err());
     }

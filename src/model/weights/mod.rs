@@ -41,7 +41,7 @@ pub struct About {
     pub inaccessible_class: usize,
     /// Class of head 2 that means "occlusion point".
     pub occlusion_class: usize,
-    /// Unit of lengths before normalisation.
+    /// Unit of lengths before normalization.
     pub unit: String,
     /// Free text: data, commands, scores.
     #[serde(default)]

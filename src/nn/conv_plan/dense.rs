@@ -63,22 +63,15 @@ pub(in crate::nn) fn add_transposed_product<T: Scalar>(
     (g, n): (&[T], usize),
     d: &mut [T],
 ) {
-    let partial = par::map_blocks(a.len() / k, BLOCK_ROWS, |block| {
-        let rows = &IDENTITY[..block.len()];
-        let mut sum = arena.zeroed(k * n);
-        matmul_tn_rows(
-            Level::active(),
-            (&a[block.start * k..], rows),
-            k,
-            (&g[block.start * n..], rows),
-            n,
-            &mut sum,
-        );
-        sum
+    let n_rows = a.len() / k;
+    let mut partial = arena.zeroed(n_rows.div_ceil(BLOCK_ROWS) * k * n);
+    par::for_each_block(&mut partial, k * n, |i, sum| {
+        let first = i * BLOCK_ROWS;
+        let rows = &IDENTITY[..BLOCK_ROWS.min(n_rows - first)];
+        let (a, g) = ((&a[first * k..], rows), (&g[first * n..], rows));
+        matmul_tn_rows(Level::active(), a, k, g, n, sum);
     });
-    for sum in partial {
-        rows::add(d, &sum);
-    }
+    partial.chunks_exact(k * n).for_each(|sum| rows::add(d, sum));
 }
 
 /// `x: [rows, columns]` into `y: [columns, rows]`.

@@ -42,19 +42,21 @@ pub(in crate::nn) fn sums<T: Scalar>(
 ) -> Buffer<T> {
     let partials = par::map(map.n_blocks(), |block| {
         let first = block * map.block_len();
-        let mut partial = Vec::new();
+        let (mut slots, mut sums) = (Vec::new(), Vec::new());
         for k in 0..map.n_offsets() {
             for_each_shape(shapes, first, map.pairs(block, k).1, |shape, outputs| {
-                let mut sum = arena.zeroed(c);
-                add_rows(g, first, outputs, &mut sum);
-                partial.push((k * shapes.len() + shape, sum));
+                slots.push(k * shapes.len() + shape);
+                sums.resize(slots.len() * c, T::ZERO);
+                add_rows(g, first, outputs, &mut sums[(slots.len() - 1) * c..]);
             });
         }
-        partial
+        (slots, sums)
     });
     let mut sums = arena.zeroed(map.n_offsets() * shapes.len() * c);
-    for (slot, partial) in partials.into_iter().flatten() {
-        rows::add(&mut sums[slot * c..][..c], &partial);
+    for (slots, partial) in partials {
+        for (slot, partial) in slots.into_iter().zip(partial.chunks_exact(c)) {
+            rows::add(&mut sums[slot * c..][..c], partial);
+        }
     }
     sums
 }

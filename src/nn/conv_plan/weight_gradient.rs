@@ -35,13 +35,12 @@ pub(super) fn by_ranges<T: Scalar>(
         par::for_each_block(grads, c_a * c_g, |slot, d| add(slot, 0, &mut d[place.clone()]));
         return;
     }
-    let partials = par::map(grads.len() / (c_a * c_g) * n_ranges, |task| {
-        let mut d = arena.zeroed(width * c_g);
-        add(task / n_ranges, task % n_ranges, &mut d);
-        d
-    });
+    let (n_slots, len) = (grads.len() / (c_a * c_g), width * c_g);
+    let mut partials = arena.zeroed(n_slots * n_ranges * len);
+    par::for_each_block(&mut partials, len, |task, d| add(task / n_ranges, task % n_ranges, d));
     par::for_each_block(grads, c_a * c_g, |slot, d| {
-        for partial in &partials[slot * n_ranges..(slot + 1) * n_ranges] {
+        let partials = &partials[slot * n_ranges * len..][..n_ranges * len];
+        for partial in partials.chunks_exact(len) {
             rows::add(&mut d[place.clone()], partial);
         }
     });

@@ -30,11 +30,11 @@ macro_rules! operator {
 }
 
 macro_rules! array_vector {
-    ($t:ty, $n:literal, $isa:ty, $mul_add:expr) => {
+    ($t:ty, $bits:ty, $n:literal, $isa:ty, $mul_add:expr) => {
         impl Vector for Lanes<$t, $n, $isa> {
             type Isa = $isa;
             type Element = $t;
-            type Mask = [bool; $n];
+            type Mask = [$bits; $n];
             const LANES: usize = $n;
 
             #[inline(always)]
@@ -76,12 +76,15 @@ macro_rules! array_vector {
                 Self::from_fn(|l| if self.0[l] > other.0[l] { self.0[l] } else { other.0[l] })
             }
             #[inline(always)]
-            fn gt(self, other: Self) -> [bool; $n] {
-                std::array::from_fn(|l| self.0[l] > other.0[l])
+            fn gt(self, other: Self) -> [$bits; $n] {
+                std::array::from_fn(|l| if self.0[l] > other.0[l] { !0 } else { 0 })
             }
             #[inline(always)]
-            fn select(self, mask: [bool; $n], other: Self) -> Self {
-                Self::from_fn(|l| if mask[l] { self.0[l] } else { other.0[l] })
+            fn select(self, mask: [$bits; $n], other: Self) -> Self {
+                Self::from_fn(|l| {
+                    let (bits, other) = (self.0[l].to_bits(), other.0[l].to_bits());
+                    <$t>::from_bits(bits & mask[l] | other & !mask[l])
+                })
             }
         }
     };
@@ -94,14 +97,14 @@ operator!(Add, add, f64);
 operator!(Sub, sub, f64);
 operator!(Mul, mul, f64);
 
-array_vector!(f32, 4, level::Portable, crate::simd::fma::mul_add);
-array_vector!(f64, 2, level::Portable, f64::mul_add);
+array_vector!(f32, u32, 4, level::Portable, crate::simd::fma::mul_add);
+array_vector!(f64, u64, 2, level::Portable, f64::mul_add);
 #[cfg(target_arch = "aarch64")]
-array_vector!(f32, 4, level::Neon, f32::mul_add);
+array_vector!(f32, u32, 4, level::Neon, f32::mul_add);
 #[cfg(target_arch = "aarch64")]
-array_vector!(f64, 2, level::Neon, f64::mul_add);
+array_vector!(f64, u64, 2, level::Neon, f64::mul_add);
 
-impl<const N: usize> Mask for [bool; N] {
+impl Mask for [u32; 4] {
     #[inline(always)]
     fn and(self, other: Self) -> Self {
         std::array::from_fn(|l| self[l] & other[l])
@@ -112,7 +115,8 @@ impl<const N: usize> Mask for [bool; N] {
     }
     #[inline(always)]
     fn bits(self) -> u32 {
-        (0..N).fold(0, |bits, l| bits | u32::from(self[l]) << l)
+        let [a, b, c, d] = self;
+        a & 1 | b & 2 | c & 4 | d & 8
     }
 }
 
@@ -149,12 +153,12 @@ macro_rules! level_vectors {
     ($isa:ty) => {
         impl Float32 for Lanes<f32, 4, $isa> {
             #[inline(always)]
-            fn le(self, other: Self) -> [bool; 4] {
-                std::array::from_fn(|l| self.0[l] <= other.0[l])
+            fn le(self, other: Self) -> [u32; 4] {
+                std::array::from_fn(|l| if self.0[l] <= other.0[l] { !0 } else { 0 })
             }
             #[inline(always)]
-            fn mask_from_bits(_: $isa, bits: u32) -> [bool; 4] {
-                std::array::from_fn(|l| bits >> l & 1 == 1)
+            fn mask_from_bits(_: $isa, bits: u32) -> [u32; 4] {
+                std::array::from_fn(|l| if bits & 1 << l != 0 { !0 } else { 0 })
             }
             #[inline(always)]
             fn compress(self, bits: u32) -> Self {
@@ -229,16 +233,17 @@ macro_rules! level_vectors {
                 Self::from_fn(|l| self.0[l].min(other.0[l]))
             }
             #[inline(always)]
-            fn ge(self, other: Self) -> [bool; 4] {
-                std::array::from_fn(|l| self.0[l] >= other.0[l])
+            fn ge(self, other: Self) -> [u32; 4] {
+                std::array::from_fn(|l| if self.0[l] >= other.0[l] { !0 } else { 0 })
             }
             #[inline(always)]
-            fn select(self, mask: [bool; 4], other: Self) -> Self {
-                Self::from_fn(|l| if mask[l] { self.0[l] } else { other.0[l] })
+            fn select(self, mask: [u32; 4], other: Self) -> Self {
+                Self::from_fn(|l| self.0[l] & mask[l] | other.0[l] & !mask[l])
             }
             #[inline(always)]
-            fn count(self, mask: [bool; 4]) -> Self {
-                Self::from_fn(|l| self.0[l].wrapping_add(u32::from(mask[l])))
+            fn count(self, mask: [u32; 4]) -> Self {
+                // All bits set is −1.
+                Self::from_fn(|l| self.0[l].wrapping_sub(mask[l]))
             }
             #[inline(always)]
             fn reduce_add(self) -> u32 {

@@ -50,7 +50,7 @@ struct QuantizedHeights {
     per_mm: f32,
 }
 
-/// What the greatest height becomes, one apart.
+/// Number of the greatest height, less one.
 const STEPS: f32 = 65_000.0;
 
 impl QuantizedHeights {

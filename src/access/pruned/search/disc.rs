@@ -47,7 +47,7 @@ pub fn inner_disc(radius: f64, halves: &mut HalfWidths, [n_columns, n_rows]: [us
 /// Scratch of [`dilate_disc`]: rasters with a margin all around.
 #[derive(Debug, Default)]
 pub struct DilationScratch {
-    /// Greatest of runs of `2^k` cells of a column, from each cell down, and room for the next `k`.
+    /// Greatest of runs of `2^k` cells of a column, from each cell down; those for the next `k`.
     runs: [Vec<u16>; 2],
     /// Greatest over the window of a column around each cell.
     windows: Vec<u16>,

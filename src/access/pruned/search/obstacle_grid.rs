@@ -331,7 +331,7 @@ mod tests {
     use crate::rng::{Purpose, Stream};
     use crate::simd::{Kernel, Level};
 
-    /// Per query: whether the rasters call it hit, and free, and whether the cells around hold a collision, tested
+    /// Per query: whether the rasters call it hit, and collision-free, and whether the cells around hold a collision, tested
     /// alone and together with its neighbors.
     struct Answer<'a>(&'a Coordinates, f32, StepSquared, &'a Coordinates);
 
@@ -407,7 +407,7 @@ mod tests {
                     (0..200).map(|i| queries.z[i]).fold(f32::INFINITY, f32::min) + step.height;
                 for &level in Level::available() {
                     let found = level.run(Answer(&obstacles, floor, step, &queries));
-                    for (i, (hit, free, struck)) in found.into_iter().enumerate() {
+                    for (i, (hit, collision_free, struck)) in found.into_iter().enumerate() {
                         let [x, y, z] = queries.get(i);
                         let within = |p: &[f32; 3]| {
                             let (dx, dy) = (p[0] - x, p[1] - y);
@@ -416,7 +416,10 @@ mod tests {
                         let near = (0..300).map(|j| obstacles.get(j)).filter(within);
                         let top = near.map(|p| p[2]).fold(f32::NEG_INFINITY, f32::max);
                         let collides = top > z + step.height;
-                        assert!(!(hit && !collides || free && collides), "{radius} {span:?}");
+                        assert!(
+                            !(hit && !collides || collision_free && collides),
+                            "{radius} {span:?}"
+                        );
                         assert_eq!(struck, [collides; 2], "{radius} {span:?}");
                     }
                 }
