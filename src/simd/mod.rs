@@ -19,8 +19,9 @@ pub mod gemm;
 pub mod level;
 pub mod normalize;
 pub mod real;
+pub mod token;
 pub mod vector;
 
-pub use level::{Kernel, Level, Simd};
+pub use level::{Kernel, Level};
 pub use real::Real;
-pub use vector::{Float32, Float64, Mask, Unsigned, Unsigned16, Unsigned32, Vector};
+pub use vector::{Float32, Float64, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};
