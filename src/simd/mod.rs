@@ -11,6 +11,8 @@
 //! nothing but a successful check of the processor can build. Kernels check every index that they
 //! are given before they form a pointer from it.
 #![allow(unsafe_code)]
+// Registers are arrays of constant length, counted by the same index as rows and panels beside them.
+#![allow(clippy::needless_range_loop)]
 
 mod double;
 pub mod elementwise;

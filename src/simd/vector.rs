@@ -532,7 +532,7 @@ mod tests {
 
     #[test]
     fn rasters_are_compared_as_unsigned_numbers() {
-        let a: Vec<u16> = (0..6400u32).map(|i| (i * 40_503 >> 3) as u16 / 2).collect();
+        let a: Vec<u16> = (0..6400u32).map(|i| ((i * 40_503) >> 3) as u16 / 2).collect();
         let b: Vec<u16> = (0..6400u32).map(|i| 60_000 - (i % 64 * 700) as u16).collect();
         for level in Level::available() {
             let (greater, any) = level.run(Rasters(&a, &b));
