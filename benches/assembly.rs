@@ -12,6 +12,8 @@
 //! and in those with fused multiply-adds no access to the stack at all. Printed per kernel: its innermost loops, fused multiply-adds in the one that has most, and
 //! instructions per fused multiply-add there.
 
+#![allow(clippy::print_stdout)]
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};

@@ -12,7 +12,7 @@ const EPSILON: f64 = 1e-6;
 fn main() -> deepmill::Result<()> {
     let (x, gain) = (gradcheck::probe(4 * COLUMNS, 1), gradcheck::probe(COLUMNS, 2));
     let inputs = [("x", &x[..]), ("gain", &gain[..])];
-    let report = gradcheck::layer(&inputs, forward, backward, &Settings::default());
+    let report = gradcheck::function(&inputs, forward, backward, &Settings::default())?;
     print!("{report}");
     report.require(1e-7)?;
 
@@ -25,7 +25,7 @@ fn main() -> deepmill::Result<()> {
         }
         gradients
     };
-    let report = gradcheck::layer(&inputs, forward, wrong, &Settings::default());
+    let report = gradcheck::function(&inputs, forward, wrong, &Settings::default())?;
     match report.require(1e-7) {
         Err(error) => println!("the mistake is found: {error}"),
         Ok(()) => unreachable!("a wrong gradient passes"),

@@ -98,7 +98,7 @@ impl FromStr for DirectionSet {
     fn from_str(text: &str) -> Result<Self> {
         let set = parse_set(text).ok_or_else(|| {
             let expected = "COUNT, hemisphere:COUNT, sphere:COUNT, latlong:RINGSxCOUNT, \
-                            cone:DEGREES:COUNT, circle:X,Y,Z:COUNT or list:X,Y,Z;X,Y,Z";
+                            cone:DEGREES:COUNT, circle:X,Y,Z:COUNT, list:X,Y,Z;X,Y,Z or up";
             Error::argument("directions", format!("`{text}`"), expected, "write for example 150")
         })?;
         match &set {
@@ -120,6 +120,9 @@ impl FromStr for DirectionSet {
 const UP: [f64; 3] = [0.0, 0.0, 1.0];
 
 fn parse_set(text: &str) -> Option<DirectionSet> {
+    if text == "up" {
+        return Some(DirectionSet::List { vectors: vec![UP] });
+    }
     let (kind, rest) = text.split_once(':').unwrap_or(("hemisphere", text));
     Some(match kind {
         "hemisphere" => DirectionSet::FibonacciHemisphere { n_dirs: rest.parse().ok()? },
@@ -209,6 +212,12 @@ impl Directions {
     /// ```
     pub fn fibonacci_hemisphere(n_dirs: usize) -> Result<Self> {
         Directions::new(DirectionSet::FibonacciHemisphere { n_dirs })
+    }
+
+    /// +z alone: 3-axis milling.
+    pub fn up() -> Self {
+        let vectors = vec![[0.0, 0.0, 1.0]];
+        Directions { set: DirectionSet::List { vectors }, vectors: vec![Vec3::Z] }
     }
 
     /// Unit vectors from tip to spindle.
@@ -347,6 +356,7 @@ mod tests {
             let directions: Directions = text.parse().unwrap();
             assert_eq!((directions.len(), directions.to_string().as_str()), (n, text));
         }
+        assert_eq!("up".parse::<Directions>().unwrap(), Directions::up());
         let plain: DirectionSet = "150".parse().unwrap();
         assert_eq!(plain, DirectionSet::FibonacciHemisphere { n_dirs: 150 });
         for text in

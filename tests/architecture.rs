@@ -15,6 +15,7 @@ const PLAN: [(&str, &[&str]); 23] = [
         "train",
         &[
             "model",
+            "nn",
             "data",
             "access",
             "geom",

@@ -245,12 +245,47 @@ fn bad_sets_of_tools_are_refused_before_anything_is_written() {
 }
 
 #[test]
+fn label_asks_the_part_itself_and_says_so() {
+    let folder = Folder::new();
+    let part = folder.file("block.stl", stl(&block([0.0; 3], [40.0, 30.0, 20.0])));
+    let clamp = folder.file("clamp.stl", stl(&block([0.0, 0.0, 20.5], [15.0, 30.0, 30.0])));
+    let out = folder.path("out");
+    let run = |more: &[&str]| {
+        let args = ["--directions", "up", "--sites", "300", "--no-picture", "--json"];
+        let output = folder.label(&part, &[&args[..], more].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+        (result, LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap())
+    };
+    let (result, file) = run(&[]);
+    assert_eq!(result["question"], "the part itself");
+    let surface = file.labels.surface.as_ref().unwrap();
+    for (i, normal) in file.sites.normals.iter().enumerate() {
+        assert_eq!(file.labels.inaccessible[i], normal.z < -0.5, "only the underside");
+        assert_eq!(surface.collision_free_directions[i], u32::from(normal.z > -0.5));
+        assert_eq!(surface.witness[i].is_some(), normal.z > -0.5);
+        assert_eq!(surface.tolerance_mm[i], 0.01);
+    }
+    assert_eq!(surface.tip_does_not_fit(), vec![false; 300]);
+    let (_, clamped) = run(&["--fixture", &clamp, "--table", "0", "--tolerance", "0.05"]);
+    let under_clamp = |i: usize| file.sites.normals[i].z > 0.5 && file.sites.points[i].x < 14.0;
+    for i in 0..300 {
+        let accessible = clamped.labels.accessible()[i];
+        assert!(!(accessible && under_clamp(i)), "{}", file.sites.points[i]);
+    }
+    let (result, published) = run(&["--obstacles", "sites"]);
+    assert_eq!(result["question"], "published definition, points as obstacles");
+    assert_eq!(published.labels.surface, None);
+    assert_eq!(published.labels.witness.len(), 300);
+}
+
+#[test]
 fn units_and_clouds_give_the_same_labels() {
     let folder = Folder::new();
     let inches = [40.0, 30.0, 20.0].map(|x: f32| x / 25.4);
     let part = folder.file("inch.stl", stl(&block([0.0; 3], inches)));
     let out = folder.path("out");
-    let args = ["--unit", "in", "--sites", "300", "--no-picture"];
+    let args = ["--unit", "in", "--sites", "300", "--no-picture", "--obstacles", "sites"];
     let output = folder.label(&part, &args);
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(text(&output.stdout).contains("40 × 30 × 20 mm"), "{}", text(&output.stdout));

@@ -15,6 +15,7 @@ use super::reference::Reference;
 use super::stats::Stats;
 use crate::cutter::Cutter;
 use crate::directions::Directions;
+use crate::simd::Level;
 use crate::{Result, par};
 
 /// Labels of `queries` for one cutter; see the [module](super) for the definition.
@@ -101,6 +102,29 @@ pub fn label_many<'a>(
         }
     }
     Ok(labels)
+}
+
+/// β of the queries that are `marked`, whatever marks them.
+///
+/// # Errors
+/// As [`label`].
+pub(super) fn count_for(
+    queries: Queries,
+    obstacles: Obstacles,
+    cutter: &Cutter,
+    directions: &Directions,
+    marked: &[bool],
+) -> Result<Vec<u64>> {
+    let scene = Scene::new(queries, obstacles)?;
+    let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
+    let order = Order::compact(&scene);
+    let scene = order.apply(scene);
+    let inaccessible = order.of_queries(marked);
+    let mut labels = [Labels { inaccessible, ..Labels::default() }];
+    let method = Pruned { scene: &scene, level: Level::active() };
+    count(&method, &scene, &[PlacedCutter::new(&scene, cutter)], &frames, &mut labels);
+    let [labels] = labels;
+    Ok(order.restore(labels).beta)
 }
 
 fn run<M: Method>(

@@ -2,6 +2,7 @@
 
 use super::matrix::CollisionMatrix;
 use super::stats::Stats;
+use super::surface::{SiteAnswer, SurfaceLabels};
 use crate::simd::Level;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -123,11 +124,25 @@ pub struct Labels {
     pub clearance_mm: Vec<f32>,
     /// The answer per direction and query, if asked for.
     pub collision_matrix: Option<CollisionMatrix>,
+    /// The answers about the part itself, if its triangles were asked: then `inaccessible` and `accessible_directions` are
+    /// theirs, and there are no witnesses by number.
+    pub surface: Option<SurfaceLabels>,
     /// What the engine did.
     pub stats: Stats,
 }
 
 impl Labels {
+    /// Per query, whether the tool may stand there in some direction: not inaccessible, and the tip fits as far as that was
+    /// asked.
+    pub fn accessible(&self) -> Vec<bool> {
+        match &self.surface {
+            None => self.inaccessible.iter().map(|inaccessible| !inaccessible).collect(),
+            Some(surface) => {
+                surface.answers.iter().map(|answer| *answer == SiteAnswer::Accessible).collect()
+            }
+        }
+    }
+
     /// Number of inaccessible queries.
     pub fn n_inaccessible(&self) -> usize {
         self.inaccessible.iter().filter(|&&l| l).count()

@@ -22,6 +22,10 @@
 //! a vector at a time. [`Engine::Pruned`], the default, lets heights, rasters and other cutters decide most of
 //! them. All engines return the same labels and counts, bit for bit, for any number of threads and at every SIMD
 //! level.
+//!
+//! # The part itself
+//!
+//! Points are a sample of a part; [`surface`] asks its triangles.
 
 pub mod baselines;
 mod batched;
@@ -40,6 +44,7 @@ mod problem;
 mod pruned;
 mod reference;
 mod stats;
+pub mod surface;
 
 pub use driver::{label, label_many};
 pub use gouge::gouges;

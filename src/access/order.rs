@@ -51,6 +51,11 @@ impl Order {
         }
     }
 
+    /// One value per query in this order, from those as given.
+    pub fn of_queries<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        self.queries.iter().map(|&i| values[i as usize]).collect()
+    }
+
     /// One value per query in the order as given.
     pub fn restore_queries<T: Copy + Default>(&self, values: Vec<T>) -> Vec<T> {
         scatter(&self.queries, values)

@@ -7,9 +7,11 @@ pub mod tools;
 
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
+use crate::access::surface::{SiteAnswer, SurfaceLabels};
 use crate::cutter::CutterParams;
 use crate::geom::Sites;
 use crate::{Error, Result};
+use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -123,7 +125,11 @@ impl LabelFile {
         if occlusion_asked {
             npz.array("occlusion", &[n], &occlusion[..n]).array("beta", &[n], &beta[..n]);
         }
-        npz.metadata(&self.about.metadata(Self::FORMAT, label_meaning()));
+        if let Some(surface) = &self.labels.surface {
+            add_surface(&mut npz, surface);
+        }
+        let meaning = label_meaning(self.labels.surface.is_some());
+        npz.metadata(&self.about.metadata(Self::FORMAT, meaning));
         npz.write(path)
     }
 
@@ -148,6 +154,9 @@ impl LabelFile {
             same_length(path, &sites, "occlusion", labels.occlusion.len())?;
             same_length(path, &sites, "beta", labels.beta.len())?;
         }
+        if npz.has("tip_does_not_fit") {
+            labels.surface = Some(read_surface(path, &mut npz, &sites, &labels)?);
+        }
         same_length(path, &sites, "inaccessible", labels.inaccessible.len())?;
         let n_directions = labels.accessible_directions.len();
         same_length(path, &sites, "accessible_directions", n_directions)?;
@@ -156,8 +165,67 @@ impl LabelFile {
     }
 }
 
-fn label_meaning() -> Value {
+/// Adds what only the part itself answers.
+fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
+    let n = surface.answers.len();
+    npz.array("tip_does_not_fit", &[n], &surface.tip_does_not_fit());
+    npz.array("collision_free_directions", &[n], &surface.collision_free_directions);
+    npz.array("open_directions", &[n], &surface.open_directions);
+    npz.array("tolerance", &[n], &surface.tolerance_mm);
+    let witness = surface.witness.iter().flat_map(|w| w.unwrap_or(Vec3::ZERO).to_array());
+    npz.array("witness_direction", &[n, 3], &witness.collect::<Vec<f32>>());
+}
+
+fn read_surface(
+    path: &Path,
+    npz: &mut NpzReader,
+    sites: &Sites,
+    labels: &Labels,
+) -> Result<SurfaceLabels> {
+    let tip = npz.bools("tip_does_not_fit")?;
+    same_length(path, sites, "tip_does_not_fit", tip.len())?;
+    let answer = |(&inaccessible, &tip): (&bool, &bool)| match (inaccessible, tip) {
+        (true, _) => SiteAnswer::Inaccessible,
+        (false, true) => SiteAnswer::TipDoesNotFit,
+        (false, false) => SiteAnswer::Accessible,
+    };
+    let witness = npz.f32s("witness_direction", 3)?;
+    same_length(path, sites, "witness_direction", witness.len() / 3)?;
+    let direction = |w: &[f32]| Some(Vec3::from_slice(w)).filter(|d| *d != Vec3::ZERO);
+    let surface = SurfaceLabels {
+        answers: labels.inaccessible.iter().zip(&tip).map(answer).collect(),
+        collision_free_directions: npz.counts("collision_free_directions")?,
+        accessible_directions: labels.accessible_directions.clone(),
+        witness: witness.chunks_exact(3).map(direction).collect(),
+        open_directions: npz.f32s("open_directions", 1)?,
+        tolerance_mm: npz.f64s("tolerance", 1)?,
+        ..SurfaceLabels::default()
+    };
+    let counts = surface.collision_free_directions.len();
+    same_length(path, sites, "collision_free_directions", counts)?;
+    same_length(path, sites, "open_directions", surface.open_directions.len())?;
+    same_length(path, sites, "tolerance", surface.tolerance_mm.len())?;
+    Ok(surface)
+}
+
+fn label_meaning(part_itself: bool) -> Value {
+    if part_itself {
+        return json!({
+            "question": "the part itself: its triangles are the obstacles, the tool is shrunk by the tolerance",
+            "inaccessible": "true: in every direction the shank, holder or spindle penetrates the part (positive class)",
+            "tip_does_not_fit": "true: in some direction only the tip penetrates the part, in none nothing does",
+            "collision_free_directions": "number of the directions asked in which no shank, holder or spindle penetrates the part",
+            "accessible_directions": "number of these in which the tip fits too; 0 beside an accessible site: a direction between them was found",
+            "witness_direction": "unit vector from tip to spindle in which the tool may stand, 0 0 0 if there is none",
+            "open_directions": "of a site that is not accessible, the share of directions not proven closed; 0: the answer holds for all directions",
+            "tolerance": "contact tolerance, mm",
+            "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
+            "beta": "pairs (inaccessible site, direction asked) in which this site is in the shrunk tool's steps",
+            "witness": "-1: see witness_direction",
+        });
+    }
     json!({
+        "question": "the published definition: sites are the obstacles, contact below the ball's top is not tested",
         "inaccessible": "true: the cutter collides in every direction (positive class)",
         "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
         "beta": "pairs (inaccessible site, direction) in which this site collides with the cutter",

@@ -31,12 +31,13 @@ impl Shares {
         let n = inaccessible.len();
         let share = |count: usize| count as f64 / n.max(1) as f64;
         let both = inaccessible.iter().zip(occlusion).filter(|(a, b)| **a && **b).count();
+        let n_asked = labels.surface.as_ref().map_or(n_directions, |surface| surface.n_directions);
         let free: u64 = accessible_directions.iter().map(|d| u64::from(*d)).sum();
         Shares {
             inaccessible: share(labels.n_inaccessible()),
             occlusion: share(labels.n_occlusion()),
             both: share(both),
-            free_directions: free as f64 / (n * n_directions).max(1) as f64,
+            free_directions: free as f64 / (n * n_asked).max(1) as f64,
         }
     }
 }
@@ -57,7 +58,8 @@ impl<'a> Coverage<'a> {
     /// If there are not as many labels as tools, at least one, or they differ in length.
     pub fn of(tools: &'a [Tool], labels: &[Labels], n_directions: usize) -> Self {
         assert_eq!(tools.len(), labels.len(), "one label per tool");
-        let reaching = |i: usize| labels.iter().position(|labels| !labels.inaccessible[i]);
+        let accessible: Vec<Vec<bool>> = labels.iter().map(Labels::accessible).collect();
+        let reaching = |i: usize| accessible.iter().position(|accessible| accessible[i]);
         Coverage {
             tools,
             shares: labels.iter().map(|labels| Shares::of(labels, n_directions)).collect(),

@@ -2,8 +2,9 @@
 //! difference, side by side in one folder.
 
 use super::points::{self, Values};
-use super::{Colouring, Part, picture};
+use super::{Class, Colouring, Part, picture};
 use crate::Result;
+use crate::access::surface::SiteAnswer;
 use crate::data::files::{About, LabelFile, PredictionFile, probabilities};
 use crate::geom::{Mesh, Sites, formats};
 use std::path::{Path, PathBuf};
@@ -77,13 +78,47 @@ pub fn draw_labels(
         values.push(("occlusion", Values::Flags(occlusion)));
         values.push(("beta", Values::LargeCounts(beta)));
     }
-    let notes = [
+    let mut notes = vec![
         "inaccessible 1: the cutter collides in every direction".to_string(),
         "occlusion 1: among the sites most often in the way of inaccessible ones".to_string(),
     ];
     let writer = Writer { folder, part: part(&file.about, &file.sites, mesh), show };
+    if let Some(surface) = &labels.surface {
+        notes.push("tip_does_not_fit 1: only the tip penetrates the part".to_string());
+        notes.push("the part itself: triangles are the obstacles".to_string());
+        let tip = surface.tip_does_not_fit();
+        values.push(("tip_does_not_fit", Values::Flags(&tip)));
+        values.push((
+            "collision_free_directions",
+            Values::Counts(&surface.collision_free_directions),
+        ));
+        let of: Vec<usize> = (0..n).map(|i| class(surface.answers[i], occlusion[i])).collect();
+        let colouring = Colouring::Groups { classes: &PART_ITSELF, of: &of };
+        return writer.write("labels", "the part itself", &colouring, &values, &notes);
+    }
+    notes.push("published definition: sites are the obstacles".to_string());
     let colouring = Colouring::Labels { inaccessible, occlusion };
-    writer.write("labels", "exact labels", &colouring, &values, &notes)
+    writer.write("labels", "exact labels, sites as obstacles", &colouring, &values, &notes)
+}
+
+/// What the colours of answers about the part itself say.
+const PART_ITSELF: [Class<'static>; 6] = [
+    Class { name: "accessible", colour: [205, 208, 212] },
+    Class { name: "inaccessible", colour: [206, 58, 44] },
+    Class { name: "tip does not fit", colour: [50, 120, 200] },
+    Class { name: "occlusion", colour: [245, 196, 50] },
+    Class { name: "inaccessible and occlusion", colour: [112, 56, 150] },
+    Class { name: "tip and occlusion", colour: [60, 150, 120] },
+];
+
+/// The group of a site, an index into [`PART_ITSELF`].
+fn class(answer: SiteAnswer, occlusion: bool) -> usize {
+    let answer = match answer {
+        SiteAnswer::Accessible => 0,
+        SiteAnswer::Inaccessible => 1,
+        SiteAnswer::TipDoesNotFit => 2,
+    };
+    answer + if occlusion { 3 } else { 0 }
 }
 
 /// Writes `predictions.npz`, `predictions.ply` and, if asked for, `predictions.png`; returns their

@@ -5,47 +5,18 @@
 //! token that only a successful check can build, so holding one is the proof that its shell may be
 //! entered.
 
-use super::fma;
-use super::vector::{self, Float32, Float64, Unsigned16, Unsigned32};
+#[cfg(target_arch = "aarch64")]
+use super::token::Neon;
+use super::token::Portable;
+#[cfg(target_arch = "x86_64")]
+use super::token::{Avx2, Avx512};
+use super::vector::Simd;
 use std::fmt;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// The environment variable that forces a level by its name.
 pub const VARIABLE: &str = "DEEPMILL_SIMD";
-
-/// What a kernel body may ask of the level it is compiled for.
-pub trait Simd: Copy {
-    /// Lanes of `f32` in a vector register.
-    const LANES: usize;
-    /// Rows of a register tile of products: with two vectors each they leave room for a row of the other
-    /// operand, and their addresses fit the general registers.
-    const TILE_ROWS: usize;
-    /// `LANES` numbers.
-    type F32: Float32<Isa = Self>;
-    /// Half as many.
-    type F64: Float64<Isa = Self>;
-    /// `LANES` whole numbers.
-    type U32: Unsigned32<Isa = Self>;
-    /// Twice as many.
-    type U16: Unsigned16<Isa = Self>;
-
-    /// `a * b + c` with one rounding.
-    fn mul_add(self, a: f32, b: f32, c: f32) -> f32;
-
-    /// Asks for the cache line of a number that will be read soon.
-    #[inline(always)]
-    fn prefetch(self, x: &f32) {
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: every 64-bit x86 processor has the instruction, and the reference is valid.
-        unsafe {
-            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-            _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(x).cast());
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        let _ = x;
-    }
-}
 
 /// Work that is compiled once per level.
 ///
@@ -58,71 +29,6 @@ pub trait Kernel {
     /// The body; `simd` is the level's token.
     fn run<S: Simd>(self, simd: S) -> Self::Output;
 }
-
-macro_rules! token {
-    (
-        $(#[$doc:meta])* $name:ident, $f32:ty, $f64:ty, $u32:ty, $u16:ty, $lanes:literal, $rows:literal,
-        $mul_add:path, $has:expr
-    ) => {
-        $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub struct $name(());
-
-        impl $name {
-            /// The token, if this processor has the level.
-            pub fn new() -> Option<Self> {
-                $has.then_some($name(()))
-            }
-        }
-
-        impl Simd for $name {
-            const LANES: usize = $lanes;
-            const TILE_ROWS: usize = $rows;
-            type F32 = $f32;
-            type F64 = $f64;
-            type U32 = $u32;
-            type U16 = $u16;
-
-            #[inline(always)]
-            fn mul_add(self, a: f32, b: f32, c: f32) -> f32 {
-                $mul_add(a, b, c)
-            }
-        }
-    };
-}
-
-token!(
-    /// The target's baseline, with fused multiply-add by arithmetic where the baseline has none.
-    Portable, vector::Lanes<f32, 4, Portable>, vector::Lanes<f64, 2, Portable>,
-    vector::Lanes<u32, 4, Portable>, vector::Lanes<u16, 8, Portable>, 4, 2,
-    fma::mul_add, true
-);
-#[cfg(target_arch = "x86_64")]
-token!(
-    /// AVX2 and FMA, with the bit counting that comes with them.
-    Avx2, vector::F32x8, vector::F64x4, vector::U32x8, vector::U16x16, 8, 6, f32::mul_add,
-    is_x86_feature_detected!("avx2")
-        && is_x86_feature_detected!("fma")
-        && is_x86_feature_detected!("popcnt")
-        && is_x86_feature_detected!("bmi1")
-        && is_x86_feature_detected!("bmi2")
-);
-#[cfg(target_arch = "x86_64")]
-token!(
-    /// AVX-512 F, BW, DQ and VL, with AVX2 and FMA.
-    Avx512, vector::F32x16, vector::F64x8, vector::U32x16, vector::U16x32, 16, 8, f32::mul_add,
-    is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512bw")
-        && is_x86_feature_detected!("avx512dq")
-        && is_x86_feature_detected!("avx512vl")
-        && Avx2::new().is_some()
-);
-#[cfg(target_arch = "aarch64")]
-token!(
-    /// NEON.
-    Neon, vector::Lanes<f32, 4, Neon>, vector::Lanes<f64, 2, Neon>,
-    vector::Lanes<u32, 4, Neon>, vector::Lanes<u16, 8, Neon>, 4, 8, f32::mul_add, std::arch::is_aarch64_feature_detected!("neon")
-);
 
 /// An instruction-set level that this processor has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -11,6 +11,8 @@
 //! nothing but a successful check of the processor can build. Kernels check every index that they
 //! are given before they form a pointer from it.
 #![allow(unsafe_code)]
+// Registers are arrays of constant length, counted by the same index as rows and panels beside them.
+#![allow(clippy::needless_range_loop)]
 
 mod double;
 pub mod elementwise;
@@ -19,8 +21,9 @@ pub mod gemm;
 pub mod level;
 pub mod normalize;
 pub mod real;
+pub mod token;
 pub mod vector;
 
-pub use level::{Kernel, Level, Simd};
+pub use level::{Kernel, Level};
 pub use real::Real;
-pub use vector::{Float32, Float64, Mask, Unsigned, Unsigned16, Unsigned32, Vector};
+pub use vector::{Float32, Float64, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};

@@ -17,7 +17,6 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 
-use super::level::Simd;
 pub use arrays::Lanes;
 #[cfg(target_arch = "x86_64")]
 pub use avx2::{F32x8, F64x4, U16x16, U32x8};
@@ -27,6 +26,36 @@ use std::ops::{Add, Mul, Sub};
 
 /// Most lanes of an `f32` vector of any level.
 pub const MAX_LANES: usize = 16;
+
+/// What a kernel body may ask of the level it is compiled for.
+pub trait Simd: Copy {
+    /// Lanes of `f32` in a vector register.
+    const LANES: usize;
+    /// Rows of a register tile of products: with two vectors each they leave room for a row of the other
+    /// operand, and their addresses fit the general registers.
+    const TILE_ROWS: usize;
+    /// `LANES` numbers.
+    type F32: Float32<Isa = Self>;
+    /// Half as many.
+    type F64: Float64<Isa = Self>;
+    /// `LANES` whole numbers.
+    type U32: Unsigned32<Isa = Self>;
+    /// Twice as many.
+    type U16: Unsigned16<Isa = Self>;
+
+    /// Asks for the cache line of a number that will be read soon.
+    #[inline(always)]
+    fn prefetch(self, x: &f32) {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: every 64-bit x86 processor has the instruction, and the reference is valid.
+        unsafe {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(x).cast());
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = x;
+    }
+}
 
 /// Lanes of numbers in one register.
 pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
@@ -503,7 +532,7 @@ mod tests {
 
     #[test]
     fn rasters_are_compared_as_unsigned_numbers() {
-        let a: Vec<u16> = (0..6400u32).map(|i| (i * 40_503 >> 3) as u16 / 2).collect();
+        let a: Vec<u16> = (0..6400u32).map(|i| ((i * 40_503) >> 3) as u16 / 2).collect();
         let b: Vec<u16> = (0..6400u32).map(|i| 60_000 - (i % 64 * 700) as u16).collect();
         for level in Level::available() {
             let (greater, any) = level.run(Rasters(&a, &b));

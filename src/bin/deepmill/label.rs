@@ -5,6 +5,7 @@ use crate::clock::Clock;
 use crate::density;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
+use crate::part_itself::{self, Blocking, SurfaceArgs};
 use crate::progress;
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::cutter::Cutter;
@@ -42,10 +43,13 @@ pub struct Args {
     sites: SiteArgs,
     #[command(flatten)]
     directions: DirectionArgs,
-    /// Also collide with this many further points of the surface: closer to the truth.
-    #[arg(long, value_name = "COUNT")]
-    obstacles: Option<usize>,
-    /// How to compute; all engines give the same labels.
+    #[command(flatten)]
+    surface: SurfaceArgs,
+    /// What blocks: `part` (its triangles; the default for a mesh), `sites` (the published definition, as data sets and
+    /// networks have it), or COUNT: the sites and so many further points of the surface.
+    #[arg(long, value_name = "WHAT")]
+    obstacles: Option<String>,
+    /// How to compute with points as obstacles; all engines give the same labels.
     #[arg(long, value_name = "NAME", default_value_t = LabelOptions::default().engine.name().into())]
     engine: String,
     /// Share of the sites that are occlusion points.
@@ -73,27 +77,44 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let part = args.read.read_part(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");
     let (mesh, sites) = args.sites.place(part)?;
-    let more = further_obstacles(args, mesh.as_ref(), output)?;
+    let blocking = Blocking::read(args.obstacles.as_deref(), mesh.is_some(), output)?;
+    let more = further_obstacles(args, blocking, mesh.as_ref())?;
     clock.lap("sites_s", "sites");
-    let obstacles = match &more {
-        Some(sites) => Obstacles::QueriesAnd(&sites.points),
-        None => Obstacles::Queries,
-    };
     let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
-    let labels = access::label_many(&sites, obstacles, &cutters, &directions, &options)?;
+    let labels = match (blocking, &mesh) {
+        (Blocking::Part, Some(mesh)) => {
+            let part = (mesh, &args.read, output);
+            args.surface.label(part, &sites, &cutters, &directions, args.occlusion_share)?
+        }
+        _ => {
+            args.surface.warn_unused(output);
+            let obstacles = match &more {
+                Some(sites) => Obstacles::QueriesAnd(&sites.points),
+                None => Obstacles::Queries,
+            };
+            access::label_many(&sites, obstacles, &cutters, &directions, &options)?
+        }
+    };
     clock.lap("labels_s", "labels");
 
-    let answers = Answers { args, tools: &tools, directions: &directions, mesh, sites };
+    let answers = Answers { args, blocking, tools: &tools, directions: &directions, mesh, sites };
     let coverage =
         args.tools.are_several().then(|| Coverage::of(&tools, &labels, directions.len()));
     let mut facts = answers.facts(&labels, coverage.as_ref());
+    let single = coverage.is_none().then(|| labels[0].clone());
     let paths = answers.write(labels, coverage.as_ref())?;
     clock.lap("write_s", "writing and drawing");
 
-    let warning = answers.add_density(&mut facts, more);
+    let warning = match blocking {
+        Blocking::Part => None,
+        Blocking::Points(_) => answers.add_density(&mut facts, more),
+    };
     clock.add_to(&mut facts);
     output.say(facts.text());
     let mut result = facts.json();
+    if let (Blocking::Part, Some(labels), Some(mesh)) = (blocking, &single, &answers.mesh) {
+        result["faces"] = part_itself::say_blocking(mesh, &answers.sites, labels, output);
+    }
     if let Some(warning) = warning {
         output.warn(format!("{warning}: raise --sites, or add --obstacles"));
     }
@@ -108,24 +129,21 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 }
 
 /// Points of the surface beside the sites, from another stream of the same seed.
-fn further_obstacles(args: &Args, mesh: Option<&Mesh>, output: &Output) -> Result<Option<Sites>> {
-    match (args.obstacles, mesh) {
-        (None, _) => Ok(None),
-        (Some(_), None) => {
-            output.warn("--obstacles needs a mesh; a cloud collides with its own points only");
-            Ok(None)
-        }
-        (Some(n_sites), Some(mesh)) => {
-            let seed = args.sites.seed.wrapping_add(1);
-            let options = SiteOptions { n_sites, seed, ..SiteOptions::default() };
-            sites::sample(mesh, &options).map(Some)
-        }
-    }
+fn further_obstacles(
+    args: &Args,
+    blocking: Blocking,
+    mesh: Option<&Mesh>,
+) -> Result<Option<Sites>> {
+    let (Blocking::Points(Some(n_sites)), Some(mesh)) = (blocking, mesh) else { return Ok(None) };
+    let seed = args.sites.seed.wrapping_add(1);
+    let options = SiteOptions { n_sites, seed, ..SiteOptions::default() };
+    sites::sample(mesh, &options).map(Some)
 }
 
 /// What the labels are about; coverage is there if every tool has a folder of its own.
 struct Answers<'a> {
     args: &'a Args,
+    blocking: Blocking,
     tools: &'a [Tool],
     directions: &'a Directions,
     mesh: Option<Mesh>,
@@ -136,13 +154,18 @@ impl Answers<'_> {
     fn facts(&self, labels: &[Labels], coverage: Option<&Coverage>) -> Facts {
         let mut facts = Facts::new();
         facts.add("part", "part", Cell::text(name_of(&self.args.part)));
+        facts.add("question", "question", Cell::text(self.blocking.words()));
         if coverage.is_none() {
             facts.add("cutter", "cutter", Cell::text(self.tools[0].words()));
         }
         facts.add("n_sites", "sites", Cell::count(self.sites.len()));
-        facts.add("n_directions", "directions", Cell::count(self.directions.len()));
+        let asked = labels[0].surface.as_ref().map_or(self.directions.len(), |s| s.n_directions);
+        facts.add("n_directions", "directions", Cell::count(asked));
         match coverage {
-            None => add_shares(&mut facts, Shares::of(&labels[0], self.directions.len())),
+            None => {
+                add_shares(&mut facts, Shares::of(&labels[0], self.directions.len()));
+                part_itself::add_facts(&mut facts, &labels[0]);
+            }
             Some(coverage) => {
                 let none = Cell::Share(coverage.share_of_first(None));
                 facts.add("inaccessible_to_all", "inaccessible to every tool", none);
@@ -207,7 +230,9 @@ impl Answers<'_> {
             "tool": tool.settings(),
             "directions": directions.set(),
             "n_directions": directions.len(),
-            "further_obstacles": args.obstacles,
+            "question": self.blocking.words(),
+            "obstacles": args.obstacles,
+            "part_itself": (self.blocking == Blocking::Part).then(|| args.surface.settings()),
             "occlusion_share": args.occlusion_share,
             "engine": args.engine,
         });

@@ -14,6 +14,7 @@ mod mesh_args;
 mod model_args;
 mod output;
 mod parity;
+mod part_itself;
 mod predict;
 mod progress;
 mod report;

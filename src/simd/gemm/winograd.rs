@@ -253,8 +253,7 @@ fn put_children<S: Simd>(
                     halfway,
                     #[inline(always)]
                     |f| S::F32::load_ptr(s, from.add(f * apart)),
-                    #[inline(always)]
-                    |along| output(along),
+                    output,
                     #[inline(always)]
                     |child, x: S::F32| x.store_partial_ptr(to.add(child * n), n_lanes),
                 );

@@ -1,7 +1,9 @@
 //! Vectors as arrays: the portable level, and NEON, which belongs to the baseline of 64-bit ARM.
 
-use super::{Float32, Float64, Mask, Unsigned, Unsigned16, Unsigned32, Vector};
-use crate::simd::level;
+use super::{Float32, Float64, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};
+#[cfg(target_arch = "aarch64")]
+use crate::simd::token::Neon;
+use crate::simd::token::Portable;
 use std::marker::PhantomData;
 use std::ops::{Add, Mul, Sub};
 
@@ -97,12 +99,12 @@ operator!(Add, add, f64);
 operator!(Sub, sub, f64);
 operator!(Mul, mul, f64);
 
-array_vector!(f32, u32, 4, level::Portable, crate::simd::fma::mul_add);
-array_vector!(f64, u64, 2, level::Portable, f64::mul_add);
+array_vector!(f32, u32, 4, Portable, crate::simd::fma::mul_add);
+array_vector!(f64, u64, 2, Portable, f64::mul_add);
 #[cfg(target_arch = "aarch64")]
-array_vector!(f32, u32, 4, level::Neon, f32::mul_add);
+array_vector!(f32, u32, 4, Neon, f32::mul_add);
 #[cfg(target_arch = "aarch64")]
-array_vector!(f64, u64, 2, level::Neon, f64::mul_add);
+array_vector!(f64, u64, 2, Neon, f64::mul_add);
 
 impl Mask for [u32; 4] {
     #[inline(always)]
@@ -268,6 +270,23 @@ macro_rules! level_vectors {
     };
 }
 
-level_vectors!(level::Portable);
+level_vectors!(Portable);
 #[cfg(target_arch = "aarch64")]
-level_vectors!(level::Neon);
+level_vectors!(Neon);
+
+macro_rules! level {
+    ($isa:ty, $rows:literal) => {
+        impl Simd for $isa {
+            const LANES: usize = 4;
+            const TILE_ROWS: usize = $rows;
+            type F32 = Lanes<f32, 4, $isa>;
+            type F64 = Lanes<f64, 2, $isa>;
+            type U32 = Lanes<u32, 4, $isa>;
+            type U16 = Lanes<u16, 8, $isa>;
+        }
+    };
+}
+
+level!(Portable, 2);
+#[cfg(target_arch = "aarch64")]
+level!(Neon, 8);

@@ -1,7 +1,7 @@
 //! Vectors of 256 bits.
 
-use super::{Float32, Float64, Mask, Unsigned, Unsigned16, Unsigned32, Vector};
-use crate::simd::level::Avx2;
+use super::{Float32, Float64, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};
+use crate::simd::token::Avx2;
 use std::arch::x86_64::*;
 use std::ops::{Add, Mul, Sub};
 
@@ -446,4 +446,13 @@ impl Unsigned16 for U16x16 {
             _mm256_testz_si256(ge, ge) == 0
         }
     }
+}
+
+impl Simd for Avx2 {
+    const LANES: usize = 8;
+    const TILE_ROWS: usize = 6;
+    type F32 = F32x8;
+    type F64 = F64x4;
+    type U32 = U32x8;
+    type U16 = U16x16;
 }

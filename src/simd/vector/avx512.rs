@@ -1,8 +1,8 @@
 //! Vectors of 512 bits.
 
 use super::avx2::{operators, unsigned, unsigned32};
-use super::{Float32, Float64, Mask, Unsigned, Unsigned16, Unsigned32, Vector};
-use crate::simd::level::Avx512;
+use super::{Float32, Float64, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};
+use crate::simd::token::Avx512;
 use std::arch::x86_64::*;
 use std::ops::{Add, Mul, Sub};
 
@@ -267,4 +267,13 @@ impl Unsigned16 for U16x32 {
         // SAFETY: the operands were made from a token.
         unsafe { _mm512_cmpge_epu16_mask(self.0, other.0) != 0 }
     }
+}
+
+impl Simd for Avx512 {
+    const LANES: usize = 16;
+    const TILE_ROWS: usize = 8;
+    type F32 = F32x16;
+    type F64 = F64x8;
+    type U32 = U32x16;
+    type U16 = U16x32;
 }

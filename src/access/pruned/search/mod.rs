@@ -33,7 +33,7 @@ use obstacle_grid::{Cylinders, ObstacleGrid};
 
 /// Queries of a word of bits; padded coordinates fill whole words.
 const WORD: usize = 64;
-const _: () = assert!(PADDING % WORD == 0 && WORD % GROUP == 0);
+const _: () = assert!(PADDING.is_multiple_of(WORD) && WORD.is_multiple_of(GROUP));
 
 /// Sets the bit of every query at which some obstacle collides.
 pub struct Search<'a> {

@@ -308,8 +308,7 @@ pub(super) fn frequencies<S: Simd>(
             halfway,
             #[inline(always)]
             |i| chunk.load(s, rows[i]),
-            #[inline(always)]
-            |along| input(along),
+            input,
             #[inline(always)]
             |f, x| chunk.store::<S>(x, to.add(f * plane)),
         );
@@ -476,8 +475,7 @@ pub(super) fn frequencies_of_ones<S: Simd>(
                 halfway,
                 #[inline(always)]
                 |node| S::F32::load(s, &exists[PLACES[node].0]),
-                #[inline(always)]
-                |along| input(along),
+                input,
                 #[inline(always)]
                 |f, x: S::F32| x.store_partial_ptr(to.add(f * plane), groups.len()),
             );

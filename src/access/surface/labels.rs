@@ -1,0 +1,186 @@
+//! What to compute about the part itself, and what comes out.
+
+use super::tolerance::ContactTolerance;
+use super::verdict::Verdict;
+use crate::{Error, Result};
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use std::ops::AddAssign;
+
+/// The answer for one site.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SiteAnswer {
+    /// In some direction no step penetrates the part, and the tip fits.
+    Accessible,
+    /// In every direction some step (shank, holder or spindle) penetrates the part.
+    Inaccessible,
+    /// In some direction no step penetrates the part, but in all of these the tip does.
+    TipDoesNotFit,
+}
+
+/// What to compute.
+#[derive(Debug, Clone, Copy)]
+pub struct SurfaceOptions {
+    /// By how much the tool is shrunk.
+    pub tolerance: ContactTolerance,
+    /// Count directions exactly (default); otherwise a site is done with its first accessible direction.
+    pub counts: bool,
+    /// Also count β and mark occlusion points (default); not for volume queries.
+    pub occlusion: bool,
+    /// Share of the sites that are occlusion points, in (0, 1].
+    pub share: f64,
+    /// Search between the directions of an even set for sites that none of them reaches (default).
+    pub refinement: Option<RefinementOptions>,
+    /// Points of the surface that are asked before the triangles. Answers do not depend on it.
+    pub n_samples: usize,
+}
+
+/// How far the search between the directions goes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RefinementOptions {
+    /// Most cells of directions to look at for one site.
+    pub n_tests: usize,
+    /// Cells are cut until no direction is farther than this from their middle, radians.
+    pub resolution_rad: f64,
+}
+
+impl Default for RefinementOptions {
+    fn default() -> Self {
+        RefinementOptions { n_tests: N_TESTS, resolution_rad: RESOLUTION_RAD }
+    }
+}
+
+/// Chosen by measurement: see `docs/labeling.md`.
+const N_TESTS: usize = 256;
+/// About the spacing of 100,000 even directions on the upper half.
+const RESOLUTION_RAD: f64 = 0.004;
+
+/// Chosen by measurement: see `docs/labeling.md`.
+const N_SAMPLES: usize = 20_000;
+
+impl Default for SurfaceOptions {
+    fn default() -> Self {
+        SurfaceOptions {
+            tolerance: ContactTolerance::default(),
+            counts: true,
+            occlusion: true,
+            share: 0.1,
+            refinement: Some(RefinementOptions::default()),
+            n_samples: N_SAMPLES,
+        }
+    }
+}
+
+impl SurfaceOptions {
+    pub(super) fn check(&self) -> Result<()> {
+        if self.n_samples > MAX_SAMPLES {
+            let expected = format!("at most {MAX_SAMPLES}");
+            return Err(Error::argument("samples", self.n_samples, expected, "20,000 are plenty"));
+        }
+        if self.share > 0.0 && self.share <= 1.0 {
+            return Ok(());
+        }
+        let expected = "above 0, at most 1";
+        Err(Error::argument("occlusion share", self.share, expected, "the paper uses 0.1"))
+    }
+}
+
+const MAX_SAMPLES: usize = 100_000_000;
+
+/// Answers about the part itself, in the order of the queries.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SurfaceLabels {
+    /// Number of directions asked and counted: those of the set, and +z where the set stands for all within an angle that +z is
+    /// among.
+    pub n_directions: usize,
+    /// Per query.
+    pub answers: Vec<SiteAnswer>,
+    /// Per query: directions in which no step penetrates the part; empty if not counted.
+    pub collision_free_directions: Vec<u32>,
+    /// Per query: of these, directions in which the tip fits too; empty if not counted.
+    pub accessible_directions: Vec<u32>,
+    /// Per query: a direction in which the tool may stand there, the first of the set or one between them.
+    pub witness: Vec<Option<Vec3>>,
+    /// Per query that is not accessible: share of the directions which the set stands for that was not proven closed. At 0 the
+    /// answer holds for every direction, not only for those asked; 1 if there was no search between them.
+    pub open_directions: Vec<f32>,
+    /// Per query: the contact tolerance, mm.
+    pub tolerance_mm: Vec<f64>,
+    /// What was done.
+    pub stats: SurfaceStats,
+}
+
+impl SurfaceLabels {
+    /// Per query, whether no direction is collision-free.
+    pub fn inaccessible(&self) -> Vec<bool> {
+        self.answers.iter().map(|answer| *answer == SiteAnswer::Inaccessible).collect()
+    }
+
+    /// Per query, whether the tip is all that hinders the tool.
+    pub fn tip_does_not_fit(&self) -> Vec<bool> {
+        self.answers.iter().map(|answer| *answer == SiteAnswer::TipDoesNotFit).collect()
+    }
+
+    /// Share of the queries with this answer; 0 if there are none.
+    pub fn share(&self, answer: SiteAnswer) -> f64 {
+        let n = self.answers.iter().filter(|other| **other == answer).count();
+        n as f64 / self.answers.len().max(1) as f64
+    }
+}
+
+/// Counts of the work done; they do not depend on the number of threads.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct SurfaceStats {
+    /// Pairs (query, direction).
+    pub pairs: u64,
+    /// Of these, collisions that a point of the surface proves.
+    pub by_points: u64,
+    /// Whole tools asked of the triangles for the rest.
+    pub tools_tested: u64,
+    /// Triangles tested for these.
+    pub triangles_tested: u64,
+    /// Sites that only a direction between those of the set reaches.
+    pub found_between: u64,
+}
+
+impl AddAssign for SurfaceStats {
+    fn add_assign(&mut self, other: SurfaceStats) {
+        self.pairs += other.pairs;
+        self.by_points += other.by_points;
+        self.tools_tested += other.tools_tested;
+        self.triangles_tested += other.triangles_tested;
+        self.found_between += other.found_between;
+    }
+}
+
+/// Directions of a query in the order they were asked.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Tally {
+    pub collision_free: u32,
+    pub accessible: u32,
+    pub witness: Option<Vec3>,
+    /// Whether a direction between those of the set is collision-free.
+    pub free_between: bool,
+    /// See [`SurfaceLabels::open_directions`].
+    pub open: f32,
+}
+
+impl Tally {
+    /// Notes the verdict in a direction of the set.
+    pub fn add(&mut self, direction: Vec3, verdict: Verdict) {
+        self.collision_free += u32::from(verdict != Verdict::Collides);
+        if verdict == Verdict::Free {
+            self.accessible += 1;
+            self.witness = self.witness.or(Some(direction));
+        }
+    }
+
+    pub fn answer(&self) -> SiteAnswer {
+        match self {
+            Tally { witness: Some(_), .. } => SiteAnswer::Accessible,
+            Tally { collision_free: 0, free_between: false, .. } => SiteAnswer::Inaccessible,
+            _ => SiteAnswer::TipDoesNotFit,
+        }
+    }
+}

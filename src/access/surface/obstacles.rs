@@ -1,0 +1,224 @@
+//! The triangles that block, ready for any cutter and any directions.
+
+use super::bvh::Bvh;
+use super::cells::Domain;
+use super::labels::{SurfaceLabels, SurfaceOptions, SurfaceStats, Tally};
+use super::problem::Problem;
+use super::tolerance::Bends;
+use super::tool::{Contact, Outline};
+use super::verdict::{Verdict, raise_at};
+use crate::access::driver::count_for;
+use crate::access::{Labels, Obstacles, Queries, occlusion_points};
+use crate::cutter::Cutter;
+use crate::directions::{DirectionSet, Directions};
+use crate::geom::{Mesh, Sites};
+use crate::{Error, Result, par};
+use glam::{DVec3, Vec3};
+
+/// Triangles that a tool must not penetrate: those of the part, then those of fixtures.
+///
+/// ```
+/// use deepmill::access::surface::{SiteAnswer, SurfaceOptions, TriangleObstacles};
+/// use deepmill::cutter::{Cutter, CutterParams};
+/// use deepmill::directions::Directions;
+/// use deepmill::geom::{sites, solids};
+///
+/// let part = solids::cuboid(glam::DVec3::new(30.0, 20.0, 10.0));
+/// let sites = sites::sample(&part, &sites::SiteOptions { n_sites: 200, ..Default::default() })?;
+/// let cutter = Cutter::ball_end(CutterParams::from_array([1.5, 20.0, 20.0, 5.0]))?;
+/// let obstacles = TriangleObstacles::new(&part, &[])?;
+/// let labels = obstacles.label(&sites, &cutter, &Directions::up(), &SurfaceOptions::default())?;
+/// // From above, all but the underside can be reached.
+/// for (answer, normal) in labels.answers.iter().zip(&sites.normals) {
+///     assert_eq!(*answer == SiteAnswer::Accessible, normal.z > -0.5);
+/// }
+/// # Ok::<(), deepmill::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct TriangleObstacles {
+    pub(super) bvh: Bvh,
+    pub(super) bends: Bends,
+    pub(super) triangles: Vec<[DVec3; 3]>,
+}
+
+/// Coordinates beyond this are refused, as in [`label`](crate::access::label()).
+const MAX_COORDINATE_MM: f64 = 1e6;
+
+impl TriangleObstacles {
+    /// The triangles of `part` and of `fixtures`; builds the search tree, about a second per million of them.
+    ///
+    /// # Errors
+    /// If a face names a missing vertex, a vertex is not finite or beyond 1 km, or there are more than two thousand
+    /// million triangles.
+    pub fn new(part: &Mesh, fixtures: &[Mesh]) -> Result<Self> {
+        let mut triangles = Vec::new();
+        for mesh in std::iter::once(part).chain(fixtures) {
+            check(mesh)?;
+            triangles.extend((0..mesh.triangles.len()).map(|f| mesh.corners(f)));
+        }
+        if triangles.len() > u32::MAX as usize / 2 {
+            let found = format!("{} triangles", triangles.len());
+            return Err(Error::geometry("mesh", found, "label in parts"));
+        }
+        Ok(TriangleObstacles {
+            bvh: Bvh::new(triangles.clone()),
+            bends: Bends::of(part),
+            triangles,
+        })
+    }
+
+    /// Number of triangles.
+    pub fn n_triangles(&self) -> usize {
+        self.bvh.n_triangles()
+    }
+
+    /// Answers for `queries`, sites of the part or points of space, by the [module](super)'s definition.
+    ///
+    /// # Errors
+    /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, the tolerance is not positive or not below
+    /// the cutter's radius, or an option is outside its domain.
+    pub fn label<'a>(
+        &self,
+        queries: impl Into<Queries<'a>>,
+        cutter: &Cutter,
+        directions: &Directions,
+        options: &SurfaceOptions,
+    ) -> Result<SurfaceLabels> {
+        options.check()?;
+        let problem = self.problem(queries.into(), cutter, options)?;
+        let (asked, domain) = (asked(directions)?, Domain::of(directions));
+        let matrix = problem.by_points(cutter, &asked, options)?;
+        let tallies = problem.by_triangles(&matrix, &asked, domain, options);
+        Ok(problem.labels(tallies, &asked, options))
+    }
+
+    /// As [`TriangleObstacles::label`], for sites, and with β and occlusion points if asked for: β counts, as in
+    /// [`access`](crate::access), the pairs (inaccessible site, direction asked) in which a site is in the steps of the shrunk tool.
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::label`].
+    pub fn label_sites(
+        &self,
+        sites: &Sites,
+        cutter: &Cutter,
+        directions: &Directions,
+        options: &SurfaceOptions,
+    ) -> Result<Labels> {
+        let surface = self.label(sites, cutter, directions, options)?;
+        let inaccessible = surface.inaccessible();
+        let mut labels = Labels {
+            witness: vec![None; sites.len()],
+            accessible_directions: surface.accessible_directions.clone(),
+            ..Labels::default()
+        };
+        if options.occlusion {
+            let tolerance = surface.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
+            let shrunk = cutter.with_clearance(-tolerance)?;
+            let (queries, asked) = (Queries::Sites(sites), asked(directions)?);
+            labels.beta = count_for(queries, Obstacles::Queries, &shrunk, &asked, &inaccessible)?;
+            labels.occlusion = occlusion_points(&labels.beta, options.share);
+        }
+        Ok(Labels { inaccessible, surface: Some(surface), ..labels })
+    }
+
+    /// As [`TriangleObstacles::label`], by the plain loops of [`raise`](super::raise): slow, the law.
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::label`].
+    pub fn label_by_drop_heights<'a>(
+        &self,
+        queries: impl Into<Queries<'a>>,
+        cutter: &Cutter,
+        directions: &Directions,
+        options: &SurfaceOptions,
+    ) -> Result<SurfaceLabels> {
+        options.check()?;
+        let problem = self.problem(queries.into(), cutter, options)?;
+        let asked = asked(directions)?;
+        let tally = |i: usize| {
+            let verdict = |d: Vec3| {
+                let (contact, tolerance) = (&problem.contacts[i], problem.tolerances[i]);
+                Verdict::of(raise_at(&self.triangles, &problem.outline, tolerance, contact, d))
+            };
+            let mut tally = Tally::default();
+            asked.vectors().iter().for_each(|&d| tally.add(d, verdict(d)));
+            (tally, SurfaceStats::default())
+        };
+        let tallies = par::map(problem.contacts.len(), |i| vec![tally(i)]);
+        Ok(problem.labels(tallies, &asked, options))
+    }
+
+    fn problem(
+        &self,
+        queries: Queries,
+        cutter: &Cutter,
+        options: &SurfaceOptions,
+    ) -> Result<Problem<'_>> {
+        let outline = Outline::new(cutter);
+        let (contacts, tolerances) = match queries {
+            Queries::Sites(sites) => {
+                let contacts = contacts(sites)?;
+                (contacts, options.tolerance.at_sites(&outline, &self.bends, &self.bvh, sites)?)
+            }
+            Queries::Volume(points) => {
+                check_points("query", points)?;
+                let tips = points.iter().map(|p| Contact::Volume { tip: p.as_dvec3() });
+                (tips.collect(), vec![options.tolerance.least(&outline)?; points.len()])
+            }
+        };
+        let far = contacts.iter().map(|contact| contact.point().distance(self.bvh.origin()));
+        let reach = far.fold(self.bvh.radius(), f64::max) + outline.radius();
+        Ok(Problem { obstacles: self, contacts, tolerances, outline, reach })
+    }
+}
+
+/// The directions of a set, after +z if it stands for all within an angle that +z is among.
+fn asked(directions: &Directions) -> Result<Directions> {
+    let above = Domain::of(directions).is_some_and(|domain| domain.holds(DVec3::Z));
+    if !above || directions.vectors().contains(&Vec3::Z) {
+        return Ok(directions.clone());
+    }
+    let vectors = std::iter::once(&Vec3::Z).chain(directions.vectors());
+    let vectors = vectors.map(|d| d.as_dvec3().to_array()).collect();
+    Directions::new(DirectionSet::List { vectors })
+}
+
+fn contacts(sites: &Sites) -> Result<Vec<Contact>> {
+    let Sites { points, normals, .. } = sites;
+    if normals.len() != points.len() {
+        let found = format!("{} normals for {} sites", normals.len(), points.len());
+        let remedy = "give every site its outward unit normal";
+        return Err(Error::geometry("query sites", found, remedy));
+    }
+    check_points("query", points)?;
+    let unit = |n: &Vec3| n.is_finite() && (n.length_squared() - 1.0).abs() < 1e-3;
+    if let Some(i) = normals.iter().position(|n| !unit(n)) {
+        let found = format!("normal {} is not a unit vector", normals[i]);
+        let remedy = "normalise the normals or resample the part";
+        return Err(Error::geometry(format!("query {i}"), found, remedy));
+    }
+    let touch = |(point, normal): (&Vec3, &Vec3)| Contact::Surface {
+        point: point.as_dvec3(),
+        normal: normal.as_dvec3().normalize(),
+    };
+    Ok(points.iter().zip(normals).map(touch).collect())
+}
+
+fn check_points(what: &str, points: &[Vec3]) -> Result<()> {
+    let usable = |p: &Vec3| p.is_finite() && f64::from(p.abs().max_element()) <= MAX_COORDINATE_MM;
+    let Some(i) = points.iter().position(|p| !usable(p)) else { return Ok(()) };
+    let remedy = "coordinates must be finite and within 1 km; check the file and its unit";
+    Err(Error::geometry(format!("{what} {i}"), format!("position {}", points[i]), remedy))
+}
+
+fn check(mesh: &Mesh) -> Result<()> {
+    let n = mesh.vertices.len();
+    if let Some(f) = mesh.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= n)) {
+        let found = format!("names a vertex beyond the last of {n}");
+        return Err(Error::geometry(format!("face {f}"), found, "check the file"));
+    }
+    let usable = |v: &DVec3| v.is_finite() && v.abs().max_element() <= MAX_COORDINATE_MM;
+    let Some(v) = mesh.vertices.iter().position(|v| !usable(v)) else { return Ok(()) };
+    let remedy = "coordinates must be finite and within 1 km; check the file and its unit";
+    Err(Error::geometry(format!("vertex {v}"), format!("position {}", mesh.vertices[v]), remedy))
+}

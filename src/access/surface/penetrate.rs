@@ -1,0 +1,142 @@
+//! Does a shrunk tool penetrate a triangle? Yes or no, without drop heights, for the fast engine.
+//!
+//! A step is a half-infinite cylinder: it penetrates iff the part of the triangle above its lower end comes within
+//! its radius of the axis. A round tip consists of all points within its corner radius of a disc and of everything
+//! above: it penetrates iff the part of the triangle above the reference point comes within the whole radius of the
+//! axis, or an edge or the facet comes within the corner radius of the disc. Nothing is divided by the slope of
+//! the facet, so nothing is lost on steep ones.
+
+use super::tool::{Tip, across};
+use glam::{DVec2, DVec3};
+
+/// Whether some point of the triangle is higher than `height` and within `radius` of the axis.
+#[inline]
+pub(super) fn step(corners: &[DVec3; 3], height: f64, radius: f64) -> bool {
+    let above = corners.map(|p| p.z > height);
+    if above == [false; 3] {
+        return false;
+    }
+    if radius == f64::INFINITY {
+        return true;
+    }
+    let mut rim = [DVec2::ZERO; 4];
+    let mut n = 0;
+    for k in 0..3 {
+        let (a, b) = (corners[k], corners[(k + 1) % 3]);
+        if above[k] {
+            rim[n] = across(a);
+            n += 1;
+        }
+        if above[k] != above[(k + 1) % 3] {
+            rim[n] = across(a).lerp(across(b), (height - a.z) / (b.z - a.z));
+            n += 1;
+        }
+    }
+    within(&rim[..n], radius * radius)
+}
+
+/// Whether a convex polygon comes within a distance, squared, of the origin.
+#[inline]
+fn within(rim: &[DVec2], squared: f64) -> bool {
+    let (mut left, mut right) = (true, true);
+    let (mut low, mut high) = (rim[0], rim[0]);
+    for (k, &a) in rim.iter().enumerate() {
+        let b = rim[(k + 1) % rim.len()];
+        let run = b - a;
+        let turn = a.perp_dot(run);
+        left &= turn >= 0.0;
+        right &= turn <= 0.0;
+        (low, high) = (low.min(a), high.max(a));
+        let length = run.length_squared();
+        let part = if length > 0.0 { (-a.dot(run) / length).clamp(0.0, 1.0) } else { 0.0 };
+        if (a + run * part).length_squared() <= squared {
+            return true;
+        }
+    }
+    // A facet seen edge-on turns by roundings alone, but then its box is beside the origin.
+    left != right && low.max(-high).max_element() <= 0.0
+}
+
+/// Whether a tip penetrates the triangle.
+#[inline]
+pub(super) fn tip(corners: &[DVec3; 3], tip: Tip) -> bool {
+    match tip {
+        Tip::Flat { height, radius } => step(corners, height, radius),
+        Tip::Round { ring, radius } => {
+            let lowest = -radius;
+            corners.iter().any(|p| p.z > lowest)
+                && (step(corners, 0.0, ring + radius) || near_disc(corners, ring, radius))
+        }
+    }
+}
+
+/// Whether the triangle comes within `radius` of the horizontal disc of radius `ring` or of what is above it.
+fn near_disc(corners: &[DVec3; 3], ring: f64, radius: f64) -> bool {
+    let [a, b, c] = *corners;
+    [[a, b], [b, c], [c, a]].into_iter().any(|[a, b]| edge_near_disc(a, b, ring, radius))
+        || facet_near_disc(corners, ring, radius)
+}
+
+/// Distance of a point from the disc and what is above it, squared.
+fn from_disc(p: DVec3, ring: f64) -> f64 {
+    let beyond = (across(p).length() - ring).max(0.0);
+    let below = p.z.min(0.0);
+    beyond * beyond + below * below
+}
+
+fn edge_near_disc(a: DVec3, b: DVec3, ring: f64, radius: f64) -> bool {
+    let squared = radius * radius;
+    if ring == 0.0 {
+        let run = b - a;
+        let length = run.length_squared();
+        let part = if length > 0.0 { (-a.dot(run) / length).clamp(0.0, 1.0) } else { 0.0 };
+        return (a + run * part).length_squared() < squared;
+    }
+    // The distance is convex along the edge: intervals are nested until the answer is certain.
+    let (mut low, mut high) = (0.0, 1.0);
+    let length = (b - a).length();
+    let at = |t: f64| from_disc(a.lerp(b, t), ring);
+    for _ in 0..NESTINGS {
+        let third = (high - low) / 3.0;
+        let [left, right] = [low + third, high - third];
+        let [at_left, at_right] = [at(left), at(right)];
+        let least = at_left.min(at_right);
+        if least < squared {
+            return true;
+        }
+        if least.sqrt() - third * length > radius {
+            return false;
+        }
+        if at_left < at_right { high = right } else { low = left }
+    }
+    at(low).min(at(high)) < squared
+}
+
+/// Two thirds to this power are less than the spacing of `f64`.
+const NESTINGS: usize = 90;
+
+/// Whether the place of the facet that is nearest to the disc lies within its rim and near enough.
+fn facet_near_disc(corners: &[DVec3; 3], ring: f64, radius: f64) -> bool {
+    let [a, b, c] = corners;
+    let Some(normal) = (b - a).cross(c - a).try_normalize() else { return false };
+    let normal = if normal.z < 0.0 { -normal } else { normal };
+    let lowest = (across(normal).normalize_or_zero() * -ring).extend(0.0);
+    let distance = normal.dot(lowest - a);
+    if !(0.0..radius).contains(&distance) {
+        return false;
+    }
+    let foot = lowest - normal * distance;
+    if !in_box(foot, corners) {
+        return false;
+    }
+    let turn = |p: DVec3, q: DVec3| (q - p).cross(foot - p).dot(normal);
+    let turns = [turn(*a, *b), turn(*b, *c), turn(*c, *a)];
+    turns.iter().all(|t| *t >= 0.0) || turns.iter().all(|t| *t <= 0.0)
+}
+
+/// Whether a point of the plane of a triangle is in its box, but for roundings: the turns about a sliver are
+/// nothing but roundings.
+fn in_box(p: DVec3, [a, b, c]: &[DVec3; 3]) -> bool {
+    let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
+    (low - p).max(p - high).max_element() <= 1e-9
+}

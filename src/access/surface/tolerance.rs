@@ -1,0 +1,166 @@
+//! The contact tolerance: how deep a tool may seem to cut where it only touches.
+
+use super::bvh::Bvh;
+use super::tool::Outline;
+use crate::Result;
+use crate::geom::{Mesh, Sites};
+use crate::par;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// By how much, in mm, the tool is shrunk all around before it is tested.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ContactTolerance {
+    /// [`LEAST_MM`], and more at sites beside concave smooth edges: what these say of the difference between the
+    /// facets and the surface they stand for.
+    #[default]
+    Tessellation,
+    /// This much at every site.
+    Millimetres(f64),
+}
+
+/// The tolerance where facets imply no more, mm.
+pub const LEAST_MM: f64 = 0.01;
+
+/// Edges whose faces turn by no more than this belong to a tessellated curve: ten facets and more to the turn.
+const SMOOTH_RAD: f64 = 0.63;
+/// A tolerance implied by facets is at most this share of the cutter's radius.
+const GREATEST_SHARE: f64 = 0.25;
+/// How far from a site edges matter, in radii of the cutter: beyond `tan(SMOOTH_RAD/2)` the facet across does not
+/// come nearer to the axis than the site's own.
+const AROUND: f64 = 0.35;
+/// Sites per task.
+const BLOCK: usize = 256;
+
+/// How a face bends toward the outside across its edges.
+#[derive(Debug, Clone, Copy, Default)]
+struct Bend {
+    /// Greatest turn against a neighbor across a concave smooth edge, radians; 0 for none.
+    turn: f64,
+    /// Radius of the circle whose chords the two facets are, mm.
+    radius: f64,
+}
+
+impl Bend {
+    /// How deep the neighbor reaches into a tool of this radius that touches the face.
+    ///
+    /// Beside the edge it is `r·(1 − cos turn)`. In a bore of radius `b` not much wider than the tool further facets reach
+    /// deeper: `e·b/(b − r)` with the chord error `e`; up to twice the former is granted.
+    fn depth(&self, r: f64) -> f64 {
+        if self.turn == 0.0 {
+            return 0.0;
+        }
+        let beside = r * (1.0 - libm::cos(self.turn));
+        let chord_error = self.radius * (1.0 - libm::cos(0.5 * self.turn));
+        let around = chord_error * self.radius / (self.radius - r);
+        let depth = if self.radius > r { around.clamp(beside, 2.0 * beside) } else { beside };
+        depth.min(GREATEST_SHARE * r)
+    }
+}
+
+/// The bends of all faces of a mesh.
+#[derive(Debug)]
+pub(super) struct Bends(Vec<[Bend; 3]>);
+
+impl Bends {
+    /// Number of faces.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    pub fn of(mesh: &Mesh) -> Self {
+        let mut bends = vec![[Bend::default(); 3]; mesh.triangles.len()];
+        let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * mesh.triangles.len());
+        for (f, corners) in mesh.triangles.iter().enumerate() {
+            for k in 0..3 {
+                let (a, b) = (corners[k], corners[(k + 1) % 3]);
+                edges.push(([a.min(b), a.max(b)], 3 * f as u32 + k as u32));
+            }
+        }
+        par::sort_by_key(&mut edges, |&edge| edge);
+        for same in edges.chunk_by(|x, y| x.0 == y.0) {
+            let &[(_, x), (_, y)] = same else { continue };
+            let bend = bend(mesh, x, y);
+            bends[x as usize / 3][x as usize % 3] = bend;
+            bends[y as usize / 3][y as usize % 3] = bend;
+        }
+        Bends(bends)
+    }
+}
+
+/// The bend over half edges `x` and `y` (three times the face, plus the number of the corner where it begins).
+fn bend(mesh: &Mesh, x: u32, y: u32) -> Bend {
+    let side = |half: u32| {
+        let (corners, k) = (mesh.corners(half as usize / 3), half as usize % 3);
+        let edge = (corners[(k + 1) % 3] - corners[k]).normalize_or_zero();
+        let opposite = corners[(k + 2) % 3] - corners[k];
+        let width = (opposite - edge * opposite.dot(edge)).length();
+        (mesh.area_vector(half as usize / 3).normalize_or_zero(), opposite, width)
+    };
+    let ((n, _, width), (m, opposite, other)) = (side(x), side(y));
+    let turn = libm::atan2(n.cross(m).length(), n.dot(m));
+    let corners = mesh.corners(x as usize / 3);
+    let start = mesh.corners(y as usize / 3)[y as usize % 3];
+    let rises = n.dot(start + opposite - corners[x as usize % 3]) > 0.0;
+    let flat = n == DVec3::ZERO || m == DVec3::ZERO;
+    if flat || !rises || !(FLAT_RAD..=SMOOTH_RAD).contains(&turn) {
+        return Bend::default();
+    }
+    Bend { turn, radius: 0.5 * width.min(other) / libm::sin(0.5 * turn) }
+}
+
+/// Turns below this are rounding.
+const FLAT_RAD: f64 = 1e-5;
+
+impl ContactTolerance {
+    /// The tolerance away from the part's surface, mm.
+    ///
+    /// # Errors
+    /// As [`ContactTolerance::at_sites`].
+    pub(super) fn least(self, outline: &Outline) -> Result<f64> {
+        outline.check_tolerance(match self {
+            ContactTolerance::Tessellation => LEAST_MM,
+            ContactTolerance::Millimetres(given) => given,
+        })
+    }
+
+    /// The tolerance at every site, mm; `bends` in the order of the mesh's faces, which come first in `bvh`.
+    ///
+    /// # Errors
+    /// If a given tolerance is not positive or not below the cutter's radius, or the cutter's radius not above [`LEAST_MM`].
+    pub(super) fn at_sites(
+        self,
+        outline: &Outline,
+        bends: &Bends,
+        bvh: &Bvh,
+        sites: &Sites,
+    ) -> Result<Vec<f64>> {
+        let least = match self {
+            ContactTolerance::Tessellation => outline.check_tolerance(LEAST_MM)?,
+            ContactTolerance::Millimetres(given) => {
+                return Ok(vec![outline.check_tolerance(given)?; sites.len()]);
+            }
+        };
+        let r = outline.radius();
+        let depths: Vec<[f64; 3]> = bends.0.iter().map(|bends| bends.map(|b| b.depth(r))).collect();
+        let deep = |f: u32| depths.get(f as usize).map_or(0.0, |d| d[0].max(d[1]).max(d[2]));
+        if !(0..depths.len() as u32).any(|f| deep(f) > least) {
+            return Ok(vec![least; sites.len()]);
+        }
+        let at = |i: usize| {
+            let (point, normal) = (sites.points[i].as_dvec3(), sites.normals[i].as_dvec3());
+            let mut tolerance = least;
+            bvh.near(point, AROUND * r, |place| {
+                let [a, b, c] = bvh.triangle(place);
+                let along = (*b - *a).cross(*c - *a).dot(normal) > 0.0;
+                if along && deep(bvh.face(place)) > tolerance {
+                    tolerance = deep(bvh.face(place));
+                }
+            });
+            tolerance
+        };
+        let blocks = par::map_blocks(sites.len(), BLOCK, |range| range.map(at).collect::<Vec<_>>());
+        Ok(blocks.into_iter().flatten().collect())
+    }
+}
