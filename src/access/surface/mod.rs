@@ -30,6 +30,7 @@
 
 mod bvh;
 mod cells;
+mod closing;
 mod drop;
 mod faces;
 mod labels;
