@@ -20,11 +20,21 @@ use std::process::{Command, ExitCode};
 
 /// Loops that are known and accepted: level, part of the kernel's name, finding, and why.
 const ACCEPTED: &[(&str, &str, &str, &str)] = &[
-    ("avx2", "ranks::Ranks", "call", "one binary search per obstacle; its loop is no loop over lanes"),
+    (
+        "avx2",
+        "ranks::Ranks",
+        "call",
+        "one binary search per obstacle; its loop is no loop over lanes",
+    ),
     ("avx2", "ranks::Ranks", "stack", "what the call does not preserve"),
     ("avx512", "ranks::Ranks", "call", "as at AVX2"),
     ("avx512", "ranks::Ranks", "stack", "as at AVX2"),
-    ("avx2", "search::Search", "narrow", "lanes taken out one by one, to look up cells; cell sizes; bit sets"),
+    (
+        "avx2",
+        "search::Search",
+        "narrow",
+        "lanes taken out one by one, to look up cells; cell sizes; bit sets",
+    ),
     ("avx512", "search::Search", "narrow", "as at AVX2"),
 ];
 

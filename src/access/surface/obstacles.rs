@@ -168,7 +168,8 @@ impl TriangleObstacles {
         };
         let far = contacts.iter().map(|contact| contact.point().distance(self.bvh.origin()));
         let reach = far.fold(self.bvh.radius(), f64::max) + outline.radius();
-        Ok(Problem { obstacles: self, contacts, tolerances, outline, reach })
+        let (bvh, part) = (&self.bvh, &self.triangles[..self.bends.len()]);
+        Ok(Problem { bvh, part, contacts, tolerances, outline, reach })
     }
 }
 

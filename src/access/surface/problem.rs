@@ -1,8 +1,8 @@
 //! One cutter at many queries: points first, triangles last, then the directions between.
 
+use super::bvh::Bvh;
 use super::cells::Domain;
 use super::labels::{SurfaceLabels, SurfaceOptions, SurfaceStats, Tally};
-use super::obstacles::TriangleObstacles;
 use super::query::{Probe, Scratch};
 use super::refine::{Hints, Place, Refinement};
 use super::samples;
@@ -20,7 +20,10 @@ const MARGIN: f64 = 2e-6;
 
 /// One cutter at all queries.
 pub(super) struct Problem<'a> {
-    pub obstacles: &'a TriangleObstacles,
+    /// Search tree over all triangles.
+    pub bvh: &'a Bvh,
+    /// Corners of the part's own triangles, mm.
+    pub part: &'a [[DVec3; 3]],
     pub contacts: Vec<Contact>,
     pub tolerances: Vec<f64>,
     pub outline: Outline,
@@ -40,13 +43,12 @@ impl Problem<'_> {
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<CollisionMatrix> {
-        let TriangleObstacles { bvh, triangles, .. } = self.obstacles;
+        let Problem { bvh, part, .. } = self;
         let origin = bvh.origin();
         let margin = MARGIN * (bvh.radius() + self.reach + self.outline.size());
         let tolerance = self.tolerances.iter().fold(0.0, |a: f64, b| a.max(*b));
         let shrunk = cutter.with_clearance(-(tolerance + margin))?;
         // A table would take nearly all points for itself.
-        let part = &triangles[..self.obstacles.bends.len()];
         let samples = samples::points(part, options.n_samples, origin);
         let samples: Vec<Vec3> = samples.into_iter().map(|p| p.as_vec3()).collect();
         let mut sites = Sites::default();
@@ -100,7 +102,7 @@ impl Problem<'_> {
     }
 
     fn probe(&self, tolerance: f64) -> Probe {
-        Probe::new(&self.outline, tolerance, &self.obstacles.bvh, self.reach)
+        Probe::new(&self.outline, tolerance, self.bvh, self.reach)
     }
 
     fn tally(
@@ -122,7 +124,7 @@ impl Problem<'_> {
             }
             let reference = self.contacts[i].reference_point(&self.outline, axes[2]);
             let stand = Stand { reference, axes: *axes };
-            tally.add(axes[2].as_vec3(), probe.verdict(&self.obstacles.bvh, &stand, scratch));
+            tally.add(axes[2].as_vec3(), probe.verdict(self.bvh, &stand, scratch));
             if tally.witness.is_some() && !counts {
                 break;
             }
@@ -145,7 +147,7 @@ impl Problem<'_> {
         if tally.witness.is_some() {
             return;
         }
-        let bvh = &self.obstacles.bvh;
+        let bvh = self.bvh;
         let place = Place { contact: &self.contacts[i], outline: &self.outline, probe, bvh };
         let found = refinement.search(&place, tally.collision_free > 0, hints, scratch);
         tally.witness = found.witness.map(|direction| direction.as_vec3());
