@@ -9,7 +9,7 @@ use toml::{Table, Value};
 
 const REMEDY: &str = "compare with the settings.toml that every run writes";
 
-/// Reads settings. A file that leaves out nothing but what is optional, such as every file that [`write`]
+/// Reads settings. A file that leaves out nothing but what is optional, such as every file that [`write()`]
 /// has written, is taken as it is; of any other, what it does not say is as in `base`.
 ///
 /// Tables are joined key by key; one whose `kind` differs from that in `base` replaces it.
