@@ -127,7 +127,7 @@ impl Kernel for AnyObstacle<'_> {
                 let (z, squared) = (S::F32::load(s, &z[at..]), squared_distance(place, axis));
                 let mut inside = S::F32::mask_from_bits(s, 0);
                 for step in self.steps {
-                    let above = S::F32::splat(s, cz) + S::F32::splat(s, step.height);
+                    let above = S::F32::splat(s, cz + step.height);
                     let within = S::F32::splat(s, step.radius_squared);
                     inside = inside.or(z.gt(above).and(squared.le(within)));
                 }
