@@ -21,11 +21,10 @@ use std::sync::{Arc, Mutex, MutexGuard};
 /// ```
 pub struct Arena<T>(Arc<Mutex<Pool<T>>>);
 
-/// A free buffer serves a request that it exceeds by at most one part in so many: twice the request, since what goes
-/// back to the system in many sizes leaves holes in the C library's heap.
-const FIT: usize = 1;
+/// A free buffer serves a request that it exceeds by at most one part in so many.
+const FIT: usize = 8;
 /// Beyond one part in so many above the peak, free buffers go back to the system before new ones are made.
-const EXCESS: usize = 8;
+const EXCESS: usize = 32;
 
 /// Counts are numbers of `T`.
 struct Pool<T> {
