@@ -20,6 +20,8 @@ use std::process::{Command, ExitCode};
 
 /// Loops that are known and accepted: level, part of the kernel's name, finding, and why.
 const ACCEPTED: &[(&str, &str, &str, &str)] = &[
+    ("avx2", "kernels::AnyObstacle", "narrow", "a step's lower end: one addition of two scalars"),
+    ("avx512", "kernels::AnyObstacle", "narrow", "as at AVX2"),
     (
         "avx2",
         "ranks::Ranks",
