@@ -5,11 +5,14 @@
 //! drop_heights PART.stl N_POINTS N_DIRECTIONS CR,CH,FR,FH CORNER
 //! ```
 //!
+//! Without arguments: three points of the demo part in two directions.
+//!
 //! Rows: direction (3), reference point of the tool (3), and how far the tool must be raised along the direction until its
 //! tip and until its steps are clear (see `access::surface::raise`), mm.
 
 use deepmill::access::surface::raise;
 use deepmill::cutter::{Cutter, CutterParams};
+use deepmill::data::generated::demo_part;
 use deepmill::directions::Directions;
 use deepmill::geom::formats::{ReadOptions, read_mesh};
 use deepmill::geom::sites::{SiteOptions, sample};
@@ -22,10 +25,14 @@ const TOLERANCE_MM: f64 = 0.01;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let [part, n_points, n_directions, lengths, corner] = &args[..] else {
-        return Err("PART.stl N_POINTS N_DIRECTIONS CR,CH,FR,FH CORNER".into());
+    let options = ReadOptions { scale: 1.0, weld: DEFAULT_TOLERANCE };
+    let (mesh, [n_points, n_directions, lengths, corner]) = match &args[..] {
+        [] => (demo_part(), ["3", "2", "1.5,6,40,5", "1.5"]),
+        [part, rest @ ..] if rest.len() == 4 => {
+            (read_mesh(Path::new(part), &options)?, [0, 1, 2, 3].map(|i| rest[i].as_str()))
+        }
+        _ => return Err("PART.stl N_POINTS N_DIRECTIONS CR,CH,FR,FH CORNER".into()),
     };
-    let mesh = read_mesh(Path::new(part), &ReadOptions { scale: 1.0, weld: DEFAULT_TOLERANCE })?;
     let lengths: Vec<f64> = lengths.split(',').map(str::parse).collect::<Result<_, _>>()?;
     let lengths = <[f64; 4]>::try_from(lengths).map_err(|_| "four lengths")?;
     let cutter = Cutter::bull_nose(CutterParams::from_array(lengths), corner.parse()?)?;
