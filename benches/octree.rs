@@ -88,7 +88,7 @@ fn convolutions(criterion: &mut Criterion) {
         });
         group.throughput(Throughput::Elements((2 * map.n_pairs() * c_in * c_out) as u64));
         group.bench_function(BenchmarkId::new("backward", &name), |bencher| {
-            let mut pass = Backward { params: &params, grads: &mut grads, arena };
+            let mut pass = Backward::new(&params, &mut grads, arena);
             bencher.iter(|| conv.gradients(&mut pass, map, x, &dy));
         });
     }

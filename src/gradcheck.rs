@@ -313,7 +313,7 @@ fn run<L: Layer<f64>>(
     let (y, saved) = layer.forward_train(&mut pass, case.geometry, x);
     let (mut dx, mut grads) = (Vec::new(), vec![0.0; params.len()]);
     if let Some(dy) = dy {
-        let mut pass = Backward { params, grads: &mut grads, arena };
+        let mut pass = Backward::new(params, &mut grads, arena);
         let gradient = layer.backward(&mut pass, case.geometry, x, saved, arena.copy_of(dy));
         dx.extend(gradient.into_parts().iter().map(|part| part.to_vec()));
     }

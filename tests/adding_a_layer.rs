@@ -81,7 +81,7 @@ impl<T: Scalar> Layer<T> for ChannelScale {
         mut dy: Buffer<T>,
     ) -> OperandGradient<T> {
         let sums = sums_of_products(&x.to_matrix(pass.arena), &dy, self.c);
-        let grads = pass.grads[self.scale.clone()].iter_mut();
+        let grads = pass.grads(&self.scale).iter_mut();
         grads.zip(sums).for_each(|(d, sum)| *d += T::from_f64(sum));
         scale_rows(&pass.params[self.scale.clone()], &mut dy);
         OperandGradient::of_matrix(pass.arena, x, dy)
@@ -115,7 +115,7 @@ fn numbers_are_those_of_pytorch() {
     let (x, mut grads) = (Operand::new(&[1.0, 2.0, 3.0, 4.0], 2), [0.0; 2]);
     let mut pass = Training { params: &params, buffers: &mut [], dropout: None, arena };
     let (y, saved) = scale.forward_train(&mut pass, &(), x);
-    let mut pass = Backward { params: &params, grads: &mut grads, arena };
+    let mut pass = Backward::new(&params, &mut grads, arena);
     let dy = arena.copy_of(&[1.0, 0.5, 0.0, 2.0]);
     let dx = scale.backward(&mut pass, &(), x, saved, dy).into_first();
     assert_eq!(y[..], [2.0, -2.0, 6.0, -4.0]);

@@ -459,7 +459,7 @@ fn graph_networks_with_both_losses_and_sampled_neighbors() {
             let total = loss(0, &mut d[0]) + loss(1, &mut d[1]);
             if let Some(gradients) = gradients {
                 let mut grads = vec![0.0; n_params];
-                let mut pass = Backward { params, grads: &mut grads, arena };
+                let mut pass = Backward::new(params, &mut grads, arena);
                 let d = [&d[0][..], &d[1]];
                 let inputs = net.backward(&mut pass, &batch, &means, forward, d);
                 gradients.extend([grads, inputs.features, inputs.cutters]);

@@ -249,6 +249,7 @@ impl GraphSage {
             let share = module.backward(pass, &(), lengths, saved, d).into_first();
             rows::add_all(&mut sum, &share);
         }
+        pass.layer_done();
         InputGradients { features: d.to_vec(), cutters: sum.to_vec() }
     }
 }

@@ -49,7 +49,7 @@ impl Head {
         let SavedLinearNormAct { mapped, statistics } = saved;
         let mapped = self.hidden.restore_mapped(pass, &(), x, mapped);
         let y = pass.arena.get(mapped.len());
-        let y = self.hidden.output(pass.params, &mapped, &statistics, y);
+        let y = self.hidden.output(&pass.params, &mapped, &statistics, y);
         let hidden = Operand::new(&y, self.output.c_in());
         self.output.weight_gradient(pass, &(), hidden, dlogits);
         let dy = self.output.input_gradient_over(pass.context(), y, dlogits);

@@ -7,7 +7,7 @@ use super::unet::{Activations, N_HEADS, UNet};
 use super::{UNetConfig, heads::N_CLASSES};
 use crate::Result;
 use crate::nn::arena::Arena;
-use crate::nn::pass::{Backward, Inference, Training};
+use crate::nn::pass::{Backward, Inference, Training, Update};
 use crate::par;
 use crate::rng::Stream;
 use crate::scalar::Scalar;
@@ -152,8 +152,24 @@ impl<T: Scalar> Model<T> {
         grads: &mut [T],
         arena: &Arena<T>,
     ) {
-        let mut pass = Backward { params: &self.params, grads, arena };
+        let mut pass = Backward::new(&self.params, grads, arena);
         par::awake(|| self.net.backward(&mut pass, batch, forward, dlogits));
+    }
+
+    /// [`Model::backward`] without a gradient of the whole network: that of each layer goes to `update`, which may
+    /// change the layer's parameters, as soon as it is whole. `update` sees every range of parameters once; its
+    /// arguments are the range, the gradient by it and the parameters in it.
+    pub fn backward_and_update(
+        &mut self,
+        batch: &Batch<T>,
+        forward: TrainingPass<T>,
+        dlogits: [&[T]; N_HEADS],
+        update: &mut Update<T>,
+        arena: &Arena<T>,
+    ) {
+        let Model { net, params, .. } = self;
+        let mut pass = Backward::updating(params, update, arena);
+        par::awake(|| net.backward(&mut pass, batch, forward, dlogits));
     }
 
     /// [`Model::backward`], and the gradient by the input, see [`UNet::backward_to_inputs`].
@@ -165,7 +181,7 @@ impl<T: Scalar> Model<T> {
         grads: &mut [T],
         arena: &Arena<T>,
     ) -> InputGradients<T> {
-        let mut pass = Backward { params: &self.params, grads, arena };
+        let mut pass = Backward::new(&self.params, grads, arena);
         par::awake(|| self.net.backward_to_inputs(&mut pass, batch, forward, dlogits))
     }
 }
@@ -177,6 +193,7 @@ mod tests {
     use crate::model::config::{CutterConfig, CutterPlacement, InputConfig};
     use crate::nn::saved::Policy;
     use crate::octree::tests::sheet;
+    use std::ops::Range;
 
     const CUTTERS: [[f64; 4]; 3] =
         [[1.5, 6.0, 40.0, 5.0], [1.0, 0.2, 90.0, 0.1], [2.0, 20.0, 5.0, 20.0]];
@@ -197,6 +214,29 @@ mod tests {
     fn as_shapes(shapes: &[(Vec<Vec3>, Vec<Vec3>)]) -> Vec<Shape<'_>> {
         let parts = shapes.iter().zip(CUTTERS);
         parts.map(|((points, normals), cutter_mm)| Shape { points, normals, cutter_mm }).collect()
+    }
+
+    #[test]
+    fn gradients_layer_by_layer_are_those_of_the_whole_and_each_comes_once() {
+        let (mut model, arena) = (model(), &Arena::default());
+        let shapes: Vec<_> = [300, 200].iter().map(|&n| sheet(n, 3)).collect();
+        let batch = Batch::new(&as_shapes(&shapes), &model.net.config().input).unwrap();
+        let dlogits = vec![0.125; 2 * batch.n_points()];
+        let dlogits = [&dlogits[..]; N_HEADS];
+        let mut whole = vec![0.0; model.params.len()];
+        let pass = model.forward_train(&batch, None, arena);
+        model.backward(&batch, pass, dlogits, &mut whole, arena);
+        let (mut seen, mut parts) = (vec![0; whole.len()], vec![0.0; whole.len()]);
+        let pass = model.forward_train(&batch, None, arena);
+        let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
+            seen[range.clone()].iter_mut().for_each(|n| *n += 1);
+            parts[range].copy_from_slice(grads);
+            params.fill(f32::NAN); // whoever reads them afterwards spoils the gradients
+        };
+        model.backward_and_update(&batch, pass, dlogits, &mut update, arena);
+        assert!(seen.iter().all(|&n| n == 1));
+        assert_eq!(parts, whole);
+        assert_eq!(arena.in_use_bytes(), 0);
     }
 
     #[test]

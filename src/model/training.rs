@@ -161,6 +161,7 @@ impl UNet {
         let rows = conv_rows(&batch.octree, batch.octree.depth());
         let features = Operand::new(&batch.features, self.stem.linear.c_in());
         self.stem.backward_params(pass, rows, features, stem, dstem);
+        pass.layer_done();
     }
 
     /// [`UNet::backward`], and the gradient by what the network is fed with: the input gradient, or saliency, of
@@ -176,6 +177,7 @@ impl UNet {
         let rows = conv_rows(&batch.octree, batch.octree.depth());
         let features = Operand::new(&batch.features, self.stem.linear.c_in());
         let dfeatures = self.stem.backward(pass, rows, features, stem, dstem).into_first();
+        pass.layer_done();
         InputGradients { features: dfeatures.to_vec(), cutters: dcutters.to_vec() }
     }
 
@@ -256,6 +258,7 @@ impl UNet {
             }
             let dup = dparts.next().unwrap_or_default();
             d = stage.up.backward(pass, coarse, input, up, dup).into_first();
+            pass.layer_done();
         }
         d
     }
@@ -297,6 +300,7 @@ impl UNet {
             let x = Operand::new(&skip, self.skip_width(i));
             let d_down = d_down.into_first();
             d = stage.down.backward(pass, down_rows(octree, depth), x, down, d_down).into_first();
+            pass.layer_done();
             rows::add_all(&mut d, &dskips.pop().unwrap_or_default());
         }
         d

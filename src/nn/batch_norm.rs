@@ -132,12 +132,12 @@ impl BatchNorm {
         let n_rows = read.len() / self.c;
         let share = if statistics.from_batch { 1.0 / n_rows as f64 } else { 0.0 };
         let [dweight, dbias] = match n_rows {
-            0..=FEW_ROWS => self.backward_wide(pass.params, statistics, way, share, (read, over)),
-            _ => self.backward_rows(pass.params, statistics, way, share, (read, over)),
+            0..=FEW_ROWS => self.backward_wide(&pass.params, statistics, way, share, (read, over)),
+            _ => self.backward_rows(&pass.params, statistics, way, share, (read, over)),
         };
-        for j in 0..self.c {
-            pass.grads[self.weight.start + j] += T::from_f64(dweight[j]);
-            pass.grads[self.bias.start + j] += T::from_f64(dbias[j]);
+        for (range, sums) in [(&self.weight, dweight), (&self.bias, dbias)] {
+            let grads = pass.grads(range).iter_mut();
+            grads.zip(sums).for_each(|(d, sum)| *d += T::from_f64(sum));
         }
     }
 
@@ -352,9 +352,9 @@ mod tests {
         let (x, dy) = (gradcheck::probe(300, 1), gradcheck::probe(300, 2));
         let (arena, statistics) = (&Arena::default(), norm.measure(&mut buffers, &x));
         let (mut grads, mut other) = (vec![0.0; params.len()], vec![0.0; params.len()]);
-        let mut pass = Backward { params: &params, grads: &mut grads, arena };
+        let mut pass = Backward::new(&params, &mut grads, arena);
         let over = norm.backward_over_input(&mut pass, arena.copy_of(&x), &statistics, &dy, false);
-        let mut pass = Backward { params: &params, grads: &mut other, arena };
+        let mut pass = Backward::new(&params, &mut other, arena);
         let x = Operand::new(&x, 3);
         let dx = norm.backward(&mut pass, &(), x, statistics, arena.copy_of(&dy)).into_first();
         assert_eq!((over[..].to_vec(), grads), (dx[..].to_vec(), other));
@@ -373,7 +373,7 @@ mod tests {
                 Training { params: &params, buffers: &mut buffers, dropout: None, arena };
             let (_, saved) = norm.forward_train(&mut pass, &(), x);
             let mut grads = vec![T::ZERO; params.len()];
-            let mut pass = Backward { params: &params, grads: &mut grads, arena };
+            let mut pass = Backward::new(&params, &mut grads, arena);
             let d = norm.backward(&mut pass, &(), x, saved, arena.copy_of(&dy)).into_first();
             d.iter().map(|d| d.to_f64()).collect()
         }

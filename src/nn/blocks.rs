@@ -123,6 +123,7 @@ impl<T: Scalar> Layer<T> for Blocks {
             let input = output.restore(|| self.recompute_output(pass, map, x, &saved));
             let input = Operand::new(&input, self.c_out());
             dy = block.backward(pass, map, input, of_block, dy).into_first();
+            pass.layer_done();
         }
         match saved.pop() {
             Some(of_block) => first.backward(pass, map, x, of_block, dy),

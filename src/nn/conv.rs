@@ -87,8 +87,8 @@ impl OctreeConv {
         dy: &[T],
     ) {
         let product = OuterProduct { a, columns, c_a: self.c_in, g: dy, c_g: self.c_out, group: 1 };
-        let grads = &mut pass.grads[self.weights.clone()];
-        ConvPlan::add_weight_gradient(pass.arena, RowMap::Kernel(map), &product, grads);
+        let (arena, grads) = (pass.arena, pass.grads(&self.weights));
+        ConvPlan::add_weight_gradient(arena, RowMap::Kernel(map), &product, grads);
     }
 
     /// Gradients of both kinds from the sums of `dy` over the nodes of each shape that have a neighbor.
@@ -122,7 +122,7 @@ impl OctreeConv {
         let (c_out, width) = (self.c_out, of.columns.len());
         let shapes: Vec<u32> = (0..of.shapes.len() as u32).collect();
         let len = shapes.len() * c_out;
-        let grads = &mut pass.grads[self.weights.clone()];
+        let grads = pass.grads(&self.weights);
         par::for_each_block(grads, self.c_in * c_out, |k, d| {
             let d = &mut d[of.columns.start * c_out..of.columns.end * c_out];
             let sums = &sums[k * len..][..len];
@@ -329,7 +329,8 @@ mod tests {
         let ((conv, _, w), level) = (conv(c, c), octree.finest());
         let (x, dy) = (probe(level.n_nodes() * c, 4), probe(level.n_nodes() * c, 5));
         let mut grads = vec![1.0; w.len()];
-        let mut pass = Backward { params: &w, grads: &mut grads, arena: &Arena::default() };
+        let arena = &Arena::default();
+        let mut pass = Backward::new(&w, &mut grads, arena);
         conv.weight_gradient(&mut pass, &level.conv, Operand::new(&x, c), &dy);
         for (k, p, j) in [(0, 3, 5), (13, 0, 63), (14, 63, 0), (26, 31, 32)] {
             let rows = level.neigh.iter().enumerate().filter(|(_, neigh)| neigh[k] >= 0);
@@ -373,7 +374,7 @@ mod tests {
         let parts = [Operand::new(&a, 3), Operand::PerShape { x: &b, c: 2, shapes }];
         let (x, dy) = (Operand::Concat(&parts), probe(level.n_nodes() * 3, 3));
         let (arena, mut grads) = (&Arena::default(), vec![0.0; w.len()]);
-        let mut pass = Backward { params: &w, grads: &mut grads, arena };
+        let mut pass = Backward::new(&w, &mut grads, arena);
         conv.weight_gradient(&mut pass, &level.conv, x, &dy);
         let dx = conv.input_gradient(pass.context(), &level.conv, x, &dy).into_parts().concat();
         assert_eq!((dx, grads), gradients(&conv, &w, &level.conv, x, &dy));

@@ -92,8 +92,8 @@ impl LinearOperator for OctreeDeconv {
         let x = x.to_matrix(pass.arena);
         let product =
             OuterProduct { group: 8, ..OuterProduct::new((dy, self.c_out), (&x, self.c_in)) };
-        let grads = &mut pass.grads[self.weights.clone()];
-        ConvPlan::add_weight_gradient(pass.arena, RowMap::Kernel(&coarse.pad), &product, grads);
+        let (arena, grads) = (pass.arena, pass.grads(&self.weights));
+        ConvPlan::add_weight_gradient(arena, RowMap::Kernel(&coarse.pad), &product, grads);
     }
 
     fn input_gradient<T: Scalar>(

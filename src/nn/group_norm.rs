@@ -90,7 +90,7 @@ impl GroupNorm {
         statistics: &GroupStatistics,
         d: &mut [T],
     ) {
-        let (c, weight) = (self.c, &pass.params[self.weight.clone()]);
+        let (c, weight) = (self.c, pass.params[self.weight.clone()].to_vec());
         for (s, shape) in shapes.iter().enumerate().filter(|(_, shape)| !shape.is_empty()) {
             let stats = s * self.n_groups..(s + 1) * self.n_groups;
             let mean: Vec<T> = self.per_column(&statistics.mean[stats.clone()]);
@@ -112,9 +112,9 @@ impl GroupNorm {
                 self.per_column::<T>(&means)
             };
             let means = [mean_of(&dweight), mean_of(&dbias)];
-            for j in 0..c {
-                pass.grads[self.weight.start + j] += T::from_f64(dweight[j]);
-                pass.grads[self.bias.start + j] += T::from_f64(dbias[j]);
+            for (range, sums) in [(&self.weight, dweight), (&self.bias, dbias)] {
+                let grads = pass.grads(range).iter_mut();
+                grads.zip(sums).for_each(|(d, sum)| *d += T::from_f64(sum));
             }
             // d̂ = dy · weight, then the same formula as in a batch norm.
             let (mean, factor, bias) = (zeros.clone(), weight.to_vec(), zeros.clone());

@@ -148,7 +148,7 @@ impl Linear {
             #[inline(always)]
             |row| &dy[row * c..][..c],
         );
-        let grads = pass.grads[bias.clone()].iter_mut();
+        let grads = pass.grads(bias).iter_mut();
         grads.zip(sums).for_each(|(d, sum)| *d += T::from_f64(sum));
     }
 
@@ -161,12 +161,12 @@ impl Linear {
     ) {
         let (width, n) = (columns.len(), dy.len() / self.c_out);
         let product = OuterProduct::new((dy, self.c_out), (x, width));
-        let grads = &mut pass.grads[self.weight.clone()];
+        let (arena, grads) = (pass.arena, pass.grads(&self.weight));
         if width == self.c_in {
-            return ConvPlan::add_weight_gradient(pass.arena, RowMap::Same(n), &product, grads);
+            return ConvPlan::add_weight_gradient(arena, RowMap::Same(n), &product, grads);
         }
-        let mut dw = pass.arena.zeroed(self.c_out * width);
-        ConvPlan::add_weight_gradient(pass.arena, RowMap::Same(n), &product, &mut dw);
+        let mut dw = arena.zeroed(self.c_out * width);
+        ConvPlan::add_weight_gradient(arena, RowMap::Same(n), &product, &mut dw);
         for (d, dw) in grads.chunks_exact_mut(self.c_in).zip(dw.chunks_exact(width)) {
             rows::add(&mut d[columns.clone()], dw);
         }

@@ -97,11 +97,11 @@ impl<M: LinearOperator> LinearNormAct<M> {
         let SavedLinearNormAct { mapped, statistics } = saved;
         match mapped.get() {
             Some(mapped) => {
-                self.output(pass.params, mapped, statistics, pass.arena.get(mapped.len()))
+                self.output(&pass.params, mapped, statistics, pass.arena.get(mapped.len()))
             }
             None => {
                 let mapped = self.linear.apply(pass.context(), geometry, x, Epilogue::Identity);
-                self.output_over(pass.params, mapped, statistics)
+                self.output_over(&pass.params, mapped, statistics)
             }
         }
     }

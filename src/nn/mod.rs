@@ -109,7 +109,7 @@ mod testing {
         let (arena, mut grads) = (&Arena::default(), vec![T::ZERO; params.len()]);
         let mut pass = Training { params, buffers: &mut [], dropout: None, arena };
         let (_, saved) = layer.forward_train(&mut pass, geometry, x);
-        let mut pass = Backward { params, grads: &mut grads, arena };
+        let mut pass = Backward::new(params, &mut grads, arena);
         let dx = layer.backward(&mut pass, geometry, x, saved, arena.copy_of(dy));
         (dx.into_parts().iter().flat_map(|part| part.to_vec()).collect(), grads)
     }

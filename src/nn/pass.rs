@@ -3,8 +3,11 @@
 //! Three types, because the three passes may do different things: [`Inference`] reads, [`Training`] moves
 //! running statistics and draws dropout, [`Backward`] adds to gradients.
 
-use super::arena::Arena;
+use super::arena::{Arena, Buffer};
 use crate::rng::Stream;
+use crate::scalar::Scalar;
+use std::fmt;
+use std::ops::{Deref, Range};
 
 /// What a linear operator needs in any pass.
 #[derive(Debug, Clone, Copy)]
@@ -39,15 +42,42 @@ pub struct Training<'a, T> {
     pub arena: &'a Arena<T>,
 }
 
-/// The way back: gradients accumulate.
+/// The backward pass: gradients by the parameters accumulate, or are used up layer by layer.
 #[derive(Debug)]
 pub struct Backward<'a, T> {
-    /// Learned numbers of the whole model, as they were in the forward pass.
-    pub params: &'a [T],
-    /// Gradient by `params`, of the same length; layers add to it.
-    pub grads: &'a mut [T],
+    /// Learned numbers of the whole model, as they were in the forward pass for every layer whose gradient is
+    /// not whole.
+    pub params: Params<'a, T>,
+    /// Gradient by `params`; layers add to it.
+    pub grads: Gradients<'a, T>,
     /// Where gradients and work space come from.
     pub arena: &'a Arena<T>,
+}
+
+/// Uses up the gradient of a range of parameters: its arguments are the range, the gradient by it, and the
+/// parameters in it, which it may change.
+pub type Update<'a, T> = dyn FnMut(Range<usize>, &mut [T], &mut [T]) + Send + 'a;
+
+/// Parameters in a backward pass, read through [`Deref`].
+#[derive(Debug)]
+pub enum Params<'a, T> {
+    /// They stay as they are.
+    Constant(&'a [T]),
+    /// An [`Update`] changes those of a layer as soon as its gradient is whole.
+    Updated(&'a mut [T]),
+}
+
+/// Where a backward pass adds the gradient by the parameters.
+pub enum Gradients<'a, T> {
+    /// One vector as long as the parameters.
+    Vector(&'a mut [T]),
+    /// One buffer for each range that a layer has added to, until [`Backward::layer_done`].
+    PerLayer {
+        /// Ranges of parameters, with the gradient so far.
+        open: Vec<(Range<usize>, Buffer<T>)>,
+        /// Takes whole gradients.
+        update: &'a mut Update<'a, T>,
+    },
 }
 
 impl<'a, T> Inference<'a, T> {
@@ -69,9 +99,74 @@ impl<'a, T> Training<'a, T> {
     }
 }
 
-impl<'a, T> Backward<'a, T> {
+impl<'a, T: Scalar> Backward<'a, T> {
+    /// Adds the gradient to `grads`, as long as `params`.
+    pub fn new(params: &'a [T], grads: &'a mut [T], arena: &'a Arena<T>) -> Self {
+        Backward { params: Params::Constant(params), grads: Gradients::Vector(grads), arena }
+    }
+
+    /// Passes the gradient of each layer to `update` as soon as it is whole, so that there is never one of all
+    /// parameters. No two layers may share parameters.
+    pub fn updating(
+        params: &'a mut [T],
+        update: &'a mut Update<'a, T>,
+        arena: &'a Arena<T>,
+    ) -> Self {
+        let grads = Gradients::PerLayer { open: Vec::new(), update };
+        Backward { params: Params::Updated(params), grads, arena }
+    }
+
+    /// The gradient by the parameters in `range`, to be added to. A layer asks for each of its tensors by the
+    /// same range every time.
+    pub fn grads(&mut self, range: &Range<usize>) -> &mut [T] {
+        match &mut self.grads {
+            Gradients::Vector(grads) => &mut grads[range.clone()],
+            Gradients::PerLayer { open, .. } => {
+                let place = open.iter().position(|(other, _)| other == range);
+                let place = place.unwrap_or_else(|| {
+                    open.push((range.clone(), self.arena.zeroed(range.len())));
+                    open.len() - 1
+                });
+                &mut open[place].1
+            }
+        }
+    }
+
+    /// Says that nothing will be added to the gradients so far, and that none of the parameters that they belong
+    /// to is needed any more. Every layer may say so when its backward ends; who runs a whole network must, at
+    /// the end.
+    pub fn layer_done(&mut self) {
+        if let (Gradients::PerLayer { open, update }, Params::Updated(params)) =
+            (&mut self.grads, &mut self.params)
+        {
+            for (range, mut gradient) in open.drain(..) {
+                update(range.clone(), &mut gradient, &mut params[range]);
+            }
+        }
+    }
+
     /// Parameters and memory alone.
-    pub fn context(&self) -> Context<'a, T> {
-        Context { params: self.params, arena: self.arena }
+    pub fn context(&self) -> Context<'_, T> {
+        Context { params: &self.params, arena: self.arena }
+    }
+}
+
+impl<T> Deref for Params<'_, T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        match self {
+            Params::Constant(params) => params,
+            Params::Updated(params) => params,
+        }
+    }
+}
+
+impl<T: fmt::Debug> fmt::Debug for Gradients<'_, T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Gradients::Vector(grads) => f.debug_tuple("Vector").field(grads).finish(),
+            Gradients::PerLayer { open, .. } => f.debug_tuple("PerLayer").field(open).finish(),
+        }
     }
 }

@@ -103,7 +103,7 @@ impl Residual {
         let recompute = || self.recompute_second(pass, map, x, saved);
         let recomputed = mapped.get().is_none().then(recompute);
         let mapped = mapped.get().or(recomputed.as_ref()).map(|mapped| &mapped[..]);
-        norm.normalize(pass.params, statistics, mapped, activation, &mut y);
+        norm.normalize(&pass.params, statistics, mapped, activation, &mut y);
         y
     }
 
@@ -119,7 +119,7 @@ impl Residual {
         match (&self.shortcut, mapped.get()) {
             (None, Some(mapped)) => {
                 let (norm, activation) = (&self.second.norm, Activation::ReluOfSumWithOutput);
-                norm.normalize(pass.params, statistics, Some(mapped), activation, &mut x);
+                norm.normalize(&pass.params, statistics, Some(mapped), activation, &mut x);
                 x
             }
             _ => {
@@ -168,7 +168,7 @@ impl Residual {
     ) -> Buffer<T> {
         let (c, (mapped, statistics)) = (self.c_out(), first);
         let middle = pass.arena.get(mapped.len());
-        let middle = self.first.output(pass.params, &mapped, &statistics, middle);
+        let middle = self.first.output(&pass.params, &mapped, &statistics, middle);
         let dsecond = self.second.backward_norm(pass, second.0, &second.1, d);
         let conv = &self.second.linear;
         conv.weight_gradient(pass, map, Operand::new(&middle, c), &dsecond);
@@ -192,11 +192,11 @@ impl Residual {
             Shortcut::Identity => x.to_matrix(pass.arena),
             Shortcut::Linear { layer, mapped, statistics } => {
                 let y = pass.arena.get(mapped.len());
-                Matrix::Owned(layer.output(pass.params, mapped, statistics, y))
+                Matrix::Owned(layer.output(&pass.params, mapped, statistics, y))
             }
         };
         let activation = Activation::PassReluOfSum(&straight);
-        self.second.norm.normalize(pass.params, statistics, Some(second), activation, d);
+        self.second.norm.normalize(&pass.params, statistics, Some(second), activation, d);
     }
 }
 

@@ -118,8 +118,8 @@ impl LinearOperator for OctreeStridedConv {
             }
             OutputRows::NonEmpty => OuterProduct::new((&x, 8 * self.c_in), g),
         };
-        let grads = &mut pass.grads[self.weights.clone()];
-        ConvPlan::add_weight_gradient(pass.arena, self.row_map(coarse), &product, grads);
+        let (arena, grads) = (pass.arena, pass.grads(&self.weights));
+        ConvPlan::add_weight_gradient(arena, self.row_map(coarse), &product, grads);
     }
 
     fn input_gradient<T: Scalar>(

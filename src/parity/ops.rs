@@ -163,7 +163,7 @@ impl<'a, T: Scalar> Op<'a, T> {
         let mut pass = Training { params: &params, buffers: &mut buffers, dropout: None, arena };
         let (y, saved) = layer.forward_train(&mut pass, geometry, x);
         let mut grads = vec![T::ZERO; params.len()];
-        let mut pass = Backward { params: &params, grads: &mut grads, arena };
+        let mut pass = Backward::new(&params, &mut grads, arena);
         let dx = layer.backward(&mut pass, geometry, x, saved, arena.copy_of(&dy)).into_first();
         self.finish((c_out, &y), (c_in, &dx), &grads, &buffers);
         Ok(())
@@ -187,7 +187,7 @@ impl<'a, T: Scalar> Op<'a, T> {
         let pass = Inference { params: &params, buffers: &buffers, arena };
         let y = norm.forward(&pass, &(), x);
         let mut grads = vec![T::ZERO; params.len()];
-        let mut pass = Backward { params: &params, grads: &mut grads, arena };
+        let mut pass = Backward::new(&params, &mut grads, arena);
         let (running, dy) = (norm.running(&buffers), arena.copy_of(&dy));
         let dx = norm.backward(&mut pass, &(), x, running, dy).into_first();
         self.finish((c, &y), (c, &dx), &grads, &buffers);

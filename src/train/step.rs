@@ -4,19 +4,20 @@ use super::{Reduction, Run, Settings};
 use crate::data::{Sample, Source};
 use crate::loss::CrossEntropy;
 use crate::metrics::Confusion;
-use crate::model::{Batch, Model, Shape};
+use crate::model::{Batch, Model, Shape, TrainingPass};
 use crate::nn::arena::Arena;
 use crate::optim::Sgd;
 use crate::rng::{Purpose, Stream};
 use crate::simd::Level;
 use crate::simd::elementwise::scale;
 use crate::{Error, Result};
+use std::ops::Range;
 
 /// Memory of a step that lives on between steps.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
     arena: Arena<f32>,
-    /// Zeros between steps.
+    /// Zeros between steps; empty where each layer is updated as soon as its gradient is whole.
     grads: Vec<f32>,
     dlogits: [Vec<f32>; 2],
 }
@@ -86,30 +87,43 @@ impl Run {
         };
         let (all, size) =
             (weights(samples), settings.micro_batch_size.unwrap_or(samples.len().max(1)));
-        memory.grads.resize(model.params.len(), 0.0);
+        let sgd = Sgd { momentum: settings.momentum, weight_decay: settings.weight_decay };
+        let by_layer = samples.len() <= size && settings.clip_norm.is_none();
         let mut outcome = Outcome { loss: 0.0, confusion: Default::default() };
         for (part, dropout) in samples.chunks(size).zip(dropout.chunks_mut(size)) {
             let some = weights(part);
             let shares = [0, 1].map(|head: usize| scale * (some[head] / all[head]));
-            let added = memory.accumulate(model, part, dropout, &criteria, shares, &mut outcome);
-            added.inspect_err(|_| memory.grads.fill(0.0))?;
+            let forward = memory.forward(model, part, dropout, &criteria, shares, &mut outcome);
+            let (batch, pass) = forward.inspect_err(|_| memory.grads.fill(0.0))?;
+            if !outcome.loss.is_finite() {
+                memory.grads.fill(0.0);
+                return Err(not_finite(place, outcome.loss, samples));
+            }
+            let dlogits = memory.dlogits.each_ref().map(|d| &d[..]);
+            if by_layer {
+                let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
+                    sgd.step(lr, grads, &mut velocity[range], params);
+                };
+                model.backward_and_update(&batch, pass, dlogits, &mut update, &memory.arena);
+            } else {
+                memory.grads.resize(model.params.len(), 0.0);
+                model.backward(&batch, pass, dlogits, &mut memory.grads, &memory.arena);
+            }
         }
-        if !outcome.loss.is_finite() {
-            memory.grads.fill(0.0);
-            return Err(not_finite(place, outcome.loss, samples));
+        if !by_layer {
+            if let Some(most) = settings.clip_norm {
+                clip(&mut memory.grads, most);
+            }
+            sgd.step(lr, &mut memory.grads, velocity, &mut model.params);
         }
-        if let Some(most) = settings.clip_norm {
-            clip(&mut memory.grads, most);
-        }
-        let sgd = Sgd { momentum: settings.momentum, weight_decay: settings.weight_decay };
-        sgd.step(lr, &mut memory.grads, velocity, &mut model.params);
         Ok(outcome)
     }
 }
 
 impl Memory {
-    /// Adds the gradient of `shares` times the mean losses of some of a step's samples.
-    fn accumulate(
+    /// The network's input for some of a step's samples, and what backward needs beside `dlogits`: `shares` times
+    /// the gradients of the mean losses by the logits.
+    fn forward(
         &mut self,
         model: &mut Model<f32>,
         samples: &[Sample],
@@ -117,7 +131,7 @@ impl Memory {
         criteria: &[CrossEntropy; 2],
         shares: [f64; 2],
         outcome: &mut Outcome,
-    ) -> Result<()> {
+    ) -> Result<(Batch<f32>, TrainingPass<f32>)> {
         let (batch, targets) = (batch(model, samples)?, targets(samples));
         let pass = model.forward_train(&batch, Some(dropout), &self.arena);
         for head in 0..2 {
@@ -126,9 +140,7 @@ impl Memory {
             outcome.loss += share * criteria[head].loss(logits, targets, share, dlogits);
             outcome.confusion[head] += Confusion::of_logits(logits, targets, POSITIVE[head]);
         }
-        let [first, second] = &self.dlogits;
-        model.backward(&batch, pass, [first, second], &mut self.grads, &self.arena);
-        Ok(())
+        Ok((batch, pass))
     }
 }
 
@@ -191,7 +203,15 @@ mod tests {
 
     /// Loss of one step, and what it adds to the parameters.
     fn step(micro_batch_size: Option<usize>, samples: &[Sample]) -> (f64, Vec<f32>) {
-        let mut settings = Settings { micro_batch_size, clip_norm: None, ..Settings::tiny() };
+        clipped_step(None, micro_batch_size, samples)
+    }
+
+    fn clipped_step(
+        clip_norm: Option<f64>,
+        micro_batch_size: Option<usize>,
+        samples: &[Sample],
+    ) -> (f64, Vec<f32>) {
+        let mut settings = Settings { micro_batch_size, clip_norm, ..Settings::tiny() };
         settings.network.cutter.dropout = 0.0;
         // A single shape has no statistics of its cutter.
         settings.network.cutter.batch_norm = false;
@@ -210,6 +230,13 @@ mod tests {
         let samples = samples();
         assert_eq!(step(None, &samples), step(Some(2), &samples));
         assert_eq!(step(None, &samples), step(Some(9), &samples));
+    }
+
+    /// Clipping needs the gradient of all parameters at once, an update layer by layer never has it.
+    #[test]
+    fn an_update_layer_by_layer_changes_no_bit() {
+        let samples = samples();
+        assert_eq!(step(None, &samples), clipped_step(Some(1e30), None, &samples));
     }
 
     /// Equal samples have equal statistics, so that parts differ from the whole by rounding alone; the

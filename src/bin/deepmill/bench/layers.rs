@@ -233,7 +233,7 @@ impl Timing {
         let (forward, _) = median_seconds(self.limit, forward);
         let (dy, mut grads) = (values(n_outputs), vec![0.0; params.len()]);
         let (backward, _) = median_seconds(self.limit, || {
-            let mut pass = Backward { params: &params, grads: &mut grads, arena };
+            let mut pass = Backward::new(&params, &mut grads, arena);
             match self.to_input {
                 true => drop(operator.gradients(&mut pass, geometry, x, &dy)),
                 false => operator.weight_gradient(&mut pass, geometry, x, &dy),

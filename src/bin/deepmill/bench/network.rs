@@ -9,6 +9,7 @@ use deepmill::nn::arena::Arena;
 use deepmill::octree::{Cloud, Octree};
 use deepmill::optim::Sgd;
 use serde_json::json;
+use std::ops::Range;
 
 /// Time a whole forward pass, training step or octree, and show the peak memory of the process.
 #[derive(clap::Args)]
@@ -81,7 +82,6 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 struct Trainer {
     model: Model<f32>,
     arena: Arena<f32>,
-    grads: Vec<f32>,
     velocity: Vec<f32>,
     dlogits: [Vec<f32>; 2],
     targets: Vec<u8>,
@@ -91,9 +91,9 @@ impl Trainer {
     fn new(model: Model<f32>, batch: &Batch<f32>, arena: Arena<f32>) -> Self {
         let n = model.params.len();
         let targets = (0..batch.n_points()).map(|i| (i % 2) as u8).collect();
-        let (grads, velocity) = (vec![0.0; n], vec![0.0; n]);
+        let velocity = vec![0.0; n];
         let dlogits = Default::default();
-        Trainer { model, arena, grads, velocity, dlogits, targets }
+        Trainer { model, arena, velocity, dlogits, targets }
     }
 
     fn step(&mut self, batch: &Batch<f32>) {
@@ -102,9 +102,12 @@ impl Trainer {
             CrossEntropy::binary().loss(logits, &self.targets, 1.0, d);
         }
         let [first, second] = &self.dlogits;
-        self.model.backward(batch, pass, [first, second], &mut self.grads, &self.arena);
         let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
-        sgd.step(1e-3, &mut self.grads, &mut self.velocity, &mut self.model.params);
+        let velocity = &mut self.velocity;
+        let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
+            sgd.step(1e-3, grads, &mut velocity[range], params);
+        };
+        self.model.backward_and_update(batch, pass, [first, second], &mut update, &self.arena);
     }
 }
 
