@@ -1,14 +1,14 @@
-//! Reads the assembly of every kernel at every x86 level and fails where the innermost loop of one is not what
-//! the level can do. Needs no processor of that level.
+//! Checks the assembly of every kernel for every x86 instruction set: fails where an innermost loop holds what the
+//! instruction set does without. Needs no processor of that instruction set.
 //!
 //! ```sh
 //! cargo bench --bench assembly              # compiles the numerical core, reads it, prints the table
 //! cargo bench --bench assembly -- FILE.s    # reads this file
 //! ```
 //!
-//! Kernels are the instances of `run_avx2` and `run_avx512` (`src/simd/level.rs`). An innermost loop is a
+//! Kernels are the instances of `run_avx2` and `run_avx512` (`src/simd/isa.rs`). An innermost loop is a
 //! natural loop of the control flow with no other inside. In those with arithmetic on vectors none of these may stand: a gather or
-//! scatter, a call, a vector on the stack (spilled), a division, arithmetic on vectors narrower than the level's;
+//! scatter, a call, a vector on the stack (spilled), a division, arithmetic on vectors narrower than those of the instruction set;
 //! and in those with fused multiply-adds no access to the stack at all. Printed per kernel: its innermost loops, fused multiply-adds in the one that has most, and
 //! instructions per fused multiply-add there.
 
@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-/// Loops that are known and accepted: level, part of the kernel's name, finding, and why.
+/// Loops that are known and accepted: instruction set, part of the kernel's name, finding, and why.
 const ACCEPTED: &[(&str, &str, &str, &str)] = &[
     ("avx2", "kernels::AnyObstacle", "narrow", "a step's lower end: one addition of two scalars"),
     ("avx512", "kernels::AnyObstacle", "narrow", "as at AVX2"),
@@ -40,8 +40,8 @@ const ACCEPTED: &[(&str, &str, &str, &str)] = &[
     ("avx512", "search::Search", "narrow", "as at AVX2"),
 ];
 
-/// Levels by the name of their shell, with the register that is as wide as they are.
-const LEVELS: [(&str, &str, &str); 2] =
+/// Instruction sets by the name of their shell, with the register that is as wide as they are.
+const ISAS: [(&str, &str, &str); 2] =
     [("avx2", "run_avx2", "%ymm"), ("avx512", "run_avx512", "%zmm")];
 
 fn main() -> ExitCode {
@@ -52,9 +52,9 @@ fn main() -> ExitCode {
     let (mut faults, tables) = (0, jump_tables(&text));
     println!(
         "{:<8} {:<58} {:>5} {:>5} {:>9}  findings",
-        "level", "kernel", "loops", "fma", "per fma"
+        "isa", "kernel", "loops", "fma", "per fma"
     );
-    for (level, shell, register) in LEVELS {
+    for (isa, shell, register) in ISAS {
         let mut rows = BTreeMap::new();
         for function in functions(&text, shell) {
             let report = inspect(&function.lines, register, &tables);
@@ -64,7 +64,7 @@ fn main() -> ExitCode {
         }
         for (kernel, reports) in rows {
             for report in reports {
-                faults += print_row(level, &kernel, &report);
+                faults += print_row(isa, &kernel, &report);
             }
         }
     }
@@ -78,11 +78,11 @@ fn main() -> ExitCode {
 }
 
 /// Prints one kernel; the number of findings that are not accepted.
-fn print_row(level: &str, kernel: &str, report: &Report) -> usize {
+fn print_row(isa: &str, kernel: &str, report: &Report) -> usize {
     let accepted = |finding: &str| {
         ACCEPTED
             .iter()
-            .any(|(l, k, f, _)| *l == level && kernel.contains(k) && finding.starts_with(f))
+            .any(|(l, k, f, _)| *l == isa && kernel.contains(k) && finding.starts_with(f))
     };
     let (known, new): (Vec<_>, Vec<_>) = report.findings.iter().partition(|f| accepted(f));
     let per_fma = match report.n_fma {
@@ -94,10 +94,7 @@ fn print_row(level: &str, kernel: &str, report: &Report) -> usize {
         findings.push(format!("{} accepted", known.len()));
     }
     let Report { n_loops, n_fma, .. } = report;
-    println!(
-        "{level:<8} {kernel:<58} {n_loops:>5} {n_fma:>5} {per_fma:>9}  {}",
-        findings.join("; ")
-    );
+    println!("{isa:<8} {kernel:<58} {n_loops:>5} {n_fma:>5} {per_fma:>9}  {}", findings.join("; "));
     new.len()
 }
 
@@ -417,6 +414,6 @@ fn assert_self_check() {
         assert_eq!(found(line), 1, "{line}");
     }
     let names =
-        identifiers("_RINvNtNtCs8xk_8deepmill4simd5level10run_avx512NtNtB4_4gemm10RowsKernelEB6_");
+        identifiers("_RINvNtNtCs8xk_8deepmill4simd3isa10run_avx512NtNtB4_4gemm10RowsKernelEB6_");
     assert!(names.contains(&"run_avx512".to_owned()) && names.contains(&"RowsKernel".to_owned()));
 }

@@ -4,7 +4,7 @@
 //! FLOP/s. Every result is compared with the plain loop before it is timed.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use deepmill::simd::{Level, gemm};
+use deepmill::simd::{Isa, gemm};
 use std::hint::black_box;
 
 /// Channels in and out as they occur in the reference network.
@@ -47,20 +47,20 @@ fn products(criterion: &mut Criterion) {
         for (k, n) in CHANNELS {
             let mut x = case(k, n, rows);
             group.throughput(Throughput::Elements((rows * k * n) as u64));
-            for &level in Level::available() {
+            for &isa in Isa::available() {
                 let id = |name: &str| {
-                    BenchmarkId::new(format!("{name}/{}", level.name()), format!("{k}x{n}"))
+                    BenchmarkId::new(format!("{name}/{}", isa.name()), format!("{k}x{n}"))
                 };
                 group.bench_function(id("rows"), |bencher| {
                     bencher.iter(|| {
                         let (a, c) = ((&x.a[..], &x.a_rows[..]), (&mut x.c[..], &x.c_rows[..]));
-                        gemm::matmul_rows(level, a, k, black_box(&x.b), n, c);
+                        gemm::matmul_rows(isa, a, k, black_box(&x.b), n, c);
                     });
                 });
                 group.bench_function(id("transposed"), |bencher| {
                     bencher.iter(|| {
                         let (a, g) = ((&x.a[..], &x.a_rows[..]), (&x.g[..], &x.c_rows[..]));
-                        gemm::matmul_tn_rows(level, a, k, g, n, black_box(&mut x.d));
+                        gemm::matmul_tn_rows(isa, a, k, g, n, black_box(&mut x.d));
                     });
                 });
             }

@@ -323,9 +323,9 @@ fn published(sites: &Sites, lengths: [f64; 4], directions: &Directions, stride: 
     let mut beta = vec![0u64; points.len()];
     let start = Instant::now();
     for i in (0..points.len()).step_by(stride) {
-        let centre = points[i] + cr * sites.normals[i].as_dvec3();
+        let center = points[i] + cr * sites.normals[i].as_dvec3();
         let collides = |d: glam::DVec3, j: usize| {
-            let offset = points[j] - centre;
+            let offset = points[j] - center;
             let height = offset.dot(d);
             let radius = (offset - height * d).length();
             if radius > detection {

@@ -1,7 +1,7 @@
 //! Building octrees of 1,000 to 1,000,000 points, and the layers that run on them.
 //!
 //! The throughput of convolutions is printed in products (one multiplication and one addition) per
-//! second over the neighbours that exist: twice that is FLOP/s.
+//! second over the neighbors that exist: twice that is FLOP/s.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use deepmill::nn::arena::Arena;

@@ -185,17 +185,17 @@ fn equal(path: &str, n_sites: usize, n_directions: usize) {
     for cutter in cutters {
         let cutter = cutter.expect("a cutter");
         let options = |tolerance: f64| SurfaceOptions {
-            tolerance: ContactTolerance::Millimetres(tolerance),
+            tolerance: ContactTolerance::Millimeters(tolerance),
             occlusion: false,
             refinement: None,
             ..SurfaceOptions::default()
         };
-        let law = |tolerance: f64| {
+        let expected = |tolerance: f64| {
             let options = options(tolerance);
             obstacles.label_by_drop_heights(&sites, &cutter, &directions, &options).expect("labels")
         };
         let fast = obstacles.label(&sites, &cutter, &directions, &options(0.01)).expect("labels");
-        let (less, more) = (law(0.01 - EPSILON_MM), law(0.01 + EPSILON_MM));
+        let (less, more) = (expected(0.01 - EPSILON_MM), expected(0.01 + EPSILON_MM));
         for counts in [
             [
                 &less.collision_free_directions,

@@ -4,7 +4,7 @@
 //! `cargo run --release --example gradcheck`
 #![allow(clippy::print_stdout)]
 
-use deepmill::gradcheck::{self, Settings};
+use deepmill::gradcheck::{self, GradcheckSettings};
 
 const COLUMNS: usize = 5;
 const EPSILON: f64 = 1e-6;
@@ -12,7 +12,7 @@ const EPSILON: f64 = 1e-6;
 fn main() -> deepmill::Result<()> {
     let (x, gain) = (gradcheck::probe(4 * COLUMNS, 1), gradcheck::probe(COLUMNS, 2));
     let inputs = [("x", &x[..]), ("gain", &gain[..])];
-    let report = gradcheck::function(&inputs, forward, backward, &Settings::default())?;
+    let report = gradcheck::function(&inputs, forward, backward, &GradcheckSettings::default())?;
     print!("{report}");
     report.require(1e-7)?;
 
@@ -25,7 +25,7 @@ fn main() -> deepmill::Result<()> {
         }
         gradients
     };
-    let report = gradcheck::function(&inputs, forward, wrong, &Settings::default())?;
+    let report = gradcheck::function(&inputs, forward, wrong, &GradcheckSettings::default())?;
     match report.require(1e-7) {
         Err(error) => println!("the mistake is found: {error}"),
         Ok(()) => unreachable!("a wrong gradient passes"),
@@ -42,11 +42,11 @@ fn rms(row: &[f64]) -> f64 {
 }
 
 fn forward(v: &[Vec<f64>]) -> Vec<f64> {
-    let normalised = |row: &[f64]| {
+    let normalized = |row: &[f64]| {
         let scale = rms(row);
         row.iter().zip(&v[1]).map(|(x, g)| x / scale * g).collect::<Vec<f64>>()
     };
-    rows(&v[0]).flat_map(normalised).collect()
+    rows(&v[0]).flat_map(normalized).collect()
 }
 
 /// With `r` the root mean square and `n` columns: `dx = (g·dy − x·⟨g·dy, x⟩/(n·r²)) / r`, `dg = Σ dy·x/r`.

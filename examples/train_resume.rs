@@ -1,4 +1,4 @@
-//! Train on parts made and labelled here, stop in the middle, go on, and end with the same bits.
+//! Train on parts made and labeled here, stop in the middle, go on, and end with the same bits.
 //!
 //! `cargo run --release --example train_resume -- FOLDER` (without a folder: in a temporary one).
 #![allow(clippy::print_stdout)]
@@ -9,25 +9,30 @@ use deepmill::data::{Sample, generated};
 use deepmill::directions::Directions;
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::rng::{Purpose, Stream};
-use deepmill::train::{Flow, Observer, Row, Run, RunFolder, Settings};
+use deepmill::train::{EpochRow, Observer, Run, RunFolder, Settings};
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 fn main() -> deepmill::Result<()> {
     let temporary = std::env::temp_dir().join(format!("deepmill-{}", std::process::id()));
     let root = std::env::args().nth(1).map_or(temporary, PathBuf::from);
-    let samples = (0..4).map(labelled).collect::<deepmill::Result<Vec<_>>>()?;
+    let samples = (0..4).map(labeled).collect::<deepmill::Result<Vec<_>>>()?;
     let settings = Settings { n_epochs: 4, seed: 7, ..Settings::tiny() };
 
     let folder = RunFolder::new(root.join("stopped"));
     let mut run = folder.start(settings.clone())?;
     let flow = folder.train(&mut run, &samples[..3], &samples[3..], &mut Show { stop_after: 2 })?;
-    println!("stopped: {}", flow == Flow::Stop);
+    println!("stopped: {}", flow.is_break());
     let mut run = folder.resume()?;
-    folder.train(&mut run, &samples[..3], &samples[3..], &mut Show { stop_after: u64::MAX })?;
+    assert!(
+        folder
+            .train(&mut run, &samples[..3], &samples[3..], &mut Show { stop_after: u64::MAX })?
+            .is_continue()
+    );
 
     let whole = RunFolder::new(root.join("whole"));
     let mut other = whole.start(settings)?;
-    whole.train(&mut other, &samples[..3], &samples[3..], &mut ())?;
+    assert!(whole.train(&mut other, &samples[..3], &samples[3..], &mut ())?.is_continue());
     assert_eq!(run.model.params, other.model.params, "a resumed run ends with the same bits");
     println!("the same bits as a run that was not stopped: {}", folder.model().display());
     Ok(())
@@ -39,14 +44,18 @@ struct Show {
 }
 
 impl Observer for Show {
-    fn epoch(&mut self, _: &Run, row: &Row) -> deepmill::Result<Flow> {
+    fn epoch(&mut self, _: &Run, row: &EpochRow) -> deepmill::Result<ControlFlow<()>> {
         println!("{row}");
-        Ok(if row.epoch == self.stop_after { Flow::Stop } else { Flow::Continue })
+        Ok(if row.epoch == self.stop_after {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        })
     }
 }
 
 /// A generated part with a random cutter and its exact labels.
-fn labelled(index: u64) -> deepmill::Result<Sample> {
+fn labeled(index: u64) -> deepmill::Result<Sample> {
     let options = SiteOptions { n_sites: 400, ..SiteOptions::default() };
     let sites = sample(&generated::mixed_part(1, index), &options)?;
     let params = CutterSet::Uniform.draw(&mut Stream::new(1, 0, index, Purpose::Cutter));

@@ -3,7 +3,7 @@
 //! A [`Cutter`] is a rule for where its *reference point* lies when it touches a site, and a list of
 //! [`Step`]s above that point: everything higher than a step's height and nearer to the axis than its
 //! radius is inside the cutter. Because radii never shrink upward, a step needs no upper end. What
-//! lies below the first step, the ball and its neighbourhood, is contact and not collision.
+//! lies below the first step, the ball and its neighborhood, is contact and not collision.
 
 use crate::rng::Stream;
 use crate::{Error, Result};
@@ -170,7 +170,7 @@ pub struct Cutter {
 impl Cutter {
     /// Ball-end cutter with a cylindrical holder and a spindle above it (the paper's cutter).
     ///
-    /// Steps above the ball's centre: `(CR, CR)`, `(CR+CH, FR)`, `(CR+CH+FH, ∞)`.
+    /// Steps above the ball's center: `(CR, CR)`, `(CR+CH, FR)`, `(CR+CH+FH, ∞)`.
     ///
     /// # Errors
     /// If a length is not a number from 0.0001 mm to 10 m, or FR < CR.
@@ -372,7 +372,7 @@ impl fmt::Display for Cutter {
 const MAX_STEPS: usize = 64;
 /// Longer than any real tool: beyond it, squares and sums might leave the range of `f32` arithmetic.
 const MAX_LENGTH_MM: f64 = 1e4;
-/// Shorter than any real length: coordinates are `f32` and may be metres.
+/// Shorter than any real length: coordinates are `f32` and may be meters.
 const MIN_LENGTH_MM: f64 = 1e-4;
 const ORDER: &str = "order the lengths CR,CH,FR,FH; a holder is at least as wide as its cutter";
 

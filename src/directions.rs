@@ -170,7 +170,7 @@ fn is_cone_angle(half_angle_rad: f64) -> bool {
     half_angle_rad > 0.0 && half_angle_rad <= PI
 }
 
-/// At least one unit vector; the order is part of the result of every labelling.
+/// At least one unit vector; the order is part of the result of every labeling.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Directions {
     set: DirectionSet,

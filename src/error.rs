@@ -53,7 +53,7 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
-    /// The work asked for needs more memory than is sensible.
+    /// The work needs more memory than is sensible.
     #[error("{operation} needs about {needed_bytes} bytes, the limit is {limit_bytes}; {remedy}")]
     TooLarge {
         /// The operation.
@@ -75,7 +75,7 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
-    /// The user asked to stop; whatever was finished is on disk.
+    /// The user interrupted the program; whatever was finished is on disk.
     #[error("interrupted; {remedy}")]
     Interrupted {
         /// How to go on.

@@ -14,13 +14,13 @@
 //! extrapolated to 0, of which the estimate that agrees best with its neighbors counts (Ridders 1982).
 //!
 //! ```
-//! use deepmill::gradcheck::{self, Settings};
+//! use deepmill::gradcheck::{self, GradcheckSettings};
 //! let x = gradcheck::probe(10, 1);
 //! let forward = |v: &[Vec<f64>]| v[0].iter().map(|x| x * x).collect();
 //! let backward = |v: &[Vec<f64>], dy: &[f64]| {
 //!     vec![v[0].iter().zip(dy).map(|(x, dy)| 2.0 * x * dy).collect()]
 //! };
-//! let report = gradcheck::function(&[("x", &x)], forward, backward, &Settings::default())?;
+//! let report = gradcheck::function(&[("x", &x)], forward, backward, &GradcheckSettings::default())?;
 //! report.require(1e-7)?;
 //! # Ok::<(), deepmill::Error>(())
 //! ```
@@ -42,7 +42,7 @@ const N_STEPS: i32 = 4;
 
 /// How a check is made.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
+pub struct GradcheckSettings {
     /// Step `h` for elements up to magnitude 1; larger ones step in proportion.
     pub step: f64,
     /// Errors are relative to the greater of both values, but at least to this share of the largest
@@ -54,10 +54,10 @@ pub struct Settings {
     pub seed: u64,
 }
 
-impl Default for Settings {
+impl Default for GradcheckSettings {
     /// Step 1e-5, floor 1e-3, every element, seed 0.
     fn default() -> Self {
-        Settings { step: 1e-5, floor: 1e-3, max_elements: usize::MAX, seed: 0 }
+        GradcheckSettings { step: 1e-5, floor: 1e-3, max_elements: usize::MAX, seed: 0 }
     }
 }
 
@@ -72,20 +72,20 @@ pub struct Element {
     pub analytic: f64,
     /// What the differences say.
     pub numeric: f64,
-    /// `|analytic - numeric|` relative to the scale of [`Settings::floor`]; infinite for NaN.
+    /// `|analytic - numeric|` relative to the scale of [`GradcheckSettings::floor`]; infinite for NaN.
     pub error: f64,
 }
 
 /// The outcome of [`function`] and [`layer()`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct Report {
+pub struct GradientReport {
     /// Worst element of every vector, in the order of the inputs.
     pub worst: Vec<Element>,
     /// Elements checked in all.
     pub n_checked: usize,
 }
 
-impl Report {
+impl GradientReport {
     /// The worst element of all.
     ///
     /// # Panics
@@ -120,7 +120,7 @@ impl fmt::Display for Element {
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for GradientReport {
     /// One line per vector.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.worst.iter().try_for_each(|element| writeln!(f, "{element}"))
@@ -139,8 +139,8 @@ pub fn function(
     inputs: &[(&str, &[f64])],
     mut forward: impl FnMut(&[Vec<f64>]) -> Vec<f64>,
     mut backward: impl FnMut(&[Vec<f64>], &[f64]) -> Vec<Vec<f64>>,
-    settings: &Settings,
-) -> Result<Report> {
+    settings: &GradcheckSettings,
+) -> Result<GradientReport> {
     let mut vectors: Vec<Vec<f64>> = inputs.iter().map(|(_, v)| v.to_vec()).collect();
     let n_outputs = forward(&vectors).len();
     check_sizes(inputs, n_outputs, settings)?;
@@ -194,7 +194,11 @@ fn extrapolated(h: f64, difference: &mut impl FnMut(f64) -> f64) -> f64 {
     best
 }
 
-fn check_sizes(inputs: &[(&str, &[f64])], n_outputs: usize, settings: &Settings) -> Result<()> {
+fn check_sizes(
+    inputs: &[(&str, &[f64])],
+    n_outputs: usize,
+    settings: &GradcheckSettings,
+) -> Result<()> {
     let n: usize = inputs.iter().map(|(_, v)| v.len()).sum();
     let sizes = [
         ("number of elements to differentiate by", n),
@@ -246,14 +250,14 @@ pub struct Case<'a, G: ?Sized> {
 /// tensors.
 ///
 /// ```
-/// use deepmill::gradcheck::{self, Case, Settings};
+/// use deepmill::gradcheck::{self, Case, GradcheckSettings};
 /// use deepmill::nn::{linear::Linear, operand::Operand, params::Layout};
 /// let mut layout = Layout::default();
 /// let linear = Linear::new(&mut layout, "linear", 3, 2, true);
 /// let (params, x) = (layout.init_params(1), gradcheck::probe(12, 2));
 /// let x = Operand::new(&x, 3);
 /// let case = Case { layout: &layout, params: &params, geometry: &(), x, dropout: None };
-/// let report = gradcheck::layer(&linear, &case, &Settings::default())?;
+/// let report = gradcheck::layer(&linear, &case, &GradcheckSettings::default())?;
 /// assert_eq!(report.worst.len(), 3); // x, linear.weight, linear.bias
 /// report.require(1e-7)?;
 /// # Ok::<(), deepmill::Error>(())
@@ -264,8 +268,8 @@ pub struct Case<'a, G: ?Sized> {
 pub fn layer<L: Layer<f64>>(
     checked: &L,
     case: &Case<L::Geometry>,
-    settings: &Settings,
-) -> Result<Report> {
+    settings: &GradcheckSettings,
+) -> Result<GradientReport> {
     let matrices = case.x.matrices();
     let n = matrices.len();
     let names: Vec<String> = match n {
@@ -320,7 +324,11 @@ fn run<L: Layer<f64>>(
     (y, dx, grads)
 }
 
-fn report(inputs: &[(&str, &[f64])], checked: &[(usize, usize, f64, f64)], floor: f64) -> Report {
+fn report(
+    inputs: &[(&str, &[f64])],
+    checked: &[(usize, usize, f64, f64)],
+    floor: f64,
+) -> GradientReport {
     let mut worst: Vec<Element> = Vec::new();
     for &(input, index, analytic, numeric) in checked {
         let scale = analytic.abs().max(numeric.abs()).max(floor);
@@ -334,11 +342,11 @@ fn report(inputs: &[(&str, &[f64])], checked: &[(usize, usize, f64, f64)], floor
             None => worst.push(Element { name: name.into(), index, analytic, numeric, error }),
         }
     }
-    Report { worst, n_checked: checked.len() }
+    GradientReport { worst, n_checked: checked.len() }
 }
 
 /// Ascending indices: all of `0..n`, or a random subset of the wanted size.
-fn subset(n: usize, settings: &Settings, vector: u64) -> Vec<usize> {
+fn subset(n: usize, settings: &GradcheckSettings, vector: u64) -> Vec<usize> {
     let mut indices: Vec<usize> = (0..n).collect();
     if n > settings.max_elements {
         Stream::new(settings.seed, 1, vector, Purpose::Probe).shuffle(&mut indices);
@@ -386,14 +394,15 @@ mod tests {
         vec![dx, vec![dp]]
     }
 
-    fn check(change: impl Fn(&mut Vec<Vec<f64>>)) -> Report {
+    fn check(change: impl Fn(&mut Vec<Vec<f64>>)) -> GradientReport {
         let x = probe(20, 1);
         let changed = |v: &[Vec<f64>], dy: &[f64]| {
             let mut gradients = backward(v, dy);
             change(&mut gradients);
             gradients
         };
-        function(&[("x", &x), ("p", &[0.7])], forward, changed, &Settings::default()).unwrap()
+        function(&[("x", &x), ("p", &[0.7])], forward, changed, &GradcheckSettings::default())
+            .unwrap()
     }
 
     #[test]
@@ -421,7 +430,7 @@ mod tests {
 
     #[test]
     fn a_subset_is_checked_when_asked() {
-        let settings = Settings { max_elements: 4, ..Settings::default() };
+        let settings = GradcheckSettings { max_elements: 4, ..GradcheckSettings::default() };
         let x = probe(20, 1);
         let report = function(&[("x", &x), ("p", &[0.7])], forward, backward, &settings).unwrap();
         assert_eq!(report.n_checked, 5);
@@ -436,7 +445,7 @@ mod tests {
             gradients
         };
         for max_elements in 1..=20 {
-            let settings = Settings { max_elements, ..Settings::default() };
+            let settings = GradcheckSettings { max_elements, ..GradcheckSettings::default() };
             let report = function(&[("x", &x), ("p", &[0.7])], forward, wrong, &settings).unwrap();
             report.require(1e-7).unwrap();
         }
@@ -462,7 +471,9 @@ mod tests {
                 gradients
             };
             let inputs: [(&str, &[f64]); 2] = [("x", &x), ("p", &[0.7])];
-            function(&inputs, forward, changed, &Settings::default()).unwrap_err().to_string()
+            function(&inputs, forward, changed, &GradcheckSettings::default())
+                .unwrap_err()
+                .to_string()
         };
         let fewer = message(&|g| drop(g.pop()));
         assert!(fewer.starts_with("number of gradients is 1, expected 2"), "{fewer}");
@@ -474,7 +485,7 @@ mod tests {
     #[test]
     fn a_check_of_nothing_is_refused() {
         let message = |x: &[f64], max_elements: usize, n_outputs: usize| {
-            let settings = Settings { max_elements, ..Settings::default() };
+            let settings = GradcheckSettings { max_elements, ..GradcheckSettings::default() };
             let forward = |_: &[Vec<f64>]| vec![0.0; n_outputs];
             let backward = |v: &[Vec<f64>], _: &[f64]| v.to_vec();
             function(&[("x", x)], forward, backward, &settings).unwrap_err().to_string()
@@ -499,14 +510,14 @@ mod tests {
             vec![v[0].iter().enumerate().map(|t| dy[0] * derivative(t)).collect::<Vec<f64>>()]
         };
         let inputs: [(&str, &[f64]); 1] = [("x", &x)];
-        let report = function(&inputs, forward, backward, &Settings::default()).unwrap();
+        let report = function(&inputs, forward, backward, &GradcheckSettings::default()).unwrap();
         report.require(1e-7).unwrap();
         let wrong = |v: &[Vec<f64>], dy: &[f64]| {
             let mut gradients = backward(v, dy);
             gradients[0][3] *= 1.0001;
             gradients
         };
-        let report = function(&inputs, forward, wrong, &Settings::default()).unwrap();
+        let report = function(&inputs, forward, wrong, &GradcheckSettings::default()).unwrap();
         assert!(report.require(1e-7).is_err() && report.worst().index == 3);
     }
 }

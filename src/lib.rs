@@ -9,14 +9,14 @@
 //! geom   geom    access   data      octree   nn/model  model         report
 //! ```
 //!
-//! Lengths are millimetres, directions and normals unit vectors, matrices `[n, c]` row-major.
+//! Lengths are millimeters, directions and normals unit vectors, matrices `[n, c]` row-major.
 #![deny(unsafe_code)]
 
 pub mod access;
 #[cfg(feature = "ndarray")]
 pub mod arrays;
 #[cfg(feature = "formats")]
-pub mod aside;
+pub mod atomic_file;
 pub mod cutter;
 pub mod data;
 pub mod directions;

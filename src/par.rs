@@ -3,10 +3,9 @@
 //! Work is cut into blocks whose size is a constant of the call site, each output belongs to one
 //! block, and partial results are joined in block order. The only file that names rayon.
 //!
-//! Blocks are handed out one after another, to whichever thread is free next, and the thread that asked
-//! for a loop takes part in it. Waking a thread that sleeps takes longer than most of the network's
-//! loops: nobody goes to sleep for a while after the last block (`PATIENCE`), and within [`awake`] the
-//! threads stay up between loops.
+//! Blocks are handed out one after another, to whichever thread is idle next; the thread that starts a loop
+//! takes part in it. Waking a sleeping thread takes longer than most of the network's loops: a worker spins
+//! for `SPIN_TIMEOUT` after its last block, and within [`keep_workers_hot`] until that call ends.
 
 use crate::{Error, Result};
 use rayon::Yield;
@@ -16,14 +15,14 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How long a thread without work stays awake. Finite, so that a thread which waits here cannot keep
-/// others, that wait for what it left, waiting for good.
-const PATIENCE: Duration = Duration::from_millis(20);
+/// How long a thread without work spins. Finite: a thread that waits here may hold work that another one
+/// waits for.
+const SPIN_TIMEOUT: Duration = Duration::from_millis(20);
 
-/// Looks for work between two looks at the clock.
-const LOOKS: usize = 64;
+/// Polls for work between two readings of the clock.
+const SPINS_PER_CHECK: usize = 64;
 
-/// Calls `work` once for every one of the `n` items, on all threads, each of which lends its calls a state.
+/// Calls `work` once for every one of the `n` items, on all threads; each thread makes one state for its calls.
 fn share_out<S, I>(
     n: usize,
     items: impl Iterator<Item = I> + Send,
@@ -57,15 +56,15 @@ fn share_out<S, I>(
             });
         }
         drain();
-        keep_looking_for_work(|| n_busy.load(Ordering::Acquire) == 0);
+        spin_for_work(|| n_busy.load(Ordering::Acquire) == 0);
     });
 }
 
-/// Takes on any work of this pool until `done`, or until there has been none for a while.
-fn keep_looking_for_work(done: impl Fn() -> bool) {
+/// Runs any work of this pool until `done`, or until there has been none for [`SPIN_TIMEOUT`].
+fn spin_for_work(done: impl Fn() -> bool) {
     let mut idle_since = Instant::now();
     while may_spin() {
-        for _ in 0..LOOKS {
+        for _ in 0..SPINS_PER_CHECK {
             if done() {
                 return;
             }
@@ -75,14 +74,14 @@ fn keep_looking_for_work(done: impl Fn() -> bool) {
                 None => return,
             }
         }
-        if idle_since.elapsed() > PATIENCE {
+        if idle_since.elapsed() > SPIN_TIMEOUT {
             return;
         }
         std::thread::yield_now();
     }
 }
 
-/// Whether every thread of this pool has a processor, so that one that waits takes it from nobody.
+/// Whether every thread of this pool has a processor, so that a spinning thread takes none from another.
 fn may_spin() -> bool {
     static N_PROCESSORS: OnceLock<usize> = OnceLock::new();
     let count = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -98,10 +97,10 @@ impl<F: FnMut()> Drop for OnDrop<F> {
     }
 }
 
-/// Runs `work`, between whose parallel loops the threads stay awake: for many short loops.
+/// Runs `work`; its threads spin between its parallel loops instead of sleeping. For many short loops.
 ///
 /// Results are those of `work` alone. Without a processor for every thread, this is just a call.
-pub fn awake<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+pub fn keep_workers_hot<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     if threads() <= 1 || !may_spin() {
         return work();
     }
@@ -111,7 +110,7 @@ pub fn awake<R: Send>(work: impl FnOnce() -> R + Send) -> R {
         let here = rayon::current_thread_index();
         scope.spawn_broadcast(move |_, other| {
             if Some(other.index()) != here {
-                keep_looking_for_work(|| done.load(Ordering::Acquire));
+                spin_for_work(|| done.load(Ordering::Acquire));
             }
         });
         work()
@@ -195,7 +194,7 @@ fn collect<I: Send, R: Send>(
 
 /// Results of `work` for every index of `0..n`, in order, and the workers' states.
 ///
-/// Each worker makes one state and lends it to every call it makes; indices go to whichever worker is
+/// Each worker makes one state and passes it to all its calls; indices go to whichever worker is
 /// free. What is summed up in a state must not depend on the order of summing: whole numbers do not.
 pub fn map_with<S: Send, R: Send>(
     n: usize,
@@ -301,12 +300,12 @@ mod tests {
     fn nested(depth: u32) -> u64 {
         match depth {
             0 => 1,
-            _ => awake(|| map(3, |_| nested(depth - 1)).into_iter().sum()),
+            _ => keep_workers_hot(|| map(3, |_| nested(depth - 1)).into_iter().sum()),
         }
     }
 
     #[test]
-    fn loops_within_loops_end_awake_or_not() {
+    fn loops_within_loops_end_with_hot_workers_or_not() {
         for n_threads in [1, 2, 5] {
             assert_eq!(with_threads(n_threads, || nested(5)).unwrap(), 243);
         }
@@ -320,7 +319,7 @@ mod tests {
     #[test]
     fn a_panic_in_a_block_ends_the_loop_and_lets_all_threads_go() {
         let fail = || {
-            awake(|| map(100, |i| assert!(i != 57, "this one")));
+            keep_workers_hot(|| map(100, |i| assert!(i != 57, "this one")));
         };
         let caught = with_threads(2, || std::panic::catch_unwind(fail)).unwrap();
         assert!(caught.is_err());

@@ -26,8 +26,8 @@ pub enum Purpose {
     Part = 7,
     /// Probes of a gradient check and other tests.
     Probe = 8,
-    /// Neighbour sampling in a graph network.
-    Neighbours = 9,
+    /// Neighbor sampling in a graph network.
+    Neighbors = 9,
     /// Orientation of a part.
     Orientation = 10,
 }

@@ -1,6 +1,6 @@
 //! The numbers of the network: `f32` for work, `f64` for decisive gradient checks.
 
-use crate::simd::{Level, Real, level};
+use crate::simd::{Isa, Real, isa};
 use crate::{Error, Result};
 use std::fmt::{Debug, Display};
 use std::iter::Sum;
@@ -51,16 +51,16 @@ pub trait Scalar:
     fn is_finite(self) -> bool;
 }
 
-/// The instruction-set level that the kernels run at; call it first, so that a forced level that this
-/// processor lacks is noticed. Results do not depend on the level.
+/// The instruction set that the kernels run at; call it first, so that a forced instruction set that this
+/// processor lacks is noticed. Results do not depend on the instruction set.
 ///
 /// # Errors
-/// If the environment variable `DEEPMILL_SIMD` names a level that is not available.
-pub fn simd_level() -> Result<Level> {
-    Level::requested().map_err(|error| {
-        let names: Vec<_> = Level::available().iter().map(|level| level.name()).collect();
+/// If the environment variable `DEEPMILL_SIMD` names an instruction set that is not available.
+pub fn simd_isa() -> Result<Isa> {
+    Isa::requested().map_err(|error| {
+        let names: Vec<_> = Isa::available().iter().map(|isa| isa.name()).collect();
         let expected = format!("one of {}", names.join(", "));
-        Error::argument(level::VARIABLE, error.name, expected, "unset it to use the fastest")
+        Error::argument(isa::VARIABLE, error.name, expected, "unset it to use the fastest")
     })
 }
 

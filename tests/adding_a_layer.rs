@@ -1,6 +1,6 @@
 //! A new layer, written as `docs/adding-a-layer.md` says: the page shows this file's code and nothing else.
 
-use deepmill::gradcheck::{self, Case, Settings};
+use deepmill::gradcheck::{self, Case, GradcheckSettings};
 use deepmill::nn::arena::{Arena, Buffer};
 use deepmill::nn::layer::{self, Layer};
 use deepmill::nn::operand::{Operand, OperandGradient};
@@ -98,7 +98,7 @@ fn gradients_are_right_for_one_matrix_and_for_several_side_by_side() {
     let parts = [Operand::new(&nodes, 2), Operand::PerShape { x: &cutters, c: 1, shapes: &shapes }];
     for x in [Operand::new(&nodes[..9], 3), Operand::Concat(&parts)] {
         let case = Case { layout: &layout, params: &params, geometry: &(), x, dropout: None };
-        let report = gradcheck::layer(&scale, &case, &Settings::default()).unwrap();
+        let report = gradcheck::layer(&scale, &case, &GradcheckSettings::default()).unwrap();
         report.require(1e-7).unwrap();
     }
 }

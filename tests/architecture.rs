@@ -1,12 +1,12 @@
-//! The house plan holds: who imports whom, where unsafe code, threads, files and printing live.
+//! The module structure holds: which module imports which, where unsafe code, threads, files and printing are allowed.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Rooms every room but `simd` may use.
-const EVERYWHERE: [&str; 7] = ["error", "scalar", "rng", "par", "aside", "Error", "Result"];
+/// Top modules that all but `simd` may use.
+const EVERYWHERE: [&str; 7] = ["error", "scalar", "rng", "par", "atomic_file", "Error", "Result"];
 
-/// Room → rooms it may import. Arrows only point down.
+/// Top module → top modules it may import. Arrows only point down.
 const PLAN: [(&str, &[&str]); 23] = [
     ("arrays", &["model", "access", "geom"]),
     ("report", &["train", "data", "metrics", "access", "geom", "spatial", "cutter"]),
@@ -42,15 +42,15 @@ const PLAN: [(&str, &[&str]); 23] = [
     ("directions", &[]),
     ("scalar", &["simd"]),
     ("par", &[]),
-    ("aside", &[]),
+    ("atomic_file", &[]),
     ("rng", &[]),
     ("error", &[]),
     ("simd", &[]),
 ];
 
 /// Where files may be opened or written.
-const FILE_ROOMS: [&str; 13] = [
-    "aside.rs",
+const FILE_MODULES: [&str; 13] = [
+    "atomic_file.rs",
     "geom/formats",
     "data/npz",
     "data/dataset",
@@ -94,11 +94,11 @@ fn is_test_start(line: &str) -> bool {
     line.trim_start().starts_with("#[cfg(") && line.contains("test") && !line.contains("not(test")
 }
 
-fn room(path: &str) -> &str {
+fn top_module(path: &str) -> &str {
     path.split('/').next().unwrap().trim_end_matches(".rs")
 }
 
-/// Rooms named as `crate::room` or in a list `crate::{…}`, which may be nested and go over lines.
+/// Top modules named as `crate::module` or in a list `crate::{…}`, which may be nested and go over lines.
 fn imports(code: &str) -> Vec<String> {
     code.split("crate::").skip(1).flat_map(heads).collect()
 }
@@ -133,7 +133,7 @@ fn imports_are_read_over_lines_and_in_nested_lists() {
     let code = "use crate::{\n    access::{label, Labels},\n    geom,\n};\nlet x = crate::par::map(crate::Error);";
     assert_eq!(imports(code), ["access", "geom", "par", "Error"]);
     assert_eq!(
-        imports("use crate::simd::{Kernel, Level};\nuse crate::{Error, Result, par};"),
+        imports("use crate::simd::{Kernel, Isa};\nuse crate::{Error, Result, par};"),
         ["simd", "Error", "Result", "par"]
     );
 }
@@ -142,9 +142,9 @@ fn imports_are_read_over_lines_and_in_nested_lists() {
 fn imports_only_point_down_the_plan() {
     let mut breaches = Vec::new();
     for (path, lines) in files().iter().filter(|(p, _)| p != "lib.rs" && !p.starts_with("bin/")) {
-        let own = room(path);
+        let own = top_module(path);
         let Some((_, allowed)) = PLAN.iter().find(|(name, _)| *name == own) else {
-            breaches.push(format!("{path}: a room the plan does not know"));
+            breaches.push(format!("{path}: a module the plan does not know"));
             continue;
         };
         for name in imports(&lines.join("\n")) {
@@ -170,7 +170,7 @@ fn unsafe_threads_files_and_printing_stay_in_their_rooms() {
                 (
                     "files",
                     line.contains("std::fs") || line.contains("File::"),
-                    FILE_ROOMS.iter().any(|r| path.starts_with(r)),
+                    FILE_MODULES.iter().any(|r| path.starts_with(r)),
                 ),
                 (
                     "printing",
@@ -188,7 +188,7 @@ fn unsafe_threads_files_and_printing_stay_in_their_rooms() {
     assert!(breaches.is_empty(), "{breaches:#?}");
 }
 
-/// Rooms whose own modules must not import each other in a circle, and how long a module's path is.
+/// Top modules whose submodules must not import each other in a circle, and how long a module's path is.
 const WITHOUT_CIRCLES: [&str; 5] = ["access/", "model/", "nn/", "simd/", "spatial/"];
 
 /// The module of a file: `access/pruned/mod.rs` is `access/pruned`.
@@ -282,10 +282,10 @@ fn circle(edges: &[(String, Vec<String>)]) -> Option<Vec<String>> {
 
 /// What a module declares or hands on of its children is no import; what children take from their parent is.
 #[test]
-fn modules_of_a_room_do_not_import_each_other_in_circles() {
+fn submodules_do_not_import_each_other_in_circles() {
     let files = files();
-    for room in WITHOUT_CIRCLES {
-        let own: Vec<_> = files.iter().filter(|(path, _)| path.starts_with(room)).collect();
+    for top in WITHOUT_CIRCLES {
+        let own: Vec<_> = files.iter().filter(|(path, _)| path.starts_with(top)).collect();
         let modules: Vec<String> = own.iter().map(|(path, _)| module(path).to_string()).collect();
         let edges = own.iter().map(|(path, lines)| {
             let from = module(path);

@@ -128,8 +128,8 @@ fn label_writes_files_that_read_back_and_do_not_depend_on_threads() {
     assert!((0.05..0.09).contains(&underside), "the middle of the underside is out of reach");
     let top = file.sites.normals.iter().zip(&file.labels.inaccessible).filter(|(n, _)| n.z > 0.5);
     assert!(top.into_iter().all(|(_, inaccessible)| !inaccessible), "the top is in reach");
-    assert_eq!(file.about.cutter.to_array(), [1.5, 6.0, 40.0, 5.0]);
-    assert_eq!(file.about.part, "block.stl");
+    assert_eq!(file.provenance.cutter.to_array(), [1.5, 6.0, 40.0, 5.0]);
+    assert_eq!(file.provenance.part, "block.stl");
     let (other, _) = run("3");
     for path in result["files"].as_array().unwrap() {
         let name = Path::new(path.as_str().unwrap()).file_name().unwrap();
@@ -243,7 +243,7 @@ fn bad_sets_of_tools_are_refused_before_anything_is_written() {
         assert!(!Path::new(&out).exists(), "{args:?} left files behind");
     }
     let two = ["predict", &part, "--cutter", CUTTER, "--cutter", "1,2,3,4", "--out", &out];
-    assert_eq!(deepmill(&two).status.code(), Some(2), "a network is asked about one cutter");
+    assert_eq!(deepmill(&two).status.code(), Some(2), "a network predicts for one cutter");
 }
 
 #[test]
@@ -261,7 +261,7 @@ fn label_asks_the_part_itself_and_says_so() {
         (result, LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap())
     };
     let (result, file) = run(&[]);
-    assert_eq!(result["question"], "the part itself");
+    assert_eq!(result["definition"], "the part itself");
     let surface = file.labels.surface.as_ref().unwrap();
     for (i, normal) in file.sites.normals.iter().enumerate() {
         assert_eq!(file.labels.inaccessible[i], normal.z < -0.5, "only the underside");
@@ -277,7 +277,7 @@ fn label_asks_the_part_itself_and_says_so() {
         assert!(!(accessible && under_clamp(i)), "{}", file.sites.points[i]);
     }
     let (result, published) = run(&["--obstacles", "sites"]);
-    assert_eq!(result["question"], "published definition, points as obstacles");
+    assert_eq!(result["definition"], "published definition, points as obstacles");
     assert_eq!(published.labels.surface, None);
     assert_eq!(published.labels.witness.len(), 300);
 }
@@ -308,7 +308,7 @@ fn units_and_clouds_give_the_same_labels() {
 }
 
 #[test]
-fn sample_writes_clouds_that_can_be_labelled() {
+fn sample_writes_clouds_that_can_be_labeled() {
     let folder = Folder::new();
     let part = folder.block();
     for name in ["sites.ply", "sites.npz"] {
@@ -352,7 +352,7 @@ fn sample_tells_inside_from_outside() {
     let (part, out) = (folder.block(), folder.path("volume.npz"));
     let args = ["sample", &part, "--volume", "24000", "--out", &out, "--json"];
     let result = json(&deepmill(&args));
-    // One point in each cubic millimetre of the bounding box, which the block fills.
+    // One point in each cubic millimeter of the bounding box, which the block fills.
     assert_eq!((&result["n_points"], &result["inside"]), (&24000.into(), &1.0.into()));
     let read = deepmill::data::npz::NpzReader::open(&out).unwrap();
     assert!(read.has("points") && read.has("inside"));
@@ -371,7 +371,7 @@ fn report_draws_again_and_compares() {
         flags.iter().enumerate().flat_map(|f| [0.5, yes(f)]).collect()
     };
     let predictions = PredictionFile {
-        about: file.about.clone(),
+        provenance: file.provenance.clone(),
         sites: file.sites.clone(),
         logits_inaccessible: logits(&file.labels.inaccessible, 0),
         logits_occlusion: logits(&file.labels.occlusion, 200),

@@ -112,7 +112,7 @@ fn places_that_cannot_be_written_are_told_before_the_work() {
 }
 
 #[test]
-fn a_published_set_keeps_its_split_and_its_millimetres_or_says_that_it_cannot() {
+fn a_published_set_keeps_its_split_and_its_millimeters_or_says_that_it_cannot() {
     let folder = Folder::new();
     let [data, published, again] = ["data", "published", "again"].map(|name| folder.path(name));
     let build = ["--generated", "4", "--sites", "60", "--directions", "10", "--validation", "0.5"];
@@ -140,7 +140,7 @@ fn a_published_set_keeps_its_split_and_its_millimetres_or_says_that_it_cannot() 
     std::fs::remove_dir_all(&again).unwrap();
     let output = deepmill(&[&import[..], &["--lists"]].concat());
     assert_eq!(counts(&json(&output)), [train, validation]);
-    assert!(text(&output.stderr).contains("warning: the points of these lists are normalised"));
+    assert!(text(&output.stderr).contains("warning: the points of these lists are normalized"));
 
     std::fs::remove_dir_all(&again).unwrap();
     std::fs::remove_dir_all(Path::new(&published).join("filelist")).unwrap();

@@ -1,4 +1,4 @@
-//! The same bits for any number of threads and at every instruction-set level.
+//! The same bits for any number of threads and with every instruction set.
 
 use deepmill::loss::CrossEntropy;
 use deepmill::model::{Batch, Model, Shape, UNetConfig};
@@ -6,7 +6,7 @@ use deepmill::nn::arena::Arena;
 use deepmill::optim::Sgd;
 use deepmill::par;
 use deepmill::rng::{Purpose, Stream};
-use deepmill::simd::Level;
+use deepmill::simd::Isa;
 use glam::Vec3;
 
 const THREADS: [usize; 4] = [1, 2, 3, 8];
@@ -74,18 +74,18 @@ fn train() -> Vec<u32> {
     all.into_iter().flatten().map(|x| x.to_bits()).collect()
 }
 
-/// One test, because the level in force belongs to the whole process.
+/// One test, because the instruction set in force belongs to the whole process.
 #[test]
 fn ten_training_steps_are_identical_for_any_threads_and_any_level() {
     let expected = par::with_threads(1, train).unwrap();
     for n_threads in THREADS {
         assert!(par::with_threads(n_threads, train).unwrap() == expected, "{n_threads} threads");
     }
-    let chosen = Level::requested().unwrap();
-    for &level in Level::available() {
-        level.activate();
+    let chosen = Isa::requested().unwrap();
+    for &isa in Isa::available() {
+        isa.activate();
         let got = par::with_threads(2, train).unwrap();
         chosen.activate();
-        assert!(got == expected, "level {}", level.name());
+        assert!(got == expected, "{}", isa.name());
     }
 }

@@ -1,5 +1,5 @@
 //! Promise: every engine gives the same labels and counts, bit for bit, whatever the scene, the
-//! cutter, the number of threads and the SIMD level.
+//! cutter, the number of threads and the instruction set.
 
 use deepmill::access::{Engine, LabelOptions, Labels, Obstacles, Queries, label, label_many};
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
@@ -7,7 +7,7 @@ use deepmill::directions::{DirectionSet, Directions};
 use deepmill::geom::Sites;
 use deepmill::par::with_threads;
 use deepmill::rng::{Purpose, Stream};
-use deepmill::simd::Level;
+use deepmill::simd::Isa;
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 
@@ -72,8 +72,8 @@ fn solids(n: usize) -> Sites {
     sites(points, normals)
 }
 
-fn options(engine: Engine, level: Level) -> LabelOptions {
-    LabelOptions { engine, level, collision_matrix: true, ..LabelOptions::default() }
+fn options(engine: Engine, isa: Isa) -> LabelOptions {
+    LabelOptions { engine, isa, collision_matrix: true, ..LabelOptions::default() }
 }
 
 /// Everything but the account of the work.
@@ -90,30 +90,31 @@ fn assert_engines_agree<'a>(
     what: &str,
 ) -> Vec<Labels> {
     let queries = queries.into();
-    let run = |engine, level, n_threads| {
-        let work = || label_many(queries, obstacles, cutters, directions, &options(engine, level));
+    let run = |engine, isa, n_threads| {
+        let work = || label_many(queries, obstacles, cutters, directions, &options(engine, isa));
         let labels = with_threads(n_threads, work).unwrap().unwrap();
         labels.into_iter().map(answer).collect::<Vec<_>>()
     };
-    let law = run(Engine::Reference, Level::fastest(), 2);
-    let mut runs = vec![(Engine::Batched, Level::fastest(), 2)];
-    for &level in Level::available() {
-        runs.extend([1, 3].map(|n_threads| (Engine::Pruned, level, n_threads)));
+    let expected = run(Engine::Reference, Isa::fastest(), 2);
+    let mut runs = vec![(Engine::Batched, Isa::fastest(), 2)];
+    for &isa in Isa::available() {
+        runs.extend([1, 3].map(|n_threads| (Engine::Pruned, isa, n_threads)));
     }
-    for (engine, level, n_threads) in runs {
-        let place = format!("{what}, {engine:?}, {}, {n_threads} threads", level.name());
-        for (t, (found, law)) in run(engine, level, n_threads).iter().zip(&law).enumerate() {
-            assert_same(found, law, &format!("{place}, cutter {t}"));
+    for (engine, isa, n_threads) in runs {
+        let place = format!("{what}, {engine:?}, {}, {n_threads} threads", isa.name());
+        for (t, (found, expected)) in run(engine, isa, n_threads).iter().zip(&expected).enumerate()
+        {
+            assert_same(found, expected, &format!("{place}, cutter {t}"));
         }
     }
-    law
+    expected
 }
 
-fn assert_same(found: &Labels, law: &Labels, place: &str) {
-    assert_eq!(found.accessible_directions, law.accessible_directions, "{place}: directions");
-    assert_eq!(found.witness, law.witness, "{place}: witness");
-    assert_eq!(found.beta, law.beta, "{place}: beta");
-    assert!(found == law, "{place}: labels");
+fn assert_same(found: &Labels, expected: &Labels, place: &str) {
+    assert_eq!(found.accessible_directions, expected.accessible_directions, "{place}: directions");
+    assert_eq!(found.witness, expected.witness, "{place}: witness");
+    assert_eq!(found.beta, expected.beta, "{place}: beta");
+    assert!(found == expected, "{place}: labels");
 }
 
 fn cutters(n: usize, seed: u64) -> Vec<Cutter> {
@@ -282,23 +283,23 @@ fn engines_agree_on_every_kind_of_cutter() {
     assert_engines_agree(&gridded_pocket(8, 1.0), Obstacles::Queries, &cutters, &sphere, "pocket");
 }
 
-/// Levels and threads of the batched engine, which the comparisons above run at one of each.
+/// Instruction sets and threads of the batched engine, which the comparisons above run at one of each.
 #[test]
 fn batched_is_the_same_at_every_level_and_thread_count() {
     let scene = solids(300);
     let cutter = &cutters(1, 4)[0];
-    let run = |engine, level, n_threads| {
-        let options = options(engine, level);
+    let run = |engine, isa, n_threads| {
+        let options = options(engine, isa);
         let work = || label(&scene, Obstacles::Queries, cutter, &hemisphere(9), &options);
         answer(with_threads(n_threads, work).unwrap().unwrap())
     };
-    let law = run(Engine::Reference, Level::fastest(), 1);
-    for &level in Level::available() {
+    let expected = run(Engine::Reference, Isa::fastest(), 1);
+    for &isa in Isa::available() {
         for n_threads in [1, 2, 5] {
-            assert_same(&run(Engine::Batched, level, n_threads), &law, level.name());
+            assert_same(&run(Engine::Batched, isa, n_threads), &expected, isa.name());
         }
     }
-    assert_same(&run(Engine::Reference, Level::fastest(), 4), &law, "reference");
+    assert_same(&run(Engine::Reference, Isa::fastest(), 4), &expected, "reference");
 }
 
 /// Lengths of three cutters, wide and narrow holders, and one twice: some hold others, some do not.
@@ -371,7 +372,7 @@ fn labels_do_not_depend_on_whether_occlusion_is_asked_for() {
     }
 }
 
-/// Against the formula as plain loops, and against relabelling with a grown cutter.
+/// Against the formula as plain loops, and against relabeling with a grown cutter.
 #[test]
 fn clearance_is_the_growth_at_which_the_label_flips() {
     let scene = solids(250);
@@ -409,11 +410,11 @@ fn clearance_is_the_growth_at_which_the_label_flips() {
 
 fn clearance_by_formula(scene: &Sites, i: usize, cutter: &Cutter, directions: &Directions) -> f64 {
     let corner = cutter.corner_mm();
-    let centre = scene.points[i].as_dvec3() + corner * scene.normals[i].as_dvec3();
+    let center = scene.points[i].as_dvec3() + corner * scene.normals[i].as_dvec3();
     let in_direction = |d: DVec3| {
         let others = (0..scene.len()).filter(|&j| j != i);
         let growth = others.map(|j| {
-            let offset = scene.points[j].as_dvec3() - centre;
+            let offset = scene.points[j].as_dvec3() - center;
             let (h, r) = (offset.dot(d), (offset - offset.dot(d) * d).length());
             let steps = cutter.steps().iter();
             steps.map(|s| (s.height_mm - h).max(r - s.radius_mm)).fold(f64::INFINITY, f64::min)
@@ -425,7 +426,7 @@ fn clearance_by_formula(scene: &Sites, i: usize, cutter: &Cutter, directions: &D
 }
 
 /// Five points by hand. CR 1, CH 2, FR 5, FH 3, so steps (1, 1), (3, 5), (6, ∞); direction +z alone.
-/// The query's ball centre is (0, 0, 1).
+/// The query's ball center is (0, 0, 1).
 #[test]
 fn definition_holds_on_a_case_done_by_hand() {
     let up = Directions::new(DirectionSet::List { vectors: vec![[0.0, 0.0, 1.0]] }).unwrap();
@@ -441,7 +442,7 @@ fn definition_holds_on_a_case_done_by_hand() {
     ];
     for (obstacle, expected, what) in cases {
         for engine in Engine::ALL {
-            let options = options(engine, Level::fastest());
+            let options = options(engine, Isa::fastest());
             let obstacles = [obstacle];
             let labels =
                 label(&query, Obstacles::Points(&obstacles), &cutter, &up, &options).unwrap();

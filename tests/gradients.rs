@@ -7,7 +7,7 @@
 
 #![allow(clippy::print_stdout)]
 
-use deepmill::gradcheck::{self, Case, Report, Settings};
+use deepmill::gradcheck::{self, Case, GradcheckSettings, GradientReport};
 use deepmill::loss::CrossEntropy;
 use deepmill::model::config::{Cube, CutterConfig, CutterInput, CutterPlacement, InputConfig};
 use deepmill::model::cutter_modules::CutterModule;
@@ -103,11 +103,11 @@ const BLOCK_STEP: f64 = 4e-5;
 /// worst error falls as 1/step from 4e-7 at 1e-5 to 6e-8 at 6e-5, and rises again to 4e-7 at 12e-5.
 const MODULE_STEP: f64 = 6e-5;
 
-fn settings(step: f64, max_elements: usize) -> Settings {
-    Settings { step, max_elements, ..Settings::default() }
+fn settings(step: f64, max_elements: usize) -> GradcheckSettings {
+    GradcheckSettings { step, max_elements, ..GradcheckSettings::default() }
 }
 
-fn require(what: &str, report: &Report) {
+fn require(what: &str, report: &GradientReport) {
     println!("{what}: {} elements, worst {}", report.n_checked, report.worst());
     report.require(LIMIT).unwrap();
 }
@@ -356,7 +356,10 @@ fn check_network(kinds: &[usize], cutter: CutterConfig, dropout: bool, empty: bo
             let inputs = gradient.split_off(n_params);
             vec![gradient, inputs]
         },
-        &Settings { max_elements: 9 * layout.params.len(), ..Settings::default() },
+        &GradcheckSettings {
+            max_elements: 9 * layout.params.len(),
+            ..GradcheckSettings::default()
+        },
     );
     require("network", &report.unwrap());
 }
@@ -416,7 +419,7 @@ fn graph_networks_with_both_losses_and_sampled_neighbors() {
                 cutter_mm: [0.1, 0.25, 0.4, 0.3].map(|x| (x * (1 + 3 * i) as f64) % 0.5),
             })
             .collect();
-        let batch = GraphBatch::<f64>::new(&shapes, Cube::Box, CutterInput::Millimetres).unwrap();
+        let batch = GraphBatch::<f64>::new(&shapes, Cube::Box, CutterInput::Millimeters).unwrap();
         let config = GraphSageConfig {
             widths: vec![5, 4],
             n_neighbors: 3,
@@ -436,7 +439,7 @@ fn graph_networks_with_both_losses_and_sampled_neighbors() {
         let streams = |purpose| -> Vec<_> {
             (0..sizes.len()).map(|i| Stream::new(8, 0, i as u64, purpose)).collect()
         };
-        let mut draws = streams(Purpose::Neighbours);
+        let mut draws = streams(Purpose::Neighbors);
         let means = [0; 2].map(|_| batch.sample(config.n_neighbors, &mut draws));
         assert_ne!(means[0], means[1]);
         let labels: Vec<u8> =
@@ -478,7 +481,10 @@ fn graph_networks_with_both_losses_and_sampled_neighbors() {
                 gradients.iter_mut().flatten().for_each(|g| *g *= dy[0]);
                 gradients
             },
-            &Settings { max_elements: 12 * layout.params.len(), ..Settings::default() },
+            &GradcheckSettings {
+                max_elements: 12 * layout.params.len(),
+                ..GradcheckSettings::default()
+            },
         );
         require("graph network", &report.unwrap());
     }
@@ -496,7 +502,7 @@ fn losses() {
             entropy.loss(&v[0], &targets, dy[0], &mut d);
             vec![d]
         },
-        &Settings::default(),
+        &GradcheckSettings::default(),
     );
     require("cross-entropy", &report.unwrap());
 }

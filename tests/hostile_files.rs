@@ -3,7 +3,9 @@
 #![cfg(feature = "formats")]
 
 use deepmill::data::files::tools;
-use deepmill::geom::formats::{Part, ReadOptions, read_cloud, read_mesh, read_part, write_stl};
+use deepmill::geom::formats::{
+    MeshOrCloud, ReadOptions, read_cloud, read_mesh, read_part, write_stl,
+};
 use deepmill::geom::{Mesh, check, solids};
 use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
@@ -102,12 +104,14 @@ fn a_cloud_is_told_from_a_mesh_and_its_normals_get_unit_length() {
         1 2 3 0 0 5\n4 5 6 1e-5 0 0\n";
     let path = put(folder.path(), "cloud.ply", cloud);
     let scale = ReadOptions { scale: 10.0, ..ReadOptions::default() };
-    let Part::Cloud(sites) = read_part(&path, &scale).unwrap() else { panic!("not a cloud") };
+    let MeshOrCloud::Cloud(sites) = read_part(&path, &scale).unwrap() else {
+        panic!("not a cloud")
+    };
     assert_eq!(sites.points[1], Vec3::new(40.0, 50.0, 60.0));
     assert_eq!(sites.normals, [Vec3::Z, Vec3::X]);
     let path = put(folder.path(), "cube.stl", ascii_stl(&cube()));
     assert!(
-        matches!(read_part(&path, &scale).unwrap(), Part::Mesh(mesh) if mesh.triangles.len() == 12)
+        matches!(read_part(&path, &scale).unwrap(), MeshOrCloud::Mesh(mesh) if mesh.triangles.len() == 12)
     );
 }
 

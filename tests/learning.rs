@@ -8,7 +8,8 @@ use deepmill::data::{Augment, Sample};
 use deepmill::directions::Directions;
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::optim::Schedule;
-use deepmill::train::{Flow, Observer, Run, Settings, StepReport, evaluate};
+use deepmill::train::{Observer, Run, Settings, StepReport, evaluate};
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 fn sample_of(family: Family, n_sites: usize, cutter: [f64; 4]) -> Sample {
@@ -48,7 +49,7 @@ fn a_small_network_overfits_two_parts() {
     };
     settings.network.input.depth = 5;
     let mut run = Run::new(settings).unwrap();
-    run.train(&samples[..], &samples, &mut ()).unwrap();
+    assert!(run.train(&samples[..], &samples, &mut ()).unwrap().is_continue());
     let evaluation = evaluate(&run.model, &samples).unwrap();
     for head in 0..2 {
         let score = evaluation.head(head).pooled;
@@ -63,9 +64,9 @@ fn a_small_network_overfits_two_parts() {
 struct StopAfter(usize);
 
 impl Observer for StopAfter {
-    fn step(&mut self, _: &StepReport) -> Flow {
+    fn step(&mut self, _: &StepReport) -> ControlFlow<()> {
         self.0 -= 1;
-        if self.0 == 0 { Flow::Stop } else { Flow::Continue }
+        if self.0 == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
 
@@ -78,15 +79,18 @@ fn a_run_interrupted_anywhere_ends_with_the_same_bits() {
         .collect();
     let settings = Settings { n_epochs: 3, batch_size: 2, ..Settings::tiny() };
     let mut whole = Run::new(settings.clone()).unwrap();
-    whole.train(&samples[..], &[], &mut ()).unwrap();
+    assert!(whole.train(&samples[..], &[], &mut ()).unwrap().is_continue());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
     for stop in [1, 3, 4, 8] {
         let mut run = Run::new(settings.clone()).unwrap();
-        assert_eq!(run.train(&samples[..], &[], &mut StopAfter(stop)).unwrap(), Flow::Stop);
+        assert_eq!(
+            run.train(&samples[..], &[], &mut StopAfter(stop)).unwrap(),
+            ControlFlow::Break(())
+        );
         run.checkpoint().write(&path).unwrap();
         let mut resumed = Run::resume(Checkpoint::read(&path).unwrap()).unwrap();
-        assert_eq!(resumed.train(&samples[..], &[], &mut ()).unwrap(), Flow::Continue);
+        assert_eq!(resumed.train(&samples[..], &[], &mut ()).unwrap(), ControlFlow::Continue(()));
         assert_eq!(bits(&resumed.model.params), bits(&whole.model.params), "stopped after {stop}");
         assert_eq!(bits(&resumed.model.buffers), bits(&whole.model.buffers));
         assert_eq!(bits(&resumed.velocity), bits(&whole.velocity));
@@ -114,7 +118,7 @@ fn a_run_with_labels_made_on_the_fly_resumes_to_the_same_bits_and_needs_no_label
         Online::new(samples, directions.clone(), 0.1, Default::default(), settings.seed).unwrap()
     };
     let mut whole = Run::new(settings.clone()).unwrap();
-    whole.train(&online(&samples), &[], &mut ()).unwrap();
+    assert!(whole.train(&online(&samples), &[], &mut ()).unwrap().is_continue());
     for sample in &mut samples {
         sample.inaccessible.fill(false);
         sample.occlusion.fill(false);
@@ -122,10 +126,10 @@ fn a_run_with_labels_made_on_the_fly_resumes_to_the_same_bits_and_needs_no_label
     let path = tempfile::tempdir().unwrap().path().join("checkpoint.safetensors");
     for stop in [1, 2, 5] {
         let mut run = Run::new(settings.clone()).unwrap();
-        run.train(&online(&samples), &[], &mut StopAfter(stop)).unwrap();
+        assert!(run.train(&online(&samples), &[], &mut StopAfter(stop)).unwrap().is_break());
         run.checkpoint().write(&path).unwrap();
         let mut resumed = Run::resume(Checkpoint::read(&path).unwrap()).unwrap();
-        resumed.train(&online(&samples), &[], &mut ()).unwrap();
+        assert!(resumed.train(&online(&samples), &[], &mut ()).unwrap().is_continue());
         assert_eq!(bits(&resumed.model.params), bits(&whole.model.params), "stopped after {stop}");
     }
 }

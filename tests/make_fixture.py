@@ -207,7 +207,7 @@ def strided(name, tensor, limit):
 def train(net, inputs, labels, prefix, out, limit):
     """Three SGD steps; records loss, gradients and state as the oracle's page describes."""
     net.train()
-    optimiser = torch.optim.SGD(net.parameters(), SGD["lr"], SGD["momentum"],
+    optimizer = torch.optim.SGD(net.parameters(), SGD["lr"], SGD["momentum"],
                                 weight_decay=SGD["weight_decay"])
     losses = []
 
@@ -218,7 +218,7 @@ def train(net, inputs, labels, prefix, out, limit):
     for step in range(SGD["steps"]):
         kept = net(*inputs)
         loss = loss_of(kept)
-        optimiser.zero_grad()
+        optimizer.zero_grad()
         loss.backward()
         losses.append(loss.item())
         if step == 0:
@@ -227,7 +227,7 @@ def train(net, inputs, labels, prefix, out, limit):
             for name, p in net.named_parameters():
                 name, grad = strided(f"{prefix}grad.{name}", p.grad.float(), limit)
                 out[name] = grad
-        optimiser.step()
+        optimizer.step()
     state = copy.deepcopy(net.state_dict())
     with torch.no_grad():
         losses.append(loss_of(net(*inputs)).item())
@@ -309,12 +309,12 @@ def operations(octree, points, batch_id):
     out.update({"ce.logits": logits.detach(), "ce.labels": labels.int(),
                 "ce.loss": loss.detach().reshape(1), "ce.grad.logits": logits.grad})
     p = torch.randn(50).double().requires_grad_()
-    optimiser = torch.optim.SGD([p], SGD["lr"], SGD["momentum"], weight_decay=SGD["weight_decay"])
+    optimizer = torch.optim.SGD([p], SGD["lr"], SGD["momentum"], weight_decay=SGD["weight_decay"])
     out["sgd.p0"] = p.detach().clone()
     for i in range(3):
         p.grad = torch.randn(50).float().double()
         out[f"sgd.g{i}"] = p.grad.clone()
-        optimiser.step()
+        optimizer.step()
         out[f"sgd.p{i + 1}"] = p.detach().clone()
     return {k: v.float() if v.is_floating_point() else v for k, v in out.items()}
 

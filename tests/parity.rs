@@ -39,10 +39,10 @@ fn changed(file: &str, change: impl FnOnce(&mut TensorFile)) -> tempfile::TempDi
 
 #[test]
 fn a_changed_weight_is_noticed() {
-    use deepmill::model::weights::tensors::Values;
+    use deepmill::model::weights::tensors::TensorValues;
     let folder = changed("weights.safetensors", |file| {
         let weight = file.tensors.get_mut("upsample.1.deconv.weights").unwrap();
-        let Values::F32(values) = &mut weight.values else { panic!("weights are f32") };
+        let TensorValues::F32(values) = &mut weight.values else { panic!("weights are f32") };
         values[7] *= 1.01;
     });
     let outcome = parity::run(folder.path()).unwrap();

@@ -15,11 +15,11 @@ use deepmill::nn::arena::Arena;
 use deepmill::optim::Sgd;
 use deepmill::par;
 use deepmill::rng::{Purpose, Stream};
-use deepmill::simd::Level;
+use deepmill::simd::Isa;
 use hmac_sha256::Hash;
 use std::sync::Mutex;
 
-/// The level in force belongs to the whole process.
+/// The instruction set in force belongs to the whole process.
 static LEVEL: Mutex<()> = Mutex::new(());
 
 const CUTTERS: [[f64; 4]; 4] =
@@ -43,17 +43,17 @@ fn add_floats(hash: &mut Hash, x: &[f32]) {
     add(hash, x.iter().map(|x| x.to_bits().to_le_bytes()));
 }
 
-/// Runs `work` on 1 and on 3 threads, at every level of this processor, and demands one hash of all.
+/// Runs `work` on 1 and on 3 threads, with every instruction set of this processor, and demands one hash of all.
 fn assert_pinned(name: &str, expected: &str, work: impl Fn() -> Hash + Sync) {
     let _alone = LEVEL.lock().unwrap_or_else(|e| e.into_inner());
-    let chosen = Level::requested().unwrap();
-    for &level in Level::available() {
-        level.activate();
+    let chosen = Isa::requested().unwrap();
+    for &isa in Isa::available() {
+        isa.activate();
         for n_threads in [1, 3] {
             let found = hex(par::with_threads(n_threads, &work).unwrap());
             chosen.activate();
-            assert_eq!(found, expected, "{name}: {}, {n_threads} threads", level.name());
-            level.activate();
+            assert_eq!(found, expected, "{name}: {}, {n_threads} threads", isa.name());
+            isa.activate();
         }
     }
     chosen.activate();

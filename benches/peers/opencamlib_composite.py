@@ -7,7 +7,7 @@
 
 A tool is the highest of its elements, as in OpenCAMLib's composite cutters: a ball, bull nose or cylinder for the tip, a
 cylinder for each step, one wider than the part for the spindle. `drop_heights` says where the tools stand and how far its
-tip and its steps must be raised; here OpenCAMLib drops the same elements at the same places. Binary STL, millimetres.
+tip and its steps must be raised; here OpenCAMLib drops the same elements at the same places. Binary STL, millimeters.
 """
 
 import argparse

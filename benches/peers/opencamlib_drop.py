@@ -5,10 +5,10 @@
     python benches/peers/opencamlib_drop.py PART.stl [N_POINTS] [N_DIRS]
 
 For each of the labeler's directions the part is turned so that the direction points up, and a ball cutter
-is dropped at the axes of N_POINTS ball centres. That answers "does the cutter's ball and shank hit a
+is dropped at the axes of N_POINTS ball centers. That answers "does the cutter's ball and shank hit a
 triangle" for a shank of the ball's radius; there is no holder, no spindle and no count of what is in the
-way, so it is the easier part of the labeler's question, asked of triangles instead of sites. Points are drawn
-evenly by area. Binary STL, millimetres; scaled up to 80 mm like data sets.
+way, so it is the easier half of what the labeler computes, with triangles instead of sites. Points are drawn
+evenly by area. Binary STL, millimeters; scaled up to 80 mm like data sets.
 """
 
 import math
@@ -59,12 +59,12 @@ def main():
     edge = np.ptp(triangles.reshape(-1, 3), axis=0).min()
     triangles = triangles * max(1.0, 80.0 / edge)
     points, normals = sample(triangles, n, np.random.default_rng(0))
-    centres = points + CR_MM * normals
+    centers = points + CR_MM * normals
     cutter = ocl.BallCutter(2 * CR_MM, LENGTH_MM)  # kept: the library holds no reference of its own
     total, blocked = 0.0, np.zeros(n, dtype=int)
     for d in directions(m):
         frame = basis(d)
-        turned, at = triangles @ frame.T, centres @ frame.T
+        turned, at = triangles @ frame.T, centers @ frame.T
         surface = ocl.STLSurf()
         for a, b, c in turned:
             surface.addTriangle(ocl.Triangle(ocl.Point(*a), ocl.Point(*b), ocl.Point(*c)))

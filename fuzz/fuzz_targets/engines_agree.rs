@@ -1,4 +1,4 @@
-//! Every engine gives the law's labels on any scene that a few bytes can describe.
+//! Every engine gives the labels of the reference engine on any scene that a few bytes can describe.
 #![no_main]
 
 use deepmill::access::{Engine, LabelOptions, Obstacles, label};
@@ -32,7 +32,7 @@ fuzz_target!(|bytes: &[u8]| {
         labels.stats = Default::default();
         labels
     };
-    let law = run(Engine::Reference);
-    assert!(run(Engine::Batched) == law);
-    assert!(run(Engine::Pruned) == law);
+    let expected = run(Engine::Reference);
+    assert!(run(Engine::Batched) == expected);
+    assert!(run(Engine::Pruned) == expected);
 });

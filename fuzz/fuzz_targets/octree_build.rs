@@ -1,5 +1,5 @@
 //! Any options and any coordinates: an error of one line, or an octree whose nodes hold their points, whose
-//! neighbours agree with each other, and which interpolates ones to ones.
+//! neighbors agree with each other, and which interpolates ones to ones.
 #![no_main]
 
 use deepmill::nn::arena::Arena;

@@ -1,24 +1,24 @@
-//! Every pair, a vector at a time, stopping at the first collision: the law in vectors.
+//! Every pair, a vector at a time, stopping at the first collision: the reference engine in vectors.
 
-use super::kernels::{AnyObstacle, CountCentres, rotate_obstacles};
+use super::kernels::{AnyObstacle, CountCenters, rotate_obstacles};
 use super::method::Method;
 use super::predicate::Frame;
 use super::problem::{PlacedCutter, Scene};
 use super::stats::Stats;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::spatial::Coordinates;
 
 /// The engine.
 pub(super) struct Batched<'a> {
     pub scene: &'a Scene,
-    pub level: Level,
+    pub isa: Isa,
 }
 
 /// Coordinates of the current direction.
 pub(super) struct Scratch {
     frame: Frame,
     obstacles: Coordinates,
-    centres: Coordinates,
+    centers: Coordinates,
 }
 
 impl Method for Batched<'_> {
@@ -28,23 +28,23 @@ impl Method for Batched<'_> {
         Scratch {
             frame: Frame::default(),
             obstacles: Coordinates::zeros(self.scene.obstacles.n),
-            centres: Coordinates::default(),
+            centers: Coordinates::default(),
         }
     }
 
     fn enter(&self, scratch: &mut Scratch, frame: &Frame) {
         scratch.frame = *frame;
-        rotate_obstacles(&self.scene.obstacles, frame, self.level, &mut scratch.obstacles);
+        rotate_obstacles(&self.scene.obstacles, frame, self.isa, &mut scratch.obstacles);
     }
 
     fn collide(&self, scratch: &mut Scratch, cutter: &PlacedCutter, row: &mut [u64]) -> Stats {
-        let Scratch { frame, obstacles, centres } = scratch;
-        centres.resize(cutter.n());
-        cutter.centres(frame, self.level, centres);
+        let Scratch { frame, obstacles, centers } = scratch;
+        centers.resize(cutter.n());
+        cutter.centers(frame, self.isa, centers);
         let mut stats = Stats { queries: cutter.n() as u64, ..Stats::default() };
         for i in 0..cutter.n() {
-            let (hit, tested) = self.level.run(AnyObstacle {
-                centre: centres.get(i),
+            let (hit, tested) = self.isa.run(AnyObstacle {
+                center: centers.get(i),
                 steps: &cutter.steps,
                 obstacles,
                 except: cutter.own(i),
@@ -56,17 +56,17 @@ impl Method for Batched<'_> {
     }
 
     fn count(&self, scratch: &mut Scratch, cutter: &PlacedCutter, beta: &mut [u64]) -> Stats {
-        let Scratch { frame, obstacles, centres } = scratch;
-        centres.resize(cutter.n());
-        cutter.centres(frame, self.level, centres);
-        centres.pad_z(f32::INFINITY);
+        let Scratch { frame, obstacles, centers } = scratch;
+        centers.resize(cutter.n());
+        cutter.centers(frame, self.isa, centers);
+        centers.pad_z(f32::INFINITY);
         let mut own = vec![usize::MAX; obstacles.n];
         cutter.own.iter().enumerate().for_each(|(i, &j)| own[j as usize] = i);
         for (j, count) in beta.iter_mut().enumerate() {
-            *count += self.level.run(CountCentres {
+            *count += self.isa.run(CountCenters {
                 obstacle: obstacles.get(j),
                 steps: &cutter.steps,
-                centres,
+                centers,
                 except: own[j],
             });
         }

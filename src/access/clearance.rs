@@ -11,14 +11,14 @@
 //!
 //! no search for `c` is needed. It is evaluated in `f64` on the rotated `f32` coordinates; boxes only
 //! discard obstacles that cannot be the minimum, and directions that cannot be the maximum, so the value
-//! does not depend on threads or levels.
+//! does not depend on threads or instruction sets.
 
 use super::kernels::rotate_obstacles;
 use super::predicate::Frame;
 use super::problem::{PlacedCutter, Scene};
 use crate::cutter::Cutter;
 use crate::par;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::spatial::Coordinates;
 use crate::spatial::bvh::{Aabbs, Bvh8, FAN_OUT};
 
@@ -28,7 +28,7 @@ pub(super) fn signed_clearance(
     cutter: &Cutter,
     frames: &[Frame],
     limit_mm: f64,
-    level: Level,
+    isa: Isa,
 ) -> Vec<f32> {
     let placed = PlacedCutter::new(scene, cutter);
     let steps: Vec<[f64; 2]> =
@@ -37,14 +37,14 @@ pub(super) fn signed_clearance(
         let best = vec![-limit_mm; placed.n()];
         (Bvh8::new(scene.obstacles.n), Coordinates::default(), best)
     };
-    let (_, workers) = par::map_with(frames.len(), state, |(tree, centres, best), k| {
-        rotate_obstacles(&scene.obstacles, &frames[k], level, &mut tree.points);
+    let (_, workers) = par::map_with(frames.len(), state, |(tree, centers, best), k| {
+        rotate_obstacles(&scene.obstacles, &frames[k], isa, &mut tree.points);
         tree.enclose();
-        centres.resize(placed.n());
-        placed.centres(&frames[k], level, centres);
+        centers.resize(placed.n());
+        placed.centers(&frames[k], isa, centers);
         for (i, best) in best.iter_mut().enumerate() {
-            let centre = centres.get(i).map(f64::from);
-            let search = Nearest { tree, steps: &steps, centre, own: placed.own(i), floor: *best };
+            let center = centers.get(i).map(f64::from);
+            let search = Nearest { tree, steps: &steps, center, own: placed.own(i), floor: *best };
             *best = search.least(limit_mm).max(*best);
         }
     });
@@ -59,7 +59,7 @@ pub(super) fn signed_clearance(
 struct Nearest<'a> {
     tree: &'a Bvh8,
     steps: &'a [[f64; 2]],
-    centre: [f64; 3],
+    center: [f64; 3],
     own: usize,
     /// A result at or below this is of no interest.
     floor: f64,
@@ -82,7 +82,7 @@ impl Nearest<'_> {
             let end = self.tree.points.n.min(FAN_OUT * (group + 1));
             for j in (FAN_OUT * group..end).filter(|&j| j != self.own) {
                 let [x, y, z] = self.tree.points.get(j).map(f64::from);
-                let (dx, dy) = (x - self.centre[0], y - self.centre[1]);
+                let (dx, dy) = (x - self.center[0], y - self.center[1]);
                 *least = least.min(self.meets(z, (dx * dx + dy * dy).sqrt()));
             }
             return;
@@ -104,7 +104,7 @@ impl Nearest<'_> {
 
     /// Growth at which a point at height `z` and distance `r` from the axis is met.
     fn meets(&self, z: f64, r: f64) -> f64 {
-        let h = z - self.centre[2];
+        let h = z - self.center[2];
         let steps = self.steps.iter().map(|[height, radius]| (height - h).max(r - radius));
         steps.fold(f64::INFINITY, f64::min)
     }
@@ -114,8 +114,8 @@ impl Nearest<'_> {
         let outside = |c: f64, least: f32, greatest: f32| {
             (f64::from(least) - c).max(c - f64::from(greatest)).max(0.0)
         };
-        let dx = outside(self.centre[0], boxes.x0[b], boxes.x1[b]);
-        let dy = outside(self.centre[1], boxes.y0[b], boxes.y1[b]);
+        let dx = outside(self.center[0], boxes.x0[b], boxes.x1[b]);
+        let dy = outside(self.center[1], boxes.y0[b], boxes.y1[b]);
         self.meets(f64::from(boxes.top[b]), (dx * dx + dy * dy).sqrt())
     }
 }

@@ -15,7 +15,7 @@ use super::reference::Reference;
 use super::stats::Stats;
 use crate::cutter::Cutter;
 use crate::directions::Directions;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::{Result, par};
 
 /// Labels of `queries` for one cutter; see the [module](super) for the definition.
@@ -72,17 +72,15 @@ pub fn label_many<'a>(
     let scene = Scene::new(queries, obstacles)?;
     let n_ranked = scene.n_ranked;
     let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
-    let level = options.level;
+    let isa = options.isa;
     let mut labels = match options.engine {
         Engine::Reference => run(&Reference { scene: &scene }, &scene, cutters, &frames, options),
-        Engine::Batched => {
-            run(&Batched { scene: &scene, level }, &scene, cutters, &frames, options)
-        }
+        Engine::Batched => run(&Batched { scene: &scene, isa }, &scene, cutters, &frames, options),
         Engine::Pruned => {
             let order =
                 if options.occlusion { Order::compact(&scene) } else { Order::quick(&scene) };
             let scene = order.apply(scene);
-            let labels = run(&Pruned { scene: &scene, level }, &scene, cutters, &frames, options);
+            let labels = run(&Pruned { scene: &scene, isa }, &scene, cutters, &frames, options);
             labels.into_iter().map(|labels| order.restore(labels)).collect()
         }
     };
@@ -91,7 +89,7 @@ pub fn label_many<'a>(
         let order = Order::compact(&scene);
         let scene = order.apply(scene);
         for (labels, cutter) in labels.iter_mut().zip(cutters) {
-            let clearance = signed_clearance(&scene, cutter, &frames, limit_mm, level);
+            let clearance = signed_clearance(&scene, cutter, &frames, limit_mm, isa);
             labels.clearance_mm = order.restore_queries(clearance);
             labels.settle_signs();
         }
@@ -121,7 +119,7 @@ pub(super) fn count_for(
     let scene = order.apply(scene);
     let inaccessible = order.of_queries(marked);
     let mut labels = [Labels { inaccessible, ..Labels::default() }];
-    let method = Pruned { scene: &scene, level: Level::active() };
+    let method = Pruned { scene: &scene, isa: Isa::active() };
     count(&method, &scene, &[PlacedCutter::new(&scene, cutter)], &frames, &mut labels);
     let [labels] = labels;
     Ok(order.restore(labels).beta)

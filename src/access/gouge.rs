@@ -40,9 +40,9 @@ pub fn gouges(
     let reach = (corner - tolerance_mm) as f32;
     let blocks = par::map_blocks(sites.len(), BLOCK, |range| {
         let inside = |i: usize| {
-            let centre = predicate::base(sites.points[i], sites.normals[i], corner as f32);
+            let center = predicate::base(sites.points[i], sites.normals[i], corner as f32);
             let mut found = false;
-            grid.for_each_within(centre.into(), reach, |_, squared| {
+            grid.for_each_within(center.into(), reach, |_, squared| {
                 found |= squared < f64::from(reach) * f64::from(reach);
             });
             found

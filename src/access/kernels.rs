@@ -1,15 +1,15 @@
 //! Kernels over all points of a direction: rotate points, find an obstacle in a cutter, count the cutters that
 //! an obstacle is in.
 //!
-//! One body per kernel over the vectors of the level. The order of every operation is that of
-//! [`predicate`](super::predicate), multiply then add, never fused, so all levels and the plain loops agree.
+//! One body per kernel over the vectors of the instruction set. The order of every operation is that of
+//! [`predicate`](super::predicate), multiply then add, never fused, so all instruction sets and the plain loops agree.
 
 use super::predicate::{Frame, StepSquared};
 use crate::simd::vector::MAX_LANES;
-use crate::simd::{Float32, Kernel, Level, Mask, Simd, Vector};
+use crate::simd::{Float32, Isa, Kernel, Mask, Simd, Vector};
 use crate::spatial::Coordinates;
 
-/// Points that kernels look at together, at every level: one vector or several.
+/// Points that kernels look at together, with every instruction set: one vector or several.
 pub const GROUP: usize = MAX_LANES;
 
 /// The whole groups of an axis.
@@ -37,13 +37,8 @@ pub fn squared_distance<V: Vector>([x0, y0]: [V; 2], [x, y]: [V; 2]) -> V {
 }
 
 /// Rotates the obstacles into a direction's frame; padding repeats the place of the last one, at height −∞.
-pub fn rotate_obstacles(
-    obstacles: &Coordinates,
-    frame: &Frame,
-    level: Level,
-    to: &mut Coordinates,
-) {
-    level.run(Rotate { frame, from: obstacles, to: &mut *to });
+pub fn rotate_obstacles(obstacles: &Coordinates, frame: &Frame, isa: Isa, to: &mut Coordinates) {
+    isa.run(Rotate { frame, from: obstacles, to: &mut *to });
     to.pad_z(f32::NEG_INFINITY);
     if let Some(last) = to.n.checked_sub(1) {
         let [x, y, _] = to.get(last);
@@ -101,7 +96,7 @@ fn dot<V: Vector>([u, v, w]: [V; 3], [x, y, z]: [V; 3]) -> V {
 /// Does some obstacle collide with a cutter? Stops at the first group that holds one.
 pub struct AnyObstacle<'a> {
     /// Reference point of the cutter in the direction's frame.
-    pub centre: [f32; 3],
+    pub center: [f32; 3],
     /// The cutter.
     pub steps: &'a [StepSquared],
     /// Obstacles in the direction's frame, padding at height −∞.
@@ -116,7 +111,7 @@ impl Kernel for AnyObstacle<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) -> (bool, usize) {
-        let [cx, cy, cz] = self.centre;
+        let [cx, cy, cz] = self.center;
         let axis = [S::F32::splat(s, cx), S::F32::splat(s, cy)];
         let Coordinates { x, y, z, n } = self.obstacles;
         let obstacles = groups(x).iter().zip(groups(y)).zip(groups(z));
@@ -142,28 +137,28 @@ impl Kernel for AnyObstacle<'_> {
 }
 
 /// In how many of these cutters is an obstacle?
-pub struct CountCentres<'a> {
+pub struct CountCenters<'a> {
     /// The obstacle in the direction's frame.
     pub obstacle: [f32; 3],
     /// The cutter.
     pub steps: &'a [StepSquared],
     /// Reference points in the direction's frame, padding at height +∞.
-    pub centres: &'a Coordinates,
-    /// Index of the one centre that does not count; `usize::MAX` for none.
+    pub centers: &'a Coordinates,
+    /// Index of the one center that does not count; `usize::MAX` for none.
     pub except: usize,
 }
 
-impl Kernel for CountCentres<'_> {
+impl Kernel for CountCenters<'_> {
     type Output = u64;
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) -> u64 {
         let [ox, oy, oz] = self.obstacle;
         let (place, oz) = ([S::F32::splat(s, ox), S::F32::splat(s, oy)], S::F32::splat(s, oz));
-        let Coordinates { x, y, z, .. } = self.centres;
-        let centres = groups(x).iter().zip(groups(y)).zip(groups(z));
+        let Coordinates { x, y, z, .. } = self.centers;
+        let centers = groups(x).iter().zip(groups(y)).zip(groups(z));
         let mut count = 0;
-        for (group, ((x, y), z)) in centres.enumerate() {
+        for (group, ((x, y), z)) in centers.enumerate() {
             let mut hits = 0;
             for at in (0..GROUP).step_by(S::LANES) {
                 let axis = [S::F32::load(s, &x[at..]), S::F32::load(s, &y[at..])];

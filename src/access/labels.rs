@@ -3,7 +3,7 @@
 use super::matrix::CollisionMatrix;
 use super::stats::Stats;
 use super::surface::{SiteAnswer, SurfaceLabels};
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -14,7 +14,7 @@ use std::str::FromStr;
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Engine {
-    /// Plain loops in plain order: the law.
+    /// Plain loops in plain order: the reference that the other engines must equal.
     Reference,
     /// The same tests, a vector at a time.
     Batched,
@@ -70,8 +70,8 @@ pub struct LabelOptions {
     pub collision_matrix: bool,
     /// Also compute the signed clearance, up to this many mm either way. Costs tens of times the labels.
     pub clearance_limit_mm: Option<f64>,
-    /// SIMD level of the kernels; results do not depend on it.
-    pub level: Level,
+    /// Instruction set of the kernels; results do not depend on it.
+    pub isa: Isa,
 }
 
 impl Default for LabelOptions {
@@ -82,7 +82,7 @@ impl Default for LabelOptions {
             share: 0.1,
             collision_matrix: false,
             clearance_limit_mm: None,
-            level: Level::active(),
+            isa: Isa::active(),
         }
     }
 }
@@ -113,18 +113,18 @@ pub struct Labels {
     pub accessible_directions: Vec<u32>,
     /// Per query: the first direction without collision.
     pub witness: Vec<Option<u32>>,
-    /// Per obstacle: pairs (inaccessible query, direction) it collides in; empty if not asked for.
+    /// Per obstacle: pairs (inaccessible query, direction) it collides in; empty if not wanted.
     pub beta: Vec<u64>,
     /// Per ranked obstacle (see [`Obstacles`](super::Obstacles)): is an occlusion point; empty if not
-    /// asked for.
+    /// wanted.
     pub occlusion: Vec<bool>,
     /// Per query, mm: how far every height and radius of the cutter may grow before the query becomes
     /// inaccessible (positive), or must shrink before it becomes accessible (negative), within the
-    /// limit asked for; empty if not asked for. `docs/labeling.md` has the formula.
+    /// limit of the options; empty if not wanted. `docs/labeling.md` has the formula.
     pub clearance_mm: Vec<f32>,
-    /// The answer per direction and query, if asked for.
+    /// The answer per direction and query, if wanted.
     pub collision_matrix: Option<CollisionMatrix>,
-    /// The answers about the part itself, if its triangles were asked: then `inaccessible` and `accessible_directions` are
+    /// The answers about the part itself, if its triangles were the obstacles: then `inaccessible` and `accessible_directions` are
     /// theirs, and there are no witnesses by number.
     pub surface: Option<SurfaceLabels>,
     /// What the engine did.

@@ -3,7 +3,7 @@
 //! # Definition
 //!
 //! Direction `d` points from tip to spindle. Touching site `i`, the cutter's reference point (the
-//! ball's centre) is `c_i = s_i + CR·n_i`. Another point `s_j` at height `h = (s_j − c_i)·d` and
+//! ball's center) is `c_i = s_i + CR·n_i`. Another point `s_j` at height `h = (s_j − c_i)·d` and
 //! distance `r` from the axis collides iff for some [step](crate::cutter::Step) `h > height` and
 //! `r ≤ radius`; for the ball-end cutter
 //!
@@ -18,14 +18,14 @@
 //!
 //! # Engines
 //!
-//! [`Engine::Reference`] is that text as plain loops, the law. [`Engine::Batched`] does the same tests
+//! [`Engine::Reference`] is that text as plain loops. [`Engine::Batched`] does the same tests
 //! a vector at a time. [`Engine::Pruned`], the default, lets heights, rasters and other cutters decide most of
 //! them. All engines return the same labels and counts, bit for bit, for any number of threads and at every SIMD
-//! level.
+//! instruction set.
 //!
 //! # The part itself
 //!
-//! Points are a sample of a part; [`surface`] asks its triangles.
+//! Points are a sample of a part; [`surface`] tests its triangles.
 
 pub mod baselines;
 mod batched;

@@ -42,12 +42,12 @@ pub fn base(point: Vec3, normal: Vec3, length: f32) -> [f32; 3] {
     [point.x + length * normal.x, point.y + length * normal.y, point.z + length * normal.z]
 }
 
-/// What depends on the direction in a reference point's place: `centre` is the rotated base,
+/// What depends on the direction in a reference point's place: `center` is the rotated base,
 /// `normal` the rotated normal.
-pub fn displace(centre: [f32; 3], lift: f32, side: f32, normal: [f32; 3]) -> [f32; 3] {
+pub fn displace(center: [f32; 3], lift: f32, side: f32, normal: [f32; 3]) -> [f32; 3] {
     let across = (normal[0] * normal[0] + normal[1] * normal[1]).sqrt();
     let k = if side > 0.0 && across > 1e-6 { side / across } else { 0.0 };
-    [centre[0] + k * normal[0], centre[1] + k * normal[1], centre[2] + lift]
+    [center[0] + k * normal[0], center[1] + k * normal[1], center[2] + lift]
 }
 
 /// The steps of a cutter, as the predicate uses them.
@@ -61,12 +61,12 @@ pub fn steps(cutter: &Cutter) -> Vec<StepSquared> {
         .collect()
 }
 
-/// Whether `obstacle` collides with the cutter whose reference point is `centre`, both rotated.
-pub fn collides(steps: &[StepSquared], centre: [f32; 3], obstacle: [f32; 3]) -> bool {
-    let (dx, dy) = (obstacle[0] - centre[0], obstacle[1] - centre[1]);
+/// Whether `obstacle` collides with the cutter whose reference point is `center`, both rotated.
+pub fn collides(steps: &[StepSquared], center: [f32; 3], obstacle: [f32; 3]) -> bool {
+    let (dx, dy) = (obstacle[0] - center[0], obstacle[1] - center[1]);
     let squared = dx * dx + dy * dy;
     let within = |step: &&StepSquared| squared <= step.radius_squared;
-    steps.iter().filter(within).any(|step| obstacle[2] > centre[2] + step.height)
+    steps.iter().filter(within).any(|step| obstacle[2] > center[2] + step.height)
 }
 
 #[cfg(test)]
@@ -86,7 +86,7 @@ mod tests {
         }
     }
 
-    /// CR 1, CH 2, FR 5, FH 3: steps (1, 1), (3, 5), (6, ∞) above the centre.
+    /// CR 1, CH 2, FR 5, FH 3: steps (1, 1), (3, 5), (6, ∞) above the center.
     #[test]
     fn every_face_of_the_cutter_is_where_the_definition_puts_it() {
         let params = CutterParams::from_array([1.0, 2.0, 5.0, 3.0]);

@@ -5,7 +5,7 @@ use super::predicate::{self, Frame, StepSquared};
 use crate::cutter::Cutter;
 use crate::geom::Sites;
 use crate::geom::sites::{check_points, check_sites};
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::spatial::Coordinates;
 use crate::{Error, Result};
 use glam::Vec3;
@@ -198,17 +198,17 @@ impl PlacedCutter {
     }
 
     /// Reference point of query `i` in the frame.
-    pub fn centre(&self, frame: &Frame, i: usize) -> [f32; 3] {
-        let centre = predicate::rotate(frame, self.bases.get(i));
+    pub fn center(&self, frame: &Frame, i: usize) -> [f32; 3] {
+        let center = predicate::rotate(frame, self.bases.get(i));
         let normal = self.normals.get(i).map_or([0.0; 3], |n| n.to_array());
-        predicate::displace(centre, self.lift, self.side, predicate::rotate(frame, normal))
+        predicate::displace(center, self.lift, self.side, predicate::rotate(frame, normal))
     }
 
-    /// Reference points of all queries in the frame, the same bits as [`PlacedCutter::centre`].
-    pub fn centres(&self, frame: &Frame, level: Level, to: &mut Coordinates) {
-        level.run(Rotate { frame, from: &self.bases, to: &mut *to });
+    /// Reference points of all queries in the frame, the same bits as [`PlacedCutter::center`].
+    pub fn centers(&self, frame: &Frame, isa: Isa, to: &mut Coordinates) {
+        isa.run(Rotate { frame, from: &self.bases, to: &mut *to });
         if self.lift != 0.0 || self.side != 0.0 {
-            (0..self.n()).for_each(|i| to.set(i, self.centre(frame, i)));
+            (0..self.n()).for_each(|i| to.set(i, self.center(frame, i)));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Plain loops in plain order: the law. Every pair is tested by the predicate as it stands.
+//! Plain loops in plain order: the reference that the other engines must equal. Every pair is tested by the predicate as it stands.
 
 use super::method::Method;
 use super::predicate::{self, Frame};
@@ -34,10 +34,10 @@ impl Method for Reference<'_> {
     fn collide(&self, scratch: &mut Scratch, cutter: &PlacedCutter, row: &mut [u64]) -> Stats {
         let mut stats = Stats { queries: cutter.n() as u64, ..Stats::default() };
         for i in 0..cutter.n() {
-            let centre = cutter.centre(&scratch.frame, i);
+            let center = cutter.center(&scratch.frame, i);
             for (j, &obstacle) in scratch.obstacles.iter().enumerate() {
                 stats.pairs_tested += 1;
-                if j != cutter.own(i) && predicate::collides(&cutter.steps, centre, obstacle) {
+                if j != cutter.own(i) && predicate::collides(&cutter.steps, center, obstacle) {
                     row[i / 64] |= 1 << (i % 64);
                     break;
                 }
@@ -48,9 +48,9 @@ impl Method for Reference<'_> {
 
     fn count(&self, scratch: &mut Scratch, cutter: &PlacedCutter, beta: &mut [u64]) -> Stats {
         for i in 0..cutter.n() {
-            let centre = cutter.centre(&scratch.frame, i);
+            let center = cutter.center(&scratch.frame, i);
             for (j, &obstacle) in scratch.obstacles.iter().enumerate() {
-                if j != cutter.own(i) && predicate::collides(&cutter.steps, centre, obstacle) {
+                if j != cutter.own(i) && predicate::collides(&cutter.steps, center, obstacle) {
                     beta[j] += 1;
                 }
             }

@@ -2,7 +2,7 @@
 
 use std::ops::AddAssign;
 
-/// Counts of the work done. They depend on the engine, not on threads or SIMD level.
+/// Counts of the work done. They depend on the engine, not on threads or instruction set.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Stats {
     /// Answers to "does the cutter collide here?": queries × directions.
@@ -15,7 +15,7 @@ pub struct Stats {
     pub by_grid: u64,
     /// Obstacles tested one by one for the rest.
     pub pairs_tested: u64,
-    /// Pairs (centre of an inaccessible site, obstacle) whose share in β was counted by height alone.
+    /// Pairs (center of an inaccessible site, obstacle) whose share in β was counted by height alone.
     pub beta_by_rank: u64,
     /// Pairs whose share in β was counted for runs of obstacles as a whole.
     pub beta_by_run: u64,

@@ -122,7 +122,7 @@ impl NoiseGrid {
         NoiseGrid { size, values }.smoothed()
     }
 
-    /// One pass of the mean over each corner and its neighbours along every axis, rescaled so that
+    /// One pass of the mean over each corner and its neighbors along every axis, rescaled so that
     /// inner corners keep their standard deviation: three means of three shrink it by 27^½.
     fn smoothed(mut self) -> Self {
         let strides = [self.size[1] * self.size[2], self.size[2], 1];
@@ -227,6 +227,6 @@ mod tests {
         // The longest edge is 27 mm; interpolation between corners and the kept edges shift it a little.
         let sigma = (square / n).sqrt() / 27.0;
         assert!((0.006..0.016).contains(&sigma), "{sigma}");
-        assert!(step < 1.2 * square, "neighbours move together: {step} against {square}");
+        assert!(step < 1.2 * square, "neighbors move together: {step} against {square}");
     }
 }

@@ -20,7 +20,7 @@ const VERSION: u64 = 1;
 
 /// What the answers of a file are about.
 #[derive(Debug, Clone, PartialEq)]
-pub struct About {
+pub struct Provenance {
     /// Name of the part.
     pub part: String,
     /// The cutter's lengths, mm.
@@ -31,10 +31,10 @@ pub struct About {
     pub settings: Value,
 }
 
-impl About {
-    /// About a ball-end cutter; `tool` is in words what `cutter` is in numbers.
+impl Provenance {
+    /// Provenance a ball-end cutter; `tool` is in words what `cutter` is in numbers.
     pub fn ball_end(part: impl Into<String>, cutter: CutterParams, settings: Value) -> Self {
-        About { part: part.into(), cutter, tool: ball_end_words(cutter), settings }
+        Provenance { part: part.into(), cutter, tool: ball_end_words(cutter), settings }
     }
 
     fn metadata(&self, format: &str, meaning: Value) -> Value {
@@ -50,7 +50,7 @@ impl About {
         })
     }
 
-    /// Reads what [`About::metadata`] and the array `cutter` hold, and checks the format.
+    /// Reads what [`Provenance::metadata`] and the array `cutter` hold, and checks the format.
     fn read(path: &Path, npz: &mut NpzReader, format: &str) -> Result<Self> {
         let metadata = npz.metadata()?;
         let bad = |found: String| {
@@ -69,7 +69,7 @@ impl About {
             Error::file(path, "cutter", found, "store CR, CH, FR, FH in mm")
         })?;
         let word = |v: &Value| v.as_str().unwrap_or_default().to_string();
-        Ok(About {
+        Ok(Provenance {
             part: word(&metadata["part"]),
             cutter: CutterParams::from_array(lengths),
             tool: word(&metadata["cutter"]["words"]),
@@ -88,8 +88,8 @@ pub fn ball_end_words(cutter: CutterParams) -> String {
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelFile {
     /// Part, cutter and settings.
-    pub about: About,
-    /// The sites asked about, mm.
+    pub provenance: Provenance,
+    /// The query sites, mm.
     pub sites: Sites,
     /// One entry per site; β of further obstacles, the matrix and the engine's counts are not kept.
     pub labels: Labels,
@@ -118,7 +118,7 @@ impl LabelFile {
             return Err(Error::file(path, *name, found, "label the same sites that are written"));
         }
         let witness: Vec<i64> = witness.iter().map(|w| w.map_or(-1, i64::from)).collect();
-        let mut npz = start(&self.sites, &self.about);
+        let mut npz = start(&self.sites, &self.provenance);
         npz.array("inaccessible", &[n], &inaccessible[..n]);
         npz.array("accessible_directions", &[n], &accessible_directions[..n]);
         npz.array("witness", &[witness.len()], &witness);
@@ -129,7 +129,7 @@ impl LabelFile {
             add_surface(&mut npz, surface);
         }
         let meaning = label_meaning(self.labels.surface.is_some());
-        npz.metadata(&self.about.metadata(Self::FORMAT, meaning));
+        npz.metadata(&self.provenance.metadata(Self::FORMAT, meaning));
         npz.write(path)
     }
 
@@ -139,7 +139,7 @@ impl LabelFile {
     /// If it is no such file, or an array is missing, of the wrong length or out of range.
     pub fn read(path: &Path) -> Result<Self> {
         let mut npz = NpzReader::open(path)?;
-        let about = About::read(path, &mut npz, Self::FORMAT)?;
+        let provenance = Provenance::read(path, &mut npz, Self::FORMAT)?;
         let sites = read_sites(path, &mut npz)?;
         let mut labels = Labels {
             inaccessible: npz.bools("inaccessible")?,
@@ -161,7 +161,7 @@ impl LabelFile {
         let n_directions = labels.accessible_directions.len();
         same_length(path, &sites, "accessible_directions", n_directions)?;
         same_length(path, &sites, "witness", labels.witness.len())?;
-        Ok(LabelFile { about, sites, labels })
+        Ok(LabelFile { provenance, sites, labels })
     }
 }
 
@@ -211,21 +211,21 @@ fn read_surface(
 fn label_meaning(part_itself: bool) -> Value {
     if part_itself {
         return json!({
-            "question": "the part itself: its triangles are the obstacles, the tool is shrunk by the tolerance",
+            "definition": "the part itself: its triangles are the obstacles, the tool is shrunk by the tolerance",
             "inaccessible": "true: in every direction the shank, holder or spindle penetrates the part (positive class)",
             "tip_does_not_fit": "true: in some direction only the tip penetrates the part, in none nothing does",
-            "collision_free_directions": "number of the directions asked in which no shank, holder or spindle penetrates the part",
+            "collision_free_directions": "number of the directions tested in which no shank, holder or spindle penetrates the part",
             "accessible_directions": "number of these in which the tip fits too; 0 beside an accessible site: a direction between them was found",
             "witness_direction": "unit vector from tip to spindle in which the tool may stand, 0 0 0 if there is none",
             "open_directions": "of a site that is not accessible, the share of directions not proven closed; 0: the answer holds for all directions",
             "tolerance": "contact tolerance, mm",
             "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
-            "beta": "pairs (inaccessible site, direction asked) in which this site is in the shrunk tool's steps",
+            "beta": "pairs (inaccessible site, direction tested) in which this site is in the shrunk tool's steps",
             "witness": "-1: see witness_direction",
         });
     }
     json!({
-        "question": "the published definition: sites are the obstacles, contact below the ball's top is not tested",
+        "definition": "the published definition: sites are the obstacles, contact below the ball's top is not tested",
         "inaccessible": "true: the cutter collides in every direction (positive class)",
         "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
         "beta": "pairs (inaccessible site, direction) in which this site collides with the cutter",
@@ -238,8 +238,8 @@ fn label_meaning(part_itself: bool) -> Value {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PredictionFile {
     /// Part, cutter and settings.
-    pub about: About,
-    /// The sites asked about, mm.
+    pub provenance: Provenance,
+    /// The query sites, mm.
     pub sites: Sites,
     /// Head 1, `[n, 2]`: scores of "accessible" and of "inaccessible".
     pub logits_inaccessible: Vec<f32>,
@@ -268,7 +268,7 @@ impl PredictionFile {
         let n = self.sites.len();
         let heads =
             [("inaccessible", &self.logits_inaccessible), ("occlusion", &self.logits_occlusion)];
-        let mut npz = start(&self.sites, &self.about);
+        let mut npz = start(&self.sites, &self.provenance);
         for (name, logits) in heads {
             if logits.len() != 2 * n {
                 let found = format!("{} scores for {n} sites", logits.len());
@@ -278,7 +278,7 @@ impl PredictionFile {
             npz.array(&format!("probability_{name}"), &[n], &probabilities(logits));
             npz.array(&format!("predicted_{name}"), &[n], &decisions(logits));
         }
-        npz.metadata(&self.about.metadata(Self::FORMAT, prediction_meaning()));
+        npz.metadata(&self.provenance.metadata(Self::FORMAT, prediction_meaning()));
         npz.write(path)
     }
 
@@ -288,7 +288,7 @@ impl PredictionFile {
     /// If it is no such file, or an array is missing or of the wrong length.
     pub fn read(path: &Path) -> Result<Self> {
         let mut npz = NpzReader::open(path)?;
-        let about = About::read(path, &mut npz, Self::FORMAT)?;
+        let provenance = Provenance::read(path, &mut npz, Self::FORMAT)?;
         let sites = read_sites(path, &mut npz)?;
         let [logits_inaccessible, logits_occlusion] = ["inaccessible", "occlusion"].map(|name| {
             let name = format!("logits_{name}");
@@ -297,7 +297,7 @@ impl PredictionFile {
             Ok(logits)
         });
         let (logits_inaccessible, logits_occlusion) = (logits_inaccessible?, logits_occlusion?);
-        Ok(PredictionFile { about, sites, logits_inaccessible, logits_occlusion })
+        Ok(PredictionFile { provenance, sites, logits_inaccessible, logits_occlusion })
     }
 }
 
@@ -322,13 +322,13 @@ pub fn decisions(logits: &[f32]) -> Vec<bool> {
     logits.chunks_exact(2).map(|l| l[1] > l[0]).collect()
 }
 
-fn start(sites: &Sites, about: &About) -> NpzWriter {
+fn start(sites: &Sites, provenance: &Provenance) -> NpzWriter {
     let mut npz = NpzWriter::new();
     npz.vectors("points", &sites.points).vectors("normals", &sites.normals);
     if !sites.faces.is_empty() {
         npz.array("faces", &[sites.faces.len()], &sites.faces);
     }
-    npz.array("cutter", &[4], &about.cutter.to_array());
+    npz.array("cutter", &[4], &provenance.cutter.to_array());
     npz
 }
 
@@ -358,9 +358,9 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    fn about() -> About {
+    fn provenance() -> Provenance {
         let cutter = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]);
-        About::ball_end("a.stl", cutter, json!({ "seed": 7 }))
+        Provenance::ball_end("a.stl", cutter, json!({ "seed": 7 }))
     }
 
     fn sites() -> Sites {
@@ -380,7 +380,7 @@ mod tests {
             occlusion: vec![false, true],
             ..Labels::default()
         };
-        let file = LabelFile { about: about(), sites: sites(), labels };
+        let file = LabelFile { provenance: provenance(), sites: sites(), labels };
         file.write(&path).unwrap();
         assert_eq!(LabelFile::read(&path).unwrap(), file);
         let cloud = crate::geom::formats::read_cloud(&path).unwrap();
@@ -399,7 +399,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("predictions.npz");
         let file = PredictionFile {
-            about: about(),
+            provenance: provenance(),
             sites: sites(),
             logits_inaccessible: vec![0.0, 2.0, 1.0, 1.0],
             logits_occlusion: vec![3.5, -1.0, 0.25, 0.5],

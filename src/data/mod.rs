@@ -15,4 +15,4 @@ pub mod sample;
 
 pub use augment::Augment;
 pub use online::Online;
-pub use sample::{Sample, Source};
+pub use sample::{Sample, SampleSource};

@@ -4,7 +4,7 @@
 //! the same arrays give the same bytes. A reader takes any real or whole number type, in C or
 //! Fortran order, and never reserves memory because a header says so.
 
-use crate::{Error, Result, aside};
+use crate::{Error, Result, atomic_file};
 use glam::Vec3;
 use npyz::npz::file_name_from_array_name;
 use npyz::{NpyFile, WriteOptions, WriterBuilder};
@@ -100,7 +100,7 @@ impl NpzWriter {
             return Err(Error::write(path, failure));
         }
         let bytes = self.archive.finish().map_err(|e| Error::write(path, e.into()))?;
-        aside::write(path, |file| file.write_all(bytes.get_ref()))
+        atomic_file::write_atomic(path, |file| file.write_all(bytes.get_ref()))
     }
 }
 

@@ -7,7 +7,7 @@
 use crate::access::{self, LabelOptions, Obstacles};
 use crate::cutter::{Cutter, CutterSet};
 use crate::data::augment::Turn;
-use crate::data::{Sample, Source};
+use crate::data::{Sample, SampleSource};
 use crate::directions::Directions;
 use crate::geom::Sites;
 use crate::rng::{Purpose, Stream};
@@ -80,7 +80,7 @@ fn any_rotation(stream: &mut Stream) -> Mat3 {
     }
 }
 
-/// Parts without labels: each sample is oriented, given a cutter and labelled when it is asked for.
+/// Parts without labels: each sample is oriented, given a cutter and labeled when it is drawn.
 #[derive(Debug, Clone)]
 pub struct Online {
     parts: Vec<(String, Arc<Sites>)>,
@@ -111,7 +111,7 @@ impl Online {
             }
         }
         if parts.is_empty() {
-            let remedy = "build a data set with at least one part that can be labelled";
+            let remedy = "build a data set with at least one part that can be labeled";
             return Err(Error::argument("training set", "empty", "one part or more", remedy));
         }
         let options = LabelOptions { share, ..LabelOptions::default() };
@@ -119,7 +119,7 @@ impl Online {
     }
 }
 
-impl Source for Online {
+impl SampleSource for Online {
     fn len(&self) -> usize {
         self.parts.len()
     }

@@ -65,7 +65,7 @@ impl Sample {
 }
 
 /// Where training draws its samples: a fixed list, or one that makes them on the spot.
-pub trait Source: Sync {
+pub trait SampleSource: Sync {
     /// Samples per epoch.
     fn len(&self) -> usize;
 
@@ -81,7 +81,7 @@ pub trait Source: Sync {
     fn sample(&self, epoch: u64, index: usize) -> Result<Sample>;
 }
 
-impl Source for [Sample] {
+impl SampleSource for [Sample] {
     fn len(&self) -> usize {
         <[Sample]>::len(self)
     }

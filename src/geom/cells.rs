@@ -8,7 +8,7 @@ use crate::spatial::KdTree;
 use crate::{Result, par};
 use glam::DVec3;
 
-/// How far from a site, in mean spacings, two opposite neighbours make it a rim site. At 1.2 a few
+/// How far from a site, in mean spacings, two opposite neighbors make it a rim site. At 1.2 a few
 /// cells of turbine blades still held both sides; at 2 blades and fins lose more evenness.
 const RIM_REACH: f64 = 2.0;
 /// Cosine of the angle (72°) by which a rim site's cell may turn from its side: two normals both
@@ -21,7 +21,7 @@ const BLOCK: usize = 1024;
 
 /// Tells which site a point of the surface belongs to.
 ///
-/// It is the nearest site on the point's own sheet (see [`same_sheet`]). A site that has neighbours
+/// It is the nearest site on the point's own sheet (see [`same_sheet`]). A site that has neighbors
 /// on two opposite sheets sits on the rim of a wall, such as the narrow side of a thin plate; its cell keeps to
 /// its own face and one of the two sheets, the nearer. So no cell holds points of both sides of a
 /// wall thinner than the spacing. A point with no such site within three spacings has no owner.
@@ -93,11 +93,11 @@ impl VoronoiCells {
             };
             range.map(probe).collect::<Vec<_>>()
         });
-        self.summarise(&probes.concat())
+        self.summarize(&probes.concat())
     }
 
     /// From the owner of each probe and its distance to the nearest site.
-    fn summarise(&self, probes: &[(Option<u32>, f64)]) -> CellSpread {
+    fn summarize(&self, probes: &[(Option<u32>, f64)]) -> CellSpread {
         let mut counts = vec![0.0; self.points.len()];
         let owners = probes.iter().filter_map(|(owner, _)| *owner);
         owners.for_each(|site| counts[site as usize] += 1.0);
@@ -114,7 +114,7 @@ impl VoronoiCells {
     }
 }
 
-/// For a site with neighbours on opposite sheets, midway between its normal and that of the nearest of these.
+/// For a site with neighbors on opposite sheets, midway between its normal and that of the nearest of these.
 fn rim_side(
     i: usize,
     points: &[DVec3],

@@ -1,6 +1,6 @@
-//! What is wrong with a mesh, where, and whether it matters for labelling.
+//! What is wrong with a mesh, where, and whether it matters for labeling.
 //!
-//! A mesh can be labelled if it bounds one solid: every edge has two triangles that pass it in
+//! A mesh can be labeled if it bounds one solid: every edge has two triangles that pass it in
 //! opposite directions, the triangles at every vertex form one fan, all hang together, and they face
 //! outward. Everything is decided by indices, so corners must be welded before (the readers do);
 //! only size, area and volume look at coordinates. Cost: O(n log n).
@@ -32,13 +32,13 @@ pub enum Place {
     Vertex(u32, DVec3),
     /// An edge by its two ends.
     Edge([u32; 2], [DVec3; 2]),
-    /// A triangle and its centre.
+    /// A triangle and its center.
     Triangle(u32, DVec3),
     /// A triangle and the vertex it names, which there is not.
     Corner(u32, u32),
     /// Two triangles and the middle of the box they share.
     Triangles([u32; 2], DVec3),
-    /// A component: its number of triangles, and the centre of the first of them.
+    /// A component: its number of triangles, and the center of the first of them.
     Component(usize, DVec3),
 }
 
@@ -78,7 +78,7 @@ impl fmt::Display for Finding {
 /// All that [`check`] knows about a mesh.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-pub struct Report {
+pub struct MeshReport {
     /// Number of vertices.
     pub n_vertices: usize,
     /// Number of triangles.
@@ -97,13 +97,13 @@ pub struct Report {
     pub findings: Vec<Finding>,
 }
 
-impl Report {
+impl MeshReport {
     /// The most fundamental finding that makes labels meaningless.
     pub fn blocking(&self) -> Option<&Finding> {
-        self.findings.iter().find(|f| f.fault.blocks_labelling())
+        self.findings.iter().find(|f| f.fault.blocks_labeling())
     }
 
-    /// Passes if nothing blocks labelling.
+    /// Passes if nothing blocks labeling.
     ///
     /// # Errors
     /// [`Error::Geometry`] with the place, count and remedy of the most fundamental blocking finding.
@@ -131,7 +131,7 @@ impl Report {
 
 /// Examines everything but self-intersections, which [`super::intersect`] finds. Any mesh may be given: one
 /// that names missing vertices has that finding alone, and no numbers but those of its elements.
-pub fn check(mesh: &Mesh) -> Report {
+pub fn check(mesh: &Mesh) -> MeshReport {
     if mesh.face_without_vertex().is_some() {
         return without_vertices(mesh);
     }
@@ -149,7 +149,7 @@ pub fn check(mesh: &Mesh) -> Report {
     }
     let n_components = check_components(mesh, &topology, &mut found);
     check_shapes(mesh, &mut found);
-    Report {
+    MeshReport {
         n_vertices: mesh.vertices.len(),
         n_triangles: mesh.triangles.len(),
         n_components,
@@ -161,15 +161,15 @@ pub fn check(mesh: &Mesh) -> Report {
     }
 }
 
-/// Report of a mesh with triangles that name missing vertices.
-fn without_vertices(mesh: &Mesh) -> Report {
+/// MeshReport of a mesh with triangles that name missing vertices.
+fn without_vertices(mesh: &Mesh) -> MeshReport {
     let mut found = Findings::default();
     for (t, triangle) in mesh.triangles.iter().enumerate() {
         if let Some(v) = triangle.iter().find(|v| **v as usize >= mesh.vertices.len()) {
             found.add(Fault::MissingVertex, Place::Corner(t as u32, *v));
         }
     }
-    Report {
+    MeshReport {
         n_vertices: mesh.vertices.len(),
         n_triangles: mesh.triangles.len(),
         n_components: 0,
@@ -184,7 +184,7 @@ fn without_vertices(mesh: &Mesh) -> Report {
 /// Passes meshes that bound one solid and face outward.
 ///
 /// # Errors
-/// As [`Report::require_labelable`].
+/// As [`MeshReport::require_labelable`].
 pub fn require_labelable(mesh: &Mesh) -> Result<()> {
     check(mesh).require_labelable()
 }
@@ -234,7 +234,7 @@ fn check_components(mesh: &Mesh, topology: &Topology, found: &mut Findings) -> u
     let mut inward = Vec::new();
     let mut outer = None::<(f64, [DVec3; 2])>;
     for faces in &components {
-        let place = Place::Component(faces.len(), centre(mesh, faces[0] as usize));
+        let place = Place::Component(faces.len(), center(mesh, faces[0] as usize));
         if components.len() > 1 {
             found.add(Fault::ManyComponents, place);
         }
@@ -266,9 +266,9 @@ fn check_shapes(mesh: &Mesh, found: &mut Findings) {
         let height = mesh.area_vector(f).length() / longest;
         // A point has height 0/0.
         if height.is_nan() || height == 0.0 {
-            found.add(Fault::Degenerate, Place::Triangle(f as u32, centre(mesh, f)));
+            found.add(Fault::Degenerate, Place::Triangle(f as u32, center(mesh, f)));
         } else if height < sliver {
-            found.add(Fault::Sliver, Place::Triangle(f as u32, centre(mesh, f)));
+            found.add(Fault::Sliver, Place::Triangle(f as u32, center(mesh, f)));
         }
     }
 }
@@ -291,7 +291,7 @@ fn bounds_of(mesh: &Mesh, faces: &[u32]) -> [DVec3; 2] {
     corners.fold(all, |[low, high], p| [low.min(p), high.max(p)])
 }
 
-pub(crate) fn centre(mesh: &Mesh, f: usize) -> DVec3 {
+pub(crate) fn center(mesh: &Mesh, f: usize) -> DVec3 {
     mesh.corners(f).iter().sum::<DVec3>() / 3.0
 }
 

@@ -56,14 +56,14 @@ const MAX_POINTS: u64 = 1 << 30;
 pub struct Lattice {
     /// The first point, mm.
     pub origin: DVec3,
-    /// Distance of neighbours, mm.
+    /// Distance of neighbors, mm.
     pub step_mm: f64,
     /// Number of points along x, y and z.
     pub counts: [usize; 3],
 }
 
 impl Lattice {
-    /// The midpoints of cubes of edge `step_mm` that cover the box from `low` to `high`, centred.
+    /// The midpoints of cubes of edge `step_mm` that cover the box from `low` to `high`, centered.
     ///
     /// # Errors
     /// If the step is not a positive number, or there would be more than 2³⁰ points.

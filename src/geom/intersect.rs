@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_solid_does_not_intersect_itself_and_neither_do_neighbours() {
+    fn a_solid_does_not_intersect_itself_and_neither_do_neighbors() {
         assert!(pairs(&cuboid(DVec3::ONE)).is_empty());
         assert!(pairs(&torus(3.0, 1.0, 60, 40)).is_empty());
         assert!(pairs(&two(DVec3::splat(3.0))).is_empty());
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flap_folded_onto_its_neighbour_is_found_and_a_flat_quad_is_not() {
+    fn a_flap_folded_onto_its_neighbor_is_found_and_a_flat_quad_is_not() {
         let corner = |x: f64, y: f64| DVec3::new(x, y, 0.3 * x + 0.1 * y);
         let vertices = vec![corner(0., 0.), corner(4., 0.), corner(0., 4.), corner(1., 1.)];
         let fold = Mesh { vertices, triangles: vec![[0, 1, 2], [1, 0, 3]] };

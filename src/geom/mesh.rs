@@ -4,7 +4,7 @@ use crate::{Error, Result};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// A triangle mesh in millimetres, right-handed, +z up; corners counter-clockwise seen from outside.
+/// A triangle mesh in millimeters, right-handed, +z up; corners counter-clockwise seen from outside.
 ///
 /// The fields are public: whether a mesh is closed, manifold and oriented is a finding of
 /// `geom::check`, not a property of the type. Every index must be below `vertices.len()`.

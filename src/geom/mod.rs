@@ -1,4 +1,4 @@
-//! Triangles and points, in millimetres: meshes, their files and faults, and sample sites.
+//! Triangles and points, in millimeters: meshes, their files and faults, and sample sites.
 
 pub mod cells;
 pub mod check;

@@ -30,7 +30,7 @@ pub enum Change {
     /// Triangles dropped because another one has the same corners: copies, and pairs that face
     /// opposite sides and enclose nothing.
     DroppedDoubled(usize),
-    /// Triangles turned over to face the same side as their neighbours.
+    /// Triangles turned over to face the same side as their neighbors.
     TurnedTriangles(usize),
     /// Components of which all triangles were turned, to face out of the solid.
     TurnedComponents(usize),
@@ -52,7 +52,7 @@ impl fmt::Display for Change {
             }
             Change::DroppedDoubled(n) => write!(f, "dropped {}", count(n, "doubled triangle")),
             Change::TurnedTriangles(n) => {
-                write!(f, "turned {} to agree with neighbours", count(n, "triangle"))
+                write!(f, "turned {} to agree with neighbors", count(n, "triangle"))
             }
             Change::TurnedComponents(n) => {
                 write!(f, "turned {} that faced the wrong way", count(n, "component"))
@@ -150,14 +150,14 @@ fn sorted([a, b, c]: [u32; 3]) -> ([u32; 3], bool) {
 }
 
 /// Makes the triangles of each component agree, then each closed component face out of the solid:
-/// away from its own inside, or towards it if it bounds a void within another.
+/// away from its own inside, or toward it if it bounds a void within another.
 fn orient(mesh: &mut Mesh) -> Vec<Change> {
     let topology = Topology::of(mesh);
     let components = topology.components();
-    let neighbours = neighbours(&topology, mesh.triangles.len());
+    let neighbors = neighbors(&topology, mesh.triangles.len());
     let (mut n_turned, mut n_unorientable) = (0, 0);
     for faces in &components {
-        match agreement(faces, &neighbours) {
+        match agreement(faces, &neighbors) {
             Some(turned) => {
                 turned.iter().for_each(|f| mesh.triangles[*f as usize].swap(1, 2));
                 n_turned += turned.len();
@@ -176,21 +176,21 @@ fn orient(mesh: &mut Mesh) -> Vec<Change> {
 }
 
 /// For every face the faces across its manifold edges, and whether they pass the edge oppositely.
-fn neighbours(topology: &Topology, n_triangles: usize) -> Vec<Vec<(u32, bool)>> {
-    let mut neighbours = vec![Vec::new(); n_triangles];
+fn neighbors(topology: &Topology, n_triangles: usize) -> Vec<Vec<(u32, bool)>> {
+    let mut neighbors = vec![Vec::new(); n_triangles];
     for uses in topology.edges() {
         if let [a, b] = uses {
             let agree = a.forward != b.forward;
-            neighbours[a.face as usize].push((b.face, agree));
-            neighbours[b.face as usize].push((a.face, agree));
+            neighbors[a.face as usize].push((b.face, agree));
+            neighbors[b.face as usize].push((a.face, agree));
         }
     }
-    neighbours
+    neighbors
 }
 
 /// The fewest faces to turn so that all of a component agree; `None` if none would do. Groups that
 /// hang together by non-manifold edges only are settled one by one.
-fn agreement(faces: &[u32], neighbours: &[Vec<(u32, bool)>]) -> Option<Vec<u32>> {
+fn agreement(faces: &[u32], neighbors: &[Vec<(u32, bool)>]) -> Option<Vec<u32>> {
     let mut turn: HashMap<u32, bool> = HashMap::new();
     let mut all_turned = Vec::new();
     for start in faces {
@@ -203,7 +203,7 @@ fn agreement(faces: &[u32], neighbours: &[Vec<(u32, bool)>]) -> Option<Vec<u32>>
         while next < group.len() {
             let face = group[next];
             next += 1;
-            for (other, agree) in &neighbours[face as usize] {
+            for (other, agree) in &neighbors[face as usize] {
                 let wanted = turn[&face] == *agree;
                 match turn.get(other) {
                     Some(known) if *known != wanted => return None,

@@ -23,7 +23,7 @@ const BLOCK: usize = 1024;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Spacing {
-    /// Number of sites that have a neighbour.
+    /// Number of sites that have a neighbor.
     pub n_sites: usize,
     /// Mean, mm.
     pub mean_mm: f64,
@@ -155,8 +155,8 @@ pub(super) fn mean_and_cv(values: &[f64]) -> (f64, f64) {
 }
 
 /// The area each site stands for, in units of the mean: proportional to the mean squared distance of the
-/// (up to) six nearest sites on its sheet, which six hexagonal neighbours make exact. 1 where a site has
-/// none within four mean spacings, and for all sites if all that have a neighbour coincide with it.
+/// (up to) six nearest sites on its sheet, which six hexagonal neighbors make exact. 1 where a site has
+/// none within four mean spacings, and for all sites if all that have a neighbor coincide with it.
 ///
 /// # Errors
 /// If the sites fail [`Sites::check`].
@@ -188,7 +188,7 @@ pub fn relative_areas(sites: &Sites) -> Result<Vec<f64>> {
     Ok(squares.into_iter().map(area).collect())
 }
 
-/// How far [`relative_areas`] looks for neighbours, in mean spacings.
+/// How far [`relative_areas`] looks for neighbors, in mean spacings.
 const REACH: f64 = 4.0;
 
 #[cfg(test)]

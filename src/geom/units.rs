@@ -14,38 +14,38 @@ const TYPICAL_MM: f64 = 100.0;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Unit {
-    /// Millimetre.
+    /// Millimeter.
     #[default]
-    Millimetre,
-    /// Centimetre.
-    Centimetre,
+    Millimeter,
+    /// Centimeter.
+    Centimeter,
     /// Inch, 25.4 mm.
     Inch,
-    /// Metre.
-    Metre,
+    /// Meter.
+    Meter,
 }
 
 impl Unit {
     /// All units, ascending.
-    pub const ALL: [Unit; 4] = [Unit::Millimetre, Unit::Centimetre, Unit::Inch, Unit::Metre];
+    pub const ALL: [Unit; 4] = [Unit::Millimeter, Unit::Centimeter, Unit::Inch, Unit::Meter];
 
     /// Its length in mm.
-    pub fn millimetres(self) -> f64 {
+    pub fn millimeters(self) -> f64 {
         match self {
-            Unit::Millimetre => 1.0,
-            Unit::Centimetre => 10.0,
+            Unit::Millimeter => 1.0,
+            Unit::Centimeter => 10.0,
             Unit::Inch => 25.4,
-            Unit::Metre => 1000.0,
+            Unit::Meter => 1000.0,
         }
     }
 
     /// Its symbol, as [`Unit::from_str`] reads it.
     pub fn symbol(self) -> &'static str {
         match self {
-            Unit::Millimetre => "mm",
-            Unit::Centimetre => "cm",
+            Unit::Millimeter => "mm",
+            Unit::Centimeter => "cm",
             Unit::Inch => "in",
-            Unit::Metre => "m",
+            Unit::Meter => "m",
         }
     }
 }
@@ -84,14 +84,14 @@ pub fn size_warning(low: DVec3, high: DVec3, scale: f64) -> Option<String> {
     }
     let verdict = if longest < 1.0 { "under 1 mm" } else { "over 10 m" };
     let in_file = longest / scale;
-    let doubt = |u: &Unit| libm::fabs(libm::log(in_file * u.millimetres() / TYPICAL_MM));
+    let doubt = |u: &Unit| libm::fabs(libm::log(in_file * u.millimeters() / TYPICAL_MM));
     let likely = Unit::ALL.into_iter().min_by(|a, b| doubt(a).total_cmp(&doubt(b)));
     let advice = match likely {
-        Some(u) if PLAUSIBLE_MM.contains(&(in_file * u.millimetres())) => {
+        Some(u) if PLAUSIBLE_MM.contains(&(in_file * u.millimeters())) => {
             format!("the file is probably in {u}: give --unit {u}")
         }
-        _ if longest > TYPICAL_MM => "is it in micrometres? then give --scale 0.001".to_owned(),
-        _ => "give the millimetres per unit of the file with --scale".to_owned(),
+        _ if longest > TYPICAL_MM => "is it in micrometers? then give --scale 0.001".to_owned(),
+        _ => "give the millimeters per unit of the file with --scale".to_owned(),
     };
     Some(format!("the part is {}, {verdict}; {advice}", size_line(low, high)))
 }
@@ -127,7 +127,7 @@ mod tests {
         assert!(
             warn(120_000.0, 1000.0).unwrap().contains("over 10 m; the file is probably in mm:")
         );
-        assert!(warn(120_000.0, 1.0).unwrap().contains("micrometres"));
+        assert!(warn(120_000.0, 1.0).unwrap().contains("micrometers"));
         assert!(warn(1e-6, 1.0).unwrap().contains("--scale"));
         assert!(warn(0.0, 1.0).unwrap().contains("--scale"));
     }

@@ -75,14 +75,14 @@ fn distinct(vertices: &[DVec3]) -> (Vec<DVec3>, Vec<u32>) {
     (distinct, index)
 }
 
-/// For every point the representative (lowest index) of its chain of near neighbours.
+/// For every point the representative (lowest index) of its chain of near neighbors.
 fn clusters(points: &[DVec3], distance: f64) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..points.len() as u32).collect();
     if !(distance > 0.0 && distance.is_finite()) {
         return parent;
     }
     let cell = |p: DVec3| (p / (CELL * distance)).floor().to_array().map(|c| c as i64);
-    // A little more than the distance, so that rounding never hides a neighbouring cell.
+    // A little more than the distance, so that rounding never hides a neighboring cell.
     let reach = DVec3::splat(1.001 * distance);
     let mut last_of_cell: HashMap<[i64; 3], u32> = HashMap::with_capacity(points.len());
     let mut previous = vec![u32::MAX; points.len()];
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_are_joined_across_cell_borders_and_signs_of_zero() {
+    fn neighbors_are_joined_across_cell_borders_and_signs_of_zero() {
         let vertices = vec![
             DVec3::new(0.0, 0.0, 0.0),
             DVec3::new(-0.0, -2.7e-16, 1e-9),

@@ -7,11 +7,11 @@ use crate::cutter::{Cutter, CutterParams};
 use crate::geom::sites::check_sites;
 use crate::nn::interp::Interpolation;
 use crate::nn::operand::Operand;
-use crate::octree::{Cloud, Frame, Octree};
+use crate::octree::{Cloud, CubeTransform, Octree};
 use crate::scalar::Scalar;
 use glam::Vec3;
 
-/// One shape to be judged, in millimetres.
+/// One shape to be judged, in millimeters.
 #[derive(Debug, Clone, Copy)]
 pub struct Shape<'a> {
     /// Sites, mm.
@@ -59,9 +59,9 @@ impl<T: Scalar> Batch<T> {
         let (mut points, mut cutters) = (Vec::new(), Vec::new());
         for shape in shapes {
             Cutter::ball_end(CutterParams::from_array(shape.cutter_mm))?;
-            let frame = input.normalisation().frame(shape.points)?;
-            points.push(shape.points.iter().map(|&p| frame.apply(p)).collect::<Vec<_>>());
-            cutters.push(shape.cutter_mm.map(|mm| cutter_input(input.cutter, mm, &frame)));
+            let transform = input.normalization().transform(shape.points)?;
+            points.push(shape.points.iter().map(|&p| transform.apply(p)).collect::<Vec<_>>());
+            cutters.push(shape.cutter_mm.map(|mm| cutter_input(input.cutter, mm, &transform)));
         }
         let clouds = points.iter().zip(shapes).map(|(points, s)| Cloud::new(points, s.normals));
         let clouds: Vec<_> = clouds.collect();
@@ -100,7 +100,7 @@ impl<T: Scalar> Batch<T> {
         })
     }
 
-    /// What the heads read: `features: [n_points, c]`, followed by the point's normal where the network asks for
+    /// What the heads read: `features: [n_points, c]`, followed by the point's normal where the network takes
     /// it.
     pub(super) fn head_inputs<'a>(&'a self, features: &'a [T], c: usize) -> Vec<Operand<'a, T>> {
         let normals =
@@ -120,9 +120,9 @@ impl<T: Scalar> Batch<T> {
 }
 
 /// A length of a cutter in the unit that the network takes.
-pub(super) fn cutter_input(unit: CutterInput, length_mm: f64, frame: &Frame) -> f64 {
+pub(super) fn cutter_input(unit: CutterInput, length_mm: f64, transform: &CubeTransform) -> f64 {
     match unit {
-        CutterInput::Millimetres => length_mm,
-        CutterInput::Scaled => length_mm * frame.scale,
+        CutterInput::Millimeters => length_mm,
+        CutterInput::Scaled => length_mm * transform.scale,
     }
 }

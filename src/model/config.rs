@@ -1,6 +1,6 @@
 //! What a network looks like: depths, widths, blocks, cutter modules and what it is fed with.
 
-use crate::octree::{Features, Normalisation, OctreeOptions};
+use crate::octree::{Features, Normalization, OctreeOptions};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -8,9 +8,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CutterInput {
-    /// As they are, in mm, beside a shape whose millimetres were normalized away: the reference's way.
+    /// As they are, in mm, beside a shape whose millimeters were normalized away: the reference's way.
     #[default]
-    Millimetres,
+    #[serde(rename = "millimetres", alias = "millimeters")]
+    Millimeters,
     /// In units of the normalized shape: multiplied by its scale.
     Scaled,
 }
@@ -30,27 +31,27 @@ pub enum CutterPlacement {
     All,
 }
 
-/// The cube a shape is moved into; see [`Normalisation`].
+/// The cube a shape is moved into; see [`Normalization`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cube {
-    /// Bounding box centred, longest edge to `[-1, 1]`: the paper's.
+    /// Bounding box centered, longest edge to `[-1, 1]`: the paper's.
     #[default]
     Box,
-    /// Mean of the points centred, largest |coordinate| 0.8: the reference code's.
+    /// Mean of the points centered, largest |coordinate| 0.8: the reference code's.
     Mean,
 }
 
-impl From<Cube> for Normalisation {
+impl From<Cube> for Normalization {
     fn from(cube: Cube) -> Self {
         match cube {
-            Cube::Box => Normalisation::UnitCube,
-            Cube::Mean => Normalisation::Mean,
+            Cube::Box => Normalization::UnitCube,
+            Cube::Mean => Normalization::Mean,
         }
     }
 }
 
-/// From points, normals and cutter in millimetres to the network's input.
+/// From points, normals and cutter in millimeters to the network's input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct InputConfig {
@@ -100,7 +101,7 @@ impl InputConfig {
             absolute_normals: true,
             wrap_at_faces: true,
             single_precision_means: true,
-            cutter: CutterInput::Millimetres,
+            cutter: CutterInput::Millimeters,
             ..InputConfig::default()
         }
     }
@@ -126,7 +127,7 @@ impl InputConfig {
     }
 
     /// Normalization of the points.
-    pub fn normalisation(&self) -> Normalisation {
+    pub fn normalization(&self) -> Normalization {
         self.cube.into()
     }
 }
@@ -345,5 +346,16 @@ mod tests {
         assert!(broken(|c| c.cutter.dropout = 1.0).starts_with("dropout is 1"));
         assert!(broken(|c| c.input.features = "X".into()).contains("octree features"));
         assert!(UNetConfig::preset("huge").is_err());
+    }
+
+    #[test]
+    fn both_spellings_of_field_names_are_read() {
+        let config = serde_json::to_string(&UNetConfig::reference()).unwrap();
+        let other = config.replace("normalise", "normalize").replace("millimetres", "millimeters");
+        assert!(config != other && config.contains("millimetres"));
+        for text in [config, other] {
+            let read: UNetConfig = serde_json::from_str(&text).unwrap();
+            assert_eq!(read, UNetConfig::reference());
+        }
     }
 }

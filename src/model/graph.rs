@@ -4,7 +4,7 @@ use super::batch::cutter_input;
 use super::config::{Cube, CutterInput};
 use super::cutter_modules::N_LENGTHS;
 use crate::nn::neighbor_mean::Neighbors;
-use crate::octree::Normalisation;
+use crate::octree::Normalization;
 use crate::rng::Stream;
 use crate::scalar::Scalar;
 use crate::{Error, Result};
@@ -14,7 +14,7 @@ use std::ops::Range;
 /// Channels of a vertex: position and normal.
 pub const N_FEATURES: usize = 6;
 
-/// The vertices of one mesh, in millimetres, and the edges between them.
+/// The vertices of one mesh, in millimeters, and the edges between them.
 #[derive(Debug, Clone, Copy)]
 pub struct GraphShape<'a> {
     /// Vertices, mm.
@@ -53,12 +53,12 @@ impl<T: Scalar> GraphBatch<T> {
         let (mut ranges, mut cutters) = (Vec::new(), Vec::new());
         for (i, shape) in shapes.iter().enumerate() {
             check(i, shape)?;
-            let frame = Normalisation::from(cube).frame(shape.points)?;
+            let transform = Normalization::from(cube).transform(shape.points)?;
             for (point, normal) in shape.points.iter().zip(shape.normals) {
-                let numbers = [frame.apply(*point).to_array(), normal.to_array()];
+                let numbers = [transform.apply(*point).to_array(), normal.to_array()];
                 features.extend(numbers.as_flattened().iter().map(|&x| T::from_f64(f64::from(x))));
             }
-            let lengths = shape.cutter_mm.map(|mm| cutter_input(cutter, mm, &frame));
+            let lengths = shape.cutter_mm.map(|mm| cutter_input(cutter, mm, &transform));
             cutters.extend(lengths.map(T::from_f64));
             let start = neighbors.len();
             neighbors.extend(neighbors_of(shape, start as u32));
@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(batch.neighbors[6], [4, 5, 7]);
         assert_eq!(batch.shapes, [0..4, 4..8]);
         assert_eq!(batch.cutters[..4], [2.0, 4.0, 6.0, 8.0]);
-        let mut streams = [0, 1].map(|i| Stream::new(1, 0, i, Purpose::Neighbours));
+        let mut streams = [0, 1].map(|i| Stream::new(1, 0, i, Purpose::Neighbors));
         let (ones, arena) = (vec![1.0; 48], &Arena::default());
         let pass = Inference { params: &[], buffers: &[], arena };
         let x = Operand::new(&ones, N_FEATURES);

@@ -1,4 +1,4 @@
-//! What training saves for the way back and what it computes once more: the one table.
+//! What training saves for the backward pass and what it computes once more: the one table.
 //!
 //! Bytes are per row of the block's output and channel of it, in f32; "recomputed" costs one more run of the
 //! operator named, "—" nothing.
@@ -20,7 +20,7 @@
 //! | cutter module | all, one row per shape | save | — | — |
 //!
 //! What is saved costs memory for as long as the pass lasts; what is recomputed lives while its own stage is on
-//! the way back. Gradients have the same bits under any policy; a test holds that.
+//! the backward pass. Gradients have the same bits under any policy; a test holds that.
 
 use crate::nn::blocks::BlocksPolicy;
 use crate::nn::residual::ResidualPolicy;

@@ -128,7 +128,7 @@ impl<T: Scalar> Model<T> {
     /// Inference on a batch, with every intermediate result.
     pub fn forward(&self, batch: &Batch<T>, arena: &Arena<T>) -> Activations<T> {
         let pass = Inference { params: &self.params, buffers: &self.buffers, arena };
-        par::awake(|| self.net.forward(&pass, batch))
+        par::keep_workers_hot(|| self.net.forward(&pass, batch))
     }
 
     /// Training pass, see [`UNet::forward_train`]; moves the running statistics. `dropout` holds one stream per
@@ -140,7 +140,9 @@ impl<T: Scalar> Model<T> {
         arena: &Arena<T>,
     ) -> TrainingPass<T> {
         let Model { net, params, buffers } = self;
-        par::awake(|| net.forward_train(&mut Training { params, buffers, dropout, arena }, batch))
+        par::keep_workers_hot(|| {
+            net.forward_train(&mut Training { params, buffers, dropout, arena }, batch)
+        })
     }
 
     /// Adds the gradient of a loss to `grads`, see [`UNet::backward`].
@@ -153,7 +155,7 @@ impl<T: Scalar> Model<T> {
         arena: &Arena<T>,
     ) {
         let mut pass = Backward::new(&self.params, grads, arena);
-        par::awake(|| self.net.backward(&mut pass, batch, forward, dlogits));
+        par::keep_workers_hot(|| self.net.backward(&mut pass, batch, forward, dlogits));
     }
 
     /// [`Model::backward`] without a gradient of the whole network: that of each layer goes to `update`, which may
@@ -169,7 +171,7 @@ impl<T: Scalar> Model<T> {
     ) {
         let Model { net, params, .. } = self;
         let mut pass = Backward::updating(params, update, arena);
-        par::awake(|| net.backward(&mut pass, batch, forward, dlogits));
+        par::keep_workers_hot(|| net.backward(&mut pass, batch, forward, dlogits));
     }
 
     /// [`Model::backward`], and the gradient by the input, see [`UNet::backward_to_inputs`].
@@ -182,7 +184,7 @@ impl<T: Scalar> Model<T> {
         arena: &Arena<T>,
     ) -> InputGradients<T> {
         let mut pass = Backward::new(&self.params, grads, arena);
-        par::awake(|| self.net.backward_to_inputs(&mut pass, batch, forward, dlogits))
+        par::keep_workers_hot(|| self.net.backward_to_inputs(&mut pass, batch, forward, dlogits))
     }
 }
 
@@ -231,7 +233,7 @@ mod tests {
         let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
             seen[range.clone()].iter_mut().for_each(|n| *n += 1);
             parts[range].copy_from_slice(grads);
-            params.fill(f32::NAN); // whoever reads them afterwards spoils the gradients
+            params.fill(f32::NAN); // whoever reads them afterward spoils the gradients
         };
         model.backward_and_update(&batch, pass, dlogits, &mut update, arena);
         assert!(seen.iter().all(|&n| n == 1));
@@ -375,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn questions_without_sense_are_refused() {
+    fn unusable_inputs_are_refused() {
         let model = Model::<f32>::new(&UNetConfig::tiny(), 1).unwrap();
         let (points, normals) = ([Vec3::ZERO, Vec3::X], [Vec3::Z, Vec3::Z]);
         let cutter = [1.5, 6.0, 40.0, 5.0];

@@ -1,4 +1,4 @@
-//! The U-Net's training pass and its way back. What is saved between them is declared in [`super::policy`].
+//! The U-Net's forward pass for training and backward pass. What is saved between them is declared in [`super::policy`].
 
 use super::batch::Batch;
 use super::cutter_modules::{N_LENGTHS, SavedCutterModule};
@@ -61,7 +61,7 @@ pub struct InputGradients<T> {
     pub cutters: Vec<T>,
 }
 
-/// Gradients that wait on the way back.
+/// Gradients that the backward pass holds for later.
 struct Waiting<T> {
     /// By the features that skip, from the decoder: stem, encoder stages.
     skips: Vec<Buffer<T>>,

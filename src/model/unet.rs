@@ -19,7 +19,7 @@ use crate::nn::operand::Operand;
 use crate::nn::params::Layout;
 use crate::nn::pass::Inference;
 use crate::nn::strided_conv::OutputRows;
-use crate::octree::{KernelMap, Level, Octree};
+use crate::octree::{KernelMap, Octree, OctreeLevel};
 use crate::scalar::Scalar;
 
 /// Heads of the network: inaccessible (class 0 = inaccessible), occlusion (class 1 = occlusion point).
@@ -190,7 +190,7 @@ impl DecoderStage {
     /// meets the shape.
     pub fn parts<'a, T: Scalar>(
         &self,
-        level: &'a Level,
+        level: &'a OctreeLevel,
         skip: &'a [T],
         cutter: Option<&'a [T]>,
         upsampled: &'a [T],
@@ -208,12 +208,12 @@ pub(super) fn conv_rows(octree: &Octree, depth: usize) -> &KernelMap {
 }
 
 /// Rows of the strided convolution that ends at `depth`.
-pub(super) fn down_rows(octree: &Octree, depth: usize) -> &Level {
+pub(super) fn down_rows(octree: &Octree, depth: usize) -> &OctreeLevel {
     &octree.levels[depth]
 }
 
 /// Rows of the transposed convolution that ends at `depth`.
-pub(super) fn up_rows(octree: &Octree, depth: usize) -> &Level {
+pub(super) fn up_rows(octree: &Octree, depth: usize) -> &OctreeLevel {
     &octree.levels[depth - 1]
 }
 

@@ -9,7 +9,7 @@ use super::pass::{Backward, Inference, Training};
 use super::rows;
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::simd::normalize::{
     BackwardApply, BackwardRows, BackwardSums, backward_apply, backward_sums,
 };
@@ -82,7 +82,7 @@ impl BatchNorm {
         self.columns(params, &self.running(buffers))
     }
 
-    /// Statistics of `x`, towards which the running ones move; of a single row, the running ones.
+    /// Statistics of `x`, toward which the running ones move; of a single row, the running ones.
     pub(super) fn measure<T: Scalar>(&self, buffers: &mut [T], x: &[T]) -> Statistics {
         if x.len() > self.c { self.measure_batch(buffers, x) } else { self.running(buffers) }
     }
@@ -158,7 +158,7 @@ impl BatchNorm {
         let sums = rows::column_sums(0..x.len() / c, c, |block, sums| {
             let block = block.start * c..block.end * c;
             let (x, dy) = (&x[block.clone()], &dy[block]);
-            backward_sums(Level::active(), BackwardSums { rows: how, x, dy, sums });
+            backward_sums(Isa::active(), BackwardSums { rows: how, x, dy, sums });
         });
         let mean = |sums: &Vec<f64>| sums.iter().map(|s| T::from_f64(s * share)).collect();
         let means: [Vec<T>; 2] = sums.each_ref().map(mean);
@@ -166,10 +166,7 @@ impl BatchNorm {
         par::for_each_block(over, len, |i, over| {
             let (read, means) = (&read[i * len..][..over.len()], means.each_ref().map(|m| &m[..]));
             let over_dy = way.over_dy;
-            backward_apply(
-                Level::active(),
-                BackwardApply { rows: how, means, over_dy, read, over },
-            );
+            backward_apply(Isa::active(), BackwardApply { rows: how, means, over_dy, read, over });
         });
         sums
     }
@@ -198,8 +195,8 @@ impl BatchNorm {
         }
         for i in 0..over.len() {
             let (j, (x_hat, dy)) = (i % c, at(i, over));
-            let centred = dy - dbias[j] * share - x_hat * (dweight[j] * share);
-            over[i] = T::from_f64(norm.factor[j] * centred);
+            let centered = dy - dbias[j] * share - x_hat * (dweight[j] * share);
+            over[i] = T::from_f64(norm.factor[j] * centered);
         }
         [dweight, dbias]
     }
@@ -275,7 +272,7 @@ impl<T: Scalar> Layer<T> for BatchNorm {
         y
     }
 
-    /// Statistics of `x`, towards which the running ones move.
+    /// Statistics of `x`, toward which the running ones move.
     fn forward_train(
         &self,
         pass: &mut Training<T>,

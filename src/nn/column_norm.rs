@@ -3,7 +3,7 @@
 use super::rows::BLOCK_ROWS;
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
+use crate::simd::Isa;
 pub use crate::simd::normalize::Activation;
 use crate::simd::normalize::{Columns, NormalizeRows, normalize};
 use std::ops::Range;
@@ -64,7 +64,7 @@ impl<T: Scalar> ColumnNorm<T> {
             other => other,
         };
         let (columns, x) = (self.columns(), x.map(|x| &x[block]));
-        normalize(Level::active(), NormalizeRows { columns, x, activation, y });
+        normalize(Isa::active(), NormalizeRows { columns, x, activation, y });
     }
 }
 

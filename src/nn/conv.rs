@@ -8,18 +8,18 @@ use super::arena::Buffer;
 use super::column_norm::Epilogue;
 use super::conv_plan::{ConvPlan, OuterProduct, Product, RowMap, Term, Weights, shapes};
 use super::linear_operator::{LinearOperator, check_width, xavier_bound};
-use super::operand::{Operand, OperandGradient, Part};
+use super::operand::{Operand, OperandGradient, OperandPart};
 use super::params::{Init, Layout};
 use super::pass::{Backward, Context};
 use crate::octree::KernelMap;
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level as SimdLevel;
+use crate::simd::Isa;
 use crate::simd::gemm::matmul_tn_rows;
 use std::ops::Range;
 
 /// Convolution with weights `{name}.weights: [27, c_in, c_out]`; its geometry is
-/// [`crate::octree::Level::conv`].
+/// [`crate::octree::OctreeLevel::conv`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct OctreeConv {
     c_in: usize,
@@ -126,14 +126,7 @@ impl OctreeConv {
         par::for_each_block(grads, self.c_in * c_out, |k, d| {
             let d = &mut d[of.columns.start * c_out..of.columns.end * c_out];
             let sums = &sums[k * len..][..len];
-            matmul_tn_rows(
-                SimdLevel::active(),
-                (of.values, &shapes),
-                width,
-                (sums, &shapes),
-                c_out,
-                d,
-            );
+            matmul_tn_rows(Isa::active(), (of.values, &shapes), width, (sums, &shapes), c_out, d);
         });
     }
 }
@@ -163,8 +156,10 @@ impl LinearOperator for OctreeConv {
         check_width(&x, self.c_in);
         let Context { params, arena } = context;
         let terms = x.parts().into_iter().map(|(part, columns)| match part {
-            Part::Nodes(x) => Term::Nodes { x, weights: self.matrices(params).rows(columns) },
-            Part::Shapes(values, shapes) => {
+            OperandPart::Nodes(x) => {
+                Term::Nodes { x, weights: self.matrices(params).rows(columns) }
+            }
+            OperandPart::Shapes(values, shapes) => {
                 let size = (map.n_offsets(), self.c_out);
                 let matrix = |k| self.matrix(params, k, &columns);
                 let products = shapes::products(arena, (values, columns.len()), matrix, size);
@@ -186,8 +181,8 @@ impl LinearOperator for OctreeConv {
         check_width(&x, self.c_in);
         for (part, columns) in x.parts() {
             match part {
-                Part::Nodes(x) => self.add_weight_gradient(pass, map, (x, columns), dy),
-                Part::Shapes(values, shapes) => {
+                OperandPart::Nodes(x) => self.add_weight_gradient(pass, map, (x, columns), dy),
+                OperandPart::Shapes(values, shapes) => {
                     let sums = shapes::sums(pass.arena, map, shapes, (dy, self.c_out));
                     let of = ShapeColumns { values, shapes, columns, dy };
                     self.add_shape_weight_gradient(pass, &of, &sums);
@@ -203,9 +198,9 @@ impl LinearOperator for OctreeConv {
         x: Operand<T>,
         dy: &[T],
     ) -> OperandGradient<T> {
-        let of_part = |(part, columns): (Part<T>, Range<usize>)| match part {
-            Part::Nodes(_) => self.node_gradient(context, map, columns, dy),
-            Part::Shapes(values, shapes) => {
+        let of_part = |(part, columns): (OperandPart<T>, Range<usize>)| match part {
+            OperandPart::Nodes(_) => self.node_gradient(context, map, columns, dy),
+            OperandPart::Shapes(values, shapes) => {
                 let sums = shapes::sums(context.arena, map, shapes, (dy, self.c_out));
                 let of = ShapeColumns { values, shapes, columns, dy };
                 self.shape_input_gradient(context, &of, &sums)
@@ -223,12 +218,12 @@ impl LinearOperator for OctreeConv {
         dy: &[T],
     ) -> OperandGradient<T> {
         check_width(&x, self.c_in);
-        let of_part = |(part, columns): (Part<T>, Range<usize>)| match part {
-            Part::Nodes(x) => {
+        let of_part = |(part, columns): (OperandPart<T>, Range<usize>)| match part {
+            OperandPart::Nodes(x) => {
                 self.add_weight_gradient(pass, map, (x, columns.clone()), dy);
                 self.node_gradient(pass.context(), map, columns, dy)
             }
-            Part::Shapes(values, shapes) => {
+            OperandPart::Shapes(values, shapes) => {
                 self.shape_gradients(pass, map, ShapeColumns { values, shapes, columns, dy })
             }
         };
@@ -246,7 +241,7 @@ mod tests {
     use super::*;
     use crate::gradcheck::probe;
     use crate::octree::tests::{sheet, sheets};
-    use crate::octree::{Cloud, Level, Octree, OctreeOptions};
+    use crate::octree::{Cloud, Octree, OctreeLevel, OctreeOptions};
     use crate::par::with_threads;
 
     fn conv(c_in: usize, c_out: usize) -> (OctreeConv, Layout, Vec<f64>) {
@@ -257,7 +252,13 @@ mod tests {
     }
 
     /// The definition, product by product in the promised order.
-    fn plain<T: Scalar>(level: &Level, w: &[T], c_in: usize, c_out: usize, x: &[T]) -> Vec<T> {
+    fn plain<T: Scalar>(
+        level: &OctreeLevel,
+        w: &[T],
+        c_in: usize,
+        c_out: usize,
+        x: &[T],
+    ) -> Vec<T> {
         let mut y = vec![T::ZERO; level.n_nodes() * c_out];
         for (neigh, y) in level.neigh.iter().zip(y.chunks_exact_mut(c_out)) {
             for (k, &m) in neigh.iter().enumerate().filter(|(_, m)| **m >= 0) {
@@ -290,7 +291,7 @@ mod tests {
     }
 
     /// Levels on which wide convolutions take another way.
-    fn levels_of_siblings(octree: &Octree) -> impl Iterator<Item = &Level> {
+    fn levels_of_siblings(octree: &Octree) -> impl Iterator<Item = &OctreeLevel> {
         octree.levels.iter().filter(|level| !level.conv.siblings().is_empty())
     }
 

@@ -10,7 +10,7 @@ use super::linear_operator::{LinearOperator, check_width, xavier_bound};
 use super::operand::{Operand, OperandGradient};
 use super::params::{Init, Layout};
 use super::pass::{Backward, Context};
-use crate::octree::Level;
+use crate::octree::OctreeLevel;
 use crate::scalar::Scalar;
 use std::ops::Range;
 
@@ -52,7 +52,7 @@ impl OctreeDeconv {
 }
 
 impl LinearOperator for OctreeDeconv {
-    type Geometry = Level;
+    type Geometry = OctreeLevel;
 
     fn c_in(&self) -> usize {
         self.c_in
@@ -69,7 +69,7 @@ impl LinearOperator for OctreeDeconv {
     fn apply<T: Scalar>(
         &self,
         context: Context<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
         epilogue: Epilogue<T>,
     ) -> Buffer<T> {
@@ -84,7 +84,7 @@ impl LinearOperator for OctreeDeconv {
     fn weight_gradient<T: Scalar>(
         &self,
         pass: &mut Backward<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
         dy: &[T],
     ) {
@@ -99,7 +99,7 @@ impl LinearOperator for OctreeDeconv {
     fn input_gradient<T: Scalar>(
         &self,
         context: Context<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
         dy: &[T],
     ) -> OperandGradient<T> {

@@ -10,7 +10,7 @@ use super::params::Layout;
 use super::pass::{Backward, Inference, Training};
 use super::saved::Policy;
 use super::strided_conv::{OctreeStridedConv, OutputRows};
-use crate::octree::Level;
+use crate::octree::OctreeLevel;
 use crate::scalar::Scalar;
 use std::ops::Range;
 
@@ -52,7 +52,7 @@ impl Downsample {
     /// A row for each node of `coarse`.
     fn pad<T: Scalar>(
         &self,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         y: Buffer<T>,
         padded: impl FnOnce(usize) -> Buffer<T>,
     ) -> Buffer<T> {
@@ -68,14 +68,14 @@ impl Downsample {
 }
 
 impl<T: Scalar> Layer<T> for Downsample {
-    type Geometry = Level;
+    type Geometry = OctreeLevel;
     type Saved = SavedLinearNormAct<T>;
 
     fn param_ranges(&self) -> Vec<Range<usize>> {
         Layer::<T>::param_ranges(&self.stage)
     }
 
-    fn forward(&self, pass: &Inference<T>, coarse: &Level, x: Operand<T>) -> Buffer<T> {
+    fn forward(&self, pass: &Inference<T>, coarse: &OctreeLevel, x: Operand<T>) -> Buffer<T> {
         let y = self.stage.forward(pass, coarse, x);
         self.pad(coarse, y, |n| pass.arena.get(n))
     }
@@ -83,7 +83,7 @@ impl<T: Scalar> Layer<T> for Downsample {
     fn forward_train(
         &self,
         pass: &mut Training<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
     ) -> (Buffer<T>, Self::Saved) {
         let (y, saved) = self.stage.forward_train(pass, coarse, x);
@@ -93,7 +93,7 @@ impl<T: Scalar> Layer<T> for Downsample {
     fn backward(
         &self,
         pass: &mut Backward<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
         saved: Self::Saved,
         dy: Buffer<T>,

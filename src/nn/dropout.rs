@@ -94,7 +94,7 @@ impl<T: Scalar> Layer<T> for Dropout {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gradcheck::{self, Case, Settings};
+    use crate::gradcheck::{self, Case, GradcheckSettings};
     use crate::nn::params::Layout;
     use crate::rng::Purpose;
 
@@ -133,7 +133,7 @@ mod tests {
         let (x, dropout_streams) = (Operand::new(&values, 10), Some(&streams[..]));
         let case =
             Case { layout: &layout, params: &[], geometry: &(), x, dropout: dropout_streams };
-        let report = gradcheck::layer(&dropout, &case, &Settings::default()).unwrap();
+        let report = gradcheck::layer(&dropout, &case, &GradcheckSettings::default()).unwrap();
         report.require(1e-7).unwrap();
     }
 

@@ -9,7 +9,7 @@ use super::pass::{Backward, Inference, Training};
 use super::rows;
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::simd::normalize::{
     BackwardApply, BackwardRows, BackwardSums, Columns, backward_apply, backward_sums,
 };
@@ -103,7 +103,7 @@ impl GroupNorm {
             let [dweight, dbias] = rows::column_sums(0..shape.len(), c, |block, sums| {
                 let block = block.start * c..block.end * c;
                 let (x, dy) = (&x[block.clone()], &d[block]);
-                backward_sums(Level::active(), BackwardSums { rows: how, x, dy, sums });
+                backward_sums(Isa::active(), BackwardSums { rows: how, x, dy, sums });
             });
             let n = (shape.len() * c / self.n_groups) as f64;
             let mean_of = |sums: &[f64]| {
@@ -124,7 +124,7 @@ impl GroupNorm {
                 let means = means.each_ref().map(|means| &means[..]);
                 let read = &x[i * len..][..over.len()];
                 let work = BackwardApply { rows: how, means, over_dy: true, read, over };
-                backward_apply(Level::active(), work);
+                backward_apply(Isa::active(), work);
             });
         }
     }
@@ -142,9 +142,9 @@ impl GroupNorm {
         let size = self.c / self.n_groups;
         let average = |v: &[f64]| v.iter().sum::<f64>() / size as f64;
         let group = |(mean, var): (&[f64], &[f64])| {
-            let centre = average(mean);
-            let between: Vec<f64> = mean.iter().map(|m| (m - centre) * (m - centre)).collect();
-            (centre, 1.0 / (average(var) + average(&between) + EPS).sqrt())
+            let center = average(mean);
+            let between: Vec<f64> = mean.iter().map(|m| (m - center) * (m - center)).collect();
+            (center, 1.0 / (average(var) + average(&between) + EPS).sqrt())
         };
         mean.chunks(size).zip(var.chunks(size)).map(group).unzip()
     }

@@ -13,7 +13,7 @@ use super::pass::{Backward, Inference, Training};
 use crate::octree::{Octree, key};
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::simd::elementwise::{SparseRows, sparse_rows};
 use glam::{UVec3, Vec3};
 use std::ops::Range;
@@ -69,16 +69,16 @@ impl<T: Scalar> Interpolation<T> {
         })
     }
 
-    /// Trilinear from the nodes of depth `from` to the centres of the nodes of depth `to`.
+    /// Trilinear from the nodes of depth `from` to the centers of the nodes of depth `to`.
     ///
     /// # Panics
     /// If the octree has not both depths.
     pub fn between_depths(octree: &Octree, from: usize, to: usize) -> Self {
         let edge = 2.0 / (1u32 << to) as f32;
-        let centre = |&k: &u64| (UVec3::from(key::decode(k).0).as_vec3() + 0.5) * edge - 1.0;
+        let center = |&k: &u64| (UVec3::from(key::decode(k).0).as_vec3() + 0.5) * edge - 1.0;
         let level = &octree.levels[to];
-        let centres: Vec<Vec3> = level.keys.iter().map(centre).collect();
-        Self::linear(octree, from, &centres, &level.ranges)
+        let centers: Vec<Vec3> = level.keys.iter().map(center).collect();
+        Self::linear(octree, from, &centers, &level.ranges)
     }
 
     fn new(
@@ -117,7 +117,7 @@ impl<T: Scalar> Interpolation<T> {
         self.terms.starts.len() - 1
     }
 
-    /// The gradient by `[n_nodes, c]` from that by `[n_points, c]`: what [`Interpolate`] does on the way back.
+    /// The gradient by `[n_nodes, c]` from that by `[n_points, c]`: what [`Interpolate`] does in the backward pass.
     ///
     /// # Panics
     /// If `dy` has not one row per point.
@@ -176,7 +176,7 @@ impl<T: Scalar> Terms<T> {
             let n = y.len() / channels;
             let starts = &starts[block * BLOCK..=block * BLOCK + n];
             let rows = SparseRows { starts, sources, weights, x, c: channels, y };
-            sparse_rows(Level::active(), rows);
+            sparse_rows(Isa::active(), rows);
         });
     }
 
@@ -261,8 +261,8 @@ mod tests {
         )
         .unwrap();
         let value = |p: Vec3| f64::from(1.0 + p.x - 2.0 * p.y + 3.0 * p.z);
-        let centre = |&k: &u64| UVec3::from(key::decode(k).0).as_vec3() * 0.25 - 0.875;
-        let x: Vec<f64> = octree.finest().keys.iter().map(|k| value(centre(k))).collect();
+        let center = |&k: &u64| UVec3::from(key::decode(k).0).as_vec3() * 0.25 - 0.875;
+        let x: Vec<f64> = octree.finest().keys.iter().map(|k| value(center(k))).collect();
         let (points, ranges) = queries(&octree, 500);
         let y = forward(&Interpolation::linear(&octree, 3, &points, &ranges), 1, &x);
         let inside = points.iter().zip(y).filter(|(p, _)| p.abs().max_element() < 0.875);

@@ -7,7 +7,7 @@ use super::arena::Buffer;
 use super::column_norm::Epilogue;
 use super::conv_plan::{ConvPlan, OuterProduct, Product, RowMap, Term, Weights, dense, shapes};
 use super::linear_operator::{LinearOperator, check_width};
-use super::operand::{Operand, OperandGradient, Part};
+use super::operand::{Operand, OperandGradient, OperandPart};
 use super::params::{Init, Layout};
 use super::pass::{Backward, Context};
 use super::rows;
@@ -96,13 +96,13 @@ impl Linear {
     fn add_part_gradient<T: Scalar>(
         &self,
         context: Context<T>,
-        (part, columns): (Part<T>, Range<usize>),
+        (part, columns): (OperandPart<T>, Range<usize>),
         dy: &[T],
         dx: &mut [T],
     ) {
         match part {
-            Part::Nodes(_) => self.add_node_gradient(context, columns, dy, dx),
-            Part::Shapes(_, shapes) => {
+            OperandPart::Nodes(_) => self.add_node_gradient(context, columns, dy, dx),
+            OperandPart::Shapes(_, shapes) => {
                 let sums = self.sums_of_shapes(context, shapes, dy);
                 self.add_node_gradient(context, columns, &sums, dx);
             }
@@ -200,10 +200,10 @@ impl LinearOperator for Linear {
         let mut transposed = arena.get(c_in * c_out);
         dense::transpose(&context.params[self.weight.clone()], c_out, c_in, &mut transposed);
         let terms = x.parts().into_iter().map(|(part, columns)| match part {
-            Part::Nodes(x) => {
+            OperandPart::Nodes(x) => {
                 Term::Nodes { x, weights: Weights::new(&transposed, c_in, c_out).rows(columns) }
             }
-            Part::Shapes(values, shapes) => {
+            OperandPart::Shapes(values, shapes) => {
                 let w = &transposed[columns.start * c_out..columns.end * c_out];
                 let size = (1, c_out);
                 let products = shapes::products(arena, (values, columns.len()), |_| w, size);
@@ -222,8 +222,8 @@ impl LinearOperator for Linear {
         assert_eq!(dy.len(), x.n_rows() * self.c_out, "rows of the gradient and of x differ");
         for (part, columns) in x.parts() {
             match part {
-                Part::Nodes(x) => self.add_weight_gradient(pass, columns, (dy, x)),
-                Part::Shapes(values, shapes) => {
+                OperandPart::Nodes(x) => self.add_weight_gradient(pass, columns, (dy, x)),
+                OperandPart::Shapes(values, shapes) => {
                     let sums = self.sums_of_shapes(pass.context(), shapes, dy);
                     self.add_weight_gradient(pass, columns, (&sums, values));
                 }
@@ -240,9 +240,9 @@ impl LinearOperator for Linear {
         x: Operand<T>,
         dy: &[T],
     ) -> OperandGradient<T> {
-        let of_part = |(part, columns): (Part<T>, Range<usize>)| {
+        let of_part = |(part, columns): (OperandPart<T>, Range<usize>)| {
             let len = match part {
-                Part::Nodes(x) | Part::Shapes(x, _) => x.len(),
+                OperandPart::Nodes(x) | OperandPart::Shapes(x, _) => x.len(),
             };
             let mut dx = context.arena.zeroed(len);
             self.add_part_gradient(context, (part, columns), dy, &mut dx);

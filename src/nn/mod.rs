@@ -64,7 +64,7 @@ mod testing {
     use super::operand::Operand;
     use super::params::Layout;
     use super::pass::{Backward, Inference, Training};
-    use crate::gradcheck::{self, Case, Settings};
+    use crate::gradcheck::{self, Case, GradcheckSettings};
     use crate::octree::tests::sheets;
     use crate::octree::{Cloud, Octree, OctreeOptions};
     use crate::scalar::Scalar;
@@ -121,7 +121,7 @@ mod testing {
         geometry: &L::Geometry,
         x: Operand<f64>,
     ) {
-        let settings = Settings { max_elements: 120, ..Settings::default() };
+        let settings = GradcheckSettings { max_elements: 120, ..GradcheckSettings::default() };
         let case = Case { layout, params, geometry, x, dropout: None };
         gradcheck::layer(layer, &case, &settings).unwrap().require(1e-7).unwrap();
     }

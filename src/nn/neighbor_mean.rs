@@ -7,7 +7,7 @@ use super::pass::{Backward, Inference, Training};
 use super::rows::BLOCK_ROWS;
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::simd::elementwise::{SparseRows, sparse_rows};
 use std::ops::Range;
 
@@ -85,7 +85,7 @@ fn sum_rows<T: Scalar>(
     par::for_each_block(y, BLOCK_ROWS * c, |block, y| {
         let first = block * BLOCK_ROWS;
         let starts = &starts[first..=first + y.len() / c];
-        sparse_rows(Level::active(), SparseRows { starts, sources, weights, x, c, y });
+        sparse_rows(Isa::active(), SparseRows { starts, sources, weights, x, c, y });
     });
 }
 

@@ -34,7 +34,7 @@ pub enum Operand<'a, T> {
 
 /// One matrix of an operand, without [`Operand::Concat`].
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Part<'a, T> {
+pub(super) enum OperandPart<'a, T> {
     Nodes(&'a [T]),
     Shapes(&'a [T], &'a [Range<usize>]),
 }
@@ -122,18 +122,18 @@ impl<'a, T: Scalar> Operand<'a, T> {
     }
 
     /// Each matrix and its columns, from left to right.
-    pub(super) fn parts(&self) -> Vec<(Part<'a, T>, Range<usize>)> {
+    pub(super) fn parts(&self) -> Vec<(OperandPart<'a, T>, Range<usize>)> {
         let mut parts = Vec::new();
         self.push_parts(&mut parts);
         parts
     }
 
-    fn push_parts(&self, parts: &mut Vec<(Part<'a, T>, Range<usize>)>) {
+    fn push_parts(&self, parts: &mut Vec<(OperandPart<'a, T>, Range<usize>)>) {
         let start = parts.last().map_or(0, |(_, columns)| columns.end);
         match *self {
-            Operand::PerNode { x, c } => parts.push((Part::Nodes(x), start..start + c)),
+            Operand::PerNode { x, c } => parts.push((OperandPart::Nodes(x), start..start + c)),
             Operand::PerShape { x, c, shapes } => {
-                parts.push((Part::Shapes(x, shapes), start..start + c));
+                parts.push((OperandPart::Shapes(x, shapes), start..start + c));
             }
             Operand::Concat(operands) => operands.iter().for_each(|o| o.push_parts(parts)),
         }
@@ -166,11 +166,11 @@ impl<'a, T: Scalar> Operand<'a, T> {
     }
 }
 
-impl<'a, T> Part<'a, T> {
+impl<'a, T> OperandPart<'a, T> {
     fn row(&self, row: usize, c: usize) -> &'a [T] {
         let (x, row) = match *self {
-            Part::Nodes(x) => (x, row),
-            Part::Shapes(x, shapes) => (x, shapes.partition_point(|shape| shape.end <= row)),
+            OperandPart::Nodes(x) => (x, row),
+            OperandPart::Shapes(x, shapes) => (x, shapes.partition_point(|shape| shape.end <= row)),
         };
         &x[row * c..][..c]
     }
@@ -193,16 +193,16 @@ impl<T: Scalar> OperandGradient<T> {
         if let Operand::PerNode { .. } = x {
             return OperandGradient(vec![dx]);
         }
-        let of_part = |(part, columns): (Part<T>, Range<usize>)| {
+        let of_part = |(part, columns): (OperandPart<T>, Range<usize>)| {
             let (c, row) =
                 (columns.len(), |row: usize| &dx[row * width + columns.start..][..columns.len()]);
             match part {
-                Part::Nodes(x) => {
+                OperandPart::Nodes(x) => {
                     let mut d = arena.get(x.len());
                     rows::for_each_row(&mut d, c, |i, d| d.copy_from_slice(row(i)));
                     d
                 }
-                Part::Shapes(x, shapes) => {
+                OperandPart::Shapes(x, shapes) => {
                     let mut d = arena.get(x.len());
                     for (d, shape) in d.chunks_exact_mut(c).zip(shapes) {
                         let sums = rows::sums_of_columns(shape.clone(), c, row);

@@ -6,7 +6,7 @@ use super::arena::Buffer;
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
-use crate::octree::Level;
+use crate::octree::OctreeLevel;
 use crate::par;
 use crate::scalar::Scalar;
 use std::ops::Range;
@@ -24,7 +24,7 @@ pub struct Pad;
 pub struct Depad;
 
 /// `x: [n_nonempty, c]` to `y: [n_nodes, c]`.
-pub(super) fn scatter<T: Scalar>(level: &Level, c: usize, x: &[T], y: &mut [T]) {
+pub(super) fn scatter<T: Scalar>(level: &OctreeLevel, c: usize, x: &[T], y: &mut [T]) {
     assert_eq!(x.len(), level.n_nonempty() * c, "rows of the input and non-empty nodes differ");
     par::for_each_block(y, BLOCK * c, |block, rows| {
         for (i, row) in rows.chunks_exact_mut(c).enumerate() {
@@ -37,7 +37,7 @@ pub(super) fn scatter<T: Scalar>(level: &Level, c: usize, x: &[T], y: &mut [T]) 
 }
 
 /// `x: [n_nodes, c]` to `y: [n_nonempty, c]`.
-pub(super) fn gather<T: Scalar>(level: &Level, c: usize, x: &[T], y: &mut [T]) {
+pub(super) fn gather<T: Scalar>(level: &OctreeLevel, c: usize, x: &[T], y: &mut [T]) {
     assert_eq!(x.len(), level.n_nodes() * c, "rows of the input and of the octree differ");
     par::for_each_block(y, BLOCK * c, |block, rows| {
         for (i, row) in rows.chunks_exact_mut(c).enumerate() {
@@ -48,14 +48,14 @@ pub(super) fn gather<T: Scalar>(level: &Level, c: usize, x: &[T], y: &mut [T]) {
 }
 
 impl<T: Scalar> Layer<T> for Pad {
-    type Geometry = Level;
+    type Geometry = OctreeLevel;
     type Saved = ();
 
     fn param_ranges(&self) -> Vec<Range<usize>> {
         Vec::new()
     }
 
-    fn forward(&self, pass: &Inference<T>, level: &Level, x: Operand<T>) -> Buffer<T> {
+    fn forward(&self, pass: &Inference<T>, level: &OctreeLevel, x: Operand<T>) -> Buffer<T> {
         let c = x.width();
         let mut y = pass.arena.get(level.n_nodes() * c);
         scatter(level, c, &x.to_matrix(pass.arena), &mut y);
@@ -65,7 +65,7 @@ impl<T: Scalar> Layer<T> for Pad {
     fn forward_train(
         &self,
         pass: &mut Training<T>,
-        level: &Level,
+        level: &OctreeLevel,
         x: Operand<T>,
     ) -> (Buffer<T>, ()) {
         (self.forward(&pass.inference(), level, x), ())
@@ -74,7 +74,7 @@ impl<T: Scalar> Layer<T> for Pad {
     fn backward(
         &self,
         pass: &mut Backward<T>,
-        level: &Level,
+        level: &OctreeLevel,
         x: Operand<T>,
         (): (),
         dy: Buffer<T>,
@@ -87,14 +87,14 @@ impl<T: Scalar> Layer<T> for Pad {
 }
 
 impl<T: Scalar> Layer<T> for Depad {
-    type Geometry = Level;
+    type Geometry = OctreeLevel;
     type Saved = ();
 
     fn param_ranges(&self) -> Vec<Range<usize>> {
         Vec::new()
     }
 
-    fn forward(&self, pass: &Inference<T>, level: &Level, x: Operand<T>) -> Buffer<T> {
+    fn forward(&self, pass: &Inference<T>, level: &OctreeLevel, x: Operand<T>) -> Buffer<T> {
         let c = x.width();
         let mut y = pass.arena.get(level.n_nonempty() * c);
         gather(level, c, &x.to_matrix(pass.arena), &mut y);
@@ -104,7 +104,7 @@ impl<T: Scalar> Layer<T> for Depad {
     fn forward_train(
         &self,
         pass: &mut Training<T>,
-        level: &Level,
+        level: &OctreeLevel,
         x: Operand<T>,
     ) -> (Buffer<T>, ()) {
         (self.forward(&pass.inference(), level, x), ())
@@ -113,7 +113,7 @@ impl<T: Scalar> Layer<T> for Depad {
     fn backward(
         &self,
         pass: &mut Backward<T>,
-        level: &Level,
+        level: &OctreeLevel,
         x: Operand<T>,
         (): (),
         dy: Buffer<T>,

@@ -29,7 +29,7 @@ pub struct Inference<'a, T> {
     pub arena: &'a Arena<T>,
 }
 
-/// The forward pass of a training step: statistics of the batch, running ones move towards them.
+/// The forward pass of a training step: statistics of the batch, running ones move toward them.
 #[derive(Debug)]
 pub struct Training<'a, T> {
     /// Learned numbers of the whole model.

@@ -5,7 +5,7 @@ use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
 use super::rows;
-use crate::octree::Level;
+use crate::octree::OctreeLevel;
 use crate::par;
 use crate::scalar::Scalar;
 use std::ops::Range;
@@ -31,14 +31,14 @@ pub struct MeanPool;
 pub struct GlobalMeanPool;
 
 impl<T: Scalar> Layer<T> for MaxPool {
-    type Geometry = Level;
+    type Geometry = OctreeLevel;
     type Saved = TakenChildren;
 
     fn param_ranges(&self) -> Vec<Range<usize>> {
         Vec::new()
     }
 
-    fn forward(&self, pass: &Inference<T>, coarse: &Level, x: Operand<T>) -> Buffer<T> {
+    fn forward(&self, pass: &Inference<T>, coarse: &OctreeLevel, x: Operand<T>) -> Buffer<T> {
         let c = x.width();
         let mut y = pass.arena.get(coarse.n_nodes() * c);
         from_children(coarse, c, &x.to_matrix(pass.arena), &mut y, |children, j| {
@@ -50,7 +50,7 @@ impl<T: Scalar> Layer<T> for MaxPool {
     fn forward_train(
         &self,
         pass: &mut Training<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
     ) -> (Buffer<T>, TakenChildren) {
         let (c, y) = (x.width(), self.forward(&pass.inference(), coarse, x));
@@ -65,7 +65,7 @@ impl<T: Scalar> Layer<T> for MaxPool {
     fn backward(
         &self,
         pass: &mut Backward<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
         taken: TakenChildren,
         dy: Buffer<T>,
@@ -83,14 +83,14 @@ impl<T: Scalar> Layer<T> for MaxPool {
 }
 
 impl<T: Scalar> Layer<T> for MeanPool {
-    type Geometry = Level;
+    type Geometry = OctreeLevel;
     type Saved = ();
 
     fn param_ranges(&self) -> Vec<Range<usize>> {
         Vec::new()
     }
 
-    fn forward(&self, pass: &Inference<T>, coarse: &Level, x: Operand<T>) -> Buffer<T> {
+    fn forward(&self, pass: &Inference<T>, coarse: &OctreeLevel, x: Operand<T>) -> Buffer<T> {
         let (c, eighth) = (x.width(), T::from_f64(0.125));
         let mut y = pass.arena.get(coarse.n_nodes() * c);
         from_children(coarse, c, &x.to_matrix(pass.arena), &mut y, |children, j| {
@@ -102,7 +102,7 @@ impl<T: Scalar> Layer<T> for MeanPool {
     fn forward_train(
         &self,
         pass: &mut Training<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
     ) -> (Buffer<T>, ()) {
         (self.forward(&pass.inference(), coarse, x), ())
@@ -112,7 +112,7 @@ impl<T: Scalar> Layer<T> for MeanPool {
     fn backward(
         &self,
         pass: &mut Backward<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
         (): (),
         dy: Buffer<T>,
@@ -128,14 +128,14 @@ impl<T: Scalar> Layer<T> for MeanPool {
 }
 
 impl<T: Scalar> Layer<T> for GlobalMeanPool {
-    type Geometry = Level;
+    type Geometry = OctreeLevel;
     type Saved = ();
 
     fn param_ranges(&self) -> Vec<Range<usize>> {
         Vec::new()
     }
 
-    fn forward(&self, pass: &Inference<T>, level: &Level, x: Operand<T>) -> Buffer<T> {
+    fn forward(&self, pass: &Inference<T>, level: &OctreeLevel, x: Operand<T>) -> Buffer<T> {
         let (c, x) = (x.width(), x.to_matrix(pass.arena));
         assert_eq!(x.len(), level.n_nodes() * c, "rows of the input and of the octree differ");
         let mut y = pass.arena.zeroed(level.ranges.len() * c);
@@ -153,7 +153,7 @@ impl<T: Scalar> Layer<T> for GlobalMeanPool {
     fn forward_train(
         &self,
         pass: &mut Training<T>,
-        level: &Level,
+        level: &OctreeLevel,
         x: Operand<T>,
     ) -> (Buffer<T>, ()) {
         (self.forward(&pass.inference(), level, x), ())
@@ -163,7 +163,7 @@ impl<T: Scalar> Layer<T> for GlobalMeanPool {
     fn backward(
         &self,
         pass: &mut Backward<T>,
-        level: &Level,
+        level: &OctreeLevel,
         x: Operand<T>,
         (): (),
         dy: Buffer<T>,
@@ -189,7 +189,7 @@ fn greatest<T: Scalar>(children: &[T], channels: usize, c: usize) -> usize {
 
 /// `y[node, c] = pool(rows of the node's children, c)`, zero for empty nodes.
 fn from_children<T: Scalar, R: Default + Copy + Send>(
-    coarse: &Level,
+    coarse: &OctreeLevel,
     channels: usize,
     x: &[T],
     y: &mut [R],
@@ -215,7 +215,7 @@ fn from_children<T: Scalar, R: Default + Copy + Send>(
 
 /// Calls `fill(node, octant, row)` for the row of every child of every non-empty node.
 fn to_children<T: Scalar>(
-    coarse: &Level,
+    coarse: &OctreeLevel,
     channels: usize,
     dy: &[T],
     dx: &mut [T],

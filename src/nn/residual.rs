@@ -43,7 +43,7 @@ pub struct SavedResidual<T> {
     shortcut: Option<SavedLinearNormAct<T>>,
 }
 
-/// The shortcut on the way back: nothing to do, or its linear map's output.
+/// The shortcut in the backward pass: nothing to do, or its linear map's output.
 enum Shortcut<'a, T> {
     Identity,
     Linear { layer: &'a LinearNormAct<Linear>, mapped: Buffer<T>, statistics: Statistics },

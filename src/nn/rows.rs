@@ -3,7 +3,7 @@
 use crate::par;
 use crate::scalar::Scalar;
 use crate::simd::elementwise::{self, Combination};
-use crate::simd::{Level, normalize};
+use crate::simd::{Isa, normalize};
 use std::ops::Range;
 
 /// Rows of one task. A constant, so that sums over rows do not depend on the number of threads.
@@ -14,7 +14,7 @@ const BLOCK_ELEMENTS: usize = 1 << 15;
 
 /// `y += x`, element by element.
 pub(super) fn add<T: Scalar>(y: &mut [T], x: &[T]) {
-    elementwise::combine(Level::active(), Combination::Add, y, &x[..y.len()]);
+    elementwise::combine(Isa::active(), Combination::Add, y, &x[..y.len()]);
 }
 
 /// `y += x`, element by element, in parallel.
@@ -27,13 +27,13 @@ pub(super) fn combine<T: Scalar>(combination: Combination, y: &mut [T], x: &[T])
     assert_eq!(y.len(), x.len());
     par::for_each_block(y, BLOCK_ELEMENTS, |i, y| {
         let x = &x[i * BLOCK_ELEMENTS..][..y.len()];
-        elementwise::combine(Level::active(), combination, y, x);
+        elementwise::combine(Isa::active(), combination, y, x);
     });
 }
 
 /// `max(x, 0)` in place, in parallel.
 pub(super) fn rectify<T: Scalar>(x: &mut [T]) {
-    par::for_each_block(x, BLOCK_ELEMENTS, |_, x| elementwise::relu(Level::active(), x));
+    par::for_each_block(x, BLOCK_ELEMENTS, |_, x| elementwise::relu(Isa::active(), x));
 }
 
 /// Sums of `N` quantities per column over `rows`, in f64, blocks joined in order.
@@ -67,8 +67,8 @@ pub(super) fn sums_of_columns<'a, T: Scalar>(
     row: impl Fn(usize) -> &'a [T] + Sync,
 ) -> Vec<f64> {
     let [sums] = column_sums(rows, n_columns, |block, [sums]| {
-        let level = Level::active();
-        block.for_each(|i| normalize::column_sums(level, row(i), None, sums));
+        let isa = Isa::active();
+        block.for_each(|i| normalize::column_sums(isa, row(i), None, sums));
     });
     sums
 }
@@ -91,7 +91,7 @@ pub(super) fn moments<T: Scalar>(x: &[T], c: usize) -> (Vec<f64>, Vec<f64>) {
     let n = x.len() / c;
     let sums = |mean: Option<&[f64]>| {
         let [mut sums] = column_sums(0..n, c, |block, [sums]| {
-            normalize::column_sums(Level::active(), &x[block.start * c..block.end * c], mean, sums);
+            normalize::column_sums(Isa::active(), &x[block.start * c..block.end * c], mean, sums);
         });
         sums.iter_mut().for_each(|sum| *sum /= n as f64);
         sums

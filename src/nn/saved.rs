@@ -2,7 +2,7 @@
 
 use super::arena::Buffer;
 
-/// What becomes of an intermediate matrix that backward will ask for. Gradients have the same bits either way.
+/// Whether an intermediate matrix that the backward pass needs is saved or recomputed. Gradients have the same bits either way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Policy {
     /// It stays in memory.

@@ -10,7 +10,7 @@ use super::linear_operator::{LinearOperator, check_width, xavier_bound};
 use super::operand::{Operand, OperandGradient};
 use super::params::{Init, Layout};
 use super::pass::{Backward, Context};
-use crate::octree::Level;
+use crate::octree::OctreeLevel;
 use crate::scalar::Scalar;
 use std::ops::Range;
 
@@ -66,7 +66,7 @@ impl OctreeStridedConv {
         Weights::new(&params[self.weights.clone()], 8 * self.c_in, self.c_out)
     }
 
-    fn row_map<'a>(&self, coarse: &'a Level) -> RowMap<'a> {
+    fn row_map<'a>(&self, coarse: &'a OctreeLevel) -> RowMap<'a> {
         match self.rows {
             OutputRows::AllNodes => RowMap::Kernel(&coarse.pad),
             OutputRows::NonEmpty => RowMap::Same(coarse.n_nonempty()),
@@ -75,7 +75,7 @@ impl OctreeStridedConv {
 }
 
 impl LinearOperator for OctreeStridedConv {
-    type Geometry = Level;
+    type Geometry = OctreeLevel;
 
     fn c_in(&self) -> usize {
         self.c_in
@@ -92,7 +92,7 @@ impl LinearOperator for OctreeStridedConv {
     fn apply<T: Scalar>(
         &self,
         context: Context<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
         epilogue: Epilogue<T>,
     ) -> Buffer<T> {
@@ -106,7 +106,7 @@ impl LinearOperator for OctreeStridedConv {
     fn weight_gradient<T: Scalar>(
         &self,
         pass: &mut Backward<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
         dy: &[T],
     ) {
@@ -125,7 +125,7 @@ impl LinearOperator for OctreeStridedConv {
     fn input_gradient<T: Scalar>(
         &self,
         context: Context<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
         dy: &[T],
     ) -> OperandGradient<T> {

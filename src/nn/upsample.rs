@@ -7,7 +7,7 @@ use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
 use super::rows;
-use crate::octree::Level;
+use crate::octree::OctreeLevel;
 use crate::par;
 use crate::scalar::Scalar;
 use std::ops::Range;
@@ -20,7 +20,7 @@ const BLOCK: usize = 1024;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NearestUpsample;
 
-fn from_parents<T: Scalar>(coarse: &Level, c: usize, x: &[T], y: &mut [T]) {
+fn from_parents<T: Scalar>(coarse: &OctreeLevel, c: usize, x: &[T], y: &mut [T]) {
     assert_eq!(x.len(), coarse.n_nodes() * c, "rows of the input and of the octree differ");
     par::for_each_block(y, 8 * BLOCK * c, |block, rows| {
         for (i, row) in rows.chunks_exact_mut(c).enumerate() {
@@ -31,7 +31,7 @@ fn from_parents<T: Scalar>(coarse: &Level, c: usize, x: &[T], y: &mut [T]) {
 }
 
 /// `dx[n] = Σ_k dy[8·children[n] + k]`; zero for empty nodes.
-fn sum_of_children<T: Scalar>(coarse: &Level, c: usize, dy: &[T], dx: &mut [T]) {
+fn sum_of_children<T: Scalar>(coarse: &OctreeLevel, c: usize, dy: &[T], dx: &mut [T]) {
     let n = 8 * coarse.n_nonempty() * c;
     assert_eq!(dy.len(), n, "rows of the gradient and children differ");
     par::for_each_block(dx, BLOCK * c, |block, rows| {
@@ -48,14 +48,14 @@ fn sum_of_children<T: Scalar>(coarse: &Level, c: usize, dy: &[T], dx: &mut [T]) 
 }
 
 impl<T: Scalar> Layer<T> for NearestUpsample {
-    type Geometry = Level;
+    type Geometry = OctreeLevel;
     type Saved = ();
 
     fn param_ranges(&self) -> Vec<Range<usize>> {
         Vec::new()
     }
 
-    fn forward(&self, pass: &Inference<T>, coarse: &Level, x: Operand<T>) -> Buffer<T> {
+    fn forward(&self, pass: &Inference<T>, coarse: &OctreeLevel, x: Operand<T>) -> Buffer<T> {
         let c = x.width();
         let mut y = pass.arena.get(8 * coarse.n_nonempty() * c);
         from_parents(coarse, c, &x.to_matrix(pass.arena), &mut y);
@@ -65,7 +65,7 @@ impl<T: Scalar> Layer<T> for NearestUpsample {
     fn forward_train(
         &self,
         pass: &mut Training<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
     ) -> (Buffer<T>, ()) {
         (self.forward(&pass.inference(), coarse, x), ())
@@ -74,7 +74,7 @@ impl<T: Scalar> Layer<T> for NearestUpsample {
     fn backward(
         &self,
         pass: &mut Backward<T>,
-        coarse: &Level,
+        coarse: &OctreeLevel,
         x: Operand<T>,
         (): (),
         dy: Buffer<T>,

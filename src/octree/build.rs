@@ -1,13 +1,13 @@
 //! Construction: sort the points by key, then grow the depths from the root.
 
-use super::{Cloud, KernelMap, Level, Octree, OctreeOptions, key, neighbours};
+use super::{Cloud, KernelMap, Octree, OctreeLevel, OctreeOptions, key, neighbors};
 use crate::{Error, Result, par};
 use glam::{DVec3, Vec3};
 use std::ops::Range;
 
 /// Points per task.
 const BLOCK: usize = 8192;
-/// Upper estimate: key, child, neighbours, row, all 27 pairs of the kernel map, siblings, both padding maps.
+/// Upper estimate: key, child, neighbors, row, all 27 pairs of the kernel map, siblings, both padding maps.
 const BYTES_PER_NODE: u64 = 8 + 4 + 27 * 4 + 4 + 27 * 8 + 27 * 4 / 8 + 2 * 8;
 /// Sorted pair of key and index, node, mean point and normal.
 const BYTES_PER_POINT: u64 = 16 + 8 + 4 + 12 + 12;
@@ -85,7 +85,7 @@ fn sorted_points(
             return Err(Error::geometry(
                 format!("point {i} of shape {shape}"),
                 format!("{} lies outside the cube [-1, 1]^3", cloud.points[i]),
-                "normalise or clip the points first",
+                "normalize or clip the points first",
             ));
         }
         par::for_each_block(&mut sorted[range.clone()], BLOCK, |block, pairs| {
@@ -168,8 +168,8 @@ fn guard_memory(
     Ok(())
 }
 
-fn levels(nonempty: &[Vec<u64>], n_shapes: usize, options: &OctreeOptions) -> Vec<Level> {
-    let mut levels: Vec<Level> = Vec::with_capacity(options.depth + 1);
+fn levels(nonempty: &[Vec<u64>], n_shapes: usize, options: &OctreeOptions) -> Vec<OctreeLevel> {
+    let mut levels: Vec<OctreeLevel> = Vec::with_capacity(options.depth + 1);
     for (d, nonempty) in nonempty.iter().enumerate() {
         let keys = match levels.last() {
             Some(coarse) if d > options.full_depth => children_keys(coarse),
@@ -180,9 +180,9 @@ fn levels(nonempty: &[Vec<u64>], n_shapes: usize, options: &OctreeOptions) -> Ve
         } else {
             children(&keys, nonempty)
         };
-        let siblings = levels.last().map(|coarse| {
-            neighbours::of_parents(&coarse.nonempty, &coarse.children, &coarse.neigh)
-        });
+        let siblings = levels
+            .last()
+            .map(|coarse| neighbors::of_parents(&coarse.nonempty, &coarse.children, &coarse.neigh));
         levels.push(level(d, keys, children, siblings, n_shapes));
     }
     levels
@@ -194,16 +194,16 @@ fn level(
     children: Vec<i32>,
     siblings: Option<Vec<[i32; 27]>>,
     n_shapes: usize,
-) -> Level {
+) -> OctreeLevel {
     let neigh = match &siblings {
-        Some(siblings) => neighbours::of_children(siblings),
-        None => neighbours::of_roots(n_shapes),
+        Some(siblings) => neighbors::of_children(siblings),
+        None => neighbors::of_roots(n_shapes),
     };
     let first_of = |shape: usize| keys.partition_point(|&k| key::decode(k).1 < shape);
     let ranges = (0..n_shapes).map(|shape| first_of(shape)..first_of(shape + 1)).collect();
     let nonempty: Vec<u32> =
         (0..keys.len() as u32).filter(|&n| children[n as usize] >= 0).collect();
-    Level {
+    OctreeLevel {
         conv: KernelMap::convolution(
             &neigh,
             siblings.filter(|_| depth >= SIBLINGS).unwrap_or_default(),
@@ -223,7 +223,7 @@ fn full_keys(depth: usize, n_shapes: usize) -> Vec<u64> {
     (0..n_shapes as u64).flat_map(shape_keys).collect()
 }
 
-fn children_keys(coarse: &Level) -> Vec<u64> {
+fn children_keys(coarse: &OctreeLevel) -> Vec<u64> {
     let parents = coarse.nonempty.iter().map(|&n| coarse.keys[n as usize]);
     parents.flat_map(|parent| (0..8).map(move |octant| key::child(parent, octant))).collect()
 }
@@ -241,7 +241,7 @@ fn children(keys: &[u64], nonempty: &[u64]) -> Vec<i32> {
     keys.iter().map(&mut place).collect()
 }
 
-/// Mean point in finest cells and normalised mean normal of every leaf, summed in point order.
+/// Mean point in finest cells and normalized mean normal of every leaf, summed in point order.
 fn leaf_means(
     clouds: &[Cloud],
     ranges: &[Range<usize>],

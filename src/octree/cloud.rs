@@ -6,7 +6,7 @@ use glam::Vec3;
 /// Points of one shape in [−1, 1]³, and their normals: as many, or none at all.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cloud<'a> {
-    /// Positions, dimensionless (see [`super::normalise`]).
+    /// Positions, dimensionless (see [`super::normalize`]).
     pub points: &'a [Vec3],
     /// Normals, one per point, of any length; or empty.
     pub normals: &'a [Vec3],

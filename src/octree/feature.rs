@@ -12,8 +12,8 @@ use std::str::FromStr;
 pub struct Features {
     /// Mean unit normal.
     pub normal: bool,
-    /// Signed distance, in finest cells, from the cell's centre to the plane through the mean point:
-    /// (mean point − centre) · normal.
+    /// Signed distance, in finest cells, from the cell's center to the plane through the mean point:
+    /// (mean point − center) · normal.
     pub displacement: bool,
     /// Mean point in [−1, 1]³.
     pub position: bool,

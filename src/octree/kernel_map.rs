@@ -2,7 +2,7 @@
 //!
 //! Output rows are cut into blocks of constant length. For each block and each kernel offset the map
 //! lists the pairs (input row, output row within the block) that exist, output rows ascending, so
-//! that a missing neighbour costs nothing. The block length depends on the number of rows only.
+//! that a missing neighbor costs nothing. The block length depends on the number of rows only.
 
 use crate::par;
 use crate::simd::gemm::block::MAX_ROWS as MAX_BLOCK;
@@ -27,7 +27,7 @@ pub struct KernelMap {
 }
 
 impl KernelMap {
-    /// The 27 offsets of a 3×3×3 convolution over nodes with neighbours `neigh` (−1: missing), and what
+    /// The 27 offsets of a 3×3×3 convolution over nodes with neighbors `neigh` (−1: missing), and what
     /// [`KernelMap::siblings`] returns.
     ///
     /// # Panics
@@ -111,7 +111,7 @@ impl KernelMap {
     }
 
     /// If the rows of this convolution are known to be the children of some parents, eight after eight: for
-    /// each parent, the first child of each of its 27 neighbours (−1: missing). Else empty.
+    /// each parent, the first child of each of its 27 neighbors (−1: missing). Else empty.
     pub fn siblings(&self) -> &[[i32; 27]] {
         &self.siblings
     }

@@ -1,4 +1,4 @@
-//! Sparse octrees: keys, construction, neighbours, batches and kernel maps.
+//! Sparse octrees: keys, construction, neighbors, batches and kernel maps.
 //!
 //! An [`Octree`] covers the cube [−1, 1]³ of every shape of a batch. Depth `d` has cells of edge
 //! `2^(1−d)`. Depths up to `full_depth` hold all `8^d` nodes; below, every node that contains a point
@@ -13,14 +13,14 @@ mod cloud;
 mod feature;
 pub mod kernel_map;
 pub mod key;
-mod neighbours;
-pub mod normalise;
+mod neighbors;
+pub mod normalize;
 mod options;
 
 pub use cloud::Cloud;
 pub use feature::Features;
 pub use kernel_map::KernelMap;
-pub use normalise::{Frame, Normalisation, Preparation, Prepared};
+pub use normalize::{CubeTransform, Normalization, Preparation, Prepared};
 pub use options::{MAX_DEPTH, OctreeOptions};
 
 use glam::Vec3;
@@ -28,7 +28,7 @@ use std::ops::Range;
 
 /// All nodes of one depth, over the whole batch.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Level {
+pub struct OctreeLevel {
     /// Key of every node ([`key`]), ascending.
     pub keys: Vec<u64>,
     /// Index of every node among the non-empty nodes of its depth, −1 for an empty one; its children
@@ -50,7 +50,7 @@ pub struct Level {
     pub depad: KernelMap,
 }
 
-impl Level {
+impl OctreeLevel {
     /// Number of nodes, empty ones included.
     pub fn n_nodes(&self) -> usize {
         self.keys.len()
@@ -72,7 +72,7 @@ impl Level {
 pub struct Octree {
     options: OctreeOptions,
     /// One entry per depth, `0..=depth`.
-    pub levels: Vec<Level>,
+    pub levels: Vec<OctreeLevel>,
     /// For each point, the index among the non-empty finest nodes of the node that contains it.
     pub point_node: Vec<u32>,
     /// Points of each shape in the joint list of points.
@@ -106,7 +106,7 @@ impl Octree {
     }
 
     /// The nodes of the finest depth.
-    pub fn finest(&self) -> &Level {
+    pub fn finest(&self) -> &OctreeLevel {
         &self.levels[self.options.depth]
     }
 

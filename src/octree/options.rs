@@ -17,7 +17,7 @@ pub struct OctreeOptions {
     pub absolute_normals: bool,
     /// Let trilinear interpolation within half a cell of a face of the cube take part of its weight from
     /// the cells at the opposite face. The reference does so for want of a bounds check; otherwise
-    /// the weights of the cells inside are renormalised.
+    /// the weights of the cells inside are renormalized.
     pub wrap_at_faces: bool,
     /// Sum the points and normals of a cell in f32 as the reference does. Its mean points then err by up
     /// to n·2⁻²⁴ relative for n points in a cell; otherwise sums are made in f64. Both in point order.

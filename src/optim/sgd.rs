@@ -2,7 +2,7 @@
 
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::simd::elementwise::{SgdStep, sgd_step};
 
 /// Elements per task.
@@ -19,7 +19,7 @@ pub struct Sgd {
 
 impl Sgd {
     /// `v ← momentum·v + (g + weight_decay·p)`, then `p ← p − lr·v`; a velocity of zeros starts it. The
-    /// gradients are zeros afterwards, ready to be added to: one way through memory instead of two.
+    /// gradients are zeros afterward, ready to be added to: one way through memory instead of two.
     ///
     /// # Panics
     /// If the three vectors differ in length.
@@ -27,7 +27,7 @@ impl Sgd {
         assert!(grads.len() == params.len() && velocity.len() == params.len());
         let [lr, momentum, decay] = [lr, self.momentum, self.weight_decay].map(T::from_f64);
         par::for_each_block3(grads, velocity, params, BLOCK, |grads, velocity, params| {
-            sgd_step(Level::active(), SgdStep { lr, momentum, decay, grads, velocity, params });
+            sgd_step(Isa::active(), SgdStep { lr, momentum, decay, grads, velocity, params });
         });
     }
 }

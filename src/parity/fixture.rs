@@ -122,7 +122,7 @@ fn read_config(path: &Path) -> Result<Config> {
     let config: Config = serde_json::from_str(&text)
         .map_err(|e| Error::file(path, format!("line {}", e.line()), e.to_string(), remedy))?;
     if config.nempty || config.interp != "linear" || config.dropout != 0.0 {
-        let found = "it asks for nempty, another interpolation or dropout";
+        let found = "it uses nempty, another interpolation or dropout";
         return Err(Error::file(path, "config", found, remedy));
     }
     Ok(config)

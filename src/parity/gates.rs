@@ -13,7 +13,7 @@ const MEDIAN_GATE: f64 = 5e-3;
 
 /// One comparison.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct GateRow {
     /// Name of the tensor in the fixture; `ops.` and `f64.` tell where and in what precision.
     pub name: String,
     /// Kind of tensor: those of a group share gate and measure.
@@ -24,7 +24,7 @@ pub struct Row {
     pub gate: f64,
 }
 
-impl Row {
+impl GateRow {
     /// Whether the error is within its gate.
     pub fn passed(&self) -> bool {
         self.error <= self.gate
@@ -105,7 +105,7 @@ pub(super) fn compare(
     actual: &Tensors,
     prefix: &str,
     origin: &Path,
-) -> Result<Vec<Row>> {
+) -> Result<Vec<GateRow>> {
     let mut rows = Vec::new();
     for (recorded_name, expected) in recorded {
         let (name, stride) = split_stride(recorded_name);
@@ -142,13 +142,13 @@ fn compare_one(
     ours: &Tensor,
     stride: usize,
     gates: Gates,
-) -> Vec<Row> {
+) -> Vec<GateRow> {
     let same_shape = stride > 1 || ours.shape == expected.shape;
     let a: Vec<f64> = ours.to_f64().into_iter().step_by(stride).collect();
     let b = expected.to_f64();
     // The losses after a step are looser than the one before it.
     if name == "train.loss" && same_shape {
-        let row = |name: &str, i: std::ops::Range<usize>, gate| Row {
+        let row = |name: &str, i: std::ops::Range<usize>, gate| GateRow {
             name: name.into(),
             group: "train.loss".into(),
             error: measure(Measure::Largest, &a[i.clone()], &b[i]),
@@ -156,7 +156,7 @@ fn compare_one(
         };
         return vec![row("train.loss[0]", 0..1, 1e-5), row("train.loss[1..]", 1..b.len(), 1e-3)];
     }
-    let row = |(group, kind, gate): (&str, Measure, f64)| Row {
+    let row = |(group, kind, gate): (&str, Measure, f64)| GateRow {
         name: name.into(),
         group: group.into(),
         error: if same_shape { measure(kind, &a, &b) } else { f64::INFINITY },
@@ -189,13 +189,13 @@ fn measure(kind: Measure, a: &[f64], b: &[f64]) -> f64 {
     }
 }
 
-fn median(rows: &[Row]) -> Option<Row> {
+fn median(rows: &[GateRow]) -> Option<GateRow> {
     let errors = rows.iter().filter(|r| r.group == "grad, Euclidean").map(|r| r.error);
     let mut errors: Vec<f64> = errors.collect();
     errors.sort_by(f64::total_cmp);
     let error = *errors.get(errors.len() / 2)?;
     let group = "grad, Euclidean, median".to_string();
-    Some(Row { name: "grad.*".into(), group, error, gate: MEDIAN_GATE })
+    Some(GateRow { name: "grad.*".into(), group, error, gate: MEDIAN_GATE })
 }
 
 /// `name#7` holds every 7th element of `name`.

@@ -2,7 +2,7 @@
 //!
 //! A fixture is a folder with `config.json`, `weights.safetensors`, `input.safetensors`,
 //! `expected.safetensors` and, if it has single-layer cases, `ops.safetensors`. [`run`] rebuilds octree,
-//! features, stage outputs, logits, loss, gradients and three optimiser steps in f32 and again in f64, and
+//! features, stage outputs, logits, loss, gradients and three optimizer steps in f32 and again in f64, and
 //! compares every recorded tensor with ours. Each kind of tensor has its own gate: the noise that the
 //! reference's own float32 runs show against float64 and other thread counts, with room to spare.
 
@@ -11,10 +11,10 @@ mod gates;
 mod network;
 mod ops;
 
-use crate::model::weights::tensors::{Tensor, TensorFile, Values};
+use crate::model::weights::tensors::{Tensor, TensorFile, TensorValues};
 use crate::scalar::Scalar;
 use crate::{Error, Result};
-pub use gates::Row;
+pub use gates::GateRow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -22,7 +22,7 @@ use std::path::Path;
 #[derive(Debug, Clone)]
 pub struct Outcome {
     /// One row per gate; every recorded tensor has at least one.
-    pub rows: Vec<Row>,
+    pub rows: Vec<GateRow>,
     /// Our own tensors under the fixture's names, whole.
     pub actual: TensorFile,
 }
@@ -30,12 +30,12 @@ pub struct Outcome {
 impl Outcome {
     /// Whether every gate is kept.
     pub fn passed(&self) -> bool {
-        self.rows.iter().all(Row::passed)
+        self.rows.iter().all(GateRow::passed)
     }
 
     /// The row of each group that comes nearest to its gate or exceeds it most, by group name.
-    pub fn worst(&self) -> Vec<&Row> {
-        let mut worst: BTreeMap<&str, &Row> = BTreeMap::new();
+    pub fn worst(&self) -> Vec<&GateRow> {
+        let mut worst: BTreeMap<&str, &GateRow> = BTreeMap::new();
         for row in &self.rows {
             let kept = worst.entry(&row.group).or_insert(row);
             if row.share_of_gate() > kept.share_of_gate() {
@@ -49,7 +49,7 @@ impl Outcome {
 /// Reads the fixture in `folder`, computes everything it records, and compares.
 ///
 /// # Errors
-/// If a file is missing or broken, or if the fixture records a tensor, or asks for a variant of the network,
+/// If a file is missing or broken, or if the fixture records a tensor, or needs a variant of the network,
 /// that this crate does not know. A missed gate is not an error; see [`Outcome::passed`].
 pub fn run(folder: &Path) -> Result<Outcome> {
     let fixture = fixture::Fixture::read(folder)?;
@@ -89,8 +89,8 @@ impl Tensors {
     fn add<T: Scalar>(&mut self, name: impl Into<String>, shape: &[usize], values: &[T]) {
         let exact = values.iter().map(|v| v.to_f64());
         let values = match size_of::<T>() {
-            8 => Values::F64(exact.collect()),
-            _ => Values::F32(exact.map(|v| v as f32).collect()),
+            8 => TensorValues::F64(exact.collect()),
+            _ => TensorValues::F32(exact.map(|v| v as f32).collect()),
         };
         self.insert(name, shape, values);
     }
@@ -100,7 +100,7 @@ impl Tensors {
         self.add(name, &[values.len() / c, c], values);
     }
 
-    fn insert(&mut self, name: impl Into<String>, shape: &[usize], values: Values) {
+    fn insert(&mut self, name: impl Into<String>, shape: &[usize], values: TensorValues) {
         self.0.insert(name.into(), Tensor { shape: shape.to_vec(), values });
     }
 }

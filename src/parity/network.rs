@@ -5,7 +5,7 @@ use super::fixture::{Fixture, Sgd as Settings};
 use crate::Result;
 use crate::loss::CrossEntropy;
 use crate::model::heads::N_CLASSES;
-use crate::model::weights::tensors::Values;
+use crate::model::weights::tensors::TensorValues;
 use crate::model::{Activations, Batch, Model};
 use crate::nn::arena::{Arena, Buffer};
 use crate::nn::params::Entry;
@@ -52,9 +52,9 @@ fn octree(octree: &Octree, to: &mut Tensors) {
         (vec![], vec![], vec![], vec![]);
     for (d, level) in octree.levels.iter().enumerate() {
         let n = level.n_nodes();
-        let integers = |values: &[i32]| Values::I32(values.to_vec());
+        let integers = |values: &[i32]| TensorValues::I32(values.to_vec());
         let keys = level.keys.iter().map(|&key| key as i64).collect();
-        to.insert(format!("octree.d{d}.keys"), &[n], Values::I64(keys));
+        to.insert(format!("octree.d{d}.keys"), &[n], TensorValues::I64(keys));
         to.insert(format!("octree.d{d}.children"), &[n], integers(&level.children));
         to.insert(format!("octree.d{d}.neigh"), &[n, 27], integers(level.neigh.as_flattened()));
         nodes.push(n as i64);
@@ -66,12 +66,12 @@ fn octree(octree: &Octree, to: &mut Tensors) {
         }
     }
     let (depths, shapes) = (octree.levels.len(), octree.n_shapes());
-    to.insert("octree.nnum", &[depths], Values::I64(nodes));
-    to.insert("octree.nnum_nempty", &[depths], Values::I64(nonempty));
-    to.insert("octree.batch_nnum", &[depths, shapes], Values::I64(shape_nodes));
-    to.insert("octree.batch_nnum_nempty", &[depths, shapes], Values::I64(shape_nonempty));
+    to.insert("octree.nnum", &[depths], TensorValues::I64(nodes));
+    to.insert("octree.nnum_nempty", &[depths], TensorValues::I64(nonempty));
+    to.insert("octree.batch_nnum", &[depths, shapes], TensorValues::I64(shape_nodes));
+    to.insert("octree.batch_nnum_nempty", &[depths, shapes], TensorValues::I64(shape_nonempty));
     let leaves = octree.point_node.iter().map(|&node| node as i32).collect();
-    to.insert("octree.point_node", &[octree.n_points()], Values::I32(leaves));
+    to.insert("octree.point_node", &[octree.n_points()], TensorValues::I32(leaves));
     let rows =
         |vectors: &[glam::Vec3]| vectors.iter().flat_map(|v| v.to_array()).collect::<Vec<_>>();
     to.add_rows("octree.points", 3, &rows(&octree.leaf_points));
@@ -127,7 +127,7 @@ impl<T: Scalar> Run<'_, T> {
         let buffers = self.model.buffers.clone();
         losses.push(self.gradient().0);
         self.model.buffers = buffers;
-        to.insert(format!("{prefix}train.loss"), &[losses.len()], Values::F64(losses));
+        to.insert(format!("{prefix}train.loss"), &[losses.len()], TensorValues::F64(losses));
         let layout = self.model.net.layout();
         tensors(&layout.params, &self.model.params, &format!("{prefix}post."), to);
         tensors(&layout.buffers, &self.model.buffers, &format!("{prefix}post."), to);
@@ -153,7 +153,7 @@ fn tensors<T: Scalar>(entries: &[Entry], values: &[T], prefix: &str, to: &mut Te
         let values = &values[range.clone()];
         let full_name = format!("{prefix}{name}");
         match name.ends_with("num_batches_tracked") {
-            true => to.insert(full_name, shape, Values::I64(vec![values[0].to_f64() as i64])),
+            true => to.insert(full_name, shape, TensorValues::I64(vec![values[0].to_f64() as i64])),
             false => to.add(full_name, shape, values),
         }
     }

@@ -7,7 +7,7 @@ use crate::model::config::CutterConfig;
 use crate::model::cutter_modules::CutterModule;
 use crate::model::heads::{self, Head};
 use crate::model::policy::MemoryPolicy;
-use crate::model::weights::tensors::{TensorFile, Values};
+use crate::model::weights::tensors::{TensorFile, TensorValues};
 use crate::nn::arena::Arena;
 use crate::nn::batch_norm::BatchNorm;
 use crate::nn::conv::OctreeConv;
@@ -224,7 +224,7 @@ impl<'a, T: Scalar> Op<'a, T> {
             self.get("labels")?.iter().map(|label| label.to_f64() as u8).collect();
         let (logits, mut d) = (self.get("logits")?, Vec::new());
         let loss = CrossEntropy::binary().loss(&logits, &labels, 1.0, &mut d);
-        self.results.insert("ce.loss", &[1], Values::F64(vec![loss]));
+        self.results.insert("ce.loss", &[1], TensorValues::F64(vec![loss]));
         self.add("grad.logits", heads::N_CLASSES, &d);
         Ok(())
     }

@@ -2,14 +2,14 @@
 
 use glam::{DMat3, DVec3};
 
-/// An orthographic camera. Pixel `(x, y)` has its centre at `(x + ½, y + ½)`, y downward.
+/// An orthographic camera. Pixel `(x, y)` has its center at `(x + ½, y + ½)`, y downward.
 #[derive(Debug, Clone, Copy)]
 pub struct Camera {
-    /// Rows: right, up, and towards the eye; orthonormal.
+    /// Rows: right, up, and toward the eye; orthonormal.
     axes: DMat3,
     /// Point seen at the middle of the image, mm.
-    centre: DVec3,
-    /// Pixels per millimetre.
+    center: DVec3,
+    /// Pixels per millimeter.
     pub scale: f64,
     /// Width in pixels.
     pub width: usize,
@@ -18,18 +18,18 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera of unit scale that looks from `eye` towards the origin, +z up in the image.
+    /// A camera of unit scale that looks from `eye` toward the origin, +z up in the image.
     pub fn new(eye: DVec3, width: usize, height: usize) -> Self {
         let back = eye.normalize();
         let right = DVec3::Z.cross(back).normalize();
         let up = back.cross(right);
         let axes = DMat3::from_cols(right, up, back).transpose();
-        Camera { axes, centre: DVec3::ZERO, scale: 1.0, width, height }
+        Camera { axes, center: DVec3::ZERO, scale: 1.0, width, height }
     }
 
     /// Puts the middle of the points' outline at the middle of the image. Returns the greatest
     /// scale at which all of it is seen with `margin` pixels to spare.
-    pub fn centre_on(&mut self, points: impl Iterator<Item = DVec3>, margin: f64) -> f64 {
+    pub fn center_on(&mut self, points: impl Iterator<Item = DVec3>, margin: f64) -> f64 {
         let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for p in points {
             let p = self.axes * p;
@@ -38,7 +38,7 @@ impl Camera {
         if !lo.is_finite() || !hi.is_finite() {
             return 1.0;
         }
-        self.centre = self.axes.transpose() * (0.5 * (lo + hi));
+        self.center = self.axes.transpose() * (0.5 * (lo + hi));
         let room = |pixels: usize, extent: f64| {
             (pixels as f64 - 2.0 * margin).max(1.0) / extent.max(f64::MIN_POSITIVE)
         };
@@ -46,9 +46,9 @@ impl Camera {
         if scale.is_finite() && scale < 1e12 { scale } else { 1.0 }
     }
 
-    /// Pixel coordinates, and in z the height towards the eye in millimetres.
+    /// Pixel coordinates, and in z the height toward the eye in millimeters.
     pub fn project(&self, p: DVec3) -> DVec3 {
-        let q = self.axes * (p - self.centre);
+        let q = self.axes * (p - self.center);
         let (w, h) = (self.width as f64, self.height as f64);
         DVec3::new(0.5 * w + q.x * self.scale, 0.5 * h - q.y * self.scale, q.z)
     }
@@ -57,10 +57,10 @@ impl Camera {
     pub fn unproject(&self, x: f64, y: f64, z: f64) -> DVec3 {
         let (w, h) = (self.width as f64, self.height as f64);
         let q = DVec3::new((x - 0.5 * w) / self.scale, (0.5 * h - y) / self.scale, z);
-        self.axes.transpose() * q + self.centre
+        self.axes.transpose() * q + self.center
     }
 
-    /// A direction in the camera's frame: right, up, towards the eye.
+    /// A direction in the camera's frame: right, up, toward the eye.
     pub fn turn(&self, direction: DVec3) -> DVec3 {
         self.axes * direction
     }
@@ -74,7 +74,7 @@ mod tests {
     fn unproject_inverts_project_and_the_box_fits() {
         let corners = [DVec3::new(-1.0, 2.0, 3.0), DVec3::new(40.0, 5.0, -7.0)];
         let mut camera = Camera::new(DVec3::new(1.0, -1.2, 0.9), 300, 200);
-        camera.scale = camera.centre_on(corners.into_iter(), 10.0);
+        camera.scale = camera.center_on(corners.into_iter(), 10.0);
         for corner in corners {
             let p = camera.project(corner);
             assert!(p.x > 9.9 && p.x < 290.1 && p.y > 9.9 && p.y < 190.1, "{p}");
@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn one_point_is_no_division_by_zero() {
         let mut camera = Camera::new(DVec3::new(1.0, -1.0, 1.0), 100, 100);
-        assert_eq!(camera.centre_on([DVec3::ONE].into_iter(), 5.0), 1.0);
-        assert_eq!(camera.centre_on(std::iter::empty(), 5.0), 1.0);
+        assert_eq!(camera.center_on([DVec3::ONE].into_iter(), 5.0), 1.0);
+        assert_eq!(camera.center_on(std::iter::empty(), 5.0), 1.0);
     }
 }

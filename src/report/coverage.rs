@@ -2,12 +2,12 @@
 //! reaches each site.
 
 use super::folder::{Show, Writer};
-use super::points::Values;
+use super::points::PointValues;
 use super::tables::{Cell, Table};
-use super::{Class, Colouring, Part, Rgb};
+use super::{Class, Coloring, PartView, Rgb};
 use crate::access::Labels;
 use crate::data::files::tools::Tool;
-use crate::{Result, aside};
+use crate::{Result, atomic_file};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -103,22 +103,21 @@ impl<'a> Coverage<'a> {
         table
     }
 
-    /// Writes `tools.csv`, `tools.ply` and, if asked for, `tools.png`; returns their paths.
+    /// Writes `tools.csv`, `tools.ply` and, if wanted, `tools.png`; returns their paths.
     ///
     /// # Errors
     /// If the system refuses a file.
-    pub fn write(&self, folder: &Path, part: Part, show: Show) -> Result<Vec<PathBuf>> {
+    pub fn write(&self, folder: &Path, part: PartView, show: Show) -> Result<Vec<PathBuf>> {
         let table = folder.join("tools.csv");
-        aside::write(&table, |file| file.write_all(&self.table().csv()))?;
+        atomic_file::write_atomic(&table, |file| file.write_all(&self.table().csv()))?;
         let (classes, of) = self.groups();
-        let colouring = Colouring::Groups { classes: &classes, of: &of };
+        let coloring = Coloring::Groups { classes: &classes, of: &of };
         let rows: Vec<u32> = self.first.iter().map(|f| f.map_or(0, |k| k as u32 + 1)).collect();
-        let values = [("first_tool", Values::Counts(&rows))];
+        let values = [("first_tool", PointValues::Counts(&rows))];
         let notes =
             ["first_tool: row of tools.csv from 1, 0: no tool reaches the site".to_string()];
         let writer = Writer { folder, part, show };
-        let drawn =
-            writer.write("tools", "first tool that reaches", &colouring, &values, &notes)?;
+        let drawn = writer.write("tools", "first tool that reaches", &coloring, &values, &notes)?;
         Ok([table].into_iter().chain(drawn).collect())
     }
 
@@ -127,24 +126,24 @@ impl<'a> Coverage<'a> {
         let mut classes = Vec::new();
         let group_of: Vec<usize> = (0..self.tools.len())
             .map(|k| {
-                let is_new = self.first.contains(&Some(k)) && classes.len() <= COLOURS.len();
+                let is_new = self.first.contains(&Some(k)) && classes.len() <= COLORS.len();
                 if is_new {
-                    let named = COLOURS.get(classes.len()).map(|c| (&*self.tools[k].name, *c));
-                    let (name, colour) = named.unwrap_or(("further tools", FURTHER));
-                    classes.push(Class { name, colour });
+                    let named = COLORS.get(classes.len()).map(|c| (&*self.tools[k].name, *c));
+                    let (name, color) = named.unwrap_or(("further tools", FURTHER));
+                    classes.push(Class { name, color });
                 }
                 classes.len().saturating_sub(1)
             })
             .collect();
-        classes.push(Class { name: "no tool", colour: NO_TOOL });
+        classes.push(Class { name: "no tool", color: NO_TOOL });
         let none = classes.len() - 1;
         let of = self.first.iter().map(|first| first.map_or(none, |k| group_of[k])).collect();
         (classes, of)
     }
 }
 
-/// Colours of the tools that add something, apart for the common kinds of colour blindness.
-const COLOURS: [Rgb; 6] =
+/// Colors of the tools that add something, apart for the common kinds of color blindness.
+const COLORS: [Rgb; 6] =
     [[205, 208, 212], [86, 180, 233], [240, 228, 66], [0, 158, 115], [204, 121, 167], [0, 90, 160]];
 const FURTHER: Rgb = [110, 100, 90];
 const NO_TOOL: Rgb = [206, 58, 44];
@@ -187,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn tools_beyond_the_colours_share_one() {
+    fn tools_beyond_the_colors_share_one() {
         let tools = tools(9);
         let only = |k: usize| (0..10).map(|i| u8::from(i != k)).collect::<Vec<u8>>();
         let all: Vec<Labels> = (0..9).map(|k| labels(&only(k))).collect();

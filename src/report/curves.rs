@@ -1,7 +1,7 @@
 //! Curves over epochs as SVG.
 
 use super::Rgb;
-use crate::{Error, Result, aside};
+use crate::{Error, Result, atomic_file};
 use plotters::prelude::*;
 use std::io::Write;
 use std::ops::Range;
@@ -10,8 +10,8 @@ use std::path::Path;
 /// Width of the picture and height of one chart, in pixels.
 const WIDTH: u32 = 900;
 const CHART_HEIGHT: u32 = 320;
-/// Colours of the curves of a chart, in order; they stay apart for colour-blind eyes.
-const COLOURS: [Rgb; 6] =
+/// Colors of the curves of a chart, in order; they stay apart for color-blind eyes.
+const COLORS: [Rgb; 6] =
     [[0, 114, 178], [213, 94, 0], [0, 158, 115], [148, 80, 160], [120, 120, 120], [200, 150, 0]];
 
 /// One named curve. Points that are not finite are left out.
@@ -41,7 +41,7 @@ pub fn write_curves(path: &Path, x_name: &str, charts: &[Chart]) -> Result<()> {
         let source = std::io::Error::other(e);
         Error::write(path, source)
     })?;
-    aside::write(path, |file| file.write_all(svg.as_bytes()))
+    atomic_file::write_atomic(path, |file| file.write_all(svg.as_bytes()))
 }
 
 fn draw(x_name: &str, charts: &[Chart]) -> std::result::Result<String, String> {
@@ -80,7 +80,7 @@ fn draw_chart(
         .build_cartesian_2d(x, y)?;
     axes.configure_mesh().x_desc(x_name).light_line_style(WHITE).draw()?;
     for (k, (series, points)) in chart.series.iter().zip(curves).enumerate() {
-        let [r, g, b] = COLOURS[k % COLOURS.len()];
+        let [r, g, b] = COLORS[k % COLORS.len()];
         let style = RGBColor(r, g, b).stroke_width(2);
         let marks: Vec<_> =
             if points.len() == 1 { vec![Circle::new(points[0], 3, style)] } else { vec![] };

@@ -1,11 +1,11 @@
-//! The files of a report: data, coloured points and pictures of labels, predictions and their
+//! The files of a report: data, colored points and pictures of labels, predictions and their
 //! difference, side by side in one folder.
 
-use super::points::{self, Values};
-use super::{Class, Colouring, Part, picture};
+use super::points::{self, PointValues};
+use super::{Class, Coloring, PartView, picture};
 use crate::Result;
 use crate::access::surface::SiteAnswer;
-use crate::data::files::{About, LabelFile, PredictionFile, probabilities};
+use crate::data::files::{LabelFile, PredictionFile, Provenance, probabilities};
 use crate::geom::{Mesh, Sites, formats};
 use std::path::{Path, PathBuf};
 
@@ -22,7 +22,7 @@ pub const FIRST_TOOLS: &str = "tools.ply";
 /// Which pictures to draw besides the data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Show {
-    /// Data and coloured points only.
+    /// Data and colored points only.
     Points,
     /// Pictures as well.
     Pictures,
@@ -38,7 +38,7 @@ pub fn write_surface(folder: &Path, mesh: &Mesh) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// Writes `labels.npz`, `labels.ply` and, if asked for, `labels.png`; returns their paths.
+/// Writes `labels.npz`, `labels.ply` and, if wanted, `labels.png`; returns their paths.
 ///
 /// # Errors
 /// If the file is inconsistent or the system refuses it.
@@ -71,44 +71,44 @@ pub fn draw_labels(
     let occlusion = labels.occlusion.get(..n).unwrap_or(&none);
     let inaccessible = &labels.inaccessible[..n];
     let mut values = vec![
-        ("inaccessible", Values::Flags(inaccessible)),
-        ("accessible_directions", Values::Counts(&labels.accessible_directions[..n])),
+        ("inaccessible", PointValues::Flags(inaccessible)),
+        ("accessible_directions", PointValues::Counts(&labels.accessible_directions[..n])),
     ];
     if let Some(beta) = labels.beta.get(..n) {
-        values.push(("occlusion", Values::Flags(occlusion)));
-        values.push(("beta", Values::LargeCounts(beta)));
+        values.push(("occlusion", PointValues::Flags(occlusion)));
+        values.push(("beta", PointValues::LargeCounts(beta)));
     }
     let mut notes = vec![
         "inaccessible 1: the cutter collides in every direction".to_string(),
         "occlusion 1: among the sites most often in the way of inaccessible ones".to_string(),
     ];
-    let writer = Writer { folder, part: part(&file.about, &file.sites, mesh), show };
+    let writer = Writer { folder, part: part(&file.provenance, &file.sites, mesh), show };
     if let Some(surface) = &labels.surface {
         notes.push("tip_does_not_fit 1: only the tip penetrates the part".to_string());
         notes.push("the part itself: triangles are the obstacles".to_string());
         let tip = surface.tip_does_not_fit();
-        values.push(("tip_does_not_fit", Values::Flags(&tip)));
+        values.push(("tip_does_not_fit", PointValues::Flags(&tip)));
         values.push((
             "collision_free_directions",
-            Values::Counts(&surface.collision_free_directions),
+            PointValues::Counts(&surface.collision_free_directions),
         ));
         let of: Vec<usize> = (0..n).map(|i| class(surface.answers[i], occlusion[i])).collect();
-        let colouring = Colouring::Groups { classes: &PART_ITSELF, of: &of };
-        return writer.write("labels", "the part itself", &colouring, &values, &notes);
+        let coloring = Coloring::Groups { classes: &PART_ITSELF, of: &of };
+        return writer.write("labels", "the part itself", &coloring, &values, &notes);
     }
     notes.push("published definition: sites are the obstacles".to_string());
-    let colouring = Colouring::Labels { inaccessible, occlusion };
-    writer.write("labels", "exact labels, sites as obstacles", &colouring, &values, &notes)
+    let coloring = Coloring::Labels { inaccessible, occlusion };
+    writer.write("labels", "exact labels, sites as obstacles", &coloring, &values, &notes)
 }
 
-/// What the colours of answers about the part itself say.
+/// What the colors of answers about the part itself say.
 const PART_ITSELF: [Class<'static>; 6] = [
-    Class { name: "accessible", colour: [205, 208, 212] },
-    Class { name: "inaccessible", colour: [206, 58, 44] },
-    Class { name: "tip does not fit", colour: [50, 120, 200] },
-    Class { name: "occlusion", colour: [245, 196, 50] },
-    Class { name: "inaccessible and occlusion", colour: [112, 56, 150] },
-    Class { name: "tip and occlusion", colour: [60, 150, 120] },
+    Class { name: "accessible", color: [205, 208, 212] },
+    Class { name: "inaccessible", color: [206, 58, 44] },
+    Class { name: "tip does not fit", color: [50, 120, 200] },
+    Class { name: "occlusion", color: [245, 196, 50] },
+    Class { name: "inaccessible and occlusion", color: [112, 56, 150] },
+    Class { name: "tip and occlusion", color: [60, 150, 120] },
 ];
 
 /// The group of a site, an index into [`PART_ITSELF`].
@@ -121,7 +121,7 @@ fn class(answer: SiteAnswer, occlusion: bool) -> usize {
     answer + if occlusion { 3 } else { 0 }
 }
 
-/// Writes `predictions.npz`, `predictions.ply` and, if asked for, `predictions.png`; returns their
+/// Writes `predictions.npz`, `predictions.ply` and, if wanted, `predictions.png`; returns their
 /// paths.
 ///
 /// # Errors
@@ -153,18 +153,18 @@ pub fn draw_predictions(
     let first = probabilities(&file.logits_inaccessible);
     let second = probabilities(&file.logits_occlusion);
     let values = [
-        ("inaccessible", Values::Flags(&inaccessible)),
-        ("occlusion", Values::Flags(&occlusion)),
-        ("probability_inaccessible", Values::Reals(&first)),
-        ("probability_occlusion", Values::Reals(&second)),
+        ("inaccessible", PointValues::Flags(&inaccessible)),
+        ("occlusion", PointValues::Flags(&occlusion)),
+        ("probability_inaccessible", PointValues::Reals(&first)),
+        ("probability_occlusion", PointValues::Reals(&second)),
     ];
     let notes = ["predicted by a network, not computed".to_string()];
-    let writer = Writer { folder, part: part(&file.about, &file.sites, mesh), show };
-    let colouring = Colouring::Labels { inaccessible: &inaccessible, occlusion: &occlusion };
-    writer.write("predictions", "predicted", &colouring, &values, &notes)
+    let writer = Writer { folder, part: part(&file.provenance, &file.sites, mesh), show };
+    let coloring = Coloring::Labels { inaccessible: &inaccessible, occlusion: &occlusion };
+    writer.write("predictions", "predicted", &coloring, &values, &notes)
 }
 
-/// Writes `difference-inaccessible` and `difference-occlusion`, each as `.ply` and, if asked for,
+/// Writes `difference-inaccessible` and `difference-occlusion`, each as `.ply` and, if wanted,
 /// `.png`; returns their paths. Both answers must be about the same sites.
 ///
 /// # Errors
@@ -180,7 +180,7 @@ pub fn write_difference(
     show: Show,
 ) -> Result<Vec<PathBuf>> {
     let n = labels.sites.len();
-    let writer = Writer { folder, part: part(&labels.about, &labels.sites, mesh), show };
+    let writer = Writer { folder, part: part(&labels.provenance, &labels.sites, mesh), show };
     let heads = [
         ("inaccessible", labels.labels.inaccessible.get(..n), predictions.inaccessible()),
         ("occlusion", labels.labels.occlusion.get(..n), predictions.occlusion()),
@@ -188,17 +188,12 @@ pub fn write_difference(
     let mut paths = Vec::new();
     for (positive, truth, predicted) in heads {
         let Some(truth) = truth else { continue };
-        let colouring = Colouring::Difference { positive, truth, predicted: &predicted };
-        let values = [("exact", Values::Flags(truth)), ("predicted", Values::Flags(&predicted))];
+        let coloring = Coloring::Difference { positive, truth, predicted: &predicted };
+        let values =
+            [("exact", PointValues::Flags(truth)), ("predicted", PointValues::Flags(&predicted))];
         let notes = [format!("1 means {positive}")];
         let name = format!("difference-{positive}");
-        paths.extend(writer.write(
-            &name,
-            "exact against predicted",
-            &colouring,
-            &values,
-            &notes,
-        )?);
+        paths.extend(writer.write(&name, "exact against predicted", &coloring, &values, &notes)?);
     }
     Ok(paths)
 }
@@ -211,12 +206,12 @@ pub fn same_sites(a: &Sites, b: &Sites) -> bool {
 /// What all files of one kind of answer share.
 pub(super) struct Writer<'a> {
     pub folder: &'a Path,
-    pub part: Part<'a>,
+    pub part: PartView<'a>,
     pub show: Show,
 }
 
-fn part<'a>(about: &'a About, sites: &'a Sites, mesh: Option<&'a Mesh>) -> Part<'a> {
-    Part { name: &about.part, mesh, sites, cutter: &about.tool }
+fn part<'a>(provenance: &'a Provenance, sites: &'a Sites, mesh: Option<&'a Mesh>) -> PartView<'a> {
+    PartView { name: &provenance.part, mesh, sites, cutter: &provenance.tool }
 }
 
 impl Writer<'_> {
@@ -224,16 +219,16 @@ impl Writer<'_> {
         &self,
         name: &str,
         caption: &str,
-        colouring: &Colouring,
-        values: &[(&str, Values)],
+        coloring: &Coloring,
+        values: &[(&str, PointValues)],
         notes: &[String],
     ) -> Result<Vec<PathBuf>> {
         let cloud = self.folder.join(format!("{name}.ply"));
-        points::write(&cloud, &self.part, colouring, values, notes)?;
+        points::write(&cloud, &self.part, coloring, values, notes)?;
         let mut paths = vec![cloud];
         if self.show == Show::Pictures {
             let png = self.folder.join(format!("{name}.png"));
-            picture::write(&png, &self.part, caption, colouring)?;
+            picture::write(&png, &self.part, caption, coloring)?;
             paths.push(png);
         }
         Ok(paths)
@@ -251,7 +246,7 @@ mod tests {
     fn a_folder_holds_every_file_it_names() {
         let folder = tempfile::tempdir().unwrap();
         let cutter = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
-        let about = About::ball_end("p", cutter, serde_json::Value::Null);
+        let provenance = Provenance::ball_end("p", cutter, serde_json::Value::Null);
         let points = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
         let sites = Sites { points, normals: vec![Vec3::Z; 3], faces: vec![] };
         let labels = Labels {
@@ -262,10 +257,10 @@ mod tests {
             occlusion: vec![true, false, false],
             ..Labels::default()
         };
-        let labels = LabelFile { about: about.clone(), sites: sites.clone(), labels };
+        let labels = LabelFile { provenance: provenance.clone(), sites: sites.clone(), labels };
         let logits = vec![0.0, 1.0, 1.0, 0.0, 1.0, 0.0];
         let predictions = PredictionFile {
-            about,
+            provenance,
             sites,
             logits_inaccessible: logits.clone(),
             logits_occlusion: logits,

@@ -1,7 +1,7 @@
 //! Images in memory: pixels, text, contact sheets and PNG files.
 
 use super::Rgb;
-use crate::{Error, Result, aside};
+use crate::{Error, Result, atomic_file};
 use embedded_graphics::mono_font::iso_8859_1::{FONT_7X13, FONT_9X18_BOLD, FONT_10X20};
 use embedded_graphics::mono_font::{MonoFont, MonoTextStyle};
 use embedded_graphics::pixelcolor::Rgb888;
@@ -51,10 +51,10 @@ pub struct Image {
 }
 
 impl Image {
-    /// An image of one colour, `width × height` pixels.
-    pub fn new(width: u32, height: u32, colour: Rgb) -> Self {
+    /// An image of one color, `width × height` pixels.
+    pub fn new(width: u32, height: u32, color: Rgb) -> Self {
         let n_pixels = width as usize * height as usize;
-        Image { width, height, rgb: colour.repeat(n_pixels) }
+        Image { width, height, rgb: color.repeat(n_pixels) }
     }
 
     /// Width in pixels.
@@ -67,16 +67,16 @@ impl Image {
         self.height
     }
 
-    /// The colour at column `x`, row `y`; `None` outside.
+    /// The color at column `x`, row `y`; `None` outside.
     pub fn pixel(&self, x: u32, y: u32) -> Option<Rgb> {
         let i = self.index(i64::from(x), i64::from(y))?;
         Some([self.rgb[i], self.rgb[i + 1], self.rgb[i + 2]])
     }
 
     /// Sets a pixel; nothing happens outside.
-    pub fn set(&mut self, x: i64, y: i64, colour: Rgb) {
+    pub fn set(&mut self, x: i64, y: i64, color: Rgb) {
         if let Some(i) = self.index(x, y) {
-            self.rgb[i..i + 3].copy_from_slice(&colour);
+            self.rgb[i..i + 3].copy_from_slice(&color);
         }
     }
 
@@ -96,32 +96,32 @@ impl Image {
         for row in 0..other.height {
             for column in 0..other.width {
                 let i = 3 * (row as usize * other.width as usize + column as usize);
-                let colour = [other.rgb[i], other.rgb[i + 1], other.rgb[i + 2]];
-                self.set(x + i64::from(column), y + i64::from(row), colour);
+                let color = [other.rgb[i], other.rgb[i + 1], other.rgb[i + 2]];
+                self.set(x + i64::from(column), y + i64::from(row), color);
             }
         }
     }
 
     /// Writes a line of text with its upper left corner at `(x, y)`; letters outside Latin-1 show
     /// as `?`.
-    pub fn text(&mut self, x: i32, y: i32, text: &str, font: Font, colour: Rgb) {
+    pub fn text(&mut self, x: i32, y: i32, text: &str, font: Font, color: Rgb) {
         let text = printable(text);
-        let style = MonoTextStyle::new(font.mono(), rgb888(colour));
+        let style = MonoTextStyle::new(font.mono(), rgb888(color));
         let text = Text::with_baseline(&text, Point::new(x, y), style, Baseline::Top);
         let Ok(_) = text.draw(self);
     }
 
     /// A straight line, `thickness` pixels wide.
-    pub fn line(&mut self, from: [i32; 2], to: [i32; 2], thickness: u32, colour: Rgb) {
+    pub fn line(&mut self, from: [i32; 2], to: [i32; 2], thickness: u32, color: Rgb) {
         let line = Line::new(Point::new(from[0], from[1]), Point::new(to[0], to[1]));
-        let style = PrimitiveStyle::with_stroke(rgb888(colour), thickness);
+        let style = PrimitiveStyle::with_stroke(rgb888(color), thickness);
         let Ok(()) = line.into_styled(style).draw(self);
     }
 
     /// A filled rectangle.
-    pub fn rectangle(&mut self, x: i32, y: i32, width: u32, height: u32, colour: Rgb) {
+    pub fn rectangle(&mut self, x: i32, y: i32, width: u32, height: u32, color: Rgb) {
         let area = Rectangle::new(Point::new(x, y), Size::new(width, height));
-        let Ok(()) = self.fill_solid(&area, rgb888(colour));
+        let Ok(()) = self.fill_solid(&area, rgb888(color));
     }
 
     /// A contact sheet: cells left to right, then top to bottom, each with its caption below.
@@ -175,7 +175,7 @@ impl Image {
     /// If the image has no pixels or the system refuses the file.
     pub fn write_png(&self, path: &Path) -> Result<()> {
         let bytes = self.png()?;
-        aside::write(path, |file| std::io::Write::write_all(file, &bytes))
+        atomic_file::write_atomic(path, |file| std::io::Write::write_all(file, &bytes))
     }
 }
 
@@ -211,8 +211,8 @@ impl DrawTarget for Image {
     where
         I: IntoIterator<Item = Pixel<Rgb888>>,
     {
-        for Pixel(at, colour) in pixels {
-            self.set(at.x.into(), at.y.into(), [colour.r(), colour.g(), colour.b()]);
+        for Pixel(at, color) in pixels {
+            self.set(at.x.into(), at.y.into(), [color.r(), color.g(), color.b()]);
         }
         Ok(())
     }

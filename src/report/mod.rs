@@ -1,11 +1,11 @@
-//! Tables, coloured point clouds, pictures and curves: shows, never computes labels.
+//! Tables, colored point clouds, pictures and curves: shows, never computes labels.
 //!
-//! A [`Part`] is what is shown, a [`Colouring`] says in which colours; [`picture`] and [`points`]
+//! A [`PartView`] is what is shown, a [`Coloring`] says in which colors; [`picture`] and [`points`]
 //! take both, [`folder`] writes all files of a report, [`tables`], [`scores`] and [`curves`] show
 //! numbers; [`coverage`] is about several tools at once.
 
 mod camera;
-mod colour;
+mod color;
 pub mod coverage;
 pub mod curves;
 pub mod folder;
@@ -18,13 +18,13 @@ pub mod scores;
 mod shade;
 pub mod tables;
 
-pub use colour::{Class, Colouring, Rgb};
+pub use color::{Class, Coloring, Rgb};
 
 use crate::geom::{Mesh, Sites};
 
 /// What a picture or a point file shows.
 #[derive(Debug, Clone, Copy)]
-pub struct Part<'a> {
+pub struct PartView<'a> {
     /// Name for titles, usually the file's.
     pub name: &'a str,
     /// The surface, mm; without it the sites are drawn as small discs.

@@ -1,7 +1,7 @@
-//! Which site's colour a point of the surface has: the nearest one that faces the same way.
+//! Which site's color a point of the surface has: the nearest one that faces the same way.
 
 use super::raster::{Fragment, Surface};
-use super::{Colouring, Part, Rgb};
+use super::{Coloring, PartView, Rgb};
 use crate::geom::spacing::Spacing;
 use crate::spatial::PointGrid;
 use glam::{DVec3, Vec3};
@@ -12,23 +12,23 @@ const NORMAL_WEIGHT: f64 = 4.0;
 const REACH: f64 = 2.0;
 /// Radius of a disc, in mean distances between sites.
 const DISC: f64 = 0.8;
-/// Colour of a surface without sites.
+/// Color of a surface without sites.
 pub const METAL: Rgb = [176, 186, 198];
 
-/// The surface of a part and the colours of its sites.
+/// The surface of a part and the colors of its sites.
 pub struct Painter<'a> {
     /// What is drawn: the mesh, or a disc for each site.
     pub surface: Surface,
     /// The sites by place; `None` if each face belongs to a site already.
     grid: Option<PointGrid>,
     spacing: f64,
-    part: Part<'a>,
-    colouring: &'a Colouring<'a>,
+    part: PartView<'a>,
+    coloring: &'a Coloring<'a>,
 }
 
 impl<'a> Painter<'a> {
     /// Prepares `part`; without a mesh each site becomes a disc.
-    pub fn new(part: &Part<'a>, colouring: &'a Colouring<'a>) -> Self {
+    pub fn new(part: &PartView<'a>, coloring: &'a Coloring<'a>) -> Self {
         let n_sites = part.sites.len().max(1) as f64;
         let (surface, grid, spacing) = match part.mesh {
             Some(mesh) => {
@@ -41,7 +41,7 @@ impl<'a> Painter<'a> {
                 (Surface::of_sites(part.sites, radius), None, spacing)
             }
         };
-        Painter { surface, grid, spacing, part: *part, colouring }
+        Painter { surface, grid, spacing, part: *part, coloring }
     }
 
     /// Whether edge lines make sense: they do on a mesh, not between discs.
@@ -49,13 +49,13 @@ impl<'a> Painter<'a> {
         self.grid.is_some()
     }
 
-    /// The colour, before shading, of a fragment seen at `point`.
+    /// The color, before shading, of a fragment seen at `point`.
     pub fn at(&self, fragment: &Fragment, point: DVec3) -> Rgb {
         let site = match &self.grid {
             None => Some(Surface::site_of_disc(fragment.face)),
             Some(grid) => self.nearest(grid, point.as_vec3(), fragment.normal),
         };
-        site.map_or(METAL, |i| self.colouring.colour(i as usize))
+        site.map_or(METAL, |i| self.coloring.color(i as usize))
     }
 
     fn nearest(&self, grid: &PointGrid, point: Vec3, normal: Vec3) -> Option<u32> {

@@ -1,8 +1,8 @@
-//! Pictures of labelled parts: shaded views from above and below, with title, legend and scale.
+//! Pictures of labeled parts: shaded views from above and below, with title, legend and scale.
 
-use super::Part;
+use super::PartView;
 use super::camera::Camera;
-use super::colour::{Class, Colouring, Rgb};
+use super::color::{Class, Coloring, Rgb};
 use super::image::{Font, Image, fitted};
 use super::paint::{METAL, Painter};
 use super::raster::{Surface, draw};
@@ -28,27 +28,27 @@ const EYES: [(DVec3, &str); 2] = [
     (DVec3::new(0.75, -1.2, 1.05), "from above, front right"),
     (DVec3::new(-0.75, 1.2, -1.05), "from below, back left"),
 ];
-/// Colours and directions of the small axes in each view.
+/// Colors and directions of the small axes in each view.
 const AXES: [(DVec3, &str, Rgb); 3] = [
     (DVec3::X, "x", [190, 50, 50]),
     (DVec3::Y, "y", [40, 130, 60]),
     (DVec3::Z, "z", [40, 80, 180]),
 ];
 
-/// A picture of `part`, 1400 × 800 pixels; `caption` says where the colours come from.
+/// A picture of `part`, 1400 × 800 pixels; `caption` says where the colors come from.
 ///
-/// Each pixel has the colour of the nearest site that faces the same way. Both views have the same
+/// Each pixel has the color of the nearest site that faces the same way. Both views have the same
 /// scale. The result is the same for any number of threads.
 ///
 /// # Panics
-/// If `colouring` has not one entry per site.
-pub fn render(part: &Part, caption: &str, colouring: &Colouring) -> Image {
-    assert_eq!(colouring.len(), part.sites.len(), "one colour per site");
+/// If `coloring` has not one entry per site.
+pub fn render(part: &PartView, caption: &str, coloring: &Coloring) -> Image {
+    assert_eq!(coloring.len(), part.sites.len(), "one color per site");
     let mut image = Image::new(SIZE[0], SIZE[1], BACKGROUND);
-    let painter = Painter::new(part, colouring);
+    let painter = Painter::new(part, coloring);
     let (width, height) = (SIZE[0] / 2, SIZE[1] - HEAD - FOOT);
     let mut cameras = EYES.map(|(eye, _)| panel_camera(eye, width, height));
-    let scales = cameras.each_mut().map(|c| c.centre_on(painter.surface.vertices(), margin()));
+    let scales = cameras.each_mut().map(|c| c.center_on(painter.surface.vertices(), margin()));
     let scale = scales[0].min(scales[1]);
     for (k, camera) in cameras.iter_mut().enumerate() {
         camera.scale = scale;
@@ -61,7 +61,7 @@ pub fn render(part: &Part, caption: &str, colouring: &Colouring) -> Image {
         image.text(x + 20, HEAD as i32 + 4, EYES[k].1, Font::Small, FAINT);
     }
     draw_title(&mut image, part, caption);
-    draw_legend(&mut image, colouring);
+    draw_legend(&mut image, coloring);
     draw_scale_bar(&mut image, scale * SAMPLES_PER_PIXEL.recip());
     image
 }
@@ -73,15 +73,15 @@ pub fn render(part: &Part, caption: &str, colouring: &Colouring) -> Image {
 ///
 /// # Panics
 /// As [`render`].
-pub fn write(path: &Path, part: &Part, caption: &str, colouring: &Colouring) -> Result<()> {
-    render(part, caption, colouring).write_png(path)
+pub fn write(path: &Path, part: &PartView, caption: &str, coloring: &Coloring) -> Result<()> {
+    render(part, caption, coloring).write_png(path)
 }
 
 /// A shaded view of a mesh from above, without text, for contact sheets (see [`Image::grid`]).
 pub fn thumbnail(mesh: &Mesh, width: u32, height: u32) -> Image {
     let surface = Surface::of_mesh(mesh);
     let mut camera = panel_camera(EYES[0].0, width, height);
-    camera.scale = camera.centre_on(surface.vertices(), 0.06 * camera.width as f64);
+    camera.scale = camera.center_on(surface.vertices(), 0.06 * camera.width as f64);
     shade(&draw(&surface, &camera), &camera, LOOK, |_, _| METAL)
 }
 
@@ -95,7 +95,7 @@ fn panel_camera(eye: DVec3, width: u32, height: u32) -> Camera {
     Camera::new(eye, width as usize * SAMPLES, height as usize * SAMPLES)
 }
 
-fn draw_title(image: &mut Image, part: &Part, caption: &str) {
+fn draw_title(image: &mut Image, part: &PartView, caption: &str) {
     let width = SIZE[0] - 40;
     let title = format!("{}: {caption}", part.name);
     image.text(20, 10, &fitted(&title, Font::Normal, width), Font::Normal, INK);
@@ -133,40 +133,40 @@ fn short(x: f64) -> String {
 }
 
 /// Groups side by side; in two rows, names cut short, if there is no room for that.
-fn draw_legend(image: &mut Image, colouring: &Colouring) {
+fn draw_legend(image: &mut Image, coloring: &Coloring) {
     let y = (SIZE[1] - FOOT) as i32 + 24;
     let mut x = 260;
-    if let Colouring::Difference { positive, .. } = colouring {
+    if let Coloring::Difference { positive, .. } = coloring {
         let head = format!("{positive}?");
         image.text(x, y, &head, Font::Bold, INK);
         x += Font::Bold.width(&head) as i32 + 24;
     }
     let room = SIZE[0] as i32 - x;
-    let entries = legend_entries(colouring, i32::MAX);
+    let entries = legend_entries(coloring, i32::MAX);
     if entries.iter().map(|(_, text)| entry_width(text)).sum::<i32>() <= room {
-        for (colour, text) in &entries {
-            draw_entry(image, [x, y], *colour, text);
+        for (color, text) in &entries {
+            draw_entry(image, [x, y], *color, text);
             x += entry_width(text);
         }
         return;
     }
     let columns = entries.len().div_ceil(2) as i32;
     let width = room / columns;
-    for (i, (colour, text)) in (0..).zip(legend_entries(colouring, width)) {
+    for (i, (color, text)) in (0..).zip(legend_entries(coloring, width)) {
         let place = [x + i % columns * width, y - 14 + i / columns * 26];
-        draw_entry(image, place, colour, &text);
+        draw_entry(image, place, color, &text);
     }
 }
 
-/// Colour and words of each group; names are cut so that an entry takes at most `width` pixels.
-fn legend_entries(colouring: &Colouring, width: i32) -> Vec<(Rgb, String)> {
-    let n = colouring.len().max(1) as f64;
+/// Color and words of each group; names are cut so that an entry takes at most `width` pixels.
+fn legend_entries(coloring: &Coloring, width: i32) -> Vec<(Rgb, String)> {
+    let n = coloring.len().max(1) as f64;
     let entry = |(class, count): (&Class, usize)| {
         let share = format!(" {:.1} %", 100.0 * count as f64 / n);
         let room = (width - entry_width(&share)).max(0) as u32;
-        (class.colour, fitted(class.name, Font::Bold, room) + &share)
+        (class.color, fitted(class.name, Font::Bold, room) + &share)
     };
-    colouring.classes().iter().zip(colouring.legend_counts()).map(entry).collect()
+    coloring.classes().iter().zip(coloring.legend_counts()).map(entry).collect()
 }
 
 /// Pixels that a legend's entry takes, with its box and the gap to the next.
@@ -174,13 +174,13 @@ fn entry_width(text: &str) -> i32 {
     26 + Font::Bold.width(text) as i32 + 26
 }
 
-fn draw_entry(image: &mut Image, [x, y]: [i32; 2], colour: Rgb, text: &str) {
+fn draw_entry(image: &mut Image, [x, y]: [i32; 2], color: Rgb, text: &str) {
     image.rectangle(x, y, 18, 18, INK);
-    image.rectangle(x + 1, y + 1, 16, 16, colour);
+    image.rectangle(x + 1, y + 1, 16, 16, color);
     image.text(x + 26, y, text, Font::Bold, INK);
 }
 
-/// A bar of a round number of millimetres at the lower left; `scale` is pixels per millimetre.
+/// A bar of a round number of millimeters at the lower left; `scale` is pixels per millimeter.
 fn draw_scale_bar(image: &mut Image, scale: f64) {
     let (length, pixels) = scale_bar(scale);
     let (x, y) = (24, (SIZE[1] - 18) as i32);
@@ -203,13 +203,13 @@ fn ten_to(k: i32) -> f64 {
 }
 
 fn draw_axes(image: &mut Image, camera: &Camera, x: i32, y: i32) {
-    let mut axes = AXES.map(|(axis, name, colour)| (camera.turn(axis), name, colour));
+    let mut axes = AXES.map(|(axis, name, color)| (camera.turn(axis), name, color));
     axes.sort_by(|a, b| a.0.z.total_cmp(&b.0.z));
-    for (axis, name, colour) in axes {
+    for (axis, name, color) in axes {
         let tip = [x + (axis.x * 30.0).round() as i32, y - (axis.y * 30.0).round() as i32];
-        image.line([x, y], tip, 2, colour);
+        image.line([x, y], tip, 2, color);
         let letter = [x + (axis.x * 40.0).round() as i32, y - (axis.y * 40.0).round() as i32];
-        image.text(letter[0] - 3, letter[1] - 7, name, Font::Small, colour);
+        image.text(letter[0] - 3, letter[1] - 7, name, Font::Small, color);
     }
 }
 
@@ -223,8 +223,8 @@ mod tests {
     #[test]
     fn entries_of_a_crowded_legend_are_cut_to_their_room() {
         let long = "a tool that has a very long name indeed";
-        let classes = [Class { name: long, colour: INK }, Class { name: "b", colour: INK }];
-        let groups = Colouring::Groups { classes: &classes, of: &[0, 1, 1, 1] };
+        let classes = [Class { name: long, color: INK }, Class { name: "b", color: INK }];
+        let groups = Coloring::Groups { classes: &classes, of: &[0, 1, 1, 1] };
         let cut = legend_entries(&groups, 285);
         assert!(cut.iter().all(|(_, text)| entry_width(text) <= 285), "{cut:?}");
         assert!(cut[0].1.starts_with("a tool that") && cut[0].1.ends_with(".. 25.0 %"), "{cut:?}");
@@ -261,14 +261,14 @@ mod tests {
     }
 
     #[test]
-    fn each_side_shows_its_own_colour_with_and_without_a_mesh() {
+    fn each_side_shows_its_own_color_with_and_without_a_mesh() {
         let (mesh, sites) = block();
         let below: Vec<bool> = sites.normals.iter().map(|n| n.z < -0.5).collect();
         let none = vec![false; sites.len()];
-        let colouring = Colouring::Labels { inaccessible: &below, occlusion: &none };
+        let coloring = Coloring::Labels { inaccessible: &below, occlusion: &none };
         for mesh in [Some(&mesh), None] {
-            let part = Part { name: "block", mesh, sites: &sites, cutter: "CR 1" };
-            let image = render(&part, "test", &colouring);
+            let part = PartView { name: "block", mesh, sites: &sites, cutter: "CR 1" };
+            let image = render(&part, "test", &coloring);
             let count = |columns: std::ops::Range<u32>| {
                 let rows = HEAD + 20..SIZE[1] - FOOT - 90;
                 let seen = |y| columns.clone().filter_map(|x| image.pixel(x, y)).collect();
@@ -284,14 +284,11 @@ mod tests {
         let (mesh, sites) = block();
         let truth: Vec<bool> = (0..sites.len()).map(|i| i % 3 == 0).collect();
         let predicted: Vec<bool> = (0..sites.len()).map(|i| i % 4 == 0).collect();
-        let colouring = Colouring::Difference {
-            positive: "inaccessible",
-            truth: &truth,
-            predicted: &predicted,
-        };
-        let part = Part { name: "block", mesh: Some(&mesh), sites: &sites, cutter: "" };
+        let coloring =
+            Coloring::Difference { positive: "inaccessible", truth: &truth, predicted: &predicted };
+        let part = PartView { name: "block", mesh: Some(&mesh), sites: &sites, cutter: "" };
         let [one, three] =
-            [1, 3].map(|n| par::with_threads(n, || render(&part, "", &colouring)).unwrap());
+            [1, 3].map(|n| par::with_threads(n, || render(&part, "", &coloring)).unwrap());
         assert!(one == three);
     }
 
@@ -307,9 +304,9 @@ mod tests {
         let nothing = Mesh::default();
         assert_eq!(thumbnail(&nothing, 40, 30).pixel(20, 15), Some(BACKGROUND));
         let sites = Sites { points: vec![Vec3::ONE], normals: vec![Vec3::Z], faces: vec![] };
-        let colouring = Colouring::Labels { inaccessible: &[true], occlusion: &[false] };
-        let part = Part { name: "dot", mesh: None, sites: &sites, cutter: "" };
-        let image = render(&part, "", &colouring);
+        let coloring = Coloring::Labels { inaccessible: &[true], occlusion: &[false] };
+        let part = PartView { name: "dot", mesh: None, sites: &sites, cutter: "" };
+        let image = render(&part, "", &coloring);
         assert!(image.pixel(350, 400).is_some_and(reddish));
     }
 }

@@ -1,7 +1,7 @@
-//! Coloured point clouds: binary PLY that any viewer shows, with the numbers behind the colours.
+//! Colored point clouds: binary PLY that any viewer shows, with the numbers behind the colors.
 
-use super::{Colouring, Part};
-use crate::{Error, Result, aside};
+use super::{Coloring, PartView};
+use crate::{Error, Result, atomic_file};
 use ply_rs_bw::ply::{
     Addable, ElementDef, Encoding, Ply, PropertyAccess, PropertyDef, PropertyType, ScalarType,
 };
@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// One number per site, written as a property of the point.
 #[derive(Debug, Clone, Copy)]
-pub enum Values<'a> {
+pub enum PointValues<'a> {
     /// 0 (no) or 1 (yes), `uchar`.
     Flags(&'a [bool]),
     /// `uint`.
@@ -21,73 +21,73 @@ pub enum Values<'a> {
     Reals(&'a [f32]),
 }
 
-impl Values<'_> {
+impl PointValues<'_> {
     fn len(&self) -> usize {
         match self {
-            Values::Flags(v) => v.len(),
-            Values::Counts(v) => v.len(),
-            Values::LargeCounts(v) => v.len(),
-            Values::Reals(v) => v.len(),
+            PointValues::Flags(v) => v.len(),
+            PointValues::Counts(v) => v.len(),
+            PointValues::LargeCounts(v) => v.len(),
+            PointValues::Reals(v) => v.len(),
         }
     }
 
     fn kind(&self) -> ScalarType {
         match self {
-            Values::Flags(_) => ScalarType::UChar,
-            Values::Counts(_) => ScalarType::UInt,
-            Values::LargeCounts(_) => ScalarType::Double,
-            Values::Reals(_) => ScalarType::Float,
+            PointValues::Flags(_) => ScalarType::UChar,
+            PointValues::Counts(_) => ScalarType::UInt,
+            PointValues::LargeCounts(_) => ScalarType::Double,
+            PointValues::Reals(_) => ScalarType::Float,
         }
     }
 }
 
 /// Writes the sites as binary PLY: `x y z nx ny nz red green blue`, then `values` by name.
 ///
-/// Comments state the unit, the part, the cutter, the meaning of the colours, and `notes`.
+/// Comments state the unit, the part, the cutter, the meaning of the colors, and `notes`.
 ///
 /// # Errors
 /// If the system refuses the file, or a list of values has not one entry per site.
 ///
 /// # Panics
-/// If `colouring` has not one entry per site.
+/// If `coloring` has not one entry per site.
 pub fn write(
     path: &Path,
-    part: &Part,
-    colouring: &Colouring,
-    values: &[(&str, Values)],
+    part: &PartView,
+    coloring: &Coloring,
+    values: &[(&str, PointValues)],
     notes: &[String],
 ) -> Result<()> {
-    assert_eq!(colouring.len(), part.sites.len(), "one colour per site");
+    assert_eq!(coloring.len(), part.sites.len(), "one color per site");
     if let Some((name, v)) = values.iter().find(|(_, v)| v.len() != part.sites.len()) {
         let found = format!("{} values for {} sites", v.len(), part.sites.len());
         return Err(Error::file(path, *name, found, "give one value per site"));
     }
-    let table = Table { part, colouring, values };
+    let table = Table { part, coloring, values };
     let mut ply = Ply::<Row>::new();
     ply.header.encoding = Encoding::BinaryLittleEndian;
-    ply.header.comments = comments(part, colouring, notes);
+    ply.header.comments = comments(part, coloring, notes);
     ply.header.elements.add(definition(values));
     let rows = (0..part.sites.len()).map(|i| Row { table: Some(&table), i }).collect();
     ply.payload.insert("vertex".into(), rows);
-    aside::write(path, |file| Writer::new().write_ply(file, &mut ply).map(|_| ()))
+    atomic_file::write_atomic(path, |file| Writer::new().write_ply(file, &mut ply).map(|_| ()))
 }
 
-fn comments(part: &Part, colouring: &Colouring, notes: &[String]) -> Vec<String> {
+fn comments(part: &PartView, coloring: &Coloring, notes: &[String]) -> Vec<String> {
     let mut comments = vec![
         format!("deepmill {}", env!("CARGO_PKG_VERSION")),
         "unit mm".to_string(),
         format!("part {}", part.name),
         format!("cutter {}", part.cutter),
     ];
-    comments.extend(colouring.classes().iter().map(|class| {
-        let [r, g, b] = class.colour;
-        format!("colour {r} {g} {b}: {}", class.name)
+    comments.extend(coloring.classes().iter().map(|class| {
+        let [r, g, b] = class.color;
+        format!("color {r} {g} {b}: {}", class.name)
     }));
     comments.extend(notes.iter().cloned());
     comments.iter().map(|c| c.replace(['\n', '\r'], " ")).collect()
 }
 
-fn definition(values: &[(&str, Values)]) -> ElementDef {
+fn definition(values: &[(&str, PointValues)]) -> ElementDef {
     let mut element = ElementDef::new("vertex".into());
     let mut add = |name: &str, kind: ScalarType| {
         element.properties.add(PropertyDef::new(name.into(), PropertyType::Scalar(kind)));
@@ -99,19 +99,19 @@ fn definition(values: &[(&str, Values)]) -> ElementDef {
 }
 
 struct Table<'a> {
-    part: &'a Part<'a>,
-    colouring: &'a Colouring<'a>,
-    values: &'a [(&'a str, Values<'a>)],
+    part: &'a PartView<'a>,
+    coloring: &'a Coloring<'a>,
+    values: &'a [(&'a str, PointValues<'a>)],
 }
 
-/// One site, as the writer asks for it; without a table only while the writer makes defaults.
+/// One site, as the writer reads it; without a table only while the writer makes defaults.
 struct Row<'a> {
     table: Option<&'a Table<'a>>,
     i: usize,
 }
 
 impl Row<'_> {
-    fn value(&self, name: &str) -> Option<Values<'_>> {
+    fn value(&self, name: &str) -> Option<PointValues<'_>> {
         self.table?.values.iter().find(|(n, _)| *n == name).map(|(_, v)| *v)
     }
 }
@@ -131,31 +131,31 @@ impl PropertyAccess for Row<'_> {
             return Some(sites.normals[self.i][k]);
         }
         match self.value(name)? {
-            Values::Reals(v) => Some(v[self.i]),
+            PointValues::Reals(v) => Some(v[self.i]),
             _ => None,
         }
     }
 
     fn get_uchar(&self, name: &str) -> Option<u8> {
         if let Some(k) = ["red", "green", "blue"].iter().position(|c| *c == name) {
-            return Some(self.table?.colouring.colour(self.i)[k]);
+            return Some(self.table?.coloring.color(self.i)[k]);
         }
         match self.value(name)? {
-            Values::Flags(v) => Some(u8::from(v[self.i])),
+            PointValues::Flags(v) => Some(u8::from(v[self.i])),
             _ => None,
         }
     }
 
     fn get_uint(&self, name: &str) -> Option<u32> {
         match self.value(name)? {
-            Values::Counts(v) => Some(v[self.i]),
+            PointValues::Counts(v) => Some(v[self.i]),
             _ => None,
         }
     }
 
     fn get_double(&self, name: &str) -> Option<f64> {
         match self.value(name)? {
-            Values::LargeCounts(v) => Some(v[self.i] as f64),
+            PointValues::LargeCounts(v) => Some(v[self.i] as f64),
             _ => None,
         }
     }
@@ -175,16 +175,16 @@ mod tests {
         let path = folder.path().join("a.ply");
         let points = vec![Vec3::new(1.0, 2.0, 3.0), Vec3::new(-0.1, 1e-7, 4.0)];
         let sites = Sites { points, normals: vec![Vec3::X, Vec3::NEG_Z], faces: vec![] };
-        let part = Part { name: "a\nb", mesh: None, sites: &sites, cutter: "CR 1" };
-        let colouring =
-            Colouring::Labels { inaccessible: &[true, false], occlusion: &[false, false] };
+        let part = PartView { name: "a\nb", mesh: None, sites: &sites, cutter: "CR 1" };
+        let coloring =
+            Coloring::Labels { inaccessible: &[true, false], occlusion: &[false, false] };
         let values = [
-            ("inaccessible", Values::Flags(&[true, false])),
-            ("accessible_directions", Values::Counts(&[0, 150])),
-            ("beta", Values::LargeCounts(&[1 << 40, 3])),
-            ("probability", Values::Reals(&[0.25, 1.0])),
+            ("inaccessible", PointValues::Flags(&[true, false])),
+            ("accessible_directions", PointValues::Counts(&[0, 150])),
+            ("beta", PointValues::LargeCounts(&[1 << 40, 3])),
+            ("probability", PointValues::Reals(&[0.25, 1.0])),
         ];
-        write(&path, &part, &colouring, &values, &["inaccessible 1 means yes".into()]).unwrap();
+        write(&path, &part, &coloring, &values, &["inaccessible 1 means yes".into()]).unwrap();
         let mut file = std::fs::File::open(&path).unwrap();
         let ply = Parser::<DefaultElement>::new().read_ply(&mut file).unwrap();
         let rows = &ply.payload["vertex"];
@@ -198,8 +198,8 @@ mod tests {
         assert_eq!(rows[0]["probability"], Property::Float(0.25));
         assert!(ply.header.comments.contains(&"unit mm".to_string()));
         assert!(ply.header.comments.contains(&"part a b".to_string()));
-        assert!(ply.header.comments.contains(&"colour 206 58 44: inaccessible".to_string()));
-        let short = [("beta", Values::Counts(&[1]))];
-        assert!(write(&path, &part, &colouring, &short, &[]).is_err());
+        assert!(ply.header.comments.contains(&"color 206 58 44: inaccessible".to_string()));
+        let short = [("beta", PointValues::Counts(&[1]))];
+        assert!(write(&path, &part, &coloring, &short, &[]).is_err());
     }
 }

@@ -126,9 +126,9 @@ fn faces_around(mesh: &Mesh) -> (Vec<u32>, Vec<u32>) {
 pub struct Fragment {
     /// The face, or [`Fragment::NONE`].
     pub face: u32,
-    /// Height towards the eye, mm.
+    /// Height toward the eye, mm.
     pub depth: f32,
-    /// Unit normal, turned towards the eye.
+    /// Unit normal, turned toward the eye.
     pub normal: Vec3,
 }
 
@@ -196,7 +196,7 @@ fn draw_face(
     }
 }
 
-/// Pixels whose centres lie in `[low, high]`, cut to `first..end`.
+/// Pixels whose centers lie in `[low, high]`, cut to `first..end`.
 fn pixels(low: f64, high: f64, first: usize, end: usize) -> std::ops::Range<usize> {
     let begin = (low - 0.5).ceil().max(first as f64);
     let stop = ((high - 0.5).floor() + 1.0).min(end as f64);
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn slivers_take_the_normal_of_their_neighbour() {
+    fn slivers_take_the_normal_of_their_neighbor() {
         let mut mesh = steps();
         mesh.vertices.push(DVec3::new(0.0, -2.0 - 1e-6, 1e-5));
         mesh.triangles.push([0, 8, 1]);

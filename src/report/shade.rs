@@ -14,7 +14,7 @@ const LIGHT: DVec3 = DVec3::new(-0.30, 0.40, 0.87);
 /// Brightness of a face that turns its back on the light, and what full light adds.
 const AMBIENT: f32 = 0.30;
 const DIFFUSE: f32 = 0.72;
-/// Neighbouring samples whose normals turn by more than this show an edge line: cosine of 30°.
+/// Neighboring samples whose normals turn by more than this show an edge line: cosine of 30°.
 const EDGE_COS: f32 = 0.866;
 /// Samples further than this many pixels off the tangent plane show an edge line.
 const EDGE_OFFSET: f32 = 5.0;
@@ -28,7 +28,7 @@ const CORNER_STRENGTH: f32 = 0.75;
 /// How a view is lit.
 #[derive(Debug, Clone, Copy)]
 pub struct Look {
-    /// Colour where there is no part.
+    /// Color where there is no part.
     pub background: Rgb,
     /// Whether edges get dark lines.
     pub edges: bool,
@@ -38,12 +38,12 @@ pub struct Look {
 
 /// Turns `fragments` of `camera` (which has [`SAMPLES`] samples per pixel side) into an image.
 ///
-/// `colour` gives the colour of a fragment seen at a point (mm) before shading.
+/// `color` gives the color of a fragment seen at a point (mm) before shading.
 pub fn shade(
     fragments: &[Fragment],
     camera: &Camera,
     look: Look,
-    colour: impl Fn(&Fragment, DVec3) -> Rgb + Sync,
+    color: impl Fn(&Fragment, DVec3) -> Rgb + Sync,
 ) -> Image {
     let (width, height) = (camera.width / SAMPLES, camera.height / SAMPLES);
     let mut image = Image::new(width as u32, height as u32, look.background);
@@ -52,7 +52,7 @@ pub fn shade(
     let scene = Scene { fragments, camera, pattern: pattern(), light, look };
     par::for_each_block(image.bytes_mut(), 3 * width.max(1), |y, row| {
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
-            let bytes = scene.pixel(x, y, &colour).to_array();
+            let bytes = scene.pixel(x, y, &color).to_array();
             pixel.copy_from_slice(&bytes.map(|c| (c + 0.5).clamp(0.0, 255.0) as u8));
         }
     });
@@ -68,8 +68,8 @@ struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Mean colour of the samples of a pixel, 0 to 255; what encloses it is asked once.
-    fn pixel(&self, x: usize, y: usize, colour: &impl Fn(&Fragment, DVec3) -> Rgb) -> Vec3 {
+    /// Mean color of the samples of a pixel, 0 to 255; what encloses it is computed once.
+    fn pixel(&self, x: usize, y: usize, color: &impl Fn(&Fragment, DVec3) -> Rgb) -> Vec3 {
         let mut sum = Vec3::ZERO;
         let mut openness = None;
         for k in 0..SAMPLES * SAMPLES {
@@ -80,7 +80,7 @@ impl Scene<'_> {
                 let open = *openness.get_or_insert_with(|| self.openness(at, point, fragment));
                 let edge = self.look.edges && self.is_edge(at, point, fragment);
                 let line = if edge { EDGE_DARKNESS } else { 1.0 };
-                sum += vector(colour(fragment, point)) * (self.light(fragment) * open * line);
+                sum += vector(color(fragment, point)) * (self.light(fragment) * open * line);
             } else {
                 sum += vector(self.look.background);
             }
@@ -100,7 +100,7 @@ impl Scene<'_> {
     }
 
     /// The fragment at an offset; `None` outside the image.
-    fn neighbour(&self, at: [usize; 2], offset: [i64; 2]) -> Option<([usize; 2], &Fragment)> {
+    fn neighbor(&self, at: [usize; 2], offset: [i64; 2]) -> Option<([usize; 2], &Fragment)> {
         let x = at[0].checked_add_signed(offset[0] as isize)?;
         let y = at[1].checked_add_signed(offset[1] as isize)?;
         let inside = x < self.camera.width && y < self.camera.height;
@@ -111,7 +111,7 @@ impl Scene<'_> {
     fn is_edge(&self, at: [usize; 2], point: DVec3, fragment: &Fragment) -> bool {
         let furthest = EDGE_OFFSET / self.camera.scale as f32;
         [[1, 0], [0, 1], [-1, 0], [0, -1]].into_iter().any(|offset| {
-            let Some((at, other)) = self.neighbour(at, offset) else { return false };
+            let Some((at, other)) = self.neighbor(at, offset) else { return false };
             let step = || (self.point(at, other) - point).as_vec3();
             !other.hit()
                 || fragment.normal.dot(other.normal) < EDGE_COS
@@ -124,7 +124,7 @@ impl Scene<'_> {
         let reach = 1.5 * RINGS[RINGS.len() - 1] / self.camera.scale;
         let mut sum = 0.0;
         for offset in &self.pattern {
-            let Some((at, other)) = self.neighbour(at, *offset) else { continue };
+            let Some((at, other)) = self.neighbor(at, *offset) else { continue };
             if !other.hit() {
                 continue;
             }
@@ -148,6 +148,6 @@ fn pattern() -> Vec<[i64; 2]> {
     (0..RINGS.len()).flat_map(|ring| (0..SPOKES).map(move |k| spoke(ring, k))).collect()
 }
 
-fn vector(colour: Rgb) -> Vec3 {
-    Vec3::from_array(colour.map(f32::from))
+fn vector(color: Rgb) -> Vec3 {
+    Vec3::from_array(color.map(f32::from))
 }

@@ -15,7 +15,7 @@ pub enum Cell {
     /// Seconds.
     Seconds(f64),
     /// A length, mm.
-    Millimetres(f64),
+    Millimeters(f64),
     /// Any other number, shown with four digits.
     Number(f64),
     /// A number that someone chose, shown with the digits it has.
@@ -42,7 +42,7 @@ impl Cell {
             Cell::Count(n) => n.to_string(),
             Cell::Share(x) if x.is_finite() => format!("{:.1} %", 100.0 * x),
             Cell::Seconds(x) if x.is_finite() => seconds(*x),
-            Cell::Millimetres(x) if x.is_finite() => format!("{} mm", significant(*x)),
+            Cell::Millimeters(x) if x.is_finite() => format!("{} mm", significant(*x)),
             Cell::Number(x) if x.is_finite() => significant(*x),
             Cell::Given(x) if x.is_finite() => x.to_string(),
             _ => "-".into(),
@@ -56,7 +56,7 @@ impl Cell {
             Cell::Count(n) => json!(n),
             Cell::Share(x)
             | Cell::Seconds(x)
-            | Cell::Millimetres(x)
+            | Cell::Millimeters(x)
             | Cell::Number(x)
             | Cell::Given(x) => json!(x),
             Cell::Missing => Value::Null,
@@ -238,7 +238,7 @@ mod tests {
     fn facts_keep_their_order() {
         let mut facts = Facts::new();
         facts.add("sites", "sites", Cell::count(7000));
-        facts.add("spacing_mm", "spacing", Cell::Millimetres(1.23456));
+        facts.add("spacing_mm", "spacing", Cell::Millimeters(1.23456));
         assert_eq!(facts.json().to_string(), r#"{"sites":7000,"spacing_mm":1.23456}"#);
         assert!(facts.text().contains("1.235 mm"), "{}", facts.text());
     }

@@ -3,9 +3,9 @@
 //! They serve gradient checks. Sums are fused or not as matrixmultiply does it on this processor; for any
 //! number of threads the bits are the same.
 
-use super::Level;
-use super::elementwise::{Combination, Combine, Relu, Scale, SgdStep, SparseRows};
-use super::gemm::block::{Block, PackPanel, Source, Term};
+use super::Isa;
+use super::elementwise::{Combination, Combine, ReluInPlace, Scale, SgdStep, SparseRows};
+use super::gemm::block::{Block, BlockTerm, PackPanel, WeightSource};
 use super::gemm::winograd::cube::{each_axis, gradient, input, kernel, kernel_gradient, output};
 use super::gemm::winograd::transforms::PLACES;
 use super::gemm::winograd::{
@@ -62,7 +62,7 @@ fn scatter(x: &[f64], rows: &[u32], width: usize, to: &mut [f64]) {
 }
 
 impl Kernels for f64 {
-    fn product(_: Level, x: MatmulRows<f64>) {
+    fn product(_: Isa, x: MatmulRows<f64>) {
         let (m, width) = (x.a_rows.len(), x.columns.len());
         let mut c = vec![0.0; m * width];
         let a = gathered(x.a, x.a_rows, x.k);
@@ -71,37 +71,37 @@ impl Kernels for f64 {
         scatter(&c, x.c_rows, width, x.c);
     }
 
-    fn transposed_product(_: Level, x: MatmulTnRows<f64>) {
+    fn transposed_product(_: Isa, x: MatmulTnRows<f64>) {
         let (a, g) = (gathered(x.a, x.a_rows, x.k), gathered(x.g, x.g_rows, x.n));
         let shape = [x.k, x.a_rows.len(), x.n];
         add_product(shape, Strided(&a, 1, x.k), Strided(&g, x.n, 1), x.d);
     }
 
     /// One panel.
-    fn panel_width(_: Level, width: usize) -> usize {
+    fn panel_width(_: Isa, width: usize) -> usize {
         width.max(1)
     }
 
-    fn pack_panel(_: Level, x: PackPanel<f64>) {
+    fn pack_panel(_: Isa, x: PackPanel<f64>) {
         let (w, row, column) = x.weights.strided(x.offset);
         for (p, to) in x.to.chunks_exact_mut(x.weights.width()).enumerate() {
             to.iter_mut().enumerate().for_each(|(j, to)| *to = w[p * row + j * column]);
         }
     }
 
-    fn block_sum(_: Level, Block { terms, columns, y }: Block<f64>) {
+    fn block_sum(_: Isa, Block { terms, columns, y }: Block<f64>) {
         let width = columns.len();
         y.fill(0.0);
         for term in terms {
             match term {
-                Term::Products { x, pairs, weights } => {
+                BlockTerm::Products { x, pairs, weights } => {
                     for (k, (inputs, outputs)) in pairs.iter().enumerate() {
                         let (w, depth, row, column) = match weights {
-                            Source::Packed(packed) => {
+                            WeightSource::Packed(packed) => {
                                 let len = packed.depth * packed.width;
                                 (&packed.numbers()[k * len..], packed.depth, packed.width, 1)
                             }
-                            Source::Matrices(weights) => {
+                            WeightSource::Matrices(weights) => {
                                 let (w, row, column) = weights.strided(k);
                                 (w, weights.depth(), row, column)
                             }
@@ -113,7 +113,7 @@ impl Kernels for f64 {
                         scatter(&c, outputs, width, y);
                     }
                 }
-                Term::Rows(rows) => {
+                BlockTerm::Rows(rows) => {
                     for (row, outputs) in rows {
                         outputs.iter().for_each(|&o| {
                             scatter(&row[columns.clone()], &[o], width, y);
@@ -124,32 +124,32 @@ impl Kernels for f64 {
         }
     }
 
-    fn frequency_sum(level: Level, x: FrequencyBlock<f64>) {
-        let FrequencyBlock { groups, terms, n, room, y } = x;
+    fn frequency_sum(isa: Isa, x: FrequencyBlock<f64>) {
+        let FrequencyBlock { groups, terms, n, scratch, y } = x;
         let m = groups.len();
-        room.sums.clear();
-        room.sums.resize(N_FREQUENCIES * m * n, 0.0);
-        for (term, input) in terms.iter().zip(&mut room.inputs) {
+        scratch.sums.clear();
+        scratch.sums.resize(N_FREQUENCIES * m * n, 0.0);
+        for (term, input) in terms.iter().zip(&mut scratch.inputs) {
             let depth = match term {
-                winograd::Term::Nodes { weights, .. } => weights.depth,
-                winograd::Term::Shapes { .. } => 1,
+                winograd::FrequencyTerm::Nodes { weights, .. } => weights.depth,
+                winograd::FrequencyTerm::Shapes { .. } => 1,
             };
             input.resize(N_FREQUENCIES * m * depth, 0.0);
             match term {
-                winograd::Term::Nodes { x, .. } => {
+                winograd::FrequencyTerm::Nodes { x, .. } => {
                     let (plane, to) = (m * depth, &mut input[..]);
-                    Self::transform_inputs(level, InputTransform { groups, x, depth, plane, to });
+                    Self::transform_inputs(isa, InputTransform { groups, x, depth, plane, to });
                 }
-                winograd::Term::Shapes { .. } => frequencies_of_ones(groups, input),
+                winograd::FrequencyTerm::Shapes { .. } => frequencies_of_ones(groups, input),
             }
-            for (f, sums) in room.sums.chunks_exact_mut(m * n).enumerate() {
+            for (f, sums) in scratch.sums.chunks_exact_mut(m * n).enumerate() {
                 let x = &input[f * m * depth..][..m * depth];
                 match term {
-                    winograd::Term::Nodes { weights, .. } => {
+                    winograd::FrequencyTerm::Nodes { weights, .. } => {
                         let w = &weights.numbers()[f * depth * n..];
                         add_product([m, depth, n], Strided(x, depth, 1), Strided(w, n, 1), sums);
                     }
-                    winograd::Term::Shapes { products, shapes } => {
+                    winograd::FrequencyTerm::Shapes { products, shapes } => {
                         for ((sums, x), shape) in sums.chunks_exact_mut(n).zip(x).zip(*shapes) {
                             let row = &products[(shape * N_FREQUENCIES + f) * n..][..n];
                             sums.iter_mut().zip(row).for_each(|(sum, y)| *sum += x * y);
@@ -160,13 +160,13 @@ impl Kernels for f64 {
         }
         for (i, y) in y.chunks_exact_mut(8 * n).enumerate() {
             for j in 0..n {
-                let sum = |f: usize| room.sums[(f * m + i) * n + j];
+                let sum = |f: usize| scratch.sums[(f * m + i) * n + j];
                 each_axis(&mut [[0.0; 64]; 2], sum, output, |child, x| y[child * n + j] = x);
             }
         }
     }
 
-    fn transform_inputs(_: Level, x: InputTransform<f64>) {
+    fn transform_inputs(_: Isa, x: InputTransform<f64>) {
         let InputTransform { groups, x, depth, plane, to } = x;
         for (i, group) in groups.iter().enumerate() {
             for j in 0..depth {
@@ -182,7 +182,7 @@ impl Kernels for f64 {
         }
     }
 
-    fn transform_gradients(_: Level, x: GradientTransform<f64>) {
+    fn transform_gradients(_: Isa, x: GradientTransform<f64>) {
         let GradientTransform { dy, width, plane, to } = x;
         for (i, dy) in dy.chunks_exact(8 * width).enumerate() {
             for j in 0..width {
@@ -195,7 +195,7 @@ impl Kernels for f64 {
         }
     }
 
-    fn transform_kernels(_: Level, x: KernelTransform<f64>) {
+    fn transform_kernels(_: Isa, x: KernelTransform<f64>) {
         match x {
             KernelTransform::Weights { weights, to, .. } => {
                 let (depth, n) = (weights.depth(), weights.width());
@@ -225,7 +225,7 @@ impl Kernels for f64 {
         }
     }
 
-    fn combine(_: Level, Combine { combination, y, x }: Combine<f64>) {
+    fn combine(_: Isa, Combine { combination, y, x }: Combine<f64>) {
         for (y, &x) in y.iter_mut().zip(x) {
             *y = match combination {
                 Combination::Add => *y + x,
@@ -235,15 +235,15 @@ impl Kernels for f64 {
         }
     }
 
-    fn relu(_: Level, Relu(x): Relu<f64>) {
+    fn relu(_: Isa, ReluInPlace(x): ReluInPlace<f64>) {
         x.iter_mut().for_each(|x| *x = rectified(*x));
     }
 
-    fn scale(_: Level, Scale(factor, x): Scale<f64>) {
+    fn scale(_: Isa, Scale(factor, x): Scale<f64>) {
         x.iter_mut().for_each(|x| *x *= factor);
     }
 
-    fn sgd_step(_: Level, x: SgdStep<f64>) {
+    fn sgd_step(_: Isa, x: SgdStep<f64>) {
         let SgdStep { lr, momentum, decay, grads, velocity, params } = x;
         for ((g, v), p) in grads.iter_mut().zip(velocity).zip(params) {
             *v = momentum * *v + (*g + decay * *p);
@@ -252,7 +252,7 @@ impl Kernels for f64 {
         }
     }
 
-    fn sparse_rows(_: Level, x: SparseRows<f64>) {
+    fn sparse_rows(_: Isa, x: SparseRows<f64>) {
         let SparseRows { starts, sources, weights, x, c, y } = x;
         y.fill(0.0);
         for (y, range) in y.chunks_exact_mut(c).zip(starts.windows(2)) {
@@ -263,7 +263,7 @@ impl Kernels for f64 {
         }
     }
 
-    fn normalize(_: Level, work: NormalizeRows<f64>) {
+    fn normalize(_: Isa, work: NormalizeRows<f64>) {
         let NormalizeRows { columns, x, activation, y } = work;
         let c = columns.mean.len();
         for i in 0..y.len() {
@@ -280,7 +280,7 @@ impl Kernels for f64 {
         }
     }
 
-    fn backward_sums(_: Level, work: BackwardSums<f64>) {
+    fn backward_sums(_: Isa, work: BackwardSums<f64>) {
         let BackwardSums { rows, x, dy, sums: [dweight, dbias] } = work;
         for i in 0..x.len() {
             let j = i % dweight.len();
@@ -290,7 +290,7 @@ impl Kernels for f64 {
         }
     }
 
-    fn backward_apply(_: Level, work: BackwardApply<f64>) {
+    fn backward_apply(_: Isa, work: BackwardApply<f64>) {
         let BackwardApply { rows, means: [dweight, dbias], over_dy, read, over } = work;
         for i in 0..over.len() {
             let j = i % dweight.len();
@@ -300,7 +300,7 @@ impl Kernels for f64 {
         }
     }
 
-    fn column_sums(_: Level, ColumnSums { x, mean, sums }: ColumnSums<f64>) {
+    fn column_sums(_: Isa, ColumnSums { x, mean, sums }: ColumnSums<f64>) {
         for x in x.chunks_exact(sums.len()) {
             for (j, (sum, x)) in sums.iter_mut().zip(x).enumerate() {
                 *sum += mean.map_or(*x, |mean| (x - mean[j]) * (x - mean[j]));
@@ -312,9 +312,9 @@ impl Kernels for f64 {
 impl BackwardRows<'_, f64> {
     /// `x̂` and what passes of `dy` in column `j`.
     fn at(&self, j: usize, x: f64, dy: f64) -> [f64; 2] {
-        let centred = x - self.columns.mean[j];
-        let passes = !self.relu || centred * self.columns.factor[j] + self.columns.bias[j] > 0.0;
-        [centred * self.inv_std[j], if passes { dy } else { 0.0 }]
+        let centered = x - self.columns.mean[j];
+        let passes = !self.relu || centered * self.columns.factor[j] + self.columns.bias[j] > 0.0;
+        [centered * self.inv_std[j], if passes { dy } else { 0.0 }]
     }
 }
 

@@ -3,7 +3,7 @@
 //! Operations are those of the plain loop beside each kernel, in its order and rounded as often; lanes run over
 //! elements.
 
-use super::{Kernel, Level, Real, Simd, Vector};
+use super::{Isa, Kernel, Real, Simd, Vector};
 
 /// Calls `$work(s, chunk)` for the vectors of `0..$n`, the last one perhaps not whole.
 macro_rules! for_each_vector {
@@ -70,38 +70,38 @@ pub enum Combination {
 ///
 /// # Panics
 /// If the lengths differ.
-pub fn combine<T: Real>(level: Level, combination: Combination, y: &mut [T], x: &[T]) {
+pub fn combine<T: Real>(isa: Isa, combination: Combination, y: &mut [T], x: &[T]) {
     assert_eq!(y.len(), x.len(), "as many elements");
-    T::combine(level, Combine { combination, y, x });
+    T::combine(isa, Combine { combination, y, x });
 }
 
 /// `max(x, 0)` in place; −0 and NaN stay.
-pub fn relu<T: Real>(level: Level, x: &mut [T]) {
-    T::relu(level, Relu(x));
+pub fn relu<T: Real>(isa: Isa, x: &mut [T]) {
+    T::relu(isa, ReluInPlace(x));
 }
 
 /// `factor · x` in place.
-pub fn scale<T: Real>(level: Level, factor: T, x: &mut [T]) {
-    T::scale(level, Scale(factor, x));
+pub fn scale<T: Real>(isa: Isa, factor: T, x: &mut [T]) {
+    T::scale(isa, Scale(factor, x));
 }
 
 /// One step of SGD on some elements.
 ///
 /// # Panics
 /// If the lengths differ.
-pub fn sgd_step<T: Real>(level: Level, step: SgdStep<T>) {
+pub fn sgd_step<T: Real>(isa: Isa, step: SgdStep<T>) {
     let n = step.grads.len();
     assert!(step.params.len() == n && step.velocity.len() == n, "as many elements");
-    T::sgd_step(level, step);
+    T::sgd_step(isa, step);
 }
 
 /// Rows that are sums of weighted rows.
 ///
 /// # Panics
 /// If a term lies outside its slice.
-pub fn sparse_rows<T: Real>(level: Level, rows: SparseRows<T>) {
+pub fn sparse_rows<T: Real>(isa: Isa, rows: SparseRows<T>) {
     rows.check();
-    T::sparse_rows(level, rows);
+    T::sparse_rows(isa, rows);
 }
 
 /// Inputs of [`combine`], checked.
@@ -134,9 +134,9 @@ impl Kernel for Combine<'_, f32> {
 }
 
 /// Input of [`relu`].
-pub struct Relu<'a, T>(pub(super) &'a mut [T]);
+pub struct ReluInPlace<'a, T>(pub(super) &'a mut [T]);
 
-impl Kernel for Relu<'_, f32> {
+impl Kernel for ReluInPlace<'_, f32> {
     type Output = ();
 
     #[inline(always)]
@@ -175,7 +175,7 @@ pub struct SgdStep<'a, T> {
     pub momentum: T,
     /// Weight decay.
     pub decay: T,
-    /// Gradients; zeros afterwards.
+    /// Gradients; zeros afterward.
     pub grads: &'a mut [T],
     /// Velocities.
     pub velocity: &'a mut [T],
@@ -299,56 +299,56 @@ mod tests {
     }
 
     #[test]
-    fn elements_are_those_of_plain_loops_at_every_level() {
-        for &level in Level::available() {
+    fn elements_are_those_of_plain_loops_at_every_isa() {
+        for &isa in Isa::available() {
             for n in SIZES {
                 let (y, x) = (numbers(n, 1), numbers(n, 40));
                 let run = |combination| {
                     let mut y = y.clone();
-                    combine(level, combination, &mut y, &x);
+                    combine(isa, combination, &mut y, &x);
                     bits(&y)
                 };
                 let pairs = || y.iter().zip(&x);
                 let sums: Vec<f32> = pairs().map(|(y, x)| y + x).collect();
                 let passed: Vec<f32> =
                     pairs().map(|(y, x)| if *x > 0.0 { *y } else { 0.0 }).collect();
-                assert_eq!(run(Combination::Add), bits(&sums), "{} of {n}", level.name());
-                assert_eq!(run(Combination::PassRelu), bits(&passed), "{} of {n}", level.name());
+                assert_eq!(run(Combination::Add), bits(&sums), "{} of {n}", isa.name());
+                assert_eq!(run(Combination::PassRelu), bits(&passed), "{} of {n}", isa.name());
                 let mut rectified = x.clone();
-                relu(level, &mut rectified);
+                relu(isa, &mut rectified);
                 assert_eq!(
                     bits(&rectified),
                     bits(&x.iter().map(|&x| plain_relu(x)).collect::<Vec<_>>())
                 );
                 let mut scaled = x.clone();
-                scale(level, 0.3, &mut scaled);
+                scale(isa, 0.3, &mut scaled);
                 assert_eq!(bits(&scaled), bits(&x.iter().map(|x| 0.3 * x).collect::<Vec<_>>()));
             }
         }
     }
 
     #[test]
-    fn an_sgd_step_is_that_of_the_plain_loop_at_every_level() {
+    fn an_sgd_step_is_that_of_the_plain_loop_at_every_isa() {
         let (lr, momentum, decay) = (0.1, 0.9, 5e-4);
-        for &level in Level::available() {
+        for &isa in Isa::available() {
             for n in SIZES {
                 let (mut g, mut v, mut p) = (numbers(n, 1), numbers(n, 2), numbers(n, 3));
                 let new: Vec<f32> =
                     (0..n).map(|i| momentum * v[i] + (g[i] + decay * p[i])).collect();
                 let moved: Vec<f32> = p.iter().zip(&new).map(|(p, v)| p - lr * v).collect();
                 let (grads, velocity, params) = (&mut g[..], &mut v[..], &mut p[..]);
-                sgd_step(level, SgdStep { lr, momentum, decay, grads, velocity, params });
-                assert_eq!((bits(&v), bits(&p)), (bits(&new), bits(&moved)), "{}", level.name());
+                sgd_step(isa, SgdStep { lr, momentum, decay, grads, velocity, params });
+                assert_eq!((bits(&v), bits(&p)), (bits(&new), bits(&moved)), "{}", isa.name());
                 assert!(g.iter().all(|g| g.to_bits() == 0));
             }
         }
     }
 
     #[test]
-    fn sparse_rows_are_those_of_the_plain_loop_at_every_level() {
+    fn sparse_rows_are_those_of_the_plain_loop_at_every_isa() {
         let (starts, sources) = ([0, 3, 3, 5, 6], [4u32, 0, 2, 1, 1, 3]);
         let weights = [0.3f32, -0.7, 0.1, 2.0, 0.9, 1.0];
-        for &level in Level::available() {
+        for &isa in Isa::available() {
             for c in SIZES.into_iter().filter(|&c| c > 0) {
                 let (x, mut y) = (numbers(5 * c, 6), vec![f32::NAN; 4 * c]);
                 let element = |i: usize| {
@@ -366,11 +366,11 @@ mod tests {
                     c,
                     y: y_rows,
                 };
-                sparse_rows(level, rows);
+                sparse_rows(isa, rows);
                 let nan_as_one = |x: &[f32]| {
                     x.iter().map(|x| if x.is_nan() { 1 } else { x.to_bits() }).collect::<Vec<_>>()
                 };
-                assert_eq!(nan_as_one(&y), nan_as_one(&expected), "{} of {c}", level.name());
+                assert_eq!(nan_as_one(&y), nan_as_one(&expected), "{} of {c}", isa.name());
             }
         }
     }
@@ -380,9 +380,6 @@ mod tests {
     fn a_source_outside_the_input_panics() {
         let (x, mut y) = ([0.0f32; 4], [0.0; 2]);
         let (starts, sources, weights) = (&[0, 1], &[2u32], &[1.0f32]);
-        sparse_rows(
-            Level::active(),
-            SparseRows { starts, sources, weights, x: &x, c: 2, y: &mut y },
-        );
+        sparse_rows(Isa::active(), SparseRows { starts, sources, weights, x: &x, c: 2, y: &mut y });
     }
 }

@@ -29,7 +29,7 @@ pub fn mul_add(a: f32, b: f32, c: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// A small deterministic generator: this room imports nothing.
+    /// A small deterministic generator: this module imports nothing.
     fn bits(state: &mut u64) -> u64 {
         *state ^= *state << 13;
         *state ^= *state >> 7;

@@ -7,7 +7,7 @@
 //!
 //! 1. A tile of `M` rows and `V` vectors of the output is loaded into registers, takes its products
 //!    one index of the sum at a time, and is stored again. Each lane is one output; no sum is ever
-//!    split, so tile sizes, tails and levels cannot change a bit.
+//!    split, so tile sizes, tails and instruction sets cannot change a bit.
 //! 2. Rows are gathered by pointers in the tile: no im2col, no copy of `a`.
 //! 3. Columns are taken a tile's width at a time from a panel: a copy of these columns of `b` or `g`
 //!    that stays in the first-level cache while all row tiles pass over it; where there are too few
@@ -25,7 +25,7 @@ pub mod weights;
 pub mod winograd;
 
 pub use super::Real;
-use super::{Kernel, Level, Simd};
+use super::{Isa, Kernel, Simd};
 use std::ops::Range;
 use tile::{Panel, PanelCopy, RowPointers, WIDTH, columns, tile_rows, tile_tn, with_height};
 
@@ -69,19 +69,19 @@ pub struct MatmulTnRows<'a, T> {
     pub(super) d: &'a mut [T],
 }
 
-/// `c[c_rows[r], j] += Σ_p a[a_rows[r], p] · b[p, j]` at a chosen level; `c_rows` must not repeat a row.
+/// `c[c_rows[r], j] += Σ_p a[a_rows[r], p] · b[p, j]` with a chosen instruction set; `c_rows` must not repeat a row.
 ///
 /// # Panics
 /// If a row index is outside its matrix, the two row lists differ in length, or `b` is not `[k, n]`.
 pub fn matmul_rows<T: Real>(
-    level: Level,
+    isa: Isa,
     (a, a_rows): (&[T], &[u32]),
     k: usize,
     b: &[T],
     n: usize,
     (c, c_rows): (&mut [T], &[u32]),
 ) {
-    matmul_columns(level, (a, a_rows), k, (b, n, 0..n), (c, c_rows));
+    matmul_columns(isa, (a, a_rows), k, (b, n, 0..n), (c, c_rows));
 }
 
 /// [`matmul_rows`] with some columns of `b: [k, n]` alone: `c` has only these.
@@ -89,7 +89,7 @@ pub fn matmul_rows<T: Real>(
 /// # Panics
 /// As [`matmul_rows`], and if `b` lacks the columns.
 pub fn matmul_columns<T: Real>(
-    level: Level,
+    isa: Isa,
     (a, a_rows): (&[T], &[u32]),
     k: usize,
     (b, n, columns): (&[T], usize, Range<usize>),
@@ -101,16 +101,16 @@ pub fn matmul_columns<T: Real>(
     check_rows(a_rows, a.len(), k);
     check_rows(c_rows, c.len(), columns.len());
     if !a_rows.is_empty() && k * columns.len() > 0 {
-        T::product(level, MatmulRows { a, a_rows, k, b, n, columns, c, c_rows });
+        T::product(isa, MatmulRows { a, a_rows, k, b, n, columns, c, c_rows });
     }
 }
 
-/// `d[p, j] += Σ_r a[a_rows[r], p] · g[g_rows[r], j]` at a chosen level.
+/// `d[p, j] += Σ_r a[a_rows[r], p] · g[g_rows[r], j]` with a chosen instruction set.
 ///
 /// # Panics
 /// If a row index is outside its matrix, the two row lists differ in length, or `d` is not `[k, n]`.
 pub fn matmul_tn_rows<T: Real>(
-    level: Level,
+    isa: Isa,
     (a, a_rows): (&[T], &[u32]),
     k: usize,
     (g, g_rows): (&[T], &[u32]),
@@ -122,7 +122,7 @@ pub fn matmul_tn_rows<T: Real>(
     check_rows(a_rows, a.len(), k);
     check_rows(g_rows, g.len(), n);
     if !a_rows.is_empty() && k * n > 0 {
-        T::transposed_product(level, MatmulTnRows { a, a_rows, k, g, g_rows, n, d });
+        T::transposed_product(isa, MatmulTnRows { a, a_rows, k, g, g_rows, n, d });
     }
 }
 
@@ -152,14 +152,14 @@ struct RowsKernel<'a>(MatmulRows<'a, f32>, &'a mut PanelCopy);
 struct TnRowsKernel<'a>(MatmulTnRows<'a, f32>, &'a mut PanelCopy);
 
 impl<'a> MatmulRows<'a, f32> {
-    pub(super) fn run(self, level: Level) {
-        level.run(RowsKernel(self, &mut PanelCopy::new()));
+    pub(super) fn run(self, isa: Isa) {
+        isa.run(RowsKernel(self, &mut PanelCopy::new()));
     }
 }
 
 impl<'a> MatmulTnRows<'a, f32> {
-    pub(super) fn run(self, level: Level) {
-        level.run(TnRowsKernel(self, &mut PanelCopy::new()));
+    pub(super) fn run(self, isa: Isa) {
+        isa.run(TnRowsKernel(self, &mut PanelCopy::new()));
     }
 }
 
@@ -317,7 +317,7 @@ mod tests {
     /// Below, at and above the edges of tiles, of panels and of the rows that pay for one.
     const SIZES: [usize; 13] = [0, 1, 2, 5, 6, 7, 8, 12, 13, 16, 17, 33, 49];
 
-    /// Whole numbers and others from one formula: this room imports nothing.
+    /// Whole numbers and others from one formula: this module imports nothing.
     fn numbers(len: usize, whole: bool) -> Vec<f32> {
         let value = |i: usize| ((i * 7919 + 13) % 97) as f32 - 48.0;
         (0..len).map(|i| if whole { value(i) } else { value(i) * 0.37 + 1e-3 }).collect()
@@ -332,7 +332,7 @@ mod tests {
         x.iter().map(|x| x.to_bits()).collect()
     }
 
-    fn assert_rows(level: Level, rows: usize, k: usize, n: usize, whole: bool) {
+    fn assert_rows(isa: Isa, rows: usize, k: usize, n: usize, whole: bool) {
         let (a_rows, c_rows) =
             (gathered(rows), (0..rows as u32).map(|r| r + 1).collect::<Vec<_>>());
         let (a, b) = (numbers(2 * rows * k, whole), numbers(k * n, whole));
@@ -348,11 +348,11 @@ mod tests {
                 }
             }
         }
-        matmul_rows(level, (&a, &a_rows), k, &b, n, (&mut c, &c_rows));
-        assert!(bits(&c) == bits(&expected), "{} {rows} x {k} x {n}", level.name());
+        matmul_rows(isa, (&a, &a_rows), k, &b, n, (&mut c, &c_rows));
+        assert!(bits(&c) == bits(&expected), "{} {rows} x {k} x {n}", isa.name());
     }
 
-    fn assert_tn_rows(level: Level, rows: usize, k: usize, n: usize, whole: bool) {
+    fn assert_tn_rows(isa: Isa, rows: usize, k: usize, n: usize, whole: bool) {
         let (a_rows, g_rows) = (gathered(rows), (0..rows as u32).rev().collect::<Vec<_>>());
         let (a, g) = (numbers(2 * rows * k, whole), numbers(rows * n, whole));
         let mut d = numbers(k * n, whole);
@@ -365,18 +365,18 @@ mod tests {
                 }
             }
         }
-        matmul_tn_rows(level, (&a, &a_rows), k, (&g, &g_rows), n, &mut d);
-        assert!(bits(&d) == bits(&expected), "{} {rows} x {k} x {n}", level.name());
+        matmul_tn_rows(isa, (&a, &a_rows), k, (&g, &g_rows), n, &mut d);
+        assert!(bits(&d) == bits(&expected), "{} {rows} x {k} x {n}", isa.name());
     }
 
     #[test]
-    fn every_level_equals_the_plain_loop_around_every_edge() {
-        for &level in Level::available() {
+    fn every_isa_equals_the_plain_loop_around_every_edge() {
+        for &isa in Isa::available() {
             for rows in SIZES {
                 for k in SIZES {
                     for n in SIZES.into_iter().chain([32, 64]) {
-                        assert_rows(level, rows, k, n, false);
-                        assert_tn_rows(level, rows, k, n, false);
+                        assert_rows(isa, rows, k, n, false);
+                        assert_tn_rows(isa, rows, k, n, false);
                     }
                 }
             }
@@ -384,21 +384,21 @@ mod tests {
     }
 
     #[test]
-    fn every_level_equals_the_plain_loop_beyond_one_pass() {
-        for &level in Level::available() {
+    fn every_isa_equals_the_plain_loop_beyond_one_pass() {
+        for &isa in Isa::available() {
             for deep in [DEPTH - 1, DEPTH, DEPTH + 1, 2 * DEPTH + 3] {
-                assert_rows(level, 7, deep, 33, false);
-                assert_rows(level, 25, deep, 16, true);
-                assert_rows(level, ROWS_FOR_PANEL + 1, deep, WIDTH_FOR_PANEL + 1, false);
-                assert_tn_rows(level, deep, 7, 33, false);
-                assert_tn_rows(level, deep, 25, 16, true);
+                assert_rows(isa, 7, deep, 33, false);
+                assert_rows(isa, 25, deep, 16, true);
+                assert_rows(isa, ROWS_FOR_PANEL + 1, deep, WIDTH_FOR_PANEL + 1, false);
+                assert_tn_rows(isa, deep, 7, 33, false);
+                assert_tn_rows(isa, deep, 25, 16, true);
             }
         }
     }
 
     #[test]
     fn f64_equals_the_plain_loop_up_to_rounding() {
-        for &level in Level::available() {
+        for &isa in Isa::available() {
             for (rows, k, n) in [(1, 1, 1), (25, 7, 9), (13, 300, 17), (7, 5, 35)] {
                 let list = gathered(rows);
                 let wide =
@@ -417,8 +417,8 @@ mod tests {
                         }
                     }
                 }
-                matmul_rows(level, (&a, &list), k, &b, n, (&mut c, &list));
-                matmul_tn_rows(level, (&a, &list), k, (&g, &list), n, &mut d);
+                matmul_rows(isa, (&a, &list), k, &b, n, (&mut c, &list));
+                matmul_tn_rows(isa, (&a, &list), k, (&g, &list), n, &mut d);
                 let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-12 * b.abs().max(1e3);
                 assert!(c.iter().zip(&expected_c).all(near) && d.iter().zip(&expected_d).all(near));
             }
@@ -429,20 +429,20 @@ mod tests {
     #[should_panic(expected = "row 3 of width 4 in 12 numbers")]
     fn a_row_outside_its_matrix_panics() {
         let (a, b, mut c) = ([0.0f32; 12], [0.0; 8], [0.0; 8]);
-        matmul_rows(Level::active(), (&a, &[0, 3]), 4, &b, 2, (&mut c, &[0, 1]));
+        matmul_rows(Isa::active(), (&a, &[0, 3]), 4, &b, 2, (&mut c, &[0, 1]));
     }
 
     #[test]
     #[should_panic(expected = "row 9 of width 2 in 8 numbers")]
     fn an_output_row_outside_its_matrix_panics() {
         let (a, b, mut c) = ([0.0f32; 12], [0.0; 8], [0.0; 8]);
-        matmul_rows(Level::active(), (&a, &[0, 2]), 4, &b, 2, (&mut c, &[0, 9]));
+        matmul_rows(Isa::active(), (&a, &[0, 2]), 4, &b, 2, (&mut c, &[0, 9]));
     }
 
     #[test]
     #[should_panic(expected = "one row of a for each row of g")]
     fn row_lists_of_different_length_panic() {
         let (a, g, mut d) = ([0.0f32; 12], [0.0; 8], [0.0; 8]);
-        matmul_tn_rows(Level::active(), (&a, &[0, 2]), 4, (&g, &[0]), 2, &mut d);
+        matmul_tn_rows(Isa::active(), (&a, &[0, 2]), 4, (&g, &[0]), 2, &mut d);
     }
 }

@@ -1,13 +1,13 @@
-//! Vector kernels and the choice between them: the only room with unsafe code.
+//! Vector kernels and the choice between them: the only module with unsafe code.
 //!
 //! # Numeric contract
 //!
-//! A kernel returns the same bits at every [`Level`]: lanes run over outputs, every output takes its
+//! A kernel returns the same bits at every [`Isa`]: lanes run over outputs, every output takes its
 //! terms one at a time in the documented order, tails use the same operations as full vectors.
 //!
 //! # Safety contract
 //!
-//! Instructions beyond the baseline of the target run only inside [`Level::run`], under a token that
+//! Instructions beyond the baseline of the target run only inside [`Isa::run`], under a token that
 //! nothing but a successful check of the processor can build. Kernels check every index that they
 //! are given before they form a pointer from it.
 #![allow(unsafe_code)]
@@ -18,12 +18,12 @@ mod double;
 pub mod elementwise;
 pub mod fma;
 pub mod gemm;
-pub mod level;
+pub mod isa;
 pub mod normalize;
 pub mod real;
 pub mod token;
 pub mod vector;
 
-pub use level::{Kernel, Level};
+pub use isa::{Isa, Kernel};
 pub use real::Real;
 pub use vector::{Float32, Float64, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};

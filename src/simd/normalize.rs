@@ -1,4 +1,4 @@
-//! Batch normalization of rows, column by column: inference, training and the way back.
+//! Batch normalization of rows, column by column: inference, training and the backward pass.
 //!
 //! ```text
 //! n(x) = (x − mean) · factor + bias          factor = weight · inv_std
@@ -12,7 +12,7 @@
 //! Products and sums are rounded one by one, never fused.
 
 use super::elementwise::{Chunk, for_each_vector};
-use super::{Float32, Kernel, Level, Real, Simd, Vector};
+use super::{Float32, Isa, Kernel, Real, Simd, Vector};
 
 /// Rows that pass over a vector of columns before the next one: with 256 columns they fill half of a
 /// first-level cache.
@@ -83,9 +83,9 @@ impl<T> NormalizeRows<'_, T> {
 ///
 /// # Panics
 /// If the slices are not whole rows of equal number.
-pub fn normalize<T: Real>(level: Level, rows: NormalizeRows<T>) {
+pub fn normalize<T: Real>(isa: Isa, rows: NormalizeRows<T>) {
     rows.check();
-    T::normalize(level, rows);
+    T::normalize(isa, rows);
 }
 
 impl Kernel for NormalizeRows<'_, f32> {
@@ -183,14 +183,14 @@ unsafe fn for_each_row<S: Simd>(
         // SAFETY: the caller's promise; columns have `c` numbers each.
         for_each_vector!(S, c, |chunk| unsafe {
             let (x, other, y) = (x.add(row * c), other.add(row * c), y.add(row * c));
-            let centred = chunk.load(s, x) - chunk.load(s, mean);
-            let n = centred * chunk.load(s, factor) + chunk.load(s, bias);
+            let centered = chunk.load(s, x) - chunk.load(s, mean);
+            let n = centered * chunk.load(s, factor) + chunk.load(s, bias);
             chunk.store::<S>(f(n, chunk.load(s, other), chunk.load(s, y)), y);
         });
     }
 }
 
-/// Rows of a batch norm on the way back, `[n, c]` each.
+/// Rows of a batch norm in the backward pass, `[n, c]` each.
 #[derive(Debug, Clone, Copy)]
 pub struct BackwardRows<'a, T> {
     /// What normalized them.
@@ -225,14 +225,14 @@ impl BackwardRows<'_, f32> {
         let Columns { mean, factor, bias } = self.columns;
         // SAFETY: the caller's promise; columns are of equal length.
         unsafe {
-            let centred = chunk.load(s, x) - chunk.load(s, mean.as_ptr());
+            let centered = chunk.load(s, x) - chunk.load(s, mean.as_ptr());
             let mut dy = chunk.load(s, dy);
             if self.relu {
-                let n = centred * chunk.load(s, factor.as_ptr()) + chunk.load(s, bias.as_ptr());
+                let n = centered * chunk.load(s, factor.as_ptr()) + chunk.load(s, bias.as_ptr());
                 let zero = S::F32::splat(s, 0.0);
                 dy = dy.select(n.gt(zero), zero);
             }
-            [centred * chunk.load(s, self.inv_std.as_ptr()), dy]
+            [centered * chunk.load(s, self.inv_std.as_ptr()), dy]
         }
     }
 }
@@ -241,28 +241,28 @@ impl BackwardRows<'_, f32> {
 ///
 /// # Panics
 /// If the slices are not whole rows of equal number.
-pub fn backward_sums<T: Real>(level: Level, sums: BackwardSums<T>) {
+pub fn backward_sums<T: Real>(isa: Isa, sums: BackwardSums<T>) {
     sums.rows.check(sums.x, sums.dy);
-    T::backward_sums(level, sums);
+    T::backward_sums(isa, sums);
 }
 
 /// Turns `x` or `dy` into `dx`, see [`BackwardApply`].
 ///
 /// # Panics
 /// If the slices are not whole rows of equal number.
-pub fn backward_apply<T: Real>(level: Level, work: BackwardApply<T>) {
+pub fn backward_apply<T: Real>(isa: Isa, work: BackwardApply<T>) {
     work.rows.check(work.read, work.over);
-    T::backward_apply(level, work);
+    T::backward_apply(isa, work);
 }
 
 /// Adds to `sums` the rows of `x`, or the squares of their distances from `mean`, per column.
 ///
 /// # Panics
 /// If `x` is not whole rows of as many numbers as there are sums.
-pub fn column_sums<T: Real>(level: Level, x: &[T], mean: Option<&[f64]>, sums: &mut [f64]) {
+pub fn column_sums<T: Real>(isa: Isa, x: &[T], mean: Option<&[f64]>, sums: &mut [f64]) {
     let c = sums.len();
     assert!(c > 0 && x.len().is_multiple_of(c) && mean.is_none_or(|mean| mean.len() == c));
-    T::column_sums(level, ColumnSums { x, mean, sums });
+    T::column_sums(isa, ColumnSums { x, mean, sums });
 }
 
 /// `dweight += Σ x̂·dy` and `dbias += Σ dy` over rows, in `f64`.
@@ -368,8 +368,8 @@ impl Kernel for BackwardApply<'_, f32> {
             for_each_vector!(S, c, |chunk| unsafe {
                 let [x_hat, dy] = rows.load(s, chunk, x.add(row * c), dy.add(row * c));
                 let shift = x_hat * chunk.load(s, dweight.as_ptr());
-                let centred = dy - chunk.load(s, dbias.as_ptr()) - shift;
-                let dx = chunk.load(s, rows.columns.factor.as_ptr()) * centred;
+                let centered = dy - chunk.load(s, dbias.as_ptr()) - shift;
+                let dx = chunk.load(s, rows.columns.factor.as_ptr()) * centered;
                 chunk.store::<S>(dx, over.add(row * c));
             });
         }
@@ -407,8 +407,8 @@ impl Kernel for ColumnSums<'_, f32> {
                         let mean = load_sums(s, chunk, mean);
                         for row in 0..n_rows {
                             let x = chunk.load(s, x.as_ptr().add(row * c)).widen();
-                            let centred = [x[0] - mean[0], x[1] - mean[1]];
-                            let square = [centred[0] * centred[0], centred[1] * centred[1]];
+                            let centered = [x[0] - mean[0], x[1] - mean[1]];
+                            let square = [centered[0] * centered[0], centered[1] * centered[1]];
                             sum = [sum[0] + square[0], sum[1] + square[1]];
                         }
                     }
@@ -459,17 +459,17 @@ mod tests {
         }
     }
 
-    fn cases() -> impl Iterator<Item = (Level, Case)> {
+    fn cases() -> impl Iterator<Item = (Isa, Case)> {
         let widths = [1, 2, 4, 7, 8, 9, 16, 17, 24, 33, 48];
         let sizes =
             widths.into_iter().flat_map(|c| [0, 1, 5, STRIP, 2 * STRIP + 3].map(|n| (c, n)));
-        let at = |&level| sizes.clone().map(move |(c, n)| (level, Case::new(c, n)));
-        Level::available().iter().flat_map(at).collect::<Vec<_>>().into_iter()
+        let at = |&isa| sizes.clone().map(move |(c, n)| (isa, Case::new(c, n)));
+        Isa::available().iter().flat_map(at).collect::<Vec<_>>().into_iter()
     }
 
     #[test]
-    fn rows_are_normalized_as_in_the_plain_loop_at_every_level() {
-        for (level, case) in cases() {
+    fn rows_are_normalized_as_in_the_plain_loop_at_every_isa() {
+        for (isa, case) in cases() {
             let relu = |x: f32| if 0.0 > x { 0.0 } else { x };
             let expected = |activation: &Activation<f32>, i: usize| {
                 let n = case.normalized(i);
@@ -492,32 +492,24 @@ mod tests {
                 let expected: Vec<f32> =
                     (0..case.x.len()).map(|i| expected(&activation, i)).collect();
                 let (columns, mut y) = (case.columns(), case.y.clone());
-                normalize(
-                    level,
-                    NormalizeRows { columns, x: Some(&case.x), activation, y: &mut y },
-                );
-                assert_eq!(bits(&y), bits(&expected), "{} {activation:?}", level.name());
+                normalize(isa, NormalizeRows { columns, x: Some(&case.x), activation, y: &mut y });
+                assert_eq!(bits(&y), bits(&expected), "{} {activation:?}", isa.name());
                 let alone = matches!(
                     activation,
                     Activation::Identity | Activation::Relu | Activation::ReluOfSum(_)
                 );
                 if alone {
                     let mut y = case.x.clone();
-                    normalize(level, NormalizeRows { columns, x: None, activation, y: &mut y });
-                    assert_eq!(
-                        bits(&y),
-                        bits(&expected),
-                        "{} in place {activation:?}",
-                        level.name()
-                    );
+                    normalize(isa, NormalizeRows { columns, x: None, activation, y: &mut y });
+                    assert_eq!(bits(&y), bits(&expected), "{} in place {activation:?}", isa.name());
                 }
             }
         }
     }
 
     #[test]
-    fn the_way_back_is_that_of_the_plain_loop_at_every_level() {
-        for (level, case) in cases() {
+    fn the_way_back_is_that_of_the_plain_loop_at_every_isa() {
+        for (isa, case) in cases() {
             let (c, inv_std) = (case.c, numbers(case.c, 9));
             let means = [numbers(c, 10), numbers(c, 11)];
             for relu in [false, true] {
@@ -538,35 +530,35 @@ mod tests {
                 let [dweight, dbias] = &mut sums;
                 let (x, dy, sums_of) =
                     (&case.x[..], &case.y[..], [&mut dweight[..], &mut dbias[..]]);
-                backward_sums(level, BackwardSums { rows, x, dy, sums: sums_of });
-                assert_eq!(sums, expected, "{}", level.name());
+                backward_sums(isa, BackwardSums { rows, x, dy, sums: sums_of });
+                assert_eq!(sums, expected, "{}", isa.name());
                 for over_dy in [false, true] {
                     let (read, over) = if over_dy { (x, dy) } else { (dy, x) };
                     let (mut over, means) = (over.to_vec(), [&means[0][..], &means[1][..]]);
                     backward_apply(
-                        level,
+                        isa,
                         BackwardApply { rows, means, over_dy, read, over: &mut over },
                     );
-                    assert_eq!(bits(&over), bits(&dx), "{}", level.name());
+                    assert_eq!(bits(&over), bits(&dx), "{}", isa.name());
                 }
             }
         }
     }
 
     #[test]
-    fn sums_over_rows_take_them_in_order_at_every_level() {
-        for (level, case) in cases() {
+    fn sums_over_rows_take_them_in_order_at_every_isa() {
+        for (isa, case) in cases() {
             let mean: Vec<f64> = case.mean.iter().map(|&m| f64::from(m) / 3.0).collect();
             for mean in [None, Some(&mean[..])] {
                 let mut expected = vec![0.125; case.c];
                 for (i, &x) in case.x.iter().enumerate() {
                     let j = i % case.c;
-                    let centred = f64::from(x) - mean.map_or(0.0, |mean| mean[j]);
-                    expected[j] += mean.map_or(f64::from(x), |_| centred * centred);
+                    let centered = f64::from(x) - mean.map_or(0.0, |mean| mean[j]);
+                    expected[j] += mean.map_or(f64::from(x), |_| centered * centered);
                 }
                 let mut sums = vec![0.125; case.c];
-                column_sums(level, &case.x, mean, &mut sums);
-                assert_eq!(sums, expected, "{}", level.name());
+                column_sums(isa, &case.x, mean, &mut sums);
+                assert_eq!(sums, expected, "{}", isa.name());
             }
         }
     }
@@ -577,6 +569,6 @@ mod tests {
         let (one, mut y) = ([1.0f32; 2], [0.0; 4]);
         let columns = Columns { mean: &one, factor: &one, bias: &one };
         let activation = Activation::ReluOfSum(&one);
-        normalize(Level::active(), NormalizeRows { columns, x: None, activation, y: &mut y });
+        normalize(Isa::active(), NormalizeRows { columns, x: None, activation, y: &mut y });
     }
 }

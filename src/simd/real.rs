@@ -1,11 +1,11 @@
 //! The numbers that kernels are made for: `f32`, and `f64` for gradient checks.
 
-use super::Level;
-use super::elementwise::{Combine, Relu, Scale, SgdStep, SparseRows};
+use super::Isa;
+use super::elementwise::{Combine, ReluInPlace, Scale, SgdStep, SparseRows};
 use super::gemm::block::{Block, PackPanel};
 use super::gemm::weights::PanelWidth;
 use super::gemm::winograd::transforms::{
-    GradientKernel, InputKernel, KernelKernel, KernelRows, Work,
+    GradientKernel, InputKernel, KernelKernel, KernelRows, TransformScratch,
 };
 use super::gemm::winograd::{FrequencyBlock, GradientTransform, InputTransform, KernelTransform};
 use super::gemm::{MatmulRows, MatmulTnRows};
@@ -35,41 +35,41 @@ pub mod kernels {
     /// Products and transforms; the inputs are checked.
     pub trait Kernels: Sized {
         /// See [`crate::simd::gemm::matmul_rows`].
-        fn product(level: Level, x: MatmulRows<Self>);
+        fn product(isa: Isa, x: MatmulRows<Self>);
         /// See [`crate::simd::gemm::matmul_tn_rows`].
-        fn transposed_product(level: Level, x: MatmulTnRows<Self>);
+        fn transposed_product(isa: Isa, x: MatmulTnRows<Self>);
         /// Columns of a panel of packed weights that are `width` wide.
-        fn panel_width(level: Level, width: usize) -> usize;
+        fn panel_width(isa: Isa, width: usize) -> usize;
         /// Packs one panel of one offset.
-        fn pack_panel(level: Level, x: PackPanel<Self>);
+        fn pack_panel(isa: Isa, x: PackPanel<Self>);
         /// See [`crate::simd::gemm::block::sum_of_terms`].
-        fn block_sum(level: Level, x: Block<Self>);
+        fn block_sum(isa: Isa, x: Block<Self>);
         /// See [`crate::simd::gemm::winograd::sum_of_terms`].
-        fn frequency_sum(level: Level, x: FrequencyBlock<Self>);
+        fn frequency_sum(isa: Isa, x: FrequencyBlock<Self>);
         /// See [`crate::simd::gemm::winograd::transform_inputs`].
-        fn transform_inputs(level: Level, x: InputTransform<Self>);
+        fn transform_inputs(isa: Isa, x: InputTransform<Self>);
         /// See [`crate::simd::gemm::winograd::transform_gradients`].
-        fn transform_gradients(level: Level, x: GradientTransform<Self>);
+        fn transform_gradients(isa: Isa, x: GradientTransform<Self>);
         /// See [`crate::simd::gemm::winograd::transform_products`] and the functions beside it.
-        fn transform_kernels(level: Level, x: KernelTransform<Self>);
+        fn transform_kernels(isa: Isa, x: KernelTransform<Self>);
         /// See [`crate::simd::elementwise::combine`].
-        fn combine(level: Level, x: Combine<Self>);
+        fn combine(isa: Isa, x: Combine<Self>);
         /// See [`crate::simd::elementwise::relu`].
-        fn relu(level: Level, x: Relu<Self>);
+        fn relu(isa: Isa, x: ReluInPlace<Self>);
         /// See [`crate::simd::elementwise::scale`].
-        fn scale(level: Level, x: Scale<Self>);
+        fn scale(isa: Isa, x: Scale<Self>);
         /// See [`crate::simd::elementwise::sgd_step`].
-        fn sgd_step(level: Level, x: SgdStep<Self>);
+        fn sgd_step(isa: Isa, x: SgdStep<Self>);
         /// See [`crate::simd::elementwise::sparse_rows`].
-        fn sparse_rows(level: Level, x: SparseRows<Self>);
+        fn sparse_rows(isa: Isa, x: SparseRows<Self>);
         /// See [`crate::simd::normalize::normalize`].
-        fn normalize(level: Level, x: NormalizeRows<Self>);
+        fn normalize(isa: Isa, x: NormalizeRows<Self>);
         /// See [`crate::simd::normalize::backward_sums`].
-        fn backward_sums(level: Level, x: BackwardSums<Self>);
+        fn backward_sums(isa: Isa, x: BackwardSums<Self>);
         /// See [`crate::simd::normalize::backward_apply`].
-        fn backward_apply(level: Level, x: BackwardApply<Self>);
+        fn backward_apply(isa: Isa, x: BackwardApply<Self>);
         /// See [`crate::simd::normalize::column_sums`].
-        fn column_sums(level: Level, x: ColumnSums<Self>);
+        fn column_sums(isa: Isa, x: ColumnSums<Self>);
     }
 }
 
@@ -88,58 +88,58 @@ impl Real for f64 {
 }
 
 impl Kernels for f32 {
-    fn product(level: Level, x: MatmulRows<f32>) {
-        x.run(level);
+    fn product(isa: Isa, x: MatmulRows<f32>) {
+        x.run(isa);
     }
-    fn transposed_product(level: Level, x: MatmulTnRows<f32>) {
-        x.run(level);
+    fn transposed_product(isa: Isa, x: MatmulTnRows<f32>) {
+        x.run(isa);
     }
-    fn panel_width(level: Level, _: usize) -> usize {
-        level.run(PanelWidth)
+    fn panel_width(isa: Isa, _: usize) -> usize {
+        isa.run(PanelWidth)
     }
-    fn pack_panel(level: Level, x: PackPanel<f32>) {
-        level.run(x);
+    fn pack_panel(isa: Isa, x: PackPanel<f32>) {
+        isa.run(x);
     }
-    fn block_sum(level: Level, x: Block<f32>) {
-        x.run(level);
+    fn block_sum(isa: Isa, x: Block<f32>) {
+        x.run(isa);
     }
-    fn frequency_sum(level: Level, x: FrequencyBlock<f32>) {
-        x.run(level);
+    fn frequency_sum(isa: Isa, x: FrequencyBlock<f32>) {
+        x.run(isa);
     }
-    fn transform_inputs(level: Level, x: InputTransform<f32>) {
-        level.run(InputKernel(x, &mut Work::new()));
+    fn transform_inputs(isa: Isa, x: InputTransform<f32>) {
+        isa.run(InputKernel(x, &mut TransformScratch::new()));
     }
-    fn transform_gradients(level: Level, x: GradientTransform<f32>) {
-        level.run(GradientKernel(x, &mut Work::new()));
+    fn transform_gradients(isa: Isa, x: GradientTransform<f32>) {
+        isa.run(GradientKernel(x, &mut TransformScratch::new()));
     }
-    fn transform_kernels(level: Level, x: KernelTransform<f32>) {
-        level.run(KernelKernel(x, &mut Work::new(), &mut KernelRows::new()));
+    fn transform_kernels(isa: Isa, x: KernelTransform<f32>) {
+        isa.run(KernelKernel(x, &mut TransformScratch::new(), &mut KernelRows::new()));
     }
-    fn combine(level: Level, x: Combine<f32>) {
-        level.run(x);
+    fn combine(isa: Isa, x: Combine<f32>) {
+        isa.run(x);
     }
-    fn relu(level: Level, x: Relu<f32>) {
-        level.run(x);
+    fn relu(isa: Isa, x: ReluInPlace<f32>) {
+        isa.run(x);
     }
-    fn scale(level: Level, x: Scale<f32>) {
-        level.run(x);
+    fn scale(isa: Isa, x: Scale<f32>) {
+        isa.run(x);
     }
-    fn sgd_step(level: Level, x: SgdStep<f32>) {
-        level.run(x);
+    fn sgd_step(isa: Isa, x: SgdStep<f32>) {
+        isa.run(x);
     }
-    fn sparse_rows(level: Level, x: SparseRows<f32>) {
-        level.run(x);
+    fn sparse_rows(isa: Isa, x: SparseRows<f32>) {
+        isa.run(x);
     }
-    fn normalize(level: Level, x: NormalizeRows<f32>) {
-        level.run(x);
+    fn normalize(isa: Isa, x: NormalizeRows<f32>) {
+        isa.run(x);
     }
-    fn backward_sums(level: Level, x: BackwardSums<f32>) {
-        level.run(x);
+    fn backward_sums(isa: Isa, x: BackwardSums<f32>) {
+        isa.run(x);
     }
-    fn backward_apply(level: Level, x: BackwardApply<f32>) {
-        level.run(x);
+    fn backward_apply(isa: Isa, x: BackwardApply<f32>) {
+        isa.run(x);
     }
-    fn column_sums(level: Level, x: ColumnSums<f32>) {
-        level.run(x);
+    fn column_sums(isa: Isa, x: ColumnSums<f32>) {
+        isa.run(x);
     }
 }

@@ -1,4 +1,4 @@
-//! Tokens: proof that this processor has the instructions of a level.
+//! Tokens: proof that this processor has the instructions of one instruction set.
 
 macro_rules! token {
     ($(#[$doc:meta])* $name:ident, $has:expr) => {
@@ -7,7 +7,7 @@ macro_rules! token {
         pub struct $name(());
 
         impl $name {
-            /// The token, if this processor has the level.
+            /// The token, if this processor has the instruction set.
             pub fn new() -> Option<Self> {
                 $has.then_some($name(()))
             }

@@ -1,11 +1,11 @@
-//! Vectors of one level of the processor: the operations that kernels are written in.
+//! Vectors of one instruction set of the processor: the operations that kernels are written in.
 //!
-//! A kernel names the level's types, never a width: [`Vector::LANES`] is 4, 8 or 16 for `f32`. Lane by lane
+//! A kernel names the instruction set's types, never a width: [`Vector::LANES`] is 4, 8 or 16 for `f32`. Lane by lane
 //! each operation is the scalar operation of the same name, rounded once; nothing is reassociated. A value of
 //! a vector type is made from a [`Simd`] token only, so holding one proves that the processor has its
 //! instructions.
 //!
-//! | level | `F32` | `F64` | `U32` | `U16` | masks of `F32` and `U32` |
+//! | instruction set | `F32` | `F64` | `U32` | `U16` | masks of `F32` and `U32` |
 //! |---|---|---|---|---|---|
 //! | portable, NEON | `[f32; 4]` | `[f64; 2]` | `[u32; 4]` | `[u16; 8]` | `[u32; 4]`, all bits of a lane or none |
 //! | AVX2 | `__m256` | `__m256d` | `__m256i` | `__m256i` | `__m256` |
@@ -24,10 +24,10 @@ pub use avx2::{F32x8, F64x4, U16x16, U32x8};
 pub use avx512::{F32x16, F64x8, U16x32, U32x16};
 use std::ops::{Add, Mul, Sub};
 
-/// Most lanes of an `f32` vector of any level.
+/// Most lanes of an `f32` vector of any instruction set.
 pub const MAX_LANES: usize = 16;
 
-/// What a kernel body may ask of the level it is compiled for.
+/// Vector types and constants of an instruction set, for kernel bodies.
 pub trait Simd: Copy {
     /// Lanes of `f32` in a vector register.
     const LANES: usize;
@@ -35,13 +35,13 @@ pub trait Simd: Copy {
     /// operand, and their addresses fit the general registers.
     const TILE_ROWS: usize;
     /// `LANES` numbers.
-    type F32: Float32<Isa = Self>;
+    type F32: Float32<Token = Self>;
     /// Half as many.
-    type F64: Float64<Isa = Self>;
+    type F64: Float64<Token = Self>;
     /// `LANES` whole numbers.
-    type U32: Unsigned32<Isa = Self>;
+    type U32: Unsigned32<Token = Self>;
     /// Twice as many.
-    type U16: Unsigned16<Isa = Self>;
+    type U16: Unsigned16<Token = Self>;
 
     /// Asks for the cache line of a number that will be read soon.
     #[inline(always)]
@@ -59,8 +59,8 @@ pub trait Simd: Copy {
 
 /// Lanes of numbers in one register.
 pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
-    /// The level's token.
-    type Isa: Simd;
+    /// The instruction set's token.
+    type Token: Simd;
     /// What a lane holds.
     type Element: Copy + Default;
     /// The outcome of a comparison, lane by lane.
@@ -69,13 +69,13 @@ pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
     const LANES: usize;
 
     /// All lanes `x`.
-    fn splat(isa: Self::Isa, x: Self::Element) -> Self;
+    fn splat(token: Self::Token, x: Self::Element) -> Self;
 
     /// The numbers from `from` on.
     ///
     /// # Safety
     /// `from` is valid for reading [`Vector::LANES`] numbers.
-    unsafe fn load_ptr(isa: Self::Isa, from: *const Self::Element) -> Self;
+    unsafe fn load_ptr(token: Self::Token, from: *const Self::Element) -> Self;
 
     /// Writes all lanes from `to` on.
     ///
@@ -87,7 +87,7 @@ pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
     ///
     /// # Safety
     /// `n ≤ LANES`, and `from` is valid for reading `n` numbers.
-    unsafe fn load_partial_ptr(isa: Self::Isa, from: *const Self::Element, n: usize) -> Self;
+    unsafe fn load_partial_ptr(token: Self::Token, from: *const Self::Element, n: usize) -> Self;
 
     /// Writes the first `n` lanes from `to` on.
     ///
@@ -111,10 +111,10 @@ pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
     /// # Panics
     /// If it has fewer than [`Vector::LANES`].
     #[inline(always)]
-    fn load(isa: Self::Isa, from: &[Self::Element]) -> Self {
+    fn load(token: Self::Token, from: &[Self::Element]) -> Self {
         assert!(from.len() >= Self::LANES);
         // SAFETY: the slice has that many numbers.
-        unsafe { Self::load_ptr(isa, from.as_ptr()) }
+        unsafe { Self::load_ptr(token, from.as_ptr()) }
     }
 
     /// Writes all lanes to the front of a slice.
@@ -130,9 +130,9 @@ pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
 
     /// As many numbers of a slice as it has and the vector holds, zeros in the other lanes.
     #[inline(always)]
-    fn load_partial(isa: Self::Isa, from: &[Self::Element]) -> Self {
+    fn load_partial(token: Self::Token, from: &[Self::Element]) -> Self {
         // SAFETY: the slice has that many numbers.
-        unsafe { Self::load_partial_ptr(isa, from.as_ptr(), from.len().min(Self::LANES)) }
+        unsafe { Self::load_partial_ptr(token, from.as_ptr(), from.len().min(Self::LANES)) }
     }
 
     /// Writes as many lanes as there are places in the slice.
@@ -159,14 +159,14 @@ pub trait Float32: Vector<Element = f32, Mask: Mask> {
     fn le(self, other: Self) -> Self::Mask;
 
     /// The lanes whose bit is set; bits beyond the lanes are ignored.
-    fn mask_from_bits(isa: Self::Isa, bits: u32) -> Self::Mask;
+    fn mask_from_bits(token: Self::Token, bits: u32) -> Self::Mask;
 
     /// The lanes whose bit is set, in order, moved to the front; the other lanes are unspecified.
     /// Bits beyond the lanes are 0.
     fn compress(self, bits: u32) -> Self;
 
     /// Lanes from 0 to 2³¹, 2³¹ excluded, without their fractions; others become unspecified numbers.
-    fn truncate(self) -> <Self::Isa as Simd>::U32;
+    fn truncate(self) -> <Self::Token as Simd>::U32;
 
     /// The least lane; none is NaN; either zero when both are least.
     fn reduce_min(self) -> f32;
@@ -181,32 +181,32 @@ pub trait Float32: Vector<Element = f32, Mask: Mask> {
     fn transpose(rows: &mut [Self]);
 
     /// The lower and the upper half of the lanes, exactly.
-    fn widen(self) -> [<Self::Isa as Simd>::F64; 2];
+    fn widen(self) -> [<Self::Token as Simd>::F64; 2];
 }
 
 /// `f64` vectors, half as many lanes as `f32` has: sums of `f32`.
 pub trait Float64: Vector<Element = f64> {}
 
-/// The mask of a level's `f32` and `u32` vectors.
+/// The mask of an instruction set's `f32` and `u32` vectors.
 pub type MaskOf<S> = <<S as Simd>::F32 as Vector>::Mask;
 
 /// Lanes of unsigned whole numbers.
 pub trait Unsigned: Copy {
-    /// The level's token.
-    type Isa: Simd;
+    /// The instruction set's token.
+    type Token: Simd;
     /// What a lane holds.
     type Element: Copy + Default;
     /// Number of lanes.
     const LANES: usize;
 
     /// All lanes `x`.
-    fn splat(isa: Self::Isa, x: Self::Element) -> Self;
+    fn splat(token: Self::Token, x: Self::Element) -> Self;
 
     /// The numbers from `from` on.
     ///
     /// # Safety
     /// `from` is valid for reading [`Unsigned::LANES`] numbers.
-    unsafe fn load_ptr(isa: Self::Isa, from: *const Self::Element) -> Self;
+    unsafe fn load_ptr(token: Self::Token, from: *const Self::Element) -> Self;
 
     /// Writes all lanes from `to` on.
     ///
@@ -222,10 +222,10 @@ pub trait Unsigned: Copy {
     /// # Panics
     /// If it has fewer than [`Unsigned::LANES`].
     #[inline(always)]
-    fn load(isa: Self::Isa, from: &[Self::Element]) -> Self {
+    fn load(token: Self::Token, from: &[Self::Element]) -> Self {
         assert!(from.len() >= Self::LANES);
         // SAFETY: the slice has that many numbers.
-        unsafe { Self::load_ptr(isa, from.as_ptr()) }
+        unsafe { Self::load_ptr(token, from.as_ptr()) }
     }
 
     /// Writes all lanes to the front of a slice.
@@ -255,11 +255,11 @@ pub trait Unsigned32: Unsigned<Element = u32> {
     /// The lesser of each pair.
     fn min(self, other: Self) -> Self;
     /// Where `self ≥ other`.
-    fn ge(self, other: Self) -> MaskOf<Self::Isa>;
+    fn ge(self, other: Self) -> MaskOf<Self::Token>;
     /// `self` where `mask` holds, else `other`.
-    fn select(self, mask: MaskOf<Self::Isa>, other: Self) -> Self;
+    fn select(self, mask: MaskOf<Self::Token>, other: Self) -> Self;
     /// Adds one where `mask` holds, modulo 2³².
-    fn count(self, mask: MaskOf<Self::Isa>) -> Self;
+    fn count(self, mask: MaskOf<Self::Token>) -> Self;
     /// Sum of the lanes, modulo 2³².
     fn reduce_add(self) -> u32;
     /// The least lane.
@@ -277,7 +277,7 @@ pub trait Unsigned16: Unsigned<Element = u16> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::{Kernel, Level};
+    use crate::simd::{Isa, Kernel};
 
     fn numbers(n: usize, seed: usize) -> Vec<f32> {
         (0..n).map(|i| (((i + seed) * 7919 + 13) % 97) as f32 * 0.37 - 17.0).collect()
@@ -316,14 +316,14 @@ mod tests {
     }
 
     #[test]
-    fn every_level_gives_the_same_lanes() {
+    fn every_isa_gives_the_same_lanes() {
         for n in [0, 1, 3, 4, 5, 8, 15, 16, 17, 64, 67] {
             let (a, b) = (numbers(n, 1), numbers(n, 40));
-            let expected = Level::available()[0].run(Operations(&a, &b));
+            let expected = Isa::available()[0].run(Operations(&a, &b));
             let fused = a.iter().zip(&b).map(|(a, b)| a.mul_add(*b, 0.1));
             assert!(expected[3].iter().copied().eq(fused), "fused multiply-add of {n}");
-            for level in Level::available() {
-                assert_eq!(level.run(Operations(&a, &b)), expected, "{} of {n}", level.name());
+            for isa in Isa::available() {
+                assert_eq!(isa.run(Operations(&a, &b)), expected, "{} of {n}", isa.name());
             }
         }
     }
@@ -353,10 +353,10 @@ mod tests {
     #[test]
     fn rows_become_columns() {
         let square = numbers(256, 5);
-        for level in Level::available() {
-            let (n, columns) = level.run(Transpose(&square));
+        for isa in Isa::available() {
+            let (n, columns) = isa.run(Transpose(&square));
             let expected = (0..n * n).map(|i| square[i % n * n + i / n]);
-            assert!(columns.iter().copied().eq(expected), "{}", level.name());
+            assert!(columns.iter().copied().eq(expected), "{}", isa.name());
         }
     }
 
@@ -381,8 +381,8 @@ mod tests {
     #[test]
     fn widening_is_exact() {
         let x = numbers(64, 3);
-        for level in Level::available() {
-            assert!(level.run(Widen(&x)).into_iter().eq(x.iter().map(|&x| f64::from(x))));
+        for isa in Isa::available() {
+            assert!(isa.run(Widen(&x)).into_iter().eq(x.iter().map(|&x| f64::from(x))));
         }
     }
 
@@ -448,8 +448,8 @@ mod tests {
         let (m, n): (Vec<u32>, Vec<u32>) =
             a.iter().zip(&b).map(|(a, b)| ((a + 100.5) as u32, (b + 100.5) as u32)).unzip();
         let big = 0x9000_0001u32;
-        for level in Level::available() {
-            let (masks, wholes, floats, reduced) = level.run(MasksAndWholes(&a, &b));
+        for isa in Isa::available() {
+            let (masks, wholes, floats, reduced) = isa.run(MasksAndWholes(&a, &b));
             for i in 0..64 {
                 let (gt, le) = (a[i] > b[i], a[i] <= 0.0);
                 let found: Vec<bool> = masks.iter().map(|mask| mask[i]).collect();
@@ -467,7 +467,7 @@ mod tests {
                     m[i] + u32::from(gt),
                 ];
                 let found: Vec<u32> = wholes.iter().map(|whole| whole[i]).collect();
-                assert_eq!(found, expected, "{}", level.name());
+                assert_eq!(found, expected, "{}", isa.name());
             }
             let lanes = 64 / floats[0].len();
             for (v, lanes_of_a) in a.chunks(lanes).enumerate() {
@@ -498,12 +498,12 @@ mod tests {
     #[test]
     fn compress_brings_the_named_lanes_to_the_front() {
         let lanes: [f32; MAX_LANES] = std::array::from_fn(|l| l as f32 + 1.0);
-        for level in Level::available() {
+        for isa in Isa::available() {
             for bits in 0..1 << MAX_LANES {
-                let (n, out) = level.run(Compress(&lanes, bits));
+                let (n, out) = isa.run(Compress(&lanes, bits));
                 let named = (0..n).filter(|l| bits >> l & 1 == 1).map(|l| lanes[l]);
                 let count = named.clone().count();
-                assert!(out[..count].iter().copied().eq(named), "{} {bits:b}", level.name());
+                assert!(out[..count].iter().copied().eq(named), "{} {bits:b}", isa.name());
             }
         }
     }
@@ -534,14 +534,14 @@ mod tests {
     fn rasters_are_compared_as_unsigned_numbers() {
         let a: Vec<u16> = (0..6400u32).map(|i| ((i * 40_503) >> 3) as u16 / 2).collect();
         let b: Vec<u16> = (0..6400u32).map(|i| 60_000 - (i % 64 * 700) as u16).collect();
-        for level in Level::available() {
-            let (greater, any) = level.run(Rasters(&a, &b));
+        for isa in Isa::available() {
+            let (greater, any) = isa.run(Rasters(&a, &b));
             assert!(greater.iter().copied().eq(a.iter().zip(&b).map(|(a, b)| *a.max(b))));
             let lanes = a.len() / any.len();
             let pairs = a.chunks(lanes).zip(b.chunks(lanes));
             let expected: Vec<bool> =
                 pairs.map(|(a, b)| a.iter().zip(b).any(|(a, b)| a >= b)).collect();
-            assert_eq!(any, expected, "{}", level.name());
+            assert_eq!(any, expected, "{}", isa.name());
             assert!(any.contains(&true) && any.contains(&false));
         }
     }

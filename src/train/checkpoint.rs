@@ -4,7 +4,7 @@
 //! metadata hold the settings and the progress as JSON, and the SHA-256 of both and of the vectors.
 
 use super::{Progress, Settings};
-use crate::aside;
+use crate::atomic_file;
 use crate::{Error, Result};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use serde::de::DeserializeOwned;
@@ -25,12 +25,12 @@ pub struct Checkpoint {
     pub params: Vec<f32>,
     /// Running statistics of the network.
     pub buffers: Vec<f32>,
-    /// Velocity of the optimiser, as long as `params`.
+    /// Velocity of the optimizer, as long as `params`.
     pub velocity: Vec<f32>,
 }
 
 impl Checkpoint {
-    /// Writes the checkpoint aside and renames it to `path`.
+    /// Writes the checkpoint to `path`, as a whole or not at all.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -52,7 +52,7 @@ impl Checkpoint {
             views.push((*name, view.map_err(|e| failed(e.to_string()))?));
         }
         let bytes = serialize(views, Some(metadata)).map_err(|e| failed(e.to_string()))?;
-        aside::write(path, |file| file.write_all(&bytes))
+        atomic_file::write_atomic(path, |file| file.write_all(&bytes))
     }
 
     /// Reads a checkpoint and verifies its hash.

@@ -140,7 +140,7 @@ fn predict(model: &Model<f32>, sample: &Sample) -> Result<Prediction<f32>> {
     model.predict(&sites.points, &sites.normals, sample.cutter.to_array())
 }
 
-/// Labels every sample anew, as the network is asked to: for its time, and for its labels where those of
+/// Labels every sample with the exact labeler, as the network predicts them: for its time, and for its labels where those of
 /// the samples were made with denser obstacles or other directions. `share` is that of occlusion points.
 ///
 /// # Errors
@@ -217,7 +217,7 @@ mod tests {
         let [first, second] = [0, 1].map(|head| evaluation.head(head));
         assert_eq!(first.mean.accuracy, 0.5);
         assert_eq!(first.mean, first.pooled);
-        // The fine grid is 1 of 17 parts of the area; sites at the rims see fewer neighbours.
+        // The fine grid is 1 of 17 parts of the area; sites at the rims see fewer neighbors.
         assert!((first.by_area.accuracy - 1.0 / 17.0).abs() < 0.01, "{first:?}");
         assert_eq!((second.by_area.accuracy, second.mean.f1), (1.0, 1.0));
     }

@@ -6,7 +6,7 @@ use std::fmt;
 /// One head's scores, each in `[0, 1]`; F1 of class "yes" (inaccessible, or occlusion).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct HeadScore {
-    /// Share of sites labelled right.
+    /// Share of sites labeled right.
     pub accuracy: f64,
     /// F1 of the positive class.
     pub f1: f64,
@@ -14,7 +14,7 @@ pub struct HeadScore {
 
 /// What one epoch did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct EpochRow {
     /// Epoch, from 1.
     pub epoch: u64,
     /// Learning rate used.
@@ -32,9 +32,9 @@ pub struct Row {
 }
 
 /// One line for people: loss and F1 of both heads.
-impl fmt::Display for Row {
+impl fmt::Display for EpochRow {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Row { epoch, loss, inaccessible, occlusion, .. } = self;
+        let EpochRow { epoch, loss, inaccessible, occlusion, .. } = self;
         let [first, second] = [inaccessible.f1, occlusion.f1];
         write!(f, "epoch {epoch}: loss {loss:.4}, F1 inaccessible {first:.3}, ")?;
         write!(f, "F1 occlusion {second:.3}")?;
@@ -49,21 +49,21 @@ impl fmt::Display for Row {
 pub const CSV_HEADER: &str = "epoch,lr,loss,acc_inaccessible,f1_inaccessible,acc_occlusion,f1_occlusion,\
 val_acc_inaccessible,val_f1_inaccessible,val_acc_occlusion,val_f1_occlusion,seconds";
 
-/// Writes all rows to `path`, aside first, then renamed.
+/// Writes all rows to `path` as a whole or not at all.
 ///
 /// # Errors
 /// If the file cannot be written.
 #[cfg(feature = "formats")]
-pub fn write_csv(path: &std::path::Path, rows: &[Row]) -> crate::Result<()> {
+pub fn write_csv(path: &std::path::Path, rows: &[EpochRow]) -> crate::Result<()> {
     use std::io::Write;
-    crate::aside::write(path, |file| {
+    crate::atomic_file::write_atomic(path, |file| {
         writeln!(file, "{CSV_HEADER}")?;
         rows.iter().try_for_each(|row| writeln!(file, "{}", row.csv()))
     })
 }
 
 #[cfg(feature = "formats")]
-impl Row {
+impl EpochRow {
     fn csv(&self) -> String {
         let head = |h: &HeadScore| format!("{:.6},{:.6}", h.accuracy, h.f1);
         let validation = match &self.validation {
@@ -90,8 +90,9 @@ mod tests {
     fn every_row_has_as_many_columns_as_the_header() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("history.csv");
-        let scored = Row { validation: Some([HeadScore::default(); 2]), ..Row::default() };
-        write_csv(&path, &[Row::default(), scored]).unwrap();
+        let scored =
+            EpochRow { validation: Some([HeadScore::default(); 2]), ..EpochRow::default() };
+        write_csv(&path, &[EpochRow::default(), scored]).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         let columns = |line: &str| line.split(',').count();
         assert_eq!(text.lines().count(), 3);

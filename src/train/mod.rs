@@ -1,6 +1,6 @@
 //! Training loop, checkpoints, logs and evaluation.
 //!
-//! A [`Run`] is settings, a network, the optimiser's velocity and how far it has come. Every random
+//! A [`Run`] is settings, a network, the optimizer's velocity and how far it has come. Every random
 //! decision is keyed by (seed, epoch, sample), so a run that was interrupted and read back from its
 //! [`Checkpoint`] ends with the same bits as one that was not. [`RunFolder`] keeps a run on disk.
 
@@ -19,8 +19,8 @@ mod step;
 #[cfg(feature = "formats")]
 pub use checkpoint::Checkpoint;
 pub use evaluate::{Evaluation, HeadScores, evaluate, evaluate_exact, evaluate_ranked};
-pub use history::{HeadScore, Row};
-pub use run::{Flow, Observer, Progress, Run, StepReport};
+pub use history::{EpochRow, HeadScore};
+pub use run::{Observer, Progress, Run, StepReport};
 #[cfg(feature = "formats")]
 pub use run_folder::RunFolder;
 pub use settings::{LossSettings, Reduction, Settings};

@@ -1,24 +1,16 @@
 //! The loop: epochs of steps, with progress, interruption and exact continuation.
 
 use super::evaluate::evaluate;
-use super::step::{self, Memory};
-use super::{HeadScore, Row, Settings};
-use crate::data::{Sample, Source, loader};
+use super::step::{self, StepScratch};
+use super::{EpochRow, HeadScore, Settings};
+use crate::data::{Sample, SampleSource, loader};
 use crate::metrics::Confusion;
 use crate::model::Model;
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
 use std::time::Instant;
-
-/// Whether to go on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Flow {
-    /// Go on.
-    Continue,
-    /// Stop after this step; the run can be stored and resumed.
-    Stop,
-}
 
 /// One finished step.
 #[derive(Debug, Clone, Copy)]
@@ -38,19 +30,19 @@ pub struct StepReport {
 
 /// What looks on while a run goes on.
 pub trait Observer {
-    /// After every step.
-    fn step(&mut self, report: &StepReport) -> Flow {
+    /// After every step. `Break` stops the run after it; the run can be stored and resumed.
+    fn step(&mut self, report: &StepReport) -> ControlFlow<()> {
         let _ = report;
-        Flow::Continue
+        ControlFlow::Continue(())
     }
 
     /// After every epoch, with the run in the state that a checkpoint would store.
     ///
     /// # Errors
     /// Whatever stops the run, such as a checkpoint that cannot be written.
-    fn epoch(&mut self, run: &Run, row: &Row) -> Result<Flow> {
+    fn epoch(&mut self, run: &Run, row: &EpochRow) -> Result<ControlFlow<()>> {
         let _ = (run, row);
-        Ok(Flow::Continue)
+        Ok(ControlFlow::Continue(()))
     }
 }
 
@@ -61,7 +53,7 @@ impl Observer for () {}
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
     /// One row per finished epoch.
-    pub history: Vec<Row>,
+    pub history: Vec<EpochRow>,
     /// Steps done in the running epoch.
     pub steps_done: usize,
     /// Sum of the running epoch's losses.
@@ -83,9 +75,9 @@ pub struct Run {
     pub progress: Progress,
     /// The network.
     pub model: Model<f32>,
-    /// Velocity of the optimiser, as long as the parameters.
+    /// Velocity of the optimizer, as long as the parameters.
     pub velocity: Vec<f32>,
-    pub(super) memory: Memory,
+    pub(super) scratch: StepScratch,
 }
 
 impl Run {
@@ -98,13 +90,13 @@ impl Run {
         let model = Model::new(&settings.network, settings.seed)?;
         let velocity = vec![0.0; model.params.len()];
         let progress = Progress::default();
-        Ok(Run { settings, progress, model, velocity, memory: Memory::default() })
+        Ok(Run { settings, progress, model, velocity, scratch: StepScratch::default() })
     }
 
     /// Begins with the weights of `model` instead of random ones.
     ///
     /// # Errors
-    /// If it is another network than the settings ask for.
+    /// If it is another network than that of the settings.
     pub fn start_from(&mut self, model: Model<f32>) -> Result<()> {
         if model.net.config() != self.model.net.config() {
             let remedy = "train with the settings.toml of the run that the weights come from";
@@ -166,32 +158,32 @@ impl Run {
     /// observer fails.
     pub fn train(
         &mut self,
-        source: &(impl Source + ?Sized),
+        source: &(impl SampleSource + ?Sized),
         validation: &[Sample],
         observer: &mut impl Observer,
-    ) -> Result<Flow> {
+    ) -> Result<ControlFlow<()>> {
         if source.is_empty() {
-            let remedy = "build a data set with at least one part that can be labelled";
+            let remedy = "build a data set with at least one part that can be labeled";
             return Err(Error::argument("training set", "empty", "one sample or more", remedy));
         }
         while !self.is_finished() {
-            if self.steps(source, observer)? == Flow::Stop {
-                return Ok(Flow::Stop);
+            if self.steps(source, observer)?.is_break() {
+                return Ok(ControlFlow::Break(()));
             }
             let row = self.close_epoch(validation)?;
-            if observer.epoch(self, &row)? == Flow::Stop {
-                return Ok(Flow::Stop);
+            if observer.epoch(self, &row)?.is_break() {
+                return Ok(ControlFlow::Break(()));
             }
         }
-        Ok(Flow::Continue)
+        Ok(ControlFlow::Continue(()))
     }
 
     /// The steps that are left of the running epoch.
     fn steps(
         &mut self,
-        source: &(impl Source + ?Sized),
+        source: &(impl SampleSource + ?Sized),
         observer: &mut impl Observer,
-    ) -> Result<Flow> {
+    ) -> Result<ControlFlow<()>> {
         let epoch = self.progress.history.len() as u64 + 1;
         let Settings { batch_size, seed, lr, n_epochs, .. } = self.settings;
         let n = source.len();
@@ -220,15 +212,15 @@ impl Run {
                 loss: outcome.loss,
                 scores: progress.confusion.map(score),
             };
-            if observer.step(&report) == Flow::Stop {
-                return Ok(Flow::Stop);
+            if observer.step(&report).is_break() {
+                return Ok(ControlFlow::Break(()));
             }
         }
-        Ok(Flow::Continue)
+        Ok(ControlFlow::Continue(()))
     }
 
     /// Turns the running epoch into a row of the history.
-    fn close_epoch(&mut self, validation: &[Sample]) -> Result<Row> {
+    fn close_epoch(&mut self, validation: &[Sample]) -> Result<EpochRow> {
         let epoch = self.progress.history.len() as u64 + 1;
         let settings = &self.settings;
         let due = epoch.is_multiple_of(settings.evaluate_every) || epoch == settings.n_epochs;
@@ -238,7 +230,7 @@ impl Run {
         };
         let progress = &mut self.progress;
         let [a, b] = progress.confusion.map(score);
-        let row = Row {
+        let row = EpochRow {
             epoch,
             lr: settings.schedule.lr(settings.lr, epoch, settings.n_epochs),
             loss: progress.loss_sum / progress.steps_done.max(1) as f64,

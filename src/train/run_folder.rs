@@ -1,9 +1,10 @@
 //! A run's folder: its networks, its history, its settings, and a checkpoint to go on from.
 
-use super::{Checkpoint, Flow, Observer, Row, Run, Settings, StepReport, history, settings_file};
-use crate::data::{Sample, Source};
+use super::{Checkpoint, EpochRow, Observer, Run, Settings, StepReport, history, settings_file};
+use crate::data::{Sample, SampleSource};
 use crate::model::weights::{self, Storage};
-use crate::{Error, Result, aside};
+use crate::{Error, Result, atomic_file};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 const MODEL: &str = "model.safetensors";
@@ -28,6 +29,7 @@ const HISTORY: &str = "history.csv";
 ///
 /// ```
 /// # use deepmill::{cutter::*, data::Sample, geom::Sites, train::*};
+/// use std::ops::ControlFlow;
 /// # use glam::Vec3;
 /// # let points: Vec<Vec3> =
 /// #     (0..40).map(|i| Vec3::new((i % 7) as f32, (i / 7) as f32, (i % 3) as f32)).collect();
@@ -40,16 +42,16 @@ const HISTORY: &str = "history.csv";
 /// # let path = temporary.path().join("run");
 /// struct StopAfterOneStep;
 /// impl Observer for StopAfterOneStep {
-///     fn step(&mut self, _: &StepReport) -> Flow {
-///         Flow::Stop
+///     fn step(&mut self, _: &StepReport) -> ControlFlow<()> {
+///         ControlFlow::Break(())
 ///     }
 /// }
 /// let folder = RunFolder::new(path);
 /// let mut run = folder.start(Settings { n_epochs: 2, ..Settings::tiny() })?;
-/// assert_eq!(folder.train(&mut run, &samples[..], &[], &mut StopAfterOneStep)?, Flow::Stop);
+/// assert!(folder.train(&mut run, &samples[..], &[], &mut StopAfterOneStep)?.is_break());
 ///
 /// let mut run = folder.resume()?;
-/// assert_eq!(folder.train(&mut run, &samples[..], &[], &mut ())?, Flow::Continue);
+/// assert!(folder.train(&mut run, &samples[..], &[], &mut ())?.is_continue());
 /// assert!(run.is_finished() && folder.best().is_file());
 /// # Ok::<(), deepmill::Error>(())
 /// ```
@@ -107,7 +109,7 @@ impl RunFolder {
         let run = Run::resume(Checkpoint::read(&self.checkpoint())?)?;
         // What a kill between the checkpoint and these files left out, and what it left behind.
         self.show(&run)?;
-        aside::remove_leftovers(&self.path)?;
+        atomic_file::remove_temporary_files(&self.path)?;
         Ok(run)
     }
 
@@ -119,12 +121,12 @@ impl RunFolder {
     pub fn train(
         &self,
         run: &mut Run,
-        source: &(impl Source + ?Sized),
+        source: &(impl SampleSource + ?Sized),
         validation: &[Sample],
         observer: &mut impl Observer,
-    ) -> Result<Flow> {
+    ) -> Result<ControlFlow<()>> {
         let flow = run.train(source, validation, &mut Storing { folder: self, observer })?;
-        if flow == Flow::Stop {
+        if flow.is_break() {
             self.store(run)?;
         }
         Ok(flow)
@@ -139,7 +141,7 @@ impl RunFolder {
         if checkpoint.exists() {
             let bytes = std::fs::read(&checkpoint).map_err(|e| Error::read(&checkpoint, e))?;
             let previous = self.path.join(PREVIOUS);
-            aside::write(&previous, |file| std::io::Write::write_all(file, &bytes))?;
+            atomic_file::write_atomic(&previous, |file| std::io::Write::write_all(file, &bytes))?;
         }
         run.checkpoint().write(&checkpoint)?;
         self.show(run)
@@ -149,7 +151,7 @@ impl RunFolder {
     fn show(&self, run: &Run) -> Result<()> {
         let progress = &run.progress;
         let rows = &progress.history;
-        let notes = rows.last().map_or_else(String::new, Row::to_string);
+        let notes = rows.last().map_or_else(String::new, EpochRow::to_string);
         weights::write(&self.model(), &run.model, Storage::Exact, &notes)?;
         let is_best = progress.best.is_none_or(|(_, epoch)| epoch == rows.len() as u64);
         if is_best && progress.steps_done == 0 {
@@ -166,11 +168,11 @@ struct Storing<'a, O> {
 }
 
 impl<O: Observer> Observer for Storing<'_, O> {
-    fn step(&mut self, report: &StepReport) -> Flow {
+    fn step(&mut self, report: &StepReport) -> ControlFlow<()> {
         self.observer.step(report)
     }
 
-    fn epoch(&mut self, run: &Run, row: &Row) -> Result<Flow> {
+    fn epoch(&mut self, run: &Run, row: &EpochRow) -> Result<ControlFlow<()>> {
         self.folder.store(run)?;
         self.observer.epoch(run, row)
     }
@@ -203,8 +205,8 @@ mod tests {
     struct StopAt(u64);
 
     impl Observer for StopAt {
-        fn epoch(&mut self, _: &Run, row: &Row) -> Result<Flow> {
-            Ok(if row.epoch == self.0 { Flow::Stop } else { Flow::Continue })
+        fn epoch(&mut self, _: &Run, row: &EpochRow) -> Result<ControlFlow<()>> {
+            Ok(if row.epoch == self.0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
         }
     }
 
@@ -214,14 +216,14 @@ mod tests {
         let [whole, broken] = ["whole", "broken"].map(|n| RunFolder::new(temporary.path().join(n)));
         let samples = samples();
         let mut run = whole.start(settings()).unwrap();
-        whole.train(&mut run, &samples[..], &samples, &mut ()).unwrap();
+        assert!(whole.train(&mut run, &samples[..], &samples, &mut ()).unwrap().is_continue());
         let mut run = broken.start(settings()).unwrap();
         for epoch in [1, 2] {
             let flow = broken.train(&mut run, &samples[..], &samples, &mut StopAt(epoch)).unwrap();
-            assert_eq!(flow, Flow::Stop);
+            assert_eq!(flow, ControlFlow::Break(()));
             run = broken.resume().unwrap();
         }
-        broken.train(&mut run, &samples[..], &samples, &mut ()).unwrap();
+        assert!(broken.train(&mut run, &samples[..], &samples, &mut ()).unwrap().is_continue());
         for file in [RunFolder::model, RunFolder::best] {
             assert_eq!(std::fs::read(file(&whole)).unwrap(), std::fs::read(file(&broken)).unwrap());
         }
@@ -234,7 +236,7 @@ mod tests {
         let folder = RunFolder::new(temporary.path());
         let samples = samples();
         let mut run = folder.start(settings()).unwrap();
-        folder.train(&mut run, &samples[..], &[], &mut ()).unwrap();
+        assert!(folder.train(&mut run, &samples[..], &[], &mut ()).unwrap().is_continue());
         assert_eq!(std::fs::read(folder.best()).unwrap(), std::fs::read(folder.model()).unwrap());
     }
 

@@ -67,7 +67,7 @@ pub struct Settings {
     /// Random changes of the samples.
     #[serde(default)]
     pub augment: Augment,
-    /// Fresh cutters and orientations, labelled while training; `None`: the data set's own labels.
+    /// Fresh cutters and orientations, labeled while training; `None`: the data set's own labels.
     #[serde(default)]
     pub online: Option<OnlineSettings>,
     /// The network.

@@ -1,7 +1,7 @@
 //! Settings as TOML files: whole ones, and such that change a few numbers of a preset.
 
 use super::Settings;
-use crate::{Error, Result, aside};
+use crate::{Error, Result, atomic_file};
 use serde::Deserialize;
 use std::io::Write;
 use std::path::Path;
@@ -59,7 +59,7 @@ fn overlaid(base: Value, changes: Value) -> Value {
 pub fn write(path: &Path, settings: &Settings) -> Result<()> {
     let text = toml::to_string_pretty(settings)
         .map_err(|e| Error::write(path, std::io::Error::other(e)))?;
-    aside::write(path, |file| file.write_all(text.as_bytes()))
+    atomic_file::write_atomic(path, |file| file.write_all(text.as_bytes()))
 }
 
 #[cfg(test)]

@@ -1,21 +1,21 @@
-//! One optimisation step: samples to batch, forward, losses, backward, update.
+//! One optimization step: samples to batch, forward, losses, backward, update.
 
 use super::{Reduction, Run, Settings};
-use crate::data::{Sample, Source};
+use crate::data::{Sample, SampleSource};
 use crate::loss::CrossEntropy;
 use crate::metrics::Confusion;
 use crate::model::{Batch, Model, Shape, TrainingPass};
 use crate::nn::arena::Arena;
 use crate::optim::Sgd;
 use crate::rng::{Purpose, Stream};
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::simd::elementwise::scale;
 use crate::{Error, Result};
 use std::ops::Range;
 
-/// Memory of a step that lives on between steps.
+/// Work space of a step that lives on between steps.
 #[derive(Debug, Default)]
-pub(super) struct Memory {
+pub(super) struct StepScratch {
     arena: Arena<f32>,
     /// Zeros between steps; empty where each layer is updated as soon as its gradient is whole.
     grads: Vec<f32>,
@@ -23,14 +23,14 @@ pub(super) struct Memory {
 }
 
 /// What one step found.
-pub(super) struct Outcome {
+pub(super) struct StepOutcome {
     pub loss: f64,
     pub confusion: [Confusion; 2],
 }
 
 /// The samples `indices` of `epoch`, augmented; in parallel, in order.
 pub(super) fn draw(
-    source: &(impl Source + ?Sized),
+    source: &(impl SampleSource + ?Sized),
     settings: &Settings,
     epoch: u64,
     indices: &[usize],
@@ -74,8 +74,8 @@ impl Run {
         samples: &[Sample],
         dropout: &mut [Stream],
         place: &str,
-    ) -> Result<Outcome> {
-        let Run { settings, model, velocity, memory, .. } = self;
+    ) -> Result<StepOutcome> {
+        let Run { settings, model, velocity, scratch, .. } = self;
         let scale = match settings.loss.reduction {
             Reduction::Sum => 1.0,
             Reduction::Mean => 0.5,
@@ -89,38 +89,38 @@ impl Run {
             (weights(samples), settings.micro_batch_size.unwrap_or(samples.len().max(1)));
         let sgd = Sgd { momentum: settings.momentum, weight_decay: settings.weight_decay };
         let by_layer = samples.len() <= size && settings.clip_norm.is_none();
-        let mut outcome = Outcome { loss: 0.0, confusion: Default::default() };
+        let mut outcome = StepOutcome { loss: 0.0, confusion: Default::default() };
         for (part, dropout) in samples.chunks(size).zip(dropout.chunks_mut(size)) {
             let some = weights(part);
             let shares = [0, 1].map(|head: usize| scale * (some[head] / all[head]));
-            let forward = memory.forward(model, part, dropout, &criteria, shares, &mut outcome);
-            let (batch, pass) = forward.inspect_err(|_| memory.grads.fill(0.0))?;
+            let forward = scratch.forward(model, part, dropout, &criteria, shares, &mut outcome);
+            let (batch, pass) = forward.inspect_err(|_| scratch.grads.fill(0.0))?;
             if !outcome.loss.is_finite() {
-                memory.grads.fill(0.0);
+                scratch.grads.fill(0.0);
                 return Err(not_finite(place, outcome.loss, samples));
             }
-            let dlogits = memory.dlogits.each_ref().map(|d| &d[..]);
+            let dlogits = scratch.dlogits.each_ref().map(|d| &d[..]);
             if by_layer {
                 let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
                     sgd.step(lr, grads, &mut velocity[range], params);
                 };
-                model.backward_and_update(&batch, pass, dlogits, &mut update, &memory.arena);
+                model.backward_and_update(&batch, pass, dlogits, &mut update, &scratch.arena);
             } else {
-                memory.grads.resize(model.params.len(), 0.0);
-                model.backward(&batch, pass, dlogits, &mut memory.grads, &memory.arena);
+                scratch.grads.resize(model.params.len(), 0.0);
+                model.backward(&batch, pass, dlogits, &mut scratch.grads, &scratch.arena);
             }
         }
         if !by_layer {
             if let Some(most) = settings.clip_norm {
-                clip(&mut memory.grads, most);
+                clip(&mut scratch.grads, most);
             }
-            sgd.step(lr, &mut memory.grads, velocity, &mut model.params);
+            sgd.step(lr, &mut scratch.grads, velocity, &mut model.params);
         }
         Ok(outcome)
     }
 }
 
-impl Memory {
+impl StepScratch {
     /// The network's input for some of a step's samples, and what backward needs beside `dlogits`: `shares` times
     /// the gradients of the mean losses by the logits.
     fn forward(
@@ -130,7 +130,7 @@ impl Memory {
         dropout: &mut [Stream],
         criteria: &[CrossEntropy; 2],
         shares: [f64; 2],
-        outcome: &mut Outcome,
+        outcome: &mut StepOutcome,
     ) -> Result<(Batch<f32>, TrainingPass<f32>)> {
         let (batch, targets) = (batch(model, samples)?, targets(samples));
         let pass = model.forward_train(&batch, Some(dropout), &self.arena);
@@ -173,7 +173,7 @@ fn clip(grads: &mut [f32], most: f64) {
     if norm > most {
         let factor = (most / norm) as f32;
         crate::par::for_each_block(grads, CLIP_BLOCK, |_, block| {
-            scale(Level::active(), factor, block);
+            scale(Isa::active(), factor, block);
         });
     }
 }
@@ -185,7 +185,7 @@ mod tests {
     use crate::geom::Sites;
     use glam::Vec3;
 
-    /// Two parts of different size, labelled by a plane.
+    /// Two parts of different size, labeled by a plane.
     fn samples() -> Vec<Sample> {
         let sample = |n: usize| {
             let mut stream = Stream::new(3, 0, n as u64, Purpose::Probe);

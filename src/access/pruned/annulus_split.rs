@@ -1,13 +1,13 @@
-//! Splitting a list of centres by an annulus around obstacles.
+//! Splitting a list of centers by an annulus around obstacles.
 //!
 //! ```text
 //! annulus = two circles around a place amid the obstacles
-//! for each centre of the list:
+//! for each center of the list:
 //!     inside the inner circle:    within the radius of every obstacle: counted by prefix sums
 //!     outside the outer circle:   within the radius of none: dropped
 //!     between:                    appended to the annulus's list
 //! for each obstacle:
-//!     count += centres inside, among its range
+//!     count += centers inside, among its range
 //!     range = its range of the annulus's list
 //! ```
 //!
@@ -37,7 +37,7 @@ impl Word {
     }
 }
 
-/// Centres between the two circles may or may not be within a radius of some obstacle; inside
+/// Centers between the two circles may or may not be within a radius of some obstacle; inside
 /// the inner one they are within it of all, outside the outer one of none.
 #[derive(Debug, Clone, Copy)]
 struct Annulus {
@@ -88,7 +88,7 @@ fn middle<S: Simd>(s: S, axis: &[f32]) -> f32 {
     0.5 * (least.reduce_min() + most.reduce_max())
 }
 
-/// Splits a list of centres by an annulus; counts the inside, moves the ranges on to the annulus.
+/// Splits a list of centers by an annulus; counts the inside, moves the ranges on to the annulus.
 pub struct AnnulusSplit<'a> {
     /// Squared radius of the step, mm².
     pub radius_squared: f32,
@@ -96,17 +96,17 @@ pub struct AnnulusSplit<'a> {
     pub obstacle_x: &'a [f32],
     /// Obstacles' y.
     pub obstacle_y: &'a [f32],
-    /// Centres' x, the ranges' places, with `SLACK`.
+    /// Centers' x, the ranges' places, with `SLACK`.
     pub x: &'a [f32],
-    /// Centres' y, with `SLACK`.
+    /// Centers' y, with `SLACK`.
     pub y: &'a [f32],
-    /// Place of the first centre of some range.
+    /// Place of the first center of some range.
     pub first: u32,
     /// Place after the last one.
     pub last: u32,
     /// Ranges of the obstacles.
     pub ranges: RankRanges<'a>,
-    /// One word per 64 centres and one more.
+    /// One word per 64 centers and one more.
     pub words: &'a mut [Word],
     /// Receives the annulus's x, with `SLACK`.
     pub annulus_x: &'a mut [f32],
@@ -115,7 +115,7 @@ pub struct AnnulusSplit<'a> {
 }
 
 impl Kernel for AnnulusSplit<'_> {
-    /// Centres in the annulus, and pairs counted.
+    /// Centers in the annulus, and pairs counted.
     type Output = (usize, u64);
 
     #[inline(always)]
@@ -178,7 +178,7 @@ impl AnnulusSplit<'_> {
     }
 }
 
-/// The places that a word's centres may be written to.
+/// The places that a word's centers may be written to.
 #[inline(always)]
 fn next_places(list: &mut [f32], place: usize) -> &mut [f32; SLACK] {
     list[place..].first_chunk_mut().expect("a list has slack past its end")

@@ -1,5 +1,5 @@
 //! The default engine: heights, rasters and runs decide most queries, the predicate decides the rest.
-//! Equal to the law bit for bit.
+//! Equal to the reference engine bit for bit.
 //!
 //! Labels: see [`search`]. β: see [`count`]. Obstacles and queries are put into a spatial
 //! order once, the rest is done anew in every direction from the rotated coordinates.
@@ -15,7 +15,7 @@ use super::method::Method;
 use super::predicate::{self, Frame};
 use super::problem::{PlacedCutter, Scene};
 use super::stats::Stats;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::spatial::Coordinates;
 use count::Counting;
 use search::{AnswerCache, Search, SearchScratch};
@@ -23,17 +23,17 @@ use search::{AnswerCache, Search, SearchScratch};
 /// The engine; its scene must be in spatial order to be fast.
 pub(super) struct Pruned<'a> {
     pub scene: &'a Scene,
-    pub level: Level,
+    pub isa: Isa,
 }
 
 /// Coordinates and lists of the current direction.
 pub(super) struct Scratch {
     frame: Frame,
     obstacles: Coordinates,
-    centres: Coordinates,
+    centers: Coordinates,
     own_z: Vec<f32>,
     undecided: Vec<u32>,
-    /// The group of cutters whose reference points `centres` and `cache` belong to.
+    /// The group of cutters whose reference points `centers` and `cache` belong to.
     group: Option<usize>,
     cache: AnswerCache,
     search: SearchScratch,
@@ -47,7 +47,7 @@ impl Method for Pruned<'_> {
         Scratch {
             frame: Frame::default(),
             obstacles: Coordinates::zeros(self.scene.obstacles.n),
-            centres: Coordinates::default(),
+            centers: Coordinates::default(),
             own_z: Vec::new(),
             undecided: Vec::new(),
             group: None,
@@ -60,15 +60,15 @@ impl Method for Pruned<'_> {
     fn enter(&self, scratch: &mut Scratch, frame: &Frame) {
         scratch.frame = *frame;
         scratch.group = None;
-        rotate_obstacles(&self.scene.obstacles, frame, self.level, &mut scratch.obstacles);
+        rotate_obstacles(&self.scene.obstacles, frame, self.isa, &mut scratch.obstacles);
     }
 
     fn collide(&self, scratch: &mut Scratch, cutter: &PlacedCutter, row: &mut [u64]) -> Stats {
-        let Scratch { frame, obstacles, centres, own_z, undecided, group, cache, search, .. } =
+        let Scratch { frame, obstacles, centers, own_z, undecided, group, cache, search, .. } =
             scratch;
         if cutter.group.is_none() || *group != cutter.group {
-            centres.resize(cutter.n());
-            cutter.centres(frame, self.level, centres);
+            centers.resize(cutter.n());
+            cutter.centers(frame, self.isa, centers);
             cache.clear();
             *group = cutter.group;
         }
@@ -76,12 +76,12 @@ impl Method for Pruned<'_> {
         let own_z = if cutter.own_in_order(obstacles.n) {
             &obstacles.z
         } else {
-            own_heights(cutter, &obstacles.z, own_z, centres.z.len());
+            own_heights(cutter, &obstacles.z, own_z, centers.z.len());
             own_z
         };
         undecided.clear();
-        let done = self.level.run(Search {
-            centres,
+        let done = self.isa.run(Search {
+            centers,
             steps: &cutter.steps,
             obstacles,
             own_z,
@@ -99,8 +99,8 @@ impl Method for Pruned<'_> {
             ..Stats::default()
         };
         for &i in &*undecided {
-            let (hit, tested) = self.level.run(AnyObstacle {
-                centre: centres.get(i as usize),
+            let (hit, tested) = self.isa.run(AnyObstacle {
+                center: centers.get(i as usize),
                 steps: &cutter.steps,
                 obstacles,
                 except: cutter.own(i as usize),
@@ -112,16 +112,16 @@ impl Method for Pruned<'_> {
     }
 
     fn count(&self, scratch: &mut Scratch, cutter: &PlacedCutter, beta: &mut [u64]) -> Stats {
-        let Scratch { frame, obstacles, centres, counting, .. } = scratch;
-        centres.resize(cutter.n());
-        cutter.centres(frame, self.level, centres);
-        let stats = counting.run(&cutter.steps, centres, obstacles, beta, self.level);
+        let Scratch { frame, obstacles, centers, counting, .. } = scratch;
+        centers.resize(cutter.n());
+        cutter.centers(frame, self.isa, centers);
+        let stats = counting.run(&cutter.steps, centers, obstacles, beta, self.isa);
         for i in 0..cutter.n() {
             let own = cutter.own(i);
             // Nearly all are too low, which is quickly seen.
             if own != usize::MAX
-                && obstacles.z[own] > centres.z[i] + cutter.steps[0].height
-                && predicate::collides(&cutter.steps, centres.get(i), obstacles.get(own))
+                && obstacles.z[own] > centers.z[i] + cutter.steps[0].height
+                && predicate::collides(&cutter.steps, centers.get(i), obstacles.get(own))
             {
                 beta[own] -= 1;
             }

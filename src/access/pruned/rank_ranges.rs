@@ -1,7 +1,7 @@
-//! Counting kernels of β: how many centres of a range of ranks lie within a radius of each obstacle?
+//! Counting kernels of β: how many centers of a range of ranks lie within a radius of each obstacle?
 //!
-//! Centres come as a list sorted by height, so "the cutter's step reaches this obstacle" is a range of places in
-//! the list. [`CountInRanges`] tests the centres of each range; [`AnnulusSplit`](super::annulus_split::AnnulusSplit)
+//! Centers come as a list sorted by height, so "the cutter's step reaches this obstacle" is a range of places in
+//! the list. [`CountInRanges`] tests the centers of each range; [`AnnulusSplit`](super::annulus_split::AnnulusSplit)
 //! makes ranges shorter before.
 
 use crate::access::kernels::squared_distance;
@@ -17,7 +17,7 @@ pub struct RankRanges<'a> {
     pub from: &'a mut [u32],
     /// Place after each range.
     pub to: &'a mut [u32],
-    /// Centres counted.
+    /// Centers counted.
     pub counts: &'a mut [u32],
 }
 
@@ -94,13 +94,13 @@ impl Kernel for FindSpan<'_> {
     }
 }
 
-/// Counts, for each obstacle, the centres of its range within the radius.
+/// Counts, for each obstacle, the centers of its range within the radius.
 pub struct CountInRanges<'a> {
     /// Squared radius of the step, mm².
     pub radius_squared: f32,
-    /// Centres' x, with [`SLACK`].
+    /// Centers' x, with [`SLACK`].
     pub x: &'a [f32],
-    /// Centres' y, with [`SLACK`].
+    /// Centers' y, with [`SLACK`].
     pub y: &'a [f32],
     /// Obstacles' x.
     pub obstacle_x: &'a [f32],
@@ -112,7 +112,7 @@ pub struct CountInRanges<'a> {
 
 /// A squared distance beyond all that coordinates of up to 1 km, and steps, have.
 const BEYOND: f32 = 1e30;
-/// Most centres that are tested at once: two vectors.
+/// Most centers that are tested at once: two vectors.
 const TWO_VECTORS: usize = 2 * MAX_LANES;
 /// From place `TWO_VECTORS − n` on: `n` zeros, then [`BEYOND`].
 static TAIL: [f32; 2 * TWO_VECTORS] = {
@@ -186,7 +186,7 @@ mod tests {
     use super::*;
     use crate::access::pruned::annulus_split::{AnnulusSplit, Word};
     use crate::rng::{Purpose, Stream};
-    use crate::simd::Level;
+    use crate::simd::Isa;
 
     const N: usize = 500;
 
@@ -223,9 +223,9 @@ mod tests {
         let (mut from, mut to) = (vec![0; n], vec![u32::MAX; n]);
         let mut counts = vec![0; n];
         let expected = plain_span(&from, &to);
-        for level in Level::available() {
+        for isa in Isa::available() {
             let (from, to, counts) = (&mut from, &mut to, &mut counts);
-            assert_eq!(level.run(FindSpan(&RankRanges { from, to, counts })), expected);
+            assert_eq!(isa.run(FindSpan(&RankRanges { from, to, counts })), expected);
         }
     }
 
@@ -245,12 +245,12 @@ mod tests {
                 (from[j] as usize..to[j] as usize).filter(within).count() as u32
             };
             let expected: Vec<u32> = (0..70).map(plain).collect();
-            for &level in Level::available() {
+            for &isa in Isa::available() {
                 let mut counts = vec![0; 70];
                 let (mut f, mut t) = (from.clone(), to.clone());
                 let ranges = RankRanges { from: &mut f, to: &mut t, counts: &mut counts };
                 let [ox, oy] = [&obstacle_x[..70], &obstacle_y[..70]];
-                level.run(CountInRanges {
+                isa.run(CountInRanges {
                     radius_squared,
                     x: &x,
                     y: &y,
@@ -258,14 +258,14 @@ mod tests {
                     obstacle_y: oy,
                     ranges,
                 });
-                assert_eq!(counts, expected, "{}", level.name());
+                assert_eq!(counts, expected, "{}", isa.name());
                 counts.fill(0);
                 let mut ranges = RankRanges { from: &mut f, to: &mut t, counts: &mut counts };
-                let span = level.run(FindSpan(&ranges));
+                let span = isa.run(FindSpan(&ranges));
                 let RangeSpan { first, last, .. } = span;
-                assert_eq!(span, plain_span(&from, &to), "{}", level.name());
+                assert_eq!(span, plain_span(&from, &to), "{}", isa.name());
                 let [mut annulus_x, mut annulus_y] = [vec![0.0; N + SLACK], vec![0.0; N + SLACK]];
-                level.run(AnnulusSplit {
+                isa.run(AnnulusSplit {
                     radius_squared,
                     obstacle_x,
                     obstacle_y,
@@ -278,7 +278,7 @@ mod tests {
                     annulus_x: &mut annulus_x,
                     annulus_y: &mut annulus_y,
                 });
-                level.run(CountInRanges {
+                isa.run(CountInRanges {
                     radius_squared,
                     x: &annulus_x,
                     y: &annulus_y,
@@ -286,7 +286,7 @@ mod tests {
                     obstacle_y: oy,
                     ranges,
                 });
-                assert_eq!(counts, expected, "split at {}", level.name());
+                assert_eq!(counts, expected, "split at {}", isa.name());
             }
         }
     }

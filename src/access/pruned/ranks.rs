@@ -1,20 +1,20 @@
-//! Centres sorted by height, and ranks of heights among them.
+//! Centers sorted by height, and ranks of heights among them.
 
 use crate::simd::vector::MAX_LANES;
-use crate::simd::{Float32, Kernel, Level, Mask, Simd, Unsigned, Vector};
+use crate::simd::{Float32, Isa, Kernel, Mask, Simd, Unsigned, Vector};
 use crate::spatial::{Coordinates, CountingSort};
 
 /// Heights in ascending order, with a coarse index into them.
 #[derive(Default)]
 pub(super) struct Sorted {
-    /// Height and index of each centre, ascending in height.
+    /// Height and index of each center, ascending in height.
     places: Vec<(f32, u32)>,
     /// The heights alone, between one −∞ and so many times +∞ as lie [`AHEAD`].
     heights: Vec<f32>,
-    /// Places of the centres of each bucket.
+    /// Places of the centers of each bucket.
     sort: CountingSort,
     buckets: HeightBuckets,
-    /// Bucket of each centre.
+    /// Bucket of each center.
     bucket: Vec<u32>,
 }
 
@@ -45,14 +45,14 @@ impl HeightBuckets {
 /// two of the shortest.
 const AHEAD: usize = MAX_LANES;
 
-/// Buckets of up to this many centres are sorted by insertion.
+/// Buckets of up to this many centers are sorted by insertion.
 const SMALL_BUCKET: u32 = 24;
 
 impl Sorted {
-    /// Sorts the centres, at least one: into as many buckets as there are centres, then by insertion.
-    pub fn fill(&mut self, centres: &Coordinates, level: Level) {
-        let z = &centres.z[..centres.n];
-        level.run(Distribute { sorted: self, z });
+    /// Sorts the centers, at least one: into as many buckets as there are centers, then by insertion.
+    pub fn fill(&mut self, centers: &Coordinates, isa: Isa) {
+        let z = &centers.z[..centers.n];
+        isa.run(Distribute { sorted: self, z });
         self.sort.clear(z.len());
         self.bucket.iter().for_each(|&bucket| self.sort.count(bucket as usize));
         let fullest = self.sort.finish_counting();
@@ -78,15 +78,15 @@ impl Sorted {
         }
     }
 
-    /// Indices of the centres, ascending in height.
+    /// Indices of the centers, ascending in height.
     pub fn indices(&self) -> impl Iterator<Item = usize> {
         self.places.iter().map(|place| place.1 as usize)
     }
 
-    /// For each of the heights `z`, the number of centres with `height of the centre + step < z`.
-    pub fn ranks(&self, z: &[f32], step: f32, ranks: &mut Vec<u32>, level: Level) {
+    /// For each of the heights `z`, the number of centers with `height of the center + step < z`.
+    pub fn ranks(&self, z: &[f32], step: f32, ranks: &mut Vec<u32>, isa: Isa) {
         ranks.resize(z.len(), 0);
-        level.run(Ranks { sorted: self, z, step, ranks });
+        isa.run(Ranks { sorted: self, z, step, ranks });
     }
 
     /// One rank, without the index.
@@ -188,12 +188,12 @@ mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
 
-    /// Ranks found in whole vectors and in a part of one, at each level, and the one found by bisection.
+    /// Ranks found in whole vectors and in a part of one, with each instruction set, and the one found by bisection.
     fn ranks(sorted: &Sorted, z: f32, step: f32) -> Vec<usize> {
         let mut all = vec![sorted.rank(z, step)];
-        for &level in Level::available() {
+        for &isa in Isa::available() {
             let mut ranks = vec![];
-            sorted.ranks(&[z; MAX_LANES + 1], step, &mut ranks, level);
+            sorted.ranks(&[z; MAX_LANES + 1], step, &mut ranks, isa);
             all.extend(ranks);
         }
         all.into_iter().map(|rank| rank as usize).collect()
@@ -217,9 +217,9 @@ mod tests {
     fn no_height_is_beyond_the_buckets_however_many_they_are() {
         for n in [1, 2, 1000, (1 << 24) - 1, 1 << 24, (1 << 24) + 1, (1 << 24) + 3, 100_000_000] {
             let buckets = HeightBuckets::new(n, [-3.0, 5.0]);
-            for &level in Level::available() {
-                assert_eq!(level.run(BucketOf(buckets, -3.0)), 0);
-                let last = level.run(BucketOf(buckets, 5.0)) as usize;
+            for &isa in Isa::available() {
+                assert_eq!(isa.run(BucketOf(buckets, -3.0)), 0);
+                let last = isa.run(BucketOf(buckets, 5.0)) as usize;
                 assert_eq!(last, n.min(1 << 24) - 1);
             }
         }
@@ -229,13 +229,13 @@ mod tests {
     fn ranks_are_counts_whatever_the_heights() {
         let mut stream = Stream::new(1, 0, 0, Purpose::Probe);
         for (n, grid) in [(1, 1.0), (2, 0.0), (50, 4.0), (300, 0.0), (300, 1e-7), (1000, 1e4)] {
-            let mut centres = Coordinates::zeros(n);
+            let mut centers = Coordinates::zeros(n);
             for i in 0..n {
-                centres.z[i] = 5.0 + (stream.range(-1.0, 1.0) * grid).round() as f32 * 0.3;
+                centers.z[i] = 5.0 + (stream.range(-1.0, 1.0) * grid).round() as f32 * 0.3;
             }
             let mut sorted = Sorted::default();
-            sorted.fill(&centres, Level::fastest());
-            let z = &centres.z[..n];
+            sorted.fill(&centers, Isa::fastest());
+            let z = &centers.z[..n];
             let ordered: Vec<f32> = sorted.indices().map(|i| z[i]).collect();
             assert!(ordered.is_sorted());
             for &probe in z.iter().chain(&[-1e6, 1e6, 5.0, 5.15]) {

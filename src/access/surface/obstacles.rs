@@ -195,7 +195,7 @@ fn contacts(sites: &Sites) -> Result<Vec<Contact>> {
     let unit = |n: &Vec3| n.is_finite() && (n.length_squared() - 1.0).abs() < 1e-3;
     if let Some(i) = normals.iter().position(|n| !unit(n)) {
         let found = format!("normal {} is not a unit vector", normals[i]);
-        let remedy = "normalise the normals or resample the part";
+        let remedy = "normalize the normals or resample the part";
         return Err(Error::geometry(format!("query {i}"), found, remedy));
     }
     let touch = |(point, normal): (&Vec3, &Vec3)| Contact::Surface {

@@ -34,7 +34,7 @@ fn hemisphere(n: usize) -> Directions {
 
 fn exactly(tolerance: f64) -> SurfaceOptions {
     SurfaceOptions {
-        tolerance: ContactTolerance::Millimetres(tolerance),
+        tolerance: ContactTolerance::Millimeters(tolerance),
         occlusion: false,
         refinement: None,
         n_samples: 2000,
@@ -293,7 +293,7 @@ fn drop_heights_on_a_plane_and_a_point_are_the_textbook_ones() {
     let root = 2f64.sqrt();
     assert!((drop::disc(&plane, 2.0) - 2.0).abs() < 1e-12, "45 degrees, uphill at the rim");
     let on_plane = |ring, radius| drop::tip(&plane, Tip::Round { ring, radius });
-    assert!((on_plane(0.0, 2.0) - 2.0 * root).abs() < 1e-12, "the ball's centre");
+    assert!((on_plane(0.0, 2.0) - 2.0 * root).abs() < 1e-12, "the ball's center");
     assert!((on_plane(3.0, 2.0) - (3.0 + 2.0 * root)).abs() < 1e-12, "the bull nose");
     let point = [dvec3(1.0, 0.0, 5.0); 3];
     let on_point = |ring, radius| drop::tip(&point, Tip::Round { ring, radius });
@@ -375,7 +375,7 @@ fn on_a_sphere_the_collision_free_directions_are_the_analytic_ones() {
     let sites = Sites { points, normals, faces: vec![] };
     let labels = label(&mesh, &sites, &cutter, &directions, &exactly(0.01));
     for (i, normal) in sites.normals.iter().enumerate() {
-        // The steps are cylinders without an upper end; a convex body is hit iff its centre is near enough.
+        // The steps are cylinders without an upper end; a convex body is hit iff its center is near enough.
         let free = |radius: f64| {
             let directions = directions.vectors().iter().filter(|d| {
                 let cos = f64::from(normal.dot(**d));

@@ -17,7 +17,8 @@ pub enum ContactTolerance {
     #[default]
     Tessellation,
     /// This much at every site.
-    Millimetres(f64),
+    #[serde(rename = "millimetres", alias = "millimeters")]
+    Millimeters(f64),
 }
 
 /// The tolerance where facets imply no more, mm.
@@ -121,7 +122,7 @@ impl ContactTolerance {
     pub(super) fn least(self, outline: &Outline) -> Result<f64> {
         outline.check_tolerance(match self {
             ContactTolerance::Tessellation => LEAST_MM,
-            ContactTolerance::Millimetres(given) => given,
+            ContactTolerance::Millimeters(given) => given,
         })
     }
 
@@ -138,7 +139,7 @@ impl ContactTolerance {
     ) -> Result<Vec<f64>> {
         let least = match self {
             ContactTolerance::Tessellation => outline.check_tolerance(LEAST_MM)?,
-            ContactTolerance::Millimetres(given) => {
+            ContactTolerance::Millimeters(given) => {
                 return Ok(vec![outline.check_tolerance(given)?; sites.len()]);
             }
         };

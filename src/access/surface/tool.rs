@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3, Vec3};
 pub(super) struct Outline {
     /// Corner radius of the tip, mm.
     corner: f64,
-    /// Radius of the circle that the corner's centre runs on, mm; 0 for a ball.
+    /// Radius of the circle that the corner's center runs on, mm; 0 for a ball.
     side: f64,
     /// Height above the reference point and radius of every step, mm.
     steps: Vec<[f64; 2]>,
@@ -44,7 +44,7 @@ impl Outline {
         self.corner
     }
 
-    /// Distance of the corner's centre from the axis, mm.
+    /// Distance of the corner's center from the axis, mm.
     pub fn side(&self) -> f64 {
         self.side
     }
@@ -135,14 +135,14 @@ impl Contact {
         match *self {
             Contact::Volume { tip } => tip + direction * outline.corner,
             Contact::Surface { point, normal } => {
-                let centre = point + normal * outline.corner;
+                let center = point + normal * outline.corner;
                 let across = normal - direction * normal.dot(direction);
                 let length = across.length();
                 // A flat end that lies on its face has its axis through the site.
                 if outline.side == 0.0 || length <= FLAT {
-                    return centre;
+                    return center;
                 }
-                centre + across * (outline.side / length)
+                center + across * (outline.side / length)
             }
         }
     }

@@ -54,7 +54,7 @@ pub fn raise(
     let outline = Outline::new(cutter);
     outline.check_tolerance(tolerance_mm)?;
     if !direction.is_normalized() {
-        let remedy = "normalise it";
+        let remedy = "normalize it";
         return Err(Error::argument("direction", direction, "a unit vector", remedy));
     }
     let stand = Stand { reference, axes: axes(direction) };

@@ -1,10 +1,10 @@
-//! What several commands ask for: the cutter, the sites, the directions.
+//! Arguments that several commands share: the cutter, the sites, the directions.
 
 use crate::output::Output;
 use deepmill::cutter::CutterParams;
 use deepmill::data::files::tools::{self, Tool};
 use deepmill::directions::Directions;
-use deepmill::geom::formats::Part;
+use deepmill::geom::formats::MeshOrCloud;
 use deepmill::geom::sites::{self, Normals, SiteOptions};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::{Error, Result};
@@ -107,7 +107,7 @@ impl ToolArgs {
     }
 }
 
-/// Reads `CR,CH,FR,FH` in mm; whether the lengths make a cutter is asked by [`Cutter`].
+/// Reads `CR,CH,FR,FH` in mm; whether the lengths make a cutter is checked by [`Cutter`].
 fn cutter_params(text: &str) -> Result<CutterParams> {
     text.parse().map_err(|e| called(e, "--cutter"))
 }
@@ -147,10 +147,10 @@ pub struct SiteArgs {
 
 impl SiteArgs {
     /// The sites of a part: spread over a mesh; a cloud is taken as it is.
-    pub fn place(&self, part: Part) -> Result<(Option<Mesh>, Sites)> {
+    pub fn place(&self, part: MeshOrCloud) -> Result<(Option<Mesh>, Sites)> {
         let mesh = match part {
-            Part::Mesh(mesh) => mesh,
-            Part::Cloud(sites) => return Ok((None, sites)),
+            MeshOrCloud::Mesh(mesh) => mesh,
+            MeshOrCloud::Cloud(sites) => return Ok((None, sites)),
         };
         let sites = match self.sites.as_str() {
             "vertices" => sites::from_vertices(&mesh)?,

@@ -1,16 +1,16 @@
-//! `deepmill check`: what is wrong with a mesh, where, and whether it blocks labelling.
+//! `deepmill check`: what is wrong with a mesh, where, and whether it blocks labeling.
 
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
-use deepmill::geom::check::{self, Finding, Place, Report};
+use deepmill::geom::check::{self, Finding, MeshReport, Place};
 use deepmill::geom::{formats, intersect};
-use deepmill::{Result, aside};
+use deepmill::{Result, atomic_file};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Examine a mesh: closed, manifold, oriented, one component, triangle shapes, self-intersections.
 ///
-/// Exit code 1 if it cannot be labelled.
+/// Exit code 1 if it cannot be labeled.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill check part.stl --unit in --repair --out mended.stl")]
 pub struct Args {
@@ -27,7 +27,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    args.out.iter().try_for_each(|path| aside::check_file(path))?;
+    args.out.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
     let (mesh, changes) = args.read.read_mesh(&args.mesh, output)?;
     let mut report = check::check(&mesh);
     if !args.skip_intersections {
@@ -57,7 +57,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     args.read.require_labelable(&report)
 }
 
-fn say(report: &Report, args: &Args, output: &Output) {
+fn say(report: &MeshReport, args: &Args, output: &Output) {
     let counted = |n: usize, noun: &str| format!("{n} {noun}{}", if n == 1 { "" } else { "s" });
     output.say(format!(
         "{}, {} vertices, {}, {}, Euler characteristic {}",
@@ -70,7 +70,7 @@ fn say(report: &Report, args: &Args, output: &Output) {
     let (area, volume) = (digits(report.area_mm2), digits(report.volume_mm3));
     output.say(format!("area {area} mm², volume {volume} mm³"));
     for finding in &report.findings {
-        let weight = if finding.fault.blocks_labelling() { "BLOCKS LABELLING" } else { "note" };
+        let weight = if finding.fault.blocks_labeling() { "BLOCKS LABELING" } else { "note" };
         output.say(format!("{weight}: {finding}"));
         finding.places.iter().for_each(|place| output.say(format!("    {place}")));
         let more = finding.count - finding.places.len();
@@ -83,7 +83,7 @@ fn say(report: &Report, args: &Args, output: &Output) {
         let skipped = ", piercing triangles not looked for";
         let skipped = if args.skip_intersections { skipped } else { "" };
         output.say(format!(
-            "can be labelled: closed, manifold, one component, facing outward{skipped}"
+            "can be labeled: closed, manifold, one component, facing outward{skipped}"
         ));
     }
 }
@@ -97,7 +97,7 @@ fn digits(value: f64) -> String {
 fn json_of(finding: &Finding, args: &Args) -> Value {
     json!({
         "fault": finding.fault.name(),
-        "blocks_labelling": finding.fault.blocks_labelling(),
+        "blocks_labeling": finding.fault.blocks_labeling(),
         "count": finding.count,
         "places": finding.places.iter().map(place).collect::<Vec<_>>(),
         "remedy": args.read.remedy(finding.fault),

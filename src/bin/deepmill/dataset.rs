@@ -1,13 +1,15 @@
-//! `deepmill dataset`: parts in, labelled samples out.
+//! `deepmill dataset`: parts in, labeled samples out.
 
 use crate::output::Output;
 use crate::progress;
 use clap::Subcommand;
 use deepmill::data::Sample;
-use deepmill::data::dataset::{Builder, Dataset, Manifest, PartSource, Settings, Split, import};
+use deepmill::data::dataset::{
+    Builder, Dataset, DatasetSettings, Manifest, PartSource, Split, import,
+};
 use deepmill::data::files::published::{self, List};
 use deepmill::directions::DirectionSet;
-use deepmill::{Error, Result, aside};
+use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -31,7 +33,7 @@ enum Verb {
 /// Read, scale, sample and label parts, with random cutters.
 ///
 /// A build that was interrupted goes on where it stopped when the same command is given again. Parts
-/// that cannot be labelled are skipped; the manifest says why.
+/// that cannot be labeled are skipped; the manifest says why.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill dataset build parts/ --out data --cutters 2 --seed 1\n\
 Shards (any order, any machine, one folder): … --shard 0/4, … --shard 1/4, and so on")]
@@ -99,7 +101,7 @@ struct ExportArgs {
 
 /// Make a data set of samples in the published format.
 ///
-/// Reads the raw text under FOLDER/raw_data, whose lengths are millimetres; the lists of FOLDER/filelist,
+/// Reads the raw text under FOLDER/raw_data, whose lengths are millimeters; the lists of FOLDER/filelist,
 /// where there are any, tell training from test samples, which become the validation split.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill dataset import published --out data")]
@@ -109,8 +111,8 @@ struct ImportArgs {
     /// Folder of the data set.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Read the prepared points of the lists instead of the raw text: they are normalised, so that the
-    /// parts' millimetres are lost.
+    /// Read the prepared points of the lists instead of the raw text: they are normalized, so that the
+    /// parts' millimeters are lost.
     #[arg(long)]
     lists: bool,
     /// Directions over the upper hemisphere that the labels were made with; recorded only.
@@ -131,9 +133,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 }
 
 fn build(args: &BuildArgs, output: &Output) -> Result<()> {
-    aside::check_folder(&args.out)?;
+    atomic_file::check_writable_folder(&args.out)?;
     let n_dirs = args.directions;
-    let settings = Settings {
+    let settings = DatasetSettings {
         seed: args.seed,
         n_sites: args.sites,
         n_obstacles: args.obstacles,
@@ -145,7 +147,7 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
         n_cutters: args.cutters,
         min_edge_mm: (args.min_edge != 0.0).then_some(args.min_edge),
         validation_share: args.validation,
-        ..Settings::default()
+        ..DatasetSettings::default()
     };
     let mut sources = Vec::new();
     for path in &args.parts {
@@ -181,7 +183,7 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
 }
 
 fn export(args: &ExportArgs, output: &Output) -> Result<()> {
-    aside::check_folder(&args.out)?;
+    atomic_file::check_writable_folder(&args.out)?;
     let set = Dataset::open(&args.folder)?;
     let train = set.samples(Some(Split::Train))?;
     let test = set.samples(Some(Split::Validation))?;
@@ -198,16 +200,16 @@ fn export(args: &ExportArgs, output: &Output) -> Result<()> {
 }
 
 fn take_in(args: &ImportArgs, output: &Output) -> Result<()> {
-    aside::check_folder(&args.out)?;
+    atomic_file::check_writable_folder(&args.out)?;
     let samples = match args.lists {
         true => from_lists(&args.folder, output)?,
         false => from_raw(&args.folder, output)?,
     };
-    let settings = Settings {
+    let settings = DatasetSettings {
         n_sites: samples.first().map_or(0, |(_, sample)| sample.sites.len()),
         directions: DirectionSet::FibonacciHemisphere { n_dirs: args.directions },
         min_edge_mm: None,
-        ..Settings::default()
+        ..DatasetSettings::default()
     };
     show(&import(&args.out, settings, &samples)?, output);
     Ok(())
@@ -220,7 +222,7 @@ fn from_lists(folder: &Path, output: &Output) -> Result<Vec<(Split, Sample)>> {
         samples.extend(published::read_list(folder, list)?.into_iter().map(|s| (split, s)));
     }
     output.warn(
-        "the points of these lists are normalised, cutters are in mm: lengths of the parts are lost",
+        "the points of these lists are normalized, cutters are in mm: lengths of the parts are lost",
     );
     Ok(samples)
 }

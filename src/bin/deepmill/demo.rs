@@ -5,7 +5,7 @@ use crate::predict::predict;
 use crate::progress;
 use deepmill::access::{LabelOptions, Obstacles, label};
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
-use deepmill::data::files::{About, LabelFile, ball_end_words};
+use deepmill::data::files::{LabelFile, Provenance, ball_end_words};
 use deepmill::data::{Sample, generated};
 use deepmill::directions::Directions;
 use deepmill::geom::sites::{SiteOptions, sample};
@@ -17,10 +17,11 @@ use deepmill::report::folder::{self, Show};
 use deepmill::report::scores;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::rng::{Purpose, Stream};
-use deepmill::train::{Flow, Observer, Run, Settings, StepReport};
-use deepmill::{Error, Result, aside, par};
+use deepmill::train::{Observer, Run, Settings, StepReport};
+use deepmill::{Error, Result, atomic_file, par};
 use indicatif::ProgressBar;
 use serde_json::json;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -52,7 +53,7 @@ pub struct Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let folder = Path::new(FOLDER);
-    aside::check_folder(folder)?;
+    atomic_file::check_writable_folder(folder)?;
     let mesh = generated::demo_part();
     let params = CutterParams::from_array(CUTTER);
     let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
@@ -67,8 +68,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     ));
     let (model, name, train_s) = network(args, &directions, output)?;
     let start = Instant::now();
-    let about = About::ball_end("demo part", params, json!({ "model": name }));
-    let predictions = predict(&model, about, labels.sites.clone())?;
+    let provenance = Provenance::ball_end("demo part", params, json!({ "model": name }));
+    let predictions = predict(&model, provenance, labels.sites.clone())?;
     let predict_s = start.elapsed().as_secs_f64();
 
     let (inaccessible, occlusion) = (predictions.inaccessible(), predictions.occlusion());
@@ -106,7 +107,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.say(
         "labels.* are the exact answers, predictions.* the network's, difference* where they part;",
     );
-    output.say("PNG pictures to look at, PLY coloured points, NPZ the numbers.");
+    output.say("PNG pictures to look at, PLY colored points, NPZ the numbers.");
     output.files(&paths);
     let mut result = facts.json();
     result["scores"] = table.json();
@@ -128,7 +129,7 @@ fn network(
     let start = Instant::now();
     let samples = training_samples(directions)?;
     output.say(format!(
-        "{} labelled training samples from {N_PARTS} generated parts in {:.1} s. Training:",
+        "{} labeled training samples from {N_PARTS} generated parts in {:.1} s. Training:",
         samples.len(),
         start.elapsed().as_secs_f64()
     ));
@@ -151,8 +152,8 @@ fn exact(
     let labels = label(&sites, Obstacles::Queries, &cutter, directions, &LabelOptions::default())?;
     let labels_s = start.elapsed().as_secs_f64();
     let settings = json!({ "n_directions": N_DIRECTIONS, "seed": SEED });
-    let about = About::ball_end("demo part", params, settings);
-    Ok((LabelFile { about, sites, labels }, sites_s, labels_s))
+    let provenance = Provenance::ball_end("demo part", params, settings);
+    Ok((LabelFile { provenance, sites, labels }, sites_s, labels_s))
 }
 
 fn training_samples(directions: &Directions) -> Result<Vec<Sample>> {
@@ -163,7 +164,7 @@ fn training_samples(directions: &Directions) -> Result<Vec<Sample>> {
             SiteOptions { n_sites: N_TRAINING_SITES, seed: SEED, ..SiteOptions::default() };
         let sites = Arc::new(sample(&mesh, &options)?);
         let mut stream = Stream::new(SEED, 0, i as u64, Purpose::Cutter);
-        (0..N_CUTTERS).map(|_| labelled(family.name(), &sites, &mut stream, directions)).collect()
+        (0..N_CUTTERS).map(|_| labeled(family.name(), &sites, &mut stream, directions)).collect()
     });
     let mut samples = Vec::new();
     for part in made {
@@ -172,7 +173,7 @@ fn training_samples(directions: &Directions) -> Result<Vec<Sample>> {
     Ok(samples)
 }
 
-fn labelled(
+fn labeled(
     name: &str,
     sites: &Arc<Sites>,
     stream: &mut Stream,
@@ -203,8 +204,8 @@ fn train(samples: &[Sample]) -> Result<Run> {
     let flow = run.train(samples, &[], &mut watch)?;
     watch.bar.finish_and_clear();
     match flow {
-        Flow::Continue => Ok(run),
-        Flow::Stop => Err(Error::Interrupted { remedy: "start it again".into() }),
+        ControlFlow::Continue(()) => Ok(run),
+        ControlFlow::Break(()) => Err(Error::Interrupted { remedy: "start it again".into() }),
     }
 }
 
@@ -214,9 +215,13 @@ struct Watch {
 }
 
 impl Observer for Watch {
-    fn step(&mut self, r: &StepReport) -> Flow {
+    fn step(&mut self, r: &StepReport) -> ControlFlow<()> {
         self.bar.inc(1);
         self.bar.set_message(format!("epoch {} loss {:.3}", r.epoch, r.loss));
-        if self.stop.load(Ordering::Relaxed) { Flow::Stop } else { Flow::Continue }
+        if self.stop.load(Ordering::Relaxed) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     }
 }

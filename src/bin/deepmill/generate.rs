@@ -5,7 +5,7 @@ use deepmill::data::generated::{self, Family, Lie};
 use deepmill::geom::{Mesh, formats};
 use deepmill::report::image::Image;
 use deepmill::report::picture;
-use deepmill::{Error, Result, aside, par};
+use deepmill::{Error, Result, atomic_file, par};
 use indicatif::ProgressBar;
 use serde_json::json;
 use std::io::Write;
@@ -48,7 +48,7 @@ pub struct Args {
 }
 
 fn family(name: &str) -> std::result::Result<Family, String> {
-    Family::named(name).ok_or_else(|| "not a family; `deepmill generate --list` shows all".into())
+    name.parse().map_err(|_: Error| "not a family; `deepmill generate --list` shows all".into())
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
@@ -58,8 +58,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     if args.count == 0 {
         return Err(Error::argument("count", 0, "at least 1", "say how many parts to make"));
     }
-    args.out.iter().try_for_each(|path| aside::check_folder(path))?;
-    args.sheet.iter().try_for_each(|path| aside::check_file(path))?;
+    args.out.iter().try_for_each(|path| atomic_file::check_writable_folder(path))?;
+    args.sheet.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
     let mut index = String::from(HEADER);
     let mut thumbnails = Vec::new();
     let progress = ProgressBar::new(args.count as u64);
@@ -74,7 +74,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
     progress.finish_and_clear();
     if let Some(out) = &args.out {
-        aside::write(&out.join("index.csv"), |file| file.write_all(index.as_bytes()))?;
+        atomic_file::write_atomic(&out.join("index.csv"), |file| file.write_all(index.as_bytes()))?;
         output.say(format!("{} parts and index.csv in {}", args.count, out.display()));
     }
     if let Some(sheet) = &args.sheet {

@@ -10,22 +10,22 @@ use crate::progress;
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::cutter::Cutter;
 use deepmill::data::files::tools::Tool;
-use deepmill::data::files::{About, LabelFile};
+use deepmill::data::files::{LabelFile, Provenance};
 use deepmill::directions::Directions;
 use deepmill::geom::sites::{self, SiteOptions};
 use deepmill::geom::spacing::Spacing;
 use deepmill::geom::{Mesh, Sites};
-use deepmill::report::Part;
+use deepmill::report::PartView;
 use deepmill::report::coverage::{Coverage, Shares};
 use deepmill::report::folder::{self, Show};
 use deepmill::report::tables::{Cell, Facts};
-use deepmill::{Result, aside};
+use deepmill::{Result, atomic_file};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Compute exactly which sites of a part a cutter cannot reach, and which sites are in its way.
 ///
-/// Writes to DIR: labels.npz (numbers), labels.ply (coloured points), labels.png (picture) and
+/// Writes to DIR: labels.npz (numbers), labels.ply (colored points), labels.png (picture) and
 /// part.stl (the surface as used, in mm). With several cutters, or a table, each has the first three
 /// in a folder DIR/NAME of its own, and DIR holds tools.csv (the table of all), tools.ply and
 /// tools.png (the first tool that reaches each site).
@@ -72,7 +72,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let engine = args.engine.parse()?;
     let options = LabelOptions { engine, share: args.occlusion_share, ..LabelOptions::default() };
 
-    aside::check_folder(&args.out)?;
+    atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");
@@ -154,13 +154,14 @@ impl Answers<'_> {
     fn facts(&self, labels: &[Labels], coverage: Option<&Coverage>) -> Facts {
         let mut facts = Facts::new();
         facts.add("part", "part", Cell::text(name_of(&self.args.part)));
-        facts.add("question", "question", Cell::text(self.blocking.words()));
+        facts.add("definition", "definition", Cell::text(self.blocking.words()));
         if coverage.is_none() {
             facts.add("cutter", "cutter", Cell::text(self.tools[0].words()));
         }
         facts.add("n_sites", "sites", Cell::count(self.sites.len()));
-        let asked = labels[0].surface.as_ref().map_or(self.directions.len(), |s| s.n_directions);
-        facts.add("n_directions", "directions", Cell::count(asked));
+        let n_directions =
+            labels[0].surface.as_ref().map_or(self.directions.len(), |s| s.n_directions);
+        facts.add("n_directions", "directions", Cell::count(n_directions));
         match coverage {
             None => {
                 add_shares(&mut facts, Shares::of(&labels[0], self.directions.len()));
@@ -203,7 +204,7 @@ impl Answers<'_> {
         if let Some(coverage) = coverage {
             let part = name_of(&args.part);
             let cutter = &format!("{} tools", tools.len());
-            let part = Part { name: &part, mesh: mesh.as_ref(), sites, cutter };
+            let part = PartView { name: &part, mesh: mesh.as_ref(), sites, cutter };
             paths.extend(coverage.write(&args.out, part, show)?);
         }
         if let Some(mesh) = mesh {
@@ -219,24 +220,25 @@ impl Answers<'_> {
         labels: Labels,
         show: Show,
     ) -> Result<Vec<PathBuf>> {
-        let file = LabelFile { about: self.about(tool), sites: self.sites.clone(), labels };
+        let file =
+            LabelFile { provenance: self.provenance(tool), sites: self.sites.clone(), labels };
         folder::write_labels(folder, &file, self.mesh.as_ref(), show)
     }
 
-    fn about(&self, tool: &Tool) -> About {
+    fn provenance(&self, tool: &Tool) -> Provenance {
         let Answers { args, directions, .. } = self;
         let settings = json!({
             "sites": args.sites.settings(self.mesh.is_some()),
             "tool": tool.settings(),
             "directions": directions.set(),
             "n_directions": directions.len(),
-            "question": self.blocking.words(),
+            "definition": self.blocking.words(),
             "obstacles": args.obstacles,
             "part_itself": (self.blocking == Blocking::Part).then(|| args.surface.settings()),
             "occlusion_share": args.occlusion_share,
             "engine": args.engine,
         });
-        About { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings }
+        Provenance { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings }
     }
 }
 

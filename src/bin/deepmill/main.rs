@@ -29,7 +29,7 @@ use std::process::ExitCode;
 
 /// Which parts of a surface a milling cutter cannot reach, and what is in its way.
 ///
-/// Without a command it runs the demo. Lengths are millimetres.
+/// Without a command it runs the demo. Lengths are millimeters.
 #[derive(Parser)]
 #[command(version, propagate_version = true)]
 struct Cli {
@@ -64,7 +64,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let output = Output::new(cli.json);
     let run = || {
-        deepmill::scalar::simd_level()?;
+        deepmill::scalar::simd_isa()?;
         match &cli.command {
             None => demo::run(&demo::Args::default(), &output),
             Some(Command::Bench(args)) => bench::run(args, &output),
@@ -97,12 +97,12 @@ fn main() -> ExitCode {
 /// More threads than processors only help to show that results do not depend on their number.
 const MOST_THREADS_PER_PROCESSOR: usize = 8;
 
-/// The number of threads asked for, or as many as are of any use.
-fn n_threads(asked: usize, output: &Output) -> usize {
+/// The number of threads wanted, or as many as are of any use.
+fn n_threads(wanted: usize, output: &Output) -> usize {
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let most = MOST_THREADS_PER_PROCESSOR * processors;
-    if asked > most {
-        output.warn(format!("--threads {asked}: {most} are used on {processors} processors"));
+    if wanted > most {
+        output.warn(format!("--threads {wanted}: {most} are used on {processors} processors"));
     }
-    asked.min(most)
+    wanted.min(most)
 }

@@ -1,8 +1,8 @@
 //! How a mesh file becomes the part to work on: the options all commands share.
 
 use crate::output::Output;
-use deepmill::geom::check::{Fault, Report};
-use deepmill::geom::formats::{self, Part, ReadOptions};
+use deepmill::geom::check::{Fault, MeshReport};
+use deepmill::geom::formats::{self, MeshOrCloud, ReadOptions};
 use deepmill::geom::units::{Unit, size_line, size_warning};
 use deepmill::geom::{Mesh, check, repair, weld};
 use deepmill::{Error, Result};
@@ -31,23 +31,28 @@ pub struct MeshArgs {
 
 impl MeshArgs {
     fn options(&self) -> ReadOptions {
-        ReadOptions { scale: self.unit.millimetres() * self.scale, weld: self.weld }
+        ReadOptions { scale: self.unit.millimeters() * self.scale, weld: self.weld }
     }
 
-    /// Reads a mesh or a cloud to be labelled, says its size, and applies the repairs asked for; an
+    /// Reads a mesh or a cloud to be labeled, says its size, and applies the chosen repairs; an
     /// inward-facing mesh is turned with a notice. A mesh that does not bound one solid is refused,
     /// or with `accept_faults` warned about.
-    pub fn read_part(&self, path: &Path, accept_faults: bool, output: &Output) -> Result<Part> {
+    pub fn read_part(
+        &self,
+        path: &Path,
+        accept_faults: bool,
+        output: &Output,
+    ) -> Result<MeshOrCloud> {
         let mut part = formats::read_part(path, &self.options())?;
         match &mut part {
-            Part::Mesh(mesh) => {
+            MeshOrCloud::Mesh(mesh) => {
                 self.prepare(mesh, output)?;
                 match self.require_labelable(&check::check(mesh)) {
                     Err(fault) if accept_faults => output.warn(fault),
                     verdict => verdict?,
                 }
             }
-            Part::Cloud(sites) => {
+            MeshOrCloud::Cloud(sites) => {
                 let n_coincident = sites.n_coincident();
                 if n_coincident > 0 {
                     let n = sites.len();
@@ -64,7 +69,7 @@ impl MeshArgs {
     }
 
     /// As [`Report::require_labelable`]; does not propose a repair that was made.
-    pub fn require_labelable(&self, report: &Report) -> Result<()> {
+    pub fn require_labelable(&self, report: &MeshReport) -> Result<()> {
         match report.blocking() {
             None => Ok(()),
             Some(finding) => Err(Error::geometry(
@@ -80,7 +85,7 @@ impl MeshArgs {
         if self.repair { fault.remedy_beyond_repair() } else { fault.remedy() }
     }
 
-    /// Reads a mesh as it is, with the repairs asked for; whether it can be labelled is not asked.
+    /// Reads a mesh as it is, with the chosen repairs; whether it can be labeled is not checked.
     pub fn read_mesh(&self, path: &Path, output: &Output) -> Result<(Mesh, Vec<repair::Change>)> {
         let mut mesh = formats::read_mesh(path, &self.options())?;
         let changes = self.prepare(&mut mesh, output)?;

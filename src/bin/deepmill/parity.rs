@@ -1,8 +1,8 @@
 //! `deepmill parity`: compare this build with tensors recorded from the reference implementation.
 
 use crate::output::Output;
-use deepmill::parity::{self, Row};
-use deepmill::{Error, Result, aside};
+use deepmill::parity::{self, GateRow};
+use deepmill::{Error, Result, atomic_file};
 use std::path::PathBuf;
 
 /// Compare this build with tensors recorded from the reference implementation.
@@ -20,7 +20,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    args.out.iter().try_for_each(|path| aside::check_file(path))?;
+    args.out.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
     let outcome = parity::run(&args.folder)?;
     if let Some(path) = &args.out {
         outcome.actual.write(path)?;
@@ -31,7 +31,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     outcome.rows.iter().for_each(|row| output.say(line(width, cells(row))));
     output.say("\nworst of each kind");
     outcome.worst().iter().for_each(|row| output.say(line(width, cells(row))));
-    let missed: Vec<&Row> = outcome.rows.iter().filter(|row| !row.passed()).collect();
+    let missed: Vec<&GateRow> = outcome.rows.iter().filter(|row| !row.passed()).collect();
     output.say(format!("\n{} comparisons, {} gates missed", outcome.rows.len(), missed.len()));
     output.result(&serde_json::json!({
         "passed": outcome.passed(),
@@ -54,7 +54,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
 }
 
-fn cells(row: &Row) -> [String; 5] {
+fn cells(row: &GateRow) -> [String; 5] {
     let result = if row.passed() { "pass" } else { "FAIL" };
     let numbers =
         [row.error, row.gate].map(|x| if x == 0.0 { "0".into() } else { format!("{x:.1e}") });
@@ -66,8 +66,8 @@ fn line(width: usize, [name, error, gate, result, kind]: [String; 5]) -> String 
     format!("{name:width$} {error:>8} {gate:>8} {result:6} {kind}")
 }
 
-fn json(row: &Row) -> serde_json::Value {
-    let Row { name, group, error, gate } = row;
+fn json(row: &GateRow) -> serde_json::Value {
+    let GateRow { name, group, error, gate } = row;
     serde_json::json!({
         "tensor": name, "kind": group, "error": error, "gate": gate, "passed": row.passed(),
     })

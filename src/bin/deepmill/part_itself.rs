@@ -1,4 +1,4 @@
-//! What `deepmill label` asks of the part itself: tolerance, fixtures, table.
+//! Arguments of `deepmill label` for the part itself: tolerance, fixtures, table.
 
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
@@ -42,13 +42,13 @@ impl Blocking {
             Ok(n) => Ok(Blocking::Points(Some(n))),
             Err(_) => {
                 let expected = "part, sites or a number";
-                let remedy = "part asks the triangles, sites is the published definition";
+                let remedy = "part tests triangles, sites is the published definition";
                 Err(Error::argument("--obstacles", format!("`{found}`"), expected, remedy))
             }
         }
     }
 
-    /// The question in words, for files and reports.
+    /// The definition in words, for files and reports.
     pub fn words(self) -> &'static str {
         match self {
             Blocking::Part => "the part itself",
@@ -57,7 +57,7 @@ impl Blocking {
     }
 }
 
-/// Options of the question about the part itself.
+/// Options for the part itself.
 #[derive(clap::Args)]
 pub struct SurfaceArgs {
     /// How deep the tool may seem to cut where it only touches; by default 0.01, and more beside coarsely tessellated
@@ -102,7 +102,7 @@ impl SurfaceArgs {
         let options = SurfaceOptions {
             tolerance: self
                 .tolerance
-                .map_or(ContactTolerance::Tessellation, ContactTolerance::Millimetres),
+                .map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters),
             share,
             refinement: (self.search > 0).then_some(search),
             ..SurfaceOptions::default()

@@ -5,18 +5,18 @@ use crate::clock::Clock;
 use crate::mesh_args::MeshArgs;
 use crate::model_args::ModelArgs;
 use crate::output::Output;
-use deepmill::data::files::{About, PredictionFile};
+use deepmill::data::files::{PredictionFile, Provenance};
 use deepmill::geom::Sites;
 use deepmill::model::Model;
 use deepmill::report::folder::{self, Show};
 use deepmill::report::tables::{Cell, Facts};
-use deepmill::{Error, Result, aside};
+use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
 use std::path::PathBuf;
 
 /// Predict which sites of a part a ball-end cutter cannot reach, and which sites are in its way.
 ///
-/// Writes to DIR: predictions.npz (numbers), predictions.ply (coloured points), predictions.png
+/// Writes to DIR: predictions.npz (numbers), predictions.ply (colored points), predictions.png
 /// (picture) and part.stl (the surface as used, in mm).
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill predict part.stl --cutter 1.5,6,40,5 --out predictions")]
@@ -49,7 +49,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let expected = "a ball end without clearance: the network knows no other";
         return Err(Error::argument("cutter", tool.words(), expected, remedy));
     }
-    aside::check_folder(&args.out)?;
+    atomic_file::check_writable_folder(&args.out)?;
     let (model, model_name) = args.model.read()?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, args.force, output)?;
@@ -60,8 +60,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "sites": args.sites.settings(mesh.is_some()),
         "model": model_name,
     });
-    let about = About::ball_end(name_of(&args.part), tool.params, settings);
-    let file = predict(&model, about, sites)?;
+    let provenance = Provenance::ball_end(name_of(&args.part), tool.params, settings);
+    let file = predict(&model, provenance, sites)?;
     clock.lap("predict_s", "prediction");
     let show = if args.no_picture { Show::Points } else { Show::Pictures };
     let mut paths = folder::write_predictions(&args.out, &file, mesh.as_ref(), show)?;
@@ -74,8 +74,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len().max(1) as f64)
     };
     let mut facts = Facts::new();
-    facts.add("part", "part", Cell::text(&file.about.part));
-    facts.add("cutter", "cutter", Cell::text(&file.about.tool));
+    facts.add("part", "part", Cell::text(&file.provenance.part));
+    facts.add("cutter", "cutter", Cell::text(&file.provenance.tool));
     facts.add("n_sites", "sites", Cell::count(file.sites.len()));
     facts.add("inaccessible", "inaccessible", share(file.inaccessible()));
     facts.add("occlusion", "occlusion", share(file.occlusion()));
@@ -87,8 +87,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 }
 
 /// A network's answers in the form of files: the positive class comes second in both heads.
-pub fn predict(model: &Model<f32>, about: About, sites: Sites) -> Result<PredictionFile> {
-    let answer = model.predict(&sites.points, &sites.normals, about.cutter.to_array())?;
+pub fn predict(model: &Model<f32>, provenance: Provenance, sites: Sites) -> Result<PredictionFile> {
+    let answer = model.predict(&sites.points, &sites.normals, provenance.cutter.to_array())?;
     let swapped = answer
         .logits_inaccessible
         .iter()
@@ -96,7 +96,7 @@ pub fn predict(model: &Model<f32>, about: About, sites: Sites) -> Result<Predict
     Ok(PredictionFile {
         logits_inaccessible: swapped.collect(),
         logits_occlusion: answer.logits_occlusion.into_flattened(),
-        about,
+        provenance,
         sites,
     })
 }

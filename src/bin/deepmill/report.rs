@@ -8,7 +8,7 @@ use deepmill::metrics::Confusion;
 use deepmill::report::folder::{self, FIRST_TOOLS, LABELS, PREDICTIONS, SURFACE, Show};
 use deepmill::report::scores;
 use deepmill::report::tables::{Cell, Table};
-use deepmill::{Error, Result, aside};
+use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let labels = found.labels.as_deref().map(LabelFile::read).transpose()?;
     let predictions = found.predictions.as_deref().map(PredictionFile::read).transpose()?;
     let out = args.out.as_deref().unwrap_or(&found.folder);
-    aside::check_folder(out)?;
+    atomic_file::check_writable_folder(out)?;
     let mesh = found.mesh(args, output)?;
     let mut paths = Vec::new();
     let mut shares = Table::new(&[
@@ -50,12 +50,17 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     if let Some(file) = &labels {
         paths.extend(folder::draw_labels(out, file, mesh.as_ref(), Show::Pictures)?);
         let flags = [&file.labels.inaccessible, &file.labels.occlusion];
-        shares.row(row("exact", &file.about.part, &file.about.tool, flags.map(|f| &f[..])));
+        shares.row(row(
+            "exact",
+            &file.provenance.part,
+            &file.provenance.tool,
+            flags.map(|f| &f[..]),
+        ));
     }
     if let Some(file) = &predictions {
         paths.extend(folder::draw_predictions(out, file, mesh.as_ref(), Show::Pictures)?);
         let flags = [&file.inaccessible()[..], &file.occlusion()[..]];
-        shares.row(row("predicted", &file.about.part, &file.about.tool, flags));
+        shares.row(row("predicted", &file.provenance.part, &file.provenance.tool, flags));
     }
     output.say(shares.text());
     let mut result = json!({ "answers": shares.json() });
@@ -91,7 +96,7 @@ fn compare(labels: &LabelFile, predictions: &PredictionFile, found: &Found) -> R
     if !folder::same_sites(&labels.sites, &predictions.sites) {
         return Err(differ("points", "they are not the sites of the labels"));
     }
-    if labels.about.cutter != predictions.about.cutter {
+    if labels.provenance.cutter != predictions.provenance.cutter {
         return Err(differ("cutter", "it is not the cutter of the labels"));
     }
     let first = Confusion::of_labels(&predictions.inaccessible(), &labels.labels.inaccessible);

@@ -7,12 +7,12 @@ use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::data::npz::NpzWriter;
 use deepmill::geom::cells::VoronoiCells;
-use deepmill::geom::formats::Part as PartFile;
+use deepmill::geom::formats::MeshOrCloud;
 use deepmill::geom::inside::{Lattice, lattice_inside};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::tables::{Cell, Facts};
-use deepmill::report::{Colouring, Part, points};
-use deepmill::{Error, Result, aside};
+use deepmill::report::{Coloring, PartView, points};
+use deepmill::{Error, Result, atomic_file};
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -51,7 +51,7 @@ pub struct Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let npz = is_npz(args)?;
-    aside::check_file(&args.out)?;
+    atomic_file::check_writable_file(&args.out)?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");
@@ -119,7 +119,7 @@ fn measure(
         facts.add("area_mm2", "area in mm²", Cell::Number(mesh.area()));
         facts.add("cell_area_cv", "variation of cell area", Cell::Number(spread.area_cv));
         facts.add("unowned", "surface in no cell", Cell::Share(spread.unowned));
-        facts.add("covering_mm", "farthest from its site", Cell::Millimetres(spread.covering_mm));
+        facts.add("covering_mm", "farthest from its site", Cell::Millimeters(spread.covering_mm));
     }
     let advise =
         |cr_mm: f64| spacing.and_then(|s| density::add_advice(facts, &s, "this cutter", cr_mm));
@@ -127,8 +127,8 @@ fn measure(
 }
 
 fn write_ply(path: &Path, sites: &Sites, args: &Args) -> Result<()> {
-    let part = Part { name: &name_of(&args.part), mesh: None, sites, cutter: "none" };
-    points::write(path, &part, &Colouring::Plain(sites.len()), &[], &[])
+    let part = PartView { name: &name_of(&args.part), mesh: None, sites, cutter: "none" };
+    points::write(path, &part, &Coloring::Plain(sites.len()), &[], &[])
 }
 
 fn write_npz(path: &Path, sites: &Sites, args: &Args) -> Result<()> {
@@ -143,8 +143,8 @@ fn write_npz(path: &Path, sites: &Sites, args: &Args) -> Result<()> {
 }
 
 /// Classifies the points of a lattice and writes them.
-fn volume(args: &Args, part: PartFile, n_points: usize, facts: &mut Facts) -> Result<()> {
-    let PartFile::Mesh(mesh) = part else {
+fn volume(args: &Args, part: MeshOrCloud, n_points: usize, facts: &mut Facts) -> Result<()> {
+    let MeshOrCloud::Mesh(mesh) = part else {
         let found = "a cloud has no inside";
         return Err(Error::file(&args.part, "file", found, "give a mesh"));
     };
@@ -154,7 +154,7 @@ fn volume(args: &Args, part: PartFile, n_points: usize, facts: &mut Facts) -> Re
     let points: Vec<Vec3> = (0..lattice.len()).map(|n| lattice.point(n).as_vec3()).collect();
     let share = inside.iter().filter(|i| **i).count() as f64 / inside.len() as f64;
     facts.add("n_points", "points", Cell::count(points.len()));
-    facts.add("step_mm", "step", Cell::Millimetres(lattice.step_mm));
+    facts.add("step_mm", "step", Cell::Millimeters(lattice.step_mm));
     facts.add("inside", "inside", Cell::Share(share));
     let box_mm3 = lattice.step_mm.powi(3) * points.len() as f64;
     facts.add("volume_mm3", "volume by counting, mm³", Cell::Number(share * box_mm3));

@@ -8,11 +8,12 @@ use deepmill::data::{Online, Sample};
 use deepmill::directions::{DirectionSet, Directions};
 use deepmill::model::weights;
 use deepmill::report::curves::{Chart, Series, write_curves};
-use deepmill::train::{Flow, Observer, Row, Run, RunFolder, Settings, StepReport, settings_file};
-use deepmill::{Error, Result, aside};
+use deepmill::train::{EpochRow, Observer, Run, RunFolder, Settings, StepReport, settings_file};
+use deepmill::{Error, Result, atomic_file};
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -70,7 +71,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    aside::check_folder(&args.out)?;
+    atomic_file::check_writable_folder(&args.out)?;
     let folder = RunFolder::new(&args.out);
     let mut run = start(args, &folder)?;
     let data = Data::read(args)?;
@@ -93,7 +94,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         }
     };
     watch.bar.finish_and_clear();
-    if flow == Flow::Stop {
+    if flow.is_break() {
         return Err(Error::Interrupted { remedy: format!("go on with `{}`", resuming(args)) });
     }
     let rows = &run.progress.history;
@@ -201,13 +202,13 @@ fn settings(args: &Args, begun: Option<&Settings>) -> Result<Settings> {
 
 /// A resumed run ends with the bits of one that was never stopped, and the learning rate of every epoch
 /// depends on the number of all: no setting may change on the way.
-fn require_same(asked: &Settings, begun: &Settings) -> Result<()> {
-    let (asked, begun) = (numbers(asked), numbers(begun));
+fn require_same(wanted: &Settings, begun: &Settings) -> Result<()> {
+    let (wanted, begun) = (numbers(wanted), numbers(begun));
     let differ = |(name, value): (&String, &Value)| {
         let before = begun.get(name).unwrap_or(&Value::Null);
         (before != value).then(|| (format!("{name} {value}"), format!("{name} {before}")))
     };
-    let (found, expected): (Vec<_>, Vec<_>) = asked.iter().filter_map(differ).unzip();
+    let (found, expected): (Vec<_>, Vec<_>) = wanted.iter().filter_map(differ).unzip();
     if found.is_empty() {
         return Ok(());
     }
@@ -244,26 +245,30 @@ struct Watch<'a> {
 }
 
 impl Observer for Watch<'_> {
-    fn step(&mut self, r: &StepReport) -> Flow {
+    fn step(&mut self, r: &StepReport) -> ControlFlow<()> {
         let [a, b] = r.scores;
         self.bar.set_message(format!(
             "step {}/{} loss {:.3} F1 inaccessible {:.3} occlusion {:.3}",
             r.step, r.n_steps, r.loss, a.f1, b.f1
         ));
-        if self.stop.load(Ordering::Relaxed) { Flow::Stop } else { Flow::Continue }
+        if self.stop.load(Ordering::Relaxed) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     }
 
-    fn epoch(&mut self, run: &Run, row: &Row) -> Result<Flow> {
+    fn epoch(&mut self, run: &Run, row: &EpochRow) -> Result<ControlFlow<()>> {
         draw(self.folder, &run.progress.history)?;
         self.bar.set_position(row.epoch);
         self.bar.suspend(|| self.output.say(row));
-        Ok(Flow::Continue)
+        Ok(ControlFlow::Continue(()))
     }
 }
 
 /// Loss and scores over the epochs.
-fn draw(folder: &Path, rows: &[Row]) -> Result<()> {
-    let series = |name: &str, value: &dyn Fn(&Row) -> Option<f64>| Series {
+fn draw(folder: &Path, rows: &[EpochRow]) -> Result<()> {
+    let series = |name: &str, value: &dyn Fn(&EpochRow) -> Option<f64>| Series {
         name: name.into(),
         points: rows.iter().filter_map(|r| Some((r.epoch as f64, value(r)?))).collect(),
     };

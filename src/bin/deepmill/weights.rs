@@ -3,7 +3,7 @@
 use crate::output::Output;
 use deepmill::model::weights::tensors::TensorFile;
 use deepmill::model::weights::{self, Storage};
-use deepmill::{Error, Result, aside};
+use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -24,11 +24,11 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    args.bf16.iter().try_for_each(|path| aside::check_file(path))?;
+    args.bf16.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
     let file = TensorFile::read(&args.model)?;
-    let about = weights::about(&file, &args.model)?;
+    let info = weights::info(&file, &args.model)?;
     let model = weights::read::<f32>(&args.model)?;
-    let mut notes = about.map_or_else(String::new, |about| about.notes);
+    let mut notes = info.map_or_else(String::new, |info| info.notes);
     let n = model.params.len();
     output.say(format!("{n} parameters, {} running statistics", model.buffers.len()));
     let config = serde_json::to_value(model.net.config()).map_err(|e| {

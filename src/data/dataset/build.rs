@@ -1,7 +1,9 @@
 //! Making a data set: read, scale, sample, draw cutters, label, write, part by part.
 
 use super::manifest::{Content, FORMAT, MANIFEST, read_json, write_json};
-use super::{CutterRecord, LabelledPart, Manifest, PartRecord, Settings, Split, content_hash};
+use super::{
+    CutterRecord, DatasetSettings, LabeledPart, Manifest, PartRecord, Split, content_hash,
+};
 use crate::access::{self, LabelOptions, Obstacles};
 use crate::cutter::{Cutter, CutterParams};
 use crate::data::generated;
@@ -15,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// Where a part comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PartSource {
-    /// A mesh file in millimetres.
+    /// A mesh file in millimeters.
     File(PathBuf),
     /// Part `index` of the crate's own generator; the families take turns.
     Generated {
@@ -55,7 +57,7 @@ impl PartSource {
 #[derive(Debug, Clone)]
 pub struct Builder {
     folder: PathBuf,
-    settings: Settings,
+    settings: DatasetSettings,
     sources: Vec<PartSource>,
     directions: Directions,
 }
@@ -65,7 +67,7 @@ impl Builder {
     ///
     /// # Errors
     /// If settings are out of range, there are no parts, or the folder holds another data set.
-    pub fn new(folder: &Path, settings: Settings, sources: Vec<PartSource>) -> Result<Self> {
+    pub fn new(folder: &Path, settings: DatasetSettings, sources: Vec<PartSource>) -> Result<Self> {
         if sources.is_empty() {
             let remedy = "name mesh files or folders, or ask for generated parts";
             return Err(Error::argument("the list of parts", "empty", "at least one part", remedy));
@@ -74,7 +76,7 @@ impl Builder {
         let directions = Directions::new(settings.directions.clone())?;
         let plan = folder.join("settings.json");
         match plan.exists() {
-            true if read_json::<Settings>(&plan, "choose another folder")? != settings => {
+            true if read_json::<DatasetSettings>(&plan, "choose another folder")? != settings => {
                 return Err(Error::file(
                     &plan,
                     "settings",
@@ -93,7 +95,7 @@ impl Builder {
         self.sources.len()
     }
 
-    /// Makes part `index`, or returns the record of an earlier run. A part that cannot be labelled is
+    /// Makes part `index`, or returns the record of an earlier run. A part that cannot be labeled is
     /// a record with the reason, not an error.
     ///
     /// # Errors
@@ -151,7 +153,7 @@ impl Builder {
         if u < self.settings.validation_share { Split::Validation } else { Split::Train }
     }
 
-    fn label(&self, index: usize) -> Result<(LabelledPart, f64, [f64; 3])> {
+    fn label(&self, index: usize) -> Result<(LabeledPart, f64, [f64; 3])> {
         let mut mesh = self.sources[index].mesh()?;
         check::require_labelable(&mesh)?;
         let scale = scale_to_min_edge(&mut mesh, self.settings.min_edge_mm);
@@ -173,7 +175,7 @@ impl Builder {
         let options =
             LabelOptions { share: self.settings.occlusion_share, ..LabelOptions::default() };
         let labels = access::label_many(&sites, obstacles, &cutters, &self.directions, &options)?;
-        let mut part = LabelledPart { sites, cutters: params, ..LabelledPart::default() };
+        let mut part = LabeledPart { sites, cutters: params, ..LabeledPart::default() };
         for labels in labels {
             part.inaccessible.push(labels.inaccessible);
             part.occlusion.push(labels.occlusion);
@@ -200,7 +202,7 @@ pub(super) fn store(
     folder: &Path,
     index: usize,
     name: &str,
-    part: &LabelledPart,
+    part: &LabeledPart,
     scale: f64,
     box_mm: [f64; 3],
 ) -> Result<Content> {

@@ -1,18 +1,22 @@
-//! A data set from samples that were labelled elsewhere.
+//! A data set from samples that were labeled elsewhere.
 
 use super::build::store;
 use super::manifest::{FORMAT, MANIFEST, write_json};
-use super::{LabelledPart, Manifest, PartRecord, Settings, Split};
+use super::{DatasetSettings, LabeledPart, Manifest, PartRecord, Split};
 use crate::data::Sample;
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Writes `samples` as a data set into the empty or new `folder`. `settings` say how they were labelled;
+/// Writes `samples` as a data set into the empty or new `folder`. `settings` say how they were labeled;
 /// that cannot be checked. Of the accessible directions only "none" (0) and "some" (1) are known.
 ///
 /// # Errors
 /// If there are no samples, one is inconsistent, the folder holds a data set, or a file cannot be written.
-pub fn import(folder: &Path, settings: Settings, samples: &[(Split, Sample)]) -> Result<Manifest> {
+pub fn import(
+    folder: &Path,
+    settings: DatasetSettings,
+    samples: &[(Split, Sample)],
+) -> Result<Manifest> {
     let path = folder.join(MANIFEST);
     if path.exists() {
         return Err(Error::file(&path, "folder", "it holds a data set", "choose another folder"));
@@ -24,7 +28,7 @@ pub fn import(folder: &Path, settings: Settings, samples: &[(Split, Sample)]) ->
     let mut parts = Vec::with_capacity(samples.len());
     for (index, (split, sample)) in samples.iter().enumerate() {
         sample.check()?;
-        let part = LabelledPart {
+        let part = LabeledPart {
             sites: (*sample.sites).clone(),
             cutters: vec![sample.cutter],
             inaccessible: vec![sample.inaccessible.clone()],

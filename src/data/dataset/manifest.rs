@@ -1,6 +1,6 @@
 //! What a data set records about itself.
 
-use crate::aside;
+use crate::atomic_file;
 use crate::cutter::{CutterParams, CutterSet};
 use crate::directions::DirectionSet;
 use crate::geom::sites::MAX_SITES;
@@ -17,7 +17,7 @@ pub(super) const FORMAT: &str = "deepmill-dataset/1";
 /// Everything that decides the content of a data set, besides its parts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Settings {
+pub struct DatasetSettings {
     /// Seed of all random decisions.
     pub seed: u64,
     /// Sites per part.
@@ -38,9 +38,9 @@ pub struct Settings {
     pub validation_share: f64,
 }
 
-impl Default for Settings {
+impl Default for DatasetSettings {
     fn default() -> Self {
-        Settings {
+        DatasetSettings {
             seed: 0,
             n_sites: 7000,
             n_obstacles: None,
@@ -54,7 +54,7 @@ impl Default for Settings {
     }
 }
 
-impl Settings {
+impl DatasetSettings {
     /// Checks that every number is in its domain; directions check themselves.
     ///
     /// # Errors
@@ -144,7 +144,7 @@ pub struct Manifest {
     /// Format and version.
     pub format: String,
     /// How it was made.
-    pub settings: Settings,
+    pub settings: DatasetSettings,
     /// Its parts, in order.
     pub parts: Vec<PartRecord>,
 }
@@ -182,9 +182,9 @@ pub(super) fn read_json<T: DeserializeOwned>(path: &Path, remedy: &str) -> Resul
     })
 }
 
-/// Writes any value as indented JSON, aside first.
+/// Writes any value as indented JSON, as a whole or not at all.
 pub(super) fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<()> {
-    aside::write(path, |file| {
+    atomic_file::write_atomic(path, |file| {
         serde_json::to_writer_pretty(&mut *file, value)?;
         writeln!(file)
     })
@@ -196,9 +196,9 @@ mod tests {
 
     #[test]
     fn numbers_outside_their_domain_are_refused_by_name() {
-        Settings::default().check().unwrap();
-        let broken = |change: fn(&mut Settings)| {
-            let mut settings = Settings::default();
+        DatasetSettings::default().check().unwrap();
+        let broken = |change: fn(&mut DatasetSettings)| {
+            let mut settings = DatasetSettings::default();
             change(&mut settings);
             settings.check().unwrap_err().to_string()
         };

@@ -10,7 +10,7 @@ mod manifest;
 
 pub use build::{Builder, PartSource};
 pub use import::import;
-pub use manifest::{CutterRecord, Manifest, PartRecord, Settings, Split};
+pub use manifest::{CutterRecord, DatasetSettings, Manifest, PartRecord, Split};
 
 use crate::cutter::CutterParams;
 use crate::data::Sample;
@@ -68,7 +68,7 @@ impl Dataset {
                 "build this part again: delete its .json record and run `dataset build` once more",
             ));
         }
-        let part = LabelledPart::read(&path)?;
+        let part = LabeledPart::read(&path)?;
         let sites = Arc::new(part.sites);
         let labels = part.inaccessible.into_iter().zip(part.occlusion);
         let samples = part.cutters.into_iter().zip(labels).map(|(cutter, labels)| Sample {
@@ -84,7 +84,7 @@ impl Dataset {
 
 /// Labels of one part for several cutters, as one NPZ file holds them.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct LabelledPart {
+pub struct LabeledPart {
     /// Sites, mm.
     pub sites: Sites,
     /// Cutters, mm.
@@ -97,7 +97,7 @@ pub struct LabelledPart {
     pub accessible_directions: Vec<Vec<u32>>,
 }
 
-impl LabelledPart {
+impl LabeledPart {
     /// Writes `points`, `normals` `[n, 3]`, `cutters` `[k, 4]` (CR, CH, FR, FH) and, with a row per site and
     /// a column per cutter, `inaccessible`, `occlusion` (bool) and `accessible_directions` (u32).
     ///
@@ -137,7 +137,7 @@ impl LabelledPart {
         Ok(())
     }
 
-    /// Reads what [`LabelledPart::write`] wrote; the faces of the sites are not stored.
+    /// Reads what [`LabeledPart::write`] wrote; the faces of the sites are not stored.
     ///
     /// # Errors
     /// If an array is missing, of another shape, or holds other values.
@@ -166,7 +166,7 @@ impl LabelledPart {
         let truth = |columns: Vec<Vec<f32>>| -> Vec<Vec<bool>> {
             columns.iter().map(|c| c.iter().map(|v| *v != 0.0).collect()).collect()
         };
-        Ok(LabelledPart {
+        Ok(LabeledPart {
             inaccessible: truth(column("inaccessible")?),
             occlusion: truth(column("occlusion")?),
             accessible_directions: column("accessible_directions")?
@@ -200,7 +200,7 @@ mod tests {
     fn parts_with_answers_left_out_are_not_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("part.npz");
-        let good = LabelledPart {
+        let good = LabeledPart {
             sites: Sites::new(vec![Vec3::X, Vec3::Y], vec![Vec3::Z; 2]).unwrap(),
             cutters: vec![[1.5, 6.0, 40.0, 5.0].into()],
             inaccessible: vec![vec![true, false]],
@@ -208,12 +208,12 @@ mod tests {
             accessible_directions: vec![vec![0, 3]],
         };
         good.write(&path).unwrap();
-        let refused = |part: LabelledPart| part.write(&path).unwrap_err().to_string();
-        let short = LabelledPart { occlusion: vec![vec![true]], ..good.clone() };
+        let refused = |part: LabeledPart| part.write(&path).unwrap_err().to_string();
+        let short = LabeledPart { occlusion: vec![vec![true]], ..good.clone() };
         assert!(refused(short).contains("part.npz: occlusion: lists of [1] for 2 sites"));
-        let missing = LabelledPart { accessible_directions: vec![], ..good.clone() };
+        let missing = LabeledPart { accessible_directions: vec![], ..good.clone() };
         assert!(refused(missing).contains("accessible_directions: lists of []"));
         let bare = Sites { normals: vec![], ..good.sites.clone() };
-        assert!(refused(LabelledPart { sites: bare, ..good }).contains("0 normals for 2 sites"));
+        assert!(refused(LabeledPart { sites: bare, ..good }).contains("0 normals for 2 sites"));
     }
 }

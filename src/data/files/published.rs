@@ -2,17 +2,17 @@
 //!
 //! Under a root folder: `raw_data/models/NAME.txt` with lines `x y z nx ny nz label label_2` in mm,
 //! `raw_data/models_cutter/NAME_cutter.txt` with CR, CH, FR, FH in mm; and, prepared from these,
-//! `points/models/NAME.ply` (points normalised to ±0.8, six decimals) and
+//! `points/models/NAME.ply` (points normalized to ±0.8, six decimals) and
 //! `filelist/models_train_val.txt`, `filelist/models_test.txt` with lines `models/NAME.ply 0 CR CH FR FH`.
 //!
 //! Polarity: `label` 1 means **accessible** there; it is turned round on the way in and out. `label_2` 1 is
 //! an occlusion point, as here.
 
 use super::super::sample::Sample;
-use crate::aside;
+use crate::atomic_file;
 use crate::cutter::CutterParams;
 use crate::geom::Sites;
-use crate::octree::Normalisation;
+use crate::octree::Normalization;
 use crate::{Error, Result};
 use glam::Vec3;
 use std::collections::HashSet;
@@ -66,7 +66,7 @@ pub fn read_raw(root: &Path) -> Result<Vec<Sample>> {
     names.iter().map(sample).collect()
 }
 
-/// Reads the samples of one list of `root`. Their points are normalised: the part's millimetres are not in
+/// Reads the samples of one list of `root`. Their points are normalized: the part's millimeters are not in
 /// these files.
 ///
 /// # Errors
@@ -120,17 +120,23 @@ pub fn write(root: &Path, samples: &[(List, &Sample)]) -> Result<()> {
         let name = names.find(|name| taken.insert(name.clone())).unwrap_or_default();
         let [cr, ch, fr, fh] = sample.cutter.to_array();
         let raw = root.join("raw_data");
-        aside::write(&raw.join(format!("models_cutter/{name}_cutter.txt")), |file| {
+        atomic_file::write_atomic(&raw.join(format!("models_cutter/{name}_cutter.txt")), |file| {
             writeln!(file, "{cr}\n{ch}\n{fr}\n{fh}")
         })?;
-        aside::write(&raw.join(format!("models/{name}.txt")), |file| text_lines(sample, file))?;
+        atomic_file::write_atomic(&raw.join(format!("models/{name}.txt")), |file| {
+            text_lines(sample, file)
+        })?;
         let relative = format!("models/{name}.ply");
         let ply = ply(sample)?;
-        aside::write(&root.join("points").join(&relative), |file| file.write_all(&ply))?;
+        atomic_file::write_atomic(&root.join("points").join(&relative), |file| {
+            file.write_all(&ply)
+        })?;
         lists[*list as usize] += &format!("{relative} 0 {cr:.6} {ch:.6} {fr:.6} {fh:.6}\n");
     }
     for (list, lines) in [List::TrainVal, List::Test].into_iter().zip(lists) {
-        aside::write(&list.file(root), |file| file.write_all(lines.trim_end().as_bytes()))?;
+        atomic_file::write_atomic(&list.file(root), |file| {
+            file.write_all(lines.trim_end().as_bytes())
+        })?;
     }
     Ok(())
 }
@@ -152,7 +158,7 @@ fn text_lines(sample: &Sample, file: &mut impl Write) -> io::Result<()> {
 
 fn ply(sample: &Sample) -> Result<Vec<u8>> {
     let sites = &sample.sites;
-    let frame = Normalisation::Mean.frame(&sites.points)?;
+    let transform = Normalization::Mean.transform(&sites.points)?;
     let mut header = "ply\nformat binary_little_endian 1.0\n".to_owned();
     header += &format!("element vertex {}\n", sites.len());
     header.extend(COLUMNS.map(|column| format!("property float {column}\n")));
@@ -160,7 +166,8 @@ fn ply(sample: &Sample) -> Result<Vec<u8>> {
     for (i, (p, n)) in sites.points.iter().zip(&sites.normals).enumerate() {
         let six = |x: f32| ((f64::from(x) * 1e6).round() / 1e6) as f32;
         let labels = published_labels(sample, i).map(f32::from);
-        let row = frame.apply(*p).to_array().into_iter().chain(n.to_array()).map(six).chain(labels);
+        let row =
+            transform.apply(*p).to_array().into_iter().chain(n.to_array()).map(six).chain(labels);
         bytes.extend(row.flat_map(f32::to_le_bytes));
     }
     Ok(bytes)
@@ -316,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_and_clouds_hold_normalised_points_and_the_same_labels() {
+    fn lists_and_clouds_hold_normalized_points_and_the_same_labels() {
         let folder = tempfile::tempdir().unwrap();
         let sample = sample("part");
         write(folder.path(), &[(List::Test, &sample)]).unwrap();

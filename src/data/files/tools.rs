@@ -140,7 +140,7 @@ pub fn read(path: &Path) -> Result<ToolTable> {
         Error::file(path, format!("line {line}"), "the text is not UTF-8", remedy)
     })?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-    Source { path, text, separator: separator(text) }.table()
+    TableText { path, text, separator: separator(text) }.table()
 }
 
 /// Number of the line that follows `before`, from 1.
@@ -171,13 +171,13 @@ struct Columns {
     n: usize,
 }
 
-struct Source<'a> {
+struct TableText<'a> {
     path: &'a Path,
     text: &'a str,
     separator: char,
 }
 
-impl Source<'_> {
+impl TableText<'_> {
     fn table(&self) -> Result<ToolTable> {
         let mut rows = self.rows()?.into_iter();
         let Some((header_line, header)) = rows.next() else {

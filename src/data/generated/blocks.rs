@@ -31,12 +31,12 @@ impl Stock {
         Solid::prism(&outline, 0.0, self.h)
     }
 
-    /// Centre and size of the cells of an `nx` by `ny` grid that leaves walls of `wall` mm.
+    /// Center and size of the cells of an `nx` by `ny` grid that leaves walls of `wall` mm.
     pub fn cells(&self, nx: usize, ny: usize, wall: f64) -> (Vec<[f64; 2]>, [f64; 2]) {
         let pitch = [(self.w - wall) / nx as f64, (self.d - wall) / ny as f64];
         let place = |i: usize, n: usize, p: f64| (i as f64 - 0.5 * (n as f64 - 1.0)) * p;
-        let centre = |k: usize| [place(k % nx, nx, pitch[0]), place(k / nx, ny, pitch[1])];
-        ((0..nx * ny).map(centre).collect(), pitch.map(|p| p - wall))
+        let center = |k: usize| [place(k % nx, nx, pitch[0]), place(k / nx, ny, pitch[1])];
+        ((0..nx * ny).map(center).collect(), pitch.map(|p| p - wall))
     }
 }
 

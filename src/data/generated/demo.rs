@@ -1,4 +1,4 @@
-//! The part of the demo: small, recognisable, with one of each kind of trouble.
+//! The part of the demo: small, recognizable, with one of each kind of trouble.
 
 use super::finish;
 use super::outline::Outline;
@@ -6,7 +6,7 @@ use super::solid::Solid;
 use crate::geom::Mesh;
 use glam::DMat3;
 
-/// A machined block of 100 × 70 × 40 mm, centred in x and y, standing on z = 0.
+/// A machined block of 100 × 70 × 40 mm, centered in x and y, standing on z = 0.
 ///
 /// From left to right: a T-slot along y (an undercut), a pocket with filleted corners and a boss on
 /// its floor, a deep narrow slot along x in front of it, a counterbored through hole behind, and a

@@ -2,6 +2,9 @@
 
 use super::solid::Solid;
 use super::*;
+use crate::{Error, Result};
+use std::fmt;
+use std::str::FromStr;
 
 macro_rules! families {
     ($($variant:ident $name:literal $recipe:path, $text:literal;)*) => {
@@ -60,7 +63,7 @@ families! {
     CylinderBlock "cylinder_block" plates::cylinder_block, "Bores with narrow water jackets.";
     Engraved "engraved" plates::engraved, "Plate with signs, cut or proud.";
     DomeBlock "dome_block" relief::dome_block, "Block with a curved top, holes, pockets and slots.";
-    Mold "mold" relief::mold, "Mould half with cavity, gate and guide pins.";
+    Mold "mold" relief::mold, "Mold half with cavity, gate and guide pins.";
     Lump "lump" relief::lump_with_cuts, "Smooth lump with flat base, bores and pockets.";
     Superquadric "superquadric" relief::superquadric, "Rounded box to spindle, with bores.";
     AngleBracket "angle_bracket" brackets::angle_bracket, "Two plates at a right angle with ribs and holes.";
@@ -93,9 +96,23 @@ families! {
     BearingHousing "bearing_housing" shells::bearing_housing, "Foot-mounted housing, bore wider inside.";
 }
 
-impl Family {
-    /// The family called `name`.
-    pub fn named(name: &str) -> Option<Family> {
-        Family::ALL.iter().copied().find(|f| f.name() == name)
+impl fmt::Display for Family {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Family {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Family> {
+        Family::ALL.iter().copied().find(|f| f.name() == name).ok_or_else(|| {
+            Error::argument(
+                "family",
+                name,
+                "the name of a family",
+                "`deepmill generate --list` shows all",
+            )
+        })
     }
 }

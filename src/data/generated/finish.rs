@@ -53,7 +53,7 @@ fn largest_piece(solid: &Solid) -> Option<Solid> {
     (total > 0.0 && loose <= MAX_LOOSE * total).then_some(largest)
 }
 
-/// Turned, then centred in x and y, standing on z = 0.
+/// Turned, then centered in x and y, standing on z = 0.
 fn placed(mut mesh: Mesh, turn: &DMat3) -> Option<Mesh> {
     mesh.vertices.iter_mut().for_each(|v| *v = *turn * *v);
     let (low, high) = mesh.bounds()?;

@@ -1,6 +1,6 @@
 //! Parts made from nothing but a seed: closed, manifold, one body each, exactly repeatable.
 //!
-//! A family is a recipe with random sizes (millimetres): prisms, bodies of revolution, sweeps and
+//! A family is a recipe with random sizes (millimeters): prisms, bodies of revolution, sweeps and
 //! bent bodies, united and cut. What is drawn is accepted only if it is one sound body with a
 //! longest box edge of 40–250 mm; otherwise it is drawn again from the next random stream.
 //! A part takes milliseconds to some tens of milliseconds.
@@ -48,7 +48,7 @@ pub enum Lie {
 
 /// Part number `index` of `family` in the series of `seed`, lying as [`Lie::Turned`] says.
 ///
-/// Corners are in mm and exact in f32; the box is centred in x and y and stands on z = 0.
+/// Corners are in mm and exact in f32; the box is centered in x and y and stands on z = 0.
 ///
 /// # Panics
 /// If a family's recipe fails 64 times in a row, which is a fault of this crate: the tests demand
@@ -57,7 +57,7 @@ pub fn part(family: Family, seed: u64, index: u64) -> Mesh {
     part_lying(family, seed, index, Lie::Turned)
 }
 
-/// As [`part`], lying as asked for.
+/// As [`part`], in the pose `lie`.
 ///
 /// # Panics
 /// As [`part`].
@@ -191,9 +191,9 @@ mod tests {
     #[test]
     fn names_are_unique_and_found_again() {
         for &family in Family::ALL {
-            assert_eq!(Family::named(family.name()), Some(family));
+            assert_eq!(family.to_string().parse::<Family>().unwrap(), family);
         }
-        assert_eq!(Family::named("no such thing"), None);
+        assert!("no such thing".parse::<Family>().is_err());
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Closed plane outlines, counter-clockwise, in millimetres: what prisms and turned bodies start from.
+//! Closed plane outlines, counter-clockwise, in millimeters: what prisms and turned bodies start from.
 
 use glam::DVec2;
 use std::f64::consts::TAU;
@@ -156,10 +156,10 @@ fn fillet([a, b, c]: [DVec2; 3], radius: f64, points: &mut Vec<DVec2>) {
     let sweep = std::f64::consts::PI - 2.0 * half;
     let pieces = (sweep / TAU * circle_corners(radius) as f64).ceil().max(1.0) as usize;
     let outward = -(u + v).normalize_or_zero();
-    let centre = b - outward * (radius / libm::sin(half));
+    let center = b - outward * (radius / libm::sin(half));
     for k in 0..=pieces {
         let angle = (k as f64 / pieces as f64 - 0.5) * sweep * turn.signum();
-        points.push(centre + radius * polar(1.0, angle).rotate(outward));
+        points.push(center + radius * polar(1.0, angle).rotate(outward));
     }
 }
 

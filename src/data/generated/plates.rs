@@ -75,12 +75,12 @@ pub(super) fn maze(random: &mut Stream) -> Solid {
     let (w, d) = (nx as f64 * pitch, ny as f64 * pitch);
     let h = random.log_range(12.0, 45.0);
     let floor = random.range(0.1, 0.5) * h;
-    let centre = |c: usize| {
+    let center = |c: usize| {
         DVec2::new((c % nx) as f64 + 0.5, (c / nx) as f64 + 0.5) * pitch - 0.5 * DVec2::new(w, d)
     };
     let mut channels = Solid::block([0.0; 3], [0.0; 3]);
     for (a, b) in spanning_tree(random, nx, ny) {
-        let path = [centre(a), centre(b)];
+        let path = [center(a), center(b)];
         let (low, high) = (path[0].min(path[1]) - channel, path[0].max(path[1]) + channel);
         channels += Solid::block([low.x, low.y, floor], [high.x, high.y, h + OVER]);
     }
@@ -97,7 +97,7 @@ pub(super) fn maze(random: &mut Stream) -> Solid {
     )
 }
 
-/// Pairs of neighbouring cells of an `nx` by `ny` grid that join all of them without a loop.
+/// Pairs of neighboring cells of an `nx` by `ny` grid that join all of them without a loop.
 fn spanning_tree(random: &mut Stream, nx: usize, ny: usize) -> Vec<(usize, usize)> {
     let mut pairs = Vec::new();
     for c in 0..nx * ny {

@@ -1,4 +1,4 @@
-//! Blocks with a curved top, moulds, and smooth lumps.
+//! Blocks with a curved top, molds, and smooth lumps.
 
 use super::blocks::{OVER, Stock, counterbore};
 use super::outline::{Outline, polar};

@@ -11,7 +11,7 @@ use manifold_rust::manifold::Manifold;
 use manifold_rust::types::{MeshGLP, SimplePolygon};
 use std::ops::{Add, AddAssign, BitAnd, Sub, SubAssign};
 
-/// A solid, lengths in millimetres.
+/// A solid, lengths in millimeters.
 #[derive(Clone)]
 pub(super) struct Solid(Manifold);
 

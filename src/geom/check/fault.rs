@@ -32,7 +32,7 @@ pub enum Fault {
 
 impl Fault {
     /// Whether labels of a mesh with this fault would be meaningless.
-    pub fn blocks_labelling(self) -> bool {
+    pub fn blocks_labeling(self) -> bool {
         self < Fault::Degenerate
     }
 

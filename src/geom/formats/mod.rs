@@ -14,7 +14,7 @@ mod text;
 mod threemf;
 
 use super::{Mesh, Sites, weld};
-use crate::{Error, Result, aside};
+use crate::{Error, Result, atomic_file};
 use glam::{DVec3, Vec3};
 use std::path::Path;
 
@@ -29,7 +29,7 @@ const MIN_NORMAL: f64 = 1e-12;
 /// How the numbers of a mesh file become a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReadOptions {
-    /// Millimetres per unit of the file; positive. A 3MF says its unit: for it, a factor on top.
+    /// Millimeters per unit of the file; positive. A 3MF says its unit: for it, a factor on top.
     pub scale: f64,
     /// Corners closer than this fraction of the bounding box's diagonal become one; 0 joins only
     /// equal ones. See [`weld::DEFAULT_TOLERANCE`].
@@ -37,7 +37,7 @@ pub struct ReadOptions {
 }
 
 impl Default for ReadOptions {
-    /// Millimetres, default weld.
+    /// Millimeters, default weld.
     fn default() -> Self {
         ReadOptions { scale: 1.0, weld: weld::DEFAULT_TOLERANCE }
     }
@@ -75,7 +75,7 @@ impl Format {
                 path,
                 "file name",
                 "a CAD exchange file has no triangles",
-                "export it as STL in millimetres from the CAD program (docs/meshes.md says how)",
+                "export it as STL in millimeters from the CAD program (docs/meshes.md says how)",
             )),
             _ => Err(Error::file(
                 path,
@@ -89,7 +89,7 @@ impl Format {
 
 /// What a command can work on: a mesh, or sites that someone else has sampled.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Part {
+pub enum MeshOrCloud {
     /// A surface of triangles, corners welded.
     Mesh(Mesh),
     /// Points with unit normals.
@@ -101,7 +101,7 @@ pub enum Part {
 ///
 /// # Errors
 /// As [`read_mesh`] and [`read_cloud`].
-pub fn read_part(path: &Path, options: &ReadOptions) -> Result<Part> {
+pub fn read_part(path: &Path, options: &ReadOptions) -> Result<MeshOrCloud> {
     let format = Format::of(path)?;
     let bytes = read_bytes(path)?;
     let cloud = match format {
@@ -110,9 +110,9 @@ pub fn read_part(path: &Path, options: &ReadOptions) -> Result<Part> {
         Format::Stl | Format::Obj | Format::ThreeMf => false,
     };
     if cloud {
-        cloud_from_bytes(&bytes, format, path, options.scale).map(Part::Cloud)
+        cloud_from_bytes(&bytes, format, path, options.scale).map(MeshOrCloud::Cloud)
     } else {
-        mesh_from_bytes(&bytes, format, path, options).map(Part::Mesh)
+        mesh_from_bytes(&bytes, format, path, options).map(MeshOrCloud::Mesh)
     }
 }
 
@@ -121,7 +121,7 @@ pub fn read_part(path: &Path, options: &ReadOptions) -> Result<Part> {
 ///
 /// # Errors
 /// If the file cannot be read, is not what its ending says, or holds no triangle; the message names
-/// the file, the line or byte, and what to do. Whether the mesh is closed is not asked here but by
+/// the file, the line or byte, and what to do. Whether the mesh is closed is checked not here but by
 /// [`super::check`].
 pub fn read_mesh(path: &Path, options: &ReadOptions) -> Result<Mesh> {
     let format = Format::of(path)?;
@@ -164,7 +164,7 @@ pub fn mesh_from_bytes(
     weld::weld(&mesh, options.weld)
 }
 
-/// Reads points with normals, as they are in the file (millimetres): a PLY with the properties
+/// Reads points with normals, as they are in the file (millimeters): a PLY with the properties
 /// `x y z nx ny nz`, or an NPZ with arrays `points` and `normals` of shape `[n, 3]`. Normals are
 /// brought to unit length.
 ///
@@ -176,7 +176,7 @@ pub fn read_cloud(path: &Path) -> Result<Sites> {
     cloud_from_bytes(&read_bytes(path)?, format, path, 1.0)
 }
 
-/// [`read_cloud`] from memory, with `scale` millimetres per unit; `path` only serves messages.
+/// [`read_cloud`] from memory, with `scale` millimeters per unit; `path` only serves messages.
 ///
 /// # Errors
 /// As [`read_cloud`].
@@ -225,7 +225,7 @@ pub fn cloud_from_bytes(bytes: &[u8], format: Format, path: &Path, scale: f64) -
 /// If the system refuses, or the mesh has more triangles than the format can count.
 pub fn write_stl(path: &Path, mesh: &Mesh) -> Result<()> {
     stl::check_count(mesh)?;
-    aside::write(path, |writer| stl::write(writer, mesh))
+    atomic_file::write_atomic(path, |writer| stl::write(writer, mesh))
 }
 
 fn read_bytes(path: &Path) -> Result<Vec<u8>> {
@@ -254,7 +254,7 @@ fn check_options(options: &ReadOptions) -> Result<()> {
             "scale",
             options.scale,
             "a number above 0 and up to 1e9",
-            "1 is millimetres, 25.4 inches",
+            "1 is millimeters, 25.4 inches",
         ));
     }
     if !(0.0..=0.1).contains(&options.weld) {

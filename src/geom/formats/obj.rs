@@ -44,7 +44,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Mesh> {
 
 const INDEX_REMEDY: &str = "export the part again; faces count vertices from 1, or back from -1";
 
-/// The vertex, from 1, that one corner of a face names; whether it exists is asked at the end, since
+/// The vertex, from 1, that one corner of a face names; whether it exists is checked at the end, since
 /// vertices may follow their faces.
 fn corner(token: &str, vertices: &[DVec3]) -> std::result::Result<i64, String> {
     let position = token.split('/').next().unwrap_or_default();

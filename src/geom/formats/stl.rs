@@ -139,7 +139,7 @@ pub(super) fn check_count(mesh: &Mesh) -> Result<()> {
 /// Writes a binary file; the header must not begin with `solid`.
 pub(super) fn write(writer: &mut impl Write, mesh: &Mesh) -> std::io::Result<()> {
     let mut head = [b' '; 80];
-    let title = concat!("deepmill ", env!("CARGO_PKG_VERSION"), ", millimetres");
+    let title = concat!("deepmill ", env!("CARGO_PKG_VERSION"), ", millimeters");
     head[..title.len()].copy_from_slice(title.as_bytes());
     writer.write_all(&head)?;
     writer.write_all(&(mesh.triangles.len() as u32).to_le_bytes())?;

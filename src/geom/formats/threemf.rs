@@ -1,8 +1,8 @@
 //! 3MF: a zip archive with an XML model, through `zip` and `quick-xml`.
 //!
 //! Read is the core of the format: objects that are meshes, objects put together from others, and the
-//! build that places them. Colours, materials, slices and lattices are passed over. A 3MF says
-//! its unit, so the mesh comes in millimetres. The model is read as it unpacks, and neither
+//! build that places them. Colors, materials, slices and lattices are passed over. A 3MF says
+//! its unit, so the mesh comes in millimeters. The model is read as it unpacks, and neither
 //! a small archive that unpacks to gigabytes nor a few objects that multiply are followed far.
 
 use super::{Mesh, one_line};

@@ -102,7 +102,7 @@ pub(crate) fn check_sites(what: &str, points: &[Vec3], normals: &[Vec3]) -> Resu
     let unit = |n: &Vec3| n.is_finite() && (n.length_squared() - 1.0).abs() < 1e-3;
     let Some(i) = normals.iter().position(|n| !unit(n)) else { return Ok(()) };
     let found = format!("normal {} is not a unit vector", normals[i]);
-    Err(Error::geometry(format!("{what} {i}"), found, "normalise the normals or resample the part"))
+    Err(Error::geometry(format!("{what} {i}"), found, "normalize the normals or resample the part"))
 }
 
 /// Finite positions within 1 km; `what` they are in a message.

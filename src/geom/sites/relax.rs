@@ -1,9 +1,9 @@
-//! Relaxation: sites repel their neighbours along the surface until the spacing is even.
+//! Relaxation: sites repel their neighbors along the surface until the spacing is even.
 //!
-//! All sites move at once, each by a damped Newton step down its own energy with its neighbours
+//! All sites move at once, each by a damped Newton step down its own energy with its neighbors
 //! held fast, so the result depends on neither thread count nor order. The force `(R/r − 1)³` falls
 //! to zero at the reach `R` and grows without bound for near pairs: it evens out what is measured,
-//! the distance to the nearest neighbour. A long reach comes first to even out the density, a short
+//! the distance to the nearest neighbor. A long reach comes first to even out the density, a short
 //! one then settles the pattern. Cost: 7 to 14 pairs per site and move.
 
 use super::sheet::same_sheet;
@@ -13,13 +13,13 @@ use crate::spatial::KdTree;
 use glam::DVec3;
 
 // Tuned on the parts of docs/sites.md. Lengths are in hexagonal spacings: the distance between
-// neighbours if the area were a plane in hexagonal packing.
+// neighbors if the area were a plane in hexagonal packing.
 
-/// Reach of the repulsion, lists of neighbours made, and moves of every site that each list serves.
+/// Reach of the repulsion, lists of neighbors made, and moves of every site that each list serves.
 /// The last moves have fresh lists because sites that step onto the rim of a thin wall only then meet
 /// those of its other side.
 const PHASES: [(f64, usize, usize); 3] = [(2.0, 6, 5), (1.5, 5, 5), (1.5, 5, 1)];
-/// How much farther than the reach neighbours are listed.
+/// How much farther than the reach neighbors are listed.
 const SKIN: f64 = 0.2;
 /// Share of the Newton step.
 const STEP: f64 = 0.7;
@@ -28,14 +28,14 @@ const LONGEST: f64 = 0.25;
 /// Sites per parallel task.
 const BLOCK: usize = 256;
 
-/// Moves `places` apart; also sorts them so that neighbours in the list are near each other.
+/// Moves `places` apart; also sorts them so that neighbors in the list are near each other.
 pub(super) fn relax(surface: &Surface, places: &mut Vec<Place>) {
     let spacing = (2.0 / 3f64.sqrt() * surface.area / places.len() as f64).sqrt();
     let order = KdTree::build(&points(places)).into_order();
     *places = order.into_iter().map(|i| places[i as usize]).collect();
     for (reach, n_lists, n_moves) in PHASES {
         for _ in 0..n_lists {
-            let near = neighbours(surface, places, (reach + SKIN) * spacing);
+            let near = neighbors(surface, places, (reach + SKIN) * spacing);
             for _ in 0..n_moves {
                 step_all(surface, places, &near, reach * spacing, LONGEST * spacing);
             }
@@ -82,7 +82,7 @@ fn points(places: &[Place]) -> Vec<DVec3> {
     places.iter().map(|p| p.point).collect()
 }
 
-/// The neighbours of one block of sites, one after another, and the normals for which they hold.
+/// The neighbors of one block of sites, one after another, and the normals for which they hold.
 struct Near {
     sheets: Vec<DVec3>,
     ends: Vec<u32>,
@@ -90,7 +90,7 @@ struct Near {
 }
 
 impl Near {
-    /// Neighbours of the `i`-th site of the block.
+    /// Neighbors of the `i`-th site of the block.
     fn of(&self, i: usize) -> &[u32] {
         let begin = if i == 0 { 0 } else { self.ends[i - 1] };
         &self.sites[begin as usize..self.ends[i] as usize]
@@ -98,7 +98,7 @@ impl Near {
 }
 
 /// For each site the others on its sheet within `radius`.
-fn neighbours(surface: &Surface, places: &[Place], radius: f64) -> Vec<Near> {
+fn neighbors(surface: &Surface, places: &[Place], radius: f64) -> Vec<Near> {
     let at = points(places);
     let tree = KdTree::build(&at);
     let normal = |i: usize| surface.normals[places[i].face as usize];

@@ -1,4 +1,4 @@
-//! Which points of a surface count as neighbours although the surface between them is not looked at.
+//! Which points of a surface count as neighbors although the surface between them is not looked at.
 
 use glam::DVec3;
 

@@ -1,7 +1,7 @@
 //! Weight files: safetensors under the reference's state-dict names.
 //!
 //! A file holds every parameter and every running statistic. Files written here also say how to use them,
-//! in the metadata entry `deepmill` ([`About`]). A file without it is taken for a checkpoint of the
+//! in the metadata entry `deepmill` ([`WeightsInfo`]). A file without it is taken for a checkpoint of the
 //! reference: what its shapes cannot tell (depth, conventions, dropout) is the reference's.
 
 mod infer;
@@ -15,10 +15,10 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
-use tensors::{Tensor, TensorFile, Values, to_bf16};
+use tensors::{Tensor, TensorFile, TensorValues, to_bf16};
 
 /// Name of our entry in a file's metadata.
-const ABOUT: &str = "deepmill";
+const METADATA_KEY: &str = "deepmill";
 /// Ending of the one integer in a state dict.
 const BATCHES: &str = ".num_batches_tracked";
 
@@ -34,7 +34,7 @@ pub enum Storage {
 
 /// What a weight file says about itself.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct About {
+pub struct WeightsInfo {
     /// Configuration of the network.
     pub config: UNetConfig,
     /// Class of head 1 that means "inaccessible".
@@ -48,10 +48,10 @@ pub struct About {
     pub notes: String,
 }
 
-impl About {
+impl WeightsInfo {
     /// A file with this network, its label classes as everywhere in this crate.
     pub fn new(config: &UNetConfig, notes: &str) -> Self {
-        About {
+        WeightsInfo {
             config: config.clone(),
             inaccessible_class: INACCESSIBLE_CLASS,
             occlusion_class: OCCLUSION_CLASS,
@@ -100,8 +100,8 @@ pub fn to_bytes<T: Scalar>(model: &Model<T>, storage: Storage, notes: &str) -> V
 ///
 /// # Errors
 /// If the entry is there but cannot be understood, or says that classes mean something else.
-pub fn about(file: &TensorFile, origin: &Path) -> Result<Option<About>> {
-    let Some(text) = file.metadata.get(ABOUT) else { return Ok(None) };
+pub fn info(file: &TensorFile, origin: &Path) -> Result<Option<WeightsInfo>> {
+    let Some(text) = file.metadata.get(METADATA_KEY) else { return Ok(None) };
     let error = |found: String| {
         Error::file(
             origin,
@@ -110,18 +110,18 @@ pub fn about(file: &TensorFile, origin: &Path) -> Result<Option<About>> {
             "use a file of this version of deepmill",
         )
     };
-    let about: About = serde_json::from_str(text).map_err(|e| error(e.to_string()))?;
-    if (about.inaccessible_class, about.occlusion_class) != (INACCESSIBLE_CLASS, OCCLUSION_CLASS) {
+    let info: WeightsInfo = serde_json::from_str(text).map_err(|e| error(e.to_string()))?;
+    if (info.inaccessible_class, info.occlusion_class) != (INACCESSIBLE_CLASS, OCCLUSION_CLASS) {
         return Err(error(
             "its classes mean something else than 0 = inaccessible, 1 = occlusion".into(),
         ));
     }
-    Ok(Some(about))
+    Ok(Some(info))
 }
 
 pub(super) fn from_file<T: Scalar>(file: &TensorFile, origin: &Path) -> Result<Model<T>> {
-    let config = match about(file, origin)? {
-        Some(about) => about.config,
+    let config = match info(file, origin)? {
+        Some(info) => info.config,
         None => infer::config(file, origin)?,
     };
     let net = UNet::new(&config)?;
@@ -173,9 +173,9 @@ fn gather<T: Scalar>(entries: &[Entry], file: &TensorFile, origin: &Path) -> Res
 
 pub(super) fn to_file<T: Scalar>(model: &Model<T>, storage: Storage, notes: &str) -> TensorFile {
     let mut file = TensorFile::default();
-    let about = About::new(model.net.config(), notes);
-    let about = serde_json::to_string(&about).expect("a configuration has only plain fields");
-    file.metadata.insert(ABOUT.into(), about);
+    let info = WeightsInfo::new(model.net.config(), notes);
+    let info = serde_json::to_string(&info).expect("a configuration has only plain fields");
+    file.metadata.insert(METADATA_KEY.into(), info);
     let layout = model.net.layout();
     let mut add = |entries: &[Entry], values: &[T], storage: Storage| {
         for entry in entries {
@@ -188,15 +188,15 @@ pub(super) fn to_file<T: Scalar>(model: &Model<T>, storage: Storage, notes: &str
     file
 }
 
-fn store<T: Scalar>(name: &str, values: &[T], storage: Storage) -> Values {
+fn store<T: Scalar>(name: &str, values: &[T], storage: Storage) -> TensorValues {
     let values = values.iter().map(|v| v.to_f64());
     if name.ends_with(BATCHES) {
-        return Values::I64(values.map(|v| v as i64).collect());
+        return TensorValues::I64(values.map(|v| v as i64).collect());
     }
     match storage {
-        Storage::Bf16 => Values::Bf16(values.map(|v| to_bf16(v as f32)).collect()),
-        Storage::Exact if size_of::<T>() == size_of::<f64>() => Values::F64(values.collect()),
-        Storage::Exact => Values::F32(values.map(|v| v as f32).collect()),
+        Storage::Bf16 => TensorValues::Bf16(values.map(|v| to_bf16(v as f32)).collect()),
+        Storage::Exact if size_of::<T>() == size_of::<f64>() => TensorValues::F64(values.collect()),
+        Storage::Exact => TensorValues::F32(values.map(|v| v as f32).collect()),
     }
 }
 
@@ -209,7 +209,7 @@ mod tests {
         Path::new("w.safetensors")
     }
 
-    /// A network small enough to write often, with recognisable numbers.
+    /// A network small enough to write often, with recognizable numbers.
     fn model(change: impl Fn(&mut UNetConfig)) -> Model<f32> {
         let mut config = UNetConfig {
             input: super::super::config::InputConfig::reference(),
@@ -242,7 +242,7 @@ mod tests {
         assert_eq!(read.net.config(), model.net.config());
         assert_eq!((read.params, read.buffers), (model.params, model.buffers));
         let file = TensorFile::read(&path).unwrap();
-        assert_eq!(about(&file, &path).unwrap().unwrap().notes, "made by a test");
+        assert_eq!(info(&file, &path).unwrap().unwrap().notes, "made by a test");
     }
 
     #[test]
@@ -303,7 +303,7 @@ mod tests {
         assert!(shape.contains(name) && shape.contains("[1, 5], expected [5]"), "{shape}");
         let infinite = message(&|f| {
             f.tensors.get_mut("header.1.linear.bias").unwrap().values =
-                Values::F32(vec![0.0, f32::NAN]);
+                TensorValues::F32(vec![0.0, f32::NAN]);
         });
         assert!(infinite.contains("header.1.linear.bias, element 1"), "{infinite}");
     }
@@ -311,7 +311,7 @@ mod tests {
     #[test]
     fn nonsense_metadata_and_foreign_files_are_refused() {
         let mut file = to_file(&model(|_| ()), Storage::Exact, "");
-        file.metadata.insert(ABOUT.into(), "{}".into());
+        file.metadata.insert(METADATA_KEY.into(), "{}".into());
         let message = from_file::<f32>(&file, origin()).unwrap_err().to_string();
         assert!(message.contains("metadata entry deepmill"), "{message}");
         let empty = from_file::<f32>(&TensorFile::default(), origin()).unwrap_err().to_string();

@@ -1,6 +1,6 @@
 //! Named tensors in memory, and the safetensors format around them.
 
-use crate::{Error, Result, aside};
+use crate::{Error, Result, atomic_file};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use std::collections::{BTreeMap, HashMap};
@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Elements of a tensor, row-major, in the type they have in the file.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Values {
+pub enum TensorValues {
     /// `F64`.
     F64(Vec<f64>),
     /// `F32`; half-precision numbers are read into this type too.
@@ -28,35 +28,37 @@ pub struct Tensor {
     /// Shape; empty for a single number.
     pub shape: Vec<usize>,
     /// As many elements as the shape says.
-    pub values: Values,
+    pub values: TensorValues,
 }
 
 impl Tensor {
     /// Every element as f64; exact but for integers beyond 2^53.
     pub fn to_f64(&self) -> Vec<f64> {
         match &self.values {
-            Values::F64(v) => v.clone(),
-            Values::F32(v) => v.iter().map(|&x| f64::from(x)).collect(),
-            Values::Bf16(v) => {
+            TensorValues::F64(v) => v.clone(),
+            TensorValues::F32(v) => v.iter().map(|&x| f64::from(x)).collect(),
+            TensorValues::Bf16(v) => {
                 v.iter().map(|&x| f64::from(f32::from_bits(u32::from(x) << 16))).collect()
             }
-            Values::I64(v) => v.iter().map(|&x| x as f64).collect(),
-            Values::I32(v) => v.iter().map(|&x| f64::from(x)).collect(),
+            TensorValues::I64(v) => v.iter().map(|&x| x as f64).collect(),
+            TensorValues::I32(v) => v.iter().map(|&x| f64::from(x)).collect(),
         }
     }
 
     /// Whether the elements are integers.
     pub fn is_integer(&self) -> bool {
-        matches!(self.values, Values::I64(_) | Values::I32(_))
+        matches!(self.values, TensorValues::I64(_) | TensorValues::I32(_))
     }
 
     fn bytes(&self) -> (Dtype, Vec<u8>) {
         match &self.values {
-            Values::F64(v) => (Dtype::F64, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
-            Values::F32(v) => (Dtype::F32, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
-            Values::Bf16(v) => (Dtype::BF16, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
-            Values::I64(v) => (Dtype::I64, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
-            Values::I32(v) => (Dtype::I32, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
+            TensorValues::F64(v) => (Dtype::F64, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
+            TensorValues::F32(v) => (Dtype::F32, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
+            TensorValues::Bf16(v) => {
+                (Dtype::BF16, v.iter().flat_map(|x| x.to_le_bytes()).collect())
+            }
+            TensorValues::I64(v) => (Dtype::I64, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
+            TensorValues::I32(v) => (Dtype::I32, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
         }
     }
 }
@@ -147,19 +149,19 @@ impl TensorFile {
     /// If the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let bytes = self.to_bytes();
-        aside::write(path, |writer| writer.write_all(&bytes))
+        atomic_file::write_atomic(path, |writer| writer.write_all(&bytes))
     }
 }
 
-fn values(view: &TensorView) -> Option<Values> {
+fn values(view: &TensorView) -> Option<TensorValues> {
     let data = view.data();
     Some(match view.dtype() {
-        Dtype::F64 => Values::F64(numbers(data, f64::from_le_bytes)),
-        Dtype::F32 => Values::F32(numbers(data, f32::from_le_bytes)),
-        Dtype::F16 => Values::F32(numbers(data, |b| from_f16(u16::from_le_bytes(b)))),
-        Dtype::BF16 => Values::Bf16(numbers(data, u16::from_le_bytes)),
-        Dtype::I64 => Values::I64(numbers(data, i64::from_le_bytes)),
-        Dtype::I32 => Values::I32(numbers(data, i32::from_le_bytes)),
+        Dtype::F64 => TensorValues::F64(numbers(data, f64::from_le_bytes)),
+        Dtype::F32 => TensorValues::F32(numbers(data, f32::from_le_bytes)),
+        Dtype::F16 => TensorValues::F32(numbers(data, |b| from_f16(u16::from_le_bytes(b)))),
+        Dtype::BF16 => TensorValues::Bf16(numbers(data, u16::from_le_bytes)),
+        Dtype::I64 => TensorValues::I64(numbers(data, i64::from_le_bytes)),
+        Dtype::I32 => TensorValues::I32(numbers(data, i32::from_le_bytes)),
         _ => return None,
     })
 }
@@ -180,11 +182,11 @@ mod tests {
         let mut add = |name: &str, shape: &[usize], values| {
             file.tensors.insert(name.into(), Tensor { shape: shape.into(), values });
         };
-        add("a", &[2, 1], Values::F64(vec![1e-300, -2.5]));
-        add("b", &[3], Values::F32(vec![1.5, f32::MIN_POSITIVE, -0.0]));
-        add("c", &[], Values::I64(vec![-(1 << 60)]));
-        add("d", &[0, 4], Values::I32(vec![]));
-        add("e", &[1], Values::Bf16(vec![to_bf16(-3.0)]));
+        add("a", &[2, 1], TensorValues::F64(vec![1e-300, -2.5]));
+        add("b", &[3], TensorValues::F32(vec![1.5, f32::MIN_POSITIVE, -0.0]));
+        add("c", &[], TensorValues::I64(vec![-(1 << 60)]));
+        add("d", &[0, 4], TensorValues::I32(vec![]));
+        add("e", &[1], TensorValues::Bf16(vec![to_bf16(-3.0)]));
         file.metadata.insert("deepmill".into(), "{}".into());
         file.write(&path).unwrap();
         let read = TensorFile::read(&path).unwrap();
@@ -222,7 +224,7 @@ mod tests {
         assert!(message(&[255; 64]).contains("header"));
         let mut file = TensorFile::default();
         file.tensors
-            .insert("a".into(), Tensor { shape: vec![4], values: Values::F32(vec![0.0; 4]) });
+            .insert("a".into(), Tensor { shape: vec![4], values: TensorValues::F32(vec![0.0; 4]) });
         let bytes = file.to_bytes();
         assert!(message(&bytes[..bytes.len() - 1]).contains("header"));
     }

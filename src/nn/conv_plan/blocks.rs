@@ -7,8 +7,8 @@ use super::shapes::for_each_shape;
 use crate::octree::KernelMap;
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
-use crate::simd::gemm::block::{self, Source};
+use crate::simd::Isa;
+use crate::simd::gemm::block::{self, WeightSource};
 use crate::simd::gemm::weights::Packed;
 
 pub(super) fn sum_of_terms<T: Scalar>(
@@ -17,20 +17,20 @@ pub(super) fn sum_of_terms<T: Scalar>(
     product: &Product<T>,
     y: &mut [T],
 ) {
-    let (level, c_out) = (Level::active(), product.c_out);
-    let packed: Vec<_> = product.terms.iter().map(|term| pack(level, arena, term)).collect();
+    let (isa, c_out) = (Isa::active(), product.c_out);
+    let packed: Vec<_> = product.terms.iter().map(|term| pack(isa, arena, term)).collect();
     par::for_each_block(y, map.block_len() * c_out, |block, rows| {
-        let source = |i: usize| packed[i].as_ref().map(|p| Source::Packed(p.get()));
+        let source = |i: usize| packed[i].as_ref().map(|p| WeightSource::Packed(p.get()));
         let terms = terms_of_block(map, block, product, source);
-        block::sum_of_terms(level, &terms, c_out, 0..c_out, rows);
+        block::sum_of_terms(isa, &terms, c_out, 0..c_out, rows);
         product.finish(block * map.block_len(), rows);
     });
 }
 
-fn pack<T: Scalar>(level: Level, arena: &Arena<T>, term: &Term<T>) -> Option<PackedWeights<T>> {
+fn pack<T: Scalar>(isa: Isa, arena: &Arena<T>, term: &Term<T>) -> Option<PackedWeights<T>> {
     let Term::Nodes { weights, .. } = term else { return None };
     Some(PackedWeights::new(arena, weights, weights.n_offsets(), |memory| {
-        Packed::new(level, weights, memory, |panels, len, work| {
+        Packed::new(isa, weights, memory, |panels, len, work| {
             par::for_each_block(panels, len, work);
         })
     }))
@@ -41,13 +41,13 @@ pub(super) fn terms_of_block<'a, T: Scalar>(
     map: &'a KernelMap,
     block: usize,
     product: &'a Product<T>,
-    source: impl Fn(usize) -> Option<Source<'a, T>>,
-) -> Vec<block::Term<'a, T>> {
+    source: impl Fn(usize) -> Option<WeightSource<'a, T>>,
+) -> Vec<block::BlockTerm<'a, T>> {
     let (offsets, c_out) = (0..map.n_offsets(), product.c_out);
     let term = |(i, term): (usize, &'a Term<T>)| match (term, source(i)) {
         (Term::Nodes { x, .. }, Some(weights)) => {
             let pairs = offsets.clone().map(|k| map.pairs(block, k)).collect();
-            block::Term::Products { x, pairs, weights }
+            block::BlockTerm::Products { x, pairs, weights }
         }
         (Term::Shapes { products, shapes }, _) => {
             let mut rows = Vec::new();
@@ -58,7 +58,7 @@ pub(super) fn terms_of_block<'a, T: Scalar>(
                     rows.push((product, outputs));
                 });
             }
-            block::Term::Rows(rows)
+            block::BlockTerm::Rows(rows)
         }
         _ => unreachable!("each product has its weights"),
     };

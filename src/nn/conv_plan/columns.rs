@@ -8,9 +8,9 @@ use super::shapes::for_each_shape;
 use crate::octree::KernelMap;
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::simd::elementwise::{self, Combination};
-use crate::simd::gemm::block::{self, Source};
+use crate::simd::gemm::block::{self, WeightSource};
 use crate::simd::gemm::matmul_columns;
 use std::ops::Range;
 
@@ -25,21 +25,21 @@ pub(super) fn sum_of_terms<T: Scalar>(
     product: &Product<T>,
     y: &mut [T],
 ) {
-    let (level, c_out) = (Level::active(), product.c_out);
+    let (isa, c_out) = (Isa::active(), product.c_out);
     let width = c_out.div_ceil(PARTS).next_multiple_of(PART_WIDTH);
     let columns = |part: usize| part * width..c_out.min((part + 1) * width);
     let parts = par::map(c_out.div_ceil(width), |part| {
         let columns = columns(part);
         let mut y = arena.zeroed(map.n_outputs() * columns.len());
         if product.terms.iter().all(is_plain) {
-            add_in_place(level, map, product, columns, &mut y);
+            add_in_place(isa, map, product, columns, &mut y);
         } else {
             let copied = |i: usize| match &product.terms[i] {
-                Term::Nodes { weights, .. } => Some(Source::Matrices(weights.clone())),
+                Term::Nodes { weights, .. } => Some(WeightSource::Matrices(weights.clone())),
                 Term::Shapes { .. } => None,
             };
             let terms = terms_of_block(map, 0, product, copied);
-            block::sum_of_terms(level, &terms, c_out, columns, &mut y);
+            block::sum_of_terms(isa, &terms, c_out, columns, &mut y);
         }
         y
     });
@@ -60,7 +60,7 @@ fn is_plain<T: Scalar>(term: &Term<T>) -> bool {
 
 /// Adds some columns of the terms to `y`, offset by offset, so that weights are read as they lie.
 fn add_in_place<T: Scalar>(
-    level: Level,
+    isa: Isa,
     map: &KernelMap,
     product: &Product<T>,
     columns: Range<usize>,
@@ -74,12 +74,12 @@ fn add_in_place<T: Scalar>(
                 Term::Nodes { x, weights } => {
                     let w = weights.plain(k).expect("weights that are not transposed");
                     let (w, c) = ((w, c_out, columns.clone()), (&mut *y, outputs));
-                    matmul_columns(level, (x, inputs), weights.depth(), w, c);
+                    matmul_columns(isa, (x, inputs), weights.depth(), w, c);
                 }
                 Term::Shapes { products, shapes } => {
                     for_each_shape(shapes, 0, outputs, |shape, outputs| {
                         let product = &products[(k * shapes.len() + shape) * c_out..][..c_out];
-                        add_to_rows(level, &product[columns.clone()], outputs, y);
+                        add_to_rows(isa, &product[columns.clone()], outputs, y);
                     });
                 }
             }
@@ -88,9 +88,9 @@ fn add_in_place<T: Scalar>(
 }
 
 /// Adds `x` to these rows of `y`.
-fn add_to_rows<T: Scalar>(level: Level, x: &[T], rows: &[u32], y: &mut [T]) {
+fn add_to_rows<T: Scalar>(isa: Isa, x: &[T], rows: &[u32], y: &mut [T]) {
     for &row in rows {
         let y = &mut y[row as usize * x.len()..][..x.len()];
-        elementwise::combine(level, Combination::Add, y, x);
+        elementwise::combine(isa, Combination::Add, y, x);
     }
 }

@@ -5,7 +5,7 @@ use super::super::rows::{self, BLOCK_ROWS};
 use super::product::{Product, Term};
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::simd::gemm::{identity, matmul_rows, matmul_tn_rows};
 
 static IDENTITY: [u32; BLOCK_ROWS] = identity();
@@ -30,7 +30,7 @@ fn add_term<T: Scalar>(term: &Term<T>, c_out: usize, first: usize, y: &mut [T]) 
         Term::Nodes { x, weights } => {
             let (c_in, rows) = (weights.depth(), &IDENTITY[..y.len() / c_out]);
             let w = weights.plain(0).expect("weights that are not transposed");
-            matmul_rows(Level::active(), (&x[first * c_in..], rows), c_in, w, c_out, (y, rows));
+            matmul_rows(Isa::active(), (&x[first * c_in..], rows), c_in, w, c_out, (y, rows));
         }
         Term::Shapes { products, shapes } => {
             for (row, y) in y.chunks_exact_mut(c_out).enumerate() {
@@ -52,7 +52,7 @@ pub(in crate::nn) fn add_product<T: Scalar>(
     par::for_each_block(y, BLOCK_ROWS * c_out, |i, y| {
         let rows = &IDENTITY[..y.len() / c_out];
         let x = &x[i * BLOCK_ROWS * c_in..];
-        matmul_rows(Level::active(), (x, rows), c_in, w, c_out, (y, rows));
+        matmul_rows(Isa::active(), (x, rows), c_in, w, c_out, (y, rows));
     });
 }
 
@@ -69,7 +69,7 @@ pub(in crate::nn) fn add_transposed_product<T: Scalar>(
         let first = i * BLOCK_ROWS;
         let rows = &IDENTITY[..BLOCK_ROWS.min(n_rows - first)];
         let (a, g) = ((&a[first * k..], rows), (&g[first * n..], rows));
-        matmul_tn_rows(Level::active(), a, k, g, n, sum);
+        matmul_tn_rows(Isa::active(), a, k, g, n, sum);
     });
     partial.chunks_exact(k * n).for_each(|sum| rows::add(d, sum));
 }

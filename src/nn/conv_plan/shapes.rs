@@ -2,7 +2,7 @@
 //!
 //! In a convolution `Σ_k x[neigh[n, k]]·W_k` the share of such columns `v`, whose rows of `W_k` are `V_k`, is
 //! `Σ_{k: neigh[n, k] exists} p_k` with `p_k = v·V_k`: 27 vectors per shape, chosen by which neighbors exist. On
-//! the way back, with `s_k = Σ dy[n]` over the nodes whose neighbor `k` exists, `dV_k = vᵀ·s_k` and
+//! the backward pass, with `s_k = Σ dy[n]` over the nodes whose neighbor `k` exists, `dV_k = vᵀ·s_k` and
 //! `dv = Σ_k s_k·V_kᵀ`.
 
 use super::super::arena::{Arena, Buffer};
@@ -10,9 +10,9 @@ use super::super::rows;
 use crate::octree::KernelMap;
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::simd::elementwise::{self, Combination};
-use crate::simd::gemm::block::{self, Source};
+use crate::simd::gemm::block::{self, WeightSource};
 use crate::simd::gemm::matmul_rows;
 use crate::simd::gemm::weights::Weights;
 use std::ops::Range;
@@ -27,7 +27,7 @@ pub(in crate::nn) fn products<'a, T: Scalar>(
     let shapes: Vec<u32> = (0..(values.len() / c) as u32).collect();
     let mut products = arena.zeroed(n_offsets * shapes.len() * c_out);
     par::for_each_block(&mut products, shapes.len() * c_out, |k, products| {
-        matmul_rows(Level::active(), (values, &shapes), c, weights(k), c_out, (products, &shapes));
+        matmul_rows(Isa::active(), (values, &shapes), c, weights(k), c_out, (products, &shapes));
     });
     products
 }
@@ -63,10 +63,10 @@ pub(in crate::nn) fn sums<T: Scalar>(
 
 /// `sum += Σ g[first + row]` over `rows`.
 fn add_rows<T: Scalar>(g: &[T], first: usize, rows: &[u32], sum: &mut [T]) {
-    let (level, c) = (Level::active(), sum.len());
+    let (isa, c) = (Isa::active(), sum.len());
     for &row in rows {
         let g = &g[(first + row as usize) * c..][..c];
-        elementwise::combine(level, Combination::Add, sum, g);
+        elementwise::combine(isa, Combination::Add, sum, g);
     }
 }
 
@@ -87,9 +87,9 @@ pub(in crate::nn) fn product_of_rows<T: Scalar>(
             (0..weights.n_offsets()).map(|k| outputs.iter().map(|r| first(k) + r).collect());
         let inputs: Vec<Vec<u32>> = inputs.collect();
         let pairs = inputs.iter().map(|inputs| (&inputs[..], &outputs[..])).collect();
-        let weights = Source::Matrices(weights.clone());
-        let terms = [block::Term::Products { x, pairs, weights }];
-        block::sum_of_terms(Level::active(), &terms, c_out, 0..c_out, y);
+        let weights = WeightSource::Matrices(weights.clone());
+        let terms = [block::BlockTerm::Products { x, pairs, weights }];
+        block::sum_of_terms(Isa::active(), &terms, c_out, 0..c_out, y);
     });
     y
 }

@@ -6,7 +6,7 @@ use super::product::OuterProduct;
 use crate::octree::KernelMap;
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::simd::gemm::matmul_tn_rows;
 use std::ops::Range;
 
@@ -28,7 +28,7 @@ pub(super) fn by_ranges<T: Scalar>(
         let first = range * blocks_per_range;
         let blocks = first..(first + blocks_per_range).min(map.n_blocks());
         let (inputs, outputs) = pairs_of_blocks(map, blocks, group, slot);
-        matmul_tn_rows(Level::active(), (a, &inputs), width, (g, &outputs), c_g, d);
+        matmul_tn_rows(Isa::active(), (a, &inputs), width, (g, &outputs), c_g, d);
     };
     let place = columns.start * c_g..columns.end * c_g;
     if n_ranges <= 1 {

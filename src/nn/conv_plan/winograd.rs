@@ -1,7 +1,7 @@
 //! Wide 3×3×3 convolutions by Winograd's minimal filtering: 64 products where the plain sum takes up to 216.
 //!
 //! The children of one parent are always there together, which makes an octree's nodes the tiles of 2×2×2
-//! that the method asks for. See [`crate::simd::gemm::winograd`] for the arithmetic.
+//! that the method needs. See [`crate::simd::gemm::winograd`] for the arithmetic.
 
 use super::super::arena::{Arena, Buffer};
 use super::super::rows;
@@ -11,9 +11,11 @@ use super::product::{OuterProduct, Product, Term};
 use crate::octree::KernelMap;
 use crate::par;
 use crate::scalar::Scalar;
-use crate::simd::Level;
+use crate::simd::Isa;
 use crate::simd::gemm::matmul_tn_rows;
-use crate::simd::gemm::winograd::{self, CHANNELS, MAX_DEPTH, MAX_GROUPS, N_FREQUENCIES, Room};
+use crate::simd::gemm::winograd::{
+    self, CHANNELS, FrequencyScratch, MAX_DEPTH, MAX_GROUPS, N_FREQUENCIES,
+};
 
 /// Fewest channels for which it pays: with fewer, transforming takes longer than it saves.
 const LEAST: usize = 16;
@@ -57,24 +59,29 @@ pub(super) fn sum_of_terms<T: Scalar>(
     product: &Product<T>,
     y: &mut [T],
 ) {
-    let (level, siblings, c_out) = (Level::active(), map.siblings(), product.c_out);
+    let (isa, siblings, c_out) = (Isa::active(), map.siblings(), product.c_out);
     let of_term = |term| transformed(arena, map, term, c_out);
     let terms: Vec<_> = product.terms.iter().map(of_term).collect();
     let len = siblings.len().div_ceil(MIN_BLOCKS).clamp(MIN_GROUPS, MAX_GROUPS);
-    par::for_each_block_with(y, len * 8 * c_out, ScratchGuard::<Room<T>>::new, |room, block, y| {
-        let groups = block * len..siblings.len().min((block + 1) * len);
-        let term = |term| match term {
-            &Transformed::Nodes { x, ref weights } => {
-                winograd::Term::Nodes { x, weights: weights.get() }
-            }
-            Transformed::Shapes { products, shapes } => {
-                winograd::Term::Shapes { products, shapes: &shapes[groups.clone()] }
-            }
-        };
-        let terms: Vec<_> = terms.iter().map(term).collect();
-        winograd::sum_of_terms(level, &siblings[groups.clone()], &terms, c_out, room, y);
-        product.finish(8 * groups.start, y);
-    });
+    par::for_each_block_with(
+        y,
+        len * 8 * c_out,
+        ScratchGuard::<FrequencyScratch<T>>::new,
+        |scratch, block, y| {
+            let groups = block * len..siblings.len().min((block + 1) * len);
+            let term = |term| match term {
+                &Transformed::Nodes { x, ref weights } => {
+                    winograd::FrequencyTerm::Nodes { x, weights: weights.get() }
+                }
+                Transformed::Shapes { products, shapes } => {
+                    winograd::FrequencyTerm::Shapes { products, shapes: &shapes[groups.clone()] }
+                }
+            };
+            let terms: Vec<_> = terms.iter().map(term).collect();
+            winograd::sum_of_terms(isa, &siblings[groups.clone()], &terms, c_out, scratch, y);
+            product.finish(8 * groups.start, y);
+        },
+    );
 }
 
 fn transformed<'a, T: Scalar>(
@@ -83,11 +90,11 @@ fn transformed<'a, T: Scalar>(
     term: &Term<'a, T>,
     c_out: usize,
 ) -> Transformed<'a, T> {
-    let level = Level::active();
+    let isa = Isa::active();
     match term {
         Term::Nodes { x, weights } => {
             let weights = PackedWeights::new(arena, weights, N_FREQUENCIES, |memory| {
-                winograd::transform_weights(level, weights, memory, |panels, len, work| {
+                winograd::transform_weights(isa, weights, memory, |panels, len, work| {
                     par::for_each_block(panels, len, work);
                 })
             });
@@ -96,7 +103,7 @@ fn transformed<'a, T: Scalar>(
         Term::Shapes { products: from, shapes } => {
             let mut products = arena.get(shapes.len() * N_FREQUENCIES * c_out);
             for (i, to) in products.chunks_exact_mut(N_FREQUENCIES * c_out).enumerate() {
-                winograd::transform_products(level, &from[i * c_out..], shapes.len() * c_out, to);
+                winograd::transform_products(isa, &from[i * c_out..], shapes.len() * c_out, to);
             }
             let shape = |group: usize| shapes.partition_point(|shape| shape.end <= 8 * group);
             let shapes = (0..map.siblings().len()).map(shape).collect();
@@ -113,7 +120,7 @@ pub(super) fn weight_gradient<T: Scalar>(
     grads: &mut [T],
 ) {
     let OuterProduct { a, ref columns, g, c_g, .. } = *product;
-    let (level, width) = (Level::active(), columns.len());
+    let (isa, width) = (Isa::active(), columns.len());
     let step = STEP.min(map.siblings().len()).next_multiple_of(TASK);
     let mut inputs = arena.get(step * N_FREQUENCIES * width);
     let mut gradients = arena.get(step * N_FREQUENCIES * c_g);
@@ -121,23 +128,16 @@ pub(super) fn weight_gradient<T: Scalar>(
     for (groups, g) in map.siblings().chunks(step).zip(g.chunks(step * 8 * c_g)) {
         par::for_each_block(&mut inputs, TASK * N_FREQUENCIES * width, |i, to| {
             let groups = groups.chunks(TASK).nth(i).unwrap_or_default();
-            winograd::transform_inputs(level, groups, (a, width), TASK, to);
+            winograd::transform_inputs(isa, groups, (a, width), TASK, to);
         });
         par::for_each_block(&mut gradients, TASK * N_FREQUENCIES * c_g, |i, to| {
             let g = g.chunks(TASK * 8 * c_g).nth(i).unwrap_or_default();
-            winograd::transform_gradients(level, (g, c_g), TASK, to);
+            winograd::transform_gradients(isa, (g, c_g), TASK, to);
         });
         par::for_each_block(&mut sums, width * c_g, |f, sums| {
             let row = |group: usize| (group / TASK * N_FREQUENCIES + f) * TASK + group % TASK;
             let rows: Vec<u32> = (0..groups.len()).map(|group| row(group) as u32).collect();
-            matmul_tn_rows(
-                Level::active(),
-                (&inputs, &rows),
-                width,
-                (&gradients, &rows),
-                c_g,
-                sums,
-            );
+            matmul_tn_rows(Isa::active(), (&inputs, &rows), width, (&gradients, &rows), c_g, sums);
         });
     }
     drop((inputs, gradients));
@@ -152,10 +152,10 @@ fn add_gradients<T: Scalar>(
     grads: &mut [T],
 ) {
     let OuterProduct { ref columns, c_a, c_g, .. } = *product;
-    let (level, width) = (Level::active(), columns.len());
+    let (isa, width) = (Isa::active(), columns.len());
     let mut d = arena.get(width * 27 * c_g);
     par::for_each_block(&mut d, 27 * c_g, |row, d| {
-        winograd::transform_weight_gradients(level, &sums[row * c_g..], width * c_g, d);
+        winograd::transform_weight_gradients(isa, &sums[row * c_g..], width * c_g, d);
     });
     par::for_each_block(grads, c_a * c_g, |k, grads| {
         let grads = grads[columns.start * c_g..columns.end * c_g].chunks_exact_mut(c_g);

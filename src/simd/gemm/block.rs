@@ -8,7 +8,7 @@
 //! cache while every offset of every term is added, and the panels of the weights pass by once, in one
 //! piece if they were packed.
 
-use super::super::{Kernel, Level, Simd, Vector};
+use super::super::{Isa, Kernel, Simd, Vector};
 use super::tile::{
     MAX_COLUMNS, Panel, PanelCopy, RowPointers, WIDTH, columns, copy_row, lanes_of, tile_rows,
     with_height,
@@ -25,7 +25,7 @@ pub const MAX_ROWS: usize = 256;
 pub type Pairs<'a> = (&'a [u32], &'a [u32]);
 
 /// One summand of a block.
-pub enum Term<'a, T> {
+pub enum BlockTerm<'a, T> {
     /// Products of rows of `x: [_, depth]`.
     Products {
         /// The inputs.
@@ -33,14 +33,14 @@ pub enum Term<'a, T> {
         /// Which rows meet at each offset.
         pairs: Vec<Pairs<'a>>,
         /// What they are multiplied by.
-        weights: Source<'a, T>,
+        weights: WeightSource<'a, T>,
     },
     /// The same row, of all columns, for each of some rows of the block; one after another.
     Rows(Vec<(&'a [T], &'a [u32])>),
 }
 
 /// Where panels come from.
-pub enum Source<'a, T> {
+pub enum WeightSource<'a, T> {
     /// One piece of memory.
     Packed(&'a Packed<T>),
     /// The matrices, from which each panel is copied when it is needed.
@@ -49,7 +49,7 @@ pub enum Source<'a, T> {
 
 /// Inputs of [`sum_of_terms`], checked.
 pub struct Block<'a, T> {
-    pub(in crate::simd) terms: &'a [Term<'a, T>],
+    pub(in crate::simd) terms: &'a [BlockTerm<'a, T>],
     pub(in crate::simd) columns: Range<usize>,
     pub(in crate::simd) y: &'a mut [T],
 }
@@ -65,8 +65,8 @@ struct Sums([f32; MAX_ROWS * MAX_COLUMNS]);
 /// If there are more than [`MAX_ROWS`] rows, the columns do not begin with a panel of packed weights, or a
 /// term does not fit.
 pub fn sum_of_terms<T: Real>(
-    level: Level,
-    terms: &[Term<T>],
+    isa: Isa,
+    terms: &[BlockTerm<T>],
     n: usize,
     columns: Range<usize>,
     y: &mut [T],
@@ -78,23 +78,23 @@ pub fn sum_of_terms<T: Real>(
     let n_rows = y.len() / columns.len();
     assert!(n_rows * columns.len() == y.len() && n_rows <= MAX_ROWS, "whole rows of a block");
     for term in terms {
-        check(level, term, n, n_rows, columns.start);
+        check(isa, term, n, n_rows, columns.start);
     }
-    T::block_sum(level, Block { terms, columns, y });
+    T::block_sum(isa, Block { terms, columns, y });
 }
 
-fn check<T: Real>(level: Level, term: &Term<T>, n: usize, n_rows: usize, first: usize) {
+fn check<T: Real>(isa: Isa, term: &BlockTerm<T>, n: usize, n_rows: usize, first: usize) {
     let within_block = |rows: &[u32]| rows.iter().all(|&row| (row as usize) < n_rows);
     match term {
-        Term::Products { x, pairs, weights } => {
+        BlockTerm::Products { x, pairs, weights } => {
             let (n_offsets, depth, width) = match weights {
-                Source::Packed(packed) => {
-                    let panel_width = T::panel_width(level, n);
-                    assert_eq!(packed.panel_width, panel_width, "packed for this level");
+                WeightSource::Packed(packed) => {
+                    let panel_width = T::panel_width(isa, n);
+                    assert_eq!(packed.panel_width, panel_width, "packed for this instruction set");
                     assert!(first.is_multiple_of(panel_width), "columns begin with a panel");
                     (packed.n_offsets, packed.depth, packed.width)
                 }
-                Source::Matrices(w) => (w.n_offsets(), w.depth(), w.width()),
+                WeightSource::Matrices(w) => (w.n_offsets(), w.depth(), w.width()),
             };
             assert_eq!((pairs.len(), width), (n_offsets, n), "offsets and columns of the weights");
             for (inputs, outputs) in pairs {
@@ -103,7 +103,7 @@ fn check<T: Real>(level: Level, term: &Term<T>, n: usize, n_rows: usize, first: 
                 check_rows(inputs, x.len(), depth);
             }
         }
-        Term::Rows(rows) => {
+        BlockTerm::Rows(rows) => {
             assert!(rows.iter().all(|(row, outputs)| row.len() == n && within_block(outputs)));
         }
     }
@@ -117,11 +117,11 @@ struct BlockKernel<'a> {
 }
 
 impl Block<'_, f32> {
-    pub(in crate::simd) fn run(self, level: Level) {
+    pub(in crate::simd) fn run(self, isa: Isa) {
         let (mut copy, mut sums) = (PanelCopy::new(), Sums([0.0; MAX_ROWS * MAX_COLUMNS]));
         let Block { terms, columns, y } = self;
         let block = Block { terms, columns, y };
-        level.run(BlockKernel { block, copy: &mut copy, sums: &mut sums });
+        isa.run(BlockKernel { block, copy: &mut copy, sums: &mut sums });
     }
 }
 
@@ -137,10 +137,10 @@ impl Kernel for BlockKernel<'_> {
             sums.fill(0.0);
             for term in terms {
                 match term {
-                    Term::Products { x, pairs, weights } => {
+                    BlockTerm::Products { x, pairs, weights } => {
                         add_products(s, (x, pairs), weights, first, copy, sums);
                     }
-                    Term::Rows(rows) => add_rows(s, rows, first, sums),
+                    BlockTerm::Rows(rows) => add_rows(s, rows, first, sums),
                 }
             }
             let place = first - range.start;
@@ -161,25 +161,25 @@ impl Kernel for BlockKernel<'_> {
 fn add_products<S: Simd>(
     s: S,
     (x, pairs): (&[f32], &[Pairs]),
-    weights: &Source<f32>,
+    weights: &WeightSource<f32>,
     first: usize,
     copy: &mut PanelCopy,
     sums: &mut [f32],
 ) {
     let n_columns = columns::<S>();
     let depth = match weights {
-        Source::Packed(packed) => packed.depth,
-        Source::Matrices(weights) => weights.depth(),
+        WeightSource::Packed(packed) => packed.depth,
+        WeightSource::Matrices(weights) => weights.depth(),
     };
     for (k, (inputs, outputs)) in pairs.iter().enumerate().filter(|(_, p)| !p.0.is_empty()) {
         for p in passes(depth, DEPTH) {
             let panel = match weights {
-                Source::Packed(packed) => {
+                WeightSource::Packed(packed) => {
                     let place = first / n_columns * packed.n_offsets + k;
                     let numbers = &packed.numbers()[(place * depth + p.start) * n_columns..];
                     Panel::in_place(numbers, n_columns, p.len(), n_columns)
                 }
-                Source::Matrices(weights) => {
+                WeightSource::Matrices(weights) => {
                     let rows = copy.rows(p.len(), n_columns);
                     weights.copy_panel(s, k, p.clone(), first, rows);
                     // SAFETY: all rows are written.
@@ -251,7 +251,7 @@ mod tests {
         transposed: bool,
     }
 
-    fn assert_equals_the_plain_sum(level: Level, case: &Case) {
+    fn assert_equals_the_plain_sum(isa: Isa, case: &Case) {
         let Case { n_offsets, n_rows, rows, columns, .. } = *case;
         let w = numbers(n_offsets * rows * columns, 3);
         let mut weights = Weights::new(&w, rows, columns).rows(case.some.clone());
@@ -282,17 +282,17 @@ mod tests {
                 }
             }
         }
-        let packed = Packed::new(level, &weights, vec![f32::NAN; 7], |numbers, len, work| {
+        let packed = Packed::new(isa, &weights, vec![f32::NAN; 7], |numbers, len, work| {
             numbers.chunks_mut(len).enumerate().for_each(|(i, block)| work(i, block));
         });
-        for source in [Source::Packed(&packed), Source::Matrices(weights.clone())] {
+        for source in [WeightSource::Packed(&packed), WeightSource::Matrices(weights.clone())] {
             let pairs = lists.iter().map(|(i, o)| (&i[..], &o[..])).collect();
-            let rows = Term::Rows(vec![(&constant[..], &ones[..])]);
-            let terms = [rows, Term::Products { x: &x, pairs, weights: source }];
+            let rows = BlockTerm::Rows(vec![(&constant[..], &ones[..])]);
+            let terms = [rows, BlockTerm::Products { x: &x, pairs, weights: source }];
             for split in [0, 64.min(n)] {
                 for columns in [0..split, split..n] {
                     let mut y = vec![f32::NAN; n_rows * columns.len()];
-                    sum_of_terms(level, &terms, n, columns.clone(), &mut y);
+                    sum_of_terms(isa, &terms, n, columns.clone(), &mut y);
                     let expected = expected.chunks_exact(n).flat_map(|row| &row[columns.clone()]);
                     assert!(y.iter().zip(expected).all(|(a, b)| a.to_bits() == b.to_bits()));
                 }
@@ -301,8 +301,8 @@ mod tests {
     }
 
     #[test]
-    fn every_level_equals_the_plain_sum_packed_or_not() {
-        for &level in Level::available() {
+    fn every_isa_equals_the_plain_sum_packed_or_not() {
+        for &isa in Isa::available() {
             for (n_rows, rows, columns) in [
                 (1, 1, 1),
                 (5, 7, 16),
@@ -314,7 +314,7 @@ mod tests {
                 for transposed in [false, true] {
                     for some in [0..rows, rows / 3..rows] {
                         let case = Case { n_offsets: 5, n_rows, rows, columns, some, transposed };
-                        assert_equals_the_plain_sum(level, &case);
+                        assert_equals_the_plain_sum(isa, &case);
                     }
                 }
             }
@@ -325,17 +325,17 @@ mod tests {
     #[should_panic(expected = "rows of the block")]
     fn an_output_row_outside_the_block_panics() {
         let (x, w, mut y) = ([0.0f32; 4], [0.0; 4], [0.0; 4]);
-        let weights = Source::Matrices(Weights::new(&w, 2, 2));
-        let terms = [Term::Products { x: &x, pairs: vec![(&[0], &[2])], weights }];
-        sum_of_terms(Level::active(), &terms, 2, 0..2, &mut y);
+        let weights = WeightSource::Matrices(Weights::new(&w, 2, 2));
+        let terms = [BlockTerm::Products { x: &x, pairs: vec![(&[0], &[2])], weights }];
+        sum_of_terms(Isa::active(), &terms, 2, 0..2, &mut y);
     }
 
     #[test]
     #[should_panic(expected = "row 2 of width 2 in 4 numbers")]
     fn an_input_row_outside_its_matrix_panics() {
         let (x, w, mut y) = ([0.0f32; 4], [0.0; 4], [0.0; 4]);
-        let weights = Source::Matrices(Weights::new(&w, 2, 2));
-        let terms = [Term::Products { x: &x, pairs: vec![(&[2], &[0])], weights }];
-        sum_of_terms(Level::active(), &terms, 2, 0..2, &mut y);
+        let weights = WeightSource::Matrices(Weights::new(&w, 2, 2));
+        let terms = [BlockTerm::Products { x: &x, pairs: vec![(&[2], &[0])], weights }];
+        sum_of_terms(Isa::active(), &terms, 2, 0..2, &mut y);
     }
 }

@@ -12,7 +12,7 @@ use std::mem::MaybeUninit;
 /// Vectors across a tile.
 pub(super) const WIDTH: usize = 2;
 
-/// Most columns of a tile, at any level.
+/// Most columns of a tile, with any instruction set.
 pub(super) const MAX_COLUMNS: usize = WIDTH * super::super::vector::MAX_LANES;
 
 /// Columns of a tile.
@@ -20,7 +20,7 @@ pub(super) const fn columns<S: Simd>() -> usize {
     WIDTH * S::LANES
 }
 
-/// Calls `$tile::<S, HEIGHT, V>` for the height at hand; heights above the level's are compiled out.
+/// Calls `$tile::<S, HEIGHT, V>` for the height at hand; heights above the instruction set's are compiled out.
 macro_rules! with_height {
     ($height:expr, $tile:ident::<$s:ty, $v:ident>$args:tt) => {
         with_height!(@ $height, $tile, $s, $v, $args, 1 2 3 4 5 6 7 8)

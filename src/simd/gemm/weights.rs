@@ -1,7 +1,7 @@
 //! The right-hand side of a product over kernel offsets, and its panels side by side.
 
 use super::super::vector::MAX_LANES;
-use super::super::{Float32, Kernel, Level, Simd, Vector};
+use super::super::{Float32, Isa, Kernel, Simd, Vector};
 use super::Real;
 use super::tile::{WIDTH, columns, copy_row};
 use std::mem::MaybeUninit;
@@ -154,7 +154,7 @@ fn transpose<S: Simd>(
     }
 }
 
-/// Every panel of [`Weights`] in one piece: `[width / N, n_offsets, depth, N]` for the level's `N`.
+/// Every panel of [`Weights`] in one piece: `[width / N, n_offsets, depth, N]` for the instruction set's `N`.
 pub struct Packed<T> {
     memory: Vec<T>,
     /// Where the panels begin: at a cache line.
@@ -177,10 +177,10 @@ pub struct PackPanel<'a, 'b, T> {
 }
 
 impl<T: Real> Packed<T> {
-    /// Packs `weights` for `level`; `for_each_block(numbers, length, work)` calls `work(i, block)` for all
+    /// Packs `weights` for `isa`; `for_each_block(numbers, length, work)` calls `work(i, block)` for all
     /// consecutive blocks of that length. What is in `memory` is lost.
     pub fn new(
-        level: Level,
+        isa: Isa,
         weights: &Weights<T>,
         memory: Vec<T>,
         for_each_block: impl FnOnce(&mut [T], usize, &(dyn Fn(usize, &mut [T]) + Sync)),
@@ -189,12 +189,12 @@ impl<T: Real> Packed<T> {
         T: Send + Sync,
     {
         let (n_offsets, depth, width) = (weights.n_offsets(), weights.depth(), weights.width());
-        let mut packed = Self::unwritten(level, n_offsets, depth, width, memory);
+        let mut packed = Self::unwritten(isa, n_offsets, depth, width, memory);
         let len = depth * packed.panel_width;
         if len > 0 {
             for_each_block(packed.numbers_mut(), len, &|i, to| {
                 let (panel, offset) = (i / n_offsets, i % n_offsets);
-                T::pack_panel(level, PackPanel { weights, panel, offset, to });
+                T::pack_panel(isa, PackPanel { weights, panel, offset, to });
             });
         }
         packed
@@ -202,13 +202,13 @@ impl<T: Real> Packed<T> {
 
     /// Panels of whatever was in `memory`.
     pub(in crate::simd) fn unwritten(
-        level: Level,
+        isa: Isa,
         n_offsets: usize,
         depth: usize,
         width: usize,
         mut memory: Vec<T>,
     ) -> Self {
-        let panel_width = T::panel_width(level, width);
+        let panel_width = T::panel_width(isa, width);
         let len = width.div_ceil(panel_width) * n_offsets * depth * panel_width;
         let needed = len + CACHE_LINE / size_of::<T>();
         if memory.len() < needed {

@@ -20,7 +20,7 @@
 pub(in crate::simd) mod cube;
 pub(in crate::simd) mod transforms;
 
-use super::super::{Kernel, Level, Simd, Vector};
+use super::super::{Isa, Kernel, Simd, Vector};
 use super::tile::{Panel, RowPointers, WIDTH, columns, lanes_of, tile_rows, with_height};
 use super::weights::Packed;
 use super::{DEPTH, Real, identity, passes, tiles};
@@ -31,7 +31,7 @@ pub use transforms::{
     transform_gradients, transform_inputs, transform_products, transform_weight_gradients,
     transform_weights,
 };
-use transforms::{Work, check_groups, find_rows, frequencies, frequencies_of_ones};
+use transforms::{TransformScratch, check_groups, find_rows, frequencies, frequencies_of_ones};
 
 /// Most groups of a block: with 96 columns their frequencies fill a second-level cache or two.
 pub const MAX_GROUPS: usize = 32;
@@ -47,7 +47,7 @@ const fn plane(n: usize, columns: usize) -> usize {
 static ROWS: [u32; MAX_GROUPS] = identity();
 
 /// One summand of a block.
-pub enum Term<'a, T> {
+pub enum FrequencyTerm<'a, T> {
     /// Products of `x: [_, depth]` with weights from [`transform_weights`].
     Nodes {
         /// Inputs.
@@ -64,9 +64,9 @@ pub enum Term<'a, T> {
     },
 }
 
-/// Memory that one block leaves to the next.
+/// TransformScratch space that one block leaves to the next.
 #[derive(Debug, Default)]
-pub struct Room<T> {
+pub struct FrequencyScratch<T> {
     pub(in crate::simd) inputs: Vec<Vec<T>>,
     pub(in crate::simd) sums: Vec<T>,
 }
@@ -80,50 +80,50 @@ pub struct Room<T> {
 /// # Panics
 /// If there are more than [`MAX_GROUPS`] groups or something does not fit.
 pub fn sum_of_terms<T: Real>(
-    level: Level,
+    isa: Isa,
     groups: &[[i32; 27]],
-    terms: &[Term<T>],
+    terms: &[FrequencyTerm<T>],
     n: usize,
-    room: &mut Room<T>,
+    scratch: &mut FrequencyScratch<T>,
     y: &mut [T],
 ) {
     assert!(y.len() == 8 * groups.len() * n && groups.len() <= MAX_GROUPS, "groups of a block");
     for term in terms {
         match term {
-            Term::Nodes { x, weights } => {
-                let of_level = (T::panel_width(level, n), n, N_FREQUENCIES);
-                assert_eq!((weights.panel_width, weights.width, weights.n_offsets), of_level);
+            FrequencyTerm::Nodes { x, weights } => {
+                let of_isa = (T::panel_width(isa, n), n, N_FREQUENCIES);
+                assert_eq!((weights.panel_width, weights.width, weights.n_offsets), of_isa);
                 check_groups(groups, x.len(), weights.depth);
             }
-            Term::Shapes { products, shapes } => {
+            FrequencyTerm::Shapes { products, shapes } => {
                 assert_eq!(shapes.len(), groups.len(), "one shape for each group");
                 let inside = |shape: &usize| (shape + 1) * N_FREQUENCIES * n <= products.len();
                 assert!(shapes.iter().all(inside), "a product for each shape");
             }
         }
     }
-    room.inputs.resize_with(terms.len(), Vec::new);
-    T::frequency_sum(level, FrequencyBlock { groups, terms, n, room, y });
+    scratch.inputs.resize_with(terms.len(), Vec::new);
+    T::frequency_sum(isa, FrequencyBlock { groups, terms, n, scratch, y });
 }
 
 /// Inputs of [`sum_of_terms`], checked.
 pub struct FrequencyBlock<'a, T> {
     pub(in crate::simd) groups: &'a [[i32; 27]],
-    pub(in crate::simd) terms: &'a [Term<'a, T>],
+    pub(in crate::simd) terms: &'a [FrequencyTerm<'a, T>],
     pub(in crate::simd) n: usize,
     /// Has memory for the inputs of every term.
-    pub(in crate::simd) room: &'a mut Room<T>,
+    pub(in crate::simd) scratch: &'a mut FrequencyScratch<T>,
     pub(in crate::simd) y: &'a mut [T],
 }
 
 /// A [`FrequencyBlock`] and memory for transforms.
-struct FrequencyKernel<'a>(FrequencyBlock<'a, f32>, &'a mut Work);
+struct FrequencyKernel<'a>(FrequencyBlock<'a, f32>, &'a mut TransformScratch);
 
 impl FrequencyBlock<'_, f32> {
-    pub(in crate::simd) fn run(self, level: Level) {
-        let FrequencyBlock { groups, terms, n, room, y } = self;
-        let block = FrequencyBlock { groups, terms, n, room, y };
-        level.run(FrequencyKernel(block, &mut Work::new()));
+    pub(in crate::simd) fn run(self, isa: Isa) {
+        let FrequencyBlock { groups, terms, n, scratch, y } = self;
+        let block = FrequencyBlock { groups, terms, n, scratch, y };
+        isa.run(FrequencyKernel(block, &mut TransformScratch::new()));
     }
 }
 
@@ -132,8 +132,8 @@ impl Kernel for FrequencyKernel<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
-        let FrequencyKernel(FrequencyBlock { groups, terms, n, room, y }, work) = self;
-        let Room { inputs, sums } = room;
+        let FrequencyKernel(FrequencyBlock { groups, terms, n, scratch, y }, work) = self;
+        let FrequencyScratch { inputs, sums } = scratch;
         for (term, to) in terms.iter().zip(&mut *inputs) {
             transform(s, term, groups, work, to);
         }
@@ -156,14 +156,14 @@ impl Kernel for FrequencyKernel<'_> {
 #[inline(always)]
 fn transform<S: Simd>(
     s: S,
-    term: &Term<f32>,
+    term: &FrequencyTerm<f32>,
     groups: &[[i32; 27]],
-    work: &mut Work,
+    work: &mut TransformScratch,
     to: &mut Vec<f32>,
 ) {
     let (halfway, rows, exists) = work.parts(s);
     match term {
-        Term::Nodes { x, weights } => {
+        FrequencyTerm::Nodes { x, weights } => {
             let depth = weights.depth;
             let apart = plane(groups.len(), depth);
             to.resize(N_FREQUENCIES * apart, 0.0);
@@ -172,7 +172,7 @@ fn transform<S: Simd>(
                 frequencies(s, halfway, rows, depth, apart, &mut to[i * depth..]);
             }
         }
-        Term::Shapes { .. } => {
+        FrequencyTerm::Shapes { .. } => {
             let apart = plane(groups.len(), 1);
             to.resize(N_FREQUENCIES * apart, 0.0);
             frequencies_of_ones(s, halfway, exists, groups, apart, to);
@@ -185,7 +185,7 @@ fn transform<S: Simd>(
 #[inline(always)]
 fn add_term<S: Simd>(
     s: S,
-    (term, x): (&Term<f32>, &[f32]),
+    (term, x): (&FrequencyTerm<f32>, &[f32]),
     f: usize,
     (n, columns): (usize, &Range<usize>),
     more: bool,
@@ -194,13 +194,13 @@ fn add_term<S: Simd>(
     let n_columns = self::columns::<S>();
     let n_groups = sums.len() / n_columns;
     match term {
-        Term::Nodes { weights, .. } => {
+        FrequencyTerm::Nodes { weights, .. } => {
             let depth = weights.depth;
             let x = &x[f * plane(n_groups, depth)..][..n_groups * depth];
             let w = (columns.start / n_columns * N_FREQUENCIES + f) * depth * n_columns;
             add_product(s, (x, depth), &weights.numbers()[w..], more, sums);
         }
-        Term::Shapes { products, shapes } => {
+        FrequencyTerm::Shapes { products, shapes } => {
             if !more {
                 sums.fill(0.0);
             }
@@ -229,7 +229,7 @@ fn add_term<S: Simd>(
 #[inline(always)]
 fn put_children<S: Simd>(
     s: S,
-    work: &mut Work,
+    work: &mut TransformScratch,
     (sums, apart): (&[f32], usize),
     (n, columns): (usize, &Range<usize>),
     y: &mut [f32],
@@ -321,37 +321,37 @@ mod tests {
         usize::try_from(group[parent]).ok().map(|first| first + child)
     }
 
-    fn packed<T: Real + Send + Sync>(level: Level, w: &[T], depth: usize, n: usize) -> Packed<T> {
+    fn packed<T: Real + Send + Sync>(isa: Isa, w: &[T], depth: usize, n: usize) -> Packed<T> {
         let memory = vec![T::from_f32(f32::NAN); 7];
-        transform_weights(level, &Weights::new(w, depth, n), memory, |numbers, len, work| {
+        transform_weights(isa, &Weights::new(w, depth, n), memory, |numbers, len, work| {
             numbers.chunks_mut(len).enumerate().for_each(|(i, block)| work(i, block));
         })
     }
 
     /// The sum of a product with `depth` columns and of one column that is 1 in the first shape, 2 in the other.
-    fn sums<T: Real + Send + Sync>(level: Level, depth: usize, n: usize) -> Vec<T> {
+    fn sums<T: Real + Send + Sync>(isa: Isa, depth: usize, n: usize) -> Vec<T> {
         let x: Vec<T> = numbers(8 * N_GROUPS * depth, 1);
-        let weights = packed(level, &numbers::<T>(27 * depth * n, 2), depth, n);
+        let weights = packed(isa, &numbers::<T>(27 * depth * n, 2), depth, n);
         let products: Vec<T> = numbers(27 * n, 3);
         let twice: Vec<T> = products.iter().map(|&x| x + x).collect();
         let mut transformed = vec![T::default(); 2 * N_FREQUENCIES * n];
         let (one, two) = transformed.split_at_mut(N_FREQUENCIES * n);
-        transform_products(level, &products, n, one);
-        transform_products(level, &twice, n, two);
+        transform_products(isa, &products, n, one);
+        transform_products(isa, &twice, n, two);
         let shapes: Vec<usize> = (0..N_GROUPS).map(|g| g / 7).collect();
         let terms = [
-            Term::Shapes { products: &transformed, shapes: &shapes },
-            Term::Nodes { x: &x, weights: &weights },
+            FrequencyTerm::Shapes { products: &transformed, shapes: &shapes },
+            FrequencyTerm::Nodes { x: &x, weights: &weights },
         ];
         let mut y = vec![T::from_f32(f32::NAN); 8 * N_GROUPS * n];
-        sum_of_terms(level, &groups(), &terms, n, &mut Room::default(), &mut y);
+        sum_of_terms(isa, &groups(), &terms, n, &mut FrequencyScratch::default(), &mut y);
         y
     }
 
     #[test]
     fn sum_equals_the_plain_one_up_to_rounding() {
         for (depth, n) in [(8, 8), (24, 40)] {
-            let y: Vec<f64> = sums(Level::active(), depth, n);
+            let y: Vec<f64> = sums(Isa::active(), depth, n);
             let x: Vec<f64> = numbers(8 * N_GROUPS * depth, 1);
             let w: Vec<f64> = numbers(27 * depth * n, 2);
             let product: Vec<f64> = numbers(27 * n, 3);
@@ -373,12 +373,12 @@ mod tests {
     }
 
     #[test]
-    fn every_level_gives_the_same_bits() {
+    fn every_isa_gives_the_same_bits() {
         for (depth, n) in [(8, 8), (16, 72), (96, 96), (256, 24)] {
-            let bits = |level| sums::<f32>(level, depth, n).into_iter().map(f32::to_bits);
-            let expected: Vec<u32> = bits(Level::active()).collect();
-            for &level in Level::available() {
-                assert!(bits(level).eq(expected.iter().copied()), "{}", level.name());
+            let bits = |isa| sums::<f32>(isa, depth, n).into_iter().map(f32::to_bits);
+            let expected: Vec<u32> = bits(Isa::active()).collect();
+            for &isa in Isa::available() {
+                assert!(bits(isa).eq(expected.iter().copied()), "{}", isa.name());
             }
         }
     }
@@ -386,12 +386,12 @@ mod tests {
     /// `Σ dy·y` has the gradient by the weights that the transforms say.
     #[test]
     fn weight_gradient_equals_the_plain_sum_up_to_rounding() {
-        let (depth, n, level) = (16, 8, Level::active());
+        let (depth, n, isa) = (16, 8, Isa::active());
         let x: Vec<f64> = numbers(8 * N_GROUPS * depth, 1);
         let dy: Vec<f64> = numbers(8 * N_GROUPS * n, 2);
         let (mut v, mut d) = (vec![0.0; 64 * 15 * depth], vec![0.0; 64 * 15 * n]);
-        transform_inputs(level, &groups(), (&x, depth), 15, &mut v);
-        transform_gradients(level, (&dy, n), 15, &mut d);
+        transform_inputs(isa, &groups(), (&x, depth), 15, &mut v);
+        transform_gradients(isa, (&dy, n), 15, &mut d);
         let mut u = vec![0.0; 64 * depth * n];
         for (i, u) in u.iter_mut().enumerate() {
             let (f, p, j) = (i / (depth * n), i / n % depth, i % n);
@@ -400,7 +400,7 @@ mod tests {
         }
         for p in 0..depth {
             let mut dw = vec![f64::NAN; 27 * n];
-            transform_weight_gradients(level, &u[p * n..], depth * n, &mut dw);
+            transform_weight_gradients(isa, &u[p * n..], depth * n, &mut dw);
             for k in 0..27 {
                 for j in 0..n {
                     let plain: f64 = (0..8 * N_GROUPS)
@@ -421,6 +421,6 @@ mod tests {
         let (x, mut to) = ([0.0f32; 64], [0.0; 64 * 8]);
         let mut group = [-1; 27];
         group[26] = 8;
-        transform_inputs(Level::active(), &[group], (&x, 8), 1, &mut to);
+        transform_inputs(Isa::active(), &[group], (&x, 8), 1, &mut to);
     }
 }

@@ -1,4 +1,4 @@
-//! Vectors as arrays: the portable level, and NEON, which belongs to the baseline of 64-bit ARM.
+//! Vectors as arrays: the portable instruction set, and NEON, which belongs to the baseline of 64-bit ARM.
 
 use super::{Float32, Float64, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};
 #[cfg(target_arch = "aarch64")]
@@ -7,7 +7,7 @@ use crate::simd::token::Portable;
 use std::marker::PhantomData;
 use std::ops::{Add, Mul, Sub};
 
-/// `N` numbers of the level `I`.
+/// `N` numbers of the instruction set `I`.
 #[derive(Debug, Clone, Copy)]
 pub struct Lanes<T, const N: usize, I>([T; N], PhantomData<I>);
 
@@ -34,7 +34,7 @@ macro_rules! operator {
 macro_rules! array_vector {
     ($t:ty, $bits:ty, $n:literal, $isa:ty, $mul_add:expr) => {
         impl Vector for Lanes<$t, $n, $isa> {
-            type Isa = $isa;
+            type Token = $isa;
             type Element = $t;
             type Mask = [$bits; $n];
             const LANES: usize = $n;
@@ -125,7 +125,7 @@ impl Mask for [u32; 4] {
 macro_rules! unsigned {
     ($t:ty, $n:literal, $isa:ty) => {
         impl Unsigned for Lanes<$t, $n, $isa> {
-            type Isa = $isa;
+            type Token = $isa;
             type Element = $t;
             const LANES: usize = $n;
 
@@ -151,7 +151,7 @@ macro_rules! unsigned {
     };
 }
 
-macro_rules! level_vectors {
+macro_rules! isa_vectors {
     ($isa:ty) => {
         impl Float32 for Lanes<f32, 4, $isa> {
             #[inline(always)]
@@ -270,11 +270,11 @@ macro_rules! level_vectors {
     };
 }
 
-level_vectors!(Portable);
+isa_vectors!(Portable);
 #[cfg(target_arch = "aarch64")]
-level_vectors!(Neon);
+isa_vectors!(Neon);
 
-macro_rules! level {
+macro_rules! simd {
     ($isa:ty, $rows:literal) => {
         impl Simd for $isa {
             const LANES: usize = 4;
@@ -287,6 +287,6 @@ macro_rules! level {
     };
 }
 
-level!(Portable, 2);
+simd!(Portable, 2);
 #[cfg(target_arch = "aarch64")]
-level!(Neon, 8);
+simd!(Neon, 8);

@@ -55,7 +55,7 @@ macro_rules! operators {
 
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                // SAFETY: the operands were made from a token: the processor has the level's features.
+                // SAFETY: the operands were made from a token: the processor has the instruction set's features.
                 unsafe { Self($intrinsic(self.0, other.0)) }
             }
         }
@@ -73,7 +73,7 @@ macro_rules! vector {
         $fma:ident, $min:ident, $max:ident, $cmp:ident, $blend:ident
     ) => {
         impl Vector for $vector {
-            type Isa = Avx2;
+            type Token = Avx2;
             type Element = $element;
             type Mask = $mask;
             const LANES: usize = $lanes;
@@ -299,18 +299,18 @@ macro_rules! unsigned {
         $splat:ident as $cast:ty, $load:ident, $store:ident, $max:ident
     ) => {
         impl Unsigned for $vector {
-            type Isa = $isa;
+            type Token = $isa;
             type Element = $element;
             const LANES: usize = $lanes;
 
             #[inline(always)]
             fn splat(_: $isa, x: $element) -> Self {
-                // SAFETY: the token proves the level's features.
+                // SAFETY: the token proves the instruction set's features.
                 unsafe { Self($splat(x as $cast)) }
             }
             #[inline(always)]
             unsafe fn load_ptr(_: $isa, from: *const $element) -> Self {
-                // SAFETY: the token proves the level's features; the caller promises the numbers.
+                // SAFETY: the token proves the instruction set's features; the caller promises the numbers.
                 unsafe { Self($load(from.cast())) }
             }
             #[inline(always)]

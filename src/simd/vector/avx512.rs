@@ -32,7 +32,7 @@ macro_rules! vector {
         $fma:ident, $min:ident, $max:ident, $cmp:ident, $blend:ident
     ) => {
         impl Vector for $vector {
-            type Isa = Avx512;
+            type Token = Avx512;
             type Element = $element;
             type Mask = $mask;
             const LANES: usize = $lanes;

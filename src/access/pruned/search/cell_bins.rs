@@ -28,9 +28,9 @@ pub struct CellBins {
     heights: QuantizedHeights,
     /// Columns and rows.
     pub n: [usize; 2],
-    /// Cells from row to row, a multiple of the `u16` lanes of the level.
+    /// Cells from row to row, a multiple of the `u16` lanes of the instruction set.
     pub stride: usize,
-    /// Cells a millimetre.
+    /// Cells a millimeter.
     pub per_mm: f32,
     /// A strip is `2^strip` rows.
     pub strip: u32,

@@ -55,7 +55,7 @@ pub struct DilationScratch {
     starts: Vec<usize>,
 }
 
-/// Every cell of `to` becomes the greatest cell of `from` over a disc around it (grey dilation). Rows are `stride`
+/// Every cell of `to` becomes the greatest cell of `from` over a disc around it (gray dilation). Rows are `stride`
 /// cells, a multiple of the `u16` lanes.
 ///
 /// ```text
@@ -134,7 +134,7 @@ fn greater_of_each<S: Simd>(s: S, a: &[u16], b: &[u16], to: &mut [u16]) {
 mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
-    use crate::simd::{Kernel, Level};
+    use crate::simd::{Isa, Kernel};
 
     struct Greatest<'a>(&'a [u16], usize, &'a HalfWidths);
 
@@ -178,8 +178,8 @@ mod tests {
                     from.iter().zip(0..).filter(inside).map(|(&value, _)| value).max().unwrap()
                 };
                 let expected: Vec<u16> = (0..from.len()).map(over_disc).collect();
-                for &level in Level::available() {
-                    assert_eq!(level.run(Greatest(&from, stride, &halves)), expected, "{radius}");
+                for &isa in Isa::available() {
+                    assert_eq!(isa.run(Greatest(&from, stride, &halves)), expected, "{radius}");
                 }
             }
         }

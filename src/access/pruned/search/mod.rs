@@ -38,18 +38,18 @@ const _: () = assert!(PADDING.is_multiple_of(WORD) && WORD.is_multiple_of(GROUP)
 /// Sets the bit of every query at which some obstacle collides.
 pub struct Search<'a> {
     /// Reference points in the direction's frame.
-    pub centres: &'a Coordinates,
+    pub centers: &'a Coordinates,
     /// The cutter: heights ascend, radii never shrink.
     pub steps: &'a [StepSquared],
     /// Obstacles in the direction's frame, padding at height −∞.
     pub obstacles: &'a Coordinates,
-    /// Height of the obstacle that is the query itself, −∞ for none; as long as the centres.
+    /// Height of the obstacle that is the query itself, −∞ for none; as long as the centers.
     pub own_z: &'a [f32],
     /// Bits of the queries, zeroed.
     pub row: &'a mut [u64],
     /// Receives the queries whose own obstacle is high enough to matter; their bits stay 0.
     pub undecided: &'a mut Vec<u32>,
-    /// Answers of searches with the same centres in this direction; those of this one are recorded.
+    /// Answers of searches with the same centers in this direction; those of this one are recorded.
     pub cache: Option<&'a mut AnswerCache>,
     /// Reused from search to search.
     pub scratch: &'a mut SearchScratch,
@@ -123,14 +123,14 @@ impl Search<'_> {
         let first = S::F32::splat(s, self.steps[0].height);
         // Nothing is higher than infinity.
         let shaft = S::F32::splat(s, shaft.map_or(f32::INFINITY, |step| step.height));
-        let n = self.centres.n;
+        let n = self.centers.n;
         let mut by_height = 0;
         let SearchScratch { open, tested, ever_queried, .. } = &mut *self.scratch;
         for bits in [&mut *open, tested, ever_queried] {
             bits.clear();
             bits.resize(n.div_ceil(WORD), 0);
         }
-        let queries = words(&self.centres.z).iter().zip(words(self.own_z));
+        let queries = words(&self.centers.z).iter().zip(words(self.own_z));
         for (word, (to, (z, own_z))) in open.iter_mut().zip(queries).enumerate() {
             let (mut own, mut reached, mut hit) = (0, 0, 0);
             for at in (0..WORD).step_by(S::LANES) {
@@ -187,7 +187,7 @@ impl Search<'_> {
         let (inf, minus_inf) =
             (S::F32::splat(s, f32::INFINITY), S::F32::splat(s, f32::NEG_INFINITY));
         let (mut least, mut greatest) = ([inf; 3], [minus_inf; 3]);
-        let axes = [words(&self.centres.x), words(&self.centres.y), words(&self.centres.z)];
+        let axes = [words(&self.centers.x), words(&self.centers.y), words(&self.centers.z)];
         for (word, &bits) in self.scratch.queried.iter().enumerate().filter(|(_, bits)| **bits != 0)
         {
             for at in (0..WORD).step_by(S::LANES) {
@@ -206,7 +206,7 @@ impl Search<'_> {
     #[inline(always)]
     fn query<S: Simd>(&mut self, s: S, step: &StepSquared) -> u64 {
         let SearchScratch { open, queried, tested, grid, .. } = &mut *self.scratch;
-        let [x, y, z] = [groups(&self.centres.x), groups(&self.centres.y), groups(&self.centres.z)];
+        let [x, y, z] = [groups(&self.centers.x), groups(&self.centers.y), groups(&self.centers.z)];
         let height = S::F32::splat(s, step.height);
         let mut n_tested = 0;
         for (word, &bits) in queried.iter().enumerate().filter(|(_, bits)| **bits != 0) {

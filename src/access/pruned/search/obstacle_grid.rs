@@ -329,7 +329,7 @@ fn size([width, depth]: [f64; 2], radius: f64, n_points: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
-    use crate::simd::{Kernel, Level};
+    use crate::simd::{Isa, Kernel};
 
     /// Per query: whether the rasters call it hit, and collision-free, and whether the cells around hold a collision, tested
     /// alone and together with its neighbors.
@@ -405,8 +405,8 @@ mod tests {
                 let step = StepSquared { height: -(case as f32), radius_squared: radius * radius };
                 let floor =
                     (0..200).map(|i| queries.z[i]).fold(f32::INFINITY, f32::min) + step.height;
-                for &level in Level::available() {
-                    let found = level.run(Answer(&obstacles, floor, step, &queries));
+                for &isa in Isa::available() {
+                    let found = isa.run(Answer(&obstacles, floor, step, &queries));
                     for (i, (hit, collision_free, struck)) in found.into_iter().enumerate() {
                         let [x, y, z] = queries.get(i);
                         let within = |p: &[f32; 3]| {

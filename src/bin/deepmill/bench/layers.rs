@@ -16,13 +16,13 @@ use deepmill::nn::strided_conv::{OctreeStridedConv, OutputRows};
 use deepmill::par;
 use deepmill::report::tables::{Cell, Table};
 use deepmill::scalar;
-use deepmill::simd::Level;
+use deepmill::simd::Isa;
 use deepmill::simd::gemm::matmul_rows;
 use serde_json::json;
 
 /// Time every kind of layer, forward and backward, against this machine's own matrix product.
 ///
-/// Useful operations count neither missing neighbours nor columns that are constant over a shape.
+/// Useful operations count neither missing neighbors nor columns that are constant over a shape.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill bench layers --batch 8 --threads 2")]
 pub struct Args {
@@ -54,10 +54,10 @@ enum Kind {
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let config = args.input.config()?;
     let batch = input::batch(&args.input.clouds()?, &config)?;
-    let level = scalar::simd_level()?.name();
+    let isa = scalar::simd_isa()?.name();
     let peak = peak(args.input.seconds);
     output.say(format!(
-        "{level}, {} threads, own matrix product {peak:.1} GFLOP/s; batch of {} shapes",
+        "{isa}, {} threads, own matrix product {peak:.1} GFLOP/s; batch of {} shapes",
         par::threads(),
         batch.n_shapes()
     ));
@@ -101,7 +101,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         ));
     }
     output.result(&json!({
-        "level": level, "threads": par::threads(), "product_gflops": peak, "layers": table.json(),
+        "isa": isa, "threads": par::threads(), "product_gflops": peak, "layers": table.json(),
         "gflop": work, "seconds": times,
     }));
     Ok(())
@@ -118,7 +118,7 @@ fn peak(seconds: f64) -> f64 {
         par::map(n_tasks, |_| {
             let mut c = vec![0.0; SIZE * SIZE];
             for _ in 0..REPEATS {
-                matmul_rows(Level::active(), (&a, &rows), SIZE, &b, SIZE, (&mut c, &rows));
+                matmul_rows(Isa::active(), (&a, &rows), SIZE, &b, SIZE, (&mut c, &rows));
             }
             c[SIZE]
         });

@@ -24,7 +24,7 @@ pub struct Args {
 
 #[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
 enum Work {
-    /// Octree, neighbours and kernel maps.
+    /// Octree, neighbors and kernel maps.
     Octree,
     /// Inference.
     Forward,
@@ -39,12 +39,13 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (limit, arena) = (args.input.seconds, Arena::default());
     let (seconds, repeats) = match args.work {
         Work::Octree => {
-            let frames = clouds.iter().map(|c| config.input.normalisation().frame(&c.points));
-            let frames = frames.collect::<Result<Vec<_>>>()?;
-            let apply = |(c, f): (&deepmill::geom::Sites, &deepmill::octree::Frame)| {
+            let transforms =
+                clouds.iter().map(|c| config.input.normalization().transform(&c.points));
+            let transforms = transforms.collect::<Result<Vec<_>>>()?;
+            let apply = |(c, f): (&deepmill::geom::Sites, &deepmill::octree::CubeTransform)| {
                 c.points.iter().map(|&p| f.apply(p)).collect::<Vec<_>>()
             };
-            let points: Vec<_> = clouds.iter().zip(&frames).map(apply).collect();
+            let points: Vec<_> = clouds.iter().zip(&transforms).map(apply).collect();
             let pairs = points.iter().zip(&clouds);
             let clouds: Vec<_> = pairs.map(|(p, c)| Cloud::new(p, &c.normals)).collect();
             let options = config.input.octree();

@@ -1,7 +1,7 @@
 //! Into frequencies, and back to the gradients of the weights.
 
 use super::super::super::vector::MAX_LANES;
-use super::super::super::{Kernel, Level, Simd, Vector};
+use super::super::super::{Isa, Kernel, Simd, Vector};
 use super::super::tile::{MAX_COLUMNS, WIDTH, columns};
 use super::super::weights::{Packed, Weights, uninit};
 use super::super::{Real, passes};
@@ -34,17 +34,17 @@ pub(in crate::simd) static PLACES: [(usize, usize); 64] = {
 /// # Panics
 /// If there are not 27 offsets.
 pub fn transform_weights<T: Real + Send + Sync>(
-    level: Level,
+    isa: Isa,
     weights: &Weights<T>,
     memory: Vec<T>,
     for_each_block: impl FnOnce(&mut [T], usize, &(dyn Fn(usize, &mut [T]) + Sync)),
 ) -> Packed<T> {
     assert_eq!(weights.n_offsets(), 27, "a kernel of 3×3×3");
     let depth = weights.depth();
-    let mut packed = Packed::unwritten(level, N_FREQUENCIES, depth, weights.width(), memory);
+    let mut packed = Packed::unwritten(isa, N_FREQUENCIES, depth, weights.width(), memory);
     let len = N_FREQUENCIES * depth * packed.panel_width;
     for_each_block(packed.numbers_mut(), len, &|panel, to| {
-        T::transform_kernels(level, KernelTransform::Weights { weights, panel, to });
+        T::transform_kernels(isa, KernelTransform::Weights { weights, panel, to });
     });
     packed
 }
@@ -53,20 +53,20 @@ pub fn transform_weights<T: Real + Send + Sync>(
 ///
 /// # Panics
 /// If something does not fit.
-pub fn transform_products<T: Real>(level: Level, products: &[T], stride: usize, to: &mut [T]) {
+pub fn transform_products<T: Real>(isa: Isa, products: &[T], stride: usize, to: &mut [T]) {
     let width = to.len() / N_FREQUENCIES;
     check_rows_of(products, 27, stride, width, to, N_FREQUENCIES);
-    T::transform_kernels(level, KernelTransform::Products { x: products, stride, width, to });
+    T::transform_kernels(isa, KernelTransform::Products { x: products, stride, width, to });
 }
 
 /// Overwrites `to: [27, n]` with `Gᵀ` applied to `u`: 64 rows of `n`, `stride` apart.
 ///
 /// # Panics
 /// If something does not fit.
-pub fn transform_weight_gradients<T: Real>(level: Level, u: &[T], stride: usize, to: &mut [T]) {
+pub fn transform_weight_gradients<T: Real>(isa: Isa, u: &[T], stride: usize, to: &mut [T]) {
     let width = to.len() / 27;
     check_rows_of(u, N_FREQUENCIES, stride, width, to, 27);
-    T::transform_kernels(level, KernelTransform::Gradients { x: u, stride, width, to });
+    T::transform_kernels(isa, KernelTransform::Gradients { x: u, stride, width, to });
 }
 
 fn check_rows_of<T>(x: &[T], n: usize, stride: usize, width: usize, to: &[T], n_to: usize) {
@@ -80,7 +80,7 @@ fn check_rows_of<T>(x: &[T], n: usize, stride: usize, width: usize, to: &[T], n_
 /// # Panics
 /// If something does not fit.
 pub fn transform_inputs<T: Real>(
-    level: Level,
+    isa: Isa,
     groups: &[[i32; 27]],
     (x, depth): (&[T], usize),
     n_rows: usize,
@@ -88,7 +88,7 @@ pub fn transform_inputs<T: Real>(
 ) {
     check_groups(groups, x.len(), depth);
     assert!(groups.len() <= n_rows && to.len() == N_FREQUENCIES * n_rows * depth, "frequencies");
-    T::transform_inputs(level, InputTransform { groups, x, depth, plane: n_rows * depth, to });
+    T::transform_inputs(isa, InputTransform { groups, x, depth, plane: n_rows * depth, to });
 }
 
 /// Overwrites `to` with `A dy` for the children `dy: [8·n, width]` of some parents, laid out as by
@@ -97,14 +97,14 @@ pub fn transform_inputs<T: Real>(
 /// # Panics
 /// If something does not fit.
 pub fn transform_gradients<T: Real>(
-    level: Level,
+    isa: Isa,
     (dy, width): (&[T], usize),
     n_rows: usize,
     to: &mut [T],
 ) {
     assert!(width.is_multiple_of(CHANNELS) && dy.len().is_multiple_of(8 * width), "whole groups");
     assert!(dy.len() <= 8 * n_rows * width && to.len() == N_FREQUENCIES * n_rows * width);
-    T::transform_gradients(level, GradientTransform { dy, width, plane: n_rows * width, to });
+    T::transform_gradients(isa, GradientTransform { dy, width, plane: n_rows * width, to });
 }
 
 pub(super) fn check_groups(groups: &[[i32; 27]], len: usize, depth: usize) {
@@ -115,7 +115,7 @@ pub(super) fn check_groups(groups: &[[i32; 27]], len: usize, depth: usize) {
     assert!(groups.as_flattened().iter().all(|first| *first < 0 || inside(first)), "neighbors");
 }
 
-/// `G`, or `Gᵀ` on the way back.
+/// `G`, or `Gᵀ` in the backward pass.
 pub enum KernelTransform<'a, 'b, T> {
     /// `G w` of one panel.
     Weights {
@@ -169,9 +169,9 @@ pub struct GradientTransform<'a, T> {
     pub(in crate::simd) to: &'a mut [T],
 }
 
-/// Memory of a transform, outside the kernel: a cube halfway, and where its nodes are.
+/// Work space of a transform, outside the kernel: a cube halfway, and where its nodes are.
 #[repr(align(64))]
-pub(in crate::simd) struct Work {
+pub(in crate::simd) struct TransformScratch {
     halfway: [MaybeUninit<f32>; 2 * 64 * MAX_LANES],
     rows: [*const f32; 64],
     exists: Exists,
@@ -180,10 +180,10 @@ pub(in crate::simd) struct Work {
 /// Whether the 27 neighbors of some groups exist, 1 or 0, a lane per group.
 pub(in crate::simd) type Exists = [[f32; MAX_LANES]; 27];
 
-impl Work {
+impl TransformScratch {
     pub(in crate::simd) fn new() -> Self {
         let halfway = [const { MaybeUninit::uninit() }; 2 * 64 * MAX_LANES];
-        Work { halfway, rows: [ZEROS.as_ptr(); 64], exists: [[0.0; MAX_LANES]; 27] }
+        TransformScratch { halfway, rows: [ZEROS.as_ptr(); 64], exists: [[0.0; MAX_LANES]; 27] }
     }
 
     /// The cube in vectors, the rows, and which neighbors exist.
@@ -193,7 +193,7 @@ impl Work {
         s: S,
     ) -> (&mut Halfway<S::F32>, &mut [*const f32; 64], &mut Exists) {
         let halfway: *mut Halfway<S::F32> = self.halfway.as_mut_ptr().cast();
-        // SAFETY: the memory is aligned and large enough for 128 vectors of any level, and belongs to
+        // SAFETY: the memory is aligned and large enough for 128 vectors of any instruction set, and belongs to
         // `self`; it is written before it is lent.
         let halfway = unsafe {
             for i in 0..128 {
@@ -259,7 +259,10 @@ macro_rules! for_each_chunk {
 }
 
 /// An [`InputTransform`] and its memory.
-pub(in crate::simd) struct InputKernel<'a>(pub InputTransform<'a, f32>, pub &'a mut Work);
+pub(in crate::simd) struct InputKernel<'a>(
+    pub InputTransform<'a, f32>,
+    pub &'a mut TransformScratch,
+);
 
 impl Kernel for InputKernel<'_> {
     type Output = ();
@@ -316,7 +319,10 @@ pub(super) fn frequencies<S: Simd>(
 }
 
 /// A [`GradientTransform`] and its memory.
-pub(in crate::simd) struct GradientKernel<'a>(pub GradientTransform<'a, f32>, pub &'a mut Work);
+pub(in crate::simd) struct GradientKernel<'a>(
+    pub GradientTransform<'a, f32>,
+    pub &'a mut TransformScratch,
+);
 
 impl Kernel for GradientKernel<'_> {
     type Output = ();
@@ -352,7 +358,7 @@ pub(in crate::simd) struct KernelRows([f32; 27 * MAX_LANES * MAX_COLUMNS]);
 /// A [`KernelTransform`] and its memory.
 pub(in crate::simd) struct KernelKernel<'a, 'b>(
     pub KernelTransform<'a, 'b, f32>,
-    pub &'a mut Work,
+    pub &'a mut TransformScratch,
     pub &'a mut KernelRows,
 );
 

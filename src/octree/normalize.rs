@@ -1,12 +1,12 @@
-//! From millimetres into the cube [−1, 1]³ of an octree, and back.
+//! From millimeters into the cube [−1, 1]³ of an octree, and back.
 
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 
 /// Which cube a shape is moved into.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Normalisation {
-    /// The paper's unit cube: the bounding box is centred and its longest edge becomes [−1, 1].
+pub enum Normalization {
+    /// The paper's unit cube: the bounding box is centered and its longest edge becomes [−1, 1].
     #[default]
     UnitCube,
     /// The reference's preparation: the mean of the points is moved to the origin and the greatest
@@ -14,21 +14,21 @@ pub enum Normalisation {
     Mean,
 }
 
-/// The similarity `p ↦ (p − centre)·scale` that normalises one shape.
+/// The similarity `p ↦ (p − center)·scale` that normalizes one shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Frame {
+pub struct CubeTransform {
     /// What becomes the origin, mm.
-    pub centre: DVec3,
-    /// Normalised length of one millimetre.
+    pub center: DVec3,
+    /// Normalized length of one millimeter.
     pub scale: f64,
 }
 
-impl Normalisation {
-    /// The frame of a shape; one whose points all coincide is moved but not scaled.
+impl Normalization {
+    /// The transform of a shape; one whose points all coincide is moved but not scaled.
     ///
     /// # Errors
     /// If there are no points or one is not finite.
-    pub fn frame(self, points: &[Vec3]) -> Result<Frame> {
+    pub fn transform(self, points: &[Vec3]) -> Result<CubeTransform> {
         if points.is_empty() {
             return Err(Error::geometry("shape", "it has no points", "give it at least one point"));
         }
@@ -40,41 +40,41 @@ impl Normalisation {
             });
         }
         let exact = || points.iter().map(|p| p.as_dvec3());
-        let (centre, extent) = match self {
-            Normalisation::UnitCube => {
+        let (center, extent) = match self {
+            Normalization::UnitCube => {
                 let low = exact().fold(DVec3::INFINITY, DVec3::min);
                 let high = exact().fold(DVec3::NEG_INFINITY, DVec3::max);
                 (0.5 * (low + high), 1.0)
             }
-            Normalisation::Mean => (exact().sum::<DVec3>() / points.len() as f64, 0.8),
+            Normalization::Mean => (exact().sum::<DVec3>() / points.len() as f64, 0.8),
         };
-        let greatest = exact().map(|p| (p - centre).abs().max_element()).fold(0.0, f64::max);
+        let greatest = exact().map(|p| (p - center).abs().max_element()).fold(0.0, f64::max);
         let scale = if greatest > 0.0 { extent / greatest } else { 1.0 };
-        Ok(Frame { centre, scale })
+        Ok(CubeTransform { center, scale })
     }
 }
 
-impl Frame {
-    /// Millimetres to the cube; coordinates that rounding would put outside are put on its faces if the
+impl CubeTransform {
+    /// Millimeters to the cube; coordinates that rounding would put outside are put on its faces if the
     /// excess is below 1e-6.
     pub fn apply(&self, point: Vec3) -> Vec3 {
-        let p = ((point.as_dvec3() - self.centre) * self.scale).as_vec3();
+        let p = ((point.as_dvec3() - self.center) * self.scale).as_vec3();
         let clamped = p.clamp(Vec3::NEG_ONE, Vec3::ONE);
         if (p - clamped).abs().max_element() < 1e-6 { clamped } else { p }
     }
 
-    /// The cube back to millimetres.
+    /// The cube back to millimeters.
     pub fn invert(&self, point: Vec3) -> Vec3 {
-        (point.as_dvec3() / self.scale + self.centre).as_vec3()
+        (point.as_dvec3() / self.scale + self.center).as_vec3()
     }
 }
 
-/// How points in millimetres are prepared for [`super::Octree::build`].
+/// How points in millimeters are prepared for [`super::Octree::build`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Preparation {
     /// The cube.
-    pub normalisation: Normalisation,
-    /// Drop the points that have a coordinate not strictly inside ± this value after normalising.
+    pub normalization: Normalization,
+    /// Drop the points that have a coordinate not strictly inside ± this value after normalizing.
     pub clip: Option<f32>,
 }
 
@@ -86,28 +86,28 @@ pub struct Prepared {
     /// Their indices before clipping, ascending; labels and normals must be selected by them.
     pub kept: Vec<u32>,
     /// The similarity that was applied.
-    pub frame: Frame,
+    pub transform: CubeTransform,
 }
 
 impl Preparation {
-    /// What the reference does: [`Normalisation::Mean`], and clipping at ±0.99, which drops nothing then.
+    /// What the reference does: [`Normalization::Mean`], and clipping at ±0.99, which drops nothing then.
     pub fn reference() -> Self {
-        Preparation { normalisation: Normalisation::Mean, clip: Some(0.99) }
+        Preparation { normalization: Normalization::Mean, clip: Some(0.99) }
     }
 
-    /// Normalises and clips.
+    /// Normalizes and clips.
     ///
     /// # Errors
     /// If there are no points or one is not finite.
     pub fn prepare(&self, points: &[Vec3]) -> Result<Prepared> {
-        let frame = self.normalisation.frame(points)?;
-        let points: Vec<Vec3> = points.iter().map(|&p| frame.apply(p)).collect();
+        let transform = self.normalization.transform(points)?;
+        let points: Vec<Vec3> = points.iter().map(|&p| transform.apply(p)).collect();
         let kept = match self.clip {
             Some(limit) => clip(&points, limit),
             None => (0..points.len() as u32).collect(),
         };
         let points = kept.iter().map(|&i| points[i as usize]).collect();
-        Ok(Prepared { points, kept, frame })
+        Ok(Prepared { points, kept, transform })
     }
 }
 
@@ -125,13 +125,13 @@ mod tests {
     fn both_cubes_are_as_defined() {
         let points =
             [Vec3::new(10.0, 0.0, 0.0), Vec3::new(14.0, 2.0, 0.0), Vec3::new(12.0, 1.0, 1.0)];
-        let cube = Normalisation::UnitCube.frame(&points).unwrap();
-        assert_eq!((cube.centre, cube.scale), (DVec3::new(12.0, 1.0, 0.5), 0.5));
-        let mean = Normalisation::Mean.frame(&points).unwrap();
-        assert!((mean.centre - DVec3::new(12.0, 1.0, 1.0 / 3.0)).length() < 1e-12);
+        let cube = Normalization::UnitCube.transform(&points).unwrap();
+        assert_eq!((cube.center, cube.scale), (DVec3::new(12.0, 1.0, 0.5), 0.5));
+        let mean = Normalization::Mean.transform(&points).unwrap();
+        assert!((mean.center - DVec3::new(12.0, 1.0, 1.0 / 3.0)).length() < 1e-12);
         assert_eq!(mean.scale, 0.4);
-        for frame in [cube, mean] {
-            assert!((frame.invert(frame.apply(points[1])) - points[1]).length() < 1e-5);
+        for transform in [cube, mean] {
+            assert!((transform.invert(transform.apply(points[1])) - points[1]).length() < 1e-5);
         }
     }
 
@@ -149,10 +149,11 @@ mod tests {
 
     #[test]
     fn coinciding_points_are_centred_and_bad_ones_refused() {
-        let frame = Normalisation::Mean.frame(&[Vec3::splat(5.0); 4]).unwrap();
-        assert_eq!((frame.apply(Vec3::splat(5.0)), frame.scale), (Vec3::ZERO, 1.0));
-        assert!(Normalisation::UnitCube.frame(&[]).is_err());
-        let error = Normalisation::Mean.frame(&[Vec3::ZERO, Vec3::splat(f32::NAN)]).unwrap_err();
+        let transform = Normalization::Mean.transform(&[Vec3::splat(5.0); 4]).unwrap();
+        assert_eq!((transform.apply(Vec3::splat(5.0)), transform.scale), (Vec3::ZERO, 1.0));
+        assert!(Normalization::UnitCube.transform(&[]).is_err());
+        let error =
+            Normalization::Mean.transform(&[Vec3::ZERO, Vec3::splat(f32::NAN)]).unwrap_err();
         assert!(error.to_string().starts_with("point 1: "));
     }
 

@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all: written beside their place, then renamed into it.
+//! Atomic files: written to a temporary file in the same folder, synced to the disk, then renamed into place.
 
 use crate::{Error, Result};
 use std::fs::File;
@@ -7,22 +7,23 @@ use std::path::Path;
 
 /// Writes `path` through `fill`; an older file of that name stays until the new one is complete.
 ///
-/// Missing parent folders are made. The file has the permissions of any new file of this user.
+/// Missing parent folders are made. The file has the permissions of any new file of this user. The file is synced before
+/// the rename and, on Unix, its folder after it: after a loss of power there is the old file or the new one.
 ///
 /// # Errors
-/// If the system or `fill` refuses; nothing is left behind then.
-pub fn write(
+/// If the system or `fill` refuses; nothing is left behind then, unless only the sync of the folder failed.
+pub fn write_atomic(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<&File>) -> std::io::Result<()>,
 ) -> Result<()> {
-    write_aside(path, fill).map_err(|source| Error::write(path, source))
+    write_synced(path, fill).map_err(|source| Error::write(path, source))
 }
 
 /// Checks that files can be written into `folder`, which need not exist yet; leaves nothing behind.
 ///
 /// # Errors
 /// If `folder`, or what of its path exists, is no folder or takes no files.
-pub fn check_folder(folder: &Path) -> Result<()> {
+pub fn check_writable_folder(folder: &Path) -> Result<()> {
     let mut existing = folder;
     while !existing.as_os_str().is_empty() && !existing.exists() {
         existing = existing.parent().unwrap_or(Path::new(""));
@@ -40,18 +41,18 @@ pub fn check_folder(folder: &Path) -> Result<()> {
 ///
 /// # Errors
 /// If `path` is a folder, or its folder takes no files.
-pub fn check_file(path: &Path) -> Result<()> {
+pub fn check_writable_file(path: &Path) -> Result<()> {
     if path.is_dir() {
         return Err(Error::file(path, "file", "it is a folder", "name a file"));
     }
-    check_folder(path.parent().unwrap_or(Path::new("")))
+    check_writable_folder(path.parent().unwrap_or(Path::new("")))
 }
 
 /// Removes from `folder` the half-written files that killed processes have left there.
 ///
 /// # Errors
 /// If the folder cannot be listed or a file not removed.
-pub fn remove_leftovers(folder: &Path) -> Result<()> {
+pub fn remove_temporary_files(folder: &Path) -> Result<()> {
     for entry in std::fs::read_dir(folder).map_err(|e| Error::read(folder, e))? {
         let entry = entry.map_err(|e| Error::read(folder, e))?;
         if entry.file_name().to_string_lossy().starts_with(PREFIX) {
@@ -64,7 +65,7 @@ pub fn remove_leftovers(folder: &Path) -> Result<()> {
 /// Beginning of the names of files that are being written.
 const PREFIX: &str = ".deepmill-";
 
-fn write_aside(
+fn write_synced(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<&File>) -> std::io::Result<()>,
 ) -> std::io::Result<()> {
@@ -80,12 +81,28 @@ fn write_aside(
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    let aside = builder.tempfile_in(folder)?;
-    let mut writer = BufWriter::new(aside.as_file());
+    let temporary = builder.tempfile_in(folder)?;
+    let mut writer = BufWriter::new(temporary.as_file());
     fill(&mut writer)?;
     writer.flush()?;
     drop(writer);
-    aside.persist(path)?;
+    temporary.as_file().sync_all()?;
+    temporary.persist(path)?;
+    sync_folder(folder)
+}
+
+/// Makes a rename in `folder` last. File systems that cannot sync a folder say `InvalidInput` or `Unsupported`.
+#[cfg(unix)]
+fn sync_folder(folder: &Path) -> std::io::Result<()> {
+    use std::io::ErrorKind::{InvalidInput, Unsupported};
+    match File::open(folder)?.sync_all() {
+        Err(error) if !matches!(error.kind(), InvalidInput | Unsupported) => Err(error),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(not(unix))]
+fn sync_folder(_: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
@@ -98,14 +115,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let [file, new] = ["a.txt", "new"].map(|name| folder.path().join(name));
         std::fs::write(&file, "a").unwrap();
-        check_folder(&new.join("deep")).unwrap();
-        check_file(&new.join("deep/a.txt")).unwrap();
-        check_file(&file).unwrap();
+        check_writable_folder(&new.join("deep")).unwrap();
+        check_writable_file(&new.join("deep/a.txt")).unwrap();
+        check_writable_file(&file).unwrap();
         for place in [&file, &file.join("deep/er")] {
-            let message = check_folder(place).unwrap_err().to_string();
+            let message = check_writable_folder(place).unwrap_err().to_string();
             assert!(message.contains("a.txt: folder: it is a file"), "{message}");
         }
-        assert!(check_file(folder.path()).unwrap_err().to_string().contains("it is a folder"));
+        assert!(
+            check_writable_file(folder.path()).unwrap_err().to_string().contains("it is a folder")
+        );
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
@@ -113,8 +132,8 @@ mod tests {
     fn a_failed_write_leaves_the_old_file_and_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new/a.txt");
-        write(&path, |w| w.write_all(b"first")).unwrap();
-        let failed = write(&path, |w| {
+        write_atomic(&path, |w| w.write_all(b"first")).unwrap();
+        let failed = write_atomic(&path, |w| {
             w.write_all(b"half")?;
             Err(std::io::Error::other("full"))
         });
@@ -122,7 +141,7 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"first");
         assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
         std::fs::write(path.with_file_name(".deepmill-x"), b"left").unwrap();
-        remove_leftovers(path.parent().unwrap()).unwrap();
+        remove_temporary_files(path.parent().unwrap()).unwrap();
         assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
         assert!(path.exists());
     }

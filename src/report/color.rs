@@ -1,20 +1,20 @@
-//! Colours of sites, chosen to stay apart for colour-blind eyes and in grey print.
+//! Colors of sites, chosen to stay apart for color-blind eyes and in gray print.
 
 /// Red, green and blue, 0 to 255 each, sRGB.
 pub type Rgb = [u8; 3];
 
-/// A group of sites that share a colour.
+/// A group of sites that share a color.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Class<'a> {
     /// Name in legends.
     pub name: &'a str,
-    /// Colour before shading.
-    pub colour: Rgb,
+    /// Color before shading.
+    pub color: Rgb,
 }
 
-/// What the colours of the sites say; the slices have one entry per site.
+/// What the colors of the sites say; the slices have one entry per site.
 #[derive(Debug, Clone, Copy)]
-pub enum Colouring<'a> {
+pub enum Coloring<'a> {
     /// Nothing: this many sites without an answer.
     Plain(usize),
     /// The answers of one engine, exact or predicted.
@@ -42,60 +42,60 @@ pub enum Colouring<'a> {
     },
 }
 
-const PLAIN: [Class<'static>; 1] = [Class { name: "site", colour: [176, 186, 198] }];
+const PLAIN: [Class<'static>; 1] = [Class { name: "site", color: [176, 186, 198] }];
 
 const LABELS: [Class<'static>; 4] = [
-    Class { name: "accessible", colour: [205, 208, 212] },
-    Class { name: "inaccessible", colour: [206, 58, 44] },
-    Class { name: "occlusion", colour: [245, 196, 50] },
-    Class { name: "both", colour: [112, 56, 150] },
+    Class { name: "accessible", color: [205, 208, 212] },
+    Class { name: "inaccessible", color: [206, 58, 44] },
+    Class { name: "occlusion", color: [245, 196, 50] },
+    Class { name: "both", color: [112, 56, 150] },
 ];
 
 const DIFFERENCE: [Class<'static>; 4] = [
-    Class { name: "agreed: no", colour: [212, 214, 217] },
-    Class { name: "agreed: yes", colour: [122, 134, 150] },
-    Class { name: "missed", colour: [206, 58, 44] },
-    Class { name: "false alarm", colour: [50, 120, 200] },
+    Class { name: "agreed: no", color: [212, 214, 217] },
+    Class { name: "agreed: yes", color: [122, 134, 150] },
+    Class { name: "missed", color: [206, 58, 44] },
+    Class { name: "false alarm", color: [50, 120, 200] },
 ];
 
-impl<'a> Colouring<'a> {
+impl<'a> Coloring<'a> {
     /// The groups, in legend order.
     pub fn classes(&self) -> &'a [Class<'a>] {
         match self {
-            Colouring::Plain(_) => &PLAIN,
-            Colouring::Labels { .. } => &LABELS,
-            Colouring::Difference { .. } => &DIFFERENCE,
-            Colouring::Groups { classes, .. } => classes,
+            Coloring::Plain(_) => &PLAIN,
+            Coloring::Labels { .. } => &LABELS,
+            Coloring::Difference { .. } => &DIFFERENCE,
+            Coloring::Groups { classes, .. } => classes,
         }
     }
 
-    /// The group of site `i`, an index into [`Colouring::classes`].
+    /// The group of site `i`, an index into [`Coloring::classes`].
     ///
     /// # Panics
     /// If there is no site `i`.
     pub fn class(&self, i: usize) -> usize {
         match self {
-            Colouring::Plain(_) => 0,
-            Colouring::Labels { inaccessible, occlusion } => {
+            Coloring::Plain(_) => 0,
+            Coloring::Labels { inaccessible, occlusion } => {
                 usize::from(inaccessible[i]) + 2 * usize::from(occlusion[i])
             }
-            Colouring::Difference { truth, predicted, .. } => match (truth[i], predicted[i]) {
+            Coloring::Difference { truth, predicted, .. } => match (truth[i], predicted[i]) {
                 (false, false) => 0,
                 (true, true) => 1,
                 (true, false) => 2,
                 (false, true) => 3,
             },
-            Colouring::Groups { of, .. } => of[i],
+            Coloring::Groups { of, .. } => of[i],
         }
     }
 
     /// Number of sites.
     pub fn len(&self) -> usize {
         match self {
-            Colouring::Plain(n) => *n,
-            Colouring::Labels { inaccessible, .. } => inaccessible.len(),
-            Colouring::Difference { truth, .. } => truth.len(),
-            Colouring::Groups { of, .. } => of.len(),
+            Coloring::Plain(n) => *n,
+            Coloring::Labels { inaccessible, .. } => inaccessible.len(),
+            Coloring::Difference { truth, .. } => truth.len(),
+            Coloring::Groups { of, .. } => of.len(),
         }
     }
 
@@ -104,12 +104,12 @@ impl<'a> Colouring<'a> {
         self.len() == 0
     }
 
-    /// The colour of site `i` before shading.
+    /// The color of site `i` before shading.
     ///
     /// # Panics
     /// If there is no site `i`.
-    pub fn colour(&self, i: usize) -> Rgb {
-        self.classes()[self.class(i)].colour
+    pub fn color(&self, i: usize) -> Rgb {
+        self.classes()[self.class(i)].color
     }
 
     /// Number of sites that the legend states for each group. Labels overlap: a site that is both
@@ -117,7 +117,7 @@ impl<'a> Colouring<'a> {
     pub fn legend_counts(&self) -> Vec<usize> {
         let counts = self.counts();
         match (self, &counts[..]) {
-            (Colouring::Labels { .. }, [none, first, second, both]) => {
+            (Coloring::Labels { .. }, [none, first, second, both]) => {
                 vec![none + second, first + both, second + both, *both]
             }
             _ => counts,
@@ -139,9 +139,9 @@ mod tests {
     #[test]
     fn each_combination_has_its_own_class() {
         let (a, b) = ([false, true, false, true], [false, false, true, true]);
-        let labels = Colouring::Labels { inaccessible: &a, occlusion: &b };
+        let labels = Coloring::Labels { inaccessible: &a, occlusion: &b };
         assert_eq!([0, 1, 2, 3].map(|i| labels.class(i)), [0, 1, 2, 3]);
-        let difference = Colouring::Difference { positive: "x", truth: &a, predicted: &b };
+        let difference = Coloring::Difference { positive: "x", truth: &a, predicted: &b };
         assert_eq!(
             [0, 1, 2, 3].map(|i| difference.classes()[difference.class(i)].name),
             ["agreed: no", "missed", "false alarm", "agreed: yes"]
