@@ -50,22 +50,23 @@ fn row(path: &str, sites: &Sites, dense: &[glam::Vec3], lengths: [f64; 4]) {
     let many = run(Obstacles::Queries, 2400, false);
     let missed = differing(&base, &faithful);
     let share = |count: usize, of: usize| 100.0 * count as f64 / of.max(1) as f64;
-    let facing = facing_away(&sites.normals, best_facing(&sites.normals, &base.inaccessible));
+    let facing =
+        facing_away(&sites.normals, best_facing(&sites.normals, &base.answers.inaccessible));
     println!(
         "{:<22} {:<14} {:>5.1}% {:>6.2}% {:>9.1}% {:>9.2}% {:>9.3} {:>9.3}",
         std::path::Path::new(path).file_stem().unwrap().to_string_lossy(),
         lengths.map(|l| l.to_string()).join(","),
-        share(base.n_inaccessible(), sites.len()),
-        share(missed, faithful.n_inaccessible()),
-        share(many.n_inaccessible(), sites.len()),
+        share(base.answers.n_inaccessible(), sites.len()),
+        share(missed, faithful.answers.n_inaccessible()),
+        share(many.answers.n_inaccessible(), sites.len()),
         share(differing(&base, &many), sites.len()),
-        f1(&highest(&sites.points, 0.1), &base.occlusion),
-        f1(&facing, &base.inaccessible),
+        f1(&highest(&sites.points, 0.1), &base.answers.occlusion),
+        f1(&facing, &base.answers.inaccessible),
     );
 }
 
 fn differing(a: &Labels, b: &Labels) -> usize {
-    a.inaccessible.iter().zip(&b.inaccessible).filter(|(a, b)| a != b).count()
+    a.answers.inaccessible.iter().zip(&b.answers.inaccessible).filter(|(a, b)| a != b).count()
 }
 
 fn f1(guess: &[bool], truth: &[bool]) -> f64 {

@@ -256,7 +256,7 @@ fn equal(settings: &Settings, parts: &[(String, Mesh)], directions: &Directions)
             let answer = |engine| {
                 let options = LabelOptions { engine, ..Default::default() };
                 let labels = label_many(&sites, Obstacles::Queries, &cutters, directions, &options);
-                let parts = |l: Labels| (l.accessible_directions, l.witness, l.beta, l.occlusion);
+                let parts = |l: Labels| (l.answers, l.witness, l.beta);
                 labels.unwrap().into_iter().map(parts).collect::<Vec<_>>()
             };
             assert!(answer(Engine::Pruned) == answer(Engine::Reference), "engines differ: {name}");
@@ -281,7 +281,7 @@ fn check(sites: &Sites, cutter: &Cutter, n_sites: usize) {
     let answer = |engine| {
         let options = LabelOptions { engine, ..Default::default() };
         let labels = label(&some, obstacles, cutter, &few, &options).unwrap();
-        (labels.accessible_directions, labels.witness, labels.beta, labels.occlusion)
+        (labels.answers, labels.witness, labels.beta)
     };
     assert!(answer(Engine::Pruned) == answer(Engine::Batched), "engines differ");
 }
@@ -297,7 +297,7 @@ fn report(n: usize, name: &str, lengths: [f64; 4], times: [f64; 4], labels: &Lab
         times[1] * 1e3,
         times[2] * 1e3,
         times[3] * 1e3,
-        100.0 * labels.n_inaccessible() as f64 / n as f64,
+        100.0 * labels.answers.n_inaccessible() as f64 / n as f64,
         share(s.by_height),
         share(s.by_grid),
         s.pairs_tested as f64 / s.queries as f64,

@@ -23,7 +23,11 @@ fn main() -> deepmill::Result<()> {
     let labels = label(&sites, Obstacles::Queries, &cutter, &directions, &LabelOptions::default())?;
     println!("{cutter}");
     println!("{} sites, {directions}", sites.len());
-    println!("{} inaccessible, {} in the way", labels.n_inaccessible(), labels.n_occlusion());
+    println!(
+        "{} inaccessible, {} in the way",
+        labels.answers.n_inaccessible(),
+        labels.answers.n_occlusion()
+    );
 
     let site = labels.witness.iter().position(Option::is_some);
     if let Some((site, k)) = site.and_then(|site| Some((site, labels.witness[site]?))) {

@@ -66,7 +66,6 @@ fn labeled(index: u64) -> deepmill::Result<Sample> {
         name: format!("part {index}"),
         sites: sites.into(),
         cutter: params,
-        inaccessible: labels.inaccessible,
-        occlusion: labels.occlusion,
+        answers: labels.answers,
     })
 }

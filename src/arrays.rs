@@ -13,11 +13,11 @@
 //! let options = access::LabelOptions::default();
 //! let labels =
 //!     access::label(&sites, access::Obstacles::Queries, &cutter, &directions, &options)?;
-//! assert_eq!(labels.accessible_directions_array()[1], 150);
+//! assert_eq!(labels.answers.accessible_directions_array()[1], 150);
 //! # Ok::<(), deepmill::Error>(())
 //! ```
 
-use crate::access::Labels;
+use crate::answers::SiteAnswers;
 use crate::geom::{Mesh, Sites};
 use crate::model::Prediction;
 use crate::{Error, Result};
@@ -76,25 +76,25 @@ impl Mesh {
     }
 }
 
-impl Labels {
-    /// Per query: the cutter collides in every direction.
+impl SiteAnswers {
+    /// Per site: the cutter collides in every direction.
     pub fn inaccessible_array(&self) -> ArrayView1<'_, bool> {
         ArrayView1::from(&self.inaccessible)
     }
 
-    /// Per ranked obstacle: is an occlusion point; empty if not wanted.
+    /// Per site: is an occlusion point; empty if not asked for.
     pub fn occlusion_array(&self) -> ArrayView1<'_, bool> {
         ArrayView1::from(&self.occlusion)
     }
 
-    /// Per query: number of directions without collision.
+    /// Per site: number of directions in which the cutter can stand there; empty from a network.
     pub fn accessible_directions_array(&self) -> ArrayView1<'_, u32> {
         ArrayView1::from(&self.accessible_directions)
     }
 }
 
 impl<T> Prediction<T> {
-    /// Logits of head 1, `[n, 2]`: inaccessible, accessible.
+    /// Logits of head 1, `[n, 2]`: accessible, inaccessible.
     ///
     /// ```
     /// use deepmill::{geom::Sites, model::{Model, UNetConfig}};

@@ -318,6 +318,31 @@ impl Cutter {
         &self.steps
     }
 
+    /// The four lengths, if this is what [`Cutter::ball_end`] makes of them: a ball, its cylinder, one holder, a spindle.
+    ///
+    /// They are differences of heights, so their last bits may differ from those given.
+    ///
+    /// ```
+    /// use deepmill::cutter::{Cutter, CutterParams};
+    /// let params = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]);
+    /// assert_eq!(Cutter::ball_end(params)?.as_ball_end(), Some(params));
+    /// assert_eq!(Cutter::flat_end(params)?.as_ball_end(), None);
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    pub fn as_ball_end(&self) -> Option<CutterParams> {
+        let [ball, holder, spindle] = self.steps[..] else { return None };
+        let cr_mm = self.corner_mm;
+        let is_ball = self.side_mm == 0.0 && ball == Step { height_mm: cr_mm, radius_mm: cr_mm };
+        let params = CutterParams {
+            cr_mm,
+            ch_mm: holder.height_mm - cr_mm,
+            fr_mm: holder.radius_mm,
+            fh_mm: spindle.height_mm - holder.height_mm,
+        };
+        let is_whole = is_ball && spindle.radius_mm == f64::INFINITY;
+        (is_whole && Cutter::ball_end(params).is_ok()).then_some(params)
+    }
+
     /// This cutter with a safety margin: every step begins `clearance_mm` lower and is as much wider.
     ///
     /// A negative margin shrinks it; radii stop at 0. The point of contact does not move.

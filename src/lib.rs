@@ -13,6 +13,7 @@
 #![deny(unsafe_code)]
 
 pub mod access;
+pub mod answers;
 #[cfg(feature = "ndarray")]
 pub mod arrays;
 #[cfg(feature = "formats")]

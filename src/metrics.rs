@@ -1,5 +1,6 @@
 //! Accuracy, F1 and IoU of yes/no predictions.
 
+use crate::answers::is_positive;
 use serde::{Deserialize, Serialize};
 use std::ops::AddAssign;
 
@@ -44,16 +45,17 @@ impl Confusion {
         counts
     }
 
-    /// Counts of the greater of two logits (`[n, 2]`; the first of equal ones) against classes; "yes" is
-    /// class `positive`.
+    /// Counts of two logits a row (`[n, 2]`) against classes; "yes" is class `positive`, predicted where its logit is the
+    /// greater one ([`is_positive`]).
     ///
     /// # Panics
     /// If there are not two logits for each target.
-    pub fn of_logits<T: PartialOrd>(logits: &[T], targets: &[u8], positive: u8) -> Self {
+    pub fn of_logits<T: PartialOrd + Copy>(logits: &[T], targets: &[u8], positive: u8) -> Self {
         assert_eq!(logits.len(), 2 * targets.len(), "two logits for each target");
         let mut counts = Confusion::default();
         for (row, target) in logits.as_chunks::<2>().0.iter().zip(targets) {
-            counts.add(u8::from(row[1] > row[0]) == positive, *target == positive);
+            let [no, yes] = if positive == 0 { [row[1], row[0]] } else { *row };
+            counts.add(is_positive([no, yes]), *target == positive);
         }
         counts
     }
@@ -162,13 +164,15 @@ mod tests {
     }
 
     #[test]
-    fn logits_and_labels_agree_and_ties_go_to_class_0() {
+    fn logits_and_labels_agree_and_equal_logits_mean_no_for_either_class() {
         let logits = [0.1f32, 0.2, 0.3, 0.3, 0.9, -0.9, 0.0, 1.0];
-        let by_logits = Confusion::of_logits(&logits, &[1, 0, 1, 0], 0);
+        let by_logits = |positive| Confusion::of_logits(&logits, &[1, 0, 1, 0], positive);
         let by_labels =
-            Confusion::of_labels(&[false, true, true, false], &[false, true, false, true]);
-        assert_eq!(by_logits, by_labels);
-        assert_eq!(Confusion::of_logits(&logits, &[1, 0, 1, 0], 1), by_labels.swapped());
+            Confusion::of_labels(&[false, false, true, false], &[false, true, false, true]);
+        assert_eq!(by_logits(0), by_labels);
+        let by_labels =
+            Confusion::of_labels(&[true, false, false, true], &[true, false, true, false]);
+        assert_eq!(by_logits(1), by_labels);
     }
 
     #[test]

@@ -5,6 +5,7 @@ mod command;
 
 use command::{CUTTER, Folder, block, deepmill, failure, json, stl, text};
 use deepmill::data::files::{LabelFile, PredictionFile};
+use deepmill::model::Prediction;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -121,12 +122,13 @@ fn label_writes_files_that_read_back_and_do_not_depend_on_threads() {
     assert_eq!(result["n_sites"], 600);
     // The parser of this test may round a number's last bit.
     let close = |name: &str, x: f64| (result[name].as_f64().unwrap() - x).abs() < 1e-15;
-    assert!(close("inaccessible", share(&file.labels.inaccessible)), "{result}");
-    assert!(close("occlusion", share(&file.labels.occlusion)), "{result}");
+    assert!(close("inaccessible", share(&file.labels.answers.inaccessible)), "{result}");
+    assert!(close("occlusion", share(&file.labels.answers.occlusion)), "{result}");
     // All but a rim as wide as the cutter is long, which a horizontal tool reaches: 25 × 15 of 5,200 mm².
-    let underside = share(&file.labels.inaccessible);
+    let underside = share(&file.labels.answers.inaccessible);
     assert!((0.05..0.09).contains(&underside), "the middle of the underside is out of reach");
-    let top = file.sites.normals.iter().zip(&file.labels.inaccessible).filter(|(n, _)| n.z > 0.5);
+    let top =
+        file.sites.normals.iter().zip(&file.labels.answers.inaccessible).filter(|(n, _)| n.z > 0.5);
     assert!(top.into_iter().all(|(_, inaccessible)| !inaccessible), "the top is in reach");
     assert_eq!(file.provenance.cutter.to_array(), [1.5, 6.0, 40.0, 5.0]);
     assert_eq!(file.provenance.part, "block.stl");
@@ -188,7 +190,7 @@ fn a_tool_table_says_what_each_tool_adds_and_what_none_reaches() {
         LabelFile::read(folder.path(&format!("out/{name}/labels.npz")).as_ref()).unwrap().labels
     };
     let names = ["1.5-6-40-5", "stub", "long"];
-    let all = names.map(|name| labels(name).inaccessible);
+    let all = names.map(|name| labels(name).answers.inaccessible);
     let mut adds = [0.0; 4];
     (0..400).for_each(|i| adds[all.iter().position(|l| !l[i]).unwrap_or(3)] += 1.0 / 400.0);
     let close = |value: &Value, x: f64| (value.as_f64().unwrap() - x).abs() < 1e-12;
@@ -264,7 +266,7 @@ fn label_asks_the_part_itself_and_says_so() {
     assert_eq!(result["definition"], "the part itself");
     let surface = file.labels.surface.as_ref().unwrap();
     for (i, normal) in file.sites.normals.iter().enumerate() {
-        assert_eq!(file.labels.inaccessible[i], normal.z < -0.5, "only the underside");
+        assert_eq!(file.labels.answers.inaccessible[i], normal.z < -0.5, "only the underside");
         assert_eq!(surface.collision_free_directions[i], u32::from(normal.z > -0.5));
         assert_eq!(surface.witness[i].is_some(), normal.z > -0.5);
         assert_eq!(surface.tolerance_mm[i], 0.01);
@@ -273,7 +275,7 @@ fn label_asks_the_part_itself_and_says_so() {
     let (_, clamped) = run(&["--fixture", &clamp, "--table", "0", "--tolerance", "0.05"]);
     let under_clamp = |i: usize| file.sites.normals[i].z > 0.5 && file.sites.points[i].x < 14.0;
     for i in 0..300 {
-        let accessible = clamped.labels.accessible()[i];
+        let accessible = clamped.labels.answers.accessible()[i];
         assert!(!(accessible && under_clamp(i)), "{}", file.sites.points[i]);
     }
     let (result, published) = run(&["--obstacles", "sites"]);
@@ -300,7 +302,7 @@ fn units_and_clouds_give_the_same_labels() {
         assert!(output.status.success(), "{}", text(&output.stderr));
         let second = LabelFile::read(&Path::new(&again).join("labels.npz")).unwrap();
         assert_eq!(second.sites.points, first.sites.points);
-        assert_eq!(second.labels.inaccessible, first.labels.inaccessible);
+        assert_eq!(second.labels.answers.inaccessible, first.labels.answers.inaccessible);
         assert_eq!(second.labels.beta, first.labels.beta);
         assert!(Path::new(&again).join("labels.png").is_file());
         assert!(!Path::new(&again).join("part.stl").exists());
@@ -366,15 +368,17 @@ fn report_draws_again_and_compares() {
     assert!(folder.label(&part, &["--sites", "200", "--no-picture"]).status.success());
     let out = folder.path("out");
     let file = LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap();
-    let logits = |flags: &[bool], flip: usize| -> Vec<f32> {
+    let logits = |flags: &[bool], flip: usize| -> Vec<[f32; 2]> {
         let yes = |(i, f): (usize, &bool)| f32::from(u8::from(*f != (i == flip)));
-        flags.iter().enumerate().flat_map(|f| [0.5, yes(f)]).collect()
+        flags.iter().enumerate().map(|f| [0.5, yes(f)]).collect()
     };
     let predictions = PredictionFile {
         provenance: file.provenance.clone(),
         sites: file.sites.clone(),
-        logits_inaccessible: logits(&file.labels.inaccessible, 0),
-        logits_occlusion: logits(&file.labels.occlusion, 200),
+        prediction: Prediction {
+            logits_inaccessible: logits(&file.labels.answers.inaccessible, 0),
+            logits_occlusion: logits(&file.labels.answers.occlusion, 200),
+        },
     };
     let guess = folder.path("guess.npz");
     predictions.write(guess.as_ref()).unwrap();

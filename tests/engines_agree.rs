@@ -111,7 +111,10 @@ fn assert_engines_agree<'a>(
 }
 
 fn assert_same(found: &Labels, expected: &Labels, place: &str) {
-    assert_eq!(found.accessible_directions, expected.accessible_directions, "{place}: directions");
+    assert_eq!(
+        found.answers.accessible_directions, expected.answers.accessible_directions,
+        "{place}: directions"
+    );
     assert_eq!(found.witness, expected.witness, "{place}: witness");
     assert_eq!(found.beta, expected.beta, "{place}: beta");
     assert!(found == expected, "{place}: labels");
@@ -150,7 +153,7 @@ fn engines_agree_on_solids_for_thirty_cutters() {
     let cutters = cutters(32, 2);
     let labels =
         assert_engines_agree(&scene, Obstacles::Queries, &cutters, &hemisphere(10), "solids");
-    assert!(labels.iter().any(|l| l.n_inaccessible() > 100 && l.n_occlusion() > 0));
+    assert!(labels.iter().any(|l| l.answers.n_inaccessible() > 100 && l.answers.n_occlusion() > 0));
 }
 
 /// Enough sites for every level of boxes that splits lists.
@@ -261,7 +264,7 @@ fn engines_agree_on_other_obstacles_and_volumes() {
     assert_engines_agree(&scene, Obstacles::Points(&dense), &cutters, &few, "points");
     assert_engines_agree(&scene, Obstacles::Points(&[]), &cutters, &few, "no obstacles");
     let both = assert_engines_agree(&scene, Obstacles::QueriesAnd(&dense), &cutters, &few, "both");
-    assert_eq!((both[0].beta.len(), both[0].occlusion.len()), (1400, 300));
+    assert_eq!((both[0].beta.len(), both[0].answers.occlusion.len()), (1400, 300));
     let volume = Queries::Volume(&space);
     assert_engines_agree(volume, Obstacles::Points(&dense), &cutters, &few, "volume");
 }
@@ -361,8 +364,8 @@ fn labels_do_not_depend_on_whether_occlusion_is_asked_for() {
                 let labels = label(&scene, Obstacles::Queries, cutter, &hemisphere(10), &options);
                 let labels = labels.unwrap();
                 (
-                    labels.inaccessible,
-                    labels.accessible_directions,
+                    labels.answers.inaccessible,
+                    labels.answers.accessible_directions,
                     labels.witness,
                     labels.collision_matrix,
                 )
@@ -385,23 +388,31 @@ fn clearance_is_the_growth_at_which_the_label_flips() {
             with_threads(n, work).unwrap()
         };
         let labels = run(1);
-        assert_eq!(labels.clearance_mm, run(3).clearance_mm);
-        for (i, &clearance) in labels.clearance_mm.iter().enumerate() {
+        assert_eq!(labels.answers.clearance_mm, run(3).answers.clearance_mm);
+        for (i, &clearance) in labels.answers.clearance_mm.iter().enumerate() {
             let by_formula =
                 clearance_by_formula(&scene, i, cutter, &few).clamp(-limit_mm, limit_mm);
             assert!(
                 (f64::from(clearance) - by_formula).abs() < 1e-4,
                 "{i}: {clearance} {by_formula}"
             );
-            assert!(if labels.inaccessible[i] { clearance <= 0.0 } else { clearance >= 0.0 });
+            assert!(if labels.answers.inaccessible[i] {
+                clearance <= 0.0
+            } else {
+                clearance >= 0.0
+            });
         }
         for growth in [-2.0, -0.3, 0.4, 3.0] {
             let grown = cutter.with_clearance(growth).unwrap();
             let flipped = label(&scene, Obstacles::Queries, &grown, &few, &options).unwrap();
-            for (i, &clearance) in labels.clearance_mm.iter().enumerate() {
+            for (i, &clearance) in labels.answers.clearance_mm.iter().enumerate() {
                 let away = f64::from(clearance) - growth;
                 if away.abs() > 1e-4 {
-                    assert_eq!(flipped.inaccessible[i], away < 0.0, "{i}: {clearance} {growth}");
+                    assert_eq!(
+                        flipped.answers.inaccessible[i],
+                        away < 0.0,
+                        "{i}: {clearance} {growth}"
+                    );
                 }
             }
         }
@@ -446,9 +457,9 @@ fn definition_holds_on_a_case_done_by_hand() {
             let obstacles = [obstacle];
             let labels =
                 label(&query, Obstacles::Points(&obstacles), &cutter, &up, &options).unwrap();
-            assert_eq!(labels.inaccessible, [expected], "{what}, {engine:?}");
+            assert_eq!(labels.answers.inaccessible, [expected], "{what}, {engine:?}");
             assert_eq!(labels.beta, [u64::from(expected)], "{what}, {engine:?}");
-            assert_eq!(labels.occlusion, [expected], "{what}, {engine:?}");
+            assert_eq!(labels.answers.occlusion, [expected], "{what}, {engine:?}");
             assert_eq!(labels.witness, [(!expected).then_some(0)], "{what}, {engine:?}");
         }
     }

@@ -84,12 +84,15 @@ fn labels_of_three_parts_and_four_cutters_are_pinned() {
                     let options = LabelOptions::default();
                     let labels =
                         label(sites, Obstacles::Queries, &cutter, &directions, &options).unwrap();
-                    add(&mut hash, labels.inaccessible.iter().map(|&l| [u8::from(l)]));
+                    add(&mut hash, labels.answers.inaccessible.iter().map(|&l| [u8::from(l)]));
                     let witness = labels.witness.iter().map(|w| w.unwrap_or(u32::MAX));
                     add(&mut hash, witness.map(u32::to_le_bytes));
-                    add(&mut hash, labels.accessible_directions.iter().map(|n| n.to_le_bytes()));
+                    add(
+                        &mut hash,
+                        labels.answers.accessible_directions.iter().map(|n| n.to_le_bytes()),
+                    );
                     add(&mut hash, labels.beta.iter().map(|n| n.to_le_bytes()));
-                    add(&mut hash, labels.occlusion.iter().map(|&l| [u8::from(l)]));
+                    add(&mut hash, labels.answers.occlusion.iter().map(|&l| [u8::from(l)]));
                 }
             }
             hash
@@ -108,7 +111,9 @@ fn logits_of_the_shipped_network_are_pinned() {
             for sites in &parts {
                 for lengths in CUTTERS {
                     let answer = model.predict(&sites.points, &sites.normals, lengths).unwrap();
-                    for logits in [&answer.logits_inaccessible, &answer.logits_occlusion] {
+                    // Columns in the order of the network's classes, which is that of the hash.
+                    let first = answer.logits_inaccessible.iter().map(|[no, yes]| [*yes, *no]);
+                    for logits in [first.collect(), answer.logits_occlusion] {
                         add_floats(&mut hash, logits.as_flattened());
                     }
                 }

@@ -4,23 +4,13 @@
 //! site that faces down is mostly out of reach, so [`facing_away`] alone finds many inaccessible ones. An
 //! accuracy means something only beside theirs.
 
+use crate::answers::mark_top_share;
 use glam::Vec3;
 
 /// Marks the `ceil(share·n)` points of greatest z, lower index first among equals: the baseline for
 /// occlusion points. `share` is in (0, 1].
 pub fn highest(points: &[Vec3], share: f64) -> Vec<bool> {
-    let wanted = super::occlusion::n_wanted(points.len(), share);
-    let mut order: Vec<u32> = (0..points.len() as u32).collect();
-    if wanted < order.len() {
-        order.select_nth_unstable_by(wanted, |&a, &b| {
-            let (za, zb) = (points[a as usize].z, points[b as usize].z);
-            zb.total_cmp(&za).then(a.cmp(&b))
-        });
-        order.truncate(wanted);
-    }
-    let mut marks = vec![false; points.len()];
-    order.into_iter().for_each(|i| marks[i as usize] = true);
-    marks
+    mark_top_share(points, share, |a, b| a.z.total_cmp(&b.z))
 }
 
 /// Marks the normals with `n.z < min_z`: the baseline for inaccessible sites. `min_z = 0` marks what

@@ -13,6 +13,7 @@ use super::problem::{Obstacles, PlacedCutter, Queries, Scene};
 use super::pruned::Pruned;
 use super::reference::Reference;
 use super::stats::Stats;
+use crate::answers::SiteAnswers;
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::simd::Isa;
@@ -38,8 +39,8 @@ use crate::{Result, par};
 /// let options = access::LabelOptions::default();
 /// let labels =
 ///     access::label(&sites, access::Obstacles::Queries, &cutter, &directions, &options)?;
-/// assert_eq!(labels.accessible_directions[1], 150);
-/// assert!(labels.accessible_directions[0] < 150);
+/// assert_eq!(labels.answers.accessible_directions[1], 150);
+/// assert!(labels.answers.accessible_directions[0] < 150);
 /// # Ok::<(), deepmill::Error>(())
 /// ```
 pub fn label<'a>(
@@ -90,14 +91,18 @@ pub fn label_many<'a>(
         let scene = order.apply(scene);
         for (labels, cutter) in labels.iter_mut().zip(cutters) {
             let clearance = signed_clearance(&scene, cutter, &frames, limit_mm, isa);
-            labels.clearance_mm = order.restore_queries(clearance);
+            labels.answers.clearance_mm = order.restore_queries(clearance);
             labels.settle_signs();
         }
     }
     if options.occlusion {
         for labels in &mut labels {
-            labels.occlusion = occlusion_points(&labels.beta[..n_ranked], options.share);
+            labels.answers.occlusion = occlusion_points(&labels.beta[..n_ranked], options.share);
         }
+    }
+    for labels in &mut labels {
+        let vector = |k: &Option<u32>| k.map(|k| directions.vectors()[k as usize]);
+        labels.answers.witness = labels.witness.iter().map(vector).collect();
     }
     Ok(labels)
 }
@@ -118,7 +123,8 @@ pub(super) fn count_for(
     let order = Order::compact(&scene);
     let scene = order.apply(scene);
     let inaccessible = order.of_queries(marked);
-    let mut labels = [Labels { inaccessible, ..Labels::default() }];
+    let answers = SiteAnswers { inaccessible, ..SiteAnswers::default() };
+    let mut labels = [Labels { answers, ..Labels::default() }];
     let method = Pruned { scene: &scene, isa: Isa::active() };
     count(&method, &scene, &[PlacedCutter::new(&scene, cutter)], &frames, &mut labels);
     let [labels] = labels;
@@ -179,8 +185,7 @@ fn collide<M: Method>(
         let matrix = CollisionMatrix::new(n_queries, rows);
         let (inaccessible, accessible_directions, witness) = matrix.summary();
         Labels {
-            inaccessible,
-            accessible_directions,
+            answers: SiteAnswers { inaccessible, accessible_directions, ..SiteAnswers::default() },
             witness,
             collision_matrix: Some(matrix),
             stats,
@@ -199,7 +204,7 @@ fn count<M: Method>(
     labels: &mut [Labels],
 ) {
     let restrict = |(cutter, labels): (&PlacedCutter, &Labels)| {
-        cutter.restricted_to(&indices(&labels.inaccessible))
+        cutter.restricted_to(&indices(&labels.answers.inaccessible))
     };
     let cutters: Vec<PlacedCutter> = cutters.iter().zip(&*labels).map(restrict).collect();
     let zeros = || cutters.iter().map(|_| vec![0; scene.obstacles.n]).collect::<Vec<Vec<u64>>>();

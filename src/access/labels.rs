@@ -2,7 +2,8 @@
 
 use super::matrix::CollisionMatrix;
 use super::stats::Stats;
-use super::surface::{SiteAnswer, SurfaceLabels};
+use super::surface::SurfaceLabels;
+use crate::answers::SiteAnswers;
 use crate::simd::Isa;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -104,59 +105,31 @@ impl LabelOptions {
     }
 }
 
-/// Exact labels of a set of queries. Arrays follow the order of queries or obstacles as given.
+/// Exact labels of a set of queries: the answers, and what they rest on. Lists follow the order of queries or obstacles as
+/// given.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Labels {
-    /// Per query: the cutter collides in every direction (class 1 of head 1 in this crate).
-    pub inaccessible: Vec<bool>,
-    /// Per query: number of directions without collision.
-    pub accessible_directions: Vec<u32>,
-    /// Per query: the first direction without collision.
+    /// Per query, what any engine answers.
+    pub answers: SiteAnswers,
+    /// Per query: the first direction of the set without collision; nothing but `None` about the part itself, where
+    /// [`SiteAnswers::witness`] may lie between the directions of the set.
     pub witness: Vec<Option<u32>>,
-    /// Per obstacle: pairs (inaccessible query, direction) it collides in; empty if not wanted.
+    /// Per obstacle: pairs (inaccessible query, direction) it collides in; empty if not asked for.
     pub beta: Vec<u64>,
-    /// Per ranked obstacle (see [`Obstacles`](super::Obstacles)): is an occlusion point; empty if not
-    /// wanted.
-    pub occlusion: Vec<bool>,
-    /// Per query, mm: how far every height and radius of the cutter may grow before the query becomes
-    /// inaccessible (positive), or must shrink before it becomes accessible (negative), within the
-    /// limit of the options; empty if not wanted. `docs/labeling.md` has the formula.
-    pub clearance_mm: Vec<f32>,
-    /// The answer per direction and query, if wanted.
+    /// The answer per direction and query, if asked for.
     pub collision_matrix: Option<CollisionMatrix>,
-    /// The answers about the part itself, if its triangles were the obstacles: then `inaccessible` and `accessible_directions` are
-    /// theirs, and there are no witnesses by number.
+    /// What only triangles answer, if they are the obstacles.
     pub surface: Option<SurfaceLabels>,
     /// What the engine did.
     pub stats: Stats,
 }
 
 impl Labels {
-    /// Per query, whether the tool may stand there in some direction: not inaccessible, and the tip fits as far as that was
-    /// asked.
-    pub fn accessible(&self) -> Vec<bool> {
-        match &self.surface {
-            None => self.inaccessible.iter().map(|inaccessible| !inaccessible).collect(),
-            Some(surface) => {
-                surface.answers.iter().map(|answer| *answer == SiteAnswer::Accessible).collect()
-            }
-        }
-    }
-
-    /// Number of inaccessible queries.
-    pub fn n_inaccessible(&self) -> usize {
-        self.inaccessible.iter().filter(|&&l| l).count()
-    }
-
     /// Gives clearances the sign of the label where rounding left it open.
     pub(super) fn settle_signs(&mut self) {
-        for (c, &blocked) in self.clearance_mm.iter_mut().zip(&self.inaccessible) {
+        let answers = &mut self.answers;
+        for (c, &blocked) in answers.clearance_mm.iter_mut().zip(&answers.inaccessible) {
             *c = if blocked { c.min(0.0) } else { c.max(0.0) };
         }
-    }
-
-    /// Number of occlusion points.
-    pub fn n_occlusion(&self) -> usize {
-        self.occlusion.iter().filter(|&&l| l).count()
     }
 }

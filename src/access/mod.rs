@@ -34,6 +34,7 @@ mod cutter_groups;
 mod driver;
 mod gouge;
 mod kernels;
+mod labeler;
 mod labels;
 mod matrix;
 mod method;
@@ -48,6 +49,7 @@ pub mod surface;
 
 pub use driver::{label, label_many};
 pub use gouge::gouges;
+pub use labeler::Labeler;
 pub use labels::{Engine, LabelOptions, Labels};
 pub use matrix::CollisionMatrix;
 pub use occlusion::occlusion_points;

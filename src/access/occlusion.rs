@@ -1,24 +1,14 @@
 //! Occlusion points: the obstacles that are most often in the way.
 
+use crate::answers::mark_top_share;
+
 /// Marks the `ceil(share·n)` entries of greatest `beta`, lower index first among equals, never a zero.
 ///
 /// `share` is in (0, 1]; a product within 1e-9 above a whole number counts as that number.
 pub fn occlusion_points(beta: &[u64], share: f64) -> Vec<bool> {
-    let wanted = n_wanted(beta.len(), share);
-    let mut order: Vec<u32> = (0..beta.len() as u32).filter(|&j| beta[j as usize] > 0).collect();
-    let rank = |&j: &u32| (std::cmp::Reverse(beta[j as usize]), j);
-    if wanted < order.len() {
-        order.select_nth_unstable_by_key(wanted, rank);
-        order.truncate(wanted);
-    }
-    let mut marks = vec![false; beta.len()];
-    order.into_iter().for_each(|j| marks[j as usize] = true);
+    let mut marks = mark_top_share(beta, share, u64::cmp);
+    marks.iter_mut().zip(beta).for_each(|(marked, &beta)| *marked &= beta > 0);
     marks
-}
-
-/// `ceil(share·n)`, forgiving rounding.
-pub(super) fn n_wanted(n: usize, share: f64) -> usize {
-    (share * n as f64 - 1e-9).ceil().max(0.0) as usize
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::labels::Labels;
 use super::problem::Scene;
+use crate::answers::SiteAnswers;
 use crate::spatial::{Coordinates, order};
 use glam::Vec3;
 
@@ -64,8 +65,11 @@ impl Order {
     /// Labels in the order as given.
     pub fn restore(&self, labels: Labels) -> Labels {
         Labels {
-            inaccessible: scatter(&self.queries, labels.inaccessible),
-            accessible_directions: scatter(&self.queries, labels.accessible_directions),
+            answers: SiteAnswers {
+                inaccessible: scatter(&self.queries, labels.answers.inaccessible),
+                accessible_directions: scatter(&self.queries, labels.answers.accessible_directions),
+                ..labels.answers
+            },
             witness: scatter(&self.queries, labels.witness),
             beta: scatter(&self.obstacles, labels.beta),
             collision_matrix: labels.collision_matrix.map(|matrix| matrix.reordered(&self.queries)),

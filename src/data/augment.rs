@@ -159,6 +159,7 @@ impl NoiseGrid {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::answers::SiteAnswers;
     use crate::cutter::CutterParams;
     use crate::rng::Purpose;
 
@@ -174,8 +175,7 @@ mod tests {
             name: "grid".into(),
             sites: Arc::new(Sites { points, normals, faces: vec![] }),
             cutter: CutterParams { cr_mm: 1.0, ch_mm: 1.0, fr_mm: 5.0, fh_mm: 1.0 },
-            inaccessible: vec![false; n],
-            occlusion: vec![true; n],
+            answers: SiteAnswers::new(vec![false; n], vec![true; n]),
         }
     }
 

@@ -8,8 +8,10 @@ pub mod tools;
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
 use crate::access::surface::{SiteAnswer, SurfaceLabels};
+use crate::answers::SiteAnswers;
 use crate::cutter::CutterParams;
 use crate::geom::Sites;
+use crate::model::Prediction;
 use crate::{Error, Result};
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -103,27 +105,20 @@ impl LabelFile {
     /// # Errors
     /// If a list has fewer entries than there are sites, or the system refuses the file.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let Labels { inaccessible, accessible_directions, witness, beta, occlusion, .. } =
-            &self.labels;
+        let Labels { answers, witness, beta, .. } = &self.labels;
         let n = self.sites.len();
-        let occlusion_asked = !occlusion.is_empty();
-        let lengths = [
-            ("inaccessible", inaccessible.len()),
-            ("accessible_directions", accessible_directions.len()),
-            ("occlusion", if occlusion_asked { occlusion.len() } else { n }),
-            ("beta", if occlusion_asked { beta.len() } else { n }),
-        ];
-        if let Some((name, len)) = lengths.iter().find(|(_, len)| *len < n) {
-            let found = format!("{len} entries for {n} sites");
-            return Err(Error::file(path, *name, found, "label the same sites that are written"));
+        let beta = if answers.occlusion.is_empty() { &[][..] } else { &beta[..] };
+        let missing = answers.accessible_directions.is_empty() && n > 0;
+        if missing || (!answers.occlusion.is_empty() && beta.len() < n) {
+            let name = if missing { "accessible_directions" } else { "beta" };
+            return Err(few(path, name, beta.len().min(n), n));
         }
         let witness: Vec<i64> = witness.iter().map(|w| w.map_or(-1, i64::from)).collect();
         let mut npz = start(&self.sites, &self.provenance);
-        npz.array("inaccessible", &[n], &inaccessible[..n]);
-        npz.array("accessible_directions", &[n], &accessible_directions[..n]);
+        add_answers(path, &mut npz, answers, n)?;
         npz.array("witness", &[witness.len()], &witness);
-        if occlusion_asked {
-            npz.array("occlusion", &[n], &occlusion[..n]).array("beta", &[n], &beta[..n]);
+        if !beta.is_empty() {
+            npz.array("beta", &[n], &beta[..n]);
         }
         if let Some(surface) = &self.labels.surface {
             add_surface(&mut npz, surface);
@@ -141,34 +136,77 @@ impl LabelFile {
         let mut npz = NpzReader::open(path)?;
         let provenance = Provenance::read(path, &mut npz, Self::FORMAT)?;
         let sites = read_sites(path, &mut npz)?;
-        let mut labels = Labels {
+        let answers = SiteAnswers {
             inaccessible: npz.bools("inaccessible")?,
             accessible_directions: npz.counts("accessible_directions")?,
-            ..Labels::default()
+            ..SiteAnswers::default()
         };
+        let mut labels = Labels { answers, ..Labels::default() };
         let witness = npz.counts::<i64>("witness")?;
         labels.witness = witness.into_iter().map(|w| u32::try_from(w).ok()).collect();
         if npz.has("occlusion") {
-            labels.occlusion = npz.bools("occlusion")?;
+            labels.answers.occlusion = npz.bools("occlusion")?;
             labels.beta = npz.counts("beta")?;
-            same_length(path, &sites, "occlusion", labels.occlusion.len())?;
+            same_length(path, &sites, "occlusion", labels.answers.occlusion.len())?;
             same_length(path, &sites, "beta", labels.beta.len())?;
         }
-        if npz.has("tip_does_not_fit") {
-            labels.surface = Some(read_surface(path, &mut npz, &sites, &labels)?);
+        if npz.has("clearance") {
+            labels.answers.clearance_mm = npz.f32s("clearance", 1)?;
+            same_length(path, &sites, "clearance", labels.answers.clearance_mm.len())?;
         }
-        same_length(path, &sites, "inaccessible", labels.inaccessible.len())?;
-        let n_directions = labels.accessible_directions.len();
+        if npz.has("tip_does_not_fit") {
+            let surface = read_surface(path, &mut npz, &sites, &labels.answers)?;
+            labels.answers.tip_does_not_fit = surface.tip_does_not_fit();
+            labels.answers.witness.clone_from(&surface.witness);
+            labels.surface = Some(surface);
+        }
+        same_length(path, &sites, "inaccessible", labels.answers.inaccessible.len())?;
+        let n_directions = labels.answers.accessible_directions.len();
         same_length(path, &sites, "accessible_directions", n_directions)?;
         same_length(path, &sites, "witness", labels.witness.len())?;
         Ok(LabelFile { provenance, sites, labels })
     }
 }
 
+/// Adds every list of answers that is there, for the first `n` of what it is about: the one place where files get theirs.
+fn add_answers(path: &Path, npz: &mut NpzWriter, answers: &SiteAnswers, n: usize) -> Result<()> {
+    let complete = |name: &str, len: usize| match len {
+        0 if n > 0 && name != "inaccessible" => Ok(false),
+        len if len < n => Err(few(path, name, len, n)),
+        _ => Ok(true),
+    };
+    for (name, list) in [
+        ("inaccessible", &answers.inaccessible),
+        ("occlusion", &answers.occlusion),
+        ("tip_does_not_fit", &answers.tip_does_not_fit),
+    ] {
+        if complete(name, list.len())? {
+            npz.array(name, &[n], &list[..n]);
+        }
+    }
+    if complete("accessible_directions", answers.accessible_directions.len())? {
+        npz.array("accessible_directions", &[n], &answers.accessible_directions[..n]);
+    }
+    for (name, list) in [
+        ("clearance", &answers.clearance_mm),
+        ("probability_inaccessible", &answers.probability_inaccessible),
+        ("probability_occlusion", &answers.probability_occlusion),
+    ] {
+        if complete(name, list.len())? {
+            npz.array(name, &[n], &list[..n]);
+        }
+    }
+    Ok(())
+}
+
+fn few(path: &Path, name: &str, len: usize, n: usize) -> Error {
+    let found = format!("{len} entries for {n} sites");
+    Error::file(path, name, found, "write answers together with the sites that they are about")
+}
+
 /// Adds what only the part itself answers.
 fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
     let n = surface.answers.len();
-    npz.array("tip_does_not_fit", &[n], &surface.tip_does_not_fit());
     npz.array("collision_free_directions", &[n], &surface.collision_free_directions);
     npz.array("open_directions", &[n], &surface.open_directions);
     npz.array("tolerance", &[n], &surface.tolerance_mm);
@@ -180,7 +218,7 @@ fn read_surface(
     path: &Path,
     npz: &mut NpzReader,
     sites: &Sites,
-    labels: &Labels,
+    answers: &SiteAnswers,
 ) -> Result<SurfaceLabels> {
     let tip = npz.bools("tip_does_not_fit")?;
     same_length(path, sites, "tip_does_not_fit", tip.len())?;
@@ -193,9 +231,9 @@ fn read_surface(
     same_length(path, sites, "witness_direction", witness.len() / 3)?;
     let direction = |w: &[f32]| Some(Vec3::from_slice(w)).filter(|d| *d != Vec3::ZERO);
     let surface = SurfaceLabels {
-        answers: labels.inaccessible.iter().zip(&tip).map(answer).collect(),
+        answers: answers.inaccessible.iter().zip(&tip).map(answer).collect(),
         collision_free_directions: npz.counts("collision_free_directions")?,
-        accessible_directions: labels.accessible_directions.clone(),
+        accessible_directions: answers.accessible_directions.clone(),
         witness: witness.chunks_exact(3).map(direction).collect(),
         open_directions: npz.f32s("open_directions", 1)?,
         tolerance_mm: npz.f64s("tolerance", 1)?,
@@ -241,24 +279,12 @@ pub struct PredictionFile {
     pub provenance: Provenance,
     /// The query sites, mm.
     pub sites: Sites,
-    /// Head 1, `[n, 2]`: scores of "accessible" and of "inaccessible".
-    pub logits_inaccessible: Vec<f32>,
-    /// Head 2, `[n, 2]`: scores of "no" and of "occlusion".
-    pub logits_occlusion: Vec<f32>,
+    /// One row of logits per site and head.
+    pub prediction: Prediction<f32>,
 }
 
 impl PredictionFile {
     const FORMAT: &str = "deepmill predictions";
-
-    /// Head 1 as a decision: the score of "inaccessible" is the greater one.
-    pub fn inaccessible(&self) -> Vec<bool> {
-        decisions(&self.logits_inaccessible)
-    }
-
-    /// Head 2 as a decision: the score of "occlusion" is the greater one.
-    pub fn occlusion(&self) -> Vec<bool> {
-        decisions(&self.logits_occlusion)
-    }
 
     /// Writes the file.
     ///
@@ -266,18 +292,18 @@ impl PredictionFile {
     /// If there are not two scores per site and head, or the system refuses the file.
     pub fn write(&self, path: &Path) -> Result<()> {
         let n = self.sites.len();
-        let heads =
-            [("inaccessible", &self.logits_inaccessible), ("occlusion", &self.logits_occlusion)];
+        let Prediction { logits_inaccessible, logits_occlusion } = &self.prediction;
         let mut npz = start(&self.sites, &self.provenance);
-        for (name, logits) in heads {
-            if logits.len() != 2 * n {
-                let found = format!("{} scores for {n} sites", logits.len());
-                return Err(Error::file(path, name, found, "give two scores per site"));
+        for (name, logits) in
+            [("inaccessible", logits_inaccessible), ("occlusion", logits_occlusion)]
+        {
+            if logits.len() != n {
+                let found = format!("{} rows for {n} sites", logits.len());
+                return Err(Error::file(path, name, found, "give two logits per site"));
             }
-            npz.array(&format!("logits_{name}"), &[n, 2], logits);
-            npz.array(&format!("probability_{name}"), &[n], &probabilities(logits));
-            npz.array(&format!("predicted_{name}"), &[n], &decisions(logits));
+            npz.array(&format!("logits_{name}"), &[n, 2], logits.as_flattened());
         }
+        add_answers(path, &mut npz, &self.prediction.answers(), n)?;
         npz.metadata(&self.provenance.metadata(Self::FORMAT, prediction_meaning()));
         npz.write(path)
     }
@@ -294,10 +320,11 @@ impl PredictionFile {
             let name = format!("logits_{name}");
             let logits = npz.f32s(&name, 2)?;
             same_length(path, &sites, &name, logits.len() / 2)?;
-            Ok(logits)
+            Ok(logits.as_chunks().0.to_vec())
         });
         let (logits_inaccessible, logits_occlusion) = (logits_inaccessible?, logits_occlusion?);
-        Ok(PredictionFile { provenance, sites, logits_inaccessible, logits_occlusion })
+        let prediction = Prediction { logits_inaccessible, logits_occlusion };
+        Ok(PredictionFile { provenance, sites, prediction })
     }
 }
 
@@ -307,19 +334,9 @@ fn prediction_meaning() -> Value {
         "logits_occlusion": "columns: no, occlusion (positive class)",
         "probability_inaccessible": "softmax of the logits, of the positive class",
         "probability_occlusion": "softmax of the logits, of the positive class",
-        "predicted_inaccessible": "true: the second logit is the greater one",
-        "predicted_occlusion": "true: the second logit is the greater one",
+        "inaccessible": "true: predicted, the logit of the positive class is the greater one",
+        "occlusion": "true: predicted, the logit of the positive class is the greater one",
     })
-}
-
-/// Probability of the second class: softmax of two logits.
-pub fn probabilities(logits: &[f32]) -> Vec<f32> {
-    logits.chunks_exact(2).map(|l| 1.0 / (1.0 + libm::expf(l[0] - l[1]))).collect()
-}
-
-/// Whether the second of two logits is the greater one.
-pub fn decisions(logits: &[f32]) -> Vec<bool> {
-    logits.chunks_exact(2).map(|l| l[1] > l[0]).collect()
 }
 
 fn start(sites: &Sites, provenance: &Provenance) -> NpzWriter {
@@ -373,11 +390,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("labels.npz");
         let labels = Labels {
-            inaccessible: vec![true, false],
-            accessible_directions: vec![0, 17],
+            answers: SiteAnswers {
+                accessible_directions: vec![0, 17],
+                clearance_mm: vec![-0.5, 1.25],
+                ..SiteAnswers::new(vec![true, false], vec![false, true])
+            },
             witness: vec![None, Some(4)],
             beta: vec![3, 1 << 40],
-            occlusion: vec![false, true],
             ..Labels::default()
         };
         let file = LabelFile { provenance: provenance(), sites: sites(), labels };
@@ -386,10 +405,10 @@ mod tests {
         let cloud = crate::geom::formats::read_cloud(&path).unwrap();
         assert_eq!(cloud.points, file.sites.points);
         let mut few = file.clone();
-        few.labels.inaccessible.pop();
+        few.labels.answers.inaccessible.pop();
         assert!(few.write(&path).unwrap_err().to_string().contains("1 entries for 2 sites"));
         let mut bare = file;
-        (bare.labels.beta, bare.labels.occlusion) = (vec![], vec![]);
+        (bare.labels.beta, bare.labels.answers.occlusion) = (vec![], vec![]);
         bare.write(&path).unwrap();
         assert_eq!(LabelFile::read(&path).unwrap(), bare);
     }
@@ -401,16 +420,38 @@ mod tests {
         let file = PredictionFile {
             provenance: provenance(),
             sites: sites(),
-            logits_inaccessible: vec![0.0, 2.0, 1.0, 1.0],
-            logits_occlusion: vec![3.5, -1.0, 0.25, 0.5],
+            prediction: Prediction {
+                logits_inaccessible: vec![[0.0, 2.0], [1.0, 1.0]],
+                logits_occlusion: vec![[3.5, -1.0], [0.25, 0.5]],
+            },
         };
         file.write(&path).unwrap();
         assert_eq!(PredictionFile::read(&path).unwrap(), file);
-        assert_eq!(file.inaccessible(), [true, false]);
-        assert_eq!(file.occlusion(), [false, true]);
-        let p = probabilities(&file.logits_inaccessible);
+        let answers = file.prediction.answers();
+        assert_eq!(
+            (&answers.inaccessible[..], &answers.occlusion[..]),
+            (&[true, false][..], &[false, true][..])
+        );
+        let p = answers.probability_inaccessible;
         assert!((p[0] - 0.880_797).abs() < 1e-6 && p[1] == 0.5);
         let message = LabelFile::read(&path).unwrap_err().to_string();
         assert!(message.contains("the format is \"deepmill predictions\""), "{message}");
+    }
+
+    /// As version 0.1.0 wrote them: decisions under the names `predicted_…`.
+    #[test]
+    fn older_predictions_are_still_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("predictions.npz");
+        let mut npz = start(&sites(), &provenance());
+        for name in ["inaccessible", "occlusion"] {
+            npz.array(&format!("logits_{name}"), &[2, 2], &[0.0f32, 2.0, 1.0, 1.0]);
+            npz.array(&format!("probability_{name}"), &[2], &[0.880_797f32, 0.5]);
+            npz.array(&format!("predicted_{name}"), &[2], &[true, false]);
+        }
+        npz.metadata(&provenance().metadata(PredictionFile::FORMAT, prediction_meaning()));
+        npz.write(&path).unwrap();
+        let answers = PredictionFile::read(&path).unwrap().prediction.answers();
+        assert_eq!((answers.inaccessible, answers.occlusion.len()), (vec![true, false], 2));
     }
 }

@@ -138,19 +138,14 @@ impl SampleSource for Online {
         let tool = Cutter::ball_end(cutter)?;
         let labels =
             access::label(&sites, Obstacles::Queries, &tool, &self.directions, &self.options)?;
-        Ok(Sample {
-            name: name.clone(),
-            sites: Arc::new(sites),
-            cutter,
-            inaccessible: labels.inaccessible,
-            occlusion: labels.occlusion,
-        })
+        Ok(Sample { name: name.clone(), sites: Arc::new(sites), cutter, answers: labels.answers })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::answers::SiteAnswers;
     use crate::cutter::CutterParams;
 
     fn bowl() -> Sample {
@@ -170,8 +165,7 @@ mod tests {
                 faces: vec![],
             }),
             cutter: CutterParams::from_array([1.0, 1.0, 5.0, 1.0]),
-            inaccessible: vec![false; n],
-            occlusion: vec![false; n],
+            answers: SiteAnswers::new(vec![false; n], vec![false; n]),
         }
     }
 
@@ -187,10 +181,10 @@ mod tests {
         source.sample(4, 0).unwrap();
         let again = source.sample(3, 1).unwrap();
         assert_eq!(first.sites, again.sites);
-        assert_eq!((first.cutter, &first.inaccessible), (again.cutter, &again.inaccessible));
+        assert_eq!((first.cutter, &first.answers), (again.cutter, &again.answers));
         assert_ne!(first.cutter, source.sample(4, 1).unwrap().cutter);
         assert_ne!(first.cutter, source.sample(3, 0).unwrap().cutter);
-        assert!((1..9).any(|e| source.sample(e, 1).unwrap().inaccessible.contains(&true)));
+        assert!((1..9).any(|e| source.sample(e, 1).unwrap().answers.inaccessible.contains(&true)));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! What the network learns from: one part's sites, one cutter, and the labels of both heads.
 
+use crate::answers::SiteAnswers;
 use crate::cutter::{Cutter, CutterParams};
 use crate::geom::Sites;
 use crate::{Error, Result};
@@ -14,10 +15,8 @@ pub struct Sample {
     pub sites: Arc<Sites>,
     /// The cutter, mm.
     pub cutter: CutterParams,
-    /// Head 1, per site: the cutter collides in every direction.
-    pub inaccessible: Vec<bool>,
-    /// Head 2, per site: among those most often in the way.
-    pub occlusion: Vec<bool>,
+    /// What the network is to answer: `inaccessible` for head 1, `occlusion` for head 2, per site.
+    pub answers: SiteAnswers,
 }
 
 impl Sample {
@@ -30,8 +29,8 @@ impl Sample {
         let n = self.sites.len();
         let lengths = [
             ("normals", self.sites.normals.len()),
-            ("inaccessible", self.inaccessible.len()),
-            ("occlusion", self.occlusion.len()),
+            ("inaccessible", self.answers.inaccessible.len()),
+            ("occlusion", self.answers.occlusion.len()),
         ];
         match lengths.iter().find(|(_, len)| *len != n) {
             _ if n == 0 => Err(Error::geometry(
@@ -104,8 +103,7 @@ mod tests {
             name: "a".into(),
             sites: sites.clone().into(),
             cutter: [1.5, 6.0, 40.0, 5.0].into(),
-            inaccessible: vec![true, false],
-            occlusion: vec![false, true],
+            answers: SiteAnswers::new(vec![true, false], vec![false, true]),
         };
         good.check().unwrap();
         let cutter = |lengths: [f64; 4]| Sample { cutter: lengths.into(), ..good.clone() };
@@ -122,7 +120,10 @@ mod tests {
                 with(Sites { points: vec![Vec3::X, Vec3::NAN], ..sites }),
                 "sample a: site 1: position",
             ),
-            (Sample { occlusion: vec![], ..good.clone() }, "sample a: 0 occlusion for 2 sites"),
+            (
+                Sample { answers: SiteAnswers::new(vec![true; 2], vec![]), ..good.clone() },
+                "sample a: 0 occlusion for 2 sites",
+            ),
         ] {
             let message = sample.check().unwrap_err().to_string();
             assert!(message.starts_with(expected), "{message}");

@@ -12,6 +12,7 @@ pub mod graph_sage;
 pub mod heads;
 pub mod policy;
 mod predict;
+mod predictor;
 #[cfg(feature = "weights")]
 mod shipped;
 mod training;
@@ -23,5 +24,6 @@ pub use batch::{Batch, Shape};
 pub use config::UNetConfig;
 pub use graph_sage::GraphSage;
 pub use predict::{Model, Prediction};
+pub use predictor::Predictor;
 pub use training::{InputGradients, TrainingPass};
 pub use unet::{Activations, UNet};

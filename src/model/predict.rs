@@ -6,6 +6,7 @@ use super::training::{InputGradients, TrainingPass};
 use super::unet::{Activations, N_HEADS, UNet};
 use super::{UNetConfig, heads::N_CLASSES};
 use crate::Result;
+use crate::answers::{SiteAnswers, is_positive, mark_top_share};
 use crate::nn::arena::Arena;
 use crate::nn::pass::{Backward, Inference, Training, Update};
 use crate::par;
@@ -29,59 +30,40 @@ pub struct Model<T> {
     pub buffers: Vec<T>,
 }
 
-/// What a network says about the sites of one part and one cutter.
+/// What a network says about the sites of one part and one cutter, as numbers.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Prediction<T> {
-    /// Two logits per site of head 1: inaccessible, accessible.
+    /// Two logits per site of head 1: accessible, inaccessible.
     pub logits_inaccessible: Vec<[T; N_CLASSES]>,
     /// Two logits per site of head 2: no occlusion point, occlusion point.
     pub logits_occlusion: Vec<[T; N_CLASSES]>,
 }
 
 impl<T: Scalar> Prediction<T> {
-    /// Probability of each site to be inaccessible.
-    pub fn probability_inaccessible(&self) -> Vec<T> {
-        probabilities(&self.logits_inaccessible, INACCESSIBLE_CLASS)
+    /// Decisions ([`is_positive`]) and probabilities of both heads.
+    pub fn answers(&self) -> SiteAnswers {
+        let decide = |logits: &[[T; N_CLASSES]]| logits.iter().copied().map(is_positive).collect();
+        SiteAnswers {
+            probability_inaccessible: probabilities(&self.logits_inaccessible),
+            probability_occlusion: probabilities(&self.logits_occlusion),
+            ..SiteAnswers::new(decide(&self.logits_inaccessible), decide(&self.logits_occlusion))
+        }
     }
 
-    /// Probability of each site to be an occlusion point.
-    pub fn probability_occlusion(&self) -> Vec<T> {
-        probabilities(&self.logits_occlusion, OCCLUSION_CLASS)
-    }
-
-    /// Sites whose greater logit says "inaccessible"; of equal logits the first class counts.
-    pub fn inaccessible(&self) -> Vec<bool> {
-        self.logits_inaccessible.iter().map(|[inaccessible, other]| inaccessible >= other).collect()
-    }
-
-    /// Sites whose greater logit says "occlusion point".
-    pub fn occlusion(&self) -> Vec<bool> {
-        self.logits_occlusion.iter().map(|[other, occlusion]| occlusion > other).collect()
-    }
-
-    /// The `ceil(share·n)` sites that look most like occlusion points, lower index first among equals: as
-    /// many as the labels' definition marks, where [`Prediction::occlusion`] leaves their number open.
-    pub fn occlusion_ranked(&self, share: f64) -> Vec<bool> {
-        let margin = |[other, occlusion]: &[T; N_CLASSES]| *occlusion - *other;
-        greatest(&self.logits_occlusion.iter().map(margin).collect::<Vec<_>>(), share)
+    /// As [`Prediction::answers`], but the `share` of sites that look most like occlusion points are marked
+    /// ([`mark_top_share`]): as many as the labels' definition marks, where a decision site by site leaves their number
+    /// open.
+    pub fn answers_ranked(&self, share: f64) -> SiteAnswers {
+        let margin = |[no, yes]: &[T; N_CLASSES]| (*yes - *no).to_f64();
+        let margins: Vec<f64> = self.logits_occlusion.iter().map(margin).collect();
+        SiteAnswers { occlusion: mark_top_share(&margins, share, f64::total_cmp), ..self.answers() }
     }
 }
 
-/// Marks the `ceil(share·n)` greatest values, lower index first among equals.
-fn greatest<T: Scalar>(values: &[T], share: f64) -> Vec<bool> {
-    let wanted = ((share * values.len() as f64).ceil() as usize).min(values.len());
-    let mut order: Vec<usize> = (0..values.len()).collect();
-    let by_value = |&a: &usize, &b: &usize| values[b].to_f64().total_cmp(&values[a].to_f64());
-    order.sort_by(by_value);
-    let mut marks = vec![false; values.len()];
-    order[..wanted].iter().for_each(|&i| marks[i] = true);
-    marks
-}
-
-fn probabilities<T: Scalar>(logits: &[[T; N_CLASSES]], class: usize) -> Vec<T> {
-    let softmax =
-        |logits: &[T; N_CLASSES]| T::ONE / (T::ONE + (logits[1 - class] - logits[class]).exp());
-    logits.iter().map(softmax).collect()
+/// Softmax of two logits, of the second.
+fn probabilities<T: Scalar>(logits: &[[T; N_CLASSES]]) -> Vec<f32> {
+    let softmax = |[no, yes]: &[T; N_CLASSES]| T::ONE / (T::ONE + (*no - *yes).exp());
+    logits.iter().map(|logits| softmax(logits).to_f64() as f32).collect()
 }
 
 impl<T: Scalar> Model<T> {
@@ -108,7 +90,7 @@ impl<T: Scalar> Model<T> {
     /// let model = Model::<f32>::new(&UNetConfig::tiny(), 1)?;
     /// let (points, normals) = ([Vec3::ZERO, Vec3::X], [Vec3::Z, Vec3::Z]);
     /// let prediction = model.predict(&points, &normals, [1.5, 6.0, 40.0, 5.0])?;
-    /// assert_eq!(prediction.inaccessible().len(), 2);
+    /// assert_eq!(prediction.answers().inaccessible.len(), 2);
     /// # Ok::<(), deepmill::Error>(())
     /// ```
     pub fn predict(
@@ -121,8 +103,14 @@ impl<T: Scalar> Model<T> {
         shape.check()?;
         let batch = Batch::new(&[shape], &self.net.config().input)?;
         let [first, second] = self.forward(&batch, &Arena::default()).logits;
-        let rows = |logits: &[T]| logits.as_chunks().0.to_vec();
-        Ok(Prediction { logits_inaccessible: rows(&first), logits_occlusion: rows(&second) })
+        let rows = |logits: &[T], positive: usize| {
+            let rows = logits.as_chunks::<N_CLASSES>().0.iter();
+            rows.map(|row| [row[1 - positive], row[positive]]).collect()
+        };
+        Ok(Prediction {
+            logits_inaccessible: rows(&first, INACCESSIBLE_CLASS),
+            logits_occlusion: rows(&second, OCCLUSION_CLASS),
+        })
     }
 
     /// Inference on a batch, with every intermediate result.
@@ -261,7 +249,8 @@ mod tests {
         for ((range, (points, normals)), cutter_mm) in ranges.iter().zip(&shapes).zip(CUTTERS) {
             let alone = model.predict(points, normals, cutter_mm).unwrap();
             let of_shape = |logits: &[f32]| logits[2 * range.start..2 * range.end].to_vec();
-            assert_eq!(alone.logits_inaccessible.as_flattened(), of_shape(&together.logits[0]));
+            let first = alone.logits_inaccessible.iter().flat_map(|[no, yes]| [*yes, *no]);
+            assert_eq!(first.collect::<Vec<_>>(), of_shape(&together.logits[0]));
             assert_eq!(alone.logits_occlusion.as_flattened(), of_shape(&together.logits[1]));
         }
     }
@@ -364,16 +353,17 @@ mod tests {
     #[test]
     fn answers_follow_the_greater_logit() {
         let prediction = Prediction::<f64> {
-            logits_inaccessible: vec![[2.0, 0.0], [0.0, 1.0], [1.0, 1.0]],
+            logits_inaccessible: vec![[0.0, 2.0], [1.0, 0.0], [1.0, 1.0]],
             logits_occlusion: vec![[2.0, 0.0], [0.0, 1.0], [1.0, 1.0]],
         };
-        assert_eq!(prediction.inaccessible(), [true, false, true]);
-        assert_eq!(prediction.occlusion(), [false, true, false]);
-        assert_eq!(prediction.occlusion_ranked(0.4), [false, true, true]);
-        assert_eq!(prediction.occlusion_ranked(1.0), [true; 3]);
-        let p = prediction.probability_inaccessible();
+        let answers = prediction.answers();
+        assert_eq!(answers.inaccessible, [true, false, false]);
+        assert_eq!(answers.occlusion, [false, true, false]);
+        assert_eq!(prediction.answers_ranked(0.4).occlusion, [false, true, true]);
+        assert_eq!(prediction.answers_ranked(1.0).occlusion, [true; 3]);
+        let p = answers.probability_inaccessible;
         assert!((p[0] - 0.880_797).abs() < 1e-6 && (p[1] - 0.268_941).abs() < 1e-6);
-        assert!((prediction.probability_occlusion()[0] - 0.119_203).abs() < 1e-6);
+        assert!((answers.probability_occlusion[0] - 0.119_203).abs() < 1e-6);
     }
 
     #[test]

@@ -31,6 +31,6 @@ mod tests {
         let model = Model::shipped().unwrap();
         let cutter = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]).to_array();
         let up = model.predict(&[Vec3::ZERO], &[Vec3::Z], cutter).unwrap();
-        assert_eq!(up.inaccessible().len(), 1);
+        assert_eq!(up.logits_inaccessible.len(), 1);
     }
 }

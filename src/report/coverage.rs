@@ -6,6 +6,7 @@ use super::points::PointValues;
 use super::tables::{Cell, Table};
 use super::{Class, Coloring, PartView, Rgb};
 use crate::access::Labels;
+use crate::answers::SiteAnswers;
 use crate::data::files::tools::Tool;
 use crate::{Result, atomic_file};
 use std::io::Write;
@@ -27,15 +28,16 @@ pub struct Shares {
 impl Shares {
     /// The shares of `labels` with `n_directions` directions.
     pub fn of(labels: &Labels, n_directions: usize) -> Self {
-        let Labels { inaccessible, occlusion, accessible_directions, .. } = labels;
+        let answers = &labels.answers;
+        let SiteAnswers { inaccessible, occlusion, accessible_directions, .. } = answers;
         let n = inaccessible.len();
         let share = |count: usize| count as f64 / n.max(1) as f64;
         let both = inaccessible.iter().zip(occlusion).filter(|(a, b)| **a && **b).count();
         let n_asked = labels.surface.as_ref().map_or(n_directions, |surface| surface.n_directions);
         let free: u64 = accessible_directions.iter().map(|d| u64::from(*d)).sum();
         Shares {
-            inaccessible: share(labels.n_inaccessible()),
-            occlusion: share(labels.n_occlusion()),
+            inaccessible: share(answers.n_inaccessible()),
+            occlusion: share(answers.n_occlusion()),
             both: share(both),
             free_directions: free as f64 / (n * n_asked).max(1) as f64,
         }
@@ -58,12 +60,12 @@ impl<'a> Coverage<'a> {
     /// If there are not as many labels as tools, at least one, or they differ in length.
     pub fn of(tools: &'a [Tool], labels: &[Labels], n_directions: usize) -> Self {
         assert_eq!(tools.len(), labels.len(), "one label per tool");
-        let accessible: Vec<Vec<bool>> = labels.iter().map(Labels::accessible).collect();
+        let accessible: Vec<Vec<bool>> = labels.iter().map(|l| l.answers.accessible()).collect();
         let reaching = |i: usize| accessible.iter().position(|accessible| accessible[i]);
         Coverage {
             tools,
             shares: labels.iter().map(|labels| Shares::of(labels, n_directions)).collect(),
-            first: (0..labels[0].inaccessible.len()).map(reaching).collect(),
+            first: (0..labels[0].answers.len()).map(reaching).collect(),
         }
     }
 
@@ -163,7 +165,11 @@ mod tests {
         let inaccessible: Vec<bool> = inaccessible.iter().map(|i| *i == 1).collect();
         let free = inaccessible.iter().map(|i| if *i { 0 } else { 5 }).collect();
         let occlusion = vec![true; inaccessible.len()];
-        Labels { inaccessible, accessible_directions: free, occlusion, ..Labels::default() }
+        let answers = SiteAnswers {
+            accessible_directions: free,
+            ..SiteAnswers::new(inaccessible, occlusion)
+        };
+        Labels { answers, ..Labels::default() }
     }
 
     #[test]

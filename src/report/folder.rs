@@ -5,7 +5,8 @@ use super::points::{self, PointValues};
 use super::{Class, Coloring, PartView, picture};
 use crate::Result;
 use crate::access::surface::SiteAnswer;
-use crate::data::files::{LabelFile, PredictionFile, Provenance, probabilities};
+use crate::answers::SiteAnswers;
+use crate::data::files::{LabelFile, PredictionFile, Provenance};
 use crate::geom::{Mesh, Sites, formats};
 use std::path::{Path, PathBuf};
 
@@ -67,15 +68,11 @@ pub fn draw_labels(
 ) -> Result<Vec<PathBuf>> {
     let n = file.sites.len();
     let none = vec![false; n];
-    let labels = &file.labels;
-    let occlusion = labels.occlusion.get(..n).unwrap_or(&none);
-    let inaccessible = &labels.inaccessible[..n];
-    let mut values = vec![
-        ("inaccessible", PointValues::Flags(inaccessible)),
-        ("accessible_directions", PointValues::Counts(&labels.accessible_directions[..n])),
-    ];
+    let (labels, answers) = (&file.labels, &file.labels.answers);
+    let occlusion = answers.occlusion.get(..n).unwrap_or(&none);
+    let inaccessible = &answers.inaccessible[..n];
+    let mut values = point_values(answers, n);
     if let Some(beta) = labels.beta.get(..n) {
-        values.push(("occlusion", PointValues::Flags(occlusion)));
         values.push(("beta", PointValues::LargeCounts(beta)));
     }
     let mut notes = vec![
@@ -86,8 +83,6 @@ pub fn draw_labels(
     if let Some(surface) = &labels.surface {
         notes.push("tip_does_not_fit 1: only the tip penetrates the part".to_string());
         notes.push("the part itself: triangles are the obstacles".to_string());
-        let tip = surface.tip_does_not_fit();
-        values.push(("tip_does_not_fit", PointValues::Flags(&tip)));
         values.push((
             "collision_free_directions",
             PointValues::Counts(&surface.collision_free_directions),
@@ -99,6 +94,33 @@ pub fn draw_labels(
     notes.push("published definition: sites are the obstacles".to_string());
     let coloring = Coloring::Labels { inaccessible, occlusion };
     writer.write("labels", "exact labels, sites as obstacles", &coloring, &values, &notes)
+}
+
+/// Every list of answers that is there, for the first `n` of what it is about.
+fn point_values(answers: &SiteAnswers, n: usize) -> Vec<(&'static str, PointValues<'_>)> {
+    let mut values = Vec::new();
+    for (name, list) in [
+        ("inaccessible", &answers.inaccessible),
+        ("occlusion", &answers.occlusion),
+        ("tip_does_not_fit", &answers.tip_does_not_fit),
+    ] {
+        values.extend(first(list, n).map(|list| (name, PointValues::Flags(list))));
+    }
+    let counts = first(&answers.accessible_directions, n);
+    values.extend(counts.map(|counts| ("accessible_directions", PointValues::Counts(counts))));
+    for (name, list) in [
+        ("clearance", &answers.clearance_mm),
+        ("probability_inaccessible", &answers.probability_inaccessible),
+        ("probability_occlusion", &answers.probability_occlusion),
+    ] {
+        values.extend(first(list, n).map(|list| (name, PointValues::Reals(list))));
+    }
+    values
+}
+
+/// The first `n` of a list that is not empty.
+fn first<T>(list: &[T], n: usize) -> Option<&[T]> {
+    list.get(..n).filter(|list| !list.is_empty())
 }
 
 /// What the colors of answers about the part itself say.
@@ -149,18 +171,12 @@ pub fn draw_predictions(
     mesh: Option<&Mesh>,
     show: Show,
 ) -> Result<Vec<PathBuf>> {
-    let (inaccessible, occlusion) = (file.inaccessible(), file.occlusion());
-    let first = probabilities(&file.logits_inaccessible);
-    let second = probabilities(&file.logits_occlusion);
-    let values = [
-        ("inaccessible", PointValues::Flags(&inaccessible)),
-        ("occlusion", PointValues::Flags(&occlusion)),
-        ("probability_inaccessible", PointValues::Reals(&first)),
-        ("probability_occlusion", PointValues::Reals(&second)),
-    ];
+    let answers = file.prediction.answers();
+    let values = point_values(&answers, answers.len());
     let notes = ["predicted by a network, not computed".to_string()];
     let writer = Writer { folder, part: part(&file.provenance, &file.sites, mesh), show };
-    let coloring = Coloring::Labels { inaccessible: &inaccessible, occlusion: &occlusion };
+    let coloring =
+        Coloring::Labels { inaccessible: &answers.inaccessible, occlusion: &answers.occlusion };
     writer.write("predictions", "predicted", &coloring, &values, &notes)
 }
 
@@ -181,9 +197,10 @@ pub fn write_difference(
 ) -> Result<Vec<PathBuf>> {
     let n = labels.sites.len();
     let writer = Writer { folder, part: part(&labels.provenance, &labels.sites, mesh), show };
+    let (truth, predicted) = (&labels.labels.answers, predictions.prediction.answers());
     let heads = [
-        ("inaccessible", labels.labels.inaccessible.get(..n), predictions.inaccessible()),
-        ("occlusion", labels.labels.occlusion.get(..n), predictions.occlusion()),
+        ("inaccessible", truth.inaccessible.get(..n), predicted.inaccessible),
+        ("occlusion", truth.occlusion.get(..n), predicted.occlusion),
     ];
     let mut paths = Vec::new();
     for (positive, truth, predicted) in heads {
@@ -240,6 +257,7 @@ mod tests {
     use super::*;
     use crate::access::Labels;
     use crate::cutter::CutterParams;
+    use crate::model::Prediction;
     use glam::Vec3;
 
     #[test]
@@ -250,20 +268,23 @@ mod tests {
         let points = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
         let sites = Sites { points, normals: vec![Vec3::Z; 3], faces: vec![] };
         let labels = Labels {
-            inaccessible: vec![true, false, true],
-            accessible_directions: vec![0, 5, 0],
+            answers: SiteAnswers {
+                accessible_directions: vec![0, 5, 0],
+                ..SiteAnswers::new(vec![true, false, true], vec![true, false, false])
+            },
             witness: vec![None, Some(0), None],
             beta: vec![1, 0, 0],
-            occlusion: vec![true, false, false],
             ..Labels::default()
         };
         let labels = LabelFile { provenance: provenance.clone(), sites: sites.clone(), labels };
-        let logits = vec![0.0, 1.0, 1.0, 0.0, 1.0, 0.0];
+        let logits = vec![[0.0, 1.0], [1.0, 0.0], [1.0, 0.0]];
         let predictions = PredictionFile {
             provenance,
             sites,
-            logits_inaccessible: logits.clone(),
-            logits_occlusion: logits,
+            prediction: Prediction {
+                logits_inaccessible: logits.clone(),
+                logits_occlusion: logits,
+            },
         };
         let folder = folder.path();
         let mut paths = write_labels(folder, &labels, None, Show::Pictures).unwrap();

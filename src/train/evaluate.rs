@@ -1,7 +1,8 @@
 //! How good predictions are: per sample, pooled and by area, both heads, positive class named.
 
 use super::HeadScore;
-use crate::access::{self, LabelOptions, Obstacles};
+use crate::access::{LabelOptions, Labeler};
+use crate::answers::SiteAnswers;
 use crate::cutter::Cutter;
 use crate::data::Sample;
 use crate::directions::Directions;
@@ -38,23 +39,20 @@ pub struct HeadScores {
 }
 
 impl Evaluation {
-    /// Adds a sample's prediction, one answer per site for each head.
+    /// Adds the answers for a sample's sites.
     ///
     /// # Errors
     /// If the sample is inconsistent.
     ///
     /// # Panics
     /// If there are not as many answers as sites.
-    pub fn add(
-        &mut self,
-        sample: &Sample,
-        inaccessible: &[bool],
-        occlusion: &[bool],
-    ) -> Result<()> {
+    pub fn add(&mut self, sample: &Sample, answers: &SiteAnswers) -> Result<()> {
         sample.check()?;
         let areas = spacing::relative_areas(&sample.sites)?;
         let weights: Vec<u64> = areas.iter().map(|a| (1000.0 * a) as u64).collect();
-        let heads = [(inaccessible, &sample.inaccessible), (occlusion, &sample.occlusion)];
+        let truth = &sample.answers;
+        let heads =
+            [(&answers.inaccessible, &truth.inaccessible), (&answers.occlusion, &truth.occlusion)];
         self.samples.push(heads.map(|(found, truth)| Confusion::of_labels(found, truth)));
         self.by_area.push(heads.map(|(found, truth)| Confusion::weighted(found, truth, &weights)));
         Ok(())
@@ -110,10 +108,7 @@ fn mean(samples: &[[Confusion; 2]], head: usize, score: impl Fn(&Confusion) -> f
 /// # Errors
 /// If there are no samples, or one is inconsistent.
 pub fn evaluate(model: &Model<f32>, samples: &[Sample]) -> Result<Evaluation> {
-    let [evaluation] = score(samples, |sample| {
-        let prediction = predict(model, sample)?;
-        Ok([(prediction.inaccessible(), prediction.occlusion())])
-    })?;
+    let [evaluation] = score(samples, |sample| Ok([predict(model, sample)?.answers()]))?;
     Ok(evaluation)
 }
 
@@ -129,9 +124,7 @@ pub fn evaluate_ranked(
 ) -> Result<[Evaluation; 2]> {
     score(samples, |sample| {
         let prediction = predict(model, sample)?;
-        let inaccessible = prediction.inaccessible();
-        let ranked = prediction.occlusion_ranked(share);
-        Ok([(inaccessible.clone(), prediction.occlusion()), (inaccessible, ranked)])
+        Ok([prediction.answers(), prediction.answers_ranked(share)])
     })
 }
 
@@ -151,20 +144,16 @@ pub fn evaluate_exact(
     share: f64,
 ) -> Result<Evaluation> {
     let options = LabelOptions { share, ..LabelOptions::default() };
+    let labeler = Labeler::of_sites(directions.clone(), options);
     let [evaluation] = score(samples, |sample| {
-        let cutter = Cutter::ball_end(sample.cutter)?;
-        let sites = &*sample.sites;
-        let labels = access::label(sites, Obstacles::Queries, &cutter, directions, &options)?;
-        Ok([(labels.inaccessible, labels.occlusion)])
+        Ok([labeler.answer(&sample.sites, &Cutter::ball_end(sample.cutter)?)?])
     })?;
     Ok(evaluation)
 }
 
-type Answer = (Vec<bool>, Vec<bool>);
-
 fn score<const N: usize>(
     samples: &[Sample],
-    answers: impl Fn(&Sample) -> Result<[Answer; N]>,
+    answers: impl Fn(&Sample) -> Result<[SiteAnswers; N]>,
 ) -> Result<[Evaluation; N]> {
     if samples.is_empty() {
         let remedy = "choose another split, or build the data set with --validation";
@@ -175,9 +164,9 @@ fn score<const N: usize>(
         let start = Instant::now();
         let answers = answers(sample)?;
         let seconds = start.elapsed().as_secs_f64();
-        for (evaluation, (inaccessible, occlusion)) in evaluations.iter_mut().zip(answers) {
+        for (evaluation, answers) in evaluations.iter_mut().zip(&answers) {
             evaluation.seconds += seconds;
-            evaluation.add(sample, &inaccessible, &occlusion)?;
+            evaluation.add(sample, answers)?;
         }
     }
     Ok(evaluations)
@@ -204,8 +193,7 @@ mod tests {
             name: "grids".into(),
             sites: Arc::new(sites),
             cutter: CutterParams::from_array([1.0, 1.0, 5.0, 1.0]),
-            inaccessible: (0..n).map(|i| i < 400).collect(),
-            occlusion: vec![false; n],
+            answers: SiteAnswers::new((0..n).map(|i| i < 400).collect(), vec![false; n]),
         }
     }
 
@@ -213,7 +201,7 @@ mod tests {
     fn sites_that_stand_for_more_surface_count_more() {
         let sample = two_grids();
         let mut evaluation = Evaluation::default();
-        evaluation.add(&sample, &[true; 800], &[false; 800]).unwrap();
+        evaluation.add(&sample, &SiteAnswers::new(vec![true; 800], vec![false; 800])).unwrap();
         let [first, second] = [0, 1].map(|head| evaluation.head(head));
         assert_eq!(first.mean.accuracy, 0.5);
         assert_eq!(first.mean, first.pooled);
@@ -226,8 +214,8 @@ mod tests {
     fn sets_join_to_the_scores_of_all_their_samples() {
         let sample = two_grids();
         let (mut all, mut one) = (Evaluation::default(), Evaluation::default());
-        one.add(&sample, &[true; 800], &[false; 800]).unwrap();
-        all.add(&sample, &sample.inaccessible, &sample.occlusion).unwrap();
+        one.add(&sample, &SiteAnswers::new(vec![true; 800], vec![false; 800])).unwrap();
+        all.add(&sample, &sample.answers).unwrap();
         all.append(&one);
         assert_eq!(all.samples.len(), 2);
         assert_eq!(all.head(0).mean.accuracy, 0.75);

@@ -181,6 +181,7 @@ impl<O: Observer> Observer for Storing<'_, O> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::answers::SiteAnswers;
     use crate::geom::Sites;
     use glam::Vec3;
 
@@ -193,8 +194,7 @@ mod tests {
             name: "part".into(),
             sites: sites.into(),
             cutter: [1.5, 6.0, 40.0, 5.0].into(),
-            inaccessible: labels.clone(),
-            occlusion: labels,
+            answers: SiteAnswers::new(labels.clone(), labels),
         }]
     }
 

@@ -58,8 +58,8 @@ fn shape(sample: &Sample) -> Shape<'_> {
 
 /// Classes of both heads: 0 = inaccessible, and 1 = occlusion point.
 pub(super) fn targets(samples: &[Sample]) -> [Vec<u8>; 2] {
-    let head1 = samples.iter().flat_map(|s| s.inaccessible.iter().map(|l| u8::from(!*l)));
-    let head2 = samples.iter().flat_map(|s| s.occlusion.iter().map(|l| u8::from(*l)));
+    let head1 = samples.iter().flat_map(|s| s.answers.inaccessible.iter().map(|l| u8::from(!*l)));
+    let head2 = samples.iter().flat_map(|s| s.answers.occlusion.iter().map(|l| u8::from(*l)));
     [head1.collect(), head2.collect()]
 }
 
@@ -181,6 +181,7 @@ fn clip(grads: &mut [f32], most: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::answers::SiteAnswers;
     use crate::cutter::CutterParams;
     use crate::geom::Sites;
     use glam::Vec3;
@@ -196,7 +197,8 @@ mod tests {
             let cutter = CutterParams { cr_mm: 1.5, ch_mm: 6.0, fr_mm: 40.0, fh_mm: 5.0 };
             let sites = Sites { points, normals, faces: Vec::new() }.into();
             let name = format!("{n} sites");
-            Sample { name, sites, cutter, inaccessible: labels.clone(), occlusion: labels }
+            let answers = SiteAnswers::new(labels.clone(), labels);
+            Sample { name, sites, cutter, answers }
         };
         [90, 40].map(sample).into()
     }

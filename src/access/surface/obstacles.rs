@@ -9,6 +9,7 @@ use super::tool::{Contact, Outline};
 use super::verdict::{Verdict, raise_at};
 use crate::access::driver::count_for;
 use crate::access::{Labels, Obstacles, Queries, occlusion_points};
+use crate::answers::SiteAnswers;
 use crate::cutter::Cutter;
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::{Mesh, Sites};
@@ -105,20 +106,24 @@ impl TriangleObstacles {
         options: &SurfaceOptions,
     ) -> Result<Labels> {
         let surface = self.label(sites, cutter, directions, options)?;
-        let inaccessible = surface.inaccessible();
-        let mut labels = Labels {
-            witness: vec![None; sites.len()],
+        let mut answers = SiteAnswers {
+            inaccessible: surface.inaccessible(),
+            tip_does_not_fit: surface.tip_does_not_fit(),
             accessible_directions: surface.accessible_directions.clone(),
-            ..Labels::default()
+            witness: surface.witness.clone(),
+            ..SiteAnswers::default()
         };
+        let mut beta = Vec::new();
         if options.occlusion {
             let tolerance = surface.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
             let shrunk = cutter.with_clearance(-tolerance)?;
             let (queries, asked) = (Queries::Sites(sites), asked(directions)?);
-            labels.beta = count_for(queries, Obstacles::Queries, &shrunk, &asked, &inaccessible)?;
-            labels.occlusion = occlusion_points(&labels.beta, options.share);
+            let marked = &answers.inaccessible;
+            beta = count_for(queries, Obstacles::Queries, &shrunk, &asked, marked)?;
+            answers.occlusion = occlusion_points(&beta, options.share);
         }
-        Ok(Labels { inaccessible, surface: Some(surface), ..labels })
+        let witness = vec![None; sites.len()];
+        Ok(Labels { answers, witness, beta, surface: Some(surface), ..Labels::default() })
     }
 
     /// As [`TriangleObstacles::label`], by the plain loops of [`raise`](super::raise): slow, the law.

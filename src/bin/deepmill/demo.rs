@@ -72,22 +72,23 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let predictions = predict(&model, provenance, labels.sites.clone())?;
     let predict_s = start.elapsed().as_secs_f64();
 
-    let (inaccessible, occlusion) = (predictions.inaccessible(), predictions.occlusion());
+    let answers = predictions.prediction.answers();
+    let (inaccessible, occlusion) = (&answers.inaccessible, &answers.occlusion);
     let share = |flags: &[bool]| {
         Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len() as f64)
     };
     let mut facts = Facts::new();
     facts.add("n_sites", "sites", Cell::count(N_SITES));
-    facts.add("inaccessible", "inaccessible, exact", share(&labels.labels.inaccessible));
-    facts.add("predicted_inaccessible", "inaccessible, predicted", share(&inaccessible));
-    facts.add("occlusion", "occlusion, exact", share(&labels.labels.occlusion));
-    facts.add("predicted_occlusion", "occlusion, predicted", share(&occlusion));
+    facts.add("inaccessible", "inaccessible, exact", share(&labels.labels.answers.inaccessible));
+    facts.add("predicted_inaccessible", "inaccessible, predicted", share(inaccessible));
+    facts.add("occlusion", "occlusion, exact", share(&labels.labels.answers.occlusion));
+    facts.add("predicted_occlusion", "occlusion, predicted", share(occlusion));
     facts.add("labels_s", "time: exact labels", Cell::Seconds(labels_s));
     facts.add("train_s", "time: training", train_s.map_or(Cell::Missing, Cell::Seconds));
     facts.add("predict_s", "time: prediction", Cell::Seconds(predict_s));
     output.say(facts.text());
-    let first = Confusion::of_labels(&inaccessible, &labels.labels.inaccessible);
-    let second = Confusion::of_labels(&occlusion, &labels.labels.occlusion);
+    let first = Confusion::of_labels(inaccessible, &labels.labels.answers.inaccessible);
+    let second = Confusion::of_labels(occlusion, &labels.labels.answers.occlusion);
     let heads = scores::heads(&first, &second);
     let rows: Vec<(&str, &Confusion)> = heads.iter().map(|(name, c)| (*name, c)).collect();
     let table = scores::table(&rows);
@@ -182,13 +183,7 @@ fn labeled(
     let cutter = CutterSet::Uniform.draw(stream);
     let tool = Cutter::ball_end(cutter)?;
     let labels = label(&**sites, Obstacles::Queries, &tool, directions, &LabelOptions::default())?;
-    Ok(Sample {
-        name: name.into(),
-        sites: Arc::clone(sites),
-        cutter,
-        inaccessible: labels.inaccessible,
-        occlusion: labels.occlusion,
-    })
+    Ok(Sample { name: name.into(), sites: Arc::clone(sites), cutter, answers: labels.answers })
 }
 
 fn train(samples: &[Sample]) -> Result<Run> {

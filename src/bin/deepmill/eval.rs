@@ -3,6 +3,7 @@
 use crate::model_args::ModelArgs;
 use crate::output::Output;
 use deepmill::access::baselines;
+use deepmill::answers::SiteAnswers;
 use deepmill::data::Sample;
 use deepmill::data::dataset::{Dataset, Split};
 use deepmill::directions::Directions;
@@ -192,12 +193,13 @@ fn majority(samples: &[Sample]) -> Result<Evaluation> {
         2 * samples.iter().map(labels).sum::<usize>() > sites
     };
     let yes = |labels: &[bool]| labels.iter().filter(|l| **l).count();
-    let inaccessible = more_yes(&|s| yes(&s.inaccessible));
-    let occlusion = more_yes(&|s| yes(&s.occlusion));
+    let inaccessible = more_yes(&|s| yes(&s.answers.inaccessible));
+    let occlusion = more_yes(&|s| yes(&s.answers.occlusion));
     let mut evaluation = Evaluation::default();
     for sample in samples {
         let n = sample.sites.len();
-        evaluation.add(sample, &vec![inaccessible; n], &vec![occlusion; n])?;
+        let answers = SiteAnswers::new(vec![inaccessible; n], vec![occlusion; n]);
+        evaluation.add(sample, &answers)?;
     }
     Ok(evaluation)
 }
@@ -206,12 +208,14 @@ fn majority(samples: &[Sample]) -> Result<Evaluation> {
 /// the way.
 fn by_geometry(samples: &[Sample]) -> Result<Evaluation> {
     let normals: Vec<_> = samples.iter().flat_map(|s| s.sites.normals.iter().copied()).collect();
-    let truth: Vec<bool> = samples.iter().flat_map(|s| s.inaccessible.iter().copied()).collect();
+    let truth: Vec<bool> =
+        samples.iter().flat_map(|s| s.answers.inaccessible.iter().copied()).collect();
     let min_z = baselines::best_facing(&normals, &truth);
     let mut evaluation = Evaluation::default();
     for sample in samples {
         let inaccessible = baselines::facing_away(&sample.sites.normals, min_z);
-        evaluation.add(sample, &inaccessible, &baselines::highest(&sample.sites.points, 0.1))?;
+        let occlusion = baselines::highest(&sample.sites.points, 0.1);
+        evaluation.add(sample, &SiteAnswers::new(inaccessible, occlusion))?;
     }
     Ok(evaluation)
 }

@@ -44,7 +44,7 @@ pub struct Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tool = args.cutter.tool()?;
-    if tool.words() != deepmill::data::files::ball_end_words(tool.params) {
+    if tool.cutter.as_ball_end().is_none() {
         let remedy = "leave out --corner and --clearance, or use `deepmill label`";
         let expected = "a ball end without clearance: the network knows no other";
         return Err(Error::argument("cutter", tool.words(), expected, remedy));
@@ -73,12 +73,13 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let share = |flags: Vec<bool>| {
         Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len().max(1) as f64)
     };
+    let answers = file.prediction.answers();
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&file.provenance.part));
     facts.add("cutter", "cutter", Cell::text(&file.provenance.tool));
     facts.add("n_sites", "sites", Cell::count(file.sites.len()));
-    facts.add("inaccessible", "inaccessible", share(file.inaccessible()));
-    facts.add("occlusion", "occlusion", share(file.occlusion()));
+    facts.add("inaccessible", "inaccessible", share(answers.inaccessible));
+    facts.add("occlusion", "occlusion", share(answers.occlusion));
     clock.add_to(&mut facts);
     output.say(facts.text());
     output.files(&paths);
@@ -86,17 +87,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     Ok(())
 }
 
-/// A network's answers in the form of files: the positive class comes second in both heads.
+/// A network's answers in the form of files.
 pub fn predict(model: &Model<f32>, provenance: Provenance, sites: Sites) -> Result<PredictionFile> {
-    let answer = model.predict(&sites.points, &sites.normals, provenance.cutter.to_array())?;
-    let swapped = answer
-        .logits_inaccessible
-        .iter()
-        .flat_map(|[inaccessible, accessible]| [*accessible, *inaccessible]);
-    Ok(PredictionFile {
-        logits_inaccessible: swapped.collect(),
-        logits_occlusion: answer.logits_occlusion.into_flattened(),
-        provenance,
-        sites,
-    })
+    let prediction = model.predict(&sites.points, &sites.normals, provenance.cutter.to_array())?;
+    Ok(PredictionFile { prediction, provenance, sites })
 }

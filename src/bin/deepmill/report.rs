@@ -2,7 +2,8 @@
 
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
-use deepmill::data::files::{LabelFile, PredictionFile};
+use deepmill::answers::SiteAnswers;
+use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
 use deepmill::geom::Mesh;
 use deepmill::metrics::Confusion;
 use deepmill::report::folder::{self, FIRST_TOOLS, LABELS, PREDICTIONS, SURFACE, Show};
@@ -49,18 +50,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     ]);
     if let Some(file) = &labels {
         paths.extend(folder::draw_labels(out, file, mesh.as_ref(), Show::Pictures)?);
-        let flags = [&file.labels.inaccessible, &file.labels.occlusion];
-        shares.row(row(
-            "exact",
-            &file.provenance.part,
-            &file.provenance.tool,
-            flags.map(|f| &f[..]),
-        ));
+        shares.row(row("exact", &file.provenance, &file.labels.answers));
     }
     if let Some(file) = &predictions {
         paths.extend(folder::draw_predictions(out, file, mesh.as_ref(), Show::Pictures)?);
-        let flags = [&file.inaccessible()[..], &file.occlusion()[..]];
-        shares.row(row("predicted", &file.provenance.part, &file.provenance.tool, flags));
+        shares.row(row("predicted", &file.provenance, &file.prediction.answers()));
     }
     output.say(shares.text());
     let mut result = json!({ "answers": shares.json() });
@@ -77,14 +71,14 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     Ok(())
 }
 
-fn row(source: &str, part: &str, tool: &str, flags: [&[bool]; 2]) -> Vec<Cell> {
-    let n = flags[0].len();
+fn row(source: &str, about: &Provenance, answers: &SiteAnswers) -> Vec<Cell> {
     let share = |flags: &[bool]| match flags {
         [] => Cell::Missing,
         flags => Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len() as f64),
     };
-    let words = [source, part, tool].map(Cell::text);
-    words.into_iter().chain([Cell::count(n), share(flags[0]), share(flags[1])]).collect()
+    let words = [source, &about.part, &about.tool].map(Cell::text);
+    let shares = [share(&answers.inaccessible), share(&answers.occlusion)];
+    words.into_iter().chain([Cell::count(answers.len())]).chain(shares).collect()
 }
 
 /// Scores of predictions about the same sites and the same cutter.
@@ -99,8 +93,9 @@ fn compare(labels: &LabelFile, predictions: &PredictionFile, found: &Found) -> R
     if labels.provenance.cutter != predictions.provenance.cutter {
         return Err(differ("cutter", "it is not the cutter of the labels"));
     }
-    let first = Confusion::of_labels(&predictions.inaccessible(), &labels.labels.inaccessible);
-    let second = Confusion::of_labels(&predictions.occlusion(), &labels.labels.occlusion);
+    let (found, truth) = (predictions.prediction.answers(), &labels.labels.answers);
+    let first = Confusion::of_labels(&found.inaccessible, &truth.inaccessible);
+    let second = Confusion::of_labels(&found.occlusion, &truth.occlusion);
     let rows = scores::heads(&first, &second);
     Ok(scores::table(&rows.each_ref().map(|(name, counts)| (*name, counts))))
 }

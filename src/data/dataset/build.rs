@@ -5,6 +5,7 @@ use super::{
     CutterRecord, DatasetSettings, LabeledPart, Manifest, PartRecord, Split, content_hash,
 };
 use crate::access::{self, LabelOptions, Obstacles};
+use crate::answers::SiteAnswers;
 use crate::cutter::{Cutter, CutterParams};
 use crate::data::generated;
 use crate::directions::Directions;
@@ -175,12 +176,8 @@ impl Builder {
         let options =
             LabelOptions { share: self.settings.occlusion_share, ..LabelOptions::default() };
         let labels = access::label_many(&sites, obstacles, &cutters, &self.directions, &options)?;
-        let mut part = LabeledPart { sites, cutters: params, ..LabeledPart::default() };
-        for labels in labels {
-            part.inaccessible.push(labels.inaccessible);
-            part.occlusion.push(labels.occlusion);
-            part.accessible_directions.push(labels.accessible_directions);
-        }
+        let answers = labels.into_iter().map(|labels| labels.answers).collect();
+        let part = LabeledPart { sites, cutters: params, answers };
         Ok((part, scale, box_mm))
     }
 
@@ -211,13 +208,12 @@ pub(super) fn store(
     part.write(&path)?;
     let share =
         |labels: &[bool]| labels.iter().filter(|l| **l).count() as f64 / labels.len().max(1) as f64;
-    let cutters = (0..part.cutters.len())
-        .map(|k| CutterRecord {
-            cutter: part.cutters[k],
-            inaccessible: share(&part.inaccessible[k]),
-            occlusion: share(&part.occlusion[k]),
-        })
-        .collect();
+    let record = |(&cutter, answers): (&CutterParams, &SiteAnswers)| CutterRecord {
+        cutter,
+        inaccessible: share(&answers.inaccessible),
+        occlusion: share(&answers.occlusion),
+    };
+    let cutters = part.cutters.iter().zip(&part.answers).map(record).collect();
     let sha256 = content_hash(&path)?;
     Ok(Content { file, sha256, scale, box_mm, n_sites: part.sites.len(), cutters })
 }

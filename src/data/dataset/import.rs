@@ -3,6 +3,7 @@
 use super::build::store;
 use super::manifest::{FORMAT, MANIFEST, write_json};
 use super::{DatasetSettings, LabeledPart, Manifest, PartRecord, Split};
+use crate::answers::SiteAnswers;
 use crate::data::Sample;
 use crate::{Error, Result};
 use std::path::Path;
@@ -28,14 +29,12 @@ pub fn import(
     let mut parts = Vec::with_capacity(samples.len());
     for (index, (split, sample)) in samples.iter().enumerate() {
         sample.check()?;
+        let some = sample.answers.inaccessible.iter().map(|no| u32::from(!no));
+        let accessible_directions = some.collect();
         let part = LabeledPart {
             sites: (*sample.sites).clone(),
             cutters: vec![sample.cutter],
-            inaccessible: vec![sample.inaccessible.clone()],
-            occlusion: vec![sample.occlusion.clone()],
-            accessible_directions: vec![
-                sample.inaccessible.iter().map(|no| u32::from(!no)).collect(),
-            ],
+            answers: vec![SiteAnswers { accessible_directions, ..sample.answers.clone() }],
         };
         let points = &part.sites.points;
         let low = points.iter().copied().reduce(|a, b| a.min(b)).unwrap_or_default();

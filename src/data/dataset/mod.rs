@@ -12,6 +12,7 @@ pub use build::{Builder, PartSource};
 pub use import::import;
 pub use manifest::{CutterRecord, DatasetSettings, Manifest, PartRecord, Split};
 
+use crate::answers::SiteAnswers;
 use crate::cutter::CutterParams;
 use crate::data::Sample;
 use crate::data::npz::{NpzReader, NpzWriter};
@@ -70,13 +71,11 @@ impl Dataset {
         }
         let part = LabeledPart::read(&path)?;
         let sites = Arc::new(part.sites);
-        let labels = part.inaccessible.into_iter().zip(part.occlusion);
-        let samples = part.cutters.into_iter().zip(labels).map(|(cutter, labels)| Sample {
+        let samples = part.cutters.into_iter().zip(part.answers).map(|(cutter, answers)| Sample {
             name: record.name.clone(),
             sites: Arc::clone(&sites),
             cutter,
-            inaccessible: labels.0,
-            occlusion: labels.1,
+            answers,
         });
         Ok(samples.collect())
     }
@@ -89,12 +88,8 @@ pub struct LabeledPart {
     pub sites: Sites,
     /// Cutters, mm.
     pub cutters: Vec<CutterParams>,
-    /// Per cutter and site: the cutter collides in every direction.
-    pub inaccessible: Vec<Vec<bool>>,
-    /// Per cutter and site: among the sites most often in the way.
-    pub occlusion: Vec<Vec<bool>>,
-    /// Per cutter and site: the number of directions without collision.
-    pub accessible_directions: Vec<Vec<u32>>,
+    /// One for each cutter: `inaccessible`, `occlusion` and `accessible_directions`.
+    pub answers: Vec<SiteAnswers>,
 }
 
 impl LabeledPart {
@@ -113,21 +108,23 @@ impl LabeledPart {
         npz.vectors("points", &self.sites.points);
         npz.vectors("normals", &self.sites.normals);
         npz.array("cutters", &[k, 4], &cutters);
-        npz.array("inaccessible", &[n, k], &by_site(&self.inaccessible));
-        npz.array("occlusion", &[n, k], &by_site(&self.occlusion));
-        npz.array("accessible_directions", &[n, k], &by_site(&self.accessible_directions));
+        let answers = &self.answers;
+        npz.array("inaccessible", &[n, k], &by_site(n, answers, |a| &a.inaccessible));
+        npz.array("occlusion", &[n, k], &by_site(n, answers, |a| &a.occlusion));
+        let counts = by_site(n, answers, |a| &a.accessible_directions);
+        npz.array("accessible_directions", &[n, k], &counts);
         npz.write(path)
     }
 
     fn check_lengths(&self, path: &Path) -> Result<()> {
         let (n, k) = (self.sites.len(), self.cutters.len());
-        let lengths = |columns: &[Vec<bool>]| columns.iter().map(Vec::len).collect::<Vec<_>>();
-        let counts = self.accessible_directions.iter().map(Vec::len).collect();
-        for (name, lengths) in [
-            ("inaccessible", lengths(&self.inaccessible)),
-            ("occlusion", lengths(&self.occlusion)),
-            ("accessible_directions", counts),
-        ] {
+        let lengths = |len: fn(&SiteAnswers) -> usize| self.answers.iter().map(len).collect();
+        let lengths: [(&str, Vec<usize>); 3] = [
+            ("inaccessible", lengths(|a| a.inaccessible.len())),
+            ("occlusion", lengths(|a| a.occlusion.len())),
+            ("accessible_directions", lengths(|a| a.accessible_directions.len())),
+        ];
+        for (name, lengths) in lengths {
             if lengths != vec![n; k] {
                 let found = format!("lists of {lengths:?} for {n} sites and {k} cutters");
                 let remedy = "label every site with every cutter";
@@ -163,26 +160,22 @@ impl LabeledPart {
             }
             Ok((0..k).map(|c| values.iter().skip(c).step_by(k).copied().collect()).collect())
         };
-        let truth = |columns: Vec<Vec<f32>>| -> Vec<Vec<bool>> {
-            columns.iter().map(|c| c.iter().map(|v| *v != 0.0).collect()).collect()
-        };
-        Ok(LabeledPart {
-            inaccessible: truth(column("inaccessible")?),
-            occlusion: truth(column("occlusion")?),
-            accessible_directions: column("accessible_directions")?
-                .iter()
-                .map(|c| c.iter().map(|v| *v as u32).collect())
-                .collect(),
-            sites: Sites { points, normals, faces: Vec::new() },
-            cutters,
-        })
+        let truth = |column: Vec<f32>| column.into_iter().map(|v| v != 0.0).collect();
+        let (inaccessible, occlusion) = (column("inaccessible")?, column("occlusion")?);
+        let counts = column("accessible_directions")?;
+        let columns = inaccessible.into_iter().zip(occlusion).zip(counts);
+        let answers = columns.map(|((inaccessible, occlusion), counts)| SiteAnswers {
+            accessible_directions: counts.into_iter().map(|v| v as u32).collect(),
+            ..SiteAnswers::new(truth(inaccessible), truth(occlusion))
+        });
+        let answers = answers.collect();
+        Ok(LabeledPart { sites: Sites { points, normals, faces: Vec::new() }, cutters, answers })
     }
 }
 
-/// Columns per cutter, rearranged to rows per site.
-fn by_site<T: Copy>(columns: &[Vec<T>]) -> Vec<T> {
-    let n = columns.first().map_or(0, Vec::len);
-    (0..n).flat_map(|i| columns.iter().map(move |c| c[i])).collect()
+/// A list of each cutter's answers, rearranged to rows per site.
+fn by_site<T: Copy>(n: usize, answers: &[SiteAnswers], of: fn(&SiteAnswers) -> &Vec<T>) -> Vec<T> {
+    (0..n).flat_map(|i| answers.iter().map(move |a| of(a)[i])).collect()
 }
 
 /// SHA-256 of a file's bytes, hexadecimal.
@@ -203,16 +196,24 @@ mod tests {
         let good = LabeledPart {
             sites: Sites::new(vec![Vec3::X, Vec3::Y], vec![Vec3::Z; 2]).unwrap(),
             cutters: vec![[1.5, 6.0, 40.0, 5.0].into()],
-            inaccessible: vec![vec![true, false]],
-            occlusion: vec![vec![false, true]],
-            accessible_directions: vec![vec![0, 3]],
+            answers: vec![SiteAnswers {
+                accessible_directions: vec![0, 3],
+                ..SiteAnswers::new(vec![true, false], vec![false, true])
+            }],
+        };
+        let with = |change: fn(&mut SiteAnswers)| {
+            let mut part = good.clone();
+            part.answers.iter_mut().for_each(change);
+            part
         };
         good.write(&path).unwrap();
         let refused = |part: LabeledPart| part.write(&path).unwrap_err().to_string();
-        let short = LabeledPart { occlusion: vec![vec![true]], ..good.clone() };
+        let short = with(|answers| answers.occlusion = vec![true]);
         assert!(refused(short).contains("part.npz: occlusion: lists of [1] for 2 sites"));
-        let missing = LabeledPart { accessible_directions: vec![], ..good.clone() };
-        assert!(refused(missing).contains("accessible_directions: lists of []"));
+        let missing = with(|answers| answers.accessible_directions = vec![]);
+        assert!(refused(missing).contains("accessible_directions: lists of [0]"));
+        let few = LabeledPart { answers: vec![], ..good.clone() };
+        assert!(refused(few).contains("inaccessible: lists of []"));
         let bare = Sites { normals: vec![], ..good.sites.clone() };
         assert!(refused(LabeledPart { sites: bare, ..good }).contains("0 normals for 2 sites"));
     }

@@ -9,6 +9,7 @@
 //! an occlusion point, as here.
 
 use super::super::sample::Sample;
+use crate::answers::SiteAnswers;
 use crate::atomic_file;
 use crate::cutter::CutterParams;
 use crate::geom::Sites;
@@ -143,7 +144,7 @@ pub fn write(root: &Path, samples: &[(List, &Sample)]) -> Result<()> {
 
 /// Labels as the published files have them: accessible, occlusion point.
 fn published_labels(sample: &Sample, i: usize) -> [u8; 2] {
-    [u8::from(!sample.inaccessible[i]), u8::from(sample.occlusion[i])]
+    [u8::from(!sample.answers.inaccessible[i]), u8::from(sample.answers.occlusion[i])]
 }
 
 /// Numbers in the shortest form that reads back to the same bits.
@@ -279,7 +280,8 @@ impl Rows {
     fn sample(self, name: &str, cutter: CutterParams) -> Result<Sample> {
         let Rows { sites, inaccessible, occlusion } = self;
         let name = name.to_owned();
-        let sample = Sample { name, sites: Arc::new(sites), cutter, inaccessible, occlusion };
+        let answers = SiteAnswers::new(inaccessible, occlusion);
+        let sample = Sample { name, sites: Arc::new(sites), cutter, answers };
         sample.check()?;
         Ok(sample)
     }
@@ -300,8 +302,10 @@ mod tests {
                 faces: vec![],
             }),
             cutter: CutterParams::from_array([1.25, 0.1, 5.5, 10.0]),
-            inaccessible: vec![true, false, false, true, false],
-            occlusion: vec![false, true, false, true, false],
+            answers: SiteAnswers::new(
+                vec![true, false, false, true, false],
+                vec![false, true, false, true, false],
+            ),
         }
     }
 
@@ -315,8 +319,7 @@ mod tests {
         for (read, name) in read.iter().zip(["part", "part-1"]) {
             assert_eq!((read.name.as_str(), read.cutter), (name, sample.cutter));
             assert_eq!(read.sites, sample.sites);
-            assert_eq!(read.inaccessible, sample.inaccessible);
-            assert_eq!(read.occlusion, sample.occlusion);
+            assert_eq!(read.answers, sample.answers);
         }
         let text = std::fs::read_to_string(folder.path().join("raw_data/models/part.txt")).unwrap();
         assert!(text.starts_with("0 7 -0.00003 0.6 0 -0.8 0 0\n"), "{text}");
@@ -333,7 +336,7 @@ mod tests {
         assert_eq!(text, "models/part.ply 0 1.250000 0.100000 5.500000 10.000000");
         std::fs::write(&list, text.replace('/', "\\")).unwrap();
         let read = read_list(folder.path(), List::Test).unwrap().remove(0);
-        assert_eq!((read.inaccessible, read.occlusion), (sample.inaccessible, sample.occlusion));
+        assert_eq!(read.answers, sample.answers);
         let most = read.sites.points.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
         assert_eq!(most, 0.8);
     }

@@ -1,0 +1,166 @@
+//! What either engine says of the sites of one part and one cutter.
+//!
+//! The exact labeler ([`access::Labeler`](crate::access::Labeler)) and the network
+//! ([`model::Predictor`](crate::model::Predictor)) take the same [`Sites`] and the same
+//! [`Cutter`](crate::cutter::Cutter), and both return [`SiteAnswers`]. `true` is always the positive class:
+//! *inaccessible*, *occlusion point*.
+
+use crate::Result;
+use crate::geom::{Sites, spacing};
+use glam::Vec3;
+use std::cmp::Ordering;
+
+/// Answers per site, in the order of the sites. A list is empty if the engine does not answer it, or was not asked
+/// to; otherwise it has one entry per site.
+#[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
+pub struct SiteAnswers {
+    /// The cutter collides in every direction.
+    pub inaccessible: Vec<bool>,
+    /// Among the sites that most often collide with the cutter where it stands at inaccessible ones. (One entry per
+    /// obstacle that is ranked, where the labeler ranks others than the sites: see
+    /// [`Obstacles`](crate::access::Obstacles).)
+    pub occlusion: Vec<bool>,
+    /// In some direction only the tip penetrates the part, in none nothing does; answered about the part itself.
+    pub tip_does_not_fit: Vec<bool>,
+    /// Number of directions in which the cutter can stand there: without collision and, about the part itself, with a
+    /// tip that fits.
+    pub accessible_directions: Vec<u32>,
+    /// A direction in which the cutter can stand there, a unit vector from tip to spindle.
+    pub witness: Vec<Option<Vec3>>,
+    /// How far every height and radius of the cutter may grow before the site becomes inaccessible (positive), or must
+    /// shrink before it becomes accessible (negative), mm, within the limit asked for. `docs/labeling.md` has the
+    /// formula.
+    pub clearance_mm: Vec<f32>,
+    /// Probability of `inaccessible`, from a network.
+    pub probability_inaccessible: Vec<f32>,
+    /// Probability of `occlusion`, from a network.
+    pub probability_occlusion: Vec<f32>,
+}
+
+impl SiteAnswers {
+    /// The two answers that a network learns; the other lists are empty.
+    pub fn new(inaccessible: Vec<bool>, occlusion: Vec<bool>) -> Self {
+        SiteAnswers { inaccessible, occlusion, ..SiteAnswers::default() }
+    }
+
+    /// Number of sites.
+    pub fn len(&self) -> usize {
+        self.inaccessible.len()
+    }
+
+    /// Whether there are no sites.
+    pub fn is_empty(&self) -> bool {
+        self.inaccessible.is_empty()
+    }
+
+    /// Number of inaccessible sites.
+    pub fn n_inaccessible(&self) -> usize {
+        count(&self.inaccessible)
+    }
+
+    /// Number of occlusion points.
+    pub fn n_occlusion(&self) -> usize {
+        count(&self.occlusion)
+    }
+
+    /// Per site: not inaccessible, and the tip fits as far as that was asked.
+    pub fn accessible(&self) -> Vec<bool> {
+        let tip = |i: usize| self.tip_does_not_fit.get(i).copied().unwrap_or(false);
+        (0..self.len()).map(|i| !self.inaccessible[i] && !tip(i)).collect()
+    }
+
+    /// Share of the surface that is inaccessible: every site counts by the area it stands for, estimated from the
+    /// distances to its neighbors. `sites` are those of the answers.
+    ///
+    /// # Errors
+    /// If the sites fail [`Sites::check`], or are not as many as the answers.
+    ///
+    /// ```
+    /// use deepmill::{answers::SiteAnswers, geom::Sites};
+    /// use glam::Vec3;
+    /// let points = (0..100).map(|i| Vec3::new((i % 10) as f32, (i / 10) as f32, 0.0)).collect();
+    /// let sites = Sites::new(points, vec![Vec3::Z; 100])?;
+    /// let answers = SiteAnswers::new((0..100).map(|i| i < 50).collect(), vec![]);
+    /// assert!((answers.inaccessible_area_share(&sites)? - 0.5).abs() < 0.01);
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    pub fn inaccessible_area_share(&self, sites: &Sites) -> Result<f64> {
+        if sites.len() != self.len() {
+            let (found, expected) = (sites.len(), format!("{}, as many as answers", self.len()));
+            let remedy = "give the sites that the answers are about";
+            return Err(crate::Error::argument("number of sites", found, expected, remedy));
+        }
+        let areas = spacing::relative_areas(sites)?;
+        let total: f64 = areas.iter().sum();
+        let marked = areas.iter().zip(&self.inaccessible).filter(|(_, marked)| **marked);
+        let marked: f64 = marked.map(|(area, _)| area).sum();
+        Ok(if total > 0.0 { marked / total } else { 0.0 })
+    }
+}
+
+fn count(marks: &[bool]) -> usize {
+    marks.iter().filter(|marked| **marked).count()
+}
+
+/// Whether the positive class has the greater logit; equal logits mean "no".
+pub fn is_positive<T: PartialOrd>([no, yes]: [T; 2]) -> bool {
+    yes > no
+}
+
+/// Marks the `ceil(share·n)` greatest values by `compare`, lower index first among equals.
+///
+/// `share` is in [0, 1]; a product within 1e-9 above a whole number counts as that number.
+pub fn mark_top_share<T>(
+    values: &[T],
+    share: f64,
+    compare: impl Fn(&T, &T) -> Ordering,
+) -> Vec<bool> {
+    let wanted = (share * values.len() as f64 - 1e-9).ceil().max(0.0) as usize;
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    if wanted < order.len() {
+        let rank = |&a: &usize, &b: &usize| compare(&values[b], &values[a]).then(a.cmp(&b));
+        order.select_nth_unstable_by(wanted, rank);
+        order.truncate(wanted);
+    }
+    let mut marks = vec![false; values.len()];
+    order.into_iter().for_each(|i| marks[i] = true);
+    marks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ties_go_to_the_lower_index_and_rounding_is_forgiven() {
+        let marked = |values: &[i32], share| mark_top_share(values, share, i32::cmp);
+        assert_eq!(marked(&[3, 9, 9, 1], 0.5), [false, true, true, false]);
+        assert_eq!(marked(&[9, 9, 9, 9, 9], 0.3), [true, true, false, false, false]);
+        assert_eq!(marked(&[1; 30], 0.1).iter().filter(|m| **m).count(), 3);
+        assert_eq!(marked(&[], 0.1), [false; 0]);
+        assert_eq!(marked(&[1, 2], 0.0), [false; 2]);
+        assert_eq!(marked(&[1, 2], 1.0), [true; 2]);
+    }
+
+    #[test]
+    fn one_tie_rule_for_both_heads() {
+        assert!(is_positive([0.0, 1e-9]) && !is_positive([0.5, 0.5]) && !is_positive([1.0, 0.5]));
+        assert!(!is_positive([f32::NAN, 1.0]));
+    }
+
+    #[test]
+    fn what_the_tip_cannot_reach_is_not_accessible() {
+        let mut answers = SiteAnswers::new(vec![true, false, false], vec![]);
+        assert_eq!(answers.accessible(), [false, true, true]);
+        answers.tip_does_not_fit = vec![false, false, true];
+        assert_eq!(answers.accessible(), [false, true, false]);
+    }
+
+    #[test]
+    fn area_shares_ask_for_the_sites_of_the_answers() {
+        let sites = Sites::new(vec![Vec3::X], vec![Vec3::Z]).unwrap();
+        let error = SiteAnswers::default().inaccessible_area_share(&sites).unwrap_err();
+        assert!(error.to_string().contains("as many as answers"), "{error}");
+    }
+}

@@ -1,0 +1,82 @@
+//! The network as an engine: what the exact labeler takes and returns.
+
+use super::predict::Model;
+use crate::answers::SiteAnswers;
+use crate::cutter::Cutter;
+use crate::geom::Sites;
+use crate::{Error, Result};
+
+/// Answers as a network predicts; takes and returns what [`Labeler`](crate::access::Labeler) does.
+#[derive(Debug, Clone)]
+pub struct Predictor {
+    model: Model<f32>,
+    occlusion_share: Option<f64>,
+}
+
+impl Predictor {
+    /// Decides each site by itself.
+    pub fn new(model: Model<f32>) -> Self {
+        Predictor { model, occlusion_share: None }
+    }
+
+    /// Marks the `share` of sites that look most like occlusion points instead of deciding each by itself.
+    ///
+    /// # Errors
+    /// If `share` is not above 0 and at most 1.
+    pub fn with_occlusion_share(self, share: f64) -> Result<Self> {
+        if !(share > 0.0 && share <= 1.0) {
+            let expected = "above 0, at most 1";
+            return Err(Error::argument("occlusion share", share, expected, "the paper uses 0.1"));
+        }
+        Ok(Predictor { occlusion_share: Some(share), ..self })
+    }
+
+    /// The network.
+    pub fn model(&self) -> &Model<f32> {
+        &self.model
+    }
+
+    /// The answers for `sites` and `cutter`: decisions and probabilities.
+    ///
+    /// # Errors
+    /// If the cutter is no [ball end](Cutter::as_ball_end), or as [`Model::predict`].
+    pub fn answer(&self, sites: &Sites, cutter: &Cutter) -> Result<SiteAnswers> {
+        let lengths = cutter.as_ball_end().ok_or_else(|| {
+            let expected = "a ball end with one holder below the spindle";
+            let remedy = "the network knows no other; ask the exact labeler";
+            Error::argument("cutter", cutter, expected, remedy)
+        })?;
+        let prediction = self.model.predict(&sites.points, &sites.normals, lengths.to_array())?;
+        Ok(match self.occlusion_share {
+            None => prediction.answers(),
+            Some(share) => prediction.answers_ranked(share),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cutter::CutterParams;
+    use crate::model::UNetConfig;
+    use glam::Vec3;
+
+    #[test]
+    fn answers_are_those_of_the_model_and_other_tools_are_refused() {
+        let points = (0..50).map(|i| Vec3::new(i as f32, (i % 7) as f32, 0.0)).collect();
+        let sites = Sites::new(points, vec![Vec3::Z; 50]).unwrap();
+        let params = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]);
+        let model = Model::<f32>::new(&UNetConfig::tiny(), 1).unwrap();
+        let prediction = model.predict(&sites.points, &sites.normals, params.to_array()).unwrap();
+        let predictor = Predictor::new(model);
+        let cutter = Cutter::ball_end(params).unwrap();
+        assert_eq!(predictor.answer(&sites, &cutter).unwrap(), prediction.answers());
+        for other in [Cutter::flat_end(params).unwrap(), cutter.with_clearance(0.5).unwrap()] {
+            let message = predictor.answer(&sites, &other).unwrap_err().to_string();
+            assert!(message.contains("a ball end with one holder"), "{message}");
+        }
+        let ranked = predictor.clone().with_occlusion_share(0.1).unwrap();
+        assert_eq!(ranked.answer(&sites, &cutter).unwrap().n_occlusion(), 5);
+        assert!(predictor.with_occlusion_share(f64::NAN).is_err());
+    }
+}
