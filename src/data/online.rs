@@ -30,6 +30,9 @@ pub struct OnlineSettings {
     pub sides: f64,
     /// Probability of a part to be turned anyhow, in `[0, 1]`; comes before the other turns.
     pub tilt: f64,
+    /// Range of the largest box edge that a part is scaled to, mm, drawn log-uniformly; `None`: as in the data set. Answers
+    /// depend on the ratios of the cutter's lengths to the part's alone, so this trains for cutters of all sizes, too.
+    pub size_mm: Option<[f64; 2]>,
 }
 
 impl Default for OnlineSettings {
@@ -42,11 +45,27 @@ impl Default for OnlineSettings {
             turn: Turn::Quarter,
             sides: 0.3,
             tilt: 0.1,
+            size_mm: None,
         }
     }
 }
 
 impl OnlineSettings {
+    /// Whether [`OnlineSettings::size_mm`] is a range of sizes that parts may have.
+    pub fn has_sound_sizes(&self) -> bool {
+        self.size_mm.is_none_or(|[low, high]| low > 0.0 && low <= high && high <= MAX_SIZE_MM)
+    }
+
+    /// Factor that brings points to a random size.
+    fn scale(&self, points: &[Vec3], stream: &mut Stream) -> f32 {
+        let Some([low, high]) = self.size_mm else { return 1.0 };
+        let wanted = stream.log_range(low, high);
+        let least = points.iter().copied().reduce(Vec3::min).unwrap_or_default();
+        let greatest = points.iter().copied().reduce(Vec3::max).unwrap_or_default();
+        let edge = f64::from((greatest - least).max_element());
+        if edge > 0.0 { (wanted / edge) as f32 } else { 1.0 }
+    }
+
     /// A random orthogonal matrix: a rotation, or a rotation after mirroring.
     fn orientation(&self, stream: &mut Stream) -> Mat3 {
         let mirrored = self.mirror && stream.chance(0.5);
@@ -60,6 +79,9 @@ impl OnlineSettings {
         turn * side * mirror
     }
 }
+
+/// 10 m: larger parts are none that a milling cutter works on.
+const MAX_SIZE_MM: f64 = 1e4;
 
 /// Rotations that bring +z, −z, +x, −x, +y, −y up.
 const SIDES: [Mat3; 6] = [
@@ -127,11 +149,12 @@ impl SampleSource for Online {
     fn sample(&self, epoch: u64, index: usize) -> Result<Sample> {
         let (name, sites) = &self.parts[index];
         let stream = |purpose| Stream::new(self.seed, epoch, index as u64, purpose);
-        let turn = self.settings.orientation(&mut stream(Purpose::Orientation));
-        let turned = |vectors: &[Vec3]| vectors.iter().map(|v| turn * *v).collect();
+        let mut placement = stream(Purpose::Orientation);
+        let turn = self.settings.orientation(&mut placement);
+        let scale = self.settings.scale(&sites.points, &mut placement);
         let sites = Sites {
-            points: turned(&sites.points),
-            normals: turned(&sites.normals),
+            points: sites.points.iter().map(|p| turn * *p * scale).collect(),
+            normals: sites.normals.iter().map(|n| turn * *n).collect(),
             faces: Vec::new(),
         };
         let cutter = self.settings.cutter_set.draw(&mut stream(Purpose::Cutter));
@@ -185,6 +208,35 @@ mod tests {
         assert_ne!(first.cutter, source.sample(4, 1).unwrap().cutter);
         assert_ne!(first.cutter, source.sample(3, 0).unwrap().cutter);
         assert!((1..9).any(|e| source.sample(e, 1).unwrap().answers.inaccessible.contains(&true)));
+    }
+
+    #[test]
+    fn sizes_are_drawn_over_the_whole_range_and_labels_are_those_of_the_scaled_part() {
+        let settings = OnlineSettings { size_mm: Some([15.0, 600.0]), ..Default::default() };
+        let source = online(settings);
+        let sizes = (0..200).map(|epoch| {
+            let sample = source.sample(epoch, 0).unwrap();
+            let points = &sample.sites.points;
+            let least = points.iter().copied().reduce(Vec3::min).unwrap();
+            let greatest = points.iter().copied().reduce(Vec3::max).unwrap();
+            assert!(sample.sites.check().is_ok());
+            f64::from((greatest - least).length())
+        });
+        let sizes: Vec<f64> = sizes.collect();
+        let small = sizes.iter().filter(|size| **size < 95.0).count();
+        assert!((70..130).contains(&small), "{small} of 200 in the lower half of the logarithm");
+        let sample = source.sample(3, 0).unwrap();
+        let cutter = Cutter::ball_end(sample.cutter).unwrap();
+        let labels = access::label(
+            &*sample.sites,
+            Obstacles::Queries,
+            &cutter,
+            &source.directions,
+            &source.options,
+        );
+        assert_eq!(sample.answers, labels.unwrap().answers);
+        let unsound = |size| !OnlineSettings { size_mm: Some(size), ..settings }.has_sound_sizes();
+        assert!(unsound([0.0, 1.0]) && unsound([2.0, 1.0]) && unsound([1.0, f64::NAN]));
     }
 
     #[test]

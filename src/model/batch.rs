@@ -119,10 +119,14 @@ impl<T: Scalar> Batch<T> {
     }
 }
 
+/// Points of a normalized shape are at most 2√3 = 3.47 apart, so that a holder that is wider or a shank that is longer than this
+/// collides with the same points (for CR up to 0.5): a network need not learn that.
+const LONGEST: f64 = 4.0;
+
 /// A length of a cutter in the unit that the network takes.
 pub(super) fn cutter_input(unit: CutterInput, length_mm: f64, transform: &CubeTransform) -> f64 {
     match unit {
         CutterInput::Millimeters => length_mm,
-        CutterInput::Scaled => length_mm * transform.scale,
+        CutterInput::Scaled => (length_mm * transform.scale).min(LONGEST),
     }
 }

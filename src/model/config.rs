@@ -12,7 +12,7 @@ pub enum CutterInput {
     #[default]
     #[serde(rename = "millimetres", alias = "millimeters")]
     Millimeters,
-    /// In units of the normalized shape: multiplied by its scale.
+    /// In units of the normalized shape: multiplied by its scale, at most 4, which is beyond its diagonal.
     Scaled,
 }
 

@@ -201,6 +201,12 @@ impl Settings {
         if let Some((name, found, _, expected)) = rules.into_iter().find(|(.., good, _)| !good) {
             return Err(Error::argument(name, found, expected, "change the training settings"));
         }
+        if !online.has_sound_sizes() {
+            let found = format!("{:?}", online.size_mm.unwrap_or_default());
+            let expected = "two sizes above 0 mm, at most 10 m, the lesser first";
+            let remedy = "change the training settings";
+            return Err(Error::argument("online.size_mm", found, expected, remedy));
+        }
         if !self.schedule.is_sound() {
             let found = format!("{:?}", self.schedule);
             let expected = "finite numbers, rates and factors not negative, shares at most 1";
