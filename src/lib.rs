@@ -38,7 +38,7 @@ pub mod report;
 pub mod rng;
 pub mod scalar;
 pub mod simd;
-pub mod spatial;
+mod spatial;
 pub mod train;
 
 pub use error::{Error, Result};

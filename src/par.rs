@@ -5,7 +5,7 @@
 //!
 //! Blocks are handed out one after another, to whichever thread is idle next; the thread that starts a loop
 //! takes part in it. Waking a sleeping thread takes longer than most of the network's loops: a worker spins
-//! for `SPIN_TIMEOUT` after its last block, and within [`keep_workers_hot`] until that call ends.
+//! for `SPIN_TIMEOUT` after its last block, and within `keep_workers_hot` until that call ends.
 
 use crate::{Error, Result};
 use rayon::Yield;
@@ -100,7 +100,7 @@ impl<F: FnMut()> Drop for OnDrop<F> {
 /// Runs `work`; its threads spin between its parallel loops instead of sleeping. For many short loops.
 ///
 /// Results are those of `work` alone. Without a processor for every thread, this is just a call.
-pub fn keep_workers_hot<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+pub(crate) fn keep_workers_hot<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     if threads() <= 1 || !may_spin() {
         return work();
     }
@@ -128,7 +128,7 @@ pub fn for_each_block<T: Send>(
 
 /// [`for_each_block`], with a state for `work` to reuse. Each thread makes its own: what a call leaves there
 /// must not change the results of the next.
-pub fn for_each_block_with<T: Send, S>(
+pub(crate) fn for_each_block_with<T: Send, S>(
     items: &mut [T],
     block_len: usize,
     state: impl Fn() -> S + Sync,
@@ -142,7 +142,7 @@ pub fn for_each_block_with<T: Send, S>(
 ///
 /// # Panics
 /// If the slices differ in length.
-pub fn for_each_block3<A: Send, B: Send, C: Send>(
+pub(crate) fn for_each_block3<A: Send, B: Send, C: Send>(
     a: &mut [A],
     b: &mut [B],
     c: &mut [C],
@@ -156,7 +156,7 @@ pub fn for_each_block3<A: Send, B: Send, C: Send>(
 }
 
 /// Results of `work(block_index, block)` for consecutive blocks of `block_len` items, in order.
-pub fn map_chunks<T: Send, R: Send>(
+pub(crate) fn map_chunks<T: Send, R: Send>(
     items: &mut [T],
     block_len: usize,
     work: impl Fn(usize, &mut [T]) -> R + Sync,
@@ -165,7 +165,7 @@ pub fn map_chunks<T: Send, R: Send>(
 }
 
 /// Results of `work` over consecutive ranges of `block_len` indices of `0..n`, in order.
-pub fn map_blocks<R: Send>(
+pub(crate) fn map_blocks<R: Send>(
     n: usize,
     block_len: usize,
     work: impl Fn(Range<usize>) -> R + Sync,
@@ -196,7 +196,7 @@ fn collect<I: Send, R: Send>(
 ///
 /// Each worker makes one state and passes it to all its calls; indices go to whichever worker is
 /// free. What is summed up in a state must not depend on the order of summing: whole numbers do not.
-pub fn map_with<S: Send, R: Send>(
+pub(crate) fn map_with<S: Send, R: Send>(
     n: usize,
     state: impl Fn() -> S + Sync,
     work: impl Fn(&mut S, usize) -> R + Sync,
@@ -221,7 +221,7 @@ pub fn map_with<S: Send, R: Send>(
 }
 
 /// Two computations, possibly at the same time.
-pub fn join<A: Send, B: Send>(
+pub(crate) fn join<A: Send, B: Send>(
     a: impl FnOnce() -> A + Send,
     b: impl FnOnce() -> B + Send,
 ) -> (A, B) {
@@ -229,7 +229,7 @@ pub fn join<A: Send, B: Send>(
 }
 
 /// Sorts in parallel by a total order on keys; equal keys keep their order.
-pub fn sort_by_key<T: Send, K: Ord>(items: &mut [T], key: impl Fn(&T) -> K + Sync) {
+pub(crate) fn sort_by_key<T: Send, K: Ord>(items: &mut [T], key: impl Fn(&T) -> K + Sync) {
     items.par_sort_by_key(key);
 }
 

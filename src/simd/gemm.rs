@@ -24,7 +24,7 @@ mod tile;
 pub mod weights;
 pub mod winograd;
 
-pub use super::Real;
+use super::Real;
 use super::{Isa, Kernel, Simd};
 use std::ops::Range;
 use tile::{Panel, PanelCopy, RowPointers, WIDTH, columns, tile_rows, tile_tn, with_height};

@@ -15,15 +15,16 @@
 #![allow(clippy::needless_range_loop)]
 
 mod double;
-pub mod elementwise;
-pub mod fma;
+pub(crate) mod elementwise;
+pub(crate) mod fma;
 pub mod gemm;
-pub mod isa;
-pub mod normalize;
-pub mod real;
-pub mod token;
-pub mod vector;
+pub(crate) mod isa;
+pub(crate) mod normalize;
+pub(crate) mod real;
+pub(crate) mod token;
+pub(crate) mod vector;
 
-pub use isa::{Isa, Kernel};
-pub use real::Real;
-pub use vector::{Float32, Float64, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};
+pub(crate) use isa::Kernel;
+pub use isa::{Isa, VARIABLE};
+pub(crate) use real::Real;
+pub(crate) use vector::{Float32, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};

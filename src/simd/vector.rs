@@ -17,11 +17,6 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 
-pub use arrays::Lanes;
-#[cfg(target_arch = "x86_64")]
-pub use avx2::{F32x8, F64x4, U16x16, U32x8};
-#[cfg(target_arch = "x86_64")]
-pub use avx512::{F32x16, F64x8, U16x32, U32x16};
 use std::ops::{Add, Mul, Sub};
 
 /// Most lanes of an `f32` vector of any instruction set.

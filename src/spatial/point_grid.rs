@@ -64,16 +64,6 @@ impl PointGrid {
         }
     }
 
-    /// Number of points.
-    pub fn len(&self) -> usize {
-        self.points.len()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
-    }
-
     /// Index of the point nearest to `from` and its distance in mm; `None` if there are no points.
     pub fn nearest(&self, from: Vec3) -> Option<(u32, f32)> {
         self.nearest_where(from, |_| true)
@@ -121,14 +111,6 @@ impl PointGrid {
                 }
             }
         }
-    }
-
-    /// Indices of the points at most `radius_mm` from `from`, ascending.
-    pub fn within(&self, from: Vec3, radius_mm: f32) -> Vec<u32> {
-        let mut found = Vec::new();
-        self.for_each_within(from, radius_mm, |i, _| found.push(i));
-        found.sort_unstable();
-        found
     }
 
     fn for_each_in_ring(&self, home: UVec3, ring: u32, mut visit: impl FnMut(u32, Vec3)) {
@@ -203,6 +185,14 @@ mod tests {
         clouds
     }
 
+    /// Indices of the points at most `radius_mm` from `from`, ascending.
+    fn within(grid: &PointGrid, from: Vec3, radius_mm: f32) -> Vec<u32> {
+        let mut found = Vec::new();
+        grid.for_each_within(from, radius_mm, |i, _| found.push(i));
+        found.sort_unstable();
+        found
+    }
+
     #[test]
     fn nearest_and_within_equal_a_plain_search() {
         let mut stream = Stream::new(4, 0, 0, Purpose::Probe);
@@ -223,13 +213,13 @@ mod tests {
                 let other = grid.nearest_where(from, |i| i != plain.1).unwrap();
                 assert_ne!(other.0, plain.1);
                 let radius = stream.range(0.0, 6.0).floor() as f32;
-                let within: Vec<u32> = (0..points.len() as u32)
+                let plain: Vec<u32> = (0..points.len() as u32)
                     .filter(|i| {
                         let square = square_distance(points[*i as usize], from);
                         square <= f64::from(radius) * f64::from(radius)
                     })
                     .collect();
-                assert_eq!(grid.within(from, radius), within);
+                assert_eq!(within(&grid, from, radius), plain);
             }
         }
     }
@@ -237,8 +227,8 @@ mod tests {
     #[test]
     fn a_grid_without_points_finds_none() {
         let grid = PointGrid::new(&[]);
-        assert!(grid.is_empty() && grid.nearest(Vec3::ONE).is_none());
-        assert!(grid.within(Vec3::ZERO, 10.0).is_empty());
+        assert!(grid.nearest(Vec3::ONE).is_none());
+        assert!(within(&grid, Vec3::ZERO, 10.0).is_empty());
     }
 
     #[test]

@@ -87,7 +87,7 @@ impl Tool {
         words
     }
 
-    /// What the four lengths do not say, for [`About::settings`](super::About::settings).
+    /// What the four lengths do not say, for [`Provenance::settings`](super::Provenance::settings).
     pub fn settings(&self) -> Value {
         json!({ "corner_mm": self.corner_mm, "clearance_mm": self.clearance_mm })
     }
