@@ -1,5 +1,5 @@
 //! What the choices behind a label change: density of obstacles, number of directions; and how far the
-//! two baselines get. The tables of `docs/labeling.md` come from here.
+//! two baselines get. `docs/benchmarks.md` has the tables.
 //!
 //! ```text
 //! cargo bench --bench label_choices -- PART…
