@@ -1,5 +1,5 @@
-//! What the choices behind a label change: density of obstacles, number of directions; and how far the
-//! two baselines get. `docs/benchmarks.md` has the tables.
+//! How labels change with the density of obstacles and the number of directions, and how good two baselines are.
+//! `docs/benchmarks.md` has the table.
 //!
 //! ```text
 //! cargo bench --bench label_choices -- PART…

@@ -1,4 +1,4 @@
-//! The one error type: what was attempted, where, what was found, and what to do about it.
+//! The error type: what was attempted, where, what was found, and what to do about it.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! Occlusion points: the obstacles that are most often in the way.
+//! Occlusion points: the share of the obstacles that collide most often.
 
 /// Marks the `ceil(share·n)` entries of greatest `beta`, lower index first among equals, never a zero.
 ///

@@ -1,4 +1,4 @@
-//! Labels on the fly: a fresh cutter and a fresh orientation for every sample of every epoch.
+//! Labels on the fly: every sample of every epoch gets a new cutter, a new orientation and exact labels.
 //!
 //! The labeler runs inside the training loop, so turned and mirrored parts carry exact labels for any
 //! direction set, and no (part, cutter) pair is ever seen twice. Everything is keyed by (seed, epoch,

@@ -1,4 +1,4 @@
-//! Which points lie inside a closed mesh.
+//! The inside test: which points of a lattice lie inside a closed mesh.
 //!
 //! The winding number of a point is the signed count of triangles above it: a triangle that faces up
 //! counts +1, one that faces down −1. Whether a triangle is above a point is decided exactly: the

@@ -1,4 +1,4 @@
-//! What a network looks like: depths, widths, blocks, cutter modules and what it is fed with.
+//! Configuration of a network: depths, widths, blocks, cutter modules and the preparation of its input.
 
 use crate::octree::{Features, Normalization, OctreeOptions};
 use crate::{Error, Result};

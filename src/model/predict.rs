@@ -1,4 +1,4 @@
-//! A network with its numbers, and its answer for one part and one cutter.
+//! A network with its parameters, and its prediction for one part and one cutter.
 
 use super::batch::{Batch, Shape};
 use super::cutter_modules::N_LENGTHS;

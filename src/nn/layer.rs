@@ -1,4 +1,4 @@
-//! What all layers share.
+//! The trait of all layers: forward, forward for training, backward, and the ranges of their parameters.
 //!
 //! `docs/adding-a-layer.md` walks through a new one, with its gradient check and its comparison.
 

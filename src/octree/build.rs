@@ -1,4 +1,4 @@
-//! Construction: sort the points by key, then grow the depths from the root.
+//! Construction of an octree: sorts the points by key, then adds depth after depth from the root.
 
 use super::{Cloud, KernelMap, Octree, OctreeLevel, OctreeOptions, key, neighbors};
 use crate::{Error, Result, par};

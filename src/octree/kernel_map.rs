@@ -1,4 +1,4 @@
-//! Which input rows meet which kernel offset in which output rows, compacted.
+//! Kernel maps: lists of the pairs (input row, output row) that meet at each kernel offset.
 //!
 //! Output rows are cut into blocks of constant length. For each block and each kernel offset the map
 //! lists the pairs (input row, output row within the block) that exist, output rows ascending, so

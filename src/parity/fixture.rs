@@ -1,4 +1,4 @@
-//! A fixture's files.
+//! The files of a parity fixture: configuration, weights, input and expected tensors.
 
 use super::tensor;
 use crate::model::Model;

@@ -1,4 +1,4 @@
-//! Which error each recorded tensor may have, and how it is measured.
+//! The bound on the error of each recorded tensor, and how the error is measured.
 
 use super::Tensors;
 use crate::model::weights::tensors::Tensor;

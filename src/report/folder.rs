@@ -1,5 +1,4 @@
-//! The files of a report: data, colored points and pictures of labels, predictions and their
-//! difference, side by side in one folder.
+//! The files of a folder of results: data, colored points and pictures of labels, predictions and their difference.
 
 use super::points::{self, PointValues};
 use super::{Class, Coloring, PartView, picture};

@@ -1,4 +1,4 @@
-//! From fragments to pixels: light, shadow in corners, edge lines, and the mean of 2 × 2 samples.
+//! Shading: light, ambient occlusion, edge lines, and the mean of 2 × 2 samples per pixel.
 
 use super::Rgb;
 use super::camera::Camera;

@@ -1,4 +1,4 @@
-//! The numbers that kernels are made for: `f32`, and `f64` for gradient checks.
+//! The trait of numbers that kernels exist for: `f32`, and `f64` for gradient checks.
 
 use super::Isa;
 use super::elementwise::{Combine, ReluInPlace, Scale, SgdStep, SparseRows};

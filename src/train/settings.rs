@@ -1,4 +1,4 @@
-//! How a network is trained: every number that decides the outcome, apart from the data.
+//! Settings of a training run: every number that decides its outcome, apart from the data.
 
 use crate::data::Augment;
 use crate::data::augment::{Elastic, Turn};

@@ -1,4 +1,4 @@
-//! Settings as TOML files: whole ones, and such that change a few numbers of a preset.
+//! Settings as TOML files, complete or partial over a preset.
 
 use super::Settings;
 use crate::{Error, Result, atomic_file};

@@ -1,4 +1,4 @@
-//! One optimization step: samples to batch, forward, losses, backward, update.
+//! One training step: samples to batch, forward, losses, backward, update.
 
 use super::{Reduction, Run, Settings};
 use crate::data::{Sample, SampleSource};

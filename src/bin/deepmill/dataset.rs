@@ -1,4 +1,4 @@
-//! `deepmill dataset`: parts in, labeled samples out.
+//! `deepmill dataset`: builds labeled data sets from parts; imports and exports the published format.
 
 use crate::output::Output;
 use crate::progress;

@@ -1,4 +1,4 @@
-//! From a drawn solid to a part: one body, turned as it lies, corners rounded to f32, checked.
+//! From a solid to a finished part: one body, placed, corners rounded to f32, checked.
 
 use super::solid::Solid;
 use crate::geom::check::{self, Fault};

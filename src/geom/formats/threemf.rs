@@ -1,4 +1,4 @@
-//! 3MF: a zip archive with an XML model, through `zip` and `quick-xml`.
+//! 3MF files: zip archives with an XML model, read through `zip` and `quick-xml`.
 //!
 //! Read is the core of the format: objects that are meshes, objects put together from others, and the
 //! build that places them. Colors, materials, slices and lattices are passed over. A 3MF says

@@ -1,4 +1,4 @@
-//! From the shapes of a state dict to the network it belongs to.
+//! Infers a network's configuration from the tensor shapes of a state dict.
 
 use super::tensors::TensorFile;
 use crate::model::config::{CutterConfig, CutterPlacement, InputConfig, UNetConfig};

@@ -1,5 +1,5 @@
-//! Some columns of all output rows are one task: few rows take less time than their weights take to be read,
-//! which is done once.
+//! The algorithm for few rows, which take less time than reading the weights: one task computes some columns of all output
+//! rows, so that the weights are read once.
 
 use super::super::arena::Arena;
 use super::blocks::terms_of_block;

@@ -1,4 +1,4 @@
-//! Into frequencies, and back to the gradients of the weights.
+//! The transforms of Winograd's filtering: inputs, gradients and weights to frequencies, and frequencies to weight gradients.
 
 use super::super::super::vector::MAX_LANES;
 use super::super::super::{Isa, Kernel, Simd, Vector};
