@@ -28,7 +28,7 @@ pub struct OnlineSettings {
     pub turn: Turn,
     /// Probability of a part to lie on one of its six sides, chosen evenly, in `[0, 1]`.
     pub sides: f64,
-    /// Probability of a part to be turned anyhow, in `[0, 1]`; comes before the other turns.
+    /// Probability of a part to get any rotation, in `[0, 1]`; comes before the other turns.
     pub tilt: f64,
 }
 

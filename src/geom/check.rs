@@ -75,7 +75,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// All that [`check`] knows about a mesh.
+/// The result of [`check`].
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct MeshReport {

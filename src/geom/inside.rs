@@ -156,7 +156,7 @@ pub fn windings(mesh: &Mesh, points: &[DVec3]) -> Result<Vec<i32>> {
     Ok(blocks.into_iter().flatten().collect())
 }
 
-/// For each probe (mm) the groups of triangles that wind around it, ascending. `group` tells each
+/// For each probe (mm) the groups of triangles that wind around it, ascending. `group` is each
 /// triangle's group, `u32::MAX` for none; each group must be closed by itself.
 pub(crate) fn groups_around(mesh: &Mesh, group: &[u32], probes: &[DVec3]) -> Vec<Vec<u32>> {
     let columns = Columns::over(mesh);

@@ -170,7 +170,7 @@ pub fn draw_predictions(
 /// If the system refuses a file.
 ///
 /// # Panics
-/// If labels and predictions differ in length; [`same_sites`] tells before.
+/// If labels and predictions differ in length; check with [`same_sites`].
 pub fn write_difference(
     folder: &Path,
     labels: &LabelFile,

@@ -171,7 +171,7 @@ impl Kernel for Scale<'_, f32> {
 pub struct SgdStep<'a, T> {
     /// Learning rate.
     pub lr: T,
-    /// Share of the velocity that lives on.
+    /// Share of the velocity that is kept.
     pub momentum: T,
     /// Weight decay.
     pub decay: T,

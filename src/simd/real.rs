@@ -13,7 +13,7 @@ use super::normalize::{BackwardApply, BackwardSums, ColumnSums, NormalizeRows};
 use kernels::Kernels;
 use std::ops::{Add, Mul, Sub};
 
-/// `f32` or `f64`; nobody else can implement it.
+/// `f32` or `f64`; sealed.
 pub trait Real:
     Kernels
     + Copy

@@ -31,7 +31,7 @@ pub fn read(path: &Path, base: &Settings) -> Result<Settings> {
     let base =
         Value::try_from(base).map_err(|e| Error::file(path, "preset", e.to_string(), REMEDY))?;
     let joined = Settings::deserialize(overlaid(base, Value::Table(changes)));
-    // Only the text knows the line, unless it stumbles over what it leaves out.
+    // Only errors of the text have a line, unless they are about missing keys.
     joined.map_err(|e| bad(if alone.message() == e.message() { &alone } else { &e }))
 }
 

@@ -13,7 +13,7 @@ use crate::simd::elementwise::scale;
 use crate::{Error, Result};
 use std::ops::Range;
 
-/// Work space of a step that lives on between steps.
+/// Work space that is kept from step to step.
 #[derive(Debug, Default)]
 pub(super) struct StepScratch {
     arena: Arena<f32>,

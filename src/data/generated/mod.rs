@@ -42,7 +42,7 @@ const MAX_ATTEMPTS: u64 = 64;
 pub enum Lie {
     /// As drawn: the main opening mostly up.
     AsDrawn,
-    /// Six parts in ten as drawn, a quarter on another side, the rest tilted anyhow.
+    /// Six parts in ten as drawn, a quarter on another side, the rest rotated at random.
     Turned,
 }
 

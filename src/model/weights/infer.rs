@@ -5,7 +5,7 @@ use crate::model::config::{CutterConfig, CutterPlacement, InputConfig, UNetConfi
 use crate::{Error, Result};
 use std::path::Path;
 
-/// The configuration that the shapes tell; depth, conventions and dropout are the reference's.
+/// The configuration that follows from the shapes; depth, conventions and dropout are the reference's.
 pub(super) fn config(file: &TensorFile, origin: &Path) -> Result<UNetConfig> {
     let shapes = Shapes { file, origin };
     let stem = shapes.of("conv1.conv.weights", 3)?;

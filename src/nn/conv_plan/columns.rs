@@ -15,7 +15,7 @@ use crate::simd::gemm::matmul_columns;
 use std::ops::Range;
 
 /// Parts into which the columns of a map of one block are cut, and the width they are multiples of: whole
-/// cache lines of weights that nobody else reads.
+/// cache lines of weights that no other task reads.
 const PARTS: usize = 4;
 const PART_WIDTH: usize = 32;
 
