@@ -1,5 +1,5 @@
-//! What the choices behind a label change: density of obstacles, number of directions; and how far the
-//! two baselines get. The tables of `docs/labeling.md` come from here.
+//! How labels change with the density of obstacles and the number of directions, and how good two baselines are.
+//! `docs/benchmarks.md` has the table.
 //!
 //! ```text
 //! cargo bench --bench label_choices -- PART…

@@ -1,4 +1,4 @@
-//! How long labels take: engines × sizes, the worst of several parts and cutters.
+//! Time of labels by engine and number of sites, the worst of several parts and cutters.
 //!
 //! ```text
 //! cargo bench --bench labeler -- [--parts FOLDER_OR_FILE…] [--sizes 7000,15000] [--published STRIDE]

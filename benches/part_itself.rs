@@ -1,4 +1,4 @@
-//! The part itself: what labels against triangles cost, what more directions find, and equality with the drop heights.
+//! Labels against triangles: time, effect of more directions, and equality with the drop heights.
 //!
 //! ```text
 //! cargo bench --bench part_itself -- cost   N_SITES N_DIRECTIONS PART.stl…

@@ -1,4 +1,4 @@
-//! Is the backward pass of an own layer the derivative of its forward pass?
+//! Check the backward pass of an own layer against finite differences.
 //!
 //! The layer: every row divided by its root mean square, times a gain per column (RMS norm).
 //! `cargo run --release --example gradcheck`

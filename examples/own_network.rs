@@ -1,4 +1,4 @@
-//! An own network on octrees: other widths, an own target, an own loop.
+//! Build and train an own network on octrees: other widths, an own target, an own loop.
 //!
 //! It learns which points of a sphere lie above a plane. `cargo run --release --example own_network`
 #![allow(clippy::print_stdout)]

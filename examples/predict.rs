@@ -1,4 +1,4 @@
-//! The shipped network's answer for a cloud of points, beside the exact one, through `ndarray`.
+//! Predict with the shipped network for a cloud of points, and compare with the exact labels, through `ndarray`.
 //!
 //! `cargo run --release --example predict`
 #![allow(clippy::print_stdout)]

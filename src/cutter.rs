@@ -1,4 +1,4 @@
-//! Cutters: solids of revolution about their axis that only grow upward.
+//! Cutters: solids of revolution, given as a list of steps whose radii never shrink upward.
 //!
 //! A [`Cutter`] is a rule for where its *reference point* lies when it touches a site, and a list of
 //! [`Step`]s above that point: everything higher than a step's height and nearer to the axis than its

@@ -1,4 +1,4 @@
-//! Ordered sets of unit vectors from the tip to the spindle.
+//! Direction sets: the unit vectors, from the tip to the spindle, in which the tool may come.
 //!
 //! A [`DirectionSet`] is the recipe, small enough to be recorded with every data set; [`Directions`]
 //! holds the vectors. Everything is computed in `f64` with [`libm`] and rounded to `f32` once, so a

@@ -1,4 +1,4 @@
-//! The one error type: what was attempted, where, what was found, and what to do about it.
+//! The error type: what was attempted, where, what was found, and what to do about it.
 
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ pub enum Error {
     /// An argument is outside its domain.
     #[error("{name} is {found}, expected {expected}; {remedy}")]
     Argument {
-        /// The argument's name as the user knows it.
+        /// The argument's name in the user interface.
         name: &'static str,
         /// The value given.
         found: String,

@@ -1,5 +1,5 @@
-//! Is a hand-written backward pass the derivative of its forward pass? Central differences and the
-//! adjoint test, in f64.
+//! Gradient checks: compares a hand-written backward pass with central differences of its forward pass, and linear maps
+//! with their adjoint, in f64.
 //!
 //! [`function`] takes any function of named vectors (inputs and parameters alike) with a vector result `y`, and
 //! [`layer()`] any [`Layer`]. For a fixed random `dy` they compare what backward says about `⟨dy, y⟩` with the central

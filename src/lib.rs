@@ -1,4 +1,4 @@
-//! Which parts of a surface a milling cutter cannot reach, and which other parts are in its way.
+//! Computes which parts of a surface a milling cutter cannot reach, and which other parts are in its way.
 //!
 //! Two engines give the same kind of answer for every sample *site* on a part: the exact collision
 //! labeler in [`access`], and the octree network in [`model`], trained on the labeler's answers.

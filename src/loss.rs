@@ -1,4 +1,4 @@
-//! Cross-entropy.
+//! The loss: cross-entropy of two classes, with weights and label smoothing, and its gradient.
 
 use crate::par;
 use crate::scalar::Scalar;

@@ -1,4 +1,4 @@
-//! Accuracy, F1 and IoU of yes/no predictions.
+//! Scores of yes/no predictions: accuracy, F1 and IoU from a confusion matrix.
 
 use crate::answers::is_positive;
 use serde::{Deserialize, Serialize};

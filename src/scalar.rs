@@ -1,4 +1,4 @@
-//! The numbers of the network: `f32` for work, `f64` for decisive gradient checks.
+//! The trait of real numbers that layers are generic over: `f32` for work, `f64` for gradient checks.
 
 use crate::simd::{Isa, Real, isa};
 use crate::{Error, Result};

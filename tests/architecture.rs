@@ -1,4 +1,4 @@
-//! The module structure holds: which module imports which, where unsafe code, threads, files and printing are allowed.
+//! The structure of the source holds: imports, unsafe code, threads, files and printing stay where they belong.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Options of the command line that cannot be, and outputs that cannot be written, are told at once.
+//! The command line refuses impossible options and unwritable outputs before it begins work.
 #![cfg(feature = "cli")]
 
 mod command;

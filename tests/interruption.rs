@@ -1,4 +1,4 @@
-//! Killed at any moment and started again, the program ends with the bytes of one that was left alone.
+//! A program that is killed at any moment and started again ends with the bytes of one that ran through.
 #![cfg(feature = "cli")]
 
 use deepmill::rng::{Purpose, Stream};

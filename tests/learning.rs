@@ -1,4 +1,4 @@
-//! Learning is real: a network overfits two parts, and an interrupted run ends with the same bits.
+//! Networks learn: one overfits two parts, and an interrupted run ends with the same bits.
 #![cfg(feature = "generate")]
 
 use deepmill::access::{LabelOptions, Obstacles, label};

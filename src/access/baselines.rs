@@ -1,4 +1,4 @@
-//! Two guesses that need no collision test, to be printed wherever accuracies are.
+//! Baselines for both labels that test no collision: the highest sites, and the sites whose normal points down.
 //!
 //! On the upper hemisphere β is mostly height, so [`highest`] alone finds most occlusion points; and a
 //! site that faces down is mostly out of reach, so [`facing_away`] alone finds many inaccessible ones. An

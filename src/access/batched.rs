@@ -1,4 +1,4 @@
-//! Every pair, a vector at a time, stopping at the first collision: the reference engine in vectors.
+//! The batched engine: tests every pair with the predicate, a vector of lanes at a time, until the first collision.
 
 use super::kernels::{AnyObstacle, CountCenters, rotate_obstacles};
 use super::method::Method;

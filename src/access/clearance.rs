@@ -1,4 +1,5 @@
-//! Signed clearance: how far every height and radius of the cutter may move before a label flips.
+//! Signed clearance of a query: how far every height and radius of the cutter may grow before the query becomes
+//! inaccessible.
 //!
 //! Growing a cutter by `c` lowers every step by `c` and widens it by `c`
 //! ([`Cutter::with_clearance`](crate::cutter::Cutter::with_clearance)). In one direction, obstacle `j`

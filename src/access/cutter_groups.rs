@@ -1,4 +1,4 @@
-//! Which cutters of a call can use each other's answers, and in which order to query them.
+//! Groups of cutters with the same reference points, whose answers bound each other, and the order to compute them in.
 
 use super::problem::PlacedCutter;
 use std::collections::VecDeque;

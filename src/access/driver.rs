@@ -1,4 +1,4 @@
-//! From queries to labels: directions are shared out among threads, their answers joined.
+//! The entry points `label` and `label_many`: checks the input, runs an engine over all directions, merges the results.
 
 use super::batched::Batched;
 use super::clearance::signed_clearance;

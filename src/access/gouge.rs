@@ -1,4 +1,4 @@
-//! The optional gouge test: does the ball, touching a site, cut into another part of the surface?
+//! The gouge test: does the ball, touching a site, cut deeper than a tolerance into another part of the surface?
 //!
 //! The labels treat everything at or below the ball's top as contact. Where the surface curves more
 //! tightly than the ball, or a wall stands closer than its radius, the ball cannot touch the site at all

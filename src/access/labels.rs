@@ -1,4 +1,4 @@
-//! What to compute and what comes out.
+//! Options and results of labeling.
 
 use super::matrix::CollisionMatrix;
 use super::stats::Stats;

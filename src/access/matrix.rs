@@ -1,4 +1,4 @@
-//! The answer of every direction and query, one bit each.
+//! The collision matrix: one bit per direction and query, set where the cutter collides.
 
 /// One bit per direction and query, `[n_dirs, n_queries]` row-major: set where the cutter collides.
 #[derive(Debug, Clone, PartialEq, Eq)]

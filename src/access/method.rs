@@ -1,4 +1,4 @@
-//! What an engine does for one direction and cutter.
+//! The interface of an engine: collisions and β of one cutter in one direction.
 
 use super::predicate::Frame;
 use super::problem::PlacedCutter;

@@ -1,4 +1,4 @@
-//! Which sites a cutter cannot reach, and which sites are in its way: the exact collision labeler.
+//! The exact collision labeler: which sites a cutter cannot reach, and which sites are in its way.
 //!
 //! # Definition
 //!

@@ -1,4 +1,4 @@
-//! Occlusion points: the obstacles that are most often in the way.
+//! Occlusion points: the share of the obstacles that collide most often.
 
 use crate::answers::mark_top_share;
 

@@ -1,4 +1,4 @@
-//! A spatial order of queries and obstacles: neighbors in the list are neighbors in space.
+//! Queries and obstacles in a spatial order, so that neighbors in the list are neighbors in space.
 
 use super::labels::Labels;
 use super::problem::Scene;

@@ -1,4 +1,4 @@
-//! What is to be labeled, in checked form: coordinates of queries and obstacles, and cutters as numbers.
+//! The checked input of labeling: queries, obstacles and cutters as arrays of numbers.
 
 use super::kernels::Rotate;
 use super::predicate::{self, Frame, StepSquared};

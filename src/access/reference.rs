@@ -1,4 +1,4 @@
-//! Plain loops in plain order: the reference that the other engines must equal. Every pair is tested by the predicate as it stands.
+//! The reference engine: plain loops over all pairs, in plain order; the other engines must give its bits.
 
 use super::method::Method;
 use super::predicate::{self, Frame};

@@ -1,4 +1,4 @@
-//! What an engine did.
+//! Counts of how an engine decided its queries.
 
 use std::ops::AddAssign;
 

@@ -1,4 +1,4 @@
-//! Random changes of a sample that keep its labels: mirroring, turning about +z, elastic deformation.
+//! Augmentation: random mirroring, turning about +z and elastic deformation of a sample.
 //!
 //! Mirroring in x or y and turning about +z keep labels exactly when the direction set has the same
 //! symmetry. The Fibonacci set has not: 7 to 9 % of the labels of head 1 change (docs/training.md), because

@@ -1,4 +1,4 @@
-//! Files of labels and of predictions: NPZ archives that say what their numbers mean.
+//! Files of labels and of predictions: NPZ archives with metadata that state the meaning of every array.
 //!
 //! `docs/formats.md` lists every array. One row per site, in the order of the sites.
 

@@ -1,4 +1,4 @@
-//! Order of samples: a fresh shuffle per epoch, cut into full batches.
+//! The order of samples in training: one shuffle per epoch, cut into full batches.
 
 use crate::rng::{Purpose, Stream};
 

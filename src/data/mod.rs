@@ -1,4 +1,4 @@
-//! Samples, files on disk, augmentation and generated parts.
+//! Training data: samples, data sets on disk, augmentation, generated parts.
 
 pub mod augment;
 #[cfg(all(feature = "formats", feature = "generate"))]

@@ -1,4 +1,4 @@
-//! Labels on the fly: a fresh cutter and a fresh orientation for every sample of every epoch.
+//! Labels on the fly: every sample of every epoch gets a new cutter, a new orientation and exact labels.
 //!
 //! The labeler runs inside the training loop, so turned and mirrored parts carry exact labels for any
 //! direction set, and no (part, cutter) pair is ever seen twice. Everything is keyed by (seed, epoch,
@@ -28,7 +28,7 @@ pub struct OnlineSettings {
     pub turn: Turn,
     /// Probability of a part to lie on one of its six sides, chosen evenly, in `[0, 1]`.
     pub sides: f64,
-    /// Probability of a part to be turned anyhow, in `[0, 1]`; comes before the other turns.
+    /// Probability of a part to get any rotation, in `[0, 1]`; comes before the other turns.
     pub tilt: f64,
     /// Range of the largest box edge that a part is scaled to, mm, drawn log-uniformly; `None`: as in the data set. Answers
     /// depend on the ratios of the cutter's lengths to the part's alone, so this trains for cutters of all sizes, too.

@@ -1,4 +1,4 @@
-//! What the network learns from: one part's sites, one cutter, and the labels of both heads.
+//! A training sample: the sites of one part, one cutter, and the labels of both heads.
 
 use crate::answers::SiteAnswers;
 use crate::cutter::{Cutter, CutterParams};

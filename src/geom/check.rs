@@ -1,4 +1,4 @@
-//! What is wrong with a mesh, where, and whether it matters for labeling.
+//! Checks of a mesh: which faults it has, where, and which of them block labeling.
 //!
 //! A mesh can be labeled if it bounds one solid: every edge has two triangles that pass it in
 //! opposite directions, the triangles at every vertex form one fan, all hang together, and they face
@@ -75,7 +75,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// All that [`check`] knows about a mesh.
+/// The result of [`check`].
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct MeshReport {

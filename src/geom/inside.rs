@@ -1,4 +1,4 @@
-//! Which points lie inside a closed mesh.
+//! The inside test: which points of a lattice lie inside a closed mesh.
 //!
 //! The winding number of a point is the signed count of triangles above it: a triangle that faces up
 //! counts +1, one that faces down −1. Whether a triangle is above a point is decided exactly: the
@@ -156,7 +156,7 @@ pub fn windings(mesh: &Mesh, points: &[DVec3]) -> Result<Vec<i32>> {
     Ok(blocks.into_iter().flatten().collect())
 }
 
-/// For each probe (mm) the groups of triangles that wind around it, ascending. `group` tells each
+/// For each probe (mm) the groups of triangles that wind around it, ascending. `group` is each
 /// triangle's group, `u32::MAX` for none; each group must be closed by itself.
 pub(crate) fn groups_around(mesh: &Mesh, group: &[u32], probes: &[DVec3]) -> Vec<Vec<u32>> {
     let columns = Columns::over(mesh);

@@ -1,4 +1,4 @@
-//! Pairs of triangles that pierce, cross or lie on each other.
+//! The search for pairs of triangles that pierce, cross or lie on each other.
 //!
 //! Decided by signs of determinants without rounding error (Shewchuk 1997). Two triangles intersect if
 //! an edge of one passes from one side of the other's plane to the other side through the triangle or

@@ -1,4 +1,4 @@
-//! Small repairs that say what they did: weld, drop, turn.
+//! Repair of small faults of a mesh, with a report: weld, drop, turn.
 //!
 //! Nothing here invents surface: holes stay open, and overlapping bodies stay as they are.
 

@@ -1,4 +1,4 @@
-//! Bodies with known answers, for tests and examples.
+//! Test bodies with known answers: boxes, spheres, cylinders and others.
 
 use super::Mesh;
 use glam::{DVec2, DVec3};

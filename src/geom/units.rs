@@ -1,4 +1,4 @@
-//! Units of mesh files, none of which says its own.
+//! Units of length of mesh files, which the files themselves do not state.
 
 use crate::{Error, Result};
 use glam::DVec3;

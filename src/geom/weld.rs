@@ -1,4 +1,4 @@
-//! Joining corners that are meant to be one vertex.
+//! Welding: vertices closer than a tolerance become one.
 //!
 //! Corners within the tolerance of each other are one vertex, and so are those of a chain of such
 //! pairs. The vertex lies on the least of its corners (by x, then y, then z), so neither the joining

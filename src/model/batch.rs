@@ -1,4 +1,4 @@
-//! Shapes and cutters as the network takes them.
+//! A batch of shapes and cutters in the form of the network's input.
 
 use super::config::{CutterInput, InputConfig};
 use super::cutter_modules::N_LENGTHS;

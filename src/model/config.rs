@@ -1,4 +1,4 @@
-//! What a network looks like: depths, widths, blocks, cutter modules and what it is fed with.
+//! Configuration of a network: depths, widths, blocks, cutter modules and the preparation of its input.
 
 use crate::octree::{Features, Normalization, OctreeOptions};
 use crate::{Error, Result};
@@ -20,7 +20,7 @@ pub enum CutterInput {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CutterPlacement {
-    /// No stage: the network knows the shape alone.
+    /// No stage: the shape is the only input.
     None,
     /// The coarsest stage only.
     First,
@@ -72,7 +72,7 @@ pub struct InputConfig {
     /// Unit of the cutter's lengths.
     pub cutter: CutterInput,
     /// The heads also read each point's own normal, beside the features interpolated from the octree: a
-    /// cell that holds both sides of a thin wall knows only their mean.
+    /// cell that holds both sides of a thin wall has only their mean.
     pub point_normals: bool,
 }
 

@@ -1,4 +1,4 @@
-//! Cutter modules: four lengths of a cutter become features of the decoder.
+//! Cutter modules: small fully connected networks from the four lengths of a cutter to features of the decoder.
 
 use super::config::CutterConfig;
 use crate::Result;

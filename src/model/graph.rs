@@ -1,4 +1,4 @@
-//! Mesh graphs as a graph network takes them.
+//! A batch of mesh graphs in the form of a graph network's input.
 
 use super::batch::cutter_input;
 use super::config::{Cube, CutterInput};

@@ -1,4 +1,4 @@
-//! A head: point features to the two logits of one label.
+//! A head: a two-layer classifier from point features to the two logits of one label.
 
 use crate::nn::arena::Buffer;
 use crate::nn::batch_norm::BatchNorm;

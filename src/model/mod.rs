@@ -1,4 +1,4 @@
-//! Networks: their configuration, their numbers, and what they answer.
+//! Neural networks: their configuration, parameters and predictions.
 //!
 //! A [`Model`] is a description ([`UNet`]) with two flat vectors of numbers. Inference takes `&self` and
 //! may run from many threads at once; training and inference

@@ -1,4 +1,4 @@
-//! What training saves for the backward pass and what it computes once more: the one table.
+//! The memory policy of training: which intermediate matrices are saved for the backward pass and which are recomputed.
 //!
 //! Bytes are per row of the block's output and channel of it, in f32; "recomputed" costs one more run of the
 //! operator named, "—" nothing.

@@ -1,4 +1,4 @@
-//! A network with its numbers, and its answer for one part and one cutter.
+//! A network with its parameters, and its prediction for one part and one cutter.
 
 use super::batch::{Batch, Shape};
 use super::cutter_modules::N_LENGTHS;
@@ -221,7 +221,7 @@ mod tests {
         let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
             seen[range.clone()].iter_mut().for_each(|n| *n += 1);
             parts[range].copy_from_slice(grads);
-            params.fill(f32::NAN); // whoever reads them afterward spoils the gradients
+            params.fill(f32::NAN); // a later read would make gradients NaN
         };
         model.backward_and_update(&batch, pass, dlogits, &mut update, arena);
         assert!(seen.iter().all(|&n| n == 1));

@@ -1,4 +1,4 @@
-//! Residual blocks one after another, all at one depth of the octree.
+//! A sequence of residual blocks at one depth of the octree.
 
 use super::arena::Buffer;
 use super::layer::Layer;

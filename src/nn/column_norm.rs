@@ -1,4 +1,4 @@
-//! Rows normalized column by column, and the activation that follows in the same pass over memory.
+//! Normalization of rows column by column, with the activation that follows, in one pass over memory.
 
 use super::rows::BLOCK_ROWS;
 use crate::par;

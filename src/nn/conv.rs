@@ -1,4 +1,4 @@
-//! 3×3×3 convolution over the nodes of one depth.
+//! 3×3×3 convolution over the nodes of one depth of an octree.
 //!
 //! `y[n] = Σ_k x[neigh[n, k]]·W_k` over the neighbors that exist, without bias. Since `m` is neighbor
 //! `k` of `n` exactly if `n` is neighbor `26 − k` of `m`, the input gradient is the same sum with

@@ -1,4 +1,4 @@
-//! Which algorithm computes a linear operator: the one place that knows.
+//! The plan of a linear operator: chooses the algorithm that computes it from the shapes.
 //!
 //! Every linear operator is a sum `y[o] = Σ_k Σ_{i →k o} x[i]·W_k` over kernel offsets `k`, its input gradient
 //! the same sum along another map with transposed weights, its weight gradient `dW_k = Σ x[i]ᵀ·dy[o]`. A plan

@@ -1,4 +1,4 @@
-//! From features of nodes to features of points, and from one depth to a finer one.
+//! Interpolation of features from nodes to points, and from one depth to a finer one.
 //!
 //! Each query point takes a weighted sum of at most eight nodes. Trilinear: with the query in cells,
 //! `q = (p + 1)·2^(d−1) − ½`, the nodes at `⌊q⌋` and `⌊q⌋ + 1` along each axis, weighted by

@@ -1,4 +1,4 @@
-//! What all layers share.
+//! The trait of all layers: forward, forward for training, backward, and the ranges of their parameters.
 //!
 //! `docs/adding-a-layer.md` walks through a new one, with its gradient check and its comparison.
 
@@ -15,7 +15,7 @@ use std::ops::Range;
 /// stays alone. Matrices are row-major. One [`Layer::forward_train`] serves one [`Layer::backward`], which
 /// uses its `Saved` up.
 pub trait Layer<T: Scalar> {
-    /// What the layer must know about rows.
+    /// Which rows meet.
     type Geometry: ?Sized;
     /// What backward needs besides the input.
     type Saved;

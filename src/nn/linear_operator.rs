@@ -1,4 +1,4 @@
-//! What the linear operators share: convolutions, strided and transposed ones, linear layers.
+//! The trait of linear operators: convolutions, strided and transposed ones, linear layers.
 
 use super::arena::Buffer;
 use super::column_norm::Epilogue;

@@ -1,4 +1,4 @@
-//! Layers: forward, backward, nothing else.
+//! Layers of neural networks, each with a forward and a backward pass.
 //!
 //! # The contract
 //!

@@ -1,4 +1,4 @@
-//! What a layer reads: a matrix, one row per shape for all of its rows, or such matrices side by side.
+//! The input of a layer: a matrix, one row per shape that holds for all of its rows, or such matrices side by side.
 //!
 //! Columns that are constant over a shape, such as features of a cutter, need no copy per row: linear operators
 //! multiply them once per shape. An operator that has no such way of its own takes [`Operand::to_matrix`] and

@@ -1,4 +1,4 @@
-//! Between rows of the non-empty nodes alone and rows of all nodes.
+//! Scatter and gather between rows of the non-empty nodes alone and rows of all nodes.
 //!
 //! [`Pad`] and [`Depad`] are adjoint: the backward pass of each is the forward pass of the other.
 

@@ -1,4 +1,4 @@
-//! Names, shapes and places of every number of a model in its two flat vectors.
+//! The layout of a model's parameters: names, shapes and ranges in its two flat vectors.
 
 use crate::rng::{Purpose, Stream};
 use crate::scalar::Scalar;

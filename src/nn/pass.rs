@@ -1,4 +1,4 @@
-//! What every layer needs in a pass through a network, as one value: the numbers of the model and the memory.
+//! The context of a pass through a network: parameters, buffers, gradients and memory, as one value.
 //!
 //! Three types, because the three passes may do different things: [`Inference`] reads, [`Training`] moves
 //! running statistics and draws dropout, [`Backward`] adds to gradients.

@@ -1,4 +1,4 @@
-//! `y = max(x, 0)`.
+//! The rectifier `y = max(x, 0)`.
 
 use super::arena::Buffer;
 use super::layer::Layer;

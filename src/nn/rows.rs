@@ -1,4 +1,4 @@
-//! Sums over columns and work on rows, by blocks of rows: what normalizing and elementwise layers share.
+//! Parallel work on blocks of rows, and sums over columns in a fixed order.
 
 use crate::par;
 use crate::scalar::Scalar;

@@ -1,4 +1,4 @@
-//! What backward needs of a forward pass: saved, or computed once more.
+//! Intermediate matrices that a backward pass needs: saved, or recomputed.
 
 use super::arena::Buffer;
 

@@ -1,4 +1,4 @@
-//! Construction: sort the points by key, then grow the depths from the root.
+//! Construction of an octree: sorts the points by key, then adds depth after depth from the root.
 
 use super::{Cloud, KernelMap, Octree, OctreeLevel, OctreeOptions, key, neighbors};
 use crate::{Error, Result, par};
@@ -11,7 +11,7 @@ const BLOCK: usize = 8192;
 const BYTES_PER_NODE: u64 = 8 + 4 + 27 * 4 + 4 + 27 * 8 + 27 * 4 / 8 + 2 * 8;
 /// Sorted pair of key and index, node, mean point and normal.
 const BYTES_PER_POINT: u64 = 16 + 8 + 4 + 12 + 12;
-/// Least depth whose kernel map knows siblings: a shape has too few nodes in coarser ones for that to pay.
+/// Least depth whose kernel map lists siblings: a shape has too few nodes in coarser ones for that to pay.
 const SIBLINGS: usize = 4;
 
 impl Octree {

@@ -1,4 +1,4 @@
-//! Points with normals of one shape, as the builder takes them.
+//! The input of an octree: points with normals of one shape.
 
 use crate::{Error, Result};
 use glam::Vec3;

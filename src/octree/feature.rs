@@ -1,4 +1,4 @@
-//! Input features of the finest nodes.
+//! Input features of the network at the finest nodes: normal, displacement, position.
 
 use super::{Octree, key};
 use crate::{Error, Result};

@@ -1,4 +1,4 @@
-//! Which input rows meet which kernel offset in which output rows, compacted.
+//! Kernel maps: lists of the pairs (input row, output row) that meet at each kernel offset.
 //!
 //! Output rows are cut into blocks of constant length. For each block and each kernel offset the map
 //! lists the pairs (input row, output row within the block) that exist, output rows ascending, so
@@ -143,7 +143,7 @@ impl<const K: usize> Block<K> {
         let mut n = 0;
         for k in 0..K {
             for (local, row) in rows.iter().enumerate() {
-                // Written in any case and kept if it exists: faster than a branch nobody can predict.
+                // Written in any case and kept if it exists: faster than an unpredictable branch.
                 block.inputs[n] = row[k] as u32;
                 block.outputs[n] = local as u32;
                 n += usize::from(row[k] >= 0);

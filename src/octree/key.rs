@@ -8,7 +8,7 @@ use glam::Vec3;
 
 /// First bit of the shape's index.
 pub const SHAPE_SHIFT: u32 = 48;
-/// Number of shapes that keys can tell apart.
+/// Greatest number of shapes in keys.
 pub const MAX_SHAPES: usize = 1 << 15;
 
 const CELL_BITS: u64 = (1 << SHAPE_SHIFT) - 1;

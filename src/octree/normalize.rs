@@ -1,4 +1,4 @@
-//! From millimeters into the cube [−1, 1]³ of an octree, and back.
+//! The map from millimeters into the cube [−1, 1]³ of an octree, and back.
 
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};

@@ -1,4 +1,4 @@
-//! What kind of octree to build.
+//! Options of an octree: depths, conventions, limits.
 
 use crate::{Error, Result};
 

@@ -1,4 +1,4 @@
-//! The learning rate over the epochs.
+//! Learning-rate schedules: the rate as a function of the epoch.
 
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;

@@ -11,7 +11,7 @@ const BLOCK: usize = 1 << 17;
 /// SGD with momentum and weight decay, no Nesterov term, no dampening: PyTorch's `SGD`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sgd {
-    /// Share of the velocity that lives on, in `[0, 1)`.
+    /// Share of the velocity that is kept, in `[0, 1)`.
     pub momentum: f64,
     /// Added to the gradient per unit of parameter, on every parameter.
     pub weight_decay: f64,

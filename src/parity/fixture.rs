@@ -1,4 +1,4 @@
-//! A fixture's files.
+//! The files of a parity fixture: configuration, weights, input and expected tensors.
 
 use super::tensor;
 use crate::model::Model;
@@ -32,7 +32,7 @@ pub(super) struct Fixture {
     pub labels: Option<[Vec<u8>; 2]>,
 }
 
-/// The part of `config.json` that weights do not tell.
+/// What `config.json` states beyond the weights.
 #[derive(Debug, Deserialize)]
 pub(super) struct Config {
     pub depth: usize,

@@ -1,4 +1,4 @@
-//! Which error each recorded tensor may have, and how it is measured.
+//! The bound on the error of each recorded tensor, and how the error is measured.
 
 use super::Tensors;
 use crate::model::weights::tensors::Tensor;
@@ -14,7 +14,7 @@ const MEDIAN_GATE: f64 = 5e-3;
 /// One comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GateRow {
-    /// Name of the tensor in the fixture; `ops.` and `f64.` tell where and in what precision.
+    /// Name of the tensor in the fixture; `ops.` marks single layers, `f64.` double precision.
     pub name: String,
     /// Kind of tensor: those of a group share gate and measure.
     pub group: String,

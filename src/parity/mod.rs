@@ -1,4 +1,4 @@
-//! Comparison with tensors recorded from the reference implementation.
+//! Parity: comparison of this implementation with tensors recorded from the reference implementation.
 //!
 //! A fixture is a folder with `config.json`, `weights.safetensors`, `input.safetensors`,
 //! `expected.safetensors` and, if it has single-layer cases, `ops.safetensors`. [`run`] rebuilds octree,

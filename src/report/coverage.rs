@@ -1,5 +1,4 @@
-//! What several tools reach, each and together: a table with a row per tool, and the first tool that
-//! reaches each site.
+//! Coverage by several tools: a table with a row per tool, and the first tool that reaches each site.
 
 use super::folder::{Show, Writer};
 use super::points::PointValues;

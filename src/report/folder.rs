@@ -1,5 +1,4 @@
-//! The files of a report: data, colored points and pictures of labels, predictions and their
-//! difference, side by side in one folder.
+//! The files of a folder of results: data, colored points and pictures of labels, predictions and their difference.
 
 use super::points::{self, PointValues};
 use super::{Class, Coloring, PartView, picture};
@@ -187,7 +186,7 @@ pub fn draw_predictions(
 /// If the system refuses a file.
 ///
 /// # Panics
-/// If labels and predictions differ in length; [`same_sites`] tells before.
+/// If labels and predictions differ in length; check with [`same_sites`].
 pub fn write_difference(
     folder: &Path,
     labels: &LabelFile,

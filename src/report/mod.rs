@@ -1,4 +1,4 @@
-//! Tables, colored point clouds, pictures and curves: shows, never computes labels.
+//! Tables, colored point clouds, pictures and curves of results.
 //!
 //! A [`PartView`] is what is shown, a [`Coloring`] says in which colors; [`picture`] and [`points`]
 //! take both, [`folder`] writes all files of a report, [`tables`], [`scores`] and [`curves`] show

@@ -1,4 +1,4 @@
-//! Which site's color a point of the surface has: the nearest one that faces the same way.
+//! The color of a point of the surface: that of the nearest site that faces the same way.
 
 use super::raster::{Fragment, Surface};
 use super::{Coloring, PartView, Rgb};

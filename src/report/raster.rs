@@ -1,4 +1,4 @@
-//! Which face is seen at each pixel: a depth buffer filled band by band.
+//! A rasterizer with a depth buffer: which face is visible at each pixel.
 
 use super::camera::Camera;
 use crate::geom::{Mesh, Sites};

@@ -1,4 +1,4 @@
-//! How well predictions agree with labels, as a table that names the positive class.
+//! A table of scores of predictions against labels that names the positive class.
 
 use super::tables::{Cell, Table};
 use crate::metrics::Confusion;

@@ -1,4 +1,4 @@
-//! From fragments to pixels: light, shadow in corners, edge lines, and the mean of 2 × 2 samples.
+//! Shading: light, ambient occlusion, edge lines, and the mean of 2 × 2 samples per pixel.
 
 use super::Rgb;
 use super::camera::Camera;
@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 pub const SAMPLES: usize = 2;
 /// Direction to the light in the camera's frame: right, up (down when seen from below), forward.
 const LIGHT: DVec3 = DVec3::new(-0.30, 0.40, 0.87);
-/// Brightness of a face that turns its back on the light, and what full light adds.
+/// Brightness of a face that faces away from the light, and what full light adds.
 const AMBIENT: f32 = 0.30;
 const DIFFUSE: f32 = 0.72;
 /// Neighboring samples whose normals turn by more than this show an edge line: cosine of 30°.

@@ -1,4 +1,4 @@
-//! Numbers in rows: as text for people, as JSON for programs, from the same cells.
+//! Tables of numbers, printed as text or written as JSON and CSV from the same cells.
 
 use comfy_table::{Cell as TextCell, CellAlignment, LineStyle, TableStyle};
 use serde_json::{Map, Value, json};

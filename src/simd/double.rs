@@ -1,4 +1,4 @@
-//! The same products and transforms in `f64`: plain loops, with matrixmultiply for the products.
+//! The kernels in `f64`, for gradient checks: plain loops, with matrixmultiply for the products.
 //!
 //! They serve gradient checks. Sums are fused or not as matrixmultiply does it on this processor; for any
 //! number of threads the bits are the same.

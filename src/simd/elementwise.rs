@@ -1,4 +1,4 @@
-//! Kernels that treat every element, or every column, alike: sums, activations, sparse rows, optimizer update.
+//! Elementwise kernels: sums, activations, products with sparse rows, the SGD update.
 //!
 //! Operations are those of the plain loop beside each kernel, in its order and rounded as often; lanes run over
 //! elements.
@@ -171,7 +171,7 @@ impl Kernel for Scale<'_, f32> {
 pub struct SgdStep<'a, T> {
     /// Learning rate.
     pub lr: T,
-    /// Share of the velocity that lives on.
+    /// Share of the velocity that is kept.
     pub momentum: T,
     /// Weight decay.
     pub decay: T,

@@ -1,4 +1,4 @@
-//! Fused multiply-add in `f32` for processors, or builds, without the instruction.
+//! Fused multiply-add of `f32` in software, for processors or builds without the instruction.
 
 /// `a * b + c` with one rounding: the bits of the fused instruction, by arithmetic in `f64`.
 ///

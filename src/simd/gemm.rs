@@ -1,4 +1,4 @@
-//! Products of gathered rows: a register tile fed by row pointers.
+//! Matrix products of gathered rows: a register tile that reads its rows through pointers.
 //!
 //! ```text
 //! matmul_rows:     c[c_rows[r], j] += Σ_p a[a_rows[r], p] · b[p, j]          p ascending

@@ -1,4 +1,4 @@
-//! Instruction sets: which ones this processor has, with a token that proves it.
+//! Instruction sets of this processor, found at run time, and the compilation of kernels for each.
 //!
 //! A kernel is written once as a [`Kernel`] whose `run` is `#[inline(always)]`; [`Isa::run`] compiles
 //! it once per instruction set behind a shell that enables its features. An instruction set carries a zero-size

@@ -1,4 +1,4 @@
-//! Vector kernels and the choice between them: the only module with unsafe code.
+//! Vector kernels for several instruction sets, chosen at run time; the only module with unsafe code.
 //!
 //! # Numeric contract
 //!

@@ -1,4 +1,4 @@
-//! Batch normalization of rows, column by column: inference, training and the backward pass.
+//! Kernels of batch and group normalization: inference, training and the backward pass.
 //!
 //! ```text
 //! n(x) = (x − mean) · factor + bias          factor = weight · inv_std

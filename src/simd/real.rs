@@ -1,4 +1,4 @@
-//! The numbers that kernels are made for: `f32`, and `f64` for gradient checks.
+//! The trait of numbers that kernels exist for: `f32`, and `f64` for gradient checks.
 
 use super::Isa;
 use super::elementwise::{Combine, ReluInPlace, Scale, SgdStep, SparseRows};
@@ -13,7 +13,7 @@ use super::normalize::{BackwardApply, BackwardSums, ColumnSums, NormalizeRows};
 use kernels::Kernels;
 use std::ops::{Add, Mul, Sub};
 
-/// `f32` or `f64`; nobody else can implement it.
+/// `f32` or `f64`; sealed.
 pub trait Real:
     Kernels
     + Copy

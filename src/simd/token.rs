@@ -1,4 +1,4 @@
-//! Tokens: proof that this processor has the instructions of one instruction set.
+//! Tokens: values that only a successful check of the processor creates, as proof of its instructions.
 
 macro_rules! token {
     ($(#[$doc:meta])* $name:ident, $has:expr) => {

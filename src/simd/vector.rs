@@ -1,4 +1,4 @@
-//! Vectors of one instruction set of the processor: the operations that kernels are written in.
+//! The vector traits of an instruction set: the operations that kernels are written in.
 //!
 //! A kernel names the instruction set's types, never a width: [`Vector::LANES`] is 4, 8 or 16 for `f32`. Lane by lane
 //! each operation is the scalar operation of the same name, rounded once; nothing is reassociated. A value of

@@ -1,4 +1,4 @@
-//! A uniform grid over boxes: which triangles may be near a point, or near each other.
+//! A uniform grid of bounding boxes: which triangles may be near a point, or near each other.
 //!
 //! A box is listed in every cell it touches. The cells are made as fine as the number of boxes
 //! warrants, then coarser again until the lists are only a few times longer than the boxes are many.

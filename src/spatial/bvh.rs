@@ -1,4 +1,4 @@
-//! A tree of boxes, eight to a node, around runs of points in a spatial order.
+//! A bounding volume hierarchy, eight boxes to a node, over points in a spatial order.
 //!
 //! It is built anew in every direction from rotated coordinates at about one operation per point.
 

@@ -1,4 +1,4 @@
-//! Points as three arrays, as vector kernels read them.
+//! Points as one array per axis, padded for vector kernels.
 
 /// Coordinates as three arrays, each padded to a multiple of [`PADDING`].
 #[derive(Debug, Clone, Default)]

@@ -1,4 +1,4 @@
-//! Counting sort: places of items, bucket by bucket, in the order in which they come.
+//! Stable counting sort of items into buckets.
 //!
 //! ```text
 //! clear(n)                        all counts zero

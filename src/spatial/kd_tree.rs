@@ -1,4 +1,4 @@
-//! A k-d tree over points: nearest neighbor and all within a radius, whatever the distribution.
+//! A k-d tree over points: nearest neighbor, and all within a radius.
 //!
 //! Points of a surface fill few cells of a uniform grid, and mesh vertices are anything but uniform;
 //! a tree does not mind either. Splitting at the median makes the shape a function of the number of points alone, so a node is

@@ -1,5 +1,4 @@
-//! Spatial structures that geometry, labeler and octrees share: orders, sorts, grids and trees over points
-//! and boxes.
+//! Spatial data structures: orders, sorts, grids and trees over points and boxes.
 //!
 //! | structure | over | answers | cost |
 //! |---|---|---|---|

@@ -1,4 +1,4 @@
-//! A training run on disk: every number it needs to go on to the same bits.
+//! Checkpoints: the complete state of a training run on disk, from which it resumes to the same bits.
 //!
 //! A checkpoint is a safetensors file with the flat vectors `params`, `buffers` and `velocity` (f32). Its
 //! metadata hold the settings and the progress as JSON, and the SHA-256 of both and of the vectors.

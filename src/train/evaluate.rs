@@ -1,4 +1,4 @@
-//! How good predictions are: per sample, pooled and by area, both heads, positive class named.
+//! Evaluation: scores of both heads over samples, pooled and by area.
 
 use super::HeadScore;
 use crate::access::{LabelOptions, Labeler};

@@ -1,4 +1,4 @@
-//! The record of a run: one row per epoch, on disk as CSV.
+//! The history of a training run: one row per epoch, written as CSV.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;

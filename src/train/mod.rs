@@ -1,4 +1,4 @@
-//! Training loop, checkpoints, logs and evaluation.
+//! Training: the loop, settings, checkpoints, history and evaluation.
 //!
 //! A [`Run`] is settings, a network, the optimizer's velocity and how far it has come. Every random
 //! decision is keyed by (seed, epoch, sample), so a run that was interrupted and read back from its

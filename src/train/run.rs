@@ -1,4 +1,4 @@
-//! The loop: epochs of steps, with progress, interruption and exact continuation.
+//! The training loop: epochs of steps, with observers, interruption and exact resumption.
 
 use super::evaluate::evaluate;
 use super::step::{self, StepScratch};

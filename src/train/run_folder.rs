@@ -1,4 +1,4 @@
-//! A run's folder: its networks, its history, its settings, and a checkpoint to go on from.
+//! The folder of a training run: weights, history, settings and checkpoints.
 
 use super::{Checkpoint, EpochRow, Observer, Run, Settings, StepReport, history, settings_file};
 use crate::data::{Sample, SampleSource};

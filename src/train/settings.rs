@@ -1,4 +1,4 @@
-//! How a network is trained: every number that decides the outcome, apart from the data.
+//! Settings of a training run: every number that decides its outcome, apart from the data.
 
 use crate::data::Augment;
 use crate::data::augment::{Elastic, Turn};
@@ -112,7 +112,7 @@ impl Settings {
 
     /// For hours on a few processors: the small network, batch 8, cosine annealing from 0.1 with a
     /// warm-up epoch, gradients clipped. Nothing is turned or mirrored, because that makes 7 to 9 % of the
-    /// labels wrong (docs/training.md); [`Settings::online`] does it with labels made anew.
+    /// labels wrong (docs/benchmarks.md); [`Settings::online`] does it with labels made anew.
     pub fn small() -> Self {
         Settings {
             seed: 0,

@@ -1,4 +1,4 @@
-//! Settings as TOML files: whole ones, and such that change a few numbers of a preset.
+//! Settings as TOML files, complete or partial over a preset.
 
 use super::Settings;
 use crate::{Error, Result, atomic_file};
@@ -31,7 +31,7 @@ pub fn read(path: &Path, base: &Settings) -> Result<Settings> {
     let base =
         Value::try_from(base).map_err(|e| Error::file(path, "preset", e.to_string(), REMEDY))?;
     let joined = Settings::deserialize(overlaid(base, Value::Table(changes)));
-    // Only the text knows the line, unless it stumbles over what it leaves out.
+    // Only errors of the text have a line, unless they are about missing keys.
     joined.map_err(|e| bad(if alone.message() == e.message() { &alone } else { &e }))
 }
 

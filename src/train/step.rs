@@ -1,4 +1,4 @@
-//! One optimization step: samples to batch, forward, losses, backward, update.
+//! One training step: samples to batch, forward, losses, backward, update.
 
 use super::{Reduction, Run, Settings};
 use crate::data::{Sample, SampleSource};
@@ -13,7 +13,7 @@ use crate::simd::elementwise::scale;
 use crate::{Error, Result};
 use std::ops::Range;
 
-/// Work space of a step that lives on between steps.
+/// Work space that is kept from step to step.
 #[derive(Debug, Default)]
 pub(super) struct StepScratch {
     arena: Arena<f32>,

@@ -159,7 +159,7 @@ impl AnnulusSplit<'_> {
                 let kept = squared.le(outer).bits() & !within;
                 inside |= u64::from(within) << at;
                 between |= u64::from(kept) << at;
-                // Below 64 anyhow; so the compiler sees that a vector fits behind.
+                // Always below 64; states to the compiler that a vector fits behind.
                 let place = filled & 63;
                 x.compress(kept).store(&mut to_x[place..]);
                 y.compress(kept).store(&mut to_y[place..]);

@@ -1,5 +1,5 @@
-//! The default engine: heights, rasters and runs decide most queries, the predicate decides the rest.
-//! Equal to the reference engine bit for bit.
+//! The default engine: height bounds and rasters decide most queries, the predicate decides the rest.
+//! Its labels and counts equal those of the reference engine bit for bit.
 //!
 //! Labels: see [`search`]. β: see [`count`]. Obstacles and queries are put into a spatial
 //! order once, the rest is done anew in every direction from the rotated coordinates.

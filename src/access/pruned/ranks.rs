@@ -1,4 +1,4 @@
-//! Centers sorted by height, and ranks of heights among them.
+//! Reference points sorted by height, and the rank of any height among them.
 
 use crate::simd::vector::MAX_LANES;
 use crate::simd::{Float32, Isa, Kernel, Mask, Simd, Unsigned, Vector};

@@ -1,4 +1,4 @@
-//! `deepmill check`: what is wrong with a mesh, where, and whether it blocks labeling.
+//! `deepmill check`: reports the faults of a mesh, where they are, and whether they block labeling.
 
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;

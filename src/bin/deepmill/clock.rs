@@ -1,4 +1,4 @@
-//! Times of the stages of a command.
+//! Wall-clock times of the stages of a command.
 
 use deepmill::report::tables::{Cell, Facts};
 use std::time::Instant;

@@ -1,4 +1,4 @@
-//! `deepmill dataset`: parts in, labeled samples out.
+//! `deepmill dataset`: builds labeled data sets from parts; imports and exports the published format.
 
 use crate::output::Output;
 use crate::progress;
@@ -102,7 +102,7 @@ struct ExportArgs {
 /// Make a data set of samples in the published format.
 ///
 /// Reads the raw text under FOLDER/raw_data, whose lengths are millimeters; the lists of FOLDER/filelist,
-/// where there are any, tell training from test samples, which become the validation split.
+/// where there are any, divide training from test samples, which become the validation split.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill dataset import published --out data")]
 struct ImportArgs {

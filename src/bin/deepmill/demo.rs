@@ -1,4 +1,4 @@
-//! The demo: a part, its exact labels, a network's answers, and pictures of both.
+//! `deepmill demo`: labels a generated part, predicts the same with a network, and draws both.
 
 use crate::output::Output;
 use crate::predict::predict;

@@ -1,4 +1,4 @@
-//! How even and how dense sites are: rows of facts, and the advice for a cutter.
+//! Rows that state how evenly and how densely sites are spread, and the number a cutter needs.
 
 use deepmill::geom::Sites;
 use deepmill::geom::spacing::Spacing;

@@ -1,4 +1,4 @@
-//! `deepmill eval`: how good a network is on data sets, beside what costs nothing to guess.
+//! `deepmill eval`: scores a network on data sets, beside baselines and the exact labeler.
 
 use crate::model_args::ModelArgs;
 use crate::output::Output;

@@ -1,4 +1,4 @@
-//! `deepmill generate`: parts made from a seed, as STL files with an index.
+//! `deepmill generate`: writes parts made from a seed as STL files with an index.
 
 use crate::output::Output;
 use deepmill::data::generated::{self, Family, Lie};

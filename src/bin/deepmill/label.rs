@@ -1,4 +1,4 @@
-//! `deepmill label`: which sites of a part a cutter cannot reach, computed exactly.
+//! `deepmill label`: computes exactly which sites of a part a cutter cannot reach.
 
 use crate::args::{DirectionArgs, SiteArgs, ToolArgs, name_of};
 use crate::clock::Clock;

@@ -88,7 +88,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             output.error(&error);
-            // An argument that cannot be is a matter of usage, whoever finds it out.
+            // An impossible argument is a usage error, also if the library finds it.
             ExitCode::from(if matches!(error, Error::Argument { .. }) { 2 } else { 1 })
         }
     }

@@ -1,4 +1,4 @@
-//! How a mesh file becomes the part to work on: the options all commands share.
+//! Arguments of all commands that read a mesh: unit, welding, repair, checks.
 
 use crate::output::Output;
 use deepmill::geom::check::{Fault, MeshReport};

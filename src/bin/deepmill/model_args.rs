@@ -1,4 +1,4 @@
-//! Which network a command uses.
+//! Arguments that choose the network of a command.
 
 use crate::args::name_of;
 use deepmill::Result;

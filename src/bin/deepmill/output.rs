@@ -1,4 +1,4 @@
-//! Where a command's words go: text for people, or one JSON object for programs.
+//! Output of a command: text for people, or one JSON object for programs.
 
 use deepmill::Error;
 use serde_json::{Value, json};

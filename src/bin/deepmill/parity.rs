@@ -1,4 +1,4 @@
-//! `deepmill parity`: compare this build with tensors recorded from the reference implementation.
+//! `deepmill parity`: compares this build with tensors recorded from the reference implementation.
 
 use crate::output::Output;
 use deepmill::parity::{self, GateRow};

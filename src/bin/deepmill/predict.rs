@@ -1,4 +1,4 @@
-//! `deepmill predict`: which sites of a part a cutter cannot reach, as a network sees it.
+//! `deepmill predict`: predicts with a network which sites of a part a cutter cannot reach.
 
 use crate::args::{CutterArgs, SiteArgs, name_of};
 use crate::clock::Clock;

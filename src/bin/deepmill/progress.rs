@@ -1,4 +1,4 @@
-//! Progress bars on standard error, and the wish to stop.
+//! Progress bars on standard error, and the flag that Ctrl-C sets.
 
 use deepmill::{Error, Result};
 use indicatif::{ProgressBar, ProgressStyle};

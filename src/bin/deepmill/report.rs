@@ -1,4 +1,4 @@
-//! `deepmill report`: draws and prints what is in a folder of results.
+//! `deepmill report`: draws the pictures of a folder of results again and prints its tables.
 
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;

@@ -1,4 +1,4 @@
-//! `deepmill sample`: near-uniform sites on a part, or the points of a lattice inside and outside it.
+//! `deepmill sample`: spreads near-uniform sites over a part, or writes the points of a lattice inside and outside it.
 
 use crate::args::{SiteArgs, name_of};
 use crate::clock::Clock;

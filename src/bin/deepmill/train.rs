@@ -1,4 +1,4 @@
-//! `deepmill train`: from a data set to a network, resumable at any moment.
+//! `deepmill train`: trains a network on data sets; can be interrupted and resumed at any moment.
 
 use crate::output::Output;
 use crate::progress;

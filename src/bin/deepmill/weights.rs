@@ -1,4 +1,4 @@
-//! `deepmill weights`: what a file of weights says about itself, and copies of half the size.
+//! `deepmill weights`: prints what a weight file says about itself, and writes copies in bf16.
 
 use crate::output::Output;
 use deepmill::model::weights::tensors::TensorFile;

@@ -1,4 +1,4 @@
-//! Making a data set: read, scale, sample, draw cutters, label, write, part by part.
+//! Building a data set: for each part, read, scale, sample, draw cutters, label and write.
 
 use super::manifest::{Content, FORMAT, MANIFEST, read_json, write_json};
 use super::{

@@ -1,4 +1,4 @@
-//! A data set from samples that were labeled elsewhere.
+//! Building a data set from samples that other programs labeled.
 
 use super::build::store;
 use super::manifest::{FORMAT, MANIFEST, write_json};

@@ -1,4 +1,4 @@
-//! What a data set records about itself.
+//! The manifest of a data set: its settings, and per part its origin, scale, cutters and shares of labels.
 
 use crate::atomic_file;
 use crate::cutter::{CutterParams, CutterSet};

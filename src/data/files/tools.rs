@@ -1,4 +1,4 @@
-//! Tools by name, and tables of them: CSV files with a row per tool. `docs/cli.md` shows one.
+//! Tool tables: CSV files with one tool per row. `docs/cli.md` shows one.
 
 use super::ball_end_words;
 use crate::cutter::{Cutter, CutterParams};

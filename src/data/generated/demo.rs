@@ -1,4 +1,4 @@
-//! The part of the demo: small, recognizable, with one of each kind of trouble.
+//! The demo's part: small, with one example of each kind of feature that is hard to reach.
 
 use super::finish;
 use super::outline::Outline;

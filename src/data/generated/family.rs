@@ -1,4 +1,4 @@
-//! The list of families.
+//! The list of families of generated parts.
 
 use super::solid::Solid;
 use super::*;

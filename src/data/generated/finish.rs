@@ -1,4 +1,4 @@
-//! From a drawn solid to a part: one body, turned as it lies, corners rounded to f32, checked.
+//! From a solid to a finished part: one body, placed, corners rounded to f32, checked.
 
 use super::solid::Solid;
 use crate::geom::check::{self, Fault};
@@ -25,7 +25,7 @@ pub(super) fn finish(solid: &Solid, turn: &DMat3) -> Option<Mesh> {
     is_sound(&mesh).then_some(mesh)
 }
 
-/// How a part lies: six in ten as drawn, a quarter on another side, the rest tilted anyhow.
+/// How a part lies: six in ten as drawn, a quarter on another side, the rest rotated at random.
 pub(super) fn orientation(random: &mut Stream) -> DMat3 {
     let choice = random.unit();
     if choice < 0.6 {

@@ -1,4 +1,4 @@
-//! Parts made from nothing but a seed: closed, manifold, one body each, exactly repeatable.
+//! Generated parts: closed, manifold, one body each, a function of a seed alone.
 //!
 //! A family is a recipe with random sizes (millimeters): prisms, bodies of revolution, sweeps and
 //! bent bodies, united and cut. What is drawn is accepted only if it is one sound body with a
@@ -42,7 +42,7 @@ const MAX_ATTEMPTS: u64 = 64;
 pub enum Lie {
     /// As drawn: the main opening mostly up.
     AsDrawn,
-    /// Six parts in ten as drawn, a quarter on another side, the rest tilted anyhow.
+    /// Six parts in ten as drawn, a quarter on another side, the rest rotated at random.
     Turned,
 }
 

@@ -1,4 +1,4 @@
-//! Kinds of fault, in words for people and programs, and what to do about each.
+//! Kinds of fault of a mesh, with a name, a description and a remedy for each.
 
 /// Kinds of fault, the most fundamental first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

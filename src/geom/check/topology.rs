@@ -1,4 +1,4 @@
-//! Which triangles meet at which edges and vertices.
+//! The topology of a mesh: which triangles meet at which edges and vertices.
 //!
 //! Triangles that use a corner twice have no sides to meet others at and are left out.
 

@@ -1,7 +1,7 @@
 //! Mesh and point-cloud files: STL, OBJ, PLY, 3MF and NPZ in, STL out.
 //!
 //! STL and OBJ are read here, because the position of a fault in the file belongs into the message and
-//! no library tells it; PLY, NPZ and 3MF are read through `ply-rs-bw`, `npyz` and `quick-xml`, behind guards
+//! no library reports it; PLY, NPZ and 3MF are read through `ply-rs-bw`, `npyz` and `quick-xml`, behind guards
 //! against headers that promise more than the file holds. Memory stays within a small multiple of the
 //! file's size, whatever a header claims. Every reader also takes bytes, for tests and fuzzing.
 

@@ -1,4 +1,4 @@
-//! NPZ: a zip archive of NumPy arrays, through `npyz`; `points` and `normals` are read.
+//! NPZ files, zip archives of NumPy arrays: `points` and `normals` are read, through `npyz`.
 //!
 //! The array header is looked at before `npyz` sees it: its parser multiplies the dimensions
 //! unchecked, allocates what the header's length says, and recurses on brackets.

@@ -1,4 +1,4 @@
-//! Wavefront OBJ: positions and polygons; groups, materials, normals and texture are passed over.
+//! Wavefront OBJ files: positions and polygons; groups, materials, normals and texture are skipped.
 
 use super::polygon::Polygons;
 use super::text::{Lines, coordinates};

@@ -1,4 +1,4 @@
-//! PLY: text, and binary in both byte orders, through `ply-rs-bw` one element at a time.
+//! PLY files: text, and binary in both byte orders, read through `ply-rs-bw` one element at a time.
 //!
 //! A header may promise any number of elements; each one read consumes bytes of the file, and
 //! elements that would not are refused, so neither time nor memory exceeds what the file pays for.

@@ -13,7 +13,7 @@ use std::path::Path;
 /// Most corners of one polygon: the cost grows with the square.
 const MAX_CORNERS: usize = 4096;
 
-/// Polygons of a file, each with a number that tells its place.
+/// Polygons of a file, each with a number for its place.
 pub(super) struct Polygons {
     /// How the format counts its first vertex: 0 or 1.
     first: i64,

@@ -1,4 +1,4 @@
-//! STL: three corners per facet, binary or text. Facet normals are not read: corners tell more.
+//! STL files, binary or text: three corners per facet; facet normals are not read.
 
 use super::text::{Lines, coordinates};
 use super::{Mesh, one_line};

@@ -1,4 +1,4 @@
-//! Lines and numbers of text files, with their place.
+//! A reader of lines and numbers of text files that knows the line of every fault.
 
 use super::one_line;
 use glam::DVec3;

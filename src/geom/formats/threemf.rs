@@ -1,4 +1,4 @@
-//! 3MF: a zip archive with an XML model, through `zip` and `quick-xml`.
+//! 3MF files: zip archives with an XML model, read through `zip` and `quick-xml`.
 //!
 //! Read is the core of the format: objects that are meshes, objects put together from others, and the
 //! build that places them. Colors, materials, slices and lattices are passed over. A 3MF says
@@ -15,9 +15,9 @@ use std::io::{BufReader, Cursor, Read};
 use std::path::Path;
 use zip::ZipArchive;
 
-/// The model's name if the archive does not tell it.
+/// The model's name if the archive does not state it.
 const USUAL_MODEL: &str = "3D/3dmodel.model";
-/// The file that tells it.
+/// The file that states it.
 const RELATIONSHIPS: &str = "_rels/.rels";
 /// An entry may unpack to this many times the archive's size, and a megabyte more. Models shrink
 /// to a tenth; what shrinks to less than this is no model.

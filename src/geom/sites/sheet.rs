@@ -1,4 +1,4 @@
-//! Which points of a surface count as neighbors although the surface between them is not looked at.
+//! The sheet test: whether two points of a surface are neighbors along it rather than across a wall or a gap.
 
 use glam::DVec3;
 

@@ -1,4 +1,4 @@
-//! Where relaxation starts: points spread by area along a space-filling order of the faces.
+//! Start of the relaxation: points of equal area along a space-filling order of the faces.
 
 use super::surface::{Place, Surface};
 use crate::par;

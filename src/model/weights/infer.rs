@@ -1,11 +1,11 @@
-//! From the shapes of a state dict to the network it belongs to.
+//! Infers a network's configuration from the tensor shapes of a state dict.
 
 use super::tensors::TensorFile;
 use crate::model::config::{CutterConfig, CutterPlacement, InputConfig, UNetConfig};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// The configuration that the shapes tell; depth, conventions and dropout are the reference's.
+/// The configuration that follows from the shapes; depth, conventions and dropout are the reference's.
 pub(super) fn config(file: &TensorFile, origin: &Path) -> Result<UNetConfig> {
     let shapes = Shapes { file, origin };
     let stem = shapes.of("conv1.conv.weights", 3)?;

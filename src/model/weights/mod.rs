@@ -2,7 +2,7 @@
 //!
 //! A file holds every parameter and every running statistic. Files written here also say how to use them,
 //! in the metadata entry `deepmill` ([`WeightsInfo`]). A file without it is taken for a checkpoint of the
-//! reference: what its shapes cannot tell (depth, conventions, dropout) is the reference's.
+//! reference: what does not follow from its shapes (depth, conventions, dropout) is the reference's.
 
 mod infer;
 pub mod tensors;

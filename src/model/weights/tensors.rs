@@ -1,4 +1,4 @@
-//! Named tensors in memory, and the safetensors format around them.
+//! Named tensors, and reading and writing them as safetensors.
 
 use crate::{Error, Result, atomic_file};
 use safetensors::tensor::{Dtype, TensorView};

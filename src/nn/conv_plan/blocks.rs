@@ -1,4 +1,4 @@
-//! A block of output rows is one task: many rows. Weights are packed once for all blocks.
+//! The algorithm for many rows: one task computes a block of output rows, with weights packed once for all.
 
 use super::super::arena::Arena;
 use super::packed::PackedWeights;

@@ -1,5 +1,5 @@
-//! Some columns of all output rows are one task: few rows take less time than their weights take to be read,
-//! which is done once.
+//! The algorithm for few rows, which take less time than reading the weights: one task computes some columns of all output
+//! rows, so that the weights are read once.
 
 use super::super::arena::Arena;
 use super::blocks::terms_of_block;
@@ -15,7 +15,7 @@ use crate::simd::gemm::matmul_columns;
 use std::ops::Range;
 
 /// Parts into which the columns of a map of one block are cut, and the width they are multiples of: whole
-/// cache lines of weights that nobody else reads.
+/// cache lines of weights that no other task reads.
 const PARTS: usize = 4;
 const PART_WIDTH: usize = 32;
 

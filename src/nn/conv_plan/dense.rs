@@ -1,4 +1,4 @@
-//! Products in which each row meets itself: linear layers.
+//! Products in which each row meets only itself: linear layers.
 
 use super::super::arena::Arena;
 use super::super::rows::{self, BLOCK_ROWS};

@@ -1,4 +1,4 @@
-//! Weights in the form that a kernel reads, in memory of the arena.
+//! Weights packed for a kernel, in the arena's memory.
 
 use super::super::arena::{Arena, Buffer};
 use crate::scalar::Scalar;

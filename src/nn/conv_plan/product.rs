@@ -1,4 +1,4 @@
-//! What a plan computes: sums of products along a map of rows, and of outer products.
+//! The computations of a plan: sums of products, and of outer products, along a map of rows.
 
 use super::super::arena::Buffer;
 use super::super::column_norm::Epilogue;

@@ -1,4 +1,4 @@
-//! Columns that are the same in all rows of a shape.
+//! Products with columns that are constant over a shape: one product per shape instead of one per row.
 //!
 //! In a convolution `Σ_k x[neigh[n, k]]·W_k` the share of such columns `v`, whose rows of `W_k` are `V_k`, is
 //! `Σ_{k: neigh[n, k] exists} p_k` with `p_k = v·V_k`: 27 vectors per shape, chosen by which neighbors exist. On

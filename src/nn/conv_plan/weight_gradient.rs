@@ -1,4 +1,4 @@
-//! Gradient of weights: sums over ranges of rows, joined in order.
+//! Gradients of weights: sums over ranges of rows of constant length, added in order.
 
 use super::super::arena::Arena;
 use super::super::rows;

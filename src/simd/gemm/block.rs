@@ -1,4 +1,4 @@
-//! A block of output rows of a sum of products over kernel offsets.
+//! The kernel of a block of output rows: sums of products over all kernel offsets.
 //!
 //! ```text
 //! y[o, j] = Σ over the terms in order; a term of products: Σ_k Σ_p x[i, p] · w[k, p, j]  for i →k o

@@ -1,5 +1,5 @@
-//! One register tile: `M` rows times `V` vectors of sums, its rows gathered by pointers and its columns read
-//! from a panel.
+//! The register tile of the products: `M` rows times `V` vectors of sums; rows are gathered by pointers, columns read from a
+//! panel.
 //!
 //! The sums are a constant number of vector values, so they stay in registers for the whole depth of the
 //! panel; the inner loop loads `V` vectors of the panel and makes `M·V` fused multiply-adds.

@@ -1,4 +1,4 @@
-//! The right-hand side of a product over kernel offsets, and its panels side by side.
+//! Weights of a product over kernel offsets, and their packed panels.
 
 use super::super::vector::MAX_LANES;
 use super::super::{Float32, Isa, Kernel, Simd, Vector};

@@ -1,5 +1,5 @@
-//! 3×3×3 convolution with 64 products where the plain sum takes 216: for the eight children of one node
-//! at a time.
+//! Winograd's 3×3×3 convolution: 64 products where the plain sum takes 216, for the eight children of one node at a
+//! time.
 //!
 //! Winograd's minimal filtering F(2×2×2, 3×3×3) (Lavin and Gray, "Fast algorithms for convolutional neural
 //! networks", 2016), applied along each of the three axes:

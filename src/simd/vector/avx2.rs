@@ -1,4 +1,4 @@
-//! Vectors of 256 bits.
+//! Vectors of 256 bits: AVX2 with FMA.
 
 use super::{Float32, Float64, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};
 use crate::simd::token::Avx2;

@@ -1,4 +1,4 @@
-//! Vectors of 512 bits.
+//! Vectors of 512 bits: AVX-512.
 
 use super::avx2::{operators, unsigned, unsigned32};
 use super::{Float32, Float64, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};

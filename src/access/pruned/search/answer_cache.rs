@@ -1,4 +1,4 @@
-//! What searches with other cutters have found out about the same reference points in the same direction.
+//! A cache of the answers for other cutters with the same reference points in the same direction.
 //!
 //! An obstacle in a cylinder is in every cylinder that contains it; a cylinder without obstacles contains only such
 //! cylinders. In `f32` too: heights and squared radii are compared with the same numbers, and adding a greater height

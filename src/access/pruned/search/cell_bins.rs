@@ -1,4 +1,4 @@
-//! Points of a direction's frame, sorted into square cells.
+//! Points of a direction's plane, binned into square cells.
 
 use crate::access::kernels::GROUP;
 use crate::simd::{Float32, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};

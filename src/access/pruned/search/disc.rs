@@ -1,5 +1,4 @@
-//! Discs of cells: which cells can, and which must, lie within a radius of another, and the greatest value
-//! over such a disc for every cell of a raster.
+//! Dilation of a raster by a disc: the greatest value of all cells that may be, or that must be, within a radius.
 
 use crate::simd::{Simd, Unsigned};
 

@@ -1,5 +1,4 @@
-//! The obstacles of a direction that are high enough for a step to matter, in cells, and two rasters of
-//! heights.
+//! A grid of the obstacles that are high enough for a step to matter, with an upper and a lower raster of their heights.
 
 use super::cell_bins::{CellBins, Extent};
 use super::disc::{DilationScratch, HalfWidths, SHARE, dilate_disc, inner_disc, outer_disc};

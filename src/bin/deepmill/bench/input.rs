@@ -1,4 +1,4 @@
-//! What is measured: a network of some preset on some clouds; and the clock.
+//! Input of the `bench` commands: a network of some preset, clouds of points, and a timer.
 
 use deepmill::geom::{Sites, formats, sites};
 use deepmill::model::{Batch, Shape, UNetConfig};

@@ -1,4 +1,4 @@
-//! `deepmill bench`: how fast this machine runs the network.
+//! `deepmill bench`: times the network on this machine.
 
 mod input;
 mod layers;

@@ -1,4 +1,4 @@
-//! `deepmill bench network`: one pass of the whole network, and the memory it takes.
+//! `deepmill bench network`: time and peak memory of one pass of the whole network.
 
 use super::input::{self, median_seconds};
 use crate::output::Output;

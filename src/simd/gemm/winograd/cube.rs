@@ -1,4 +1,4 @@
-//! What is done along each axis of a cube.
+//! The transforms of Winograd's filtering along one axis, and their application along all axes of a cube.
 
 use std::ops::{Add, Mul, Sub};
 

@@ -1,4 +1,4 @@
-//! Into frequencies, and back to the gradients of the weights.
+//! The transforms of Winograd's filtering: inputs, gradients and weights to frequencies, and frequencies to weight gradients.
 
 use super::super::super::vector::MAX_LANES;
 use super::super::super::{Isa, Kernel, Simd, Vector};
@@ -194,7 +194,7 @@ impl TransformScratch {
     ) -> (&mut Halfway<S::F32>, &mut [*const f32; 64], &mut Exists) {
         let halfway: *mut Halfway<S::F32> = self.halfway.as_mut_ptr().cast();
         // SAFETY: the memory is aligned and large enough for 128 vectors of any instruction set, and belongs to
-        // `self`; it is written before it is lent.
+        // `self`; it is written before it is borrowed.
         let halfway = unsafe {
             for i in 0..128 {
                 halfway.cast::<S::F32>().add(i).write(S::F32::splat(s, 0.0));
