@@ -9,6 +9,7 @@ use crate::Result;
 use crate::geom::{Sites, spacing};
 use glam::Vec3;
 use std::cmp::Ordering;
+use std::fmt;
 
 /// Answers per site, in the order of the sites. A list is empty if the engine does not answer it, or was not asked
 /// to; otherwise it has one entry per site.
@@ -36,6 +37,8 @@ pub struct SiteAnswers {
     pub probability_inaccessible: Vec<f32>,
     /// Probability of `occlusion`, from a network.
     pub probability_occlusion: Vec<f32>,
+    /// What of the part and the cutter the network was not trained for: its answers may be wrong there.
+    pub outside_domain: Vec<OutsideDomain>,
 }
 
 impl SiteAnswers {
@@ -96,6 +99,48 @@ impl SiteAnswers {
         let marked = areas.iter().zip(&self.inaccessible).filter(|(_, marked)| **marked);
         let marked: f64 = marked.map(|(area, _)| area).sum();
         Ok(if total > 0.0 { marked / total } else { 0.0 })
+    }
+}
+
+/// One number that is not among those of a network's [`Domain`](crate::model::Domain).
+#[derive(Debug, Clone, PartialEq)]
+pub struct OutsideDomain {
+    /// What it measures.
+    pub quantity: &'static str,
+    /// The number.
+    pub value: f64,
+    /// Least and greatest in training.
+    pub range: [f64; 2],
+}
+
+/// Beyond this factor outside of its range a number is far outside.
+const FAR: f64 = 2.0;
+/// The one quantity that is not a length.
+pub(crate) const N_SITES: &str = "number of sites";
+
+impl OutsideDomain {
+    pub(crate) fn is_outside(&self) -> bool {
+        !(self.range[0]..=self.range[1]).contains(&self.value)
+    }
+
+    /// Whether it is a count and no length.
+    pub(crate) fn is_count(&self) -> bool {
+        self.quantity == N_SITES
+    }
+
+    /// Whether the number is beyond twice the greatest or below half of the least.
+    pub fn is_far(&self) -> bool {
+        !(self.range[0] / FAR..=self.range[1] * FAR).contains(&self.value)
+    }
+}
+
+impl fmt::Display for OutsideDomain {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let OutsideDomain { quantity, value, range: [least, greatest] } = self;
+        let unit = if self.is_count() { "" } else { " of the largest edge" };
+        let short = |x: &f64| (x * 1e4).round() / 1e4;
+        let [value, least, greatest] = [value, least, greatest].map(short);
+        write!(f, "{quantity} is {value}{unit}, trained from {least} to {greatest}")
     }
 }
 

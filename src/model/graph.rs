@@ -149,14 +149,14 @@ mod tests {
             points: &points,
             normals: &points,
             triangles: &triangles,
-            cutter_mm: [1.0, 2.0, 3.0, 4.0],
+            cutter_mm: [0.25, 0.5, 0.75, 2.5],
         };
         let batch =
             GraphBatch::<f64>::new(&[shape, shape], Cube::Box, CutterInput::Scaled).unwrap();
         assert_eq!(batch.neighbors[1], [0, 2, 3]);
         assert_eq!(batch.neighbors[6], [4, 5, 7]);
         assert_eq!(batch.shapes, [0..4, 4..8]);
-        assert_eq!(batch.cutters[..4], [2.0, 4.0, 6.0, 8.0]);
+        assert_eq!(batch.cutters[..4], [0.5, 1.0, 1.5, 4.0], "at most 4");
         let mut streams = [0, 1].map(|i| Stream::new(1, 0, i, Purpose::Neighbors));
         let (ones, arena) = (vec![1.0; 48], &Arena::default());
         let pass = Inference { params: &[], buffers: &[], arena };

@@ -7,6 +7,7 @@
 mod batch;
 pub mod config;
 pub mod cutter_modules;
+mod domain;
 pub mod graph;
 pub mod graph_sage;
 pub mod heads;
@@ -22,6 +23,7 @@ pub mod weights;
 
 pub use batch::{Batch, Shape};
 pub use config::UNetConfig;
+pub use domain::Domain;
 pub use graph_sage::GraphSage;
 pub use predict::{Model, Prediction};
 pub use predictor::Predictor;

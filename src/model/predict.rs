@@ -2,6 +2,7 @@
 
 use super::batch::{Batch, Shape};
 use super::cutter_modules::N_LENGTHS;
+use super::domain::Domain;
 use super::training::{InputGradients, TrainingPass};
 use super::unet::{Activations, N_HEADS, UNet};
 use super::{UNetConfig, heads::N_CLASSES};
@@ -28,6 +29,8 @@ pub struct Model<T> {
     pub params: Vec<T>,
     /// Running statistics, laid out as `net.layout().buffers` says.
     pub buffers: Vec<T>,
+    /// What it was trained for; `None` if that is not known.
+    pub domain: Option<Domain>,
 }
 
 /// What a network says about the sites of one part and one cutter, as numbers.
@@ -67,6 +70,11 @@ fn probabilities<T: Scalar>(logits: &[[T; N_CLASSES]]) -> Vec<f32> {
 }
 
 impl<T: Scalar> Model<T> {
+    /// What it was trained for, if that is known.
+    pub fn domain(&self) -> Option<&Domain> {
+        self.domain.as_ref()
+    }
+
     /// A network with random starting weights.
     ///
     /// # Errors
@@ -74,7 +82,7 @@ impl<T: Scalar> Model<T> {
     pub fn new(config: &UNetConfig, seed: u64) -> Result<Self> {
         let net = UNet::new(config)?;
         let (params, buffers) = (net.layout().init_params(seed), net.layout().init_buffers());
-        Ok(Model { net, params, buffers })
+        Ok(Model { net, params, buffers, domain: None })
     }
 
     /// Both answers for every site of one part, in the order of `points_mm`.
@@ -127,7 +135,7 @@ impl<T: Scalar> Model<T> {
         dropout: Option<&mut [Stream]>,
         arena: &Arena<T>,
     ) -> TrainingPass<T> {
-        let Model { net, params, buffers } = self;
+        let Model { net, params, buffers, .. } = self;
         par::keep_workers_hot(|| {
             net.forward_train(&mut Training { params, buffers, dropout, arena }, batch)
         })
@@ -292,7 +300,7 @@ mod tests {
     fn gradients(net: &UNet, n: usize, arena: &Arena<f32>) -> Vec<f32> {
         let shapes: Vec<_> = [n, n / 2].iter().map(|&n| sheet(n, 1)).collect();
         let (params, buffers) = (net.layout().init_params(3), net.layout().init_buffers());
-        let mut model = Model::<f32> { net: net.clone(), params, buffers };
+        let mut model = Model::<f32> { net: net.clone(), params, buffers, domain: None };
         let batch = Batch::new(&as_shapes(&shapes), &net.config().input).unwrap();
         let mut grads = vec![0.0; model.params.len()];
         let pass = model.forward_train(&batch, None, arena);

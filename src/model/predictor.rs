@@ -1,7 +1,8 @@
 //! The network as an engine: what the exact labeler takes and returns.
 
-use super::predict::Model;
-use crate::answers::SiteAnswers;
+use super::domain::Domain;
+use super::predict::{Model, Prediction};
+use crate::answers::{OutsideDomain, SiteAnswers};
 use crate::cutter::Cutter;
 use crate::geom::Sites;
 use crate::{Error, Result};
@@ -11,12 +12,13 @@ use crate::{Error, Result};
 pub struct Predictor {
     model: Model<f32>,
     occlusion_share: Option<f64>,
+    far: bool,
 }
 
 impl Predictor {
     /// Decides each site by itself.
     pub fn new(model: Model<f32>) -> Self {
-        Predictor { model, occlusion_share: None }
+        Predictor { model, occlusion_share: None, far: false }
     }
 
     /// Marks the `share` of sites that look most like occlusion points instead of deciding each by itself.
@@ -31,26 +33,53 @@ impl Predictor {
         Ok(Predictor { occlusion_share: Some(share), ..self })
     }
 
+    /// Answers even far outside of what the network was trained for.
+    pub fn accept_far(self) -> Self {
+        Predictor { far: true, ..self }
+    }
+
     /// The network.
     pub fn model(&self) -> &Model<f32> {
         &self.model
     }
 
-    /// The answers for `sites` and `cutter`: decisions and probabilities.
+    /// The answers for `sites` and `cutter`: decisions, probabilities, and what of both the network was not trained for.
     ///
     /// # Errors
-    /// If the cutter is no [ball end](Cutter::as_ball_end), or as [`Model::predict`].
+    /// If the cutter is no [ball end](Cutter::as_ball_end); if a number is far outside of the network's
+    /// [`Domain`](super::Domain), unless [`Predictor::accept_far`]; or as [`Model::predict`].
     pub fn answer(&self, sites: &Sites, cutter: &Cutter) -> Result<SiteAnswers> {
+        let (prediction, outside_domain) = self.predict(sites, cutter)?;
+        let answers = match self.occlusion_share {
+            None => prediction.answers(),
+            Some(share) => prediction.answers_ranked(share),
+        };
+        Ok(SiteAnswers { outside_domain, ..answers })
+    }
+
+    /// As [`Predictor::answer`], as logits.
+    ///
+    /// # Errors
+    /// As [`Predictor::answer`].
+    pub fn predict(
+        &self,
+        sites: &Sites,
+        cutter: &Cutter,
+    ) -> Result<(Prediction<f32>, Vec<OutsideDomain>)> {
         let lengths = cutter.as_ball_end().ok_or_else(|| {
             let expected = "a ball end with one holder below the spindle";
             let remedy = "the network knows no other; ask the exact labeler";
             Error::argument("cutter", cutter, expected, remedy)
         })?;
+        let outside = |domain: &Domain| domain.outside(&sites.points, lengths);
+        let outside = self.model.domain.as_ref().map(outside).unwrap_or_default();
+        if let Some(far) = outside.iter().find(|o| o.is_far() && !self.far) {
+            let expected = "a part and a cutter like those that the network was trained on";
+            let remedy = "ask the exact labeler (`deepmill label`), or accept a guess (`--far`)";
+            return Err(Error::argument("network's input", far, expected, remedy));
+        }
         let prediction = self.model.predict(&sites.points, &sites.normals, lengths.to_array())?;
-        Ok(match self.occlusion_share {
-            None => prediction.answers(),
-            Some(share) => prediction.answers_ranked(share),
-        })
+        Ok((prediction, outside))
     }
 }
 
@@ -78,5 +107,22 @@ mod tests {
         let ranked = predictor.clone().with_occlusion_share(0.1).unwrap();
         assert_eq!(ranked.answer(&sites, &cutter).unwrap().n_occlusion(), 5);
         assert!(predictor.with_occlusion_share(f64::NAN).is_err());
+    }
+
+    #[test]
+    fn answers_outside_of_the_domain_say_so_and_far_ones_are_refused() {
+        let points = (0..50).map(|i| Vec3::new(i as f32, (i % 7) as f32, 0.0)).collect();
+        let sites = Sites::new(points, vec![Vec3::Z; 50]).unwrap();
+        let cutter = |cr| Cutter::ball_end([cr, 6.0, 40.0, 5.0].into()).unwrap();
+        let mut model = Model::<f32>::new(&UNetConfig::tiny(), 1).unwrap();
+        model.domain = Some(Domain::of(&sites.points, [1.5, 6.0, 40.0, 5.0].into()));
+        let predictor = Predictor::new(model);
+        assert!(predictor.answer(&sites, &cutter(1.5)).unwrap().outside_domain.is_empty());
+        let outside = predictor.answer(&sites, &cutter(2.0)).unwrap().outside_domain;
+        assert_eq!((outside.len(), outside[0].quantity), (1, "CR"));
+        let message = predictor.answer(&sites, &cutter(4.0)).unwrap_err().to_string();
+        assert!(message.contains("CR is 0.0816 of the largest edge, trained from"), "{message}");
+        let accepted = predictor.accept_far().answer(&sites, &cutter(4.0)).unwrap();
+        assert!(accepted.outside_domain[0].is_far());
     }
 }

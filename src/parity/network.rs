@@ -44,6 +44,7 @@ fn cast<T: Scalar>(model: &Model<f32>) -> Model<T> {
         net: model.net.clone(),
         params: numbers(&model.params),
         buffers: numbers(&model.buffers),
+        domain: model.domain,
     }
 }
 

@@ -5,7 +5,7 @@ use super::step::{self, StepScratch};
 use super::{EpochRow, HeadScore, Settings};
 use crate::data::{Sample, SampleSource, loader};
 use crate::metrics::Confusion;
-use crate::model::Model;
+use crate::model::{Domain, Model};
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -62,6 +62,9 @@ pub struct Progress {
     pub confusion: [Confusion; 2],
     /// Wall-clock seconds of the running epoch before it was interrupted.
     pub seconds: f64,
+    /// What the network has seen, with what it saw before this run.
+    #[serde(default)]
+    pub domain: Option<Domain>,
     /// Best validation score so far and its epoch: the sum of both heads' F1.
     pub best: Option<(f64, u64)>,
 }
@@ -108,6 +111,7 @@ impl Run {
                 remedy,
             ));
         }
+        self.progress.domain = model.domain;
         self.model = model;
         Ok(())
     }
@@ -139,6 +143,7 @@ impl Run {
             let expected = format!("{}, as its network has", run.model.params.len());
             return Err(Error::argument("checkpoint", found, expected, "start the run anew"));
         }
+        run.model.domain = checkpoint.progress.domain;
         run.model.params = checkpoint.params;
         run.model.buffers = checkpoint.buffers;
         run.velocity = checkpoint.velocity;
@@ -244,7 +249,8 @@ impl Run {
             progress.best = Some((score, epoch));
         }
         let history = std::mem::take(&mut progress.history);
-        *progress = Progress { history, best: progress.best, ..Progress::default() };
+        let Progress { best, domain, .. } = *progress;
+        *progress = Progress { history, best, domain, ..Progress::default() };
         progress.history.push(row);
         Ok(row)
     }

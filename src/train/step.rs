@@ -4,7 +4,7 @@ use super::{Reduction, Run, Settings};
 use crate::data::{Sample, SampleSource};
 use crate::loss::CrossEntropy;
 use crate::metrics::Confusion;
-use crate::model::{Batch, Model, Shape, TrainingPass};
+use crate::model::{Batch, Domain, Model, Shape, TrainingPass};
 use crate::nn::arena::Arena;
 use crate::optim::Sgd;
 use crate::rng::{Purpose, Stream};
@@ -75,7 +75,7 @@ impl Run {
         dropout: &mut [Stream],
         place: &str,
     ) -> Result<StepOutcome> {
-        let Run { settings, model, velocity, scratch, .. } = self;
+        let Run { settings, progress, model, velocity, scratch } = self;
         let scale = match settings.loss.reduction {
             Reduction::Sum => 1.0,
             Reduction::Mean => 0.5,
@@ -116,6 +116,11 @@ impl Run {
             }
             sgd.step(lr, &mut scratch.grads, velocity, &mut model.params);
         }
+        for sample in samples {
+            let seen = Domain::of(&sample.sites.points, sample.cutter);
+            progress.domain.get_or_insert(seen).include(&seen);
+        }
+        model.domain = progress.domain;
         Ok(outcome)
     }
 }

@@ -1,11 +1,10 @@
 //! `deepmill demo`: labels a generated part, predicts the same with a network, and draws both.
 
 use crate::output::Output;
-use crate::predict::predict;
 use crate::progress;
 use deepmill::access::{LabelOptions, Obstacles, label};
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
-use deepmill::data::files::{LabelFile, Provenance, ball_end_words};
+use deepmill::data::files::{LabelFile, PredictionFile, Provenance, ball_end_words};
 use deepmill::data::{Sample, generated};
 use deepmill::directions::Directions;
 use deepmill::geom::sites::{SiteOptions, sample};
@@ -69,7 +68,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (model, name, train_s) = network(args, &directions, output)?;
     let start = Instant::now();
     let provenance = Provenance::ball_end("demo part", params, json!({ "model": name }));
-    let predictions = predict(&model, provenance, labels.sites.clone())?;
+    let sites = labels.sites.clone();
+    let prediction = model.predict(&sites.points, &sites.normals, params.to_array())?;
+    let predictions = PredictionFile { prediction, provenance, sites };
     let predict_s = start.elapsed().as_secs_f64();
 
     let answers = predictions.prediction.answers();

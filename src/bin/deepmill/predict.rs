@@ -6,8 +6,7 @@ use crate::mesh_args::MeshArgs;
 use crate::model_args::ModelArgs;
 use crate::output::Output;
 use deepmill::data::files::{PredictionFile, Provenance};
-use deepmill::geom::Sites;
-use deepmill::model::Model;
+use deepmill::model::Predictor;
 use deepmill::report::folder::{self, Show};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result, atomic_file};
@@ -40,6 +39,9 @@ pub struct Args {
     /// Take a mesh that does not bound one solid; the answer may mean nothing.
     #[arg(long)]
     force: bool,
+    /// Answer even far outside of the sizes that the network was trained for; the answer may mean nothing.
+    #[arg(long)]
+    far: bool,
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
@@ -60,9 +62,17 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "sites": args.sites.settings(mesh.is_some()),
         "model": model_name,
     });
-    let provenance = Provenance::ball_end(name_of(&args.part), tool.params, settings);
-    let file = predict(&model, provenance, sites)?;
+    let predictor = Predictor::new(model);
+    let predictor = if args.far { predictor.accept_far() } else { predictor };
+    let (prediction, outside) = predictor.predict(&sites, &tool.cutter)?;
+    let outside: Vec<String> = outside.iter().map(ToString::to_string).collect();
+    for outside in &outside {
+        output.warn(format!("{outside}: the prediction may be wrong; `deepmill label` is exact"));
+    }
     clock.lap("predict_s", "prediction");
+    let mut provenance = Provenance::ball_end(name_of(&args.part), tool.params, settings);
+    provenance.settings["outside_domain"] = json!(outside);
+    let file = PredictionFile { prediction, provenance, sites };
     let show = if args.no_picture { Show::Points } else { Show::Pictures };
     let mut paths = folder::write_predictions(&args.out, &file, mesh.as_ref(), show)?;
     if let Some(mesh) = &mesh {
@@ -83,12 +93,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     clock.add_to(&mut facts);
     output.say(facts.text());
     output.files(&paths);
-    output.result_with_files(facts.json(), &paths);
+    let mut result = facts.json();
+    result["outside_domain"] = json!(outside);
+    output.result_with_files(result, &paths);
     Ok(())
-}
-
-/// A network's answers in the form of files.
-pub fn predict(model: &Model<f32>, provenance: Provenance, sites: Sites) -> Result<PredictionFile> {
-    let prediction = model.predict(&sites.points, &sites.normals, provenance.cutter.to_array())?;
-    Ok(PredictionFile { prediction, provenance, sites })
 }

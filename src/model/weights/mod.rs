@@ -8,7 +8,7 @@ mod infer;
 pub mod tensors;
 
 use super::predict::{INACCESSIBLE_CLASS, Model, OCCLUSION_CLASS};
-use super::{UNet, UNetConfig};
+use super::{Domain, UNet, UNetConfig};
 use crate::nn::params::Entry;
 use crate::scalar::Scalar;
 use crate::{Error, Result};
@@ -43,6 +43,9 @@ pub struct WeightsInfo {
     pub occlusion_class: usize,
     /// Unit of lengths before normalization.
     pub unit: String,
+    /// What the network was trained for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub domain: Option<Domain>,
     /// Free text: data, commands, scores.
     #[serde(default)]
     pub notes: String,
@@ -56,6 +59,7 @@ impl WeightsInfo {
             inaccessible_class: INACCESSIBLE_CLASS,
             occlusion_class: OCCLUSION_CLASS,
             unit: "mm".into(),
+            domain: None,
             notes: notes.into(),
         }
     }
@@ -120,15 +124,15 @@ pub fn info(file: &TensorFile, origin: &Path) -> Result<Option<WeightsInfo>> {
 }
 
 pub(super) fn from_file<T: Scalar>(file: &TensorFile, origin: &Path) -> Result<Model<T>> {
-    let config = match info(file, origin)? {
-        Some(info) => info.config,
-        None => infer::config(file, origin)?,
+    let (config, domain) = match info(file, origin)? {
+        Some(info) => (info.config, info.domain),
+        None => (infer::config(file, origin)?, None),
     };
     let net = UNet::new(&config)?;
     compare_names(&net, file, origin)?;
     let params = gather(&net.layout().params, file, origin)?;
     let buffers = gather(&net.layout().buffers, file, origin)?;
-    Ok(Model { net, params, buffers })
+    Ok(Model { net, params, buffers, domain })
 }
 
 /// All names and shapes, before anything is allocated.
@@ -173,7 +177,7 @@ fn gather<T: Scalar>(entries: &[Entry], file: &TensorFile, origin: &Path) -> Res
 
 pub(super) fn to_file<T: Scalar>(model: &Model<T>, storage: Storage, notes: &str) -> TensorFile {
     let mut file = TensorFile::default();
-    let info = WeightsInfo::new(model.net.config(), notes);
+    let info = WeightsInfo { domain: model.domain, ..WeightsInfo::new(model.net.config(), notes) };
     let info = serde_json::to_string(&info).expect("a configuration has only plain fields");
     file.metadata.insert(METADATA_KEY.into(), info);
     let layout = model.net.layout();
