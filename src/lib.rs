@@ -10,6 +10,55 @@
 //! ```
 //!
 //! Lengths are millimeters, directions and normals unit vectors, matrices `[n, c]` row-major.
+//!
+//! # Example
+//!
+//! Both engines take the same sites and the same cutter, and return the same
+//! [`SiteAnswers`](answers::SiteAnswers).
+//!
+#![cfg_attr(feature = "weights", doc = "```")]
+#![cfg_attr(not(feature = "weights"), doc = "```ignore")]
+//! use deepmill::access::{LabelOptions, Labeler, surface::SurfaceOptions};
+//! use deepmill::geom::{sites, solids};
+//! use deepmill::glam::DVec3;
+//! use deepmill::model::{Model, Predictor};
+//!
+//! let part = solids::cuboid(DVec3::new(80.0, 60.0, 40.0)); // or geom::formats::read_mesh
+//! let sites = sites::sample(&part, &sites::SiteOptions { n_sites: 500, ..Default::default() })?;
+//! let cutter = "1.5,6,40,5".parse()?; // CR, CH, FR, FH in mm
+//! let directions = "hemisphere:150".parse()?;
+//!
+//! // About the part's triangles; `Labeler::of_sites` is the published definition.
+//! let labeler = Labeler::of_part(&part, &[], directions, SurfaceOptions::default())?;
+//! let exact = labeler.answer(&sites, &cutter)?;
+//! let share = exact.inaccessible_area_share(&sites)?; // of the surface
+//! let way = exact.witness[0]; // a direction in which the cutter can stand at site 0
+//!
+//! let predicted = Predictor::new(Model::shipped()?).accept_far().answer(&sites, &cutter)?;
+//! assert_eq!(exact.inaccessible.len(), predicted.inaccessible.len());
+//! # Ok::<(), deepmill::Error>(())
+//! ```
+//!
+//! `examples/` has six programs: label a mesh, drop heights of a tool, predict, a network of one's own, the gradient check of
+//! a layer of one's own, training that stops and resumes.
+//!
+//! # Features
+//!
+//! | feature | default | adds |
+//! |---|---|---|
+//! | `formats` | by `cli` | files of meshes, clouds, samples, weights and pictures; `train::RunFolder`; `report` |
+//! | `generate` | by `cli` | parts made from a seed (`data::generated`) |
+//! | `weights` | yes | the trained network (`Model::shipped`) |
+//! | `ndarray` | yes | sites, meshes and answers as `ndarray` views (`arrays`) |
+//! | `cli` | yes | the `deepmill` program |
+//!
+//! `default-features = false` leaves the numerical core: labeler, octree, layers, training. Nothing compiles C.
+//!
+//! # Where to go on
+//!
+//! - label: [`access`], [`access::surface`]; sites: [`geom::sites`]; cutters: [`cutter`]; directions: [`directions`]
+//! - predict and train: [`model`], [`train`], [`data`]
+//! - build networks: [`nn`], [`octree`], [`optim`], [`loss`]; check gradients: [`gradcheck`]
 #![deny(unsafe_code)]
 
 pub mod access;

@@ -30,7 +30,7 @@
 //! let obstacles = Obstacles::Points(&sites.points);
 //! let queries = Queries::Volume(&stock);
 //! let labels = label(queries, obstacles, &cutter, &directions, &LabelOptions::default())?;
-//! let n_blocked = labels.inaccessible.iter().filter(|blocked| **blocked).count();
+//! let n_blocked = labels.answers.n_inaccessible();
 //! assert!(0 < n_blocked && n_blocked < stock.len());
 //! # Ok::<(), deepmill::Error>(())
 //! ```

@@ -28,7 +28,7 @@ const HISTORY: &str = "history.csv";
 /// A resumed run ends with the bits of one that was never stopped. Start, stop and resume:
 ///
 /// ```
-/// # use deepmill::{cutter::*, data::Sample, geom::Sites, train::*};
+/// # use deepmill::{answers::SiteAnswers, cutter::*, data::Sample, geom::Sites, train::*};
 /// use std::ops::ControlFlow;
 /// # use glam::Vec3;
 /// # let points: Vec<Vec3> =
@@ -36,7 +36,7 @@ const HISTORY: &str = "history.csv";
 /// # let sites = Sites { normals: vec![Vec3::Z; 40], points, faces: vec![] };
 /// # let samples = [Sample {
 /// #     name: "part".into(), sites: sites.into(), cutter: [1.5, 6.0, 40.0, 5.0].into(),
-/// #     inaccessible: vec![false; 40], occlusion: vec![true; 40],
+/// #     answers: SiteAnswers::new(vec![false; 40], vec![true; 40]),
 /// # }];
 /// # let temporary = tempfile::tempdir().unwrap();
 /// # let path = temporary.path().join("run");
