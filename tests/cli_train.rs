@@ -104,3 +104,34 @@ fn the_hint_after_an_interruption_is_the_command_that_goes_on() {
     assert!(message.contains(&hint), "{message}");
     assert!(settings(&run).contains("n_epochs = 100000"));
 }
+
+#[test]
+fn a_data_set_about_the_part_itself_is_told_apart_from_one_about_sites() {
+    let folder = Folder::new();
+    let (of_sites, of_part) = (data(&folder), folder.path("of part"));
+    let build = ["dataset", "build", "--generated", "2", "--sites", "80", "--directions", "10"];
+    let part = [&build[..], &["--out", &of_part, "--obstacles", "part"]].concat();
+    assert!(deepmill(&part).status.success());
+    let labels = |folder: &str| {
+        let set = deepmill::data::dataset::Dataset::open(Path::new(folder)).unwrap();
+        let of_sample = |s: deepmill::data::Sample| s.answers.inaccessible;
+        (
+            set.manifest.settings.part_itself,
+            set.samples(None).unwrap().into_iter().map(of_sample).collect::<Vec<_>>(),
+        )
+    };
+    let (of_sites_labels, of_part_labels) = (labels(&of_sites), labels(&of_part));
+    assert_eq!((of_sites_labels.0, of_part_labels.0), (false, true));
+    assert_ne!(of_sites_labels.1, of_part_labels.1);
+    let run = folder.path("run");
+    let train = ["train", "--out", &run, "--preset", "tiny", "--epochs", "1", "--data"];
+    let message = failure(&deepmill(&[&train[..], &[&of_sites, &of_part]].concat()), 1);
+    assert!(message.contains("another kind of obstacles"), "{message}");
+    let run = folder.path("other run");
+    let train = ["train", "--out", &run, "--preset", "tiny", "--epochs", "1", "--data", &of_part];
+    let message = failure(&deepmill(&[&train[..], &["--online"]].concat()), 2);
+    assert!(message.contains("whose triangles it does not hold"), "{message}");
+    let no = folder.path("no");
+    let both = [&build[..], &["--out", &no, "--obstacles", "most"]].concat();
+    assert!(failure(&deepmill(&both), 2).contains("sites, part or a number"));
+}

@@ -55,9 +55,10 @@ struct BuildArgs {
     /// Sites per part.
     #[arg(long, default_value_t = 7000, value_name = "COUNT", value_parser = several_sites)]
     sites: usize,
-    /// Denser obstacles: this many extra points per part.
-    #[arg(long, value_name = "COUNT")]
-    obstacles: Option<usize>,
+    /// What blocks: `sites` (the published definition), `part` (its triangles), or COUNT: the sites and so many further points
+    /// per part.
+    #[arg(long, value_name = "WHAT", default_value = "sites")]
+    obstacles: String,
     /// Directions over the upper hemisphere (Fibonacci points).
     #[arg(long, default_value_t = 150, value_name = "COUNT")]
     directions: usize,
@@ -135,10 +136,19 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 fn build(args: &BuildArgs, output: &Output) -> Result<()> {
     atomic_file::check_writable_folder(&args.out)?;
     let n_dirs = args.directions;
+    let n_obstacles = match args.obstacles.as_str() {
+        "sites" | "part" => None,
+        count => Some(count.parse().map_err(|_| {
+            let expected = "sites, part or a number of further points";
+            let remedy = "sites is the published definition, part tests triangles";
+            Error::argument("--obstacles", format!("`{count}`"), expected, remedy)
+        })?),
+    };
     let settings = DatasetSettings {
         seed: args.seed,
         n_sites: args.sites,
-        n_obstacles: args.obstacles,
+        n_obstacles,
+        part_itself: args.obstacles == "part",
         directions: match args.whole_sphere {
             true => DirectionSet::FibonacciSphere { n_dirs },
             false => DirectionSet::FibonacciHemisphere { n_dirs },

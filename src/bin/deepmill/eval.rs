@@ -130,6 +130,11 @@ fn score_set(args: &Args, folder: &Path, networks: &[(String, Model<f32>)]) -> R
         let share = 100.0 * settings.occlusion_share;
         scored.push((format!("{name}, occlusion by rank ({share} %)"), true, ranked));
     }
+    if args.exact && settings.part_itself {
+        let found = "its labels are about the part itself, whose triangles it does not hold";
+        let remedy = "leave out --exact; `deepmill label` times single parts";
+        return Err(Error::file(folder, "settings", found, remedy));
+    }
     if args.exact {
         let directions = Directions::new(settings.directions.clone())?;
         let exact = evaluate_exact(&samples, &directions, settings.occlusion_share)?;

@@ -2,7 +2,7 @@
 
 use crate::output::Output;
 use crate::progress;
-use deepmill::data::dataset::{Dataset, Split};
+use deepmill::data::dataset::{Dataset, DatasetSettings, Split};
 use deepmill::data::online::OnlineSettings;
 use deepmill::data::{Online, Sample};
 use deepmill::directions::{DirectionSet, Directions};
@@ -135,20 +135,26 @@ struct Data {
     /// Directions and share of occlusion points, the same in all.
     directions: DirectionSet,
     share: f64,
+    /// Whether triangles are the obstacles, in all.
+    part_itself: bool,
 }
 
 impl Data {
     fn read(args: &Args) -> Result<Self> {
         let first = Dataset::open(&args.data[0])?.manifest.settings;
-        let (directions, share) = (first.directions, first.occlusion_share);
-        let mut data = Data { samples: Vec::new(), validation: Vec::new(), directions, share };
+        let (directions, share) = (first.directions.clone(), first.occlusion_share);
+        let part_itself = first.part_itself;
+        let (samples, validation) = (Vec::new(), Vec::new());
+        let mut data = Data { samples, validation, directions, share, part_itself };
         let wholly = args.validate.iter().map(|folder| (folder, true));
         for (folder, validate) in args.data.iter().map(|folder| (folder, false)).chain(wholly) {
             let set = Dataset::open(folder)?;
             let settings = &set.manifest.settings;
-            if (&settings.directions, settings.occlusion_share) != (&data.directions, data.share) {
-                let found = "its labels have other directions or another share of occlusion points";
-                let remedy = "join data sets of the same --directions";
+            let kind = |s: &DatasetSettings| (s.directions.clone(), s.part_itself);
+            if (kind(settings), settings.occlusion_share) != (kind(&first), data.share) {
+                let found = "its labels have other directions, another kind of obstacles or another \
+                             share of occlusion points";
+                let remedy = "join data sets of the same --directions and --obstacles";
                 return Err(Error::file(folder, "settings", found, remedy));
             }
             if validate {
@@ -162,6 +168,11 @@ impl Data {
     }
 
     fn online(&self, settings: OnlineSettings, seed: u64) -> Result<Online> {
+        if self.part_itself {
+            let found = "a data set about the part itself, whose triangles it does not hold";
+            let remedy = "leave out --online, or build the data set with --obstacles sites";
+            return Err(Error::argument("--online", found, "sites as obstacles", remedy));
+        }
         let directions = Directions::new(self.directions.clone())?;
         Online::new(&self.samples, directions, self.share, settings, seed)
     }

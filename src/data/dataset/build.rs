@@ -4,7 +4,8 @@ use super::manifest::{Content, FORMAT, MANIFEST, read_json, write_json};
 use super::{
     CutterRecord, DatasetSettings, LabeledPart, Manifest, PartRecord, Split, content_hash,
 };
-use crate::access::{self, LabelOptions, Obstacles};
+use crate::access::surface::SurfaceOptions;
+use crate::access::{self, LabelOptions, Labeler, Labels, Obstacles};
 use crate::answers::SiteAnswers;
 use crate::cutter::{Cutter, CutterParams};
 use crate::data::generated;
@@ -160,25 +161,47 @@ impl Builder {
         let scale = scale_to_min_edge(&mut mesh, self.settings.min_edge_mm);
         let box_mm = mesh.bounds().map_or([0.0; 3], |(lo, hi)| (hi - lo).to_array());
         let sites = self.sites(&mesh, self.settings.n_sites, index)?;
+        let mut stream = Stream::new(self.settings.seed, 0, index as u64, Purpose::Cutter);
+        let drawn =
+            (0..self.settings.n_cutters).map(|_| self.settings.cutter_set.draw(&mut stream));
+        let params: Vec<CutterParams> = drawn.collect();
+        let cutters = params.iter().map(|p| Cutter::ball_end(*p)).collect::<Result<Vec<_>>>()?;
+        let labels = match self.settings.part_itself {
+            true => self.label_part(&mesh, &sites, &cutters)?,
+            false => self.label_sites(&mesh, &sites, &cutters, index)?,
+        };
+        let answers = labels.into_iter().map(|labels| labels.answers).collect();
+        let part = LabeledPart { sites, cutters: params, answers };
+        Ok((part, scale, box_mm))
+    }
+
+    /// Points as obstacles.
+    fn label_sites(
+        &self,
+        mesh: &Mesh,
+        sites: &Sites,
+        cutters: &[Cutter],
+        index: usize,
+    ) -> Result<Vec<Labels>> {
         let dense = match self.settings.n_obstacles {
-            Some(n) => self.sites(&mesh, n, index)?.points,
+            Some(n) => self.sites(mesh, n, index)?.points,
             None => Vec::new(),
         };
         let obstacles = match dense.as_slice() {
             [] => Obstacles::Queries,
             points => Obstacles::QueriesAnd(points),
         };
-        let mut stream = Stream::new(self.settings.seed, 0, index as u64, Purpose::Cutter);
-        let drawn =
-            (0..self.settings.n_cutters).map(|_| self.settings.cutter_set.draw(&mut stream));
-        let params: Vec<CutterParams> = drawn.collect();
-        let cutters = params.iter().map(|p| Cutter::ball_end(*p)).collect::<Result<Vec<_>>>()?;
         let options =
             LabelOptions { share: self.settings.occlusion_share, ..LabelOptions::default() };
-        let labels = access::label_many(&sites, obstacles, &cutters, &self.directions, &options)?;
-        let answers = labels.into_iter().map(|labels| labels.answers).collect();
-        let part = LabeledPart { sites, cutters: params, answers };
-        Ok((part, scale, box_mm))
+        access::label_many(sites, obstacles, cutters, &self.directions, &options)
+    }
+
+    /// Triangles as obstacles.
+    fn label_part(&self, mesh: &Mesh, sites: &Sites, cutters: &[Cutter]) -> Result<Vec<Labels>> {
+        let share = self.settings.occlusion_share;
+        let options = SurfaceOptions { share, ..SurfaceOptions::default() };
+        let labeler = Labeler::of_part(mesh, &[], self.directions.clone(), options)?;
+        cutters.iter().map(|cutter| labeler.label(sites, cutter)).collect()
     }
 
     fn sites(&self, mesh: &Mesh, n_sites: usize, index: usize) -> Result<Sites> {

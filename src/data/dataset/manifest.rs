@@ -24,6 +24,10 @@ pub struct DatasetSettings {
     pub n_sites: usize,
     /// Obstacle sites per part; `None`: the sites themselves, as the paper has it.
     pub n_obstacles: Option<usize>,
+    /// Whether the labels are about the part itself: its triangles are the obstacles, and directions between those of the set
+    /// are searched ([`access::surface`](crate::access::surface)). Otherwise points are, as the paper has it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub part_itself: bool,
     /// Directions the cutter may come from.
     pub directions: DirectionSet,
     /// Distribution the cutters are drawn from.
@@ -44,6 +48,7 @@ impl Default for DatasetSettings {
             seed: 0,
             n_sites: 7000,
             n_obstacles: None,
+            part_itself: false,
             directions: DirectionSet::FibonacciHemisphere { n_dirs: 150 },
             cutter_set: CutterSet::Uniform,
             n_cutters: 1,
@@ -76,6 +81,11 @@ impl DatasetSettings {
             ("validation share", kept, (0.0..=1.0).contains(&kept), "0 to 1"),
             ("smallest box edge", edge, edge > 0.0 && edge <= 1e6, "above 0 mm, at most 1 km"),
         ];
+        if self.part_itself && self.n_obstacles.is_some() {
+            let found = "both triangles and further points";
+            let remedy = "give one of them";
+            return Err(Error::argument("obstacles", found, "one kind", remedy));
+        }
         match rules.into_iter().find(|(.., good, _)| !good) {
             None => Ok(()),
             Some((name, found, _, expected)) => {
