@@ -75,6 +75,16 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
+    /// A backward pass is not the derivative of its forward pass.
+    #[error(
+        "gradient {place}, expected at most {limit:e}; compare the backward pass with the derivative of the forward pass"
+    )]
+    Gradient {
+        /// The worst element with both of its values.
+        place: String,
+        /// Greatest relative error allowed.
+        limit: f64,
+    },
     /// The user interrupted the program; whatever was finished is on disk.
     #[error("interrupted; {remedy}")]
     Interrupted {

@@ -27,6 +27,12 @@
 //!
 //! A function with a kink (ReLU, max) has no derivative there: choose inputs whose distance from every
 //! kink exceeds what a step of `2h`, or `64h` of a scalar, can move them.
+//!
+//! [`suite`] holds a small case of every layer of this crate, and [`fixture`] what such a case computes, for other
+//! implementations to be held against.
+
+pub mod fixture;
+pub mod suite;
 
 use crate::nn::arena::{Arena, Buffer};
 use crate::nn::layer::{self, Layer};
@@ -98,18 +104,13 @@ impl GradientReport {
     /// Nothing if no error exceeds `limit`.
     ///
     /// # Errors
-    /// Otherwise [`Error::Argument`] with the worst element and both of its values.
+    /// Otherwise [`Error::Gradient`] with the worst element and both of its values.
     pub fn require(&self, limit: f64) -> Result<()> {
         let worst = self.worst();
         if worst.error <= limit {
             return Ok(());
         }
-        Err(Error::argument(
-            "gradient",
-            worst,
-            format!("a relative error of at most {limit:e}"),
-            "compare the backward pass with the derivative of the forward pass",
-        ))
+        Err(Error::Gradient { place: worst.to_string(), limit })
     }
 }
 
@@ -144,7 +145,7 @@ pub fn function(
     let mut vectors: Vec<Vec<f64>> = inputs.iter().map(|(_, v)| v.to_vec()).collect();
     let n_outputs = forward(&vectors).len();
     check_sizes(inputs, n_outputs, settings)?;
-    let dy = if n_outputs == 1 { vec![1.0] } else { probe(n_outputs, settings.seed) };
+    let dy = output_gradient(n_outputs, settings);
     let gradients = backward(&vectors, &dy);
     check_gradients(inputs, &gradients)?;
     let mut checked = Vec::new();
@@ -172,6 +173,11 @@ pub fn function(
     // Of all elements: which of them the subset holds must not change how an error is judged.
     let largest = gradients.iter().flatten().fold(0.0, |m: f64, a| m.max(a.abs()));
     Ok(report(inputs, &checked, settings.floor * largest))
+}
+
+/// The `dy` of a check.
+fn output_gradient(n_outputs: usize, settings: &GradcheckSettings) -> Vec<f64> {
+    if n_outputs == 1 { vec![1.0] } else { probe(n_outputs, settings.seed) }
 }
 
 /// Limit of `difference(h)` for `h → 0` from steps that grow fourfold.
@@ -272,10 +278,7 @@ pub fn layer<L: Layer<f64>>(
 ) -> Result<GradientReport> {
     let matrices = case.x.matrices();
     let n = matrices.len();
-    let names: Vec<String> = match n {
-        1 => vec!["x".into()],
-        _ => (0..n).map(|i| format!("x[{i}]")).collect(),
-    };
+    let names = matrix_names(n);
     let tensors: Vec<_> = layer::tensors(checked, case.layout).collect();
     let inputs = names.iter().map(String::as_str).zip(matrices.iter().map(Operand::numbers));
     let params = tensors.iter().map(|e| (e.name.as_str(), &case.params[e.range.clone()]));
@@ -287,23 +290,42 @@ pub fn layer<L: Layer<f64>>(
         }
         params
     };
-    let forward = |v: &[Vec<f64>]| run(checked, case, &v[..n], &params_of(v), None).0.to_vec();
+    let forward = |v: &[Vec<f64>]| run(checked, case, &v[..n], &params_of(v), None).y.to_vec();
     let backward = |v: &[Vec<f64>], dy: &[f64]| {
-        let (_, mut dx, grads) = run(checked, case, &v[..n], &params_of(v), Some(dy));
-        dx.extend(tensors.iter().map(|e| grads[e.range.clone()].to_vec()));
-        dx
+        let mut step = run(checked, case, &v[..n], &params_of(v), Some(dy));
+        step.dx.extend(tensors.iter().map(|e| step.grads[e.range.clone()].to_vec()));
+        step.dx
     };
     function(&inputs, forward, backward, settings)
 }
 
-/// Output of a training pass on the matrices `x`; if there is a `dy`, gradients by matrices and parameters.
+/// Names of the matrices of an operand.
+fn matrix_names(n: usize) -> Vec<String> {
+    match n {
+        1 => vec!["x".into()],
+        _ => (0..n).map(|i| format!("x[{i}]")).collect(),
+    }
+}
+
+/// A training pass and its backward pass.
+struct Step {
+    y: Buffer<f64>,
+    /// Running statistics afterwards.
+    buffers: Vec<f64>,
+    /// Gradients by the matrices of the operand; none without a `dy`.
+    dx: Vec<Vec<f64>>,
+    /// Gradient by the parameters; 0 without a `dy`.
+    grads: Vec<f64>,
+}
+
+/// A training pass on the matrices `x` and, if there is a `dy`, its backward pass.
 fn run<L: Layer<f64>>(
     layer: &L,
     case: &Case<L::Geometry>,
     x: &[Vec<f64>],
     params: &[f64],
     dy: Option<&[f64]>,
-) -> (Buffer<f64>, Vec<Vec<f64>>, Vec<f64>) {
+) -> Step {
     let (arena, mut buffers) = (&Arena::default(), case.layout.init_buffers());
     let matrices = case.x.matrices();
     let matrices: Vec<_> = matrices.iter().zip(x).map(|(m, x)| m.with_numbers(x)).collect();
@@ -321,7 +343,7 @@ fn run<L: Layer<f64>>(
         let gradient = layer.backward(&mut pass, case.geometry, x, saved, arena.copy_of(dy));
         dx.extend(gradient.into_parts().iter().map(|part| part.to_vec()));
     }
-    (y, dx, grads)
+    Step { y, buffers, dx, grads }
 }
 
 fn report(

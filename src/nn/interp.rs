@@ -117,6 +117,13 @@ impl<T: Scalar> Interpolation<T> {
         self.terms.starts.len() - 1
     }
 
+    /// Point `p` is the sum over `i` in `starts[p]..starts[p + 1]` of `weights[i]` times node `nodes[i]`: the three
+    /// lists.
+    pub(crate) fn lists(&self) -> (&[usize], &[u32], &[T]) {
+        let Terms { starts, sources, weights } = &self.terms;
+        (starts, sources, weights)
+    }
+
     /// The gradient by `[n_nodes, c]` from that by `[n_points, c]`: what [`Interpolate`] does in the backward pass.
     ///
     /// # Panics

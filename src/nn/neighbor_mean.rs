@@ -56,6 +56,11 @@ impl Neighbors {
         self.starts.len() - 1
     }
 
+    /// The neighbors of node `v` are `nodes[starts[v]..starts[v + 1]]`: both lists.
+    pub(crate) fn lists(&self) -> (&[usize], &[u32]) {
+        (&self.starts, &self.sources)
+    }
+
     fn mean<T: Scalar>(&self, c: usize, x: &[T], y: &mut [T]) {
         let weights: Vec<T> = (0..self.n_nodes())
             .flat_map(|v| (self.starts[v]..self.starts[v + 1]).map(move |_| v))

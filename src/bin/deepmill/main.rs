@@ -9,6 +9,7 @@ mod demo;
 mod density;
 mod eval;
 mod generate;
+mod gradcheck;
 mod label;
 mod mesh_args;
 mod model_args;
@@ -49,6 +50,7 @@ enum Command {
     Check(check::Args),
     Demo(demo::Args),
     Generate(generate::Args),
+    Gradcheck(gradcheck::Args),
     Parity(parity::Args),
     Sample(sample::Args),
     Label(label::Args),
@@ -71,6 +73,7 @@ fn main() -> ExitCode {
             Some(Command::Check(args)) => check::run(args, &output),
             Some(Command::Demo(args)) => demo::run(args, &output),
             Some(Command::Generate(args)) => generate::run(args, &output),
+            Some(Command::Gradcheck(args)) => gradcheck::run(args, &output),
             Some(Command::Parity(args)) => parity::run(args, &output),
             Some(Command::Sample(args)) => sample::run(args, &output),
             Some(Command::Label(args)) => label::run(args, &output),

@@ -1,0 +1,93 @@
+//! `deepmill gradcheck`: compare every backward pass with central differences, and write fixtures.
+
+use crate::output::Output;
+use deepmill::gradcheck::GradientReport;
+use deepmill::gradcheck::suite::{LIMIT, Suite, SuiteCase};
+use deepmill::report::tables::{Cell, Table};
+use deepmill::{Error, Result, atomic_file};
+use std::path::PathBuf;
+
+/// Compare the gradients of every layer with central differences, in f64.
+///
+/// A small random case of every layer, of the blocks made of them and of whole networks. Fixtures hold inputs,
+/// parameters, outputs and gradients, so that another implementation can be held against them
+/// (docs/gradcheck-fixtures.md).
+#[derive(clap::Args)]
+#[command(after_help = "Example: deepmill gradcheck --layer octree_conv --out fixtures")]
+pub struct Args {
+    /// Only this case, by its name in the table. Give it again for further ones.
+    #[arg(long, value_name = "NAME")]
+    layer: Vec<String>,
+    /// Write NAME.safetensors for each case into this folder.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Greatest relative error of an element.
+    #[arg(long, value_name = "ERROR", default_value_t = LIMIT, allow_negative_numbers = true)]
+    limit: f64,
+}
+
+pub fn run(args: &Args, output: &Output) -> Result<()> {
+    if args.limit.is_nan() || args.limit < 0.0 {
+        return Err(Error::argument("--limit", args.limit, "0 or more", "leave it out"));
+    }
+    let cases = chosen(Suite::default().cases()?, &args.layer)?;
+    args.out.iter().try_for_each(|folder| atomic_file::check_writable_folder(folder))?;
+    let mut table = Table::new(&[
+        ("layer", "layer"),
+        ("n_checked", "elements"),
+        ("error", "worst error"),
+        ("tensor", "in"),
+        ("index", "at"),
+        ("analytic", ""),
+        ("numeric", ""),
+    ]);
+    let (mut failures, mut files) = (Vec::new(), Vec::new());
+    for case in &cases {
+        let report = case.check()?;
+        table.row(row(case, &report));
+        if report.worst().error > args.limit {
+            failures.push(Error::Gradient {
+                place: format!("of {}: {}", case.name(), report.worst()),
+                limit: args.limit,
+            });
+        }
+        if let Some(folder) = &args.out {
+            let path = folder.join(format!("{}.safetensors", case.name()));
+            case.fixture().write(&path)?;
+            files.push(path);
+        }
+    }
+    output.say(table.text());
+    let (n, limit) = (failures.len(), args.limit);
+    output.say(format!("{} cases, {n} with an error above {limit:e}", cases.len()));
+    output.files(&files);
+    let result = serde_json::json!({
+        "passed": failures.is_empty(), "limit": limit, "cases": table.json(),
+    });
+    output.result_with_files(result, &files);
+    failures.into_iter().next().map_or(Ok(()), Err)
+}
+
+/// Those of these names, all if there are none.
+fn chosen(cases: Vec<SuiteCase>, names: &[String]) -> Result<Vec<SuiteCase>> {
+    let known: Vec<&str> = cases.iter().map(SuiteCase::name).collect();
+    if let Some(name) = names.iter().find(|name| !known.contains(&name.as_str())) {
+        let expected = format!("one of {}", known.join(", "));
+        return Err(Error::argument("--layer", name, expected, "leave it out for all of them"));
+    }
+    let is_wanted = |case: &SuiteCase| names.is_empty() || names.iter().any(|n| n == case.name());
+    Ok(cases.into_iter().filter(is_wanted).collect())
+}
+
+fn row(case: &SuiteCase, report: &GradientReport) -> [Cell; 7] {
+    let worst = report.worst();
+    [
+        Cell::text(case.name()),
+        Cell::count(report.n_checked),
+        Cell::Number(worst.error),
+        Cell::text(&worst.name),
+        Cell::count(worst.index),
+        Cell::Number(worst.analytic),
+        Cell::Number(worst.numeric),
+    ]
+}

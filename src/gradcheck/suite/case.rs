@@ -1,0 +1,313 @@
+//! What a case of the suite is made of: a layer, or a function with a single output, and its numbers.
+
+use super::SuiteCase;
+use super::probes::{ProbeGeometry, shape_array};
+use crate::Result;
+use crate::gradcheck::fixture::{Fixture, NamedArray};
+use crate::gradcheck::{self, Case, GradcheckSettings, GradientReport};
+use crate::nn::layer::Layer;
+use crate::nn::operand::Operand;
+use crate::nn::params::{Entry, Layout};
+use crate::rng::Stream;
+use std::borrow::Borrow;
+use std::ops::Range;
+
+/// Elements checked of each matrix and tensor.
+const MAX_ELEMENTS: usize = 120;
+
+const PARAM: (&str, &str) = ("param", "parameter");
+const BEFORE: (&str, &str) = ("before", "running statistic before the pass");
+const AFTER: (&str, &str) = ("after", "running statistic after the pass");
+const GRAD: (&str, &str) = ("grad", "gradient of sum(dy * y)");
+const LOSS_GRAD: (&str, &str) = ("grad", "gradient of y");
+
+pub(super) trait Checked {
+    fn check(&self) -> Result<GradientReport>;
+    fn record(&self, fixture: &mut Fixture);
+}
+
+/// One matrix of an operand.
+pub(super) struct InputMatrix {
+    pub values: Vec<f64>,
+    pub c: usize,
+    /// Rows of each shape, if `values` has one row per shape.
+    pub shapes: Option<Vec<Range<usize>>>,
+}
+
+impl InputMatrix {
+    /// Random numbers in `n` rows of `c`.
+    pub fn probe(n: usize, c: usize, seed: u64) -> Self {
+        InputMatrix { values: gradcheck::probe(n * c, seed), c, shapes: None }
+    }
+
+    fn operand(&self) -> Operand<'_, f64> {
+        match &self.shapes {
+            None => Operand::new(&self.values, self.c),
+            Some(shapes) => Operand::PerShape { x: &self.values, c: self.c, shapes },
+        }
+    }
+
+    fn shape(&self) -> [usize; 2] {
+        [self.values.len() / self.c, self.c]
+    }
+}
+
+/// A training pass of a layer.
+pub(super) struct LayerCase<L, G> {
+    layer: L,
+    layout: Layout,
+    params: Vec<f64>,
+    geometry: G,
+    x: Vec<InputMatrix>,
+    c_out: usize,
+    dropout: Option<Vec<Stream>>,
+    masks: Vec<NamedArray>,
+    settings: GradcheckSettings,
+}
+
+impl<L, G> LayerCase<L, G> {
+    /// With initial parameters; `x` is read side by side.
+    pub fn new(
+        build: impl FnOnce(&mut Layout) -> L,
+        geometry: G,
+        x: Vec<InputMatrix>,
+        c_out: usize,
+    ) -> Self {
+        let mut layout = Layout::default();
+        let layer = build(&mut layout);
+        let params = layout.init_params(1);
+        let settings =
+            GradcheckSettings { max_elements: MAX_ELEMENTS, ..GradcheckSettings::default() };
+        let (dropout, masks) = (None, Vec::new());
+        LayerCase { layer, layout, params, geometry, x, c_out, dropout, masks, settings }
+    }
+
+    pub fn params(mut self, params: impl FnOnce(&Layout) -> Vec<f64>) -> Self {
+        self.params = params(&self.layout);
+        self
+    }
+
+    pub fn step(mut self, step: f64) -> Self {
+        self.settings.step = step;
+        self
+    }
+
+    /// Draws from `streams`, which give the factors `masks`.
+    pub fn dropout(mut self, streams: Vec<Stream>, masks: Vec<NamedArray>) -> Self {
+        (self.dropout, self.masks) = (Some(streams), masks);
+        self
+    }
+
+    pub fn named(self, name: &'static str, formula: &'static str) -> SuiteCase
+    where
+        L: Layer<f64> + 'static,
+        G: Borrow<L::Geometry> + ProbeGeometry + 'static,
+    {
+        SuiteCase { name, formula, constants: Vec::new(), checked: Box::new(self) }
+    }
+}
+
+impl<L: Layer<f64>, G: Borrow<L::Geometry> + ProbeGeometry> LayerCase<L, G> {
+    fn with_case<R>(&self, use_case: impl FnOnce(&Case<L::Geometry>) -> R) -> R {
+        let parts: Vec<Operand<f64>> = self.x.iter().map(InputMatrix::operand).collect();
+        let x = match &parts[..] {
+            [x] => *x,
+            _ => Operand::Concat(&parts),
+        };
+        let LayerCase { layout, params, geometry, dropout, .. } = self;
+        let (geometry, dropout) = (geometry.borrow(), dropout.as_deref());
+        use_case(&Case { layout, params, geometry, x, dropout })
+    }
+
+    fn geometry_arrays(&self) -> Vec<NamedArray> {
+        let mut arrays = self.geometry.arrays("geometry");
+        let shapes =
+            self.x.iter().find_map(|x| x.shapes.as_ref()).map(|s| shape_array("geometry", s));
+        arrays.extend(shapes.filter(|new| arrays.iter().all(|array| array.name != new.name)));
+        arrays
+    }
+}
+
+impl<L: Layer<f64>, G: Borrow<L::Geometry> + ProbeGeometry> Checked for LayerCase<L, G> {
+    fn check(&self) -> Result<GradientReport> {
+        self.with_case(|case| gradcheck::layer(&self.layer, case, &self.settings))
+    }
+
+    fn record(&self, fixture: &mut Fixture) {
+        let x: Vec<Vec<f64>> = self.x.iter().map(|x| x.values.clone()).collect();
+        let run = |dy: Option<&[f64]>| {
+            self.with_case(|case| gradcheck::run(&self.layer, case, &x, &self.params, dy))
+        };
+        let n = run(None).y.len();
+        let dy = gradcheck::output_gradient(n, &self.settings);
+        let step = run(Some(&dy));
+        let Layout { params, buffers } = &self.layout;
+        let names = gradcheck::matrix_names(x.len());
+        for (name, x) in names.iter().zip(&self.x) {
+            fixture.add(&format!("input.{name}"), "input", &x.shape(), &x.values);
+        }
+        fixture.add_tensors(PARAM, params, &self.params);
+        fixture.add_tensors(BEFORE, buffers, &self.layout.init_buffers::<f64>());
+        fixture.arrays.extend(self.geometry_arrays());
+        fixture.arrays.extend(self.masks.iter().cloned());
+        let shape = [n / self.c_out, self.c_out];
+        fixture.add("y", "output", &shape, &step.y);
+        fixture.add_tensors(AFTER, buffers, &step.buffers);
+        fixture.add("dy", "factors of the output in sum(dy * y)", &shape, &dy);
+        for ((name, x), dx) in names.iter().zip(&self.x).zip(&step.dx) {
+            fixture.add(&format!("grad.{name}"), GRAD.1, &x.shape(), dx);
+        }
+        fixture.add_tensors(GRAD, params, &step.grads);
+    }
+}
+
+/// A vector that a loss depends on.
+pub(super) struct LossInput {
+    pub name: &'static str,
+    pub shape: Vec<usize>,
+    pub values: Vec<f64>,
+}
+
+/// What one pass of a [`LossCase`] computes.
+pub(super) struct LossStep {
+    pub loss: f64,
+    /// One for each input; none if they were not wanted.
+    pub gradients: Vec<Vec<f64>>,
+    /// Running statistics afterwards.
+    pub buffers: Vec<f64>,
+    /// Further results.
+    pub outputs: Vec<NamedArray>,
+}
+
+/// The loss at the end of a network, or alone.
+pub(super) struct LossCase<F> {
+    /// Tensors of a network whose parameters are the first input; empty if there is none.
+    pub layout: Layout,
+    pub inputs: Vec<LossInput>,
+    /// What the loss is not differentiated by.
+    pub fixed: Vec<NamedArray>,
+    /// From the inputs, and whether gradients are wanted.
+    pub run: F,
+    pub max_elements: usize,
+}
+
+impl<F: Fn(&[Vec<f64>], bool) -> LossStep> LossCase<F> {
+    /// The tensor and the place in it of an element of the first input.
+    fn tensor_of(&self, index: usize) -> Option<(&Entry, usize)> {
+        let entry = self.layout.params.iter().find(|entry| entry.range.contains(&index))?;
+        Some((entry, index - entry.range.start))
+    }
+}
+
+impl<F: Fn(&[Vec<f64>], bool) -> LossStep> Checked for LossCase<F> {
+    fn check(&self) -> Result<GradientReport> {
+        let inputs: Vec<_> = self.inputs.iter().map(|i| (i.name, &i.values[..])).collect();
+        let settings =
+            GradcheckSettings { max_elements: self.max_elements, ..GradcheckSettings::default() };
+        let forward = |v: &[Vec<f64>]| vec![(self.run)(v, false).loss];
+        let backward = |v: &[Vec<f64>], dy: &[f64]| {
+            let mut gradients = (self.run)(v, true).gradients;
+            gradients.iter_mut().flatten().for_each(|g| *g *= dy[0]);
+            gradients
+        };
+        let mut report = gradcheck::function(&inputs, forward, backward, &settings)?;
+        let first = report.worst.iter_mut().find(|worst| worst.name == self.inputs[0].name);
+        if let Some(worst) = first
+            && let Some((entry, index)) = self.tensor_of(worst.index)
+        {
+            (worst.name, worst.index) = (entry.name.clone(), index);
+        }
+        Ok(report)
+    }
+
+    fn record(&self, fixture: &mut Fixture) {
+        let values: Vec<Vec<f64>> = self.inputs.iter().map(|i| i.values.clone()).collect();
+        let step = (self.run)(&values, true);
+        let Layout { params, buffers } = &self.layout;
+        let n_networks = usize::from(!params.is_empty());
+        if n_networks == 1 {
+            fixture.add_tensors(PARAM, params, &values[0]);
+            fixture.add_tensors(BEFORE, buffers, &self.layout.init_buffers::<f64>());
+        }
+        for input in &self.inputs[n_networks..] {
+            fixture.add(&format!("input.{}", input.name), "input", &input.shape, &input.values);
+        }
+        fixture.arrays.extend(self.fixed.iter().cloned());
+        fixture.arrays.extend(step.outputs);
+        fixture.add("y", "loss", &[], &[step.loss]);
+        if n_networks == 1 {
+            fixture.add_tensors(AFTER, buffers, &step.buffers);
+            fixture.add_tensors(LOSS_GRAD, params, &step.gradients[0]);
+        }
+        for (input, d) in self.inputs.iter().zip(&step.gradients).skip(n_networks) {
+            fixture.add(&format!("grad.{}", input.name), LOSS_GRAD.1, &input.shape, d);
+        }
+    }
+}
+
+impl<F: Fn(&[Vec<f64>], bool) -> LossStep + 'static> LossCase<F> {
+    pub fn named(self, name: &'static str, formula: &'static str) -> SuiteCase {
+        SuiteCase { name, formula, constants: Vec::new(), checked: Box::new(self) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gradcheck::suite::LIMIT;
+    use crate::nn::arena::Buffer;
+    use crate::nn::operand::OperandGradient;
+    use crate::nn::pass::{Backward, Inference, Training};
+    use crate::nn::relu::Relu;
+
+    /// A ReLU whose backward pass forgets it.
+    struct Forgetful;
+
+    impl Layer<f64> for Forgetful {
+        type Geometry = ();
+        type Saved = ();
+
+        fn param_ranges(&self) -> Vec<Range<usize>> {
+            Vec::new()
+        }
+
+        fn forward(&self, pass: &Inference<f64>, (): &(), x: Operand<f64>) -> Buffer<f64> {
+            Relu.forward(pass, &(), x)
+        }
+
+        fn forward_train(
+            &self,
+            pass: &mut Training<f64>,
+            (): &(),
+            x: Operand<f64>,
+        ) -> (Buffer<f64>, ()) {
+            Relu.forward_train(pass, &(), x)
+        }
+
+        fn backward(
+            &self,
+            pass: &mut Backward<f64>,
+            (): &(),
+            x: Operand<f64>,
+            (): (),
+            dy: Buffer<f64>,
+        ) -> OperandGradient<f64> {
+            OperandGradient::of_matrix(pass.arena, x, dy)
+        }
+    }
+
+    #[test]
+    fn a_layer_with_a_wrong_backward_pass_is_caught() {
+        let x = || vec![InputMatrix::probe(10, 4, 1)];
+        let wrong = LayerCase::new(|_| Forgetful, (), x(), 4).named("wrong", "y = max(x, 0)");
+        let report = wrong.check().unwrap();
+        let message = report.require(LIMIT).unwrap_err().to_string();
+        assert!(message.starts_with("gradient x["), "{message}");
+        assert_eq!((report.worst().numeric, report.worst().error), (0.0, 1.0));
+        let right = LayerCase::new(|_| Relu, (), x(), 4).named("right", "y = max(x, 0)");
+        right.check().unwrap().require(LIMIT).unwrap();
+        let [wrong, right] = [wrong, right].map(|case| case.fixture());
+        assert_eq!(wrong.get("y"), right.get("y"));
+        assert_ne!(wrong.get("grad.x"), right.get("grad.x"));
+    }
+}
