@@ -1,4 +1,4 @@
-//! What either engine says of the sites of one part and one cutter.
+//! The answers of an engine, labeler or network, for the sites of one part and one cutter.
 //!
 //! The exact labeler ([`access::Labeler`](crate::access::Labeler)) and the network
 //! ([`model::Predictor`](crate::model::Predictor)) take the same [`Sites`] and the same
@@ -11,8 +11,8 @@ use glam::Vec3;
 use std::cmp::Ordering;
 use std::fmt;
 
-/// Answers per site, in the order of the sites. A list is empty if the engine does not answer it, or was not asked
-/// to; otherwise it has one entry per site.
+/// Answers per site, in the order of the sites. A list is empty if the engine does not compute it, or its option
+/// is off; otherwise it has one entry per site.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct SiteAnswers {
@@ -30,7 +30,7 @@ pub struct SiteAnswers {
     /// A direction in which the cutter can stand there, a unit vector from tip to spindle.
     pub witness: Vec<Option<Vec3>>,
     /// How far every height and radius of the cutter may grow before the site becomes inaccessible (positive), or must
-    /// shrink before it becomes accessible (negative), mm, within the limit asked for. `docs/labeling.md` has the
+    /// shrink before it becomes accessible (negative), mm, within the limit of the options. `docs/labeling.md` has the
     /// formula.
     pub clearance_mm: Vec<f32>,
     /// Probability of `inaccessible`, from a network.
@@ -67,7 +67,7 @@ impl SiteAnswers {
         count(&self.occlusion)
     }
 
-    /// Per site: not inaccessible, and the tip fits as far as that was asked.
+    /// Per site: not inaccessible, and the tip fits, where that was tested.
     pub fn accessible(&self) -> Vec<bool> {
         let tip = |i: usize| self.tip_does_not_fit.get(i).copied().unwrap_or(false);
         (0..self.len()).map(|i| !self.inaccessible[i] && !tip(i)).collect()

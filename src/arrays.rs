@@ -82,7 +82,7 @@ impl SiteAnswers {
         ArrayView1::from(&self.inaccessible)
     }
 
-    /// Per site: is an occlusion point; empty if not asked for.
+    /// Per site: is an occlusion point; empty if not wanted.
     pub fn occlusion_array(&self) -> ArrayView1<'_, bool> {
         ArrayView1::from(&self.occlusion)
     }

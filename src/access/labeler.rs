@@ -1,4 +1,4 @@
-//! The exact engine, ready for any sites and cutters.
+//! The labeler: a definition of the labels and a direction set, ready for any sites and cutters.
 
 use super::driver::label;
 use super::labels::{LabelOptions, Labels};
@@ -41,7 +41,7 @@ enum Definition {
 }
 
 impl Labeler {
-    /// By the published definition: the sites that are asked about are the obstacles.
+    /// By the published definition: the query sites are the obstacles.
     pub fn of_sites(directions: Directions, options: LabelOptions) -> Self {
         Labeler { directions, definition: Definition::Sites(options) }
     }

@@ -114,9 +114,9 @@ pub struct Labels {
     /// Per query: the first direction of the set without collision; nothing but `None` about the part itself, where
     /// [`SiteAnswers::witness`] may lie between the directions of the set.
     pub witness: Vec<Option<u32>>,
-    /// Per obstacle: pairs (inaccessible query, direction) it collides in; empty if not asked for.
+    /// Per obstacle: pairs (inaccessible query, direction) it collides in; empty if not wanted.
     pub beta: Vec<u64>,
-    /// The answer per direction and query, if asked for.
+    /// The answer per direction and query, if wanted.
     pub collision_matrix: Option<CollisionMatrix>,
     /// What only triangles answer, if they are the obstacles.
     pub surface: Option<SurfaceLabels>,

@@ -1,4 +1,4 @@
-//! Where a network was trained: ranges of ratios, since nothing else decides an answer.
+//! The domain of a network: the ranges of ratios it was trained for, since labels depend on ratios of lengths alone.
 
 use crate::answers::{N_SITES, OutsideDomain};
 use crate::cutter::CutterParams;

@@ -1,4 +1,4 @@
-//! The network as an engine: what the exact labeler takes and returns.
+//! The predictor: a network behind the interface of the exact labeler.
 
 use super::domain::Domain;
 use super::predict::{Model, Prediction};

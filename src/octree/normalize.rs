@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn coinciding_points_are_centred_and_bad_ones_refused() {
+    fn coinciding_points_are_centered_and_bad_ones_refused() {
         let transform = Normalization::Mean.transform(&[Vec3::splat(5.0); 4]).unwrap();
         assert_eq!((transform.apply(Vec3::splat(5.0)), transform.scale), (Vec3::ZERO, 1.0));
         assert!(Normalization::UnitCube.transform(&[]).is_err());
