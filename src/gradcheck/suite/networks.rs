@@ -56,7 +56,8 @@ struct Labels([Vec<u8>; N_HEADS]);
 
 impl Labels {
     fn new(n_points: usize) -> Self {
-        let of_head = |head: usize| (0..n_points).map(move |i| u8::from((i + head) % 3 == 0));
+        let of_head =
+            |head: usize| (0..n_points).map(move |i| u8::from((i + head).is_multiple_of(3)));
         Labels([0, 1].map(|head| of_head(head).collect()))
     }
 
