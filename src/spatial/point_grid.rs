@@ -65,11 +65,13 @@ impl PointGrid {
     }
 
     /// Index of the point nearest to `from` and its distance in mm; `None` if there are no points.
+    #[cfg(any(test, feature = "formats"))]
     pub fn nearest(&self, from: Vec3) -> Option<(u32, f32)> {
         self.nearest_where(from, |_| true)
     }
 
     /// As [`PointGrid::nearest`], among the points whose index passes `admit`.
+    #[cfg(any(test, feature = "formats"))]
     pub fn nearest_where(&self, from: Vec3, admit: impl Fn(u32) -> bool) -> Option<(u32, f32)> {
         let home = self.cell(from);
         let last = home.max(self.n_cells - UVec3::ONE - home).max_element();
@@ -113,6 +115,7 @@ impl PointGrid {
         }
     }
 
+    #[cfg(any(test, feature = "formats"))]
     fn for_each_in_ring(&self, home: UVec3, ring: u32, mut visit: impl FnMut(u32, Vec3)) {
         let low = home.saturating_sub(UVec3::splat(ring));
         let high = (home + UVec3::splat(ring)).min(self.n_cells - UVec3::ONE);
