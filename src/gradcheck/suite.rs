@@ -1,4 +1,4 @@
-//! A small random case of every layer, of the blocks made of them, and of whole networks.
+//! The suite of gradient checks: a small random case of every layer, of the blocks made of them, and of whole networks.
 //!
 //! A case knows the worst error of its gradients ([`SuiteCase::check`]) and the numbers that another
 //! implementation needs to be compared ([`SuiteCase::fixture`]). Seeds are fixed, so both are the same every time.

@@ -1,4 +1,4 @@
-//! What a case of the suite is made of: a layer, or a function with a single output, and its numbers.
+//! One case of the suite: a layer, or a function with a single output, and its numbers.
 
 use super::SuiteCase;
 use super::probes::{ProbeGeometry, shape_array};

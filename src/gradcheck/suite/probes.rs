@@ -1,4 +1,4 @@
-//! Shapes, graphs, parameters and masks of the suite, and the arrays that tell a geometry.
+//! Shapes, graphs, parameters and masks of the suite, and the arrays that describe a geometry.
 
 use super::ProbeShape;
 use crate::Result;
