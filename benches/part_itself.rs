@@ -1,13 +1,25 @@
 //! Labels against triangles: time, effect of more directions, and equality with the drop heights.
 //!
 //! ```text
-//! cargo bench --bench part_itself -- cost   N_SITES N_DIRECTIONS PART.stl…
-//! cargo bench --bench part_itself -- curve  N_SITES PART.stl…
-//! cargo bench --bench part_itself -- equal  N_SITES N_DIRECTIONS PART.stl…
+//! cargo bench --bench part_itself -- cost      N_SITES N_DIRECTIONS PART.stl…   labels, counts, β, search: 6 cutters
+//! cargo bench --bench part_itself -- triangles N_SITES N_DIRECTIONS PART.stl…   labels by number of triangles, 1 k to 1 M
+//! cargo bench --bench part_itself -- plain     N_SITES N_DIRECTIONS PART.stl…   ratio to the plain loops of the law
+//! cargo bench --bench part_itself -- curve     N_SITES PART.stl…                share found by uniform sets and by searches
+//! cargo bench --bench part_itself -- equal     N_SITES N_DIRECTIONS PART.stl…   equality with the law
+//! ```
+//!
+//! What the guide states of costs, each for the same parts:
+//!
+//! ```text
+//! cost 7000 150 PARTS…       7,000 sites, 150 directions; ends with the median and the worst of all parts and cutters
+//! cost 100000 150 PARTS…     100,000 sites
+//! cost 7000 2400 PARTS…      2,400 directions
+//! triangles 7000 150 PART    one part, subdivided until it has a million triangles
+//! plain 200 150 PARTS…       few sites, since the plain loops take so long
 //! ```
 //!
 //! Parts with an edge of the bounding box below 80 mm are scaled up to 80 mm. Times are processor time of all threads
-//! (Linux; elsewhere 0), the mean of the runs in 0.3 s.
+//! (Linux; elsewhere 0) and, after a slash, the time that passed: means of the runs in 0.3 s.
 #![allow(clippy::print_stdout)]
 
 use deepmill::access::surface::{
@@ -20,6 +32,7 @@ use deepmill::geom::formats::{ReadOptions, read_mesh};
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::geom::weld::DEFAULT_TOLERANCE;
 use deepmill::geom::{Mesh, Sites};
+use std::collections::HashMap;
 use std::path::Path;
 use std::time::Instant;
 
@@ -33,17 +46,26 @@ const CUTTERS: [[f64; 4]; 6] = [
     [1.5, 10.0, 10.0, 10.0],
 ];
 const UNIFORM: [usize; 7] = [75, 150, 300, 600, 1200, 2400, 9600];
-const SEARCHED: [usize; 4] = [64, 128, 256, 1024];
+/// Cells kept per level, and levels.
+const SEARCHED: [[usize; 2]; 6] = [[32, 4], [16, 5], [24, 5], [32, 5], [64, 5], [48, 6]];
+/// Triangles up to which a part is subdivided.
+const MOST_TRIANGLES: usize = 1_000_000;
 const EPSILON_MM: f64 = 1e-6;
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     let number = |k: usize| args[k].parse::<usize>().expect("a number");
     match args.first().map(String::as_str) {
-        Some("cost") => args[3..].iter().for_each(|part| cost(part, number(1), number(2))),
-        Some("curve") => args[2..].iter().for_each(|part| curve(part, number(1))),
+        Some("cost") => costs(&args[3..], number(1), number(2)),
+        Some("triangles") => {
+            args[3..].iter().for_each(|part| by_triangles(part, number(1), number(2)));
+        }
+        Some("plain") => args[3..].iter().for_each(|part| plain(part, number(1), number(2))),
+        Some("curve") => curves(&args[2..], number(1)),
         Some("equal") => args[3..].iter().for_each(|part| equal(part, number(1), number(2))),
-        _ => println!("cost, curve or equal; see the first lines of benches/part_itself.rs"),
+        _ => println!(
+            "cost, triangles, plain, curve or equal; see the first lines of benches/part_itself.rs"
+        ),
     }
 }
 
@@ -69,23 +91,54 @@ fn processor_time() -> f64 {
     (ticks(11) + ticks(12)) / 100.0
 }
 
-/// The result, and the mean processor time of a run.
-fn timed<R>(work: impl Fn() -> R) -> (R, f64) {
-    let (start, before) = (Instant::now(), processor_time());
-    let mut n = 0.0;
-    loop {
-        let result = work();
-        n += 1.0;
-        if start.elapsed().as_secs_f64() > 0.3 {
-            return (result, (processor_time() - before) / n);
-        }
+/// Mean times of a run, seconds.
+#[derive(Debug, Clone, Copy)]
+struct Times {
+    processor: f64,
+    passed: f64,
+}
+
+impl std::fmt::Display for Times {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:.4}/{:.4} s", self.processor, self.passed)
     }
 }
 
-fn cost(path: &str, n_sites: usize, n_directions: usize) {
+/// The result, and the times of a run; the first run does not count if there are others.
+fn timed<R>(work: impl Fn() -> R) -> (R, Times) {
+    let (mut start, mut before, mut n) = (Instant::now(), processor_time(), 0.0);
+    let first = work();
+    if start.elapsed().as_secs_f64() < 0.3 {
+        (start, before) = (Instant::now(), processor_time());
+    } else {
+        n = 1.0;
+    }
+    let mut result = first;
+    while start.elapsed().as_secs_f64() < 0.3 || n == 0.0 {
+        result = work();
+        n += 1.0;
+    }
+    let passed = start.elapsed().as_secs_f64() / n;
+    (result, Times { processor: (processor_time() - before) / n, passed })
+}
+
+/// What `cost` measures, in this order.
+const COSTS: [&str; 4] = ["labels, no search", "labels and search", "with counts", "counts and β"];
+
+fn costs(paths: &[String], n_sites: usize, n_directions: usize) {
+    let mut all: [Vec<Times>; 4] = Default::default();
+    paths.iter().for_each(|path| cost(path, n_sites, n_directions, &mut all));
+    for (name, mut times) in COSTS.iter().zip(all) {
+        times.sort_by(|a, b| a.passed.total_cmp(&b.passed));
+        let (Some(worst), median) = (times.last(), times.len() / 2) else { continue };
+        println!("{name}: median {}, worst {worst}", times[median]);
+    }
+}
+
+fn cost(path: &str, n_sites: usize, n_directions: usize, all: &mut [Vec<Times>; 4]) {
     let (mesh, sites) = read(path, n_sites);
     let (obstacles, index) = timed(|| TriangleObstacles::new(&mesh, &[]).expect("triangles"));
-    println!("{path}: {} triangles, tree {index:.3} s", mesh.triangles.len());
+    println!("{path}: {} triangles, tree {index}", mesh.triangles.len());
     let directions = Directions::fibonacci_hemisphere(n_directions).expect("directions");
     for lengths in CUTTERS {
         let cutter = ball(lengths);
@@ -95,20 +148,76 @@ fn cost(path: &str, n_sites: usize, n_directions: usize) {
         let label = |options: &SurfaceOptions| {
             timed(|| obstacles.label(&sites, &cutter, &directions, options).expect("labels"))
         };
-        let ((labels, t), (counts, t_counts)) = (label(&quick), label(&base));
-        let (searched, t_search) = label(&search);
+        let [labels, searched, counts] = [&quick, &search, &base].map(label);
         let with_beta = SurfaceOptions { occlusion: true, ..base };
-        let beta = || obstacles.label_sites(&sites, &cutter, &directions, &with_beta);
-        let (_, t_beta) = timed(beta);
+        let (_, beta) = timed(|| obstacles.label_sites(&sites, &cutter, &directions, &with_beta));
+        let times = [labels.1, searched.1, counts.1, beta];
+        all.iter_mut().zip(times).for_each(|(all, times)| all.push(times));
         println!(
-            "  {lengths:?}: labels {t:.3} s ({}), counts {t_counts:.3} s ({}), with β {t_beta:.3} s, searched {t_search:.3} s ({}); \
-             inaccessible {:.3} → {:.3}",
-            work(&labels),
-            work(&counts),
-            work(&searched),
-            labels.share(SiteAnswer::Inaccessible),
-            searched.share(SiteAnswer::Inaccessible),
+            "  {lengths:?}: labels {} ({}), searched {} ({}), counts {} ({}), with β {}; inaccessible {:.3} → {:.3}",
+            times[0],
+            work(&labels.0),
+            times[1],
+            work(&searched.0),
+            times[2],
+            work(&counts.0),
+            times[3],
+            labels.0.share(SiteAnswer::Inaccessible),
+            searched.0.share(SiteAnswer::Inaccessible),
         );
+    }
+}
+
+/// Every triangle in four.
+fn subdivided(mesh: &Mesh) -> Mesh {
+    let mut vertices = mesh.vertices.clone();
+    let mut middles = HashMap::new();
+    let mut triangles = Vec::with_capacity(4 * mesh.triangles.len());
+    for &[a, b, c] in &mesh.triangles {
+        let mut middle = |p: u32, q: u32| {
+            *middles.entry([p.min(q), p.max(q)]).or_insert_with(|| {
+                vertices.push(0.5 * (mesh.vertices[p as usize] + mesh.vertices[q as usize]));
+                vertices.len() as u32 - 1
+            })
+        };
+        let [d, e, f] = [middle(a, b), middle(b, c), middle(c, a)];
+        triangles.extend([[a, d, f], [d, b, e], [f, e, c], [d, e, f]]);
+    }
+    Mesh { vertices, triangles }
+}
+
+fn by_triangles(path: &str, n_sites: usize, n_directions: usize) {
+    let (mut mesh, sites) = read(path, n_sites);
+    let directions = Directions::fibonacci_hemisphere(n_directions).expect("directions");
+    println!("{path}");
+    while mesh.triangles.len() <= MOST_TRIANGLES {
+        let (obstacles, index) = timed(|| TriangleObstacles::new(&mesh, &[]).expect("triangles"));
+        print!("  {} triangles: tree {index}", mesh.triangles.len());
+        for lengths in [CUTTERS[0], CUTTERS[1], CUTTERS[5]] {
+            let base = SurfaceOptions { occlusion: false, refinement: None, ..Default::default() };
+            let options = SurfaceOptions { counts: false, ..base };
+            let label = || obstacles.label(&sites, &ball(lengths), &directions, &options);
+            let (_, times) = timed(|| label().expect("labels"));
+            print!(", {lengths:?} {times}");
+        }
+        println!();
+        mesh = subdivided(&mesh);
+    }
+}
+
+fn plain(path: &str, n_sites: usize, n_directions: usize) {
+    let (mesh, sites) = read(path, n_sites);
+    let obstacles = TriangleObstacles::new(&mesh, &[]).expect("triangles");
+    let directions = Directions::fibonacci_hemisphere(n_directions).expect("directions");
+    let options = SurfaceOptions { occlusion: false, refinement: None, ..Default::default() };
+    println!("{path}: {} triangles", mesh.triangles.len());
+    for lengths in [CUTTERS[0], CUTTERS[1], CUTTERS[5]] {
+        let cutter = ball(lengths);
+        let (_, fast) = timed(|| obstacles.label(&sites, &cutter, &directions, &options));
+        let law = || obstacles.label_by_drop_heights(&sites, &cutter, &directions, &options);
+        let (_, law) = timed(|| law().expect("labels"));
+        let ratio = law.processor / fast.processor;
+        println!("  {lengths:?}: with counts {fast}, plain loops {law}, {ratio:.0} times");
     }
 }
 
@@ -119,32 +228,51 @@ fn work(labels: &SurfaceLabels) -> String {
     format!("{:.2} tools per site, {:.1} triangles per tool", tools / n, triangles / tools.max(1.0))
 }
 
-fn curve(path: &str, n_sites: usize) {
+/// Of a search: its cost over that of 150 directions, and the share of what 9,600 directions find.
+type Found = [f64; 2];
+
+fn curves(paths: &[String], n_sites: usize) {
+    let mut all: [Vec<Found>; SEARCHED.len()] = Default::default();
+    paths.iter().for_each(|path| curve(path, n_sites, &mut all));
+    for ([n_kept, n_levels], found) in SEARCHED.iter().zip(all) {
+        let n = found.len() as f64;
+        let mut costs: Vec<f64> = found.iter().map(|f| f[0]).collect();
+        costs.sort_by(f64::total_cmp);
+        let (Some(worst), median) = (costs.last(), costs.len() / 2) else { continue };
+        println!(
+            "{n_kept} cells, {n_levels} levels: {:.2} times 150 (median; worst {worst:.2}),              {:.2} % found (mean; worst {:.2})",
+            costs[median],
+            100.0 * found.iter().map(|f| f[1]).sum::<f64>() / n,
+            100.0 * found.iter().map(|f| f[1]).fold(1.0, f64::min),
+        );
+    }
+}
+
+fn curve(path: &str, n_sites: usize, all: &mut [Vec<Found>; SEARCHED.len()]) {
     let (mesh, sites) = read(path, n_sites);
     let obstacles = TriangleObstacles::new(&mesh, &[]).expect("triangles");
     for lengths in [CUTTERS[0], CUTTERS[1], CUTTERS[5]] {
         let cutter = ball(lengths);
-        let label = |n_directions: usize, n_tests: usize| {
-            let refinement = RefinementOptions { n_tests, ..RefinementOptions::default() };
-            let options = SurfaceOptions {
-                counts: false,
-                occlusion: false,
-                refinement: (n_tests > 0).then_some(refinement),
-                ..SurfaceOptions::default()
-            };
+        let label = |n_directions: usize, refinement: Option<RefinementOptions>| {
+            let base = SurfaceOptions { occlusion: false, refinement, ..Default::default() };
+            let options = SurfaceOptions { counts: false, ..base };
             let directions = Directions::fibonacci_hemisphere(n_directions).expect("directions");
             timed(|| obstacles.label(&sites, &cutter, &directions, &options).expect("labels"))
         };
         println!("{path} {lengths:?}");
-        let mut truth = Vec::new();
+        let (mut truth, mut unit) = (Vec::new(), 0.0);
         for n_directions in UNIFORM {
-            let (labels, t) = label(n_directions, 0);
+            let (labels, t) = label(n_directions, None);
             truth = accessible(&labels);
+            if n_directions == 150 {
+                unit = t.processor;
+            }
             let share = labels.share(SiteAnswer::Accessible);
-            println!("  {n_directions} directions: accessible {share:.4}, {t:.3} s");
+            println!("  {n_directions} directions: accessible {share:.4}, {t}");
         }
-        for n_tests in SEARCHED {
-            let (labels, t) = label(150, n_tests);
+        for ([n_kept, n_levels], all) in SEARCHED.into_iter().zip(all.iter_mut()) {
+            let refinement = RefinementOptions { n_kept, n_levels, prove: false };
+            let (labels, t) = label(150, Some(refinement));
             let found = accessible(&labels);
             let both = found.iter().zip(&truth).filter(|(a, b)| **a && **b).count();
             let n_truth = truth.iter().filter(|a| **a).count();
@@ -152,11 +280,12 @@ fn curve(path: &str, n_sites: usize) {
             let rest = found.len() - n_found;
             let open = labels.open_directions.iter().zip(&found);
             let proven = open.filter(|(open, found)| !**found && **open == 0.0).count();
+            let [cost, share] = [t.processor / unit, both as f64 / n_truth.max(1) as f64];
+            all.push([cost, share]);
             println!(
-                "  150 and {n_tests} cells: accessible {:.4}, {t:.3} s, {:.2} % of the last set's and {} more; \
-                 {:.1} % of the rest proven",
+                "  150, {n_kept} cells, {n_levels} levels: accessible {:.4}, {t}, {cost:.2} times 150, {:.2} % of the last                  set's and {} more; {:.1} % of the rest proven",
                 n_found as f64 / found.len() as f64,
-                100.0 * both as f64 / n_truth.max(1) as f64,
+                100.0 * share,
                 n_found - both,
                 100.0 * proven as f64 / rest.max(1) as f64,
             );

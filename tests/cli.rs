@@ -4,6 +4,7 @@
 mod command;
 
 use command::{CUTTER, Folder, block, deepmill, failure, json, stl, text};
+use deepmill::data::files::volume::{PointAnswer, VolumeFile};
 use deepmill::data::files::{LabelFile, PredictionFile};
 use deepmill::model::Prediction;
 use serde_json::Value;
@@ -282,6 +283,107 @@ fn label_asks_the_part_itself_and_says_so() {
     assert_eq!(result["definition"], "published definition, points as obstacles");
     assert_eq!(published.labels.surface, None);
     assert_eq!(published.labels.witness.len(), 300);
+}
+
+#[test]
+fn label_warns_with_numbers_where_an_answer_is_doubtful() {
+    let folder = Folder::new();
+    let part = folder.file("inch.stl", stl(&block([0.0; 3], [2.0, 1.0, 0.5])));
+    let out = folder.path("out");
+    let args = ["label", &part, "--cutter", "1.5,30,10,5", "--out", &out, "--directions", "up"];
+    let output = deepmill(&[&args[..], &["--sites", "50", "--no-picture", "--json"]].concat());
+    let warnings = text(&output.stderr);
+    assert!(warnings.contains("--unit in makes it 50.8 mm"), "{warnings}");
+    assert!(warnings.contains("the cutter 3 mm wide"), "{warnings}");
+    let result = json(&output);
+    assert_eq!(result["doubts"][0][0]["doubt"], "smaller-than-tool");
+    assert_eq!(result["doubts"][0][0]["longest_mm"], 2.0);
+    assert!(result["knife_edge"].is_number());
+    let file = LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap();
+    assert_eq!(file.provenance.settings["doubts"][1]["doubt"], "tiny");
+}
+
+#[test]
+fn several_bodies_are_labeled_each_against_all() {
+    let folder = Folder::new();
+    let mut bodies = block([0.0; 3], [40.0, 30.0, 20.0]);
+    bodies.extend(block([0.0, 0.0, 20.5], [15.0, 30.0, 40.0]));
+    let part = folder.file("bodies.stl", stl(&bodies));
+    let out = folder.path("out");
+    let args = ["label", &part, "--cutter", "1.5,30,10,5", "--out", &out, "--directions", "up"];
+    let shown = ["--sites", "400", "--no-picture", "--json"];
+    let result = json(&deepmill(&[&args[..], &shown].concat()));
+    assert_eq!(result["bodies"].as_array().unwrap().len(), 2);
+    let file = LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap();
+    for (i, p) in file.sites.points.iter().enumerate() {
+        if (p.z - 20.0).abs() < 1e-3 && p.x < 14.0 {
+            assert!(!file.labels.answers.accessible()[i], "under the other body: {p}");
+        }
+    }
+    let published = [&args[..], &shown, &["--obstacles", "sites"]].concat();
+    let message = failure(&deepmill(&published), 1);
+    assert!(message.contains("2 separate components"), "{message}");
+}
+
+#[test]
+fn unusable_fixtures_and_tables_are_named_with_a_remedy() {
+    let folder = Folder::new();
+    let part = folder.block();
+    let out = folder.path("out");
+    let fails = |more: &[&str], expected: &[&str]| {
+        let args = ["label", &part, "--cutter", CUTTER, "--out", &out, "--sites", "50"];
+        let output = deepmill(&[&args[..], more].concat());
+        assert!(!output.status.success());
+        let message = text(&output.stderr).to_string();
+        for words in expected {
+            assert!(message.contains(words), "{more:?}: {message}");
+        }
+    };
+    let missing = folder.path("none.stl");
+    fails(&["--fixture", &missing], &["none.stl"]);
+    let garbage = folder.file("garbage.stl", "not a mesh");
+    fails(&["--fixture", &garbage], &["garbage.stl"]);
+    let empty = folder.file("empty.obj", "v 0 0 0\nv 1 0 0\n");
+    fails(&["--fixture", &empty], &["empty.obj", "export the part again"]);
+    let far = folder.file("far.obj", "v 0 0 0\nv 1 0 0\nv 0 5e7 0\nf 1 2 3\n");
+    fails(&["--fixture", &far], &["far.obj", "vertex", "50000000", "--unit"]);
+    let cloud = folder.path("sites.ply");
+    json(&deepmill(&["sample", &part, "--sites", "100", "--out", &cloud, "--json"]));
+    fails(&["--fixture", &cloud], &["sites.ply"]);
+    for z in ["nan", "inf", "1e9"] {
+        fails(&["--table", z], &["--table", "within 1 km"]);
+    }
+    fails(&["--table", "high"], &["--table"]);
+}
+
+#[test]
+fn the_space_around_a_part_is_labeled_and_drawn() {
+    let folder = Folder::new();
+    // A block under half a roof.
+    let mut bodies = block([0.0; 3], [20.0, 20.0, 10.0]);
+    bodies.extend(block([0.0, 0.0, 15.0], [10.0, 20.0, 20.0]));
+    let part = folder.file("roof.stl", stl(&bodies));
+    let out = folder.path("out");
+    let args = ["label", &part, "--cutter", "1,20,1,20", "--volume", "1", "--out", &out];
+    let result = json(&deepmill(&[&args[..], &["--directions", "up", "--json"]].concat()));
+    assert_eq!(result["n_points"], 20 * 20 * 20 - 20 * 20 * 10 - 10 * 20 * 5);
+    let file = VolumeFile::read(&Path::new(&out).join("volume.npz")).unwrap();
+    for n in 0..file.lattice.len() {
+        let p = file.lattice.point(n);
+        let expected = match (p.z, p.x) {
+            (z, _) if z < 10.0 => PointAnswer::Inside,
+            (z, x) if z > 15.0 && x < 10.0 => PointAnswer::Inside,
+            (z, x) if z < 15.0 && x < 10.5 => PointAnswer::Inaccessible,
+            (_, x) if x < 10.99 => continue,
+            _ => PointAnswer::Accessible,
+        };
+        assert_eq!(file.answers[n], expected, "{p}");
+    }
+    assert!(Path::new(&out).join("volume.png").is_file());
+    let two = [&args[..], &["--cutter", "1,2,3,4"]].concat();
+    assert!(failure(&deepmill(&two), 2).contains("one tool"));
+    let none = ["label", &part, "--cutter", CUTTER, "--volume", "0", "--out", &out];
+    assert!(failure(&deepmill(&none), 2).contains("a positive length in mm"));
 }
 
 #[test]

@@ -4,6 +4,7 @@
 
 pub mod published;
 pub mod tools;
+pub mod volume;
 
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;

@@ -118,6 +118,12 @@ impl MeshReport {
         }
     }
 
+    /// [`MeshReport::blocking`], but several components may be: each of several bodies is labeled against all.
+    pub fn blocking_bodies(&self) -> Option<&Finding> {
+        let blocks = |f: &&Finding| f.fault.blocks_labeling() && f.fault != Fault::ManyComponents;
+        self.findings.iter().find(blocks)
+    }
+
     /// How often `fault` was found.
     pub fn count(&self, fault: Fault) -> usize {
         self.findings.iter().find(|f| f.fault == fault).map_or(0, |f| f.count)
@@ -159,6 +165,23 @@ pub fn check(mesh: &Mesh) -> MeshReport {
         volume_mm3: mesh.volume(),
         findings: found.sorted(),
     }
+}
+
+/// Per triangle, the number of the piece it belongs to: pieces share no edge, and are numbered by their first triangle.
+/// Triangles without three different corners belong to piece 0.
+///
+/// # Errors
+/// If a triangle names a missing vertex.
+pub fn bodies(mesh: &Mesh) -> Result<Vec<u32>> {
+    if let Some(face) = mesh.face_without_vertex() {
+        let found = "names a vertex that the mesh lacks";
+        return Err(Error::geometry(format!("face {face}"), found, "check the file"));
+    }
+    let mut body = vec![0; mesh.triangles.len()];
+    for (k, faces) in Topology::of(mesh).components().iter().enumerate() {
+        faces.iter().for_each(|&f| body[f as usize] = k as u32);
+    }
+    Ok(body)
 }
 
 /// MeshReport of a mesh with triangles that name missing vertices.

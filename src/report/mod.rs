@@ -15,6 +15,7 @@ pub mod picture;
 pub mod points;
 mod raster;
 pub mod scores;
+pub mod section;
 mod shade;
 pub mod tables;
 

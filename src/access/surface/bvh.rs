@@ -7,6 +7,7 @@ mod build;
 
 use super::tool::Stand;
 use crate::par;
+use crate::simd::{Isa, Kernel, Simd};
 use build::{Item, PARALLEL, build};
 use glam::{DVec3, Vec3};
 
@@ -51,6 +52,7 @@ pub(super) struct Bvh {
     origin: DVec3,
     /// Half of the diagonal of everything, mm.
     radius: f64,
+    isa: Isa,
 }
 
 /// A cylinder without an upper end: lower end and radius, about the tool's axis.
@@ -79,7 +81,7 @@ impl Bvh {
         let nodes = if empty { vec![Node::default()] } else { build(&mut items, 0) };
         let faces: Vec<u32> = items.iter().map(|item| item.face).collect();
         let triangles = faces.iter().map(|&f| triangles[f as usize]).collect();
-        Bvh { nodes, triangles, faces, origin, radius }
+        Bvh { nodes, triangles, faces, origin, radius, isa: Isa::active() }
     }
 
     pub fn n_triangles(&self) -> usize {
@@ -131,7 +133,8 @@ impl Bvh {
         stack.push(0);
         while let Some(node) = stack.pop() {
             let node = &self.nodes[node as usize];
-            let mut open = node.reached(reference, &axes, levels) & u32::from(node.used);
+            let reached = Reached { node, reference, axes: &axes, levels };
+            let mut open = self.isa.run(reached) & u32::from(node.used);
             while open != 0 {
                 let k = open.trailing_zeros() as usize;
                 open &= open - 1;
@@ -171,6 +174,22 @@ impl Bvh {
                 }
             }
         }
+    }
+}
+
+struct Reached<'a> {
+    node: &'a Node,
+    reference: Vec3,
+    axes: &'a [Vec3; 3],
+    levels: &'a [Level],
+}
+
+impl Kernel for Reached<'_> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> u32 {
+        self.node.reached(self.reference, self.axes, self.levels)
     }
 }
 

@@ -57,7 +57,7 @@ pub fn blocking_faces(mesh: &Mesh, sites: &Sites, beta: &[u64], n: usize) -> Vec
 }
 
 /// Per triangle, the first triangle of its face.
-fn faces(mesh: &Mesh) -> Vec<u32> {
+pub(super) fn faces(mesh: &Mesh) -> Vec<u32> {
     let mut first: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
     let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * mesh.triangles.len());
     for (f, corners) in mesh.triangles.iter().enumerate() {

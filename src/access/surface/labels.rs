@@ -32,31 +32,42 @@ pub struct SurfaceOptions {
     pub share: f64,
     /// Search between the directions of an even set for sites that none of them reaches (default).
     pub refinement: Option<RefinementOptions>,
+    /// Also compute the signed clearance, up to this many mm either way.
+    pub clearance_limit_mm: Option<f64>,
     /// Points of the surface that are asked before the triangles. Answers do not depend on it.
     pub n_samples: usize,
 }
 
-/// How far the search between the directions goes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+/// How far the search between the directions goes: see `docs/part-itself.md`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RefinementOptions {
-    /// Most cells of directions to look at for one site.
-    pub n_tests: usize,
-    /// Cells are cut until no direction is farther than this from their middle, radians.
-    pub resolution_rad: f64,
+    /// Most cells of directions that are cut in four at every level, for one site.
+    pub n_kept: usize,
+    /// Levels of cells, at most 8: 64 cells on the upper half at the first, four times as many at every further one.
+    pub n_levels: usize,
+    /// Also look for proofs that nothing is open: tens of times the cost.
+    pub prove: bool,
 }
 
 impl Default for RefinementOptions {
     fn default() -> Self {
-        RefinementOptions { n_tests: N_TESTS, resolution_rad: RESOLUTION_RAD }
+        RefinementOptions { n_kept: 32, n_levels: DEFAULT_LEVELS, prove: false }
     }
 }
 
-/// Chosen by measurement: see `docs/labeling.md`.
-const N_TESTS: usize = 256;
-/// About the spacing of 100,000 even directions on the upper half.
-const RESOLUTION_RAD: f64 = 0.004;
+impl RefinementOptions {
+    /// A longer search, for proofs that the sites found inaccessible are so in every direction.
+    pub fn proving() -> Self {
+        RefinementOptions { n_kept: 1024, n_levels: DEFAULT_LEVELS + 2, prove: true }
+    }
+}
 
-/// Chosen by measurement: see `docs/labeling.md`.
+/// Chosen by measurement. The cells of the last level are as wide as 16,000 even directions on the upper half are apart.
+pub(super) const DEFAULT_LEVELS: usize = 5;
+/// 2²⁰ cells on the upper half.
+const MOST_LEVELS: usize = 8;
+
+/// Chosen by measurement.
 const N_SAMPLES: usize = 20_000;
 
 impl Default for SurfaceOptions {
@@ -67,6 +78,7 @@ impl Default for SurfaceOptions {
             occlusion: true,
             share: 0.1,
             refinement: Some(RefinementOptions::default()),
+            clearance_limit_mm: None,
             n_samples: N_SAMPLES,
         }
     }
@@ -78,6 +90,14 @@ impl SurfaceOptions {
             let expected = format!("at most {MAX_SAMPLES}");
             return Err(Error::argument("samples", self.n_samples, expected, "20,000 are plenty"));
         }
+        if let Some(n) = self.refinement.map(|r| r.n_levels).filter(|n| *n > MOST_LEVELS) {
+            let expected = format!("at most {MOST_LEVELS}");
+            return Err(Error::argument("levels of cells", n, expected, "5 are the default"));
+        }
+        if let Some(limit) = self.clearance_limit_mm.filter(|c| !(*c > 0.0 && *c < f64::INFINITY)) {
+            let remedy = "give the greatest clearance of interest in mm";
+            return Err(Error::argument("clearance limit", limit, "a positive length", remedy));
+        }
         if self.share > 0.0 && self.share <= 1.0 {
             return Ok(());
         }
@@ -85,6 +105,11 @@ impl SurfaceOptions {
         Err(Error::argument("occlusion share", self.share, expected, "the paper uses 0.1"))
     }
 }
+
+/// What clearances are exact to, mm.
+pub const CLEARANCE_STEP_MM: f64 = 1e-4;
+/// Answers that a lesser change of the tolerance turns, mm, are left to rounding.
+pub const KNIFE_EDGE_MM: f64 = 1e-6;
 
 const MAX_SAMPLES: usize = 100_000_000;
 
@@ -105,6 +130,10 @@ pub struct SurfaceLabels {
     /// Per query that is not accessible: share of the directions which the set stands for that was not proven closed. At 0 the
     /// answer holds for every direction, not only for those asked; 1 if there was no search between them.
     pub open_directions: Vec<f32>,
+    /// Per query, mm: how far every height and radius of the shrunk cutter's steps may grow before the query becomes
+    /// inaccessible (positive), or must shrink before it is not any more (negative), within the limit asked for and to
+    /// [`CLEARANCE_STEP_MM`]; over the directions of the set and the witness. Empty if not asked for.
+    pub clearance_mm: Vec<f32>,
     /// Per query: the contact tolerance, mm.
     pub tolerance_mm: Vec<f64>,
     /// What was done.
@@ -142,6 +171,9 @@ pub struct SurfaceStats {
     pub triangles_tested: u64,
     /// Sites that only a direction between those of the set reaches.
     pub found_between: u64,
+    /// Sites on the knife edge: whose answer rests on a triangle that a change of the tolerance by [`KNIFE_EDGE_MM`] would
+    /// take out of the tool or put into it; at most this many would have another answer then.
+    pub knife_edge: u64,
 }
 
 impl AddAssign for SurfaceStats {
@@ -151,6 +183,7 @@ impl AddAssign for SurfaceStats {
         self.tools_tested += other.tools_tested;
         self.triangles_tested += other.triangles_tested;
         self.found_between += other.found_between;
+        self.knife_edge += other.knife_edge;
     }
 }
 

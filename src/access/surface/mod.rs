@@ -29,13 +29,15 @@
 //! A point of the surface in the tool is a collision for certain, so only what points leave free is asked of triangles.
 
 mod bvh;
+mod caps;
 mod cells;
-mod closing;
+mod clearance;
 mod drop;
 mod faces;
 mod labels;
 mod obstacles;
 mod penetrate;
+mod plausible;
 mod problem;
 mod query;
 mod refine;
@@ -47,7 +49,11 @@ mod tool;
 mod verdict;
 
 pub use faces::{BlockingFace, blocking_faces};
-pub use labels::{RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions, SurfaceStats};
+pub use labels::{
+    CLEARANCE_STEP_MM, KNIFE_EDGE_MM, RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions,
+    SurfaceStats,
+};
 pub use obstacles::TriangleObstacles;
+pub use plausible::{Doubt, WIDE_MM};
 pub use tolerance::{ContactTolerance, LEAST_MM};
 pub use verdict::{Raise, Verdict, raise};

@@ -2,7 +2,7 @@
 
 use super::bvh::Bvh;
 use super::cells::Domain;
-use super::labels::{SurfaceLabels, SurfaceOptions, SurfaceStats, Tally};
+use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions, SurfaceStats, Tally};
 use super::problem::Problem;
 use super::tolerance::Bends;
 use super::tool::{Contact, Outline};
@@ -90,7 +90,15 @@ impl TriangleObstacles {
         let (asked, domain) = (asked(directions)?, Domain::of(directions));
         let matrix = problem.by_points(cutter, &asked, options)?;
         let tallies = problem.by_triangles(&matrix, &asked, domain, options);
-        Ok(problem.labels(tallies, &asked, options))
+        let clearance = options.clearance_limit_mm.map(|limit| {
+            let (answers, witness): (Vec<_>, Vec<_>) =
+                tallies.iter().map(|(tally, _)| (tally.answer(), tally.witness)).unzip();
+            let inaccessible: Vec<_> =
+                answers.iter().map(|answer| *answer == SiteAnswer::Inaccessible).collect();
+            problem.clearance(&asked, &witness, &inaccessible, limit)
+        });
+        let labels = problem.labels(tallies, &asked, options);
+        Ok(SurfaceLabels { clearance_mm: clearance.unwrap_or_default(), ..labels })
     }
 
     /// As [`TriangleObstacles::label`], for sites, and with β and occlusion points if asked for: β counts, as in
@@ -111,6 +119,7 @@ impl TriangleObstacles {
             tip_does_not_fit: surface.tip_does_not_fit(),
             accessible_directions: surface.accessible_directions.clone(),
             witness: surface.witness.clone(),
+            clearance_mm: surface.clearance_mm.clone(),
             ..SiteAnswers::default()
         };
         let mut beta = Vec::new();
@@ -149,7 +158,7 @@ impl TriangleObstacles {
             asked.vectors().iter().for_each(|&d| tally.add(d, verdict(d)));
             (tally, SurfaceStats::default())
         };
-        let tallies = par::map(problem.contacts.len(), |i| vec![tally(i)]);
+        let tallies = par::map(problem.contacts.len(), tally);
         Ok(problem.labels(tallies, &asked, options))
     }
 

@@ -70,6 +70,12 @@ pub(super) fn tip(corners: &[DVec3; 3], tip: Tip) -> bool {
     }
 }
 
+/// Whether the triangle comes within `radius` of the origin.
+pub(super) fn ball(corners: &[DVec3; 3], radius: f64) -> bool {
+    // Below and above the middle.
+    near_disc(corners, 0.0, radius) || facet_near_disc(&corners.map(|p| -p), 0.0, radius)
+}
+
 /// Whether the triangle comes within `radius` of the horizontal disc of radius `ring` or of what is above it.
 fn near_disc(corners: &[DVec3; 3], ring: f64, radius: f64) -> bool {
     let [a, b, c] = *corners;

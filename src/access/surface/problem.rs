@@ -1,12 +1,14 @@
 //! One cutter at many queries: points first, triangles last, then the directions between.
 
 use super::bvh::Bvh;
-use super::cells::Domain;
+use super::caps::Silhouette;
+use super::cells::{Domain, Hierarchy};
 use super::labels::{SurfaceLabels, SurfaceOptions, SurfaceStats, Tally};
 use super::query::{Probe, Scratch};
-use super::refine::{Hints, Place, Refinement};
+use super::refine::{Place, Refinement, Tools};
 use super::samples;
 use super::tool::{Contact, Outline, Stand, axes};
+use super::verdict::Verdict;
 use crate::access::{self, CollisionMatrix, LabelOptions, Obstacles, Queries};
 use crate::cutter::Cutter;
 use crate::directions::Directions;
@@ -33,6 +35,17 @@ pub(super) struct Problem<'a> {
 
 /// A block of queries shares a word of the answers by points.
 const WORD: usize = 64;
+/// Queries of a task of the search between the directions.
+const SEARCHED: usize = 128;
+/// Tools that are asked as a whole before the ball is asked about on its own.
+const ASKED_WHOLE: u64 = 2;
+
+/// What is known of the ball at a site.
+enum Ball {
+    Unknown,
+    Fits,
+    Gouges,
+}
 
 impl Problem<'_> {
     /// Where points of the surface prove a collision. The tool is shrunk by the greatest tolerance and by more than all
@@ -65,50 +78,105 @@ impl Problem<'_> {
         Ok(labels.collision_matrix.expect("the matrix was asked for"))
     }
 
-    /// Asks the triangles about the pairs that points leave open.
+    /// Asks the triangles about the pairs that points leave open, then between the directions.
     pub fn by_triangles(
         &self,
         matrix: &CollisionMatrix,
         directions: &Directions,
         domain: Option<Domain>,
         options: &SurfaceOptions,
-    ) -> Vec<Vec<(Tally, SurfaceStats)>> {
+    ) -> Vec<(Tally, SurfaceStats)> {
         let axes: Vec<_> = directions.vectors().iter().map(|&d| axes(d)).collect();
-        let refinement = options.refinement.zip(domain).map(|(options, domain)| {
-            Refinement::new(domain, options.n_tests, options.resolution_rad)
-        });
-        par::map_blocks(self.contacts.len(), WORD, |range| {
-            let (mut scratch, mut hints) = (Scratch::default(), Hints::default());
+        let n = self.contacts.len();
+        let tallies = par::map_blocks(n, WORD, |range| {
+            let (mut scratch, mut tools) = (Scratch::default(), None);
             let word = range.start / WORD;
             let column: Vec<u64> = (0..axes.len()).map(|k| matrix.words(k)[word]).collect();
-            let mut probe: Option<(f64, Probe)> = None;
-            range
-                .map(|i| {
-                    let tolerance = self.tolerances[i];
-                    let (_, probe) = match probe.take().filter(|probe| probe.0 == tolerance) {
-                        Some(known) => probe.insert(known),
-                        None => probe.insert((tolerance, self.probe(tolerance))),
-                    };
-                    scratch = Scratch::renewed(std::mem::take(&mut scratch));
-                    let mut tally =
-                        self.tally(i, probe, &axes, &column, options.counts, &mut scratch);
-                    if let Some(refinement) = &refinement {
-                        self.refine(i, probe, refinement, &mut tally, &mut hints, &mut scratch);
-                    }
-                    tally
-                })
-                .collect()
-        })
+            let tally = |i| {
+                let tools = self.tools(i, &mut tools);
+                scratch = Scratch::renewed(std::mem::take(&mut scratch));
+                self.tally(i, tools, &axes, &column, options.counts, &mut scratch)
+            };
+            range.map(tally).collect::<Vec<_>>()
+        });
+        let mut tallies: Vec<_> = tallies.into_iter().flatten().collect();
+        if let Some((options, domain)) = options.refinement.zip(domain) {
+            let hierarchy = Hierarchy::of(domain, options.n_levels);
+            self.refine(&Refinement::new(hierarchy, options), &mut tallies);
+        }
+        tallies
     }
 
-    fn probe(&self, tolerance: f64) -> Probe {
-        Probe::new(&self.outline, tolerance, self.bvh, self.reach)
+    /// Searches between the directions for queries that none of them reaches.
+    fn refine(&self, refinement: &Refinement, tallies: &mut [(Tally, SurfaceStats)]) {
+        let rest: Vec<usize> =
+            (0..tallies.len()).filter(|&i| tallies[i].0.witness.is_none()).collect();
+        let given: &[(Tally, SurfaceStats)] = tallies;
+        let found = par::map_blocks(rest.len(), SEARCHED, |range| {
+            let (mut scratch, mut memory, mut tools) = Default::default();
+            let search = |k: usize| {
+                let i = rest[k];
+                let (mut tally, mut stats) = given[i];
+                let tools = self.tools(i, &mut tools);
+                let place = Place {
+                    contact: &self.contacts[i],
+                    outline: &self.outline,
+                    tools,
+                    bvh: self.bvh,
+                };
+                scratch = Scratch::with_last(std::mem::take(&mut scratch));
+                let known = tally.collision_free > 0;
+                let found = refinement.search(&place, known, &mut memory, &mut scratch);
+                tally.witness = found.witness;
+                tally.free_between = found.collision_free;
+                tally.open = found.open as f32;
+                stats.found_between = u64::from(found.witness.is_some());
+                stats.tools_tested += scratch.n_queries;
+                stats.triangles_tested += scratch.n_triangles;
+                if found.witness.is_some() {
+                    stats.knife_edge = u64::from(scratch.knife_edge);
+                }
+                (tally, stats)
+            };
+            range.map(search).collect::<Vec<_>>()
+        });
+        for (&i, found) in rest.iter().zip(found.into_iter().flatten()) {
+            tallies[i] = found;
+        }
+    }
+
+    /// The tools for a query; kept while the tolerance stays the same.
+    fn tools<'t>(&self, i: usize, kept: &'t mut Option<Tools>) -> &'t Tools {
+        let tolerance = self.tolerances[i];
+        let same = kept.take().filter(|tools| tools.tolerance == tolerance);
+        kept.insert(same.unwrap_or_else(|| self.new_tools(tolerance)))
+    }
+
+    fn new_tools(&self, tolerance: f64) -> Tools {
+        let Problem { bvh, outline, reach, .. } = self;
+        let whole = Probe::new(outline, tolerance, bvh, *reach);
+        let volume = self.contacts.first().is_some_and(|contact| contact.normal().is_none());
+        // The middle of the caps of a query in space is the tip, and stays on the axis.
+        let (lift, side) = if volume { (outline.corner(), 0.0) } else { (0.0, outline.side()) };
+        let margin = MARGIN * (bvh.radius() + reach + outline.size());
+        let lifted = |[height, radius]: [f64; 2]| [height + lift, radius];
+        let steps = || outline.steps(tolerance).map(lifted);
+        let all = std::iter::once(lifted(outline.tip(tolerance).shaft())).chain(steps());
+        Tools {
+            tolerance,
+            without_ball: whole.without_ball(outline, bvh, *reach),
+            whole,
+            silhouettes: [
+                Silhouette::new(steps(), side, margin),
+                Silhouette::new(all, side, margin),
+            ],
+        }
     }
 
     fn tally(
         &self,
         i: usize,
-        probe: &Probe,
+        tools: &Tools,
         axes: &[[DVec3; 3]],
         column: &[u64],
         counts: bool,
@@ -116,6 +184,7 @@ impl Problem<'_> {
     ) -> (Tally, SurfaceStats) {
         let mut tally = Tally { open: 1.0, ..Tally::default() };
         let mut stats = SurfaceStats { pairs: axes.len() as u64, ..SurfaceStats::default() };
+        let (mut on_edge, mut ball) = (false, Ball::Unknown);
         for (axes, word) in axes.iter().zip(column) {
             let trusted = self.contacts[i].is_steady(&self.outline, axes[2]);
             if trusted && word >> (i % WORD) & 1 == 1 {
@@ -124,43 +193,47 @@ impl Problem<'_> {
             }
             let reference = self.contacts[i].reference_point(&self.outline, axes[2]);
             let stand = Stand { reference, axes: *axes };
-            tally.add(axes[2].as_vec3(), probe.verdict(self.bvh, &stand, scratch));
-            if tally.witness.is_some() && !counts {
-                break;
+            if scratch.n_queries == ASKED_WHOLE {
+                ball = self.ball(i, tools);
             }
+            let verdict = match ball {
+                Ball::Unknown => tools.whole.verdict(self.bvh, &stand, scratch),
+                Ball::Fits => tools.without_ball.verdict(self.bvh, &stand, scratch),
+                Ball::Gouges => {
+                    tools.without_ball.verdict(self.bvh, &stand, scratch).max(Verdict::TipGouges)
+                }
+            };
+            on_edge |= scratch.knife_edge;
+            tally.add(axes[2].as_vec3(), verdict);
+            if tally.accessible == 1 && verdict == Verdict::Free {
+                stats.knife_edge = u64::from(scratch.knife_edge);
+                if !counts {
+                    break;
+                }
+            }
+        }
+        if tally.accessible == 0 {
+            stats.knife_edge = u64::from(on_edge);
         }
         stats.tools_tested = scratch.n_queries;
         stats.triangles_tested = scratch.n_triangles;
         (tally, stats)
     }
 
-    /// Searches between the directions if none of them reaches the query.
-    fn refine(
-        &self,
-        i: usize,
-        probe: &Probe,
-        refinement: &Refinement,
-        (tally, stats): &mut (Tally, SurfaceStats),
-        hints: &mut Hints,
-        scratch: &mut Scratch,
-    ) {
-        if tally.witness.is_some() {
-            return;
+    /// Whether a ball fits is the same for all directions.
+    fn ball(&self, i: usize, tools: &Tools) -> Ball {
+        match self.contacts[i] {
+            Contact::Surface { point, normal } if self.outline.side() == 0.0 => {
+                let center = point + normal * self.outline.corner();
+                if tools.whole.ball_gouges(self.bvh, center) { Ball::Gouges } else { Ball::Fits }
+            }
+            _ => Ball::Unknown,
         }
-        let bvh = self.bvh;
-        let place = Place { contact: &self.contacts[i], outline: &self.outline, probe, bvh };
-        let found = refinement.search(&place, tally.collision_free > 0, hints, scratch);
-        tally.witness = found.witness.map(|direction| direction.as_vec3());
-        tally.free_between = found.collision_free;
-        tally.open = found.open as f32;
-        stats.found_between = u64::from(found.witness.is_some());
-        stats.tools_tested = scratch.n_queries;
-        stats.triangles_tested = scratch.n_triangles;
     }
 
     pub fn labels(
         self,
-        tallies: Vec<Vec<(Tally, SurfaceStats)>>,
+        tallies: Vec<(Tally, SurfaceStats)>,
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> SurfaceLabels {
@@ -169,7 +242,7 @@ impl Problem<'_> {
             n_directions: directions.len(),
             ..SurfaceLabels::default()
         };
-        for (tally, stats) in tallies.into_iter().flatten() {
+        for (tally, stats) in tallies {
             labels.answers.push(tally.answer());
             labels.witness.push(tally.witness);
             labels.open_directions.push(if tally.witness.is_some() { 0.0 } else { tally.open });

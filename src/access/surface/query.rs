@@ -1,6 +1,7 @@
 //! One tool at one place against all triangles, through the tree.
 
 use super::bvh::{Bvh, Level};
+use super::labels::KNIFE_EDGE_MM;
 use super::penetrate;
 use super::tool::{Outline, Stand, Tip, across};
 use super::verdict::Verdict;
@@ -30,14 +31,23 @@ impl Probe {
         Probe { steps, tip, levels }
     }
 
-    /// Height and radius of every shrunk step.
-    pub fn steps(&self) -> &[[f64; 2]] {
-        &self.steps
+    /// The steps alone: `shrunk` may be negative, for steps that are grown. There is no tip.
+    pub fn of_steps(outline: &Outline, shrunk: f64, bvh: &Bvh, reach: f64) -> Self {
+        let steps: Vec<[f64; 2]> = outline.steps(shrunk).collect();
+        let size = outline.size() + shrunk.abs() + reach;
+        let levels = steps.iter().map(|&[height, radius]| bvh.level(height, radius, size));
+        let levels = levels.collect();
+        Probe { steps, tip: Tip::Flat { height: f64::INFINITY, radius: 0.0 }, levels }
     }
 
-    /// The shrunk tip.
-    pub fn tip(&self) -> Tip {
-        self.tip
+    /// For places where the ball is known to be clear of the surface: of the tip only what is above the ball's middle is
+    /// left to ask, and this is as wide as the ball.
+    pub fn without_ball(&self, outline: &Outline, bvh: &Bvh, reach: f64) -> Self {
+        let Tip::Round { ring: 0.0, radius } = self.tip else { return self.clone() };
+        let mut probe = self.clone();
+        probe.tip = Tip::Flat { height: 0.0, radius };
+        probe.levels[0] = bvh.level(0.0, radius, outline.size() + reach);
+        probe
     }
 
     /// The verdict over all triangles. The one that a step penetrated last is tried first.
@@ -54,21 +64,30 @@ impl Probe {
         scratch: &mut Scratch,
         mut enough: impl FnMut(&[DVec3; 3]) -> bool,
     ) -> Verdict {
-        let Scratch { stack, last, n_triangles, n_queries } = scratch;
+        let Scratch { stack, last, n_triangles, n_queries, knife_edge } = scratch;
         *n_queries += 1;
+        *knife_edge = false;
         let (mut collides, mut gouges) = (false, false);
         let first = *last;
         let mut test = |place: u32| {
             *n_triangles += 1;
             let corners = stand.triangle(bvh.triangle(place));
-            if self.step_penetrates(&corners) {
-                collides = true;
-                *last = Some(place);
-                return enough(bvh.triangle(place));
+            // What a slightly greater tool is clear of, this one is clear of for certain.
+            if self.step_penetrates(&corners, KNIFE_EDGE_MM) {
+                if self.step_penetrates(&corners, 0.0) {
+                    collides = true;
+                    *knife_edge = !self.step_penetrates(&corners, -KNIFE_EDGE_MM);
+                    *last = Some(place);
+                    return enough(bvh.triangle(place));
+                }
+                *knife_edge = true;
             }
-            if !collides && !gouges && penetrate::tip(&corners, self.tip) {
-                gouges = true;
-                enough(bvh.triangle(place));
+            if !collides && !gouges && penetrate::tip(&corners, self.tip.grown(KNIFE_EDGE_MM)) {
+                gouges = penetrate::tip(&corners, self.tip);
+                *knife_edge |= !penetrate::tip(&corners, self.tip.grown(-KNIFE_EDGE_MM));
+                if gouges {
+                    enough(bvh.triangle(place));
+                }
             }
             false
         };
@@ -82,16 +101,63 @@ impl Probe {
         }
     }
 
-    /// Whether one of the steps penetrates a triangle; the widest is tried first.
-    fn step_penetrates(&self, corners: &[DVec3; 3]) -> bool {
+    /// Whether the tip is a ball that penetrates a triangle when its center is at `center`, from all directions.
+    pub fn ball_gouges(&self, bvh: &Bvh, center: DVec3) -> bool {
+        let Tip::Round { ring: 0.0, radius } = self.tip else { return false };
+        let mut gouges = false;
+        bvh.near(center, radius, |place| {
+            gouges |= penetrate::ball(&bvh.triangle(place).map(|p| p - center), radius);
+        });
+        gouges
+    }
+
+    /// Calls `consider` with points of a triangle that may be deep in the tool.
+    pub fn candidates(&self, corners: &[DVec3; 3], stand: &Stand, mut consider: impl FnMut(DVec3)) {
+        let [a, b, c] = *corners;
+        [a, b, c, 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)].into_iter().for_each(&mut consider);
+        let heights = corners.map(|p| (p - stand.reference).dot(stand.axes[2]));
+        let (bottom, top) = (
+            heights[0].min(heights[1]).min(heights[2]),
+            heights[0].max(heights[1]).max(heights[2]),
+        );
+        for &[height, radius] in &self.steps {
+            if radius == f64::INFINITY || top <= height {
+                continue;
+            }
+            let low = bottom.max(height);
+            for share in SHARES {
+                let on_axis = stand.reference + stand.axes[2] * (low + share * (top - low));
+                consider(nearest(on_axis, corners));
+            }
+        }
+    }
+
+    /// Whether one of the steps, `grown` on all sides, penetrates a triangle; the widest is tried first.
+    fn step_penetrates(&self, corners: &[DVec3; 3], grown: f64) -> bool {
         let top = corners[0].z.max(corners[1].z).max(corners[2].z);
-        let reached = self.steps.iter().rev().skip_while(|[height, _]| top <= *height);
+        let steps =
+            self.steps.iter().rev().map(|[height, radius]| [height - grown, radius + grown]);
         let mut nearest = None;
-        reached.into_iter().any(|&[height, radius]| {
+        steps.skip_while(|[height, _]| top <= *height).any(|[height, radius]| {
             let squared = *nearest.get_or_insert_with(|| from_box(corners));
-            squared <= radius * radius && penetrate::step(corners, height, radius)
+            radius >= 0.0 && squared <= radius * radius && penetrate::step(corners, height, radius)
         })
     }
+}
+
+/// Where on the axis, between the lowest and the highest that a triangle has in a step.
+const SHARES: [f64; 4] = [0.06, 0.2, 0.45, 0.8];
+
+/// The point of a triangle nearest to `p`, or nearly: any point of it would do.
+fn nearest(p: DVec3, [a, b, c]: &[DVec3; 3]) -> DVec3 {
+    let n = (*b - *a).cross(*c - *a);
+    let squared = n.length_squared();
+    if squared == 0.0 {
+        return *a;
+    }
+    let weight = |q: DVec3, r: DVec3| ((r - q).cross(p - q).dot(n) / squared).clamp(0.0, 1.0);
+    let [u, v, w] = [weight(*b, *c), weight(*c, *a), weight(*a, *b)];
+    (*a * u + *b * v + *c * w) / (u + v + w)
 }
 
 /// Distance, squared, of the axis from the upright box around a triangle.
@@ -102,6 +168,11 @@ fn from_box(corners: &[DVec3; 3]) -> f64 {
 }
 
 impl Scratch {
+    /// For the next site: the memory and the triangle that collided last are kept.
+    pub fn with_last(self) -> Self {
+        Scratch { stack: self.stack, last: self.last, ..Scratch::default() }
+    }
+
     /// For the next site: only the memory is kept.
     pub fn renewed(self) -> Self {
         Scratch { stack: self.stack, ..Scratch::default() }
@@ -118,4 +189,6 @@ pub(super) struct Scratch {
     pub n_queries: u64,
     /// Triangles tested for them.
     pub n_triangles: u64,
+    /// Whether the last verdict is on the knife edge: see [`SurfaceStats`](super::SurfaceStats).
+    pub knife_edge: bool,
 }

@@ -1,294 +1,347 @@
 //! Between the directions: openings that a coarse set misses, and proofs that there is none.
 //!
 //! ```text
+//! directions that reach sites nearby are tried first
 //! cells = the octants of the set, cut in four twice
-//! for every new cell: ask the tool in its middle
-//!     it is free                                   → the site is accessible, done
-//!     a point proves the whole cell closed         → forget the cell
-//!     otherwise                                    → keep it, with the share of its radius that is closed
-//! cut the cell of which the least share is closed in four, and so on, until none is left or enough were asked
+//! for every level:
+//!     for every cell, from the caps of all blockers: how deep is its middle in a cap? is all of it in one?
+//!     in every middle that no cap covers: ask the triangles
+//!         nothing is in the way → the site is accessible, done
+//!         a triangle is         → of its points the one deepest in the tool becomes a blocker
+//!     the same along the surface, for cells that hold such directions
+//!     forget closed cells; cut the `n_kept` cells with the shallowest middles in four
 //! ```
 //!
-//! *What a point proves.* A point `p` of the surface lies in a step of the tool with margin
-//! `m = min(h − height, radius − r)`. Turning the tool about its reference point `c` by an angle α changes `h` and `r` by
-//! no more than `α·|p − c|`, so the point stays in the tool in every direction within `m/|p − c|`. The reference point
-//! of a bull nose or flat end moves too, by no more than `α·side/|n⊥|` with the least length of the normal's part across the
-//! direction on the way, and never by more than twice the side.
+//! *What a blocker says* is in [`caps`](super::caps): a point of the surface closes a cap of directions, and how deep a direction
+//! is in a cap bounds from below how far the nearest opening is. Sixteen directions are compared with a cap
+//! at once, in a few nanoseconds; the triangles, which take a microsecond, are asked where no cap
+//! answers. Sites nearby share blockers.
 //!
 //! *Where openings are.* Directions that were found for the sites before are tried first: openings are shared by neighbors. Beside
-//! a wall they end at the directions along it, where the tool's flank touches: such directions are tried for every cell
-//! that holds some.
+//! a wall they end at the directions along it, where the tool's flank touches, and can be thinner than any cell.
+//!
+//! *To prove*, the triangles are also asked in middles that a cap covers without closing the cell: for points that
+//! close more.
 
 use super::bvh::Bvh;
-use super::cells::{Cell, Domain};
-use super::closing::Closing;
+use super::caps::{Blockers, Caps, Middles, Silhouette};
+use super::cells::Hierarchy;
+use super::labels::RefinementOptions;
 use super::query::{Probe, Scratch};
 use super::tool::{Contact, Outline, Stand, axes};
 use super::verdict::Verdict;
-use glam::DVec3;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
-/// How often the octants are cut before anything is asked: 64 cells on the upper half.
-const FIRST_LEVELS: usize = 2;
-/// Points that are tried on a new cell before the triangles are asked.
-const N_BLOCKERS: usize = 12;
+use crate::simd::Isa;
+use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// What is the same for all sites.
 pub(super) struct Refinement {
-    domain: Domain,
-    first: Vec<Cell>,
-    /// Most tools asked for one site.
-    n_tests: usize,
-    /// Cells with a smaller radius are not cut any more.
-    resolution: f64,
+    hierarchy: Arc<Hierarchy>,
+    options: RefinementOptions,
+    isa: Isa,
 }
 
 /// What was found between the directions.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Found {
     /// Where the tool may stand.
-    pub witness: Option<DVec3>,
+    pub witness: Option<Vec3>,
     /// Whether some direction is free of collisions of the steps.
     pub collision_free: bool,
     /// Share of the directions that was not proven closed.
     pub open: f64,
 }
 
-impl Found {
-    fn accessible(direction: DVec3) -> Self {
-        Found { witness: Some(direction), collision_free: true, open: 0.0 }
-    }
+/// What the sites before have taught, and memory.
+#[derive(Default)]
+pub(super) struct Memory {
+    /// Directions that reach them, the latest last.
+    hints: Vec<Vec3>,
+    blockers: Blockers,
+    caps: Caps,
+    middles: Middles,
+    tangents: Middles,
+    /// Cells of the level, and the open ones with the depth of their middles.
+    cells: Vec<u32>,
+    open: Vec<(f32, u32)>,
 }
 
-/// Directions that reach sites nearby, the latest last.
-#[derive(Default)]
-pub(super) struct Hints(Vec<DVec3>);
-
 /// Most hints.
-const N_HINTS: usize = 6;
+const N_HINTS: usize = 8;
+/// Triangles in the way that are looked at in one direction for a proof.
+const MOST_HITS: usize = 6;
+/// Depth of a middle that was asked and that no blocker covers.
+const ASKED: f32 = 1e-4;
 
 /// One site.
 pub(super) struct Place<'a> {
     pub contact: &'a Contact,
     pub outline: &'a Outline,
-    pub probe: &'a Probe,
+    pub tools: &'a Tools,
     pub bvh: &'a Bvh,
 }
 
-/// What becomes of a cell.
-enum Outcome {
-    Accessible(DVec3),
-    Closed,
-    /// With the share of its radius that is closed.
-    Open(f64),
+/// A tool shrunk by one tolerance, in all ways that the search asks about it.
+pub(super) struct Tools {
+    pub tolerance: f64,
+    pub whole: Probe,
+    /// Where the ball is known to fit: see [`Probe::without_ball`].
+    pub without_ball: Probe,
+    /// The steps; and the steps and what of the tip is above its middle.
+    pub silhouettes: [Silhouette; 2],
 }
 
 impl Refinement {
-    pub fn new(domain: Domain, n_tests: usize, resolution: f64) -> Self {
-        Refinement { domain, first: domain.cells(FIRST_LEVELS), n_tests, resolution }
+    pub fn new(hierarchy: Arc<Hierarchy>, options: RefinementOptions) -> Self {
+        Refinement { hierarchy, options, isa: Isa::active() }
     }
 
-    /// Searches the cells of one site; `collision_free` if that is known of some direction.
+    /// Searches for one site; `collision_free` if that is known of some direction.
     pub fn search(
         &self,
         place: &Place,
         collision_free: bool,
-        hints: &mut Hints,
+        memory: &mut Memory,
         scratch: &mut Scratch,
     ) -> Found {
         let found = Found { collision_free, ..Found::default() };
-        let mut search = Search { place, scratch, blockers: Vec::new(), found };
-        let witness = hints.0.iter().rposition(|&hint| search.stands(hint));
-        if let Some(k) = witness {
-            let last = hints.0.len() - 1;
-            hints.0.swap(k, last);
-            return Found::accessible(hints.0[last]);
+        let ball = match *place.contact {
+            Contact::Surface { point, normal } => Some(point + normal * place.outline.corner()),
+            Contact::Volume { .. } => None,
+        };
+        let tools = place.tools;
+        // A ball is the same from all directions.
+        let gouges = ball.is_some_and(|center| tools.whole.ball_gouges(place.bvh, center));
+        if gouges && collision_free {
+            return found;
         }
-        let found = self.search_cells(search);
+        let fits = ball.is_some() && !gouges;
+        let probe = if fits { &tools.without_ball } else { &tools.whole };
+        let reference = ball.unwrap_or(place.contact.point()) - place.bvh.origin();
+        let mut search = Search {
+            place,
+            probe,
+            refinement: self,
+            scratch,
+            memory: std::mem::take(memory),
+            found,
+            reference: reference.as_vec3(),
+            gouges,
+        };
+        search.place_caps();
+        let done = search.try_hints() || search.search_cells();
+        let (found, searched) = (search.found, search.memory);
+        *memory = searched;
         if let Some(witness) = found.witness {
-            if hints.0.len() == N_HINTS {
-                hints.0.remove(0);
+            if memory.hints.len() == N_HINTS {
+                memory.hints.remove(0);
             }
-            hints.0.push(witness);
+            memory.hints.push(witness);
         }
-        found
-    }
-
-    fn search_cells(&self, mut search: Search) -> Found {
-        let mut queue = Queue::default();
-        let mut unresolved = 0.0;
-        let mut new: Vec<Cell> = self.first.clone();
-        let mut n_tests = 0;
-        loop {
-            for cell in new.drain(..).filter(|cell| !self.domain.misses(cell)) {
-                n_tests += 1;
-                match search.ask(&cell, self.domain.holds(cell.middle())) {
-                    Outcome::Accessible(direction) => {
-                        return Found::accessible(direction);
-                    }
-                    Outcome::Closed => {}
-                    Outcome::Open(_) if cell.radius() < self.resolution => {
-                        unresolved += cell.solid_angle();
-                    }
-                    Outcome::Open(share) => {
-                        if let Some(direction) = search.along_surface(&cell, &self.domain) {
-                            return Found::accessible(direction);
-                        }
-                        queue.push(cell, share);
-                    }
-                }
-            }
-            match queue.pop() {
-                Some(cell) if n_tests < self.n_tests => new.extend(cell.quarters()),
-                Some(cell) => {
-                    unresolved += cell.solid_angle();
-                    break;
-                }
-                None => break,
-            }
-        }
-        while let Some(cell) = queue.pop() {
-            unresolved += cell.solid_angle();
-        }
-        let all: f64 = self.first.iter().map(Cell::solid_angle).sum();
-        Found { open: unresolved / all, ..search.found }
+        if done { Found { open: 0.0, ..found } } else { found }
     }
 }
-
-/// Open cells. Every second one taken is the least closed, the others come in their order: the former finds the way into an
-/// opening, the latter does not get lost in one place.
-#[derive(Default)]
-struct Queue {
-    cells: Vec<Option<Cell>>,
-    least_closed: BinaryHeap<Reverse<(u64, usize)>>,
-    oldest: usize,
-    n_taken: usize,
-}
-
-impl Queue {
-    fn push(&mut self, cell: Cell, share: f64) {
-        self.least_closed.push(Reverse(((share * 1e9) as u64, self.cells.len())));
-        self.cells.push(Some(cell));
-    }
-
-    fn pop(&mut self) -> Option<Cell> {
-        self.n_taken += 1;
-        if self.n_taken.is_multiple_of(PERIOD) {
-            while self.oldest < self.cells.len() {
-                self.oldest += 1;
-                if let Some(cell) = self.cells[self.oldest - 1].take() {
-                    return Some(cell);
-                }
-            }
-            return None;
-        }
-        while let Some(Reverse((_, k))) = self.least_closed.pop() {
-            if let Some(cell) = self.cells[k].take() {
-                return Some(cell);
-            }
-        }
-        None
-    }
-}
-
-/// Of so many cells one comes in its order.
-const PERIOD: usize = 2;
 
 struct Search<'a, 's> {
     place: &'a Place<'a>,
+    probe: &'a Probe,
+    refinement: &'a Refinement,
     scratch: &'s mut Scratch,
-    /// Points of the surface that were in the tool, the latest last.
-    blockers: Vec<DVec3>,
+    memory: Memory,
     found: Found,
+    /// Middle of the caps, relative to the origin of the tree.
+    reference: Vec3,
+    /// Whether the tip gouges in every direction: then only the steps are of interest.
+    gouges: bool,
+}
+
+/// What the triangles say in one direction.
+enum Asked {
+    /// All there is to find.
+    Done,
+    /// That from now on the tip counts too.
+    TipCounts,
+    /// The place of a new blocker.
+    Blocked(usize),
+    /// Nothing new.
+    Nothing,
 }
 
 impl Search<'_, '_> {
-    /// Asks about a cell; in its middle only if that `counts`.
-    fn ask(&mut self, cell: &Cell, counts: bool) -> Outcome {
-        let (direction, radius) = (cell.middle(), cell.radius());
-        let Place { contact, outline, probe, bvh } = *self.place;
-        let stand = self.stand(direction);
-        let drift = contact.drift(outline, direction, radius);
-        let closing = Closing { probe, drift, tip: self.found.collision_free };
-        let mut closed: f64 = 0.0;
-        for (k, point) in self.blockers.iter().enumerate().rev() {
-            closed = closed.max(closing.angle(stand.local(*point)));
-            if closed > radius {
-                let last = self.blockers.len() - 1;
-                self.blockers.swap(k, last);
-                return Outcome::Closed;
-            }
-        }
-        let mut best = (DVec3::ZERO, 0.0);
-        let mut n_hits = 0;
-        let verdict = probe.verdict_with(bvh, &stand, self.scratch, |corners| {
-            let found = closing.best_point(corners, &stand);
-            if found.1 > best.1 {
-                best = found;
-            }
-            n_hits += 1;
-            best.1 > radius || n_hits >= MOST_HITS
-        });
-        match verdict {
-            Verdict::Free if counts => return Outcome::Accessible(direction),
-            Verdict::TipGouges => self.found.collision_free |= counts,
-            _ => {}
-        }
-        if best.1 > 0.0 && (verdict == Verdict::Collides || closing.tip) {
-            closed = closed.max(best.1);
-            if self.blockers.len() == N_BLOCKERS {
-                self.blockers.remove(0);
-            }
-            self.blockers.push(best.0);
-        }
-        if closed > radius { Outcome::Closed } else { Outcome::Open(closed / radius) }
+    fn silhouette(&self) -> &Silhouette {
+        &self.place.tools.silhouettes[usize::from(self.found.collision_free)]
     }
 
-    fn stand(&self, direction: DVec3) -> Stand {
-        // As the witness will be stated.
-        let axes = axes(direction.as_vec3());
+    fn place_caps(&mut self) {
+        let silhouette = &self.place.tools.silhouettes[usize::from(self.found.collision_free)];
+        let Memory { caps, blockers, .. } = &mut self.memory;
+        caps.place(blockers, silhouette, self.reference, self.refinement.isa);
+    }
+
+    /// Asks the triangles; a new blocker must be deeper in the tool than `depth`.
+    fn ask(&mut self, direction: Vec3, depth: f32) -> Asked {
+        let axes = axes(direction);
         let reference = self.place.contact.reference_point(self.place.outline, axes[2]);
-        Stand { reference, axes }
-    }
-
-    /// The direction along the surface that is nearest to the middle of a cell, if it is about as near as the cell's rim and
-    /// the tool may stand so: flank milling. Openings beside a tangent direction can be thinner than any cell.
-    fn along_surface(&mut self, cell: &Cell, domain: &Domain) -> Option<DVec3> {
-        let (normal, middle) = (self.place.contact.normal()?, cell.middle());
-        let beside = normal.dot(middle);
-        if beside.abs() > libm::sin(cell.radius().min(1.0)) {
-            return None;
+        let stand = Stand { reference, axes };
+        let bvh = self.place.bvh;
+        let mut met = [None; MOST_HITS];
+        let n_wanted = if self.refinement.options.prove { MOST_HITS } else { 1 };
+        let mut n = 0;
+        let verdict = self.probe.verdict_with(bvh, &stand, self.scratch, |corners| {
+            met[n % MOST_HITS] = Some(*corners);
+            n += 1;
+            n >= n_wanted
+        });
+        let newly_free = verdict != Verdict::Collides && !self.found.collision_free;
+        self.found.collision_free |= newly_free;
+        if verdict == Verdict::Free {
+            self.found.witness = Some(direction);
         }
-        let direction = (middle - normal * beside).try_normalize()?;
-        (domain.holds(direction) && self.stands(direction)).then_some(direction)
+        if verdict == Verdict::Free || (newly_free && self.gouges) {
+            return Asked::Done;
+        }
+        if newly_free {
+            self.place_caps();
+            return Asked::TipCounts;
+        }
+        let mut best = (Vec3::ZERO, depth.max(0.0));
+        let (silhouette, reference) = (self.silhouette(), self.reference);
+        for corners in met.iter().flatten() {
+            self.probe.candidates(corners, &stand, |p| {
+                let p = (p - bvh.origin()).as_vec3();
+                let depth = silhouette.depth(p - reference, direction);
+                if depth > best.1 {
+                    best = (p, depth);
+                }
+            });
+        }
+        if best.1 <= depth.max(0.0) {
+            return Asked::Nothing;
+        }
+        let silhouette = &self.place.tools.silhouettes[usize::from(self.found.collision_free)];
+        let Memory { caps, blockers, .. } = &mut self.memory;
+        let place = blockers.push(best.0);
+        caps.place_one(place, blockers, silhouette, reference);
+        Asked::Blocked(place)
     }
 
-    /// Whether the tool may stand in a direction.
-    fn stands(&mut self, direction: DVec3) -> bool {
-        let stand = self.stand(direction);
-        let verdict = self.place.probe.verdict(self.place.bvh, &stand, self.scratch);
-        self.found.collision_free |= verdict != Verdict::Collides;
-        verdict == Verdict::Free
+    /// Asks in the middles that no cap covers; to prove, also in those whose cells no cap closes. Whether all is said.
+    fn ask_all(&mut self, middles: &mut Middles, radius: f64) -> bool {
+        let Refinement { hierarchy, options, isa } = self.refinement;
+        self.memory.caps.reach(None, radius, middles, *isa);
+        for k in 0..middles.len() {
+            let covered = middles.depth(k) > 0.0;
+            let wanted = !covered || (options.prove && radius > 0.0 && !middles.is_closed(k));
+            let direction = middles.get(k);
+            if !wanted || !hierarchy.holds(direction) {
+                continue;
+            }
+            if covered && self.is_closed_for_a_ring(direction, radius) {
+                middles.close(k);
+                continue;
+            }
+            match self.ask(direction, middles.depth(k)) {
+                Asked::Done => return true,
+                Asked::TipCounts => self.memory.caps.reach(None, radius, middles, *isa),
+                Asked::Blocked(place) => {
+                    self.memory.caps.reach(Some(place), radius, middles, *isa);
+                    if options.prove && self.is_closed_for_a_ring(direction, radius) {
+                        middles.close(k);
+                    }
+                }
+                Asked::Nothing => {}
+            }
+            middles.is_at_least(k, ASKED);
+        }
+        false
+    }
+
+    /// Whether a blocker closes the cell of a tool whose reference point moves: more than the caps, which hold for wherever
+    /// it moves, for proofs alone.
+    fn is_closed_for_a_ring(&self, direction: Vec3, radius: f64) -> bool {
+        let Place { contact, outline, bvh, .. } = self.place;
+        let Some(drift) = contact.drift(outline, direction.as_dvec3(), radius) else {
+            return false;
+        };
+        let axis = axes(direction)[2];
+        let reference = contact.reference_point(outline, axis) - bvh.origin();
+        let silhouette = self.silhouette();
+        let stays = |point: Vec3| silhouette.stays(point.as_dvec3() - reference, axis, drift);
+        radius > 0.0 && self.memory.blockers.points().any(|point| stays(point) > radius)
+    }
+
+    fn try_hints(&mut self) -> bool {
+        let mut middles = std::mem::take(&mut self.memory.middles);
+        middles.fill(self.memory.hints.iter().rev().copied());
+        let done = self.ask_all(&mut middles, 0.0);
+        self.memory.middles = middles;
+        done
+    }
+
+    /// Whether all is said; otherwise notes how much of the directions stays open.
+    fn search_cells(&mut self) -> bool {
+        let mut middles = std::mem::take(&mut self.memory.middles);
+        let mut cells = std::mem::take(&mut self.memory.cells);
+        let Refinement { hierarchy, options, .. } = self.refinement;
+        cells.clear();
+        cells.extend(0..hierarchy.n_first() as u32);
+        let mut done = false;
+        for level in 0..options.n_levels {
+            let radius = hierarchy.radius(level);
+            middles.fill(cells.iter().map(|&cell| hierarchy.middle(level, cell)));
+            done = self.ask_all(&mut middles, radius) || self.ask_along_surface(&middles, radius);
+            if done {
+                break;
+            }
+            let open = &mut self.memory.open;
+            open.clear();
+            open.extend((0..middles.len()).filter_map(|k| {
+                let counts = !middles.is_closed(k) && !hierarchy.misses(level, middles.get(k));
+                counts.then_some((middles.depth(k), cells[k]))
+            }));
+            let n_kept = if level + 1 == options.n_levels { 0 } else { options.n_kept };
+            if open.len() > n_kept {
+                self.found.open += (open.len() - n_kept) as f64 * hierarchy.share(level);
+                if n_kept > 0 {
+                    let shallow =
+                        |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+                    open.select_nth_unstable_by(n_kept, shallow);
+                }
+                open.truncate(n_kept);
+                open.sort_unstable_by_key(|open| open.1);
+            }
+            cells.clear();
+            cells.extend(open.iter().flat_map(|(_, cell)| 4 * cell..4 * cell + 4));
+        }
+        (self.memory.middles, self.memory.cells) = (middles, cells);
+        done
+    }
+
+    /// For every open cell that holds directions along the surface, the one nearest to its middle: flank milling.
+    fn ask_along_surface(&mut self, middles: &Middles, radius: f64) -> bool {
+        let Some(normal) = self.place.contact.normal() else { return false };
+        let normal = normal.as_vec3();
+        let greatest = libm::sin(radius.min(1.0)) as f32;
+        let mut tangents = std::mem::take(&mut self.memory.tangents);
+        tangents.fill((0..middles.len()).filter(|&k| !middles.is_closed(k)).filter_map(|k| {
+            let middle = middles.get(k);
+            let beside = normal.dot(middle);
+            let along = (middle - normal * beside).try_normalize()?;
+            (beside.abs() <= greatest).then_some(along)
+        }));
+        let done = self.ask_all(&mut tangents, 0.0);
+        self.memory.tangents = tangents;
+        done
     }
 }
 
-/// Triangles in the way that are looked at in one direction.
-const MOST_HITS: usize = 6;
-
 impl Contact {
-    /// How fast the reference point moves when the tool turns by up to `radius`, mm per radian.
-    fn drift(&self, outline: &Outline, direction: DVec3, radius: f64) -> f64 {
-        let Some(normal) = self.normal() else {
-            // In space the tip is held, not the reference point.
-            return outline.corner();
-        };
-        if outline.side() == 0.0 {
-            return 0.0;
-        }
+    /// How fast the reference point moves when the tool turns by up to `radius`, mm per radian; `None` if it stays.
+    fn drift(&self, outline: &Outline, direction: DVec3, radius: f64) -> Option<f64> {
+        let normal = self.normal().filter(|_| outline.side() > 0.0)?;
         // It stays within the side's length of one place.
         let at_most = 2.0 * outline.side() / radius;
         let least = normal.cross(direction).length() - radius;
-        if least > 0.0 { at_most.min(outline.side() / least) } else { at_most }
+        Some(if least > 0.0 { at_most.min(outline.side() / least) } else { at_most })
     }
 }

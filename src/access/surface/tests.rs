@@ -678,10 +678,8 @@ fn what_lies_between_the_directions_is_found_and_what_is_closed_is_proven() {
             .zip(&none.answers)
             .all(|(open, a)| (*open == 1.0) == (*a != SiteAnswer::Accessible))
     );
-    let refined = SurfaceOptions {
-        refinement: Some(super::RefinementOptions { n_tests: 2000, resolution_rad: 0.003 }),
-        ..implied()
-    };
+    let refined =
+        SurfaceOptions { refinement: Some(super::RefinementOptions::proving()), ..implied() };
     let found = label(&mesh, &sites, &cutter, &coarse, &refined);
     assert!(n_of(SiteAnswer::Accessible, &none.answers) * 2 < sites.len());
     assert_eq!(n_of(SiteAnswer::Accessible, &found.answers), sites.len());
@@ -706,7 +704,7 @@ fn a_site_proven_inaccessible_is_so_in_any_direction() {
     let sites = everywhere(&mesh, 6);
     let directions = Directions::fibonacci_hemisphere(150).unwrap();
     let many = Directions::fibonacci_hemisphere(4000).unwrap();
-    let options = super::RefinementOptions { n_tests: 3000, resolution_rad: 0.003 };
+    let options = super::RefinementOptions::proving();
     let refined = SurfaceOptions { refinement: Some(options), ..exactly(0.01) };
     for cutter in [
         ball([1.0, 20.0, 5.0, 20.0]),
@@ -734,5 +732,76 @@ fn a_site_proven_inaccessible_is_so_in_any_direction() {
         }
         let n_inaccessible = n_of(SiteAnswer::Inaccessible, &found.answers);
         assert!(n_proven * 2 > n_inaccessible, "{n_proven} of {n_inaccessible} {cutter:?}");
+    }
+}
+
+#[test]
+fn clearance_is_how_far_the_steps_may_grow() {
+    // Between two walls 10 mm apart, a tool of radius 1.5 that touches one.
+    let mesh = slotted(10.0, 15.0);
+    let mut walls = sites_on(&mesh, 5, |p, n| n.x.abs() > 0.9 && p.x.abs() < 6.0);
+    // Above the floor by more than the ball needs, and with wall beside the shank.
+    walls.points.iter_mut().for_each(|p| p.z = p.z.clamp(6.6, 17.0));
+    let cutter = ball([1.5, 40.0, 20.0, 5.0]);
+    let options = SurfaceOptions { clearance_limit_mm: Some(3.0), ..exactly(0.01) };
+    let labels = label(&mesh, &walls, &cutter, &up(), &options);
+    for (clearance, answer) in labels.clearance_mm.iter().zip(&labels.answers) {
+        // The wall touched is the tolerance away from the shrunk tool.
+        assert_eq!(*answer, SiteAnswer::Accessible);
+        assert!((clearance - 0.01).abs() < 2e-4, "{clearance}");
+    }
+    let floor = sites_on(&mesh, 20, |p, n| n.z > 0.5 && p.z < 19.0);
+    let labels = label(&mesh, &floor, &cutter, &up(), &options);
+    for (i, p) in floor.points.iter().enumerate() {
+        let expected = (5.0 - p.x.abs() - 1.49).min(3.0);
+        let found = labels.clearance_mm[i];
+        assert!((found - expected).abs() < 2e-4, "{p} {found} {expected}");
+        assert_eq!(found < 0.0, labels.answers[i] == SiteAnswer::Inaccessible);
+    }
+    // As the labels of grown tools say.
+    let torus = solids::torus(9.0, 4.0, 30, 16);
+    let sites = everywhere(&torus, 1);
+    let directions = hemisphere(20);
+    let cutter = ball([1.0, 6.0, 4.0, 3.0]);
+    let labels = label(&torus, &sites, &cutter, &directions, &options);
+    for growth in [-0.5, -0.1, 0.005, 0.2, 1.0] {
+        let grown = cutter.with_clearance(growth).unwrap();
+        let found = label(&torus, &sites, &grown, &directions, &exactly(0.01));
+        for i in 0..sites.len() {
+            let clearance = f64::from(labels.clearance_mm[i]);
+            if (clearance - growth).abs() > 2e-4 {
+                let inaccessible = found.answers[i] == SiteAnswer::Inaccessible;
+                assert_eq!(inaccessible, clearance < growth, "{i} {clearance} {growth}");
+            }
+        }
+    }
+    let bad = SurfaceOptions { clearance_limit_mm: Some(0.0), ..exactly(0.01) };
+    assert!(
+        TriangleObstacles::new(&mesh, &[]).unwrap().label(&floor, &cutter, &up(), &bad).is_err()
+    );
+}
+
+#[test]
+fn the_search_in_space_proves_nothing_that_is_open() {
+    let mesh = slotted(4.0, 12.0);
+    let points: Vec<Vec3> = (0..60)
+        .map(|k| {
+            let k = k as f32;
+            Vec3::new(-6.0 + 0.2 * k, 0.1 * k - 3.0, 3.0 + 0.35 * k)
+        })
+        .collect();
+    let queries = crate::access::Queries::Volume(&points);
+    let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
+    let refined =
+        SurfaceOptions { refinement: Some(super::RefinementOptions::proving()), ..exactly(0.01) };
+    for cutter in [ball([1.0, 10.0, 5.0, 10.0]), bull([1.5, 6.0, 10.0, 5.0], 0.5)] {
+        let found = obstacles.label(queries, &cutter, &hemisphere(60), &refined).unwrap();
+        let uniform = obstacles.label(queries, &cutter, &hemisphere(3000), &exactly(0.01)).unwrap();
+        for (i, point) in points.iter().enumerate() {
+            let (one, many) = (found.answers[i], uniform.answers[i]);
+            assert!(many != SiteAnswer::Accessible || one == many, "{point} {one:?}");
+            let proven = one == SiteAnswer::Inaccessible && found.open_directions[i] == 0.0;
+            assert!(!proven || uniform.collision_free_directions[i] == 0, "{point}");
+        }
     }
 }

@@ -25,6 +25,24 @@ pub(super) enum Tip {
     Flat { height: f64, radius: f64 },
 }
 
+impl Tip {
+    /// All its surface moved outward, mm.
+    pub fn grown(self, by: f64) -> Self {
+        match self {
+            Tip::Round { ring, radius } => Tip::Round { ring, radius: radius + by },
+            Tip::Flat { height, radius } => Tip::Flat { height: height - by, radius: radius + by },
+        }
+    }
+
+    /// Height and radius of the cylinder without an upper end that the tip continues as.
+    pub fn shaft(self) -> [f64; 2] {
+        match self {
+            Tip::Round { ring, radius } => [0.0, ring + radius],
+            Tip::Flat { height, radius } => [height, radius],
+        }
+    }
+}
+
 impl Outline {
     pub fn new(cutter: &Cutter) -> Self {
         Outline {

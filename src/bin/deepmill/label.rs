@@ -3,10 +3,11 @@
 use crate::args::{DirectionArgs, SiteArgs, ToolArgs, name_of};
 use crate::clock::Clock;
 use crate::density;
-use crate::mesh_args::MeshArgs;
+use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
-use crate::progress;
+use crate::{progress, volume};
+use deepmill::access::surface::Doubt;
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::cutter::Cutter;
 use deepmill::data::files::tools::Tool;
@@ -34,17 +35,17 @@ use std::path::{Path, PathBuf};
 A tool table: deepmill label part.stl --tools tools.csv --out labels")]
 pub struct Args {
     /// Mesh (STL, OBJ, PLY, 3MF) or cloud of points with normals (PLY, NPZ).
-    part: PathBuf,
+    pub part: PathBuf,
     #[command(flatten)]
-    read: MeshArgs,
+    pub read: MeshArgs,
     #[command(flatten)]
     tools: ToolArgs,
     #[command(flatten)]
     sites: SiteArgs,
     #[command(flatten)]
-    directions: DirectionArgs,
+    pub directions: DirectionArgs,
     #[command(flatten)]
-    surface: SurfaceArgs,
+    pub surface: SurfaceArgs,
     /// What blocks: `part` (its triangles; the default for a mesh), `sites` (the published definition, as data sets and
     /// networks have it), or COUNT: the sites and so many further points of the surface.
     #[arg(long, value_name = "WHAT")]
@@ -55,12 +56,16 @@ pub struct Args {
     /// Share of the sites that are occlusion points.
     #[arg(long, allow_negative_numbers = true, value_name = "SHARE", default_value_t = LabelOptions::default().share)]
     occlusion_share: f64,
+    /// Instead of sites, label the points of a lattice of this step in the part's box (roughing): with the tip at the
+    /// point. Writes volume.npz and volume.png, a section.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "obstacles")]
+    pub volume: Option<f64>,
     /// Folder of the results.
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    pub out: PathBuf,
     /// Draw no picture.
     #[arg(long)]
-    no_picture: bool,
+    pub no_picture: bool,
     /// Label a mesh that does not bound one solid; the answer may mean nothing.
     #[arg(long)]
     force: bool,
@@ -74,14 +79,22 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
-    let part = args.read.read_part(&args.part, args.force, output)?;
+    let accept = match args.obstacles.as_deref() {
+        _ if args.force => Accept::Faults,
+        None | Some("part") => Accept::Bodies,
+        Some(_) => Accept::OneBody,
+    };
+    let part = args.read.read_part(&args.part, accept, output)?;
     clock.lap("read_s", "reading");
+    if let Some(step_mm) = args.volume {
+        return volume::run(args, step_mm, (part, tools), clock, output);
+    }
     let (mesh, sites) = args.sites.place(part)?;
     let blocking = Blocking::read(args.obstacles.as_deref(), mesh.is_some(), output)?;
     let more = further_obstacles(args, blocking, mesh.as_ref())?;
     clock.lap("sites_s", "sites");
     let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
-    let labels = match (blocking, &mesh) {
+    let (labels, doubts) = match (blocking, &mesh) {
         (Blocking::Part, Some(mesh)) => {
             let part = (mesh, &args.read, output);
             args.surface.label(part, &sites, &cutters, &directions, args.occlusion_share)?
@@ -92,7 +105,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
                 Some(sites) => Obstacles::QueriesAnd(&sites.points),
                 None => Obstacles::Queries,
             };
-            access::label_many(&sites, obstacles, &cutters, &directions, &options)?
+            let labels = access::label_many(&sites, obstacles, &cutters, &directions, &options)?;
+            (labels, vec![Vec::new(); cutters.len()])
         }
     };
     clock.lap("labels_s", "labels");
@@ -102,7 +116,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         args.tools.are_several().then(|| Coverage::of(&tools, &labels, directions.len()));
     let mut facts = answers.facts(&labels, coverage.as_ref());
     let single = coverage.is_none().then(|| labels[0].clone());
-    let paths = answers.write(labels, coverage.as_ref())?;
+    let paths = answers.write(labels, &doubts, coverage.as_ref())?;
     clock.lap("write_s", "writing and drawing");
 
     let warning = match blocking {
@@ -114,7 +128,14 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut result = facts.json();
     if let (Blocking::Part, Some(labels), Some(mesh)) = (blocking, &single, &answers.mesh) {
         result["faces"] = part_itself::say_blocking(mesh, &answers.sites, labels, output);
+        result["bodies"] = part_itself::say_bodies(mesh, &answers.sites, labels, output)?;
     }
+    let named = |tool: &'_ Tool| coverage.as_ref().map(|_| tool.name.clone());
+    let doubts = tools
+        .iter()
+        .zip(&doubts)
+        .map(|(tool, doubts)| part_itself::warn_doubts(doubts, named(tool).as_deref(), output));
+    result["doubts"] = doubts.collect();
     if let Some(warning) = warning {
         output.warn(format!("{warning}: raise --sites, or add --obstacles"));
     }
@@ -187,17 +208,22 @@ impl Answers<'_> {
         spacing.and_then(|spacing| density::add_advice(facts, &spacing, which, smallest))
     }
 
-    fn write(&self, labels: Vec<Labels>, coverage: Option<&Coverage>) -> Result<Vec<PathBuf>> {
+    fn write(
+        &self,
+        labels: Vec<Labels>,
+        doubts: &[Vec<Doubt>],
+        coverage: Option<&Coverage>,
+    ) -> Result<Vec<PathBuf>> {
         let Answers { args, tools, mesh, sites, .. } = self;
         let show = if args.no_picture { Show::Points } else { Show::Pictures };
         let mut paths = Vec::new();
         let progress = progress::bar(tools.len() as u64, "tools");
-        for (tool, labels) in tools.iter().zip(labels) {
+        for ((tool, labels), doubts) in tools.iter().zip(labels).zip(doubts) {
             let folder = match coverage {
                 None => args.out.clone(),
                 Some(_) => args.out.join(&tool.name),
             };
-            paths.extend(self.write_one(&folder, tool, labels, show)?);
+            paths.extend(self.write_one(&folder, (tool, doubts), labels, show)?);
             progress.inc(1);
         }
         progress.finish_and_clear();
@@ -216,16 +242,19 @@ impl Answers<'_> {
     fn write_one(
         &self,
         folder: &Path,
-        tool: &Tool,
+        (tool, doubts): (&Tool, &[Doubt]),
         labels: Labels,
         show: Show,
     ) -> Result<Vec<PathBuf>> {
-        let file =
-            LabelFile { provenance: self.provenance(tool), sites: self.sites.clone(), labels };
+        let file = LabelFile {
+            provenance: self.provenance(tool, doubts),
+            sites: self.sites.clone(),
+            labels,
+        };
         folder::write_labels(folder, &file, self.mesh.as_ref(), show)
     }
 
-    fn provenance(&self, tool: &Tool) -> Provenance {
+    fn provenance(&self, tool: &Tool, doubts: &[Doubt]) -> Provenance {
         let Answers { args, directions, .. } = self;
         let settings = json!({
             "sites": args.sites.settings(self.mesh.is_some()),
@@ -235,6 +264,7 @@ impl Answers<'_> {
             "definition": self.blocking.words(),
             "obstacles": args.obstacles,
             "part_itself": (self.blocking == Blocking::Part).then(|| args.surface.settings()),
+            "doubts": part_itself::doubts_json(doubts),
             "occlusion_share": args.occlusion_share,
             "engine": args.engine,
         });

@@ -21,6 +21,7 @@ mod progress;
 mod report;
 mod sample;
 mod train;
+mod volume;
 mod weights;
 
 use clap::{Parser, Subcommand};

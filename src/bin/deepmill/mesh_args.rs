@@ -9,6 +9,24 @@ use deepmill::{Error, Result};
 use glam::DVec3;
 use std::path::Path;
 
+/// Which meshes are labeled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Accept {
+    /// Those that bound one solid.
+    OneBody,
+    /// Those that bound several solids too.
+    Bodies,
+    /// All, with a warning.
+    Faults,
+}
+
+impl Accept {
+    /// [`Accept::Faults`] if forced.
+    pub fn one_body_or(force: bool) -> Self {
+        if force { Accept::Faults } else { Accept::OneBody }
+    }
+}
+
 /// Options that say how a mesh file is read.
 #[derive(clap::Args)]
 pub struct MeshArgs {
@@ -35,20 +53,20 @@ impl MeshArgs {
     }
 
     /// Reads a mesh or a cloud to be labeled, says its size, and applies the chosen repairs; an
-    /// inward-facing mesh is turned with a notice. A mesh that does not bound one solid is refused,
-    /// or with `accept_faults` warned about.
-    pub fn read_part(
-        &self,
-        path: &Path,
-        accept_faults: bool,
-        output: &Output,
-    ) -> Result<MeshOrCloud> {
+    /// inward-facing mesh is turned with a notice. A mesh that does not bound one solid, or with
+    /// [`Accept::Bodies`] several, is refused, or with [`Accept::Faults`] warned about.
+    pub fn read_part(&self, path: &Path, accept: Accept, output: &Output) -> Result<MeshOrCloud> {
         let mut part = formats::read_part(path, &self.options())?;
         match &mut part {
             MeshOrCloud::Mesh(mesh) => {
                 self.prepare(mesh, output)?;
-                match self.require_labelable(&check::check(mesh)) {
-                    Err(fault) if accept_faults => output.warn(fault),
+                let report = check::check(mesh);
+                let blocking = match accept {
+                    Accept::Bodies => report.blocking_bodies(),
+                    Accept::OneBody | Accept::Faults => report.blocking(),
+                };
+                match self.require(blocking) {
+                    Err(fault) if accept == Accept::Faults => output.warn(fault),
                     verdict => verdict?,
                 }
             }
@@ -70,7 +88,11 @@ impl MeshArgs {
 
     /// As [`Report::require_labelable`]; does not propose a repair that was made.
     pub fn require_labelable(&self, report: &MeshReport) -> Result<()> {
-        match report.blocking() {
+        self.require(report.blocking())
+    }
+
+    fn require(&self, blocking: Option<&check::Finding>) -> Result<()> {
+        match blocking {
             None => Ok(()),
             Some(finding) => Err(Error::geometry(
                 finding.places[0].to_string(),

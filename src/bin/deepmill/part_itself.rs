@@ -4,17 +4,17 @@ use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::access::Labels;
 use deepmill::access::surface::{
-    ContactTolerance, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions, TriangleObstacles,
-    blocking_faces,
+    ContactTolerance, Doubt, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions,
+    TriangleObstacles, blocking_faces,
 };
 use deepmill::cutter::Cutter;
 use deepmill::directions::Directions;
-use deepmill::geom::{Mesh, Sites};
+use deepmill::geom::{Mesh, Sites, check};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result};
 use glam::{DVec3, dvec3};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,9 +70,13 @@ pub struct SurfaceArgs {
     /// Height of a table that blocks too.
     #[arg(long, value_name = "Z", allow_hyphen_values = true)]
     table: Option<f64>,
-    /// Most cells of directions to search for a site that no direction of the set reaches; 0: none.
-    #[arg(long, value_name = "COUNT", default_value_t = RefinementOptions::default().n_tests)]
+    /// How wide to search between the directions for sites that none of them reaches: most cells of directions that are
+    /// cut in four at every level; 0: no search.
+    #[arg(long, value_name = "COUNT", default_value_t = RefinementOptions::default().n_kept)]
     search: usize,
+    /// Search far longer, for proofs that no direction at all reaches the sites that are left.
+    #[arg(long)]
+    prove: bool,
 }
 
 impl SurfaceArgs {
@@ -83,6 +87,49 @@ impl SurfaceArgs {
         }
     }
 
+    /// The triangles of the part, its fixtures and the table.
+    pub fn obstacles(
+        &self,
+        mesh: &Mesh,
+        read: &MeshArgs,
+        output: &Output,
+    ) -> Result<TriangleObstacles> {
+        let mut fixtures = Vec::new();
+        for path in &self.fixture {
+            let (fixture, _) = read.read_mesh(path, output)?;
+            check_fixture(path, &fixture)?;
+            fixtures.push(fixture);
+        }
+        if let Some(z) = self.table {
+            fixtures.push(table(mesh, z)?);
+            let (low, high) = mesh.bounds().unwrap_or_default();
+            if z > low.z {
+                output.warn(format!(
+                    "the table at z = {z} mm is not below the part, which reaches from {:.3} to {:.3} mm",
+                    low.z, high.z
+                ));
+            }
+        }
+        TriangleObstacles::new(mesh, &fixtures)
+    }
+
+    /// The options that these arguments make.
+    pub fn options(&self, share: f64) -> SurfaceOptions {
+        let search = match self.prove {
+            true => RefinementOptions::proving(),
+            false => RefinementOptions { n_kept: self.search, ..RefinementOptions::default() },
+        };
+        SurfaceOptions {
+            tolerance: self
+                .tolerance
+                .map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters),
+            share,
+            refinement: (self.search > 0).then_some(search),
+            ..SurfaceOptions::default()
+        }
+    }
+
+    /// Labels for every cutter, and what makes them doubtful.
     pub fn label(
         &self,
         part: (&Mesh, &MeshArgs, &Output),
@@ -90,25 +137,17 @@ impl SurfaceArgs {
         cutters: &[Cutter],
         directions: &Directions,
         share: f64,
-    ) -> Result<Vec<Labels>> {
+    ) -> Result<(Vec<Labels>, Vec<Vec<Doubt>>)> {
         let (mesh, read, output) = part;
-        let mut fixtures = Vec::new();
-        for path in &self.fixture {
-            fixtures.push(read.read_mesh(path, output)?.0);
-        }
-        fixtures.extend(self.table.map(|z| table(mesh, z)));
-        let obstacles = TriangleObstacles::new(mesh, &fixtures)?;
-        let search = RefinementOptions { n_tests: self.search, ..RefinementOptions::default() };
-        let options = SurfaceOptions {
-            tolerance: self
-                .tolerance
-                .map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters),
-            share,
-            refinement: (self.search > 0).then_some(search),
-            ..SurfaceOptions::default()
+        let obstacles = self.obstacles(mesh, read, output)?;
+        let options = self.options(share);
+        let label = |cutter| {
+            let labels = obstacles.label_sites(sites, cutter, directions, &options)?;
+            let surface = labels.surface.as_ref().expect("labels about the part itself");
+            let doubts = obstacles.doubts(mesh, sites, cutter, surface)?;
+            Ok((labels, doubts))
         };
-        let label = |cutter| obstacles.label_sites(sites, cutter, directions, &options);
-        cutters.iter().map(label).collect()
+        Ok(cutters.iter().map(label).collect::<Result<Vec<_>>>()?.into_iter().unzip())
     }
 
     /// What a label file says of these options.
@@ -119,18 +158,82 @@ impl SurfaceArgs {
             "fixtures": fixtures,
             "table_z_mm": self.table,
             "search": self.search,
+            "prove": self.prove,
         })
     }
 }
 
+/// A fixture that can block.
+fn check_fixture(path: &Path, mesh: &Mesh) -> Result<()> {
+    let usable = |v: &DVec3| v.is_finite() && v.abs().max_element() <= MAX_COORDINATE_MM;
+    let Some(k) = mesh.vertices.iter().position(|v| !usable(v)) else { return Ok(()) };
+    let found = format!("position {}", mesh.vertices[k]);
+    let remedy =
+        "coordinates of a fixture must be finite and within 1 km; check the file and --unit";
+    Err(Error::file(path, format!("vertex {k}"), found, remedy))
+}
+
 /// A square at a height, far wider than the part.
-fn table(part: &Mesh, z: f64) -> Mesh {
+fn table(part: &Mesh, z: f64) -> Result<Mesh> {
+    if !z.is_finite() || z.abs() > MAX_COORDINATE_MM {
+        let remedy = "give the height of its surface in the part's coordinates";
+        return Err(Error::argument("--table", z, "a height in mm within 1 km", remedy));
+    }
     let (low, high) = part.bounds().unwrap_or_default();
     let half = 2.0 * (high - low).length() + 500.0;
     let middle = 0.5 * (low + high);
     let corner = |x: f64, y: f64| DVec3::new(middle.x, middle.y, z) + dvec3(x, y, 0.0) * half;
     let vertices = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
-    Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] }
+    Ok(Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] })
+}
+
+/// Coordinates beyond this are refused.
+const MAX_COORDINATE_MM: f64 = 1e6;
+
+/// Says what makes the answers doubtful; as JSON for the result.
+pub fn warn_doubts(doubts: &[Doubt], tool: Option<&str>, output: &Output) -> Value {
+    let of = tool.map_or(String::new(), |tool| format!("{tool}: "));
+    doubts.iter().for_each(|doubt| output.warn(format!("{of}{doubt}")));
+    doubts_json(doubts)
+}
+
+/// Doubts with their numbers and words.
+pub fn doubts_json(doubts: &[Doubt]) -> Value {
+    let with_words = |doubt: &Doubt| {
+        let mut value = json!(doubt);
+        value["words"] = json!(doubt.to_string());
+        value
+    };
+    doubts.iter().map(with_words).collect()
+}
+
+/// If the part consists of several bodies: what is answered about each, said and as JSON.
+pub fn say_bodies(mesh: &Mesh, sites: &Sites, labels: &Labels, output: &Output) -> Result<Value> {
+    let bodies = check::bodies(mesh)?;
+    let n_bodies = bodies.iter().max().map_or(0, |last| *last as usize + 1);
+    let Some(surface) = labels.surface.as_ref().filter(|_| n_bodies > 1) else {
+        return Ok(Value::Null);
+    };
+    let mut counts = vec![[0usize; 3]; n_bodies];
+    for (&face, answer) in sites.faces.iter().zip(&surface.answers) {
+        let [n, inaccessible, tip] = &mut counts[bodies[face as usize] as usize];
+        *n += 1;
+        *inaccessible += usize::from(*answer == SiteAnswer::Inaccessible);
+        *tip += usize::from(*answer == SiteAnswer::TipDoesNotFit);
+    }
+    output.say(format!("{n_bodies} bodies, each labeled against all"));
+    let of = |(k, [n, inaccessible, tip]): (usize, &[usize; 3])| {
+        let share = |count: usize| count as f64 / (*n).max(1) as f64;
+        let [inaccessible, tip] = [share(*inaccessible), share(*tip)];
+        output.say(format!(
+            "  body {}: {n} sites, {:.1} % inaccessible, tip does not fit at {:.1} %",
+            k + 1,
+            100.0 * inaccessible,
+            100.0 * tip
+        ));
+        json!({ "n_sites": n, "inaccessible": inaccessible, "tip_does_not_fit": tip })
+    };
+    Ok(counts.iter().enumerate().map(of).collect())
 }
 
 /// Adds what only the part itself answers.
@@ -151,6 +254,8 @@ pub fn add_facts(facts: &mut Facts, labels: &Labels) {
     facts.add("tolerance_mm", "contact tolerance, at most, mm", Cell::Given(greatest));
     let raised = surface.tolerance_mm.iter().filter(|t| **t > LEAST_MM).count();
     facts.add("tolerance_raised", "tolerance above 0.01 mm", share(raised));
+    let on_edge = Cell::Share(surface.stats.knife_edge as f64 / n);
+    facts.add("knife_edge", "answers that rest on roundings, at most", on_edge);
 }
 
 /// Says which faces are most in the way; as JSON for the result.

@@ -2,7 +2,7 @@
 
 use crate::args::{CutterArgs, SiteArgs, name_of};
 use crate::clock::Clock;
-use crate::mesh_args::MeshArgs;
+use crate::mesh_args::{Accept, MeshArgs};
 use crate::model_args::ModelArgs;
 use crate::output::Output;
 use deepmill::data::files::{PredictionFile, Provenance};
@@ -54,7 +54,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     atomic_file::check_writable_folder(&args.out)?;
     let (model, model_name) = args.model.read()?;
     let mut clock = Clock::start();
-    let part = args.read.read_part(&args.part, args.force, output)?;
+    let part = args.read.read_part(&args.part, Accept::one_body_or(args.force), output)?;
     clock.lap("read_s", "reading");
     let (mesh, sites) = args.sites.place(part)?;
     clock.lap("sites_s", "sites");

@@ -3,7 +3,7 @@
 use crate::args::{SiteArgs, name_of};
 use crate::clock::Clock;
 use crate::density;
-use crate::mesh_args::MeshArgs;
+use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use deepmill::data::npz::NpzWriter;
 use deepmill::geom::cells::VoronoiCells;
@@ -53,7 +53,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let npz = is_npz(args)?;
     atomic_file::check_writable_file(&args.out)?;
     let mut clock = Clock::start();
-    let part = args.read.read_part(&args.part, args.force, output)?;
+    let part = args.read.read_part(&args.part, Accept::one_body_or(args.force), output)?;
     clock.lap("read_s", "reading");
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(name_of(&args.part)));

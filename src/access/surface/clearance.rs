@@ -1,0 +1,73 @@
+//! Signed clearance against triangles: how far the steps may grow before a site becomes inaccessible.
+//!
+//! Growing the steps by `c` is shrinking them by `τ − c`, so one tool after the other is asked about. In one direction
+//! the greatest `c` at which no step penetrates is found by bisection; a direction that is not clear at the best `c` so far
+//! is left after one tool.
+
+use super::labels::CLEARANCE_STEP_MM;
+use super::problem::Problem;
+use super::query::{Probe, Scratch};
+use super::tool::{Stand, axes};
+use super::verdict::Verdict;
+use crate::directions::Directions;
+use crate::par;
+use glam::Vec3;
+
+/// Queries per task.
+const BLOCK: usize = 64;
+
+impl Problem<'_> {
+    /// Clearance of every query within ±`limit`, over `directions` and its witness. The sign is that of the answer.
+    pub fn clearance(
+        &self,
+        directions: &Directions,
+        witness: &[Option<Vec3>],
+        inaccessible: &[bool],
+        limit: f64,
+    ) -> Vec<f32> {
+        let blocks = par::map_blocks(self.contacts.len(), BLOCK, |range| {
+            let mut scratch = Scratch::default();
+            let of = |i: usize| {
+                let mut best = -limit;
+                for &direction in witness[i].iter().chain(directions.vectors()) {
+                    scratch = Scratch::with_last(std::mem::take(&mut scratch));
+                    best = self.clear_up_to(i, direction, [best, limit], &mut scratch);
+                }
+                let sign = if inaccessible[i] { best.min(0.0) } else { best.max(0.0) };
+                sign as f32
+            };
+            range.map(of).collect::<Vec<_>>()
+        });
+        blocks.into_iter().flatten().collect()
+    }
+
+    /// The greatest growth between `low` and `high` at which no step penetrates; `low` if there is none above it.
+    fn clear_up_to(
+        &self,
+        i: usize,
+        direction: Vec3,
+        [mut low, mut high]: [f64; 2],
+        scratch: &mut Scratch,
+    ) -> f64 {
+        let axes = axes(direction);
+        let reference = self.contacts[i].reference_point(&self.outline, axes[2]);
+        let stand = Stand { reference, axes };
+        let mut clear = |growth: f64| {
+            let shrunk = self.tolerances[i] - growth;
+            let probe = Probe::of_steps(&self.outline, shrunk, self.bvh, self.reach);
+            probe.verdict(self.bvh, &stand, scratch) != Verdict::Collides
+        };
+        if high - low <= CLEARANCE_STEP_MM || !clear(low + CLEARANCE_STEP_MM) {
+            return low;
+        }
+        if clear(high) {
+            return high;
+        }
+        low += CLEARANCE_STEP_MM;
+        while high - low > CLEARANCE_STEP_MM {
+            let middle = 0.5 * (low + high);
+            if clear(middle) { low = middle } else { high = middle }
+        }
+        low
+    }
+}

@@ -1,0 +1,88 @@
+//! `deepmill label --volume`: where in the space around a part the cutter's tip can be.
+
+use crate::args::name_of;
+use crate::clock::Clock;
+use crate::label::Args;
+use crate::output::Output;
+use deepmill::access::Queries;
+use deepmill::access::surface::SurfaceOptions;
+use deepmill::data::files::Provenance;
+use deepmill::data::files::tools::Tool;
+use deepmill::data::files::volume::{PointAnswer, VolumeFile};
+use deepmill::geom::formats::MeshOrCloud;
+use deepmill::geom::inside::{Lattice, lattice_inside};
+use deepmill::report::section;
+use deepmill::report::tables::{Cell, Facts};
+use deepmill::{Error, Result};
+use glam::Vec3;
+use serde_json::json;
+use std::path::PathBuf;
+
+pub fn run(
+    args: &Args,
+    step_mm: f64,
+    (part, tools): (MeshOrCloud, Vec<Tool>),
+    mut clock: Clock,
+    output: &Output,
+) -> Result<()> {
+    let (MeshOrCloud::Mesh(mesh), [tool]) = (part, &tools[..]) else {
+        let found = format!("{}, {} tools", name_of(&args.part), tools.len());
+        let remedy = "leave out --volume for a cloud, and name one tool at a time";
+        return Err(Error::argument("--volume", found, "a mesh and one tool", remedy));
+    };
+    let directions = args.directions.directions()?;
+    let (low, high) = mesh.bounds().unwrap_or_default();
+    let lattice = Lattice::covering(low, high, step_mm)?;
+    let inside = lattice_inside(&mesh, &lattice)?;
+    let outside = (0..lattice.len()).filter(|&n| !inside[n]);
+    let points: Vec<Vec3> = outside.map(|n| lattice.point(n).as_vec3()).collect();
+    clock.lap("points_s", "points");
+    let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
+    let options = SurfaceOptions { occlusion: false, ..args.surface.options(1.0) };
+    let labels = obstacles.label(Queries::Volume(&points), &tool.cutter, &directions, &options)?;
+    clock.lap("labels_s", "labels");
+
+    let settings = json!({
+        "tool": tool.settings(),
+        "directions": directions.set(),
+        "n_directions": labels.n_directions,
+        "definition": "the part itself, in space",
+        "part_itself": args.surface.settings(),
+    });
+    let provenance =
+        Provenance { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings };
+    let file = VolumeFile::new(provenance, lattice, &inside, &labels)?;
+    let paths = write(args, &file)?;
+    clock.lap("write_s", "writing and drawing");
+
+    let mut facts = Facts::new();
+    facts.add("part", "part", Cell::text(name_of(&args.part)));
+    facts.add("definition", "definition", Cell::text("the part itself, in space"));
+    facts.add("cutter", "cutter", Cell::text(tool.words()));
+    facts.add("n_points", "points outside the part", Cell::count(points.len()));
+    facts.add("step_mm", "step", Cell::Given(step_mm));
+    facts.add("n_directions", "directions", Cell::count(labels.n_directions));
+    for (key, answer) in [
+        ("accessible", PointAnswer::Accessible),
+        ("inaccessible", PointAnswer::Inaccessible),
+        ("tip_does_not_fit", PointAnswer::TipDoesNotFit),
+    ] {
+        facts.add(key, answer.words(), Cell::Share(file.share(answer)));
+    }
+    clock.add_to(&mut facts);
+    output.say(facts.text());
+    output.files(&paths);
+    output.result_with_files(facts.json(), &paths);
+    Ok(())
+}
+
+fn write(args: &Args, file: &VolumeFile) -> Result<Vec<PathBuf>> {
+    let mut paths = vec![args.out.join("volume.npz")];
+    file.write(&paths[0])?;
+    if !args.no_picture {
+        let path = args.out.join("volume.png");
+        section::draw(file, section::most_mixed_layer(file)).write_png(&path)?;
+        paths.push(path);
+    }
+    Ok(paths)
+}

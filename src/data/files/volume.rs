@@ -1,0 +1,234 @@
+//! Answers for the points of a lattice around a part.
+
+use super::super::npz::{NpzReader, NpzWriter};
+use super::Provenance;
+use crate::access::surface::{SiteAnswer, SurfaceLabels};
+use crate::geom::inside::Lattice;
+use crate::{Error, Result};
+use glam::{DVec3, Vec3};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// What a point of space is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum PointAnswer {
+    /// The tip can be here.
+    Accessible = 0,
+    /// In every direction the shank, holder or spindle penetrates the part.
+    Inaccessible = 1,
+    /// In some direction only the tip does.
+    TipDoesNotFit = 2,
+    /// The point is inside the part.
+    Inside = 3,
+}
+
+impl PointAnswer {
+    /// All, in the order of their numbers.
+    pub const ALL: [PointAnswer; 4] = [
+        PointAnswer::Accessible,
+        PointAnswer::Inaccessible,
+        PointAnswer::TipDoesNotFit,
+        PointAnswer::Inside,
+    ];
+
+    /// Its name in legends.
+    pub fn words(self) -> &'static str {
+        ["accessible", "inaccessible", "tip does not fit", "the part"][self as usize]
+    }
+}
+
+impl From<SiteAnswer> for PointAnswer {
+    fn from(answer: SiteAnswer) -> Self {
+        match answer {
+            SiteAnswer::Accessible => PointAnswer::Accessible,
+            SiteAnswer::Inaccessible => PointAnswer::Inaccessible,
+            SiteAnswer::TipDoesNotFit => PointAnswer::TipDoesNotFit,
+        }
+    }
+}
+
+/// The answers about the space around one part, for one cutter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VolumeFile {
+    /// Part, cutter and settings.
+    pub provenance: Provenance,
+    /// Where the points are.
+    pub lattice: Lattice,
+    /// Per point of the lattice, in its order.
+    pub answers: Vec<PointAnswer>,
+    /// Directions of the set in which no step penetrates the part; 0 inside.
+    pub collision_free_directions: Vec<u32>,
+    /// Of these, those in which the tip fits too.
+    pub accessible_directions: Vec<u32>,
+    /// A direction in which the tip can be there.
+    pub witness: Vec<Option<Vec3>>,
+}
+
+impl VolumeFile {
+    const FORMAT: &str = "deepmill volume labels";
+
+    /// From labels of the points that are not `inside`, in their order.
+    ///
+    /// # Errors
+    /// If there are not as many labels as points outside.
+    pub fn new(
+        provenance: Provenance,
+        lattice: Lattice,
+        inside: &[bool],
+        labels: &SurfaceLabels,
+    ) -> Result<Self> {
+        let n_outside = inside.iter().filter(|inside| !**inside).count();
+        let counts = [
+            labels.answers.len(),
+            labels.witness.len(),
+            labels.collision_free_directions.len(),
+            labels.accessible_directions.len(),
+        ];
+        if inside.len() != lattice.len() || counts != [n_outside; 4] {
+            let found = format!("{counts:?} answers, {} points", inside.len());
+            let expected = format!("{n_outside} answers, {} points", lattice.len());
+            let remedy = "label the points outside the part, with counts";
+            return Err(Error::argument("labels of the volume", found, expected, remedy));
+        }
+        let mut file = VolumeFile {
+            provenance,
+            lattice,
+            answers: vec![PointAnswer::Inside; inside.len()],
+            collision_free_directions: vec![0; inside.len()],
+            accessible_directions: vec![0; inside.len()],
+            witness: vec![None; inside.len()],
+        };
+        for (k, n) in (0..inside.len()).filter(|&n| !inside[n]).enumerate() {
+            file.answers[n] = labels.answers[k].into();
+            file.collision_free_directions[n] = labels.collision_free_directions[k];
+            file.accessible_directions[n] = labels.accessible_directions[k];
+            file.witness[n] = labels.witness[k];
+        }
+        Ok(file)
+    }
+
+    /// Share of the points outside the part with this answer; 0 if there are none.
+    pub fn share(&self, answer: PointAnswer) -> f64 {
+        let count = |counts: &dyn Fn(PointAnswer) -> bool| {
+            self.answers.iter().filter(|other| counts(**other)).count() as f64
+        };
+        count(&|other| other == answer) / count(&|other| other != PointAnswer::Inside).max(1.0)
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// If the system refuses it.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let n = [self.lattice.len()];
+        let counts = self.lattice.counts.map(|count| count as u64);
+        let numbers: Vec<u8> = self.answers.iter().map(|answer| *answer as u8).collect();
+        let witness = self.witness.iter().flat_map(|w| w.unwrap_or(Vec3::ZERO).to_array());
+        let mut npz = NpzWriter::new();
+        npz.array("origin", &[3], &self.lattice.origin.to_array())
+            .array("step", &[1], &[self.lattice.step_mm])
+            .array("counts", &[3], &counts)
+            .array("cutter", &[4], &self.provenance.cutter.to_array())
+            .array("answer", &n, &numbers)
+            .array("collision_free_directions", &n, &self.collision_free_directions)
+            .array("accessible_directions", &n, &self.accessible_directions)
+            .array("witness_direction", &[n[0], 3], &witness.collect::<Vec<f32>>())
+            .metadata(&self.provenance.metadata(Self::FORMAT, meaning()));
+        npz.write(path)
+    }
+
+    /// Reads a file that [`VolumeFile::write`] has written.
+    ///
+    /// # Errors
+    /// If it is no such file, or an array is missing, of the wrong length or out of range.
+    pub fn read(path: &Path) -> Result<Self> {
+        let mut npz = NpzReader::open(path)?;
+        let provenance = Provenance::read(path, &mut npz, Self::FORMAT)?;
+        let remedy = "name a file that this version of deepmill has written";
+        let bad = |array: &str, found: String| Error::file(path, array, found, remedy);
+        let (origin, step) = (npz.f64s("origin", 1)?, npz.f64s("step", 1)?);
+        let (&[x, y, z], &[step_mm]) = (&origin[..], &step[..]) else {
+            return Err(bad("origin", format!("{} and {} numbers", origin.len(), step.len())));
+        };
+        let counts = npz.counts::<usize>("counts")?;
+        let &[nx, ny, nz] = &counts[..] else {
+            return Err(bad("counts", format!("{} numbers, expected three", counts.len())));
+        };
+        let lattice = Lattice { origin: DVec3::new(x, y, z), step_mm, counts: [nx, ny, nz] };
+        let answers = npz.counts::<u8>("answer")?.into_iter().map(|number| {
+            let answer = PointAnswer::ALL.get(usize::from(number)).copied();
+            answer.ok_or_else(|| bad("answer", format!("the number {number}")))
+        });
+        let witness = npz.f32s("witness_direction", 3)?;
+        let direction = |w: &[f32]| Some(Vec3::from_slice(w)).filter(|d| *d != Vec3::ZERO);
+        let file = VolumeFile {
+            answers: answers.collect::<Result<_>>()?,
+            collision_free_directions: npz.counts("collision_free_directions")?,
+            accessible_directions: npz.counts("accessible_directions")?,
+            witness: witness.chunks_exact(3).map(direction).collect(),
+            provenance,
+            lattice,
+        };
+        let n = [nx, ny, nz].into_iter().try_fold(1, usize::checked_mul).unwrap_or(usize::MAX);
+        for (array, len) in [
+            ("answer", file.answers.len()),
+            ("collision_free_directions", file.collision_free_directions.len()),
+            ("accessible_directions", file.accessible_directions.len()),
+            ("witness_direction", file.witness.len()),
+        ] {
+            if len != n {
+                return Err(bad(array, format!("{len} entries for {n} points")));
+            }
+        }
+        Ok(file)
+    }
+}
+
+fn meaning() -> Value {
+    json!({
+        "definition": "the part itself: its triangles are the obstacles, the tool is shrunk by the tolerance; its tip is at the point",
+        "points": "origin + step · (i, j, k) with i fastest: reshape arrays to counts[2], counts[1], counts[0] for the axes z, y, x",
+        "answer": "0 accessible, 1 inaccessible: in every direction the shank, holder or spindle penetrates the part, \
+                   2 the tip does not fit, 3 inside the part",
+        "collision_free_directions": "number of the directions tested in which no shank, holder or spindle penetrates the part",
+        "accessible_directions": "number of these in which the tip fits too",
+        "witness_direction": "unit vector from tip to spindle in which the tip may be there, 0 0 0 if there is none",
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cutter::CutterParams;
+
+    #[test]
+    fn what_is_written_is_read() {
+        let lattice = Lattice::covering(DVec3::ZERO, DVec3::new(2.0, 1.0, 3.0), 1.0).unwrap();
+        let inside = [false, true, false, false, true, false];
+        let labels = SurfaceLabels {
+            answers: vec![
+                SiteAnswer::Accessible,
+                SiteAnswer::Inaccessible,
+                SiteAnswer::TipDoesNotFit,
+                SiteAnswer::Accessible,
+            ],
+            witness: vec![Some(Vec3::Z), None, None, Some(Vec3::X)],
+            collision_free_directions: vec![3, 0, 2, 1],
+            accessible_directions: vec![3, 0, 0, 1],
+            ..SurfaceLabels::default()
+        };
+        let cutter = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
+        let provenance = Provenance::ball_end("a part", cutter, json!({}));
+        let file = VolumeFile::new(provenance.clone(), lattice, &inside, &labels).unwrap();
+        assert_eq!(file.answers[4], PointAnswer::Inside);
+        assert_eq!(file.answers[3], PointAnswer::TipDoesNotFit);
+        assert_eq!(file.share(PointAnswer::Accessible), 0.5);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("volume.npz");
+        file.write(&path).unwrap();
+        assert_eq!(VolumeFile::read(&path).unwrap(), file);
+        let short = SurfaceLabels { witness: vec![], ..labels };
+        assert!(VolumeFile::new(provenance, lattice, &inside, &short).is_err());
+    }
+}
