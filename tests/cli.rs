@@ -31,7 +31,6 @@ fn bad_files_fail_with_code_1_and_say_where_and_what_to_do() {
         ("infinite.stl", edited(96, &f32::INFINITY.to_le_bytes()), "inf"),
         ("index.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n".to_vec(), "line 4"),
         ("open.stl", stl(&block([0.0; 3], [9.0; 3])[1..]), "edge"),
-        ("two.stl", stl(&two), "component"),
         ("normals.ply", cloud.into(), "normal"),
         ("garbage.npz", b"garbage".to_vec(), "garbage.npz"),
         ("drawing.step", b"ISO-10303-21;".to_vec(), "STL"),
@@ -43,6 +42,10 @@ fn bad_files_fail_with_code_1_and_say_where_and_what_to_do() {
         assert!(message.contains(expected), "{name}: {message}");
         assert!(!Path::new(&folder.path("out")).exists(), "{name} left files behind");
     }
+    // Several bodies are labeled each against all, but only against triangles.
+    let two = folder.file("two.stl", stl(&two));
+    let message = failure(&folder.label(&two, &["--obstacles", "sites"]), 1);
+    assert!(message.contains("component"), "{message}");
     let missing = failure(&folder.label(&folder.path("nowhere.stl"), &[]), 1);
     assert!(missing.contains("nowhere.stl"), "{missing}");
     failure(&folder.label(&folder.path(""), &[]), 1);

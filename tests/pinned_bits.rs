@@ -49,11 +49,17 @@ fn assert_pinned(name: &str, expected: &str, work: impl Fn() -> Hash + Sync) {
     let chosen = Isa::requested().unwrap();
     for &isa in Isa::available() {
         isa.activate();
-        for n_threads in [1, 3] {
-            let found = hex(par::with_threads(n_threads, &work).unwrap());
-            chosen.activate();
+        // Both at once: a single thread leaves a core idle for as long as emulated arithmetic takes.
+        let run = |n_threads| hex(par::with_threads(n_threads, &work).unwrap());
+        let found = std::thread::scope(|scope| {
+            let three = scope.spawn(|| run(3));
+            [(1, run(1)), (3, three.join().unwrap())]
+        });
+        for (n_threads, found) in found {
+            if found != expected {
+                chosen.activate();
+            }
             assert_eq!(found, expected, "{name}: {}, {n_threads} threads", isa.name());
-            isa.activate();
         }
     }
     chosen.activate();

@@ -5,7 +5,7 @@
 //!
 //! ```
 //! use deepmill::gradcheck::suite::Suite;
-//! for case in Suite::default().cases()?.iter().filter(|case| case.name().starts_with("linear")) {
+//! for case in Suite::default().cases()?.iter().filter(|case| case.name() == "linear") {
 //!     case.check()?.require(1e-7)?;
 //!     assert!(case.fixture().get("grad.linear.weight").is_some());
 //! }
