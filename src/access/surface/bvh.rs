@@ -7,7 +7,7 @@ mod build;
 
 use super::tool::Stand;
 use crate::par;
-use crate::simd::{Isa, Kernel, Simd};
+use crate::simd::{Float32, Isa, Kernel, Mask, Simd, Vector};
 use build::{Item, PARALLEL, build};
 use glam::{DVec3, Vec3};
 
@@ -187,37 +187,39 @@ struct Reached<'a> {
 impl Kernel for Reached<'_> {
     type Output = u32;
 
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) -> u32 {
-        self.node.reached(self.reference, self.axes, self.levels)
-    }
-}
-
-impl Node {
     /// Bit k is set if box k may reach into one of the levels.
     #[inline(always)]
-    fn reached(&self, reference: Vec3, [u, v, d]: &[Vec3; 3], levels: &[Level]) -> u32 {
-        let mut top = [0f32; WIDTH];
-        let mut squared = [0f32; WIDTH];
-        for k in 0..WIDTH {
-            let x = self.middle[0][k] - reference.x;
-            let y = self.middle[1][k] - reference.y;
-            let z = self.middle[2][k] - reference.z;
-            let [hx, hy, hz] = [self.half[0][k], self.half[1][k], self.half[2][k]];
-            let along = |a: &Vec3| x * a.x + y * a.y + z * a.z;
-            let extent = |a: &Vec3| hx * a.x.abs() + hy * a.y.abs() + hz * a.z.abs();
-            top[k] = along(d) + extent(d);
-            let beyond_u = (along(u).abs() - extent(u)).max(0.0);
-            let beyond_v = (along(v).abs() - extent(v)).max(0.0);
-            squared[k] = beyond_u * beyond_u + beyond_v * beyond_v;
-        }
-        let mut reached = [0u32; WIDTH];
-        for level in levels {
-            for k in 0..WIDTH {
-                let within = squared[k] <= level.radius_squared;
-                reached[k] |= u32::from(within & (top[k] > level.height));
+    fn run<S: Simd>(self, simd: S) -> u32 {
+        let Reached { node, reference, axes, levels } = self;
+        let splat = |x: f32| S::F32::splat(simd, x);
+        let zero = splat(0.0);
+        let mut reached = 0;
+        let mut start = 0;
+        while start < WIDTH {
+            let load = |of_boxes: &[f32; WIDTH]| S::F32::load_partial(simd, &of_boxes[start..]);
+            let [x, y, z] = [0, 1, 2].map(|i| load(&node.middle[i]) - splat(reference[i]));
+            let [hx, hy, hz] = [0, 1, 2].map(|i| load(&node.half[i]));
+            let along = |a: Vec3| x * splat(a.x) + y * splat(a.y) + z * splat(a.z);
+            let extent = |a: Vec3| {
+                let a = a.abs();
+                hx * splat(a.x) + hy * splat(a.y) + hz * splat(a.z)
+            };
+            let beyond = |a: Vec3| {
+                let along = along(a);
+                (along.max(zero - along) - extent(a)).max(zero)
+            };
+            let [u, v, d] = *axes;
+            let top = along(d) + extent(d);
+            let (u, v) = (beyond(u), beyond(v));
+            let squared = u * u + v * v;
+            let mut bits = 0;
+            for level in levels {
+                let within = squared.le(splat(level.radius_squared));
+                bits |= within.and(top.gt(splat(level.height))).bits();
             }
+            reached |= bits << start;
+            start += S::F32::LANES;
         }
-        (0..WIDTH).map(|k| reached[k] << k).sum()
+        reached & ((1 << WIDTH) - 1)
     }
 }

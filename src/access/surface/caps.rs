@@ -14,7 +14,7 @@
 // Lanes of several arrays are counted by one index.
 #![allow(clippy::needless_range_loop)]
 
-use crate::simd::{Isa, Kernel, Simd};
+use crate::simd::{Isa, Kernel, Simd, Vector};
 use glam::{DVec3, Vec3};
 
 /// Points that a search keeps.
@@ -139,11 +139,9 @@ struct Place<'a> {
     reference: Vec3,
 }
 
-impl Kernel for Place<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
+impl Place<'_> {
+    /// Once a site, with roots and quotients: compiled for any processor.
+    fn run(self) {
         let Place { caps, blockers, silhouette, reference } = self;
         let n = blockers.n.next_multiple_of(LANES).min(N_POINTS);
         for start in (0..n).step_by(LANES) {
@@ -236,46 +234,37 @@ struct Reach<'a> {
     middles: &'a mut Middles,
     caps: &'a Caps,
     range: std::ops::Range<usize>,
-    /// Cosine and sine of the cells' radius.
-    turn: [f32; 2],
+    /// Cosine beyond which a cap holds a whole cell.
+    threshold: &'a [f32; N_POINTS],
 }
 
 impl Kernel for Reach<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let Reach { middles, caps, range, turn: [cos, sin] } = self;
-        let mut threshold = [NEVER; N_POINTS];
-        for k in range.clone() {
-            let c = caps.cosine[k];
-            let within = c * cos + (1.0 - c * c).max(0.0).sqrt() * sin + ROUNDING;
-            threshold[k] = if c < cos { within } else { NEVER };
-        }
+    fn run<S: Simd>(self, simd: S) {
+        let Reach { middles, caps, range, threshold } = self;
         let [x, y, z] = &middles.axis;
-        let blocks = x.as_chunks::<LANES>().0.iter().zip(y.as_chunks::<LANES>().0);
-        let blocks = blocks.zip(z.as_chunks::<LANES>().0);
-        let results = middles.depth.as_chunks_mut::<LANES>().0.iter_mut();
-        let results = results.zip(middles.closing.as_chunks_mut::<LANES>().0);
+        let blocks = x.chunks_exact(S::F32::LANES).zip(y.chunks_exact(S::F32::LANES));
+        let blocks = blocks.zip(z.chunks_exact(S::F32::LANES));
+        let results = middles.depth.chunks_exact_mut(S::F32::LANES);
+        let results = results.zip(middles.closing.chunks_exact_mut(S::F32::LANES));
+        let load = |from: &[f32]| S::F32::load(simd, from);
+        let splat = |x: f32| S::F32::splat(simd, x);
         for (((x, y), z), (depth, closing)) in blocks.zip(results) {
-            let (mut deepest, mut most) = (*depth, *closing);
+            let [x, y, z] = [x, y, z].map(load);
+            let (mut deepest, mut most) = (load(depth), load(closing));
             for k in range.clone() {
-                let [px, py, pz] = [caps.axis[0][k], caps.axis[1][k], caps.axis[2][k]];
-                let (cosine, scale, threshold) = (caps.cosine[k], caps.scale[k], threshold[k]);
-                for l in 0..LANES {
-                    let s = px * x[l] + py * y[l] + pz * z[l];
-                    deepest[l] = greater((s - cosine) * scale, deepest[l]);
-                    most[l] = greater(s - threshold, most[l]);
-                }
+                let [px, py, pz] = [0, 1, 2].map(|i| splat(caps.axis[i][k]));
+                let s = px * x + py * y + pz * z;
+                let within = (s - splat(caps.cosine[k])) * splat(caps.scale[k]);
+                deepest = within.max(deepest);
+                most = (s - splat(threshold[k])).max(most);
             }
-            (*depth, *closing) = (deepest, most);
+            deepest.store(depth);
+            most.store(closing);
         }
     }
-}
-
-#[inline(always)]
-fn greater(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
 }
 
 /// More than all roundings of a cosine.
@@ -283,14 +272,8 @@ const ROUNDING: f32 = 2e-6;
 
 impl Caps {
     /// The caps of all blockers for a tool at `reference`, relative to the origin of the tree.
-    pub fn place(
-        &mut self,
-        blockers: &Blockers,
-        silhouette: &Silhouette,
-        reference: Vec3,
-        isa: Isa,
-    ) {
-        isa.run(Place { caps: self, blockers, silhouette, reference });
+    pub fn place(&mut self, blockers: &Blockers, silhouette: &Silhouette, reference: Vec3) {
+        Place { caps: self, blockers, silhouette, reference }.run();
     }
 
     /// The cap of one blocker.
@@ -316,7 +299,13 @@ impl Caps {
     /// Takes all caps, or one, into account for cells of this radius.
     pub fn reach(&self, only: Option<usize>, radius: f64, middles: &mut Middles, isa: Isa) {
         let range = only.map_or(0..self.n, |k| k..k + 1);
-        let turn = [libm::cos(radius) as f32, libm::sin(radius) as f32];
-        isa.run(Reach { middles, caps: self, range, turn });
+        let [cos, sin] = [libm::cos(radius) as f32, libm::sin(radius) as f32];
+        let mut threshold = [NEVER; N_POINTS];
+        for k in range.clone() {
+            let c = self.cosine[k];
+            let within = c * cos + (1.0 - c * c).max(0.0).sqrt() * sin + ROUNDING;
+            threshold[k] = if c < cos { within } else { NEVER };
+        }
+        isa.run(Reach { middles, caps: self, range, threshold: &threshold });
     }
 }

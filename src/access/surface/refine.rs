@@ -175,7 +175,7 @@ impl Search<'_, '_> {
     fn place_caps(&mut self) {
         let silhouette = &self.place.tools.silhouettes[usize::from(self.found.collision_free)];
         let Memory { caps, blockers, .. } = &mut self.memory;
-        caps.place(blockers, silhouette, self.reference, self.refinement.isa);
+        caps.place(blockers, silhouette, self.reference);
     }
 
     /// Asks the triangles; a new blocker must be deeper in the tool than `depth`.
