@@ -289,7 +289,7 @@ fn label_asks_the_part_itself_and_says_so() {
 }
 
 #[test]
-fn label_warns_with_numbers_where_an_answer_is_doubtful() {
+fn label_warns_with_numbers_where_an_answer_may_mislead() {
     let folder = Folder::new();
     let part = folder.file("inch.stl", stl(&block([0.0; 3], [2.0, 1.0, 0.5])));
     let out = folder.path("out");
@@ -299,11 +299,11 @@ fn label_warns_with_numbers_where_an_answer_is_doubtful() {
     assert!(warnings.contains("--unit in makes it 50.8 mm"), "{warnings}");
     assert!(warnings.contains("the cutter 3 mm wide"), "{warnings}");
     let result = json(&output);
-    assert_eq!(result["doubts"][0][0]["doubt"], "smaller-than-tool");
-    assert_eq!(result["doubts"][0][0]["longest_mm"], 2.0);
+    assert_eq!(result["warnings"][0][0]["warning"], "smaller-than-tool");
+    assert_eq!(result["warnings"][0][0]["longest_mm"], 2.0);
     assert!(result["knife_edge"].is_number());
     let file = LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap();
-    assert_eq!(file.provenance.settings["doubts"][1]["doubt"], "tiny");
+    assert_eq!(file.provenance.settings["warnings"][1]["warning"], "tiny");
 }
 
 #[test]

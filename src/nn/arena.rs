@@ -1,4 +1,4 @@
-//! Memory of the layers: buffers that are lent, returned when they go out of scope, and lent again.
+//! Memory of the layers: buffers that return to a pool when they go out of scope and are reused.
 //!
 //! Fresh pages for every layer would cost more than the arithmetic in them, so a released buffer stays in its
 //! arena until another layer asks for one of its size. An [`Arena`] is a handle: clones share one pool, from
@@ -39,7 +39,7 @@ pub struct Buffer<T> {
     data: Vec<T>,
     len: usize,
     /// What the arena counts: numbers asked for, and numbers held.
-    lent: usize,
+    requested: usize,
     reserved: usize,
     arena: Option<Arena<T>>,
 }
@@ -48,7 +48,7 @@ impl<T: Copy + Default> Arena<T> {
     /// `n` numbers of any content.
     pub fn get(&self, n: usize) -> Buffer<T> {
         let data = self.pool().take(n);
-        Buffer { len: n, lent: n, reserved: data.len(), data, arena: Some(self.clone()) }
+        Buffer { len: n, requested: n, reserved: data.len(), data, arena: Some(self.clone()) }
     }
 
     /// `n` times the default number, 0.
@@ -67,22 +67,22 @@ impl<T: Copy + Default> Arena<T> {
 }
 
 impl<T> Arena<T> {
-    /// Most bytes that were lent at once since the arena was made or [`Arena::reset_peak`] was called.
+    /// Most bytes in use at once since the arena was made or [`Arena::reset_peak`] was called.
     pub fn peak_bytes(&self) -> usize {
         self.pool().peak * size_of::<T>()
     }
 
-    /// Bytes that the arena holds, lent or not: at most 9/8 of the greatest peak.
+    /// Bytes that the arena holds, in use or not: at most 9/8 of the greatest peak.
     pub fn reserved_bytes(&self) -> usize {
         self.pool().reserved * size_of::<T>()
     }
 
-    /// Bytes that are lent now.
+    /// Bytes in use now.
     pub fn in_use_bytes(&self) -> usize {
         self.pool().in_use * size_of::<T>()
     }
 
-    /// Starts [`Arena::peak_bytes`] again from what is lent now.
+    /// Starts [`Arena::peak_bytes`] again from what is in use now.
     pub fn reset_peak(&self) {
         let mut pool = self.pool();
         pool.peak = pool.in_use;
@@ -133,7 +133,7 @@ impl<T> Buffer<T> {
     /// Takes memory back, the same or other.
     pub(super) fn put_vec(&mut self, data: Vec<T>) {
         self.data = data;
-        self.len = self.lent.min(self.data.len());
+        self.len = self.requested.min(self.data.len());
     }
 }
 
@@ -141,7 +141,7 @@ impl<T> Drop for Buffer<T> {
     fn drop(&mut self) {
         let Some(arena) = self.arena.take() else { return };
         let mut pool = arena.pool();
-        pool.in_use -= self.lent;
+        pool.in_use -= self.requested;
         pool.reserved = pool.reserved + self.data.len() - self.reserved;
         if !self.data.is_empty() {
             pool.free.push(std::mem::take(&mut self.data));
@@ -199,7 +199,7 @@ impl<T: Copy + Default> Clone for Buffer<T> {
 
 impl<T> Default for Buffer<T> {
     fn default() -> Self {
-        Buffer { data: Vec::new(), len: 0, lent: 0, reserved: 0, arena: None }
+        Buffer { data: Vec::new(), len: 0, requested: 0, reserved: 0, arena: None }
     }
 }
 
@@ -214,7 +214,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_released_buffer_is_lent_again_and_never_twice_at_once() {
+    fn a_released_buffer_is_reused_and_never_twice_at_once() {
         let arena = Arena::<f32>::default();
         let first = arena.get(100);
         let place = first.as_ptr();
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn peak_counts_what_is_lent_at_once() {
+    fn peak_counts_what_is_in_use_at_once() {
         let arena = Arena::<u8>::default();
         drop((arena.get(100), arena.get(50)));
         let kept = arena.clone().get(20);
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn buffers_may_be_lent_and_returned_on_any_thread() {
+    fn buffers_may_be_taken_and_returned_on_any_thread() {
         let arena = Arena::<u32>::default();
         std::thread::scope(|scope| {
             for n in 1..5 {

@@ -9,7 +9,7 @@ const COLORS: [Rgb; 4] = [[223, 228, 233], [206, 58, 44], [50, 120, 200], [96, 1
 const WHITE: Rgb = [255, 255, 255];
 const INK: Rgb = [34, 38, 44];
 /// Width and height that the squares are fitted into, pixels.
-const ROOM: [usize; 2] = [1000, 800];
+const AREA: [usize; 2] = [1000, 800];
 /// Border, and height of a line of the legend, pixels.
 const BORDER: u32 = 20;
 const LINE: u32 = 26;
@@ -40,7 +40,7 @@ pub fn most_mixed_layer(file: &VolumeFile) -> usize {
 pub fn draw(file: &VolumeFile, j: usize) -> Image {
     let [nx, ny, nz] = file.lattice.counts;
     assert!(j < ny, "layer {j} of {ny}");
-    let square = (ROOM[0] / nx).min(ROOM[1] / nz).clamp(1, 24) as u32;
+    let square = (AREA[0] / nx).min(AREA[1] / nz).clamp(1, 24) as u32;
     let y = file.lattice.origin.y + file.lattice.step_mm * j as f64;
     let titles = [
         format!("{}, space around the part itself", file.provenance.part),

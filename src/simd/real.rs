@@ -87,6 +87,15 @@ impl Real for f64 {
     }
 }
 
+/// Functions that run a kernel as it is.
+macro_rules! run_kernels {
+    ($($name:ident: $kernel:ident),* $(,)?) => {
+        $(fn $name(isa: Isa, x: $kernel<f32>) {
+            isa.run(x);
+        })*
+    };
+}
+
 impl Kernels for f32 {
     fn product(isa: Isa, x: MatmulRows<f32>) {
         x.run(isa);
@@ -96,9 +105,6 @@ impl Kernels for f32 {
     }
     fn panel_width(isa: Isa, _: usize) -> usize {
         isa.run(PanelWidth)
-    }
-    fn pack_panel(isa: Isa, x: PackPanel<f32>) {
-        isa.run(x);
     }
     fn block_sum(isa: Isa, x: Block<f32>) {
         x.run(isa);
@@ -115,31 +121,16 @@ impl Kernels for f32 {
     fn transform_kernels(isa: Isa, x: KernelTransform<f32>) {
         isa.run(KernelKernel(x, &mut TransformScratch::new(), &mut KernelRows::new()));
     }
-    fn combine(isa: Isa, x: Combine<f32>) {
-        isa.run(x);
-    }
-    fn relu(isa: Isa, x: ReluInPlace<f32>) {
-        isa.run(x);
-    }
-    fn scale(isa: Isa, x: Scale<f32>) {
-        isa.run(x);
-    }
-    fn sgd_step(isa: Isa, x: SgdStep<f32>) {
-        isa.run(x);
-    }
-    fn sparse_rows(isa: Isa, x: SparseRows<f32>) {
-        isa.run(x);
-    }
-    fn normalize(isa: Isa, x: NormalizeRows<f32>) {
-        isa.run(x);
-    }
-    fn backward_sums(isa: Isa, x: BackwardSums<f32>) {
-        isa.run(x);
-    }
-    fn backward_apply(isa: Isa, x: BackwardApply<f32>) {
-        isa.run(x);
-    }
-    fn column_sums(isa: Isa, x: ColumnSums<f32>) {
-        isa.run(x);
+    run_kernels! {
+        pack_panel: PackPanel,
+        combine: Combine,
+        relu: ReluInPlace,
+        scale: Scale,
+        sgd_step: SgdStep,
+        sparse_rows: SparseRows,
+        normalize: NormalizeRows,
+        backward_sums: BackwardSums,
+        backward_apply: BackwardApply,
+        column_sums: ColumnSums,
     }
 }

@@ -11,16 +11,15 @@
 //! and a cell of directions within ρ of its middle `m` is closed if `v·m > |v|·cos(α − ρ)`. The reference point of a bull
 //! nose or flat end moves when the tool turns: across the axis, by the radius of the ring, by which the steps are made
 //! narrower here.
-// Lanes of several arrays are counted by one index.
-#![allow(clippy::needless_range_loop)]
 
+use crate::simd::vector::MAX_LANES;
 use crate::simd::{Isa, Kernel, Simd, Vector};
 use glam::{DVec3, Vec3};
 
 /// Points that a search keeps.
 pub(super) const N_POINTS: usize = 64;
-/// Directions that are looked at together.
-const LANES: usize = 16;
+/// Lists of directions are padded to whole vectors of any instruction set.
+const LANES: usize = MAX_LANES;
 /// Cosine that no direction exceeds.
 const NEVER: f32 = 2.0;
 
@@ -50,13 +49,13 @@ impl Silhouette {
     /// relative to the reference point in that direction.
     pub fn stays(&self, point: DVec3, direction: DVec3, drift: f64) -> f64 {
         let along = point.dot(direction);
-        let aside = (point - direction * along).length();
+        let distance = (point - direction * along).length();
         let margins =
-            self.whole.iter().map(|[height, radius]| (along - height).min(radius - aside));
+            self.whole.iter().map(|[height, radius]| (along - height).min(radius - distance));
         margins.fold(f64::NEG_INFINITY, f64::max) / (point.length() + drift)
     }
 
-    /// Cosine of the cap's angle for a point at `distance`; [`NEVER`] if it closes nothing.
+    /// Cosine of the cap's angle for a point at 1/`inverse` mm; [`NEVER`] if it closes nothing.
     #[inline(always)]
     fn cosine(&self, inverse: f32) -> f32 {
         let mut cosine = NEVER;
@@ -129,47 +128,6 @@ impl Default for Caps {
     fn default() -> Self {
         let none = [0.0; N_POINTS];
         Caps { axis: [none; 3], cosine: none, scale: none, n: 0 }
-    }
-}
-
-struct Place<'a> {
-    caps: &'a mut Caps,
-    blockers: &'a Blockers,
-    silhouette: &'a Silhouette,
-    reference: Vec3,
-}
-
-impl Place<'_> {
-    /// Once a site, with roots and quotients: compiled for any processor.
-    fn run(self) {
-        let Place { caps, blockers, silhouette, reference } = self;
-        let n = blockers.n.next_multiple_of(LANES).min(N_POINTS);
-        for start in (0..n).step_by(LANES) {
-            let mut inverse = [0f32; LANES];
-            for l in 0..LANES {
-                let k = start + l;
-                let x = blockers.points[0][k] - reference.x;
-                let y = blockers.points[1][k] - reference.y;
-                let z = blockers.points[2][k] - reference.z;
-                inverse[l] = 1.0 / (x * x + y * y + z * z).max(LEAST).sqrt();
-                caps.axis[0][k] = x * inverse[l];
-                caps.axis[1][k] = y * inverse[l];
-                caps.axis[2][k] = z * inverse[l];
-            }
-            let mut cosine = [NEVER; LANES];
-            for [height, radius] in &silhouette.steps {
-                for l in 0..LANES {
-                    let share = (radius * inverse[l]).min(1.0);
-                    let one = (1.0 - share * share).sqrt().max(height * inverse[l]);
-                    cosine[l] = cosine[l].min(one);
-                }
-            }
-            for l in 0..LANES {
-                caps.cosine[start + l] = cosine[l];
-                caps.scale[start + l] = scale(cosine[l]);
-            }
-        }
-        caps.n = blockers.n;
     }
 }
 
@@ -273,7 +231,8 @@ const ROUNDING: f32 = 2e-6;
 impl Caps {
     /// The caps of all blockers for a tool at `reference`, relative to the origin of the tree.
     pub fn place(&mut self, blockers: &Blockers, silhouette: &Silhouette, reference: Vec3) {
-        Place { caps: self, blockers, silhouette, reference }.run();
+        (0..blockers.n).for_each(|k| self.place_one(k, blockers, silhouette, reference));
+        self.n = blockers.n;
     }
 
     /// The cap of one blocker.

@@ -124,7 +124,7 @@ const FIRST_CUTS: usize = 2;
 /// Levels at which the radius is measured; from there on it is nearly halved.
 const MEASURED: usize = 3;
 
-/// The hierarchy of the upper half, which nearly all calls ask for.
+/// The hierarchy of the upper half, which nearly all calls use.
 static UPPER: OnceLock<Arc<Hierarchy>> = OnceLock::new();
 
 impl Hierarchy {

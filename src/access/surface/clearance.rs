@@ -1,6 +1,6 @@
 //! Signed clearance against triangles: how far the steps may grow before a site becomes inaccessible.
 //!
-//! Growing the steps by `c` is shrinking them by `τ − c`, so one tool after the other is asked about. In one direction
+//! Growing the steps by `c` is shrinking them by `τ − c`, so one tool after the other is tested. In one direction
 //! the greatest `c` at which no step penetrates is found by bisection; a direction that is not clear at the best `c` so far
 //! is left after one tool.
 

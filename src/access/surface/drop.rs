@@ -1,4 +1,4 @@
-//! Drop heights in closed form: the law of the module.
+//! Drop heights in closed form: the reference of the module.
 //!
 //! A tool comes down along its axis, here the z axis, until it touches a triangle. Where its reference
 //! point is then is the *drop height*. A triangle is touched at a corner, on an edge or within; each

@@ -34,7 +34,7 @@ pub struct SurfaceOptions {
     pub refinement: Option<RefinementOptions>,
     /// Also compute the signed clearance, up to this many mm either way.
     pub clearance_limit_mm: Option<f64>,
-    /// Points of the surface that are asked before the triangles. Answers do not depend on it.
+    /// Points of the surface that are tested before the triangles. Answers do not depend on it.
     pub n_samples: usize,
 }
 
@@ -116,7 +116,7 @@ const MAX_SAMPLES: usize = 100_000_000;
 /// Answers about the part itself, in the order of the queries.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SurfaceLabels {
-    /// Number of directions asked and counted: those of the set, and +z where the set stands for all within an angle that +z is
+    /// Number of directions tested and counted: those of the set, and +z where the set stands for all within an angle that +z is
     /// among.
     pub n_directions: usize,
     /// Per query.
@@ -128,7 +128,7 @@ pub struct SurfaceLabels {
     /// Per query: a direction in which the tool may stand there, the first of the set or one between them.
     pub witness: Vec<Option<Vec3>>,
     /// Per query that is not accessible: share of the directions which the set stands for that was not proven closed. At 0 the
-    /// answer holds for every direction, not only for those asked; 1 if there was no search between them.
+    /// answer holds for every direction, not only for those tested; 1 if there was no search between them.
     pub open_directions: Vec<f32>,
     /// Per query, mm: how far every height and radius of the shrunk cutter's steps may grow before the query becomes
     /// inaccessible (positive), or must shrink before it is not any more (negative), within the limit asked for and to
@@ -165,7 +165,7 @@ pub struct SurfaceStats {
     pub pairs: u64,
     /// Of these, collisions that a point of the surface proves.
     pub by_points: u64,
-    /// Whole tools asked of the triangles for the rest.
+    /// Whole tools tested against the triangles for the rest.
     pub tools_tested: u64,
     /// Triangles tested for these.
     pub triangles_tested: u64,
@@ -187,7 +187,7 @@ impl AddAssign for SurfaceStats {
     }
 }
 
-/// Directions of a query in the order they were asked.
+/// Directions of a query in the order they were tested.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Tally {
     pub collision_free: u32,

@@ -1,4 +1,4 @@
-//! The part itself: which sites a cutter cannot reach, asked of the part's triangles.
+//! The part itself: which sites a cutter cannot reach, tested against the part's triangles.
 //!
 //! # Definition
 //!
@@ -26,7 +26,7 @@
 //!     triangle that collided last, then those whose boxes reach into the tool, until a step penetrates one (triangles)
 //! ```
 //!
-//! A point of the surface in the tool is a collision for certain, so only what points leave free is asked of triangles.
+//! A point of the surface in the tool is a collision for certain, so only what points leave free is tested against triangles.
 
 mod bvh;
 mod caps;
@@ -37,7 +37,6 @@ mod faces;
 mod labels;
 mod obstacles;
 mod penetrate;
-mod plausible;
 mod problem;
 mod query;
 mod refine;
@@ -47,6 +46,7 @@ mod tests;
 mod tolerance;
 mod tool;
 mod verdict;
+mod warnings;
 
 pub use faces::{BlockingFace, blocking_faces};
 pub use labels::{
@@ -54,6 +54,6 @@ pub use labels::{
     SurfaceStats,
 };
 pub use obstacles::TriangleObstacles;
-pub use plausible::{Doubt, WIDE_MM};
 pub use tolerance::{ContactTolerance, LEAST_MM};
 pub use verdict::{Raise, Verdict, raise};
+pub use warnings::{WIDE_MM, Warning};

@@ -87,22 +87,22 @@ impl TriangleObstacles {
     ) -> Result<SurfaceLabels> {
         options.check()?;
         let problem = self.problem(queries.into(), cutter, options)?;
-        let (asked, domain) = (asked(directions)?, Domain::of(directions));
-        let matrix = problem.by_points(cutter, &asked, options)?;
-        let tallies = problem.by_triangles(&matrix, &asked, domain, options);
+        let (tested, domain) = (tested(directions)?, Domain::of(directions));
+        let matrix = problem.by_points(cutter, &tested, options)?;
+        let tallies = problem.by_triangles(&matrix, &tested, domain, options);
         let clearance = options.clearance_limit_mm.map(|limit| {
             let (answers, witness): (Vec<_>, Vec<_>) =
                 tallies.iter().map(|(tally, _)| (tally.answer(), tally.witness)).unzip();
             let inaccessible: Vec<_> =
                 answers.iter().map(|answer| *answer == SiteAnswer::Inaccessible).collect();
-            problem.clearance(&asked, &witness, &inaccessible, limit)
+            problem.clearance(&tested, &witness, &inaccessible, limit)
         });
-        let labels = problem.labels(tallies, &asked, options);
+        let labels = problem.labels(tallies, &tested, options);
         Ok(SurfaceLabels { clearance_mm: clearance.unwrap_or_default(), ..labels })
     }
 
-    /// As [`TriangleObstacles::label`], for sites, and with β and occlusion points if asked for: β counts, as in
-    /// [`access`](crate::access), the pairs (inaccessible site, direction asked) in which a site is in the steps of the shrunk tool.
+    /// As [`TriangleObstacles::label`], for sites, and with β and occlusion points if wanted: β counts, as in
+    /// [`access`](crate::access), the pairs (inaccessible site, direction tested) in which a site is in the steps of the shrunk tool.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`].
@@ -126,16 +126,16 @@ impl TriangleObstacles {
         if options.occlusion {
             let tolerance = surface.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
             let shrunk = cutter.with_clearance(-tolerance)?;
-            let (queries, asked) = (Queries::Sites(sites), asked(directions)?);
+            let (queries, tested) = (Queries::Sites(sites), tested(directions)?);
             let marked = &answers.inaccessible;
-            beta = count_for(queries, Obstacles::Queries, &shrunk, &asked, marked)?;
+            beta = count_for(queries, Obstacles::Queries, &shrunk, &tested, marked)?;
             answers.occlusion = occlusion_points(&beta, options.share);
         }
         let witness = vec![None; sites.len()];
         Ok(Labels { answers, witness, beta, surface: Some(surface), ..Labels::default() })
     }
 
-    /// As [`TriangleObstacles::label`], by the plain loops of [`raise`](super::raise): slow, the law.
+    /// As [`TriangleObstacles::label`], by the plain loops of [`raise`](super::raise): slow, the reference.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`].
@@ -148,18 +148,18 @@ impl TriangleObstacles {
     ) -> Result<SurfaceLabels> {
         options.check()?;
         let problem = self.problem(queries.into(), cutter, options)?;
-        let asked = asked(directions)?;
+        let tested = tested(directions)?;
         let tally = |i: usize| {
             let verdict = |d: Vec3| {
                 let (contact, tolerance) = (&problem.contacts[i], problem.tolerances[i]);
                 Verdict::of(raise_at(&self.triangles, &problem.outline, tolerance, contact, d))
             };
             let mut tally = Tally::default();
-            asked.vectors().iter().for_each(|&d| tally.add(d, verdict(d)));
+            tested.vectors().iter().for_each(|&d| tally.add(d, verdict(d)));
             (tally, SurfaceStats::default())
         };
         let tallies = par::map(problem.contacts.len(), tally);
-        Ok(problem.labels(tallies, &asked, options))
+        Ok(problem.labels(tallies, &tested, options))
     }
 
     fn problem(
@@ -188,7 +188,7 @@ impl TriangleObstacles {
 }
 
 /// The directions of a set, after +z if it stands for all within an angle that +z is among.
-fn asked(directions: &Directions) -> Result<Directions> {
+fn tested(directions: &Directions) -> Result<Directions> {
     let above = Domain::of(directions).is_some_and(|domain| domain.holds(DVec3::Z));
     if !above || directions.vectors().contains(&Vec3::Z) {
         return Ok(directions.clone());

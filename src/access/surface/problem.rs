@@ -37,8 +37,8 @@ pub(super) struct Problem<'a> {
 const WORD: usize = 64;
 /// Queries of a task of the search between the directions.
 const SEARCHED: usize = 128;
-/// Tools that are asked as a whole before the ball is asked about on its own.
-const ASKED_WHOLE: u64 = 2;
+/// Tools that are tested as a whole before the ball is tested on its own.
+const TESTED_WHOLE: u64 = 2;
 
 /// What is known of the ball at a site.
 enum Ball {
@@ -78,7 +78,7 @@ impl Problem<'_> {
         Ok(labels.collision_matrix.expect("the matrix was asked for"))
     }
 
-    /// Asks the triangles about the pairs that points leave open, then between the directions.
+    /// Tests the triangles for the pairs that points leave open, then between the directions.
     pub fn by_triangles(
         &self,
         matrix: &CollisionMatrix,
@@ -113,7 +113,7 @@ impl Problem<'_> {
             (0..tallies.len()).filter(|&i| tallies[i].0.witness.is_none()).collect();
         let given: &[(Tally, SurfaceStats)] = tallies;
         let found = par::map_blocks(rest.len(), SEARCHED, |range| {
-            let (mut scratch, mut memory, mut tools) = Default::default();
+            let (mut scratch, mut state, mut tools) = Default::default();
             let search = |k: usize| {
                 let i = rest[k];
                 let (mut tally, mut stats) = given[i];
@@ -126,7 +126,7 @@ impl Problem<'_> {
                 };
                 scratch = Scratch::with_last(std::mem::take(&mut scratch));
                 let known = tally.collision_free > 0;
-                let found = refinement.search(&place, known, &mut memory, &mut scratch);
+                let found = refinement.search(&place, known, &mut state, &mut scratch);
                 tally.witness = found.witness;
                 tally.free_between = found.collision_free;
                 tally.open = found.open as f32;
@@ -193,7 +193,7 @@ impl Problem<'_> {
             }
             let reference = self.contacts[i].reference_point(&self.outline, axes[2]);
             let stand = Stand { reference, axes: *axes };
-            if scratch.n_queries == ASKED_WHOLE {
+            if scratch.n_queries == TESTED_WHOLE {
                 ball = self.ball(i, tools);
             }
             let verdict = match ball {

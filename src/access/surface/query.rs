@@ -7,7 +7,7 @@ use super::tool::{Outline, Stand, Tip, across};
 use super::verdict::Verdict;
 use glam::{DVec2, DVec3};
 
-/// A cutter shrunk by one tolerance, ready to be asked about.
+/// A cutter shrunk by one tolerance, ready to be tested.
 #[derive(Debug, Clone)]
 pub(super) struct Probe {
     steps: Vec<[f64; 2]>,
@@ -41,7 +41,7 @@ impl Probe {
     }
 
     /// For places where the ball is known to be clear of the surface: of the tip only what is above the ball's middle is
-    /// left to ask, and this is as wide as the ball.
+    /// left to test, and this is as wide as the ball.
     pub fn without_ball(&self, outline: &Outline, bvh: &Bvh, reach: f64) -> Self {
         let Tip::Round { ring: 0.0, radius } = self.tip else { return self.clone() };
         let mut probe = self.clone();
@@ -185,7 +185,7 @@ pub(super) struct Scratch {
     stack: Vec<u32>,
     /// Place of the triangle that collided last.
     pub last: Option<u32>,
-    /// Queries asked of triangles.
+    /// Tools tested against triangles.
     pub n_queries: u64,
     /// Triangles tested for them.
     pub n_triangles: u64,

@@ -5,22 +5,22 @@
 //! cells = the octants of the set, cut in four twice
 //! for every level:
 //!     for every cell, from the caps of all blockers: how deep is its middle in a cap? is all of it in one?
-//!     in every middle that no cap covers: ask the triangles
+//!     in every middle that no cap covers: test the triangles
 //!         nothing is in the way → the site is accessible, done
 //!         a triangle is         → of its points the one deepest in the tool becomes a blocker
 //!     the same along the surface, for cells that hold such directions
 //!     forget closed cells; cut the `n_kept` cells with the shallowest middles in four
 //! ```
 //!
-//! *What a blocker says* is in [`caps`](super::caps): a point of the surface closes a cap of directions, and how deep a direction
+//! *What a blocker closes* is in [`caps`](super::caps): a point of the surface closes a cap of directions, and how deep a direction
 //! is in a cap bounds from below how far the nearest opening is. Sixteen directions are compared with a cap
-//! at once, in a few nanoseconds; the triangles, which take a microsecond, are asked where no cap
+//! at once, in a few nanoseconds; the triangles, which take a microsecond, are tested where no cap
 //! answers. Sites nearby share blockers.
 //!
 //! *Where openings are.* Directions that were found for the sites before are tried first: openings are shared by neighbors. Beside
 //! a wall they end at the directions along it, where the tool's flank touches, and can be thinner than any cell.
 //!
-//! *To prove*, the triangles are also asked in middles that a cap covers without closing the cell: for points that
+//! *To prove*, the triangles are also tested in middles that a cap covers without closing the cell: for points that
 //! close more.
 
 use super::bvh::Bvh;
@@ -52,9 +52,9 @@ pub(super) struct Found {
     pub open: f64,
 }
 
-/// What the sites before have taught, and memory.
+/// What earlier sites left, and work space.
 #[derive(Default)]
-pub(super) struct Memory {
+pub(super) struct SearchState {
     /// Directions that reach them, the latest last.
     hints: Vec<Vec3>,
     blockers: Blockers,
@@ -70,8 +70,8 @@ pub(super) struct Memory {
 const N_HINTS: usize = 8;
 /// Triangles in the way that are looked at in one direction for a proof.
 const MOST_HITS: usize = 6;
-/// Depth of a middle that was asked and that no blocker covers.
-const ASKED: f32 = 1e-4;
+/// Depth of a middle that was tested and that no blocker covers.
+const TESTED: f32 = 1e-4;
 
 /// One site.
 pub(super) struct Place<'a> {
@@ -81,7 +81,7 @@ pub(super) struct Place<'a> {
     pub bvh: &'a Bvh,
 }
 
-/// A tool shrunk by one tolerance, in all ways that the search asks about it.
+/// A tool shrunk by one tolerance, in all forms that the search tests.
 pub(super) struct Tools {
     pub tolerance: f64,
     pub whole: Probe,
@@ -101,7 +101,7 @@ impl Refinement {
         &self,
         place: &Place,
         collision_free: bool,
-        memory: &mut Memory,
+        state: &mut SearchState,
         scratch: &mut Scratch,
     ) -> Found {
         let found = Found { collision_free, ..Found::default() };
@@ -123,20 +123,20 @@ impl Refinement {
             probe,
             refinement: self,
             scratch,
-            memory: std::mem::take(memory),
+            state: std::mem::take(state),
             found,
             reference: reference.as_vec3(),
             gouges,
         };
         search.place_caps();
         let done = search.try_hints() || search.search_cells();
-        let (found, searched) = (search.found, search.memory);
-        *memory = searched;
+        let (found, searched) = (search.found, search.state);
+        *state = searched;
         if let Some(witness) = found.witness {
-            if memory.hints.len() == N_HINTS {
-                memory.hints.remove(0);
+            if state.hints.len() == N_HINTS {
+                state.hints.remove(0);
             }
-            memory.hints.push(witness);
+            state.hints.push(witness);
         }
         if done { Found { open: 0.0, ..found } } else { found }
     }
@@ -147,7 +147,7 @@ struct Search<'a, 's> {
     probe: &'a Probe,
     refinement: &'a Refinement,
     scratch: &'s mut Scratch,
-    memory: Memory,
+    state: SearchState,
     found: Found,
     /// Middle of the caps, relative to the origin of the tree.
     reference: Vec3,
@@ -155,9 +155,9 @@ struct Search<'a, 's> {
     gouges: bool,
 }
 
-/// What the triangles say in one direction.
-enum Asked {
-    /// All there is to find.
+/// Outcome of a test in one direction.
+enum TestOutcome {
+    /// The search is over.
     Done,
     /// That from now on the tip counts too.
     TipCounts,
@@ -174,12 +174,12 @@ impl Search<'_, '_> {
 
     fn place_caps(&mut self) {
         let silhouette = &self.place.tools.silhouettes[usize::from(self.found.collision_free)];
-        let Memory { caps, blockers, .. } = &mut self.memory;
+        let SearchState { caps, blockers, .. } = &mut self.state;
         caps.place(blockers, silhouette, self.reference);
     }
 
-    /// Asks the triangles; a new blocker must be deeper in the tool than `depth`.
-    fn ask(&mut self, direction: Vec3, depth: f32) -> Asked {
+    /// Tests the triangles; a new blocker must be deeper in the tool than `depth`.
+    fn test(&mut self, direction: Vec3, depth: f32) -> TestOutcome {
         let axes = axes(direction);
         let reference = self.place.contact.reference_point(self.place.outline, axes[2]);
         let stand = Stand { reference, axes };
@@ -198,11 +198,11 @@ impl Search<'_, '_> {
             self.found.witness = Some(direction);
         }
         if verdict == Verdict::Free || (newly_free && self.gouges) {
-            return Asked::Done;
+            return TestOutcome::Done;
         }
         if newly_free {
             self.place_caps();
-            return Asked::TipCounts;
+            return TestOutcome::TipCounts;
         }
         let mut best = (Vec3::ZERO, depth.max(0.0));
         let (silhouette, reference) = (self.silhouette(), self.reference);
@@ -216,19 +216,19 @@ impl Search<'_, '_> {
             });
         }
         if best.1 <= depth.max(0.0) {
-            return Asked::Nothing;
+            return TestOutcome::Nothing;
         }
         let silhouette = &self.place.tools.silhouettes[usize::from(self.found.collision_free)];
-        let Memory { caps, blockers, .. } = &mut self.memory;
+        let SearchState { caps, blockers, .. } = &mut self.state;
         let place = blockers.push(best.0);
         caps.place_one(place, blockers, silhouette, reference);
-        Asked::Blocked(place)
+        TestOutcome::Blocked(place)
     }
 
-    /// Asks in the middles that no cap covers; to prove, also in those whose cells no cap closes. Whether all is said.
-    fn ask_all(&mut self, middles: &mut Middles, radius: f64) -> bool {
+    /// Tests the middles that no cap covers; to prove, also in those whose cells no cap closes. Whether the search is over.
+    fn test_all(&mut self, middles: &mut Middles, radius: f64) -> bool {
         let Refinement { hierarchy, options, isa } = self.refinement;
-        self.memory.caps.reach(None, radius, middles, *isa);
+        self.state.caps.reach(None, radius, middles, *isa);
         for k in 0..middles.len() {
             let covered = middles.depth(k) > 0.0;
             let wanted = !covered || (options.prove && radius > 0.0 && !middles.is_closed(k));
@@ -240,18 +240,18 @@ impl Search<'_, '_> {
                 middles.close(k);
                 continue;
             }
-            match self.ask(direction, middles.depth(k)) {
-                Asked::Done => return true,
-                Asked::TipCounts => self.memory.caps.reach(None, radius, middles, *isa),
-                Asked::Blocked(place) => {
-                    self.memory.caps.reach(Some(place), radius, middles, *isa);
+            match self.test(direction, middles.depth(k)) {
+                TestOutcome::Done => return true,
+                TestOutcome::TipCounts => self.state.caps.reach(None, radius, middles, *isa),
+                TestOutcome::Blocked(place) => {
+                    self.state.caps.reach(Some(place), radius, middles, *isa);
                     if options.prove && self.is_closed_for_a_ring(direction, radius) {
                         middles.close(k);
                     }
                 }
-                Asked::Nothing => {}
+                TestOutcome::Nothing => {}
             }
-            middles.is_at_least(k, ASKED);
+            middles.is_at_least(k, TESTED);
         }
         false
     }
@@ -267,21 +267,21 @@ impl Search<'_, '_> {
         let reference = contact.reference_point(outline, axis) - bvh.origin();
         let silhouette = self.silhouette();
         let stays = |point: Vec3| silhouette.stays(point.as_dvec3() - reference, axis, drift);
-        radius > 0.0 && self.memory.blockers.points().any(|point| stays(point) > radius)
+        radius > 0.0 && self.state.blockers.points().any(|point| stays(point) > radius)
     }
 
     fn try_hints(&mut self) -> bool {
-        let mut middles = std::mem::take(&mut self.memory.middles);
-        middles.fill(self.memory.hints.iter().rev().copied());
-        let done = self.ask_all(&mut middles, 0.0);
-        self.memory.middles = middles;
+        let mut middles = std::mem::take(&mut self.state.middles);
+        middles.fill(self.state.hints.iter().rev().copied());
+        let done = self.test_all(&mut middles, 0.0);
+        self.state.middles = middles;
         done
     }
 
-    /// Whether all is said; otherwise notes how much of the directions stays open.
+    /// Whether the search is over; otherwise notes how much of the directions stays open.
     fn search_cells(&mut self) -> bool {
-        let mut middles = std::mem::take(&mut self.memory.middles);
-        let mut cells = std::mem::take(&mut self.memory.cells);
+        let mut middles = std::mem::take(&mut self.state.middles);
+        let mut cells = std::mem::take(&mut self.state.cells);
         let Refinement { hierarchy, options, .. } = self.refinement;
         cells.clear();
         cells.extend(0..hierarchy.n_first() as u32);
@@ -289,11 +289,11 @@ impl Search<'_, '_> {
         for level in 0..options.n_levels {
             let radius = hierarchy.radius(level);
             middles.fill(cells.iter().map(|&cell| hierarchy.middle(level, cell)));
-            done = self.ask_all(&mut middles, radius) || self.ask_along_surface(&middles, radius);
+            done = self.test_all(&mut middles, radius) || self.test_along_surface(&middles, radius);
             if done {
                 break;
             }
-            let open = &mut self.memory.open;
+            let open = &mut self.state.open;
             open.clear();
             open.extend((0..middles.len()).filter_map(|k| {
                 let counts = !middles.is_closed(k) && !hierarchy.misses(level, middles.get(k));
@@ -313,24 +313,24 @@ impl Search<'_, '_> {
             cells.clear();
             cells.extend(open.iter().flat_map(|(_, cell)| 4 * cell..4 * cell + 4));
         }
-        (self.memory.middles, self.memory.cells) = (middles, cells);
+        (self.state.middles, self.state.cells) = (middles, cells);
         done
     }
 
     /// For every open cell that holds directions along the surface, the one nearest to its middle: flank milling.
-    fn ask_along_surface(&mut self, middles: &Middles, radius: f64) -> bool {
+    fn test_along_surface(&mut self, middles: &Middles, radius: f64) -> bool {
         let Some(normal) = self.place.contact.normal() else { return false };
         let normal = normal.as_vec3();
         let greatest = libm::sin(radius.min(1.0)) as f32;
-        let mut tangents = std::mem::take(&mut self.memory.tangents);
+        let mut tangents = std::mem::take(&mut self.state.tangents);
         tangents.fill((0..middles.len()).filter(|&k| !middles.is_closed(k)).filter_map(|k| {
             let middle = middles.get(k);
             let beside = normal.dot(middle);
             let along = (middle - normal * beside).try_normalize()?;
             (beside.abs() <= greatest).then_some(along)
         }));
-        let done = self.ask_all(&mut tangents, 0.0);
-        self.memory.tangents = tangents;
+        let done = self.test_all(&mut tangents, 0.0);
+        self.state.tangents = tangents;
         done
     }
 }

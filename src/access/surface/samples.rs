@@ -1,4 +1,4 @@
-//! Points of the triangles: obstacles that are asked first, since a tool that holds one certainly penetrates.
+//! Points of the triangles: obstacles that are tested first, since a tool that holds one certainly penetrates.
 
 use glam::DVec3;
 

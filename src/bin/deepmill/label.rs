@@ -7,7 +7,7 @@ use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
 use crate::{progress, volume};
-use deepmill::access::surface::Doubt;
+use deepmill::access::surface::Warning;
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::cutter::Cutter;
 use deepmill::data::files::tools::Tool;
@@ -94,7 +94,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let more = further_obstacles(args, blocking, mesh.as_ref())?;
     clock.lap("sites_s", "sites");
     let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
-    let (labels, doubts) = match (blocking, &mesh) {
+    let (labels, warnings) = match (blocking, &mesh) {
         (Blocking::Part, Some(mesh)) => {
             let part = (mesh, &args.read, output);
             args.surface.label(part, &sites, &cutters, &directions, args.occlusion_share)?
@@ -116,7 +116,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         args.tools.are_several().then(|| Coverage::of(&tools, &labels, directions.len()));
     let mut facts = answers.facts(&labels, coverage.as_ref());
     let single = coverage.is_none().then(|| labels[0].clone());
-    let paths = answers.write(labels, &doubts, coverage.as_ref())?;
+    let paths = answers.write(labels, &warnings, coverage.as_ref())?;
     clock.lap("write_s", "writing and drawing");
 
     let warning = match blocking {
@@ -131,11 +131,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         result["bodies"] = part_itself::say_bodies(mesh, &answers.sites, labels, output)?;
     }
     let named = |tool: &'_ Tool| coverage.as_ref().map(|_| tool.name.clone());
-    let doubts = tools
-        .iter()
-        .zip(&doubts)
-        .map(|(tool, doubts)| part_itself::warn_doubts(doubts, named(tool).as_deref(), output));
-    result["doubts"] = doubts.collect();
+    let warnings = tools.iter().zip(&warnings).map(|(tool, warnings)| {
+        part_itself::say_warnings(warnings, named(tool).as_deref(), output)
+    });
+    result["warnings"] = warnings.collect();
     if let Some(warning) = warning {
         output.warn(format!("{warning}: raise --sites, or add --obstacles"));
     }
@@ -211,19 +210,19 @@ impl Answers<'_> {
     fn write(
         &self,
         labels: Vec<Labels>,
-        doubts: &[Vec<Doubt>],
+        warnings: &[Vec<Warning>],
         coverage: Option<&Coverage>,
     ) -> Result<Vec<PathBuf>> {
         let Answers { args, tools, mesh, sites, .. } = self;
         let show = if args.no_picture { Show::Points } else { Show::Pictures };
         let mut paths = Vec::new();
         let progress = progress::bar(tools.len() as u64, "tools");
-        for ((tool, labels), doubts) in tools.iter().zip(labels).zip(doubts) {
+        for ((tool, labels), warnings) in tools.iter().zip(labels).zip(warnings) {
             let folder = match coverage {
                 None => args.out.clone(),
                 Some(_) => args.out.join(&tool.name),
             };
-            paths.extend(self.write_one(&folder, (tool, doubts), labels, show)?);
+            paths.extend(self.write_one(&folder, (tool, warnings), labels, show)?);
             progress.inc(1);
         }
         progress.finish_and_clear();
@@ -242,19 +241,19 @@ impl Answers<'_> {
     fn write_one(
         &self,
         folder: &Path,
-        (tool, doubts): (&Tool, &[Doubt]),
+        (tool, warnings): (&Tool, &[Warning]),
         labels: Labels,
         show: Show,
     ) -> Result<Vec<PathBuf>> {
         let file = LabelFile {
-            provenance: self.provenance(tool, doubts),
+            provenance: self.provenance(tool, warnings),
             sites: self.sites.clone(),
             labels,
         };
         folder::write_labels(folder, &file, self.mesh.as_ref(), show)
     }
 
-    fn provenance(&self, tool: &Tool, doubts: &[Doubt]) -> Provenance {
+    fn provenance(&self, tool: &Tool, warnings: &[Warning]) -> Provenance {
         let Answers { args, directions, .. } = self;
         let settings = json!({
             "sites": args.sites.settings(self.mesh.is_some()),
@@ -264,7 +263,7 @@ impl Answers<'_> {
             "definition": self.blocking.words(),
             "obstacles": args.obstacles,
             "part_itself": (self.blocking == Blocking::Part).then(|| args.surface.settings()),
-            "doubts": part_itself::doubts_json(doubts),
+            "warnings": part_itself::warnings_json(warnings),
             "occlusion_share": args.occlusion_share,
             "engine": args.engine,
         });

@@ -4,8 +4,8 @@ use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::access::Labels;
 use deepmill::access::surface::{
-    ContactTolerance, Doubt, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions,
-    TriangleObstacles, blocking_faces,
+    ContactTolerance, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions, TriangleObstacles,
+    Warning, blocking_faces,
 };
 use deepmill::cutter::Cutter;
 use deepmill::directions::Directions;
@@ -129,7 +129,7 @@ impl SurfaceArgs {
         }
     }
 
-    /// Labels for every cutter, and what makes them doubtful.
+    /// Labels for every cutter, and warnings about them.
     pub fn label(
         &self,
         part: (&Mesh, &MeshArgs, &Output),
@@ -137,15 +137,15 @@ impl SurfaceArgs {
         cutters: &[Cutter],
         directions: &Directions,
         share: f64,
-    ) -> Result<(Vec<Labels>, Vec<Vec<Doubt>>)> {
+    ) -> Result<(Vec<Labels>, Vec<Vec<Warning>>)> {
         let (mesh, read, output) = part;
         let obstacles = self.obstacles(mesh, read, output)?;
         let options = self.options(share);
         let label = |cutter| {
             let labels = obstacles.label_sites(sites, cutter, directions, &options)?;
             let surface = labels.surface.as_ref().expect("labels about the part itself");
-            let doubts = obstacles.doubts(mesh, sites, cutter, surface)?;
-            Ok((labels, doubts))
+            let warnings = obstacles.warnings(mesh, sites, cutter, surface)?;
+            Ok((labels, warnings))
         };
         Ok(cutters.iter().map(label).collect::<Result<Vec<_>>>()?.into_iter().unzip())
     }
@@ -190,21 +190,21 @@ fn table(part: &Mesh, z: f64) -> Result<Mesh> {
 /// Coordinates beyond this are refused.
 const MAX_COORDINATE_MM: f64 = 1e6;
 
-/// Says what makes the answers doubtful; as JSON for the result.
-pub fn warn_doubts(doubts: &[Doubt], tool: Option<&str>, output: &Output) -> Value {
+/// Says the warnings; as JSON for the result.
+pub fn say_warnings(warnings: &[Warning], tool: Option<&str>, output: &Output) -> Value {
     let of = tool.map_or(String::new(), |tool| format!("{tool}: "));
-    doubts.iter().for_each(|doubt| output.warn(format!("{of}{doubt}")));
-    doubts_json(doubts)
+    warnings.iter().for_each(|warning| output.warn(format!("{of}{warning}")));
+    warnings_json(warnings)
 }
 
-/// Doubts with their numbers and words.
-pub fn doubts_json(doubts: &[Doubt]) -> Value {
-    let with_words = |doubt: &Doubt| {
-        let mut value = json!(doubt);
-        value["words"] = json!(doubt.to_string());
+/// Warnings with their numbers and words.
+pub fn warnings_json(warnings: &[Warning]) -> Value {
+    let with_words = |warning: &Warning| {
+        let mut value = json!(warning);
+        value["words"] = json!(warning.to_string());
         value
     };
-    doubts.iter().map(with_words).collect()
+    warnings.iter().map(with_words).collect()
 }
 
 /// If the part consists of several bodies: what is answered about each, said and as JSON.
@@ -251,7 +251,11 @@ pub fn add_facts(facts: &mut Facts, labels: &Labels) {
     let between = surface.stats.found_between as usize;
     facts.add("found_between", "reached only between the directions", share(between));
     let greatest = surface.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
-    facts.add("tolerance_mm", "contact tolerance, at most, mm", Cell::Given(greatest));
+    facts.add(
+        "tolerance_mm",
+        "contact tolerance, at most, mm",
+        Cell::Given((greatest * 1e4).round() / 1e4),
+    );
     let raised = surface.tolerance_mm.iter().filter(|t| **t > LEAST_MM).count();
     facts.add("tolerance_raised", "tolerance above 0.01 mm", share(raised));
     let on_edge = Cell::Share(surface.stats.knife_edge as f64 / n);

@@ -1,4 +1,4 @@
-//! Is the question plausible? What most often makes exact answers wrong: a unit, a spacing, a coarse tessellation.
+//! Warnings about inputs that make exact answers misleading: a wrong unit, too few sites, a coarse tessellation.
 
 use super::faces::faces;
 use super::labels::SurfaceLabels;
@@ -11,11 +11,11 @@ use crate::geom::{Mesh, Sites};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A reason to doubt an answer, with its numbers. Its text says what to do.
+/// What may make an answer misleading, with its numbers. Its text says what to do.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "doubt", rename_all = "kebab-case")]
+#[serde(tag = "warning", rename_all = "kebab-case")]
 #[non_exhaustive]
-pub enum Doubt {
+pub enum Warning {
     /// No edge of the part's box is as long as the cutter is wide.
     SmallerThanTool {
         /// Longest edge of the box, mm.
@@ -64,44 +64,44 @@ pub enum Doubt {
 
 /// Boxes without an edge this long may be in inches, mm.
 const TINY_MM: f64 = 10.0;
-/// Tolerances above this are doubted, mm.
+/// Tolerances above this are warned about, mm.
 pub const WIDE_MM: f64 = 5.0 * LEAST_MM;
-/// Share of the sites on the knife edge above which they are doubted.
+/// Share of the sites on the knife edge above which they are warned about.
 const KNIFE_EDGE_SHARE: f64 = 0.001;
 /// Millimeters to the inch.
 const INCH_MM: f64 = 25.4;
 
-impl fmt::Display for Doubt {
+impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            Doubt::SmallerThanTool { longest_mm, diameter_mm } => write!(
+            Warning::SmallerThanTool { longest_mm, diameter_mm } => write!(
                 f,
                 "the part is {longest_mm:.3} mm long at most, the cutter {diameter_mm} mm wide: check --unit and --cutter"
             ),
-            Doubt::Tiny { longest_mm } => write!(
+            Warning::Tiny { longest_mm } => write!(
                 f,
                 "the part is {longest_mm:.3} mm long at most; if the file is in inches, --unit in makes it {:.1} mm",
                 longest_mm * INCH_MM
             ),
-            Doubt::FacesWithoutSites { n_faces, n_without, area_share, spacing_mm } => write!(
+            Warning::FacesWithoutSites { n_faces, n_without, area_share, spacing_mm } => write!(
                 f,
                 "{n_without} of {n_faces} faces ({:.2} % of the surface) hold no site, with one site per \
                  {spacing_mm:.2} mm × {spacing_mm:.2} mm: nothing is said of them; raise --sites",
                 100.0 * area_share
             ),
-            Doubt::CoarseTessellation { share, implied_mm, granted_mm } => write!(
+            Warning::CoarseTessellation { share, implied_mm, granted_mm } => write!(
                 f,
                 "the facets are coarser than the tolerance at {:.1} % of the sites: they imply up to {implied_mm:.3} mm, \
                  {granted_mm:.3} mm is granted; leave out --tolerance or export a finer mesh",
                 100.0 * share
             ),
-            Doubt::WideTolerance { share, greatest_mm } => write!(
+            Warning::WideTolerance { share, greatest_mm } => write!(
                 f,
                 "coarse facets make the tolerance more than {WIDE_MM} mm at {:.1} % of the sites, up to {greatest_mm:.3} mm: \
                  export a finer mesh to notice shallower collisions",
                 100.0 * share
             ),
-            Doubt::KnifeEdge { share } => write!(
+            Warning::KnifeEdge { share } => write!(
                 f,
                 "the answers of up to {:.2} % of the sites rest on roundings: the tool touches exactly; change --tolerance a little",
                 100.0 * share
@@ -111,32 +111,32 @@ impl fmt::Display for Doubt {
 }
 
 impl TriangleObstacles {
-    /// What makes the answers `labels` about `sites` of `part` doubtful, the part being the one these obstacles were made of.
+    /// Warnings about the answers `labels` for `sites` of `part`, which these obstacles were made of.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`].
     ///
     /// # Panics
     /// If the labels are of other sites.
-    pub fn doubts(
+    pub fn warnings(
         &self,
         part: &Mesh,
         sites: &Sites,
         cutter: &Cutter,
         labels: &SurfaceLabels,
-    ) -> Result<Vec<Doubt>> {
+    ) -> Result<Vec<Warning>> {
         let outline = Outline::new(cutter);
-        let mut doubts = Vec::new();
+        let mut warnings = Vec::new();
         let (low, high) = part.bounds().unwrap_or_default();
         let longest_mm = (high - low).max_element();
         let diameter_mm = 2.0 * outline.radius();
         if longest_mm < diameter_mm {
-            doubts.push(Doubt::SmallerThanTool { longest_mm, diameter_mm });
+            warnings.push(Warning::SmallerThanTool { longest_mm, diameter_mm });
         }
         if longest_mm < TINY_MM {
-            doubts.push(Doubt::Tiny { longest_mm });
+            warnings.push(Warning::Tiny { longest_mm });
         }
-        doubts.extend(without_sites(part, sites));
+        warnings.extend(without_sites(part, sites));
         let n = sites.len().max(1) as f64;
         let share = |count: usize| count as f64 / n;
         let granted = &labels.tolerance_mm;
@@ -145,7 +145,7 @@ impl TriangleObstacles {
         let implied = implied.at_sites(&outline, &self.bends, &self.bvh, sites)?;
         let coarse = || (0..sites.len()).filter(|&i| implied[i] > granted[i].max(LEAST_MM));
         if coarse().next().is_some() {
-            doubts.push(Doubt::CoarseTessellation {
+            warnings.push(Warning::CoarseTessellation {
                 share: share(coarse().count()),
                 implied_mm: coarse().map(|i| implied[i]).fold(0.0, f64::max),
                 granted_mm: coarse().map(|i| granted[i]).fold(0.0, f64::max),
@@ -154,21 +154,21 @@ impl TriangleObstacles {
         let raised =
             || (0..sites.len()).filter(|&i| granted[i] > WIDE_MM && implied[i] >= granted[i]);
         if raised().next().is_some() {
-            doubts.push(Doubt::WideTolerance {
+            warnings.push(Warning::WideTolerance {
                 share: share(raised().count()),
                 greatest_mm: raised().map(|i| granted[i]).fold(0.0, f64::max),
             });
         }
         let on_edge = labels.stats.knife_edge as f64 / n;
         if on_edge > KNIFE_EDGE_SHARE {
-            doubts.push(Doubt::KnifeEdge { share: on_edge });
+            warnings.push(Warning::KnifeEdge { share: on_edge });
         }
-        Ok(doubts)
+        Ok(warnings)
     }
 }
 
 /// Faces without a site, for sites that know their triangles.
-fn without_sites(part: &Mesh, sites: &Sites) -> Option<Doubt> {
+fn without_sites(part: &Mesh, sites: &Sites) -> Option<Warning> {
     let n = part.triangles.len();
     if sites.is_empty() || sites.faces.iter().any(|&face| face as usize >= n) {
         return None;
@@ -186,7 +186,7 @@ fn without_sites(part: &Mesh, sites: &Sites) -> Option<Doubt> {
     let all = || (0..n).filter(|&f| first[f] as usize == f && areas[f] > 0.0);
     let without = || all().filter(|&f| !held[f]);
     let total: f64 = areas.iter().sum();
-    (without().next().is_some()).then(|| Doubt::FacesWithoutSites {
+    (without().next().is_some()).then(|| Warning::FacesWithoutSites {
         n_faces: all().count(),
         n_without: without().count(),
         area_share: without().map(|f| areas[f]).sum::<f64>() / total,
@@ -203,23 +203,23 @@ mod tests {
     use crate::geom::solids;
     use glam::{DVec3, dvec3};
 
-    fn doubts(mesh: &Mesh, n_sites: usize, cr: f64, tolerance: ContactTolerance) -> Vec<Doubt> {
+    fn warnings(mesh: &Mesh, n_sites: usize, cr: f64, tolerance: ContactTolerance) -> Vec<Warning> {
         let sites = sample(mesh, &SiteOptions { n_sites, ..SiteOptions::default() }).unwrap();
         let cutter = Cutter::ball_end([cr, 20.0, 20.0, 5.0].into()).unwrap();
         let obstacles = TriangleObstacles::new(mesh, &[]).unwrap();
         let options = SurfaceOptions { tolerance, occlusion: false, ..SurfaceOptions::default() };
         let labels = obstacles.label(&sites, &cutter, &Directions::up(), &options).unwrap();
-        obstacles.doubts(mesh, &sites, &cutter, &labels).unwrap()
+        obstacles.warnings(mesh, &sites, &cutter, &labels).unwrap()
     }
 
     #[test]
-    fn a_plain_block_raises_no_doubt_and_a_tiny_one_may_be_in_inches() {
+    fn a_plain_block_raises_no_warning_and_a_tiny_one_may_be_in_inches() {
         let usual = ContactTolerance::default();
-        assert_eq!(doubts(&solids::cuboid(dvec3(40.0, 30.0, 20.0)), 300, 1.5, usual), []);
-        let tiny = doubts(&solids::cuboid(dvec3(2.0, 3.0, 2.0)), 300, 2.0, usual);
+        assert_eq!(warnings(&solids::cuboid(dvec3(40.0, 30.0, 20.0)), 300, 1.5, usual), []);
+        let tiny = warnings(&solids::cuboid(dvec3(2.0, 3.0, 2.0)), 300, 2.0, usual);
         let expected = [
-            Doubt::SmallerThanTool { longest_mm: 3.0, diameter_mm: 4.0 },
-            Doubt::Tiny { longest_mm: 3.0 },
+            Warning::SmallerThanTool { longest_mm: 3.0, diameter_mm: 4.0 },
+            Warning::Tiny { longest_mm: 3.0 },
         ];
         assert_eq!(tiny, expected);
         assert!(tiny[1].to_string().contains("--unit in makes it 76.2 mm"), "{}", tiny[1]);
@@ -227,9 +227,13 @@ mod tests {
 
     #[test]
     fn faces_that_no_site_is_on_are_counted_with_their_area() {
-        let found =
-            doubts(&solids::cuboid(dvec3(100.0, 100.0, 0.2)), 20, 1.5, ContactTolerance::default());
-        let [Doubt::FacesWithoutSites { n_faces: 6, n_without, area_share, spacing_mm }] =
+        let found = warnings(
+            &solids::cuboid(dvec3(100.0, 100.0, 0.2)),
+            20,
+            1.5,
+            ContactTolerance::default(),
+        );
+        let [Warning::FacesWithoutSites { n_faces: 6, n_without, area_share, spacing_mm }] =
             found[..]
         else {
             panic!("{found:?}")
@@ -243,13 +247,16 @@ mod tests {
     fn facets_coarser_than_the_tolerance_are_named() {
         // Inward curved: the inside of a ring.
         let mesh = solids::torus(20.0, 5.0, 24, 16);
-        let given = doubts(&mesh, 400, 2.0, ContactTolerance::Millimeters(0.01));
-        let [Doubt::CoarseTessellation { share, implied_mm, granted_mm: 0.01 }] = given[..] else {
+        let given = warnings(&mesh, 400, 2.0, ContactTolerance::Millimeters(0.01));
+        let [Warning::CoarseTessellation { share, implied_mm, granted_mm: 0.01 }] = given[..]
+        else {
             panic!("{given:?}")
         };
         assert!(share > 0.1 && share < 0.9 && implied_mm > WIDE_MM, "{share} {implied_mm}");
-        let implied = doubts(&mesh, 400, 2.0, ContactTolerance::Tessellation);
-        let [Doubt::WideTolerance { greatest_mm, .. }] = implied[..] else { panic!("{implied:?}") };
+        let implied = warnings(&mesh, 400, 2.0, ContactTolerance::Tessellation);
+        let [Warning::WideTolerance { greatest_mm, .. }] = implied[..] else {
+            panic!("{implied:?}")
+        };
         assert_eq!(greatest_mm, implied_mm);
     }
 
@@ -273,8 +280,8 @@ mod tests {
             let cutter = Cutter::ball_end([cr, 30.0, 1.0 + cr, 5.0].into()).unwrap();
             let labels = obstacles.label(&sites, &cutter, &Directions::up(), &options).unwrap();
             assert_eq!(labels.stats.knife_edge, expected, "{cr} {:?}", labels.answers);
-            let found = obstacles.doubts(&walls, &sites, &cutter, &labels).unwrap();
-            assert_eq!(found.contains(&Doubt::KnifeEdge { share: 1.0 }), expected == 1);
+            let found = obstacles.warnings(&walls, &sites, &cutter, &labels).unwrap();
+            assert_eq!(found.contains(&Warning::KnifeEdge { share: 1.0 }), expected == 1);
         }
         assert_eq!(SurfaceStats::default().knife_edge, 0);
     }

@@ -1,0 +1,152 @@
+//! Changes of part and tool that change answers in one way or not at all; fixtures, space, bad input.
+
+use super::*;
+
+#[test]
+fn a_greater_tolerance_never_makes_a_site_less_accessible() {
+    let mesh = solids::torus(9.0, 4.0, 30, 16);
+    let sites = everywhere(&mesh, 1);
+    let directions = hemisphere(60);
+    for cutter in cutters() {
+        let mut before = vec![[0, 0]; sites.len()];
+        for tolerance in [1e-5, 1e-3, 0.004, 0.01, 0.05, 0.2, 0.9] {
+            let labels = label(&mesh, &sites, &cutter, &directions, &exactly(tolerance));
+            let counts = labels.collision_free_directions.iter().zip(&labels.accessible_directions);
+            for (before, (&free, &accessible)) in before.iter_mut().zip(counts) {
+                assert!(free >= before[0] && accessible >= before[1], "{tolerance} {cutter:?}");
+                *before = [free, accessible];
+            }
+        }
+    }
+}
+
+#[test]
+fn more_triangles_by_subdivision_change_nothing() {
+    let coarse = tube(3.0, 9.0, 12.0, 16);
+    let fine = subdivided(&subdivided(&coarse));
+    let sites = everywhere(&coarse, 3);
+    let directions = hemisphere(40);
+    for cutter in cutters() {
+        let [a, b] =
+            [&coarse, &fine].map(|mesh| label(mesh, &sites, &cutter, &directions, &exactly(0.01)));
+        assert_eq!(a.answers, b.answers);
+        assert_eq!(a.collision_free_directions, b.collision_free_directions);
+        assert_eq!(a.accessible_directions, b.accessible_directions);
+    }
+}
+
+#[test]
+fn moved_turned_and_mirrored_parts_have_the_same_answers() {
+    let mesh = slotted(4.0, 8.0);
+    let sites = everywhere(&mesh, 8);
+    let directions = list(hemisphere(40).vectors());
+    let turn = DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -1.1, 2.0));
+    let mirror = DMat3::from_diagonal(dvec3(-1.0, 1.0, 1.0));
+    for (map, shift) in [
+        (DMat3::IDENTITY, dvec3(17.3, -250.0, 31.0)),
+        (turn, DVec3::ZERO),
+        (mirror, DVec3::ZERO),
+        (turn * mirror, dvec3(5.0, 6.0, 70.0)),
+    ] {
+        let mut moved = mesh.clone();
+        moved.vertices.iter_mut().for_each(|p| *p = map * *p + shift);
+        if map.determinant() < 0.0 {
+            moved.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        }
+        let moved_sites = Sites {
+            points: sites.points.iter().map(|p| (map * p.as_dvec3() + shift).as_vec3()).collect(),
+            normals: sites
+                .normals
+                .iter()
+                .map(|n| (map * n.as_dvec3()).as_vec3().normalize())
+                .collect(),
+            faces: sites.faces.clone(),
+        };
+        let turned: Vec<Vec3> =
+            directions.vectors().iter().map(|d| (map * d.as_dvec3()).as_vec3()).collect();
+        // Sites and directions are rounded to f32: 3e-5 mm at 300 mm.
+        for cutter in &cutters()[..3] {
+            let at = |tolerance| label(&mesh, &sites, cutter, &directions, &exactly(tolerance));
+            let [less, more] = [at(0.01 - 1e-4), at(0.01 + 1e-4)];
+            let found = label(&moved, &moved_sites, cutter, &list(&turned), &exactly(0.01));
+            for i in 0..sites.len() {
+                let range = less.accessible_directions[i]..=more.accessible_directions[i];
+                assert!(range.contains(&found.accessible_directions[i]), "{i}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_fixture_blocks_and_is_not_asked_about() {
+    let part = solids::cuboid(dvec3(20.0, 20.0, 10.0));
+    let mut clamp = solids::cuboid(dvec3(10.0, 20.0, 5.0));
+    clamp.vertices.iter_mut().for_each(|p| *p += dvec3(0.0, 0.0, 10.5));
+    let top = sites_on(&part, 60, |_, n| n.z > 0.5);
+    let cutter = ball([1.0, 20.0, 1.0, 20.0]);
+    let with = TriangleObstacles::new(&part, &[clamp]).unwrap();
+    let labels = with.label(&top, &cutter, &up(), &exactly(0.01)).unwrap();
+    for (i, p) in top.points.iter().enumerate() {
+        let expected = if p.x < 10.99 { SiteAnswer::Inaccessible } else { SiteAnswer::Accessible };
+        if (p.x - 10.99).abs() > 0.01 && !(10.5..11.0).contains(&p.x) {
+            assert_eq!(
+                labels.answers[i] == SiteAnswer::Accessible,
+                expected == SiteAnswer::Accessible,
+                "{p}"
+            );
+        }
+    }
+    assert_eq!(with.n_triangles(), 24);
+}
+
+#[test]
+fn in_space_the_tip_is_at_the_point() {
+    let part = solids::cuboid(dvec3(20.0, 20.0, 10.0));
+    let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
+    let cutter = ball([1.0, 20.0, 5.0, 20.0]);
+    let points = [
+        Vec3::new(10.0, 10.0, 10.5),
+        Vec3::new(10.0, 10.0, 9.5),
+        Vec3::new(10.0, 10.0, 2.0),
+        Vec3::new(22.0, 10.0, 1.0),
+    ];
+    let queries = crate::access::Queries::Volume(&points);
+    let labels = obstacles.label(queries, &cutter, &up(), &exactly(0.01)).unwrap();
+    assert_eq!(
+        labels.answers,
+        [
+            SiteAnswer::Accessible,
+            SiteAnswer::TipDoesNotFit,
+            SiteAnswer::Inaccessible,
+            SiteAnswer::Accessible
+        ]
+    );
+}
+
+#[test]
+fn unusable_questions_are_named() {
+    let mut mesh = solids::cuboid(DVec3::splat(10.0));
+    let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
+    let sites = everywhere(&mesh, 1);
+    let cutter = ball([1.0, 20.0, 5.0, 20.0]);
+    for tolerance in [0.0, -1.0, 1.0, f64::NAN] {
+        assert!(
+            obstacles.label(&sites, &cutter, &up(), &exactly(tolerance)).is_err(),
+            "{tolerance}"
+        );
+    }
+    let bare = Sites { normals: vec![], ..sites.clone() };
+    let message = obstacles.label(&bare, &cutter, &up(), &exactly(0.01)).unwrap_err().to_string();
+    assert!(message.contains("0 normals for 12 sites"), "{message}");
+    let zero = raise(&mesh, &cutter, 0.01, DVec3::ZERO, Vec3::ZERO);
+    assert!(zero.is_err());
+    mesh.vertices[3].x = f64::NAN;
+    let message = TriangleObstacles::new(&mesh, &[]).unwrap_err().to_string();
+    assert!(message.starts_with("vertex 3"), "{message}");
+    assert!(
+        TriangleObstacles::new(&Mesh::default(), &[])
+            .unwrap()
+            .label(&sites, &cutter, &up(), &exactly(0.01))
+            .is_ok()
+    );
+}
