@@ -177,6 +177,28 @@ impl Bvh {
     }
 }
 
+// Functions and no closures: what is not inlined into a kernel is compiled for the baseline of the target.
+
+/// The same three coordinates of as many boxes as a vector has lanes, from box `start` on.
+#[inline(always)]
+fn vectors<S: Simd>(simd: S, of: &[[f32; WIDTH]; 3], start: usize) -> [S::F32; 3] {
+    [
+        S::F32::load_partial(simd, &of[0][start..]),
+        S::F32::load_partial(simd, &of[1][start..]),
+        S::F32::load_partial(simd, &of[2][start..]),
+    ]
+}
+
+#[inline(always)]
+fn splat3<S: Simd>(simd: S, a: Vec3) -> [S::F32; 3] {
+    [S::F32::splat(simd, a.x), S::F32::splat(simd, a.y), S::F32::splat(simd, a.z)]
+}
+
+#[inline(always)]
+fn dot<V: Vector>(a: [V; 3], b: [V; 3]) -> V {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
 struct Reached<'a> {
     node: &'a Node,
     reference: Vec3,
@@ -190,32 +212,26 @@ impl Kernel for Reached<'_> {
     /// Bit k is set if box k may reach into one of the levels.
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> u32 {
-        let Reached { node, reference, axes, levels } = self;
-        let splat = |x: f32| S::F32::splat(simd, x);
-        let zero = splat(0.0);
+        let Reached { node, reference, axes: [u, v, d], levels } = self;
+        let zero = S::F32::splat(simd, 0.0);
         let mut reached = 0;
         let mut start = 0;
         while start < WIDTH {
-            let load = |of_boxes: &[f32; WIDTH]| S::F32::load_partial(simd, &of_boxes[start..]);
-            let [x, y, z] = [0, 1, 2].map(|i| load(&node.middle[i]) - splat(reference[i]));
-            let [hx, hy, hz] = [0, 1, 2].map(|i| load(&node.half[i]));
-            let along = |a: Vec3| x * splat(a.x) + y * splat(a.y) + z * splat(a.z);
-            let extent = |a: Vec3| {
-                let a = a.abs();
-                hx * splat(a.x) + hy * splat(a.y) + hz * splat(a.z)
-            };
-            let beyond = |a: Vec3| {
-                let along = along(a);
-                (along.max(zero - along) - extent(a)).max(zero)
-            };
-            let [u, v, d] = *axes;
-            let top = along(d) + extent(d);
-            let (u, v) = (beyond(u), beyond(v));
+            let middle = vectors(simd, &node.middle, start);
+            let half = vectors(simd, &node.half, start);
+            let r = splat3(simd, reference);
+            let from = [middle[0] - r[0], middle[1] - r[1], middle[2] - r[2]];
+            let top = dot(from, splat3(simd, *d)) + dot(half, splat3(simd, d.abs()));
+            let along_u = dot(from, splat3(simd, *u));
+            let along_v = dot(from, splat3(simd, *v));
+            let u = along_u.max(zero - along_u) - dot(half, splat3(simd, u.abs()));
+            let v = along_v.max(zero - along_v) - dot(half, splat3(simd, v.abs()));
+            let (u, v) = (u.max(zero), v.max(zero));
             let squared = u * u + v * v;
             let mut bits = 0;
             for level in levels {
-                let within = squared.le(splat(level.radius_squared));
-                bits |= within.and(top.gt(splat(level.height))).bits();
+                let within = squared.le(S::F32::splat(simd, level.radius_squared));
+                bits |= within.and(top.gt(S::F32::splat(simd, level.height))).bits();
             }
             reached |= bits << start;
             start += S::F32::LANES;

@@ -207,17 +207,19 @@ impl Kernel for Reach<'_> {
         let blocks = blocks.zip(z.chunks_exact(S::F32::LANES));
         let results = middles.depth.chunks_exact_mut(S::F32::LANES);
         let results = results.zip(middles.closing.chunks_exact_mut(S::F32::LANES));
-        let load = |from: &[f32]| S::F32::load(simd, from);
-        let splat = |x: f32| S::F32::splat(simd, x);
         for (((x, y), z), (depth, closing)) in blocks.zip(results) {
-            let [x, y, z] = [x, y, z].map(load);
-            let (mut deepest, mut most) = (load(depth), load(closing));
+            let x = S::F32::load(simd, x);
+            let y = S::F32::load(simd, y);
+            let z = S::F32::load(simd, z);
+            let mut deepest = S::F32::load(simd, depth);
+            let mut most = S::F32::load(simd, closing);
             for k in range.clone() {
-                let [px, py, pz] = [0, 1, 2].map(|i| splat(caps.axis[i][k]));
-                let s = px * x + py * y + pz * z;
-                let within = (s - splat(caps.cosine[k])) * splat(caps.scale[k]);
-                deepest = within.max(deepest);
-                most = (s - splat(threshold[k])).max(most);
+                let s = S::F32::splat(simd, caps.axis[0][k]) * x
+                    + S::F32::splat(simd, caps.axis[1][k]) * y
+                    + S::F32::splat(simd, caps.axis[2][k]) * z;
+                let beyond = s - S::F32::splat(simd, caps.cosine[k]);
+                deepest = (beyond * S::F32::splat(simd, caps.scale[k])).max(deepest);
+                most = (s - S::F32::splat(simd, threshold[k])).max(most);
             }
             deepest.store(depth);
             most.store(closing);
