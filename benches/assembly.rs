@@ -9,12 +9,14 @@
 //! Kernels are the instances of `run_avx2` and `run_avx512` (`src/simd/isa.rs`). An innermost loop is a
 //! natural loop of the control flow with no other inside. In those with arithmetic on vectors none of these may stand: a gather or
 //! scatter, a call, a vector on the stack (spilled), a division, arithmetic on vectors narrower than those of the instruction set;
-//! and in those with fused multiply-adds no access to the stack at all. Printed per kernel: its innermost loops, fused multiply-adds in the one that has most, and
+//! and in those with fused multiply-adds no access to the stack at all. Nowhere may a
+//! kernel call vector arithmetic that was compiled for the baseline because it was not inlined, a closure for instance. Printed
+//! per kernel: its innermost loops, fused multiply-adds in the one that has most, and
 //! instructions per fused multiply-add there.
 
 #![allow(clippy::print_stdout)]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
@@ -38,6 +40,18 @@ const ACCEPTED: &[(&str, &str, &str, &str)] = &[
         "lanes taken out one by one, to look up cells; cell sizes; bit sets",
     ),
     ("avx512", "search::Search", "narrow", "as at AVX2"),
+    (
+        "avx2",
+        "search::Search",
+        "not inlined: deepmill::access::pruned::search::cell_bins::CellBins::lay_out",
+        "the size of the cells, once a direction, in f64",
+    ),
+    (
+        "avx512",
+        "search::Search",
+        "not inlined: deepmill::access::pruned::search::cell_bins::CellBins::lay_out",
+        "as at AVX2",
+    ),
 ];
 
 /// Instruction sets by the name of their shell, with the register that is as wide as they are.
@@ -49,7 +63,7 @@ fn main() -> ExitCode {
     let file = std::env::args().nth(1).filter(|arg| !arg.starts_with("--")).map(PathBuf::from);
     let file = file.unwrap_or_else(compile);
     let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
-    let (mut faults, tables) = (0, jump_tables(&text));
+    let (mut faults, tables, packed) = (0, jump_tables(&text), packed_functions(&text));
     println!(
         "{:<8} {:<58} {:>5} {:>5} {:>9}  findings",
         "isa", "kernel", "loops", "fma", "per fma"
@@ -57,8 +71,9 @@ fn main() -> ExitCode {
     for (isa, shell, register) in ISAS {
         let mut rows = BTreeMap::new();
         for function in functions(&text, shell) {
-            let report = inspect(&function.lines, register, &tables);
-            if report.n_loops > 0 {
+            let mut report = inspect(&function.lines, register, &tables);
+            report.findings.extend(calls_out(&function.lines, &packed));
+            if report.n_loops > 0 || !report.findings.is_empty() {
                 rows.entry(function.kernel).or_insert_with(Vec::new).push(report);
             }
         }
@@ -228,6 +243,42 @@ fn inspect(lines: &[&str], register: &str, tables: &BTreeMap<&str, Vec<&str>>) -
     report.findings.sort();
     report.findings.dedup();
     report
+}
+
+/// Calls of functions with packed vector arithmetic: outside the shell they are compiled for the baseline.
+fn calls_out(lines: &[&str], packed: &BTreeSet<&str>) -> Vec<String> {
+    let calls = lines.iter().filter_map(|line| {
+        let symbol = line.strip_prefix("call")?.split_whitespace().last()?;
+        packed.contains(symbol).then(|| format!("not inlined: {}", identifiers(symbol).join("::")))
+    });
+    calls.collect()
+}
+
+/// Symbols of the functions of the crate that hold packed vector arithmetic, or call it: without its instruction set even a
+/// single instruction is a call.
+fn packed_functions(text: &str) -> BTreeSet<&str> {
+    let (mut found, mut symbol) = (BTreeSet::new(), "");
+    for line in text.lines() {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        match line.strip_suffix(':').filter(|s| s.starts_with("_R")) {
+            Some(name) => symbol = name,
+            None if (is_packed(line) || line.contains("core_arch"))
+                && identifiers(symbol).iter().any(|name| name == "deepmill") =>
+            {
+                found.insert(symbol);
+            }
+            None => {}
+        }
+    }
+    found
+}
+
+/// Arithmetic on several lanes.
+fn is_packed(line: &str) -> bool {
+    let operation = operation(line);
+    let ends = ["ps", "pd", "epi32"].iter().any(|end| operation.ends_with(end));
+    ends && is_vector_arithmetic(line)
+        && !["and", "or", "xor", "unpck", "shuf"].iter().any(|o| operation.starts_with(o))
 }
 
 /// Instructions without a jump in between, and the blocks that may follow.
@@ -413,6 +464,14 @@ fn assert_self_check() {
     ] {
         assert_eq!(found(line), 1, "{line}");
     }
+    let closure = "_RNCNvXs_NtNtCs8xk_8deepmill4simd4gemmNtB4_4Rows3runB6_";
+    let called = |arithmetic: &str| {
+        let text = format!("{closure}:\n\t{arithmetic}\t%xmm1, %xmm2\n\tretq");
+        calls_out(&[&format!("callq\t{closure}")], &packed_functions(&text))
+    };
+    assert!(called("mulps")[0].ends_with("gemm::Rows::run"));
+    assert_eq!(called("callq\t_RNvNtNtCs3_4core9core_arch7avx512f14__mm512_set1_ps").len(), 1);
+    assert!(called("mulss").is_empty() && called("movaps").is_empty());
     let names =
         identifiers("_RINvNtNtCs8xk_8deepmill4simd3isa10run_avx512NtNtB4_4gemm10RowsKernelEB6_");
     assert!(names.contains(&"run_avx512".to_owned()) && names.contains(&"RowsKernel".to_owned()));

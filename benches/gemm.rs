@@ -3,7 +3,8 @@
 //! Throughput is printed in products (one multiplication and one addition) per second: twice that is
 //! FLOP/s. Every result is compared with the plain loop before it is timed.
 
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+mod timing;
+
 use deepmill::simd::{Isa, gemm};
 use std::hint::black_box;
 
@@ -38,63 +39,28 @@ fn case(k: usize, n: usize, rows: usize) -> Case {
     }
 }
 
-fn products(criterion: &mut Criterion) {
+fn main() {
     for rows in [ROWS, 16] {
-        let mut group = criterion.benchmark_group(format!("{rows} rows"));
-        group.sample_size(20);
-        group.warm_up_time(std::time::Duration::from_millis(200));
-        group.measurement_time(std::time::Duration::from_millis(500));
         for (k, n) in CHANNELS {
             let mut x = case(k, n, rows);
-            group.throughput(Throughput::Elements((rows * k * n) as u64));
+            let n_products = rows * k * n;
+            let name = |what: &str| format!("{rows} rows, {k}x{n}: {what}");
             for &isa in Isa::available() {
-                let id = |name: &str| {
-                    BenchmarkId::new(format!("{name}/{}", isa.name()), format!("{k}x{n}"))
-                };
-                group.bench_function(id("rows"), |bencher| {
-                    bencher.iter(|| {
-                        let (a, c) = ((&x.a[..], &x.a_rows[..]), (&mut x.c[..], &x.c_rows[..]));
-                        gemm::matmul_rows(isa, a, k, black_box(&x.b), n, c);
-                    });
+                timing::time(name(&format!("rows, {isa}")), n_products, || {
+                    let (a, c) = ((&x.a[..], &x.a_rows[..]), (&mut x.c[..], &x.c_rows[..]));
+                    gemm::matmul_rows(isa, a, k, black_box(&x.b), n, c);
                 });
-                group.bench_function(id("transposed"), |bencher| {
-                    bencher.iter(|| {
-                        let (a, g) = ((&x.a[..], &x.a_rows[..]), (&x.g[..], &x.c_rows[..]));
-                        gemm::matmul_tn_rows(isa, a, k, g, n, black_box(&mut x.d));
-                    });
+                timing::time(name(&format!("transposed, {isa}")), n_products, || {
+                    let (a, g) = ((&x.a[..], &x.a_rows[..]), (&x.g[..], &x.c_rows[..]));
+                    gemm::matmul_tn_rows(isa, a, k, g, n, black_box(&mut x.d));
                 });
             }
-            group.bench_function(
-                BenchmarkId::new("matrixmultiply", format!("{k}x{n}")),
-                |bencher| {
-                    let (a, b, c) = (x.a.as_ptr(), x.b.as_ptr(), x.c.as_mut_ptr());
-                    let s = |width: usize| width as isize;
-                    bencher.iter(|| {
-                        // SAFETY: a is [rows, k] and more, b [k, n], c [rows, n] and more.
-                        unsafe {
-                            matrixmultiply::sgemm(
-                                rows,
-                                k,
-                                n,
-                                1.0,
-                                a,
-                                s(k),
-                                1,
-                                b,
-                                s(n),
-                                1,
-                                1.0,
-                                c,
-                                s(n),
-                                1,
-                            );
-                        }
-                    });
-                },
-            );
+            let (a, b, c) = (x.a.as_ptr(), x.b.as_ptr(), x.c.as_mut_ptr());
+            let [row_a, row_b] = [k, n].map(|width| width as isize);
+            // SAFETY: a is [rows, k] and more, b [k, n], c [rows, n] and more.
+            timing::time(name("matrixmultiply"), n_products, || unsafe {
+                matrixmultiply::sgemm(rows, k, n, 1.0, a, row_a, 1, b, row_b, 1, 1.0, c, row_b, 1);
+            });
         }
     }
 }
-
-criterion_group!(benches, products);
-criterion_main!(benches);

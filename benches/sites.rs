@@ -1,6 +1,7 @@
 //! Sites on a curved, a flat and a thin-walled body: time for each count, after the quality is asserted.
 
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+mod timing;
+
 use deepmill::geom::Mesh;
 use deepmill::geom::cells::VoronoiCells;
 use deepmill::geom::sites::{SiteOptions, sample};
@@ -20,34 +21,29 @@ fn bodies() -> [(&'static str, Mesh); 3] {
     ]
 }
 
-fn sampling(criterion: &mut Criterion) {
-    let mut group = criterion.benchmark_group("sample");
-    group.sample_size(10);
+fn sampling() {
     for (name, mesh) in bodies() {
         for n_sites in COUNTS {
             let options = SiteOptions { n_sites, ..SiteOptions::default() };
             let sites = sample(&mesh, &options).expect("a sound body");
             let spacing = Spacing::measure_on_sheet(&sites).expect("more than one site");
             assert!(spacing.cv <= 0.12, "{name} {n_sites}: {spacing:?}");
-            group.throughput(Throughput::Elements(n_sites as u64));
-            group.bench_function(BenchmarkId::new(name, n_sites), |bencher| {
-                bencher.iter(|| sample(black_box(&mesh), &options));
-            });
+            let name = format!("sample: {name}, {n_sites}");
+            timing::time(name, n_sites, || sample(black_box(&mesh), &options));
         }
     }
-    group.finish();
 }
 
-fn measuring(criterion: &mut Criterion) {
+fn measuring() {
     let mesh = torus(40.0, 15.0, 150, 60);
     let sites = sample(&mesh, &SiteOptions::default()).expect("a sound body");
-    criterion.bench_function("spacing of 7000", |bencher| {
-        bencher.iter(|| Spacing::measure(black_box(&sites)));
-    });
-    criterion.bench_function("cells of 7000", |bencher| {
-        bencher.iter(|| VoronoiCells::build(black_box(&sites)).unwrap().spread(&mesh, 16, 1));
+    timing::time("spacing of 7000", 0, || Spacing::measure(black_box(&sites)));
+    timing::time("cells of 7000", 0, || {
+        VoronoiCells::build(black_box(&sites)).unwrap().spread(&mesh, 16, 1)
     });
 }
 
-criterion_group!(benches, sampling, measuring);
-criterion_main!(benches);
+fn main() {
+    sampling();
+    measuring();
+}

@@ -1,6 +1,7 @@
 //! One training step of the tiny and the small network: batch, forward, losses, backward, update.
 
-use criterion::{Criterion, criterion_group, criterion_main};
+mod timing;
+
 use deepmill::data::generated::mixed_part;
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::loss::CrossEntropy;
@@ -10,7 +11,7 @@ use deepmill::optim::Sgd;
 
 const CUTTER_MM: [f64; 4] = [1.5, 6.0, 40.0, 5.0];
 
-fn train_step(c: &mut Criterion) {
+fn main() {
     let options = SiteOptions { n_sites: 7000, ..SiteOptions::default() };
     let parts: Vec<_> = (0..2).map(|i| sample(&mixed_part(0, i), &options)).collect();
     let parts: Vec<_> = parts.into_iter().filter_map(Result::ok).collect();
@@ -18,8 +19,6 @@ fn train_step(c: &mut Criterion) {
         .iter()
         .map(|s| Shape { points: &s.points, normals: &s.normals, cutter_mm: CUTTER_MM })
         .collect();
-    let mut group = c.benchmark_group("train_step");
-    group.sample_size(10);
     for (name, config) in [("tiny", UNetConfig::tiny()), ("small", UNetConfig::small())] {
         let mut model = Model::<f32>::new(&config, 1).expect("a preset is a network");
         let arena = Arena::default();
@@ -39,10 +38,6 @@ fn train_step(c: &mut Criterion) {
             loss
         };
         assert!(step().is_finite());
-        group.bench_function(name, |b| b.iter(&mut step));
+        timing::time(name, 0, step);
     }
-    group.finish();
 }
-
-criterion_group!(benches, train_step);
-criterion_main!(benches);

@@ -35,13 +35,14 @@ pub mod fixture;
 pub mod suite;
 
 use crate::nn::arena::{Arena, Buffer};
-use crate::nn::layer::{self, Layer};
-use crate::nn::operand::Operand;
+use crate::nn::layer::Layer;
+use crate::nn::operand::{Operand, OperandGradient};
 use crate::nn::params::Layout;
 use crate::nn::pass::{Backward, Training};
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
 use std::fmt;
+use std::ops::Range;
 
 /// Steps at which a scalar function is tried.
 const N_STEPS: i32 = 4;
@@ -140,6 +141,19 @@ pub fn function(
     inputs: &[(&str, &[f64])],
     mut forward: impl FnMut(&[Vec<f64>]) -> Vec<f64>,
     mut backward: impl FnMut(&[Vec<f64>], &[f64]) -> Vec<Vec<f64>>,
+    settings: &GradcheckSettings,
+) -> Result<GradientReport> {
+    check(inputs, &mut forward, &mut backward, settings)
+}
+
+/// Gradients by all vectors, of the vectors and the gradient of the output.
+type Gradients<'a> = dyn FnMut(&[Vec<f64>], &[f64]) -> Vec<Vec<f64>> + 'a;
+
+/// [`function`], compiled once.
+fn check(
+    inputs: &[(&str, &[f64])],
+    forward: &mut dyn FnMut(&[Vec<f64>]) -> Vec<f64>,
+    backward: &mut Gradients,
     settings: &GradcheckSettings,
 ) -> Result<GradientReport> {
     let mut vectors: Vec<Vec<f64>> = inputs.iter().map(|(_, v)| v.to_vec()).collect();
@@ -276,10 +290,60 @@ pub fn layer<L: Layer<f64>>(
     case: &Case<L::Geometry>,
     settings: &GradcheckSettings,
 ) -> Result<GradientReport> {
+    let Case { layout, params, geometry, x, dropout } = *case;
+    let numbers = Numbers { layout, params, x, dropout };
+    let passes: &Passes = &|pass, x, dy| passes(checked, geometry, pass, x, dy);
+    check_layer(&numbers, &checked.param_ranges(), passes, settings)
+}
+
+/// A [`Case`] without the layer's own types.
+struct Numbers<'a> {
+    layout: &'a Layout,
+    params: &'a [f64],
+    x: Operand<'a, f64>,
+    dropout: Option<&'a [Stream]>,
+}
+
+/// [`passes`] of some layer.
+type Passes<'a> =
+    dyn Fn(&mut Training<f64>, Operand<f64>, Option<Dy>) -> (Buffer<f64>, Vec<Vec<f64>>) + 'a;
+
+/// Gradient of the output, and of the parameters, which is added to.
+type Dy<'a> = (&'a [f64], &'a mut [f64]);
+
+/// A training pass of a layer and, if there is a `dy`, its backward pass: the output, and the gradients by the matrices
+/// of the operand.
+fn passes<L: Layer<f64>>(
+    layer: &L,
+    geometry: &L::Geometry,
+    pass: &mut Training<f64>,
+    x: Operand<f64>,
+    dy: Option<Dy>,
+) -> (Buffer<f64>, Vec<Vec<f64>>) {
+    let (params, arena) = (pass.params, pass.arena);
+    let (y, saved) = layer.forward_train(pass, geometry, x);
+    let Some((dy, grads)) = dy else { return (y, Vec::new()) };
+    let mut pass = Backward::new(params, grads, arena);
+    let gradient = layer.backward(&mut pass, geometry, x, saved, arena.copy_of(dy));
+    (y, vectors(gradient))
+}
+
+fn vectors(gradient: OperandGradient<f64>) -> Vec<Vec<f64>> {
+    gradient.into_parts().iter().map(|part| part.to_vec()).collect()
+}
+
+/// [`layer()`], compiled once.
+fn check_layer(
+    case: &Numbers,
+    ranges: &[Range<usize>],
+    passes: &Passes,
+    settings: &GradcheckSettings,
+) -> Result<GradientReport> {
     let matrices = case.x.matrices();
     let n = matrices.len();
     let names = matrix_names(n);
-    let tensors: Vec<_> = layer::tensors(checked, case.layout).collect();
+    let tensors: Vec<_> =
+        case.layout.params.iter().filter(|entry| ranges.contains(&entry.range)).collect();
     let inputs = names.iter().map(String::as_str).zip(matrices.iter().map(Operand::numbers));
     let params = tensors.iter().map(|e| (e.name.as_str(), &case.params[e.range.clone()]));
     let inputs: Vec<_> = inputs.chain(params).collect();
@@ -290,13 +354,13 @@ pub fn layer<L: Layer<f64>>(
         }
         params
     };
-    let forward = |v: &[Vec<f64>]| run(checked, case, &v[..n], &params_of(v), None).y.to_vec();
-    let backward = |v: &[Vec<f64>], dy: &[f64]| {
-        let mut step = run(checked, case, &v[..n], &params_of(v), Some(dy));
+    let mut forward = |v: &[Vec<f64>]| run(case, passes, &v[..n], &params_of(v), None).y.to_vec();
+    let mut backward = |v: &[Vec<f64>], dy: &[f64]| {
+        let mut step = run(case, passes, &v[..n], &params_of(v), Some(dy));
         step.dx.extend(tensors.iter().map(|e| step.grads[e.range.clone()].to_vec()));
         step.dx
     };
-    function(&inputs, forward, backward, settings)
+    check(&inputs, &mut forward, &mut backward, settings)
 }
 
 /// Names of the matrices of an operand.
@@ -319,9 +383,9 @@ struct Step {
 }
 
 /// A training pass on the matrices `x` and, if there is a `dy`, its backward pass.
-fn run<L: Layer<f64>>(
-    layer: &L,
-    case: &Case<L::Geometry>,
+fn run(
+    case: &Numbers,
+    passes: &Passes,
     x: &[Vec<f64>],
     params: &[f64],
     dy: Option<&[f64]>,
@@ -336,13 +400,8 @@ fn run<L: Layer<f64>>(
     let mut dropout = case.dropout.map(<[Stream]>::to_vec);
     let dropout = dropout.as_deref_mut();
     let mut pass = Training { params, buffers: &mut buffers, dropout, arena };
-    let (y, saved) = layer.forward_train(&mut pass, case.geometry, x);
-    let (mut dx, mut grads) = (Vec::new(), vec![0.0; params.len()]);
-    if let Some(dy) = dy {
-        let mut pass = Backward::new(params, &mut grads, arena);
-        let gradient = layer.backward(&mut pass, case.geometry, x, saved, arena.copy_of(dy));
-        dx.extend(gradient.into_parts().iter().map(|part| part.to_vec()));
-    }
+    let mut grads = vec![0.0; params.len()];
+    let (y, dx) = passes(&mut pass, x, dy.map(|dy| (dy, &mut grads[..])));
     Step { y, buffers, dx, grads }
 }
 

@@ -10,6 +10,7 @@ use deepmill::gradcheck::suite::ProbeShape::{self, Cell, Patch, Point};
 use deepmill::gradcheck::suite::{LIMIT, Suite, SuiteCase};
 use deepmill::model::policy::MemoryPolicy;
 use deepmill::nn::saved::Policy;
+use rayon::prelude::*;
 
 const BATCHES: [&[ProbeShape]; 5] =
     [&[Patch, Point, Cell], &[Patch, Cell], &[Patch], &[Point], &[Cell]];
@@ -37,23 +38,28 @@ fn require(suite: &Suite, case: &SuiteCase) {
 
 #[test]
 fn layers_and_blocks_under_every_policy() {
-    for shapes in BATCHES {
-        for policy in [Policy::Save, Policy::Recompute] {
-            let suite = Suite { policy: MemoryPolicy::uniform(policy), ..suite(shapes) };
-            suite.layer_cases().unwrap().iter().for_each(|case| require(&suite, case));
-        }
-    }
+    let policies = [Policy::Save, Policy::Recompute];
+    let suites: Vec<Suite> = BATCHES
+        .iter()
+        .flat_map(|shapes| policies.map(|p| (shapes, MemoryPolicy::uniform(p))))
+        .map(|(shapes, policy)| Suite { policy, ..suite(shapes) })
+        .collect();
+    suites.par_iter().for_each(|suite| {
+        suite.layer_cases().unwrap().iter().for_each(|case| require(suite, case));
+    });
 }
 
 #[test]
 fn networks_with_both_losses() {
-    for (shapes, names) in NETWORKS {
+    let checks: Vec<_> = NETWORKS
+        .iter()
+        .flat_map(|(shapes, names)| names.iter().map(move |name| (shapes, *name)))
+        .collect();
+    checks.into_par_iter().with_max_len(1).for_each(|(shapes, name)| {
         let suite = suite(shapes);
         let cases = suite.cases().unwrap();
-        for name in names {
-            require(&suite, cases.iter().find(|case| case.name() == *name).expect(name));
-        }
-    }
+        require(&suite, cases.iter().find(|case| case.name() == name).expect(name));
+    });
 }
 
 #[test]

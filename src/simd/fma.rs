@@ -5,7 +5,7 @@
 /// The product of two `f32` has at most 48 significant bits, so it is exact in `f64`. The sum is
 /// rounded to odd (Boldo and Melquiond 2008): of the two doubles around an inexact sum the one with
 /// an odd last bit is taken. As 53 ≥ 24 + 2, rounding that to `f32` is rounding the exact value,
-/// subnormal and overflowing results included. No branches, so loops over it become vectors.
+/// subnormal and overflowing results included. No branches.
 #[inline(always)]
 pub fn mul_add(a: f32, b: f32, c: f32) -> f32 {
     if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
@@ -17,12 +17,55 @@ pub fn mul_add(a: f32, b: f32, c: f32) -> f32 {
     // What the sum lost, exactly (Knuth's two-sum); NaN where a number is not finite.
     let part = sum - product;
     let lost = (product - (sum - part)) + (addend - part);
-    let bits = sum.to_bits();
-    let even = (bits & 1) ^ 1;
-    // The bit patterns of doubles are ordered by magnitude: away from zero is one up.
-    let up = even & u64::from((lost > 0.0) & (sum > 0.0) | (lost < 0.0) & (sum < 0.0));
-    let down = even & u64::from((lost < 0.0) & (sum > 0.0) | (lost > 0.0) & (sum < 0.0));
-    f64::from_bits(bits.wrapping_add(up).wrapping_sub(down)) as f32
+    // Rounded towards zero, which is one down in the order of bit patterns where the signs differ; then odd.
+    let inexact = u64::from(lost.abs() > 0.0);
+    let opposite = (lost.to_bits() ^ sum.to_bits()) >> 63;
+    f64::from_bits(sum.to_bits().wrapping_sub(opposite & inexact) | inexact) as f32
+}
+
+/// [`mul_add`] lane by lane, on the vectors that every 64-bit x86 processor has.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub fn mul_add4(a: [f32; 4], b: [f32; 4], c: [f32; 4]) -> [f32; 4] {
+    use std::arch::x86_64::*;
+    if cfg!(target_feature = "fma") {
+        return std::array::from_fn(|l| mul_add(a[l], b[l], c[l]));
+    }
+    // SAFETY: every 64-bit x86 processor has SSE2; the arrays have four places, and any address will do.
+    unsafe {
+        let [a, b, c] =
+            [_mm_loadu_ps(a.as_ptr()), _mm_loadu_ps(b.as_ptr()), _mm_loadu_ps(c.as_ptr())];
+        let [a2, b2, c2] = [_mm_movehl_ps(a, a), _mm_movehl_ps(b, b), _mm_movehl_ps(c, c)];
+        let low = _mm_cvtpd_ps(fused_to_odd(a, b, c));
+        let high = _mm_cvtpd_ps(fused_to_odd(a2, b2, c2));
+        let mut result = [0.0; 4];
+        _mm_storeu_ps(result.as_mut_ptr(), _mm_movelh_ps(low, high));
+        result
+    }
+}
+
+/// `a * b + c` of the two lower lanes, rounded to odd, as [`mul_add`] has it.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn fused_to_odd(
+    a: std::arch::x86_64::__m128,
+    b: std::arch::x86_64::__m128,
+    c: std::arch::x86_64::__m128,
+) -> std::arch::x86_64::__m128d {
+    use std::arch::x86_64::*;
+    // SAFETY: every 64-bit x86 processor has SSE2.
+    unsafe {
+        let (product, addend) = (_mm_mul_pd(_mm_cvtps_pd(a), _mm_cvtps_pd(b)), _mm_cvtps_pd(c));
+        let sum = _mm_add_pd(product, addend);
+        let part = _mm_sub_pd(sum, product);
+        let lost = _mm_add_pd(_mm_sub_pd(product, _mm_sub_pd(sum, part)), _mm_sub_pd(addend, part));
+        let magnitude = _mm_andnot_pd(_mm_set1_pd(-0.0), lost);
+        let inexact =
+            _mm_srli_epi64::<63>(_mm_castpd_si128(_mm_cmpgt_pd(magnitude, _mm_setzero_pd())));
+        let opposite = _mm_srli_epi64::<63>(_mm_castpd_si128(_mm_xor_pd(lost, sum)));
+        let truncated = _mm_sub_epi64(_mm_castpd_si128(sum), _mm_and_si128(opposite, inexact));
+        _mm_castsi128_pd(_mm_or_si128(truncated, inexact))
+    }
 }
 
 #[cfg(test)]
@@ -43,6 +86,16 @@ mod tests {
             ours.to_bits() == libm.to_bits() || ours.is_nan() && libm.is_nan(),
             "{a:e} * {b:e} + {c:e} = {ours:e}, not {libm:e}"
         );
+        #[cfg(target_arch = "x86_64")]
+        for lane in 0..4 {
+            let at = |x: f32| std::array::from_fn(|l| if l == lane { x } else { 1.0 });
+            let lanes = mul_add4(at(a), at(b), at(c));
+            assert!(
+                lanes[lane].to_bits() == ours.to_bits() || lanes[lane].is_nan() && ours.is_nan(),
+                "{a:e} * {b:e} + {c:e} = {:e} in lane {lane}, not {ours:e}",
+                lanes[lane]
+            );
+        }
     }
 
     #[test]

@@ -3,7 +3,9 @@
 use super::SuiteCase;
 use super::case::{InputMatrix, LayerCase};
 use super::layers::{levels, side_by_side};
-use super::probes::{ConvLevel, N_HIDDEN, clear_of_kinks, cutter, dropout_streams, masks, sign};
+use super::probes::{
+    ConvLevel, N_HIDDEN, ProbeGeometry, clear_of_kinks, cutter, dropout_streams, masks, sign,
+};
 use crate::Result;
 use crate::model::config::CutterConfig;
 use crate::model::cutter_modules::{CutterModule, N_LENGTHS};
@@ -14,6 +16,7 @@ use crate::nn::blocks::Blocks;
 use crate::nn::conv::OctreeConv;
 use crate::nn::deconv::OctreeDeconv;
 use crate::nn::downsample::Downsample;
+use crate::nn::layer::Layer;
 use crate::nn::linear::Linear;
 use crate::nn::linear_norm_act::LinearNormAct;
 use crate::nn::params::Layout;
@@ -21,6 +24,7 @@ use crate::nn::residual::Residual;
 use crate::nn::saved::Policy;
 use crate::nn::strided_conv::{OctreeStridedConv, OutputRows};
 use crate::octree::{Octree, OctreeLevel};
+use std::borrow::Borrow;
 
 /// Batch norm over rows of small deviation magnifies rounding, which wants a long step, and curvature, which
 /// wants a short one, most of all where all points share a cell; this step balances the two.
@@ -39,12 +43,12 @@ pub(super) fn cases(octree: &Octree, policy: &MemoryPolicy) -> Result<Vec<SuiteC
 }
 
 /// A block whose input ReLUs see only behind batch norm.
-fn block<L, G>(
+fn block<L: Layer<f64> + 'static, G: Borrow<L::Geometry> + ProbeGeometry + 'static>(
     build: impl FnOnce(&mut Layout) -> L,
     geometry: G,
     x: Vec<InputMatrix>,
     (c_out, n): (usize, usize),
-) -> LayerCase<L, G> {
+) -> LayerCase {
     let case = LayerCase::new(build, geometry, x, c_out);
     case.params(|layout| clear_of_kinks(layout, n)).step(BLOCK_STEP)
 }

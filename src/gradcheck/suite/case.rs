@@ -4,10 +4,12 @@ use super::SuiteCase;
 use super::probes::{ProbeGeometry, shape_array};
 use crate::Result;
 use crate::gradcheck::fixture::{Fixture, NamedArray};
-use crate::gradcheck::{self, Case, GradcheckSettings, GradientReport};
+use crate::gradcheck::{self, Dy, GradcheckSettings, GradientReport, Numbers, Passes};
+use crate::nn::arena::Buffer;
 use crate::nn::layer::Layer;
 use crate::nn::operand::Operand;
 use crate::nn::params::{Entry, Layout};
+use crate::nn::pass::Training;
 use crate::rng::Stream;
 use std::borrow::Borrow;
 use std::ops::Range;
@@ -53,11 +55,10 @@ impl InputMatrix {
 }
 
 /// A training pass of a layer.
-pub(super) struct LayerCase<L, G> {
-    layer: L,
+pub(super) struct LayerCase {
+    layer: Box<dyn ProbedLayer>,
     layout: Layout,
     params: Vec<f64>,
-    geometry: G,
     x: Vec<InputMatrix>,
     c_out: usize,
     dropout: Option<Vec<Stream>>,
@@ -65,21 +66,52 @@ pub(super) struct LayerCase<L, G> {
     settings: GradcheckSettings,
 }
 
-impl<L, G> LayerCase<L, G> {
+/// A layer with its geometry.
+trait ProbedLayer {
+    fn param_ranges(&self) -> Vec<Range<usize>>;
+    fn passes(
+        &self,
+        pass: &mut Training<f64>,
+        x: Operand<f64>,
+        dy: Option<Dy>,
+    ) -> (Buffer<f64>, Vec<Vec<f64>>);
+    fn geometry_arrays(&self) -> Vec<NamedArray>;
+}
+
+impl<L: Layer<f64>, G: Borrow<L::Geometry> + ProbeGeometry> ProbedLayer for (L, G) {
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        self.0.param_ranges()
+    }
+
+    fn passes(
+        &self,
+        pass: &mut Training<f64>,
+        x: Operand<f64>,
+        dy: Option<Dy>,
+    ) -> (Buffer<f64>, Vec<Vec<f64>>) {
+        gradcheck::passes(&self.0, self.1.borrow(), pass, x, dy)
+    }
+
+    fn geometry_arrays(&self) -> Vec<NamedArray> {
+        self.1.arrays("geometry")
+    }
+}
+
+impl LayerCase {
     /// With initial parameters; `x` is read side by side.
-    pub fn new(
+    pub fn new<L: Layer<f64> + 'static, G: Borrow<L::Geometry> + ProbeGeometry + 'static>(
         build: impl FnOnce(&mut Layout) -> L,
         geometry: G,
         x: Vec<InputMatrix>,
         c_out: usize,
     ) -> Self {
         let mut layout = Layout::default();
-        let layer = build(&mut layout);
+        let layer = Box::new((build(&mut layout), geometry));
         let params = layout.init_params(1);
         let settings =
             GradcheckSettings { max_elements: MAX_ELEMENTS, ..GradcheckSettings::default() };
         let (dropout, masks) = (None, Vec::new());
-        LayerCase { layer, layout, params, geometry, x, c_out, dropout, masks, settings }
+        LayerCase { layer, layout, params, x, c_out, dropout, masks, settings }
     }
 
     pub fn params(mut self, params: impl FnOnce(&Layout) -> Vec<f64>) -> Self {
@@ -98,29 +130,23 @@ impl<L, G> LayerCase<L, G> {
         self
     }
 
-    pub fn named(self, name: &'static str, formula: &'static str) -> SuiteCase
-    where
-        L: Layer<f64> + 'static,
-        G: Borrow<L::Geometry> + ProbeGeometry + 'static,
-    {
+    pub fn named(self, name: &'static str, formula: &'static str) -> SuiteCase {
         SuiteCase { name, formula, constants: Vec::new(), checked: Box::new(self) }
     }
-}
 
-impl<L: Layer<f64>, G: Borrow<L::Geometry> + ProbeGeometry> LayerCase<L, G> {
-    fn with_case<R>(&self, use_case: impl FnOnce(&Case<L::Geometry>) -> R) -> R {
+    fn with_numbers<R>(&self, use_numbers: impl FnOnce(&Numbers, &Passes) -> R) -> R {
         let parts: Vec<Operand<f64>> = self.x.iter().map(InputMatrix::operand).collect();
         let x = match &parts[..] {
             [x] => *x,
             _ => Operand::Concat(&parts),
         };
-        let LayerCase { layout, params, geometry, dropout, .. } = self;
-        let (geometry, dropout) = (geometry.borrow(), dropout.as_deref());
-        use_case(&Case { layout, params, geometry, x, dropout })
+        let LayerCase { layout, params, dropout, .. } = self;
+        let numbers = Numbers { layout, params, x, dropout: dropout.as_deref() };
+        use_numbers(&numbers, &|pass, x, dy| self.layer.passes(pass, x, dy))
     }
 
     fn geometry_arrays(&self) -> Vec<NamedArray> {
-        let mut arrays = self.geometry.arrays("geometry");
+        let mut arrays = self.layer.geometry_arrays();
         let shapes =
             self.x.iter().find_map(|x| x.shapes.as_ref()).map(|s| shape_array("geometry", s));
         arrays.extend(shapes.filter(|new| arrays.iter().all(|array| array.name != new.name)));
@@ -128,15 +154,18 @@ impl<L: Layer<f64>, G: Borrow<L::Geometry> + ProbeGeometry> LayerCase<L, G> {
     }
 }
 
-impl<L: Layer<f64>, G: Borrow<L::Geometry> + ProbeGeometry> Checked for LayerCase<L, G> {
+impl Checked for LayerCase {
     fn check(&self) -> Result<GradientReport> {
-        self.with_case(|case| gradcheck::layer(&self.layer, case, &self.settings))
+        let ranges = self.layer.param_ranges();
+        self.with_numbers(|numbers, passes| {
+            gradcheck::check_layer(numbers, &ranges, passes, &self.settings)
+        })
     }
 
     fn record(&self, fixture: &mut Fixture) {
         let x: Vec<Vec<f64>> = self.x.iter().map(|x| x.values.clone()).collect();
         let run = |dy: Option<&[f64]>| {
-            self.with_case(|case| gradcheck::run(&self.layer, case, &x, &self.params, dy))
+            self.with_numbers(|case, passes| gradcheck::run(case, passes, &x, &self.params, dy))
         };
         let n = run(None).y.len();
         let dy = gradcheck::output_gradient(n, &self.settings);
@@ -179,19 +208,21 @@ pub(super) struct LossStep {
     pub outputs: Vec<NamedArray>,
 }
 
+/// The loss from the inputs; with gradients if they are wanted.
+type LossFunction = Box<dyn Fn(&[Vec<f64>], bool) -> LossStep>;
+
 /// The loss at the end of a network, or alone.
-pub(super) struct LossCase<F> {
+pub(super) struct LossCase {
     /// Tensors of a network whose parameters are the first input; empty if there is none.
     pub layout: Layout,
     pub inputs: Vec<LossInput>,
     /// What the loss is not differentiated by.
     pub fixed: Vec<NamedArray>,
-    /// From the inputs, and whether gradients are wanted.
-    pub run: F,
+    pub run: LossFunction,
     pub max_elements: usize,
 }
 
-impl<F: Fn(&[Vec<f64>], bool) -> LossStep> LossCase<F> {
+impl LossCase {
     /// The tensor and the place in it of an element of the first input.
     fn tensor_of(&self, index: usize) -> Option<(&Entry, usize)> {
         let entry = self.layout.params.iter().find(|entry| entry.range.contains(&index))?;
@@ -199,7 +230,7 @@ impl<F: Fn(&[Vec<f64>], bool) -> LossStep> LossCase<F> {
     }
 }
 
-impl<F: Fn(&[Vec<f64>], bool) -> LossStep> Checked for LossCase<F> {
+impl Checked for LossCase {
     fn check(&self) -> Result<GradientReport> {
         let inputs: Vec<_> = self.inputs.iter().map(|i| (i.name, &i.values[..])).collect();
         let settings =
@@ -245,7 +276,7 @@ impl<F: Fn(&[Vec<f64>], bool) -> LossStep> Checked for LossCase<F> {
     }
 }
 
-impl<F: Fn(&[Vec<f64>], bool) -> LossStep + 'static> LossCase<F> {
+impl LossCase {
     pub fn named(self, name: &'static str, formula: &'static str) -> SuiteCase {
         SuiteCase { name, formula, constants: Vec::new(), checked: Box::new(self) }
     }
@@ -255,9 +286,8 @@ impl<F: Fn(&[Vec<f64>], bool) -> LossStep + 'static> LossCase<F> {
 mod tests {
     use super::*;
     use crate::gradcheck::suite::LIMIT;
-    use crate::nn::arena::Buffer;
     use crate::nn::operand::OperandGradient;
-    use crate::nn::pass::{Backward, Inference, Training};
+    use crate::nn::pass::{Backward, Inference};
     use crate::nn::relu::Relu;
 
     /// A ReLU whose backward pass forgets it.

@@ -249,7 +249,13 @@ fn cross_entropy() -> SuiteCase {
     let values = probe(3 * usize::from(n), 1);
     let logits = LossInput { name: "logits", shape: vec![usize::from(n), 3], values };
     let layout = Layout::default();
-    let case = LossCase { layout, inputs: vec![logits], fixed, run, max_elements: usize::MAX };
+    let case = LossCase {
+        layout,
+        inputs: vec![logits],
+        fixed,
+        run: Box::new(run),
+        max_elements: usize::MAX,
+    };
     case.named("cross_entropy", "PyTorch's cross_entropy with class weights and label smoothing")
         .constant("label_smoothing", 0.1)
 }

@@ -158,7 +158,7 @@ fn unet(
         step.buffers = model.buffers;
         step
     };
-    let case = LossCase { layout, inputs, fixed, run, max_elements };
+    let case = LossCase { layout, inputs, fixed, run: Box::new(run), max_elements };
     let formula = "mean of the cross-entropies of both heads of an octree U-Net of depth 3";
     Ok(case.named(name, formula).constant("normalize_empty_parents", f64::from(u8::from(empty))))
 }
@@ -250,7 +250,7 @@ fn graph_sage(suite: &Suite, name: &'static str, cutter: CutterConfig) -> Result
         }
         step
     };
-    let case = LossCase { layout, inputs, fixed, run, max_elements };
+    let case = LossCase { layout, inputs, fixed, run: Box::new(run), max_elements };
     let formula = "mean of the cross-entropies of both heads of a GraphSAGE network; layer: \
                    relu(bn(linear([own | mean of own over the neighbors]))), own = [x | cutter]";
     Ok(case.named(name, formula))

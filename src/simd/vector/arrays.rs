@@ -67,7 +67,7 @@ macro_rules! array_vector {
             }
             #[inline(always)]
             fn mul_add(self, b: Self, c: Self) -> Self {
-                Self::from_fn(|l| $mul_add(self.0[l], b.0[l], c.0[l]))
+                Lanes($mul_add(self.0, b.0, c.0), PhantomData)
             }
             #[inline(always)]
             fn min(self, other: Self) -> Self {
@@ -99,12 +99,23 @@ operator!(Add, add, f64);
 operator!(Sub, sub, f64);
 operator!(Mul, mul, f64);
 
-array_vector!(f32, u32, 4, Portable, crate::simd::fma::mul_add);
-array_vector!(f64, u64, 2, Portable, f64::mul_add);
+/// `scalar` for each lane.
+#[inline(always)]
+fn lanes<T: Copy, const N: usize>(
+    scalar: fn(T, T, T) -> T,
+) -> impl Fn([T; N], [T; N], [T; N]) -> [T; N] {
+    move |a, b, c| std::array::from_fn(|l| scalar(a[l], b[l], c[l]))
+}
+
+#[cfg(target_arch = "x86_64")]
+array_vector!(f32, u32, 4, Portable, crate::simd::fma::mul_add4);
+#[cfg(not(target_arch = "x86_64"))]
+array_vector!(f32, u32, 4, Portable, lanes(crate::simd::fma::mul_add));
+array_vector!(f64, u64, 2, Portable, lanes(f64::mul_add));
 #[cfg(target_arch = "aarch64")]
-array_vector!(f32, u32, 4, Neon, f32::mul_add);
+array_vector!(f32, u32, 4, Neon, lanes(f32::mul_add));
 #[cfg(target_arch = "aarch64")]
-array_vector!(f64, u64, 2, Neon, f64::mul_add);
+array_vector!(f64, u64, 2, Neon, lanes(f64::mul_add));
 
 impl Mask for [u32; 4] {
     #[inline(always)]
