@@ -282,6 +282,12 @@ fn label_asks_the_part_itself_and_says_so() {
         let accessible = clamped.labels.answers.accessible()[i];
         assert!(!(accessible && under_clamp(i)), "{}", file.sites.points[i]);
     }
+    let (result, clear) = run(&["--clearance-limit", "2"]);
+    assert_eq!(clear.labels.answers.inaccessible, file.labels.answers.inaccessible);
+    for (i, clearance) in clear.labels.answers.clearance_mm.iter().enumerate() {
+        assert!(clearance.abs() <= 2.0 && (*clearance > 0.0) == (file.sites.normals[i].z > -0.5));
+    }
+    assert!(result["clearance_median_mm"].as_f64().is_some_and(|c| c > 0.0));
     let (result, published) = run(&["--obstacles", "sites"]);
     assert_eq!(result["definition"], "published definition, points as obstacles");
     assert_eq!(published.labels.surface, None);

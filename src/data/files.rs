@@ -258,6 +258,7 @@ fn label_meaning(part_itself: bool) -> Value {
             "witness_direction": "unit vector from tip to spindle in which the tool may stand, 0 0 0 if there is none",
             "open_directions": "of a site that is not accessible, the share of directions not proven closed; 0: the answer holds for all directions",
             "tolerance": "contact tolerance, mm",
+            "clearance": "how far heights and radii of the shrunk tool's steps may grow before the site becomes inaccessible, mm; negative: must shrink",
             "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
             "beta": "pairs (inaccessible site, direction tested) in which this site is in the shrunk tool's steps",
             "witness": "-1: see witness_direction",
@@ -270,6 +271,7 @@ fn label_meaning(part_itself: bool) -> Value {
         "beta": "pairs (inaccessible site, direction) in which this site collides with the cutter",
         "accessible_directions": "number of directions without collision",
         "witness": "index of the first direction without collision, -1 if there is none",
+        "clearance": "how far heights and radii of the steps may grow before the site becomes inaccessible, mm; negative: must shrink",
     })
 }
 

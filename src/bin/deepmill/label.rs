@@ -7,7 +7,7 @@ use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
 use crate::{progress, volume};
-use deepmill::access::surface::Warning;
+use deepmill::access::surface::{SurfaceOptions, Warning};
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::cutter::Cutter;
 use deepmill::data::files::tools::Tool;
@@ -60,6 +60,10 @@ pub struct Args {
     /// point. Writes volume.npz and volume.png, a section.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "obstacles")]
     pub volume: Option<f64>,
+    /// Also compute how far the tool's steps may grow, or must shrink, at each site, up to this either way (`clearance` in
+    /// labels.npz).
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "volume")]
+    clearance_limit: Option<f64>,
     /// Folder of the results.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
@@ -75,7 +79,12 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.tools.tools(output)?;
     let directions = args.directions.directions()?;
     let engine = args.engine.parse()?;
-    let options = LabelOptions { engine, share: args.occlusion_share, ..LabelOptions::default() };
+    let options = LabelOptions {
+        engine,
+        share: args.occlusion_share,
+        clearance_limit_mm: args.clearance_limit,
+        ..LabelOptions::default()
+    };
 
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
@@ -97,7 +106,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (labels, warnings) = match (blocking, &mesh) {
         (Blocking::Part, Some(mesh)) => {
             let part = (mesh, &args.read, output);
-            args.surface.label(part, &sites, &cutters, &directions, args.occlusion_share)?
+            let options = SurfaceOptions {
+                clearance_limit_mm: args.clearance_limit,
+                ..args.surface.options(args.occlusion_share)
+            };
+            args.surface.label(part, &sites, &cutters, &directions, &options)?
         }
         _ => {
             args.surface.warn_unused(output);
@@ -186,6 +199,7 @@ impl Answers<'_> {
             None => {
                 add_shares(&mut facts, Shares::of(&labels[0], self.directions.len()));
                 part_itself::add_facts(&mut facts, &labels[0]);
+                add_clearance(&mut facts, &labels[0]);
             }
             Some(coverage) => {
                 let none = Cell::Share(coverage.share_of_first(None));
@@ -265,9 +279,22 @@ impl Answers<'_> {
             "part_itself": (self.blocking == Blocking::Part).then(|| args.surface.settings()),
             "warnings": part_itself::warnings_json(warnings),
             "occlusion_share": args.occlusion_share,
+            "clearance_limit_mm": args.clearance_limit,
             "engine": args.engine,
         });
         Provenance { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings }
+    }
+}
+
+/// Adds the middle clearance of the accessible sites, if there are clearances.
+fn add_clearance(facts: &mut Facts, labels: &Labels) {
+    let mut clearances: Vec<f32> =
+        labels.answers.clearance_mm.iter().copied().filter(|c| *c > 0.0).collect();
+    clearances.sort_unstable_by(f32::total_cmp);
+    if let Some(median) = clearances.get(clearances.len() / 2) {
+        let rounded = (f64::from(*median) * 1e3).round() / 1e3;
+        let words = "clearance where accessible, median, mm";
+        facts.add("clearance_median_mm", words, Cell::Given(rounded));
     }
 }
 

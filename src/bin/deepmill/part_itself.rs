@@ -136,13 +136,12 @@ impl SurfaceArgs {
         sites: &Sites,
         cutters: &[Cutter],
         directions: &Directions,
-        share: f64,
+        options: &SurfaceOptions,
     ) -> Result<(Vec<Labels>, Vec<Vec<Warning>>)> {
         let (mesh, read, output) = part;
         let obstacles = self.obstacles(mesh, read, output)?;
-        let options = self.options(share);
         let label = |cutter| {
-            let labels = obstacles.label_sites(sites, cutter, directions, &options)?;
+            let labels = obstacles.label_sites(sites, cutter, directions, options)?;
             let surface = labels.surface.as_ref().expect("labels about the part itself");
             let warnings = obstacles.warnings(mesh, sites, cutter, surface)?;
             Ok((labels, warnings))
