@@ -8,8 +8,28 @@
 use crate::Result;
 use crate::geom::{Sites, spacing};
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::fmt;
+
+/// Which question answers are about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Definition {
+    /// The published one: the sites are the obstacles, see [`access::label`](crate::access::label()).
+    Sites,
+    /// The part itself: its triangles are the obstacles, see [`access::surface`](crate::access::surface).
+    Part,
+}
+
+impl fmt::Display for Definition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Definition::Sites => "published definition, points as obstacles",
+            Definition::Part => "the part itself",
+        })
+    }
+}
 
 /// Answers per site, in the order of the sites. A list is empty if the engine does not compute it, or its option
 /// is off; otherwise it has one entry per site.

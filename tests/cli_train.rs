@@ -127,6 +127,22 @@ fn a_data_set_about_the_part_itself_is_told_apart_from_one_about_sites() {
     let train = ["train", "--out", &run, "--preset", "tiny", "--epochs", "1", "--data"];
     let message = failure(&deepmill(&[&train[..], &[&of_sites, &of_part]].concat()), 1);
     assert!(message.contains("another kind of obstacles"), "{message}");
+    let model = folder.path("of part.safetensors");
+    let run = folder.path("run of part");
+    let train_part =
+        ["train", "--out", &run, "--preset", "tiny", "--epochs", "1", "--data", &of_part];
+    assert!(deepmill(&train_part).status.success());
+    let best = Path::new(&run).join("best.safetensors").display().to_string();
+    let weights = ["weights", &best, "--bf16", &model, "--calibrate", &of_part, "--json"];
+    let weights = json(&deepmill(&weights));
+    assert_eq!(weights["definition"], "part");
+    assert!(weights["temperature"].as_array().unwrap().iter().all(|t| *t != 1.0));
+    let eval = |set: &str| deepmill(&["eval", "--model", &model, "--data", set, "--json"]);
+    let scores = eval(&of_part);
+    assert!(!text(&scores.stderr).contains("learned"), "{}", text(&scores.stderr));
+    assert!(json(&scores)["pooled"][0]["calibration_error_i"].is_f64());
+    let learned = "network learned the part itself; the labels of";
+    assert!(text(&eval(&of_sites).stderr).contains(learned));
     let run = folder.path("other run");
     let train = ["train", "--out", &run, "--preset", "tiny", "--epochs", "1", "--data", &of_part];
     let message = failure(&deepmill(&[&train[..], &["--online"]].concat()), 2);

@@ -7,7 +7,7 @@ use super::training::{InputGradients, TrainingPass};
 use super::unet::{Activations, N_HEADS, UNet};
 use super::{UNetConfig, heads::N_CLASSES};
 use crate::Result;
-use crate::answers::{SiteAnswers, is_positive, mark_top_share};
+use crate::answers::{Definition, SiteAnswers, is_positive, mark_top_share};
 use crate::nn::arena::Arena;
 use crate::nn::pass::{Backward, Inference, Training, Update};
 use crate::par;
@@ -31,6 +31,11 @@ pub struct Model<T> {
     pub buffers: Vec<T>,
     /// What it was trained for; `None` if that is not known.
     pub domain: Option<Domain>,
+    /// What its labels were about; `None` if that is not known.
+    pub definition: Option<Definition>,
+    /// What the logits of each head are divided by in [`Model::predict`], so that probabilities are frequencies (Guo et al.
+    /// 2017); 1 unless it was [fitted](crate::train::calibration::fit).
+    pub temperature: [f64; N_HEADS],
 }
 
 /// What a network says about the sites of one part and one cutter, as numbers.
@@ -70,6 +75,11 @@ fn probabilities<T: Scalar>(logits: &[[T; N_CLASSES]]) -> Vec<f32> {
 }
 
 impl<T: Scalar> Model<T> {
+    /// A network with these numbers, of which nothing more is known.
+    pub(crate) fn of(net: UNet, params: Vec<T>, buffers: Vec<T>) -> Self {
+        Model { net, params, buffers, domain: None, definition: None, temperature: [1.0; N_HEADS] }
+    }
+
     /// What it was trained for, if that is known.
     pub fn domain(&self) -> Option<&Domain> {
         self.domain.as_ref()
@@ -82,10 +92,10 @@ impl<T: Scalar> Model<T> {
     pub fn new(config: &UNetConfig, seed: u64) -> Result<Self> {
         let net = UNet::new(config)?;
         let (params, buffers) = (net.layout().init_params(seed), net.layout().init_buffers());
-        Ok(Model { net, params, buffers, domain: None })
+        Ok(Model::of(net, params, buffers))
     }
 
-    /// Both answers for every site of one part, in the order of `points_mm`.
+    /// Both answers for every site of one part, in the order of `points_mm`. Logits are divided by the head's temperature.
     ///
     /// # Errors
     /// If there are no points, one is not finite or beyond 1 km, a normal is missing or not of unit
@@ -111,13 +121,14 @@ impl<T: Scalar> Model<T> {
         shape.check()?;
         let batch = Batch::new(&[shape], &self.net.config().input)?;
         let [first, second] = self.forward(&batch, &Arena::default()).logits;
-        let rows = |logits: &[T], positive: usize| {
+        let [of_first, of_second] = self.temperature.map(|t| T::from_f64(1.0 / t));
+        let rows = |logits: &[T], positive: usize, factor: T| {
             let rows = logits.as_chunks::<N_CLASSES>().0.iter();
-            rows.map(|row| [row[1 - positive], row[positive]]).collect()
+            rows.map(|row| [row[1 - positive] * factor, row[positive] * factor]).collect()
         };
         Ok(Prediction {
-            logits_inaccessible: rows(&first, INACCESSIBLE_CLASS),
-            logits_occlusion: rows(&second, OCCLUSION_CLASS),
+            logits_inaccessible: rows(&first, INACCESSIBLE_CLASS, of_first),
+            logits_occlusion: rows(&second, OCCLUSION_CLASS, of_second),
         })
     }
 
@@ -300,7 +311,7 @@ mod tests {
     fn gradients(net: &UNet, n: usize, arena: &Arena<f32>) -> Vec<f32> {
         let shapes: Vec<_> = [n, n / 2].iter().map(|&n| sheet(n, 1)).collect();
         let (params, buffers) = (net.layout().init_params(3), net.layout().init_buffers());
-        let mut model = Model::<f32> { net: net.clone(), params, buffers, domain: None };
+        let mut model = Model::<f32>::of(net.clone(), params, buffers);
         let batch = Batch::new(&as_shapes(&shapes), &net.config().input).unwrap();
         let mut grads = vec![0.0; model.params.len()];
         let pass = model.forward_train(&batch, None, arena);

@@ -2,6 +2,7 @@
 
 use super::{Domain, Model, weights};
 use crate::Result;
+use crate::answers::Definition;
 use std::path::Path;
 
 /// Weights in bf16, as `deepmill weights --bf16` writes them.
@@ -30,6 +31,7 @@ impl Model<f32> {
         let mut model =
             weights::from_bytes(FILE, Path::new("the network that comes with deepmill"))?;
         model.domain.get_or_insert(DOMAIN);
+        model.definition.get_or_insert(Definition::Sites);
         Ok(model)
     }
 }

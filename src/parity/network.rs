@@ -40,12 +40,7 @@ pub(super) fn run<T: Scalar>(fixture: &Fixture, prefix: &str, to: &mut Tensors) 
 /// The same model in another precision.
 fn cast<T: Scalar>(model: &Model<f32>) -> Model<T> {
     let numbers = |values: &[f32]| values.iter().map(|&v| T::from_f64(f64::from(v))).collect();
-    Model {
-        net: model.net.clone(),
-        params: numbers(&model.params),
-        buffers: numbers(&model.buffers),
-        domain: model.domain,
-    }
+    Model::of(model.net.clone(), numbers(&model.params), numbers(&model.buffers))
 }
 
 fn octree(octree: &Octree, to: &mut Tensors) {

@@ -1,6 +1,7 @@
 //! Evaluation: scores of both heads over samples, pooled and by area.
 
 use super::HeadScore;
+use super::calibration::Reliability;
 use crate::access::{LabelOptions, Labeler};
 use crate::answers::SiteAnswers;
 use crate::cutter::Cutter;
@@ -21,6 +22,8 @@ pub struct Evaluation {
     /// The same for each sample, every site counted by its share of the surface in thousandths of a
     /// mean site's.
     pub by_area: Vec<[Confusion; 2]>,
+    /// Probabilities of both heads against the truth, where there are probabilities.
+    pub reliability: [Reliability; 2],
     /// Wall-clock seconds of all predictions.
     pub seconds: f64,
 }
@@ -36,6 +39,8 @@ pub struct HeadScores {
     pub by_area: HeadScore,
     /// Mean over the samples of the F1 that takes class 1 as positive, as the reference code does.
     pub reference_f1: f64,
+    /// [Expected calibration error](Reliability::expected_error) over all sites of all samples.
+    pub calibration_error: Option<f64>,
 }
 
 impl Evaluation {
@@ -55,6 +60,10 @@ impl Evaluation {
             [(&answers.inaccessible, &truth.inaccessible), (&answers.occlusion, &truth.occlusion)];
         self.samples.push(heads.map(|(found, truth)| Confusion::of_labels(found, truth)));
         self.by_area.push(heads.map(|(found, truth)| Confusion::weighted(found, truth, &weights)));
+        let probabilities = [&answers.probability_inaccessible, &answers.probability_occlusion];
+        for head in (0..2).filter(|&head| !probabilities[head].is_empty()) {
+            self.reliability[head] += Reliability::of(probabilities[head], heads[head].1);
+        }
         Ok(())
     }
 
@@ -62,6 +71,9 @@ impl Evaluation {
     pub fn append(&mut self, other: &Evaluation) {
         self.samples.extend_from_slice(&other.samples);
         self.by_area.extend_from_slice(&other.by_area);
+        for (own, other) in self.reliability.iter_mut().zip(other.reliability) {
+            *own += other;
+        }
         self.seconds += other.seconds;
     }
 
@@ -83,6 +95,7 @@ impl Evaluation {
             pooled: HeadScore { accuracy: pooled.accuracy(), f1: pooled.f1() },
             by_area: mean_scores(&self.by_area, head),
             reference_f1: mean(&self.samples, head, reference),
+            calibration_error: self.reliability[head].expected_error(),
         }
     }
 
@@ -128,7 +141,7 @@ pub fn evaluate_ranked(
     })
 }
 
-fn predict(model: &Model<f32>, sample: &Sample) -> Result<Prediction<f32>> {
+pub(super) fn predict(model: &Model<f32>, sample: &Sample) -> Result<Prediction<f32>> {
     let sites = &sample.sites;
     model.predict(&sites.points, &sites.normals, sample.cutter.to_array())
 }

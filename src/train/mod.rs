@@ -4,6 +4,7 @@
 //! decision is keyed by (seed, epoch, sample), so a run that was interrupted and read back from its
 //! [`Checkpoint`] ends with the same bits as one that was not. [`RunFolder`] keeps a run on disk.
 
+pub mod calibration;
 #[cfg(feature = "formats")]
 pub mod checkpoint;
 pub mod evaluate;

@@ -3,6 +3,7 @@
 use super::evaluate::evaluate;
 use super::step::{self, StepScratch};
 use super::{EpochRow, HeadScore, Settings};
+use crate::answers::Definition;
 use crate::data::{Sample, SampleSource, loader};
 use crate::metrics::Confusion;
 use crate::model::{Domain, Model};
@@ -65,6 +66,9 @@ pub struct Progress {
     /// What the network has seen, with what it saw before this run.
     #[serde(default)]
     pub domain: Option<Domain>,
+    /// What the labels are about, if that is known: goes into the weights.
+    #[serde(default)]
+    pub definition: Option<Definition>,
     /// Best validation score so far and its epoch: the sum of both heads' F1.
     pub best: Option<(f64, u64)>,
 }
@@ -112,8 +116,15 @@ impl Run {
             ));
         }
         self.progress.domain = model.domain;
+        self.progress.definition = model.definition;
         self.model = model;
         Ok(())
+    }
+
+    /// Says what the labels are about that it learns from.
+    pub fn learns(&mut self, definition: Definition) {
+        self.progress.definition = Some(definition);
+        self.model.definition = Some(definition);
     }
 
     /// The state to store.
@@ -144,6 +155,7 @@ impl Run {
             return Err(Error::argument("checkpoint", found, expected, "start the run anew"));
         }
         run.model.domain = checkpoint.progress.domain;
+        run.model.definition = checkpoint.progress.definition;
         run.model.params = checkpoint.params;
         run.model.buffers = checkpoint.buffers;
         run.velocity = checkpoint.velocity;

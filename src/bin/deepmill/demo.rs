@@ -2,7 +2,9 @@
 
 use crate::output::Output;
 use crate::progress;
-use deepmill::access::{LabelOptions, Obstacles, label};
+use deepmill::access::surface::SurfaceOptions;
+use deepmill::access::{LabelOptions, Labeler, Obstacles, label};
+use deepmill::answers::Definition;
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance, ball_end_words};
 use deepmill::data::{Sample, generated};
@@ -61,13 +63,15 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         ball_end_words(params)
     ));
 
-    let (labels, sites_s, labels_s) = exact(&mesh, params, &directions)?;
+    let (model, name, train_s) = network(args, &directions, output)?;
+    let definition = model.definition.unwrap_or(Definition::Sites);
+    let (labels, sites_s, labels_s) = exact(&mesh, params, &directions, definition)?;
     output.say(format!(
         "{N_SITES} sites in {sites_s:.2} s, exact labels over {N_DIRECTIONS} directions in {labels_s:.3} s."
     ));
-    let (model, name, train_s) = network(args, &directions, output)?;
     let start = Instant::now();
-    let provenance = Provenance::ball_end("demo part", params, json!({ "model": name }));
+    let settings = json!({ "model": name, "definition": definition.to_string() });
+    let provenance = Provenance::ball_end("demo part", params, settings);
     let sites = labels.sites.clone();
     let prediction = model.predict(&sites.points, &sites.normals, params.to_array())?;
     let predictions = PredictionFile { prediction, provenance, sites };
@@ -79,6 +83,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len() as f64)
     };
     let mut facts = Facts::new();
+    facts.add("definition", "definition", Cell::text(definition.to_string()));
     facts.add("n_sites", "sites", Cell::count(N_SITES));
     facts.add("inaccessible", "inaccessible, exact", share(&labels.labels.answers.inaccessible));
     facts.add("predicted_inaccessible", "inaccessible, predicted", share(inaccessible));
@@ -144,6 +149,7 @@ fn exact(
     mesh: &Mesh,
     params: CutterParams,
     directions: &Directions,
+    definition: Definition,
 ) -> Result<(LabelFile, f64, f64)> {
     let start = Instant::now();
     let options = SiteOptions { n_sites: N_SITES, seed: SEED, ..SiteOptions::default() };
@@ -151,9 +157,18 @@ fn exact(
     let sites_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let cutter = Cutter::ball_end(params)?;
-    let labels = label(&sites, Obstacles::Queries, &cutter, directions, &LabelOptions::default())?;
+    let directions = directions.clone();
+    let labeler = match definition {
+        Definition::Sites => Labeler::of_sites(directions, LabelOptions::default()),
+        Definition::Part => Labeler::of_part(mesh, &[], directions, SurfaceOptions::default())?,
+    };
+    let labels = labeler.label(&sites, &cutter)?;
     let labels_s = start.elapsed().as_secs_f64();
-    let settings = json!({ "n_directions": N_DIRECTIONS, "seed": SEED });
+    let settings = json!({
+        "n_directions": N_DIRECTIONS,
+        "seed": SEED,
+        "definition": definition.to_string(),
+    });
     let provenance = Provenance::ball_end("demo part", params, settings);
     Ok((LabelFile { provenance, sites, labels }, sites_s, labels_s))
 }

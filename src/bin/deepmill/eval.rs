@@ -9,9 +9,10 @@ use deepmill::data::dataset::{Dataset, Split};
 use deepmill::directions::Directions;
 use deepmill::model::config::CutterPlacement;
 use deepmill::model::{Model, weights};
+use deepmill::report::curves::{Chart, Series, write_curves};
 use deepmill::report::tables::{Cell, Table};
 use deepmill::train::{Evaluation, HeadScore, HeadScores, evaluate_exact, evaluate_ranked};
-use deepmill::{Error, Result};
+use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -19,7 +20,8 @@ use std::path::{Path, PathBuf};
 ///
 /// Positive classes: inaccessible, and occlusion point. Three tables: averages over samples, as the paper
 /// has them; all sites of a set pooled; averages over samples with sites weighted by the area they stand
-/// for. "ref F1_i" counts accessible as positive, as the reference code does. T is the time per sample.
+/// for. "ref F1_i" counts accessible as positive, as the reference code does. "ECE" is the expected calibration
+/// error of a network's probabilities over all sites: 0 if they are frequencies. T is the time per sample.
 /// "Occlusion by rank" marks the share of sites with the greatest scores instead of all with a score above
 /// one half: as many as the labels have.
 #[derive(clap::Args)]
@@ -36,6 +38,9 @@ pub struct Args {
     /// Only this split: train or validation.
     #[arg(long, value_name = "SPLIT")]
     split: Option<SplitArg>,
+    /// Draw how often a predicted probability was right, for the first network on all sets together, as an SVG file.
+    #[arg(long, value_name = "FILE")]
+    reliability: Option<PathBuf>,
     /// Also label every sample exactly, for the labeler's time on the same samples.
     #[arg(long)]
     exact: bool,
@@ -48,7 +53,8 @@ enum SplitArg {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let mut networks = vec![("network".to_owned(), args.model.read()?.0)];
+    args.reliability.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
+    let mut networks = vec![(NETWORK.to_owned(), args.model.read()?.0)];
     for path in &args.against {
         let model = weights::read::<f32>(path)?;
         networks.push((name_of(&model, path), model));
@@ -56,15 +62,18 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut rows: Vec<Row> = Vec::new();
     for folder in &args.data {
         let name = folder.display().to_string();
-        for (engine, timed, evaluation) in score_set(args, folder, &networks)? {
+        for (engine, timed, evaluation) in score_set(args, folder, &networks, output)? {
             rows.push(Row { set: name.clone(), engine, timed, evaluation });
         }
     }
     if args.data.len() > 1 {
         rows.extend(overall(&rows));
     }
+    if let Some(path) = &args.reliability {
+        draw_reliability(path, &rows)?;
+    }
     let n_samples: usize =
-        rows.iter().filter(|r| r.engine == "network" && r.set != ALL).map(Row::n).sum();
+        rows.iter().filter(|r| r.engine == NETWORK && r.set != ALL).map(Row::n).sum();
     output.say(format!("{n_samples} samples; F1 of the classes inaccessible and occlusion"));
     let mut result = json!({ "n_samples": n_samples });
     for (key, heading, scores) in WEIGHTINGS {
@@ -77,6 +86,24 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     Ok(())
 }
 
+/// Share of positives over predicted probability, for both heads of the first network.
+fn draw_reliability(path: &Path, rows: &[Row]) -> Result<()> {
+    let Some(row) = rows.iter().rev().find(|row| row.engine == NETWORK) else { return Ok(()) };
+    let curve = |head: usize, name: &str| {
+        let bins = row.evaluation.reliability[head].bins.iter();
+        let points = bins.filter_map(|bin| bin.means().map(|[p, share]| (p, share)));
+        Series { name: name.into(), points: points.collect() }
+    };
+    let right = Series {
+        name: "probabilities that are frequencies".into(),
+        points: vec![(0.0, 0.0), (1.0, 1.0)],
+    };
+    let series = vec![curve(0, "inaccessible"), curve(1, "occlusion"), right];
+    let chart = Chart { title: "share of positives".into(), series };
+    write_curves(path, "predicted probability", &[chart])
+}
+
+const NETWORK: &str = "network";
 const ALL: &str = "all";
 
 type Scores = fn(&HeadScores) -> HeadScore;
@@ -111,8 +138,22 @@ fn name_of(model: &Model<f32>, path: &Path) -> String {
 
 type Scored = (String, bool, Evaluation);
 
-fn score_set(args: &Args, folder: &Path, networks: &[(String, Model<f32>)]) -> Result<Vec<Scored>> {
+fn score_set(
+    args: &Args,
+    folder: &Path,
+    networks: &[(String, Model<f32>)],
+    output: &Output,
+) -> Result<Vec<Scored>> {
     let set = Dataset::open(folder)?;
+    let asked = set.manifest.settings.definition();
+    for (name, model) in networks {
+        if let Some(learned) = model.definition.filter(|learned| *learned != asked) {
+            let folder = folder.display();
+            output.warn(format!(
+                "{name} learned {learned}; the labels of {folder} are about {asked}"
+            ));
+        }
+    }
     let samples = set.samples(args.split.map(|split| match split {
         SplitArg::Train => Split::Train,
         SplitArg::Validation => Split::Validation,
@@ -171,6 +212,8 @@ fn table(rows: &[Row], scores: Scores) -> Table {
         ("acc_o", "Acc_o"),
         ("f1_o", "F1_o"),
         ("reference_f1_i", "ref F1_i"),
+        ("calibration_error_i", "ECE_i"),
+        ("calibration_error_o", "ECE_o"),
         ("seconds_per_sample", "T"),
     ]);
     for row in rows {
@@ -185,6 +228,8 @@ fn table(rows: &[Row], scores: Scores) -> Table {
             Cell::Share(o.accuracy),
             Cell::Share(o.f1),
             Cell::Share(heads[0].reference_f1),
+            heads[0].calibration_error.map_or(Cell::Missing, Cell::Share),
+            heads[1].calibration_error.map_or(Cell::Missing, Cell::Share),
             if row.timed { time } else { Cell::Missing },
         ]);
     }

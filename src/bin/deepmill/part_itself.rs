@@ -7,6 +7,7 @@ use deepmill::access::surface::{
     ContactTolerance, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions, TriangleObstacles,
     Warning, blocking_faces,
 };
+use deepmill::answers::Definition;
 use deepmill::cutter::Cutter;
 use deepmill::directions::Directions;
 use deepmill::geom::{Mesh, Sites, check};
@@ -49,10 +50,10 @@ impl Blocking {
     }
 
     /// The definition in words, for files and reports.
-    pub fn words(self) -> &'static str {
+    pub fn words(self) -> String {
         match self {
-            Blocking::Part => "the part itself",
-            Blocking::Points(_) => "published definition, points as obstacles",
+            Blocking::Part => Definition::Part.to_string(),
+            Blocking::Points(_) => Definition::Sites.to_string(),
         }
     }
 }

@@ -62,6 +62,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "sites": args.sites.settings(mesh.is_some()),
         "model": model_name,
     });
+    let definition = model.definition.map(|definition| definition.to_string());
     let predictor = Predictor::new(model);
     let predictor = if args.far { predictor.accept_far() } else { predictor };
     let (prediction, outside) = predictor.predict(&sites, &tool.cutter)?;
@@ -72,6 +73,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     clock.lap("predict_s", "prediction");
     let mut provenance = Provenance::ball_end(name_of(&args.part), tool.params, settings);
     provenance.settings["outside_domain"] = json!(outside);
+    provenance.settings["definition"] = json!(definition);
     let file = PredictionFile { prediction, provenance, sites };
     let show = if args.no_picture { Show::Points } else { Show::Pictures };
     let mut paths = folder::write_predictions(&args.out, &file, mesh.as_ref(), show)?;
@@ -86,6 +88,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let answers = file.prediction.answers();
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&file.provenance.part));
+    facts.add("definition", "definition", definition.map_or(Cell::Missing, Cell::text));
     facts.add("cutter", "cutter", Cell::text(&file.provenance.tool));
     facts.add("n_sites", "sites", Cell::count(file.sites.len()));
     facts.add("inaccessible", "inaccessible", share(answers.inaccessible));

@@ -2,6 +2,7 @@
 
 use crate::output::Output;
 use crate::progress;
+use deepmill::answers::Definition;
 use deepmill::data::dataset::{Dataset, DatasetSettings, Split};
 use deepmill::data::online::OnlineSettings;
 use deepmill::data::{Online, Sample};
@@ -76,6 +77,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut run = start(args, &folder)?;
     let data = Data::read(args)?;
     let Data { samples, validation, .. } = &data;
+    run.learns(data.definition);
     output.say(format!(
         "{} training samples, {} for validation, {} parameters",
         samples.len(),
@@ -135,22 +137,22 @@ struct Data {
     /// Directions and share of occlusion points, the same in all.
     directions: DirectionSet,
     share: f64,
-    /// Whether triangles are the obstacles, in all.
-    part_itself: bool,
+    /// What the labels are about, in all.
+    definition: Definition,
 }
 
 impl Data {
     fn read(args: &Args) -> Result<Self> {
         let first = Dataset::open(&args.data[0])?.manifest.settings;
         let (directions, share) = (first.directions.clone(), first.occlusion_share);
-        let part_itself = first.part_itself;
+        let definition = first.definition();
         let (samples, validation) = (Vec::new(), Vec::new());
-        let mut data = Data { samples, validation, directions, share, part_itself };
+        let mut data = Data { samples, validation, directions, share, definition };
         let wholly = args.validate.iter().map(|folder| (folder, true));
         for (folder, validate) in args.data.iter().map(|folder| (folder, false)).chain(wholly) {
             let set = Dataset::open(folder)?;
             let settings = &set.manifest.settings;
-            let kind = |s: &DatasetSettings| (s.directions.clone(), s.part_itself);
+            let kind = |s: &DatasetSettings| (s.directions.clone(), s.definition());
             if (kind(settings), settings.occlusion_share) != (kind(&first), data.share) {
                 let found = "its labels have other directions, another kind of obstacles or another \
                              share of occlusion points";
@@ -168,7 +170,7 @@ impl Data {
     }
 
     fn online(&self, settings: OnlineSettings, seed: u64) -> Result<Online> {
-        if self.part_itself {
+        if self.definition == Definition::Part {
             let found = "a data set about the part itself, whose triangles it does not hold";
             let remedy = "leave out --online, or build the data set with --obstacles sites";
             return Err(Error::argument("--online", found, "sites as obstacles", remedy));

@@ -1,8 +1,11 @@
 //! `deepmill weights`: prints what a weight file says about itself, and writes copies in bf16.
 
 use crate::output::Output;
+use deepmill::answers::Definition;
+use deepmill::data::dataset::Dataset;
 use deepmill::model::weights::tensors::TensorFile;
 use deepmill::model::weights::{self, Storage};
+use deepmill::train::calibration;
 use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
 use std::path::PathBuf;
@@ -18,16 +21,29 @@ pub struct Args {
     /// Write a copy with parameters rounded to bf16 (half the size) to this file.
     #[arg(long, value_name = "FILE")]
     bf16: Option<PathBuf>,
+    /// Fit the temperatures of the copy on these data sets, made for validation by `deepmill dataset build`: its probabilities
+    /// become frequencies, its decisions stay.
+    #[arg(long, value_name = "DIR", num_args = 1.., requires = "bf16")]
+    calibrate: Vec<PathBuf>,
+    /// What the labels were about that the network learned from, where its file does not say: sites or part.
+    #[arg(long, value_name = "WHAT", requires = "bf16")]
+    obstacles: Option<Learned>,
     /// Text to store in the copy: data, commands, scores. Without it the notes of the original are kept.
     #[arg(long, value_name = "FILE", requires = "bf16")]
     notes: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Learned {
+    Sites,
+    Part,
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     args.bf16.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
     let file = TensorFile::read(&args.model)?;
     let info = weights::info(&file, &args.model)?;
-    let model = weights::read::<f32>(&args.model)?;
+    let mut model = weights::read::<f32>(&args.model)?;
     let mut notes = info.map_or_else(String::new, |info| info.notes);
     let n = model.params.len();
     output.say(format!("{n} parameters, {} running statistics", model.buffers.len()));
@@ -39,13 +55,39 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     if let Some(path) = &args.notes {
         notes = std::fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
     }
+    if let Some(learned) = args.obstacles {
+        let definition = match learned {
+            Learned::Sites => Definition::Sites,
+            Learned::Part => Definition::Part,
+        };
+        model.definition.get_or_insert(definition);
+    }
+    if !args.calibrate.is_empty() {
+        let mut samples = Vec::new();
+        for folder in &args.calibrate {
+            samples.extend(Dataset::open(folder)?.samples(None)?);
+        }
+        calibration::fit(&mut model, &samples)?;
+    }
+    let [first, second] = model.temperature;
+    output.say(format!("temperatures {first:.4}, {second:.4}"));
+    if let Some(definition) = model.definition {
+        output.say(format!("learned from labels of: {definition}"));
+    }
     let mut files = Vec::new();
     if let Some(path) = &args.bf16 {
         weights::write(path, &model, Storage::Bf16, &notes)?;
         files.push(path.clone());
         output.files(&files);
     }
-    let result = json!({ "n_parameters": n, "config": config, "notes": notes });
+    let result = json!({
+        "n_parameters": n,
+        "config": config,
+        "temperature": model.temperature,
+        "definition": model.definition,
+        "domain": model.domain,
+        "notes": notes,
+    });
     output.result_with_files(result, &files);
     Ok(())
 }

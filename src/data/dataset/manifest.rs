@@ -1,5 +1,6 @@
 //! The manifest of a data set: its settings, and per part its origin, scale, cutters and shares of labels.
 
+use crate::answers::Definition;
 use crate::atomic_file;
 use crate::cutter::{CutterParams, CutterSet};
 use crate::directions::DirectionSet;
@@ -60,6 +61,11 @@ impl Default for DatasetSettings {
 }
 
 impl DatasetSettings {
+    /// What the labels are about.
+    pub fn definition(&self) -> Definition {
+        if self.part_itself { Definition::Part } else { Definition::Sites }
+    }
+
     /// Checks that every number is in its domain; directions check themselves.
     ///
     /// # Errors

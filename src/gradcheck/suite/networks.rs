@@ -140,7 +140,7 @@ fn unet(
     let n_channels = config.input.node_features()?.n_channels();
     let inputs = inputs(&params, (n_channels, &batch.features), &batch.cutters);
     let max_elements = ELEMENTS_PER_TENSOR * layout.params.len();
-    let model = Model { buffers: layout.init_buffers(), params, net, domain: None };
+    let model = Model::of(net, params, layout.init_buffers());
     let run = move |v: &[Vec<f64>], gradients: bool| {
         let (mut model, mut batch) = (model.clone(), batch.clone());
         model.params.clone_from(&v[0]);

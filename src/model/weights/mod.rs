@@ -8,7 +8,9 @@ mod infer;
 pub mod tensors;
 
 use super::predict::{INACCESSIBLE_CLASS, Model, OCCLUSION_CLASS};
+use super::unet::N_HEADS;
 use super::{Domain, UNet, UNetConfig};
+use crate::answers::Definition;
 use crate::nn::params::Entry;
 use crate::scalar::Scalar;
 use crate::{Error, Result};
@@ -46,6 +48,12 @@ pub struct WeightsInfo {
     /// What the network was trained for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain: Option<Domain>,
+    /// What its labels were about.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub definition: Option<Definition>,
+    /// What the logits of each head are divided by; 1 if it is not there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<[f64; N_HEADS]>,
     /// Free text: data, commands, scores.
     #[serde(default)]
     pub notes: String,
@@ -60,6 +68,8 @@ impl WeightsInfo {
             occlusion_class: OCCLUSION_CLASS,
             unit: "mm".into(),
             domain: None,
+            definition: None,
+            temperature: None,
             notes: notes.into(),
         }
     }
@@ -120,19 +130,25 @@ pub fn info(file: &TensorFile, origin: &Path) -> Result<Option<WeightsInfo>> {
             "its classes mean something else than 0 = inaccessible, 1 = occlusion".into(),
         ));
     }
+    let is_sound = |t: &f64| *t > 0.0 && t.is_finite();
+    if let Some(t) = info.temperature.filter(|t| !t.iter().all(is_sound)) {
+        return Err(error(format!("temperatures {t:?}, expected positive numbers")));
+    }
     Ok(Some(info))
 }
 
 pub(super) fn from_file<T: Scalar>(file: &TensorFile, origin: &Path) -> Result<Model<T>> {
-    let (config, domain) = match info(file, origin)? {
-        Some(info) => (info.config, info.domain),
-        None => (infer::config(file, origin)?, None),
+    let info = match info(file, origin)? {
+        Some(info) => info,
+        None => WeightsInfo::new(&infer::config(file, origin)?, ""),
     };
-    let net = UNet::new(&config)?;
+    let net = UNet::new(&info.config)?;
     compare_names(&net, file, origin)?;
     let params = gather(&net.layout().params, file, origin)?;
     let buffers = gather(&net.layout().buffers, file, origin)?;
-    Ok(Model { net, params, buffers, domain })
+    let WeightsInfo { domain, definition, temperature, .. } = info;
+    let temperature = temperature.unwrap_or([1.0; N_HEADS]);
+    Ok(Model { domain, definition, temperature, ..Model::of(net, params, buffers) })
 }
 
 /// All names and shapes, before anything is allocated.
@@ -177,7 +193,12 @@ fn gather<T: Scalar>(entries: &[Entry], file: &TensorFile, origin: &Path) -> Res
 
 pub(super) fn to_file<T: Scalar>(model: &Model<T>, storage: Storage, notes: &str) -> TensorFile {
     let mut file = TensorFile::default();
-    let info = WeightsInfo { domain: model.domain, ..WeightsInfo::new(model.net.config(), notes) };
+    let info = WeightsInfo {
+        domain: model.domain,
+        definition: model.definition,
+        temperature: (model.temperature != [1.0; N_HEADS]).then_some(model.temperature),
+        ..WeightsInfo::new(model.net.config(), notes)
+    };
     let info = serde_json::to_string(&info).expect("a configuration has only plain fields");
     file.metadata.insert(METADATA_KEY.into(), info);
     let layout = model.net.layout();
@@ -240,10 +261,12 @@ mod tests {
     fn a_model_survives_a_file_bit_by_bit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("m.safetensors");
-        let model = model(|c| c.input.depth = 7);
+        let mut model = model(|c| c.input.depth = 7);
+        (model.definition, model.temperature) = (Some(Definition::Part), [1.25, 0.1]);
         write(&path, &model, Storage::Exact, "made by a test").unwrap();
         let read: Model<f32> = read(&path).unwrap();
         assert_eq!(read.net.config(), model.net.config());
+        assert_eq!((read.definition, read.temperature), (model.definition, model.temperature));
         assert_eq!((read.params, read.buffers), (model.params, model.buffers));
         let file = TensorFile::read(&path).unwrap();
         assert_eq!(info(&file, &path).unwrap().unwrap().notes, "made by a test");
@@ -318,6 +341,11 @@ mod tests {
         file.metadata.insert(METADATA_KEY.into(), "{}".into());
         let message = from_file::<f32>(&file, origin()).unwrap_err().to_string();
         assert!(message.contains("metadata entry deepmill"), "{message}");
+        let mut file = to_file(&model(|_| ()), Storage::Exact, "");
+        let entry = file.metadata.get_mut(METADATA_KEY).unwrap();
+        *entry = entry.replacen("{", "{\"temperature\":[1.0,-2.0],", 1);
+        let message = from_file::<f32>(&file, origin()).unwrap_err().to_string();
+        assert!(message.contains("temperatures [1.0, -2.0], expected positive"), "{message}");
         let empty = from_file::<f32>(&TensorFile::default(), origin()).unwrap_err().to_string();
         assert!(empty.contains("tensor conv1.conv.weights: it is missing"), "{empty}");
     }
