@@ -1,0 +1,109 @@
+//! Whole files of labels, predictions, labeled parts and volumes with some bytes of their arrays changed, under right checksums:
+//! refused in one line, or read and the same after being written again. The first byte chooses the kind.
+#![no_main]
+
+mod scratch;
+
+use deepmill::access::Labeler;
+use deepmill::access::surface::SurfaceOptions;
+use deepmill::cutter::{Cutter, CutterParams};
+use deepmill::data::dataset::LabeledPart;
+use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
+use deepmill::directions::Directions;
+use deepmill::geom::{sites, solids};
+use deepmill::model::{Model, UNetConfig};
+use glam::DVec3;
+use libfuzzer_sys::fuzz_target;
+use std::io::{Cursor, Read, Write};
+use std::sync::LazyLock;
+use zip::write::SimpleFileOptions;
+use zip::{ZipArchive, ZipWriter};
+
+type Entries = Vec<(String, Vec<u8>)>;
+
+/// The entries of one whole file of each kind.
+static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
+    let mesh = solids::cuboid(DVec3::new(4.0, 3.0, 2.0));
+    let options = sites::SiteOptions { n_sites: 12, ..Default::default() };
+    let sites = sites::sample(&mesh, &options).expect("a box");
+    let params = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
+    let cutter = Cutter::ball_end(params).expect("ordered lengths");
+    let directions = Directions::fibonacci_hemisphere(5).expect("some directions");
+    let labeler = Labeler::of_part(&mesh, &[], directions, SurfaceOptions::default());
+    let labels = labeler.and_then(|l| l.label(&sites, &cutter)).expect("labels of a box");
+    let provenance = || Provenance::ball_end("box", params, Default::default());
+    let model = Model::<f32>::new(&UNetConfig::tiny(), 1).expect("a preset");
+    let prediction = model.predict(&sites.points, &sites.normals, params.to_array());
+    let part = LabeledPart {
+        sites: sites.clone(),
+        cutters: vec![params; 2],
+        answers: vec![labels.answers.clone(); 2],
+    };
+    let labels = LabelFile { provenance: provenance(), sites: sites.clone(), labels };
+    let prediction = prediction.expect("a prediction");
+    let prediction = PredictionFile { provenance: provenance(), sites, prediction };
+    let path = scratch::file("whole.npz", &[]);
+    let entries = || {
+        let mut zip = ZipArchive::new(Cursor::new(std::fs::read(&path).unwrap())).unwrap();
+        let mut entries = Entries::new();
+        for i in 0..zip.len() {
+            let mut entry = zip.by_index(i).unwrap();
+            let mut bytes = Vec::new();
+            entry.read_to_end(&mut bytes).unwrap();
+            entries.push((entry.name().to_owned(), bytes));
+        }
+        entries
+    };
+    labels.write(&path).unwrap();
+    let labels = entries();
+    prediction.write(&path).unwrap();
+    let prediction = entries();
+    part.write(&path).unwrap();
+    [labels, prediction, entries()]
+});
+
+fuzz_target!(|input: &[u8]| {
+    let Some((kind, changes)) = input.split_first() else { return };
+    let kind = usize::from(kind % 3);
+    let entries = &WHOLE[kind];
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    let stored = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    for (i, (name, bytes)) in entries.iter().enumerate() {
+        // An entry takes every n-th change, and is left out if the last of them is 255.
+        let own: Vec<u8> =
+            changes.chunks(4).skip(i).step_by(entries.len()).flatten().copied().collect();
+        if own.last() == Some(&255) {
+            continue;
+        }
+        zip.start_file(name, stored).unwrap();
+        zip.write_all(&scratch::changed(bytes, &own)).unwrap();
+    }
+    let path = scratch::file("changed.npz", &zip.finish().unwrap().into_inner());
+    // NaN differs from itself: what is written again is compared as bytes.
+    let twice = |write: &dyn Fn()| {
+        write();
+        std::fs::read(&path).unwrap()
+    };
+    match kind {
+        0 => {
+            let Some(file) = scratch::assert_one_line(LabelFile::read(&path)) else { return };
+            let first = twice(&|| file.write(&path).unwrap());
+            let again = LabelFile::read(&path).unwrap();
+            assert!(twice(&|| again.write(&path).unwrap()) == first);
+        }
+        1 => {
+            let Some(file) = scratch::assert_one_line(PredictionFile::read(&path)) else { return };
+            let first = twice(&|| file.write(&path).unwrap());
+            let again = PredictionFile::read(&path).unwrap();
+            assert!(twice(&|| again.write(&path).unwrap()) == first);
+        }
+        _ => {
+            let Some(part) = scratch::assert_one_line(LabeledPart::read(&path)) else { return };
+            if scratch::assert_one_line(part.write(&path)).is_some() {
+                let first = std::fs::read(&path).unwrap();
+                let again = LabeledPart::read(&path).unwrap();
+                assert!(twice(&|| again.write(&path).unwrap()) == first);
+            }
+        }
+    }
+});

@@ -1,0 +1,46 @@
+//! Files that a target writes and the crate reads, in a folder of this process, in memory where the system has such a
+//! place.
+
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
+    let memory = Path::new("/dev/shm");
+    let root = if memory.is_dir() { memory.into() } else { std::env::temp_dir() };
+    root.join(format!("deepmill-fuzz-{}", std::process::id()))
+});
+
+/// A path in the folder.
+pub fn path(name: &str) -> PathBuf {
+    FOLDER.join(name)
+}
+
+/// Writes a file and the folders above it.
+pub fn file(name: &str, bytes: &[u8]) -> PathBuf {
+    let path = path(name);
+    std::fs::create_dir_all(path.parent().expect("a file in a folder")).expect("a writable folder");
+    std::fs::write(&path, bytes).expect("a writable folder");
+    path
+}
+
+/// `bytes` with some changed: each four of `changes` are a place and a value.
+#[allow(dead_code)]
+pub fn changed(bytes: &[u8], changes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for [a, b, c, value] in changes.as_chunks::<4>().0 {
+        let place = u32::from_le_bytes([*a, *b, *c, 0]) as usize % bytes.len();
+        bytes[place] = *value;
+    }
+    bytes
+}
+
+/// An error is one line.
+pub fn assert_one_line<T>(result: Result<T, deepmill::Error>) -> Option<T> {
+    match result {
+        Ok(value) => Some(value),
+        Err(error) => {
+            assert!(!error.to_string().contains('\n'), "{error}");
+            None
+        }
+    }
+}
