@@ -121,17 +121,22 @@ impl Error {
         Error::Io { path: path.as_ref().into(), action: "written", source }
     }
 
-    /// Bad content at `place` of `path`.
+    /// Bad content at `place` of `path`. What was found, which may come from another library, becomes one line.
     pub fn file(
         path: impl AsRef<Path>,
         place: impl Into<String>,
         found: impl Into<String>,
         remedy: impl Into<String>,
     ) -> Self {
+        let found: String = found.into();
+        let found = match found.contains('\n') {
+            true => found.split_whitespace().collect::<Vec<_>>().join(" "),
+            false => found,
+        };
         Error::File {
             path: path.as_ref().into(),
             place: place.into(),
-            found: found.into(),
+            found,
             remedy: remedy.into(),
         }
     }

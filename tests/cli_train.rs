@@ -123,6 +123,17 @@ fn a_data_set_about_the_part_itself_is_told_apart_from_one_about_sites() {
     let (of_sites_labels, of_part_labels) = (labels(&of_sites), labels(&of_part));
     assert_eq!((of_sites_labels.0, of_part_labels.0), (false, true));
     assert_ne!(of_sites_labels.1, of_part_labels.1);
+    let sized = folder.path("sized");
+    let sizes = [&build[..], &["--out", &sized, "--sizes", "15,600"]].concat();
+    assert!(deepmill(&sizes).status.success());
+    let manifest = deepmill::data::dataset::Dataset::open(Path::new(&sized)).unwrap().manifest;
+    for part in &manifest.parts {
+        let largest = part.content.as_ref().unwrap().box_mm.into_iter().fold(0.0, f64::max);
+        assert!((15.0..=600.0).contains(&largest), "{largest}");
+    }
+    let none = folder.path("none");
+    let wrong = [&build[..], &["--out", &none, "--sizes", "600,15"]].concat();
+    assert!(failure(&deepmill(&wrong), 2).contains("sizes is [600.0, 15.0]"));
     let run = folder.path("run");
     let train = ["train", "--out", &run, "--preset", "tiny", "--epochs", "1", "--data"];
     let message = failure(&deepmill(&[&train[..], &[&of_sites, &of_part]].concat()), 1);

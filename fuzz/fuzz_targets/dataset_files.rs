@@ -14,12 +14,13 @@ use std::sync::LazyLock;
 static MANIFEST: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let points = (0..6).map(|i| Vec3::new(i as f32, (i % 2) as f32, 0.0)).collect();
     let sites = Sites::new(points, vec![Vec3::Z; 6]).expect("finite points");
-    let answers = SiteAnswers::new(vec![true; 6], vec![false; 6]);
+    let mut answers = SiteAnswers::new(vec![true; 6], vec![false; 6]);
+    answers.accessible_directions = vec![0; 6];
     let sample = Sample {
         name: "part".into(),
         sites: sites.into(),
         cutter: [1.5, 6.0, 40.0, 5.0].into(),
-        answers: SiteAnswers { accessible_directions: vec![0; 6], ..answers },
+        answers,
     };
     let settings = DatasetSettings { n_sites: 6, min_edge_mm: None, ..Default::default() };
     let path = scratch::file("set/any", &[]);

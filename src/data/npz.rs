@@ -366,15 +366,24 @@ mod tests {
             std::fs::write(&path, &whole[..len]).unwrap();
             assert!(NpzReader::open(&path).and_then(|mut z| z.vectors("points")).is_err());
         }
-        let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-        zip.start_file("points.npy", entry_options()).unwrap();
-        let text = "{'descr': '<f4', 'fortran_order': False, 'shape': (4000000000, 3), }\n";
-        zip.write_all(b"\x93NUMPY\x01\x00").unwrap();
-        zip.write_all(&(text.len() as u16).to_le_bytes()).unwrap();
-        zip.write_all(text.as_bytes()).unwrap();
-        std::fs::write(&path, zip.finish().unwrap().get_ref()).unwrap();
+        let zip_of = |header: &[u8]| {
+            let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+            zip.start_file("points.npy", entry_options()).unwrap();
+            zip.write_all(b"\x93NUMPY\x01\x00").unwrap();
+            zip.write_all(&(header.len() as u16).to_le_bytes()).unwrap();
+            zip.write_all(header).unwrap();
+            zip.finish().unwrap().into_inner()
+        };
+        let bytes =
+            zip_of(b"{'descr': '<f4', 'fortran_order': False, 'shape': (4000000000, 3), }\n");
+        std::fs::write(&path, bytes).unwrap();
         let message = NpzReader::open(&path).unwrap().vectors("points").unwrap_err().to_string();
         assert!(message.contains("claims 4000000000 rows"), "{message}");
+        // The library's own words about a bad header are several lines.
+        let bytes = zip_of(b"{'descr': '<f4', 'fortran_order': False, 'shape': (12, 3, ), } ?\n");
+        std::fs::write(&path, bytes).unwrap();
+        let message = NpzReader::open(&path).unwrap().vectors("points").unwrap_err().to_string();
+        assert!(message.contains("points: ") && !message.contains('\n'), "{message}");
     }
 
     #[test]

@@ -53,7 +53,7 @@ impl Default for OnlineSettings {
 impl OnlineSettings {
     /// Whether [`OnlineSettings::size_mm`] is a range of sizes that parts may have.
     pub fn has_sound_sizes(&self) -> bool {
-        self.size_mm.is_none_or(|[low, high]| low > 0.0 && low <= high && high <= MAX_SIZE_MM)
+        self.size_mm.is_none_or(|range| is_size_range(&range))
     }
 
     /// Factor that brings points to a random size.
@@ -78,6 +78,11 @@ impl OnlineSettings {
         let turn = Mat3::from_cols(Vec3::new(cos, sin, 0.0), Vec3::new(-sin, cos, 0.0), Vec3::Z);
         turn * side * mirror
     }
+}
+
+/// Whether parts may have sizes of this range, mm.
+pub(super) fn is_size_range(&[low, high]: &[f64; 2]) -> bool {
+    low > 0.0 && low <= high && high <= MAX_SIZE_MM
 }
 
 /// 10 m: larger parts are none that a milling cutter works on.

@@ -1,5 +1,6 @@
 //! Files that a target writes and the crate reads, in a folder of this process, in memory where the system has such a
-//! place.
+//! place. A target uses some of these functions.
+#![allow(dead_code)]
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -24,7 +25,6 @@ pub fn file(name: &str, bytes: &[u8]) -> PathBuf {
 }
 
 /// `bytes` with some changed: each four of `changes` are a place and a value.
-#[allow(dead_code)]
 pub fn changed(bytes: &[u8], changes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for [a, b, c, value] in changes.as_chunks::<4>().0 {

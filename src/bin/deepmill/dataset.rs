@@ -68,6 +68,9 @@ struct BuildArgs {
     /// Scale up parts whose smallest box edge is below this, mm (0: never).
     #[arg(long, default_value_t = 80.0, value_name = "MM", allow_negative_numbers = true)]
     min_edge: f64,
+    /// Instead, scale each part to a random size: the largest box edge between these, mm.
+    #[arg(long, value_name = "LOW,HIGH", value_parser = sizes, conflicts_with = "min_edge")]
+    sizes: Option<[f64; 2]>,
     /// Probability of a part to be kept for validation.
     #[arg(long, default_value_t = 0.0, value_name = "SHARE", allow_negative_numbers = true)]
     validation: f64,
@@ -155,7 +158,8 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
         },
         cutter_set: args.cutter_set.parse()?,
         n_cutters: args.cutters,
-        min_edge_mm: (args.min_edge != 0.0).then_some(args.min_edge),
+        min_edge_mm: (args.min_edge != 0.0 && args.sizes.is_none()).then_some(args.min_edge),
+        size_mm: args.sizes,
         validation_share: args.validation,
         ..DatasetSettings::default()
     };
@@ -314,6 +318,11 @@ fn mesh_files(path: &Path) -> Result<Vec<PathBuf>> {
 /// A number of sites that can say something about each other.
 fn several_sites(text: &str) -> std::result::Result<usize, String> {
     text.parse().ok().filter(|n| *n >= 2).ok_or_else(|| "expected 2 or more".into())
+}
+
+fn sizes(text: &str) -> std::result::Result<[f64; 2], String> {
+    let parsed = text.split_once(',').and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
+    parsed.ok_or_else(|| "expected LOW,HIGH in mm, such as 15,600".into())
 }
 
 fn shard(text: &str) -> std::result::Result<(usize, usize), String> {

@@ -158,7 +158,14 @@ impl Builder {
     fn label(&self, index: usize) -> Result<(LabeledPart, f64, [f64; 3])> {
         let mut mesh = self.sources[index].mesh()?;
         check::require_labelable(&mesh)?;
-        let scale = scale_to_min_edge(&mut mesh, self.settings.min_edge_mm);
+        let scale = match self.settings.size_mm {
+            None => scale_to_min_edge(&mut mesh, self.settings.min_edge_mm),
+            Some([low, high]) => {
+                let index = index as u64;
+                let mut stream = Stream::new(self.settings.seed, 0, index, Purpose::Orientation);
+                scale_to_size(&mut mesh, stream.log_range(low, high))
+            }
+        };
         let box_mm = mesh.bounds().map_or([0.0; 3], |(lo, hi)| (hi - lo).to_array());
         let sites = self.sites(&mesh, self.settings.n_sites, index)?;
         let mut stream = Stream::new(self.settings.seed, 0, index as u64, Purpose::Cutter);
@@ -239,6 +246,14 @@ pub(super) fn store(
     let cutters = part.cutters.iter().zip(&part.answers).map(record).collect();
     let sha256 = content_hash(&path)?;
     Ok(Content { file, sha256, scale, box_mm, n_sites: part.sites.len(), cutters })
+}
+
+/// Scales `mesh` so that its largest box edge is `size_mm`; returns the factor.
+fn scale_to_size(mesh: &mut Mesh, size_mm: f64) -> f64 {
+    let edge = mesh.bounds().map_or(0.0, |(lo, hi)| (hi - lo).max_element());
+    let scale = if edge > 0.0 { size_mm / edge } else { 1.0 };
+    mesh.vertices.iter_mut().for_each(|v| *v *= scale);
+    scale
 }
 
 /// Scales `mesh` so that its smallest box edge is at least `min_edge_mm`; returns the factor.

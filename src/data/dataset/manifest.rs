@@ -3,6 +3,7 @@
 use crate::answers::Definition;
 use crate::atomic_file;
 use crate::cutter::{CutterParams, CutterSet};
+use crate::data::online::is_size_range;
 use crate::directions::DirectionSet;
 use crate::geom::sites::MAX_SITES;
 use crate::{Error, Result};
@@ -37,6 +38,9 @@ pub struct DatasetSettings {
     pub n_cutters: usize,
     /// Parts whose smallest box edge is below this are scaled up to it, mm; `None`: never.
     pub min_edge_mm: Option<f64>,
+    /// Range of the largest box edge that parts are scaled to instead, mm, drawn log-uniformly for each; `None`: they are not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size_mm: Option<[f64; 2]>,
     /// Share of the sites that are occlusion points.
     pub occlusion_share: f64,
     /// Probability of a part to be in the validation split.
@@ -54,6 +58,7 @@ impl Default for DatasetSettings {
             cutter_set: CutterSet::Uniform,
             n_cutters: 1,
             min_edge_mm: Some(80.0),
+            size_mm: None,
             occlusion_share: 0.1,
             validation_share: 0.0,
         }
@@ -87,6 +92,11 @@ impl DatasetSettings {
             ("validation share", kept, (0.0..=1.0).contains(&kept), "0 to 1"),
             ("smallest box edge", edge, edge > 0.0 && edge <= 1e6, "above 0 mm, at most 1 km"),
         ];
+        if let Some(range) = self.size_mm.filter(|range| !is_size_range(range)) {
+            let expected = "two lengths above 0 mm, the lesser first, at most 10 m";
+            let remedy = "give the range of the parts' largest edges";
+            return Err(Error::argument("sizes", format!("{range:?}"), expected, remedy));
+        }
         if self.part_itself && self.n_obstacles.is_some() {
             let found = "both triangles and further points";
             let remedy = "give one of them";
