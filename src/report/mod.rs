@@ -2,12 +2,13 @@
 //!
 //! A [`PartView`] is what is shown, a [`Coloring`] says in which colors; [`picture`] and [`points`]
 //! take both, [`folder`] writes all files of a report, [`tables`], [`scores`] and [`curves`] show
-//! numbers; [`coverage`] is about several tools at once.
+//! numbers; [`coverage`] is about several tools at once, [`findings`] lists regions.
 
 mod camera;
 mod color;
 pub mod coverage;
 pub mod curves;
+pub mod findings;
 pub mod folder;
 pub mod image;
 mod paint;
