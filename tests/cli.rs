@@ -180,7 +180,8 @@ fn several_cutters_give_the_files_of_each_alone() {
         assert!(path.is_file());
         path.strip_prefix(folder.path("both")).unwrap().components().count()
     });
-    assert_eq!(names.collect::<Vec<_>>(), [2, 2, 2, 2, 1, 1, 1]);
+    // Numbers, points and two files of findings for each; table, points, findings and part for both.
+    assert_eq!(names.collect::<Vec<_>>(), [[2; 8].as_slice(), &[1; 5]].concat());
 }
 
 #[test]
@@ -473,6 +474,40 @@ fn sample_tells_inside_from_outside() {
 }
 
 #[test]
+fn findings_pages_and_other_formats_are_written_on_request() {
+    let folder = Folder::new();
+    let tools = folder.file("shop.csv", "name,CR,CH,FR,FH\nlong,1,30,5,20\n<b>,1.5,0.2,90,0.2\n");
+    assert!(
+        failure(&deepmill(&["label", &folder.block(), "--tools", &tools, "--out", "x"]), 1)
+            .contains("name")
+    );
+    let tools =
+        folder.file("shop.csv", "name,CR,CH,FR,FH\nlong & thin,1,30,5,20\nstub,1.5,0.2,90,0.2\n");
+    let more = ["--report", "--also", "glb,csv"];
+    let result = label_tools(&folder, "out", &[&["--tools", &tools][..], &more].concat());
+    let read = |name: &str| std::fs::read(folder.path(&format!("out/{name}"))).unwrap();
+    for name in
+        ["findings.csv", "report.html", "stub/labels.glb", "stub/labels.csv", "stub/findings.json"]
+    {
+        assert!(read(name).len() > 100, "{name}");
+    }
+    let stub: Value = serde_json::from_slice(&read("stub/findings.json")).unwrap();
+    let first = &stub["findings"][0];
+    assert!(first["area_mm2"].as_f64() == stub["largest_mm2"].as_f64());
+    assert_eq!(first["helps"]["tool"], "long & thin", "{stub}");
+    assert_eq!(result["findings"]["surface_mm2"], stub["surface_mm2"]);
+    let page = text(&read("report.html"));
+    assert!(page.contains(">long &amp; thin</button>") && page.contains(">all tools</button>"));
+    // From the folder alone: the same findings, a tab for each tool.
+    std::fs::remove_file(folder.path("out/report.html")).unwrap();
+    let again = json(&deepmill(&["report", &folder.path("out"), "--json"]));
+    assert_eq!(again["findings"], result["findings"]);
+    assert_eq!(text(&read("report.html")).matches("role=\"tab\"").count(), 3);
+    let args = ["label", &folder.block(), "--cutter", CUTTER, "--out", "x", "--also", "obj"];
+    assert!(failure(&deepmill(&args), 2).contains("glb or csv"));
+}
+
+#[test]
 fn report_draws_again_and_compares() {
     let folder = Folder::new();
     let part = folder.block();
@@ -498,6 +533,12 @@ fn report_draws_again_and_compares() {
     assert_eq!(scores[0]["positive_class"], "inaccessible");
     assert_eq!(scores[0]["accuracy"], 199.0 / 200.0);
     assert_eq!(scores[2]["f1"], 1.0);
+    let page = std::fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
+    assert_eq!(
+        page.matches("role=\"tab\"").count(),
+        4,
+        "exact, predicted, and a difference for each head"
+    );
     for name in ["labels.png", "predictions.png", "difference-inaccessible.png"] {
         assert!(Path::new(&out).join(name).is_file(), "{name}");
     }

@@ -35,6 +35,9 @@ pub struct Provenance {
 }
 
 impl Provenance {
+    /// Name and version of this program, as files state it.
+    pub const PROGRAM: &str = concat!("deepmill ", env!("CARGO_PKG_VERSION"));
+
     /// Provenance a ball-end cutter; `tool` is in words what `cutter` is in numbers.
     pub fn ball_end(part: impl Into<String>, cutter: CutterParams, settings: Value) -> Self {
         Provenance { part: part.into(), cutter, tool: ball_end_words(cutter), settings }
@@ -44,7 +47,7 @@ impl Provenance {
         json!({
             "format": format,
             "version": VERSION,
-            "program": concat!("deepmill ", env!("CARGO_PKG_VERSION")),
+            "program": Self::PROGRAM,
             "unit": "mm",
             "part": self.part,
             "cutter": { "order": "CR, CH, FR, FH", "words": self.tool },

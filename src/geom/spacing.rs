@@ -161,9 +161,38 @@ pub(super) fn mean_and_cv(values: &[f64]) -> (f64, f64) {
 /// # Errors
 /// If the sites fail [`Sites::check`].
 pub fn relative_areas(sites: &Sites) -> Result<Vec<f64>> {
+    let squares = neighbor_squares(sites)?;
+    let known: Vec<f64> = squares.iter().flatten().copied().collect();
+    let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
+    let area =
+        |square: Option<f64>| square.map_or(1.0, |s| if mean > 0.0 { s / mean } else { 1.0 });
+    Ok(squares.into_iter().map(area).collect())
+}
+
+/// The area each site stands for, mm²: [`relative_areas`] scaled to `surface_mm2`, the area of the surface, or if that is not known
+/// to √3/2 of the squared distances, as in a hexagonal lattice.
+///
+/// # Errors
+/// If the sites fail [`Sites::check`].
+pub fn areas_mm2(sites: &Sites, surface_mm2: Option<f64>) -> Result<Vec<f64>> {
+    let areas = relative_areas(sites)?;
+    let total: f64 = areas.iter().sum();
+    let unit = match surface_mm2 {
+        Some(surface) => surface / total,
+        None => {
+            let squares: Vec<f64> = neighbor_squares(sites)?.into_iter().flatten().collect();
+            let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+            0.75f64.sqrt() * mean
+        }
+    };
+    Ok(areas.into_iter().map(|area| area * unit).collect())
+}
+
+/// Per site, the mean squared distance, mm², of the (up to) six nearest sites on its sheet.
+fn neighbor_squares(sites: &Sites) -> Result<Vec<Option<f64>>> {
     sites.check()?;
     let n = sites.len();
-    let Some(spacing) = Spacing::measure_on_sheet(sites) else { return Ok(vec![1.0; n]) };
+    let Some(spacing) = Spacing::measure_on_sheet(sites) else { return Ok(vec![None; n]) };
     let points: Vec<DVec3> = sites.points.iter().map(|p| p.as_dvec3()).collect();
     let tree = KdTree::build(&points);
     let square = |i: usize| {
@@ -180,12 +209,7 @@ pub fn relative_areas(sites: &Sites) -> Result<Vec<f64>> {
         (!near.is_empty()).then(|| near.iter().sum::<f64>() / near.len() as f64)
     };
     let blocks = par::map_blocks(n, BLOCK, |range| range.map(square).collect::<Vec<_>>());
-    let squares = blocks.concat();
-    let known: Vec<f64> = squares.iter().flatten().copied().collect();
-    let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
-    let area =
-        |square: Option<f64>| square.map_or(1.0, |s| if mean > 0.0 { s / mean } else { 1.0 });
-    Ok(squares.into_iter().map(area).collect())
+    Ok(blocks.concat())
 }
 
 /// How far [`relative_areas`] looks for neighbors, in mean spacings.

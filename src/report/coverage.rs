@@ -1,15 +1,20 @@
 //! Coverage by several tools: a table with a row per tool, and the first tool that reaches each site.
 
-use super::folder::{Show, Writer};
+use super::findings::Findings;
+use super::folder::{Show, Shown, Writer};
+use super::page::View;
 use super::points::PointValues;
 use super::tables::{Cell, Table};
 use super::{Class, Coloring, PartView, Rgb};
 use crate::access::Labels;
 use crate::answers::SiteAnswers;
 use crate::data::files::tools::Tool;
-use crate::{Result, atomic_file};
+use crate::{Error, Result, atomic_file};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+
+/// Name of the table in a folder of several tools.
+pub const TOOLS: &str = "tools.csv";
 
 /// Labels as shares.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,7 +114,7 @@ impl<'a> Coverage<'a> {
     /// # Errors
     /// If the system refuses a file.
     pub fn write(&self, folder: &Path, part: PartView, show: Show) -> Result<Vec<PathBuf>> {
-        let table = folder.join("tools.csv");
+        let table = folder.join(TOOLS);
         atomic_file::write_atomic(&table, |file| file.write_all(&self.table().csv()))?;
         let (classes, of) = self.groups();
         let coloring = Coloring::Groups { classes: &classes, of: &of };
@@ -118,29 +123,67 @@ impl<'a> Coverage<'a> {
         let notes =
             ["first_tool: row of tools.csv from 1, 0: no tool reaches the site".to_string()];
         let writer = Writer { folder, part, show };
-        let drawn = writer.write("tools", "first tool that reaches", &coloring, &values, &notes)?;
+        let caption = "first tool that reaches";
+        let what = Shown { caption, coloring, values: &values, notes: &notes };
+        let drawn = writer.write("tools", &what)?;
         Ok([table].into_iter().chain(drawn).collect())
     }
 
-    /// Groups for the legend, the tools that add something first, and the group of each site.
     fn groups(&self) -> (Vec<Class<'_>>, Vec<usize>) {
-        let mut classes = Vec::new();
-        let group_of: Vec<usize> = (0..self.tools.len())
-            .map(|k| {
-                let is_new = self.first.contains(&Some(k)) && classes.len() <= COLORS.len();
-                if is_new {
-                    let named = COLORS.get(classes.len()).map(|c| (&*self.tools[k].name, *c));
-                    let (name, color) = named.unwrap_or(("further tools", FURTHER));
-                    classes.push(Class { name, color });
-                }
-                classes.len().saturating_sub(1)
-            })
-            .collect();
-        classes.push(Class { name: "no tool", color: NO_TOOL });
-        let none = classes.len() - 1;
-        let of = self.first.iter().map(|first| first.map_or(none, |k| group_of[k])).collect();
-        (classes, of)
+        let names: Vec<&str> = self.tools.iter().map(|tool| &*tool.name).collect();
+        groups(&names, &self.first)
     }
+
+    /// The same as a tab of a page; `findings` are those of the sites that no tool reaches.
+    pub fn view(&self, findings: Findings) -> View {
+        let (classes, of) = self.groups();
+        View::of_first_tools(&classes, &of, findings)
+    }
+}
+
+/// The names in the column `name` of `tools.csv` in `folder`, at least one; each is that of a folder beside it.
+///
+/// # Errors
+/// If the system refuses the file, it is no such table, or a name is no folder's.
+pub fn tool_names(folder: &Path) -> Result<Vec<String>> {
+    let path = folder.join(TOOLS);
+    let bytes = std::fs::read(&path).map_err(|e| Error::read(&path, e))?;
+    let mut reader = csv::Reader::from_reader(&bytes[..]);
+    let remedy = "name a folder that `deepmill label` has written";
+    let bad = |found: String| Error::file(&path, "column name", found, remedy);
+    let header = reader.headers().map_err(|e| bad(e.to_string()))?;
+    let column = header.iter().position(|name| name == "name");
+    let column = column.ok_or_else(|| bad("it is missing".into()))?;
+    let mut names = Vec::new();
+    for row in reader.records() {
+        let row = row.map_err(|e| bad(e.to_string()))?;
+        let name = row.get(column).unwrap_or_default();
+        if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\', ':']) {
+            return Err(bad(format!("`{name}` is no folder's name")));
+        }
+        names.push(name.to_string());
+    }
+    if names.is_empty() { Err(bad("no tool".into())) } else { Ok(names) }
+}
+
+/// Groups for the legend, the tools that add something first, and the group of each site; `first` is the first tool that reaches it.
+pub fn groups<'a>(names: &[&'a str], first: &[Option<usize>]) -> (Vec<Class<'a>>, Vec<usize>) {
+    let mut classes = Vec::new();
+    let group_of: Vec<usize> = (0..names.len())
+        .map(|k| {
+            let is_new = first.contains(&Some(k)) && classes.len() <= COLORS.len();
+            if is_new {
+                let named = COLORS.get(classes.len()).map(|c| (names[k], *c));
+                let (name, color) = named.unwrap_or(("further tools", FURTHER));
+                classes.push(Class { name, color });
+            }
+            classes.len().saturating_sub(1)
+        })
+        .collect();
+    classes.push(Class { name: "no tool", color: NO_TOOL });
+    let none = classes.len() - 1;
+    let of = first.iter().map(|first| first.map_or(none, |k| group_of[k])).collect();
+    (classes, of)
 }
 
 /// Colors of the tools that add something, apart for the common kinds of color blindness.
@@ -188,6 +231,19 @@ mod tests {
         let names: Vec<&str> = classes.iter().map(|c| c.name).collect();
         assert_eq!(names, ["1-2-50-4", "3-2-50-4", "no tool"]);
         assert_eq!(of, [0, 1, 1, 2]);
+    }
+
+    #[test]
+    fn names_are_read_from_the_table_and_ways_out_of_the_folder_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |text: &str| std::fs::write(folder.path().join(TOOLS), text).unwrap();
+        write("CR,name\n1,stub\n2,\"D2, long\"\n");
+        assert_eq!(tool_names(folder.path()).unwrap(), ["stub", "D2, long"]);
+        for bad in ["name\n../x\n", "name\n", "CR\n1\n", "name\na/b\n", "name\n\"\"\n"] {
+            write(bad);
+            let message = tool_names(folder.path()).unwrap_err().to_string();
+            assert!(message.contains("column name"), "{bad}: {message}");
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The files of a folder of results: data, colored points and pictures of labels, predictions and their difference.
 
+use super::export::{self, Extra};
 use super::points::{self, PointValues};
 use super::{Class, Coloring, PartView, picture};
 use crate::Result;
@@ -65,6 +66,27 @@ pub fn draw_labels(
     mesh: Option<&Mesh>,
     show: Show,
 ) -> Result<Vec<PathBuf>> {
+    let writer = Writer { folder, part: part(&file.provenance, &file.sites, mesh), show };
+    with_labels(file, |what| writer.write("labels", &what))
+}
+
+/// Writes `labels.glb` or `labels.csv`.
+///
+/// # Errors
+/// If the system refuses the file.
+pub fn export_labels(
+    folder: &Path,
+    file: &LabelFile,
+    mesh: Option<&Mesh>,
+    format: Extra,
+) -> Result<PathBuf> {
+    let writer =
+        Writer { folder, part: part(&file.provenance, &file.sites, mesh), show: Show::Points };
+    with_labels(file, |what| writer.export("labels", &what, format))
+}
+
+/// Calls `write` with what labels say.
+fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> Result<T> {
     let n = file.sites.len();
     let none = vec![false; n];
     let (labels, answers) = (&file.labels, &file.labels.answers);
@@ -78,7 +100,7 @@ pub fn draw_labels(
         "inaccessible 1: the cutter collides in every direction".to_string(),
         "occlusion 1: among the sites most often in the way of inaccessible ones".to_string(),
     ];
-    let writer = Writer { folder, part: part(&file.provenance, &file.sites, mesh), show };
+    let setup = setup(&file.provenance);
     if let Some(surface) = &labels.surface {
         notes.push("tip_does_not_fit 1: only the tip penetrates the part".to_string());
         notes.push("the part itself: triangles are the obstacles".to_string());
@@ -88,15 +110,56 @@ pub fn draw_labels(
         ));
         let of: Vec<usize> = (0..n).map(|i| class(surface.answers[i], occlusion[i])).collect();
         let coloring = Coloring::Groups { classes: &PART_ITSELF, of: &of };
-        return writer.write("labels", "the part itself", &coloring, &values, &notes);
+        let caption = format!("the part itself\n{setup}");
+        return write(Shown { caption: &caption, coloring, values: &values, notes: &notes });
     }
     notes.push("published definition: sites are the obstacles".to_string());
     let coloring = Coloring::Labels { inaccessible, occlusion };
-    writer.write("labels", "exact labels, sites as obstacles", &coloring, &values, &notes)
+    let caption = format!("exact labels, sites as obstacles\n{setup}");
+    write(Shown { caption: &caption, coloring, values: &values, notes: &notes })
+}
+
+/// Directions, obstacles beyond the part and warnings in a line for a picture.
+fn setup(provenance: &Provenance) -> String {
+    let settings = &provenance.settings;
+    let mut words = Vec::new();
+    if let Some(n) = settings["n_directions"].as_u64() {
+        let kind = settings["directions"]["kind"].as_str().unwrap_or("a set");
+        words.push(format!("{n} directions ({kind})"));
+    }
+    let part_itself = &settings["part_itself"];
+    let fixtures = part_itself["fixtures"].as_array().map_or(0, Vec::len);
+    if fixtures > 0 {
+        words.push(format!("{fixtures} fixture{}", if fixtures == 1 { "" } else { "s" }));
+    }
+    if let Some(z) = part_itself["table_z_mm"].as_f64() {
+        words.push(format!("table at z = {z} mm"));
+    }
+    if let Some(tolerance) = part_itself["tolerance_mm"].as_f64() {
+        words.push(format!("tolerance {tolerance} mm"));
+    }
+    if let Some(count) = settings["obstacles"].as_str().filter(|o| o.parse::<u64>().is_ok()) {
+        words.push(format!("{count} further obstacles"));
+    }
+    if let Some(model) = settings["model"].as_str() {
+        words.push(model.into());
+    }
+    let warnings = ["warnings", "outside_domain"].iter();
+    let warnings = warnings.filter_map(|key| settings[*key].as_array()).flatten();
+    let warnings: Vec<&str> = warnings.filter_map(|w| w.as_str().or(w["words"].as_str())).collect();
+    match &warnings[..] {
+        [] => {}
+        [one] => words.push(format!("warning: {one}")),
+        [first, rest @ ..] => words.push(format!("warning: {first} (and {} more)", rest.len())),
+    }
+    words.join("  ·  ")
 }
 
 /// Every list of answers that is there, for the first `n` of what it is about.
-fn point_values(answers: &SiteAnswers, n: usize) -> Vec<(&'static str, PointValues<'_>)> {
+pub(super) fn point_values(
+    answers: &SiteAnswers,
+    n: usize,
+) -> Vec<(&'static str, PointValues<'_>)> {
     let mut values = Vec::new();
     for (name, list) in [
         ("inaccessible", &answers.inaccessible),
@@ -123,7 +186,7 @@ fn first<T>(list: &[T], n: usize) -> Option<&[T]> {
 }
 
 /// What the colors of answers about the part itself say.
-const PART_ITSELF: [Class<'static>; 6] = [
+pub(super) const PART_ITSELF: [Class<'static>; 6] = [
     Class { name: "accessible", color: [205, 208, 212] },
     Class { name: "inaccessible", color: [206, 58, 44] },
     Class { name: "tip does not fit", color: [50, 120, 200] },
@@ -133,7 +196,7 @@ const PART_ITSELF: [Class<'static>; 6] = [
 ];
 
 /// The group of a site, an index into [`PART_ITSELF`].
-fn class(answer: SiteAnswer, occlusion: bool) -> usize {
+pub(super) fn class(answer: SiteAnswer, occlusion: bool) -> usize {
     let answer = match answer {
         SiteAnswer::Accessible => 0,
         SiteAnswer::Inaccessible => 1,
@@ -170,13 +233,34 @@ pub fn draw_predictions(
     mesh: Option<&Mesh>,
     show: Show,
 ) -> Result<Vec<PathBuf>> {
+    let writer = Writer { folder, part: part(&file.provenance, &file.sites, mesh), show };
+    with_predictions(file, |what| writer.write("predictions", &what))
+}
+
+/// Writes `predictions.glb` or `predictions.csv`.
+///
+/// # Errors
+/// If the system refuses the file.
+pub fn export_predictions(
+    folder: &Path,
+    file: &PredictionFile,
+    mesh: Option<&Mesh>,
+    format: Extra,
+) -> Result<PathBuf> {
+    let writer =
+        Writer { folder, part: part(&file.provenance, &file.sites, mesh), show: Show::Points };
+    with_predictions(file, |what| writer.export("predictions", &what, format))
+}
+
+/// Calls `write` with what predictions say.
+fn with_predictions<T>(file: &PredictionFile, write: impl FnOnce(Shown) -> Result<T>) -> Result<T> {
     let answers = file.prediction.answers();
     let values = point_values(&answers, answers.len());
     let notes = ["predicted by a network, not computed".to_string()];
-    let writer = Writer { folder, part: part(&file.provenance, &file.sites, mesh), show };
     let coloring =
         Coloring::Labels { inaccessible: &answers.inaccessible, occlusion: &answers.occlusion };
-    writer.write("predictions", "predicted", &coloring, &values, &notes)
+    let caption = format!("predicted\n{}", setup(&file.provenance));
+    write(Shown { caption: &caption, coloring, values: &values, notes: &notes })
 }
 
 /// Writes `difference-inaccessible` and `difference-occlusion`, each as `.ply` and, if wanted,
@@ -209,7 +293,10 @@ pub fn write_difference(
             [("exact", PointValues::Flags(truth)), ("predicted", PointValues::Flags(&predicted))];
         let notes = [format!("1 means {positive}")];
         let name = format!("difference-{positive}");
-        paths.extend(writer.write(&name, "exact against predicted", &coloring, &values, &notes)?);
+        let caption = "exact against predicted";
+        paths.extend(
+            writer.write(&name, &Shown { caption, coloring, values: &values, notes: &notes })?,
+        );
     }
     Ok(paths)
 }
@@ -230,15 +317,18 @@ fn part<'a>(provenance: &'a Provenance, sites: &'a Sites, mesh: Option<&'a Mesh>
     PartView { name: &provenance.part, mesh, sites, cutter: &provenance.tool }
 }
 
+/// What a file of one kind of answer shows.
+pub(super) struct Shown<'a> {
+    /// Where the colors come from; in further lines, what else decided them.
+    pub caption: &'a str,
+    pub coloring: Coloring<'a>,
+    pub values: &'a [(&'a str, PointValues<'a>)],
+    pub notes: &'a [String],
+}
+
 impl Writer<'_> {
-    pub fn write(
-        &self,
-        name: &str,
-        caption: &str,
-        coloring: &Coloring,
-        values: &[(&str, PointValues)],
-        notes: &[String],
-    ) -> Result<Vec<PathBuf>> {
+    pub fn write(&self, name: &str, what: &Shown) -> Result<Vec<PathBuf>> {
+        let Shown { caption, coloring, values, notes } = what;
         let cloud = self.folder.join(format!("{name}.ply"));
         points::write(&cloud, &self.part, coloring, values, notes)?;
         let mut paths = vec![cloud];
@@ -248,6 +338,15 @@ impl Writer<'_> {
             paths.push(png);
         }
         Ok(paths)
+    }
+
+    fn export(&self, name: &str, what: &Shown, format: Extra) -> Result<PathBuf> {
+        let path = self.folder.join(format!("{name}.{}", format.name()));
+        match format {
+            Extra::Glb => export::write_glb(&path, &self.part, what.caption, &what.coloring)?,
+            Extra::Csv => export::write_csv(&path, self.part.sites, &what.coloring, what.values)?,
+        }
+        Ok(path)
     }
 }
 

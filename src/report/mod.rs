@@ -2,14 +2,18 @@
 //!
 //! A [`PartView`] is what is shown, a [`Coloring`] says in which colors; [`picture`] and [`points`]
 //! take both, [`folder`] writes all files of a report, [`tables`], [`scores`] and [`curves`] show
-//! numbers; [`coverage`] is about several tools at once.
+//! numbers; [`coverage`] is about several tools at once, [`findings`] lists regions,
+//! [`page`] is a page with a 3-D view to send.
 
 mod camera;
 mod color;
 pub mod coverage;
 pub mod curves;
+pub mod export;
+pub mod findings;
 pub mod folder;
 pub mod image;
+pub mod page;
 mod paint;
 pub mod picture;
 pub mod points;

@@ -12,6 +12,8 @@ const NORMAL_WEIGHT: f64 = 4.0;
 const REACH: f64 = 2.0;
 /// Radius of a disc, in mean distances between sites.
 const DISC: f64 = 0.8;
+/// Color of what a section cuts.
+const CUT: Rgb = [108, 115, 126];
 /// Color of a surface without sites.
 pub const METAL: Rgb = [176, 186, 198];
 
@@ -51,9 +53,17 @@ impl<'a> Painter<'a> {
 
     /// The color, before shading, of a fragment seen at `point`.
     pub fn at(&self, fragment: &Fragment, point: DVec3) -> Rgb {
+        match fragment.is_cut() {
+            true => CUT,
+            false => self.color_at(fragment.face as usize, point, fragment.normal),
+        }
+    }
+
+    /// The color of face `face` of the surface, or of a piece of it, at `point`.
+    pub fn color_at(&self, face: usize, point: DVec3, normal: Vec3) -> Rgb {
         let site = match &self.grid {
-            None => Some(Surface::site_of_disc(fragment.face)),
-            Some(grid) => self.nearest(grid, point.as_vec3(), fragment.normal),
+            None => Some(Surface::site_of_disc(face as u32)),
+            Some(grid) => self.nearest(grid, point.as_vec3(), normal),
         };
         site.map_or(METAL, |i| self.coloring.color(i as usize))
     }

@@ -1,21 +1,23 @@
-//! Pictures of labeled parts: shaded views from above and below, with title, legend and scale.
+//! Pictures of labeled parts: shaded views from above and below and a section, with title, legend and scale.
 
 use super::PartView;
 use super::camera::Camera;
 use super::color::{Class, Coloring, Rgb};
 use super::image::{Font, Image, fitted};
 use super::paint::{METAL, Painter};
-use super::raster::{Surface, draw};
+use super::raster::{Cut, Surface, draw, draw_cut};
 use super::shade::{Look, SAMPLES, shade};
 use crate::Result;
 use crate::geom::Mesh;
 use glam::DVec3;
 use std::path::Path;
 
-/// Size of a picture in pixels.
-const SIZE: [u32; 2] = [1400, 800];
-/// Height of title and legend in pixels.
+/// Width of a view in pixels, and height of a picture without lines about the setup.
+const PANEL: u32 = 700;
+const HEIGHT: u32 = 800;
+/// Height of title, of a line about the setup, and of the legend in pixels.
 const HEAD: u32 = 70;
+const LINE: u32 = 24;
 const FOOT: u32 = 60;
 /// Free pixels around the part.
 const MARGIN: f64 = 26.0;
@@ -28,6 +30,8 @@ const EYES: [(DVec3, &str); 2] = [
     (DVec3::new(0.75, -1.2, 1.05), "from above, front right"),
     (DVec3::new(-0.75, 1.2, -1.05), "from below, back left"),
 ];
+/// Where the eye looks at the section from, and its words: the part is cut across y, what is in front is left out.
+const SECTION_EYE: DVec3 = DVec3::new(0.42, -1.2, 0.48);
 /// Colors and directions of the small axes in each view.
 const AXES: [(DVec3, &str, Rgb); 3] = [
     (DVec3::X, "x", [190, 50, 50]),
@@ -35,35 +39,61 @@ const AXES: [(DVec3, &str, Rgb); 3] = [
     (DVec3::Z, "z", [40, 80, 180]),
 ];
 
-/// A picture of `part`, 1400 × 800 pixels; `caption` says where the colors come from.
+/// A picture of `part`: from above, from below and, if there is a mesh, a section, each 700 × 670 pixels. The first line of `caption` says
+/// where the colors come from, the others, if any, are shown below the title.
 ///
-/// Each pixel has the color of the nearest site that faces the same way. Both views have the same
-/// scale. The result is the same for any number of threads.
+/// Each pixel has the color of the nearest site that faces the same way. All views have the same
+/// scale. The section is across y, through the middle of the sites of all groups but the first. The result is the same for any number of threads.
 ///
 /// # Panics
 /// If `coloring` has not one entry per site.
 pub fn render(part: &PartView, caption: &str, coloring: &Coloring) -> Image {
     assert_eq!(coloring.len(), part.sites.len(), "one color per site");
-    let mut image = Image::new(SIZE[0], SIZE[1], BACKGROUND);
     let painter = Painter::new(part, coloring);
-    let (width, height) = (SIZE[0] / 2, SIZE[1] - HEAD - FOOT);
-    let mut cameras = EYES.map(|(eye, _)| panel_camera(eye, width, height));
-    let scales = cameras.each_mut().map(|c| c.center_on(painter.surface.vertices(), margin()));
-    let scale = scales[0].min(scales[1]);
-    for (k, camera) in cameras.iter_mut().enumerate() {
+    let lines: Vec<&str> = caption.lines().filter(|line| !line.is_empty()).collect();
+    let head = HEAD + LINE * lines.len().saturating_sub(1) as u32;
+    let (width, height) = (PANEL, HEIGHT - HEAD - FOOT);
+    let cut = part.mesh.and_then(|mesh| section(mesh, part, coloring));
+    let mut views: Vec<(DVec3, String, Option<Cut>)> =
+        EYES.map(|(eye, words)| (eye, words.to_string(), None)).into();
+    if let Some(cut) = cut {
+        let words = format!("section at y = {} mm", short(-cut.offset_mm));
+        views.push((SECTION_EYE, words, Some(cut)));
+    }
+    let mut image = Image::new(PANEL * views.len() as u32, head + height + FOOT, BACKGROUND);
+    let mut cameras: Vec<Camera> =
+        views.iter().map(|(eye, ..)| panel_camera(*eye, width, height)).collect();
+    let fit = |camera: &mut Camera| camera.center_on(painter.surface.vertices(), margin());
+    let scale = cameras.iter_mut().map(fit).fold(f64::INFINITY, f64::min);
+    for (k, (camera, (eye, words, cut))) in cameras.iter_mut().zip(&views).enumerate() {
         camera.scale = scale;
-        let look = Look { edges: painter.has_edges(), from_below: EYES[k].0.z < 0.0, ..LOOK };
-        let fragments = draw(&painter.surface, camera);
+        let look = Look { edges: painter.has_edges(), from_below: eye.z < 0.0, ..LOOK };
+        let fragments = match cut {
+            Some(cut) => draw_cut(&painter.surface, camera, *cut),
+            None => draw(&painter.surface, camera),
+        };
         let view = shade(&fragments, camera, look, |f, p| painter.at(f, p));
         let x = k as i32 * width as i32;
-        image.paste(&view, i64::from(x), i64::from(HEAD));
-        draw_axes(&mut image, camera, x + 46, (HEAD + height) as i32 - 46);
-        image.text(x + 20, HEAD as i32 + 4, EYES[k].1, Font::Small, FAINT);
+        image.paste(&view, i64::from(x), i64::from(head));
+        draw_axes(&mut image, camera, x + 46, (head + height) as i32 - 46);
+        image.text(x + 20, head as i32 + 4, words, Font::Small, FAINT);
     }
-    draw_title(&mut image, part, caption);
+    draw_title(&mut image, part, &lines);
     draw_legend(&mut image, coloring);
     draw_scale_bar(&mut image, scale * SAMPLES_PER_PIXEL.recip());
     image
+}
+
+/// The plane across y through the mean place of the sites that are not of the first group, or else of the box; none of an empty mesh.
+fn section(mesh: &Mesh, part: &PartView, coloring: &Coloring) -> Option<Cut> {
+    let (low, high) = mesh.bounds()?;
+    let shown = (0..part.sites.len()).filter(|&i| coloring.class(i) != 0);
+    let (n, sum) =
+        shown.fold((0.0, 0.0), |(n, sum), i| (n + 1.0, sum + f64::from(part.sites.points[i].y)));
+    let y = if n > 0.0 { sum / n } else { 0.5 * (low.y + high.y) };
+    // A little off the middle, where symmetric parts have faces.
+    let y = (y + 0.003 * (high.y - low.y)).clamp(low.y, high.y);
+    Some(Cut { normal: DVec3::NEG_Y, offset_mm: -y })
 }
 
 /// [`render`] into a PNG file.
@@ -95,9 +125,9 @@ fn panel_camera(eye: DVec3, width: u32, height: u32) -> Camera {
     Camera::new(eye, width as usize * SAMPLES, height as usize * SAMPLES)
 }
 
-fn draw_title(image: &mut Image, part: &PartView, caption: &str) {
-    let width = SIZE[0] - 40;
-    let title = format!("{}: {caption}", part.name);
+fn draw_title(image: &mut Image, part: &PartView, lines: &[&str]) {
+    let width = image.width() - 40;
+    let title = format!("{}: {}", part.name, lines.first().unwrap_or(&""));
     image.text(20, 10, &fitted(&title, Font::Normal, width), Font::Normal, INK);
     let mut facts = vec![part.cutter.to_string(), format!("{} sites", part.sites.len())];
     let corners = part.sites.points.iter().map(|p| p.as_dvec3());
@@ -118,6 +148,9 @@ fn draw_title(image: &mut Image, part: &PartView, caption: &str) {
     facts.retain(|f| !f.is_empty());
     let facts = fitted(&facts.join("  ·  "), Font::Bold, width);
     image.text(20, 38, &facts, Font::Bold, FAINT);
+    for (y, line) in (38 + LINE..).step_by(LINE as usize).zip(lines.iter().skip(1)) {
+        image.text(20, y as i32, &fitted(line, Font::Bold, width), Font::Bold, FAINT);
+    }
 }
 
 /// A length with about four digits.
@@ -134,14 +167,14 @@ fn short(x: f64) -> String {
 
 /// Groups side by side; in two rows, names cut short, if there is no room for that.
 fn draw_legend(image: &mut Image, coloring: &Coloring) {
-    let y = (SIZE[1] - FOOT) as i32 + 24;
+    let y = (image.height() - FOOT) as i32 + 24;
     let mut x = 260;
     if let Coloring::Difference { positive, .. } = coloring {
         let head = format!("{positive}?");
         image.text(x, y, &head, Font::Bold, INK);
         x += Font::Bold.width(&head) as i32 + 24;
     }
-    let room = SIZE[0] as i32 - x;
+    let room = image.width() as i32 - x;
     let entries = legend_entries(coloring, i32::MAX);
     if entries.iter().map(|(_, text)| entry_width(text)).sum::<i32>() <= room {
         for (color, text) in &entries {
@@ -183,7 +216,7 @@ fn draw_entry(image: &mut Image, [x, y]: [i32; 2], color: Rgb, text: &str) {
 /// A bar of a round number of millimeters at the lower left; `scale` is pixels per millimeter.
 fn draw_scale_bar(image: &mut Image, scale: f64) {
     let (length, pixels) = scale_bar(scale);
-    let (x, y) = (24, (SIZE[1] - 18) as i32);
+    let (x, y) = (24, (image.height() - 18) as i32);
     image.rectangle(x, y - 2, pixels as u32, 3, INK);
     image.rectangle(x, y - 8, 2, 14, INK);
     image.rectangle(x + pixels as i32 - 2, y - 8, 2, 14, INK);
@@ -270,12 +303,17 @@ mod tests {
             let part = PartView { name: "block", mesh, sites: &sites, cutter: "CR 1" };
             let image = render(&part, "test", &coloring);
             let count = |columns: std::ops::Range<u32>| {
-                let rows = HEAD + 20..SIZE[1] - FOOT - 90;
+                let rows = HEAD + 20..HEIGHT - FOOT - 90;
                 let seen = |y| columns.clone().filter_map(|x| image.pixel(x, y)).collect();
                 rows.flat_map(|y| -> Vec<Rgb> { seen(y) }).filter(|p| reddish(*p)).count()
             };
             assert_eq!(count(0..700), 0, "nothing red is seen from above");
             assert!(count(700..1400) > 20_000, "the underside is red");
+            let gray = |p: &Rgb| (90..=125).contains(&p[0]) && p[2] > p[0] && p[2] - p[0] < 30;
+            let cut =
+                (1400..image.width()).flat_map(|x| (HEAD..HEIGHT - FOOT).map(move |y| (x, y)));
+            let cut = cut.filter(|(x, y)| image.pixel(*x, *y).is_some_and(|p| gray(&p))).count();
+            assert_eq!(cut > 20_000, mesh.is_some(), "the section shows the inside: {cut}");
         }
     }
 
@@ -290,6 +328,18 @@ mod tests {
         let [one, three] =
             [1, 3].map(|n| par::with_threads(n, || render(&part, "", &coloring)).unwrap());
         assert!(one == three);
+    }
+
+    #[test]
+    fn further_lines_of_the_caption_take_room_of_their_own() {
+        let (mesh, sites) = block();
+        let part = PartView { name: "block", mesh: Some(&mesh), sites: &sites, cutter: "CR 1" };
+        let coloring = Coloring::Plain(sites.len());
+        let [one, two] =
+            ["a", "a\n150 directions"].map(|caption| render(&part, caption, &coloring));
+        assert_eq!((one.height(), two.height()), (HEIGHT, HEIGHT + LINE));
+        let inked = |y: u32| (0..two.width()).any(|x| two.pixel(x, y) != Some(BACKGROUND));
+        assert!((38 + LINE..38 + 2 * LINE).any(inked));
     }
 
     #[test]

@@ -71,6 +71,18 @@ impl Surface {
         face / (DISC_CORNERS - 2)
     }
 
+    /// Unit normals at the corners of each triangle.
+    pub fn corner_normals(&self) -> impl Iterator<Item = [Vec3; 3]> + '_ {
+        self.normals.iter().copied()
+    }
+
+    /// Corners of each triangle, mm, with their unit normals.
+    pub fn triangles(&self) -> impl Iterator<Item = [(DVec3, Vec3); 3]> + '_ {
+        self.triangles.iter().zip(&self.normals).map(|(corners, normals)| {
+            [0, 1, 2].map(|k| (self.vertices[corners[k] as usize], normals[k]))
+        })
+    }
+
     /// Corners of all triangles, mm.
     pub fn vertices(&self) -> impl Iterator<Item = DVec3> + '_ {
         self.vertices.iter().copied()
@@ -130,28 +142,75 @@ pub struct Fragment {
     pub depth: f32,
     /// Unit normal, turned toward the eye.
     pub normal: Vec3,
+    /// Whether the face is seen from its back.
+    back: bool,
 }
 
 impl Fragment {
     /// No face: the background.
     pub const NONE: u32 = u32::MAX;
-    const EMPTY: Fragment =
-        Fragment { face: Fragment::NONE, depth: f32::NEG_INFINITY, normal: Vec3::ZERO };
+    /// No face: the plane of a section, inside the part.
+    const CUT: u32 = u32::MAX - 1;
+    const EMPTY: Fragment = Fragment {
+        face: Fragment::NONE,
+        depth: f32::NEG_INFINITY,
+        normal: Vec3::ZERO,
+        back: false,
+    };
 
     /// Whether a face is seen.
     pub fn hit(&self) -> bool {
         self.face != Fragment::NONE
     }
+
+    /// Whether it is the plane of a section, inside the part.
+    pub fn is_cut(&self) -> bool {
+        self.face == Fragment::CUT
+    }
+}
+
+/// What a section leaves out: points `p` with `normal · p > offset_mm`.
+#[derive(Debug, Clone, Copy)]
+pub struct Cut {
+    /// Unit normal, toward the eye.
+    pub normal: DVec3,
+    /// Place along it, mm.
+    pub offset_mm: f64,
+}
+
+/// As [`draw`], of what a section leaves of a closed surface: where the back of a face is seen, the plane cuts the part.
+pub fn draw_cut(surface: &Surface, camera: &Camera, cut: Cut) -> Vec<Fragment> {
+    let mut fragments = draw_where(surface, camera, |x, y, depth| {
+        camera.unproject(x, y, depth).dot(cut.normal) <= cut.offset_mm
+    });
+    let slope = camera.turn(cut.normal);
+    let width = camera.width.max(1);
+    for (i, fragment) in fragments.iter_mut().enumerate().filter(|(_, f)| f.back && f.hit()) {
+        let foot = camera.unproject((i % width) as f64 + 0.5, (i / width) as f64 + 0.5, 0.0);
+        let depth = ((cut.offset_mm - foot.dot(cut.normal)) / slope.z) as f32;
+        let normal = cut.normal.as_vec3();
+        *fragment = Fragment { face: Fragment::CUT, depth, normal, back: false };
+    }
+    fragments
 }
 
 /// The nearest face at every pixel of the camera, row by row; ties go to the lower face index.
 pub fn draw(surface: &Surface, camera: &Camera) -> Vec<Fragment> {
+    draw_where(surface, camera, |_, _, _| true)
+}
+
+/// As [`draw`], of the points that `keep` admits by their pixel and height.
+fn draw_where(
+    surface: &Surface,
+    camera: &Camera,
+    keep: impl Fn(f64, f64, f64) -> bool + Sync,
+) -> Vec<Fragment> {
     let width = camera.width;
     let corners: Vec<DVec3> = surface.vertices.iter().map(|v| camera.project(*v)).collect();
     let mut fragments = vec![Fragment::EMPTY; width * camera.height];
     par::for_each_block(&mut fragments, BAND * width.max(1), |band, fragments| {
         for f in 0..surface.triangles.len() {
-            draw_face(surface, camera, &corners, f, band * BAND, fragments);
+            draw_face(surface, camera, &corners, f, band * BAND, fragments, &keep);
         }
     });
     fragments
@@ -165,6 +224,7 @@ fn draw_face(
     f: usize,
     top: usize,
     band: &mut [Fragment],
+    keep: &impl Fn(f64, f64, f64) -> bool,
 ) {
     let [a, b, c] = surface.triangles[f].map(|v| corners[v as usize]);
     let double = (b - a).truncate().perp_dot((c - a).truncate());
@@ -185,12 +245,12 @@ fn draw_face(
             let weights = edges.map(|e| e.weight(x as f64 + 0.5));
             let depth = (weights[0] * a.z + weights[1] * b.z + weights[2] * c.z) as f32;
             let fragment = &mut band[(row - top) * width + x];
-            if depth > fragment.depth {
+            if depth > fragment.depth && keep(x as f64 + 0.5, y, f64::from(depth)) {
                 let corner = |k: usize| surface.normals[f][k] * weights[k] as f32;
                 let normal = (corner(0) + corner(1) + corner(2)).normalize_or(Vec3::Z);
                 let away = camera.turn(normal.as_dvec3()).z < 0.0;
                 let normal = if away { -normal } else { normal };
-                *fragment = Fragment { face: f as u32, depth, normal };
+                *fragment = Fragment { face: f as u32, depth, normal, back: double > 0.0 };
             }
         }
     }
@@ -278,6 +338,24 @@ mod tests {
         mesh.triangles.push([0, 8, 1]);
         let surface = Surface::of_mesh(&mesh);
         assert!(surface.normals[4].iter().all(|n| n.distance(Vec3::Z) < 1e-6));
+    }
+
+    #[test]
+    fn a_section_shows_the_plane_inside_the_part_and_the_walls_behind() {
+        let block = crate::geom::solids::cuboid(DVec3::new(10.0, 8.0, 6.0));
+        let surface = Surface::of_mesh(&block);
+        let mut camera = Camera::new(DVec3::new(0.0, -1.0, 0.0), 64, 64);
+        camera.scale = 0.9 * camera.center_on(surface.vertices(), 2.0);
+        let cut = Cut { normal: DVec3::NEG_Y, offset_mm: -3.0 };
+        let fragments = draw_cut(&surface, &camera, cut);
+        let middle = fragments[32 * 64 + 32];
+        assert!(middle.is_cut() && middle.normal == Vec3::NEG_Y);
+        assert!((camera.unproject(32.5, 32.5, f64::from(middle.depth)).y - 3.0).abs() < 1e-4);
+        let before = draw(&surface, &camera);
+        assert!(!before[32 * 64 + 32].is_cut());
+        assert!(before.iter().zip(&fragments).all(|(a, b)| a.hit() == b.hit()));
+        let behind = Cut { offset_mm: -9.0, ..cut };
+        assert!(draw_cut(&surface, &camera, behind).iter().all(|f| !f.hit()));
     }
 
     #[test]

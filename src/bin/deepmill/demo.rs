@@ -1,7 +1,7 @@
 //! `deepmill demo`: labels a generated part, predicts the same with a network, and draws both.
 
 use crate::output::Output;
-use crate::progress;
+use crate::{progress, report};
 use deepmill::access::surface::SurfaceOptions;
 use deepmill::access::{LabelOptions, Labeler, Obstacles, label};
 use deepmill::answers::Definition;
@@ -50,6 +50,9 @@ pub struct Args {
     /// comes with deepmill.
     #[arg(long)]
     train: bool,
+    /// Also write report.html, a page to send: 3-D view with sections, findings, settings.
+    #[arg(long)]
+    report: bool,
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
@@ -111,6 +114,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         Show::Pictures,
     )?);
     paths.push(folder::write_surface(folder, &mesh)?);
+    if args.report {
+        paths.push(report::page(Some(&labels), Some(&predictions), Some(&mesh), folder)?);
+    }
     output.say(
         "labels.* are the exact answers, predictions.* the network's, difference* where they part;",
     );

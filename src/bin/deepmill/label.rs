@@ -3,12 +3,14 @@
 use crate::args::{DirectionArgs, SiteArgs, ToolArgs, name_of};
 use crate::clock::Clock;
 use crate::density;
+use crate::findings;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
 use crate::{progress, volume};
 use deepmill::access::surface::{SurfaceOptions, Warning};
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
+use deepmill::answers::SiteAnswers;
 use deepmill::cutter::Cutter;
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{LabelFile, Provenance};
@@ -18,18 +20,21 @@ use deepmill::geom::spacing::Spacing;
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::PartView;
 use deepmill::report::coverage::{Coverage, Shares};
+use deepmill::report::export::Extra;
+use deepmill::report::findings::{Findings, for_all_tools};
 use deepmill::report::folder::{self, Show};
+use deepmill::report::page::{Page, View};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Compute exactly which sites of a part a cutter cannot reach, and which sites are in its way.
 ///
-/// Writes to DIR: labels.npz (numbers), labels.ply (colored points), labels.png (picture) and
-/// part.stl (the surface as used, in mm). With several cutters, or a table, each has the first three
-/// in a folder DIR/NAME of its own, and DIR holds tools.csv (the table of all), tools.ply and
-/// tools.png (the first tool that reaches each site).
+/// Writes to DIR: labels.npz (numbers), labels.ply (colored points), labels.png (picture), findings.json and
+/// findings.csv (regions out of reach) and part.stl (the surface as used, in mm). With several cutters, or a table,
+/// each has the first five in a folder DIR/NAME of its own, and DIR holds tools.csv (the table of all), tools.ply and
+/// tools.png (the first tool that reaches each site), and the findings that no tool reaches.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill label part.stl --cutter 1.5,6,40,5 --out labels\n\
 A tool table: deepmill label part.stl --tools tools.csv --out labels")]
@@ -70,6 +75,12 @@ pub struct Args {
     /// Draw no picture.
     #[arg(long)]
     pub no_picture: bool,
+    /// Also write these: `glb` (binary glTF in the colors of the answers), `csv` (a row per site); several with commas.
+    #[arg(long, value_name = "FORMATS", value_delimiter = ',')]
+    also: Vec<String>,
+    /// Also write report.html, a page to send: 3-D view with sections, findings, settings, warnings.
+    #[arg(long, conflicts_with = "volume")]
+    report: bool,
     /// Label a mesh that does not bound one solid; the answer may mean nothing.
     #[arg(long)]
     force: bool,
@@ -79,6 +90,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.tools.tools(output)?;
     let directions = args.directions.directions()?;
     let engine = args.engine.parse()?;
+    let also = args.also.iter().map(|name| name.parse()).collect::<Result<Vec<Extra>>>()?;
     let options = LabelOptions {
         engine,
         share: args.occlusion_share,
@@ -124,12 +136,14 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     };
     clock.lap("labels_s", "labels");
 
-    let answers = Answers { args, blocking, tools: &tools, directions: &directions, mesh, sites };
+    let answers =
+        Answers { args, also, blocking, tools: &tools, directions: &directions, mesh, sites };
     let coverage =
         args.tools.are_several().then(|| Coverage::of(&tools, &labels, directions.len()));
     let mut facts = answers.facts(&labels, coverage.as_ref());
     let single = coverage.is_none().then(|| labels[0].clone());
-    let paths = answers.write(labels, &warnings, coverage.as_ref())?;
+    let findings = Regions::find(&answers, &labels)?;
+    let paths = answers.write(labels, &warnings, coverage.as_ref(), &findings)?;
     clock.lap("write_s", "writing and drawing");
 
     let warning = match blocking {
@@ -148,6 +162,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         part_itself::say_warnings(warnings, named(tool).as_deref(), output)
     });
     result["warnings"] = warnings.collect();
+    let regions = findings.overall();
+    findings::say(regions, output);
+    result["findings"] = regions.json();
     if let Some(warning) = warning {
         output.warn(format!("{warning}: raise --sites, or add --obstacles"));
     }
@@ -176,6 +193,7 @@ fn further_obstacles(
 /// What the labels are about; coverage is there if every tool has a folder of its own.
 struct Answers<'a> {
     args: &'a Args,
+    also: Vec<Extra>,
     blocking: Blocking,
     tools: &'a [Tool],
     directions: &'a Directions,
@@ -226,17 +244,27 @@ impl Answers<'_> {
         labels: Vec<Labels>,
         warnings: &[Vec<Warning>],
         coverage: Option<&Coverage>,
+        findings: &Regions,
     ) -> Result<Vec<PathBuf>> {
         let Answers { args, tools, mesh, sites, .. } = self;
         let show = if args.no_picture { Show::Points } else { Show::Pictures };
-        let mut paths = Vec::new();
+        let (mut paths, mut views) = (Vec::new(), Vec::new());
         let progress = progress::bar(tools.len() as u64, "tools");
-        for ((tool, labels), warnings) in tools.iter().zip(labels).zip(warnings) {
+        for (k, (tool, labels)) in tools.iter().zip(labels).enumerate() {
             let folder = match coverage {
                 None => args.out.clone(),
                 Some(_) => args.out.join(&tool.name),
             };
-            paths.extend(self.write_one(&folder, (tool, warnings), labels, show)?);
+            let file = self.file((tool, &warnings[k]), labels);
+            paths.extend(folder::write_labels(&folder, &file, mesh.as_ref(), show)?);
+            let export = |extra| folder::export_labels(&folder, &file, mesh.as_ref(), extra);
+            paths.extend(self.also.iter().map(|extra| export(*extra)).collect::<Result<Vec<_>>>()?);
+            let found = &findings.of_tools[k];
+            paths.extend(found.write(&folder, &file.provenance.part, &file.provenance.tool)?);
+            if args.report {
+                let name = coverage.map_or("exact", |_| &*tool.name);
+                views.push(View::of_labels(name, &file, found.clone()));
+            }
             progress.inc(1);
         }
         progress.finish_and_clear();
@@ -245,6 +273,13 @@ impl Answers<'_> {
             let cutter = &format!("{} tools", tools.len());
             let part = PartView { name: &part, mesh: mesh.as_ref(), sites, cutter };
             paths.extend(coverage.write(&args.out, part, show)?);
+            paths.extend(findings.overall().write(&args.out, part.name, cutter)?);
+            views.insert(0, coverage.view(findings.overall().clone()));
+        }
+        if args.report {
+            let page =
+                Page { part: &name_of(&args.part), mesh: mesh.as_ref(), sites, views: &views };
+            paths.push(page.write(&args.out)?);
         }
         if let Some(mesh) = mesh {
             paths.push(folder::write_surface(&args.out, mesh)?);
@@ -252,19 +287,9 @@ impl Answers<'_> {
         Ok(paths)
     }
 
-    fn write_one(
-        &self,
-        folder: &Path,
-        (tool, warnings): (&Tool, &[Warning]),
-        labels: Labels,
-        show: Show,
-    ) -> Result<Vec<PathBuf>> {
-        let file = LabelFile {
-            provenance: self.provenance(tool, warnings),
-            sites: self.sites.clone(),
-            labels,
-        };
-        folder::write_labels(folder, &file, self.mesh.as_ref(), show)
+    fn file(&self, (tool, warnings): (&Tool, &[Warning]), labels: Labels) -> LabelFile {
+        let provenance = self.provenance(tool, warnings);
+        LabelFile { provenance, sites: self.sites.clone(), labels }
     }
 
     fn provenance(&self, tool: &Tool, warnings: &[Warning]) -> Provenance {
@@ -295,6 +320,31 @@ fn add_clearance(facts: &mut Facts, labels: &Labels) {
         let rounded = (f64::from(*median) * 1e3).round() / 1e3;
         let words = "clearance where accessible, median, mm";
         facts.add("clearance_median_mm", words, Cell::Given(rounded));
+    }
+}
+
+/// The findings of every tool, and of all together if there are several.
+struct Regions {
+    of_tools: Vec<Findings>,
+    of_all: Option<Findings>,
+}
+
+impl Regions {
+    fn find(about: &Answers, labels: &[Labels]) -> Result<Self> {
+        let answers: Vec<&SiteAnswers> = labels.iter().map(|labels| &labels.answers).collect();
+        let names: Vec<&str> = about.tools.iter().map(|tool| &*tool.name).collect();
+        let of_tools =
+            findings::of_tools(&about.sites, about.mesh.as_ref(), &names, &answers, |k| {
+                labels[k].surface.as_ref().map(|surface| &surface.open_directions[..])
+            })?;
+        let all = |answers| Findings::of(&about.sites, about.mesh.as_ref(), &answers, &[]);
+        let of_all = (labels.len() > 1).then(|| all(for_all_tools(answers.into_iter())));
+        Ok(Regions { of_tools, of_all: of_all.transpose()? })
+    }
+
+    /// Where no tool reaches.
+    fn overall(&self) -> &Findings {
+        self.of_all.as_ref().unwrap_or(&self.of_tools[0])
     }
 }
 

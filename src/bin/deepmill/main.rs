@@ -8,6 +8,7 @@ mod dataset;
 mod demo;
 mod density;
 mod eval;
+mod findings;
 mod generate;
 mod gradcheck;
 mod label;

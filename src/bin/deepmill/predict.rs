@@ -7,7 +7,10 @@ use crate::model_args::ModelArgs;
 use crate::output::Output;
 use deepmill::data::files::{PredictionFile, Provenance};
 use deepmill::model::Predictor;
+use deepmill::report::export::Extra;
+use deepmill::report::findings::Findings;
 use deepmill::report::folder::{self, Show};
+use deepmill::report::page::{Page, View};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
@@ -36,6 +39,12 @@ pub struct Args {
     /// Draw no picture.
     #[arg(long)]
     no_picture: bool,
+    /// Also write these: `glb` (binary glTF in the colors of the answers), `csv` (a row per site); several with commas.
+    #[arg(long, value_name = "FORMATS", value_delimiter = ',')]
+    also: Vec<String>,
+    /// Also write report.html, a page to send: 3-D view with sections, findings, settings, warnings.
+    #[arg(long)]
+    report: bool,
     /// Take a mesh that does not bound one solid; the answer may mean nothing.
     #[arg(long)]
     force: bool,
@@ -46,6 +55,7 @@ pub struct Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tool = args.cutter.tool()?;
+    let also = args.also.iter().map(|name| name.parse()).collect::<Result<Vec<Extra>>>()?;
     if tool.cutter.as_ball_end().is_none() {
         let remedy = "leave out --corner and --clearance, or use `deepmill label`";
         let expected = "a ball end without clearance: the network knows no other";
@@ -77,8 +87,17 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let file = PredictionFile { prediction, provenance, sites };
     let show = if args.no_picture { Show::Points } else { Show::Pictures };
     let mut paths = folder::write_predictions(&args.out, &file, mesh.as_ref(), show)?;
+    let export = |extra| folder::export_predictions(&args.out, &file, mesh.as_ref(), extra);
+    paths.extend(also.into_iter().map(export).collect::<Result<Vec<_>>>()?);
     if let Some(mesh) = &mesh {
         paths.push(folder::write_surface(&args.out, mesh)?);
+    }
+    if args.report {
+        let (mesh, sites) = (mesh.as_ref(), &file.sites);
+        let findings = Findings::of(sites, mesh, &file.prediction.answers(), &[])?;
+        let views = [View::of_predictions(&file, findings)];
+        let page = Page { part: &file.provenance.part, mesh, sites, views: &views };
+        paths.push(page.write(&args.out)?);
     }
     clock.lap("write_s", "writing and drawing");
 

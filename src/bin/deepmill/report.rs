@@ -1,19 +1,26 @@
-//! `deepmill report`: draws the pictures of a folder of results again and prints its tables.
+//! `deepmill report`: draws the pictures and the page of a folder of results again and prints its tables.
 
+use crate::findings;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
 use deepmill::geom::Mesh;
 use deepmill::metrics::Confusion;
+use deepmill::report::coverage::{self, TOOLS};
+use deepmill::report::findings::{Findings, for_all_tools};
 use deepmill::report::folder::{self, FIRST_TOOLS, LABELS, PREDICTIONS, SURFACE, Show};
+use deepmill::report::page::{Page, View};
 use deepmill::report::scores;
 use deepmill::report::tables::{Cell, Table};
 use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Draw the pictures of labels and predictions again, compare them, and print the tables.
+/// Draw the pictures of labels and predictions again, compare them, print the tables, and write report.html, a page to
+/// send: 3-D view with sections, findings, settings, warnings.
+///
+/// Of a folder of several tools only the page is written, with a tab for each.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill report labels --compare predictions/predictions.npz")]
 pub struct Args {
@@ -33,6 +40,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
+    if args.results.join(TOOLS).is_file() && args.compare.is_none() {
+        return several(args, output);
+    }
     let found = Found::search(args)?;
     let labels = found.labels.as_deref().map(LabelFile::read).transpose()?;
     let predictions = found.predictions.as_deref().map(PredictionFile::read).transpose()?;
@@ -66,6 +76,74 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         output.say(table.text());
         result["scores"] = table.json();
     }
+    paths.push(page(labels.as_ref(), predictions.as_ref(), mesh.as_ref(), out)?);
+    output.files(&paths);
+    output.result_with_files(result, &paths);
+    Ok(())
+}
+
+/// The page of exact answers, predictions, or both about the same sites and their differences.
+pub fn page(
+    labels: Option<&LabelFile>,
+    predictions: Option<&PredictionFile>,
+    mesh: Option<&Mesh>,
+    folder: &Path,
+) -> Result<PathBuf> {
+    let mut views = Vec::new();
+    if let Some(file) = labels {
+        let open = |_| file.labels.surface.as_ref().map(|surface| &surface.open_directions[..]);
+        let answers = [&file.labels.answers];
+        let found = findings::of_tools(&file.sites, mesh, &[""], &answers, open)?;
+        views.extend(found.into_iter().map(|found| View::of_labels("exact", file, found)));
+    }
+    if let Some(file) = predictions {
+        let found = Findings::of(&file.sites, mesh, &file.prediction.answers(), &[])?;
+        views.push(View::of_predictions(file, found));
+    }
+    if let (Some(labels), Some(predictions)) = (labels, predictions) {
+        views.extend(View::of_differences(labels, predictions));
+    }
+    let of_labels = labels.map(|file| (&file.sites, &file.provenance.part));
+    let of_any = of_labels.or(predictions.map(|file| (&file.sites, &file.provenance.part)));
+    let Some((sites, part)) = of_any else {
+        let remedy = "name labels or predictions";
+        return Err(Error::argument("results", "nothing", "answers to show", remedy));
+    };
+    Page { part, mesh, sites, views: &views }.write(folder)
+}
+
+/// The page of a folder that `label` has written for several tools.
+fn several(args: &Args, output: &Output) -> Result<()> {
+    let names = coverage::tool_names(&args.results)?;
+    let read = |name: &String| LabelFile::read(&args.results.join(name).join(LABELS));
+    let files = names.iter().map(read).collect::<Result<Vec<_>>>()?;
+    let sites = &files[0].sites;
+    if let Some(k) = files.iter().position(|file| !folder::same_sites(&file.sites, sites)) {
+        let path = args.results.join(&names[k]).join(LABELS);
+        let (found, remedy) = ("they are not the sites of the first tool", "label all in one run");
+        return Err(Error::file(path, "points", found, remedy));
+    }
+    let out = args.out.as_deref().unwrap_or(&args.results);
+    atomic_file::check_writable_folder(out)?;
+    let found = Found { folder: args.results.clone(), labels: None, predictions: None };
+    let mesh = found.mesh(args, output)?;
+    let answers: Vec<&SiteAnswers> = files.iter().map(|file| &file.labels.answers).collect();
+    let tools: Vec<&str> = names.iter().map(String::as_str).collect();
+    let of_tools = findings::of_tools(sites, mesh.as_ref(), &tools, &answers, |k| {
+        files[k].labels.surface.as_ref().map(|surface| &surface.open_directions[..])
+    })?;
+    let accessible: Vec<Vec<bool>> = answers.iter().map(|answers| answers.accessible()).collect();
+    let first = |i: usize| accessible.iter().position(|accessible| accessible[i]);
+    let first: Vec<Option<usize>> = (0..sites.len()).map(first).collect();
+    let (classes, of) = coverage::groups(&tools, &first);
+    let all = Findings::of(sites, mesh.as_ref(), &for_all_tools(answers.into_iter()), &[])?;
+    findings::say(&all, output);
+    let result = json!({ "findings": all.json() });
+    let mut views = vec![View::of_first_tools(&classes, &of, all)];
+    let of_tool = |((name, file), found)| View::of_labels(name, file, found);
+    views.extend(tools.iter().copied().zip(&files).zip(of_tools).map(of_tool));
+    let part = &files[0].provenance.part;
+    let paths = [Page { part, mesh: mesh.as_ref(), sites, views: &views }.write(out)?];
     output.files(&paths);
     output.result_with_files(result, &paths);
     Ok(())

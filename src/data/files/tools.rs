@@ -62,8 +62,9 @@ impl Tool {
         if name.len() > 100 {
             return refuse("use at most 100 bytes");
         }
-        if name.eq_ignore_ascii_case("part.stl") || starts_with_ignoring_case(name, "tools.") {
-            return refuse("part.stl and tools.… are files of the results: choose another");
+        let taken = ["part.stl", "report.html"].iter().any(|file| name.eq_ignore_ascii_case(file));
+        if taken || ["tools.", "findings."].iter().any(|s| starts_with_ignoring_case(name, s)) {
+            return refuse("part.stl, tools.… and others are files of the results: choose another");
         }
         Ok(Tool { name: name.into(), ..self })
     }

@@ -1,0 +1,469 @@
+//! Findings: the regions of a part that a cutter cannot reach, the largest first.
+//!
+//! Sites with the same answer, *inaccessible* or *tip does not fit*, that are connected along the surface
+//! ([`geom::regions`](crate::geom::regions)) are a region. A region of at least [`MIN_SITES`] sites is a [`Finding`]; the smaller ones are
+//! summed as [`Scattered`], so that all areas together are the area that is not accessible.
+
+use super::tables::{Cell, Table};
+use crate::access::surface::SiteAnswer;
+use crate::answers::SiteAnswers;
+use crate::data::files::Provenance;
+use crate::geom::{Mesh, Sites, regions, spacing};
+use crate::{Error, Result, atomic_file};
+use glam::DVec3;
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Regions of fewer sites are not listed one by one.
+pub const MIN_SITES: usize = 4;
+/// Names of the files beside the answers.
+pub const FINDINGS: [&str; 2] = ["findings.json", "findings.csv"];
+/// Version of the JSON file.
+const VERSION: u64 = 1;
+
+/// A region that is not accessible.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Finding {
+    /// The answer of all its sites.
+    pub cause: SiteAnswer,
+    /// Estimated area, mm²: the sum of those that its sites stand for.
+    pub area_mm2: f64,
+    /// That area as a share of the surface.
+    pub area_share: f64,
+    /// Number of sites.
+    pub n_sites: usize,
+    /// The site nearest to the mean place of the region.
+    pub site: u32,
+    /// Where that site is, mm.
+    pub at_mm: DVec3,
+    /// Mean outward normal; zero if the normals cancel.
+    pub normal: DVec3,
+    /// Least corner of the box about its sites, mm.
+    pub low_mm: DVec3,
+    /// Greatest corner of that box, mm.
+    pub high_mm: DVec3,
+    /// Least clearance of its sites, mm, if clearances were computed.
+    pub worst_clearance_mm: Option<f32>,
+    /// Share of its sites that are proven out of reach for every direction, if that was asked.
+    pub proven: Option<f64>,
+    /// The tool that reaches most of its area, if several were labeled and one reaches any.
+    pub helps: Option<Help>,
+}
+
+/// Another tool that reaches a region.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Help {
+    /// The tool's name.
+    pub tool: String,
+    /// Share of the region's area that it reaches.
+    pub share: f64,
+}
+
+/// The regions of fewer than [`MIN_SITES`] sites, together.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Scattered {
+    /// Number of regions.
+    pub n_regions: usize,
+    /// Their sites.
+    pub n_sites: usize,
+    /// Their area, mm².
+    pub area_mm2: f64,
+}
+
+/// What of a part is not accessible.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Findings {
+    /// The regions, largest area first; among equals, the one with the lowest site first.
+    pub list: Vec<Finding>,
+    /// The small regions.
+    pub scattered: Scattered,
+    /// Area of the surface, mm²: the mesh's, or an estimate from the sites.
+    pub surface_mm2: f64,
+    /// Area of the largest region of all, listed or scattered, mm²; 0 if everything is accessible.
+    pub largest_mm2: f64,
+    /// Per site: the number of its finding from 1 on, 0 if it has none.
+    pub of_site: Vec<u32>,
+}
+
+/// A tool that was labeled too: its name, and per site whether it is accessible.
+pub type Other<'a> = (&'a str, &'a [bool]);
+
+impl Findings {
+    /// The findings of `answers` about `sites`, which lie on `mesh` if there is one; `others` are tools that may help.
+    ///
+    /// # Errors
+    /// If the sites fail [`Sites::check`], or the answers are not as many.
+    pub fn of(
+        sites: &Sites,
+        mesh: Option<&Mesh>,
+        answers: &SiteAnswers,
+        others: &[Other],
+    ) -> Result<Self> {
+        let n = sites.len();
+        if answers.inaccessible.len() != n || others.iter().any(|(_, reached)| reached.len() != n) {
+            let (found, remedy) = (answers.inaccessible.len(), "give the sites of the answers");
+            return Err(Error::argument("number of answers", found, format!("{n}"), remedy));
+        }
+        let areas = spacing::areas_mm2(sites, mesh.map(Mesh::area))?;
+        let marks: Vec<Option<u8>> = (0..n).map(|i| cause(answers, i).map(|c| c as u8)).collect();
+        let region = regions::regions(sites, mesh, &areas, &marks)?;
+        let mut members: Vec<(u32, u32)> =
+            (0..n as u32).filter_map(|i| region[i as usize].map(|r| (r, i))).collect();
+        members.sort_unstable();
+        let surface_mm2 = areas.iter().sum();
+        let about = About { sites, answers, others, areas: &areas, surface_mm2 };
+        let mut all: Vec<(Finding, Vec<u32>)> = members
+            .chunk_by(|a, b| a.0 == b.0)
+            .map(|chunk| chunk.iter().map(|(_, i)| *i).collect::<Vec<u32>>())
+            .map(|members| (about.finding(&members), members))
+            .collect();
+        // A stable sort: equal areas stay in the order of their first sites.
+        all.sort_by(|a, b| b.0.area_mm2.total_cmp(&a.0.area_mm2));
+        let largest_mm2 = all.first().map_or(0.0, |(finding, _)| finding.area_mm2);
+        let (list, small): (Vec<_>, Vec<_>) =
+            all.into_iter().partition(|(finding, _)| finding.n_sites >= MIN_SITES);
+        let mut of_site = vec![0; n];
+        for (number, (_, members)) in (1..).zip(&list) {
+            members.iter().for_each(|&i| of_site[i as usize] = number);
+        }
+        let scattered = Scattered {
+            n_regions: small.len(),
+            n_sites: small.iter().map(|(finding, _)| finding.n_sites).sum(),
+            area_mm2: small.iter().map(|(finding, _)| finding.area_mm2).sum(),
+        };
+        let list = list.into_iter().map(|(finding, _)| finding).collect();
+        Ok(Findings { list, scattered, surface_mm2, largest_mm2, of_site })
+    }
+
+    /// A row per finding, and one for the scattered regions if there are any.
+    pub fn table(&self) -> Table {
+        self.first_rows(usize::MAX)
+    }
+
+    /// [`Findings::table`] of the `n` largest.
+    pub fn first_rows(&self, n: usize) -> Table {
+        let mut columns = COLUMNS;
+        if self.list.iter().all(|finding| finding.helps.is_none()) {
+            columns[HELPS..].iter_mut().for_each(|(_, heading)| *heading = "");
+        }
+        let mut table = Table::new(&columns);
+        for (number, finding) in (1..).zip(&self.list).take(n) {
+            table.row(finding.row(number));
+        }
+        let Scattered { n_regions, n_sites, area_mm2 } = self.scattered;
+        if n_regions > 0 {
+            let name = format!("{n_regions} small");
+            let mut row = vec![Cell::text(name), Cell::text("scattered"), Cell::Number(area_mm2)];
+            row.push(Cell::Share(area_mm2 / self.surface_mm2));
+            row.push(Cell::count(n_sites));
+            row.resize(COLUMNS.len(), Cell::Missing);
+            table.row(row);
+        }
+        table
+    }
+
+    /// Everything, as `findings.json` holds it.
+    pub fn json(&self) -> Value {
+        let list = (1..).zip(&self.list).map(|(number, finding): (u32, _)| {
+            let mut value = json!(finding);
+            value["finding"] = json!(number);
+            value
+        });
+        json!({
+            "surface_mm2": self.surface_mm2,
+            "largest_mm2": self.largest_mm2,
+            "findings": list.collect::<Vec<_>>(),
+            "scattered": { "fewer_sites_than": MIN_SITES, "regions": self.scattered },
+        })
+    }
+
+    /// Writes `findings.json` and `findings.csv`; returns their paths.
+    ///
+    /// # Errors
+    /// If the system refuses a file.
+    pub fn write(&self, folder: &Path, part: &str, tool: &str) -> Result<Vec<PathBuf>> {
+        let mut value = json!({
+            "format": "deepmill findings",
+            "version": VERSION,
+            "program": Provenance::PROGRAM,
+            "unit": "mm",
+            "part": part,
+            "cutter": tool,
+        });
+        if let (Value::Object(file), Value::Object(own)) = (&mut value, self.json()) {
+            file.extend(own);
+        }
+        let text = format!("{value:#}\n").into_bytes();
+        let paths = FINDINGS.map(|name| folder.join(name));
+        for (path, bytes) in paths.iter().zip([text, self.table().csv()]) {
+            atomic_file::write_atomic(path, |file| file.write_all(&bytes))?;
+        }
+        Ok(paths.into())
+    }
+}
+
+/// The answers for sites that no tool of several reaches: inaccessible where all tools are.
+///
+/// # Panics
+/// If there are no answers, or they differ in length.
+pub fn for_all_tools<'a>(answers: impl Iterator<Item = &'a SiteAnswers>) -> SiteAnswers {
+    let answers: Vec<&SiteAnswers> = answers.collect();
+    let n = answers[0].len();
+    let accessible: Vec<Vec<bool>> = answers.iter().map(|a| a.accessible()).collect();
+    let all = |i: usize| answers.iter().all(|a| a.inaccessible[i]);
+    let none = |i: usize| !accessible.iter().any(|accessible| accessible[i]);
+    let mut common = SiteAnswers::new((0..n).map(all).collect(), Vec::new());
+    common.tip_does_not_fit = (0..n).map(|i| none(i) && !all(i)).collect();
+    common
+}
+
+/// Why a site is not accessible; `None` if it is.
+fn cause(answers: &SiteAnswers, i: usize) -> Option<SiteAnswer> {
+    let tip = answers.tip_does_not_fit.get(i).copied().unwrap_or(false);
+    match (answers.inaccessible[i], tip) {
+        (true, _) => Some(SiteAnswer::Inaccessible),
+        (false, true) => Some(SiteAnswer::TipDoesNotFit),
+        (false, false) => None,
+    }
+}
+
+/// The columns of `findings.csv`; those without a heading are for programs.
+const COLUMNS: [(&str, &str); 22] = [
+    ("finding", "finding"),
+    ("cause", "cause"),
+    ("area_mm2", "area, mm²"),
+    ("area_share", "of the surface"),
+    ("n_sites", "sites"),
+    ("x_mm", "x, mm"),
+    ("y_mm", "y"),
+    ("z_mm", "z"),
+    ("normal_x", ""),
+    ("normal_y", ""),
+    ("normal_z", ""),
+    ("low_x_mm", ""),
+    ("low_y_mm", ""),
+    ("low_z_mm", ""),
+    ("high_x_mm", ""),
+    ("high_y_mm", ""),
+    ("high_z_mm", ""),
+    ("site", ""),
+    ("worst_clearance_mm", ""),
+    ("proven", "proven"),
+    ("helps", "a tool that helps"),
+    ("helps_share", "reaches"),
+];
+
+/// The first of the columns about other tools.
+const HELPS: usize = 20;
+
+impl Finding {
+    /// The cause in words.
+    pub fn words(&self) -> &'static str {
+        match self.cause {
+            SiteAnswer::TipDoesNotFit => "tip does not fit",
+            _ => "inaccessible",
+        }
+    }
+
+    fn row(&self, number: usize) -> Vec<Cell> {
+        let mut row = vec![Cell::count(number), Cell::text(self.words())];
+        row.extend([Cell::Number(self.area_mm2), Cell::Share(self.area_share)]);
+        row.push(Cell::count(self.n_sites));
+        let vectors = [self.at_mm, self.normal, self.low_mm, self.high_mm];
+        row.extend(vectors.iter().flat_map(|v| v.to_array()).map(Cell::Number));
+        row.push(Cell::count(self.site as usize));
+        let clearance = self.worst_clearance_mm.map(f64::from);
+        row.push(clearance.map_or(Cell::Missing, Cell::Millimeters));
+        row.push(self.proven.map_or(Cell::Missing, Cell::Share));
+        row.push(self.helps.as_ref().map_or(Cell::Missing, |help| Cell::text(&help.tool)));
+        row.push(self.helps.as_ref().map_or(Cell::Missing, |help| Cell::Share(help.share)));
+        row
+    }
+}
+
+/// What a finding is made from.
+struct About<'a> {
+    sites: &'a Sites,
+    answers: &'a SiteAnswers,
+    others: &'a [Other<'a>],
+    areas: &'a [f64],
+    surface_mm2: f64,
+}
+
+impl About<'_> {
+    /// Of the sites `members`, ascending and not none.
+    fn finding(&self, members: &[u32]) -> Finding {
+        let About { sites, answers, areas, .. } = self;
+        let place = |i: u32| sites.points[i as usize].as_dvec3();
+        let (mut area_mm2, mut middle, mut normal) = (0.0, DVec3::ZERO, DVec3::ZERO);
+        let (mut low_mm, mut high_mm) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for &i in members {
+            let (p, area) = (place(i), areas[i as usize]);
+            area_mm2 += area;
+            middle += p / members.len() as f64;
+            normal += sites.normals[i as usize].as_dvec3() / members.len() as f64;
+            (low_mm, high_mm) = (low_mm.min(p), high_mm.max(p));
+        }
+        let distance = |i: &u32| place(*i).distance_squared(middle);
+        let nearest = members.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let site = nearest.copied().unwrap_or_default();
+        let clearance = |i: &u32| answers.clearance_mm.get(*i as usize).copied();
+        let cancels = normal.length() < 1e-3;
+        Finding {
+            cause: cause(answers, members[0] as usize).unwrap_or(SiteAnswer::Inaccessible),
+            area_mm2,
+            area_share: if self.surface_mm2 > 0.0 { area_mm2 / self.surface_mm2 } else { 0.0 },
+            n_sites: members.len(),
+            site,
+            at_mm: place(site),
+            normal: if cancels { DVec3::ZERO } else { normal.normalize() },
+            low_mm,
+            high_mm,
+            worst_clearance_mm: members.iter().filter_map(clearance).reduce(f32::min),
+            proven: None,
+            helps: self.help(members, area_mm2),
+        }
+    }
+
+    fn help(&self, members: &[u32], area_mm2: f64) -> Option<Help> {
+        let reached = |(_, accessible): &Other| -> f64 {
+            let reached = members.iter().filter(|&&i| accessible[i as usize]);
+            reached.map(|&i| self.areas[i as usize]).sum()
+        };
+        let mut best: Option<(f64, &str)> = None;
+        for other in self.others {
+            let area = reached(other);
+            if area > best.map_or(0.0, |(most, _)| most) {
+                best = Some((area, other.0));
+            }
+        }
+        best.map(|(area, tool)| Help { tool: tool.into(), share: (area / area_mm2).min(1.0) })
+    }
+}
+
+/// Adds to every finding which share of its sites is proven out of reach for every direction: those of which no direction is open.
+///
+/// # Panics
+/// If `open_directions` has not one entry per site.
+pub fn add_proofs(findings: &mut Findings, open_directions: &[f32]) {
+    assert_eq!(open_directions.len(), findings.of_site.len(), "one entry per site");
+    let mut proven = vec![0usize; findings.list.len()];
+    for (number, open) in findings.of_site.iter().zip(open_directions) {
+        if *number > 0 && *open == 0.0 {
+            proven[*number as usize - 1] += 1;
+        }
+    }
+    for (finding, proven) in findings.list.iter_mut().zip(proven) {
+        finding.proven = Some(proven as f64 / finding.n_sites as f64);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::sites::{SiteOptions, sample};
+    use crate::geom::solids::cuboid;
+    use glam::{Vec3, dvec3};
+
+    /// A block 40 × 20 × 10 mm with sites about 1.2 mm apart.
+    fn block() -> (Mesh, Sites) {
+        let mesh = cuboid(dvec3(40.0, 20.0, 10.0));
+        let sites =
+            sample(&mesh, &SiteOptions { n_sites: 2000, ..SiteOptions::default() }).unwrap();
+        (mesh, sites)
+    }
+
+    fn answers(sites: &Sites, inaccessible: impl Fn(&Vec3, &Vec3) -> bool) -> SiteAnswers {
+        let at = sites.points.iter().zip(&sites.normals);
+        SiteAnswers::new(at.map(|(p, n)| inaccessible(p, n)).collect(), vec![])
+    }
+
+    #[test]
+    fn areas_are_those_of_the_faces_and_nothing_is_lost() {
+        let (mesh, sites) = block();
+        let mut answers = answers(&sites, |p, n| n.z < -0.5 || (n.x > 0.5 && p.z > 5.0));
+        let is_dot =
+            |p: &Vec3, n: &Vec3| n.z > 0.5 && p.distance(Vec3::new(20.0, 10.0, 10.0)) < 1.0;
+        answers.tip_does_not_fit =
+            sites.points.iter().zip(&sites.normals).map(|(p, n)| is_dot(p, n)).collect();
+        answers.clearance_mm = (0..sites.len()).map(|i| -(i as f32)).collect();
+        let n_dots = answers.tip_does_not_fit.iter().filter(|tip| **tip).count();
+        assert!((1..MIN_SITES).contains(&n_dots), "{n_dots}");
+        for mesh in [Some(&mesh), None] {
+            let found = Findings::of(&sites, mesh, &answers, &[]).unwrap();
+            assert_eq!(found.list.len(), 2);
+            let [bottom, side] = &found.list[..] else { unreachable!() };
+            assert!((bottom.area_mm2 - 800.0).abs() < 40.0, "{}", bottom.area_mm2);
+            assert!((side.area_mm2 - 100.0).abs() < 15.0, "{}", side.area_mm2);
+            assert!(bottom.normal.distance(DVec3::NEG_Z) < 1e-6 && bottom.at_mm.z == 0.0);
+            assert!(bottom.at_mm.distance(dvec3(20.0, 10.0, 0.0)) < 2.0);
+            assert!(side.low_mm.z > 5.0 && side.high_mm.x == 40.0);
+            assert_eq!(found.scattered.n_sites, n_dots);
+            let listed: f64 = found.list.iter().map(|finding| finding.area_mm2).sum();
+            let share = answers.accessible().iter().filter(|a| !**a).count() as f64 / 2000.0;
+            let total = listed + found.scattered.area_mm2;
+            assert!((total / found.surface_mm2 - share).abs() < 0.03);
+            assert_eq!(found.largest_mm2, bottom.area_mm2);
+            let counted = found.of_site.iter().filter(|number| **number == 1).count();
+            assert_eq!(counted, bottom.n_sites);
+            let last = (0..2000).rev().find(|&i| found.of_site[i] == 1).unwrap();
+            assert_eq!(bottom.worst_clearance_mm, Some(-(last as f32)));
+        }
+    }
+
+    #[test]
+    fn the_tool_that_reaches_most_of_a_region_helps() {
+        let (mesh, sites) = block();
+        let own = answers(&sites, |_, n| n.z < -0.5);
+        let half: Vec<bool> = sites.points.iter().map(|p| p.x < 10.0).collect();
+        let most: Vec<bool> = sites.points.iter().map(|p| p.x < 30.0).collect();
+        let none = vec![false; sites.len()];
+        let others = [("a", &none[..]), ("b", &half[..]), ("c", &most[..])];
+        let found = Findings::of(&sites, Some(&mesh), &own, &others).unwrap();
+        let help = found.list[0].helps.as_ref().unwrap();
+        assert!(help.tool == "c" && (help.share - 0.75).abs() < 0.03, "{help:?}");
+        let found = Findings::of(&sites, Some(&mesh), &own, &others[..1]).unwrap();
+        assert_eq!(found.list[0].helps, None);
+        let both = for_all_tools([&own, &answers(&sites, |_, n| n.x > 0.5)].into_iter());
+        assert!(both.inaccessible.iter().all(|i| !i) && !both.tip_does_not_fit.contains(&true));
+    }
+
+    #[test]
+    fn files_hold_every_finding_and_numbers_of_wrong_length_are_refused() {
+        let (mesh, sites) = block();
+        let answers =
+            answers(&sites, |p, n| n.z < -0.5 || p.distance(Vec3::new(0.0, 0.0, 10.0)) < 1.2);
+        let mut found = Findings::of(&sites, Some(&mesh), &answers, &[]).unwrap();
+        add_proofs(&mut found, &vec![0.0; sites.len()]);
+        let folder = tempfile::tempdir().unwrap();
+        let paths = found.write(folder.path(), "a,\"b\"", "ball-end").unwrap();
+        let json: Value = serde_json::from_slice(&std::fs::read(&paths[0]).unwrap()).unwrap();
+        assert_eq!(json["format"], "deepmill findings");
+        assert_eq!(json["findings"][0]["finding"], 1);
+        assert_eq!(json["findings"][0]["cause"], "inaccessible");
+        assert_eq!(json["findings"][0]["proven"], 1.0);
+        assert_eq!(json["largest_mm2"], found.largest_mm2);
+        let csv = std::fs::read_to_string(&paths[1]).unwrap();
+        let rows = found.list.len() + usize::from(found.scattered.n_regions > 0);
+        assert_eq!(csv.lines().count(), 1 + rows);
+        assert!(csv.starts_with("finding,cause,area_mm2,"));
+        let short = SiteAnswers::new(vec![true], vec![]);
+        assert!(Findings::of(&sites, None, &short, &[]).is_err());
+    }
+
+    #[test]
+    fn what_is_all_accessible_has_no_findings() {
+        let (mesh, sites) = block();
+        let found = Findings::of(&sites, Some(&mesh), &answers(&sites, |_, _| false), &[]).unwrap();
+        assert!(found.list.is_empty() && found.largest_mm2 == 0.0);
+        assert_eq!(found.scattered, Scattered::default());
+        let none = Findings::of(&Sites::default(), None, &SiteAnswers::default(), &[]).unwrap();
+        assert!(none.list.is_empty());
+    }
+}

@@ -1,0 +1,282 @@
+//! The markup of a page. Every string of the user goes through [`text`].
+
+use super::{Page, View};
+use crate::data::files::Provenance;
+use crate::report::findings::Findings;
+use serde_json::Value;
+use std::fmt::Write;
+
+const CSS: &str = include_str!("assets/page.css");
+const SCRIPTS: [&str; 4] = [
+    include_str!("assets/data.js"),
+    include_str!("assets/camera.js"),
+    include_str!("assets/gpu.js"),
+    include_str!("assets/ui.js"),
+];
+/// Findings listed for each tab; the files have all.
+const N_LISTED: usize = 200;
+/// What every page may do: nothing but run its own script.
+const POLICY: &str = include_str!("assets/policy.txt");
+
+/// The document; `areas` are those that the sites stand for, mm², `block` is in base64.
+pub fn document(page: &Page, areas: &[f64], about: &Value, block: &str) -> String {
+    let part = text(page.part);
+    let mut out = String::with_capacity(block.len() + 100_000);
+    let facts = [
+        Some(format!("{} sites", page.sites.len())),
+        page.mesh.map(|mesh| format!("{} triangles", mesh.triangles.len())),
+        page.mesh.and_then(|mesh| mesh.bounds()).map(|(low, high)| {
+            let size = high - low;
+            format!("{:.4} × {:.4} × {:.4} mm", number(size.x), number(size.y), number(size.z))
+        }),
+    ];
+    let facts = facts.into_iter().flatten().collect::<Vec<_>>().join(" · ");
+    let tabs: String = (page.views.iter().enumerate())
+        .map(|(v, view)| {
+            format!(
+                "<button role=\"tab\" id=\"tab{v}\" aria-controls=\"view{v}\" aria-selected=\"{}\">{}</button>",
+                v == 0,
+                text(&view.name)
+            )
+        })
+        .collect();
+    let panels: String =
+        page.views.iter().enumerate().map(|(v, view)| panel(v, view, areas)).collect();
+    let scripts = SCRIPTS.map(|script| script.replace("\"use strict\";\n", "")).concat();
+    let about = about.to_string().replace('<', "\\u003c");
+    let program = Provenance::PROGRAM;
+    let _ = write!(
+        out,
+        r#"<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{POLICY}">
+<meta name="generator" content="{program}">
+<title>{part}: which parts a cutter can reach</title>
+<style>
+{CSS}</style>
+</head>
+<body>
+<header><h1>{part}</h1><p>{facts}</p><button id="theme" title="Light or dark">◐</button></header>
+<main>
+<section id="stage" aria-label="3-D view">
+<canvas id="canvas" tabindex="0" aria-label="The part. Drag to turn, drag with the right button or two fingers to move, scroll or pinch to zoom, arrow keys to turn; click a site for its finding."></canvas>
+<img id="print" alt="">
+{TOOLS}
+<div id="scale"><i></i><span></span></div>
+<svg id="axes" viewBox="0 0 84 84" aria-hidden="true"></svg>
+<div id="tip"></div>
+<div id="message"><noscript>The 3-D view needs scripts; tables and findings are complete without it.</noscript></div>
+</section>
+<aside id="side">
+{overview}<nav role="tablist" aria-label="Answers"{hidden}>{tabs}</nav>
+{panels}<footer>{program}. Areas are estimates from the sites. The page loads nothing; it can be sent as it is.</footer>
+</aside>
+</main>
+<script id="about" type="application/json">{about}</script>
+<script id="block" type="text/plain">{block}</script>
+<script>
+"use strict";
+{scripts}</script>
+</body>
+</html>
+"#,
+        overview = overview(page, areas),
+        hidden = if page.views.len() == 1 { " hidden" } else { "" },
+    );
+    out
+}
+
+const TOOLS: &str = r#"<div class="tools">
+<div class="group"><button id="home" title="All of the part">Fit</button><button data-look="-58,30" title="From above, front right">Iso</button><button data-look="-90,90" title="From above">Top</button><button data-look="-90,0" title="From the front">Front</button><button data-look="0,0" title="From the right">Right</button><button data-look="122,-30" title="From below, back left">Below</button></div>
+<div class="group"><label for="axis">Section</label><select id="axis"><option value="off">off</option><option value="x">x</option><option value="y">y</option><option value="z">z</option><option value="view">as seen</option><option value="free" hidden>before finding</option></select><span id="cutting" hidden><input id="cut" type="range" aria-label="Place of the section"><button id="flip" title="Other side">⇄</button><label id="place"></label></span></div>
+</div>"#;
+
+/// All tabs in one table, if there are several.
+fn overview(page: &Page, areas: &[f64]) -> String {
+    let rows: String = page
+        .views
+        .iter()
+        .filter_map(|view| view.findings.as_ref().map(|findings| (view, findings)))
+        .map(|(view, findings)| {
+            let area: f64 =
+                findings.list.iter().map(|f| f.area_mm2).sum::<f64>() + findings.scattered.area_mm2;
+            format!(
+                "<tr><td class=\"w\">{}</td><td class=\"n\">{} mm²</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{} mm²</td></tr>",
+                text(&view.name),
+                number(area),
+                percent(area, areas.iter().sum()),
+                findings.list.len(),
+                number(findings.largest_mm2)
+            )
+        })
+        .collect();
+    if page.views.len() < 2 || rows.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<details open><summary>All answers</summary><div class=\"wide\"><table><tr><th>answers</th><th class=\"n\">out of reach</th><th></th><th class=\"n\">findings</th><th class=\"n\">largest</th></tr>{rows}</table></div></details>\n"
+    )
+}
+
+fn panel(v: usize, view: &View, areas: &[f64]) -> String {
+    let mut out = format!(
+        "<section role=\"tabpanel\" id=\"view{v}\" aria-labelledby=\"tab{v}\">\n<h2>{}</h2>\n<p class=\"about\">{}{}</p>\n",
+        text(&view.name),
+        text(&view.question),
+        if view.tool.is_empty() { String::new() } else { format!("<br>{}", text(&view.tool)) },
+    );
+    if !view.warnings.is_empty() {
+        let items = view.warnings.iter().map(|w| format!("<li>{}</li>", text(w)));
+        let _ = writeln!(out, "<ul class=\"warnings\">{}</ul>", items.collect::<String>());
+    }
+    out.push_str(&legend(view, areas));
+    if let Some(findings) = &view.findings {
+        out.push_str(&list(findings));
+    }
+    let rows: String = flat("", &view.settings)
+        .into_iter()
+        .map(|(name, value)| {
+            format!("<tr><td>{}</td><td class=\"w\">{}</td></tr>", text(&name), text(&value))
+        })
+        .collect();
+    if !rows.is_empty() {
+        let _ =
+            writeln!(out, "<details><summary>Settings</summary><table>{rows}</table></details>");
+    }
+    out.push_str("</section>\n");
+    out
+}
+
+/// Groups with their shares; a click hides a color.
+fn legend(view: &View, areas: &[f64]) -> String {
+    let mut sums = vec![(0usize, 0.0); view.classes.len()];
+    for (&class, area) in view.of.iter().zip(areas) {
+        let (count, sum) = &mut sums[usize::from(class)];
+        *count += 1;
+        *sum += area;
+    }
+    let total: f64 = areas.iter().sum();
+    let rows: String = (view.classes.iter().zip(sums).enumerate())
+        .filter(|(_, (_, (count, _)))| *count > 0)
+        .map(|(k, ((name, [r, g, b]), (count, area)))| {
+            format!(
+                "<tr data-class=\"{k}\" tabindex=\"0\"><td><span class=\"swatch\" style=\"background:rgb({r},{g},{b})\"></span></td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{} mm²</td><td class=\"n\">{count}</td></tr>",
+                text(name),
+                percent(area, total),
+                number(area),
+            )
+        })
+        .collect();
+    format!(
+        "<table class=\"legend\"><tr><th></th><th>color</th><th class=\"n\">share</th><th class=\"n\">area</th><th class=\"n\">sites</th></tr>{rows}</table>\n"
+    )
+}
+
+/// The findings; a click flies to one.
+fn list(findings: &Findings) -> String {
+    let has_help = findings.list.iter().any(|f| f.helps.is_some());
+    let mut out = String::from("<h3>Findings</h3>\n");
+    if findings.list.is_empty() && findings.scattered.n_regions == 0 {
+        out.push_str("<p class=\"about\">Everything is accessible.</p>\n");
+        return out;
+    }
+    out.push_str("<div class=\"wide\"><table><tr><th></th><th>cause</th><th class=\"n\">area</th><th class=\"n\">share</th><th>at x, y, z, mm</th>");
+    out.push_str(if has_help { "<th>helps</th></tr>" } else { "</tr>" });
+    for (number_of, f) in (1..).zip(&findings.list).take(N_LISTED) {
+        // To a tenth, and never minus zero.
+        let [x, y, z] = f.at_mm.to_array().map(|x| (10.0 * x).round() / 10.0 + 0.0);
+        let mut cause = f.words().to_string();
+        if f.proven == Some(1.0) {
+            cause.push_str(", proven");
+        }
+        if let Some(clearance) = f.worst_clearance_mm {
+            let _ = write!(cause, ", clearance {} mm", number(f64::from(clearance)));
+        }
+        let _ = write!(
+            out,
+            "<tr data-finding=\"{number_of}\" tabindex=\"0\"><td>{number_of}</td><td>{cause}</td><td class=\"n\">{} mm²</td><td class=\"n\">{}</td><td class=\"p\">{x:.1}, {y:.1}, {z:.1}</td>",
+            number(f.area_mm2),
+            percent(f.area_share, 1.0),
+        );
+        if has_help {
+            let help = f.helps.as_ref().map_or("–".into(), |help| {
+                format!("{} ({})", text(&help.tool), percent(help.share, 1.0))
+            });
+            let _ = write!(out, "<td class=\"w\">{help}</td>");
+        }
+        out.push_str("</tr>");
+    }
+    let more = findings.list.len().saturating_sub(N_LISTED);
+    if more > 0 {
+        let _ = write!(out, "<tr><td></td><td colspan=\"4\">{more} more in findings.csv</td></tr>");
+    }
+    let small = &findings.scattered;
+    if small.n_regions > 0 {
+        let _ = write!(
+            out,
+            "<tr><td></td><td>{} small regions</td><td class=\"n\">{} mm²</td><td class=\"n\">{}</td><td></td></tr>",
+            small.n_regions,
+            number(small.area_mm2),
+            percent(small.area_mm2, findings.surface_mm2),
+        );
+    }
+    out.push_str("</table></div>\n");
+    out
+}
+
+/// Every value with the path to it.
+fn flat(path: &str, value: &Value) -> Vec<(String, String)> {
+    let below = |key: &str| match path {
+        "" => key.to_string(),
+        path => format!("{path}.{key}"),
+    };
+    match value {
+        Value::Object(map) => {
+            map.iter().flat_map(|(key, value)| flat(&below(key), value)).collect()
+        }
+        Value::Null => Vec::new(),
+        Value::Array(list) if list.is_empty() => Vec::new(),
+        Value::Array(list) => {
+            let words: Vec<String> = list.iter().map(plain).collect();
+            vec![(path.into(), words.join(", "))]
+        }
+        value => vec![(path.into(), plain(value))],
+    }
+}
+
+/// A string without its quotes, or the value as JSON.
+fn plain(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+/// A number with about three digits.
+fn number(x: f64) -> String {
+    match x.abs() {
+        a if a >= 100.0 => format!("{x:.0}"),
+        a if a >= 10.0 => format!("{x:.1}"),
+        _ => format!("{x:.2}"),
+    }
+}
+
+fn percent(part: f64, whole: f64) -> String {
+    if whole > 0.0 { format!("{:.1} %", 100.0 * part / whole) } else { "–".into() }
+}
+
+/// A string as text of the document or of an attribute.
+fn text(raw: &str) -> String {
+    let mut out = String::with_capacity(raw.len());
+    for c in raw.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            c => out.push(c),
+        }
+    }
+    out
+}

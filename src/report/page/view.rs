@@ -1,0 +1,194 @@
+//! The tabs of a page: one set of answers each.
+
+use crate::access::surface::SiteAnswer;
+use crate::answers::SiteAnswers;
+use crate::data::files::{LabelFile, PredictionFile, Provenance};
+use crate::report::findings::Findings;
+use crate::report::points::PointValues;
+use crate::report::{Class, Coloring, Rgb, folder};
+use serde_json::Value;
+
+/// One tab: answers about the sites of the page.
+#[derive(Debug, Clone, Default)]
+#[non_exhaustive]
+pub struct View {
+    /// Name of the tab.
+    pub name: String,
+    /// What is answered.
+    pub question: String,
+    /// The cutter in words.
+    pub tool: String,
+    /// Names and colors of the groups, at most 16.
+    pub classes: Vec<(String, Rgb)>,
+    /// The group of each site.
+    pub of: Vec<u8>,
+    /// Numbers per site, shown where the pointer is.
+    pub values: Vec<SiteValues>,
+    /// The regions that are not accessible.
+    pub findings: Option<Findings>,
+    /// Options and inputs that decided the answers, as in the file.
+    pub settings: Value,
+    /// Warnings about them.
+    pub warnings: Vec<String>,
+}
+
+/// A number for every site.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct SiteValues {
+    /// In words.
+    pub name: &'static str,
+    /// Unit, if it has one.
+    pub unit: &'static str,
+    /// The numbers.
+    pub numbers: Numbers,
+}
+
+/// Counts or reals.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Numbers {
+    /// Whole numbers.
+    Counts(Vec<u32>),
+    /// Others; not a number where there is none.
+    Reals(Vec<f32>),
+}
+
+impl View {
+    /// Exact answers.
+    pub fn of_labels(name: impl Into<String>, file: &LabelFile, findings: Findings) -> Self {
+        let n = file.sites.len();
+        let (labels, answers) = (&file.labels, &file.labels.answers);
+        let none = vec![false; n];
+        let occlusion = answers.occlusion.get(..n).unwrap_or(&none);
+        let mut view = View::about(name, &file.provenance);
+        view.values = site_values(answers, n);
+        if let Some(beta) = labels.beta.get(..n) {
+            let beta = beta.iter().map(|b| *b as f32).collect();
+            view.add("collisions with it, from inaccessible sites", "", Numbers::Reals(beta));
+        }
+        match &labels.surface {
+            Some(surface) => {
+                view.question = "the part itself: its triangles block".into();
+                let of = |i: usize| folder::class(surface.answers[i], occlusion[i]);
+                let of: Vec<usize> = (0..n).map(of).collect();
+                view.color(&Coloring::Groups { classes: &folder::PART_ITSELF, of: &of });
+                let open = surface.open_directions.iter().zip(&surface.answers);
+                let open = open.map(|(open, answer)| match answer {
+                    SiteAnswer::Accessible => f32::NAN,
+                    _ => 100.0 * open,
+                });
+                view.add("directions not proven closed", "%", Numbers::Reals(open.collect()));
+                let tolerance = surface.tolerance_mm.iter().map(|t| *t as f32).collect();
+                view.add("contact tolerance", "mm", Numbers::Reals(tolerance));
+            }
+            None => {
+                view.question = "published definition: sites block".into();
+                let inaccessible = &answers.inaccessible[..n];
+                view.color(&Coloring::Labels { inaccessible, occlusion });
+            }
+        }
+        view.findings = Some(findings);
+        view
+    }
+
+    /// Predicted answers.
+    pub fn of_predictions(file: &PredictionFile, findings: Findings) -> Self {
+        let answers = file.prediction.answers();
+        let mut view = View::about("predicted", &file.provenance);
+        view.question = "predicted by a network, not computed".into();
+        view.values = site_values(&answers, answers.len());
+        let (inaccessible, occlusion) = (&answers.inaccessible[..], &answers.occlusion[..]);
+        view.color(&Coloring::Labels { inaccessible, occlusion });
+        view.findings = Some(findings);
+        view
+    }
+
+    /// Where predictions differ from exact answers, for both heads. Dark: over-predicted. Light: under-predicted.
+    ///
+    /// # Panics
+    /// If labels and predictions differ in length; check with [`folder::same_sites`].
+    pub fn of_differences(labels: &LabelFile, predictions: &PredictionFile) -> Vec<Self> {
+        let (truth, predicted) = (&labels.labels.answers, predictions.prediction.answers());
+        let n = labels.sites.len();
+        let heads = [
+            ("inaccessible", truth.inaccessible.get(..n), predicted.inaccessible, REDS),
+            ("occlusion", truth.occlusion.get(..n), predicted.occlusion, YELLOWS),
+        ];
+        let mut views = Vec::new();
+        for (head, truth, predicted, [agreed, over, under]) in heads {
+            let Some(truth) = truth else { continue };
+            let mut view = View::about(format!("difference: {head}"), &predictions.provenance);
+            view.question = format!(
+                "predicted against exact: {head}; dark over-predicted, light under-predicted"
+            );
+            let coloring = Coloring::Difference { positive: "", truth, predicted: &predicted };
+            view.of = (0..n).map(|i| coloring.class(i) as u8).collect();
+            view.classes = vec![
+                (format!("agreed: not {head}"), NEITHER),
+                (format!("agreed: {head}"), agreed),
+                ("under-predicted: missed".into(), under),
+                ("over-predicted: false alarm".into(), over),
+            ];
+            views.push(view);
+        }
+        views
+    }
+
+    /// The first of several tools that reaches each site; `classes` and `of` as for a picture.
+    pub fn of_first_tools(classes: &[Class], of: &[usize], findings: Findings) -> Self {
+        let mut view = View { name: "all tools".into(), ..View::default() };
+        view.question = "first tool that reaches".into();
+        view.color(&Coloring::Groups { classes, of });
+        view.findings = Some(findings);
+        view
+    }
+
+    fn about(name: impl Into<String>, provenance: &Provenance) -> Self {
+        let Provenance { tool, settings, .. } = provenance;
+        let mut settings = settings.clone();
+        let mut warnings = Vec::new();
+        for key in ["warnings", "outside_domain"] {
+            let list = settings.as_object_mut().and_then(|map| map.remove(key));
+            let list = list.as_ref().and_then(Value::as_array).cloned().unwrap_or_default();
+            let words = |w: Value| w.as_str().or(w["words"].as_str()).map(str::to_owned);
+            warnings.extend(list.into_iter().filter_map(words));
+        }
+        View { name: name.into(), tool: tool.clone(), settings, warnings, ..View::default() }
+    }
+
+    fn color(&mut self, coloring: &Coloring) {
+        let class = |class: &Class| (class.name.to_string(), class.color);
+        self.classes = coloring.classes().iter().map(class).collect();
+        self.of = (0..coloring.len()).map(|i| coloring.class(i) as u8).collect();
+    }
+
+    fn add(&mut self, name: &'static str, unit: &'static str, numbers: Numbers) {
+        self.values.push(SiteValues { name, unit, numbers });
+    }
+}
+
+/// Agreed yes, over-predicted, under-predicted.
+const REDS: [Rgb; 3] = [[206, 82, 66], [104, 14, 10], [250, 182, 166]];
+const YELLOWS: [Rgb; 3] = [[222, 164, 36], [104, 66, 0], [255, 232, 160]];
+const NEITHER: Rgb = [205, 208, 212];
+
+/// The numbers of a folder's point file that are no flags; those are what the colors say.
+fn site_values(answers: &SiteAnswers, n: usize) -> Vec<SiteValues> {
+    let values = folder::point_values(answers, n).into_iter();
+    let named = values.filter_map(|(name, values)| {
+        let (name, unit, scale) = match name {
+            "accessible_directions" => ("accessible directions", "", 1.0),
+            "clearance" => ("clearance", "mm", 1.0),
+            "probability_inaccessible" => ("probability, inaccessible", "%", 100.0),
+            "probability_occlusion" => ("probability, occlusion", "%", 100.0),
+            _ => return None,
+        };
+        let numbers = match values {
+            PointValues::Counts(counts) => Numbers::Counts(counts.to_vec()),
+            PointValues::Reals(reals) => Numbers::Reals(reals.iter().map(|x| x * scale).collect()),
+            PointValues::Flags(_) | PointValues::LargeCounts(_) => return None,
+        };
+        Some(SiteValues { name, unit, numbers })
+    });
+    named.collect()
+}
