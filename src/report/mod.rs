@@ -2,14 +2,17 @@
 //!
 //! A [`PartView`] is what is shown, a [`Coloring`] says in which colors; [`picture`] and [`points`]
 //! take both, [`folder`] writes all files of a report, [`tables`], [`scores`] and [`curves`] show
-//! numbers; [`coverage`] is about several tools at once.
+//! numbers; [`coverage`] is about several tools at once, [`library`] about
+//! all tools of a shop, [`gate`] about limits that a result must keep.
 
 mod camera;
 mod color;
 pub mod coverage;
 pub mod curves;
 pub mod folder;
+pub mod gate;
 pub mod image;
+pub mod library;
 mod paint;
 pub mod picture;
 pub mod points;

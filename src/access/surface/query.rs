@@ -173,6 +173,41 @@ impl Scratch {
         Scratch { stack: self.stack, last: self.last, ..Scratch::default() }
     }
 
+    /// The greatest value of a triangle that reaches into one of the `steps`, but at least `low`; stops at any value above `high`. A step is a
+    /// height and a radius; a triangle's value is by how much the steps would have to be raised to be clear of it. `size` is
+    /// the tool's, mm.
+    pub fn greatest(
+        &mut self,
+        bvh: &Bvh,
+        stand: &Stand,
+        (steps, size): (&[[f64; 2]], f64),
+        [mut low, high]: [f64; 2],
+        value: impl Fn(u32) -> f64,
+    ) -> f64 {
+        let Scratch { stack, last, .. } = self;
+        if let Some(first) = *last {
+            low = low.max(value(first));
+            if low > high {
+                return low;
+            }
+        }
+        let level =
+            |[height, radius]: &[f64; 2], low: f64| bvh.level(height + low, *radius, size + low);
+        let mut levels: Vec<Level> = steps.iter().map(|step| level(step, low)).collect();
+        bvh.visit_raising(stand, &mut levels, stack, |place, levels| {
+            let value = value(place);
+            if value <= low {
+                return false;
+            }
+            (low, *last) = (value, Some(place));
+            for (raised, step) in levels.iter_mut().zip(steps) {
+                *raised = level(step, low);
+            }
+            low > high
+        });
+        low
+    }
+
     /// For the next site: only the memory is kept.
     pub fn renewed(self) -> Self {
         Scratch { stack: self.stack, ..Scratch::default() }
