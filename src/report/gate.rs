@@ -104,7 +104,7 @@ impl fmt::Display for Limit {
         let sign = if self.is_most { '>' } else { '<' };
         write!(f, "{}{sign}", self.quantity())?;
         match self.bound {
-            Bound::Share(share) => write!(f, "{}%", 1e-9 * (1e11 * share).round()),
+            Bound::Share(share) => write!(f, "{}%", (1e11 * share).round() / 1e9),
             Bound::Area(area) => write!(f, "{area}mm2"),
         }
     }
@@ -143,14 +143,9 @@ impl SiteAreas {
 
     /// Share of the surface of the sites that count.
     pub fn share(&self, counts: impl Fn(usize) -> bool) -> f64 {
+        let counted = self.shares.iter().enumerate().filter(|(i, _)| counts(*i));
         // The sum of all is 1 but for roundings.
-        self.shares
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| counts(*i))
-            .map(|(_, share)| share)
-            .sum::<f64>()
-            .min(1.0)
+        counted.fold(0.0, |sum, (_, share)| sum + share).min(1.0)
     }
 }
 

@@ -25,7 +25,8 @@
 //!     for every different holder on it:
 //!         least stick-outs: the witness first; then every direction in which no sample point is in the body:
 //!             clear at the least so far? then the body free? then the greatest height, which is the new least
-//!         for every stick-out of that holder: reached where the least stick-out is no more;
+//!         for every stick-out of that holder, the longest first: reached where the least stick-out is no more;
+//!             not reached where a more slender tool with the same tip does not reach;
 //!             elsewhere, where the body reaches: the search between the directions, for the whole tool
 //! ```
 
@@ -35,7 +36,7 @@ use super::drop;
 use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
 use super::obstacles::{TriangleObstacles, tested};
 use super::problem::Problem;
-use super::query::{Probe, Scratch};
+use super::query::{Probe, Scratch, from_box};
 use super::tool::{Stand, axes};
 use super::verdict::Verdict;
 use crate::access::Queries;
@@ -60,6 +61,8 @@ pub struct ToolReach {
 
 /// Directions of earlier tools that are tried at a site.
 const N_HINTS: usize = 6;
+/// Most samples of the surface per site that is labeled.
+const SAMPLES_OF_SITE: usize = 8;
 /// Sites per task.
 const BLOCK: usize = 64;
 
@@ -96,7 +99,7 @@ impl TriangleObstacles {
         };
         let mut left: Vec<usize> = (0..tools.len()).collect();
         left.sort_by(|&a, &b| {
-            thickness(&tools[a]).total_cmp(&thickness(&tools[b])).then(a.cmp(&b))
+            thickness(tools[a].body()).total_cmp(&thickness(tools[b].body())).then(a.cmp(&b))
         });
         while let Some(&first) = left.first() {
             let same_body = |&k: &usize| has_same_body(&tools[k], &tools[first]);
@@ -112,17 +115,16 @@ fn has_same_body(a: &Assembly, b: &Assembly) -> bool {
     a.tip() == b.tip() && a.body() == b.body()
 }
 
-/// Bodies in this order come after those inside them.
-fn thickness(tool: &Assembly) -> f64 {
+/// Tools in the order of this come after those inside them.
+fn thickness(steps: &[Step]) -> f64 {
     /// Far above any body, mm.
     const TOP: f64 = 300.0;
-    let heights = tool.body().iter().map(|step| step.height_mm.min(TOP));
+    /// In place of the spindle's, mm.
+    const WIDE: f64 = 1000.0;
+    let heights = steps.iter().map(|step| step.height_mm.min(TOP));
     let ends = heights.clone().skip(1).chain([TOP]);
-    tool.body()
-        .iter()
-        .zip(heights.zip(ends))
-        .map(|(step, (low, high))| step.radius_mm * (high - low))
-        .sum()
+    let areas = steps.iter().zip(heights.zip(ends));
+    areas.map(|(step, (low, high))| step.radius_mm.min(WIDE) * (high - low)).sum()
 }
 
 /// Whether every step of one body is inside the other; both have the same tip.
@@ -133,7 +135,7 @@ fn is_inside(inner: &[Step], outer: &[Step]) -> bool {
     inner.iter().all(holds)
 }
 
-/// A body that is done.
+/// A body or a whole tool that is done; steps above the reference point.
 struct Body {
     tip: [f64; 2],
     steps: Vec<Step>,
@@ -163,18 +165,22 @@ impl Pass<'_> {
         let reached: Vec<usize> = (0..self.sites.len()).filter(|&i| witness[i].is_some()).collect();
         self.bodies.push(Body {
             tip: assembly.tip(),
-            steps: assembly.body().to_vec(),
+            steps: cutter.steps().to_vec(),
             answers: answers.clone(),
         });
         let body =
             BodyLabels { cutter: &cutter, answers: &answers, witness: &witness, reached: &reached };
         let free = self.free_of_points(&body)?;
+        group.sort_by(|&a, &b| {
+            thickness(tools[a].holder()).total_cmp(&thickness(tools[b].holder())).then(a.cmp(&b))
+        });
         while let Some(&first) = group.first() {
             let same = |&k: &usize| tools[k].holder() == tools[first].holder();
             let (mut held, rest): (Vec<usize>, Vec<usize>) = group.into_iter().partition(same);
             group = rest;
+            // The longest first: what it does not reach, the shorter ones do not either.
             held.sort_by(|&a, &b| {
-                tools[a].stick_out_mm().total_cmp(&tools[b].stick_out_mm()).then(a.cmp(&b))
+                tools[b].stick_out_mm().total_cmp(&tools[a].stick_out_mm()).then(a.cmp(&b))
             });
             self.holder(tools, &held, &body, &free)?;
         }
@@ -189,16 +195,7 @@ impl Pass<'_> {
     ) -> Result<(Vec<SiteAnswer>, Vec<Option<Vec3>>)> {
         let n = self.sites.len();
         let (mut answers, mut witness) = (vec![SiteAnswer::Inaccessible; n], vec![None; n]);
-        let slender =
-            |body: &&Body| body.tip == assembly.tip() && is_inside(&body.steps, assembly.body());
-        let slender: Vec<&Body> = self.bodies.iter().filter(slender).collect();
-        let not_reached = |i: usize| {
-            slender
-                .iter()
-                .map(|body| body.answers[i])
-                .find(|answer| *answer != SiteAnswer::Accessible)
-        };
-        let closed: Vec<Option<SiteAnswer>> = (0..n).map(not_reached).collect();
+        let closed = self.closed(assembly.tip(), cutter.steps());
         let open: Vec<usize> = (0..n).filter(|&i| closed[i].is_none()).collect();
         let hinted = self.try_hints(cutter, &open)?;
         for (&i, hinted) in open.iter().zip(&hinted) {
@@ -222,6 +219,22 @@ impl Pass<'_> {
             }
         }
         Ok((answers, witness))
+    }
+
+    /// Per site, the answer of some more slender tool with the same tip that does not reach it, inaccessible if one is.
+    fn closed(&self, tip: [f64; 2], steps: &[Step]) -> Vec<Option<SiteAnswer>> {
+        let is_slender = |body: &&Body| body.tip == tip && is_inside(&body.steps, steps);
+        let mut closed = vec![None; self.sites.len()];
+        for body in self.bodies.iter().filter(is_slender) {
+            for (closed, answer) in closed.iter_mut().zip(&body.answers) {
+                match answer {
+                    SiteAnswer::Inaccessible => *closed = Some(*answer),
+                    SiteAnswer::TipDoesNotFit => *closed = closed.or(Some(*answer)),
+                    SiteAnswer::Accessible => {}
+                }
+            }
+        }
+        closed
     }
 
     fn hint(&mut self, i: usize, direction: Vec3) {
@@ -269,9 +282,12 @@ impl Pass<'_> {
         }
         let sites = self.subset(of);
         let problem = self.problem(&sites, cutter)?;
-        let matrix = problem.by_points(cutter, self.tested, self.options)?;
-        let tallies = problem.by_triangles(&matrix, self.tested, self.domain, self.options);
-        Ok(problem.labels(tallies, self.tested, self.options))
+        // Turning many samples for few sites costs more than it saves.
+        let n_samples = self.options.n_samples.min(SAMPLES_OF_SITE * of.len());
+        let options = SurfaceOptions { n_samples, ..*self.options };
+        let matrix = problem.by_points(cutter, self.tested, &options)?;
+        let tallies = problem.by_triangles(&matrix, self.tested, self.domain, &options);
+        Ok(problem.labels(tallies, self.tested, &options))
     }
 
     /// Per site that a body reaches, the directions of the set in which no sample point is in it.
@@ -307,23 +323,28 @@ impl Pass<'_> {
         let mut least = self.least_stick_outs(&tools[held[0]], body, free)?;
         for &tool in held {
             let stick_out = tools[tool].stick_out_mm();
+            let cutter = tools[tool].cutter()?;
+            let closed = self.closed(tools[tool].tip(), cutter.steps());
+            let is_closed = |i: usize| closed[i] == Some(SiteAnswer::Inaccessible);
+            // What is found to be reached counts, whatever the search for another tool missed.
+            let is_known = |i: usize| least[i].0 <= stick_out || is_closed(i);
             // Where the tip does not fit at all, the answer depends on the holder.
             let open: Vec<usize> = (0..self.sites.len())
-                .filter(|&i| match body.answers[i] {
-                    SiteAnswer::Inaccessible => false,
-                    SiteAnswer::TipDoesNotFit => true,
-                    SiteAnswer::Accessible => least[i].0 > stick_out,
-                })
+                .filter(|&i| !is_known(i) && body.answers[i] != SiteAnswer::Inaccessible)
                 .collect();
-            let cutter = tools[tool].cutter()?;
             let labels = self.label(&cutter, &open)?;
             let mut answers: Vec<SiteAnswer> = body.answers.to_vec();
+            for i in (0..answers.len()).filter(|&i| is_closed(i) && least[i].0 > stick_out) {
+                answers[i] = SiteAnswer::Inaccessible;
+            }
             let mut found = Vec::new();
             for (k, &i) in open.iter().enumerate() {
                 answers[i] = labels.answers[k];
                 match labels.witness[k] {
-                    Some(direction) if body.witness[i].is_some() => found.push((i, direction)),
-                    // The search for the body alone missed it: the body's answer stays.
+                    Some(direction) if body.witness[i].is_some() && closed[i].is_none() => {
+                        found.push((i, direction));
+                    }
+                    // The search for the body or a more slender tool missed it: that answer stays.
                     Some(_) => answers[i] = SiteAnswer::TipDoesNotFit,
                     None => {}
                 }
@@ -333,6 +354,11 @@ impl Pass<'_> {
                 least[i] = (length.min(stick_out).min(least[i].0), Some(direction));
                 self.hint(i, direction);
             }
+            self.bodies.push(Body {
+                tip: tools[tool].tip(),
+                steps: cutter.steps().to_vec(),
+                answers: answers.clone(),
+            });
             let reaches = |i: usize| answers[i] == SiteAnswer::Accessible;
             self.reach[tool] = ToolReach {
                 witness: (0..answers.len()).map(|i| least[i].1.filter(|_| reaches(i))).collect(),
@@ -441,7 +467,7 @@ fn stand(problem: &Problem, k: usize, direction: Vec3) -> Stand {
 /// Height of the triangles along a direction; a height below all if there are none.
 fn top_along(bvh: &Bvh, direction: Vec3) -> f64 {
     let stand = Stand { reference: bvh.origin(), axes: axes(direction) };
-    let highest = |place: u32| {
+    let highest = |place: u32, _: f64| {
         stand
             .triangle(bvh.triangle(place))
             .map(|p| p.z)
@@ -532,11 +558,16 @@ impl<'a> Held<'a> {
         });
         let steps: Vec<[f64; 2]> = steps.collect();
         let bvh = self.problem.bvh;
-        let value = |place: u32| {
+        let value = |place: u32, least: f64| {
             let corners = stand.triangle(bvh.triangle(place));
-            let values =
-                steps.iter().map(|[height, radius]| drop::disc(&corners, *radius) - height);
-            values.fold(f64::NEG_INFINITY, f64::max)
+            let top = corners[0].z.max(corners[1].z).max(corners[2].z);
+            let squared = from_box(&corners);
+            // The wide steps reach more, the low ones reach higher.
+            let value = |best: f64, [height, radius]: &[f64; 2]| {
+                let may_raise = top - height > best && squared <= radius * radius;
+                if may_raise { best.max(drop::disc(&corners, *radius) - height) } else { best }
+            };
+            steps.iter().fold(least, value)
         };
         scratch.greatest(bvh, stand, (&steps, self.size), [low, enough], value)
     }
