@@ -5,6 +5,10 @@
 //! radius is inside the cutter. Because radii never shrink upward, a step needs no upper end. What
 //! lies below the first step, the ball and its neighborhood, is contact and not collision.
 
+mod assembly;
+
+pub use assembly::{Assembly, Section, TipShape};
+
 use crate::rng::Stream;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};

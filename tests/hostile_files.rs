@@ -326,7 +326,7 @@ fn every_broken_tool_table_is_refused_in_one_line_with_file_place_and_remedy() {
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes, expected) in cases {
         let path = put(folder.path(), name, bytes);
-        let message = match tools::read(&path) {
+        let message = match tools::read(&path, &tools::Unsaid::default()) {
             Ok(_) => panic!("{name} was read"),
             Err(error) => error.to_string(),
         };

@@ -30,6 +30,7 @@
 pub mod baselines;
 mod batched;
 mod clearance;
+pub mod cover;
 mod cutter_groups;
 mod driver;
 mod gouge;

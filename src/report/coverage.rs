@@ -8,7 +8,8 @@ use super::tables::{Cell, Table};
 use super::{Class, Coloring, PartView, Rgb};
 use crate::access::Labels;
 use crate::answers::SiteAnswers;
-use crate::data::files::tools::Tool;
+use crate::cutter::Step;
+use crate::data::files::tools::{Tool, steps_words};
 use crate::{Error, Result, atomic_file};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -65,12 +66,18 @@ impl<'a> Coverage<'a> {
     pub fn of(tools: &'a [Tool], labels: &[Labels], n_directions: usize) -> Self {
         assert_eq!(tools.len(), labels.len(), "one label per tool");
         let accessible: Vec<Vec<bool>> = labels.iter().map(|l| l.answers.accessible()).collect();
+        let shares = labels.iter().map(|labels| Shares::of(labels, n_directions)).collect();
+        Coverage { shares, ..Coverage::of_reached(tools, &accessible) }
+    }
+
+    /// Of `tools` of which only the sites are known that they reach.
+    ///
+    /// # Panics
+    /// If there is no tool.
+    pub fn of_reached(tools: &'a [Tool], accessible: &[Vec<bool>]) -> Self {
         let reaching = |i: usize| accessible.iter().position(|accessible| accessible[i]);
-        Coverage {
-            tools,
-            shares: labels.iter().map(|labels| Shares::of(labels, n_directions)).collect(),
-            first: (0..labels[0].answers.len()).map(reaching).collect(),
-        }
+        let first = (0..accessible[0].len()).map(reaching).collect();
+        Coverage { tools, shares: Vec::new(), first }
     }
 
     /// Share of the sites of which `tool` is the first that reaches them; `None`: that no tool reaches.
@@ -81,7 +88,7 @@ impl<'a> Coverage<'a> {
 
     /// A row per tool; as CSV it is a tool table again.
     pub fn table(&self) -> Table {
-        let mut table = Table::new(&[
+        let mut columns = vec![
             ("name", "tool"),
             ("CR", "CR"),
             ("CH", "CH"),
@@ -94,7 +101,13 @@ impl<'a> Coverage<'a> {
             ("both", ""),
             ("free_directions", "directions"),
             ("adds", "adds"),
-        ]);
+        ];
+        // What four lengths do not say, for tools of libraries.
+        let has_steps = self.tools.iter().any(|tool| tool.description.is_some());
+        if has_steps {
+            columns.extend([("body", ""), ("holder", ""), ("stick_out", "")]);
+        }
+        let mut table = Table::new(&columns);
         for (k, (tool, shares)) in self.tools.iter().zip(&self.shares).enumerate() {
             let lengths = tool.params.to_array();
             let shares =
@@ -104,6 +117,9 @@ impl<'a> Coverage<'a> {
                 lengths.into_iter().chain([tool.corner_mm, tool.clearance_mm]).map(Cell::Given),
             );
             row.extend(shares.into_iter().chain([self.share_of_first(Some(k))]).map(Cell::Share));
+            if has_steps {
+                row.extend(steps_of(tool));
+            }
             table.row(row);
         }
         table
@@ -116,6 +132,15 @@ impl<'a> Coverage<'a> {
     pub fn write(&self, folder: &Path, part: PartView, show: Show) -> Result<Vec<PathBuf>> {
         let table = folder.join(TOOLS);
         atomic_file::write_atomic(&table, |file| file.write_all(&self.table().csv()))?;
+        let drawn = self.write_first(folder, part, show)?;
+        Ok([table].into_iter().chain(drawn).collect())
+    }
+
+    /// As [`Coverage::write`], without the table.
+    ///
+    /// # Errors
+    /// If the system refuses a file.
+    pub fn write_first(&self, folder: &Path, part: PartView, show: Show) -> Result<Vec<PathBuf>> {
         let (classes, of) = self.groups();
         let coloring = Coloring::Groups { classes: &classes, of: &of };
         let rows: Vec<u32> = self.first.iter().map(|f| f.map_or(0, |k| k as u32 + 1)).collect();
@@ -124,9 +149,7 @@ impl<'a> Coverage<'a> {
             ["first_tool: row of tools.csv from 1, 0: no tool reaches the site".to_string()];
         let writer = Writer { folder, part, show };
         let caption = "first tool that reaches";
-        let what = Shown { caption, coloring, values: &values, notes: &notes };
-        let drawn = writer.write("tools", &what)?;
-        Ok([table].into_iter().chain(drawn).collect())
+        writer.write("tools", &Shown { caption, coloring, values: &values, notes: &notes })
     }
 
     fn groups(&self) -> (Vec<Class<'_>>, Vec<usize>) {
@@ -184,6 +207,15 @@ pub fn groups<'a>(names: &[&'a str], first: &[Option<usize>]) -> (Vec<Class<'a>>
     let none = classes.len() - 1;
     let of = first.iter().map(|first| first.map_or(none, |k| group_of[k])).collect();
     (classes, of)
+}
+
+/// The columns `body`, `holder` and `stick_out`; missing for a tool of four lengths.
+pub(super) fn steps_of(tool: &Tool) -> [Cell; 3] {
+    let Tool { assembly, description: Some(_), .. } = tool else {
+        return [const { Cell::Missing }; 3];
+    };
+    let words = |steps: &[Step]| Cell::Text(steps_words(steps));
+    [words(assembly.body()), words(assembly.holder()), Cell::Given(assembly.stick_out_mm())]
 }
 
 /// Colors of the tools that add something, apart for the common kinds of color blindness.

@@ -2,8 +2,8 @@
 //!
 //! A [`PartView`] is what is shown, a [`Coloring`] says in which colors; [`picture`] and [`points`]
 //! take both, [`folder`] writes all files of a report, [`tables`], [`scores`] and [`curves`] show
-//! numbers; [`coverage`] is about several tools at once, [`findings`] lists regions,
-//! [`page`] is a page with a 3-D view to send.
+//! numbers; [`coverage`] is about several tools at once, [`library`] about all tools of a shop, [`findings`] lists
+//! regions, [`gate`] is about limits that a result must keep, [`page`] is a page with a 3-D view to send.
 
 mod camera;
 mod color;
@@ -12,7 +12,9 @@ pub mod curves;
 pub mod export;
 pub mod findings;
 pub mod folder;
+pub mod gate;
 pub mod image;
+pub mod library;
 pub mod page;
 mod paint;
 pub mod picture;

@@ -127,13 +127,25 @@ impl Bvh {
         stack: &mut Vec<u32>,
         mut test: impl FnMut(u32) -> bool,
     ) -> bool {
+        let mut levels = levels;
+        self.visit_raising(stand, &mut levels, stack, |place, _| test(place))
+    }
+
+    /// As [`Bvh::visit`], with levels that `test` may raise on the way.
+    pub fn visit_raising<L: AsRef<[Level]>>(
+        &self,
+        stand: &Stand,
+        levels: &mut L,
+        stack: &mut Vec<u32>,
+        mut test: impl FnMut(u32, &mut L) -> bool,
+    ) -> bool {
         let reference = (stand.reference - self.origin).as_vec3();
         let axes = stand.axes.map(|axis| axis.as_vec3());
         stack.clear();
         stack.push(0);
         while let Some(node) = stack.pop() {
             let node = &self.nodes[node as usize];
-            let reached = Reached { node, reference, axes: &axes, levels };
+            let reached = Reached { node, reference, axes: &axes, levels: levels.as_ref() };
             let mut open = self.isa.run(reached) & u32::from(node.used);
             while open != 0 {
                 let k = open.trailing_zeros() as usize;
@@ -144,7 +156,7 @@ impl Bvh {
                     continue;
                 }
                 for place in first..first + u32::from(node.count[k]) {
-                    if test(place) {
+                    if test(place, levels) {
                         return true;
                     }
                 }

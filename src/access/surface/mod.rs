@@ -35,6 +35,7 @@ mod clearance;
 mod drop;
 mod faces;
 mod labels;
+mod library;
 mod obstacles;
 mod penetrate;
 mod problem;
@@ -53,6 +54,7 @@ pub use labels::{
     CLEARANCE_STEP_MM, KNIFE_EDGE_MM, RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions,
     SurfaceStats,
 };
+pub use library::ToolReach;
 pub use obstacles::TriangleObstacles;
 pub use tolerance::{ContactTolerance, LEAST_MM};
 pub use verdict::{Raise, Verdict, raise};

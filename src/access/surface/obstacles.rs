@@ -162,7 +162,7 @@ impl TriangleObstacles {
         Ok(problem.labels(tallies, &tested, options))
     }
 
-    fn problem(
+    pub(super) fn problem(
         &self,
         queries: Queries,
         cutter: &Cutter,
@@ -188,7 +188,7 @@ impl TriangleObstacles {
 }
 
 /// The directions of a set, after +z if it stands for all within an angle that +z is among.
-fn tested(directions: &Directions) -> Result<Directions> {
+pub(super) fn tested(directions: &Directions) -> Result<Directions> {
     let above = Domain::of(directions).is_some_and(|domain| domain.holds(DVec3::Z));
     if !above || directions.vectors().contains(&Vec3::Z) {
         return Ok(directions.clone());

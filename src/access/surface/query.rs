@@ -26,7 +26,8 @@ impl Probe {
             Tip::Flat { height, radius } => [height, radius],
         };
         let size = outline.size() + reach;
-        let levels = std::iter::once(&lower_end).chain(&steps);
+        let coarse = enclosing(&steps);
+        let levels = std::iter::once(&lower_end).chain(&coarse);
         let levels = levels.map(|&[height, radius]| bvh.level(height, radius, size)).collect();
         Probe { steps, tip, levels }
     }
@@ -35,8 +36,8 @@ impl Probe {
     pub fn of_steps(outline: &Outline, shrunk: f64, bvh: &Bvh, reach: f64) -> Self {
         let steps: Vec<[f64; 2]> = outline.steps(shrunk).collect();
         let size = outline.size() + shrunk.abs() + reach;
-        let levels = steps.iter().map(|&[height, radius]| bvh.level(height, radius, size));
-        let levels = levels.collect();
+        let levels = enclosing(&steps).into_iter();
+        let levels = levels.map(|[height, radius]| bvh.level(height, radius, size)).collect();
         Probe { steps, tip: Tip::Flat { height: f64::INFINITY, radius: 0.0 }, levels }
     }
 
@@ -145,6 +146,18 @@ impl Probe {
     }
 }
 
+/// Steps that the boxes of the tree are compared with, below the spindle.
+const MOST_LEVELS: usize = 5;
+
+/// At most [`MOST_LEVELS`] steps, and the spindle, that hold all of `steps`, which widen upward.
+fn enclosing(steps: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let n_finite = steps.iter().take_while(|[_, radius]| radius.is_finite()).count();
+    let (finite, spindle) = steps.split_at(n_finite);
+    let groups = finite.chunks(finite.len().div_ceil(MOST_LEVELS).max(1));
+    let enclose = |group: &[[f64; 2]]| [group[0][0], group[group.len() - 1][1]];
+    groups.map(enclose).chain(spindle.iter().copied()).collect()
+}
+
 /// Where on the axis, between the lowest and the highest that a triangle has in a step.
 const SHARES: [f64; 4] = [0.06, 0.2, 0.45, 0.8];
 
@@ -161,7 +174,7 @@ fn nearest(p: DVec3, [a, b, c]: &[DVec3; 3]) -> DVec3 {
 }
 
 /// Distance, squared, of the axis from the upright box around a triangle.
-fn from_box(corners: &[DVec3; 3]) -> f64 {
+pub(super) fn from_box(corners: &[DVec3; 3]) -> f64 {
     let [a, b, c] = corners.map(across);
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     low.max(-high).max(DVec2::ZERO).length_squared()
@@ -171,6 +184,42 @@ impl Scratch {
     /// For the next site: the memory and the triangle that collided last are kept.
     pub fn with_last(self) -> Self {
         Scratch { stack: self.stack, last: self.last, ..Scratch::default() }
+    }
+
+    /// The greatest value of a triangle that reaches into one of the `steps`, but at least `low`; stops at any value above `high`. A step is a
+    /// height and a radius; a triangle's value is by how much the steps would have to be raised to be clear of it, if that is more than its
+    /// second argument. `size` is the tool's, mm.
+    pub fn greatest(
+        &mut self,
+        bvh: &Bvh,
+        stand: &Stand,
+        (steps, size): (&[[f64; 2]], f64),
+        [mut low, high]: [f64; 2],
+        value: impl Fn(u32, f64) -> f64,
+    ) -> f64 {
+        let Scratch { stack, last, .. } = self;
+        let steps = enclosing(steps);
+        if let Some(first) = *last {
+            low = low.max(value(first, low));
+            if low > high {
+                return low;
+            }
+        }
+        let level =
+            |[height, radius]: &[f64; 2], low: f64| bvh.level(height + low, *radius, size + low);
+        let mut levels: Vec<Level> = steps.iter().map(|step| level(step, low)).collect();
+        bvh.visit_raising(stand, &mut levels, stack, |place, levels| {
+            let value = value(place, low);
+            if value <= low {
+                return false;
+            }
+            (low, *last) = (value, Some(place));
+            for (raised, step) in levels.iter_mut().zip(&steps) {
+                *raised = level(step, low);
+            }
+            low > high
+        });
+        low
     }
 
     /// For the next site: only the memory is kept.

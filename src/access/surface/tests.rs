@@ -16,6 +16,7 @@ use std::f64::consts::{PI, TAU};
 
 mod engines;
 mod invariance;
+mod library;
 mod search;
 mod shapes;
 

@@ -2,26 +2,17 @@
 
 use crate::output::Output;
 use deepmill::cutter::CutterParams;
-use deepmill::data::files::tools::{self, Tool};
+use deepmill::data::files::tools::{self, Tool, Unsaid};
 use deepmill::directions::Directions;
 use deepmill::geom::formats::MeshOrCloud;
 use deepmill::geom::sites::{self, Normals, SiteOptions};
+use deepmill::geom::units::Unit;
 use deepmill::geom::{Mesh, Sites};
+use deepmill::report::gate::Limit;
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-
-/// Which cutter.
-#[derive(clap::Args)]
-pub struct CutterArgs {
-    /// Lengths in mm: ball radius CR, height CH of the cylinder above the ball, holder radius FR,
-    /// holder height FH.
-    #[arg(long, value_name = "CR,CH,FR,FH", allow_hyphen_values = true)]
-    cutter: String,
-    #[command(flatten)]
-    tip: TipArgs,
-}
 
 /// Which cutters.
 #[derive(clap::Args)]
@@ -35,12 +26,92 @@ pub struct ToolArgs {
         allow_hyphen_values = true
     )]
     cutter: Vec<String>,
-    /// Tool table: CSV with the columns CR, CH, FR, FH (mm) and, if you like, name, corner and
-    /// clearance; the options --corner and --clearance are not about its tools.
+    /// Tools of a file: a Fusion 360 library (JSON), a FreeCAD tool bit (.fctb) or a folder of them, a LinuxCNC table
+    /// (.tbl), or CSV with the columns CR, CH, FR, FH (mm) and, if you like, name, corner and clearance; the options
+    /// --corner and --clearance are not about its tools. Give it again for further files.
     #[arg(long, value_name = "FILE")]
-    tools: Option<PathBuf>,
+    tools: Vec<PathBuf>,
     #[command(flatten)]
     tip: TipArgs,
+    #[command(flatten)]
+    unsaid: UnsaidArgs,
+}
+
+/// What files of tools may leave unsaid.
+#[derive(clap::Args)]
+pub struct UnsaidArgs {
+    /// For tools whose file does not say it: height of the holder's nose above the tip.
+    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
+    stick_out: Option<f64>,
+    /// For tools whose file does not say it: the holder, a Fusion 360 library with one, or a table height,lower,upper
+    /// (mm, diameters; from the nose upward).
+    #[arg(long, value_name = "FILE")]
+    holder: Option<PathBuf>,
+    /// For tools whose file does not say it: diameter of the shank.
+    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
+    shank: Option<f64>,
+    /// For tools whose file does not say it: length of the flutes.
+    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
+    flute_length: Option<f64>,
+    /// For files of tools that do not say it: unit of their numbers, mm, cm, m or in.
+    #[arg(long, value_name = "UNIT")]
+    tool_unit: Option<Unit>,
+}
+
+impl UnsaidArgs {
+    fn unsaid(&self) -> Result<Unsaid> {
+        let lengths = [
+            ("--stick-out", self.stick_out),
+            ("--shank", self.shank),
+            ("--flute-length", self.flute_length),
+        ];
+        for (name, length) in lengths {
+            if let Some(length) = length.filter(|length| !(1e-4..=1e4).contains(length)) {
+                let expected = "0.0001 mm to 10 m";
+                return Err(Error::argument(name, length, expected, "give it in mm"));
+            }
+        }
+        let unsaid = Unsaid {
+            stick_out_mm: self.stick_out,
+            shank_mm: self.shank,
+            flutes_mm: self.flute_length,
+            unit_mm: self.tool_unit.map(Unit::millimeters),
+            holder: None,
+        };
+        let holder = self.holder.as_ref().map(|path| tools::read_holder(path, &unsaid));
+        Ok(Unsaid { holder: holder.transpose()?, ..unsaid })
+    }
+
+    /// The tools of all files, those of libraries with names of their own; says what was refused and changed.
+    pub fn read(&self, paths: &[PathBuf], output: &Output) -> Result<Vec<Tool>> {
+        let unsaid = self.unsaid()?;
+        let mut all = Vec::new();
+        for path in paths {
+            let table = tools::read(path, &unsaid)?;
+            if !table.unused.is_empty() {
+                let columns = table.unused.join(", ");
+                output.warn(format!("{}: columns not used: {columns}", path.display()));
+            }
+            table.refused.iter().for_each(|refused| output.warn(refused));
+            table.notices.iter().for_each(|notice| output.warn(notice));
+            all.extend(table.tools);
+        }
+        Ok(all)
+    }
+}
+
+/// Names of tools are told apart, or refused if someone gave them twice.
+pub fn with_names(mut tools: Vec<Tool>) -> Result<Vec<Tool>> {
+    tools::number_repeated(&mut tools);
+    let mut keys = HashSet::new();
+    match tools.iter().find(|tool| !keys.insert(tool.folder_key())) {
+        None => Ok(tools),
+        Some(tool) => {
+            let found = format!("`{}` twice", tool.name);
+            let remedy = "leave one out, or give tools of a table names";
+            Err(Error::argument("tool", found, "a name for one tool only", remedy))
+        }
+    }
 }
 
 /// What the four lengths of every `--cutter` do not say.
@@ -54,12 +125,6 @@ struct TipArgs {
     clearance: f64,
 }
 
-impl CutterArgs {
-    pub fn tool(&self) -> Result<Tool> {
-        self.tip.tool(&self.cutter)
-    }
-}
-
 impl TipArgs {
     fn tool(&self, lengths: &str) -> Result<Tool> {
         Tool::new(cutter_params(lengths)?, self.corner, self.clearance)
@@ -67,33 +132,29 @@ impl TipArgs {
 }
 
 impl ToolArgs {
-    /// Every `--cutter`, then the tools of the table; no two have the same name.
+    /// Every `--cutter`, then the tools of the files; no two have the same name.
     pub fn tools(&self, output: &Output) -> Result<Vec<Tool>> {
         self.check_tip()?;
         let lengths = self.cutter.iter();
         let mut tools: Vec<Tool> = lengths.map(|l| self.tip.tool(l)).collect::<Result<_>>()?;
-        if let Some(path) = &self.tools {
-            let table = tools::read(path)?;
-            if !table.unused.is_empty() {
-                let columns = table.unused.join(", ");
-                output.warn(format!("{}: columns not used: {columns}", path.display()));
-            }
-            tools.extend(table.tools);
-        }
-        let mut keys = HashSet::new();
-        match tools.iter().find(|tool| !keys.insert(tool.folder_key())) {
-            None => Ok(tools),
-            Some(tool) => {
-                let found = format!("`{}` twice", tool.name);
-                let remedy = "leave one out, or give tools of a table names";
-                Err(Error::argument("tool", found, "a name for one tool only", remedy))
-            }
-        }
+        tools.extend(self.unsaid.read(&self.tools, output)?);
+        with_names(tools)
     }
 
     /// Whether results go to a folder for each tool: a table's do, however short it is.
     pub fn are_several(&self) -> bool {
-        self.tools.is_some() || self.cutter.len() > 1
+        !self.tools.is_empty() || self.cutter.len() > 1
+    }
+
+    /// For a command that takes one `--cutter` only.
+    pub fn check_one_cutter(&self) -> Result<()> {
+        match self.cutter.len() {
+            0 | 1 => Ok(()),
+            n => {
+                let remedy = "name several as a table with --tools";
+                Err(Error::argument("--cutter", format!("given {n} times"), "once", remedy))
+            }
+        }
     }
 
     fn check_tip(&self) -> Result<()> {
@@ -119,6 +180,27 @@ fn called(error: Error, option: &'static str) -> Error {
             Error::Argument { name: option, found, expected, remedy }
         }
         other => other,
+    }
+}
+
+/// Limits that results must keep.
+#[derive(clap::Args)]
+pub struct GateArgs {
+    /// Exit with code 3, after everything is written, if an answer breaks this limit: 'inaccessible>5%' (of the surface, of
+    /// any tool), 'tip_does_not_fit>20mm2', 'unreachable>…' (either), 'occlusion>…'; < in place of > for a minimum. May be given again.
+    #[arg(long, value_name = "LIMIT")]
+    fail_if: Vec<String>,
+}
+
+impl GateArgs {
+    /// The limits, of a command that does not answer some quantities.
+    pub fn limits(&self, unanswered: &[&str]) -> Result<Vec<Limit>> {
+        let limits: Vec<Limit> =
+            self.fail_if.iter().map(|text| text.parse()).collect::<Result<_>>()?;
+        match limits.iter().find(|limit| unanswered.contains(&limit.quantity())) {
+            Some(limit) => Err(limit.not_answered()),
+            None => Ok(limits),
+        }
     }
 }
 

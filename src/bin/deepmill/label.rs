@@ -1,6 +1,6 @@
 //! `deepmill label`: computes exactly which sites of a part a cutter cannot reach.
 
-use crate::args::{DirectionArgs, SiteArgs, ToolArgs, name_of};
+use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, name_of};
 use crate::clock::Clock;
 use crate::density;
 use crate::findings;
@@ -51,6 +51,8 @@ pub struct Args {
     pub directions: DirectionArgs,
     #[command(flatten)]
     pub surface: SurfaceArgs,
+    #[command(flatten)]
+    gate: GateArgs,
     /// What blocks: `part` (its triangles; the default for a mesh), `sites` (the published definition, as data sets and
     /// networks have it), or COUNT: the sites and so many further points of the surface.
     #[arg(long, value_name = "WHAT")]
@@ -88,6 +90,7 @@ pub struct Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.tools.tools(output)?;
+    let limits = args.gate.limits(&[])?;
     let directions = args.directions.directions()?;
     let engine = args.engine.parse()?;
     let also = args.also.iter().map(|name| name.parse()).collect::<Result<Vec<Extra>>>()?;
@@ -141,6 +144,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let coverage =
         args.tools.are_several().then(|| Coverage::of(&tools, &labels, directions.len()));
     let mut facts = answers.facts(&labels, coverage.as_ref());
+    let named = tools.iter().zip(&labels).map(|(tool, labels)| (&*tool.name, &labels.answers));
+    let broken = output.check_limits(&limits, (&answers.sites, answers.mesh.as_ref()), named)?;
     let single = coverage.is_none().then(|| labels[0].clone());
     let findings = Regions::find(&answers, &labels)?;
     let paths = answers.write(labels, &warnings, coverage.as_ref(), &findings)?;
@@ -153,6 +158,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     clock.add_to(&mut facts);
     output.say(facts.text());
     let mut result = facts.json();
+    result["limits_broken"] = broken;
     if let (Blocking::Part, Some(labels), Some(mesh)) = (blocking, &single, &answers.mesh) {
         result["faces"] = part_itself::say_blocking(mesh, &answers.sites, labels, output);
         result["bodies"] = part_itself::say_bodies(mesh, &answers.sites, labels, output)?;

@@ -21,6 +21,7 @@ mod predict;
 mod progress;
 mod report;
 mod sample;
+mod tools;
 mod train;
 mod volume;
 mod weights;
@@ -56,6 +57,7 @@ enum Command {
     Parity(parity::Args),
     Sample(sample::Args),
     Label(label::Args),
+    Tools(tools::Args),
     Dataset(dataset::Args),
     Train(train::Args),
     Eval(eval::Args),
@@ -79,6 +81,7 @@ fn main() -> ExitCode {
             Some(Command::Parity(args)) => parity::run(args, &output),
             Some(Command::Sample(args)) => sample::run(args, &output),
             Some(Command::Label(args)) => label::run(args, &output),
+            Some(Command::Tools(args)) => tools::run(args, &output),
             Some(Command::Dataset(args)) => dataset::run(args, &output),
             Some(Command::Train(args)) => train::run(args, &output),
             Some(Command::Eval(args)) => eval::run(args, &output),
@@ -90,6 +93,7 @@ fn main() -> ExitCode {
     match deepmill::par::with_threads(n_threads(cli.threads, &output), run)
         .and_then(|result: deepmill::Result<()>| result)
     {
+        Ok(()) if output.tell_broken_limits() => ExitCode::from(LIMIT_BROKEN),
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             output.error(&error);
@@ -98,6 +102,9 @@ fn main() -> ExitCode {
         }
     }
 }
+
+/// All was done, and a result breaks a limit (`--fail-if`).
+const LIMIT_BROKEN: u8 = 3;
 
 /// More threads than processors only help to show that results do not depend on their number.
 const MOST_THREADS_PER_PROCESSOR: usize = 8;

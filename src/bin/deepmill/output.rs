@@ -1,22 +1,28 @@
 //! Output of a command: text for people, or one JSON object for programs.
 
-use deepmill::Error;
+use deepmill::answers::SiteAnswers;
+use deepmill::geom::{Mesh, Sites};
+use deepmill::report::gate::{Limit, SiteAreas};
+use deepmill::{Error, Result};
 use serde_json::{Value, json};
 use std::fmt::Display;
 use std::io::{Write, stderr, stdout};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// The program's standard streams. A reader that goes away is no failure.
 pub struct Output {
     json: bool,
     /// Whether the result is printed.
     done: AtomicBool,
+    /// Limits that the result breaks.
+    broken: Mutex<Vec<String>>,
 }
 
 impl Output {
     pub fn new(json: bool) -> Self {
-        Output { json, done: AtomicBool::new(false) }
+        Output { json, done: AtomicBool::new(false), broken: Mutex::default() }
     }
 
     /// A line for people: standard output, or standard error when that carries JSON.
@@ -44,6 +50,37 @@ impl Output {
         if self.json && !self.done.swap(true, Ordering::Relaxed) {
             let _ = writeln!(stdout(), "{value}");
         }
+    }
+
+    /// Holds answers against limits; what they break is told at the end of the program. As JSON for the result.
+    pub fn check_limits<'a>(
+        &self,
+        limits: &[Limit],
+        (sites, mesh): (&Sites, Option<&Mesh>),
+        answers: impl Iterator<Item = (&'a str, &'a SiteAnswers)>,
+    ) -> Result<Value> {
+        if limits.is_empty() {
+            return Ok(Value::Null);
+        }
+        let areas = SiteAreas::of(sites, mesh)?;
+        let mut broken = self.broken.lock().unwrap_or_else(PoisonError::into_inner);
+        for (tool, answers) in answers {
+            for limit in limits {
+                if let Some(why) = limit.broken_by(answers, &areas)? {
+                    broken.push(format!("{tool}: {why}"));
+                }
+            }
+        }
+        Ok(json!(*broken))
+    }
+
+    /// Whether a result broke a limit; the last lines on standard error then say which.
+    pub fn tell_broken_limits(&self) -> bool {
+        let broken = self.broken.lock().unwrap_or_else(PoisonError::into_inner);
+        for why in &*broken {
+            let _ = writeln!(stderr(), "limit broken: {why}");
+        }
+        !broken.is_empty()
     }
 
     /// Names the files written.

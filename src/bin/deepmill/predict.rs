@@ -1,38 +1,47 @@
 //! `deepmill predict`: predicts with a network which sites of a part a cutter cannot reach.
 
-use crate::args::{CutterArgs, SiteArgs, name_of};
+use crate::args::{GateArgs, SiteArgs, ToolArgs, name_of};
 use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::model_args::ModelArgs;
 use crate::output::Output;
+use deepmill::answers::{OutsideDomain, SiteAnswers};
+use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{PredictionFile, Provenance};
-use deepmill::model::Predictor;
+use deepmill::geom::{Mesh, Sites};
+use deepmill::model::{Prediction, Predictor};
 use deepmill::report::export::Extra;
 use deepmill::report::findings::Findings;
 use deepmill::report::folder::{self, Show};
 use deepmill::report::page::{Page, View};
-use deepmill::report::tables::{Cell, Facts};
+use deepmill::report::tables::{Cell, Facts, Table};
 use deepmill::{Error, Result, atomic_file};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Predict which sites of a part a ball-end cutter cannot reach, and which sites are in its way.
 ///
 /// Writes to DIR: predictions.npz (numbers), predictions.ply (colored points), predictions.png
-/// (picture) and part.stl (the surface as used, in mm).
+/// (picture) and part.stl (the surface as used, in mm). With --tools, each ball end of the files has the first three
+/// in a folder DIR/NAME of its own; others are left out by name.
 #[derive(clap::Args)]
-#[command(after_help = "Example: deepmill predict part.stl --cutter 1.5,6,40,5 --out predictions")]
+#[command(
+    after_help = "Example: deepmill predict part.stl --cutter 1.5,6,40,5 --out predictions\n\
+A library: deepmill predict part.stl --tools library.json --out predictions"
+)]
 pub struct Args {
     /// Mesh (STL, OBJ, PLY, 3MF) or cloud of points with normals (PLY, NPZ).
     part: PathBuf,
     #[command(flatten)]
     read: MeshArgs,
     #[command(flatten)]
-    cutter: CutterArgs,
+    tools: ToolArgs,
     #[command(flatten)]
     sites: SiteArgs,
     #[command(flatten)]
     model: ModelArgs,
+    #[command(flatten)]
+    gate: GateArgs,
     /// Folder of the results.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -54,13 +63,10 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let tool = args.cutter.tool()?;
+    let limits = args.gate.limits(&["tip_does_not_fit"])?;
+    args.tools.check_one_cutter()?;
+    let tools = known_to_networks(args.tools.tools(output)?, output)?;
     let also = args.also.iter().map(|name| name.parse()).collect::<Result<Vec<Extra>>>()?;
-    if tool.cutter.as_ball_end().is_none() {
-        let remedy = "leave out --corner and --clearance, or use `deepmill label`";
-        let expected = "a ball end without clearance: the network knows no other";
-        return Err(Error::argument("cutter", tool.words(), expected, remedy));
-    }
     atomic_file::check_writable_folder(&args.out)?;
     let (model, model_name) = args.model.read()?;
     let mut clock = Clock::start();
@@ -68,55 +74,184 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     clock.lap("read_s", "reading");
     let (mesh, sites) = args.sites.place(part)?;
     clock.lap("sites_s", "sites");
+    let definition = model.definition.map(|definition| definition.to_string());
     let settings = json!({
         "sites": args.sites.settings(mesh.is_some()),
         "model": model_name,
+        "definition": definition,
     });
-    let definition = model.definition.map(|definition| definition.to_string());
     let predictor = Predictor::new(model);
     let predictor = if args.far { predictor.accept_far() } else { predictor };
-    let (prediction, outside) = predictor.predict(&sites, &tool.cutter)?;
-    let outside: Vec<String> = outside.iter().map(ToString::to_string).collect();
-    for outside in &outside {
-        output.warn(format!("{outside}: the prediction may be wrong; `deepmill label` is exact"));
+    let about = About { args, settings, sites, mesh };
+    let mut files = Vec::new();
+    for tool in tools {
+        match predictor.predict(&about.sites, &tool.cutter) {
+            Ok((prediction, outside)) => {
+                let outside = about.say_outside(&tool, &outside, output);
+                files.push((about.file(&tool, prediction, &outside), tool, outside));
+            }
+            // One tool of several that is too far from what the network knows.
+            Err(error @ Error::Argument { .. }) if args.tools.are_several() => {
+                output.warn(format!("{}: {error}; it is left out", tool.name));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    if files.is_empty() {
+        let expected = "a tool like those that the network was trained on";
+        let remedy = "use `deepmill label`, or accept guesses (--far)";
+        return Err(Error::argument("--tools", "all left out", expected, remedy));
     }
     clock.lap("predict_s", "prediction");
-    let mut provenance = Provenance::ball_end(name_of(&args.part), tool.params, settings);
-    provenance.settings["outside_domain"] = json!(outside);
-    provenance.settings["definition"] = json!(definition);
-    let file = PredictionFile { prediction, provenance, sites };
-    let show = if args.no_picture { Show::Points } else { Show::Pictures };
-    let mut paths = folder::write_predictions(&args.out, &file, mesh.as_ref(), show)?;
-    let export = |extra| folder::export_predictions(&args.out, &file, mesh.as_ref(), extra);
-    paths.extend(also.into_iter().map(export).collect::<Result<Vec<_>>>()?);
-    if let Some(mesh) = &mesh {
-        paths.push(folder::write_surface(&args.out, mesh)?);
-    }
-    if args.report {
-        let (mesh, sites) = (mesh.as_ref(), &file.sites);
-        let findings = Findings::of(sites, mesh, &file.prediction.answers(), &[])?;
-        let views = [View::of_predictions(&file, findings)];
-        let page = Page { part: &file.provenance.part, mesh, sites, views: &views };
-        paths.push(page.write(&args.out)?);
-    }
+    let paths = about.write(&files, &also)?;
     clock.lap("write_s", "writing and drawing");
 
-    let share = |flags: Vec<bool>| {
-        Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len().max(1) as f64)
-    };
-    let answers = file.prediction.answers();
+    let answers: Vec<SiteAnswers> = files.iter().map(|(f, ..)| f.prediction.answers()).collect();
+    let named = files.iter().zip(&answers).map(|((_, tool, _), answers)| (&*tool.name, answers));
+    let broken = output.check_limits(&limits, (&about.sites, about.mesh.as_ref()), named)?;
     let mut facts = Facts::new();
-    facts.add("part", "part", Cell::text(&file.provenance.part));
+    facts.add("part", "part", Cell::text(name_of(&args.part)));
     facts.add("definition", "definition", definition.map_or(Cell::Missing, Cell::text));
-    facts.add("cutter", "cutter", Cell::text(&file.provenance.tool));
-    facts.add("n_sites", "sites", Cell::count(file.sites.len()));
-    facts.add("inaccessible", "inaccessible", share(answers.inaccessible));
-    facts.add("occlusion", "occlusion", share(answers.occlusion));
+    if !args.tools.are_several() {
+        facts.add("cutter", "cutter", Cell::text(&files[0].0.provenance.tool));
+    }
+    facts.add("n_sites", "sites", Cell::count(about.sites.len()));
+    if !args.tools.are_several() {
+        facts.add("inaccessible", "inaccessible", share(&answers[0].inaccessible));
+        facts.add("occlusion", "occlusion", share(&answers[0].occlusion));
+    }
     clock.add_to(&mut facts);
     output.say(facts.text());
     output.files(&paths);
     let mut result = facts.json();
-    result["outside_domain"] = json!(outside);
+    result["limits_broken"] = broken;
+    if args.tools.are_several() {
+        let table =
+            table(files.iter().zip(&answers).map(|((_, tool, _), answers)| (tool, answers)));
+        output.say(table.text());
+        result["tools"] = table.json();
+        for (row, (.., outside)) in (0..).zip(&files) {
+            result["tools"][row]["outside_domain"] = json!(outside);
+        }
+    } else {
+        result["outside_domain"] = json!(files[0].2);
+    }
     output.result_with_files(result, &paths);
     Ok(())
+}
+
+/// The ball ends without clearance; others are named, and none left is an error.
+fn known_to_networks(tools: Vec<Tool>, output: &Output) -> Result<Vec<Tool>> {
+    let expected = "a ball end without clearance, shank as wide as the ball, in one cylindrical holder: the network knows no other";
+    let (known, others): (Vec<Tool>, Vec<Tool>) =
+        tools.into_iter().partition(|tool| tool.cutter.as_ball_end().is_some());
+    match (known.is_empty(), others.first()) {
+        (true, Some(tool)) => {
+            let remedy = "leave out --corner and --clearance, or use `deepmill label`";
+            Err(Error::argument("cutter", tool.words(), expected, remedy))
+        }
+        _ => {
+            for tool in others {
+                output.warn(format!(
+                    "{} ({}): expected {expected}; it is left out",
+                    tool.name,
+                    tool.words()
+                ));
+            }
+            Ok(known)
+        }
+    }
+}
+
+fn share(flags: &[bool]) -> Cell {
+    Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len().max(1) as f64)
+}
+
+fn table<'a>(rows: impl Iterator<Item = (&'a Tool, &'a SiteAnswers)>) -> Table {
+    let mut table = Table::new(&[
+        ("name", "tool"),
+        ("words", ""),
+        ("inaccessible", "inaccessible"),
+        ("occlusion", "occlusion"),
+    ]);
+    for (tool, answers) in rows {
+        table.row([
+            Cell::text(&tool.name),
+            Cell::text(tool.words()),
+            share(&answers.inaccessible),
+            share(&answers.occlusion),
+        ]);
+    }
+    table
+}
+
+/// What all predictions of a run share.
+struct About<'a> {
+    args: &'a Args,
+    settings: Value,
+    sites: Sites,
+    mesh: Option<Mesh>,
+}
+
+impl About<'_> {
+    fn say_outside(&self, tool: &Tool, outside: &[OutsideDomain], output: &Output) -> Vec<String> {
+        let of =
+            if self.args.tools.are_several() { format!("{}: ", tool.name) } else { String::new() };
+        let outside: Vec<String> = outside.iter().map(ToString::to_string).collect();
+        for outside in &outside {
+            output.warn(format!(
+                "{of}{outside}: the prediction may be wrong; `deepmill label` is exact"
+            ));
+        }
+        outside
+    }
+
+    fn file(&self, tool: &Tool, prediction: Prediction<f32>, outside: &[String]) -> PredictionFile {
+        let part = name_of(&self.args.part);
+        let mut provenance = Provenance::ball_end(part, tool.params, self.settings.clone());
+        provenance.settings["outside_domain"] = json!(outside);
+        if tool.description.is_some() {
+            provenance.tool = tool.words();
+        }
+        PredictionFile { prediction, provenance, sites: self.sites.clone() }
+    }
+
+    fn write(
+        &self,
+        files: &[(PredictionFile, Tool, Vec<String>)],
+        also: &[Extra],
+    ) -> Result<Vec<PathBuf>> {
+        let About { args, mesh, .. } = self;
+        let show = if args.no_picture { Show::Points } else { Show::Pictures };
+        let mut paths = Vec::new();
+        for (file, tool, _) in files {
+            let folder = match args.tools.are_several() {
+                true => args.out.join(&tool.name),
+                false => args.out.clone(),
+            };
+            let mesh = mesh.as_ref();
+            paths.extend(folder::write_predictions(&folder, file, mesh, show)?);
+            for extra in also {
+                paths.push(folder::export_predictions(&folder, file, mesh, *extra)?);
+            }
+        }
+        if let Some(mesh) = mesh {
+            paths.push(folder::write_surface(&args.out, mesh)?);
+        }
+        if args.report {
+            let (mesh, sites) = (mesh.as_ref(), &self.sites);
+            let view = |(file, tool, _): &(PredictionFile, Tool, Vec<String>)| {
+                let findings = Findings::of(sites, mesh, &file.prediction.answers(), &[])?;
+                let mut view = View::of_predictions(file, findings);
+                if args.tools.are_several() {
+                    view.name.clone_from(&tool.name);
+                }
+                Ok(view)
+            };
+            let views = files.iter().map(view).collect::<Result<Vec<_>>>()?;
+            let page = Page { part: &name_of(&args.part), mesh, sites, views: &views };
+            paths.push(page.write(&args.out)?);
+        }
+        Ok(paths)
+    }
 }

@@ -1,19 +1,40 @@
-//! Tool tables: CSV files with one tool per row. `docs/cli.md` shows one.
+//! Tool libraries: files that say which cutters a shop has. `docs/tools.md` says what becomes what.
+//!
+//! | file | recognised by |
+//! |---|---|
+//! | Fusion 360 export | JSON with `data` or `geometry` |
+//! | FreeCAD tool bit, one tool | JSON with `parameter`; a folder stands for its `.fctb` files |
+//! | LinuxCNC tool table | `.tbl`, or a first line that begins with `T` and a number |
+//! | table of lengths | anything else: CSV |
+//!
+//! What a file does not say comes from [`Unsaid`] or is asked for by name, never assumed. What is no ball, bull-nose, flat or tapered end
+//! mill is refused by name, and the rest is read.
+
+mod described;
+mod freecad;
+mod fusion;
+mod holder;
+mod linuxcnc;
+mod place;
+mod table;
 
 use super::ball_end_words;
-use crate::cutter::{Cutter, CutterParams};
+use crate::cutter::{Assembly, Cutter, CutterParams, Step};
 use crate::{Error, Result};
-use csv::{Position, ReaderBuilder, StringRecord, Trim};
 use serde_json::{Value, json};
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+pub use holder::{Holder, read_holder};
+pub use table::steps_words;
 
 /// A checked cutter and the numbers it was ordered with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tool {
     /// Name, fit for a folder.
     pub name: String,
-    /// CR, CH, FR, FH.
+    /// CR, CH, FR, FH; of a tool with more steps a summary: radius of the tip, height from `2·CR` above it to the holder, greatest radius
+    /// and height of the holder.
     pub params: CutterParams,
     /// Radius of the tip's corner, mm: 0 for a flat end, CR for a ball end.
     pub corner_mm: f64,
@@ -21,6 +42,10 @@ pub struct Tool {
     pub clearance_mm: f64,
     /// The cutter, margin included.
     pub cutter: Cutter,
+    /// Body, holder and stick-out, without the margin.
+    pub assembly: Assembly,
+    /// In words, where four lengths do not say it.
+    pub description: Option<String>,
 }
 
 impl Tool {
@@ -41,7 +66,52 @@ impl Tool {
         if clearance_mm != 0.0 {
             name += &format!("-clearance{clearance_mm}");
         }
-        Ok(Tool { name, params, corner_mm, clearance_mm, cutter })
+        let CutterParams { cr_mm, ch_mm, fr_mm, fh_mm } = params;
+        let step = |height_mm, radius_mm| Step { height_mm, radius_mm };
+        let assembly = Assembly::from_steps(
+            [corner_mm, cr_mm - corner_mm],
+            vec![step(2.0 * cr_mm, cr_mm)],
+            vec![step(0.0, fr_mm), step(fh_mm, f64::INFINITY)],
+            2.0 * cr_mm + ch_mm,
+        )?;
+        Ok(Tool { name, params, corner_mm, clearance_mm, cutter, assembly, description: None })
+    }
+
+    /// A tool of a library: its name is made fit for a folder.
+    ///
+    /// # Errors
+    /// As [`Assembly::cutter`], or as [`Tool::new`] for the clearance.
+    pub fn of_assembly(
+        name: &str,
+        assembly: Assembly,
+        clearance_mm: f64,
+        description: String,
+    ) -> Result<Self> {
+        let [corner_mm, side_mm] = assembly.tip();
+        let cr_mm = corner_mm + side_mm;
+        check_clearance(clearance_mm, cr_mm)?;
+        let whole = assembly.cutter()?;
+        let summary = || {
+            let finite = assembly.holder().iter().filter(|step| step.radius_mm.is_finite());
+            CutterParams {
+                cr_mm,
+                ch_mm: (assembly.stick_out_mm() - 2.0 * cr_mm).max(0.0),
+                fr_mm: finite.map(|step| step.radius_mm).fold(cr_mm, f64::max),
+                fh_mm: assembly.holder().last().map_or(0.0, |step| step.height_mm),
+            }
+        };
+        let params = whole.as_ball_end().unwrap_or_else(summary);
+        let cutter = whole.with_clearance(clearance_mm)?;
+        let (name, description) = (folder_name(name), Some(description));
+        Ok(Tool { name, params, corner_mm, clearance_mm, cutter, assembly, description })
+    }
+
+    /// Body, holder and stick-out with the margin.
+    ///
+    /// # Errors
+    /// As [`Assembly::with_clearance`].
+    pub fn held(&self) -> Result<Assembly> {
+        self.assembly.with_clearance(self.clearance_mm)
     }
 
     /// The same tool by another name.
@@ -50,10 +120,10 @@ impl Tool {
     /// If some system would not let a folder have the name, or it is that of a file beside the folders.
     pub fn named(self, name: &str) -> Result<Self> {
         let refuse = |remedy: &str| {
-            Err(Error::argument("name", shown(name), "a name that a folder can have", remedy))
+            let found = place::shown(name);
+            Err(Error::argument("name", found, "a name that a folder can have", remedy))
         };
-        let forbidden = |c: char| c.is_control() || r#"/\:*?"<>|"#.contains(c);
-        if name.contains(forbidden) {
+        if name.contains(is_forbidden) {
             return refuse(r#"leave out / \ : * ? " < > | and control characters"#);
         }
         if name.is_empty() || name.starts_with(['.', '-', ' ']) || name.ends_with(['.', ' ']) {
@@ -62,8 +132,7 @@ impl Tool {
         if name.len() > 100 {
             return refuse("use at most 100 bytes");
         }
-        let taken = ["part.stl", "report.html"].iter().any(|file| name.eq_ignore_ascii_case(file));
-        if taken || ["tools.", "findings."].iter().any(|s| starts_with_ignoring_case(name, s)) {
+        if is_taken(name) {
             return refuse("part.stl, tools.… and others are files of the results: choose another");
         }
         Ok(Tool { name: name.into(), ..self })
@@ -76,21 +145,64 @@ impl Tool {
 
     /// The tool in words, without its name.
     pub fn words(&self) -> String {
-        let mut words = ball_end_words(self.params);
-        if self.corner_mm == 0.0 {
-            words = words.replacen("ball-end", "flat-end", 1);
-        } else if self.corner_mm != self.params.cr_mm {
-            words = words.replacen("ball-end", &format!("bull-nose {} mm,", self.corner_mm), 1);
-        }
+        let mut words = self.description.clone().unwrap_or_else(|| self.lengths_in_words());
         if self.clearance_mm != 0.0 {
             words += &format!(", clearance {} mm", self.clearance_mm);
         }
         words
     }
 
+    fn lengths_in_words(&self) -> String {
+        let words = ball_end_words(self.params);
+        if self.corner_mm == 0.0 {
+            return words.replacen("ball-end", "flat-end", 1);
+        }
+        if self.corner_mm != self.params.cr_mm {
+            return words.replacen("ball-end", &format!("bull-nose {} mm,", self.corner_mm), 1);
+        }
+        words
+    }
+
     /// What the four lengths do not say, for [`Provenance::settings`](super::Provenance::settings).
     pub fn settings(&self) -> Value {
-        json!({ "corner_mm": self.corner_mm, "clearance_mm": self.clearance_mm })
+        let mut settings =
+            json!({ "corner_mm": self.corner_mm, "clearance_mm": self.clearance_mm });
+        if self.description.is_some() {
+            settings["side_mm"] = json!(self.assembly.tip()[1]);
+            settings["body"] = json!(steps_words(self.assembly.body()));
+            settings["holder"] = json!(steps_words(self.assembly.holder()));
+            settings["stick_out_mm"] = json!(self.assembly.stick_out_mm());
+            settings["excess_mm"] = json!(self.assembly.excess_mm());
+        }
+        settings
+    }
+}
+
+fn is_forbidden(c: char) -> bool {
+    c.is_control() || r#"/\:*?"<>|"#.contains(c)
+}
+
+fn is_taken(name: &str) -> bool {
+    let files = ["part.stl", "report.html"];
+    let starts = ["tools.", "findings.", "stick-out."];
+    files.iter().any(|file| name.eq_ignore_ascii_case(file))
+        || starts.iter().any(|start| starts_with_ignoring_case(name, start))
+}
+
+/// A name that [`Tool::named`] accepts, as near to the one given as can be.
+fn folder_name(name: &str) -> String {
+    let allowed = name.chars().map(|c| if is_forbidden(c) { ' ' } else { c });
+    let spaced: String = allowed.collect();
+    let words: Vec<&str> = spaced.split_whitespace().collect();
+    let mut name = words.join(" ");
+    while name.len() > 80 {
+        name.pop();
+    }
+    let name = name.trim_start_matches(['.', '-', ' ']).trim_end_matches(['.', ' ']);
+    if name.is_empty() || is_taken(name) {
+        format!("tool {name}").trim_end().into()
+    } else {
+        name.into()
     }
 }
 
@@ -110,250 +222,145 @@ fn starts_with_ignoring_case(text: &str, start: &str) -> bool {
     text.get(..start.len()).is_some_and(|head| head.eq_ignore_ascii_case(start))
 }
 
-/// What a tool table holds.
-#[derive(Debug, Clone, PartialEq)]
+/// What tools are given where their file does not say it. Without it, it is asked for by name.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Unsaid {
+    /// Height of the holder's nose above the tip, mm.
+    pub stick_out_mm: Option<f64>,
+    /// The holder.
+    pub holder: Option<Holder>,
+    /// Diameter of the shank, mm.
+    pub shank_mm: Option<f64>,
+    /// Length of the flutes, mm.
+    pub flutes_mm: Option<f64>,
+    /// Millimeters that the file's unit has.
+    pub unit_mm: Option<f64>,
+}
+
+/// What a file of tools holds.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct ToolTable {
-    /// The tools in the order of the rows; no two have the same name.
+    /// The tools in the order of the file; no two have the same name.
     pub tools: Vec<Tool>,
     /// Headings of columns that mean nothing here.
     pub unused: Vec<String>,
+    /// Tools that cannot be represented, one sentence each.
+    pub refused: Vec<String>,
+    /// What was changed to the safe side, one sentence each.
+    pub notices: Vec<String>,
 }
 
-/// Columns of a tool table; lengths in mm.
-const COLUMNS: [&str; 7] = ["name", "CR", "CH", "FR", "FH", "corner", "clearance"];
-/// Those of [`COLUMNS`] that must be there.
-const REQUIRED: std::ops::Range<usize> = 1..5;
-
-/// Reads a tool table: a header row that names the columns, in any order and case, then a row per tool.
-///
-/// Columns are separated by commas, semicolons or tabs, whichever the header row has most of; where it
-/// is not commas, numbers may have a decimal comma. Empty rows and lines that begin with `#` are
-/// passed over.
+/// Reads a file of tools, or all `.fctb` files of a folder in the order of their names.
 ///
 /// # Errors
-/// If the file is not such a table, a length is not a number or makes no cutter, or two tools have
-/// the same name.
-pub fn read(path: &Path) -> Result<ToolTable> {
-    let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
-    let text = String::from_utf8(bytes).map_err(|e| {
-        let line = line_at(&e.as_bytes()[..e.utf8_error().valid_up_to()]);
-        let remedy = "save the table as CSV in UTF-8";
-        Error::file(path, format!("line {line}"), "the text is not UTF-8", remedy)
-    })?;
-    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-    TableText { path, text, separator: separator(text) }.table()
-}
-
-/// Number of the line that follows `before`, from 1.
-fn line_at(before: &[u8]) -> usize {
-    1 + before.iter().filter(|b| **b == b'\n').count()
-}
-
-fn is_passed_over(line: &str) -> bool {
-    line.trim().is_empty() || line.starts_with('#')
-}
-
-fn separator(text: &str) -> char {
-    let header = text.lines().find(|line| !is_passed_over(line)).unwrap_or("");
-    let candidates = ['\t', ';', ','];
-    candidates.into_iter().max_by_key(|c| header.matches(*c).count()).unwrap_or(',')
-}
-
-/// A field in a message: in one line, not too long.
-fn shown(field: &str) -> String {
-    let short: String = field.chars().take(40).collect();
-    let more = if short.len() < field.len() { "…" } else { "" };
-    format!("{:?}", short + more)
-}
-
-/// Where known columns are.
-struct Columns {
-    place: [Option<usize>; COLUMNS.len()],
-    n: usize,
-}
-
-struct TableText<'a> {
-    path: &'a Path,
-    text: &'a str,
-    separator: char,
-}
-
-impl TableText<'_> {
-    fn table(&self) -> Result<ToolTable> {
-        let mut rows = self.rows()?.into_iter();
-        let Some((header_line, header)) = rows.next() else {
-            let remedy = "begin with a header row such as name,CR,CH,FR,FH";
-            return Err(self.at(1, "the table is empty", remedy));
-        };
-        let (columns, unused) = self.columns(header_line, &header)?;
-        let (mut tools, mut line_of) = (Vec::new(), HashMap::new());
-        for (line, row) in rows {
-            let tool = self.tool(line, &row, &columns)?;
-            if let Some(first) = line_of.insert(tool.folder_key(), line) {
-                let found = format!("{} is also the tool of line {first}", shown(&tool.name));
-                return Err(self.at(line, found, "give each tool a name of its own, once"));
-            }
-            tools.push(tool);
-        }
-        if tools.is_empty() {
-            let remedy = "add a row for each tool";
-            return Err(self.at(header_line, "no tool follows the header row", remedy));
-        }
-        Ok(ToolTable { tools, unused })
+/// If a file is not what its format demands, says what cannot be, or does not say what `unsaid` does not say either; if no tool is left; if
+/// two rows of a table have the same name.
+pub fn read(path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
+    if !path.is_dir() {
+        let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
+        let table = from_bytes(&bytes, path, unsaid)?;
+        return some_left(table, path);
     }
+    let mut all = ToolTable::default();
+    let files = tool_bits(path)?;
+    if files.is_empty() {
+        let remedy = "name a file, or a folder of FreeCAD tool bits";
+        return Err(Error::file(path, "folder", "there is no .fctb file in it", remedy));
+    }
+    for file in files {
+        let bytes = std::fs::read(&file).map_err(|e| Error::read(&file, e))?;
+        let table = from_bytes(&bytes, &file, unsaid)?;
+        all.tools.extend(table.tools);
+        all.refused.extend(table.refused);
+        all.notices.extend(table.notices);
+    }
+    number_repeated(&mut all.tools);
+    some_left(all, path)
+}
 
-    /// The rows that are not empty, with their lines.
-    fn rows(&self) -> Result<Vec<(usize, StringRecord)>> {
-        let mut reader = ReaderBuilder::new()
-            .delimiter(self.separator as u8)
-            .comment(Some(b'#'))
-            .has_headers(false)
-            .flexible(true)
-            .trim(Trim::All)
-            .from_reader(self.text.as_bytes());
-        let mut rows = Vec::new();
-        for row in reader.records() {
-            let row = row.map_err(|e| self.at(1, e.to_string(), "save the table as CSV"))?;
-            if row.iter().any(|field| !field.is_empty()) {
-                let line = row.position().map_or(1, |start| self.line_of_row(start));
-                rows.push((line, row));
+fn some_left(table: ToolTable, path: &Path) -> Result<ToolTable> {
+    match (table.tools.is_empty(), table.refused.first()) {
+        (false, _) => Ok(table),
+        (true, first) => {
+            let first = first.map_or(String::new(), |first| format!(": {first}"));
+            let found = format!("no tool can be used{first}");
+            let remedy = "add a ball, bull-nose, flat or tapered end mill";
+            Err(Error::file(path, "tools", found, remedy))
+        }
+    }
+}
+
+fn tool_bits(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Error::read(folder, e))?;
+    let mut files = Vec::new();
+    for entry in entries {
+        let path = entry.map_err(|e| Error::read(folder, e))?.path();
+        if has_extension(&path, "fctb") && path.is_file() {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// Reads tools from the content of a file; `path` is for its extension and for messages.
+///
+/// # Errors
+/// As [`read`].
+pub fn from_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
+    let text = place::utf8(bytes, path)?;
+    let mut table = match first_char(text) {
+        Some('{' | '[') => {
+            let value = place::json(text, path)?;
+            if value.get("parameter").is_some() {
+                freecad::read(&value, path, unsaid)
+            } else if fusion::is_library(&value) {
+                fusion::read(&value, path, unsaid)
+            } else {
+                let found = "neither `data` (Fusion 360) nor `parameter` (FreeCAD) is there";
+                let remedy = "name a tool library exported as JSON, or a tool bit";
+                Err(Error::file(path, "top level", found, remedy))
             }
         }
-        Ok(rows)
-    }
+        _ if has_extension(path, "fctb") || has_extension(path, "json") => {
+            let remedy = "export the tools again";
+            Err(Error::file(path, "line 1", "the file is not JSON", remedy))
+        }
+        _ if has_extension(path, "tbl") || linuxcnc::is_table(text) => {
+            linuxcnc::read(text, path, unsaid)
+        }
+        _ => table::read(text, path),
+    }?;
+    number_repeated(&mut table.tools);
+    Ok(table)
+}
 
-    /// Line of the row that the reader found from `start` on, comments and empty lines before it.
-    fn line_of_row(&self, start: &Position) -> usize {
-        let rest = self.text.get(start.byte() as usize..).unwrap_or("");
-        start.line() as usize + rest.lines().take_while(|l| is_passed_over(l)).count()
-    }
+fn first_char(text: &str) -> Option<char> {
+    text.trim_start().chars().next()
+}
 
-    fn columns(&self, line: usize, header: &StringRecord) -> Result<(Columns, Vec<String>)> {
-        let mut columns = Columns { place: [None; COLUMNS.len()], n: header.len() };
-        let mut unused = Vec::new();
-        for (i, heading) in header.iter().enumerate() {
-            match COLUMNS.iter().position(|name| name.eq_ignore_ascii_case(heading)) {
-                Some(k) if columns.place[k].is_some() => {
-                    let found = format!("there are two columns {}", COLUMNS[k]);
-                    return Err(self.at(line, found, "delete or rename one"));
-                }
-                Some(k) => columns.place[k] = Some(i),
-                None if heading.is_empty() => {}
-                None => unused.push(shown(heading)),
+fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
+}
+
+/// Tells tools of libraries that have the same name apart: `D6`, `D6 (2)`, …
+pub fn number_repeated(tools: &mut [Tool]) {
+    let mut seen: HashMap<String, usize> = HashMap::new();
+    for tool in tools {
+        let n = *seen.entry(tool.folder_key()).and_modify(|n| *n += 1).or_insert(1);
+        if n == 1 || tool.description.is_none() {
+            continue;
+        }
+        let base = tool.name.clone();
+        for n in n.. {
+            tool.name = format!("{base} ({n})");
+            if !seen.contains_key(&tool.folder_key()) {
+                break;
             }
         }
-        if let Some(k) = REQUIRED.into_iter().find(|k| columns.place[*k].is_none()) {
-            let found = format!("there is no column {}", COLUMNS[k]);
-            let remedy = "the header row must name CR, CH, FR and FH, such as name,CR,CH,FR,FH";
-            return Err(self.at(line, found, remedy));
-        }
-        Ok((columns, unused))
-    }
-
-    fn tool(&self, line: usize, row: &StringRecord, columns: &Columns) -> Result<Tool> {
-        if row.iter().skip(columns.n).any(|field| !field.is_empty()) {
-            let found = format!("{} fields under {} headings", row.len(), columns.n);
-            let remedy = "write decimals with a point, or separate columns by semicolons";
-            return Err(self.at(line, found, remedy));
-        }
-        let field = |k: usize| columns.place[k].and_then(|i| row.get(i)).unwrap_or("");
-        let length = |k| self.length(line, k, field(k));
-        let mut lengths = [0.0; 4];
-        for (value, k) in lengths.iter_mut().zip(REQUIRED) {
-            let missing = || self.at(line, format!("{} is empty", COLUMNS[k]), "give it in mm");
-            *value = length(k)?.ok_or_else(missing)?;
-        }
-        let params = CutterParams::from_array(lengths);
-        let tool = Tool::new(params, length(5)?, length(6)?.unwrap_or(0.0));
-        let tool = match field(0) {
-            "" => tool,
-            name => tool.and_then(|tool| tool.named(name)),
-        };
-        tool.map_err(|error| self.in_line(line, error))
-    }
-
-    fn length(&self, line: usize, column: usize, field: &str) -> Result<Option<f64>> {
-        if field.is_empty() {
-            return Ok(None);
-        }
-        let decimal = match self.separator {
-            ',' => field.into(),
-            _ => field.replace(',', "."),
-        };
-        decimal.parse().map(Some).map_err(|_| {
-            let found = format!("{} is {}, not a number", COLUMNS[column], shown(field));
-            self.at(line, found, "write it in mm with a decimal point, without a unit")
-        })
-    }
-
-    fn at(&self, line: usize, found: impl Into<String>, remedy: impl Into<String>) -> Error {
-        Error::file(self.path, format!("line {line}"), found, remedy)
-    }
-
-    fn in_line(&self, line: usize, error: Error) -> Error {
-        match error {
-            Error::Argument { name, found, expected, remedy } => {
-                self.at(line, format!("{name} is {found}, expected {expected}"), remedy)
-            }
-            other => other,
-        }
+        seen.insert(tool.folder_key(), 1);
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn table(text: &str) -> Result<ToolTable> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("tools.csv");
-        std::fs::write(&path, text).unwrap();
-        read(&path)
-    }
-
-    #[test]
-    fn columns_have_any_order_and_case_and_may_be_left_out() {
-        let text = "\u{feff}# shop 3\r\n\r\nfh,FR, Name ,CR,ch,Clearance,CORNER,T\r\n\
-            5,40,\"ball, long\",1.5,6,,,1\r\n# worn\r\n,,,,,,,\r\n20,5,,1,2e1,0.5,0\r\n";
-        let ToolTable { tools, unused } = table(text).unwrap();
-        assert_eq!(tools[0].name, "ball, long");
-        assert_eq!(tools[0].words(), "ball-end CR 1.5, CH 6, FR 40, FH 5 mm");
-        assert_eq!(tools[1].name, "1-20-5-20-corner0-clearance0.5");
-        assert_eq!(tools[1].words(), "flat-end CR 1, CH 20, FR 5, FH 20 mm, clearance 0.5 mm");
-        assert_eq!((tools.len(), unused), (2, vec!["\"T\"".to_string()]));
-    }
-
-    #[test]
-    fn semicolons_and_tabs_come_with_decimal_commas() {
-        let comma = table("name,CR,CH,FR,FH\na,1.5,6,40,5").unwrap();
-        assert_eq!(table("name;CR;CH;FR;FH\na;1,5;6;40;5\n").unwrap(), comma);
-        assert_eq!(table("name\tCR\tCH\tFR\tFH\na\t1.5\t6\t40\t5\t\t\n").unwrap(), comma);
-    }
-
-    #[test]
-    fn a_long_table_is_read_in_one_pass() {
-        let row = |k: usize| format!("tool {k},1.5,2,50,4\n# worn\n");
-        let text: String = (0..200_000).map(row).collect();
-        let header = "name,CR,CH,FR,FH\n";
-        assert_eq!(table(&format!("{header}{text}")).unwrap().tools.len(), 200_000);
-        let twice = format!("{header}{text}TOOL 7,1,2,3,4\n");
-        let message = table(&twice).unwrap_err().to_string();
-        assert!(message.contains("line 400002") && message.contains("line 16"), "{message}");
-    }
-
-    #[test]
-    fn every_name_is_a_folder_on_every_system() {
-        let tool = |name: &str| {
-            Tool::new(CutterParams::from_array([1.0, 2.0, 3.0, 4.0]), None, 0.0)?.named(name)
-        };
-        for name in ["D6", "Kugel Ø6", "6.5 long", "tool", "T-1_(new)"] {
-            assert_eq!(tool(name).unwrap().name, name);
-        }
-        let long = "x".repeat(101);
-        let bad = ["", ".", "..", ".x", "-x", "x.", "a/b", "a\\b", "1/4\"", "a:b", "a\nb", "a\0"];
-        for name in bad.into_iter().chain(["part.stl", "Tools.csv", "tools.ply", &long]) {
-            let message = tool(name).unwrap_err().to_string();
-            assert!(message.starts_with("name is ") && !message.contains('\n'), "{message}");
-        }
-    }
-}
+mod tests;

@@ -1,0 +1,29 @@
+//! Any bytes, read as any file of tools: an error of one line or tools whose steps widen upward, never a panic. The first byte chooses the
+//! extension and what is given beside the file.
+#![no_main]
+
+use deepmill::cutter::Section;
+use deepmill::data::files::tools::{Holder, Unsaid, from_bytes};
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|input: &[u8]| {
+    let Some((choice, bytes)) = input.split_first() else { return };
+    let name = ["x.json", "x.fctb", "x.tbl", "x.csv"][usize::from(choice % 4)];
+    let holder = Holder { name: "h".into(), sections: vec![Section::cylinder(40.0, 20.0)] };
+    let unsaid = match choice / 4 % 2 {
+        0 => Unsaid::default(),
+        _ => Unsaid {
+            stick_out_mm: Some(30.0),
+            holder: Some(holder),
+            shank_mm: Some(6.0),
+            flutes_mm: Some(10.0),
+            unit_mm: Some(25.4),
+        },
+    };
+    match from_bytes(bytes, name.as_ref(), &unsaid) {
+        Err(error) => assert!(!error.to_string().contains('\n'), "{error}"),
+        Ok(table) => table.tools.iter().for_each(|tool| {
+            assert!(tool.cutter.steps().is_sorted_by(|a, b| a.radius_mm <= b.radius_mm));
+        }),
+    }
+});

@@ -1,0 +1,574 @@
+//! Many tools on one part: what each reaches, and how little each may stick out of its holder.
+//!
+//! # Definition
+//!
+//! A tool is a *body* without an upper end and a *holder* whose nose is `L` above the tip ([`Assembly`]). For a site and a direction in
+//! which the body is free (shrunk by the contact tolerance, tip and all), the holder's step `(t, R)`, height above the nose, penetrates
+//! iff the greatest height of the triangles over the disc of radius `R − τ`, measured from the tip, exceeds `L + t + τ`. So the
+//! holder is clear from
+//!
+//! ```text
+//! L(site, direction) = max over steps of  (greatest height over the disc of R − τ) − t − τ
+//! ```
+//!
+//! on, for every greater `L` as well. The **least stick-out** of a site is the least `L` over the directions in which the body is free;
+//! no `L` is tried. Directions are those of the set and the witnesses that the search between them found, so it is exact for these
+//! and an upper bound for all. It is never below twice the radius of the lower end; infinite where the body cannot stand.
+//!
+//! # Pseudo-code
+//!
+//! ```text
+//! for every different body, the slender before the thick:                                   (search tree, sites, cells: shared)
+//!     where a more slender body with the same tip does not reach: not reached               (it is inside this one)
+//!     where a direction found for an earlier tool is free: that is the witness              (one test)
+//!     elsewhere: label as for one cutter
+//!     for every different holder on it:
+//!         least stick-outs: the witness first; then every direction in which no sample point is in the body:
+//!             clear at the least so far? then the body free? then the greatest height, which is the new least
+//!         for every stick-out of that holder, the longest first: reached where the least stick-out is no more;
+//!             not reached where a more slender tool with the same tip does not reach;
+//!             elsewhere, where the body reaches: the search between the directions, for the whole tool
+//! ```
+
+use super::bvh::Bvh;
+use super::cells::Domain;
+use super::drop;
+use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
+use super::obstacles::{TriangleObstacles, tested};
+use super::problem::Problem;
+use super::query::{Probe, Scratch, from_box};
+use super::tool::{Stand, axes};
+use super::verdict::Verdict;
+use crate::access::Queries;
+use crate::cutter::{Assembly, Cutter, Step};
+use crate::directions::Directions;
+use crate::geom::Sites;
+use crate::{Result, par};
+use glam::Vec3;
+
+/// What one tool of several reaches.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ToolReach {
+    /// Per site, the answer for the tool as it is held.
+    pub answers: Vec<SiteAnswer>,
+    /// Per site, a direction in which the tool as it is held may stand.
+    pub witness: Vec<Option<Vec3>>,
+    /// Per site, whether the body alone may stand there, whatever the stick-out.
+    pub body_reaches: Vec<bool>,
+    /// Per site, mm: from which stick-out on the tool may stand there; infinite where the body cannot.
+    pub least_stick_out_mm: Vec<f64>,
+}
+
+/// Directions of earlier tools that are tried at a site.
+const N_HINTS: usize = 6;
+/// Most samples of the surface per site that is labeled.
+const SAMPLES_OF_SITE: usize = 8;
+/// Sites per task.
+const BLOCK: usize = 64;
+
+impl TriangleObstacles {
+    /// What each of `tools` reaches of `sites`, in their order.
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::label`], or as [`Assembly::cutter`].
+    pub fn reach_many(
+        &self,
+        sites: &Sites,
+        tools: &[Assembly],
+        directions: &Directions,
+        options: &SurfaceOptions,
+    ) -> Result<Vec<ToolReach>> {
+        let options = SurfaceOptions {
+            counts: false,
+            occlusion: false,
+            clearance_limit_mm: None,
+            ..*options
+        };
+        let tested = tested(directions)?;
+        let domain = Domain::of(directions);
+        let mut pass = Pass {
+            obstacles: self,
+            sites,
+            tested: &tested,
+            domain,
+            options: &options,
+            tops: par::map(tested.len(), |d| top_along(&self.bvh, tested.vectors()[d])),
+            hints: vec![Vec::new(); sites.len()],
+            bodies: Vec::new(),
+            reach: vec![ToolReach::default(); tools.len()],
+        };
+        let mut left: Vec<usize> = (0..tools.len()).collect();
+        left.sort_by(|&a, &b| {
+            thickness(tools[a].body()).total_cmp(&thickness(tools[b].body())).then(a.cmp(&b))
+        });
+        while let Some(&first) = left.first() {
+            let same_body = |&k: &usize| has_same_body(&tools[k], &tools[first]);
+            let (group, rest) = left.into_iter().partition(same_body);
+            left = rest;
+            pass.body(tools, group)?;
+        }
+        Ok(pass.reach)
+    }
+}
+
+fn has_same_body(a: &Assembly, b: &Assembly) -> bool {
+    a.tip() == b.tip() && a.body() == b.body()
+}
+
+/// Tools in the order of this come after those inside them.
+fn thickness(steps: &[Step]) -> f64 {
+    /// Far above any body, mm.
+    const TOP: f64 = 300.0;
+    /// In place of the spindle's, mm.
+    const WIDE: f64 = 1000.0;
+    let heights = steps.iter().map(|step| step.height_mm.min(TOP));
+    let ends = heights.clone().skip(1).chain([TOP]);
+    let areas = steps.iter().zip(heights.zip(ends));
+    areas.map(|(step, (low, high))| step.radius_mm.min(WIDE) * (high - low)).sum()
+}
+
+/// Whether every step of one body is inside the other; both have the same tip.
+fn is_inside(inner: &[Step], outer: &[Step]) -> bool {
+    let holds = |step: &Step| {
+        outer.iter().any(|o| o.height_mm <= step.height_mm && o.radius_mm >= step.radius_mm)
+    };
+    inner.iter().all(holds)
+}
+
+/// A body or a whole tool that is done; steps above the reference point.
+struct Body {
+    tip: [f64; 2],
+    steps: Vec<Step>,
+    answers: Vec<SiteAnswer>,
+}
+
+struct Pass<'a> {
+    obstacles: &'a TriangleObstacles,
+    sites: &'a Sites,
+    tested: &'a Directions,
+    domain: Option<Domain>,
+    options: &'a SurfaceOptions,
+    /// Height of the triangles along every direction tested.
+    tops: Vec<f64>,
+    /// Per site, directions in which earlier tools may stand.
+    hints: Vec<Vec<Vec3>>,
+    bodies: Vec<Body>,
+    reach: Vec<ToolReach>,
+}
+
+impl Pass<'_> {
+    /// All tools of one body.
+    fn body(&mut self, tools: &[Assembly], mut group: Vec<usize>) -> Result<()> {
+        let assembly = &tools[group[0]];
+        let cutter = assembly.body_cutter()?;
+        let (answers, witness) = self.label_body(assembly, &cutter)?;
+        let reached: Vec<usize> = (0..self.sites.len()).filter(|&i| witness[i].is_some()).collect();
+        self.bodies.push(Body {
+            tip: assembly.tip(),
+            steps: cutter.steps().to_vec(),
+            answers: answers.clone(),
+        });
+        let body =
+            BodyLabels { cutter: &cutter, answers: &answers, witness: &witness, reached: &reached };
+        let free = self.free_of_points(&body)?;
+        group.sort_by(|&a, &b| {
+            thickness(tools[a].holder()).total_cmp(&thickness(tools[b].holder())).then(a.cmp(&b))
+        });
+        while let Some(&first) = group.first() {
+            let same = |&k: &usize| tools[k].holder() == tools[first].holder();
+            let (mut held, rest): (Vec<usize>, Vec<usize>) = group.into_iter().partition(same);
+            group = rest;
+            // The longest first: what it does not reach, the shorter ones do not either.
+            held.sort_by(|&a, &b| {
+                tools[b].stick_out_mm().total_cmp(&tools[a].stick_out_mm()).then(a.cmp(&b))
+            });
+            self.holder(tools, &held, &body, &free)?;
+        }
+        Ok(())
+    }
+
+    /// Answers and witnesses of a body without a holder.
+    fn label_body(
+        &mut self,
+        assembly: &Assembly,
+        cutter: &Cutter,
+    ) -> Result<(Vec<SiteAnswer>, Vec<Option<Vec3>>)> {
+        let n = self.sites.len();
+        let (mut answers, mut witness) = (vec![SiteAnswer::Inaccessible; n], vec![None; n]);
+        let closed = self.closed(assembly.tip(), cutter.steps());
+        let open: Vec<usize> = (0..n).filter(|&i| closed[i].is_none()).collect();
+        let hinted = self.try_hints(cutter, &open)?;
+        for (&i, hinted) in open.iter().zip(&hinted) {
+            witness[i] = *hinted;
+        }
+        // Where a more slender body's tip does not fit, this one's does not either, but its steps may collide.
+        let rest: Vec<usize> = (0..n)
+            .filter(|&i| witness[i].is_none() && closed[i] != Some(SiteAnswer::Inaccessible))
+            .collect();
+        let labels = self.label(cutter, &rest)?;
+        for (k, &i) in rest.iter().enumerate() {
+            (answers[i], witness[i]) = (labels.answers[k], labels.witness[k]);
+            if closed[i].is_some() && witness[i].is_some() {
+                (answers[i], witness[i]) = (SiteAnswer::TipDoesNotFit, None);
+            }
+        }
+        for i in 0..n {
+            if let Some(direction) = witness[i] {
+                answers[i] = SiteAnswer::Accessible;
+                self.hint(i, direction);
+            }
+        }
+        Ok((answers, witness))
+    }
+
+    /// Per site, the answer of some more slender tool with the same tip that does not reach it, inaccessible if one is.
+    fn closed(&self, tip: [f64; 2], steps: &[Step]) -> Vec<Option<SiteAnswer>> {
+        let is_slender = |body: &&Body| body.tip == tip && is_inside(&body.steps, steps);
+        let mut closed = vec![None; self.sites.len()];
+        for body in self.bodies.iter().filter(is_slender) {
+            for (closed, answer) in closed.iter_mut().zip(&body.answers) {
+                match answer {
+                    SiteAnswer::Inaccessible => *closed = Some(*answer),
+                    SiteAnswer::TipDoesNotFit => *closed = closed.or(Some(*answer)),
+                    SiteAnswer::Accessible => {}
+                }
+            }
+        }
+        closed
+    }
+
+    fn hint(&mut self, i: usize, direction: Vec3) {
+        let hints = &mut self.hints[i];
+        if !hints.contains(&direction) && hints.len() < N_HINTS {
+            hints.push(direction);
+        }
+    }
+
+    /// The first hint of each of these sites in which the cutter may stand.
+    fn try_hints(&self, cutter: &Cutter, of: &[usize]) -> Result<Vec<Option<Vec3>>> {
+        let sites = self.subset(of);
+        let problem = self.problem(&sites, cutter)?;
+        let blocks = par::map_blocks(of.len(), BLOCK, |range| {
+            let (mut scratch, mut probes) = (Scratch::default(), Probes::default());
+            let find = |k: usize| {
+                let probe = probes.whole(&problem, k);
+                let is_free = |direction: &Vec3| {
+                    let stand = stand(&problem, k, *direction);
+                    probe.verdict(problem.bvh, &stand, &mut scratch) == Verdict::Free
+                };
+                self.hints[of[k]].iter().copied().find(is_free)
+            };
+            range.map(find).collect::<Vec<_>>()
+        });
+        Ok(blocks.into_iter().flatten().collect())
+    }
+
+    fn subset(&self, of: &[usize]) -> Sites {
+        Sites {
+            points: of.iter().map(|&i| self.sites.points[i]).collect(),
+            normals: of.iter().map(|&i| self.sites.normals[i]).collect(),
+            faces: Vec::new(),
+        }
+    }
+
+    fn problem(&self, sites: &Sites, cutter: &Cutter) -> Result<Problem<'_>> {
+        self.obstacles.problem(Queries::Sites(sites), cutter, self.options)
+    }
+
+    /// As [`TriangleObstacles::label`], for some of the sites.
+    fn label(&self, cutter: &Cutter, of: &[usize]) -> Result<SurfaceLabels> {
+        if of.is_empty() {
+            return Ok(SurfaceLabels::default());
+        }
+        let sites = self.subset(of);
+        let problem = self.problem(&sites, cutter)?;
+        // Turning many samples for few sites costs more than it saves.
+        let n_samples = self.options.n_samples.min(SAMPLES_OF_SITE * of.len());
+        let options = SurfaceOptions { n_samples, ..*self.options };
+        let matrix = problem.by_points(cutter, self.tested, &options)?;
+        let tallies = problem.by_triangles(&matrix, self.tested, self.domain, &options);
+        Ok(problem.labels(tallies, self.tested, &options))
+    }
+
+    /// Per site that a body reaches, the directions of the set in which no sample point is in it.
+    fn free_of_points(&self, body: &BodyLabels) -> Result<Vec<Vec<u32>>> {
+        if body.reached.is_empty() {
+            return Ok(Vec::new());
+        }
+        let sites = self.subset(body.reached);
+        let problem = self.problem(&sites, body.cutter)?;
+        let matrix = problem.by_points(body.cutter, self.tested, self.options)?;
+        let free = |k: usize| {
+            let contact = &problem.contacts[k];
+            let is_free = |&d: &u32| {
+                let steady = contact.is_steady(
+                    &problem.outline,
+                    self.tested.vectors()[d as usize].as_dvec3().normalize(),
+                );
+                !(steady && matrix.words(d as usize)[k / 64] >> (k % 64) & 1 == 1)
+            };
+            (0..self.tested.len() as u32).filter(is_free).collect()
+        };
+        Ok(par::map(body.reached.len(), free))
+    }
+
+    /// All tools of one body and one holder, in the order of their stick-outs.
+    fn holder(
+        &mut self,
+        tools: &[Assembly],
+        held: &[usize],
+        body: &BodyLabels,
+        free: &[Vec<u32>],
+    ) -> Result<()> {
+        let mut least = self.least_stick_outs(&tools[held[0]], body, free)?;
+        for &tool in held {
+            let stick_out = tools[tool].stick_out_mm();
+            let cutter = tools[tool].cutter()?;
+            let closed = self.closed(tools[tool].tip(), cutter.steps());
+            let is_closed = |i: usize| closed[i] == Some(SiteAnswer::Inaccessible);
+            // What is found to be reached counts, whatever the search for another tool missed.
+            let is_known = |i: usize| least[i].0 <= stick_out || is_closed(i);
+            // Where the tip does not fit at all, the answer depends on the holder.
+            let open: Vec<usize> = (0..self.sites.len())
+                .filter(|&i| !is_known(i) && body.answers[i] != SiteAnswer::Inaccessible)
+                .collect();
+            let labels = self.label(&cutter, &open)?;
+            let mut answers: Vec<SiteAnswer> = body.answers.to_vec();
+            for i in (0..answers.len()).filter(|&i| is_closed(i) && least[i].0 > stick_out) {
+                answers[i] = SiteAnswer::Inaccessible;
+            }
+            let mut found = Vec::new();
+            for (k, &i) in open.iter().enumerate() {
+                answers[i] = labels.answers[k];
+                match labels.witness[k] {
+                    Some(direction) if body.witness[i].is_some() && closed[i].is_none() => {
+                        found.push((i, direction));
+                    }
+                    // The search for the body or a more slender tool missed it: that answer stays.
+                    Some(_) => answers[i] = SiteAnswer::TipDoesNotFit,
+                    None => {}
+                }
+            }
+            for ((i, direction), length) in self.stick_outs_at(&tools[tool], body, &found)? {
+                // But for roundings it is no more than that of the tool, which may stand there.
+                least[i] = (length.min(stick_out).min(least[i].0), Some(direction));
+                self.hint(i, direction);
+            }
+            self.bodies.push(Body {
+                tip: tools[tool].tip(),
+                steps: cutter.steps().to_vec(),
+                answers: answers.clone(),
+            });
+            let reaches = |i: usize| answers[i] == SiteAnswer::Accessible;
+            self.reach[tool] = ToolReach {
+                witness: (0..answers.len()).map(|i| least[i].1.filter(|_| reaches(i))).collect(),
+                body_reaches: body.witness.iter().map(Option::is_some).collect(),
+                least_stick_out_mm: Vec::new(),
+                answers,
+            };
+        }
+        let least: Vec<f64> = least.into_iter().map(|(length, _)| length).collect();
+        held.iter().for_each(|&tool| self.reach[tool].least_stick_out_mm = least.clone());
+        Ok(())
+    }
+
+    /// The least stick-outs of sites in one direction each.
+    fn stick_outs_at(
+        &self,
+        assembly: &Assembly,
+        body: &BodyLabels,
+        of: &[(usize, Vec3)],
+    ) -> Result<Vec<((usize, Vec3), f64)>> {
+        let sites = self.subset(&of.iter().map(|(i, _)| *i).collect::<Vec<_>>());
+        let problem = self.problem(&sites, body.cutter)?;
+        let held = Held::new(&problem, assembly);
+        let length = |k: usize| {
+            let scratch = &mut Scratch::default();
+            (of[k], held.stick_out(k, of[k].1, None, f64::INFINITY, scratch))
+        };
+        Ok(par::map(of.len(), length))
+    }
+
+    /// Per site, the least stick-out and a direction that has it.
+    fn least_stick_outs(
+        &self,
+        assembly: &Assembly,
+        body: &BodyLabels,
+        free: &[Vec<u32>],
+    ) -> Result<Vec<(f64, Option<Vec3>)>> {
+        let sites = self.subset(body.reached);
+        let problem = self.problem(&sites, body.cutter)?;
+        let held = Held::new(&problem, assembly);
+        let blocks = par::map_blocks(body.reached.len(), BLOCK, |range| {
+            let (mut scratch, mut probes) = (Scratch::default(), Probes::default());
+            let of = |k: usize| {
+                let i = body.reached[k];
+                let first = body.witness[i].expect("only sites that the body reaches");
+                let mut best = (f64::INFINITY, None);
+                let probe = probes.whole(&problem, k);
+                let length = held.stick_out(k, first, None, f64::INFINITY, &mut scratch);
+                best = if length < best.0 { (length, Some(first)) } else { best };
+                for &d in &free[k] {
+                    if best.0 <= held.floor {
+                        break;
+                    }
+                    let direction = self.tested.vectors()[d as usize];
+                    let top = self.tops[d as usize];
+                    if held.collides_at(k, direction, top, best.0, &mut scratch) {
+                        continue;
+                    }
+                    let stand = stand(&problem, k, direction);
+                    if probe.verdict(problem.bvh, &stand, &mut scratch) != Verdict::Free {
+                        continue;
+                    }
+                    let length = held.stick_out(k, direction, Some(top), best.0, &mut scratch);
+                    best = if length < best.0 { (length, Some(direction)) } else { best };
+                }
+                best
+            };
+            range.map(of).collect::<Vec<_>>()
+        });
+        let mut least = vec![(f64::INFINITY, None); self.sites.len()];
+        for (&i, found) in body.reached.iter().zip(blocks.into_iter().flatten()) {
+            least[i] = found;
+        }
+        Ok(least)
+    }
+}
+
+/// What is known of a body.
+struct BodyLabels<'a> {
+    cutter: &'a Cutter,
+    answers: &'a [SiteAnswer],
+    witness: &'a [Option<Vec3>],
+    /// The sites that it reaches.
+    reached: &'a [usize],
+}
+
+/// The probe for the tolerance of a site, kept while that stays the same.
+#[derive(Default)]
+struct Probes(Option<(f64, Probe)>);
+
+impl Probes {
+    fn whole(&mut self, problem: &Problem, k: usize) -> &Probe {
+        let tolerance = problem.tolerances[k];
+        let kept = self.0.take().filter(|(of, _)| *of == tolerance);
+        let new =
+            || (tolerance, Probe::new(&problem.outline, tolerance, problem.bvh, problem.reach));
+        &self.0.insert(kept.unwrap_or_else(new)).1
+    }
+}
+
+fn stand(problem: &Problem, k: usize, direction: Vec3) -> Stand {
+    let axes = axes(direction);
+    Stand { reference: problem.contacts[k].reference_point(&problem.outline, axes[2]), axes }
+}
+
+/// Height of the triangles along a direction; a height below all if there are none.
+fn top_along(bvh: &Bvh, direction: Vec3) -> f64 {
+    let stand = Stand { reference: bvh.origin(), axes: axes(direction) };
+    let highest = |place: u32, _: f64| {
+        stand
+            .triangle(bvh.triangle(place))
+            .map(|p| p.z)
+            .into_iter()
+            .fold(f64::NEG_INFINITY, f64::max)
+    };
+    let all = [-2.0 * bvh.radius() - 1.0, f64::INFINITY];
+    let everywhere = [[0.0, f64::INFINITY]];
+    let above = Scratch::default().greatest(bvh, &stand, (&everywhere, bvh.radius()), all, highest);
+    above + bvh.origin().dot(stand.axes[2])
+}
+
+/// A holder over the sites of a problem.
+struct Held<'a> {
+    problem: &'a Problem<'a>,
+    /// Height above the nose and radius of the steps below the spindle.
+    steps: Vec<[f64; 2]>,
+    /// Height of the spindle above the nose.
+    spindle: f64,
+    corner: f64,
+    /// No stick-out is less.
+    floor: f64,
+    size: f64,
+}
+
+impl<'a> Held<'a> {
+    fn new(problem: &'a Problem<'a>, assembly: &Assembly) -> Self {
+        let finite = assembly.holder().iter().filter(|step| step.radius_mm.is_finite());
+        let steps: Vec<[f64; 2]> = finite.map(|step| [step.height_mm, step.radius_mm]).collect();
+        let spindle = assembly.holder().iter().find(|step| step.radius_mm == f64::INFINITY);
+        let size = steps.iter().flatten().fold(problem.outline.size(), |a, b| a.max(*b));
+        Held {
+            problem,
+            steps,
+            spindle: spindle.map_or(f64::INFINITY, |step| step.height_mm),
+            corner: problem.outline.corner(),
+            floor: 2.0 * problem.outline.radius(),
+            size: size + problem.reach,
+        }
+    }
+
+    /// Stick-out from which on the spindle is clear.
+    fn clear_of_spindle(&self, k: usize, stand: &Stand, top: Option<f64>) -> f64 {
+        let axis = stand.axes[2];
+        let top = top.unwrap_or_else(|| top_along(self.problem.bvh, stand.axes[2].as_vec3()));
+        top - stand.reference.dot(axis) + self.corner - self.spindle - self.problem.tolerances[k]
+    }
+
+    /// Whether the holder at this stick-out meets the part.
+    fn collides_at(
+        &self,
+        k: usize,
+        direction: Vec3,
+        top: f64,
+        stick_out: f64,
+        scratch: &mut Scratch,
+    ) -> bool {
+        let stand = stand(self.problem, k, direction);
+        self.clear_of_spindle(k, &stand, Some(top)) >= stick_out
+            || self.greatest(k, &stand, [stick_out, stick_out], scratch) > stick_out
+    }
+
+    /// The least stick-out in a direction; anything at or above `enough` if it is not below that.
+    fn stick_out(
+        &self,
+        k: usize,
+        direction: Vec3,
+        top: Option<f64>,
+        enough: f64,
+        scratch: &mut Scratch,
+    ) -> f64 {
+        let stand = stand(self.problem, k, direction);
+        let low = self.clear_of_spindle(k, &stand, top).max(self.floor);
+        if low >= enough { low } else { self.greatest(k, &stand, [low, enough], scratch) }
+    }
+
+    /// The stick-out from which on no triangle meets the steps, at least `low`; some value above `enough` if it is above.
+    fn greatest(
+        &self,
+        k: usize,
+        stand: &Stand,
+        [low, enough]: [f64; 2],
+        scratch: &mut Scratch,
+    ) -> f64 {
+        let tolerance = self.problem.tolerances[k];
+        let steps = self.steps.iter().map(|[height, radius]| {
+            [height + tolerance - self.corner, (radius - tolerance).max(0.0)]
+        });
+        let steps: Vec<[f64; 2]> = steps.collect();
+        let bvh = self.problem.bvh;
+        let value = |place: u32, least: f64| {
+            let corners = stand.triangle(bvh.triangle(place));
+            let top = corners[0].z.max(corners[1].z).max(corners[2].z);
+            let squared = from_box(&corners);
+            // The wide steps reach more, the low ones reach higher.
+            let value = |best: f64, [height, radius]: &[f64; 2]| {
+                let may_raise = top - height > best && squared <= radius * radius;
+                if may_raise { best.max(drop::disc(&corners, *radius) - height) } else { best }
+            };
+            steps.iter().fold(least, value)
+        };
+        scratch.greatest(bvh, stand, (&steps, self.size), [low, enough], value)
+    }
+}

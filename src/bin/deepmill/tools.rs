@@ -1,0 +1,150 @@
+//! `deepmill tools`: what every tool of a library reaches on a part, in one pass.
+
+use crate::args::{DirectionArgs, GateArgs, SiteArgs, UnsaidArgs, name_of, with_names};
+use crate::clock::Clock;
+use crate::mesh_args::{Accept, MeshArgs};
+use crate::output::Output;
+use crate::part_itself::SurfaceArgs;
+use deepmill::access::surface::{SiteAnswer, ToolReach};
+use deepmill::answers::SiteAnswers;
+use deepmill::cutter::Assembly;
+use deepmill::data::files::tools::Tool;
+use deepmill::geom::formats::MeshOrCloud;
+use deepmill::report::PartView;
+use deepmill::report::coverage::Coverage;
+use deepmill::report::folder::{self, Show};
+use deepmill::report::gate::SiteAreas;
+use deepmill::report::library::Library;
+use deepmill::report::tables::{Cell, Facts};
+use deepmill::{Error, Result, atomic_file};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Say what every tool of a library reaches on a part, which few of them reach all, and how little each may stick out.
+///
+/// Writes to DIR: tools.csv (the table, a tool table again), stick-out.csv and stick-out.svg (area within reach by stick-out),
+/// tools.ply and tools.png (the first tool that reaches each site) and part.stl (the surface as used, in mm).
+#[derive(clap::Args)]
+#[command(after_help = "Example: deepmill tools part.stl --library shop.json --out tools\n\
+Tool bits: deepmill tools part.stl --library Bit --stick-out 35 --holder er20.csv --out tools")]
+pub struct Args {
+    /// Mesh (STL, OBJ, PLY, 3MF).
+    part: PathBuf,
+    #[command(flatten)]
+    read: MeshArgs,
+    /// Files of tools: Fusion 360 libraries (JSON), FreeCAD tool bits (.fctb) or folders of them, LinuxCNC tables (.tbl), CSV tables.
+    #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
+    library: Vec<PathBuf>,
+    #[command(flatten)]
+    unsaid: UnsaidArgs,
+    /// The least stick-out is that at which this share of what the tool reaches at any stick-out is reached.
+    #[arg(long, value_name = "PERCENT", default_value = "95%")]
+    share: String,
+    #[command(flatten)]
+    sites: SiteArgs,
+    #[command(flatten)]
+    directions: DirectionArgs,
+    #[command(flatten)]
+    surface: SurfaceArgs,
+    #[command(flatten)]
+    gate: GateArgs,
+    /// Folder of the results.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Draw no picture of the part.
+    #[arg(long)]
+    no_picture: bool,
+    /// Take a mesh that does not bound one solid; the answer may mean nothing.
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: &Args, output: &Output) -> Result<()> {
+    let limits = args.gate.limits(&["occlusion"])?;
+    let share = share(&args.share)?;
+    let tools = with_names(args.unsaid.read(&args.library, output)?)?;
+    let directions = args.directions.directions()?;
+    atomic_file::check_writable_folder(&args.out)?;
+    let mut clock = Clock::start();
+    let accept = if args.force { Accept::Faults } else { Accept::Bodies };
+    let part = args.read.read_part(&args.part, accept, output)?;
+    if matches!(part, MeshOrCloud::Cloud(_)) {
+        let remedy = "a cloud has no triangles to hold a tool against: give the mesh";
+        return Err(Error::argument("part", name_of(&args.part), "a mesh", remedy));
+    }
+    clock.lap("read_s", "reading");
+    let (Some(mesh), sites) = args.sites.place(part)? else { unreachable!("a mesh stays a mesh") };
+    let areas = SiteAreas::of(&sites, Some(&mesh))?;
+    clock.lap("sites_s", "sites");
+    let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
+    clock.lap("index_s", "search tree");
+    let held: Vec<Assembly> = tools.iter().map(Tool::held).collect::<Result<_>>()?;
+    let reach = obstacles.reach_many(&sites, &held, &directions, &args.surface.options(1.0))?;
+    clock.lap("tools_s", "tools");
+    let library = Library::new(&tools, &reach, &areas, share)?;
+
+    let show = if args.no_picture { Show::Points } else { Show::Pictures };
+    let mut paths = library.write(&args.out)?;
+    let accessible: Vec<Vec<bool>> = reach.iter().map(accessible).collect();
+    let words = format!("{} tools", tools.len());
+    let name = name_of(&args.part);
+    let view = PartView { name: &name, mesh: Some(&mesh), sites: &sites, cutter: &words };
+    paths.extend(Coverage::of_reached(&tools, &accessible).write_first(&args.out, view, show)?);
+    paths.push(folder::write_surface(&args.out, &mesh)?);
+    clock.lap("write_s", "writing and drawing");
+
+    let answers: Vec<SiteAnswers> = reach.iter().map(answers).collect();
+    let named = tools.iter().zip(&answers).map(|(tool, answers)| (&*tool.name, answers));
+    let broken = output.check_limits(&limits, (&sites, Some(&mesh)), named)?;
+    let mut facts = Facts::new();
+    facts.add("part", "part", Cell::text(&name));
+    facts.add("area_mm2", "surface, mm²", Cell::Number(mesh.area()));
+    facts.add("n_sites", "sites", Cell::count(sites.len()));
+    facts.add("n_tools", "tools", Cell::count(tools.len()));
+    facts.add(
+        "unreached",
+        "of the surface, out of reach of every tool",
+        Cell::Share(library.unreached()),
+    );
+    facts.add(
+        "n_needed",
+        "tools that reach all that can be reached",
+        Cell::count(library.cover.chosen.len()),
+    );
+    facts.add("n_needed_at_least", "no fewer than", Cell::count(library.cover.at_least));
+    facts.add("share", "share for the least stick-out", Cell::Share(share));
+    clock.add_to(&mut facts);
+    output.say(facts.text());
+    output.files(&paths);
+    let (table, cover) = (library.table(), library.cover_table());
+    output.say(table.text());
+    output.say(cover.text());
+    let mut result = facts.json();
+    result["tools"] = table.json();
+    result["smallest_set"] = cover.json();
+    result["smallest_set_is_proven"] = json!(library.cover.is_smallest());
+    result["limits_broken"] = broken;
+    output.result_with_files(result, &paths);
+    Ok(())
+}
+
+fn accessible(reach: &ToolReach) -> Vec<bool> {
+    reach.answers.iter().map(|answer| *answer == SiteAnswer::Accessible).collect()
+}
+
+fn answers(reach: &ToolReach) -> SiteAnswers {
+    let is = |wanted: SiteAnswer| reach.answers.iter().map(|answer| *answer == wanted).collect();
+    let mut answers = SiteAnswers::new(is(SiteAnswer::Inaccessible), Vec::new());
+    answers.tip_does_not_fit = is(SiteAnswer::TipDoesNotFit);
+    answers
+}
+
+/// `95%` or `95`, as a share.
+fn share(text: &str) -> Result<f64> {
+    let percent = text.trim().trim_end_matches('%').trim_end().parse::<f64>();
+    let percent = percent.ok().filter(|p| *p > 0.0 && *p <= 100.0);
+    percent.map(|p| p / 100.0).ok_or_else(|| {
+        let remedy = "write for example 95%";
+        Error::argument("--share", format!("`{text}`"), "above 0, at most 100 %", remedy)
+    })
+}

@@ -1,0 +1,248 @@
+//! Holders: segments from the nose upward, from a library or a table of their own.
+
+use super::place::{Place, decimal, json, shown, unit_mm, utf8};
+use super::{Unsaid, first_char};
+use crate::cutter::Section;
+use crate::{Error, Result};
+use serde_json::Value;
+use std::path::Path;
+
+/// A holder; what is above its last section is spindle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Holder {
+    /// Name.
+    pub name: String,
+    /// Sections from the nose upward.
+    pub sections: Vec<Section>,
+}
+
+/// Reads a holder: a Fusion 360 library with one holder (of its own or of its tools), or a table with the columns `height`, `lower` and `upper`
+/// (diameters), mm.
+///
+/// # Errors
+/// If the file is neither, holds several holders, or a segment is not possible.
+pub fn read_holder(path: &Path, unsaid: &Unsaid) -> Result<Holder> {
+    let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
+    let text = utf8(&bytes, path)?;
+    match first_char(text) {
+        Some('{' | '[') => of_library(&json(text, path)?, path, unsaid),
+        _ => of_table(text, path),
+    }
+}
+
+fn of_library(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Holder> {
+    let tools = value.get("data").and_then(Value::as_array);
+    let mut found: Vec<Holder> = Vec::new();
+    for object in tools.into_iter().flatten().chain([value]) {
+        for object in [Some(object), object.get("holder")].into_iter().flatten() {
+            let holder = of_object(object, path, unsaid)?;
+            if let Some(holder) = holder.filter(|holder| !found.contains(holder)) {
+                found.push(holder);
+            }
+        }
+    }
+    let remedy = "export a library with one holder, or write a table height,lower,upper in mm";
+    match (found.len(), found.pop()) {
+        (1, Some(holder)) => Ok(holder),
+        (0, _) | (_, None) => Err(Error::file(path, "top level", "there is no holder", remedy)),
+        (n, Some(last)) => {
+            let names: Vec<String> =
+                found.iter().chain([&last]).take(5).map(|holder| shown(&holder.name)).collect();
+            let found = format!("there are {n} holders: {}", names.join(", "));
+            Err(Error::file(path, "top level", found, remedy))
+        }
+    }
+}
+
+/// A Fusion 360 holder; `None` if the object has no segments.
+pub(super) fn of_object(object: &Value, path: &Path, unsaid: &Unsaid) -> Result<Option<Holder>> {
+    let Some(segments) = object.get("segments") else { return Ok(None) };
+    let name = object.get("description").and_then(Value::as_str).unwrap_or("holder");
+    let label = format!("holder {}", shown(name));
+    let place = Place { path, name: &label };
+    let unit = unit(object, &place, unsaid)?;
+    let Some(segments) = segments.as_array() else {
+        let found = "segments is not a list";
+        return Err(place.error(found, "export the holder again"));
+    };
+    let mut sections = Vec::new();
+    for (k, segment) in segments.iter().enumerate() {
+        let length = |key: &str| {
+            let missing = || {
+                place.error(format!("segment {} has no {key}", k + 1), "export the holder again")
+            };
+            place.number(segment, key)?.map(|x| x * unit).ok_or_else(missing)
+        };
+        sections.push(Section {
+            length_mm: length("height")?,
+            lower_radius_mm: 0.5 * length("lower-diameter")?,
+            upper_radius_mm: 0.5 * length("upper-diameter")?,
+        });
+    }
+    let gauge = place.number(object, "gaugeLength")?.map(|x| x * unit).filter(|g| *g > 0.0);
+    let sections = below_gauge(sections, gauge);
+    checked(Holder { name: name.to_string(), sections }, &place).map(Some)
+}
+
+/// The spindle's face is at the gauge length: what is above it is spindle.
+fn below_gauge(sections: Vec<Section>, gauge: Option<f64>) -> Vec<Section> {
+    let Some(gauge) = gauge else { return sections };
+    let mut kept = Vec::new();
+    let mut height = 0.0;
+    for mut section in sections {
+        let room = gauge - height;
+        height += section.length_mm;
+        if room <= 0.0 {
+            break;
+        }
+        if section.length_mm > room {
+            let share = room / section.length_mm;
+            section.upper_radius_mm = section.lower_radius_mm
+                + share * (section.upper_radius_mm - section.lower_radius_mm);
+            section.length_mm = room;
+        }
+        kept.push(section);
+    }
+    kept
+}
+
+/// Most segments of a holder.
+const MOST: usize = 30;
+
+fn checked(holder: Holder, place: &Place) -> Result<Holder> {
+    let n = holder.sections.len();
+    if n == 0 || n > MOST {
+        let found = format!("{n} segments");
+        return Err(place.error(found, format!("give 1 to {MOST} segments, from the nose upward")));
+    }
+    for (k, section) in holder.sections.iter().enumerate() {
+        let Section { length_mm, lower_radius_mm, upper_radius_mm } = *section;
+        for (what, x) in [
+            ("height", length_mm),
+            ("lower radius", lower_radius_mm),
+            ("upper radius", upper_radius_mm),
+        ] {
+            if !(1e-4..=1e4).contains(&x) {
+                let found = format!("the {what} of segment {} is {x} mm", k + 1);
+                let remedy =
+                    "give heights and diameters from 0.0001 mm to 10 m, and check the unit";
+                return Err(place.error(found, remedy));
+            }
+        }
+    }
+    Ok(holder)
+}
+
+/// Millimeters of the unit that a Fusion 360 object states.
+pub(super) fn unit(object: &Value, place: &Place, unsaid: &Unsaid) -> Result<f64> {
+    match object.get("unit") {
+        None | Some(Value::Null) => unsaid.unit_mm.ok_or_else(|| {
+            place.error("the file does not say the unit", "give it with --tool-unit mm or in")
+        }),
+        Some(name) => name.as_str().and_then(unit_mm).ok_or_else(|| {
+            let found = format!("the unit is {}", shown(&name.to_string()));
+            place.error(found, "expected millimeters or inches: correct it")
+        }),
+    }
+}
+
+fn of_table(text: &str, path: &Path) -> Result<Holder> {
+    let name = path.file_stem().map_or("holder".into(), |stem| stem.to_string_lossy().into_owned());
+    let bad = |line: usize, found: String| {
+        let remedy = "write a table with the header height,lower,upper (mm, diameters), a row per segment from the nose upward";
+        Error::file(path, format!("line {line}"), found, remedy)
+    };
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| {
+        let line = line.trim();
+        !line.is_empty() && !line.starts_with('#')
+    });
+    let (line, header) = lines.next().ok_or_else(|| bad(1, "the table is empty".into()))?;
+    let candidates = ['\t', ';', ','];
+    let separator =
+        candidates.into_iter().max_by_key(|c| header.matches(*c).count()).unwrap_or(',');
+    let headings: Vec<String> =
+        header.split(separator).map(|h| h.trim().to_ascii_lowercase()).collect();
+    let mut column = [0; 3];
+    for (k, name) in ["height", "lower", "upper"].into_iter().enumerate() {
+        let at = headings.iter().position(|heading| heading == name);
+        column[k] = at.ok_or_else(|| bad(line, format!("there is no column {name}")))?;
+    }
+    let mut sections = Vec::new();
+    for (line, row) in lines {
+        let fields: Vec<&str> = row.split(separator).map(str::trim).collect();
+        let number = |k: usize| {
+            let field = fields.get(column[k]).copied().unwrap_or("");
+            let plain = if separator == ',' { field.parse().ok() } else { decimal(field) };
+            plain.ok_or_else(|| bad(line, format!("{} is not a number", shown(field))))
+        };
+        sections.push(Section {
+            length_mm: number(0)?,
+            lower_radius_mm: 0.5 * number(1)?,
+            upper_radius_mm: 0.5 * number(2)?,
+        });
+    }
+    let label = format!("holder {}", shown(&name));
+    checked(Holder { name: name.clone(), sections }, &Place { path, name: &label })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn library(text: &str) -> Result<Holder> {
+        of_library(&serde_json::from_str(text).unwrap(), "h.json".as_ref(), &Unsaid::default())
+    }
+
+    #[test]
+    fn holders_come_from_tables_and_libraries() {
+        let path = Path::new("er20.csv");
+        let comma = of_table("# ER20\nheight,lower,upper\n8,28,34\n22,34,34\n", path).unwrap();
+        assert_eq!((comma.name.as_str(), comma.sections[0].upper_radius_mm), ("er20", 17.0));
+        assert_eq!(of_table("upper;height;lower\n34;8,0;28\n34;22;34\n", path).unwrap(), comma);
+        let inch = library(
+            r#"{"data": [{"type": "holder", "description": "A", "unit": "inches",
+               "segments": [{"height": 1, "lower-diameter": 1, "upper-diameter": 2}]}]}"#,
+        );
+        let section = inch.unwrap().sections[0];
+        assert_eq!((section.length_mm, section.upper_radius_mm), (25.4, 25.4));
+    }
+
+    #[test]
+    fn what_is_above_the_gauge_length_is_spindle() {
+        let object = json!({ "unit": "mm", "gaugeLength": 10, "segments": [
+            { "height": 8, "lower-diameter": 20, "upper-diameter": 20 },
+            { "height": 8, "lower-diameter": 20, "upper-diameter": 40 },
+            { "height": 8, "lower-diameter": 60, "upper-diameter": 60 } ] });
+        let holder = of_object(&object, "h".as_ref(), &Unsaid::default()).unwrap().unwrap();
+        let last = holder.sections[1];
+        assert_eq!((holder.sections.len(), last.length_mm, last.upper_radius_mm), (2, 2.0, 12.5));
+    }
+
+    #[test]
+    fn bad_holders_are_refused_with_a_remedy() {
+        let path = Path::new("h.csv");
+        for (text, words) in [
+            ("", "empty"),
+            ("height,lower\n1,2\n", "no column upper"),
+            ("height,lower,upper\n", "0 segments"),
+            ("height,lower,upper\n1,2,x\n", "line 2"),
+            ("height,lower,upper\n1,-2,3\n", "lower radius of segment 1"),
+            ("height,lower,upper\nNaN,2,3\n", "height of segment 1"),
+        ] {
+            let message = of_table(text, path).unwrap_err().to_string();
+            assert!(message.contains(words) && message.contains("; "), "{message}");
+        }
+        for (text, words) in [
+            (r#"{"data": []}"#, "no holder"),
+            (r#"{"segments": []}"#, "--tool-unit"),
+            (r#"{"segments": [], "unit": "mm"}"#, "0 segments"),
+            (r#"{"segments": [{}], "unit": "mm"}"#, "segment 1 has no height"),
+            (r#"{"segments": 3, "unit": "mm"}"#, "not a list"),
+            (r#"{"segments": [], "unit": "furlongs"}"#, "furlongs"),
+        ] {
+            let message = library(text).unwrap_err().to_string();
+            assert!(message.contains(words) && message.contains("; "), "{message}");
+        }
+    }
+}

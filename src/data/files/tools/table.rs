@@ -1,0 +1,246 @@
+//! Tables of lengths: CSV files with one tool per row. `docs/cli.md` shows one.
+
+use super::place::shown;
+use super::{Tool, ToolTable};
+use crate::cutter::{Assembly, CutterParams, Step};
+use crate::{Error, Result};
+use csv::{Position, ReaderBuilder, StringRecord, Trim};
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Columns of a tool table; lengths in mm.
+const COLUMNS: [&str; 10] =
+    ["name", "CR", "CH", "FR", "FH", "corner", "clearance", "body", "holder", "stick_out"];
+/// Those of [`COLUMNS`] that must be there.
+const REQUIRED: std::ops::Range<usize> = 1..5;
+
+/// Reads a tool table: a header row that names the columns, in any order and case, then a row per tool.
+///
+/// Columns are separated by commas, semicolons or tabs, whichever the header row has most of; where it
+/// is not commas, numbers may have a decimal comma. Empty rows and lines that begin with `#` are
+/// passed over.
+///
+/// # Errors
+/// If the file is not such a table, a length is not a number or makes no cutter, or two tools have
+/// the same name.
+pub(super) fn read(text: &str, path: &Path) -> Result<ToolTable> {
+    TableText { path, text, separator: separator(text) }.table()
+}
+
+/// `height:radius` of every step, with blanks between: what the columns `body` and `holder` hold.
+pub fn steps_words(steps: &[Step]) -> String {
+    let words = steps.iter().map(|step| format!("{}:{}", step.height_mm, step.radius_mm));
+    words.collect::<Vec<_>>().join(" ")
+}
+
+fn is_passed_over(line: &str) -> bool {
+    line.trim().is_empty() || line.starts_with('#')
+}
+
+fn separator(text: &str) -> char {
+    let header = text.lines().find(|line| !is_passed_over(line)).unwrap_or("");
+    let candidates = ['\t', ';', ','];
+    candidates.into_iter().max_by_key(|c| header.matches(*c).count()).unwrap_or(',')
+}
+
+/// Where known columns are.
+struct Columns {
+    place: [Option<usize>; COLUMNS.len()],
+    n: usize,
+}
+
+struct TableText<'a> {
+    path: &'a Path,
+    text: &'a str,
+    separator: char,
+}
+
+impl TableText<'_> {
+    fn table(&self) -> Result<ToolTable> {
+        let mut rows = self.rows()?.into_iter();
+        let Some((header_line, header)) = rows.next() else {
+            let remedy = "begin with a header row such as name,CR,CH,FR,FH";
+            return Err(self.at(1, "the table is empty", remedy));
+        };
+        let (columns, unused) = self.columns(header_line, &header)?;
+        let (mut tools, mut line_of) = (Vec::new(), HashMap::new());
+        for (line, row) in rows {
+            let tool = self.tool(line, &row, &columns)?;
+            if let Some(first) = line_of.insert(tool.folder_key(), line) {
+                let found = format!("{} is also the tool of line {first}", shown(&tool.name));
+                return Err(self.at(line, found, "give each tool a name of its own, once"));
+            }
+            tools.push(tool);
+        }
+        if tools.is_empty() {
+            let remedy = "add a row for each tool";
+            return Err(self.at(header_line, "no tool follows the header row", remedy));
+        }
+        Ok(ToolTable { tools, unused, ..ToolTable::default() })
+    }
+
+    /// The rows that are not empty, with their lines.
+    fn rows(&self) -> Result<Vec<(usize, StringRecord)>> {
+        let mut reader = ReaderBuilder::new()
+            .delimiter(self.separator as u8)
+            .comment(Some(b'#'))
+            .has_headers(false)
+            .flexible(true)
+            .trim(Trim::All)
+            .from_reader(self.text.as_bytes());
+        let mut rows = Vec::new();
+        for row in reader.records() {
+            let row = row.map_err(|e| self.at(1, e.to_string(), "save the table as CSV"))?;
+            if row.iter().any(|field| !field.is_empty()) {
+                let line = row.position().map_or(1, |start| self.line_of_row(start));
+                rows.push((line, row));
+            }
+        }
+        Ok(rows)
+    }
+
+    /// Line of the row that the reader found from `start` on, comments and empty lines before it.
+    fn line_of_row(&self, start: &Position) -> usize {
+        let rest = self.text.get(start.byte() as usize..).unwrap_or("");
+        start.line() as usize + rest.lines().take_while(|l| is_passed_over(l)).count()
+    }
+
+    fn columns(&self, line: usize, header: &StringRecord) -> Result<(Columns, Vec<String>)> {
+        let mut columns = Columns { place: [None; COLUMNS.len()], n: header.len() };
+        let mut unused = Vec::new();
+        for (i, heading) in header.iter().enumerate() {
+            match COLUMNS.iter().position(|name| name.eq_ignore_ascii_case(heading)) {
+                Some(k) if columns.place[k].is_some() => {
+                    let found = format!("there are two columns {}", COLUMNS[k]);
+                    return Err(self.at(line, found, "delete or rename one"));
+                }
+                Some(k) => columns.place[k] = Some(i),
+                None if heading.is_empty() => {}
+                None => unused.push(shown(heading)),
+            }
+        }
+        if let Some(k) = REQUIRED.into_iter().find(|k| columns.place[*k].is_none()) {
+            let found = format!("there is no column {}", COLUMNS[k]);
+            let remedy = "the header row must name CR, CH, FR and FH, such as name,CR,CH,FR,FH";
+            return Err(self.at(line, found, remedy));
+        }
+        Ok((columns, unused))
+    }
+
+    fn tool(&self, line: usize, row: &StringRecord, columns: &Columns) -> Result<Tool> {
+        if row.iter().skip(columns.n).any(|field| !field.is_empty()) {
+            let found = format!("{} fields under {} headings", row.len(), columns.n);
+            let remedy = "write decimals with a point, or separate columns by semicolons";
+            return Err(self.at(line, found, remedy));
+        }
+        let field = |k: usize| columns.place[k].and_then(|i| row.get(i)).unwrap_or("");
+        let length = |k| self.length(line, k, field(k));
+        let mut lengths = [0.0; 4];
+        for (value, k) in lengths.iter_mut().zip(REQUIRED) {
+            let missing = || self.at(line, format!("{} is empty", COLUMNS[k]), "give it in mm");
+            *value = length(k)?.ok_or_else(missing)?;
+        }
+        let params = CutterParams::from_array(lengths);
+        let (corner, clearance) = (length(5)?, length(6)?.unwrap_or(0.0));
+        let tool = match field(7) {
+            "" => Tool::new(params, corner, clearance),
+            body => {
+                let stick_out = length(9)?
+                    .ok_or_else(|| self.at(line, "stick_out is empty", "give it in mm"))?;
+                let (body, holder) = (self.steps(line, 7, body)?, self.steps(line, 8, field(8))?);
+                let corner = corner.unwrap_or(params.cr_mm);
+                let assembly =
+                    Assembly::from_steps([corner, params.cr_mm - corner], body, holder, stick_out);
+                let words =
+                    format!("tool of {} mm, {stick_out} mm out of its holder", 2.0 * params.cr_mm);
+                assembly.and_then(|assembly| {
+                    Tool::of_assembly(&words, assembly, clearance, words.clone())
+                })
+            }
+        };
+        let tool = match field(0) {
+            "" => tool,
+            name => tool.and_then(|tool| tool.named(name)),
+        };
+        tool.map_err(|error| self.in_line(line, error))
+    }
+
+    /// Steps as [`steps_words`] writes them.
+    fn steps(&self, line: usize, column: usize, field: &str) -> Result<Vec<Step>> {
+        let step = |word: &str| {
+            let (height, radius) = word.split_once(':')?;
+            Some(Step { height_mm: height.parse().ok()?, radius_mm: radius.parse().ok()? })
+        };
+        let steps: Option<Vec<Step>> = field.split_whitespace().map(step).collect();
+        steps.filter(|steps| !steps.is_empty()).ok_or_else(|| {
+            let found = format!("{} is {}", COLUMNS[column], shown(field));
+            self.at(line, found, "write height:radius of every step in mm, with blanks between")
+        })
+    }
+
+    fn length(&self, line: usize, column: usize, field: &str) -> Result<Option<f64>> {
+        if field.is_empty() {
+            return Ok(None);
+        }
+        let decimal = match self.separator {
+            ',' => field.into(),
+            _ => field.replace(',', "."),
+        };
+        decimal.parse().map(Some).map_err(|_| {
+            let found = format!("{} is {}, not a number", COLUMNS[column], shown(field));
+            self.at(line, found, "write it in mm with a decimal point, without a unit")
+        })
+    }
+
+    fn at(&self, line: usize, found: impl Into<String>, remedy: impl Into<String>) -> Error {
+        Error::file(self.path, format!("line {line}"), found, remedy)
+    }
+
+    fn in_line(&self, line: usize, error: Error) -> Error {
+        match error {
+            Error::Argument { name, found, expected, remedy } => {
+                self.at(line, format!("{name} is {found}, expected {expected}"), remedy)
+            }
+            other => other,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(text: &str) -> Result<ToolTable> {
+        super::super::from_bytes(text.as_bytes(), "tools.csv".as_ref(), &Default::default())
+    }
+
+    #[test]
+    fn columns_have_any_order_and_case_and_may_be_left_out() {
+        let text = "\u{feff}# shop 3\r\n\r\nfh,FR, Name ,CR,ch,Clearance,CORNER,T\r\n\
+            5,40,\"ball, long\",1.5,6,,,1\r\n# worn\r\n,,,,,,,\r\n20,5,,1,2e1,0.5,0\r\n";
+        let ToolTable { tools, unused, .. } = table(text).unwrap();
+        assert_eq!(tools[0].name, "ball, long");
+        assert_eq!(tools[0].words(), "ball-end CR 1.5, CH 6, FR 40, FH 5 mm");
+        assert_eq!(tools[1].name, "1-20-5-20-corner0-clearance0.5");
+        assert_eq!(tools[1].words(), "flat-end CR 1, CH 20, FR 5, FH 20 mm, clearance 0.5 mm");
+        assert_eq!((tools.len(), unused), (2, vec!["\"T\"".to_string()]));
+    }
+
+    #[test]
+    fn semicolons_and_tabs_come_with_decimal_commas() {
+        let comma = table("name,CR,CH,FR,FH\na,1.5,6,40,5").unwrap();
+        assert_eq!(table("name;CR;CH;FR;FH\na;1,5;6;40;5\n").unwrap(), comma);
+        assert_eq!(table("name\tCR\tCH\tFR\tFH\na\t1.5\t6\t40\t5\t\t\n").unwrap(), comma);
+    }
+
+    #[test]
+    fn a_long_table_is_read_in_one_pass() {
+        let row = |k: usize| format!("tool {k},1.5,2,50,4\n# worn\n");
+        let text: String = (0..200_000).map(row).collect();
+        let header = "name,CR,CH,FR,FH\n";
+        assert_eq!(table(&format!("{header}{text}")).unwrap().tools.len(), 200_000);
+        let twice = format!("{header}{text}TOOL 7,1,2,3,4\n");
+        let message = table(&twice).unwrap_err().to_string();
+        assert!(message.contains("line 400002") && message.contains("line 16"), "{message}");
+    }
+}

@@ -1,0 +1,256 @@
+//! Limits that a result must keep: `inaccessible>5%`, `tip_does_not_fit>20mm2`.
+//!
+//! ```text
+//! LIMIT    = QUANTITY ('>' | '<') NUMBER UNIT
+//! QUANTITY = one of the names of QUANTITIES
+//! UNIT     = '%', a share of the surface | 'mm2' or 'mm²', an area
+//! ```
+
+use crate::answers::SiteAnswers;
+use crate::geom::{Mesh, Sites, spacing};
+use crate::{Error, Result};
+use std::fmt;
+use std::str::FromStr;
+
+/// What a limit can be about.
+struct Quantity {
+    name: &'static str,
+    /// Whether the answers say it.
+    is_answered: fn(&SiteAnswers) -> bool,
+    /// Whether a site counts.
+    counts: fn(&SiteAnswers, usize) -> bool,
+}
+
+/// All quantities; a further one is an entry here.
+const QUANTITIES: [Quantity; 4] = [
+    Quantity {
+        name: "inaccessible",
+        is_answered: |_| true,
+        counts: |answers, i| answers.inaccessible[i],
+    },
+    Quantity {
+        name: "tip_does_not_fit",
+        is_answered: |answers| !answers.tip_does_not_fit.is_empty(),
+        counts: |answers, i| answers.tip_does_not_fit[i],
+    },
+    Quantity {
+        name: "occlusion",
+        is_answered: |answers| !answers.occlusion.is_empty(),
+        counts: |answers, i| answers.occlusion[i],
+    },
+    Quantity {
+        name: "unreachable",
+        is_answered: |_| true,
+        counts: |answers, i| {
+            let tip = answers.tip_does_not_fit.get(i).copied().unwrap_or(false);
+            answers.inaccessible[i] || tip
+        },
+    },
+];
+
+/// A limit on the area of some quantity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limit {
+    /// Place in [`QUANTITIES`].
+    quantity: usize,
+    is_most: bool,
+    bound: Bound,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Bound {
+    /// Of the surface, from 0 to 1.
+    Share(f64),
+    /// mm².
+    Area(f64),
+}
+
+impl FromStr for Limit {
+    type Err = Error;
+
+    /// # Errors
+    /// If the text is no limit, or names an unknown quantity.
+    fn from_str(text: &str) -> Result<Self> {
+        let refuse = |expected: String| {
+            let remedy =
+                "write for example 'inaccessible>5%' or 'tip_does_not_fit>20mm2', in quotes";
+            Error::argument("--fail-if", format!("`{text}`"), expected, remedy)
+        };
+        let form = || refuse("QUANTITY>NUMBER% or QUANTITY>NUMBERmm2, or < in place of >".into());
+        let at = text.find(['>', '<']).ok_or_else(form)?;
+        let (name, rest) = (text[..at].trim(), text[at + 1..].trim());
+        let quantity = QUANTITIES.iter().position(|known| known.name == name).ok_or_else(|| {
+            let names: Vec<&str> = QUANTITIES.iter().map(|quantity| quantity.name).collect();
+            refuse(format!("a quantity of {}", names.join(", ")))
+        })?;
+        let number = |unit: &str| rest.strip_suffix(unit).map(str::trim_end);
+        let (number, is_share) = match (number("%"), number("mm2").or(number("mm²"))) {
+            (Some(number), _) => (number, true),
+            (None, Some(number)) => (number, false),
+            (None, None) => return Err(form()),
+        };
+        let value: f64 = number.parse().map_err(|_| form())?;
+        let most = if is_share { 100.0 } else { f64::MAX };
+        if !(0.0..=most).contains(&value) {
+            return Err(refuse("0 to 100 %, or an area of 0 mm2 or more".into()));
+        }
+        let bound = if is_share { Bound::Share(value / 100.0) } else { Bound::Area(value) };
+        Ok(Limit { quantity, is_most: text[at..].starts_with('>'), bound })
+    }
+}
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let sign = if self.is_most { '>' } else { '<' };
+        write!(f, "{}{sign}", self.quantity())?;
+        match self.bound {
+            Bound::Share(share) => write!(f, "{}%", (1e11 * share).round() / 1e9),
+            Bound::Area(area) => write!(f, "{area}mm2"),
+        }
+    }
+}
+
+/// The area that each site stands for: relative ones (see [`spacing::relative_areas`]), scaled to the area of the mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SiteAreas {
+    /// Per site, as shares of the sum.
+    shares: Vec<f64>,
+    /// mm²; none for a cloud.
+    total_mm2: Option<f64>,
+}
+
+impl SiteAreas {
+    /// The areas of `sites`, which lie on `mesh` if there is one.
+    ///
+    /// # Errors
+    /// If the sites fail [`Sites::check`].
+    pub fn of(sites: &Sites, mesh: Option<&Mesh>) -> Result<Self> {
+        let mut shares = spacing::relative_areas(sites)?;
+        let sum: f64 = shares.iter().sum();
+        shares.iter_mut().for_each(|share| *share /= if sum > 0.0 { sum } else { 1.0 });
+        Ok(SiteAreas { shares, total_mm2: mesh.map(Mesh::area) })
+    }
+
+    /// Per site, its share of the surface.
+    pub fn shares(&self) -> &[f64] {
+        &self.shares
+    }
+
+    /// Area of the surface, mm²; none for a cloud.
+    pub fn total_mm2(&self) -> Option<f64> {
+        self.total_mm2
+    }
+
+    /// Share of the surface of the sites that count.
+    pub fn share(&self, counts: impl Fn(usize) -> bool) -> f64 {
+        let counted = self.shares.iter().enumerate().filter(|(i, _)| counts(*i));
+        // The sum of all is 1 but for roundings.
+        counted.fold(0.0, |sum, (_, share)| sum + share).min(1.0)
+    }
+}
+
+impl Limit {
+    /// The name of what it limits.
+    pub fn quantity(&self) -> &'static str {
+        QUANTITIES[self.quantity].name
+    }
+
+    /// The error of a limit on what is not answered.
+    pub fn not_answered(&self) -> Error {
+        let expected = "a quantity that this command answers";
+        let remedy = "inaccessible and unreachable are always answered";
+        Error::argument("--fail-if", format!("`{self}`"), expected, remedy)
+    }
+
+    /// Why the answers break the limit; `None` if they keep it.
+    ///
+    /// # Errors
+    /// If the answers do not say the quantity, or the limit is an area and the sites lie on no mesh.
+    pub fn broken_by(&self, answers: &SiteAnswers, areas: &SiteAreas) -> Result<Option<String>> {
+        let Quantity { name, is_answered, counts } = &QUANTITIES[self.quantity];
+        if !is_answered(answers) {
+            return Err(self.not_answered());
+        }
+        let share = areas.share(|i| counts(answers, i));
+        let (is_more, is_less) = match self.bound {
+            Bound::Share(bound) => (share > bound, share < bound),
+            Bound::Area(bound) => {
+                let area = share * self.total(areas)?;
+                (area > bound, area < bound)
+            }
+        };
+        if !(if self.is_most { is_more } else { is_less }) {
+            return Ok(None);
+        }
+        let area =
+            areas.total_mm2.map_or(String::new(), |total| format!(" ({:.1} mm2)", share * total));
+        Ok(Some(format!("{name} is {:.2} %{area}: {self}", 100.0 * share)))
+    }
+
+    fn total(&self, areas: &SiteAreas) -> Result<f64> {
+        areas.total_mm2.ok_or_else(|| {
+            let remedy = "a cloud has no area in mm2: limit a share in %";
+            Error::argument("--fail-if", format!("`{self}`"), "a limit in %", remedy)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    fn lattice() -> Sites {
+        let points = (0..100).map(|i| Vec3::new((i % 10) as f32, (i / 10) as f32, 0.0)).collect();
+        Sites::new(points, vec![Vec3::Z; 100]).unwrap()
+    }
+
+    #[test]
+    fn areas_of_sites_are_shares_of_the_surface() {
+        let areas = SiteAreas::of(&lattice(), None).unwrap();
+        assert!((areas.share(|_| true) - 1.0).abs() < 1e-12 && areas.total_mm2().is_none());
+        assert!((areas.share(|i| i < 50) - 0.5).abs() < 0.01);
+    }
+
+    #[test]
+    fn limits_say_why_they_are_broken() {
+        let areas = SiteAreas { shares: vec![0.01; 100], total_mm2: Some(400.0) };
+        let answers = SiteAnswers::new((0..100).map(|i| i < 10).collect(), vec![]);
+        let broken =
+            |text: &str| text.parse::<Limit>().unwrap().broken_by(&answers, &areas).unwrap();
+        for kept in ["inaccessible>11%", "inaccessible>45mm2", "unreachable<9%"] {
+            assert_eq!(broken(kept), None, "{kept}");
+        }
+        let why = broken("inaccessible>5%").unwrap();
+        assert_eq!(why, "inaccessible is 10.00 % (40.0 mm2): inaccessible>5%");
+        assert!(broken(" inaccessible < 50 mm² ").unwrap().ends_with("inaccessible<50mm2"));
+        let unsaid = "occlusion>5%".parse::<Limit>().unwrap().broken_by(&answers, &areas);
+        assert!(unsaid.unwrap_err().to_string().contains("this command answers"));
+        let cloud = SiteAreas { total_mm2: None, ..areas.clone() };
+        let error = "inaccessible>5mm2".parse::<Limit>().unwrap().broken_by(&answers, &cloud);
+        assert!(error.unwrap_err().to_string().contains("cloud"));
+    }
+
+    #[test]
+    fn what_is_no_limit_is_refused_with_an_example() {
+        for text in [
+            "",
+            ">",
+            "inaccessible",
+            "inaccessible>5",
+            "inaccessible=5%",
+            "x>5%",
+            "inaccessible>NaN%",
+            "inaccessible>-1%",
+            "inaccessible>101%",
+            "inaccessible>infmm2",
+            "inaccessible>5cm2",
+        ] {
+            let message = text.parse::<Limit>().unwrap_err().to_string();
+            assert!(
+                message.starts_with("--fail-if is `") && message.contains("inaccessible>5%"),
+                "{message}"
+            );
+        }
+    }
+}

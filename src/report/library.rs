@@ -1,0 +1,295 @@
+//! What the tools of a library reach on one part: a table, the fewest that reach all, and how little each may stick out.
+
+use super::coverage::steps_of;
+use super::curves::{self, Chart, Series};
+use super::gate::SiteAreas;
+use super::tables::{Cell, Table};
+use crate::access::cover::{Cover, cover};
+use crate::access::surface::{SiteAnswer, ToolReach};
+use crate::data::files::tools::Tool;
+use crate::{Error, Result, atomic_file};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// What each tool of a library reaches.
+#[derive(Debug)]
+pub struct Library<'a> {
+    tools: &'a [Tool],
+    reach: &'a [ToolReach],
+    areas: &'a SiteAreas,
+    share: f64,
+    /// The fewest tools that reach all that can be reached.
+    pub cover: Cover,
+}
+
+/// One tool in numbers; areas as shares of the surface.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ToolFacts {
+    /// That the tool reaches as it is held.
+    pub reached: f64,
+    /// That no tool before it reaches.
+    pub adds: f64,
+    /// That its body would reach at any stick-out.
+    pub body_reaches: f64,
+    /// From which stick-out on the share asked for of `body_reaches` is reached, mm; none if the body reaches nothing.
+    pub least_stick_out_mm: Option<f64>,
+}
+
+/// Tools of one chart.
+const CURVES_OF_CHART: usize = 6;
+/// Corners of a curve in the picture.
+const MOST_CORNERS: usize = 400;
+
+impl<'a> Library<'a> {
+    /// Of tools with what they reach; `share` is that of the area within reach of the body which the least stick-out is stated for.
+    ///
+    /// # Errors
+    /// If the share is not above 0 and at most 1.
+    ///
+    /// # Panics
+    /// If there are not as many answers as tools.
+    pub fn new(
+        tools: &'a [Tool],
+        reach: &'a [ToolReach],
+        areas: &'a SiteAreas,
+        share: f64,
+    ) -> Result<Self> {
+        assert_eq!(tools.len(), reach.len(), "an answer per tool");
+        if !(share > 0.0 && share <= 1.0) {
+            let found = format!("{} %", 100.0 * share);
+            let remedy = "95% is the default";
+            return Err(Error::argument("--share", found, "above 0, at most 100 %", remedy));
+        }
+        let reaches = |tool: usize, i: usize| reach[tool].answers[i] == SiteAnswer::Accessible;
+        let cover = cover(tools.len(), areas.shares(), reaches);
+        Ok(Library { tools, reach, areas, share, cover })
+    }
+
+    fn reaches(&self, tool: usize, i: usize) -> bool {
+        self.reach[tool].answers[i] == SiteAnswer::Accessible
+    }
+
+    /// Share of the surface that no tool reaches.
+    pub fn unreached(&self) -> f64 {
+        self.areas.share(|i| !(0..self.tools.len()).any(|tool| self.reaches(tool, i)))
+    }
+
+    /// A tool in numbers.
+    pub fn facts(&self, tool: usize) -> ToolFacts {
+        let reach = &self.reach[tool];
+        let body_reaches = self.areas.share(|i| reach.body_reaches[i]);
+        ToolFacts {
+            reached: self.areas.share(|i| self.reaches(tool, i)),
+            adds: self.areas.share(|i| {
+                self.reaches(tool, i) && !(0..tool).any(|before| self.reaches(before, i))
+            }),
+            body_reaches,
+            least_stick_out_mm: self.least_stick_out(tool, self.share * body_reaches),
+        }
+    }
+
+    /// Stick-out, mm, and share of the surface that is reached from there on: a corner for each site, ascending.
+    pub fn curve(&self, tool: usize) -> Vec<(f64, f64)> {
+        let least = self.reach[tool].least_stick_out_mm.iter().zip(self.areas.shares());
+        let mut corners: Vec<(f64, f64)> =
+            least.map(|(l, a)| (*l, *a)).filter(|(length, _)| length.is_finite()).collect();
+        corners.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut sum = 0.0;
+        for (_, area) in &mut corners {
+            sum += *area;
+            *area = sum;
+        }
+        corners.dedup_by(|next, kept| {
+            let same = next.0 == kept.0;
+            kept.1 = if same { next.1 } else { kept.1 };
+            same
+        });
+        corners
+    }
+
+    fn least_stick_out(&self, tool: usize, wanted: f64) -> Option<f64> {
+        let curve = self.curve(tool);
+        // Sums in another order may differ in the last bits.
+        let enough = wanted - 1e-12;
+        curve.iter().find(|(_, area)| *area >= enough).or(curve.last()).map(|(length, _)| *length)
+    }
+
+    /// A row per tool; as CSV it is a tool table again.
+    pub fn table(&self) -> Table {
+        let mut table = Table::new(&[
+            ("name", "tool"),
+            ("CR", ""),
+            ("CH", ""),
+            ("FR", ""),
+            ("FH", ""),
+            ("corner", ""),
+            ("clearance", ""),
+            ("reached", "reached"),
+            ("reached_mm2", "mm²"),
+            ("adds", "adds"),
+            ("adds_mm2", "mm²"),
+            ("in_smallest_set", "needed"),
+            ("body_reaches", "any stick-out"),
+            ("held_at", "stick-out"),
+            ("least_stick_out", "least"),
+            ("excess", ""),
+            ("body", ""),
+            ("holder", ""),
+            ("stick_out", ""),
+        ]);
+        let area =
+            |share: f64| self.areas.total_mm2().map_or(Cell::Missing, |t| Cell::Number(share * t));
+        for (k, tool) in self.tools.iter().enumerate() {
+            let ToolFacts { reached, adds, body_reaches, least_stick_out_mm } = self.facts(k);
+            let needed = if self.cover.chosen.contains(&k) { "yes" } else { "" };
+            let given =
+                tool.params.to_array().into_iter().chain([tool.corner_mm, tool.clearance_mm]);
+            let mut row = vec![Cell::text(&tool.name)];
+            row.extend(given.map(Cell::Given));
+            row.extend([
+                Cell::Share(reached),
+                area(reached),
+                Cell::Share(adds),
+                area(adds),
+                Cell::text(needed),
+                Cell::Share(body_reaches),
+                Cell::Millimeters(tool.assembly.stick_out_mm()),
+                least_stick_out_mm.map_or(Cell::Missing, Cell::Millimeters),
+                Cell::Given(tool.assembly.excess_mm()),
+            ]);
+            row.extend(steps_of(tool));
+            table.row(row);
+        }
+        table
+    }
+
+    /// The fewest tools in the order of what each adds, with the area reached so far.
+    pub fn cover_table(&self) -> Table {
+        let mut table = Table::new(&[
+            ("name", "fewest tools"),
+            ("adds", "adds"),
+            ("reached", "reached so far"),
+        ]);
+        let mut sum = 0.0;
+        for (&tool, adds) in self.cover.chosen.iter().zip(&self.cover.adds) {
+            sum += adds;
+            table.row([Cell::text(&self.tools[tool].name), Cell::Share(*adds), Cell::Share(sum)]);
+        }
+        table
+    }
+
+    /// Writes `tools.csv`, `stick-out.csv` and `stick-out.svg`; returns their paths.
+    ///
+    /// # Errors
+    /// If the system refuses a file.
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+        let [table, curves, picture] =
+            ["tools.csv", "stick-out.csv", "stick-out.svg"].map(|name| folder.join(name));
+        atomic_file::write_atomic(&table, |file| file.write_all(&self.table().csv()))?;
+        atomic_file::write_atomic(&curves, |file| file.write_all(&self.curves_csv()))?;
+        curves::write_curves(&picture, "stick-out, mm", &self.charts())?;
+        Ok(vec![table, curves, picture])
+    }
+
+    fn curves_csv(&self) -> Vec<u8> {
+        let mut table =
+            Table::new(&[("name", ""), ("stick_out", ""), ("reached", ""), ("reached_mm2", "")]);
+        for (k, tool) in self.tools.iter().enumerate() {
+            for (length, area) in self.curve(k) {
+                let mm2 = self.areas.total_mm2().map_or(Cell::Missing, |t| Cell::Number(area * t));
+                table.row([Cell::text(&tool.name), Cell::Given(length), Cell::Share(area), mm2]);
+            }
+        }
+        table.csv()
+    }
+
+    fn charts(&self) -> Vec<Chart> {
+        let chart = |tools: &[usize]| {
+            let end =
+                tools.iter().filter_map(|&k| Some(self.curve(k).last()?.0)).fold(0.0, f64::max);
+            let series = tools.iter().map(|&k| Series {
+                name: self.tools[k].name.clone(),
+                points: staircase(&self.curve(k), end),
+            });
+            Chart { title: "% of the surface within reach".into(), series: series.collect() }
+        };
+        let all: Vec<usize> = (0..self.tools.len()).collect();
+        all.chunks(CURVES_OF_CHART).map(chart).collect()
+    }
+}
+
+/// A curve that goes up in steps, in percent, up to the end of the axis; of many corners the picture has some.
+fn staircase(curve: &[(f64, f64)], end: f64) -> Vec<(f64, f64)> {
+    let every = curve.len().div_ceil(MOST_CORNERS).max(1);
+    let mut points = Vec::new();
+    let mut before = 0.0;
+    for (k, (length, area)) in curve.iter().enumerate() {
+        if k % every == 0 || k + 1 == curve.len() {
+            points.extend([(*length, 100.0 * before), (*length, 100.0 * area)]);
+            before = *area;
+        }
+    }
+    points.extend(curve.last().map(|(_, area)| (end, 100.0 * area)));
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cutter::CutterParams;
+    use crate::geom::{Sites, solids};
+    use glam::{DVec3, Vec3};
+
+    fn reach(least: [f64; 4], held: f64) -> ToolReach {
+        let answer = |l: &f64| {
+            if *l <= held { SiteAnswer::Accessible } else { SiteAnswer::Inaccessible }
+        };
+        ToolReach {
+            answers: least.iter().map(answer).collect(),
+            witness: vec![None; 4],
+            body_reaches: least.iter().map(|l| l.is_finite()).collect(),
+            least_stick_out_mm: least.to_vec(),
+        }
+    }
+
+    #[test]
+    fn areas_stick_outs_and_the_fewest_tools_are_those_of_the_sites() {
+        let tool =
+            |ch| Tool::new(CutterParams::from_array([1.0, ch, 50.0, 4.0]), None, 0.0).unwrap();
+        let tools = [tool(8.0), tool(18.0), tool(28.0)];
+        const NEVER: f64 = f64::INFINITY;
+        let least = [[2.0, 2.0, 15.0, NEVER], [2.0, NEVER, 15.0, 40.0], [2.0, NEVER, 12.0, 25.0]];
+        let reach: Vec<ToolReach> =
+            least.iter().zip([10.0, 20.0, 30.0]).map(|(l, h)| reach(*l, h)).collect();
+        let points = (0..4).map(|i| Vec3::new((i % 2) as f32, (i / 2) as f32, 0.0)).collect();
+        let sites = Sites::new(points, vec![Vec3::Z; 4]).unwrap();
+        let mesh = solids::cuboid(DVec3::splat(1.0));
+        let areas = SiteAreas::of(&sites, Some(&mesh)).unwrap();
+        let library = Library::new(&tools, &reach, &areas, 0.95).unwrap();
+        assert_eq!(library.cover.chosen.len(), 2);
+        assert!(
+            library.cover.is_smallest()
+                && library.cover.chosen.contains(&0)
+                && library.cover.chosen.contains(&2)
+        );
+        let facts = [0, 1, 2].map(|k| library.facts(k));
+        assert_eq!(facts.clone().map(|f| f.reached), [0.5, 0.5, 0.75]);
+        assert_eq!(facts.clone().map(|f| f.adds), [0.5, 0.25, 0.25]);
+        assert_eq!(facts.clone().map(|f| f.body_reaches), [0.75; 3]);
+        assert_eq!(facts.map(|f| f.least_stick_out_mm), [Some(15.0), Some(40.0), Some(25.0)]);
+        assert_eq!(library.curve(1), [(2.0, 0.25), (15.0, 0.5), (40.0, 0.75)]);
+        assert_eq!(
+            (library.unreached(), &library.table().json()[2]["adds_mm2"]),
+            (0.0, &1.5.into())
+        );
+        let half = Library::new(&tools, &reach, &areas, 0.5).unwrap();
+        assert_eq!(half.facts(0).least_stick_out_mm, Some(2.0));
+        for bad in [0.0, 1.1, f64::NAN] {
+            assert!(Library::new(&tools, &reach, &areas, bad).is_err());
+        }
+        let folder = tempfile::tempdir().unwrap();
+        for path in library.write(folder.path()).unwrap() {
+            assert!(std::fs::metadata(path).unwrap().len() > 100);
+        }
+    }
+}
