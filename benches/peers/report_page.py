@@ -114,7 +114,10 @@ class Browser:
     def settle(self):
         """Waits until nothing moves and the fine picture is drawn."""
         time.sleep(0.3)
-        self.run("new Promise((r) => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(r)), 900))")
+        for _ in range(40):
+            self.run("new Promise((r) => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(r)), 450))")
+            if self.run("(() => { const v = window.report.viewer; return !v || (!v.waiting && v.canvas.width >= Math.round(v.width * v.fine) && v.last === 0); })()"):
+                return
 
     def picture(self, full=False):
         from PIL import Image
