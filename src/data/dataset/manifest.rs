@@ -9,7 +9,7 @@ use crate::geom::sites::MAX_SITES;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Component, Path};
 
 /// Name of the manifest in a data set's folder.
 pub(super) const MANIFEST: &str = "manifest.json";
@@ -111,6 +111,12 @@ impl DatasetSettings {
     }
 }
 
+/// Whether a name is that of a file below the folder that it is relative to.
+fn is_within(file: &str) -> bool {
+    let is_plain = |part| matches!(part, Component::Normal(_));
+    Path::new(file).components().all(is_plain) && !file.chars().any(char::is_control)
+}
+
 /// What a part is used for. A part never serves both.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -179,7 +185,7 @@ impl Manifest {
     /// Reads a manifest.
     ///
     /// # Errors
-    /// If the file cannot be read, is not a manifest, or is of another format version.
+    /// If the file cannot be read, is not a manifest, is of another format version, or names a file outside of its folder.
     pub fn read(path: &Path) -> Result<Self> {
         let manifest: Manifest = read_json(path, "make it with `deepmill dataset build`")?;
         if manifest.format != FORMAT {
@@ -190,7 +196,15 @@ impl Manifest {
                 "build the data set again",
             ));
         }
-        Ok(manifest)
+        let files = manifest.parts.iter().filter_map(|part| part.content.as_ref());
+        match files.map(|content| &content.file).find(|file| !is_within(file)) {
+            None => Ok(manifest),
+            Some(file) => {
+                let found =
+                    format!("the name {file:?}, expected one in the folder of the data set");
+                Err(Error::file(path, "file of a part", found, "build the data set again"))
+            }
+        }
     }
 
     /// Number of samples: one per cutter of every finished part.
@@ -234,5 +248,13 @@ mod tests {
         assert!(broken(|s| s.occlusion_share = f64::NAN).starts_with("occlusion share is NaN"));
         assert!(broken(|s| s.validation_share = 7.0).starts_with("validation share is 7"));
         assert!(broken(|s| s.min_edge_mm = Some(f64::NAN)).starts_with("smallest box edge is NaN"));
+    }
+
+    #[test]
+    fn files_outside_of_the_folder_are_not_read() {
+        assert!(is_within("parts/000001-gear.npz"));
+        for file in ["../secret.npz", "/etc/passwd", "parts/../../x", "parts/a\nb.npz"] {
+            assert!(!is_within(file), "{file}");
+        }
     }
 }
