@@ -49,7 +49,7 @@ mod tests {
         for (edge, cr) in [(80.0, 1.5), (47.0, 1.5), (80.0, 6.0), (500.0, 1.5)] {
             assert_eq!(outside(edge, cr), [], "{edge} {cr}");
         }
-        assert_eq!(outside(10.0, 1.5)[0].quantity, "CR");
+        assert_eq!(outside(8.0, 1.5)[0].quantity, "CR");
         assert!(outside(80.0, 30.0)[0].is_far());
     }
 }
