@@ -732,12 +732,12 @@ fn predictions_outside_of_the_networks_domain_are_marked_and_far_ones_refused() 
     };
     let inside = predict(100.0, CUTTER, &[]);
     assert_eq!(json(&inside)["outside_domain"].as_array().unwrap().len(), 0);
-    let outside = predict(60.0, "2,6,40,5", &[]);
+    let outside = predict(10.0, "2,6,40,5", &[]);
     let found = json(&outside)["outside_domain"][0].as_str().unwrap().to_owned();
-    assert!(found.starts_with("CR is 0.0333 of the largest edge, trained from"), "{found}");
+    assert!(found.starts_with("CR is 0.2 of the largest edge, trained from"), "{found}");
     assert!(text(&outside.stderr).contains(&format!("warning: {found}")));
-    let message = failure(&predict(20.0, CUTTER, &[]), 2);
-    assert!(message.contains("CR is 0.075") && message.contains("--far"), "{message}");
-    let accepted = predict(20.0, CUTTER, &["--far"]);
+    let message = failure(&predict(4.0, CUTTER, &[]), 2);
+    assert!(message.contains("CR is 0.375") && message.contains("--far"), "{message}");
+    let accepted = predict(4.0, CUTTER, &["--far"]);
     assert!(!json(&accepted)["outside_domain"].as_array().unwrap().is_empty());
 }
