@@ -354,16 +354,21 @@ impl Cutter {
     /// # Errors
     /// If the margin is not a number or beyond 10 m.
     pub fn with_clearance(&self, clearance_mm: f64) -> Result<Self> {
-        if !(-MAX_LENGTH_MM..=MAX_LENGTH_MM).contains(&clearance_mm) {
-            let expected = "a length within 10 m";
-            return Err(Error::argument("clearance", clearance_mm, expected, "give it in mm"));
-        }
-        let grow = |step: &Step| Step {
-            height_mm: step.height_mm - clearance_mm,
-            radius_mm: (step.radius_mm + clearance_mm).max(0.0),
-        };
-        Ok(Cutter { steps: self.steps.iter().map(grow).collect(), ..self.clone() })
+        Ok(Cutter { steps: grown(&self.steps, clearance_mm)?, ..self.clone() })
     }
+}
+
+/// Steps that begin lower by a margin and are as much wider; radii stop at 0.
+fn grown(steps: &[Step], clearance_mm: f64) -> Result<Vec<Step>> {
+    if !(-MAX_LENGTH_MM..=MAX_LENGTH_MM).contains(&clearance_mm) {
+        let expected = "a length within 10 m";
+        return Err(Error::argument("clearance", clearance_mm, expected, "give it in mm"));
+    }
+    let grow = |step: &Step| Step {
+        height_mm: step.height_mm - clearance_mm,
+        radius_mm: (step.radius_mm + clearance_mm).max(0.0),
+    };
+    Ok(steps.iter().map(grow).collect())
 }
 
 impl TryFrom<CutterParams> for Cutter {

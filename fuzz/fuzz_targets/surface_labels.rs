@@ -2,11 +2,11 @@
 //! the tolerance by 1e-6 mm turns the answer.
 #![no_main]
 
+mod scene;
+
 use deepmill::access::surface::{
     ContactTolerance, SurfaceLabels, SurfaceOptions, TriangleObstacles,
 };
-use deepmill::cutter::{Cutter, CutterParams};
-use deepmill::directions::{DirectionSet, Directions};
 use deepmill::geom::{Mesh, Sites};
 use glam::{DVec3, Vec3};
 use libfuzzer_sys::fuzz_target;
@@ -15,15 +15,8 @@ const TOLERANCE_MM: f64 = 0.01;
 const EDGE_MM: f64 = 1e-6;
 
 fuzz_target!(|bytes: &[u8]| {
-    let Some((head, rest)) = bytes.split_at_checked(8) else { return };
-    let length = |b: u8| f64::from(b % 32 + 1) * 0.25;
-    let (cr, wider) = (length(head[0]), length(head[2]));
-    let lengths = [cr, length(head[1]), cr + wider - 0.25, length(head[3])];
-    let cutter = Cutter::ball_end(CutterParams::from_array(lengths)).expect("lengths are ordered");
-    let vector =
-        |b: u8| [f64::from(b & 3) - 1.0, f64::from(b >> 2 & 3) - 1.0, f64::from(b >> 4 & 3) + 0.5];
-    let vectors = head[4..8].iter().map(|&b| vector(b)).collect();
-    let directions = Directions::new(DirectionSet::List { vectors }).expect("vectors are not zero");
+    let Some((head, rest)) = bytes.split_first_chunk() else { return };
+    let (cutter, directions) = scene::tool(head);
     let lattice = |b: u8| DVec3::new(f64::from(b % 8), f64::from(b / 8 % 8), f64::from(b / 64));
     let corners: Vec<DVec3> = rest.iter().take(60).map(|b| 2.0 * lattice(*b)).collect();
     let triangles = (0..corners.len() as u32 / 3).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect();

@@ -202,16 +202,8 @@ impl Assembly {
     /// # Errors
     /// If the margin is not a number or beyond 10 m.
     pub fn with_clearance(&self, clearance_mm: f64) -> Result<Self> {
-        if !(-MAX_LENGTH_MM..=MAX_LENGTH_MM).contains(&clearance_mm) {
-            let expected = "a length within 10 m";
-            return Err(Error::argument("clearance", clearance_mm, expected, "give it in mm"));
-        }
-        let grow = |step: &Step| Step {
-            height_mm: step.height_mm - clearance_mm,
-            radius_mm: (step.radius_mm + clearance_mm).max(0.0),
-        };
-        let [body, holder] =
-            [&self.body, &self.holder].map(|steps| steps.iter().map(grow).collect());
+        let body = super::grown(&self.body, clearance_mm)?;
+        let holder = super::grown(&self.holder, clearance_mm)?;
         Ok(Assembly { body, holder, ..self.clone() })
     }
 

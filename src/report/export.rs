@@ -157,7 +157,7 @@ fn header(
             "name": part.name,
             "mesh": 0,
             "matrix": [0.001, 0, 0, 0, 0, 0, -0.001, 0, 0, 0.001, 0, 0, 0, 0, 0, 1],
-            "extras": { "unit": "mm", "cutter": part.cutter, "question": caption, "colors": legend.collect::<Vec<_>>() },
+            "extras": { "unit": "mm", "cutter": part.cutter, "caption": caption, "colors": legend.collect::<Vec<_>>() },
         }],
         "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0, "NORMAL": 1, "COLOR_0": 2 }, "material": 0 }] }],
         "materials": [{ "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 0.9 }, "doubleSided": true }],

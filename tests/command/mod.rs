@@ -81,3 +81,10 @@ impl Folder {
         deepmill(&[&["label", part, "--cutter", CUTTER, "--out", &out], more].concat())
     }
 }
+
+/// `label --json` with these tools, 400 sites and no picture.
+pub fn label_tools(folder: &Folder, out: &str, tools: &[&str]) -> Value {
+    let (part, out) = (folder.block(), folder.path(out));
+    let args = ["label", &part, "--out", &out, "--sites", "400", "--no-picture", "--json"];
+    json(&deepmill(&[&args, tools].concat()))
+}

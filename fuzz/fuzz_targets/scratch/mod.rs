@@ -1,6 +1,6 @@
 //! Files that a target writes and the crate reads, in a folder of this process, in memory where the system has such a
-//! place. A target uses some of these functions.
-#![allow(dead_code)]
+//! place.
+#![allow(dead_code)] // Each target uses some of it.
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;

@@ -30,14 +30,13 @@
 //!             elsewhere, where the body reaches: the search between the directions, for the whole tool
 //! ```
 
-use super::bvh::Bvh;
+mod held;
+
 use super::cells::Domain;
-use super::drop;
 use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
 use super::obstacles::{TriangleObstacles, tested};
 use super::problem::Problem;
-use super::query::{Probe, Scratch, from_box};
-use super::tool::{Stand, axes};
+use super::query::{Probe, Scratch};
 use super::verdict::Verdict;
 use crate::access::Queries;
 use crate::cutter::{Assembly, Cutter, Step};
@@ -45,6 +44,7 @@ use crate::directions::Directions;
 use crate::geom::Sites;
 use crate::{Result, par};
 use glam::Vec3;
+use held::{Held, stand, top_along};
 
 /// What one tool of several reaches.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -170,7 +170,7 @@ impl Pass<'_> {
         });
         let body =
             BodyLabels { cutter: &cutter, answers: &answers, witness: &witness, reached: &reached };
-        let free = self.free_of_points(&body)?;
+        let free = self.clear_of_points(&body)?;
         group.sort_by(|&a, &b| {
             thickness(tools[a].holder()).total_cmp(&thickness(tools[b].holder())).then(a.cmp(&b))
         });
@@ -291,7 +291,7 @@ impl Pass<'_> {
     }
 
     /// Per site that a body reaches, the directions of the set in which no sample point is in it.
-    fn free_of_points(&self, body: &BodyLabels) -> Result<Vec<Vec<u32>>> {
+    fn clear_of_points(&self, body: &BodyLabels) -> Result<Vec<Vec<u32>>> {
         if body.reached.is_empty() {
             return Ok(Vec::new());
         }
@@ -456,119 +456,5 @@ impl Probes {
         let new =
             || (tolerance, Probe::new(&problem.outline, tolerance, problem.bvh, problem.reach));
         &self.0.insert(kept.unwrap_or_else(new)).1
-    }
-}
-
-fn stand(problem: &Problem, k: usize, direction: Vec3) -> Stand {
-    let axes = axes(direction);
-    Stand { reference: problem.contacts[k].reference_point(&problem.outline, axes[2]), axes }
-}
-
-/// Height of the triangles along a direction; a height below all if there are none.
-fn top_along(bvh: &Bvh, direction: Vec3) -> f64 {
-    let stand = Stand { reference: bvh.origin(), axes: axes(direction) };
-    let highest = |place: u32, _: f64| {
-        stand
-            .triangle(bvh.triangle(place))
-            .map(|p| p.z)
-            .into_iter()
-            .fold(f64::NEG_INFINITY, f64::max)
-    };
-    let all = [-2.0 * bvh.radius() - 1.0, f64::INFINITY];
-    let everywhere = [[0.0, f64::INFINITY]];
-    let above = Scratch::default().greatest(bvh, &stand, (&everywhere, bvh.radius()), all, highest);
-    above + bvh.origin().dot(stand.axes[2])
-}
-
-/// A holder over the sites of a problem.
-struct Held<'a> {
-    problem: &'a Problem<'a>,
-    /// Height above the nose and radius of the steps below the spindle.
-    steps: Vec<[f64; 2]>,
-    /// Height of the spindle above the nose.
-    spindle: f64,
-    corner: f64,
-    /// No stick-out is less.
-    floor: f64,
-    size: f64,
-}
-
-impl<'a> Held<'a> {
-    fn new(problem: &'a Problem<'a>, assembly: &Assembly) -> Self {
-        let finite = assembly.holder().iter().filter(|step| step.radius_mm.is_finite());
-        let steps: Vec<[f64; 2]> = finite.map(|step| [step.height_mm, step.radius_mm]).collect();
-        let spindle = assembly.holder().iter().find(|step| step.radius_mm == f64::INFINITY);
-        let size = steps.iter().flatten().fold(problem.outline.size(), |a, b| a.max(*b));
-        Held {
-            problem,
-            steps,
-            spindle: spindle.map_or(f64::INFINITY, |step| step.height_mm),
-            corner: problem.outline.corner(),
-            floor: 2.0 * problem.outline.radius(),
-            size: size + problem.reach,
-        }
-    }
-
-    /// Stick-out from which on the spindle is clear.
-    fn clear_of_spindle(&self, k: usize, stand: &Stand, top: Option<f64>) -> f64 {
-        let axis = stand.axes[2];
-        let top = top.unwrap_or_else(|| top_along(self.problem.bvh, stand.axes[2].as_vec3()));
-        top - stand.reference.dot(axis) + self.corner - self.spindle - self.problem.tolerances[k]
-    }
-
-    /// Whether the holder at this stick-out meets the part.
-    fn collides_at(
-        &self,
-        k: usize,
-        direction: Vec3,
-        top: f64,
-        stick_out: f64,
-        scratch: &mut Scratch,
-    ) -> bool {
-        let stand = stand(self.problem, k, direction);
-        self.clear_of_spindle(k, &stand, Some(top)) >= stick_out
-            || self.greatest(k, &stand, [stick_out, stick_out], scratch) > stick_out
-    }
-
-    /// The least stick-out in a direction; anything at or above `enough` if it is not below that.
-    fn stick_out(
-        &self,
-        k: usize,
-        direction: Vec3,
-        top: Option<f64>,
-        enough: f64,
-        scratch: &mut Scratch,
-    ) -> f64 {
-        let stand = stand(self.problem, k, direction);
-        let low = self.clear_of_spindle(k, &stand, top).max(self.floor);
-        if low >= enough { low } else { self.greatest(k, &stand, [low, enough], scratch) }
-    }
-
-    /// The stick-out from which on no triangle meets the steps, at least `low`; some value above `enough` if it is above.
-    fn greatest(
-        &self,
-        k: usize,
-        stand: &Stand,
-        [low, enough]: [f64; 2],
-        scratch: &mut Scratch,
-    ) -> f64 {
-        let tolerance = self.problem.tolerances[k];
-        let steps = self.steps.iter().map(|[height, radius]| {
-            [height + tolerance - self.corner, (radius - tolerance).max(0.0)]
-        });
-        let steps: Vec<[f64; 2]> = steps.collect();
-        let bvh = self.problem.bvh;
-        let value = |place: u32, least: f64| {
-            let corners = stand.triangle(bvh.triangle(place));
-            let top = corners[0].z.max(corners[1].z).max(corners[2].z);
-            let squared = from_box(&corners);
-            // The wide steps reach more, the low ones reach higher.
-            let value = |best: f64, [height, radius]: &[f64; 2]| {
-                let may_raise = top - height > best && squared <= radius * radius;
-                if may_raise { best.max(drop::disc(&corners, *radius) - height) } else { best }
-            };
-            steps.iter().fold(least, value)
-        };
-        scratch.greatest(bvh, stand, (&steps, self.size), [low, enough], value)
     }
 }

@@ -145,12 +145,12 @@ fn score_set(
     output: &Output,
 ) -> Result<Vec<Scored>> {
     let set = Dataset::open(folder)?;
-    let asked = set.manifest.settings.definition();
+    let definition = set.manifest.settings.definition();
     for (name, model) in networks {
-        if let Some(learned) = model.definition.filter(|learned| *learned != asked) {
+        if let Some(learned) = model.definition.filter(|learned| *learned != definition) {
             let folder = folder.display();
             output.warn(format!(
-                "{name} learned {learned}; the labels of {folder} are about {asked}"
+                "{name} learned {learned}; the labels of {folder} are about {definition}"
             ));
         }
     }

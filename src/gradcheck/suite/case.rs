@@ -4,7 +4,8 @@ use super::SuiteCase;
 use super::probes::{ProbeGeometry, shape_array};
 use crate::Result;
 use crate::gradcheck::fixture::{Fixture, NamedArray};
-use crate::gradcheck::{self, Dy, GradcheckSettings, GradientReport, Numbers, Passes};
+use crate::gradcheck::passes::{self, Dy, Numbers, Passes};
+use crate::gradcheck::{self, GradcheckSettings, GradientReport};
 use crate::nn::arena::Buffer;
 use crate::nn::layer::Layer;
 use crate::nn::operand::Operand;
@@ -89,7 +90,7 @@ impl<L: Layer<f64>, G: Borrow<L::Geometry> + ProbeGeometry> ProbedLayer for (L, 
         x: Operand<f64>,
         dy: Option<Dy>,
     ) -> (Buffer<f64>, Vec<Vec<f64>>) {
-        gradcheck::passes(&self.0, self.1.borrow(), pass, x, dy)
+        passes::passes(&self.0, self.1.borrow(), pass, x, dy)
     }
 
     fn geometry_arrays(&self) -> Vec<NamedArray> {
@@ -157,21 +158,19 @@ impl LayerCase {
 impl Checked for LayerCase {
     fn check(&self) -> Result<GradientReport> {
         let ranges = self.layer.param_ranges();
-        self.with_numbers(|numbers, passes| {
-            gradcheck::check_layer(numbers, &ranges, passes, &self.settings)
-        })
+        self.with_numbers(|numbers, of| passes::check_layer(numbers, &ranges, of, &self.settings))
     }
 
     fn record(&self, fixture: &mut Fixture) {
         let x: Vec<Vec<f64>> = self.x.iter().map(|x| x.values.clone()).collect();
         let run = |dy: Option<&[f64]>| {
-            self.with_numbers(|case, passes| gradcheck::run(case, passes, &x, &self.params, dy))
+            self.with_numbers(|case, of| passes::run(case, of, &x, &self.params, dy))
         };
         let n = run(None).y.len();
         let dy = gradcheck::output_gradient(n, &self.settings);
         let step = run(Some(&dy));
         let Layout { params, buffers } = &self.layout;
-        let names = gradcheck::matrix_names(x.len());
+        let names = passes::matrix_names(x.len());
         for (name, x) in names.iter().zip(&self.x) {
             fixture.add(&format!("input.{name}"), "input", &x.shape(), &x.values);
         }

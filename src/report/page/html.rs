@@ -125,7 +125,7 @@ fn panel(v: usize, view: &View, areas: &[f64]) -> String {
     let mut out = format!(
         "<section role=\"tabpanel\" id=\"view{v}\" aria-labelledby=\"tab{v}\">\n<h2>{}</h2>\n<p class=\"about\">{}{}</p>\n",
         text(&view.name),
-        text(&view.question),
+        text(&view.caption),
         if view.tool.is_empty() { String::new() } else { format!("<br>{}", text(&view.tool)) },
     );
     if !view.warnings.is_empty() {

@@ -15,7 +15,7 @@ pub struct View {
     /// Name of the tab.
     pub name: String,
     /// What is answered.
-    pub question: String,
+    pub caption: String,
     /// The cutter in words.
     pub tool: String,
     /// Names and colors of the groups, at most 16.
@@ -68,7 +68,7 @@ impl View {
         }
         match &labels.surface {
             Some(surface) => {
-                view.question = "the part itself: its triangles block".into();
+                view.caption = "the part itself: its triangles block".into();
                 let of = |i: usize| folder::class(surface.answers[i], occlusion[i]);
                 let of: Vec<usize> = (0..n).map(of).collect();
                 view.color(&Coloring::Groups { classes: &folder::PART_ITSELF, of: &of });
@@ -82,7 +82,7 @@ impl View {
                 view.add("contact tolerance", "mm", Numbers::Reals(tolerance));
             }
             None => {
-                view.question = "published definition: sites block".into();
+                view.caption = "published definition: sites block".into();
                 let inaccessible = &answers.inaccessible[..n];
                 view.color(&Coloring::Labels { inaccessible, occlusion });
             }
@@ -95,7 +95,7 @@ impl View {
     pub fn of_predictions(file: &PredictionFile, findings: Findings) -> Self {
         let answers = file.prediction.answers();
         let mut view = View::about("predicted", &file.provenance);
-        view.question = "predicted by a network, not computed".into();
+        view.caption = "predicted by a network, not computed".into();
         view.values = site_values(&answers, answers.len());
         let (inaccessible, occlusion) = (&answers.inaccessible[..], &answers.occlusion[..]);
         view.color(&Coloring::Labels { inaccessible, occlusion });
@@ -118,7 +118,7 @@ impl View {
         for (head, truth, predicted, [agreed, over, under]) in heads {
             let Some(truth) = truth else { continue };
             let mut view = View::about(format!("difference: {head}"), &predictions.provenance);
-            view.question = format!(
+            view.caption = format!(
                 "predicted against exact: {head}; dark over-predicted, light under-predicted"
             );
             let coloring = Coloring::Difference { positive: "", truth, predicted: &predicted };
@@ -137,7 +137,7 @@ impl View {
     /// The first of several tools that reaches each site; `classes` and `of` as for a picture.
     pub fn of_first_tools(classes: &[Class], of: &[usize], findings: Findings) -> Self {
         let mut view = View { name: "all tools".into(), ..View::default() };
-        view.question = "first tool that reaches".into();
+        view.caption = "first tool that reaches".into();
         view.color(&Coloring::Groups { classes, of });
         view.findings = Some(findings);
         view

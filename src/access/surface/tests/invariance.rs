@@ -124,7 +124,7 @@ fn in_space_the_tip_is_at_the_point() {
 }
 
 #[test]
-fn unusable_questions_are_named() {
+fn unusable_arguments_are_named() {
     let mut mesh = solids::cuboid(DVec3::splat(10.0));
     let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
     let sites = everywhere(&mesh, 1);
