@@ -260,9 +260,8 @@ impl Run {
         if let Some(score) = score.filter(|s| progress.best.is_none_or(|(best, _)| *s > best)) {
             progress.best = Some((score, epoch));
         }
-        let history = std::mem::take(&mut progress.history);
-        let Progress { best, domain, .. } = *progress;
-        *progress = Progress { history, best, domain, ..Progress::default() };
+        (progress.steps_done, progress.loss_sum, progress.seconds) = (0, 0.0, 0.0);
+        progress.confusion = Default::default();
         progress.history.push(row);
         Ok(row)
     }

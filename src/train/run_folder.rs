@@ -181,7 +181,7 @@ impl<O: Observer> Observer for Storing<'_, O> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::answers::SiteAnswers;
+    use crate::answers::{Definition, SiteAnswers};
     use crate::geom::Sites;
     use glam::Vec3;
 
@@ -212,12 +212,15 @@ mod tests {
 
     #[test]
     fn a_run_stopped_and_resumed_ends_with_the_same_files() {
+        let definition = Definition::Part;
         let temporary = tempfile::tempdir().unwrap();
         let [whole, broken] = ["whole", "broken"].map(|n| RunFolder::new(temporary.path().join(n)));
         let samples = samples();
         let mut run = whole.start(settings()).unwrap();
+        run.learns(definition);
         assert!(whole.train(&mut run, &samples[..], &samples, &mut ()).unwrap().is_continue());
         let mut run = broken.start(settings()).unwrap();
+        run.learns(definition);
         for epoch in [1, 2] {
             let flow = broken.train(&mut run, &samples[..], &samples, &mut StopAt(epoch)).unwrap();
             assert_eq!(flow, ControlFlow::Break(()));
