@@ -45,6 +45,11 @@ fn share_out<S, I>(
             work(&mut state, item);
         }
     };
+    on_threads(n_threads, &drain);
+}
+
+/// Calls `work` on `n_threads` threads, this one among them, as far as the pool has idle ones. For all loops: compiled once.
+fn on_threads(n_threads: usize, work: &(dyn Fn() + Sync)) {
     let n_busy = AtomicUsize::new(n_threads - 1);
     rayon::in_place_scope(|scope| {
         for _ in 1..n_threads {
@@ -52,16 +57,16 @@ fn share_out<S, I>(
                 let _done = OnDrop(|| {
                     n_busy.fetch_sub(1, Ordering::Release);
                 });
-                drain();
+                work();
             });
         }
-        drain();
-        spin_for_work(|| n_busy.load(Ordering::Acquire) == 0);
+        work();
+        spin_for_work(&|| n_busy.load(Ordering::Acquire) == 0);
     });
 }
 
 /// Runs any work of this pool until `done`, or until there has been none for [`SPIN_TIMEOUT`].
-fn spin_for_work(done: impl Fn() -> bool) {
+fn spin_for_work(done: &dyn Fn() -> bool) {
     let mut idle_since = Instant::now();
     while may_spin() {
         for _ in 0..SPINS_PER_CHECK {
@@ -104,17 +109,24 @@ pub(crate) fn keep_workers_hot<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     if threads() <= 1 || !may_spin() {
         return work();
     }
+    let (mut work, mut result) = (Some(work), None);
+    among_hot_workers(&mut || result = work.take().map(|work| work()));
+    result.expect("it was called")
+}
+
+/// Calls `work` while the other threads of this pool spin.
+fn among_hot_workers(work: &mut (dyn FnMut() + Send)) {
     let done = &AtomicBool::new(false);
     rayon::scope(|scope| {
         let _done = OnDrop(|| done.store(true, Ordering::Release));
         let here = rayon::current_thread_index();
         scope.spawn_broadcast(move |_, other| {
             if Some(other.index()) != here {
-                spin_for_work(|| done.load(Ordering::Acquire));
+                spin_for_work(&|| done.load(Ordering::Acquire));
             }
         });
-        work()
-    })
+        work();
+    });
 }
 
 /// Calls `work(block_index, block)` for consecutive blocks of `block_len` items.

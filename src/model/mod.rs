@@ -25,7 +25,7 @@ pub use batch::{Batch, Shape};
 pub use config::UNetConfig;
 pub use domain::Domain;
 pub use graph_sage::GraphSage;
-pub use predict::{Model, Prediction};
+pub use predict::{Calibration, Model, Prediction};
 pub use predictor::Predictor;
 pub use training::{InputGradients, TrainingPass};
 pub use unet::{Activations, UNet};

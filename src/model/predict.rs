@@ -14,6 +14,7 @@ use crate::par;
 use crate::rng::Stream;
 use crate::scalar::Scalar;
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// Class of head 1 that means "inaccessible"; class 1 means "accessible".
 pub const INACCESSIBLE_CLASS: usize = 0;
@@ -33,9 +34,37 @@ pub struct Model<T> {
     pub domain: Option<Domain>,
     /// What its labels were about; `None` if that is not known.
     pub definition: Option<Definition>,
-    /// What the logits of each head are divided by in [`Model::predict`], so that probabilities are frequencies (Guo et al.
-    /// 2017); 1 unless it was [fitted](crate::train::calibration::fit).
-    pub temperature: [f64; N_HEADS],
+    /// What [`Model::predict`] applies to the logits of each head, so that probabilities are frequencies; the identity unless
+    /// it was [fitted](crate::train::calibration::fit).
+    pub calibration: [Calibration; N_HEADS],
+}
+
+/// Turns the margin `m` between the logits of "yes" and "no" into `slope · m + offset` (Platt 1999, *Probabilistic outputs for
+/// support vector machines*). An offset of 0 is the scaling by a temperature of `1 / slope` (Guo et al. 2017).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// Factor of both logits, positive.
+    pub slope: f64,
+    /// What is added to the logit of "yes" then.
+    pub offset: f64,
+}
+
+impl Calibration {
+    /// Leaves logits as they are.
+    pub const IDENTITY: Self = Calibration { slope: 1.0, offset: 0.0 };
+
+    /// Whether both numbers are in their domain.
+    pub fn is_sound(&self) -> bool {
+        self.slope > 0.0 && self.slope.is_finite() && self.offset.is_finite()
+    }
+
+    /// The logits of "no" and "yes".
+    fn apply<T: Scalar>(self, no: T, yes: T) -> [T; N_CLASSES] {
+        let slope = T::from_f64(self.slope);
+        let [no, yes] = [no * slope, yes * slope];
+        [no, if self.offset == 0.0 { yes } else { yes + T::from_f64(self.offset) }]
+    }
 }
 
 /// What a network says about the sites of one part and one cutter, as numbers.
@@ -77,7 +106,8 @@ fn probabilities<T: Scalar>(logits: &[[T; N_CLASSES]]) -> Vec<f32> {
 impl<T: Scalar> Model<T> {
     /// A network with these numbers, of which nothing more is known.
     pub(crate) fn of(net: UNet, params: Vec<T>, buffers: Vec<T>) -> Self {
-        Model { net, params, buffers, domain: None, definition: None, temperature: [1.0; N_HEADS] }
+        let calibration = [Calibration::IDENTITY; N_HEADS];
+        Model { net, params, buffers, domain: None, definition: None, calibration }
     }
 
     /// What it was trained for, if that is known.
@@ -95,7 +125,7 @@ impl<T: Scalar> Model<T> {
         Ok(Model::of(net, params, buffers))
     }
 
-    /// Both answers for every site of one part, in the order of `points_mm`. Logits are divided by the head's temperature.
+    /// Both answers for every site of one part, in the order of `points_mm`. Logits are calibrated ([`Model::calibration`]).
     ///
     /// # Errors
     /// If there are no points, one is not finite or beyond 1 km, a normal is missing or not of unit
@@ -121,10 +151,10 @@ impl<T: Scalar> Model<T> {
         shape.check()?;
         let batch = Batch::new(&[shape], &self.net.config().input)?;
         let [first, second] = self.forward(&batch, &Arena::default()).logits;
-        let [of_first, of_second] = self.temperature.map(|t| T::from_f64(1.0 / t));
-        let rows = |logits: &[T], positive: usize, factor: T| {
+        let [of_first, of_second] = self.calibration;
+        let rows = |logits: &[T], positive: usize, calibration: Calibration| {
             let rows = logits.as_chunks::<N_CLASSES>().0.iter();
-            rows.map(|row| [row[1 - positive] * factor, row[positive] * factor]).collect()
+            rows.map(|row| calibration.apply(row[1 - positive], row[positive])).collect()
         };
         Ok(Prediction {
             logits_inaccessible: rows(&first, INACCESSIBLE_CLASS, of_first),

@@ -24,6 +24,7 @@ mod tests {
     use super::*;
     use crate::answers::Definition;
     use crate::cutter::CutterParams;
+    use crate::model::Calibration;
     use glam::Vec3;
 
     #[test]
@@ -40,7 +41,7 @@ mod tests {
     fn the_shipped_network_says_what_it_learned_and_where_it_does_not_hold() {
         let model = Model::shipped().unwrap();
         assert_eq!(model.definition, Some(Definition::Part));
-        assert!(model.temperature.iter().all(|t| *t != 1.0));
+        assert!(model.calibration.iter().all(|c| *c != Calibration::IDENTITY));
         let domain = *model.domain().unwrap();
         let corners = |edge: f32| [vec![Vec3::ZERO; 6999], vec![Vec3::splat(edge)]].concat();
         let outside = |edge, cr| {

@@ -23,3 +23,9 @@ pub use coordinates::{Coordinates, PADDING};
 pub use counting_sort::CountingSort;
 pub(crate) use kd_tree::KdTree;
 pub use point_grid::PointGrid;
+
+/// `of` three values; inlined, which [`array::map`] is not always.
+#[inline(always)]
+pub(crate) fn each<T, U>([a, b, c]: [T; 3], of: impl Fn(T) -> U) -> [U; 3] {
+    [of(a), of(b), of(c)]
+}

@@ -1,13 +1,14 @@
-//! Calibration: whether predicted probabilities are frequencies, and the temperature that makes them so.
+//! Calibration: whether predicted probabilities are frequencies, and the slope and offset that make them so.
 //!
-//! A network that says 0.8 of many sites is calibrated if 80 % of them are positive. Dividing the logits by one number,
-//! the temperature, changes no decision and repairs most of what training leaves (Guo, Pleiss, Sun and Weinberger,
-//! *On calibration of modern neural networks*, 2017).
+//! A network that says 0.8 of many sites is calibrated if 80 % of them are positive. A slope of the margin between its logits
+//! repairs what is too sure or not sure enough (temperature scaling: Guo, Pleiss, Sun and Weinberger, *On calibration of modern
+//! neural networks*, 2017), an offset what is said too often or too seldom (Platt, *Probabilistic outputs for support vector
+//! machines*, 1999). The offset moves decisions, too.
 
 use super::evaluate::predict;
 use crate::data::Sample;
-use crate::model::Model;
 use crate::model::unet::N_HEADS;
+use crate::model::{Calibration, Model};
 use crate::{Error, Result};
 use std::ops::AddAssign;
 
@@ -76,14 +77,14 @@ impl AddAssign for Reliability {
     }
 }
 
-/// The temperature of each head at which the labels of `samples` are most likely; sets [`Model::temperature`] to them.
+/// The calibration of each head at which the labels of `samples` are most likely; sets [`Model::calibration`] to it.
 ///
 /// The samples should be a validation set: on what the network learned from it is too sure for good reason.
 ///
 /// # Errors
-/// If there are no samples, one is inconsistent, or all labels of a head are the same.
-pub fn fit(model: &mut Model<f32>, samples: &[Sample]) -> Result<[f64; N_HEADS]> {
-    model.temperature = [1.0; N_HEADS];
+/// If there are no samples, one is inconsistent, or a margin divides the labels of a head without error.
+pub fn fit(model: &mut Model<f32>, samples: &[Sample]) -> Result<[Calibration; N_HEADS]> {
+    model.calibration = [Calibration::IDENTITY; N_HEADS];
     let mut margins: [Vec<(f64, bool)>; N_HEADS] = Default::default();
     for sample in samples {
         sample.check()?;
@@ -95,43 +96,84 @@ pub fn fit(model: &mut Model<f32>, samples: &[Sample]) -> Result<[f64; N_HEADS]>
             margins.extend(logits[head].iter().map(margin).zip(truth[head].iter().copied()));
         }
     }
-    let mut temperature = [1.0; N_HEADS];
-    for (t, margins) in temperature.iter_mut().zip(&margins) {
-        *t = most_likely(margins).ok_or_else(|| {
-            let expected = "labels of both classes in both heads";
-            let remedy = "take a validation set of several parts";
-            Error::argument("calibration set", "one class alone", expected, remedy)
+    let mut calibration = [Calibration::IDENTITY; N_HEADS];
+    for (found, margins) in calibration.iter_mut().zip(&margins) {
+        *found = most_likely(margins).ok_or_else(|| {
+            let expected =
+                "labels of both classes in both heads, and a network that errs and is mostly right";
+            let remedy = "take a validation set of several parts, and a trained network";
+            Error::argument("calibration set", "nothing to fit to", expected, remedy)
         })?;
     }
-    model.temperature = temperature;
-    Ok(temperature)
+    model.calibration = calibration;
+    Ok(calibration)
 }
 
-/// Bisections of the inverse temperature: as exact as `f64` is worth here.
-const N_BISECTIONS: usize = 60;
-/// Least and greatest inverse temperature.
-const RANGE: [f64; 2] = [1e-3, 1e3];
+/// Newton steps: more than ever needed.
+const N_STEPS: usize = 100;
 
-/// The temperature that minimizes the mean of `log(1 + exp(-s m / t))`, where `s` is 1 for a positive and -1 for a negative: it
-/// is convex in `1 / t`. `None` if there is one class alone.
-fn most_likely(margins: &[(f64, bool)]) -> Option<f64> {
-    let n_positive = margins.iter().filter(|(_, positive)| *positive).count();
-    if n_positive == 0 || n_positive == margins.len() {
-        return None;
-    }
-    let slope = |inverse: f64| {
-        let of = |(margin, positive): &(f64, bool)| {
-            let signed = if *positive { *margin } else { -margin };
-            -signed / (1.0 + libm::exp((signed * inverse).min(700.0)))
+/// The calibration that minimizes the mean of `log(1 + exp(-s (slope m + offset)))`, where `s` is 1 for a positive and -1 for a
+/// negative, by Newton's method with halved steps: it is convex. `None` if there is no minimum of positive slope.
+fn most_likely(margins: &[(f64, bool)]) -> Option<Calibration> {
+    let mut at = Calibration::IDENTITY;
+    let mut here = Loss::of(margins, at);
+    for _ in 0..N_STEPS {
+        let [slope, offset] = here.newton_step()?;
+        let mut share = 1.0;
+        let (next, there) = loop {
+            let next =
+                Calibration { slope: at.slope - share * slope, offset: at.offset - share * offset };
+            let there = Loss::of(margins, next);
+            if there.value <= here.value || share < 1e-9 {
+                break (next, there);
+            }
+            share *= 0.5;
         };
-        margins.iter().map(of).sum::<f64>()
-    };
-    let [mut low, mut high] = RANGE;
-    for _ in 0..N_BISECTIONS {
-        let middle = (low * high).sqrt();
-        if slope(middle) < 0.0 { low = middle } else { high = middle }
+        let moved = (next.slope - at.slope).abs() + (next.offset - at.offset).abs();
+        (at, here) = (next, there);
+        if moved < 1e-10 {
+            break;
+        }
     }
-    Some(1.0 / (low * high).sqrt())
+    (at.is_sound() && at.slope < 1e3).then_some(at)
+}
+
+/// Sum of the losses of all margins, with its derivatives by slope and offset.
+struct Loss {
+    value: f64,
+    first: [f64; 2],
+    /// By slope twice, by both, by offset twice.
+    second: [f64; 3],
+}
+
+impl Loss {
+    fn of(margins: &[(f64, bool)], at: Calibration) -> Self {
+        let mut sum = Loss { value: 0.0, first: [0.0; 2], second: [0.0; 3] };
+        for &(margin, positive) in margins {
+            let z = at.slope * margin + at.offset;
+            // log(1 + exp(-|z|)) never overflows.
+            let tail = libm::exp(-z.abs());
+            let probability = if z > 0.0 { 1.0 / (1.0 + tail) } else { tail / (1.0 + tail) };
+            let signed = if positive { -z } else { z };
+            sum.value += libm::log1p(tail) + signed.max(0.0);
+            let error = probability - f64::from(u8::from(positive));
+            let weight = probability * (1.0 - probability);
+            sum.first[0] += error * margin;
+            sum.first[1] += error;
+            sum.second[0] += weight * margin * margin;
+            sum.second[1] += weight * margin;
+            sum.second[2] += weight;
+        }
+        sum
+    }
+
+    /// Second derivatives' inverse times the first; `None` where they are singular.
+    fn newton_step(&self) -> Option<[f64; 2]> {
+        let ([a, b], [aa, ab, bb]) = (self.first, self.second);
+        let determinant = aa * bb - ab * ab;
+        let singular = determinant.is_nan() || determinant <= 1e-12 * aa * bb;
+        (!singular).then(|| [(bb * a - ab * b) / determinant, (aa * b - ab * a) / determinant])
+    }
 }
 
 #[cfg(test)]
@@ -139,29 +181,36 @@ mod tests {
     use super::*;
     use crate::rng::{Purpose, Stream};
 
-    /// Labels drawn with the probabilities of margins that were divided by `t`.
-    fn drawn(t: f64) -> Vec<(f64, bool)> {
+    /// Labels drawn with the probabilities of calibrated margins.
+    fn drawn(slope: f64, offset: f64) -> Vec<(f64, bool)> {
         let mut stream = Stream::new(1, 0, 0, Purpose::Probe);
         let mut draw = |_| {
             let margin = 4.0 * stream.normal();
-            (margin, stream.chance(1.0 / (1.0 + libm::exp(-margin / t))))
+            (margin, stream.chance(1.0 / (1.0 + libm::exp(-slope * margin - offset))))
         };
         (0..40_000).map(&mut draw).collect()
     }
 
     #[test]
-    fn the_temperature_that_labels_were_drawn_with_is_found() {
-        for t in [0.5, 1.0, 2.5] {
-            let found = most_likely(&drawn(t)).unwrap();
-            assert!((found / t - 1.0).abs() < 0.05, "{found} for {t}");
+    fn the_calibration_that_labels_were_drawn_with_is_found() {
+        for (slope, offset) in [(0.5, 0.0), (1.0, -1.5), (2.5, 0.7), (0.05, 3.0)] {
+            let found = most_likely(&drawn(slope, offset)).unwrap();
+            assert!((found.slope / slope - 1.0).abs() < 0.08, "{found:?} for {slope}, {offset}");
+            assert!((found.offset - offset).abs() < 0.08, "{found:?} for {slope}, {offset}");
         }
-        assert_eq!(most_likely(&[(1.0, true), (2.0, true)]), None);
-        assert_eq!(most_likely(&[]), None);
+        let never = [
+            vec![],
+            vec![(1.0, true), (2.0, true)],
+            vec![(-1.0, false), (2.0, true)],
+            drawn(-1.0, 0.0),
+            vec![(f64::NAN, true), (1.0, false)],
+        ];
+        assert!(never.iter().all(|margins| most_likely(margins).is_none()));
     }
 
     #[test]
     fn the_error_of_right_probabilities_vanishes_and_that_of_wrong_ones_is_the_distance() {
-        let margins = drawn(1.0);
+        let margins = drawn(1.0, 0.0);
         let truth: Vec<bool> = margins.iter().map(|(_, positive)| *positive).collect();
         let probabilities = |t: f64| -> Vec<f32> {
             margins.iter().map(|(m, _)| (1.0 / (1.0 + libm::exp(-m / t))) as f32).collect()

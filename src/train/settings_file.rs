@@ -2,7 +2,6 @@
 
 use super::Settings;
 use crate::{Error, Result, atomic_file};
-use serde::Deserialize;
 use std::io::Write;
 use std::path::Path;
 use toml::{Table, Value};
@@ -22,17 +21,24 @@ pub fn read(path: &Path, base: &Settings) -> Result<Settings> {
         Ok(settings) => return Ok(settings),
         Err(error) => error,
     };
-    let bad = |e: &toml::de::Error| {
-        let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
-        let place = line.map_or_else(|| "settings".into(), |line| format!("line {line}"));
+    let bad = |place: String, e: &toml::de::Error| {
         Error::file(path, place, e.message().trim().replace('\n', ", "), REMEDY)
     };
-    let changes: Table = toml::from_str(&text).map_err(|e| bad(&e))?;
-    let base =
-        Value::try_from(base).map_err(|e| Error::file(path, "preset", e.to_string(), REMEDY))?;
-    let joined = Settings::deserialize(overlaid(base, Value::Table(changes)));
-    // Only errors of the text have a line, unless they are about missing keys.
-    joined.map_err(|e| bad(if alone.message() == e.message() { &alone } else { &e }))
+    let in_text = |e: &toml::de::Error| {
+        let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
+        bad(line.map_or_else(|| "settings".into(), |line| format!("line {line}")), e)
+    };
+    let changes: Table = toml::from_str(&text).map_err(|e| in_text(&e))?;
+    // Joined as text: one reader and one writer of settings are compiled.
+    let unwritten = |e: toml::ser::Error| Error::file(path, "preset", e.to_string(), REMEDY);
+    let base = toml::to_string(base).map_err(unwritten)?;
+    let base: Table = toml::from_str(&base).map_err(|e| bad("preset".into(), &e))?;
+    let joined = overlaid(Value::Table(base), Value::Table(changes));
+    let joined = toml::to_string(&joined).map_err(unwritten)?;
+    toml::from_str::<Settings>(&joined).map_err(|e| {
+        // Only errors of the file's own text have a line, unless they are about missing keys.
+        if alone.message() == e.message() { in_text(&alone) } else { bad("settings".into(), &e) }
+    })
 }
 
 fn overlaid(base: Value, changes: Value) -> Value {
@@ -57,8 +63,8 @@ fn overlaid(base: Value, changes: Value) -> Value {
 /// # Errors
 /// If the file cannot be written.
 pub fn write(path: &Path, settings: &Settings) -> Result<()> {
-    let text = toml::to_string_pretty(settings)
-        .map_err(|e| Error::write(path, std::io::Error::other(e)))?;
+    let text =
+        toml::to_string(settings).map_err(|e| Error::write(path, std::io::Error::other(e)))?;
     atomic_file::write_atomic(path, |file| file.write_all(text.as_bytes()))
 }
 

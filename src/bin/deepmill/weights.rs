@@ -21,8 +21,8 @@ pub struct Args {
     /// Write a copy with parameters rounded to bf16 (half the size) to this file.
     #[arg(long, value_name = "FILE")]
     bf16: Option<PathBuf>,
-    /// Fit the temperatures of the copy on these data sets, made for validation by `deepmill dataset build`: its probabilities
-    /// become frequencies, its decisions stay.
+    /// Fit slope and offset of the copy's logits on these data sets, made for validation by `deepmill dataset build`: its
+    /// probabilities become frequencies.
     #[arg(long, value_name = "DIR", num_args = 1.., requires = "bf16")]
     calibrate: Vec<PathBuf>,
     /// What the labels were about that the network learned from, where its file does not say: sites or part.
@@ -69,8 +69,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         }
         calibration::fit(&mut model, &samples)?;
     }
-    let [first, second] = model.temperature;
-    output.say(format!("temperatures {first:.4}, {second:.4}"));
+    for (head, c) in ["inaccessible", "occlusion"].into_iter().zip(model.calibration) {
+        output.say(format!("calibration of {head}: slope {:.4}, offset {:.4}", c.slope, c.offset));
+    }
     if let Some(definition) = model.definition {
         output.say(format!("learned from labels of: {definition}"));
     }
@@ -83,7 +84,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let result = json!({
         "n_parameters": n,
         "config": config,
-        "temperature": model.temperature,
+        "calibration": model.calibration,
         "definition": model.definition,
         "domain": model.domain,
         "notes": notes,

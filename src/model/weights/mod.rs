@@ -7,7 +7,7 @@
 mod infer;
 pub mod tensors;
 
-use super::predict::{INACCESSIBLE_CLASS, Model, OCCLUSION_CLASS};
+use super::predict::{Calibration, INACCESSIBLE_CLASS, Model, OCCLUSION_CLASS};
 use super::unet::N_HEADS;
 use super::{Domain, UNet, UNetConfig};
 use crate::answers::Definition;
@@ -51,8 +51,11 @@ pub struct WeightsInfo {
     /// What its labels were about.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub definition: Option<Definition>,
-    /// What the logits of each head are divided by; 1 if it is not there.
+    /// What is applied to the logits of each head; nothing if it is not there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<[Calibration; N_HEADS]>,
+    /// Older files: what the logits of each head are divided by. Never written.
+    #[serde(default, skip_serializing)]
     pub temperature: Option<[f64; N_HEADS]>,
     /// Free text: data, commands, scores.
     #[serde(default)]
@@ -69,6 +72,7 @@ impl WeightsInfo {
             unit: "mm".into(),
             domain: None,
             definition: None,
+            calibration: None,
             temperature: None,
             notes: notes.into(),
         }
@@ -124,15 +128,16 @@ pub fn info(file: &TensorFile, origin: &Path) -> Result<Option<WeightsInfo>> {
             "use a file of this version of deepmill",
         )
     };
-    let info: WeightsInfo = serde_json::from_str(text).map_err(|e| error(e.to_string()))?;
+    let mut info: WeightsInfo = serde_json::from_str(text).map_err(|e| error(e.to_string()))?;
     if (info.inaccessible_class, info.occlusion_class) != (INACCESSIBLE_CLASS, OCCLUSION_CLASS) {
         return Err(error(
             "its classes mean something else than 0 = inaccessible, 1 = occlusion".into(),
         ));
     }
-    let is_sound = |t: &f64| *t > 0.0 && t.is_finite();
-    if let Some(t) = info.temperature.filter(|t| !t.iter().all(is_sound)) {
-        return Err(error(format!("temperatures {t:?}, expected positive numbers")));
+    let of_temperature = |t: f64| Calibration { slope: 1.0 / t, offset: 0.0 };
+    info.calibration = info.calibration.or(info.temperature.take().map(|t| t.map(of_temperature)));
+    if let Some(c) = info.calibration.filter(|c| !c.iter().all(Calibration::is_sound)) {
+        return Err(error(format!("calibration {c:?}, expected positive slopes, finite numbers")));
     }
     Ok(Some(info))
 }
@@ -146,9 +151,9 @@ pub(super) fn from_file<T: Scalar>(file: &TensorFile, origin: &Path) -> Result<M
     compare_names(&net, file, origin)?;
     let params = gather(&net.layout().params, file, origin)?;
     let buffers = gather(&net.layout().buffers, file, origin)?;
-    let WeightsInfo { domain, definition, temperature, .. } = info;
-    let temperature = temperature.unwrap_or([1.0; N_HEADS]);
-    Ok(Model { domain, definition, temperature, ..Model::of(net, params, buffers) })
+    let WeightsInfo { domain, definition, calibration, .. } = info;
+    let calibration = calibration.unwrap_or([Calibration::IDENTITY; N_HEADS]);
+    Ok(Model { domain, definition, calibration, ..Model::of(net, params, buffers) })
 }
 
 /// All names and shapes, before anything is allocated.
@@ -196,7 +201,8 @@ pub(super) fn to_file<T: Scalar>(model: &Model<T>, storage: Storage, notes: &str
     let info = WeightsInfo {
         domain: model.domain,
         definition: model.definition,
-        temperature: (model.temperature != [1.0; N_HEADS]).then_some(model.temperature),
+        calibration: (model.calibration != [Calibration::IDENTITY; N_HEADS])
+            .then_some(model.calibration),
         ..WeightsInfo::new(model.net.config(), notes)
     };
     let info = serde_json::to_string(&info).expect("a configuration has only plain fields");
@@ -262,11 +268,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("m.safetensors");
         let mut model = model(|c| c.input.depth = 7);
-        (model.definition, model.temperature) = (Some(Definition::Part), [1.25, 0.1]);
+        let calibration =
+            [(1.25, 0.1), (0.1, -2.0)].map(|(slope, offset)| Calibration { slope, offset });
+        (model.definition, model.calibration) = (Some(Definition::Part), calibration);
         write(&path, &model, Storage::Exact, "made by a test").unwrap();
         let read: Model<f32> = read(&path).unwrap();
         assert_eq!(read.net.config(), model.net.config());
-        assert_eq!((read.definition, read.temperature), (model.definition, model.temperature));
+        assert_eq!((read.definition, read.calibration), (model.definition, model.calibration));
         assert_eq!((read.params, read.buffers), (model.params, model.buffers));
         let file = TensorFile::read(&path).unwrap();
         assert_eq!(info(&file, &path).unwrap().unwrap().notes, "made by a test");
@@ -341,11 +349,16 @@ mod tests {
         file.metadata.insert(METADATA_KEY.into(), "{}".into());
         let message = from_file::<f32>(&file, origin()).unwrap_err().to_string();
         assert!(message.contains("metadata entry deepmill"), "{message}");
-        let mut file = to_file(&model(|_| ()), Storage::Exact, "");
-        let entry = file.metadata.get_mut(METADATA_KEY).unwrap();
-        *entry = entry.replacen("{", "{\"temperature\":[1.0,-2.0],", 1);
-        let message = from_file::<f32>(&file, origin()).unwrap_err().to_string();
-        assert!(message.contains("temperatures [1.0, -2.0], expected positive"), "{message}");
+        let with = |added: &str| {
+            let mut file = to_file(&model(|_| ()), Storage::Exact, "");
+            let entry = file.metadata.get_mut(METADATA_KEY).unwrap();
+            *entry = entry.replacen("{", &format!("{{{added},"), 1);
+            from_file::<f32>(&file, origin())
+        };
+        let message = with("\"temperature\":[1.0,-2.0]").unwrap_err().to_string();
+        assert!(message.contains("expected positive slopes, finite numbers"), "{message}");
+        let older = with("\"temperature\":[1.0,0.5]").unwrap();
+        assert_eq!(older.calibration.map(|c| (c.slope, c.offset)), [(1.0, 0.0), (2.0, 0.0)]);
         let empty = from_file::<f32>(&TensorFile::default(), origin()).unwrap_err().to_string();
         assert!(empty.contains("tensor conv1.conv.weights: it is missing"), "{empty}");
     }

@@ -3,6 +3,7 @@
 
 use super::{LEAF, Node, WIDTH};
 use crate::par;
+use crate::spatial::each;
 use glam::{DVec3, Vec3};
 
 /// Below this many triangles one thread goes on alone.
@@ -56,25 +57,22 @@ impl Bounds {
 
 /// The nodes of a tree over `items`, root first; leaves count places from `start`.
 pub(super) fn build(items: &mut [Item], start: usize) -> Vec<Node> {
+    let mut root = Node::default();
+    let large = items.len() > PARALLEL;
     let groups = split_in_eight(items);
     let mut rest = items;
     let mut parts = Vec::new();
     let mut first = start;
-    for len in groups {
+    for (k, (len, bounds)) in groups.into_iter().enumerate() {
         let (part, after) = rest.split_at_mut(len);
+        root.put(k, &bounds);
+        if len <= LEAF {
+            (root.first[k], root.count[k]) = (first as u32, len as u8);
+        }
         parts.push((first, part));
         first += len;
         rest = after;
     }
-    let mut root = Node::default();
-    let bounds: Vec<Bounds> = parts.iter().map(|(_, part)| Bounds::of(part)).collect();
-    for (k, ((first, part), bounds)) in parts.iter().zip(&bounds).enumerate() {
-        root.put(k, bounds);
-        if part.len() <= LEAF {
-            (root.first[k], root.count[k]) = (*first as u32, part.len() as u8);
-        }
-    }
-    let large = first - start > PARALLEL;
     let grow = |first: usize, part: &mut [Item]| match part.len() > LEAF {
         true => build(part, first),
         false => vec![],
@@ -112,83 +110,119 @@ impl Node {
     }
 }
 
-/// Reorders `items` into at most eight groups; their lengths.
-fn split_in_eight(items: &mut [Item]) -> Vec<usize> {
-    let mut groups = vec![(items.len(), Bounds::of(items).area())];
+/// Reorders `items` into at most eight groups; their lengths and boxes.
+fn split_in_eight(items: &mut [Item]) -> Vec<(usize, Bounds)> {
+    let mut groups = vec![(items.len(), Bounds::of(items))];
     while groups.len() < WIDTH {
-        let splittable = groups.iter().enumerate().filter(|(_, group)| group.0 > LEAF);
-        let largest = splittable.max_by(|a, b| a.1.1.total_cmp(&b.1.1).then(b.0.cmp(&a.0)));
-        let Some((g, &(len, _))) = largest else { break };
+        let areas = groups.iter().map(|group| group.1.area()).enumerate();
+        let splittable = areas.filter(|(g, _)| groups[*g].0 > LEAF);
+        let largest = splittable.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        let Some((g, _)) = largest else { break };
         let start: usize = groups[..g].iter().map(|group| group.0).sum();
-        let part = &mut items[start..start + len];
-        let left = split(part);
-        let areas = [&part[..left], &part[left..]].map(|half| Bounds::of(half).area());
-        groups[g] = (left, areas[0]);
-        groups.insert(g + 1, (len - left, areas[1]));
+        let len = groups[g].0;
+        let (n_left, [left, right]) = split(&mut items[start..start + len]);
+        groups[g] = (n_left, left);
+        groups.insert(g + 1, (len - n_left, right));
     }
-    groups.into_iter().map(|group| group.0).collect()
+    groups
 }
 
-/// Reorders at least two items into two groups, neither empty; where the second begins.
-fn split(items: &mut [Item]) -> usize {
-    let middles = items.iter().fold(Bounds::NONE, |b, item| b.with(item.middle(), item.middle()));
+/// Reorders at least two items into two groups, neither empty; the length of the first, and the boxes of both.
+fn split(items: &mut [Item]) -> (usize, [Bounds; 2]) {
+    let middles = join(items, |part| {
+        part.iter().fold(Bounds::NONE, |b, item| b.with(item.middle(), item.middle()))
+    });
+    let middles = middles.reduce(|a, b| a.with(b.low, b.high)).unwrap_or(Bounds::NONE);
     let size = middles.high - middles.low;
-    let mut best = (f32::INFINITY, 0, 0);
-    for axis in (0..3).filter(|&axis| size[axis] > 0.0) {
-        for (cut, cost) in costs(items, axis, &middles).into_iter().enumerate() {
-            if cost < best.0 {
-                best = (cost, axis, cut);
-            }
-        }
-    }
-    let (cost, axis, cut) = best;
     let half = items.len() / 2;
-    if cost == f32::INFINITY {
-        return half;
+    let halves = |items: &[Item], n: usize| (n, [&items[..n], &items[n..]].map(Bounds::of));
+    if size == Vec3::ZERO {
+        return halves(items, half);
     }
-    let left = partition(items, |item| bin(item.middle()[axis], axis, &middles) <= cut);
+    let bins = join(items, |part| Bins::of(part, &middles));
+    let bins = bins.reduce(Bins::joined).unwrap_or(Bins::EMPTY);
+    let mut best = (f32::INFINITY, 0, 0, [Bounds::NONE; 2]);
+    for axis in (0..3).filter(|&axis| size[axis] > 0.0) {
+        bins.cuts(axis, |cut, cost, sides| {
+            if cost < best.0 {
+                best = (cost, axis, cut, sides);
+            }
+        });
+    }
+    let (cost, axis, cut, sides) = best;
+    if cost == f32::INFINITY {
+        return halves(items, half);
+    }
+    let left = partition(items, |item| bin(item.middle(), &middles)[axis] <= cut);
     // A group that splits off crumbs only would make the tree deep.
     let least = items.len() / 64;
     if left > least && items.len() - left > least {
-        return left;
+        return (left, sides);
     }
     let axis = size.max_position();
     items.select_nth_unstable_by(half, |a, b| {
         a.middle()[axis].total_cmp(&b.middle()[axis]).then(a.face.cmp(&b.face))
     });
-    half
+    halves(items, half)
 }
 
-fn bin(at: f32, axis: usize, bounds: &Bounds) -> usize {
-    let share = (at - bounds.low[axis]) / (bounds.high[axis] - bounds.low[axis]);
-    ((share * BINS as f32) as usize).min(BINS - 1)
+/// `of` consecutive parts of many items, side by side.
+fn join<R: Send>(items: &[Item], of: impl Fn(&[Item]) -> R + Sync) -> impl Iterator<Item = R> {
+    let len = if items.len() > 8 * PARALLEL { 4 * PARALLEL } else { items.len() };
+    match len < items.len() {
+        true => par::map_blocks(items.len(), len, |range| of(&items[range])),
+        false => vec![of(items)],
+    }
+    .into_iter()
 }
 
-/// Cost of cutting after each bin but the last; infinite where a side would be empty.
-fn costs(items: &[Item], axis: usize, middles: &Bounds) -> [f32; BINS - 1] {
-    let mut bins = [(0u32, Bounds::NONE); BINS];
-    for item in items {
-        let (count, bounds) = &mut bins[bin(item.middle()[axis], axis, middles)];
-        (*count, *bounds) = (*count + 1, bounds.with(item.low, item.high));
-    }
-    let sweep = |order: &mut dyn Iterator<Item = usize>| {
-        let mut sums = [(0u32, 0f32); BINS];
-        let mut sum = (0, Bounds::NONE);
-        for k in order {
-            sum = (sum.0 + bins[k].0, sum.1.with(bins[k].1.low, bins[k].1.high));
-            sums[k] = (sum.0, sum.1.area());
+/// Bin of a middle along every axis; 0 along axes in which all are equal.
+fn bin(middle: Vec3, bounds: &Bounds) -> [usize; 3] {
+    let share = (middle - bounds.low) / (bounds.high - bounds.low) * BINS as f32;
+    each(share.to_array(), |share| (share as usize).min(BINS - 1))
+}
+
+/// Numbers and boxes of the items in every bin of every axis.
+struct Bins([[(u32, Bounds); BINS]; 3]);
+
+impl Bins {
+    const EMPTY: Bins = Bins([[(0, Bounds::NONE); BINS]; 3]);
+
+    fn of(items: &[Item], middles: &Bounds) -> Self {
+        let mut bins = Bins::EMPTY;
+        for item in items {
+            for (axis, k) in bin(item.middle(), middles).into_iter().enumerate() {
+                let (count, bounds) = &mut bins.0[axis][k];
+                (*count, *bounds) = (*count + 1, bounds.with(item.low, item.high));
+            }
         }
-        sums
-    };
-    let (left, right) = (sweep(&mut (0..BINS)), sweep(&mut (0..BINS).rev()));
-    let mut costs = [f32::INFINITY; BINS - 1];
-    for (k, cost) in costs.iter_mut().enumerate() {
-        let ((n, area), (m, other)) = (left[k], right[k + 1]);
-        if n > 0 && m > 0 {
-            *cost = n as f32 * area + m as f32 * other;
+        bins
+    }
+
+    fn joined(mut self, other: Self) -> Self {
+        for (bin, other) in self.0.as_flattened_mut().iter_mut().zip(other.0.as_flattened()) {
+            *bin = (bin.0 + other.0, bin.1.with(other.1.low, other.1.high));
+        }
+        self
+    }
+
+    /// Calls `consider` with every bin after which an axis may be cut, what that costs, and the boxes of both sides.
+    fn cuts(&self, axis: usize, mut consider: impl FnMut(usize, f32, [Bounds; 2])) {
+        let bins = &self.0[axis];
+        let mut right = [(0, Bounds::NONE); BINS + 1];
+        for k in (0..BINS).rev() {
+            right[k] =
+                (right[k + 1].0 + bins[k].0, right[k + 1].1.with(bins[k].1.low, bins[k].1.high));
+        }
+        let mut left = (0, Bounds::NONE);
+        for k in 0..BINS - 1 {
+            left = (left.0 + bins[k].0, left.1.with(bins[k].1.low, bins[k].1.high));
+            let ((n, a), (m, b)) = (left, right[k + 1]);
+            if n > 0 && m > 0 {
+                consider(k, n as f32 * a.area() + m as f32 * b.area(), [a, b]);
+            }
         }
     }
-    costs
 }
 
 /// Items for which `first` holds come first, the order of these kept; how many.
