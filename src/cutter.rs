@@ -7,7 +7,7 @@
 
 mod assembly;
 
-pub use assembly::{Assembly, Section, TipShape};
+pub use assembly::{Assembly, Section, TipShape, ToolPart};
 
 use crate::rng::Stream;
 use crate::{Error, Result};

@@ -4,6 +4,7 @@ use super::matrix::CollisionMatrix;
 use super::stats::Stats;
 use super::surface::SurfaceLabels;
 use crate::answers::SiteAnswers;
+use crate::cutter::ToolPart;
 use crate::simd::Isa;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -120,6 +121,9 @@ pub struct Labels {
     pub collision_matrix: Option<CollisionMatrix>,
     /// What only triangles answer, if they are the obstacles.
     pub surface: Option<SurfaceLabels>,
+    /// Per query: the part of the tool that blocks in the direction which gets furthest; empty if not wanted
+    /// ([`surface::explain`](super::surface::explain)).
+    pub blocked_by: Vec<Option<ToolPart>>,
     /// What the engine did.
     pub stats: Stats,
 }

@@ -17,6 +17,10 @@
 //! over `n` steps is exceeded by at most `g/n`. What is narrower than something below it counts as wide as that.
 //! A tool of any stick-out is the body together with the holder at that height, so collisions only decrease with the stick-out.
 
+mod parts;
+
+pub use parts::ToolPart;
+
 use super::{Cutter, MAX_LENGTH_MM, Step, positive};
 use crate::{Error, Result};
 use serde::Serialize;

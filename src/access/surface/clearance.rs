@@ -42,7 +42,7 @@ impl Problem<'_> {
     }
 
     /// The greatest growth between `low` and `high` at which no step penetrates; `low` if there is none above it.
-    fn clear_up_to(
+    pub fn clear_up_to(
         &self,
         i: usize,
         direction: Vec3,

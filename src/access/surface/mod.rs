@@ -33,6 +33,7 @@ mod caps;
 mod cells;
 mod clearance;
 mod drop;
+pub mod explain;
 mod faces;
 mod labels;
 mod library;

@@ -7,6 +7,9 @@ use glam::DVec3;
 /// Places on the triangles follow Roberts's R2 sequence (2018, The unreasonable effectiveness of quasirandom
 /// sequences).
 pub(super) fn points(triangles: &[[DVec3; 3]], n: usize, origin: DVec3) -> Vec<DVec3> {
+    if n == 0 {
+        return Vec::new();
+    }
     let area = |[a, b, c]: &[DVec3; 3]| 0.5 * (b - a).cross(c - a).length();
     let total: f64 = triangles.iter().map(area).sum();
     let mut points = Vec::with_capacity(2 * n);

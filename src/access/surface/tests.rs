@@ -15,6 +15,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3, Vec3, dvec3};
 use std::f64::consts::{PI, TAU};
 
 mod engines;
+mod explain;
 mod invariance;
 mod library;
 mod search;

@@ -33,6 +33,8 @@ const GREATEST_SHARE: f64 = 0.25;
 const AROUND: f64 = 0.35;
 /// Sites per task.
 const BLOCK: usize = 256;
+/// Fewer sites than this do not need the depths of all faces.
+const FEW: usize = 16;
 
 /// How a face bends toward the outside across its edges.
 #[derive(Debug, Clone, Copy, Default)]
@@ -144,9 +146,16 @@ impl ContactTolerance {
             }
         };
         let r = outline.radius();
-        let depths: Vec<[f64; 3]> = bends.0.iter().map(|bends| bends.map(|b| b.depth(r))).collect();
-        let deep = |f: u32| depths.get(f as usize).map_or(0.0, |d| d[0].max(d[1]).max(d[2]));
-        if !(0..depths.len() as u32).any(|f| deep(f) > least) {
+        let depth = |bends: &[Bend; 3]| bends.iter().map(|b| b.depth(r)).fold(0.0, f64::max);
+        // For a few sites only those of the faces around them.
+        let is_many = sites.len() > FEW;
+        let depths: Vec<f64> =
+            if is_many { bends.0.iter().map(depth).collect() } else { Vec::new() };
+        let deep = |f: u32| match is_many {
+            true => depths.get(f as usize).copied().unwrap_or(0.0),
+            false => bends.0.get(f as usize).map_or(0.0, depth),
+        };
+        if is_many && !(0..depths.len() as u32).any(|f| deep(f) > least) {
             return Ok(vec![least; sites.len()]);
         }
         let at = |i: usize| {

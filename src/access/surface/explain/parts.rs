@@ -1,0 +1,127 @@
+//! Which part of the tool keeps it from every site: the tool without its upper parts, one after the other.
+//!
+//! ```text
+//! tip, where no step blocks some direction
+//! for the parts from the spindle down: what is below it, labeled at the sites left: blocked by this part where that is free
+//! ```
+
+use crate::access::surface::labels::{SiteAnswer, SurfaceOptions};
+use crate::access::surface::obstacles::TriangleObstacles;
+use crate::access::{LabelOptions, Obstacles, Queries, label_many};
+use crate::cutter::{Assembly, Cutter, ToolPart};
+use crate::directions::Directions;
+use crate::geom::Sites;
+use crate::{Error, Result};
+
+/// Parts whose absence is tried, from above.
+const FROM_ABOVE: [ToolPart; 3] = [ToolPart::Spindle, ToolPart::Holder, ToolPart::Shank];
+/// Most samples of the surface per site that is labeled.
+const SAMPLES_OF_SITE: usize = 8;
+
+impl TriangleObstacles {
+    /// Per site, the part of the tool that blocks in the direction which gets furthest, over the directions tested; `None` where `answers` say
+    /// that the site is accessible. As [`Explanation::blocked_by`](super::Explanation::blocked_by), for all sites.
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::label`], or if there are not as many answers as sites.
+    pub fn blocking_parts(
+        &self,
+        sites: &Sites,
+        (tool, clearance_mm): (&Assembly, f64),
+        directions: &Directions,
+        (options, answers): (&SurfaceOptions, &[SiteAnswer]),
+    ) -> Result<Vec<Option<ToolPart>>> {
+        check_count(sites, answers.len())?;
+        let mut parts: Vec<Option<ToolPart>> =
+            answers.iter().map(|answer| at_least(*answer)).collect();
+        let mut left: Vec<usize> =
+            (0..sites.len()).filter(|&i| answers[i] == SiteAnswer::Inaccessible).collect();
+        for (part, cutter) in truncated(tool, clearance_mm)? {
+            if left.is_empty() {
+                break;
+            }
+            let subset = Sites {
+                points: left.iter().map(|&i| sites.points[i]).collect(),
+                normals: left.iter().map(|&i| sites.normals[i]).collect(),
+                faces: Vec::new(),
+            };
+            let options = SurfaceOptions {
+                counts: false,
+                occlusion: false,
+                refinement: None,
+                clearance_limit_mm: None,
+                n_samples: options.n_samples.min(SAMPLES_OF_SITE * left.len()),
+                ..*options
+            };
+            let labels = self.label(&subset, &cutter, directions, &options)?;
+            let blocked = labels.answers.iter().map(|answer| *answer == SiteAnswer::Inaccessible);
+            assign(part, &mut parts, &mut left, blocked);
+        }
+        Ok(parts)
+    }
+}
+
+/// As [`TriangleObstacles::blocking_parts`], by the published definition; `inaccessible` are its labels of the `queries`.
+///
+/// # Errors
+/// As [`label_many`], or if there are not as many labels as queries.
+pub fn blocking_parts_among_points(
+    sites: &Sites,
+    obstacles: Obstacles,
+    (tool, clearance_mm): (&Assembly, f64),
+    directions: &Directions,
+    inaccessible: &[bool],
+) -> Result<Vec<Option<ToolPart>>> {
+    check_count(sites, inaccessible.len())?;
+    let of = |blocked: &bool| blocked.then_some(ToolPart::Cutter);
+    let mut parts: Vec<Option<ToolPart>> = inaccessible.iter().map(of).collect();
+    let mut left: Vec<usize> = (0..sites.len()).filter(|&i| inaccessible[i]).collect();
+    let truncated = truncated(tool, clearance_mm)?;
+    let (of, cutters): (Vec<ToolPart>, Vec<Cutter>) = truncated.into_iter().unzip();
+    let options = LabelOptions { occlusion: false, ..LabelOptions::default() };
+    let labels = label_many(Queries::Sites(sites), obstacles, &cutters, directions, &options)?;
+    for (part, labels) in of.into_iter().zip(&labels) {
+        let blocked: Vec<bool> = left.iter().map(|&i| labels.answers.inaccessible[i]).collect();
+        assign(part, &mut parts, &mut left, blocked.into_iter());
+    }
+    Ok(parts)
+}
+
+fn check_count(sites: &Sites, n_answers: usize) -> Result<()> {
+    if sites.len() == n_answers {
+        return Ok(());
+    }
+    let expected = format!("{}, as many as sites", sites.len());
+    let remedy = "give the sites that the answers are about";
+    Err(Error::argument("number of answers", n_answers, expected, remedy))
+}
+
+/// What blocks at the least; an inaccessible site that stays blocked without all that is above the cutter is blocked by the cutter.
+fn at_least(answer: SiteAnswer) -> Option<ToolPart> {
+    match answer {
+        SiteAnswer::Accessible => None,
+        SiteAnswer::TipDoesNotFit => Some(ToolPart::Tip),
+        SiteAnswer::Inaccessible => Some(ToolPart::Cutter),
+    }
+}
+
+/// The tool below each of its parts, from above.
+fn truncated(tool: &Assembly, clearance_mm: f64) -> Result<Vec<(ToolPart, Cutter)>> {
+    let mut found = Vec::new();
+    for part in FROM_ABOVE.into_iter().filter(|part| tool.has(*part)) {
+        found.extend(tool.below(part, clearance_mm)?.map(|cutter| (part, cutter)));
+    }
+    Ok(found)
+}
+
+/// Sites that are free without a part are blocked by it; the others are left.
+fn assign(
+    part: ToolPart,
+    parts: &mut [Option<ToolPart>],
+    left: &mut Vec<usize>,
+    blocked: impl Iterator<Item = bool>,
+) {
+    let of: Vec<(usize, bool)> = left.iter().copied().zip(blocked).collect();
+    of.iter().filter(|(_, blocked)| !blocked).for_each(|&(i, _)| parts[i] = Some(part));
+    *left = of.into_iter().filter(|(_, blocked)| *blocked).map(|(i, _)| i).collect();
+}

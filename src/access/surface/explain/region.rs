@@ -1,0 +1,126 @@
+//! The change of a tool that helps most of a region.
+//!
+//! ```text
+//! explain some sites of the region, even over its list, by the directions of the set alone
+//! kind = the one that helps most of these sites; among equals the one with the least amount
+//! amount = the greatest that one of them needs
+//! label sites of the region with the tool so changed: the share that it reaches
+//! ```
+
+use super::{Barrier, Between, Case, Change, ChangeKind, Question};
+use crate::Result;
+use crate::access::surface::labels::{SiteAnswer, SurfaceOptions};
+use crate::access::surface::obstacles::{TriangleObstacles, tested};
+use crate::cutter::{Assembly, ToolPart};
+use crate::directions::Directions;
+use crate::geom::Sites;
+
+/// A change of the tool, and what of a region it reaches.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct RegionChange {
+    /// The change.
+    pub change: Change,
+    /// Share of the region's sites that the changed tool reaches by the directions of the set; of [`N_LABELED`] of them, if there are more.
+    pub share: f64,
+}
+
+/// Most samples of the surface per site that is labeled.
+const SAMPLES_OF_SITE: usize = 8;
+/// Amounts are rounded up to this, mm.
+const ROUND_MM: f64 = 0.01;
+/// Sites of a region that are explained.
+const N_EXPLAINED: usize = 4;
+/// Most sites of a region that are labeled with the changed tool.
+pub const N_LABELED: usize = 256;
+
+impl TriangleObstacles {
+    /// The change of the tool that helps most of the sites `members`, which it does not reach; `None` if none is found.
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::explain`].
+    ///
+    /// # Panics
+    /// If a member is no site.
+    pub fn change_for(
+        &self,
+        (sites, members): (&Sites, &[u32]),
+        (tool, clearance_mm): (&Assembly, f64),
+        directions: &Directions,
+        options: &SurfaceOptions,
+    ) -> Result<Option<RegionChange>> {
+        let options = SurfaceOptions { refinement: None, ..*options };
+        let mut found: Vec<Change> = Vec::new();
+        for i in spread(members, N_EXPLAINED) {
+            let question = Question {
+                site: sites.points[i],
+                normal: sites.normals[i],
+                tool,
+                clearance_mm,
+                directions,
+                options: &options,
+                witness: None,
+            };
+            let tested = tested(directions)?;
+            let (barrier, question) = (Barrier::Triangles(self), &question);
+            let case = Case { barrier, question, tested, proves: false };
+            let alone = case.label(tool, directions, Between::None)?;
+            if alone.answer != SiteAnswer::Accessible {
+                found.extend(case.changes(alone.tolerance)?);
+            }
+        }
+        let Some(change) = common(&found, tool) else { return Ok(None) };
+        let few: Vec<usize> = spread(members, N_LABELED).collect();
+        let few = Sites {
+            points: few.iter().map(|&i| sites.points[i]).collect(),
+            normals: few.iter().map(|&i| sites.normals[i]).collect(),
+            faces: Vec::new(),
+        };
+        let cutter = change.tool.with_clearance(clearance_mm)?.cutter()?;
+        let options = SurfaceOptions {
+            counts: false,
+            occlusion: false,
+            clearance_limit_mm: None,
+            n_samples: options.n_samples.min(SAMPLES_OF_SITE * few.len()),
+            ..options
+        };
+        let labels = self.label(&few, &cutter, directions, &options)?;
+        Ok(Some(RegionChange { share: labels.share(SiteAnswer::Accessible), change }))
+    }
+}
+
+/// At most `n` of the members, even over their list.
+fn spread(members: &[u32], n: usize) -> impl Iterator<Item = usize> + '_ {
+    let n = n.min(members.len());
+    (0..n).map(move |k| members[(2 * k + 1) * members.len() / (2 * n)] as usize)
+}
+
+/// The kind that most of the changes have, by the greatest amount.
+fn common(found: &[Change], tool: &Assembly) -> Option<Change> {
+    let mut kinds: Vec<ChangeKind> = Vec::new();
+    for change in found {
+        if !kinds.contains(&change.kind) {
+            kinds.push(change.kind);
+        }
+    }
+    let of = |kind: ChangeKind| found.iter().filter(move |change| change.kind == kind);
+    let greatest = |kind: ChangeKind| of(kind).map(|change| change.by_mm).fold(0.0, f64::max);
+    let best = kinds.into_iter().min_by(|&a, &b| {
+        let by_count = of(b).count().cmp(&of(a).count());
+        by_count.then(greatest(a).total_cmp(&greatest(b)))
+    })?;
+    let first = of(best).next()?;
+    let round = |mm: f64| (mm / ROUND_MM).ceil() * ROUND_MM;
+    let longer_mm = round(of(best).map(|change| change.longer_mm).fold(0.0, f64::max));
+    let by_mm = round(greatest(best));
+    let changed = match best {
+        ChangeKind::Raise(part) => tool.raised(part, by_mm),
+        ChangeKind::Narrow(part) => tool.narrowed(part, by_mm),
+        ChangeKind::Diameter => {
+            let end = 2.0 * (tool.tip()[0] + tool.tip()[1]);
+            let smaller = tool.with_smaller_end(1.0 - by_mm / end);
+            smaller.and_then(|tool| tool.raised(ToolPart::Holder, longer_mm))
+        }
+    };
+    Some(Change { by_mm, longer_mm, is_least: false, tool: changed.ok()?, ..first.clone() })
+}
