@@ -2,6 +2,7 @@
 //!
 //! `docs/formats.md` lists every array. One row per site, in the order of the sites.
 
+pub mod asked;
 pub mod published;
 pub mod tools;
 pub mod volume;
@@ -10,7 +11,7 @@ use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
 use crate::access::surface::{SiteAnswer, SurfaceLabels};
 use crate::answers::SiteAnswers;
-use crate::cutter::CutterParams;
+use crate::cutter::{CutterParams, ToolPart};
 use crate::geom::Sites;
 use crate::model::Prediction;
 use crate::{Error, Result};
@@ -127,6 +128,14 @@ impl LabelFile {
         if let Some(surface) = &self.labels.surface {
             add_surface(&mut npz, surface);
         }
+        let blocked_by = &self.labels.blocked_by;
+        if !blocked_by.is_empty() {
+            if blocked_by.len() < n {
+                return Err(few(path, "blocked_by", blocked_by.len(), n));
+            }
+            let code = |part: &Option<ToolPart>| part.map_or(0, |part| part as u8 + 1);
+            npz.array("blocked_by", &[n], &blocked_by[..n].iter().map(code).collect::<Vec<u8>>());
+        }
         let meaning = label_meaning(self.labels.surface.is_some());
         npz.metadata(&self.provenance.metadata(Self::FORMAT, meaning));
         npz.write(path)
@@ -163,6 +172,10 @@ impl LabelFile {
             labels.answers.tip_does_not_fit = surface.tip_does_not_fit();
             labels.answers.witness.clone_from(&surface.witness);
             labels.surface = Some(surface);
+        }
+        if npz.has("blocked_by") {
+            labels.blocked_by = read_blocked_by(path, &mut npz)?;
+            same_length(path, &sites, "blocked_by", labels.blocked_by.len())?;
         }
         same_length(path, &sites, "inaccessible", labels.answers.inaccessible.len())?;
         let n_directions = labels.answers.accessible_directions.len();
@@ -218,6 +231,17 @@ fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
     npz.array("witness_direction", &[n, 3], &witness.collect::<Vec<f32>>());
 }
 
+fn read_blocked_by(path: &Path, npz: &mut NpzReader) -> Result<Vec<Option<ToolPart>>> {
+    let part = |code: u32| match code {
+        0 => Ok(None),
+        code => ToolPart::ALL.get(code as usize - 1).copied().map(Some).ok_or_else(|| {
+            let remedy = "0 is accessible, 1 tip, 2 cutter, 3 shank, 4 holder, 5 spindle";
+            Error::file(path, "blocked_by", format!("{code} is no part of a tool"), remedy)
+        }),
+    };
+    npz.counts::<u32>("blocked_by")?.into_iter().map(part).collect()
+}
+
 fn read_surface(
     path: &Path,
     npz: &mut NpzReader,
@@ -250,6 +274,8 @@ fn read_surface(
     Ok(surface)
 }
 
+const BLOCKED_BY: &str = "part of the tool that blocks in the direction which gets furthest: 0 none (accessible), 1 tip, 2 cutter, 3 shank, 4 holder, 5 spindle";
+
 fn label_meaning(part_itself: bool) -> Value {
     if part_itself {
         return json!({
@@ -262,6 +288,7 @@ fn label_meaning(part_itself: bool) -> Value {
             "open_directions": "of a site that is not accessible, the share of directions not proven closed; 0: the answer holds for all directions",
             "tolerance": "contact tolerance, mm",
             "clearance": "how far heights and radii of the shrunk tool's steps may grow before the site becomes inaccessible, mm; negative: must shrink",
+            "blocked_by": BLOCKED_BY,
             "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
             "beta": "pairs (inaccessible site, direction tested) in which this site is in the shrunk tool's steps",
             "witness": "-1: see witness_direction",
@@ -274,6 +301,7 @@ fn label_meaning(part_itself: bool) -> Value {
         "beta": "pairs (inaccessible site, direction) in which this site collides with the cutter",
         "accessible_directions": "number of directions without collision",
         "witness": "index of the first direction without collision, -1 if there is none",
+        "blocked_by": BLOCKED_BY,
         "clearance": "how far heights and radii of the steps may grow before the site becomes inaccessible, mm; negative: must shrink",
     })
 }

@@ -7,6 +7,7 @@
 use super::tables::{Cell, Table};
 use crate::access::surface::SiteAnswer;
 use crate::answers::SiteAnswers;
+use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
 use crate::geom::{Mesh, Sites, regions, spacing};
 use crate::{Error, Result, atomic_file};
@@ -51,6 +52,30 @@ pub struct Finding {
     pub proven: Option<f64>,
     /// The tool that reaches most of its area, if several were labeled and one reaches any.
     pub helps: Option<Help>,
+    /// The part of the tool that blocks most of its sites, in the direction which gets furthest, if that was asked
+    /// ([`surface::explain`](crate::access::surface::explain)).
+    pub blocked_by: Option<ToolPart>,
+    /// Share of its sites that this part blocks.
+    pub blocked_share: Option<f64>,
+    /// A change of the tool that helps, if that was asked.
+    pub change: Option<ToolChange>,
+}
+
+/// A change of the tool that reaches sites of a region.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ToolChange {
+    /// In words.
+    pub words: String,
+    /// Share of the region's sites that the changed tool reaches.
+    pub share: f64,
+}
+
+impl ToolChange {
+    /// A change in words, and what it reaches.
+    pub fn new(words: String, share: f64) -> Self {
+        ToolChange { words, share }
+    }
 }
 
 /// Another tool that reaches a region.
@@ -87,6 +112,8 @@ pub struct Findings {
     pub surface_mm2: f64,
     /// Area of the largest region of all, listed or scattered, mm²; 0 if everything is accessible.
     pub largest_mm2: f64,
+    /// The largest region of all.
+    pub largest: Option<Finding>,
     /// Per site: the number of its finding from 1 on, 0 if it has none.
     pub of_site: Vec<u32>,
 }
@@ -125,7 +152,8 @@ impl Findings {
             .collect();
         // A stable sort: equal areas stay in the order of their first sites.
         all.sort_by(|a, b| b.0.area_mm2.total_cmp(&a.0.area_mm2));
-        let largest_mm2 = all.first().map_or(0.0, |(finding, _)| finding.area_mm2);
+        let largest = all.first().map(|(finding, _)| finding.clone());
+        let largest_mm2 = largest.as_ref().map_or(0.0, |finding| finding.area_mm2);
         let (list, small): (Vec<_>, Vec<_>) =
             all.into_iter().partition(|(finding, _)| finding.n_sites >= MIN_SITES);
         let mut of_site = vec![0; n];
@@ -138,7 +166,7 @@ impl Findings {
             area_mm2: small.iter().map(|(finding, _)| finding.area_mm2).sum(),
         };
         let list = list.into_iter().map(|(finding, _)| finding).collect();
-        Ok(Findings { list, scattered, surface_mm2, largest_mm2, of_site })
+        Ok(Findings { list, scattered, surface_mm2, largest_mm2, largest, of_site })
     }
 
     /// A row per finding, and one for the scattered regions if there are any.
@@ -149,8 +177,16 @@ impl Findings {
     /// [`Findings::table`] of the `n` largest.
     pub fn first_rows(&self, n: usize) -> Table {
         let mut columns = COLUMNS;
-        if self.list.iter().all(|finding| finding.helps.is_none()) {
-            columns[HELPS..].iter_mut().for_each(|(_, heading)| *heading = "");
+        let has = |is: fn(&Finding) -> bool| self.list.iter().any(is);
+        for (shown, range) in [
+            (has(|finding| finding.helps.is_some()), HELPS),
+            (has(|finding| finding.blocked_by.is_some()), BLOCKED),
+            (has(|finding| finding.change.is_some()), CHANGE),
+            (has(|finding| finding.proven.is_some()), PROVEN),
+        ] {
+            if !shown {
+                columns[range].iter_mut().for_each(|(_, heading)| *heading = "");
+            }
         }
         let mut table = Table::new(&columns);
         for (number, finding) in (1..).zip(&self.list).take(n) {
@@ -234,7 +270,7 @@ fn cause(answers: &SiteAnswers, i: usize) -> Option<SiteAnswer> {
 }
 
 /// The columns of `findings.csv`; those without a heading are for programs.
-const COLUMNS: [(&str, &str); 22] = [
+const COLUMNS: [(&str, &str); 26] = [
     ("finding", "finding"),
     ("cause", "cause"),
     ("area_mm2", "area, mm²"),
@@ -257,10 +293,20 @@ const COLUMNS: [(&str, &str); 22] = [
     ("proven", "proven"),
     ("helps", "a tool that helps"),
     ("helps_share", "reaches"),
+    ("blocked_by", "blocked by"),
+    ("blocked_share", "at"),
+    ("change", "a change that helps"),
+    ("change_share", "reaches"),
 ];
 
-/// The first of the columns about other tools.
-const HELPS: usize = 20;
+/// The column about proofs.
+const PROVEN: std::ops::Range<usize> = 19..20;
+/// The columns about other tools.
+const HELPS: std::ops::Range<usize> = 20..22;
+/// The columns about the part that blocks.
+const BLOCKED: std::ops::Range<usize> = 22..24;
+/// The columns about a change of the tool.
+const CHANGE: std::ops::Range<usize> = 24..26;
 
 impl Finding {
     /// The cause in words.
@@ -283,6 +329,10 @@ impl Finding {
         row.push(self.proven.map_or(Cell::Missing, Cell::Share));
         row.push(self.helps.as_ref().map_or(Cell::Missing, |help| Cell::text(&help.tool)));
         row.push(self.helps.as_ref().map_or(Cell::Missing, |help| Cell::Share(help.share)));
+        row.push(self.blocked_by.map_or(Cell::Missing, |part| Cell::text(part.name())));
+        row.push(self.blocked_share.map_or(Cell::Missing, Cell::Share));
+        row.push(self.change.as_ref().map_or(Cell::Missing, |change| Cell::text(&change.words)));
+        row.push(self.change.as_ref().map_or(Cell::Missing, |change| Cell::Share(change.share)));
         row
     }
 }
@@ -328,6 +378,9 @@ impl About<'_> {
             worst_clearance_mm: members.iter().filter_map(clearance).reduce(f32::min),
             proven: None,
             helps: self.help(members, area_mm2),
+            blocked_by: None,
+            blocked_share: None,
+            change: None,
         }
     }
 
@@ -364,106 +417,28 @@ pub fn add_proofs(findings: &mut Findings, open_directions: &[f32]) {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geom::sites::{SiteOptions, sample};
-    use crate::geom::solids::cuboid;
-    use glam::{Vec3, dvec3};
-
-    /// A block 40 × 20 × 10 mm with sites about 1.2 mm apart.
-    fn block() -> (Mesh, Sites) {
-        let mesh = cuboid(dvec3(40.0, 20.0, 10.0));
-        let sites =
-            sample(&mesh, &SiteOptions { n_sites: 2000, ..SiteOptions::default() }).unwrap();
-        (mesh, sites)
+/// Adds to every finding the part of the tool that blocks most of its sites; the lowest among equals. Nothing if that was not asked.
+///
+/// # Panics
+/// If `blocked_by` is not empty and has not one entry per site.
+pub fn add_blocking_parts(findings: &mut Findings, blocked_by: &[Option<ToolPart>]) {
+    if blocked_by.is_empty() {
+        return;
     }
-
-    fn answers(sites: &Sites, inaccessible: impl Fn(&Vec3, &Vec3) -> bool) -> SiteAnswers {
-        let at = sites.points.iter().zip(&sites.normals);
-        SiteAnswers::new(at.map(|(p, n)| inaccessible(p, n)).collect(), vec![])
-    }
-
-    #[test]
-    fn areas_are_those_of_the_faces_and_nothing_is_lost() {
-        let (mesh, sites) = block();
-        let mut answers = answers(&sites, |p, n| n.z < -0.5 || (n.x > 0.5 && p.z > 5.0));
-        let is_dot =
-            |p: &Vec3, n: &Vec3| n.z > 0.5 && p.distance(Vec3::new(20.0, 10.0, 10.0)) < 1.0;
-        answers.tip_does_not_fit =
-            sites.points.iter().zip(&sites.normals).map(|(p, n)| is_dot(p, n)).collect();
-        answers.clearance_mm = (0..sites.len()).map(|i| -(i as f32)).collect();
-        let n_dots = answers.tip_does_not_fit.iter().filter(|tip| **tip).count();
-        assert!((1..MIN_SITES).contains(&n_dots), "{n_dots}");
-        for mesh in [Some(&mesh), None] {
-            let found = Findings::of(&sites, mesh, &answers, &[]).unwrap();
-            assert_eq!(found.list.len(), 2);
-            let [bottom, side] = &found.list[..] else { unreachable!() };
-            assert!((bottom.area_mm2 - 800.0).abs() < 40.0, "{}", bottom.area_mm2);
-            assert!((side.area_mm2 - 100.0).abs() < 15.0, "{}", side.area_mm2);
-            assert!(bottom.normal.distance(DVec3::NEG_Z) < 1e-6 && bottom.at_mm.z == 0.0);
-            assert!(bottom.at_mm.distance(dvec3(20.0, 10.0, 0.0)) < 2.0);
-            assert!(side.low_mm.z > 5.0 && side.high_mm.x == 40.0);
-            assert_eq!(found.scattered.n_sites, n_dots);
-            let listed: f64 = found.list.iter().map(|finding| finding.area_mm2).sum();
-            let share = answers.accessible().iter().filter(|a| !**a).count() as f64 / 2000.0;
-            let total = listed + found.scattered.area_mm2;
-            assert!((total / found.surface_mm2 - share).abs() < 0.03);
-            assert_eq!(found.largest_mm2, bottom.area_mm2);
-            let counted = found.of_site.iter().filter(|number| **number == 1).count();
-            assert_eq!(counted, bottom.n_sites);
-            let last = (0..2000).rev().find(|&i| found.of_site[i] == 1).unwrap();
-            assert_eq!(bottom.worst_clearance_mm, Some(-(last as f32)));
+    assert_eq!(blocked_by.len(), findings.of_site.len(), "one entry per site");
+    let mut counts = vec![[0usize; ToolPart::ALL.len()]; findings.list.len()];
+    for (number, part) in findings.of_site.iter().zip(blocked_by) {
+        if let (1.., Some(part)) = (*number, part) {
+            counts[*number as usize - 1][*part as usize] += 1;
         }
     }
-
-    #[test]
-    fn the_tool_that_reaches_most_of_a_region_helps() {
-        let (mesh, sites) = block();
-        let own = answers(&sites, |_, n| n.z < -0.5);
-        let half: Vec<bool> = sites.points.iter().map(|p| p.x < 10.0).collect();
-        let most: Vec<bool> = sites.points.iter().map(|p| p.x < 30.0).collect();
-        let none = vec![false; sites.len()];
-        let others = [("a", &none[..]), ("b", &half[..]), ("c", &most[..])];
-        let found = Findings::of(&sites, Some(&mesh), &own, &others).unwrap();
-        let help = found.list[0].helps.as_ref().unwrap();
-        assert!(help.tool == "c" && (help.share - 0.75).abs() < 0.03, "{help:?}");
-        let found = Findings::of(&sites, Some(&mesh), &own, &others[..1]).unwrap();
-        assert_eq!(found.list[0].helps, None);
-        let both = for_all_tools([&own, &answers(&sites, |_, n| n.x > 0.5)].into_iter());
-        assert!(both.inaccessible.iter().all(|i| !i) && !both.tip_does_not_fit.contains(&true));
-    }
-
-    #[test]
-    fn files_hold_every_finding_and_numbers_of_wrong_length_are_refused() {
-        let (mesh, sites) = block();
-        let answers =
-            answers(&sites, |p, n| n.z < -0.5 || p.distance(Vec3::new(0.0, 0.0, 10.0)) < 1.2);
-        let mut found = Findings::of(&sites, Some(&mesh), &answers, &[]).unwrap();
-        add_proofs(&mut found, &vec![0.0; sites.len()]);
-        let folder = tempfile::tempdir().unwrap();
-        let paths = found.write(folder.path(), "a,\"b\"", "ball-end").unwrap();
-        let json: Value = serde_json::from_slice(&std::fs::read(&paths[0]).unwrap()).unwrap();
-        assert_eq!(json["format"], "deepmill findings");
-        assert_eq!(json["findings"][0]["finding"], 1);
-        assert_eq!(json["findings"][0]["cause"], "inaccessible");
-        assert_eq!(json["findings"][0]["proven"], 1.0);
-        assert_eq!(json["largest_mm2"], found.largest_mm2);
-        let csv = std::fs::read_to_string(&paths[1]).unwrap();
-        let rows = found.list.len() + usize::from(found.scattered.n_regions > 0);
-        assert_eq!(csv.lines().count(), 1 + rows);
-        assert!(csv.starts_with("finding,cause,area_mm2,"));
-        let short = SiteAnswers::new(vec![true], vec![]);
-        assert!(Findings::of(&sites, None, &short, &[]).is_err());
-    }
-
-    #[test]
-    fn what_is_all_accessible_has_no_findings() {
-        let (mesh, sites) = block();
-        let found = Findings::of(&sites, Some(&mesh), &answers(&sites, |_, _| false), &[]).unwrap();
-        assert!(found.list.is_empty() && found.largest_mm2 == 0.0);
-        assert_eq!(found.scattered, Scattered::default());
-        let none = Findings::of(&Sites::default(), None, &SiteAnswers::default(), &[]).unwrap();
-        assert!(none.list.is_empty());
+    for (finding, counts) in findings.list.iter_mut().zip(counts) {
+        let most = counts.iter().copied().max().unwrap_or(0);
+        let part = ToolPart::ALL.into_iter().find(|part| counts[*part as usize] == most);
+        finding.blocked_by = part.filter(|_| most > 0);
+        finding.blocked_share = finding.blocked_by.map(|_| most as f64 / finding.n_sites as f64);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -14,8 +14,7 @@ use std::path::{Path, PathBuf};
 pub const LABELS: &str = "labels.npz";
 /// See [`LABELS`].
 pub const PREDICTIONS: &str = "predictions.npz";
-/// The surface the sites lie on, mm.
-pub const SURFACE: &str = "part.stl";
+pub use crate::data::files::asked::{FIXTURES, SURFACE};
 
 /// The first tool that reaches each site, beside the folders of several tools.
 pub const FIRST_TOOLS: &str = "tools.ply";
@@ -36,6 +35,16 @@ pub enum Show {
 pub fn write_surface(folder: &Path, mesh: &Mesh) -> Result<PathBuf> {
     let path = folder.join(SURFACE);
     formats::write_stl(&path, mesh)?;
+    Ok(path)
+}
+
+/// Writes `fixtures.stl`: the triangles that block beside the part's.
+///
+/// # Errors
+/// If the system refuses the file.
+pub fn write_fixtures(folder: &Path, fixtures: &Mesh) -> Result<PathBuf> {
+    let path = folder.join(FIXTURES);
+    formats::write_stl(&path, fixtures)?;
     Ok(path)
 }
 

@@ -1,11 +1,12 @@
-//! Limits that a result must keep: `inaccessible>5%`, `tip_does_not_fit>20mm2`.
+//! Limits that a result must keep: `inaccessible>5%`, `tip_does_not_fit>20mm2`, `finding>50mm2`.
 //!
 //! ```text
 //! LIMIT    = QUANTITY ('>' | '<') NUMBER UNIT
-//! QUANTITY = one of the names of QUANTITIES
+//! QUANTITY = one of the names of QUANTITIES, or 'finding': the largest region that is out of reach
 //! UNIT     = '%', a share of the surface | 'mm2' or 'mm²', an area
 //! ```
 
+use super::findings::Findings;
 use crate::answers::SiteAnswers;
 use crate::geom::{Mesh, Sites, spacing};
 use crate::{Error, Result};
@@ -48,10 +49,13 @@ const QUANTITIES: [Quantity; 4] = [
     },
 ];
 
+/// The name of a limit on the largest region that is out of reach.
+const FINDING: &str = "finding";
+
 /// A limit on the area of some quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limit {
-    /// Place in [`QUANTITIES`].
+    /// Place in [`QUANTITIES`]; beyond them: the largest finding.
     quantity: usize,
     is_most: bool,
     bound: Bound,
@@ -79,10 +83,11 @@ impl FromStr for Limit {
         let form = || refuse("QUANTITY>NUMBER% or QUANTITY>NUMBERmm2, or < in place of >".into());
         let at = text.find(['>', '<']).ok_or_else(form)?;
         let (name, rest) = (text[..at].trim(), text[at + 1..].trim());
-        let quantity = QUANTITIES.iter().position(|known| known.name == name).ok_or_else(|| {
-            let names: Vec<&str> = QUANTITIES.iter().map(|quantity| quantity.name).collect();
-            refuse(format!("a quantity of {}", names.join(", ")))
-        })?;
+        let mut names: Vec<&str> = QUANTITIES.iter().map(|quantity| quantity.name).collect();
+        names.push(FINDING);
+        let quantity = names.iter().position(|known| *known == name);
+        let quantity =
+            quantity.ok_or_else(|| refuse(format!("a quantity of {}", names.join(", "))))?;
         let number = |unit: &str| rest.strip_suffix(unit).map(str::trim_end);
         let (number, is_share) = match (number("%"), number("mm2").or(number("mm²"))) {
             (Some(number), _) => (number, true),
@@ -152,7 +157,32 @@ impl SiteAreas {
 impl Limit {
     /// The name of what it limits.
     pub fn quantity(&self) -> &'static str {
-        QUANTITIES[self.quantity].name
+        QUANTITIES.get(self.quantity).map_or(FINDING, |quantity| quantity.name)
+    }
+
+    /// Whether it is about the largest region that is out of reach ([`Limit::broken_by_findings`]).
+    pub fn is_about_findings(&self) -> bool {
+        self.quantity >= QUANTITIES.len()
+    }
+
+    /// Why the largest region breaks the limit; `None` if it keeps it, or the limit is not about regions.
+    pub fn broken_by_findings(&self, findings: &Findings) -> Option<String> {
+        let area = findings.largest_mm2;
+        let share = if area > 0.0 { area / findings.surface_mm2 } else { 0.0 };
+        let (value, bound) = match self.bound {
+            Bound::Share(bound) => (share, bound),
+            Bound::Area(bound) => (area, bound),
+        };
+        let is_broken = if self.is_most { value > bound } else { value < bound };
+        if !self.is_about_findings() || !is_broken {
+            return None;
+        }
+        let n = findings.list.len() + findings.scattered.n_regions;
+        let which = findings.largest.as_ref().map_or("no region is out of reach".into(), |found| {
+            let [x, y, z] = found.at_mm.to_array().map(|x| (1e3 * x).round() / 1e3 + 0.0);
+            format!("the largest of {n} findings, {} at {x}, {y}, {z}, is", found.words())
+        });
+        Some(format!("{which} {area:.1} mm2 ({:.2} %): {self}", 100.0 * share))
     }
 
     /// The error of a limit on what is not answered.
@@ -165,12 +195,13 @@ impl Limit {
     /// Why the answers break the limit; `None` if they keep it.
     ///
     /// # Errors
-    /// If the answers do not say the quantity, or the limit is an area and the sites lie on no mesh.
+    /// If the answers do not say the quantity, the limit is about findings, or the limit is an area and the sites lie on no mesh.
     pub fn broken_by(&self, answers: &SiteAnswers, areas: &SiteAreas) -> Result<Option<String>> {
-        let Quantity { name, is_answered, counts } = &QUANTITIES[self.quantity];
-        if !is_answered(answers) {
+        let quantity = QUANTITIES.get(self.quantity);
+        let quantity = quantity.filter(|quantity| (quantity.is_answered)(answers));
+        let Some(Quantity { name, counts, .. }) = quantity else {
             return Err(self.not_answered());
-        }
+        };
         let share = areas.share(|i| counts(answers, i));
         let (is_more, is_less) = match self.bound {
             Bound::Share(bound) => (share > bound, share < bound),
@@ -229,6 +260,27 @@ mod tests {
         let cloud = SiteAreas { total_mm2: None, ..areas.clone() };
         let error = "inaccessible>5mm2".parse::<Limit>().unwrap().broken_by(&answers, &cloud);
         assert!(error.unwrap_err().to_string().contains("cloud"));
+    }
+
+    #[test]
+    fn the_largest_finding_is_named_with_its_place() {
+        let sites = lattice();
+        let blocked = |p: &Vec3| p.x < 3.5 || (p.x > 7.5 && p.y > 7.5);
+        let answers = SiteAnswers::new(sites.points.iter().map(blocked).collect(), vec![]);
+        let found = Findings::of(&sites, None, &answers, &[]).unwrap();
+        assert_eq!(found.list.len(), 2);
+        let broken = |text: &str| text.parse::<Limit>().unwrap().broken_by_findings(&found);
+        let why = broken("finding > 30 mm2").unwrap();
+        assert!(why.starts_with("the largest of 2 findings, inaccessible at "), "{why}");
+        assert!(why.contains(" mm2 (") && why.ends_with("finding>30mm2"), "{why}");
+        assert!(broken("finding>5%").is_some() && broken("finding<99%").is_some());
+        assert_eq!((broken("finding>60mm2"), broken("finding>60%")), (None, None));
+        assert_eq!(broken("inaccessible>0%"), None);
+        let areas = SiteAreas::of(&sites, None).unwrap();
+        assert!("finding>5%".parse::<Limit>().unwrap().broken_by(&answers, &areas).is_err());
+        let none = SiteAnswers::new(vec![false; 100], vec![]);
+        let none = Findings::of(&sites, None, &none, &[]).unwrap();
+        assert_eq!("finding>0mm2".parse::<Limit>().unwrap().broken_by_findings(&none), None);
     }
 
     #[test]

@@ -3,12 +3,13 @@
 //! A [`PartView`] is what is shown, a [`Coloring`] says in which colors; [`picture`] and [`points`]
 //! take both, [`folder`] writes all files of a report, [`tables`], [`scores`] and [`curves`] show
 //! numbers; [`coverage`] is about several tools at once, [`library`] about all tools of a shop, [`findings`] lists
-//! regions, [`gate`] is about limits that a result must keep, [`page`] is a page with a 3-D view to send.
+//! regions, [`gate`] is about limits that a result must keep, [`explanation`] says why a site can or cannot be reached, [`page`] is a page with a 3-D view to send.
 
 mod camera;
 mod color;
 pub mod coverage;
 pub mod curves;
+pub mod explanation;
 pub mod export;
 pub mod findings;
 pub mod folder;

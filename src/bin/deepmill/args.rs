@@ -187,7 +187,8 @@ fn called(error: Error, option: &'static str) -> Error {
 #[derive(clap::Args)]
 pub struct GateArgs {
     /// Exit with code 3, after everything is written, if an answer breaks this limit: 'inaccessible>5%' (of the surface, of
-    /// any tool), 'tip_does_not_fit>20mm2', 'unreachable>…' (either), 'occlusion>…'; < in place of > for a minimum. May be given again.
+    /// any tool), 'tip_does_not_fit>20mm2', 'unreachable>…' (either), 'occlusion>…', 'finding>50mm2' (the largest
+    /// connected region that is out of reach); < in place of > for a minimum. May be given again.
     #[arg(long, value_name = "LIMIT")]
     fail_if: Vec<String>,
 }

@@ -2,10 +2,13 @@
 
 use crate::output::Output;
 use crate::{progress, report};
-use deepmill::access::surface::SurfaceOptions;
-use deepmill::access::{LabelOptions, Labeler, Obstacles, label};
+use deepmill::access::surface::explain::blocking_parts_among_points;
+use deepmill::access::surface::{RefinementOptions, SurfaceOptions, TriangleObstacles};
+use deepmill::access::{LabelOptions, Labels, Obstacles, label};
 use deepmill::answers::Definition;
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
+use deepmill::data::files::asked::surface_settings;
+use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance, ball_end_words};
 use deepmill::data::{Sample, generated};
 use deepmill::directions::Directions;
@@ -14,7 +17,7 @@ use deepmill::geom::{Mesh, Sites};
 use deepmill::metrics::Confusion;
 use deepmill::model::Model;
 use deepmill::optim::Schedule;
-use deepmill::report::folder::{self, Show};
+use deepmill::report::folder::{self, LABELS, Show};
 use deepmill::report::scores;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::rng::{Purpose, Stream};
@@ -115,7 +118,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     )?);
     paths.push(folder::write_surface(folder, &mesh)?);
     if args.report {
-        paths.push(report::page(Some(&labels), Some(&predictions), Some(&mesh), folder)?);
+        let exact = Some((&labels, &*folder.join(LABELS)));
+        paths.push(report::page(exact, Some(&predictions), Some(&mesh), folder)?);
     }
     output.say(
         "labels.* are the exact answers, predictions.* the network's, difference* where they part;",
@@ -162,21 +166,53 @@ fn exact(
     let sites = sample(mesh, &options)?;
     let sites_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let cutter = Cutter::ball_end(params)?;
-    let directions = directions.clone();
-    let labeler = match definition {
-        Definition::Sites => Labeler::of_sites(directions, LabelOptions::default()),
-        Definition::Part => Labeler::of_part(mesh, &[], directions, SurfaceOptions::default())?,
+    let tool = Tool::new(params, None, 0.0)?;
+    let labels = match definition {
+        Definition::Sites => by_sites(&sites, &tool, directions)?,
+        Definition::Part => by_triangles(mesh, &sites, &tool, directions)?,
     };
-    let labels = labeler.label(&sites, &cutter)?;
     let labels_s = start.elapsed().as_secs_f64();
+    // What `deepmill explain` needs to ask again.
     let settings = json!({
+        "sites": { "sites": N_SITES.to_string(), "seed": SEED },
+        "surface": surface_settings(Some(mesh), None)?,
+        "tool": tool.settings(),
+        "directions": directions.set(),
         "n_directions": N_DIRECTIONS,
-        "seed": SEED,
         "definition": definition.to_string(),
+        "part_itself": (definition == Definition::Part).then(|| json!({
+            "tolerance_mm": null,
+            "search": RefinementOptions::default().n_kept,
+            "prove": false,
+        })),
     });
     let provenance = Provenance::ball_end("demo part", params, settings);
     Ok((LabelFile { provenance, sites, labels }, sites_s, labels_s))
+}
+
+fn by_sites(sites: &Sites, tool: &Tool, directions: &Directions) -> Result<Labels> {
+    let options = LabelOptions::default();
+    let mut labels = label(sites, Obstacles::Queries, &tool.cutter, directions, &options)?;
+    let (held, inaccessible) = ((&tool.assembly, 0.0), &labels.answers.inaccessible);
+    labels.blocked_by =
+        blocking_parts_among_points(sites, Obstacles::Queries, held, directions, inaccessible)?;
+    Ok(labels)
+}
+
+fn by_triangles(
+    mesh: &Mesh,
+    sites: &Sites,
+    tool: &Tool,
+    directions: &Directions,
+) -> Result<Labels> {
+    let options = SurfaceOptions::default();
+    let triangles = TriangleObstacles::new(mesh, &[])?;
+    let mut labels = triangles.label_sites(sites, &tool.cutter, directions, &options)?;
+    if let Some(surface) = &labels.surface {
+        let (held, answered) = ((&tool.assembly, 0.0), (&options, &surface.answers[..]));
+        labels.blocked_by = triangles.blocking_parts(sites, held, directions, answered)?;
+    }
+    Ok(labels)
 }
 
 fn training_samples(directions: &Directions) -> Result<Vec<Sample>> {

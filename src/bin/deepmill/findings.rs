@@ -2,32 +2,53 @@
 
 use crate::output::Output;
 use deepmill::Result;
-use deepmill::answers::SiteAnswers;
+use deepmill::access::Labels;
+use deepmill::access::surface::explain::RegionChange;
+use deepmill::cutter::Assembly;
 use deepmill::geom::{Mesh, Sites};
-use deepmill::report::findings::{Findings, add_proofs};
+use deepmill::report::findings::{Findings, ToolChange, add_blocking_parts, add_proofs};
 
-/// Findings that are printed.
+/// Findings that are printed, and for which a change of the tool is looked for.
 const N_SAID: usize = 6;
 
-/// The findings of every tool; the others are asked whether they help. `open` gives the open directions of a tool's labels.
-pub fn of_tools<'a>(
+/// A change of the tool that reaches less of a region is no help.
+const LEAST_SHARE: f64 = 0.25;
+
+/// The findings of every tool; the others are asked whether they help.
+pub fn of_tools(
     sites: &Sites,
     mesh: Option<&Mesh>,
     names: &[&str],
-    answers: &[&SiteAnswers],
-    open: impl Fn(usize) -> Option<&'a [f32]>,
+    labels: &[&Labels],
 ) -> Result<Vec<Findings>> {
-    let accessible: Vec<Vec<bool>> = answers.iter().map(|answers| answers.accessible()).collect();
+    let accessible: Vec<Vec<bool>> = labels.iter().map(|l| l.answers.accessible()).collect();
     let of = |k: usize| {
         let others = (0..names.len()).filter(|other| *other != k);
         let others: Vec<_> = others.map(|o| (names[o], &accessible[o][..])).collect();
-        let mut found = Findings::of(sites, mesh, answers[k], &others)?;
-        if let Some(open) = open(k) {
-            add_proofs(&mut found, open);
+        let mut found = Findings::of(sites, mesh, &labels[k].answers, &others)?;
+        if let Some(surface) = &labels[k].surface {
+            add_proofs(&mut found, &surface.open_directions);
         }
+        add_blocking_parts(&mut found, &labels[k].blocked_by);
         Ok(found)
     };
     (0..names.len()).map(of).collect()
+}
+
+/// Adds to the largest findings a change of the tool that helps most of the region, if one is found.
+pub fn advise(
+    findings: &mut Findings,
+    tool: &Assembly,
+    change_for: impl Fn(&[u32]) -> Result<Option<RegionChange>>,
+) -> Result<()> {
+    let of_site = &findings.of_site;
+    for (number, finding) in (1..).zip(findings.list.iter_mut().take(N_SAID)) {
+        let all = 0..of_site.len() as u32;
+        let members: Vec<u32> = all.filter(|&i| of_site[i as usize] == number).collect();
+        let found = change_for(&members)?.filter(|found| found.share >= LEAST_SHARE);
+        finding.change = found.map(|found| ToolChange::new(found.change.words(tool), found.share));
+    }
+    Ok(())
 }
 
 /// The largest findings as a table.

@@ -8,10 +8,12 @@ use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
 use crate::{progress, volume};
-use deepmill::access::surface::{SurfaceOptions, Warning};
+use deepmill::access::surface::explain::blocking_parts_among_points;
+use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::Cutter;
+use deepmill::data::files::asked::{joined, surface_settings};
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{LabelFile, Provenance};
 use deepmill::directions::Directions;
@@ -26,7 +28,7 @@ use deepmill::report::folder::{self, Show};
 use deepmill::report::page::{Page, View};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Compute exactly which sites of a part a cutter cannot reach, and which sites are in its way.
@@ -118,36 +120,52 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let more = further_obstacles(args, blocking, mesh.as_ref())?;
     clock.lap("sites_s", "sites");
     let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
-    let (labels, warnings) = match (blocking, &mesh) {
-        (Blocking::Part, Some(mesh)) => {
-            let part = (mesh, &args.read, output);
-            let options = SurfaceOptions {
-                clearance_limit_mm: args.clearance_limit,
-                ..args.surface.options(args.occlusion_share)
-            };
-            args.surface.label(part, &sites, &cutters, &directions, &options)?
+    let options_of_part = SurfaceOptions {
+        clearance_limit_mm: args.clearance_limit,
+        ..args.surface.options(args.occlusion_share)
+    };
+    let part_itself = mesh.as_ref().filter(|_| blocking == Blocking::Part);
+    let fixtures = part_itself.map(|mesh| args.surface.fixtures(mesh, &args.read, output));
+    let fixtures = fixtures.transpose()?.unwrap_or_default();
+    let triangles = part_itself.map(|mesh| TriangleObstacles::new(mesh, &fixtures)).transpose()?;
+    let points = match &more {
+        Some(sites) => Obstacles::QueriesAnd(&sites.points),
+        None => Obstacles::Queries,
+    };
+    let (mut labels, warnings) = match (&triangles, &mesh) {
+        (Some(triangles), Some(mesh)) => {
+            let of = (mesh, triangles);
+            SurfaceArgs::label(of, &sites, &cutters, &directions, &options_of_part)?
         }
         _ => {
             args.surface.warn_unused(output);
-            let obstacles = match &more {
-                Some(sites) => Obstacles::QueriesAnd(&sites.points),
-                None => Obstacles::Queries,
-            };
-            let labels = access::label_many(&sites, obstacles, &cutters, &directions, &options)?;
+            let labels = access::label_many(&sites, points, &cutters, &directions, &options)?;
             (labels, vec![Vec::new(); cutters.len()])
         }
     };
+    let around = (&sites, points, triangles.as_ref());
+    add_blocking_parts(&mut labels, &tools, around, &directions, &options_of_part)?;
     clock.lap("labels_s", "labels");
 
+    let fixtures = joined(&fixtures);
+    let surface = surface_settings(mesh.as_ref(), fixtures.as_ref())?;
+    let (tools, directions) = (&tools[..], &directions);
     let answers =
-        Answers { args, also, blocking, tools: &tools, directions: &directions, mesh, sites };
-    let coverage =
-        args.tools.are_several().then(|| Coverage::of(&tools, &labels, directions.len()));
+        Answers { args, also, blocking, tools, directions, mesh, fixtures, surface, sites };
+    let coverage = args.tools.are_several().then(|| Coverage::of(tools, &labels, directions.len()));
     let mut facts = answers.facts(&labels, coverage.as_ref());
     let named = tools.iter().zip(&labels).map(|(tool, labels)| (&*tool.name, &labels.answers));
     let broken = output.check_limits(&limits, (&answers.sites, answers.mesh.as_ref()), named)?;
     let single = coverage.is_none().then(|| labels[0].clone());
-    let findings = Regions::find(&answers, &labels)?;
+    let mut findings = Regions::find(&answers, &labels)?;
+    if let (Some(triangles), [found], [tool]) = (&triangles, &mut findings.of_tools[..], tools) {
+        let held = (&tool.assembly, tool.clearance_mm);
+        findings::advise(found, held.0, |members| {
+            let of = (&answers.sites, members);
+            triangles.change_for(of, held, directions, &options_of_part)
+        })?;
+    }
+    clock.lap("findings_s", "findings");
     let paths = answers.write(labels, &warnings, coverage.as_ref(), &findings)?;
     clock.lap("write_s", "writing and drawing");
 
@@ -184,6 +202,30 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     Ok(())
 }
 
+/// Adds which part of its tool keeps it from every site.
+fn add_blocking_parts(
+    labels: &mut [Labels],
+    tools: &[Tool],
+    (sites, points, triangles): (&Sites, Obstacles, Option<&TriangleObstacles>),
+    directions: &Directions,
+    options: &SurfaceOptions,
+) -> Result<()> {
+    for (tool, labels) in tools.iter().zip(labels) {
+        let held = (&tool.assembly, tool.clearance_mm);
+        labels.blocked_by = match (triangles, &labels.surface) {
+            (Some(triangles), Some(surface)) => {
+                let answered = (options, &surface.answers[..]);
+                triangles.blocking_parts(sites, held, directions, answered)?
+            }
+            _ => {
+                let inaccessible = &labels.answers.inaccessible;
+                blocking_parts_among_points(sites, points, held, directions, inaccessible)?
+            }
+        };
+    }
+    Ok(())
+}
+
 /// Points of the surface beside the sites, from another stream of the same seed.
 fn further_obstacles(
     args: &Args,
@@ -204,6 +246,10 @@ struct Answers<'a> {
     tools: &'a [Tool],
     directions: &'a Directions,
     mesh: Option<Mesh>,
+    /// Fixtures and table.
+    fixtures: Option<Mesh>,
+    /// What the files say of both.
+    surface: Value,
     sites: Sites,
 }
 
@@ -290,6 +336,9 @@ impl Answers<'_> {
         if let Some(mesh) = mesh {
             paths.push(folder::write_surface(&args.out, mesh)?);
         }
+        if let Some(fixtures) = &self.fixtures {
+            paths.push(folder::write_fixtures(&args.out, fixtures)?);
+        }
         Ok(paths)
     }
 
@@ -302,6 +351,7 @@ impl Answers<'_> {
         let Answers { args, directions, .. } = self;
         let settings = json!({
             "sites": args.sites.settings(self.mesh.is_some()),
+            "surface": self.surface,
             "tool": tool.settings(),
             "directions": directions.set(),
             "n_directions": directions.len(),
@@ -339,10 +389,8 @@ impl Regions {
     fn find(about: &Answers, labels: &[Labels]) -> Result<Self> {
         let answers: Vec<&SiteAnswers> = labels.iter().map(|labels| &labels.answers).collect();
         let names: Vec<&str> = about.tools.iter().map(|tool| &*tool.name).collect();
-        let of_tools =
-            findings::of_tools(&about.sites, about.mesh.as_ref(), &names, &answers, |k| {
-                labels[k].surface.as_ref().map(|surface| &surface.open_directions[..])
-            })?;
+        let all: Vec<&Labels> = labels.iter().collect();
+        let of_tools = findings::of_tools(&about.sites, about.mesh.as_ref(), &names, &all)?;
         let all = |answers| Findings::of(&about.sites, about.mesh.as_ref(), &answers, &[]);
         let of_all = (labels.len() > 1).then(|| all(for_all_tools(answers.into_iter())));
         Ok(Regions { of_tools, of_all: of_all.transpose()? })

@@ -8,6 +8,7 @@ mod dataset;
 mod demo;
 mod density;
 mod eval;
+mod explain;
 mod findings;
 mod generate;
 mod gradcheck;
@@ -63,6 +64,7 @@ enum Command {
     Eval(eval::Args),
     Predict(predict::Args),
     Report(report::Args),
+    Explain(explain::Args),
     Weights(weights::Args),
 }
 
@@ -87,6 +89,7 @@ fn main() -> ExitCode {
             Some(Command::Eval(args)) => eval::run(args, &output),
             Some(Command::Predict(args)) => predict::run(args, &output),
             Some(Command::Report(args)) => report::run(args, &output),
+            Some(Command::Explain(args)) => explain::run(args, &output),
             Some(Command::Weights(args)) => weights::run(args, &output),
         }
     };

@@ -2,6 +2,7 @@
 
 use deepmill::answers::SiteAnswers;
 use deepmill::geom::{Mesh, Sites};
+use deepmill::report::findings::Findings;
 use deepmill::report::gate::{Limit, SiteAreas};
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
@@ -62,13 +63,20 @@ impl Output {
         if limits.is_empty() {
             return Ok(Value::Null);
         }
+        let (about_findings, others): (Vec<&Limit>, Vec<&Limit>) =
+            limits.iter().partition(|limit| limit.is_about_findings());
         let areas = SiteAreas::of(sites, mesh)?;
         let mut broken = self.broken.lock().unwrap_or_else(PoisonError::into_inner);
         for (tool, answers) in answers {
-            for limit in limits {
+            for limit in &others {
                 if let Some(why) = limit.broken_by(answers, &areas)? {
                     broken.push(format!("{tool}: {why}"));
                 }
+            }
+            if !about_findings.is_empty() {
+                let findings = Findings::of(sites, mesh, answers, &[])?;
+                let why = about_findings.iter().filter_map(|l| l.broken_by_findings(&findings));
+                broken.extend(why.map(|why| format!("{tool}: {why}")));
             }
         }
         Ok(json!(*broken))

@@ -95,6 +95,11 @@ impl SurfaceArgs {
         read: &MeshArgs,
         output: &Output,
     ) -> Result<TriangleObstacles> {
+        TriangleObstacles::new(mesh, &self.fixtures(mesh, read, output)?)
+    }
+
+    /// What blocks beside the part: fixtures and the table.
+    pub fn fixtures(&self, mesh: &Mesh, read: &MeshArgs, output: &Output) -> Result<Vec<Mesh>> {
         let mut fixtures = Vec::new();
         for path in &self.fixture {
             let (fixture, _) = read.read_mesh(path, output)?;
@@ -111,7 +116,7 @@ impl SurfaceArgs {
                 ));
             }
         }
-        TriangleObstacles::new(mesh, &fixtures)
+        Ok(fixtures)
     }
 
     /// The options that these arguments make.
@@ -132,15 +137,12 @@ impl SurfaceArgs {
 
     /// Labels for every cutter, and warnings about them.
     pub fn label(
-        &self,
-        part: (&Mesh, &MeshArgs, &Output),
+        (mesh, obstacles): (&Mesh, &TriangleObstacles),
         sites: &Sites,
         cutters: &[Cutter],
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<(Vec<Labels>, Vec<Vec<Warning>>)> {
-        let (mesh, read, output) = part;
-        let obstacles = self.obstacles(mesh, read, output)?;
         let label = |cutter| {
             let labels = obstacles.label_sites(sites, cutter, directions, options)?;
             let surface = labels.surface.as_ref().expect("labels about the part itself");

@@ -4,6 +4,7 @@ use crate::findings;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::answers::SiteAnswers;
+use deepmill::data::files::asked::Asked;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
 use deepmill::geom::Mesh;
 use deepmill::metrics::Confusion;
@@ -76,26 +77,30 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         output.say(table.text());
         result["scores"] = table.json();
     }
-    paths.push(page(labels.as_ref(), predictions.as_ref(), mesh.as_ref(), out)?);
+    let labels = labels.as_ref().zip(found.labels.as_deref());
+    paths.push(page(labels, predictions.as_ref(), mesh.as_ref(), out)?);
     output.files(&paths);
     output.result_with_files(result, &paths);
     Ok(())
 }
 
-/// The page of exact answers, predictions, or both about the same sites and their differences.
+/// The page of exact answers, read from or written to a file, predictions, or both about the same sites and their differences.
 pub fn page(
-    labels: Option<&LabelFile>,
+    labels: Option<(&LabelFile, &Path)>,
     predictions: Option<&PredictionFile>,
     mesh: Option<&Mesh>,
     folder: &Path,
 ) -> Result<PathBuf> {
     let mut views = Vec::new();
-    if let Some(file) = labels {
-        let open = |_| file.labels.surface.as_ref().map(|surface| &surface.open_directions[..]);
-        let answers = [&file.labels.answers];
-        let found = findings::of_tools(&file.sites, mesh, &[""], &answers, open)?;
+    if let Some((file, path)) = labels {
+        let mut found = findings::of_tools(&file.sites, mesh, &[""], &[&file.labels])?;
+        // Files of older versions do not say enough to look for a change of the tool.
+        if let (Ok(asked), [found]) = (Asked::read(path, None), &mut found[..]) {
+            findings::advise(found, &asked.tool.assembly, |members| asked.change_for(members))?;
+        }
         views.extend(found.into_iter().map(|found| View::of_labels("exact", file, found)));
     }
+    let labels = labels.map(|(file, _)| file);
     if let Some(file) = predictions {
         let found = Findings::of(&file.sites, mesh, &file.prediction.answers(), &[])?;
         views.push(View::of_predictions(file, found));
@@ -129,9 +134,8 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     let mesh = found.mesh(args, output)?;
     let answers: Vec<&SiteAnswers> = files.iter().map(|file| &file.labels.answers).collect();
     let tools: Vec<&str> = names.iter().map(String::as_str).collect();
-    let of_tools = findings::of_tools(sites, mesh.as_ref(), &tools, &answers, |k| {
-        files[k].labels.surface.as_ref().map(|surface| &surface.open_directions[..])
-    })?;
+    let labels: Vec<_> = files.iter().map(|file| &file.labels).collect();
+    let of_tools = findings::of_tools(sites, mesh.as_ref(), &tools, &labels)?;
     let accessible: Vec<Vec<bool>> = answers.iter().map(|answers| answers.accessible()).collect();
     let first = |i: usize| accessible.iter().position(|accessible| accessible[i]);
     let first: Vec<Option<usize>> = (0..sites.len()).map(first).collect();

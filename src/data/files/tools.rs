@@ -26,7 +26,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 pub use holder::{Holder, read_holder};
-pub use table::steps_words;
+pub use table::{steps_of_words, steps_words};
 
 /// A checked cutter and the numbers it was ordered with.
 #[derive(Debug, Clone, PartialEq)]
@@ -183,7 +183,7 @@ fn is_forbidden(c: char) -> bool {
 }
 
 fn is_taken(name: &str) -> bool {
-    let files = ["part.stl", "report.html"];
+    let files = ["part.stl", "fixtures.stl", "report.html"];
     let starts = ["tools.", "findings.", "stick-out."];
     files.iter().any(|file| name.eq_ignore_ascii_case(file))
         || starts.iter().any(|start| starts_with_ignoring_case(name, start))

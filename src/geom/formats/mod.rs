@@ -228,6 +228,17 @@ pub fn write_stl(path: &Path, mesh: &Mesh) -> Result<()> {
     atomic_file::write_atomic(path, |writer| stl::write(writer, mesh))
 }
 
+/// The bytes that [`write_stl`] writes.
+///
+/// # Errors
+/// If the mesh has more triangles than the format can count.
+pub fn stl_bytes(mesh: &Mesh) -> Result<Vec<u8>> {
+    stl::check_count(mesh)?;
+    let mut bytes = Vec::new();
+    stl::write(&mut bytes, mesh).map_err(|e| Error::write("memory", e))?;
+    Ok(bytes)
+}
+
 fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     let size = std::fs::metadata(path).map_err(|e| Error::read(path, e))?.len();
     if size > MAX_FILE_BYTES {

@@ -1,6 +1,7 @@
 //! The markup of a page. Every string of the user goes through [`text`].
 
 use super::{Page, View};
+use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
 use crate::report::findings::Findings;
 use serde_json::Value;
@@ -189,6 +190,9 @@ fn list(findings: &Findings) -> String {
         // To a tenth, and never minus zero.
         let [x, y, z] = f.at_mm.to_array().map(|x| (10.0 * x).round() / 10.0 + 0.0);
         let mut cause = f.words().to_string();
+        if let Some(part) = f.blocked_by.filter(|part| *part != ToolPart::Tip) {
+            let _ = write!(cause, ", by the {part}");
+        }
         if f.proven == Some(1.0) {
             cause.push_str(", proven");
         }
@@ -197,7 +201,8 @@ fn list(findings: &Findings) -> String {
         }
         let _ = write!(
             out,
-            "<tr data-finding=\"{number_of}\" tabindex=\"0\"><td>{number_of}</td><td>{cause}</td><td class=\"n\">{} mm²</td><td class=\"n\">{}</td><td class=\"p\">{x:.1}, {y:.1}, {z:.1}</td>",
+            "<tr data-finding=\"{number_of}\" tabindex=\"0\"{}><td>{number_of}</td><td>{cause}</td><td class=\"n\">{} mm²</td><td class=\"n\">{}</td><td class=\"p\">{x:.1}, {y:.1}, {z:.1}</td>",
+            if f.change.is_some() { " class=\"more\"" } else { "" },
             number(f.area_mm2),
             percent(f.area_share, 1.0),
         );
@@ -208,6 +213,15 @@ fn list(findings: &Findings) -> String {
             let _ = write!(out, "<td class=\"w\">{help}</td>");
         }
         out.push_str("</tr>");
+        if let Some(change) = &f.change {
+            let _ = write!(
+                out,
+                "<tr class=\"helps\"><td></td><td colspan=\"{}\">{}: reaches {} of it</td></tr>",
+                if has_help { 5 } else { 4 },
+                text(&change.words),
+                percent(change.share, 1.0),
+            );
+        }
     }
     let more = findings.list.len().saturating_sub(N_LISTED);
     if more > 0 {

@@ -33,6 +33,16 @@ pub fn steps_words(steps: &[Step]) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
+/// The steps that [`steps_words`] has written; `None` if it has not.
+pub fn steps_of_words(words: &str) -> Option<Vec<Step>> {
+    let step = |word: &str| {
+        let (height, radius) = word.split_once(':')?;
+        Some(Step { height_mm: height.parse().ok()?, radius_mm: radius.parse().ok()? })
+    };
+    let steps: Option<Vec<Step>> = words.split_whitespace().map(step).collect();
+    steps.filter(|steps| !steps.is_empty())
+}
+
 fn is_passed_over(line: &str) -> bool {
     line.trim().is_empty() || line.starts_with('#')
 }
@@ -167,12 +177,7 @@ impl TableText<'_> {
 
     /// Steps as [`steps_words`] writes them.
     fn steps(&self, line: usize, column: usize, field: &str) -> Result<Vec<Step>> {
-        let step = |word: &str| {
-            let (height, radius) = word.split_once(':')?;
-            Some(Step { height_mm: height.parse().ok()?, radius_mm: radius.parse().ok()? })
-        };
-        let steps: Option<Vec<Step>> = field.split_whitespace().map(step).collect();
-        steps.filter(|steps| !steps.is_empty()).ok_or_else(|| {
+        steps_of_words(field).ok_or_else(|| {
             let found = format!("{} is {}", COLUMNS[column], shown(field));
             self.at(line, found, "write height:radius of every step in mm, with blanks between")
         })

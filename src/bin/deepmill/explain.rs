@@ -1,0 +1,112 @@
+//! `deepmill explain`: why a site of a result can or cannot be reached, and what would help.
+
+use crate::mesh_args::MeshArgs;
+use crate::output::Output;
+use deepmill::data::files::asked::Asked;
+use deepmill::report::coverage::{TOOLS, tool_names};
+use deepmill::report::explanation::{About, picture};
+use deepmill::report::folder::LABELS;
+use deepmill::{Error, Result, atomic_file};
+use glam::DVec3;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Say why a site can or cannot be reached: a direction in which the tool may stand there, or what blocks by direction, by how much, and
+/// the least change of the tool that helps.
+///
+/// RESULT holds the question: part, obstacles, tool, directions, tolerance. Writes a section through tool and part to RESULT/site-N.png.
+#[derive(clap::Args)]
+#[command(after_help = "Example: deepmill explain labels --at 12.5,30,4\n\
+The row of a finding's site: deepmill explain labels --site 512 --json")]
+pub struct Args {
+    /// Folder that `label` has written (of several tools, the folder of one), or its labels.npz.
+    result: PathBuf,
+    /// Row of the site, from 0 on.
+    #[arg(long, value_name = "N", required_unless_present = "at", conflicts_with = "at")]
+    site: Option<usize>,
+    /// The site nearest to this place, mm.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    at: Option<String>,
+    /// The part's mesh, if the folder holds no part.stl.
+    #[arg(long, value_name = "FILE")]
+    part: Option<PathBuf>,
+    #[command(flatten)]
+    read: MeshArgs,
+    /// File of the picture; without it site-N.png beside the labels.
+    #[arg(long, value_name = "FILE", conflicts_with = "no_picture")]
+    picture: Option<PathBuf>,
+    /// Draw no picture.
+    #[arg(long)]
+    no_picture: bool,
+}
+
+pub fn run(args: &Args, output: &Output) -> Result<()> {
+    let at = args.at.as_deref().map(place).transpose()?;
+    let labels = labels_file(&args.result)?;
+    if let Some(path) = &args.picture {
+        atomic_file::check_writable_file(path)?;
+    }
+    let mesh = args.part.as_ref().map(|path| args.read.read_mesh(path, output));
+    let asked = Asked::read(&labels, mesh.transpose()?.map(|(mesh, _)| mesh))?;
+    let (site, distance) = match at {
+        Some(at) => asked.nearest_site(at)?,
+        None => (args.site.unwrap_or_default(), 0.0),
+    };
+    let why = asked.explain(site)?;
+    let about = About { asked: &asked, site, why: &why };
+    let mut facts = about.facts();
+    let mut result = about.json();
+    if at.is_some() {
+        facts.add(
+            "distance_mm",
+            "from the place given",
+            deepmill::report::tables::Cell::Millimeters(distance),
+        );
+        result["distance_mm"] = json!(distance);
+    }
+    output.say(facts.text());
+    output.say(about.table().text());
+    about.sentences().iter().for_each(|line| output.say(line));
+    let mut paths = Vec::new();
+    if !args.no_picture {
+        let beside = labels.parent().unwrap_or(Path::new("")).join(format!("site-{site}.png"));
+        let path = args.picture.clone().unwrap_or(beside);
+        picture(&about).write_png(&path)?;
+        paths.push(path);
+    }
+    output.files(&paths);
+    output.result_with_files(result, &paths);
+    Ok(())
+}
+
+/// The file of labels that is meant.
+fn labels_file(result: &Path) -> Result<PathBuf> {
+    if !result.is_dir() {
+        return Ok(result.into());
+    }
+    let file = result.join(LABELS);
+    if file.is_file() {
+        return Ok(file);
+    }
+    let (found, remedy) = match result.join(TOOLS).is_file() {
+        true => {
+            let names = tool_names(result)?.join(", ");
+            let remedy = format!("name the folder of one of its tools: {names}");
+            ("it is the folder of several tools".to_string(), remedy)
+        }
+        false => {
+            let remedy = "name a folder that `deepmill label` has written".to_string();
+            (format!("it holds no {LABELS}"), remedy)
+        }
+    };
+    Err(Error::file(result, "folder", found, remedy))
+}
+
+fn place(text: &str) -> Result<DVec3> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
+    let three = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
+    three.map(DVec3::from_array).filter(|p| p.is_finite()).ok_or_else(|| {
+        let remedy = "write for example 12.5,30,4";
+        Error::argument("--at", format!("`{text}`"), "three coordinates in mm: X,Y,Z", remedy)
+    })
+}

@@ -1,0 +1,340 @@
+//! What a file of labels was asked: part, obstacles, tool, directions and tolerance, ready to be asked again about one site.
+//!
+//! `label` writes the surface beside its labels ([`SURFACE`], and [`FIXTURES`] if there are any) and their SHA-256 into `settings.surface`, so that a
+//! folder that was moved or changed is known as such.
+
+use super::tools::{Tool, steps_of_words};
+use super::{LabelFile, Provenance};
+use crate::access::surface::explain::{Explanation, Question, RegionChange, explain_among_points};
+use crate::access::surface::{
+    ContactTolerance, RefinementOptions, SurfaceOptions, TriangleObstacles,
+};
+use crate::answers::Definition;
+use crate::cutter::Assembly;
+use crate::directions::{DirectionSet, Directions};
+use crate::geom::formats::{self, ReadOptions};
+use crate::geom::sites::{self, SiteOptions};
+use crate::geom::{Mesh, Sites};
+use crate::{Error, Result};
+use glam::{DVec3, Vec3};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// The surface that the sites lie on, mm, beside the labels or, of several tools, in the folder above.
+pub const SURFACE: &str = "part.stl";
+/// Triangles that block beside the part's: fixtures and table, as they were used.
+pub const FIXTURES: &str = "fixtures.stl";
+
+/// What `settings.surface` of a label file holds.
+///
+/// # Errors
+/// If a mesh has more triangles than an STL file can count.
+pub fn surface_settings(mesh: Option<&Mesh>, fixtures: Option<&Mesh>) -> Result<Value> {
+    let hash = |mesh: Option<&Mesh>| mesh.map(hash_of).transpose();
+    Ok(json!({ "sha256": hash(mesh)?, "fixtures_sha256": hash(fixtures)? }))
+}
+
+/// All triangles of some meshes as one mesh; `None` if there are none.
+pub fn joined(meshes: &[Mesh]) -> Option<Mesh> {
+    let mut all = Mesh::default();
+    for mesh in meshes {
+        let first = all.vertices.len() as u32;
+        all.vertices.extend(&mesh.vertices);
+        all.triangles.extend(mesh.triangles.iter().map(|t| t.map(|v| v + first)));
+    }
+    (!all.triangles.is_empty()).then_some(all)
+}
+
+fn hash_of(mesh: &Mesh) -> Result<String> {
+    Ok(hex(&formats::stl_bytes(mesh)?))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    hmac_sha256::Hash::hash(bytes).iter().map(|b| format!("{b:02x}")).collect()
+}
+
+/// Labels, and everything that they rest on.
+#[derive(Debug)]
+pub struct Asked {
+    /// The labels.
+    pub file: LabelFile,
+    /// By which definition they are.
+    pub definition: Definition,
+    /// The tool.
+    pub tool: Tool,
+    /// The directions asked about.
+    pub directions: Directions,
+    /// Tolerance and search, for triangles.
+    pub options: SurfaceOptions,
+    /// The surface; none for a cloud.
+    pub mesh: Option<Mesh>,
+    /// Fixtures and table.
+    pub fixtures: Option<Mesh>,
+    barrier: Barrier,
+}
+
+#[derive(Debug)]
+enum Barrier {
+    Triangles(TriangleObstacles),
+    /// The sites, then further points of the surface.
+    Points(Vec<Vec3>),
+}
+
+impl Asked {
+    /// Reads `labels.npz` and what lies beside it; `mesh` is the surface, if it is not taken from there.
+    ///
+    /// # Errors
+    /// If a file is not what `label` writes, the surface is missing or another one, or the labels are of a version that did not state what is
+    /// needed; the message says what to do.
+    pub fn read(labels: &Path, mesh: Option<Mesh>) -> Result<Self> {
+        let file = LabelFile::read(labels)?;
+        let stated = Stated { path: labels, provenance: &file.provenance };
+        let (definition, tool, directions) =
+            (stated.definition()?, stated.tool()?, stated.directions()?);
+        let part_itself = definition == Definition::Part;
+        let options = if part_itself { stated.options()? } else { SurfaceOptions::default() };
+        let mesh = stated.mesh(mesh, !file.sites.faces.is_empty() || part_itself)?;
+        let n_triangles = mesh.as_ref().map_or(0, |mesh| mesh.triangles.len());
+        if let Some(face) = file.sites.faces.iter().find(|face| **face as usize >= n_triangles) {
+            let found = format!("a site is on triangle {face} of {n_triangles}");
+            return Err(stated.fault("faces", found, LABEL_AGAIN));
+        }
+        let fixtures = if part_itself { stated.fixtures()? } else { None };
+        let barrier = match (&mesh, part_itself) {
+            (Some(mesh), true) => {
+                let fixtures: Vec<Mesh> = fixtures.iter().cloned().collect();
+                Barrier::Triangles(TriangleObstacles::new(mesh, &fixtures)?)
+            }
+            _ => {
+                let more = stated.further_points(mesh.as_ref())?;
+                Barrier::Points(file.sites.points.iter().copied().chain(more).collect())
+            }
+        };
+        file.sites.check()?;
+        Ok(Asked { definition, tool, directions, options, mesh, fixtures, barrier, file })
+    }
+
+    /// The site nearest to a place, and its distance, mm; the first among equals.
+    ///
+    /// # Errors
+    /// If the place is not finite, or there are no sites.
+    pub fn nearest_site(&self, at: DVec3) -> Result<(usize, f64)> {
+        let distance = |i: usize| self.file.sites.points[i].as_dvec3().distance(at);
+        let all = (0..self.file.sites.len()).map(|i| (i, distance(i)));
+        let nearest = all.reduce(|best, next| if next.1 < best.1 { next } else { best });
+        nearest.filter(|(_, distance)| distance.is_finite()).ok_or_else(|| {
+            let remedy = "give a place of the part in mm";
+            Error::argument("--at", at, "three finite coordinates, of a part with sites", remedy)
+        })
+    }
+
+    /// Why a site can or cannot be reached.
+    ///
+    /// # Errors
+    /// If there is no such site, or as [`TriangleObstacles::explain`].
+    pub fn explain(&self, site: usize) -> Result<Explanation> {
+        let n = self.file.sites.len();
+        if site >= n {
+            let expected = format!("below {n}, the number of sites");
+            return Err(Error::argument("--site", site, expected, "rows count from 0"));
+        }
+        let Sites { points, normals, .. } = &self.file.sites;
+        let question = Question {
+            site: points[site],
+            normal: normals[site],
+            tool: &self.tool.assembly,
+            clearance_mm: self.tool.clearance_mm,
+            directions: &self.directions,
+            options: &self.options,
+            witness: self.witness(site),
+        };
+        match &self.barrier {
+            Barrier::Triangles(triangles) => triangles.explain(&question),
+            Barrier::Points(points) => explain_among_points(points, Some(site), &question),
+        }
+    }
+
+    /// The change of the tool that helps most of these sites; none is looked for where points are the obstacles.
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::change_for`].
+    ///
+    /// # Panics
+    /// If a member is no site.
+    pub fn change_for(&self, members: &[u32]) -> Result<Option<RegionChange>> {
+        let Barrier::Triangles(triangles) = &self.barrier else { return Ok(None) };
+        let held = (&self.tool.assembly, self.tool.clearance_mm);
+        triangles.change_for((&self.file.sites, members), held, &self.directions, &self.options)
+    }
+
+    /// The direction in which the file says that the tool may stand at a site.
+    pub fn witness(&self, site: usize) -> Option<Vec3> {
+        let labels = &self.file.labels;
+        let of_set = |k: &u32| self.directions.vectors().get(*k as usize).copied();
+        match &labels.surface {
+            Some(surface) => surface.witness.get(site).copied().flatten(),
+            None => labels.witness.get(site).and_then(|k| k.as_ref()).and_then(of_set),
+        }
+    }
+
+    /// Number of triangles of the part; beyond these are the fixtures'.
+    pub fn n_triangles(&self) -> usize {
+        self.mesh.as_ref().map_or(0, |mesh| mesh.triangles.len())
+    }
+}
+
+const LABEL_AGAIN: &str = "label the part again with this version";
+
+/// The settings of a file.
+struct Stated<'a> {
+    path: &'a Path,
+    provenance: &'a Provenance,
+}
+
+impl Stated<'_> {
+    fn fault(&self, place: &str, found: impl Into<String>, remedy: &str) -> Error {
+        Error::file(self.path, place, found, remedy)
+    }
+
+    fn settings(&self) -> &Value {
+        &self.provenance.settings
+    }
+
+    fn definition(&self) -> Result<Definition> {
+        let stated = self.settings()["definition"].as_str().unwrap_or_default();
+        let known = [Definition::Part, Definition::Sites];
+        known.into_iter().find(|known| known.to_string() == stated).ok_or_else(|| {
+            let found = format!("the definition is `{stated}`");
+            self.fault("settings.definition", found, LABEL_AGAIN)
+        })
+    }
+
+    fn directions(&self) -> Result<Directions> {
+        let set: DirectionSet = serde_json::from_value(self.settings()["directions"].clone())
+            .map_err(|e| {
+                let found = format!("no set of directions ({e})");
+                self.fault("settings.directions", found, LABEL_AGAIN)
+            })?;
+        Directions::new(set)
+    }
+
+    fn number(&self, of: &Value, key: &str) -> Result<f64> {
+        of[key].as_f64().ok_or_else(|| {
+            self.fault(&format!("settings.tool.{key}"), "it is no number", LABEL_AGAIN)
+        })
+    }
+
+    fn tool(&self) -> Result<Tool> {
+        let stated = &self.settings()["tool"];
+        let corner_mm = self.number(stated, "corner_mm")?;
+        let clearance_mm = self.number(stated, "clearance_mm")?;
+        if stated.get("body").is_none() {
+            return Tool::new(self.provenance.cutter, Some(corner_mm), clearance_mm);
+        }
+        let steps = |key: &str| {
+            steps_of_words(stated[key].as_str().unwrap_or_default())
+                .ok_or_else(|| self.fault(&format!("settings.tool.{key}"), "no steps", LABEL_AGAIN))
+        };
+        let end = [corner_mm, self.number(stated, "side_mm")?];
+        let stick_out_mm = self.number(stated, "stick_out_mm")?;
+        let assembly = Assembly::from_steps(end, steps("body")?, steps("holder")?, stick_out_mm)?;
+        Tool::of_assembly("tool", assembly, clearance_mm, self.provenance.tool.clone())
+    }
+
+    fn options(&self) -> Result<SurfaceOptions> {
+        let stated = &self.settings()["part_itself"];
+        let Some(n_kept) = stated["search"].as_u64() else {
+            let found = "it does not say how the directions between were searched";
+            return Err(self.fault("settings.part_itself", found, LABEL_AGAIN));
+        };
+        let refinement = match stated["prove"].as_bool() {
+            Some(true) => RefinementOptions::proving(),
+            _ => {
+                let n_kept = (n_kept as usize).min(RefinementOptions::proving().n_kept);
+                RefinementOptions { n_kept, ..RefinementOptions::default() }
+            }
+        };
+        Ok(SurfaceOptions {
+            tolerance: stated["tolerance_mm"]
+                .as_f64()
+                .map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters),
+            refinement: (n_kept > 0).then_some(refinement),
+            ..SurfaceOptions::default()
+        })
+    }
+
+    /// A file beside the labels, or above them.
+    fn beside(&self, name: &str) -> Option<PathBuf> {
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        [folder.join(name), folder.join("..").join(name)].into_iter().find(|path| path.is_file())
+    }
+
+    fn mesh(&self, given: Option<Mesh>, is_needed: bool) -> Result<Option<Mesh>> {
+        let stated = self.settings()["surface"]["sha256"].as_str();
+        if let Some(mesh) = given {
+            let remedy = "name the mesh that was labeled, with the same options";
+            return match stated {
+                Some(hash) if hash_of(&mesh)? != hash => {
+                    Err(self.fault("settings.surface", "the part given is another one", remedy))
+                }
+                _ => Ok(Some(mesh)),
+            };
+        }
+        if !is_needed {
+            return Ok(None);
+        }
+        let Some(hash) = stated else {
+            let found = "it does not say which surface the labels are about";
+            let remedy = "label the part again with this version, or name its mesh (--part FILE)";
+            return Err(self.fault("settings.surface", found, remedy));
+        };
+        self.read_stated(SURFACE, hash).map(Some)
+    }
+
+    fn fixtures(&self) -> Result<Option<Mesh>> {
+        let stated = self.settings();
+        if let Some(hash) = stated["surface"]["fixtures_sha256"].as_str() {
+            return self.read_stated(FIXTURES, hash).map(Some);
+        }
+        let has_fixtures =
+            stated["part_itself"]["fixtures"].as_array().is_some_and(|f| !f.is_empty());
+        match has_fixtures || stated["part_itself"]["table_z_mm"].is_number() {
+            false => Ok(None),
+            true => {
+                let found = "fixtures or a table blocked, and their triangles are not kept";
+                Err(self.fault("settings.part_itself", found, LABEL_AGAIN))
+            }
+        }
+    }
+
+    fn read_stated(&self, name: &str, hash: &str) -> Result<Mesh> {
+        let Some(path) = self.beside(name) else {
+            let found = format!("there is no {name} beside it");
+            let remedy = match name == SURFACE {
+                true => "keep the folder whole, or name the part's mesh (--part FILE)",
+                false => "keep the folder whole, or label the part again",
+            };
+            return Err(self.fault("folder", found, remedy));
+        };
+        let bytes = std::fs::read(&path).map_err(|e| Error::read(&path, e))?;
+        if hex(&bytes) != hash {
+            let found = format!("it is not the surface of {}", self.path.display());
+            let remedy = "label the part again, or restore the file";
+            return Err(Error::file(&path, "SHA-256", found, remedy));
+        }
+        formats::read_mesh(&path, &ReadOptions::default())
+    }
+
+    /// What `--obstacles COUNT` adds to the sites.
+    fn further_points(&self, mesh: Option<&Mesh>) -> Result<Vec<Vec3>> {
+        let stated = self.settings();
+        let count = stated["obstacles"].as_str().and_then(|count| count.parse::<usize>().ok());
+        let (Some(n_sites), Some(mesh)) = (count, mesh) else { return Ok(Vec::new()) };
+        let Some(seed) = stated["sites"]["seed"].as_u64() else {
+            return Err(self.fault("settings.sites.seed", "it is missing", LABEL_AGAIN));
+        };
+        let seed = seed.wrapping_add(1);
+        let options = SiteOptions { n_sites, seed, ..SiteOptions::default() };
+        Ok(sites::sample(mesh, &options)?.points)
+    }
+}

@@ -1,0 +1,280 @@
+//! Why a site can or cannot be reached, in words, as JSON and as a picture.
+
+mod picture;
+
+pub use picture::picture;
+
+use super::tables::{Cell, Facts, Table};
+use crate::access::surface::SiteAnswer;
+use crate::access::surface::explain::{Change, ChangeKind, DirectionState, Explanation};
+use crate::answers::Definition;
+use crate::cutter::ToolPart;
+use crate::data::files::asked::Asked;
+use crate::data::files::tools::steps_words;
+use glam::{DVec3, Vec3};
+use serde_json::{Value, json};
+
+/// What is said about one site.
+#[derive(Debug, Clone, Copy)]
+pub struct About<'a> {
+    /// Labels and what they rest on.
+    pub asked: &'a Asked,
+    /// Row of the site.
+    pub site: usize,
+    /// The explanation of it.
+    pub why: &'a Explanation,
+}
+
+/// The answer in words.
+pub fn answer_words(answer: SiteAnswer) -> &'static str {
+    match answer {
+        SiteAnswer::Accessible => "accessible",
+        SiteAnswer::Inaccessible => "inaccessible",
+        SiteAnswer::TipDoesNotFit => "tip does not fit",
+    }
+}
+
+impl About<'_> {
+    /// What the file of labels answers.
+    pub fn in_file(&self) -> SiteAnswer {
+        let answers = &self.asked.file.labels.answers;
+        let tip = answers.tip_does_not_fit.get(self.site).copied().unwrap_or(false);
+        match (answers.inaccessible[self.site], tip) {
+            (true, _) => SiteAnswer::Inaccessible,
+            (false, true) => SiteAnswer::TipDoesNotFit,
+            (false, false) => SiteAnswer::Accessible,
+        }
+    }
+
+    fn place(&self) -> (Vec3, Vec3) {
+        let sites = &self.asked.file.sites;
+        (sites.points[self.site], sites.normals[self.site])
+    }
+
+    /// Site, tool, question and answer.
+    pub fn facts(&self) -> Facts {
+        let About { asked, site, why } = *self;
+        let (point, normal) = self.place();
+        let mut facts = Facts::new();
+        facts.add("part", "part", Cell::text(&asked.file.provenance.part));
+        facts.add("definition", "definition", Cell::text(asked.definition.to_string()));
+        facts.add("cutter", "cutter", Cell::text(&asked.file.provenance.tool));
+        facts.add("site", "site", Cell::count(site));
+        facts.add("at", "at x, y, z, mm", Cell::text(triple(point.as_dvec3(), 3)));
+        facts.add("normal_words", "normal", Cell::text(triple(normal.as_dvec3(), 3)));
+        facts.add("answer", "answer", Cell::text(answer_words(why.answer)));
+        if self.in_file() != why.answer {
+            let words =
+                format!("{}: another answer, by this version", answer_words(self.in_file()));
+            facts.add("in_file", "in labels.npz", Cell::text(words));
+        }
+        if let Some(part) = why.blocked_by() {
+            facts.add("blocked_by", "blocked by", Cell::text(part.name()));
+        }
+        if asked.definition == Definition::Part {
+            let rounded = (1e4 * why.tolerance_mm).round() / 1e4;
+            facts.add("tolerance_mm", "contact tolerance, mm", Cell::Given(rounded));
+        }
+        facts.add("n_directions", "directions", Cell::count(why.directions.len()));
+        facts
+    }
+
+    /// A row per part that blocks, and one for the free directions.
+    pub fn table(&self) -> Table {
+        let states = &self.why.directions;
+        let mut table = Table::new(&[
+            ("part", "blocked by"),
+            ("n_directions", "directions"),
+            ("least_penetration_mm", "penetrates by, least"),
+            ("x", "direction x"),
+            ("y", "y"),
+            ("z", "z"),
+        ]);
+        for part in ToolPart::ALL {
+            let blocked = states.iter().filter_map(|s| s.blocked.map(|b| (b, s)));
+            let of: Vec<_> = blocked.filter(|(b, _)| b.part == part).collect();
+            let least = of.iter().copied().reduce(|best, next| {
+                if next.0.penetration_mm < best.0.penetration_mm { next } else { best }
+            });
+            let Some((blocked, state)) = least else { continue };
+            let mut row = vec![Cell::text(part.name()), Cell::count(of.len())];
+            row.push(Cell::Millimeters(blocked.penetration_mm));
+            row.extend(state.direction.as_dvec3().to_array().map(Cell::Number));
+            table.row(row);
+        }
+        let n_free = states.iter().filter(|state| state.blocked.is_none()).count();
+        if n_free > 0 {
+            let mut row = vec![Cell::text("nothing"), Cell::count(n_free)];
+            row.resize(6, Cell::Missing);
+            table.row(row);
+        }
+        table
+    }
+
+    /// Sentences for people: the witness, or the direction nearest to being free and what would help.
+    pub fn sentences(&self) -> Vec<String> {
+        let About { asked, why, .. } = *self;
+        let mut lines = Vec::new();
+        if let Some(witness) = &why.witness {
+            let margin = match witness.margin_mm.is_finite() {
+                true => {
+                    let least = if asked.definition == Definition::Part { "" } else { "at least " };
+                    format!("the tool could go {least}{} mm lower", short(witness.margin_mm))
+                }
+                false => "the tool meets nothing".into(),
+            };
+            lines.push(format!(
+                "The tool may stand there from direction {}, by the reference engine: {margin}.",
+                triple(witness.direction.as_dvec3(), 4)
+            ));
+            return lines;
+        }
+        lines.extend(why.nearest().map(|state| self.nearest_words(state)));
+        for change in &why.changes {
+            let less = match (change.is_least, change.kind, why.tolerance_mm > 0.0) {
+                (false, ..) => String::new(),
+                (true, ChangeKind::Diameter, _) => {
+                    "; a little more was labeled and does not do".into()
+                }
+                (true, _, true) => {
+                    format!("; less by {} mm does not do", short(2.0 * why.tolerance_mm))
+                }
+                (true, _, false) => "; less does not do".into(),
+            };
+            lines.push(format!(
+                "Would help: {}; labeled again: accessible from {}{less}.",
+                change.words(&asked.tool.assembly),
+                triple(change.direction.as_dvec3(), 3)
+            ));
+        }
+        if why.changes.is_empty() {
+            lines.push(
+                "No change of one length of this tool helps (stick-out, holder, shank, diameter)."
+                    .into(),
+            );
+        }
+        if let Some(direction) = why.other_direction {
+            lines.push(format!(
+                "This tool may stand there from {}, which was not asked about: another setup.",
+                triple(direction.as_dvec3(), 3)
+            ));
+        }
+        lines
+    }
+
+    fn nearest_words(&self, state: &DirectionState) -> String {
+        let Some(blocked) = state.blocked else { return String::new() };
+        let shrink = match blocked.part {
+            ToolPart::Tip => String::new(),
+            _ => format!("; all steps would have to shrink by {} mm", short(-state.clearance_mm)),
+        };
+        format!(
+            "Nearest to being free is direction {}: the {} penetrates by {} mm at {} ({}){shrink}.",
+            triple(state.direction.as_dvec3(), 3),
+            blocked.part,
+            short(blocked.penetration_mm),
+            triple(blocked.at_mm, 3),
+            self.face_words(blocked.face)
+        )
+    }
+
+    fn face_words(&self, face: u32) -> String {
+        let n = self.asked.n_triangles() as u32;
+        match self.asked.definition {
+            Definition::Sites if (face as usize) < self.asked.file.sites.len() => {
+                format!("site {face}")
+            }
+            Definition::Sites => "a further point of the surface".into(),
+            Definition::Part if face < n => {
+                let normal = self.asked.mesh.as_ref().map(|mesh| mesh.area_vector(face as usize));
+                let normal = normal.unwrap_or_default().normalize_or_zero();
+                format!("triangle {face} of the part, normal {}", triple(normal, 2))
+            }
+            Definition::Part => format!("triangle {} of the fixtures", face - n),
+        }
+    }
+
+    /// Everything, with every direction.
+    pub fn json(&self) -> Value {
+        let About { asked, why, .. } = *self;
+        let (point, normal) = self.place();
+        let mut value = self.facts().json();
+        let more = json!({
+            "at_mm": point.to_array(),
+            "normal": normal.to_array(),
+            "answer": why.answer,
+            "in_file": self.in_file(),
+            "tolerance_mm": why.tolerance_mm,
+            "blocked_by": why.blocked_by(),
+            "counts": ToolPart::ALL.iter().zip(why.counts())
+                .map(|(part, n)| (part.name().to_string(), json!(n)))
+                .collect::<serde_json::Map<String, Value>>(),
+            "witness": why.witness.map(|witness| json!({
+                "direction": witness.direction.to_array(),
+                "margin_mm": witness.margin_mm,
+            })),
+            "nearest": why.nearest().map(|state| self.state_json(state)),
+            "changes": why.changes.iter().map(|c| change_json(c, asked)).collect::<Vec<_>>(),
+            "other_direction": why.other_direction.map(|d| d.to_array()),
+            "directions": why.directions.iter().map(|s| self.state_json(s)).collect::<Vec<_>>(),
+        });
+        if let (Value::Object(all), Value::Object(more)) = (&mut value, more) {
+            for key in ["at", "normal_words"] {
+                all.remove(key);
+            }
+            all.extend(more);
+        }
+        value
+    }
+
+    fn state_json(&self, state: &DirectionState) -> Value {
+        json!({
+            "direction": state.direction.to_array(),
+            "clearance_mm": state.clearance_mm,
+            "blocked_by": state.blocked.map(|blocked| blocked.part),
+            "penetration_mm": state.blocked.map(|blocked| blocked.penetration_mm),
+            "at_mm": state.blocked.map(|blocked| blocked.at_mm.to_array()),
+            "face": state.blocked.map(|blocked| blocked.face),
+            "what": state.blocked.map(|blocked| self.face_words(blocked.face)),
+        })
+    }
+}
+
+fn change_json(change: &Change, asked: &Asked) -> Value {
+    let tool = &change.tool;
+    let (kind, part) = match change.kind {
+        ChangeKind::Raise(part) => ("longer", Some(part)),
+        ChangeKind::Narrow(part) => ("thinner", Some(part)),
+        ChangeKind::Diameter => ("diameter", None),
+    };
+    json!({
+        "words": change.words(&asked.tool.assembly),
+        "kind": kind,
+        "part": part,
+        "by_mm": change.by_mm,
+        "stick_out_longer_mm": change.longer_mm,
+        "is_least": change.is_least,
+        "direction": change.direction.to_array(),
+        "tool": {
+            "corner_mm": tool.tip()[0],
+            "side_mm": tool.tip()[1],
+            "body": steps_words(tool.body()),
+            "holder": steps_words(tool.holder()),
+            "stick_out_mm": tool.stick_out_mm(),
+        },
+    })
+}
+
+/// To four decimals at most.
+fn short(x: f64) -> String {
+    format!("{}", (1e4 * x).round() / 1e4 + 0.0)
+}
+
+fn triple(p: DVec3, decimals: usize) -> String {
+    let [x, y, z] = p.to_array().map(|x| {
+        let words = format!("{x:.decimals$}");
+        // Never minus zero.
+        if words.trim_start_matches(['-', '0', '.']).is_empty() { "0".into() } else { words }
+    });
+    format!("{x}, {y}, {z}")
+}
