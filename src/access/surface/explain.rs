@@ -33,7 +33,7 @@ mod meet;
 mod parts;
 mod region;
 
-pub use change::{Change, ChangeKind};
+pub use change::{Change, ChangeKind, FINE_MM};
 pub use parts::blocking_parts_among_points;
 pub use region::{N_LABELED, RegionChange};
 
