@@ -115,6 +115,7 @@ class Network(nn.Module):
         self.decoder = nn.ModuleList(
             Blocks(enc[n - 1 - i] + cut["width"] + dec[i + 1], dec[i + 1], config["decoder_blocks"][i]) for i in range(n))
         read = dec[-1] + (3 if self.input["point_normals"] else 0)
+        self.calibration = [(1.0, 0.0), (1.0, 0.0)]
         self.header, self.header_2 = (nn.Sequential(PlainBn(read, config["head_width"], True), Plain(config["head_width"], 2, True)) for _ in range(2))
 
     def forward(self, points, normals, cutter_mm):
@@ -143,7 +144,9 @@ class Network(nn.Module):
         x = interpolate(x, octree, depth, points.float())
         if self.input["point_normals"]:
             x = torch.cat([x, normals.float()], 1)
-        return self.header(x), self.header_2(x)
+        # Head 1 has its positive class first.
+        return [logits * slope + torch.tensor([offset, 0.0] if head == 0 else [0.0, offset])
+                for head, (logits, (slope, offset)) in enumerate(zip([self.header(x), self.header_2(x)], self.calibration))]
 
 
 def load(path):
@@ -152,6 +155,7 @@ def load(path):
         about = json.loads(file.metadata()["deepmill"])
         state = {name: file.get_tensor(name) for name in file.keys()}
     network = Network(about["config"])
+    network.calibration = [(c["slope"], c["offset"]) for c in about.get("calibration", [])] or network.calibration
     network.load_state_dict({name: t.float() if t.is_floating_point() else t for name, t in state.items()})
     return network.eval()
 

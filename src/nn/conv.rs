@@ -316,12 +316,12 @@ mod tests {
     #[test]
     fn wide_gradients_are_right_on_every_kind_of_octree() {
         let (conv, layout, w) = conv(72, 64);
-        for octree in octrees() {
-            for level in levels_of_siblings(&octree) {
-                let x = probe(level.n_nodes() * 72, 3);
-                require_gradients(&conv, (&layout, &w), &level.conv, Operand::new(&x, 72));
-            }
-        }
+        let octrees = octrees();
+        let levels: Vec<_> = octrees.iter().flat_map(levels_of_siblings).collect();
+        par::map(levels.len(), |i| {
+            let x = probe(levels[i].n_nodes() * 72, 3);
+            require_gradients(&conv, (&layout, &w), &levels[i].conv, Operand::new(&x, 72));
+        });
     }
 
     #[test]
