@@ -13,6 +13,10 @@
 //! Greedy covers with at most `H(m)` times the fewest sets, `H(m) = 1 + 1/2 + … + 1/m` for sets of at most `m` signatures
 //! (Chvátal 1979), if it counts signatures; here it weighs them, so what is stated is the lower bound.
 
+mod share;
+
+pub use share::{cover_share, greedy_share};
+
 use std::cmp::Reverse;
 
 /// Sets that cover all that can be covered.

@@ -45,6 +45,7 @@ pub mod predicate;
 mod problem;
 mod pruned;
 mod reference;
+pub mod setups;
 mod stats;
 pub mod surface;
 

@@ -191,21 +191,30 @@ pub fn tool_names(folder: &Path) -> Result<Vec<String>> {
 
 /// Groups for the legend, the tools that add something first, and the group of each site; `first` is the first tool that reaches it.
 pub fn groups<'a>(names: &[&'a str], first: &[Option<usize>]) -> (Vec<Class<'a>>, Vec<usize>) {
+    groups_called(names, first, ["further tools", "no tool"])
+}
+
+/// As [`groups`], with words for those beyond the colors and for none.
+pub(super) fn groups_called<'a>(
+    names: &[&'a str],
+    first: &[Option<usize>],
+    [further, none]: [&'a str; 2],
+) -> (Vec<Class<'a>>, Vec<usize>) {
     let mut classes = Vec::new();
     let group_of: Vec<usize> = (0..names.len())
         .map(|k| {
             let is_new = first.contains(&Some(k)) && classes.len() <= COLORS.len();
             if is_new {
                 let named = COLORS.get(classes.len()).map(|c| (names[k], *c));
-                let (name, color) = named.unwrap_or(("further tools", FURTHER));
+                let (name, color) = named.unwrap_or((further, FURTHER));
                 classes.push(Class { name, color });
             }
             classes.len().saturating_sub(1)
         })
         .collect();
-    classes.push(Class { name: "no tool", color: NO_TOOL });
-    let none = classes.len() - 1;
-    let of = first.iter().map(|first| first.map_or(none, |k| group_of[k])).collect();
+    classes.push(Class { name: none, color: NO_TOOL });
+    let last = classes.len() - 1;
+    let of = first.iter().map(|first| first.map_or(last, |k| group_of[k])).collect();
     (classes, of)
 }
 
@@ -222,7 +231,7 @@ pub(super) fn steps_of(tool: &Tool) -> [Cell; 3] {
 const COLORS: [Rgb; 6] =
     [[205, 208, 212], [86, 180, 233], [240, 228, 66], [0, 158, 115], [204, 121, 167], [0, 90, 160]];
 const FURTHER: Rgb = [110, 100, 90];
-const NO_TOOL: Rgb = [206, 58, 44];
+pub(super) const NO_TOOL: Rgb = [206, 58, 44];
 
 #[cfg(test)]
 mod tests {

@@ -2,7 +2,7 @@
 //!
 //! A [`PartView`] is what is shown, a [`Coloring`] says in which colors; [`picture`] and [`points`]
 //! take both, [`folder`] writes all files of a report, [`tables`], [`scores`] and [`curves`] show
-//! numbers; [`coverage`] is about several tools at once, [`library`] about all tools of a shop, [`findings`] lists
+//! numbers; [`coverage`] is about several tools at once, [`library`] about all tools of a shop, [`setups`] about clampings, [`findings`] lists
 //! regions, [`gate`] is about limits that a result must keep, [`explanation`] says why a site can or cannot be reached, [`page`] is a page with a 3-D view to send.
 
 mod camera;
@@ -23,6 +23,7 @@ pub mod points;
 mod raster;
 pub mod scores;
 pub mod section;
+pub mod setups;
 mod shade;
 pub mod tables;
 

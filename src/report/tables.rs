@@ -63,7 +63,7 @@ impl Cell {
         }
     }
 
-    fn is_number(&self) -> bool {
+    pub(super) fn is_number(&self) -> bool {
         !matches!(self, Cell::Text(_))
     }
 }
@@ -125,6 +125,14 @@ impl Table {
             table.add_row((0..row.len()).filter(is_shown).map(|k| text_cell(&row[k])));
         }
         table.trim_fmt()
+    }
+
+    /// For people, elsewhere: the headings that are not empty, and the cells under them.
+    pub fn shown(&self) -> (Vec<&'static str>, Vec<Vec<&Cell>>) {
+        let is_shown = |k: &usize| !self.columns[*k].1.is_empty();
+        let shown: Vec<usize> = (0..self.columns.len()).filter(is_shown).collect();
+        let headings = shown.iter().map(|&k| self.columns[k].1).collect();
+        (headings, self.rows.iter().map(|row| shown.iter().map(|&k| &row[k]).collect()).collect())
     }
 
     /// For programs: an array with one object per row.

@@ -35,6 +35,7 @@ mod clearance;
 mod drop;
 pub mod explain;
 mod faces;
+mod free;
 mod labels;
 mod library;
 mod obstacles;
@@ -51,6 +52,7 @@ mod verdict;
 mod warnings;
 
 pub use faces::{BlockingFace, blocking_faces};
+pub use free::FreeDirections;
 pub use labels::{
     CLEARANCE_STEP_MM, KNIFE_EDGE_MM, RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions,
     SurfaceStats,

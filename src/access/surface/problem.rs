@@ -15,6 +15,7 @@ use crate::directions::Directions;
 use crate::geom::Sites;
 use crate::{Result, par};
 use glam::{DVec3, Vec3};
+use std::ops::ControlFlow;
 
 /// What separates a collision that a point proves from one that is left to the triangles, as a share of all lengths:
 /// several times what `f32` can round.
@@ -34,7 +35,7 @@ pub(super) struct Problem<'a> {
 }
 
 /// A block of queries shares a word of the answers by points.
-const WORD: usize = 64;
+pub(super) const WORD: usize = 64;
 /// Queries of a task of the search between the directions.
 const SEARCHED: usize = 128;
 /// Tools that are tested as a whole before the ball is tested on its own.
@@ -146,7 +147,7 @@ impl Problem<'_> {
     }
 
     /// The tools for a query; kept while the tolerance stays the same.
-    fn tools<'t>(&self, i: usize, kept: &'t mut Option<Tools>) -> &'t Tools {
+    pub fn tools<'t>(&self, i: usize, kept: &'t mut Option<Tools>) -> &'t Tools {
         let tolerance = self.tolerances[i];
         let same = kept.take().filter(|tools| tools.tolerance == tolerance);
         kept.insert(same.unwrap_or_else(|| self.new_tools(tolerance)))
@@ -184,11 +185,43 @@ impl Problem<'_> {
     ) -> (Tally, SurfaceStats) {
         let mut tally = Tally { open: 1.0, ..Tally::default() };
         let mut stats = SurfaceStats { pairs: axes.len() as u64, ..SurfaceStats::default() };
-        let (mut on_edge, mut ball) = (false, Ball::Unknown);
-        for (axes, word) in axes.iter().zip(column) {
+        let mut on_edge = false;
+        stats.by_points =
+            self.verdicts(i, tools, axes, column, scratch, |k, verdict, knife_edge| {
+                on_edge |= knife_edge;
+                tally.add(axes[k][2].as_vec3(), verdict);
+                if tally.accessible == 1 && verdict == Verdict::Free {
+                    stats.knife_edge = u64::from(knife_edge);
+                    if !counts {
+                        return ControlFlow::Break(());
+                    }
+                }
+                ControlFlow::Continue(())
+            });
+        if tally.accessible == 0 {
+            stats.knife_edge = u64::from(on_edge);
+        }
+        stats.tools_tested = scratch.n_queries;
+        stats.triangles_tested = scratch.n_triangles;
+        (tally, stats)
+    }
+
+    /// Tells `then` of every direction that points leave open, in order: its number, the verdict, whether that is on the knife edge. Returns
+    /// the number of collisions that points prove, as far as it went.
+    pub fn verdicts(
+        &self,
+        i: usize,
+        tools: &Tools,
+        axes: &[[DVec3; 3]],
+        column: &[u64],
+        scratch: &mut Scratch,
+        mut then: impl FnMut(usize, Verdict, bool) -> ControlFlow<()>,
+    ) -> u64 {
+        let (mut by_points, mut ball) = (0, Ball::Unknown);
+        for (k, (axes, word)) in axes.iter().zip(column).enumerate() {
             let trusted = self.contacts[i].is_steady(&self.outline, axes[2]);
             if trusted && word >> (i % WORD) & 1 == 1 {
-                stats.by_points += 1;
+                by_points += 1;
                 continue;
             }
             let reference = self.contacts[i].reference_point(&self.outline, axes[2]);
@@ -203,21 +236,11 @@ impl Problem<'_> {
                     tools.without_ball.verdict(self.bvh, &stand, scratch).max(Verdict::TipGouges)
                 }
             };
-            on_edge |= scratch.knife_edge;
-            tally.add(axes[2].as_vec3(), verdict);
-            if tally.accessible == 1 && verdict == Verdict::Free {
-                stats.knife_edge = u64::from(scratch.knife_edge);
-                if !counts {
-                    break;
-                }
+            if then(k, verdict, scratch.knife_edge).is_break() {
+                break;
             }
         }
-        if tally.accessible == 0 {
-            stats.knife_edge = u64::from(on_edge);
-        }
-        stats.tools_tested = scratch.n_queries;
-        stats.triangles_tested = scratch.n_triangles;
-        (tally, stats)
+        by_points
     }
 
     /// Whether a ball fits is the same for all directions.

@@ -205,6 +205,16 @@ impl GateArgs {
     }
 }
 
+/// `95%` or `95`, as a share.
+pub fn share(text: &str) -> Result<f64> {
+    let percent = text.trim().trim_end_matches('%').trim_end().parse::<f64>();
+    let percent = percent.ok().filter(|p| *p > 0.0 && *p <= 100.0);
+    percent.map(|p| p / 100.0).ok_or_else(|| {
+        let remedy = "write for example 95%";
+        Error::argument("--share", format!("`{text}`"), "above 0, at most 100 %", remedy)
+    })
+}
+
 /// A file's name without its folder.
 pub fn name_of(path: &Path) -> String {
     path.file_name().map_or_else(|| "part".into(), |name| name.to_string_lossy().into_owned())

@@ -22,6 +22,7 @@ mod predict;
 mod progress;
 mod report;
 mod sample;
+mod setups;
 mod tools;
 mod train;
 mod volume;
@@ -59,6 +60,7 @@ enum Command {
     Sample(sample::Args),
     Label(label::Args),
     Tools(tools::Args),
+    Setups(setups::Args),
     Dataset(dataset::Args),
     Train(train::Args),
     Eval(eval::Args),
@@ -84,6 +86,7 @@ fn main() -> ExitCode {
             Some(Command::Sample(args)) => sample::run(args, &output),
             Some(Command::Label(args)) => label::run(args, &output),
             Some(Command::Tools(args)) => tools::run(args, &output),
+            Some(Command::Setups(args)) => setups::run(args, &output),
             Some(Command::Dataset(args)) => dataset::run(args, &output),
             Some(Command::Train(args)) => train::run(args, &output),
             Some(Command::Eval(args)) => eval::run(args, &output),

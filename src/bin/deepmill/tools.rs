@@ -1,6 +1,6 @@
 //! `deepmill tools`: what every tool of a library reaches on a part, in one pass.
 
-use crate::args::{DirectionArgs, GateArgs, SiteArgs, UnsaidArgs, name_of, with_names};
+use crate::args::{DirectionArgs, GateArgs, SiteArgs, UnsaidArgs, name_of, share, with_names};
 use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
@@ -137,14 +137,4 @@ fn answers(reach: &ToolReach) -> SiteAnswers {
     let mut answers = SiteAnswers::new(is(SiteAnswer::Inaccessible), Vec::new());
     answers.tip_does_not_fit = is(SiteAnswer::TipDoesNotFit);
     answers
-}
-
-/// `95%` or `95`, as a share.
-fn share(text: &str) -> Result<f64> {
-    let percent = text.trim().trim_end_matches('%').trim_end().parse::<f64>();
-    let percent = percent.ok().filter(|p| *p > 0.0 && *p <= 100.0);
-    percent.map(|p| p / 100.0).ok_or_else(|| {
-        let remedy = "write for example 95%";
-        Error::argument("--share", format!("`{text}`"), "above 0, at most 100 %", remedy)
-    })
 }

@@ -4,6 +4,7 @@ use super::{Page, View};
 use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
 use crate::report::findings::Findings;
+use crate::report::tables::{Cell, Table};
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -134,6 +135,9 @@ fn panel(v: usize, view: &View, areas: &[f64]) -> String {
         let _ = writeln!(out, "<ul class=\"warnings\">{}</ul>", items.collect::<String>());
     }
     out.push_str(&legend(view, areas));
+    for (title, rows) in &view.tables {
+        out.push_str(&table(title, rows));
+    }
     if let Some(findings) = &view.findings {
         out.push_str(&list(findings));
     }
@@ -173,6 +177,31 @@ fn legend(view: &View, areas: &[f64]) -> String {
         .collect();
     format!(
         "<table class=\"legend\"><tr><th></th><th>color</th><th class=\"n\">share</th><th class=\"n\">area</th><th class=\"n\">sites</th></tr>{rows}</table>\n"
+    )
+}
+
+/// A table of numbers under its title.
+fn table(title: &str, table: &Table) -> String {
+    let (headings, rows) = table.shown();
+    let class = |k: usize| match rows.first().is_some_and(|row| row[k].is_number()) {
+        true => "n",
+        // What names the row stays on one line.
+        false if k == 0 => "p",
+        false => "w",
+    };
+    let head: String = (headings.iter().enumerate())
+        .map(|(k, heading)| format!("<th class=\"{}\">{}</th>", class(k), text(heading)))
+        .collect();
+    let cells = |row: &Vec<&Cell>| -> String {
+        let cell = |(k, cell): (usize, &&Cell)| {
+            format!("<td class=\"{}\">{}</td>", class(k), text(&cell.show()))
+        };
+        format!("<tr>{}</tr>", row.iter().enumerate().map(cell).collect::<String>())
+    };
+    let rows: String = rows.iter().map(cells).collect();
+    format!(
+        "<h3>{}</h3>\n<div class=\"wide\"><table><tr>{head}</tr>{rows}</table></div>\n",
+        text(title)
     )
 }
 

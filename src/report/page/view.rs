@@ -5,6 +5,7 @@ use crate::answers::SiteAnswers;
 use crate::data::files::{LabelFile, PredictionFile, Provenance};
 use crate::report::findings::Findings;
 use crate::report::points::PointValues;
+use crate::report::tables::Table;
 use crate::report::{Class, Coloring, Rgb, folder};
 use serde_json::Value;
 
@@ -24,6 +25,8 @@ pub struct View {
     pub of: Vec<u8>,
     /// Numbers per site, shown where the pointer is.
     pub values: Vec<SiteValues>,
+    /// Tables below the colors, each with its title.
+    pub tables: Vec<(String, Table)>,
     /// The regions that are not accessible.
     pub findings: Option<Findings>,
     /// Options and inputs that decided the answers, as in the file.
@@ -136,10 +139,19 @@ impl View {
 
     /// The first of several tools that reaches each site; `classes` and `of` as for a picture.
     pub fn of_first_tools(classes: &[Class], of: &[usize], findings: Findings) -> Self {
-        let mut view = View { name: "all tools".into(), ..View::default() };
-        view.caption = "first tool that reaches".into();
+        let view = View::of_groups("all tools", "first tool that reaches", classes, of);
+        View { findings: Some(findings), ..view }
+    }
+
+    /// Sites in groups; `classes` and `of` as for a picture.
+    pub fn of_groups(
+        name: impl Into<String>,
+        caption: impl Into<String>,
+        classes: &[Class],
+        of: &[usize],
+    ) -> Self {
+        let mut view = View { name: name.into(), caption: caption.into(), ..View::default() };
         view.color(&Coloring::Groups { classes, of });
-        view.findings = Some(findings);
         view
     }
 

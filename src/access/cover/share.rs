@@ -1,0 +1,388 @@
+//! The fewest sets that cover a share of what can be covered.
+//!
+//! # Pseudo-code
+//!
+//! ```text
+//! greedy: of the sets whose gain is within 1 % of the greatest, the first, until the share is covered; then leave out what is needless
+//! lower bound, before each choice, with weight f covered: any k sets add at most the k greatest gains together;
+//!     so no cover has fewer than the least k with f + k greatest gains ≥ share
+//! lower bound by prices: give every element a price p such that the prices in no set sum to more than 1, and none is above λ times its weight;
+//!     a cover's sets pay for all it covers, so no cover has fewer than  Σ p − λ·(weight that the share leaves out)  sets;
+//!     prices start as the weights and rise, again and again, where all sets that hold the element are far below the dearest
+//! exact, for every k from the bound up to one below what greedy found:
+//!     depth first, greatest gain first; leave a branch whose weight and greatest gains left are below the share
+//!     no cover: the bound is k + 1; too much work: the bound stays
+//! ```
+//!
+//! The weight that sets cover is submodular: a gain only ever shrinks when more is covered (Minoux 1978). The prices are a solution of the dual of
+//! the linear program.
+
+use super::Cover;
+
+/// Of the greatest gain, for those taken as equal to it.
+const NEARLY: f64 = 0.99;
+/// Gains that the exact search computes at most.
+const MOST_GAINS: usize = 400_000;
+/// Times that prices are changed, and how fast.
+const N_PRICINGS: usize = 200;
+const RISE: f64 = 0.3;
+/// Roundings of sums, as a share of all weight.
+const ROUNDING: f64 = 1e-9;
+
+/// A small cover of at least `share` of the weight that `n_sets` sets hold together, the smallest if that is found in time; `holds(set,
+/// element)`. Sets with a lower number are preferred where gains are nearly equal.
+///
+/// ```
+/// use deepmill::access::cover::cover_share;
+/// // One set holds nine of ten elements, another the last.
+/// let cover = cover_share(2, &[1.0; 10], |set, element| (element == 9) == (set == 1), 0.9);
+/// assert_eq!((cover.chosen.clone(), cover.is_smallest()), (vec![0], true));
+/// assert_eq!(cover_share(2, &[1.0; 10], |set, e| (e == 9) == (set == 1), 1.0).chosen, [0, 1]);
+/// ```
+pub fn cover_share(
+    n_sets: usize,
+    weights: &[f64],
+    holds: impl Fn(usize, usize) -> bool,
+    share: f64,
+) -> Cover {
+    let mut problem = Problem::new(n_sets, weights, holds, share);
+    let (mut chosen, mut at_least) = problem.greedy();
+    problem.leave_out_needless(&mut chosen);
+    if at_least < chosen.len() {
+        at_least = at_least.max(problem.priced());
+    }
+    while at_least < chosen.len() {
+        let all: Vec<usize> = (0..n_sets).collect();
+        let mut taken = Vec::new();
+        let nothing = vec![0; problem.n_words()];
+        match problem.search(at_least, 0.0, &nothing, &all, &mut taken) {
+            Outcome::Found => chosen = taken,
+            Outcome::None => at_least += 1,
+            Outcome::TooMuchWork => break,
+        }
+    }
+    let (chosen, adds) = problem.in_order(&chosen);
+    Cover { chosen, adds, at_least }
+}
+
+/// As [`cover_share`], without the exact search: for many sets, or where the number is all that is of interest.
+pub fn greedy_share(
+    n_sets: usize,
+    weights: &[f64],
+    holds: impl Fn(usize, usize) -> bool,
+    share: f64,
+) -> Cover {
+    let problem = Problem::new(n_sets, weights, holds, share);
+    let (mut chosen, at_least) = problem.greedy();
+    problem.leave_out_needless(&mut chosen);
+    let (chosen, adds) = problem.in_order(&chosen);
+    Cover { chosen, adds, at_least }
+}
+
+enum Outcome {
+    Found,
+    None,
+    TooMuchWork,
+}
+
+struct Problem {
+    /// A bit per element.
+    sets: Vec<Vec<u64>>,
+    weights: Vec<f64>,
+    target: f64,
+    n_gains: usize,
+}
+
+/// Calls `then` with every element of a set, ascending.
+fn each(set: &[u64], then: impl FnMut(usize)) {
+    each_of(set.iter().copied(), then);
+}
+
+fn each_of(words: impl Iterator<Item = u64>, mut then: impl FnMut(usize)) {
+    for (w, mut word) in words.enumerate() {
+        while word != 0 {
+            then(64 * w + word.trailing_zeros() as usize);
+            word &= word - 1;
+        }
+    }
+}
+
+fn sum(set: &[u64], of: &[f64]) -> f64 {
+    let mut sum = 0.0;
+    each(set, |e| sum += of[e]);
+    sum
+}
+
+fn unite(into: &mut [u64], with: &[u64]) {
+    into.iter_mut().zip(with).for_each(|(a, b)| *a |= b);
+}
+
+/// The first of those nearly as great as the greatest; none if all are zero.
+fn first_of_greatest(gains: &[f64]) -> Option<usize> {
+    let greatest = gains.iter().fold(0.0, |a: f64, b| a.max(*b));
+    gains.iter().position(|gain| *gain > 0.0 && *gain >= NEARLY * greatest)
+}
+
+impl Problem {
+    fn new(
+        n_sets: usize,
+        weights: &[f64],
+        holds: impl Fn(usize, usize) -> bool,
+        share: f64,
+    ) -> Self {
+        let set = |set: usize| {
+            let mut words = vec![0u64; weights.len().div_ceil(64)];
+            (0..weights.len())
+                .filter(|&e| holds(set, e))
+                .for_each(|e| words[e / 64] |= 1 << (e % 64));
+            words
+        };
+        let sets: Vec<Vec<u64>> = (0..n_sets).map(set).collect();
+        let is_held = |e: &usize| sets.iter().any(|set| set[e / 64] >> (e % 64) & 1 == 1);
+        let total: f64 = (0..weights.len()).filter(is_held).map(|e| weights[e]).sum();
+        let target = (share.min(1.0) - ROUNDING) * total;
+        Problem { sets, weights: weights.to_vec(), target, n_gains: 0 }
+    }
+
+    fn n_words(&self) -> usize {
+        self.weights.len().div_ceil(64)
+    }
+
+    /// Weight that a set adds to what is covered.
+    fn gain(&self, set: usize, covered: &[u64]) -> f64 {
+        let new = self.sets[set].iter().zip(covered).map(|(word, covered)| word & !covered);
+        let mut sum = 0.0;
+        each_of(new, |e| sum += self.weights[e]);
+        sum
+    }
+
+    fn union(&self, set: usize, covered: &[u64]) -> Vec<u64> {
+        self.sets[set].iter().zip(covered).map(|(a, b)| a | b).collect()
+    }
+
+    /// The greedy choice, and a number of sets that no cover goes below.
+    fn greedy(&self) -> (Vec<usize>, usize) {
+        let (mut covered, mut weight) = (vec![0; self.n_words()], 0.0);
+        let (mut chosen, mut at_least) = (Vec::new(), 0);
+        while weight < self.target {
+            let gains: Vec<f64> =
+                (0..self.sets.len()).map(|set| self.gain(set, &covered)).collect();
+            // Only weights of zero are left.
+            let Some(set) = first_of_greatest(&gains) else { break };
+            at_least = at_least.max(self.fewest(weight, gains.clone()));
+            covered = self.union(set, &covered);
+            weight += gains[set];
+            chosen.push(set);
+        }
+        (chosen, at_least)
+    }
+
+    /// A number of sets that no cover goes below, from prices of the elements: see the module.
+    fn priced(&self) -> usize {
+        let n = self.weights.len();
+        let mut held = vec![0; self.n_words()];
+        self.sets.iter().for_each(|set| unite(&mut held, set));
+        let mut prices = vec![0.0; n];
+        each(&held, |e| prices[e] = self.weights[e]);
+        let mut best: f64 = 0.0;
+        for _ in 0..N_PRICINGS {
+            let loads: Vec<f64> = self.sets.iter().map(|set| sum(set, &prices)).collect();
+            let greatest = loads.iter().fold(0.0, |a: f64, b| a.max(*b));
+            if greatest == 0.0 {
+                return 0;
+            }
+            prices.iter_mut().for_each(|price| *price /= greatest);
+            best = best.max(self.value(&prices));
+            // What only lightly loaded sets hold may cost more.
+            let mut load = vec![0.0f64; n];
+            for (set, of_set) in self.sets.iter().zip(&loads) {
+                each(set, |e| load[e] = load[e].max(of_set / greatest));
+            }
+            prices
+                .iter_mut()
+                .zip(load)
+                .for_each(|(price, load)| *price *= 1.0 + RISE * (1.0 - load));
+        }
+        (best - ROUNDING.sqrt()).ceil() as usize
+    }
+
+    /// The bound that prices prove, capped as is best.
+    fn value(&self, prices: &[f64]) -> f64 {
+        let mut rates: Vec<(f64, f64)> = (prices.iter().zip(&self.weights))
+            .filter(|(price, _)| **price > 0.0)
+            .map(|(price, weight)| (price / weight, *weight))
+            .collect();
+        rates.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let total: f64 = rates.iter().map(|(_, weight)| weight).sum();
+        let left_out = (total - self.target).max(0.0);
+        // With the cap at a rate: what is cheaper at its price, the rest at the cap, less what is left out at the cap.
+        let (mut cheaper, mut above, mut best) = (0.0, total, 0.0f64);
+        for (rate, weight) in rates {
+            best = best.max(cheaper + rate * (above - left_out));
+            cheaper += rate * weight;
+            above -= weight;
+        }
+        best
+    }
+
+    /// The least number of gains whose sum is enough.
+    fn fewest(&self, mut weight: f64, mut gains: Vec<f64>) -> usize {
+        gains.sort_by(|a, b| b.total_cmp(a));
+        let mut n = 0;
+        while weight < self.target && n < gains.len() {
+            weight += gains[n];
+            n += 1;
+        }
+        n
+    }
+
+    /// Leaves out sets, the last first, whose rest is enough.
+    fn leave_out_needless(&self, chosen: &mut Vec<usize>) {
+        for k in (0..chosen.len()).rev() {
+            let rest: Vec<usize> = chosen.iter().copied().filter(|set| *set != chosen[k]).collect();
+            if self.in_order(&rest).1.iter().sum::<f64>() >= self.target {
+                *chosen = rest;
+            }
+        }
+    }
+
+    /// Whether `n` more of `of` are enough; those are left in `taken`.
+    fn search(
+        &mut self,
+        n: usize,
+        weight: f64,
+        covered: &[u64],
+        of: &[usize],
+        taken: &mut Vec<usize>,
+    ) -> Outcome {
+        if weight >= self.target {
+            return Outcome::Found;
+        }
+        if n == 0 {
+            return Outcome::None;
+        }
+        self.n_gains += of.len();
+        if self.n_gains > MOST_GAINS {
+            return Outcome::TooMuchWork;
+        }
+        let mut gains: Vec<(f64, usize)> =
+            of.iter().map(|&set| (self.gain(set, covered), set)).collect();
+        gains.retain(|(gain, _)| *gain > 0.0);
+        gains.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        for k in 0..gains.len() {
+            let most: f64 = gains[k..].iter().take(n).map(|(gain, _)| gain).sum();
+            if weight + most < self.target {
+                break;
+            }
+            let (gain, set) = gains[k];
+            taken.push(set);
+            let rest: Vec<usize> = gains[k + 1..].iter().map(|(_, set)| *set).collect();
+            let covered = self.union(set, covered);
+            match self.search(n - 1, weight + gain, &covered, &rest, taken) {
+                Outcome::None => taken.pop(),
+                other => return other,
+            };
+        }
+        Outcome::None
+    }
+
+    /// The sets, one after the other the one that adds most, or the first of nearly equal ones, with what each adds; those that add nothing are left out.
+    fn in_order(&self, sets: &[usize]) -> (Vec<usize>, Vec<f64>) {
+        let mut left = sets.to_vec();
+        left.sort_unstable();
+        let (mut covered, mut chosen, mut adds) = (vec![0; self.n_words()], Vec::new(), Vec::new());
+        loop {
+            let gains: Vec<f64> = left.iter().map(|&set| self.gain(set, &covered)).collect();
+            let Some(k) = first_of_greatest(&gains) else { return (chosen, adds) };
+            let (set, gain) = (left[k], gains[k]);
+            covered = self.union(set, &covered);
+            left.retain(|other| *other != set);
+            chosen.push(set);
+            adds.push(gain);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Purpose, Stream};
+
+    #[test]
+    fn covers_of_a_share_are_as_small_as_by_trying_all() {
+        let mut stream = Stream::new(5, 0, 0, Purpose::Probe);
+        for round in 0..200 {
+            let n_sets = 1 + stream.range(0.0, 9.0) as usize;
+            let density = stream.range(0.05, 0.6);
+            let held: Vec<Vec<bool>> = (0..n_sets)
+                .map(|_| (0..30).map(|_| stream.range(0.0, 1.0) < density).collect())
+                .collect();
+            let weights: Vec<f64> = (0..30).map(|_| stream.range(0.1, 2.0)).collect();
+            let share = if round % 4 == 0 { 1.0 } else { stream.range(0.3, 1.0) };
+            let found = cover_share(n_sets, &weights, |set, element| held[set][element], share);
+            let weight = |sets: &[usize]| -> f64 {
+                (0..30).filter(|&e| sets.iter().any(|&s| held[s][e])).map(|e| weights[e]).sum()
+            };
+            let all: Vec<usize> = (0..n_sets).collect();
+            let enough = (share - 1e-8) * weight(&all);
+            assert!(weight(&found.chosen) >= enough);
+            assert!((found.adds.iter().sum::<f64>() - weight(&found.chosen)).abs() < 1e-9);
+            assert!(found.adds.is_sorted_by(|a, b| *a >= 0.98 * b) && found.is_smallest());
+            let fewest = (0..1u32 << n_sets)
+                .filter(|mask| {
+                    let sets: Vec<usize> =
+                        all.iter().copied().filter(|s| mask >> s & 1 == 1).collect();
+                    weight(&sets) >= enough
+                })
+                .map(u32::count_ones)
+                .min();
+            assert_eq!(found.chosen.len() as u32, fewest.unwrap());
+        }
+    }
+
+    #[test]
+    fn the_first_of_nearly_equal_sets_is_taken_and_the_bound_holds_anyway() {
+        let holds = |set: usize, element: usize| match set {
+            0 => element > 0,
+            1 => true,
+            _ => element == set,
+        };
+        let cover = cover_share(3, &[1.0; 200], holds, 0.99);
+        assert_eq!((cover.chosen.clone(), cover.at_least), (vec![0], 1));
+        let all = cover_share(3, &[1.0; 200], holds, 1.0);
+        assert_eq!((all.chosen.clone(), all.at_least), (vec![1], 1));
+    }
+
+    #[test]
+    fn prices_prove_what_gains_do_not() {
+        let sets: [&[usize]; 6] = [&[0, 1], &[1, 2], &[2, 3], &[3, 4], &[4, 5], &[5, 0]];
+        // Six big elements beside many small ones that one set holds: gains alone see the big one first.
+        let holds = |set: usize, e: usize| match set {
+            6 => e >= 6,
+            set => sets[set].contains(&e),
+        };
+        let mut weights = vec![0.02; 6];
+        weights.extend([0.0088; 100]);
+        let problem = Problem::new(7, &weights, holds, 0.99);
+        // 1 for the big set, and of 0.12 all but 0.01 for sets of 0.04.
+        assert_eq!((problem.greedy().1, problem.priced()), (4, 4));
+        let cover = cover_share(7, &weights, holds, 0.99);
+        assert_eq!((cover.chosen[0], cover.chosen.len(), cover.at_least), (6, 4, 4));
+        // A long chain: every element in two sets, every set with two elements of unequal weight.
+        let chain = |set: usize, e: usize| e == set || e == set + 1;
+        let weights: Vec<f64> = (0..41).map(|e| if e % 2 == 0 { 1.0 } else { 0.01 }).collect();
+        let problem = Problem::new(40, &weights, chain, 1.0);
+        assert!(problem.priced() >= 20 && problem.priced() <= 21, "{}", problem.priced());
+    }
+
+    #[test]
+    fn nothing_to_cover_needs_nothing_and_too_much_work_leaves_a_bound() {
+        assert!(cover_share(3, &[1.0], |_, _| false, 1.0).chosen.is_empty());
+        assert_eq!(cover_share(0, &[], |_, _| true, 0.5).at_least, 0);
+        assert!(cover_share(2, &[0.0; 3], |_, _| true, 1.0).chosen.is_empty());
+        let mut stream = Stream::new(9, 0, 0, Purpose::Probe);
+        let held: Vec<bool> = (0..300 * 400).map(|_| stream.range(0.0, 1.0) < 0.03).collect();
+        let cover = cover_share(300, &[1.0; 400], |s, e| held[400 * s + e], 0.95);
+        assert!(!cover.is_smallest() && cover.at_least > 10, "{cover:?}");
+    }
+}

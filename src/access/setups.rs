@@ -1,0 +1,45 @@
+//! Setups: few orientations of a part that cover what a machine can cover.
+//!
+//! # Definition
+//!
+//! A *setup* is a clamping of the part: the direction z' of the part that points to the spindle, or that lies along a rotary axis. Its *tool
+//! axes* are those that the [`Machine`] can take without clamping again. A site is reached in a setup iff some tool is
+//! [free](super::surface::FreeDirections) there along one of them, and the site is not on what the part lies on. The setups of a [`Plan`] are few of
+//! the [`Candidates`] that cover a share of the area that all candidates reach together. Fixtures and stock are not modelled.
+//!
+//! # Pseudo-code
+//!
+//! ```text
+//! for every tool, for every direction tested: a bit per site, whether the tool may stand there
+//! for every candidate: the union of the bits over its tool axes and all tools
+//! the fewest candidates that cover the share                                  (cover_share: greedy, lower bound, exact when small)
+//! positions and tools of a setup: the fewest tool axes, and tools, that cover the share of what it adds
+//! ```
+//!
+//! ```
+//! use deepmill::access::setups::{Candidates, Clampings, Plan};
+//! use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
+//! use deepmill::cutter::Cutter;
+//! use deepmill::geom::{sites, solids, spacing};
+//!
+//! let part = solids::cuboid(glam::DVec3::new(30.0, 20.0, 10.0));
+//! let sites = sites::sample(&part, &sites::SiteOptions { n_sites: 300, ..Default::default() })?;
+//! let cutter = Cutter::ball_end([1.5, 30.0, 20.0, 30.0].into())?;
+//! let candidates = Candidates::new(&part, "3-axis".parse()?, Clampings::Any, 20)?;
+//! let obstacles = TriangleObstacles::new(&part, &[])?;
+//! let options = SurfaceOptions::default();
+//! let free = obstacles.free_directions(&sites, &cutter, candidates.directions(), &options)?;
+//! let areas = spacing::areas_mm2(&sites, Some(part.area()))?;
+//! let plan = Plan::new(&candidates, &part, &sites, &[free], &areas, 1.0);
+//! // The top and what is around it, then the underside.
+//! assert_eq!((plan.setups.len(), plan.at_least), (2, 2));
+//! # Ok::<(), deepmill::Error>(())
+//! ```
+
+mod candidates;
+mod machine;
+mod plan;
+
+pub use candidates::{Candidate, Candidates, Clampings};
+pub use machine::{Machine, direction_words};
+pub use plan::{Plan, Setup};

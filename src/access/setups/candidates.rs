@@ -1,0 +1,319 @@
+//! The setups to choose from, and the directions to test for them.
+
+use super::machine::{Machine, angle};
+use crate::Result;
+use crate::directions::{DirectionSet, Directions, basis};
+use crate::geom::Mesh;
+use glam::{DVec3, Vec3};
+use std::collections::BTreeMap;
+
+/// Which clampings there are to choose from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Clampings {
+    /// Along large flat faces: the part stands on something.
+    Flat,
+    /// Along these and the box axes.
+    Box,
+    /// Along every direction tested.
+    Any,
+}
+
+impl Clampings {
+    /// What suits a machine: one that tilts need not have the part slanted, and a part that stands on a corner would be held by what it shows.
+    pub fn usual(machine: &Machine) -> Self {
+        if *machine == Machine::ThreeAxis { Clampings::Any } else { Clampings::Box }
+    }
+}
+
+/// A setup to choose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    /// z', or the direction of the part along the rotary axis.
+    pub direction: Vec3,
+    /// Numbers of its tool axes among [`Candidates::directions`].
+    pub axes: Vec<u32>,
+}
+
+/// The setups to choose from; those that a machinist would rather have come first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidates {
+    machine: Machine,
+    /// Flat faces and box axes.
+    likely: Vec<Vec3>,
+    directions: Directions,
+    list: Vec<Candidate>,
+}
+
+/// Directions as near as this are one, radians.
+const SAME_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+/// Normals within this of each other are of one flat face, radians.
+const FLAT_RAD: f64 = 2.0 * SAME_RAD;
+/// Least share of the surface that a flat face has.
+const LEAST_SHARE: f64 = 0.01;
+/// Flat faces that give candidates.
+const MOST_FACES: usize = 24;
+/// Rotary axes that are candidates.
+const MOST_ROTARY: usize = 12;
+/// Roundings of a direction, radians.
+const ROUNDING_RAD: f64 = 1e-6;
+
+impl Candidates {
+    /// For a part on a machine. `n_directions` are even over the whole sphere beside the box axes and the normals of large flat faces, or around each
+    /// rotary axis; rotary axes are always along flat clampings.
+    ///
+    /// # Errors
+    /// If `n_directions` is 0 or above a million.
+    pub fn new(
+        part: &Mesh,
+        machine: Machine,
+        clampings: Clampings,
+        n_directions: usize,
+    ) -> Result<Self> {
+        let mut flat = Vec::new();
+        for normal in flat_normals(part) {
+            add(&mut flat, normal);
+            add(&mut flat, -normal);
+        }
+        let is_flat = |axis: &Vec3| flat.iter().any(|d| angle(*d, *axis) <= SAME_RAD);
+        let mut likely: Vec<Vec3> = BOX_AXES.into_iter().filter(is_flat).collect();
+        flat.iter().for_each(|d| add(&mut likely, *d));
+        // A part without a flat face is held somehow.
+        let n_flat = if likely.is_empty() { BOX_AXES.len() } else { likely.len() };
+        BOX_AXES.iter().for_each(|d| add(&mut likely, *d));
+        let n_upright = if clampings == Clampings::Flat { n_flat } else { likely.len() };
+        let (directions, list) = match machine {
+            Machine::Rotary { axis } => {
+                about_axes(rotary_axes(axis, &likely[..n_upright]), n_directions)?
+            }
+            _ => over_sphere(&machine, &likely, (clampings, n_upright), n_directions)?,
+        };
+        let vectors = directions.iter().map(|d| d.as_dvec3().to_array()).collect();
+        let directions = Directions::new(DirectionSet::List { vectors })?;
+        Ok(Candidates { machine, likely, directions, list })
+    }
+
+    /// The machine.
+    pub fn machine(&self) -> Machine {
+        self.machine
+    }
+
+    /// Every direction to test.
+    pub fn directions(&self) -> &Directions {
+        &self.directions
+    }
+
+    /// The machine's x', y', z' in a setup, in the part's coordinates: z' is the setup's direction, or x' is along the rotary axis; another axis
+    /// is along a flat face or a box axis, if one is across.
+    pub fn turn(&self, direction: Vec3) -> [DVec3; 3] {
+        let w = direction.as_dvec3().normalize();
+        let across = self.likely.iter().map(|d| d.as_dvec3()).find(|d| d.dot(w).abs() < 1e-4);
+        let u = across.map_or(basis(w)[0], |d| d.reject_from_normalized(w).normalize());
+        match self.machine.tilt_rad() {
+            Some(_) => [u, w.cross(u), w],
+            None => [w, u.cross(w), u],
+        }
+    }
+
+    /// The setups.
+    pub fn list(&self) -> &[Candidate] {
+        &self.list
+    }
+}
+
+/// Upright first.
+const BOX_AXES: [Vec3; 6] = [Vec3::Z, Vec3::NEG_Z, Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y];
+
+/// Unless it is there already.
+fn add(directions: &mut Vec<Vec3>, direction: Vec3) {
+    if directions.iter().all(|other| angle(*other, direction) > SAME_RAD) {
+        directions.push(direction);
+    }
+}
+
+fn over_sphere(
+    machine: &Machine,
+    likely: &[Vec3],
+    (clampings, n_upright): (Clampings, usize),
+    n_directions: usize,
+) -> Result<(Vec<Vec3>, Vec<Candidate>)> {
+    let sphere = Directions::new(DirectionSet::FibonacciSphere { n_dirs: n_directions })?;
+    let is_new = |d: &&Vec3| likely.iter().all(|other| angle(*other, **d) > SAME_RAD);
+    let even: Vec<Vec3> = sphere.vectors().iter().filter(is_new).copied().collect();
+    let mut all = [likely, &even[..]].concat();
+    let n = if clampings == Clampings::Any { all.len() } else { n_upright };
+    if *machine == Machine::ThreeAxis {
+        all.truncate(n);
+    }
+    let tilt = machine.tilt_rad().unwrap_or_default() + ROUNDING_RAD;
+    let candidate = |&direction: &Vec3| {
+        let within = |k: &u32| angle(all[*k as usize], direction) <= tilt;
+        let axes = (0..all.len() as u32).filter(within).collect();
+        Candidate { direction, axes: upright_first(axes, direction, &all) }
+    };
+    let list = all[..n].iter().map(candidate).collect();
+    Ok((all, list))
+}
+
+/// The given one, or those of `likely`, up to sign.
+fn rotary_axes(given: Option<[f64; 3]>, likely: &[Vec3]) -> Vec<Vec3> {
+    if let Some(axis) = given {
+        return vec![DVec3::from_array(axis).normalize().as_vec3()];
+    }
+    let mut axes: Vec<Vec3> = Vec::new();
+    // Up to sign; x before y before z.
+    let of_box = [Vec3::X, Vec3::Y, Vec3::Z].into_iter().filter(|d| likely.contains(d));
+    for d in of_box.chain(likely.iter().copied()) {
+        let is_new = axes.iter().all(|a| angle(*a, d).min(angle(*a, -d)) > SAME_RAD);
+        if is_new && axes.len() < MOST_ROTARY {
+            axes.push(d);
+        }
+    }
+    axes
+}
+
+fn about_axes(axes: Vec<Vec3>, n_directions: usize) -> Result<(Vec<Vec3>, Vec<Candidate>)> {
+    let mut all: Vec<Vec3> = Vec::new();
+    let mut list = Vec::new();
+    for direction in axes {
+        let axis = direction.as_dvec3().to_array();
+        let circle = Directions::new(DirectionSet::Circle { axis, n_dirs: n_directions })?;
+        let number = |d: &Vec3| {
+            let same = all.iter().position(|other| angle(*other, *d) < ROUNDING_RAD);
+            same.unwrap_or_else(|| {
+                all.push(*d);
+                all.len() - 1
+            }) as u32
+        };
+        let axes = circle.vectors().iter().map(number).collect();
+        list.push(Candidate { direction, axes: upright_first(axes, direction, &all) });
+    }
+    Ok((all, list))
+}
+
+/// z' itself before the box axes before the others.
+fn upright_first(mut axes: Vec<u32>, direction: Vec3, all: &[Vec3]) -> Vec<u32> {
+    let is = |k: u32, other: Vec3| angle(all[k as usize], other) <= ROUNDING_RAD;
+    // A stable sort.
+    axes.sort_by_key(|&k| match () {
+        () if is(k, direction) => 0,
+        () if BOX_AXES.iter().any(|axis| is(k, *axis)) => 1,
+        () => 2,
+    });
+    axes
+}
+
+/// Outward normals of flat faces of at least [`LEAST_SHARE`], the largest first.
+fn flat_normals(part: &Mesh) -> Vec<Vec3> {
+    /// Cells of normals, far finer than [`FLAT_RAD`].
+    const CELLS: f64 = 1000.0;
+    let mut cells: BTreeMap<[i64; 3], DVec3> = BTreeMap::new();
+    for f in 0..part.triangles.len() {
+        let area = part.area_vector(f);
+        let normal = area.normalize_or_zero();
+        *cells.entry((normal * CELLS).round().to_array().map(|x| x as i64)).or_default() += area;
+    }
+    let mut sums: Vec<DVec3> = cells.into_values().filter(|sum| *sum != DVec3::ZERO).collect();
+    // A stable sort: equal areas stay in the order of their cells.
+    sums.sort_by(|a, b| b.length().total_cmp(&a.length()));
+    let mut faces: Vec<DVec3> = Vec::new();
+    for sum in sums {
+        let near =
+            |face: &DVec3| angle(face.normalize().as_vec3(), sum.normalize().as_vec3()) <= FLAT_RAD;
+        match faces.iter().position(near) {
+            Some(k) => faces[k] += sum,
+            None if faces.len() < MOST_CELLS => faces.push(sum),
+            None => {}
+        }
+    }
+    // Area vectors are twice the area.
+    let least = 2.0 * LEAST_SHARE * part.area();
+    faces.retain(|face| face.length() >= least);
+    faces.sort_by(|a, b| b.length().total_cmp(&a.length()));
+    faces.truncate(MOST_FACES);
+    faces.iter().map(|face| face.normalize().as_vec3()).collect()
+}
+
+/// Normals that are compared with each other; a flat face of the least share is among them.
+const MOST_CELLS: usize = 400;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::solids::{cuboid, torus};
+    use glam::dvec3;
+
+    fn turned() -> Mesh {
+        let mut part = cuboid(dvec3(40.0, 30.0, 20.0));
+        let turn = glam::DMat3::from_rotation_x(0.6);
+        part.vertices.iter_mut().for_each(|p| *p = turn * *p);
+        part
+    }
+
+    fn of(part: &Mesh, machine: Machine, n: usize) -> Candidates {
+        Candidates::new(part, machine, Clampings::usual(&machine), n).unwrap()
+    }
+
+    #[test]
+    fn box_axes_come_first_then_flat_faces_then_the_sphere() {
+        let upright = of(&cuboid(DVec3::ONE), Machine::ThreeAxis, 100);
+        assert_eq!(upright.directions().vectors()[..6], BOX_AXES);
+        let turn = upright.turn(Vec3::NEG_Z);
+        assert_eq!(turn, [DVec3::X, DVec3::NEG_Y, DVec3::NEG_Z]);
+        assert!((100..=106).contains(&upright.list().len()));
+        let of_turned = of(&turned(), Machine::ThreeAxis, 100);
+        let of_faces = &of_turned.directions().vectors()[2..6];
+        let up = Vec3::new(0.0, -libm::sinf(0.6), libm::cosf(0.6));
+        assert!(of_faces.iter().any(|d| angle(*d, up) < 1e-6), "{of_faces:?}");
+        for (k, candidate) in of_turned.list().iter().enumerate() {
+            assert_eq!(
+                (candidate.axes.as_slice(), candidate.direction),
+                (&[k as u32][..], of_turned.directions().vectors()[k])
+            );
+        }
+        assert_eq!(
+            of_turned.directions().vectors()[..2],
+            [Vec3::X, Vec3::NEG_X],
+            "flat ones first"
+        );
+        // The facets of a torus are all small.
+        let torus = torus(20.0, 5.0, 60, 30);
+        assert!(flat_normals(&torus).is_empty());
+    }
+
+    #[test]
+    fn tool_axes_are_those_of_the_machine() {
+        let tilted = of(&turned(), Machine::Indexed { tilt_deg: 90.0 }, 50);
+        let all = tilted.directions().vectors();
+        assert_eq!(tilted.list().len(), 10, "box axes and flat faces");
+        for candidate in tilted.list() {
+            let within = all.iter().filter(|d| d.dot(candidate.direction) > -1e-6).count();
+            assert_eq!(candidate.axes.len(), within);
+        }
+        let machine = Machine::Rotary { axis: None };
+        let rotary = of(&turned(), machine, 72);
+        assert_eq!(rotary.list().len(), 5, "three box axes, two more of the faces");
+        for candidate in rotary.list() {
+            assert_eq!(candidate.axes.len(), 72);
+            let across = |k: &u32| {
+                rotary.directions().vectors()[*k as usize].dot(candidate.direction).abs() < 1e-6
+            };
+            assert!(candidate.axes.iter().all(across));
+        }
+        assert!(rotary.directions().len() < 5 * 72, "circles share where they meet");
+        let given = Machine::Rotary { axis: Some([0.0, 0.0, 2.0]) };
+        assert_eq!(of(&turned(), given, 8).list().len(), 1);
+        assert!(Candidates::new(&turned(), given, Clampings::Flat, 0).is_err());
+        let flat = Candidates::new(&turned(), Machine::ThreeAxis, Clampings::Flat, 50).unwrap();
+        assert_eq!((flat.list().len(), flat.directions().len()), (6, 6));
+        for candidates in [&tilted, &rotary, &flat] {
+            for candidate in candidates.list() {
+                let [x, y, z] = candidates.turn(candidate.direction);
+                let along = if candidates.machine().tilt_rad().is_some() { z } else { x };
+                assert!((x.cross(y) - z).length() < 1e-12 && (z.length() - 1.0).abs() < 1e-12);
+                assert!((along - candidate.direction.as_dvec3()).length() < 1e-6);
+            }
+        }
+        let turned_up = flat.turn(Vec3::new(0.0, -libm::sinf(0.6), libm::cosf(0.6)));
+        assert_eq!(turned_up[0], DVec3::X, "along the part's edges");
+    }
+}

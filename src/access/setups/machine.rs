@@ -1,0 +1,172 @@
+//! Which tool axes a machine can take without clamping again.
+
+use crate::{Error, Result};
+use glam::Vec3;
+use std::f64::consts::PI;
+use std::fmt;
+use std::str::FromStr;
+
+/// A kind of machine.
+///
+/// ```
+/// use deepmill::access::setups::Machine;
+/// let machine: Machine = "3+2:60".parse()?;
+/// assert_eq!(machine.to_string(), "3+2:60");
+/// assert!("3+2".parse::<Machine>().is_err(), "the greatest tilt is never guessed");
+/// # Ok::<(), deepmill::Error>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Machine {
+    /// The spindle is along z'.
+    ThreeAxis,
+    /// The spindle is fixed at angles within this of z' while it cuts.
+    Indexed {
+        /// Degrees, above 0, at most 180.
+        tilt_deg: f64,
+    },
+    /// The part turns about a rotary axis, across the spindle.
+    Rotary {
+        /// The direction of the part along the rotary axis, of any length but zero; free if there is none.
+        axis: Option<[f64; 3]>,
+    },
+    /// The spindle tilts by as much as this from z' while it cuts.
+    FiveAxis {
+        /// Degrees, above 0, at most 180.
+        tilt_deg: f64,
+    },
+}
+
+impl Machine {
+    /// Whether tool axes are fixed while it cuts and there may be several in a setup.
+    pub fn has_positions(&self) -> bool {
+        matches!(self, Machine::Indexed { .. } | Machine::Rotary { .. })
+    }
+
+    /// The greatest angle of a tool axis from z', radians; none about a rotary axis.
+    pub fn tilt_rad(&self) -> Option<f64> {
+        match self {
+            Machine::ThreeAxis => Some(0.0),
+            Machine::Indexed { tilt_deg } | Machine::FiveAxis { tilt_deg } => {
+                Some(tilt_deg.to_radians())
+            }
+            Machine::Rotary { .. } => None,
+        }
+    }
+
+    /// A setup in words, given by its direction.
+    pub fn setup_words(&self, direction: Vec3) -> String {
+        let words = direction_words(direction);
+        match self {
+            Machine::Rotary { .. } => format!("about {}", words.trim_start_matches('+')),
+            _ => format!("{words} up"),
+        }
+    }
+}
+
+impl fmt::Display for Machine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Machine::ThreeAxis => write!(f, "3-axis"),
+            Machine::Indexed { tilt_deg } => write!(f, "3+2:{tilt_deg}"),
+            Machine::Rotary { axis: None } => write!(f, "4-axis"),
+            Machine::Rotary { axis: Some([x, y, z]) } => write!(f, "4-axis:{x},{y},{z}"),
+            Machine::FiveAxis { tilt_deg } => write!(f, "5-axis:{tilt_deg}"),
+        }
+    }
+}
+
+/// Reads `3-axis`, `3+2:DEGREES`, `4-axis`, `4-axis:x` (`y`, `z`, `X,Y,Z`), `5-axis:DEGREES`.
+impl FromStr for Machine {
+    type Err = Error;
+
+    /// # Errors
+    /// If the text has none of these forms, a tilt is not above 0 and at most 180 degrees, or an axis has no length.
+    fn from_str(text: &str) -> Result<Self> {
+        let (kind, rest) = text.split_once(':').map_or((text, None), |(a, b)| (a, Some(b)));
+        let tilt = || rest.and_then(|t| t.parse().ok()).filter(|t| *t > 0.0 && *t <= 180.0);
+        let machine = match (kind, rest) {
+            ("3-axis", None) => Some(Machine::ThreeAxis),
+            ("3+2", _) => tilt().map(|tilt_deg| Machine::Indexed { tilt_deg }),
+            ("5-axis", _) => tilt().map(|tilt_deg| Machine::FiveAxis { tilt_deg }),
+            ("4-axis", None) => Some(Machine::Rotary { axis: None }),
+            ("4-axis", Some(axis)) => axis_of(axis).map(|a| Machine::Rotary { axis: Some(a) }),
+            _ => None,
+        };
+        machine.ok_or_else(|| {
+            let expected = "3-axis, 3+2:DEGREES, 4-axis, 4-axis:x (y, z or X,Y,Z) or 5-axis:DEGREES";
+            let remedy = "give the machine's greatest tilt from its z axis, above 0 and at most 180, as in 3+2:60";
+            Error::argument("--machine", format!("`{text}`"), expected, remedy)
+        })
+    }
+}
+
+fn axis_of(text: &str) -> Option<[f64; 3]> {
+    match text {
+        "x" => return Some([1.0, 0.0, 0.0]),
+        "y" => return Some([0.0, 1.0, 0.0]),
+        "z" => return Some([0.0, 0.0, 1.0]),
+        _ => {}
+    }
+    let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
+    let axis: [f64; 3] = numbers?.try_into().ok()?;
+    let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+    (length.is_finite() && length > 1e-12).then_some(axis)
+}
+
+/// `+z`, `-x`, or three numbers.
+pub fn direction_words(direction: Vec3) -> String {
+    for (k, name) in ["x", "y", "z"].into_iter().enumerate() {
+        if direction[k].abs() > 1.0 - 1e-6 {
+            return format!("{}{name}", if direction[k] > 0.0 { '+' } else { '-' });
+        }
+    }
+    // Never minus zero.
+    let [x, y, z] = direction.to_array().map(|x| (1e3 * x).round() / 1e3 + 0.0);
+    format!("{x}, {y}, {z}")
+}
+
+/// Radians between unit vectors.
+pub(super) fn angle(a: Vec3, b: Vec3) -> f64 {
+    let (a, b) = (a.as_dvec3(), b.as_dvec3());
+    libm::atan2(a.cross(b).length(), a.dot(b)).min(PI)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn machines_are_read_and_written_again() {
+        for text in ["3-axis", "3+2:60", "4-axis", "4-axis:0,1,0.5", "5-axis:33.3"] {
+            assert_eq!(text.parse::<Machine>().unwrap().to_string(), text);
+        }
+        assert_eq!("4-axis:y".parse::<Machine>().unwrap().to_string(), "4-axis:0,1,0");
+        for text in [
+            "",
+            "3",
+            "3-axis:5",
+            "3+2:0",
+            "3+2:181",
+            "3+2:NaN",
+            "5-axis",
+            "4-axis:w",
+            "4-axis:0,0,0",
+            "4-axis:1,2",
+        ] {
+            let message = text.parse::<Machine>().unwrap_err().to_string();
+            assert!(
+                message.starts_with("--machine is `") && message.contains("3+2:60"),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn directions_have_the_names_of_the_box() {
+        let words = [Vec3::Z, Vec3::NEG_X, Vec3::new(0.6, -0.0, 0.8)].map(direction_words);
+        assert_eq!(words, ["+z", "-x", "0.6, 0, 0.8"]);
+        let machine = Machine::Rotary { axis: None };
+        assert_eq!(machine.setup_words(Vec3::X), "about x");
+        assert_eq!(Machine::ThreeAxis.setup_words(Vec3::NEG_Y), "-y up");
+    }
+}

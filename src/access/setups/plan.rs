@@ -1,0 +1,180 @@
+//! Few setups that cover a share of what all candidates reach.
+
+use super::candidates::{Candidate, Candidates};
+use super::machine::angle;
+use crate::access::cover::{Cover, cover_share, greedy_share};
+use crate::access::surface::FreeDirections;
+use crate::geom::{Mesh, Sites};
+use crate::par;
+use glam::{DMat3, Vec3};
+
+/// The chosen setups, in the order of what each adds to those before it, most first; among nearly equal ones the likelier clamping first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// The setups.
+    pub setups: Vec<Setup>,
+    /// No choice of candidates that covers the share has fewer.
+    pub at_least: usize,
+    /// Setups that a greedy choice takes to cover all that can be reached.
+    pub n_for_all: usize,
+    /// Per site, whether some candidate reaches it.
+    pub can_be_reached: Vec<bool>,
+    /// Per site, the first of the setups that reaches it.
+    pub first: Vec<Option<usize>>,
+    /// Per site that no candidate reaches: whether for some tool, in some direction tested, the tip alone is in the way.
+    pub only_tip: Vec<bool>,
+}
+
+/// One clamping.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setup {
+    /// z', or the direction of the part along the rotary axis.
+    pub direction: Vec3,
+    /// Rows: the machine's x', y', z' in the part's coordinates. A rotary axis is along x'.
+    pub turn: DMat3,
+    /// Weight that it adds to the setups before it.
+    pub adds: f64,
+    /// Per site, whether some tool reaches it.
+    pub reaches: Vec<bool>,
+    /// Per tool, per site, whether that reaches it.
+    pub by_tool: Vec<Vec<bool>>,
+    /// Few tools, by their numbers, that reach the share of what the setup adds.
+    pub tools: Cover,
+    /// Few tool axes that reach the share of what the setup adds, where the machine has positions: numbers among `axes`.
+    pub positions: Option<Cover>,
+    /// Every tool axis of the setup.
+    pub axes: Vec<Vec3>,
+}
+
+/// What lies as low as this above the lowest place is what the part lies on, mm.
+const LOWEST_MM: f64 = 0.01;
+/// If its normal is as near to straight down as this, radians.
+const DOWN_RAD: f64 = std::f64::consts::PI / 180.0;
+
+type Bits = Vec<u64>;
+
+fn holds(bits: &[u64], i: usize) -> bool {
+    bits[i / 64] >> (i % 64) & 1 == 1
+}
+
+fn unite(into: &mut Bits, with: &[u64]) {
+    into.iter_mut().zip(with).for_each(|(a, b)| *a |= b);
+}
+
+impl Plan {
+    /// Of the `candidates` for `part`, few that cover at least `share` of the weight of all that some candidate reaches; `free` says for each
+    /// tool in which of their directions it may stand, `weights` what each site counts.
+    ///
+    /// # Panics
+    /// If `free` is about other sites or directions, or empty.
+    pub fn new(
+        candidates: &Candidates,
+        part: &Mesh,
+        sites: &Sites,
+        free: &[FreeDirections],
+        weights: &[f64],
+        share: f64,
+    ) -> Self {
+        let n = sites.len();
+        assert!(!free.is_empty() && weights.len() == n, "a tool, and a weight per site");
+        for tool in free {
+            let about = (tool.n_sites(), tool.n_directions());
+            assert_eq!(about, (n, candidates.directions().len()), "these sites and directions");
+        }
+        let any: Vec<Bits> = par::map(candidates.directions().len(), |d| {
+            let mut bits = vec![0; n.div_ceil(64)];
+            free.iter().for_each(|tool| unite(&mut bits, tool.words(d)));
+            bits
+        });
+        let list = candidates.list();
+        let lies_on: Vec<Bits> =
+            par::map(list.len(), |c| lies_on(candidates, &list[c], part, sites));
+        let reached: Vec<Bits> =
+            par::map(list.len(), |c| reach(&list[c], &lies_on[c], |d| &any[d][..]));
+        let of = |c: usize, i: usize| holds(&reached[c], i);
+        let cover = cover_share(list.len(), weights, of, share);
+        let n_for_all = greedy_share(list.len(), weights, of, 1.0).chosen.len();
+        let mut first = vec![None; n];
+        let mut setups = Vec::new();
+        for (&c, adds) in cover.chosen.iter().zip(&cover.adds) {
+            let new: Vec<f64> = (0..n)
+                .map(|i| if first[i].is_none() && of(c, i) { weights[i] } else { 0.0 })
+                .collect();
+            (0..n).filter(|&i| of(c, i)).for_each(|i| first[i] = first[i].or(Some(setups.len())));
+            let about = About { candidates, free, any: &any, lies_on: &lies_on[c], share };
+            setups.push(about.setup(&list[c], &reached[c], *adds, &new));
+        }
+        let can_be_reached: Vec<bool> = (0..n).map(|i| (0..list.len()).any(|c| of(c, i))).collect();
+        let only_tip = (0..n)
+            .map(|i| !can_be_reached[i] && free.iter().any(|tool| tool.only_tip()[i]))
+            .collect();
+        Plan { setups, at_least: cover.at_least, n_for_all, can_be_reached, first, only_tip }
+    }
+}
+
+/// The sites on what the part lies on.
+fn lies_on(candidates: &Candidates, candidate: &Candidate, part: &Mesh, sites: &Sites) -> Bits {
+    let mut bits = vec![0; sites.len().div_ceil(64)];
+    if candidates.machine().tilt_rad().is_none() {
+        return bits;
+    }
+    let up = candidate.direction.as_dvec3();
+    let down: Vec<usize> = (0..sites.len())
+        .filter(|&i| angle(sites.normals[i], -candidate.direction) <= DOWN_RAD)
+        .collect();
+    if !down.is_empty() {
+        let lowest = part.vertices.iter().map(|p| p.dot(up)).fold(f64::INFINITY, f64::min);
+        let is_low = |i: &usize| sites.points[*i].as_dvec3().dot(up) <= lowest + LOWEST_MM;
+        down.into_iter().filter(is_low).for_each(|i| bits[i / 64] |= 1 << (i % 64));
+    }
+    bits
+}
+
+/// The union over the tool axes of a candidate.
+fn reach<'a>(candidate: &Candidate, lies_on: &Bits, of: impl Fn(usize) -> &'a [u64]) -> Bits {
+    let mut bits = vec![0; lies_on.len()];
+    candidate.axes.iter().for_each(|&d| unite(&mut bits, of(d as usize)));
+    bits.iter_mut().zip(lies_on).for_each(|(a, on)| *a &= !on);
+    bits
+}
+
+fn rows(axes: [glam::DVec3; 3]) -> DMat3 {
+    DMat3::from_cols_array_2d(&axes.map(|row| row.to_array())).transpose()
+}
+
+struct About<'a> {
+    candidates: &'a Candidates,
+    free: &'a [FreeDirections],
+    any: &'a [Bits],
+    lies_on: &'a Bits,
+    share: f64,
+}
+
+impl About<'_> {
+    /// `new`: the weights of what the setup adds, 0 elsewhere.
+    fn setup(&self, candidate: &Candidate, reached: &Bits, adds: f64, new: &[f64]) -> Setup {
+        let n = new.len();
+        let list = |bits: &Bits| (0..n).map(|i| holds(bits, i)).collect::<Vec<bool>>();
+        let by_tool: Vec<Vec<bool>> = par::map(self.free.len(), |t| {
+            list(&reach(candidate, self.lies_on, |d| self.free[t].words(d)))
+        });
+        let tools = cover_share(by_tool.len(), new, |t, i| by_tool[t][i], self.share);
+        let is_free = |k: usize, i: usize| {
+            !holds(self.lies_on, i) && holds(&self.any[candidate.axes[k] as usize], i)
+        };
+        let has_positions = self.candidates.machine().has_positions();
+        let positions =
+            has_positions.then(|| cover_share(candidate.axes.len(), new, is_free, self.share));
+        let vectors = self.candidates.directions().vectors();
+        Setup {
+            direction: candidate.direction,
+            turn: rows(self.candidates.turn(candidate.direction)),
+            adds,
+            reaches: list(reached),
+            by_tool,
+            tools,
+            positions,
+            axes: candidate.axes.iter().map(|&d| vectors[d as usize]).collect(),
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! `deepmill setups`: in how many clampings a part can be milled, and what each reaches.
+
+use crate::args::{GateArgs, SiteArgs, ToolArgs, name_of, share};
+use crate::clock::Clock;
+use crate::findings;
+use crate::mesh_args::{Accept, MeshArgs};
+use crate::output::Output;
+use deepmill::access::setups::{Candidates, Clampings, Machine, Plan};
+use deepmill::access::surface::{
+    ContactTolerance, FreeDirections, SurfaceOptions, TriangleObstacles,
+};
+use deepmill::data::files::tools::Tool;
+use deepmill::geom::formats::MeshOrCloud;
+use deepmill::report::PartView;
+use deepmill::report::findings::Findings;
+use deepmill::report::folder::{self, Show};
+use deepmill::report::gate::SiteAreas;
+use deepmill::report::page::Page;
+use deepmill::report::setups::Setups;
+use deepmill::report::tables::{Cell, Facts};
+use deepmill::{Error, Result, atomic_file};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Say in how few setups (clampings) a part can be milled on a machine, and what each reaches with which tools.
+///
+/// Writes to DIR: setups.csv and setup-tools.csv, positions.csv (3+2 and 4-axis), setups.ply and setups.png (the first setup that reaches
+/// each site), setup-K.ply and, of the first eight, .png and .stl (the part turned as it is clamped), findings.json and findings.csv (what is left) and part.stl.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example: deepmill setups part.stl --tools shop.csv --machine 3-axis --out setups\n\
+Tilting: deepmill setups part.stl --tools shop.csv --machine 3+2:60 --report --out setups\n\
+Fixtures, table and stock are not modelled: see docs/setups.md."
+)]
+pub struct Args {
+    /// Mesh (STL, OBJ, PLY, 3MF).
+    part: PathBuf,
+    #[command(flatten)]
+    read: MeshArgs,
+    #[command(flatten)]
+    tools: ToolArgs,
+    /// 3-axis, 3+2:DEGREES and 5-axis:DEGREES (greatest tilt from the machine's z), 4-axis (the part may be chucked along its box or flat
+    /// faces), 4-axis:x (y, z or X,Y,Z: along this).
+    #[arg(long, value_name = "MACHINE")]
+    machine: Machine,
+    /// The setups cover at least this share of the area that can be reached.
+    #[arg(long, value_name = "PERCENT", default_value = "99%")]
+    share: String,
+    /// Directions tested, beside the box axes and flat faces: even over the sphere (300), or around each rotary axis (72).
+    #[arg(long, value_name = "COUNT")]
+    directions: Option<usize>,
+    /// Which clampings to choose from: `flat` (along large flat faces), `box` (these and the box axes) or `any` (every direction tested). By default
+    /// `any` for 3-axis, `box` for other machines.
+    #[arg(long, value_name = "WHICH")]
+    clampings: Option<Clamping>,
+    #[command(flatten)]
+    sites: SiteArgs,
+    /// How deep the tool may seem to cut where it only touches; by default 0.01, and more beside coarsely tessellated
+    /// curves.
+    #[arg(long, value_name = "MM")]
+    tolerance: Option<f64>,
+    #[command(flatten)]
+    gate: GateArgs,
+    /// Folder of the results.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Draw no pictures.
+    #[arg(long)]
+    no_picture: bool,
+    /// Also write report.html, a page to send, with a tab for every setup.
+    #[arg(long)]
+    report: bool,
+    /// Take a mesh that does not bound one solid; the answer may mean nothing.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Clamping {
+    Flat,
+    Box,
+    Any,
+}
+
+/// Directions around a rotary axis, and over the sphere.
+const AROUND: usize = 72;
+const OVER_SPHERE: usize = 300;
+
+pub fn run(args: &Args, output: &Output) -> Result<()> {
+    let limits = args.gate.limits(&["occlusion"])?;
+    let share = share(&args.share)?;
+    let tools = args.tools.tools(output)?;
+    atomic_file::check_writable_folder(&args.out)?;
+    let mut clock = Clock::start();
+    let accept = if args.force { Accept::Faults } else { Accept::Bodies };
+    let part = args.read.read_part(&args.part, accept, output)?;
+    if matches!(part, MeshOrCloud::Cloud(_)) {
+        let remedy = "a cloud has no triangles to hold a tool against: give the mesh";
+        return Err(Error::argument("part", name_of(&args.part), "a mesh", remedy));
+    }
+    clock.lap("read_s", "reading");
+    let (Some(mesh), sites) = args.sites.place(part)? else { unreachable!("a mesh stays a mesh") };
+    let areas = SiteAreas::of(&sites, Some(&mesh))?;
+    clock.lap("sites_s", "sites");
+    let candidates = Candidates::new(&mesh, args.machine, args.clampings(), args.n_directions())?;
+    let obstacles = TriangleObstacles::new(&mesh, &[])?;
+    let options = args.options();
+    let free = |tool: &Tool| {
+        obstacles.free_directions(&sites, &tool.cutter, candidates.directions(), &options)
+    };
+    let free: Vec<FreeDirections> = tools.iter().map(free).collect::<Result<_>>()?;
+    clock.lap("directions_s", "directions of every site");
+    let plan = Plan::new(&candidates, &mesh, &sites, &free, areas.shares(), share);
+    clock.lap("cover_s", "choice of setups");
+
+    let names: Vec<&str> = tools.iter().map(|tool| &*tool.name).collect();
+    let setups = Setups::new(&plan, args.machine, &names, &areas);
+    let answers = setups.answers();
+    let found = Findings::of(&sites, Some(&mesh), &answers, &[])?;
+    let (name, words) = (name_of(&args.part), format!("{} tools", tools.len()));
+    let view = PartView { name: &name, mesh: Some(&mesh), sites: &sites, cutter: &words };
+    let show = if args.no_picture { Show::Points } else { Show::Pictures };
+    let mut paths = setups.write(&args.out, view, show)?;
+    paths.extend(found.write(&args.out, &name, &words)?);
+    if args.report {
+        let views = setups.views(found.clone(), &args.settings(&tools, &candidates));
+        let page = Page { part: &name, mesh: Some(&mesh), sites: &sites, views: &views };
+        paths.push(page.write(&args.out)?);
+    }
+    paths.push(folder::write_surface(&args.out, &mesh)?);
+    clock.lap("write_s", "writing and drawing");
+
+    let named = [("setups", &answers)].into_iter();
+    let broken = output.check_limits(&limits, (&sites, Some(&mesh)), named)?;
+    let mut facts = Facts::new();
+    facts.add("part", "part", Cell::text(&name));
+    facts.add("machine", "machine", Cell::text(args.machine.to_string()));
+    facts.add("area_mm2", "surface, mm²", Cell::Number(mesh.area()));
+    facts.add("n_sites", "sites", Cell::count(sites.len()));
+    facts.add("n_tools", "tools", Cell::count(tools.len()));
+    facts.add("n_directions", "tool axes tested", Cell::count(candidates.directions().len()));
+    facts.add("n_candidates", "candidates", Cell::count(candidates.list().len()));
+    facts.add(
+        "can_be_reached",
+        "of the surface, can be reached",
+        Cell::Share(setups.can_be_reached()),
+    );
+    facts.add("reached", "of the surface, reached", Cell::Share(setups.reached()));
+    facts.add("n_setups", "setups", Cell::count(plan.setups.len()));
+    facts.add("n_setups_at_least", "no fewer than", Cell::count(plan.at_least));
+    facts.add("share", "that cover, of what can be reached", Cell::Share(share));
+    facts.add(
+        "n_setups_for_all",
+        "setups that cover all of it, greedy",
+        Cell::count(plan.n_for_all),
+    );
+    if let Some(n) = setups.n_positions() {
+        facts.add("n_positions", "positions in them", Cell::count(n));
+    }
+    clock.add_to(&mut facts);
+    output.say(facts.text());
+    output.files(&paths);
+    output.say(setups.table().text());
+    findings::say(&found, output);
+    let mut result = facts.json();
+    result["setups"] = setups.json();
+    result["fewest_is_proven"] = json!(plan.setups.len() <= plan.at_least);
+    result["findings"] = found.json();
+    result["limits_broken"] = broken;
+    output.result_with_files(result, &paths);
+    Ok(())
+}
+
+impl Args {
+    fn clampings(&self) -> Clampings {
+        match self.clampings {
+            None => Clampings::usual(&self.machine),
+            Some(Clamping::Flat) => Clampings::Flat,
+            Some(Clamping::Box) => Clampings::Box,
+            Some(Clamping::Any) => Clampings::Any,
+        }
+    }
+
+    fn n_directions(&self) -> usize {
+        let usual = if self.machine.tilt_rad().is_none() { AROUND } else { OVER_SPHERE };
+        self.directions.unwrap_or(usual)
+    }
+
+    fn options(&self) -> SurfaceOptions {
+        let tolerance =
+            self.tolerance.map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters);
+        SurfaceOptions { tolerance, ..SurfaceOptions::default() }
+    }
+
+    fn settings(&self, tools: &[Tool], candidates: &Candidates) -> serde_json::Value {
+        let words: Vec<String> =
+            tools.iter().map(|tool| format!("{}: {}", tool.name, tool.words())).collect();
+        json!({
+            "machine": self.machine.to_string(),
+            "share": self.share,
+            "tools": words,
+            "tool_axes_tested": candidates.directions().len(),
+            "candidates": candidates.list().len(),
+            "tolerance_mm": self.tolerance,
+            "sites": self.sites.settings(true),
+            "not_modelled": "fixtures, table, stock, travel of the machine's axes",
+        })
+    }
+}

@@ -1,0 +1,231 @@
+//! What `deepmill setups` promises.
+#![cfg(feature = "cli")]
+
+mod command;
+
+use command::{Corner, Folder, deepmill, failure, json, stl, text};
+use serde_json::Value;
+use std::path::Path;
+
+/// Long enough for every wall of the parts below.
+const LONG: &str = "1.5,30,20,30";
+
+/// The boundary of the cells of a grid that are filled, as a closed mesh.
+fn cells(lines: [&[f32]; 3], is_filled: impl Fn([f32; 3]) -> bool) -> Vec<[Corner; 3]> {
+    let n = lines.map(|l| l.len() as i32 - 1);
+    let filled = |c: [i32; 3]| {
+        let middle = |k: usize| 0.5 * (lines[k][c[k] as usize] + lines[k][c[k] as usize + 1]);
+        (0..3).all(|k| c[k] >= 0 && c[k] < n[k]) && is_filled([0, 1, 2].map(middle))
+    };
+    let mut triangles = Vec::new();
+    let all =
+        (0..n[0]).flat_map(|x| (0..n[1]).flat_map(move |y| (0..n[2]).map(move |z| [x, y, z])));
+    for cell in all.filter(|c| filled(*c)) {
+        for axis in 0..3 {
+            for side in [0, 1] {
+                let mut next = cell;
+                next[axis] += 2 * side - 1;
+                if filled(next) {
+                    continue;
+                }
+                let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+                let corner = |a: i32, b: i32| {
+                    let mut c = cell;
+                    (c[axis], c[u], c[v]) = (c[axis] + side, c[u] + a, c[v] + b);
+                    [0, 1, 2].map(|k| lines[k][c[k] as usize])
+                };
+                let mut quad = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+                if side == 0 {
+                    quad.reverse();
+                }
+                triangles.extend([[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]]);
+            }
+        }
+    }
+    triangles
+}
+
+/// A block 40 × 30 × 20 mm with a pocket 6 mm deep in its upper and its lower side.
+fn two_pockets(folder: &Folder) -> String {
+    let lines: [&[f32]; 3] =
+        [&[0.0, 10.0, 30.0, 40.0], &[0.0, 8.0, 22.0, 30.0], &[0.0, 6.0, 14.0, 20.0]];
+    let part = cells(lines, |[x, y, z]| {
+        !((10.0..30.0).contains(&x) && (8.0..22.0).contains(&y) && !(6.0..14.0).contains(&z))
+    });
+    folder.file("pockets.stl", stl(&part))
+}
+
+fn setups(part: &str, out: &str, machine: &str, share: &str) -> Value {
+    let directions = if machine.starts_with("4-axis") { "24" } else { "40" };
+    let args = ["setups", part, "--cutter", LONG, "--machine", machine, "--sites", "1500"];
+    let more =
+        ["--directions", directions, "--share", share, "--no-picture", "--out", out, "--json"];
+    json(&deepmill(&[&args[..], &more].concat()))
+}
+
+fn number(value: &Value, key: &str) -> f64 {
+    value[key].as_f64().unwrap_or_else(|| panic!("{key} in {value}"))
+}
+
+fn names(result: &Value) -> Vec<&str> {
+    result["setups"].as_array().unwrap().iter().map(|row| row["setup"].as_str().unwrap()).collect()
+}
+
+#[test]
+fn pockets_on_two_sides_need_two_setups_upright_and_one_about_an_axis_across() {
+    let folder = Folder::new();
+    let (part, out) = (two_pockets(&folder), folder.path("out"));
+    let upright = setups(&part, &out, "3-axis", "100%");
+    assert_eq!(names(&upright), ["1: +z up", "2: -z up"]);
+    assert_eq!(
+        (&upright["n_setups_at_least"], &upright["fewest_is_proven"]),
+        (&2.into(), &true.into())
+    );
+    // Only where the ball does not fit between walls and floors is nothing reached.
+    assert_eq!(upright["reached"], upright["can_be_reached"]);
+    assert!((0.75..0.99).contains(&number(&upright, "reached")), "{upright}");
+    assert_eq!(upright["findings"]["findings"][0]["cause"], "tip-does-not-fit");
+
+    let tilted = setups(&part, &out, "5-axis:30", "100%");
+    assert_eq!((names(&tilted).len(), tilted["n_positions"].is_null()), (2, true));
+
+    let about_x = setups(&part, &out, "4-axis:x", "100%");
+    assert_eq!(names(&about_x), ["1: about x"]);
+    assert!((number(&about_x, "reached") - number(&upright, "reached")).abs() < 1e-9);
+    let positions = about_x["setups"][0]["positions"].as_array().unwrap();
+    let axes: Vec<&str> = positions.iter().map(|p| p["axis"].as_str().unwrap()).collect();
+    assert_eq!(axes.len(), 2, "{axes:?}");
+    assert!(axes.contains(&"+z") && axes.contains(&"-z"));
+    assert_eq!(about_x["n_positions"], 2);
+    // About z the floors of both pockets are out of reach.
+    let about_z = setups(&part, &out, "4-axis:z", "100%");
+    assert!(number(&about_z, "reached") < number(&about_x, "reached") - 0.05, "{about_z}");
+    // Left free, the right axis is found.
+    assert_eq!(names(&setups(&part, &out, "4-axis", "100%")), ["1: about x"]);
+}
+
+#[test]
+fn a_plain_box_needs_two_setups_since_it_lies_on_something() {
+    let folder = Folder::new();
+    let (part, out) = (folder.block(), folder.path("out"));
+    for machine in ["3-axis", "3+2:90", "5-axis:90"] {
+        let result = setups(&part, &out, machine, "100%");
+        assert_eq!(result["n_setups"], 2, "{machine}: {result}");
+        assert_eq!((number(&result, "reached"), &result["fewest_is_proven"]), (1.0, &true.into()));
+        assert_eq!(result["findings"]["findings"].as_array().unwrap().len(), 0);
+        let rows = result["setups"].as_array().unwrap();
+        let adds: f64 = rows.iter().map(|row| number(row, "adds")).sum();
+        assert!((adds - 1.0).abs() < 1e-9 && (number(&rows[1], "so_far") - 1.0).abs() < 1e-9);
+        for row in rows {
+            let rows = row["turn"].as_array().unwrap();
+            let up: Vec<f64> =
+                rows[2].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+            assert_eq!(up, ["x", "y", "z"].map(|k| number(row, k)));
+        }
+    }
+    // All but the underside is most of the way.
+    let one = setups(&part, &out, "3-axis", "50%");
+    assert_eq!((&one["n_setups"], &one["n_setups_for_all"]), (&1.into(), &2.into()));
+}
+
+#[test]
+fn files_tabs_and_tools_of_every_setup_are_written_the_same_for_any_number_of_threads() {
+    let folder = Folder::new();
+    let part = two_pockets(&folder);
+    // The thick one is first; only the slender one reaches the corners of the pockets.
+    let table = "name,CR,CH,FR,FH\nD12,6,30,25,30\nD3,1.5,30,20,30\n";
+    let tools = folder.file("shop.csv", table);
+    let run = |out: &str, threads: &str, pictures: &[&str]| {
+        let args = ["setups", &part, "--tools", &tools, "--machine", "3+2:30", "--sites", "1000"];
+        let more = ["--directions", "60", "--report", "--out", out, "--json", "--threads", threads];
+        json(&deepmill(&[&args[..], &more, pictures].concat()))
+    };
+    let (one, two) = (folder.path("one"), folder.path("two"));
+    let (result, again) = (run(&one, "1", &[]), run(&two, "2", &["--no-picture"]));
+    assert_eq!(result["setups"], again["setups"]);
+    let files: Vec<String> =
+        result["files"].as_array().unwrap().iter().map(|f| f.as_str().unwrap().into()).collect();
+    let names = files.iter().map(|f| Path::new(f).file_name().unwrap().to_str().unwrap());
+    assert_eq!(
+        names.collect::<Vec<_>>(),
+        [
+            "setups.csv",
+            "setup-tools.csv",
+            "positions.csv",
+            "setups.ply",
+            "setups.png",
+            "setup-1.ply",
+            "setup-1.png",
+            "setup-1.stl",
+            "setup-2.ply",
+            "setup-2.png",
+            "setup-2.stl",
+            "findings.json",
+            "findings.csv",
+            "report.html",
+            "part.stl"
+        ]
+    );
+    for file in files.iter().filter(|file| !file.ends_with(".png")) {
+        let other = file.replacen(&one, &two, 1);
+        assert!(std::fs::read(file).unwrap() == std::fs::read(other).unwrap(), "{file} differs");
+    }
+    let tools = result["setups"][0]["tools"].as_array().unwrap();
+    assert_eq!((&tools[0]["tool"], &tools[1]["tool"]), (&"D12".into(), &"D3".into()));
+    assert!(number(&tools[0], "reached") < number(&tools[1], "reached"));
+    assert_eq!((&tools[0]["needed"], &tools[1]["needed"]), (&"".into(), &"yes".into()));
+    let page = std::fs::read_to_string(folder.path("one/report.html")).unwrap();
+    for words in
+        ["all setups", "1: +z up", "2: -z up", "added by this setup", "Positions", "3+2:30"]
+    {
+        assert!(page.contains(words), "{words}");
+    }
+}
+
+#[test]
+fn limits_and_bad_arguments_are_told() {
+    let folder = Folder::new();
+    let (part, out) = (two_pockets(&folder), folder.path("out"));
+    let run = |more: &[&str]| {
+        let args =
+            ["setups", &part, "--cutter", LONG, "--sites", "300", "--no-picture", "--out", &out];
+        let usual: &[&str] =
+            if more.contains(&"--directions") { &[] } else { &["--directions", "20"] };
+        deepmill(&[&args[..], usual, more].concat())
+    };
+    let broken = run(&[
+        "--machine",
+        "3-axis",
+        "--fail-if",
+        "unreachable>0.5%",
+        "--fail-if",
+        "unreachable>99%",
+    ]);
+    assert_eq!(broken.status.code(), Some(3), "{}", text(&broken.stderr));
+    let words = text(&broken.stderr);
+    assert!(
+        words.contains("limit broken: setups: unreachable is ")
+            && words.matches("limit broken").count() == 1,
+        "{words}"
+    );
+    for (args, code, expected) in [
+        (
+            &["--machine", "3-axis", "--fail-if", "occlusion>5%"][..],
+            2,
+            "--fail-if is `occlusion>5%`",
+        ),
+        (&["--machine", "3-axis", "--share", "0"], 2, "--share is `0`"),
+        (&["--machine", "3-axis", "--directions", "0"], 2, "directions is 0"),
+    ] {
+        let message = failure(&run(args), code);
+        assert!(message.contains(expected), "{message}");
+    }
+    for args in [&["--machine", "3+2"][..], &["--machine", "lathe"], &[]] {
+        let refused = run(args);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(text(&refused.stderr).contains("--machine"), "{}", text(&refused.stderr));
+    }
+    let cloud = folder.file("cloud.ply", "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\nproperty float ny\nproperty float nz\nend_header\n0 0 0 0 0 1\n1 0 0 0 0 1\n");
+    let args = ["setups", &cloud, "--cutter", LONG, "--machine", "3-axis", "--out", &out];
+    assert!(failure(&deepmill(&args), 2).contains("a cloud has no triangles"));
+}
