@@ -99,10 +99,11 @@ pub fn fit(model: &mut Model<f32>, samples: &[Sample]) -> Result<[Calibration; N
     let mut calibration = [Calibration::IDENTITY; N_HEADS];
     for (found, margins) in calibration.iter_mut().zip(&margins) {
         *found = most_likely(margins).ok_or_else(|| {
-            let expected =
-                "labels of both classes in both heads, and a network that errs and is mostly right";
-            let remedy = "take a validation set of several parts, and a trained network";
-            Error::argument("calibration set", "nothing to fit to", expected, remedy)
+            let found =
+                "labels of one class alone, or a network that is no better than chance or never errs";
+            let expected = "labels of both classes and predictions that are mostly right";
+            let remedy = "take a validation set of several parts, and train longer";
+            Error::argument("calibration", found, expected, remedy)
         })?;
     }
     model.calibration = calibration;
