@@ -82,7 +82,8 @@ impl AddAssign for Reliability {
 /// The samples should be a validation set: on what the network learned from it is too sure for good reason.
 ///
 /// # Errors
-/// If there are no samples, one is inconsistent, or a margin divides the labels of a head without error.
+/// If there are no samples, one is inconsistent, a head has labels of one class alone, or its margins are no better than chance
+/// or never wrong.
 pub fn fit(model: &mut Model<f32>, samples: &[Sample]) -> Result<[Calibration; N_HEADS]> {
     model.calibration = [Calibration::IDENTITY; N_HEADS];
     let mut margins: [Vec<(f64, bool)>; N_HEADS] = Default::default();

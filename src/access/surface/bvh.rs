@@ -78,9 +78,20 @@ impl Bvh {
             range.map(|f| Item::new(&triangles[f], f as u32, origin)).collect::<Vec<_>>()
         });
         let mut items: Vec<Item> = blocks.into_iter().flatten().collect();
-        let nodes = if empty { vec![Node::default()] } else { build(&mut items, 0) };
+        let mut nodes = Vec::new();
+        if empty {
+            nodes.push(Node::default());
+        } else {
+            build(&mut items, 0, &mut nodes);
+        }
         let faces: Vec<u32> = items.iter().map(|item| item.face).collect();
-        let triangles = faces.iter().map(|&f| triangles[f as usize]).collect();
+        let mut ordered = vec![[DVec3::ZERO; 3]; faces.len()];
+        par::for_each_block(&mut ordered, PARALLEL, |block, ordered| {
+            for (corners, &f) in ordered.iter_mut().zip(&faces[block * PARALLEL..]) {
+                *corners = triangles[f as usize];
+            }
+        });
+        let triangles = ordered;
         Bvh { nodes, triangles, faces, origin, radius, isa: Isa::active() }
     }
 

@@ -55,39 +55,40 @@ impl Bounds {
     }
 }
 
-/// The nodes of a tree over `items`, root first; leaves count places from `start`.
-pub(super) fn build(items: &mut [Item], start: usize) -> Vec<Node> {
-    let mut root = Node::default();
-    let large = items.len() > PARALLEL;
+/// Appends the nodes of a tree over `items`, root first, each before its children; leaves count places from `start`.
+pub(super) fn build(items: &mut [Item], start: usize, nodes: &mut Vec<Node>) {
+    let is_large = items.len() > PARALLEL;
     let groups = split_in_eight(items);
+    let root = nodes.len();
+    nodes.push(Node::default());
     let mut rest = items;
-    let mut parts = Vec::new();
+    let mut inner = Vec::new();
     let mut first = start;
-    for (k, (len, bounds)) in groups.into_iter().enumerate() {
+    for (k, &(len, bounds)) in groups.iter().enumerate() {
         let (part, after) = rest.split_at_mut(len);
-        root.put(k, &bounds);
-        if len <= LEAF {
-            (root.first[k], root.count[k]) = (first as u32, len as u8);
-        }
-        parts.push((first, part));
-        first += len;
         rest = after;
+        nodes[root].put(k, &bounds);
+        if len <= LEAF {
+            (nodes[root].first[k], nodes[root].count[k]) = (first as u32, len as u8);
+        } else if is_large {
+            inner.push((k, first, part));
+        } else {
+            nodes[root].first[k] = nodes.len() as u32;
+            build(part, first, nodes);
+        }
+        first += len;
     }
-    let grow = |first: usize, part: &mut [Item]| match part.len() > LEAF {
-        true => build(part, first),
-        false => vec![],
-    };
-    let subtrees: Vec<Vec<Node>> = match large {
-        true => par::map_chunks(&mut parts, 1, |_, part| grow(part[0].0, part[0].1)),
-        false => parts.iter_mut().map(|(first, part)| grow(*first, part)).collect(),
-    };
-    let mut nodes = vec![root];
-    for (k, subtree) in subtrees.into_iter().enumerate().filter(|(_, tree)| !tree.is_empty()) {
+    let subtrees = par::map_chunks(&mut inner, 1, |_, part| {
+        let (k, first, part) = &mut part[0];
+        let mut nodes = Vec::new();
+        build(part, *first, &mut nodes);
+        (*k, nodes)
+    });
+    for (k, subtree) in subtrees {
         let at = nodes.len() as u32;
-        nodes[0].first[k] = at;
+        nodes[root].first[k] = at;
         nodes.extend(subtree.into_iter().map(|node| node.moved(at)));
     }
-    nodes
 }
 
 impl Node {
@@ -112,7 +113,8 @@ impl Node {
 
 /// Reorders `items` into at most eight groups; their lengths and boxes.
 fn split_in_eight(items: &mut [Item]) -> Vec<(usize, Bounds)> {
-    let mut groups = vec![(items.len(), Bounds::of(items))];
+    let mut groups = Vec::with_capacity(WIDTH);
+    groups.push((items.len(), Bounds::of(items)));
     while groups.len() < WIDTH {
         let areas = groups.iter().map(|group| group.1.area()).enumerate();
         let splittable = areas.filter(|(g, _)| groups[*g].0 > LEAF);
