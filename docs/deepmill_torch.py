@@ -145,8 +145,8 @@ class Network(nn.Module):
         if self.input["point_normals"]:
             x = torch.cat([x, normals.float()], 1)
         # Head 1 has its positive class first.
-        return [logits * slope + torch.tensor([offset, 0.0] if head == 0 else [0.0, offset])
-                for head, (logits, (slope, offset)) in enumerate(zip([self.header(x), self.header_2(x)], self.calibration))]
+        (a, b), (c, d) = self.calibration
+        return self.header(x) * a + torch.tensor([b, 0.0]), self.header_2(x) * c + torch.tensor([0.0, d])
 
 
 def load(path):
