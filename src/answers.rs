@@ -117,7 +117,8 @@ impl SiteAnswers {
         let areas = spacing::relative_areas(sites)?;
         let total: f64 = areas.iter().sum();
         let marked = areas.iter().zip(&self.inaccessible).filter(|(_, marked)| **marked);
-        let marked: f64 = marked.map(|(area, _)| area).sum();
+        // A sum of nothing is -0.
+        let marked = marked.fold(0.0, |sum, (area, _)| sum + area);
         Ok(if total > 0.0 { marked / total } else { 0.0 })
     }
 }

@@ -115,6 +115,19 @@ pub fn thumbnail(mesh: &Mesh, width: u32, height: u32) -> Image {
     shade(&draw(&surface, &camera), &camera, LOOK, |_, _| METAL)
 }
 
+/// One view of a part from above, without text, for contact sheets (see [`Image::grid`]).
+///
+/// # Panics
+/// As [`render`].
+pub fn view(part: &PartView, coloring: &Coloring, width: u32, height: u32) -> Image {
+    assert_eq!(coloring.len(), part.sites.len(), "one color per site");
+    let painter = Painter::new(part, coloring);
+    let mut camera = panel_camera(EYES[0].0, width, height);
+    camera.scale = camera.center_on(painter.surface.vertices(), 0.06 * camera.width as f64);
+    let look = Look { edges: painter.has_edges(), ..LOOK };
+    shade(&draw(&painter.surface, &camera), &camera, look, |f, p| painter.at(f, p))
+}
+
 const SAMPLES_PER_PIXEL: f64 = SAMPLES as f64;
 
 fn margin() -> f64 {

@@ -135,6 +135,21 @@ impl Table {
         (headings, self.rows.iter().map(|row| shown.iter().map(|&k| &row[k]).collect()).collect())
     }
 
+    /// For people: a Markdown table, numbers to the right, of what [`Table::shown`] gives.
+    pub fn markdown(&self) -> String {
+        let (headings, rows) = self.shown();
+        let line = |cells: Vec<String>| {
+            let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
+            format!("| {} |\n", cells.join(" | "))
+        };
+        let is_number = |k: usize| rows.iter().all(|row| row[k].is_number());
+        let rule = |k| if is_number(k) { "---:" } else { "---" }.to_string();
+        let mut text = line(headings.iter().map(ToString::to_string).collect());
+        text += &line((0..headings.len()).map(rule).collect());
+        rows.iter().for_each(|row| text += &line(row.iter().map(|cell| cell.show()).collect()));
+        text
+    }
+
     /// For programs: an array with one object per row.
     pub fn json(&self) -> Value {
         let object = |row: &Vec<Cell>| {
@@ -240,6 +255,15 @@ mod tests {
         let text = table.text();
         assert!(text.contains(" 1.5") && text.contains(" 40"), "{text}");
         assert!(!text.contains("both") && !text.contains("25"), "{text}");
+    }
+
+    #[test]
+    fn markdown_has_the_columns_that_people_see() {
+        let mut table = Table::new(&[("name", "name"), ("both", ""), ("f1", "F1")]);
+        table.row([Cell::text("a|b"), Cell::Share(0.5), Cell::Share(0.25)]);
+        table.row([Cell::text("c"), Cell::Missing, Cell::Missing]);
+        let expected = "| name | F1 |\n| --- | ---: |\n| a\\|b | 25.0 % |\n| c | - |\n";
+        assert_eq!(table.markdown(), expected);
     }
 
     #[test]
