@@ -290,7 +290,7 @@ fn show(manifest: &Manifest, output: &Output) {
 }
 
 /// The file itself, or the mesh files of a folder in the order of their names.
-fn mesh_files(path: &Path) -> Result<Vec<PathBuf>> {
+pub fn mesh_files(path: &Path) -> Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.into()]);
     }
@@ -316,7 +316,7 @@ fn mesh_files(path: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// A number of sites that can say something about each other.
-fn several_sites(text: &str) -> std::result::Result<usize, String> {
+pub fn several_sites(text: &str) -> std::result::Result<usize, String> {
     text.parse().ok().filter(|n| *n >= 2).ok_or_else(|| "expected 2 or more".into())
 }
 

@@ -21,6 +21,7 @@ mod part_itself;
 mod predict;
 mod progress;
 mod report;
+mod reproduce;
 mod sample;
 mod setups;
 mod tools;
@@ -67,6 +68,7 @@ enum Command {
     Predict(predict::Args),
     Report(report::Args),
     Explain(explain::Args),
+    Reproduce(reproduce::Args),
     Weights(weights::Args),
 }
 
@@ -93,6 +95,7 @@ fn main() -> ExitCode {
             Some(Command::Predict(args)) => predict::run(args, &output),
             Some(Command::Report(args)) => report::run(args, &output),
             Some(Command::Explain(args)) => explain::run(args, &output),
+            Some(Command::Reproduce(args)) => reproduce::run(args, &output),
             Some(Command::Weights(args)) => weights::run(args, &output),
         }
     };

@@ -1,0 +1,108 @@
+//! Four sets of cutters, with and without cutter modules, and with extreme cutters in the training.
+
+use super::page::Page;
+use super::pictures::Sheet;
+use super::study::{N_DIRECTIONS, Study};
+use super::trainings::{Trained, Trainings, test_samples, training_samples};
+use deepmill::Result;
+use deepmill::cutter::CutterSet;
+use deepmill::data::Sample;
+use deepmill::directions::Directions;
+use deepmill::model::config::CutterPlacement;
+use deepmill::report::Coloring;
+use deepmill::report::tables::{Cell, Table};
+use deepmill::train::evaluate;
+use serde_json::Value;
+
+pub fn run(study: &Study) -> Result<Value> {
+    let trainings = Trainings::new(study)?;
+    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
+    let uniform = training_samples(study, &[CutterSet::Uniform], &directions)?;
+    let sets = [CutterSet::Uniform, CutterSet::Extreme];
+    let with_extreme = training_samples(study, &sets, &directions)?;
+    let train = |name, data: &[Sample], placement| {
+        let network = trainings.network(name, data, |s| s.network.cutter.placement = placement);
+        network.map(|trained| (name, trained))
+    };
+    let networks = [
+        train("without modules", &uniform, CutterPlacement::None)?,
+        train("with modules", &uniform, CutterPlacement::All)?,
+        train(
+            "with modules, every other training cutter extreme",
+            &with_extreme,
+            CutterPlacement::All,
+        )?,
+    ];
+    let mut table = Table::new(&[
+        ("set", "test cutters"),
+        ("network", "network"),
+        ("acc_i", "Acc_i"),
+        ("f1_i", "F1_i"),
+        ("acc_o", "Acc_o"),
+        ("f1_o", "F1_o"),
+        ("inaccessible", "inaccessible, exact"),
+    ]);
+    let mut sheet = Sheet::default();
+    for set in CutterSet::ALL {
+        let samples = test_samples(study, set)?;
+        for (name, trained) in &networks {
+            study.go_on()?;
+            let scores = evaluate(&trained.model, &samples)?.mean();
+            let mut row = vec![Cell::text(set.name()), Cell::text(*name)];
+            row.extend(scores.iter().flat_map(|s| [s.accuracy, s.f1]).map(Cell::Share));
+            row.push(Cell::Share(share(&samples)));
+            table.row(row);
+        }
+        if [CutterSet::Short, CutterSet::Extreme].contains(&set) {
+            show(study, &mut sheet, &samples[0], &networks, set)?;
+        }
+    }
+    sheet.image().write_png(&study.file("cutters.png"))?;
+    let page = Page {
+        name: "cutters",
+        title: "Sets of cutters",
+        text: vec![
+            "Networks with and without cutter modules, trained with cutters of the set Uniform, and with modules and half of the \
+             training cutters from the set Extreme; scored with cutters of four sets. The training set of the third network is \
+             as large as that of the others."
+                .into(),
+            trainings.words(),
+        ],
+        table,
+        pictures: vec![(
+            "cutters.png".into(),
+            "One test part, a short cutter above, an extreme one below: exact labels, the network without modules, the network with modules".into(),
+        )],
+    };
+    page.write(study)
+}
+
+/// Share of the sites that are inaccessible.
+fn share(samples: &[Sample]) -> f64 {
+    let of = |s: &Sample| s.answers.n_inaccessible() as f64 / s.answers.len().max(1) as f64;
+    samples.iter().map(of).sum::<f64>() / samples.len().max(1) as f64
+}
+
+/// A row: the exact labels of a sample and the predictions of the first two networks.
+fn show(
+    study: &Study,
+    sheet: &mut Sheet,
+    sample: &Sample,
+    networks: &[(&str, Trained)],
+    set: CutterSet,
+) -> Result<()> {
+    let sites = &*sample.sites;
+    let mut answers = vec![("exact", sample.answers.clone())];
+    for (name, trained) in &networks[..2] {
+        let (points, normals) = (&sites.points, &sites.normals);
+        let prediction = trained.model.predict(points, normals, sample.cutter.to_array())?;
+        answers.push((name, prediction.answers()));
+    }
+    for (name, answers) in &answers {
+        let coloring =
+            Coloring::Labels { inaccessible: &answers.inaccessible, occlusion: &answers.occlusion };
+        let caption = format!("{}, {set}: {name}", sample.name);
+        sheet.add(&study.test_parts()[0].mesh, sites, &coloring, caption);
+    }
+    Ok(())
+}

@@ -1,0 +1,49 @@
+//! Contact sheets of views from above.
+
+use deepmill::geom::{Mesh, Sites};
+use deepmill::report::image::{Font, Image};
+use deepmill::report::{Coloring, PartView, Rgb, picture};
+
+/// Pixels of a view, and height of the legend below all.
+const VIEW: [u32; 2] = [560, 460];
+const FOOT: u32 = 40;
+const COLUMNS: usize = 3;
+const INK: Rgb = [40, 42, 46];
+
+/// Views in rows of three, with one legend.
+#[derive(Default)]
+pub struct Sheet {
+    cells: Vec<(Image, String)>,
+    /// Names and colors.
+    legend: Vec<(String, Rgb)>,
+}
+
+impl Sheet {
+    /// Adds the view of a part from above.
+    pub fn add(&mut self, mesh: &Mesh, sites: &Sites, coloring: &Coloring, caption: String) {
+        let part = PartView { name: "", mesh: Some(mesh), sites, cutter: "" };
+        let [width, height] = VIEW;
+        self.cells.push((picture::view(&part, coloring, width, height), caption));
+        self.legend = coloring.classes().iter().map(|c| (c.name.to_string(), c.color)).collect();
+    }
+
+    /// The views of `n` series that were added by turns, one series after the other.
+    pub fn by_turns(self, n: usize) -> Self {
+        let of = |k: usize| self.cells.iter().skip(k).step_by(n).cloned();
+        Sheet { cells: (0..n).flat_map(of).collect(), legend: self.legend }
+    }
+
+    /// All of them.
+    pub fn image(&self) -> Image {
+        let grid = Image::grid(&self.cells, COLUMNS);
+        let mut image = Image::new(grid.width(), grid.height() + FOOT, [255; 3]);
+        image.paste(&grid, 0, 0);
+        let (mut x, y) = (20, grid.height() as i32 + 12);
+        for (name, color) in &self.legend {
+            image.rectangle(x, y, 16, 16, *color);
+            image.text(x + 24, y, name, Font::Bold, INK);
+            x += Font::Bold.width(name) as i32 + 56;
+        }
+        image
+    }
+}

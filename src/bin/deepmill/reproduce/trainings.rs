@@ -1,0 +1,234 @@
+//! Trained networks, each kept in a folder named after all that decides it.
+//!
+//! ```text
+//! samples per network = given, or budget / seconds per sample of the first steps, kept in plan-HASH.json
+//! folder = trainings/HASH of version, settings, training samples and test samples
+//! no run there → start; a run that was stopped → resume; a finished one → take it
+//! ```
+
+use super::parts::{Draw, samples};
+use super::study::{N_DIRECTIONS, SEED, Study};
+use deepmill::answers::Definition;
+use deepmill::cutter::CutterSet;
+use deepmill::data::Sample;
+use deepmill::directions::Directions;
+use deepmill::model::Model;
+use deepmill::train::{EpochRow, Observer, Run, RunFolder, Settings, StepReport};
+use deepmill::{Error, Result, atomic_file};
+use indicatif::ProgressBar;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Equal pieces of a training, after each of which the network is scored; fewer if there are fewer steps.
+const N_PIECES: u64 = 20;
+/// Steps that are timed, after one that is not.
+const N_TIMED: u32 = 5;
+/// Cutters for each training part.
+const N_CUTTERS: usize = 4;
+/// Cutters for each test part.
+const N_TEST_CUTTERS: usize = 2;
+
+/// A network that has seen all its samples.
+pub struct Trained {
+    pub model: Model<f32>,
+    pub history: Vec<EpochRow>,
+}
+
+/// What networks of one table have in common.
+pub struct Trainings<'a> {
+    study: &'a Study<'a>,
+    settings: Settings,
+    /// Published cutters, published directions, parts that no network is trained on.
+    pub test: Vec<Sample>,
+}
+
+impl<'a> Trainings<'a> {
+    pub fn new(study: &'a Study<'a>) -> Result<Self> {
+        let test = test_samples(study, CutterSet::Uniform)?;
+        let mut settings = Settings {
+            seed: SEED,
+            n_epochs: N_PIECES,
+            evaluate_every: 1,
+            ..Settings::preset(&study.args.preset)?
+        };
+        let wanted = match study.args.samples {
+            Some(n) => n,
+            None => samples_in_budget(study, &settings)?,
+        };
+        let n_steps = (wanted / settings.batch_size).max(1);
+        settings.n_epochs = N_PIECES.min(n_steps as u64);
+        settings.samples_per_epoch =
+            Some(n_steps / settings.n_epochs as usize * settings.batch_size);
+        Ok(Trainings { study, settings, test })
+    }
+
+    /// Samples that each network sees.
+    pub fn n_samples(&self) -> usize {
+        self.settings.n_epochs as usize * self.settings.samples_per_epoch.unwrap_or(0)
+    }
+
+    /// Samples seen at the end of epoch `epoch`.
+    pub fn seen(&self, epoch: u64) -> f64 {
+        epoch as f64 * self.settings.samples_per_epoch.unwrap_or(0) as f64
+    }
+
+    /// In words, for pages.
+    pub fn words(&self) -> String {
+        let study = self.study;
+        format!(
+            "Every network (preset `{}`) saw {} samples of {} parts with {N_CUTTERS} cutters each and was scored on {} \
+             parts that it was not trained on, {N_TEST_CUTTERS} cutters each; {} sites on each part. The scores are those \
+             at the end of the training: the test parts choose nothing.",
+            study.args.preset,
+            self.n_samples(),
+            study.training_parts().len(),
+            study.test_parts().len(),
+            study.args.sites,
+        )
+    }
+
+    /// The network that `change` makes of the common settings, trained on `data`, or as it was trained before.
+    pub fn network(
+        &self,
+        name: &str,
+        data: &[Sample],
+        change: impl FnOnce(&mut Settings),
+    ) -> Result<Trained> {
+        let study = self.study;
+        let mut settings = self.settings.clone();
+        change(&mut settings);
+        let hash = hash(&json!(settings), &[data, &self.test]);
+        let folder = RunFolder::new(trainings(study).join(&hash));
+        let mut run = match folder.checkpoint().exists() {
+            true => folder.resume()?,
+            false => folder.start(settings)?,
+        };
+        run.learns(Definition::Sites);
+        if !run.is_finished() {
+            study.output.say(format!("training `{name}` in {}", folder.path().display()));
+            study.count_training();
+            let n_steps = self.n_samples() / self.settings.batch_size;
+            let bar = study.bar(n_steps, "steps");
+            let done = run.progress.history.len() * n_steps / self.settings.n_epochs as usize;
+            bar.set_position((done + run.progress.steps_done) as u64);
+            let mut watch = Watch { study, bar };
+            let flow = folder.train(&mut run, data, &self.test, &mut watch)?;
+            watch.bar.finish_and_clear();
+            if flow.is_break() {
+                study.go_on()?;
+            }
+        }
+        Ok(Trained { history: run.progress.history, model: run.model })
+    }
+}
+
+/// Training samples with cutters of these sets, labeled with these directions.
+pub fn training_samples(
+    study: &Study,
+    sets: &[CutterSet],
+    directions: &Directions,
+) -> Result<Vec<Sample>> {
+    let draw = Draw { sets, n_cutters: N_CUTTERS };
+    samples(study, study.training_parts(), &draw, directions)
+}
+
+/// Test samples with cutters of one set, labeled with the published directions.
+pub fn test_samples(study: &Study, set: CutterSet) -> Result<Vec<Sample>> {
+    let draw = Draw { sets: &[set], n_cutters: N_TEST_CUTTERS };
+    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
+    samples(study, study.test_parts(), &draw, &directions)
+}
+
+fn trainings(study: &Study) -> PathBuf {
+    study.folder().join("trainings")
+}
+
+/// The number that this folder keeps for the budget, or a new one from the time of the first steps.
+fn samples_in_budget(study: &Study, settings: &Settings) -> Result<usize> {
+    let args = study.args;
+    let names: Vec<_> = study.training_parts().iter().map(|part| &part.name).collect();
+    let key = json!([settings, args.budget, args.sites, names]);
+    let path = trainings(study).join(format!("plan-{}.json", hash(&key, &[])));
+    if path.exists() {
+        let bytes = std::fs::read(&path).map_err(|e| Error::read(&path, e))?;
+        let plan: Value = serde_json::from_slice(&bytes).unwrap_or_default();
+        return plan["samples"].as_u64().map(|n| n as usize).ok_or_else(|| {
+            let remedy = "remove the file to time the first steps again";
+            Error::file(&path, "samples", "no number", remedy)
+        });
+    }
+    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
+    let parts = &study.training_parts()[..study.training_parts().len().min(8)];
+    let draw = Draw { sets: &[CutterSet::Uniform], n_cutters: 1 };
+    let data = samples(study, parts, &draw, &directions)?;
+    let n_timed = (N_TIMED as usize + 1) * settings.batch_size;
+    let settings = Settings { n_epochs: 1, samples_per_epoch: Some(n_timed), ..settings.clone() };
+    let batch_size = settings.batch_size;
+    let mut timer = Timer::default();
+    let _ = Run::new(settings)?.train(&data[..], &[], &mut timer)?;
+    let seconds = timer.seconds() / f64::from(N_TIMED) / batch_size as f64;
+    let n = (60.0 * args.budget / seconds.max(1e-6)) as usize;
+    study.output.say(format!("{seconds:.4} s per sample: {n} samples in {} minutes", args.budget));
+    let plan =
+        json!({ "budget_minutes": args.budget, "seconds_per_sample": seconds, "samples": n });
+    atomic_file::write_atomic(&path, |file| writeln!(file, "{plan}"))?;
+    Ok(n)
+}
+
+/// Times steps.
+#[derive(Default)]
+struct Timer(Vec<Instant>);
+
+impl Timer {
+    /// From the end of the first step to that of the last.
+    fn seconds(&self) -> f64 {
+        let ends = self.0.first().zip(self.0.last());
+        ends.map_or(0.0, |(first, last)| (*last - *first).as_secs_f64())
+    }
+}
+
+impl Observer for Timer {
+    fn step(&mut self, _: &StepReport) -> ControlFlow<()> {
+        self.0.push(Instant::now());
+        ControlFlow::Continue(())
+    }
+}
+
+/// Shows a training, and stops it after Ctrl-C.
+struct Watch<'a> {
+    study: &'a Study<'a>,
+    bar: ProgressBar,
+}
+
+impl Observer for Watch<'_> {
+    fn step(&mut self, report: &StepReport) -> ControlFlow<()> {
+        self.bar.inc(1);
+        self.bar.set_message(format!("loss {:.3}", report.loss));
+        if self.study.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+/// Sixteen hexadecimal digits of all that decides a training.
+fn hash(settings: &Value, data: &[&[Sample]]) -> String {
+    let mut hasher = hmac_sha256::Hash::new();
+    hasher.update(format!("deepmill {} {settings}", env!("CARGO_PKG_VERSION")));
+    for samples in data {
+        hasher.update((samples.len() as u64).to_le_bytes());
+        samples.iter().for_each(|sample| add(&mut hasher, sample));
+    }
+    hasher.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn add(hasher: &mut hmac_sha256::Hash, sample: &Sample) {
+    hasher.update((sample.sites.len() as u64).to_le_bytes());
+    for vector in sample.sites.points.iter().chain(&sample.sites.normals) {
+        vector.to_array().iter().for_each(|x| hasher.update(x.to_le_bytes()));
+    }
+    sample.cutter.to_array().iter().for_each(|x| hasher.update(x.to_le_bytes()));
+    for flags in [&sample.answers.inaccessible, &sample.answers.occlusion] {
+        hasher.update(flags.iter().map(|flag| u8::from(*flag)).collect::<Vec<u8>>());
+    }
+}
