@@ -274,8 +274,8 @@ mod tests {
             [Vec3::X, Vec3::NEG_X],
             "flat ones first"
         );
-        // The facets of a torus are all small.
-        let torus = torus(20.0, 5.0, 60, 30);
+        // The facets of a torus are all small; with two rings beside its top none lies flat.
+        let torus = torus(20.0, 5.0, 60, 32);
         assert!(flat_normals(&torus).is_empty());
     }
 
