@@ -4,7 +4,7 @@
 //!
 //! A *setup* is a clamping of the part: the direction z' of the part that points to the spindle, or that lies along a rotary axis. Its *tool
 //! axes* are those that the [`Machine`] can take without clamping again. A site is reached in a setup iff some tool is
-//! [free](super::surface::FreeDirections) there along one of them, and the site is not on what the part lies on. The setups of a [`Plan`] are few of
+//! [may stand](super::surface::AccessibleDirections) there along one of them, and the site is not on what the part lies on. The setups of a [`Plan`] are few of
 //! the [`Candidates`] that cover a share of the area that all candidates reach together. Fixtures and stock are not modelled.
 //!
 //! # Pseudo-code
@@ -28,9 +28,9 @@
 //! let candidates = Candidates::new(&part, "3-axis".parse()?, Clampings::Any, 20)?;
 //! let obstacles = TriangleObstacles::new(&part, &[])?;
 //! let options = SurfaceOptions::default();
-//! let free = obstacles.free_directions(&sites, &cutter, candidates.directions(), &options)?;
+//! let accessible = obstacles.accessible_directions(&sites, &cutter, candidates.directions(), &options)?;
 //! let areas = spacing::areas_mm2(&sites, Some(part.area()))?;
-//! let plan = Plan::new(&candidates, &part, &sites, &[free], &areas, 1.0);
+//! let plan = Plan::new(&candidates, &part, &sites, &[accessible], &areas, 1.0);
 //! // The top and what is around it, then the underside.
 //! assert_eq!((plan.setups.len(), plan.at_least), (2, 2));
 //! # Ok::<(), deepmill::Error>(())

@@ -2,7 +2,7 @@
 //!
 //! `docs/formats.md` lists every array. One row per site, in the order of the sites.
 
-pub mod asked;
+pub mod label_query;
 pub mod published;
 pub mod tools;
 pub mod volume;

@@ -6,10 +6,10 @@ pub use picture::picture;
 
 use super::tables::{Cell, Facts, Table};
 use crate::access::surface::SiteAnswer;
-use crate::access::surface::explain::{Change, ChangeKind, DirectionState, Explanation};
+use crate::access::surface::explain::{Change, ChangeKind, DirectionState, Explanation, short};
 use crate::answers::Definition;
 use crate::cutter::ToolPart;
-use crate::data::files::asked::Asked;
+use crate::data::files::label_query::LabelQuery;
 use crate::data::files::tools::steps_words;
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 #[derive(Debug, Clone, Copy)]
 pub struct About<'a> {
     /// Labels and what they rest on.
-    pub asked: &'a Asked,
+    pub query: &'a LabelQuery,
     /// Row of the site.
     pub site: usize,
     /// The explanation of it.
@@ -37,7 +37,7 @@ pub fn answer_words(answer: SiteAnswer) -> &'static str {
 impl About<'_> {
     /// What the file of labels answers.
     pub fn in_file(&self) -> SiteAnswer {
-        let answers = &self.asked.file.labels.answers;
+        let answers = &self.query.file.labels.answers;
         let tip = answers.tip_does_not_fit.get(self.site).copied().unwrap_or(false);
         match (answers.inaccessible[self.site], tip) {
             (true, _) => SiteAnswer::Inaccessible,
@@ -47,18 +47,18 @@ impl About<'_> {
     }
 
     fn place(&self) -> (Vec3, Vec3) {
-        let sites = &self.asked.file.sites;
+        let sites = &self.query.file.sites;
         (sites.points[self.site], sites.normals[self.site])
     }
 
     /// Site, tool, question and answer.
     pub fn facts(&self) -> Facts {
-        let About { asked, site, why } = *self;
+        let About { query, site, why } = *self;
         let (point, normal) = self.place();
         let mut facts = Facts::new();
-        facts.add("part", "part", Cell::text(&asked.file.provenance.part));
-        facts.add("definition", "definition", Cell::text(asked.definition.to_string()));
-        facts.add("cutter", "cutter", Cell::text(&asked.file.provenance.tool));
+        facts.add("part", "part", Cell::text(&query.file.provenance.part));
+        facts.add("definition", "definition", Cell::text(query.definition.to_string()));
+        facts.add("cutter", "cutter", Cell::text(&query.file.provenance.tool));
         facts.add("site", "site", Cell::count(site));
         facts.add("at", "at x, y, z, mm", Cell::text(triple(point.as_dvec3(), 3)));
         facts.add("normal_words", "normal", Cell::text(triple(normal.as_dvec3(), 3)));
@@ -71,7 +71,7 @@ impl About<'_> {
         if let Some(part) = why.blocked_by() {
             facts.add("blocked_by", "blocked by", Cell::text(part.name()));
         }
-        if asked.definition == Definition::Part {
+        if query.definition == Definition::Part {
             let rounded = (1e4 * why.tolerance_mm).round() / 1e4;
             facts.add("tolerance_mm", "contact tolerance, mm", Cell::Given(rounded));
         }
@@ -113,12 +113,12 @@ impl About<'_> {
 
     /// Sentences for people: the witness, or the direction nearest to being free and what would help.
     pub fn sentences(&self) -> Vec<String> {
-        let About { asked, why, .. } = *self;
+        let About { query, why, .. } = *self;
         let mut lines = Vec::new();
         if let Some(witness) = &why.witness {
             let margin = match witness.margin_mm.is_finite() {
                 true => {
-                    let least = if asked.definition == Definition::Part { "" } else { "at least " };
+                    let least = if query.definition == Definition::Part { "" } else { "at least " };
                     format!("the tool could go {least}{} mm lower", short(witness.margin_mm))
                 }
                 false => "the tool meets nothing".into(),
@@ -143,7 +143,7 @@ impl About<'_> {
             };
             lines.push(format!(
                 "Would help: {}; labeled again: accessible from {}{less}.",
-                change.words(&asked.tool.assembly),
+                change.words(&query.tool.assembly),
                 triple(change.direction.as_dvec3(), 3)
             ));
         }
@@ -155,7 +155,7 @@ impl About<'_> {
         }
         if let Some(direction) = why.other_direction {
             lines.push(format!(
-                "This tool may stand there from {}, which was not asked about: another setup.",
+                "This tool may stand there from {}, which is none of the directions given: another setup.",
                 triple(direction.as_dvec3(), 3)
             ));
         }
@@ -179,14 +179,14 @@ impl About<'_> {
     }
 
     fn face_words(&self, face: u32) -> String {
-        let n = self.asked.n_triangles() as u32;
-        match self.asked.definition {
-            Definition::Sites if (face as usize) < self.asked.file.sites.len() => {
+        let n = self.query.n_triangles() as u32;
+        match self.query.definition {
+            Definition::Sites if (face as usize) < self.query.file.sites.len() => {
                 format!("site {face}")
             }
             Definition::Sites => "a further point of the surface".into(),
             Definition::Part if face < n => {
-                let normal = self.asked.mesh.as_ref().map(|mesh| mesh.area_vector(face as usize));
+                let normal = self.query.mesh.as_ref().map(|mesh| mesh.area_vector(face as usize));
                 let normal = normal.unwrap_or_default().normalize_or_zero();
                 format!("triangle {face} of the part, normal {}", triple(normal, 2))
             }
@@ -196,7 +196,7 @@ impl About<'_> {
 
     /// Everything, with every direction.
     pub fn json(&self) -> Value {
-        let About { asked, why, .. } = *self;
+        let About { query, why, .. } = *self;
         let (point, normal) = self.place();
         let mut value = self.facts().json();
         let more = json!({
@@ -214,7 +214,7 @@ impl About<'_> {
                 "margin_mm": witness.margin_mm,
             })),
             "nearest": why.nearest().map(|state| self.state_json(state)),
-            "changes": why.changes.iter().map(|c| change_json(c, asked)).collect::<Vec<_>>(),
+            "changes": why.changes.iter().map(|c| change_json(c, query)).collect::<Vec<_>>(),
             "other_direction": why.other_direction.map(|d| d.to_array()),
             "directions": why.directions.iter().map(|s| self.state_json(s)).collect::<Vec<_>>(),
         });
@@ -240,7 +240,7 @@ impl About<'_> {
     }
 }
 
-fn change_json(change: &Change, asked: &Asked) -> Value {
+fn change_json(change: &Change, query: &LabelQuery) -> Value {
     let tool = &change.tool;
     let (kind, part) = match change.kind {
         ChangeKind::Raise(part) => ("longer", Some(part)),
@@ -248,7 +248,7 @@ fn change_json(change: &Change, asked: &Asked) -> Value {
         ChangeKind::Diameter => ("diameter", None),
     };
     json!({
-        "words": change.words(&asked.tool.assembly),
+        "words": change.words(&query.tool.assembly),
         "kind": kind,
         "part": part,
         "by_mm": change.by_mm,
@@ -263,11 +263,6 @@ fn change_json(change: &Change, asked: &Asked) -> Value {
             "stick_out_mm": tool.stick_out_mm(),
         },
     })
-}
-
-/// To four decimals at most.
-fn short(x: f64) -> String {
-    format!("{}", (1e4 * x).round() / 1e4 + 0.0)
 }
 
 fn triple(p: DVec3, decimals: usize) -> String {

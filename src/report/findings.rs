@@ -48,16 +48,16 @@ pub struct Finding {
     pub high_mm: DVec3,
     /// Least clearance of its sites, mm, if clearances were computed.
     pub worst_clearance_mm: Option<f32>,
-    /// Share of its sites that are proven out of reach for every direction, if that was asked.
+    /// Share of its sites that are proven out of reach for every direction, if that was tested.
     pub proven: Option<f64>,
     /// The tool that reaches most of its area, if several were labeled and one reaches any.
     pub helps: Option<Help>,
-    /// The part of the tool that blocks most of its sites, in the direction which gets furthest, if that was asked
+    /// The part of the tool that blocks most of its sites, in the direction which gets furthest, if that was computed
     /// ([`surface::explain`](crate::access::surface::explain)).
     pub blocked_by: Option<ToolPart>,
     /// Share of its sites that this part blocks.
     pub blocked_share: Option<f64>,
-    /// A change of the tool that helps, if that was asked.
+    /// A change of the tool that helps, if one was looked for.
     pub change: Option<ToolChange>,
 }
 
@@ -417,7 +417,7 @@ pub fn add_proofs(findings: &mut Findings, open_directions: &[f32]) {
     }
 }
 
-/// Adds to every finding the part of the tool that blocks most of its sites; the lowest among equals. Nothing if that was not asked.
+/// Adds to every finding the part of the tool that blocks most of its sites; the lowest among equals. Nothing if that was not computed.
 ///
 /// # Panics
 /// If `blocked_by` is not empty and has not one entry per site.

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 pub const LABELS: &str = "labels.npz";
 /// See [`LABELS`].
 pub const PREDICTIONS: &str = "predictions.npz";
-pub use crate::data::files::asked::{FIXTURES, SURFACE};
+pub use crate::data::files::label_query::{FIXTURES, SURFACE};
 
 /// The first tool that reaches each site, beside the folders of several tools.
 pub const FIRST_TOOLS: &str = "tools.ply";

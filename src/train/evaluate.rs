@@ -1,7 +1,7 @@
 //! Evaluation: scores of both heads over samples, pooled and by area.
 
 use super::HeadScore;
-use super::calibration::Reliability;
+use super::reliability::Reliability;
 use crate::access::{LabelOptions, Labeler};
 use crate::answers::SiteAnswers;
 use crate::cutter::Cutter;

@@ -9,6 +9,7 @@ pub mod calibration;
 pub mod checkpoint;
 pub mod evaluate;
 pub mod history;
+pub mod reliability;
 mod run;
 #[cfg(feature = "formats")]
 mod run_folder;

@@ -3,7 +3,7 @@
 use super::candidates::{Candidate, Candidates};
 use super::machine::angle;
 use crate::access::cover::{Cover, cover_share, greedy_share};
-use crate::access::surface::FreeDirections;
+use crate::access::surface::AccessibleDirections;
 use crate::geom::{Mesh, Sites};
 use crate::par;
 use glam::{DMat3, Vec3};
@@ -62,28 +62,28 @@ fn unite(into: &mut Bits, with: &[u64]) {
 }
 
 impl Plan {
-    /// Of the `candidates` for `part`, few that cover at least `share` of the weight of all that some candidate reaches; `free` says for each
+    /// Of the `candidates` for `part`, few that cover at least `share` of the weight of all that some candidate reaches; `accessible` says for each
     /// tool in which of their directions it may stand, `weights` what each site counts.
     ///
     /// # Panics
-    /// If `free` is about other sites or directions, or empty.
+    /// If `accessible` is about other sites or directions, or empty.
     pub fn new(
         candidates: &Candidates,
         part: &Mesh,
         sites: &Sites,
-        free: &[FreeDirections],
+        accessible: &[AccessibleDirections],
         weights: &[f64],
         share: f64,
     ) -> Self {
         let n = sites.len();
-        assert!(!free.is_empty() && weights.len() == n, "a tool, and a weight per site");
-        for tool in free {
+        assert!(!accessible.is_empty() && weights.len() == n, "a tool, and a weight per site");
+        for tool in accessible {
             let about = (tool.n_sites(), tool.n_directions());
             assert_eq!(about, (n, candidates.directions().len()), "these sites and directions");
         }
         let any: Vec<Bits> = par::map(candidates.directions().len(), |d| {
             let mut bits = vec![0; n.div_ceil(64)];
-            free.iter().for_each(|tool| unite(&mut bits, tool.words(d)));
+            accessible.iter().for_each(|tool| unite(&mut bits, tool.words(d)));
             bits
         });
         let list = candidates.list();
@@ -101,12 +101,12 @@ impl Plan {
                 .map(|i| if first[i].is_none() && of(c, i) { weights[i] } else { 0.0 })
                 .collect();
             (0..n).filter(|&i| of(c, i)).for_each(|i| first[i] = first[i].or(Some(setups.len())));
-            let about = About { candidates, free, any: &any, lies_on: &lies_on[c], share };
+            let about = About { candidates, accessible, any: &any, lies_on: &lies_on[c], share };
             setups.push(about.setup(&list[c], &reached[c], *adds, &new));
         }
         let can_be_reached: Vec<bool> = (0..n).map(|i| (0..list.len()).any(|c| of(c, i))).collect();
         let only_tip = (0..n)
-            .map(|i| !can_be_reached[i] && free.iter().any(|tool| tool.only_tip()[i]))
+            .map(|i| !can_be_reached[i] && accessible.iter().any(|tool| tool.only_tip()[i]))
             .collect();
         Plan { setups, at_least: cover.at_least, n_for_all, can_be_reached, first, only_tip }
     }
@@ -144,7 +144,7 @@ fn rows(axes: [glam::DVec3; 3]) -> DMat3 {
 
 struct About<'a> {
     candidates: &'a Candidates,
-    free: &'a [FreeDirections],
+    accessible: &'a [AccessibleDirections],
     any: &'a [Bits],
     lies_on: &'a Bits,
     share: f64,
@@ -155,16 +155,16 @@ impl About<'_> {
     fn setup(&self, candidate: &Candidate, reached: &Bits, adds: f64, new: &[f64]) -> Setup {
         let n = new.len();
         let list = |bits: &Bits| (0..n).map(|i| holds(bits, i)).collect::<Vec<bool>>();
-        let by_tool: Vec<Vec<bool>> = par::map(self.free.len(), |t| {
-            list(&reach(candidate, self.lies_on, |d| self.free[t].words(d)))
+        let by_tool: Vec<Vec<bool>> = par::map(self.accessible.len(), |t| {
+            list(&reach(candidate, self.lies_on, |d| self.accessible[t].words(d)))
         });
         let tools = cover_share(by_tool.len(), new, |t, i| by_tool[t][i], self.share);
-        let is_free = |k: usize, i: usize| {
+        let is_accessible = |k: usize, i: usize| {
             !holds(self.lies_on, i) && holds(&self.any[candidate.axes[k] as usize], i)
         };
         let has_positions = self.candidates.machine().has_positions();
-        let positions =
-            has_positions.then(|| cover_share(candidate.axes.len(), new, is_free, self.share));
+        let positions = has_positions
+            .then(|| cover_share(candidate.axes.len(), new, is_accessible, self.share));
         let vectors = self.candidates.directions().vectors();
         Setup {
             direction: candidate.direction,

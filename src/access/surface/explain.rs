@@ -33,6 +33,8 @@ mod meet;
 mod parts;
 mod region;
 
+#[cfg(feature = "formats")]
+pub(crate) use change::short;
 pub use change::{Change, ChangeKind, FINE_MM};
 pub use parts::blocking_parts_among_points;
 pub use region::{N_LABELED, RegionChange};
@@ -50,9 +52,9 @@ use crate::{Result, par};
 use glam::{DVec3, Vec3};
 use meet::{Meeting, Points, ShrunkTool};
 
-/// A site, and what was asked about it.
+/// A site, and what it is labeled for.
 #[derive(Debug, Clone, Copy)]
-pub struct Question<'a> {
+pub struct Query<'a> {
     /// Where the tool touches, mm.
     pub site: Vec3,
     /// Outward unit normal there.
@@ -61,7 +63,7 @@ pub struct Question<'a> {
     pub tool: &'a Assembly,
     /// Safety margin all around, mm.
     pub clearance_mm: f64,
-    /// Directions that were asked about.
+    /// Directions of the query.
     pub directions: &'a Directions,
     /// How triangles are tested; of it the tolerance and the search between directions count. Points as obstacles have neither.
     pub options: &'a SurfaceOptions,
@@ -83,7 +85,7 @@ pub struct Explanation {
     pub directions: Vec<DirectionState>,
     /// Changes of the tool that help, the least first; none for an accessible site.
     pub changes: Vec<Change>,
-    /// For a site that is not accessible: a direction outside of those asked about in which this tool may stand.
+    /// For a site that is not accessible: a direction outside of those of the query in which this tool may stand.
     pub other_direction: Option<Vec3>,
 }
 
@@ -165,10 +167,10 @@ impl Explanation {
 }
 
 impl TriangleObstacles {
-    /// Why `question`'s site can or cannot be reached among these triangles.
+    /// Why `query`'s site can or cannot be reached among these triangles.
     ///
     /// ```
-    /// use deepmill::access::surface::explain::{ChangeKind, Question};
+    /// use deepmill::access::surface::explain::{ChangeKind, Query};
     /// use deepmill::access::surface::{SiteAnswer, SurfaceOptions, TriangleObstacles};
     /// use deepmill::cutter::{Assembly, Section, TipShape, ToolPart};
     /// use deepmill::directions::Directions;
@@ -183,7 +185,7 @@ impl TriangleObstacles {
     /// let tip = TipShape::Straight { radius_mm: 1.5, corner_mm: 1.5 };
     /// let holder = [Section::cylinder(30.0, 15.0)];
     /// let tool = Assembly::new(tip, &[Section::cylinder(50.0, 1.5)], &holder, 12.0)?;
-    /// let question = Question {
+    /// let query = Query {
     ///     site: Vec3::new(30.0, 30.0, 5.0),
     ///     normal: Vec3::Z,
     ///     tool: &tool,
@@ -192,7 +194,7 @@ impl TriangleObstacles {
     ///     options: &SurfaceOptions::default(),
     ///     witness: None,
     /// };
-    /// let why = obstacles.explain(&question)?;
+    /// let why = obstacles.explain(&query)?;
     /// assert_eq!(why.answer, SiteAnswer::Inaccessible);
     /// assert_eq!(why.directions[0].blocked.unwrap().part, ToolPart::Holder);
     /// // 8 mm of the wall are above the holder's nose, which is 12 mm above the tip.
@@ -203,9 +205,9 @@ impl TriangleObstacles {
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`], or if the tool is none ([`Assembly::cutter`]).
-    pub fn explain(&self, question: &Question) -> Result<Explanation> {
-        let tested = tested(question.directions)?;
-        Case { barrier: Barrier::Triangles(self), question, tested, proves: true }.explain()
+    pub fn explain(&self, query: &Query) -> Result<Explanation> {
+        let tested = tested(query.directions)?;
+        Case { barrier: Barrier::Triangles(self), query, tested, proves: true }.explain()
     }
 }
 
@@ -217,19 +219,19 @@ impl TriangleObstacles {
 pub fn explain_among_points(
     obstacles: &[Vec3],
     own: Option<usize>,
-    question: &Question,
+    query: &Query,
 ) -> Result<Explanation> {
     let others = obstacles.iter().enumerate().filter(|(j, _)| Some(*j) != own);
     let others = others.map(|(_, p)| *p).collect();
     let points = Points {
         obstacles,
         own,
-        site: question.site.as_dvec3(),
-        normal: question.normal.as_dvec3().normalize_or_zero(),
+        site: query.site.as_dvec3(),
+        normal: query.normal.as_dvec3().normalize_or_zero(),
     };
-    let tested = question.directions.clone();
+    let tested = query.directions.clone();
     let barrier = Barrier::Points(points, others);
-    Case { barrier, question, tested, proves: true }.explain()
+    Case { barrier, query, tested, proves: true }.explain()
 }
 
 /// What blocks.
@@ -241,7 +243,7 @@ enum Barrier<'a> {
 
 struct Case<'a> {
     barrier: Barrier<'a>,
-    question: &'a Question<'a>,
+    query: &'a Query<'a>,
     tested: Directions,
     /// Whether changes are proved by the reference engine, besides being labeled.
     proves: bool,
@@ -253,7 +255,7 @@ enum Between {
     None,
     /// No longer than by default.
     Quick,
-    AsAsked,
+    AsGiven,
 }
 
 /// The answer for a tool.
@@ -265,18 +267,18 @@ struct Answered {
 
 /// Samples of the surface for one site: triangles are cheaper.
 const N_SAMPLES: usize = 0;
-/// Directions of the whole sphere that are tried beyond those asked about.
+/// Directions of the whole sphere that are tried beyond those of the query.
 const N_SPHERE: usize = 300;
 
 impl Between {
-    fn of(self, asked: RefinementOptions) -> Option<RefinementOptions> {
+    fn of(self, given: RefinementOptions) -> Option<RefinementOptions> {
         let default = RefinementOptions::default();
         match self {
             Between::None => None,
-            Between::AsAsked => Some(asked),
+            Between::AsGiven => Some(given),
             Between::Quick => Some(RefinementOptions {
-                n_kept: asked.n_kept.min(default.n_kept),
-                n_levels: asked.n_levels.min(default.n_levels),
+                n_kept: given.n_kept.min(default.n_kept),
+                n_levels: given.n_levels.min(default.n_levels),
                 prove: false,
             }),
         }
@@ -285,10 +287,10 @@ impl Between {
 
 impl Case<'_> {
     fn explain(&self) -> Result<Explanation> {
-        let tool = self.question.tool;
-        let found = self.label(tool, self.question.directions, Between::AsAsked)?;
+        let tool = self.query.tool;
+        let found = self.label(tool, self.query.directions, Between::AsGiven)?;
         let mut answer = found.answer;
-        let candidates = self.question.witness.into_iter().chain(found.witness);
+        let candidates = self.query.witness.into_iter().chain(found.witness);
         let mut witness = None;
         for direction in candidates {
             witness = witness.or(self.prove(tool, direction)?);
@@ -312,12 +314,12 @@ impl Case<'_> {
     }
 
     fn site(&self) -> Sites {
-        let Question { site, normal, .. } = *self.question;
+        let Query { site, normal, .. } = *self.query;
         Sites { points: vec![site], normals: vec![normal], faces: Vec::new() }
     }
 
     fn cutter(&self, tool: &Assembly) -> Result<Cutter> {
-        tool.with_clearance(self.question.clearance_mm)?.cutter()
+        tool.with_clearance(self.query.clearance_mm)?.cutter()
     }
 
     /// The answer for a tool over these directions and, if wanted, those between.
@@ -330,12 +332,12 @@ impl Case<'_> {
         let (sites, cutter) = (self.site(), self.cutter(tool)?);
         match &self.barrier {
             Barrier::Triangles(triangles) => {
-                let asked = self.question.options;
+                let given = self.query.options;
                 let options = SurfaceOptions {
-                    tolerance: asked.tolerance,
+                    tolerance: given.tolerance,
                     counts: false,
                     occlusion: false,
-                    refinement: asked.refinement.and_then(|asked| between.of(asked)),
+                    refinement: given.refinement.and_then(|given| between.of(given)),
                     n_samples: N_SAMPLES,
                     ..SurfaceOptions::default()
                 };
@@ -367,7 +369,7 @@ impl Case<'_> {
         let cutter = self.cutter(tool)?;
         let raise = match &self.barrier {
             Barrier::Triangles(triangles) => {
-                let (sites, options) = (self.site(), self.question.options);
+                let (sites, options) = (self.site(), self.query.options);
                 let problem = triangles.problem(Queries::Sites(&sites), &cutter, options)?;
                 let (contact, tolerance) = (&problem.contacts[0], problem.tolerances[0]);
                 let raise =
@@ -393,7 +395,7 @@ impl Case<'_> {
             let radius = (step.radius_mm - tolerance).max(0.0);
             (part, [step.height_mm + tolerance, radius])
         };
-        let steps = tool.parts(self.question.clearance_mm)?.into_iter().map(shrink).collect();
+        let steps = tool.parts(self.query.clearance_mm)?.into_iter().map(shrink).collect();
         let is_tested = matches!(self.barrier, Barrier::Triangles(_));
         let tip = is_tested.then(|| outline.tip(tolerance));
         let size = outline.size();
@@ -422,7 +424,7 @@ impl Case<'_> {
         match &self.barrier {
             Barrier::Triangles(triangles) => {
                 let (sites, cutter) = (self.site(), self.cutter(tool)?);
-                let options = self.question.options;
+                let options = self.query.options;
                 let problem = triangles.problem(Queries::Sites(&sites), &cutter, options)?;
                 let (parted, _) = self.parted(tool, problem.tolerances[0])?;
                 let meet = |k: usize| meet::among_triangles(&problem, &parted, of[k]);
@@ -442,7 +444,7 @@ impl Case<'_> {
         match &self.barrier {
             Barrier::Triangles(triangles) => {
                 let (sites, cutter) = (self.site(), self.cutter(tool)?);
-                let options = self.question.options;
+                let options = self.query.options;
                 let problem = triangles.problem(Queries::Sites(&sites), &cutter, options)?;
                 let limits = [-MOST_CLEARANCE_MM, MOST_CLEARANCE_MM];
                 Ok(par::map(of.len(), |k| {

@@ -84,7 +84,21 @@ impl Default for SurfaceOptions {
     }
 }
 
+/// Most samples of the surface per site, for few sites: turning more costs more than it saves.
+const SAMPLES_OF_SITE: usize = 8;
+
 impl SurfaceOptions {
+    /// For the answers of a few sites alone.
+    pub(super) fn for_few(&self, n_sites: usize) -> Self {
+        SurfaceOptions {
+            counts: false,
+            occlusion: false,
+            clearance_limit_mm: None,
+            n_samples: self.n_samples.min(SAMPLES_OF_SITE * n_sites),
+            ..*self
+        }
+    }
+
     pub(super) fn check(&self) -> Result<()> {
         if self.n_samples > MAX_SAMPLES {
             let expected = format!("at most {MAX_SAMPLES}");

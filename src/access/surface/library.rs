@@ -61,8 +61,6 @@ pub struct ToolReach {
 
 /// Directions of earlier tools that are tried at a site.
 const N_HINTS: usize = 6;
-/// Most samples of the surface per site that is labeled.
-const SAMPLES_OF_SITE: usize = 8;
 /// Sites per task.
 const BLOCK: usize = 64;
 
@@ -246,7 +244,7 @@ impl Pass<'_> {
 
     /// The first hint of each of these sites in which the cutter may stand.
     fn try_hints(&self, cutter: &Cutter, of: &[usize]) -> Result<Vec<Option<Vec3>>> {
-        let sites = self.subset(of);
+        let sites = self.sites.subset(of);
         let problem = self.problem(&sites, cutter)?;
         let blocks = par::map_blocks(of.len(), BLOCK, |range| {
             let (mut scratch, mut probes) = (Scratch::default(), Probes::default());
@@ -263,14 +261,6 @@ impl Pass<'_> {
         Ok(blocks.into_iter().flatten().collect())
     }
 
-    fn subset(&self, of: &[usize]) -> Sites {
-        Sites {
-            points: of.iter().map(|&i| self.sites.points[i]).collect(),
-            normals: of.iter().map(|&i| self.sites.normals[i]).collect(),
-            faces: Vec::new(),
-        }
-    }
-
     fn problem(&self, sites: &Sites, cutter: &Cutter) -> Result<Problem<'_>> {
         self.obstacles.problem(Queries::Sites(sites), cutter, self.options)
     }
@@ -280,11 +270,9 @@ impl Pass<'_> {
         if of.is_empty() {
             return Ok(SurfaceLabels::default());
         }
-        let sites = self.subset(of);
+        let sites = self.sites.subset(of);
         let problem = self.problem(&sites, cutter)?;
-        // Turning many samples for few sites costs more than it saves.
-        let n_samples = self.options.n_samples.min(SAMPLES_OF_SITE * of.len());
-        let options = SurfaceOptions { n_samples, ..*self.options };
+        let options = self.options.for_few(of.len());
         let matrix = problem.by_points(cutter, self.tested, &options)?;
         let tallies = problem.by_triangles(&matrix, self.tested, self.domain, &options);
         Ok(problem.labels(tallies, self.tested, &options))
@@ -295,7 +283,7 @@ impl Pass<'_> {
         if body.reached.is_empty() {
             return Ok(Vec::new());
         }
-        let sites = self.subset(body.reached);
+        let sites = self.sites.subset(body.reached);
         let problem = self.problem(&sites, body.cutter)?;
         let matrix = problem.by_points(body.cutter, self.tested, self.options)?;
         let free = |k: usize| {
@@ -379,7 +367,7 @@ impl Pass<'_> {
         body: &BodyLabels,
         of: &[(usize, Vec3)],
     ) -> Result<Vec<((usize, Vec3), f64)>> {
-        let sites = self.subset(&of.iter().map(|(i, _)| *i).collect::<Vec<_>>());
+        let sites = self.sites.subset(&of.iter().map(|(i, _)| *i).collect::<Vec<_>>());
         let problem = self.problem(&sites, body.cutter)?;
         let held = Held::new(&problem, assembly);
         let length = |k: usize| {
@@ -396,7 +384,7 @@ impl Pass<'_> {
         body: &BodyLabels,
         free: &[Vec<u32>],
     ) -> Result<Vec<(f64, Option<Vec3>)>> {
-        let sites = self.subset(body.reached);
+        let sites = self.sites.subset(body.reached);
         let problem = self.problem(&sites, body.cutter)?;
         let held = Held::new(&problem, assembly);
         let blocks = par::map_blocks(body.reached.len(), BLOCK, |range| {

@@ -28,6 +28,7 @@
 //!
 //! A point of the surface in the tool is a collision for certain, so only what points leave free is tested against triangles.
 
+mod accessible;
 mod bvh;
 mod caps;
 mod cells;
@@ -35,7 +36,6 @@ mod clearance;
 mod drop;
 pub mod explain;
 mod faces;
-mod free;
 mod labels;
 mod library;
 mod obstacles;
@@ -51,8 +51,8 @@ mod tool;
 mod verdict;
 mod warnings;
 
+pub use accessible::AccessibleDirections;
 pub use faces::{BlockingFace, blocking_faces};
-pub use free::FreeDirections;
 pub use labels::{
     CLEARANCE_STEP_MM, KNIFE_EDGE_MM, RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions,
     SurfaceStats,

@@ -245,15 +245,20 @@ impl SiteArgs {
             MeshOrCloud::Mesh(mesh) => mesh,
             MeshOrCloud::Cloud(sites) => return Ok((None, sites)),
         };
-        let sites = match self.sites.as_str() {
-            "vertices" => sites::from_vertices(&mesh)?,
+        let sites = self.on(&mesh)?;
+        Ok((Some(mesh), sites))
+    }
+
+    /// The sites on a mesh.
+    pub fn on(&self, mesh: &Mesh) -> Result<Sites> {
+        match self.sites.as_str() {
+            "vertices" => sites::from_vertices(mesh),
             count => {
                 let n_sites = site_count(count)?;
                 let normals = self.normals()?;
-                sites::sample(&mesh, &SiteOptions { n_sites, seed: self.seed, normals })?
+                sites::sample(mesh, &SiteOptions { n_sites, seed: self.seed, normals })
             }
-        };
-        Ok((Some(mesh), sites))
+        }
     }
 
     fn normals(&self) -> Result<Normals> {

@@ -7,7 +7,7 @@ use deepmill::access::surface::{RefinementOptions, SurfaceOptions, TriangleObsta
 use deepmill::access::{LabelOptions, Labels, Obstacles, label};
 use deepmill::answers::Definition;
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
-use deepmill::data::files::asked::surface_settings;
+use deepmill::data::files::label_query::surface_settings;
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance, ball_end_words};
 use deepmill::data::{Sample, generated};

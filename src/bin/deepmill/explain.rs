@@ -2,10 +2,11 @@
 
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
-use deepmill::data::files::asked::Asked;
+use deepmill::data::files::label_query::LabelQuery;
 use deepmill::report::coverage::{TOOLS, tool_names};
 use deepmill::report::explanation::{About, picture};
 use deepmill::report::folder::LABELS;
+use deepmill::report::tables::Cell;
 use deepmill::{Error, Result, atomic_file};
 use glam::DVec3;
 use serde_json::json;
@@ -14,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// Say why a site can or cannot be reached: a direction in which the tool may stand there, or what blocks by direction, by how much, and
 /// the least change of the tool that helps.
 ///
-/// RESULT holds the question: part, obstacles, tool, directions, tolerance. Writes a section through tool and part to RESULT/site-N.png.
+/// RESULT states the query: part, obstacles, tool, directions, tolerance. Writes a section through tool and part to RESULT/site-N.png.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill explain labels --at 12.5,30,4\n\
 The row of a finding's site: deepmill explain labels --site 512 --json")]
@@ -47,21 +48,17 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         atomic_file::check_writable_file(path)?;
     }
     let mesh = args.part.as_ref().map(|path| args.read.read_mesh(path, output));
-    let asked = Asked::read(&labels, mesh.transpose()?.map(|(mesh, _)| mesh))?;
+    let query = LabelQuery::read(&labels, mesh.transpose()?.map(|(mesh, _)| mesh))?;
     let (site, distance) = match at {
-        Some(at) => asked.nearest_site(at)?,
+        Some(at) => query.nearest_site(at)?,
         None => (args.site.unwrap_or_default(), 0.0),
     };
-    let why = asked.explain(site)?;
-    let about = About { asked: &asked, site, why: &why };
+    let why = query.explain(site)?;
+    let about = About { query: &query, site, why: &why };
     let mut facts = about.facts();
     let mut result = about.json();
     if at.is_some() {
-        facts.add(
-            "distance_mm",
-            "from the place given",
-            deepmill::report::tables::Cell::Millimeters(distance),
-        );
+        facts.add("distance_mm", "from the place given", Cell::Millimeters(distance));
         result["distance_mm"] = json!(distance);
     }
     output.say(facts.text());

@@ -13,7 +13,7 @@ use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::Cutter;
-use deepmill::data::files::asked::{joined, surface_settings};
+use deepmill::data::files::label_query::{joined, surface_settings};
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{LabelFile, Provenance};
 use deepmill::directions::Directions;

@@ -1,5 +1,6 @@
 //! Arguments of all commands that read a mesh: unit, welding, repair, checks.
 
+use crate::args::name_of;
 use crate::output::Output;
 use deepmill::geom::check::{Fault, MeshReport};
 use deepmill::geom::formats::{self, MeshOrCloud, ReadOptions};
@@ -84,6 +85,18 @@ impl MeshArgs {
             }
         }
         Ok(part)
+    }
+
+    /// A mesh to hold tools against; with `force` also one that does not bound solids.
+    pub fn read_bodies(&self, path: &Path, force: bool, output: &Output) -> Result<Mesh> {
+        let accept = if force { Accept::Faults } else { Accept::Bodies };
+        match self.read_part(path, accept, output)? {
+            MeshOrCloud::Mesh(mesh) => Ok(mesh),
+            MeshOrCloud::Cloud(_) => {
+                let remedy = "a cloud has no triangles to hold a tool against: give the mesh";
+                Err(Error::argument("part", name_of(path), "a mesh", remedy))
+            }
+        }
     }
 
     /// As [`Report::require_labelable`]; does not propose a repair that was made.

@@ -4,7 +4,7 @@ use crate::findings;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::answers::SiteAnswers;
-use deepmill::data::files::asked::Asked;
+use deepmill::data::files::label_query::LabelQuery;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
 use deepmill::geom::Mesh;
 use deepmill::metrics::Confusion;
@@ -95,8 +95,8 @@ pub fn page(
     if let Some((file, path)) = labels {
         let mut found = findings::of_tools(&file.sites, mesh, &[""], &[&file.labels])?;
         // Files of older versions do not say enough to look for a change of the tool.
-        if let (Ok(asked), [found]) = (Asked::read(path, None), &mut found[..]) {
-            findings::advise(found, &asked.tool.assembly, |members| asked.change_for(members))?;
+        if let (Ok(query), [found]) = (LabelQuery::read(path, None), &mut found[..]) {
+            findings::advise(found, &query.tool.assembly, |members| query.change_for(members))?;
         }
         views.extend(found.into_iter().map(|found| View::of_labels("exact", file, found)));
     }

@@ -3,14 +3,13 @@
 use crate::args::{GateArgs, SiteArgs, ToolArgs, name_of, share};
 use crate::clock::Clock;
 use crate::findings;
-use crate::mesh_args::{Accept, MeshArgs};
+use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::access::setups::{Candidates, Clampings, Machine, Plan};
 use deepmill::access::surface::{
-    ContactTolerance, FreeDirections, SurfaceOptions, TriangleObstacles,
+    AccessibleDirections, ContactTolerance, SurfaceOptions, TriangleObstacles,
 };
 use deepmill::data::files::tools::Tool;
-use deepmill::geom::formats::MeshOrCloud;
 use deepmill::report::PartView;
 use deepmill::report::findings::Findings;
 use deepmill::report::folder::{self, Show};
@@ -18,7 +17,7 @@ use deepmill::report::gate::SiteAreas;
 use deepmill::report::page::Page;
 use deepmill::report::setups::Setups;
 use deepmill::report::tables::{Cell, Facts};
-use deepmill::{Error, Result, atomic_file};
+use deepmill::{Result, atomic_file};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -92,25 +91,20 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.tools.tools(output)?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
-    let accept = if args.force { Accept::Faults } else { Accept::Bodies };
-    let part = args.read.read_part(&args.part, accept, output)?;
-    if matches!(part, MeshOrCloud::Cloud(_)) {
-        let remedy = "a cloud has no triangles to hold a tool against: give the mesh";
-        return Err(Error::argument("part", name_of(&args.part), "a mesh", remedy));
-    }
+    let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");
-    let (Some(mesh), sites) = args.sites.place(part)? else { unreachable!("a mesh stays a mesh") };
+    let sites = args.sites.on(&mesh)?;
     let areas = SiteAreas::of(&sites, Some(&mesh))?;
     clock.lap("sites_s", "sites");
     let candidates = Candidates::new(&mesh, args.machine, args.clampings(), args.n_directions())?;
     let obstacles = TriangleObstacles::new(&mesh, &[])?;
     let options = args.options();
-    let free = |tool: &Tool| {
-        obstacles.free_directions(&sites, &tool.cutter, candidates.directions(), &options)
+    let of_tool = |tool: &Tool| {
+        obstacles.accessible_directions(&sites, &tool.cutter, candidates.directions(), &options)
     };
-    let free: Vec<FreeDirections> = tools.iter().map(free).collect::<Result<_>>()?;
+    let accessible: Vec<AccessibleDirections> = tools.iter().map(of_tool).collect::<Result<_>>()?;
     clock.lap("directions_s", "directions of every site");
-    let plan = Plan::new(&candidates, &mesh, &sites, &free, areas.shares(), share);
+    let plan = Plan::new(&candidates, &mesh, &sites, &accessible, areas.shares(), share);
     clock.lap("cover_s", "choice of setups");
 
     let names: Vec<&str> = tools.iter().map(|tool| &*tool.name).collect();

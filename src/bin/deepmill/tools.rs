@@ -2,21 +2,20 @@
 
 use crate::args::{DirectionArgs, GateArgs, SiteArgs, UnsaidArgs, name_of, share, with_names};
 use crate::clock::Clock;
-use crate::mesh_args::{Accept, MeshArgs};
+use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use crate::part_itself::SurfaceArgs;
 use deepmill::access::surface::{SiteAnswer, ToolReach};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::Assembly;
 use deepmill::data::files::tools::Tool;
-use deepmill::geom::formats::MeshOrCloud;
 use deepmill::report::PartView;
 use deepmill::report::coverage::Coverage;
 use deepmill::report::folder::{self, Show};
 use deepmill::report::gate::SiteAreas;
 use deepmill::report::library::Library;
 use deepmill::report::tables::{Cell, Facts};
-use deepmill::{Error, Result, atomic_file};
+use deepmill::{Result, atomic_file};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -66,14 +65,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let directions = args.directions.directions()?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
-    let accept = if args.force { Accept::Faults } else { Accept::Bodies };
-    let part = args.read.read_part(&args.part, accept, output)?;
-    if matches!(part, MeshOrCloud::Cloud(_)) {
-        let remedy = "a cloud has no triangles to hold a tool against: give the mesh";
-        return Err(Error::argument("part", name_of(&args.part), "a mesh", remedy));
-    }
+    let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");
-    let (Some(mesh), sites) = args.sites.place(part)? else { unreachable!("a mesh stays a mesh") };
+    let sites = args.sites.on(&mesh)?;
     let areas = SiteAreas::of(&sites, Some(&mesh))?;
     clock.lap("sites_s", "sites");
     let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;

@@ -41,6 +41,15 @@ pub struct Sites {
 }
 
 impl Sites {
+    /// Points and normals of these rows, on no mesh.
+    pub(crate) fn subset(&self, rows: &[usize]) -> Sites {
+        Sites {
+            points: rows.iter().map(|&i| self.points[i]).collect(),
+            normals: rows.iter().map(|&i| self.normals[i]).collect(),
+            faces: Vec::new(),
+        }
+    }
+
     /// Sites at `points`, mm, with outward unit `normals`, on no mesh.
     ///
     /// # Errors

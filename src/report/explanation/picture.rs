@@ -61,7 +61,7 @@ struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     fn of(about: &About<'a>) -> Self {
-        let sites = &about.asked.file.sites;
+        let sites = &about.query.file.sites;
         let site = sites.points[about.site].as_dvec3();
         let normal = sites.normals[about.site].as_dvec3().normalize_or(DVec3::Z);
         let nearest = about.why.nearest();
@@ -79,12 +79,12 @@ impl<'a> Scene<'a> {
             ),
             (None, None) => String::new(),
         };
-        let assembly: &Assembly = &about.asked.tool.assembly;
+        let assembly: &Assembly = &about.query.tool.assembly;
         let [corner, side] = assembly.tip();
         let across = normal - axis * normal.dot(axis);
         let away = if side > 0.0 && across.length() > 1e-6 { side } else { 0.0 };
         let reference = site + normal * corner + across.normalize_or_zero() * away;
-        let steps = assembly.parts(about.asked.tool.clearance_mm).unwrap_or_default();
+        let steps = assembly.parts(about.query.tool.clearance_mm).unwrap_or_default();
         let at = blocked.map(|blocked| blocked.at_mm);
         let mut scene = Scene {
             about: *about,
@@ -165,7 +165,7 @@ impl<'a> Scene<'a> {
             let place = |[a, b]: [DVec2; 2]| [self.pixel(a), self.pixel(b)];
             cut.unwrap_or_default().into_iter().map(place).collect::<Vec<_>>()
         };
-        let part = segments(self.about.asked.mesh.as_ref());
+        let part = segments(self.about.query.mesh.as_ref());
         let inside = rows(&part);
         for y in 0..PANEL[1] {
             let mut crossings = inside[y as usize].iter().peekable();
@@ -194,7 +194,7 @@ impl<'a> Scene<'a> {
             }
         };
         lines(&part, INK);
-        lines(&segments(self.about.asked.fixtures.as_ref()), FIXTURE);
+        lines(&segments(self.about.query.fixtures.as_ref()), FIXTURE);
         self.draw_marks(image, left, across);
     }
 
@@ -234,7 +234,7 @@ impl<'a> Scene<'a> {
     }
 
     fn draw_words(&self, image: &mut Image, about: &About) {
-        let provenance = &about.asked.file.provenance;
+        let provenance = &about.query.file.provenance;
         let width = image.width();
         let title = format!(
             "{}, site {} at {}: {}",
@@ -253,12 +253,12 @@ impl<'a> Scene<'a> {
         let y = (HEAD + PANEL[1] + 10) as i32;
         let mut legend: Vec<(Rgb, String)> = ToolPart::ALL
             .iter()
-            .filter(|part| about.asked.tool.assembly.has(**part))
+            .filter(|part| about.query.tool.assembly.has(**part))
             .map(|part| (TOOL[*part as usize], part.name().to_string()))
             .collect();
         legend.push((PART, "part".into()));
         legend.push((PENETRATES, "tool in the part".into()));
-        if about.asked.fixtures.is_some() {
+        if about.query.fixtures.is_some() {
             legend.push((FIXTURE, "fixtures".into()));
         }
         for (color, words) in legend {

@@ -90,15 +90,15 @@ impl Change {
     }
 }
 
-/// To four decimals, without trailing zeros.
-fn short(x: f64) -> String {
-    format!("{}", (1e4 * x).round() / 1e4)
+/// A length to four decimals, without trailing zeros, never minus zero.
+pub(crate) fn short(x: f64) -> String {
+    format!("{}", (1e4 * x).round() / 1e4 + 0.0)
 }
 
 impl Case<'_> {
     /// Every kind of change that helps, the least first.
     pub(super) fn changes(&self, tolerance: f64) -> Result<Vec<Change>> {
-        let tool = self.question.tool;
+        let tool = self.query.tool;
         let kinds = [
             ChangeKind::Raise(ToolPart::Holder),
             ChangeKind::Narrow(ToolPart::Holder),
@@ -142,7 +142,7 @@ impl Case<'_> {
             }
             // A tool beyond all bounds helps no one.
             let Ok(changed) = changed(kind, tool, less) else { break };
-            let found = self.label(&changed, self.question.directions, Between::Quick)?;
+            let found = self.label(&changed, self.query.directions, Between::Quick)?;
             let Some(direction) = found.witness else {
                 is_least = best.is_some();
                 break;
@@ -172,7 +172,7 @@ impl Case<'_> {
 
     /// A direction in which the changed tool may stand: the one of its label, or this one.
     fn proved(&self, tool: &Assembly, direction: Vec3) -> Result<Option<Vec3>> {
-        let found = self.label(tool, self.question.directions, Between::Quick)?;
+        let found = self.label(tool, self.query.directions, Between::Quick)?;
         if !self.proves {
             return Ok(found.witness);
         }
@@ -203,7 +203,7 @@ impl Case<'_> {
         let Some((factor, ..)) = self.largest_end(tool, MOST_MM)? else { return Ok(None) };
         let held = tool.with_smaller_end(factor)?;
         let (parted, meetings) = self.meetings(&held, self.tested.vectors())?;
-        let tolerance = self.label(&held, self.question.directions, Between::None)?.tolerance;
+        let tolerance = self.label(&held, self.query.directions, Between::None)?.tolerance;
         let longer = ChangeKind::Raise(ToolPart::Holder);
         let raised = self.least_change(longer, &held, (&parted, &meetings), tolerance)?;
         let both = |raised: Change| Change {
@@ -251,7 +251,7 @@ impl Case<'_> {
         let changed = tool.with_smaller_end(share).and_then(|t| t.raised(ToolPart::Holder, longer));
         // Thinner than any cutter.
         let Ok(changed) = changed else { return Ok(None) };
-        match self.label(&changed, self.question.directions, Between::Quick) {
+        match self.label(&changed, self.query.directions, Between::Quick) {
             Ok(found) => Ok(found.witness.map(|direction| (share, changed, direction))),
             // Thinner than its tolerance.
             Err(Error::Argument { .. }) => Ok(None),
@@ -261,7 +261,7 @@ impl Case<'_> {
 }
 
 /// Diameter of the lower end, mm.
-fn diameter(tool: &Assembly) -> f64 {
+pub(super) fn diameter(tool: &Assembly) -> f64 {
     2.0 * (tool.tip()[0] + tool.tip()[1])
 }
 

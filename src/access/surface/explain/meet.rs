@@ -4,7 +4,7 @@ use crate::access::surface::bvh::Bvh;
 use crate::access::surface::drop;
 use crate::access::surface::problem::Problem;
 use crate::access::surface::query::{Scratch, from_box};
-use crate::access::surface::tool::{Outline, Stand, Tip, across, axes};
+use crate::access::surface::tool::{Contact, Outline, Stand, Tip, across, axes};
 use crate::cutter::ToolPart;
 use glam::{DVec2, DVec3, Vec3};
 
@@ -209,8 +209,7 @@ pub(super) struct Points<'a> {
 
 impl Points<'_> {
     fn stand(&self, outline: &Outline, direction: Vec3) -> Stand {
-        let contact =
-            super::super::tool::Contact::Surface { point: self.site, normal: self.normal };
+        let contact = Contact::Surface { point: self.site, normal: self.normal };
         let axes = axes(direction);
         Stand { reference: contact.reference_point(outline, axes[2]), axes }
     }
@@ -253,7 +252,7 @@ impl Points<'_> {
             let local = stand.local(p);
             let distance = across(local).length();
             let of = tool.steps.iter().map(|(_, [h, r])| (h - local.z).max(distance - r));
-            of.collect::<Vec<_>>().into_iter().fold(f64::INFINITY, f64::min)
+            of.fold(f64::INFINITY, f64::min)
         };
         self.each().map(|(_, p)| steps(p)).fold(limit, f64::min)
     }

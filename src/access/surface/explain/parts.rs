@@ -15,8 +15,6 @@ use crate::{Error, Result};
 
 /// Parts whose absence is tried, from above.
 const FROM_ABOVE: [ToolPart; 3] = [ToolPart::Spindle, ToolPart::Holder, ToolPart::Shank];
-/// Most samples of the surface per site that is labeled.
-const SAMPLES_OF_SITE: usize = 8;
 
 impl TriangleObstacles {
     /// Per site, the part of the tool that blocks in the direction which gets furthest, over the directions tested; `None` where `answers` say
@@ -40,19 +38,8 @@ impl TriangleObstacles {
             if left.is_empty() {
                 break;
             }
-            let subset = Sites {
-                points: left.iter().map(|&i| sites.points[i]).collect(),
-                normals: left.iter().map(|&i| sites.normals[i]).collect(),
-                faces: Vec::new(),
-            };
-            let options = SurfaceOptions {
-                counts: false,
-                occlusion: false,
-                refinement: None,
-                clearance_limit_mm: None,
-                n_samples: options.n_samples.min(SAMPLES_OF_SITE * left.len()),
-                ..*options
-            };
+            let subset = sites.subset(&left);
+            let options = SurfaceOptions { refinement: None, ..options.for_few(left.len()) };
             let labels = self.label(&subset, &cutter, directions, &options)?;
             let blocked = labels.answers.iter().map(|answer| *answer == SiteAnswer::Inaccessible);
             assign(part, &mut parts, &mut left, blocked);

@@ -7,7 +7,8 @@
 //! label sites of the region with the tool so changed: the share that it reaches
 //! ```
 
-use super::{Barrier, Between, Case, Change, ChangeKind, Question};
+use super::change::diameter;
+use super::{Barrier, Between, Case, Change, ChangeKind, Query};
 use crate::Result;
 use crate::access::surface::labels::{SiteAnswer, SurfaceOptions};
 use crate::access::surface::obstacles::{TriangleObstacles, tested};
@@ -25,8 +26,6 @@ pub struct RegionChange {
     pub share: f64,
 }
 
-/// Most samples of the surface per site that is labeled.
-const SAMPLES_OF_SITE: usize = 8;
 /// Amounts are rounded up to this, mm.
 const ROUND_MM: f64 = 0.01;
 /// Sites of a region that are explained.
@@ -52,7 +51,7 @@ impl TriangleObstacles {
         let options = SurfaceOptions { refinement: None, ..*options };
         let mut found: Vec<Change> = Vec::new();
         for i in spread(members, N_EXPLAINED) {
-            let question = Question {
+            let query = Query {
                 site: sites.points[i],
                 normal: sites.normals[i],
                 tool,
@@ -62,8 +61,8 @@ impl TriangleObstacles {
                 witness: None,
             };
             let tested = tested(directions)?;
-            let (barrier, question) = (Barrier::Triangles(self), &question);
-            let case = Case { barrier, question, tested, proves: false };
+            let (barrier, query) = (Barrier::Triangles(self), &query);
+            let case = Case { barrier, query, tested, proves: false };
             let alone = case.label(tool, directions, Between::None)?;
             if alone.answer != SiteAnswer::Accessible {
                 found.extend(case.changes(alone.tolerance)?);
@@ -71,20 +70,9 @@ impl TriangleObstacles {
         }
         let Some(change) = common(&found, tool) else { return Ok(None) };
         let few: Vec<usize> = spread(members, N_LABELED).collect();
-        let few = Sites {
-            points: few.iter().map(|&i| sites.points[i]).collect(),
-            normals: few.iter().map(|&i| sites.normals[i]).collect(),
-            faces: Vec::new(),
-        };
+        let few = sites.subset(&few);
         let cutter = change.tool.with_clearance(clearance_mm)?.cutter()?;
-        let options = SurfaceOptions {
-            counts: false,
-            occlusion: false,
-            clearance_limit_mm: None,
-            n_samples: options.n_samples.min(SAMPLES_OF_SITE * few.len()),
-            ..options
-        };
-        let labels = self.label(&few, &cutter, directions, &options)?;
+        let labels = self.label(&few, &cutter, directions, &options.for_few(few.len()))?;
         Ok(Some(RegionChange { share: labels.share(SiteAnswer::Accessible), change }))
     }
 }
@@ -117,8 +105,7 @@ fn common(found: &[Change], tool: &Assembly) -> Option<Change> {
         ChangeKind::Raise(part) => tool.raised(part, by_mm),
         ChangeKind::Narrow(part) => tool.narrowed(part, by_mm),
         ChangeKind::Diameter => {
-            let end = 2.0 * (tool.tip()[0] + tool.tip()[1]);
-            let smaller = tool.with_smaller_end(1.0 - by_mm / end);
+            let smaller = tool.with_smaller_end(1.0 - by_mm / diameter(tool));
             smaller.and_then(|tool| tool.raised(ToolPart::Holder, longer_mm))
         }
     };

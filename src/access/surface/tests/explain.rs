@@ -3,7 +3,7 @@
 use super::*;
 use crate::access::surface::Verdict;
 use crate::access::surface::explain::{
-    Change, ChangeKind, Explanation, Question, blocking_parts_among_points, explain_among_points,
+    Change, ChangeKind, Explanation, Query, blocking_parts_among_points, explain_among_points,
 };
 use crate::access::{LabelOptions, Obstacles, label as label_points};
 use crate::cutter::{Assembly, Step, ToolPart};
@@ -27,13 +27,13 @@ fn floor_site(z: f32) -> (Vec3, Vec3) {
     (Vec3::new(0.0, 0.5, z), Vec3::Z)
 }
 
-fn question<'a>(
+fn query<'a>(
     (site, normal): (Vec3, Vec3),
     tool: &'a Assembly,
     directions: &'a Directions,
     options: &'a SurfaceOptions,
-) -> Question<'a> {
-    Question { site, normal, tool, clearance_mm: 0.0, directions, options, witness: None }
+) -> Query<'a> {
+    Query { site, normal, tool, clearance_mm: 0.0, directions, options, witness: None }
 }
 
 fn change(why: &Explanation, kind: ChangeKind) -> &Change {
@@ -52,7 +52,7 @@ fn a_holder_too_wide_for_a_slot_is_named_and_the_stated_amount_helps_but_no_less
     let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
     let (up, options) = (up(), exactly(0.01));
     let tool = held([1.5, 6.0, 40.0, 5.0]);
-    let why = obstacles.explain(&question(site, &tool, &up, &options)).unwrap();
+    let why = obstacles.explain(&query(site, &tool, &up, &options)).unwrap();
     assert_eq!((why.answer, why.witness), (SiteAnswer::Inaccessible, None));
     assert_eq!((why.blocked_by(), why.counts()), (Some(ToolPart::Holder), [0, 0, 0, 1, 0]));
     let blocked = why.nearest().unwrap().blocked.unwrap();
@@ -74,7 +74,7 @@ fn a_holder_too_wide_for_a_slot_is_named_and_the_stated_amount_helps_but_no_less
     assert!(!reaches(&tool.raised(ToolPart::Holder, longer.by_mm - 0.02).unwrap()));
 
     let tool = held([1.5, 6.0, 40.0, 20.0]);
-    let why = obstacles.explain(&question(site, &tool, &up, &options)).unwrap();
+    let why = obstacles.explain(&query(site, &tool, &up, &options)).unwrap();
     let thinner = change(&why, ChangeKind::Narrow(ToolPart::Holder));
     assert!((thinner.by_mm - 34.99).abs() < 2e-4 && thinner.is_least, "{thinner:?}");
     assert!(reaches(&thinner.tool));
@@ -88,7 +88,7 @@ fn every_part_is_named_with_what_helps() {
     let ask = |width, depth, tool: &Assembly| {
         let obstacles = TriangleObstacles::new(&slotted(width, depth), &[]).unwrap();
         let site = floor_site(20.0 - depth as f32);
-        obstacles.explain(&question(site, tool, &up, &options)).unwrap()
+        obstacles.explain(&query(site, tool, &up, &options)).unwrap()
     };
     // Below the flutes' contact only the ball meets the walls.
     let why = ask(2.0, 2.0, &held([1.5, 6.0, 4.0, 30.0]));
@@ -128,7 +128,7 @@ fn directions_agree_with_the_plain_loops() {
         for tool in [held([1.5, 6.0, 12.0, 5.0]), held([2.0, 20.0, 5.0, 20.0]), stepped()] {
             for i in (0..sites.len()).step_by(7) {
                 let site = (sites.points[i], sites.normals[i]);
-                let why = obstacles.explain(&question(site, &tool, &directions, &options)).unwrap();
+                let why = obstacles.explain(&query(site, &tool, &directions, &options)).unwrap();
                 for state in &why.directions {
                     let reference =
                         site.0.as_dvec3() + site.1.as_dvec3().normalize() * tool.tip()[0];
@@ -175,7 +175,7 @@ fn the_search_between_directions_lessens_changes() {
         SurfaceOptions { refinement: Some(RefinementOptions::default()), ..exactly(0.01) };
     let directions = hemisphere(20);
     let by = |options: &SurfaceOptions| {
-        let why = obstacles.explain(&question(site, &tool, &directions, options)).unwrap();
+        let why = obstacles.explain(&query(site, &tool, &directions, options)).unwrap();
         let longer = change(&why, ChangeKind::Raise(ToolPart::Holder)).clone();
         assert!(longer.is_least);
         longer.by_mm
@@ -201,7 +201,7 @@ fn parts_that_block_are_those_of_each_explanation() {
             .unwrap();
         for (i, found) in found.iter().enumerate() {
             let site = (sites.points[i], sites.normals[i]);
-            let why = obstacles.explain(&question(site, &tool, &directions, &options)).unwrap();
+            let why = obstacles.explain(&query(site, &tool, &directions, &options)).unwrap();
             assert_eq!((why.answer, why.blocked_by()), (answers[i], *found), "site {i}");
         }
         let few = obstacles.blocking_parts(&sites, (&tool, 0.0), &directions, (&options, &[]));
@@ -215,19 +215,19 @@ fn a_witness_is_proved_and_another_side_is_named() {
     let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
     let (directions, options) = (hemisphere(50), exactly(0.01));
     let tool = held([1.5, 20.0, 3.0, 20.0]);
-    let why = obstacles.explain(&question(floor_site(14.0), &tool, &directions, &options)).unwrap();
+    let why = obstacles.explain(&query(floor_site(14.0), &tool, &directions, &options)).unwrap();
     let witness = why.witness.unwrap();
     assert!(why.answer == SiteAnswer::Accessible && witness.margin_mm >= 0.0);
     assert!(why.changes.is_empty() && why.blocked_by().is_none() && why.other_direction.is_none());
     let below = (Vec3::new(1.0, 0.5, 0.0), Vec3::NEG_Z);
-    let why = obstacles.explain(&question(below, &tool, &directions, &options)).unwrap();
+    let why = obstacles.explain(&query(below, &tool, &directions, &options)).unwrap();
     assert!(why.witness.is_none() && why.other_direction.is_some_and(|d| d.z < 0.0), "{why:?}");
     // A direction that is no witness proves nothing.
-    let mut asked = question(below, &tool, &directions, &options);
-    asked.witness = Some(Vec3::Z);
-    assert_eq!(obstacles.explain(&asked).unwrap().answer, SiteAnswer::Inaccessible);
-    asked.witness = Some(Vec3::NEG_Z);
-    assert_eq!(obstacles.explain(&asked).unwrap().answer, SiteAnswer::Accessible);
+    let mut of_site = query(below, &tool, &directions, &options);
+    of_site.witness = Some(Vec3::Z);
+    assert_eq!(obstacles.explain(&of_site).unwrap().answer, SiteAnswer::Inaccessible);
+    of_site.witness = Some(Vec3::NEG_Z);
+    assert_eq!(obstacles.explain(&of_site).unwrap().answer, SiteAnswer::Accessible);
 }
 
 #[test]
@@ -249,8 +249,8 @@ fn points_as_obstacles_are_explained_by_the_published_definition() {
         blocking_parts_among_points(&sites, Obstacles::Queries, (&tool, 0.0), &directions, &found)
             .unwrap();
     for i in (0..sites.points.len()).step_by(29).chain([own]) {
-        let asked = question((sites.points[i], sites.normals[i]), &tool, &directions, &options);
-        let why = explain_among_points(&sites.points, Some(i), &asked).unwrap();
+        let of_site = query((sites.points[i], sites.normals[i]), &tool, &directions, &options);
+        let why = explain_among_points(&sites.points, Some(i), &of_site).unwrap();
         assert_eq!(why.answer == SiteAnswer::Inaccessible, found[i], "site {i}");
         assert_eq!((why.witness.is_some(), why.blocked_by()), (!found[i], parts[i]), "site {i}");
         for state in why.directions.iter().filter(|state| state.clearance_mm.abs() > 1e-4) {

@@ -41,7 +41,7 @@ impl Way {
         }
     }
 
-    /// Whether each site is inaccessible; the tip is not asked about.
+    /// Whether each site is inaccessible; the tip is not tested.
     fn inaccessible(
         self,
         (sites, triangles): (&Sites, &TriangleObstacles),
@@ -146,7 +146,7 @@ pub fn run(study: &Study) -> Result<Value> {
             "{} parts, {} sites on each; cutters as CR, CH, FR, FH in mm. The truth is the last row of each cutter: the triangles \
              of the part, 2,400 directions over the upper half and the search between them. *Missed*: share of all sites that are \
              inaccessible in truth and labeled accessible; *false alarms*: the reverse. Labels of the first head alone, without \
-             β; the search tree of the triangles is built beforehand. Whether the tip fits is not asked.",
+             β; the search tree of the triangles is built beforehand. Whether the tip fits is not tested.",
             parts.len(),
             study.args.sites
         )],

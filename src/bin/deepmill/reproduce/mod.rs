@@ -7,6 +7,7 @@ mod page;
 mod parts;
 mod pictures;
 mod placement;
+mod samples;
 mod study;
 mod symmetry;
 mod trainings;

@@ -10,8 +10,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Seed of everything random.
-pub const SEED: u64 = 1;
 /// Directions over the upper half, as in the paper.
 pub const N_DIRECTIONS: usize = 150;
 

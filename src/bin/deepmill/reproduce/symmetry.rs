@@ -1,9 +1,9 @@
 //! How often a site and its mirror image get different labels, over the direction set.
 
 use super::page::Page;
-use super::parts::Part;
+use super::parts::{Part, SEED};
 use super::pictures::Sheet;
-use super::study::{SEED, Study};
+use super::study::Study;
 use super::trainings::{Trainings, training_samples};
 use deepmill::access::surface::SurfaceOptions;
 use deepmill::access::{LabelOptions, Labeler};

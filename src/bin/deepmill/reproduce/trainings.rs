@@ -6,8 +6,9 @@
 //! no run there → start; a run that was stopped → resume; a finished one → take it
 //! ```
 
-use super::parts::{Draw, samples};
-use super::study::{N_DIRECTIONS, SEED, Study};
+use super::parts::SEED;
+use super::samples::{Draw, samples};
+use super::study::{N_DIRECTIONS, Study};
 use deepmill::answers::Definition;
 use deepmill::cutter::CutterSet;
 use deepmill::data::Sample;

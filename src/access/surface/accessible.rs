@@ -15,19 +15,19 @@ use std::ops::ControlFlow;
 
 /// For one tool: per direction, the sites at which it may stand.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FreeDirections {
+pub struct AccessibleDirections {
     n_sites: usize,
     /// Per direction a bit per site.
     rows: Vec<Vec<u64>>,
     only_tip: Vec<bool>,
 }
 
-impl FreeDirections {
+impl AccessibleDirections {
     /// Whether the tool may stand at a site in a direction: no step penetrates the part, and the tip fits.
     ///
     /// # Panics
     /// If either is out of range.
-    pub fn is_free(&self, direction: usize, site: usize) -> bool {
+    pub fn is_accessible(&self, direction: usize, site: usize) -> bool {
         assert!(site < self.n_sites);
         self.rows[direction][site / WORD] >> (site % WORD) & 1 == 1
     }
@@ -50,7 +50,7 @@ impl FreeDirections {
         self.n_sites
     }
 
-    /// Per site, whether the tip is all that hinders the tool: it is free in no direction, and in some no step penetrates the part.
+    /// Per site, whether the tip is all that hinders the tool: it is accessible from no direction, and in some no step penetrates the part.
     pub fn only_tip(&self) -> &[bool] {
         &self.only_tip
     }
@@ -71,19 +71,19 @@ impl TriangleObstacles {
     /// let cutter = Cutter::ball_end([1.5, 20.0, 20.0, 5.0].into())?;
     /// let both: Directions = "list:0,0,1;0,0,-1".parse()?;
     /// let obstacles = TriangleObstacles::new(&part, &[])?;
-    /// let free = obstacles.free_directions(&sites, &cutter, &both, &SurfaceOptions::default())?;
+    /// let found = obstacles.accessible_directions(&sites, &cutter, &both, &SurfaceOptions::default())?;
     /// for (i, normal) in sites.normals.iter().enumerate() {
-    ///     assert_eq!([0, 1].map(|d| free.is_free(d, i)), [normal.z > -0.5, normal.z < 0.5]);
+    ///     assert_eq!([0, 1].map(|d| found.is_accessible(d, i)), [normal.z > -0.5, normal.z < 0.5]);
     /// }
     /// # Ok::<(), deepmill::Error>(())
     /// ```
-    pub fn free_directions(
+    pub fn accessible_directions(
         &self,
         sites: &Sites,
         cutter: &Cutter,
         directions: &Directions,
         options: &SurfaceOptions,
-    ) -> Result<FreeDirections> {
+    ) -> Result<AccessibleDirections> {
         options.check()?;
         let problem = self.problem(Queries::Sites(sites), cutter, options)?;
         let matrix = problem.by_points(cutter, directions, options)?;
@@ -91,12 +91,12 @@ impl TriangleObstacles {
         let blocks = par::map_blocks(sites.len(), WORD, |range| {
             let first = range.start;
             let column: Vec<u64> = (0..axes.len()).map(|k| matrix.words(k)[first / WORD]).collect();
-            let mut block = Block { free: vec![0; axes.len()], only_tip: Vec::new() };
+            let mut block = Block { accessible: vec![0; axes.len()], only_tip: Vec::new() };
             block.fill(&problem, range, &axes, &column);
             block
         });
-        let row = |k: usize| blocks.iter().map(|block| block.free[k]).collect();
-        Ok(FreeDirections {
+        let row = |k: usize| blocks.iter().map(|block| block.accessible[k]).collect();
+        Ok(AccessibleDirections {
             n_sites: sites.len(),
             rows: (0..axes.len()).map(row).collect(),
             only_tip: blocks.iter().flat_map(|block| block.only_tip.iter().copied()).collect(),
@@ -107,7 +107,7 @@ impl TriangleObstacles {
 /// The sites of a word.
 struct Block {
     /// Per direction.
-    free: Vec<u64>,
+    accessible: Vec<u64>,
     only_tip: Vec<bool>,
 }
 
@@ -123,14 +123,14 @@ impl Block {
         for i in range {
             let tools = problem.tools(i, &mut tools);
             scratch = Scratch::renewed(scratch);
-            let (mut is_free, mut gouges) = (false, false);
+            let (mut is_accessible, mut gouges) = (false, false);
             problem.verdicts(i, tools, axes, column, &mut scratch, |k, verdict, _| {
-                is_free |= verdict == Verdict::Free;
+                is_accessible |= verdict == Verdict::Free;
                 gouges |= verdict == Verdict::TipGouges;
-                self.free[k] |= u64::from(verdict == Verdict::Free) << (i % WORD);
+                self.accessible[k] |= u64::from(verdict == Verdict::Free) << (i % WORD);
                 ControlFlow::Continue(())
             });
-            self.only_tip.push(gouges && !is_free);
+            self.only_tip.push(gouges && !is_accessible);
         }
     }
 }
@@ -144,7 +144,7 @@ mod tests {
     use crate::geom::solids;
 
     #[test]
-    fn a_tool_is_free_where_its_drop_height_says_so() {
+    fn a_site_is_accessible_where_the_drop_height_says_so() {
         let part = solids::torus(14.0, 6.0, 24, 12);
         let sites = sample(&part, &SiteOptions { n_sites: 150, ..SiteOptions::default() }).unwrap();
         let directions: Directions = "sphere:30".parse().unwrap();
@@ -152,8 +152,9 @@ mod tests {
         let options = SurfaceOptions { refinement: None, ..SurfaceOptions::default() };
         for lengths in [[1.5, 4.0, 12.0, 5.0], [7.0, 30.0, 7.0, 5.0]] {
             let cutter = Cutter::ball_end(CutterParams::from_array(lengths)).unwrap();
-            let free = obstacles.free_directions(&sites, &cutter, &directions, &options).unwrap();
-            assert_eq!((free.n_sites(), free.n_directions()), (150, 30));
+            let found =
+                obstacles.accessible_directions(&sites, &cutter, &directions, &options).unwrap();
+            assert_eq!((found.n_sites(), found.n_directions()), (150, 30));
             let labels = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
             for i in 0..sites.len() {
                 for (d, direction) in directions.vectors().iter().enumerate() {
@@ -161,12 +162,12 @@ mod tests {
                     let reference = sites.points[i].as_dvec3() + lengths[0] * normal;
                     let tolerance = labels.tolerance_mm[i];
                     let raised = raise(&part, &cutter, tolerance, reference, *direction).unwrap();
-                    assert_eq!(free.is_free(d, i), raised.steps <= 0.0 && raised.tip <= 0.0);
+                    assert_eq!(found.is_accessible(d, i), raised.steps <= 0.0 && raised.tip <= 0.0);
                 }
                 // Labels of an even set test +z as well.
-                let any = (0..30).any(|d| free.is_free(d, i));
+                let any = (0..30).any(|d| found.is_accessible(d, i));
                 assert!(!any || labels.answers[i] == SiteAnswer::Accessible);
-                assert!(!(any && free.only_tip()[i]));
+                assert!(!(any && found.only_tip()[i]));
             }
         }
     }

@@ -1,11 +1,11 @@
-//! What a file of labels was asked: part, obstacles, tool, directions and tolerance, ready to be asked again about one site.
+//! The query that a file of labels answers: part, obstacles, tool, directions and tolerance; a single site can be labeled again and explained.
 //!
 //! `label` writes the surface beside its labels ([`SURFACE`], and [`FIXTURES`] if there are any) and their SHA-256 into `settings.surface`, so that a
 //! folder that was moved or changed is known as such.
 
 use super::tools::{Tool, steps_of_words};
 use super::{LabelFile, Provenance};
-use crate::access::surface::explain::{Explanation, Question, RegionChange, explain_among_points};
+use crate::access::surface::explain::{Explanation, Query, RegionChange, explain_among_points};
 use crate::access::surface::{
     ContactTolerance, RefinementOptions, SurfaceOptions, TriangleObstacles,
 };
@@ -55,14 +55,14 @@ fn hex(bytes: &[u8]) -> String {
 
 /// Labels, and everything that they rest on.
 #[derive(Debug)]
-pub struct Asked {
+pub struct LabelQuery {
     /// The labels.
     pub file: LabelFile,
     /// By which definition they are.
     pub definition: Definition,
     /// The tool.
     pub tool: Tool,
-    /// The directions asked about.
+    /// The directions.
     pub directions: Directions,
     /// Tolerance and search, for triangles.
     pub options: SurfaceOptions,
@@ -80,7 +80,7 @@ enum Barrier {
     Points(Vec<Vec3>),
 }
 
-impl Asked {
+impl LabelQuery {
     /// Reads `labels.npz` and what lies beside it; `mesh` is the surface, if it is not taken from there.
     ///
     /// # Errors
@@ -111,7 +111,7 @@ impl Asked {
             }
         };
         file.sites.check()?;
-        Ok(Asked { definition, tool, directions, options, mesh, fixtures, barrier, file })
+        Ok(LabelQuery { definition, tool, directions, options, mesh, fixtures, barrier, file })
     }
 
     /// The site nearest to a place, and its distance, mm; the first among equals.
@@ -139,7 +139,7 @@ impl Asked {
             return Err(Error::argument("--site", site, expected, "rows count from 0"));
         }
         let Sites { points, normals, .. } = &self.file.sites;
-        let question = Question {
+        let query = Query {
             site: points[site],
             normal: normals[site],
             tool: &self.tool.assembly,
@@ -149,8 +149,8 @@ impl Asked {
             witness: self.witness(site),
         };
         match &self.barrier {
-            Barrier::Triangles(triangles) => triangles.explain(&question),
-            Barrier::Points(points) => explain_among_points(points, Some(site), &question),
+            Barrier::Triangles(triangles) => triangles.explain(&query),
+            Barrier::Points(points) => explain_among_points(points, Some(site), &query),
         }
     }
 
