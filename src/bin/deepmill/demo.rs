@@ -1,10 +1,9 @@
 //! `deepmill demo`: labels a generated part, predicts the same with a network, and draws both.
 
 use crate::output::Output;
-use crate::{progress, report};
-use deepmill::access::surface::explain::blocking_parts_among_points;
+use crate::{part_itself, progress, report};
 use deepmill::access::surface::{RefinementOptions, SurfaceOptions, TriangleObstacles};
-use deepmill::access::{LabelOptions, Labels, Obstacles, label};
+use deepmill::access::{LabelOptions, Obstacles, label};
 use deepmill::answers::Definition;
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
 use deepmill::data::files::label_query::surface_settings;
@@ -167,12 +166,19 @@ fn exact(
     let sites_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let tool = Tool::new(params, None, 0.0)?;
-    let labels = match definition {
-        Definition::Sites => by_sites(&sites, &tool, directions)?,
-        Definition::Part => by_triangles(mesh, &sites, &tool, directions)?,
+    let (points, surface) = (Obstacles::Queries, SurfaceOptions::default());
+    let triangles = match definition {
+        Definition::Sites => None,
+        Definition::Part => Some(TriangleObstacles::new(mesh, &[])?),
     };
+    let mut labels = match &triangles {
+        None => label(&sites, points, &tool.cutter, directions, &LabelOptions::default())?,
+        Some(triangles) => triangles.label_sites(&sites, &tool.cutter, directions, &surface)?,
+    };
+    let around = (&sites, points, triangles.as_ref());
+    part_itself::add_blocking_parts(&mut labels, &tool, around, directions, &surface)?;
     let labels_s = start.elapsed().as_secs_f64();
-    // What `deepmill explain` needs to ask again.
+    // What `deepmill explain` needs to label a site again.
     let settings = json!({
         "sites": { "sites": N_SITES.to_string(), "seed": SEED },
         "surface": surface_settings(Some(mesh), None)?,
@@ -188,31 +194,6 @@ fn exact(
     });
     let provenance = Provenance::ball_end("demo part", params, settings);
     Ok((LabelFile { provenance, sites, labels }, sites_s, labels_s))
-}
-
-fn by_sites(sites: &Sites, tool: &Tool, directions: &Directions) -> Result<Labels> {
-    let options = LabelOptions::default();
-    let mut labels = label(sites, Obstacles::Queries, &tool.cutter, directions, &options)?;
-    let (held, inaccessible) = ((&tool.assembly, 0.0), &labels.answers.inaccessible);
-    labels.blocked_by =
-        blocking_parts_among_points(sites, Obstacles::Queries, held, directions, inaccessible)?;
-    Ok(labels)
-}
-
-fn by_triangles(
-    mesh: &Mesh,
-    sites: &Sites,
-    tool: &Tool,
-    directions: &Directions,
-) -> Result<Labels> {
-    let options = SurfaceOptions::default();
-    let triangles = TriangleObstacles::new(mesh, &[])?;
-    let mut labels = triangles.label_sites(sites, &tool.cutter, directions, &options)?;
-    if let Some(surface) = &labels.surface {
-        let (held, answered) = ((&tool.assembly, 0.0), (&options, &surface.answers[..]));
-        labels.blocked_by = triangles.blocking_parts(sites, held, directions, answered)?;
-    }
-    Ok(labels)
 }
 
 fn training_samples(directions: &Directions) -> Result<Vec<Sample>> {

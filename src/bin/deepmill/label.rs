@@ -8,7 +8,6 @@ use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
 use crate::{progress, volume};
-use deepmill::access::surface::explain::blocking_parts_among_points;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::answers::SiteAnswers;
@@ -144,7 +143,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         }
     };
     let around = (&sites, points, triangles.as_ref());
-    add_blocking_parts(&mut labels, &tools, around, &directions, &options_of_part)?;
+    for (tool, labels) in tools.iter().zip(&mut labels) {
+        part_itself::add_blocking_parts(labels, tool, around, &directions, &options_of_part)?;
+    }
     clock.lap("labels_s", "labels");
 
     let fixtures = joined(&fixtures);
@@ -199,30 +200,6 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         result["tools"] = table.json();
     }
     output.result_with_files(result, &paths);
-    Ok(())
-}
-
-/// Adds which part of its tool keeps it from every site.
-fn add_blocking_parts(
-    labels: &mut [Labels],
-    tools: &[Tool],
-    (sites, points, triangles): (&Sites, Obstacles, Option<&TriangleObstacles>),
-    directions: &Directions,
-    options: &SurfaceOptions,
-) -> Result<()> {
-    for (tool, labels) in tools.iter().zip(labels) {
-        let held = (&tool.assembly, tool.clearance_mm);
-        labels.blocked_by = match (triangles, &labels.surface) {
-            (Some(triangles), Some(surface)) => {
-                let answered = (options, &surface.answers[..]);
-                triangles.blocking_parts(sites, held, directions, answered)?
-            }
-            _ => {
-                let inaccessible = &labels.answers.inaccessible;
-                blocking_parts_among_points(sites, points, held, directions, inaccessible)?
-            }
-        };
-    }
     Ok(())
 }
 

@@ -2,13 +2,15 @@
 
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
-use deepmill::access::Labels;
+use deepmill::access::surface::explain::blocking_parts_among_points;
 use deepmill::access::surface::{
     ContactTolerance, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions, TriangleObstacles,
     Warning, blocking_faces,
 };
+use deepmill::access::{Labels, Obstacles};
 use deepmill::answers::Definition;
 use deepmill::cutter::Cutter;
+use deepmill::data::files::tools::Tool;
 use deepmill::directions::Directions;
 use deepmill::geom::{Mesh, Sites, check};
 use deepmill::report::tables::{Cell, Facts};
@@ -236,6 +238,28 @@ pub fn say_bodies(mesh: &Mesh, sites: &Sites, labels: &Labels, output: &Output) 
         json!({ "n_sites": n, "inaccessible": inaccessible, "tip_does_not_fit": tip })
     };
     Ok(counts.iter().enumerate().map(of).collect())
+}
+
+/// Adds which part of the tool keeps it from every site; without triangles, the points block.
+pub fn add_blocking_parts(
+    labels: &mut Labels,
+    tool: &Tool,
+    (sites, points, triangles): (&Sites, Obstacles, Option<&TriangleObstacles>),
+    directions: &Directions,
+    options: &SurfaceOptions,
+) -> Result<()> {
+    let held = (&tool.assembly, tool.clearance_mm);
+    labels.blocked_by = match (triangles, &labels.surface) {
+        (Some(triangles), Some(surface)) => {
+            let answered = (options, &surface.answers[..]);
+            triangles.blocking_parts(sites, held, directions, answered)?
+        }
+        _ => {
+            let inaccessible = &labels.answers.inaccessible;
+            blocking_parts_among_points(sites, points, held, directions, inaccessible)?
+        }
+    };
+    Ok(())
 }
 
 /// Adds what only the part itself answers.
