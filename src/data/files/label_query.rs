@@ -215,7 +215,12 @@ impl Stated<'_> {
                 let found = format!("no set of directions ({e})");
                 self.fault("settings.directions", found, LABEL_AGAIN)
             })?;
-        Directions::new(set)
+        self.stated("settings.directions", Directions::new(set))
+    }
+
+    /// What the settings at `place` make, or why they make nothing.
+    fn stated<T>(&self, place: &str, made: Result<T>) -> Result<T> {
+        made.map_err(|e| self.fault(place, e.to_string(), LABEL_AGAIN))
     }
 
     fn number(&self, of: &Value, key: &str) -> Result<f64> {
@@ -229,7 +234,8 @@ impl Stated<'_> {
         let corner_mm = self.number(stated, "corner_mm")?;
         let clearance_mm = self.number(stated, "clearance_mm")?;
         if stated.get("body").is_none() {
-            return Tool::new(self.provenance.cutter, Some(corner_mm), clearance_mm);
+            let tool = Tool::new(self.provenance.cutter, Some(corner_mm), clearance_mm);
+            return self.stated("settings.tool", tool);
         }
         let steps = |key: &str| {
             steps_of_words(stated[key].as_str().unwrap_or_default())
@@ -237,8 +243,10 @@ impl Stated<'_> {
         };
         let end = [corner_mm, self.number(stated, "side_mm")?];
         let stick_out_mm = self.number(stated, "stick_out_mm")?;
-        let assembly = Assembly::from_steps(end, steps("body")?, steps("holder")?, stick_out_mm)?;
-        Tool::of_assembly("tool", assembly, clearance_mm, self.provenance.tool.clone())
+        let assembly = Assembly::from_steps(end, steps("body")?, steps("holder")?, stick_out_mm);
+        let assembly = self.stated("settings.tool", assembly)?;
+        let words = self.provenance.tool.clone();
+        self.stated("settings.tool", Tool::of_assembly("tool", assembly, clearance_mm, words))
     }
 
     fn options(&self) -> Result<SurfaceOptions> {
@@ -335,6 +343,6 @@ impl Stated<'_> {
         };
         let seed = seed.wrapping_add(1);
         let options = SiteOptions { n_sites, seed, ..SiteOptions::default() };
-        Ok(sites::sample(mesh, &options)?.points)
+        Ok(self.stated("settings.obstacles", sites::sample(mesh, &options))?.points)
     }
 }
