@@ -5,8 +5,8 @@
 //! [`Cutter`](crate::cutter::Cutter), and both return [`SiteAnswers`]. `true` is always the positive class:
 //! *inaccessible*, *occlusion point*.
 
-use crate::Result;
 use crate::geom::{Sites, spacing};
+use crate::{Error, Result};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
@@ -93,6 +93,60 @@ impl SiteAnswers {
         (0..self.len()).map(|i| !self.inaccessible[i] && !tip(i)).collect()
     }
 
+    pub(crate) fn check_sites(&self, sites: &Sites) -> Result<()> {
+        if sites.len() == self.len() {
+            return Ok(());
+        }
+        let (found, expected) = (sites.len(), format!("{}, as many as answers", self.len()));
+        let remedy = "give the sites that the answers are about";
+        Err(Error::argument("number of sites", found, expected, remedy))
+    }
+
+    /// The sites whose predicted answer *inaccessible* is least certain, in their order: the fewest of greatest `u = min(p, 1 − p)` such that the
+    /// mean of `u` over all others, the share of wrong answers to expect if the probabilities are calibrated, is at most `bound`. Among
+    /// equals the higher index is left out. All of them for a `bound` of 0.
+    ///
+    /// # Errors
+    /// If `bound` is not in [0, 1], or there is not one probability in [0, 1] per site.
+    ///
+    /// ```
+    /// use deepmill::answers::SiteAnswers;
+    /// let mut answers = SiteAnswers::new(vec![true, false, false, true], vec![]);
+    /// answers.probability_inaccessible = vec![0.98, 0.4, 0.0, 0.55];
+    /// assert_eq!(answers.least_certain(0.01)?, [1, 3]);
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    pub fn least_certain(&self, bound: f64) -> Result<Vec<usize>> {
+        if !(0.0..=1.0).contains(&bound) {
+            let remedy = "give a share such as 0.01";
+            return Err(Error::argument("bound of the error", bound, "0 to 1", remedy));
+        }
+        let probabilities = &self.probability_inaccessible;
+        let sound = probabilities.iter().filter(|p| (0.0..=1.0).contains(*p)).count();
+        if sound != self.len() || probabilities.len() != self.len() {
+            let expected = format!("{} probabilities, one per site", self.len());
+            let remedy = "verify the answers of a network";
+            return Err(Error::argument("predicted answers", sound, expected, remedy));
+        }
+        if bound == 0.0 {
+            return Ok((0..self.len()).collect());
+        }
+        let doubt = |i: &usize| probabilities[*i].min(1.0 - probabilities[*i]);
+        let mut order: Vec<usize> = (0..self.len()).collect();
+        order.sort_by(|a, b| doubt(a).total_cmp(&doubt(b)).then(b.cmp(a)));
+        let (mut sum, mut n_kept) = (0.0, 0);
+        for i in &order {
+            sum += f64::from(doubt(i));
+            if sum > bound * (n_kept + 1) as f64 {
+                break;
+            }
+            n_kept += 1;
+        }
+        let mut chosen = order.split_off(n_kept);
+        chosen.sort_unstable();
+        Ok(chosen)
+    }
+
     /// Share of the surface that is inaccessible: every site counts by the area it stands for, estimated from the
     /// distances to its neighbors. `sites` are those of the answers.
     ///
@@ -109,11 +163,7 @@ impl SiteAnswers {
     /// # Ok::<(), deepmill::Error>(())
     /// ```
     pub fn inaccessible_area_share(&self, sites: &Sites) -> Result<f64> {
-        if sites.len() != self.len() {
-            let (found, expected) = (sites.len(), format!("{}, as many as answers", self.len()));
-            let remedy = "give the sites that the answers are about";
-            return Err(crate::Error::argument("number of sites", found, expected, remedy));
-        }
+        self.check_sites(sites)?;
         let areas = spacing::relative_areas(sites)?;
         let total: f64 = areas.iter().sum();
         let marked = areas.iter().zip(&self.inaccessible).filter(|(_, marked)| **marked);

@@ -417,6 +417,8 @@ fn report_draws_again_and_compares() {
             logits_inaccessible: logits(&file.labels.answers.inaccessible, 0),
             logits_occlusion: logits(&file.labels.answers.occlusion, 200),
         },
+        occlusion_share: None,
+        verified: None,
     };
     let guess = folder.path("guess.npz");
     predictions.write(guess.as_ref()).unwrap();
@@ -455,27 +457,4 @@ fn every_command_has_help_with_an_example() {
         let verbs = help.contains("Commands:");
         assert!(help.contains("Example: deepmill ") || verbs, "{command}: {help}");
     }
-}
-
-/// The size decides, not the number of sites: half of the network's own is in its domain.
-#[test]
-#[cfg(feature = "weights")]
-fn predictions_outside_of_the_networks_domain_are_marked_and_far_ones_refused() {
-    let folder = Folder::new();
-    let predict = |edge: f32, cutter: &str, more: &[&str]| {
-        let part = folder.file("part.stl", stl(&block([0.0; 3], [edge, edge, edge])));
-        let out = folder.path("out");
-        let args = ["predict", &part, "--cutter", cutter, "--out", &out, "--no-picture", "--json"];
-        deepmill(&[&args[..], &["--sites", "3600"], more].concat())
-    };
-    let inside = predict(100.0, CUTTER, &[]);
-    assert_eq!(json(&inside)["outside_domain"].as_array().unwrap().len(), 0);
-    let outside = predict(10.0, "2,6,40,5", &[]);
-    let found = json(&outside)["outside_domain"][0].as_str().unwrap().to_owned();
-    assert!(found.starts_with("CR is 0.2 of the largest edge, trained from"), "{found}");
-    assert!(text(&outside.stderr).contains(&format!("warning: {found}")));
-    let message = failure(&predict(4.0, CUTTER, &[]), 2);
-    assert!(message.contains("CR is 0.375") && message.contains("--far"), "{message}");
-    let accepted = predict(4.0, CUTTER, &["--far"]);
-    assert!(!json(&accepted)["outside_domain"].as_array().unwrap().is_empty());
 }

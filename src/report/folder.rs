@@ -261,11 +261,26 @@ pub fn export_predictions(
     with_predictions(file, |what| writer.export("predictions", &what, format))
 }
 
+/// Where the answers of a file come from.
+pub(super) fn origin(file: &PredictionFile) -> String {
+    match &file.verified {
+        None => "predicted by a network, not computed".into(),
+        Some(verified) => {
+            let n = verified.verified.len().max(1);
+            let share = 100.0 * verified.n_verified() as f64 / n as f64;
+            format!("computed at {share:.1} % of the sites, predicted by a network at the others")
+        }
+    }
+}
+
 /// Calls `write` with what predictions say.
 fn with_predictions<T>(file: &PredictionFile, write: impl FnOnce(Shown) -> Result<T>) -> Result<T> {
-    let answers = file.prediction.answers();
-    let values = point_values(&answers, answers.len());
-    let notes = ["predicted by a network, not computed".to_string()];
+    let answers = file.answers();
+    let mut values = point_values(&answers, answers.len());
+    if let Some(verified) = &file.verified {
+        values.push(("verified", PointValues::Flags(&verified.verified)));
+    }
+    let notes = [origin(file)];
     let coloring =
         Coloring::Labels { inaccessible: &answers.inaccessible, occlusion: &answers.occlusion };
     let caption = format!("predicted\n{}", setup(&file.provenance));
@@ -289,7 +304,7 @@ pub fn write_difference(
 ) -> Result<Vec<PathBuf>> {
     let n = labels.sites.len();
     let writer = Writer { folder, part: part(&labels.provenance, &labels.sites, mesh), show };
-    let (truth, predicted) = (&labels.labels.answers, predictions.prediction.answers());
+    let (truth, predicted) = (&labels.labels.answers, predictions.answers());
     let heads = [
         ("inaccessible", truth.inaccessible.get(..n), predicted.inaccessible),
         ("occlusion", truth.occlusion.get(..n), predicted.occlusion),
@@ -392,6 +407,8 @@ mod tests {
                 logits_inaccessible: logits.clone(),
                 logits_occlusion: logits,
             },
+            occlusion_share: None,
+            verified: None,
         };
         let folder = folder.path();
         let mut paths = write_labels(folder, &labels, None, Show::Pictures).unwrap();

@@ -141,6 +141,39 @@ pub fn evaluate_ranked(
     })
 }
 
+/// What is left of a network's errors once the sites that it is least certain of are computed.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct VerifiedScore {
+    /// Share of the sites that are computed, all samples pooled.
+    pub computed: f64,
+    /// Share of wrong answers *inaccessible* among the others.
+    pub wrong: f64,
+}
+
+/// As [`TriangleObstacles::verify`](crate::access::surface::TriangleObstacles::verify) with this `bound` would leave every sample.
+///
+/// # Errors
+/// As [`evaluate`] and [`SiteAnswers::least_certain`].
+pub fn evaluate_verified(
+    model: &Model<f32>,
+    samples: &[Sample],
+    bound: f64,
+) -> Result<VerifiedScore> {
+    let (mut n, mut n_computed, mut n_wrong) = (0, 0, 0);
+    for sample in samples {
+        sample.check()?;
+        let (answers, truth) = (predict(model, sample)?.answers(), &sample.answers.inaccessible);
+        let computed = answers.least_certain(bound)?;
+        let wrong = |i: &usize| answers.inaccessible[*i] != truth[*i];
+        n += truth.len();
+        n_computed += computed.len();
+        n_wrong +=
+            (0..truth.len()).filter(wrong).count() - computed.iter().filter(|i| wrong(i)).count();
+    }
+    let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
+    Ok(VerifiedScore { computed: share(n_computed, n), wrong: share(n_wrong, n - n_computed) })
+}
+
 pub(super) fn predict(model: &Model<f32>, sample: &Sample) -> Result<Prediction<f32>> {
     let sites = &sample.sites;
     model.predict(&sites.points, &sites.normals, sample.cutter.to_array())
@@ -233,6 +266,18 @@ mod tests {
         assert_eq!(all.samples.len(), 2);
         assert_eq!(all.head(0).mean.accuracy, 0.75);
         assert_eq!(all.head(0).reference_f1, 0.5);
+    }
+
+    #[test]
+    fn all_sites_computed_leave_none_that_is_wrong_and_none_computed_leave_the_errors() {
+        let sample = two_grids();
+        let model = Model::new(&crate::model::UNetConfig::tiny(), 1).unwrap();
+        let verified = |bound| evaluate_verified(&model, std::slice::from_ref(&sample), bound);
+        assert_eq!(verified(0.0).unwrap(), VerifiedScore { computed: 1.0, wrong: 0.0 });
+        let right = evaluate(&model, std::slice::from_ref(&sample)).unwrap().head(0).mean.accuracy;
+        let none = verified(1.0).unwrap();
+        assert!(none.computed == 0.0 && (none.wrong - (1.0 - right)).abs() < 1e-12, "{none:?}");
+        assert!(verified(-0.1).is_err());
     }
 
     #[test]

@@ -20,7 +20,10 @@ mod step;
 
 #[cfg(feature = "formats")]
 pub use checkpoint::Checkpoint;
-pub use evaluate::{Evaluation, HeadScores, evaluate, evaluate_exact, evaluate_ranked};
+pub use evaluate::{
+    Evaluation, HeadScores, VerifiedScore, evaluate, evaluate_exact, evaluate_ranked,
+    evaluate_verified,
+};
 pub use history::{EpochRow, HeadScore};
 pub use run::{Observer, Progress, Run, StepReport};
 #[cfg(feature = "formats")]

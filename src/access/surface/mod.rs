@@ -49,6 +49,7 @@ mod tests;
 mod tolerance;
 mod tool;
 mod verdict;
+mod verify;
 mod warnings;
 
 pub use accessible::AccessibleDirections;
@@ -61,4 +62,5 @@ pub use library::ToolReach;
 pub use obstacles::TriangleObstacles;
 pub use tolerance::{ContactTolerance, LEAST_MM};
 pub use verdict::{Raise, Verdict, raise};
+pub use verify::Verified;
 pub use warnings::{WIDE_MM, Warning};

@@ -124,11 +124,8 @@ impl TriangleObstacles {
         };
         let mut beta = Vec::new();
         if options.occlusion {
-            let tolerance = surface.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
-            let shrunk = cutter.with_clearance(-tolerance)?;
-            let (queries, tested) = (Queries::Sites(sites), tested(directions)?);
-            let marked = &answers.inaccessible;
-            beta = count_for(queries, Obstacles::Queries, &shrunk, &tested, marked)?;
+            let shrunk = (cutter, &surface.tolerance_mm[..]);
+            beta = count_beta(sites, shrunk, directions, &answers.inaccessible)?;
             answers.occlusion = occlusion_points(&beta, options.share);
         }
         let witness = vec![None; sites.len()];
@@ -185,6 +182,18 @@ impl TriangleObstacles {
         let (bvh, part) = (&self.bvh, &self.triangles[..self.bends.len()]);
         Ok(Problem { bvh, part, contacts, tolerances, outline, reach })
     }
+}
+
+/// β of the `marked` sites, for the cutter shrunk by the greatest of the tolerances.
+pub(super) fn count_beta(
+    sites: &Sites,
+    (cutter, tolerances): (&Cutter, &[f64]),
+    directions: &Directions,
+    marked: &[bool],
+) -> Result<Vec<u64>> {
+    let tolerance = tolerances.iter().fold(0.0, |a: f64, b| a.max(*b));
+    let shrunk = cutter.with_clearance(-tolerance)?;
+    count_for(Queries::Sites(sites), Obstacles::Queries, &shrunk, &tested(directions)?, marked)
 }
 
 /// The directions of a set, after +z if it stands for all within an angle that +z is among.

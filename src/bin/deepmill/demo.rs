@@ -79,10 +79,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let provenance = Provenance::ball_end("demo part", params, settings);
     let sites = labels.sites.clone();
     let prediction = model.predict(&sites.points, &sites.normals, params.to_array())?;
-    let predictions = PredictionFile { prediction, provenance, sites };
+    let predictions =
+        PredictionFile { prediction, provenance, sites, occlusion_share: None, verified: None };
     let predict_s = start.elapsed().as_secs_f64();
 
-    let answers = predictions.prediction.answers();
+    let answers = predictions.answers();
     let (inaccessible, occlusion) = (&answers.inaccessible, &answers.occlusion);
     let share = |flags: &[bool]| {
         Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len() as f64)

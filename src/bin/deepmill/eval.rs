@@ -11,7 +11,8 @@ use deepmill::model::config::CutterPlacement;
 use deepmill::model::{Model, weights};
 use deepmill::report::curves::{Chart, Series, write_curves};
 use deepmill::report::tables::{Cell, Table};
-use deepmill::train::{Evaluation, HeadScore, HeadScores, evaluate_exact, evaluate_ranked};
+use deepmill::train::{Evaluation, HeadScore, HeadScores, VerifiedScore};
+use deepmill::train::{evaluate_exact, evaluate_ranked, evaluate_verified};
 use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -41,6 +42,10 @@ pub struct Args {
     /// Draw how often a predicted probability was right, for the first network on all sets together, as an SVG file.
     #[arg(long, value_name = "FILE")]
     reliability: Option<PathBuf>,
+    /// Also say how many sites `predict --verify` would compute with these bounds, and how many of the others would be wrong, for
+    /// the first network; several with commas.
+    #[arg(long, value_name = "SHARES", value_delimiter = ',', value_parser = crate::predict::verify_bound)]
+    verify: Vec<f64>,
     /// Also label every sample exactly, for the labeler's time on the same samples.
     #[arg(long)]
     exact: bool,
@@ -60,10 +65,23 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         networks.push((name_of(&model, path), model));
     }
     let mut rows: Vec<Row> = Vec::new();
+    let mut verified = Table::new(&[
+        ("data", "data"),
+        ("bound", "bound"),
+        ("computed", "computed"),
+        ("wrong", "wrong of the others"),
+    ]);
     for folder in &args.data {
         let name = folder.display().to_string();
         for (engine, timed, evaluation) in score_set(args, folder, &networks, output)? {
             rows.push(Row { set: name.clone(), engine, timed, evaluation });
+        }
+        let samples = if args.verify.is_empty() { Vec::new() } else { samples(args, folder)?.1 };
+        for &bound in &args.verify {
+            let VerifiedScore { computed, wrong } =
+                evaluate_verified(&networks[0].1, &samples, bound)?;
+            let [bound, computed, wrong] = [bound, computed, wrong].map(Cell::Share);
+            verified.row([Cell::text(&name), bound, computed, wrong]);
         }
     }
     if args.data.len() > 1 {
@@ -81,6 +99,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         output.say(format!("\n{heading}:"));
         output.say(table.text());
         result[key] = table.json();
+    }
+    if !args.verify.is_empty() {
+        output.say("\npredict, then verify (inaccessible, all sites pooled):");
+        output.say(verified.text());
+        result["verified"] = verified.json();
     }
     output.result(&result);
     Ok(())
@@ -136,24 +159,9 @@ fn name_of(model: &Model<f32>, path: &Path) -> String {
     }
 }
 
-type Scored = (String, bool, Evaluation);
-
-fn score_set(
-    args: &Args,
-    folder: &Path,
-    networks: &[(String, Model<f32>)],
-    output: &Output,
-) -> Result<Vec<Scored>> {
+/// A data set and the samples of it that are asked for.
+fn samples(args: &Args, folder: &Path) -> Result<(Dataset, Vec<Sample>)> {
     let set = Dataset::open(folder)?;
-    let definition = set.manifest.settings.definition();
-    for (name, model) in networks {
-        if let Some(learned) = model.definition.filter(|learned| *learned != definition) {
-            let folder = folder.display();
-            output.warn(format!(
-                "{name} learned {learned}; the labels of {folder} are about {definition}"
-            ));
-        }
-    }
     let samples = set.samples(args.split.map(|split| match split {
         SplitArg::Train => Split::Train,
         SplitArg::Validation => Split::Validation,
@@ -162,6 +170,27 @@ fn score_set(
         let found = "no samples in this split";
         let remedy = "choose another split, or build with --validation";
         return Err(Error::file(folder, "data set", found, remedy));
+    }
+    Ok((set, samples))
+}
+
+type Scored = (String, bool, Evaluation);
+
+fn score_set(
+    args: &Args,
+    folder: &Path,
+    networks: &[(String, Model<f32>)],
+    output: &Output,
+) -> Result<Vec<Scored>> {
+    let (set, samples) = samples(args, folder)?;
+    let definition = set.manifest.settings.definition();
+    for (name, model) in networks {
+        if let Some(learned) = model.definition.filter(|learned| *learned != definition) {
+            let folder = folder.display();
+            output.warn(format!(
+                "{name} learned {learned}; the labels of {folder} are about {definition}"
+            ));
+        }
     }
     let mut scored = Vec::new();
     let settings = &set.manifest.settings;

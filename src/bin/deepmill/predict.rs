@@ -1,11 +1,13 @@
 //! `deepmill predict`: predicts with a network which sites of a part a cutter cannot reach.
 
-use crate::args::{GateArgs, SiteArgs, ToolArgs, name_of};
+use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, name_of};
 use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::model_args::ModelArgs;
 use crate::output::Output;
-use deepmill::answers::{OutsideDomain, SiteAnswers};
+use deepmill::access::LabelOptions;
+use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
+use deepmill::answers::{Definition, OutsideDomain, SiteAnswers};
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{PredictionFile, Provenance};
 use deepmill::geom::{Mesh, Sites};
@@ -23,11 +25,13 @@ use std::path::PathBuf;
 ///
 /// Writes to DIR: predictions.npz (numbers), predictions.ply (colored points), predictions.png
 /// (picture) and part.stl (the surface as used, in mm). With --tools, each ball end of the files has the first three
-/// in a folder DIR/NAME of its own; others are left out by name.
+/// in a folder DIR/NAME of its own; others are left out by name. With --verify the sites that the network is least certain of are
+/// computed as `deepmill label` does.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: deepmill predict part.stl --cutter 1.5,6,40,5 --out predictions\n\
-A library: deepmill predict part.stl --tools library.json --out predictions"
+A library: deepmill predict part.stl --tools library.json --out predictions\n\
+With proof: deepmill predict part.stl --cutter 1.5,6,40,5 --verify 0.01 --out predictions"
 )]
 pub struct Args {
     /// Mesh (STL, OBJ, PLY, 3MF) or cloud of points with normals (PLY, NPZ).
@@ -40,8 +44,18 @@ pub struct Args {
     sites: SiteArgs,
     #[command(flatten)]
     model: ModelArgs,
+    /// Compute the sites that the network is least certain of, as few as leave others of which at most this share should be wrong;
+    /// 0.01 if no share is given, `all` for every site. The occlusion points follow from all answers.
+    #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.01", value_parser = verify_bound)]
+    verify: Option<f64>,
+    /// For --verify: the directions tested.
+    #[command(flatten)]
+    directions: DirectionArgs,
     #[command(flatten)]
     gate: GateArgs,
+    /// Share of the sites that are occlusion points: those that the network finds likeliest, or with --verify those of greatest β.
+    #[arg(long, allow_negative_numbers = true, value_name = "SHARE", default_value_t = LabelOptions::default().share, value_parser = occlusion_share)]
+    occlusion_share: f64,
     /// Folder of the results.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -63,7 +77,10 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let limits = args.gate.limits(&["tip_does_not_fit"])?;
+    let only_computed = ["tip_does_not_fit"];
+    let unknown = if args.verify == Some(0.0) { &[][..] } else { &only_computed };
+    let limits = args.gate.limits(unknown)?;
+    let directions = args.directions.directions()?;
     args.tools.check_one_cutter()?;
     let tools = known_to_networks(args.tools.tools(output)?, output)?;
     let also = args.also.iter().map(|name| name.parse()).collect::<Result<Vec<Extra>>>()?;
@@ -75,11 +92,16 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (mesh, sites) = args.sites.place(part)?;
     clock.lap("sites_s", "sites");
     let definition = model.definition.map(|definition| definition.to_string());
-    let settings = json!({
+    let obstacles = args.verify.map(|_| part_to_verify(model.definition, mesh.as_ref()));
+    let obstacles = obstacles.transpose()?;
+    let mut settings = json!({
         "sites": args.sites.settings(mesh.is_some()),
         "model": model_name,
         "definition": definition,
     });
+    if let Some(bound) = args.verify {
+        settings["verify"] = json!({ "bound": bound, "directions": directions.set() });
+    }
     let predictor = Predictor::new(model);
     let predictor = if args.far { predictor.accept_far() } else { predictor };
     let about = About { args, settings, sites, mesh };
@@ -103,10 +125,21 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         return Err(Error::argument("--tools", "all left out", expected, remedy));
     }
     clock.lap("predict_s", "prediction");
+    if let (Some(bound), Some(obstacles)) = (args.verify, &obstacles) {
+        for (file, tool, _) in &mut files {
+            let with = (&tool.cutter, &directions);
+            let options =
+                SurfaceOptions { share: args.occlusion_share, ..SurfaceOptions::default() };
+            let predicted = file.prediction.answers();
+            let verified = obstacles.verify(&about.sites, with, &options, &predicted, bound)?;
+            file.verified = Some(verified);
+        }
+        clock.lap("verify_s", "verification");
+    }
     let paths = about.write(&files, &also)?;
     clock.lap("write_s", "writing and drawing");
 
-    let answers: Vec<SiteAnswers> = files.iter().map(|(f, ..)| f.prediction.answers()).collect();
+    let answers: Vec<SiteAnswers> = files.iter().map(|(f, ..)| f.answers()).collect();
     let named = files.iter().zip(&answers).map(|((_, tool, _), answers)| (&*tool.name, answers));
     let broken = output.check_limits(&limits, (&about.sites, about.mesh.as_ref()), named)?;
     let mut facts = Facts::new();
@@ -119,6 +152,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     if !args.tools.are_several() {
         facts.add("inaccessible", "inaccessible", share(&answers[0].inaccessible));
         facts.add("occlusion", "occlusion", share(&answers[0].occlusion));
+        if let Some(verified) = &files[0].0.verified {
+            facts.add("verified", "computed", share(&verified.verified));
+            let error = Cell::Share(verified.expected_error());
+            facts.add("expected_error", "expected to be wrong of the others", error);
+        }
     }
     clock.add_to(&mut facts);
     output.say(facts.text());
@@ -126,8 +164,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut result = facts.json();
     result["limits_broken"] = broken;
     if args.tools.are_several() {
-        let table =
-            table(files.iter().zip(&answers).map(|((_, tool, _), answers)| (tool, answers)));
+        let table = table(
+            files.iter().zip(&answers).map(|((file, tool, _), answers)| (file, tool, answers)),
+        );
         output.say(table.text());
         result["tools"] = table.json();
         for (row, (.., outside)) in (0..).zip(&files) {
@@ -167,22 +206,55 @@ fn share(flags: &[bool]) -> Cell {
     Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len().max(1) as f64)
 }
 
-fn table<'a>(rows: impl Iterator<Item = (&'a Tool, &'a SiteAnswers)>) -> Table {
+fn table<'a>(rows: impl Iterator<Item = (&'a PredictionFile, &'a Tool, &'a SiteAnswers)>) -> Table {
     let mut table = Table::new(&[
         ("name", "tool"),
         ("words", ""),
         ("inaccessible", "inaccessible"),
         ("occlusion", "occlusion"),
+        ("verified", "computed"),
     ]);
-    for (tool, answers) in rows {
+    for (file, tool, answers) in rows {
         table.row([
             Cell::text(&tool.name),
             Cell::text(tool.words()),
             share(&answers.inaccessible),
             share(&answers.occlusion),
+            file.verified.as_ref().map_or(Cell::Missing, |verified| share(&verified.verified)),
         ]);
     }
     table
+}
+
+/// `all`, which is 0, or a share.
+pub fn verify_bound(text: &str) -> std::result::Result<f64, String> {
+    if text == "all" {
+        return Ok(0.0);
+    }
+    let bound = text.parse().ok().filter(|bound: &f64| *bound > 0.0 && *bound < 1.0);
+    bound.ok_or_else(|| "expected `all` or a share above 0 and below 1, such as 0.01".into())
+}
+
+fn occlusion_share(text: &str) -> std::result::Result<f64, String> {
+    let share = text.parse().ok().filter(|share: &f64| *share > 0.0 && *share <= 1.0);
+    share.ok_or_else(|| "expected a share above 0, at most 1, such as 0.1".into())
+}
+
+/// The triangles that verifying asks, if the network answers about them.
+fn part_to_verify(learned: Option<Definition>, mesh: Option<&Mesh>) -> Result<TriangleObstacles> {
+    let refused = |found| {
+        let expected = "a mesh, and a network that learned about the part itself";
+        let remedy =
+            "leave it out, or use `deepmill label`, which is exact and takes as little time";
+        Err(Error::argument("--verify", found, expected, remedy))
+    };
+    match (learned, mesh) {
+        (Some(Definition::Sites), _) => {
+            refused("asked of a network that learned the published definition")
+        }
+        (_, None) => refused("asked of a cloud of points"),
+        (_, Some(mesh)) => TriangleObstacles::new(mesh, &[]),
+    }
 }
 
 /// What all predictions of a run share.
@@ -213,7 +285,13 @@ impl About<'_> {
         if tool.description.is_some() {
             provenance.tool = tool.words();
         }
-        PredictionFile { prediction, provenance, sites: self.sites.clone() }
+        PredictionFile {
+            prediction,
+            provenance,
+            sites: self.sites.clone(),
+            occlusion_share: Some(self.args.occlusion_share),
+            verified: None,
+        }
     }
 
     fn write(
@@ -241,7 +319,7 @@ impl About<'_> {
         if args.report {
             let (mesh, sites) = (mesh.as_ref(), &self.sites);
             let view = |(file, tool, _): &(PredictionFile, Tool, Vec<String>)| {
-                let findings = Findings::of(sites, mesh, &file.prediction.answers(), &[])?;
+                let findings = Findings::of(sites, mesh, &file.answers(), &[])?;
                 let mut view = View::of_predictions(file, findings);
                 if args.tools.are_several() {
                     view.name.clone_from(&tool.name);

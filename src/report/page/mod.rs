@@ -183,8 +183,13 @@ mod tests {
             (0..300).map(|i| [0.0, if i % 2 == 0 { 1.0 } else { -1.0 }]).collect();
         let prediction =
             Prediction { logits_inaccessible: logits.clone(), logits_occlusion: logits };
-        let file =
-            PredictionFile { provenance: provenance.clone(), sites: sites.clone(), prediction };
+        let file = PredictionFile {
+            provenance: provenance.clone(),
+            sites: sites.clone(),
+            prediction,
+            occlusion_share: None,
+            verified: None,
+        };
         (mesh, LabelFile { provenance, sites, labels }, file)
     }
 
@@ -192,7 +197,7 @@ mod tests {
         let of =
             |answers: &SiteAnswers| Findings::of(&labels.sites, Some(mesh), answers, &[]).unwrap();
         let mut views = vec![View::of_labels(HOSTILE, labels, of(&labels.labels.answers))];
-        views.push(View::of_predictions(predictions, of(&predictions.prediction.answers())));
+        views.push(View::of_predictions(predictions, of(&predictions.answers())));
         views.extend(View::of_differences(labels, predictions));
         views
     }

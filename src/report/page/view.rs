@@ -96,10 +96,14 @@ impl View {
 
     /// Predicted answers.
     pub fn of_predictions(file: &PredictionFile, findings: Findings) -> Self {
-        let answers = file.prediction.answers();
+        let answers = file.answers();
         let mut view = View::about("predicted", &file.provenance);
-        view.caption = "predicted by a network, not computed".into();
+        view.caption = folder::origin(file);
         view.values = site_values(&answers, answers.len());
+        if let Some(verified) = &file.verified {
+            let verified = verified.verified.iter().map(|v| f32::from(u8::from(*v))).collect();
+            view.add("computed (1) or predicted (0)", "", Numbers::Reals(verified));
+        }
         let (inaccessible, occlusion) = (&answers.inaccessible[..], &answers.occlusion[..]);
         view.color(&Coloring::Labels { inaccessible, occlusion });
         view.findings = Some(findings);
@@ -111,7 +115,7 @@ impl View {
     /// # Panics
     /// If labels and predictions differ in length; check with [`folder::same_sites`].
     pub fn of_differences(labels: &LabelFile, predictions: &PredictionFile) -> Vec<Self> {
-        let (truth, predicted) = (&labels.labels.answers, predictions.prediction.answers());
+        let (truth, predicted) = (&labels.labels.answers, predictions.answers());
         let n = labels.sites.len();
         let heads = [
             ("inaccessible", truth.inaccessible.get(..n), predicted.inaccessible, REDS),

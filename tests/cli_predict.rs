@@ -1,0 +1,90 @@
+//! `deepmill predict`: what a network answers, and what of it is computed.
+#![cfg(all(feature = "cli", feature = "weights"))]
+
+mod command;
+
+use command::{CUTTER, Folder, block, deepmill, failure, json, stl, text};
+use deepmill::data::files::{LabelFile, PredictionFile};
+use std::process::Output;
+
+/// The size decides, not the number of sites: half of the network's own is in its domain.
+#[test]
+fn predictions_outside_of_the_networks_domain_are_marked_and_far_ones_refused() {
+    let folder = Folder::new();
+    let predict = |edge: f32, cutter: &str, more: &[&str]| {
+        let part = folder.file("part.stl", stl(&block([0.0; 3], [edge, edge, edge])));
+        let out = folder.path("out");
+        let args = ["predict", &part, "--cutter", cutter, "--out", &out, "--no-picture", "--json"];
+        deepmill(&[&args[..], &["--sites", "3600"], more].concat())
+    };
+    let inside = predict(100.0, CUTTER, &[]);
+    assert_eq!(json(&inside)["outside_domain"].as_array().unwrap().len(), 0);
+    let outside = predict(10.0, "2,6,40,5", &[]);
+    let found = json(&outside)["outside_domain"][0].as_str().unwrap().to_owned();
+    assert!(found.starts_with("CR is 0.2 of the largest edge, trained from"), "{found}");
+    assert!(text(&outside.stderr).contains(&format!("warning: {found}")));
+    let message = failure(&predict(4.0, CUTTER, &[]), 2);
+    assert!(message.contains("CR is 0.375") && message.contains("--far"), "{message}");
+    let accepted = predict(4.0, CUTTER, &["--far"]);
+    assert!(!json(&accepted)["outside_domain"].as_array().unwrap().is_empty());
+}
+
+fn run(folder: &Folder, verb: &str, more: &[&str]) -> Output {
+    let part = folder.block();
+    let out = folder.path(verb);
+    let shared = ["--cutter", CUTTER, "--out", &out, "--no-picture", "--json", "--sites", "900"];
+    deepmill(&[&[verb, &part], &shared[..], more].concat())
+}
+
+#[test]
+fn all_sites_verified_are_the_labels_and_some_keep_the_bound() {
+    let folder = Folder::new();
+    json(&run(&folder, "label", &[]));
+    let labels = LabelFile::read(folder.path("label/labels.npz").as_ref()).unwrap().labels;
+    let verify = |bound: &[&str]| {
+        let result = json(&run(&folder, "predict", &[&["--far", "--verify"], bound].concat()));
+        let path = folder.path("predict/predictions.npz");
+        (result, PredictionFile::read(path.as_ref()).unwrap())
+    };
+    let (result, file) = verify(&["all"]);
+    let all = file.verified.unwrap();
+    assert_eq!((result["verified"].as_f64(), all.n_verified()), (Some(1.0), 900));
+    assert_eq!(all.answers.inaccessible, labels.answers.inaccessible);
+    assert_eq!(all.answers.tip_does_not_fit, labels.answers.tip_does_not_fit);
+    assert_eq!(all.answers.occlusion, labels.answers.occlusion);
+    assert_eq!(all.beta, labels.beta);
+
+    let (result, file) = verify(&[]);
+    assert!(result["expected_error"].as_f64().unwrap() <= 0.01, "one percent is the default");
+    let some = file.verified.unwrap();
+    assert!((1..900).contains(&some.n_verified()), "{}", some.n_verified());
+    let of_network = file.prediction.answers();
+    for i in 0..900 {
+        let expected = if some.verified[i] { &labels.answers } else { &of_network };
+        assert_eq!(some.answers.inaccessible[i], expected.inaccessible[i], "{i}");
+    }
+}
+
+#[test]
+fn what_cannot_be_verified_is_refused() {
+    let folder = Folder::new();
+    let wrong = run(&folder, "predict", &["--verify", "2"]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(text(&wrong.stderr).contains("a share above 0 and below 1, such as 0.01"));
+    let cloud = folder.path("cloud.npz");
+    json(&deepmill(&["sample", &folder.block(), "--sites", "400", "--out", &cloud, "--json"]));
+    let args = ["predict", &cloud, "--cutter", CUTTER, "--out", &folder.path("out"), "--verify"];
+    let message = failure(&deepmill(&args), 2);
+    assert!(message.contains("cloud of points") && message.contains("deepmill label"), "{message}");
+    let message = failure(&run(&folder, "predict", &["--fail-if", "tip_does_not_fit>1%"]), 2);
+    assert!(message.contains("tip_does_not_fit"), "{message}");
+}
+
+#[test]
+fn as_many_occlusion_points_are_predicted_as_asked_for() {
+    let folder = Folder::new();
+    for (more, share) in [(&[][..], 0.1), (&["--occlusion-share", "0.25"], 0.25)] {
+        let result = json(&run(&folder, "predict", &[&["--far"], more].concat()));
+        assert_eq!(result["occlusion"].as_f64(), Some(share));
+    }
+}
