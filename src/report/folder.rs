@@ -266,8 +266,7 @@ pub(super) fn origin(file: &PredictionFile) -> String {
     match &file.verified {
         None => "predicted by a network, not computed".into(),
         Some(verified) => {
-            let n = verified.verified.len().max(1);
-            let share = 100.0 * verified.n_verified() as f64 / n as f64;
+            let share = 100.0 * verified.share_verified();
             format!("computed at {share:.1} % of the sites, predicted by a network at the others")
         }
     }
@@ -283,7 +282,10 @@ fn with_predictions<T>(file: &PredictionFile, write: impl FnOnce(Shown) -> Resul
     let notes = [origin(file)];
     let coloring =
         Coloring::Labels { inaccessible: &answers.inaccessible, occlusion: &answers.occlusion };
-    let caption = format!("predicted\n{}", setup(&file.provenance));
+    let computed = file.verified.as_ref().map_or(String::new(), |verified| {
+        format!(", {:.1} % of the sites computed", 100.0 * verified.share_verified())
+    });
+    let caption = format!("predicted{computed}\n{}", setup(&file.provenance));
     write(Shown { caption: &caption, coloring, values: &values, notes: &notes })
 }
 

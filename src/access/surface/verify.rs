@@ -29,6 +29,11 @@ impl Verified {
         self.verified.iter().filter(|verified| **verified).count()
     }
 
+    /// Share of the sites that were computed; 0 if there are no sites.
+    pub fn share_verified(&self) -> f64 {
+        self.n_verified() as f64 / self.verified.len().max(1) as f64
+    }
+
     /// Share of wrong answers among the others that their probabilities let expect; 0 if there are none.
     pub fn expected_error(&self) -> f64 {
         let of_others = self.answers.probability_inaccessible.iter().zip(&self.verified);
