@@ -34,12 +34,13 @@ fn batch(config: &UNetConfig) -> Batch<f32> {
     Batch::new(&shapes, &config.input).unwrap()
 }
 
-/// Dropout on, widths that are no multiple of a tile, several blocks of rows.
+/// Dropout and attention on, widths that are no multiple of a tile, several blocks of rows.
 fn config() -> UNetConfig {
     let mut config = UNetConfig::tiny();
     config.input.depth = 5;
     config.encoder_widths = vec![17, 24, 33];
     config.cutter.dropout = 0.3;
+    config.attention.depths = vec![3];
     config
 }
 

@@ -173,6 +173,28 @@ impl CutterConfig {
     }
 }
 
+/// Attention between all nodes of a shape, after the blocks of decoder stages.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AttentionConfig {
+    /// Depths at which the decoder has it, of 2 to 4: its time grows with the square of the number of nodes. None by default.
+    pub depths: Vec<usize>,
+    /// Number of heads, which divides the width of each of these stages.
+    pub n_heads: usize,
+}
+
+impl Default for AttentionConfig {
+    fn default() -> Self {
+        AttentionConfig { depths: Vec::new(), n_heads: 4 }
+    }
+}
+
+impl AttentionConfig {
+    fn is_default(&self) -> bool {
+        *self == AttentionConfig::default()
+    }
+}
+
 /// Configuration of a [`super::UNet`]; checked when the network is built.
 ///
 /// There are as many decoder stages as encoder stages, and at most `depth` of each: stage `i` of the
@@ -203,6 +225,9 @@ pub struct UNetConfig {
     /// Cutter modules.
     #[serde(default)]
     pub cutter: CutterConfig,
+    /// Attention; none by default.
+    #[serde(default, skip_serializing_if = "AttentionConfig::is_default")]
+    pub attention: AttentionConfig,
 }
 
 impl UNetConfig {
@@ -218,6 +243,7 @@ impl UNetConfig {
             head_width: 64,
             normalize_empty_parents: true,
             cutter: CutterConfig::default(),
+            attention: AttentionConfig::default(),
         }
     }
 
@@ -233,6 +259,7 @@ impl UNetConfig {
             head_width: 32,
             normalize_empty_parents: true,
             cutter: CutterConfig { width: 32, ..CutterConfig::small_batches() },
+            attention: AttentionConfig::default(),
         }
     }
 
@@ -248,6 +275,7 @@ impl UNetConfig {
             head_width: 16,
             normalize_empty_parents: true,
             cutter: CutterConfig { width: 16, ..CutterConfig::small_batches() },
+            attention: AttentionConfig::default(),
         }
     }
 
@@ -297,6 +325,17 @@ impl UNetConfig {
         for &blocks in self.encoder_blocks.iter().chain(&self.decoder_blocks) {
             require("number of residual blocks", blocks, 1..=MAX_BLOCKS)?;
         }
+        for &depth in &self.attention.depths {
+            let coarsest = self.input.depth + 1 - n;
+            require("depth of attention", depth, coarsest.max(2)..=self.input.depth.min(4))?;
+            let (width, n_heads) = (self.decoder_widths[depth - coarsest], self.attention.n_heads);
+            require("heads of attention", n_heads, 1..=width)?;
+            if !width.is_multiple_of(n_heads) {
+                let expected = format!("a divisor of the stage's width, {width}");
+                let remedy = "change the network's configuration";
+                return Err(Error::argument("heads of attention", n_heads, expected, remedy));
+            }
+        }
         if !(0.0..1.0).contains(&self.cutter.dropout) {
             let found = self.cutter.dropout;
             return Err(Error::argument("dropout", found, "0 to below 1", "choose such a value"));
@@ -344,6 +383,11 @@ mod tests {
         assert!(broken(|c| c.encoder_blocks[1] = 0).starts_with("number of residual blocks is 0"));
         assert!(broken(|c| c.input.depth = 2).starts_with("number of encoder stages is 3"));
         assert!(broken(|c| c.cutter.dropout = 1.0).starts_with("dropout is 1"));
+        assert!(broken(|c| c.attention.depths = vec![5]).starts_with("depth of attention is 5"));
+        assert!(
+            broken(|c| c.attention = AttentionConfig { depths: vec![3], n_heads: 5 })
+                .starts_with("heads of attention is 5")
+        );
         assert!(broken(|c| c.input.features = "X".into()).contains("octree features"));
         assert!(UNetConfig::preset("huge").is_err());
     }

@@ -50,6 +50,8 @@ struct SavedDecoderStage<T> {
     up: SavedLinearNormAct<T>,
     upsampled: Saved<T>,
     blocks: SavedBlocks<T>,
+    /// Output of the blocks, if attention reads it.
+    attended: Option<Buffer<T>>,
 }
 
 /// Gradient of a loss by what the network is fed with.
@@ -138,11 +140,16 @@ impl UNet {
             let cutter = stage.cutter.map(|m| &cutters[m].0[..]);
             let level = &octree.levels[depth];
             let parts = stage.parts(level, &skips[skips.len() - 1 - i], cutter, &upsampled);
-            let (y, blocks) =
+            let (mut y, blocks) =
                 stage.blocks.forward_train(pass, &level.conv, Operand::Concat(&parts));
+            let attended = stage.attention.as_ref().map(|attention| {
+                let input = Operand::new(&y, stage.blocks.c_out());
+                let (output, ()) = attention.forward_train(pass, &level.ranges, input);
+                std::mem::replace(&mut y, output)
+            });
             let upsampled = Saved::new(stage.up.policy, upsampled);
             let x = std::mem::replace(&mut x, y);
-            saved.push(SavedDecoderStage { x, up, upsampled, blocks });
+            saved.push(SavedDecoderStage { x, up, upsampled, blocks, attended });
         }
         (x, saved)
     }
@@ -241,7 +248,12 @@ impl UNet {
         let (octree, n) = (&batch.octree, self.decoder.len());
         for (i, (stage, saved)) in self.decoder.iter().zip(saved).enumerate().rev() {
             let depth = self.decoder_depth(octree, i);
-            let SavedDecoderStage { x, up, upsampled, blocks } = saved;
+            let SavedDecoderStage { x, up, upsampled, blocks, attended } = saved;
+            if let Some((attention, input)) = stage.attention.as_ref().zip(attended) {
+                let (ranges, input) =
+                    (&octree.levels[depth].ranges, Operand::new(&input, stage.blocks.c_out()));
+                d = attention.backward(pass, ranges, input, (), d).into_first();
+            }
             let (coarse, input) =
                 (up_rows(octree, depth), Operand::new(&x, stage.up.linear.c_in()));
             let recompute = || stage.up.recompute_output(pass, coarse, input, &up);

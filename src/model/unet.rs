@@ -7,6 +7,7 @@ use super::heads::Head;
 use super::policy::MemoryPolicy;
 use crate::Result;
 use crate::nn::arena::Buffer;
+use crate::nn::attention::Attention;
 use crate::nn::batch_norm::BatchNorm;
 use crate::nn::blocks::Blocks;
 use crate::nn::conv::OctreeConv;
@@ -53,6 +54,8 @@ pub(super) struct DecoderStage {
     /// Index of its cutter module.
     pub cutter: Option<usize>,
     pub blocks: Blocks,
+    /// Of what the blocks give.
+    pub attention: Option<Attention>,
 }
 
 /// Every intermediate result of one inference, by the reference's names.
@@ -68,7 +71,7 @@ pub struct Activations<T> {
     pub cutters: Vec<Buffer<T>>,
     /// `upsample.i`, from coarse to fine.
     pub upsampled: Vec<Buffer<T>>,
-    /// `decoder.i`.
+    /// `decoder.i`, after attention if there is any.
     pub decoded: Vec<Buffer<T>>,
     /// `interp`: octree features at the points.
     pub points: Buffer<T>,
@@ -162,7 +165,12 @@ impl UNet {
             let cutter = stage.cutter.map(|m| &to.cutters[m][..]);
             let parts = stage.parts(&octree.levels[depth], skip, cutter, &up);
             let (rows, x) = (conv_rows(octree, depth), Operand::Concat(&parts));
-            to.decoded.push(stage.blocks.forward(pass, rows, x));
+            let mut decoded = stage.blocks.forward(pass, rows, x);
+            if let Some(attention) = &stage.attention {
+                let x = Operand::new(&decoded, stage.blocks.c_out());
+                decoded = attention.forward(pass, &octree.levels[depth].ranges, x);
+            }
+            to.decoded.push(decoded);
             to.upsampled.push(up);
         }
         let x = Operand::new(&to.decoded[n - 1], self.point_width());
@@ -254,7 +262,12 @@ fn decoder(config: &UNetConfig, policy: &MemoryPolicy, layout: &mut Layout) -> V
         let width = c_skip + if cutter.is_some() { c_cutter } else { 0 } + c;
         let name = format!("decoder.{i}");
         let blocks = Blocks::new(layout, &name, n_blocks, (width, c), policy.blocks);
-        DecoderStage { up, c_skip, c_cutter, cutter, blocks }
+        let depth = config.input.depth + 1 + i - config.decoder_widths.len();
+        let attends = config.attention.depths.contains(&depth);
+        let attention = attends.then(|| {
+            Attention::new(layout, &format!("attention.{i}"), c, config.attention.n_heads)
+        });
+        DecoderStage { up, c_skip, c_cutter, cutter, blocks, attention }
     };
     let stages = config.decoder_widths.iter().zip(&config.decoder_blocks);
     stages.enumerate().map(&mut stage).collect()

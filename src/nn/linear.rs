@@ -36,6 +36,17 @@ impl Linear {
         Linear { c_in, c_out, weight, bias }
     }
 
+    /// Appends `{name}.weight`, which starts at 0; there is no bias.
+    ///
+    /// # Panics
+    /// As [`Linear::new`].
+    pub fn zeros(layout: &mut Layout, name: &str, c_in: usize, c_out: usize) -> Self {
+        assert!(c_in > 0 && c_out > 0, "{name}: a linear layer of {c_in} to {c_out} columns");
+        let init = Init::Constant(0.0);
+        let weight = layout.param(format!("{name}.weight"), &[c_out, c_in], init);
+        Linear { c_in, c_out, weight, bias: None }
+    }
+
     /// Columns of `x`.
     pub fn c_in(&self) -> usize {
         self.c_in

@@ -27,6 +27,7 @@
 //! | what layers share | [`layer`], [`operand`], [`pass`], [`saved`], [`params`], [`column_norm`], `rows`, [`arena`], `scratch` |
 
 pub mod arena;
+pub mod attention;
 pub mod batch_norm;
 pub mod blocks;
 pub mod column_norm;

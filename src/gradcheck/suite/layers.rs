@@ -9,6 +9,7 @@ use crate::gradcheck::probe;
 use crate::loss::CrossEntropy;
 use crate::model::config::{Cube, CutterInput};
 use crate::model::graph::{GraphBatch, GraphShape};
+use crate::nn::attention::Attention;
 use crate::nn::batch_norm::{self, BatchNorm};
 use crate::nn::conv::OctreeConv;
 use crate::nn::deconv::OctreeDeconv;
@@ -49,6 +50,7 @@ pub(super) fn cases(octree: &Octree) -> Result<Vec<SuiteCase>> {
     cases.extend(between_rows(octree));
     cases.extend(interpolations(octree));
     cases.push(neighbor_mean()?);
+    cases.push(attention());
     cases.push(cross_entropy());
     Ok(cases)
 }
@@ -140,6 +142,16 @@ fn row_by_row() -> Result<Vec<SuiteCase>> {
         relu.named("relu", "y = max(x, 0)"),
         dropout.dropout(streams, mask).named("dropout", "y = x mask").constant("p", p),
     ])
+}
+
+fn attention() -> SuiteCase {
+    let build = |layout: &mut Layout| Attention::new(layout, "attention", 6, 2);
+    let shapes = vec![0..5, 5..6, 6..13];
+    let case = LayerCase::new(build, shapes, vec![InputMatrix::probe(13, 6, 7)], 6);
+    let case = case.params(|layout| probe(layout.n_params(), 5));
+    let formula = "y = x + [o_1 | o_2] out.weight^T; [q | k | v] = x qkv.weight^T; o_h = softmax(q_h k_h^T / sqrt(3)) \
+                   v_h over the rows of a shape, of columns 3h..3h+3";
+    case.named("attention", formula).constant("n_heads", 2.0)
 }
 
 /// A layer without parameters of `n` rows.

@@ -9,7 +9,7 @@ use super::{ProbeShape, Suite, SuiteCase};
 use crate::Result;
 use crate::gradcheck::fixture::NamedArray;
 use crate::loss::CrossEntropy;
-use crate::model::config::{Cube, CutterConfig, CutterInput, CutterPlacement};
+use crate::model::config::{AttentionConfig, Cube, CutterConfig, CutterInput, CutterPlacement};
 use crate::model::cutter_modules::N_LENGTHS;
 use crate::model::graph::{GraphBatch, GraphShape, N_FEATURES};
 use crate::model::graph_sage::GraphSageConfig;
@@ -38,7 +38,12 @@ pub(super) fn cases(suite: &Suite) -> Result<Vec<SuiteCase>> {
         dropout: DROPOUT,
     };
     use CutterPlacement::{All, First, Last, None};
-    let unet = |name, cutter, dropout, empty| unet(suite, name, cutter, dropout, empty);
+    let attention = AttentionConfig { depths: vec![2, 3], n_heads: 2 };
+    let with_attention = CutterConfig { dropout: 0.0, ..of(All, false) };
+    let with_attention = unet(suite, "unet_attention", (with_attention, attention), (false, true))?;
+    let unet = |name, cutter, dropout, empty| {
+        unet(suite, name, (cutter, AttentionConfig::default()), (dropout, empty))
+    };
     Ok(vec![
         unet("unet", of(All, false), true, true)?,
         unet("unet_nonempty", of(All, false), true, false)?,
@@ -46,6 +51,7 @@ pub(super) fn cases(suite: &Suite) -> Result<Vec<SuiteCase>> {
         unet("unet_first_cutter", of(First, false), true, true)?,
         unet("unet_last_cutter", of(Last, false), false, false)?,
         unet("unet_without_cutter", of(None, false), false, true)?,
+        with_attention,
         graph_sage(suite, "graph_sage", of(All, false))?,
         graph_sage(suite, "graph_sage_last_cutter", of(Last, false))?,
     ])
@@ -115,9 +121,8 @@ fn inputs(params: &[f64], features: (usize, &[f64]), cutters: &[f64]) -> Vec<Los
 fn unet(
     suite: &Suite,
     name: &'static str,
-    cutter: CutterConfig,
-    dropout: bool,
-    empty: bool,
+    (cutter, attention): (CutterConfig, AttentionConfig),
+    (dropout, empty): (bool, bool),
 ) -> Result<SuiteCase> {
     let config = UNetConfig {
         input: probes::input(),
@@ -129,6 +134,7 @@ fn unet(
         head_width: 4,
         normalize_empty_parents: empty,
         cutter,
+        attention,
     };
     let batch = probes::batch(&suite.shapes)?;
     let net = UNet::with_policy(&config, &suite.policy)?;

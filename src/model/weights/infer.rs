@@ -1,7 +1,9 @@
 //! Infers a network's configuration from the tensor shapes of a state dict.
 
 use super::tensors::TensorFile;
-use crate::model::config::{CutterConfig, CutterPlacement, InputConfig, UNetConfig};
+use crate::model::config::{
+    AttentionConfig, CutterConfig, CutterPlacement, InputConfig, UNetConfig,
+};
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -30,6 +32,8 @@ pub(super) fn config(file: &TensorFile, origin: &Path) -> Result<UNetConfig> {
         head_width: shapes.of("header.0.conv.linear.weight", 2)?[0],
         normalize_empty_parents: true,
         cutter: CutterConfig::default(),
+        // The reference has none.
+        attention: AttentionConfig::default(),
     };
     config.cutter = shapes.cutter(&config)?;
     Ok(config)

@@ -256,6 +256,7 @@ mod tests {
                 hidden_width: 8,
                 ..Default::default()
             },
+            attention: Default::default(),
         };
         change(&mut config);
         let mut model = Model::new(&config, 1).unwrap();

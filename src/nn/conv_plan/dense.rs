@@ -50,10 +50,22 @@ pub(in crate::nn) fn add_product<T: Scalar>(
     y: &mut [T],
 ) {
     par::for_each_block(y, BLOCK_ROWS * c_out, |i, y| {
-        let rows = &IDENTITY[..y.len() / c_out];
-        let x = &x[i * BLOCK_ROWS * c_in..];
-        matmul_rows(Isa::active(), (x, rows), c_in, w, c_out, (y, rows));
+        add_product_here(&x[i * BLOCK_ROWS * c_in..], w, c_in, c_out, y);
     });
+}
+
+/// [`add_product`] on this thread alone.
+pub(in crate::nn) fn add_product_here<T: Scalar>(
+    x: &[T],
+    w: &[T],
+    c_in: usize,
+    c_out: usize,
+    y: &mut [T],
+) {
+    for (i, y) in y.chunks_mut((BLOCK_ROWS * c_out).max(1)).enumerate() {
+        let (x, rows) = (&x[i * BLOCK_ROWS * c_in..], &IDENTITY[..y.len() / c_out]);
+        matmul_rows(Isa::active(), (x, rows), c_in, w, c_out, (y, rows));
+    }
 }
 
 /// `d[k, n] += aᵀ[k, rows] · g[rows, n]`: blocks of rows, joined in order.
