@@ -9,7 +9,7 @@
 use crate::data::Sample;
 use crate::geom::Sites;
 use crate::rng::Stream;
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -91,19 +91,52 @@ impl Elastic {
         self.spacing > 0.0 && self.spacing <= 1.0 && (0.0..=1.0).contains(&self.magnitude)
     }
 
-    /// Displaces points by trilinear interpolation of smoothed normal noise on a grid.
+    /// Displaces points by trilinear interpolation of smoothed normal noise on a grid; normals stay.
     fn apply(&self, points: &mut [Vec3], stream: &mut Stream) {
-        let Some(first) = points.first().copied() else { return };
+        let Some(field) = self.field(points, stream) else { return };
+        points.iter_mut().for_each(|p| *p += field.at(*p));
+    }
+
+    /// Displaces sites in the same way, with the normals of the displaced surface.
+    pub(super) fn deform(&self, sites: &mut Sites, stream: &mut Stream) {
+        let Some(field) = self.field(&sites.points, stream) else { return };
+        for (p, n) in sites.points.iter_mut().zip(&mut sites.normals) {
+            // A surface element with normal n gets the normal J⁻ᵀ n; J = 1 + the field's derivative.
+            let jacobian = Mat3::IDENTITY + field.derivative(*p);
+            *n = (jacobian.inverse().transpose() * *n).try_normalize().unwrap_or(*n);
+            *p += field.at(*p);
+        }
+    }
+
+    /// Random displacements over the box of `points`; none if that is a point.
+    fn field(&self, points: &[Vec3], stream: &mut Stream) -> Option<Field> {
+        let first = points.first().copied()?;
         let (low, high) = points.iter().fold((first, first), |(a, b), p| (a.min(*p), b.max(*p)));
         let longest = (high - low).max_element();
         let cell = (self.spacing as f32 * longest).max(longest / 64.0);
-        if cell <= 0.0 {
-            return;
-        }
-        let noise = NoiseGrid::draw(low, high, cell, self.magnitude as f32 * longest, stream);
-        for p in points {
-            *p += noise.at((*p - low) / cell);
-        }
+        let draw = || NoiseGrid::draw(low, high, cell, self.magnitude as f32 * longest, stream);
+        (cell > 0.0).then(draw).map(|noise| Field { low, cell, noise })
+    }
+}
+
+/// Displacement of every point of space.
+struct Field {
+    low: Vec3,
+    cell: f32,
+    noise: NoiseGrid,
+}
+
+impl Field {
+    fn at(&self, p: Vec3) -> Vec3 {
+        self.noise.at((p - self.low) / self.cell)
+    }
+
+    /// By central differences over a quarter of a cell.
+    fn derivative(&self, p: Vec3) -> Mat3 {
+        let step = 0.125 * self.cell;
+        let along =
+            |axis: Vec3| (self.at(p + step * axis) - self.at(p - step * axis)) / (2.0 * step);
+        Mat3::from_cols(along(Vec3::X), along(Vec3::Y), along(Vec3::Z))
     }
 }
 
@@ -228,5 +261,35 @@ mod tests {
         let sigma = (square / n).sqrt() / 27.0;
         assert!((0.006..0.016).contains(&sigma), "{sigma}");
         assert!(step < 1.2 * square, "neighbors move together: {step} against {square}");
+    }
+
+    #[test]
+    fn deformed_sites_have_the_normals_of_the_deformed_surface() {
+        let elastic = Elastic { spacing: 0.3, magnitude: 0.02 };
+        let normal = Vec3::new(0.6, 0.0, 0.8);
+        let (u, v) = (Vec3::Y, normal.cross(Vec3::Y));
+        // Triples on planes: a point and two neighbors; corners of the box come first.
+        let mut points = vec![Vec3::ZERO, Vec3::splat(40.0)];
+        let grid =
+            (0..200).map(|i| Vec3::new((i % 10) as f32, (i / 10) as f32, 7.0 + (i % 7) as f32));
+        points.extend(grid.flat_map(|p| [2.0 * p, 2.0 * p + 0.05 * u, 2.0 * p + 0.05 * v]));
+        let before = Sites { normals: vec![normal; points.len()], points, faces: vec![] };
+        let mut after = before.clone();
+        elastic.deform(&mut after, &mut stream(1));
+        let mut turned = 0.0f32;
+        let mut errors = Vec::new();
+        for i in (2..after.len()).step_by(3) {
+            let p = &after.points[i..i + 3];
+            let exact = (p[2] - p[0]).cross(p[1] - p[0]).normalize();
+            let exact = exact * exact.dot(normal).signum();
+            errors.push(exact.angle_between(after.normals[i]));
+            turned = turned.max(exact.angle_between(normal));
+        }
+        errors.sort_by(f32::total_cmp);
+        // Near cell borders, where the field has a kink, differences see both sides.
+        assert!(errors[errors.len() / 2] < 0.02 && turned > 0.1, "{errors:?}, {turned}");
+        let mut moved = before.points.clone();
+        elastic.apply(&mut moved, &mut stream(1));
+        assert_eq!(moved, after.points);
     }
 }

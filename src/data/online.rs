@@ -6,7 +6,7 @@
 
 use crate::access::{self, LabelOptions, Obstacles};
 use crate::cutter::{Cutter, CutterSet};
-use crate::data::augment::Turn;
+use crate::data::augment::{Elastic, Turn};
 use crate::data::{Sample, SampleSource};
 use crate::directions::Directions;
 use crate::geom::Sites;
@@ -33,6 +33,9 @@ pub struct OnlineSettings {
     /// Range of the largest box edge that a part is scaled to, mm, drawn log-uniformly; `None`: as in the data set. Answers
     /// depend on the ratios of the cutter's lengths to the part's alone, so this trains for cutters of all sizes, too.
     pub size_mm: Option<[f64; 2]>,
+    /// Elastic deformation before labeling, or none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub elastic: Option<Elastic>,
 }
 
 impl Default for OnlineSettings {
@@ -46,6 +49,7 @@ impl Default for OnlineSettings {
             sides: 0.3,
             tilt: 0.1,
             size_mm: None,
+            elastic: None,
         }
     }
 }
@@ -157,11 +161,14 @@ impl SampleSource for Online {
         let mut placement = stream(Purpose::Orientation);
         let turn = self.settings.orientation(&mut placement);
         let scale = self.settings.scale(&sites.points, &mut placement);
-        let sites = Sites {
+        let mut sites = Sites {
             points: sites.points.iter().map(|p| turn * *p * scale).collect(),
             normals: sites.normals.iter().map(|n| turn * *n).collect(),
             faces: Vec::new(),
         };
+        if let Some(elastic) = self.settings.elastic {
+            elastic.deform(&mut sites, &mut stream(Purpose::Augment));
+        }
         let cutter = self.settings.cutter_set.draw(&mut stream(Purpose::Cutter));
         let tool = Cutter::ball_end(cutter)?;
         let labels =
@@ -242,6 +249,31 @@ mod tests {
         assert_eq!(sample.answers, labels.unwrap().answers);
         let unsound = |size| !OnlineSettings { size_mm: Some(size), ..settings }.has_sound_sizes();
         assert!(unsound([0.0, 1.0]) && unsound([2.0, 1.0]) && unsound([1.0, f64::NAN]));
+    }
+
+    #[test]
+    fn deformed_parts_are_labeled_as_they_are_then() {
+        let rigid = OnlineSettings {
+            mirror: false,
+            turn: Turn::None,
+            tilt: 0.0,
+            sides: 0.0,
+            ..OnlineSettings::default()
+        };
+        let elastic = Some(Elastic { spacing: 0.2, magnitude: 0.05 });
+        let [plain, deformed] =
+            [rigid, OnlineSettings { elastic, ..rigid }].map(|s| online(s).sample(2, 0).unwrap());
+        assert_eq!(plain.cutter, deformed.cutter);
+        assert_eq!(plain.sites.points, bowl().sites.points);
+        let cutter = Cutter::ball_end(deformed.cutter).unwrap();
+        let source = online(rigid);
+        let exact = |sites: &Sites| {
+            let obstacles = Obstacles::Queries;
+            access::label(sites, obstacles, &cutter, &source.directions, &source.options).unwrap()
+        };
+        assert_eq!(deformed.answers, exact(&deformed.sites).answers);
+        assert_ne!(deformed.answers.inaccessible, plain.answers.inaccessible);
+        assert!(deformed.sites.check().is_ok());
     }
 
     #[test]

@@ -217,11 +217,15 @@ impl Settings {
                 "change the training settings",
             ));
         }
-        if let Some(elastic) = self.augment.elastic.filter(|elastic| !elastic.is_sound()) {
-            let found = format!("{elastic:?}");
-            let expected = "a spacing above 0 and at most 1, a magnitude from 0 to 1";
-            let remedy = "change the training settings";
-            return Err(Error::argument("augment.elastic", found, expected, remedy));
+        let fields =
+            [("augment.elastic", self.augment.elastic), ("online.elastic", online.elastic)];
+        for (name, elastic) in fields {
+            if let Some(elastic) = elastic.filter(|elastic| !elastic.is_sound()) {
+                let found = format!("{elastic:?}");
+                let expected = "a spacing above 0 and at most 1, a magnitude from 0 to 1";
+                let remedy = "change the training settings";
+                return Err(Error::argument(name, found, expected, remedy));
+            }
         }
         if let Some(weights) =
             self.loss.positive_weights.filter(|w| !w.iter().all(|w| positive(*w)))
