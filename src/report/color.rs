@@ -58,6 +58,25 @@ const DIFFERENCE: [Class<'static>; 4] = [
     Class { name: "false alarm", color: [50, 120, 200] },
 ];
 
+const NEITHER: Rgb = [205, 208, 212];
+
+/// The groups of [`Coloring::Difference`] in dark and light shades, for head 0 (inaccessible, red) and head 1 (occlusion,
+/// yellow): dark is over-predicted (a false alarm), light is under-predicted (missed), the shade between is agreed.
+pub const DARK_AND_LIGHT: [[Class<'static>; 4]; 2] = [
+    [
+        Class { name: "agreed: not inaccessible", color: NEITHER },
+        Class { name: "agreed: inaccessible", color: [206, 82, 66] },
+        Class { name: "under-predicted: missed", color: [250, 182, 166] },
+        Class { name: "over-predicted: false alarm", color: [104, 14, 10] },
+    ],
+    [
+        Class { name: "agreed: not occlusion", color: NEITHER },
+        Class { name: "agreed: occlusion", color: [222, 164, 36] },
+        Class { name: "under-predicted: missed", color: [255, 232, 160] },
+        Class { name: "over-predicted: false alarm", color: [104, 66, 0] },
+    ],
+];
+
 impl<'a> Coloring<'a> {
     /// The groups, in legend order.
     pub fn classes(&self) -> &'a [Class<'a>] {

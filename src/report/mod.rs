@@ -27,7 +27,7 @@ pub mod setups;
 mod shade;
 pub mod tables;
 
-pub use color::{Class, Coloring, Rgb};
+pub use color::{Class, Coloring, DARK_AND_LIGHT, Rgb};
 
 use crate::geom::{Mesh, Sites};
 

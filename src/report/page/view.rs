@@ -6,7 +6,7 @@ use crate::data::files::{LabelFile, PredictionFile, Provenance};
 use crate::report::findings::Findings;
 use crate::report::points::PointValues;
 use crate::report::tables::Table;
-use crate::report::{Class, Coloring, Rgb, folder};
+use crate::report::{Class, Coloring, DARK_AND_LIGHT, Rgb, folder};
 use serde_json::Value;
 
 /// One tab: answers about the sites of the page.
@@ -118,11 +118,11 @@ impl View {
         let (truth, predicted) = (&labels.labels.answers, predictions.answers());
         let n = labels.sites.len();
         let heads = [
-            ("inaccessible", truth.inaccessible.get(..n), predicted.inaccessible, REDS),
-            ("occlusion", truth.occlusion.get(..n), predicted.occlusion, YELLOWS),
+            ("inaccessible", truth.inaccessible.get(..n), predicted.inaccessible),
+            ("occlusion", truth.occlusion.get(..n), predicted.occlusion),
         ];
         let mut views = Vec::new();
-        for (head, truth, predicted, [agreed, over, under]) in heads {
+        for ((head, truth, predicted), classes) in heads.into_iter().zip(DARK_AND_LIGHT) {
             let Some(truth) = truth else { continue };
             let mut view = View::about(format!("difference: {head}"), &predictions.provenance);
             view.caption = format!(
@@ -130,12 +130,7 @@ impl View {
             );
             let coloring = Coloring::Difference { positive: "", truth, predicted: &predicted };
             view.of = (0..n).map(|i| coloring.class(i) as u8).collect();
-            view.classes = vec![
-                (format!("agreed: not {head}"), NEITHER),
-                (format!("agreed: {head}"), agreed),
-                ("under-predicted: missed".into(), under),
-                ("over-predicted: false alarm".into(), over),
-            ];
+            view.classes = classes.map(|class| (class.name.to_string(), class.color)).into();
             views.push(view);
         }
         views
@@ -182,11 +177,6 @@ impl View {
         self.values.push(SiteValues { name, unit, numbers });
     }
 }
-
-/// Agreed yes, over-predicted, under-predicted.
-const REDS: [Rgb; 3] = [[206, 82, 66], [104, 14, 10], [250, 182, 166]];
-const YELLOWS: [Rgb; 3] = [[222, 164, 36], [104, 66, 0], [255, 232, 160]];
-const NEITHER: Rgb = [205, 208, 212];
 
 /// The numbers of a folder's point file that are no flags; those are what the colors say.
 fn site_values(answers: &SiteAnswers, n: usize) -> Vec<SiteValues> {
