@@ -2,6 +2,7 @@
 
 use super::page::Page;
 use super::pictures::Sheet;
+use super::scores;
 use super::study::{N_DIRECTIONS, Study};
 use super::trainings::{Trained, Trainings, test_samples, training_samples};
 use deepmill::Result;
@@ -33,23 +34,17 @@ pub fn run(study: &Study) -> Result<Value> {
             CutterPlacement::All,
         )?,
     ];
-    let mut table = Table::new(&[
-        ("set", "test cutters"),
-        ("network", "network"),
-        ("acc_i", "Acc_i"),
-        ("f1_i", "F1_i"),
-        ("acc_o", "Acc_o"),
-        ("f1_o", "F1_o"),
-        ("inaccessible", "inaccessible, exact"),
-    ]);
+    let mut columns = vec![("set", "test cutters"), ("network", "network")];
+    columns.extend(scores::COLUMNS);
+    columns.push(("inaccessible", "inaccessible, exact"));
+    let mut table = Table::new(&columns);
     let mut sheet = Sheet::default();
     for set in CutterSet::ALL {
         let samples = test_samples(study, set)?;
         for (name, trained) in &networks {
             study.go_on()?;
-            let scores = evaluate(&trained.model, &samples)?.mean();
             let mut row = vec![Cell::text(set.name()), Cell::text(*name)];
-            row.extend(scores.iter().flat_map(|s| [s.accuracy, s.f1]).map(Cell::Share));
+            row.extend(scores::cells(evaluate(&trained.model, &samples)?.mean()));
             row.push(Cell::Share(share(&samples)));
             table.row(row);
         }

@@ -12,6 +12,7 @@ use deepmill::{Error, Result, par};
 pub const SEED: u64 = 1;
 
 /// One part.
+#[derive(Clone)]
 pub struct Part {
     pub name: String,
     pub mesh: Mesh,

@@ -19,12 +19,17 @@ pub struct Sheet {
 }
 
 impl Sheet {
-    /// Adds the view of a part from above.
+    /// Adds the view of a part from above; the legend names the colors of all views.
     pub fn add(&mut self, mesh: &Mesh, sites: &Sites, coloring: &Coloring, caption: String) {
         let part = PartView { name: "", mesh: Some(mesh), sites, cutter: "" };
         let [width, height] = VIEW;
         self.cells.push((picture::view(&part, coloring, width, height), caption));
-        self.legend = coloring.classes().iter().map(|c| (c.name.to_string(), c.color)).collect();
+        for class in coloring.classes() {
+            let entry = (class.name.to_string(), class.color);
+            if !self.legend.contains(&entry) {
+                self.legend.push(entry);
+            }
+        }
     }
 
     /// The views of `n` series that were added by turns, one series after the other.

@@ -6,6 +6,7 @@ use deepmill::access::{LabelOptions, Labeler};
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
 use deepmill::data::Sample;
 use deepmill::directions::Directions;
+use deepmill::geom::Sites;
 use deepmill::rng::{Purpose, Stream};
 use deepmill::{Result, par};
 use std::sync::Arc;
@@ -23,7 +24,7 @@ pub struct Draw<'a> {
 
 impl Draw<'_> {
     /// Cutter `k` of part `index`: the same whichever sets stand beside its own.
-    fn cutter(&self, index: usize, k: usize) -> CutterParams {
+    pub fn cutter(&self, index: usize, k: usize) -> CutterParams {
         let set = self.sets[k % self.sets.len()];
         let mut stream = Stream::new(SEED, k as u64, index as u64, Purpose::Cutter);
         set.draw(&mut stream)
@@ -38,12 +39,26 @@ pub fn samples(
     directions: &Directions,
 ) -> Result<Vec<Sample>> {
     let labeler = Labeler::of_sites(directions.clone(), LabelOptions::default());
+    labeled(study, parts, draw, &labeler, study.args.sites)
+}
+
+/// As [`samples`], by any labeler and with any number of sites.
+pub fn labeled(
+    study: &Study,
+    parts: &[Part],
+    draw: &Draw,
+    labeler: &Labeler,
+    n_sites: usize,
+) -> Result<Vec<Sample>> {
     let bar = study.bar(parts.len(), "parts labeled");
     let mut samples = Vec::new();
     for start in (0..parts.len()).step_by(AT_ONCE) {
         study.go_on()?;
         let n = AT_ONCE.min(parts.len() - start);
-        let labeled = par::map(n, |k| of_part(study, &parts[start + k], start + k, draw, &labeler));
+        let labeled = par::map(n, |k| {
+            let sites = Arc::new(parts[start + k].sites(n_sites)?);
+            of_part(&parts[start + k], &sites, start + k, draw, labeler)
+        });
         for part in labeled {
             samples.extend(part?);
         }
@@ -54,17 +69,16 @@ pub fn samples(
 }
 
 fn of_part(
-    study: &Study,
     part: &Part,
+    sites: &Arc<Sites>,
     index: usize,
     draw: &Draw,
     labeler: &Labeler,
 ) -> Result<Vec<Sample>> {
-    let sites = Arc::new(part.sites(study.args.sites)?);
     let sample = |k| {
         let cutter = draw.cutter(index, k);
-        let answers = labeler.answer(&sites, &Cutter::ball_end(cutter)?)?;
-        Ok(Sample { name: part.name.clone(), sites: Arc::clone(&sites), cutter, answers })
+        let answers = labeler.answer(sites, &Cutter::ball_end(cutter)?)?;
+        Ok(Sample { name: part.name.clone(), sites: Arc::clone(sites), cutter, answers })
     };
     (0..draw.n_cutters).map(sample).collect()
 }

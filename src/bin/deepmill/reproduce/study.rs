@@ -1,7 +1,7 @@
 //! What every experiment is given: options, parts, progress, interruption.
 
-use super::Args;
 use super::parts::{self, Part};
+use super::{Args, Experiment};
 use crate::output::Output;
 use crate::progress;
 use deepmill::{Error, Result};
@@ -12,6 +12,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Directions over the upper half, as in the paper.
 pub const N_DIRECTIONS: usize = 150;
+
+/// Of the budget, what a training of `all` gets, so that 20 minutes are four hours for all experiments on two cores
+/// (docs/reproduce.md has the sum).
+const SHARE_IN_ALL: f64 = 0.15;
 
 /// One run of the command.
 pub struct Study<'a> {
@@ -65,6 +69,14 @@ impl<'a> Study<'a> {
     /// A bar over `n` things.
     pub fn bar(&self, n: usize, things: &'static str) -> ProgressBar {
         progress::bar(n as u64, things)
+    }
+
+    /// Budget of a training, minutes.
+    pub fn minutes(&self) -> f64 {
+        match self.args.experiment {
+            Experiment::All => self.args.budget * SHARE_IN_ALL,
+            _ => self.args.budget,
+        }
     }
 
     /// Whether Ctrl-C was pressed.

@@ -9,9 +9,11 @@
 use super::parts::SEED;
 use super::samples::{Draw, samples};
 use super::study::{N_DIRECTIONS, Study};
+use deepmill::access::LabelOptions;
 use deepmill::answers::Definition;
 use deepmill::cutter::CutterSet;
-use deepmill::data::Sample;
+use deepmill::data::online::OnlineSettings;
+use deepmill::data::{Online, Sample};
 use deepmill::directions::Directions;
 use deepmill::model::Model;
 use deepmill::train::{EpochRow, Observer, Run, RunFolder, Settings, StepReport};
@@ -28,9 +30,9 @@ const N_PIECES: u64 = 20;
 /// Steps that are timed, after one that is not.
 const N_TIMED: u32 = 5;
 /// Cutters for each training part.
-const N_CUTTERS: usize = 4;
+pub const N_CUTTERS: usize = 4;
 /// Cutters for each test part.
-const N_TEST_CUTTERS: usize = 2;
+pub const N_TEST_CUTTERS: usize = 2;
 
 /// A network that has seen all its samples.
 pub struct Trained {
@@ -71,6 +73,11 @@ impl<'a> Trainings<'a> {
         self.settings.n_epochs as usize * self.settings.samples_per_epoch.unwrap_or(0)
     }
 
+    /// The settings that all networks share.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
     /// Samples seen at the end of epoch `epoch`.
     pub fn seen(&self, epoch: u64) -> f64 {
         epoch as f64 * self.settings.samples_per_epoch.unwrap_or(0) as f64
@@ -98,10 +105,22 @@ impl<'a> Trainings<'a> {
         data: &[Sample],
         change: impl FnOnce(&mut Settings),
     ) -> Result<Trained> {
+        self.network_scored(name, data, &self.test, change)
+    }
+
+    /// As [`Trainings::network`], scored after each piece on samples of one's own, or, without any, not at all. With
+    /// `settings.online` the parts of `data` get fresh cutters and labels.
+    pub fn network_scored(
+        &self,
+        name: &str,
+        data: &[Sample],
+        test: &[Sample],
+        change: impl FnOnce(&mut Settings),
+    ) -> Result<Trained> {
         let study = self.study;
         let mut settings = self.settings.clone();
         change(&mut settings);
-        let hash = hash(&json!(settings), &[data, &self.test]);
+        let hash = hash(&json!(settings), &[data, test]);
         let folder = RunFolder::new(trainings(study).join(&hash));
         let mut run = match folder.checkpoint().exists() {
             true => folder.resume()?,
@@ -116,7 +135,13 @@ impl<'a> Trainings<'a> {
             let done = run.progress.history.len() * n_steps / self.settings.n_epochs as usize;
             bar.set_position((done + run.progress.steps_done) as u64);
             let mut watch = Watch { study, bar };
-            let flow = folder.train(&mut run, data, &self.test, &mut watch)?;
+            let flow = match run.settings.online {
+                None => folder.train(&mut run, data, test, &mut watch)?,
+                Some(online) => {
+                    let online = fresh(data, online)?;
+                    folder.train(&mut run, &online, test, &mut watch)?
+                }
+            };
             watch.bar.finish_and_clear();
             if flow.is_break() {
                 study.go_on()?;
@@ -124,6 +149,14 @@ impl<'a> Trainings<'a> {
         }
         Ok(Trained { history: run.progress.history, model: run.model })
     }
+}
+
+/// The parts of `data`, each as often as it has cutters, so that an epoch draws as many different samples.
+fn fresh(data: &[Sample], online: OnlineSettings) -> Result<Online> {
+    let turns = (0..N_CUTTERS).flat_map(|k| data.iter().skip(k).step_by(N_CUTTERS));
+    let parts: Vec<Sample> = turns.cloned().collect();
+    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
+    Online::new(&parts, directions, LabelOptions::default().share, online, SEED)
 }
 
 /// Training samples with cutters of these sets, labeled with these directions.
@@ -143,7 +176,7 @@ pub fn test_samples(study: &Study, set: CutterSet) -> Result<Vec<Sample>> {
     samples(study, study.test_parts(), &draw, &directions)
 }
 
-fn trainings(study: &Study) -> PathBuf {
+pub fn trainings(study: &Study) -> PathBuf {
     study.folder().join("trainings")
 }
 
@@ -151,7 +184,7 @@ fn trainings(study: &Study) -> PathBuf {
 fn samples_in_budget(study: &Study, settings: &Settings) -> Result<usize> {
     let args = study.args;
     let names: Vec<_> = study.training_parts().iter().map(|part| &part.name).collect();
-    let key = json!([settings, args.budget, args.sites, names]);
+    let key = json!([settings, study.minutes(), args.sites, names]);
     let path = trainings(study).join(format!("plan-{}.json", hash(&key, &[])));
     if path.exists() {
         let bytes = std::fs::read(&path).map_err(|e| Error::read(&path, e))?;
@@ -171,10 +204,10 @@ fn samples_in_budget(study: &Study, settings: &Settings) -> Result<usize> {
     let mut timer = Timer::default();
     let _ = Run::new(settings)?.train(&data[..], &[], &mut timer)?;
     let seconds = timer.seconds() / f64::from(N_TIMED) / batch_size as f64;
-    let n = (60.0 * args.budget / seconds.max(1e-6)) as usize;
-    study.output.say(format!("{seconds:.4} s per sample: {n} samples in {} minutes", args.budget));
-    let plan =
-        json!({ "budget_minutes": args.budget, "seconds_per_sample": seconds, "samples": n });
+    let minutes = study.minutes();
+    let n = (60.0 * minutes / seconds.max(1e-6)) as usize;
+    study.output.say(format!("{seconds:.4} s per sample: {n} samples in {minutes} minutes"));
+    let plan = json!({ "budget_minutes": minutes, "seconds_per_sample": seconds, "samples": n });
     atomic_file::write_atomic(&path, |file| writeln!(file, "{plan}"))?;
     Ok(n)
 }
@@ -213,7 +246,7 @@ impl Observer for Watch<'_> {
 }
 
 /// Sixteen hexadecimal digits of all that decides a training.
-fn hash(settings: &Value, data: &[&[Sample]]) -> String {
+pub fn hash(settings: &Value, data: &[&[Sample]]) -> String {
     let mut hasher = hmac_sha256::Hash::new();
     hasher.update(format!("deepmill {} {settings}", env!("CARGO_PKG_VERSION")));
     for samples in data {
