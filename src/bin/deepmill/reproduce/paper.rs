@@ -65,8 +65,9 @@ pub fn run(study: &Study) -> Result<Value> {
     let curve = Series { name: "sum of both heads".into(), points };
     let chart = Chart { title: "training loss".into(), series: vec![curve] };
     write_curves(&study.file("paper.svg"), "steps", &[chart])?;
-    let seconds = steps.iter().map(|step| step.seconds).sum::<f64>() / n_steps as f64;
-    let n_published = settings.n_epochs as f64 * (N_PUBLISHED.div_ceil(128)) as f64;
+    let seconds = steps.iter().map(|step| step.seconds).sum::<f64>();
+    let seconds = seconds / (n_steps * batch_size) as f64;
+    let n_published = settings.n_epochs as f64 * N_PUBLISHED as f64;
     let page = Page {
         name: "paper",
         title: "First steps of the published training",
@@ -74,13 +75,12 @@ pub fn run(study: &Study) -> Result<Value> {
             "Preset `paper`: {n_parameters} parameters, SGD with momentum 0.9 and weight decay 5e-4, learning rate 1.0 (the begin \
              of a cosine over 1,500 epochs of {N_PUBLISHED} samples), batch {batch_size} in micro-batches of {} (batch norm sees \
              these alone), mirroring and elastic deformation with labels kept, the sum of both losses (two heads that know \
-             nothing: 2 ln 2 = 1.386). {n_steps} steps on samples of {} parts with {} sites each; no network is kept. The \
-             published training has {n_published:.0} steps of 128 samples; at {seconds:.1} s a step of {batch_size} they are \
-             {:.1} days here.",
+             nothing: 2 ln 2 = 1.386). Steps taken: {n_steps}, on samples of {} parts with {} sites each; no network is kept. At \
+             {seconds:.2} s a sample the published training is {:.1} days here.",
             settings.micro_batch_size.unwrap_or(batch_size),
             study.training_parts().len(),
             study.args.sites,
-            n_published * seconds * 128.0 / batch_size as f64 / 86400.0,
+            n_published * seconds / 86400.0,
         )],
         table,
         pictures: vec![("paper.svg".into(), "Loss of the first steps".into())],
