@@ -3,18 +3,19 @@
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Writes `path` through `fill`; an older file of that name stays until the new one is complete.
 ///
 /// Missing parent folders are made. The file has the permissions of any new file of this user. The file is synced before
-/// the rename and, on Unix, its folder after it: after a loss of power there is the old file or the new one.
+/// the rename and, on Unix, its folder after it, and the parents of folders that were made: after a loss of power there is
+/// the old file or the new one.
 ///
 /// # Errors
 /// If the system or `fill` refuses; nothing is left behind then, unless only the sync of the folder failed.
 pub fn write_atomic(
     path: &Path,
-    fill: impl FnOnce(&mut BufWriter<&File>) -> std::io::Result<()>,
+    fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<()> {
     write_synced(path, fill).map_err(|source| Error::write(path, source))
 }
@@ -65,15 +66,53 @@ pub fn remove_temporary_files(folder: &Path) -> Result<()> {
 /// Beginning of the names of files that are being written.
 const PREFIX: &str = ".deepmill-";
 
+/// What a write asks of the file system, in this order; `Write` as often as there are full buffers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Step {
+    MakeFolders,
+    MakeFile,
+    Write,
+    SyncFile,
+    Rename,
+    SyncFolder,
+}
+
+/// Lets a test refuse a step.
+#[cfg(not(test))]
+fn ask(_: Step) -> std::io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+use faults::ask;
+
+/// Unit tests, which cut no power, do not wait for the disk.
+const SYNCS: bool = cfg!(not(test));
+
+/// A temporary file in which every write is a step.
+struct Steps<'a>(&'a File);
+
+impl Write for Steps<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        ask(Step::Write)?;
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.0.flush()
+    }
+}
+
 fn write_synced(
     path: &Path,
-    fill: impl FnOnce(&mut BufWriter<&File>) -> std::io::Result<()>,
+    fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> std::io::Result<()> {
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    std::fs::create_dir_all(folder)?;
+    ask(Step::MakeFolders)?;
+    make_folders(folder)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX);
     #[cfg(unix)]
@@ -81,20 +120,43 @@ fn write_synced(
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
+    ask(Step::MakeFile)?;
     let temporary = builder.tempfile_in(folder)?;
-    let mut writer = BufWriter::new(temporary.as_file());
+    let mut writer = BufWriter::new(Steps(temporary.as_file()));
     fill(&mut writer)?;
     writer.flush()?;
     drop(writer);
-    temporary.as_file().sync_all()?;
+    ask(Step::SyncFile)?;
+    if SYNCS {
+        temporary.as_file().sync_all()?;
+    }
+    ask(Step::Rename)?;
     temporary.persist(path)?;
+    ask(Step::SyncFolder)?;
     sync_folder(folder)
 }
 
-/// Makes a rename in `folder` last. File systems that cannot sync a folder say `InvalidInput` or `Unsupported`.
+/// Makes `folder` and what is missing above it, to last.
+fn make_folders(folder: &Path) -> std::io::Result<()> {
+    let missing: Vec<PathBuf> = folder
+        .ancestors()
+        .take_while(|f| !f.as_os_str().is_empty() && !f.exists())
+        .map(PathBuf::from)
+        .collect();
+    std::fs::create_dir_all(folder)?;
+    missing.iter().try_for_each(|made| match made.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => sync_folder(parent),
+        _ => sync_folder(Path::new(".")),
+    })
+}
+
+/// Makes a change of the names in `folder` last. File systems that cannot sync a folder say `InvalidInput` or `Unsupported`.
 #[cfg(unix)]
 fn sync_folder(folder: &Path) -> std::io::Result<()> {
     use std::io::ErrorKind::{InvalidInput, Unsupported};
+    if !SYNCS {
+        return Ok(());
+    }
     match File::open(folder)?.sync_all() {
         Err(error) if !matches!(error.kind(), InvalidInput | Unsupported) => Err(error),
         _ => Ok(()),
@@ -104,6 +166,60 @@ fn sync_folder(folder: &Path) -> std::io::Result<()> {
 #[cfg(not(unix))]
 fn sync_folder(_: &Path) -> std::io::Result<()> {
     Ok(())
+}
+
+/// A file system that refuses the n-th step that a thread asks of it, for tests of what is then on the disk.
+#[cfg(test)]
+pub(crate) mod faults {
+    use super::Step;
+    use std::cell::RefCell;
+
+    #[derive(Default)]
+    struct Plan {
+        refused: usize,
+        asked: Vec<Step>,
+    }
+
+    thread_local! {
+        static PLAN: RefCell<Option<Plan>> = const { RefCell::new(None) };
+    }
+
+    pub(super) fn ask(step: Step) -> std::io::Result<()> {
+        PLAN.with_borrow_mut(|plan| {
+            let Some(plan) = plan else { return Ok(()) };
+            plan.asked.push(step);
+            match plan.asked.len() == plan.refused {
+                true => Err(std::io::ErrorKind::StorageFull.into()),
+                false => Ok(()),
+            }
+        })
+    }
+
+    /// Runs `work`, whose steps are refused at number `refused` (from 1; 0: none); returns what it gives and the steps that it asked for.
+    pub(super) fn steps_of<T>(refused: usize, work: impl FnOnce() -> T) -> (T, Vec<Step>) {
+        PLAN.set(Some(Plan { refused, asked: Vec::new() }));
+        let result = work();
+        let plan = PLAN.take();
+        (result, plan.map(|plan| plan.asked).unwrap_or_default())
+    }
+
+    /// For every n, from one that refuses the first step to one that refuses none: `work` with step n refused, which must then fail, and
+    /// then `check`, which hears whether it failed. Returns the number of steps.
+    pub(crate) fn at_every_step<T: std::fmt::Debug>(
+        mut work: impl FnMut() -> crate::Result<T>,
+        mut check: impl FnMut(bool),
+    ) -> usize {
+        for n in 1.. {
+            let (result, steps) = steps_of(n, &mut work);
+            let refused = steps.len() >= n;
+            assert_eq!(refused, result.is_err(), "step {n}, {:?}: {result:?}", steps.last());
+            check(refused);
+            if !refused {
+                return steps.len();
+            }
+        }
+        unreachable!()
+    }
 }
 
 #[cfg(test)]
@@ -144,5 +260,44 @@ mod tests {
         remove_temporary_files(path.parent().unwrap()).unwrap();
         assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
         assert!(path.exists());
+    }
+
+    #[test]
+    fn a_file_is_synced_before_its_name_is_changed_and_the_folder_after() {
+        use Step::{MakeFile, MakeFolders, Rename, SyncFile, SyncFolder, Write};
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let write = |n| faults::steps_of(0, || write_atomic(&path, |w| w.write_all(&vec![7; n])));
+        let (result, steps) = write(3);
+        result.unwrap();
+        assert_eq!(steps, [MakeFolders, MakeFile, Write, SyncFile, Rename, SyncFolder]);
+        let (_, steps) = write(100_000);
+        assert_eq!(steps[steps.len() - 4..], [Write, SyncFile, Rename, SyncFolder]);
+    }
+
+    #[test]
+    fn refused_at_any_step_there_is_the_old_file_or_the_new_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("deep/er/a.txt");
+        for (old, new) in [(None, &b"first"[..]), (Some(&b"first"[..]), b"second")] {
+            let work = || {
+                // Every byte is a step of its own.
+                write_atomic(&path, |w| {
+                    new.iter().try_for_each(|b| w.write_all(&[*b]).and_then(|()| w.flush()))
+                })
+            };
+            let n = faults::at_every_step(work, |_| {
+                let found = std::fs::read(&path).ok();
+                assert!(found.as_deref() == old || found.as_deref() == Some(new), "{found:?}");
+                let n_files = path.parent().unwrap().read_dir().map_or(0, Iterator::count);
+                assert_eq!(n_files, usize::from(found.is_some()), "nothing is left behind");
+                match old {
+                    Some(old) => write_atomic(&path, |w| w.write_all(old)).unwrap(),
+                    None => drop(std::fs::remove_dir_all(folder.path().join("deep"))),
+                }
+            });
+            assert_eq!(n, new.len() + 5);
+            write_atomic(&path, |w| w.write_all(b"first")).unwrap();
+        }
     }
 }

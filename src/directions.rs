@@ -196,8 +196,19 @@ impl Directions {
             let expected = format!("1 to {MAX_DIRECTIONS}");
             return Err(Error::argument("directions", n_dirs, expected, "the paper uses 150"));
         }
+        Directions::of(set, n_dirs)
+    }
+
+    fn of(set: DirectionSet, n_dirs: usize) -> Result<Self> {
         let vectors = build(&set, n_dirs)?;
         Ok(Directions { set, vectors: vectors.into_iter().map(DVec3::as_vec3).collect() })
+    }
+
+    /// +z, then these; one more than a million is no fault of the user's.
+    pub(crate) fn after_up(&self) -> Result<Self> {
+        let vectors = std::iter::once(&Vec3::Z).chain(&self.vectors);
+        let vectors = vectors.map(|d| d.as_dvec3().to_array()).collect();
+        Directions::of(DirectionSet::List { vectors }, self.len() + 1)
     }
 
     /// The default: `n_dirs` Fibonacci directions on the upper half, the paper's number being 150.

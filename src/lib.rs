@@ -71,9 +71,14 @@ pub mod cutter;
 pub mod data;
 pub mod directions;
 pub mod error;
+#[cfg(feature = "formats")]
+pub mod folder_lock;
 pub mod geom;
 pub mod gradcheck;
+#[cfg(feature = "formats")]
+mod input_file;
 pub mod loss;
+pub mod memory;
 pub mod metrics;
 pub mod model;
 pub mod nn;

@@ -1,12 +1,14 @@
 //! Parallel loops whose results do not depend on the number of threads.
 //!
 //! Work is cut into blocks whose size is a constant of the call site, each output belongs to one
-//! block, and partial results are joined in block order. The only file that names rayon.
+//! block, and partial results are joined in block order. The only file that names rayon. Loops run in the default state of floating
+//! point, whatever the caller's.
 //!
 //! Blocks are handed out one after another, to whichever thread is idle next; the thread that starts a loop
 //! takes part in it. Waking a sleeping thread takes longer than most of the network's loops: a worker spins
 //! for `SPIN_TIMEOUT` after its last block, and within `keep_workers_hot` until that call ends.
 
+pub(crate) use crate::simd::float_state::DefaultFloats;
 use crate::{Error, Result};
 use rayon::Yield;
 use rayon::slice::ParallelSliceMut;
@@ -31,6 +33,7 @@ fn share_out<S, I>(
 ) where
     I: Send,
 {
+    let _floats = DefaultFloats::set();
     let n_threads = threads().min(n);
     if n_threads <= 1 {
         let mut state = state();
@@ -40,6 +43,7 @@ fn share_out<S, I>(
     let items = Mutex::new(items);
     let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
     let drain = || {
+        let _floats = DefaultFloats::set();
         let mut state = state();
         while let Some(item) = next() {
             work(&mut state, item);
@@ -106,6 +110,7 @@ impl<F: FnMut()> Drop for OnDrop<F> {
 ///
 /// Results are those of `work` alone. Without a processor for every thread, this is just a call.
 pub(crate) fn keep_workers_hot<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+    let _floats = DefaultFloats::set();
     if threads() <= 1 || !may_spin() {
         return work();
     }
@@ -237,7 +242,11 @@ pub(crate) fn join<A: Send, B: Send>(
     a: impl FnOnce() -> A + Send,
     b: impl FnOnce() -> B + Send,
 ) -> (A, B) {
-    rayon::join(a, b)
+    fn in_default<R>(work: impl FnOnce() -> R) -> R {
+        let _floats = DefaultFloats::set();
+        work()
+    }
+    rayon::join(|| in_default(a), || in_default(b))
 }
 
 /// Sorts in parallel by a total order on keys; equal keys keep their order.

@@ -4,10 +4,21 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Top modules that all but `simd` may use.
-const EVERYWHERE: [&str; 7] = ["error", "scalar", "rng", "par", "atomic_file", "Error", "Result"];
+const EVERYWHERE: [&str; 10] = [
+    "error",
+    "scalar",
+    "rng",
+    "par",
+    "memory",
+    "atomic_file",
+    "folder_lock",
+    "input_file",
+    "Error",
+    "Result",
+];
 
 /// Top module → top modules it may import. Arrows only point down.
-const PLAN: [(&str, &[&str]); 24] = [
+const PLAN: [(&str, &[&str]); 27] = [
     ("arrays", &["answers", "model", "geom"]),
     (
         "report",
@@ -46,16 +57,22 @@ const PLAN: [(&str, &[&str]); 24] = [
     ("cutter", &[]),
     ("directions", &[]),
     ("scalar", &["simd"]),
-    ("par", &[]),
+    ("par", &["simd"]),
+    ("memory", &[]),
     ("atomic_file", &[]),
+    ("folder_lock", &[]),
+    ("input_file", &[]),
     ("rng", &[]),
     ("error", &[]),
     ("simd", &[]),
 ];
 
 /// Where files may be opened or written.
-const FILE_MODULES: [&str; 14] = [
+const FILE_MODULES: [&str; 17] = [
     "atomic_file.rs",
+    "folder_lock.rs",
+    "input_file.rs",
+    "memory.rs",
     "geom/formats",
     "data/npz",
     "gradcheck/fixture",

@@ -7,7 +7,7 @@ use deepmill::nn::interp::{Interpolate, Interpolation};
 use deepmill::nn::layer::Layer;
 use deepmill::nn::operand::Operand;
 use deepmill::nn::pass::Inference;
-use deepmill::octree::{Cloud, Octree, OctreeOptions};
+use deepmill::octree::{Cloud, Octree, OctreeOptions, key};
 use glam::Vec3;
 use libfuzzer_sys::fuzz_target;
 
@@ -34,7 +34,12 @@ fuzz_target!(|input: &[u8]| {
         let node = octree.finest().nonempty[octree.point_node[i] as usize];
         assert_eq!(octree.locate(octree.depth(), i / 5, point), Some(node));
     }
-    for level in &octree.levels {
+    for (d, level) in octree.levels.iter().enumerate() {
+        assert!(level.keys.is_sorted_by(|a, b| a < b), "keys ascend");
+        for (n, &code) in level.keys.iter().enumerate() {
+            let (cell, shape) = key::decode(code);
+            assert_eq!(octree.find(d, shape, cell), Some(n as u32));
+        }
         for (n, neigh) in level.neigh.iter().enumerate() {
             let mutual = |k: usize, m: i32| m < 0 || level.neigh[m as usize][26 - k] == n as i32;
             assert!(neigh.iter().enumerate().all(|(k, &m)| mutual(k, m)));

@@ -6,6 +6,7 @@ use super::cutter_groups::group_by_reference_point;
 use super::labels::{Engine, LabelOptions, Labels};
 use super::matrix::CollisionMatrix;
 use super::method::Method;
+use super::needs::Extent;
 use super::occlusion::occlusion_points;
 use super::order::Order;
 use super::predicate::{self, Frame};
@@ -23,7 +24,8 @@ use crate::{Result, par};
 ///
 /// # Errors
 /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, volume queries have no
-/// obstacles of their own, the share is not in (0, 1], or the clearance limit is not positive.
+/// obstacles of their own, the share is not in (0, 1], the clearance limit is not positive, or the answers would not fit into
+/// the memory ([`Extent`]).
 ///
 /// ```
 /// use deepmill::{access, cutter::*, directions::Directions, geom::Sites};
@@ -68,8 +70,17 @@ pub fn label_many<'a>(
     directions: &Directions,
     options: &LabelOptions,
 ) -> Result<Vec<Labels>> {
+    let _floats = par::DefaultFloats::set();
     options.check()?;
     let queries = queries.into();
+    Extent {
+        n_queries: queries.len(),
+        n_obstacles: obstacles.n_beside(queries.len()),
+        n_cutters: cutters.len(),
+        n_directions: directions.len(),
+        occlusion: options.occlusion,
+    }
+    .require_memory()?;
     let scene = Scene::new(queries, obstacles)?;
     let n_ranked = scene.n_ranked;
     let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();

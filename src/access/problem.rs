@@ -58,6 +58,17 @@ pub enum Obstacles<'a> {
     Points(&'a [Vec3]),
 }
 
+impl Obstacles<'_> {
+    /// Number of obstacles beside so many queries.
+    pub(super) fn n_beside(&self, n_queries: usize) -> usize {
+        match self {
+            Obstacles::Queries => n_queries,
+            Obstacles::QueriesAnd(points) => n_queries + points.len(),
+            Obstacles::Points(points) => points.len(),
+        }
+    }
+}
+
 /// Checked queries and obstacles in an engine's order.
 pub(super) struct Scene {
     pub points: Vec<Vec3>,

@@ -4,7 +4,8 @@
 //! the same arrays give the same bytes. A reader takes any real or whole number type, in C or
 //! Fortran order, and never reserves memory because a header says so.
 
-use crate::{Error, Result, atomic_file};
+use crate::geom::formats::npz::{HEAD_BYTES, check_header};
+use crate::{Error, Result, atomic_file, memory};
 use glam::Vec3;
 use npyz::npz::file_name_from_array_name;
 use npyz::{NpyFile, WriteOptions, WriterBuilder};
@@ -20,6 +21,8 @@ use zip::{ZipArchive, ZipWriter};
 const METADATA: &str = "metadata.json";
 /// Most numbers one array may hold; a file that claims more is refused before it is read.
 const MOST_NUMBERS: u64 = 1 << 31;
+/// Of a number that is read: 8 in a list that doubles when it is full, and 8 in the result.
+const BYTES_OF_NUMBER: usize = 32;
 /// Longest metadata that is read, bytes.
 const LONGEST_METADATA: u64 = 1 << 24;
 /// What to do about an archive that cannot be read.
@@ -237,7 +240,13 @@ impl NpzReader {
             }
             Err(e) => return Err(bad(e.to_string(), REMEDY)),
         };
-        let array = NpyFile::new(entry).map_err(|e| bad(e.to_string(), REMEDY))?;
+        // The header may promise anything: it is looked at before the library allocates what it says.
+        let (mut entry, mut head) = (entry, Vec::new());
+        let read = entry.by_ref().take(HEAD_BYTES as u64).read_to_end(&mut head);
+        read.map_err(|e| bad(e.to_string(), REMEDY))?;
+        check_header(&head).map_err(|found| bad(found, REMEDY))?;
+        let array =
+            NpyFile::new((&head[..]).chain(entry)).map_err(|e| bad(e.to_string(), REMEDY))?;
         let shape = array.shape().to_vec();
         let n_rows = match shape[..] {
             [n] if n_columns == 1 => n,
@@ -250,6 +259,8 @@ impl NpzReader {
         if n_rows.saturating_mul(n_columns as u64) > MOST_NUMBERS {
             return Err(bad(format!("it claims {n_rows} rows"), REMEDY));
         }
+        let n_bytes = memory::product([n_rows as usize, n_columns, BYTES_OF_NUMBER]);
+        memory::require("reading an array", n_bytes, format!("{}: {name}", self.path.display()))?;
         let fortran = array.order() == npyz::Order::Fortran;
         let descriptor = array.dtype().descr();
         let numbers = match read_numbers(array) {
@@ -379,6 +390,16 @@ mod tests {
         std::fs::write(&path, bytes).unwrap();
         let message = NpzReader::open(&path).unwrap().vectors("points").unwrap_err().to_string();
         assert!(message.contains("claims 4000000000 rows"), "{message}");
+        let boastful = b"{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000, 3), }\n";
+        std::fs::write(&path, zip_of(boastful)).unwrap();
+        assert!(NpzReader::open(&path).unwrap().vectors("points").is_err());
+        // A header that says that it is 4 GB long.
+        let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+        zip.start_file("points.npy", entry_options()).unwrap();
+        zip.write_all(b"\x93NUMPY\x02\x00\xff\xff\xff\xff{").unwrap();
+        std::fs::write(&path, zip.finish().unwrap().into_inner()).unwrap();
+        let message = NpzReader::open(&path).unwrap().vectors("points").unwrap_err().to_string();
+        assert!(message.contains("points: its header is cut off or too long"), "{message}");
         // The library's own words about a bad header are several lines.
         let bytes = zip_of(b"{'descr': '<f4', 'fortran_order': False, 'shape': (12, 3, ), } ?\n");
         std::fs::write(&path, bytes).unwrap();

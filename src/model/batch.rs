@@ -2,13 +2,13 @@
 
 use super::config::{CutterInput, InputConfig};
 use super::cutter_modules::N_LENGTHS;
-use crate::Result;
 use crate::cutter::{Cutter, CutterParams};
 use crate::geom::sites::check_sites;
 use crate::nn::interp::Interpolation;
 use crate::nn::operand::Operand;
 use crate::octree::{Cloud, CubeTransform, Octree};
 use crate::scalar::Scalar;
+use crate::{Result, par};
 use glam::Vec3;
 
 /// One shape to be judged, in millimeters.
@@ -56,6 +56,7 @@ impl<T: Scalar> Batch<T> {
     /// If there are no shapes, or one has no points, lacks normals, holds a number that is not finite, or
     /// has lengths that make no cutter; if the octree would be too large.
     pub fn new(shapes: &[Shape], input: &InputConfig) -> Result<Self> {
+        let _floats = par::DefaultFloats::set();
         let (mut points, mut cutters) = (Vec::new(), Vec::new());
         for shape in shapes {
             Cutter::ball_end(CutterParams::from_array(shape.cutter_mm))?;

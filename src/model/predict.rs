@@ -6,13 +6,13 @@ use super::domain::Domain;
 use super::training::{InputGradients, TrainingPass};
 use super::unet::{Activations, N_HEADS, UNet};
 use super::{UNetConfig, heads::N_CLASSES};
-use crate::Result;
 use crate::answers::{Definition, SiteAnswers, is_positive, mark_top_share};
 use crate::nn::arena::Arena;
 use crate::nn::pass::{Backward, Inference, Training, Update};
 use crate::par;
 use crate::rng::Stream;
 use crate::scalar::Scalar;
+use crate::{Error, Result};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -147,10 +147,19 @@ impl<T: Scalar> Model<T> {
         normals: &[Vec3],
         cutter_mm: [f64; N_LENGTHS],
     ) -> Result<Prediction<T>> {
+        let _floats = par::DefaultFloats::set();
         let shape = Shape { points: points_mm, normals, cutter_mm };
         shape.check()?;
         let batch = Batch::new(&[shape], &self.net.config().input)?;
         let [first, second] = self.forward(&batch, &Arena::default()).logits;
+        let mut logits = first.iter().chain(second.iter());
+        if let Some(i) = logits.position(|logit| !logit.is_finite()) {
+            return Err(Error::NotFinite {
+                place: format!("logits of site {}", i / N_CLASSES % points_mm.len()),
+                found: "not a finite number".into(),
+                remedy: "the weights are too large: train the network again".into(),
+            });
+        }
         let [of_first, of_second] = self.calibration;
         let rows = |logits: &[T], positive: usize, calibration: Calibration| {
             let rows = logits.as_chunks::<N_CLASSES>().0.iter();

@@ -1,7 +1,7 @@
 //! Construction of an octree: sorts the points by key, then adds depth after depth from the root.
 
 use super::{Cloud, KernelMap, Octree, OctreeLevel, OctreeOptions, key, neighbors};
-use crate::{Error, Result, par};
+use crate::{Error, Result, memory, par};
 use glam::{DVec3, Vec3};
 use std::ops::Range;
 
@@ -165,7 +165,9 @@ fn guard_memory(
             ),
         });
     }
-    Ok(())
+    let remedy =
+        format!("lower its depth ({}) or take fewer shapes at once ({n_shapes})", options.depth);
+    memory::require("the octree", needed_bytes, remedy)
 }
 
 fn levels(nonempty: &[Vec<u64>], n_shapes: usize, options: &OctreeOptions) -> Vec<OctreeLevel> {

@@ -51,4 +51,31 @@ mod tests {
         sgd.step(0.0, &mut [5.0], &mut v, &mut p);
         assert!((v[0] - 5.473).abs() < 1e-15 && (p[0] - 1.03).abs() < 1e-15);
     }
+
+    /// Steps of numbers so small that products of them are subnormal.
+    #[cfg(target_arch = "x86_64")]
+    fn tiny_steps(grads: &[f32]) -> Vec<u32> {
+        let (mut params, mut velocity) = (vec![1e-38f32; grads.len()], vec![3e-39f32; grads.len()]);
+        let sgd = Sgd { momentum: 0.9, weight_decay: 0.1 };
+        for _ in 0..3 {
+            sgd.step(0.01, &mut grads.to_vec(), &mut velocity, &mut params);
+        }
+        params.iter().chain(&velocity).map(|x| x.to_bits()).collect()
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[test]
+    fn steps_do_not_depend_on_the_callers_flush_to_zero() {
+        use crate::simd::float_state::flushing;
+        let grads: Vec<f32> = (0..50_000).map(|i| (i % 97) as f32 * 1e-38).collect();
+        let steps = || tiny_steps(&grads);
+        let expected = steps();
+        assert!(expected.iter().any(|bits| (1..0x80_0000).contains(bits)), "some are subnormal");
+        for n_threads in [1, 2, 3] {
+            // The threads are made within, and take over the caller's state.
+            let found = flushing(|| par::with_threads(n_threads, steps).unwrap());
+            assert!(found == expected, "{n_threads} threads");
+        }
+        assert!(flushing(steps) == expected);
+    }
 }

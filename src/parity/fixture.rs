@@ -5,7 +5,7 @@ use crate::model::Model;
 use crate::model::heads::N_CLASSES;
 use crate::model::weights::{self, tensors::TensorFile};
 use crate::octree::Cloud;
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use glam::Vec3;
 use serde::Deserialize;
 use std::ops::Range;
@@ -117,7 +117,7 @@ impl Fixture {
 }
 
 fn read_config(path: &Path) -> Result<Config> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
+    let text = input_file::read_text(path, input_file::MOST_SETTINGS)?;
     let remedy = "make the fixture again";
     let config: Config = serde_json::from_str(&text)
         .map_err(|e| Error::file(path, format!("line {}", e.line()), e.to_string(), remedy))?;

@@ -10,8 +10,7 @@ use crate::access::Labels;
 use crate::answers::SiteAnswers;
 use crate::cutter::Step;
 use crate::data::files::tools::{Tool, steps_words};
-use crate::{Error, Result, atomic_file};
-use std::io::Write;
+use crate::{Error, Result, atomic_file, input_file};
 use std::path::{Path, PathBuf};
 
 /// Name of the table in a folder of several tools.
@@ -170,7 +169,7 @@ impl<'a> Coverage<'a> {
 /// If the system refuses the file, it is no such table, or a name is no folder's.
 pub fn tool_names(folder: &Path) -> Result<Vec<String>> {
     let path = folder.join(TOOLS);
-    let bytes = std::fs::read(&path).map_err(|e| Error::read(&path, e))?;
+    let bytes = input_file::read(&path, input_file::MOST_SETTINGS)?;
     let mut reader = csv::Reader::from_reader(&bytes[..]);
     let remedy = "name a folder that `deepmill label` has written";
     let bad = |found: String| Error::file(&path, "column name", found, remedy);

@@ -3,7 +3,6 @@
 use super::Rgb;
 use crate::{Error, Result, atomic_file};
 use plotters::prelude::*;
-use std::io::Write;
 use std::ops::Range;
 use std::path::Path;
 

@@ -8,7 +8,7 @@ use crate::geom::Sites;
 use crate::{Error, Result, atomic_file, par};
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
-use std::io::{self, Write};
+use std::io;
 use std::path::Path;
 use std::str::FromStr;
 

@@ -14,7 +14,6 @@ use crate::{Error, Result, atomic_file};
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::{Value, json};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Regions of fewer sites are not listed one by one.

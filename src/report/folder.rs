@@ -433,4 +433,57 @@ mod tests {
         assert!(paths.iter().all(|p| std::fs::metadata(p).unwrap().len() > 100));
         assert!(same_sites(&labels.sites, &predictions.sites));
     }
+
+    #[test]
+    fn results_that_are_refused_at_any_step_are_the_old_files_or_the_new_ones() {
+        let temporary = tempfile::tempdir().unwrap();
+        let folder = temporary.path().join("results");
+        let cutter = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
+        let file = |part: &str| {
+            let points = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+            let answers = SiteAnswers {
+                accessible_directions: vec![0, 5, 0],
+                ..SiteAnswers::new(vec![true, false, true], vec![false; 3])
+            };
+            LabelFile {
+                provenance: Provenance::ball_end(part, cutter, serde_json::Value::Null),
+                sites: Sites { points, normals: vec![Vec3::Z; 3], faces: vec![] },
+                labels: Labels {
+                    answers,
+                    witness: vec![None, Some(0), None],
+                    beta: vec![1, 0, 0],
+                    ..Labels::default()
+                },
+            }
+        };
+        let mesh = crate::geom::solids::cuboid(glam::DVec3::ONE);
+        let write = |file: &LabelFile| -> Result<Vec<PathBuf>> {
+            let mut paths = write_labels(&folder, file, None, Show::Points)?;
+            paths.push(export_labels(&folder, file, None, Extra::Csv)?);
+            paths.push(write_surface(&folder, &mesh)?);
+            Ok(paths)
+        };
+        let (old, new) = (file("old"), file("new"));
+        let read = |paths: &[PathBuf]| -> Vec<Vec<u8>> {
+            paths.iter().map(|path| std::fs::read(path).unwrap()).collect()
+        };
+        let paths = write(&new).unwrap();
+        let new_bytes = read(&paths);
+        write(&old).unwrap();
+        let old_bytes = read(&paths);
+        let n_steps = crate::atomic_file::faults::at_every_step(
+            || write(&new),
+            |_| {
+                for (bytes, [old, new]) in
+                    read(&paths).iter().zip(old_bytes.iter().zip(&new_bytes).map(|(o, n)| [o, n]))
+                {
+                    assert!(bytes == old || bytes == new);
+                }
+                let n_files = std::fs::read_dir(&folder).unwrap().count();
+                assert_eq!(n_files, paths.len(), "nothing is left behind");
+                write(&old).unwrap();
+            },
+        );
+        assert!(n_steps >= 6 * paths.len());
+    }
 }

@@ -8,7 +8,6 @@ use crate::access::cover::{Cover, cover};
 use crate::access::surface::{SiteAnswer, ToolReach};
 use crate::data::files::tools::Tool;
 use crate::{Error, Result, atomic_file};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// What each tool of a library reaches.

@@ -69,7 +69,9 @@ pub fn write(
     ply.header.elements.add(definition(values));
     let rows = (0..part.sites.len()).map(|i| Row { table: Some(&table), i }).collect();
     ply.payload.insert("vertex".into(), rows);
-    atomic_file::write_atomic(path, |file| Writer::new().write_ply(file, &mut ply).map(|_| ()))
+    atomic_file::write_atomic(path, |mut file| {
+        Writer::new().write_ply(&mut file, &mut ply).map(|_| ())
+    })
 }
 
 fn comments(part: &PartView, coloring: &Coloring, notes: &[String]) -> Vec<String> {

@@ -14,7 +14,6 @@ use crate::geom::{Mesh, Sites, formats};
 use crate::{Result, atomic_file};
 use glam::DMat3;
 use serde_json::{Value, json};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Chosen setups of a part, with what names them.

@@ -34,7 +34,7 @@ impl<const WHOLE: bool> Chunk<WHOLE> {
     /// From `from` on there are `first + n` numbers, and `n` is the number of lanes if `WHOLE`.
     #[inline(always)]
     pub(super) unsafe fn load<S: Simd>(self, s: S, from: *const f32) -> S::F32 {
-        // SAFETY: the caller's promise.
+        // SAFETY: `n` numbers from `from + first` on may be read (the caller's promise): a whole vector if `WHOLE`, no more than `n` otherwise.
         unsafe {
             match WHOLE {
                 true => S::F32::load_ptr(s, from.add(self.first)),
@@ -47,7 +47,7 @@ impl<const WHOLE: bool> Chunk<WHOLE> {
     /// As for [`Chunk::load`], for writing.
     #[inline(always)]
     pub(super) unsafe fn store<S: Simd>(self, lanes: S::F32, to: *mut f32) {
-        // SAFETY: the caller's promise.
+        // SAFETY: `n` places from `to + first` on may be written (the caller's promise): a whole vector if `WHOLE`, no more than `n` otherwise.
         unsafe {
             match WHOLE {
                 true => lanes.store_ptr(to.add(self.first)),
@@ -120,11 +120,11 @@ impl Kernel for Combine<'_, f32> {
         let (n, y, x) = (y.len(), y.as_mut_ptr(), x.as_ptr());
         let zero = S::F32::splat(s, 0.0);
         match combination {
-            // SAFETY: both slices have `n` numbers.
+            // SAFETY: `y` and `x` have `n` numbers each (`combine` asserts it), `y` is borrowed here alone; chunks end at `n`.
             Combination::Add => for_each_vector!(S, n, |chunk| unsafe {
                 chunk.store::<S>(chunk.load(s, y) + chunk.load(s, x), y);
             }),
-            // SAFETY: as above.
+            // SAFETY: `y` and `x` have `n` numbers each (`combine` asserts it), `y` is borrowed here alone; chunks end at `n`.
             Combination::PassRelu => for_each_vector!(S, n, |chunk| unsafe {
                 let passes = chunk.load(s, x).gt(zero);
                 chunk.store::<S>(chunk.load(s, y).select(passes, zero), y);
@@ -142,7 +142,7 @@ impl Kernel for ReluInPlace<'_, f32> {
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
         let (n, x, zero) = (self.0.len(), self.0.as_mut_ptr(), S::F32::splat(s, 0.0));
-        // SAFETY: the slice has `n` numbers.
+        // SAFETY: the slice has `n` numbers, borrowed here alone; chunks end at `n`.
         for_each_vector!(S, n, |chunk| unsafe {
             chunk.store::<S>(zero.max(chunk.load(s, x)), x);
         });
@@ -159,7 +159,7 @@ impl Kernel for Scale<'_, f32> {
     fn run<S: Simd>(self, s: S) {
         let Scale(factor, x) = self;
         let (n, x, factor) = (x.len(), x.as_mut_ptr(), S::F32::splat(s, factor));
-        // SAFETY: the slice has `n` numbers.
+        // SAFETY: the slice has `n` numbers, borrowed here alone; chunks end at `n`.
         for_each_vector!(S, n, |chunk| unsafe {
             chunk.store::<S>(factor * chunk.load(s, x), x);
         });
@@ -194,7 +194,7 @@ impl Kernel for SgdStep<'_, f32> {
         let zero = S::F32::splat(s, 0.0);
         let n = grads.len();
         let (g, v, p) = (grads.as_mut_ptr(), velocity.as_mut_ptr(), params.as_mut_ptr());
-        // SAFETY: the three slices have `n` numbers each.
+        // SAFETY: the three slices have `n` numbers each (`sgd_step` asserts it), each borrowed here alone; chunks end at `n`.
         for_each_vector!(S, n, |chunk| unsafe {
             let old = chunk.load(s, p);
             let new = momentum * chunk.load(s, v) + (chunk.load(s, g) + decay * old);
@@ -234,7 +234,9 @@ impl<T> SparseRows<'_, T> {
         assert!(starts.is_sorted() && starts[starts.len() - 1] <= sources.len(), "ranges of terms");
         assert_eq!(sources.len(), weights.len(), "one weight for each source");
         let used = &sources[starts[0]..starts[starts.len() - 1]];
-        let inside = used.iter().all(|&row| (row as usize + 1) * c <= x.len());
+        let inside = used
+            .iter()
+            .all(|&row| (row as usize + 1).checked_mul(*c).is_some_and(|end| end <= x.len()));
         assert!(inside, "sources inside the input");
     }
 }
@@ -256,16 +258,16 @@ impl Kernel for SparseRows<'_, f32> {
                     let weight = S::F32::splat(s, weight);
                     for (v, sum) in sums.iter_mut().enumerate() {
                         let place = row as usize * c + first + v * S::LANES;
-                        // SAFETY: all sources are rows of `x`, as checked on entry.
+                        // SAFETY: row `row` of `c` numbers ends within `x` (`check`), and the stretch within the row.
                         *sum = weight.mul_add(unsafe { S::F32::load_ptr(s, x.add(place)) }, *sum);
                     }
                 }
                 for (v, sum) in sums.into_iter().enumerate() {
-                    // SAFETY: the stretch lies inside the row.
+                    // SAFETY: `chunks_exact_mut` cut `y` to `c` numbers, borrowed here alone; the stretch ends within them.
                     unsafe { sum.store_ptr(y.add(first + v * S::LANES)) };
                 }
             }
-            // SAFETY: all sources are rows of `x`, as checked on entry, and `y` is a row.
+            // SAFETY: rows of `c` numbers end within `x` (`check`); `y` is one of `c` numbers, borrowed here alone; chunks end at `c - in_stretches`.
             for_each_vector!(S, c - in_stretches, |chunk| unsafe {
                 let mut sum = S::F32::splat(s, 0.0);
                 for (&row, &weight) in sources.iter().zip(weights) {
@@ -282,7 +284,8 @@ impl Kernel for SparseRows<'_, f32> {
 mod tests {
     use super::*;
 
-    const SIZES: [usize; 10] = [0, 1, 3, 4, 8, 15, 16, 17, 33, 70];
+    /// Every tail beside up to four whole vectors, and a stretch.
+    const SIZES: std::ops::RangeInclusive<usize> = 0..=70;
 
     fn numbers(n: usize, seed: usize) -> Vec<f32> {
         let special = [0.0, -0.0, f32::NAN, f32::INFINITY, 1e-42];
@@ -349,7 +352,7 @@ mod tests {
         let (starts, sources) = ([0, 3, 3, 5, 6], [4u32, 0, 2, 1, 1, 3]);
         let weights = [0.3f32, -0.7, 0.1, 2.0, 0.9, 1.0];
         for &isa in Isa::available() {
-            for c in SIZES.into_iter().filter(|&c| c > 0) {
+            for c in SIZES.filter(|&c| c > 0) {
                 let (x, mut y) = (numbers(5 * c, 6), vec![f32::NAN; 4 * c]);
                 let element = |i: usize| {
                     let terms = starts[i / c]..starts[i / c + 1];

@@ -198,7 +198,9 @@ fn matmul_all_rows<S: Simd>(s: S, x: MatmulRows<'_, f32>, copy: &mut PanelCopy) 
                 let c = x.c[j.start - x.columns.start..].as_mut_ptr();
                 let width = x.columns.len();
                 let c = RowPointers { start: c, rows: &x.c_rows[r.clone()], width };
-                // SAFETY: all rows were checked on entry, and p and j stay inside them.
+                // SAFETY: `a` and `c` have as many rows as the tile is high (`with_height`); rows of `a` are `k` wide and inside it
+                // (`check_rows`), and p, the panel's depth, ends within them; rows of `c` are inside it likewise, j ends within them, and `c` is
+                // borrowed here alone; rows of the panel have `WIDTH·LANES` numbers: copied with zeros, or j is as wide.
                 unsafe {
                     with_height!(r.len(), tile_rows::<S, WIDTH>(s, a, panel, c, j.len(), true))
                 };
@@ -217,7 +219,8 @@ fn matmul_few_rows<S: Simd>(s: S, x: MatmulRows<'_, f32>) {
             let a = RowPointers { start: x.a[p.start..].as_ptr(), rows: x.a_rows, width: x.k };
             let c = x.c[j - x.columns.start..].as_mut_ptr();
             let c = RowPointers { start: c, rows: x.c_rows, width: x.columns.len() };
-            // SAFETY: all rows were checked on entry, and p and the columns stay inside them.
+            // SAFETY: `a` and `c` have 1, 2 or FEW rows, as many as the tile is high; they are inside their matrices (`check_rows`), p and the
+            // whole tile of columns end within them; `c` is borrowed here alone; `in_place` asserts that rows of the panel are as wide.
             unsafe {
                 match x.a_rows.len() {
                     1 => tile_rows::<S, 1, FEW_WIDTH>(s, a, panel, c, n_columns, true),
@@ -253,13 +256,14 @@ fn matmul_tn_all_rows<S: Simd>(s: S, x: MatmulTnRows<'_, f32>, copy: &mut PanelC
                 rows: &x.g_rows[r.clone()],
                 width: x.n,
             };
-            // SAFETY: all rows were checked on entry, and j stays inside them.
+            // SAFETY: rows of `g` are `n` wide and inside it (`check_rows`), and j, as wide as is read, ends within them.
             let panel = unsafe { Panel::gathered(s, copy.rows(r.len(), n_columns), g, j.len()) };
             for p in tiles(x.k, S::TILE_ROWS) {
                 let a = x.a[p.start..].as_ptr();
                 let a = RowPointers { start: a, rows: &x.a_rows[r.clone()], width: x.k };
                 let d = (x.d[p.start * x.n + j.start..].as_mut_ptr(), x.n);
-                // SAFETY: all rows were checked on entry, and p and j stay inside them.
+                // SAFETY: `a` has a row for each row of the panel, inside it (`check_rows`), and p, as wide as the tile is high, ends within
+                // them; `d` is `[k, n]` (asserted) and borrowed here alone, p and j end within it; rows of the panel have `WIDTH·LANES` numbers.
                 unsafe {
                     with_height!(p.len(), tile_tn::<S, WIDTH>(s, a, panel, d, j.len()));
                 }
@@ -277,7 +281,7 @@ fn matmul_tn_few_rows<S: Simd>(s: S, x: MatmulTnRows<'_, f32>, copy: &mut PanelC
     let copies = copy.rows(n_rows * x.n.div_ceil(n_columns), n_columns);
     for (copy, start) in copies.chunks_exact_mut(len).zip((0..).step_by(n_columns)) {
         let g = RowPointers { start: x.g[start..].as_ptr(), rows: x.g_rows, width: x.n };
-        // SAFETY: all rows were checked on entry, and the columns stay inside them.
+        // SAFETY: rows of `g` are `n` wide and inside it (`check_rows`), and the columns read, to `n` at most, end within them.
         unsafe { Panel::gathered(s, copy, g, n_columns.min(x.n - start)) };
     }
     let (a, d) = (x.a.as_ptr(), x.d.as_mut_ptr());
@@ -285,8 +289,9 @@ fn matmul_tn_few_rows<S: Simd>(s: S, x: MatmulTnRows<'_, f32>, copy: &mut PanelC
         let a = RowPointers { start: a.wrapping_add(p.start), rows: x.a_rows, width: x.k };
         for (copy, start) in copies.chunks_exact(len).zip((0..).step_by(n_columns)) {
             let width = n_columns.min(x.n - start);
-            // SAFETY: the panel was written above, all rows were checked on entry, `d` is `[k, n]`, and p and the
-            // columns stay inside them.
+            // SAFETY: every copy was written as a whole by `gathered` above, a row for each row of `a`; these are inside `a` (`check_rows`), and
+            // p, as wide as the tile is high, ends within them; `d` is `[k, n]` (asserted) and borrowed here alone, p and the columns end
+            // within it; rows of the panel have `WIDTH·LANES` numbers.
             unsafe {
                 let panel = Panel::written::<S>(copy);
                 let d = (d.add(p.start * x.n + start), x.n);
@@ -378,6 +383,38 @@ mod tests {
                         assert_rows(isa, rows, k, n, false);
                         assert_tn_rows(isa, rows, k, n, false);
                     }
+                }
+            }
+        }
+    }
+
+    /// Every height of a tile, every width up to more than a tile of the widest vectors, in matrices without a number to spare: the
+    /// address sanitizer sees each step beside them.
+    #[test]
+    fn all_small_shapes_stay_inside_their_matrices() {
+        for &isa in Isa::available() {
+            for (rows, k) in (1..=9).flat_map(|rows| (1..=3).map(move |k| (rows, k))) {
+                for n in 1..=66 {
+                    let list: Vec<u32> = (0..rows as u32).rev().collect();
+                    let [a, b] = [numbers(rows * k, true), numbers(k * n, true)];
+                    let mut c = vec![0.0; rows * n].into_boxed_slice();
+                    matmul_rows(isa, (&a, &list), k, &b, n, (&mut c, &list));
+                    let mut d = vec![0.0; k * n].into_boxed_slice();
+                    matmul_tn_rows(isa, (&a, &list), k, (&c, &list), n, &mut d);
+                    // Small whole numbers: exact in any order.
+                    let product = |r: usize, j: usize| -> f32 {
+                        (0..k).map(|p| a[r * k + p] * b[p * n + j]).sum()
+                    };
+                    for (r, j) in [(0, 0), (rows - 1, n - 1), (rows / 2, n / 2)] {
+                        assert_eq!(
+                            c[r * n + j],
+                            product(r, j),
+                            "{} {rows} x {k} x {n}",
+                            isa.name()
+                        );
+                    }
+                    let last: f32 = (0..rows).map(|r| a[r * k + k - 1] * c[r * n + n - 1]).sum();
+                    assert_eq!(d[k * n - 1], last, "{} {rows} x {k} x {n}", isa.name());
                 }
             }
         }

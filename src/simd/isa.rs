@@ -147,10 +147,10 @@ impl Isa {
             // SAFETY: the token proves that the processor has the features of the shell.
             Isa::Avx2(token) => unsafe { run_avx2(kernel, token) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
+            // SAFETY: the token proves that the processor has the features of the shell.
             Isa::Avx512(token) => unsafe { run_avx512(kernel, token) },
             #[cfg(target_arch = "aarch64")]
-            // SAFETY: as above.
+            // SAFETY: the token proves that the processor has the features of the shell.
             Isa::Neon(token) => unsafe { run_neon(kernel, token) },
         }
     }

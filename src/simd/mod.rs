@@ -16,6 +16,7 @@
 
 mod double;
 pub(crate) mod elementwise;
+pub(crate) mod float_state;
 pub(crate) mod fma;
 pub mod gemm;
 pub(crate) mod isa;

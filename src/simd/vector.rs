@@ -108,7 +108,7 @@ pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
     #[inline(always)]
     fn load(token: Self::Token, from: &[Self::Element]) -> Self {
         assert!(from.len() >= Self::LANES);
-        // SAFETY: the slice has that many numbers.
+        // SAFETY: the slice has as many numbers as are read (asserted, or by its length).
         unsafe { Self::load_ptr(token, from.as_ptr()) }
     }
 
@@ -119,21 +119,21 @@ pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
     #[inline(always)]
     fn store(self, to: &mut [Self::Element]) {
         assert!(to.len() >= Self::LANES);
-        // SAFETY: the slice has that many places.
+        // SAFETY: the slice has as many places as are written (asserted, or by its length), borrowed here alone.
         unsafe { self.store_ptr(to.as_mut_ptr()) }
     }
 
     /// As many numbers of a slice as it has and the vector holds, zeros in the other lanes.
     #[inline(always)]
     fn load_partial(token: Self::Token, from: &[Self::Element]) -> Self {
-        // SAFETY: the slice has that many numbers.
+        // SAFETY: the slice has as many numbers as are read (asserted, or by its length).
         unsafe { Self::load_partial_ptr(token, from.as_ptr(), from.len().min(Self::LANES)) }
     }
 
     /// Writes as many lanes as there are places in the slice.
     #[inline(always)]
     fn store_partial(self, to: &mut [Self::Element]) {
-        // SAFETY: the slice has that many places.
+        // SAFETY: the slice has as many places as are written (asserted, or by its length), borrowed here alone.
         unsafe { self.store_partial_ptr(to.as_mut_ptr(), to.len().min(Self::LANES)) }
     }
 }
@@ -219,7 +219,7 @@ pub trait Unsigned: Copy {
     #[inline(always)]
     fn load(token: Self::Token, from: &[Self::Element]) -> Self {
         assert!(from.len() >= Self::LANES);
-        // SAFETY: the slice has that many numbers.
+        // SAFETY: the slice has as many numbers as are read (asserted, or by its length).
         unsafe { Self::load_ptr(token, from.as_ptr()) }
     }
 
@@ -230,7 +230,7 @@ pub trait Unsigned: Copy {
     #[inline(always)]
     fn store(self, to: &mut [Self::Element]) {
         assert!(to.len() >= Self::LANES);
-        // SAFETY: the slice has that many places.
+        // SAFETY: the slice has as many places as are written (asserted, or by its length), borrowed here alone.
         unsafe { self.store_ptr(to.as_mut_ptr()) }
     }
 }
@@ -312,7 +312,7 @@ mod tests {
 
     #[test]
     fn every_isa_gives_the_same_lanes() {
-        for n in [0, 1, 3, 4, 5, 8, 15, 16, 17, 64, 67] {
+        for n in 0..=67 {
             let (a, b) = (numbers(n, 1), numbers(n, 40));
             let expected = Isa::available()[0].run(Operations(&a, &b));
             let fused = a.iter().zip(&b).map(|(a, b)| a.mul_add(*b, 0.1));

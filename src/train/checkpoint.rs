@@ -4,12 +4,10 @@
 //! metadata hold the settings and the progress as JSON, and the SHA-256 of both and of the vectors.
 
 use super::{Progress, Settings};
-use crate::atomic_file;
-use crate::{Error, Result};
+use crate::{Error, Result, atomic_file, input_file};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
-use std::io::Write;
 use std::path::Path;
 
 const REMEDY: &str = "use the previous checkpoint, or start the run anew";
@@ -60,7 +58,7 @@ impl Checkpoint {
     /// # Errors
     /// If the file is missing, damaged or not a checkpoint; the message advises the previous one.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
+        let bytes = input_file::read(path, input_file::MOST_DATA)?;
         let bad = |place: &str, e: String| Error::file(path, place, e, REMEDY);
         let (_, header) =
             SafeTensors::read_metadata(&bytes).map_err(|e| bad("header", e.to_string()))?;

@@ -55,7 +55,6 @@ val_acc_inaccessible,val_f1_inaccessible,val_acc_occlusion,val_f1_occlusion,seco
 /// If the file cannot be written.
 #[cfg(feature = "formats")]
 pub fn write_csv(path: &std::path::Path, rows: &[EpochRow]) -> crate::Result<()> {
-    use std::io::Write;
     crate::atomic_file::write_atomic(path, |file| {
         writeln!(file, "{CSV_HEADER}")?;
         rows.iter().try_for_each(|row| writeln!(file, "{}", row.csv()))

@@ -2,10 +2,12 @@
 
 use super::{Checkpoint, EpochRow, Observer, Run, Settings, StepReport, history, settings_file};
 use crate::data::{Sample, SampleSource};
+use crate::folder_lock::FolderLock;
 use crate::model::weights::{self, Storage};
-use crate::{Error, Result, atomic_file};
+use crate::{Error, Result, atomic_file, input_file};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 const MODEL: &str = "model.safetensors";
 const BEST: &str = "best.safetensors";
@@ -25,7 +27,8 @@ const HISTORY: &str = "history.csv";
 /// | `checkpoint.safetensors` | everything [`RunFolder::resume`] needs |
 /// | `checkpoint.previous.safetensors` | the same, one store earlier |
 ///
-/// A resumed run ends with the bits of one that was never stopped. Start, stop and resume:
+/// A resumed run ends with the bits of one that was never stopped. What writes into the folder locks it, until this value and its
+/// clones are dropped. Start, stop and resume:
 ///
 /// ```
 /// # use deepmill::{answers::SiteAnswers, cutter::*, data::Sample, geom::Sites, train::*};
@@ -55,15 +58,16 @@ const HISTORY: &str = "history.csv";
 /// assert!(run.is_finished() && folder.best().is_file());
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct RunFolder {
     path: PathBuf,
+    lock: Arc<Mutex<Option<FolderLock>>>,
 }
 
 impl RunFolder {
     /// The folder `path`, which need not exist yet.
     pub fn new(path: impl Into<PathBuf>) -> Self {
-        RunFolder { path: path.into() }
+        RunFolder { path: path.into(), lock: Arc::default() }
     }
 
     /// The folder.
@@ -86,11 +90,26 @@ impl RunFolder {
         self.path.join(CHECKPOINT)
     }
 
+    /// Locks the folder, as everything that writes into it does.
+    ///
+    /// # Errors
+    /// As [`FolderLock::whole`].
+    pub fn lock(&self) -> Result<()> {
+        let mut lock = self.lock.lock().unwrap_or_else(PoisonError::into_inner);
+        if lock.is_none() {
+            *lock = Some(FolderLock::whole(&self.path)?);
+        }
+        Ok(())
+    }
+
     /// A run at its beginning; writes its settings.
     ///
     /// # Errors
-    /// If the folder holds a run already or cannot be written, or a setting is outside its domain.
+    /// If the folder holds a run already, another program writes into it or it cannot be written, or a setting is outside its
+    /// domain.
     pub fn start(&self, settings: Settings) -> Result<Run> {
+        settings.check()?;
+        self.lock()?;
         if self.checkpoint().exists() {
             let remedy = "resume it, or choose another folder";
             let found = "the folder holds a run already";
@@ -104,8 +123,11 @@ impl RunFolder {
     /// The run that was stored here, as it was.
     ///
     /// # Errors
-    /// If there is none, its checkpoint is damaged, or the folder cannot be written.
+    /// If there is none, its checkpoint is damaged, another program writes into the folder, or it cannot be written.
     pub fn resume(&self) -> Result<Run> {
+        if self.checkpoint().exists() {
+            self.lock()?;
+        }
         let run = Run::resume(Checkpoint::read(&self.checkpoint())?)?;
         // What a kill between the checkpoint and these files left out, and what it left behind.
         self.show(&run)?;
@@ -117,7 +139,7 @@ impl RunFolder {
     /// `observer` stops it.
     ///
     /// # Errors
-    /// As [`Run::train`], or if a file cannot be written.
+    /// As [`Run::train`], or if another program writes into the folder or a file cannot be written.
     pub fn train(
         &self,
         run: &mut Run,
@@ -125,6 +147,7 @@ impl RunFolder {
         validation: &[Sample],
         observer: &mut impl Observer,
     ) -> Result<ControlFlow<()>> {
+        self.lock()?;
         let flow = run.train(source, validation, &mut Storing { folder: self, observer })?;
         if flow.is_break() {
             self.store(run)?;
@@ -137,9 +160,10 @@ impl RunFolder {
     /// # Errors
     /// If a file cannot be written.
     pub fn store(&self, run: &Run) -> Result<()> {
+        self.lock()?;
         let checkpoint = self.checkpoint();
         if checkpoint.exists() {
-            let bytes = std::fs::read(&checkpoint).map_err(|e| Error::read(&checkpoint, e))?;
+            let bytes = input_file::read(&checkpoint, input_file::MOST_DATA)?;
             let previous = self.path.join(PREVIOUS);
             atomic_file::write_atomic(&previous, |file| std::io::Write::write_all(file, &bytes))?;
         }
@@ -231,6 +255,64 @@ mod tests {
             assert_eq!(std::fs::read(file(&whole)).unwrap(), std::fs::read(file(&broken)).unwrap());
         }
         assert!(broken.path().join(PREVIOUS).is_file());
+    }
+
+    #[test]
+    fn a_store_that_is_refused_at_any_step_leaves_the_old_run_or_the_new_one() {
+        let temporary = tempfile::tempdir().unwrap();
+        let samples = samples();
+        let [path, one, two] = ["broken", "one", "two"].map(|n| temporary.path().join(n));
+        let stopped = |n_epochs, path: &Path| {
+            let folder = RunFolder::new(path);
+            let mut run = folder.start(settings()).unwrap();
+            let flow = folder.train(&mut run, &samples[..], &samples, &mut StopAt(n_epochs));
+            assert!(flow.unwrap().is_break());
+            run
+        };
+        let (old, new) = (stopped(1, &one), stopped(2, &two));
+        let copy = |from: &Path| {
+            let _ = std::fs::remove_dir_all(&path);
+            std::fs::create_dir(&path).unwrap();
+            for entry in std::fs::read_dir(from).unwrap() {
+                let entry = entry.unwrap();
+                std::fs::copy(entry.path(), path.join(entry.file_name())).unwrap();
+            }
+        };
+        copy(&one);
+        let mut found = [0; 2];
+        let work = || RunFolder::new(&path).store(&new);
+        let n_steps = atomic_file::faults::at_every_step(work, |_| {
+            let folder = RunFolder::new(&path);
+            let run = folder.resume().unwrap();
+            let is_new = run.checkpoint() == new.checkpoint();
+            assert!(is_new || run.checkpoint() == old.checkpoint());
+            found[usize::from(is_new)] += 1;
+            let shown: crate::model::Model<f32> = weights::read(&folder.model()).unwrap();
+            assert!(shown.params == run.model.params);
+            drop(folder);
+            copy(&one);
+        });
+        assert!(found.iter().all(|n| *n > 6) && n_steps > 18, "{found:?} of {n_steps}");
+    }
+
+    #[test]
+    fn two_programs_do_not_write_one_run() {
+        let temporary = tempfile::tempdir().unwrap();
+        let first = RunFolder::new(temporary.path());
+        let mut run = first.start(settings()).unwrap();
+        let second = RunFolder::new(temporary.path());
+        let samples = samples();
+        for refused in [
+            second.start(settings()).map(drop),
+            second.store(&run),
+            second.train(&mut run, &samples[..], &[], &mut ()).map(drop),
+        ] {
+            assert!(refused.unwrap_err().to_string().contains("is writing into it"));
+        }
+        first.store(&run).unwrap();
+        assert!(second.resume().unwrap_err().to_string().contains("is writing into it"));
+        drop(first);
+        second.resume().unwrap();
     }
 
     #[test]

@@ -1,8 +1,7 @@
 //! Settings as TOML files, complete or partial over a preset.
 
 use super::Settings;
-use crate::{Error, Result, atomic_file};
-use std::io::Write;
+use crate::{Error, Result, atomic_file, input_file};
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -16,7 +15,7 @@ const REMEDY: &str = "compare with the settings.toml that every run writes";
 /// # Errors
 /// If the file cannot be read, is no TOML, or holds a key or a value that settings do not have.
 pub fn read(path: &Path, base: &Settings) -> Result<Settings> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
+    let text = input_file::read_text(path, input_file::MOST_SETTINGS)?;
     let alone = match toml::from_str::<Settings>(&text) {
         Ok(settings) => return Ok(settings),
         Err(error) => error,

@@ -1,9 +1,9 @@
 //! The setups to choose from, and the directions to test for them.
 
 use super::machine::{Machine, angle};
-use crate::Result;
 use crate::directions::{DirectionSet, Directions, basis};
 use crate::geom::Mesh;
+use crate::{Result, memory};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 
@@ -62,7 +62,7 @@ impl Candidates {
     /// rotary axis; rotary axes are always along flat clampings.
     ///
     /// # Errors
-    /// If `n_directions` is 0 or above a million.
+    /// If `n_directions` is 0 or above a million, or the lists of tool axes would not fit into the memory.
     pub fn new(
         part: &Mesh,
         machine: Machine,
@@ -145,6 +145,11 @@ fn over_sphere(
         all.truncate(n);
     }
     let tilt = machine.tilt_rad().unwrap_or_default() + ROUNDING_RAD;
+    if *machine != Machine::ThreeAxis {
+        let found = format!("{n} candidates and {} directions", all.len());
+        let remedy = format!("{found}: test fewer directions, or clamp along flat faces alone");
+        memory::require("the tool axes of setups", memory::product([n, all.len(), 4]), remedy)?;
+    }
     let candidate = |&direction: &Vec3| {
         let within = |k: &u32| angle(all[*k as usize], direction) <= tilt;
         let axes = (0..all.len() as u32).filter(within).collect();
@@ -302,6 +307,12 @@ mod tests {
         let given = Machine::Rotary { axis: Some([0.0, 0.0, 2.0]) };
         assert_eq!(of(&turned(), given, 8).list().len(), 1);
         assert!(Candidates::new(&turned(), given, Clampings::Flat, 0).is_err());
+        if cfg!(target_os = "linux") {
+            let five = Machine::FiveAxis { tilt_deg: 90.0 };
+            let many = Candidates::new(&turned(), five, Clampings::Any, 1_000_000).unwrap_err();
+            let message = many.to_string();
+            assert!(message.contains("tool axes of setups needs about 39985"), "{message}");
+        }
         let flat = Candidates::new(&turned(), Machine::ThreeAxis, Clampings::Flat, 50).unwrap();
         assert_eq!((flat.list().len(), flat.directions().len()), (6, 6));
         for candidates in [&tilted, &rotary, &flat] {

@@ -5,7 +5,7 @@ use super::machine::angle;
 use crate::access::cover::{Cover, cover_share, greedy_share};
 use crate::access::surface::AccessibleDirections;
 use crate::geom::{Mesh, Sites};
-use crate::par;
+use crate::{Result, memory, par};
 use glam::{DMat3, Vec3};
 
 /// The chosen setups, in the order of what each adds to those before it, most first; among nearly equal ones the likelier clamping first.
@@ -62,6 +62,23 @@ fn unite(into: &mut Bits, with: &[u64]) {
 }
 
 impl Plan {
+    /// Checks that the choice for so many sites and tools fits into the memory: a bit for each site and candidate, four times, and for each
+    /// site and direction.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`](crate::Error::TooLarge) if it does not.
+    pub fn require_memory(candidates: &Candidates, n_sites: usize, n_tools: usize) -> Result<()> {
+        let (n, n_directions) = (candidates.list().len(), candidates.directions().len());
+        let rows = n.saturating_mul(4).saturating_add(n_directions);
+        let bits =
+            memory::product([rows, n_sites.div_ceil(64).saturating_mul(8).saturating_add(64)]);
+        let by_tool = memory::product([n_sites, n_tools, 64]);
+        let remedy = format!(
+            "take fewer sites ({n_sites}), directions ({n_directions}) or candidates ({n})"
+        );
+        memory::require("the choice of setups", bits.saturating_add(by_tool), remedy)
+    }
+
     /// Of the `candidates` for `part`, few that cover at least `share` of the weight of all that some candidate reaches; `accessible` says for each
     /// tool in which of their directions it may stand, `weights` what each site counts.
     ///

@@ -1,7 +1,7 @@
 //! In which directions a tool may stand at each site.
 
 use super::labels::SurfaceOptions;
-use super::obstacles::TriangleObstacles;
+use super::obstacles::{TriangleObstacles, extent};
 use super::problem::{Problem, WORD};
 use super::query::Scratch;
 use super::tool::axes;
@@ -84,7 +84,9 @@ impl TriangleObstacles {
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<AccessibleDirections> {
+        let _floats = par::DefaultFloats::set();
         options.check()?;
+        extent(sites.len(), 1, directions, options).require_directions()?;
         let problem = self.problem(Queries::Sites(sites), cutter, options)?;
         let matrix = problem.by_points(cutter, directions, options)?;
         let axes: Vec<_> = directions.vectors().iter().map(|&d| axes(d)).collect();

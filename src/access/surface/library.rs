@@ -34,7 +34,7 @@ mod held;
 
 use super::cells::Domain;
 use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
-use super::obstacles::{TriangleObstacles, tested};
+use super::obstacles::{TriangleObstacles, extent, tested};
 use super::problem::Problem;
 use super::query::{Probe, Scratch};
 use super::verdict::Verdict;
@@ -76,6 +76,7 @@ impl TriangleObstacles {
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<Vec<ToolReach>> {
+        let _floats = par::DefaultFloats::set();
         let options = SurfaceOptions {
             counts: false,
             occlusion: false,
@@ -83,6 +84,7 @@ impl TriangleObstacles {
             ..*options
         };
         let tested = tested(directions)?;
+        extent(sites.len(), tools.len(), &tested, &options).require_library()?;
         let domain = Domain::of(directions);
         let mut pass = Pass {
             obstacles: self,

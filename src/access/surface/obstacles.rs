@@ -8,12 +8,12 @@ use super::tolerance::Bends;
 use super::tool::{Contact, Outline};
 use super::verdict::{Verdict, raise_at};
 use crate::access::driver::count_for;
-use crate::access::{Labels, Obstacles, Queries, occlusion_points};
+use crate::access::{Extent, Labels, Obstacles, Queries, occlusion_points};
 use crate::answers::SiteAnswers;
 use crate::cutter::Cutter;
-use crate::directions::{DirectionSet, Directions};
+use crate::directions::Directions;
 use crate::geom::{Mesh, Sites};
-use crate::{Error, Result, par};
+use crate::{Error, Result, memory, par};
 use glam::{DVec3, Vec3};
 
 /// Triangles that a tool must not penetrate: those of the part, then those of fixtures.
@@ -42,6 +42,8 @@ pub struct TriangleObstacles {
     pub(super) triangles: Vec<[DVec3; 3]>,
 }
 
+/// Upper estimate of corners, search tree and edges.
+const BYTES_OF_TRIANGLE: usize = 512;
 /// Coordinates beyond this are refused, as in [`label`](crate::access::label()).
 const MAX_COORDINATE_MM: f64 = 1e6;
 
@@ -52,8 +54,12 @@ impl TriangleObstacles {
     /// If a face names a missing vertex, a vertex is not finite or beyond 1 km, or there are more than two thousand
     /// million triangles.
     pub fn new(part: &Mesh, fixtures: &[Mesh]) -> Result<Self> {
+        let meshes = || std::iter::once(part).chain(fixtures);
+        let needed =
+            memory::product([meshes().map(|mesh| mesh.triangles.len()).sum(), BYTES_OF_TRIANGLE]);
+        memory::require("the search tree of triangles", needed, "simplify the mesh")?;
         let mut triangles = Vec::new();
-        for mesh in std::iter::once(part).chain(fixtures) {
+        for mesh in meshes() {
             check(mesh)?;
             triangles.extend((0..mesh.triangles.len()).map(|f| mesh.corners(f)));
         }
@@ -77,7 +83,8 @@ impl TriangleObstacles {
     ///
     /// # Errors
     /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, the tolerance is not positive or not below
-    /// the cutter's radius, or an option is outside its domain.
+    /// the cutter's radius, an option is outside its domain, or the answers would not fit into the memory
+    /// ([`Extent`](crate::access::Extent)).
     pub fn label<'a>(
         &self,
         queries: impl Into<Queries<'a>>,
@@ -85,9 +92,12 @@ impl TriangleObstacles {
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<SurfaceLabels> {
+        let _floats = par::DefaultFloats::set();
         options.check()?;
-        let problem = self.problem(queries.into(), cutter, options)?;
-        let (tested, domain) = (tested(directions)?, Domain::of(directions));
+        let (queries, tested, domain) =
+            (queries.into(), tested(directions)?, Domain::of(directions));
+        extent(queries.len(), 1, &tested, options).require_surface()?;
+        let problem = self.problem(queries, cutter, options)?;
         let matrix = problem.by_points(cutter, &tested, options)?;
         let tallies = problem.by_triangles(&matrix, &tested, domain, options);
         let clearance = options.clearance_limit_mm.map(|limit| {
@@ -113,6 +123,7 @@ impl TriangleObstacles {
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<Labels> {
+        let _floats = par::DefaultFloats::set();
         let surface = self.label(sites, cutter, directions, options)?;
         let mut answers = SiteAnswers {
             inaccessible: surface.inaccessible(),
@@ -196,15 +207,24 @@ pub(super) fn count_beta(
     count_for(Queries::Sites(sites), Obstacles::Queries, &shrunk, &tested(directions)?, marked)
 }
 
+/// What is to be labeled.
+pub(super) fn extent(
+    n_queries: usize,
+    n_cutters: usize,
+    tested: &Directions,
+    options: &SurfaceOptions,
+) -> Extent {
+    let (n_obstacles, n_directions) = (options.n_samples, tested.len());
+    Extent { n_queries, n_obstacles, n_cutters, n_directions, occlusion: options.occlusion }
+}
+
 /// The directions of a set, after +z if it stands for all within an angle that +z is among.
 pub(super) fn tested(directions: &Directions) -> Result<Directions> {
     let above = Domain::of(directions).is_some_and(|domain| domain.holds(DVec3::Z));
     if !above || directions.vectors().contains(&Vec3::Z) {
         return Ok(directions.clone());
     }
-    let vectors = std::iter::once(&Vec3::Z).chain(directions.vectors());
-    let vectors = vectors.map(|d| d.as_dvec3().to_array()).collect();
-    Directions::new(DirectionSet::List { vectors })
+    directions.after_up()
 }
 
 fn contacts(sites: &Sites) -> Result<Vec<Contact>> {

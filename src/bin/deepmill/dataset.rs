@@ -169,12 +169,10 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
     }
     sources
         .extend((0..args.generated).map(|index| PartSource::Generated { seed: args.seed, index }));
-    let builder = Builder::new(&args.out, settings, sources)?;
-    let (first, step) = args.shard.unwrap_or((0, 1));
-    let mine: Vec<usize> = (first..builder.n_parts()).step_by(step).collect();
+    let builder = Builder::share(&args.out, settings, sources, args.shard.unwrap_or((0, 1)))?;
     let stop = progress::stop_flag()?;
-    let bar = progress::bar(mine.len() as u64, "parts");
-    for index in mine {
+    let bar = progress::bar(builder.own_parts().len() as u64, "parts");
+    for index in builder.own_parts() {
         let record = builder.part(index)?;
         if let Some(reason) = record.skipped {
             bar.suspend(|| output.warn(format!("skipped {}: {reason}", record.name)));

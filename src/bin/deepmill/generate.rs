@@ -8,7 +8,6 @@ use deepmill::report::picture;
 use deepmill::{Error, Result, atomic_file, par};
 use indicatif::ProgressBar;
 use serde_json::json;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Parts generated, written and forgotten together.

@@ -101,6 +101,7 @@ fn main() -> ExitCode {
     };
     match deepmill::par::with_threads(n_threads(cli.threads, &output), run)
         .and_then(|result: deepmill::Result<()>| result)
+        .and_then(|()| output.lost().map_or(Ok(()), Err))
     {
         Ok(()) if output.tell_broken_limits() => ExitCode::from(LIMIT_BROKEN),
         Ok(()) => ExitCode::SUCCESS,

@@ -7,31 +7,53 @@ use deepmill::report::gate::{Limit, SiteAreas};
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
 use std::fmt::Display;
-use std::io::{Write, stderr, stdout};
+use std::io::{ErrorKind, Write, stderr, stdout};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// The program's standard streams. A reader that goes away is no failure.
+/// The program's standard streams. A reader that goes away is no failure; a disk that is full is one, told at the end.
 pub struct Output {
     json: bool,
     /// Whether the result is printed.
     done: AtomicBool,
     /// Limits that the result breaks.
     broken: Mutex<Vec<String>>,
+    /// Why standard output was not written.
+    lost: Mutex<Option<std::io::Error>>,
 }
 
 impl Output {
     pub fn new(json: bool) -> Self {
-        Output { json, done: AtomicBool::new(false), broken: Mutex::default() }
+        Output {
+            json,
+            done: AtomicBool::new(false),
+            broken: Mutex::default(),
+            lost: Mutex::default(),
+        }
     }
 
     /// A line for people: standard output, or standard error when that carries JSON.
     pub fn say(&self, line: impl Display) {
-        let _ = match self.json {
-            true => writeln!(stderr(), "{line}"),
-            false => writeln!(stdout(), "{line}"),
-        };
+        match self.json {
+            true => drop(writeln!(stderr(), "{line}")),
+            false => self.print(line),
+        }
+    }
+
+    fn print(&self, line: impl Display) {
+        match writeln!(stdout(), "{line}") {
+            Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+                *self.lost.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+            }
+            _ => {}
+        }
+    }
+
+    /// Why standard output lacks something.
+    pub fn lost(&self) -> Option<Error> {
+        let lost = self.lost.lock().unwrap_or_else(PoisonError::into_inner).take();
+        lost.map(|error| Error::write("standard output", error))
     }
 
     /// A warning, on standard error.
@@ -49,7 +71,7 @@ impl Output {
     /// failure after it is told by the exit code.
     pub fn result(&self, value: &Value) {
         if self.json && !self.done.swap(true, Ordering::Relaxed) {
-            let _ = writeln!(stdout(), "{value}");
+            self.print(value);
         }
     }
 

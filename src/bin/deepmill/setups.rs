@@ -97,6 +97,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let areas = SiteAreas::of(&sites, Some(&mesh))?;
     clock.lap("sites_s", "sites");
     let candidates = Candidates::new(&mesh, args.machine, args.clampings(), args.n_directions())?;
+    Plan::require_memory(&candidates, sites.len(), tools.len())?;
     let obstacles = TriangleObstacles::new(&mesh, &[])?;
     let options = args.options();
     let of_tool = |tool: &Tool| {

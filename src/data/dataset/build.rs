@@ -5,16 +5,18 @@ use super::{
     CutterRecord, DatasetSettings, LabeledPart, Manifest, PartRecord, Split, content_hash,
 };
 use crate::access::surface::SurfaceOptions;
-use crate::access::{self, LabelOptions, Labeler, Labels, Obstacles};
+use crate::access::{self, Extent, LabelOptions, Labeler, Labels, Obstacles};
 use crate::answers::SiteAnswers;
 use crate::cutter::{Cutter, CutterParams};
 use crate::data::generated;
 use crate::directions::Directions;
+use crate::folder_lock::FolderLock;
 use crate::geom::sites::SiteOptions;
 use crate::geom::{Mesh, Sites, check, formats, sites};
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Where a part comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -55,27 +57,55 @@ impl PartSource {
     }
 }
 
-/// A data set in the making.
+/// A data set in the making. Its folder is locked until this value and its clones are dropped.
 #[derive(Debug, Clone)]
 pub struct Builder {
     folder: PathBuf,
     settings: DatasetSettings,
     sources: Vec<PartSource>,
     directions: Directions,
+    share: (usize, usize),
+    _lock: Arc<FolderLock>,
 }
 
 impl Builder {
     /// Prepares `folder`; an interrupted build there goes on if its settings are the same.
     ///
     /// # Errors
-    /// If settings are out of range, there are no parts, or the folder holds another data set.
+    /// If settings are out of range, the labels of a part would not fit into the memory, there are no parts, the folder holds another
+    /// data set, or another program writes into it.
     pub fn new(folder: &Path, settings: DatasetSettings, sources: Vec<PartSource>) -> Result<Self> {
+        Builder::share(folder, settings, sources, (0, 1))
+    }
+
+    /// For the parts `index`, `index + n`, `index + 2n` … of a data set that `n` programs build in one folder, given as `(index, n)`.
+    ///
+    /// # Errors
+    /// As [`Builder::new`]; programs with other shares may write into the folder.
+    pub fn share(
+        folder: &Path,
+        settings: DatasetSettings,
+        sources: Vec<PartSource>,
+        (index, n): (usize, usize),
+    ) -> Result<Self> {
         if sources.is_empty() {
             let remedy = "name mesh files or folders, or ask for generated parts";
             return Err(Error::argument("the list of parts", "empty", "at least one part", remedy));
         }
         settings.check()?;
         let directions = Directions::new(settings.directions.clone())?;
+        Extent {
+            n_queries: settings.n_sites,
+            n_obstacles: settings.n_sites.saturating_add(settings.n_obstacles.unwrap_or(0)),
+            n_cutters: if settings.part_itself { 1 } else { settings.n_cutters },
+            n_directions: directions.len(),
+            occlusion: true,
+        }
+        .require_memory()?;
+        let lock = match n {
+            1 => FolderLock::whole(folder)?,
+            _ => FolderLock::share(folder, index, n)?,
+        };
         let plan = folder.join("settings.json");
         match plan.exists() {
             true if read_json::<DatasetSettings>(&plan, "choose another folder")? != settings => {
@@ -89,7 +119,14 @@ impl Builder {
             true => {}
             false => write_json(&plan, &settings)?,
         }
-        Ok(Builder { folder: folder.into(), settings, sources, directions })
+        let (folder, share, _lock) = (folder.into(), (index, n), Arc::new(lock));
+        Ok(Builder { folder, settings, sources, directions, share, _lock })
+    }
+
+    /// Places of its parts in the list.
+    pub fn own_parts(&self) -> impl ExactSizeIterator<Item = usize> + use<> {
+        let (index, n) = self.share;
+        (index..self.n_parts()).step_by(n)
     }
 
     /// Number of parts.
@@ -266,5 +303,102 @@ pub fn scale_to_min_edge(mesh: &mut Mesh, min_edge_mm: Option<f64>) -> f64 {
             scale
         }
         _ => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::atomic_file::faults;
+    use crate::data::dataset::Dataset;
+    use crate::geom::solids::cuboid;
+    use glam::DVec3;
+
+    fn settings() -> DatasetSettings {
+        let directions = crate::directions::DirectionSet::FibonacciHemisphere { n_dirs: 5 };
+        DatasetSettings { n_sites: 30, directions, ..DatasetSettings::default() }
+    }
+
+    /// Two boxes.
+    fn sources(folder: &Path) -> Vec<PartSource> {
+        let box_of = |height: f64| {
+            let path = folder.join(format!("box-{height}.stl"));
+            formats::write_stl(&path, &cuboid(DVec3::new(90.0, 80.0, height))).unwrap();
+            PartSource::File(path)
+        };
+        [80.0, 100.0].map(box_of).into()
+    }
+
+    fn build(folder: &Path, sources: &[PartSource]) -> Result<Option<Manifest>> {
+        let builder = Builder::new(folder, settings(), sources.to_vec())?;
+        builder.own_parts().try_for_each(|index| builder.part(index).map(drop))?;
+        builder.finish()
+    }
+
+    /// Names and bytes of all that is not hidden.
+    fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+        let mut found = Vec::new();
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = PathBuf::from(path.file_name().unwrap());
+            match path.is_dir() {
+                true => found.extend(files(&path).into_iter().map(|(p, b)| (name.join(p), b))),
+                false if name.to_str().unwrap().starts_with('.') => {}
+                false => found.push((name, std::fs::read(&path).unwrap())),
+            }
+        }
+        found.sort();
+        found
+    }
+
+    #[test]
+    fn a_build_that_is_refused_at_any_step_goes_on_to_the_same_data_set() {
+        let temporary = tempfile::tempdir().unwrap();
+        let sources = sources(temporary.path());
+        let [whole, broken] = ["whole", "broken"].map(|name| temporary.path().join(name));
+        build(&whole, &sources).unwrap().unwrap();
+        let whole = files(&whole);
+        // The settings, two files for each part, the manifest; six steps or more for each.
+        let n = faults::at_every_step(
+            || build(&broken, &sources),
+            |refused| {
+                let samples = Dataset::open(&broken).and_then(|set| set.samples(None));
+                match samples {
+                    // Refused after the manifest had its name: the folder could not be synced.
+                    Ok(samples) => assert!(samples.len() == 2 && files(&broken) == whole),
+                    Err(error) => assert!(refused, "{error}"),
+                }
+                build(&broken, &sources).unwrap().unwrap();
+                assert!(files(&broken) == whole);
+                std::fs::remove_dir_all(&broken).unwrap();
+            },
+        );
+        assert!(n >= 36, "{n} steps");
+        // Gone over again, it stays as it is.
+        build(&broken, &sources).unwrap().unwrap();
+        let n = faults::at_every_step(
+            || build(&broken, &sources),
+            |_| assert!(files(&broken) == whole),
+        );
+        assert!(n >= 6, "{n} steps");
+    }
+
+    #[test]
+    fn shares_are_built_beside_each_other_and_two_of_one_are_not() {
+        let temporary = tempfile::tempdir().unwrap();
+        let (sources, folder) = (sources(temporary.path()), temporary.path().join("data"));
+        let share = |index| Builder::share(&folder, settings(), sources.clone(), (index, 2));
+        let refused = |builder: Result<Builder>| {
+            let message = builder.unwrap_err().to_string();
+            assert!(message.contains("is writing into it; wait"), "{message}");
+        };
+        let [one, two] = [share(0).unwrap(), share(1).unwrap()];
+        refused(share(1));
+        refused(Builder::new(&folder, settings(), sources.clone()));
+        assert!(one.own_parts().eq([0]) && two.own_parts().eq([1]));
+        one.part(0).unwrap();
+        assert!(one.finish().unwrap().is_none());
+        two.part(1).unwrap();
+        assert_eq!(two.finish().unwrap().unwrap().n_samples(), 2);
     }
 }

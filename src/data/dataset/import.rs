@@ -5,6 +5,7 @@ use super::manifest::{FORMAT, MANIFEST, write_json};
 use super::{DatasetSettings, LabeledPart, Manifest, PartRecord, Split};
 use crate::answers::SiteAnswers;
 use crate::data::Sample;
+use crate::folder_lock::FolderLock;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -12,19 +13,21 @@ use std::path::Path;
 /// that cannot be checked. Of the accessible directions only "none" (0) and "some" (1) are known.
 ///
 /// # Errors
-/// If there are no samples, one is inconsistent, the folder holds a data set, or a file cannot be written.
+/// If there are no samples, one is inconsistent, the folder holds a data set, another program writes into it, or a file cannot be
+/// written.
 pub fn import(
     folder: &Path,
     settings: DatasetSettings,
     samples: &[(Split, Sample)],
 ) -> Result<Manifest> {
-    let path = folder.join(MANIFEST);
-    if path.exists() {
-        return Err(Error::file(&path, "folder", "it holds a data set", "choose another folder"));
-    }
     if samples.is_empty() {
         let remedy = "name a folder with samples of the published format";
         return Err(Error::argument("the list of samples", "empty", "one or more", remedy));
+    }
+    let _lock = FolderLock::whole(folder)?;
+    let path = folder.join(MANIFEST);
+    if path.exists() {
+        return Err(Error::file(&path, "folder", "it holds a data set", "choose another folder"));
     }
     let mut parts = Vec::with_capacity(samples.len());
     for (index, (split, sample)) in samples.iter().enumerate() {

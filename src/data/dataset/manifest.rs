@@ -1,14 +1,12 @@
 //! The manifest of a data set: its settings, and per part its origin, scale, cutters and shares of labels.
 
 use crate::answers::Definition;
-use crate::atomic_file;
 use crate::cutter::{CutterParams, CutterSet};
 use crate::data::online::is_size_range;
 use crate::directions::DirectionSet;
 use crate::geom::sites::MAX_SITES;
-use crate::{Error, Result};
+use crate::{Error, Result, atomic_file, input_file};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
-use std::io::Write;
 use std::path::{Component, Path};
 
 /// Name of the manifest in a data set's folder.
@@ -215,7 +213,7 @@ impl Manifest {
 
 /// Reads any JSON value, with `remedy` in the error.
 pub(super) fn read_json<T: DeserializeOwned>(path: &Path, remedy: &str) -> Result<T> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
+    let text = input_file::read_text(path, input_file::MOST_TEXT)?;
     serde_json::from_str(&text).map_err(|e| {
         let place = format!("line {} column {}", e.line(), e.column());
         Error::file(path, place, e.to_string(), remedy)

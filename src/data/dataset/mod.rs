@@ -17,7 +17,7 @@ use crate::cutter::CutterParams;
 use crate::data::Sample;
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::geom::Sites;
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -180,7 +180,7 @@ fn by_site<T: Copy>(n: usize, answers: &[SiteAnswers], of: fn(&SiteAnswers) -> &
 
 /// SHA-256 of a file's bytes, hexadecimal.
 fn content_hash(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
+    let bytes = input_file::read(path, input_file::MOST_DATA)?;
     Ok(hmac_sha256::Hash::hash(&bytes).iter().map(|b| format!("{b:02x}")).collect())
 }
 

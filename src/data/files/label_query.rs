@@ -15,7 +15,7 @@ use crate::directions::{DirectionSet, Directions};
 use crate::geom::formats::{self, ReadOptions};
 use crate::geom::sites::{self, SiteOptions};
 use crate::geom::{Mesh, Sites};
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -324,7 +324,7 @@ impl Stated<'_> {
             };
             return Err(self.fault("folder", found, remedy));
         };
-        let bytes = std::fs::read(&path).map_err(|e| Error::read(&path, e))?;
+        let bytes = input_file::read(&path, input_file::MOST_DATA)?;
         if hex(&bytes) != hash {
             let found = format!("it is not the surface of {}", self.path.display());
             let remedy = "label the part again, or restore the file";

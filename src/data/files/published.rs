@@ -10,11 +10,10 @@
 
 use super::super::sample::Sample;
 use crate::answers::SiteAnswers;
-use crate::atomic_file;
 use crate::cutter::CutterParams;
 use crate::geom::Sites;
 use crate::octree::Normalization;
-use crate::{Error, Result};
+use crate::{Error, Result, atomic_file, input_file};
 use glam::Vec3;
 use std::collections::HashSet;
 use std::io::{self, Write};
@@ -82,7 +81,7 @@ pub fn read_list(root: &Path, list: List) -> Result<Vec<Sample>> {
         let cutter = cutter(&words[words.len().saturating_sub(4)..], &path, &place)?;
         let relative = words[0].replace('\\', "/");
         let points = root.join("points").join(&relative);
-        let bytes = std::fs::read(&points).map_err(|e| Error::read(&points, e))?;
+        let bytes = input_file::read(&points, input_file::MOST_TEXT)?;
         Rows::of_ply(&bytes, &points)?.sample(&stem(&relative), cutter)
     };
     lines.map(sample).collect()
@@ -148,7 +147,7 @@ fn published_labels(sample: &Sample, i: usize) -> [u8; 2] {
 }
 
 /// Numbers in the shortest form that reads back to the same bits.
-fn text_lines(sample: &Sample, file: &mut impl Write) -> io::Result<()> {
+fn text_lines(sample: &Sample, file: &mut (impl Write + ?Sized)) -> io::Result<()> {
     let sites = &sample.sites;
     for (i, (p, n)) in sites.points.iter().zip(&sites.normals).enumerate() {
         let [label, label_2] = published_labels(sample, i);
@@ -175,7 +174,7 @@ fn ply(sample: &Sample) -> Result<Vec<u8>> {
 }
 
 fn read_text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).map_err(|e| Error::read(path, e))
+    input_file::read_text(path, input_file::MOST_TEXT)
 }
 
 /// CR, CH, FR, FH of the first four words.

@@ -20,7 +20,7 @@ mod table;
 
 use super::ball_end_words;
 use crate::cutter::{Assembly, Cutter, CutterParams, Step};
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -257,7 +257,7 @@ pub struct ToolTable {
 /// two rows of a table have the same name.
 pub fn read(path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
     if !path.is_dir() {
-        let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
+        let bytes = input_file::read(path, input_file::MOST_SETTINGS)?;
         let table = from_bytes(&bytes, path, unsaid)?;
         return some_left(table, path);
     }
@@ -268,7 +268,7 @@ pub fn read(path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
         return Err(Error::file(path, "folder", "there is no .fctb file in it", remedy));
     }
     for file in files {
-        let bytes = std::fs::read(&file).map_err(|e| Error::read(&file, e))?;
+        let bytes = input_file::read(&file, input_file::MOST_SETTINGS)?;
         let table = from_bytes(&bytes, &file, unsaid)?;
         all.tools.extend(table.tools);
         all.refused.extend(table.refused);

@@ -5,7 +5,7 @@
 //! against headers that promise more than the file holds. Memory stays within a small multiple of the
 //! file's size, whatever a header claims. Every reader also takes bytes, for tests and fuzzing.
 
-mod npz;
+pub(crate) mod npz;
 mod obj;
 mod ply;
 mod polygon;
@@ -14,12 +14,12 @@ mod text;
 mod threemf;
 
 use super::{Mesh, Sites, weld};
-use crate::{Error, Result, atomic_file};
+use crate::{Error, Result, atomic_file, input_file, memory};
 use glam::{DVec3, Vec3};
 use std::path::Path;
 
-/// Largest file that is read, bytes.
-const MAX_FILE_BYTES: u64 = 4 << 30;
+/// Bytes while a mesh is read and welded for each byte of its file: measured are 6.
+const BYTES_OF_BYTE: usize = 8;
 /// Largest coordinate that is accepted, mm: far beyond any part, and its cube is still far from
 /// the largest number, so no later computation overflows.
 const MAX_COORDINATE: f64 = 1e12;
@@ -103,7 +103,7 @@ pub enum MeshOrCloud {
 /// As [`read_mesh`] and [`read_cloud`].
 pub fn read_part(path: &Path, options: &ReadOptions) -> Result<MeshOrCloud> {
     let format = Format::of(path)?;
-    let bytes = read_bytes(path)?;
+    let bytes = input_file::read(path, input_file::MOST_DATA)?;
     let cloud = match format {
         Format::Npz => true,
         Format::Ply => ply::is_cloud(&bytes, path)?,
@@ -125,7 +125,7 @@ pub fn read_part(path: &Path, options: &ReadOptions) -> Result<MeshOrCloud> {
 /// [`super::check`].
 pub fn read_mesh(path: &Path, options: &ReadOptions) -> Result<Mesh> {
     let format = Format::of(path)?;
-    mesh_from_bytes(&read_bytes(path)?, format, path, options)
+    mesh_from_bytes(&input_file::read(path, input_file::MOST_DATA)?, format, path, options)
 }
 
 /// [`read_mesh`] from memory; `path` only serves messages.
@@ -140,6 +140,9 @@ pub fn mesh_from_bytes(
 ) -> Result<Mesh> {
     check_options(options)?;
     refuse_empty(bytes, path)?;
+    let needed = memory::product([bytes.len(), BYTES_OF_BYTE]);
+    let remedy = format!("{}: export the part with fewer triangles", path.display());
+    memory::require("reading the mesh", needed, remedy)?;
     let mut mesh = match format {
         Format::Stl => stl::read(bytes, path)?,
         Format::Obj => obj::read(bytes, path)?,
@@ -173,7 +176,7 @@ pub fn mesh_from_bytes(
 /// or a normal is zero.
 pub fn read_cloud(path: &Path) -> Result<Sites> {
     let format = Format::of(path)?;
-    cloud_from_bytes(&read_bytes(path)?, format, path, 1.0)
+    cloud_from_bytes(&input_file::read(path, input_file::MOST_DATA)?, format, path, 1.0)
 }
 
 /// [`read_cloud`] from memory, with `scale` millimeters per unit; `path` only serves messages.
@@ -237,19 +240,6 @@ pub fn stl_bytes(mesh: &Mesh) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     stl::write(&mut bytes, mesh).map_err(|e| Error::write("memory", e))?;
     Ok(bytes)
-}
-
-fn read_bytes(path: &Path) -> Result<Vec<u8>> {
-    let size = std::fs::metadata(path).map_err(|e| Error::read(path, e))?.len();
-    if size > MAX_FILE_BYTES {
-        return Err(Error::TooLarge {
-            operation: "reading the file",
-            needed_bytes: size,
-            limit_bytes: MAX_FILE_BYTES,
-            remedy: format!("{}: export the part with fewer triangles", path.display()),
-        });
-    }
-    std::fs::read(path).map_err(|e| Error::read(path, e))
 }
 
 fn refuse_empty(bytes: &[u8], path: &Path) -> Result<()> {

@@ -77,8 +77,11 @@ fn rows(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, String> {
     Ok((0..n).map(|i| DVec3::new(at(i, 0), at(i, 1), at(i, 2))).collect())
 }
 
+/// Most bytes that [`check_header`] looks at.
+pub(crate) const HEAD_BYTES: usize = 12 + MAX_HEADER_BYTES;
+
 /// Refuses headers that are not a short dictionary with a shape whose product fits into 64 bits.
-fn check_header(bytes: &[u8]) -> std::result::Result<(), String> {
+pub(crate) fn check_header(bytes: &[u8]) -> std::result::Result<(), String> {
     let word = |i: usize| bytes.get(i).copied().map(usize::from);
     let (begin, length) = match (bytes.starts_with(b"\x93NUMPY"), word(6)) {
         (true, Some(1)) => (10, word(8).zip(word(9)).map(|(low, high)| low + 256 * high)),

@@ -137,7 +137,7 @@ pub(super) fn check_count(mesh: &Mesh) -> Result<()> {
 }
 
 /// Writes a binary file; the header must not begin with `solid`.
-pub(super) fn write(writer: &mut impl Write, mesh: &Mesh) -> std::io::Result<()> {
+pub(super) fn write(writer: &mut (impl Write + ?Sized), mesh: &Mesh) -> std::io::Result<()> {
     let mut head = [b' '; 80];
     let title = concat!("deepmill ", env!("CARGO_PKG_VERSION"), ", millimeters");
     head[..title.len()].copy_from_slice(title.as_bytes());

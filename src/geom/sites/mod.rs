@@ -21,7 +21,7 @@ mod start;
 mod surface;
 
 use crate::geom::Mesh;
-use crate::{Error, Result};
+use crate::{Error, Result, memory, par};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 pub(crate) use sheet::OPPOSITE;
@@ -166,17 +166,22 @@ impl Default for SiteOptions {
 
 /// Most sites that [`sample`] accepts.
 pub const MAX_SITES: usize = 10_000_000;
+/// Upper estimate for relaxing and writing them.
+const BYTES_OF_SITE: usize = 512;
 
 /// Near-uniform sites on `mesh`, the same for every thread count.
 ///
 /// # Errors
-/// If `n_sites` is 0 or above [`MAX_SITES`], a face names a missing vertex, a vertex is not finite,
-/// or the mesh has no area.
+/// If `n_sites` is 0 or above [`MAX_SITES`], a face names a missing vertex, a vertex is not finite or beyond 10¹² mm,
+/// the mesh has no area, or so many sites do not fit into the memory.
 pub fn sample(mesh: &Mesh, options: &SiteOptions) -> Result<Sites> {
+    let _floats = par::DefaultFloats::set();
     if options.n_sites == 0 || options.n_sites > MAX_SITES {
         let expected = format!("1 to {MAX_SITES}");
         return Err(Error::argument("sites", options.n_sites, expected, "choose another number"));
     }
+    let needed = memory::product([options.n_sites, BYTES_OF_SITE]);
+    memory::require("sampling the sites", needed, "ask for fewer sites")?;
     let surface = Surface::build(mesh)?;
     let mut places = start::place(&surface, options.n_sites, options.seed);
     relax::relax(&surface, &mut places);

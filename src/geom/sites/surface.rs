@@ -12,6 +12,8 @@ const WALL: u32 = u32::MAX;
 const FLAT: f64 = 1e-12;
 /// Edges one walk may cross; a longer walk ends early, on the surface.
 const MAX_CROSSINGS: usize = 1000;
+/// Areas of anything within this are far inside `f64`, and places inside `f32`; readers of files have the same bound.
+const MAX_COORDINATE_MM: f64 = 1e12;
 
 /// A point on the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,9 +39,18 @@ pub(super) struct Surface<'a> {
 
 impl<'a> Surface<'a> {
     /// # Errors
-    /// If a face names a missing vertex, a vertex is not finite, or the mesh has no area.
+    /// If a face names a missing vertex, a vertex is not finite or beyond [`MAX_COORDINATE_MM`], or the mesh has no area.
     pub fn build(mesh: &'a Mesh) -> Result<Self> {
         mesh.check()?;
+        let is_far = |v: &DVec3| v.abs().max_element() > MAX_COORDINATE_MM;
+        if let Some(v) = mesh.vertices.iter().position(is_far) {
+            let found = format!("is at {}, beyond {MAX_COORDINATE_MM:e} mm", mesh.vertices[v]);
+            return Err(Error::geometry(
+                format!("vertex {v}"),
+                found,
+                "check the file and its unit",
+            ));
+        }
         let n_faces = mesh.triangles.len();
         let (mut normals, mut areas) = (vec![DVec3::ZERO; n_faces], vec![0.0; n_faces]);
         for face in 0..n_faces {

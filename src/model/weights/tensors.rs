@@ -1,10 +1,9 @@
 //! Named tensors, and reading and writing them as safetensors.
 
-use crate::{Error, Result, atomic_file};
+use crate::{Error, Result, atomic_file, input_file};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use std::collections::{BTreeMap, HashMap};
-use std::io::Write as _;
 use std::path::Path;
 
 /// Elements of a tensor, row-major, in the type they have in the file.
@@ -98,7 +97,7 @@ impl TensorFile {
     /// If the file cannot be read, is not safetensors, or holds a tensor of another type than f64, f32, f16,
     /// bf16, i64, i32.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::from_bytes(&std::fs::read(path).map_err(|e| Error::read(path, e))?, path)
+        Self::from_bytes(&input_file::read(path, input_file::MOST_DATA)?, path)
     }
 
     /// Reads the content of a safetensors file; `origin` is named in errors.

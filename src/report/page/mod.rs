@@ -15,7 +15,6 @@ use crate::{Error, Result, atomic_file};
 use glam::DVec3;
 use pack::{Block, Grid};
 use serde_json::{Value, json};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Name of the file in a folder of results.

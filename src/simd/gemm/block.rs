@@ -182,7 +182,7 @@ fn add_products<S: Simd>(
                 WeightSource::Matrices(weights) => {
                     let rows = copy.rows(p.len(), n_columns);
                     weights.copy_panel(s, k, p.clone(), first, rows);
-                    // SAFETY: all rows are written.
+                    // SAFETY: `copy_panel` writes every number of `rows`: it has `p.len()` rows of a panel's width.
                     unsafe { Panel::written::<S>(rows) }
                 }
             };
@@ -197,8 +197,9 @@ fn add_products<S: Simd>(
                     rows: &outputs[r.clone()],
                     width: n_columns,
                 };
-                // SAFETY: all rows were checked on entry, p stays inside those of x, and rows of the
-                // block inside the sums.
+                // SAFETY: `a` and `c` have as many rows as the tile is high (`with_height`); rows of `x` are `depth` wide and inside it
+                // (`check`), and p, the panel's depth, ends within them; rows of the block are inside it (`check`), and the sums have a row of
+                // `n_columns = WIDTH·LANES` for each, borrowed here alone; rows of the panel are as wide.
                 unsafe {
                     with_height!(r.len(), tile_rows::<S, WIDTH>(s, a, panel, c, n_columns, true))
                 };

@@ -100,7 +100,9 @@ impl<'a> Panel<'a> {
         let to: *mut f32 = copy.as_mut_ptr().cast();
         for (r, &row) in g.rows.iter().enumerate() {
             for v in 0..WIDTH {
-                // SAFETY: the caller's promise; the copy has a place for each row.
+                // SAFETY: reads: row `row` reaches `width` numbers far from `start` on (the caller's promise), of which vector `v` takes
+                // those below `width`, none if it begins beyond; writes: `copy` has `stride` places for each of the rows (asserted), and
+                // `v·LANES + LANES ≤ stride`.
                 unsafe {
                     let from = g.start.add(row as usize * g.width).wrapping_add(v * S::LANES);
                     let lanes = match width == stride {
@@ -148,7 +150,7 @@ pub(super) fn copy_row<S: Simd>(s: S, row: &[f32], to: &mut [MaybeUninit<f32>]) 
             Some(row) => S::F32::load(s, row),
             None => S::F32::load_partial(s, row.get(first..).unwrap_or_default()),
         };
-        // SAFETY: `to` has places for WIDTH vectors.
+        // SAFETY: `to` has `WIDTH·LANES` places (asserted), and `first + LANES` is no more.
         unsafe { lanes.store_ptr(to.as_mut_ptr().add(first).cast()) };
     }
 }
@@ -156,8 +158,8 @@ pub(super) fn copy_row<S: Simd>(s: S, row: &[f32], to: &mut [MaybeUninit<f32>]) 
 /// One tile of `matmul_rows`; adds to `c` if there is `more`, else overwrites it.
 ///
 /// # Safety
-/// `a` and `c` have `M` rows; those of `a` reach `panel.depth` numbers far, those of `c` `width ≤ V·LANES`; the
-/// rows of the panel have `V·LANES` numbers.
+/// `a` and `c` have `M` rows; those of `a` reach `panel.depth` numbers far, those of `c` `width ≤ V·LANES`, for writing and by nobody
+/// else; the rows of the panel have `V·LANES` numbers. Rows of `c` may be the same.
 #[inline(always)]
 pub(super) unsafe fn tile_rows<S: Simd, const M: usize, const V: usize>(
     s: S,
@@ -167,7 +169,8 @@ pub(super) unsafe fn tile_rows<S: Simd, const M: usize, const V: usize>(
     width: usize,
     more: bool,
 ) {
-    // SAFETY: the caller's promise.
+    // SAFETY: by the caller's promise: row `a.rows[i]` of `a` has number `p < panel.depth`; the panel has row `p`, with vectors below `V`;
+    // the rows of `c` reach `width ≤ V·LANES` far, which is what `load` and `store` ask.
     unsafe {
         let (mut a_rows, mut c_rows) = ([a.start; M], [c.start; M]);
         for i in 0..M {
@@ -218,7 +221,8 @@ pub(super) unsafe fn tile_tn<S: Simd, const M: usize, const V: usize>(
     (d, n): (*mut f32, usize),
     width: usize,
 ) {
-    // SAFETY: the caller's promise.
+    // SAFETY: by the caller's promise: `a.rows` has an entry for each of the `panel.depth` rows of the panel, and that row of `a` has `M`
+    // numbers; the panel has row `r`, with vectors below `V`; the `M` rows of `d`, `n` apart, reach `width ≤ V·LANES` far.
     unsafe {
         let d_row = |i: usize| d.wrapping_add(i * n);
         let mut sums = load::<S, M, V>(s, d_row, width);
@@ -244,7 +248,7 @@ pub(super) unsafe fn tile_tn<S: Simd, const M: usize, const V: usize>(
 unsafe fn panel_row<S: Simd, const V: usize>(s: S, panel: Panel<'_>, p: usize) -> [S::F32; V] {
     let mut row = [S::F32::splat(s, 0.0); V];
     for (v, row) in row.iter_mut().enumerate() {
-        // SAFETY: the caller's promise.
+        // SAFETY: the panel has row `p`, whose `V·LANES` numbers hold vector `v < V` (the caller's promise).
         *row = unsafe { panel_vector(s, panel, p, v) };
     }
     row
@@ -256,7 +260,8 @@ unsafe fn panel_row<S: Simd, const V: usize>(s: S, panel: Panel<'_>, p: usize) -
 /// The panel has the row, which has the vector.
 #[inline(always)]
 unsafe fn panel_vector<S: Simd>(s: S, panel: Panel<'_>, p: usize, v: usize) -> S::F32 {
-    // SAFETY: the caller's promise.
+    // SAFETY: rows are `stride` apart and the panel has row `p` with vector `v` (the caller's promise); its numbers are written, as all
+    // that make a `Panel` see to or ask.
     unsafe { S::F32::load_ptr(s, panel.start.add(p * panel.stride + v * S::LANES)) }
 }
 
@@ -273,7 +278,8 @@ unsafe fn load<S: Simd, const M: usize, const V: usize>(
     let mut tile = [[S::F32::splat(s, 0.0); V]; M];
     for i in 0..M {
         for v in 0..V {
-            // SAFETY: the caller's promise.
+            // SAFETY: the row reaches `width` numbers far (the caller's promise): all of vector `v`, or those of its lanes that are below
+            // `width`, none if it begins beyond.
             tile[i][v] = unsafe {
                 let from = row(i).wrapping_add(v * S::LANES);
                 match width == V * S::LANES {
@@ -299,7 +305,8 @@ unsafe fn store<S: Simd, const M: usize, const V: usize>(
     for i in 0..M {
         for v in 0..V {
             let to = row(i).wrapping_add(v * S::LANES);
-            // SAFETY: the caller's promise.
+            // SAFETY: the row reaches `width` places far and is the caller's (its promise): all of vector `v`, or those of its lanes that are
+            // below `width`, none if it begins beyond.
             unsafe {
                 match width == V * S::LANES {
                     true => tile[i][v].store_ptr(to),

@@ -147,7 +147,7 @@ fn transpose<S: Simd>(
             for i in 0..n {
                 let place = (p + i) * columns::<S>() + v * S::LANES;
                 let to = to[place..place + S::LANES].as_mut_ptr().cast();
-                // SAFETY: the slice has a place for each lane.
+                // SAFETY: the slice that `to` comes from has `LANES` places, of a type with the layout of `f32`.
                 unsafe { square[i].store_ptr(to) };
             }
         }
@@ -249,7 +249,8 @@ impl Kernel for PackPanel<'_, '_, f32> {
 
 /// Memory that is to be overwritten.
 pub(in crate::simd) fn uninit(x: &mut [f32]) -> &mut [MaybeUninit<f32>] {
-    // SAFETY: the two types have the same layout, and kernels write nothing but numbers.
+    // SAFETY: the two types have the same layout and the borrow is the same; `MaybeUninit` would let numbers be un-written, which no
+    // kernel does: they call `write`, `store` and `store_ptr` with numbers alone, and this function is for them only.
     unsafe { &mut *(std::ptr::from_mut(x) as *mut [MaybeUninit<f32>]) }
 }
 

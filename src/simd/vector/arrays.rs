@@ -45,23 +45,23 @@ macro_rules! array_vector {
             }
             #[inline(always)]
             unsafe fn load_ptr(_: $isa, from: *const $t) -> Self {
-                // SAFETY: the caller's promise; arrays of numbers may lie anywhere.
+                // SAFETY: LANES numbers may be read (the caller's promise), and `read_unaligned` takes any address.
                 Lanes(unsafe { from.cast::<[$t; $n]>().read_unaligned() }, PhantomData)
             }
             #[inline(always)]
             unsafe fn store_ptr(self, to: *mut $t) {
-                // SAFETY: the caller's promise.
+                // SAFETY: LANES places may be written (the caller's promise), and `write_unaligned` takes any address.
                 unsafe { to.cast::<[$t; $n]>().write_unaligned(self.0) }
             }
             #[inline(always)]
             unsafe fn load_partial_ptr(_: $isa, from: *const $t, n: usize) -> Self {
-                // SAFETY: lanes below `n` are the caller's promise, others are not read.
+                // SAFETY: `l < n`, and `n` numbers may be read (the caller's promise); the address is that of a number.
                 Self::from_fn(|l| if l < n { unsafe { *from.add(l) } } else { 0.0 })
             }
             #[inline(always)]
             unsafe fn store_partial_ptr(self, to: *mut $t, n: usize) {
                 for (l, x) in self.0.into_iter().enumerate().take(n) {
-                    // SAFETY: `l < n`, the caller's promise.
+                    // SAFETY: `l < n`, and `n` places may be written (the caller's promise); the address is that of a number.
                     unsafe { *to.add(l) = x };
                 }
             }
@@ -146,12 +146,12 @@ macro_rules! unsigned {
             }
             #[inline(always)]
             unsafe fn load_ptr(_: $isa, from: *const $t) -> Self {
-                // SAFETY: the caller's promise; arrays of numbers may lie anywhere.
+                // SAFETY: LANES numbers may be read (the caller's promise), and `read_unaligned` takes any address.
                 Lanes(unsafe { from.cast::<[$t; $n]>().read_unaligned() }, PhantomData)
             }
             #[inline(always)]
             unsafe fn store_ptr(self, to: *mut $t) {
-                // SAFETY: the caller's promise.
+                // SAFETY: LANES places may be written (the caller's promise), and `write_unaligned` takes any address.
                 unsafe { to.cast::<[$t; $n]>().write_unaligned(self.0) }
             }
             #[inline(always)]

@@ -104,7 +104,8 @@ macro_rules! vector {
             }
             #[inline(always)]
             unsafe fn store_partial_ptr(self, to: *mut $element, n: usize) {
-                // SAFETY: as for loading.
+                // SAFETY: `self` was made from a token; `n ≤ LANES`, so the table has LANES entries from there on, and lanes from `n` on are not
+                // written.
                 unsafe {
                     let mask = _mm256_loadu_si256($table.as_ptr().add($lanes - n).cast());
                     $maskstore(to, mask, self.0);
@@ -182,12 +183,12 @@ impl Mask for __m256 {
     }
     #[inline(always)]
     fn or(self, other: Self) -> Self {
-        // SAFETY: as above.
+        // SAFETY: the operands were made from a token.
         unsafe { _mm256_or_ps(self, other) }
     }
     #[inline(always)]
     fn bits(self) -> u32 {
-        // SAFETY: as above.
+        // SAFETY: the operands were made from a token.
         unsafe { _mm256_movemask_ps(self) as u32 }
     }
 }

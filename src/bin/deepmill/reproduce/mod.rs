@@ -22,6 +22,7 @@ mod trainings;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use clap::ValueEnum;
+use deepmill::folder_lock::FolderLock;
 use deepmill::{Result, atomic_file};
 use serde_json::{Map, Value};
 use std::path::PathBuf;
@@ -117,6 +118,7 @@ impl Experiment {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     atomic_file::check_writable_folder(&args.out)?;
+    let _lock = FolderLock::whole(&args.out)?;
     let study = Study::new(args, output)?;
     let mut results = Map::new();
     for experiment in args.experiment.runs() {

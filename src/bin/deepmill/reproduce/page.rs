@@ -4,7 +4,6 @@ use super::study::Study;
 use deepmill::report::tables::Table;
 use deepmill::{Result, atomic_file};
 use serde_json::{Value, json};
-use std::io::Write;
 
 /// What `NAME.md` says.
 pub struct Page<'a> {

@@ -20,7 +20,6 @@ use deepmill::train::{EpochRow, Observer, Run, RunFolder, Settings, StepReport};
 use deepmill::{Error, Result, atomic_file};
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
-use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;

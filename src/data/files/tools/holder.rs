@@ -3,7 +3,7 @@
 use super::place::{Place, decimal, json, shown, unit_mm, utf8};
 use super::{Unsaid, first_char};
 use crate::cutter::Section;
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use serde_json::Value;
 use std::path::Path;
 
@@ -22,7 +22,7 @@ pub struct Holder {
 /// # Errors
 /// If the file is neither, holds several holders, or a segment is not possible.
 pub fn read_holder(path: &Path, unsaid: &Unsaid) -> Result<Holder> {
-    let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
+    let bytes = input_file::read(path, input_file::MOST_SETTINGS)?;
     let text = utf8(&bytes, path)?;
     match first_char(text) {
         Some('{' | '[') => of_library(&json(text, path)?, path, unsaid),

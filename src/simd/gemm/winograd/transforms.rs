@@ -193,8 +193,9 @@ impl TransformScratch {
         s: S,
     ) -> (&mut Halfway<S::F32>, &mut [*const f32; 64], &mut Exists) {
         let halfway: *mut Halfway<S::F32> = self.halfway.as_mut_ptr().cast();
-        // SAFETY: the memory is aligned and large enough for 128 vectors of any instruction set, and belongs to
-        // `self`; it is written before it is borrowed.
+        // SAFETY: the first field of a struct that is aligned to 64 bytes is so too, as the widest vector needs; it has places for 128 vectors
+        // of the most lanes, which `Halfway` is made of; all are written before a reference to them is made; that reference takes over the
+        // borrow of `self.halfway`, and the other two fields are borrowed apart.
         let halfway = unsafe {
             for i in 0..128 {
                 halfway.cast::<S::F32>().add(i).write(S::F32::splat(s, 0.0));
@@ -220,7 +221,7 @@ impl<const WHOLE: bool> Chunk<WHOLE> {
     /// From `row` on there are `first + n` numbers, and `n` is the number of lanes if `WHOLE`.
     #[inline(always)]
     unsafe fn load<S: Simd>(self, s: S, row: *const f32) -> S::F32 {
-        // SAFETY: the caller's promise.
+        // SAFETY: `n` numbers from `row + first` on may be read (the caller's promise): a whole vector if `WHOLE`, no more than `n` otherwise.
         unsafe {
             match WHOLE {
                 true => S::F32::load_ptr(s, row.add(self.first)),
@@ -233,7 +234,7 @@ impl<const WHOLE: bool> Chunk<WHOLE> {
     /// As for [`Chunk::load`], for writing.
     #[inline(always)]
     unsafe fn store<S: Simd>(self, lanes: S::F32, row: *mut f32) {
-        // SAFETY: the caller's promise.
+        // SAFETY: `n` places from `row + first` on may be written (the caller's promise): a whole vector if `WHOLE`, no more than `n` otherwise.
         unsafe {
             match WHOLE {
                 true => lanes.store_ptr(row.add(self.first)),
@@ -305,7 +306,8 @@ pub(super) fn frequencies<S: Simd>(
 ) {
     assert!(to.len() >= (N_FREQUENCIES - 1) * plane + depth);
     let to = to.as_mut_ptr();
-    // SAFETY: every row holds `depth` numbers, and so does every frequency, as asserted.
+    // SAFETY: reads: `find_rows` cut each row to `depth` numbers, or took zeros, of which there are MAX_DEPTH ≥ depth (`check_groups`); writes:
+    // frequency f has `depth` places from `f·plane` on (asserted for the last), borrowed here alone; chunks end at `depth`.
     for_each_chunk!(S, depth, |chunk| unsafe {
         each_axis::<_, 4, 4>(
             halfway,
@@ -336,7 +338,8 @@ impl Kernel for GradientKernel<'_> {
             let to = &mut to[i * width..];
             assert!(to.len() >= (N_FREQUENCIES - 1) * plane + width);
             let to = to.as_mut_ptr();
-            // SAFETY: `dy` has eight rows of `width` numbers, and every frequency one, as asserted.
+            // SAFETY: reads: `chunks_exact` cut `dy` to eight rows of `width` numbers; writes: frequency f has `width` places from `f·plane` on
+            // (asserted for the last), borrowed here alone; chunks end at `width`.
             for_each_chunk!(S, width, |chunk| unsafe {
                 each_axis::<_, 2, 4>(
                     halfway,
@@ -383,7 +386,8 @@ impl Kernel for KernelKernel<'_, '_> {
             KernelTransform::Products { x, stride, width, to } => {
                 assert!(x.len() >= 26 * stride + width && to.len() >= N_FREQUENCIES * width);
                 let (x, to) = (x.as_ptr(), to.as_mut_ptr());
-                // SAFETY: there are 27 rows of `x` and 64 of `to`, as asserted.
+                // SAFETY: reads: row 26 of `x`, rows `stride` apart, ends within it (asserted); writes: `to` has 64 rows of `width` (asserted),
+                // borrowed here alone; chunks end at `width`.
                 for_each_chunk!(S, width, |chunk| unsafe {
                     each_axis::<_, 3, 4>(
                         halfway,
@@ -399,7 +403,8 @@ impl Kernel for KernelKernel<'_, '_> {
             KernelTransform::Gradients { x, stride, width, to } => {
                 assert!(x.len() >= 63 * stride + width && to.len() >= 27 * width);
                 let (x, to) = (x.as_ptr(), to.as_mut_ptr());
-                // SAFETY: there are 64 rows of `x` and 27 of `to`, as asserted.
+                // SAFETY: reads: row 63 of `x`, rows `stride` apart, ends within it (asserted); writes: `to` has 27 rows of `width` (asserted),
+                // borrowed here alone; chunks end at `width`.
                 for_each_chunk!(S, width, |chunk| unsafe {
                     each_axis::<_, 4, 3>(
                         halfway,
@@ -437,8 +442,8 @@ fn transform_panel<S: Simd>(
             for v in 0..WIDTH {
                 let (from, at) = (i * n_columns + v * S::LANES, p * n_columns + v * S::LANES);
                 let (w, to) = (w.as_ptr(), to.as_mut_ptr());
-                // SAFETY: `w` has a row of the panel for each offset and index, and `to` for each frequency and
-                // row of the weights, as asserted.
+                // SAFETY: reads: `w` has LANES rows of a panel for each of the 27 offsets, `i < LANES` and vector `v < WIDTH` is within a row;
+                // writes: `to` has `depth` rows of a panel for each of the 64 frequencies (asserted), borrowed here alone, `p < depth`.
                 unsafe {
                     each_axis::<_, 3, 4>(
                         halfway,
@@ -475,7 +480,8 @@ pub(super) fn frequencies_of_ones<S: Simd>(
             }
         }
         let to = to[i * S::LANES..].as_mut_ptr();
-        // SAFETY: every frequency has a place for each group, as asserted.
+        // SAFETY: reads are of slices; writes: from `f·plane` on there is a place for each group (asserted for the last frequency), of which
+        // these are the ones from `i·LANES` on, `groups.len()` of them, borrowed here alone.
         unsafe {
             each_axis::<_, 4, 4>(
                 halfway,
