@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 const EVERYWHERE: [&str; 7] = ["error", "scalar", "rng", "par", "atomic_file", "Error", "Result"];
 
 /// Top module → top modules it may import. Arrows only point down.
-const PLAN: [(&str, &[&str]); 24] = [
+const PLAN: [(&str, &[&str]); 25] = [
     ("arrays", &["answers", "model", "geom"]),
     (
         "report",
@@ -28,6 +28,7 @@ const PLAN: [(&str, &[&str]); 24] = [
             "metrics",
             "cutter",
             "directions",
+            "processes",
             "simd",
         ],
     ),
@@ -46,6 +47,7 @@ const PLAN: [(&str, &[&str]); 24] = [
     ("cutter", &[]),
     ("directions", &[]),
     ("scalar", &["simd"]),
+    ("processes", &[]),
     ("par", &[]),
     ("atomic_file", &[]),
     ("rng", &[]),
