@@ -1,4 +1,4 @@
-"""Prints the model of a training step on many nodes (docs/cluster.md), and how well it describes what was measured.
+"""Prints the model of a training step on many nodes (docs/cluster.md).
 
     python benches/peers/cluster_model.py
 
@@ -9,8 +9,9 @@ A step of B samples on N nodes, b = B / N samples each:
     exposed = max(0, tree - h b c)                         h: share of the compute that the tree can run beside
     efficiency = T(1) / (N T(N)) for the same B (strong), T(1) / T(N) for the same b (weak)
 
-c: seconds per sample, forward and backward. u: seconds of clipping and update, the same on every node. w: bytes per second of a
-node's link; a: seconds per message.
+c: seconds per sample, forward and backward, measured. u: seconds of the update, the same on every node: 20 bytes per parameter
+through a memory of 10 GB/s, assumed. w: bytes per second of a node's link; a: seconds per message, assumed. Not in it: parts of
+unequal size, for which all wait, and drawing samples.
 """
 
 import argparse
@@ -20,11 +21,12 @@ BUCKET = 1 << 20
 # Share of a step's compute that is the last group's backward, with one group per process: two thirds.
 OVERLAP = 2 / 3
 
-# Parameters; seconds per sample and per update on two cores (docs/cluster.md says where they were measured).
+# Parameters, and seconds per sample on two cores: 0.065 s of processor time, and docs/benchmarks.md (a step of eight).
 NETWORKS = {
-    "slim, 3.9 M": {"n": 3_922_772, "sample_s": 0.07, "update_s": 0.004},
-    "reference, 43.3 M": {"n": 43_300_000, "sample_s": 0.083, "update_s": 0.04},
+    "slim, 3.9 M": {"n": 3_922_772, "sample_s": 0.065 / 2},
+    "reference, 43.3 M": {"n": 43_313_668, "sample_s": 0.662 / 8},
 }
+UPDATE_S = 20 / 10e9
 # Bytes per second and seconds per message: of the link alone, and what its usual software takes for a small message.
 LINKS = {"10 Gbit/s": (1.25e9, 20e-6), "100 Gbit/s": (12.5e9, 2e-6)}
 NODES = [8, 64, 512]
@@ -37,7 +39,7 @@ def step_s(network, link, n_nodes, samples_per_node, speed=1.0, overlap=OVERLAP,
     n_buckets = -(-network["n"] // BUCKET)
     tree = 2 * network["n"] * size * (n_nodes - 1) / n_nodes / bandwidth
     tree += 2 * n_buckets * (n_nodes - 1) * latency
-    return compute + network["update_s"] + max(0.0, tree - overlap * compute)
+    return compute + network["n"] * UPDATE_S + max(0.0, tree - overlap * compute)
 
 
 def efficiency(network, link, n_nodes, batch, weak, speed, **more):
