@@ -85,6 +85,22 @@ pub enum Error {
         /// Greatest relative error allowed.
         limit: f64,
     },
+    /// This process failed, first of several that work together.
+    #[error("process {rank} of {size}: {source}")]
+    Process {
+        /// Number of this process, from 0.
+        rank: usize,
+        /// Number of processes.
+        size: usize,
+        /// What happened.
+        source: Box<Error>,
+    },
+    /// Another process failed, and says why.
+    #[error("process {rank} failed; see its message")]
+    OtherProcess {
+        /// Its number, from 0.
+        rank: usize,
+    },
     /// The user interrupted the program; whatever was finished is on disk.
     #[error("interrupted; {remedy}")]
     Interrupted {

@@ -51,6 +51,7 @@
 //! | `weights` | yes | the trained network (`Model::shipped`) |
 //! | `ndarray` | yes | sites, meshes and answers as `ndarray` views (`arrays`) |
 //! | `cli` | yes | the `deepmill` program |
+//! | `mpi` | no | several processes on many machines (`processes::Mpi`); binds the MPI library that is installed |
 //!
 //! `default-features = false` leaves the numerical core: labeler, octree, layers, training. Nothing compiles C.
 //!
@@ -87,6 +88,7 @@ pub mod optim;
 pub mod par;
 #[cfg(feature = "formats")]
 pub mod parity;
+pub mod processes;
 #[cfg(feature = "formats")]
 pub mod report;
 pub mod rng;

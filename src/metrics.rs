@@ -60,6 +60,17 @@ impl Confusion {
         counts
     }
 
+    /// The counts in the order of the fields.
+    pub fn to_array(&self) -> [u64; 4] {
+        [self.true_positive, self.false_positive, self.false_negative, self.true_negative]
+    }
+
+    /// From [`Confusion::to_array`].
+    pub fn from_array(counts: [u64; 4]) -> Self {
+        let [true_positive, false_positive, false_negative, true_negative] = counts;
+        Confusion { true_positive, false_positive, false_negative, true_negative }
+    }
+
     fn add(&mut self, predicted: bool, truth: bool) {
         self.count(predicted, truth, 1);
     }

@@ -249,6 +249,21 @@ pub(crate) fn join<A: Send, B: Send>(
     rayon::join(|| in_default(a), || in_default(b))
 }
 
+/// Calls `main`, and `work` on every message that it sends, in order, on a thread of their own meanwhile; the results of
+/// `work` in order.
+pub(crate) fn with_background<M: Send, R: Send>(
+    mut work: impl FnMut(M) -> R + Send,
+    main: impl FnOnce(&(dyn Fn(M) + Sync)),
+) -> Vec<R> {
+    std::thread::scope(|scope| {
+        let (sender, receiver) = std::sync::mpsc::channel();
+        let background = scope.spawn(move || receiver.into_iter().map(&mut work).collect());
+        main(&|message| sender.send(message).expect("its thread takes messages until this ends"));
+        drop(sender);
+        background.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
+}
+
 /// Sorts in parallel by a total order on keys; equal keys keep their order.
 pub(crate) fn sort_by_key<T: Send, K: Ord>(items: &mut [T], key: impl Fn(&T) -> K + Sync) {
     items.par_sort_by_key(key);
@@ -335,6 +350,12 @@ mod tests {
             (a.join().unwrap(), b.join().unwrap())
         });
         assert_eq!((a, b), (81, 81));
+    }
+
+    #[test]
+    fn a_background_thread_answers_in_order() {
+        let found = with_background(|i: usize| 2 * i, |send| (0..100).for_each(send));
+        assert!(found.into_iter().eq((0..100).map(|i| 2 * i)));
     }
 
     #[test]

@@ -18,7 +18,7 @@ const EVERYWHERE: [&str; 10] = [
 ];
 
 /// Top module → top modules it may import. Arrows only point down.
-const PLAN: [(&str, &[&str]); 27] = [
+const PLAN: [(&str, &[&str]); 28] = [
     ("arrays", &["answers", "model", "geom"]),
     (
         "report",
@@ -39,6 +39,7 @@ const PLAN: [(&str, &[&str]); 27] = [
             "metrics",
             "cutter",
             "directions",
+            "processes",
             "simd",
         ],
     ),
@@ -57,6 +58,7 @@ const PLAN: [(&str, &[&str]); 27] = [
     ("cutter", &[]),
     ("directions", &[]),
     ("scalar", &["simd"]),
+    ("processes", &[]),
     ("par", &["simd"]),
     ("memory", &[]),
     ("atomic_file", &[]),

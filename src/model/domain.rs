@@ -67,9 +67,15 @@ impl Domain {
         all.filter(|o| o.is_outside() && (!o.is_count() || o.is_far())).collect()
     }
 
-    fn ranges(&self) -> [[f64; 2]; 6] {
+    /// All ranges in the order of the fields.
+    pub fn ranges(&self) -> [[f64; 2]; 6] {
         let [cr, ch, fr, fh] = self.cutter;
         [cr, ch, fr, fh, self.thinness, self.n_sites]
+    }
+
+    /// From [`Domain::ranges`].
+    pub fn from_ranges([cr, ch, fr, fh, thinness, n_sites]: [[f64; 2]; 6]) -> Self {
+        Domain { cutter: [cr, ch, fr, fh], thinness, n_sites }
     }
 
     fn ranges_mut(&mut self) -> [&mut [f64; 2]; 6] {

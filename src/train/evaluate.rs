@@ -1,7 +1,7 @@
 //! Evaluation: scores of both heads over samples, pooled and by area.
 
 use super::HeadScore;
-use super::reliability::Reliability;
+use super::reliability::{Bin, Reliability};
 use crate::access::{LabelOptions, Labeler};
 use crate::answers::SiteAnswers;
 use crate::cutter::Cutter;
@@ -10,6 +10,7 @@ use crate::directions::Directions;
 use crate::geom::spacing;
 use crate::metrics::Confusion;
 use crate::model::{Model, Prediction};
+use crate::processes::{Processes, SingleProcess, share, share_numbers};
 use crate::{Error, Result};
 use std::time::Instant;
 
@@ -121,21 +122,35 @@ fn mean(samples: &[[Confusion; 2]], head: usize, score: impl Fn(&Confusion) -> f
 /// # Errors
 /// If there are no samples, or one is inconsistent.
 pub fn evaluate(model: &Model<f32>, samples: &[Sample]) -> Result<Evaluation> {
-    let [evaluation] = score(samples, |sample| Ok([predict(model, sample)?.answers()]))?;
+    evaluate_together(model, samples, &SingleProcess)
+}
+
+/// [`evaluate`] on several processes, which share out the samples. All call it with the same arguments, and have the result.
+///
+/// # Errors
+/// As [`evaluate`], or if another process fails.
+pub fn evaluate_together(
+    model: &Model<f32>,
+    samples: &[Sample],
+    processes: &dyn Processes,
+) -> Result<Evaluation> {
+    let answers = |sample: &Sample| Ok([predict(model, sample)?.answers()]);
+    let [evaluation] = score(samples, processes, answers)?;
     Ok(evaluation)
 }
 
 /// As [`evaluate`], and a second time with the `share` of sites that look most like occlusion points in
-/// place of those with the greater logit.
+/// place of those with the greater logit; on several processes as [`evaluate_together`].
 ///
 /// # Errors
-/// As [`evaluate`].
+/// As [`evaluate_together`].
 pub fn evaluate_ranked(
     model: &Model<f32>,
     samples: &[Sample],
     share: f64,
+    processes: &dyn Processes,
 ) -> Result<[Evaluation; 2]> {
-    score(samples, |sample| {
+    score(samples, processes, |sample| {
         let prediction = predict(model, sample)?;
         Ok([prediction.answers(), prediction.answers_ranked(share)])
     })
@@ -152,25 +167,30 @@ pub struct VerifiedScore {
 
 /// As [`TriangleObstacles::verify`](crate::access::surface::TriangleObstacles::verify) with this `bound` would leave every sample.
 ///
+/// On several processes as [`evaluate_together`].
+///
 /// # Errors
-/// As [`evaluate`] and [`SiteAnswers::least_certain`].
+/// As [`evaluate_together`] and [`SiteAnswers::least_certain`].
 pub fn evaluate_verified(
     model: &Model<f32>,
     samples: &[Sample],
     bound: f64,
+    processes: &dyn Processes,
 ) -> Result<VerifiedScore> {
-    let (mut n, mut n_computed, mut n_wrong) = (0, 0, 0);
-    for sample in samples {
+    let one = |sample: &Sample| -> Result<[usize; 3]> {
         sample.check()?;
         let (answers, truth) = (predict(model, sample)?.answers(), &sample.answers.inaccessible);
         let computed = answers.least_certain(bound)?;
         let wrong = |i: &usize| answers.inaccessible[*i] != truth[*i];
-        n += truth.len();
-        n_computed += computed.len();
-        n_wrong +=
-            (0..truth.len()).filter(wrong).count() - computed.iter().filter(|i| wrong(i)).count();
-    }
-    let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
+        let n_wrong = (0..truth.len()).filter(wrong).count();
+        Ok([truth.len(), computed.len(), n_wrong - computed.iter().filter(|i| wrong(i)).count()])
+    };
+    let own = share(samples.len(), processes.rank(), processes.size());
+    let own: Result<Vec<[usize; 3]>> = samples[own].iter().map(one).collect();
+    let to_numbers = |own: &Vec<[usize; 3]>| own.iter().flatten().map(|n| *n as f64).collect();
+    let (_, counts) = share_numbers(processes, own, to_numbers)?;
+    let [n, n_computed, n_wrong] = [0, 1, 2].map(|i| counts.iter().skip(i).step_by(3).sum::<f64>());
+    let share = |count: f64, of: f64| count / of.max(1.0);
     Ok(VerifiedScore { computed: share(n_computed, n), wrong: share(n_wrong, n - n_computed) })
 }
 
@@ -180,42 +200,80 @@ pub(super) fn predict(model: &Model<f32>, sample: &Sample) -> Result<Prediction<
 }
 
 /// Labels every sample with the exact labeler, as the network predicts them: for its time, and for its labels where those of
-/// the samples were made with denser obstacles or other directions. `share` is that of occlusion points.
+/// the samples were made with denser obstacles or other directions. `share` is that of occlusion points. On several processes as [`evaluate_together`].
 ///
 /// # Errors
-/// If there are no samples, or one is inconsistent or its cutter impossible.
+/// If there are no samples, one is inconsistent or its cutter impossible, or another process fails.
 pub fn evaluate_exact(
     samples: &[Sample],
     directions: &Directions,
     share: f64,
+    processes: &dyn Processes,
 ) -> Result<Evaluation> {
     let options = LabelOptions { share, ..LabelOptions::default() };
     let labeler = Labeler::of_sites(directions.clone(), options);
-    let [evaluation] = score(samples, |sample| {
+    let [evaluation] = score(samples, processes, |sample| {
         Ok([labeler.answer(&sample.sites, &Cutter::ball_end(sample.cutter)?)?])
     })?;
     Ok(evaluation)
 }
 
+/// Each process answers for its share of the samples, and hears of the others'.
 fn score<const N: usize>(
     samples: &[Sample],
+    processes: &dyn Processes,
     answers: impl Fn(&Sample) -> Result<[SiteAnswers; N]>,
 ) -> Result<[Evaluation; N]> {
     if samples.is_empty() {
         let remedy = "choose another split, or build the data set with --validation";
         return Err(Error::argument("the list of samples", "empty", "one sample or more", remedy));
     }
-    let mut evaluations: [Evaluation; N] = std::array::from_fn(|_| Evaluation::default());
-    for sample in samples {
+    let one = |sample: &Sample| -> Result<Vec<f64>> {
         let start = Instant::now();
         let answers = answers(sample)?;
         let seconds = start.elapsed().as_secs_f64();
-        for (evaluation, answers) in evaluations.iter_mut().zip(&answers) {
-            evaluation.seconds += seconds;
+        let mut numbers = Vec::new();
+        for answers in &answers {
+            let mut evaluation = Evaluation { seconds, ..Evaluation::default() };
             evaluation.add(sample, answers)?;
+            numbers.extend(evaluation.sample_to_numbers());
         }
+        Ok(numbers)
+    };
+    let own = share(samples.len(), processes.rank(), processes.size());
+    let own: Result<Vec<Vec<f64>>> = samples[own].iter().map(one).collect();
+    let (_, all) = share_numbers(processes, own, |own| own.concat())?;
+    let mut evaluations: [Evaluation; N] = std::array::from_fn(|_| Evaluation::default());
+    for (i, numbers) in all.chunks_exact(all.len() / samples.len() / N).enumerate() {
+        evaluations[i % N].append(&Evaluation::sample_from_numbers(numbers));
     }
     Ok(evaluations)
+}
+
+impl Evaluation {
+    /// The evaluation of a single sample, for other processes.
+    fn sample_to_numbers(&self) -> Vec<f64> {
+        let counts = [&self.samples[0], &self.by_area[0]];
+        let counts = counts.into_iter().flatten().flat_map(|counts| counts.to_array());
+        let bins = self.reliability.iter().flat_map(|head| &head.bins);
+        let bins = bins.flat_map(|b| [b.n as f64, b.n_positive as f64, b.probability_sum]);
+        std::iter::once(self.seconds).chain(counts.map(|n| n as f64)).chain(bins).collect()
+    }
+
+    /// From [`Evaluation::sample_to_numbers`].
+    fn sample_from_numbers(numbers: &[f64]) -> Self {
+        let mut numbers = numbers.iter().copied();
+        let mut next = || numbers.next().unwrap_or_default();
+        let seconds = next();
+        let mut counts =
+            || [(); 2].map(|()| Confusion::from_array([(); 4].map(|()| next() as u64)));
+        let (samples, by_area) = (vec![counts()], vec![counts()]);
+        let mut reliability = [Reliability::default(); 2];
+        for bin in reliability.iter_mut().flat_map(|head| &mut head.bins) {
+            *bin = Bin { n: next() as u64, n_positive: next() as u64, probability_sum: next() };
+        }
+        Evaluation { samples, by_area, reliability, seconds }
+    }
 }
 
 #[cfg(test)]
@@ -223,6 +281,7 @@ mod tests {
     use super::*;
     use crate::cutter::CutterParams;
     use crate::geom::Sites;
+    use crate::processes::tests::Threads;
     use glam::Vec3;
     use std::sync::Arc;
 
@@ -272,12 +331,29 @@ mod tests {
     fn all_sites_computed_leave_none_that_is_wrong_and_none_computed_leave_the_errors() {
         let sample = two_grids();
         let model = Model::new(&crate::model::UNetConfig::tiny(), 1).unwrap();
-        let verified = |bound| evaluate_verified(&model, std::slice::from_ref(&sample), bound);
+        let verified =
+            |bound| evaluate_verified(&model, std::slice::from_ref(&sample), bound, &SingleProcess);
         assert_eq!(verified(0.0).unwrap(), VerifiedScore { computed: 1.0, wrong: 0.0 });
         let right = evaluate(&model, std::slice::from_ref(&sample)).unwrap().head(0).mean.accuracy;
         let none = verified(1.0).unwrap();
         assert!(none.computed == 0.0 && (none.wrong - (1.0 - right)).abs() < 1e-12, "{none:?}");
         assert!(verified(-0.1).is_err());
+    }
+
+    #[test]
+    fn processes_share_the_samples_and_find_the_same_scores() {
+        let sample = two_grids();
+        let other =
+            Sample { cutter: CutterParams::from_array([2.0, 9.0, 9.0, 1.0]), ..sample.clone() };
+        let samples = [other.clone(), sample.clone(), other, sample.clone(), sample];
+        let model = Model::new(&crate::model::UNetConfig::tiny(), 1).unwrap();
+        let expected = evaluate(&model, &samples).unwrap();
+        let probabilities: u64 = expected.reliability[0].bins.iter().map(|bin| bin.n).sum();
+        assert_eq!((expected.samples.len(), probabilities), (5, 4000));
+        for found in Threads::run(3, |p| evaluate_together(&model, &samples, p).unwrap()) {
+            let expected = Evaluation { seconds: found.seconds, ..expected.clone() };
+            assert_eq!(format!("{found:?}"), format!("{expected:?}"));
+        }
     }
 
     #[test]

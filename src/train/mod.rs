@@ -4,10 +4,12 @@
 //! decision is keyed by (seed, epoch, sample), so a run that was interrupted and read back from its
 //! [`Checkpoint`] ends with the same bits as one that was not. [`RunFolder`] keeps a run on disk.
 
+mod buckets;
 pub mod calibration;
 #[cfg(feature = "formats")]
 pub mod checkpoint;
 pub mod evaluate;
+mod groups;
 pub mod history;
 pub mod reliability;
 mod run;
@@ -22,7 +24,7 @@ mod step;
 pub use checkpoint::Checkpoint;
 pub use evaluate::{
     Evaluation, HeadScores, VerifiedScore, evaluate, evaluate_exact, evaluate_ranked,
-    evaluate_verified,
+    evaluate_together, evaluate_verified,
 };
 pub use history::{EpochRow, HeadScore};
 pub use run::{Observer, Progress, Run, StepReport};

@@ -1,12 +1,16 @@
 //! The training loop: epochs of steps, with observers, interruption and exact resumption.
 
-use super::evaluate::evaluate;
-use super::step::{self, StepScratch};
+use super::evaluate::evaluate_together;
+use super::groups::Groups;
+use super::step::{self, Step, StepScratch};
 use super::{EpochRow, HeadScore, Settings};
 use crate::answers::Definition;
 use crate::data::{Sample, SampleSource, loader};
 use crate::metrics::Confusion;
 use crate::model::{Domain, Model};
+#[cfg(feature = "formats")]
+use crate::processes::share_bytes;
+use crate::processes::{Processes, SingleProcess, agree, agree_to_go_on, require_same};
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -163,6 +167,39 @@ impl Run {
         Ok(run)
     }
 
+    /// The run of process 0, on all processes: there `own` is `Some`, elsewhere `None`.
+    ///
+    /// # Errors
+    /// If process 0 has none, or another cannot make it.
+    #[cfg(feature = "formats")]
+    pub fn share(own: Option<Result<Run>>, processes: &dyn Processes) -> Result<Run> {
+        let text = |run: &Option<Run>| {
+            let state = run.as_ref().map(|run| (&run.settings, &run.progress));
+            serde_json::to_vec(&state).unwrap_or_default()
+        };
+        let (own, all) = share_bytes(processes, own.transpose(), text)?;
+        let run = own.map_or_else(|| Run::from_text(&all[0]), Ok);
+        let mut run = agree(processes, run)?;
+        let Model { params, buffers, .. } = &mut run.model;
+        for numbers in [params, buffers, &mut run.velocity] {
+            processes.broadcast(numbers);
+        }
+        Ok(run)
+    }
+
+    /// A run with the settings and the progress of another.
+    #[cfg(feature = "formats")]
+    fn from_text(text: &[u8]) -> Result<Run> {
+        let (settings, progress): (_, Progress) = serde_json::from_slice(text).map_err(|e| {
+            let remedy = "start the same program on all nodes";
+            Error::argument("state of the run", e, "that of process 0", remedy)
+        })?;
+        let mut run = Run::new(settings)?;
+        (run.model.domain, run.model.definition) = (progress.domain, progress.definition);
+        run.progress = progress;
+        Ok(run)
+    }
+
     /// Whether all epochs are done.
     pub fn is_finished(&self) -> bool {
         self.progress.history.len() as u64 >= self.settings.n_epochs
@@ -179,20 +216,54 @@ impl Run {
         validation: &[Sample],
         observer: &mut impl Observer,
     ) -> Result<ControlFlow<()>> {
-        if source.is_empty() {
-            let remedy = "build a data set with at least one part that can be labeled";
-            return Err(Error::argument("training set", "empty", "one sample or more", remedy));
-        }
+        self.train_together(source, validation, observer, &SingleProcess)
+    }
+
+    /// [`Run::train`] on several processes, which share out the groups of each step and the validation samples. All call it
+    /// with the same run and the same samples, and end with the bits that a single process ends with. Each has an observer.
+    ///
+    /// # Errors
+    /// As [`Run::train`], if there are fewer groups than processes, or if another process fails.
+    pub fn train_together(
+        &mut self,
+        source: &(impl SampleSource + ?Sized),
+        validation: &[Sample],
+        observer: &mut impl Observer,
+        processes: &dyn Processes,
+    ) -> Result<ControlFlow<()>> {
+        agree(processes, self.check_for(source, processes))?;
+        require_same(processes, "number of samples", &source.len().to_string())?;
+        require_same(processes, "number of validation samples", &validation.len().to_string())?;
         while !self.is_finished() {
-            if self.steps(source, observer)?.is_break() {
+            if self.steps(source, observer, processes)?.is_break() {
                 return Ok(ControlFlow::Break(()));
             }
-            let row = self.close_epoch(validation)?;
-            if observer.epoch(self, &row)?.is_break() {
+            let row = self.close_epoch(validation, processes)?;
+            if agree_to_go_on(processes, observer.epoch(self, &row))?.is_break() {
                 return Ok(ControlFlow::Break(()));
             }
         }
         Ok(ControlFlow::Continue(()))
+    }
+
+    /// Checks that there are samples, and work for every process.
+    fn check_for(
+        &self,
+        source: &(impl SampleSource + ?Sized),
+        processes: &dyn Processes,
+    ) -> Result<()> {
+        if source.is_empty() {
+            let remedy = "build a data set with at least one part that can be labeled";
+            return Err(Error::argument("training set", "empty", "one sample or more", remedy));
+        }
+        let n_samples = self.settings.batch_size.min(source.len());
+        let n_groups = Groups::new(n_samples, self.settings.n_groups, &SingleProcess).len();
+        if processes.size() > n_groups {
+            let expected = format!("at most {n_groups}, one for each group of a step's samples");
+            let remedy = "start fewer processes, or a run with more groups (n_groups)";
+            return Err(Error::argument("number of processes", processes.size(), expected, remedy));
+        }
+        Ok(())
     }
 
     /// The steps that are left of the running epoch.
@@ -200,9 +271,10 @@ impl Run {
         &mut self,
         source: &(impl SampleSource + ?Sized),
         observer: &mut impl Observer,
+        processes: &dyn Processes,
     ) -> Result<ControlFlow<()>> {
         let epoch = self.progress.history.len() as u64 + 1;
-        let Settings { batch_size, seed, lr, n_epochs, .. } = self.settings;
+        let Settings { batch_size, n_groups, seed, lr, n_epochs, .. } = self.settings;
         let n = source.len();
         let batches = match self.settings.samples_per_epoch {
             None => loader::batches(n, batch_size, seed, epoch),
@@ -211,11 +283,14 @@ impl Run {
         let lr = self.settings.schedule.lr(lr, epoch, n_epochs);
         for (i, indices) in batches.iter().enumerate().skip(self.progress.steps_done) {
             let start = Instant::now();
-            let samples = step::draw(source, &self.settings, epoch, indices)?;
+            let groups = Groups::new(indices.len(), n_groups, processes);
+            let indices = &indices[groups.own_samples()];
+            let samples = step::draw(source, &self.settings, epoch, indices);
             let stream = |s: &usize| Stream::new(seed, epoch, *s as u64, Purpose::Dropout);
             let mut dropout: Vec<Stream> = indices.iter().map(stream).collect();
-            let place = format!("epoch {epoch}, batch {}", i + 1);
-            let outcome = self.learn(lr, &samples, &mut dropout, &place)?;
+            let place = &format!("epoch {epoch}, batch {}", i + 1);
+            let step = Step { lr, place, groups, processes };
+            let outcome = self.learn(step, samples, &mut dropout)?;
             let progress = &mut self.progress;
             progress.steps_done = i + 1;
             progress.loss_sum += outcome.loss;
@@ -229,7 +304,7 @@ impl Run {
                 loss: outcome.loss,
                 scores: progress.confusion.map(score),
             };
-            if observer.step(&report).is_break() {
+            if agree_to_go_on(processes, Ok(observer.step(&report)))?.is_break() {
                 return Ok(ControlFlow::Break(()));
             }
         }
@@ -237,12 +312,16 @@ impl Run {
     }
 
     /// Turns the running epoch into a row of the history.
-    fn close_epoch(&mut self, validation: &[Sample]) -> Result<EpochRow> {
+    fn close_epoch(
+        &mut self,
+        validation: &[Sample],
+        processes: &dyn Processes,
+    ) -> Result<EpochRow> {
         let epoch = self.progress.history.len() as u64 + 1;
         let settings = &self.settings;
         let due = epoch.is_multiple_of(settings.evaluate_every) || epoch == settings.n_epochs;
         let scores = match due && !validation.is_empty() {
-            true => Some(evaluate(&self.model, validation)?.mean()),
+            true => Some(evaluate_together(&self.model, validation, processes)?.mean()),
             false => None,
         };
         let progress = &mut self.progress;
@@ -269,4 +348,112 @@ impl Run {
 
 fn score(counts: Confusion) -> HeadScore {
     HeadScore { accuracy: counts.accuracy(), f1: counts.f1() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::answers::SiteAnswers;
+    use crate::geom::Sites;
+    use crate::processes::tests::Threads;
+    use glam::Vec3;
+
+    /// Parts of different size, labeled by a plane.
+    fn samples(n: u64) -> Vec<Sample> {
+        let sample = |i: u64| {
+            let mut stream = Stream::new(3, 0, i, Purpose::Probe);
+            let mut unit = || Vec3::from_array([0; 3].map(|_| stream.range(-1.0, 1.0) as f32));
+            let points: Vec<Vec3> = (0..30 + 7 * i).map(|_| unit() * 40.0).collect();
+            let normals = points.iter().map(|_| (unit() + Vec3::Z).normalize()).collect();
+            let labels: Vec<bool> = points.iter().map(|p| p.x > 20.0).collect();
+            Sample {
+                name: format!("sample {i}"),
+                sites: Sites { points, normals, faces: Vec::new() }.into(),
+                cutter: [1.5, 6.0, 40.0, 5.0].into(),
+                answers: SiteAnswers::new(labels.clone(), labels),
+            }
+        };
+        (0..n).map(sample).collect()
+    }
+
+    fn settings() -> Settings {
+        let mut settings = Settings {
+            n_epochs: 2,
+            batch_size: 9,
+            n_groups: 4,
+            evaluate_every: 1,
+            ..Settings::tiny()
+        };
+        settings.loss.positive_weights = Some([2.0, 5.0]);
+        settings
+    }
+
+    /// Everything that a run ends with, but its seconds.
+    fn outcome(run: Run) -> (Vec<f32>, Vec<f32>, Vec<f32>, Progress) {
+        let mut progress = run.progress;
+        progress.history.iter_mut().for_each(|row| row.seconds = 0.0);
+        (run.model.params, run.model.buffers, run.velocity, progress)
+    }
+
+    fn trained(settings: &Settings, samples: &[Sample], processes: &dyn Processes) -> Run {
+        let mut run = Run::new(settings.clone()).unwrap();
+        let flow = run.train_together(samples, &samples[..5], &mut (), processes).unwrap();
+        assert!(flow.is_continue());
+        run
+    }
+
+    #[test]
+    fn any_number_of_processes_ends_with_the_same_bits() {
+        let samples = samples(12);
+        for (clip_norm, sizes) in [(Some(0.5), 2..=4), (None, 3..=3)] {
+            let settings = Settings { clip_norm, ..settings() };
+            let expected = outcome(trained(&settings, &samples, &SingleProcess));
+            for size in sizes {
+                let found = Threads::run(size, |p| outcome(trained(&settings, &samples, p)));
+                assert!(found.iter().all(|found| *found == expected), "{size} processes");
+            }
+        }
+    }
+
+    #[test]
+    fn more_processes_than_groups_are_refused_by_one() {
+        let samples = samples(3);
+        let found = Threads::run(5, |p| {
+            let mut run = Run::new(settings()).unwrap();
+            run.train_together(&samples[..], &[], &mut (), p).unwrap_err().to_string()
+        });
+        let expected = "process 0 of 5: number of processes is 5, expected at most 3, one for each";
+        assert!(found[0].starts_with(expected), "{}", found[0]);
+        assert!(found[1..].iter().all(|message| message.starts_with("process 0 failed")));
+    }
+
+    #[test]
+    fn a_sample_that_one_process_cannot_use_ends_all() {
+        let mut samples = samples(9);
+        samples[8].answers.occlusion.pop();
+        let found = Threads::run(2, |p| {
+            let mut run = Run::new(settings()).unwrap();
+            run.train_together(&samples[..], &[], &mut (), p).unwrap_err().to_string()
+        });
+        let named =
+            |message: &String| message.contains("of 2: sample sample 8: 85 occlusion for 86");
+        assert_eq!(found.iter().filter(|message| named(message)).count(), 1, "{found:?}");
+    }
+
+    #[cfg(feature = "formats")]
+    #[test]
+    fn a_run_begun_by_one_process_goes_on_in_all() {
+        let samples = samples(9);
+        let run = Run::new(settings()).unwrap();
+        let whole = outcome(trained(&settings(), &samples, &SingleProcess));
+        let first = &run.checkpoint();
+        let found = Threads::run(3, |p| {
+            let own = (p.rank() == 0).then(|| Run::resume(first.clone()));
+            let mut run = Run::share(own, p).unwrap();
+            let flow = run.train_together(&samples[..], &samples[..5], &mut (), p).unwrap();
+            assert!(flow.is_continue());
+            outcome(run)
+        });
+        assert!(found.iter().all(|found| *found == whole));
+    }
 }

@@ -4,6 +4,7 @@ use super::{Checkpoint, EpochRow, Observer, Run, Settings, StepReport, history, 
 use crate::data::{Sample, SampleSource};
 use crate::folder_lock::FolderLock;
 use crate::model::weights::{self, Storage};
+use crate::processes::{Processes, SingleProcess, agree};
 use crate::{Error, Result, atomic_file, input_file};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -147,10 +148,27 @@ impl RunFolder {
         validation: &[Sample],
         observer: &mut impl Observer,
     ) -> Result<ControlFlow<()>> {
-        self.lock()?;
-        let flow = run.train(source, validation, &mut Storing { folder: self, observer })?;
+        self.train_together(run, source, validation, observer, &SingleProcess)
+    }
+
+    /// [`Run::train_together`]; process 0 stores the run as [`RunFolder::train`] does, the others write nothing.
+    ///
+    /// # Errors
+    /// As [`Run::train_together`], or if a file cannot be written.
+    pub fn train_together(
+        &self,
+        run: &mut Run,
+        source: &(impl SampleSource + ?Sized),
+        validation: &[Sample],
+        observer: &mut impl Observer,
+        processes: &dyn Processes,
+    ) -> Result<ControlFlow<()>> {
+        let folder = (processes.rank() == 0).then_some(self);
+        agree(processes, folder.map_or(Ok(()), RunFolder::lock))?;
+        let storing = &mut Storing { folder, observer };
+        let flow = run.train_together(source, validation, storing, processes)?;
         if flow.is_break() {
-            self.store(run)?;
+            agree(processes, folder.map_or(Ok(()), |folder| folder.store(run)))?;
         }
         Ok(flow)
     }
@@ -185,9 +203,9 @@ impl RunFolder {
     }
 }
 
-/// Stores a run, then lets another observer look on.
+/// Stores a run where there is a folder, then lets another observer look on.
 struct Storing<'a, O> {
-    folder: &'a RunFolder,
+    folder: Option<&'a RunFolder>,
     observer: &'a mut O,
 }
 
@@ -197,7 +215,7 @@ impl<O: Observer> Observer for Storing<'_, O> {
     }
 
     fn epoch(&mut self, run: &Run, row: &EpochRow) -> Result<ControlFlow<()>> {
-        self.folder.store(run)?;
+        self.folder.map_or(Ok(()), |folder| folder.store(run))?;
         self.observer.epoch(run, row)
     }
 }

@@ -44,11 +44,11 @@ pub struct Settings {
     pub samples_per_epoch: Option<usize>,
     /// Samples per step.
     pub batch_size: usize,
-    /// Samples that go through the network together, if not all of a step's: their gradients add up to
-    /// the step's, in memory for so many. Batch norm then takes its statistics from each such part alone,
-    /// and the running statistics move once per part. Without it every step is one batch.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub micro_batch_size: Option<usize>,
+    /// Parts of a step's samples that go through the network by themselves, in memory for one of them: batch norm takes its
+    /// statistics from each, their gradients are summed along a tree, and the running statistics move to the mean of theirs.
+    /// As many processes can share a step. A group of one sample has no statistics of its cutter.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub n_groups: usize,
     /// Learning rate that the schedule scales.
     pub lr: f64,
     /// Momentum of SGD.
@@ -74,6 +74,14 @@ pub struct Settings {
     pub network: UNetConfig,
 }
 
+fn one() -> usize {
+    1
+}
+
+fn is_one(n: &usize) -> bool {
+    *n == 1
+}
+
 impl Settings {
     /// As the paper says: SGD 0.9 / 5e-4, cosine annealing from 1.0, batch 128, 1500 epochs, mirroring
     /// and elastic deformation, the sum of the losses, the reference network.
@@ -81,7 +89,7 @@ impl Settings {
         Settings {
             n_epochs: 1500,
             batch_size: 128,
-            micro_batch_size: None,
+            n_groups: 1,
             lr: 1.0,
             schedule: Schedule::Cosine { min_lr: 0.0 },
             clip_norm: None,
@@ -101,7 +109,7 @@ impl Settings {
     pub fn reference() -> Self {
         Settings {
             batch_size: 8,
-            micro_batch_size: None,
+            n_groups: 1,
             lr: 0.1,
             schedule: Schedule::Step { milestones: vec![375, 750], factor: 0.1 },
             loss: LossSettings { reduction: Reduction::Mean, ..LossSettings::default() },
@@ -119,7 +127,7 @@ impl Settings {
             n_epochs: 100,
             samples_per_epoch: None,
             batch_size: 8,
-            micro_batch_size: None,
+            n_groups: 1,
             lr: 0.1,
             momentum: 0.9,
             weight_decay: 5e-4,
@@ -173,14 +181,14 @@ impl Settings {
         let share_or_one = |x: f64| (0.0..=1.0).contains(&x);
         let online = self.online.unwrap_or_default();
         let draws = self.samples_per_epoch.unwrap_or(1);
-        let micro_batch_size = self.micro_batch_size.unwrap_or(self.batch_size);
+        let groups = (1..=self.batch_size).contains(&self.n_groups);
         let rules: [(&'static str, f64, bool, &str); 12] = [
             ("n_epochs", self.n_epochs as f64, self.n_epochs > 0, "1 or more"),
             ("samples_per_epoch", draws as f64, draws > 0, "1 or more"),
             ("online.sides", online.sides, share_or_one(online.sides), "0 to 1"),
             ("online.tilt", online.tilt, share_or_one(online.tilt), "0 to 1"),
             ("batch_size", self.batch_size as f64, self.batch_size > 0, "1 or more"),
-            ("micro_batch_size", micro_batch_size as f64, micro_batch_size > 0, "1 or more"),
+            ("n_groups", self.n_groups as f64, groups, "1 to batch_size"),
             ("lr", self.lr, positive(self.lr), "above 0"),
             ("momentum", self.momentum, share(self.momentum), "0 to below 1"),
             ("weight_decay", self.weight_decay, share(self.weight_decay), "0 to below 1"),
@@ -263,6 +271,7 @@ mod tests {
         };
         assert!(broken(elastic).starts_with("augment.elastic is"));
         assert!(broken(|s| s.batch_size = 0).starts_with("batch_size is 0"));
+        assert!(broken(|s| s.n_groups = 5).starts_with("n_groups is 5, expected 1 to batch_size"));
         assert!(
             broken(|s| s.loss.positive_weights = Some([1.0, -1.0])).contains("positive_weights")
         );

@@ -1,5 +1,18 @@
-//! One training step: samples to batch, forward, losses, backward, update.
+//! One training step: samples to batches, forward, losses, backward, update.
+//!
+//! ```text
+//! for each of this process's groups: draw its samples
+//! share the weights of all groups' classes                   so that the loss is a mean over the whole step
+//! for each of this process's groups:
+//!     forward and losses, with the running statistics as they were before the step
+//!     backward, unless it is the last one
+//! share losses and scores; any failure ends the step on all processes
+//! last group backward; layer by layer, join the sum over all groups
+//! clip, SGD, running statistics = mean over the groups       on every process, from the same bits
+//! ```
 
+use super::buckets::Buckets;
+use super::groups::{self, Groups, PartialSums};
 use super::{Reduction, Run, Settings};
 use crate::data::{Sample, SampleSource};
 use crate::loss::CrossEntropy;
@@ -7,6 +20,8 @@ use crate::metrics::Confusion;
 use crate::model::{Batch, Domain, Model, Shape, TrainingPass};
 use crate::nn::arena::Arena;
 use crate::optim::Sgd;
+use crate::par;
+use crate::processes::{Processes, share_numbers};
 use crate::rng::{Purpose, Stream};
 use crate::simd::Isa;
 use crate::simd::elementwise::scale;
@@ -17,15 +32,43 @@ use std::ops::Range;
 #[derive(Debug, Default)]
 pub(super) struct StepScratch {
     arena: Arena<f32>,
-    /// Zeros between steps; empty where each layer is updated as soon as its gradient is whole.
-    grads: Vec<f32>,
+    /// Sums over groups; empty where each layer is updated as soon as its gradient is whole.
+    sums: PartialSums,
     dlogits: [Vec<f32>; 2],
+    /// In which order processes join the gradient, once a backward pass has shown it.
+    buckets: Option<Buckets>,
 }
 
-/// What one step found.
+/// What a group, or a step, found.
+#[derive(Default)]
 pub(super) struct StepOutcome {
     pub loss: f64,
     pub confusion: [Confusion; 2],
+    /// What the samples were.
+    pub domain: Option<Domain>,
+}
+
+/// Numbers of a [`StepOutcome`].
+const N_NUMBERS: usize = 21;
+
+impl StepOutcome {
+    /// For other processes: loss, counts of both heads, domain.
+    fn to_numbers(&self) -> Vec<f64> {
+        let counts = self.confusion.iter().flat_map(|c| c.to_array()).map(|n| n as f64);
+        let domain = self.domain.iter().flat_map(|domain| domain.ranges()).flatten();
+        std::iter::once(self.loss).chain(counts).chain(domain).collect()
+    }
+
+    /// Adds what a group has found, from its numbers.
+    fn add(&mut self, numbers: &[f64]) {
+        let (head, domain) = numbers.split_at(9);
+        self.loss += head[0];
+        for (sum, counts) in self.confusion.iter_mut().zip(head[1..].as_chunks::<4>().0) {
+            *sum += Confusion::from_array(counts.map(|n| n as u64));
+        }
+        let seen = Domain::from_ranges(std::array::from_fn(|i| [domain[2 * i], domain[2 * i + 1]]));
+        self.domain.get_or_insert(seen).include(&seen);
+    }
 }
 
 /// The samples `indices` of `epoch`, augmented; in parallel, in order.
@@ -66,68 +109,115 @@ pub(super) fn targets(samples: &[Sample]) -> [Vec<u8>; 2] {
 /// Class that counts as positive in each head.
 pub(super) const POSITIVE: [u8; 2] = [0, 1];
 
+/// One step among others.
+#[derive(Clone, Copy)]
+pub(super) struct Step<'a> {
+    /// Learning rate.
+    pub lr: f64,
+    /// Names the step in an error.
+    pub place: &'a str,
+    pub groups: Groups,
+    pub processes: &'a dyn Processes,
+}
+
+/// A group's input, and what its forward pass saved.
+type Passed = (Batch<f32>, TrainingPass<f32>);
+
 impl Run {
-    /// Learns from `samples` at learning rate `lr`; `place` names the step in an error.
+    /// Learns from the samples of all processes; `samples` and `dropout` are those of this one's groups.
     pub(super) fn learn(
         &mut self,
-        lr: f64,
-        samples: &[Sample],
+        step: Step<'_>,
+        samples: Result<Vec<Sample>>,
         dropout: &mut [Stream],
-        place: &str,
     ) -> Result<StepOutcome> {
+        let (last, outcome) = self.forward(step, samples, dropout)?;
         let Run { settings, progress, model, velocity, scratch } = self;
-        let scale = match settings.loss.reduction {
-            Reduction::Sum => 1.0,
-            Reduction::Mean => 0.5,
-        };
-        let criteria = [0, 1].map(|head| criterion(settings, head));
-        let weights = |samples: &[Sample]| {
-            let targets = targets(samples);
-            [0, 1].map(|head: usize| criteria[head].total_weight(&targets[head]))
-        };
-        let (all, size) =
-            (weights(samples), settings.micro_batch_size.unwrap_or(samples.len().max(1)));
         let sgd = Sgd { momentum: settings.momentum, weight_decay: settings.weight_decay };
-        let by_layer = samples.len() <= size && settings.clip_norm.is_none();
-        let mut outcome = StepOutcome { loss: 0.0, confusion: Default::default() };
-        for (part, dropout) in samples.chunks(size).zip(dropout.chunks_mut(size)) {
-            let some = weights(part);
-            let shares = [0, 1].map(|head: usize| scale * (some[head] / all[head]));
-            let forward = scratch.forward(model, part, dropout, &criteria, shares, &mut outcome);
-            let (batch, pass) = forward.inspect_err(|_| scratch.grads.fill(0.0))?;
-            if !outcome.loss.is_finite() {
-                scratch.grads.fill(0.0);
-                return Err(not_finite(place, outcome.loss, samples));
-            }
+        if step.groups.len() == 1 && settings.clip_norm.is_none() {
             let dlogits = scratch.dlogits.each_ref().map(|d| &d[..]);
-            if by_layer {
-                let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
-                    sgd.step(lr, grads, &mut velocity[range], params);
-                };
-                model.backward_and_update(&batch, pass, dlogits, &mut update, &scratch.arena);
-            } else {
-                scratch.grads.resize(model.params.len(), 0.0);
-                model.backward(&batch, pass, dlogits, &mut scratch.grads, &scratch.arena);
-            }
-        }
-        if !by_layer {
+            let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
+                sgd.step(step.lr, grads, &mut velocity[range], params);
+            };
+            model.backward_and_update(&last.0, last.1, dlogits, &mut update, &scratch.arena);
+        } else {
+            let mut sum = scratch.join(model, last, step);
+            let (grads, buffers) = sum.split_at_mut(model.params.len());
             if let Some(most) = settings.clip_norm {
-                clip(&mut scratch.grads, most);
+                clip(grads, most);
             }
-            sgd.step(lr, &mut scratch.grads, velocity, &mut model.params);
+            sgd.step(step.lr, grads, velocity, &mut model.params);
+            for (buffer, sum) in model.buffers.iter_mut().zip(buffers) {
+                *buffer = *sum / step.groups.len() as f32;
+            }
+            scratch.sums.recycle(sum);
         }
-        for sample in samples {
-            let seen = Domain::of(&sample.sites.points, sample.cutter);
+        if let Some(seen) = outcome.domain {
             progress.domain.get_or_insert(seen).include(&seen);
         }
         model.domain = progress.domain;
         Ok(outcome)
     }
+
+    /// This process's groups forward, and all but the last backward; the last one's pass, and what all
+    /// processes found.
+    fn forward(
+        &mut self,
+        step: Step<'_>,
+        samples: Result<Vec<Sample>>,
+        dropout: &mut [Stream],
+    ) -> Result<(Passed, StepOutcome)> {
+        let Run { settings, model, scratch, .. } = self;
+        let (own, first) = (step.groups.own(), step.groups.own_samples().start);
+        let places = |group| {
+            let samples = step.groups.samples(group);
+            samples.start - first..samples.end - first
+        };
+        let criteria = [0, 1].map(|head| criterion(settings, head));
+        let weights = |samples: &Vec<Sample>| -> Vec<f64> {
+            let targets = own.clone().map(|group| targets(&samples[places(group)]));
+            let weights =
+                targets.map(|t| [0, 1].map(|head: usize| criteria[head].total_weight(&t[head])));
+            weights.flatten().collect()
+        };
+        let (samples, weights) = share_numbers(step.processes, samples, weights)?;
+        let total = |head: usize| weights.iter().skip(head).step_by(2).sum::<f64>();
+        let totals = [0, 1].map(total);
+        let scale = match settings.loss.reduction {
+            Reduction::Sum => 1.0,
+            Reduction::Mean => 0.5,
+        };
+        scratch.sums.clear(step.groups.len());
+        let (before, mut found) = (model.buffers.clone(), Vec::new());
+        let mut pass = |group: usize, model: &mut _, scratch: &mut StepScratch| -> Result<Passed> {
+            let model: &mut Model<f32> = model;
+            model.buffers.copy_from_slice(&before);
+            let shares = [0, 1].map(|head| scale * (weights[2 * group + head] / totals[head]));
+            let (samples, dropout) = (&samples[places(group)], &mut dropout[places(group)]);
+            let (passed, outcome) = scratch.forward(model, samples, dropout, &criteria, shares)?;
+            if !outcome.loss.is_finite() {
+                return Err(not_finite(step.place, outcome.loss, samples));
+            }
+            found.extend(outcome.to_numbers());
+            Ok(passed)
+        };
+        let last = (own.start..own.end - 1).try_for_each(|group| {
+            let passed = pass(group, model, scratch)?;
+            let leaf = scratch.leaf(model, passed);
+            scratch.sums.push(group..group + 1, leaf);
+            Ok(())
+        });
+        let last = last.and_then(|()| pass(own.end - 1, model, scratch));
+        let (last, found) = share_numbers(step.processes, last, |_| found)?;
+        let mut outcome = StepOutcome::default();
+        found.chunks_exact(N_NUMBERS).for_each(|group| outcome.add(group));
+        Ok((last, outcome))
+    }
 }
 
 impl StepScratch {
-    /// The network's input for some of a step's samples, and what backward needs beside `dlogits`: `shares` times
-    /// the gradients of the mean losses by the logits.
+    /// A group forward: what its backward needs beside `dlogits`, which become `shares` times the gradients of the mean
+    /// losses by the logits; and what it found.
     fn forward(
         &mut self,
         model: &mut Model<f32>,
@@ -135,17 +225,79 @@ impl StepScratch {
         dropout: &mut [Stream],
         criteria: &[CrossEntropy; 2],
         shares: [f64; 2],
-        outcome: &mut StepOutcome,
-    ) -> Result<(Batch<f32>, TrainingPass<f32>)> {
+    ) -> Result<(Passed, StepOutcome)> {
         let (batch, targets) = (batch(model, samples)?, targets(samples));
         let pass = model.forward_train(&batch, Some(dropout), &self.arena);
+        let mut outcome = StepOutcome::default();
         for head in 0..2 {
             let (logits, targets) = (&pass.logits[head], &targets[head]);
             let (share, dlogits) = (shares[head], &mut self.dlogits[head]);
             outcome.loss += share * criteria[head].loss(logits, targets, share, dlogits);
             outcome.confusion[head] += Confusion::of_logits(logits, targets, POSITIVE[head]);
         }
-        Ok((batch, pass))
+        for sample in samples {
+            let seen = Domain::of(&sample.sites.points, sample.cutter);
+            outcome.domain.get_or_insert(seen).include(&seen);
+        }
+        Ok(((batch, pass), outcome))
+    }
+
+    /// A group's backward: its gradient, and after it the running statistics as it has moved them.
+    fn leaf(&mut self, model: &Model<f32>, (batch, pass): Passed) -> Vec<f32> {
+        let n_params = model.params.len();
+        let mut leaf = self.sums.zeros(n_params + model.buffers.len());
+        let (grads, buffers) = leaf.split_at_mut(n_params);
+        let dlogits = self.dlogits.each_ref().map(|d| &d[..]);
+        model.backward(&batch, pass, dlogits, grads, &self.arena);
+        buffers.copy_from_slice(&model.buffers);
+        leaf
+    }
+
+    /// The last group's backward, and the sum over all groups.
+    fn join(&mut self, model: &mut Model<f32>, last: Passed, step: Step<'_>) -> Vec<f32> {
+        if step.processes.size() > 1 {
+            return self.join_processes(model, last, step);
+        }
+        let (leaf, n) = (self.leaf(model, last), step.groups.len());
+        self.sums.push(n - 1..n, leaf);
+        self.sums.take_root()
+    }
+
+    /// [`StepScratch::join`] with other processes, layer by layer while backward goes on.
+    fn join_processes(
+        &mut self,
+        model: &mut Model<f32>,
+        (batch, pass): Passed,
+        Step { groups, processes, .. }: Step<'_>,
+    ) -> Vec<f32> {
+        let n_params = model.params.len();
+        let mut leaf = self.sums.zeros(n_params + model.buffers.len());
+        let known = self.buckets.take();
+        let buckets = known.unwrap_or_else(|| Buckets::whole(leaf.len()));
+        let StepScratch { arena, sums, dlogits, .. } = self;
+        let dlogits = dlogits.each_ref().map(|d| &d[..]);
+        let (mut order, mut completed) = (Vec::new(), buckets.start());
+        let exchange = |nodes: Vec<Vec<f32>>| groups::join(processes, &groups, &nodes);
+        let joined = par::with_background(exchange, |send| {
+            let mut collect = |range: Range<usize>, grads: &mut [f32], _: &mut [f32]| {
+                leaf[range.clone()].copy_from_slice(grads);
+                for bucket in completed.add(&range) {
+                    send(sums.with_last(&groups, &leaf, bucket));
+                }
+                order.push(range);
+            };
+            model.backward_and_update(&batch, pass, dlogits, &mut collect, arena);
+            leaf[n_params..].copy_from_slice(&model.buffers);
+            for bucket in completed.rest() {
+                send(sums.with_last(&groups, &leaf, bucket));
+            }
+        });
+        buckets.scatter(&joined, &mut leaf);
+        self.buckets = Some(match buckets.is_whole() {
+            true => Buckets::in_order(processes, &order, leaf.len()),
+            false => buckets,
+        });
+        leaf
     }
 }
 
@@ -189,6 +341,7 @@ mod tests {
     use crate::answers::SiteAnswers;
     use crate::cutter::CutterParams;
     use crate::geom::Sites;
+    use crate::processes::SingleProcess;
     use glam::Vec3;
 
     /// Two parts of different size, labeled by a plane.
@@ -209,16 +362,16 @@ mod tests {
     }
 
     /// Loss of one step, and what it adds to the parameters.
-    fn step(micro_batch_size: Option<usize>, samples: &[Sample]) -> (f64, Vec<f32>) {
-        clipped_step(None, micro_batch_size, samples)
+    fn step(n_groups: usize, samples: &[Sample]) -> (f64, Vec<f32>) {
+        clipped_step(None, n_groups, samples)
     }
 
     fn clipped_step(
         clip_norm: Option<f64>,
-        micro_batch_size: Option<usize>,
+        n_groups: usize,
         samples: &[Sample],
     ) -> (f64, Vec<f32>) {
-        let mut settings = Settings { micro_batch_size, clip_norm, ..Settings::tiny() };
+        let mut settings = Settings { n_groups, clip_norm, ..Settings::tiny() };
         settings.network.cutter.dropout = 0.0;
         // A single shape has no statistics of its cutter.
         settings.network.cutter.batch_norm = false;
@@ -227,32 +380,27 @@ mod tests {
         let start = run.model.params.clone();
         let mut dropout: Vec<_> =
             (0..samples.len() as u64).map(|i| Stream::new(1, 0, i, Purpose::Dropout)).collect();
-        let outcome = run.learn(0.1, samples, &mut dropout, "here").unwrap();
+        let groups = Groups::new(samples.len(), n_groups, &SingleProcess);
+        let step = Step { lr: 0.1, place: "here", groups, processes: &SingleProcess };
+        let outcome = run.learn(step, Ok(samples.to_vec()), &mut dropout).unwrap();
         let moved = run.model.params.iter().zip(&start).map(|(new, old)| new - old);
         (outcome.loss, moved.collect())
-    }
-
-    #[test]
-    fn a_micro_batch_of_all_samples_changes_no_bit() {
-        let samples = samples();
-        assert_eq!(step(None, &samples), step(Some(2), &samples));
-        assert_eq!(step(None, &samples), step(Some(9), &samples));
     }
 
     /// Clipping needs the gradient of all parameters at once, an update layer by layer never has it.
     #[test]
     fn an_update_layer_by_layer_changes_no_bit() {
         let samples = samples();
-        assert_eq!(step(None, &samples), clipped_step(Some(1e30), None, &samples));
+        assert_eq!(step(1, &samples), clipped_step(Some(1e30), 1, &samples));
     }
 
-    /// Equal samples have equal statistics, so that parts differ from the whole by rounding alone; the
+    /// Equal samples have equal statistics, so that groups differ from the whole by rounding alone; the
     /// weights of classes are those of the whole step.
     #[test]
-    fn micro_batches_add_up_to_the_step() {
+    fn groups_add_up_to_the_step() {
         let sample = samples().swap_remove(0);
         let samples = [sample.clone(), sample];
-        let ((whole_loss, whole), (loss, moved)) = (step(None, &samples), step(Some(1), &samples));
+        let ((whole_loss, whole), (loss, moved)) = (step(1, &samples), step(2, &samples));
         assert!((loss - whole_loss).abs() < 1e-5 * whole_loss, "{loss} {whole_loss}");
         let norm = |x: &[f32]| x.iter().map(|x| x * x).sum::<f32>().sqrt();
         let apart: Vec<f32> = moved.iter().zip(&whole).map(|(a, b)| a - b).collect();

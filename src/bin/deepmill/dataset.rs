@@ -1,6 +1,7 @@
 //! `deepmill dataset`: builds labeled data sets from parts; imports and exports the published format.
 
 use crate::output::Output;
+use crate::processes::{hash, interrupted, together};
 use crate::progress;
 use clap::Subcommand;
 use deepmill::data::Sample;
@@ -9,9 +10,11 @@ use deepmill::data::dataset::{
 };
 use deepmill::data::files::published::{self, List};
 use deepmill::directions::DirectionSet;
+use deepmill::processes::{Processes, agree, agree_to_go_on, require_same};
 use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
 use std::collections::HashSet;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
@@ -126,7 +129,7 @@ struct ImportArgs {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     match &args.verb {
-        Verb::Build(args) => build(args, output),
+        Verb::Build(args) => together(output, |processes, output| build(args, processes, output)),
         Verb::Export(args) => export(args, output),
         Verb::Import(args) => take_in(args, output),
         Verb::Show(args) => {
@@ -136,7 +139,65 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
 }
 
-fn build(args: &BuildArgs, output: &Output) -> Result<()> {
+/// The parts of the shard are shared out to the processes in turn.
+fn build(args: &BuildArgs, processes: &dyn Processes, output: &Output) -> Result<()> {
+    // The first alone makes the folder.
+    let (index, n) = args.shard.unwrap_or((0, 1));
+    let share = (index + n * processes.rank(), n * processes.size());
+    let first = (processes.rank() == 0).then(|| builder(args, share)).transpose();
+    let first = agree(processes, first)?;
+    let builder = agree(processes, first.map_or_else(|| builder(args, share), Ok))?;
+    require_same(processes, "list of parts", &parts_of(&builder))?;
+    let flow = build_parts(&builder, output);
+    let remedy = || "give the same command again to go on".into();
+    // Another process may be at work for long: an error is not for it to wait for.
+    if agree_to_go_on(processes, Ok(flow?))?.is_break() {
+        return Err(interrupted(processes, remedy()));
+    }
+    if processes.rank() != 0 {
+        return agree(processes, Ok(()));
+    }
+    let told = builder.finish().map(|manifest| match manifest {
+        Some(manifest) => show(&manifest, output),
+        None => tell_missing(&builder, output),
+    });
+    agree(processes, told)
+}
+
+fn tell_missing(builder: &Builder, output: &Output) {
+    let missing = builder.missing();
+    let (n, names) = (missing.len(), builder.names());
+    let first =
+        missing.first().map_or_else(String::new, |i| format!(", the first is {}", names[*i]));
+    let all = builder.n_parts();
+    output.say(format!("this shard is finished; {n} of {all} parts are missing{first}"));
+    output.result(&json!({ "finished": false, "n_missing": n }));
+}
+
+fn parts_of(builder: &Builder) -> String {
+    let names = hash(builder.names().join("\n").as_bytes());
+    format!("{} parts ({})", builder.n_parts(), &names[..16])
+}
+
+fn build_parts(builder: &Builder, output: &Output) -> Result<ControlFlow<()>> {
+    let stop = progress::stop_flag()?;
+    let bar = progress::bar(builder.own_parts().len() as u64, "parts");
+    for index in builder.own_parts() {
+        let record = builder.part(index)?;
+        if let Some(reason) = record.skipped {
+            bar.suspend(|| output.warn(format!("skipped {}: {reason}", record.name)));
+        }
+        bar.inc(1);
+        if stop.load(Ordering::Relaxed) {
+            return Ok(ControlFlow::Break(()));
+        }
+    }
+    bar.finish_and_clear();
+    Ok(ControlFlow::Continue(()))
+}
+
+/// `share`: which of how many programs that build in the folder.
+fn builder(args: &BuildArgs, share: (usize, usize)) -> Result<Builder> {
     atomic_file::check_writable_folder(&args.out)?;
     let n_dirs = args.directions;
     let n_obstacles = match args.obstacles.as_str() {
@@ -169,29 +230,7 @@ fn build(args: &BuildArgs, output: &Output) -> Result<()> {
     }
     sources
         .extend((0..args.generated).map(|index| PartSource::Generated { seed: args.seed, index }));
-    let builder = Builder::share(&args.out, settings, sources, args.shard.unwrap_or((0, 1)))?;
-    let stop = progress::stop_flag()?;
-    let bar = progress::bar(builder.own_parts().len() as u64, "parts");
-    for index in builder.own_parts() {
-        let record = builder.part(index)?;
-        if let Some(reason) = record.skipped {
-            bar.suspend(|| output.warn(format!("skipped {}: {reason}", record.name)));
-        }
-        bar.inc(1);
-        if stop.load(Ordering::Relaxed) {
-            let remedy = "give the same command again to go on".into();
-            return Err(Error::Interrupted { remedy });
-        }
-    }
-    bar.finish_and_clear();
-    match builder.finish()? {
-        Some(manifest) => show(&manifest, output),
-        None => {
-            output.say("this shard is finished; others are not");
-            output.result(&json!({ "finished": false }));
-        }
-    }
-    Ok(())
+    Builder::share(&args.out, settings, sources, share)
 }
 
 fn export(args: &ExportArgs, output: &Output) -> Result<()> {

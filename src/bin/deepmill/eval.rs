@@ -2,6 +2,7 @@
 
 use crate::model_args::ModelArgs;
 use crate::output::Output;
+use crate::processes::{hash, together};
 use deepmill::access::baselines;
 use deepmill::answers::SiteAnswers;
 use deepmill::data::Sample;
@@ -9,6 +10,7 @@ use deepmill::data::dataset::{Dataset, Split};
 use deepmill::directions::Directions;
 use deepmill::model::config::CutterPlacement;
 use deepmill::model::{Model, weights};
+use deepmill::processes::{Processes, agree, require_same};
 use deepmill::report::curves::{Chart, Series, write_curves};
 use deepmill::report::tables::{Cell, Table};
 use deepmill::train::{Evaluation, HeadScore, HeadScores, VerifiedScore};
@@ -58,6 +60,11 @@ enum SplitArg {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
+    together(output, |processes, output| score_all(args, processes, output))
+}
+
+/// Each process scores its share of the samples; the first tells.
+fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<()> {
     args.reliability.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
     let mut networks = vec![(NETWORK.to_owned(), args.model.read()?.0)];
     for path in &args.against {
@@ -73,13 +80,13 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     ]);
     for folder in &args.data {
         let name = folder.display().to_string();
-        for (engine, timed, evaluation) in score_set(args, folder, &networks, output)? {
+        for (engine, timed, evaluation) in score_set(args, folder, &networks, processes, output)? {
             rows.push(Row { set: name.clone(), engine, timed, evaluation });
         }
         let samples = if args.verify.is_empty() { Vec::new() } else { samples(args, folder)?.1 };
         for &bound in &args.verify {
             let VerifiedScore { computed, wrong } =
-                evaluate_verified(&networks[0].1, &samples, bound)?;
+                evaluate_verified(&networks[0].1, &samples, bound, processes)?;
             let [bound, computed, wrong] = [bound, computed, wrong].map(Cell::Share);
             verified.row([Cell::text(&name), bound, computed, wrong]);
         }
@@ -87,7 +94,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     if args.data.len() > 1 {
         rows.extend(overall(&rows));
     }
-    if let Some(path) = &args.reliability {
+    if let Some(path) = args.reliability.as_ref().filter(|_| processes.rank() == 0) {
         draw_reliability(path, &rows)?;
     }
     let n_samples: usize =
@@ -180,9 +187,12 @@ fn score_set(
     args: &Args,
     folder: &Path,
     networks: &[(String, Model<f32>)],
+    processes: &dyn Processes,
     output: &Output,
 ) -> Result<Vec<Scored>> {
-    let (set, samples) = samples(args, folder)?;
+    let (set, samples) = agree(processes, samples(args, folder))?;
+    let manifest = serde_json::to_vec(&set.manifest).unwrap_or_default();
+    require_same(processes, "data", &hash(&manifest))?;
     let definition = set.manifest.settings.definition();
     for (name, model) in networks {
         if let Some(learned) = model.definition.filter(|learned| *learned != definition) {
@@ -195,7 +205,8 @@ fn score_set(
     let mut scored = Vec::new();
     let settings = &set.manifest.settings;
     for (name, model) in networks {
-        let [plain, ranked] = evaluate_ranked(model, &samples, settings.occlusion_share)?;
+        let [plain, ranked] =
+            evaluate_ranked(model, &samples, settings.occlusion_share, processes)?;
         scored.push((name.clone(), true, plain));
         let share = 100.0 * settings.occlusion_share;
         scored.push((format!("{name}, occlusion by rank ({share} %)"), true, ranked));
@@ -207,7 +218,7 @@ fn score_set(
     }
     if args.exact {
         let directions = Directions::new(settings.directions.clone())?;
-        let exact = evaluate_exact(&samples, &directions, settings.occlusion_share)?;
+        let exact = evaluate_exact(&samples, &directions, settings.occlusion_share, processes)?;
         scored.push(("exact labeler".into(), true, exact));
     }
     scored.push(("majority class".into(), false, majority(&samples)?));

@@ -19,6 +19,7 @@ mod output;
 mod parity;
 mod part_itself;
 mod predict;
+mod processes;
 mod progress;
 mod report;
 mod reproduce;
@@ -107,9 +108,17 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             output.error(&error);
-            // An impossible argument is a usage error, also if the library finds it.
-            ExitCode::from(if matches!(error, Error::Argument { .. }) { 2 } else { 1 })
+            ExitCode::from(exit_code(&error))
         }
+    }
+}
+
+/// An impossible argument is a usage error, also if the library finds it.
+fn exit_code(error: &Error) -> u8 {
+    match error {
+        Error::Argument { .. } => 2,
+        Error::Process { source, .. } => exit_code(source),
+        _ => 1,
     }
 }
 

@@ -15,6 +15,8 @@ use std::sync::{Mutex, PoisonError};
 /// The program's standard streams. A reader that goes away is no failure; a disk that is full is one, told at the end.
 pub struct Output {
     json: bool,
+    /// Whether another process prints results.
+    silent: bool,
     /// Whether the result is printed.
     done: AtomicBool,
     /// Limits that the result breaks.
@@ -27,15 +29,22 @@ impl Output {
     pub fn new(json: bool) -> Self {
         Output {
             json,
+            silent: false,
             done: AtomicBool::new(false),
             broken: Mutex::default(),
             lost: Mutex::default(),
         }
     }
 
+    /// That of one of several processes: only the first prints results.
+    pub fn of_process(&self, rank: usize) -> Self {
+        Output { silent: rank != 0, ..Output::new(self.json) }
+    }
+
     /// A line for people: standard output, or standard error when that carries JSON.
     pub fn say(&self, line: impl Display) {
         match self.json {
+            _ if self.silent => {}
             true => drop(writeln!(stderr(), "{line}")),
             false => self.print(line),
         }
@@ -61,8 +70,12 @@ impl Output {
         let _ = writeln!(stderr(), "warning: {line}");
     }
 
-    /// The failure that ends the program, on standard error, and under `--json` as the result.
+    /// The failure that ends the program, on standard error, and under `--json` as the result. That of another process is
+    /// its own to print.
     pub fn error(&self, error: &Error) {
+        if matches!(error, Error::OtherProcess { .. }) {
+            return;
+        }
         let _ = writeln!(stderr(), "error: {error}");
         self.result(&json!({ "error": error.to_string() }));
     }
@@ -70,7 +83,7 @@ impl Output {
     /// The machine-readable result; printed only under `--json`, and only the first of a run: a
     /// failure after it is told by the exit code.
     pub fn result(&self, value: &Value) {
-        if self.json && !self.done.swap(true, Ordering::Relaxed) {
+        if self.json && !self.silent && !self.done.swap(true, Ordering::Relaxed) {
             self.print(value);
         }
     }

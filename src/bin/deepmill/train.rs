@@ -1,6 +1,7 @@
 //! `deepmill train`: trains a network on data sets; can be interrupted and resumed at any moment.
 
 use crate::output::Output;
+use crate::processes::{hash, interrupted, together};
 use crate::progress;
 use deepmill::answers::Definition;
 use deepmill::data::dataset::{Dataset, DatasetSettings, Split};
@@ -8,6 +9,7 @@ use deepmill::data::online::OnlineSettings;
 use deepmill::data::{Online, Sample};
 use deepmill::directions::{DirectionSet, Directions};
 use deepmill::model::weights;
+use deepmill::processes::{Processes, Traffic, agree, require_same};
 use deepmill::report::curves::{Chart, Series, write_curves};
 use deepmill::train::{EpochRow, Observer, Run, RunFolder, Settings, StepReport, settings_file};
 use deepmill::{Error, Result, atomic_file};
@@ -50,6 +52,10 @@ pub struct Args {
     /// Samples per step, in place of the settings' number.
     #[arg(long, value_name = "COUNT")]
     batch_size: Option<usize>,
+    /// Groups of samples that each step is split into, in place of the settings' number; each is normalized by itself. Up to
+    /// as many processes (`mpirun`, docs/cluster.md) share a step, and the network does not depend on their number.
+    #[arg(long, value_name = "COUNT")]
+    groups: Option<usize>,
     /// Learning rate, in place of the settings' number.
     #[arg(long, value_name = "RATE", allow_negative_numbers = true)]
     lr: Option<f64>,
@@ -72,10 +78,15 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    atomic_file::check_writable_folder(&args.out)?;
+    together(output, |processes, output| train(args, processes, output))
+}
+
+fn train(args: &Args, processes: &dyn Processes, output: &Output) -> Result<()> {
     let folder = RunFolder::new(&args.out);
-    let mut run = start(args, &folder)?;
-    let data = Data::read(args)?;
+    let is_first = processes.rank() == 0;
+    let mut run = Run::share(is_first.then(|| start(args, &folder)), processes)?;
+    let data = agree(processes, Data::read(args))?;
+    require_same(processes, "data", &data.fingerprint)?;
     let Data { samples, validation, .. } = &data;
     run.learns(data.definition);
     output.say(format!(
@@ -84,30 +95,43 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         validation.len(),
         run.model.params.len()
     ));
+    if processes.size() > 1 {
+        output.say(format!("{} processes, {} groups", processes.size(), run.settings.n_groups));
+    }
     let bar = progress::bar(run.settings.n_epochs, "epochs");
+    let bar = if is_first { bar } else { ProgressBar::hidden() };
     bar.set_position(run.progress.history.len() as u64);
     let stop = progress::stop_flag()?;
-    let mut watch = Watch { folder: &args.out, bar, stop, output };
+    let mut watch = Watch { folder: is_first.then_some(&args.out), bar, stop, output };
     let flow = match run.settings.online {
-        None => folder.train(&mut run, &samples[..], validation, &mut watch)?,
+        None => {
+            let samples = &samples[..];
+            folder.train_together(&mut run, samples, validation, &mut watch, processes)?
+        }
         Some(online) => {
-            let online = data.online(online, run.settings.seed)?;
-            folder.train(&mut run, &online, validation, &mut watch)?
+            let online = agree(processes, data.online(online, run.settings.seed))?;
+            folder.train_together(&mut run, &online, validation, &mut watch, processes)?
         }
     };
     watch.bar.finish_and_clear();
     if flow.is_break() {
-        return Err(Error::Interrupted { remedy: format!("go on with `{}`", resuming(args)) });
+        return Err(interrupted(processes, format!("go on with `{}`", resuming(args))));
     }
     let rows = &run.progress.history;
     output.say(format!("written to {}", folder.model().display()));
-    output.result(&json!({
+    let mut result = json!({
         "model": folder.model(),
         "best": folder.best(),
         "best_epoch": run.progress.best.map(|(_, epoch)| epoch),
         "seconds": rows.iter().map(|r| r.seconds).sum::<f64>(),
         "last": rows.last(),
-    }));
+    });
+    if processes.size() > 1 {
+        let Traffic { bytes_sent, seconds, .. } = processes.traffic();
+        result["processes"] = json!(processes.size());
+        result["communication"] = json!({ "bytes_sent": bytes_sent, "seconds": seconds });
+    }
+    output.result(&result);
     Ok(())
 }
 
@@ -139,6 +163,8 @@ struct Data {
     share: f64,
     /// What the labels are about, in all.
     definition: Definition,
+    /// Tells other data sets apart.
+    fingerprint: String,
 }
 
 impl Data {
@@ -146,11 +172,13 @@ impl Data {
         let first = Dataset::open(&args.data[0])?.manifest.settings;
         let (directions, share) = (first.directions.clone(), first.occlusion_share);
         let definition = first.definition();
-        let (samples, validation) = (Vec::new(), Vec::new());
-        let mut data = Data { samples, validation, directions, share, definition };
+        let (samples, validation, fingerprint) = (Vec::new(), Vec::new(), String::new());
+        let mut data = Data { samples, validation, directions, share, definition, fingerprint };
         let wholly = args.validate.iter().map(|folder| (folder, true));
         for (folder, validate) in args.data.iter().map(|folder| (folder, false)).chain(wholly) {
             let set = Dataset::open(folder)?;
+            let manifest = serde_json::to_vec(&set.manifest).unwrap_or_default();
+            data.fingerprint = hash(&[data.fingerprint.as_bytes(), &manifest[..]].concat());
             let settings = &set.manifest.settings;
             let kind = |s: &DatasetSettings| (s.directions.clone(), s.definition());
             if (kind(settings), settings.occlusion_share) != (kind(&first), data.share) {
@@ -181,9 +209,10 @@ impl Data {
 }
 
 fn start(args: &Args, folder: &RunFolder) -> Result<Run> {
+    atomic_file::check_writable_folder(&args.out)?;
     if args.resume {
         let run = folder.resume()?;
-        require_same(&settings(args, Some(&run.settings))?, &run.settings)?;
+        require_settings(&settings(args, Some(&run.settings))?, &run.settings)?;
         draw(&args.out, &run.progress.history)?;
         return Ok(run);
     }
@@ -204,6 +233,7 @@ fn settings(args: &Args, begun: Option<&Settings>) -> Result<Settings> {
     };
     settings.n_epochs = args.epochs.unwrap_or(settings.n_epochs);
     settings.batch_size = args.batch_size.unwrap_or(settings.batch_size);
+    settings.n_groups = args.groups.unwrap_or(settings.n_groups);
     settings.lr = args.lr.unwrap_or(settings.lr);
     settings.seed = args.seed.unwrap_or(settings.seed);
     settings.samples_per_epoch = args.samples_per_epoch.or(settings.samples_per_epoch);
@@ -215,7 +245,7 @@ fn settings(args: &Args, begun: Option<&Settings>) -> Result<Settings> {
 
 /// A resumed run ends with the bits of one that was never stopped, and the learning rate of every epoch
 /// depends on the number of all: no setting may change on the way.
-fn require_same(wanted: &Settings, begun: &Settings) -> Result<()> {
+fn require_settings(wanted: &Settings, begun: &Settings) -> Result<()> {
     let (wanted, begun) = (numbers(wanted), numbers(begun));
     let differ = |(name, value): (&String, &Value)| {
         let before = begun.get(name).unwrap_or(&Value::Null);
@@ -251,7 +281,8 @@ fn collect(path: &str, value: Value, to: &mut BTreeMap<String, Value>) {
 
 /// Shows a run while it goes on: a bar at a terminal, a line for each epoch everywhere.
 struct Watch<'a> {
-    folder: &'a Path,
+    /// Where the curves go.
+    folder: Option<&'a PathBuf>,
     bar: ProgressBar,
     stop: Arc<AtomicBool>,
     output: &'a Output,
@@ -272,7 +303,7 @@ impl Observer for Watch<'_> {
     }
 
     fn epoch(&mut self, run: &Run, row: &EpochRow) -> Result<ControlFlow<()>> {
-        draw(self.folder, &run.progress.history)?;
+        self.folder.map_or(Ok(()), |folder| draw(folder, &run.progress.history))?;
         self.bar.set_position(row.epoch);
         self.bar.suspend(|| self.output.say(row));
         Ok(ControlFlow::Continue(()))

@@ -165,18 +165,25 @@ impl Builder {
     /// # Errors
     /// If a record cannot be read or the manifest not written.
     pub fn finish(&self) -> Result<Option<Manifest>> {
-        let mut parts = Vec::with_capacity(self.n_parts());
-        for index in 0..self.n_parts() {
-            let path = self.record_path(index);
-            if !path.exists() {
-                return Ok(None);
-            }
-            parts.push(read_json(&path, "delete this file and build again")?);
+        if !self.missing().is_empty() {
+            return Ok(None);
         }
+        let record = |i| read_json(&self.record_path(i), "delete this file and build again");
+        let parts = (0..self.n_parts()).map(record).collect::<Result<Vec<_>>>()?;
         let settings = self.settings.clone();
         let manifest = Manifest { format: FORMAT.into(), settings, parts };
         write_json(&self.folder.join(MANIFEST), &manifest)?;
         Ok(Some(manifest))
+    }
+
+    /// Numbers of the parts that are neither finished nor skipped.
+    pub fn missing(&self) -> Vec<usize> {
+        (0..self.n_parts()).filter(|index| !self.record_path(*index).exists()).collect()
+    }
+
+    /// What tells its list of parts from another: number, and names in order.
+    pub fn names(&self) -> Vec<String> {
+        self.sources.iter().map(PartSource::name).collect()
     }
 
     fn record_path(&self, index: usize) -> PathBuf {

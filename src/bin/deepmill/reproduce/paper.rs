@@ -14,14 +14,13 @@ use deepmill::{Error, Result, atomic_file};
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use std::io::Write;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// Most steps.
 const N_STEPS: usize = 10;
-/// Samples that go through the network together.
-const MICRO_BATCH: usize = 8;
+/// Most samples that go through the network together.
+const GROUP: usize = 8;
 /// Parts of the published training set.
 const N_PUBLISHED: usize = 4471;
 
@@ -41,7 +40,7 @@ pub fn run(study: &Study) -> Result<Value> {
     let settings = Settings {
         seed: SEED,
         batch_size,
-        micro_batch_size: Some(MICRO_BATCH.min(batch_size)),
+        n_groups: batch_size.div_ceil(GROUP),
         samples_per_epoch: Some(N_PUBLISHED),
         ..paper
     };
@@ -73,11 +72,11 @@ pub fn run(study: &Study) -> Result<Value> {
         title: "First steps of the published training",
         text: vec![format!(
             "Preset `paper`: {n_parameters} parameters, SGD with momentum 0.9 and weight decay 5e-4, learning rate 1.0 (the begin \
-             of a cosine over 1,500 epochs of {N_PUBLISHED} samples), batch {batch_size} in micro-batches of {} (batch norm sees \
-             these alone), mirroring and elastic deformation with labels kept, the sum of both losses (two heads that know \
+             of a cosine over 1,500 epochs of {N_PUBLISHED} samples), batch {batch_size} in {} groups (batch norm sees \
+             one of them), mirroring and elastic deformation with labels kept, the sum of both losses (two heads that know \
              nothing: 2 ln 2 = 1.386). Steps taken: {n_steps}, on samples of {} parts with {} sites each; no network is kept. At \
              {seconds:.2} s a sample the published training is {:.1} days here.",
-            settings.micro_batch_size.unwrap_or(batch_size),
+            settings.n_groups,
             study.training_parts().len(),
             study.args.sites,
             n_published * seconds / 86400.0,
