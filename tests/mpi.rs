@@ -187,6 +187,8 @@ fn processes_score_what_one_scores() {
         scores
     };
     assert_eq!(scores(1), scores(2));
+    let message = error(&place.command(2, &eval.replace("best", "worst")).output().unwrap());
+    assert!(message.contains("process 0 of 2: run/worst.safetensors: cannot be read"), "{message}");
 }
 
 #[test]

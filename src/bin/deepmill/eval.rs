@@ -65,12 +65,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 
 /// Each process scores its share of the samples; the first tells.
 fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<()> {
-    args.reliability.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
-    let mut networks = vec![(NETWORK.to_owned(), args.model.read()?.0)];
-    for path in &args.against {
-        let model = weights::read::<f32>(path)?;
-        networks.push((name_of(&model, path), model));
-    }
+    let networks = agree(processes, networks(args))?;
     let mut rows: Vec<Row> = Vec::new();
     let mut verified = Table::new(&[
         ("data", "data"),
@@ -114,6 +109,17 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
     }
     output.result(&result);
     Ok(())
+}
+
+/// All networks with their names, once it is known that the files asked for can be written.
+fn networks(args: &Args) -> Result<Vec<(String, Model<f32>)>> {
+    args.reliability.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
+    let mut networks = vec![(NETWORK.to_owned(), args.model.read()?.0)];
+    for path in &args.against {
+        let model = weights::read::<f32>(path)?;
+        networks.push((name_of(&model, path), model));
+    }
+    Ok(networks)
 }
 
 /// Share of positives over predicted probability, for both heads of the first network.
