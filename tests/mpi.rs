@@ -91,13 +91,14 @@ fn error(output: &Output) -> String {
     errors[0].to_owned()
 }
 
-/// All files under a folder with their names in it.
+/// All files under a folder with their names in it; locks have hidden names.
 fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let name = PathBuf::from(path.file_name().unwrap());
         match path.is_dir() {
+            _ if name.to_string_lossy().starts_with('.') => {}
             true => found.extend(files(&path).into_iter().map(|(p, b)| (name.join(p), b))),
             false => found.push((name, fs::read(&path).unwrap())),
         }
