@@ -164,3 +164,28 @@ fn a_data_set_about_the_part_itself_is_told_apart_from_one_about_sites() {
     let both = [&build[..], &["--out", &no, "--obstacles", "most"]].concat();
     assert!(failure(&deepmill(&both), 2).contains("sites, part or a number"));
 }
+
+#[test]
+fn a_graph_network_is_trained_scored_and_asked_as_the_octree_network_is() {
+    let folder = Folder::new();
+    let (data, run) = (data(&folder), folder.path("run"));
+    let config = folder.file("graph.toml", "[network]\nkind = \"graph_sage\"\nwidths = [8, 8]\n");
+    let args = ["train", "--data", &data, "--out", &run, "--preset", "tiny", "--epochs", "2"];
+    let output = deepmill(&[&args[..], &["--config", &config]].concat());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(settings(&run).contains("kind = \"graph_sage\""), "{}", settings(&run));
+    let resume = ["train", "--data", &data, "--out", &run, "--resume"];
+    assert!(deepmill(&resume).status.success());
+    let model = Path::new(&run).join("best.safetensors").display().to_string();
+    assert!(text(&deepmill(&["weights", &model]).stdout).contains("graph_sage"));
+    let scores = json(&deepmill(&["eval", "--json", "--model", &model, "--data", &data]));
+    assert_eq!(scores["n_samples"], 2);
+    let (part, out) = (folder.block(), folder.path("out"));
+    let args = ["predict", &part, "--cutter", command::CUTTER, "--out", &out, "--model", &model];
+    let more = ["--sites", "100", "--far", "--no-picture", "--json"];
+    assert_eq!(json(&deepmill(&[&args[..], &more].concat()))["n_sites"], 100);
+    let wrong = folder.file("wrong.toml", "[network]\nkind = \"graph_sage\"\ndepth = 3\n");
+    let args = ["train", "--data", &data, "--out", &folder.path("no"), "--config", &wrong];
+    let message = failure(&deepmill(&args), 1);
+    assert!(message.contains("wrong.toml") && message.contains("`depth`"), "{message}");
+}

@@ -14,7 +14,7 @@ use deepmill::directions::Directions;
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::metrics::Confusion;
-use deepmill::model::Model;
+use deepmill::model::AnyModel;
 use deepmill::optim::Schedule;
 use deepmill::report::folder::{self, LABELS, Show};
 use deepmill::report::scores;
@@ -137,10 +137,11 @@ fn network(
     args: &Args,
     directions: &Directions,
     output: &Output,
-) -> Result<(Model<f32>, &'static str, Option<f64>)> {
+) -> Result<(AnyModel<f32>, &'static str, Option<f64>)> {
     #[cfg(feature = "weights")]
     if !args.train {
-        return Ok((Model::shipped()?, "the network that comes with deepmill", None));
+        let shipped = deepmill::model::Model::shipped()?.into();
+        return Ok((shipped, "the network that comes with deepmill", None));
     }
     let _ = args.train;
     let start = Instant::now();

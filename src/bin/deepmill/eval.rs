@@ -9,7 +9,7 @@ use deepmill::data::Sample;
 use deepmill::data::dataset::{Dataset, Split};
 use deepmill::directions::Directions;
 use deepmill::model::config::CutterPlacement;
-use deepmill::model::{Model, weights};
+use deepmill::model::{AnyModel, weights};
 use deepmill::processes::{Processes, agree, require_same};
 use deepmill::report::curves::{Chart, Series, write_curves};
 use deepmill::report::tables::{Cell, Table};
@@ -165,8 +165,8 @@ impl Row {
 }
 
 /// What a further network is called: by what it lacks, or by its file.
-fn name_of(model: &Model<f32>, path: &Path) -> String {
-    match model.net.config().cutter.placement {
+fn name_of(model: &AnyModel<f32>, path: &Path) -> String {
+    match model.net.config().cutter().placement {
         CutterPlacement::None => "network without cutter modules".into(),
         _ => path.display().to_string(),
     }
@@ -192,7 +192,7 @@ type Scored = (String, bool, Evaluation);
 fn score_set(
     args: &Args,
     folder: &Path,
-    networks: &[(String, Model<f32>)],
+    networks: &[(String, AnyModel<f32>)],
     processes: &dyn Processes,
     output: &Output,
 ) -> Result<Vec<Scored>> {

@@ -15,7 +15,7 @@ use deepmill::cutter::CutterSet;
 use deepmill::data::online::OnlineSettings;
 use deepmill::data::{Online, Sample};
 use deepmill::directions::Directions;
-use deepmill::model::Model;
+use deepmill::model::AnyModel;
 use deepmill::train::{EpochRow, Observer, Run, RunFolder, Settings, StepReport};
 use deepmill::{Error, Result, atomic_file};
 use indicatif::ProgressBar;
@@ -35,7 +35,7 @@ pub const N_TEST_CUTTERS: usize = 2;
 
 /// A network that has seen all its samples.
 pub struct Trained {
-    pub model: Model<f32>,
+    pub model: AnyModel<f32>,
     pub history: Vec<EpochRow>,
 }
 
