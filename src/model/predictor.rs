@@ -46,8 +46,9 @@ impl Predictor {
     /// The answers for `sites` and `cutter`: decisions, probabilities, and what of both the network was not trained for.
     ///
     /// # Errors
-    /// If the cutter is no [ball end](Cutter::as_ball_end); if a number is far outside of the network's
-    /// [`Domain`](super::Domain), unless [`Predictor::accept_far`]; or as [`Model::predict`](super::Model::predict).
+    /// If the network learned about points of space, and `sites` have normals; if the cutter is no
+    /// [ball end](Cutter::as_ball_end); if a number is far outside of the network's [`Domain`](super::Domain), unless
+    /// [`Predictor::accept_far`]; or as [`Model::predict`](super::Model::predict).
     pub fn answer(&self, sites: &Sites, cutter: &Cutter) -> Result<SiteAnswers> {
         let (prediction, outside_domain) = self.predict(sites, cutter)?;
         let answers = match self.occlusion_share {
@@ -66,6 +67,13 @@ impl Predictor {
         sites: &Sites,
         cutter: &Cutter,
     ) -> Result<(Prediction<f32>, Vec<OutsideDomain>)> {
+        if let Some(definition) =
+            self.model.definition.filter(|d| d.is_in_space() && !sites.normals.is_empty())
+        {
+            let found = format!("one that learned {definition}");
+            let remedy = "name a network that was trained on sites";
+            return Err(Error::argument("network", found, "one for sites of a surface", remedy));
+        }
         let lengths = cutter.as_ball_end().ok_or_else(|| {
             let expected = "a ball end with one holder below the spindle";
             let remedy = "the network knows no other; ask the exact labeler";

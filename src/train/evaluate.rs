@@ -21,7 +21,7 @@ pub struct Evaluation {
     /// Confusion counts of both heads for each sample.
     pub samples: Vec<[Confusion; 2]>,
     /// The same for each sample, every site counted by its share of the surface in thousandths of a
-    /// mean site's.
+    /// mean site's. Points of space all count the same.
     pub by_area: Vec<[Confusion; 2]>,
     /// Probabilities of both heads against the truth, where there are probabilities.
     pub reliability: [Reliability; 2],
@@ -54,7 +54,10 @@ impl Evaluation {
     /// If there are not as many answers as sites.
     pub fn add(&mut self, sample: &Sample, answers: &SiteAnswers) -> Result<()> {
         sample.check()?;
-        let areas = spacing::relative_areas(&sample.sites)?;
+        let areas = match sample.is_volume() {
+            true => vec![1.0; sample.sites.len()],
+            false => spacing::relative_areas(&sample.sites)?,
+        };
         let weights: Vec<u64> = areas.iter().map(|a| (1000.0 * a) as u64).collect();
         let truth = &sample.answers;
         let heads =

@@ -169,9 +169,9 @@ fn exact(
     let start = Instant::now();
     let tool = Tool::new(params, None, 0.0)?;
     let (points, surface) = (Obstacles::Queries, SurfaceOptions::default());
-    let triangles = match definition {
-        Definition::Sites => None,
-        Definition::Part => Some(TriangleObstacles::new(mesh, &[])?),
+    let triangles = match definition.is_part_itself() {
+        true => Some(TriangleObstacles::new(mesh, &[])?),
+        false => None,
     };
     let mut labels = match &triangles {
         None => label(&sites, points, &tool.cutter, directions, &LabelOptions::default())?,
@@ -188,7 +188,7 @@ fn exact(
         "directions": directions.set(),
         "n_directions": N_DIRECTIONS,
         "definition": definition.to_string(),
-        "part_itself": (definition == Definition::Part).then(|| json!({
+        "part_itself": definition.is_part_itself().then(|| json!({
             "tolerance_mm": null,
             "search": RefinementOptions::default().n_kept,
             "prove": false,

@@ -217,6 +217,11 @@ fn score_set(
         let share = 100.0 * settings.occlusion_share;
         scored.push((format!("{name}, occlusion by rank ({share} %)"), true, ranked));
     }
+    if args.exact && settings.volume {
+        let found = "its labels are about space, it does not hold the surface";
+        let remedy = "leave out --exact; `deepmill label --volume` times single parts";
+        return Err(Error::file(folder, "settings", found, remedy));
+    }
     if args.exact && settings.part_itself {
         let found = "its labels are about the part itself, whose triangles it does not hold";
         let remedy = "leave out --exact; `deepmill label` times single parts";
@@ -228,7 +233,10 @@ fn score_set(
         scored.push(("exact labeler".into(), true, exact));
     }
     scored.push(("majority class".into(), false, majority(&samples)?));
-    scored.push(("normal's angle; highest 10 % by z".into(), false, by_geometry(&samples)?));
+    if !settings.volume {
+        let name = "normal's angle; highest 10 % by z";
+        scored.push((name.into(), false, by_geometry(&samples)?));
+    }
     Ok(scored)
 }
 
