@@ -20,6 +20,22 @@ pub enum Definition {
     Sites,
     /// The part itself: its triangles are the obstacles, see [`access::surface`](crate::access::surface).
     Part,
+    /// The published definition for points of the space around the part, see [`data::volume`](crate::data::volume).
+    SitesInSpace,
+    /// The part itself, for points of the space around it.
+    PartInSpace,
+}
+
+impl Definition {
+    /// Whether triangles are the obstacles.
+    pub fn is_part_itself(self) -> bool {
+        matches!(self, Definition::Part | Definition::PartInSpace)
+    }
+
+    /// Whether it is about points of space, not of the surface.
+    pub fn is_in_space(self) -> bool {
+        matches!(self, Definition::SitesInSpace | Definition::PartInSpace)
+    }
 }
 
 impl fmt::Display for Definition {
@@ -27,6 +43,8 @@ impl fmt::Display for Definition {
         f.pad(match self {
             Definition::Sites => "published definition, points as obstacles",
             Definition::Part => "the part itself",
+            Definition::SitesInSpace => "published definition, points as obstacles, in space",
+            Definition::PartInSpace => "the part itself, in space",
         })
     }
 }

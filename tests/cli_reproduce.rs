@@ -20,18 +20,20 @@ fn every_experiment_writes_its_table_and_a_second_run_trains_nothing() {
     let args = reproduce("all", &out, &["--samples", "8"]);
     let first = json(&deepmill(&args));
     // Without modules: two tables. As the preset has it: four. At 80 sites on CAD parts: two.
-    assert_eq!(first["trained"], 27);
+    assert_eq!(first["trained"], 31);
     for (name, n_rows, files) in [
         ("table1", 7, &[".md", ".csv"][..]),
         ("length", 18, &[".md", ".csv", ".svg", ".png"]),
         ("symmetry", 7, &[".md", ".csv", ".png"]),
-        ("directions", 18, &[".md", ".csv", ".png"]),
+        ("directions", 22, &[".md", ".csv", ".png"]),
         ("cutters", 12, &[".md", ".csv", ".png"]),
         ("placement", 4, &[".md", ".csv", ".svg"]),
         ("loss", 7, &[".md", ".csv", ".svg"]),
         ("paper", 1, &[".md", ".csv", ".svg"]),
         ("depth", 12, &[".md", ".csv", ".svg"]),
         ("gallery", 18, &[".md", ".csv", "-inaccessible.png", "-occlusion.png", "-cutters.png"]),
+        ("graph", 2, &[".md", ".csv", ".png"]),
+        ("volume", 2, &[".md", ".csv", ".png"]),
     ] {
         assert_eq!(first[name]["table"].as_array().unwrap().len(), n_rows, "{name}");
         let path = |ending: &str| Path::new(&out).join(format!("{name}{ending}"));

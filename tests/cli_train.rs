@@ -164,3 +164,72 @@ fn a_data_set_about_the_part_itself_is_told_apart_from_one_about_sites() {
     let both = [&build[..], &["--out", &no, "--obstacles", "most"]].concat();
     assert!(failure(&deepmill(&both), 2).contains("sites, part or a number"));
 }
+
+#[test]
+fn a_graph_network_is_trained_scored_and_asked_as_the_octree_network_is() {
+    let folder = Folder::new();
+    let (data, run) = (data(&folder), folder.path("run"));
+    let config = folder.file("graph.toml", "[network]\nkind = \"graph_sage\"\nwidths = [8, 8]\n");
+    let args = ["train", "--data", &data, "--out", &run, "--preset", "tiny", "--epochs", "2"];
+    let output = deepmill(&[&args[..], &["--config", &config]].concat());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(settings(&run).contains("kind = \"graph_sage\""), "{}", settings(&run));
+    let resume = ["train", "--data", &data, "--out", &run, "--resume"];
+    assert!(deepmill(&resume).status.success());
+    let model = Path::new(&run).join("best.safetensors").display().to_string();
+    assert!(text(&deepmill(&["weights", &model]).stdout).contains("graph_sage"));
+    let scores = json(&deepmill(&["eval", "--json", "--model", &model, "--data", &data]));
+    assert_eq!(scores["n_samples"], 2);
+    let (part, out) = (folder.block(), folder.path("out"));
+    let args = ["predict", &part, "--cutter", command::CUTTER, "--out", &out, "--model", &model];
+    let more = ["--sites", "100", "--far", "--no-picture", "--json"];
+    assert_eq!(json(&deepmill(&[&args[..], &more].concat()))["n_sites"], 100);
+    let wrong = folder.file("wrong.toml", "[network]\nkind = \"graph_sage\"\ndepth = 3\n");
+    let args = ["train", "--data", &data, "--out", &folder.path("no"), "--config", &wrong];
+    let message = failure(&deepmill(&args), 1);
+    assert!(message.contains("wrong.toml") && message.contains("`depth`"), "{message}");
+}
+
+#[test]
+fn the_space_around_parts_is_learned_without_normals() {
+    let folder = Folder::new();
+    let (surface, run) = (data(&folder), folder.path("run"));
+    let build = ["dataset", "build", "--generated", "2", "--sites", "80", "--directions", "10"];
+    let [by_sites, by_part] = ["sites", "part"].map(|obstacles| {
+        let set = folder.path(obstacles);
+        let more = ["--volume", "--obstacles", obstacles, "--out", &set];
+        assert!(deepmill(&[&build[..], &more].concat()).status.success());
+        set
+    });
+    let samples = |folder: &str| {
+        let set = deepmill::data::dataset::Dataset::open(Path::new(folder)).unwrap();
+        set.samples(None).unwrap()
+    };
+    let (first, second) = (samples(&by_sites), samples(&by_part));
+    for (a, b) in first.iter().zip(&second) {
+        assert!(a.is_volume() && a.sites == b.sites && a.sites.len().abs_diff(80) < 40);
+    }
+    let config = folder.file("space.toml", "[network.input]\nfeatures = \"P\"\n");
+    let args = ["train", "--preset", "tiny", "--epochs", "2", "--data", &by_part, "--out"];
+    let train = |out: &str, more: &[&str]| deepmill(&[&args[..], &[out], more].concat());
+    let output = train(&run, &["--config", &config]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let model = Path::new(&run).join("best.safetensors").display().to_string();
+    let eval = ["eval", "--json", "--model", &model, "--data", &by_part];
+    assert_eq!(json(&deepmill(&eval))["per_sample"].as_array().unwrap().len(), 3);
+    let refused = |args: &[&str], code, expected: &str| {
+        let message = failure(&deepmill(args), code);
+        assert!(message.contains(expected), "{message}");
+    };
+    let message = failure(&train(&folder.path("a"), &[]), 2);
+    assert!(message.contains("P for points without normals"), "{message}");
+    let message = failure(&train(&folder.path("b"), &["--config", &config, "--online"]), 2);
+    assert!(message.contains("does not hold the part's surface"), "{message}");
+    refused(&[&eval[..], &["--exact"]].concat(), 1, "labels are about space");
+    refused(&["dataset", "export", &by_part, "--out", &folder.path("c")], 1, "no normals");
+    let (part, out) = (folder.block(), folder.path("out"));
+    let predict = ["predict", &part, "--cutter", command::CUTTER, "--out", &out, "--model", &model];
+    refused(&predict, 2, "learned the part itself, in space");
+    let both = ["train", "--preset", "tiny", "--out", &folder.path("d"), "--data", &surface];
+    refused(&[&both[..], &[&by_sites]].concat(), 1, "another kind of obstacles");
+}

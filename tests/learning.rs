@@ -46,7 +46,7 @@ fn a_small_network_overfits_two_parts() {
         weight_decay: 0.0,
         ..Settings::tiny()
     };
-    settings.network.input.depth = 5;
+    settings.network.octree_mut().unwrap().input.depth = 5;
     let mut run = Run::new(settings).unwrap();
     assert!(run.train(&samples[..], &samples, &mut ()).unwrap().is_continue());
     let evaluation = evaluate(&run.model, &samples).unwrap();

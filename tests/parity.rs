@@ -1,7 +1,6 @@
 //! The network equals the reference implementation, tensor by tensor.
 #![cfg(feature = "formats")]
 
-use deepmill::model::Model;
 use deepmill::model::weights::{self, tensors::TensorFile};
 use deepmill::parity;
 use std::fs;
@@ -77,7 +76,7 @@ fn a_missing_or_unknown_tensor_is_named() {
 #[test]
 fn a_checkpoint_of_the_reference_loads_and_comes_back_unchanged() {
     let path = fixture().join("weights.safetensors");
-    let model: Model<f32> = weights::read(&path).unwrap();
+    let model = weights::read::<f32>(&path).unwrap().into_octree().unwrap();
     let config = model.net.config();
     assert_eq!(
         (config.encoder_widths[3], config.decoder_blocks[3], config.cutter.width),

@@ -9,11 +9,12 @@ use std::sync::LazyLock;
 
 static WHOLE: LazyLock<(Checkpoint, Vec<u8>)> = LazyLock::new(|| {
     let mut settings = Settings::tiny();
-    settings.network.stem_width = 2;
-    settings.network.encoder_widths = vec![2];
-    settings.network.encoder_blocks = vec![1];
-    settings.network.decoder_widths = vec![2];
-    settings.network.decoder_blocks = vec![1];
+    let network = settings.network.octree_mut().expect("the preset's network");
+    network.stem_width = 2;
+    network.encoder_widths = vec![2];
+    network.encoder_blocks = vec![1];
+    network.decoder_widths = vec![2];
+    network.decoder_blocks = vec![1];
     let checkpoint = Run::new(settings).expect("a small network").checkpoint();
     let path = scratch::file("whole.safetensors", &[]);
     checkpoint.write(&path).expect("a checkpoint");

@@ -12,6 +12,7 @@ pub mod loader;
 pub mod npz;
 pub mod online;
 pub mod sample;
+pub mod volume;
 
 pub use augment::Augment;
 pub use online::Online;

@@ -3,6 +3,7 @@
 use crate::answers::SiteAnswers;
 use crate::cutter::{Cutter, CutterParams};
 use crate::geom::Sites;
+use crate::geom::sites::check_points;
 use crate::{Error, Result};
 use std::sync::Arc;
 
@@ -11,7 +12,7 @@ use std::sync::Arc;
 pub struct Sample {
     /// Name of the part.
     pub name: String,
-    /// Sites of the part, mm.
+    /// Sites of the part, mm; without normals: points of the space around it.
     pub sites: Arc<Sites>,
     /// The cutter, mm.
     pub cutter: CutterParams,
@@ -20,15 +21,20 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Checks that every vector has one entry per site, that the sites pass [`Sites::check`] and the
-    /// lengths make a cutter.
+    /// Whether it is about points of the space around a part.
+    pub fn is_volume(&self) -> bool {
+        self.sites.normals.is_empty() && !self.sites.is_empty()
+    }
+
+    /// Checks that every vector has one entry per site, that the sites pass [`Sites::check`], or are points of space, and
+    /// the lengths make a cutter.
     ///
     /// # Errors
     /// Names the sample and what is wrong with it.
     pub fn check(&self) -> Result<()> {
         let n = self.sites.len();
         let lengths = [
-            ("normals", self.sites.normals.len()),
+            ("normals", if self.is_volume() { n } else { self.sites.normals.len() }),
             ("inaccessible", self.answers.inaccessible.len()),
             ("occlusion", self.answers.occlusion.len()),
         ];
@@ -43,9 +49,16 @@ impl Sample {
                 format!("{len} {what} for {n} sites"),
                 "build the data set again",
             )),
-            None => self.sites.check().and_then(|()| Cutter::ball_end(self.cutter).map(drop)),
+            None => self.check_sites().and_then(|()| Cutter::ball_end(self.cutter).map(drop)),
         }
         .map_err(|e| self.named(e))
+    }
+
+    fn check_sites(&self) -> Result<()> {
+        match self.is_volume() {
+            true => check_points("point", &self.sites.points),
+            false => self.sites.check(),
+        }
     }
 
     /// The error of a part of the sample, as one of the sample.

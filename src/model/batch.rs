@@ -3,12 +3,12 @@
 use super::config::{CutterInput, InputConfig};
 use super::cutter_modules::N_LENGTHS;
 use crate::cutter::{Cutter, CutterParams};
-use crate::geom::sites::check_sites;
+use crate::geom::sites::{check_points, check_sites};
 use crate::nn::interp::Interpolation;
 use crate::nn::operand::Operand;
 use crate::octree::{Cloud, CubeTransform, Octree};
 use crate::scalar::Scalar;
-use crate::{Result, par};
+use crate::{Error, Result, par};
 use glam::Vec3;
 
 /// One shape to be judged, in millimeters.
@@ -16,20 +16,23 @@ use glam::Vec3;
 pub struct Shape<'a> {
     /// Sites, mm.
     pub points: &'a [Vec3],
-    /// Outward normals, one per site.
+    /// Outward normals, one per site; none at all for points of the space around the part.
     pub normals: &'a [Vec3],
     /// CR, CH, FR, FH of the cutter, mm.
     pub cutter_mm: [f64; N_LENGTHS],
 }
 
 impl Shape<'_> {
-    /// Checks that the network can say something about the shape: sites that are somewhere, unit normals,
+    /// Checks that a network can say something about the shape: sites that are somewhere, unit normals or none,
     /// and a cutter.
     ///
     /// # Errors
     /// Names what is wrong.
     pub(super) fn check(&self) -> Result<()> {
-        check_sites("site", self.points, self.normals)?;
+        match self.normals {
+            [] => check_points("point", self.points)?,
+            normals => check_sites("site", self.points, normals)?,
+        }
         Cutter::ball_end(CutterParams::from_array(self.cutter_mm)).map(drop)
     }
 }
@@ -53,7 +56,7 @@ impl<T: Scalar> Batch<T> {
     /// Normalizes each shape, builds the joint octree and its features.
     ///
     /// # Errors
-    /// If there are no shapes, or one has no points, lacks normals, holds a number that is not finite, or
+    /// If there are no shapes, or one has no points, lacks normals that the network reads, holds a number that is not finite, or
     /// has lengths that make no cutter; if the octree would be too large.
     pub fn new(shapes: &[Shape], input: &InputConfig) -> Result<Self> {
         let _floats = par::DefaultFloats::set();
@@ -84,6 +87,11 @@ impl<T: Scalar> Batch<T> {
         assert_eq!(clouds.len(), cutters.len());
         let octree = Octree::build(clouds, &input.octree())?;
         let features = octree.features(input.node_features()?)?;
+        if input.point_normals && octree.leaf_normals.is_empty() {
+            let (found, expected) = ("true", "false for points without normals");
+            let remedy = "give the points normals, or train without (docs/training.md)";
+            return Err(Error::argument("point_normals", found, expected, remedy));
+        }
         let points: Vec<Vec3> = clouds.iter().flat_map(|c| c.points).copied().collect();
         let normals = clouds.iter().filter(|_| input.point_normals).flat_map(|c| c.normals);
         let point_normals = normals.flat_map(|n| n.to_array());

@@ -348,7 +348,7 @@ fn yes() -> bool {
     true
 }
 
-const MAX_WIDTH: usize = 1 << 12;
+pub(super) const MAX_WIDTH: usize = 1 << 12;
 const MAX_BLOCKS: usize = 1 << 8;
 
 fn require(

@@ -1,4 +1,4 @@
-//! A batch of mesh graphs in the form of a graph network's input.
+//! A batch of graphs, of meshes or of sites, in the form of a graph network's input.
 
 use super::batch::cutter_input;
 use super::config::{Cube, CutterInput};
@@ -7,27 +7,37 @@ use crate::nn::neighbor_mean::Neighbors;
 use crate::octree::Normalization;
 use crate::rng::Stream;
 use crate::scalar::Scalar;
-use crate::{Error, Result};
-use glam::Vec3;
+use crate::spatial::KdTree;
+use crate::{Error, Result, par};
+use glam::{DVec3, Vec3};
 use std::ops::Range;
 
 /// Channels of a vertex: position and normal.
 pub const N_FEATURES: usize = 6;
 
-/// The vertices of one mesh, in millimeters, and the edges between them.
+/// Which vertices are neighbors.
+#[derive(Debug, Clone, Copy)]
+pub enum Edges<'a> {
+    /// Corner indices of each face; its three edges join neighbors.
+    Faces(&'a [[u32; 3]]),
+    /// The so many nearest others of each vertex, by distance, then by index: for sites without a mesh.
+    Nearest(usize),
+}
+
+/// The vertices of one graph, in millimeters, and the edges between them.
 #[derive(Debug, Clone, Copy)]
 pub struct GraphShape<'a> {
     /// Vertices, mm.
     pub points: &'a [Vec3],
     /// Outward unit normals, one per vertex.
     pub normals: &'a [Vec3],
-    /// Corner indices of each face; its three edges join neighbors.
-    pub triangles: &'a [[u32; 3]],
+    /// The edges.
+    pub edges: Edges<'a>,
     /// CR, CH, FR, FH of the cutter, mm.
     pub cutter_mm: [f64; N_LENGTHS],
 }
 
-/// Several meshes, ready for a graph network.
+/// Several graphs, ready for a graph network.
 #[derive(Debug, Clone)]
 pub struct GraphBatch<T> {
     /// Normalized position and normal of every vertex, `[n, 6]`.
@@ -40,6 +50,8 @@ pub struct GraphBatch<T> {
     pub shapes: Vec<Range<usize>>,
     /// Cutter lengths as the network takes them, `[n_shapes, 4]`.
     pub cutters: Vec<T>,
+    /// The neighbors that each layer takes the mean over in training, see [`GraphBatch::sample`]; inference takes all.
+    pub samples: Vec<Neighbors>,
 }
 
 impl<T: Scalar> GraphBatch<T> {
@@ -65,7 +77,7 @@ impl<T: Scalar> GraphBatch<T> {
             ranges.push(start..neighbors.len());
         }
         let all = Neighbors::new(neighbors.iter().map(Vec::as_slice));
-        Ok(GraphBatch { features, neighbors, all, shapes: ranges, cutters })
+        Ok(GraphBatch { features, neighbors, all, shapes: ranges, cutters, samples: Vec::new() })
     }
 
     /// Number of vertices over all shapes.
@@ -91,9 +103,32 @@ impl<T: Scalar> GraphBatch<T> {
     }
 }
 
+/// Ascending lists; the first vertex is number `start`.
 fn neighbors_of(shape: &GraphShape, start: u32) -> Vec<Vec<u32>> {
-    let mut lists = vec![Vec::new(); shape.points.len()];
-    for corners in shape.triangles {
+    match shape.edges {
+        Edges::Faces(triangles) => joined_by_faces(shape.points.len(), triangles, start),
+        Edges::Nearest(k) => nearest(shape.points, k, start),
+    }
+}
+
+/// Vertices per parallel task.
+const BLOCK: usize = 256;
+
+fn nearest(points: &[Vec3], k: usize, start: u32) -> Vec<Vec<u32>> {
+    let points: Vec<DVec3> = points.iter().map(|p| p.as_dvec3()).collect();
+    let tree = KdTree::build(&points);
+    let list = |i: usize| {
+        let mut list = tree.k_nearest(points[i], k, |j| j as usize != i);
+        list.iter_mut().for_each(|j| *j += start);
+        list.sort_unstable();
+        list
+    };
+    par::map_blocks(points.len(), BLOCK, |range| range.map(list).collect::<Vec<_>>()).concat()
+}
+
+fn joined_by_faces(n: usize, triangles: &[[u32; 3]], start: u32) -> Vec<Vec<u32>> {
+    let mut lists = vec![Vec::new(); n];
+    for corners in triangles {
         for i in 0..3 {
             let (a, b) = (corners[i], corners[(i + 1) % 3]);
             lists[a as usize].push(start + b);
@@ -118,7 +153,8 @@ fn check(i: usize, shape: &GraphShape) -> Result<()> {
         let found = format!("the normal of vertex {v} is not finite");
         return Err(Error::geometry(place, found, "remove or repair it"));
     }
-    match shape.triangles.as_flattened().iter().find(|&&corner| corner as usize >= n) {
+    let Edges::Faces(triangles) = shape.edges else { return Ok(()) };
+    match triangles.as_flattened().iter().find(|&&corner| corner as usize >= n) {
         None => Ok(()),
         Some(corner) => {
             let found = format!("a face has corner {corner} of {n} vertices");
@@ -148,7 +184,7 @@ mod tests {
         let shape = GraphShape {
             points: &points,
             normals: &points,
-            triangles: &triangles,
+            edges: Edges::Faces(&triangles),
             cutter_mm: [0.25, 0.5, 0.75, 2.5],
         };
         let batch =
@@ -166,12 +202,27 @@ mod tests {
     }
 
     #[test]
+    fn sites_are_joined_to_the_nearest_of_their_own_shape() {
+        let line = [0.0, 1.0, 2.5, 9.0].map(|x| Vec3::X * x);
+        let shape = |n: usize| GraphShape {
+            points: &line[..n],
+            normals: &[Vec3::Z; 4][..n],
+            edges: Edges::Nearest(2),
+            cutter_mm: [1.0; 4],
+        };
+        let shapes = [shape(4), shape(2), shape(1)];
+        let batch = GraphBatch::<f64>::new(&shapes, Cube::Box, CutterInput::Scaled).unwrap();
+        let expected: [&[u32]; 7] = [&[1, 2], &[0, 2], &[0, 1], &[1, 2], &[5], &[4], &[]];
+        assert_eq!(batch.neighbors, expected);
+    }
+
+    #[test]
     fn faces_of_other_vertices_are_refused() {
         let (points, _) = tetrahedron();
         let shape = GraphShape {
             points: &points,
             normals: &points[..3],
-            triangles: &[[0, 1, 9]],
+            edges: Edges::Faces(&[[0, 1, 9]]),
             cutter_mm: [1.0; 4],
         };
         let build = |shape| GraphBatch::<f32>::new(&[shape], Cube::Box, CutterInput::Scaled);

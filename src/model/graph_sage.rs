@@ -1,14 +1,15 @@
-//! GraphSAGE on the mesh graph (Hamilton et al. 2017): the baseline without an octree.
+//! GraphSAGE on the graph of a mesh or of sites (Hamilton et al. 2017): the baseline without an octree.
 //!
 //! Layer: `h' = relu(norm(W·[h | cutter | mean of (h | cutter) over neighbors]))`, with a cutter module where
 //! the configuration puts one. Both heads read the last layer. Training takes the mean over a sample of
 //! the neighbors, inference over all.
 
-use super::config::{Cube, CutterConfig, CutterInput, CutterPlacement};
+use super::batch::Shape;
+use super::config::{Cube, CutterConfig, CutterInput, CutterPlacement, MAX_WIDTH};
 use super::cutter_modules::{CutterModule, N_LENGTHS, SavedCutterModule};
-use super::graph::{GraphBatch, N_FEATURES};
+use super::graph::{Edges, GraphBatch, GraphShape, N_FEATURES};
 use super::heads::Head;
-use super::training::InputGradients;
+use super::training::{InputGradients, TrainingPass};
 use super::unet::N_HEADS;
 use crate::nn::arena::Buffer;
 use crate::nn::batch_norm::BatchNorm;
@@ -21,6 +22,7 @@ use crate::nn::params::Layout;
 use crate::nn::pass::{Backward, Inference, Training};
 use crate::nn::rows;
 use crate::nn::saved::Policy;
+use crate::rng::Stream;
 use crate::scalar::Scalar;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -36,6 +38,8 @@ pub struct GraphSageConfig {
     pub cutter_input: CutterInput,
     /// Channels of each layer.
     pub widths: Vec<usize>,
+    /// Edges of a site: it reads so many sites, the nearest ones.
+    pub n_nearest: usize,
     /// Neighbors that training draws for each vertex and layer.
     #[serde(rename = "n_neighbours", alias = "n_neighbors")]
     pub n_neighbors: usize,
@@ -46,15 +50,17 @@ pub struct GraphSageConfig {
 }
 
 impl Default for GraphSageConfig {
-    /// Four layers of 64 channels, ten neighbors, a cutter module of 32 channels before each layer.
+    /// Four layers of 64 channels, 16 nearest sites of which training draws ten, a cutter module of 32 channels before each
+    /// layer.
     fn default() -> Self {
         GraphSageConfig {
             cube: Cube::Box,
             cutter_input: CutterInput::Scaled,
             widths: vec![64; 4],
+            n_nearest: 16,
             n_neighbors: 10,
             head_width: 64,
-            cutter: CutterConfig { width: 32, ..CutterConfig::default() },
+            cutter: CutterConfig { width: 32, ..CutterConfig::small_batches() },
         }
     }
 }
@@ -80,11 +86,9 @@ struct SageLayer {
     cutter: Option<usize>,
 }
 
-/// The outcome of a training pass: logits, and what one backward needs and uses up.
+/// What the training pass of a [`GraphSage`] leaves for backward.
 #[derive(Debug)]
-pub struct GraphTrainingPass<T> {
-    /// Logits of both heads, `[n_points, 2]` each.
-    pub logits: [Buffer<T>; N_HEADS],
+pub struct SavedGraphSage<T> {
     cutters: Vec<(Buffer<T>, SavedCutterModule<T>)>,
     layers: Vec<SavedSageLayer<T>>,
     /// Output of the last layer.
@@ -106,18 +110,9 @@ impl GraphSage {
     /// Checks the configuration and lays out all parameters.
     ///
     /// # Errors
-    /// If there is no layer or a width is 0.
+    /// If there is no layer, or a number is outside its domain.
     pub fn new(config: &GraphSageConfig) -> Result<Self> {
-        let zero = config.widths.iter().chain([&config.head_width, &config.n_neighbors]);
-        let cutter = [&config.cutter.width, &config.cutter.hidden_width];
-        if config.widths.is_empty() || zero.chain(cutter).any(|&width| width == 0) {
-            return Err(Error::argument(
-                "graph network",
-                format!("{:?}", config.widths),
-                "at least one layer, every width and the number of neighbors above 0",
-                "change the network's configuration",
-            ));
-        }
+        config.check()?;
         let (mut layout, mut cutters, mut layers) = (Layout::default(), Vec::new(), Vec::new());
         let mut c_in = N_FEATURES;
         for (i, &c) in config.widths.iter().enumerate() {
@@ -173,8 +168,31 @@ impl GraphSage {
         self.heads.each_ref().map(|head| head.forward(pass, &(), x))
     }
 
-    /// Training pass; `samples[i]` are the neighbors that layer `i` takes the mean over (see
-    /// [`GraphBatch::sample`]).
+    /// The graphs of the sites of `shapes`. For training, the neighbors that each layer takes the mean over are drawn:
+    /// shape `i` draws from `streams[i]`.
+    ///
+    /// # Errors
+    /// As [`GraphBatch::new`].
+    pub fn batch<T: Scalar>(
+        &self,
+        shapes: &[Shape],
+        streams: Option<&mut [Stream]>,
+    ) -> Result<GraphBatch<T>> {
+        let GraphSageConfig { n_nearest, cube, cutter_input, .. } = self.config;
+        let graph = shapes.iter().map(|&Shape { points, normals, cutter_mm }| {
+            let edges = Edges::Nearest(n_nearest);
+            GraphShape { points, normals, edges, cutter_mm }
+        });
+        let shapes: Vec<_> = graph.collect();
+        let mut batch = GraphBatch::new(&shapes, cube, cutter_input)?;
+        if let Some(streams) = streams {
+            let sample = |_: &SageLayer| batch.sample(self.config.n_neighbors, streams);
+            batch.samples = self.layers.iter().map(sample).collect();
+        }
+        Ok(batch)
+    }
+
+    /// Training pass; layer `i` takes the mean over the neighbors `batch.samples[i]`.
     ///
     /// # Panics
     /// If there are fewer samples than layers.
@@ -182,8 +200,7 @@ impl GraphSage {
         &self,
         pass: &mut Training<T>,
         batch: &GraphBatch<T>,
-        samples: &[Neighbors],
-    ) -> GraphTrainingPass<T> {
+    ) -> TrainingPass<T, SavedGraphSage<T>> {
         let lengths = Operand::new(&batch.cutters, N_LENGTHS);
         let module = |module: &CutterModule| module.forward_train(pass, &(), lengths);
         let cutters: Vec<_> = self.cutters.iter().map(module).collect();
@@ -192,7 +209,7 @@ impl GraphSage {
             let cutter = layer.cutter.map(|m| &cutters[m].0[..]);
             let input = if i == 0 { &batch.features[..] } else { &x };
             let (own, mean) =
-                layer.gather(&pass.inference(), &batch.shapes, &samples[i], input, cutter);
+                layer.gather(&pass.inference(), &batch.shapes, &batch.samples[i], input, cutter);
             let both = layer.both(&own, &mean);
             let (y, stage) = layer.stage.forward_train(pass, &(), Operand::Concat(&both));
             let x = std::mem::replace(&mut x, y);
@@ -204,35 +221,36 @@ impl GraphSage {
             heads.push(saved);
             logits
         });
-        GraphTrainingPass { logits, cutters, layers, y: x, heads }
+        TrainingPass { logits, saved: SavedGraphSage { cutters, layers, y: x, heads } }
     }
 
     /// Adds to `pass.grads` the gradient of a loss whose gradients by the logits are `dlogits`, and returns that
     /// by features and cutter lengths.
     ///
-    /// `forward` and `samples` are those of the forward pass.
+    /// `forward` comes from [`GraphSage::forward_train`] with the same parameters and batch.
     pub fn backward<T: Scalar>(
         &self,
         pass: &mut Backward<T>,
         batch: &GraphBatch<T>,
-        samples: &[Neighbors],
-        forward: GraphTrainingPass<T>,
+        forward: TrainingPass<T, SavedGraphSage<T>>,
         dlogits: [&[T]; N_HEADS],
     ) -> InputGradients<T> {
-        let GraphTrainingPass { cutters, layers, y, heads, .. } = forward;
+        let SavedGraphSage { cutters, layers, y, heads } = forward.saved;
         let x = Operand::new(&y, self.c_out());
         let mut d = pass.arena.zeroed(y.len());
         for ((head, saved), dlogits) in self.heads.iter().zip(heads).zip(dlogits) {
             let dhidden = head.backward_to_hidden(pass, x, saved, dlogits);
             head.add_input_gradient(pass, &dhidden, self.c_out(), &mut d);
         }
+        pass.layer_done();
         let zeros = |(features, _): &(Buffer<T>, _)| pass.arena.zeroed(features.len());
         let mut dcutters: Vec<_> = cutters.iter().map(zeros).collect();
         for (i, (layer, saved)) in self.layers.iter().zip(layers).enumerate().rev() {
             let SavedSageLayer { x, own, mean, stage } = saved;
             let both = layer.both(&own, &mean);
             let dboth = layer.stage.backward(pass, &(), Operand::Concat(&both), stage, d);
-            let down = layer.through_mean(pass, &samples[i], &mean, dboth);
+            pass.layer_done();
+            let down = layer.through_mean(pass, &batch.samples[i], &mean, dboth);
             let input = if i == 0 { &batch.features[..] } else { &x };
             let features = layer.cutter.map(|m| &cutters[m].0[..]);
             let inputs = layer.inputs(&batch.shapes, input, features);
@@ -307,6 +325,31 @@ impl SageLayer {
     }
 }
 
+impl GraphSageConfig {
+    /// Every number in its domain.
+    fn check(&self) -> Result<()> {
+        let widths = self.widths.iter().chain([&self.head_width]);
+        let widths = widths.chain([&self.cutter.width, &self.cutter.hidden_width]);
+        let error = |name, found: String, expected: String| {
+            Err(Error::argument(name, found, expected, "change the network's configuration"))
+        };
+        if !(1..=MAX_LAYERS).contains(&self.widths.len()) {
+            let expected = format!("1 to {MAX_LAYERS}");
+            return error("number of graph layers", self.widths.len().to_string(), expected);
+        }
+        let neighbors = [&self.n_nearest, &self.n_neighbors];
+        let numbers = widths.map(|n| ("width", n));
+        for (name, n) in numbers.chain(neighbors.map(|n| ("number of neighbors", n))) {
+            if !(1..=MAX_WIDTH).contains(n) {
+                return error(name, n.to_string(), format!("1 to {MAX_WIDTH}"));
+            }
+        }
+        Ok(())
+    }
+}
+
+const MAX_LAYERS: usize = 1 << 6;
+
 fn sees_cutter(config: &GraphSageConfig, layer: usize) -> bool {
     match config.cutter.placement {
         CutterPlacement::None => false,
@@ -319,7 +362,6 @@ fn sees_cutter(config: &GraphSageConfig, layer: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::graph::GraphShape;
     use crate::nn::arena::Arena;
     use glam::Vec3;
 
@@ -330,7 +372,7 @@ mod tests {
         let shape = |n: usize, cutter_mm| GraphShape {
             points: &points[..n],
             normals: &points[..n],
-            triangles: &faces[..n - 1],
+            edges: Edges::Faces(&faces[..n - 1]),
             cutter_mm,
         };
         let shapes = [shape(5, [1.0, 2.0, 9.0, 4.0]), shape(4, [2.0, 0.1, 30.0, 9.0])];
@@ -350,8 +392,16 @@ mod tests {
     }
 
     #[test]
-    fn a_network_without_layers_is_refused() {
-        let config = GraphSageConfig { widths: vec![], ..GraphSageConfig::default() };
-        assert!(GraphSage::new(&config).unwrap_err().to_string().contains("at least one layer"));
+    fn networks_outside_their_domain_are_refused_by_name() {
+        let refused = |change: fn(&mut GraphSageConfig)| {
+            let mut config = GraphSageConfig::default();
+            change(&mut config);
+            GraphSage::new(&config).unwrap_err().to_string()
+        };
+        let message = refused(|c| c.widths = vec![]);
+        assert!(message.starts_with("number of graph layers is 0, expected 1 to"), "{message}");
+        assert!(refused(|c| c.widths = vec![4, 0]).starts_with("width is 0"));
+        assert!(refused(|c| c.n_nearest = 0).starts_with("number of neighbors is 0"));
+        assert!(refused(|c| c.cutter.dropout = 1.0).starts_with("dropout"));
     }
 }

@@ -1,6 +1,6 @@
 //! Neural networks: their configuration, parameters and predictions.
 //!
-//! A [`Model`] is a description ([`UNet`]) with two flat vectors of numbers. Inference takes `&self` and
+//! A [`Model`] is a description ([`UNet`], or [`GraphSage`]: any [`Network`]) with two flat vectors of numbers. Inference takes `&self` and
 //! may run from many threads at once; training and inference
 //! take their memory from an [`Arena`](crate::nn::arena::Arena) of the caller.
 
@@ -11,6 +11,8 @@ mod domain;
 pub mod graph;
 pub mod graph_sage;
 pub mod heads;
+mod network;
+mod network_config;
 pub mod policy;
 mod predict;
 mod predictor;
@@ -25,7 +27,9 @@ pub use batch::{Batch, Shape};
 pub use config::UNetConfig;
 pub use domain::Domain;
 pub use graph_sage::GraphSage;
-pub use predict::{Calibration, Model, Prediction};
+pub use network::{AnyBatch, AnyNetwork, AnySaved, Network};
+pub use network_config::NetworkConfig;
+pub use predict::{AnyModel, Calibration, Model, Prediction};
 pub use predictor::Predictor;
-pub use training::{InputGradients, TrainingPass};
+pub use training::{InputGradients, SavedUNet, TrainingPass};
 pub use unet::{Activations, UNet};

@@ -3,11 +3,13 @@
 use super::batch::{Batch, Shape};
 use super::cutter_modules::N_LENGTHS;
 use super::domain::Domain;
+use super::network::{AnyNetwork, Network};
+use super::network_config::NetworkConfig;
 use super::training::{InputGradients, TrainingPass};
 use super::unet::{Activations, N_HEADS, UNet};
 use super::{UNetConfig, heads::N_CLASSES};
 use crate::answers::{Definition, SiteAnswers, is_positive, mark_top_share};
-use crate::nn::arena::Arena;
+use crate::nn::arena::{Arena, Buffer};
 use crate::nn::pass::{Backward, Inference, Training, Update};
 use crate::par;
 use crate::rng::Stream;
@@ -21,11 +23,11 @@ pub const INACCESSIBLE_CLASS: usize = 0;
 /// Class of head 2 that means "occlusion point"; class 0 means "none".
 pub const OCCLUSION_CLASS: usize = 1;
 
-/// A network and its numbers.
+/// A network and its numbers; an octree network unless it is said.
 #[derive(Debug, Clone)]
-pub struct Model<T> {
+pub struct Model<T, N = UNet> {
     /// The description.
-    pub net: UNet,
+    pub net: N,
     /// Learned numbers, laid out as `net.layout().params` says.
     pub params: Vec<T>,
     /// Running statistics, laid out as `net.layout().buffers` says.
@@ -38,6 +40,9 @@ pub struct Model<T> {
     /// it was [fitted](crate::train::calibration::fit).
     pub calibration: [Calibration; N_HEADS],
 }
+
+/// A model of either kind of network: what files hold.
+pub type AnyModel<T> = Model<T, AnyNetwork>;
 
 /// Turns the margin `m` between the logits of "yes" and "no" into `slope · m + offset` (Platt 1999, *Probabilistic outputs for
 /// support vector machines*). An offset of 0 is the scaling by a temperature of `1 / slope` (Guo et al. 2017).
@@ -103,9 +108,9 @@ fn probabilities<T: Scalar>(logits: &[[T; N_CLASSES]]) -> Vec<f32> {
     logits.iter().map(|logits| softmax(logits).to_f64() as f32).collect()
 }
 
-impl<T: Scalar> Model<T> {
+impl<T: Scalar, N: Network<T>> Model<T, N> {
     /// A network with these numbers, of which nothing more is known.
-    pub(crate) fn of(net: UNet, params: Vec<T>, buffers: Vec<T>) -> Self {
+    pub(crate) fn of(net: N, params: Vec<T>, buffers: Vec<T>) -> Self {
         let calibration = [Calibration::IDENTITY; N_HEADS];
         Model { net, params, buffers, domain: None, definition: None, calibration }
     }
@@ -115,20 +120,16 @@ impl<T: Scalar> Model<T> {
         self.domain.as_ref()
     }
 
-    /// A network with random starting weights.
-    ///
-    /// # Errors
-    /// If a number of the configuration is outside its domain.
-    pub fn new(config: &UNetConfig, seed: u64) -> Result<Self> {
-        let net = UNet::new(config)?;
+    /// `net` with random starting weights.
+    pub fn with_network(net: N, seed: u64) -> Self {
         let (params, buffers) = (net.layout().init_params(seed), net.layout().init_buffers());
-        Ok(Model::of(net, params, buffers))
+        Model::of(net, params, buffers)
     }
 
     /// Both answers for every site of one part, in the order of `points_mm`. Logits are calibrated ([`Model::calibration`]).
     ///
     /// # Errors
-    /// If there are no points, one is not finite or beyond 1 km, a normal is missing or not of unit
+    /// If there are no points, one is not finite or beyond 1 km, a normal is missing that the network reads, or is not of unit
     /// length, or the lengths make no ball-end cutter
     /// ([`Cutter::ball_end`](crate::cutter::Cutter::ball_end)).
     ///
@@ -150,8 +151,8 @@ impl<T: Scalar> Model<T> {
         let _floats = par::DefaultFloats::set();
         let shape = Shape { points: points_mm, normals, cutter_mm };
         shape.check()?;
-        let batch = Batch::new(&[shape], &self.net.config().input)?;
-        let [first, second] = self.forward(&batch, &Arena::default()).logits;
+        let batch = self.net.batch(&[shape], None)?;
+        let [first, second] = self.logits(&batch, &Arena::default());
         let mut logits = first.iter().chain(second.iter());
         if let Some(i) = logits.position(|logit| !logit.is_finite()) {
             return Err(Error::NotFinite {
@@ -171,31 +172,31 @@ impl<T: Scalar> Model<T> {
         })
     }
 
-    /// Inference on a batch, with every intermediate result.
-    pub fn forward(&self, batch: &Batch<T>, arena: &Arena<T>) -> Activations<T> {
+    /// Inference on a batch: logits of both heads, `[n_points, 2]` each.
+    fn logits(&self, batch: &N::Batch, arena: &Arena<T>) -> [Buffer<T>; N_HEADS] {
         let pass = Inference { params: &self.params, buffers: &self.buffers, arena };
-        par::keep_workers_hot(|| self.net.forward(&pass, batch))
+        par::keep_workers_hot(|| self.net.logits(&pass, batch))
     }
 
-    /// Training pass, see [`UNet::forward_train`]; moves the running statistics. `dropout` holds one stream per
+    /// Training pass, see [`Network::forward_train`]; moves the running statistics. `dropout` holds one stream per
     /// shape, keyed by (seed, epoch, sample); `None` turns dropout off.
     pub fn forward_train(
         &mut self,
-        batch: &Batch<T>,
+        batch: &N::Batch,
         dropout: Option<&mut [Stream]>,
         arena: &Arena<T>,
-    ) -> TrainingPass<T> {
+    ) -> TrainingPass<T, N::Saved> {
         let Model { net, params, buffers, .. } = self;
         par::keep_workers_hot(|| {
             net.forward_train(&mut Training { params, buffers, dropout, arena }, batch)
         })
     }
 
-    /// Adds the gradient of a loss to `grads`, see [`UNet::backward`].
+    /// Adds the gradient of a loss to `grads`, see [`Network::backward`].
     pub fn backward(
         &self,
-        batch: &Batch<T>,
-        forward: TrainingPass<T>,
+        batch: &N::Batch,
+        forward: TrainingPass<T, N::Saved>,
         dlogits: [&[T]; N_HEADS],
         grads: &mut [T],
         arena: &Arena<T>,
@@ -209,8 +210,8 @@ impl<T: Scalar> Model<T> {
     /// arguments are the range, the gradient by it and the parameters in it.
     pub fn backward_and_update(
         &mut self,
-        batch: &Batch<T>,
-        forward: TrainingPass<T>,
+        batch: &N::Batch,
+        forward: TrainingPass<T, N::Saved>,
         dlogits: [&[T]; N_HEADS],
         update: &mut Update<T>,
         arena: &Arena<T>,
@@ -218,6 +219,22 @@ impl<T: Scalar> Model<T> {
         let Model { net, params, .. } = self;
         let mut pass = Backward::updating(params, update, arena);
         par::keep_workers_hot(|| net.backward(&mut pass, batch, forward, dlogits));
+    }
+}
+
+impl<T: Scalar> Model<T> {
+    /// A network with random starting weights.
+    ///
+    /// # Errors
+    /// If a number of the configuration is outside its domain.
+    pub fn new(config: &UNetConfig, seed: u64) -> Result<Self> {
+        Ok(Model::with_network(UNet::new(config)?, seed))
+    }
+
+    /// Inference on a batch, with every intermediate result.
+    pub fn forward(&self, batch: &Batch<T>, arena: &Arena<T>) -> Activations<T> {
+        let pass = Inference { params: &self.params, buffers: &self.buffers, arena };
+        par::keep_workers_hot(|| self.net.forward(&pass, batch))
     }
 
     /// [`Model::backward`], and the gradient by the input, see [`UNet::backward_to_inputs`].
@@ -231,6 +248,40 @@ impl<T: Scalar> Model<T> {
     ) -> InputGradients<T> {
         let mut pass = Backward::new(&self.params, grads, arena);
         par::keep_workers_hot(|| self.net.backward_to_inputs(&mut pass, batch, forward, dlogits))
+    }
+}
+
+impl<T: Scalar> AnyModel<T> {
+    /// A network with random starting weights.
+    ///
+    /// # Errors
+    /// If a number of the configuration is outside its domain.
+    pub fn of_config(config: &NetworkConfig, seed: u64) -> Result<Self> {
+        Ok(Model::with_network(AnyNetwork::new(config)?, seed))
+    }
+
+    /// The octree network.
+    ///
+    /// # Errors
+    /// If it is another.
+    pub fn into_octree(self) -> Result<Model<T>> {
+        let Model { net, params, buffers, domain, definition, calibration } = self;
+        match net {
+            AnyNetwork::Octree(net) => {
+                Ok(Model { net: *net, params, buffers, domain, definition, calibration })
+            }
+            AnyNetwork::GraphSage(_) => {
+                let (expected, remedy) = ("an octree network", "give one that is trained as such");
+                Err(Error::argument("network", "a graph network", expected, remedy))
+            }
+        }
+    }
+}
+
+impl<T> From<Model<T>> for AnyModel<T> {
+    fn from(model: Model<T>) -> Self {
+        let Model { net, params, buffers, domain, definition, calibration } = model;
+        Model { net: net.into(), params, buffers, domain, definition, calibration }
     }
 }
 

@@ -1,7 +1,7 @@
 //! The predictor: a network behind the interface of the exact labeler.
 
 use super::domain::Domain;
-use super::predict::{Model, Prediction};
+use super::predict::{AnyModel, Prediction};
 use crate::answers::{OutsideDomain, SiteAnswers};
 use crate::cutter::Cutter;
 use crate::geom::Sites;
@@ -10,15 +10,15 @@ use crate::{Error, Result};
 /// Answers as a network predicts; takes and returns what [`Labeler`](crate::access::Labeler) does.
 #[derive(Debug, Clone)]
 pub struct Predictor {
-    model: Model<f32>,
+    model: AnyModel<f32>,
     occlusion_share: Option<f64>,
     far: bool,
 }
 
 impl Predictor {
     /// Decides each site by itself.
-    pub fn new(model: Model<f32>) -> Self {
-        Predictor { model, occlusion_share: None, far: false }
+    pub fn new(model: impl Into<AnyModel<f32>>) -> Self {
+        Predictor { model: model.into(), occlusion_share: None, far: false }
     }
 
     /// Marks the `share` of sites that look most like occlusion points instead of deciding each by itself.
@@ -39,15 +39,16 @@ impl Predictor {
     }
 
     /// The network.
-    pub fn model(&self) -> &Model<f32> {
+    pub fn model(&self) -> &AnyModel<f32> {
         &self.model
     }
 
     /// The answers for `sites` and `cutter`: decisions, probabilities, and what of both the network was not trained for.
     ///
     /// # Errors
-    /// If the cutter is no [ball end](Cutter::as_ball_end); if a number is far outside of the network's
-    /// [`Domain`](super::Domain), unless [`Predictor::accept_far`]; or as [`Model::predict`].
+    /// If the network learned about points of space, and `sites` have normals; if the cutter is no
+    /// [ball end](Cutter::as_ball_end); if a number is far outside of the network's [`Domain`](super::Domain), unless
+    /// [`Predictor::accept_far`]; or as [`Model::predict`](super::Model::predict).
     pub fn answer(&self, sites: &Sites, cutter: &Cutter) -> Result<SiteAnswers> {
         let (prediction, outside_domain) = self.predict(sites, cutter)?;
         let answers = match self.occlusion_share {
@@ -66,6 +67,13 @@ impl Predictor {
         sites: &Sites,
         cutter: &Cutter,
     ) -> Result<(Prediction<f32>, Vec<OutsideDomain>)> {
+        if let Some(definition) =
+            self.model.definition.filter(|d| d.is_in_space() && !sites.normals.is_empty())
+        {
+            let found = format!("one that learned {definition}");
+            let remedy = "name a network that was trained on sites";
+            return Err(Error::argument("network", found, "one for sites of a surface", remedy));
+        }
         let lengths = cutter.as_ball_end().ok_or_else(|| {
             let expected = "a ball end with one holder below the spindle";
             let remedy = "the network knows no other; ask the exact labeler";
@@ -87,7 +95,7 @@ impl Predictor {
 mod tests {
     use super::*;
     use crate::cutter::CutterParams;
-    use crate::model::UNetConfig;
+    use crate::model::{Model, UNetConfig};
     use glam::Vec3;
 
     #[test]

@@ -15,7 +15,7 @@ impl Model<f32> {
     /// # Errors
     /// Never, as long as the file in the crate belongs to this version; a test holds that.
     pub fn shipped() -> Result<Self> {
-        weights::from_bytes(FILE, Path::new("the network that comes with deepmill"))
+        weights::from_bytes(FILE, Path::new("the network that comes with deepmill"))?.into_octree()
     }
 }
 

@@ -17,14 +17,16 @@ use crate::scalar::Scalar;
 
 /// The outcome of a training pass: logits, and what one backward needs and uses up.
 #[derive(Debug)]
-pub struct TrainingPass<T> {
+pub struct TrainingPass<T, S = SavedUNet<T>> {
     /// Logits of both heads, `[n_points, 2]` each.
     pub logits: [Buffer<T>; N_HEADS],
-    saved: SavedUNet<T>,
+    /// What backward needs.
+    pub(super) saved: S,
 }
 
+/// What the training pass of a [`UNet`] leaves for backward.
 #[derive(Debug)]
-struct SavedUNet<T> {
+pub struct SavedUNet<T> {
     stem: SavedLinearNormAct<T>,
     /// Outputs that skip from encoder to decoder: stem, encoder stages but the last.
     skips: Vec<Buffer<T>>,

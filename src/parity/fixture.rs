@@ -68,7 +68,7 @@ impl Fixture {
     pub fn read(folder: &Path) -> Result<Self> {
         let config = read_config(&folder.join(CONFIG))?;
         let path = folder.join(WEIGHTS);
-        let mut model: Model<f32> = weights::read(&path)?;
+        let mut model = weights::read::<f32>(&path)?.into_octree()?;
         let mut net = model.net.config().clone();
         net.input.depth = config.depth;
         net.input.full_depth = config.full_depth;

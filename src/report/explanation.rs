@@ -181,16 +181,20 @@ impl About<'_> {
     fn face_words(&self, face: u32) -> String {
         let n = self.query.n_triangles() as u32;
         match self.query.definition {
-            Definition::Sites if (face as usize) < self.query.file.sites.len() => {
-                format!("site {face}")
+            Definition::Sites | Definition::SitesInSpace => {
+                match (face as usize) < self.query.file.sites.len() {
+                    true => format!("site {face}"),
+                    false => "a further point of the surface".into(),
+                }
             }
-            Definition::Sites => "a further point of the surface".into(),
-            Definition::Part if face < n => {
+            Definition::Part | Definition::PartInSpace if face < n => {
                 let normal = self.query.mesh.as_ref().map(|mesh| mesh.area_vector(face as usize));
                 let normal = normal.unwrap_or_default().normalize_or_zero();
                 format!("triangle {face} of the part, normal {}", triple(normal, 2))
             }
-            Definition::Part => format!("triangle {} of the fixtures", face - n),
+            Definition::Part | Definition::PartInSpace => {
+                format!("triangle {} of the fixtures", face - n)
+            }
         }
     }
 

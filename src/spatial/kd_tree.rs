@@ -1,4 +1,4 @@
-//! A k-d tree over points: nearest neighbor, and all within a radius.
+//! A k-d tree over points: nearest neighbors, and all within a radius.
 //!
 //! Points of a surface fill few cells of a uniform grid, and mesh vertices are anything but uniform;
 //! a tree does not mind either. Splitting at the median makes the shape a function of the number of points alone, so a node is
@@ -55,6 +55,24 @@ impl KdTree {
             &mut limit,
         );
         (best.0 != u32::MAX).then_some(best)
+    }
+
+    /// The `k` accepted points nearest to `q`, nearest first (ties: lower index); fewer if there are not as many.
+    pub fn k_nearest(&self, q: DVec3, k: usize, accept: impl Fn(u32) -> bool) -> Vec<u32> {
+        let mut best: Vec<(f64, u32)> = Vec::with_capacity(k + 1);
+        let mut show = |i: u32, d2: f64, limit: &mut f64| {
+            let place = best.partition_point(|found| *found < (d2, i));
+            if place < k && accept(i) {
+                best.insert(place, (d2, i));
+                best.truncate(k);
+                if best.len() == k {
+                    *limit = best[k - 1].0;
+                }
+            }
+        };
+        let mut limit = f64::INFINITY;
+        self.visit(0, 0..self.order.len(), q, &mut show, &mut limit);
+        best.into_iter().map(|(_, i)| i).collect()
     }
 
     /// Calls `found(index, squared distance)` for every point within `radius` of `q`, in a fixed order.
@@ -147,6 +165,13 @@ mod tests {
             tree.within(q, radius, |i, d2| found.push((d2, i)));
             found.sort_by_key(|&(_, i)| i);
             prop_assert_eq!(found, near);
+            for k in [0, 1, 7, 300] {
+                let squares = points.iter().enumerate().map(|(i, p)| (p.distance_squared(q), i as u32));
+                let mut all: Vec<(f64, u32)> = squares.filter(|(_, i)| odd(*i)).collect();
+                all.sort_by(|x, y| x.partial_cmp(y).unwrap());
+                let nearest: Vec<u32> = all.into_iter().map(|(_, i)| i).take(k).collect();
+                prop_assert_eq!(tree.k_nearest(q, k, odd), nearest);
+            }
         }
     }
 }

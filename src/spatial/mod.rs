@@ -2,7 +2,7 @@
 //!
 //! | structure | over | answers | cost |
 //! |---|---|---|---|
-//! | `KdTree` | points, `f64` | nearest, all within a radius, whatever the distribution | build n log n |
+//! | `KdTree` | points, `f64` | nearest, the k nearest, all within a radius, whatever the distribution | build n log n |
 //! | [`PointGrid`] | points of a surface, `f32` | the same, for even distributions | build n |
 //! | `AabbGrid` | boxes, `f64` | which boxes may hold a point or meet each other | build n |
 //! | [`bvh::Bvh8`] | runs of points in a spatial order | boxes eight to a node, built anew in every direction | build n |

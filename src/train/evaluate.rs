@@ -9,7 +9,7 @@ use crate::data::Sample;
 use crate::directions::Directions;
 use crate::geom::spacing;
 use crate::metrics::Confusion;
-use crate::model::{Model, Prediction};
+use crate::model::{Model, Network, Prediction};
 use crate::processes::{Processes, SingleProcess, share, share_numbers};
 use crate::{Error, Result};
 use std::time::Instant;
@@ -21,7 +21,7 @@ pub struct Evaluation {
     /// Confusion counts of both heads for each sample.
     pub samples: Vec<[Confusion; 2]>,
     /// The same for each sample, every site counted by its share of the surface in thousandths of a
-    /// mean site's.
+    /// mean site's. Points of space all count the same.
     pub by_area: Vec<[Confusion; 2]>,
     /// Probabilities of both heads against the truth, where there are probabilities.
     pub reliability: [Reliability; 2],
@@ -54,7 +54,10 @@ impl Evaluation {
     /// If there are not as many answers as sites.
     pub fn add(&mut self, sample: &Sample, answers: &SiteAnswers) -> Result<()> {
         sample.check()?;
-        let areas = spacing::relative_areas(&sample.sites)?;
+        let areas = match sample.is_volume() {
+            true => vec![1.0; sample.sites.len()],
+            false => spacing::relative_areas(&sample.sites)?,
+        };
         let weights: Vec<u64> = areas.iter().map(|a| (1000.0 * a) as u64).collect();
         let truth = &sample.answers;
         let heads =
@@ -121,7 +124,7 @@ fn mean(samples: &[[Confusion; 2]], head: usize, score: impl Fn(&Confusion) -> f
 ///
 /// # Errors
 /// If there are no samples, or one is inconsistent.
-pub fn evaluate(model: &Model<f32>, samples: &[Sample]) -> Result<Evaluation> {
+pub fn evaluate<N: Network<f32>>(model: &Model<f32, N>, samples: &[Sample]) -> Result<Evaluation> {
     evaluate_together(model, samples, &SingleProcess)
 }
 
@@ -129,8 +132,8 @@ pub fn evaluate(model: &Model<f32>, samples: &[Sample]) -> Result<Evaluation> {
 ///
 /// # Errors
 /// As [`evaluate`], or if another process fails.
-pub fn evaluate_together(
-    model: &Model<f32>,
+pub fn evaluate_together<N: Network<f32>>(
+    model: &Model<f32, N>,
     samples: &[Sample],
     processes: &dyn Processes,
 ) -> Result<Evaluation> {
@@ -144,8 +147,8 @@ pub fn evaluate_together(
 ///
 /// # Errors
 /// As [`evaluate_together`].
-pub fn evaluate_ranked(
-    model: &Model<f32>,
+pub fn evaluate_ranked<N: Network<f32>>(
+    model: &Model<f32, N>,
     samples: &[Sample],
     share: f64,
     processes: &dyn Processes,
@@ -171,8 +174,8 @@ pub struct VerifiedScore {
 ///
 /// # Errors
 /// As [`evaluate_together`] and [`SiteAnswers::least_certain`].
-pub fn evaluate_verified(
-    model: &Model<f32>,
+pub fn evaluate_verified<N: Network<f32>>(
+    model: &Model<f32, N>,
     samples: &[Sample],
     bound: f64,
     processes: &dyn Processes,
@@ -194,7 +197,10 @@ pub fn evaluate_verified(
     Ok(VerifiedScore { computed: share(n_computed, n), wrong: share(n_wrong, n - n_computed) })
 }
 
-pub(super) fn predict(model: &Model<f32>, sample: &Sample) -> Result<Prediction<f32>> {
+pub(super) fn predict<N: Network<f32>>(
+    model: &Model<f32, N>,
+    sample: &Sample,
+) -> Result<Prediction<f32>> {
     let sites = &sample.sites;
     model.predict(&sites.points, &sites.normals, sample.cutter.to_array())
 }

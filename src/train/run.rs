@@ -2,16 +2,15 @@
 
 use super::evaluate::evaluate_together;
 use super::groups::Groups;
-use super::step::{self, Step, StepScratch};
+use super::step::{self, Step, StepScratch, Streams};
 use super::{EpochRow, HeadScore, Settings};
 use crate::answers::Definition;
 use crate::data::{Sample, SampleSource, loader};
 use crate::metrics::Confusion;
-use crate::model::{Domain, Model};
+use crate::model::{AnyModel, Domain};
 #[cfg(feature = "formats")]
 use crate::processes::share_bytes;
 use crate::processes::{Processes, SingleProcess, agree, agree_to_go_on, require_same};
-use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
@@ -85,7 +84,7 @@ pub struct Run {
     /// How far it has come.
     pub progress: Progress,
     /// The network.
-    pub model: Model<f32>,
+    pub model: AnyModel<f32>,
     /// Velocity of the optimizer, as long as the parameters.
     pub velocity: Vec<f32>,
     pub(super) scratch: StepScratch,
@@ -98,7 +97,7 @@ impl Run {
     /// If a setting is outside its domain.
     pub fn new(settings: Settings) -> Result<Self> {
         settings.check()?;
-        let model = Model::new(&settings.network, settings.seed)?;
+        let model = AnyModel::of_config(&settings.network, settings.seed)?;
         let velocity = vec![0.0; model.params.len()];
         let progress = Progress::default();
         Ok(Run { settings, progress, model, velocity, scratch: StepScratch::default() })
@@ -108,8 +107,8 @@ impl Run {
     ///
     /// # Errors
     /// If it is another network than that of the settings.
-    pub fn start_from(&mut self, model: Model<f32>) -> Result<()> {
-        if model.net.config() != self.model.net.config() {
+    pub fn start_from(&mut self, model: AnyModel<f32>) -> Result<()> {
+        if model.net.config() != self.settings.network {
             let remedy = "train with the settings.toml of the run that the weights come from";
             let expected = "the network of the settings";
             return Err(Error::argument(
@@ -180,7 +179,7 @@ impl Run {
         let (own, all) = share_bytes(processes, own.transpose(), text)?;
         let run = own.map_or_else(|| Run::from_text(&all[0]), Ok);
         let mut run = agree(processes, run)?;
-        let Model { params, buffers, .. } = &mut run.model;
+        let AnyModel { params, buffers, .. } = &mut run.model;
         for numbers in [params, buffers, &mut run.velocity] {
             processes.broadcast(numbers);
         }
@@ -286,11 +285,10 @@ impl Run {
             let groups = Groups::new(indices.len(), n_groups, processes);
             let indices = &indices[groups.own_samples()];
             let samples = step::draw(source, &self.settings, epoch, indices);
-            let stream = |s: &usize| Stream::new(seed, epoch, *s as u64, Purpose::Dropout);
-            let mut dropout: Vec<Stream> = indices.iter().map(stream).collect();
+            let mut streams = Streams::new(seed, epoch, indices);
             let place = &format!("epoch {epoch}, batch {}", i + 1);
             let step = Step { lr, place, groups, processes };
-            let outcome = self.learn(step, samples, &mut dropout)?;
+            let outcome = self.learn(step, samples, &mut streams)?;
             let progress = &mut self.progress;
             progress.steps_done = i + 1;
             progress.loss_sum += outcome.loss;
@@ -356,6 +354,7 @@ mod tests {
     use crate::answers::SiteAnswers;
     use crate::geom::Sites;
     use crate::processes::tests::Threads;
+    use crate::rng::{Purpose, Stream};
     use glam::Vec3;
 
     /// Parts of different size, labeled by a plane.

@@ -3,7 +3,7 @@
 use crate::data::Augment;
 use crate::data::augment::{Elastic, Turn};
 use crate::data::online::OnlineSettings;
-use crate::model::UNetConfig;
+use crate::model::{NetworkConfig, UNetConfig};
 use crate::optim::Schedule;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -71,7 +71,7 @@ pub struct Settings {
     #[serde(default)]
     pub online: Option<OnlineSettings>,
     /// The network.
-    pub network: UNetConfig,
+    pub network: NetworkConfig,
 }
 
 fn one() -> usize {
@@ -99,7 +99,7 @@ impl Settings {
                 turn: Turn::None,
                 elastic: Some(Elastic { spacing: 0.2, magnitude: 0.01 }),
             },
-            network: UNetConfig::reference(),
+            network: UNetConfig::reference().into(),
             ..Settings::small()
         }
     }
@@ -137,7 +137,7 @@ impl Settings {
             loss: LossSettings::default(),
             augment: Augment::default(),
             online: None,
-            network: UNetConfig::small(),
+            network: UNetConfig::small().into(),
         }
     }
 
@@ -147,7 +147,7 @@ impl Settings {
             n_epochs: 20,
             batch_size: 4,
             evaluate_every: 1_000_000,
-            network: UNetConfig::tiny(),
+            network: UNetConfig::tiny().into(),
             ..Settings::small()
         }
     }

@@ -70,6 +70,7 @@ pub fn write(path: &Path, settings: &Settings) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::graph_sage::GraphSageConfig;
     use crate::optim::Schedule;
 
     fn overlay(base: &Settings, text: &str) -> Result<Settings> {
@@ -85,7 +86,7 @@ mod tests {
         assert_eq!(overlay(&base, "").unwrap(), base);
         let mut expected = base.clone();
         expected.lr = 0.02;
-        expected.network.input.depth = 4;
+        expected.network.octree_mut().unwrap().input.depth = 4;
         expected.augment.mirror = true;
         let text = "lr = 0.02\naugment.mirror = true\n[network.input]\ndepth = 4\n";
         assert_eq!(overlay(&base, text).unwrap(), expected);
@@ -102,10 +103,23 @@ mod tests {
     }
 
     #[test]
+    fn a_graph_network_replaces_the_octree_network_of_the_preset() {
+        let text = "[network]\nkind = \"graph_sage\"\nwidths = [8, 8]\n";
+        let graph = GraphSageConfig { widths: vec![8; 2], ..GraphSageConfig::default() };
+        let expected = Settings { network: graph.into(), ..Settings::tiny() };
+        assert_eq!(overlay(&Settings::tiny(), text).unwrap(), expected);
+        let message = overlay(&Settings::tiny(), "[network]\nkind = \"tree\"\n").unwrap_err();
+        assert!(message.to_string().contains("`octree` or `graph_sage`"), "{message}");
+    }
+
+    #[test]
     fn whole_files_read_back_over_any_preset() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("settings.toml");
-        let presets = ["paper", "reference", "small", "tiny"].map(|p| Settings::preset(p).unwrap());
+        let mut presets =
+            ["paper", "reference", "small", "tiny"].map(|p| Settings::preset(p).unwrap()).to_vec();
+        let graph = GraphSageConfig::default();
+        presets.push(Settings { network: graph.into(), ..Settings::small() });
         for settings in &presets {
             write(&path, settings).unwrap();
             assert!(presets.iter().all(|base| read(&path, base).unwrap() == *settings));

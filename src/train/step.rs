@@ -17,7 +17,7 @@ use super::{Reduction, Run, Settings};
 use crate::data::{Sample, SampleSource};
 use crate::loss::CrossEntropy;
 use crate::metrics::Confusion;
-use crate::model::{Batch, Domain, Model, Shape, TrainingPass};
+use crate::model::{AnyBatch, AnyModel, AnySaved, Domain, Network, Shape, TrainingPass};
 use crate::nn::arena::Arena;
 use crate::optim::Sgd;
 use crate::par;
@@ -87,10 +87,25 @@ pub(super) fn draw(
     crate::par::map(indices.len(), one).into_iter().collect()
 }
 
-/// The network's input for `samples`.
-pub(super) fn batch(model: &Model<f32>, samples: &[Sample]) -> Result<Batch<f32>> {
-    let shapes: Vec<Shape> = samples.iter().map(shape).collect();
-    Batch::new(&shapes, &model.net.config().input)
+/// Random streams of this process's samples of a step, one for each.
+pub(super) struct Streams {
+    dropout: Vec<Stream>,
+    /// What the network draws from its input.
+    neighbors: Vec<Stream>,
+}
+
+impl Streams {
+    pub fn new(seed: u64, epoch: u64, indices: &[usize]) -> Self {
+        let of = |purpose| {
+            indices.iter().map(|&i| Stream::new(seed, epoch, i as u64, purpose)).collect()
+        };
+        Streams { dropout: of(Purpose::Dropout), neighbors: of(Purpose::Neighbors) }
+    }
+
+    /// Those of the samples at `places`.
+    fn at(&mut self, places: Range<usize>) -> (&mut [Stream], &mut [Stream]) {
+        (&mut self.dropout[places.clone()], &mut self.neighbors[places])
+    }
 }
 
 fn shape(sample: &Sample) -> Shape<'_> {
@@ -121,17 +136,17 @@ pub(super) struct Step<'a> {
 }
 
 /// A group's input, and what its forward pass saved.
-type Passed = (Batch<f32>, TrainingPass<f32>);
+type Passed = (AnyBatch<f32>, TrainingPass<f32, AnySaved<f32>>);
 
 impl Run {
-    /// Learns from the samples of all processes; `samples` and `dropout` are those of this one's groups.
+    /// Learns from the samples of all processes; `samples` and `streams` are those of this one's groups.
     pub(super) fn learn(
         &mut self,
         step: Step<'_>,
         samples: Result<Vec<Sample>>,
-        dropout: &mut [Stream],
+        streams: &mut Streams,
     ) -> Result<StepOutcome> {
-        let (last, outcome) = self.forward(step, samples, dropout)?;
+        let (last, outcome) = self.forward(step, samples, streams)?;
         let Run { settings, progress, model, velocity, scratch } = self;
         let sgd = Sgd { momentum: settings.momentum, weight_decay: settings.weight_decay };
         if step.groups.len() == 1 && settings.clip_norm.is_none() {
@@ -165,7 +180,7 @@ impl Run {
         &mut self,
         step: Step<'_>,
         samples: Result<Vec<Sample>>,
-        dropout: &mut [Stream],
+        streams: &mut Streams,
     ) -> Result<(Passed, StepOutcome)> {
         let Run { settings, model, scratch, .. } = self;
         let (own, first) = (step.groups.own(), step.groups.own_samples().start);
@@ -190,11 +205,11 @@ impl Run {
         scratch.sums.clear(step.groups.len());
         let (before, mut found) = (model.buffers.clone(), Vec::new());
         let mut pass = |group: usize, model: &mut _, scratch: &mut StepScratch| -> Result<Passed> {
-            let model: &mut Model<f32> = model;
+            let model: &mut AnyModel<f32> = model;
             model.buffers.copy_from_slice(&before);
             let shares = [0, 1].map(|head| scale * (weights[2 * group + head] / totals[head]));
-            let (samples, dropout) = (&samples[places(group)], &mut dropout[places(group)]);
-            let (passed, outcome) = scratch.forward(model, samples, dropout, &criteria, shares)?;
+            let (samples, streams) = (&samples[places(group)], streams.at(places(group)));
+            let (passed, outcome) = scratch.forward(model, samples, streams, &criteria, shares)?;
             if !outcome.loss.is_finite() {
                 return Err(not_finite(step.place, outcome.loss, samples));
             }
@@ -220,13 +235,14 @@ impl StepScratch {
     /// losses by the logits; and what it found.
     fn forward(
         &mut self,
-        model: &mut Model<f32>,
+        model: &mut AnyModel<f32>,
         samples: &[Sample],
-        dropout: &mut [Stream],
+        (dropout, neighbors): (&mut [Stream], &mut [Stream]),
         criteria: &[CrossEntropy; 2],
         shares: [f64; 2],
     ) -> Result<(Passed, StepOutcome)> {
-        let (batch, targets) = (batch(model, samples)?, targets(samples));
+        let shapes: Vec<Shape> = samples.iter().map(shape).collect();
+        let (batch, targets) = (model.net.batch(&shapes, Some(neighbors))?, targets(samples));
         let pass = model.forward_train(&batch, Some(dropout), &self.arena);
         let mut outcome = StepOutcome::default();
         for head in 0..2 {
@@ -243,7 +259,7 @@ impl StepScratch {
     }
 
     /// A group's backward: its gradient, and after it the running statistics as it has moved them.
-    fn leaf(&mut self, model: &Model<f32>, (batch, pass): Passed) -> Vec<f32> {
+    fn leaf(&mut self, model: &AnyModel<f32>, (batch, pass): Passed) -> Vec<f32> {
         let n_params = model.params.len();
         let mut leaf = self.sums.zeros(n_params + model.buffers.len());
         let (grads, buffers) = leaf.split_at_mut(n_params);
@@ -254,7 +270,7 @@ impl StepScratch {
     }
 
     /// The last group's backward, and the sum over all groups.
-    fn join(&mut self, model: &mut Model<f32>, last: Passed, step: Step<'_>) -> Vec<f32> {
+    fn join(&mut self, model: &mut AnyModel<f32>, last: Passed, step: Step<'_>) -> Vec<f32> {
         if step.processes.size() > 1 {
             return self.join_processes(model, last, step);
         }
@@ -266,7 +282,7 @@ impl StepScratch {
     /// [`StepScratch::join`] with other processes, layer by layer while backward goes on.
     fn join_processes(
         &mut self,
-        model: &mut Model<f32>,
+        model: &mut AnyModel<f32>,
         (batch, pass): Passed,
         Step { groups, processes, .. }: Step<'_>,
     ) -> Vec<f32> {
@@ -341,6 +357,7 @@ mod tests {
     use crate::answers::SiteAnswers;
     use crate::cutter::CutterParams;
     use crate::geom::Sites;
+    use crate::model::config::CutterConfig;
     use crate::processes::SingleProcess;
     use glam::Vec3;
 
@@ -372,17 +389,15 @@ mod tests {
         samples: &[Sample],
     ) -> (f64, Vec<f32>) {
         let mut settings = Settings { n_groups, clip_norm, ..Settings::tiny() };
-        settings.network.cutter.dropout = 0.0;
         // A single shape has no statistics of its cutter.
-        settings.network.cutter.batch_norm = false;
+        *settings.network.cutter_mut() = CutterConfig::small_batches();
         settings.loss.positive_weights = Some([2.0, 5.0]);
         let mut run = Run::new(settings).unwrap();
         let start = run.model.params.clone();
-        let mut dropout: Vec<_> =
-            (0..samples.len() as u64).map(|i| Stream::new(1, 0, i, Purpose::Dropout)).collect();
+        let mut streams = Streams::new(1, 0, &(0..samples.len()).collect::<Vec<_>>());
         let groups = Groups::new(samples.len(), n_groups, &SingleProcess);
         let step = Step { lr: 0.1, place: "here", groups, processes: &SingleProcess };
-        let outcome = run.learn(step, Ok(samples.to_vec()), &mut dropout).unwrap();
+        let outcome = run.learn(step, Ok(samples.to_vec()), &mut streams).unwrap();
         let moved = run.model.params.iter().zip(&start).map(|(new, old)| new - old);
         (outcome.loss, moved.collect())
     }

@@ -62,6 +62,10 @@ struct BuildArgs {
     /// per part.
     #[arg(long, value_name = "WHAT", default_value = "sites")]
     obstacles: String,
+    /// Label points of the space around each part, about as many as --sites, with the tip at the point; a network for them has no
+    /// normals to read (docs/training.md).
+    #[arg(long)]
+    volume: bool,
     /// Directions over the upper hemisphere (Fibonacci points).
     #[arg(long, default_value_t = 150, value_name = "COUNT")]
     directions: usize,
@@ -213,6 +217,7 @@ fn builder(args: &BuildArgs, share: (usize, usize)) -> Result<Builder> {
         n_sites: args.sites,
         n_obstacles,
         part_itself: args.obstacles == "part",
+        volume: args.volume,
         directions: match args.whole_sphere {
             true => DirectionSet::FibonacciSphere { n_dirs },
             false => DirectionSet::FibonacciHemisphere { n_dirs },
@@ -236,6 +241,11 @@ fn builder(args: &BuildArgs, share: (usize, usize)) -> Result<Builder> {
 fn export(args: &ExportArgs, output: &Output) -> Result<()> {
     atomic_file::check_writable_folder(&args.out)?;
     let set = Dataset::open(&args.folder)?;
+    if set.manifest.settings.volume {
+        let found = "points of space, which have no normals";
+        let remedy = "the published format is one of sites: leave out --volume";
+        return Err(Error::file(&args.folder, "settings", found, remedy));
+    }
     let train = set.samples(Some(Split::Train))?;
     let test = set.samples(Some(Split::Validation))?;
     let listed = |list: List| move |sample| (list, sample);

@@ -14,7 +14,7 @@ use deepmill::directions::Directions;
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::metrics::Confusion;
-use deepmill::model::Model;
+use deepmill::model::AnyModel;
 use deepmill::optim::Schedule;
 use deepmill::report::folder::{self, LABELS, Show};
 use deepmill::report::scores;
@@ -137,10 +137,11 @@ fn network(
     args: &Args,
     directions: &Directions,
     output: &Output,
-) -> Result<(Model<f32>, &'static str, Option<f64>)> {
+) -> Result<(AnyModel<f32>, &'static str, Option<f64>)> {
     #[cfg(feature = "weights")]
     if !args.train {
-        return Ok((Model::shipped()?, "the network that comes with deepmill", None));
+        let shipped = deepmill::model::Model::shipped()?.into();
+        return Ok((shipped, "the network that comes with deepmill", None));
     }
     let _ = args.train;
     let start = Instant::now();
@@ -168,9 +169,9 @@ fn exact(
     let start = Instant::now();
     let tool = Tool::new(params, None, 0.0)?;
     let (points, surface) = (Obstacles::Queries, SurfaceOptions::default());
-    let triangles = match definition {
-        Definition::Sites => None,
-        Definition::Part => Some(TriangleObstacles::new(mesh, &[])?),
+    let triangles = match definition.is_part_itself() {
+        true => Some(TriangleObstacles::new(mesh, &[])?),
+        false => None,
     };
     let mut labels = match &triangles {
         None => label(&sites, points, &tool.cutter, directions, &LabelOptions::default())?,
@@ -187,7 +188,7 @@ fn exact(
         "directions": directions.set(),
         "n_directions": N_DIRECTIONS,
         "definition": definition.to_string(),
-        "part_itself": (definition == Definition::Part).then(|| json!({
+        "part_itself": definition.is_part_itself().then(|| json!({
             "tolerance_mm": null,
             "search": RefinementOptions::default().n_kept,
             "prove": false,

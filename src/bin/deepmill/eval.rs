@@ -9,7 +9,7 @@ use deepmill::data::Sample;
 use deepmill::data::dataset::{Dataset, Split};
 use deepmill::directions::Directions;
 use deepmill::model::config::CutterPlacement;
-use deepmill::model::{Model, weights};
+use deepmill::model::{AnyModel, weights};
 use deepmill::processes::{Processes, agree, require_same};
 use deepmill::report::curves::{Chart, Series, write_curves};
 use deepmill::report::tables::{Cell, Table};
@@ -165,8 +165,8 @@ impl Row {
 }
 
 /// What a further network is called: by what it lacks, or by its file.
-fn name_of(model: &Model<f32>, path: &Path) -> String {
-    match model.net.config().cutter.placement {
+fn name_of(model: &AnyModel<f32>, path: &Path) -> String {
+    match model.net.config().cutter().placement {
         CutterPlacement::None => "network without cutter modules".into(),
         _ => path.display().to_string(),
     }
@@ -192,7 +192,7 @@ type Scored = (String, bool, Evaluation);
 fn score_set(
     args: &Args,
     folder: &Path,
-    networks: &[(String, Model<f32>)],
+    networks: &[(String, AnyModel<f32>)],
     processes: &dyn Processes,
     output: &Output,
 ) -> Result<Vec<Scored>> {
@@ -217,6 +217,11 @@ fn score_set(
         let share = 100.0 * settings.occlusion_share;
         scored.push((format!("{name}, occlusion by rank ({share} %)"), true, ranked));
     }
+    if args.exact && settings.volume {
+        let found = "its labels are about space, it does not hold the surface";
+        let remedy = "leave out --exact; `deepmill label --volume` times single parts";
+        return Err(Error::file(folder, "settings", found, remedy));
+    }
     if args.exact && settings.part_itself {
         let found = "its labels are about the part itself, whose triangles it does not hold";
         let remedy = "leave out --exact; `deepmill label` times single parts";
@@ -228,7 +233,10 @@ fn score_set(
         scored.push(("exact labeler".into(), true, exact));
     }
     scored.push(("majority class".into(), false, majority(&samples)?));
-    scored.push(("normal's angle; highest 10 % by z".into(), false, by_geometry(&samples)?));
+    if !settings.volume {
+        let name = "normal's angle; highest 10 % by z";
+        scored.push((name.into(), false, by_geometry(&samples)?));
+    }
     Ok(scored)
 }
 

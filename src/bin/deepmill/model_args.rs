@@ -2,7 +2,7 @@
 
 use crate::args::name_of;
 use deepmill::Result;
-use deepmill::model::{Model, weights};
+use deepmill::model::{AnyModel, weights};
 use std::path::PathBuf;
 
 /// Which network.
@@ -16,7 +16,7 @@ pub struct ModelArgs {
 
 impl ModelArgs {
     /// The network and its name.
-    pub fn read(&self) -> Result<(Model<f32>, String)> {
+    pub fn read(&self) -> Result<(AnyModel<f32>, String)> {
         match &self.model {
             Some(path) => Ok((weights::read(path)?, name_of(path))),
             None => shipped(),
@@ -25,12 +25,12 @@ impl ModelArgs {
 }
 
 #[cfg(feature = "weights")]
-fn shipped() -> Result<(Model<f32>, String)> {
-    Ok((Model::shipped()?, "the network that comes with deepmill".into()))
+fn shipped() -> Result<(AnyModel<f32>, String)> {
+    Ok((deepmill::model::Model::shipped()?.into(), "the network that comes with deepmill".into()))
 }
 
 #[cfg(not(feature = "weights"))]
-fn shipped() -> Result<(Model<f32>, String)> {
+fn shipped() -> Result<(AnyModel<f32>, String)> {
     let remedy = "name one, or build deepmill with the feature `weights`";
     Err(deepmill::Error::argument("--model", "missing", "a safetensors file", remedy))
 }

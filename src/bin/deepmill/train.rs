@@ -198,8 +198,11 @@ impl Data {
     }
 
     fn online(&self, settings: OnlineSettings, seed: u64) -> Result<Online> {
-        if self.definition == Definition::Part {
-            let found = "a data set about the part itself, whose triangles it does not hold";
+        if self.definition != Definition::Sites {
+            let found = match self.definition.is_in_space() {
+                true => "a data set about space, which does not hold the part's surface",
+                false => "a data set about the part itself, whose triangles it does not hold",
+            };
             let remedy = "leave out --online, or build the data set with --obstacles sites";
             return Err(Error::argument("--online", found, "sites as obstacles", remedy));
         }

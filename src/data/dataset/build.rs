@@ -4,17 +4,19 @@ use super::manifest::{Content, FORMAT, MANIFEST, read_json, write_json};
 use super::{
     CutterRecord, DatasetSettings, LabeledPart, Manifest, PartRecord, Split, content_hash,
 };
-use crate::access::surface::SurfaceOptions;
+use crate::access::surface::{SurfaceOptions, TriangleObstacles};
 use crate::access::{self, Extent, LabelOptions, Labeler, Labels, Obstacles};
-use crate::answers::SiteAnswers;
+use crate::answers::{Definition, SiteAnswers};
 use crate::cutter::{Cutter, CutterParams};
 use crate::data::generated;
+use crate::data::volume::{Volume, VolumeObstacles};
 use crate::directions::Directions;
 use crate::folder_lock::FolderLock;
 use crate::geom::sites::SiteOptions;
 use crate::geom::{Mesh, Sites, check, formats, sites};
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
+use glam::Vec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -211,17 +213,21 @@ impl Builder {
             }
         };
         let box_mm = mesh.bounds().map_or([0.0; 3], |(lo, hi)| (hi - lo).to_array());
-        let sites = self.sites(&mesh, self.settings.n_sites, index)?;
+        let sites = match self.settings.volume {
+            true => Volume::new(&mesh, self.settings.n_sites)?.points(),
+            false => self.sites(&mesh, self.settings.n_sites, index)?,
+        };
         let mut stream = Stream::new(self.settings.seed, 0, index as u64, Purpose::Cutter);
         let drawn =
             (0..self.settings.n_cutters).map(|_| self.settings.cutter_set.draw(&mut stream));
         let params: Vec<CutterParams> = drawn.collect();
         let cutters = params.iter().map(|p| Cutter::ball_end(*p)).collect::<Result<Vec<_>>>()?;
-        let labels = match self.settings.part_itself {
-            true => self.label_part(&mesh, &sites, &cutters)?,
-            false => self.label_sites(&mesh, &sites, &cutters, index)?,
+        let answers_of = |labels: Vec<Labels>| labels.into_iter().map(|l| l.answers).collect();
+        let answers = match self.settings.definition() {
+            Definition::Part => answers_of(self.label_part(&mesh, &sites, &cutters)?),
+            Definition::Sites => answers_of(self.label_sites(&mesh, &sites, &cutters, index)?),
+            _ => self.label_volume(&mesh, &sites.points, &cutters, index)?,
         };
-        let answers = labels.into_iter().map(|labels| labels.answers).collect();
         let part = LabeledPart { sites, cutters: params, answers };
         Ok((part, scale, box_mm))
     }
@@ -253,6 +259,25 @@ impl Builder {
         let options = SurfaceOptions { share, ..SurfaceOptions::default() };
         let labeler = Labeler::of_part(mesh, &[], self.directions.clone(), options)?;
         cutters.iter().map(|cutter| labeler.label(sites, cutter)).collect()
+    }
+
+    /// Points of space.
+    fn label_volume(
+        &self,
+        mesh: &Mesh,
+        points: &[Vec3],
+        cutters: &[Cutter],
+        index: usize,
+    ) -> Result<Vec<SiteAnswers>> {
+        let obstacles = match self.settings.part_itself {
+            true => VolumeObstacles::Part(Box::new(TriangleObstacles::new(mesh, &[])?)),
+            false => {
+                let n_sites = self.settings.n_obstacles.unwrap_or(self.settings.n_sites);
+                VolumeObstacles::Points(self.sites(mesh, n_sites, index)?.points)
+            }
+        };
+        let label = |cutter| obstacles.answers(points, cutter, &self.directions);
+        cutters.iter().map(label).collect()
     }
 
     fn sites(&self, mesh: &Mesh, n_sites: usize, index: usize) -> Result<Sites> {

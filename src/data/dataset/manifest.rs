@@ -28,6 +28,10 @@ pub struct DatasetSettings {
     /// are searched ([`access::surface`](crate::access::surface)). Otherwise points are, as the paper has it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub part_itself: bool,
+    /// Whether the labels are about points of the space around the part instead of its sites ([`data::volume`](crate::data::volume)):
+    /// about `n_sites` of them. Points as obstacles are sites then, `n_obstacles` or as many as points.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub volume: bool,
     /// Directions the cutter may come from.
     pub directions: DirectionSet,
     /// Distribution the cutters are drawn from.
@@ -52,6 +56,7 @@ impl Default for DatasetSettings {
             n_sites: 7000,
             n_obstacles: None,
             part_itself: false,
+            volume: false,
             directions: DirectionSet::FibonacciHemisphere { n_dirs: 150 },
             cutter_set: CutterSet::Uniform,
             n_cutters: 1,
@@ -66,7 +71,12 @@ impl Default for DatasetSettings {
 impl DatasetSettings {
     /// What the labels are about.
     pub fn definition(&self) -> Definition {
-        if self.part_itself { Definition::Part } else { Definition::Sites }
+        match (self.part_itself, self.volume) {
+            (false, false) => Definition::Sites,
+            (true, false) => Definition::Part,
+            (false, true) => Definition::SitesInSpace,
+            (true, true) => Definition::PartInSpace,
+        }
     }
 
     /// Checks that every number is in its domain; directions check themselves.

@@ -17,6 +17,7 @@ use crate::cutter::CutterParams;
 use crate::data::Sample;
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::geom::Sites;
+use crate::geom::sites::check_points;
 use crate::{Error, Result, input_file};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -84,7 +85,7 @@ impl Dataset {
 /// Labels of one part for several cutters, as one NPZ file holds them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LabeledPart {
-    /// Sites, mm.
+    /// Sites, mm; points of the space around the part have no normals.
     pub sites: Sites,
     /// Cutters, mm.
     pub cutters: Vec<CutterParams>,
@@ -97,11 +98,14 @@ impl LabeledPart {
     /// a column per cutter, `inaccessible`, `occlusion` (bool) and `accessible_directions` (u32).
     ///
     /// # Errors
-    /// If there is not an answer for every site and cutter, the sites fail [`Sites::check`], or the file
-    /// cannot be written.
+    /// If there is not an answer for every site and cutter, the sites fail [`Sites::check`] and are no points of space, or the
+    /// file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let (n, k) = (self.sites.len(), self.cutters.len());
-        self.sites.check()?;
+        match self.sites.normals.is_empty() {
+            true => check_points("point", &self.sites.points)?,
+            false => self.sites.check()?,
+        }
         self.check_lengths(path)?;
         let cutters: Vec<f64> = self.cutters.iter().flat_map(|c| c.to_array()).collect();
         let mut npz = NpzWriter::new();
@@ -148,7 +152,7 @@ impl LabeledPart {
             .map(|c| CutterParams::from_array(std::array::from_fn(|i| c[i])))
             .collect();
         let (n, k) = (points.len(), cutters.len());
-        if normals.len() != n {
+        if !normals.is_empty() && normals.len() != n {
             let found = format!("{} rows for {n} points", normals.len());
             return Err(Error::file(path, "normals", found, "build this part again"));
         }
@@ -214,7 +218,21 @@ mod tests {
         assert!(refused(missing).contains("accessible_directions: lists of [0]"));
         let few = LabeledPart { answers: vec![], ..good.clone() };
         assert!(refused(few).contains("inaccessible: lists of []"));
-        let bare = Sites { normals: vec![], ..good.sites.clone() };
-        assert!(refused(LabeledPart { sites: bare, ..good }).contains("0 normals for 2 sites"));
+        let bare = Sites { normals: vec![Vec3::Z], ..good.sites.clone() };
+        assert!(refused(LabeledPart { sites: bare, ..good }).contains("1 normals for 2 sites"));
+    }
+
+    #[test]
+    fn points_of_space_survive_a_file_without_normals() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("space.npz");
+        let answers = SiteAnswers::new(vec![true, false], vec![false; 2]);
+        let part = LabeledPart {
+            sites: Sites { points: vec![Vec3::X, Vec3::Y], ..Sites::default() },
+            cutters: vec![[1.5, 6.0, 40.0, 5.0].into()],
+            answers: vec![SiteAnswers { accessible_directions: vec![0, 3], ..answers }],
+        };
+        part.write(&path).unwrap();
+        assert_eq!(LabeledPart::read(&path).unwrap(), part);
     }
 }

@@ -8,7 +8,7 @@ use crate::gradcheck::fixture::NamedArray;
 use crate::gradcheck::probe;
 use crate::loss::CrossEntropy;
 use crate::model::config::{Cube, CutterInput};
-use crate::model::graph::{GraphBatch, GraphShape};
+use crate::model::graph::{Edges, GraphBatch, GraphShape};
 use crate::nn::attention::Attention;
 use crate::nn::batch_norm::{self, BatchNorm};
 use crate::nn::conv::OctreeConv;
@@ -231,7 +231,7 @@ fn neighbor_mean() -> Result<SuiteCase> {
     let shape = GraphShape {
         points: &points,
         normals: &points,
-        triangles: &triangles,
+        edges: Edges::Faces(&triangles),
         cutter_mm: [1.0; 4],
     };
     let batch = GraphBatch::<f64>::new(&[shape], Cube::Box, CutterInput::Millimeters)?;

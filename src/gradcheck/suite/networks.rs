@@ -11,7 +11,7 @@ use crate::gradcheck::fixture::NamedArray;
 use crate::loss::CrossEntropy;
 use crate::model::config::{AttentionConfig, Cube, CutterConfig, CutterInput, CutterPlacement};
 use crate::model::cutter_modules::N_LENGTHS;
-use crate::model::graph::{GraphBatch, GraphShape, N_FEATURES};
+use crate::model::graph::{Edges, GraphBatch, GraphShape, N_FEATURES};
 use crate::model::graph_sage::GraphSageConfig;
 use crate::model::heads::N_CLASSES;
 use crate::model::unet::N_HEADS;
@@ -206,7 +206,7 @@ fn graph_batch(suite: &Suite) -> Result<GraphBatch<f64>> {
     let shapes = meshes.iter().enumerate().map(|(i, (points, triangles))| GraphShape {
         points,
         normals: points,
-        triangles,
+        edges: Edges::Faces(triangles),
         cutter_mm: cutter(i),
     });
     let shapes: Vec<_> = shapes.collect();
@@ -214,7 +214,7 @@ fn graph_batch(suite: &Suite) -> Result<GraphBatch<f64>> {
 }
 
 fn graph_sage(suite: &Suite, name: &'static str, cutter: CutterConfig) -> Result<SuiteCase> {
-    let batch = graph_batch(suite)?;
+    let mut batch = graph_batch(suite)?;
     let config = GraphSageConfig {
         widths: vec![5, 4],
         n_neighbors: 3,
@@ -226,11 +226,11 @@ fn graph_sage(suite: &Suite, name: &'static str, cutter: CutterConfig) -> Result
     let layout = net.layout().clone();
     let draws = |i: usize| Stream::new(8, 0, i as u64, Purpose::Neighbors);
     let mut draws: Vec<Stream> = (0..suite.shapes.len()).map(draws).collect();
-    let samples = [0; 2].map(|_| batch.sample(config.n_neighbors, &mut draws));
+    batch.samples = [0; 2].map(|_| batch.sample(config.n_neighbors, &mut draws)).to_vec();
     let labels = Labels::new(batch.n_points());
     let streams = dropout_streams(suite.shapes.len(), 8);
     let mut fixed = vec![shape_array("geometry", &batch.shapes)];
-    for (i, sample) in samples.iter().enumerate() {
+    for (i, sample) in batch.samples.iter().enumerate() {
         fixed.extend(sample.arrays(&format!("geometry.layer.{i}")));
     }
     fixed.extend(labels.arrays());
@@ -245,13 +245,13 @@ fn graph_sage(suite: &Suite, name: &'static str, cutter: CutterConfig) -> Result
         let (mut buffers, mut streams) = (net.layout().init_buffers(), streams.clone());
         let (arena, params, dropout) = (&Arena::default(), &v[0][..], Some(&mut streams[..]));
         let mut pass = Training { params, buffers: &mut buffers, dropout, arena };
-        let forward = net.forward_train(&mut pass, &batch, &samples);
+        let forward = net.forward_train(&mut pass, &batch);
         let ((loss, d), outputs) = (labels.loss(&forward.logits), logit_arrays(&forward.logits));
         let mut step = LossStep { loss, gradients: Vec::new(), buffers, outputs };
         if gradients {
             let (mut grads, d) = (vec![0.0; params.len()], d.each_ref().map(|d| &d[..]));
             let mut pass = Backward::new(params, &mut grads, arena);
-            let inputs = net.backward(&mut pass, &batch, &samples, forward, d);
+            let inputs = net.backward(&mut pass, &batch, forward, d);
             step.gradients = vec![grads, inputs.features, inputs.cutters];
         }
         step

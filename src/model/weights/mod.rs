@@ -7,11 +7,13 @@
 mod infer;
 pub mod tensors;
 
-use super::predict::{Calibration, INACCESSIBLE_CLASS, Model, OCCLUSION_CLASS};
+use super::Domain;
+use super::network::{AnyNetwork, Network};
+use super::network_config::NetworkConfig;
+use super::predict::{AnyModel, Calibration, INACCESSIBLE_CLASS, Model, OCCLUSION_CLASS};
 use super::unet::N_HEADS;
-use super::{Domain, UNet, UNetConfig};
 use crate::answers::Definition;
-use crate::nn::params::Entry;
+use crate::nn::params::{Entry, Layout};
 use crate::scalar::Scalar;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -38,7 +40,7 @@ pub enum Storage {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WeightsInfo {
     /// Configuration of the network.
-    pub config: UNetConfig,
+    pub config: NetworkConfig,
     /// Class of head 1 that means "inaccessible".
     pub inaccessible_class: usize,
     /// Class of head 2 that means "occlusion point".
@@ -64,9 +66,9 @@ pub struct WeightsInfo {
 
 impl WeightsInfo {
     /// A file with this network, its label classes as everywhere in this crate.
-    pub fn new(config: &UNetConfig, notes: &str) -> Self {
+    pub fn new(config: NetworkConfig, notes: &str) -> Self {
         WeightsInfo {
-            config: config.clone(),
+            config,
             inaccessible_class: INACCESSIBLE_CLASS,
             occlusion_class: OCCLUSION_CLASS,
             unit: "mm".into(),
@@ -84,7 +86,7 @@ impl WeightsInfo {
 /// # Errors
 /// If the file cannot be read or is not safetensors; if a tensor is missing, extra, of another shape than
 /// the configuration demands, or holds a number that is not finite: the first such tensor is named.
-pub fn read<T: Scalar>(path: &Path) -> Result<Model<T>> {
+pub fn read<T: Scalar>(path: &Path) -> Result<AnyModel<T>> {
     from_file(&TensorFile::read(path)?, path)
 }
 
@@ -92,7 +94,7 @@ pub fn read<T: Scalar>(path: &Path) -> Result<Model<T>> {
 ///
 /// # Errors
 /// As [`read`].
-pub fn from_bytes<T: Scalar>(bytes: &[u8], origin: &Path) -> Result<Model<T>> {
+pub fn from_bytes<T: Scalar>(bytes: &[u8], origin: &Path) -> Result<AnyModel<T>> {
     from_file(&TensorFile::from_bytes(bytes, origin)?, origin)
 }
 
@@ -100,9 +102,9 @@ pub fn from_bytes<T: Scalar>(bytes: &[u8], origin: &Path) -> Result<Model<T>> {
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn write<T: Scalar>(
+pub fn write<T: Scalar, N: Network<T>>(
     path: &Path,
-    model: &Model<T>,
+    model: &Model<T, N>,
     storage: Storage,
     notes: &str,
 ) -> Result<()> {
@@ -110,7 +112,11 @@ pub fn write<T: Scalar>(
 }
 
 /// The content of the file that [`fn@write`] writes.
-pub fn to_bytes<T: Scalar>(model: &Model<T>, storage: Storage, notes: &str) -> Vec<u8> {
+pub fn to_bytes<T: Scalar, N: Network<T>>(
+    model: &Model<T, N>,
+    storage: Storage,
+    notes: &str,
+) -> Vec<u8> {
     to_file(model, storage, notes).to_bytes()
 }
 
@@ -142,23 +148,24 @@ pub fn info(file: &TensorFile, origin: &Path) -> Result<Option<WeightsInfo>> {
     Ok(Some(info))
 }
 
-pub(super) fn from_file<T: Scalar>(file: &TensorFile, origin: &Path) -> Result<Model<T>> {
+pub(super) fn from_file<T: Scalar>(file: &TensorFile, origin: &Path) -> Result<AnyModel<T>> {
     let info = match info(file, origin)? {
         Some(info) => info,
-        None => WeightsInfo::new(&infer::config(file, origin)?, ""),
+        None => WeightsInfo::new(infer::config(file, origin)?.into(), ""),
     };
-    let net = UNet::new(&info.config)?;
-    compare_names(&net, file, origin)?;
-    let params = gather(&net.layout().params, file, origin)?;
-    let buffers = gather(&net.layout().buffers, file, origin)?;
+    let net = AnyNetwork::new(&info.config)?;
+    let layout = net.layout();
+    compare_names(layout, file, origin)?;
+    let params = gather(&layout.params, file, origin)?;
+    let buffers = gather(&layout.buffers, file, origin)?;
     let WeightsInfo { domain, definition, calibration, .. } = info;
     let calibration = calibration.unwrap_or([Calibration::IDENTITY; N_HEADS]);
     Ok(Model { domain, definition, calibration, ..Model::of(net, params, buffers) })
 }
 
 /// All names and shapes, before anything is allocated.
-fn compare_names(net: &UNet, file: &TensorFile, origin: &Path) -> Result<()> {
-    let entries = || net.layout().params.iter().chain(&net.layout().buffers);
+fn compare_names(layout: &Layout, file: &TensorFile, origin: &Path) -> Result<()> {
+    let entries = || layout.params.iter().chain(&layout.buffers);
     let error = |name: &str, found: String| {
         let remedy = "give the whole state dict of this network, nothing else";
         Err(Error::file(origin, format!("tensor {name}"), found, remedy))
@@ -196,14 +203,18 @@ fn gather<T: Scalar>(entries: &[Entry], file: &TensorFile, origin: &Path) -> Res
     Ok(values)
 }
 
-pub(super) fn to_file<T: Scalar>(model: &Model<T>, storage: Storage, notes: &str) -> TensorFile {
+pub(super) fn to_file<T: Scalar, N: Network<T>>(
+    model: &Model<T, N>,
+    storage: Storage,
+    notes: &str,
+) -> TensorFile {
     let mut file = TensorFile::default();
     let info = WeightsInfo {
         domain: model.domain,
         definition: model.definition,
         calibration: (model.calibration != [Calibration::IDENTITY; N_HEADS])
             .then_some(model.calibration),
-        ..WeightsInfo::new(model.net.config(), notes)
+        ..WeightsInfo::new(model.net.configuration(), notes)
     };
     let info = serde_json::to_string(&info).expect("a configuration has only plain fields");
     file.metadata.insert(METADATA_KEY.into(), info);
@@ -234,7 +245,9 @@ fn store<T: Scalar>(name: &str, values: &[T], storage: Storage) -> TensorValues 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::UNetConfig;
     use crate::model::config::CutterPlacement;
+    use crate::model::graph_sage::GraphSageConfig;
 
     fn origin() -> &'static Path {
         Path::new("w.safetensors")
@@ -273,7 +286,7 @@ mod tests {
             [(1.25, 0.1), (0.1, -2.0)].map(|(slope, offset)| Calibration { slope, offset });
         (model.definition, model.calibration) = (Some(Definition::Part), calibration);
         write(&path, &model, Storage::Exact, "made by a test").unwrap();
-        let read: Model<f32> = read(&path).unwrap();
+        let read = read::<f32>(&path).unwrap().into_octree().unwrap();
         assert_eq!(read.net.config(), model.net.config());
         assert_eq!((read.definition, read.calibration), (model.definition, model.calibration));
         assert_eq!((read.params, read.buffers), (model.params, model.buffers));
@@ -282,9 +295,21 @@ mod tests {
     }
 
     #[test]
+    fn a_graph_network_survives_a_file_bit_by_bit_and_is_no_octree_network() {
+        let config =
+            NetworkConfig::from(GraphSageConfig { widths: vec![5, 3], ..Default::default() });
+        let model = AnyModel::<f32>::of_config(&config, 1).unwrap();
+        let read = from_bytes::<f32>(&to_bytes(&model, Storage::Exact, ""), origin()).unwrap();
+        assert_eq!(read.net.config(), config);
+        assert_eq!((&read.params, &read.buffers), (&model.params, &model.buffers));
+        let message = read.into_octree().unwrap_err().to_string();
+        assert!(message.contains("a graph network"), "{message}");
+    }
+
+    #[test]
     fn bf16_storage_keeps_eight_bits() {
         let model = model(|_| ());
-        let read: Model<f32> = from_bytes(&to_bytes(&model, Storage::Bf16, ""), origin()).unwrap();
+        let read = from_bytes::<f32>(&to_bytes(&model, Storage::Bf16, ""), origin()).unwrap();
         for (a, b) in model.params.iter().zip(&read.params) {
             assert!((a - b).abs() <= a.abs() / 256.0);
         }
@@ -307,12 +332,12 @@ mod tests {
             });
             let mut file = to_file(&model, Storage::Exact, "");
             file.metadata.clear();
-            let read: Model<f32> = from_file(&file, origin()).unwrap();
+            let read = from_file::<f32>(&file, origin()).unwrap().into_octree().unwrap();
             assert_eq!(read.net.config(), model.net.config());
         }
         let mut file = to_file(&model(|c| c.input.features = "NDP".into()), Storage::Exact, "");
         file.metadata.clear();
-        let read: Model<f32> = from_file(&file, origin()).unwrap();
+        let read = from_file::<f32>(&file, origin()).unwrap().into_octree().unwrap();
         assert_eq!(read.net.config().input.features, "NDP");
     }
 

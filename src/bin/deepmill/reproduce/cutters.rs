@@ -22,7 +22,8 @@ pub fn run(study: &Study) -> Result<Value> {
     let sets = [CutterSet::Uniform, CutterSet::Extreme];
     let with_extreme = training_samples(study, &sets, &directions)?;
     let train = |name, data: &[Sample], placement| {
-        let network = trainings.network(name, data, |s| s.network.cutter.placement = placement);
+        let network =
+            trainings.network(name, data, |s| s.network.cutter_mut().placement = placement);
         network.map(|trained| (name, trained))
     };
     let networks = [

@@ -30,13 +30,15 @@ pub fn run(study: &Study) -> Result<Value> {
     let mut table = Table::new(&columns);
     let mut curves = DEPTHS.map(|depth| [0; 2].map(|_| series(depth)));
     let usual = LabelOptions::default().share;
-    let usual_depth = trainings.settings().network.input.depth;
+    let usual_depth = trainings.settings().network.octree().map_or(0, |net| net.input.depth);
     for n_sites in sizes(study) {
         let [data, test] = samples(study, n_sites, usual)?;
         for (depth, curves) in DEPTHS.into_iter().zip(&mut curves) {
             let name = format!("depth {depth}, {n_sites} sites");
             let trained = trainings.network_scored(&name, &data, &test, |settings| {
-                settings.network.input.depth = depth;
+                if let Some(octree) = settings.network.octree_mut() {
+                    octree.input.depth = depth;
+                }
                 score_once(settings);
             })?;
             row(&mut table, depth, n_sites, usual, &trained);

@@ -16,7 +16,7 @@ use deepmill::cutter::CutterSet;
 use deepmill::data::Sample;
 use deepmill::directions::Directions;
 use deepmill::metrics::Confusion;
-use deepmill::model::Model;
+use deepmill::model::AnyModel;
 use deepmill::report::tables::{Cell, Table};
 use deepmill::report::{Coloring, DARK_AND_LIGHT};
 use deepmill::train::HeadScore;
@@ -108,7 +108,7 @@ fn sites_of(study: &Study, set: Set) -> usize {
 
 fn answers(
     study: &Study,
-    model: &Model<f32>,
+    model: &AnyModel<f32>,
     parts: &[Part],
     n_sites: usize,
 ) -> Result<Vec<Answered>> {
@@ -119,7 +119,7 @@ fn answers(
     samples.into_iter().map(|sample| answer(model, sample)).collect()
 }
 
-fn answer(model: &Model<f32>, sample: Sample) -> Result<Answered> {
+fn answer(model: &AnyModel<f32>, sample: Sample) -> Result<Answered> {
     let sites = &sample.sites;
     let predicted =
         model.predict(&sites.points, &sites.normals, sample.cutter.to_array())?.answers();
@@ -147,7 +147,7 @@ fn difference(sheet: &mut Sheet, part: &Part, answered: &Answered, head: usize, 
 }
 
 /// The first test part with one cutter of each set: a row for each cutter.
-fn cutters(study: &Study, model: &Model<f32>) -> Result<Sheet> {
+fn cutters(study: &Study, model: &AnyModel<f32>) -> Result<Sheet> {
     let part = &study.test_parts()[..1];
     let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
     let mut sheet = Sheet::default();

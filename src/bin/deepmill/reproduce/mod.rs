@@ -4,6 +4,7 @@ mod cutters;
 mod depth;
 mod directions;
 mod gallery;
+mod graph;
 mod length;
 mod loss;
 mod page;
@@ -18,6 +19,7 @@ mod study;
 mod symmetry;
 mod table1;
 mod trainings;
+mod volume;
 
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
@@ -74,7 +76,7 @@ enum Experiment {
     Length,
     /// Direction sets: how often a site and its mirror image get different labels and predictions.
     Symmetry,
-    /// Number of directions: how far labels are from the part itself, and times.
+    /// Number of directions: how far labels, and networks that learned them, are from the part itself, and times.
     Directions,
     /// Four sets of cutters, with and without cutter modules, and with extreme cutters in the training.
     Cutters,
@@ -88,6 +90,10 @@ enum Experiment {
     Depth,
     /// Pictures of the best, median and worst predictions of each set of parts, and of several cutters.
     Gallery,
+    /// GraphSAGE beside the octree network.
+    Graph,
+    /// The space around the part: a network without normals.
+    Volume,
     /// Every experiment, one after the other.
     All,
 }
@@ -111,6 +117,8 @@ impl Experiment {
             Experiment::Paper => paper::run(study),
             Experiment::Depth => depth::run(study),
             Experiment::Gallery => gallery::run(study),
+            Experiment::Graph => graph::run(study),
+            Experiment::Volume => volume::run(study),
             Experiment::All => Ok(Value::Null),
         }
     }

@@ -32,7 +32,8 @@ pub fn run(study: &Study) -> Result<Value> {
     let mut table = Table::new(&columns);
     let mut networks = Vec::new();
     for (placement, name) in PLACEMENTS {
-        let trained = trainings.network(name, &data, |s| s.network.cutter.placement = placement)?;
+        let trained =
+            trainings.network(name, &data, |s| s.network.cutter_mut().placement = placement)?;
         let (loss, tested) = scores::last(&trained);
         let n_parameters = trained.model.params.len();
         let mut row = vec![Cell::text(name), Cell::count(n_parameters), Cell::Number(loss)];

@@ -2,6 +2,7 @@
 
 use super::parts::{Part, SEED};
 use super::study::Study;
+use deepmill::access::surface::SurfaceOptions;
 use deepmill::access::{LabelOptions, Labeler};
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
 use deepmill::data::Sample;
@@ -50,15 +51,37 @@ pub fn labeled(
     labeler: &Labeler,
     n_sites: usize,
 ) -> Result<Vec<Sample>> {
+    for_parts(study, parts, |part, index| {
+        of_part(part, &Arc::new(part.sites(n_sites)?), index, draw, labeler)
+    })
+}
+
+/// Labels about the part itself, with the search between the directions, for every part and cutter.
+pub fn samples_of_part_itself(
+    study: &Study,
+    parts: &[Part],
+    draw: &Draw,
+    directions: &Directions,
+) -> Result<Vec<Sample>> {
+    for_parts(study, parts, |part, index| {
+        let options = SurfaceOptions::default();
+        let labeler = Labeler::of_part(&part.mesh, &[], directions.clone(), options)?;
+        of_part(part, &Arc::new(part.sites(study.args.sites)?), index, draw, &labeler)
+    })
+}
+
+/// The samples of every part, one part after the other; `label` is given a part and its number.
+pub fn for_parts(
+    study: &Study,
+    parts: &[Part],
+    label: impl Fn(&Part, usize) -> Result<Vec<Sample>> + Sync,
+) -> Result<Vec<Sample>> {
     let bar = study.bar(parts.len(), "parts labeled");
     let mut samples = Vec::new();
     for start in (0..parts.len()).step_by(AT_ONCE) {
         study.go_on()?;
         let n = AT_ONCE.min(parts.len() - start);
-        let labeled = par::map(n, |k| {
-            let sites = Arc::new(parts[start + k].sites(n_sites)?);
-            of_part(&parts[start + k], &sites, start + k, draw, labeler)
-        });
+        let labeled = par::map(n, |k| label(&parts[start + k], start + k));
         for part in labeled {
             samples.extend(part?);
         }

@@ -12,7 +12,7 @@ use deepmill::access::{LabelOptions, Labeler};
 use deepmill::cutter::{Cutter, CutterSet};
 use deepmill::data::Sample;
 use deepmill::directions::Directions;
-use deepmill::model::Model;
+use deepmill::model::AnyModel;
 use deepmill::report::tables::{Cell, Table};
 use deepmill::train::{Evaluation, HeadScore};
 use serde_json::Value;
@@ -94,7 +94,7 @@ struct Tested {
 }
 
 /// Exact labels and predictions of every part with its cutters, one after the other.
-fn test(study: &Study, model: &Model<f32>, parts: &[Part], n_sites: usize) -> Result<Tested> {
+fn test(study: &Study, model: &AnyModel<f32>, parts: &[Part], n_sites: usize) -> Result<Tested> {
     let [first, both] = [labeler(false)?, labeler(true)?];
     let draw = Draw { sets: &[CutterSet::Uniform], n_cutters: N_TEST_CUTTERS };
     let mut tested = Tested { evaluation: Evaluation::default(), seconds: [0.0; 3] };

@@ -7,7 +7,7 @@
 //! ```
 
 use super::parts::SEED;
-use super::samples::{Draw, samples};
+use super::samples::{Draw, samples, samples_of_part_itself};
 use super::study::{N_DIRECTIONS, Study};
 use deepmill::access::LabelOptions;
 use deepmill::answers::Definition;
@@ -15,7 +15,7 @@ use deepmill::cutter::CutterSet;
 use deepmill::data::online::OnlineSettings;
 use deepmill::data::{Online, Sample};
 use deepmill::directions::Directions;
-use deepmill::model::Model;
+use deepmill::model::AnyModel;
 use deepmill::train::{EpochRow, Observer, Run, RunFolder, Settings, StepReport};
 use deepmill::{Error, Result, atomic_file};
 use indicatif::ProgressBar;
@@ -35,8 +35,15 @@ pub const N_TEST_CUTTERS: usize = 2;
 
 /// A network that has seen all its samples.
 pub struct Trained {
-    pub model: Model<f32>,
+    pub model: AnyModel<f32>,
     pub history: Vec<EpochRow>,
+}
+
+/// What a network learns from, and is scored on.
+pub struct Data<'a> {
+    pub definition: Definition,
+    pub training: &'a [Sample],
+    pub test: &'a [Sample],
 }
 
 /// What networks of one table have in common.
@@ -116,16 +123,27 @@ impl<'a> Trainings<'a> {
         test: &[Sample],
         change: impl FnOnce(&mut Settings),
     ) -> Result<Trained> {
+        let (definition, training) = (Definition::Sites, data);
+        self.network_of(name, &Data { definition, training, test }, change)
+    }
+
+    /// As [`Trainings::network_scored`], for labels of any definition.
+    pub fn network_of(
+        &self,
+        name: &str,
+        data: &Data,
+        change: impl FnOnce(&mut Settings),
+    ) -> Result<Trained> {
         let study = self.study;
         let mut settings = self.settings.clone();
         change(&mut settings);
-        let hash = hash(&json!(settings), &[data, test]);
+        let hash = hash(&json!(settings), &[data.training, data.test]);
         let folder = RunFolder::new(trainings(study).join(&hash));
         let mut run = match folder.checkpoint().exists() {
             true => folder.resume()?,
             false => folder.start(settings)?,
         };
-        run.learns(Definition::Sites);
+        run.learns(data.definition);
         if !run.is_finished() {
             study.output.say(format!("training `{name}` in {}", folder.path().display()));
             study.count_training();
@@ -135,10 +153,10 @@ impl<'a> Trainings<'a> {
             bar.set_position((done + run.progress.steps_done) as u64);
             let mut watch = Watch { study, bar };
             let flow = match run.settings.online {
-                None => folder.train(&mut run, data, test, &mut watch)?,
+                None => folder.train(&mut run, data.training, data.test, &mut watch)?,
                 Some(online) => {
-                    let online = fresh(data, online)?;
-                    folder.train(&mut run, &online, test, &mut watch)?
+                    let online = fresh(data.training, online)?;
+                    folder.train(&mut run, &online, data.test, &mut watch)?
                 }
             };
             watch.bar.finish_and_clear();
@@ -166,6 +184,16 @@ pub fn training_samples(
 ) -> Result<Vec<Sample>> {
     let draw = Draw { sets, n_cutters: N_CUTTERS };
     samples(study, study.training_parts(), &draw, directions)
+}
+
+/// Training samples with cutters of these sets, labeled about the part itself.
+pub fn training_samples_of_part_itself(
+    study: &Study,
+    sets: &[CutterSet],
+    directions: &Directions,
+) -> Result<Vec<Sample>> {
+    let draw = Draw { sets, n_cutters: N_CUTTERS };
+    samples_of_part_itself(study, study.training_parts(), &draw, directions)
 }
 
 /// Test samples with cutters of one set, labeled with the published directions.
