@@ -112,7 +112,7 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
 }
 
 /// All networks with their names, once it is known that the files asked for can be written.
-fn networks(args: &Args) -> Result<Vec<(String, Model<f32>)>> {
+fn networks(args: &Args) -> Result<Vec<(String, AnyModel<f32>)>> {
     args.reliability.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
     let mut networks = vec![(NETWORK.to_owned(), args.model.read()?.0)];
     for path in &args.against {
