@@ -5,7 +5,7 @@
 mod scratch;
 
 use deepmill::access::Labeler;
-use deepmill::access::surface::SurfaceOptions;
+use deepmill::access::surface::{SurfaceOptions, Verified};
 use deepmill::cutter::{Cutter, CutterParams};
 use deepmill::data::dataset::LabeledPart;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
@@ -41,7 +41,15 @@ static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
     };
     let labels = LabelFile { provenance: provenance(), sites: sites.clone(), labels };
     let prediction = prediction.expect("a prediction");
-    let prediction = PredictionFile { provenance: provenance(), sites, prediction };
+    let (n, mut answers) = (sites.len(), prediction.answers());
+    answers.tip_does_not_fit = vec![false; n];
+    let prediction = PredictionFile {
+        provenance: provenance(),
+        sites,
+        prediction,
+        occlusion_share: Some(0.1),
+        verified: Some(Verified { answers, verified: vec![true; n], beta: vec![0; n] }),
+    };
     let path = scratch::file("whole.npz", &[]);
     let entries = || {
         let mut zip = ZipArchive::new(Cursor::new(std::fs::read(&path).unwrap())).unwrap();
