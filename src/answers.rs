@@ -149,12 +149,12 @@ impl SiteAnswers {
         if bound == 0.0 {
             return Ok((0..self.len()).collect());
         }
-        let doubt = |i: &usize| probabilities[*i].min(1.0 - probabilities[*i]);
+        let uncertainty = |i: &usize| probabilities[*i].min(1.0 - probabilities[*i]);
         let mut order: Vec<usize> = (0..self.len()).collect();
-        order.sort_by(|a, b| doubt(a).total_cmp(&doubt(b)).then(b.cmp(a)));
+        order.sort_by(|a, b| uncertainty(a).total_cmp(&uncertainty(b)).then(b.cmp(a)));
         let (mut sum, mut n_kept) = (0.0, 0);
         for i in &order {
-            sum += f64::from(doubt(i));
+            sum += f64::from(uncertainty(i));
             if sum > bound * (n_kept + 1) as f64 {
                 break;
             }

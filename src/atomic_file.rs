@@ -66,7 +66,7 @@ pub fn remove_temporary_files(folder: &Path) -> Result<()> {
 /// Beginning of the names of files that are being written.
 const PREFIX: &str = ".deepmill-";
 
-/// What a write asks of the file system, in this order; `Write` as often as there are full buffers.
+/// What a write has the file system do, in this order; `Write` as often as there are full buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Step {
     MakeFolders,
@@ -77,14 +77,14 @@ enum Step {
     SyncFolder,
 }
 
-/// Lets a test refuse a step.
+/// Called before every step: a test may refuse it.
 #[cfg(not(test))]
-fn ask(_: Step) -> std::io::Result<()> {
+fn before(_: Step) -> std::io::Result<()> {
     Ok(())
 }
 
 #[cfg(test)]
-use faults::ask;
+use faults::before;
 
 /// Unit tests, which cut no power, do not wait for the disk.
 const SYNCS: bool = cfg!(not(test));
@@ -94,7 +94,7 @@ struct Steps<'a>(&'a File);
 
 impl Write for Steps<'_> {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        ask(Step::Write)?;
+        before(Step::Write)?;
         self.0.write(bytes)
     }
 
@@ -111,7 +111,7 @@ fn write_synced(
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    ask(Step::MakeFolders)?;
+    before(Step::MakeFolders)?;
     make_folders(folder)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX);
@@ -120,19 +120,19 @@ fn write_synced(
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    ask(Step::MakeFile)?;
+    before(Step::MakeFile)?;
     let temporary = builder.tempfile_in(folder)?;
     let mut writer = BufWriter::new(Steps(temporary.as_file()));
     fill(&mut writer)?;
     writer.flush()?;
     drop(writer);
-    ask(Step::SyncFile)?;
+    before(Step::SyncFile)?;
     if SYNCS {
         temporary.as_file().sync_all()?;
     }
-    ask(Step::Rename)?;
+    before(Step::Rename)?;
     temporary.persist(path)?;
-    ask(Step::SyncFolder)?;
+    before(Step::SyncFolder)?;
     sync_folder(folder)
 }
 
@@ -168,7 +168,7 @@ fn sync_folder(_: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// A file system that refuses the n-th step that a thread asks of it, for tests of what is then on the disk.
+/// A file system that refuses the n-th step of a thread, for tests of what is then on the disk.
 #[cfg(test)]
 pub(crate) mod faults {
     use super::Step;
@@ -177,30 +177,30 @@ pub(crate) mod faults {
     #[derive(Default)]
     struct Plan {
         refused: usize,
-        asked: Vec<Step>,
+        begun: Vec<Step>,
     }
 
     thread_local! {
         static PLAN: RefCell<Option<Plan>> = const { RefCell::new(None) };
     }
 
-    pub(super) fn ask(step: Step) -> std::io::Result<()> {
+    pub(super) fn before(step: Step) -> std::io::Result<()> {
         PLAN.with_borrow_mut(|plan| {
             let Some(plan) = plan else { return Ok(()) };
-            plan.asked.push(step);
-            match plan.asked.len() == plan.refused {
+            plan.begun.push(step);
+            match plan.begun.len() == plan.refused {
                 true => Err(std::io::ErrorKind::StorageFull.into()),
                 false => Ok(()),
             }
         })
     }
 
-    /// Runs `work`, whose steps are refused at number `refused` (from 1; 0: none); returns what it gives and the steps that it asked for.
+    /// Runs `work`, whose steps are refused at number `refused` (from 1; 0: none); returns what it gives and the steps that it began.
     pub(super) fn steps_of<T>(refused: usize, work: impl FnOnce() -> T) -> (T, Vec<Step>) {
-        PLAN.set(Some(Plan { refused, asked: Vec::new() }));
+        PLAN.set(Some(Plan { refused, begun: Vec::new() }));
         let result = work();
         let plan = PLAN.take();
-        (result, plan.map(|plan| plan.asked).unwrap_or_default())
+        (result, plan.map(|plan| plan.begun).unwrap_or_default())
     }
 
     /// For every n, from one that refuses the first step to one that refuses none: `work` with step n refused, which must then fail, and

@@ -1,8 +1,8 @@
-//! How much memory work may take: asked for before any of it is allocated, so that work that is too large is refused with a number.
+//! How much memory work may take: checked before any of it is allocated, so that work that is too large is refused with a number.
 
 use crate::{Error, Result};
 
-/// Work of fewer bytes is never refused: asking costs more than it saves.
+/// Work of fewer bytes is never refused: the check would cost more than it saves.
 const SMALL_BYTES: u64 = 16 << 20;
 
 /// Checks that `operation`, which takes `needed_bytes` by an upper estimate, fits into [`limit_bytes`].

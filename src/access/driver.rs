@@ -3,10 +3,10 @@
 use super::batched::Batched;
 use super::clearance::signed_clearance;
 use super::cutter_groups::group_by_reference_point;
+use super::extent::Extent;
 use super::labels::{Engine, LabelOptions, Labels};
 use super::matrix::CollisionMatrix;
 use super::method::Method;
-use super::needs::Extent;
 use super::occlusion::occlusion_points;
 use super::order::Order;
 use super::predicate::{self, Frame};

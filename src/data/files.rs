@@ -3,17 +3,19 @@
 //! `docs/formats.md` lists every array. One row per site, in the order of the sites.
 
 pub mod label_query;
+mod predictions;
 pub mod published;
 pub mod tools;
 pub mod volume;
 
+pub use predictions::PredictionFile;
+
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
-use crate::access::surface::{SiteAnswer, SurfaceLabels, Verified};
+use crate::access::surface::{SiteAnswer, SurfaceLabels};
 use crate::answers::SiteAnswers;
 use crate::cutter::{CutterParams, ToolPart};
 use crate::geom::Sites;
-use crate::model::Prediction;
 use crate::{Error, Result};
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -306,157 +308,6 @@ fn label_meaning(part_itself: bool) -> Value {
     })
 }
 
-/// A network's answers for one part and cutter.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PredictionFile {
-    /// Part, cutter and settings.
-    pub provenance: Provenance,
-    /// The query sites, mm.
-    pub sites: Sites,
-    /// One row of logits per site and head.
-    pub prediction: Prediction<f32>,
-    /// Share of the sites that are marked as occlusion points, those of greatest logits; `None`: every site is decided by
-    /// itself.
-    pub occlusion_share: Option<f64>,
-    /// What was computed of it.
-    pub verified: Option<Verified>,
-}
-
-impl PredictionFile {
-    const FORMAT: &str = "deepmill predictions";
-
-    /// The answers: those of the network, or what verifying made of them.
-    pub fn answers(&self) -> SiteAnswers {
-        let verified = self.verified.as_ref().map(|verified| verified.answers.clone());
-        verified.unwrap_or_else(|| predicted(&self.prediction, self.occlusion_share))
-    }
-
-    /// Writes the file.
-    ///
-    /// # Errors
-    /// If there are not two scores per site and head, the share is not in (0, 1], or the system refuses the file.
-    pub fn write(&self, path: &Path) -> Result<()> {
-        let n = self.sites.len();
-        let Prediction { logits_inaccessible, logits_occlusion } = &self.prediction;
-        let mut npz = start(&self.sites, &self.provenance);
-        for (name, logits) in
-            [("inaccessible", logits_inaccessible), ("occlusion", logits_occlusion)]
-        {
-            if logits.len() != n {
-                let found = format!("{} rows for {n} sites", logits.len());
-                return Err(Error::file(path, name, found, "give two logits per site"));
-            }
-            npz.array(&format!("logits_{name}"), &[n, 2], logits.as_flattened());
-        }
-        add_answers(path, &mut npz, &self.answers(), n)?;
-        let mut meaning = prediction_meaning();
-        if let Some(share) = self.occlusion_share {
-            check_share(path, share)?;
-            meaning["occlusion"] = BY_RANK.into();
-        }
-        if let Some(Verified { verified, beta, .. }) = &self.verified {
-            if verified.len() != n || beta.len() != n {
-                return Err(few(path, "verified", verified.len().min(beta.len()), n));
-            }
-            npz.array("verified", &[n], verified).array("beta", &[n], beta);
-            for (name, words) in VERIFIED_MEANING {
-                meaning[name] = words.into();
-            }
-        }
-        let mut metadata = self.provenance.metadata(Self::FORMAT, meaning);
-        metadata["occlusion_share"] = json!(self.occlusion_share);
-        npz.metadata(&metadata);
-        npz.write(path)
-    }
-
-    /// Reads a file that [`PredictionFile::write`] has written.
-    ///
-    /// # Errors
-    /// If it is no such file, or an array is missing or of the wrong length.
-    pub fn read(path: &Path) -> Result<Self> {
-        let mut npz = NpzReader::open(path)?;
-        let provenance = Provenance::read(path, &mut npz, Self::FORMAT)?;
-        let sites = read_sites(path, &mut npz)?;
-        let [logits_inaccessible, logits_occlusion] = ["inaccessible", "occlusion"].map(|name| {
-            let name = format!("logits_{name}");
-            let logits = npz.f32s(&name, 2)?;
-            same_length(path, &sites, &name, logits.len() / 2)?;
-            Ok(logits.as_chunks().0.to_vec())
-        });
-        let (logits_inaccessible, logits_occlusion) = (logits_inaccessible?, logits_occlusion?);
-        let prediction = Prediction { logits_inaccessible, logits_occlusion };
-        let occlusion_share = npz.metadata()?["occlusion_share"].as_f64();
-        occlusion_share.map_or(Ok(()), |share| check_share(path, share))?;
-        let verified = npz.has("verified").then(|| read_verified(path, &mut npz, &prediction));
-        let verified = verified.transpose()?;
-        Ok(PredictionFile { provenance, sites, prediction, occlusion_share, verified })
-    }
-}
-
-fn predicted(prediction: &Prediction<f32>, occlusion_share: Option<f64>) -> SiteAnswers {
-    match occlusion_share {
-        Some(share) => prediction.answers_ranked(share),
-        None => prediction.answers(),
-    }
-}
-
-fn check_share(path: &Path, share: f64) -> Result<()> {
-    if share > 0.0 && share <= 1.0 {
-        return Ok(());
-    }
-    let found = format!("{share}");
-    Err(Error::file(path, "occlusion_share", found, "give a share above 0, at most 1, or none"))
-}
-
-const BY_RANK: &str =
-    "true: among the share of sites (occlusion_share) with the greatest probability";
-
-const VERIFIED_MEANING: [(&str, &str); 5] = [
-    ("verified", "true: the answer is computed about the part itself, false: it is predicted"),
-    ("inaccessible", "true: computed where verified, predicted elsewhere"),
-    ("tip_does_not_fit", "true: computed where verified; false elsewhere"),
-    ("occlusion", "true: among the sites of greatest beta"),
-    (
-        "beta",
-        "pairs (inaccessible site, direction tested) in which this site is in the shrunk tool's steps",
-    ),
-];
-
-fn read_verified(
-    path: &Path,
-    npz: &mut NpzReader,
-    prediction: &Prediction<f32>,
-) -> Result<Verified> {
-    let n = prediction.logits_inaccessible.len();
-    let mut answers = prediction.answers();
-    for (name, list) in [
-        ("inaccessible", &mut answers.inaccessible),
-        ("occlusion", &mut answers.occlusion),
-        ("tip_does_not_fit", &mut answers.tip_does_not_fit),
-    ] {
-        *list = npz.bools(name)?;
-        if list.len() != n {
-            return Err(few(path, name, list.len(), n));
-        }
-    }
-    let (verified, beta) = (npz.bools("verified")?, npz.counts("beta")?);
-    if verified.len() != n || beta.len() != n {
-        return Err(few(path, "verified", verified.len().min(beta.len()), n));
-    }
-    Ok(Verified { answers, verified, beta })
-}
-
-fn prediction_meaning() -> Value {
-    json!({
-        "logits_inaccessible": "columns: accessible, inaccessible (positive class)",
-        "logits_occlusion": "columns: no, occlusion (positive class)",
-        "probability_inaccessible": "softmax of the logits, of the positive class",
-        "probability_occlusion": "softmax of the logits, of the positive class",
-        "inaccessible": "true: predicted, the logit of the positive class is the greater one",
-        "occlusion": "true: predicted, the logit of the positive class is the greater one",
-    })
-}
-
 fn start(sites: &Sites, provenance: &Provenance) -> NpzWriter {
     let mut npz = NpzWriter::new();
     npz.vectors("points", &sites.points).vectors("normals", &sites.normals);
@@ -493,12 +344,12 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    fn provenance() -> Provenance {
+    pub(super) fn provenance() -> Provenance {
         let cutter = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]);
         Provenance::ball_end("a.stl", cutter, json!({ "seed": 7 }))
     }
 
-    fn sites() -> Sites {
+    pub(super) fn sites() -> Sites {
         let points = vec![Vec3::new(0.1, 0.2, 0.3), Vec3::ONE];
         Sites { points, normals: vec![Vec3::Z, Vec3::X], faces: vec![3, 9] }
     }
@@ -529,69 +380,5 @@ mod tests {
         (bare.labels.beta, bare.labels.answers.occlusion) = (vec![], vec![]);
         bare.write(&path).unwrap();
         assert_eq!(LabelFile::read(&path).unwrap(), bare);
-    }
-
-    #[test]
-    fn predictions_come_back_exactly_and_are_not_taken_for_labels() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("predictions.npz");
-        let mut file = PredictionFile {
-            provenance: provenance(),
-            sites: sites(),
-            prediction: Prediction {
-                logits_inaccessible: vec![[0.0, 2.0], [1.0, 1.0]],
-                logits_occlusion: vec![[3.5, -1.0], [0.25, 0.5]],
-            },
-            occlusion_share: None,
-            verified: None,
-        };
-        file.write(&path).unwrap();
-        assert_eq!(PredictionFile::read(&path).unwrap(), file);
-        let answers = file.prediction.answers();
-        assert_eq!(
-            (&answers.inaccessible[..], &answers.occlusion[..]),
-            (&[true, false][..], &[false, true][..])
-        );
-        let p = answers.probability_inaccessible;
-        assert!((p[0] - 0.880_797).abs() < 1e-6 && p[1] == 0.5);
-        let message = LabelFile::read(&path).unwrap_err().to_string();
-        assert!(message.contains("the format is \"deepmill predictions\""), "{message}");
-
-        file.occlusion_share = Some(0.5);
-        file.write(&path).unwrap();
-        let read = PredictionFile::read(&path).unwrap();
-        assert_eq!((read.answers().occlusion, &read), (vec![false, true], &file));
-        file.occlusion_share = Some(f64::NAN);
-        assert!(file.write(&path).unwrap_err().to_string().contains("a share above 0"));
-
-        file.occlusion_share = Some(0.5);
-        let answers = SiteAnswers {
-            inaccessible: vec![false, false],
-            tip_does_not_fit: vec![true, false],
-            ..file.prediction.answers()
-        };
-        file.verified = Some(Verified { answers, verified: vec![true, false], beta: vec![7, 0] });
-        file.write(&path).unwrap();
-        let read = PredictionFile::read(&path).unwrap();
-        assert_eq!((read.answers().n_inaccessible(), &read), (0, &file));
-        file.verified.as_mut().unwrap().beta.pop();
-        assert!(file.write(&path).unwrap_err().to_string().contains("1 entries for 2 sites"));
-    }
-
-    /// As version 0.1.0 wrote them: decisions under the names `predicted_…`.
-    #[test]
-    fn older_predictions_are_still_read() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("predictions.npz");
-        let mut npz = start(&sites(), &provenance());
-        for name in ["inaccessible", "occlusion"] {
-            npz.array(&format!("logits_{name}"), &[2, 2], &[0.0f32, 2.0, 1.0, 1.0]);
-            npz.array(&format!("probability_{name}"), &[2], &[0.880_797f32, 0.5]);
-            npz.array(&format!("predicted_{name}"), &[2], &[true, false]);
-        }
-        npz.metadata(&provenance().metadata(PredictionFile::FORMAT, prediction_meaning()));
-        npz.write(&path).unwrap();
-        let answers = PredictionFile::read(&path).unwrap().prediction.answers();
-        assert_eq!((answers.inaccessible, answers.occlusion.len()), (vec![true, false], 2));
     }
 }

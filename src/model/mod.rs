@@ -15,6 +15,7 @@ mod network;
 mod network_config;
 pub mod policy;
 mod predict;
+mod prediction;
 mod predictor;
 #[cfg(feature = "weights")]
 mod shipped;
@@ -29,7 +30,8 @@ pub use domain::Domain;
 pub use graph_sage::GraphSage;
 pub use network::{AnyBatch, AnyNetwork, AnySaved, Network};
 pub use network_config::NetworkConfig;
-pub use predict::{AnyModel, Calibration, Model, Prediction};
+pub use predict::{AnyModel, Model};
+pub use prediction::{Calibration, Prediction};
 pub use predictor::Predictor;
 pub use training::{InputGradients, SavedUNet, TrainingPass};
 pub use unet::{Activations, UNet};

@@ -5,10 +5,11 @@ use super::cutter_modules::N_LENGTHS;
 use super::domain::Domain;
 use super::network::{AnyNetwork, Network};
 use super::network_config::NetworkConfig;
+use super::prediction::{Calibration, INACCESSIBLE_CLASS, OCCLUSION_CLASS, Prediction};
 use super::training::{InputGradients, TrainingPass};
 use super::unet::{Activations, N_HEADS, UNet};
 use super::{UNetConfig, heads::N_CLASSES};
-use crate::answers::{Definition, SiteAnswers, is_positive, mark_top_share};
+use crate::answers::Definition;
 use crate::nn::arena::{Arena, Buffer};
 use crate::nn::pass::{Backward, Inference, Training, Update};
 use crate::par;
@@ -16,12 +17,6 @@ use crate::rng::Stream;
 use crate::scalar::Scalar;
 use crate::{Error, Result};
 use glam::Vec3;
-use serde::{Deserialize, Serialize};
-
-/// Class of head 1 that means "inaccessible"; class 1 means "accessible".
-pub const INACCESSIBLE_CLASS: usize = 0;
-/// Class of head 2 that means "occlusion point"; class 0 means "none".
-pub const OCCLUSION_CLASS: usize = 1;
 
 /// A network and its numbers; an octree network unless it is said.
 #[derive(Debug, Clone)]
@@ -43,70 +38,6 @@ pub struct Model<T, N = UNet> {
 
 /// A model of either kind of network: what files hold.
 pub type AnyModel<T> = Model<T, AnyNetwork>;
-
-/// Turns the margin `m` between the logits of "yes" and "no" into `slope · m + offset` (Platt 1999, *Probabilistic outputs for
-/// support vector machines*). An offset of 0 is the scaling by a temperature of `1 / slope` (Guo et al. 2017).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Calibration {
-    /// Factor of both logits, positive.
-    pub slope: f64,
-    /// What is added to the logit of "yes" then.
-    pub offset: f64,
-}
-
-impl Calibration {
-    /// Leaves logits as they are.
-    pub const IDENTITY: Self = Calibration { slope: 1.0, offset: 0.0 };
-
-    /// Whether both numbers are in their domain.
-    pub fn is_sound(&self) -> bool {
-        self.slope > 0.0 && self.slope.is_finite() && self.offset.is_finite()
-    }
-
-    /// The logits of "no" and "yes".
-    fn apply<T: Scalar>(self, no: T, yes: T) -> [T; N_CLASSES] {
-        let slope = T::from_f64(self.slope);
-        let [no, yes] = [no * slope, yes * slope];
-        [no, if self.offset == 0.0 { yes } else { yes + T::from_f64(self.offset) }]
-    }
-}
-
-/// What a network says about the sites of one part and one cutter, as numbers.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Prediction<T> {
-    /// Two logits per site of head 1: accessible, inaccessible.
-    pub logits_inaccessible: Vec<[T; N_CLASSES]>,
-    /// Two logits per site of head 2: no occlusion point, occlusion point.
-    pub logits_occlusion: Vec<[T; N_CLASSES]>,
-}
-
-impl<T: Scalar> Prediction<T> {
-    /// Decisions ([`is_positive`]) and probabilities of both heads.
-    pub fn answers(&self) -> SiteAnswers {
-        let decide = |logits: &[[T; N_CLASSES]]| logits.iter().copied().map(is_positive).collect();
-        SiteAnswers {
-            probability_inaccessible: probabilities(&self.logits_inaccessible),
-            probability_occlusion: probabilities(&self.logits_occlusion),
-            ..SiteAnswers::new(decide(&self.logits_inaccessible), decide(&self.logits_occlusion))
-        }
-    }
-
-    /// As [`Prediction::answers`], but the `share` of sites that look most like occlusion points are marked
-    /// ([`mark_top_share`]): as many as the labels' definition marks, where a decision site by site leaves their number
-    /// open.
-    pub fn answers_ranked(&self, share: f64) -> SiteAnswers {
-        let margin = |[no, yes]: &[T; N_CLASSES]| (*yes - *no).to_f64();
-        let margins: Vec<f64> = self.logits_occlusion.iter().map(margin).collect();
-        SiteAnswers { occlusion: mark_top_share(&margins, share, f64::total_cmp), ..self.answers() }
-    }
-}
-
-/// Softmax of two logits, of the second.
-fn probabilities<T: Scalar>(logits: &[[T; N_CLASSES]]) -> Vec<f32> {
-    let softmax = |[no, yes]: &[T; N_CLASSES]| T::ONE / (T::ONE + (*no - *yes).exp());
-    logits.iter().map(|logits| softmax(logits).to_f64() as f32).collect()
-}
 
 impl<T: Scalar, N: Network<T>> Model<T, N> {
     /// A network with these numbers, of which nothing more is known.

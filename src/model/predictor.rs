@@ -1,7 +1,8 @@
 //! The predictor: a network behind the interface of the exact labeler.
 
 use super::domain::Domain;
-use super::predict::{AnyModel, Prediction};
+use super::predict::AnyModel;
+use super::prediction::Prediction;
 use crate::answers::{OutsideDomain, SiteAnswers};
 use crate::cutter::Cutter;
 use crate::geom::Sites;

@@ -21,8 +21,8 @@ use std::ops::Range;
 /// O_k = P_k V_k
 /// ```
 ///
-/// Every node meets every other of its shape, whatever their distance: time and memory grow with the square of their number. `W_out` starts
-/// at 0, so that the layer starts as the identity.
+/// Every node meets every other of its shape, whatever their distance: time and memory grow with the square of their number. Products run in
+/// vectors, the exponentials of a row one by one. `W_out` starts at 0, so that the layer starts as the identity.
 #[derive(Debug, Clone)]
 pub struct Attention {
     n_heads: usize,

@@ -19,7 +19,7 @@ use std::time::Instant;
 pub struct Mpi {
     rank: usize,
     size: usize,
-    /// Locked in every call: the library is asked for one call at a time.
+    /// Locked in every call: the library takes one call at a time.
     traffic: Mutex<Traffic>,
     _universe: Universe,
 }

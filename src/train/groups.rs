@@ -22,6 +22,8 @@
 //! ```
 
 use crate::processes::{Processes, share};
+use crate::simd::Isa;
+use crate::simd::elementwise::{self, Combination};
 use std::ops::Range;
 
 /// A step's samples, groups and processes.
@@ -174,9 +176,7 @@ pub(super) fn join(processes: &dyn Processes, groups: &Groups, nodes: &[Vec<f32>
 
 /// On the calling thread: that of the exchange is in no pool of threads.
 fn add(to: &mut [f32], values: &[f32]) {
-    for (to, value) in to.iter_mut().zip(values) {
-        *to += value;
-    }
+    elementwise::combine(Isa::active(), Combination::Add, to, values);
 }
 
 /// Length of the left child of a node of `len` groups.

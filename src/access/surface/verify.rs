@@ -3,12 +3,12 @@
 use super::labels::SurfaceOptions;
 use super::obstacles::{TriangleObstacles, count_beta};
 use super::tool::Outline;
-use crate::Result;
 use crate::access::occlusion_points;
 use crate::answers::SiteAnswers;
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::geom::Sites;
+use crate::{Result, par};
 
 /// Answers of which some are computed and the others predicted.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -64,6 +64,7 @@ impl TriangleObstacles {
         predicted: &SiteAnswers,
         bound: f64,
     ) -> Result<Verified> {
+        let _floats = par::DefaultFloats::set();
         options.check()?;
         predicted.check_sites(sites)?;
         let chosen = predicted.least_certain(bound)?;

@@ -6,7 +6,7 @@ use crate::processes::{hash, together};
 use deepmill::access::baselines;
 use deepmill::answers::SiteAnswers;
 use deepmill::data::Sample;
-use deepmill::data::dataset::{Dataset, Split};
+use deepmill::data::dataset::{Dataset, DatasetSettings, Split};
 use deepmill::directions::Directions;
 use deepmill::model::config::CutterPlacement;
 use deepmill::model::{AnyModel, weights};
@@ -75,10 +75,13 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
     ]);
     for folder in &args.data {
         let name = folder.display().to_string();
-        for (engine, timed, evaluation) in score_set(args, folder, &networks, processes, output)? {
+        let (set, samples) = agree(processes, samples(args, folder))?;
+        let manifest = serde_json::to_vec(&set.manifest).unwrap_or_default();
+        require_same(processes, "data", &hash(&manifest))?;
+        let of = (folder.as_path(), &set.manifest.settings, &samples[..]);
+        for (engine, timed, evaluation) in score_set(args, of, &networks, processes, output)? {
             rows.push(Row { set: name.clone(), engine, timed, evaluation });
         }
-        let samples = if args.verify.is_empty() { Vec::new() } else { samples(args, folder)?.1 };
         for &bound in &args.verify {
             let VerifiedScore { computed, wrong } =
                 evaluate_verified(&networks[0].1, &samples, bound, processes)?;
@@ -191,15 +194,12 @@ type Scored = (String, bool, Evaluation);
 
 fn score_set(
     args: &Args,
-    folder: &Path,
+    (folder, settings, samples): (&Path, &DatasetSettings, &[Sample]),
     networks: &[(String, AnyModel<f32>)],
     processes: &dyn Processes,
     output: &Output,
 ) -> Result<Vec<Scored>> {
-    let (set, samples) = agree(processes, samples(args, folder))?;
-    let manifest = serde_json::to_vec(&set.manifest).unwrap_or_default();
-    require_same(processes, "data", &hash(&manifest))?;
-    let definition = set.manifest.settings.definition();
+    let definition = settings.definition();
     for (name, model) in networks {
         if let Some(learned) = model.definition.filter(|learned| *learned != definition) {
             let folder = folder.display();
@@ -209,10 +209,8 @@ fn score_set(
         }
     }
     let mut scored = Vec::new();
-    let settings = &set.manifest.settings;
     for (name, model) in networks {
-        let [plain, ranked] =
-            evaluate_ranked(model, &samples, settings.occlusion_share, processes)?;
+        let [plain, ranked] = evaluate_ranked(model, samples, settings.occlusion_share, processes)?;
         scored.push((name.clone(), true, plain));
         let share = 100.0 * settings.occlusion_share;
         scored.push((format!("{name}, occlusion by rank ({share} %)"), true, ranked));
@@ -229,13 +227,13 @@ fn score_set(
     }
     if args.exact {
         let directions = Directions::new(settings.directions.clone())?;
-        let exact = evaluate_exact(&samples, &directions, settings.occlusion_share, processes)?;
+        let exact = evaluate_exact(samples, &directions, settings.occlusion_share, processes)?;
         scored.push(("exact labeler".into(), true, exact));
     }
-    scored.push(("majority class".into(), false, majority(&samples)?));
+    scored.push(("majority class".into(), false, majority(samples)?));
     if !settings.volume {
         let name = "normal's angle; highest 10 % by z";
-        scored.push((name.into(), false, by_geometry(&samples)?));
+        scored.push((name.into(), false, by_geometry(samples)?));
     }
     Ok(scored)
 }

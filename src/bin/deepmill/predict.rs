@@ -240,7 +240,7 @@ fn occlusion_share(text: &str) -> std::result::Result<f64, String> {
     share.ok_or_else(|| "expected a share above 0, at most 1, such as 0.1".into())
 }
 
-/// The triangles that verifying asks, if the network answers about them.
+/// The triangles to verify against, if the network answers about them.
 fn part_to_verify(learned: Option<Definition>, mesh: Option<&Mesh>) -> Result<TriangleObstacles> {
     let refused = |found| {
         let expected = "a mesh, and a network that learned about the part itself";
@@ -250,9 +250,9 @@ fn part_to_verify(learned: Option<Definition>, mesh: Option<&Mesh>) -> Result<Tr
     };
     match (learned, mesh) {
         (Some(Definition::Sites), _) => {
-            refused("asked of a network that learned the published definition")
+            refused("given with a network that learned the published definition")
         }
-        (_, None) => refused("asked of a cloud of points"),
+        (_, None) => refused("given with a cloud of points"),
         (_, Some(mesh)) => TriangleObstacles::new(mesh, &[]),
     }
 }

@@ -2,15 +2,15 @@
 
 use super::page::Page;
 use super::pictures::Sheet;
+use super::samples::inaccessible_share;
 use super::scores;
 use super::study::{N_DIRECTIONS, Study};
-use super::trainings::{Trained, Trainings, test_samples, training_samples};
+use super::trainings::{Trainings, test_samples, training_samples};
 use deepmill::Result;
 use deepmill::cutter::CutterSet;
 use deepmill::data::Sample;
 use deepmill::directions::Directions;
 use deepmill::model::config::CutterPlacement;
-use deepmill::report::Coloring;
 use deepmill::report::tables::{Cell, Table};
 use deepmill::train::evaluate;
 use serde_json::Value;
@@ -46,11 +46,13 @@ pub fn run(study: &Study) -> Result<Value> {
             study.go_on()?;
             let mut row = vec![Cell::text(set.name()), Cell::text(*name)];
             row.extend(scores::cells(evaluate(&trained.model, &samples)?.mean()));
-            row.push(Cell::Share(share(&samples)));
+            row.push(Cell::Share(inaccessible_share(&samples)));
             table.row(row);
         }
         if [CutterSet::Short, CutterSet::Extreme].contains(&set) {
-            show(study, &mut sheet, &samples[0], &networks, set)?;
+            let (mesh, about) =
+                (&study.test_parts()[0].mesh, format!("{}, {set}", samples[0].name));
+            sheet.add_answers(mesh, &samples[0], &networks[..2], &about)?;
         }
     }
     sheet.image().write_png(&study.file("cutters.png"))?;
@@ -71,34 +73,4 @@ pub fn run(study: &Study) -> Result<Value> {
         )],
     };
     page.write(study)
-}
-
-/// Share of the sites that are inaccessible.
-fn share(samples: &[Sample]) -> f64 {
-    let of = |s: &Sample| s.answers.n_inaccessible() as f64 / s.answers.len().max(1) as f64;
-    samples.iter().map(of).sum::<f64>() / samples.len().max(1) as f64
-}
-
-/// A row: the exact labels of a sample and the predictions of the first two networks.
-fn show(
-    study: &Study,
-    sheet: &mut Sheet,
-    sample: &Sample,
-    networks: &[(&str, Trained)],
-    set: CutterSet,
-) -> Result<()> {
-    let sites = &*sample.sites;
-    let mut answers = vec![("exact", sample.answers.clone())];
-    for (name, trained) in &networks[..2] {
-        let (points, normals) = (&sites.points, &sites.normals);
-        let prediction = trained.model.predict(points, normals, sample.cutter.to_array())?;
-        answers.push((name, prediction.answers()));
-    }
-    for (name, answers) in &answers {
-        let coloring =
-            Coloring::Labels { inaccessible: &answers.inaccessible, occlusion: &answers.occlusion };
-        let caption = format!("{}, {set}: {name}", sample.name);
-        sheet.add(&study.test_parts()[0].mesh, sites, &coloring, caption);
-    }
-    Ok(())
 }

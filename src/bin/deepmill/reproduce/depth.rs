@@ -4,7 +4,7 @@ use super::page::Page;
 use super::samples::{Draw, labeled};
 use super::scores;
 use super::study::{N_DIRECTIONS, Study};
-use super::trainings::{N_CUTTERS, N_TEST_CUTTERS, Trained, Trainings};
+use super::trainings::{Data, N_CUTTERS, N_TEST_CUTTERS, Trained, Trainings};
 use deepmill::Result;
 use deepmill::access::{LabelOptions, Labeler};
 use deepmill::cutter::CutterSet;
@@ -35,12 +35,13 @@ pub fn run(study: &Study) -> Result<Value> {
         let [data, test] = samples(study, n_sites, usual)?;
         for (depth, curves) in DEPTHS.into_iter().zip(&mut curves) {
             let name = format!("depth {depth}, {n_sites} sites");
-            let trained = trainings.network_scored(&name, &data, &test, |settings| {
-                if let Some(octree) = settings.network.octree_mut() {
-                    octree.input.depth = depth;
-                }
-                score_once(settings);
-            })?;
+            let trained =
+                trainings.network_of(&name, &Data::of_sites(&data, &test), |settings| {
+                    if let Some(octree) = settings.network.octree_mut() {
+                        octree.input.depth = depth;
+                    }
+                    score_once(settings);
+                })?;
             row(&mut table, depth, n_sites, usual, &trained);
             let [i, o] = scores::last(&trained).1;
             curves[0].points.push((n_sites as f64, 100.0 * i.accuracy));
@@ -51,7 +52,7 @@ pub fn run(study: &Study) -> Result<Value> {
     for share in SHARES {
         let [data, test] = samples(study, n_sites, share)?;
         let name = format!("occlusion share {share}");
-        let trained = trainings.network_scored(&name, &data, &test, score_once)?;
+        let trained = trainings.network_of(&name, &Data::of_sites(&data, &test), score_once)?;
         row(&mut table, usual_depth, n_sites, share, &trained);
     }
     let titles = ["Acc_i on the test parts, %", "F1_o on the test parts, %"];
@@ -99,9 +100,8 @@ fn score_once(settings: &mut Settings) {
 }
 
 fn row(table: &mut Table, depth: usize, n_sites: usize, share: f64, trained: &Trained) {
-    let seconds = trained.history.iter().map(|row| row.seconds).sum();
-    let mut row =
-        vec![Cell::count(depth), Cell::count(n_sites), Cell::Share(share), Cell::Seconds(seconds)];
+    let mut row = vec![Cell::count(depth), Cell::count(n_sites), Cell::Share(share)];
+    row.push(Cell::Seconds(trained.seconds()));
     row.extend(scores::cells(scores::last(trained).1));
     table.row(row);
 }

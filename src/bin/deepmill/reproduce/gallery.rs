@@ -3,7 +3,7 @@
 use super::page::Page;
 use super::parts::Part;
 use super::pictures::Sheet;
-use super::samples::{Draw, labeled, samples as label};
+use super::samples::{Draw, labeled, samples};
 use super::scores;
 use super::sets::Set;
 use super::study::{N_DIRECTIONS, Study};
@@ -153,7 +153,7 @@ fn cutters(study: &Study, model: &AnyModel<f32>) -> Result<Sheet> {
     let mut sheet = Sheet::default();
     for set in CutterSet::ALL {
         let draw = Draw { sets: &[set], n_cutters: 1 };
-        for sample in label(study, part, &draw, &directions)? {
+        for sample in samples(study, part, &draw, &directions)? {
             let answered = answer(model, sample)?;
             let words = format!("{set}: {}", cutter_words(&answered.sample));
             for (answers, by) in

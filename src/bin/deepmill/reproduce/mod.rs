@@ -45,7 +45,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR", default_value = "reproduced")]
     out: PathBuf,
     /// Minutes per training: turned into a number of samples, the same for every network, by timing the first
-    /// steps; the folder keeps that number. A training of `all` gets 15 % of it.
+    /// steps; the folder keeps that number. A training of `all` gets a tenth of it.
     #[arg(long, value_name = "MINUTES", default_value = "20", value_parser = minutes)]
     budget: f64,
     /// Samples that every network sees, in place of a time.

@@ -1,5 +1,9 @@
 //! Contact sheets of views from above.
 
+use super::trainings::Trained;
+use deepmill::Result;
+use deepmill::answers::SiteAnswers;
+use deepmill::data::Sample;
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::image::{Font, Image};
 use deepmill::report::{Coloring, PartView, Rgb, picture};
@@ -30,6 +34,29 @@ impl Sheet {
                 self.legend.push(entry);
             }
         }
+    }
+
+    /// Adds views of a sample of the part `mesh`, as many as networks and one: its exact labels, and what each network predicts. Captions
+    /// begin with `about`.
+    pub fn add_answers(
+        &mut self,
+        mesh: &Mesh,
+        sample: &Sample,
+        networks: &[(&str, Trained)],
+        about: &str,
+    ) -> Result<()> {
+        let sites = &*sample.sites;
+        let mut answers = vec![("exact", sample.answers.clone())];
+        for (name, trained) in networks {
+            let (points, normals) = (&sites.points, &sites.normals);
+            let prediction = trained.model.predict(points, normals, sample.cutter.to_array())?;
+            answers.push((name, prediction.answers()));
+        }
+        for (name, SiteAnswers { inaccessible, occlusion, .. }) in &answers {
+            let coloring = Coloring::Labels { inaccessible, occlusion };
+            self.add(mesh, sites, &coloring, format!("{about}: {name}"));
+        }
+        Ok(())
     }
 
     /// The views of `n` series that were added by turns, one series after the other.

@@ -91,6 +91,12 @@ pub fn for_parts(
     Ok(samples)
 }
 
+/// Share of the sites, or points, that are inaccessible: mean over the samples.
+pub fn inaccessible_share(samples: &[Sample]) -> f64 {
+    let of = |s: &Sample| s.answers.n_inaccessible() as f64 / s.answers.len().max(1) as f64;
+    samples.iter().map(of).sum::<f64>() / samples.len().max(1) as f64
+}
+
 fn of_part(
     part: &Part,
     sites: &Arc<Sites>,

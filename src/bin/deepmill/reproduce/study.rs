@@ -15,7 +15,7 @@ pub const N_DIRECTIONS: usize = 150;
 
 /// Of the budget, what a training of `all` gets, so that 20 minutes are four hours for all experiments on two cores
 /// (docs/reproduce.md has the sum).
-const SHARE_IN_ALL: f64 = 0.15;
+const SHARE_IN_ALL: f64 = 0.1;
 
 /// One run of the command.
 pub struct Study<'a> {

@@ -6,7 +6,7 @@ use super::samples::{Draw, labeled};
 use super::scores;
 use super::sets::{self, Set};
 use super::study::{N_DIRECTIONS, Study};
-use super::trainings::{N_CUTTERS, N_TEST_CUTTERS, Trained, Trainings};
+use super::trainings::{Data, N_CUTTERS, N_TEST_CUTTERS, Trained, Trainings};
 use deepmill::Result;
 use deepmill::access::{LabelOptions, Labeler};
 use deepmill::cutter::{Cutter, CutterSet};
@@ -34,7 +34,8 @@ pub fn network(study: &Study, trainings: &Trainings, n_sites: usize) -> Result<T
     let labeler = labeler(true)?;
     let draw = Draw { sets: &[CutterSet::Uniform], n_cutters: N_CUTTERS };
     let data = labeled(study, &sets::training_parts(study), &draw, &labeler, n_sites)?;
-    trainings.network_scored(&format!("CAD parts, {n_sites} sites"), &data, &[], |_| ())
+    let name = format!("CAD parts, {n_sites} sites");
+    trainings.network_of(&name, &Data::of_sites(&data, &[]), |_| ())
 }
 
 pub fn run(study: &Study) -> Result<Value> {

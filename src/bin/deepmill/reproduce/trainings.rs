@@ -46,6 +46,20 @@ pub struct Data<'a> {
     pub test: &'a [Sample],
 }
 
+impl<'a> Data<'a> {
+    /// Labels of the published definition.
+    pub fn of_sites(training: &'a [Sample], test: &'a [Sample]) -> Self {
+        Data { definition: Definition::Sites, training, test }
+    }
+}
+
+impl Trained {
+    /// Wall-clock time of all steps.
+    pub fn seconds(&self) -> f64 {
+        self.history.iter().map(|row| row.seconds).sum()
+    }
+}
+
 /// What networks of one table have in common.
 pub struct Trainings<'a> {
     study: &'a Study<'a>,
@@ -111,23 +125,11 @@ impl<'a> Trainings<'a> {
         data: &[Sample],
         change: impl FnOnce(&mut Settings),
     ) -> Result<Trained> {
-        self.network_scored(name, data, &self.test, change)
+        self.network_of(name, &Data::of_sites(data, &self.test), change)
     }
 
     /// As [`Trainings::network`], scored after each piece on samples of one's own, or, without any, not at all. With
-    /// `settings.online` the parts of `data` get fresh cutters and labels.
-    pub fn network_scored(
-        &self,
-        name: &str,
-        data: &[Sample],
-        test: &[Sample],
-        change: impl FnOnce(&mut Settings),
-    ) -> Result<Trained> {
-        let (definition, training) = (Definition::Sites, data);
-        self.network_of(name, &Data { definition, training, test }, change)
-    }
-
-    /// As [`Trainings::network_scored`], for labels of any definition.
+    /// `settings.online` the training parts get fresh cutters and labels.
     pub fn network_of(
         &self,
         name: &str,

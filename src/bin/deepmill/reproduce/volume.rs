@@ -2,7 +2,7 @@
 
 use super::page::Page;
 use super::parts::Part;
-use super::samples::{Draw, for_parts};
+use super::samples::{Draw, for_parts, inaccessible_share};
 use super::study::{N_DIRECTIONS, Study};
 use super::trainings::{Data, N_CUTTERS, N_TEST_CUTTERS, Trainings};
 use deepmill::access::surface::{SiteAnswer, SurfaceLabels, TriangleObstacles};
@@ -55,7 +55,7 @@ pub fn run(study: &Study) -> Result<Value> {
         study.go_on()?;
         let scores = evaluate(&trained.model, &test)?;
         let score = scores.mean()[0];
-        let share = share(&test);
+        let share = inaccessible_share(&test);
         table.row([
             Cell::text(words(definition)),
             Cell::Share(share),
@@ -78,7 +78,7 @@ pub fn run(study: &Study) -> Result<Value> {
             "Points of a lattice over the part's box that are outside of the part, about as many as sites elsewhere; the tip of the \
              cutter is at the point. Obstacles are as many sites of the surface (the published definition), or the triangles of the \
              part with the search between 150 directions. The network reads where points are (feature `P`) and no normals; points \
-             of space are no occlusion points, so that only its first head has something to learn. Whether the tip fits is not asked. Scores are averages over samples, \
+             of space are no occlusion points, so that only its first head has something to learn. Whether the tip fits is not tested. Scores are averages over samples, \
              F1 of the class inaccessible."
                 .into(),
             trainings.words(),
@@ -158,12 +158,6 @@ fn exact_seconds(
 /// The test part that a sample is about.
 fn part_of<'a>(study: &'a Study, sample: &Sample) -> Result<&'a Part> {
     study.test_parts().iter().find(|part| part.name == sample.name).ok_or_else(no_space)
-}
-
-/// Share of the points that are inaccessible.
-fn share(samples: &[Sample]) -> f64 {
-    let of = |s: &Sample| s.answers.n_inaccessible() as f64 / s.answers.len().max(1) as f64;
-    samples.iter().map(of).sum::<f64>() / samples.len().max(1) as f64
 }
 
 /// One section of exact labels and of predictions.

@@ -1,4 +1,4 @@
-//! Upper estimates of the memory of labeling, bytes: asked for before anything of that size is allocated.
+//! Upper estimates of the memory of labeling, bytes: checked before anything of that size is allocated.
 //!
 //! | what | bytes |
 //! |---|---|
@@ -100,7 +100,7 @@ mod tests {
     use crate::geom::{Sites, solids};
     use glam::Vec3;
 
-    /// What would take petabytes is refused before a byte of that is asked for.
+    /// What would take petabytes is refused before a byte of that is allocated.
     #[test]
     fn what_cannot_fit_is_refused_with_its_numbers() {
         let all = Extent {
@@ -133,7 +133,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn every_entry_asks_before_it_allocates() {
+    fn every_entry_checks_before_it_allocates() {
         let n = 6_000_000;
         let sites = Sites { points: vec![Vec3::ZERO; n], normals: vec![Vec3::Z; n], faces: vec![] };
         let directions =
