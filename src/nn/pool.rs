@@ -13,7 +13,7 @@ use std::ops::Range;
 /// Rows per task.
 const BLOCK: usize = 1024;
 
-/// Greatest value among the eight children of every non-empty node; empty nodes get zeros. From
+/// Greatest value among the eight children of every non-empty node, NaN if one is; empty nodes get zeros. From
 /// `[8·n_nonempty, c]`, all nodes one depth finer than the geometry, to its `[n_nodes, c]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MaxPool;
@@ -184,7 +184,9 @@ impl<T: Scalar> Layer<T> for GlobalMeanPool {
 
 fn greatest<T: Scalar>(children: &[T], channels: usize, c: usize) -> usize {
     let value = |octant: usize| children[octant * channels + c];
-    (1..8).fold(0, |best, octant| if value(octant) > value(best) { octant } else { best })
+    let is_nan = |octant: usize| value(octant).partial_cmp(&T::ZERO).is_none();
+    let wins = |octant: usize, best| value(octant) > value(best) || is_nan(octant) && !is_nan(best);
+    (1..8).fold(0, |best, octant| if wins(octant, best) { octant } else { best })
 }
 
 /// `y[node, c] = pool(rows of the node's children, c)`, zero for empty nodes.

@@ -5,6 +5,7 @@ use super::tool::Outline;
 use crate::Result;
 use crate::geom::{Mesh, Sites};
 use crate::par;
+use crate::spatial::CountingSort;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +34,8 @@ const GREATEST_SHARE: f64 = 0.25;
 const AROUND: f64 = 0.35;
 /// Sites per task.
 const BLOCK: usize = 256;
+/// Vertices per task.
+const VERTICES: usize = 4096;
 /// Fewer sites than this do not need the depths of all faces.
 const FEW: usize = 16;
 
@@ -73,44 +76,71 @@ impl Bends {
     }
 
     pub fn of(mesh: &Mesh) -> Self {
-        let mut bends = vec![[Bend::default(); 3]; mesh.triangles.len()];
-        let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * mesh.triangles.len());
-        for (f, corners) in mesh.triangles.iter().enumerate() {
-            for k in 0..3 {
-                let (a, b) = (corners[k], corners[(k + 1) % 3]);
-                edges.push(([a.min(b), a.max(b)], 3 * f as u32 + k as u32));
-            }
+        let ends = |half: u32| {
+            let (corners, k) = (mesh.triangles[half as usize / 3], half as usize % 3);
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            [a.min(b), a.max(b)]
+        };
+        let n_halves = 3 * mesh.triangles.len() as u32;
+        let mut sort = CountingSort::default();
+        sort.clear(mesh.vertices.len());
+        (0..n_halves).for_each(|half| sort.count(ends(half)[0] as usize));
+        sort.finish_counting();
+        let mut by_lower_end = vec![[0; 2]; n_halves as usize];
+        for half in 0..n_halves {
+            let [low, high] = ends(half);
+            by_lower_end[sort.place(low as usize)] = [high, half];
         }
-        par::sort_by_key(&mut edges, |&edge| edge);
-        for same in edges.chunk_by(|x, y| x.0 == y.0) {
-            let &[(_, x), (_, y)] = same else { continue };
-            let bend = bend(mesh, x, y);
-            bends[x as usize / 3][x as usize % 3] = bend;
-            bends[y as usize / 3][y as usize % 3] = bend;
+        let blocks = par::map_blocks(mesh.vertices.len(), VERTICES, |range| {
+            let mut found = Vec::new();
+            let mut edges = Vec::new();
+            for vertex in range {
+                edges.clear();
+                edges.extend_from_slice(&by_lower_end[sort.range(vertex, vertex)]);
+                edges.sort_unstable();
+                for same in edges.chunk_by(|x, y| x[0] == y[0]) {
+                    let &[[_, x], [_, y]] = same else { continue };
+                    found.extend(bend(mesh, x, y).map(|bend| ([x, y], bend)));
+                }
+            }
+            found
+        });
+        let mut bends = vec![[Bend::default(); 3]; mesh.triangles.len()];
+        for (halves, bend) in blocks.into_iter().flatten() {
+            for half in halves {
+                bends.as_flattened_mut()[half as usize] = bend;
+            }
         }
         Bends(bends)
     }
 }
 
-/// The bend over half edges `x` and `y` (three times the face, plus the number of the corner where it begins).
-fn bend(mesh: &Mesh, x: u32, y: u32) -> Bend {
+/// The bend over half edges `x` and `y` (three times the face, plus the number of the corner where it begins), if the faces
+/// rise toward each other.
+fn bend(mesh: &Mesh, x: u32, y: u32) -> Option<Bend> {
+    let normal = |half: u32| mesh.area_vector(half as usize / 3).normalize_or_zero();
+    // From the corner where a half edge begins: to where it ends, and to the corner across.
     let side = |half: u32| {
         let (corners, k) = (mesh.corners(half as usize / 3), half as usize % 3);
-        let edge = (corners[(k + 1) % 3] - corners[k]).normalize_or_zero();
-        let opposite = corners[(k + 2) % 3] - corners[k];
-        let width = (opposite - edge * opposite.dot(edge)).length();
-        (mesh.area_vector(half as usize / 3).normalize_or_zero(), opposite, width)
+        let start = corners[k];
+        (start, corners[(k + 1) % 3] - start, corners[(k + 2) % 3] - start)
     };
-    let ((n, _, width), (m, opposite, other)) = (side(x), side(y));
-    let turn = libm::atan2(n.cross(m).length(), n.dot(m));
-    let corners = mesh.corners(x as usize / 3);
-    let start = mesh.corners(y as usize / 3)[y as usize % 3];
-    let rises = n.dot(start + opposite - corners[x as usize % 3]) > 0.0;
-    let flat = n == DVec3::ZERO || m == DVec3::ZERO;
-    if flat || !rises || !(FLAT_RAD..=SMOOTH_RAD).contains(&turn) {
-        return Bend::default();
+    let (n, m) = (normal(x), normal(y));
+    let (near, far) = (side(x), side(y));
+    let rises = n.dot(far.0 + far.2 - near.0) > 0.0;
+    if n == DVec3::ZERO || m == DVec3::ZERO || !rises {
+        return None;
     }
-    Bend { turn, radius: 0.5 * width.min(other) / libm::sin(0.5 * turn) }
+    let turn = libm::atan2(n.cross(m).length(), n.dot(m));
+    if !(FLAT_RAD..=SMOOTH_RAD).contains(&turn) {
+        return None;
+    }
+    let width = |(_, edge, opposite): (DVec3, DVec3, DVec3)| {
+        let edge = edge.normalize_or_zero();
+        (opposite - edge * opposite.dot(edge)).length()
+    };
+    let radius = 0.5 * width(near).min(width(far)) / libm::sin(0.5 * turn);
+    Some(Bend { turn, radius })
 }
 
 /// Turns below this are rounding.

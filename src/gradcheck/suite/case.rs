@@ -27,6 +27,10 @@ const LOSS_GRAD: (&str, &str) = ("grad", "gradient of y");
 pub(super) trait Checked {
     fn check(&self) -> Result<GradientReport>;
     fn record(&self, fixture: &mut Fixture);
+
+    /// Inputs and parameters that change the output, and that may be NaN while the whole output is finite.
+    #[cfg(test)]
+    fn hidden(&self) -> Vec<String>;
 }
 
 /// One matrix of an operand.
@@ -187,6 +191,41 @@ impl Checked for LayerCase {
         }
         fixture.add_tensors(GRAD, params, &step.grads);
     }
+
+    #[cfg(test)]
+    fn hidden(&self) -> Vec<String> {
+        let x: Vec<Vec<f64>> = self.x.iter().map(|x| x.values.clone()).collect();
+        let mut hidden = Vec::new();
+        for m in 0..x.len() {
+            for k in 0..x[m].len() {
+                let is_hidden = hides(|value| {
+                    let mut x = x.clone();
+                    x[m][k] = value.unwrap_or(x[m][k]);
+                    let params = &self.params;
+                    self.with_numbers(|case, of| passes::run(case, of, &x, params, None)).y.to_vec()
+                });
+                hidden.extend(is_hidden.then(|| format!("x[{m}][{k}]")));
+            }
+        }
+        for k in 0..self.params.len() {
+            let is_hidden = hides(|value| {
+                let mut params = self.params.clone();
+                params[k] = value.unwrap_or(params[k]);
+                self.with_numbers(|case, of| passes::run(case, of, &x, &params, None)).y.to_vec()
+            });
+            hidden.extend(is_hidden.then(|| format!("parameter {k}")));
+        }
+        hidden
+    }
+}
+
+/// Whether a number that the output depends on may be NaN while the whole output is finite; `output` is that for another value
+/// of the number, or for its own.
+#[cfg(test)]
+fn hides(output: impl Fn(Option<f64>) -> Vec<f64>) -> bool {
+    let own = output(None);
+    let is_read = || [1e6, -1e6].into_iter().any(|large| output(Some(large)) != own);
+    output(Some(f64::NAN)).iter().all(|y| y.is_finite()) && is_read()
 }
 
 /// A vector that a loss depends on.
@@ -273,6 +312,29 @@ impl Checked for LossCase {
             fixture.add(&format!("grad.{}", input.name), LOSS_GRAD.1, &input.shape, d);
         }
     }
+
+    #[cfg(test)]
+    fn hidden(&self) -> Vec<String> {
+        let values: Vec<Vec<f64>> = self.inputs.iter().map(|i| i.values.clone()).collect();
+        let mut hidden = Vec::new();
+        for (m, input) in self.inputs.iter().enumerate() {
+            // Of the many parameters of a network, the first and the last of each tensor.
+            let ends = self.layout.params.iter().flat_map(|e| [e.range.start, e.range.end - 1]);
+            let places: Vec<usize> = match m == 0 && !self.layout.params.is_empty() {
+                true => ends.collect(),
+                false => (0..input.values.len()).collect(),
+            };
+            for k in places {
+                let is_hidden = hides(|value| {
+                    let mut values = values.clone();
+                    values[m][k] = value.unwrap_or(values[m][k]);
+                    vec![(self.run)(&values, false).loss]
+                });
+                hidden.extend(is_hidden.then(|| format!("{}[{k}]", input.name)));
+            }
+        }
+        hidden
+    }
 }
 
 impl LossCase {
@@ -284,7 +346,7 @@ impl LossCase {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gradcheck::suite::LIMIT;
+    use crate::gradcheck::suite::{LIMIT, Suite};
     use crate::nn::operand::OperandGradient;
     use crate::nn::pass::{Backward, Inference};
     use crate::nn::relu::Relu;
@@ -338,5 +400,14 @@ mod tests {
         let [wrong, right] = [wrong, right].map(|case| case.fixture());
         assert_eq!(wrong.get("y"), right.get("y"));
         assert_ne!(wrong.get("grad.x"), right.get("grad.x"));
+    }
+
+    /// A NaN in an input or a parameter shows in the output, of every layer, block and network.
+    #[test]
+    fn nothing_hides_a_nan() {
+        for case in Suite::default().cases().unwrap() {
+            let hidden = case.checked.hidden();
+            assert_eq!(hidden, Vec::<String>::new(), "{}", case.name());
+        }
     }
 }

@@ -10,6 +10,8 @@ use glam::{DVec3, Vec3};
 pub(super) const PARALLEL: usize = 1 << 12;
 /// Bins along an axis.
 const BINS: usize = 16;
+/// Up to this many triangles half as many bins do.
+const FEW: usize = 32;
 
 /// The box of a triangle.
 #[derive(Debug, Clone, Copy)]
@@ -141,11 +143,12 @@ fn split(items: &mut [Item]) -> (usize, [Bounds; 2]) {
     if size == Vec3::ZERO {
         return halves(items, half);
     }
-    let bins = join(items, |part| Bins::of(part, &middles));
+    let grid = Grid::of(&middles, if items.len() > FEW { BINS } else { BINS / 2 });
+    let bins = join(items, |part| Bins::of(part, &grid));
     let bins = bins.reduce(Bins::joined).unwrap_or(Bins::EMPTY);
     let mut best = (f32::INFINITY, 0, 0, [Bounds::NONE; 2]);
     for axis in (0..3).filter(|&axis| size[axis] > 0.0) {
-        bins.cuts(axis, |cut, cost, sides| {
+        bins.cuts(axis, grid.n, |cut, cost, sides| {
             if cost < best.0 {
                 best = (cost, axis, cut, sides);
             }
@@ -155,7 +158,7 @@ fn split(items: &mut [Item]) -> (usize, [Bounds; 2]) {
     if cost == f32::INFINITY {
         return halves(items, half);
     }
-    let left = partition(items, |item| bin(item.middle(), &middles)[axis] <= cut);
+    let left = partition(items, |item| grid.bin(item.middle())[axis] <= cut);
     // A group that splits off crumbs only would make the tree deep.
     let least = items.len() / 64;
     if left > least && items.len() - left > least {
@@ -178,10 +181,23 @@ fn join<R: Send>(items: &[Item], of: impl Fn(&[Item]) -> R + Sync) -> impl Itera
     .into_iter()
 }
 
-/// Bin of a middle along every axis; 0 along axes in which all are equal.
-fn bin(middle: Vec3, bounds: &Bounds) -> [usize; 3] {
-    let share = (middle - bounds.low) / (bounds.high - bounds.low) * BINS as f32;
-    each(share.to_array(), |share| (share as usize).min(BINS - 1))
+/// Bins of equal width along every axis.
+struct Grid {
+    low: Vec3,
+    per_mm: Vec3,
+    n: usize,
+}
+
+impl Grid {
+    fn of(middles: &Bounds, n: usize) -> Self {
+        Grid { low: middles.low, per_mm: n as f32 / (middles.high - middles.low), n }
+    }
+
+    /// Bin of a middle along every axis; 0 along axes in which all are equal.
+    fn bin(&self, middle: Vec3) -> [usize; 3] {
+        let along = (middle - self.low) * self.per_mm;
+        each(along.to_array(), |along| (along as usize).min(self.n - 1))
+    }
 }
 
 /// Numbers and boxes of the items in every bin of every axis.
@@ -190,10 +206,10 @@ struct Bins([[(u32, Bounds); BINS]; 3]);
 impl Bins {
     const EMPTY: Bins = Bins([[(0, Bounds::NONE); BINS]; 3]);
 
-    fn of(items: &[Item], middles: &Bounds) -> Self {
+    fn of(items: &[Item], grid: &Grid) -> Self {
         let mut bins = Bins::EMPTY;
         for item in items {
-            for (axis, k) in bin(item.middle(), middles).into_iter().enumerate() {
+            for (axis, k) in grid.bin(item.middle()).into_iter().enumerate() {
                 let (count, bounds) = &mut bins.0[axis][k];
                 (*count, *bounds) = (*count + 1, bounds.with(item.low, item.high));
             }
@@ -209,15 +225,15 @@ impl Bins {
     }
 
     /// Calls `consider` with every bin after which an axis may be cut, what that costs, and the boxes of both sides.
-    fn cuts(&self, axis: usize, mut consider: impl FnMut(usize, f32, [Bounds; 2])) {
-        let bins = &self.0[axis];
+    fn cuts(&self, axis: usize, n_bins: usize, mut consider: impl FnMut(usize, f32, [Bounds; 2])) {
+        let bins = &self.0[axis][..n_bins];
         let mut right = [(0, Bounds::NONE); BINS + 1];
-        for k in (0..BINS).rev() {
+        for k in (0..n_bins).rev() {
             right[k] =
                 (right[k + 1].0 + bins[k].0, right[k + 1].1.with(bins[k].1.low, bins[k].1.high));
         }
         let mut left = (0, Bounds::NONE);
-        for k in 0..BINS - 1 {
+        for k in 0..n_bins - 1 {
             left = (left.0 + bins[k].0, left.1.with(bins[k].1.low, bins[k].1.high));
             let ((n, a), (m, b)) = (left, right[k + 1]);
             if n > 0 && m > 0 {
