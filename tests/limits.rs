@@ -183,24 +183,44 @@ fn two_programs_do_not_write_into_one_folder() {
     assert!(deepmill(&resume).status.success());
 }
 
-/// The owner of a machine may write everywhere: nothing to see then.
+/// Runs the program as somebody who owns nothing where root does, who may write everywhere.
 #[test]
 fn a_folder_that_is_read_only_is_told_before_the_work() {
-    use std::os::unix::fs::PermissionsExt;
+    use std::os::unix::{fs::PermissionsExt, process::CommandExt};
+    const NOBODY: u32 = 65534;
     let folder = Folder::new();
     let part = folder.block();
     let [data, result, locked] = ["data", "result", "locked"].map(|name| folder.path(name));
+    let few = ["--sites", "200", "--directions", "9"];
+    assert!(
+        deepmill(&[&["dataset", "build", &part, "--out", &data], &few[..]].concat())
+            .status
+            .success()
+    );
+    let label = ["label", &part, "--cutter", CUTTER, "--out", &result, "--no-picture"];
+    assert!(deepmill(&[&label[..], &few].concat()).status.success());
     std::fs::create_dir(&locked).unwrap();
-    std::fs::set_permissions(&locked, std::fs::Permissions::from_mode(0o555)).unwrap();
-    if std::fs::write(Path::new(&locked).join("probe"), "").is_ok() {
+    let allow = |path: &str, mode| {
+        std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+    };
+    allow(&locked, 0o555);
+    let is_root = std::fs::write(Path::new(&locked).join("probe"), "").is_ok();
+    let run = |args: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_deepmill"));
+        if is_root {
+            command.uid(NOBODY).gid(NOBODY);
+        }
+        command.args(args).output()
+    };
+    allow(&folder.path("."), 0o755);
+    if is_root && !run(&["check", &part]).is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: nobody but root can run the program or read the folder of the test");
         return;
     }
     let out = Path::new(&locked).join("out");
     for args in writing_commands(&part, &data, &result, out.to_str().unwrap()) {
-        let message = failure(&deepmill(&args), 1);
-        assert!(
-            message.contains("cannot be written: ") && message.contains("permission"),
-            "{message}"
-        );
+        let message = failure(&run(&args).unwrap(), 1);
+        let is_told = message.contains("cannot be written: ") && message.contains("ermission");
+        assert!(is_told, "{args:?}: {message}");
     }
 }
