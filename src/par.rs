@@ -249,6 +249,22 @@ pub(crate) fn join<A: Send, B: Send>(
     rayon::join(|| in_default(a), || in_default(b))
 }
 
+/// Calls `now` on this thread, and `ahead` meanwhile on one that is idle, or else after it.
+pub(crate) fn with_ahead<A, B: Send>(
+    now: impl FnOnce() -> A,
+    ahead: impl FnOnce() -> B + Send,
+) -> (A, B) {
+    let mut result = None;
+    let first = rayon::in_place_scope(|scope| {
+        scope.spawn(|_| {
+            let _floats = DefaultFloats::set();
+            result = Some(ahead());
+        });
+        now()
+    });
+    (first, result.expect("the scope has waited for it"))
+}
+
 /// Calls `main`, and `work` on every message that it sends, in order, on a thread of their own meanwhile; the results of
 /// `work` in order.
 pub(crate) fn with_background<M: Send, R: Send>(
@@ -350,6 +366,15 @@ mod tests {
             (a.join().unwrap(), b.join().unwrap())
         });
         assert_eq!((a, b), (81, 81));
+    }
+
+    #[test]
+    fn what_is_ahead_is_done_with_any_number_of_threads() {
+        for n_threads in [1, 2, 5] {
+            let found = with_threads(n_threads, || with_ahead(|| nested(3), || nested(2)));
+            assert_eq!(found.unwrap(), (27, 9));
+        }
+        assert_eq!(with_ahead(|| nested(3), || nested(2)), (27, 9));
     }
 
     #[test]

@@ -8,6 +8,7 @@ use crate::answers::Definition;
 use crate::data::{Sample, SampleSource, loader};
 use crate::metrics::Confusion;
 use crate::model::{AnyModel, Domain};
+use crate::par;
 #[cfg(feature = "formats")]
 use crate::processes::share_bytes;
 use crate::processes::{Processes, SingleProcess, agree, agree_to_go_on, require_same};
@@ -280,15 +281,23 @@ impl Run {
             Some(n_draws) => loader::short_batches(n, batch_size, n_draws, seed, epoch),
         };
         let lr = self.settings.schedule.lr(lr, epoch, n_epochs);
+        let groups = |indices: &[usize]| Groups::new(indices.len(), n_groups, processes);
+        let (settings, mut ahead) = (self.settings.clone(), None);
+        let draw = |indices: &[usize]| step::draw(source, &settings, epoch, indices);
         for (i, indices) in batches.iter().enumerate().skip(self.progress.steps_done) {
             let start = Instant::now();
-            let groups = Groups::new(indices.len(), n_groups, processes);
+            let next = batches.get(i + 1).map(|next| &next[groups(next).own_samples()]);
+            let groups = groups(indices);
             let indices = &indices[groups.own_samples()];
-            let samples = step::draw(source, &self.settings, epoch, indices);
+            let samples = ahead.take().unwrap_or_else(|| draw(indices));
             let mut streams = Streams::new(seed, epoch, indices);
             let place = &format!("epoch {epoch}, batch {}", i + 1);
             let step = Step { lr, place, groups, processes };
-            let outcome = self.learn(step, samples, &mut streams)?;
+            // The next step's samples are drawn, and online ones labeled, by threads that this one leaves idle.
+            let learn = || self.learn(step, samples, &mut streams);
+            let (outcome, drawn) = par::with_ahead(learn, || next.map(draw));
+            let outcome = outcome?;
+            ahead = drawn;
             let progress = &mut self.progress;
             progress.steps_done = i + 1;
             progress.loss_sum += outcome.loss;
