@@ -33,7 +33,7 @@ fn main() {
             for (logits, d) in pass.logits.iter().zip(&mut d) {
                 loss += CrossEntropy::binary().loss(logits, &labels, 1.0, d);
             }
-            model.backward(&batch, pass, [&d[0], &d[1]], &mut grads, &arena);
+            model.backward(&batch, pass, &[&d[0], &d[1]], &mut grads, &arena);
             sgd.step(1e-3, &mut grads, &mut velocity, &mut model.params);
             loss
         };

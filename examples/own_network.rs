@@ -48,7 +48,7 @@ fn main() -> deepmill::Result<()> {
             println!("step {:2}: loss {loss:.3}, F1 {:.3}", step + 1, scores.f1());
         }
         let [first, second] = &dlogits;
-        model.backward(&batch, pass, [first, second], &mut grads, &arena);
+        model.backward(&batch, pass, &[first, second], &mut grads, &arena);
         sgd.step(0.05, &mut grads, &mut velocity, &mut model.params);
     }
     Ok(())

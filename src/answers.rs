@@ -65,6 +65,9 @@ pub struct SiteAnswers {
     /// Number of directions in which the cutter can stand there: without collision and, about the part itself, with a
     /// tip that fits.
     pub accessible_directions: Vec<u32>,
+    /// Share of the directions in which the cutter can stand there, in [0, 1]: counted among those tested, or told by a network
+    /// with a head for it.
+    pub accessible_share: Vec<f32>,
     /// A direction in which the cutter can stand there, a unit vector from tip to spindle.
     pub witness: Vec<Option<Vec3>>,
     /// How far every height and radius of the cutter may grow before the site becomes inaccessible (positive), or must
@@ -109,6 +112,13 @@ impl SiteAnswers {
     pub fn accessible(&self) -> Vec<bool> {
         let tip = |i: usize| self.tip_does_not_fit.get(i).copied().unwrap_or(false);
         (0..self.len()).map(|i| !self.inaccessible[i] && !tip(i)).collect()
+    }
+
+    /// With the shares of accessible directions, of which `n_directions` were tested.
+    pub(crate) fn with_shares_of(mut self, n_directions: usize) -> Self {
+        let share = |&n: &u32| (f64::from(n) / n_directions.max(1) as f64) as f32;
+        self.accessible_share = self.accessible_directions.iter().map(share).collect();
+        self
     }
 
     pub(crate) fn check_sites(&self, sites: &Sites) -> Result<()> {

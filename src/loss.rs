@@ -1,4 +1,4 @@
-//! The loss: cross-entropy of two classes, with weights and label smoothing, and its gradient.
+//! The losses: cross-entropy of two classes, with weights and label smoothing, and against a share; with their gradients.
 
 use crate::par;
 use crate::scalar::Scalar;
@@ -39,47 +39,76 @@ impl CrossEntropy {
         let n_classes = self.class_weights.len();
         assert_eq!(logits.len(), targets.len() * n_classes, "logits for another number of targets");
         let total = self.total_weight(targets);
-        if targets.is_empty() {
-            dlogits.clear();
-            return 0.0;
-        }
-        dlogits.resize(logits.len(), T::ZERO);
-        let factor = scale / total;
-        let rows = |first: usize, block: &mut [T]| {
-            let mut sum = 0.0;
-            for (i, d) in block.chunks_exact_mut(n_classes).enumerate() {
-                let row = first + i;
-                sum += self.row(&logits[row * n_classes..][..n_classes], targets[row], factor, d);
-            }
-            sum
-        };
-        let sums = par::map_chunks(dlogits, BLOCK * n_classes, |i, block| rows(i * BLOCK, block));
-        sums.into_iter().sum::<f64>() / total
+        let spread = self.label_smoothing / n_classes as f64;
+        mean_of_rows(logits, n_classes, (total, scale), dlogits, |row, class| {
+            let is_target = class == targets[row] as usize;
+            let hit = if is_target { 1.0 - self.label_smoothing } else { 0.0 };
+            self.class_weights[class] * (hit + spread)
+        })
     }
 
     /// `Σ w_t`, by which [`CrossEntropy::loss`] divides: the share of some rows in the mean over all.
     pub fn total_weight(&self, targets: &[u8]) -> f64 {
         targets.iter().map(|t| self.class_weights[*t as usize]).sum()
     }
+}
 
-    /// Cost of one row; `d` is overwritten with `factor` times its gradient.
-    fn row<T: Scalar>(&self, logits: &[T], target: u8, factor: f64, d: &mut [T]) -> f64 {
-        let greatest = logits.iter().copied().fold(logits[0], T::max);
-        let exponentials = logits.iter().map(|&x| (x - greatest).exp());
-        let sum: T = exponentials.clone().sum();
-        let log_sum = greatest + sum.ln();
-        let spread = self.label_smoothing / logits.len() as f64;
-        let weight = |c: usize| {
-            let hit = if c == target as usize { 1.0 - self.label_smoothing } else { 0.0 };
-            self.class_weights[c] * (hit + spread)
-        };
-        let all: f64 = (0..logits.len()).map(weight).sum();
-        for (c, (d, e)) in d.iter_mut().zip(exponentials).enumerate() {
-            let p = (e / sum).to_f64();
-            *d = T::from_f64(factor * (all * p - weight(c)));
-        }
-        (0..logits.len()).map(|c| weight(c) * (log_sum - logits[c]).to_f64()).sum()
+/// Mean cross-entropy of two logits per row, `[n, 2]`, against the share `y` of the second: `−y·ln p − (1 − y)·ln(1 − p)`,
+/// with the softmax `p` of the second logit; 0 for no rows. `dlogits` is overwritten with `scale` times its gradient.
+///
+/// # Panics
+/// If `logits` and `shares` disagree in length.
+pub fn share_loss<T: Scalar>(
+    logits: &[T],
+    shares: &[f32],
+    scale: f64,
+    dlogits: &mut Vec<T>,
+) -> f64 {
+    assert_eq!(logits.len(), 2 * shares.len(), "logits for another number of shares");
+    mean_of_rows(logits, 2, (shares.len() as f64, scale), dlogits, |row, class| {
+        let share = f64::from(shares[row]);
+        if class == 1 { share } else { 1.0 - share }
+    })
+}
+
+/// `Σ rows Σ_c weight(row, c)·(−ln p_c) / total`; `dlogits` is overwritten with `scale` times its gradient.
+fn mean_of_rows<T: Scalar>(
+    logits: &[T],
+    n_classes: usize,
+    (total, scale): (f64, f64),
+    dlogits: &mut Vec<T>,
+    weight: impl Fn(usize, usize) -> f64 + Sync,
+) -> f64 {
+    if logits.is_empty() {
+        dlogits.clear();
+        return 0.0;
     }
+    dlogits.resize(logits.len(), T::ZERO);
+    let factor = scale / total;
+    let rows = |first: usize, block: &mut [T]| {
+        let mut sum = 0.0;
+        for (i, d) in block.chunks_exact_mut(n_classes).enumerate() {
+            let row = first + i;
+            sum += cost(&logits[row * n_classes..][..n_classes], |c| weight(row, c), factor, d);
+        }
+        sum
+    };
+    let sums = par::map_chunks(dlogits, BLOCK * n_classes, |i, block| rows(i * BLOCK, block));
+    sums.into_iter().sum::<f64>() / total
+}
+
+/// Cost of one row; `d` is overwritten with `factor` times its gradient.
+fn cost<T: Scalar>(logits: &[T], weight: impl Fn(usize) -> f64, factor: f64, d: &mut [T]) -> f64 {
+    let greatest = logits.iter().copied().fold(logits[0], T::max);
+    let exponentials = logits.iter().map(|&x| (x - greatest).exp());
+    let sum: T = exponentials.clone().sum();
+    let log_sum = greatest + sum.ln();
+    let all: f64 = (0..logits.len()).map(&weight).sum();
+    for (c, (d, e)) in d.iter_mut().zip(exponentials).enumerate() {
+        let p = (e / sum).to_f64();
+        *d = T::from_f64(factor * (all * p - weight(c)));
+    }
+    (0..logits.len()).map(|c| weight(c) * (log_sum - logits[c]).to_f64()).sum()
 }
 
 #[cfg(test)]
@@ -132,6 +161,33 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn the_loss_against_a_share_is_least_at_it_and_its_gradient_is_the_difference_quotient() {
+        let shares = [0.0, 0.25, 1.0, 0.5];
+        let logits = [0.3f64, -0.2, 1.0, 0.5, -0.7, 2.0, 0.1, 0.1];
+        let (mut d, mut unused) = (Vec::new(), Vec::new());
+        share_loss(&logits, &shares, 1.0, &mut d);
+        for i in 0..logits.len() {
+            let mut at = |shift: f64| {
+                let mut moved = logits;
+                moved[i] += shift;
+                share_loss(&moved, &shares, 1.0, &mut unused)
+            };
+            let numeric = (at(1e-5) - at(-1e-5)) / 2e-5;
+            assert!((numeric - d[i]).abs() <= 1e-7 * d[i].abs().max(1e-2), "{numeric} {}", d[i]);
+        }
+        // A softmax of a quarter.
+        let loss = share_loss(&[3f64.ln(), 0.0], &[0.25], 1.0, &mut d);
+        assert!(d.iter().all(|d| d.abs() < 1e-15));
+        assert!((loss - (4f64.ln() - 0.75 * 3f64.ln())).abs() < 1e-7);
+        // Shares of 0 and 1 are the two classes.
+        let mut classes = Vec::new();
+        let expected = CrossEntropy::binary().loss(&logits[..4], &[0, 1], 0.5, &mut classes);
+        assert_eq!(share_loss(&logits[..4], &[0.0, 1.0], 0.5, &mut d), expected);
+        assert_eq!(d, classes);
+        assert_eq!(share_loss::<f32>(&[], &[], 1.0, &mut vec![1.0]), 0.0);
     }
 
     #[test]

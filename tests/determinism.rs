@@ -62,7 +62,7 @@ fn train() -> Vec<u32> {
             losses.push(CrossEntropy::binary().loss(logits, &targets, 0.5, d) as f32);
         }
         let [first, second] = &dlogits;
-        model.backward(&batch, pass, [first, second], &mut grads, &arena);
+        model.backward(&batch, pass, &[first, second], &mut grads, &arena);
         let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
         last.clone_from(&grads);
         sgd.step(0.1, &mut grads, &mut velocity, &mut model.params);
@@ -70,7 +70,7 @@ fn train() -> Vec<u32> {
     let activations = model.forward(&batch, &arena);
     assert!(losses.iter().all(|loss| loss.is_finite()));
     assert!(losses[2 * STEPS - 2] < losses[0], "it learns: {losses:?}");
-    let [first, second] = &activations.logits;
+    let [first, second] = &activations.logits[..] else { panic!("two heads") };
     let all: [&[f32]; 6] = [&losses, &model.params, &model.buffers, &last, first, second];
     all.into_iter().flatten().map(|x| x.to_bits()).collect()
 }

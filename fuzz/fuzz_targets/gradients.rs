@@ -69,7 +69,7 @@ fuzz_target!(|input: &[u8]| {
     model.params = start;
     let pass = model.forward_train(&batch, None, &arena);
     let mut grads = vec![0.0; model.params.len()];
-    model.backward(&batch, pass, [&dlogits[0], &dlogits[1]], &mut grads, &arena);
+    model.backward(&batch, pass, &[&dlogits[0], &dlogits[1]], &mut grads, &arena);
     assert!(grads.iter().all(|g| g.is_finite()));
     let analytic: f64 = grads.iter().zip(&along).map(|(g, v)| g * v).sum();
     let scale = grads.iter().map(|g| g * g).sum::<f64>().sqrt().max(1.0);

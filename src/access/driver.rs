@@ -195,8 +195,9 @@ fn collide<M: Method>(
     let labels = rows.into_iter().zip(stats).map(|(rows, stats)| {
         let matrix = CollisionMatrix::new(n_queries, rows);
         let (inaccessible, accessible_directions, witness) = matrix.summary();
+        let answers = SiteAnswers { inaccessible, accessible_directions, ..SiteAnswers::default() };
         Labels {
-            answers: SiteAnswers { inaccessible, accessible_directions, ..SiteAnswers::default() },
+            answers: answers.with_shares_of(matrix.n_dirs()),
             witness,
             collision_matrix: Some(matrix),
             stats,

@@ -68,6 +68,7 @@ impl Order {
             answers: SiteAnswers {
                 inaccessible: scatter(&self.queries, labels.answers.inaccessible),
                 accessible_directions: scatter(&self.queries, labels.answers.accessible_directions),
+                accessible_share: scatter(&self.queries, labels.answers.accessible_share),
                 ..labels.answers
             },
             witness: scatter(&self.queries, labels.witness),

@@ -88,21 +88,22 @@ impl VolumeObstacles {
         directions: &Directions,
     ) -> Result<SiteAnswers> {
         let queries = Queries::Volume(points);
-        let (inaccessible, accessible_directions) = match self {
+        let (inaccessible, accessible_directions, n_directions) = match self {
             VolumeObstacles::Points(obstacles) => {
                 let options = LabelOptions { occlusion: false, ..LabelOptions::default() };
                 let obstacles = Obstacles::Points(obstacles);
                 let answers = label(queries, obstacles, cutter, directions, &options)?.answers;
-                (answers.inaccessible, answers.accessible_directions)
+                (answers.inaccessible, answers.accessible_directions, directions.len())
             }
             VolumeObstacles::Part(triangles) => {
                 let options = SurfaceOptions { occlusion: false, ..SurfaceOptions::default() };
                 let labels = triangles.label(queries, cutter, directions, &options)?;
-                (labels.inaccessible(), labels.accessible_directions)
+                (labels.inaccessible(), labels.accessible_directions, labels.n_directions)
             }
         };
         let none = vec![false; inaccessible.len()];
-        Ok(SiteAnswers { accessible_directions, ..SiteAnswers::new(inaccessible, none) })
+        let answers = SiteAnswers::new(inaccessible, none);
+        Ok(SiteAnswers { accessible_directions, ..answers }.with_shares_of(n_directions))
     }
 }
 

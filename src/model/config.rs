@@ -228,6 +228,13 @@ pub struct UNetConfig {
     /// Attention; none by default.
     #[serde(default, skip_serializing_if = "AttentionConfig::is_default")]
     pub attention: AttentionConfig,
+    /// Whether a third head tells the share of the directions in which the cutter can stand at a site.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub share_head: bool,
+}
+
+fn is_false(flag: &bool) -> bool {
+    !flag
 }
 
 impl UNetConfig {
@@ -244,7 +251,13 @@ impl UNetConfig {
             normalize_empty_parents: true,
             cutter: CutterConfig::default(),
             attention: AttentionConfig::default(),
+            share_head: false,
         }
+    }
+
+    /// Number of heads: 2, or 3 with [`UNetConfig::share_head`].
+    pub fn n_heads(&self) -> usize {
+        2 + usize::from(self.share_head)
     }
 
     /// For training on a CPU in hours.
@@ -260,6 +273,7 @@ impl UNetConfig {
             normalize_empty_parents: true,
             cutter: CutterConfig { width: 32, ..CutterConfig::small_batches() },
             attention: AttentionConfig::default(),
+            share_head: false,
         }
     }
 
@@ -276,6 +290,7 @@ impl UNetConfig {
             normalize_empty_parents: true,
             cutter: CutterConfig { width: 16, ..CutterConfig::small_batches() },
             attention: AttentionConfig::default(),
+            share_head: false,
         }
     }
 

@@ -10,7 +10,6 @@ use super::cutter_modules::{CutterModule, N_LENGTHS, SavedCutterModule};
 use super::graph::{Edges, GraphBatch, GraphShape, N_FEATURES};
 use super::heads::Head;
 use super::training::{InputGradients, TrainingPass};
-use super::unet::N_HEADS;
 use crate::nn::arena::Buffer;
 use crate::nn::batch_norm::BatchNorm;
 use crate::nn::layer::Layer;
@@ -72,7 +71,7 @@ pub struct GraphSage {
     layout: Layout,
     cutters: Vec<CutterModule>,
     layers: Vec<SageLayer>,
-    heads: [Head; N_HEADS],
+    heads: [Head; 2],
 }
 
 #[derive(Debug, Clone)]
@@ -150,11 +149,7 @@ impl GraphSage {
     }
 
     /// Inference over all neighbors: logits of both heads, `[n_points, 2]` each.
-    pub fn forward<T: Scalar>(
-        &self,
-        pass: &Inference<T>,
-        batch: &GraphBatch<T>,
-    ) -> [Buffer<T>; N_HEADS] {
+    pub fn forward<T: Scalar>(&self, pass: &Inference<T>, batch: &GraphBatch<T>) -> Vec<Buffer<T>> {
         let lengths = Operand::new(&batch.cutters, N_LENGTHS);
         let cutters: Vec<_> = self.cutters.iter().map(|m| m.forward(pass, &(), lengths)).collect();
         let mut y = pass.arena.copy_of(&batch.features);
@@ -165,7 +160,7 @@ impl GraphSage {
             y = layer.stage.forward(pass, &(), Operand::Concat(&both));
         }
         let x = Operand::new(&y, self.c_out());
-        self.heads.each_ref().map(|head| head.forward(pass, &(), x))
+        self.heads.iter().map(|head| head.forward(pass, &(), x)).collect()
     }
 
     /// The graphs of the sites of `shapes`. For training, the neighbors that each layer takes the mean over are drawn:
@@ -215,12 +210,12 @@ impl GraphSage {
             let x = std::mem::replace(&mut x, y);
             layers.push(SavedSageLayer { x, own, mean, stage });
         }
-        let mut heads = Vec::new();
-        let logits = self.heads.each_ref().map(|head| {
-            let (logits, saved) = head.forward_train(pass, &(), Operand::new(&x, self.c_out()));
+        let (mut logits, mut heads) = (Vec::new(), Vec::new());
+        for head in &self.heads {
+            let (of_head, saved) = head.forward_train(pass, &(), Operand::new(&x, self.c_out()));
+            logits.push(of_head);
             heads.push(saved);
-            logits
-        });
+        }
         TrainingPass { logits, saved: SavedGraphSage { cutters, layers, y: x, heads } }
     }
 
@@ -228,16 +223,20 @@ impl GraphSage {
     /// by features and cutter lengths.
     ///
     /// `forward` comes from [`GraphSage::forward_train`] with the same parameters and batch.
+    ///
+    /// # Panics
+    /// If there is not one gradient for each head.
     pub fn backward<T: Scalar>(
         &self,
         pass: &mut Backward<T>,
         batch: &GraphBatch<T>,
         forward: TrainingPass<T, SavedGraphSage<T>>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
     ) -> InputGradients<T> {
         let SavedGraphSage { cutters, layers, y, heads } = forward.saved;
         let x = Operand::new(&y, self.c_out());
         let mut d = pass.arena.zeroed(y.len());
+        assert_eq!(dlogits.len(), self.heads.len(), "one gradient for each head");
         for ((head, saved), dlogits) in self.heads.iter().zip(heads).zip(dlogits) {
             let dhidden = head.backward_to_hidden(pass, x, saved, dlogits);
             head.add_input_gradient(pass, &dhidden, self.c_out(), &mut d);
@@ -382,11 +381,11 @@ mod tests {
         let run = |shapes: &[GraphShape]| {
             let batch = GraphBatch::new(shapes, Cube::Box, CutterInput::Scaled).unwrap();
             let pass = Inference { params: &params, buffers: &buffers, arena: &Arena::default() };
-            net.forward(&pass, &batch).map(|logits| logits.to_vec())
+            net.forward(&pass, &batch).iter().map(|logits| logits.to_vec()).collect::<Vec<_>>()
         };
         let together = run(&shapes);
         let alone = shapes.map(|shape| run(&[shape]));
-        for head in 0..N_HEADS {
+        for head in 0..2 {
             assert_eq!(together[head], [alone[0][head].clone(), alone[1][head].clone()].concat());
         }
     }

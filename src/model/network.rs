@@ -5,7 +5,7 @@ use super::graph::GraphBatch;
 use super::graph_sage::{GraphSage, SavedGraphSage};
 use super::network_config::NetworkConfig;
 use super::training::{SavedUNet, TrainingPass};
-use super::unet::{N_HEADS, UNet};
+use super::unet::UNet;
 use crate::Result;
 use crate::nn::arena::Buffer;
 use crate::nn::params::Layout;
@@ -14,7 +14,7 @@ use crate::rng::Stream;
 use crate::scalar::Scalar;
 use std::fmt::Debug;
 
-/// An encoder of shapes and cutters with two heads at the points: an immutable description whose numbers lie in the model's
+/// An encoder of shapes and cutters with two or three heads at the points: an immutable description whose numbers lie in the model's
 /// flat vectors.
 pub trait Network<T: Scalar>: Debug + Clone + Send + Sync {
     /// Several shapes and cutters in the form of the network's input.
@@ -35,8 +35,8 @@ pub trait Network<T: Scalar>: Debug + Clone + Send + Sync {
     /// If a shape has no points, lacks what the network reads, or holds a number that is not finite.
     fn batch(&self, shapes: &[Shape], streams: Option<&mut [Stream]>) -> Result<Self::Batch>;
 
-    /// Inference: logits of both heads, `[n_points, 2]` each. Those of a shape do not depend on the rest of the batch.
-    fn logits(&self, pass: &Inference<T>, batch: &Self::Batch) -> [Buffer<T>; N_HEADS];
+    /// Inference: logits of the heads, `[n_points, 2]` each. Those of a shape do not depend on the rest of the batch.
+    fn logits(&self, pass: &Inference<T>, batch: &Self::Batch) -> Vec<Buffer<T>>;
 
     /// Training pass: statistics of the batch.
     fn forward_train(
@@ -48,12 +48,15 @@ pub trait Network<T: Scalar>: Debug + Clone + Send + Sync {
     /// Adds to `pass.grads` the gradient of a loss whose gradients by the logits are `dlogits`.
     ///
     /// `forward` comes from [`Network::forward_train`] with the same parameters and batch.
+    ///
+    /// # Panics
+    /// If there is not one gradient for each head.
     fn backward(
         &self,
         pass: &mut Backward<T>,
         batch: &Self::Batch,
         forward: TrainingPass<T, Self::Saved>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
     );
 }
 
@@ -73,7 +76,7 @@ impl<T: Scalar> Network<T> for UNet {
         Batch::new(shapes, &self.config().input)
     }
 
-    fn logits(&self, pass: &Inference<T>, batch: &Batch<T>) -> [Buffer<T>; N_HEADS] {
+    fn logits(&self, pass: &Inference<T>, batch: &Batch<T>) -> Vec<Buffer<T>> {
         self.forward(pass, batch).logits
     }
 
@@ -86,7 +89,7 @@ impl<T: Scalar> Network<T> for UNet {
         pass: &mut Backward<T>,
         batch: &Batch<T>,
         forward: TrainingPass<T>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
     ) {
         UNet::backward(self, pass, batch, forward, dlogits);
     }
@@ -108,7 +111,7 @@ impl<T: Scalar> Network<T> for GraphSage {
         GraphSage::batch(self, shapes, streams)
     }
 
-    fn logits(&self, pass: &Inference<T>, batch: &GraphBatch<T>) -> [Buffer<T>; N_HEADS] {
+    fn logits(&self, pass: &Inference<T>, batch: &GraphBatch<T>) -> Vec<Buffer<T>> {
         self.forward(pass, batch)
     }
 
@@ -125,7 +128,7 @@ impl<T: Scalar> Network<T> for GraphSage {
         pass: &mut Backward<T>,
         batch: &GraphBatch<T>,
         forward: TrainingPass<T, SavedGraphSage<T>>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
     ) {
         GraphSage::backward(self, pass, batch, forward, dlogits);
     }
@@ -229,7 +232,7 @@ impl<T: Scalar> Network<T> for AnyNetwork {
         })
     }
 
-    fn logits(&self, pass: &Inference<T>, batch: &AnyBatch<T>) -> [Buffer<T>; N_HEADS] {
+    fn logits(&self, pass: &Inference<T>, batch: &AnyBatch<T>) -> Vec<Buffer<T>> {
         match (self, batch) {
             (AnyNetwork::Octree(net), AnyBatch::Octree(batch)) => net.logits(pass, batch),
             (AnyNetwork::GraphSage(net), AnyBatch::GraphSage(batch)) => net.logits(pass, batch),
@@ -258,7 +261,7 @@ impl<T: Scalar> Network<T> for AnyNetwork {
         pass: &mut Backward<T>,
         batch: &AnyBatch<T>,
         forward: TrainingPass<T, AnySaved<T>>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
     ) {
         let TrainingPass { logits, saved } = forward;
         match (self, batch, saved) {
@@ -313,9 +316,9 @@ mod tests {
         let batch = model.net.batch(&shapes(&clouds), Some(&mut streams)).unwrap();
         let (arena, mut grads) = (Arena::default(), vec![0.0; model.params.len()]);
         let pass = model.forward_train(&batch, None, &arena);
-        let logits = pass.logits.each_ref().map(|l| l.to_vec()).concat();
+        let logits = pass.logits.iter().map(|l| l.to_vec()).collect::<Vec<_>>().concat();
         let d: Vec<f32> = (0..1000).map(|i| (i % 7) as f32 - 3.0).collect();
-        model.backward(&batch, pass, [&d, &d], &mut grads, &arena);
+        model.backward(&batch, pass, &[&d, &d], &mut grads, &arena);
         assert_eq!(arena.in_use_bytes(), 0);
         [logits, grads, model.buffers]
     }
@@ -350,7 +353,7 @@ mod tests {
             params.fill(f32::NAN); // a later read would make gradients NaN
         };
         let pass = model.forward_train(&batch, None, arena);
-        model.backward_and_update(&batch, pass, [&d, &d], &mut update, arena);
+        model.backward_and_update(&batch, pass, &[&d, &d], &mut update, arena);
         assert!(seen.iter().all(|&n| n == 1));
         assert_eq!(parts, whole);
     }

@@ -5,7 +5,9 @@ use super::cutter_modules::N_LENGTHS;
 use super::domain::Domain;
 use super::network::{AnyNetwork, Network};
 use super::network_config::NetworkConfig;
-use super::prediction::{Calibration, INACCESSIBLE_CLASS, OCCLUSION_CLASS, Prediction};
+use super::prediction::{
+    Calibration, INACCESSIBLE_CLASS, OCCLUSION_CLASS, Prediction, probabilities,
+};
 use super::training::{InputGradients, TrainingPass};
 use super::unet::{Activations, N_HEADS, UNet};
 use super::{UNetConfig, heads::N_CLASSES};
@@ -57,7 +59,7 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
         Model::of(net, params, buffers)
     }
 
-    /// Both answers for every site of one part, in the order of `points_mm`. Logits are calibrated ([`Model::calibration`]).
+    /// All answers for every site of one part, in the order of `points_mm`. Logits are calibrated ([`Model::calibration`]).
     ///
     /// # Errors
     /// If there are no points, one is not finite or beyond 1 km, a normal is missing that the network reads, or is not of unit
@@ -83,8 +85,8 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
         let shape = Shape { points: points_mm, normals, cutter_mm };
         shape.check()?;
         let batch = self.net.batch(&[shape], None)?;
-        let [first, second] = self.logits(&batch, &Arena::default());
-        let mut logits = first.iter().chain(second.iter());
+        let heads = self.logits(&batch, &Arena::default());
+        let mut logits = heads.iter().flat_map(|head| head.iter());
         if let Some(i) = logits.position(|logit| !logit.is_finite()) {
             return Err(Error::NotFinite {
                 place: format!("logits of site {}", i / N_CLASSES % points_mm.len()),
@@ -98,13 +100,16 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
             rows.map(|row| calibration.apply(row[1 - positive], row[positive])).collect()
         };
         Ok(Prediction {
-            logits_inaccessible: rows(&first, INACCESSIBLE_CLASS, of_first),
-            logits_occlusion: rows(&second, OCCLUSION_CLASS, of_second),
+            logits_inaccessible: rows(&heads[0], INACCESSIBLE_CLASS, of_first),
+            logits_occlusion: rows(&heads[1], OCCLUSION_CLASS, of_second),
+            accessible_share: heads
+                .get(N_HEADS)
+                .map_or_else(Vec::new, |head| probabilities(head.as_chunks::<N_CLASSES>().0)),
         })
     }
 
-    /// Inference on a batch: logits of both heads, `[n_points, 2]` each.
-    fn logits(&self, batch: &N::Batch, arena: &Arena<T>) -> [Buffer<T>; N_HEADS] {
+    /// Inference on a batch: logits of the heads, `[n_points, 2]` each.
+    fn logits(&self, batch: &N::Batch, arena: &Arena<T>) -> Vec<Buffer<T>> {
         let pass = Inference { params: &self.params, buffers: &self.buffers, arena };
         par::keep_workers_hot(|| self.net.logits(&pass, batch))
     }
@@ -124,11 +129,14 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
     }
 
     /// Adds the gradient of a loss to `grads`, see [`Network::backward`].
+    ///
+    /// # Panics
+    /// If there is not one gradient by logits for each head.
     pub fn backward(
         &self,
         batch: &N::Batch,
         forward: TrainingPass<T, N::Saved>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
         grads: &mut [T],
         arena: &Arena<T>,
     ) {
@@ -139,11 +147,14 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
     /// [`Model::backward`] without a gradient of the whole network: that of each layer goes to `update`, which may
     /// change the layer's parameters, as soon as it is whole. `update` sees every range of parameters once; its
     /// arguments are the range, the gradient by it and the parameters in it.
+    ///
+    /// # Panics
+    /// As [`Model::backward`].
     pub fn backward_and_update(
         &mut self,
         batch: &N::Batch,
         forward: TrainingPass<T, N::Saved>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
         update: &mut Update<T>,
         arena: &Arena<T>,
     ) {
@@ -169,11 +180,14 @@ impl<T: Scalar> Model<T> {
     }
 
     /// [`Model::backward`], and the gradient by the input, see [`UNet::backward_to_inputs`].
+    ///
+    /// # Panics
+    /// As [`Model::backward`].
     pub fn backward_to_inputs(
         &self,
         batch: &Batch<T>,
         forward: TrainingPass<T>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
         grads: &mut [T],
         arena: &Arena<T>,
     ) -> InputGradients<T> {
@@ -255,7 +269,7 @@ mod tests {
         let dlogits = [&dlogits[..]; N_HEADS];
         let mut whole = vec![0.0; model.params.len()];
         let pass = model.forward_train(&batch, None, arena);
-        model.backward(&batch, pass, dlogits, &mut whole, arena);
+        model.backward(&batch, pass, &dlogits, &mut whole, arena);
         let (mut seen, mut parts) = (vec![0; whole.len()], vec![0.0; whole.len()]);
         let pass = model.forward_train(&batch, None, arena);
         let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
@@ -263,7 +277,7 @@ mod tests {
             parts[range].copy_from_slice(grads);
             params.fill(f32::NAN); // a later read would make gradients NaN
         };
-        model.backward_and_update(&batch, pass, dlogits, &mut update, arena);
+        model.backward_and_update(&batch, pass, &dlogits, &mut update, arena);
         assert!(seen.iter().all(|&n| n == 1));
         assert_eq!(parts, whole);
         assert_eq!(arena.in_use_bytes(), 0);
@@ -318,9 +332,9 @@ mod tests {
             let batch = Batch::new(&as_shapes(&shapes), &model.net.config().input).unwrap();
             let (arena, mut grads) = (Arena::default(), vec![0.0; model.params.len()]);
             let pass = model.forward_train(&batch, None, &arena);
-            let logits = pass.logits.each_ref().map(|logits| logits.to_vec());
+            let logits = pass.logits.iter().map(|logits| logits.to_vec()).collect::<Vec<_>>();
             let d: Vec<f32> = (0..2 * batch.n_points()).map(|i| (i % 7) as f32 - 3.0).collect();
-            model.backward(&batch, pass, [&d, &d], &mut grads, &arena);
+            model.backward(&batch, pass, &[&d, &d], &mut grads, &arena);
             (logits, grads, model.buffers)
         };
         let [one, four] = [1, 4].map(|n| par::with_threads(n, run).unwrap());
@@ -337,7 +351,7 @@ mod tests {
         let mut grads = vec![0.0; model.params.len()];
         let pass = model.forward_train(&batch, None, arena);
         let d: Vec<f32> = (0..2 * batch.n_points()).map(|i| (i % 7) as f32).collect();
-        model.backward(&batch, pass, [&d, &d], &mut grads, arena);
+        model.backward(&batch, pass, &[&d, &d], &mut grads, arena);
         grads
     }
 
@@ -395,6 +409,7 @@ mod tests {
         let prediction = Prediction::<f64> {
             logits_inaccessible: vec![[0.0, 2.0], [1.0, 0.0], [1.0, 1.0]],
             logits_occlusion: vec![[2.0, 0.0], [0.0, 1.0], [1.0, 1.0]],
+            accessible_share: Vec::new(),
         };
         let answers = prediction.answers();
         assert_eq!(answers.inaccessible, [true, false, false]);

@@ -45,15 +45,18 @@ pub struct Prediction<T> {
     pub logits_inaccessible: Vec<[T; N_CLASSES]>,
     /// Two logits per site of head 2: no occlusion point, occlusion point.
     pub logits_occlusion: Vec<[T; N_CLASSES]>,
+    /// Share of the directions in which the cutter can stand at the site, in [0, 1]; empty for a network without such a head.
+    pub accessible_share: Vec<f32>,
 }
 
 impl<T: Scalar> Prediction<T> {
-    /// Decisions ([`is_positive`]) and probabilities of both heads.
+    /// Decisions ([`is_positive`]) and probabilities of both heads, and the shares of accessible directions.
     pub fn answers(&self) -> SiteAnswers {
         let decide = |logits: &[[T; N_CLASSES]]| logits.iter().copied().map(is_positive).collect();
         SiteAnswers {
             probability_inaccessible: probabilities(&self.logits_inaccessible),
             probability_occlusion: probabilities(&self.logits_occlusion),
+            accessible_share: self.accessible_share.clone(),
             ..SiteAnswers::new(decide(&self.logits_inaccessible), decide(&self.logits_occlusion))
         }
     }
@@ -69,7 +72,7 @@ impl<T: Scalar> Prediction<T> {
 }
 
 /// Softmax of two logits, of the second.
-fn probabilities<T: Scalar>(logits: &[[T; N_CLASSES]]) -> Vec<f32> {
+pub(super) fn probabilities<T: Scalar>(logits: &[[T; N_CLASSES]]) -> Vec<f32> {
     let softmax = |[no, yes]: &[T; N_CLASSES]| T::ONE / (T::ONE + (*no - *yes).exp());
     logits.iter().map(|logits| softmax(logits).to_f64() as f32).collect()
 }

@@ -3,7 +3,7 @@
 use super::batch::Batch;
 use super::cutter_modules::{N_LENGTHS, SavedCutterModule};
 use super::heads::Head;
-use super::unet::{N_HEADS, UNet, conv_rows, down_rows, up_rows};
+use super::unet::{UNet, conv_rows, down_rows, up_rows};
 use crate::nn::arena::Buffer;
 use crate::nn::blocks::SavedBlocks;
 use crate::nn::interp::Interpolate;
@@ -18,8 +18,9 @@ use crate::scalar::Scalar;
 /// The outcome of a training pass: logits, and what one backward needs and uses up.
 #[derive(Debug)]
 pub struct TrainingPass<T, S = SavedUNet<T>> {
-    /// Logits of both heads, `[n_points, 2]` each.
-    pub logits: [Buffer<T>; N_HEADS],
+    /// Logits of the heads, `[n_points, 2]` each: inaccessible, occlusion and, of networks with
+    /// [`share_head`](super::UNetConfig::share_head), the share of accessible directions.
+    pub logits: Vec<Buffer<T>>,
     /// What backward needs.
     pub(super) saved: S,
 }
@@ -95,11 +96,12 @@ impl UNet {
         drop(decoded);
         let inputs = batch.head_inputs(&points, self.point_width());
         let mut heads = Vec::new();
-        let logits = self.heads.each_ref().map(|head| {
-            let (logits, saved) = head.forward_train(pass, &(), Operand::Concat(&inputs));
+        let mut logits = Vec::new();
+        for head in &self.heads {
+            let (of_head, saved) = head.forward_train(pass, &(), Operand::Concat(&inputs));
+            logits.push(of_head);
             heads.push(saved);
-            logits
-        });
+        }
         drop(inputs);
         let saved = SavedUNet { stem, skips, encoder, cutters, decoder, points, heads };
         TrainingPass { logits, saved }
@@ -159,12 +161,15 @@ impl UNet {
     /// Adds to `pass.grads` the gradient of a loss whose gradients by the logits are `dlogits`.
     ///
     /// `forward` comes from [`UNet::forward_train`] with the same parameters and batch.
+    ///
+    /// # Panics
+    /// If there is not one gradient for each head.
     pub fn backward<T: Scalar>(
         &self,
         pass: &mut Backward<T>,
         batch: &Batch<T>,
         forward: TrainingPass<T>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
     ) {
         let (stem, dstem, _) = self.backward_to_stem(pass, batch, forward.saved, dlogits);
         let rows = conv_rows(&batch.octree, batch.octree.depth());
@@ -175,12 +180,15 @@ impl UNet {
 
     /// [`UNet::backward`], and the gradient by what the network is fed with: the input gradient, or saliency, of
     /// nodes and cutter lengths.
+    ///
+    /// # Panics
+    /// As [`UNet::backward`].
     pub fn backward_to_inputs<T: Scalar>(
         &self,
         pass: &mut Backward<T>,
         batch: &Batch<T>,
         forward: TrainingPass<T>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
     ) -> InputGradients<T> {
         let (stem, dstem, dcutters) = self.backward_to_stem(pass, batch, forward.saved, dlogits);
         let rows = conv_rows(&batch.octree, batch.octree.depth());
@@ -196,7 +204,7 @@ impl UNet {
         pass: &mut Backward<T>,
         batch: &Batch<T>,
         saved: SavedUNet<T>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
     ) -> (SavedLinearNormAct<T>, Buffer<T>, Buffer<T>) {
         let SavedUNet { stem, skips, encoder, cutters, decoder, points, heads } = saved;
         let dpoints = self.backward_heads(pass, batch, points, heads, dlogits);
@@ -219,12 +227,13 @@ impl UNet {
         batch: &Batch<T>,
         points: Buffer<T>,
         saved: Vec<SavedLinearNormAct<T>>,
-        dlogits: [&[T]; N_HEADS],
+        dlogits: &[&[T]],
     ) -> Buffer<T> {
         let inputs = batch.head_inputs(&points, self.point_width());
         let x = Operand::Concat(&inputs);
+        assert_eq!(dlogits.len(), self.heads.len(), "one gradient for each head");
         let heads = self.heads.iter().zip(saved).zip(dlogits);
-        let back = |((head, saved), dlogits): ((&Head, _), _)| {
+        let back = |((head, saved), dlogits): ((&Head, _), &&[T])| {
             head.backward_to_hidden(pass, x, saved, dlogits)
         };
         let dhidden: Vec<_> = heads.map(back).collect();

@@ -1,4 +1,4 @@
-//! The U-Net on an octree: stem, encoder, decoder with cutter features, two heads at the points.
+//! The U-Net on an octree: stem, encoder, decoder with cutter features, heads at the points.
 
 use super::batch::Batch;
 use super::config::UNetConfig;
@@ -23,8 +23,11 @@ use crate::nn::strided_conv::OutputRows;
 use crate::octree::{KernelMap, Octree, OctreeLevel};
 use crate::scalar::Scalar;
 
-/// Heads of the network: inaccessible (class 0 = inaccessible), occlusion (class 1 = occlusion point).
+/// Heads of every network that decide: inaccessible (class 0 = inaccessible), occlusion (class 1 = occlusion point). A third one
+/// ([`UNetConfig::share_head`]) tells a share.
 pub const N_HEADS: usize = 2;
+/// Names of the heads' tensors in the layout.
+const HEADS: [&str; N_HEADS + 1] = ["header", "header_2", "header_3"];
 
 /// Description of a network; its numbers live in the two vectors that [`UNet::layout`] describes.
 #[derive(Debug, Clone)]
@@ -35,7 +38,7 @@ pub struct UNet {
     pub(super) encoder: Vec<EncoderStage>,
     pub(super) cutters: Vec<CutterModule>,
     pub(super) decoder: Vec<DecoderStage>,
-    pub(super) heads: [Head; N_HEADS],
+    pub(super) heads: Vec<Head>,
 }
 
 #[derive(Debug, Clone)]
@@ -75,8 +78,8 @@ pub struct Activations<T> {
     pub decoded: Vec<Buffer<T>>,
     /// `interp`: octree features at the points.
     pub points: Buffer<T>,
-    /// Logits of both heads, `[n_points, 2]` each.
-    pub logits: [Buffer<T>; N_HEADS],
+    /// Logits of the heads, `[n_points, 2]` each.
+    pub logits: Vec<Buffer<T>>,
 }
 
 impl UNet {
@@ -112,8 +115,10 @@ impl UNet {
         let decoder = decoder(config, policy, &mut layout);
         let normal = if config.input.point_normals { 3 } else { 0 };
         let c = config.decoder_widths[config.decoder_widths.len() - 1] + normal;
-        let heads = ["header", "header_2"]
-            .map(|name| Head::new(&mut layout, name, c, config.head_width, policy.head));
+        let heads = HEADS[..config.n_heads()].iter();
+        let heads = heads
+            .map(|name| Head::new(&mut layout, name, c, config.head_width, policy.head))
+            .collect();
         Ok(UNet { config: config.clone(), layout, stem, encoder, cutters, decoder, heads })
     }
 
@@ -135,7 +140,8 @@ impl UNet {
         to.cutters = self.cutters.iter().map(|m| m.forward(pass, &(), cutters)).collect();
         self.decode(pass, batch, &mut to);
         let inputs = batch.head_inputs(&to.points, self.point_width());
-        to.logits = self.heads.each_ref().map(|h| h.forward(pass, &(), Operand::Concat(&inputs)));
+        let logits = |head: &Head| head.forward(pass, &(), Operand::Concat(&inputs));
+        to.logits = self.heads.iter().map(logits).collect();
         to
     }
 

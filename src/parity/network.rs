@@ -91,7 +91,7 @@ fn stages<T: Scalar>(model: &Model<T>, from: &Activations<T>, prefix: &str, to: 
     logits(&from.logits, prefix, to);
 }
 
-fn logits<T: Scalar>(logits: &[Buffer<T>; 2], prefix: &str, to: &mut Tensors) {
+fn logits<T: Scalar>(logits: &[Buffer<T>], prefix: &str, to: &mut Tensors) {
     for (i, logits) in logits.iter().enumerate() {
         to.add_rows(format!("{prefix}logits_{}", i + 1), N_CLASSES, logits);
     }
@@ -130,7 +130,7 @@ impl<T: Scalar> Run<'_, T> {
     }
 
     /// Loss in training mode, its gradient, and the logits.
-    fn gradient(&mut self) -> (f64, Vec<T>, [Buffer<T>; 2]) {
+    fn gradient(&mut self) -> (f64, Vec<T>, Vec<Buffer<T>>) {
         let pass = self.model.forward_train(self.batch, None, self.arena);
         let (mut loss, mut d) = (0.0, [Vec::new(), Vec::new()]);
         for (head, d) in d.iter_mut().enumerate() {
@@ -138,7 +138,7 @@ impl<T: Scalar> Run<'_, T> {
             loss += HEAD_WEIGHT * CrossEntropy::binary().loss(logits, labels, HEAD_WEIGHT, d);
         }
         let (mut grads, logits) = (vec![T::ZERO; self.model.params.len()], pass.logits.clone());
-        self.model.backward(self.batch, pass, [&d[0], &d[1]], &mut grads, self.arena);
+        self.model.backward(self.batch, pass, &[&d[0], &d[1]], &mut grads, self.arena);
         (loss, grads, logits)
     }
 }

@@ -408,6 +408,7 @@ mod tests {
             prediction: Prediction {
                 logits_inaccessible: logits.clone(),
                 logits_occlusion: logits,
+                accessible_share: Vec::new(),
             },
             occlusion_share: None,
             verified: None,

@@ -25,6 +25,8 @@ pub struct Evaluation {
     pub by_area: Vec<[Confusion; 2]>,
     /// Probabilities of both heads against the truth, where there are probabilities.
     pub reliability: [Reliability; 2],
+    /// Sum of the errors of the shares of accessible directions, and number of sites, where both sides tell shares.
+    pub share_errors: (f64, u64),
     /// Wall-clock seconds of all predictions.
     pub seconds: f64,
 }
@@ -68,6 +70,12 @@ impl Evaluation {
         for head in (0..2).filter(|&head| !probabilities[head].is_empty()) {
             self.reliability[head] += Reliability::of(probabilities[head], heads[head].1);
         }
+        let (found, counted) = (&answers.accessible_share, &truth.accessible_share);
+        if found.len() == counted.len() {
+            let error = |(a, b): (&f32, &f32)| (f64::from(*a) - f64::from(*b)).abs();
+            self.share_errors.0 += found.iter().zip(counted).map(error).sum::<f64>();
+            self.share_errors.1 += found.len() as u64;
+        }
         Ok(())
     }
 
@@ -78,7 +86,15 @@ impl Evaluation {
         for (own, other) in self.reliability.iter_mut().zip(other.reliability) {
             *own += other;
         }
+        self.share_errors.0 += other.share_errors.0;
+        self.share_errors.1 += other.share_errors.1;
         self.seconds += other.seconds;
+    }
+
+    /// Mean absolute error of the share of accessible directions over all sites; `None` if no sample has such shares.
+    pub fn share_error(&self) -> Option<f64> {
+        let (sum, n) = self.share_errors;
+        (n > 0).then(|| sum / n as f64)
     }
 
     /// Scores of a head: 0 = accessibility, 1 = occlusion; 0 if there are no samples.
@@ -263,7 +279,8 @@ impl Evaluation {
         let counts = counts.into_iter().flatten().flat_map(|counts| counts.to_array());
         let bins = self.reliability.iter().flat_map(|head| &head.bins);
         let bins = bins.flat_map(|b| [b.n as f64, b.n_positive as f64, b.probability_sum]);
-        std::iter::once(self.seconds).chain(counts.map(|n| n as f64)).chain(bins).collect()
+        let first = [self.seconds, self.share_errors.0, self.share_errors.1 as f64];
+        first.into_iter().chain(counts.map(|n| n as f64)).chain(bins).collect()
     }
 
     /// From [`Evaluation::sample_to_numbers`].
@@ -271,6 +288,7 @@ impl Evaluation {
         let mut numbers = numbers.iter().copied();
         let mut next = || numbers.next().unwrap_or_default();
         let seconds = next();
+        let share_errors = (next(), next() as u64);
         let mut counts =
             || [(); 2].map(|()| Confusion::from_array([(); 4].map(|()| next() as u64)));
         let (samples, by_area) = (vec![counts()], vec![counts()]);
@@ -278,7 +296,7 @@ impl Evaluation {
         for bin in reliability.iter_mut().flat_map(|head| &mut head.bins) {
             *bin = Bin { n: next() as u64, n_positive: next() as u64, probability_sum: next() };
         }
-        Evaluation { samples, by_area, reliability, seconds }
+        Evaluation { samples, by_area, reliability, share_errors, seconds }
     }
 }
 

@@ -29,6 +29,9 @@ pub struct LossSettings {
     pub label_smoothing: f64,
     /// Weight of the positive class of each head (inaccessible, occlusion) against 1 for the other.
     pub positive_weights: Option<[f64; 2]>,
+    /// Factor of the loss of the head that tells the share of accessible directions, where there is one; 1 if not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub share_weight: Option<f64>,
 }
 
 /// How a network is trained.
@@ -242,6 +245,10 @@ impl Settings {
             let remedy = "change the training settings";
             return Err(Error::argument("loss.positive_weights", found, "above 0", remedy));
         }
+        if let Some(found) = self.loss.share_weight.filter(|weight| !positive(*weight)) {
+            let remedy = "change the training settings";
+            return Err(Error::argument("loss.share_weight", found, "above 0", remedy));
+        }
         Ok(())
     }
 }
@@ -274,6 +281,7 @@ mod tests {
         assert!(broken(|s| s.n_groups = 5).starts_with("n_groups is 5, expected 1 to batch_size"));
         assert!(
             broken(|s| s.loss.positive_weights = Some([1.0, -1.0])).contains("positive_weights")
+                && broken(|s| s.loss.share_weight = Some(-1.0)).contains("share_weight")
         );
     }
 }

@@ -15,7 +15,7 @@ use super::buckets::Buckets;
 use super::groups::{self, Groups, PartialSums};
 use super::{Reduction, Run, Settings};
 use crate::data::{Sample, SampleSource};
-use crate::loss::CrossEntropy;
+use crate::loss::{CrossEntropy, share_loss};
 use crate::metrics::Confusion;
 use crate::model::{AnyBatch, AnyModel, AnySaved, Domain, Network, Shape, TrainingPass};
 use crate::nn::arena::Arena;
@@ -34,7 +34,8 @@ pub(super) struct StepScratch {
     arena: Arena<f32>,
     /// Sums over groups; empty where each layer is updated as soon as its gradient is whole.
     sums: PartialSums,
-    dlogits: [Vec<f32>; 2],
+    /// By head.
+    dlogits: Vec<Vec<f32>>,
     /// In which order processes join the gradient, once a backward pass has shown it.
     buckets: Option<Buckets>,
 }
@@ -121,6 +122,17 @@ pub(super) fn targets(samples: &[Sample]) -> [Vec<u8>; 2] {
     [head1.collect(), head2.collect()]
 }
 
+/// Targets of a head that tells the share of accessible directions.
+fn share_targets(samples: &[Sample]) -> Result<Vec<f32>> {
+    let lacks = |s: &&Sample| s.answers.accessible_share.len() != s.sites.len();
+    if let Some(sample) = samples.iter().find(lacks) {
+        let found = "no shares of accessible directions";
+        let remedy = "train without share_head, or with labels that count directions";
+        return Err(Error::geometry(format!("sample {}", sample.name), found, remedy));
+    }
+    Ok(samples.iter().flat_map(|s| s.answers.accessible_share.iter().copied()).collect())
+}
+
 /// Class that counts as positive in each head.
 pub(super) const POSITIVE: [u8; 2] = [0, 1];
 
@@ -150,11 +162,11 @@ impl Run {
         let Run { settings, progress, model, velocity, scratch } = self;
         let sgd = Sgd { momentum: settings.momentum, weight_decay: settings.weight_decay };
         if step.groups.len() == 1 && settings.clip_norm.is_none() {
-            let dlogits = scratch.dlogits.each_ref().map(|d| &d[..]);
+            let dlogits = slices(&scratch.dlogits);
             let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
                 sgd.step(step.lr, grads, &mut velocity[range], params);
             };
-            model.backward_and_update(&last.0, last.1, dlogits, &mut update, &scratch.arena);
+            model.backward_and_update(&last.0, last.1, &dlogits, &mut update, &scratch.arena);
         } else {
             let mut sum = scratch.join(model, last, step);
             let (grads, buffers) = sum.split_at_mut(model.params.len());
@@ -191,23 +203,28 @@ impl Run {
         let criteria = [0, 1].map(|head| criterion(settings, head));
         let weights = |samples: &Vec<Sample>| -> Vec<f64> {
             let targets = own.clone().map(|group| targets(&samples[places(group)]));
-            let weights =
-                targets.map(|t| [0, 1].map(|head: usize| criteria[head].total_weight(&t[head])));
+            let weights = targets.map(|t| {
+                let [first, second] =
+                    [0, 1].map(|head: usize| criteria[head].total_weight(&t[head]));
+                [first, second, t[0].len() as f64]
+            });
             weights.flatten().collect()
         };
         let (samples, weights) = share_numbers(step.processes, samples, weights)?;
-        let total = |head: usize| weights.iter().skip(head).step_by(2).sum::<f64>();
-        let totals = [0, 1].map(total);
+        let total = |head: usize| weights.iter().skip(head).step_by(3).sum::<f64>();
+        let totals = [0, 1, 2].map(total);
         let scale = match settings.loss.reduction {
             Reduction::Sum => 1.0,
             Reduction::Mean => 0.5,
         };
+        let scales = [scale, scale, scale * settings.loss.share_weight.unwrap_or(1.0)];
         scratch.sums.clear(step.groups.len());
         let (before, mut found) = (model.buffers.clone(), Vec::new());
         let mut pass = |group: usize, model: &mut _, scratch: &mut StepScratch| -> Result<Passed> {
             let model: &mut AnyModel<f32> = model;
             model.buffers.copy_from_slice(&before);
-            let shares = [0, 1].map(|head| scale * (weights[2 * group + head] / totals[head]));
+            let share = |head| scales[head] * (weights[3 * group + head] / totals[head]);
+            let shares = [0, 1, 2].map(share);
             let (samples, streams) = (&samples[places(group)], streams.at(places(group)));
             let (passed, outcome) = scratch.forward(model, samples, streams, &criteria, shares)?;
             if !outcome.loss.is_finite() {
@@ -239,12 +256,17 @@ impl StepScratch {
         samples: &[Sample],
         (dropout, neighbors): (&mut [Stream], &mut [Stream]),
         criteria: &[CrossEntropy; 2],
-        shares: [f64; 2],
+        shares: [f64; 3],
     ) -> Result<(Passed, StepOutcome)> {
         let shapes: Vec<Shape> = samples.iter().map(shape).collect();
         let (batch, targets) = (model.net.batch(&shapes, Some(neighbors))?, targets(samples));
         let pass = model.forward_train(&batch, Some(dropout), &self.arena);
         let mut outcome = StepOutcome::default();
+        self.dlogits.resize_with(pass.logits.len(), Vec::new);
+        if let Some(logits) = pass.logits.get(2) {
+            let (targets, dlogits) = (share_targets(samples)?, &mut self.dlogits[2]);
+            outcome.loss += shares[2] * share_loss(logits, &targets, shares[2], dlogits);
+        }
         for head in 0..2 {
             let (logits, targets) = (&pass.logits[head], &targets[head]);
             let (share, dlogits) = (shares[head], &mut self.dlogits[head]);
@@ -263,8 +285,7 @@ impl StepScratch {
         let n_params = model.params.len();
         let mut leaf = self.sums.zeros(n_params + model.buffers.len());
         let (grads, buffers) = leaf.split_at_mut(n_params);
-        let dlogits = self.dlogits.each_ref().map(|d| &d[..]);
-        model.backward(&batch, pass, dlogits, grads, &self.arena);
+        model.backward(&batch, pass, &slices(&self.dlogits), grads, &self.arena);
         buffers.copy_from_slice(&model.buffers);
         leaf
     }
@@ -291,7 +312,7 @@ impl StepScratch {
         let known = self.buckets.take();
         let buckets = known.unwrap_or_else(|| Buckets::whole(leaf.len()));
         let StepScratch { arena, sums, dlogits, .. } = self;
-        let dlogits = dlogits.each_ref().map(|d| &d[..]);
+        let dlogits = slices(dlogits);
         let (mut order, mut completed) = (Vec::new(), buckets.start());
         let exchange = |nodes: Vec<Vec<f32>>| groups::join(processes, &groups, &nodes);
         let joined = par::with_background(exchange, |send| {
@@ -302,7 +323,7 @@ impl StepScratch {
                 }
                 order.push(range);
             };
-            model.backward_and_update(&batch, pass, dlogits, &mut collect, arena);
+            model.backward_and_update(&batch, pass, &dlogits, &mut collect, arena);
             leaf[n_params..].copy_from_slice(&model.buffers);
             for bucket in completed.rest() {
                 send(sums.with_last(&groups, &leaf, bucket));
@@ -315,6 +336,10 @@ impl StepScratch {
         });
         leaf
     }
+}
+
+fn slices(vectors: &[Vec<f32>]) -> Vec<&[f32]> {
+    vectors.iter().map(|v| &v[..]).collect()
 }
 
 fn not_finite(place: &str, loss: f64, samples: &[Sample]) -> Error {
@@ -400,6 +425,40 @@ mod tests {
         let outcome = run.learn(step, Ok(samples.to_vec()), &mut streams).unwrap();
         let moved = run.model.params.iter().zip(&start).map(|(new, old)| new - old);
         (outcome.loss, moved.collect())
+    }
+
+    #[test]
+    fn a_head_that_tells_shares_learns_them_and_wants_them() {
+        let mut samples = samples();
+        let mut settings = Settings { clip_norm: None, ..Settings::tiny() };
+        *settings.network.cutter_mut() = CutterConfig::small_batches();
+        settings.network.octree_mut().unwrap().share_head = true;
+        let mut run = Run::new(settings).unwrap();
+        let learn = |run: &mut Run, samples: &[Sample]| {
+            let mut streams = Streams::new(1, 0, &[0, 1]);
+            let groups = Groups::new(2, 1, &SingleProcess);
+            let step = Step { lr: 0.02, place: "here", groups, processes: &SingleProcess };
+            run.learn(step, Ok(samples.to_vec()), &mut streams)
+        };
+        let message = learn(&mut run, &samples).err().unwrap().to_string();
+        assert!(message.starts_with("sample 90 sites: no shares of accessible"), "{message}");
+        for sample in &mut samples {
+            let share = |p: &Vec3| if p.x > 20.0 { 0.0 } else { 0.5 };
+            sample.answers.accessible_share = sample.sites.points.iter().map(share).collect();
+        }
+        let error = |run: &Run| {
+            let found = super::super::evaluate(&run.model, &samples).unwrap();
+            found.share_error().unwrap()
+        };
+        let before = error(&run);
+        for _ in 0..60 {
+            learn(&mut run, &samples).unwrap();
+        }
+        assert!(error(&run) < 0.5 * before && error(&run) < 0.15, "{before} {}", error(&run));
+        let Sample { sites, cutter, .. } = &samples[0];
+        let found = run.model.predict(&sites.points, &sites.normals, cutter.to_array()).unwrap();
+        assert_eq!(found.answers().accessible_share, found.accessible_share);
+        assert!(found.accessible_share.iter().all(|share| (0.0..=1.0).contains(share)));
     }
 
     /// Clipping needs the gradient of all parameters at once, an update layer by layer never has it.

@@ -60,6 +60,7 @@ pub use labels::{
 };
 pub use library::ToolReach;
 pub use obstacles::TriangleObstacles;
+pub(crate) use obstacles::tested;
 pub use tolerance::{ContactTolerance, LEAST_MM};
 pub use verdict::{Raise, Verdict, raise};
 pub use verify::Verified;

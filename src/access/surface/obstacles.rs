@@ -132,7 +132,8 @@ impl TriangleObstacles {
             witness: surface.witness.clone(),
             clearance_mm: surface.clearance_mm.clone(),
             ..SiteAnswers::default()
-        };
+        }
+        .with_shares_of(surface.n_directions);
         let mut beta = Vec::new();
         if options.occlusion {
             let shrunk = (cutter, &surface.tolerance_mm[..]);
@@ -219,7 +220,7 @@ pub(super) fn extent(
 }
 
 /// The directions of a set, after +z if it stands for all within an angle that +z is among.
-pub(super) fn tested(directions: &Directions) -> Result<Directions> {
+pub(crate) fn tested(directions: &Directions) -> Result<Directions> {
     let above = Domain::of(directions).is_some_and(|domain| domain.holds(DVec3::Z));
     if !above || directions.vectors().contains(&Vec3::Z) {
         return Ok(directions.clone());

@@ -266,6 +266,7 @@ fn table(rows: &[Row], scores: Scores) -> Table {
         ("reference_f1_i", "ref F1_i"),
         ("calibration_error_i", "ECE_i"),
         ("calibration_error_o", "ECE_o"),
+        ("share_error", "share, mean error"),
         ("seconds_per_sample", "T"),
     ]);
     for row in rows {
@@ -282,6 +283,7 @@ fn table(rows: &[Row], scores: Scores) -> Table {
             Cell::Share(heads[0].reference_f1),
             heads[0].calibration_error.map_or(Cell::Missing, Cell::Share),
             heads[1].calibration_error.map_or(Cell::Missing, Cell::Share),
+            row.evaluation.share_error().map_or(Cell::Missing, Cell::Share),
             if row.timed { time } else { Cell::Missing },
         ]);
     }

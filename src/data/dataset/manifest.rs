@@ -1,9 +1,10 @@
 //! The manifest of a data set: its settings, and per part its origin, scale, cutters and shares of labels.
 
+use crate::access::surface::tested;
 use crate::answers::Definition;
 use crate::cutter::{CutterParams, CutterSet};
 use crate::data::online::is_size_range;
-use crate::directions::DirectionSet;
+use crate::directions::{DirectionSet, Directions};
 use crate::geom::sites::MAX_SITES;
 use crate::{Error, Result, atomic_file, input_file};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -77,6 +78,12 @@ impl DatasetSettings {
             (false, true) => Definition::SitesInSpace,
             (true, true) => Definition::PartInSpace,
         }
+    }
+
+    /// Number of directions that the labels tested: about the part itself one more, +z, where the set lacks it.
+    pub(super) fn n_directions(&self) -> Result<usize> {
+        let directions = Directions::new(self.directions.clone())?;
+        Ok(if self.part_itself { tested(&directions)?.len() } else { directions.len() })
     }
 
     /// Checks that every number is in its domain; directions check themselves.

@@ -71,12 +71,13 @@ impl Dataset {
             ));
         }
         let part = LabeledPart::read(&path)?;
+        let n_directions = self.manifest.settings.n_directions()?;
         let sites = Arc::new(part.sites);
         let samples = part.cutters.into_iter().zip(part.answers).map(|(cutter, answers)| Sample {
             name: record.name.clone(),
             sites: Arc::clone(&sites),
             cutter,
-            answers,
+            answers: answers.with_shares_of(n_directions),
         });
         Ok(samples.collect())
     }

@@ -41,7 +41,8 @@ impl PredictionFile {
     /// If there are not two scores per site and head, the share is not in (0, 1], what was verified has no β, or the system refuses the file.
     pub fn write(&self, path: &Path) -> Result<()> {
         let n = self.sites.len();
-        let Prediction { logits_inaccessible, logits_occlusion } = &self.prediction;
+        let Prediction { logits_inaccessible, logits_occlusion, accessible_share } =
+            &self.prediction;
         let mut npz = start(&self.sites, &self.provenance);
         for (name, logits) in
             [("inaccessible", logits_inaccessible), ("occlusion", logits_occlusion)]
@@ -54,6 +55,13 @@ impl PredictionFile {
         }
         add_answers(path, &mut npz, &self.answers(), n)?;
         let mut meaning = prediction_meaning();
+        if !accessible_share.is_empty() {
+            if accessible_share.len() != n {
+                return Err(few(path, SHARE, accessible_share.len(), n));
+            }
+            npz.array(SHARE, &[n], accessible_share);
+            meaning[SHARE] = "share of the directions in which the cutter can stand there".into();
+        }
         if let Some(share) = self.occlusion_share {
             check_share(path, share)?;
             meaning["occlusion"] = BY_RANK.into();
@@ -88,7 +96,16 @@ impl PredictionFile {
             Ok(logits.as_chunks().0.to_vec())
         });
         let (logits_inaccessible, logits_occlusion) = (logits_inaccessible?, logits_occlusion?);
-        let prediction = Prediction { logits_inaccessible, logits_occlusion };
+        let mut accessible_share = Vec::new();
+        if npz.has(SHARE) {
+            accessible_share = npz.f32s(SHARE, 1)?;
+            same_length(path, &sites, SHARE, accessible_share.len())?;
+            if let Some(found) = accessible_share.iter().find(|s| !(0.0..=1.0).contains(*s)) {
+                let remedy = "run predict again";
+                return Err(Error::file(path, SHARE, format!("{found} is no share"), remedy));
+            }
+        }
+        let prediction = Prediction { logits_inaccessible, logits_occlusion, accessible_share };
         let occlusion_share = npz.metadata()?["occlusion_share"].as_f64();
         occlusion_share.map_or(Ok(()), |share| check_share(path, share))?;
         let verified = npz.has("verified").then(|| read_verified(path, &mut npz, &prediction));
@@ -111,6 +128,9 @@ fn check_share(path: &Path, share: f64) -> Result<()> {
     let found = format!("{share}");
     Err(Error::file(path, "occlusion_share", found, "give a share above 0, at most 1, or none"))
 }
+
+/// Array of the head that tells shares.
+const SHARE: &str = "accessible_share";
 
 const BY_RANK: &str =
     "true: among the share of sites (occlusion_share) with the greatest probability";
@@ -177,6 +197,7 @@ mod tests {
             prediction: Prediction {
                 logits_inaccessible: vec![[0.0, 2.0], [1.0, 1.0]],
                 logits_occlusion: vec![[3.5, -1.0], [0.25, 0.5]],
+                accessible_share: Vec::new(),
             },
             occlusion_share: None,
             verified: None,
@@ -192,6 +213,18 @@ mod tests {
         assert!((p[0] - 0.880_797).abs() < 1e-6 && p[1] == 0.5);
         let message = LabelFile::read(&path).unwrap_err().to_string();
         assert!(message.contains("the format is \"deepmill predictions\""), "{message}");
+
+        file.prediction.accessible_share = vec![0.25, 1.0];
+        file.write(&path).unwrap();
+        let read = PredictionFile::read(&path).unwrap();
+        assert_eq!((read.answers().accessible_share, &read), (vec![0.25, 1.0], &file));
+        file.prediction.accessible_share[1] = 1.5;
+        file.write(&path).unwrap();
+        let message = PredictionFile::read(&path).unwrap_err().to_string();
+        assert!(message.contains("1.5 is no share"), "{message}");
+        file.prediction.accessible_share.pop();
+        assert!(file.write(&path).unwrap_err().to_string().contains("1 entries for 2 sites"));
+        file.prediction.accessible_share.clear();
 
         file.occlusion_share = Some(0.5);
         file.write(&path).unwrap();

@@ -1,4 +1,4 @@
-//! Cases of whole networks: the loss of both heads as a function of parameters, features and cutter lengths.
+//! Cases of whole networks: the loss of all heads as a function of parameters, features and cutter lengths.
 
 use super::case::{LossCase, LossInput, LossStep};
 use super::probes::{
@@ -8,7 +8,7 @@ use super::probes::{
 use super::{ProbeShape, Suite, SuiteCase};
 use crate::Result;
 use crate::gradcheck::fixture::NamedArray;
-use crate::loss::CrossEntropy;
+use crate::loss::{CrossEntropy, share_loss};
 use crate::model::config::{AttentionConfig, Cube, CutterConfig, CutterInput, CutterPlacement};
 use crate::model::cutter_modules::N_LENGTHS;
 use crate::model::graph::{Edges, GraphBatch, GraphShape, N_FEATURES};
@@ -40,9 +40,13 @@ pub(super) fn cases(suite: &Suite) -> Result<Vec<SuiteCase>> {
     use CutterPlacement::{All, First, Last, None};
     let attention = AttentionConfig { depths: vec![2, 3], n_heads: 2 };
     let with_attention = CutterConfig { dropout: 0.0, ..of(All, false) };
-    let with_attention = unet(suite, "unet_attention", (with_attention, attention), (false, true))?;
+    let with_attention =
+        unet(suite, "unet_attention", (with_attention, attention, false), (false, true))?;
+    let no_attention = AttentionConfig::default;
+    let with_share = (of(All, false), no_attention(), true);
+    let with_share = unet(suite, "unet_share_head", with_share, (true, true))?;
     let unet = |name, cutter, dropout, empty| {
-        unet(suite, name, (cutter, AttentionConfig::default()), (dropout, empty))
+        unet(suite, name, (cutter, no_attention(), false), (dropout, empty))
     };
     Ok(vec![
         unet("unet", of(All, false), true, true)?,
@@ -52,28 +56,40 @@ pub(super) fn cases(suite: &Suite) -> Result<Vec<SuiteCase>> {
         unet("unet_last_cutter", of(Last, false), false, false)?,
         unet("unet_without_cutter", of(None, false), false, true)?,
         with_attention,
+        with_share,
         graph_sage(suite, "graph_sage", of(All, false))?,
         graph_sage(suite, "graph_sage_last_cutter", of(Last, false))?,
     ])
 }
 
-/// Targets of both heads.
-struct Labels([Vec<u8>; N_HEADS]);
+/// Targets of all heads.
+struct Labels {
+    classes: [Vec<u8>; N_HEADS],
+    /// Of the head that tells a share.
+    shares: Vec<f32>,
+}
 
 impl Labels {
     fn new(n_points: usize) -> Self {
         let of_head =
             |head: usize| (0..n_points).map(move |i| u8::from((i + head).is_multiple_of(3)));
-        Labels([0, 1].map(|head| of_head(head).collect()))
+        let classes = [0, 1].map(|head| of_head(head).collect());
+        Labels { classes, shares: (0..n_points).map(|i| (i % 5) as f32 * 0.25).collect() }
     }
 
-    /// The mean of both losses, and its gradients by the logits.
-    fn loss(&self, logits: &[Buffer<f64>; N_HEADS]) -> (f64, [Vec<f64>; N_HEADS]) {
-        let (mut loss, mut d, share) = (0.0, [Vec::new(), Vec::new()], 1.0 / N_HEADS as f64);
-        for (i, (logits, labels)) in logits.iter().zip(&self.0).enumerate() {
-            loss += share * CrossEntropy::binary().loss(logits, labels, share, &mut d[i]);
+    /// The mean of all losses, and its gradients by the logits.
+    fn loss(&self, logits: &[Buffer<f64>]) -> (f64, Vec<Vec<f64>>) {
+        let (mut loss, mut gradients, weight) = (0.0, Vec::new(), 1.0 / logits.len() as f64);
+        for (i, logits) in logits.iter().enumerate() {
+            let mut d = Vec::new();
+            loss += weight
+                * match self.classes.get(i) {
+                    Some(labels) => CrossEntropy::binary().loss(logits, labels, weight, &mut d),
+                    None => share_loss(logits, &self.shares, weight, &mut d),
+                };
+            gradients.push(d);
         }
-        (loss, d)
+        (loss, gradients)
     }
 
     fn arrays(&self) -> impl Iterator<Item = NamedArray> {
@@ -81,11 +97,17 @@ impl Labels {
             let labels = labels.iter().map(|&label| label.into());
             NamedArray::indices(format!("fixed.labels.{i}"), "class of each point", 1, labels)
         };
-        self.0.iter().enumerate().map(array)
+        self.classes.iter().enumerate().map(array)
+    }
+
+    fn share_array(&self) -> NamedArray {
+        let shares: Vec<f64> = self.shares.iter().map(|&share| share.into()).collect();
+        let meaning = "share of the second logit at each point";
+        NamedArray::numbers("fixed.shares", meaning, &[shares.len()], &shares)
     }
 }
 
-fn logit_arrays(logits: &[Buffer<f64>; N_HEADS]) -> Vec<NamedArray> {
+fn logit_arrays(logits: &[Buffer<f64>]) -> Vec<NamedArray> {
     let array = |(i, logits): (usize, &Buffer<f64>)| {
         let shape = [logits.len() / N_CLASSES, N_CLASSES];
         NamedArray::numbers(format!("logits.{i}"), "logits of a head at the points", &shape, logits)
@@ -121,7 +143,7 @@ fn inputs(params: &[f64], features: (usize, &[f64]), cutters: &[f64]) -> Vec<Los
 fn unet(
     suite: &Suite,
     name: &'static str,
-    (cutter, attention): (CutterConfig, AttentionConfig),
+    (cutter, attention, share_head): (CutterConfig, AttentionConfig, bool),
     (dropout, empty): (bool, bool),
 ) -> Result<SuiteCase> {
     let config = UNetConfig {
@@ -135,6 +157,7 @@ fn unet(
         normalize_empty_parents: empty,
         cutter,
         attention,
+        share_head,
     };
     let batch = probes::batch(&suite.shapes)?;
     let net = UNet::with_policy(&config, &suite.policy)?;
@@ -142,7 +165,9 @@ fn unet(
     let params = clear_of_kinks(&layout, batch.octree.finest().n_nodes());
     let labels = Labels::new(batch.n_points());
     let streams = dropout.then(|| dropout_streams(suite.shapes.len(), 6));
-    let fixed = unet_arrays(&batch, &labels, &layout, (config.cutter.width, streams.as_deref()))?;
+    let mut fixed =
+        unet_arrays(&batch, &labels, &layout, (config.cutter.width, streams.as_deref()))?;
+    fixed.extend(share_head.then(|| labels.share_array()));
     let n_channels = config.input.node_features()?.n_channels();
     let inputs = inputs(&params, (n_channels, &batch.features), &batch.cutters);
     let max_elements = ELEMENTS_PER_TENSOR * layout.params.len();
@@ -157,15 +182,16 @@ fn unet(
         let ((loss, d), outputs) = (labels.loss(&pass.logits), logit_arrays(&pass.logits));
         let mut step = LossStep { loss, gradients: Vec::new(), buffers: Vec::new(), outputs };
         if gradients {
-            let (mut grads, d) = (vec![0.0; v[0].len()], d.each_ref().map(|d| &d[..]));
-            let inputs = model.backward_to_inputs(&batch, pass, d, &mut grads, &arena);
+            let mut grads = vec![0.0; v[0].len()];
+            let d: Vec<&[f64]> = d.iter().map(|d| &d[..]).collect();
+            let inputs = model.backward_to_inputs(&batch, pass, &d, &mut grads, &arena);
             step.gradients = vec![grads, inputs.features, inputs.cutters];
         }
         step.buffers = model.buffers;
         step
     };
     let case = LossCase { layout, inputs, fixed, run: Box::new(run), max_elements };
-    let formula = "mean of the cross-entropies of both heads of an octree U-Net of depth 3";
+    let formula = "mean of the cross-entropies of all heads of an octree U-Net of depth 3";
     Ok(case.named(name, formula).constant("normalize_empty_parents", f64::from(u8::from(empty))))
 }
 
@@ -249,9 +275,10 @@ fn graph_sage(suite: &Suite, name: &'static str, cutter: CutterConfig) -> Result
         let ((loss, d), outputs) = (labels.loss(&forward.logits), logit_arrays(&forward.logits));
         let mut step = LossStep { loss, gradients: Vec::new(), buffers, outputs };
         if gradients {
-            let (mut grads, d) = (vec![0.0; params.len()], d.each_ref().map(|d| &d[..]));
+            let mut grads = vec![0.0; params.len()];
+            let d: Vec<&[f64]> = d.iter().map(|d| &d[..]).collect();
             let mut pass = Backward::new(params, &mut grads, arena);
-            let inputs = net.backward(&mut pass, &batch, forward, d);
+            let inputs = net.backward(&mut pass, &batch, forward, &d);
             step.gradients = vec![grads, inputs.features, inputs.cutters];
         }
         step

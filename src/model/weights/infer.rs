@@ -32,8 +32,9 @@ pub(super) fn config(file: &TensorFile, origin: &Path) -> Result<UNetConfig> {
         head_width: shapes.of("header.0.conv.linear.weight", 2)?[0],
         normalize_empty_parents: true,
         cutter: CutterConfig::default(),
-        // The reference has none.
+        // The reference has neither.
         attention: AttentionConfig::default(),
+        share_head: false,
     };
     config.cutter = shapes.cutter(&config)?;
     Ok(config)

@@ -271,6 +271,7 @@ mod tests {
                 ..Default::default()
             },
             attention: Default::default(),
+            share_head: false,
         };
         change(&mut config);
         let mut model = Model::new(&config, 1).unwrap();

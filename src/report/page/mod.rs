@@ -180,8 +180,11 @@ mod tests {
         let labels = crate::access::Labels { answers, ..Default::default() };
         let logits: Vec<[f32; 2]> =
             (0..300).map(|i| [0.0, if i % 2 == 0 { 1.0 } else { -1.0 }]).collect();
-        let prediction =
-            Prediction { logits_inaccessible: logits.clone(), logits_occlusion: logits };
+        let prediction = Prediction {
+            logits_inaccessible: logits.clone(),
+            logits_occlusion: logits,
+            accessible_share: Vec::new(),
+        };
         let file = PredictionFile {
             provenance: provenance.clone(),
             sites: sites.clone(),

@@ -108,7 +108,7 @@ impl Trainer {
         let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
             sgd.step(1e-3, grads, &mut velocity[range], params);
         };
-        self.model.backward_and_update(batch, pass, [first, second], &mut update, &self.arena);
+        self.model.backward_and_update(batch, pass, &[first, second], &mut update, &self.arena);
     }
 }
 
