@@ -162,7 +162,7 @@ fn trained(config: &UNetConfig, parts: &[Sites]) -> Hash {
             assert!(CrossEntropy::binary().loss(logits, &targets, 1.0, d).is_finite());
         }
         let [first, second] = &dlogits;
-        model.backward(&batch, pass, [first, second], &mut grads, &arena);
+        model.backward(&batch, pass, &[first, second], &mut grads, &arena);
         let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
         sgd.step(0.1, &mut grads, &mut velocity, &mut model.params);
     }
