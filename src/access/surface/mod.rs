@@ -60,6 +60,7 @@ pub use labels::{
 };
 pub use library::ToolReach;
 pub use obstacles::TriangleObstacles;
+#[cfg(feature = "formats")]
 pub(crate) use obstacles::tested;
 pub use tolerance::{ContactTolerance, LEAST_MM};
 pub use verdict::{Raise, Verdict, raise};
