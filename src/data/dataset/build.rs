@@ -173,7 +173,7 @@ impl Builder {
         let record = |i| read_json(&self.record_path(i), "delete this file and build again");
         let parts = (0..self.n_parts()).map(record).collect::<Result<Vec<_>>>()?;
         let settings = self.settings.clone();
-        let manifest = Manifest { format: FORMAT.into(), settings, parts };
+        let manifest = Manifest { format: FORMAT.into(), settings, parts, imported: false };
         write_json(&self.folder.join(MANIFEST), &manifest)?;
         Ok(Some(manifest))
     }
@@ -365,6 +365,32 @@ mod tests {
         let builder = Builder::new(folder, settings(), sources.to_vec())?;
         builder.own_parts().try_for_each(|index| builder.part(index).map(drop))?;
         builder.finish()
+    }
+
+    #[test]
+    fn samples_tell_shares_of_directions_where_labels_counted_them() {
+        let temporary = tempfile::tempdir().unwrap();
+        let [built, part, imported] = ["a", "b", "c"].map(|n| temporary.path().join(n));
+        let sources = sources(temporary.path());
+        build(&built, &sources).unwrap();
+        let samples = Dataset::open(&built).unwrap().samples(None).unwrap();
+        let settings_of_part = DatasetSettings { part_itself: true, ..settings() };
+        let builder = Builder::new(&part, settings_of_part, sources).unwrap();
+        builder.own_parts().try_for_each(|i| builder.part(i).map(drop)).unwrap();
+        builder.finish().unwrap();
+        let about_part = Dataset::open(&part).unwrap().samples(None).unwrap();
+        // About the part itself +z is tested, too.
+        for (samples, n) in [(&samples, 5.0), (&about_part, 6.0)] {
+            for answers in samples.iter().map(|sample| &sample.answers) {
+                let counts = answers.accessible_directions.iter();
+                let shares: Vec<f32> = counts.map(|&count| count as f32 / n).collect();
+                assert_eq!(answers.accessible_share, shares);
+            }
+        }
+        let samples: Vec<_> = samples.into_iter().map(|s| (Split::Train, s)).collect();
+        crate::data::dataset::import(&imported, settings(), &samples).unwrap();
+        let samples = Dataset::open(&imported).unwrap().samples(None).unwrap();
+        assert!(samples.iter().all(|sample| sample.answers.accessible_share.is_empty()));
     }
 
     /// Names and bytes of all that is not hidden.

@@ -47,7 +47,7 @@ pub fn import(
         let name = sample.name.clone();
         parts.push(PartRecord { index, name, split: *split, content, skipped: None });
     }
-    let manifest = Manifest { format: FORMAT.into(), settings, parts };
+    let manifest = Manifest { format: FORMAT.into(), settings, parts, imported: true };
     write_json(&path, &manifest)?;
     Ok(manifest)
 }

@@ -194,6 +194,9 @@ pub struct Manifest {
     pub settings: DatasetSettings,
     /// Its parts, in order.
     pub parts: Vec<PartRecord>,
+    /// Whether other programs made the labels, which do not count directions.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub imported: bool,
 }
 
 impl Manifest {

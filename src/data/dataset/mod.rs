@@ -77,7 +77,11 @@ impl Dataset {
             name: record.name.clone(),
             sites: Arc::clone(&sites),
             cutter,
-            answers: answers.with_shares_of(n_directions),
+            // Imported labels know "none" (0) and "some" (1): these are no counts.
+            answers: match self.manifest.imported {
+                true => answers,
+                false => answers.with_shares_of(n_directions),
+            },
         });
         Ok(samples.collect())
     }
