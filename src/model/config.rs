@@ -1,5 +1,6 @@
 //! Configuration of a network: depths, widths, blocks, cutter modules and the preparation of its input.
 
+use super::heads::N_HEADS;
 use crate::octree::{Features, Normalization, OctreeOptions};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -229,12 +230,8 @@ pub struct UNetConfig {
     #[serde(default, skip_serializing_if = "AttentionConfig::is_default")]
     pub attention: AttentionConfig,
     /// Whether a third head tells the share of the directions in which the cutter can stand at a site.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub share_head: bool,
-}
-
-fn is_false(flag: &bool) -> bool {
-    !flag
 }
 
 impl UNetConfig {
@@ -257,7 +254,7 @@ impl UNetConfig {
 
     /// Number of heads: 2, or 3 with [`UNetConfig::share_head`].
     pub fn n_heads(&self) -> usize {
-        2 + usize::from(self.share_head)
+        N_HEADS + usize::from(self.share_head)
     }
 
     /// For training on a CPU in hours.

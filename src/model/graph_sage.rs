@@ -8,7 +8,7 @@ use super::batch::Shape;
 use super::config::{Cube, CutterConfig, CutterInput, CutterPlacement, MAX_WIDTH};
 use super::cutter_modules::{CutterModule, N_LENGTHS, SavedCutterModule};
 use super::graph::{Edges, GraphBatch, GraphShape, N_FEATURES};
-use super::heads::Head;
+use super::heads::{Head, N_HEADS};
 use super::training::{InputGradients, TrainingPass};
 use crate::nn::arena::Buffer;
 use crate::nn::batch_norm::BatchNorm;
@@ -71,7 +71,7 @@ pub struct GraphSage {
     layout: Layout,
     cutters: Vec<CutterModule>,
     layers: Vec<SageLayer>,
-    heads: [Head; 2],
+    heads: [Head; N_HEADS],
 }
 
 #[derive(Debug, Clone)]
@@ -385,7 +385,7 @@ mod tests {
         };
         let together = run(&shapes);
         let alone = shapes.map(|shape| run(&[shape]));
-        for head in 0..2 {
+        for head in 0..N_HEADS {
             assert_eq!(together[head], [alone[0][head].clone(), alone[1][head].clone()].concat());
         }
     }

@@ -1,16 +1,17 @@
 //! A network with its parameters, and its prediction for one part and one cutter.
 
+use super::UNetConfig;
 use super::batch::{Batch, Shape};
 use super::cutter_modules::N_LENGTHS;
 use super::domain::Domain;
+use super::heads::{N_CLASSES, N_HEADS, SHARE_HEAD};
 use super::network::{AnyNetwork, Network};
 use super::network_config::NetworkConfig;
 use super::prediction::{
     Calibration, INACCESSIBLE_CLASS, OCCLUSION_CLASS, Prediction, probabilities,
 };
 use super::training::{InputGradients, TrainingPass};
-use super::unet::{Activations, N_HEADS, UNet};
-use super::{UNetConfig, heads::N_CLASSES};
+use super::unet::{Activations, UNet};
 use crate::answers::Definition;
 use crate::nn::arena::{Arena, Buffer};
 use crate::nn::pass::{Backward, Inference, Training, Update};
@@ -103,7 +104,7 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
             logits_inaccessible: rows(&heads[0], INACCESSIBLE_CLASS, of_first),
             logits_occlusion: rows(&heads[1], OCCLUSION_CLASS, of_second),
             accessible_share: heads
-                .get(N_HEADS)
+                .get(SHARE_HEAD)
                 .map_or_else(Vec::new, |head| probabilities(head.as_chunks::<N_CLASSES>().0)),
         })
     }

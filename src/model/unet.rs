@@ -3,7 +3,7 @@
 use super::batch::Batch;
 use super::config::UNetConfig;
 use super::cutter_modules::{CutterModule, N_LENGTHS};
-use super::heads::Head;
+use super::heads::{Head, N_HEADS};
 use super::policy::MemoryPolicy;
 use crate::Result;
 use crate::nn::arena::Buffer;
@@ -23,9 +23,6 @@ use crate::nn::strided_conv::OutputRows;
 use crate::octree::{KernelMap, Octree, OctreeLevel};
 use crate::scalar::Scalar;
 
-/// Heads of every network that decide: inaccessible (class 0 = inaccessible), occlusion (class 1 = occlusion point). A third one
-/// ([`UNetConfig::share_head`]) tells a share.
-pub const N_HEADS: usize = 2;
 /// Names of the heads' tensors in the layout.
 const HEADS: [&str; N_HEADS + 1] = ["header", "header_2", "header_3"];
 
@@ -115,10 +112,8 @@ impl UNet {
         let decoder = decoder(config, policy, &mut layout);
         let normal = if config.input.point_normals { 3 } else { 0 };
         let c = config.decoder_widths[config.decoder_widths.len() - 1] + normal;
-        let heads = HEADS[..config.n_heads()].iter();
-        let heads = heads
-            .map(|name| Head::new(&mut layout, name, c, config.head_width, policy.head))
-            .collect();
+        let head = |name: &&str| Head::new(&mut layout, name, c, config.head_width, policy.head);
+        let heads = HEADS[..config.n_heads()].iter().map(head).collect();
         Ok(UNet { config: config.clone(), layout, stem, encoder, cutters, decoder, heads })
     }
 

@@ -37,13 +37,13 @@ impl Shares {
         let n = inaccessible.len();
         let share = |count: usize| count as f64 / n.max(1) as f64;
         let both = inaccessible.iter().zip(occlusion).filter(|(a, b)| **a && **b).count();
-        let n_asked = labels.surface.as_ref().map_or(n_directions, |surface| surface.n_directions);
+        let n_tested = labels.surface.as_ref().map_or(n_directions, |surface| surface.n_directions);
         let free: u64 = accessible_directions.iter().map(|d| u64::from(*d)).sum();
         Shares {
             inaccessible: share(answers.n_inaccessible()),
             occlusion: share(answers.n_occlusion()),
             both: share(both),
-            free_directions: free as f64 / (n * n_asked).max(1) as f64,
+            free_directions: free as f64 / (n * n_tested).max(1) as f64,
         }
     }
 }

@@ -51,7 +51,7 @@ impl About<'_> {
         (sites.points[self.site], sites.normals[self.site])
     }
 
-    /// Site, tool, question and answer.
+    /// Site, tool, query and answer.
     pub fn facts(&self) -> Facts {
         let About { query, site, why } = *self;
         let (point, normal) = self.place();

@@ -7,7 +7,7 @@
 
 use super::evaluate::predict;
 use crate::data::Sample;
-use crate::model::unet::N_HEADS;
+use crate::model::heads::N_HEADS;
 use crate::model::{Calibration, Model, Network};
 use crate::{Error, Result};
 

@@ -1,7 +1,7 @@
 //! One training step: samples to batches, forward, losses, backward, update.
 //!
 //! ```text
-//! for each of this process's groups: draw its samples
+//! the samples of this process's groups                       drawn while the step before ran
 //! share the weights of all groups' classes                   so that the loss is a mean over the whole step
 //! for each of this process's groups:
 //!     forward and losses, with the running statistics as they were before the step
@@ -17,6 +17,7 @@ use super::{Reduction, Run, Settings};
 use crate::data::{Sample, SampleSource};
 use crate::loss::{CrossEntropy, share_loss};
 use crate::metrics::Confusion;
+use crate::model::heads::{N_HEADS, SHARE_HEAD};
 use crate::model::{AnyBatch, AnyModel, AnySaved, Domain, Network, Shape, TrainingPass};
 use crate::nn::arena::Arena;
 use crate::optim::Sgd;
@@ -203,16 +204,15 @@ impl Run {
         let criteria = [0, 1].map(|head| criterion(settings, head));
         let weights = |samples: &Vec<Sample>| -> Vec<f64> {
             let targets = own.clone().map(|group| targets(&samples[places(group)]));
-            let weights = targets.map(|t| {
-                let [first, second] =
-                    [0, 1].map(|head: usize| criteria[head].total_weight(&t[head]));
-                [first, second, t[0].len() as f64]
-            });
-            weights.flatten().collect()
+            let of_group = |[first, second]: [Vec<u8>; N_HEADS]| {
+                let [i, o] = &criteria;
+                [i.total_weight(&first), o.total_weight(&second), first.len() as f64]
+            };
+            targets.flat_map(of_group).collect()
         };
         let (samples, weights) = share_numbers(step.processes, samples, weights)?;
-        let total = |head: usize| weights.iter().skip(head).step_by(3).sum::<f64>();
-        let totals = [0, 1, 2].map(total);
+        let weights = weights.as_chunks::<{ N_HEADS + 1 }>().0;
+        let totals = [0, 1, SHARE_HEAD].map(|head| weights.iter().map(|w| w[head]).sum::<f64>());
         let scale = match settings.loss.reduction {
             Reduction::Sum => 1.0,
             Reduction::Mean => 0.5,
@@ -223,8 +223,8 @@ impl Run {
         let mut pass = |group: usize, model: &mut _, scratch: &mut StepScratch| -> Result<Passed> {
             let model: &mut AnyModel<f32> = model;
             model.buffers.copy_from_slice(&before);
-            let share = |head| scales[head] * (weights[3 * group + head] / totals[head]);
-            let shares = [0, 1, 2].map(share);
+            let share = |head| scales[head] * (weights[group][head] / totals[head]);
+            let shares = [0, 1, SHARE_HEAD].map(share);
             let (samples, streams) = (&samples[places(group)], streams.at(places(group)));
             let (passed, outcome) = scratch.forward(model, samples, streams, &criteria, shares)?;
             if !outcome.loss.is_finite() {
@@ -256,22 +256,23 @@ impl StepScratch {
         samples: &[Sample],
         (dropout, neighbors): (&mut [Stream], &mut [Stream]),
         criteria: &[CrossEntropy; 2],
-        shares: [f64; 3],
+        shares: [f64; N_HEADS + 1],
     ) -> Result<(Passed, StepOutcome)> {
         let shapes: Vec<Shape> = samples.iter().map(shape).collect();
         let (batch, targets) = (model.net.batch(&shapes, Some(neighbors))?, targets(samples));
         let pass = model.forward_train(&batch, Some(dropout), &self.arena);
         let mut outcome = StepOutcome::default();
         self.dlogits.resize_with(pass.logits.len(), Vec::new);
-        if let Some(logits) = pass.logits.get(2) {
-            let (targets, dlogits) = (share_targets(samples)?, &mut self.dlogits[2]);
-            outcome.loss += shares[2] * share_loss(logits, &targets, shares[2], dlogits);
-        }
-        for head in 0..2 {
+        for head in 0..N_HEADS {
             let (logits, targets) = (&pass.logits[head], &targets[head]);
             let (share, dlogits) = (shares[head], &mut self.dlogits[head]);
             outcome.loss += share * criteria[head].loss(logits, targets, share, dlogits);
             outcome.confusion[head] += Confusion::of_logits(logits, targets, POSITIVE[head]);
+        }
+        if let Some(logits) = pass.logits.get(SHARE_HEAD) {
+            let (targets, dlogits) = (share_targets(samples)?, &mut self.dlogits[SHARE_HEAD]);
+            let share = shares[SHARE_HEAD];
+            outcome.loss += share * share_loss(logits, &targets, share, dlogits);
         }
         for sample in samples {
             let seen = Domain::of(&sample.sites.points, sample.cutter);

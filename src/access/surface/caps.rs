@@ -188,7 +188,7 @@ impl Middles {
     }
 }
 
-struct Reach<'a> {
+struct CapDepths<'a> {
     middles: &'a mut Middles,
     caps: &'a Caps,
     range: std::ops::Range<usize>,
@@ -196,12 +196,12 @@ struct Reach<'a> {
     threshold: &'a [f32; N_POINTS],
 }
 
-impl Kernel for Reach<'_> {
+impl Kernel for CapDepths<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Reach { middles, caps, range, threshold } = self;
+        let CapDepths { middles, caps, range, threshold } = self;
         let [x, y, z] = &middles.axis;
         let blocks = x.chunks_exact(S::F32::LANES).zip(y.chunks_exact(S::F32::LANES));
         let blocks = blocks.zip(z.chunks_exact(S::F32::LANES));
@@ -267,6 +267,6 @@ impl Caps {
             let within = c * cos + (1.0 - c * c).max(0.0).sqrt() * sin + ROUNDING;
             threshold[k] = if c < cos { within } else { NEVER };
         }
-        isa.run(Reach { middles, caps: self, range, threshold: &threshold });
+        isa.run(CapDepths { middles, caps: self, range, threshold: &threshold });
     }
 }

@@ -74,19 +74,21 @@ fn ball_on_edge(a: DVec3, b: DVec3, radius: f64) -> f64 {
     if !along.is_finite() {
         return f64::NEG_INFINITY;
     }
-    let aside = along.perp_dot(across(a));
-    let squared = radius * radius - aside * aside;
+    let offset = along.perp_dot(across(a));
+    let squared = radius * radius - offset * offset;
     if squared < 0.0 {
         return f64::NEG_INFINITY;
     }
     let circle = squared.sqrt();
-    let (start, slope) = (along.dot(across(a)), (b.z - a.z) / length);
-    let touch = circle * slope / (1.0 + slope * slope).sqrt();
-    let at = touch.clamp(start, start + length);
+    let (start, rise) = (along.dot(across(a)), b.z - a.z);
+    let touch = circle * rise / length.hypot(rise);
+    // As a share of the edge: one that is nearly upright has a slope that would multiply roundings of places.
+    let part = ((touch - start) / length).clamp(0.0, 1.0);
+    let at = start + part * length;
     if at.abs() > circle {
         return f64::NEG_INFINITY;
     }
-    a.z + slope * (at - start) + (squared - at * at).max(0.0).sqrt()
+    a.z + part * rise + (squared - at * at).max(0.0).sqrt()
 }
 
 /// Halvings of an interval after which nothing changes in `f64`, by the golden ratio.
@@ -158,8 +160,11 @@ impl<'a> Facet<'a> {
         if outside || turns.iter().any(|t| *t < 0.0) && turns.iter().any(|t| *t > 0.0) {
             return f64::NEG_INFINITY;
         }
-        let n = self.normal;
-        self.corners[0].z - n.truncate().dot(at - a) / n.z
+        let (n, heights) = (self.normal, self.corners.map(|p| p.z));
+        let height = heights[0] - n.truncate().dot(at - a) / n.z;
+        // On a steep facet roundings would leave the triangle.
+        let [low, high] = [f64::min, f64::max].map(|of| of(of(heights[0], heights[1]), heights[2]));
+        height.max(low).min(high)
     }
 }
 

@@ -11,7 +11,7 @@ use crate::directions::{DirectionSet, Directions};
 use crate::geom::{Mesh, Sites, solids};
 use crate::par;
 use crate::rng::{Purpose, Stream};
-use glam::{DMat3, DQuat, DVec2, DVec3, Vec3, dvec3};
+use glam::{DMat3, DQuat, DVec2, DVec3, Vec3, dvec2, dvec3};
 use std::f64::consts::{PI, TAU};
 
 mod engines;

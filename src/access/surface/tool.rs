@@ -111,7 +111,7 @@ pub(super) fn axes(direction: Vec3) -> Axes {
     basis(direction.as_dvec3().normalize())
 }
 
-/// What the tool is asked to do.
+/// Where the tool is placed.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Contact {
     /// To touch the surface at a point with this outward normal.

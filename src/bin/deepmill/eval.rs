@@ -256,7 +256,8 @@ fn overall(rows: &[Row]) -> Vec<Row> {
 }
 
 fn table(rows: &[Row], scores: Scores) -> Table {
-    let mut table = Table::new(&[
+    let has_shares = rows.iter().any(|row| row.evaluation.share_error().is_some());
+    let mut columns = vec![
         ("data", "data"),
         ("engine", "engine"),
         ("acc_i", "Acc_i"),
@@ -266,14 +267,15 @@ fn table(rows: &[Row], scores: Scores) -> Table {
         ("reference_f1_i", "ref F1_i"),
         ("calibration_error_i", "ECE_i"),
         ("calibration_error_o", "ECE_o"),
-        ("share_error", "share, mean error"),
         ("seconds_per_sample", "T"),
-    ]);
+    ];
+    columns.extend(has_shares.then_some(("share_error", "error of share")));
+    let mut table = Table::new(&columns);
     for row in rows {
         let heads = [0, 1].map(|head| row.evaluation.head(head));
         let [i, o] = heads.each_ref().map(scores);
         let time = Cell::Seconds(row.evaluation.seconds / row.n().max(1) as f64);
-        table.row([
+        let mut cells = vec![
             Cell::text(&row.set),
             Cell::text(&row.engine),
             Cell::Share(i.accuracy),
@@ -283,9 +285,11 @@ fn table(rows: &[Row], scores: Scores) -> Table {
             Cell::Share(heads[0].reference_f1),
             heads[0].calibration_error.map_or(Cell::Missing, Cell::Share),
             heads[1].calibration_error.map_or(Cell::Missing, Cell::Share),
-            row.evaluation.share_error().map_or(Cell::Missing, Cell::Share),
             if row.timed { time } else { Cell::Missing },
-        ]);
+        ];
+        let error = row.evaluation.share_error().map_or(Cell::Missing, Cell::Share);
+        cells.extend(has_shares.then_some(error));
+        table.row(cells);
     }
     table
 }

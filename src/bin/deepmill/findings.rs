@@ -14,7 +14,7 @@ const N_SAID: usize = 6;
 /// A change of the tool that reaches less of a region is no help.
 const LEAST_SHARE: f64 = 0.25;
 
-/// The findings of every tool; the others are asked whether they help.
+/// The findings of every tool, and which other tools help.
 pub fn of_tools(
     sites: &Sites,
     mesh: Option<&Mesh>,

@@ -14,7 +14,7 @@ use crate::model::cutter_modules::N_LENGTHS;
 use crate::model::graph::{Edges, GraphBatch, GraphShape, N_FEATURES};
 use crate::model::graph_sage::GraphSageConfig;
 use crate::model::heads::N_CLASSES;
-use crate::model::unet::N_HEADS;
+use crate::model::heads::N_HEADS;
 use crate::model::{Batch, GraphSage, Model, UNet, UNetConfig};
 use crate::nn::arena::{Arena, Buffer};
 use crate::nn::params::Layout;

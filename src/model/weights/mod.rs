@@ -8,11 +8,11 @@ mod infer;
 pub mod tensors;
 
 use super::Domain;
+use super::heads::N_HEADS;
 use super::network::{AnyNetwork, Network};
 use super::network_config::NetworkConfig;
 use super::predict::{AnyModel, Model};
 use super::prediction::{Calibration, INACCESSIBLE_CLASS, OCCLUSION_CLASS};
-use super::unet::N_HEADS;
 use crate::answers::Definition;
 use crate::nn::params::{Entry, Layout};
 use crate::scalar::Scalar;

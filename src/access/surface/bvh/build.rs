@@ -143,12 +143,12 @@ fn split(items: &mut [Item]) -> (usize, [Bounds; 2]) {
     if size == Vec3::ZERO {
         return halves(items, half);
     }
-    let grid = Grid::of(&middles, if items.len() > FEW { BINS } else { BINS / 2 });
-    let bins = join(items, |part| Bins::of(part, &grid));
+    let binning = Binning::of(&middles, if items.len() > FEW { BINS } else { BINS / 2 });
+    let bins = join(items, |part| Bins::of(part, &binning));
     let bins = bins.reduce(Bins::joined).unwrap_or(Bins::EMPTY);
     let mut best = (f32::INFINITY, 0, 0, [Bounds::NONE; 2]);
     for axis in (0..3).filter(|&axis| size[axis] > 0.0) {
-        bins.cuts(axis, grid.n, |cut, cost, sides| {
+        bins.cuts(axis, binning.n, |cut, cost, sides| {
             if cost < best.0 {
                 best = (cost, axis, cut, sides);
             }
@@ -158,7 +158,7 @@ fn split(items: &mut [Item]) -> (usize, [Bounds; 2]) {
     if cost == f32::INFINITY {
         return halves(items, half);
     }
-    let left = partition(items, |item| grid.bin(item.middle())[axis] <= cut);
+    let left = partition(items, |item| binning.bin(item.middle())[axis] <= cut);
     // A group that splits off crumbs only would make the tree deep.
     let least = items.len() / 64;
     if left > least && items.len() - left > least {
@@ -182,15 +182,15 @@ fn join<R: Send>(items: &[Item], of: impl Fn(&[Item]) -> R + Sync) -> impl Itera
 }
 
 /// Bins of equal width along every axis.
-struct Grid {
+struct Binning {
     low: Vec3,
     per_mm: Vec3,
     n: usize,
 }
 
-impl Grid {
+impl Binning {
     fn of(middles: &Bounds, n: usize) -> Self {
-        Grid { low: middles.low, per_mm: n as f32 / (middles.high - middles.low), n }
+        Binning { low: middles.low, per_mm: n as f32 / (middles.high - middles.low), n }
     }
 
     /// Bin of a middle along every axis; 0 along axes in which all are equal.
@@ -206,10 +206,10 @@ struct Bins([[(u32, Bounds); BINS]; 3]);
 impl Bins {
     const EMPTY: Bins = Bins([[(0, Bounds::NONE); BINS]; 3]);
 
-    fn of(items: &[Item], grid: &Grid) -> Self {
+    fn of(items: &[Item], binning: &Binning) -> Self {
         let mut bins = Bins::EMPTY;
         for item in items {
-            for (axis, k) in grid.bin(item.middle()).into_iter().enumerate() {
+            for (axis, k) in binning.bin(item.middle()).into_iter().enumerate() {
                 let (count, bounds) = &mut bins.0[axis][k];
                 (*count, *bounds) = (*count + 1, bounds.with(item.low, item.high));
             }

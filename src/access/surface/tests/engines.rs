@@ -69,6 +69,24 @@ fn drop_heights_on_a_plane_and_a_point_are_the_textbook_ones() {
     assert_eq!(drop::disc(&edge, f64::INFINITY), 0.0);
 }
 
+/// Found by fuzzing: an edge along the tool's axis but for roundings gave a height between those of its ends.
+#[test]
+fn a_ball_rests_on_the_upper_end_of_an_edge_that_is_upright_but_for_roundings() {
+    let top = dvec3(1.0 / 6.0, 1.0 / 6.0, -1.0 / 12.0);
+    let tip = Tip::Round { ring: 0.0, radius: 0.24 };
+    let on_top = drop::tip(&[top; 3], tip);
+    assert!((on_top - top.z - (0.24f64.powi(2) - 1.0 / 18.0).sqrt()).abs() < 1e-12);
+    for exponent in 3..18 {
+        for lean in [DVec2::X, DVec2::NEG_X, DVec2::Y, DVec2::splat(-1.0), dvec2(1.0, -1.0)] {
+            let bottom = top + (lean * 0.1f64.powi(exponent)).extend(-18.0);
+            for corners in [[top, bottom, bottom], [bottom, bottom, top], [bottom, top, top]] {
+                let height = drop::tip(&corners, tip);
+                assert!((height - on_top).abs() < 1e-9, "{lean} 1e-{exponent}: {height}");
+            }
+        }
+    }
+}
+
 #[test]
 fn the_fast_engine_equals_the_drop_heights() {
     let meshes = [

@@ -20,10 +20,10 @@ fn on_a_sphere_the_collision_free_directions_are_the_analytic_ones() {
             let directions = directions.vectors().iter().filter(|d| {
                 let cos = f64::from(normal.dot(**d));
                 let along = -(12.0 + 1.5) * cos;
-                let aside = (12.0 + 1.5) * (1.0 - cos * cos).max(0.0).sqrt();
+                let offset = (12.0 + 1.5) * (1.0 - cos * cos).max(0.0).sqrt();
                 cutter.steps().iter().all(|step| {
                     let below = (step.height_mm + 0.01 - along).max(0.0);
-                    let beyond = (aside - (step.radius_mm - 0.01)).max(0.0);
+                    let beyond = (offset - (step.radius_mm - 0.01)).max(0.0);
                     below.hypot(beyond) >= radius
                 })
             });
