@@ -1,9 +1,9 @@
-//! Any bytes, read as any file of tools: an error of one line or tools whose steps widen upward, never a panic. The first byte chooses the
-//! extension and what is given beside the file.
+//! Any bytes, read as any file of tools or of a holder: an error of one line or tools whose steps widen upward, never a panic. The first byte
+//! chooses the extension, what is given beside the file, and tools or holder.
 #![no_main]
 
 use deepmill::cutter::Section;
-use deepmill::data::files::tools::{Holder, Unsaid, from_bytes};
+use deepmill::data::files::tools::{Holder, Unsaid, from_bytes, holder_from_bytes};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|input: &[u8]| {
@@ -20,6 +20,13 @@ fuzz_target!(|input: &[u8]| {
             unit_mm: Some(25.4),
         },
     };
+    if choice >> 7 == 1 {
+        match holder_from_bytes(bytes, name.as_ref(), &unsaid) {
+            Err(error) => assert!(!error.to_string().contains('\n'), "{error}"),
+            Ok(holder) => assert!(!holder.sections.is_empty()),
+        }
+        return;
+    }
     match from_bytes(bytes, name.as_ref(), &unsaid) {
         Err(error) => assert!(!error.to_string().contains('\n'), "{error}"),
         Ok(table) => table.tools.iter().for_each(|tool| {

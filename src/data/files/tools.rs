@@ -25,7 +25,7 @@ use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-pub use holder::{Holder, read_holder};
+pub use holder::{Holder, holder_from_bytes, read_holder};
 pub use table::{steps_of_words, steps_words};
 
 /// A checked cutter and the numbers it was ordered with.

@@ -22,8 +22,15 @@ pub struct Holder {
 /// # Errors
 /// If the file is neither, holds several holders, or a segment is not possible.
 pub fn read_holder(path: &Path, unsaid: &Unsaid) -> Result<Holder> {
-    let bytes = input_file::read(path, input_file::MOST_SETTINGS)?;
-    let text = utf8(&bytes, path)?;
+    holder_from_bytes(&input_file::read(path, input_file::MOST_SETTINGS)?, path, unsaid)
+}
+
+/// As [`read_holder`]; `path` only names the place in errors.
+///
+/// # Errors
+/// As [`read_holder`].
+pub fn holder_from_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<Holder> {
+    let text = utf8(bytes, path)?;
     match first_char(text) {
         Some('{' | '[') => of_library(&json(text, path)?, path, unsaid),
         _ => of_table(text, path),
