@@ -69,7 +69,7 @@ SCORES = ["acc_i", "f1_i", "acc_o", "f1_o"]
 
 
 def times(args):
-    return [time for time in TIMES if time < args.seconds] + [args.seconds]
+    return [seconds for seconds in TIMES if seconds < args.seconds] + [args.seconds]
 
 
 def processor_seconds(process):
@@ -106,7 +106,7 @@ def ours(args):
                 weights = pathlib.Path(folder, f"{len(kept)}.safetensors")
                 shutil.copy(run / "model.safetensors", weights)
                 kept.append((seconds, 40 * n_rows, weights))
-                left = [time for time in left if time > seconds]
+                left = [later for later in left if later > seconds]
         process.send_signal(signal.SIGINT)
         process.wait()
         for seconds, seen, weights in kept:

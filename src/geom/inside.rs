@@ -128,12 +128,11 @@ impl Lattice {
 /// # Errors
 /// If the mesh is not closed and consistently oriented, so that there is no inside.
 pub fn lattice_inside(mesh: &Mesh, lattice: &Lattice) -> Result<Vec<bool>> {
-    let columns = Columns::new(mesh)?;
+    let grid = TriangleGrid::new(mesh)?;
     let [nx, ny, nz] = lattice.counts;
     let heights: Vec<f64> = (0..nz).map(|k| lattice.at([0, 0, k]).z).collect();
     let blocks = par::map_blocks(nx * ny, BLOCK, |range| {
-        let column =
-            |c: usize| columns.windings(lattice.at([c % nx, c / nx, 0]).truncate(), &heights);
+        let column = |c: usize| grid.windings(lattice.at([c % nx, c / nx, 0]).truncate(), &heights);
         range.map(column).collect::<Vec<_>>()
     });
     let mut inside = vec![false; lattice.len()];
@@ -150,8 +149,8 @@ pub fn lattice_inside(mesh: &Mesh, lattice: &Lattice) -> Result<Vec<bool>> {
 /// # Errors
 /// As [`lattice_inside`].
 pub fn windings(mesh: &Mesh, points: &[DVec3]) -> Result<Vec<i32>> {
-    let columns = Columns::new(mesh)?;
-    let one = |i: usize| columns.windings(points[i].truncate(), &[points[i].z])[0];
+    let grid = TriangleGrid::new(mesh)?;
+    let one = |i: usize| grid.windings(points[i].truncate(), &[points[i].z])[0];
     let blocks = par::map_blocks(points.len(), BLOCK, |range| range.map(one).collect::<Vec<_>>());
     Ok(blocks.into_iter().flatten().collect())
 }
@@ -159,11 +158,11 @@ pub fn windings(mesh: &Mesh, points: &[DVec3]) -> Result<Vec<i32>> {
 /// For each probe (mm) the groups of triangles that wind around it, ascending. `group` is each
 /// triangle's group, `u32::MAX` for none; each group must be closed by itself.
 pub(crate) fn groups_around(mesh: &Mesh, group: &[u32], probes: &[DVec3]) -> Vec<Vec<u32>> {
-    let columns = Columns::over(mesh);
+    let grid = TriangleGrid::over(mesh);
     let around = |probe: &DVec3| {
         let mut winding = BTreeMap::<u32, i32>::new();
-        for (f, facing) in columns.crossings(probe.truncate()) {
-            if group[f] != u32::MAX && is_below(*probe, &columns.triangles[f], facing) {
+        for (f, facing) in grid.crossings(probe.truncate()) {
+            if group[f] != u32::MAX && is_below(*probe, &grid.triangles[f], facing) {
                 *winding.entry(group[f]).or_default() += facing;
             }
         }
@@ -173,15 +172,15 @@ pub(crate) fn groups_around(mesh: &Mesh, group: &[u32], probes: &[DVec3]) -> Vec
 }
 
 /// The triangles of a mesh, by where they lie seen from above.
-struct Columns {
+struct TriangleGrid {
     triangles: Vec<[DVec3; 3]>,
     boxes: AabbGrid,
 }
 
-impl Columns {
+impl TriangleGrid {
     fn new(mesh: &Mesh) -> Result<Self> {
         require_balanced(mesh)?;
-        Ok(Columns::over(mesh))
+        Ok(TriangleGrid::over(mesh))
     }
 
     fn over(mesh: &Mesh) -> Self {
@@ -189,7 +188,7 @@ impl Columns {
         let flat = |v: DVec3| v.truncate().extend(0.0);
         let bounds = |[a, b, c]: &[DVec3; 3]| (flat(a.min(*b).min(*c)), flat(a.max(*b).max(*c)));
         let boxes = AabbGrid::new(&triangles.iter().map(bounds).collect::<Vec<_>>());
-        Columns { triangles, boxes }
+        TriangleGrid { triangles, boxes }
     }
 
     /// The triangles that the vertical line through `at` meets, with their facing.

@@ -42,7 +42,7 @@ impl<T: Scalar> Layer<T> for MaxPool {
         let c = x.width();
         let mut y = pass.arena.get(coarse.n_nodes() * c);
         from_children(coarse, c, &x.to_matrix(pass.arena), &mut y, |children, j| {
-            children[greatest(children, c, j) * c + j]
+            children[argmax(children, c, j) * c + j]
         });
         y
     }
@@ -56,7 +56,7 @@ impl<T: Scalar> Layer<T> for MaxPool {
         let (c, y) = (x.width(), self.forward(&pass.inference(), coarse, x));
         let mut taken = vec![0; y.len()];
         from_children(coarse, c, &x.to_matrix(pass.arena), &mut taken, |children, j| {
-            greatest(children, c, j) as u8
+            argmax(children, c, j) as u8
         });
         (y, TakenChildren(taken))
     }
@@ -182,7 +182,7 @@ impl<T: Scalar> Layer<T> for GlobalMeanPool {
     }
 }
 
-fn greatest<T: Scalar>(children: &[T], channels: usize, c: usize) -> usize {
+fn argmax<T: Scalar>(children: &[T], channels: usize, c: usize) -> usize {
     let value = |octant: usize| children[octant * channels + c];
     let is_nan = |octant: usize| value(octant).partial_cmp(&T::ZERO).is_none();
     let wins = |octant: usize, best| value(octant) > value(best) || is_nan(octant) && !is_nan(best);

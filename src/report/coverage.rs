@@ -26,7 +26,7 @@ pub struct Shares {
     /// Of the sites: both.
     pub both: f64,
     /// Of the directions: those that reach a site, mean over all sites.
-    pub free_directions: f64,
+    pub accessible_directions: f64,
 }
 
 impl Shares {
@@ -38,12 +38,12 @@ impl Shares {
         let share = |count: usize| count as f64 / n.max(1) as f64;
         let both = inaccessible.iter().zip(occlusion).filter(|(a, b)| **a && **b).count();
         let n_tested = labels.surface.as_ref().map_or(n_directions, |surface| surface.n_directions);
-        let free: u64 = accessible_directions.iter().map(|d| u64::from(*d)).sum();
+        let accessible: u64 = accessible_directions.iter().map(|d| u64::from(*d)).sum();
         Shares {
             inaccessible: share(answers.n_inaccessible()),
             occlusion: share(answers.n_occlusion()),
             both: share(both),
-            free_directions: free as f64 / (n * n_tested).max(1) as f64,
+            accessible_directions: accessible as f64 / (n * n_tested).max(1) as f64,
         }
     }
 }
@@ -110,7 +110,7 @@ impl<'a> Coverage<'a> {
         for (k, (tool, shares)) in self.tools.iter().zip(&self.shares).enumerate() {
             let lengths = tool.params.to_array();
             let shares =
-                [shares.inaccessible, shares.occlusion, shares.both, shares.free_directions];
+                [shares.inaccessible, shares.occlusion, shares.both, shares.accessible_directions];
             let mut row = vec![Cell::text(&tool.name)];
             row.extend(
                 lengths.into_iter().chain([tool.corner_mm, tool.clearance_mm]).map(Cell::Given),

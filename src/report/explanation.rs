@@ -79,7 +79,7 @@ impl About<'_> {
         facts
     }
 
-    /// A row per part that blocks, and one for the free directions.
+    /// A row per part that blocks, and one for the directions that nothing blocks.
     pub fn table(&self) -> Table {
         let states = &self.why.directions;
         let mut table = Table::new(&[
@@ -102,9 +102,9 @@ impl About<'_> {
             row.extend(state.direction.as_dvec3().to_array().map(Cell::Number));
             table.row(row);
         }
-        let n_free = states.iter().filter(|state| state.blocked.is_none()).count();
-        if n_free > 0 {
-            let mut row = vec![Cell::text("nothing"), Cell::count(n_free)];
+        let n_accessible = states.iter().filter(|state| state.blocked.is_none()).count();
+        if n_accessible > 0 {
+            let mut row = vec![Cell::text("nothing"), Cell::count(n_accessible)];
             row.resize(6, Cell::Missing);
             table.row(row);
         }

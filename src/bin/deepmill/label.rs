@@ -380,10 +380,10 @@ impl Regions {
 }
 
 fn add_shares(facts: &mut Facts, shares: Shares) {
-    let Shares { inaccessible, occlusion, both, free_directions } = shares;
+    let Shares { inaccessible, occlusion, both, accessible_directions } = shares;
     facts.add("inaccessible", "inaccessible", Cell::Share(inaccessible));
     facts.add("occlusion", "occlusion", Cell::Share(occlusion));
     facts.add("both", "inaccessible and occlusion", Cell::Share(both));
     let name = "directions that reach a site, mean";
-    facts.add("free_directions", name, Cell::Share(free_directions));
+    facts.add("free_directions", name, Cell::Share(accessible_directions));
 }

@@ -333,7 +333,7 @@ macro_rules! unsigned32 {
     (
         $vector:ident, $mask:ty,
         $add:ident, $sub:ident, $mul:ident, $shr:ident, $and:ident, $min:ident,
-        $ge:expr, $select:expr, $count:expr, $sum:expr, $least:expr, $greatest:expr
+        $ge:expr, $select:expr, $count:expr, $sum:expr, $reduce_min:expr, $reduce_max:expr
     ) => {
         impl Unsigned32 for $vector {
             #[inline(always)]
@@ -389,12 +389,12 @@ macro_rules! unsigned32 {
             #[inline(always)]
             fn reduce_min(self) -> u32 {
                 // SAFETY: the operand was made from a token.
-                unsafe { $least(self.0) }
+                unsafe { $reduce_min(self.0) }
             }
             #[inline(always)]
             fn reduce_max(self) -> u32 {
                 // SAFETY: the operand was made from a token.
-                unsafe { $greatest(self.0) }
+                unsafe { $reduce_max(self.0) }
             }
         }
     };

@@ -1,7 +1,7 @@
 //! FreeCAD tool bits (`.fctb`): JSON with one tool, lengths as texts with a unit.
 
 use super::described::{Described, Form};
-use super::place::{Place, decimal, shown, unit_mm};
+use super::place::{Place, decimal, shown, shown_value, unit_mm};
 use super::{ToolTable, Unsaid};
 use crate::Result;
 use serde_json::Value;
@@ -136,7 +136,7 @@ impl Bit<'_> {
     /// Number and unit of a parameter.
     fn value(&self, key: &str) -> Result<Option<(f64, String)>> {
         let bad = |value: &Value| {
-            let found = format!("{key} is {}, not a length or angle", shown(&value.to_string()));
+            let found = format!("{key} is {}, not a length or angle", shown_value(value));
             self.place.error(found, "write for example \"6 mm\"")
         };
         match self.parameters.get(key) {

@@ -1,6 +1,6 @@
 //! Holders: segments from the nose upward, from a library or a table of their own.
 
-use super::place::{Place, decimal, json, shown, unit_mm, utf8};
+use super::place::{Place, decimal, json, shown, shown_value, unit_mm, utf8};
 use super::{Unsaid, first_char};
 use crate::cutter::Section;
 use crate::{Error, Result, input_file};
@@ -147,7 +147,7 @@ pub(super) fn unit(object: &Value, place: &Place, unsaid: &Unsaid) -> Result<f64
             place.error("the file does not say the unit", "give it with --tool-unit mm or in")
         }),
         Some(name) => name.as_str().and_then(unit_mm).ok_or_else(|| {
-            let found = format!("the unit is {}", shown(&name.to_string()));
+            let found = format!("the unit is {}", shown_value(name));
             place.error(found, "expected millimeters or inches: correct it")
         }),
     }
@@ -246,7 +246,7 @@ mod tests {
             (r#"{"segments": [], "unit": "mm"}"#, "0 segments"),
             (r#"{"segments": [{}], "unit": "mm"}"#, "segment 1 has no height"),
             (r#"{"segments": 3, "unit": "mm"}"#, "not a list"),
-            (r#"{"segments": [], "unit": "furlongs"}"#, "furlongs"),
+            (r#"{"segments": [], "unit": "furlongs"}"#, "the unit is \"furlongs\""),
         ] {
             let message = library(text).unwrap_err().to_string();
             assert!(message.contains(words) && message.contains("; "), "{message}");

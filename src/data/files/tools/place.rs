@@ -39,7 +39,7 @@ impl Place<'_> {
             Some(value) => match value.as_f64().filter(|x| x.is_finite()) {
                 Some(x) => self.not_negative(key, x).map(Some),
                 None => {
-                    let found = format!("{key} is {}, not a number", shown(&value.to_string()));
+                    let found = format!("{key} is {}, not a number", shown_value(value));
                     Err(self.error(found, "correct it where the tool was made, and export again"))
                 }
             },
@@ -63,6 +63,11 @@ pub(super) fn shown(text: &str) -> String {
     let short: String = text.chars().take(40).collect();
     let more = if short.len() < text.len() { "…" } else { "" };
     format!("{:?}", short + more)
+}
+
+/// A value of a JSON file in a message, as [`shown`].
+pub(super) fn shown_value(value: &Value) -> String {
+    value.as_str().map_or_else(|| shown(&value.to_string()), shown)
 }
 
 /// The text without a byte order mark.

@@ -54,7 +54,7 @@ fn separator(text: &str) -> char {
 }
 
 /// Where known columns are.
-struct Columns {
+struct ColumnPlaces {
     place: [Option<usize>; COLUMNS.len()],
     n: usize,
 }
@@ -115,8 +115,8 @@ impl TableText<'_> {
         start.line() as usize + rest.lines().take_while(|l| is_passed_over(l)).count()
     }
 
-    fn columns(&self, line: usize, header: &StringRecord) -> Result<(Columns, Vec<String>)> {
-        let mut columns = Columns { place: [None; COLUMNS.len()], n: header.len() };
+    fn columns(&self, line: usize, header: &StringRecord) -> Result<(ColumnPlaces, Vec<String>)> {
+        let mut columns = ColumnPlaces { place: [None; COLUMNS.len()], n: header.len() };
         let mut unused = Vec::new();
         for (i, heading) in header.iter().enumerate() {
             match COLUMNS.iter().position(|name| name.eq_ignore_ascii_case(heading)) {
@@ -137,7 +137,7 @@ impl TableText<'_> {
         Ok((columns, unused))
     }
 
-    fn tool(&self, line: usize, row: &StringRecord, columns: &Columns) -> Result<Tool> {
+    fn tool(&self, line: usize, row: &StringRecord, columns: &ColumnPlaces) -> Result<Tool> {
         if row.iter().skip(columns.n).any(|field| !field.is_empty()) {
             let found = format!("{} fields under {} headings", row.len(), columns.n);
             let remedy = "write decimals with a point, or separate columns by semicolons";
