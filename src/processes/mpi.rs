@@ -81,13 +81,15 @@ impl Processes for Mpi {
         self.size
     }
 
+    /// No buffer is an empty one of bytes: its address may be 1, which Open MPI takes for `MPI_IN_PLACE`.
     fn gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
         let mut lengths = vec![0i32; self.size];
         self.call(4 * (self.size - 1), |world| {
             world.all_gather_into(&counted(own.len()), &mut lengths[..])
         });
         let starts = starts(&lengths);
-        let mut all = vec![0u8; lengths.iter().map(|n| *n as usize).sum()];
+        let mut all = vec![0u8; 1 + lengths.iter().map(|n| *n as usize).sum::<usize>()];
+        let own = if own.is_empty() { &[0][..0] } else { own };
         self.call(own.len() * (self.size - 1), |world| {
             let mut all = PartitionMut::new(&mut all[..], &lengths[..], &starts[..]);
             world.all_gather_varcount_into(own, &mut all);

@@ -45,7 +45,7 @@ impl Output {
     pub fn say(&self, line: impl Display) {
         match self.json {
             _ if self.silent => {}
-            true => drop(writeln!(stderr(), "{line}")),
+            true => tell(line),
             false => self.print(line),
         }
     }
@@ -67,7 +67,7 @@ impl Output {
 
     /// A warning, on standard error.
     pub fn warn(&self, line: impl Display) {
-        let _ = writeln!(stderr(), "warning: {line}");
+        tell(format_args!("warning: {line}"));
     }
 
     /// The failure that ends the program, on standard error, and under `--json` as the result. That of another process is
@@ -76,7 +76,7 @@ impl Output {
         if matches!(error, Error::OtherProcess { .. }) {
             return;
         }
-        let _ = writeln!(stderr(), "error: {error}");
+        tell(format_args!("error: {error}"));
         self.result(&json!({ "error": error.to_string() }));
     }
 
@@ -121,7 +121,7 @@ impl Output {
     pub fn tell_broken_limits(&self) -> bool {
         let broken = self.broken.lock().unwrap_or_else(PoisonError::into_inner);
         for why in &*broken {
-            let _ = writeln!(stderr(), "limit broken: {why}");
+            tell(format_args!("limit broken: {why}"));
         }
         !broken.is_empty()
     }
@@ -136,4 +136,9 @@ impl Output {
         value["files"] = json!(paths);
         self.result(&value);
     }
+}
+
+/// A line on standard error, in one piece: other processes write there too.
+fn tell(line: impl Display) {
+    let _ = stderr().write_all(format!("{line}\n").as_bytes());
 }
