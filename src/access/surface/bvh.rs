@@ -130,20 +130,9 @@ impl Bvh {
     }
 
     /// Calls `test` with the place of every triangle that may reach into one of the levels, until it returns true;
-    /// whether it did. `stack` is memory that calls share.
-    pub fn visit(
-        &self,
-        stand: &Stand,
-        levels: &[Level],
-        stack: &mut Vec<u32>,
-        mut test: impl FnMut(u32) -> bool,
-    ) -> bool {
-        let mut levels = levels;
-        self.visit_raising(stand, &mut levels, stack, |place, _| test(place))
-    }
-
-    /// As [`Bvh::visit`], with levels that `test` may raise on the way.
-    pub fn visit_raising<L: AsRef<[Level]>>(
+    /// whether it did. `test` may change the levels on the way: raise them, or make them narrower or fewer. `stack` is memory that
+    /// calls share.
+    pub fn visit<L: AsRef<[Level]>>(
         &self,
         stand: &Stand,
         levels: &mut L,
@@ -176,8 +165,9 @@ impl Bvh {
         false
     }
 
-    /// Calls `test` with the place of every triangle whose box comes within `radius` of `point`.
-    pub fn near(&self, point: DVec3, radius: f64, mut test: impl FnMut(u32)) {
+    /// Calls `test` with the place of every triangle whose box comes within `radius` of `point`, until it returns true; whether
+    /// it did.
+    pub fn near(&self, point: DVec3, radius: f64, mut test: impl FnMut(u32) -> bool) -> bool {
         let point = (point - self.origin).as_vec3();
         let reach = (radius + SLACK * (self.radius + radius)) as f32;
         let mut stack = vec![0u32];
@@ -191,12 +181,15 @@ impl Bvh {
                 if squared > reach * reach {
                     continue;
                 }
-                match node.count[k] {
-                    0 => stack.push(node.first[k]),
-                    count => (node.first[k]..node.first[k] + u32::from(count)).for_each(&mut test),
+                let (first, count) = (node.first[k], u32::from(node.count[k]));
+                match count {
+                    0 => stack.push(first),
+                    _ if (first..first + count).any(&mut test) => return true,
+                    _ => {}
                 }
             }
         }
+        false
     }
 }
 

@@ -419,6 +419,14 @@ impl Case<'_> {
         Ok((0..meetings.len()).map(state).collect())
     }
 
+    /// Whether the tip is a ball that gouges: what is above it does not matter then.
+    fn ball_gouges(&self, tool: &Assembly) -> Result<bool> {
+        let Barrier::Triangles(triangles) = &self.barrier else { return Ok(false) };
+        let (sites, cutter) = (self.site(), self.cutter(tool)?);
+        let options = self.query.options;
+        Ok(triangles.problem(Queries::Sites(&sites), &cutter, options)?.ball_gouges(0))
+    }
+
     /// What the tool meets in each of these directions.
     fn meetings(&self, tool: &Assembly, of: &[Vec3]) -> Result<(ShrunkTool, Vec<Meeting>)> {
         match &self.barrier {

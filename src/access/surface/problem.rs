@@ -166,6 +166,7 @@ impl Problem<'_> {
         Tools {
             tolerance,
             without_ball: whole.without_ball(outline, bvh, *reach),
+            without_tip: whole.without_tip(),
             whole,
             silhouettes: [
                 Silhouette::new(steps(), side, margin),
@@ -233,7 +234,7 @@ impl Problem<'_> {
                 Ball::Unknown => tools.whole.verdict(self.bvh, &stand, scratch),
                 Ball::Fits => tools.without_ball.verdict(self.bvh, &stand, scratch),
                 Ball::Gouges => {
-                    tools.without_ball.verdict(self.bvh, &stand, scratch).max(Verdict::TipGouges)
+                    tools.without_tip.verdict(self.bvh, &stand, scratch).max(Verdict::TipGouges)
                 }
             };
             if then(k, verdict, scratch.knife_edge).is_break() {
@@ -241,6 +242,11 @@ impl Problem<'_> {
             }
         }
         by_points
+    }
+
+    /// Whether the tip of the tool at a query is a ball that gouges, in every direction.
+    pub fn ball_gouges(&self, i: usize) -> bool {
+        matches!(self.ball(i, &self.new_tools(self.tolerances[i])), Ball::Gouges)
     }
 
     /// Whether a ball fits is the same for all directions.

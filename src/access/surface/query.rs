@@ -51,6 +51,12 @@ impl Probe {
         probe
     }
 
+    /// For places where the tip is known to gouge: only the steps are left to test.
+    pub fn without_tip(&self) -> Self {
+        let tip = Tip::Flat { height: f64::INFINITY, radius: 0.0 };
+        Probe { steps: self.steps.clone(), tip, levels: self.levels[1..].to_vec() }
+    }
+
     /// The verdict over all triangles. The one that a step penetrated last is tried first.
     pub fn verdict(&self, bvh: &Bvh, stand: &Stand, scratch: &mut Scratch) -> Verdict {
         self.verdict_with(bvh, stand, scratch, |_| true)
@@ -58,8 +64,8 @@ impl Probe {
 
     /// As [`Probe::verdict`]; `enough` is told of the triangles that the steps or the tip penetrate, until it says so of one of
     /// the former.
-    pub fn verdict_with(
-        &self,
+    pub fn verdict_with<'p>(
+        &'p self,
         bvh: &Bvh,
         stand: &Stand,
         scratch: &mut Scratch,
@@ -70,7 +76,8 @@ impl Probe {
         *knife_edge = false;
         let (mut collides, mut gouges) = (false, false);
         let first = *last;
-        let mut test = |place: u32| {
+        let mut levels = &self.levels[..];
+        let mut test = |place: u32, levels: &mut &'p [Level]| {
             *n_triangles += 1;
             let corners = stand.triangle(bvh.triangle(place));
             // What a slightly greater tool is clear of, this one is clear of for certain.
@@ -88,12 +95,13 @@ impl Probe {
                 *knife_edge |= !penetrate::tip(&corners, self.tip.grown(-KNIFE_EDGE_MM));
                 if gouges {
                     enough(bvh.triangle(place));
+                    *levels = &self.levels[1..];
                 }
             }
             false
         };
-        if !first.is_some_and(&mut test) {
-            bvh.visit(stand, &self.levels, stack, test);
+        if !first.is_some_and(|place| test(place, &mut levels)) {
+            bvh.visit(stand, &mut levels, stack, test);
         }
         match (collides, gouges) {
             (true, _) => Verdict::Collides,
@@ -105,11 +113,9 @@ impl Probe {
     /// Whether the tip is a ball that penetrates a triangle when its center is at `center`, from all directions.
     pub fn ball_gouges(&self, bvh: &Bvh, center: DVec3) -> bool {
         let Tip::Round { ring: 0.0, radius } = self.tip else { return false };
-        let mut gouges = false;
         bvh.near(center, radius, |place| {
-            gouges |= penetrate::ball(&bvh.triangle(place).map(|p| p - center), radius);
-        });
-        gouges
+            penetrate::ball(&bvh.triangle(place).map(|p| p - center), radius)
+        })
     }
 
     /// Calls `consider` with points of a triangle that may be deep in the tool.
@@ -208,7 +214,7 @@ impl Scratch {
         let level =
             |[height, radius]: &[f64; 2], low: f64| bvh.level(height + low, *radius, size + low);
         let mut levels: Vec<Level> = steps.iter().map(|step| level(step, low)).collect();
-        bvh.visit_raising(stand, &mut levels, stack, |place, levels| {
+        bvh.visit(stand, &mut levels, stack, |place, levels| {
             let value = value(place, low);
             if value <= low {
                 return false;

@@ -197,6 +197,7 @@ impl ContactTolerance {
                 if along && deep(bvh.face(place)) > tolerance {
                     tolerance = deep(bvh.face(place));
                 }
+                false
             });
             tolerance
         };

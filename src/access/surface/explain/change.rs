@@ -99,6 +99,19 @@ impl Case<'_> {
     /// Every kind of change that helps, the least first.
     pub(super) fn changes(&self, tolerance: f64) -> Result<Vec<Change>> {
         let tool = self.query.tool;
+        let mut changes = match self.ball_gouges(tool)? {
+            true => Vec::new(),
+            false => self.changes_above_tip(tool, tolerance)?,
+        };
+        if changes.is_empty() {
+            changes.extend(self.smaller_diameter(tool)?);
+        }
+        changes.sort_by(|a, b| a.by_mm.total_cmp(&b.by_mm));
+        Ok(changes)
+    }
+
+    /// Those that leave the tip as it is.
+    fn changes_above_tip(&self, tool: &Assembly, tolerance: f64) -> Result<Vec<Change>> {
         let kinds = [
             ChangeKind::Raise(ToolPart::Holder),
             ChangeKind::Narrow(ToolPart::Holder),
@@ -114,10 +127,6 @@ impl Case<'_> {
                 changes.extend(self.least_change(kind, tool, (&parted, &meetings), tolerance)?);
             }
         }
-        if changes.is_empty() {
-            changes.extend(self.smaller_diameter(tool)?);
-        }
-        changes.sort_by(|a, b| a.by_mm.total_cmp(&b.by_mm));
         Ok(changes)
     }
 

@@ -140,13 +140,15 @@ fn nearest(
     size: f64,
 ) -> Option<(f64, u32, DVec3)> {
     let mut best: Option<(f64, u32, DVec3)> = None;
-    bvh.visit(stand, &[bvh.level(height, radius, size)], &mut Vec::new(), |place| {
+    let mut levels = [bvh.level(height, radius, size)];
+    bvh.visit(stand, &mut levels, &mut Vec::new(), |place, levels| {
         let found = nearest_above(&stand.triangle(bvh.triangle(place)), height);
         if let Some((distance, at)) = found {
             let face = bvh.face(place);
             let is_nearer = |b: &(f64, u32, DVec3)| (distance, face) < (b.0, b.1);
             if best.as_ref().is_none_or(is_nearer) {
                 best = Some((distance, face, at));
+                *levels = [bvh.level(height, distance.min(radius), size)];
             }
         }
         false
@@ -156,16 +158,21 @@ fn nearest(
 
 /// Of the part of a triangle that is higher than `height`, the distance from the axis and the place nearest to it.
 fn nearest_above(corners: &[DVec3; 3], height: f64) -> Option<(f64, DVec3)> {
-    let mut rim: Vec<DVec3> = Vec::with_capacity(4);
+    let (mut rim, mut n_rim) = ([DVec3::ZERO; 4], 0);
+    let mut push = |p: DVec3| {
+        rim[n_rim] = p;
+        n_rim += 1;
+    };
     for k in 0..3 {
         let (a, b) = (corners[k], corners[(k + 1) % 3]);
         if a.z > height {
-            rim.push(a);
+            push(a);
         }
         if (a.z > height) != (b.z > height) {
-            rim.push(a.lerp(b, (height - a.z) / (b.z - a.z)));
+            push(a.lerp(b, (height - a.z) / (b.z - a.z)));
         }
     }
+    let rim = &rim[..n_rim];
     let mut best: Option<(f64, DVec3)> = None;
     let (mut left, mut right) = (true, true);
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
