@@ -44,7 +44,7 @@ use crate::directions::Directions;
 use crate::geom::Sites;
 use crate::{Result, par};
 use glam::Vec3;
-use held::{Held, stand, top_along};
+use held::{Held, stand, tops_along};
 
 /// What one tool of several reaches.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -92,7 +92,7 @@ impl TriangleObstacles {
             tested: &tested,
             domain,
             options: &options,
-            tops: par::map(tested.len(), |d| top_along(&self.bvh, tested.vectors()[d])),
+            tops: tops_along(&self.bvh, tested.vectors()),
             hints: vec![Vec::new(); sites.len()],
             bodies: Vec::new(),
             reach: vec![ToolReach::default(); tools.len()],
@@ -372,9 +372,11 @@ impl Pass<'_> {
         let sites = self.sites.subset(&of.iter().map(|(i, _)| *i).collect::<Vec<_>>());
         let problem = self.problem(&sites, body.cutter)?;
         let held = Held::new(&problem, assembly);
+        let directions: Vec<Vec3> = of.iter().map(|(_, direction)| *direction).collect();
+        let tops = tops_along(problem.bvh, &directions);
         let length = |k: usize| {
             let scratch = &mut Scratch::default();
-            (of[k], held.stick_out(k, of[k].1, None, f64::INFINITY, scratch))
+            (of[k], held.stick_out(k, of[k].1, tops[k], f64::INFINITY, scratch))
         };
         Ok(par::map(of.len(), length))
     }
@@ -389,15 +391,16 @@ impl Pass<'_> {
         let sites = self.sites.subset(body.reached);
         let problem = self.problem(&sites, body.cutter)?;
         let held = Held::new(&problem, assembly);
+        let witness = |i: &usize| body.witness[*i].expect("only sites that the body reaches");
+        let first: Vec<Vec3> = body.reached.iter().map(witness).collect();
+        let tops = tops_along(problem.bvh, &first);
         let blocks = par::map_blocks(body.reached.len(), BLOCK, |range| {
             let (mut scratch, mut probes) = (Scratch::default(), Probes::default());
             let of = |k: usize| {
-                let i = body.reached[k];
-                let first = body.witness[i].expect("only sites that the body reaches");
                 let mut best = (f64::INFINITY, None);
                 let probe = probes.whole(&problem, k);
-                let length = held.stick_out(k, first, None, f64::INFINITY, &mut scratch);
-                best = if length < best.0 { (length, Some(first)) } else { best };
+                let length = held.stick_out(k, first[k], tops[k], f64::INFINITY, &mut scratch);
+                best = if length < best.0 { (length, Some(first[k])) } else { best };
                 for &d in &free[k] {
                     if best.0 <= held.floor {
                         break;
@@ -411,7 +414,7 @@ impl Pass<'_> {
                     if probe.verdict(problem.bvh, &stand, &mut scratch) != Verdict::Free {
                         continue;
                     }
-                    let length = held.stick_out(k, direction, Some(top), best.0, &mut scratch);
+                    let length = held.stick_out(k, direction, top, best.0, &mut scratch);
                     best = if length < best.0 { (length, Some(direction)) } else { best };
                 }
                 best

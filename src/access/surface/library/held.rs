@@ -6,6 +6,7 @@ use super::super::problem::Problem;
 use super::super::query::{Scratch, from_box};
 use super::super::tool::{Stand, axes};
 use crate::cutter::Assembly;
+use crate::par;
 use glam::Vec3;
 
 /// A holder over the sites of a problem.
@@ -38,9 +39,8 @@ impl<'a> Held<'a> {
     }
 
     /// Stick-out from which on the spindle is clear.
-    pub fn clear_of_spindle(&self, k: usize, stand: &Stand, top: Option<f64>) -> f64 {
+    pub fn clear_of_spindle(&self, k: usize, stand: &Stand, top: f64) -> f64 {
         let axis = stand.axes[2];
-        let top = top.unwrap_or_else(|| top_along(self.problem.bvh, stand.axes[2].as_vec3()));
         top - stand.reference.dot(axis) + self.corner - self.spindle - self.problem.tolerances[k]
     }
 
@@ -54,16 +54,16 @@ impl<'a> Held<'a> {
         scratch: &mut Scratch,
     ) -> bool {
         let stand = stand(self.problem, k, direction);
-        self.clear_of_spindle(k, &stand, Some(top)) >= stick_out
+        self.clear_of_spindle(k, &stand, top) >= stick_out
             || self.greatest(k, &stand, [stick_out, stick_out], scratch) > stick_out
     }
 
-    /// The least stick-out in a direction; anything at or above `enough` if it is not below that.
+    /// The least stick-out in a direction, in which the triangles are as high as `top`; anything at or above `enough` if it is not below that.
     pub fn stick_out(
         &self,
         k: usize,
         direction: Vec3,
-        top: Option<f64>,
+        top: f64,
         enough: f64,
         scratch: &mut Scratch,
     ) -> f64 {
@@ -107,8 +107,18 @@ pub(super) fn stand(problem: &Problem, k: usize, direction: Vec3) -> Stand {
     Stand { reference: problem.contacts[k].reference_point(&problem.outline, axes[2]), axes }
 }
 
-/// Height of the triangles along a direction; a height below all if there are none.
-pub(super) fn top_along(bvh: &Bvh, direction: Vec3) -> f64 {
+/// Height of the triangles along each of these directions, which may repeat; a height below all if there are none.
+pub(super) fn tops_along(bvh: &Bvh, directions: &[Vec3]) -> Vec<f64> {
+    let key = |d: &Vec3| d.to_array().map(f32::to_bits);
+    let mut distinct = directions.to_vec();
+    distinct.sort_unstable_by_key(key);
+    distinct.dedup_by_key(|d| key(d));
+    let tops = par::map(distinct.len(), |k| top_along(bvh, distinct[k]));
+    let of = |d: &Vec3| distinct.binary_search_by_key(&key(d), key).map(|k| tops[k]);
+    directions.iter().map(|d| of(d).expect("all directions are among the distinct ones")).collect()
+}
+
+fn top_along(bvh: &Bvh, direction: Vec3) -> f64 {
     let stand = Stand { reference: bvh.origin(), axes: axes(direction) };
     let highest = |place: u32, _: f64| {
         stand
