@@ -251,7 +251,7 @@ impl Pass<'_> {
         let blocks = par::map_blocks(of.len(), BLOCK, |range| {
             let (mut scratch, mut probes) = (Scratch::default(), Probes::default());
             let find = |k: usize| {
-                let probe = probes.whole(&problem, k);
+                let probe = probes.at(&problem, k);
                 let is_free = |direction: &Vec3| {
                     let stand = stand(&problem, k, *direction);
                     probe.verdict(problem.bvh, &stand, &mut scratch) == Verdict::Free
@@ -395,10 +395,12 @@ impl Pass<'_> {
         let first: Vec<Vec3> = body.reached.iter().map(witness).collect();
         let tops = tops_along(problem.bvh, &first);
         let blocks = par::map_blocks(body.reached.len(), BLOCK, |range| {
-            let (mut scratch, mut probes) = (Scratch::default(), Probes::default());
+            let mut scratch = Scratch::default();
+            // It is the same in all directions, and fits in one.
+            let mut probes = Probes { ball_fits: true, ..Probes::default() };
             let of = |k: usize| {
                 let mut best = (f64::INFINITY, None);
-                let probe = probes.whole(&problem, k);
+                let probe = probes.at(&problem, k);
                 let length = held.stick_out(k, first[k], tops[k], f64::INFINITY, &mut scratch);
                 best = if length < best.0 { (length, Some(first[k])) } else { best };
                 for &d in &free[k] {
@@ -440,14 +442,23 @@ struct BodyLabels<'a> {
 
 /// The probe for the tolerance of a site, kept while that stays the same.
 #[derive(Default)]
-struct Probes(Option<(f64, Probe)>);
+struct Probes {
+    /// Whether the sites are such that a ball is known to fit there.
+    ball_fits: bool,
+    kept: Option<(f64, Probe)>,
+}
 
 impl Probes {
-    fn whole(&mut self, problem: &Problem, k: usize) -> &Probe {
+    fn at(&mut self, problem: &Problem, k: usize) -> &Probe {
+        let Problem { bvh, outline, reach, .. } = problem;
         let tolerance = problem.tolerances[k];
-        let kept = self.0.take().filter(|(of, _)| *of == tolerance);
-        let new =
-            || (tolerance, Probe::new(&problem.outline, tolerance, problem.bvh, problem.reach));
-        &self.0.insert(kept.unwrap_or_else(new)).1
+        let kept = self.kept.take().filter(|(of, _)| *of == tolerance);
+        let new = || {
+            let whole = Probe::new(outline, tolerance, bvh, *reach);
+            let probe =
+                if self.ball_fits { whole.without_ball(outline, bvh, *reach) } else { whole };
+            (tolerance, probe)
+        };
+        &self.kept.insert(kept.unwrap_or_else(new)).1
     }
 }
