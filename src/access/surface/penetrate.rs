@@ -65,15 +65,47 @@ pub(super) fn tip(corners: &[DVec3; 3], tip: Tip) -> bool {
         Tip::Round { ring, radius } => {
             let lowest = -radius;
             corners.iter().any(|p| p.z > lowest)
+                && !is_clear(corners, onto_disc(middle(corners), ring), radius)
                 && (step(corners, 0.0, ring + radius) || near_disc(corners, ring, radius))
         }
     }
 }
 
+/// Whether the triangle is certainly no part of what a tip raised by `raised` holds: most are told apart by this alone.
+#[inline]
+pub(super) fn is_clear_of_tip(corners: &[DVec3; 3], tip: Tip, raised: f64) -> bool {
+    let Tip::Round { ring, radius } = tip else { return false };
+    let corners = corners.map(|p| p - DVec3::Z * raised);
+    is_clear(&corners, onto_disc(middle(&corners), ring), radius)
+}
+
+/// Whether the plane at a distance of `radius` from a convex body, seen from the triangle's middle, has the triangle beyond it: with
+/// a margin for roundings. `nearest` is the body's place nearest to that middle.
+#[inline]
+fn is_clear(corners: &[DVec3; 3], nearest: DVec3, radius: f64) -> bool {
+    /// Share of the distance, squared.
+    const MARGIN: f64 = 1e-9;
+    let toward = middle(corners) - nearest;
+    let [a, b, c] = corners.map(|p| (p - nearest).dot(toward));
+    let least = a.min(b).min(c);
+    let needed = radius * radius * toward.length_squared();
+    least > 0.0 && least * least > needed * (1.0 + MARGIN)
+}
+
+fn middle([a, b, c]: &[DVec3; 3]) -> DVec3 {
+    (*a + *b + *c) / 3.0
+}
+
+/// The place of the horizontal disc of radius `ring`, or above it, that is nearest to `p`.
+fn onto_disc(p: DVec3, ring: f64) -> DVec3 {
+    across(p).clamp_length_max(ring).extend(p.z.max(0.0))
+}
+
 /// Whether the triangle comes within `radius` of the origin.
 pub(super) fn ball(corners: &[DVec3; 3], radius: f64) -> bool {
     // Below and above the middle.
-    near_disc(corners, 0.0, radius) || facet_near_disc(&corners.map(|p| -p), 0.0, radius)
+    !is_clear(corners, DVec3::ZERO, radius)
+        && (near_disc(corners, 0.0, radius) || facet_near_disc(&corners.map(|p| -p), 0.0, radius))
 }
 
 /// Whether the triangle comes within `radius` of the horizontal disc of radius `ring` or of what is above it.

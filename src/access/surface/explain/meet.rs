@@ -2,6 +2,7 @@
 
 use crate::access::surface::bvh::Bvh;
 use crate::access::surface::drop;
+use crate::access::surface::penetrate::is_clear_of_tip;
 use crate::access::surface::problem::Problem;
 use crate::access::surface::query::{Scratch, from_box};
 use crate::access::surface::tool::{Contact, Outline, Stand, Tip, across, axes};
@@ -80,7 +81,7 @@ pub(super) fn among_triangles(problem: &Problem, tool: &ShrunkTool, direction: V
     let bvh = problem.bvh;
     let size = tool.size + problem.reach;
     let step = |&(_, [height, radius]): &(ToolPart, [f64; 2])| {
-        let value = |corners: &[DVec3; 3]| drop::disc(corners, radius) - height;
+        let value = |corners: &[DVec3; 3], _| drop::disc(corners, radius) - height;
         let (_, raise) = greatest(bvh, &stand, ([height, radius], size), value)?;
         // Of all that is as high, what is nearest to the axis.
         let top = [height + raise - BEYOND_MM, radius];
@@ -94,7 +95,10 @@ pub(super) fn among_triangles(problem: &Problem, tool: &ShrunkTool, direction: V
             Tip::Round { ring, radius } => [-radius, ring + radius],
             Tip::Flat { height, radius } => [height, radius],
         };
-        let value = |corners: &[DVec3; 3]| drop::tip(corners, tip);
+        let value = |corners: &[DVec3; 3], least| match is_clear_of_tip(corners, tip, least) {
+            true => least,
+            false => drop::tip(corners, tip),
+        };
         let (place, raise) = greatest(bvh, &stand, (lower_end, size), value)?;
         let corners = stand.triangle(bvh.triangle(place));
         let (_, at) = nearest_above(&corners, lower_end[0])?;
@@ -113,12 +117,13 @@ pub(super) fn stand(problem: &Problem, direction: Vec3) -> Stand {
     Stand { reference: problem.contacts[0].reference_point(&problem.outline, axes[2]), axes }
 }
 
-/// The place of the triangle with the greatest positive value, and that value.
+/// The place of the triangle with the greatest positive value, and that value; `value` need not be right where it is at most its second
+/// argument.
 fn greatest(
     bvh: &Bvh,
     stand: &Stand,
     (step, size): ([f64; 2], f64),
-    value: impl Fn(&[DVec3; 3]) -> f64,
+    value: impl Fn(&[DVec3; 3], f64) -> f64,
 ) -> Option<(u32, f64)> {
     let mut scratch = Scratch::default();
     let [height, radius] = step;
@@ -126,7 +131,7 @@ fn greatest(
         let corners = stand.triangle(bvh.triangle(place));
         let top = corners[0].z.max(corners[1].z).max(corners[2].z);
         let is_near = top - height > least && from_box(&corners) <= radius * radius;
-        if is_near { value(&corners).max(least) } else { least }
+        if is_near { value(&corners, least).max(least) } else { least }
     };
     let found = scratch.greatest(bvh, stand, (&[step], size), [0.0, f64::INFINITY], of);
     scratch.last.map(|place| (place, found))

@@ -149,3 +149,21 @@ fn a_wide_ball_does_not_fit_between_the_walls_of_a_narrow_slot() {
     let found = answers(&mesh, &walls, &ball([1.0, 30.0, 10.0, 5.0]), &up(), &implied());
     assert!(n_of(SiteAnswer::Accessible, &found) * 10 > 7 * walls.len());
 }
+
+#[test]
+fn where_a_tip_gouges_the_work_does_not_grow_with_the_triangles_in_it() {
+    // The tips are wider than the slot, and a good part of its rim is in them.
+    let slot = slotted(6.0, 5.0);
+    let floor = sites_on(&slot, 40, |p, n| n.z > 0.5 && p.z < 19.0);
+    let finer = |mesh: &Mesh, n: usize| (0..n).fold(mesh.clone(), |mesh, _| subdivided(&mesh));
+    let meshes = [finer(&slot, 3), finer(&slot, 5)];
+    let lengths = [5.0, 30.0, 10.0, 5.0];
+    for cutter in [ball(lengths), bull(lengths, 1.0), bull(lengths, 0.0)] {
+        let [coarse, fine] = meshes.each_ref().map(|mesh| {
+            let labels = label(mesh, &floor, &cutter, &hemisphere(30), &exactly(0.01));
+            assert!(n_of(SiteAnswer::TipDoesNotFit, &labels.answers) * 2 > floor.len());
+            labels.stats.triangles_tested
+        });
+        assert!(fine < 2 * coarse, "{cutter:?}: 16 times the triangles, {coarse} and {fine} tests");
+    }
+}
