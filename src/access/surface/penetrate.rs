@@ -115,13 +115,7 @@ fn near_disc(corners: &[DVec3; 3], ring: f64, radius: f64) -> bool {
         || facet_near_disc(corners, ring, radius)
 }
 
-/// Distance of a point from the disc and what is above it, squared.
-fn from_disc(p: DVec3, ring: f64) -> f64 {
-    let beyond = (across(p).length() - ring).max(0.0);
-    let below = p.z.min(0.0);
-    beyond * beyond + below * below
-}
-
+/// Whether an edge does.
 fn edge_near_disc(a: DVec3, b: DVec3, ring: f64, radius: f64) -> bool {
     let squared = radius * radius;
     if ring == 0.0 {
@@ -130,28 +124,29 @@ fn edge_near_disc(a: DVec3, b: DVec3, ring: f64, radius: f64) -> bool {
         let part = if length > 0.0 { (-a.dot(run) / length).clamp(0.0, 1.0) } else { 0.0 };
         return (a + run * part).length_squared() < squared;
     }
-    // The distance is convex along the edge: intervals are nested until the answer is certain.
+    // The squared distance is convex along the edge: nowhere below its tangents.
+    let run = b - a;
     let (mut low, mut high) = (0.0, 1.0);
-    let length = (b - a).length();
-    let at = |t: f64| from_disc(a.lerp(b, t), ring);
-    for _ in 0..NESTINGS {
-        let third = (high - low) / 3.0;
-        let [left, right] = [low + third, high - third];
-        let [at_left, at_right] = [at(left), at(right)];
-        let least = at_left.min(at_right);
-        if least < squared {
+    for _ in 0..HALVINGS {
+        let t = 0.5 * (low + high);
+        let p = a + run * t;
+        let away = p - onto_disc(p, ring);
+        let distance = away.length_squared();
+        if distance < squared {
             return true;
         }
-        if least.sqrt() - third * length > radius {
+        let slope = 2.0 * away.dot(run);
+        let end = if slope > 0.0 { low } else { high };
+        if distance + slope * (end - t) >= squared {
             return false;
         }
-        if at_left < at_right { high = right } else { low = left }
+        if slope > 0.0 { high = t } else { low = t }
     }
-    at(low).min(at(high)) < squared
+    false
 }
 
-/// Two thirds to this power are less than the spacing of `f64`.
-const NESTINGS: usize = 90;
+/// One half to this power is less than the spacing of `f64`.
+const HALVINGS: usize = 60;
 
 /// Whether the place of the facet that is nearest to the disc lies within its rim and near enough.
 fn facet_near_disc(corners: &[DVec3; 3], ring: f64, radius: f64) -> bool {
