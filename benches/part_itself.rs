@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo bench --bench part_itself -- cost      N_SITES N_DIRECTIONS PART.stl…   labels, counts, β, search: 6 cutters
-//! cargo bench --bench part_itself -- triangles N_SITES N_DIRECTIONS PART.stl…   labels by number of triangles, 1 k to 1 M
+//! cargo bench --bench part_itself -- triangles N_SITES N_DIRECTIONS PART.stl…   labels by number of triangles, 1 k to 1 M; wide tools
 //! cargo bench --bench part_itself -- plain     N_SITES N_DIRECTIONS PART.stl…   ratio to the plain loops of the law
 //! cargo bench --bench part_itself -- curve     N_SITES PART.stl…                share found by uniform sets and by searches
 //! cargo bench --bench part_itself -- equal     N_SITES N_DIRECTIONS PART.stl…   equality with the law
@@ -26,7 +26,7 @@ use deepmill::access::surface::{
     ContactTolerance, RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions,
     TriangleObstacles,
 };
-use deepmill::cutter::{Cutter, CutterParams};
+use deepmill::cutter::{Assembly, Cutter, CutterParams, Section, TipShape};
 use deepmill::directions::Directions;
 use deepmill::geom::formats::{ReadOptions, read_mesh};
 use deepmill::geom::sites::{SiteOptions, sample};
@@ -45,6 +45,8 @@ const CUTTERS: [[f64; 4]; 6] = [
     [2.0, 0.2, 5.0, 20.0],
     [1.5, 10.0, 10.0, 10.0],
 ];
+/// A wide tool, with a ball, a bull nose or flat.
+const WIDE: [f64; 4] = [6.0, 20.0, 25.0, 20.0];
 const UNIFORM: [usize; 7] = [75, 150, 300, 600, 1200, 2400, 9600];
 /// Cells kept per level, and levels.
 const SEARCHED: [[usize; 2]; 6] = [[32, 4], [16, 5], [24, 5], [32, 5], [64, 5], [48, 6]];
@@ -201,8 +203,34 @@ fn by_triangles(path: &str, n_sites: usize, n_directions: usize) {
             print!(", {lengths:?} {times}");
         }
         println!();
+        for corner_mm in [6.0, 1.0, 0.0] {
+            let (labels, advice) = wide(&obstacles, (&sites, &directions), corner_mm);
+            println!("    {WIDE:?} corner {corner_mm}: as by default {labels}, advice {advice}");
+        }
         mesh = subdivided(&mesh);
     }
+}
+
+/// Labels as a user gets them, and the change of the tool for all that it does not reach, with a wide tool.
+fn wide(
+    obstacles: &TriangleObstacles,
+    (sites, directions): (&Sites, &Directions),
+    corner_mm: f64,
+) -> (Times, Times) {
+    let [radius_mm, height, holder, length] = WIDE;
+    let tip = TipShape::Straight { radius_mm, corner_mm };
+    let body = [Section::cylinder(200.0, radius_mm)];
+    let stick_out = corner_mm + height;
+    let holder = [Section::cylinder(length, holder)];
+    let tool = Assembly::new(tip, &body, &holder, stick_out).expect("a tool");
+    let cutter = tool.cutter().expect("a cutter");
+    let options = SurfaceOptions::default();
+    let (labels, times) =
+        timed(|| obstacles.label(sites, &cutter, directions, &options).expect("labels"));
+    let rest = |&i: &u32| labels.answers[i as usize] != SiteAnswer::Accessible;
+    let members: Vec<u32> = (0..sites.len() as u32).filter(rest).collect();
+    let advise = || obstacles.change_for((sites, &members), (&tool, 0.0), directions, &options);
+    (times, timed(|| advise().expect("advice")).1)
 }
 
 fn plain(path: &str, n_sites: usize, n_directions: usize) {
