@@ -396,7 +396,7 @@ impl Pass<'_> {
         let tops = tops_along(problem.bvh, &first);
         let blocks = par::map_blocks(body.reached.len(), BLOCK, |range| {
             let mut scratch = Scratch::default();
-            // It is the same in all directions, and fits in one.
+            // A ball that fits in one direction fits in all.
             let mut probes = Probes { ball_fits: true, ..Probes::default() };
             let of = |k: usize| {
                 let mut best = (f64::INFINITY, None);

@@ -166,7 +166,7 @@ impl Problem<'_> {
         Tools {
             tolerance,
             without_ball: whole.without_ball(outline, bvh, *reach),
-            without_tip: whole.without_tip(),
+            steps: Probe::of_steps(outline, tolerance, bvh, *reach),
             whole,
             silhouettes: [
                 Silhouette::new(steps(), side, margin),
@@ -234,7 +234,7 @@ impl Problem<'_> {
                 Ball::Unknown => tools.whole.verdict(self.bvh, &stand, scratch),
                 Ball::Fits => tools.without_ball.verdict(self.bvh, &stand, scratch),
                 Ball::Gouges => {
-                    tools.without_tip.verdict(self.bvh, &stand, scratch).max(Verdict::TipGouges)
+                    tools.steps.verdict(self.bvh, &stand, scratch).max(Verdict::TipGouges)
                 }
             };
             if then(k, verdict, scratch.knife_edge).is_break() {

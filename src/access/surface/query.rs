@@ -51,12 +51,6 @@ impl Probe {
         probe
     }
 
-    /// For places where the tip is known to gouge: only the steps are left to test.
-    pub fn without_tip(&self) -> Self {
-        let tip = Tip::Flat { height: f64::INFINITY, radius: 0.0 };
-        Probe { steps: self.steps.clone(), tip, levels: self.levels[1..].to_vec() }
-    }
-
     /// The verdict over all triangles. The one that a step penetrated last is tried first.
     pub fn verdict(&self, bvh: &Bvh, stand: &Stand, scratch: &mut Scratch) -> Verdict {
         self.verdict_with(bvh, stand, scratch, |_| true)
@@ -95,6 +89,7 @@ impl Probe {
                 *knife_edge |= !penetrate::tip(&corners, self.tip.grown(-KNIFE_EDGE_MM));
                 if gouges {
                     enough(bvh.triangle(place));
+                    // What else is in the tip does not matter.
                     *levels = &self.levels[1..];
                 }
             }
@@ -195,7 +190,7 @@ impl Scratch {
     /// The greatest value of a triangle that reaches into one of the `steps`, but at least `low`; stops at any value above `high`. A step is a
     /// height and a radius; a triangle's value is by how much the steps would have to be raised to be clear of it, if that is more than its
     /// second argument. `size` is the tool's, mm.
-    pub fn greatest(
+    pub fn max_raise(
         &mut self,
         bvh: &Bvh,
         stand: &Stand,

@@ -87,8 +87,8 @@ pub(super) struct Tools {
     pub whole: Probe,
     /// Where the ball is known to fit: see [`Probe::without_ball`].
     pub without_ball: Probe,
-    /// Where the ball is known to gouge: see [`Probe::without_tip`].
-    pub without_tip: Probe,
+    /// Where the ball is known to gouge.
+    pub steps: Probe,
     /// The steps; and the steps and what of the tip is above its middle.
     pub silhouettes: [Silhouette; 2],
 }

@@ -82,7 +82,7 @@ pub(super) fn among_triangles(problem: &Problem, tool: &ShrunkTool, direction: V
     let size = tool.size + problem.reach;
     let step = |&(_, [height, radius]): &(ToolPart, [f64; 2])| {
         let value = |corners: &[DVec3; 3], _| drop::disc(corners, radius) - height;
-        let (_, raise) = greatest(bvh, &stand, ([height, radius], size), value)?;
+        let (_, raise) = max_raise(bvh, &stand, ([height, radius], size), value)?;
         // Of all that is as high, what is nearest to the axis.
         let top = [height + raise - BEYOND_MM, radius];
         let (_, face, at) = nearest(bvh, &stand, top, size)?;
@@ -99,7 +99,7 @@ pub(super) fn among_triangles(problem: &Problem, tool: &ShrunkTool, direction: V
             true => least,
             false => drop::tip(corners, tip),
         };
-        let (place, raise) = greatest(bvh, &stand, (lower_end, size), value)?;
+        let (place, raise) = max_raise(bvh, &stand, (lower_end, size), value)?;
         let corners = stand.triangle(bvh.triangle(place));
         let (_, at) = nearest_above(&corners, lower_end[0])?;
         let at = back(&stand, at);
@@ -119,7 +119,7 @@ pub(super) fn stand(problem: &Problem, direction: Vec3) -> Stand {
 
 /// The place of the triangle with the greatest positive value, and that value; `value` need not be right where it is at most its second
 /// argument.
-fn greatest(
+fn max_raise(
     bvh: &Bvh,
     stand: &Stand,
     (step, size): ([f64; 2], f64),
@@ -133,7 +133,7 @@ fn greatest(
         let is_near = top - height > least && from_box(&corners) <= radius * radius;
         if is_near { value(&corners, least).max(least) } else { least }
     };
-    let found = scratch.greatest(bvh, stand, (&[step], size), [0.0, f64::INFINITY], of);
+    let found = scratch.max_raise(bvh, stand, (&[step], size), [0.0, f64::INFINITY], of);
     scratch.last.map(|place| (place, found))
 }
 

@@ -55,7 +55,7 @@ impl<'a> Held<'a> {
     ) -> bool {
         let stand = stand(self.problem, k, direction);
         self.clear_of_spindle(k, &stand, top) >= stick_out
-            || self.greatest(k, &stand, [stick_out, stick_out], scratch) > stick_out
+            || self.clear_stick_out(k, &stand, [stick_out, stick_out], scratch) > stick_out
     }
 
     /// The least stick-out in a direction, in which the triangles are as high as `top`; anything at or above `enough` if it is not below that.
@@ -69,11 +69,11 @@ impl<'a> Held<'a> {
     ) -> f64 {
         let stand = stand(self.problem, k, direction);
         let low = self.clear_of_spindle(k, &stand, top).max(self.floor);
-        if low >= enough { low } else { self.greatest(k, &stand, [low, enough], scratch) }
+        if low >= enough { low } else { self.clear_stick_out(k, &stand, [low, enough], scratch) }
     }
 
     /// The stick-out from which on no triangle meets the steps, at least `low`; some value above `enough` if it is above.
-    pub fn greatest(
+    pub fn clear_stick_out(
         &self,
         k: usize,
         stand: &Stand,
@@ -97,7 +97,7 @@ impl<'a> Held<'a> {
             };
             steps.iter().fold(least, value)
         };
-        scratch.greatest(bvh, stand, (&steps, self.size), [low, enough], value)
+        scratch.max_raise(bvh, stand, (&steps, self.size), [low, enough], value)
     }
 }
 
@@ -129,6 +129,7 @@ fn top_along(bvh: &Bvh, direction: Vec3) -> f64 {
     };
     let all = [-2.0 * bvh.radius() - 1.0, f64::INFINITY];
     let everywhere = [[0.0, f64::INFINITY]];
-    let above = Scratch::default().greatest(bvh, &stand, (&everywhere, bvh.radius()), all, highest);
+    let above =
+        Scratch::default().max_raise(bvh, &stand, (&everywhere, bvh.radius()), all, highest);
     above + bvh.origin().dot(stand.axes[2])
 }
