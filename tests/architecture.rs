@@ -45,7 +45,7 @@ const PLAN: [(&str, &[&str]); 28] = [
     ),
     ("data", &["model", "access", "answers", "geom", "octree", "cutter", "directions"]),
     ("gradcheck", &["model", "nn", "octree", "loss"]),
-    ("model", &["nn", "octree", "answers", "cutter", "geom", "spatial"]),
+    ("model", &["nn", "octree", "access", "answers", "cutter", "directions", "geom", "spatial"]),
     ("nn", &["octree", "simd"]),
     ("optim", &["simd"]),
     ("loss", &[]),

@@ -416,7 +416,7 @@ fn report_draws_again_and_compares() {
         prediction: Prediction {
             logits_inaccessible: logits(&file.labels.answers.inaccessible, 0),
             logits_occlusion: logits(&file.labels.answers.occlusion, 200),
-            accessible_share: Vec::new(),
+            ..Prediction::default()
         },
         occlusion_share: None,
         verified: None,

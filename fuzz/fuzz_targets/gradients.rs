@@ -34,6 +34,7 @@ fuzz_target!(|input: &[u8]| {
     config.cutter.placement = placements[usize::from(head[7] % 4)];
     config.cutter.dropout = 0.0;
     config.input.point_normals = head[7] & 4 != 0;
+    config.input.coarse_directions = usize::from(head[7] & 8);
     let Ok(mut model) = Model::<f64>::new(&config, u64::from(head[7])) else { return };
     let at = |b: u8| f32::from(b) - 127.5;
     let points: Vec<Vec3> =

@@ -76,7 +76,7 @@ impl Suite {
     /// # Errors
     /// As [`Suite::cases`].
     pub fn layer_cases(&self) -> Result<Vec<SuiteCase>> {
-        let octree = probes::batch(&self.shapes)?.octree;
+        let octree = probes::batch(&self.shapes, &probes::input())?.octree;
         let mut cases = layers::cases(&octree)?;
         cases.extend(blocks::cases(&octree, &self.policy)?);
         Ok(cases)

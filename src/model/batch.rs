@@ -1,5 +1,6 @@
 //! A batch of shapes and cutters in the form of the network's input.
 
+use super::coarse;
 use super::config::{CutterInput, InputConfig};
 use super::cutter_modules::N_LENGTHS;
 use crate::cutter::{Cutter, CutterParams};
@@ -50,6 +51,8 @@ pub struct Batch<T> {
     pub cutters: Vec<T>,
     /// Normals of the points for the heads, `[n_points, 3]`; empty if they do not read them.
     pub point_normals: Vec<T>,
+    /// What a coarse labeling says of the points ([`InputConfig::coarse_directions`]), `[n_points, 3]`; empty if the network does not read it.
+    pub point_shares: Vec<T>,
 }
 
 impl<T: Scalar> Batch<T> {
@@ -86,7 +89,13 @@ impl<T: Scalar> Batch<T> {
     ) -> Result<Self> {
         assert_eq!(clouds.len(), cutters.len());
         let octree = Octree::build(clouds, &input.octree())?;
-        let features = octree.features(input.node_features()?)?;
+        let node_features = input.node_features()?;
+        let mut features = octree.features(node_features)?;
+        let point_shares = coarse::shares(clouds, cutters, input)?;
+        if !point_shares.is_empty() {
+            features =
+                coarse::append(&octree, &features, node_features.n_channels(), &point_shares);
+        }
         if input.point_normals && octree.leaf_normals.is_empty() {
             let (found, expected) = ("true", "false for points without normals");
             let remedy = "give the points normals, or train without (docs/training.md)";
@@ -105,6 +114,7 @@ impl<T: Scalar> Batch<T> {
             features: features.into_iter().map(|f| T::from_f64(f64::from(f))).collect(),
             cutters: cutters.as_flattened().iter().map(|&c| T::from_f64(c)).collect(),
             point_normals: point_normals.map(|x| T::from_f64(f64::from(x))).collect(),
+            point_shares: point_shares.into_iter().map(|x| T::from_f64(f64::from(x))).collect(),
             octree,
         })
     }
@@ -112,9 +122,10 @@ impl<T: Scalar> Batch<T> {
     /// What the heads read: `features: [n_points, c]`, followed by the point's normal where the network takes
     /// it.
     pub(super) fn head_inputs<'a>(&'a self, features: &'a [T], c: usize) -> Vec<Operand<'a, T>> {
-        let normals =
-            (!self.point_normals.is_empty()).then(|| Operand::new(&self.point_normals, 3));
-        std::iter::once(Operand::new(features, c)).chain(normals).collect()
+        let of_points = [(&self.point_normals, 3), (&self.point_shares, coarse::N_TOOLS)];
+        let read = of_points.into_iter().filter(|(rows, _)| !rows.is_empty());
+        let read = read.map(|(rows, c)| Operand::new(rows, c));
+        std::iter::once(Operand::new(features, c)).chain(read).collect()
     }
 
     /// Number of shapes.

@@ -1,5 +1,6 @@
 //! Configuration of a network: depths, widths, blocks, cutter modules and the preparation of its input.
 
+use super::coarse;
 use super::heads::N_HEADS;
 use crate::octree::{Features, Normalization, OctreeOptions};
 use crate::{Error, Result};
@@ -75,6 +76,10 @@ pub struct InputConfig {
     /// The heads also read each point's own normal, beside the features interpolated from the octree: a
     /// cell that holds both sides of a thin wall has only their mean.
     pub point_normals: bool,
+    /// If not 0: each site also brings the shares of this many directions of the upper hemisphere in which three tools are free of the
+    /// other sites, a coarse answer that the network corrects. Needs normals and [`CutterInput::Scaled`].
+    #[serde(skip_serializing_if = "is_zero")]
+    pub coarse_directions: usize,
 }
 
 impl Default for InputConfig {
@@ -90,6 +95,7 @@ impl Default for InputConfig {
             single_precision_means: false,
             cutter: CutterInput::Scaled,
             point_normals: false,
+            coarse_directions: 0,
         }
     }
 }
@@ -125,6 +131,23 @@ impl InputConfig {
     /// If the letters are not some of `NDP` in this order.
     pub fn node_features(&self) -> Result<Features> {
         self.features.parse()
+    }
+
+    /// Columns of the finest nodes' features: those of [`InputConfig::node_features`], and the coarse shares.
+    ///
+    /// # Errors
+    /// As [`InputConfig::node_features`].
+    pub fn n_node_channels(&self) -> Result<usize> {
+        Ok(self.node_features()?.n_channels() + self.n_shares())
+    }
+
+    /// Columns that the heads read of each point, beside the octree's.
+    pub(super) fn n_point_channels(&self) -> usize {
+        3 * usize::from(self.point_normals) + self.n_shares()
+    }
+
+    fn n_shares(&self) -> usize {
+        if self.coarse_directions == 0 { 0 } else { coarse::N_TOOLS }
     }
 
     /// Normalization of the points.
@@ -324,6 +347,12 @@ impl UNetConfig {
         self.input.node_features()?;
         let n = self.encoder_widths.len();
         require("octree depth", self.input.depth, 1..=10)?;
+        require("number of coarse directions", self.input.coarse_directions, 0..=MAX_DIRECTIONS)?;
+        if self.input.coarse_directions > 0 && self.input.cutter != CutterInput::Scaled {
+            let (found, expected) = ("millimeters", "scaled with coarse_directions");
+            let remedy = "change the network's configuration";
+            return Err(Error::argument("unit of the cutter", found, expected, remedy));
+        }
         require("octree full depth", self.input.full_depth, 0..=self.input.depth)?;
         require("number of encoder stages", n, 1..=self.input.depth)?;
         require("number of encoder block counts", self.encoder_blocks.len(), n..=n)?;
@@ -356,12 +385,17 @@ impl UNetConfig {
     }
 }
 
+fn is_zero(n: &usize) -> bool {
+    *n == 0
+}
+
 fn yes() -> bool {
     true
 }
 
 pub(super) const MAX_WIDTH: usize = 1 << 12;
 const MAX_BLOCKS: usize = 1 << 8;
+const MAX_DIRECTIONS: usize = 10_000;
 
 fn require(
     name: &'static str,

@@ -35,6 +35,11 @@ pub trait Network<T: Scalar>: Debug + Clone + Send + Sync {
     /// If a shape has no points, lacks what the network reads, or holds a number that is not finite.
     fn batch(&self, shapes: &[Shape], streams: Option<&mut [Stream]>) -> Result<Self::Batch>;
 
+    /// What the network reads of each point beside the shape ([`Batch::point_shares`]), `[n_points, 3]`; empty if nothing.
+    fn point_shares<'a>(&self, _: &'a Self::Batch) -> &'a [T] {
+        &[]
+    }
+
     /// Inference: logits of the heads, `[n_points, 2]` each. Those of a shape do not depend on the rest of the batch.
     fn logits(&self, pass: &Inference<T>, batch: &Self::Batch) -> Vec<Buffer<T>>;
 
@@ -74,6 +79,10 @@ impl<T: Scalar> Network<T> for UNet {
 
     fn batch(&self, shapes: &[Shape], _: Option<&mut [Stream]>) -> Result<Batch<T>> {
         Batch::new(shapes, &self.config().input)
+    }
+
+    fn point_shares<'a>(&self, batch: &'a Batch<T>) -> &'a [T] {
+        &batch.point_shares
     }
 
     fn logits(&self, pass: &Inference<T>, batch: &Batch<T>) -> Vec<Buffer<T>> {
@@ -230,6 +239,13 @@ impl<T: Scalar> Network<T> for AnyNetwork {
             }
             AnyNetwork::GraphSage(net) => AnyBatch::GraphSage(net.batch(shapes, streams)?.into()),
         })
+    }
+
+    fn point_shares<'a>(&self, batch: &'a AnyBatch<T>) -> &'a [T] {
+        match batch {
+            AnyBatch::Octree(batch) => &batch.point_shares,
+            AnyBatch::GraphSage(_) => &[],
+        }
     }
 
     fn logits(&self, pass: &Inference<T>, batch: &AnyBatch<T>) -> Vec<Buffer<T>> {

@@ -106,6 +106,14 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
             accessible_share: heads
                 .get(SHARE_HEAD)
                 .map_or_else(Vec::new, |head| probabilities(head.as_chunks::<N_CLASSES>().0)),
+            coarse_shares: self
+                .net
+                .point_shares(&batch)
+                .as_chunks()
+                .0
+                .iter()
+                .map(|row| row.map(|share| share.to_f64() as f32))
+                .collect(),
         })
     }
 
@@ -318,7 +326,12 @@ mod tests {
             ..UNetConfig::tiny()
         };
         let packed = UNetConfig { normalize_empty_parents: false, ..UNetConfig::tiny() };
-        for config in [UNetConfig::tiny(), UNetConfig::small(), reference, packed] {
+        let mut coarse = UNetConfig::tiny();
+        coarse.input.coarse_directions = 30;
+        let mut ndp = UNetConfig::tiny();
+        ndp.input.features = "NDP".into();
+        ndp.input.point_normals = true;
+        for config in [ndp, coarse, UNetConfig::tiny(), UNetConfig::small(), reference, packed] {
             let model = trained(&config);
             require_the_same_alone(&model, &[500, 1, 40]);
             require_the_same_alone(&model, &[1]);
@@ -410,7 +423,7 @@ mod tests {
         let prediction = Prediction::<f64> {
             logits_inaccessible: vec![[0.0, 2.0], [1.0, 0.0], [1.0, 1.0]],
             logits_occlusion: vec![[2.0, 0.0], [0.0, 1.0], [1.0, 1.0]],
-            accessible_share: Vec::new(),
+            ..Prediction::default()
         };
         let answers = prediction.answers();
         assert_eq!(answers.inaccessible, [true, false, false]);

@@ -95,7 +95,7 @@ impl UNet {
     pub fn with_policy(config: &UNetConfig, policy: &MemoryPolicy) -> Result<Self> {
         config.check()?;
         let mut layout = Layout::default();
-        let c_in = config.input.node_features()?.n_channels();
+        let c_in = config.input.n_node_channels()?;
         let stem = LinearNormAct {
             linear: OctreeConv::new(&mut layout, "conv1.conv", c_in, config.stem_width),
             norm: BatchNorm::new(&mut layout, "conv1.bn", config.stem_width),
@@ -110,8 +110,8 @@ impl UNet {
         };
         let cutters = seeing.iter().map(module).collect::<Result<_>>()?;
         let decoder = decoder(config, policy, &mut layout);
-        let normal = if config.input.point_normals { 3 } else { 0 };
-        let c = config.decoder_widths[config.decoder_widths.len() - 1] + normal;
+        let c_points = config.input.n_point_channels();
+        let c = config.decoder_widths[config.decoder_widths.len() - 1] + c_points;
         let head = |name: &&str| Head::new(&mut layout, name, c, config.head_width, policy.head);
         let heads = HEADS[..config.n_heads()].iter().map(head).collect();
         Ok(UNet { config: config.clone(), layout, stem, encoder, cutters, decoder, heads })

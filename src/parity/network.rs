@@ -23,7 +23,7 @@ pub(super) fn run<T: Scalar>(fixture: &Fixture, prefix: &str, to: &mut Tensors) 
     let batch = Batch::<T>::from_normalized(&fixture.clouds(), &fixture.cutters, input)?;
     if prefix.is_empty() {
         octree(&batch.octree, to);
-        to.add_rows("input_feature", input.node_features()?.n_channels(), &batch.features);
+        to.add_rows("input_feature", input.n_node_channels()?, &batch.features);
     }
     let arena = Arena::default();
     let activations = model.forward(&batch, &arena);

@@ -408,7 +408,7 @@ mod tests {
             prediction: Prediction {
                 logits_inaccessible: logits.clone(),
                 logits_occlusion: logits,
-                accessible_share: Vec::new(),
+                ..Prediction::default()
             },
             occlusion_share: None,
             verified: None,

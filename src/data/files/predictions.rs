@@ -6,6 +6,7 @@ use crate::answers::SiteAnswers;
 use crate::data::npz::NpzReader;
 use crate::geom::Sites;
 use crate::model::Prediction;
+use crate::model::coarse::N_TOOLS;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -41,7 +42,7 @@ impl PredictionFile {
     /// If there are not two scores per site and head, the share is not in (0, 1], what was verified has no β, or the system refuses the file.
     pub fn write(&self, path: &Path) -> Result<()> {
         let n = self.sites.len();
-        let Prediction { logits_inaccessible, logits_occlusion, accessible_share } =
+        let Prediction { logits_inaccessible, logits_occlusion, accessible_share, coarse_shares } =
             &self.prediction;
         let mut npz = start(&self.sites, &self.provenance);
         for (name, logits) in
@@ -61,6 +62,13 @@ impl PredictionFile {
             }
             npz.array(SHARE, &[n], accessible_share);
             meaning[SHARE] = "share of the directions in which the cutter can stand there".into();
+        }
+        if !coarse_shares.is_empty() {
+            if coarse_shares.len() != n {
+                return Err(few(path, COARSE, coarse_shares.len(), n));
+            }
+            npz.array(COARSE, &[n, N_TOOLS], coarse_shares.as_flattened());
+            meaning[COARSE] = COARSE_MEANING.into();
         }
         if let Some(share) = self.occlusion_share {
             check_share(path, share)?;
@@ -100,12 +108,17 @@ impl PredictionFile {
         if npz.has(SHARE) {
             accessible_share = npz.f32s(SHARE, 1)?;
             same_length(path, &sites, SHARE, accessible_share.len())?;
-            if let Some(found) = accessible_share.iter().find(|s| !(0.0..=1.0).contains(*s)) {
-                let remedy = "run predict again";
-                return Err(Error::file(path, SHARE, format!("{found} is no share"), remedy));
-            }
+            check_shares(path, SHARE, &accessible_share)?;
         }
-        let prediction = Prediction { logits_inaccessible, logits_occlusion, accessible_share };
+        let mut coarse_shares = Vec::new();
+        if npz.has(COARSE) {
+            let shares = npz.f32s(COARSE, N_TOOLS)?;
+            same_length(path, &sites, COARSE, shares.len() / N_TOOLS)?;
+            check_shares(path, COARSE, &shares)?;
+            coarse_shares = shares.as_chunks().0.to_vec();
+        }
+        let prediction =
+            Prediction { logits_inaccessible, logits_occlusion, accessible_share, coarse_shares };
         let occlusion_share = npz.metadata()?["occlusion_share"].as_f64();
         occlusion_share.map_or(Ok(()), |share| check_share(path, share))?;
         let verified = npz.has("verified").then(|| read_verified(path, &mut npz, &prediction));
@@ -121,6 +134,14 @@ fn predicted(prediction: &Prediction<f32>, occlusion_share: Option<f64>) -> Site
     }
 }
 
+fn check_shares(path: &Path, name: &str, shares: &[f32]) -> Result<()> {
+    let remedy = "run predict again";
+    match shares.iter().find(|share| !(0.0..=1.0).contains(*share)) {
+        Some(found) => Err(Error::file(path, name, format!("{found} is no share"), remedy)),
+        None => Ok(()),
+    }
+}
+
 fn check_share(path: &Path, share: f64) -> Result<()> {
     if share > 0.0 && share <= 1.0 {
         return Ok(());
@@ -131,6 +152,11 @@ fn check_share(path: &Path, share: f64) -> Result<()> {
 
 /// Array of the head that tells shares.
 const SHARE: &str = "accessible_share";
+
+/// Array of what the network read of each site.
+const COARSE: &str = "coarse_shares";
+
+const COARSE_MEANING: &str = "fourth roots of the shares of the coarse directions in which the tool, the tool without its holder, and the tool half a finest cell wider are free of the other sites";
 
 const BY_RANK: &str =
     "true: among the share of sites (occlusion_share) with the greatest probability";
@@ -197,7 +223,7 @@ mod tests {
             prediction: Prediction {
                 logits_inaccessible: vec![[0.0, 2.0], [1.0, 1.0]],
                 logits_occlusion: vec![[3.5, -1.0], [0.25, 0.5]],
-                accessible_share: Vec::new(),
+                ..Prediction::default()
             },
             occlusion_share: None,
             verified: None,
@@ -225,6 +251,17 @@ mod tests {
         file.prediction.accessible_share.pop();
         assert!(file.write(&path).unwrap_err().to_string().contains("1 entries for 2 sites"));
         file.prediction.accessible_share.clear();
+
+        file.prediction.coarse_shares = vec![[0.0, 0.5, 1.0], [0.25; 3]];
+        file.write(&path).unwrap();
+        assert_eq!(PredictionFile::read(&path).unwrap(), file);
+        file.prediction.coarse_shares[1][2] = f32::NAN;
+        file.write(&path).unwrap();
+        let message = PredictionFile::read(&path).unwrap_err().to_string();
+        assert!(message.contains("NaN is no share"), "{message}");
+        file.prediction.coarse_shares.pop();
+        assert!(file.write(&path).unwrap_err().to_string().contains("1 entries for 2 sites"));
+        file.prediction.coarse_shares.clear();
 
         file.occlusion_share = Some(0.5);
         file.write(&path).unwrap();

@@ -9,7 +9,9 @@ use super::{ProbeShape, Suite, SuiteCase};
 use crate::Result;
 use crate::gradcheck::fixture::NamedArray;
 use crate::loss::{CrossEntropy, share_loss};
-use crate::model::config::{AttentionConfig, Cube, CutterConfig, CutterInput, CutterPlacement};
+use crate::model::config::{
+    AttentionConfig, Cube, CutterConfig, CutterInput, CutterPlacement, InputConfig,
+};
 use crate::model::cutter_modules::N_LENGTHS;
 use crate::model::graph::{Edges, GraphBatch, GraphShape, N_FEATURES};
 use crate::model::graph_sage::GraphSageConfig;
@@ -41,12 +43,14 @@ pub(super) fn cases(suite: &Suite) -> Result<Vec<SuiteCase>> {
     let attention = AttentionConfig { depths: vec![2, 3], n_heads: 2 };
     let with_attention = CutterConfig { dropout: 0.0, ..of(All, false) };
     let with_attention =
-        unet(suite, "unet_attention", (with_attention, attention, false), (false, true))?;
+        unet(suite, "unet_attention", (with_attention, attention, false, 0), (false, true))?;
     let no_attention = AttentionConfig::default;
-    let with_share = (of(All, false), no_attention(), true);
+    let with_share = (of(All, false), no_attention(), true, 0);
     let with_share = unet(suite, "unet_share_head", with_share, (true, true))?;
+    let with_coarse = (of(All, false), no_attention(), false, 20);
+    let with_coarse = unet(suite, "unet_coarse_directions", with_coarse, (true, true))?;
     let unet = |name, cutter, dropout, empty| {
-        unet(suite, name, (cutter, no_attention(), false), (dropout, empty))
+        unet(suite, name, (cutter, no_attention(), false, 0), (dropout, empty))
     };
     Ok(vec![
         unet("unet", of(All, false), true, true)?,
@@ -57,6 +61,7 @@ pub(super) fn cases(suite: &Suite) -> Result<Vec<SuiteCase>> {
         unet("unet_without_cutter", of(None, false), false, true)?,
         with_attention,
         with_share,
+        with_coarse,
         graph_sage(suite, "graph_sage", of(All, false))?,
         graph_sage(suite, "graph_sage_last_cutter", of(Last, false))?,
     ])
@@ -143,11 +148,16 @@ fn inputs(params: &[f64], features: (usize, &[f64]), cutters: &[f64]) -> Vec<Los
 fn unet(
     suite: &Suite,
     name: &'static str,
-    (cutter, attention, share_head): (CutterConfig, AttentionConfig, bool),
+    (cutter, attention, share_head, coarse_directions): (
+        CutterConfig,
+        AttentionConfig,
+        bool,
+        usize,
+    ),
     (dropout, empty): (bool, bool),
 ) -> Result<SuiteCase> {
     let config = UNetConfig {
-        input: probes::input(),
+        input: InputConfig { coarse_directions, ..probes::input() },
         stem_width: 4,
         encoder_widths: vec![5, 6],
         encoder_blocks: vec![1, 2],
@@ -159,7 +169,7 @@ fn unet(
         attention,
         share_head,
     };
-    let batch = probes::batch(&suite.shapes)?;
+    let batch = probes::batch(&suite.shapes, &config.input)?;
     let net = UNet::with_policy(&config, &suite.policy)?;
     let layout = net.layout().clone();
     let params = clear_of_kinks(&layout, batch.octree.finest().n_nodes());
@@ -168,7 +178,7 @@ fn unet(
     let mut fixed =
         unet_arrays(&batch, &labels, &layout, (config.cutter.width, streams.as_deref()))?;
     fixed.extend(share_head.then(|| labels.share_array()));
-    let n_channels = config.input.node_features()?.n_channels();
+    let n_channels = config.input.n_node_channels()?;
     let inputs = inputs(&params, (n_channels, &batch.features), &batch.cutters);
     let max_elements = ELEMENTS_PER_TENSOR * layout.params.len();
     let model = Model::of(net, params, layout.init_buffers());
@@ -206,11 +216,17 @@ fn unet_arrays(
     let meaning = "normals of the points, which the heads read beside the features";
     let normals =
         NamedArray::numbers("fixed.point_normals", meaning, &[n, 3], &batch.point_normals);
+    let meaning = "what the heads read of the points beside the features and the normals";
+    let shares = (!batch.point_shares.is_empty()).then(|| {
+        let shape = [n, batch.point_shares.len() / n];
+        NamedArray::numbers("fixed.point_shares", meaning, &shape, &batch.point_shares)
+    });
     let mut arrays = vec![normals, shape_array("geometry.points", point_ranges)];
     for (depth, level) in levels.iter().enumerate() {
         arrays.extend(level.arrays(&format!("geometry.{depth}")));
     }
     arrays.extend(batch.interpolation.arrays("geometry.points"));
+    arrays.extend(shares);
     arrays.extend(labels.arrays());
     if let Some(streams) = streams {
         arrays.extend(module_masks(layout, width, streams)?);

@@ -44,11 +44,11 @@ pub(super) fn cutter(i: usize) -> [f64; 4] {
     [0.1, 0.25, 0.4, 0.3].map(|x| (x * (1 + 3 * i) as f64) % 0.5)
 }
 
-pub(super) fn batch(shapes: &[ProbeShape]) -> Result<Batch<f64>> {
+pub(super) fn batch(shapes: &[ProbeShape], input: &InputConfig) -> Result<Batch<f64>> {
     let shapes: Vec<_> = shapes.iter().map(|&shape| points(shape)).collect();
     let clouds: Vec<_> = shapes.iter().map(|(p, n)| Cloud::new(p, n)).collect();
     let cutters: Vec<_> = (0..shapes.len()).map(cutter).collect();
-    Batch::from_normalized(&clouds, &cutters, &input())
+    Batch::from_normalized(&clouds, &cutters, input)
 }
 
 /// A bumpy closed band of `4 n` vertices.

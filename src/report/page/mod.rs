@@ -183,7 +183,7 @@ mod tests {
         let prediction = Prediction {
             logits_inaccessible: logits.clone(),
             logits_occlusion: logits,
-            accessible_share: Vec::new(),
+            ..Prediction::default()
         };
         let file = PredictionFile {
             provenance: provenance.clone(),
