@@ -1,7 +1,7 @@
 //! A batch of shapes and cutters in the form of the network's input.
 
 use super::coarse;
-use super::config::{CutterInput, InputConfig};
+use super::config::{CutterInput, InputConfig, N_COARSE};
 use super::cutter_modules::N_LENGTHS;
 use crate::cutter::{Cutter, CutterParams};
 use crate::geom::sites::{check_points, check_sites};
@@ -122,7 +122,7 @@ impl<T: Scalar> Batch<T> {
     /// What the heads read: `features: [n_points, c]`, followed by the point's normal where the network takes
     /// it.
     pub(super) fn head_inputs<'a>(&'a self, features: &'a [T], c: usize) -> Vec<Operand<'a, T>> {
-        let of_points = [(&self.point_normals, 3), (&self.point_shares, coarse::N_TOOLS)];
+        let of_points = [(&self.point_normals, 3), (&self.point_shares, N_COARSE)];
         let read = of_points.into_iter().filter(|(rows, _)| !rows.is_empty());
         let read = read.map(|(rows, c)| Operand::new(rows, c));
         std::iter::once(Operand::new(features, c)).chain(read).collect()

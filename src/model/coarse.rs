@@ -11,7 +11,7 @@
 //! The published definition with 150 directions takes milliseconds and is wrong at a tenth of the sites: between sites and directions it
 //! does not look. The network corrects it. The root tells sites of one direction from sites of none.
 
-use super::config::InputConfig;
+use super::config::{InputConfig, N_COARSE};
 use super::cutter_modules::N_LENGTHS;
 use crate::access::{self, LabelOptions, Obstacles};
 use crate::cutter::{Cutter, CutterParams};
@@ -20,13 +20,10 @@ use crate::geom::Sites;
 use crate::octree::{Cloud, Octree};
 use crate::{Error, Result};
 
-/// Numbers of each site: one for each tool.
-pub const N_TOOLS: usize = 3;
-
 /// A cutter's lengths are at least that; in the cube `[-1, 1]³` no site is told from another by less.
 const SHORTEST: f64 = 1e-4;
 
-/// Roots of the shares, `[n_points, N_TOOLS]`, of normalized clouds and cutters in their unit; empty if the network does not read them.
+/// Roots of the shares, `[n_points, N_COARSE]`, of normalized clouds and cutters in their unit; empty if the network does not read them.
 ///
 /// # Errors
 /// If the clouds have no normals.
@@ -60,7 +57,7 @@ pub(super) fn shares(
 }
 
 /// A holder that is narrower than its cutter counts as one of the cutter's width.
-fn tools([cr, ch, fr, fh]: [f64; N_LENGTHS], input: &InputConfig) -> Result<[Cutter; N_TOOLS]> {
+fn tools([cr, ch, fr, fh]: [f64; N_LENGTHS], input: &InputConfig) -> Result<[Cutter; N_COARSE]> {
     let fr = fr.max(cr);
     let half_cell = 1.0 / f64::from(1u32 << input.depth);
     let of = |lengths: [f64; N_LENGTHS]| {
@@ -76,14 +73,14 @@ fn tools([cr, ch, fr, fh]: [f64; N_LENGTHS], input: &InputConfig) -> Result<[Cut
 /// Means over the points of each finest node, zeros for empty ones, appended to `features: [n_nodes, c]`.
 pub(super) fn append(octree: &Octree, features: &[f32], c: usize, shares: &[f32]) -> Vec<f32> {
     let finest = octree.finest();
-    let mut sums = vec![[0.0; N_TOOLS]; finest.n_nodes()];
+    let mut sums = vec![[0.0; N_COARSE]; finest.n_nodes()];
     let mut n_points = vec![0.0; finest.n_nodes()];
-    for (&leaf, shares) in octree.point_node.iter().zip(shares.as_chunks::<N_TOOLS>().0) {
+    for (&leaf, shares) in octree.point_node.iter().zip(shares.as_chunks::<N_COARSE>().0) {
         let node = finest.nonempty[leaf as usize] as usize;
         n_points[node] += 1.0;
         sums[node].iter_mut().zip(shares).for_each(|(sum, share)| *sum += share);
     }
-    let mut rows = Vec::with_capacity(finest.n_nodes() * (c + N_TOOLS));
+    let mut rows = Vec::with_capacity(finest.n_nodes() * (c + N_COARSE));
     for ((row, sums), n_points) in features.chunks(c).zip(sums).zip(n_points) {
         rows.extend_from_slice(row);
         rows.extend(sums.map(|sum| sum / f32::max(n_points, 1.0)));
@@ -137,7 +134,7 @@ mod tests {
             let labels = label(&sites, Obstacles::Queries, &cutter, &directions, &options).unwrap();
             let counts = labels.answers.accessible_directions;
             let mut different = 0;
-            for (n, shares) in counts.iter().zip(batch.point_shares.chunks(N_TOOLS)) {
+            for (n, shares) in counts.iter().zip(batch.point_shares.chunks(N_COARSE)) {
                 let found = shares[t].powi(4) * N_DIRECTIONS as f64;
                 different += u32::from((found - f64::from(*n)).abs() > 0.01);
             }
@@ -158,9 +155,9 @@ mod tests {
         for (node, row) in batch.features.chunks(c).enumerate() {
             let own = |i: &usize| nodes[*i] as usize == node;
             let own: Vec<usize> = (0..nodes.len()).filter(own).collect();
-            for t in 0..N_TOOLS {
-                let sum: f32 = own.iter().map(|i| batch.point_shares[N_TOOLS * i + t]).sum();
-                assert_eq!(row[c - N_TOOLS + t], sum / own.len().max(1) as f32);
+            for t in 0..N_COARSE {
+                let sum: f32 = own.iter().map(|i| batch.point_shares[N_COARSE * i + t]).sum();
+                assert_eq!(row[c - N_COARSE + t], sum / own.len().max(1) as f32);
             }
         }
     }

@@ -1,6 +1,5 @@
 //! Configuration of a network: depths, widths, blocks, cutter modules and the preparation of its input.
 
-use super::coarse;
 use super::heads::N_HEADS;
 use crate::octree::{Features, Normalization, OctreeOptions};
 use crate::{Error, Result};
@@ -52,6 +51,9 @@ impl From<Cube> for Normalization {
         }
     }
 }
+
+/// Numbers of each site with [`InputConfig::coarse_directions`]: one for each tool.
+pub const N_COARSE: usize = 3;
 
 /// From points, normals and cutter in millimeters to the network's input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -147,7 +149,7 @@ impl InputConfig {
     }
 
     fn n_shares(&self) -> usize {
-        if self.coarse_directions == 0 { 0 } else { coarse::N_TOOLS }
+        if self.coarse_directions == 0 { 0 } else { N_COARSE }
     }
 
     /// Normalization of the points.

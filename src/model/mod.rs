@@ -5,7 +5,7 @@
 //! take their memory from an [`Arena`](crate::nn::arena::Arena) of the caller.
 
 mod batch;
-pub(crate) mod coarse;
+mod coarse;
 pub mod config;
 pub mod cutter_modules;
 mod domain;

@@ -1,6 +1,6 @@
 //! What a network says about the sites of one part and one cutter, and the calibration of its logits.
 
-use super::coarse::N_TOOLS;
+use super::config::N_COARSE;
 use super::heads::N_CLASSES;
 use crate::answers::{SiteAnswers, is_positive, mark_top_share};
 use crate::scalar::Scalar;
@@ -50,7 +50,7 @@ pub struct Prediction<T> {
     pub accessible_share: Vec<f32>,
     /// What a network with [`coarse_directions`](super::config::InputConfig::coarse_directions) has read of each site beside the shape: three
     /// numbers in [0, 1]; empty for others.
-    pub coarse_shares: Vec<[f32; N_TOOLS]>,
+    pub coarse_shares: Vec<[f32; N_COARSE]>,
 }
 
 impl<T: Scalar> Prediction<T> {

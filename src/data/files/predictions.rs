@@ -6,7 +6,7 @@ use crate::answers::SiteAnswers;
 use crate::data::npz::NpzReader;
 use crate::geom::Sites;
 use crate::model::Prediction;
-use crate::model::coarse::N_TOOLS;
+use crate::model::config::N_COARSE;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -67,7 +67,7 @@ impl PredictionFile {
             if coarse_shares.len() != n {
                 return Err(few(path, COARSE, coarse_shares.len(), n));
             }
-            npz.array(COARSE, &[n, N_TOOLS], coarse_shares.as_flattened());
+            npz.array(COARSE, &[n, N_COARSE], coarse_shares.as_flattened());
             meaning[COARSE] = COARSE_MEANING.into();
         }
         if let Some(share) = self.occlusion_share {
@@ -112,8 +112,8 @@ impl PredictionFile {
         }
         let mut coarse_shares = Vec::new();
         if npz.has(COARSE) {
-            let shares = npz.f32s(COARSE, N_TOOLS)?;
-            same_length(path, &sites, COARSE, shares.len() / N_TOOLS)?;
+            let shares = npz.f32s(COARSE, N_COARSE)?;
+            same_length(path, &sites, COARSE, shares.len() / N_COARSE)?;
             check_shares(path, COARSE, &shares)?;
             coarse_shares = shares.as_chunks().0.to_vec();
         }
