@@ -1,5 +1,5 @@
-//! What the network is told about each site before it looks at the shape: in which share of a few directions tools are free of the
-//! other sites.
+//! What the network is told about each site before it looks at the shape: in which share of a few directions tools collide
+//! with no other site.
 //!
 //! ```text
 //! tools = the tool; the tool without its holder; the tool, half a finest cell wider
@@ -49,8 +49,9 @@ pub(super) fn shares(
         let tools = tools(cutter, input)?;
         let labels = access::label_many(&sites, Obstacles::Queries, &tools, &directions, &options)?;
         for i in 0..sites.points.len() {
-            let n_free = labels.iter().map(|of_tool| of_tool.answers.accessible_directions[i]);
-            rows.extend(n_free.map(|n| (n as f32 / directions.len() as f32).sqrt().sqrt()));
+            let n_accessible =
+                labels.iter().map(|of_tool| of_tool.answers.accessible_directions[i]);
+            rows.extend(n_accessible.map(|n| (n as f32 / directions.len() as f32).sqrt().sqrt()));
         }
     }
     Ok(rows)

@@ -78,8 +78,8 @@ pub struct InputConfig {
     /// The heads also read each point's own normal, beside the features interpolated from the octree: a
     /// cell that holds both sides of a thin wall has only their mean.
     pub point_normals: bool,
-    /// If not 0: each site also brings the shares of this many directions of the upper hemisphere in which three tools are free of the
-    /// other sites, a coarse answer that the network corrects. Needs normals and [`CutterInput::Scaled`].
+    /// If not 0: each site also brings the shares of this many directions of the upper hemisphere in which three tools collide with
+    /// no other site, a coarse answer that the network corrects. Needs normals and [`CutterInput::Scaled`].
     #[serde(skip_serializing_if = "is_zero")]
     pub coarse_directions: usize,
 }

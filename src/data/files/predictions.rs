@@ -156,7 +156,7 @@ const SHARE: &str = "accessible_share";
 /// Array of what the network read of each site.
 const COARSE: &str = "coarse_shares";
 
-const COARSE_MEANING: &str = "fourth roots of the shares of the coarse directions in which the tool, the tool without its holder, and the tool half a finest cell wider are free of the other sites";
+const COARSE_MEANING: &str = "fourth roots of the shares of the coarse directions in which the tool, the tool without its holder, and the tool half a finest cell wider collide with no other site";
 
 const BY_RANK: &str =
     "true: among the share of sites (occlusion_share) with the greatest probability";

@@ -41,16 +41,17 @@ pub(super) fn cases(suite: &Suite) -> Result<Vec<SuiteCase>> {
     };
     use CutterPlacement::{All, First, Last, None};
     let attention = AttentionConfig { depths: vec![2, 3], n_heads: 2 };
-    let with_attention = CutterConfig { dropout: 0.0, ..of(All, false) };
+    let attention = Extras { attention, ..Extras::default() };
+    let without_dropout = CutterConfig { dropout: 0.0, ..of(All, false) };
     let with_attention =
-        unet(suite, "unet_attention", (with_attention, attention, false, 0), (false, true))?;
-    let no_attention = AttentionConfig::default;
-    let with_share = (of(All, false), no_attention(), true, 0);
-    let with_share = unet(suite, "unet_share_head", with_share, (true, true))?;
-    let with_coarse = (of(All, false), no_attention(), false, 20);
-    let with_coarse = unet(suite, "unet_coarse_directions", with_coarse, (true, true))?;
+        unet(suite, "unet_attention", (without_dropout, attention), (false, true))?;
+    let share = Extras { share_head: true, ..Extras::default() };
+    let with_share = unet(suite, "unet_share_head", (of(All, false), share), (true, true))?;
+    let coarse = Extras { coarse_directions: 20, ..Extras::default() };
+    let with_coarse =
+        unet(suite, "unet_coarse_directions", (of(All, false), coarse), (true, true))?;
     let unet = |name, cutter, dropout, empty| {
-        unet(suite, name, (cutter, no_attention(), false, 0), (dropout, empty))
+        unet(suite, name, (cutter, Extras::default()), (dropout, empty))
     };
     Ok(vec![
         unet("unet", of(All, false), true, true)?,
@@ -65,6 +66,14 @@ pub(super) fn cases(suite: &Suite) -> Result<Vec<SuiteCase>> {
         graph_sage(suite, "graph_sage", of(All, false))?,
         graph_sage(suite, "graph_sage_last_cutter", of(Last, false))?,
     ])
+}
+
+/// What a network may have beside the published structure.
+#[derive(Default)]
+struct Extras {
+    attention: AttentionConfig,
+    share_head: bool,
+    coarse_directions: usize,
 }
 
 /// Targets of all heads.
@@ -148,14 +157,10 @@ fn inputs(params: &[f64], features: (usize, &[f64]), cutters: &[f64]) -> Vec<Los
 fn unet(
     suite: &Suite,
     name: &'static str,
-    (cutter, attention, share_head, coarse_directions): (
-        CutterConfig,
-        AttentionConfig,
-        bool,
-        usize,
-    ),
+    (cutter, extras): (CutterConfig, Extras),
     (dropout, empty): (bool, bool),
 ) -> Result<SuiteCase> {
+    let Extras { attention, share_head, coarse_directions } = extras;
     let config = UNetConfig {
         input: InputConfig { coarse_directions, ..probes::input() },
         stem_width: 4,
