@@ -105,7 +105,7 @@ class Network(nn.Module):
         cut, n = config["cutter"], len(config["encoder_widths"])
         enc, dec = [config["stem_width"], *config["encoder_widths"]], [config["encoder_widths"][-1], *config["decoder_widths"]]
         self.input, self.n = config["input"], n
-        coarse = 3 if self.input.get("coarse_directions") else 0
+        coarse = 4 if self.input.get("coarse_directions") else 0
         channels = sum({"N": 3, "D": 1, "P": 3}[letter] for letter in self.input["features"]) + coarse
         self.conv1 = ConvBn(channels, enc[0])
         self.downsample = nn.ModuleList(ConvBn(enc[i], enc[i + 1], 2, 2) for i in range(n))
@@ -119,8 +119,8 @@ class Network(nn.Module):
         self.calibration = [(1.0, 0.0), (1.0, 0.0)]
         self.header, self.header_2 = (nn.Sequential(PlainBn(read, config["head_width"], True), Plain(config["head_width"], 2, True)) for _ in range(2))
 
-    def forward(self, points, normals, cutter_mm, shares=None):
-        """Points and normals `[n, 3]`, mm; CR, CH, FR, FH in mm; `coarse_shares` of deepmill's predictions, `[n, 3]`, for a network with
+    def forward(self, points, normals, cutter_mm, coarse=None):
+        """Points and normals `[n, 3]`, mm; CR, CH, FR, FH in mm; `coarse_answers` of deepmill's predictions, `[n, 4]`, for a network with
         `coarse_directions`. Logits of both heads, `[n, 2]` each."""
         low, high = points.min(0).values, points.max(0).values
         scale = 2 / (high - low).max()
@@ -131,8 +131,8 @@ class Network(nn.Module):
         octree.construct_all_neigh()
         cutter = (cutter_mm * scale).clamp(max=4).float()[None]
         x, depth, skips = InputFeature(self.input["features"])(octree), self.input["depth"], []
-        if shares is not None:
-            x = torch.cat([x, means(octree, depth, points.clamp(max=1 - 2e-7).float(), shares.float())], 1)
+        if coarse is not None:
+            x = torch.cat([x, means(octree, depth, points.clamp(max=1 - 2e-7).float(), coarse.float())], 1)
         x = torch.relu(self.conv1(x, octree, depth))
         for i in range(self.n):
             skips.append(x)
@@ -148,8 +148,8 @@ class Network(nn.Module):
         x = interpolate(x, octree, depth, points.float())
         if self.input["point_normals"]:
             x = torch.cat([x, normals.float()], 1)
-        if shares is not None:
-            x = torch.cat([x, shares.float()], 1)
+        if coarse is not None:
+            x = torch.cat([x, coarse.float()], 1)
         # Head 1 has its positive class first.
         (a, b), (c, d) = self.calibration
         return self.header(x) * a + torch.tensor([b, 0.0]), self.header_2(x) * c + torch.tensor([0.0, d])
@@ -179,10 +179,10 @@ def load(path):
 def main(weights, archive):
     with np.load(archive) as z:
         points, normals, cutter = (torch.from_numpy(z[name]).double() for name in ["points", "normals", "cutter"])
-        shares = torch.from_numpy(z["coarse_shares"]) if "coarse_shares" in z else None
+        coarse = torch.from_numpy(z["coarse_answers"]) if "coarse_answers" in z else None
         stored = [z["logits_inaccessible"], z["logits_occlusion"]]
     with torch.no_grad():
-        found = load(weights)(points, normals, cutter, shares)
+        found = load(weights)(points, normals, cutter, coarse)
     for name, a, b in zip(["inaccessible", "occlusion"], found, stored):
         # The file has the positive class second; head 1 of the weights has it first.
         a = a.numpy()[:, ::-1] if name == "inaccessible" else a.numpy()

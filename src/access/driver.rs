@@ -122,13 +122,14 @@ pub fn label_many<'a>(
 ///
 /// # Errors
 /// As [`label`].
-pub(super) fn count_for(
+pub(crate) fn count_for(
     queries: Queries,
     obstacles: Obstacles,
     cutter: &Cutter,
     directions: &Directions,
     marked: &[bool],
 ) -> Result<Vec<u64>> {
+    let _floats = par::DefaultFloats::set();
     let scene = Scene::new(queries, obstacles)?;
     let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
     let order = Order::compact(&scene);

@@ -51,8 +51,8 @@ pub struct Batch<T> {
     pub cutters: Vec<T>,
     /// Normals of the points for the heads, `[n_points, 3]`; empty if they do not read them.
     pub point_normals: Vec<T>,
-    /// What a coarse labeling says of the points ([`InputConfig::coarse_directions`]), `[n_points, 3]`; empty if the network does not read it.
-    pub point_shares: Vec<T>,
+    /// What a coarse labeling says of the points ([`InputConfig::coarse_directions`]), `[n_points, 4]`; empty if the network does not read it.
+    pub coarse_answers: Vec<T>,
 }
 
 impl<T: Scalar> Batch<T> {
@@ -91,10 +91,10 @@ impl<T: Scalar> Batch<T> {
         let octree = Octree::build(clouds, &input.octree())?;
         let node_features = input.node_features()?;
         let mut features = octree.features(node_features)?;
-        let point_shares = coarse::shares(clouds, cutters, input)?;
-        if !point_shares.is_empty() {
+        let coarse_answers = coarse::answers(clouds, cutters, input)?;
+        if !coarse_answers.is_empty() {
             features =
-                coarse::append(&octree, &features, node_features.n_channels(), &point_shares);
+                coarse::append(&octree, &features, node_features.n_channels(), &coarse_answers);
         }
         if input.point_normals && octree.leaf_normals.is_empty() {
             let (found, expected) = ("true", "false for points without normals");
@@ -114,7 +114,7 @@ impl<T: Scalar> Batch<T> {
             features: features.into_iter().map(|f| T::from_f64(f64::from(f))).collect(),
             cutters: cutters.as_flattened().iter().map(|&c| T::from_f64(c)).collect(),
             point_normals: point_normals.map(|x| T::from_f64(f64::from(x))).collect(),
-            point_shares: point_shares.into_iter().map(|x| T::from_f64(f64::from(x))).collect(),
+            coarse_answers: coarse_answers.into_iter().map(|x| T::from_f64(f64::from(x))).collect(),
             octree,
         })
     }
@@ -122,7 +122,7 @@ impl<T: Scalar> Batch<T> {
     /// What the heads read: `features: [n_points, c]`, followed by the point's normal where the network takes
     /// it.
     pub(super) fn head_inputs<'a>(&'a self, features: &'a [T], c: usize) -> Vec<Operand<'a, T>> {
-        let of_points = [(&self.point_normals, 3), (&self.point_shares, N_COARSE)];
+        let of_points = [(&self.point_normals, 3), (&self.coarse_answers, N_COARSE)];
         let read = of_points.into_iter().filter(|(rows, _)| !rows.is_empty());
         let read = read.map(|(rows, c)| Operand::new(rows, c));
         std::iter::once(Operand::new(features, c)).chain(read).collect()

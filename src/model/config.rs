@@ -52,8 +52,8 @@ impl From<Cube> for Normalization {
     }
 }
 
-/// Numbers of each site with [`InputConfig::coarse_directions`]: one for each tool.
-pub const N_COARSE: usize = 3;
+/// Numbers of each site with [`InputConfig::coarse_directions`]: one for each of three tools, and one of occlusion.
+pub const N_COARSE: usize = 4;
 
 /// From points, normals and cutter in millimeters to the network's input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -78,8 +78,9 @@ pub struct InputConfig {
     /// The heads also read each point's own normal, beside the features interpolated from the octree: a
     /// cell that holds both sides of a thin wall has only their mean.
     pub point_normals: bool,
-    /// If not 0: each site also brings the shares of this many directions of the upper hemisphere in which three tools collide with
-    /// no other site, a coarse answer that the network corrects. Needs normals and [`CutterInput::Scaled`].
+    /// If not 0: each site also brings a coarse answer that the network corrects, the labels of the published definition: the shares of this
+    /// many directions of the upper hemisphere in which three tools collide with no other site, and how often the site is in the
+    /// way of others. Needs normals and [`CutterInput::Scaled`].
     #[serde(skip_serializing_if = "is_zero")]
     pub coarse_directions: usize,
 }
@@ -135,20 +136,20 @@ impl InputConfig {
         self.features.parse()
     }
 
-    /// Columns of the finest nodes' features: those of [`InputConfig::node_features`], and the coarse shares.
+    /// Columns of the finest nodes' features: those of [`InputConfig::node_features`], and the coarse answer.
     ///
     /// # Errors
     /// As [`InputConfig::node_features`].
     pub fn n_node_channels(&self) -> Result<usize> {
-        Ok(self.node_features()?.n_channels() + self.n_shares())
+        Ok(self.node_features()?.n_channels() + self.n_coarse())
     }
 
     /// Columns that the heads read of each point, beside the octree's.
     pub(super) fn n_point_channels(&self) -> usize {
-        3 * usize::from(self.point_normals) + self.n_shares()
+        3 * usize::from(self.point_normals) + self.n_coarse()
     }
 
-    fn n_shares(&self) -> usize {
+    fn n_coarse(&self) -> usize {
         if self.coarse_directions == 0 { 0 } else { N_COARSE }
     }
 

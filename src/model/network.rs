@@ -35,8 +35,8 @@ pub trait Network<T: Scalar>: Debug + Clone + Send + Sync {
     /// If a shape has no points, lacks what the network reads, or holds a number that is not finite.
     fn batch(&self, shapes: &[Shape], streams: Option<&mut [Stream]>) -> Result<Self::Batch>;
 
-    /// What the network reads of each point beside the shape ([`Batch::point_shares`]), `[n_points, 3]`; empty if nothing.
-    fn point_shares<'a>(&self, _: &'a Self::Batch) -> &'a [T] {
+    /// What the network reads of each point beside the shape ([`Batch::coarse_answers`]), `[n_points, 4]`; empty if nothing.
+    fn coarse_answers<'a>(&self, _: &'a Self::Batch) -> &'a [T] {
         &[]
     }
 
@@ -81,8 +81,8 @@ impl<T: Scalar> Network<T> for UNet {
         Batch::new(shapes, &self.config().input)
     }
 
-    fn point_shares<'a>(&self, batch: &'a Batch<T>) -> &'a [T] {
-        &batch.point_shares
+    fn coarse_answers<'a>(&self, batch: &'a Batch<T>) -> &'a [T] {
+        &batch.coarse_answers
     }
 
     fn logits(&self, pass: &Inference<T>, batch: &Batch<T>) -> Vec<Buffer<T>> {
@@ -241,9 +241,9 @@ impl<T: Scalar> Network<T> for AnyNetwork {
         })
     }
 
-    fn point_shares<'a>(&self, batch: &'a AnyBatch<T>) -> &'a [T] {
+    fn coarse_answers<'a>(&self, batch: &'a AnyBatch<T>) -> &'a [T] {
         match batch {
-            AnyBatch::Octree(batch) => &batch.point_shares,
+            AnyBatch::Octree(batch) => &batch.coarse_answers,
             AnyBatch::GraphSage(_) => &[],
         }
     }

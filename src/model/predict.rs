@@ -106,9 +106,9 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
             accessible_share: heads
                 .get(SHARE_HEAD)
                 .map_or_else(Vec::new, |head| probabilities(head.as_chunks::<N_CLASSES>().0)),
-            coarse_shares: self
+            coarse_answers: self
                 .net
-                .point_shares(&batch)
+                .coarse_answers(&batch)
                 .as_chunks()
                 .0
                 .iter()

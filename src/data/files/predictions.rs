@@ -9,6 +9,7 @@ use crate::model::Prediction;
 use crate::model::config::N_COARSE;
 use crate::{Error, Result};
 use serde_json::{Value, json};
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// A network's answers for one part and cutter.
@@ -42,7 +43,7 @@ impl PredictionFile {
     /// If there are not two scores per site and head, the share is not in (0, 1], what was verified has no β, or the system refuses the file.
     pub fn write(&self, path: &Path) -> Result<()> {
         let n = self.sites.len();
-        let Prediction { logits_inaccessible, logits_occlusion, accessible_share, coarse_shares } =
+        let Prediction { logits_inaccessible, logits_occlusion, accessible_share, coarse_answers } =
             &self.prediction;
         let mut npz = start(&self.sites, &self.provenance);
         for (name, logits) in
@@ -63,11 +64,11 @@ impl PredictionFile {
             npz.array(SHARE, &[n], accessible_share);
             meaning[SHARE] = "share of the directions in which the cutter can stand there".into();
         }
-        if !coarse_shares.is_empty() {
-            if coarse_shares.len() != n {
-                return Err(few(path, COARSE, coarse_shares.len(), n));
+        if !coarse_answers.is_empty() {
+            if coarse_answers.len() != n {
+                return Err(few(path, COARSE, coarse_answers.len(), n));
             }
-            npz.array(COARSE, &[n, N_COARSE], coarse_shares.as_flattened());
+            npz.array(COARSE, &[n, N_COARSE], coarse_answers.as_flattened());
             meaning[COARSE] = COARSE_MEANING.into();
         }
         if let Some(share) = self.occlusion_share {
@@ -108,17 +109,17 @@ impl PredictionFile {
         if npz.has(SHARE) {
             accessible_share = npz.f32s(SHARE, 1)?;
             same_length(path, &sites, SHARE, accessible_share.len())?;
-            check_shares(path, SHARE, &accessible_share)?;
+            check_range(path, SHARE, &accessible_share, 0.0..=1.0)?;
         }
-        let mut coarse_shares = Vec::new();
+        let mut coarse_answers = Vec::new();
         if npz.has(COARSE) {
-            let shares = npz.f32s(COARSE, N_COARSE)?;
-            same_length(path, &sites, COARSE, shares.len() / N_COARSE)?;
-            check_shares(path, COARSE, &shares)?;
-            coarse_shares = shares.as_chunks().0.to_vec();
+            let rows = npz.f32s(COARSE, N_COARSE)?;
+            same_length(path, &sites, COARSE, rows.len() / N_COARSE)?;
+            check_range(path, COARSE, &rows, -1.0..=1.0)?;
+            coarse_answers = rows.as_chunks().0.to_vec();
         }
         let prediction =
-            Prediction { logits_inaccessible, logits_occlusion, accessible_share, coarse_shares };
+            Prediction { logits_inaccessible, logits_occlusion, accessible_share, coarse_answers };
         let occlusion_share = npz.metadata()?["occlusion_share"].as_f64();
         occlusion_share.map_or(Ok(()), |share| check_share(path, share))?;
         let verified = npz.has("verified").then(|| read_verified(path, &mut npz, &prediction));
@@ -134,12 +135,10 @@ fn predicted(prediction: &Prediction<f32>, occlusion_share: Option<f64>) -> Site
     }
 }
 
-fn check_shares(path: &Path, name: &str, shares: &[f32]) -> Result<()> {
-    let remedy = "run predict again";
-    match shares.iter().find(|share| !(0.0..=1.0).contains(*share)) {
-        Some(found) => Err(Error::file(path, name, format!("{found} is no share"), remedy)),
-        None => Ok(()),
-    }
+fn check_range(path: &Path, name: &str, values: &[f32], range: RangeInclusive<f32>) -> Result<()> {
+    let Some(found) = values.iter().find(|x| !range.contains(*x)) else { return Ok(()) };
+    let found = format!("{found} is not between {} and {}", range.start(), range.end());
+    Err(Error::file(path, name, found, "run predict again"))
 }
 
 fn check_share(path: &Path, share: f64) -> Result<()> {
@@ -154,9 +153,9 @@ fn check_share(path: &Path, share: f64) -> Result<()> {
 const SHARE: &str = "accessible_share";
 
 /// Array of what the network read of each site.
-const COARSE: &str = "coarse_shares";
+const COARSE: &str = "coarse_answers";
 
-const COARSE_MEANING: &str = "fourth roots of the shares of the coarse directions in which the tool, the tool without its holder, and the tool half a finest cell wider collide with no other site";
+const COARSE_MEANING: &str = "labels of the published definition, as numbers: fourth roots of the shares of the coarse directions in which the tool, the tool without its holder, and the tool half a finest cell wider collide with no other site; how far the site's beta is above (1 to 0) or below (0 to -1) the bound of occlusion points";
 
 const BY_RANK: &str =
     "true: among the share of sites (occlusion_share) with the greatest probability";
@@ -247,21 +246,21 @@ mod tests {
         file.prediction.accessible_share[1] = 1.5;
         file.write(&path).unwrap();
         let message = PredictionFile::read(&path).unwrap_err().to_string();
-        assert!(message.contains("1.5 is no share"), "{message}");
+        assert!(message.contains("1.5 is not between 0 and 1"), "{message}");
         file.prediction.accessible_share.pop();
         assert!(file.write(&path).unwrap_err().to_string().contains("1 entries for 2 sites"));
         file.prediction.accessible_share.clear();
 
-        file.prediction.coarse_shares = vec![[0.0, 0.5, 1.0], [0.25; 3]];
+        file.prediction.coarse_answers = vec![[0.0, 0.5, 1.0, -1.0], [0.25; 4]];
         file.write(&path).unwrap();
         assert_eq!(PredictionFile::read(&path).unwrap(), file);
-        file.prediction.coarse_shares[1][2] = f32::NAN;
+        file.prediction.coarse_answers[1][2] = f32::NAN;
         file.write(&path).unwrap();
         let message = PredictionFile::read(&path).unwrap_err().to_string();
-        assert!(message.contains("NaN is no share"), "{message}");
-        file.prediction.coarse_shares.pop();
+        assert!(message.contains("NaN is not between -1 and 1"), "{message}");
+        file.prediction.coarse_answers.pop();
         assert!(file.write(&path).unwrap_err().to_string().contains("1 entries for 2 sites"));
-        file.prediction.coarse_shares.clear();
+        file.prediction.coarse_answers.clear();
 
         file.occlusion_share = Some(0.5);
         file.write(&path).unwrap();

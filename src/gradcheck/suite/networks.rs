@@ -222,9 +222,9 @@ fn unet_arrays(
     let normals =
         NamedArray::numbers("fixed.point_normals", meaning, &[n, 3], &batch.point_normals);
     let meaning = "what the heads read of the points beside the features and the normals";
-    let shares = (!batch.point_shares.is_empty()).then(|| {
-        let shape = [n, batch.point_shares.len() / n];
-        NamedArray::numbers("fixed.point_shares", meaning, &shape, &batch.point_shares)
+    let shares = (!batch.coarse_answers.is_empty()).then(|| {
+        let shape = [n, batch.coarse_answers.len() / n];
+        NamedArray::numbers("fixed.coarse_answers", meaning, &shape, &batch.coarse_answers)
     });
     let mut arrays = vec![normals, shape_array("geometry.points", point_ranges)];
     for (depth, level) in levels.iter().enumerate() {
