@@ -58,7 +58,7 @@ static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
             let mut entry = zip.by_index(i).unwrap();
             let mut bytes = Vec::new();
             entry.read_to_end(&mut bytes).unwrap();
-            entries.push((entry.name().to_owned(), bytes));
+            entries.push((entry.name().unwrap().into_owned(), bytes));
         }
         entries
     };

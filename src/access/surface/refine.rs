@@ -46,7 +46,7 @@ pub(super) struct Refinement {
 pub(super) struct Found {
     /// Where the tool may stand.
     pub witness: Option<Vec3>,
-    /// Whether some direction is free of collisions of the steps.
+    /// Whether in some direction the steps collide with nothing.
     pub collision_free: bool,
     /// Share of the directions that was not proven closed.
     pub open: f64,

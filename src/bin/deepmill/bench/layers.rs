@@ -45,8 +45,8 @@ struct Layer {
 enum Kind {
     Stem,
     Conv,
-    /// A convolution whose second of three groups of columns is constant over a shape.
-    Joined,
+    /// A convolution of three operands side by side, the second constant over a shape.
+    Concatenated,
     Down,
     Up,
 }
@@ -150,7 +150,7 @@ fn layers(config: &UNetConfig, n_features: usize) -> Vec<Layer> {
         let depth = finest + 1 + i - n;
         layers.push(layer(format!("up {i}"), 1, Kind::Up, depth, &[c_in], c));
         let widths = [skips[n - 1 - i], config.cutter.width, c];
-        layers.push(layer(format!("decoder {i} joined"), 1, Kind::Joined, depth, &widths, c));
+        layers.push(layer(format!("decoder {i} joined"), 1, Kind::Concatenated, depth, &widths, c));
         layers.push(conv(&format!("decoder {i}"), 2 * blocks - 1, depth, c, c));
         c_in = c;
     }
@@ -174,7 +174,7 @@ impl Layer {
                 let work = gflop(level.conv.n_pairs(), c_in);
                 (work, timing.run(&conv, &layout, &level.conv, Operand::new(&x, c_in), n * c_out))
             }
-            Kind::Joined => {
+            Kind::Concatenated => {
                 let conv = OctreeConv::new(&mut layout, "conv", c_in, c_out);
                 let [skip, cutter, up] = self.c_in[..] else { unreachable!("three parts") };
                 let shapes = &level.ranges[..];
