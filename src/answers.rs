@@ -145,34 +145,15 @@ impl SiteAnswers {
     /// # Ok::<(), deepmill::Error>(())
     /// ```
     pub fn least_certain(&self, bound: f64) -> Result<Vec<usize>> {
-        if !(0.0..=1.0).contains(&bound) {
-            let remedy = "give a share such as 0.01";
-            return Err(Error::argument("bound of the error", bound, "0 to 1", remedy));
-        }
-        let probabilities = &self.probability_inaccessible;
-        let sound = probabilities.iter().filter(|p| (0.0..=1.0).contains(*p)).count();
-        if sound != self.len() || probabilities.len() != self.len() {
-            let expected = format!("{} probabilities, one per site", self.len());
-            let remedy = "verify the answers of a network";
-            return Err(Error::argument("predicted answers", sound, expected, remedy));
-        }
-        if bound == 0.0 {
-            return Ok((0..self.len()).collect());
-        }
-        let uncertainty = |i: &usize| probabilities[*i].min(1.0 - probabilities[*i]);
-        let mut order: Vec<usize> = (0..self.len()).collect();
-        order.sort_by(|a, b| uncertainty(a).total_cmp(&uncertainty(b)).then(b.cmp(a)));
-        let (mut sum, mut n_kept) = (0.0, 0);
-        for i in &order {
-            sum += f64::from(uncertainty(i));
-            if sum > bound * (n_kept + 1) as f64 {
-                break;
-            }
-            n_kept += 1;
-        }
-        let mut chosen = order.split_off(n_kept);
-        chosen.sort_unstable();
-        Ok(chosen)
+        least_certain(&self.probability_inaccessible, self.len(), bound)
+    }
+
+    /// As [`SiteAnswers::least_certain`] for the answer *occlusion*.
+    ///
+    /// # Errors
+    /// As [`SiteAnswers::least_certain`].
+    pub fn least_certain_occlusion(&self, bound: f64) -> Result<Vec<usize>> {
+        least_certain(&self.probability_occlusion, self.len(), bound)
     }
 
     /// Share of the surface that is inaccessible: every site counts by the area it stands for, estimated from the
@@ -241,6 +222,36 @@ impl fmt::Display for OutsideDomain {
         let [value, least, greatest] = [value, least, greatest].map(short);
         write!(f, "{quantity} is {value}{unit}, trained from {least} to {greatest}")
     }
+}
+
+fn least_certain(probabilities: &[f32], n: usize, bound: f64) -> Result<Vec<usize>> {
+    if !(0.0..=1.0).contains(&bound) {
+        let remedy = "give a share such as 0.01";
+        return Err(Error::argument("bound of the error", bound, "0 to 1", remedy));
+    }
+    let sound = probabilities.iter().filter(|p| (0.0..=1.0).contains(*p)).count();
+    if sound != n || probabilities.len() != n {
+        let expected = format!("{n} probabilities, one per site");
+        let remedy = "verify the answers of a network";
+        return Err(Error::argument("predicted answers", sound, expected, remedy));
+    }
+    if bound == 0.0 {
+        return Ok((0..n).collect());
+    }
+    let uncertainty = |i: &usize| probabilities[*i].min(1.0 - probabilities[*i]);
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|a, b| uncertainty(a).total_cmp(&uncertainty(b)).then(b.cmp(a)));
+    let (mut sum, mut n_kept) = (0.0, 0);
+    for i in &order {
+        sum += f64::from(uncertainty(i));
+        if sum > bound * (n_kept + 1) as f64 {
+            break;
+        }
+        n_kept += 1;
+    }
+    let mut chosen = order.split_off(n_kept);
+    chosen.sort_unstable();
+    Ok(chosen)
 }
 
 fn count(marks: &[bool]) -> usize {

@@ -48,7 +48,12 @@ static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
         sites,
         prediction,
         occlusion_share: Some(0.1),
-        verified: Some(Verified { answers, verified: vec![true; n], beta: vec![0; n] }),
+        verified: Some(Verified {
+            answers,
+            verified: vec![true; n],
+            beta: vec![0; n],
+            counted: vec![false; n],
+        }),
     };
     let path = scratch::file("whole.npz", &[]);
     let entries = || {

@@ -1,7 +1,7 @@
 //! Queries and obstacles in a spatial order, so that neighbors in the list are neighbors in space.
 
 use super::labels::Labels;
-use super::problem::Scene;
+use super::problem::{NOT_AN_OBSTACLE, Scene};
 use crate::answers::SiteAnswers;
 use crate::spatial::{Coordinates, order};
 use glam::Vec3;
@@ -42,7 +42,8 @@ impl Order {
             moved.set(p, scene.obstacles.get(j as usize));
             places[j as usize] = p as u32;
         }
-        let own = |&i: &u32| scene.own.get(i as usize).map(|&j| places[j as usize]);
+        let place = |&j: &u32| places.get(j as usize).copied().unwrap_or(NOT_AN_OBSTACLE);
+        let own = |&i: &u32| scene.own.get(i as usize).map(place);
         Scene {
             points: pick(&scene.points),
             normals: if scene.normals.is_empty() { vec![] } else { pick(&scene.normals) },

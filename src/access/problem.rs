@@ -75,11 +75,14 @@ pub(super) struct Scene {
     /// Empty for volume queries.
     pub normals: Vec<Vec3>,
     pub obstacles: Coordinates,
-    /// Per query the obstacle that is the query itself; empty if none is.
+    /// Per query the obstacle that is the query itself, or [`NOT_AN_OBSTACLE`]; empty if none is.
     pub own: Vec<u32>,
     /// Obstacles that can be occlusion points: the first so many as given.
     pub n_ranked: usize,
 }
+
+/// Of a query that is none of the obstacles.
+pub(super) const NOT_AN_OBSTACLE: u32 = u32::MAX;
 
 impl Scene {
     pub fn new(queries: Queries, obstacles: Obstacles) -> Result<Self> {
@@ -118,6 +121,19 @@ impl Scene {
         })
     }
 
+    /// With these of its obstacles alone.
+    pub fn with_obstacles(mut self, chosen: &[usize]) -> Self {
+        let mut places = vec![NOT_AN_OBSTACLE; self.obstacles.n];
+        let mut obstacles = Coordinates::zeros(chosen.len());
+        for (place, &j) in chosen.iter().enumerate() {
+            obstacles.set(place, self.obstacles.get(j));
+            places[j] = place as u32;
+        }
+        self.own.iter_mut().for_each(|own| *own = places[*own as usize]);
+        self.n_ranked = chosen.iter().filter(|j| **j < self.n_ranked).count();
+        Scene { obstacles, ..self }
+    }
+
     pub fn n_queries(&self) -> usize {
         self.points.len()
     }
@@ -136,7 +152,7 @@ pub(super) struct PlacedCutter {
     pub steps: Vec<StepSquared>,
     /// Base of each reference point.
     pub bases: Coordinates,
-    /// Per query the obstacle that is the query itself; empty if none is.
+    /// As [`Scene::own`].
     pub own: Vec<u32>,
     /// Only kept for a cutter with a side offset.
     normals: Vec<Vec3>,
@@ -200,7 +216,8 @@ impl PlacedCutter {
 
     /// The obstacle that does not count for query `i`; `usize::MAX` for none.
     pub fn own(&self, i: usize) -> usize {
-        self.own.get(i).map_or(usize::MAX, |&j| j as usize)
+        let own = self.own.get(i).filter(|j| **j != NOT_AN_OBSTACLE);
+        own.map_or(usize::MAX, |&j| j as usize)
     }
 
     /// Whether query `i` is obstacle `i` for all of `n_obstacles`.

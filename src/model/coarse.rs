@@ -6,7 +6,7 @@
 //!     s = share of the coarse directions in which no other site is in the tool
 //!     input = s^(1/4)
 //! for each site:
-//!     β = number of pairs of 150 directions and sites inaccessible to the tool (s = 0) in which it collides with the tool
+//!     β = number of pairs of at most 150 directions and sites inaccessible to the tool (s = 0) in which it collides with the tool
 //!     k = number of occlusion points, the tenth of the sites with the greatest β > 0
 //!     r = number of sites with a greater β
 //!     d = (k − r − 1/2) / k, at least −1; −1 where β = 0
@@ -32,8 +32,8 @@ const SHORTEST: f64 = 1e-4;
 /// Tools whose shares are read; the first is the cutter itself.
 const N_TOOLS: usize = N_COARSE - 1;
 
-/// Directions of β, as many as the published labels have.
-const N_BETA_DIRECTIONS: usize = 150;
+/// Directions of β at most: as many as the published labels have.
+const MAX_BETA_DIRECTIONS: usize = 150;
 
 /// The paper's share of occlusion points.
 const OCCLUSION_SHARE: f64 = 0.1;
@@ -51,7 +51,8 @@ pub(super) fn answers(
         return Ok(Vec::new());
     }
     let directions = Directions::fibonacci_hemisphere(input.coarse_directions)?;
-    let of_beta = Directions::fibonacci_hemisphere(N_BETA_DIRECTIONS)?;
+    let n_beta_directions = input.coarse_directions.min(MAX_BETA_DIRECTIONS);
+    let of_beta = Directions::fibonacci_hemisphere(n_beta_directions)?;
     let options = LabelOptions { occlusion: false, ..LabelOptions::default() };
     let mut rows = Vec::new();
     for (cloud, &cutter) in clouds.iter().zip(cutters) {
@@ -67,7 +68,7 @@ pub(super) fn answers(
         let inaccessible = &labels[0].answers.inaccessible;
         let beta = access::count_for(
             (&sites).into(),
-            Obstacles::Queries,
+            (Obstacles::Queries, None),
             &tools[0],
             &of_beta,
             inaccessible,
@@ -140,6 +141,7 @@ mod tests {
     use crate::model::{Batch, Model, Shape, UNetConfig};
 
     const CUTTER: [f64; N_LENGTHS] = [1.0, 6.0, 9.0, 5.0];
+    /// Fewer than [`MAX_BETA_DIRECTIONS`]: β is of all.
     const N_DIRECTIONS: usize = 50;
 
     fn config() -> UNetConfig {
@@ -185,18 +187,9 @@ mod tests {
         }
 
         let cutter = Cutter::ball_end(CUTTER.into()).unwrap();
-        let label = |n_directions| {
-            let directions = Directions::fibonacci_hemisphere(n_directions).unwrap();
-            let options = LabelOptions::default();
-            label(&sites, Obstacles::Queries, &cutter, &directions, &options).unwrap()
-        };
-        let inaccessible = label(N_DIRECTIONS).answers.inaccessible;
-        let directions = Directions::fibonacci_hemisphere(N_BETA_DIRECTIONS).unwrap();
-        let queries = (&sites).into();
-        let beta =
-            access::count_for(queries, Obstacles::Queries, &cutter, &directions, &inaccessible)
-                .unwrap();
-        let marked = occlusion_points(&beta, OCCLUSION_SHARE);
+        let options = LabelOptions::default();
+        let labels = label(&sites, Obstacles::Queries, &cutter, &directions, &options).unwrap();
+        let marked = labels.answers.occlusion;
         let found = batch.coarse_answers.iter().skip(N_TOOLS).step_by(N_COARSE);
         let different = found.zip(marked).filter(|(found, marked)| (**found > 0.0) != *marked);
         assert!(different.count() <= 2);

@@ -58,6 +58,19 @@ impl NetworkConfig {
         }
     }
 
+    /// Whether a network of this configuration may begin with the parameters of the other: both are the same but for the number of
+    /// coarse directions, if both read any.
+    pub fn has_parameters_of(&self, other: &NetworkConfig) -> bool {
+        let mut own = self.clone();
+        if let (Some(own), Some(other)) = (own.octree_mut(), other.octree()) {
+            let n_other = other.input.coarse_directions;
+            if own.input.coarse_directions > 0 && n_other > 0 {
+                own.input.coarse_directions = n_other;
+            }
+        }
+        own == *other
+    }
+
     /// The octree network, to be changed; `None` if it is another.
     pub fn octree_mut(&mut self) -> Option<&mut UNetConfig> {
         match self {

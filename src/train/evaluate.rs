@@ -2,6 +2,7 @@
 
 use super::HeadScore;
 use super::reliability::{Bin, Reliability};
+use crate::access::surface::{SurfaceOptions, sites_to_count};
 use crate::access::{LabelOptions, Labeler};
 use crate::answers::SiteAnswers;
 use crate::cutter::Cutter;
@@ -182,6 +183,10 @@ pub struct VerifiedScore {
     pub computed: f64,
     /// Share of wrong answers *inaccessible* among the others.
     pub wrong: f64,
+    /// Share of the sites whose β is counted.
+    pub counted: f64,
+    /// Wrong answers *occlusion* among the others, over the number of occlusion points.
+    pub wrong_occlusion: f64,
 }
 
 /// As [`TriangleObstacles::verify`](crate::access::surface::TriangleObstacles::verify) with this `bound` would leave every sample.
@@ -196,21 +201,39 @@ pub fn evaluate_verified<N: Network<f32>>(
     bound: f64,
     processes: &dyn Processes,
 ) -> Result<VerifiedScore> {
-    let one = |sample: &Sample| -> Result<[usize; 3]> {
+    let one = |sample: &Sample| -> Result<[usize; 6]> {
         sample.check()?;
-        let (answers, truth) = (predict(model, sample)?.answers(), &sample.answers.inaccessible);
+        let (answers, truth) = (predict(model, sample)?.answers(), &sample.answers);
         let computed = answers.least_certain(bound)?;
-        let wrong = |i: &usize| answers.inaccessible[*i] != truth[*i];
-        let n_wrong = (0..truth.len()).filter(wrong).count();
-        Ok([truth.len(), computed.len(), n_wrong - computed.iter().filter(|i| wrong(i)).count()])
+        let counted = sites_to_count(&answers, bound, SurfaceOptions::default().share)?;
+        Ok([
+            truth.len(),
+            computed.len(),
+            n_wrong_beside(&computed, &answers.inaccessible, &truth.inaccessible),
+            counted.len(),
+            n_wrong_beside(&counted, &answers.occlusion, &truth.occlusion),
+            truth.n_occlusion(),
+        ])
     };
     let own = share(samples.len(), processes.rank(), processes.size());
-    let own: Result<Vec<[usize; 3]>> = samples[own].iter().map(one).collect();
-    let to_numbers = |own: &Vec<[usize; 3]>| own.iter().flatten().map(|n| *n as f64).collect();
+    let own: Result<Vec<[usize; 6]>> = samples[own].iter().map(one).collect();
+    let to_numbers = |own: &Vec<[usize; 6]>| own.iter().flatten().map(|n| *n as f64).collect();
     let (_, counts) = share_numbers(processes, own, to_numbers)?;
-    let [n, n_computed, n_wrong] = [0, 1, 2].map(|i| counts.iter().skip(i).step_by(3).sum::<f64>());
+    let total = |k: usize| counts.iter().skip(k).step_by(6).sum::<f64>();
     let share = |count: f64, of: f64| count / of.max(1.0);
-    Ok(VerifiedScore { computed: share(n_computed, n), wrong: share(n_wrong, n - n_computed) })
+    Ok(VerifiedScore {
+        computed: share(total(1), total(0)),
+        wrong: share(total(2), total(0) - total(1)),
+        counted: share(total(3), total(0)),
+        wrong_occlusion: share(total(4), total(5)),
+    })
+}
+
+/// Number of wrong answers at sites that are not among `computed`.
+fn n_wrong_beside(computed: &[usize], answers: &[bool], truth: &[bool]) -> usize {
+    let wrong = |i: &usize| answers[*i] != truth[*i];
+    let n_wrong = (0..truth.len()).filter(wrong).count();
+    n_wrong - computed.iter().filter(|i| wrong(i)).count()
 }
 
 pub(super) fn predict<N: Network<f32>>(
@@ -357,7 +380,8 @@ mod tests {
         let model = Model::new(&crate::model::UNetConfig::tiny(), 1).unwrap();
         let verified =
             |bound| evaluate_verified(&model, std::slice::from_ref(&sample), bound, &SingleProcess);
-        assert_eq!(verified(0.0).unwrap(), VerifiedScore { computed: 1.0, wrong: 0.0 });
+        let all = VerifiedScore { computed: 1.0, wrong: 0.0, counted: 1.0, wrong_occlusion: 0.0 };
+        assert_eq!(verified(0.0).unwrap(), all);
         let right = evaluate(&model, std::slice::from_ref(&sample)).unwrap().head(0).mean.accuracy;
         let none = verified(1.0).unwrap();
         assert!(none.computed == 0.0 && (none.wrong - (1.0 - right)).abs() < 1e-12, "{none:?}");

@@ -104,12 +104,13 @@ impl Run {
         Ok(Run { settings, progress, model, velocity, scratch: StepScratch::default() })
     }
 
-    /// Begins with the weights of `model` instead of random ones.
+    /// Begins with the weights of `model` instead of random ones. The number of
+    /// [coarse directions](crate::model::InputConfig::coarse_directions) may be another one.
     ///
     /// # Errors
     /// If it is another network than that of the settings.
     pub fn start_from(&mut self, model: AnyModel<f32>) -> Result<()> {
-        if model.net.config() != self.settings.network {
+        if !model.net.config().has_parameters_of(&self.settings.network) {
             let remedy = "train with the settings.toml of the run that the weights come from";
             let expected = "the network of the settings";
             return Err(Error::argument(
@@ -121,7 +122,8 @@ impl Run {
         }
         self.progress.domain = model.domain;
         self.progress.definition = model.definition;
-        self.model = model;
+        let net = self.model.net.clone();
+        self.model = AnyModel { net, ..model };
         Ok(())
     }
 
@@ -382,6 +384,22 @@ mod tests {
             }
         };
         (0..n).map(sample).collect()
+    }
+
+    #[test]
+    fn a_run_begins_with_weights_of_another_number_of_coarse_directions_but_of_no_other_network() {
+        let coarse = |n| {
+            let mut settings = settings();
+            settings.network.octree_mut().unwrap().input.coarse_directions = n;
+            settings
+        };
+        let weights = |n| Run::new(Settings { seed: 9, ..coarse(n) }).unwrap().model;
+        let mut run = Run::new(coarse(32)).unwrap();
+        run.start_from(weights(600)).unwrap();
+        assert_eq!(run.model.params, weights(32).params);
+        assert_eq!(run.model.net.config(), coarse(32).network);
+        assert!(run.start_from(weights(0)).is_err());
+        assert!(Run::new(coarse(0)).unwrap().start_from(weights(600)).is_err());
     }
 
     fn settings() -> Settings {

@@ -65,4 +65,5 @@ pub(crate) use obstacles::tested;
 pub use tolerance::{ContactTolerance, LEAST_MM};
 pub use verdict::{Raise, Verdict, raise};
 pub use verify::Verified;
+pub(crate) use verify::sites_to_count;
 pub use warnings::{WIDE_MM, Warning};

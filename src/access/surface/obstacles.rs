@@ -136,7 +136,7 @@ impl TriangleObstacles {
         let mut beta = Vec::new();
         if options.occlusion {
             let shrunk = (cutter, &surface.tolerance_mm[..]);
-            beta = count_beta(sites, shrunk, directions, &answers.inaccessible)?;
+            beta = count_beta((sites, None), shrunk, directions, &answers.inaccessible)?;
             answers.occlusion = occlusion_points(&beta, options.share);
         }
         let witness = vec![None; sites.len()];
@@ -195,16 +195,17 @@ impl TriangleObstacles {
     }
 }
 
-/// β of the `marked` sites, for the cutter shrunk by the greatest of the tolerances.
+/// β for the `marked` sites, of all sites or of those chosen, for the cutter shrunk by the greatest of the tolerances.
 pub(super) fn count_beta(
-    sites: &Sites,
+    (sites, chosen): (&Sites, Option<&[usize]>),
     (cutter, tolerances): (&Cutter, &[f64]),
     directions: &Directions,
     marked: &[bool],
 ) -> Result<Vec<u64>> {
     let tolerance = tolerances.iter().fold(0.0, |a: f64, b| a.max(*b));
     let shrunk = cutter.with_clearance(-tolerance)?;
-    count_for(Queries::Sites(sites), Obstacles::Queries, &shrunk, &tested(directions)?, marked)
+    let obstacles = (Obstacles::Queries, chosen);
+    count_for(Queries::Sites(sites), obstacles, &shrunk, &tested(directions)?, marked)
 }
 
 /// What is to be labeled.

@@ -3,8 +3,7 @@
 use super::labels::SurfaceOptions;
 use super::obstacles::{TriangleObstacles, count_beta};
 use super::tool::Outline;
-use crate::access::occlusion_points;
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswers, mark_top_share};
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::geom::Sites;
@@ -13,14 +12,17 @@ use crate::{Result, par};
 /// Answers of which some are computed and the others predicted.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Verified {
-    /// Inaccessible, as computed where [`Verified::verified`] says so and as predicted elsewhere; occlusion points, by β; that the
-    /// tip does not fit, `false` where it was not computed; the probabilities predicted.
+    /// Inaccessible, as computed where [`Verified::verified`] says so and as predicted elsewhere; occlusion points, by β where
+    /// [`Verified::counted`] says so and as predicted elsewhere; that the tip does not fit, `false` where it was not computed; the
+    /// probabilities predicted.
     pub answers: SiteAnswers,
     /// Per site, whether its answer is computed.
     pub verified: Vec<bool>,
     /// Per site: pairs (inaccessible site, direction tested) in which it is in the steps of the shrunk tool, for the answers' inaccessible
-    /// sites; empty if occlusion points are not wanted.
+    /// sites; 0 where it was not counted; empty if occlusion points are not wanted.
     pub beta: Vec<u64>,
+    /// Per site, whether its β is counted; empty if occlusion points are not wanted.
+    pub counted: Vec<bool>,
 }
 
 impl Verified {
@@ -34,6 +36,24 @@ impl Verified {
         self.n_verified() as f64 / self.verified.len().max(1) as f64
     }
 
+    /// Share of the sites whose β is counted; 0 if there are no sites.
+    pub fn share_counted(&self) -> f64 {
+        let n_counted = self.counted.iter().filter(|counted| **counted).count();
+        n_counted as f64 / self.counted.len().max(1) as f64
+    }
+
+    /// The predicted ones that were not counted, then those of greatest β.
+    fn occlusion_points(&self, share: f64) -> Vec<bool> {
+        let rank = |i: usize| {
+            let predicted = !self.counted[i] && self.answers.probability_occlusion[i] > 0.5;
+            (predicted, self.beta[i])
+        };
+        let ranks: Vec<(bool, u64)> = (0..self.beta.len()).map(rank).collect();
+        let mut marks = mark_top_share(&ranks, share, Ord::cmp);
+        marks.iter_mut().zip(ranks).for_each(|(mark, rank)| *mark &= rank != (false, 0));
+        marks
+    }
+
     /// Share of wrong answers among the others that their probabilities let expect; 0 if there are none.
     pub fn expected_error(&self) -> f64 {
         let of_others = self.answers.probability_inaccessible.iter().zip(&self.verified);
@@ -44,15 +64,20 @@ impl Verified {
 }
 
 impl TriangleObstacles {
-    /// Computes the sites that are [least certain](SiteAnswers::least_certain), as [`TriangleObstacles::label`] does, and β and
-    /// occlusion points, as [`TriangleObstacles::label_sites`] does, from these answers and the predicted ones of the other sites. With a
-    /// `bound` of 0 all sites are computed. Counts of directions and clearances are not.
+    /// Computes the sites that are [least certain](SiteAnswers::least_certain), as [`TriangleObstacles::label`] does, and the β that may
+    /// decide which are occlusion points, as [`TriangleObstacles::label_sites`] does, from these answers and the predicted ones of the
+    /// other sites. With a `bound` of 0 all are computed. Counts of directions and clearances are not.
     ///
     /// ```text
-    /// u_i = min(p_i, 1 − p_i)                      share of wrong answers to expect, if probabilities are frequencies
+    /// p_i, q_i = probabilities of inaccessible and occlusion
+    /// u_i = min(p_i, 1 − p_i), v_i = min(q_i, 1 − q_i)      shares of wrong answers to expect, if probabilities are frequencies
     /// compute the sites of greatest u, as few as leave others of mean u ≤ bound
-    /// β over the sites now known or predicted to be inaccessible; mark the greatest
+    /// count β of the sites of greatest v, as few as leave others of mean v ≤ bound · share,
+    ///     over the sites now known or predicted to be inaccessible
+    /// occlusion points = share · n: the others with q > ½, then of the counted ones those of greatest β
     /// ```
+    ///
+    /// β is counted of all sites where there are no probabilities `q`, or the options' share is not the tenth that they are about.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`] and [`SiteAnswers::least_certain`]; if there are not as many predictions as sites.
@@ -77,7 +102,7 @@ impl TriangleObstacles {
                 ..predicted.clone()
             },
             verified: vec![false; sites.len()],
-            beta: Vec::new(),
+            ..Verified::default()
         };
         let (inaccessible, tip) = (exact.inaccessible(), exact.tip_does_not_fit());
         for (k, &i) in chosen.iter().enumerate() {
@@ -89,12 +114,30 @@ impl TriangleObstacles {
         if options.occlusion {
             let outline = Outline::new(cutter);
             let tolerances = options.tolerance.at_sites(&outline, &self.bends, &self.bvh, sites)?;
+            let counted = sites_to_count(predicted, bound, options.share)?;
             let marked = &result.answers.inaccessible;
-            result.beta = count_beta(sites, (cutter, &tolerances), directions, marked)?;
-            result.answers.occlusion = occlusion_points(&result.beta, options.share);
+            let chosen = (sites, Some(&counted[..]));
+            let beta = count_beta(chosen, (cutter, &tolerances), directions, marked)?;
+            (result.beta, result.counted) = (vec![0; sites.len()], vec![false; sites.len()]);
+            for (i, beta) in counted.into_iter().zip(beta) {
+                (result.beta[i], result.counted[i]) = (beta, true);
+            }
+            result.answers.occlusion = result.occlusion_points(options.share);
         }
         Ok(result)
     }
+}
+
+/// The sites whose β may decide which are occlusion points.
+pub(crate) fn sites_to_count(
+    predicted: &SiteAnswers,
+    bound: f64,
+    share: f64,
+) -> Result<Vec<usize>> {
+    if predicted.probability_occlusion.is_empty() || share != SurfaceOptions::default().share {
+        return Ok((0..predicted.len()).collect());
+    }
+    predicted.least_certain_occlusion(bound * share)
 }
 
 #[cfg(test)]
@@ -142,8 +185,51 @@ mod tests {
             assert_eq!(right, half.verified[i], "{i}");
         }
         assert_eq!(verify(1.0).answers.inaccessible, predicted.inaccessible);
+        assert_eq!(all.share_counted(), 1.0, "there are no probabilities of occlusion");
         let few = SiteAnswers::new(vec![true], vec![]);
         let with = (&cutter, &directions);
         assert!(obstacles.verify(&sites, with, &options, &few, 0.1).is_err());
+    }
+
+    #[test]
+    fn beta_is_counted_where_occlusion_is_in_doubt_and_is_that_of_the_labels() {
+        let part = solids::torus(20.0, 6.0, 40, 20);
+        let sites = sample(&part, &SiteOptions { n_sites: 400, ..Default::default() }).unwrap();
+        let cutter: Cutter = "1.5,4,30,5".parse().unwrap();
+        let directions: Directions = "60".parse().unwrap();
+        let options = SurfaceOptions::default();
+        let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
+        let exact = obstacles.label_sites(&sites, &cutter, &directions, &options).unwrap();
+        // Right about accessibility. In doubt, and wrong, about occlusion at every third site, else right and sure.
+        let occlusion = |i: usize| match (i % 3, exact.answers.occlusion[i]) {
+            (0, marked) => 0.5 - 0.1 * (f32::from(u8::from(marked)) - 0.5),
+            (_, marked) => f32::from(u8::from(marked)),
+        };
+        let predicted = SiteAnswers {
+            probability_inaccessible: exact
+                .answers
+                .inaccessible
+                .iter()
+                .map(|&m| f32::from(u8::from(m)))
+                .collect(),
+            probability_occlusion: (0..400).map(occlusion).collect(),
+            ..SiteAnswers::new(exact.answers.inaccessible.clone(), vec![false; 400])
+        };
+        let verify = |options: &SurfaceOptions, bound: f64| {
+            obstacles.verify(&sites, (&cutter, &directions), options, &predicted, bound).unwrap()
+        };
+        let some = verify(&options, 1e-3);
+        assert_eq!(some.answers.occlusion, exact.answers.occlusion);
+        for i in 0..400 {
+            assert_eq!(some.counted[i], i % 3 == 0, "{i}");
+            assert_eq!(some.beta[i], if i % 3 == 0 { exact.beta[i] } else { 0 }, "{i}");
+        }
+        assert!(exact.answers.occlusion.iter().step_by(3).any(|marked| *marked));
+        let all = verify(&options, 0.0);
+        assert_eq!((&all.beta, all.answers.occlusion), (&exact.beta, exact.answers.occlusion));
+        let other_share = SurfaceOptions { share: 0.2, ..options };
+        assert_eq!(verify(&other_share, 1e-3).beta, exact.beta);
+        let none = SurfaceOptions { occlusion: false, ..options };
+        assert!(verify(&none, 1e-3).counted.is_empty());
     }
 }

@@ -72,6 +72,8 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
         ("bound", "bound"),
         ("computed", "computed"),
         ("wrong", "wrong of the others"),
+        ("counted", "beta counted"),
+        ("wrong_occlusion", "wrong of the others, per occlusion point"),
     ]);
     for folder in &args.data {
         let name = folder.display().to_string();
@@ -83,10 +85,11 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
             rows.push(Row { set: name.clone(), engine, timed, evaluation });
         }
         for &bound in &args.verify {
-            let VerifiedScore { computed, wrong } =
-                evaluate_verified(&networks[0].1, &samples, bound, processes)?;
-            let [bound, computed, wrong] = [bound, computed, wrong].map(Cell::Share);
-            verified.row([Cell::text(&name), bound, computed, wrong]);
+            let score = evaluate_verified(&networks[0].1, &samples, bound, processes)?;
+            let VerifiedScore { computed, wrong, counted, wrong_occlusion, .. } = score;
+            let [bound, computed, wrong, counted, wrong_occlusion] =
+                [bound, computed, wrong, counted, wrong_occlusion].map(Cell::Share);
+            verified.row([Cell::text(&name), bound, computed, wrong, counted, wrong_occlusion]);
         }
     }
     if args.data.len() > 1 {
@@ -106,7 +109,7 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
         result[key] = table.json();
     }
     if !args.verify.is_empty() {
-        output.say("\npredict, then verify (inaccessible, all sites pooled):");
+        output.say("\npredict, then verify (all sites pooled):");
         output.say(verified.text());
         result["verified"] = verified.json();
     }

@@ -25,7 +25,7 @@ use std::path::PathBuf;
 ///
 /// Writes to DIR: predictions.npz (numbers), predictions.ply (colored points), predictions.png
 /// (picture) and part.stl (the surface as used, in mm). With --tools, each ball end of the files has the first three
-/// in a folder DIR/NAME of its own; others are left out by name. With --verify the sites that the network is least certain of are
+/// in a folder DIR/NAME of its own; others are left out by name. With --verify the answers that the network is least certain of are
 /// computed as `deepmill label` does.
 #[derive(clap::Args)]
 #[command(
@@ -156,6 +156,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
             facts.add("verified", "computed", share(&verified.verified));
             let error = Cell::Share(verified.expected_error());
             facts.add("expected_error", "expected to be wrong of the others", error);
+            facts.add("counted", "beta counted", Cell::Share(verified.share_counted()));
         }
     }
     clock.add_to(&mut facts);

@@ -75,11 +75,10 @@ impl PredictionFile {
             check_share(path, share)?;
             meaning["occlusion"] = BY_RANK.into();
         }
-        if let Some(Verified { verified, beta, .. }) = &self.verified {
-            if verified.len() != n || beta.len() != n {
-                return Err(few(path, "verified", verified.len().min(beta.len()), n));
-            }
+        if let Some(Verified { verified, beta, counted, .. }) = &self.verified {
+            check_lengths(path, n, [verified.len(), beta.len(), counted.len()])?;
             npz.array("verified", &[n], verified).array("beta", &[n], beta);
+            npz.array(COUNTED, &[n], counted);
             for (name, words) in VERIFIED_MEANING {
                 meaning[name] = words.into();
             }
@@ -157,18 +156,25 @@ const COARSE: &str = "coarse_answers";
 
 const COARSE_MEANING: &str = "labels of the published definition, as numbers: fourth roots of the shares of the coarse directions in which the tool, the tool without its holder, and the tool half a finest cell wider collide with no other site; how far the site's beta is above (1 to 0) or below (0 to -1) the bound of occlusion points";
 
+/// Array that tells whose β was counted; older files lack it, and have all.
+const COUNTED: &str = "beta_counted";
+
 const BY_RANK: &str =
     "true: among the share of sites (occlusion_share) with the greatest probability";
 
-const VERIFIED_MEANING: [(&str, &str); 5] = [
+const VERIFIED_MEANING: [(&str, &str); 6] = [
     ("verified", "true: the answer is computed about the part itself, false: it is predicted"),
     ("inaccessible", "true: computed where verified, predicted elsewhere"),
     ("tip_does_not_fit", "true: computed where verified; false elsewhere"),
-    ("occlusion", "true: among the sites of greatest beta"),
+    (
+        "occlusion",
+        "true: predicted where beta_counted is false; else among the sites of greatest beta",
+    ),
     (
         "beta",
-        "pairs (inaccessible site, direction tested) in which this site is in the shrunk tool's steps",
+        "pairs (inaccessible site, direction tested) in which this site is in the shrunk tool's steps; 0 where not counted",
     ),
+    (COUNTED, "true: beta is counted; false: its probability decided"),
 ];
 
 fn read_verified(
@@ -189,10 +195,16 @@ fn read_verified(
         }
     }
     let (verified, beta) = (npz.bools("verified")?, npz.counts("beta")?);
-    if verified.len() != n || beta.len() != n {
-        return Err(few(path, "verified", verified.len().min(beta.len()), n));
+    let counted = if npz.has(COUNTED) { npz.bools(COUNTED)? } else { vec![true; n] };
+    check_lengths(path, n, [verified.len(), beta.len(), counted.len()])?;
+    Ok(Verified { answers, verified, beta, counted })
+}
+
+fn check_lengths(path: &Path, n: usize, lengths: [usize; 3]) -> Result<()> {
+    match ["verified", "beta", COUNTED].iter().zip(lengths).find(|(_, len)| *len != n) {
+        Some((name, len)) => Err(few(path, name, len, n)),
+        None => Ok(()),
     }
-    Ok(Verified { answers, verified, beta })
 }
 
 fn prediction_meaning() -> Value {
@@ -275,7 +287,12 @@ mod tests {
             tip_does_not_fit: vec![true, false],
             ..file.prediction.answers()
         };
-        file.verified = Some(Verified { answers, verified: vec![true, false], beta: vec![7, 0] });
+        file.verified = Some(Verified {
+            answers,
+            verified: vec![true, false],
+            beta: vec![7, 0],
+            counted: vec![true, false],
+        });
         file.write(&path).unwrap();
         let read = PredictionFile::read(&path).unwrap();
         assert_eq!((read.answers().n_inaccessible(), &read), (0, &file));
