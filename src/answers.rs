@@ -271,7 +271,7 @@ pub fn mark_top_share<T>(
     share: f64,
     compare: impl Fn(&T, &T) -> Ordering,
 ) -> Vec<bool> {
-    let wanted = (share * values.len() as f64 - 1e-9).ceil().max(0.0) as usize;
+    let wanted = n_of_share(share, values.len());
     let mut order: Vec<usize> = (0..values.len()).collect();
     if wanted < order.len() {
         let rank = |&a: &usize, &b: &usize| compare(&values[b], &values[a]).then(a.cmp(&b));
@@ -281,6 +281,11 @@ pub fn mark_top_share<T>(
     let mut marks = vec![false; values.len()];
     order.into_iter().for_each(|i| marks[i] = true);
     marks
+}
+
+/// `ceil(share·n)`; a product within 1e-9 above a whole number counts as that number.
+pub(crate) fn n_of_share(share: f64, n: usize) -> usize {
+    (share * n as f64 - 1e-9).ceil().max(0.0) as usize
 }
 
 #[cfg(test)]

@@ -11,10 +11,10 @@ use super::occlusion::occlusion_points;
 use super::order::Order;
 use super::predicate::{self, Frame};
 use super::problem::{Obstacles, PlacedCutter, Queries, Scene};
-use super::pruned::Pruned;
+use super::pruned::{BetaBounds, Pruned};
 use super::reference::Reference;
 use super::stats::Stats;
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswers, n_of_share};
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::simd::Isa;
@@ -92,7 +92,17 @@ pub fn label_many<'a>(
             let order =
                 if options.occlusion { Order::compact(&scene) } else { Order::quick(&scene) };
             let scene = order.apply(scene);
-            let labels = run(&Pruned { scene: &scene, isa }, &scene, cutters, &frames, options);
+            let counted = options.occlusion && (options.beta || scene.n_ranked < scene.obstacles.n);
+            let counting = LabelOptions { occlusion: counted, ..*options };
+            let mut labels =
+                run(&Pruned { scene: &scene, isa }, &scene, cutters, &frames, &counting);
+            if options.occlusion && !counted {
+                let n_top = n_of_share(options.share, n_ranked);
+                for (labels, cutter) in labels.iter_mut().zip(cutters) {
+                    let marked = indices(&labels.answers.inaccessible);
+                    labels.beta = count_greatest(&scene, isa, (cutter, &marked), &frames, n_top);
+                }
+            }
             labels.into_iter().map(|labels| order.restore(labels)).collect()
         }
     };
@@ -109,6 +119,9 @@ pub fn label_many<'a>(
     if options.occlusion {
         for labels in &mut labels {
             labels.answers.occlusion = occlusion_points(&labels.beta[..n_ranked], options.share);
+            if !options.beta {
+                labels.beta = Vec::new();
+            }
         }
     }
     for labels in &mut labels {
@@ -145,6 +158,70 @@ pub(crate) fn count_for(
     count(&method, &scene, &[PlacedCutter::new(&scene, cutter)], &frames, &mut labels);
     let [labels] = labels;
     Ok(order.restore(labels).beta)
+}
+
+/// β of the obstacles that may be among the `n_top` of greatest β, for the queries that are `marked`; 0 of the others.
+///
+/// # Errors
+/// As [`label`].
+pub(crate) fn count_greatest_for(
+    queries: Queries,
+    obstacles: Obstacles,
+    (cutter, marked): (&Cutter, &[bool]),
+    directions: &Directions,
+    n_top: usize,
+) -> Result<Vec<u64>> {
+    let _floats = par::DefaultFloats::set();
+    let scene = Scene::new(queries, obstacles)?;
+    let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
+    let order = Order::compact(&scene);
+    let scene = order.apply(scene);
+    let marked = indices(&order.of_queries(marked));
+    let beta = count_greatest(&scene, Isa::active(), (cutter, &marked), &frames, n_top);
+    Ok(order.restore(Labels { beta, ..Labels::default() }).beta)
+}
+
+/// As [`count_greatest_for`], in an engine's order.
+///
+/// ```text
+/// bounds of β of all obstacles, over all directions
+/// least = the n_top-th greatest lower bound
+/// count β of the obstacles whose upper bound is at least that
+/// ```
+fn count_greatest(
+    scene: &Scene,
+    isa: Isa,
+    (cutter, marked): (&Cutter, &[u32]),
+    frames: &[Frame],
+    n_top: usize,
+) -> Vec<u64> {
+    let n = scene.obstacles.n;
+    if marked.is_empty() {
+        return vec![0; n];
+    }
+    let method = Pruned { scene, isa };
+    let placed = PlacedCutter::new(scene, cutter).restricted_to(marked);
+    let (_, workers) = par::map_with(
+        frames.len(),
+        || (method.scratch(), BetaBounds::zeros(n)),
+        |(scratch, bounds), k| {
+            method.enter(scratch, &frames[k]);
+            method.bound(scratch, &placed, bounds);
+        },
+    );
+    let mut bounds = BetaBounds::zeros(n);
+    workers.iter().for_each(|(_, own)| bounds.add(own));
+    let chosen = bounds.may_be_among_the_greatest(n_top, frames.len() as u64);
+    let scene = scene.clone().with_obstacles(&chosen);
+    let mut is_marked = vec![false; scene.n_queries()];
+    marked.iter().for_each(|&i| is_marked[i as usize] = true);
+    let answers = SiteAnswers { inaccessible: is_marked, ..SiteAnswers::default() };
+    let mut labels = [Labels { answers, ..Labels::default() }];
+    let method = Pruned { scene: &scene, isa };
+    count(&method, &scene, &[PlacedCutter::new(&scene, cutter)], frames, &mut labels);
+    let mut beta = vec![0; n];
+    chosen.iter().zip(&labels[0].beta).for_each(|(&j, &counted)| beta[j] = counted);
+    beta
 }
 
 fn run<M: Method>(
@@ -276,6 +353,37 @@ mod tests {
             for chosen in [(0..1500).step_by(7).collect(), (3..9).collect(), vec![1499], vec![]] {
                 let expected: Vec<u64> = chosen.iter().map(|&j: &usize| all[j]).collect();
                 assert_eq!(count(Some(&chosen)), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn occlusion_points_need_no_beta_of_all() {
+        let part = solids::torus(20.0, 6.0, 40, 20);
+        let sites = sample(&part, &SiteOptions { n_sites: 1500, ..Default::default() }).unwrap();
+        let directions = Directions::fibonacci_hemisphere(40).unwrap();
+        for name in ["1,6,9,5", "0.5,2,30,2", "0.001,0.001,0.001,5", "2,1,90,1"] {
+            let cutter: Cutter = name.parse().unwrap();
+            for share in [0.001, 0.1, 0.5, 1.0] {
+                let label = |beta| {
+                    let options = LabelOptions { share, beta, ..LabelOptions::default() };
+                    label(&sites, Obstacles::Queries, &cutter, &directions, &options).unwrap()
+                };
+                let (all, few) = (label(true), label(false));
+                assert_eq!((&few.answers, few.beta.len()), (&all.answers, 0));
+                let n_top = n_of_share(share, sites.len());
+                let tool = (&cutter, &all.answers.inaccessible[..]);
+                let sites = Queries::Sites(&sites);
+                let found = count_greatest_for(sites, Obstacles::Queries, tool, &directions, n_top)
+                    .unwrap();
+                let mut greatest = all.beta.clone();
+                greatest.sort_unstable_by(|a, b| b.cmp(a));
+                let least = greatest[n_top - 1];
+                for (found, beta) in found.iter().zip(&all.beta) {
+                    assert!(found == beta || (*found == 0 && *beta < least), "{found} for {beta}");
+                }
+                let n_counted = found.iter().filter(|beta| **beta > 0).count();
+                assert!(share > 0.1 || name != "2,1,90,1" || n_counted < 1000, "{n_counted}");
             }
         }
     }

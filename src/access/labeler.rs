@@ -65,7 +65,17 @@ impl Labeler {
     /// # Errors
     /// As [`label`](super::label()), or as [`TriangleObstacles::label`].
     pub fn answer(&self, sites: &Sites, cutter: &Cutter) -> Result<SiteAnswers> {
-        self.label(sites, cutter).map(|labels| labels.answers)
+        let labels = match &self.definition {
+            Definition::Sites(options) => {
+                let options = LabelOptions { beta: false, ..*options };
+                label(sites, Obstacles::Queries, cutter, &self.directions, &options)
+            }
+            Definition::Part(obstacles, options) => {
+                let options = SurfaceOptions { beta: false, ..*options };
+                obstacles.label_sites(sites, cutter, &self.directions, &options)
+            }
+        };
+        labels.map(|labels| labels.answers)
     }
 
     /// As [`Labeler::answer`], with what the answers rest on.

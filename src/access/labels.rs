@@ -64,8 +64,11 @@ impl FromStr for Engine {
 pub struct LabelOptions {
     /// The engine; pruned by default.
     pub engine: Engine,
-    /// Also count β and mark occlusion points (default). Costs several times the labels alone.
+    /// Also mark occlusion points (default). Costs several times the labels alone.
     pub occlusion: bool,
+    /// Return β (default). Otherwise the pruned engine counts it only for obstacles that may be occlusion points, and marks these in less
+    /// time.
+    pub beta: bool,
     /// Share of the ranked obstacles that are occlusion points, in (0, 1]; the paper's is 0.1.
     pub share: f64,
     /// Also keep the answer for every direction and query, one bit each.
@@ -81,6 +84,7 @@ impl Default for LabelOptions {
         LabelOptions {
             engine: Engine::Pruned,
             occlusion: true,
+            beta: true,
             share: 0.1,
             collision_matrix: false,
             clearance_limit_mm: None,

@@ -70,6 +70,7 @@ impl Obstacles<'_> {
 }
 
 /// Checked queries and obstacles in an engine's order.
+#[derive(Clone)]
 pub(super) struct Scene {
     pub points: Vec<Vec3>,
     /// Empty for volume queries.

@@ -145,7 +145,7 @@ impl Online {
             let remedy = "build a data set with at least one part that can be labeled";
             return Err(Error::argument("training set", "empty", "one part or more", remedy));
         }
-        let options = LabelOptions { share, ..LabelOptions::default() };
+        let options = LabelOptions { share, beta: false, ..LabelOptions::default() };
         Ok(Online { parts, directions, options, settings, seed })
     }
 }

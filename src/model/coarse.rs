@@ -20,6 +20,7 @@
 use super::config::{InputConfig, N_COARSE};
 use super::cutter_modules::N_LENGTHS;
 use crate::access::{self, LabelOptions, Obstacles, occlusion_points};
+use crate::answers::n_of_share;
 use crate::cutter::{Cutter, CutterParams};
 use crate::directions::Directions;
 use crate::geom::Sites;
@@ -66,12 +67,14 @@ pub(super) fn answers(
         let tools = tools(cutter, input)?;
         let labels = access::label_many(&sites, Obstacles::Queries, &tools, &directions, &options)?;
         let inaccessible = &labels[0].answers.inaccessible;
-        let beta = access::count_for(
+        let tool = (&tools[0], &inaccessible[..]);
+        let n_read = 2 * n_of_share(OCCLUSION_SHARE, sites.len());
+        let beta = access::count_greatest_for(
             (&sites).into(),
-            (Obstacles::Queries, None),
-            &tools[0],
+            Obstacles::Queries,
+            tool,
             &of_beta,
-            inaccessible,
+            n_read,
         )?;
         for (i, in_the_way) in in_the_way(&beta).into_iter().enumerate() {
             let n_accessible =

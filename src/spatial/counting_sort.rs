@@ -45,6 +45,16 @@ impl CountingSort {
         greatest
     }
 
+    /// Number of items in lower buckets, once counting has ended and as long as no item is placed; of all items for the bucket after the
+    /// last.
+    ///
+    /// # Panics
+    /// If there is no such bucket.
+    #[inline(always)]
+    pub fn n_below(&self, bucket: usize) -> u32 {
+        self.starts[bucket + 1]
+    }
+
     /// Place of the next item of this bucket, to be taken once for every counted item.
     ///
     /// # Panics

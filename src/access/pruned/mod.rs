@@ -5,6 +5,7 @@
 //! order once, the rest is done anew in every direction from the rotated coordinates.
 
 mod annulus_split;
+mod bounds;
 mod count;
 mod rank_ranges;
 mod ranks;
@@ -17,8 +18,11 @@ use super::problem::{PlacedCutter, Scene};
 use super::stats::Stats;
 use crate::simd::Isa;
 use crate::spatial::Coordinates;
+use bounds::Bounding;
 use count::Counting;
 use search::{AnswerCache, Search, SearchScratch};
+
+pub(super) use bounds::BetaBounds;
 
 /// The engine; its scene must be in spatial order to be fast.
 pub(super) struct Pruned<'a> {
@@ -38,6 +42,7 @@ pub(super) struct Scratch {
     cache: AnswerCache,
     search: SearchScratch,
     counting: Counting,
+    bounding: Bounding,
 }
 
 impl Method for Pruned<'_> {
@@ -54,6 +59,7 @@ impl Method for Pruned<'_> {
             cache: AnswerCache::default(),
             search: SearchScratch::default(),
             counting: Counting::default(),
+            bounding: Bounding::default(),
         }
     }
 
@@ -127,6 +133,16 @@ impl Method for Pruned<'_> {
             }
         }
         stats
+    }
+}
+
+impl Pruned<'_> {
+    /// Adds what the current direction adds to the bounds of β.
+    pub fn bound(&self, scratch: &mut Scratch, cutter: &PlacedCutter, bounds: &mut BetaBounds) {
+        let Scratch { frame, obstacles, centers, bounding, .. } = scratch;
+        centers.resize(cutter.n());
+        cutter.centers(frame, self.isa, centers);
+        bounding.add(&cutter.steps, centers, obstacles, bounds, self.isa);
     }
 }
 

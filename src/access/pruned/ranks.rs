@@ -20,7 +20,7 @@ pub(super) struct Sorted {
 
 /// Buckets of equal height.
 #[derive(Default, Clone, Copy)]
-struct HeightBuckets {
+pub(super) struct HeightBuckets {
     lowest: f32,
     per_mm: f32,
     last: f32,
@@ -35,7 +35,7 @@ impl HeightBuckets {
 
     /// Those of some heights; they never descend with the height.
     #[inline(always)]
-    fn of<S: Simd>(self, s: S, z: S::F32) -> S::U32 {
+    pub fn of<S: Simd>(self, s: S, z: S::F32) -> S::U32 {
         let bucket = (z - S::F32::splat(s, self.lowest)) * S::F32::splat(s, self.per_mm);
         bucket.max(S::F32::splat(s, 0.0)).min(S::F32::splat(s, self.last)).truncate()
     }
@@ -52,7 +52,12 @@ impl Sorted {
     /// Sorts the centers, at least one: into as many buckets as there are centers, then by insertion.
     pub fn fill(&mut self, centers: &Coordinates, isa: Isa) {
         let z = &centers.z[..centers.n];
-        isa.run(Distribute { sorted: self, z });
+        isa.run(Distribute {
+            z,
+            raised: 0.0,
+            buckets: &mut self.buckets,
+            bucket: &mut self.bucket,
+        });
         self.sort.clear(z.len());
         self.bucket.iter().for_each(|&bucket| self.sort.count(bucket as usize));
         let fullest = self.sort.finish_counting();
@@ -97,9 +102,13 @@ impl Sorted {
 }
 
 /// Chooses the buckets and finds that of each height.
-struct Distribute<'a> {
-    sorted: &'a mut Sorted,
-    z: &'a [f32],
+pub(super) struct Distribute<'a> {
+    /// At least one.
+    pub z: &'a [f32],
+    /// Added to each.
+    pub raised: f32,
+    pub buckets: &'a mut HeightBuckets,
+    pub bucket: &'a mut Vec<u32>,
 }
 
 impl Kernel for Distribute<'_> {
@@ -107,22 +116,23 @@ impl Kernel for Distribute<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
-        let Distribute { sorted: Sorted { buckets, bucket, .. }, z } = self;
+        let Distribute { z, raised, buckets, bucket } = self;
+        let raised = S::F32::splat(s, raised);
         let whole = z.chunks_exact(S::LANES);
         let rest = whole.remainder();
         let mut last = [z[0]; MAX_LANES];
         last[..rest.len()].copy_from_slice(rest);
-        let last = S::F32::load(s, &last);
+        let last = S::F32::load(s, &last) + raised;
         let (mut least, mut greatest) = (last, last);
         for z in whole.clone() {
-            let z = S::F32::load(s, z);
+            let z = S::F32::load(s, z) + raised;
             (least, greatest) = (least.min(z), greatest.max(z));
         }
         *buckets = HeightBuckets::new(z.len(), [least.reduce_min(), greatest.reduce_max()]);
         bucket.resize(z.len().next_multiple_of(S::LANES), 0);
         let (to_whole, to_rest) = bucket.split_at_mut(z.len() - rest.len());
         for (z, to) in whole.zip(to_whole.chunks_exact_mut(S::LANES)) {
-            buckets.of(s, S::F32::load(s, z)).store(to);
+            buckets.of(s, S::F32::load(s, z) + raised).store(to);
         }
         if !rest.is_empty() {
             buckets.of(s, last).store(to_rest);

@@ -28,6 +28,8 @@ pub struct SurfaceOptions {
     pub counts: bool,
     /// Also count β and mark occlusion points (default); not for volume queries.
     pub occlusion: bool,
+    /// Return β of these (default). Otherwise it is counted only for sites that may be occlusion points, in less time.
+    pub beta: bool,
     /// Share of the sites that are occlusion points, in (0, 1].
     pub share: f64,
     /// Search between the directions of an even set for sites that none of them reaches (default).
@@ -76,6 +78,7 @@ impl Default for SurfaceOptions {
             tolerance: ContactTolerance::default(),
             counts: true,
             occlusion: true,
+            beta: true,
             share: 0.1,
             refinement: Some(RefinementOptions::default()),
             clearance_limit_mm: None,

@@ -7,8 +7,10 @@ use super::problem::Problem;
 use super::tolerance::Bends;
 use super::tool::{Contact, Outline};
 use super::verdict::{Verdict, raise_at};
-use crate::access::{Extent, Labels, Obstacles, Queries, count_for, occlusion_points};
-use crate::answers::SiteAnswers;
+use crate::access::{
+    Extent, Labels, Obstacles, Queries, count_for, count_greatest_for, occlusion_points,
+};
+use crate::answers::{SiteAnswers, n_of_share};
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::geom::{Mesh, Sites};
@@ -136,8 +138,15 @@ impl TriangleObstacles {
         let mut beta = Vec::new();
         if options.occlusion {
             let shrunk = (cutter, &surface.tolerance_mm[..]);
-            beta = count_beta((sites, None), shrunk, directions, &answers.inaccessible)?;
+            let which = match options.beta {
+                true => Counted::All,
+                false => Counted::Greatest(n_of_share(options.share, sites.len())),
+            };
+            beta = count_beta((sites, which), shrunk, directions, &answers.inaccessible)?;
             answers.occlusion = occlusion_points(&beta, options.share);
+            if !options.beta {
+                beta = Vec::new();
+            }
         }
         let witness = vec![None; sites.len()];
         Ok(Labels { answers, witness, beta, surface: Some(surface), ..Labels::default() })
@@ -195,17 +204,34 @@ impl TriangleObstacles {
     }
 }
 
-/// β for the `marked` sites, of all sites or of those chosen, for the cutter shrunk by the greatest of the tolerances.
+/// Whose β is counted.
+pub(super) enum Counted<'a> {
+    All,
+    /// Of these sites alone, in their order.
+    Chosen(&'a [usize]),
+    /// Of the sites that may be among so many of greatest β; the others have 0.
+    Greatest(usize),
+}
+
+/// β for the `marked` sites, for the cutter shrunk by the greatest of the tolerances.
 pub(super) fn count_beta(
-    (sites, chosen): (&Sites, Option<&[usize]>),
+    (sites, counted): (&Sites, Counted),
     (cutter, tolerances): (&Cutter, &[f64]),
     directions: &Directions,
     marked: &[bool],
 ) -> Result<Vec<u64>> {
     let tolerance = tolerances.iter().fold(0.0, |a: f64, b| a.max(*b));
     let shrunk = cutter.with_clearance(-tolerance)?;
-    let obstacles = (Obstacles::Queries, chosen);
-    count_for(Queries::Sites(sites), obstacles, &shrunk, &tested(directions)?, marked)
+    let (queries, tested) = (Queries::Sites(sites), tested(directions)?);
+    let chosen = match counted {
+        Counted::All => None,
+        Counted::Chosen(chosen) => Some(chosen),
+        Counted::Greatest(n) => {
+            let tool = (&shrunk, marked);
+            return count_greatest_for(queries, Obstacles::Queries, tool, &tested, n);
+        }
+    };
+    count_for(queries, (Obstacles::Queries, chosen), &shrunk, &tested, marked)
 }
 
 /// What is to be labeled.

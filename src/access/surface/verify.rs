@@ -1,7 +1,7 @@
 //! Predict, then verify: the sites that a prediction is least certain of are computed.
 
 use super::labels::SurfaceOptions;
-use super::obstacles::{TriangleObstacles, count_beta};
+use super::obstacles::{Counted, TriangleObstacles, count_beta};
 use super::tool::Outline;
 use crate::answers::{SiteAnswers, mark_top_share};
 use crate::cutter::Cutter;
@@ -116,7 +116,7 @@ impl TriangleObstacles {
             let tolerances = options.tolerance.at_sites(&outline, &self.bends, &self.bvh, sites)?;
             let counted = sites_to_count(predicted, bound, options.share)?;
             let marked = &result.answers.inaccessible;
-            let chosen = (sites, Some(&counted[..]));
+            let chosen = (sites, Counted::Chosen(&counted));
             let beta = count_beta(chosen, (cutter, &tolerances), directions, marked)?;
             (result.beta, result.counted) = (vec![0; sites.len()], vec![false; sites.len()]);
             for (i, beta) in counted.into_iter().zip(beta) {

@@ -5,7 +5,7 @@ use super::{
     CutterRecord, DatasetSettings, LabeledPart, Manifest, PartRecord, Split, content_hash,
 };
 use crate::access::surface::{SurfaceOptions, TriangleObstacles};
-use crate::access::{self, Extent, LabelOptions, Labeler, Labels, Obstacles};
+use crate::access::{self, Extent, LabelOptions, Labeler, Obstacles};
 use crate::answers::{Definition, SiteAnswers};
 use crate::cutter::{Cutter, CutterParams};
 use crate::data::generated;
@@ -222,10 +222,9 @@ impl Builder {
             (0..self.settings.n_cutters).map(|_| self.settings.cutter_set.draw(&mut stream));
         let params: Vec<CutterParams> = drawn.collect();
         let cutters = params.iter().map(|p| Cutter::ball_end(*p)).collect::<Result<Vec<_>>>()?;
-        let answers_of = |labels: Vec<Labels>| labels.into_iter().map(|l| l.answers).collect();
         let answers = match self.settings.definition() {
-            Definition::Part => answers_of(self.label_part(&mesh, &sites, &cutters)?),
-            Definition::Sites => answers_of(self.label_sites(&mesh, &sites, &cutters, index)?),
+            Definition::Part => self.label_part(&mesh, &sites, &cutters)?,
+            Definition::Sites => self.label_sites(&mesh, &sites, &cutters, index)?,
             _ => self.label_volume(&mesh, &sites.points, &cutters, index)?,
         };
         let part = LabeledPart { sites, cutters: params, answers };
@@ -239,7 +238,7 @@ impl Builder {
         sites: &Sites,
         cutters: &[Cutter],
         index: usize,
-    ) -> Result<Vec<Labels>> {
+    ) -> Result<Vec<SiteAnswers>> {
         let dense = match self.settings.n_obstacles {
             Some(n) => self.sites(mesh, n, index)?.points,
             None => Vec::new(),
@@ -248,17 +247,23 @@ impl Builder {
             [] => Obstacles::Queries,
             points => Obstacles::QueriesAnd(points),
         };
-        let options =
-            LabelOptions { share: self.settings.occlusion_share, ..LabelOptions::default() };
-        access::label_many(sites, obstacles, cutters, &self.directions, &options)
+        let share = self.settings.occlusion_share;
+        let options = LabelOptions { share, beta: false, ..LabelOptions::default() };
+        let labels = access::label_many(sites, obstacles, cutters, &self.directions, &options)?;
+        Ok(labels.into_iter().map(|labels| labels.answers).collect())
     }
 
     /// Triangles as obstacles.
-    fn label_part(&self, mesh: &Mesh, sites: &Sites, cutters: &[Cutter]) -> Result<Vec<Labels>> {
+    fn label_part(
+        &self,
+        mesh: &Mesh,
+        sites: &Sites,
+        cutters: &[Cutter],
+    ) -> Result<Vec<SiteAnswers>> {
         let share = self.settings.occlusion_share;
         let options = SurfaceOptions { share, ..SurfaceOptions::default() };
         let labeler = Labeler::of_part(mesh, &[], self.directions.clone(), options)?;
-        cutters.iter().map(|cutter| labeler.label(sites, cutter)).collect()
+        cutters.iter().map(|cutter| labeler.answer(sites, cutter)).collect()
     }
 
     /// Points of space.
