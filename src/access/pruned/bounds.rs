@@ -19,7 +19,10 @@ use crate::spatial::{Coordinates, CountingSort};
 #[derive(Default)]
 pub(super) struct Bounding {
     buckets: HeightBuckets,
+    /// Of each center.
     bucket: Vec<u32>,
+    /// Of each obstacle.
+    found: Vec<u32>,
     sort: CountingSort,
 }
 
@@ -44,43 +47,50 @@ impl Bounding {
             return;
         }
         let (centers, z) = (&centers.z[..centers.n], &obstacles.z[..obstacles.n]);
-        self.fill(centers, first.height, isa);
-        isa.run(AddCounts { of: self, z, beyond: 1, sums: &mut bounds.upper });
+        self.add_counts((centers, first.height), z, 1, &mut bounds.upper, isa);
         if last.radius_squared == f32::INFINITY {
-            self.fill(centers, last.height, isa);
-            isa.run(AddCounts { of: self, z, beyond: 0, sums: &mut bounds.lower });
+            self.add_counts((centers, last.height), z, 0, &mut bounds.lower, isa);
         }
     }
 
-    fn fill(&mut self, z: &[f32], raised: f32, isa: Isa) {
+    /// Adds to each sum the number of centers, raised by a step, below the bucket of the height `z` or so many buckets beyond.
+    fn add_counts(
+        &mut self,
+        (centers, raised): (&[f32], f32),
+        z: &[f32],
+        beyond: usize,
+        sums: &mut [u64],
+        isa: Isa,
+    ) {
         let (buckets, bucket) = (&mut self.buckets, &mut self.bucket);
-        isa.run(Distribute { z, raised, buckets, bucket });
-        self.sort.clear(z.len());
+        isa.run(Distribute { z: centers, raised, buckets, bucket });
+        self.sort.clear(centers.len());
         self.bucket.iter().for_each(|&bucket| self.sort.count(bucket as usize));
         self.sort.finish_counting();
+        self.found.resize(z.len().next_multiple_of(MAX_LANES), 0);
+        isa.run(FindBuckets { z, buckets: self.buckets, found: &mut self.found });
+        for (sum, &bucket) in sums.iter_mut().zip(&self.found) {
+            *sum += u64::from(self.sort.n_below(bucket as usize + beyond));
+        }
     }
 }
 
-/// Adds to each sum the number of centers below the bucket of the height `z`, or so many buckets beyond.
-struct AddCounts<'a> {
-    of: &'a Bounding,
+/// Finds the bucket of each height.
+struct FindBuckets<'a> {
     z: &'a [f32],
-    beyond: usize,
-    sums: &'a mut [u64],
+    buckets: HeightBuckets,
+    /// As long as `z`, and up to whole vectors.
+    found: &'a mut [u32],
 }
 
-impl Kernel for AddCounts<'_> {
+impl Kernel for FindBuckets<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
-        let AddCounts { of: Bounding { buckets, sort, .. }, z, beyond, sums } = self;
-        for (z, sums) in z.chunks(S::LANES).zip(sums.chunks_mut(S::LANES)) {
-            let mut bucket = [0; MAX_LANES];
-            buckets.of(s, S::F32::load_partial(s, z)).store(&mut bucket);
-            for (sum, &bucket) in sums.iter_mut().zip(&bucket) {
-                *sum += u64::from(sort.n_below(bucket as usize + beyond));
-            }
+        let FindBuckets { z, buckets, found } = self;
+        for (z, found) in z.chunks(S::LANES).zip(found.chunks_exact_mut(S::LANES)) {
+            buckets.of(s, S::F32::load_partial(s, z)).store(found);
         }
     }
 }
