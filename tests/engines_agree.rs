@@ -100,6 +100,14 @@ fn assert_engines_agree<'a>(
     for &isa in Isa::available() {
         runs.extend([1, 3].map(|n_threads| (Engine::Pruned, isa, n_threads)));
     }
+    for &isa in Isa::available() {
+        let options = LabelOptions { beta: false, ..options(Engine::Pruned, isa) };
+        let found = label_many(queries, obstacles, cutters, directions, &options).unwrap();
+        for (found, expected) in found.iter().zip(&expected) {
+            assert_eq!(found.answers, expected.answers, "{what}, {}: without beta", isa.name());
+            assert!(found.beta.is_empty());
+        }
+    }
     for (engine, isa, n_threads) in runs {
         let place = format!("{what}, {engine:?}, {}, {n_threads} threads", isa.name());
         for (t, (found, expected)) in run(engine, isa, n_threads).iter().zip(&expected).enumerate()

@@ -18,13 +18,14 @@ fuzz_target!(|bytes: &[u8]| {
         sites.points.push(Vec3::new(at(site[0]), at(site[1]), at(site[2])));
         sites.normals.push(axes[usize::from(site[0] ^ site[1] ^ site[2]) % 6]);
     }
-    let run = |engine| {
-        let options = LabelOptions { engine, ..LabelOptions::default() };
+    let run = |engine, beta| {
+        let options = LabelOptions { engine, beta, ..LabelOptions::default() };
         let mut labels = label(&sites, Obstacles::Queries, &cutter, &directions, &options).unwrap();
         labels.stats = Default::default();
         labels
     };
-    let expected = run(Engine::Reference);
-    assert!(run(Engine::Batched) == expected);
-    assert!(run(Engine::Pruned) == expected);
+    let expected = run(Engine::Reference, true);
+    assert!(run(Engine::Batched, true) == expected);
+    assert!(run(Engine::Pruned, true) == expected);
+    assert!(run(Engine::Pruned, false).answers == expected.answers);
 });
