@@ -20,7 +20,6 @@
 use super::config::{InputConfig, N_COARSE};
 use super::cutter_modules::N_LENGTHS;
 use crate::access::{self, LabelOptions, Obstacles, occlusion_points};
-use crate::answers::n_of_share;
 use crate::cutter::{Cutter, CutterParams};
 use crate::directions::Directions;
 use crate::geom::Sites;
@@ -67,15 +66,9 @@ pub(super) fn answers(
         let tools = tools(cutter, input)?;
         let labels = access::label_many(&sites, Obstacles::Queries, &tools, &directions, &options)?;
         let inaccessible = &labels[0].answers.inaccessible;
-        let tool = (&tools[0], &inaccessible[..]);
-        let n_read = 2 * n_of_share(OCCLUSION_SHARE, sites.len());
-        let beta = access::count_greatest_for(
-            (&sites).into(),
-            Obstacles::Queries,
-            tool,
-            &of_beta,
-            n_read,
-        )?;
+        let obstacles = (Obstacles::Queries, None);
+        let beta =
+            access::count_for((&sites).into(), obstacles, &tools[0], &of_beta, inaccessible)?;
         for (i, in_the_way) in in_the_way(&beta).into_iter().enumerate() {
             let n_accessible =
                 labels.iter().map(|of_tool| of_tool.answers.accessible_directions[i]);
