@@ -99,8 +99,8 @@ pub fn label_many<'a>(
             if options.occlusion && !counted {
                 let n_top = n_of_share(options.share, n_ranked);
                 for (labels, cutter) in labels.iter_mut().zip(cutters) {
-                    let marked = indices(&labels.answers.inaccessible);
-                    labels.beta = count_greatest(&scene, isa, (cutter, &marked), &frames, n_top);
+                    let tool = (cutter, &labels.answers.inaccessible[..]);
+                    labels.beta = count_greatest(&scene, isa, tool, &frames, n_top);
                 }
             }
             labels.into_iter().map(|labels| order.restore(labels)).collect()
@@ -131,97 +131,91 @@ pub fn label_many<'a>(
     Ok(labels)
 }
 
-/// β for the queries that are `marked`, whatever marks them: of all obstacles, or of those `chosen`, in their order.
+/// Of which obstacles β is counted.
+#[derive(Clone, Copy)]
+pub(crate) enum Counted<'a> {
+    All,
+    /// Of these alone, in their order.
+    Chosen(&'a [usize]),
+    /// Of those that may be among so many of greatest β; the others have 0.
+    Greatest(usize),
+}
+
+/// β for the queries that are `marked`, whatever marks them.
 ///
 /// # Errors
 /// As [`label`].
 pub(crate) fn count_for(
     queries: Queries,
-    (obstacles, chosen): (Obstacles, Option<&[usize]>),
+    (obstacles, counted): (Obstacles, Counted),
     cutter: &Cutter,
     directions: &Directions,
     marked: &[bool],
 ) -> Result<Vec<u64>> {
     let _floats = par::DefaultFloats::set();
     let scene = Scene::new(queries, obstacles)?;
-    let scene = match chosen {
-        Some(chosen) => scene.with_obstacles(chosen),
-        None => scene,
+    let scene = match counted {
+        Counted::Chosen(chosen) => scene.with_obstacles(chosen),
+        Counted::All | Counted::Greatest(_) => scene,
     };
     let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
     let order = Order::compact(&scene);
     let scene = order.apply(scene);
-    let inaccessible = order.of_queries(marked);
-    let answers = SiteAnswers { inaccessible, ..SiteAnswers::default() };
-    let mut labels = [Labels { answers, ..Labels::default() }];
-    let method = Pruned { scene: &scene, isa: Isa::active() };
-    count(&method, &scene, &[PlacedCutter::new(&scene, cutter)], &frames, &mut labels);
-    let [labels] = labels;
-    Ok(order.restore(labels).beta)
-}
-
-/// β of the obstacles that may be among the `n_top` of greatest β, for the queries that are `marked`; 0 of the others.
-///
-/// # Errors
-/// As [`label`].
-pub(crate) fn count_greatest_for(
-    queries: Queries,
-    obstacles: Obstacles,
-    (cutter, marked): (&Cutter, &[bool]),
-    directions: &Directions,
-    n_top: usize,
-) -> Result<Vec<u64>> {
-    let _floats = par::DefaultFloats::set();
-    let scene = Scene::new(queries, obstacles)?;
-    let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
-    let order = Order::compact(&scene);
-    let scene = order.apply(scene);
-    let marked = indices(&order.of_queries(marked));
-    let beta = count_greatest(&scene, Isa::active(), (cutter, &marked), &frames, n_top);
+    let (marked, isa) = (order.of_queries(marked), Isa::active());
+    let beta = match counted {
+        Counted::Greatest(n) => count_greatest(&scene, isa, (cutter, &marked), &frames, n),
+        Counted::All | Counted::Chosen(_) => count_all(&scene, isa, (cutter, &marked), &frames),
+    };
     Ok(order.restore(Labels { beta, ..Labels::default() }).beta)
 }
 
-/// As [`count_greatest_for`], in an engine's order.
+/// [`Counted::Greatest`].
 ///
 /// ```text
 /// bounds of β of all obstacles, over all directions
-/// least = the n_top-th greatest lower bound
+/// least = the n-th greatest lower bound
 /// count β of the obstacles whose upper bound is at least that
 /// ```
 fn count_greatest(
     scene: &Scene,
     isa: Isa,
-    (cutter, marked): (&Cutter, &[u32]),
+    (cutter, marked): (&Cutter, &[bool]),
     frames: &[Frame],
-    n_top: usize,
+    n: usize,
 ) -> Vec<u64> {
-    let n = scene.obstacles.n;
-    if marked.is_empty() {
-        return vec![0; n];
-    }
+    let n_obstacles = scene.obstacles.n;
     let method = Pruned { scene, isa };
-    let placed = PlacedCutter::new(scene, cutter).restricted_to(marked);
+    let placed = PlacedCutter::new(scene, cutter).restricted_to(&indices(marked));
     let (_, workers) = par::map_with(
         frames.len(),
-        || (method.scratch(), BetaBounds::zeros(n)),
+        || (method.scratch(), BetaBounds::zeros(n_obstacles)),
         |(scratch, bounds), k| {
             method.enter(scratch, &frames[k]);
             method.bound(scratch, &placed, bounds);
         },
     );
-    let mut bounds = BetaBounds::zeros(n);
+    let mut bounds = BetaBounds::zeros(n_obstacles);
     workers.iter().for_each(|(_, own)| bounds.add(own));
-    let chosen = bounds.may_be_among_the_greatest(n_top, frames.len() as u64);
-    let scene = scene.clone().with_obstacles(&chosen);
-    let mut is_marked = vec![false; scene.n_queries()];
-    marked.iter().for_each(|&i| is_marked[i as usize] = true);
-    let answers = SiteAnswers { inaccessible: is_marked, ..SiteAnswers::default() };
-    let mut labels = [Labels { answers, ..Labels::default() }];
-    let method = Pruned { scene: &scene, isa };
-    count(&method, &scene, &[PlacedCutter::new(&scene, cutter)], frames, &mut labels);
-    let mut beta = vec![0; n];
-    chosen.iter().zip(&labels[0].beta).for_each(|(&j, &counted)| beta[j] = counted);
+    let chosen = bounds.may_be_among_the_greatest(n, frames.len() as u64);
+    let counted = count_all(&scene.clone().with_obstacles(&chosen), isa, (cutter, marked), frames);
+    let mut beta = vec![0; n_obstacles];
+    chosen.iter().zip(counted).for_each(|(&j, counted)| beta[j] = counted);
     beta
+}
+
+/// [`Counted::All`].
+fn count_all(
+    scene: &Scene,
+    isa: Isa,
+    (cutter, marked): (&Cutter, &[bool]),
+    frames: &[Frame],
+) -> Vec<u64> {
+    let answers = SiteAnswers { inaccessible: marked.to_vec(), ..SiteAnswers::default() };
+    let mut labels = [Labels { answers, ..Labels::default() }];
+    let cutter = PlacedCutter::new(scene, cutter);
+    count(&Pruned { scene, isa }, scene, &[cutter], frames, &mut labels);
+    let [labels] = labels;
+    labels.beta
 }
 
 fn run<M: Method>(
@@ -344,15 +338,15 @@ mod tests {
         // The last is so thin that a site collides with the tool that stands at it, and is left out.
         for cutter in ["1,6,9,5", "0.5,2,30,2", "0.001,0.001,0.001,5"] {
             let cutter: Cutter = cutter.parse().unwrap();
-            let count = |chosen: Option<&[usize]>| {
-                let obstacles = (Obstacles::Queries, chosen);
+            let count = |counted: Counted| {
+                let obstacles = (Obstacles::Queries, counted);
                 count_for((&sites).into(), obstacles, &cutter, &directions, &marked).unwrap()
             };
-            let all = count(None);
+            let all = count(Counted::All);
             assert!(all.iter().any(|beta| *beta > 0));
             for chosen in [(0..1500).step_by(7).collect(), (3..9).collect(), vec![1499], vec![]] {
                 let expected: Vec<u64> = chosen.iter().map(|&j: &usize| all[j]).collect();
-                assert_eq!(count(Some(&chosen)), expected);
+                assert_eq!(count(Counted::Chosen(&chosen)), expected);
             }
         }
     }
@@ -372,10 +366,10 @@ mod tests {
                 let (all, few) = (label(true), label(false));
                 assert_eq!((&few.answers, few.beta.len()), (&all.answers, 0));
                 let n_top = n_of_share(share, sites.len());
-                let tool = (&cutter, &all.answers.inaccessible[..]);
-                let sites = Queries::Sites(&sites);
-                let found = count_greatest_for(sites, Obstacles::Queries, tool, &directions, n_top)
-                    .unwrap();
+                let obstacles = (Obstacles::Queries, Counted::Greatest(n_top));
+                let marked = &all.answers.inaccessible;
+                let found =
+                    count_for((&sites).into(), obstacles, &cutter, &directions, marked).unwrap();
                 let mut greatest = all.beta.clone();
                 greatest.sort_unstable_by(|a, b| b.cmp(a));
                 let least = greatest[n_top - 1];

@@ -50,7 +50,7 @@ pub mod setups;
 mod stats;
 pub mod surface;
 
-pub(crate) use driver::{count_for, count_greatest_for};
+pub(crate) use driver::{Counted, count_for};
 pub use driver::{label, label_many};
 pub use extent::Extent;
 pub use gouge::gouges;

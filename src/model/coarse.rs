@@ -66,7 +66,7 @@ pub(super) fn answers(
         let tools = tools(cutter, input)?;
         let labels = access::label_many(&sites, Obstacles::Queries, &tools, &directions, &options)?;
         let inaccessible = &labels[0].answers.inaccessible;
-        let obstacles = (Obstacles::Queries, None);
+        let obstacles = (Obstacles::Queries, access::Counted::All);
         let beta =
             access::count_for((&sites).into(), obstacles, &tools[0], &of_beta, inaccessible)?;
         for (i, in_the_way) in in_the_way(&beta).into_iter().enumerate() {

@@ -7,9 +7,7 @@ use super::problem::Problem;
 use super::tolerance::Bends;
 use super::tool::{Contact, Outline};
 use super::verdict::{Verdict, raise_at};
-use crate::access::{
-    Extent, Labels, Obstacles, Queries, count_for, count_greatest_for, occlusion_points,
-};
+use crate::access::{Counted, Extent, Labels, Obstacles, Queries, count_for, occlusion_points};
 use crate::answers::{SiteAnswers, n_of_share};
 use crate::cutter::Cutter;
 use crate::directions::Directions;
@@ -204,15 +202,6 @@ impl TriangleObstacles {
     }
 }
 
-/// Whose β is counted.
-pub(super) enum Counted<'a> {
-    All,
-    /// Of these sites alone, in their order.
-    Chosen(&'a [usize]),
-    /// Of the sites that may be among so many of greatest β; the others have 0.
-    Greatest(usize),
-}
-
 /// β for the `marked` sites, for the cutter shrunk by the greatest of the tolerances.
 pub(super) fn count_beta(
     (sites, counted): (&Sites, Counted),
@@ -222,16 +211,8 @@ pub(super) fn count_beta(
 ) -> Result<Vec<u64>> {
     let tolerance = tolerances.iter().fold(0.0, |a: f64, b| a.max(*b));
     let shrunk = cutter.with_clearance(-tolerance)?;
-    let (queries, tested) = (Queries::Sites(sites), tested(directions)?);
-    let chosen = match counted {
-        Counted::All => None,
-        Counted::Chosen(chosen) => Some(chosen),
-        Counted::Greatest(n) => {
-            let tool = (&shrunk, marked);
-            return count_greatest_for(queries, Obstacles::Queries, tool, &tested, n);
-        }
-    };
-    count_for(queries, (Obstacles::Queries, chosen), &shrunk, &tested, marked)
+    let obstacles = (Obstacles::Queries, counted);
+    count_for(Queries::Sites(sites), obstacles, &shrunk, &tested(directions)?, marked)
 }
 
 /// What is to be labeled.

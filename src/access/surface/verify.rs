@@ -1,8 +1,9 @@
 //! Predict, then verify: the sites that a prediction is least certain of are computed.
 
 use super::labels::SurfaceOptions;
-use super::obstacles::{Counted, TriangleObstacles, count_beta};
+use super::obstacles::{TriangleObstacles, count_beta};
 use super::tool::Outline;
+use crate::access::Counted;
 use crate::answers::{SiteAnswers, mark_top_share};
 use crate::cutter::Cutter;
 use crate::directions::Directions;
