@@ -67,7 +67,7 @@ pub struct LabelOptions {
     /// Also mark occlusion points (default). Costs several times the labels alone.
     pub occlusion: bool,
     /// Return β (default). Otherwise the pruned engine counts it only for obstacles that may be occlusion points, and marks these in less
-    /// time.
+    /// time; [`Labels::stats`] then leaves β out.
     pub beta: bool,
     /// Share of the ranked obstacles that are occlusion points, in (0, 1]; the paper's is 0.1.
     pub share: f64,

@@ -112,8 +112,11 @@ impl BetaBounds {
     /// than `n_own` pairs of a center with its own obstacle.
     pub fn may_be_among_the_greatest(&self, n: usize, n_own: u64) -> Vec<usize> {
         let n_obstacles = self.lower.len();
-        if n == 0 || n >= n_obstacles {
-            return (0..if n == 0 { 0 } else { n_obstacles }).collect();
+        if n == 0 {
+            return Vec::new();
+        }
+        if n >= n_obstacles {
+            return (0..n_obstacles).collect();
         }
         let mut lower = self.lower.clone();
         let (_, nth, _) = lower.select_nth_unstable_by(n - 1, |a, b| b.cmp(a));
