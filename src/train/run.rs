@@ -105,7 +105,7 @@ impl Run {
     }
 
     /// Begins with the weights of `model` instead of random ones. The number of
-    /// [coarse directions](crate::model::InputConfig::coarse_directions) may be another one.
+    /// [coarse directions](crate::model::config::InputConfig::coarse_directions) may be another one.
     ///
     /// # Errors
     /// If it is another network than that of the settings.
