@@ -86,7 +86,7 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
         }
         for &bound in &args.verify {
             let score = evaluate_verified(&networks[0].1, &samples, bound, processes)?;
-            let VerifiedScore { computed, wrong, counted, wrong_occlusion, .. } = score;
+            let VerifiedScore { computed, wrong, counted, wrong_occlusion } = score;
             let [bound, computed, wrong, counted, wrong_occlusion] =
                 [bound, computed, wrong, counted, wrong_occlusion].map(Cell::Share);
             verified.row([Cell::text(&name), bound, computed, wrong, counted, wrong_occlusion]);

@@ -305,15 +305,30 @@ mod tests {
     fn older_predictions_are_still_read() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("predictions.npz");
-        let mut npz = start(&sites(), &provenance());
+        let logits = || {
+            let mut npz = start(&sites(), &provenance());
+            for name in ["inaccessible", "occlusion"] {
+                npz.array(&format!("logits_{name}"), &[2, 2], &[0.0f32, 2.0, 1.0, 1.0]);
+                npz.array(&format!("probability_{name}"), &[2], &[0.880_797f32, 0.5]);
+            }
+            npz.metadata(&provenance().metadata(PredictionFile::FORMAT, prediction_meaning()));
+            npz
+        };
+        let mut npz = logits();
         for name in ["inaccessible", "occlusion"] {
-            npz.array(&format!("logits_{name}"), &[2, 2], &[0.0f32, 2.0, 1.0, 1.0]);
-            npz.array(&format!("probability_{name}"), &[2], &[0.880_797f32, 0.5]);
             npz.array(&format!("predicted_{name}"), &[2], &[true, false]);
         }
-        npz.metadata(&provenance().metadata(PredictionFile::FORMAT, prediction_meaning()));
         npz.write(&path).unwrap();
         let answers = PredictionFile::read(&path).unwrap().prediction.answers();
         assert_eq!((answers.inaccessible, answers.occlusion.len()), (vec![true, false], 2));
+        // Before β was left out where it does not decide.
+        let mut npz = logits();
+        for name in ["inaccessible", "occlusion", "tip_does_not_fit", "verified"] {
+            npz.array(name, &[2], &[false, true]);
+        }
+        npz.array("beta", &[2], &[3u64, 0]);
+        npz.write(&path).unwrap();
+        let verified = PredictionFile::read(&path).unwrap().verified.unwrap();
+        assert_eq!((verified.share_counted(), verified.share_verified()), (1.0, 0.5));
     }
 }
