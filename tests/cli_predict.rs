@@ -53,6 +53,10 @@ fn all_sites_verified_are_the_labels_and_some_keep_the_bound() {
     assert_eq!(all.answers.tip_does_not_fit, labels.answers.tip_does_not_fit);
     assert_eq!(all.answers.occlusion, labels.answers.occlusion);
     assert_eq!(all.beta, labels.beta);
+    let (labeled, predicted) = (folder.path("label"), folder.path("predict/predictions.npz"));
+    let compared = ["report", &labeled, "--compare", &predicted, "--json"];
+    let compared = json(&deepmill(&compared));
+    assert_eq!(compared["scores"][0]["accuracy"].as_f64(), Some(1.0), "{compared}");
 
     let (result, file) = verify(&[]);
     assert!(result["expected_error"].as_f64().unwrap() <= 0.01, "one percent is the default");

@@ -65,7 +65,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
     if let Some(file) = &predictions {
         paths.extend(folder::draw_predictions(out, file, mesh.as_ref(), Show::Pictures)?);
-        shares.row(row("predicted", &file.provenance, &file.prediction.answers()));
+        shares.row(row("predicted", &file.provenance, &file.answers()));
     }
     output.say(shares.text());
     let mut result = json!({ "answers": shares.json() });
@@ -102,7 +102,7 @@ pub fn page(
     }
     let labels = labels.map(|(file, _)| file);
     if let Some(file) = predictions {
-        let found = Findings::of(&file.sites, mesh, &file.prediction.answers(), &[])?;
+        let found = Findings::of(&file.sites, mesh, &file.answers(), &[])?;
         views.push(View::of_predictions(file, found));
     }
     if let (Some(labels), Some(predictions)) = (labels, predictions) {
@@ -175,7 +175,7 @@ fn compare(labels: &LabelFile, predictions: &PredictionFile, found: &Found) -> R
     if labels.provenance.cutter != predictions.provenance.cutter {
         return Err(differ("cutter", "it is not the cutter of the labels"));
     }
-    let (found, truth) = (predictions.prediction.answers(), &labels.labels.answers);
+    let (found, truth) = (predictions.answers(), &labels.labels.answers);
     let first = Confusion::of_labels(&found.inaccessible, &truth.inaccessible);
     let second = Confusion::of_labels(&found.occlusion, &truth.occlusion);
     let rows = scores::heads(&first, &second);
