@@ -216,7 +216,7 @@ impl Kernel for Compress<'_> {
 fn compress_brings_the_named_lanes_to_the_front() {
     let lanes: [f32; MAX_LANES] = std::array::from_fn(|l| l as f32 + 1.0);
     for isa in Isa::available() {
-        for bits in 0..1 << MAX_LANES {
+        for bits in (0..1 << MAX_LANES).step_by(if cfg!(miri) { 997 } else { 1 }) {
             let (n, out) = isa.run(Compress(&lanes, bits));
             let named = (0..n).filter(|l| bits >> l & 1 == 1).map(|l| lanes[l]);
             let count = named.clone().count();
