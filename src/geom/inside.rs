@@ -155,20 +155,34 @@ pub fn windings(mesh: &Mesh, points: &[DVec3]) -> Result<Vec<i32>> {
     Ok(blocks.into_iter().flatten().collect())
 }
 
-/// For each probe (mm) the groups of triangles that wind around it, ascending. `group` is each
-/// triangle's group, `u32::MAX` for none; each group must be closed by itself.
-pub(crate) fn groups_around(mesh: &Mesh, group: &[u32], probes: &[DVec3]) -> Vec<Vec<u32>> {
-    let grid = TriangleGrid::over(mesh);
-    let around = |probe: &DVec3| {
+/// Groups of triangles, each closed by itself.
+pub(crate) struct Groups {
+    grid: TriangleGrid,
+    /// Of each triangle of the grid.
+    group: Vec<u32>,
+}
+
+impl Groups {
+    /// `group` is each triangle's group, `u32::MAX` for none.
+    pub fn new(mesh: &Mesh, group: &[u32]) -> Self {
+        let grouped = || (0..mesh.triangles.len()).filter(|&f| group[f] != u32::MAX);
+        Groups {
+            grid: TriangleGrid::of(grouped().map(|f| mesh.corners(f)).collect()),
+            group: grouped().map(|f| group[f]).collect(),
+        }
+    }
+
+    /// How many groups but `own` wind around `probe` (mm).
+    pub fn n_others_around(&self, probe: DVec3, own: u32) -> usize {
         let mut winding = BTreeMap::<u32, i32>::new();
-        for (f, facing) in grid.crossings(probe.truncate()) {
-            if group[f] != u32::MAX && is_below(*probe, &grid.triangles[f], facing) {
-                *winding.entry(group[f]).or_default() += facing;
+        for (f, facing) in self.grid.crossings(probe.truncate()) {
+            let of = self.group[f];
+            if of != own && is_below(probe, &self.grid.triangles[f], facing) {
+                *winding.entry(of).or_default() += facing;
             }
         }
-        winding.into_iter().filter(|(_, w)| *w != 0).map(|(g, _)| g).collect()
-    };
-    probes.iter().map(around).collect()
+        winding.into_values().filter(|w| *w != 0).count()
+    }
 }
 
 /// The triangles of a mesh, by where they lie seen from above.
@@ -184,7 +198,10 @@ impl TriangleGrid {
     }
 
     fn over(mesh: &Mesh) -> Self {
-        let triangles: Vec<_> = (0..mesh.triangles.len()).map(|f| mesh.corners(f)).collect();
+        TriangleGrid::of((0..mesh.triangles.len()).map(|f| mesh.corners(f)).collect())
+    }
+
+    fn of(triangles: Vec<[DVec3; 3]>) -> Self {
         let flat = |v: DVec3| v.truncate().extend(0.0);
         let bounds = |[a, b, c]: &[DVec3; 3]| (flat(a.min(*b).min(*c)), flat(a.max(*b).max(*c)));
         let boxes = AabbGrid::new(&triangles.iter().map(bounds).collect::<Vec<_>>());

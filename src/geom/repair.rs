@@ -5,7 +5,7 @@
 use super::check::topology::{Topology, has_three_corners};
 use super::check::{Fault, check, volume_of};
 use super::{Mesh, inside, weld};
-use crate::Result;
+use crate::{Result, par};
 use glam::DVec3;
 use std::collections::{HashMap, HashSet};
 use std::fmt;
@@ -232,19 +232,23 @@ fn turn_outward(mesh: &mut Mesh, topology: &Topology, components: &[Vec<u32>]) -
         .flat_map(|uses| uses.iter().map(|u| owner[u.face as usize]))
         .collect();
     owner.iter_mut().filter(|i| open.contains(i)).for_each(|i| *i = u32::MAX);
-    let probes: Vec<DVec3> = components.iter().flat_map(|faces| extremes(mesh, faces)).collect();
-    let around = inside::groups_around(mesh, &owner, &probes);
-    let mut n_turned = 0;
-    for (i, faces) in components.iter().enumerate() {
-        let depth = |groups: &Vec<u32>| groups.iter().filter(|k| **k != i as u32).count();
-        // A body that merely overlaps another sticks out of it somewhere.
-        let is_void = around[6 * i..6 * i + 6].iter().all(|groups| depth(groups) % 2 == 1);
-        if !open.contains(&(i as u32)) && (volume_of(mesh, faces) < 0.0) != is_void {
-            faces.iter().for_each(|f| mesh.triangles[*f as usize].swap(1, 2));
-            n_turned += 1;
+    let groups = inside::Groups::new(mesh, &owner);
+    let faces_inward = |i: usize| {
+        let (faces, own) = (&components[i], i as u32);
+        if open.contains(&own) {
+            return false;
         }
+        // A body that merely overlaps another sticks out of it somewhere.
+        let is_within = |probe| groups.n_others_around(probe, own) % 2 == 1;
+        let is_void = extremes(mesh, faces).into_iter().all(is_within);
+        (volume_of(mesh, faces) < 0.0) != is_void
+    };
+    let turned = par::map(components.len(), faces_inward);
+    let turned = || components.iter().zip(&turned).filter(|(_, turned)| **turned);
+    for f in turned().flat_map(|(faces, _)| faces) {
+        mesh.triangles[*f as usize].swap(1, 2);
     }
-    n_turned
+    turned().count()
 }
 
 /// The least and greatest corners of some triangles along each axis (ties: the first).
@@ -268,6 +272,7 @@ fn extremes(mesh: &Mesh, faces: &[u32]) -> [DVec3; 6] {
 mod tests {
     use super::*;
     use crate::geom::solids::{cuboid, torus};
+    use crate::rng::{Purpose, Stream};
 
     fn together(a: &Mesh, b: &Mesh) -> Mesh {
         let n = a.vertices.len() as u32;
@@ -284,6 +289,20 @@ mod tests {
         assert_eq!(repair(&mut mesh).unwrap(), []);
         assert_eq!(face_outward(&mut mesh), None);
         assert_eq!(mesh, before);
+    }
+
+    /// Only closed components are asked what is around them: with all of them this would take hours.
+    #[test]
+    fn many_loose_triangles_are_left_as_they_are() {
+        let mut stream = Stream::new(1, 0, 0, Purpose::Probe);
+        let mut corner = || DVec3::from_array([0; 3].map(|_| stream.range(0.0, 100.0)));
+        let n = 400_000;
+        let vertices = (0..3 * n).map(|_| corner()).collect();
+        let triangles = (0..n).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let mut soup = Mesh { vertices, triangles };
+        let before = soup.triangles.clone();
+        repair(&mut soup).unwrap();
+        assert_eq!(soup.triangles, before);
     }
 
     #[test]
