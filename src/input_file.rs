@@ -5,26 +5,43 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Most bytes of a file of meshes, clouds, weights, checkpoints or a part of a data set.
-pub const MOST_DATA: u64 = 4 << 30;
-/// Most bytes of a manifest, a record, or text of the published format.
-pub const MOST_TEXT: u64 = 1 << 30;
-/// Most bytes of settings, tool libraries, tables and notes.
-pub const MOST_SETTINGS: u64 = 64 << 20;
+/// How much of a file is read, and what that takes.
+#[derive(Debug, Clone, Copy)]
+pub struct Limit {
+    most_bytes: u64,
+    /// Memory for each byte of the file, with all that is read out of it at worst.
+    bytes_of_byte: u64,
+}
 
-/// The bytes of `path`, at most `most_bytes`.
+/// Meshes, clouds, weights, checkpoints, parts of a data set. What is made of them is estimated by their readers.
+pub const DATA: Limit = Limit { most_bytes: 4 << 30, bytes_of_byte: 1 };
+/// Manifests, records, text of the published format.
+pub const TEXT: Limit = Limit { most_bytes: 1 << 30, bytes_of_byte: 16 };
+/// Tool libraries, tables, holders, fixtures of gradients: two bytes may be a number of JSON, 72 bytes in a vector that doubles.
+pub const LIBRARY: Limit = Limit { most_bytes: 64 << 20, bytes_of_byte: 80 };
+/// Settings.
+pub const SETTINGS: Limit = Limit { most_bytes: 1 << 20, bytes_of_byte: 250 };
+
+/// The bytes of `path`, within `limit`.
 ///
 /// # Errors
 /// If there are more, they do not fit into the memory, or the system refuses the file.
-pub fn read(path: &Path, most_bytes: u64) -> Result<Vec<u8>> {
+pub fn read(path: &Path, limit: Limit) -> Result<Vec<u8>> {
     let failed = |e| Error::read(path, e);
+    let Limit { most_bytes, bytes_of_byte } = limit;
     let file = File::open(path).map_err(failed)?;
     // A device or a pipe has no size.
     let size = file.metadata().map_err(failed)?.len();
     if size > most_bytes {
         return Err(too_large(path, format!("{size} bytes"), most_bytes));
     }
-    memory::require("reading the file", size, format!("{}: free some memory", path.display()))?;
+    let remedy = format!("{}: free some memory", path.display());
+    memory::require("reading the file", size * bytes_of_byte, remedy)?;
+    let most_bytes = match size {
+        // Vectors grow by doubling.
+        0 => most_bytes.min(memory::limit_bytes() / (2 + bytes_of_byte)),
+        _ => most_bytes,
+    };
     let mut bytes = Vec::with_capacity(size as usize);
     file.take(most_bytes + 1).read_to_end(&mut bytes).map_err(failed)?;
     match bytes.len() as u64 > most_bytes {
@@ -33,12 +50,12 @@ pub fn read(path: &Path, most_bytes: u64) -> Result<Vec<u8>> {
     }
 }
 
-/// The text of `path`, at most `most_bytes` of it.
+/// The text of `path`, within `limit`.
 ///
 /// # Errors
 /// As [`read`], or if it is no text in UTF-8.
-pub fn read_text(path: &Path, most_bytes: u64) -> Result<String> {
-    String::from_utf8(read(path, most_bytes)?).map_err(|e| {
+pub fn read_text(path: &Path, limit: Limit) -> Result<String> {
+    String::from_utf8(read(path, limit)?).map_err(|e| {
         let place = format!("byte {}", e.utf8_error().valid_up_to());
         Error::file(path, place, "it is no text in UTF-8", "save the file as text in UTF-8")
     })
@@ -58,15 +75,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.bin");
         std::fs::write(&path, [255; 100]).unwrap();
-        assert_eq!(read(&path, 100).unwrap(), [255; 100]);
-        let message = read(&path, 99).unwrap_err().to_string();
+        let up_to = |most_bytes| Limit { most_bytes, bytes_of_byte: 1 };
+        assert_eq!(read(&path, up_to(100)).unwrap(), [255; 100]);
+        let message = read(&path, up_to(99)).unwrap_err().to_string();
         assert!(message.contains("a.bin: size: 100 bytes, at most 99 are read; "), "{message}");
-        let message = read_text(&path, 100).unwrap_err().to_string();
+        let message = read_text(&path, up_to(100)).unwrap_err().to_string();
         assert!(message.contains("a.bin: byte 0: it is no text"), "{message}");
-        assert!(read(folder.path(), MOST_DATA).unwrap_err().to_string().contains("cannot be read"));
+        assert!(read(folder.path(), DATA).unwrap_err().to_string().contains("cannot be read"));
         // It says that it has no bytes, and never ends.
         if cfg!(target_os = "linux") {
-            let message = read(Path::new("/dev/zero"), 1000).unwrap_err().to_string();
+            let message = read(Path::new("/dev/zero"), up_to(1000)).unwrap_err().to_string();
             assert!(message.contains("/dev/zero: size: more than that, at most 1000"), "{message}");
         }
     }

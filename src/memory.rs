@@ -30,7 +30,7 @@ pub fn product(factors: impl IntoIterator<Item = usize>) -> u64 {
 }
 
 /// Bytes that this process may still take: the least of the machine's memory and its control group's, less what is resident, and of the
-/// limit of its address space (`ulimit -v`), less what is mapped. What the system does not say does not limit.
+/// three quarters of the limit of its address space (`ulimit -v`), less what is mapped. What the system does not say does not limit.
 ///
 /// Other programs' memory is not subtracted, so that the answer does not depend on who else is at work.
 pub fn limit_bytes() -> u64 {
@@ -42,6 +42,8 @@ pub fn limit_bytes() -> u64 {
     let limits = text("/proc/self/limits");
     let address_space = limits.lines().find_map(|line| line.strip_prefix("Max address space"));
     let address_space = address_space.and_then(|l| l.split_whitespace().next()?.parse().ok());
+    // Threads map stacks and heaps of their own, some of them later.
+    let address_space = address_space.map(|limit: u64| limit - limit / 4);
     let left = |limit: Option<u64>, used| limit.map(|limit| limit.saturating_sub(used));
     let all = [left(machine, resident), left(group, resident), left(address_space, mapped)];
     all.into_iter().flatten().min().unwrap_or(u64::MAX)

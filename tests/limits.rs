@@ -5,6 +5,8 @@
 mod command;
 
 use command::{CUTTER, Folder, deepmill, failure, text};
+use deepmill::model::weights::{Storage, write};
+use deepmill::model::{Model, UNetConfig};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -71,6 +73,46 @@ fn what_does_not_fit_into_the_address_space_is_refused_with_numbers() {
 }
 
 #[test]
+fn networks_beyond_the_memory_are_refused_with_numbers() {
+    let folder = Folder::new();
+    let (part, data, run) = (folder.block(), folder.path("data"), folder.path("run"));
+    let build = ["dataset", "build", &part, "--sites", "2000", "--directions", "5", "--out", &data];
+    require_success(&build);
+    let wide = "stem_width = 16\nencoder_widths = [16, 900, 900]";
+    let wide_at_fine_nodes = "stem_width = 2000\nencoder_widths = [16, 32, 48]";
+    for (widths, what) in
+        [(wide, "training needs about"), (wide_at_fine_nodes, "the training step needs about")]
+    {
+        let blocks = "encoder_blocks = [1, 1, 1]\ndecoder_blocks = [1, 1, 1]";
+        let rest = "decoder_widths = [32, 32, 16]\nhead_width = 16\n[network.input]\ndepth = 6";
+        let config = folder.file("wide.toml", format!("[network]\n{widths}\n{blocks}\n{rest}\n"));
+        let train =
+            ["train", "--data", &data, "--out", &run, "--preset", "tiny", "--config", &config];
+        let message = failure(&limited(LITTLE, &train), 1);
+        assert!(message.contains(what) && message.contains(", the limit is "), "{message}");
+    }
+    let mut config = UNetConfig::tiny();
+    config.encoder_widths[2] = 520;
+    let weights = folder.path("w.safetensors");
+    let model = Model::<f32>::new(&config, 1).unwrap();
+    write(Path::new(&weights), &model, Storage::Exact, "").unwrap();
+    let half = folder.path("half.safetensors");
+    let predict = ["predict", &part, "--cutter", CUTTER, "--out", &run, "--model", &weights];
+    for args in [&predict[..], &["weights", &weights], &["weights", &weights, "--bf16", &half]] {
+        // From too little for the file to enough for all.
+        let outputs = (150..=450).step_by(50).map(|megabytes| {
+            limited(&format!("ulimit -v {megabytes}000"), &[args, &["--threads", "1"]].concat())
+        });
+        let outputs: Vec<_> = outputs.collect();
+        for output in outputs.iter().filter(|output| !output.status.success()) {
+            let message = failure(output, 1);
+            assert!(message.contains("needs about "), "{args:?}: {message}");
+        }
+        assert!(!outputs[0].status.success() && outputs[6].status.success(), "{args:?}");
+    }
+}
+
+#[test]
 fn a_device_without_an_end_is_no_input() {
     let folder = Folder::new();
     let out = folder.path("out");
@@ -78,56 +120,126 @@ fn a_device_without_an_end_is_no_input() {
         std::os::unix::fs::symlink("/dev/zero", folder.path(name)).unwrap();
         folder.path(name)
     };
-    let [tools, settings] = ["t.csv", "s.toml"].map(endless);
+    let [tools, settings, mesh, cloud, weights] =
+        ["t.csv", "s.toml", "m.stl", "c.ply", "w.safetensors"].map(endless);
     let part = folder.block();
+    let predict = ["predict", &part, "--cutter", CUTTER, "--out", &out, "--model", &weights];
     for args in [
         &["label", &part, "--tools", &tools, "--out", &out][..],
         &["train", "--data", "none", "--out", &out, "--config", &settings],
+        &["check", &mesh],
+        &["label", &cloud, "--cutter", CUTTER, "--out", &out],
+        &predict,
     ] {
         let message = failure(&limited(LITTLE, args), 1);
-        assert!(message.contains("size: more than that, at most 67108864 are read"), "{message}");
+        assert!(message.contains("size: more than that, at most "), "{args:?}: {message}");
     }
 }
 
-/// Commands that write into a folder or a file `out`.
-fn writing_commands<'a>(
-    part: &'a str,
-    data: &'a str,
-    result: &'a str,
-    out: &'a str,
-) -> Vec<Vec<&'a str>> {
-    let few = ["--sites", "200", "--directions", "9"];
-    let cutter = ["--cutter", CUTTER];
-    vec![
-        [&["label", part, "--no-picture", "--out", out], &few[..], &cutter].concat(),
-        [&["predict", part, "--far", "--no-picture", "--out", out], &few[..2], &cutter[..]]
-            .concat(),
-        [&["dataset", "build", part, "--out", out], &few[..]].concat(),
-        vec!["dataset", "export", data, "--out", out],
-        vec!["train", "--data", data, "--out", out, "--preset", "tiny", "--epochs", "1"],
-        vec!["generate", "--count", "1", "--out", out],
-        vec!["report", result, "--out", out],
-    ]
+/// A file of two bytes a number is eighty times as large in memory, or more.
+#[test]
+fn text_that_would_fill_the_memory_is_refused_before_it_is_read() {
+    let folder = Folder::new();
+    let (part, out) = (folder.block(), folder.path("out"));
+    let numbers = |n| "0,".repeat(n);
+    let tools = folder.file("t.json", format!("{{\"data\":[{}0]}}", numbers(20_000_000)));
+    let settings = folder.file("s.toml", format!("seed = [{}0]", numbers(3_000_000)));
+    let large = folder.file("l.toml", format!("seed = [{}0]", numbers(400_000)));
+    let train = ["train", "--data", "none", "--out", &out, "--config"];
+    for (args, what) in [
+        (
+            &["label", &part, "--tools", &tools, "--out", &out][..],
+            "reading the file needs about 3200000",
+        ),
+        (&[&train[..], &[&settings]].concat(), "at most 1048576 are read"),
+        (&[&train[..], &[&large]].concat(), "l.toml: line 1"),
+    ] {
+        let message = failure(&limited(LITTLE, args), 1);
+        assert!(message.contains(what), "{args:?}: {message}");
+    }
+}
+
+/// What the commands read.
+struct Inputs {
+    part: String,
+    tools: String,
+    data: String,
+    exported: String,
+    result: String,
+    model: String,
+}
+
+impl Inputs {
+    fn new(folder: &Folder) -> Self {
+        let path = |name| folder.path(name);
+        let tools = folder.file("t.csv", "name,CR,CH,FR,FH\na,1.5,6,40,5\nb,1,6,20,5\n");
+        let parts = path("parts");
+        require_success(&["generate", "--count", "1", "--out", &parts]);
+        let is_mesh = |path: &PathBuf| path.extension().is_some_and(|e| e == "stl");
+        let part = files(&parts).into_iter().map(|(path, _)| path).find(is_mesh).unwrap();
+        let part = part.to_str().unwrap().to_owned();
+        let [data, exported, result, run] = ["data", "exported", "result", "run"].map(path);
+        let few = ["--sites", "200", "--directions", "9"];
+        require_success(&[&["dataset", "build", &part, "--out", &data], &few[..]].concat());
+        require_success(&["dataset", "export", &data, "--out", &exported]);
+        let label = ["label", &part, "--cutter", CUTTER, "--out", &result, "--no-picture"];
+        require_success(&[&label[..], &few].concat());
+        let train = ["train", "--data", &data, "--out", &run, "--preset", "tiny", "--epochs", "1"];
+        require_success(&train);
+        Inputs { part, tools, data, exported, result, model: format!("{run}/model.safetensors") }
+    }
+}
+
+fn require_success(args: &[&str]) {
+    let output = deepmill(args);
+    assert!(output.status.success(), "{args:?}: {}", text(&output.stderr));
+}
+
+/// Every command that writes, into the folder `out` or files of it.
+fn writing_commands(inputs: &Inputs, out: &str) -> Vec<Vec<String>> {
+    let Inputs { part, tools, data, exported, result, model } = inputs;
+    let few = "--sites 200 --directions 9";
+    let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/parity");
+    let commands = [
+        format!("label {part} --no-picture --out {out} {few} --cutter {CUTTER}"),
+        format!("predict {part} --far --no-picture --out {out} --sites 200 --cutter {CUTTER}"),
+        format!("tools {part} --library {tools} --out {out} {few}"),
+        format!("setups {part} --tools {tools} --machine 3-axis --out {out} {few}"),
+        format!("dataset build {part} --out {out} {few}"),
+        format!("dataset export {data} --out {out}"),
+        format!("dataset import {exported} --out {out}"),
+        format!("train --data {data} --out {out} --preset tiny --epochs 1"),
+        format!("generate --count 1 --out {out}"),
+        format!("report {result} --out {out}"),
+        format!("explain {result} --site 0 --picture {out}/site.png"),
+        format!("sample {part} --out {out}/sites.ply --sites 200"),
+        format!("check {part} --out {out}/part.stl"),
+        format!("weights {model} --bf16 {out}/half.safetensors"),
+        format!("eval --data {data} --model {model} --reliability {out}/r.svg"),
+        format!("gradcheck --layer relu --out {out}"),
+        format!("parity {fixture} --out {out}/own.safetensors"),
+        format!("reproduce length --parts-count 2 --sites 200 --out {out}"),
+    ];
+    let words = |command: &String| command.split(' ').map(str::to_owned).collect();
+    commands.iter().map(words).collect()
+}
+
+fn words(args: &[String]) -> Vec<&str> {
+    args.iter().map(String::as_str).collect()
 }
 
 #[test]
 fn a_full_disk_is_an_error_and_leaves_what_was_there() {
     let folder = Folder::new();
-    let part = folder.block();
-    let [data, result, old] = ["data", "result", "old"].map(|name| folder.path(name));
-    let few = ["--sites", "200", "--directions", "9"];
-    let build = [&["dataset", "build", &part, "--out", &data], &few[..]].concat();
-    assert!(deepmill(&build).status.success());
-    let label =
-        ["label", &part, "--cutter", CUTTER, "--out", &result, "--sites", "200", "--no-picture"];
-    assert!(deepmill(&label).status.success());
+    let inputs = Inputs::new(&folder);
+    let (old, part) = (folder.path("old"), &inputs.part);
     // Files of a kilobyte at most; the signal that comes with longer ones is ignored.
     let full = "trap '' XFSZ; ulimit -f 1";
-    for args in writing_commands(&part, &data, &result, &old) {
+    for args in writing_commands(&inputs, &old) {
+        let args = words(&args);
         let _ = std::fs::remove_dir_all(&old);
-        let output = deepmill(&args);
-        assert!(output.status.success(), "{args:?}: {}", text(&output.stderr));
-        if args[0] == "train" || args[0] == "dataset" {
+        require_success(&args);
+        if ["train", "dataset", "reproduce"].contains(&args[0]) {
             // These go on or refuse where something is: another folder then.
             std::fs::remove_dir_all(&old).unwrap();
         }
@@ -147,8 +259,8 @@ fn a_full_disk_is_an_error_and_leaves_what_was_there() {
         let mut command = Command::new(env!("CARGO_BIN_EXE_deepmill"));
         let sites = folder.path("sites.ply");
         let args: &[&str] = match stream {
-            "check" => &["check", &part, "--json"],
-            _ => &["sample", &part, "--out", &sites, "--sites", "50"],
+            "check" => &["check", part, "--json"],
+            _ => &["sample", part, "--out", &sites, "--sites", "50"],
         };
         let device = std::fs::File::options().write(true).open("/dev/full").unwrap();
         let output = command.args(args).stdout(Stdio::from(device)).output().unwrap();
@@ -189,16 +301,8 @@ fn a_folder_that_is_read_only_is_told_before_the_work() {
     use std::os::unix::{fs::PermissionsExt, process::CommandExt};
     const NOBODY: u32 = 65534;
     let folder = Folder::new();
-    let part = folder.block();
-    let [data, result, locked] = ["data", "result", "locked"].map(|name| folder.path(name));
-    let few = ["--sites", "200", "--directions", "9"];
-    assert!(
-        deepmill(&[&["dataset", "build", &part, "--out", &data], &few[..]].concat())
-            .status
-            .success()
-    );
-    let label = ["label", &part, "--cutter", CUTTER, "--out", &result, "--no-picture"];
-    assert!(deepmill(&[&label[..], &few].concat()).status.success());
+    let inputs = Inputs::new(&folder);
+    let (part, locked) = (&inputs.part, folder.path("locked"));
     std::fs::create_dir(&locked).unwrap();
     let allow = |path: &str, mode| {
         std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
@@ -213,11 +317,12 @@ fn a_folder_that_is_read_only_is_told_before_the_work() {
         command.args(args).output()
     };
     allow(&folder.path("."), 0o755);
-    if is_root && !run(&["check", &part]).is_ok_and(|output| output.status.success()) {
+    if is_root && !run(&["check", part]).is_ok_and(|output| output.status.success()) {
         return; // Nobody but root can run the program or read the folder of the test.
     }
     let out = Path::new(&locked).join("out");
-    for args in writing_commands(&part, &data, &result, out.to_str().unwrap()) {
+    for args in writing_commands(&inputs, out.to_str().unwrap()) {
+        let args = words(&args);
         let message = failure(&run(&args).unwrap(), 1);
         let is_told = message.contains("cannot be written: ") && message.contains("ermission");
         assert!(is_told, "{args:?}: {message}");

@@ -14,6 +14,7 @@ pub mod graph_sage;
 pub mod heads;
 mod network;
 mod network_config;
+mod pass_memory;
 pub mod policy;
 mod predict;
 mod prediction;

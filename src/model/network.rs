@@ -1,18 +1,21 @@
 //! What every network is to the trainer and the predictor, and a network whose kind is known at run time only.
 
 use super::batch::{Batch, Shape};
-use super::graph::GraphBatch;
+use super::graph::{GraphBatch, N_FEATURES};
 use super::graph_sage::{GraphSage, SavedGraphSage};
 use super::network_config::NetworkConfig;
+use super::pass_memory::{self, OctreeExtent};
 use super::training::{SavedUNet, TrainingPass};
 use super::unet::UNet;
 use crate::Result;
 use crate::nn::arena::Buffer;
 use crate::nn::params::Layout;
 use crate::nn::pass::{Backward, Inference, Training};
+use crate::octree::OctreeLevel;
 use crate::rng::Stream;
 use crate::scalar::Scalar;
 use std::fmt::Debug;
+use std::ops::Range;
 
 /// An encoder of shapes and cutters with two or three heads at the points: an immutable description whose numbers lie in the model's
 /// flat vectors.
@@ -39,6 +42,9 @@ pub trait Network<T: Scalar>: Debug + Clone + Send + Sync {
     fn coarse_answers<'a>(&self, _: &'a Self::Batch) -> &'a [T] {
         &[]
     }
+
+    /// Bytes that a pass over `batch` takes from its arena, for training with the way back: an upper estimate.
+    fn pass_bytes(&self, batch: &Self::Batch, training: bool) -> u64;
 
     /// Inference: logits of the heads, `[n_points, 2]` each. Those of a shape do not depend on the rest of the batch.
     fn logits(&self, pass: &Inference<T>, batch: &Self::Batch) -> Vec<Buffer<T>>;
@@ -85,6 +91,20 @@ impl<T: Scalar> Network<T> for UNet {
         &batch.coarse_answers
     }
 
+    fn pass_bytes(&self, batch: &Batch<T>, training: bool) -> u64 {
+        let octree = &batch.octree;
+        let most = |level: &OctreeLevel| level.ranges.iter().map(Range::len).max().unwrap_or(0);
+        let extent = OctreeExtent {
+            n_nodes: octree.levels.iter().map(OctreeLevel::n_nodes).collect(),
+            n_most: octree.levels.iter().map(most).collect(),
+            n_points: batch.n_points(),
+            n_shapes: octree.point_ranges.len(),
+        };
+        let c_in = self.stem.linear.c_in();
+        let numbers = pass_memory::of_octree(self.config(), c_in, &extent, training);
+        numbers.saturating_mul(size_of::<T>() as u64)
+    }
+
     fn logits(&self, pass: &Inference<T>, batch: &Batch<T>) -> Vec<Buffer<T>> {
         self.forward(pass, batch).logits
     }
@@ -118,6 +138,12 @@ impl<T: Scalar> Network<T> for GraphSage {
 
     fn batch(&self, shapes: &[Shape], streams: Option<&mut [Stream]>) -> Result<GraphBatch<T>> {
         GraphSage::batch(self, shapes, streams)
+    }
+
+    fn pass_bytes(&self, batch: &GraphBatch<T>, training: bool) -> u64 {
+        let extent = (batch.n_points(), batch.shapes.len());
+        let numbers = pass_memory::of_graph(self.config(), N_FEATURES, extent, training);
+        numbers.saturating_mul(size_of::<T>() as u64)
     }
 
     fn logits(&self, pass: &Inference<T>, batch: &GraphBatch<T>) -> Vec<Buffer<T>> {
@@ -245,6 +271,16 @@ impl<T: Scalar> Network<T> for AnyNetwork {
         match batch {
             AnyBatch::Octree(batch) => &batch.coarse_answers,
             AnyBatch::GraphSage(_) => &[],
+        }
+    }
+
+    fn pass_bytes(&self, batch: &AnyBatch<T>, training: bool) -> u64 {
+        match (self, batch) {
+            (AnyNetwork::Octree(net), AnyBatch::Octree(batch)) => net.pass_bytes(batch, training),
+            (AnyNetwork::GraphSage(net), AnyBatch::GraphSage(batch)) => {
+                net.pass_bytes(&**batch, training)
+            }
+            _ => panic!("{OTHER_KIND}"),
         }
     }
 

@@ -13,6 +13,7 @@ use super::prediction::{
 use super::training::{InputGradients, TrainingPass};
 use super::unet::{Activations, UNet};
 use crate::answers::Definition;
+use crate::memory;
 use crate::nn::arena::{Arena, Buffer};
 use crate::nn::pass::{Backward, Inference, Training, Update};
 use crate::par;
@@ -65,7 +66,7 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
     /// # Errors
     /// If there are no points, one is not finite or beyond 1 km, a normal is missing that the network reads, or is not of unit
     /// length, or the lengths make no ball-end cutter
-    /// ([`Cutter::ball_end`](crate::cutter::Cutter::ball_end)).
+    /// ([`Cutter::ball_end`](crate::cutter::Cutter::ball_end)); if it does not fit into the memory.
     ///
     /// ```
     /// use deepmill::model::{Model, UNetConfig};
@@ -86,6 +87,8 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
         let shape = Shape { points: points_mm, normals, cutter_mm };
         shape.check()?;
         let batch = self.net.batch(&[shape], None)?;
+        let remedy = format!("take fewer sites ({}) or a smaller network", points_mm.len());
+        memory::require("the prediction", self.net.pass_bytes(&batch, false), remedy)?;
         let heads = self.logits(&batch, &Arena::default());
         let mut logits = heads.iter().flat_map(|head| head.iter());
         if let Some(i) = logits.position(|logit| !logit.is_finite()) {
@@ -177,9 +180,11 @@ impl<T: Scalar> Model<T> {
     /// A network with random starting weights.
     ///
     /// # Errors
-    /// If a number of the configuration is outside its domain.
+    /// If a number of the configuration is outside its domain, or the parameters do not fit into the memory.
     pub fn new(config: &UNetConfig, seed: u64) -> Result<Self> {
-        Ok(Model::with_network(UNet::new(config)?, seed))
+        let net = UNet::new(config)?;
+        net.layout().require_memory("the network", size_of::<T>())?;
+        Ok(Model::with_network(net, seed))
     }
 
     /// Inference on a batch, with every intermediate result.
@@ -209,9 +214,11 @@ impl<T: Scalar> AnyModel<T> {
     /// A network with random starting weights.
     ///
     /// # Errors
-    /// If a number of the configuration is outside its domain.
+    /// If a number of the configuration is outside its domain, or the parameters do not fit into the memory.
     pub fn of_config(config: &NetworkConfig, seed: u64) -> Result<Self> {
-        Ok(Model::with_network(AnyNetwork::new(config)?, seed))
+        let net = AnyNetwork::new(config)?;
+        net.layout().require_memory("the network", size_of::<T>())?;
+        Ok(Model::with_network(net, seed))
     }
 
     /// The octree network.

@@ -2,6 +2,7 @@
 
 use crate::rng::{Purpose, Stream};
 use crate::scalar::Scalar;
+use crate::{Result, memory};
 use std::ops::Range;
 
 /// How a parameter or buffer starts.
@@ -63,6 +64,17 @@ impl Layout {
     /// Length of the buffer vector.
     pub fn n_buffers(&self) -> usize {
         self.buffers.last().map_or(0, |e| e.range.end)
+    }
+
+    /// Checks that `operation` fits into the memory, which takes `bytes_of_each` for each parameter and running statistic.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`](crate::Error::TooLarge) if it does not.
+    pub fn require_memory(&self, operation: &'static str, bytes_of_each: usize) -> Result<()> {
+        let n = self.n_params().saturating_add(self.n_buffers());
+        let remedy =
+            format!("lower the widths or numbers of blocks of the network: {n} parameters");
+        memory::require(operation, memory::product([n, bytes_of_each]), remedy)
     }
 
     /// Starting parameters; tensor `i` draws from stream (`seed`, 0, `i`, [`Purpose::Init`]).

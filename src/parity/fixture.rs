@@ -117,7 +117,7 @@ impl Fixture {
 }
 
 fn read_config(path: &Path) -> Result<Config> {
-    let text = input_file::read_text(path, input_file::MOST_SETTINGS)?;
+    let text = input_file::read_text(path, input_file::LIBRARY)?;
     let remedy = "make the fixture again";
     let config: Config = serde_json::from_str(&text)
         .map_err(|e| Error::file(path, format!("line {}", e.line()), e.to_string(), remedy))?;

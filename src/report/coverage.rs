@@ -169,7 +169,7 @@ impl<'a> Coverage<'a> {
 /// If the system refuses the file, it is no such table, or a name is no folder's.
 pub fn tool_names(folder: &Path) -> Result<Vec<String>> {
     let path = folder.join(TOOLS);
-    let bytes = input_file::read(&path, input_file::MOST_SETTINGS)?;
+    let bytes = input_file::read(&path, input_file::LIBRARY)?;
     let mut reader = csv::Reader::from_reader(&bytes[..]);
     let remedy = "name a folder that `deepmill label` has written";
     let bad = |found: String| Error::file(&path, "column name", found, remedy);

@@ -4,7 +4,7 @@
 //! metadata hold the settings and the progress as JSON, and the SHA-256 of both and of the vectors.
 
 use super::{Progress, Settings};
-use crate::{Error, Result, atomic_file, input_file};
+use crate::{Error, Result, atomic_file, input_file, memory};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
@@ -58,7 +58,7 @@ impl Checkpoint {
     /// # Errors
     /// If the file is missing, damaged or not a checkpoint; the message advises the previous one.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = input_file::read(path, input_file::MOST_DATA)?;
+        let bytes = input_file::read(path, input_file::DATA)?;
         let bad = |place: &str, e: String| Error::file(path, place, e, REMEDY);
         let (_, header) =
             SafeTensors::read_metadata(&bytes).map_err(|e| bad("header", e.to_string()))?;
@@ -81,6 +81,8 @@ impl Checkpoint {
         if &found != text("sha256")? {
             return Err(bad("content hash", "the file is damaged".into()));
         }
+        let remedy = format!("{}: free some memory", path.display());
+        memory::require("reading the checkpoint", bytes.len() as u64, remedy)?;
         let [params, buffers, velocity] = vectors.map(from_bytes);
         let settings = parse(settings).map_err(|e| bad("settings", e))?;
         let progress = parse(progress).map_err(|e| bad("progress", e))?;

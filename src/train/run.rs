@@ -7,7 +7,7 @@ use super::{EpochRow, HeadScore, Settings};
 use crate::answers::Definition;
 use crate::data::{Sample, SampleSource, loader};
 use crate::metrics::Confusion;
-use crate::model::{AnyModel, Domain};
+use crate::model::{AnyModel, AnyNetwork, Domain};
 use crate::par;
 #[cfg(feature = "formats")]
 use crate::processes::share_bytes;
@@ -77,6 +77,10 @@ pub struct Progress {
     pub best: Option<(f64, u64)>,
 }
 
+/// Numbers for each parameter beside the sums of gradients: parameters, velocity and their gradient; copies of the first two for a
+/// checkpoint, as numbers, as bytes and as a file.
+const N_VECTORS: usize = 9;
+
 /// A training run.
 #[derive(Debug)]
 pub struct Run {
@@ -95,10 +99,14 @@ impl Run {
     /// A run at its beginning.
     ///
     /// # Errors
-    /// If a setting is outside its domain.
+    /// If a setting is outside its domain, or training does not fit into the memory.
     pub fn new(settings: Settings) -> Result<Self> {
         settings.check()?;
-        let model = AnyModel::of_config(&settings.network, settings.seed)?;
+        let n_sums = settings.n_groups.ilog2() as usize + 2;
+        let bytes_of_each = 4 * (N_VECTORS + n_sums);
+        let net = AnyNetwork::new(&settings.network)?;
+        net.layout().require_memory("training", bytes_of_each)?;
+        let model = AnyModel::with_network(net, settings.seed);
         let velocity = vec![0.0; model.params.len()];
         let progress = Progress::default();
         Ok(Run { settings, progress, model, velocity, scratch: StepScratch::default() })

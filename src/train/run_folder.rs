@@ -181,7 +181,7 @@ impl RunFolder {
         self.lock()?;
         let checkpoint = self.checkpoint();
         if checkpoint.exists() {
-            let bytes = input_file::read(&checkpoint, input_file::MOST_DATA)?;
+            let bytes = input_file::read(&checkpoint, input_file::DATA)?;
             let previous = self.path.join(PREVIOUS);
             atomic_file::write_atomic(&previous, |file| std::io::Write::write_all(file, &bytes))?;
         }

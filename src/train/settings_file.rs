@@ -15,7 +15,7 @@ const REMEDY: &str = "compare with the settings.toml that every run writes";
 /// # Errors
 /// If the file cannot be read, is no TOML, or holds a key or a value that settings do not have.
 pub fn read(path: &Path, base: &Settings) -> Result<Settings> {
-    let text = input_file::read_text(path, input_file::MOST_SETTINGS)?;
+    let text = input_file::read_text(path, input_file::SETTINGS)?;
     let alone = match toml::from_str::<Settings>(&text) {
         Ok(settings) => return Ok(settings),
         Err(error) => error,

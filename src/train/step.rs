@@ -26,7 +26,7 @@ use crate::processes::{Processes, share_numbers};
 use crate::rng::{Purpose, Stream};
 use crate::simd::Isa;
 use crate::simd::elementwise::scale;
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 use std::ops::Range;
 
 /// Work space that is kept from step to step.
@@ -260,6 +260,13 @@ impl StepScratch {
     ) -> Result<(Passed, StepOutcome)> {
         let shapes: Vec<Shape> = samples.iter().map(shape).collect();
         let (batch, targets) = (model.net.batch(&shapes, Some(neighbors))?, targets(samples));
+        let remedy = match samples.len() {
+            1 => "lower the network's widths, or its depth".into(),
+            n => format!("raise n_groups or lower batch_size ({n} samples pass at once)"),
+        };
+        let needed = model.net.pass_bytes(&batch, true);
+        let held = self.arena.reserved_bytes() as u64;
+        memory::require("the training step", needed.saturating_sub(held), remedy)?;
         let pass = model.forward_train(&batch, Some(dropout), &self.arena);
         let mut outcome = StepOutcome::default();
         self.dlogits.resize_with(pass.logits.len(), Vec::new);

@@ -233,7 +233,7 @@ impl Manifest {
 
 /// Reads any JSON value, with `remedy` in the error.
 pub(super) fn read_json<T: DeserializeOwned>(path: &Path, remedy: &str) -> Result<T> {
-    let text = input_file::read_text(path, input_file::MOST_TEXT)?;
+    let text = input_file::read_text(path, input_file::TEXT)?;
     serde_json::from_str(&text).map_err(|e| {
         let place = format!("line {} column {}", e.line(), e.column());
         Error::file(path, place, e.to_string(), remedy)

@@ -18,7 +18,7 @@ use crate::data::Sample;
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::geom::Sites;
 use crate::geom::sites::check_points;
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, input_file, memory};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -44,11 +44,15 @@ impl Dataset {
     /// All samples of `split` (`None`: of both), in the order of parts and cutters.
     ///
     /// # Errors
-    /// If a part's file is missing, damaged (its hash differs) or inconsistent.
+    /// If a part's file is missing, damaged (its hash differs) or inconsistent; if they do not fit into the memory, as far as the
+    /// manifest says.
     pub fn samples(&self, split: Option<Split>) -> Result<Vec<Sample>> {
         let parts = self.manifest.parts.iter().filter(|p| p.content.is_some());
         let wanted: Vec<&PartRecord> =
             parts.filter(|p| split.is_none_or(|s| s == p.split)).collect();
+        let needed = wanted.iter().map(|part| bytes_of(part)).fold(0, u64::saturating_add);
+        let remedy = "take fewer data sets or parts at once, or fewer sites";
+        memory::require("the samples of the data set", needed, remedy)?;
         let read = crate::par::map(wanted.len(), |i| self.part_samples(wanted[i]));
         let mut samples = Vec::new();
         for part in read {
@@ -182,6 +186,18 @@ impl LabeledPart {
     }
 }
 
+/// Memory of a part's samples: sites, and for each cutter two answers, a count and its share.
+fn bytes_of(part: &PartRecord) -> u64 {
+    const OF_SITE: usize = 24;
+    const OF_ANSWER: usize = 10;
+    const OF_SAMPLE: usize = 512;
+    part.content.as_ref().map_or(0, |content| {
+        let (n, k) = (content.n_sites, content.cutters.len());
+        let of_site = OF_SITE + OF_ANSWER * k;
+        memory::product([n, of_site]).saturating_add(memory::product([k, OF_SAMPLE]))
+    })
+}
+
 /// A list of each cutter's answers, rearranged to rows per site.
 fn by_site<T: Copy>(n: usize, answers: &[SiteAnswers], of: fn(&SiteAnswers) -> &Vec<T>) -> Vec<T> {
     (0..n).flat_map(|i| answers.iter().map(move |a| of(a)[i])).collect()
@@ -189,7 +205,7 @@ fn by_site<T: Copy>(n: usize, answers: &[SiteAnswers], of: fn(&SiteAnswers) -> &
 
 /// SHA-256 of a file's bytes, hexadecimal.
 fn content_hash(path: &Path) -> Result<String> {
-    let bytes = input_file::read(path, input_file::MOST_DATA)?;
+    let bytes = input_file::read(path, input_file::DATA)?;
     Ok(hmac_sha256::Hash::hash(&bytes).iter().map(|b| format!("{b:02x}")).collect())
 }
 

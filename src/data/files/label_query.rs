@@ -324,7 +324,7 @@ impl Stated<'_> {
             };
             return Err(self.fault("folder", found, remedy));
         };
-        let bytes = input_file::read(&path, input_file::MOST_DATA)?;
+        let bytes = input_file::read(&path, input_file::DATA)?;
         if hex(&bytes) != hash {
             let found = format!("it is not the surface of {}", self.path.display());
             let remedy = "label the part again, or restore the file";

@@ -81,7 +81,7 @@ pub fn read_list(root: &Path, list: List) -> Result<Vec<Sample>> {
         let cutter = cutter(&words[words.len().saturating_sub(4)..], &path, &place)?;
         let relative = words[0].replace('\\', "/");
         let points = root.join("points").join(&relative);
-        let bytes = input_file::read(&points, input_file::MOST_TEXT)?;
+        let bytes = input_file::read(&points, input_file::TEXT)?;
         Rows::of_ply(&bytes, &points)?.sample(&stem(&relative), cutter)
     };
     lines.map(sample).collect()
@@ -174,7 +174,7 @@ fn ply(sample: &Sample) -> Result<Vec<u8>> {
 }
 
 fn read_text(path: &Path) -> Result<String> {
-    input_file::read_text(path, input_file::MOST_TEXT)
+    input_file::read_text(path, input_file::TEXT)
 }
 
 /// CR, CH, FR, FH of the first four words.

@@ -257,7 +257,7 @@ pub struct ToolTable {
 /// two rows of a table have the same name.
 pub fn read(path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
     if !path.is_dir() {
-        let bytes = input_file::read(path, input_file::MOST_SETTINGS)?;
+        let bytes = input_file::read(path, input_file::LIBRARY)?;
         let table = from_bytes(&bytes, path, unsaid)?;
         return some_left(table, path);
     }
@@ -268,7 +268,7 @@ pub fn read(path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
         return Err(Error::file(path, "folder", "there is no .fctb file in it", remedy));
     }
     for file in files {
-        let bytes = input_file::read(&file, input_file::MOST_SETTINGS)?;
+        let bytes = input_file::read(&file, input_file::LIBRARY)?;
         let table = from_bytes(&bytes, &file, unsaid)?;
         all.tools.extend(table.tools);
         all.refused.extend(table.refused);

@@ -18,8 +18,9 @@ use crate::{Error, Result, atomic_file, input_file, memory};
 use glam::{DVec3, Vec3};
 use std::path::Path;
 
-/// Bytes while a mesh is read and welded for each byte of its file: measured are 6.
-const BYTES_OF_BYTE: usize = 8;
+/// Bytes while a mesh is read, welded and checked, or a cloud read, for each byte of its file. Files of real parts take 6; text of
+/// the shortest numbers 14.
+const BYTES_OF_BYTE: usize = 16;
 /// Largest coordinate that is accepted, mm: far beyond any part, and its cube is still far from
 /// the largest number, so no later computation overflows.
 const MAX_COORDINATE: f64 = 1e12;
@@ -103,7 +104,7 @@ pub enum MeshOrCloud {
 /// As [`read_mesh`] and [`read_cloud`].
 pub fn read_part(path: &Path, options: &ReadOptions) -> Result<MeshOrCloud> {
     let format = Format::of(path)?;
-    let bytes = input_file::read(path, input_file::MOST_DATA)?;
+    let bytes = input_file::read(path, input_file::DATA)?;
     let cloud = match format {
         Format::Npz => true,
         Format::Ply => ply::is_cloud(&bytes, path)?,
@@ -125,7 +126,7 @@ pub fn read_part(path: &Path, options: &ReadOptions) -> Result<MeshOrCloud> {
 /// [`super::check`].
 pub fn read_mesh(path: &Path, options: &ReadOptions) -> Result<Mesh> {
     let format = Format::of(path)?;
-    mesh_from_bytes(&input_file::read(path, input_file::MOST_DATA)?, format, path, options)
+    mesh_from_bytes(&input_file::read(path, input_file::DATA)?, format, path, options)
 }
 
 /// [`read_mesh`] from memory; `path` only serves messages.
@@ -140,9 +141,8 @@ pub fn mesh_from_bytes(
 ) -> Result<Mesh> {
     check_options(options)?;
     refuse_empty(bytes, path)?;
-    let needed = memory::product([bytes.len(), BYTES_OF_BYTE]);
-    let remedy = format!("{}: export the part with fewer triangles", path.display());
-    memory::require("reading the mesh", needed, remedy)?;
+    let remedy = "export the part with fewer triangles";
+    require_memory("reading the mesh", bytes, path, remedy)?;
     let mut mesh = match format {
         Format::Stl => stl::read(bytes, path)?,
         Format::Obj => obj::read(bytes, path)?,
@@ -167,16 +167,21 @@ pub fn mesh_from_bytes(
     weld::weld(&mesh, options.weld)
 }
 
+fn require_memory(operation: &'static str, bytes: &[u8], path: &Path, remedy: &str) -> Result<()> {
+    let needed = memory::product([bytes.len(), BYTES_OF_BYTE]);
+    memory::require(operation, needed, format!("{}: {remedy}", path.display()))
+}
+
 /// Reads points with normals, as they are in the file (millimeters): a PLY with the properties
 /// `x y z nx ny nz`, or an NPZ with arrays `points` and `normals` of shape `[n, 3]`. Normals are
 /// brought to unit length.
 ///
 /// # Errors
 /// If the file cannot be read or is not of that form, normals are missing, a number is not finite,
-/// or a normal is zero.
+/// or a normal is zero; if it does not fit into the memory.
 pub fn read_cloud(path: &Path) -> Result<Sites> {
     let format = Format::of(path)?;
-    cloud_from_bytes(&input_file::read(path, input_file::MOST_DATA)?, format, path, 1.0)
+    cloud_from_bytes(&input_file::read(path, input_file::DATA)?, format, path, 1.0)
 }
 
 /// [`read_cloud`] from memory, with `scale` millimeters per unit; `path` only serves messages.
@@ -186,6 +191,7 @@ pub fn read_cloud(path: &Path) -> Result<Sites> {
 pub fn cloud_from_bytes(bytes: &[u8], format: Format, path: &Path, scale: f64) -> Result<Sites> {
     check_options(&ReadOptions { scale, ..ReadOptions::default() })?;
     refuse_empty(bytes, path)?;
+    require_memory("reading the cloud", bytes, path, "export fewer points")?;
     let (mut points, normals) = match format {
         Format::Ply => ply::read_cloud(bytes, path)?,
         Format::Npz => npz::read_cloud(bytes, path)?,

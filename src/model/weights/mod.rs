@@ -16,7 +16,7 @@ use super::prediction::{Calibration, INACCESSIBLE_CLASS, OCCLUSION_CLASS};
 use crate::answers::Definition;
 use crate::nn::params::{Entry, Layout};
 use crate::scalar::Scalar;
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -102,13 +102,17 @@ pub fn from_bytes<T: Scalar>(bytes: &[u8], origin: &Path) -> Result<AnyModel<T>>
 /// Writes a model; `notes` go into the metadata.
 ///
 /// # Errors
-/// If the file cannot be written.
+/// If the file cannot be written, or what is written does not fit into the memory.
 pub fn write<T: Scalar, N: Network<T>>(
     path: &Path,
     model: &Model<T, N>,
     storage: Storage,
     notes: &str,
 ) -> Result<()> {
+    let bytes_of_number = if storage == Storage::Bf16 { 2 } else { size_of::<T>() };
+    let needed = memory::product([model.params.len() + model.buffers.len(), bytes_of_number]);
+    let remedy = format!("{}: free some memory", path.display());
+    memory::require("writing the network", needed, remedy)?;
     to_file(model, storage, notes).write(path)
 }
 
@@ -157,6 +161,7 @@ pub(super) fn from_file<T: Scalar>(file: &TensorFile, origin: &Path) -> Result<A
     let net = AnyNetwork::new(&info.config)?;
     let layout = net.layout();
     compare_names(layout, file, origin)?;
+    require_memory(layout, size_of::<T>(), origin)?;
     let params = gather(&layout.params, file, origin)?;
     let buffers = gather(&layout.buffers, file, origin)?;
     let WeightsInfo { domain, definition, calibration, .. } = info;
@@ -186,6 +191,14 @@ fn compare_names(layout: &Layout, file: &TensorFile, origin: &Path) -> Result<()
         Some(extra) => error(extra, "it is not part of the network".into()),
         None => Ok(()),
     }
+}
+
+/// All numbers, and those of the largest tensor in f64.
+fn require_memory(layout: &Layout, bytes_of_number: usize, origin: &Path) -> Result<()> {
+    let largest = layout.params.iter().map(|entry| entry.range.len()).max().unwrap_or(0);
+    let numbers = memory::product([layout.n_params() + layout.n_buffers(), bytes_of_number]);
+    let needed = numbers.saturating_add(memory::product([largest, size_of::<f64>()]));
+    memory::require("the network", needed, format!("{}: free some memory", origin.display()))
 }
 
 fn gather<T: Scalar>(entries: &[Entry], file: &TensorFile, origin: &Path) -> Result<Vec<T>> {

@@ -1,6 +1,6 @@
 //! Named tensors, and reading and writing them as safetensors.
 
-use crate::{Error, Result, atomic_file, input_file};
+use crate::{Error, Result, atomic_file, input_file, memory};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use std::collections::{BTreeMap, HashMap};
@@ -49,6 +49,17 @@ impl Tensor {
         matches!(self.values, TensorValues::I64(_) | TensorValues::I32(_))
     }
 
+    fn n_bytes(&self) -> u64 {
+        let of = |n: usize, each: usize| memory::product([n, each]);
+        match &self.values {
+            TensorValues::F64(v) => of(v.len(), 8),
+            TensorValues::F32(v) => of(v.len(), 4),
+            TensorValues::Bf16(v) => of(v.len(), 2),
+            TensorValues::I64(v) => of(v.len(), 8),
+            TensorValues::I32(v) => of(v.len(), 4),
+        }
+    }
+
     fn bytes(&self) -> (Dtype, Vec<u8>) {
         match &self.values {
             TensorValues::F64(v) => (Dtype::F64, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
@@ -94,10 +105,10 @@ impl TensorFile {
     /// Reads a safetensors file.
     ///
     /// # Errors
-    /// If the file cannot be read, is not safetensors, or holds a tensor of another type than f64, f32, f16,
-    /// bf16, i64, i32.
+    /// If the file cannot be read, is not safetensors, holds a tensor of another type than f64, f32, f16,
+    /// bf16, i64, i32, or does not fit into the memory.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::from_bytes(&input_file::read(path, input_file::MOST_DATA)?, path)
+        Self::from_bytes(&input_file::read(path, input_file::DATA)?, path)
     }
 
     /// Reads the content of a safetensors file; `origin` is named in errors.
@@ -112,7 +123,11 @@ impl TensorFile {
         let mut file = TensorFile::default();
         file.metadata
             .extend(header.metadata().iter().flatten().map(|(k, v)| (k.clone(), v.clone())));
-        for (name, view) in SafeTensors::deserialize(bytes).map_err(broken)?.iter() {
+        let views = SafeTensors::deserialize(bytes).map_err(broken)?;
+        let sizes = views.iter().map(|(_, view)| bytes_of(&view));
+        let remedy = format!("{}: free some memory", origin.display());
+        memory::require("reading the tensors", sizes.sum(), remedy)?;
+        for (name, view) in views.iter() {
             let values = values(&view).ok_or_else(|| {
                 Error::file(
                     origin,
@@ -145,11 +160,21 @@ impl TensorFile {
     /// Writes a safetensors file.
     ///
     /// # Errors
-    /// If the file cannot be written.
+    /// If the file cannot be written, or its bytes do not fit into the memory.
     pub fn write(&self, path: &Path) -> Result<()> {
+        // Tensor by tensor, and one after another.
+        let size = self.tensors.values().map(Tensor::n_bytes).sum::<u64>();
+        let remedy = format!("{}: free some memory", path.display());
+        memory::require("writing the tensors", size.saturating_mul(2), remedy)?;
         let bytes = self.to_bytes();
         atomic_file::write_atomic(path, |writer| writer.write_all(&bytes))
     }
+}
+
+/// Memory of the values.
+fn bytes_of(view: &TensorView) -> u64 {
+    let times = if view.dtype() == Dtype::F16 { 2 } else { 1 };
+    times * view.data().len() as u64
 }
 
 fn values(view: &TensorView) -> Option<TensorValues> {

@@ -22,7 +22,7 @@ pub struct Holder {
 /// # Errors
 /// If the file is neither, holds several holders, or a segment is not possible.
 pub fn read_holder(path: &Path, unsaid: &Unsaid) -> Result<Holder> {
-    holder_from_bytes(&input_file::read(path, input_file::MOST_SETTINGS)?, path, unsaid)
+    holder_from_bytes(&input_file::read(path, input_file::LIBRARY)?, path, unsaid)
 }
 
 /// As [`read_holder`]; `path` only names the place in errors.
