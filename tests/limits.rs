@@ -7,6 +7,7 @@ mod command;
 use command::{CUTTER, Folder, deepmill, failure, text};
 use deepmill::model::weights::{Storage, write};
 use deepmill::model::{Model, UNetConfig};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -157,6 +158,36 @@ fn text_that_would_fill_the_memory_is_refused_before_it_is_read() {
         let message = failure(&limited(LITTLE, args), 1);
         assert!(message.contains(what), "{args:?}: {message}");
     }
+}
+
+/// A megabyte that unpacks to a hundred.
+#[test]
+fn an_archive_is_as_large_as_what_it_unpacks_to() {
+    let folder = Folder::new();
+    let path = folder.path("part.3mf");
+    let mut zip = zip::ZipWriter::new(std::fs::File::create(&path).unwrap());
+    zip.start_file("3D/3dmodel.model", zip::write::SimpleFileOptions::default()).unwrap();
+    zip.write_all(b"<model><resources><object id=\"1\"><mesh><vertices>").unwrap();
+    let vertices = "<vertex x=\"0\" y=\"0\" z=\"1\"/>".repeat(1000);
+    (0..4000).for_each(|_| zip.write_all(vertices.as_bytes()).unwrap());
+    zip.finish().unwrap();
+    let message = failure(&limited(LITTLE, &["check", &path]), 1);
+    assert!(message.contains("reading the mesh needs about "), "{message}");
+    assert!(message.contains("part.3mf: export the part with fewer triangles"), "{message}");
+}
+
+/// Coinciding points are many neighbors of each other: none of the tables looks at all pairs.
+#[test]
+fn a_cloud_of_one_point_many_times_is_labeled() {
+    let folder = Folder::new();
+    let n = 200_000;
+    let header = format!("ply\nformat ascii 1.0\nelement vertex {n}\n");
+    let properties = ["x", "y", "z", "nx", "ny", "nz"].map(|p| format!("property float {p}\n"));
+    let points = "1 1 1 0 0 1\n".repeat(n - 1) + "9 9 9 0 0 1\n";
+    let text = header + &properties.concat() + "end_header\n" + &points;
+    let (cloud, out) = (folder.file("same.ply", text), folder.path("out"));
+    let label = ["label", &cloud, "--cutter", CUTTER, "--out", &out, "--directions", "5"];
+    require_success(&[&label[..], &["--no-picture"]].concat());
 }
 
 /// What the commands read.

@@ -197,16 +197,13 @@ fn neighbor_squares(sites: &Sites) -> Result<Vec<Option<f64>>> {
     let tree = KdTree::build(&points);
     let square = |i: usize| {
         let normal = |i: usize| sites.normals[i].as_dvec3();
-        let mut near = Vec::new();
-        tree.within(points[i], REACH * spacing.mean_mm, |j, square| {
+        let is_on_sheet = |j: u32| {
             let j = j as usize;
-            if j != i && same_sheet(points[j] - points[i], normal(i), normal(j)) {
-                near.push(square);
-            }
-        });
-        near.sort_by(f64::total_cmp);
-        near.truncate(6);
-        (!near.is_empty()).then(|| near.iter().sum::<f64>() / near.len() as f64)
+            j != i && same_sheet(points[j] - points[i], normal(i), normal(j))
+        };
+        let near = tree.k_nearest_within(points[i], 6, REACH * spacing.mean_mm, is_on_sheet);
+        (!near.is_empty())
+            .then(|| near.iter().map(|(square, _)| square).sum::<f64>() / near.len() as f64)
     };
     let blocks = par::map_blocks(n, BLOCK, |range| range.map(square).collect::<Vec<_>>());
     Ok(blocks.concat())

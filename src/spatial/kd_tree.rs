@@ -14,8 +14,34 @@ const LEAF: usize = 8;
 pub(crate) struct KdTree {
     points: Vec<DVec3>,
     order: Vec<u32>,
-    /// Axis and value of the split of each inner node; children of `i` are `2i + 1` and `2i + 2`.
-    splits: Vec<(u8, f64)>,
+    /// Inner nodes; children of `i` are `2i + 1` and `2i + 2`.
+    splits: Vec<Split>,
+}
+
+/// An inner node.
+#[derive(Clone, Copy, Default)]
+struct Split {
+    axis: u8,
+    value: f64,
+    /// Least index of its points.
+    least: u32,
+}
+
+/// What a query still looks for: points nearer than this, or as near with an index that is not greater.
+struct Limit {
+    squared: f64,
+    index: u32,
+}
+
+impl Limit {
+    fn all_within(radius: f64) -> Self {
+        Limit { squared: radius * radius, index: u32::MAX }
+    }
+
+    /// Whether points at a squared distance of at least this, with at least this index, may be among them.
+    fn admits(&self, squared: f64, least: u32) -> bool {
+        squared < self.squared || squared == self.squared && least <= self.index
+    }
 }
 
 impl KdTree {
@@ -41,64 +67,67 @@ impl KdTree {
         accept: impl Fn(u32) -> bool,
     ) -> Option<(u32, f64)> {
         let mut best = (u32::MAX, radius * radius);
-        let mut limit = best.1;
-        self.visit(
-            0,
-            0..self.order.len(),
-            q,
-            &mut |i, d2, limit| {
-                if (d2 < best.1 || d2 == best.1 && i < best.0) && accept(i) {
-                    best = (i, d2);
-                    *limit = d2;
-                }
-            },
-            &mut limit,
-        );
+        let mut show = |i: u32, d2: f64, limit: &mut Limit| {
+            if (d2 < best.1 || d2 == best.1 && i < best.0) && accept(i) {
+                best = (i, d2);
+                *limit = Limit { squared: d2, index: i };
+            }
+        };
+        self.visit(0, 0..self.order.len(), q, &mut show, &mut Limit::all_within(radius));
         (best.0 != u32::MAX).then_some(best)
     }
 
     /// The `k` accepted points nearest to `q`, nearest first (ties: lower index); fewer if there are not as many.
     pub fn k_nearest(&self, q: DVec3, k: usize, accept: impl Fn(u32) -> bool) -> Vec<u32> {
+        let found = self.k_nearest_within(q, k, f64::INFINITY, accept);
+        found.into_iter().map(|(_, i)| i).collect()
+    }
+
+    /// Those of [`KdTree::k_nearest`] that are at most `radius` away, with their squared distances.
+    pub fn k_nearest_within(
+        &self,
+        q: DVec3,
+        k: usize,
+        radius: f64,
+        accept: impl Fn(u32) -> bool,
+    ) -> Vec<(f64, u32)> {
         let mut best: Vec<(f64, u32)> = Vec::with_capacity(k + 1);
-        let mut show = |i: u32, d2: f64, limit: &mut f64| {
+        let mut show = |i: u32, d2: f64, limit: &mut Limit| {
+            if !limit.admits(d2, i) {
+                return;
+            }
             let place = best.partition_point(|found| *found < (d2, i));
             if place < k && accept(i) {
                 best.insert(place, (d2, i));
                 best.truncate(k);
                 if best.len() == k {
-                    *limit = best[k - 1].0;
+                    let (squared, index) = best[k - 1];
+                    *limit = Limit { squared, index };
                 }
             }
         };
-        let mut limit = f64::INFINITY;
-        self.visit(0, 0..self.order.len(), q, &mut show, &mut limit);
-        best.into_iter().map(|(_, i)| i).collect()
+        self.visit(0, 0..self.order.len(), q, &mut show, &mut Limit::all_within(radius));
+        best
     }
 
     /// Calls `found(index, squared distance)` for every point within `radius` of `q`, in a fixed order.
     pub fn within(&self, q: DVec3, radius: f64, mut found: impl FnMut(u32, f64)) {
-        let mut limit = radius * radius;
-        self.visit(
-            0,
-            0..self.order.len(),
-            q,
-            &mut |i, d2, limit| {
-                if d2 <= *limit {
-                    found(i, d2);
-                }
-            },
-            &mut limit,
-        );
+        let mut show = |i: u32, d2: f64, limit: &mut Limit| {
+            if d2 <= limit.squared {
+                found(i, d2);
+            }
+        };
+        self.visit(0, 0..self.order.len(), q, &mut show, &mut Limit::all_within(radius));
     }
 
-    /// Shows every point of a leaf that the ball around `q` with squared radius `limit` may reach.
+    /// Shows every point of a leaf that may be within `limit` of `q`.
     fn visit(
         &self,
         node: usize,
         range: Range<usize>,
         q: DVec3,
-        show: &mut impl FnMut(u32, f64, &mut f64),
-        limit: &mut f64,
+        show: &mut impl FnMut(u32, f64, &mut Limit),
+        limit: &mut Limit,
     ) {
         if range.len() <= LEAF {
             for at in range {
@@ -106,20 +135,24 @@ impl KdTree {
             }
             return;
         }
+        let Split { axis, value, least } = self.splits[node];
+        if !limit.admits(0.0, least) {
+            return;
+        }
         let middle = range.start + range.len() / 2;
-        let (axis, value) = self.splits[node];
         let beyond = q[axis as usize] - value;
         let low = (2 * node + 1, range.start..middle);
         let high = (2 * node + 2, middle..range.end);
-        let (near, far) = if beyond < 0.0 { (low, high) } else { (high, low) };
+        // Of points with the same coordinate the lower indices are on the low side.
+        let (near, far) = if beyond <= 0.0 { (low, high) } else { (high, low) };
         self.visit(near.0, near.1, q, show, limit);
-        if beyond * beyond <= *limit {
+        if limit.admits(beyond * beyond, least) {
             self.visit(far.0, far.1, q, show, limit);
         }
     }
 }
 
-fn split(points: &[DVec3], order: &mut [u32], node: usize, splits: &mut Vec<(u8, f64)>) {
+fn split(points: &[DVec3], order: &mut [u32], node: usize, splits: &mut Vec<Split>) {
     if order.len() <= LEAF {
         return;
     }
@@ -128,15 +161,17 @@ fn split(points: &[DVec3], order: &mut [u32], node: usize, splits: &mut Vec<(u8,
         (low.min(points[i as usize]), high.max(points[i as usize]))
     });
     let axis = (high - low).max_position();
+    let least = order.iter().copied().min().unwrap_or_default();
     let middle = order.len() / 2;
     order.select_nth_unstable_by(middle, |&i, &j| {
         let (x, y) = (points[i as usize][axis], points[j as usize][axis]);
         x.total_cmp(&y).then(i.cmp(&j))
     });
     if splits.len() <= node {
-        splits.resize(node + 1, (0, 0.0));
+        splits.resize(node + 1, Split::default());
     }
-    splits[node] = (axis as u8, points[order[middle] as usize][axis]);
+    let value = points[order[middle] as usize][axis];
+    splits[node] = Split { axis: axis as u8, value, least };
     let (left, right) = order.split_at_mut(middle);
     split(points, left, 2 * node + 1, splits);
     split(points, right, 2 * node + 2, splits);
@@ -146,6 +181,19 @@ fn split(points: &[DVec3], order: &mut [u32], node: usize, splits: &mut Vec<(u8,
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    /// Points that coincide are not all looked at by each query.
+    #[test]
+    fn queries_among_equal_points_take_no_longer() {
+        let n = 200_000;
+        let tree = KdTree::build(&vec![DVec3::ONE; n]);
+        for i in 0..n as u32 {
+            let others = |j: u32| j != i;
+            let expected: Vec<u32> = (0..4).filter(|j| *j != i).take(3).collect();
+            assert_eq!(tree.k_nearest(DVec3::ONE, 3, others), expected);
+            assert_eq!(tree.nearest(DVec3::ONE, 1.0, others), Some((expected[0], 0.0)));
+        }
+    }
 
     proptest! {
         #[test]
@@ -164,13 +212,17 @@ mod tests {
             let mut found = Vec::new();
             tree.within(q, radius, |i, d2| found.push((d2, i)));
             found.sort_by_key(|&(_, i)| i);
-            prop_assert_eq!(found, near);
+            prop_assert_eq!(&found, &near);
             for k in [0, 1, 7, 300] {
                 let squares = points.iter().enumerate().map(|(i, p)| (p.distance_squared(q), i as u32));
                 let mut all: Vec<(f64, u32)> = squares.filter(|(_, i)| odd(*i)).collect();
                 all.sort_by(|x, y| x.partial_cmp(y).unwrap());
                 let nearest: Vec<u32> = all.into_iter().map(|(_, i)| i).take(k).collect();
                 prop_assert_eq!(tree.k_nearest(q, k, odd), nearest);
+                let mut within: Vec<_> = near.iter().copied().filter(|(_, i)| odd(*i)).collect();
+                within.sort_by(|x, y| x.partial_cmp(y).unwrap());
+                within.truncate(k);
+                prop_assert_eq!(tree.k_nearest_within(q, k, radius, odd), within);
             }
         }
     }

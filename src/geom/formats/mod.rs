@@ -20,7 +20,7 @@ use std::path::Path;
 
 /// Bytes while a mesh is read, welded and checked, or a cloud read, for each byte of its file. Files of real parts take 6; text of
 /// the shortest numbers 14.
-const BYTES_OF_BYTE: usize = 16;
+const BYTES_OF_BYTE: u64 = 16;
 /// Largest coordinate that is accepted, mm: far beyond any part, and its cube is still far from
 /// the largest number, so no later computation overflows.
 const MAX_COORDINATE: f64 = 1e12;
@@ -142,7 +142,7 @@ pub fn mesh_from_bytes(
     check_options(options)?;
     refuse_empty(bytes, path)?;
     let remedy = "export the part with fewer triangles";
-    require_memory("reading the mesh", bytes, path, remedy)?;
+    require_memory("reading the mesh", bytes.len() as u64, path, remedy)?;
     let mut mesh = match format {
         Format::Stl => stl::read(bytes, path)?,
         Format::Obj => obj::read(bytes, path)?,
@@ -167,8 +167,8 @@ pub fn mesh_from_bytes(
     weld::weld(&mesh, options.weld)
 }
 
-fn require_memory(operation: &'static str, bytes: &[u8], path: &Path, remedy: &str) -> Result<()> {
-    let needed = memory::product([bytes.len(), BYTES_OF_BYTE]);
+fn require_memory(operation: &'static str, n_bytes: u64, path: &Path, remedy: &str) -> Result<()> {
+    let needed = n_bytes.saturating_mul(BYTES_OF_BYTE);
     memory::require(operation, needed, format!("{}: {remedy}", path.display()))
 }
 
@@ -191,7 +191,7 @@ pub fn read_cloud(path: &Path) -> Result<Sites> {
 pub fn cloud_from_bytes(bytes: &[u8], format: Format, path: &Path, scale: f64) -> Result<Sites> {
     check_options(&ReadOptions { scale, ..ReadOptions::default() })?;
     refuse_empty(bytes, path)?;
-    require_memory("reading the cloud", bytes, path, "export fewer points")?;
+    require_memory("reading the cloud", bytes.len() as u64, path, "export fewer points")?;
     let (mut points, normals) = match format {
         Format::Ply => ply::read_cloud(bytes, path)?,
         Format::Npz => npz::read_cloud(bytes, path)?,

@@ -41,7 +41,9 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Mesh> {
     let name = model_name(&mut archive).unwrap_or_else(|| USUAL_MODEL.into());
     let entry = archive.by_name(&name);
     let entry = entry.map_err(|e| fault(&one_line(&name), one_line(e)))?;
-    let limit = bytes.len() as u64 * MAX_GROWTH + (1 << 20);
+    // What the archive says of the entry is not trusted: one byte more is cut.
+    let limit = (bytes.len() as u64 * MAX_GROWTH + (1 << 20)).min(entry.size().saturating_add(1));
+    super::require_memory("reading the mesh", limit, path, "export the part with fewer triangles")?;
     let mut model = Model::default();
     let mut xml = Reader::from_reader(BufReader::new(entry.take(limit)));
     let parsed = model.parse(&mut xml);
