@@ -29,7 +29,7 @@ pub fn product(factors: impl IntoIterator<Item = usize>) -> u64 {
     factors.into_iter().fold(1, |product: u64, n| product.saturating_mul(n as u64))
 }
 
-/// Bytes that this process may still take: the least of the machine's memory and its control group's, less what is resident, and of the
+/// Bytes that this process may still take: the least of the machine's memory and its control group's, less what is resident, and
 /// three quarters of the limit of its address space (`ulimit -v`), less what is mapped. What the system does not say does not limit.
 ///
 /// Other programs' memory is not subtracted, so that the answer does not depend on who else is at work.

@@ -97,6 +97,13 @@ impl AabbGrid {
         self.number(self.cell(point))
     }
 
+    /// A bit for each axis along which the cell of `point` is that of cell number `cell`.
+    pub(crate) fn same_axes(&self, point: DVec3, cell: usize) -> u8 {
+        let [nx, ny, _] = self.n_cells;
+        let (own, other) = (self.cell(point), [cell % nx, cell / nx % ny, cell / nx / ny]);
+        (0..3).map(|k| u8::from(own[k] == other[k]) << k).sum()
+    }
+
     /// The boxes that touch cell number `cell`, ascending.
     pub(crate) fn in_cell(&self, cell: usize) -> &[u32] {
         &self.entries[self.cells.range(cell, cell)]
