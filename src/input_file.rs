@@ -7,39 +7,38 @@ use std::path::Path;
 
 /// How much of a file is read, and what that takes.
 #[derive(Debug, Clone, Copy)]
-pub struct Limit {
+pub struct ReadLimit {
     most_bytes: u64,
     /// Memory for each byte of the file, with all that is read out of it at worst.
-    bytes_of_byte: u64,
+    expansion: u64,
 }
 
 /// Meshes, clouds, weights, checkpoints, parts of a data set. What is made of them is estimated by their readers.
-pub const DATA: Limit = Limit { most_bytes: 4 << 30, bytes_of_byte: 1 };
+pub const DATA: ReadLimit = ReadLimit { most_bytes: 4 << 30, expansion: 1 };
 /// Manifests, records, text of the published format.
-pub const TEXT: Limit = Limit { most_bytes: 1 << 30, bytes_of_byte: 16 };
+pub const TEXT: ReadLimit = ReadLimit { most_bytes: 1 << 30, expansion: 16 };
 /// Tool libraries, tables, holders, fixtures of gradients: two bytes may be a number of JSON, 72 bytes in a vector that doubles.
-pub const LIBRARY: Limit = Limit { most_bytes: 64 << 20, bytes_of_byte: 80 };
+pub const LIBRARY: ReadLimit = ReadLimit { most_bytes: 64 << 20, expansion: 80 };
 /// Settings.
-pub const SETTINGS: Limit = Limit { most_bytes: 1 << 20, bytes_of_byte: 250 };
+pub const SETTINGS: ReadLimit = ReadLimit { most_bytes: 1 << 20, expansion: 250 };
 
 /// The bytes of `path`, within `limit`.
 ///
 /// # Errors
 /// If there are more, they do not fit into the memory, or the system refuses the file.
-pub fn read(path: &Path, limit: Limit) -> Result<Vec<u8>> {
+pub fn read(path: &Path, limit: ReadLimit) -> Result<Vec<u8>> {
     let failed = |e| Error::read(path, e);
-    let Limit { most_bytes, bytes_of_byte } = limit;
+    let ReadLimit { most_bytes, expansion } = limit;
     let file = File::open(path).map_err(failed)?;
     // A device or a pipe has no size.
     let size = file.metadata().map_err(failed)?.len();
     if size > most_bytes {
         return Err(too_large(path, format!("{size} bytes"), most_bytes));
     }
-    let remedy = format!("{}: free some memory", path.display());
-    memory::require("reading the file", size * bytes_of_byte, remedy)?;
+    memory::require_for(path, "reading the file", size * expansion)?;
     let most_bytes = match size {
         // Vectors grow by doubling.
-        0 => most_bytes.min(memory::limit_bytes() / (2 + bytes_of_byte)),
+        0 => most_bytes.min(memory::limit_bytes() / (2 + expansion)),
         _ => most_bytes,
     };
     let mut bytes = Vec::with_capacity(size as usize);
@@ -54,7 +53,7 @@ pub fn read(path: &Path, limit: Limit) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// As [`read`], or if it is no text in UTF-8.
-pub fn read_text(path: &Path, limit: Limit) -> Result<String> {
+pub fn read_text(path: &Path, limit: ReadLimit) -> Result<String> {
     String::from_utf8(read(path, limit)?).map_err(|e| {
         let place = format!("byte {}", e.utf8_error().valid_up_to());
         Error::file(path, place, "it is no text in UTF-8", "save the file as text in UTF-8")
@@ -75,7 +74,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.bin");
         std::fs::write(&path, [255; 100]).unwrap();
-        let up_to = |most_bytes| Limit { most_bytes, bytes_of_byte: 1 };
+        let up_to = |most_bytes| ReadLimit { most_bytes, expansion: 1 };
         assert_eq!(read(&path, up_to(100)).unwrap(), [255; 100]);
         let message = read(&path, up_to(99)).unwrap_err().to_string();
         assert!(message.contains("a.bin: size: 100 bytes, at most 99 are read; "), "{message}");

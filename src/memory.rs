@@ -1,6 +1,7 @@
 //! How much memory work may take: checked before any of it is allocated, so that work that is too large is refused with a number.
 
 use crate::{Error, Result};
+use std::path::Path;
 
 /// Work of fewer bytes is never refused: the check would cost more than it saves.
 const SMALL_BYTES: u64 = 16 << 20;
@@ -22,6 +23,14 @@ pub fn require(
         return Ok(());
     }
     Err(Error::TooLarge { operation, needed_bytes, limit_bytes, remedy: remedy.into() })
+}
+
+/// [`require`] for the content of the file `path`, which nothing but more memory makes fit.
+///
+/// # Errors
+/// As [`require`].
+pub fn require_for(path: &Path, operation: &'static str, needed_bytes: u64) -> Result<()> {
+    require(operation, needed_bytes, format!("{}: free some memory", path.display()))
 }
 
 /// The product of counts and bytes; the greatest number there is if it is beyond that.

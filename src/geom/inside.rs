@@ -156,17 +156,17 @@ pub fn windings(mesh: &Mesh, points: &[DVec3]) -> Result<Vec<i32>> {
 }
 
 /// Groups of triangles, each closed by itself.
-pub(crate) struct Groups {
+pub(crate) struct TriangleGroups {
     grid: TriangleGrid,
     /// Of each triangle of the grid.
     group: Vec<u32>,
 }
 
-impl Groups {
+impl TriangleGroups {
     /// `group` is each triangle's group, `u32::MAX` for none.
     pub fn new(mesh: &Mesh, group: &[u32]) -> Self {
         let grouped = || (0..mesh.triangles.len()).filter(|&f| group[f] != u32::MAX);
-        Groups {
+        TriangleGroups {
             grid: TriangleGrid::of(grouped().map(|f| mesh.corners(f)).collect()),
             group: grouped().map(|f| group[f]).collect(),
         }

@@ -219,9 +219,9 @@ mod tests {
         assert!(pairs(&quad).is_empty());
     }
 
-    /// Large triangles that touch every cell, and collapsed ones in a single cell: not each cell looks at all pairs.
+    /// Large triangles touch every cell, collapsed ones crowd in one: no cell but that in which they begin looks at all pairs.
     #[test]
-    fn a_heap_of_triangles_is_seen_to_be_hopeless_soon() {
+    fn coincident_triangles_are_paired_in_one_cell_only() {
         let n = 100_000;
         let corner = |i: usize| 1.0 + 1e-7 * (i / 3) as f64;
         let axes = [DVec3::ZERO, DVec3::X, DVec3::Y];

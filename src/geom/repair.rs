@@ -232,7 +232,7 @@ fn turn_outward(mesh: &mut Mesh, topology: &Topology, components: &[Vec<u32>]) -
         .flat_map(|uses| uses.iter().map(|u| owner[u.face as usize]))
         .collect();
     owner.iter_mut().filter(|i| open.contains(i)).for_each(|i| *i = u32::MAX);
-    let groups = inside::Groups::new(mesh, &owner);
+    let groups = inside::TriangleGroups::new(mesh, &owner);
     let faces_inward = |i: usize| {
         let (faces, own) = (&components[i], i as u32);
         if open.contains(&own) {
@@ -291,7 +291,7 @@ mod tests {
         assert_eq!(mesh, before);
     }
 
-    /// Only closed components are asked what is around them: with all of them this would take hours.
+    /// Only closed components are tested for what encloses them: with all of them this would take hours.
     #[test]
     fn many_loose_triangles_are_left_as_they_are() {
         let mut stream = Stream::new(1, 0, 0, Purpose::Probe);

@@ -96,7 +96,7 @@ impl<T: Scalar> Network<T> for UNet {
         let most = |level: &OctreeLevel| level.ranges.iter().map(Range::len).max().unwrap_or(0);
         let extent = OctreeExtent {
             n_nodes: octree.levels.iter().map(OctreeLevel::n_nodes).collect(),
-            n_most: octree.levels.iter().map(most).collect(),
+            max_nodes: octree.levels.iter().map(most).collect(),
             n_points: batch.n_points(),
             n_shapes: octree.point_ranges.len(),
         };

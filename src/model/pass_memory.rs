@@ -1,141 +1,80 @@
 //! Upper estimates of what a pass takes from its arena: a batch that does not fit is refused before the pass begins.
 //!
 //! ```text
-//! numbers = Σ kept over all layers + the greatest transient of a layer
-//! kept        what lives until the pass ends: outputs; in training also what backward reads, and gradients that wait
-//! transient   what lives while a layer runs: its input as one matrix, packed weights, partial sums of gradients
+//! numbers     Σ saved over all layers + the greatest workspace of a layer
+//! saved       lives until the pass ends: outputs; in training also what backward reads, and gradients that wait for other layers
+//! workspace   lives while a layer runs: its input as one matrix, packed weights, partial sums of gradients
 //! ```
 //!
-//! Whole pieces are counted for each layer, whatever the memory policy saves; tests hold the estimate against the arena's peak.
+//! All that any [memory policy](super::policy) saves is counted. The tests hold the estimate against the arena's peak.
 
 use super::config::UNetConfig;
 use super::cutter_modules::N_LENGTHS;
 use super::graph_sage::GraphSageConfig;
 use super::heads::{N_CLASSES, N_HEADS};
 use crate::memory::product;
+use crate::nn::OperatorShape;
 use crate::par;
 
-/// Numbers of a transformed kernel: 4³ frequencies for 3³ offsets.
-const N_FREQUENCIES: usize = 64;
-/// Weights are packed in panels of so many columns.
-const PANEL: usize = 32;
-/// Rows per partial sum of a weight gradient, over neighbors and of a linear map.
-const RANGE_ROWS: usize = 8192;
-const BLOCK_ROWS: usize = 1024;
-/// Groups of nodes that are transformed at once for a weight gradient.
-const STEP: usize = 128;
-/// And at least so many.
-const TASK: usize = 8;
-
-/// A linear operator between rows.
-#[derive(Clone, Copy)]
-struct Operator {
-    n_in: usize,
-    n_out: usize,
-    c_in: usize,
-    c_out: usize,
-    /// 27, 8 or 1.
-    n_offsets: usize,
-}
-
-impl Operator {
-    fn convolution(n: usize, c_in: usize, c_out: usize) -> Self {
-        Operator { n_in: n, n_out: n, c_in, c_out, n_offsets: 27 }
-    }
-
-    fn map(n: usize, c_in: usize, c_out: usize) -> Self {
-        Operator { n_in: n, n_out: n, c_in, c_out, n_offsets: 1 }
-    }
-
-    fn output(&self) -> u64 {
-        product([self.n_out, self.c_out])
-    }
-
-    fn transient(&self, n_shapes: usize, training: bool) -> u64 {
-        let Operator { n_in, n_out, c_in, c_out, n_offsets } = *self;
-        let matrices = if n_offsets == 27 { N_FREQUENCIES } else { n_offsets };
-        let weights = product([matrices, c_in + PANEL, c_out + PANEL]);
-        let of_shapes = product([n_shapes, N_FREQUENCIES + 27, c_in + c_out]);
-        let n_copies = if training { [3, 5] } else { [1, 3] };
-        let rows = product([n_in, c_in, n_copies[0]]) + product([n_out, c_out, n_copies[1]]);
-        let gradient = if training { self.weight_gradient(matrices) } else { 0 };
-        [rows, of_shapes, weights.max(gradient)].into_iter().fold(0, u64::saturating_add)
-    }
-
-    /// Partial sums over ranges of rows, or transformed groups of nodes.
-    fn weight_gradient(&self, matrices: usize) -> u64 {
-        let Operator { n_out, c_in, c_out, n_offsets, .. } = *self;
-        let n_ranges = match n_offsets {
-            27 if n_out <= RANGE_ROWS => 1,
-            27 => n_out / RANGE_ROWS + 2,
-            _ => n_out / BLOCK_ROWS + 2,
-        };
-        let step = STEP.min(n_out / 8 + TASK) * matrices;
-        let transformed = product([matrices + n_offsets, c_in, c_out]);
-        let transformed = transformed.saturating_add(product([step, c_in + c_out]));
-        transformed.max(product([n_offsets, n_ranges, c_in, c_out]))
-    }
-}
-
-/// A pass, layer by layer.
-struct Pass {
+/// Memory of a pass, layer by layer, in numbers.
+struct PassMemory {
     training: bool,
     n_shapes: usize,
-    kept: u64,
-    transient: u64,
+    saved: u64,
+    workspace: u64,
 }
 
-impl Pass {
+impl PassMemory {
     fn new(n_shapes: usize, training: bool) -> Self {
-        Pass { training, n_shapes, kept: 0, transient: 0 }
+        PassMemory { training, n_shapes, saved: 0, workspace: 0 }
     }
 
-    fn keep(&mut self, n: u64) {
-        self.kept = self.kept.saturating_add(n);
+    fn save(&mut self, n: u64) {
+        self.saved = self.saved.saturating_add(n);
     }
 
-    fn hold(&mut self, n: u64) {
-        self.transient = self.transient.max(n);
+    fn use_workspace(&mut self, n: u64) {
+        self.workspace = self.workspace.max(n);
     }
 
-    fn run(&mut self, operator: Operator) {
-        self.hold(operator.transient(self.n_shapes, self.training));
+    fn run(&mut self, operator: OperatorShape) {
+        self.use_workspace(operator.workspace(self.n_shapes, self.training));
     }
 
     /// An operator whose output lasts, before and after its norm if it is for training.
-    fn layer(&mut self, operator: Operator) {
+    fn layer(&mut self, operator: OperatorShape) {
         self.run(operator);
-        self.keep(operator.output().saturating_mul(if self.training { 2 } else { 1 }));
+        self.save(operator.output_len().saturating_mul(if self.training { 2 } else { 1 }));
     }
 
     /// Residual blocks on `n` rows.
     fn blocks(&mut self, n: usize, n_blocks: usize, c_in: usize, c: usize) {
-        let shortcut = Operator::map(n, c_in, c);
-        self.run(Operator::convolution(n, c_in, c));
-        self.run(Operator::convolution(n, c, c));
+        let shortcut = OperatorShape::linear(n, c_in, c);
+        self.run(OperatorShape::convolution(n, c_in, c));
+        self.run(OperatorShape::convolution(n, c, c));
         self.run(shortcut);
         // Before each norm, and the sum; in inference each block's output replaces that of the one before.
-        let n_kept = if self.training { 3 * n_blocks + usize::from(c_in != c) } else { 1 };
-        self.keep(product([n, c, n_kept]));
+        let n_saved = if self.training { 3 * n_blocks + usize::from(c_in != c) } else { 1 };
+        self.save(product([n, c, n_saved]));
     }
 
-    /// Attention between the nodes of each shape, of which the largest has `n_most` of `n`.
-    fn attention(&mut self, n: usize, n_most: usize, c: usize, n_heads: usize) {
+    /// Attention between the nodes of each shape, `n` in all, at most `max_nodes` in one.
+    fn attention(&mut self, n: usize, max_nodes: usize, c: usize, n_heads: usize) {
         let at_once = par::threads().min(n_heads.saturating_mul(self.n_shapes));
         let squares = if self.training { 5 } else { 1 };
-        let of_heads = product([at_once, n_most, squares * n_most + 8 * (c / n_heads)]);
+        let of_heads = product([at_once, max_nodes, squares * max_nodes + 8 * (c / n_heads)]);
         let rows = product([n, if self.training { 12 } else { 6 }, c]);
-        self.hold(of_heads.saturating_add(rows));
-        self.layer(Operator::map(n, c, 3 * c));
-        self.layer(Operator::map(n, c, c));
+        self.use_workspace(of_heads.saturating_add(rows));
+        self.layer(OperatorShape::linear(n, c, 3 * c));
+        self.layer(OperatorShape::linear(n, c, c));
     }
 
     fn heads(&mut self, n_heads: usize, n_points: usize, c: usize, width: usize) {
         for _ in 0..n_heads {
-            self.run(Operator::map(n_points, c, width));
-            self.run(Operator::map(n_points, width, N_CLASSES));
-            let n_kept = if self.training { width } else { 0 };
-            self.keep(product([n_points, N_CLASSES + n_kept]));
+            self.run(OperatorShape::linear(n_points, c, width));
+            self.run(OperatorShape::linear(n_points, width, N_CLASSES));
+            let n_saved = if self.training { width } else { 0 };
+            self.save(product([n_points, N_CLASSES + n_saved]));
         }
     }
 
@@ -143,16 +82,16 @@ impl Pass {
     fn cutters(&mut self, n_modules: usize, hidden_width: usize, width: usize) {
         for _ in 0..n_modules {
             for (c_in, c) in [(N_LENGTHS, hidden_width), (hidden_width, width)] {
-                self.layer(Operator::map(self.n_shapes, c_in, c));
+                self.layer(OperatorShape::linear(self.n_shapes, c_in, c));
                 // Rectified, dropped out, their gradients.
-                self.keep(product([self.n_shapes, c, 4]));
+                self.save(product([self.n_shapes, c, 4]));
             }
         }
     }
 
     /// All numbers; an arena holds up to an eighth more than what is in use.
     fn numbers(self) -> u64 {
-        let sum = self.kept.saturating_add(self.transient);
+        let sum = self.saved.saturating_add(self.workspace);
         sum.saturating_add(sum / 8)
     }
 }
@@ -162,7 +101,7 @@ pub(super) struct OctreeExtent {
     /// Nodes of each depth, over all shapes.
     pub n_nodes: Vec<usize>,
     /// Most nodes of a shape in each depth.
-    pub n_most: Vec<usize>,
+    pub max_nodes: Vec<usize>,
     pub n_points: usize,
     pub n_shapes: usize,
 }
@@ -175,18 +114,18 @@ pub(super) fn of_octree(
     training: bool,
 ) -> u64 {
     let (depth, n) = (config.input.depth, config.encoder_widths.len());
-    let mut pass = Pass::new(of.n_shapes, training);
+    let mut pass = PassMemory::new(of.n_shapes, training);
     let mut c = config.stem_width;
-    pass.layer(Operator::convolution(of.n_nodes[depth], c_in, c));
+    pass.layer(OperatorShape::convolution(of.n_nodes[depth], c_in, c));
     let mut skips = vec![c];
     for (i, (&width, &n_blocks)) in
         config.encoder_widths.iter().zip(&config.encoder_blocks).enumerate()
     {
         let [n_in, n_out] = [depth - i, depth - 1 - i].map(|d| of.n_nodes[d]);
-        pass.layer(Operator { n_in, n_out, c_in: c, c_out: width, n_offsets: 8 });
+        pass.layer(OperatorShape { n_in, n_out, c_in: c, c_out: width, n_offsets: 8 });
         pass.blocks(n_out, n_blocks, width, width);
         // The gradient of what skips to the decoder.
-        pass.keep(if training { product([n_in, c]) } else { 0 });
+        pass.save(if training { product([n_in, c]) } else { 0 });
         c = width;
         skips.push(c);
     }
@@ -198,18 +137,18 @@ pub(super) fn of_octree(
     {
         let d = depth + 1 + i - n;
         let [n_in, n_out] = [d - 1, d].map(|d| of.n_nodes[d]);
-        pass.layer(Operator { n_in, n_out, c_in: c, c_out: width, n_offsets: 8 });
+        pass.layer(OperatorShape { n_in, n_out, c_in: c, c_out: width, n_offsets: 8 });
         let c_cutter = if config.sees_cutter(i) { cutter.width } else { 0 };
         let joined = skips.next().unwrap_or_default() + c_cutter + width;
         pass.blocks(n_out, n_blocks, joined, width);
         if config.attention.depths.contains(&d) {
-            pass.attention(n_out, of.n_most[d], width, config.attention.n_heads);
+            pass.attention(n_out, of.max_nodes[d], width, config.attention.n_heads);
         }
         c = width;
     }
     // Features at the points; with the gradients by them and by the nodes.
-    pass.keep(product([of.n_points, c, if training { 2 } else { 1 }]));
-    pass.hold(product([of.n_nodes[depth], c, 3]));
+    pass.save(product([of.n_points, c, if training { 2 } else { 1 }]));
+    pass.use_workspace(product([of.n_nodes[depth], c, 3]));
     let c = c + config.input.n_point_channels();
     pass.heads(config.n_heads(), of.n_points, c, config.head_width);
     pass.numbers()
@@ -222,21 +161,21 @@ pub(super) fn of_graph(
     (n, n_shapes): (usize, usize),
     training: bool,
 ) -> u64 {
-    let mut pass = Pass::new(n_shapes, training);
+    let mut pass = PassMemory::new(n_shapes, training);
     pass.cutters(config.widths.len(), config.cutter.hidden_width, config.cutter.width);
     let mut c = c_in;
     for &width in &config.widths {
         let own = c + config.cutter.width;
-        let operator = Operator::map(n, 2 * own, width);
+        let operator = OperatorShape::linear(n, 2 * own, width);
         pass.layer(operator);
         let gathered = product([n, own, 2]);
         if training {
-            pass.keep(gathered.saturating_add(product([n, c])));
-            pass.hold(
-                operator.transient(n_shapes, true).saturating_add(gathered.saturating_mul(2)),
+            pass.save(gathered.saturating_add(product([n, c])));
+            pass.use_workspace(
+                operator.workspace(n_shapes, true).saturating_add(gathered.saturating_mul(2)),
             );
         } else {
-            pass.hold(operator.transient(n_shapes, false).saturating_add(gathered));
+            pass.use_workspace(operator.workspace(n_shapes, false).saturating_add(gathered));
         }
         c = width;
     }

@@ -23,6 +23,7 @@ pub(super) mod dense;
 
 mod blocks;
 mod columns;
+mod memory;
 mod packed;
 mod product;
 pub(super) mod shapes;
@@ -32,6 +33,7 @@ mod winograd;
 use super::arena::{Arena, Buffer};
 use crate::scalar::Scalar;
 pub(super) use crate::simd::gemm::weights::Weights;
+pub(crate) use memory::OperatorShape;
 pub(super) use product::{OuterProduct, Product, RowMap, Term};
 
 /// The algorithm for an output or an input gradient.

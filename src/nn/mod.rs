@@ -56,6 +56,8 @@ mod scratch;
 pub mod strided_conv;
 pub mod upsample;
 
+pub(crate) use conv_plan::OperatorShape;
+
 #[cfg(test)]
 mod testing {
     //! Octrees and checks that tests of layers share.

@@ -72,8 +72,7 @@ impl Layout {
     /// [`Error::TooLarge`](crate::Error::TooLarge) if it does not.
     pub fn require_memory(&self, operation: &'static str, bytes_of_each: usize) -> Result<()> {
         let n = self.n_params().saturating_add(self.n_buffers());
-        let remedy =
-            format!("lower the widths or numbers of blocks of the network: {n} parameters");
+        let remedy = format!("lower widths or numbers of blocks of the network ({n} parameters)");
         memory::require(operation, memory::product([n, bytes_of_each]), remedy)
     }
 

@@ -15,12 +15,12 @@ pub(crate) struct KdTree {
     points: Vec<DVec3>,
     order: Vec<u32>,
     /// Inner nodes; children of `i` are `2i + 1` and `2i + 2`.
-    splits: Vec<Split>,
+    splits: Vec<InnerNode>,
 }
 
 /// An inner node.
 #[derive(Clone, Copy, Default)]
-struct Split {
+struct InnerNode {
     axis: u8,
     value: f64,
     /// Least index of its points.
@@ -28,14 +28,26 @@ struct Split {
 }
 
 /// What a query still looks for: points nearer than this, or as near with an index that is not greater.
-struct Limit {
+struct SearchBound {
     squared: f64,
     index: u32,
+    /// On which side to begin where the query lies on the split: the low side has the lower indices of equal points.
+    low_first: bool,
 }
 
-impl Limit {
+impl SearchBound {
+    /// For nearest points: of equal ones those with the lowest indices are found first.
+    fn nearest(radius: f64) -> Self {
+        SearchBound { squared: radius * radius, index: u32::MAX, low_first: true }
+    }
+
+    /// For all points: sums over them depend on the order, which is that of the high side first.
     fn all_within(radius: f64) -> Self {
-        Limit { squared: radius * radius, index: u32::MAX }
+        SearchBound { low_first: false, ..SearchBound::nearest(radius) }
+    }
+
+    fn lower(&mut self, (squared, index): (f64, u32)) {
+        (self.squared, self.index) = (squared, index);
     }
 
     /// Whether points at a squared distance of at least this, with at least this index, may be among them.
@@ -67,13 +79,13 @@ impl KdTree {
         accept: impl Fn(u32) -> bool,
     ) -> Option<(u32, f64)> {
         let mut best = (u32::MAX, radius * radius);
-        let mut show = |i: u32, d2: f64, limit: &mut Limit| {
+        let mut show = |i: u32, d2: f64, limit: &mut SearchBound| {
             if (d2 < best.1 || d2 == best.1 && i < best.0) && accept(i) {
                 best = (i, d2);
-                *limit = Limit { squared: d2, index: i };
+                limit.lower((d2, i));
             }
         };
-        self.visit(0, 0..self.order.len(), q, &mut show, &mut Limit::all_within(radius));
+        self.visit(0, 0..self.order.len(), q, &mut show, &mut SearchBound::nearest(radius));
         (best.0 != u32::MAX).then_some(best)
     }
 
@@ -92,7 +104,7 @@ impl KdTree {
         accept: impl Fn(u32) -> bool,
     ) -> Vec<(f64, u32)> {
         let mut best: Vec<(f64, u32)> = Vec::with_capacity(k + 1);
-        let mut show = |i: u32, d2: f64, limit: &mut Limit| {
+        let mut show = |i: u32, d2: f64, limit: &mut SearchBound| {
             if !limit.admits(d2, i) {
                 return;
             }
@@ -101,23 +113,22 @@ impl KdTree {
                 best.insert(place, (d2, i));
                 best.truncate(k);
                 if best.len() == k {
-                    let (squared, index) = best[k - 1];
-                    *limit = Limit { squared, index };
+                    limit.lower(best[k - 1]);
                 }
             }
         };
-        self.visit(0, 0..self.order.len(), q, &mut show, &mut Limit::all_within(radius));
+        self.visit(0, 0..self.order.len(), q, &mut show, &mut SearchBound::nearest(radius));
         best
     }
 
     /// Calls `found(index, squared distance)` for every point within `radius` of `q`, in a fixed order.
     pub fn within(&self, q: DVec3, radius: f64, mut found: impl FnMut(u32, f64)) {
-        let mut show = |i: u32, d2: f64, limit: &mut Limit| {
+        let mut show = |i: u32, d2: f64, limit: &mut SearchBound| {
             if d2 <= limit.squared {
                 found(i, d2);
             }
         };
-        self.visit(0, 0..self.order.len(), q, &mut show, &mut Limit::all_within(radius));
+        self.visit(0, 0..self.order.len(), q, &mut show, &mut SearchBound::all_within(radius));
     }
 
     /// Shows every point of a leaf that may be within `limit` of `q`.
@@ -126,8 +137,8 @@ impl KdTree {
         node: usize,
         range: Range<usize>,
         q: DVec3,
-        show: &mut impl FnMut(u32, f64, &mut Limit),
-        limit: &mut Limit,
+        show: &mut impl FnMut(u32, f64, &mut SearchBound),
+        limit: &mut SearchBound,
     ) {
         if range.len() <= LEAF {
             for at in range {
@@ -135,7 +146,7 @@ impl KdTree {
             }
             return;
         }
-        let Split { axis, value, least } = self.splits[node];
+        let InnerNode { axis, value, least } = self.splits[node];
         if !limit.admits(0.0, least) {
             return;
         }
@@ -143,8 +154,8 @@ impl KdTree {
         let beyond = q[axis as usize] - value;
         let low = (2 * node + 1, range.start..middle);
         let high = (2 * node + 2, middle..range.end);
-        // Of points with the same coordinate the lower indices are on the low side.
-        let (near, far) = if beyond <= 0.0 { (low, high) } else { (high, low) };
+        let begins_low = beyond < 0.0 || beyond == 0.0 && limit.low_first;
+        let (near, far) = if begins_low { (low, high) } else { (high, low) };
         self.visit(near.0, near.1, q, show, limit);
         if limit.admits(beyond * beyond, least) {
             self.visit(far.0, far.1, q, show, limit);
@@ -152,7 +163,7 @@ impl KdTree {
     }
 }
 
-fn split(points: &[DVec3], order: &mut [u32], node: usize, splits: &mut Vec<Split>) {
+fn split(points: &[DVec3], order: &mut [u32], node: usize, splits: &mut Vec<InnerNode>) {
     if order.len() <= LEAF {
         return;
     }
@@ -168,10 +179,10 @@ fn split(points: &[DVec3], order: &mut [u32], node: usize, splits: &mut Vec<Spli
         x.total_cmp(&y).then(i.cmp(&j))
     });
     if splits.len() <= node {
-        splits.resize(node + 1, Split::default());
+        splits.resize(node + 1, InnerNode::default());
     }
     let value = points[order[middle] as usize][axis];
-    splits[node] = Split { axis: axis as u8, value, least };
+    splits[node] = InnerNode { axis: axis as u8, value, least };
     let (left, right) = order.split_at_mut(middle);
     split(points, left, 2 * node + 1, splits);
     split(points, right, 2 * node + 2, splits);
@@ -181,6 +192,17 @@ fn split(points: &[DVec3], order: &mut [u32], node: usize, splits: &mut Vec<Spli
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    /// Sites are moved by sums over such lists: another order gives other bits.
+    #[test]
+    fn points_within_a_radius_come_in_one_order() {
+        let lattice = |i: usize| DVec3::new((i % 4) as f64, (i / 4) as f64, 0.0);
+        let tree = KdTree::build(&(0..16).map(lattice).collect::<Vec<_>>());
+        let mut found = Vec::new();
+        // On the first split: from the other side it would be 9, 6, 10, 14, 11.
+        tree.within(lattice(10), 1.0, |i, _| found.push(i));
+        assert_eq!(found, [6, 10, 14, 11, 9]);
+    }
 
     /// Points that coincide are not all looked at by each query.
     #[test]

@@ -81,8 +81,7 @@ impl Checkpoint {
         if &found != text("sha256")? {
             return Err(bad("content hash", "the file is damaged".into()));
         }
-        let remedy = format!("{}: free some memory", path.display());
-        memory::require("reading the checkpoint", bytes.len() as u64, remedy)?;
+        memory::require_for(path, "reading the checkpoint", bytes.len() as u64)?;
         let [params, buffers, velocity] = vectors.map(from_bytes);
         let settings = parse(settings).map_err(|e| bad("settings", e))?;
         let progress = parse(progress).map_err(|e| bad("progress", e))?;

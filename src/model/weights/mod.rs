@@ -111,8 +111,7 @@ pub fn write<T: Scalar, N: Network<T>>(
 ) -> Result<()> {
     let bytes_of_number = if storage == Storage::Bf16 { 2 } else { size_of::<T>() };
     let needed = memory::product([model.params.len() + model.buffers.len(), bytes_of_number]);
-    let remedy = format!("{}: free some memory", path.display());
-    memory::require("writing the network", needed, remedy)?;
+    memory::require_for(path, "writing the network", needed)?;
     to_file(model, storage, notes).write(path)
 }
 
@@ -198,7 +197,7 @@ fn require_memory(layout: &Layout, bytes_of_number: usize, origin: &Path) -> Res
     let largest = layout.params.iter().map(|entry| entry.range.len()).max().unwrap_or(0);
     let numbers = memory::product([layout.n_params() + layout.n_buffers(), bytes_of_number]);
     let needed = numbers.saturating_add(memory::product([largest, size_of::<f64>()]));
-    memory::require("the network", needed, format!("{}: free some memory", origin.display()))
+    memory::require_for(origin, "the network", needed)
 }
 
 fn gather<T: Scalar>(entries: &[Entry], file: &TensorFile, origin: &Path) -> Result<Vec<T>> {

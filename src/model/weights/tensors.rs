@@ -125,8 +125,7 @@ impl TensorFile {
             .extend(header.metadata().iter().flatten().map(|(k, v)| (k.clone(), v.clone())));
         let views = SafeTensors::deserialize(bytes).map_err(broken)?;
         let sizes = views.iter().map(|(_, view)| bytes_of(&view));
-        let remedy = format!("{}: free some memory", origin.display());
-        memory::require("reading the tensors", sizes.sum(), remedy)?;
+        memory::require_for(origin, "reading the tensors", sizes.sum())?;
         for (name, view) in views.iter() {
             let values = values(&view).ok_or_else(|| {
                 Error::file(
@@ -164,8 +163,7 @@ impl TensorFile {
     pub fn write(&self, path: &Path) -> Result<()> {
         // Tensor by tensor, and one after another.
         let size = self.tensors.values().map(Tensor::n_bytes).sum::<u64>();
-        let remedy = format!("{}: free some memory", path.display());
-        memory::require("writing the tensors", size.saturating_mul(2), remedy)?;
+        memory::require_for(path, "writing the tensors", size.saturating_mul(2))?;
         let bytes = self.to_bytes();
         atomic_file::write_atomic(path, |writer| writer.write_all(&bytes))
     }

@@ -5,7 +5,7 @@ use crate::scalar::Scalar;
 use crate::simd::gemm::weights::{Packed, Weights};
 
 /// Widest panel in use, and numbers to skip to the begin of a cache line.
-const PANEL: usize = 32;
+pub(super) const PANEL: usize = 32;
 const ALIGNMENT: usize = 16;
 
 /// [`Packed`] weights, whose memory goes back to the arena on drop.

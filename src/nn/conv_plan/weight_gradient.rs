@@ -11,7 +11,7 @@ use crate::simd::gemm::matmul_tn_rows;
 use std::ops::Range;
 
 /// Output rows per partial sum.
-const RANGE_ROWS: usize = 8192;
+pub(super) const RANGE_ROWS: usize = 8192;
 
 /// Adds to `grads`, range by range.
 pub(super) fn by_ranges<T: Scalar>(

@@ -27,9 +27,9 @@ const MIN_BLOCKS: usize = 8;
 const MIN_GROUPS: usize = 8;
 
 /// Groups per step of a weight gradient: as many rows of each frequency.
-const STEP: usize = 128;
+pub(super) const STEP: usize = 128;
 /// Groups per task of a transform.
-const TASK: usize = 8;
+pub(super) const TASK: usize = 8;
 
 /// Fewest products of channels for which a weight gradient pays, too.
 const LEAST_OF_GRADIENT: usize = 64 * 64;
