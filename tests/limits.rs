@@ -113,6 +113,42 @@ fn networks_beyond_the_memory_are_refused_with_numbers() {
     }
 }
 
+/// Pictures and pages of clouds, whose sites are discs, and of fine meshes take more than the answers.
+#[test]
+fn pictures_and_pages_beyond_the_memory_are_refused_with_numbers() {
+    let folder = Folder::new();
+    let (of_cloud, of_mesh) = (folder.path("cloud"), folder.path("mesh"));
+    let n = 60_000;
+    let header = format!("ply\nformat ascii 1.0\nelement vertex {n}\n");
+    let properties = ["x", "y", "z", "nx", "ny", "nz"].map(|p| format!("property float {p}\n"));
+    let point = |i: usize| format!("{} {} 0 0 0 1\n", i % 300, i / 300);
+    let points: String = (0..n).map(point).collect();
+    let cloud = folder.file("c.ply", header + &properties.concat() + "end_header\n" + &points);
+    // A bent sheet of 300 × 300 vertices.
+    let vertex = |i: usize| format!("v {} {} {}\n", i % 300, i / 300, (i % 300) * (i % 300) / 400);
+    let quad = |i: usize| format!("f {} {} {} {}\n", i, i + 1, i + 301, i + 300);
+    let vertices: String = (0..90_000).map(vertex).collect();
+    let quads: String = (1..=89_700).filter(|i| i % 300 != 0).map(quad).collect();
+    let mesh = folder.file("m.obj", vertices + &quads);
+    for (part, out) in [(&cloud, &of_cloud), (&mesh, &of_mesh)] {
+        let label = ["label", part, "--cutter", CUTTER, "--out", out, "--directions", "1"];
+        let args = [&label[..], &["--no-picture", "--force", "--threads", "1"]].concat();
+        require_success(&args);
+        let report = |megabytes: u32| {
+            let args = ["report", out, "--threads", "1"];
+            limited(&format!("ulimit -v {megabytes}000"), &args)
+        };
+        let outputs: Vec<_> = (100..=400).step_by(50).map(report).collect();
+        let refused = outputs.iter().filter(|output| !output.status.success());
+        let refused: Vec<String> = refused.map(|output| failure(output, 1)).collect();
+        assert!(refused.iter().all(|message| message.contains("needs about ")), "{refused:?}");
+        // The file of a mesh takes more than its picture.
+        let what = if out == &of_cloud { "the picture needs" } else { "reading the mesh needs" };
+        assert!(refused.iter().any(|message| message.contains(what)), "{refused:?}");
+        assert!(outputs[6].status.success(), "{refused:?}");
+    }
+}
+
 #[test]
 fn a_device_without_an_end_is_no_input() {
     let folder = Folder::new();

@@ -33,6 +33,8 @@ const REMEDY: &str = "write the file again with numpy.savez or with this program
 /// A failure is kept until then, so that calls can be chained.
 pub struct NpzWriter {
     archive: ZipWriter<Cursor<Vec<u8>>>,
+    /// Of all arrays so far.
+    n_bytes: u64,
     failure: Option<io::Error>,
 }
 
@@ -45,7 +47,8 @@ impl Default for NpzWriter {
 impl NpzWriter {
     /// An archive without arrays.
     pub fn new() -> Self {
-        NpzWriter { archive: ZipWriter::new(Cursor::new(Vec::new())), failure: None }
+        let archive = ZipWriter::new(Cursor::new(Vec::new()));
+        NpzWriter { archive, n_bytes: 0, failure: None }
     }
 
     /// Adds an array of `shape` (row-major) with the type of its values: `f32`, `f64`, `bool` and
@@ -71,6 +74,9 @@ impl NpzWriter {
         shape: &[usize],
         values: &[T],
     ) -> io::Result<()> {
+        self.n_bytes += size_of_val(values) as u64;
+        // The archive doubles when it is full.
+        memory::require("writing an array", 2 * self.n_bytes, name).map_err(io::Error::other)?;
         let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
         self.archive.start_file(file_name_from_array_name(name), entry_options())?;
         let options = WriteOptions::<T>::new().default_dtype().shape(&shape);
@@ -97,7 +103,7 @@ impl NpzWriter {
     /// Writes the archive to `path`, whole or not at all.
     ///
     /// # Errors
-    /// If an array could not be stored or the system refuses the file.
+    /// If an array could not be stored, the archive does not fit into the memory, or the system refuses the file.
     pub fn write(self, path: &Path) -> Result<()> {
         if let Some(failure) = self.failure {
             return Err(Error::write(path, failure));

@@ -1,5 +1,6 @@
 //! Answers for other programs: a glTF file with colors, and a table with a row per site. `docs/formats.md` has the schema.
 
+use super::memory::Extent;
 use super::paint::Painter;
 use super::points::PointValues;
 use super::{Coloring, PartView};
@@ -95,11 +96,13 @@ const STRIDE: usize = 32;
 /// sites are apart are cut in two until they are not. Positions are mm, +z up; a matrix makes meters and +y up of them, as glTF has it.
 ///
 /// # Errors
-/// If the system refuses the file, or it would have 4 GB.
+/// If it does not fit into the memory, the system refuses the file, or it would have 4 GB.
 ///
 /// # Panics
 /// If `coloring` has not one entry per site.
 pub fn write_glb(path: &Path, part: &PartView, caption: &str, coloring: &Coloring) -> Result<()> {
+    let extent = Extent::of(part.mesh, part.sites);
+    extent.require_for_gltf(extent.n_drawn())?;
     let painter = Painter::new(part, coloring);
     let mut triangles: Vec<[(DVec3, Vec3); 3]> = painter.surface.triangles().collect();
     let area = |t: &[(DVec3, Vec3); 3]| 0.5 * (t[1].0 - t[0].0).cross(t[2].0 - t[0].0).length();
@@ -109,7 +112,11 @@ pub fn write_glb(path: &Path, part: &PartView, caption: &str, coloring: &Colorin
         // A triangle that was cut is larger than an eighth of a square of that edge, but for slivers.
         let least = (8.0 * total / MAX_TRIANGLES).sqrt();
         let longest = (LONGEST_EDGE * spacing).max(least);
-        triangles = triangles.into_iter().flat_map(|t| cut(t, longest)).collect();
+        let n_triangles = triangles.iter().map(|t| cut(*t, longest).len()).sum();
+        extent.require_for_gltf(n_triangles)?;
+        let mut all = Vec::with_capacity(n_triangles);
+        triangles.into_iter().for_each(|t| all.extend(cut(t, longest)));
+        triangles = all;
     }
     let colored = par::map(triangles.len(), |f| {
         let t = &triangles[f];

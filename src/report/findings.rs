@@ -4,6 +4,7 @@
 //! ([`geom::regions`](crate::geom::regions)) are a region. A region of at least [`MIN_SITES`] sites is a [`Finding`]; the smaller ones are
 //! summed as [`Scattered`], so that all areas together are the area that is not accessible.
 
+use super::memory::{Extent, require_for_findings, require_for_findings_files};
 use super::tables::{Cell, Table};
 use crate::access::surface::SiteAnswer;
 use crate::answers::SiteAnswers;
@@ -124,7 +125,7 @@ impl Findings {
     /// The findings of `answers` about `sites`, which lie on `mesh` if there is one; `others` are tools that may help.
     ///
     /// # Errors
-    /// If the sites fail [`Sites::check`], or the answers are not as many.
+    /// If the sites fail [`Sites::check`], the answers are not as many, or they do not fit into the memory.
     pub fn of(
         sites: &Sites,
         mesh: Option<&Mesh>,
@@ -136,12 +137,14 @@ impl Findings {
             let (found, remedy) = (answers.inaccessible.len(), "give the sites of the answers");
             return Err(Error::argument("number of answers", found, format!("{n}"), remedy));
         }
+        Extent::of(mesh, sites).require_for_regions()?;
         let areas = spacing::areas_mm2(sites, mesh.map(Mesh::area))?;
         let marks: Vec<Option<u8>> = (0..n).map(|i| cause(answers, i).map(|c| c as u8)).collect();
         let region = regions::regions(sites, mesh, &areas, &marks)?;
         let mut members: Vec<(u32, u32)> =
             (0..n as u32).filter_map(|i| region[i as usize].map(|r| (r, i))).collect();
         members.sort_unstable();
+        require_for_findings(members.chunk_by(|a, b| a.0 == b.0).count())?;
         let surface_mm2 = areas.iter().sum();
         let about = About { sites, answers, others, areas: &areas, surface_mm2 };
         let mut all: Vec<(Finding, Vec<u32>)> = members
@@ -221,8 +224,9 @@ impl Findings {
     /// Writes `findings.json` and `findings.csv`; returns their paths.
     ///
     /// # Errors
-    /// If the system refuses a file.
+    /// If they do not fit into the memory, or the system refuses a file.
     pub fn write(&self, folder: &Path, part: &str, tool: &str) -> Result<Vec<PathBuf>> {
+        require_for_findings_files(self.list.len())?;
         let mut value = json!({
             "format": "deepmill findings",
             "version": VERSION,

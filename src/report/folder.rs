@@ -28,6 +28,24 @@ pub enum Show {
     Pictures,
 }
 
+impl Show {
+    /// Pictures, unless there are to be none.
+    pub fn pictures_unless(no_picture: bool) -> Self {
+        if no_picture { Show::Points } else { Show::Pictures }
+    }
+
+    /// Checks that the pictures of a part fit into the memory, so that work that ends with them is refused before it begins.
+    ///
+    /// # Errors
+    /// As [`picture::require_memory`].
+    pub fn require_memory(self, mesh: Option<&Mesh>, sites: &Sites) -> Result<()> {
+        match self {
+            Show::Points => Ok(()),
+            Show::Pictures => picture::require_memory(mesh, sites),
+        }
+    }
+}
+
 /// Writes `part.stl`, so that pictures can be drawn again from the folder alone.
 ///
 /// # Errors

@@ -16,6 +16,7 @@ pub mod folder;
 pub mod gate;
 pub mod image;
 pub mod library;
+mod memory;
 pub mod page;
 mod paint;
 pub mod picture;

@@ -4,11 +4,12 @@ use super::PartView;
 use super::camera::Camera;
 use super::color::{Class, Coloring, Rgb};
 use super::image::{Font, Image, fitted};
+use super::memory::Extent;
 use super::paint::{METAL, Painter};
 use super::raster::{Cut, Surface, draw, draw_cut};
 use super::shade::{Look, SAMPLES, shade};
 use crate::Result;
-use crate::geom::Mesh;
+use crate::geom::{Mesh, Sites};
 use glam::DVec3;
 use std::path::Path;
 
@@ -96,14 +97,24 @@ fn section(mesh: &Mesh, part: &PartView, coloring: &Coloring) -> Option<Cut> {
     Some(Cut { normal: DVec3::NEG_Y, offset_mm: -y })
 }
 
+/// Checks that [`render`] fits into the memory, for `sites` and the surface if there is one.
+///
+/// # Errors
+/// [`Error::TooLarge`](crate::Error::TooLarge) if it does not.
+pub fn require_memory(mesh: Option<&Mesh>, sites: &Sites) -> Result<()> {
+    let n_samples = (PANEL * (HEIGHT - HEAD - FOOT)) as usize * SAMPLES * SAMPLES;
+    Extent::of(mesh, sites).require_for_picture(n_samples)
+}
+
 /// [`render`] into a PNG file.
 ///
 /// # Errors
-/// If the system refuses the file.
+/// As [`require_memory`], or if the system refuses the file.
 ///
 /// # Panics
 /// As [`render`].
 pub fn write(path: &Path, part: &PartView, caption: &str, coloring: &Coloring) -> Result<()> {
+    require_memory(part.mesh, part.sites)?;
     render(part, caption, coloring).write_png(path)
 }
 
@@ -262,7 +273,6 @@ fn draw_axes(image: &mut Image, camera: &Camera, x: i32, y: i32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Sites;
     use crate::par;
     use glam::Vec3;
 

@@ -1,7 +1,7 @@
 //! Colored point clouds: binary PLY that any viewer shows, with the numbers behind the colors.
 
 use super::{Coloring, PartView};
-use crate::{Error, Result, atomic_file};
+use crate::{Error, Result, atomic_file, memory};
 use ply_rs_bw::ply::{
     Addable, ElementDef, Encoding, Ply, PropertyAccess, PropertyDef, PropertyType, ScalarType,
 };
@@ -46,7 +46,7 @@ impl PointValues<'_> {
 /// Comments state the unit, the part, the cutter, the meaning of the colors, and `notes`.
 ///
 /// # Errors
-/// If the system refuses the file, or a list of values has not one entry per site.
+/// If it does not fit into the memory, the system refuses the file, or a list of values has not one entry per site.
 ///
 /// # Panics
 /// If `coloring` has not one entry per site.
@@ -62,6 +62,8 @@ pub fn write(
         let found = format!("{} values for {} sites", v.len(), part.sites.len());
         return Err(Error::file(path, *name, found, "give one value per site"));
     }
+    let needed = memory::product([part.sites.len(), 2 * size_of::<Row>()]);
+    memory::require("writing the points", needed, "take fewer sites")?;
     let table = Table { part, coloring, values };
     let mut ply = Ply::<Row>::new();
     ply.header.encoding = Encoding::BinaryLittleEndian;

@@ -48,8 +48,13 @@ impl Surface {
     /// One disc per site, seen from the side of its normal only; [`Surface::site_of_disc`] gives the site back.
     pub fn of_sites(sites: &Sites, radius: f64) -> Self {
         let corners = DISC_CORNERS as usize;
-        let mut surface =
-            Surface { vertices: vec![], triangles: vec![], normals: vec![], two_sided: false };
+        let n_triangles = Surface::n_triangles_of_sites(sites.len());
+        let mut surface = Surface {
+            vertices: Vec::with_capacity(sites.len() * corners),
+            triangles: Vec::with_capacity(n_triangles),
+            normals: Vec::with_capacity(n_triangles),
+            two_sided: false,
+        };
         for (p, n) in sites.points.iter().zip(&sites.normals) {
             let first = surface.vertices.len() as u32;
             let (u, v) = n.as_dvec3().normalize_or(DVec3::Z).any_orthonormal_pair();
@@ -64,6 +69,11 @@ impl Surface {
             }
         }
         surface
+    }
+
+    /// Triangles of so many discs.
+    pub fn n_triangles_of_sites(n_sites: usize) -> usize {
+        n_sites.saturating_mul(DISC_CORNERS as usize - 2)
     }
 
     /// The site whose disc has this face.

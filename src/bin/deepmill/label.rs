@@ -115,6 +115,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         return volume::run(args, step_mm, (part, tools), clock, output);
     }
     let (mesh, sites) = args.sites.place(part)?;
+    Show::pictures_unless(args.no_picture).require_memory(mesh.as_ref(), &sites)?;
     let blocking = Blocking::read(args.obstacles.as_deref(), mesh.is_some(), output)?;
     let more = further_obstacles(args, blocking, mesh.as_ref())?;
     clock.lap("sites_s", "sites");
@@ -276,7 +277,7 @@ impl Answers<'_> {
         findings: &Regions,
     ) -> Result<Vec<PathBuf>> {
         let Answers { args, tools, mesh, sites, .. } = self;
-        let show = if args.no_picture { Show::Points } else { Show::Pictures };
+        let show = Show::pictures_unless(args.no_picture);
         let (mut paths, mut views) = (Vec::new(), Vec::new());
         let progress = progress::bar(tools.len() as u64, "tools");
         for (k, (tool, labels)) in tools.iter().zip(labels).enumerate() {

@@ -104,6 +104,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
     let predictor = Predictor::new(model);
     let predictor = if args.far { predictor.accept_far() } else { predictor };
+    Show::pictures_unless(args.no_picture).require_memory(mesh.as_ref(), &sites)?;
     let about = About { args, settings, sites, mesh };
     let mut files = Vec::new();
     for tool in tools {
@@ -301,7 +302,7 @@ impl About<'_> {
         also: &[Extra],
     ) -> Result<Vec<PathBuf>> {
         let About { args, mesh, .. } = self;
-        let show = if args.no_picture { Show::Points } else { Show::Pictures };
+        let show = Show::pictures_unless(args.no_picture);
         let mut paths = Vec::new();
         for (file, tool, _) in files {
             let folder = match args.tools.are_several() {

@@ -94,6 +94,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");
     let sites = args.sites.on(&mesh)?;
+    Show::pictures_unless(args.no_picture).require_memory(Some(&mesh), &sites)?;
     let areas = SiteAreas::of(&sites, Some(&mesh))?;
     clock.lap("sites_s", "sites");
     let candidates = Candidates::new(&mesh, args.machine, args.clampings(), args.n_directions())?;
@@ -114,8 +115,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let found = Findings::of(&sites, Some(&mesh), &answers, &[])?;
     let (name, words) = (name_of(&args.part), format!("{} tools", tools.len()));
     let view = PartView { name: &name, mesh: Some(&mesh), sites: &sites, cutter: &words };
-    let show = if args.no_picture { Show::Points } else { Show::Pictures };
-    let mut paths = setups.write(&args.out, view, show)?;
+    let mut paths = setups.write(&args.out, view, Show::pictures_unless(args.no_picture))?;
     paths.extend(found.write(&args.out, &name, &words)?);
     if args.report {
         let views = setups.views(found.clone(), &args.settings(&tools, &candidates));

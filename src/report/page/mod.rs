@@ -11,6 +11,7 @@ pub use view::{Numbers, SiteValues, View};
 
 use crate::geom::spacing::{Spacing, areas_mm2};
 use crate::geom::{Mesh, Sites, check};
+use crate::report::memory::Extent;
 use crate::{Error, Result, atomic_file};
 use glam::DVec3;
 use pack::{Block, Grid};
@@ -51,7 +52,7 @@ impl Page<'_> {
     /// The page; the same input gives the same bytes.
     ///
     /// # Errors
-    /// If the sites fail [`Sites::check`], or a tab has not one group per site and at most 16 groups.
+    /// If the sites fail [`Sites::check`], a tab has not one group per site and at most 16 groups, or the page does not fit into the memory.
     pub fn html(&self) -> Result<String> {
         self.sites.check()?;
         let n = self.sites.len();
@@ -66,9 +67,24 @@ impl Page<'_> {
                 return Err(Error::argument("tab", found, format!("{n} sites"), remedy));
             }
         }
+        self.require_memory()?;
         let areas = areas_mm2(self.sites, self.mesh.map(Mesh::area))?;
         let (about, block) = self.data();
         Ok(html::document(self, &areas, &about, &block.base64()))
+    }
+
+    fn require_memory(&self) -> Result<()> {
+        let of_findings = |view: &View| usize::from(view.findings.is_some()) * 4;
+        let of_values = |view: &View| if self.is_detailed() { 4 * view.values.len() } else { 0 };
+        let of_site = self.views.iter().map(|view| 1 + of_findings(view) + of_values(view));
+        let n_bytes = self.sites.len().saturating_mul(of_site.sum());
+        let findings = self.views.iter().flat_map(|view| &view.findings);
+        let n_findings = findings.map(|findings| findings.list.len()).sum();
+        Extent::of(self.mesh, self.sites).require_for_page(n_bytes, n_findings)
+    }
+
+    fn is_detailed(&self) -> bool {
+        self.views.len() <= MAX_DETAILED
     }
 
     /// What the script reads: a description, and the block of numbers.
@@ -81,9 +97,8 @@ impl Page<'_> {
         let sites = self.sites;
         let places = sites.points.iter().map(|p| p.as_dvec3());
         block.add_points("sites", &grid, places, sites.normals.iter().copied());
-        let detailed = self.views.len() <= MAX_DETAILED;
         let views: Vec<Value> = (self.views.iter().enumerate())
-            .map(|(v, view)| add_view(&mut block, v, view, detailed))
+            .map(|(v, view)| add_view(&mut block, v, view, self.is_detailed()))
             .collect();
         let spacing_mm = match self.mesh {
             Some(mesh) => (mesh.area() / sites.len().max(1) as f64).sqrt(),
