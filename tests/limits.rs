@@ -50,6 +50,10 @@ fn what_does_not_fit_into_the_address_space_is_refused_with_numbers() {
         ([&label[..], &one].concat(), "labeling against triangles needs about 7"),
         ([&label[..], &one, &["--obstacles", "sites"]].concat(), "labeling needs about 7"),
         (
+            [&label[..], &["--cutter", CUTTER, "--volume", "0.12"]].concat(),
+            "classifying the points of a lattice needs about 1",
+        ),
+        (
             [&["tools", &part, "--library", &tools, "--sites", many], &most[..]].concat(),
             "tools needs about 8",
         ),

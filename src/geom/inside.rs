@@ -41,13 +41,17 @@
 use super::check::topology::Topology;
 use super::{Mesh, check::Place};
 use crate::spatial::AabbGrid;
-use crate::{Error, Result, par};
+use crate::{Error, Result, memory, par};
 use glam::{DVec2, DVec3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
 use std::collections::BTreeMap;
 
 /// Columns per parallel task.
 const BLOCK: usize = 64;
+/// Bytes of a point: its winding number in a column of its own, whether it is inside, its place, and what is answered about it.
+const OF_POINT: usize = 96;
+/// Bytes of a triangle in the grid.
+const OF_TRIANGLE: usize = 256;
 /// Most points of a lattice.
 const MAX_POINTS: u64 = 1 << 30;
 
@@ -126,8 +130,12 @@ impl Lattice {
 /// zero; for a mesh without self-intersections that is the plain meaning).
 ///
 /// # Errors
-/// If the mesh is not closed and consistently oriented, so that there is no inside.
+/// If the mesh is not closed and consistently oriented, so that there is no inside; if the points and answers about each do not fit
+/// into the memory.
 pub fn lattice_inside(mesh: &Mesh, lattice: &Lattice) -> Result<Vec<bool>> {
+    let of_points = memory::product([lattice.len(), OF_POINT]);
+    let needed = of_points.saturating_add(memory::product([mesh.triangles.len(), OF_TRIANGLE]));
+    memory::require("classifying the points of a lattice", needed, "choose a wider step")?;
     let grid = TriangleGrid::new(mesh)?;
     let [nx, ny, nz] = lattice.counts;
     let heights: Vec<f64> = (0..nz).map(|k| lattice.at([0, 0, k]).z).collect();

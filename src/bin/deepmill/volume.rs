@@ -35,7 +35,8 @@ pub fn run(
     let lattice = Lattice::covering(low, high, step_mm)?;
     let inside = lattice_inside(&mesh, &lattice)?;
     let outside = (0..lattice.len()).filter(|&n| !inside[n]);
-    let points: Vec<Vec3> = outside.map(|n| lattice.point(n).as_vec3()).collect();
+    let mut points: Vec<Vec3> = Vec::with_capacity(outside.clone().count());
+    points.extend(outside.map(|n| lattice.point(n).as_vec3()));
     clock.lap("points_s", "points");
     let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
     let options = SurfaceOptions { occlusion: false, ..args.surface.options(1.0) };
