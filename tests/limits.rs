@@ -117,9 +117,9 @@ fn networks_beyond_the_memory_are_refused_with_numbers() {
     }
 }
 
-/// Pictures and pages of clouds, whose sites are discs, and of fine meshes take more than the answers.
+/// Pictures, pages and glTF files of clouds, whose sites are discs, and of fine meshes take more than the labels.
 #[test]
-fn pictures_and_pages_beyond_the_memory_are_refused_with_numbers() {
+fn pictures_and_files_beyond_the_memory_are_refused_with_numbers() {
     let folder = Folder::new();
     let (of_cloud, of_mesh) = (folder.path("cloud"), folder.path("mesh"));
     let n = 60_000;
@@ -138,18 +138,28 @@ fn pictures_and_pages_beyond_the_memory_are_refused_with_numbers() {
         let label = ["label", part, "--cutter", CUTTER, "--out", out, "--directions", "1"];
         let args = [&label[..], &["--no-picture", "--force", "--threads", "1"]].concat();
         require_success(&args);
+        let label_gltf = [&args[..], &["--also", "glb"]].concat();
+        let label_gltf =
+            |megabytes: u32| limited(&format!("ulimit -v {megabytes}000"), &label_gltf);
         let report = |megabytes: u32| {
             let args = ["report", out, "--threads", "1"];
             limited(&format!("ulimit -v {megabytes}000"), &args)
         };
-        let outputs: Vec<_> = (100..=400).step_by(50).map(report).collect();
+        let mut outputs: Vec<_> = (100..=400).step_by(50).map(report).collect();
+        outputs.extend((150..=550).step_by(100).map(label_gltf));
         let refused = outputs.iter().filter(|output| !output.status.success());
         let refused: Vec<String> = refused.map(|output| failure(output, 1)).collect();
         assert!(refused.iter().all(|message| message.contains("needs about ")), "{refused:?}");
         // The file of a mesh takes more than its picture.
-        let what = if out == &of_cloud { "the picture needs" } else { "reading the mesh needs" };
-        assert!(refused.iter().any(|message| message.contains(what)), "{refused:?}");
-        assert!(outputs[6].status.success(), "{refused:?}");
+        let whats = match out == &of_cloud {
+            true => &["the picture needs", "the glTF file needs"][..],
+            false => &["reading the mesh needs"],
+        };
+        for what in whats {
+            assert!(refused.iter().any(|message| message.contains(what)), "{refused:?}");
+        }
+        let are_enough = [&outputs[6], outputs.last().unwrap()];
+        assert!(are_enough.iter().all(|output| output.status.success()), "{refused:?}");
     }
 }
 

@@ -76,7 +76,9 @@ impl NpzWriter {
     ) -> io::Result<()> {
         self.n_bytes += size_of_val(values) as u64;
         // The archive doubles when it is full.
-        memory::require("writing an array", 2 * self.n_bytes, name).map_err(io::Error::other)?;
+        let remedy = format!("{name}: free some memory");
+        let fits = memory::require("writing an array", 2 * self.n_bytes, remedy);
+        fits.map_err(io::Error::other)?;
         let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
         self.archive.start_file(file_name_from_array_name(name), entry_options())?;
         let options = WriteOptions::<T>::new().default_dtype().shape(&shape);

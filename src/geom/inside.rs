@@ -48,10 +48,10 @@ use std::collections::BTreeMap;
 
 /// Columns per parallel task.
 const BLOCK: usize = 64;
-/// Bytes of a point: its winding number in a column of its own, whether it is inside, its place, and what is answered about it.
-const OF_POINT: usize = 96;
-/// Bytes of a triangle in the grid.
-const OF_TRIANGLE: usize = 256;
+/// A point at worst, alone in its column: that column with a winding number, whether it is inside, its place, and the answers about it.
+const POINT_BYTES: usize = 96;
+/// A triangle in the grid.
+const TRIANGLE_BYTES: usize = 256;
 /// Most points of a lattice.
 const MAX_POINTS: u64 = 1 << 30;
 
@@ -130,11 +130,12 @@ impl Lattice {
 /// zero; for a mesh without self-intersections that is the plain meaning).
 ///
 /// # Errors
-/// If the mesh is not closed and consistently oriented, so that there is no inside; if the points and answers about each do not fit
-/// into the memory.
+/// If the mesh is not closed and consistently oriented, so that there is no inside; if the points and the answers about them do not
+/// fit into the memory.
 pub fn lattice_inside(mesh: &Mesh, lattice: &Lattice) -> Result<Vec<bool>> {
-    let of_points = memory::product([lattice.len(), OF_POINT]);
-    let needed = of_points.saturating_add(memory::product([mesh.triangles.len(), OF_TRIANGLE]));
+    let points = memory::product([lattice.len(), POINT_BYTES]);
+    let triangles = memory::product([mesh.triangles.len(), TRIANGLE_BYTES]);
+    let needed = points.saturating_add(triangles);
     memory::require("classifying the points of a lattice", needed, "choose a wider step")?;
     let grid = TriangleGrid::new(mesh)?;
     let [nx, ny, nz] = lattice.counts;

@@ -38,7 +38,7 @@ struct Pool<T> {
 pub struct Buffer<T> {
     data: Vec<T>,
     len: usize,
-    /// What the arena counts: numbers asked for, and numbers held.
+    /// What the arena counts: numbers requested, and numbers held.
     requested: usize,
     reserved: usize,
     arena: Option<Arena<T>>,

@@ -1,5 +1,7 @@
 //! Colors of sites, chosen to stay apart for color-blind eyes and in gray print.
 
+use crate::access::surface::SiteAnswer;
+
 /// Red, green and blue, 0 to 255 each, sRGB.
 pub type Rgb = [u8; 3];
 
@@ -76,6 +78,26 @@ pub const DARK_AND_LIGHT: [[Class<'static>; 4]; 2] = [
         Class { name: "over-predicted: false alarm", color: [104, 66, 0] },
     ],
 ];
+
+/// The groups of answers about the part itself.
+pub const PART_ITSELF: [Class<'static>; 6] = [
+    Class { name: "accessible", color: [205, 208, 212] },
+    Class { name: "inaccessible", color: [206, 58, 44] },
+    Class { name: "tip does not fit", color: [50, 120, 200] },
+    Class { name: "occlusion", color: [245, 196, 50] },
+    Class { name: "inaccessible and occlusion", color: [112, 56, 150] },
+    Class { name: "tip and occlusion", color: [60, 150, 120] },
+];
+
+/// The group of a site, an index into [`PART_ITSELF`].
+pub fn class_of_part_itself(answer: SiteAnswer, occlusion: bool) -> usize {
+    let answer = match answer {
+        SiteAnswer::Accessible => 0,
+        SiteAnswer::Inaccessible => 1,
+        SiteAnswer::TipDoesNotFit => 2,
+    };
+    answer + if occlusion { 3 } else { 0 }
+}
 
 impl<'a> Coloring<'a> {
     /// The groups, in legend order.

@@ -1,6 +1,6 @@
 //! Answers for other programs: a glTF file with colors, and a table with a row per site. `docs/formats.md` has the schema.
 
-use super::memory::Extent;
+use super::memory::PartSize;
 use super::paint::Painter;
 use super::points::PointValues;
 use super::{Coloring, PartView};
@@ -101,8 +101,8 @@ const STRIDE: usize = 32;
 /// # Panics
 /// If `coloring` has not one entry per site.
 pub fn write_glb(path: &Path, part: &PartView, caption: &str, coloring: &Coloring) -> Result<()> {
-    let extent = Extent::of(part.mesh, part.sites);
-    extent.require_for_gltf(extent.n_drawn())?;
+    let size = PartSize::of(part.mesh, part.sites);
+    size.require_for_gltf(size.n_drawn())?;
     let painter = Painter::new(part, coloring);
     let mut triangles: Vec<[(DVec3, Vec3); 3]> = painter.surface.triangles().collect();
     let area = |t: &[(DVec3, Vec3); 3]| 0.5 * (t[1].0 - t[0].0).cross(t[2].0 - t[0].0).length();
@@ -113,7 +113,7 @@ pub fn write_glb(path: &Path, part: &PartView, caption: &str, coloring: &Colorin
         let least = (8.0 * total / MAX_TRIANGLES).sqrt();
         let longest = (LONGEST_EDGE * spacing).max(least);
         let n_triangles = triangles.iter().map(|t| cut(*t, longest).len()).sum();
-        extent.require_for_gltf(n_triangles)?;
+        size.require_for_gltf(n_triangles)?;
         let mut all = Vec::with_capacity(n_triangles);
         triangles.into_iter().for_each(|t| all.extend(cut(t, longest)));
         triangles = all;

@@ -4,7 +4,7 @@
 //! ([`geom::regions`](crate::geom::regions)) are a region. A region of at least [`MIN_SITES`] sites is a [`Finding`]; the smaller ones are
 //! summed as [`Scattered`], so that all areas together are the area that is not accessible.
 
-use super::memory::{Extent, require_for_findings, require_for_findings_files};
+use super::memory::{PartSize, require_for_findings, require_for_findings_files};
 use super::tables::{Cell, Table};
 use crate::access::surface::SiteAnswer;
 use crate::answers::SiteAnswers;
@@ -137,7 +137,7 @@ impl Findings {
             let (found, remedy) = (answers.inaccessible.len(), "give the sites of the answers");
             return Err(Error::argument("number of answers", found, format!("{n}"), remedy));
         }
-        Extent::of(mesh, sites).require_for_regions()?;
+        PartSize::of(mesh, sites).require_for_regions()?;
         let areas = spacing::areas_mm2(sites, mesh.map(Mesh::area))?;
         let marks: Vec<Option<u8>> = (0..n).map(|i| cause(answers, i).map(|c| c as u8)).collect();
         let region = regions::regions(sites, mesh, &areas, &marks)?;

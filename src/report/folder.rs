@@ -1,10 +1,10 @@
 //! The files of a folder of results: data, colored points and pictures of labels, predictions and their difference.
 
+use super::color::{PART_ITSELF, class_of_part_itself};
 use super::export::{self, Extra};
 use super::points::{self, PointValues};
-use super::{Class, Coloring, PartView, picture};
+use super::{Coloring, PartView, picture};
 use crate::Result;
-use crate::access::surface::SiteAnswer;
 use crate::answers::SiteAnswers;
 use crate::data::files::{LabelFile, PredictionFile, Provenance};
 use crate::geom::{Mesh, Sites, formats};
@@ -135,7 +135,8 @@ fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> R
             "collision_free_directions",
             PointValues::Counts(&surface.collision_free_directions),
         ));
-        let of: Vec<usize> = (0..n).map(|i| class(surface.answers[i], occlusion[i])).collect();
+        let of: Vec<usize> =
+            (0..n).map(|i| class_of_part_itself(surface.answers[i], occlusion[i])).collect();
         let coloring = Coloring::Groups { classes: &PART_ITSELF, of: &of };
         let caption = format!("the part itself\n{setup}");
         return write(Shown { caption: &caption, coloring, values: &values, notes: &notes });
@@ -210,26 +211,6 @@ pub(super) fn point_values(
 /// The first `n` of a list that is not empty.
 fn first<T>(list: &[T], n: usize) -> Option<&[T]> {
     list.get(..n).filter(|list| !list.is_empty())
-}
-
-/// What the colors of answers about the part itself say.
-pub(super) const PART_ITSELF: [Class<'static>; 6] = [
-    Class { name: "accessible", color: [205, 208, 212] },
-    Class { name: "inaccessible", color: [206, 58, 44] },
-    Class { name: "tip does not fit", color: [50, 120, 200] },
-    Class { name: "occlusion", color: [245, 196, 50] },
-    Class { name: "inaccessible and occlusion", color: [112, 56, 150] },
-    Class { name: "tip and occlusion", color: [60, 150, 120] },
-];
-
-/// The group of a site, an index into [`PART_ITSELF`].
-pub(super) fn class(answer: SiteAnswer, occlusion: bool) -> usize {
-    let answer = match answer {
-        SiteAnswer::Accessible => 0,
-        SiteAnswer::Inaccessible => 1,
-        SiteAnswer::TipDoesNotFit => 2,
-    };
-    answer + if occlusion { 3 } else { 0 }
 }
 
 /// Writes `predictions.npz`, `predictions.ply` and, if wanted, `predictions.png`; returns their

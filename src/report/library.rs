@@ -30,7 +30,7 @@ pub struct ToolFacts {
     pub adds: f64,
     /// That its body would reach at any stick-out.
     pub body_reaches: f64,
-    /// From which stick-out on the share asked for of `body_reaches` is reached, mm; none if the body reaches nothing.
+    /// Least stick-out at which the required share of `body_reaches` is reached, mm; none if the body reaches nothing.
     pub least_stick_out_mm: Option<f64>,
 }
 

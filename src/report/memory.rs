@@ -6,37 +6,54 @@ use crate::Result;
 use crate::geom::{Mesh, Sites};
 use crate::memory::{product, require};
 
-/// Views, pixels and the file of a picture.
+/// The views, the picture and its file.
 const IMAGES_BYTES: u64 = 20 << 20;
-/// Scripts and styles of a page, and the words of its tables.
-const WORDS_BYTES: u64 = 4 << 20;
-/// A finding among all, while they are sorted, and as JSON.
+/// A triangle that is drawn: 48 for corners and normals; while these are made, 12 each for its area, its normal and lists of the faces at corners.
+const TRIANGLE_BYTES: usize = 96;
+/// A vertex: 24, as many in the picture, 8 for those lists.
+const VERTEX_BYTES: usize = 64;
+/// A site in the grid where colors are looked up: 40.
+const SITE_BYTES: usize = 64;
+/// A site that is drawn as a disc: 8 corners of 24 + 24, 6 triangles of 48.
+const DISC_BYTES: usize = 704;
+/// A triangle of a glTF file: 3 corners of 40, twice 96 of the file, and what holds these.
+const GLTF_TRIANGLE_BYTES: usize = 384;
+/// A triangle of a page, by its three vertices: the surface, their numbers by place and normal, and as numbers of the page.
+const PAGE_TRIANGLE_BYTES: usize = 768;
+/// A site of a page: its place and normal as numbers of the page, its area, and the tree that finds that.
+const PAGE_SITE_BYTES: usize = 256;
+/// A byte of numbers: in a block that doubles when it is full, deflated, in base64, in the page.
+const PAGE_NUMBER_BYTES: usize = 8;
+/// Scripts, styles and tables of a page.
+const PAGE_WORDS_BYTES: u64 = 4 << 20;
+/// A site while regions are found: trees and lists.
+const REGION_SITE_BYTES: usize = 256;
+/// A triangle: its neighbors and the edges that they are found by.
+const REGION_TRIANGLE_BYTES: usize = 64;
+/// A finding, while all are listed, sorted and parted; and as JSON.
 const FINDING_BYTES: usize = 4 * size_of::<Finding>();
 const FINDING_JSON_BYTES: usize = 4096;
 
 /// How much there is to draw.
 #[derive(Clone, Copy)]
-pub(super) struct Extent {
+pub(super) struct PartSize {
     n_sites: usize,
     n_triangles: usize,
     n_vertices: usize,
 }
 
-impl Extent {
+impl PartSize {
     /// Of sites, and of the surface if there is one.
     pub fn of(mesh: Option<&Mesh>, sites: &Sites) -> Self {
         let (n_triangles, n_vertices) =
             mesh.map_or((0, 0), |mesh| (mesh.triangles.len(), mesh.vertices.len()));
-        Extent { n_sites: sites.len(), n_triangles, n_vertices }
+        PartSize { n_sites: sites.len(), n_triangles, n_vertices }
     }
 
-    fn bytes(&self, of_site: usize, of_triangle: usize, of_vertex: usize) -> u64 {
-        let Extent { n_sites, n_triangles, n_vertices } = *self;
-        sum([
-            product([n_sites, of_site]),
-            product([n_triangles, of_triangle]),
-            product([n_vertices, of_vertex]),
-        ])
+    fn bytes(&self, site: usize, triangle: usize, vertex: usize) -> u64 {
+        let PartSize { n_sites, n_triangles, n_vertices } = *self;
+        let terms = [(n_sites, site), (n_triangles, triangle), (n_vertices, vertex)];
+        sum(terms.map(|(n, bytes)| product([n, bytes])))
     }
 
     /// Triangles that are drawn.
@@ -47,46 +64,45 @@ impl Extent {
         }
     }
 
-    /// What is drawn, with its corners in the picture: the surface and the sites by place, or else a disc for each site.
-    fn surface(&self) -> u64 {
-        self.bytes(if self.n_triangles > 0 { 64 } else { 704 }, 96, 64)
+    /// The surface with its corners in the picture, and the sites by place; without a surface a disc for each site.
+    fn drawn(&self) -> u64 {
+        let site = if self.n_triangles > 0 { SITE_BYTES } else { DISC_BYTES };
+        self.bytes(site, TRIANGLE_BYTES, VERTEX_BYTES)
     }
 
-    /// A picture that is made of so many samples at a time.
+    /// A picture whose views have so many samples each.
     pub fn require_for_picture(&self, n_samples: usize) -> Result<()> {
         let samples = product([n_samples, size_of::<Fragment>()]);
-        let needed = sum([self.surface(), samples, IMAGES_BYTES]);
+        let needed = sum([self.drawn(), samples, IMAGES_BYTES]);
         require("the picture", needed, "draw no picture, or take fewer sites or a simpler mesh")
     }
 
     /// A glTF file of so many triangles.
     pub fn require_for_gltf(&self, n_triangles: usize) -> Result<()> {
-        let needed = self.surface().saturating_add(product([n_triangles, 384]));
-        require(
-            "the glTF file",
-            needed,
-            "write no glTF file, or take fewer sites or a simpler mesh",
-        )
+        let needed = sum([self.drawn(), product([n_triangles, GLTF_TRIANGLE_BYTES])]);
+        let remedy = "write no glTF file, or take fewer sites or a simpler mesh";
+        require("the glTF file", needed, remedy)
     }
 
-    /// A page with so many bytes of numbers in its tabs, and findings.
-    pub fn require_for_page(&self, n_bytes: usize, n_findings: usize) -> Result<()> {
+    /// A page with so many bytes of numbers in its tabs, and so many findings.
+    pub fn require_for_page(&self, n_number_bytes: usize, n_findings: usize) -> Result<()> {
         let needed = sum([
-            self.bytes(256, 768, 64),
-            product([n_bytes, 8]),
+            self.bytes(PAGE_SITE_BYTES, PAGE_TRIANGLE_BYTES, VERTEX_BYTES),
+            product([n_number_bytes, PAGE_NUMBER_BYTES]),
             product([n_findings, FINDING_JSON_BYTES]),
-            WORDS_BYTES,
+            PAGE_WORDS_BYTES,
         ]);
         require("the page", needed, "write no page, or take fewer sites, tools or a simpler mesh")
     }
 
-    /// Regions of sites, before it is known how many.
+    /// Regions of sites, before their number is known.
     pub fn require_for_regions(&self) -> Result<()> {
-        require("finding the regions", self.bytes(256, 64, 0), "take fewer sites")
+        let needed = self.bytes(REGION_SITE_BYTES, REGION_TRIANGLE_BYTES, 0);
+        require("finding the regions", needed, "take fewer sites")
     }
 }
 
-/// So many regions, before they are described.
+/// The findings of so many regions.
 pub(super) fn require_for_findings(n_regions: usize) -> Result<()> {
     require("the findings", product([n_regions, FINDING_BYTES]), "take fewer sites")
 }
@@ -107,8 +123,8 @@ mod tests {
 
     #[test]
     fn what_is_beyond_every_memory_is_refused() {
-        let many = Extent { n_sites: usize::MAX / 1000, n_triangles: 0, n_vertices: 0 };
-        let few = Extent { n_sites: 1000, ..many };
+        let many = PartSize { n_sites: usize::MAX / 1000, n_triangles: 0, n_vertices: 0 };
+        let few = PartSize { n_sites: 1000, ..many };
         for refused in [
             many.require_for_picture(100),
             many.require_for_gltf(many.n_drawn()),

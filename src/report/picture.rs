@@ -4,7 +4,7 @@ use super::PartView;
 use super::camera::Camera;
 use super::color::{Class, Coloring, Rgb};
 use super::image::{Font, Image, fitted};
-use super::memory::Extent;
+use super::memory::PartSize;
 use super::paint::{METAL, Painter};
 use super::raster::{Cut, Surface, draw, draw_cut};
 use super::shade::{Look, SAMPLES, shade};
@@ -103,7 +103,7 @@ fn section(mesh: &Mesh, part: &PartView, coloring: &Coloring) -> Option<Cut> {
 /// [`Error::TooLarge`](crate::Error::TooLarge) if it does not.
 pub fn require_memory(mesh: Option<&Mesh>, sites: &Sites) -> Result<()> {
     let n_samples = (PANEL * (HEIGHT - HEAD - FOOT)) as usize * SAMPLES * SAMPLES;
-    Extent::of(mesh, sites).require_for_picture(n_samples)
+    PartSize::of(mesh, sites).require_for_picture(n_samples)
 }
 
 /// [`render`] into a PNG file.

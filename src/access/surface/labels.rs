@@ -148,8 +148,8 @@ pub struct SurfaceLabels {
     /// answer holds for every direction, not only for those tested; 1 if there was no search between them.
     pub open_directions: Vec<f32>,
     /// Per query, mm: how far every height and radius of the shrunk cutter's steps may grow before the query becomes
-    /// inaccessible (positive), or must shrink before it is not any more (negative), within the limit asked for and to
-    /// [`CLEARANCE_STEP_MM`]; over the directions of the set and the witness. Empty if not asked for.
+    /// inaccessible (positive), or must shrink before it is not any more (negative), within the limit of the options and to
+    /// [`CLEARANCE_STEP_MM`]; over the directions of the set and the witness. Empty without that option.
     pub clearance_mm: Vec<f32>,
     /// Per query: the contact tolerance, mm.
     pub tolerance_mm: Vec<f64>,

@@ -76,7 +76,7 @@ impl Problem<'_> {
         let options =
             LabelOptions { occlusion: false, collision_matrix: true, ..LabelOptions::default() };
         let labels = access::label(queries, obstacles, &shrunk, directions, &options)?;
-        Ok(labels.collision_matrix.expect("the matrix was asked for"))
+        Ok(labels.collision_matrix.expect("the option is set"))
     }
 
     /// Tests the triangles for the pairs that points leave open, then between the directions.

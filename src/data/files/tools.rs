@@ -7,7 +7,7 @@
 //! | LinuxCNC tool table | `.tbl`, or a first line that begins with `T` and a number |
 //! | table of lengths | anything else: CSV |
 //!
-//! What a file does not say comes from [`Unsaid`] or is asked for by name, never assumed. What is no ball, bull-nose, flat or tapered end
+//! What a file does not say comes from [`Unsaid`], never assumed: an error names what is missing. What is no ball, bull-nose, flat or tapered end
 //! mill is refused by name, and the rest is read.
 
 mod described;
@@ -222,7 +222,7 @@ fn starts_with_ignoring_case(text: &str, start: &str) -> bool {
     text.get(..start.len()).is_some_and(|head| head.eq_ignore_ascii_case(start))
 }
 
-/// What tools are given where their file does not say it. Without it, it is asked for by name.
+/// What tools are given where their file does not say it. An error names what is missing in both.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Unsaid {
     /// Height of the holder's nose above the tip, mm.

@@ -11,7 +11,7 @@ pub use view::{Numbers, SiteValues, View};
 
 use crate::geom::spacing::{Spacing, areas_mm2};
 use crate::geom::{Mesh, Sites, check};
-use crate::report::memory::Extent;
+use crate::report::memory::PartSize;
 use crate::{Error, Result, atomic_file};
 use glam::DVec3;
 use pack::{Block, Grid};
@@ -77,10 +77,10 @@ impl Page<'_> {
         let of_findings = |view: &View| usize::from(view.findings.is_some()) * 4;
         let of_values = |view: &View| if self.is_detailed() { 4 * view.values.len() } else { 0 };
         let of_site = self.views.iter().map(|view| 1 + of_findings(view) + of_values(view));
-        let n_bytes = self.sites.len().saturating_mul(of_site.sum());
+        let n_number_bytes = self.sites.len().saturating_mul(of_site.sum());
         let findings = self.views.iter().flat_map(|view| &view.findings);
         let n_findings = findings.map(|findings| findings.list.len()).sum();
-        Extent::of(self.mesh, self.sites).require_for_page(n_bytes, n_findings)
+        PartSize::of(self.mesh, self.sites).require_for_page(n_number_bytes, n_findings)
     }
 
     fn is_detailed(&self) -> bool {

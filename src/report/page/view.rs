@@ -3,6 +3,7 @@
 use crate::access::surface::SiteAnswer;
 use crate::answers::SiteAnswers;
 use crate::data::files::{LabelFile, PredictionFile, Provenance};
+use crate::report::color::{PART_ITSELF, class_of_part_itself};
 use crate::report::findings::Findings;
 use crate::report::points::PointValues;
 use crate::report::tables::Table;
@@ -72,9 +73,9 @@ impl View {
         match &labels.surface {
             Some(surface) => {
                 view.caption = "the part itself: its triangles block".into();
-                let of = |i: usize| folder::class(surface.answers[i], occlusion[i]);
+                let of = |i: usize| class_of_part_itself(surface.answers[i], occlusion[i]);
                 let of: Vec<usize> = (0..n).map(of).collect();
-                view.color(&Coloring::Groups { classes: &folder::PART_ITSELF, of: &of });
+                view.color(&Coloring::Groups { classes: &PART_ITSELF, of: &of });
                 let open = surface.open_directions.iter().zip(&surface.answers);
                 let open = open.map(|(open, answer)| match answer {
                     SiteAnswer::Accessible => f32::NAN,
