@@ -12,12 +12,12 @@ pub use predictions::PredictionFile;
 
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
-use crate::access::surface::{SiteAnswer, SurfaceLabels};
+use crate::access::surface::{SiteAnswer, SurfaceLabels, WitnessPose};
 use crate::answers::SiteAnswers;
 use crate::cutter::{CutterParams, ToolPart};
 use crate::geom::Sites;
 use crate::{Error, Result};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -172,7 +172,7 @@ impl LabelFile {
         if npz.has("tip_does_not_fit") {
             let surface = read_surface(path, &mut npz, &sites, &labels.answers)?;
             labels.answers.tip_does_not_fit = surface.tip_does_not_fit();
-            labels.answers.witness.clone_from(&surface.witness);
+            labels.answers.witness = read_witness(path, &mut npz, &sites)?;
             labels.surface = Some(surface);
         }
         if npz.has("blocked_by") {
@@ -229,8 +229,12 @@ fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
     npz.array("collision_free_directions", &[n], &surface.collision_free_directions);
     npz.array("open_directions", &[n], &surface.open_directions);
     npz.array("tolerance", &[n], &surface.tolerance_mm);
-    let witness = surface.witness.iter().flat_map(|w| w.unwrap_or(Vec3::ZERO).to_array());
-    npz.array("witness_direction", &[n, 3], &witness.collect::<Vec<f32>>());
+    let direction = |pose: &Option<WitnessPose>| pose.map_or(Vec3::ZERO, |pose| pose.direction);
+    let directions = surface.witness.iter().flat_map(|pose| direction(pose).to_array());
+    npz.array("witness_direction", &[n, 3], &directions.collect::<Vec<f32>>());
+    let tip = |pose: &Option<WitnessPose>| pose.map_or(DVec3::ZERO, |pose| pose.tip_mm);
+    let tips = surface.witness.iter().flat_map(|pose| tip(pose).to_array());
+    npz.array("witness_tip", &[n, 3], &tips.collect::<Vec<f64>>());
 }
 
 fn read_blocked_by(path: &Path, npz: &mut NpzReader) -> Result<Vec<Option<ToolPart>>> {
@@ -257,14 +261,11 @@ fn read_surface(
         (false, true) => SiteAnswer::TipDoesNotFit,
         (false, false) => SiteAnswer::Accessible,
     };
-    let witness = npz.f32s("witness_direction", 3)?;
-    same_length(path, sites, "witness_direction", witness.len() / 3)?;
-    let direction = |w: &[f32]| Some(Vec3::from_slice(w)).filter(|d| *d != Vec3::ZERO);
     let surface = SurfaceLabels {
         answers: answers.inaccessible.iter().zip(&tip).map(answer).collect(),
         collision_free_directions: npz.counts("collision_free_directions")?,
         accessible_directions: answers.accessible_directions.clone(),
-        witness: witness.chunks_exact(3).map(direction).collect(),
+        witness: read_poses(path, npz, sites)?,
         open_directions: npz.f32s("open_directions", 1)?,
         tolerance_mm: npz.f64s("tolerance", 1)?,
         ..SurfaceLabels::default()
@@ -274,6 +275,28 @@ fn read_surface(
     same_length(path, sites, "open_directions", surface.open_directions.len())?;
     same_length(path, sites, "tolerance", surface.tolerance_mm.len())?;
     Ok(surface)
+}
+
+/// The directions of the witnesses.
+fn read_witness(path: &Path, npz: &mut NpzReader, sites: &Sites) -> Result<Vec<Option<Vec3>>> {
+    let witness = npz.f32s("witness_direction", 3)?;
+    same_length(path, sites, "witness_direction", witness.len() / 3)?;
+    let direction = |w: &[f32]| Some(Vec3::from_slice(w)).filter(|d| *d != Vec3::ZERO);
+    Ok(witness.chunks_exact(3).map(direction).collect())
+}
+
+/// The witnesses; none from a file of before there were poses.
+fn read_poses(path: &Path, npz: &mut NpzReader, sites: &Sites) -> Result<Vec<Option<WitnessPose>>> {
+    if !npz.has("witness_tip") {
+        return Ok(vec![None; sites.len()]);
+    }
+    let tips = npz.f64s("witness_tip", 3)?;
+    same_length(path, sites, "witness_tip", tips.len() / 3)?;
+    let directions = read_witness(path, npz, sites)?;
+    let pose = |(direction, tip): (Option<Vec3>, &[f64])| {
+        direction.map(|direction| WitnessPose { direction, tip_mm: DVec3::from_slice(tip) })
+    };
+    Ok(directions.into_iter().zip(tips.chunks_exact(3)).map(pose).collect())
 }
 
 const BLOCKED_BY: &str = "part of the tool that blocks in the direction which gets furthest: 0 none (accessible), 1 tip, 2 cutter, 3 shank, 4 holder, 5 spindle";
@@ -286,7 +309,8 @@ fn label_meaning(part_itself: bool) -> Value {
             "tip_does_not_fit": "true: in some direction only the tip penetrates the part, in none nothing does",
             "collision_free_directions": "number of the directions tested in which no shank, holder or spindle penetrates the part",
             "accessible_directions": "number of these in which the tip fits too; 0 beside an accessible site: a direction between them was found",
-            "witness_direction": "unit vector from tip to spindle in which the tool may stand, 0 0 0 if there is none",
+            "witness_direction": "unit vector from tip to spindle of a free pose, 0 0 0 if there is none",
+            "witness_tip": "lowest point of the tool on its axis in that pose, mm",
             "open_directions": "of a site that is not accessible, the share of directions not proven closed; 0: the answer holds for all directions",
             "tolerance": "contact tolerance, mm",
             "clearance": "how far heights and radii of the shrunk tool's steps may grow before the site becomes inaccessible, mm; negative: must shrink",

@@ -160,6 +160,9 @@ pub trait Float32: Vector<Element = f32, Mask: Mask> {
     /// Bits beyond the lanes are 0.
     fn compress(self, bits: u32) -> Self;
 
+    /// The square root of every lane, rounded to nearest; NaN of a negative one.
+    fn sqrt(self) -> Self;
+
     /// Lanes from 0 to 2³¹, 2³¹ excluded, without their fractions; others become unspecified numbers.
     fn truncate(self) -> <Self::Token as Simd>::U32;
 

@@ -32,27 +32,25 @@ pub(super) struct Silhouette {
 }
 
 impl Silhouette {
-    /// Of steps above the middle of the caps. They are shrunk by `margin`, and in width by `side`, by which the reference
-    /// point moves across the axis.
-    pub fn new(steps: impl Iterator<Item = [f64; 2]>, side: f64, margin: f64) -> Self {
-        let shrink = |[height, radius]: [f64; 2]| {
-            [(height + margin) as f32, (radius - side - margin) as f32]
-        };
+    /// Of steps above the middle of the caps, smaller all around by `margin` and by `within`, by which reference points may be beside the middle.
+    pub fn new(steps: impl Iterator<Item = [f64; 2]>, within: f64, margin: f64) -> Self {
+        let shrink = |[height, radius]: [f64; 2], by: f64| [height + by, radius - by];
         let all: Vec<[f64; 2]> = steps.collect();
-        let whole = all.iter().map(|[height, radius]| [height + margin, radius - margin]).collect();
-        let steps = all.into_iter().map(shrink).filter(|[_, radius]| *radius > 0.0).collect();
+        let whole = all.iter().map(|step| shrink(*step, margin)).collect();
+        let narrow = all.into_iter().map(|step| shrink(step, within + margin).map(|x| x as f32));
+        let steps = narrow.filter(|[_, radius]| *radius > 0.0).collect();
         Silhouette { steps, whole }
     }
 
-    /// Within which angle of a direction a point stays in some step, if the reference point moves by no more than `drift` mm
-    /// per radian: turning by α changes height and distance from the axis by no more than α·(length + drift). `point` is
-    /// relative to the reference point in that direction.
-    pub fn stays(&self, point: DVec3, direction: DVec3, drift: f64) -> f64 {
+    /// Within which angle of a direction a point stays in some step for all poses within `within` mm, if the reference point moves by no more
+    /// than `drift` mm per radian: turning by α changes height and distance from the axis by no more than α·(length + drift). `point`
+    /// is relative to the reference point in that direction.
+    pub fn stays(&self, point: DVec3, direction: DVec3, [drift, within]: [f64; 2]) -> f64 {
         let along = point.dot(direction);
         let distance = (point - direction * along).length();
         let margins =
             self.whole.iter().map(|[height, radius]| (along - height).min(radius - distance));
-        margins.fold(f64::NEG_INFINITY, f64::max) / (point.length() + drift)
+        (margins.fold(f64::NEG_INFINITY, f64::max) - within) / (point.length() + drift)
     }
 
     /// Cosine of the cap's angle for a point at 1/`inverse` mm; [`NEVER`] if it closes nothing.

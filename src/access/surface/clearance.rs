@@ -4,7 +4,7 @@
 //! the greatest `c` at which no step penetrates is found by bisection; a direction that is not clear at the best `c` so far
 //! is left after one tool.
 
-use super::labels::CLEARANCE_STEP_MM;
+use super::labels::{CLEARANCE_STEP_MM, WitnessPose};
 use super::problem::Problem;
 use super::query::{Probe, Scratch};
 use super::tool::{Stand, axes};
@@ -17,11 +17,12 @@ use glam::Vec3;
 const BLOCK: usize = 64;
 
 impl Problem<'_> {
-    /// Clearance of every query within ±`limit`, over `directions` and its witness. The sign is that of the answer.
+    /// Clearance of every query within ±`limit`: over the poses that touch with its normal along `directions`, and its witness. The sign is that
+    /// of the answer.
     pub fn clearance(
         &self,
         directions: &Directions,
-        witness: &[Option<Vec3>],
+        witness: &[Option<WitnessPose>],
         inaccessible: &[bool],
         limit: f64,
     ) -> Vec<f32> {
@@ -29,9 +30,15 @@ impl Problem<'_> {
             let mut scratch = Scratch::default();
             let of = |i: usize| {
                 let mut best = -limit;
-                for &direction in witness[i].iter().chain(directions.vectors()) {
-                    scratch = Scratch::with_last(std::mem::take(&mut scratch));
-                    best = self.clear_up_to(i, direction, [best, limit], &mut scratch);
+                scratch = Scratch::renewed(std::mem::take(&mut scratch));
+                if let Some(pose) = witness[i] {
+                    let axes = axes(pose.direction);
+                    let stand = Stand { reference: pose.reference(&self.outline), axes };
+                    best = self.clear_up_to(&stand, [best, limit], &mut scratch);
+                }
+                for &direction in directions.vectors() {
+                    let stand = self.own_stand(i, direction);
+                    best = self.clear_up_to(&stand, [best, limit], &mut scratch);
                 }
                 let sign = if inaccessible[i] { best.min(0.0) } else { best.max(0.0) };
                 sign as f32
@@ -41,21 +48,23 @@ impl Problem<'_> {
         blocks.into_iter().flatten().collect()
     }
 
+    /// The tool that touches a query with its normal.
+    pub fn own_stand(&self, i: usize, direction: Vec3) -> Stand {
+        let axes = axes(direction);
+        Stand { reference: self.contacts[i].reference_point(&self.outline, axes[2]), axes }
+    }
+
     /// The greatest growth between `low` and `high` at which no step penetrates; `low` if there is none above it.
     pub fn clear_up_to(
         &self,
-        i: usize,
-        direction: Vec3,
+        stand: &Stand,
         [mut low, mut high]: [f64; 2],
         scratch: &mut Scratch,
     ) -> f64 {
-        let axes = axes(direction);
-        let reference = self.contacts[i].reference_point(&self.outline, axes[2]);
-        let stand = Stand { reference, axes };
+        let least = self.tolerances.least;
         let mut clear = |growth: f64| {
-            let shrunk = self.tolerances[i] - growth;
-            let probe = Probe::of_steps(&self.outline, shrunk, self.bvh, self.reach);
-            probe.verdict(self.bvh, &stand, scratch) != Verdict::Collides
+            let probe = Probe::of_steps(&self.outline, [least, growth], self.bvh, self.reach);
+            probe.verdict(self.triangles(), stand, scratch) != Verdict::Collides
         };
         if high - low <= CLEARANCE_STEP_MM || !clear(low + CLEARANCE_STEP_MM) {
             return low;

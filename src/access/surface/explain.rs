@@ -39,11 +39,12 @@ pub use change::{Change, ChangeKind, FINE_MM};
 pub use parts::blocking_parts_among_points;
 pub use region::{N_LABELED, RegionChange};
 
-use super::labels::{RefinementOptions, SiteAnswer, SurfaceOptions};
+use super::labels::{RefinementOptions, SiteAnswer, SurfaceOptions, WitnessPose};
 use super::obstacles::{TriangleObstacles, tested};
 use super::query::Scratch;
-use super::tool::Outline;
-use super::verdict::{Verdict, raise_at};
+use super::site::{Ball, SiteState};
+use super::tool::{Outline, Stand, axes};
+use super::verdict::{Raise, raise_over};
 use crate::access::{Engine, LabelOptions, Obstacles, Queries, label};
 use crate::cutter::{Assembly, Cutter, ToolPart};
 use crate::directions::{DirectionSet, Directions};
@@ -94,6 +95,8 @@ pub struct Explanation {
 pub struct Witness {
     /// From tip to spindle.
     pub direction: Vec3,
+    /// The lowest point of the tool on its axis, mm; none among points.
+    pub tip_mm: Option<DVec3>,
     /// How far the tool could be lowered until it touches, mm: 0 or more; infinite if it meets nothing. Among points: how far its steps could
     /// grow, which is no more than that.
     pub margin_mm: f64,
@@ -234,6 +237,12 @@ pub fn explain_among_points(
     Case { barrier, query, tested, proves: true }.explain()
 }
 
+/// One direction alone.
+fn list(direction: Vec3) -> Result<Directions> {
+    let vectors = vec![direction.as_dvec3().to_array()];
+    Directions::new(DirectionSet::List { vectors })
+}
+
 /// What blocks.
 enum Barrier<'a> {
     Triangles(&'a TriangleObstacles),
@@ -262,6 +271,8 @@ enum Between {
 struct Answered {
     answer: SiteAnswer,
     witness: Option<Vec3>,
+    /// The free pose, among triangles.
+    pose: Option<WitnessPose>,
     tolerance: f64,
 }
 
@@ -335,6 +346,7 @@ impl Case<'_> {
                 let given = self.query.options;
                 let options = SurfaceOptions {
                     tolerance: given.tolerance,
+                    finish_mm: given.finish_mm,
                     counts: false,
                     occlusion: false,
                     refinement: given.refinement.and_then(|given| between.of(given)),
@@ -342,8 +354,9 @@ impl Case<'_> {
                     ..SurfaceOptions::default()
                 };
                 let labels = triangles.label(&sites, &cutter, directions, &options)?;
-                let (answer, witness) = (labels.answers[0], labels.witness[0]);
-                Ok(Answered { answer, witness, tolerance: labels.tolerance_mm[0] })
+                let (answer, pose) = (labels.answers[0], labels.witness[0]);
+                let witness = pose.map(|pose| pose.direction);
+                Ok(Answered { answer, witness, pose, tolerance: labels.tolerance_mm[0] })
             }
             Barrier::Points(_, others) => {
                 let options = LabelOptions {
@@ -359,7 +372,7 @@ impl Case<'_> {
                     Some(_) => SiteAnswer::Accessible,
                     None => SiteAnswer::Inaccessible,
                 };
-                Ok(Answered { answer, witness, tolerance: 0.0 })
+                Ok(Answered { answer, witness, pose: None, tolerance: 0.0 })
             }
         }
     }
@@ -371,26 +384,31 @@ impl Case<'_> {
             Barrier::Triangles(triangles) => {
                 let (sites, options) = (self.site(), self.query.options);
                 let problem = triangles.problem(Queries::Sites(&sites), &cutter, options)?;
-                let (contact, tolerance) = (&problem.contacts[0], problem.tolerances[0]);
-                let raise =
-                    raise_at(&triangles.triangles, &problem.outline, tolerance, contact, direction);
-                (Verdict::of(raise) == Verdict::Free).then(|| raise.steps.max(raise.tip))
+                let alone = self.label(tool, &list(direction)?, Between::None)?;
+                alone.pose.and_then(|pose| {
+                    let (bvh, tolerances) = problem.triangles();
+                    let all = (0..bvh.n_triangles() as u32)
+                        .map(|place| (*bvh.triangle(place), tolerances.at(place)));
+                    let reference = pose.reference(&problem.outline);
+                    let stand = Stand { reference, axes: axes(direction) };
+                    let Raise { steps, tip } = raise_over(all, &problem.outline, 0.0, &stand);
+                    let raise = steps.max(tip);
+                    (raise <= 0.0).then_some((raise, Some(pose.tip_mm)))
+                })
             }
             Barrier::Points(points, _) => {
-                let vectors = vec![direction.as_dvec3().to_array()];
-                let alone = Directions::new(DirectionSet::List { vectors })?;
-                let found = self.label(tool, &alone, Between::None)?;
+                let found = self.label(tool, &list(direction)?, Between::None)?;
                 let (parted, outline) = self.parted(tool, 0.0)?;
                 let clearance = || points.clearance(&parted, &outline, direction, f64::INFINITY);
-                found.witness.map(|_| -clearance().max(0.0))
+                found.witness.map(|_| (-clearance().max(0.0), None))
             }
         };
-        Ok(raise.map(|raise| Witness { direction, margin_mm: -raise }))
+        Ok(raise.map(|(raise, tip_mm)| Witness { direction, tip_mm, margin_mm: -raise }))
     }
 
     /// The tool's steps by part, shrunk, and its outline.
     fn parted(&self, tool: &Assembly, tolerance: f64) -> Result<(ShrunkTool, Outline)> {
-        let outline = Outline::new(&self.cutter(tool)?);
+        let outline = Outline::new(&self.cutter(tool)?, self.query.options.finish_mm);
         let shrink = |(part, step): (ToolPart, crate::cutter::Step)| {
             let radius = (step.radius_mm - tolerance).max(0.0);
             (part, [step.height_mm + tolerance, radius])
@@ -424,7 +442,10 @@ impl Case<'_> {
         let Barrier::Triangles(triangles) = &self.barrier else { return Ok(false) };
         let (sites, cutter) = (self.site(), self.cutter(tool)?);
         let options = self.query.options;
-        Ok(triangles.problem(Queries::Sites(&sites), &cutter, options)?.ball_gouges(0))
+        let problem = triangles.problem(Queries::Sites(&sites), &cutter, options)?;
+        let mut state = SiteState::default();
+        problem.place_ball(0, &mut state);
+        Ok(state.ball == Ball::Gouges)
     }
 
     /// What the tool meets in each of these directions.
@@ -434,7 +455,7 @@ impl Case<'_> {
                 let (sites, cutter) = (self.site(), self.cutter(tool)?);
                 let options = self.query.options;
                 let problem = triangles.problem(Queries::Sites(&sites), &cutter, options)?;
-                let (parted, _) = self.parted(tool, problem.tolerances[0])?;
+                let (parted, _) = self.parted(tool, problem.tolerances.least)?;
                 let meet = |k: usize| meet::among_triangles(&problem, &parted, of[k]);
                 let meetings = par::map(of.len(), meet);
                 Ok((parted, meetings))
@@ -456,7 +477,8 @@ impl Case<'_> {
                 let problem = triangles.problem(Queries::Sites(&sites), &cutter, options)?;
                 let limits = [-MOST_CLEARANCE_MM, MOST_CLEARANCE_MM];
                 Ok(par::map(of.len(), |k| {
-                    problem.clear_up_to(0, of[k], limits, &mut Scratch::default())
+                    let stand = problem.own_stand(0, of[k]);
+                    problem.clear_up_to(&stand, limits, &mut Scratch::default())
                 }))
             }
             Barrier::Points(points, _) => {

@@ -1,9 +1,10 @@
 //! What to compute about the part itself, and what comes out.
 
-use super::tolerance::ContactTolerance;
+use super::tolerance::{ContactTolerance, LEAST_MM};
+use super::tool::{Outline, axes};
 use super::verdict::Verdict;
 use crate::{Error, Result};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::ops::AddAssign;
 
@@ -22,8 +23,10 @@ pub enum SiteAnswer {
 /// What to compute.
 #[derive(Debug, Clone, Copy)]
 pub struct SurfaceOptions {
-    /// By how much the tool is shrunk.
+    /// How deep the tool may seem to cut: by this it is shrunk.
     pub tolerance: ContactTolerance,
+    /// How much may remain at a site that counts as reached, mm; [`FINISH_MM`] by default.
+    pub finish_mm: f64,
     /// Count directions exactly (default); otherwise a site is done with its first accessible direction.
     pub counts: bool,
     /// Also count β and mark occlusion points (default); not for volume queries.
@@ -76,6 +79,7 @@ impl Default for SurfaceOptions {
     fn default() -> Self {
         SurfaceOptions {
             tolerance: ContactTolerance::default(),
+            finish_mm: FINISH_MM,
             counts: true,
             occlusion: true,
             beta: true,
@@ -115,6 +119,12 @@ impl SurfaceOptions {
             let remedy = "give the greatest clearance of interest in mm";
             return Err(Error::argument("clearance limit", limit, "a positive length", remedy));
         }
+        if !(self.finish_mm > 0.0 && self.finish_mm <= MOST_FINISH_MM) {
+            let expected = format!("positive, at most {MOST_FINISH_MM} mm");
+            let remedy =
+                "give how much may remain at a site that counts as reached, 0.01 mm by default";
+            return Err(Error::argument("finish tolerance", self.finish_mm, expected, remedy));
+        }
         if self.share > 0.0 && self.share <= 1.0 {
             return Ok(());
         }
@@ -123,12 +133,16 @@ impl SurfaceOptions {
     }
 }
 
+/// The finish tolerance by default, mm.
+pub const FINISH_MM: f64 = LEAST_MM;
 /// What clearances are exact to, mm.
 pub const CLEARANCE_STEP_MM: f64 = 1e-4;
 /// Answers that a lesser change of the tolerance turns, mm, are left to rounding.
 pub const KNIFE_EDGE_MM: f64 = 1e-6;
 
 const MAX_SAMPLES: usize = 100_000_000;
+/// More than any finish, mm.
+const MOST_FINISH_MM: f64 = 10.0;
 
 /// Answers about the part itself, in the order of the queries.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -142,8 +156,8 @@ pub struct SurfaceLabels {
     pub collision_free_directions: Vec<u32>,
     /// Per query: of these, directions in which the tip fits too; empty if not counted.
     pub accessible_directions: Vec<u32>,
-    /// Per query: a direction in which the tool may stand there, the first of the set or one between them.
-    pub witness: Vec<Option<Vec3>>,
+    /// Per query: a free pose of the tool there, in the first direction of the set that has one, or in one between them.
+    pub witness: Vec<Option<WitnessPose>>,
     /// Per query that is not accessible: share of the directions which the set stands for that was not proven closed. At 0 the
     /// answer holds for every direction, not only for those tested; 1 if there was no search between them.
     pub open_directions: Vec<f32>,
@@ -151,8 +165,10 @@ pub struct SurfaceLabels {
     /// inaccessible (positive), or must shrink before it is not any more (negative), within the limit of the options and to
     /// [`CLEARANCE_STEP_MM`]; over the directions of the set and the witness. Empty without that option.
     pub clearance_mm: Vec<f32>,
-    /// Per query: the contact tolerance, mm.
+    /// Per query: the gouge tolerance against the facet that it lies on, mm.
     pub tolerance_mm: Vec<f64>,
+    /// The finish tolerance, mm.
+    pub finish_mm: f64,
     /// What was done.
     pub stats: SurfaceStats,
 }
@@ -172,6 +188,27 @@ impl SurfaceLabels {
     pub fn share(&self, answer: SiteAnswer) -> f64 {
         let n = self.answers.iter().filter(|other| **other == answer).count();
         n as f64 / self.answers.len().max(1) as f64
+    }
+}
+
+/// A pose of the tool: where it is, and in which direction its axis points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WitnessPose {
+    /// From tip to spindle, a unit vector.
+    pub direction: Vec3,
+    /// The lowest point of the tool on its axis, mm.
+    pub tip_mm: DVec3,
+}
+
+impl WitnessPose {
+    /// Of a tool with its reference point there.
+    pub(super) fn new(outline: &Outline, reference: DVec3, direction: Vec3) -> Self {
+        WitnessPose { direction, tip_mm: reference - axes(direction)[2] * outline.corner() }
+    }
+
+    /// The reference point of the tool.
+    pub(super) fn reference(&self, outline: &Outline) -> DVec3 {
+        self.tip_mm + axes(self.direction)[2] * outline.corner()
     }
 }
 
@@ -209,7 +246,7 @@ impl AddAssign for SurfaceStats {
 pub(super) struct Tally {
     pub collision_free: u32,
     pub accessible: u32,
-    pub witness: Option<Vec3>,
+    pub witness: Option<WitnessPose>,
     /// Whether a direction between those of the set is collision-free.
     pub free_between: bool,
     /// See [`SurfaceLabels::open_directions`].
@@ -217,13 +254,19 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Notes the verdict in a direction of the set.
-    pub fn add(&mut self, direction: Vec3, verdict: Verdict) {
+    /// Notes the verdict in a direction of the set, with a free pose if there is one.
+    pub fn add(&mut self, pose: Option<WitnessPose>, verdict: Verdict) {
         self.collision_free += u32::from(verdict != Verdict::Collides);
         if verdict == Verdict::Free {
             self.accessible += 1;
-            self.witness = self.witness.or(Some(direction));
+            self.witness = self.witness.or(pose);
         }
+    }
+
+    /// Notes a pose that was found by search in a direction of the set, where no own pose is free.
+    pub fn found(&mut self, pose: WitnessPose) {
+        (self.accessible, self.witness) = (1, Some(pose));
+        self.collision_free = self.collision_free.max(1);
     }
 
     pub fn answer(&self) -> SiteAnswer {

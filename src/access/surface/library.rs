@@ -33,11 +33,12 @@
 mod held;
 
 use super::cells::Domain;
-use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
+use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions, WitnessPose};
 use super::obstacles::{TriangleObstacles, extent, tested};
 use super::problem::Problem;
-use super::query::{Probe, Scratch};
-use super::verdict::Verdict;
+use super::query::Scratch;
+use super::site::SiteState;
+use super::tool::{Stand, axes};
 use crate::access::Queries;
 use crate::cutter::{Assembly, Cutter, Step};
 use crate::directions::Directions;
@@ -51,8 +52,8 @@ use held::{Held, stand, tops_along};
 pub struct ToolReach {
     /// Per site, the answer for the tool as it is held.
     pub answers: Vec<SiteAnswer>,
-    /// Per site, a direction in which the tool as it is held may stand.
-    pub witness: Vec<Option<Vec3>>,
+    /// Per site, a free pose of the tool as it is held.
+    pub witness: Vec<Option<WitnessPose>>,
     /// Per site, whether the body alone may stand there, whatever the stick-out.
     pub body_reaches: Vec<bool>,
     /// Per site, mm: from which stick-out on the tool may stand there; infinite where the body cannot.
@@ -192,7 +193,7 @@ impl Pass<'_> {
         &mut self,
         assembly: &Assembly,
         cutter: &Cutter,
-    ) -> Result<(Vec<SiteAnswer>, Vec<Option<Vec3>>)> {
+    ) -> Result<(Vec<SiteAnswer>, Vec<Option<WitnessPose>>)> {
         let n = self.sites.len();
         let (mut answers, mut witness) = (vec![SiteAnswer::Inaccessible; n], vec![None; n]);
         let closed = self.closed(assembly.tip(), cutter.steps());
@@ -213,9 +214,9 @@ impl Pass<'_> {
             }
         }
         for i in 0..n {
-            if let Some(direction) = witness[i] {
+            if let Some(pose) = witness[i] {
                 answers[i] = SiteAnswer::Accessible;
-                self.hint(i, direction);
+                self.hint(i, pose.direction);
             }
         }
         Ok((answers, witness))
@@ -244,19 +245,19 @@ impl Pass<'_> {
         }
     }
 
-    /// The first hint of each of these sites in which the cutter may stand.
-    fn try_hints(&self, cutter: &Cutter, of: &[usize]) -> Result<Vec<Option<Vec3>>> {
+    /// A free pose of the cutter in the first hint of each of these sites that has one.
+    fn try_hints(&self, cutter: &Cutter, of: &[usize]) -> Result<Vec<Option<WitnessPose>>> {
         let sites = self.sites.subset(of);
         let problem = self.problem(&sites, cutter)?;
         let blocks = par::map_blocks(of.len(), BLOCK, |range| {
-            let (mut scratch, mut probes) = (Scratch::default(), Probes::default());
+            let mut state = SiteState::default();
             let find = |k: usize| {
-                let probe = probes.at(&problem, k);
-                let is_free = |direction: &Vec3| {
-                    let stand = stand(&problem, k, *direction);
-                    probe.verdict(problem.bvh, &stand, &mut scratch) == Verdict::Free
+                state.begin();
+                let pose = |direction: &Vec3| {
+                    let (_, pose) = problem.verdict(k, &axes(*direction), false, &mut state);
+                    Some(WitnessPose::new(&problem.outline, pose?, *direction))
                 };
-                self.hints[of[k]].iter().copied().find(is_free)
+                self.hints[of[k]].iter().find_map(pose)
             };
             range.map(find).collect::<Vec<_>>()
         });
@@ -289,13 +290,10 @@ impl Pass<'_> {
         let problem = self.problem(&sites, body.cutter)?;
         let matrix = problem.by_points(body.cutter, self.tested, self.options)?;
         let free = |k: usize| {
-            let contact = &problem.contacts[k];
             let is_free = |&d: &u32| {
-                let steady = contact.is_steady(
-                    &problem.outline,
-                    self.tested.vectors()[d as usize].as_dvec3().normalize(),
-                );
-                !(steady && matrix.words(d as usize)[k / 64] >> (k % 64) & 1 == 1)
+                let axis = self.tested.vectors()[d as usize].as_dvec3().normalize();
+                let is_blocked = matrix.words(d as usize)[k / 64] >> (k % 64) & 1 == 1;
+                !(is_blocked && problem.is_trusted(k, axis))
             };
             (0..self.tested.len() as u32).filter(is_free).collect()
         };
@@ -331,18 +329,18 @@ impl Pass<'_> {
             for (k, &i) in open.iter().enumerate() {
                 answers[i] = labels.answers[k];
                 match labels.witness[k] {
-                    Some(direction) if body.witness[i].is_some() && closed[i].is_none() => {
-                        found.push((i, direction));
+                    Some(pose) if body.witness[i].is_some() && closed[i].is_none() => {
+                        found.push((i, pose));
                     }
                     // The search for the body or a more slender tool missed it: that answer stays.
                     Some(_) => answers[i] = SiteAnswer::TipDoesNotFit,
                     None => {}
                 }
             }
-            for ((i, direction), length) in self.stick_outs_at(&tools[tool], body, &found)? {
-                // But for roundings it is no more than that of the tool, which may stand there.
-                least[i] = (length.min(stick_out).min(least[i].0), Some(direction));
-                self.hint(i, direction);
+            for ((i, pose), length) in self.stick_outs_at(&tools[tool], body, &found)? {
+                // But for roundings it is no more than that of the tool, which is free there.
+                least[i] = (length.min(stick_out).min(least[i].0), Some(pose));
+                self.hint(i, pose.direction);
             }
             self.bodies.push(Body {
                 tip: tools[tool].tip(),
@@ -362,62 +360,67 @@ impl Pass<'_> {
         Ok(())
     }
 
-    /// The least stick-outs of sites in one direction each.
+    /// The least stick-outs of sites in one pose each.
     fn stick_outs_at(
         &self,
         assembly: &Assembly,
         body: &BodyLabels,
-        of: &[(usize, Vec3)],
-    ) -> Result<Vec<((usize, Vec3), f64)>> {
+        of: &[(usize, WitnessPose)],
+    ) -> Result<Vec<((usize, WitnessPose), f64)>> {
         let sites = self.sites.subset(&of.iter().map(|(i, _)| *i).collect::<Vec<_>>());
         let problem = self.problem(&sites, body.cutter)?;
         let held = Held::new(&problem, assembly);
-        let directions: Vec<Vec3> = of.iter().map(|(_, direction)| *direction).collect();
+        let directions: Vec<Vec3> = of.iter().map(|(_, pose)| pose.direction).collect();
         let tops = tops_along(problem.bvh, &directions);
         let length = |k: usize| {
-            let scratch = &mut Scratch::default();
-            (of[k], held.stick_out(k, of[k].1, tops[k], f64::INFINITY, scratch))
+            let stand = stand(&problem, &of[k].1);
+            (of[k], held.stick_out(&stand, tops[k], f64::INFINITY, &mut Scratch::default()))
         };
         Ok(par::map(of.len(), length))
     }
 
-    /// Per site, the least stick-out and a direction that has it.
+    /// Per site, the least stick-out and a pose that has it.
     fn least_stick_outs(
         &self,
         assembly: &Assembly,
         body: &BodyLabels,
         free: &[Vec<u32>],
-    ) -> Result<Vec<(f64, Option<Vec3>)>> {
+    ) -> Result<Vec<(f64, Option<WitnessPose>)>> {
         let sites = self.sites.subset(body.reached);
         let problem = self.problem(&sites, body.cutter)?;
         let held = Held::new(&problem, assembly);
         let witness = |i: &usize| body.witness[*i].expect("only sites that the body reaches");
-        let first: Vec<Vec3> = body.reached.iter().map(witness).collect();
-        let tops = tops_along(problem.bvh, &first);
+        let first: Vec<WitnessPose> = body.reached.iter().map(witness).collect();
+        let directions: Vec<Vec3> = first.iter().map(|pose| pose.direction).collect();
+        let tops = tops_along(problem.bvh, &directions);
         let blocks = par::map_blocks(body.reached.len(), BLOCK, |range| {
+            let mut state = SiteState::default();
             let mut scratch = Scratch::default();
-            // A ball that fits in one direction fits in all.
-            let mut probes = Probes { ball_fits: true, ..Probes::default() };
             let of = |k: usize| {
-                let mut best = (f64::INFINITY, None);
-                let probe = probes.at(&problem, k);
-                let length = held.stick_out(k, first[k], tops[k], f64::INFINITY, &mut scratch);
-                best = if length < best.0 { (length, Some(first[k])) } else { best };
+                state.begin();
+                scratch = Scratch::renewed(std::mem::take(&mut scratch));
+                problem.place_ball(k, &mut state);
+                let own = stand(&problem, &first[k]);
+                let length = held.stick_out(&own, tops[k], f64::INFINITY, &mut scratch);
+                let mut best = (length, Some(first[k]));
                 for &d in &free[k] {
                     if best.0 <= held.floor {
                         break;
                     }
                     let direction = self.tested.vectors()[d as usize];
                     let top = self.tops[d as usize];
-                    if held.collides_at(k, direction, top, best.0, &mut scratch) {
+                    let own = problem.own_stand(k, direction);
+                    if held.collides_at(&own, top, best.0, &mut scratch) {
                         continue;
                     }
-                    let stand = stand(&problem, k, direction);
-                    if probe.verdict(problem.bvh, &stand, &mut scratch) != Verdict::Free {
-                        continue;
+                    let (_, reference) = problem.verdict(k, &own.axes, false, &mut state);
+                    let Some(reference) = reference else { continue };
+                    let free = Stand { reference, ..own };
+                    let length = held.stick_out(&free, top, best.0, &mut scratch);
+                    if length < best.0 {
+                        let pose = WitnessPose::new(&problem.outline, reference, direction);
+                        best = (length, Some(pose));
                     }
-                    let length = held.stick_out(k, direction, top, best.0, &mut scratch);
-                    best = if length < best.0 { (length, Some(direction)) } else { best };
                 }
                 best
             };
@@ -435,30 +438,7 @@ impl Pass<'_> {
 struct BodyLabels<'a> {
     cutter: &'a Cutter,
     answers: &'a [SiteAnswer],
-    witness: &'a [Option<Vec3>],
+    witness: &'a [Option<WitnessPose>],
     /// The sites that it reaches.
     reached: &'a [usize],
-}
-
-/// The probe for the tolerance of a site, kept while that stays the same.
-#[derive(Default)]
-struct Probes {
-    /// Whether the sites are such that a ball is known to fit there.
-    ball_fits: bool,
-    kept: Option<(f64, Probe)>,
-}
-
-impl Probes {
-    fn at(&mut self, problem: &Problem, k: usize) -> &Probe {
-        let Problem { bvh, outline, reach, .. } = problem;
-        let tolerance = problem.tolerances[k];
-        let kept = self.kept.take().filter(|(of, _)| *of == tolerance);
-        let new = || {
-            let whole = Probe::new(outline, tolerance, bvh, *reach);
-            let probe =
-                if self.ball_fits { whole.without_ball(outline, bvh, *reach) } else { whole };
-            (tolerance, probe)
-        };
-        &self.kept.insert(kept.unwrap_or_else(new)).1
-    }
 }

@@ -40,10 +40,14 @@ mod labels;
 mod library;
 mod obstacles;
 mod penetrate;
+mod pose;
 mod problem;
 mod query;
+mod reference;
 mod refine;
 mod samples;
+mod site;
+mod surroundings;
 #[cfg(test)]
 mod tests;
 mod tolerance;
@@ -55,13 +59,14 @@ mod warnings;
 pub use accessible::AccessibleDirections;
 pub use faces::{BlockingFace, blocking_faces};
 pub use labels::{
-    CLEARANCE_STEP_MM, KNIFE_EDGE_MM, RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions,
-    SurfaceStats,
+    CLEARANCE_STEP_MM, FINISH_MM, KNIFE_EDGE_MM, RefinementOptions, SiteAnswer, SurfaceLabels,
+    SurfaceOptions, SurfaceStats, WitnessPose,
 };
 pub use library::ToolReach;
 pub use obstacles::TriangleObstacles;
 #[cfg(feature = "formats")]
 pub(crate) use obstacles::tested;
+pub use reference::Reached;
 pub use tolerance::{ContactTolerance, LEAST_MM};
 pub use verdict::{Raise, Verdict, raise};
 pub use verify::Verified;

@@ -2,11 +2,10 @@
 
 use super::bvh::Bvh;
 use super::cells::Domain;
-use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions, SurfaceStats, Tally};
+use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
 use super::problem::Problem;
-use super::tolerance::Bends;
+use super::tolerance::Chords;
 use super::tool::{Contact, Outline};
-use super::verdict::{Verdict, raise_at};
 use crate::access::{Counted, Extent, Labels, Obstacles, Queries, count_for, occlusion_points};
 use crate::answers::{SiteAnswers, n_of_share};
 use crate::cutter::Cutter;
@@ -37,7 +36,7 @@ use glam::{DVec3, Vec3};
 #[derive(Debug)]
 pub struct TriangleObstacles {
     pub(super) bvh: Bvh,
-    pub(super) bends: Bends,
+    pub(super) chords: Chords,
     pub(super) triangles: Vec<[DVec3; 3]>,
 }
 
@@ -68,7 +67,7 @@ impl TriangleObstacles {
         }
         Ok(TriangleObstacles {
             bvh: Bvh::new(triangles.clone()),
-            bends: Bends::of(part),
+            chords: Chords::of(part),
             triangles,
         })
     }
@@ -128,14 +127,15 @@ impl TriangleObstacles {
             inaccessible: surface.inaccessible(),
             tip_does_not_fit: surface.tip_does_not_fit(),
             accessible_directions: surface.accessible_directions.clone(),
-            witness: surface.witness.clone(),
+            witness: surface.witness.iter().map(|pose| Some(pose.as_ref()?.direction)).collect(),
             clearance_mm: surface.clearance_mm.clone(),
             ..SiteAnswers::default()
         }
         .with_shares_of(surface.n_directions);
         let mut beta = Vec::new();
         if options.occlusion {
-            let shrunk = (cutter, &surface.tolerance_mm[..]);
+            let greatest = surface.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
+            let shrunk = (cutter, greatest);
             let which = match options.beta {
                 true => Counted::All,
                 false => Counted::Greatest(n_of_share(options.share, sites.len())),
@@ -150,66 +150,34 @@ impl TriangleObstacles {
         Ok(Labels { answers, witness, beta, surface: Some(surface), ..Labels::default() })
     }
 
-    /// As [`TriangleObstacles::label`], by the plain loops of [`raise`](super::raise): slow, the reference.
-    ///
-    /// # Errors
-    /// As [`TriangleObstacles::label`].
-    pub fn label_by_drop_heights<'a>(
-        &self,
-        queries: impl Into<Queries<'a>>,
-        cutter: &Cutter,
-        directions: &Directions,
-        options: &SurfaceOptions,
-    ) -> Result<SurfaceLabels> {
-        options.check()?;
-        let problem = self.problem(queries.into(), cutter, options)?;
-        let tested = tested(directions)?;
-        let tally = |i: usize| {
-            let verdict = |d: Vec3| {
-                let (contact, tolerance) = (&problem.contacts[i], problem.tolerances[i]);
-                Verdict::of(raise_at(&self.triangles, &problem.outline, tolerance, contact, d))
-            };
-            let mut tally = Tally::default();
-            tested.vectors().iter().for_each(|&d| tally.add(d, verdict(d)));
-            (tally, SurfaceStats::default())
-        };
-        let tallies = par::map(problem.contacts.len(), tally);
-        Ok(problem.labels(tallies, &tested, options))
-    }
-
     pub(super) fn problem(
         &self,
         queries: Queries,
         cutter: &Cutter,
         options: &SurfaceOptions,
     ) -> Result<Problem<'_>> {
-        let outline = Outline::new(cutter);
-        let (contacts, tolerances) = match queries {
-            Queries::Sites(sites) => {
-                let contacts = contacts(sites)?;
-                (contacts, options.tolerance.at_sites(&outline, &self.bends, &self.bvh, sites)?)
-            }
+        let outline = Outline::new(cutter, options.finish_mm);
+        let tolerances = options.tolerance.of_triangles(&outline, &self.chords, &self.bvh)?;
+        let contacts = match queries {
+            Queries::Sites(sites) => contacts(sites)?,
             Queries::Volume(points) => {
                 check_points("query", points)?;
-                let tips = points.iter().map(|p| Contact::Volume { tip: p.as_dvec3() });
-                (tips.collect(), vec![options.tolerance.least(&outline)?; points.len()])
+                let contact = |p: &Vec3| Contact { point: p.as_dvec3(), normal: None };
+                points.iter().map(contact).collect()
             }
         };
-        let far = contacts.iter().map(|contact| contact.point().distance(self.bvh.origin()));
-        let reach = far.fold(self.bvh.radius(), f64::max) + outline.radius();
-        let (bvh, part) = (&self.bvh, &self.triangles[..self.bends.len()]);
-        Ok(Problem { bvh, part, contacts, tolerances, outline, reach })
+        let part = &self.triangles[..self.chords.len()];
+        Ok(Problem::new(&self.bvh, part, contacts, tolerances, outline))
     }
 }
 
-/// β for the `marked` sites, for the cutter shrunk by the greatest of the tolerances.
+/// β for the `marked` sites, for the cutter shrunk by a tolerance.
 pub(super) fn count_beta(
     (sites, counted): (&Sites, Counted),
-    (cutter, tolerances): (&Cutter, &[f64]),
+    (cutter, tolerance): (&Cutter, f64),
     directions: &Directions,
     marked: &[bool],
 ) -> Result<Vec<u64>> {
-    let tolerance = tolerances.iter().fold(0.0, |a: f64, b| a.max(*b));
     let shrunk = cutter.with_clearance(-tolerance)?;
     let obstacles = (Obstacles::Queries, counted);
     count_for(Queries::Sites(sites), obstacles, &shrunk, &tested(directions)?, marked)
@@ -249,9 +217,9 @@ fn contacts(sites: &Sites) -> Result<Vec<Contact>> {
         let remedy = "normalize the normals or resample the part";
         return Err(Error::geometry(format!("query {i}"), found, remedy));
     }
-    let touch = |(point, normal): (&Vec3, &Vec3)| Contact::Surface {
+    let touch = |(point, normal): (&Vec3, &Vec3)| Contact {
         point: point.as_dvec3(),
-        normal: normal.as_dvec3().normalize(),
+        normal: Some(normal.as_dvec3().normalize()),
     };
     Ok(points.iter().zip(normals).map(touch).collect())
 }

@@ -173,3 +173,77 @@ fn in_box(p: DVec3, [a, b, c]: &[DVec3; 3]) -> bool {
     let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
     (low - p).max(p - high).max_element() <= 1e-9
 }
+
+/// Of the part of a triangle that is higher than `height`, the distance from the axis and the place nearest to it.
+pub(super) fn nearest_above(corners: &[DVec3; 3], height: f64) -> Option<(f64, DVec3)> {
+    let (mut rim, mut n_rim) = ([DVec3::ZERO; 4], 0);
+    let mut push = |p: DVec3| {
+        rim[n_rim] = p;
+        n_rim += 1;
+    };
+    for k in 0..3 {
+        let (a, b) = (corners[k], corners[(k + 1) % 3]);
+        if a.z > height {
+            push(a);
+        }
+        if (a.z > height) != (b.z > height) {
+            push(a.lerp(b, (height - a.z) / (b.z - a.z)));
+        }
+    }
+    let rim = &rim[..n_rim];
+    let mut best: Option<(f64, DVec3)> = None;
+    let (mut left, mut right) = (true, true);
+    let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    for (k, &a) in rim.iter().enumerate() {
+        let b = rim[(k + 1) % rim.len()];
+        let (start, run) = (across(a), across(b - a));
+        (low, high) = (low.min(start), high.max(start));
+        let turn = start.perp_dot(run);
+        (left, right) = (left && turn >= 0.0, right && turn <= 0.0);
+        let length = run.length_squared();
+        let part = if length > 0.0 { (-start.dot(run) / length).clamp(0.0, 1.0) } else { 0.0 };
+        let at = a.lerp(b, part);
+        let distance = across(at).length();
+        if best.is_none_or(|(least, _)| distance < least) {
+            best = Some((distance, at));
+        }
+    }
+    // A facet seen edge-on turns by roundings alone, but then its box is beside the axis.
+    if left != right && low.max(-high).max_element() <= 0.0 {
+        let [a, b, c] = *corners;
+        let normal = (b - a).cross(c - a);
+        return Some((0.0, DVec3::Z * (normal.dot(a) / normal.z)));
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::drop;
+    use super::*;
+    use crate::rng::{Purpose, Stream};
+
+    #[test]
+    fn the_nearest_place_above_a_height_is_on_the_triangle_and_agrees_with_drop_heights() {
+        let mut stream = Stream::new(11, 0, 0, Purpose::Probe);
+        let mut n_met = 0;
+        for _ in 0..4000 {
+            let mut range = || stream.range(-3.0, 3.0);
+            let corners = [0; 3].map(|_| DVec3::new(range(), range(), range()));
+            let radius = 0.2 + (range() + 3.0) / 3.0;
+            let wanted = drop::disc(&corners, radius);
+            if !wanted.is_finite() {
+                continue;
+            }
+            n_met += 1;
+            // Below the greatest height over a disc something is in it, above it nothing.
+            let (distance, at) = nearest_above(&corners, wanted - 1e-6).unwrap();
+            assert!(distance <= radius + 1e-6 && (across(at).length() - distance).abs() < 1e-9);
+            let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+            assert!(normal.dot(at - corners[0]).abs() < 1e-9 && at.z >= wanted - 1e-6 - 1e-9);
+            let above = nearest_above(&corners, wanted + 1e-6);
+            assert!(above.is_none_or(|(distance, _)| distance > radius - 1e-4));
+        }
+        assert!(n_met > 1000, "{n_met}");
+    }
+}

@@ -3,23 +3,26 @@
 use super::bvh::Bvh;
 use super::caps::Silhouette;
 use super::cells::{Domain, Hierarchy};
-use super::labels::{SurfaceLabels, SurfaceOptions, SurfaceStats, Tally};
-use super::query::{Probe, Scratch};
-use super::refine::{Place, Refinement, Tools};
+use super::labels::{SurfaceLabels, SurfaceOptions, SurfaceStats, Tally, WitnessPose};
+use super::pose::{Limits, PoseSet, Shape};
+use super::query::Probe;
+use super::refine::{Place, Refinement, SearchState};
 use super::samples;
-use super::tool::{Contact, Outline, Stand, axes};
+use super::site::SiteState;
+use super::surroundings::{PoseBounds, Rings};
+use super::tolerance::Tolerances;
+use super::tool::{Axes, Contact, Outline, axes};
 use super::verdict::Verdict;
 use crate::access::{self, CollisionMatrix, LabelOptions, Obstacles, Queries};
-use crate::cutter::Cutter;
+use crate::cutter::{Cutter, Step};
 use crate::directions::Directions;
 use crate::geom::Sites;
 use crate::{Result, par};
 use glam::{DVec3, Vec3};
-use std::ops::ControlFlow;
 
 /// What separates a collision that a point proves from one that is left to the triangles, as a share of all lengths:
 /// several times what `f32` can round.
-const MARGIN: f64 = 2e-6;
+pub(super) const MARGIN: f64 = 2e-6;
 
 /// One cutter at all queries.
 pub(super) struct Problem<'a> {
@@ -28,47 +31,141 @@ pub(super) struct Problem<'a> {
     /// Corners of the part's own triangles, mm.
     pub part: &'a [[DVec3; 3]],
     pub contacts: Vec<Contact>,
-    pub tolerances: Vec<f64>,
+    pub tolerances: Tolerances,
     pub outline: Outline,
+    pub poses: PoseSet,
+    pub rings: Rings,
+    /// Per query.
+    pub bounds: Vec<PoseBounds>,
+    /// All poses in oblique directions that points may decide are within this of the query's own, mm.
+    pub trusted: f64,
+    pub probes: Probes,
+    /// The whole tool, and its ball, as blockers see them.
+    pub shapes: [Shape; 2],
     /// Greatest distance of a reference point from the middle of the triangles, mm.
     pub reach: f64,
+}
+
+/// The tool in all forms that are tested.
+pub(super) struct Probes {
+    pub whole: Probe,
+    /// Where the ball is known to fit: see [`Probe::above_ball`].
+    pub above_ball: Probe,
+    pub ball: Probe,
+    /// Where the ball is known to gouge.
+    pub steps: Probe,
+}
+
+impl Probes {
+    fn new(outline: &Outline, least: f64, bvh: &Bvh, reach: f64) -> Self {
+        Probes {
+            whole: Probe::new(outline, least, bvh, reach),
+            above_ball: Probe::above_ball(outline, least, bvh, reach),
+            ball: Probe::of_ball(outline, least, bvh, reach),
+            steps: Probe::of_steps(outline, [least, 0.0], bvh, reach),
+        }
+    }
 }
 
 /// A block of queries shares a word of the answers by points.
 pub(super) const WORD: usize = 64;
 /// Queries of a task of the search between the directions.
-const SEARCHED: usize = 128;
-/// Tools that are tested as a whole before the ball is tested on its own.
-const TESTED_WHOLE: u64 = 2;
+const SEARCHED: usize = 32;
+/// Queries per task of their surroundings.
+const SURROUNDED: usize = 256;
+/// Samples are taken of facets whose tolerance is at most this many times the least, or this share of the tool's radius.
+const USUAL: f64 = 2.0;
+const USUAL_SHARE: f64 = 0.02;
 
-/// What is known of the ball at a site.
-enum Ball {
-    Unknown,
-    Fits,
-    Gouges,
-}
+impl<'a> Problem<'a> {
+    pub fn new(
+        bvh: &'a Bvh,
+        part: &'a [[DVec3; 3]],
+        contacts: Vec<Contact>,
+        tolerances: Tolerances,
+        outline: Outline,
+    ) -> Self {
+        let far = contacts.iter().map(|contact| contact.point.distance(bvh.origin()));
+        let reach = far.fold(bvh.radius(), f64::max) + outline.radius() + outline.finish();
+        let rings = Rings::new(&outline, tolerances.least);
+        let of = |contact: &Contact| match contact.normal {
+            Some(normal) => rings.at(bvh, &tolerances, contact.point, normal),
+            None => rings.everywhere(),
+        };
+        let bounds = par::map_blocks(contacts.len(), SURROUNDED, |range| {
+            contacts[range].iter().map(of).collect::<Vec<_>>()
+        });
+        let in_space = contacts.first().is_some_and(|contact| contact.normal.is_none());
+        let trusted = match in_space {
+            true => rings.everywhere().from_center,
+            false => rings.on_plane(tolerances.least),
+        };
+        let probes = Probes::new(&outline, tolerances.least, bvh, reach);
+        let bounds = bounds.into_iter().flatten().collect();
+        let poses = PoseSet::new(&outline);
+        let margin = MARGIN * (bvh.radius() + reach + outline.size());
+        let shapes = [false, true].map(|is_ball| Shape::new(&outline, is_ball, margin));
+        Problem {
+            bvh,
+            part,
+            contacts,
+            tolerances,
+            outline,
+            poses,
+            rings,
+            bounds,
+            trusted,
+            probes,
+            shapes,
+            reach,
+        }
+    }
 
-impl Problem<'_> {
-    /// Where points of the surface prove a collision. The tool is shrunk by the greatest tolerance and by more than all
-    /// roundings, and all is about the middle of the triangles, where `f32` is finest.
+    /// The search tree with the tolerance of each of its triangles.
+    pub fn triangles(&self) -> (&Bvh, &Tolerances) {
+        (self.bvh, &self.tolerances)
+    }
+
+    /// More than the roundings of `f32`, mm.
+    pub fn margin(&self) -> f64 {
+        MARGIN * (self.bvh.radius() + self.reach + self.outline.size())
+    }
+
+    /// Where points of the surface prove that all poses collide which are within [`Problem::trusted`] of the query's own. The tool is shrunk by that,
+    /// by the tolerance and by more than all roundings, and all is about the middle of the triangles, where `f32` is finest.
     pub fn by_points(
         &self,
         cutter: &Cutter,
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<CollisionMatrix> {
-        let Problem { bvh, part, .. } = self;
-        let origin = bvh.origin();
-        let margin = MARGIN * (bvh.radius() + self.reach + self.outline.size());
-        let tolerance = self.tolerances.iter().fold(0.0, |a: f64, b| a.max(*b));
-        let shrunk = cutter.with_clearance(-(tolerance + margin))?;
+        let origin = self.bvh.origin();
+        let least = self.tolerances.least;
+        let usual = (USUAL * least).max(USUAL_SHARE * self.outline.radius());
+        let tolerance = self.tolerances.most.min(usual);
+        let shrink = tolerance + self.trusted + self.margin();
+        let Some(shrunk) = shrunk(cutter, shrink)? else {
+            let rows = vec![vec![0; self.contacts.len().div_ceil(WORD)]; directions.len()];
+            return Ok(CollisionMatrix::new(self.contacts.len(), rows));
+        };
         // A table would take nearly all points for itself.
-        let samples = samples::points(part, options.n_samples, origin);
+        let samples = match self.tolerances.most > usual {
+            false => samples::points(self.part, options.n_samples, origin),
+            true => {
+                let n = self.bvh.n_triangles() as u32;
+                let usual = (0..n).filter(|&place| {
+                    let is_of_part = (self.bvh.face(place) as usize) < self.part.len();
+                    is_of_part && self.tolerances.at(place) <= tolerance
+                });
+                let usual: Vec<_> = usual.map(|place| *self.bvh.triangle(place)).collect();
+                samples::points(&usual, options.n_samples, origin)
+            }
+        };
         let samples: Vec<Vec3> = samples.into_iter().map(|p| p.as_vec3()).collect();
         let mut sites = Sites::default();
         for contact in &self.contacts {
-            sites.points.push((contact.point() - origin).as_vec3());
-            sites.normals.extend(contact.normal().map(|normal| normal.as_vec3()));
+            sites.points.push((contact.point - origin).as_vec3());
+            sites.normals.extend(contact.normal.map(|normal| normal.as_vec3()));
         }
         let volume = sites.normals.is_empty();
         let queries = if volume { Queries::Volume(&sites.points) } else { Queries::Sites(&sites) };
@@ -77,6 +174,14 @@ impl Problem<'_> {
             LabelOptions { occlusion: false, collision_matrix: true, ..LabelOptions::default() };
         let labels = access::label(queries, obstacles, &shrunk, directions, &options)?;
         Ok(labels.collision_matrix.expect("the option is set"))
+    }
+
+    /// Whether a collision that points prove holds for all poses of a query along a direction.
+    pub fn is_trusted(&self, i: usize, direction: DVec3) -> bool {
+        let contact = &self.contacts[i];
+        contact.normal.is_none()
+            || (self.bounds[i].oblique <= self.trusted
+                && contact.is_oblique(&self.outline, direction))
     }
 
     /// Tests the triangles for the pairs that points leave open, then between the directions.
@@ -90,14 +195,10 @@ impl Problem<'_> {
         let axes: Vec<_> = directions.vectors().iter().map(|&d| axes(d)).collect();
         let n = self.contacts.len();
         let tallies = par::map_blocks(n, WORD, |range| {
-            let (mut scratch, mut tools) = (Scratch::default(), None);
+            let mut state = SiteState::default();
             let word = range.start / WORD;
             let column: Vec<u64> = (0..axes.len()).map(|k| matrix.words(k)[word]).collect();
-            let tally = |i| {
-                let tools = self.tools(i, &mut tools);
-                scratch = Scratch::renewed(std::mem::take(&mut scratch));
-                self.tally(i, tools, &axes, &column, options.counts, &mut scratch)
-            };
+            let tally = |i| self.tally(i, (directions, &axes), &column, options, &mut state);
             range.map(tally).collect::<Vec<_>>()
         });
         let mut tallies: Vec<_> = tallies.into_iter().flatten().collect();
@@ -113,29 +214,26 @@ impl Problem<'_> {
         let rest: Vec<usize> =
             (0..tallies.len()).filter(|&i| tallies[i].0.witness.is_none()).collect();
         let given: &[(Tally, SurfaceStats)] = tallies;
+        let silhouettes = self.silhouettes();
         let found = par::map_blocks(rest.len(), SEARCHED, |range| {
-            let (mut scratch, mut state, mut tools) = Default::default();
+            let (mut site, mut state) = (SiteState::default(), SearchState::default());
             let search = |k: usize| {
                 let i = rest[k];
                 let (mut tally, mut stats) = given[i];
-                let tools = self.tools(i, &mut tools);
-                let place = Place {
-                    contact: &self.contacts[i],
-                    outline: &self.outline,
-                    tools,
-                    bvh: self.bvh,
-                };
-                scratch = Scratch::with_last(std::mem::take(&mut scratch));
+                let narrow = silhouettes.iter().find(|s| self.bounds[i].from_center <= s.within);
+                let silhouettes = &narrow.unwrap_or(&silhouettes[silhouettes.len() - 1]).of;
+                let place = Place { problem: self, i, silhouettes };
+                site.begin();
                 let known = tally.collision_free > 0;
-                let found = refinement.search(&place, known, &mut state, &mut scratch);
+                let found = refinement.search(&place, known, &mut state, &mut site);
                 tally.witness = found.witness;
                 tally.free_between = found.collision_free;
                 tally.open = found.open as f32;
                 stats.found_between = u64::from(found.witness.is_some());
-                stats.tools_tested += scratch.n_queries;
-                stats.triangles_tested += scratch.n_triangles;
+                stats.tools_tested += site.scratch.n_queries;
+                stats.triangles_tested += site.scratch.n_triangles;
                 if found.witness.is_some() {
-                    stats.knife_edge = u64::from(scratch.knife_edge);
+                    stats.knife_edge = u64::from(site.scratch.knife_edge);
                 }
                 (tally, stats)
             };
@@ -146,117 +244,115 @@ impl Problem<'_> {
         }
     }
 
-    /// The tools for a query; kept while the tolerance stays the same.
-    pub fn tools<'t>(&self, i: usize, kept: &'t mut Option<Tools>) -> &'t Tools {
-        let tolerance = self.tolerances[i];
-        let same = kept.take().filter(|tools| tools.tolerance == tolerance);
-        kept.insert(same.unwrap_or_else(|| self.new_tools(tolerance)))
-    }
-
-    fn new_tools(&self, tolerance: f64) -> Tools {
-        let Problem { bvh, outline, reach, .. } = self;
-        let whole = Probe::new(outline, tolerance, bvh, *reach);
-        let volume = self.contacts.first().is_some_and(|contact| contact.normal().is_none());
+    /// The tool as the caps see it, for poses within some distances of the middle of the caps; all poses are within the last.
+    fn silhouettes(&self) -> Vec<Silhouettes> {
+        let outline = &self.outline;
+        let least = self.tolerances.most;
+        let everywhere = self.rings.everywhere().from_center;
+        let in_space = self.contacts.first().is_some_and(|contact| contact.normal.is_none());
         // The middle of the caps of a query in space is the tip, and stays on the axis.
-        let (lift, side) = if volume { (outline.corner(), 0.0) } else { (0.0, outline.side()) };
-        let margin = MARGIN * (bvh.radius() + reach + outline.size());
+        let (lift, bounds) = match in_space {
+            true => (outline.corner(), vec![everywhere]),
+            false => {
+                let usual = outline.side() + self.trusted;
+                (0.0, vec![usual, usual + self.trusted, usual.max(everywhere)])
+            }
+        };
         let lifted = |[height, radius]: [f64; 2]| [height + lift, radius];
-        let steps = || outline.steps(tolerance).map(lifted);
-        let all = std::iter::once(lifted(outline.tip(tolerance).shaft())).chain(steps());
-        Tools {
-            tolerance,
-            without_ball: whole.without_ball(outline, bvh, *reach),
-            steps: Probe::of_steps(outline, tolerance, bvh, *reach),
-            whole,
-            silhouettes: [
-                Silhouette::new(steps(), side, margin),
-                Silhouette::new(all, side, margin),
+        let steps = || outline.steps(least).map(lifted);
+        let all = || std::iter::once(lifted(outline.tip(least).shaft())).chain(steps());
+        let of = |within: f64| Silhouettes {
+            within,
+            of: [
+                Silhouette::new(steps(), within, self.margin()),
+                Silhouette::new(all(), within, self.margin()),
             ],
-        }
+        };
+        bounds.into_iter().map(of).collect()
     }
 
     fn tally(
         &self,
         i: usize,
-        tools: &Tools,
-        axes: &[[DVec3; 3]],
+        (directions, axes): (&Directions, &[Axes]),
         column: &[u64],
-        counts: bool,
-        scratch: &mut Scratch,
+        options: &SurfaceOptions,
+        state: &mut SiteState,
     ) -> (Tally, SurfaceStats) {
         let mut tally = Tally { open: 1.0, ..Tally::default() };
         let mut stats = SurfaceStats { pairs: axes.len() as u64, ..SurfaceStats::default() };
+        let pose = |k: usize, at| WitnessPose::new(&self.outline, at, directions.vectors()[k]);
         let mut on_edge = false;
-        stats.by_points =
-            self.verdicts(i, tools, axes, column, scratch, |k, verdict, knife_edge| {
-                on_edge |= knife_edge;
-                tally.add(axes[k][2].as_vec3(), verdict);
-                if tally.accessible == 1 && verdict == Verdict::Free {
-                    stats.knife_edge = u64::from(knife_edge);
-                    if !counts {
-                        return ControlFlow::Break(());
-                    }
+        state.begin();
+        state.left.clear();
+        for (k, (axes, word)) in axes.iter().zip(column).enumerate() {
+            let is_blocked = word >> (i % WORD) & 1 == 1;
+            if is_blocked && self.is_trusted(i, axes[2]) {
+                stats.by_points += 1;
+                continue;
+            }
+            let (verdict, at) = self.own_pose(i, axes, is_blocked, state);
+            let knife_edge = state.scratch.knife_edge;
+            on_edge |= knife_edge;
+            tally.add(at.map(|at| pose(k, at)), verdict);
+            if at.is_none() {
+                state.left.push(k as u32);
+            } else if tally.accessible == 1 {
+                stats.knife_edge = u64::from(knife_edge);
+                if !options.counts {
+                    break;
                 }
-                ControlFlow::Continue(())
-            });
+            }
+        }
         if tally.accessible == 0 {
+            if let Some((k, at)) = self.search_directions(i, axes, state) {
+                tally.found(pose(k, at));
+            }
             stats.knife_edge = u64::from(on_edge);
         }
-        stats.tools_tested = scratch.n_queries;
-        stats.triangles_tested = scratch.n_triangles;
+        stats.tools_tested = state.scratch.n_queries;
+        stats.triangles_tested = state.scratch.n_triangles;
         (tally, stats)
     }
 
-    /// Tells `then` of every direction that points leave open, in order: its number, the verdict, whether that is on the knife edge. Returns
-    /// the number of collisions that points prove, as far as it went.
+    /// A free pose in one of the directions that are left, by search: the first of them that is found.
+    fn search_directions(
+        &self,
+        i: usize,
+        axes: &[Axes],
+        state: &mut SiteState,
+    ) -> Option<(usize, DVec3)> {
+        /// Tests of all directions together that are more than the least of each.
+        const TESTS: usize = 400;
+        const LEAST_TESTS: usize = 6;
+        let mut remaining = TESTS;
+        for n in 0..state.left.len() {
+            let k = state.left[n] as usize;
+            let before = state.scratch.n_queries;
+            let limits = Limits::tests((remaining / 3).max(LEAST_TESTS));
+            if let Some(at) = self.search_poses(i, &axes[k], &limits, state) {
+                return Some((k, at));
+            }
+            remaining = remaining.saturating_sub((state.scratch.n_queries - before) as usize);
+        }
+        None
+    }
+
+    /// Gives `then` every direction that points leave open, in order: its number, and the verdict over all poses.
     pub fn verdicts(
         &self,
         i: usize,
-        tools: &Tools,
-        axes: &[[DVec3; 3]],
+        axes: &[Axes],
         column: &[u64],
-        scratch: &mut Scratch,
-        mut then: impl FnMut(usize, Verdict, bool) -> ControlFlow<()>,
-    ) -> u64 {
-        let (mut by_points, mut ball) = (0, Ball::Unknown);
+        state: &mut SiteState,
+        mut then: impl FnMut(usize, Verdict),
+    ) {
+        state.begin();
         for (k, (axes, word)) in axes.iter().zip(column).enumerate() {
-            let trusted = self.contacts[i].is_steady(&self.outline, axes[2]);
-            if trusted && word >> (i % WORD) & 1 == 1 {
-                by_points += 1;
-                continue;
+            let is_blocked = word >> (i % WORD) & 1 == 1;
+            if !(is_blocked && self.is_trusted(i, axes[2])) {
+                then(k, self.verdict(i, axes, is_blocked, state).0);
             }
-            let reference = self.contacts[i].reference_point(&self.outline, axes[2]);
-            let stand = Stand { reference, axes: *axes };
-            if scratch.n_queries == TESTED_WHOLE {
-                ball = self.ball(i, tools);
-            }
-            let verdict = match ball {
-                Ball::Unknown => tools.whole.verdict(self.bvh, &stand, scratch),
-                Ball::Fits => tools.without_ball.verdict(self.bvh, &stand, scratch),
-                Ball::Gouges => {
-                    tools.steps.verdict(self.bvh, &stand, scratch).max(Verdict::TipGouges)
-                }
-            };
-            if then(k, verdict, scratch.knife_edge).is_break() {
-                break;
-            }
-        }
-        by_points
-    }
-
-    /// Whether the tip of the tool at a query is a ball that gouges, in every direction.
-    pub fn ball_gouges(&self, i: usize) -> bool {
-        matches!(self.ball(i, &self.new_tools(self.tolerances[i])), Ball::Gouges)
-    }
-
-    /// Whether a ball fits is the same for all directions.
-    fn ball(&self, i: usize, tools: &Tools) -> Ball {
-        match self.contacts[i] {
-            Contact::Surface { point, normal } if self.outline.side() == 0.0 => {
-                let center = point + normal * self.outline.corner();
-                if tools.whole.ball_gouges(self.bvh, center) { Ball::Gouges } else { Ball::Fits }
-            }
-            _ => Ball::Unknown,
         }
     }
 
@@ -266,8 +362,10 @@ impl Problem<'_> {
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> SurfaceLabels {
+        let points: Vec<DVec3> = self.contacts.iter().map(|contact| contact.point).collect();
         let mut labels = SurfaceLabels {
-            tolerance_mm: self.tolerances,
+            tolerance_mm: self.tolerances.at_sites(self.bvh, &points),
+            finish_mm: self.outline.finish(),
             n_directions: directions.len(),
             ..SurfaceLabels::default()
         };
@@ -283,4 +381,25 @@ impl Problem<'_> {
         }
         labels
     }
+}
+
+/// The tool as the caps see it: the steps; and the steps and what of the tip is above its middle.
+struct Silhouettes {
+    /// For poses within this of the middle of the caps, mm.
+    within: f64,
+    of: [Silhouette; 2],
+}
+
+/// The steps that are left after shrinking them; none if none is.
+fn shrunk(cutter: &Cutter, by_mm: f64) -> Result<Option<Cutter>> {
+    /// Thinner steps hold no point.
+    const THIN_MM: f64 = 1e-3;
+    let left = cutter.steps().iter().filter(|step| step.radius_mm > by_mm + THIN_MM);
+    let steps: Vec<Step> = left
+        .map(|step| Step { height_mm: step.height_mm + by_mm, radius_mm: step.radius_mm - by_mm })
+        .collect();
+    if steps.is_empty() {
+        return Ok(None);
+    }
+    Cutter::from_steps(cutter.corner_mm(), cutter.side_mm(), steps).map(Some)
 }

@@ -2,68 +2,106 @@
 
 use super::bvh::{Bvh, Level};
 use super::labels::KNIFE_EDGE_MM;
-use super::penetrate;
+use super::penetrate::{self, nearest_above};
+use super::pose::{Blocker, Met};
+use super::tolerance::Tolerances;
 use super::tool::{Outline, Stand, Tip, across};
 use super::verdict::Verdict;
 use glam::{DVec2, DVec3};
 
-/// A cutter shrunk by one tolerance, ready to be tested.
+/// A cutter ready to be tested: against every triangle it is shrunk by the tolerance of that.
 #[derive(Debug, Clone)]
 pub(super) struct Probe {
-    steps: Vec<[f64; 2]>,
-    tip: Tip,
-    /// The tip, then the steps.
+    outline: Outline,
+    parts: Parts,
+    /// By how much the steps are grown; against what the tip is not.
+    growth: f64,
+    /// The tip, if there is one, then the steps: shrunk by the least tolerance.
     levels: Vec<Level>,
 }
 
+/// What of a tool is tested.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Parts {
+    Whole,
+    /// Where the ball is known to be clear of the surface: of the tip what is above its middle, which is as wide as the ball.
+    AboveBall,
+    /// A ball end's ball, above its middle and below.
+    Ball,
+    Steps,
+}
+
 impl Probe {
-    /// `reach` is the greatest distance of a reference point from the middle of the triangles, mm.
-    pub fn new(outline: &Outline, tolerance: f64, bvh: &Bvh, reach: f64) -> Self {
-        let steps: Vec<[f64; 2]> = outline.steps(tolerance).collect();
-        let tip = outline.tip(tolerance);
-        let lower_end = match tip {
-            Tip::Round { ring, radius } => [-radius, ring + radius],
-            Tip::Flat { height, radius } => [height, radius],
-        };
-        let size = outline.size() + reach;
-        let coarse = enclosing(&steps);
-        let levels = std::iter::once(&lower_end).chain(&coarse);
-        let levels = levels.map(|&[height, radius]| bvh.level(height, radius, size)).collect();
-        Probe { steps, tip, levels }
+    /// `least` is the least tolerance, `reach` the greatest distance of a reference point from the middle of the triangles, mm.
+    pub fn new(outline: &Outline, least: f64, bvh: &Bvh, reach: f64) -> Self {
+        Probe::of(outline, Parts::Whole, [least, 0.0], bvh, reach)
     }
 
-    /// The steps alone: `shrunk` may be negative, for steps that are grown. There is no tip.
-    pub fn of_steps(outline: &Outline, shrunk: f64, bvh: &Bvh, reach: f64) -> Self {
+    /// The steps alone, grown by this (negative: shrunk). There is no tip.
+    pub fn of_steps(outline: &Outline, [least, growth]: [f64; 2], bvh: &Bvh, reach: f64) -> Self {
+        Probe::of(outline, Parts::Steps, [least, growth], bvh, reach)
+    }
+
+    /// For places where a ball is known to be clear of the surface; the whole tool, if the tip is none.
+    pub fn above_ball(outline: &Outline, least: f64, bvh: &Bvh, reach: f64) -> Self {
+        let parts = if outline.side() == 0.0 { Parts::AboveBall } else { Parts::Whole };
+        Probe::of(outline, parts, [least, 0.0], bvh, reach)
+    }
+
+    /// A ball end's ball, for [`Probe::ball_meets`].
+    pub fn of_ball(outline: &Outline, least: f64, bvh: &Bvh, reach: f64) -> Self {
+        Probe::of(outline, Parts::Ball, [least, 0.0], bvh, reach)
+    }
+
+    fn of(
+        outline: &Outline,
+        parts: Parts,
+        [least, growth]: [f64; 2],
+        bvh: &Bvh,
+        reach: f64,
+    ) -> Self {
+        let shrunk = least - growth;
         let steps: Vec<[f64; 2]> = outline.steps(shrunk).collect();
+        let tip = match parts {
+            Parts::Steps | Parts::Ball => None,
+            Parts::AboveBall => Some([0.0, outline.radius() - least]),
+            Parts::Whole => Some(outline.tip(least).lower_end()),
+        };
         let size = outline.size() + shrunk.abs() + reach;
-        let levels = enclosing(&steps).into_iter();
-        let levels = levels.map(|[height, radius]| bvh.level(height, radius, size)).collect();
-        Probe { steps, tip: Tip::Flat { height: f64::INFINITY, radius: 0.0 }, levels }
+        let lower_ends = tip.into_iter().chain(enclosing(&steps));
+        let levels = lower_ends.map(|[height, radius]| bvh.level(height, radius, size)).collect();
+        Probe { outline: outline.clone(), parts, growth, levels }
     }
 
-    /// For places where the ball is known to be clear of the surface: of the tip only what is above the ball's middle is
-    /// left to test, and this is as wide as the ball.
-    pub fn without_ball(&self, outline: &Outline, bvh: &Bvh, reach: f64) -> Self {
-        let Tip::Round { ring: 0.0, radius } = self.tip else { return self.clone() };
-        let mut probe = self.clone();
-        probe.tip = Tip::Flat { height: 0.0, radius };
-        probe.levels[0] = bvh.level(0.0, radius, outline.size() + reach);
-        probe
+    /// The tip after shrinking by a tolerance, and by `more`; none if nothing is left of it.
+    fn tip(&self, tolerance: f64, more: f64) -> Option<Tip> {
+        let radius = self.outline.radius() - tolerance - more;
+        match self.parts {
+            _ if radius <= 0.0 => None,
+            Parts::Steps | Parts::Ball => None,
+            Parts::AboveBall => Some(Tip::Flat { height: more, radius }),
+            Parts::Whole => Some(self.outline.tip(tolerance + more)),
+        }
     }
 
     /// The verdict over all triangles. The one that a step penetrated last is tried first.
-    pub fn verdict(&self, bvh: &Bvh, stand: &Stand, scratch: &mut Scratch) -> Verdict {
-        self.verdict_with(bvh, stand, scratch, |_| true)
+    pub fn verdict(
+        &self,
+        (bvh, tolerances): (&Bvh, &Tolerances),
+        stand: &Stand,
+        scratch: &mut Scratch,
+    ) -> Verdict {
+        self.verdict_with((bvh, tolerances), stand, scratch, |_| true)
     }
 
-    /// As [`Probe::verdict`]; `enough` is told of the triangles that the steps or the tip penetrate, until it says so of one of
+    /// As [`Probe::verdict`]; `enough` is given the places of triangles that the steps or the tip penetrate, until it is true of one of
     /// the former.
     pub fn verdict_with<'p>(
         &'p self,
-        bvh: &Bvh,
+        (bvh, tolerances): (&Bvh, &Tolerances),
         stand: &Stand,
         scratch: &mut Scratch,
-        mut enough: impl FnMut(&[DVec3; 3]) -> bool,
+        mut enough: impl FnMut(u32) -> bool,
     ) -> Verdict {
         let Scratch { stack, last, n_triangles, n_queries, knife_edge } = scratch;
         *n_queries += 1;
@@ -74,21 +112,23 @@ impl Probe {
         let mut test = |place: u32, levels: &mut &'p [Level]| {
             *n_triangles += 1;
             let corners = stand.triangle(bvh.triangle(place));
+            let tolerance = tolerances.at(place);
             // What a slightly greater tool is clear of, this one is clear of for certain.
-            if self.step_penetrates(&corners, KNIFE_EDGE_MM) {
-                if self.step_penetrates(&corners, 0.0) {
+            if self.step_penetrates(&corners, tolerance, KNIFE_EDGE_MM) {
+                if self.step_penetrates(&corners, tolerance, 0.0) {
                     collides = true;
-                    *knife_edge = !self.step_penetrates(&corners, -KNIFE_EDGE_MM);
+                    *knife_edge = !self.step_penetrates(&corners, tolerance, -KNIFE_EDGE_MM);
                     *last = Some(place);
-                    return enough(bvh.triangle(place));
+                    return enough(place);
                 }
                 *knife_edge = true;
             }
-            if !collides && !gouges && penetrate::tip(&corners, self.tip.grown(KNIFE_EDGE_MM)) {
-                gouges = penetrate::tip(&corners, self.tip);
-                *knife_edge |= !penetrate::tip(&corners, self.tip.grown(-KNIFE_EDGE_MM));
+            let tip = |more| self.tip(tolerance, more).is_some_and(|t| penetrate::tip(&corners, t));
+            if !collides && !gouges && tip(-KNIFE_EDGE_MM) {
+                gouges = tip(0.0);
+                *knife_edge |= !tip(KNIFE_EDGE_MM);
                 if gouges {
-                    enough(bvh.triangle(place));
+                    enough(place);
                     // What else is in the tip does not matter.
                     *levels = &self.levels[1..];
                 }
@@ -105,12 +145,111 @@ impl Probe {
         }
     }
 
-    /// Whether the tip is a ball that penetrates a triangle when its center is at `center`, from all directions.
-    pub fn ball_gouges(&self, bvh: &Bvh, center: DVec3) -> bool {
-        let Tip::Round { ring: 0.0, radius } = self.tip else { return false };
-        bvh.near(center, radius, |place| {
-            penetrate::ball(&bvh.triangle(place).map(|p| p - center), radius)
-        })
+    /// Whether the tool is clear of all triangles; what is in the way otherwise, as far as `met` has room.
+    pub fn meets(
+        &self,
+        triangles: (&Bvh, &Tolerances),
+        stand: &Stand,
+        scratch: &mut Scratch,
+    ) -> Met {
+        let (bvh, tolerances) = triangles;
+        let mut met = Met::default();
+        let Scratch { stack, n_triangles, n_queries, .. } = scratch;
+        *n_queries += 1;
+        let mut levels = &self.levels[..];
+        bvh.visit(stand, &mut levels, stack, |place, _| {
+            *n_triangles += 1;
+            let corners = stand.triangle(bvh.triangle(place));
+            let tolerance = tolerances.at(place);
+            let tip = || self.tip(tolerance, 0.0).is_some_and(|t| penetrate::tip(&corners, t));
+            (self.step_penetrates(&corners, tolerance, 0.0) || tip())
+                && met.push(self.blocker(triangles, place, stand))
+        });
+        met
+    }
+
+    /// As [`Probe::meets`], for a ball end's ball.
+    pub fn ball_meets(&self, triangles: (&Bvh, &Tolerances), stand: &Stand) -> Met {
+        let (bvh, tolerances) = triangles;
+        let mut met = Met::default();
+        let radius = self.outline.radius();
+        bvh.near(stand.reference, radius - tolerances.least, |place| {
+            let corners = bvh.triangle(place).map(|p| p - stand.reference);
+            penetrate::ball(&corners, radius - tolerances.at(place))
+                && met.push(self.blocker(triangles, place, stand))
+        });
+        met
+    }
+
+    /// By how much a point, in the frame of the tool, is in the tool shrunk by a tolerance.
+    fn depth(&self, p: DVec3, tolerance: f64) -> f64 {
+        if self.parts == Parts::Ball {
+            return self.outline.radius() - tolerance - p.length();
+        }
+        let (height, distance) = (p.z, across(p).length());
+        let step = |[start, radius]: [f64; 2]| (height - start).min(radius - distance);
+        let steps = self.outline.steps(tolerance).map(step).fold(f64::NEG_INFINITY, f64::max);
+        let Some(tip) = self.tip(tolerance, 0.0) else { return steps };
+        let ball = match tip {
+            Tip::Flat { .. } => f64::NEG_INFINITY,
+            Tip::Round { ring, radius } => {
+                let beyond = (distance - ring).max(0.0);
+                radius - beyond.hypot(height.min(0.0))
+            }
+        };
+        steps.max(step(tip.shaft())).max(ball)
+    }
+
+    /// The point of a triangle that is deepest in the tool, nearly.
+    pub fn blocker(
+        &self,
+        (bvh, tolerances): (&Bvh, &Tolerances),
+        place: u32,
+        stand: &Stand,
+    ) -> Blocker {
+        let (corners, tolerance) = (bvh.triangle(place), tolerances.at(place));
+        let mut best = (f64::NEG_INFINITY, corners[0]);
+        let mut consider = |p: DVec3| {
+            let depth = self.depth(stand.local(p), tolerance);
+            if depth > best.0 {
+                best = (depth, p);
+            }
+        };
+        let local = stand.triangle(corners);
+        let tip = self.tip(tolerance, 0.0);
+        let shaft = tip.map(Tip::shaft).filter(|_| self.parts != Parts::Ball);
+        let steps = self.outline.steps(tolerance).filter(|_| self.parts != Parts::Ball);
+        let (low, high) = (
+            local[0].z.min(local[1].z).min(local[2].z),
+            local[0].z.max(local[1].z).max(local[2].z),
+        );
+        for [height, radius] in steps.chain(shaft) {
+            if high <= height {
+                continue;
+            }
+            for share in SHARES {
+                let low = low.max(height);
+                let level = low + share * (high - low);
+                match nearest_above(&local, level) {
+                    Some((distance, at)) if distance < radius => consider(stand.back(at)),
+                    _ => break,
+                }
+            }
+        }
+        let ring = match tip {
+            Some(Tip::Round { ring, .. }) => ring,
+            Some(Tip::Flat { .. }) => 0.0,
+            None => 0.0,
+        };
+        let first = nearest(stand.reference, corners);
+        consider(first);
+        if ring > 0.0 {
+            // From the disc within the tip, which is nearer to the triangle.
+            let toward = across(stand.local(first)).clamp_length_max(ring);
+            let [u, v, _] = stand.axes;
+            consider(nearest(stand.reference + u * toward.x + v * toward.y, corners));
+        }
+        Blocker { point: best.1, tolerance }
     }
 
     /// Calls `consider` with points of a triangle that may be deep in the tool.
@@ -122,7 +261,7 @@ impl Probe {
             heights[0].min(heights[1]).min(heights[2]),
             heights[0].max(heights[1]).max(heights[2]),
         );
-        for &[height, radius] in &self.steps {
+        for &[height, radius] in self.outline.all_steps() {
             if radius == f64::INFINITY || top <= height {
                 continue;
             }
@@ -134,11 +273,14 @@ impl Probe {
         }
     }
 
-    /// Whether one of the steps, `grown` on all sides, penetrates a triangle; the widest is tried first.
-    fn step_penetrates(&self, corners: &[DVec3; 3], grown: f64) -> bool {
+    /// Whether one of the steps, shrunk by a tolerance and then `grown` on all sides, penetrates a triangle; the widest is tried first.
+    fn step_penetrates(&self, corners: &[DVec3; 3], tolerance: f64, grown: f64) -> bool {
         let top = corners[0].z.max(corners[1].z).max(corners[2].z);
+        let shrunk = tolerance - self.growth;
         let steps =
-            self.steps.iter().rev().map(|[height, radius]| [height - grown, radius + grown]);
+            self.outline.all_steps().iter().rev().map(|[height, radius]| {
+                [height + shrunk - grown, (radius - shrunk).max(0.0) + grown]
+            });
         let mut nearest = None;
         steps.skip_while(|[height, _]| top <= *height).any(|[height, radius]| {
             let squared = *nearest.get_or_insert_with(|| from_box(corners));
@@ -162,16 +304,26 @@ fn enclosing(steps: &[[f64; 2]]) -> Vec<[f64; 2]> {
 /// Where on the axis, between the lowest and the highest that a triangle has in a step.
 const SHARES: [f64; 4] = [0.06, 0.2, 0.45, 0.8];
 
-/// The point of a triangle nearest to `p`, or nearly: any point of it would do.
+/// The point of a triangle nearest to `p` (Ericson 2004, Real-Time Collision Detection, 5.1.5).
 fn nearest(p: DVec3, [a, b, c]: &[DVec3; 3]) -> DVec3 {
+    let on_edge = |from: DVec3, to: DVec3| {
+        let run = to - from;
+        let length = run.length_squared();
+        let part = if length > 0.0 { ((p - from).dot(run) / length).clamp(0.0, 1.0) } else { 0.0 };
+        from + run * part
+    };
     let n = (*b - *a).cross(*c - *a);
     let squared = n.length_squared();
-    if squared == 0.0 {
-        return *a;
+    let weight = |q: DVec3, r: DVec3| (r - q).cross(p - q).dot(n);
+    let weights = [weight(*b, *c), weight(*c, *a), weight(*a, *b)];
+    if squared > 0.0 && weights.iter().all(|w| *w >= 0.0) {
+        return p - n * ((p - *a).dot(n) / squared);
     }
-    let weight = |q: DVec3, r: DVec3| ((r - q).cross(p - q).dot(n) / squared).clamp(0.0, 1.0);
-    let [u, v, w] = [weight(*b, *c), weight(*c, *a), weight(*a, *b)];
-    (*a * u + *b * v + *c * w) / (u + v + w)
+    let ends = [on_edge(*a, *b), on_edge(*b, *c), on_edge(*c, *a)];
+    let nearer = |q: DVec3, r: DVec3| {
+        if (r - p).length_squared() < (q - p).length_squared() { r } else { q }
+    };
+    nearer(nearer(ends[0], ends[1]), ends[2])
 }
 
 /// Distance, squared, of the axis from the upright box around a triangle.
@@ -182,11 +334,6 @@ pub(super) fn from_box(corners: &[DVec3; 3]) -> f64 {
 }
 
 impl Scratch {
-    /// For the next site: the memory and the triangle that collided last are kept.
-    pub fn with_last(self) -> Self {
-        Scratch { stack: self.stack, last: self.last, ..Scratch::default() }
-    }
-
     /// The greatest value of a triangle that reaches into one of the `steps`, but at least `low`; stops at any value above `high`. A step is a
     /// height and a radius; a triangle's value is by how much the steps would have to be raised to be clear of it, if that is more than its
     /// second argument. `size` is the tool's, mm.

@@ -1,7 +1,7 @@
 //! Between the directions: openings that a coarse set misses, and proofs that there is none.
 //!
 //! ```text
-//! directions that reach sites nearby are tried first
+//! for a flat or bull-nose end: all poses along the normal
 //! cells = the octants of the set, cut in four twice
 //! for every level:
 //!     for every cell, from the caps of all blockers: how deep is its middle in a cap? is all of it in one?
@@ -15,20 +15,21 @@
 //! *What a blocker closes* is in [`caps`](super::caps): a point of the surface closes a cap of directions, and how deep a direction
 //! is in a cap bounds from below how far the nearest opening is. Sixteen directions are compared with a cap
 //! at once, in a few nanoseconds; the triangles, which take a microsecond, are tested where no cap
-//! answers. Sites nearby share blockers.
+//! answers. Nothing goes from site to site: the answer is a function of the site alone.
 //!
-//! *Where openings are.* Directions that were found for the sites before are tried first: openings are shared by neighbors. Beside
-//! a wall they end at the directions along it, where the tool's flank touches, and can be thinner than any cell.
+//! *Where openings are.* Beside a wall they end at the directions along it, where the tool's flank touches, and can be thinner than any
+//! cell. A flat end lies on a face in one direction alone, the normal, which is tried with all its poses.
 //!
 //! *To prove*, the triangles are also tested in middles that a cap covers without closing the cell: for points that
 //! close more.
 
-use super::bvh::Bvh;
 use super::caps::{Blockers, Caps, Middles, Silhouette};
 use super::cells::Hierarchy;
-use super::labels::RefinementOptions;
-use super::query::{Probe, Scratch};
-use super::tool::{Contact, Outline, Stand, axes};
+use super::labels::{RefinementOptions, WitnessPose};
+use super::problem::Problem;
+use super::query::Probe;
+use super::site::{Ball, SiteState};
+use super::tool::{Contact, OBLIQUE, Outline, Stand, axes};
 use super::verdict::Verdict;
 use crate::simd::Isa;
 use glam::{DVec3, Vec3};
@@ -44,19 +45,17 @@ pub(super) struct Refinement {
 /// What was found between the directions.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Found {
-    /// Where the tool may stand.
-    pub witness: Option<Vec3>,
+    /// A free pose.
+    pub witness: Option<WitnessPose>,
     /// Whether in some direction the steps collide with nothing.
     pub collision_free: bool,
     /// Share of the directions that was not proven closed.
     pub open: f64,
 }
 
-/// What earlier sites left, and work space.
+/// Work space.
 #[derive(Default)]
 pub(super) struct SearchState {
-    /// Directions that reach them, the latest last.
-    hints: Vec<Vec3>,
     blockers: Blockers,
     caps: Caps,
     middles: Middles,
@@ -66,8 +65,6 @@ pub(super) struct SearchState {
     open: Vec<(f32, u32)>,
 }
 
-/// Most hints.
-const N_HINTS: usize = 8;
 /// Triangles in the way that are looked at in one direction for a proof.
 const MOST_HITS: usize = 6;
 /// Depth of a middle that was tested and that no blocker covers.
@@ -75,22 +72,20 @@ const TESTED: f32 = 1e-4;
 
 /// One site.
 pub(super) struct Place<'a> {
-    pub contact: &'a Contact,
-    pub outline: &'a Outline,
-    pub tools: &'a Tools,
-    pub bvh: &'a Bvh,
+    pub problem: &'a Problem<'a>,
+    pub i: usize,
+    /// The steps; and the steps and what of the tip is above its middle.
+    pub silhouettes: &'a [Silhouette; 2],
 }
 
-/// A tool shrunk by one tolerance, in all forms that the search tests.
-pub(super) struct Tools {
-    pub tolerance: f64,
-    pub whole: Probe,
-    /// Where the ball is known to fit: see [`Probe::without_ball`].
-    pub without_ball: Probe,
-    /// Where the ball is known to gouge.
-    pub steps: Probe,
-    /// The steps; and the steps and what of the tip is above its middle.
-    pub silhouettes: [Silhouette; 2],
+impl Place<'_> {
+    fn contact(&self) -> &Contact {
+        &self.problem.contacts[self.i]
+    }
+
+    fn outline(&self) -> &Outline {
+        &self.problem.outline
+    }
 }
 
 impl Refinement {
@@ -104,42 +99,37 @@ impl Refinement {
         place: &Place,
         collision_free: bool,
         state: &mut SearchState,
-        scratch: &mut Scratch,
+        site: &mut SiteState,
     ) -> Found {
         let found = Found { collision_free, ..Found::default() };
-        let ball = match *place.contact {
-            Contact::Surface { point, normal } => Some(point + normal * place.outline.corner()),
-            Contact::Volume { .. } => None,
-        };
-        let tools = place.tools;
+        let Problem { outline, probes, bvh, .. } = place.problem;
         // A ball is the same from all directions.
-        let gouges = ball.is_some_and(|center| tools.whole.ball_gouges(place.bvh, center));
+        place.problem.place_ball(place.i, site);
+        let gouges = site.ball == Ball::Gouges;
         if gouges && collision_free {
             return found;
         }
-        let fits = ball.is_some() && !gouges;
-        let probe = if fits { &tools.without_ball } else { &tools.whole };
-        let reference = ball.unwrap_or(place.contact.point()) - place.bvh.origin();
+        let contact = place.contact();
+        let own = contact.normal.map_or(contact.point, |n| contact.point + n * outline.corner());
+        let probe = match site.ball {
+            Ball::Fits(_) => &probes.above_ball,
+            Ball::Gouges | Ball::Unknown => &probes.whole,
+        };
+        state.blockers = Blockers::default();
         let mut search = Search {
             place,
             probe,
             refinement: self,
-            scratch,
+            site,
             state: std::mem::take(state),
             found,
-            reference: reference.as_vec3(),
+            reference: (own - bvh.origin()).as_vec3(),
             gouges,
         };
         search.place_caps();
-        let done = search.try_hints() || search.search_cells();
+        let done = search.try_normal() || search.search_cells();
         let (found, searched) = (search.found, search.state);
         *state = searched;
-        if let Some(witness) = found.witness {
-            if state.hints.len() == N_HINTS {
-                state.hints.remove(0);
-            }
-            state.hints.push(witness);
-        }
         if done { Found { open: 0.0, ..found } } else { found }
     }
 }
@@ -148,7 +138,7 @@ struct Search<'a, 's> {
     place: &'a Place<'a>,
     probe: &'a Probe,
     refinement: &'a Refinement,
-    scratch: &'s mut Scratch,
+    site: &'s mut SiteState,
     state: SearchState,
     found: Found,
     /// Middle of the caps, relative to the origin of the tree.
@@ -171,33 +161,43 @@ enum TestOutcome {
 
 impl Search<'_, '_> {
     fn silhouette(&self) -> &Silhouette {
-        &self.place.tools.silhouettes[usize::from(self.found.collision_free)]
+        &self.place.silhouettes[usize::from(self.found.collision_free)]
     }
 
     fn place_caps(&mut self) {
-        let silhouette = &self.place.tools.silhouettes[usize::from(self.found.collision_free)];
+        let silhouette = &self.place.silhouettes[usize::from(self.found.collision_free)];
         let SearchState { caps, blockers, .. } = &mut self.state;
         caps.place(blockers, silhouette, self.reference);
+    }
+
+    /// The reference point in a direction: where the ball is known to fit, or where the tip touches with the site's normal.
+    fn reference_point(&self, direction: DVec3) -> DVec3 {
+        match self.site.ball {
+            Ball::Fits(center) => center,
+            _ => self.place.contact().reference_point(self.place.outline(), direction),
+        }
     }
 
     /// Tests the triangles; a new blocker must be deeper in the tool than `depth`.
     fn test(&mut self, direction: Vec3, depth: f32) -> TestOutcome {
         let axes = axes(direction);
-        let reference = self.place.contact.reference_point(self.place.outline, axes[2]);
-        let stand = Stand { reference, axes };
-        let bvh = self.place.bvh;
+        let stand = Stand { reference: self.reference_point(axes[2]), axes };
+        let triangles = self.place.problem.triangles();
+        let bvh = triangles.0;
         let mut met = [None; MOST_HITS];
         let n_wanted = if self.refinement.options.prove { MOST_HITS } else { 1 };
         let mut n = 0;
-        let verdict = self.probe.verdict_with(bvh, &stand, self.scratch, |corners| {
-            met[n % MOST_HITS] = Some(*corners);
+        let scratch = &mut self.site.scratch;
+        let verdict = self.probe.verdict_with(triangles, &stand, scratch, |place| {
+            met[n % MOST_HITS] = Some(*bvh.triangle(place));
             n += 1;
             n >= n_wanted
         });
         let newly_free = verdict != Verdict::Collides && !self.found.collision_free;
         self.found.collision_free |= newly_free;
         if verdict == Verdict::Free {
-            self.found.witness = Some(direction);
+            let outline = self.place.outline();
+            self.found.witness = Some(WitnessPose::new(outline, stand.reference, direction));
         }
         if verdict == Verdict::Free || (newly_free && self.gouges) {
             return TestOutcome::Done;
@@ -220,7 +220,7 @@ impl Search<'_, '_> {
         if best.1 <= depth.max(0.0) {
             return TestOutcome::Nothing;
         }
-        let silhouette = &self.place.tools.silhouettes[usize::from(self.found.collision_free)];
+        let silhouette = &self.place.silhouettes[usize::from(self.found.collision_free)];
         let SearchState { caps, blockers, .. } = &mut self.state;
         let place = blockers.push(best.0);
         caps.place_one(place, blockers, silhouette, reference);
@@ -261,23 +261,36 @@ impl Search<'_, '_> {
     /// Whether a blocker closes the cell of a tool whose reference point moves: more than the caps, which hold for wherever
     /// it moves, for proofs alone.
     fn is_closed_for_a_ring(&self, direction: Vec3, radius: f64) -> bool {
-        let Place { contact, outline, bvh, .. } = self.place;
-        let Some(drift) = contact.drift(outline, direction.as_dvec3(), radius) else {
-            return false;
-        };
+        let Place { problem, i, .. } = self.place;
+        let (contact, outline) = (self.place.contact(), self.place.outline());
         let axis = axes(direction)[2];
-        let reference = contact.reference_point(outline, axis) - bvh.origin();
+        let Some(drift) = contact.drift(outline, axis, radius) else { return false };
+        let within = problem.bounds[*i].oblique;
+        // Directions of the cell must be oblique, too.
+        let is_oblique = contact.normal.is_some_and(|n| n.cross(axis).length() - radius >= OBLIQUE);
+        if !is_oblique || radius <= 0.0 {
+            return false;
+        }
+        let reference = contact.reference_point(outline, axis) - problem.bvh.origin();
         let silhouette = self.silhouette();
-        let stays = |point: Vec3| silhouette.stays(point.as_dvec3() - reference, axis, drift);
-        radius > 0.0 && self.state.blockers.points().any(|point| stays(point) > radius)
+        let stays =
+            |point: Vec3| silhouette.stays(point.as_dvec3() - reference, axis, [drift, within]);
+        self.state.blockers.points().any(|point| stays(point) > radius)
     }
 
-    fn try_hints(&mut self) -> bool {
-        let mut middles = std::mem::take(&mut self.state.middles);
-        middles.fill(self.state.hints.iter().rev().copied());
-        let done = self.test_all(&mut middles, 0.0);
-        self.state.middles = middles;
-        done
+    /// A flat or bull-nose end that lies on the face of the site: whether the search is over.
+    fn try_normal(&mut self) -> bool {
+        let Place { problem, i, .. } = self.place;
+        let Some(normal) = self.place.contact().normal else { return false };
+        let direction = normal.as_vec3();
+        if self.place.outline().side() == 0.0 || !self.refinement.hierarchy.holds(direction) {
+            return false;
+        }
+        let (verdict, pose) = problem.verdict(*i, &axes(direction), false, self.site);
+        self.found.collision_free |= verdict != Verdict::Collides;
+        self.found.witness = pose.map(|at| WitnessPose::new(self.place.outline(), at, direction));
+        self.place_caps();
+        pose.is_some()
     }
 
     /// Whether the search is over; otherwise notes how much of the directions stays open.
@@ -321,7 +334,7 @@ impl Search<'_, '_> {
 
     /// For every open cell that holds directions along the surface, the one nearest to its middle: flank milling.
     fn test_along_surface(&mut self, middles: &Middles, radius: f64) -> bool {
-        let Some(normal) = self.place.contact.normal() else { return false };
+        let Some(normal) = self.place.contact().normal else { return false };
         let normal = normal.as_vec3();
         let greatest = libm::sin(radius.min(1.0)) as f32;
         let mut tangents = std::mem::take(&mut self.state.tangents);
@@ -340,7 +353,7 @@ impl Search<'_, '_> {
 impl Contact {
     /// How fast the reference point moves when the tool turns by up to `radius`, mm per radian; `None` if it stays.
     fn drift(&self, outline: &Outline, direction: DVec3, radius: f64) -> Option<f64> {
-        let normal = self.normal().filter(|_| outline.side() > 0.0)?;
+        let normal = self.normal.filter(|_| outline.side() > 0.0)?;
         // It stays within the side's length of one place.
         let at_most = 2.0 * outline.side() / radius;
         let least = normal.cross(direction).length() - radius;

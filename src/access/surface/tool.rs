@@ -14,6 +14,8 @@ pub(super) struct Outline {
     side: f64,
     /// Height above the reference point and radius of every step, mm.
     steps: Vec<[f64; 2]>,
+    /// How much may be left where it touches, mm.
+    finish: f64,
 }
 
 /// The tip of a shrunk cutter, about its reference point.
@@ -26,11 +28,11 @@ pub(super) enum Tip {
 }
 
 impl Tip {
-    /// All its surface moved outward, mm.
-    pub fn grown(self, by: f64) -> Self {
+    /// Height of the lowest point and radius.
+    pub fn lower_end(self) -> [f64; 2] {
         match self {
-            Tip::Round { ring, radius } => Tip::Round { ring, radius: radius + by },
-            Tip::Flat { height, radius } => Tip::Flat { height: height - by, radius: radius + by },
+            Tip::Round { ring, radius } => [-radius, ring + radius],
+            Tip::Flat { height, radius } => [height, radius],
         }
     }
 
@@ -44,12 +46,18 @@ impl Tip {
 }
 
 impl Outline {
-    pub fn new(cutter: &Cutter) -> Self {
+    pub fn new(cutter: &Cutter, finish: f64) -> Self {
         Outline {
             corner: cutter.corner_mm(),
             side: cutter.side_mm(),
             steps: cutter.steps().iter().map(|step| [step.height_mm, step.radius_mm]).collect(),
+            finish,
         }
+    }
+
+    /// How much may be left where it touches, mm.
+    pub fn finish(&self) -> f64 {
+        self.finish
     }
 
     /// Radius of the cutter's lower end, mm.
@@ -79,6 +87,11 @@ impl Outline {
             return Tip::Round { ring: self.side, radius: self.corner - tolerance };
         }
         Tip::Flat { height: tolerance - self.corner, radius: self.radius() - tolerance }
+    }
+
+    /// Height and radius of every step, mm.
+    pub fn all_steps(&self) -> &[[f64; 2]] {
+        &self.steps
     }
 
     /// Height and radius of every step after shrinking by `tolerance`; radii stop at 0.
@@ -111,65 +124,47 @@ pub(super) fn axes(direction: Vec3) -> Axes {
     basis(direction.as_dvec3().normalize())
 }
 
-/// Where the tool is placed.
+/// What the tool is to touch.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Contact {
-    /// To touch the surface at a point with this outward normal.
-    Surface { point: DVec3, normal: DVec3 },
-    /// To have its tip at a point of space.
-    Volume { tip: DVec3 },
+pub(super) struct Contact {
+    /// Point of the surface, or of space.
+    pub point: DVec3,
+    /// The outward normal of a surface.
+    pub normal: Option<DVec3>,
 }
 
 impl Contact {
-    /// The point that the tool touches.
-    pub fn point(&self) -> DVec3 {
-        match *self {
-            Contact::Surface { point, .. } => point,
-            Contact::Volume { tip } => tip,
-        }
+    /// Where the middle of the tip's corner is when a ball of it touches: fixed for a site, below the spindle for a point of space.
+    pub fn corner_center(&self, outline: &Outline, direction: DVec3) -> DVec3 {
+        self.point + self.normal.unwrap_or(direction) * outline.corner
     }
 
-    /// The outward normal there, for a site.
-    pub fn normal(&self) -> Option<DVec3> {
-        match *self {
-            Contact::Surface { normal, .. } => Some(normal),
-            Contact::Volume { .. } => None,
-        }
-    }
-
-    /// Whether the reference point is the same in `f32` but for roundings: not where a small change of the normal
-    /// moves a flat end from one side of the site to the other.
-    pub fn is_steady(&self, outline: &Outline, direction: DVec3) -> bool {
-        match *self {
-            Contact::Surface { normal, .. } if outline.side > 0.0 => {
-                normal.cross(direction).length_squared() > STEADY * STEADY
-            }
-            _ => true,
-        }
-    }
-
-    /// The reference point of the tool along `direction`.
+    /// The reference point of the tool along `direction` that touches with its normal: for a direction along the normal the
+    /// axis is above the site, and moves to where the rim touches as the direction turns away.
     pub fn reference_point(&self, outline: &Outline, direction: DVec3) -> DVec3 {
-        match *self {
-            Contact::Volume { tip } => tip + direction * outline.corner,
-            Contact::Surface { point, normal } => {
-                let center = point + normal * outline.corner;
-                let across = normal - direction * normal.dot(direction);
-                let length = across.length();
-                // A flat end that lies on its face has its axis through the site.
-                if outline.side == 0.0 || length <= FLAT {
-                    return center;
-                }
-                center + across * (outline.side / length)
-            }
-        }
+        let center = self.corner_center(outline, direction);
+        let Some(normal) = self.normal.filter(|_| outline.side > 0.0) else { return center };
+        let across = normal - direction * normal.dot(direction);
+        center + across * (outline.side / across.length().max(OBLIQUE))
+    }
+
+    /// As [`Contact::reference_point`], with the rim at the site even where the direction is nearly the normal.
+    pub fn on_rim(&self, outline: &Outline, direction: DVec3) -> DVec3 {
+        let center = self.corner_center(outline, direction);
+        let normal = self.normal.unwrap_or(direction);
+        let across = normal - direction * normal.dot(direction);
+        center + across.normalize_or_zero() * outline.side
+    }
+
+    /// Whether only the rim of a flat or bull-nose end can touch, in about one place.
+    pub fn is_oblique(&self, outline: &Outline, direction: DVec3) -> bool {
+        let slope = |normal: DVec3| normal.cross(direction).length_squared();
+        outline.side == 0.0 || self.normal.is_some_and(|n| slope(n) >= OBLIQUE * OBLIQUE)
     }
 }
 
-/// Above this share across the direction, a rounded normal still has nearly the same direction across.
-const STEADY: f64 = 0.3;
-/// Below this share across the direction, a normal counts as parallel to it.
-const FLAT: f64 = 1e-6;
+/// Sine of the angle between normal and direction from which on a flat end touches with its rim alone.
+pub(super) const OBLIQUE: f64 = 0.3;
 
 /// Where a tool stands: its reference point and axes.
 #[derive(Debug, Clone, Copy)]
@@ -185,6 +180,12 @@ impl Stand {
         let offset = point - self.reference;
         let [u, v, d] = self.axes;
         DVec3::new(offset.dot(u), offset.dot(v), offset.dot(d))
+    }
+
+    /// The point that is this relative to the reference point.
+    pub fn back(&self, p: DVec3) -> DVec3 {
+        let [u, v, d] = self.axes;
+        self.reference + u * p.x + v * p.y + d * p.z
     }
 
     /// The corners of a triangle, as [`Stand::local`].

@@ -1,7 +1,7 @@
 //! What one site and one direction come to.
 
 use super::drop;
-use super::tool::{Contact, Outline, Stand, axes};
+use super::tool::{Outline, Stand, axes};
 use crate::cutter::Cutter;
 use crate::geom::Mesh;
 use crate::{Error, Result};
@@ -16,17 +16,6 @@ pub enum Verdict {
     TipGouges,
     /// A step (shank, holder, spindle) does.
     Collides,
-}
-
-impl Verdict {
-    /// From how far the tool would have to be raised, mm, until the steps and until the tip are clear.
-    pub(super) fn of(raise: Raise) -> Self {
-        match raise {
-            Raise { steps, .. } if steps > 0.0 => Verdict::Collides,
-            Raise { tip, .. } if tip > 0.0 => Verdict::TipGouges,
-            _ => Verdict::Free,
-        }
-    }
 }
 
 /// How far a tool must be raised along its axis until it is clear of the surface, mm: its drop height above
@@ -51,43 +40,35 @@ pub fn raise(
     reference: DVec3,
     direction: Vec3,
 ) -> Result<Raise> {
-    let outline = Outline::new(cutter);
+    let outline = Outline::new(cutter, 0.0);
     outline.check_tolerance(tolerance_mm)?;
     if !direction.is_normalized() {
         let remedy = "normalize it";
         return Err(Error::argument("direction", direction, "a unit vector", remedy));
     }
     let stand = Stand { reference, axes: axes(direction) };
-    let triangles = (0..mesh.triangles.len()).map(|f| mesh.corners(f));
-    Ok(raise_over(triangles, &outline, tolerance_mm, &stand))
+    let triangles = (0..mesh.triangles.len()).map(|f| (mesh.corners(f), tolerance_mm));
+    Ok(raise_over(triangles, &outline, 0.0, &stand))
 }
 
-/// As [`raise`], for a tool that touches a site.
-pub(super) fn raise_at(
-    triangles: &[[DVec3; 3]],
+/// As [`raise`], over triangles with a tolerance each; the tool is shrunk by `more`.
+pub(super) fn raise_over(
+    triangles: impl Iterator<Item = ([DVec3; 3], f64)>,
     outline: &Outline,
-    tolerance: f64,
-    contact: &Contact,
-    direction: Vec3,
-) -> Raise {
-    let axes = axes(direction);
-    let reference = contact.reference_point(outline, axes[2]);
-    raise_over(triangles.iter().copied(), outline, tolerance, &Stand { reference, axes })
-}
-
-fn raise_over(
-    triangles: impl Iterator<Item = [DVec3; 3]>,
-    outline: &Outline,
-    tolerance: f64,
+    more: f64,
     stand: &Stand,
 ) -> Raise {
     let mut raise = Raise { steps: f64::NEG_INFINITY, tip: f64::NEG_INFINITY };
-    for corners in triangles {
+    for (corners, tolerance) in triangles {
         let corners = stand.triangle(&corners);
         for [height, radius] in outline.steps(tolerance) {
-            raise.steps = raise.steps.max(drop::disc(&corners, radius) - height);
+            if radius >= more {
+                raise.steps = raise.steps.max(drop::disc(&corners, radius - more) - height - more);
+            }
         }
-        raise.tip = raise.tip.max(drop::tip(&corners, outline.tip(tolerance)));
+        if tolerance + more < outline.radius() {
+            raise.tip = raise.tip.max(drop::tip(&corners, outline.tip(tolerance + more)));
+        }
     }
     raise
 }

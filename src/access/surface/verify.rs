@@ -113,12 +113,12 @@ impl TriangleObstacles {
         }
         result.answers.occlusion.clear();
         if options.occlusion {
-            let outline = Outline::new(cutter);
-            let tolerances = options.tolerance.at_sites(&outline, &self.bends, &self.bvh, sites)?;
+            let outline = Outline::new(cutter, options.finish_mm);
+            let tolerance = options.tolerance.of_triangles(&outline, &self.chords, &self.bvh)?.most;
             let counted = sites_to_count(predicted, bound, options.share)?;
             let marked = &result.answers.inaccessible;
             let chosen = (sites, Counted::Chosen(&counted));
-            let beta = count_beta(chosen, (cutter, &tolerances), directions, marked)?;
+            let beta = count_beta(chosen, (cutter, tolerance), directions, marked)?;
             (result.beta, result.counted) = (vec![0; sites.len()], vec![false; sites.len()]);
             for (i, beta) in counted.into_iter().zip(beta) {
                 (result.beta[i], result.counted[i]) = (beta, true);

@@ -125,7 +125,7 @@ impl TriangleObstacles {
         cutter: &Cutter,
         labels: &SurfaceLabels,
     ) -> Result<Vec<Warning>> {
-        let outline = Outline::new(cutter);
+        let outline = Outline::new(cutter, labels.finish_mm);
         let mut warnings = Vec::new();
         let (low, high) = part.bounds().unwrap_or_default();
         let longest_mm = (high - low).max_element();
@@ -142,7 +142,9 @@ impl TriangleObstacles {
         let granted = &labels.tolerance_mm;
         assert_eq!(granted.len(), sites.len(), "labels of these sites");
         let implied = ContactTolerance::Tessellation;
-        let implied = implied.at_sites(&outline, &self.bends, &self.bvh, sites)?;
+        let implied = implied.of_triangles(&outline, &self.chords, &self.bvh)?;
+        let points: Vec<_> = sites.points.iter().map(|p| p.as_dvec3()).collect();
+        let implied = implied.at_sites(&self.bvh, &points);
         let coarse = || (0..sites.len()).filter(|&i| implied[i] > granted[i].max(LEAST_MM));
         if coarse().next().is_some() {
             warnings.push(Warning::CoarseTessellation {
@@ -246,7 +248,7 @@ mod tests {
     #[test]
     fn facets_coarser_than_the_tolerance_are_named() {
         // Inward curved: the inside of a ring.
-        let mesh = solids::torus(20.0, 5.0, 24, 16);
+        let mesh = solids::torus(20.0, 5.0, 14, 16);
         let given = warnings(&mesh, 400, 2.0, ContactTolerance::Millimeters(0.01));
         let [Warning::CoarseTessellation { share, implied_mm, granted_mm: 0.01 }] = given[..]
         else {

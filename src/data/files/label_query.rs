@@ -172,7 +172,7 @@ impl LabelQuery {
         let labels = &self.file.labels;
         let of_set = |k: &u32| self.directions.vectors().get(*k as usize).copied();
         match &labels.surface {
-            Some(surface) => surface.witness.get(site).copied().flatten(),
+            Some(_) => labels.answers.witness.get(site).copied().flatten(),
             None => labels.witness.get(site).and_then(|k| k.as_ref()).and_then(of_set),
         }
     }

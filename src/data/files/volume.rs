@@ -103,7 +103,7 @@ impl VolumeFile {
             file.answers[n] = labels.answers[k].into();
             file.collision_free_directions[n] = labels.collision_free_directions[k];
             file.accessible_directions[n] = labels.accessible_directions[k];
-            file.witness[n] = labels.witness[k];
+            file.witness[n] = labels.witness[k].map(|pose| pose.direction);
         }
         Ok(file)
     }
@@ -200,6 +200,7 @@ fn meaning() -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::access::surface::WitnessPose;
     use crate::cutter::CutterParams;
 
     #[test]
@@ -213,7 +214,9 @@ mod tests {
                 SiteAnswer::TipDoesNotFit,
                 SiteAnswer::Accessible,
             ],
-            witness: vec![Some(Vec3::Z), None, None, Some(Vec3::X)],
+            witness: [Some(Vec3::Z), None, None, Some(Vec3::X)]
+                .map(|d| d.map(|direction| WitnessPose { direction, tip_mm: DVec3::ZERO }))
+                .to_vec(),
             collision_free_directions: vec![3, 0, 2, 1],
             accessible_directions: vec![3, 0, 0, 1],
             ..SurfaceLabels::default()

@@ -184,6 +184,10 @@ macro_rules! isa_vectors {
                 Lanes(packed, PhantomData)
             }
             #[inline(always)]
+            fn sqrt(self) -> Self {
+                Self::from_fn(|l| self.0[l].sqrt())
+            }
+            #[inline(always)]
             fn truncate(self) -> Lanes<u32, 4, $isa> {
                 // By way of `i32`, which every processor converts to in one instruction.
                 Lanes::from_fn(|l| self.0[l] as i32 as u32)

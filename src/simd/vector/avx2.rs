@@ -250,6 +250,12 @@ impl Float32 for F32x8 {
     }
 
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        // SAFETY: the operand was made from a token.
+        unsafe { Self(_mm256_sqrt_ps(self.0)) }
+    }
+
+    #[inline(always)]
     fn truncate(self) -> U32x8 {
         // SAFETY: the operand was made from a token.
         unsafe { U32x8(_mm256_cvttps_epi32(self.0)) }

@@ -160,6 +160,12 @@ impl Float32 for F32x16 {
     }
 
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        // SAFETY: the operand was made from a token.
+        unsafe { Self(_mm512_sqrt_ps(self.0)) }
+    }
+
+    #[inline(always)]
     fn truncate(self) -> U32x16 {
         // SAFETY: the operand was made from a token.
         unsafe { U32x16(_mm512_cvttps_epi32(self.0)) }

@@ -2,6 +2,7 @@
 
 use super::super::bvh::Bvh;
 use super::super::drop;
+use super::super::labels::WitnessPose;
 use super::super::problem::Problem;
 use super::super::query::{Scratch, from_box};
 use super::super::tool::{Stand, axes};
@@ -39,72 +40,62 @@ impl<'a> Held<'a> {
     }
 
     /// Stick-out from which on the spindle is clear.
-    pub fn clear_of_spindle(&self, k: usize, stand: &Stand, top: f64) -> f64 {
-        let axis = stand.axes[2];
-        top - stand.reference.dot(axis) + self.corner - self.spindle - self.problem.tolerances[k]
+    pub fn clear_of_spindle(&self, stand: &Stand, top: f64) -> f64 {
+        let least = self.problem.tolerances.least;
+        top - stand.reference.dot(stand.axes[2]) + self.corner - self.spindle - least
     }
 
     /// Whether the holder at this stick-out meets the part.
     pub fn collides_at(
         &self,
-        k: usize,
-        direction: Vec3,
+        stand: &Stand,
         top: f64,
         stick_out: f64,
         scratch: &mut Scratch,
     ) -> bool {
-        let stand = stand(self.problem, k, direction);
-        self.clear_of_spindle(k, &stand, top) >= stick_out
-            || self.clear_stick_out(k, &stand, [stick_out, stick_out], scratch) > stick_out
+        self.clear_of_spindle(stand, top) >= stick_out
+            || self.clear_stick_out(stand, [stick_out, stick_out], scratch) > stick_out
     }
 
-    /// The least stick-out in a direction, in which the triangles are as high as `top`; anything at or above `enough` if it is not below that.
-    pub fn stick_out(
-        &self,
-        k: usize,
-        direction: Vec3,
-        top: f64,
-        enough: f64,
-        scratch: &mut Scratch,
-    ) -> f64 {
-        let stand = stand(self.problem, k, direction);
-        let low = self.clear_of_spindle(k, &stand, top).max(self.floor);
-        if low >= enough { low } else { self.clear_stick_out(k, &stand, [low, enough], scratch) }
+    /// The least stick-out in a pose, along whose direction the triangles are as high as `top`; anything at or above `enough` if it is not below that.
+    pub fn stick_out(&self, stand: &Stand, top: f64, enough: f64, scratch: &mut Scratch) -> f64 {
+        let low = self.clear_of_spindle(stand, top).max(self.floor);
+        if low >= enough { low } else { self.clear_stick_out(stand, [low, enough], scratch) }
     }
 
     /// The stick-out from which on no triangle meets the steps, at least `low`; some value above `enough` if it is above.
     pub fn clear_stick_out(
         &self,
-        k: usize,
         stand: &Stand,
         [low, enough]: [f64; 2],
         scratch: &mut Scratch,
     ) -> f64 {
-        let tolerance = self.problem.tolerances[k];
-        let steps = self.steps.iter().map(|[height, radius]| {
+        let (bvh, tolerances) = self.problem.triangles();
+        let shrunk = |[height, radius]: &[f64; 2], tolerance: f64| {
             [height + tolerance - self.corner, (radius - tolerance).max(0.0)]
-        });
-        let steps: Vec<[f64; 2]> = steps.collect();
-        let bvh = self.problem.bvh;
+        };
+        let steps: Vec<[f64; 2]> =
+            self.steps.iter().map(|step| shrunk(step, tolerances.least)).collect();
         let value = |place: u32, least: f64| {
+            let tolerance = tolerances.at(place);
             let corners = stand.triangle(bvh.triangle(place));
             let top = corners[0].z.max(corners[1].z).max(corners[2].z);
             let squared = from_box(&corners);
             // The wide steps reach more, the low ones reach higher.
-            let value = |best: f64, [height, radius]: &[f64; 2]| {
+            let value = |best: f64, step: &[f64; 2]| {
+                let [height, radius] = shrunk(step, tolerance);
                 let may_raise = top - height > best && squared <= radius * radius;
-                if may_raise { best.max(drop::disc(&corners, *radius) - height) } else { best }
+                if may_raise { best.max(drop::disc(&corners, radius) - height) } else { best }
             };
-            steps.iter().fold(least, value)
+            self.steps.iter().fold(least, value)
         };
         scratch.max_raise(bvh, stand, (&steps, self.size), [low, enough], value)
     }
 }
 
-/// The tool at site `k`.
-pub(super) fn stand(problem: &Problem, k: usize, direction: Vec3) -> Stand {
-    let axes = axes(direction);
-    Stand { reference: problem.contacts[k].reference_point(&problem.outline, axes[2]), axes }
+/// The tool in a pose.
+pub(super) fn stand(problem: &Problem, pose: &WitnessPose) -> Stand {
+    Stand { reference: pose.reference(&problem.outline), axes: axes(pose.direction) }
 }
 
 /// Height of the triangles along each of these directions, which may repeat; a height below all if there are none.

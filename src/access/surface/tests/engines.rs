@@ -88,35 +88,36 @@ fn a_ball_rests_on_the_upper_end_of_an_edge_that_is_upright_but_for_roundings() 
 }
 
 #[test]
-fn the_fast_engine_equals_the_drop_heights() {
+fn the_fast_engine_equals_the_reference() {
     let meshes = [
         tube(2.5, 12.0, 15.0, 12),
         slotted(4.0, 8.0),
         solids::torus(12.0, 5.0, 12, 8),
         sphere(10.0, 5),
     ];
-    let directions = hemisphere(20);
-    let mut n_edges = 0;
-    let mut n_sites = 0;
+    let directions = list(hemisphere(6).vectors());
+    let (mut n_left, mut n_pairs) = (0, 0);
     for mesh in &meshes {
-        let n = 150usize.div_ceil(mesh.triangles.len());
+        let n = 20usize.div_ceil(mesh.triangles.len());
         let sites = everywhere(mesh, n);
         for cutter in cutters() {
-            n_edges += assert_equal_but_for_knife_edges(mesh, &sites, &cutter, &directions, 0.01);
-            n_sites += sites.len();
+            n_left += assert_equal_to_the_reference(mesh, &sites, &cutter, &directions, 0.01);
+            n_pairs += sites.len() * directions.len();
         }
     }
-    assert!(n_edges * 1000 < n_sites, "{n_edges} of {n_sites}");
+    assert!(n_left * 50 < n_pairs, "{n_left} of {n_pairs}");
 }
 
 #[test]
-fn the_fast_engine_equals_the_drop_heights_whole_sphere_and_odd_tolerances() {
+fn the_fast_engine_equals_the_reference_whole_sphere_and_odd_tolerances() {
     let mesh = tube(3.0, 9.0, 10.0, 12);
     let sites = everywhere(&mesh, 1);
-    let directions = Directions::new(DirectionSet::FibonacciSphere { n_dirs: 20 }).unwrap();
-    for tolerance in [1e-4, 0.003, 0.1, 0.4] {
+    let directions = Directions::new(DirectionSet::FibonacciSphere { n_dirs: 5 }).unwrap();
+    let directions = list(directions.vectors());
+    let sites = sites.subset(&(0..sites.len()).step_by(8).collect::<Vec<_>>());
+    for tolerance in [0.003, 0.1, 0.4] {
         for cutter in cutters() {
-            assert_equal_but_for_knife_edges(&mesh, &sites, &cutter, &directions, tolerance);
+            assert_equal_to_the_reference(&mesh, &sites, &cutter, &directions, tolerance);
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Explanations: what blocks, and the least change that helps, against labels and known bodies.
 
 use super::*;
-use crate::access::surface::Verdict;
 use crate::access::surface::explain::{
     Change, ChangeKind, Explanation, Query, blocking_parts_among_points, explain_among_points,
 };
@@ -139,10 +138,9 @@ fn directions_agree_with_the_plain_loops() {
                         continue;
                     }
                     let blocked = state.blocked.map(|blocked| blocked.part == ToolPart::Tip);
-                    let expected = match Verdict::of(raise) {
-                        Verdict::Free => None,
-                        Verdict::TipGouges => Some(true),
-                        Verdict::Collides => Some(false),
+                    let expected = match (raise.steps > 0.0, raise.tip > 0.0) {
+                        (true, _) => Some(false),
+                        (false, tip) => tip.then_some(true),
                     };
                     assert_eq!(blocked, expected, "site {i} {raise:?} {state:?}");
                     if let Some(blocked) = state.blocked {
@@ -155,11 +153,16 @@ fn directions_agree_with_the_plain_loops() {
                 }
                 for change in &why.changes {
                     let cutter = change.tool.cutter().unwrap();
-                    let reference =
-                        site.0.as_dvec3() + site.1.as_dvec3().normalize() * cutter.corner_mm();
-                    let raise =
-                        super::raise(&mesh, &cutter, tolerance, reference, change.direction);
-                    assert_eq!(Verdict::of(raise.unwrap()), Verdict::Free, "{change:?}");
+                    let one = Sites { points: vec![site.0], normals: vec![site.1], faces: vec![] };
+                    let along = list(&[change.direction]);
+                    let reached = obstacles.reached_by_drop_heights(
+                        &one,
+                        &cutter,
+                        &along,
+                        &options,
+                        RESOLUTION_MM,
+                    );
+                    assert_eq!(reached.unwrap(), [Reached::Yes], "{change:?}");
                 }
             }
         }

@@ -1,0 +1,682 @@
+//! Poses: every way in which a tool along one direction comes within the finish tolerance of a point.
+//!
+//! # Definition
+//!
+//! A *pose* is a place of the tool's reference point. In direction `d` the cutting portion, grown by the finish tolerance δ,
+//! touches the point `s` in a pose
+//!
+//! ```text
+//! c = s + (corner + δ)·n + side·w        n: unit vector, n·d ≥ 0;  w = n across d, of length 1, or at most 1 where n = d
+//! ```
+//!
+//! A surface with a normal is touched with an `n` within 84° of it: what only passes around its edge does not touch it. These poses are the highest at their place: lower ones cut more and are in the way of more. They are a surface, dual to the
+//! tip: a disc of radius `side` and the quarter of a torus around it. Unrolled along its meridians it is the disc of radius
+//! `A = side + π/2·(corner + δ)`, and a pose moves no farther than its place on that disc:
+//!
+//! ```text
+//! |u| ≤ side:   c − s = u + (corner + δ)·d
+//! else:         φ = (|u| − side)/(corner + δ),  c − s = (side + (corner + δ)·sin φ)·u/|u| + (corner + δ)·cos φ·d
+//! ```
+//!
+//! The point is **reached** in direction `d` iff some pose is free: neither a step nor the tip, each shrunk by the tolerance of
+//! the facet, penetrates a facet. That is the surface which the tool leaves when it is dropped wherever it may go passing
+//! within δ of the point: nothing jumps as `d` turns past the normal.
+//!
+//! # Search
+//!
+//! ```text
+//! cells = a rectangle around all poses, or around those that are not too deep in the plane of the surface
+//! while there is a cell: take the one whose middle is least deep in the tool that known blockers close
+//!     some blocker is in the tool in all its poses: closed
+//!     none is in the middle: test the triangles there: free → reached; else points of what penetrates become blockers
+//!     smaller than the resolution: given up
+//!     else: cut in half across the longer side
+//! ```
+//!
+//! The poses of a cell are in a box; a blocker is in the tool for all of them if it is where the box puts it farthest from the axis and lowest.
+
+use super::tool::{Axes, Contact, Outline};
+use crate::directions::basis;
+use crate::simd::vector::MAX_LANES;
+use crate::simd::{Float32, Isa, Kernel, Simd, Vector};
+use glam::{DVec2, DVec3};
+use std::f64::consts::FRAC_PI_2;
+
+/// The poses about a point, in the frame of the tool.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PoseSet {
+    corner: f64,
+    side: f64,
+}
+
+impl PoseSet {
+    pub fn new(outline: &Outline) -> Self {
+        PoseSet { corner: outline.corner() + outline.finish(), side: outline.side() }
+    }
+
+    /// Radius `A` of the disc that the poses are on, mm.
+    pub fn radius(&self) -> f64 {
+        self.side + FRAC_PI_2 * self.corner
+    }
+
+    /// From the point to the reference point, across the axis twice, then along it.
+    pub fn offset(&self, at: DVec2) -> DVec3 {
+        let length = at.length();
+        if length <= self.side {
+            return at.extend(self.corner);
+        }
+        let angle = ((length - self.side) / self.corner).min(FRAC_PI_2);
+        let out = self.side + self.corner * libm::sin(angle);
+        (at * (out / length)).extend(self.corner * libm::cos(angle))
+    }
+
+    /// In which directions a pose moves with its place on the disc: outward, and to the left of that.
+    fn tangents(&self, at: DVec2) -> [DVec3; 2] {
+        let outward = at.try_normalize().unwrap_or(DVec2::X);
+        let angle = ((at.length() - self.side) / self.corner).clamp(0.0, FRAC_PI_2);
+        let along = (outward * libm::cos(angle)).extend(-libm::sin(angle));
+        [along, outward.perp().extend(0.0)]
+    }
+
+    /// How far across the axis a pose is, as a share of its distance from the middle of the disc.
+    fn contraction(&self, length: f64) -> f64 {
+        if length <= self.side {
+            return 1.0;
+        }
+        let angle = ((length - self.side) / self.corner).min(FRAC_PI_2);
+        (self.side + self.corner * libm::sin(angle)) / length
+    }
+
+    fn height(&self, length: f64) -> f64 {
+        let angle = ((length - self.side) / self.corner).clamp(0.0, FRAC_PI_2);
+        self.corner * libm::cos(angle)
+    }
+
+    /// The offsets of all poses of a rectangle.
+    fn around(&self, at: DVec2, half: DVec2) -> PoseBox {
+        let nearest = (at.abs() - half).max(DVec2::ZERO).length();
+        let farthest = (at.abs() + half).length();
+        let [most, least] = [nearest, farthest].map(|length| self.contraction(length));
+        let along = |at: f64, half: f64| {
+            let ends = [at - half, at + half].map(|x| [x * most, x * least]);
+            let low = ends[0][0].min(ends[0][1]);
+            let high = ends[1][0].max(ends[1][1]);
+            [0.5 * (low + high), 0.5 * (high - low)]
+        };
+        let ([x, dx], [y, dy]) = (along(at.x, half.x), along(at.y, half.y));
+        let [high, low] = [nearest, farthest].map(|length| self.height(length));
+        PoseBox {
+            middle: DVec3::new(x, y, 0.5 * (low + high)),
+            half: DVec3::new(dx, dy, 0.5 * (high - low)),
+        }
+    }
+
+    /// The place on the disc whose pose touches with this normal, or nearly if that points up.
+    fn place(&self, normal: DVec3) -> DVec2 {
+        let flat = normal.truncate();
+        let angle = libm::atan2(flat.length(), normal.z).min(FRAC_PI_2);
+        flat.normalize_or_zero() * (self.side + self.corner * angle)
+    }
+
+    /// Whether the tool touches in some pose within `reach` of this one with a normal that belongs to a surface with the `normal`, in the frame of the
+    /// tool; for a greater reach it may say so of poses farther away.
+    ///
+    /// The rim of a flat end, of a corner radius near δ, has all normals between down and outward.
+    pub fn touches(&self, at: DVec2, reach: f64, normal: DVec3) -> bool {
+        let length = at.length();
+        if length - reach <= self.side && normal.z >= LEAST_COSINE {
+            return true;
+        }
+        if length + reach <= self.side {
+            return false;
+        }
+        let flat = normal.truncate();
+        let turn = if reach > 0.0 { flat.length() * (reach / length).min(2.0) } else { 0.0 };
+        let outward = (flat.dot(at) / length + turn).min(flat.length());
+        let angle = (length - self.side) / self.corner;
+        let slack = (RIM_MM + reach) / self.corner;
+        let [low, high] = [angle - slack, angle + slack].map(|a| a.clamp(0.0, FRAC_PI_2));
+        let best = libm::atan2(outward, normal.z).clamp(low, high);
+        outward * libm::sin(best) + normal.z * libm::cos(best) >= LEAST_COSINE
+    }
+}
+
+/// A surface is touched with normals that have at least this cosine with its own: within 84°.
+const LEAST_COSINE: f64 = 0.1;
+/// Places of the corner as near as this count as one, mm.
+const RIM_MM: f64 = 0.02;
+
+/// A point of the surface that was in the way, and the tolerance of its facet, mm.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Blocker {
+    pub point: DVec3,
+    pub tolerance: f64,
+}
+
+/// Most blockers that a point of contact keeps.
+const N_BLOCKERS: usize = 48;
+/// The first so many, of its own surroundings, are kept for good.
+const N_OWN: usize = 16;
+/// Most triangles in the way that one test tells of.
+pub(super) const MOST_MET: usize = 6;
+
+/// Blockers of one point of contact; the oldest that are not of its own surroundings give way.
+#[derive(Debug, Default, Clone)]
+pub(super) struct Blockers {
+    all: Vec<Blocker>,
+    next: usize,
+}
+
+impl Blockers {
+    /// Forgets all but these.
+    pub fn begin(&mut self, own: impl Iterator<Item = Blocker>) {
+        self.all.clear();
+        self.all.extend(own.take(N_OWN));
+        self.next = N_OWN;
+    }
+
+    /// One more.
+    pub fn push(&mut self, blocker: Blocker) {
+        if self.all.len() < N_BLOCKERS {
+            self.all.push(blocker);
+            return;
+        }
+        if self.next >= N_BLOCKERS {
+            self.next = N_OWN;
+        }
+        self.all[self.next] = blocker;
+        self.next += 1;
+    }
+}
+
+/// The tool as blockers see it: heights above the reference point and radii, before shrinking.
+#[derive(Debug, Clone)]
+pub(super) struct Shape {
+    steps: Vec<[f32; 2]>,
+    corner: f32,
+    side: f32,
+    /// The ball alone, above its middle and below.
+    is_ball: bool,
+    /// More than all roundings, mm.
+    margin: f32,
+}
+
+impl Shape {
+    /// Of the whole tool, or of its ball alone.
+    pub fn new(outline: &Outline, is_ball: bool, margin: f64) -> Self {
+        let steps = outline.all_steps().iter().map(|step| step.map(|length| length as f32));
+        Shape {
+            steps: if is_ball { Vec::new() } else { steps.collect() },
+            corner: outline.corner() as f32,
+            side: outline.side() as f32,
+            is_ball,
+            margin: margin as f32,
+        }
+    }
+}
+
+impl Shape {
+    /// By how much a point is in the tool, and in which direction the tool has to move to be clear of it.
+    fn depth(&self, p: DVec3, tolerance: f64) -> (f64, DVec3) {
+        let [corner, side] = [self.corner, self.side].map(f64::from);
+        let flat = p.truncate();
+        let distance = flat.length();
+        let out = -(flat / distance.max(f64::MIN_POSITIVE)).extend(0.0);
+        let rounded = corner - tolerance;
+        if self.is_ball {
+            return (rounded - p.length(), -p.normalize_or_zero());
+        }
+        let within = flat.clamp_length_max(side).extend(p.z.max(0.0));
+        let mut best = (rounded - p.distance(within), (within - p).normalize_or_zero());
+        let steps = self.steps.iter().map(|step| step.map(f64::from));
+        let shaft = [(-rounded).max(0.0) - tolerance, corner + side];
+        for [height, radius] in steps.chain([shaft]) {
+            let (above, inside) = (p.z - height - tolerance, radius - tolerance - distance);
+            let depth = if above < inside { (above, DVec3::Z) } else { (inside, out) };
+            if depth.0 > best.0 {
+                best = depth;
+            }
+        }
+        best
+    }
+}
+
+/// Blockers about the point of contact, in the frame of the tool.
+#[derive(Debug, Default)]
+struct Local {
+    axes: [Vec<f32>; 3],
+    tolerance: Vec<f32>,
+    n: usize,
+}
+
+impl Local {
+    fn clear(&mut self) {
+        self.axes.iter_mut().for_each(Vec::clear);
+        self.tolerance.clear();
+        self.n = 0;
+    }
+
+    fn push(&mut self, p: DVec3, tolerance: f64) {
+        if self.n == self.tolerance.len() {
+            // Padding is below every tool.
+            let padded = self.n + MAX_LANES;
+            self.axes.iter_mut().for_each(|axis| axis.resize(padded, FAR_BELOW));
+            self.tolerance.resize(padded, 0.0);
+        }
+        let k = self.n;
+        self.axes.iter_mut().zip(p.to_array()).for_each(|(axis, x)| axis[k] = x as f32);
+        self.tolerance[k] = tolerance as f32;
+        self.n += 1;
+    }
+
+    /// By how much the deepest of the blockers from number `first` on is in the tool in all poses of a box: not positive if none is, and then no
+    /// distance. For one pose the tool may be shrunk, or moved, by as much before none is.
+    fn depth(&self, first: usize, shape: &Shape, poses: &PoseBox, isa: Isa) -> f64 {
+        let start = first / MAX_LANES * MAX_LANES;
+        let [middle, half] = [poses.middle, poses.half].map(|of| of.to_array().map(|x| x as f32));
+        f64::from(isa.run(Depth { local: self, start, shape, middle, half }) - shape.margin)
+    }
+}
+
+impl Local {
+    /// By how much the deepest blocker is in the tool, and in which direction the tool has to move to be clear of it.
+    fn deepest(&self, shape: &Shape, offset: DVec3) -> (f64, DVec3) {
+        let mut best = (0.0, DVec3::ZERO);
+        for k in 0..self.n {
+            let [x, y, z] = [0, 1, 2].map(|axis| f64::from(self.axes[axis][k]));
+            let found = shape.depth(DVec3::new(x, y, z) - offset, f64::from(self.tolerance[k]));
+            if found.0 > best.0 {
+                best = found;
+            }
+        }
+        best
+    }
+}
+
+/// Height of blockers that are none, mm.
+const FAR_BELOW: f32 = -1e9;
+
+struct Depth<'a> {
+    local: &'a Local,
+    start: usize,
+    shape: &'a Shape,
+    middle: [f32; 3],
+    half: [f32; 3],
+}
+
+impl Kernel for Depth<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> f32 {
+        let Depth { local, start, shape, middle, half } = self;
+        let all = |x: f32| S::F32::splat(simd, x);
+        let zero = all(0.0);
+        let (corner, side) = (all(shape.corner), all(shape.side));
+        let radius = corner + side;
+        let mut deepest = all(FAR_BELOW);
+        let mut k = start;
+        while k < local.n {
+            let at = |axis: usize| S::F32::load(simd, &local.axes[axis][k..]) - all(middle[axis]);
+            // Farthest from the axis, and lowest, that a blocker is in these poses.
+            let far = |x: S::F32, half: f32| x.max(zero - x) + all(half);
+            let (x, y) = (far(at(0), half[0]), far(at(1), half[1]));
+            let (z, high) = (at(2) - all(half[2]), at(2) + all(half[2]));
+            let tolerance = S::F32::load(simd, &local.tolerance[k..]);
+            let across = x * x + y * y;
+            let rounded = corner - tolerance;
+            if shape.is_ball {
+                let upright = (zero - z).max(high);
+                deepest = deepest.max(rounded - (across + upright * upright).sqrt());
+                k += S::F32::LANES;
+                continue;
+            }
+            let distance = across.sqrt();
+            let beyond = (distance - side).max(zero);
+            let below = z.min(zero);
+            deepest = deepest.max(rounded - (beyond * beyond + below * below).sqrt());
+            let lifted = (zero - rounded).max(zero);
+            let within = radius - tolerance - distance;
+            deepest = deepest.max((z - lifted).min(within));
+            for &[height, radius] in &shape.steps {
+                let above = z - all(height) - tolerance;
+                deepest = deepest.max(above.min(all(radius) - tolerance - distance));
+            }
+            k += S::F32::LANES;
+        }
+        deepest.reduce_max()
+    }
+}
+
+/// Offsets of poses between these, along the axes of the tool.
+#[derive(Debug, Clone, Copy)]
+struct PoseBox {
+    middle: DVec3,
+    half: DVec3,
+}
+
+/// A rectangle of places on the disc of poses.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    at: DVec2,
+    half: DVec2,
+    /// Of the pose in the middle.
+    depth: f64,
+    /// Whether a blocker is in the way of all poses.
+    is_closed: bool,
+}
+
+impl Cell {
+    /// Its halves across the longer side.
+    fn halves(&self) -> [Cell; 2] {
+        let shift = match self.half.x >= self.half.y {
+            true => DVec2::new(0.5 * self.half.x, 0.0),
+            false => DVec2::new(0.0, 0.5 * self.half.y),
+        };
+        [-shift, shift].map(|shift| Cell {
+            at: self.at + shift,
+            half: self.half - shift.abs(),
+            ..*self
+        })
+    }
+}
+
+/// What a search is over.
+pub(super) struct Around<'a> {
+    shape: &'a Shape,
+    poses: PoseSet,
+    /// The point of contact.
+    point: DVec3,
+    /// Across the axis toward where the normal leans, and beside that; along the axis.
+    axes: Axes,
+    own: Option<OwnPlane>,
+    /// No place on the disc is farther along either axis from that of the site's own pose, mm.
+    within: f64,
+}
+
+/// A normal leans against the direction by at least this.
+const LEANING: f64 = 1e-7;
+/// Greatest ratio of distances on the disc and of poses.
+const APART: f64 = FRAC_PI_2;
+
+/// The plane of a surface about the point of contact, in the frame of the tool: poses that cut it deeper than the tolerances are closed.
+#[derive(Debug, Clone, Copy)]
+struct OwnPlane {
+    normal: DVec3,
+    /// Height of a tip's reference point above the plane when the grown tip touches it.
+    touching: f64,
+    /// How much less is granted; infinite if the surface is not known to go on about the point.
+    slack: f64,
+    /// The place on the disc of the pose that is farthest from the plane.
+    best: DVec2,
+}
+
+impl OwnPlane {
+    /// Whether all poses of a cell are too deep in the plane; the axes of the disc are those of the normal.
+    fn closes(&self, poses: &PoseSet, cell: &Cell) -> bool {
+        let nearest = self.best.clamp(cell.at - cell.half, cell.at + cell.half);
+        self.touching - self.normal.dot(poses.offset(nearest)) > self.slack
+    }
+}
+
+/// What is in the way in a pose: none if it is free.
+#[derive(Debug, Default)]
+pub(super) struct Met {
+    all: [Option<Blocker>; MOST_MET],
+    n: usize,
+}
+
+impl Met {
+    /// Notes one more; whether there is room for no other.
+    pub fn push(&mut self, blocker: Blocker) -> bool {
+        if self.n < MOST_MET {
+            self.all[self.n] = Some(blocker);
+            self.n += 1;
+        }
+        self.n == MOST_MET
+    }
+
+    /// Whether nothing is in the way.
+    pub fn is_free(&self) -> bool {
+        self.n == 0
+    }
+}
+
+/// Memory of a search.
+#[derive(Debug)]
+pub(super) struct PoseSearch {
+    cells: Vec<Cell>,
+    local: Local,
+    isa: Isa,
+}
+
+impl Default for PoseSearch {
+    fn default() -> Self {
+        PoseSearch { cells: Vec::new(), local: Local::default(), isa: Isa::active() }
+    }
+}
+
+/// How far a search goes before it gives up.
+pub(super) struct Limits {
+    /// Most poses that are tested against triangles.
+    n_tests: usize,
+    /// Most pushes of the site's own pose before that.
+    n_pushes: usize,
+    /// So many are tested even where a blocker is known, for deeper ones.
+    n_deeper: usize,
+    /// Most cells.
+    n_cells: usize,
+}
+
+impl Limits {
+    /// At most so many tests.
+    pub fn tests(n_tests: usize) -> Self {
+        Limits {
+            n_tests,
+            n_pushes: n_tests.min(MOST_PUSHES),
+            n_deeper: N_DEEPER,
+            n_cells: CELLS_PER_TEST * n_tests,
+        }
+    }
+}
+
+/// Pushes after which nothing is found.
+const MOST_PUSHES: usize = 40;
+/// Tests for deeper blockers.
+const N_DEEPER: usize = 3;
+/// A test costs as much as so many cells.
+const CELLS_PER_TEST: usize = 10;
+
+impl<'a> Around<'a> {
+    /// `slack` is how deep poses may be in the plane of the surface, `within` how far from the site's own they may be.
+    pub fn new(
+        shape: &'a Shape,
+        poses: PoseSet,
+        contact: &Contact,
+        direction: DVec3,
+        [slack, within]: [f64; 2],
+    ) -> Self {
+        let leaning = contact.normal.map(|normal| normal - direction * normal.dot(direction));
+        // Where it hardly leans, its roundings point anywhere.
+        let leaning = leaning.filter(|leaning| leaning.length() > LEANING);
+        let u = leaning.map_or(basis(direction)[0], DVec3::normalize);
+        let axes = [u, direction.cross(u), direction];
+        let own = contact.normal.map(|normal| {
+            let normal = DVec3::new(normal.dot(u), 0.0, normal.dot(direction));
+            let touching = poses.corner + poses.side * normal.x.abs();
+            OwnPlane { normal, touching, slack, best: poses.place(normal) }
+        });
+        // Places on the disc are a little farther apart than poses.
+        let within = APART * within;
+        Around { shape, poses, point: contact.point, axes, own, within }
+    }
+
+    fn local(&self, offset: DVec3) -> DVec3 {
+        let [u, v, d] = self.axes;
+        DVec3::new(offset.dot(u), offset.dot(v), offset.dot(d))
+    }
+
+    /// Keeps what was met.
+    fn note(&self, met: Met, local: &mut Local, blockers: &mut Blockers) {
+        for blocker in met.all.into_iter().flatten() {
+            local.push(self.local(blocker.point - self.point), blocker.tolerance);
+            blockers.push(blocker);
+        }
+    }
+
+    /// A free pose near the site's own: pushed away from what is deepest in the tool, again and again, along the poses. In a hollow as wide as the tool
+    /// it finds the one place; where it finds none, there may be one.
+    fn slide(
+        &self,
+        local: &mut Local,
+        blockers: &mut Blockers,
+        n_pushes: usize,
+        test: &mut impl FnMut(DVec3) -> Met,
+    ) -> Option<DVec3> {
+        /// Farther than what is deepest, mm.
+        const BEYOND_MM: f64 = 1e-5;
+        /// Pushes across the poses, by less than this share of their length, lead nowhere.
+        const ACROSS: f64 = 1e-3;
+        let radius = self.poses.radius();
+        let mut at = self.own.map_or(DVec2::ZERO, |own| own.best);
+        for _ in 0..n_pushes {
+            if !self.may_touch(at, 0.0) {
+                return None;
+            }
+            let reference = self.reference(at);
+            let met = test(reference);
+            if met.is_free() {
+                return Some(reference);
+            }
+            self.note(met, local, blockers);
+            let (depth, away) = local.deepest(self.shape, self.poses.offset(at));
+            let [along, beside] = self.poses.tangents(at);
+            let push = [away.dot(along), away.dot(beside)];
+            let squared = push[0] * push[0] + push[1] * push[1];
+            if depth <= 0.0 || squared < ACROSS * ACROSS {
+                return None;
+            }
+            let outward = at.try_normalize().unwrap_or(DVec2::X);
+            let push = outward * push[0] + outward.perp() * push[1];
+            let by = push * ((depth + BEYOND_MM) / squared);
+            at = (at + by.clamp_length_max(0.5 * radius)).clamp_length_max(radius);
+        }
+        None
+    }
+
+    fn may_touch(&self, at: DVec2, reach: f64) -> bool {
+        self.own.is_none_or(|own| self.poses.touches(at, reach, own.normal))
+    }
+
+    /// Whether some pose of a cell is on the disc, touches the surface and is not too deep in its plane.
+    fn is_possible(&self, cell: &Cell) -> bool {
+        let nearest = (cell.at.abs() - cell.half).max(DVec2::ZERO).length();
+        nearest <= self.poses.radius()
+            && self.may_touch(cell.at, cell.half.length())
+            && !self.own.is_some_and(|own| own.closes(&self.poses, cell))
+    }
+
+    /// All poses, or all that are not too deep in the plane of the surface.
+    fn first_cell(&self) -> Option<Cell> {
+        let radius = self.poses.radius();
+        let around = match self.own {
+            Some(own) if self.within.is_finite() => {
+                [own.best - self.within, own.best + self.within]
+            }
+            _ => [DVec2::splat(-radius), DVec2::splat(radius)],
+        };
+        let [low, high] = around.map(|p| p.clamp(DVec2::splat(-radius), DVec2::splat(radius)));
+        let cell = Cell {
+            at: 0.5 * (low + high),
+            half: 0.5 * (high - low),
+            depth: f64::NEG_INFINITY,
+            is_closed: false,
+        };
+        self.is_possible(&cell).then_some(cell)
+    }
+
+    /// The cell with the blockers from number `first` on taken into account.
+    fn measured(&self, cell: Cell, local: &Local, first: usize, isa: Isa) -> Cell {
+        let middle = PoseBox { middle: self.poses.offset(cell.at), half: DVec3::ZERO };
+        let depth = local.depth(first, self.shape, &middle, isa);
+        // What is not in the way in the middle closes nothing.
+        let is_closed = depth > 0.0
+            && local.depth(first, self.shape, &self.poses.around(cell.at, cell.half), isa) > 0.0;
+        Cell { depth: cell.depth.max(depth), is_closed: cell.is_closed || is_closed, ..cell }
+    }
+
+    /// The reference point of a pose.
+    fn reference(&self, at: DVec2) -> DVec3 {
+        let [u, v, d] = self.axes;
+        let o = self.poses.offset(at);
+        self.point + u * o.x + v * o.y + d * o.z
+    }
+}
+
+impl PoseSearch {
+    /// The reference point of a free pose; `test` is given reference points.
+    pub fn run(
+        &mut self,
+        around: &Around,
+        blockers: &mut Blockers,
+        (resolution, limits): (f64, &Limits),
+        mut test: impl FnMut(DVec3) -> Met,
+    ) -> Option<DVec3> {
+        let PoseSearch { cells, local, isa } = self;
+        local.clear();
+        for blocker in &blockers.all {
+            local.push(around.local(blocker.point - around.point), blocker.tolerance);
+        }
+        if let Some(reference) = around.slide(local, blockers, limits.n_pushes, &mut test) {
+            return Some(reference);
+        }
+        cells.clear();
+        cells.extend(around.first_cell().map(|cell| around.measured(cell, local, 0, *isa)));
+        let (mut n_tests, mut n_cells) = (0, 1);
+        while let Some(k) = shallowest(cells) {
+            let mut cell = cells.swap_remove(k);
+            if cell.is_closed {
+                continue;
+            }
+            // Covered and not closed: deeper blockers may close it.
+            let is_shallow = cell.depth <= 0.0 || n_tests < limits.n_deeper;
+            if is_shallow && around.may_touch(cell.at, 0.0) {
+                if n_tests == limits.n_tests {
+                    return None;
+                }
+                n_tests += 1;
+                let reference = around.reference(cell.at);
+                let met = test(reference);
+                if met.is_free() {
+                    return Some(reference);
+                }
+                let first = local.n;
+                around.note(met, local, blockers);
+                for cell in cells.iter_mut() {
+                    *cell = around.measured(*cell, local, first, *isa);
+                }
+                cell = around.measured(cell, local, first, *isa);
+                if cell.is_closed {
+                    continue;
+                }
+            }
+            if cell.half.length() <= resolution || n_cells > limits.n_cells {
+                continue;
+            }
+            for half in cell.halves() {
+                if around.is_possible(&half) {
+                    let half = Cell { depth: f64::NEG_INFINITY, ..half };
+                    cells.push(around.measured(half, local, 0, *isa));
+                    n_cells += 1;
+                }
+            }
+        }
+        None
+    }
+}
+
+/// The cell with the least depth; the first among equals.
+fn shallowest(cells: &[Cell]) -> Option<usize> {
+    let better = |a: usize, b: usize| if cells[b].depth < cells[a].depth { b } else { a };
+    (0..cells.len()).reduce(better)
+}
