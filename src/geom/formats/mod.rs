@@ -10,6 +10,7 @@ mod obj;
 mod ply;
 mod polygon;
 mod stl;
+mod strip;
 mod text;
 mod threemf;
 
@@ -97,7 +98,7 @@ pub enum MeshOrCloud {
     Cloud(Sites),
 }
 
-/// Reads a mesh or a cloud, whichever `path` holds: an NPZ, or a PLY without faces but with
+/// Reads a mesh or a cloud, whichever `path` holds: an NPZ, or a PLY without faces of any kind but with
 /// normals, is a cloud.
 ///
 /// # Errors
