@@ -57,7 +57,8 @@ impl MeshArgs {
     /// inward-facing mesh is turned with a notice. A mesh that does not bound one solid, or with
     /// [`Accept::Bodies`] several, is refused, or with [`Accept::Faults`] warned about.
     pub fn read_part(&self, path: &Path, accept: Accept, output: &Output) -> Result<MeshOrCloud> {
-        let mut part = formats::read_part(path, &self.options())?;
+        let (mut part, notices) = formats::read_part_with_notices(path, &self.options())?;
+        notices.iter().for_each(|notice| output.warn(notice));
         match &mut part {
             MeshOrCloud::Mesh(mesh) => {
                 self.prepare(mesh, output)?;
@@ -122,7 +123,8 @@ impl MeshArgs {
 
     /// Reads a mesh as it is, with the chosen repairs; whether it can be labeled is not checked.
     pub fn read_mesh(&self, path: &Path, output: &Output) -> Result<(Mesh, Vec<repair::Change>)> {
-        let mut mesh = formats::read_mesh(path, &self.options())?;
+        let (mut mesh, notices) = formats::read_mesh_with_notices(path, &self.options())?;
+        notices.iter().for_each(|notice| output.warn(notice));
         let changes = self.prepare(&mut mesh, output)?;
         Ok((mesh, changes))
     }

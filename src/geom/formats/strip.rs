@@ -1,7 +1,7 @@
 //! Triangle strips: every corner after the second makes a triangle with the two before it.
 //!
 //! ```text
-//! a strip a b c d e … holds  (a b c) (c b d) (c d e) …: every other triangle is turned, so that all face the same side
+//! a strip a b c d e … holds  (a b c) (c b d) (c d e) …: every other one is turned, so that all face the same side
 //! -1 ends a strip within its list; triangles that use a corner twice only lead on and are left out
 //! ```
 
