@@ -292,7 +292,7 @@ fn every_broken_tool_table_is_refused_in_one_line_with_file_place_and_remedy() {
             &["line 1", "two columns CR", "delete"],
         ),
         ("word.csv", row("b,1,2,x,4\n"), &["line 5", "FR is \"x\"", "not a number", "mm"]),
-        ("unit.csv", row("b,1 mm,2,3,4\n"), &["line 5", "CR is \"1 mm\"", "without a unit"]),
+        ("unit.csv", row("b,1 ell,2,3,4\n"), &["line 5", "CR is \"1 ell\"", "with its unit"]),
         ("gap.csv", row("b,1,,3,4\n"), &["line 5", "CH is empty", "mm"]),
         ("short.csv", row("b,1,2,3\n"), &["line 5", "FH is empty", "mm"]),
         ("comma.csv", row("b,1,5,2,3,4\n"), &["line 5", "6 fields under 5", "semicolons"]),
@@ -311,9 +311,6 @@ fn every_broken_tool_table_is_refused_in_one_line_with_file_place_and_remedy() {
             &["line 2", "clearance is NaN"],
         ),
         ("names.csv", row("A,1,3,3,4"), &["line 5", "\"A\"", "line 2", "name of its own"]),
-        ("slash.csv", row("../a,1,2,3,4"), &["line 5", "\"../a\"", "folder", "leave out"]),
-        ("dots.csv", row("..,1,2,3,4"), &["line 5", "\"..\"", "folder", "begin it"]),
-        ("part.csv", row("Part.STL,1,2,3,4"), &["line 5", "Part.STL", "choose another"]),
         ("quote.csv", row("\"b,1,2,3,4\nc,1,2,3,4\n"), &["line 5", "CR is empty"]),
         (
             "latin.csv",
@@ -326,8 +323,11 @@ fn every_broken_tool_table_is_refused_in_one_line_with_file_place_and_remedy() {
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes, expected) in cases {
         let path = put(folder.path(), name, bytes);
+        // One bad row loses no other tool: it is left out in the same words.
         let message = match tools::read(&path, &tools::Unsaid::default()) {
-            Ok(_) => panic!("{name} was read"),
+            Ok(table) => {
+                table.refused.into_iter().next().unwrap_or_else(|| panic!("{name} was read"))
+            }
             Err(error) => error.to_string(),
         };
         verify(name, &message, &path, expected);

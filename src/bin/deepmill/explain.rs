@@ -1,9 +1,10 @@
 //! `deepmill explain`: why a site of a result can or cannot be reached, and what would help.
 
+use crate::args::millimeters;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::data::files::label_query::LabelQuery;
-use deepmill::report::coverage::{TOOLS, tool_names};
+use deepmill::report::coverage::{TOOLS, tool_folders};
 use deepmill::report::explanation::{About, picture};
 use deepmill::report::folder::LABELS;
 use deepmill::report::tables::Cell;
@@ -87,8 +88,9 @@ fn labels_file(result: &Path) -> Result<PathBuf> {
     }
     let (found, remedy) = match result.join(TOOLS).is_file() {
         true => {
-            let names = tool_names(result)?.join(", ");
-            let remedy = format!("name the folder of one of its tools: {names}");
+            let folders = tool_folders(result)?.into_iter().map(|(_, folder)| folder);
+            let folders = folders.collect::<Vec<_>>().join(", ");
+            let remedy = format!("name the folder of one of its tools: {folders}");
             ("it is the folder of several tools".to_string(), remedy)
         }
         false => {
@@ -100,7 +102,7 @@ fn labels_file(result: &Path) -> Result<PathBuf> {
 }
 
 fn place(text: &str) -> Result<DVec3> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
+    let numbers: Option<Vec<f64>> = text.split(',').map(|x| millimeters(x).ok()).collect();
     let three = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
     three.map(DVec3::from_array).filter(|p| p.is_finite()).ok_or_else(|| {
         let remedy = "write for example 12.5,30,4";

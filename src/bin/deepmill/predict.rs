@@ -171,8 +171,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         );
         output.say(table.text());
         result["tools"] = table.json();
-        for (row, (.., outside)) in (0..).zip(&files) {
+        for (row, (_, tool, outside)) in (0..).zip(&files) {
             result["tools"][row]["outside_domain"] = json!(outside);
+            result["tools"][row]["folder"] = json!(tool.folder());
         }
     } else {
         result["outside_domain"] = json!(files[0].2);
@@ -306,7 +307,7 @@ impl About<'_> {
         let mut paths = Vec::new();
         for (file, tool, _) in files {
             let folder = match args.tools.are_several() {
-                true => args.out.join(&tool.name),
+                true => args.out.join(tool.folder()),
                 false => args.out.clone(),
             };
             let mesh = mesh.as_ref();
