@@ -47,6 +47,63 @@ fn cutters_that_cannot_be_are_refused_as_typed() {
 }
 
 #[test]
+fn every_length_takes_a_unit_and_is_never_taken_for_another() {
+    let folder = Folder::new();
+    let (part, out) = (folder.block(), folder.path("out"));
+    let table = folder.file("mill.tbl", "T1 P1 D0.25 ;ball end\n");
+    let holder = folder.file("er.csv", "height,lower,upper\n1in,28,1.5in\n");
+    let few = ["--sites", "50", "--directions", "up", "--no-picture", "--json"];
+    let stick_out = |more: &[&str]| {
+        let args = ["tools", &part, "--library", &table, "--holder", &holder, "--out", &out];
+        let output = deepmill(&[&args[..], &few, more].concat());
+        json(&output)["tools"][0]["stick_out"].as_f64().unwrap()
+    };
+    for [stick, shank] in [["1.1", "0.25"], ["1.1in", "1/4 in"], ["27.94mm", "6.35 mm"]] {
+        let lengths = ["--stick-out", stick, "--shank", shank, "--flute-length", "0.5in"];
+        assert_eq!(stick_out(&[&lengths[..], &["--tool-unit", "in"]].concat()), 27.94, "{stick}");
+    }
+    let label = |more: &[&str]| {
+        json(&deepmill(&[&["label", &part, "--out", &out], &few[..], more].concat()))
+    };
+    let inch = label(&[
+        "--cutter",
+        "1/16in,0.25in,40,5mm",
+        "--corner",
+        "1/32in",
+        "--clearance",
+        "0.01in",
+        "--tolerance",
+        "0.001in",
+        "--table",
+        "-1in",
+        "--clearance-limit",
+        "0.1in",
+    ]);
+    let mm = label(&[
+        "--cutter",
+        "1.5875,6.35,40,5",
+        "--corner",
+        "0.79375",
+        "--clearance",
+        "0.254",
+        "--tolerance",
+        "0.0254",
+        "--table",
+        "-25.4",
+        "--clearance-limit",
+        "2.54",
+    ]);
+    assert_eq!(inch["cutter"], mm["cutter"]);
+    assert_eq!(inch["accessible"], mm["accessible"]);
+    for (option, value) in [("--tolerance", "1 ell"), ("--corner", "x"), ("--table", "1/0in")] {
+        let args = ["label", &part, "--cutter", CUTTER, "--out", &out, option, value];
+        let output = deepmill(&args);
+        assert_eq!(output.status.code(), Some(2), "{option}");
+        assert!(text(&output.stderr).contains("not a length"), "{}", text(&output.stderr));
+    }
+}
+
+#[test]
 fn negative_numbers_are_refused_for_what_they_are() {
     let folder = Folder::new();
     let (part, out) = (folder.block(), folder.path("sites.ply"));

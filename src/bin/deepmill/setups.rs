@@ -1,6 +1,6 @@
 //! `deepmill setups`: in how many clampings a part can be milled, and what each reaches.
 
-use crate::args::{GateArgs, SiteArgs, ToolArgs, name_of, share};
+use crate::args::{GateArgs, SiteArgs, ToolArgs, millimeters, name_of, share};
 use crate::clock::Clock;
 use crate::findings;
 use crate::mesh_args::MeshArgs;
@@ -56,7 +56,7 @@ pub struct Args {
     sites: SiteArgs,
     /// How deep the tool may seem to cut where it only touches; by default 0.01, and more beside coarsely tessellated
     /// curves.
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", value_parser = millimeters)]
     tolerance: Option<f64>,
     #[command(flatten)]
     gate: GateArgs,
