@@ -3,7 +3,7 @@
 
 mod command;
 
-use command::{CUTTER, Folder, deepmill, failure, json, text};
+use command::{CUTTER, Folder, block, deepmill, failure, json, stl, text};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -101,6 +101,34 @@ fn every_length_takes_a_unit_and_is_never_taken_for_another() {
         assert_eq!(output.status.code(), Some(2), "{option}");
         assert!(text(&output.stderr).contains("not a length"), "{}", text(&output.stderr));
     }
+}
+
+#[test]
+fn a_part_in_inches_is_warned_about_before_any_work() {
+    let folder = Folder::new();
+    let part = folder.file("inch.stl", stl(&block([0.0; 3], [3.0, 2.0, 1.0])));
+    let (out, few) = (folder.path("out"), ["--sites", "50", "--no-picture"]);
+    let tools = folder.file("shop.csv", "name,CR,CH,FR,FH\nD12,6,20,25,30\nD1,0.5,20,25,30\n");
+    let commands = [
+        &["check", &part][..],
+        &["label", &part, "--cutter", CUTTER, "--out", &out, "--directions", "up"],
+        &["tools", &part, "--library", &tools, "--out", &out, "--directions", "up"],
+        &["setups", &part, "--tools", &tools, "--machine", "3-axis", "--out", &out],
+        &["sample", &part, "--out", &folder.path("a.ply")],
+        &["explain", &out, "--site", "1", "--part", &part],
+    ];
+    for (k, command) in commands.into_iter().enumerate() {
+        let few = if (1..=3).contains(&k) { &few[..] } else { &[] };
+        let words = text(&deepmill(&[command, few].concat()).stderr);
+        let inch = "3.000 mm long at most; if the file is in inches, --unit in makes it 76.2 mm";
+        assert_eq!(words.matches(inch).count(), 1, "{command:?}: {words}");
+        if ["tools", "setups"].contains(&command[0]) {
+            let wide = "1 of 2 tools are wider than the part is long (3.000 mm), D12 with 12 mm";
+            assert!(words.contains(wide), "{command:?}: {words}");
+        }
+    }
+    let output = deepmill(&["check", &part, "--unit", "in"]);
+    assert!(!text(&output.stderr).contains("warning"), "{}", text(&output.stderr));
 }
 
 #[test]

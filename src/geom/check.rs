@@ -6,6 +6,7 @@
 //! only size, area and volume look at coordinates. Cost: O(n log n).
 
 mod fault;
+mod junction;
 pub(crate) mod topology;
 
 use super::Mesh;
@@ -150,6 +151,9 @@ pub fn check(mesh: &Mesh) -> MeshReport {
         found.add(Fault::NotFinite, Place::Vertex(v as u32, *place));
     }
     check_edges(mesh, &topology, &mut found);
+    for vertex in junction::t_junctions(mesh, &topology) {
+        found.add(Fault::TJunction, Place::Vertex(vertex, mesh.vertices[vertex as usize]));
+    }
     for vertex in topology.split_vertices(mesh) {
         found.add(Fault::NonManifoldVertex, Place::Vertex(vertex, mesh.vertices[vertex as usize]));
     }

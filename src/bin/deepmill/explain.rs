@@ -1,7 +1,7 @@
 //! `deepmill explain`: why a site of a result can or cannot be reached, and what would help.
 
 use crate::args::millimeters;
-use crate::mesh_args::MeshArgs;
+use crate::mesh_args::{MeshArgs, warn_if_in_inches};
 use crate::output::Output;
 use deepmill::data::files::label_query::LabelQuery;
 use deepmill::report::coverage::{TOOLS, tool_folders};
@@ -50,6 +50,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
     let mesh = args.part.as_ref().map(|path| args.read.read_mesh(path, output));
     let query = LabelQuery::read(&labels, mesh.transpose()?.map(|(mesh, _)| mesh))?;
+    query.mesh.iter().for_each(|mesh| warn_if_in_inches(mesh, output));
     let (site, distance) = match at {
         Some(at) => query.nearest_site(at)?,
         None => (args.site.unwrap_or_default(), 0.0),

@@ -2,9 +2,10 @@
 
 use crate::args::name_of;
 use crate::output::Output;
+use deepmill::data::files::tools::Tool;
 use deepmill::geom::check::{Fault, MeshReport};
 use deepmill::geom::formats::{self, MeshOrCloud, ReadOptions};
-use deepmill::geom::units::{Unit, size_line, size_warning};
+use deepmill::geom::units::{Unit, inch_warning, size_line, size_warning};
 use deepmill::geom::{Mesh, check, repair, weld};
 use deepmill::{Error, Result};
 use glam::DVec3;
@@ -26,6 +27,27 @@ impl Accept {
     pub fn one_body_or(force: bool) -> Self {
         if force { Accept::Faults } else { Accept::OneBody }
     }
+}
+
+/// Warns if a part in millimeters may be one in inches.
+pub fn warn_if_in_inches(mesh: &Mesh, output: &Output) {
+    let warning = mesh.bounds().and_then(|(low, high)| inch_warning(low, high));
+    warning.iter().for_each(|warning| output.warn(warning));
+}
+
+/// Warns, before the work, of tools that are wider than the part is long: the unit of one of them may be wrong.
+pub fn warn_wide_tools(mesh: &Mesh, tools: &[Tool], output: &Output) {
+    let longest = mesh.bounds().map_or(0.0, |(low, high)| (high - low).max_element());
+    let diameter = |tool: &Tool| 2.0 * tool.params.cr_mm;
+    let wide: Vec<&Tool> = tools.iter().filter(|tool| diameter(tool) > longest).collect();
+    let Some(first) = wide.first() else { return };
+    output.warn(format!(
+        "{} of {} tools are wider than the part is long ({longest:.3} mm), {} with {} mm: check --unit and the tools",
+        wide.len(),
+        tools.len(),
+        first.name,
+        diameter(first)
+    ));
 }
 
 /// Options that say how a mesh file is read.
@@ -143,7 +165,9 @@ impl MeshArgs {
 
     fn echo(&self, low: DVec3, high: DVec3, output: &Output) {
         output.say(format!("size {}", size_line(low, high)));
-        if let Some(warning) = size_warning(low, high, self.options().scale) {
+        let scale = self.options().scale;
+        let in_inches = || inch_warning(low, high).filter(|_| scale == 1.0);
+        if let Some(warning) = size_warning(low, high, scale).or_else(in_inches) {
             output.warn(warning);
         }
     }

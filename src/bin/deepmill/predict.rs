@@ -2,7 +2,7 @@
 
 use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, name_of};
 use crate::clock::Clock;
-use crate::mesh_args::{Accept, MeshArgs};
+use crate::mesh_args::{Accept, MeshArgs, warn_wide_tools};
 use crate::model_args::ModelArgs;
 use crate::output::Output;
 use deepmill::access::LabelOptions;
@@ -90,6 +90,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let part = args.read.read_part(&args.part, Accept::one_body_or(args.force), output)?;
     clock.lap("read_s", "reading");
     let (mesh, sites) = args.sites.place(part)?;
+    mesh.iter().for_each(|mesh| warn_wide_tools(mesh, &tools, output));
     clock.lap("sites_s", "sites");
     let definition = model.definition.map(|definition| definition.to_string());
     let obstacles = args.verify.map(|_| part_to_verify(model.definition, mesh.as_ref()));

@@ -3,7 +3,7 @@
 use crate::args::{GateArgs, SiteArgs, ToolArgs, millimeters, name_of, share};
 use crate::clock::Clock;
 use crate::findings;
-use crate::mesh_args::MeshArgs;
+use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use deepmill::access::setups::{Candidates, Clampings, Machine, Plan};
 use deepmill::access::surface::{
@@ -92,6 +92,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
+    warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
     let sites = args.sites.on(&mesh)?;
     Show::pictures_unless(args.no_picture).require_memory(Some(&mesh), &sites)?;

@@ -172,6 +172,9 @@ fn mesh_with_notices(
 ) -> Result<(Mesh, Vec<String>)> {
     check_options(options)?;
     refuse_empty(bytes, path)?;
+    if let Some(kind) = input_file::foreign(bytes).filter(|_| format != Format::ThreeMf) {
+        return Err(kind.error(path, "a mesh"));
+    }
     let remedy = "export the part with fewer triangles";
     require_memory("reading the mesh", bytes.len() as u64, path, remedy)?;
     let mut notices = Vec::new();

@@ -160,8 +160,7 @@ impl TableText<'_> {
         }
         if let Some(k) = REQUIRED.into_iter().find(|k| columns.place[*k].is_none()) {
             let found = format!("there is no column {}", COLUMNS[k]);
-            let remedy =
-                "the header row must name CR, CH, FR and FH, or a diameter, corner and stick_out";
+            let remedy = "the header row must name CR, CH, FR and FH, such as name,CR,CH,FR,FH, or a diameter";
             return Err(self.at(line, found, remedy));
         }
         Ok((columns, unused))
