@@ -131,6 +131,75 @@ fn a_part_in_inches_is_warned_about_before_any_work() {
     assert!(!text(&output.stderr).contains("warning"), "{}", text(&output.stderr));
 }
 
+/// A block with decimals, `by` from the origin, as OBJ.
+fn obj(low: [f64; 3], high: [f64; 3], by: [f64; 3]) -> String {
+    let at = |i: usize, k: usize| by[k] + if i >> k & 1 == 1 { high[k] } else { low[k] };
+    let corners = (0..8).map(|i| format!("v {:.6} {:.6} {:.6}\n", at(i, 0), at(i, 1), at(i, 2)));
+    let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    corners.collect::<String>() + faces
+}
+
+#[test]
+fn a_part_far_from_the_origin_has_the_answers_of_the_same_part_near_it() {
+    let folder = Folder::new();
+    let answers = |name: &str, by: [f64; 3], table: &str| {
+        let part = folder.file(&format!("{name}.obj"), obj([0.0; 3], [40.1, 30.2, 20.3], by));
+        let vise = obj([-30.0, -5.0, -3.0], [-0.5, 35.0, 25.7], by);
+        let vise = folder.file(&format!("vise-{name}.obj"), vise);
+        let out = folder.path(name);
+        let args = ["label", &part, "--fixture", &vise, "--table", table, "--cutter", CUTTER];
+        let few = ["--sites", "300", "--directions", "20", "--no-picture", "--json", "--out", &out];
+        let output = deepmill(&[&args[..], &few].concat());
+        let said = text(&output.stderr);
+        (
+            json(&output),
+            deepmill::data::files::LabelFile::read(out_file(&out).as_ref()).unwrap(),
+            said,
+        )
+    };
+    let (near, near_file, said) = answers("near", [0.0; 3], "-3");
+    assert!(near["origin_mm"].is_null() && !said.contains("warning"), "{said}");
+    let by = [400_000.37, 800_000.21, -5000.5];
+    let (far, far_file, said) = answers("far", by, "-5003.5");
+    assert_eq!(far["origin_mm"], serde_json::json!(by));
+    assert!(said.contains("relative to (400000.37, 800000.21, -5000.5) mm"), "{said}");
+    assert_eq!((&near_file.sites, &near_file.labels), (&far_file.sites, &far_file.labels));
+    assert_eq!(near["inaccessible"], far["inaccessible"]);
+    assert_eq!(far_file.provenance.settings["origin_mm"], serde_json::json!(by));
+    for file in ["part.stl", "fixtures.stl", "findings.csv"] {
+        let bytes = |name| std::fs::read(folder.path(&format!("{name}/{file}"))).unwrap();
+        assert!(bytes("near") == bytes("far"), "{file} differs");
+    }
+    let report = deepmill(&[
+        "explain",
+        &folder.path("far"),
+        "--part",
+        &folder.path("far.obj"),
+        "--site",
+        "3",
+        "--no-picture",
+    ]);
+    assert!(report.status.success(), "{}", text(&report.stderr));
+    let mended = folder.path("mended.stl");
+    let checked = json(&deepmill(&["check", &folder.path("far.obj"), "--out", &mended, "--json"]));
+    assert!(
+        (checked["volume_mm3"].as_f64().unwrap() - 40.1 * 30.2 * 20.3).abs()
+            < 1e-9 * 40.1 * 30.2 * 20.3
+    );
+    let cloud = "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty double y\n\
+        property double z\nproperty float nx\nproperty float ny\nproperty float nz\nend_header\n\
+        400000.1 0 0 0 0 1\n400001 0 0 0 0 1\n";
+    let message = failure(&folder.label(&folder.file("far.ply", cloud), &[]), 1);
+    assert!(
+        message.contains("x is 400000.09375 mm") && message.contains("0.03125 mm apart"),
+        "{message}"
+    );
+}
+
+fn out_file(out: &str) -> String {
+    format!("{out}/labels.npz")
+}
+
 #[test]
 fn negative_numbers_are_refused_for_what_they_are() {
     let folder = Folder::new();

@@ -9,7 +9,7 @@ mod fault;
 mod junction;
 pub(crate) mod topology;
 
-use super::Mesh;
+use super::{Mesh, origin};
 use crate::{Error, Result};
 pub use fault::Fault;
 use glam::DVec3;
@@ -166,9 +166,17 @@ pub fn check(mesh: &Mesh) -> MeshReport {
         euler: topology.euler(mesh),
         bounds: mesh.bounds(),
         area_mm2: mesh.area(),
-        volume_mm3: mesh.volume(),
+        volume_mm3: volume(mesh),
         findings: found.sorted(),
     }
+}
+
+/// Enclosed volume, mm³; of a part far from the origin about a local one, so that it keeps its digits.
+fn volume(mesh: &Mesh) -> f64 {
+    let Some(at) = origin::local_origin(mesh) else { return mesh.volume() };
+    let mut near = mesh.clone();
+    origin::make_relative(&mut near, at);
+    near.volume()
 }
 
 /// Per triangle, the number of the piece it belongs to: pieces share no edge, and are numbered by their first triangle.

@@ -26,7 +26,7 @@ pub struct Args {
     /// Row of the site, from 0 on.
     #[arg(long, value_name = "N", required_unless_present = "at", conflicts_with = "at")]
     site: Option<usize>,
-    /// The site nearest to this place, mm.
+    /// The site nearest to this place, mm, in the coordinates of the result (relative to its origin_mm, if it has one).
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     at: Option<String>,
     /// The part's mesh, if the folder holds no part.stl.
@@ -48,8 +48,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     if let Some(path) = &args.picture {
         atomic_file::check_writable_file(path)?;
     }
-    let mesh = args.part.as_ref().map(|path| args.read.read_mesh(path, output));
-    let query = LabelQuery::read(&labels, mesh.transpose()?.map(|(mesh, _)| mesh))?;
+    let mesh = args.part.as_ref().map(|path| args.read.read_near(path, output));
+    let query = LabelQuery::read(&labels, mesh.transpose()?)?;
     query.mesh.iter().for_each(|mesh| warn_if_in_inches(mesh, output));
     let (site, distance) = match at {
         Some(at) => query.nearest_site(at)?,

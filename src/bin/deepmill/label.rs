@@ -179,6 +179,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.say(facts.text());
     let mut result = facts.json();
     result["limits_broken"] = broken;
+    args.read.add_origin(&mut result);
     if let (Blocking::Part, Some(labels), Some(mesh)) = (blocking, &single, &answers.mesh) {
         result["faces"] = part_itself::say_blocking(mesh, &answers.sites, labels, output);
         result["bodies"] = part_itself::say_bodies(mesh, &answers.sites, labels, output)?;
@@ -327,7 +328,7 @@ impl Answers<'_> {
 
     fn provenance(&self, tool: &Tool, warnings: &[Warning]) -> Provenance {
         let Answers { args, directions, .. } = self;
-        let settings = json!({
+        let mut settings = json!({
             "sites": args.sites.settings(self.mesh.is_some()),
             "surface": self.surface,
             "tool": tool.settings(),
@@ -341,6 +342,7 @@ impl Answers<'_> {
             "clearance_limit_mm": args.clearance_limit,
             "engine": args.engine,
         });
+        args.read.add_origin(&mut settings);
         Provenance { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings }
     }
 }

@@ -105,11 +105,12 @@ impl SurfaceArgs {
     pub fn fixtures(&self, mesh: &Mesh, read: &MeshArgs, output: &Output) -> Result<Vec<Mesh>> {
         let mut fixtures = Vec::new();
         for path in &self.fixture {
-            let (fixture, _) = read.read_mesh(path, output)?;
+            let fixture = read.read_fixture(path, output)?;
             check_fixture(path, &fixture)?;
             fixtures.push(fixture);
         }
         if let Some(z) = self.table {
+            let z = z - read.origin().map_or(0.0, |at| at.z);
             fixtures.push(table(mesh, z)?);
             let (low, high) = mesh.bounds().unwrap_or_default();
             if z > low.z {

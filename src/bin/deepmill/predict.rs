@@ -100,6 +100,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "model": model_name,
         "definition": definition,
     });
+    args.read.add_origin(&mut settings);
     if let Some(bound) = args.verify {
         settings["verify"] = json!({ "bound": bound, "directions": directions.set() });
     }

@@ -228,7 +228,7 @@ impl Found {
             stored = shared.join(SURFACE);
         }
         match &args.part {
-            Some(path) => args.read.read_mesh(path, output).map(|(mesh, _)| Some(mesh)),
+            Some(path) => args.read.read_near(path, output).map(Some),
             None if stored.is_file() => {
                 deepmill::geom::formats::read_mesh(&stored, &Default::default()).map(Some)
             }

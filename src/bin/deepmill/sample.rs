@@ -170,7 +170,8 @@ fn volume(args: &Args, part: MeshOrCloud, n_points: usize, facts: &mut Facts) ->
     npz.write(&args.out)
 }
 
-fn metadata(args: &Args, format: &str, settings: Value) -> Value {
+fn metadata(args: &Args, format: &str, mut settings: Value) -> Value {
+    args.read.add_origin(&mut settings);
     json!({
         "format": format,
         "version": 1,

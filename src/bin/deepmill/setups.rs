@@ -163,6 +163,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     result["fewest_is_proven"] = json!(plan.setups.len() <= plan.at_least);
     result["findings"] = found.json();
     result["limits_broken"] = broken;
+    args.read.add_origin(&mut result);
     output.result_with_files(result, &paths);
     Ok(())
 }

@@ -119,6 +119,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     result["smallest_set"] = cover.json();
     result["smallest_set_is_proven"] = json!(library.cover.is_smallest());
     result["limits_broken"] = broken;
+    args.read.add_origin(&mut result);
     output.result_with_files(result, &paths);
     Ok(())
 }
