@@ -1,9 +1,9 @@
 //! Parts far from the origin: they are worked on about a local one.
 //!
-//! Sites are single precision, whose numbers are 0.0005 mm apart at 4 m from the origin and 0.06 mm at 800 m: as wide as
-//! a contact tolerance is deep. So the corners of such a part are taken relative to the low corner of its box, along the
-//! axes where it is far, in double precision; the offset is kept beside the answers. What the subtraction leaves of the
-//! last digits is rounded away, so that a part moved by an offset of as many decimals has the same corners to the bit.
+//! Sites are single precision, whose numbers are 0.0005 mm apart at 4 m from the origin and 0.06 mm at 800 m: more than
+//! the contact tolerance. So the corners of such a part are taken relative to the low corner of its box, along the axes
+//! where it is far, in double precision; the offset is kept beside the answers. What the subtraction leaves of the last
+//! digits is rounded away, so that a part moved by an offset of as many decimals has the same corners to the bit.
 
 use super::Mesh;
 use glam::DVec3;
@@ -15,8 +15,8 @@ const DECIMALS: f64 = 1e9;
 /// Rounding is to this many of the distances between numbers of double precision at the least.
 const SPACINGS: f64 = 4.0;
 
-/// The local origin of a part: the low corner of its box along the axes where that is far, 0 along the others; `None` if
-/// it is far along no axis.
+/// The local origin of a part: the low corner of its box along the axes where that is far, 0 along the others; `None`
+/// if it is far along no axis.
 ///
 /// ```
 /// use deepmill::geom::{origin, solids};

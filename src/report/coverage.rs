@@ -174,8 +174,8 @@ impl<'a> Coverage<'a> {
     }
 }
 
-/// The names and folders in the columns `name` and `folder` of `tools.csv` in `folder`, at least one; without the latter, a
-/// folder has the tool's name.
+/// The names and folders in the columns `name` and `folder` of `tools.csv` in `folder`, at least one; without the
+/// latter, a folder has the tool's name.
 ///
 /// # Errors
 /// If the system refuses the file, it is no such table, or a folder's name is none.

@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 /// Which cutters.
 #[derive(clap::Args)]
 pub struct ToolArgs {
-    /// Lengths in mm, or each with its unit (0.0625in): ball radius CR, height CH of the cylinder above the ball, holder
-    /// radius FR, holder height FH. Give it again for further cutters.
+    /// Lengths in mm, or each with its unit (0.0625in): ball radius CR, height CH of the cylinder above the ball,
+    /// holder radius FR, holder height FH. Give it again for further cutters.
     #[arg(
         long,
         value_name = "CR,CH,FR,FH",
@@ -27,8 +27,8 @@ pub struct ToolArgs {
     )]
     cutter: Vec<String>,
     /// Tools of a file: a Fusion 360 library (JSON, .tools), a FreeCAD tool bit (.fctb), a folder of them or a library
-    /// (.fctl), a CAMotics table (JSON), a LinuxCNC table (.tbl), or CSV with the columns CR, CH, FR, FH (mm) and, if you
-    /// like, name, T, corner and clearance, or in the words of a shop (diameter, corner, stick_out, shank); the options
+    /// (.fctl), a CAMotics table (JSON), a LinuxCNC table (.tbl), or CSV with the columns CR, CH, FR, FH (mm) and, if
+    /// you like, name, T, corner and clearance, or in the words of a shop (diameter, corner, stick_out, shank); the options
     /// --corner and --clearance are not about its tools. Give it again for further files.
     #[arg(long, value_name = "FILE")]
     tools: Vec<PathBuf>,
@@ -45,8 +45,8 @@ pub struct UnsaidArgs {
     /// number without a unit is in --tool-unit if that is given, else in mm.
     #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, value_parser = length)]
     stick_out: Option<Length>,
-    /// For tools whose file does not say it: the holder, a Fusion 360 library with one, a FreeCAD holder (.fcholder), or a
-    /// table height,lower,upper (mm, diameters; from the nose upward).
+    /// For tools whose file does not say it: the holder, a Fusion 360 library with one, a FreeCAD holder (.fcholder), or
+    /// a table height,lower,upper (mm, diameters; from the nose upward).
     #[arg(long, value_name = "FILE")]
     holder: Option<PathBuf>,
     /// For tools whose file does not say it: diameter of the shank.

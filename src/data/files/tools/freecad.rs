@@ -1,4 +1,5 @@
-//! FreeCAD tool bits (`.fctb`): JSON with one tool, lengths as texts with a unit; and libraries (`.fctl`) that name them.
+//! FreeCAD tool bits (`.fctb`): JSON with one tool, lengths as texts with a unit; and libraries (`.fctl`) of
+//! them.
 
 use super::Unsaid;
 use super::described::{Described, Form};

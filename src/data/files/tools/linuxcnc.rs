@@ -50,37 +50,13 @@ fn add(
         let remedy = "give that of the machine with --tool-unit mm or in";
         return reading.add(Err(place.error(found, remedy)));
     };
-    let left_out = |why: String| place.error(why, "it is left out");
-    let mut plain = None;
-    let form = match remark(text, unit) {
-        Remark::Form(form) => form,
-        Remark::EndMill => {
-            plain = Some(
-                place.sentence("the remark says an end mill and no more: it counts as a flat end"),
-            );
-            Form::Flat
-        }
-        Remark::Other(other) => {
-            return reading.leave_out_kind(left_out(format!(
-                "the remark {} names a {other}, only ball, bull-nose and flat end mills can be read from a tool table",
-                shown(text)
-            )));
-        }
-        Remark::Bull => {
-            let found =
-                format!("the remark {} names a bull nose without its corner (r1)", shown(text));
-            return reading.leave_out_kind(left_out(found));
-        }
-        Remark::Nothing => {
-            return reading.leave_out_kind(left_out(format!(
-                "the remark {} does not say the form: ball, flat, or bull and its corner (r1)",
-                shown(text)
-            )));
-        }
+    let form = form_of(remark(text, unit), text);
+    let (form, diameter) = match form.and_then(|form| Ok((form, row.diameter.ok_or(NO_DIAMETER)?)))
+    {
+        Ok(found) => found,
+        Err(why) => return reading.leave_out_kind(place.error(why, "it is left out")),
     };
-    let Some(diameter) = row.diameter else {
-        return reading.leave_out_kind(left_out("without a diameter D".into()));
-    };
+    let plain = (remark(text, unit) == Remark::EndMill).then(|| place.sentence(PLAIN));
     let tool = || -> Result<(Tool, Vec<String>)> {
         let diameter = converted(place.not_negative("D", diameter)?, unit);
         let number = u32::try_from(row.number).ok();
@@ -90,6 +66,25 @@ fn add(
         Ok((tool, notices))
     };
     reading.add(tool());
+}
+
+const NO_DIAMETER: &str = "without a diameter D";
+const PLAIN: &str = "the remark says an end mill and no more: it counts as a flat end";
+
+/// The form that a remark names, or why there is none.
+fn form_of(remark: Remark, text: &str) -> std::result::Result<Form, String> {
+    let text = shown(text);
+    match remark {
+        Remark::Form(form) => Ok(form),
+        Remark::EndMill => Ok(Form::Flat),
+        Remark::Other(other) => Err(format!(
+            "the remark {text} names a {other}, only ball, bull-nose and flat end mills can be read from a tool table"
+        )),
+        Remark::Bull => Err(format!("the remark {text} names a bull nose without its corner (r1)")),
+        Remark::Nothing => Err(format!(
+            "the remark {text} does not say the form: ball, flat, or bull and its corner (r1)"
+        )),
+    }
 }
 
 struct Row {

@@ -17,7 +17,7 @@ fn is_taken(name: &str) -> bool {
     let stem = name.split('.').next().unwrap_or_default().trim_end();
     let numbered = |device: &str| {
         starts_with_ignoring_case(stem, device)
-            && matches!(stem[device.len()..].as_bytes(), [b'0'..=b'9'])
+            && matches!(&stem.as_bytes()[device.len()..], [b'0'..=b'9'])
     };
     let is_device = ["con", "prn", "aux", "nul"].iter().any(|d| stem.eq_ignore_ascii_case(d));
     files.iter().any(|file| name.eq_ignore_ascii_case(file))

@@ -5,8 +5,8 @@
 //! 3,1/4" ball,0.25 in,0.125 in,0.75 in,0.25 in,1.1 in
 //! ```
 //!
-//! A length has the unit written with it, else that of its heading (`diameter_in`, `D [mm]`), of the row's column `unit`,
-//! what [`Unsaid`] gives, or mm. The form is that of the column `type`, or follows from the corner, or from the name.
+//! A length has the unit written with it, else that of its heading (`diameter_in`, `D [mm]`), of the row's column
+//! `unit`, what [`Unsaid`] gives, or mm. The form is that of the column `type`, or follows from the corner, or from the name.
 
 use super::described::{Described, Form};
 use super::place::{Place, shown};

@@ -30,9 +30,9 @@ const REQUIRED: std::ops::Range<usize> = 1..5;
 
 /// Reads a tool table: a header row that names the columns, in any order and case, then a row per tool.
 ///
-/// Columns are separated by commas, semicolons or tabs, whichever the header row has most of; numbers may have a decimal
-/// comma where it is not commas. Empty rows and lines that begin with `#` are passed over. A table without the column CR
-/// may have a diameter: [`shop`].
+/// Columns are separated by commas, semicolons or tabs, whichever the header row has most of; numbers may have a
+/// decimal comma where it is not commas. Empty rows and lines that begin with `#` are passed over. A table without the
+/// column CR may have a diameter: [`shop`].
 ///
 /// # Errors
 /// If the file is not such a table.

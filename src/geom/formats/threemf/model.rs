@@ -112,10 +112,11 @@ impl Model {
     }
 
     fn text(&mut self, text: &str) {
-        if let (Some(role), Some((_, object))) = (self.setting, &mut self.open) {
-            if matches!(text.trim().to_ascii_lowercase().as_str(), "true" | "1") {
-                object.role = role;
-            }
+        let is_set = || matches!(text.trim().to_ascii_lowercase().as_str(), "true" | "1");
+        if let (Some(role), Some((_, object))) = (self.setting, &mut self.open)
+            && is_set()
+        {
+            object.role = role;
         }
     }
 
