@@ -60,6 +60,68 @@ pub fn read_text(path: &Path, limit: ReadLimit) -> Result<String> {
     })
 }
 
+/// An entry of an archive, unpacked within `limit`; `claimed` is the size that the archive says it has.
+///
+/// # Errors
+/// If there is more, it does not fit into the memory, or the archive is damaged.
+pub fn read_entry(
+    entry: impl Read,
+    claimed: u64,
+    path: &Path,
+    limit: ReadLimit,
+) -> Result<Vec<u8>> {
+    let ReadLimit { most_bytes, expansion } = limit;
+    let most_bytes = most_bytes.min(claimed);
+    if claimed > limit.most_bytes {
+        return Err(too_large(path, format!("it unpacks to {claimed} bytes"), limit.most_bytes));
+    }
+    memory::require_for(path, "reading the file", claimed * expansion)?;
+    let mut bytes = Vec::new();
+    entry.take(most_bytes + 1).read_to_end(&mut bytes).map_err(|e| {
+        Error::file(path, "zip archive", e.to_string(), "copy or export the file again")
+    })?;
+    match bytes.len() as u64 > most_bytes {
+        true => Err(too_large(path, "it unpacks to more than it says".into(), most_bytes)),
+        false => Ok(bytes),
+    }
+}
+
+/// What a file is that people take for another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Foreign {
+    /// HTML.
+    WebPage,
+    /// A ZIP archive, or a document that is one inside.
+    Zip,
+}
+
+/// Whether these bytes begin as a web page or an archive.
+pub fn foreign(bytes: &[u8]) -> Option<Foreign> {
+    const LOOK: usize = 1024;
+    if bytes.starts_with(b"PK\x03\x04") {
+        return Some(Foreign::Zip);
+    }
+    let start = String::from_utf8_lossy(&bytes[..bytes.len().min(LOOK)]).to_lowercase();
+    let start = start.trim_start_matches('\u{feff}').trim_start();
+    let is_page =
+        start.starts_with('<') && (start.contains("<!doctype html") || start.contains("<html"));
+    is_page.then_some(Foreign::WebPage)
+}
+
+impl Foreign {
+    /// The error of a file that should be `what`.
+    pub fn error(self, path: &Path, what: &str) -> Error {
+        let (found, remedy) = match self {
+            Foreign::WebPage => (
+                format!("it is a web page, not {what}"),
+                "download the file itself (\"raw\"), not the page that shows it",
+            ),
+            Foreign::Zip => (format!("it is a ZIP archive, not {what}"), "unpack it first"),
+        };
+        Error::file(path, "byte 0", found, remedy)
+    }
+}
+
 fn too_large(path: &Path, found: String, most_bytes: u64) -> Error {
     let found = format!("{found}, at most {most_bytes} are read");
     Error::file(path, "size", found, "check that this is the file you mean, or divide it")
@@ -68,6 +130,22 @@ fn too_large(path: &Path, found: String, most_bytes: u64) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn web_pages_and_archives_are_called_that() {
+        for page in ["<!DOCTYPE html><html>", "\u{feff}\n <HTML lang=\"en\">", "<?xml?><html>"] {
+            let kind = foreign(page.as_bytes()).unwrap();
+            let message = kind.error(Path::new("a.csv"), "a table").to_string();
+            assert!(
+                message.contains("a.csv: byte 0: it is a web page, not a table; "),
+                "{message}"
+            );
+        }
+        assert_eq!(foreign(b"PK\x03\x04..."), Some(Foreign::Zip));
+        for other in ["a,b <html>", "", "<svg>", "name,CR"] {
+            assert_eq!(foreign(other.as_bytes()), None, "{other}");
+        }
+    }
 
     #[test]
     fn files_of_any_length_are_read_up_to_the_limit() {

@@ -3,7 +3,7 @@
 
 mod command;
 
-use command::{CUTTER, Folder, deepmill, failure, json, text};
+use command::{CUTTER, Folder, block, deepmill, failure, json, stl, text};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -44,6 +44,160 @@ fn cutters_that_cannot_be_are_refused_as_typed() {
         assert!(message.contains("corner radius is"), "{message}");
     }
     assert!(!Path::new(&out).exists());
+}
+
+#[test]
+fn every_length_takes_a_unit_and_is_never_taken_for_another() {
+    let folder = Folder::new();
+    let (part, out) = (folder.block(), folder.path("out"));
+    let table = folder.file("mill.tbl", "T1 P1 D0.25 ;ball end\n");
+    let holder = folder.file("er.csv", "height,lower,upper\n1in,28,1.5in\n");
+    let few = ["--sites", "50", "--directions", "up", "--no-picture", "--json"];
+    let stick_out = |more: &[&str]| {
+        let args = ["tools", &part, "--library", &table, "--holder", &holder, "--out", &out];
+        let output = deepmill(&[&args[..], &few, more].concat());
+        json(&output)["tools"][0]["stick_out"].as_f64().unwrap()
+    };
+    for [stick, shank] in [["1.1", "0.25"], ["1.1in", "1/4 in"], ["27.94mm", "6.35 mm"]] {
+        let lengths = ["--stick-out", stick, "--shank", shank, "--flute-length", "0.5in"];
+        assert_eq!(stick_out(&[&lengths[..], &["--tool-unit", "in"]].concat()), 27.94, "{stick}");
+    }
+    let label = |more: &[&str]| {
+        json(&deepmill(&[&["label", &part, "--out", &out], &few[..], more].concat()))
+    };
+    let inch = label(&[
+        "--cutter",
+        "1/16in,0.25in,40,5mm",
+        "--corner",
+        "1/32in",
+        "--clearance",
+        "0.01in",
+        "--tolerance",
+        "0.001in",
+        "--table",
+        "-1in",
+        "--clearance-limit",
+        "0.1in",
+    ]);
+    let mm = label(&[
+        "--cutter",
+        "1.5875,6.35,40,5",
+        "--corner",
+        "0.79375",
+        "--clearance",
+        "0.254",
+        "--tolerance",
+        "0.0254",
+        "--table",
+        "-25.4",
+        "--clearance-limit",
+        "2.54",
+    ]);
+    assert_eq!(inch["cutter"], mm["cutter"]);
+    assert_eq!(inch["accessible"], mm["accessible"]);
+    for (option, value) in [("--tolerance", "1 ell"), ("--corner", "x"), ("--table", "1/0in")] {
+        let args = ["label", &part, "--cutter", CUTTER, "--out", &out, option, value];
+        let output = deepmill(&args);
+        assert_eq!(output.status.code(), Some(2), "{option}");
+        assert!(text(&output.stderr).contains("not a length"), "{}", text(&output.stderr));
+    }
+}
+
+#[test]
+fn a_part_in_inches_is_warned_about_before_any_work() {
+    let folder = Folder::new();
+    let part = folder.file("inch.stl", stl(&block([0.0; 3], [3.0, 2.0, 1.0])));
+    let (out, few) = (folder.path("out"), ["--sites", "50", "--no-picture"]);
+    let tools = folder.file("shop.csv", "name,CR,CH,FR,FH\nD12,6,20,25,30\nD1,0.5,20,25,30\n");
+    let commands = [
+        &["check", &part][..],
+        &["label", &part, "--cutter", CUTTER, "--out", &out, "--directions", "up"],
+        &["tools", &part, "--library", &tools, "--out", &out, "--directions", "up"],
+        &["setups", &part, "--tools", &tools, "--machine", "3-axis", "--out", &out],
+        &["sample", &part, "--out", &folder.path("a.ply")],
+        &["explain", &out, "--site", "1", "--part", &part],
+    ];
+    for (k, command) in commands.into_iter().enumerate() {
+        let few = if (1..=3).contains(&k) { &few[..] } else { &[] };
+        let words = text(&deepmill(&[command, few].concat()).stderr);
+        let inch = "3.000 mm long at most; if the file is in inches, --unit in makes it 76.2 mm";
+        assert_eq!(words.matches(inch).count(), 1, "{command:?}: {words}");
+        if ["tools", "setups"].contains(&command[0]) {
+            let wide = "1 of 2 tools are wider than the part is long (3.000 mm), D12 with 12 mm";
+            assert!(words.contains(wide), "{command:?}: {words}");
+        }
+    }
+    let output = deepmill(&["check", &part, "--unit", "in"]);
+    assert!(!text(&output.stderr).contains("warning"), "{}", text(&output.stderr));
+}
+
+/// A block with decimals, `by` from the origin, as OBJ.
+fn obj(low: [f64; 3], high: [f64; 3], by: [f64; 3]) -> String {
+    let at = |i: usize, k: usize| by[k] + if i >> k & 1 == 1 { high[k] } else { low[k] };
+    let corners = (0..8).map(|i| format!("v {:.6} {:.6} {:.6}\n", at(i, 0), at(i, 1), at(i, 2)));
+    let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    corners.collect::<String>() + faces
+}
+
+#[test]
+fn a_part_far_from_the_origin_has_the_answers_of_the_same_part_near_it() {
+    let folder = Folder::new();
+    let answers = |name: &str, by: [f64; 3], table: &str| {
+        let part = folder.file(&format!("{name}.obj"), obj([0.0; 3], [40.1, 30.2, 20.3], by));
+        let vise = obj([-30.0, -5.0, -3.0], [-0.5, 35.0, 25.7], by);
+        let vise = folder.file(&format!("vise-{name}.obj"), vise);
+        let out = folder.path(name);
+        let args = ["label", &part, "--fixture", &vise, "--table", table, "--cutter", CUTTER];
+        let few = ["--sites", "300", "--directions", "20", "--no-picture", "--json", "--out", &out];
+        let output = deepmill(&[&args[..], &few].concat());
+        let said = text(&output.stderr);
+        (
+            json(&output),
+            deepmill::data::files::LabelFile::read(out_file(&out).as_ref()).unwrap(),
+            said,
+        )
+    };
+    let (near, near_file, said) = answers("near", [0.0; 3], "-3");
+    assert!(near["origin_mm"].is_null() && !said.contains("warning"), "{said}");
+    let by = [400_000.37, 800_000.21, -5000.5];
+    let (far, far_file, said) = answers("far", by, "-5003.5");
+    assert_eq!(far["origin_mm"], serde_json::json!(by));
+    assert!(said.contains("relative to (400000.37, 800000.21, -5000.5) mm"), "{said}");
+    assert_eq!((&near_file.sites, &near_file.labels), (&far_file.sites, &far_file.labels));
+    assert_eq!(near["inaccessible"], far["inaccessible"]);
+    assert_eq!(far_file.provenance.settings["origin_mm"], serde_json::json!(by));
+    for file in ["part.stl", "fixtures.stl", "findings.csv"] {
+        let bytes = |name| std::fs::read(folder.path(&format!("{name}/{file}"))).unwrap();
+        assert!(bytes("near") == bytes("far"), "{file} differs");
+    }
+    let report = deepmill(&[
+        "explain",
+        &folder.path("far"),
+        "--part",
+        &folder.path("far.obj"),
+        "--site",
+        "3",
+        "--no-picture",
+    ]);
+    assert!(report.status.success(), "{}", text(&report.stderr));
+    let mended = folder.path("mended.stl");
+    let checked = json(&deepmill(&["check", &folder.path("far.obj"), "--out", &mended, "--json"]));
+    assert!(
+        (checked["volume_mm3"].as_f64().unwrap() - 40.1 * 30.2 * 20.3).abs()
+            < 1e-9 * 40.1 * 30.2 * 20.3
+    );
+    let cloud = "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty double y\n\
+        property double z\nproperty float nx\nproperty float ny\nproperty float nz\nend_header\n\
+        400000.1 0 0 0 0 1\n400001 0 0 0 0 1\n";
+    let message = failure(&folder.label(&folder.file("far.ply", cloud), &[]), 1);
+    assert!(
+        message.contains("x is 400000.09375 mm") && message.contains("0.03125 mm apart"),
+        "{message}"
+    );
+}
+
+fn out_file(out: &str) -> String {
+    format!("{out}/labels.npz")
 }
 
 #[test]

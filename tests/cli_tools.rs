@@ -98,7 +98,7 @@ fn bad_sets_of_tools_are_refused_before_anything_is_written() {
         (&["--cutter", CUTTER, "--tools", &tools], 2, "`1.5-6-40-5` twice"),
         (&["--corner", "0", "--tools", &tools], 2, "--corner"),
         (&["--clearance", "0.1", "--tools", &tools], 2, "--clearance"),
-        (&["--tools", &bad], 1, "bad.csv: line 3: holder radius FR is 1"),
+        (&["--tools", &bad, "--strict"], 1, "bad.csv: line 3: holder radius FR is 1"),
         (&["--tools", &folder.path("none.csv")], 1, "none.csv"),
     ] {
         let output = deepmill(&[&["label", &part, "--out", &out], args].concat());
@@ -128,20 +128,26 @@ fn libraries_are_read_asked_for_what_they_lack_and_say_what_is_left_out() {
     let holder = folder.file("er.csv", HOLDER);
     let args =
         ["label", &part, "--out", &out, "--sites", "300", "--no-picture", "--tools", &library];
-    let message = failure(&deepmill(&args), 1);
-    assert!(
-        message.contains("tool \"1/8 flat\"") && message.contains("--holder FILE"),
-        "{message}"
-    );
+    // The tool that has its holder is not lost with the one that has none, unless that is wanted.
+    let message = failure(&deepmill(&[&args[..], &["--strict"]].concat()), 1);
+    for words in ["2 of its tools would be left out", "tool \"1/8 flat\"", "--holder FILE"] {
+        assert!(message.contains(words), "{words}: {message}");
+    }
     assert!(!Path::new(&out).exists());
+    let output = deepmill(&[&args[..], &["--json"]].concat());
+    let words = text(&output.stderr);
+    assert!(words.contains("--holder FILE; the tool is left out"), "{words}");
+    assert!(words.contains("shop.json: 2 of 3 tools left out"), "{words}");
+    assert_eq!(json(&output)["tools"].as_array().unwrap().len(), 1);
     let output = deepmill(&[&args[..], &["--holder", &holder, "--json"]].concat());
     let words = text(&output.stderr);
     assert!(words.contains("\"drill\": a drill cannot be represented"), "{words}");
     let result = json(&output);
     assert_eq!(
         (&result["tools"][0]["name"], &result["tools"][1]["name"]),
-        (&"3 mm ball, held".into(), &"1 8 flat".into())
+        (&"3 mm ball, held".into(), &"1/8 flat".into())
     );
+    assert_eq!(result["tools"][1]["folder"], "1 8 flat");
     let file = LabelFile::read(folder.path("out/1 8 flat/labels.npz").as_ref()).unwrap();
     assert_eq!(file.provenance.tool, "flat end 3.175 mm, 20.32 mm out of er");
     assert_eq!(file.provenance.settings["tool"]["body"], "3.175:1.5875 12.7:3.175");
@@ -159,7 +165,7 @@ fn libraries_are_read_asked_for_what_they_lack_and_say_what_is_left_out() {
         "--json",
     ];
     let output = deepmill(&[&args[..], &["--tools", &library, "--holder", &holder]].concat());
-    assert!(text(&output.stderr).contains("1 8 flat (flat end"), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("1/8 flat (flat end"), "{}", text(&output.stderr));
     let result = json(&output);
     assert_eq!(result["tools"].as_array().unwrap().len(), 1);
     assert!(Path::new(&folder.path("predicted/3 mm ball, held/predictions.npz")).is_file());

@@ -159,7 +159,9 @@ fn broken_meshes() -> Vec<Case> {
         ("text_two.stl", text.replacen("      vertex 0e0 0 0\r\n", "", 1).into(), &["2 vertices"]),
         ("not.3mf", b"PK and then nothing".to_vec(), &["zip archive", "export"]),
         ("cut.3mf", three_mf(&cube())[..200].to_vec(), &["zip archive", "export"]),
-        ("not.stl", b"<html>no such part</html>".to_vec(), &["ends within", "copy"]),
+        ("not.stl", b"<html>no such part</html>".to_vec(), &["web page", "download"]),
+        ("page.obj", b"\n<!DOCTYPE html><p>v 0 0 0".to_vec(), &["web page", "download"]),
+        ("zip.ply", three_mf(&cube()), &["ZIP archive", "unpack"]),
         ("range.obj", obj.replace("f 3 4 8 7", "f 3 4 9 7").into(), &["line 18", "vertex 9", "does not exist", "export"]),
         ("zero.obj", obj.replace("f 3 4 8 7", "f 3 4 0 7").into(), &["line 18", "index 0", "from 1"]),
         ("back.obj", obj.replace("-7", "-9").into(), &["line 17", "index -9", "8 vertices"]),
@@ -292,7 +294,7 @@ fn every_broken_tool_table_is_refused_in_one_line_with_file_place_and_remedy() {
             &["line 1", "two columns CR", "delete"],
         ),
         ("word.csv", row("b,1,2,x,4\n"), &["line 5", "FR is \"x\"", "not a number", "mm"]),
-        ("unit.csv", row("b,1 mm,2,3,4\n"), &["line 5", "CR is \"1 mm\"", "without a unit"]),
+        ("unit.csv", row("b,1 ell,2,3,4\n"), &["line 5", "CR is \"1 ell\"", "with its unit"]),
         ("gap.csv", row("b,1,,3,4\n"), &["line 5", "CH is empty", "mm"]),
         ("short.csv", row("b,1,2,3\n"), &["line 5", "FH is empty", "mm"]),
         ("comma.csv", row("b,1,5,2,3,4\n"), &["line 5", "6 fields under 5", "semicolons"]),
@@ -311,9 +313,6 @@ fn every_broken_tool_table_is_refused_in_one_line_with_file_place_and_remedy() {
             &["line 2", "clearance is NaN"],
         ),
         ("names.csv", row("A,1,3,3,4"), &["line 5", "\"A\"", "line 2", "name of its own"]),
-        ("slash.csv", row("../a,1,2,3,4"), &["line 5", "\"../a\"", "folder", "leave out"]),
-        ("dots.csv", row("..,1,2,3,4"), &["line 5", "\"..\"", "folder", "begin it"]),
-        ("part.csv", row("Part.STL,1,2,3,4"), &["line 5", "Part.STL", "choose another"]),
         ("quote.csv", row("\"b,1,2,3,4\nc,1,2,3,4\n"), &["line 5", "CR is empty"]),
         (
             "latin.csv",
@@ -326,8 +325,11 @@ fn every_broken_tool_table_is_refused_in_one_line_with_file_place_and_remedy() {
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes, expected) in cases {
         let path = put(folder.path(), name, bytes);
+        // One bad row loses no other tool: it is left out in the same words.
         let message = match tools::read(&path, &tools::Unsaid::default()) {
-            Ok(_) => panic!("{name} was read"),
+            Ok(table) => {
+                table.refused.into_iter().next().unwrap_or_else(|| panic!("{name} was read"))
+            }
             Err(error) => error.to_string(),
         };
         verify(name, &message, &path, expected);

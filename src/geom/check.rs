@@ -6,9 +6,10 @@
 //! only size, area and volume look at coordinates. Cost: O(n log n).
 
 mod fault;
+mod junction;
 pub(crate) mod topology;
 
-use super::Mesh;
+use super::{Mesh, origin};
 use crate::{Error, Result};
 pub use fault::Fault;
 use glam::DVec3;
@@ -150,6 +151,9 @@ pub fn check(mesh: &Mesh) -> MeshReport {
         found.add(Fault::NotFinite, Place::Vertex(v as u32, *place));
     }
     check_edges(mesh, &topology, &mut found);
+    for vertex in junction::t_junctions(mesh, &topology) {
+        found.add(Fault::TJunction, Place::Vertex(vertex, mesh.vertices[vertex as usize]));
+    }
     for vertex in topology.split_vertices(mesh) {
         found.add(Fault::NonManifoldVertex, Place::Vertex(vertex, mesh.vertices[vertex as usize]));
     }
@@ -162,9 +166,17 @@ pub fn check(mesh: &Mesh) -> MeshReport {
         euler: topology.euler(mesh),
         bounds: mesh.bounds(),
         area_mm2: mesh.area(),
-        volume_mm3: mesh.volume(),
+        volume_mm3: volume(mesh),
         findings: found.sorted(),
     }
+}
+
+/// Enclosed volume, mm³; of a part far from the origin about a local one, so that it keeps its digits.
+fn volume(mesh: &Mesh) -> f64 {
+    let Some(at) = origin::local_origin(mesh) else { return mesh.volume() };
+    let mut near = mesh.clone();
+    origin::make_relative(&mut near, at);
+    near.volume()
 }
 
 /// Per triangle, the number of the piece it belongs to: pieces share no edge, and are numbered by their first triangle.

@@ -7,6 +7,7 @@ pub mod formats;
 pub mod inside;
 pub mod intersect;
 pub mod mesh;
+pub mod origin;
 pub mod regions;
 pub mod repair;
 pub mod sites;

@@ -1,4 +1,8 @@
-//! Units of length of mesh files, which the files themselves do not state.
+//! Units of length of mesh files, which the files themselves do not state; and lengths as people write them.
+
+pub(crate) mod length;
+
+pub use length::Length;
 
 use crate::{Error, Result};
 use glam::DVec3;
@@ -96,6 +100,20 @@ pub fn size_warning(low: DVec3, high: DVec3, scale: f64) -> Option<String> {
     Some(format!("the part is {}, {verdict}; {advice}", size_line(low, high)))
 }
 
+/// Boxes without an edge this long may be in inches, mm.
+const TINY_MM: f64 = 10.0;
+
+/// A warning if the longest edge of a part that was read in millimeters is under 10 mm: the file may be in inches.
+pub fn inch_warning(low: DVec3, high: DVec3) -> Option<String> {
+    let longest = (high - low).max_element();
+    let in_inches = longest * Unit::Inch.millimeters();
+    (longest < TINY_MM).then(|| {
+        format!(
+            "the part is {longest:.3} mm long at most; if the file is in inches, --unit in makes it {in_inches:.1} mm"
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -112,6 +130,13 @@ mod tests {
     fn sizes_are_short_and_exact() {
         assert_eq!(size_line(DVec3::ZERO, DVec3::new(120.0, 0.0625, 1e-9)), "120 × 0.0625 × 0 mm");
         assert_eq!(size_line(DVec3::splat(-1.0), DVec3::splat(9.0)), "10 × 10 × 10 mm");
+    }
+
+    #[test]
+    fn small_parts_may_be_in_inches() {
+        let warn = |longest: f64| inch_warning(DVec3::ZERO, DVec3::new(0.5, longest, 0.1));
+        assert!(warn(3.0).unwrap().contains("--unit in makes it 76.2 mm"));
+        assert_eq!(warn(10.0), None);
     }
 
     #[test]

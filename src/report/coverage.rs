@@ -106,6 +106,15 @@ impl<'a> Coverage<'a> {
         if has_steps {
             columns.extend([("body", ""), ("holder", ""), ("stick_out", "")]);
         }
+        let has_numbers = self.tools.iter().any(|tool| tool.number.is_some());
+        if has_numbers {
+            columns.push(("T", ""));
+        }
+        // Where the name is no folder's.
+        let has_folders = self.tools.iter().any(|tool| tool.folder() != tool.name);
+        if has_folders {
+            columns.push(("folder", ""));
+        }
         let mut table = Table::new(&columns);
         for (k, (tool, shares)) in self.tools.iter().zip(&self.shares).enumerate() {
             let lengths = tool.params.to_array();
@@ -119,6 +128,8 @@ impl<'a> Coverage<'a> {
             if has_steps {
                 row.extend(steps_of(tool));
             }
+            row.extend(has_numbers.then(|| number_of(tool)));
+            row.extend(has_folders.then(|| Cell::text(tool.folder())));
             table.row(row);
         }
         table
@@ -163,29 +174,37 @@ impl<'a> Coverage<'a> {
     }
 }
 
-/// The names in the column `name` of `tools.csv` in `folder`, at least one; each is that of a folder beside it.
+/// The names and folders in the columns `name` and `folder` of `tools.csv` in `folder`, at least one; without the
+/// latter, a folder has the tool's name.
 ///
 /// # Errors
-/// If the system refuses the file, it is no such table, or a name is no folder's.
-pub fn tool_names(folder: &Path) -> Result<Vec<String>> {
+/// If the system refuses the file, it is no such table, or a folder's name is none.
+pub fn tool_folders(folder: &Path) -> Result<Vec<(String, String)>> {
     let path = folder.join(TOOLS);
     let bytes = input_file::read(&path, input_file::LIBRARY)?;
     let mut reader = csv::Reader::from_reader(&bytes[..]);
     let remedy = "name a folder that `deepmill label` has written";
     let bad = |found: String| Error::file(&path, "column name", found, remedy);
     let header = reader.headers().map_err(|e| bad(e.to_string()))?;
-    let column = header.iter().position(|name| name == "name");
-    let column = column.ok_or_else(|| bad("it is missing".into()))?;
-    let mut names = Vec::new();
+    let column = |name: &str| header.iter().position(|heading| heading == name);
+    let (name, other) =
+        (column("name").ok_or_else(|| bad("it is missing".into()))?, column("folder"));
+    let mut found = Vec::new();
     for row in reader.records() {
         let row = row.map_err(|e| bad(e.to_string()))?;
-        let name = row.get(column).unwrap_or_default();
-        if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\', ':']) {
-            return Err(bad(format!("`{name}` is no folder's name")));
+        let field = |column: usize| row.get(column).unwrap_or_default();
+        let folder = other.map_or(field(name), field);
+        if folder.is_empty() || folder.starts_with('.') || folder.contains(['/', '\\', ':']) {
+            return Err(bad(format!("`{folder}` is no folder's name")));
         }
-        names.push(name.to_string());
+        found.push((field(name).to_string(), folder.to_string()));
     }
-    if names.is_empty() { Err(bad("no tool".into())) } else { Ok(names) }
+    if found.is_empty() { Err(bad("no tool".into())) } else { Ok(found) }
+}
+
+/// The column `T`.
+pub(super) fn number_of(tool: &Tool) -> Cell {
+    tool.number.map_or(Cell::Missing, |number| Cell::Count(number.into()))
 }
 
 /// Groups for the legend, the tools that add something first, and the group of each site; `first` is the first tool that reaches it.
@@ -278,10 +297,23 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let write = |text: &str| std::fs::write(folder.path().join(TOOLS), text).unwrap();
         write("CR,name\n1,stub\n2,\"D2, long\"\n");
-        assert_eq!(tool_names(folder.path()).unwrap(), ["stub", "D2, long"]);
-        for bad in ["name\n../x\n", "name\n", "CR\n1\n", "name\na/b\n", "name\n\"\"\n"] {
+        let names = |found: Vec<(String, String)>| found.into_iter().map(|(name, _)| name);
+        let found = tool_folders(folder.path()).unwrap();
+        assert!(found.iter().all(|(name, folder)| name == folder));
+        assert!(names(found).eq(["stub", "D2, long"]));
+        write("name,folder\n\"1/4\"\" flat\",1 4 flat\n");
+        let found = tool_folders(folder.path()).unwrap();
+        assert_eq!(found, [("1/4\" flat".to_string(), "1 4 flat".to_string())]);
+        for bad in [
+            "name,folder\nx,../x\n",
+            "name\n../x\n",
+            "name\n",
+            "CR\n1\n",
+            "name\na/b\n",
+            "name\n\"\"\n",
+        ] {
             write(bad);
-            let message = tool_names(folder.path()).unwrap_err().to_string();
+            let message = tool_folders(folder.path()).unwrap_err().to_string();
             assert!(message.contains("column name"), "{bad}: {message}");
         }
     }

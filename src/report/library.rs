@@ -1,6 +1,6 @@
 //! What the tools of a library reach on one part: a table, the fewest that reach all, and how little each may stick out.
 
-use super::coverage::steps_of;
+use super::coverage::{number_of, steps_of};
 use super::curves::{self, Chart, Series};
 use super::gate::SiteAreas;
 use super::tables::{Cell, Table};
@@ -115,7 +115,7 @@ impl<'a> Library<'a> {
 
     /// A row per tool; as CSV it is a tool table again.
     pub fn table(&self) -> Table {
-        let mut table = Table::new(&[
+        let mut columns = vec![
             ("name", "tool"),
             ("CR", ""),
             ("CH", ""),
@@ -135,7 +135,12 @@ impl<'a> Library<'a> {
             ("body", ""),
             ("holder", ""),
             ("stick_out", ""),
-        ]);
+        ];
+        let has_numbers = self.tools.iter().any(|tool| tool.number.is_some());
+        if has_numbers {
+            columns.push(("T", ""));
+        }
+        let mut table = Table::new(&columns);
         let area =
             |share: f64| self.areas.total_mm2().map_or(Cell::Missing, |t| Cell::Number(share * t));
         for (k, tool) in self.tools.iter().enumerate() {
@@ -157,6 +162,7 @@ impl<'a> Library<'a> {
                 Cell::Given(tool.assembly.excess_mm()),
             ]);
             row.extend(steps_of(tool));
+            row.extend(has_numbers.then(|| number_of(tool)));
             table.row(row);
         }
         table

@@ -2,11 +2,11 @@
 
 use crate::output::Output;
 use deepmill::cutter::CutterParams;
-use deepmill::data::files::tools::{self, Tool, Unsaid};
+use deepmill::data::files::tools::{self, Tool, ToolTable, Unsaid};
 use deepmill::directions::Directions;
 use deepmill::geom::formats::MeshOrCloud;
 use deepmill::geom::sites::{self, Normals, SiteOptions};
-use deepmill::geom::units::Unit;
+use deepmill::geom::units::{Length, Unit};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::gate::Limit;
 use deepmill::{Error, Result};
@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 /// Which cutters.
 #[derive(clap::Args)]
 pub struct ToolArgs {
-    /// Lengths in mm: ball radius CR, height CH of the cylinder above the ball, holder radius FR,
-    /// holder height FH. Give it again for further cutters.
+    /// Lengths in mm, or each with its unit (0.0625in): ball radius CR, height CH of the cylinder above the ball,
+    /// holder radius FR, holder height FH. Give it again for further cutters.
     #[arg(
         long,
         value_name = "CR,CH,FR,FH",
@@ -26,8 +26,9 @@ pub struct ToolArgs {
         allow_hyphen_values = true
     )]
     cutter: Vec<String>,
-    /// Tools of a file: a Fusion 360 library (JSON), a FreeCAD tool bit (.fctb) or a folder of them, a LinuxCNC table
-    /// (.tbl), or CSV with the columns CR, CH, FR, FH (mm) and, if you like, name, corner and clearance; the options
+    /// Tools of a file: a Fusion 360 library (JSON, .tools), a FreeCAD tool bit (.fctb), a folder of them or a library
+    /// (.fctl), a CAMotics table (JSON), a LinuxCNC table (.tbl), or CSV with the columns CR, CH, FR, FH (mm) and, if
+    /// you like, name, T, corner and clearance, or in the words of a shop (diameter, corner, stick_out, shank); the options
     /// --corner and --clearance are not about its tools. Give it again for further files.
     #[arg(long, value_name = "FILE")]
     tools: Vec<PathBuf>,
@@ -40,41 +41,34 @@ pub struct ToolArgs {
 /// What files of tools may leave unsaid.
 #[derive(clap::Args)]
 pub struct UnsaidArgs {
-    /// For tools whose file does not say it: height of the holder's nose above the tip.
-    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
-    stick_out: Option<f64>,
-    /// For tools whose file does not say it: the holder, a Fusion 360 library with one, or a table height,lower,upper
-    /// (mm, diameters; from the nose upward).
+    /// For tools whose file does not say it: height of the holder's nose above the tip. Of this and the next lengths, a
+    /// number without a unit is in --tool-unit if that is given, else in mm.
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, value_parser = length)]
+    stick_out: Option<Length>,
+    /// For tools whose file does not say it: the holder, a Fusion 360 library with one, a FreeCAD holder (.fcholder), or
+    /// a table height,lower,upper (mm, diameters; from the nose upward).
     #[arg(long, value_name = "FILE")]
     holder: Option<PathBuf>,
     /// For tools whose file does not say it: diameter of the shank.
-    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
-    shank: Option<f64>,
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, value_parser = length)]
+    shank: Option<Length>,
     /// For tools whose file does not say it: length of the flutes.
-    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
-    flute_length: Option<f64>,
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, value_parser = length)]
+    flute_length: Option<Length>,
     /// For files of tools that do not say it: unit of their numbers, mm, cm, m or in.
     #[arg(long, value_name = "UNIT")]
     tool_unit: Option<Unit>,
+    /// Refuse files of which a tool would be left out.
+    #[arg(long)]
+    strict: bool,
 }
 
 impl UnsaidArgs {
-    fn unsaid(&self) -> Result<Unsaid> {
-        let lengths = [
-            ("--stick-out", self.stick_out),
-            ("--shank", self.shank),
-            ("--flute-length", self.flute_length),
-        ];
-        for (name, length) in lengths {
-            if let Some(length) = length.filter(|length| !(1e-4..=1e4).contains(length)) {
-                let expected = "0.0001 mm to 10 m";
-                return Err(Error::argument(name, length, expected, "give it in mm"));
-            }
-        }
+    fn unsaid(&self, output: &Output) -> Result<Unsaid> {
         let unsaid = Unsaid {
-            stick_out_mm: self.stick_out,
-            shank_mm: self.shank,
-            flutes_mm: self.flute_length,
+            stick_out_mm: self.length("--stick-out", self.stick_out, output)?,
+            shank_mm: self.length("--shank", self.shank, output)?,
+            flutes_mm: self.length("--flute-length", self.flute_length, output)?,
             unit_mm: self.tool_unit.map(Unit::millimeters),
             holder: None,
         };
@@ -82,21 +76,59 @@ impl UnsaidArgs {
         Ok(Unsaid { holder: holder.transpose()?, ..unsaid })
     }
 
+    /// In mm; a number without a unit is in that of the files of tools.
+    fn length(
+        &self,
+        name: &'static str,
+        length: Option<Length>,
+        output: &Output,
+    ) -> Result<Option<f64>> {
+        let Some(length) = length else { return Ok(None) };
+        let bare = self.tool_unit.unwrap_or_default();
+        let mm = length.mm(bare);
+        if !(1e-4..=1e4).contains(&mm) {
+            let remedy = "give it in mm, or with its unit (1.1in)";
+            return Err(Error::argument(name, length, "0.0001 mm to 10 m", remedy));
+        }
+        if !length.has_unit() && bare != Unit::Millimeter {
+            output.say(format!("{name} {length} {bare}: {mm} mm, in the unit of --tool-unit"));
+        }
+        Ok(Some(mm))
+    }
+
     /// The tools of all files, those of libraries with names of their own; says what was refused and changed.
     pub fn read(&self, paths: &[PathBuf], output: &Output) -> Result<Vec<Tool>> {
-        let unsaid = self.unsaid()?;
+        let unsaid = self.unsaid(output)?;
         let mut all = Vec::new();
         for path in paths {
             let table = tools::read(path, &unsaid)?;
+            self.check_whole(path, &table)?;
             if !table.unused.is_empty() {
                 let columns = table.unused.join(", ");
                 output.warn(format!("{}: columns not used: {columns}", path.display()));
             }
             table.refused.iter().for_each(|refused| output.warn(refused));
             table.notices.iter().for_each(|notice| output.warn(notice));
+            if !table.refused.is_empty() {
+                let (n, left_out) = (table.tools.len(), table.refused.len());
+                let path = path.display();
+                output.warn(format!("{path}: {left_out} of {} tools left out", n + left_out));
+            }
             all.extend(table.tools);
         }
         Ok(all)
+    }
+
+    /// With `--strict`, no tool may be left out.
+    fn check_whole(&self, path: &Path, table: &ToolTable) -> Result<()> {
+        match table.refused.first().filter(|_| self.strict) {
+            None => Ok(()),
+            Some(first) => {
+                let n = table.refused.len();
+                let found = format!("{n} of its tools would be left out: {first}");
+                Err(Error::file(path, "tools", found, "correct them, or leave out --strict"))
+            }
+        }
     }
 }
 
@@ -104,7 +136,7 @@ impl UnsaidArgs {
 pub fn with_names(mut tools: Vec<Tool>) -> Result<Vec<Tool>> {
     tools::number_repeated(&mut tools);
     let mut keys = HashSet::new();
-    match tools.iter().find(|tool| !keys.insert(tool.folder_key())) {
+    match tools.iter().find(|tool| !keys.insert(tool.name_key())) {
         None => Ok(tools),
         Some(tool) => {
             let found = format!("`{}` twice", tool.name);
@@ -118,10 +150,13 @@ pub fn with_names(mut tools: Vec<Tool>) -> Result<Vec<Tool>> {
 #[derive(clap::Args)]
 struct TipArgs {
     /// Radius of the tip's corner: 0 is a flat end, CR (the default) a ball end.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = millimeters)]
     corner: Option<f64>,
     /// Safety margin all around the tool.
-    #[arg(long, value_name = "MM", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(
+        long, value_name = "MM", default_value_t = 0.0, allow_hyphen_values = true,
+        value_parser = millimeters
+    )]
     clearance: f64,
 }
 
@@ -168,9 +203,33 @@ impl ToolArgs {
     }
 }
 
-/// Reads `CR,CH,FR,FH` in mm; whether the lengths make a cutter is checked by [`Cutter`].
+/// Reads `CR,CH,FR,FH` in mm or with units; whether the lengths make a cutter is checked by [`Cutter`].
 fn cutter_params(text: &str) -> Result<CutterParams> {
-    text.parse().map_err(|e| called(e, "--cutter"))
+    let in_mm = |part: &str| match millimeters(part) {
+        Ok(mm) if Length::read(part).is_some_and(Length::has_unit) => mm.to_string(),
+        _ => part.to_string(),
+    };
+    let lengths: Vec<String> = text.split(',').map(in_mm).collect();
+    lengths.join(",").parse().map_err(|_| {
+        // The message is about what was typed.
+        let typed = text.parse::<CutterParams>().err();
+        let other = || Error::argument("--cutter", text, "four lengths", "write 1.5,6,40,5");
+        called(typed.unwrap_or_else(other), "--cutter")
+    })
+}
+
+/// A length of the command line, with or without a unit.
+pub fn length(text: &str) -> std::result::Result<Length, String> {
+    Length::read(text)
+        .ok_or_else(|| "not a length; write for example 30, 1.1in, '1/4 in', 30mm".into())
+}
+
+/// A length of the command line, in mm if it has no unit.
+pub fn millimeters(text: &str) -> std::result::Result<f64, String> {
+    match text.trim().parse() {
+        Ok(mm) => Ok(mm),
+        Err(_) => length(text).map(|length| length.mm(Unit::Millimeter)),
+    }
 }
 
 /// The error, of an argument by the name it has at the command line.
@@ -312,6 +371,10 @@ mod tests {
     #[test]
     fn cutters_are_four_numbers() {
         assert_eq!(cutter_params("1.5, 6,40,5").unwrap().to_array(), [1.5, 6.0, 40.0, 5.0]);
+        assert_eq!(
+            cutter_params("1/16in,0.25 in,40,5mm").unwrap().to_array(),
+            [1.5875, 6.35, 40.0, 5.0]
+        );
         for text in ["", "1,2,3", "1,2,3,4,5", "1,2,3,x", "1;2;3;4"] {
             let message = cutter_params(text).unwrap_err().to_string();
             assert!(message.starts_with("--cutter is `") && message.contains("1.5,6,40,5"));

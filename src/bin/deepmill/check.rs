@@ -3,10 +3,10 @@
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::geom::check::{self, Finding, MeshReport, Place};
-use deepmill::geom::{formats, intersect};
+use deepmill::geom::{Mesh, formats, intersect, origin};
 use deepmill::{Result, atomic_file};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Examine a mesh: closed, manifold, oriented, one component, triangle shapes, self-intersections.
 ///
@@ -35,7 +35,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
     say(&report, args, output);
     if let Some(path) = &args.out {
-        formats::write_stl(path, &mesh)?;
+        write_near(path, mesh, output)?;
         output.say(format!("written {}", path.display()));
     }
     let changes: Vec<String> = changes.iter().map(ToString::to_string).collect();
@@ -55,6 +55,16 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "findings": findings,
     }));
     args.read.require_labelable(&report)
+}
+
+/// Writes an STL, whose numbers are single precision: of a part far from the origin, about a local one.
+fn write_near(path: &Path, mut mesh: Mesh, output: &Output) -> Result<()> {
+    if let Some(at) = origin::local_origin(&mesh) {
+        origin::make_relative(&mut mesh, at);
+        let ([x, y, z], path) = (at.to_array(), path.display());
+        output.warn(format!("{path}: coordinates are relative to ({x}, {y}, {z}) mm"));
+    }
+    formats::write_stl(path, &mesh)
 }
 
 fn say(report: &MeshReport, args: &Args, output: &Output) {

@@ -73,7 +73,7 @@ struct BuildArgs {
     #[arg(long)]
     whole_sphere: bool,
     /// Scale up parts whose smallest box edge is below this, mm (0: never).
-    #[arg(long, default_value_t = 80.0, value_name = "MM", allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 80.0, value_name = "MM", allow_negative_numbers = true, value_parser = crate::args::millimeters)]
     min_edge: f64,
     /// Instead, scale each part to a random size: the largest box edge between these, mm.
     #[arg(long, value_name = "LOW,HIGH", value_parser = sizes, conflicts_with = "min_edge")]

@@ -1,9 +1,10 @@
 //! `deepmill explain`: why a site of a result can or cannot be reached, and what would help.
 
-use crate::mesh_args::MeshArgs;
+use crate::args::millimeters;
+use crate::mesh_args::{MeshArgs, warn_if_in_inches};
 use crate::output::Output;
 use deepmill::data::files::label_query::LabelQuery;
-use deepmill::report::coverage::{TOOLS, tool_names};
+use deepmill::report::coverage::{TOOLS, tool_folders};
 use deepmill::report::explanation::{About, picture};
 use deepmill::report::folder::LABELS;
 use deepmill::report::tables::Cell;
@@ -25,7 +26,7 @@ pub struct Args {
     /// Row of the site, from 0 on.
     #[arg(long, value_name = "N", required_unless_present = "at", conflicts_with = "at")]
     site: Option<usize>,
-    /// The site nearest to this place, mm.
+    /// The site nearest to this place, mm, in the coordinates of the result (relative to its origin_mm, if it has one).
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     at: Option<String>,
     /// The part's mesh, if the folder holds no part.stl.
@@ -47,8 +48,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     if let Some(path) = &args.picture {
         atomic_file::check_writable_file(path)?;
     }
-    let mesh = args.part.as_ref().map(|path| args.read.read_mesh(path, output));
-    let query = LabelQuery::read(&labels, mesh.transpose()?.map(|(mesh, _)| mesh))?;
+    let mesh = args.part.as_ref().map(|path| args.read.read_near(path, output));
+    let query = LabelQuery::read(&labels, mesh.transpose()?)?;
+    query.mesh.iter().for_each(|mesh| warn_if_in_inches(mesh, output));
     let (site, distance) = match at {
         Some(at) => query.nearest_site(at)?,
         None => (args.site.unwrap_or_default(), 0.0),
@@ -87,8 +89,9 @@ fn labels_file(result: &Path) -> Result<PathBuf> {
     }
     let (found, remedy) = match result.join(TOOLS).is_file() {
         true => {
-            let names = tool_names(result)?.join(", ");
-            let remedy = format!("name the folder of one of its tools: {names}");
+            let folders = tool_folders(result)?.into_iter().map(|(_, folder)| folder);
+            let folders = folders.collect::<Vec<_>>().join(", ");
+            let remedy = format!("name the folder of one of its tools: {folders}");
             ("it is the folder of several tools".to_string(), remedy)
         }
         false => {
@@ -100,7 +103,7 @@ fn labels_file(result: &Path) -> Result<PathBuf> {
 }
 
 fn place(text: &str) -> Result<DVec3> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
+    let numbers: Option<Vec<f64>> = text.split(',').map(|x| millimeters(x).ok()).collect();
     let three = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
     three.map(DVec3::from_array).filter(|p| p.is_finite()).ok_or_else(|| {
         let remedy = "write for example 12.5,30,4";

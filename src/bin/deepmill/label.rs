@@ -1,6 +1,6 @@
 //! `deepmill label`: computes exactly which sites of a part a cutter cannot reach.
 
-use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, name_of};
+use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, millimeters, name_of};
 use crate::clock::Clock;
 use crate::density;
 use crate::findings;
@@ -66,11 +66,11 @@ pub struct Args {
     occlusion_share: f64,
     /// Instead of sites, label the points of a lattice of this step in the part's box (roughing): with the tip at the
     /// point. Writes volume.npz and volume.png, a section.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "obstacles")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "obstacles", value_parser = millimeters)]
     pub volume: Option<f64>,
     /// Also compute how far the tool's steps may grow, or must shrink, at each site, up to this either way (`clearance` in
     /// labels.npz).
-    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "volume")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "volume", value_parser = millimeters)]
     clearance_limit: Option<f64>,
     /// Folder of the results.
     #[arg(long, value_name = "DIR")]
@@ -179,6 +179,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.say(facts.text());
     let mut result = facts.json();
     result["limits_broken"] = broken;
+    args.read.add_origin(&mut result);
     if let (Blocking::Part, Some(labels), Some(mesh)) = (blocking, &single, &answers.mesh) {
         result["faces"] = part_itself::say_blocking(mesh, &answers.sites, labels, output);
         result["bodies"] = part_itself::say_bodies(mesh, &answers.sites, labels, output)?;
@@ -283,7 +284,7 @@ impl Answers<'_> {
         for (k, (tool, labels)) in tools.iter().zip(labels).enumerate() {
             let folder = match coverage {
                 None => args.out.clone(),
-                Some(_) => args.out.join(&tool.name),
+                Some(_) => args.out.join(tool.folder()),
             };
             let file = self.file((tool, &warnings[k]), labels);
             paths.extend(folder::write_labels(&folder, &file, mesh.as_ref(), show)?);
@@ -327,7 +328,7 @@ impl Answers<'_> {
 
     fn provenance(&self, tool: &Tool, warnings: &[Warning]) -> Provenance {
         let Answers { args, directions, .. } = self;
-        let settings = json!({
+        let mut settings = json!({
             "sites": args.sites.settings(self.mesh.is_some()),
             "surface": self.surface,
             "tool": tool.settings(),
@@ -341,6 +342,7 @@ impl Answers<'_> {
             "clearance_limit_mm": args.clearance_limit,
             "engine": args.engine,
         });
+        args.read.add_origin(&mut settings);
         Provenance { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings }
     }
 }

@@ -2,13 +2,16 @@
 
 use crate::args::name_of;
 use crate::output::Output;
+use deepmill::data::files::tools::Tool;
 use deepmill::geom::check::{Fault, MeshReport};
 use deepmill::geom::formats::{self, MeshOrCloud, ReadOptions};
-use deepmill::geom::units::{Unit, size_line, size_warning};
-use deepmill::geom::{Mesh, check, repair, weld};
+use deepmill::geom::units::{Unit, inch_warning, size_line, size_warning};
+use deepmill::geom::{Mesh, check, origin, repair, weld};
 use deepmill::{Error, Result};
 use glam::DVec3;
+use serde_json::{Value, json};
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// Which meshes are labeled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,6 +29,42 @@ impl Accept {
     pub fn one_body_or(force: bool) -> Self {
         if force { Accept::Faults } else { Accept::OneBody }
     }
+}
+
+/// Points of a cloud are single precision: far from the origin that is too coarse.
+fn refuse_far(low: DVec3, high: DVec3, path: &Path) -> Result<()> {
+    for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
+        let x = if low[k] > 0.0 { low[k] } else { high[k] };
+        if x.abs() > origin::FAR_MM && low[k] * high[k] > 0.0 {
+            let far = origin::single_spacing(x);
+            let found =
+                format!("{axis} is {x} mm, where numbers of single precision are {far} mm apart");
+            let remedy = "move the cloud near the origin, within 4 m, or give the mesh";
+            return Err(Error::file(path, "points", found, remedy));
+        }
+    }
+    Ok(())
+}
+
+/// Warns if a part in millimeters may be one in inches.
+pub fn warn_if_in_inches(mesh: &Mesh, output: &Output) {
+    let warning = mesh.bounds().and_then(|(low, high)| inch_warning(low, high));
+    warning.iter().for_each(|warning| output.warn(warning));
+}
+
+/// Warns, before the work, of tools that are wider than the part is long: the unit of one of them may be wrong.
+pub fn warn_wide_tools(mesh: &Mesh, tools: &[Tool], output: &Output) {
+    let longest = mesh.bounds().map_or(0.0, |(low, high)| (high - low).max_element());
+    let diameter = |tool: &Tool| 2.0 * tool.params.cr_mm;
+    let wide: Vec<&Tool> = tools.iter().filter(|tool| diameter(tool) > longest).collect();
+    let Some(first) = wide.first() else { return };
+    output.warn(format!(
+        "{} of {} tools are wider than the part is long ({longest:.3} mm), {} with {} mm: check --unit and the tools",
+        wide.len(),
+        tools.len(),
+        first.name,
+        diameter(first)
+    ));
 }
 
 /// Options that say how a mesh file is read.
@@ -46,6 +85,9 @@ pub struct MeshArgs {
     /// Mend small faults: weld gaps, drop doubled and collapsed triangles, orient.
     #[arg(long)]
     pub repair: bool,
+    /// The local origin of the part that was read, if it is far from that of its file.
+    #[arg(skip)]
+    origin: OnceLock<DVec3>,
 }
 
 impl MeshArgs {
@@ -57,9 +99,11 @@ impl MeshArgs {
     /// inward-facing mesh is turned with a notice. A mesh that does not bound one solid, or with
     /// [`Accept::Bodies`] several, is refused, or with [`Accept::Faults`] warned about.
     pub fn read_part(&self, path: &Path, accept: Accept, output: &Output) -> Result<MeshOrCloud> {
-        let mut part = formats::read_part(path, &self.options())?;
+        let (mut part, notices) = formats::read_part_with_notices(path, &self.options())?;
+        notices.iter().for_each(|notice| output.warn(notice));
         match &mut part {
             MeshOrCloud::Mesh(mesh) => {
+                self.take_near(mesh, path, output);
                 self.prepare(mesh, output)?;
                 let report = check::check(mesh);
                 let blocking = match accept {
@@ -81,7 +125,9 @@ impl MeshArgs {
                 }
                 let points = sites.points.iter().map(|p| p.as_dvec3());
                 let low = points.clone().fold(DVec3::INFINITY, DVec3::min);
-                self.echo(low, points.fold(DVec3::NEG_INFINITY, DVec3::max), output);
+                let high = points.fold(DVec3::NEG_INFINITY, DVec3::max);
+                refuse_far(low, high, path)?;
+                self.echo(low, high, output);
             }
         }
         Ok(part)
@@ -120,9 +166,57 @@ impl MeshArgs {
         if self.repair { fault.remedy_beyond_repair() } else { fault.remedy() }
     }
 
+    /// As [`MeshArgs::read_mesh`], about a local origin as [`MeshArgs::read_part`].
+    pub fn read_near(&self, path: &Path, output: &Output) -> Result<Mesh> {
+        let (mut mesh, notices) = formats::read_mesh_with_notices(path, &self.options())?;
+        notices.iter().for_each(|notice| output.warn(notice));
+        self.take_near(&mut mesh, path, output);
+        self.prepare(&mut mesh, output)?;
+        Ok(mesh)
+    }
+
+    /// A fixture, in the coordinates of the part that was read.
+    pub fn read_fixture(&self, path: &Path, output: &Output) -> Result<Mesh> {
+        let (mut mesh, _) = self.read_mesh(path, output)?;
+        self.origin.get().iter().for_each(|at| origin::make_relative(&mut mesh, **at));
+        Ok(mesh)
+    }
+
+    /// A part far from the origin is taken about a local one.
+    fn take_near(&self, mesh: &mut Mesh, path: &Path, output: &Output) {
+        let Some(at) = origin::local_origin(mesh) else { return };
+        origin::make_relative(mesh, at);
+        let _ = self.origin.set(at);
+        let [x, y, z] = at.to_array();
+        let far = origin::single_spacing(at.abs().max_element());
+        let stl = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl"));
+        let rounded = match stl {
+            true => format!(
+                "; in a binary STL its corners are already rounded to {far} mm: export it near the origin"
+            ),
+            false => String::new(),
+        };
+        output.warn(format!(
+            "the part is far from the origin: results and files are relative to ({x}, {y}, {z}) mm, their origin_mm{rounded}"
+        ));
+    }
+
+    /// The local origin in use, mm.
+    pub fn origin(&self) -> Option<DVec3> {
+        self.origin.get().copied()
+    }
+
+    /// Adds the local origin in use to settings or results.
+    pub fn add_origin(&self, settings: &mut Value) {
+        if let Some(at) = self.origin() {
+            settings["origin_mm"] = json!(at.to_array());
+        }
+    }
+
     /// Reads a mesh as it is, with the chosen repairs; whether it can be labeled is not checked.
     pub fn read_mesh(&self, path: &Path, output: &Output) -> Result<(Mesh, Vec<repair::Change>)> {
-        let mut mesh = formats::read_mesh(path, &self.options())?;
+        let (mut mesh, notices) = formats::read_mesh_with_notices(path, &self.options())?;
+        notices.iter().for_each(|notice| output.warn(notice));
         let changes = self.prepare(&mut mesh, output)?;
         Ok((mesh, changes))
     }
@@ -141,7 +235,9 @@ impl MeshArgs {
 
     fn echo(&self, low: DVec3, high: DVec3, output: &Output) {
         output.say(format!("size {}", size_line(low, high)));
-        if let Some(warning) = size_warning(low, high, self.options().scale) {
+        let scale = self.options().scale;
+        let in_inches = || inch_warning(low, high).filter(|_| scale == 1.0);
+        if let Some(warning) = size_warning(low, high, scale).or_else(in_inches) {
             output.warn(warning);
         }
     }

@@ -6,6 +6,7 @@ use deepmill::report::findings::Findings;
 use deepmill::report::gate::{Limit, SiteAreas};
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
+use std::collections::HashSet;
 use std::fmt::Display;
 use std::io::{ErrorKind, Write, stderr, stdout};
 use std::path::PathBuf;
@@ -19,6 +20,8 @@ pub struct Output {
     silent: bool,
     /// Whether the result is printed.
     done: AtomicBool,
+    /// Warnings that were given: each is given once.
+    warned: Mutex<HashSet<String>>,
     /// Limits that the result breaks.
     broken: Mutex<Vec<String>>,
     /// Why standard output was not written.
@@ -31,6 +34,7 @@ impl Output {
             json,
             silent: false,
             done: AtomicBool::new(false),
+            warned: Mutex::default(),
             broken: Mutex::default(),
             lost: Mutex::default(),
         }
@@ -65,9 +69,13 @@ impl Output {
         lost.map(|error| Error::write("standard output", error))
     }
 
-    /// A warning, on standard error.
+    /// A warning, on standard error; the same one again is not repeated.
     pub fn warn(&self, line: impl Display) {
-        tell(format_args!("warning: {line}"));
+        let line = line.to_string();
+        let mut warned = self.warned.lock().unwrap_or_else(PoisonError::into_inner);
+        if warned.insert(line.clone()) {
+            tell(format_args!("warning: {line}"));
+        }
     }
 
     /// The failure that ends the program, on standard error, and under `--json` as the result. That of another process is

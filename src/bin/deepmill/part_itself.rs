@@ -1,5 +1,6 @@
 //! Arguments of `deepmill label` for the part itself: tolerance, fixtures, table.
 
+use crate::args::millimeters;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::access::surface::explain::blocking_parts_among_points;
@@ -65,13 +66,13 @@ impl Blocking {
 pub struct SurfaceArgs {
     /// How deep the tool may seem to cut where it only touches; by default 0.01, and more beside coarsely tessellated
     /// curves.
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", value_parser = millimeters)]
     tolerance: Option<f64>,
     /// A mesh that blocks too, in the part's coordinates (clamps, vise); may be given again.
     #[arg(long, value_name = "FILE")]
     fixture: Vec<PathBuf>,
     /// Height of a table that blocks too.
-    #[arg(long, value_name = "Z", allow_hyphen_values = true)]
+    #[arg(long, value_name = "Z", allow_hyphen_values = true, value_parser = millimeters)]
     table: Option<f64>,
     /// How wide to search between the directions for sites that none of them reaches: most cells of directions that are
     /// cut in four at every level; 0: no search.
@@ -104,11 +105,12 @@ impl SurfaceArgs {
     pub fn fixtures(&self, mesh: &Mesh, read: &MeshArgs, output: &Output) -> Result<Vec<Mesh>> {
         let mut fixtures = Vec::new();
         for path in &self.fixture {
-            let (fixture, _) = read.read_mesh(path, output)?;
+            let fixture = read.read_fixture(path, output)?;
             check_fixture(path, &fixture)?;
             fixtures.push(fixture);
         }
         if let Some(z) = self.table {
+            let z = z - read.origin().map_or(0.0, |at| at.z);
             fixtures.push(table(mesh, z)?);
             let (low, high) = mesh.bounds().unwrap_or_default();
             if z > low.z {

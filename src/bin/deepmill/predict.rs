@@ -2,7 +2,7 @@
 
 use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, name_of};
 use crate::clock::Clock;
-use crate::mesh_args::{Accept, MeshArgs};
+use crate::mesh_args::{Accept, MeshArgs, warn_wide_tools};
 use crate::model_args::ModelArgs;
 use crate::output::Output;
 use deepmill::access::LabelOptions;
@@ -90,6 +90,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let part = args.read.read_part(&args.part, Accept::one_body_or(args.force), output)?;
     clock.lap("read_s", "reading");
     let (mesh, sites) = args.sites.place(part)?;
+    mesh.iter().for_each(|mesh| warn_wide_tools(mesh, &tools, output));
     clock.lap("sites_s", "sites");
     let definition = model.definition.map(|definition| definition.to_string());
     let obstacles = args.verify.map(|_| part_to_verify(model.definition, mesh.as_ref()));
@@ -99,6 +100,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "model": model_name,
         "definition": definition,
     });
+    args.read.add_origin(&mut settings);
     if let Some(bound) = args.verify {
         settings["verify"] = json!({ "bound": bound, "directions": directions.set() });
     }
@@ -171,8 +173,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         );
         output.say(table.text());
         result["tools"] = table.json();
-        for (row, (.., outside)) in (0..).zip(&files) {
+        for (row, (_, tool, outside)) in (0..).zip(&files) {
             result["tools"][row]["outside_domain"] = json!(outside);
+            result["tools"][row]["folder"] = json!(tool.folder());
         }
     } else {
         result["outside_domain"] = json!(files[0].2);
@@ -306,7 +309,7 @@ impl About<'_> {
         let mut paths = Vec::new();
         for (file, tool, _) in files {
             let folder = match args.tools.are_several() {
-                true => args.out.join(&tool.name),
+                true => args.out.join(tool.folder()),
                 false => args.out.clone(),
             };
             let mesh = mesh.as_ref();

@@ -119,12 +119,13 @@ pub fn page(
 
 /// The page of a folder that `label` has written for several tools.
 fn several(args: &Args, output: &Output) -> Result<()> {
-    let names = coverage::tool_names(&args.results)?;
-    let read = |name: &String| LabelFile::read(&args.results.join(name).join(LABELS));
-    let files = names.iter().map(read).collect::<Result<Vec<_>>>()?;
+    let (names, folders): (Vec<String>, Vec<String>) =
+        coverage::tool_folders(&args.results)?.into_iter().unzip();
+    let read = |folder: &String| LabelFile::read(&args.results.join(folder).join(LABELS));
+    let files = folders.iter().map(read).collect::<Result<Vec<_>>>()?;
     let sites = &files[0].sites;
     if let Some(k) = files.iter().position(|file| !folder::same_sites(&file.sites, sites)) {
-        let path = args.results.join(&names[k]).join(LABELS);
+        let path = args.results.join(&folders[k]).join(LABELS);
         let (found, remedy) = ("they are not the sites of the first tool", "label all in one run");
         return Err(Error::file(path, "points", found, remedy));
     }
@@ -227,7 +228,7 @@ impl Found {
             stored = shared.join(SURFACE);
         }
         match &args.part {
-            Some(path) => args.read.read_mesh(path, output).map(|(mesh, _)| Some(mesh)),
+            Some(path) => args.read.read_near(path, output).map(Some),
             None if stored.is_file() => {
                 deepmill::geom::formats::read_mesh(&stored, &Default::default()).map(Some)
             }

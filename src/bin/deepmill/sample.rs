@@ -1,6 +1,6 @@
 //! `deepmill sample`: spreads near-uniform sites over a part, or writes the points of a lattice inside and outside it.
 
-use crate::args::{SiteArgs, name_of};
+use crate::args::{SiteArgs, millimeters, name_of};
 use crate::clock::Clock;
 use crate::density;
 use crate::mesh_args::{Accept, MeshArgs};
@@ -35,7 +35,7 @@ pub struct Args {
     #[command(flatten)]
     sites: SiteArgs,
     /// Ball radius of a cutter: say how many sites it needs.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = millimeters)]
     cr: Option<f64>,
     /// Instead of sites, about this many points of a regular lattice in the bounding box, each
     /// said to be inside or outside (.npz).
@@ -170,7 +170,8 @@ fn volume(args: &Args, part: MeshOrCloud, n_points: usize, facts: &mut Facts) ->
     npz.write(&args.out)
 }
 
-fn metadata(args: &Args, format: &str, settings: Value) -> Value {
+fn metadata(args: &Args, format: &str, mut settings: Value) -> Value {
+    args.read.add_origin(&mut settings);
     json!({
         "format": format,
         "version": 1,

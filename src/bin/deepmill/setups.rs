@@ -1,9 +1,9 @@
 //! `deepmill setups`: in how many clampings a part can be milled, and what each reaches.
 
-use crate::args::{GateArgs, SiteArgs, ToolArgs, name_of, share};
+use crate::args::{GateArgs, SiteArgs, ToolArgs, millimeters, name_of, share};
 use crate::clock::Clock;
 use crate::findings;
-use crate::mesh_args::MeshArgs;
+use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use deepmill::access::setups::{Candidates, Clampings, Machine, Plan};
 use deepmill::access::surface::{
@@ -56,7 +56,7 @@ pub struct Args {
     sites: SiteArgs,
     /// How deep the tool may seem to cut where it only touches; by default 0.01, and more beside coarsely tessellated
     /// curves.
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", value_parser = millimeters)]
     tolerance: Option<f64>,
     #[command(flatten)]
     gate: GateArgs,
@@ -92,6 +92,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
+    warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
     let sites = args.sites.on(&mesh)?;
     Show::pictures_unless(args.no_picture).require_memory(Some(&mesh), &sites)?;
@@ -162,6 +163,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     result["fewest_is_proven"] = json!(plan.setups.len() <= plan.at_least);
     result["findings"] = found.json();
     result["limits_broken"] = broken;
+    args.read.add_origin(&mut result);
     output.result_with_files(result, &paths);
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use crate::args::{DirectionArgs, GateArgs, SiteArgs, UnsaidArgs, name_of, share, with_names};
 use crate::clock::Clock;
-use crate::mesh_args::MeshArgs;
+use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::SurfaceArgs;
 use deepmill::access::surface::{SiteAnswer, ToolReach};
@@ -66,6 +66,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
+    warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
     let sites = args.sites.on(&mesh)?;
     let areas = SiteAreas::of(&sites, Some(&mesh))?;
@@ -118,6 +119,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     result["smallest_set"] = cover.json();
     result["smallest_set_is_proven"] = json!(library.cover.is_smallest());
     result["limits_broken"] = broken;
+    args.read.add_origin(&mut result);
     output.result_with_files(result, &paths);
     Ok(())
 }

@@ -43,13 +43,14 @@ pub fn run(
     let labels = obstacles.label(Queries::Volume(&points), &tool.cutter, &directions, &options)?;
     clock.lap("labels_s", "labels");
 
-    let settings = json!({
+    let mut settings = json!({
         "tool": tool.settings(),
         "directions": directions.set(),
         "n_directions": labels.n_directions,
         "definition": "the part itself, in space",
         "part_itself": args.surface.settings(),
     });
+    args.read.add_origin(&mut settings);
     let provenance =
         Provenance { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings };
     let file = VolumeFile::new(provenance, lattice, &inside, &labels)?;

@@ -13,7 +13,7 @@ use crate::data::volume::{Volume, VolumeObstacles};
 use crate::directions::Directions;
 use crate::folder_lock::FolderLock;
 use crate::geom::sites::SiteOptions;
-use crate::geom::{Mesh, Sites, check, formats, sites};
+use crate::geom::{Mesh, Sites, check, formats, origin, sites};
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
 use glam::Vec3;
@@ -53,7 +53,13 @@ impl PartSource {
     /// If the file cannot be read as a mesh.
     pub fn mesh(&self) -> Result<Mesh> {
         match self {
-            PartSource::File(path) => formats::read_mesh(path, &formats::ReadOptions::default()),
+            PartSource::File(path) => {
+                let mut mesh = formats::read_mesh(path, &formats::ReadOptions::default())?;
+                if let Some(at) = origin::local_origin(&mesh) {
+                    origin::make_relative(&mut mesh, at);
+                }
+                Ok(mesh)
+            }
             PartSource::Generated { seed, index } => Ok(generated::mixed_part(*seed, *index)),
         }
     }

@@ -2,37 +2,50 @@
 //!
 //! | file | recognised by |
 //! |---|---|
-//! | Fusion 360 export | JSON with `data` or `geometry` |
+//! | Fusion 360 export | JSON with `data` or `geometry`; `.tools`, a ZIP with such a `tools.json` |
 //! | FreeCAD tool bit, one tool | JSON with `parameter`; a folder stands for its `.fctb` files |
+//! | FreeCAD library (`.fctl`) | JSON whose `tools` have a `path`; the bits are beside it or in `Bit` |
+//! | CAMotics tool table | JSON whose tools have a `shape` |
 //! | LinuxCNC tool table | `.tbl`, or a first line that begins with `T` and a number |
-//! | table of lengths | anything else: CSV |
+//! | table of lengths, or in the words of a shop | anything else: CSV |
 //!
-//! What a file does not say comes from [`Unsaid`], never assumed: an error names what is missing. What is no ball, bull-nose, flat or tapered end
-//! mill is refused by name, and the rest is read.
+//! What a file does not say comes from [`Unsaid`], never assumed. A tool that is not complete, contradicts itself or
+//! is no ball, bull-nose, flat or tapered end mill is left out by name with the reason, and the rest is read.
 
+mod camotics;
 mod described;
 mod freecad;
 mod fusion;
 mod holder;
 mod linuxcnc;
+mod names;
 mod place;
+mod reading;
+mod shop;
 mod table;
+mod unpack;
+mod words;
 
 use super::ball_end_words;
 use crate::cutter::{Assembly, Cutter, CutterParams, Step};
-use crate::{Error, Result, input_file};
+use crate::geom::units::length::tidy;
+use crate::{Error, Result};
+use names::{folder_name, in_one_line};
 use serde_json::{Value, json};
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
 
 pub use holder::{Holder, holder_from_bytes, read_holder};
+pub use names::number_repeated;
+pub use reading::{from_bytes, read};
 pub use table::{steps_of_words, steps_words};
 
 /// A checked cutter and the numbers it was ordered with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tool {
-    /// Name, fit for a folder.
+    /// Name as its file has it.
     pub name: String,
+    /// Number in the machine's table.
+    pub number: Option<u32>,
+    folder: String,
     /// CR, CH, FR, FH; of a tool with more steps a summary: radius of the tip, height from `2·CR` above it to the holder, greatest radius
     /// and height of the holder.
     pub params: CutterParams,
@@ -74,10 +87,20 @@ impl Tool {
             vec![step(0.0, fr_mm), step(fh_mm, f64::INFINITY)],
             2.0 * cr_mm + ch_mm,
         )?;
-        Ok(Tool { name, params, corner_mm, clearance_mm, cutter, assembly, description: None })
+        Ok(Tool {
+            folder: name.clone(),
+            name,
+            number: None,
+            params,
+            corner_mm,
+            clearance_mm,
+            cutter,
+            assembly,
+            description: None,
+        })
     }
 
-    /// A tool of a library: its name is made fit for a folder.
+    /// A tool of a library.
     ///
     /// # Errors
     /// As [`Assembly::cutter`], or as [`Tool::new`] for the clearance.
@@ -101,9 +124,22 @@ impl Tool {
             }
         };
         let params = whole.as_ball_end().unwrap_or_else(summary);
+        let params = CutterParams::from_array(params.to_array().map(tidy));
         let cutter = whole.with_clearance(clearance_mm)?;
-        let (name, description) = (folder_name(name), Some(description));
-        Ok(Tool { name, params, corner_mm, clearance_mm, cutter, assembly, description })
+        let description = Some(description);
+        let mut tool = Tool {
+            name: String::new(),
+            number: None,
+            folder: String::new(),
+            params,
+            corner_mm,
+            clearance_mm,
+            cutter,
+            assembly,
+            description,
+        };
+        tool.rename(name);
+        Ok(tool)
     }
 
     /// Body, holder and stick-out with the margin.
@@ -115,31 +151,24 @@ impl Tool {
     }
 
     /// The same tool by another name.
-    ///
-    /// # Errors
-    /// If some system would not let a folder have the name, or it is that of a file beside the folders.
-    pub fn named(self, name: &str) -> Result<Self> {
-        let refuse = |remedy: &str| {
-            let found = place::shown(name);
-            Err(Error::argument("name", found, "a name that a folder can have", remedy))
-        };
-        if name.contains(is_forbidden) {
-            return refuse(r#"leave out / \ : * ? " < > | and control characters"#);
-        }
-        if name.is_empty() || name.starts_with(['.', '-', ' ']) || name.ends_with(['.', ' ']) {
-            return refuse("begin it with a letter or a digit, end it without a dot");
-        }
-        if name.len() > 100 {
-            return refuse("use at most 100 bytes");
-        }
-        if is_taken(name) {
-            return refuse("part.stl, tools.… and others are files of the results: choose another");
-        }
-        Ok(Tool { name: name.into(), ..self })
+    pub fn named(mut self, name: &str) -> Self {
+        self.rename(name);
+        self
     }
 
-    /// The same for two tools that would have the same folder, on systems too that ignore case.
-    pub fn folder_key(&self) -> String {
+    fn rename(&mut self, name: &str) {
+        let name = in_one_line(name);
+        self.name = if name.is_empty() { "tool".into() } else { name };
+        self.folder = folder_name(&self.name);
+    }
+
+    /// Name of a folder for its files, on every system; [`number_repeated`] tells those of several tools apart.
+    pub fn folder(&self) -> &str {
+        &self.folder
+    }
+
+    /// The same for two tools of the same name, whatever the case.
+    pub fn name_key(&self) -> String {
         self.name.to_lowercase()
     }
 
@@ -175,34 +204,6 @@ impl Tool {
             settings["excess_mm"] = json!(self.assembly.excess_mm());
         }
         settings
-    }
-}
-
-fn is_forbidden(c: char) -> bool {
-    c.is_control() || r#"/\:*?"<>|"#.contains(c)
-}
-
-fn is_taken(name: &str) -> bool {
-    let files = ["part.stl", "fixtures.stl", "report.html"];
-    let starts = ["tools.", "findings.", "stick-out."];
-    files.iter().any(|file| name.eq_ignore_ascii_case(file))
-        || starts.iter().any(|start| starts_with_ignoring_case(name, start))
-}
-
-/// A name that [`Tool::named`] accepts, as near to the one given as can be.
-fn folder_name(name: &str) -> String {
-    let allowed = name.chars().map(|c| if is_forbidden(c) { ' ' } else { c });
-    let spaced: String = allowed.collect();
-    let words: Vec<&str> = spaced.split_whitespace().collect();
-    let mut name = words.join(" ");
-    while name.len() > 80 {
-        name.pop();
-    }
-    let name = name.trim_start_matches(['.', '-', ' ']).trim_end_matches(['.', ' ']);
-    if name.is_empty() || is_taken(name) {
-        format!("tool {name}").trim_end().into()
-    } else {
-        name.into()
     }
 }
 
@@ -244,122 +245,10 @@ pub struct ToolTable {
     pub tools: Vec<Tool>,
     /// Headings of columns that mean nothing here.
     pub unused: Vec<String>,
-    /// Tools that cannot be represented, one sentence each.
+    /// Tools that are left out: not complete, contradictory or of a kind that cannot be represented; one sentence each.
     pub refused: Vec<String>,
     /// What was changed to the safe side, one sentence each.
     pub notices: Vec<String>,
-}
-
-/// Reads a file of tools, or all `.fctb` files of a folder in the order of their names.
-///
-/// # Errors
-/// If a file is not what its format demands, says what cannot be, or does not say what `unsaid` does not say either; if no tool is left; if
-/// two rows of a table have the same name.
-pub fn read(path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
-    if !path.is_dir() {
-        let bytes = input_file::read(path, input_file::LIBRARY)?;
-        let table = from_bytes(&bytes, path, unsaid)?;
-        return some_left(table, path);
-    }
-    let mut all = ToolTable::default();
-    let files = tool_bits(path)?;
-    if files.is_empty() {
-        let remedy = "name a file, or a folder of FreeCAD tool bits";
-        return Err(Error::file(path, "folder", "there is no .fctb file in it", remedy));
-    }
-    for file in files {
-        let bytes = input_file::read(&file, input_file::LIBRARY)?;
-        let table = from_bytes(&bytes, &file, unsaid)?;
-        all.tools.extend(table.tools);
-        all.refused.extend(table.refused);
-        all.notices.extend(table.notices);
-    }
-    number_repeated(&mut all.tools);
-    some_left(all, path)
-}
-
-fn some_left(table: ToolTable, path: &Path) -> Result<ToolTable> {
-    match (table.tools.is_empty(), table.refused.first()) {
-        (false, _) => Ok(table),
-        (true, first) => {
-            let first = first.map_or(String::new(), |first| format!(": {first}"));
-            let found = format!("no tool can be used{first}");
-            let remedy = "add a ball, bull-nose, flat or tapered end mill";
-            Err(Error::file(path, "tools", found, remedy))
-        }
-    }
-}
-
-fn tool_bits(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = std::fs::read_dir(folder).map_err(|e| Error::read(folder, e))?;
-    let mut files = Vec::new();
-    for entry in entries {
-        let path = entry.map_err(|e| Error::read(folder, e))?.path();
-        if has_extension(&path, "fctb") && path.is_file() {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
-}
-
-/// Reads tools from the content of a file; `path` is for its extension and for messages.
-///
-/// # Errors
-/// As [`read`].
-pub fn from_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
-    let text = place::utf8(bytes, path)?;
-    let mut table = match first_char(text) {
-        Some('{' | '[') => {
-            let value = place::json(text, path)?;
-            if value.get("parameter").is_some() {
-                freecad::read(&value, path, unsaid)
-            } else if fusion::is_library(&value) {
-                fusion::read(&value, path, unsaid)
-            } else {
-                let found = "neither `data` (Fusion 360) nor `parameter` (FreeCAD) is there";
-                let remedy = "name a tool library exported as JSON, or a tool bit";
-                Err(Error::file(path, "top level", found, remedy))
-            }
-        }
-        _ if has_extension(path, "fctb") || has_extension(path, "json") => {
-            let remedy = "export the tools again";
-            Err(Error::file(path, "line 1", "the file is not JSON", remedy))
-        }
-        _ if has_extension(path, "tbl") || linuxcnc::is_table(text) => {
-            linuxcnc::read(text, path, unsaid)
-        }
-        _ => table::read(text, path),
-    }?;
-    number_repeated(&mut table.tools);
-    Ok(table)
-}
-
-fn first_char(text: &str) -> Option<char> {
-    text.trim_start().chars().next()
-}
-
-fn has_extension(path: &Path, extension: &str) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
-}
-
-/// Tells tools of libraries that have the same name apart: `D6`, `D6 (2)`, …
-pub fn number_repeated(tools: &mut [Tool]) {
-    let mut seen: HashMap<String, usize> = HashMap::new();
-    for tool in tools {
-        let n = *seen.entry(tool.folder_key()).and_modify(|n| *n += 1).or_insert(1);
-        if n == 1 || tool.description.is_none() {
-            continue;
-        }
-        let base = tool.name.clone();
-        for n in n.. {
-            tool.name = format!("{base} ({n})");
-            if !seen.contains_key(&tool.folder_key()) {
-                break;
-            }
-        }
-        seen.insert(tool.folder_key(), 1);
-    }
 }
 
 #[cfg(test)]

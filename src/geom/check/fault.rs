@@ -10,6 +10,8 @@ pub enum Fault {
     NotFinite,
     /// There is no triangle with three different corners.
     Empty,
+    /// Vertices within an edge with one triangle: neighbors touch there, but share no edge.
+    TJunction,
     /// Edges with one triangle: the surface has a hole there.
     OpenEdge,
     /// Edges with more than two triangles.
@@ -43,6 +45,7 @@ impl Fault {
             Fault::NotFinite => "not_finite",
             Fault::Empty => "empty",
             Fault::OpenEdge => "open_edge",
+            Fault::TJunction => "t_junction",
             Fault::NonManifoldEdge => "non_manifold_edge",
             Fault::InconsistentEdge => "inconsistent_edge",
             Fault::NonManifoldVertex => "non_manifold_vertex",
@@ -67,6 +70,10 @@ impl Fault {
             Fault::OpenEdge => {
                 ["open edge (used by one triangle)", "open edges (used by one triangle)"]
             }
+            Fault::TJunction => [
+                "T-junction (a vertex within an open edge of another triangle)",
+                "T-junctions (vertices within open edges of other triangles)",
+            ],
             Fault::NonManifoldEdge => {
                 ["edge used by more than two triangles", "edges used by more than two triangles"]
             }
@@ -100,6 +107,10 @@ impl Fault {
             Fault::OpenEdge => {
                 "try `deepmill check --repair`, which closes gaps of up to 1e-5 of the diagonal; else \
                  close the solid in the program that wrote it"
+            }
+            Fault::TJunction => {
+                "split the longer edge at the vertex in the program that wrote it: mesh the faces so \
+                 that neighbors share their corners"
             }
             Fault::NonManifoldEdge => {
                 "try `deepmill check --repair`, else separate or join the touching bodies in the CAD \

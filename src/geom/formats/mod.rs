@@ -10,6 +10,7 @@ mod obj;
 mod ply;
 mod polygon;
 mod stl;
+mod strip;
 mod text;
 mod threemf;
 
@@ -97,12 +98,24 @@ pub enum MeshOrCloud {
     Cloud(Sites),
 }
 
-/// Reads a mesh or a cloud, whichever `path` holds: an NPZ, or a PLY without faces but with
+/// Reads a mesh or a cloud, whichever `path` holds: an NPZ, or a PLY without faces of any kind but with
 /// normals, is a cloud.
 ///
 /// # Errors
 /// As [`read_mesh`] and [`read_cloud`].
 pub fn read_part(path: &Path, options: &ReadOptions) -> Result<MeshOrCloud> {
+    read_part_with_notices(path, options).map(|(part, _)| part)
+}
+
+/// [`read_part`], with what was left out of the file, one sentence each: objects of a 3MF that are no part of the solid
+/// (supports, modifiers, items that are not printed).
+///
+/// # Errors
+/// As [`read_part`].
+pub fn read_part_with_notices(
+    path: &Path,
+    options: &ReadOptions,
+) -> Result<(MeshOrCloud, Vec<String>)> {
     let format = Format::of(path)?;
     let bytes = input_file::read(path, input_file::DATA)?;
     let cloud = match format {
@@ -111,10 +124,11 @@ pub fn read_part(path: &Path, options: &ReadOptions) -> Result<MeshOrCloud> {
         Format::Stl | Format::Obj | Format::ThreeMf => false,
     };
     if cloud {
-        cloud_from_bytes(&bytes, format, path, options.scale).map(MeshOrCloud::Cloud)
-    } else {
-        mesh_from_bytes(&bytes, format, path, options).map(MeshOrCloud::Mesh)
+        let cloud = cloud_from_bytes(&bytes, format, path, options.scale)?;
+        return Ok((MeshOrCloud::Cloud(cloud), Vec::new()));
     }
+    let (mesh, notices) = mesh_with_notices(&bytes, format, path, options)?;
+    Ok((MeshOrCloud::Mesh(mesh), notices))
 }
 
 /// Reads a mesh: STL, OBJ, PLY or 3MF, by the ending of `path`. Corners are scaled and welded; no
@@ -125,8 +139,16 @@ pub fn read_part(path: &Path, options: &ReadOptions) -> Result<MeshOrCloud> {
 /// the file, the line or byte, and what to do. Whether the mesh is closed is checked not here but by
 /// [`super::check`].
 pub fn read_mesh(path: &Path, options: &ReadOptions) -> Result<Mesh> {
+    read_mesh_with_notices(path, options).map(|(mesh, _)| mesh)
+}
+
+/// [`read_mesh`], with what was left out of the file as [`read_part_with_notices`] has it.
+///
+/// # Errors
+/// As [`read_mesh`].
+pub fn read_mesh_with_notices(path: &Path, options: &ReadOptions) -> Result<(Mesh, Vec<String>)> {
     let format = Format::of(path)?;
-    mesh_from_bytes(&input_file::read(path, input_file::DATA)?, format, path, options)
+    mesh_with_notices(&input_file::read(path, input_file::DATA)?, format, path, options)
 }
 
 /// [`read_mesh`] from memory; `path` only serves messages.
@@ -139,15 +161,32 @@ pub fn mesh_from_bytes(
     path: &Path,
     options: &ReadOptions,
 ) -> Result<Mesh> {
+    mesh_with_notices(bytes, format, path, options).map(|(mesh, _)| mesh)
+}
+
+fn mesh_with_notices(
+    bytes: &[u8],
+    format: Format,
+    path: &Path,
+    options: &ReadOptions,
+) -> Result<(Mesh, Vec<String>)> {
     check_options(options)?;
     refuse_empty(bytes, path)?;
+    if let Some(kind) = input_file::foreign(bytes).filter(|_| format != Format::ThreeMf) {
+        return Err(kind.error(path, "a mesh"));
+    }
     let remedy = "export the part with fewer triangles";
     require_memory("reading the mesh", bytes.len() as u64, path, remedy)?;
+    let mut notices = Vec::new();
     let mut mesh = match format {
         Format::Stl => stl::read(bytes, path)?,
         Format::Obj => obj::read(bytes, path)?,
         Format::Ply => ply::read_mesh(bytes, path)?,
-        Format::ThreeMf => threemf::read(bytes, path)?,
+        Format::ThreeMf => {
+            let (mesh, left_out) = threemf::read(bytes, path)?;
+            notices = left_out;
+            mesh
+        }
         Format::Npz => {
             return Err(Error::file(
                 path,
@@ -164,7 +203,7 @@ pub fn mesh_from_bytes(
         *vertex *= options.scale;
     }
     check_size(mesh.vertices.iter().copied(), path)?;
-    weld::weld(&mesh, options.weld)
+    Ok((weld::weld(&mesh, options.weld)?, notices))
 }
 
 fn require_memory(operation: &'static str, n_bytes: u64, path: &Path, remedy: &str) -> Result<()> {

@@ -1,10 +1,14 @@
 //! Wavefront OBJ files: positions and polygons; groups, materials, normals and texture are skipped.
+//!
+//! A remark begins at `#` and ends with its line: a backslash in it continues nothing. Nor does one that ends the
+//! path of a material or the name of a group: only positions and faces go on over lines.
 
 use super::polygon::Polygons;
 use super::text::{Lines, coordinates};
 use super::{Mesh, one_line};
 use crate::{Error, Result};
 use glam::DVec3;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Vertices as they are and polygons cut into triangles, in file units.
@@ -13,11 +17,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Mesh> {
     let mut polygons = Polygons::counting_from(1);
     let mut lines = Lines::new(bytes);
     while let Some((number, line)) = lines.next() {
-        let mut line = line;
-        while let Some(begun) = line.trim_end().strip_suffix('\\') {
-            let rest = lines.next().map(|(_, rest)| rest).unwrap_or_default();
-            line = format!("{begun} {rest}").into();
-        }
+        let line = statement(line, &mut lines);
         let fault = |found: String, remedy: &str| {
             Err(Error::file(path, format!("line {number}"), found, remedy))
         };
@@ -40,6 +40,30 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Mesh> {
         }
     }
     polygons.into_mesh(vertices, path, |line| format!("line {line}"))
+}
+
+/// A line without its remark, with the lines on which it goes on.
+fn statement<'a>(line: Cow<'a, str>, lines: &mut Lines<'a>) -> Cow<'a, str> {
+    let begun = without_remark(&line);
+    let goes_on = begun.ends_with('\\');
+    if !goes_on || !matches!(begun.split([' ', '\t', '\\']).next(), Some("v" | "f")) {
+        return match begun.len() == line.len() {
+            true => line,
+            false => begun.to_string().into(),
+        };
+    }
+    let mut whole = begun.to_string();
+    while whole.ends_with('\\') {
+        whole.pop();
+        let Some((_, next)) = lines.next() else { break };
+        whole.push(' ');
+        whole.push_str(without_remark(&next));
+    }
+    whole.into()
+}
+
+fn without_remark(line: &str) -> &str {
+    line.split('#').next().unwrap_or_default().trim()
 }
 
 const INDEX_REMEDY: &str = "export the part again; faces count vertices from 1, or back from -1";
@@ -78,6 +102,27 @@ mod tests {
             assert_eq!(read_text(&format!("{corners}{faces}")).unwrap(), plain, "{faces}");
         }
         assert_eq!(read_text(&format!("f 1 2 3 4\n{corners}")).unwrap(), plain);
+    }
+
+    #[test]
+    fn a_remark_ends_with_its_line_and_hides_what_follows_it() {
+        let corners = ["v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0"];
+        let plain = read_text(&(corners.join("\n") + "\nf 1 2 3 4\n")).unwrap();
+        for end in ["\n", "\r\n", "\r"] {
+            for text in [
+                "# C:\\parts\\|V|f 1 2 3 4",
+                "V|# C:\\out\\|f 1 2 3 4 # lid \\|# end\\",
+                "V|f 1 2 3 4# lid",
+                "mtllib C:\\parts\\|V|g C:\\a\\|f 1 2 \\|  3 \\ |4 # lid",
+                "V # corner|f\\|1 2 3 4 #",
+                "V|f 1 2 3 4 \\",
+            ] {
+                let text = text.replace('V', &corners.join("|")).replace('|', end);
+                assert_eq!(read_text(&text).unwrap(), plain, "{text:?}");
+            }
+        }
+        let message = read_text("v 0 0 0\nv 1 0 # 0 0\n").unwrap_err().to_string();
+        assert!(message.starts_with("part.obj: line 2: coordinate z"), "{message}");
     }
 
     #[test]

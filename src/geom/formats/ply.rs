@@ -4,41 +4,45 @@
 //! elements that would not are refused, so neither time nor memory exceeds what the file pays for.
 
 use super::polygon::Polygons;
+use super::strip::Strips;
 use super::text::Lines;
 use super::{Mesh, one_line};
 use crate::{Error, Result};
 use glam::DVec3;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{
-    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType,
-    ScalarType,
+    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyDef,
+    PropertyType, ScalarType,
 };
 use std::path::Path;
 
-/// Vertices and polygons cut into triangles, in file units.
+/// Vertices, polygons cut into triangles and strips of them, in file units.
 pub(super) fn read_mesh(bytes: &[u8], path: &Path) -> Result<Mesh> {
     let mut body = Body::open(bytes, path)?;
-    if body.header.elements.get("face").is_none_or(|face| face.count == 0) {
-        return Err(body.fault(
-            "header",
-            "there is no element face",
-            "give a mesh, or, if the points have normals nx ny nz, use the file as a cloud",
-        ));
-    }
-    let (mut vertices, mut polygons) = (Vec::new(), Polygons::counting_from(0));
-    body.read("face", |element, i, item| {
+    body.require_faces()?;
+    let last = body.last_of(&[FACE, STRIPS]);
+    let mut vertices = Vec::new();
+    let (mut polygons, mut strips) = (Polygons::counting_from(0), Strips::default());
+    body.read(&last, |element, i, item| {
         match element {
             "vertex" => vertices.push(item.point()?),
-            "face" => {
+            FACE => {
                 item.corners.iter().for_each(|c| polygons.push_corner(*c));
                 polygons.end(i);
             }
+            STRIPS => strips.push(&item.corners),
             _ => {}
         }
         Ok(())
     })?;
-    polygons.into_mesh(vertices, path, |i| format!("face {i}"))
+    let mut mesh = polygons.into_mesh(vertices, path, |i| format!("face {i}"))?;
+    strips.append_to(&mut mesh, path)?;
+    Ok(mesh)
 }
+
+/// Elements whose faces are read.
+const FACE: &str = "face";
+const STRIPS: &str = "tristrips";
 
 /// Points and normals as they are, in file units.
 pub(super) fn read_cloud(bytes: &[u8], path: &Path) -> Result<(Vec<DVec3>, Vec<DVec3>)> {
@@ -61,11 +65,21 @@ pub(super) fn read_cloud(bytes: &[u8], path: &Path) -> Result<(Vec<DVec3>, Vec<D
     Ok((points, normals))
 }
 
-/// Whether the file holds points with normals but no faces.
+/// Whether the file holds points with normals but no faces of any kind.
 pub(super) fn is_cloud(bytes: &[u8], path: &Path) -> Result<bool> {
     let header = Body::open(bytes, path)?.header;
-    let faces = header.elements.get("face").is_some_and(|face| face.count > 0);
+    let faces = header.elements.values().any(holds_faces);
     Ok(!faces && has_properties(&header, &["nx", "ny", "nz"]))
+}
+
+/// Whether an element joins vertices to faces, of whatever kind: by its name, or by a list of vertices.
+fn holds_faces(element: &ElementDef) -> bool {
+    let is_list = |p: &PropertyDef| matches!(p.data_type, PropertyType::List(..));
+    let is_of_vertices = |p: &&PropertyDef| is_list(p) && p.name.starts_with("vert");
+    let named = ["face", "strip", "fan", "triang", "polygon", "quad"];
+    let by_name = named.iter().any(|word| element.name.to_lowercase().contains(word));
+    let joins = by_name || element.properties.values().any(|p| is_of_vertices(&p));
+    element.name != "vertex" && element.count > 0 && joins
 }
 
 fn has_properties(header: &Header, names: &[&str]) -> bool {
@@ -149,20 +163,54 @@ struct Body<'a> {
 impl<'a> Body<'a> {
     fn open(bytes: &'a [u8], path: &'a Path) -> Result<Self> {
         let parser = Parser::<Item>::new();
-        let mut reader = Reader::new(bytes);
-        let header = parser.read_header(&mut reader).map_err(|e| {
-            let place = format!("header line {}", e.line().unwrap_or(1));
-            Error::file(path, place, one_line(e), "check that this is a PLY file; export it again")
-        })?;
-        let rest = reader.into_inner();
-        let head = &bytes[..bytes.len() - rest.len()];
-        let n_lines = head.iter().filter(|b| **b == b'\n').count();
+        let read = |bytes: &[u8]| {
+            let mut reader = Reader::new(bytes);
+            let header = parser.read_header(&mut reader).map_err(|e| {
+                let place = format!("header line {}", e.line().unwrap_or(1));
+                let remedy = "check that this is a PLY file; export it again";
+                Error::file(path, place, one_line(e), remedy)
+            })?;
+            Ok::<_, Error>((header, bytes.len() - reader.into_inner().len()))
+        };
+        let (header, n_head) = match carriage_returns(bytes) {
+            Some(head) => read(&head)?,
+            None => read(bytes)?,
+        };
+        let (head, rest) = bytes.split_at(n_head);
+        let n_lines = Lines::new(head).count();
         let body = Body { path, header, rest, n_lines };
         if !has_properties(&body.header, &["x", "y", "z"]) {
             let found = "there is no element vertex with properties x, y, z";
             return Err(body.fault("header", found, "export the part again"));
         }
         Ok(body)
+    }
+
+    /// Fails if there are no faces, or only faces of a kind that is not read.
+    fn require_faces(&self) -> Result<()> {
+        let faces = || self.header.elements.values().filter(|element| holds_faces(element));
+        if faces().any(|element| [FACE, STRIPS].contains(&element.name.as_str())) {
+            return Ok(());
+        }
+        Err(match faces().next() {
+            Some(other) => {
+                let found = format!("the faces are in the element {}", one_line(&other.name));
+                let remedy =
+                    "export the part with polygons (element face) or triangle strips (tristrips)";
+                self.fault("header", found, remedy)
+            }
+            None => self.fault(
+                "header",
+                "there is no element face",
+                "give a mesh, or, if the points have normals nx ny nz, use the file as a cloud",
+            ),
+        })
+    }
+
+    /// The last element of these names.
+    fn last_of(&self, names: &[&str]) -> String {
+        let mut elements = self.header.elements.keys().rev();
+        elements.find(|name| names.contains(&name.as_str())).cloned().unwrap_or_default()
     }
 
     fn fault(&self, place: impl Into<String>, found: impl Into<String>, remedy: &str) -> Error {
@@ -229,11 +277,11 @@ impl<'a> Body<'a> {
         definition: &ElementDef,
     ) -> (Option<usize>, std::result::Result<Item, String>) {
         loop {
-            let Some((number, line)) = Lines::after(self.rest, self.n_lines).next() else {
+            let mut lines = Lines::after(self.rest, self.n_lines);
+            let Some((number, line)) = lines.next() else {
                 return (Some(self.n_lines), Err("the file ends here: it is cut off".into()));
             };
-            let end = self.rest.iter().position(|b| *b == b'\n').map_or(self.rest.len(), |e| e + 1);
-            (self.rest, self.n_lines) = (&self.rest[end..], number);
+            (self.rest, self.n_lines) = (lines.rest(), number);
             if !line.trim().is_empty() {
                 let item = parser.read_ascii_element(line.trim(), definition);
                 return (Some(number), item.map_err(one_line));
@@ -265,6 +313,17 @@ impl<'a> Body<'a> {
         }
         Ok(())
     }
+}
+
+/// Longest header in which carriage returns are read as line ends.
+const MAX_HEAD: usize = 1 << 20;
+
+/// The header with line ends that the library reads, if its lines end in carriage returns alone.
+fn carriage_returns(bytes: &[u8]) -> Option<Vec<u8>> {
+    let begins = bytes.starts_with(b"ply\r") && bytes.get(4) != Some(&b'\n');
+    let start = &bytes[..bytes.len().min(MAX_HEAD)];
+    let end = start.windows(11).position(|w| w == b"end_header\r").filter(|_| begins)? + 11;
+    Some(start[..end].iter().map(|b| if *b == b'\r' { b'\n' } else { *b }).collect())
 }
 
 #[cfg(test)]
@@ -307,6 +366,68 @@ mod tests {
         assert_eq!(mesh.area(), 1.0);
         assert_eq!(read(&binary("little")).unwrap(), mesh);
         assert_eq!(read(&binary("big")).unwrap(), mesh);
+    }
+
+    #[test]
+    fn lines_end_in_any_of_the_three_ways() {
+        let text =
+            format!("ply\nformat ascii 1.0\n{HEAD}0 0 0 7\n1 0 0 7\n1 1 0 7\n0 1 0 7\n4 0 1 2 3 9");
+        let mesh = read(text.as_bytes()).unwrap();
+        for end in ["\r", "\r\n"] {
+            assert_eq!(read(text.replace('\n', end).as_bytes()).unwrap(), mesh, "{end:?}");
+            let cut = text.replace("\n1 1 0 7", "\n1 x 0 7").replace('\n', end);
+            let message = read(cut.as_bytes()).unwrap_err().to_string();
+            assert!(message.starts_with("part.ply: line 15, element vertex 2"), "{message}");
+        }
+        // A binary body begins right behind the carriage return, even with a line feed.
+        let mut bytes = binary("little");
+        let n = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        bytes[n] = b'\n';
+        let expected = read(&bytes).unwrap();
+        bytes[..n].iter_mut().filter(|b| **b == b'\n').for_each(|b| *b = b'\r');
+        assert_eq!(read(&bytes).unwrap(), expected);
+    }
+
+    /// A cube of strips, with normals.
+    fn strips(element: &str, list: &str) -> String {
+        let head = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\n\
+            property float z\nproperty float nx\nproperty float ny\nproperty float nz\n";
+        let corner = |i: usize| format!("{} {} {} 0 0 1\n", i % 2, i / 2 % 2, i / 4);
+        let corners: String = (0..8).map(corner).collect();
+        format!(
+            "{head}element {element} 1\nproperty list int int vertex_indices\nend_header\n{corners}{list}\n"
+        )
+    }
+
+    const CUBE: &str = "29 0 2 1 3 -1 4 5 6 7 -1 0 1 4 5 -1 2 6 3 7 -1 0 4 2 6 -1 1 3 5 7";
+
+    #[test]
+    fn triangle_strips_are_faces_and_face_the_same_side() {
+        let text = strips("tristrips", CUBE);
+        let mesh = read(text.as_bytes()).unwrap();
+        assert_eq!((mesh.triangles.len(), mesh.volume(), mesh.area()), (12, 1.0, 6.0));
+        // The sides in one strip and lids, with corners that only lead on.
+        let one = strips("tristrips", "21 4 0 5 1 7 3 6 2 4 0 0 4 4 5 6 7 -1 0 2 1 3");
+        assert_eq!(read(one.as_bytes()).unwrap().volume(), 1.0);
+        for (text, words) in [
+            (strips("tristrips", "3 0 1 8"), "triangle strip 0: vertex 8 of 8"),
+            (strips("tristrips", "4 0 1 -2 3"), "vertex -2 of 8"),
+            (strips("tristrips", "6 0 1 2 -1 4 5"), "a strip has 2 corners"),
+            (strips("trifans", CUBE), "the faces are in the element trifans"),
+        ] {
+            let message = read(text.as_bytes()).unwrap_err().to_string();
+            assert!(message.contains(words), "{words}: {message}");
+        }
+    }
+
+    #[test]
+    fn points_with_faces_of_any_kind_are_no_cloud() {
+        let cloud = |text: String| is_cloud(text.as_bytes(), Path::new("part.ply")).unwrap();
+        for element in ["face", "tristrips", "trifans", "quads", "patch"] {
+            assert!(!cloud(strips(element, CUBE)), "{element}");
+        }
+        let text = strips("camera", CUBE).replace("vertex_indices", "view");
+        assert!(cloud(text) && cloud(strips("face", "").replace("face 1", "face 0")));
     }
 
     #[test]

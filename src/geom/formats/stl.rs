@@ -70,6 +70,21 @@ fn read_binary(facets: &[u8], path: &Path) -> Result<Mesh> {
 const NOT_FINITE: &str = "export the part again; coordinates must be finite numbers";
 const NOT_STL: &str = "check that this is an ASCII STL and export it again";
 
+/// The keyword that a line begins with. Some programs write `end loop` for `endloop`, or a name without a blank
+/// before it (`endsolidPart`).
+fn keyword<'a>(word: &str, rest: impl Iterator<Item = &'a str>) -> Option<&'static str> {
+    let mut word = word.to_ascii_lowercase();
+    if word == "end" {
+        word.extend(rest.take(1).map(str::to_ascii_lowercase));
+    }
+    let begins = ["solid", "endsolid"].into_iter().find(|keyword| word.starts_with(keyword));
+    let glued = [("outerloop", "outer"), ("facetnormal", "facet")];
+    let is = ["outer", "endloop", "facet", "vertex", "endfacet"].into_iter().find(|k| word == *k);
+    begins
+        .or(is)
+        .or(glued.into_iter().find(|(glued, _)| word == *glued).map(|(_, keyword)| keyword))
+}
+
 fn read_text(bytes: &[u8], path: &Path) -> Result<Mesh> {
     let mut vertices = Vec::new();
     let mut corners = None;
@@ -77,26 +92,25 @@ fn read_text(bytes: &[u8], path: &Path) -> Result<Mesh> {
     for (number, line) in Lines::new(bytes) {
         last = number;
         let mut tokens = line.split_whitespace();
-        let Some(keyword) = tokens.next() else { continue };
+        let Some(word) = tokens.next() else { continue };
         ended = false;
         let fault = |found: String| Error::file(path, format!("line {number}"), found, NOT_STL);
-        match (keyword.to_ascii_lowercase().as_str(), corners) {
-            ("solid", None) | ("outer" | "endloop", Some(_)) => {}
-            ("endsolid", None) => ended = true,
-            ("facet", None) => corners = Some(0),
-            ("vertex", Some(n)) if n < 3 => {
+        match (keyword(word, tokens.clone()), corners) {
+            (Some("solid"), None) | (Some("outer" | "endloop"), Some(_)) => {}
+            (Some("endsolid"), None) => ended = true,
+            (Some("facet"), None) => corners = Some(0),
+            (Some("vertex"), Some(n)) if n < 3 => {
                 let vertex = coordinates(tokens);
                 vertices.push(vertex.map_err(|found| {
                     Error::file(path, format!("line {number}"), found, NOT_FINITE)
                 })?);
                 corners = Some(n + 1);
             }
-            ("endfacet", Some(3)) => corners = None,
-            ("endfacet", Some(n)) => return Err(fault(format!("a facet has {n} vertices, not 3"))),
-            _ => {
-                let word = one_line(keyword);
-                return Err(fault(format!("\"{word}\" has no place here")));
+            (Some("endfacet"), Some(3)) => corners = None,
+            (Some("endfacet"), Some(n)) => {
+                return Err(fault(format!("a facet has {n} vertices, not 3")));
             }
+            _ => return Err(fault(format!("\"{}\" has no place here", one_line(word)))),
         }
     }
     if !ended {
@@ -152,4 +166,56 @@ pub(super) fn write(writer: &mut (impl Write + ?Sized), mesh: &Mesh) -> std::io:
         writer.write_all(&[0; 2])?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FACET: &str =
+        "facet normal 0 0 1|outer loop|vertex 0 0 0|vertex 1 0 0|vertex 0 1 0|endloop|endfacet|";
+
+    fn read_lines(text: &str) -> Result<Mesh> {
+        read(text.replace('|', "\n").as_bytes(), Path::new("part.stl"))
+    }
+
+    #[test]
+    fn keywords_with_and_without_blanks_are_the_same() {
+        let whole = format!("solid a|{FACET}{FACET}endsolid a");
+        let mesh = read_lines(&whole).unwrap();
+        assert_eq!(mesh.triangles.len(), 2);
+        for (usual, other) in [
+            ("endloop", "end loop"),
+            ("endloop", "End Loop"),
+            ("endfacet", "end\tfacet"),
+            ("endsolid a", "end solid a"),
+            ("endsolid a", "ENDSOLID"),
+            ("endsolid a", "endsolidAssimpScene"),
+            ("solid a", "solidAssimpScene"),
+            ("outer loop", "outerloop"),
+            ("facet normal", "facetnormal"),
+        ] {
+            let text = whole.replacen(usual, other, if usual.starts_with("solid") { 1 } else { 9 });
+            assert_eq!(read_lines(&text).unwrap(), mesh, "{other}");
+            for end in ["\r", "\r\n"] {
+                let bytes = text.replace('|', end);
+                assert_eq!(read(bytes.as_bytes(), Path::new("x")).unwrap(), mesh, "{other}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_text_that_is_cut_off_is_refused() {
+        let whole = format!("solid a|{FACET}end solid a");
+        for n in 6..whole.len() - 7 {
+            assert!(read_lines(&whole[..n]).is_err(), "{}", &whole[..n]);
+        }
+        let two = format!("{whole}|solid b|{FACET}");
+        assert!(read_lines(&two).unwrap_err().to_string().contains("cut off"));
+        for word in ["end", "end lop", "endlid", "end vertex"] {
+            let text = whole.replace("endfacet", word);
+            let message = read_lines(&text).unwrap_err().to_string();
+            assert!(message.contains("line 8") && message.contains("no place here"), "{message}");
+        }
+    }
 }

@@ -4,8 +4,8 @@ use super::one_line;
 use glam::DVec3;
 use std::borrow::Cow;
 
-/// The lines of a text file with their numbers, from 1. Bytes that are not UTF-8 (names in old
-/// encodings) become replacement characters.
+/// The lines of a text file with their numbers, from 1; they end in LF, CRLF or CR. Bytes that are not UTF-8
+/// (names in old encodings) become replacement characters.
 pub(super) struct Lines<'a> {
     rest: &'a [u8],
     number: usize,
@@ -21,6 +21,11 @@ impl<'a> Lines<'a> {
     pub(super) fn after(rest: &'a [u8], number: usize) -> Self {
         Lines { rest, number }
     }
+
+    /// What follows the lines that were taken.
+    pub(super) fn rest(&self) -> &'a [u8] {
+        self.rest
+    }
 }
 
 impl<'a> Iterator for Lines<'a> {
@@ -30,9 +35,11 @@ impl<'a> Iterator for Lines<'a> {
         if self.rest.is_empty() {
             return None;
         }
-        let end = self.rest.iter().position(|b| *b == b'\n').unwrap_or(self.rest.len());
+        let is_end = |b: &u8| matches!(b, b'\n' | b'\r');
+        let end = self.rest.iter().position(is_end).unwrap_or(self.rest.len());
         let line = &self.rest[..end];
-        self.rest = self.rest.get(end + 1..).unwrap_or(&[]);
+        let next = if self.rest[end..].starts_with(b"\r\n") { end + 2 } else { end + 1 };
+        self.rest = self.rest.get(next..).unwrap_or(&[]);
         self.number += 1;
         Some((self.number, String::from_utf8_lossy(line)))
     }
@@ -65,6 +72,16 @@ mod tests {
         assert_eq!(lines.iter().map(|l| l.0).collect::<Vec<_>>(), [1, 2, 3]);
         assert_eq!(lines[0].1.trim(), "a");
         assert_eq!(lines[2].1, "b\u{fffd}");
+    }
+
+    #[test]
+    fn lines_end_in_any_of_the_three_ways() {
+        for end in ["\n", "\r\n", "\r"] {
+            let text = ["a", "", "b", ""].join(end);
+            let lines: Vec<_> = Lines::new(text.as_bytes()).map(|l| (l.0, l.1.into())).collect();
+            let expected = [(1, "a".to_string()), (2, String::new()), (3, "b".into())];
+            assert_eq!(lines, expected, "{end:?}");
+        }
     }
 
     #[test]

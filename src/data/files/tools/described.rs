@@ -3,8 +3,9 @@
 use super::holder::Holder;
 use super::place::Place;
 use super::{Tool, Unsaid};
-use crate::Result;
 use crate::cutter::{Assembly, Section, TipShape};
+use crate::geom::units::length::tidy;
+use crate::{Error, Result};
 
 /// Form of the lower end; lengths in mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,7 +15,8 @@ pub(super) enum Form {
     Bull {
         corner: f64,
     },
-    /// With this corner and the angle between flank and axis, radians.
+    /// With this corner and the angle between flank and axis, radians. Of a ball, the diameter is the ball's; else that
+    /// of the cone at the height of the tip.
     Tapered {
         corner: f64,
         taper: f64,
@@ -32,15 +34,49 @@ pub(super) struct Described {
     pub neck_end: Option<f64>,
     pub neck: Option<f64>,
     pub shank: Option<f64>,
+    /// Diameter at the upper end of tapered flutes.
+    pub taper_end: Option<f64>,
     pub overall: Option<f64>,
     pub stick_out: Option<f64>,
     pub holder: Option<Holder>,
+    pub clearance: f64,
+    /// Number in the machine's table.
+    pub number: Option<u32>,
 }
 
 /// Lengths closer than this are the same, mm.
 const SAME_MM: f64 = 1e-6;
+/// No tapered mill has less than this between flank and axis, degrees: it is an angle in radians.
+const LEAST_TAPER_DEG: f64 = 0.25;
+/// Greatest angle in degrees that may be one in radians: beyond, it would be more than a half of a right angle.
+const MOST_TAPER_RAD: f64 = 0.8;
+/// Diameters that differ by less are those of the same end: a share, and mm.
+const SAME_END: (f64, f64) = (0.02, 0.05);
+
+fn is_same_end(a: f64, b: f64) -> bool {
+    (a - b).abs() <= SAME_END.0 * a.max(b) + SAME_END.1
+}
 
 impl Described {
+    /// Without what a file may leave unsaid.
+    pub fn new(name: impl Into<String>, form: Form, diameter: f64) -> Self {
+        Described {
+            name: name.into(),
+            form,
+            diameter,
+            flutes: None,
+            neck_end: None,
+            neck: None,
+            shank: None,
+            taper_end: None,
+            overall: None,
+            stick_out: None,
+            holder: None,
+            clearance: 0.0,
+            number: None,
+        }
+    }
+
     /// The tool, and what was changed to the safe side.
     pub fn tool(&self, unsaid: &Unsaid, place: &Place) -> Result<(Tool, Vec<String>)> {
         let missing = |what: &str, option: &str| {
@@ -53,6 +89,7 @@ impl Described {
         let holder = holder.ok_or_else(|| missing("holder", "--holder FILE"))?;
         let shank = self.shank.or(unsaid.shank_mm);
         let shank = shank.ok_or_else(|| missing("diameter of the shank", "--shank MM"))?;
+        self.check_taper(unsaid, shank, place)?;
         let mut notices = Vec::new();
         let body = self.body(unsaid, shank, place, &mut notices)?;
         self.check_lengths(stick_out, place)?;
@@ -61,9 +98,52 @@ impl Described {
         let assembly = assembly.map_err(|error| place.within(error))?;
         self.say_narrow_holder(holder, &mut notices);
         let words = format!("{}, {} mm out of {}", self.words(), round(stick_out), holder.name);
-        let tool = Tool::of_assembly(&self.name, assembly, 0.0, words);
+        let tool = Tool::of_assembly(&self.name, assembly, self.clearance, words);
+        let mut tool = tool.map_err(|error| place.within(error))?;
+        tool.number = self.number;
         let notices = notices.into_iter().map(|words| place.sentence(words)).collect();
-        Ok((tool.map_err(|error| place.within(error))?, notices))
+        Ok((tool, notices))
+    }
+
+    /// An angle that looks like one in radians, and a cone that ends elsewhere than the file says.
+    fn check_taper(&self, unsaid: &Unsaid, shank: f64, place: &Place) -> Result<()> {
+        let Form::Tapered { taper, .. } = self.form else { return Ok(()) };
+        let degrees = taper.to_degrees();
+        // The same number, in radians.
+        let other = degrees;
+        let radians = |found: String| -> Error {
+            let degrees = other.to_degrees();
+            let remedy = format!("give it in degrees: as radians it would be {degrees:.3}°");
+            place.error(found, remedy)
+        };
+        if degrees < LEAST_TAPER_DEG {
+            let found =
+                format!("a taper of {degrees:.5}° per side is too little for a tapered mill");
+            return Err(radians(found));
+        }
+        let ends = |taper: f64| self.top_of(taper, unsaid, place);
+        let top = ends(taper)?;
+        if degrees < MOST_TAPER_RAD && is_same_end(ends(other)?, shank) && !is_same_end(top, shank)
+        {
+            let found = format!(
+                "with a taper of {degrees:.5}° per side the flutes end {} mm wide, in radians {} mm as the shank",
+                round(top),
+                round(ends(other)?)
+            );
+            return Err(radians(found));
+        }
+        match self.taper_end.filter(|end| !is_same_end(*end, top)) {
+            None => Ok(()),
+            Some(end) => {
+                let found = format!(
+                    "a taper of {}° per side ends {} mm wide, the file says {} mm",
+                    round(degrees),
+                    round(top),
+                    round(end)
+                );
+                Err(place.error(found, "correct the angle, the diameter or the flute length"))
+            }
+        }
     }
 
     fn check_lengths(&self, stick_out: f64, place: &Place) -> Result<()> {
@@ -140,7 +220,7 @@ impl Described {
         }
         if end > flutes + SAME_MM {
             let neck = self.neck.unwrap_or(top);
-            sections.push(Section::cylinder(end - flutes, 0.5 * neck));
+            sections.push(Section::cylinder(tidy(end - flutes), 0.5 * neck));
         } else if is_tapered && end < flutes {
             let found =
                 format!("the shoulder ends at {end} mm, within the tapered flutes of {flutes} mm");
@@ -152,10 +232,25 @@ impl Described {
 
     /// Diameter of the flutes' upper end.
     fn top_of_flutes(&self, unsaid: &Unsaid, place: &Place) -> Result<f64> {
-        let Form::Tapered { corner, taper } = self.form else { return Ok(self.diameter) };
+        match self.form {
+            Form::Tapered { taper, .. } => self.top_of(taper, unsaid, place),
+            _ => Ok(self.diameter),
+        }
+    }
+
+    /// Diameter of the upper end of flutes with this taper.
+    fn top_of(&self, taper: f64, unsaid: &Unsaid, place: &Place) -> Result<f64> {
         let flutes = self.flutes(unsaid, place)?;
-        let rise = (flutes - corner).max(0.0);
-        Ok(self.diameter + 2.0 * rise * libm::tan(taper.clamp(0.0, 1.5)))
+        let taper = taper.clamp(0.0, 1.5);
+        let corner = if let Form::Tapered { corner, .. } = self.form { corner } else { 0.0 };
+        let is_ball = 2.0 * corner >= self.diameter - SAME_MM;
+        Ok(match is_ball {
+            true => {
+                let rise = (flutes - corner).max(0.0);
+                2.0 * (corner / libm::cos(taper) + rise * libm::tan(taper))
+            }
+            false => self.diameter + 2.0 * flutes * libm::tan(taper),
+        })
     }
 
     fn say_relieved(&self, top: f64, notices: &mut Vec<String>) {

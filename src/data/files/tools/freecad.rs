@@ -1,88 +1,134 @@
-//! FreeCAD tool bits (`.fctb`): JSON with one tool, lengths as texts with a unit.
+//! FreeCAD tool bits (`.fctb`): JSON with one tool, lengths as texts with a unit; and libraries (`.fctl`) of
+//! them.
 
+use super::Unsaid;
 use super::described::{Described, Form};
-use super::place::{Place, decimal, shown, shown_value, unit_mm};
-use super::{ToolTable, Unsaid};
+use super::place::{Place, shown, shown_value};
+use super::reading::Reading;
 use crate::Result;
+use crate::geom::units::length::{Length, decimal, split};
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
+/// A tool bit that a library names.
+pub(super) struct Bit {
+    pub number: Option<u32>,
+    pub path: String,
+}
+
+/// The bits of a library, if this is one.
+pub(super) fn bits(value: &Value) -> Option<Vec<Bit>> {
+    let tools = value.get("tools")?.as_array()?;
+    let bit = |tool: &Value| {
+        let number = tool.get("nr").and_then(Value::as_u64).and_then(|n| u32::try_from(n).ok());
+        let path = tool.get("path").and_then(Value::as_str).map(str::to_string)?;
+        Some(Bit { number, path })
+    };
+    let bits: Vec<Bit> = tools.iter().filter_map(bit).collect();
+    (!bits.is_empty() || tools.is_empty() && value.get("data").is_none()).then_some(bits)
+}
+
+/// The file of a bit: where the library says, beside it, or in the folder `Bit` beside it or its folder.
+pub(super) fn find(bit: &str, library: &Path) -> Option<PathBuf> {
+    let bit = PathBuf::from(bit.replace('\\', "/"));
+    let here = library.parent().unwrap_or(Path::new(""));
+    let above = match here.file_name() {
+        Some(_) => here.parent().unwrap_or(Path::new("")).to_path_buf(),
+        None => here.join(".."),
+    };
+    let name = bit.file_name().map(PathBuf::from).unwrap_or_default();
+    let places = [here.to_path_buf(), here.join("Bit"), above.join("Bit"), above];
+    let mut files = places.iter().flat_map(|place| [place.join(&bit), place.join(&name)]);
+    files.find(|file| file.is_file())
+}
+
+pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Reading {
     let word = |key: &str| value.get(key).and_then(Value::as_str).filter(|w| !w.trim().is_empty());
     let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let name = word("name").or(word("label")).map(str::to_string).or(stem).unwrap_or_default();
     let label = format!("tool {}", shown(&name));
     let place = Place { path, name: &label };
-    let shape = word("shape-type").or(word("shape"));
-    let Some(shape) = shape else {
-        return Err(place.error("neither shape-type nor shape is there", "save the tool bit again"));
+    let mut reading = Reading::default();
+    let shapes: Vec<&str> = [word("shape-type"), word("shape")].into_iter().flatten().collect();
+    let Some(first) = shapes.first() else {
+        let found = "neither shape-type nor shape is there";
+        reading.add(Err(place.error(found, "save the tool bit again")));
+        return reading;
     };
-    let bit =
-        Bit { parameters: value.get("parameter").unwrap_or(&Value::Null), place: &place, unsaid };
-    let mut table = ToolTable::default();
-    match bit.described(name.clone(), &form_name(shape))? {
-        None => {
-            let words = format!(
-                "the shape {} cannot be represented, only ball, bull-nose, flat and tapered end mills; it is left out",
-                shown(shape)
-            );
-            table.refused.push(place.sentence(words));
-        }
-        Some(described) => {
-            let (tool, notices) = described.tool(unsaid, &place)?;
-            table.tools.push(tool);
-            table.notices = notices;
+    let parameters = value.get("parameter").unwrap_or(&Value::Null);
+    let bit = Parameters { parameters, place: &place, unsaid };
+    match shapes.iter().find_map(|shape| shape_of(shape)) {
+        None => reading.leave_out_kind(place.error(
+            format!(
+                "the shape {} cannot be represented, only ball, bull-nose, flat and tapered end mills",
+                shown(first)
+            ),
+            "it is left out",
+        )),
+        Some(shape) => {
+            let described = bit.described(name.clone(), shape);
+            reading.add(described.and_then(|described| described.tool(unsaid, &place)));
         }
     }
-    Ok(table)
+    reading
 }
 
-/// `Shapes/Ball-End.FCStd` → `ballend`.
-fn form_name(shape: &str) -> String {
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Shape {
+    Flat,
+    Ball,
+    Bull,
+    TaperedBall,
+}
+
+/// `Shapes/Ball-End.FCStd`, `_fusion_ball_end_mill.fcstd` and `BallEnd` are the same: versions and add-ons differ.
+fn shape_of(shape: &str) -> Option<Shape> {
     let file = shape.rsplit(['/', '\\']).next().unwrap_or(shape).to_ascii_lowercase();
     let stem = file.strip_suffix(".fcstd").unwrap_or(&file);
-    stem.chars().filter(|c| c.is_ascii_alphanumeric()).collect()
+    let letters: String = stem.chars().filter(|c| c.is_ascii_alphanumeric()).collect();
+    let letters = letters.strip_prefix("fusion").unwrap_or(&letters);
+    let letters = letters.strip_prefix("toolbit").unwrap_or(letters);
+    // `ballendmill`, `ballnosemill` → `ballend`, `ballnose`; `endmill` is `end`.
+    match letters.strip_suffix("mill").unwrap_or(letters) {
+        "end" | "flatend" | "flat" | "squareend" | "square" => Some(Shape::Flat),
+        "ballend" | "ballnose" | "ball" | "ballnoseend" => Some(Shape::Ball),
+        "bullnose" | "bullnoseend" | "bullend" | "bull" | "torus" => Some(Shape::Bull),
+        "taperedballnose" | "taperballnose" | "conicalballnose" | "taperedball" | "taperball"
+        | "conicalball" | "taperedballend" | "taperballend" | "taperedballnoseend" => {
+            Some(Shape::TaperedBall)
+        }
+        _ => None,
+    }
 }
 
-struct Bit<'a> {
+struct Parameters<'a> {
     parameters: &'a Value,
     place: &'a Place<'a>,
     unsaid: &'a Unsaid,
 }
 
-impl Bit<'_> {
-    /// `None` for a shape that cannot be represented.
-    fn described(&self, name: String, shape: &str) -> Result<Option<Described>> {
-        let is_known =
-            ["endmill", "ballend", "bullnose", "torus", "taperedballnose"].contains(&shape);
-        if !is_known {
-            return Ok(None);
-        }
+impl Parameters<'_> {
+    fn described(&self, name: String, shape: Shape) -> Result<Described> {
         let diameter = self.length("Diameter")?.filter(|d| *d > 0.0);
         let diameter = diameter.ok_or_else(|| self.missing("Diameter"))?;
         let form = match shape {
-            "endmill" => Form::Flat,
-            "ballend" => Form::Ball,
-            "taperedballnose" => {
+            Shape::Flat => Form::Flat,
+            Shape::Ball => Form::Ball,
+            Shape::TaperedBall => {
                 // The file has the whole angle of the cone.
                 let whole = self.angle("TaperAngle")?.ok_or_else(|| self.missing("TaperAngle"))?;
                 Form::Tapered { corner: 0.5 * diameter, taper: 0.5 * whole }
             }
-            _ => Form::Bull { corner: self.corner(diameter)? },
+            Shape::Bull => Form::Bull { corner: self.corner(diameter)? },
         };
         let positive = |key: &str| self.length(key).map(|length| length.filter(|x| *x > 0.0));
-        Ok(Some(Described {
-            name,
-            form,
-            diameter,
+        Ok(Described {
             flutes: positive("CuttingEdgeHeight")?,
-            neck_end: None,
-            neck: None,
             shank: positive("ShankDiameter")?,
+            taper_end: positive("TaperDiameter")?,
             overall: positive("Length")?,
-            stick_out: None,
-            holder: None,
-        }))
+            ..Described::new(name, form, diameter)
+        })
     }
 
     /// Radius of a bull nose's corner. Versions differ in what `FlatRadius` means.
@@ -107,55 +153,54 @@ impl Bit<'_> {
     }
 
     fn length(&self, key: &str) -> Result<Option<f64>> {
-        let Some((x, unit)) = self.value(key)? else { return Ok(None) };
-        let mm = match unit.as_str() {
-            "" => self.unsaid.unit_mm.ok_or_else(|| {
-                let found = format!("{key} is {x} without a unit");
-                self.place.error(found, "write for example \"6 mm\", or give --tool-unit mm or in")
-            })?,
-            unit => unit_mm(unit).ok_or_else(|| self.bad_unit(key, unit, "mm or in"))?,
+        let Some(text) = self.text(key)? else { return Ok(None) };
+        let Some(length) = Length::read(&text) else {
+            return Err(match split(&text).filter(|(number, _)| decimal(number).is_some()) {
+                Some((_, unit)) => self.bad_unit(key, &text, &unit, "mm or in"),
+                None => self.bad(key, &text),
+            });
         };
-        self.place.not_negative(key, x * mm).map(Some)
+        let unit = match self.unsaid.unit_mm {
+            Some(unit) => unit,
+            None if length.has_unit() => 1.0,
+            None => {
+                let found = format!("{key} is {}, without a unit", shown(&text));
+                let remedy = "write for example \"6 mm\", or give --tool-unit mm or in";
+                return Err(self.place.error(found, remedy));
+            }
+        };
+        self.place.not_negative(key, length.mm_of(unit)).map(Some)
     }
 
     fn angle(&self, key: &str) -> Result<Option<f64>> {
-        let Some((x, unit)) = self.value(key)? else { return Ok(None) };
+        let Some(text) = self.text(key)? else { return Ok(None) };
+        let found = split(&text).and_then(|(number, unit)| Some((decimal(&number)?, unit)));
+        let (x, unit) = found.ok_or_else(|| self.bad(key, &text))?;
         let x = self.place.not_negative(key, x)?;
         match unit.as_str() {
             "°" | "deg" => Ok(Some(x.to_radians())),
             "rad" => Ok(Some(x)),
-            unit => Err(self.bad_unit(key, unit, "° or rad")),
+            unit => Err(self.bad_unit(key, &text, unit, "° or rad")),
         }
     }
 
-    fn bad_unit(&self, key: &str, unit: &str, expected: &str) -> crate::Error {
-        let found = format!("the unit of {key} is {}", shown(unit));
+    fn bad(&self, key: &str, text: &str) -> crate::Error {
+        let found = format!("{key} is {}, not a length or angle", shown(text));
+        self.place.error(found, "write for example \"6 mm\" or \"1/4 in\"")
+    }
+
+    fn bad_unit(&self, key: &str, text: &str, unit: &str, expected: &str) -> crate::Error {
+        let found = format!("{key} is {}: the unit of {key} is {}", shown(text), shown(unit));
         self.place.error(found, format!("expected {expected}: correct it"))
     }
 
-    /// Number and unit of a parameter.
-    fn value(&self, key: &str) -> Result<Option<(f64, String)>> {
-        let bad = |value: &Value| {
-            let found = format!("{key} is {}, not a length or angle", shown_value(value));
-            self.place.error(found, "write for example \"6 mm\"")
-        };
+    /// A parameter as a text.
+    fn text(&self, key: &str) -> Result<Option<String>> {
         match self.parameters.get(key) {
             None | Some(Value::Null) => Ok(None),
-            Some(Value::String(text)) => {
-                let text = text.trim();
-                let is_of_number =
-                    |c: char| c.is_ascii_digit() || "+-.,' \u{a0}\u{202f}".contains(c);
-                let end = text.find(|c| !is_of_number(c)).unwrap_or(text.len());
-                // An apostrophe alone at the end means feet.
-                let number = text[..end].trim_end_matches(['\'', ' ', '\u{a0}', '\u{202f}']);
-                let unit = text[number.len()..].trim().to_string();
-                let x = decimal(number).ok_or_else(|| bad(&Value::String(text.into())))?;
-                Ok(Some((x, unit)))
-            }
-            Some(value) => match value.as_f64() {
-                Some(x) => Ok(Some((x, String::new()))),
-                None => Err(bad(value)),
-            },
+            Some(Value::String(text)) => Ok(Some(text.trim().into())),
+            Some(Value::Number(number)) => Ok(Some(number.to_string())),
+            Some(value) => Err(self.bad(key, &shown_value(value))),
         }
     }
 }

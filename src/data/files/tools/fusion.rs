@@ -1,8 +1,9 @@
 //! Tool libraries exported from Fusion 360 as JSON.
 
 use super::described::{Described, Form};
-use super::place::{Place, shown};
-use super::{ToolTable, Unsaid, holder};
+use super::place::{Place, shown, shown_value};
+use super::reading::Reading;
+use super::{Unsaid, holder};
 use crate::{Error, Result};
 use serde_json::Value;
 use std::path::Path;
@@ -12,7 +13,7 @@ pub(super) fn is_library(value: &Value) -> bool {
     value.get("data").is_some() || value.get("geometry").is_some()
 }
 
-pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
+pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Reading> {
     let tools = match value.get("data") {
         None => std::slice::from_ref(value),
         Some(data) => data.as_array().ok_or_else(|| {
@@ -20,32 +21,45 @@ pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<ToolTa
             Error::file(path, "data", "it is not a list of tools", remedy)
         })?,
     };
-    let mut table = ToolTable::default();
+    let mut reading = Reading::default();
     for (k, tool) in tools.iter().enumerate() {
         let name = name(tool, k);
         let label = format!("tool {}", shown(&name));
         let place = Place { path, name: &label };
         let Some(kind) = tool.get("type").and_then(Value::as_str) else {
-            return Err(place.error("its type is missing", "export the library again"));
+            let found =
+                format!("its type is {}", tool.get("type").map_or("missing".into(), shown_value));
+            reading.add(Err(place.error(found, "export the library again")));
+            continue;
         };
         if kind == "holder" {
             continue;
         }
-        match described(name.clone(), kind, tool, &place, unsaid)? {
-            None => {
-                let words = format!(
-                    "a {kind} cannot be represented, only ball, bull-nose, flat and tapered end mills; it is left out"
-                );
-                table.refused.push(place.sentence(words));
+        match described(name.clone(), kind, tool, &place, unsaid) {
+            Ok(None) => reading.leave_out_kind(place.error(
+                format!(
+                    "a {} cannot be represented, only ball, bull-nose, flat and tapered end mills",
+                    kind.trim()
+                ),
+                "it is left out",
+            )),
+            Ok(Some(described)) => {
+                reading.add(described.tool(unsaid, &place));
+                reading.notices.extend(unnamed_holder(tool, &place));
             }
-            Some(described) => {
-                let (tool, notices) = described.tool(unsaid, &place)?;
-                table.tools.push(tool);
-                table.notices.extend(notices);
-            }
+            Err(why) => reading.add(Err(why)),
         }
     }
-    Ok(table)
+    Ok(reading)
+}
+
+/// A holder of which the file has the name and nothing else: the one given is taken in its place.
+fn unnamed_holder(tool: &Value, place: &Place) -> Option<String> {
+    let holder = tool.get("holder").filter(|holder| holder.is_object())?;
+    let name = holder.get("description").and_then(Value::as_str)?;
+    holder.get("segments").is_none().then(|| {
+        place.sentence(format!("its holder {} has no segments: the one given counts", shown(name)))
+    })
 }
 
 /// The description, else the product number, else the place in the list.
@@ -71,53 +85,106 @@ fn described(
     }
     let unit = holder::unit(tool, place, unsaid)?;
     let geometry = tool.get("geometry").unwrap_or(&Value::Null);
-    let length = |key: &str| Ok::<_, Error>(place.number(geometry, key)?.map(|x| x * unit));
-    let positive = |key: &str| Ok::<_, Error>(length(key)?.filter(|x| *x > 0.0));
-    let missing = |key: &str, what: &str| {
-        place.error(
-            format!("{key}, the {what}, is missing or 0"),
-            "add it where the tool was made, and export again",
-        )
-    };
-    let diameter = positive("DC")?.ok_or_else(|| missing("DC", "diameter"))?;
-    let corner = length("RE")?;
-    let form = match kind.as_str() {
-        "ball end mill" => ball(corner, diameter, place)?,
-        "flat end mill" => flat(corner, place)?,
-        "bull nose end mill" => {
-            let corner = corner.filter(|r| *r > 0.0);
-            Form::Bull { corner: corner.ok_or_else(|| missing("RE", "corner radius"))? }
-        }
-        _ => {
-            let degrees = place.number(geometry, "TA")?.filter(|x| *x > 0.0);
-            let degrees = degrees.ok_or_else(|| missing("TA", "taper angle per side"))?;
-            let corner = corner.ok_or_else(|| {
-                place.error("RE, the corner radius, is missing", "add it: 0 for a flat tip")
-            })?;
-            check_tip(length("tip-diameter")?, diameter, corner, place)?;
-            Form::Tapered { corner, taper: degrees.to_radians() }
-        }
-    };
-    let stick_out = match length("LB")? {
-        Some(0.0) => return Err(missing("LB", "length below the holder")),
+    let of = Geometry { geometry, unit, place };
+    let stated = of.positive("DC")?.ok_or_else(|| of.missing("DC", "diameter"))?;
+    let (form, diameter) = of.form(&kind, stated)?;
+    let stick_out = match of.length("LB")? {
+        Some(0.0) => return Err(of.missing("LB", "length below the holder")),
         stated => stated,
     };
     let holder = match tool.get("holder") {
         None | Some(Value::Null) => None,
-        Some(object) => holder::of_object(object, place.path, unsaid)?,
+        Some(object) => holder::of_object(object, place.path, unsaid)
+            .map_err(|error| place.about_part(error))?,
     };
+    let flutes = of.positive("LCF")?;
+    let [neck_end, neck] = [of.positive("shoulder-length")?, of.positive("shoulder-diameter")?];
+    let is_at_end = neck_end.zip(flutes).is_none_or(|(end, flutes)| (end - flutes).abs() < 1e-6);
+    let number = tool.get("post-process").and_then(|post| post.get("number"));
+    let number = number.and_then(Value::as_u64).and_then(|n| u32::try_from(n).ok());
     Ok(Some(Described {
-        name,
-        form,
-        diameter,
-        flutes: positive("LCF")?,
-        neck_end: positive("shoulder-length")?,
-        neck: positive("shoulder-diameter")?,
-        shank: positive("SFDM")?,
-        overall: positive("OAL")?,
+        flutes,
+        neck_end,
+        neck,
+        shank: of.positive("SFDM")?,
+        taper_end: neck.filter(|_| is_at_end),
+        overall: of.positive("OAL")?,
         stick_out,
         holder,
+        number: number.filter(|n| *n > 0),
+        ..Described::new(name, form, diameter)
     }))
+}
+
+/// Lengths of a tool.
+struct Geometry<'a> {
+    geometry: &'a Value,
+    unit: f64,
+    place: &'a Place<'a>,
+}
+
+impl Geometry<'_> {
+    fn length(&self, key: &str) -> Result<Option<f64>> {
+        self.place.length(self.geometry, key, self.unit)
+    }
+
+    fn positive(&self, key: &str) -> Result<Option<f64>> {
+        Ok(self.length(key)?.filter(|x| *x > 0.0))
+    }
+
+    fn missing(&self, key: &str, what: &str) -> Error {
+        self.place.error(
+            format!("{key}, the {what}, is missing or 0"),
+            "add it where the tool was made, and export again",
+        )
+    }
+
+    /// The form, and the diameter that it is about.
+    fn form(&self, kind: &str, diameter: f64) -> Result<(Form, f64)> {
+        let corner = self.length("RE")?;
+        Ok((
+            match kind {
+                "ball end mill" => ball(corner, diameter, self.place)?,
+                "flat end mill" => flat(corner, self.place)?,
+                "bull nose end mill" => {
+                    let corner = corner.filter(|r| *r > 0.0);
+                    let missing = || self.missing("RE", "corner radius");
+                    Form::Bull { corner: corner.ok_or_else(missing)? }
+                }
+                _ => return self.tapered(corner, diameter),
+            },
+            diameter,
+        ))
+    }
+
+    fn tapered(&self, corner: Option<f64>, diameter: f64) -> Result<(Form, f64)> {
+        let degrees = self.place.number(self.geometry, "TA")?.filter(|x| *x > 0.0);
+        let degrees = degrees.ok_or_else(|| self.missing("TA", "taper angle per side"))?;
+        let corner = corner.ok_or_else(|| {
+            let found = "RE, the corner radius, is missing";
+            self.place.error(found, "add it: 0 for a flat tip")
+        })?;
+        check_tip(self.length("tip-diameter")?, diameter, corner, self.place)?;
+        let taper = degrees.to_radians();
+        match is_ball_below_cone(corner, taper, diameter) {
+            true => Ok((Form::Tapered { corner, taper }, 2.0 * corner)),
+            false => Ok((Form::Tapered { corner, taper }, diameter)),
+        }
+    }
+}
+
+/// Diameters of a cone that differ by less are the same: a share, and mm (four digits of an inch).
+const SAME_CONE: (f64, f64) = (2e-3, 2e-3);
+
+/// Vendors state as DC of a tapered ball the cone's diameter at the height of the tip, 2 RE (1/cos TA - tan TA), or
+/// where the ball ends, 2 RE cos TA, in place of the ball's: RE says the ball.
+fn is_ball_below_cone(corner: f64, taper: f64, diameter: f64) -> bool {
+    if !(taper > 0.0 && taper < std::f64::consts::FRAC_PI_2) {
+        return false;
+    }
+    let at_tip = 2.0 * corner * (1.0 / libm::cos(taper) - libm::tan(taper));
+    let same = |cone: f64| (cone - diameter).abs() <= SAME_CONE.0 * diameter + SAME_CONE.1;
+    corner > 0.5 * diameter && (same(at_tip) || same(2.0 * corner * libm::cos(taper)))
 }
 
 /// Radii that differ by less are the same, as a share.

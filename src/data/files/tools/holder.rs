@@ -1,8 +1,11 @@
 //! Holders: segments from the nose upward, from a library or a table of their own.
 
-use super::place::{Place, decimal, json, shown, shown_value, unit_mm, utf8};
-use super::{Unsaid, first_char};
+use super::Unsaid;
+use super::place::{Place, json, shown, shown_value, text};
+use super::unpack::{Content, content};
 use crate::cutter::Section;
+use crate::geom::units::length::{converted, unit_mm};
+use crate::geom::units::{Length, Unit};
 use crate::{Error, Result, input_file};
 use serde_json::Value;
 use std::path::Path;
@@ -16,8 +19,8 @@ pub struct Holder {
     pub sections: Vec<Section>,
 }
 
-/// Reads a holder: a Fusion 360 library with one holder (of its own or of its tools), or a table with the columns `height`, `lower` and `upper`
-/// (diameters), mm.
+/// Reads a holder: a Fusion 360 library with one holder (of its own or of its tools), a FreeCAD holder (`.fcholder`), or
+/// a table with the columns `height`, `lower` and `upper` (diameters), mm.
 ///
 /// # Errors
 /// If the file is neither, holds several holders, or a segment is not possible.
@@ -30,12 +33,68 @@ pub fn read_holder(path: &Path, unsaid: &Unsaid) -> Result<Holder> {
 /// # Errors
 /// As [`read_holder`].
 pub fn holder_from_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<Holder> {
-    let text = utf8(bytes, path)?;
-    match first_char(text) {
-        Some('{' | '[') => of_library(&json(text, path)?, path, unsaid),
-        _ => of_table(text, path),
+    let found = match content(bytes, path)? {
+        Content::Text(text) => text,
+        Content::Library(unpacked) => text(&unpacked, path)?.into_owned().into(),
+    };
+    match found.trim_start().chars().next() {
+        Some('{' | '[') => {
+            let value = json(&found, path)?;
+            match value.get("profile") {
+                Some(profile) => of_profile(&value, profile, path),
+                None => of_library(&value, path, unsaid),
+            }
+        }
+        _ => of_table(&found, path),
     }
 }
+
+/// A FreeCAD holder: an outline of points (radius, height above the face that the tool comes out of).
+fn of_profile(object: &Value, profile: &Value, path: &Path) -> Result<Holder> {
+    let stem = path.file_stem().map_or("holder".into(), |stem| stem.to_string_lossy().into_owned());
+    let name = object.get("name").and_then(Value::as_str).map_or(stem, str::to_string);
+    let label = format!("holder {}", shown(&name));
+    let place = Place { path, name: &label };
+    let unit = match object.get("units").and_then(Value::as_str) {
+        None => 1.0,
+        Some(name) => unit_mm(name).ok_or_else(|| {
+            place.error(format!("its units are {}", shown(name)), "expected mm: correct it")
+        })?,
+    };
+    let bad = |found: String| {
+        let remedy = "give points [radius, height], from the nose upward";
+        place.error(found, remedy)
+    };
+    let points = profile.as_array().ok_or_else(|| bad("profile is not a list".into()))?;
+    let mut outline: Vec<[f64; 2]> = Vec::new();
+    for (k, point) in points.iter().enumerate() {
+        let numbers =
+            point.as_array().map(|p| p.iter().filter_map(Value::as_f64).collect::<Vec<_>>());
+        let point = numbers.and_then(|p| <[f64; 2]>::try_from(p).ok());
+        let point = point.filter(|p| p.iter().all(|x| (0.0..=1e6).contains(x)));
+        let point =
+            point.ok_or_else(|| bad(format!("point {} is {}", k + 1, shown_value(&points[k]))))?;
+        outline.push(point.map(|x| converted(x, unit)));
+    }
+    if let Some(k) = (1..outline.len()).find(|k| outline[*k][1] < outline[k - 1][1]) {
+        return Err(bad(format!("point {} is lower than the one before it", k + 1)));
+    }
+    // What is below the first point counts as wide as it.
+    if let Some(&[radius, _]) = outline.first().filter(|[_, height]| *height > 0.0) {
+        outline.insert(0, [radius, 0.0]);
+    }
+    let section = |pair: &[[f64; 2]]| {
+        let ([a, from], [b, to]) = (pair[0], pair[1]);
+        let wide = |radius: f64| radius.max(LEAST_MM);
+        Section { length_mm: to - from, lower_radius_mm: wide(a), upper_radius_mm: wide(b) }
+    };
+    let sections =
+        outline.windows(2).map(section).filter(|section| section.length_mm > 0.0).collect();
+    checked(Holder { name: name.clone(), sections }, &place)
+}
+
+/// Where an outline begins on the axis, mm.
+const LEAST_MM: f64 = 1e-3;
 
 fn of_library(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Holder> {
     let tools = value.get("data").and_then(Value::as_array);
@@ -78,7 +137,7 @@ pub(super) fn of_object(object: &Value, path: &Path, unsaid: &Unsaid) -> Result<
             let missing = || {
                 place.error(format!("segment {} has no {key}", k + 1), "export the holder again")
             };
-            place.number(segment, key)?.map(|x| x * unit).ok_or_else(missing)
+            place.length(segment, key, unit)?.ok_or_else(missing)
         };
         sections.push(Section {
             length_mm: length("height")?,
@@ -86,7 +145,7 @@ pub(super) fn of_object(object: &Value, path: &Path, unsaid: &Unsaid) -> Result<
             upper_radius_mm: 0.5 * length("upper-diameter")?,
         });
     }
-    let gauge = place.number(object, "gaugeLength")?.map(|x| x * unit).filter(|g| *g > 0.0);
+    let gauge = place.length(object, "gaugeLength", unit)?.filter(|g| *g > 0.0);
     let sections = below_gauge(sections, gauge);
     checked(Holder { name: name.to_string(), sections }, &place).map(Some)
 }
@@ -179,8 +238,12 @@ fn of_table(text: &str, path: &Path) -> Result<Holder> {
         let fields: Vec<&str> = row.split(separator).map(str::trim).collect();
         let number = |k: usize| {
             let field = fields.get(column[k]).copied().unwrap_or("");
-            let plain = if separator == ',' { field.parse().ok() } else { decimal(field) };
-            plain.ok_or_else(|| bad(line, format!("{} is not a number", shown(field))))
+            let read = || Length::read(field).map(|length| length.mm(Unit::Millimeter));
+            field
+                .parse()
+                .ok()
+                .or_else(read)
+                .ok_or_else(|| bad(line, format!("{} is not a length", shown(field))))
         };
         sections.push(Section {
             length_mm: number(0)?,
@@ -213,6 +276,35 @@ mod tests {
         );
         let section = inch.unwrap().sections[0];
         assert_eq!((section.length_mm, section.upper_radius_mm), (25.4, 25.4));
+    }
+
+    #[test]
+    fn freecad_holders_are_outlines_of_radius_and_height() {
+        let read = |text: &str| {
+            holder_from_bytes(text.as_bytes(), "a.fcholder".as_ref(), &Unsaid::default())
+        };
+        let nut = r#"{"version": 1, "name": "ER20 nut", "units": "mm", "type": "ER20",
+            "profile": [[0, 0], [16.1, 0], [17.5, 1.4], [17.5, 19], [0, 19]]}"#;
+        let holder = read(nut).unwrap();
+        let cone = Section { length_mm: 1.4, lower_radius_mm: 16.1, upper_radius_mm: 17.5 };
+        assert_eq!(holder.sections, [cone, Section::cylinder(17.6, 17.5)]);
+        assert_eq!(holder.name, "ER20 nut");
+        let raised = nut.replace("[0, 0], [16.1, 0]", "[16.1, 2]").replace("1.4]", "3]");
+        assert_eq!(read(&raised).unwrap().sections[0], Section::cylinder(2.0, 16.1));
+        for (text, words) in [
+            (nut.replace("[17.5, 19]", "[17.5, 1]"), "point 4 is lower"),
+            (nut.replace("[17.5, 19]", "[17.5]"), "point 4 is \"[17.5]\""),
+            (nut.replace("[17.5, 19]", "[-17.5, 19]"), "point 4 is"),
+            (nut.replace("\"mm\"", "\"furlong\""), "its units are \"furlong\""),
+            (r#"{"profile": []}"#.into(), "0 segments"),
+            (r#"{"profile": 3}"#.into(), "not a list"),
+        ] {
+            let message = read(&text).unwrap_err().to_string();
+            assert!(
+                message.starts_with("a.fcholder: holder ") && message.contains(words),
+                "{message}"
+            );
+        }
     }
 
     #[test]

@@ -3,8 +3,11 @@
 //! Such a table does not say what a tool looks like. Its remark may: `ball`, `flat` or `bull` with `r` and the corner's radius.
 
 use super::described::{Described, Form};
-use super::place::{Place, decimal, shown};
-use super::{ToolTable, Unsaid};
+use super::place::{Place, shown};
+use super::reading::Reading;
+use super::words::{Remark, remark};
+use super::{Tool, Unsaid};
+use crate::geom::units::length::{converted, decimal};
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -15,51 +18,73 @@ pub(super) fn is_table(text: &str) -> bool {
     matches!(chars.next(), Some('T' | 't')) && chars.next().is_some_and(|c| c.is_ascii_digit())
 }
 
-pub(super) fn read(text: &str, path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
-    let mut table = ToolTable::default();
+pub(super) fn read(text: &str, path: &Path, unsaid: &Unsaid) -> Reading {
+    let mut reading = Reading::default();
     for (line, row) in (1..).zip(text.lines()) {
         let (words, remark) = row.split_once(';').unwrap_or((row, ""));
         let (words, remark) = (words.trim(), remark.trim());
         if words.is_empty() {
             continue;
         }
-        let Row { number, diameter } = row_of(words, line, path)?;
-        let name = format!("T{number} {remark}");
-        let name = name.trim();
-        let label = format!("line {line}, tool {}", shown(name));
-        let place = Place { path, name: &label };
-        let unit = unsaid.unit_mm.ok_or_else(|| {
-            let found = "the file does not say the unit";
-            place.error(found, "give that of the machine with --tool-unit mm or in")
-        })?;
-        let form = match (form(remark, unit), diameter) {
-            (Ok(_), None) => Err("without a diameter D".to_string()),
-            (Ok(form), Some(diameter)) => Ok((form, diameter)),
-            (Err(why), _) => Err(why),
-        };
-        match form {
-            Err(why) => table.refused.push(place.sentence(format!("{why}; it is left out"))),
-            Ok((form, diameter)) => {
-                let diameter = place.not_negative("D", diameter)? * unit;
-                let tool = Described {
-                    name: name.to_string(),
-                    form,
-                    diameter,
-                    flutes: None,
-                    neck_end: None,
-                    neck: None,
-                    shank: None,
-                    overall: None,
-                    stick_out: None,
-                    holder: None,
-                };
-                let (tool, notices) = tool.tool(unsaid, &place)?;
-                table.tools.push(tool);
-                table.notices.extend(notices);
-            }
+        match row_of(words, line, path) {
+            Ok(row) => add(&row, remark, (line, path), unsaid, &mut reading),
+            Err(why) => reading.add(Err(why)),
         }
     }
-    Ok(table)
+    reading
+}
+
+fn add(
+    row: &Row,
+    text: &str,
+    (line, path): (usize, &Path),
+    unsaid: &Unsaid,
+    reading: &mut Reading,
+) {
+    let name = format!("T{} {text}", row.number);
+    let name = name.trim();
+    let label = format!("line {line}, tool {}", shown(name));
+    let place = Place { path, name: &label };
+    let Some(unit) = unsaid.unit_mm else {
+        let found = "the file does not say the unit";
+        let remedy = "give that of the machine with --tool-unit mm or in";
+        return reading.add(Err(place.error(found, remedy)));
+    };
+    let form = form_of(remark(text, unit), text);
+    let (form, diameter) = match form.and_then(|form| Ok((form, row.diameter.ok_or(NO_DIAMETER)?)))
+    {
+        Ok(found) => found,
+        Err(why) => return reading.leave_out_kind(place.error(why, "it is left out")),
+    };
+    let plain = (remark(text, unit) == Remark::EndMill).then(|| place.sentence(PLAIN));
+    let tool = || -> Result<(Tool, Vec<String>)> {
+        let diameter = converted(place.not_negative("D", diameter)?, unit);
+        let number = u32::try_from(row.number).ok();
+        let tool = Described { number, ..Described::new(name, form, diameter) };
+        let (tool, mut notices) = tool.tool(unsaid, &place)?;
+        notices.extend(plain);
+        Ok((tool, notices))
+    };
+    reading.add(tool());
+}
+
+const NO_DIAMETER: &str = "without a diameter D";
+const PLAIN: &str = "the remark says an end mill and no more: it counts as a flat end";
+
+/// The form that a remark names, or why there is none.
+fn form_of(remark: Remark, text: &str) -> std::result::Result<Form, String> {
+    let text = shown(text);
+    match remark {
+        Remark::Form(form) => Ok(form),
+        Remark::EndMill => Ok(Form::Flat),
+        Remark::Other(other) => Err(format!(
+            "the remark {text} names a {other}, only ball, bull-nose and flat end mills can be read from a tool table"
+        )),
+        Remark::Bull => Err(format!("the remark {text} names a bull nose without its corner (r1)")),
+        Remark::Nothing => Err(format!(
+            "the remark {text} does not say the form: ball, flat, or bull and its corner (r1)"
+        )),
+    }
 }
 
 struct Row {
@@ -73,71 +98,42 @@ fn row_of(words: &str, line: usize, path: &Path) -> Result<Row> {
         Error::file(path, format!("line {line}"), found, remedy)
     };
     let (mut number, mut diameter) = (None, None);
-    for word in words.split_whitespace() {
+    for word in words.split_whitespace().flat_map(glued) {
         let mut chars = word.chars();
         let letter = chars.next().map(|c| c.to_ascii_uppercase());
         let value = decimal(chars.as_str());
-        let known = letter.is_some_and(|c| "TPDXYZABCUVWIJQ".contains(c));
-        let (true, Some(value)) = (known, value) else {
+        let is_known = letter.is_some_and(|c| LETTERS.contains(c));
+        // Some programs leave the pocket empty: `P`.
+        let is_empty = word.len() == 1 && letter == Some('P');
+        if !is_known || value.is_none() && !is_empty {
             return Err(bad(format!("{} is no word of a tool table", shown(word))));
-        };
+        }
         match letter {
-            Some('T') => number = Some(value),
-            Some('D') => diameter = Some(value).filter(|d| *d != 0.0),
+            Some('T') => number = value,
+            Some('D') => diameter = value.filter(|d| *d != 0.0),
             _ => {}
         }
     }
+    let found = number.map_or("missing".into(), |number| number.to_string());
     let number = number.filter(|n| *n >= 0.0 && *n <= 1e9 && n.fract() == 0.0);
     let number =
-        number.ok_or_else(|| bad("the tool number T is missing or no whole number".into()))?;
+        number.ok_or_else(|| bad(format!("the tool number T is {found}, no whole number")))?;
     Ok(Row { number: number as u64, diameter })
 }
 
-/// Words of remarks that name what cannot be represented.
-const OTHERS: [&str; 17] = [
-    "probe",
-    "drill",
-    "tap",
-    "v-bit",
-    "vbit",
-    "chamfer",
-    "spot",
-    "engrav",
-    "reamer",
-    "lollipop",
-    "dovetail",
-    "thread",
-    "saw",
-    "face mill",
-    "facemill",
-    "t-slot",
-    "taper",
-];
+/// The letters that begin a word.
+const LETTERS: &str = "TPDXYZABCUVWIJQ";
 
-/// The form that a remark names, or why there is none.
-fn form(remark: &str, unit: f64) -> std::result::Result<Form, String> {
-    let remark = remark.to_lowercase();
-    if let Some(other) = OTHERS.into_iter().find(|other| remark.contains(other)) {
-        return Err(format!(
-            "the remark names a {other}, only ball, bull-nose and flat end mills can be read from a tool table"
-        ));
+/// `T1P1D6` without blanks is three words.
+fn glued(word: &str) -> Vec<&str> {
+    let begins = |(_, c): &(usize, char)| LETTERS.contains(c.to_ascii_uppercase());
+    let mut starts: Vec<usize> = word.char_indices().filter(begins).map(|(at, _)| at).collect();
+    starts.retain(|at| *at > 0);
+    let mut words = Vec::new();
+    let mut from = 0;
+    for at in starts.into_iter().chain([word.len()]) {
+        words.push(&word[from..at]);
+        from = at;
     }
-    let has = |word: &str| remark.contains(word);
-    match [has("ball"), has("bull"), has("flat") || has("square")] {
-        [true, false, false] => Ok(Form::Ball),
-        [false, false, true] => Ok(Form::Flat),
-        [false, true, false] => corner(&remark, unit)
-            .map(|corner| Form::Bull { corner })
-            .ok_or_else(|| "the remark names a bull nose without its corner (r1)".into()),
-        _ => {
-            Err("the remark does not say the form: ball, flat, or bull and its corner (r1)".into())
-        }
-    }
-}
-
-/// `r1`, `R0.5`: a word of the letter and a number.
-fn corner(remark: &str, unit: f64) -> Option<f64> {
-    let words = remark.split_whitespace().filter_map(|word| word.strip_prefix('r'));
-    let value = words.filter_map(|rest| decimal(rest.trim_end_matches([',', ')', ';']))).next();
-    value.filter(|r| *r > 0.0).map(|r| r * unit)
+    words
 }

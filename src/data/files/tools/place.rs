@@ -1,7 +1,9 @@
 //! Where in a file something stands, for messages; and texts and numbers of any origin.
 
+use crate::geom::units::length::converted;
 use crate::{Error, Result};
 use serde_json::Value;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// A tool or holder of a file.
@@ -27,6 +29,16 @@ impl Place<'_> {
         }
     }
 
+    /// The error, of a part of this place as one of it.
+    pub fn about_part(&self, error: Error) -> Error {
+        match error {
+            Error::File { place, found, remedy, .. } => {
+                self.error(format!("its {place}: {found}"), remedy)
+            }
+            other => other,
+        }
+    }
+
     /// A sentence about this place.
     pub fn sentence(&self, words: impl std::fmt::Display) -> String {
         format!("{}: {}: {words}", self.path.display(), self.name)
@@ -44,6 +56,11 @@ impl Place<'_> {
                 }
             },
         }
+    }
+
+    /// A length of a JSON object in units of `unit_mm`, in mm.
+    pub fn length(&self, object: &Value, key: &str, unit_mm: f64) -> Result<Option<f64>> {
+        Ok(self.number(object, key)?.map(|x| converted(x, unit_mm)))
     }
 
     pub fn not_negative(&self, key: &str, x: f64) -> Result<f64> {
@@ -70,14 +87,18 @@ pub(super) fn shown_value(value: &Value) -> String {
     value.as_str().map_or_else(|| shown(&value.to_string()), shown)
 }
 
-/// The text without a byte order mark.
-pub(super) fn utf8<'a>(bytes: &'a [u8], path: &Path) -> Result<&'a str> {
+/// The text without a byte order mark, its lines ending in line feeds.
+pub(super) fn text<'a>(bytes: &'a [u8], path: &Path) -> Result<Cow<'a, str>> {
     let text = std::str::from_utf8(bytes).map_err(|e| {
         let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count();
         let remedy = "save it in UTF-8, a table as CSV";
         Error::file(path, format!("line {line}"), "the text is not UTF-8", remedy)
     })?;
-    Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    Ok(match text.contains('\r') {
+        true => text.replace("\r\n", "\n").replace('\r', "\n").into(),
+        false => text.into(),
+    })
 }
 
 pub(super) fn json(text: &str, path: &Path) -> Result<Value> {
@@ -86,57 +107,4 @@ pub(super) fn json(text: &str, path: &Path) -> Result<Value> {
         let found = format!("the JSON cannot be read ({})", e.to_string().replace('\n', " "));
         Error::file(path, place, found, "export the tools again")
     })
-}
-
-/// Millimeters of a unit by its name.
-pub(super) fn unit_mm(name: &str) -> Option<f64> {
-    match name.trim().to_ascii_lowercase().as_str() {
-        "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(1.0),
-        "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(10.0),
-        "m" | "meter" | "meters" | "metre" | "metres" => Some(1000.0),
-        "in" | "inch" | "inches" | "\"" | "″" => Some(25.4),
-        "um" | "µm" | "μm" => Some(1e-3),
-        "thou" | "mil" => Some(0.0254),
-        "ft" | "'" | "′" => Some(304.8),
-        _ => None,
-    }
-}
-
-/// A decimal number with a point or a comma; of both, the last is the decimal one.
-pub(super) fn decimal(text: &str) -> Option<f64> {
-    let digits: String =
-        text.chars().filter(|c| !matches!(c, ' ' | '\u{a0}' | '\u{202f}' | '\'')).collect();
-    let plain = match (digits.rfind(','), digits.rfind('.')) {
-        (Some(comma), Some(point)) if comma > point => digits.replace('.', "").replace(',', "."),
-        (Some(_), Some(_)) => digits.replace(',', ""),
-        _ => digits.replace(',', "."),
-    };
-    let allowed = plain.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c));
-    plain.parse().ok().filter(|x: &f64| allowed && x.is_finite())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn decimals_have_a_point_or_a_comma() {
-        for (text, x) in [
-            ("6.0000", 6.0),
-            ("1,5", 1.5),
-            ("1.250,5", 1250.5),
-            ("1,250.5", 1250.5),
-            ("1 250,5", 1250.5),
-            ("-2", -2.0),
-        ] {
-            assert_eq!(decimal(text), Some(x), "{text}");
-        }
-        for text in ["", "x", "NaN", "inf", "1,2,3", "1e999", "6 mm"] {
-            assert_eq!(decimal(text), None, "{text}");
-        }
-        assert_eq!(
-            (unit_mm("Inches"), unit_mm("\""), unit_mm("furlong")),
-            (Some(25.4), Some(25.4), None)
-        );
-    }
 }

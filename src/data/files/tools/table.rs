@@ -1,30 +1,43 @@
 //! Tables of lengths: CSV files with one tool per row. `docs/cli.md` shows one.
 
 use super::place::shown;
-use super::{Tool, ToolTable};
+use super::reading::Reading;
+use super::{Tool, Unsaid, shop};
 use crate::cutter::{Assembly, CutterParams, Step};
+use crate::geom::units::{Length, Unit};
 use crate::{Error, Result};
 use csv::{Position, ReaderBuilder, StringRecord, Trim};
 use std::collections::HashMap;
 use std::path::Path;
 
 /// Columns of a tool table; lengths in mm.
-const COLUMNS: [&str; 10] =
-    ["name", "CR", "CH", "FR", "FH", "corner", "clearance", "body", "holder", "stick_out"];
+const COLUMNS: [&str; 12] = [
+    "name",
+    "CR",
+    "CH",
+    "FR",
+    "FH",
+    "corner",
+    "clearance",
+    "body",
+    "holder",
+    "stick_out",
+    "T",
+    "folder",
+];
 /// Those of [`COLUMNS`] that must be there.
 const REQUIRED: std::ops::Range<usize> = 1..5;
 
 /// Reads a tool table: a header row that names the columns, in any order and case, then a row per tool.
 ///
-/// Columns are separated by commas, semicolons or tabs, whichever the header row has most of; where it
-/// is not commas, numbers may have a decimal comma. Empty rows and lines that begin with `#` are
-/// passed over.
+/// Columns are separated by commas, semicolons or tabs, whichever the header row has most of; numbers may have a
+/// decimal comma where it is not commas. Empty rows and lines that begin with `#` are passed over. A table without the
+/// column CR may have a diameter: [`shop`].
 ///
 /// # Errors
-/// If the file is not such a table, a length is not a number or makes no cutter, or two tools have
-/// the same name.
-pub(super) fn read(text: &str, path: &Path) -> Result<ToolTable> {
-    TableText { path, text, separator: separator(text) }.table()
+/// If the file is not such a table.
+pub(super) fn read(text: &str, path: &Path, unsaid: &Unsaid) -> Result<Reading> {
+    TableText { path, text, separator: separator(text) }.table(unsaid)
 }
 
 /// `height:radius` of every step, with blanks between: what the columns `body` and `holder` hold.
@@ -59,34 +72,50 @@ struct ColumnPlaces {
     n: usize,
 }
 
-struct TableText<'a> {
-    path: &'a Path,
+pub(super) struct TableText<'a> {
+    pub path: &'a Path,
     text: &'a str,
     separator: char,
 }
 
 impl TableText<'_> {
-    fn table(&self) -> Result<ToolTable> {
+    fn table(&self, unsaid: &Unsaid) -> Result<Reading> {
         let mut rows = self.rows()?.into_iter();
         let Some((header_line, header)) = rows.next() else {
             let remedy = "begin with a header row such as name,CR,CH,FR,FH";
             return Err(self.at(1, "the table is empty", remedy));
         };
-        let (columns, unused) = self.columns(header_line, &header)?;
-        let (mut tools, mut line_of) = (Vec::new(), HashMap::new());
-        for (line, row) in rows {
-            let tool = self.tool(line, &row, &columns)?;
-            if let Some(first) = line_of.insert(tool.folder_key(), line) {
-                let found = format!("{} is also the tool of line {first}", shown(&tool.name));
-                return Err(self.at(line, found, "give each tool a name of its own, once"));
-            }
-            tools.push(tool);
-        }
-        if tools.is_empty() {
+        let rows: Vec<(usize, StringRecord)> = rows.collect();
+        if rows.is_empty() {
             let remedy = "add a row for each tool";
             return Err(self.at(header_line, "no tool follows the header row", remedy));
         }
-        Ok(ToolTable { tools, unused, ..ToolTable::default() })
+        let has = |name: &str| header.iter().any(|heading| heading.eq_ignore_ascii_case(name));
+        let mut reading = Reading::default();
+        if let Some(shop) = shop::Columns::of(&header).filter(|_| !has("CR")) {
+            shop.check(self, header_line)?;
+            rows.iter().for_each(|(line, row)| shop.add(self, *line, row, unsaid, &mut reading));
+            reading.unused = shop.unused;
+            return Ok(reading);
+        }
+        let (columns, unused) = self.columns(header_line, &header)?;
+        reading.unused = unused;
+        let mut line_of = HashMap::new();
+        for (line, row) in &rows {
+            let tool = self.tool(*line, row, &columns, &mut reading.notices);
+            let tool = tool.and_then(|tool| match line_of.get(&tool.name_key()) {
+                Some(first) => {
+                    let found = format!("{} is also the tool of line {first}", shown(&tool.name));
+                    Err(self.at(*line, found, "give each tool a name of its own, once"))
+                }
+                None => Ok(tool),
+            });
+            if let Ok(tool) = &tool {
+                line_of.insert(tool.name_key(), *line);
+            }
+            reading.add(tool.map(|tool| (tool, Vec::new())));
+        }
+        Ok(reading)
     }
 
     /// The rows that are not empty, with their lines.
@@ -131,18 +160,30 @@ impl TableText<'_> {
         }
         if let Some(k) = REQUIRED.into_iter().find(|k| columns.place[*k].is_none()) {
             let found = format!("there is no column {}", COLUMNS[k]);
-            let remedy = "the header row must name CR, CH, FR and FH, such as name,CR,CH,FR,FH";
+            let remedy = "the header row must name CR, CH, FR and FH, such as name,CR,CH,FR,FH, or a diameter";
             return Err(self.at(line, found, remedy));
         }
         Ok((columns, unused))
     }
 
-    fn tool(&self, line: usize, row: &StringRecord, columns: &ColumnPlaces) -> Result<Tool> {
-        if row.iter().skip(columns.n).any(|field| !field.is_empty()) {
-            let found = format!("{} fields under {} headings", row.len(), columns.n);
+    /// Fails if there are more fields than headings.
+    pub(super) fn check_width(&self, line: usize, row: &StringRecord, n: usize) -> Result<()> {
+        if row.iter().skip(n).any(|field| !field.is_empty()) {
+            let found = format!("{} fields under {n} headings", row.len());
             let remedy = "write decimals with a point, or separate columns by semicolons";
             return Err(self.at(line, found, remedy));
         }
+        Ok(())
+    }
+
+    fn tool(
+        &self,
+        line: usize,
+        row: &StringRecord,
+        columns: &ColumnPlaces,
+        notices: &mut Vec<String>,
+    ) -> Result<Tool> {
+        self.check_width(line, row, columns.n)?;
         let field = |k: usize| columns.place[k].and_then(|i| row.get(i)).unwrap_or("");
         let length = |k| self.length(line, k, field(k));
         let mut lengths = [0.0; 4];
@@ -168,11 +209,30 @@ impl TableText<'_> {
                 })
             }
         };
-        let tool = match field(0) {
+        let tool = tool.map_err(|error| self.in_line(line, error))?;
+        let mut tool = match field(0) {
             "" => tool,
-            name => tool.and_then(|tool| tool.named(name)),
+            name => tool.named(name),
         };
-        tool.map_err(|error| self.in_line(line, error))
+        tool.number = self.number(line, field(10), notices);
+        Ok(tool)
+    }
+
+    /// A tool number: `7`, `T7`.
+    pub(super) fn number(
+        &self,
+        line: usize,
+        field: &str,
+        notices: &mut Vec<String>,
+    ) -> Option<u32> {
+        let digits = field.trim_start_matches(['T', 't']).trim_start();
+        let number = digits.parse().ok();
+        if number.is_none() && !field.is_empty() {
+            let path = self.path.display();
+            let found = format!("{path}: line {line}: T is {}, not a whole number", shown(field));
+            notices.push(format!("{found}; the tool has no number"));
+        }
+        number
     }
 
     /// Steps as [`steps_words`] writes them.
@@ -191,17 +251,23 @@ impl TableText<'_> {
             ',' => field.into(),
             _ => field.replace(',', "."),
         };
-        decimal.parse().map(Some).map_err(|_| {
-            let found = format!("{} is {}, not a number", COLUMNS[column], shown(field));
-            self.at(line, found, "write it in mm with a decimal point, without a unit")
+        let read = || Length::read(field).map(|length| length.mm(Unit::Millimeter));
+        decimal.parse().ok().or_else(read).map(Some).ok_or_else(|| {
+            let found = format!("{} is {}, not a number or length", COLUMNS[column], shown(field));
+            self.at(line, found, "write it in mm with a decimal point, or with its unit (1/4 in)")
         })
     }
 
-    fn at(&self, line: usize, found: impl Into<String>, remedy: impl Into<String>) -> Error {
+    pub(super) fn at(
+        &self,
+        line: usize,
+        found: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Error {
         Error::file(self.path, format!("line {line}"), found, remedy)
     }
 
-    fn in_line(&self, line: usize, error: Error) -> Error {
+    pub(super) fn in_line(&self, line: usize, error: Error) -> Error {
         match error {
             Error::Argument { name, found, expected, remedy } => {
                 self.at(line, format!("{name} is {found}, expected {expected}"), remedy)
@@ -219,6 +285,8 @@ mod tests {
         super::super::from_bytes(text.as_bytes(), "tools.csv".as_ref(), &Default::default())
     }
 
+    use super::super::ToolTable;
+
     #[test]
     fn columns_have_any_order_and_case_and_may_be_left_out() {
         let text = "\u{feff}# shop 3\r\n\r\nfh,FR, Name ,CR,ch,Clearance,CORNER,T\r\n\
@@ -228,7 +296,8 @@ mod tests {
         assert_eq!(tools[0].words(), "ball-end CR 1.5, CH 6, FR 40, FH 5 mm");
         assert_eq!(tools[1].name, "1-20-5-20-corner0-clearance0.5");
         assert_eq!(tools[1].words(), "flat-end CR 1, CH 20, FR 5, FH 20 mm, clearance 0.5 mm");
-        assert_eq!((tools.len(), unused), (2, vec!["\"T\"".to_string()]));
+        assert_eq!((tools.len(), unused), (2, vec![]));
+        assert_eq!([tools[0].number, tools[1].number], [Some(1), None]);
     }
 
     #[test]
@@ -245,7 +314,9 @@ mod tests {
         let header = "name,CR,CH,FR,FH\n";
         assert_eq!(table(&format!("{header}{text}")).unwrap().tools.len(), 200_000);
         let twice = format!("{header}{text}TOOL 7,1,2,3,4\n");
-        let message = table(&twice).unwrap_err().to_string();
+        let ToolTable { tools, refused, .. } = table(&twice).unwrap();
+        assert_eq!((tools.len(), refused.len()), (200_000, 1));
+        let message = &refused[0];
         assert!(message.contains("line 400002") && message.contains("line 16"), "{message}");
     }
 }

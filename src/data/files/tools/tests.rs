@@ -3,19 +3,45 @@
 use super::*;
 
 #[test]
-fn every_name_is_a_folder_on_every_system() {
+fn names_stay_as_they_are_and_folders_are_allowed_on_every_system() {
     let tool = |name: &str| {
-        Tool::new(CutterParams::from_array([1.0, 2.0, 3.0, 4.0]), None, 0.0)?.named(name)
+        Tool::new(CutterParams::from_array([1.0, 2.0, 3.0, 4.0]), None, 0.0).unwrap().named(name)
     };
-    for name in ["D6", "Kugel Ø6", "6.5 long", "tool", "T-1_(new)"] {
-        assert_eq!(tool(name).unwrap().name, name);
+    for name in ["D6", "Kugel Ø6", "6.5 long", "tool", "T-1_(new)", "Console", "com 7"] {
+        assert_eq!((&*tool(name).name, tool(name).folder()), (name, name));
     }
-    let long = "x".repeat(101);
-    let bad = ["", ".", "..", ".x", "-x", "x.", "a/b", "a\\b", "1/4\"", "a:b", "a\nb", "a\0"];
-    for name in bad.into_iter().chain(["part.stl", "Tools.csv", "tools.ply", &long]) {
-        let message = tool(name).unwrap_err().to_string();
-        assert!(message.starts_with("name is ") && !message.contains('\n'), "{message}");
+    for (name, folder) in [
+        ("1/4\" flat", "1 4 flat"),
+        ("a\\b", "a b"),
+        ("../x", "x"),
+        ("..", "tool"),
+        ("-x.", "x"),
+        ("a:b", "a b"),
+        ("6  mm", "6 mm"),
+        ("part.stl", "tool part.stl"),
+        ("Tools.csv", "tool Tools.csv"),
+        ("CON", "tool CON"),
+        ("com1.x", "tool com1.x"),
+    ] {
+        assert_eq!((&*tool(name).name, tool(name).folder()), (name, folder));
     }
+    assert_eq!((tool("a\nb\0").name, tool(" ").name), ("a b".to_string(), "tool".to_string()));
+    assert_eq!(
+        (tool(&"ü".repeat(101)).folder().len(), tool(&"ü".repeat(101)).name.len()),
+        (80, 202)
+    );
+}
+
+#[test]
+fn tools_whose_names_differ_have_folders_that_differ() {
+    let tool = |name: &str| {
+        Tool::new(CutterParams::from_array([1.0, 2.0, 3.0, 4.0]), None, 0.0).unwrap().named(name)
+    };
+    let mut tools = ["1/4", "1:4", "1 4 (2)", "1/4 "].map(tool);
+    number_repeated(&mut tools);
+    let folders = tools.each_ref().map(|tool| tool.folder().to_string());
+    assert_eq!(folders, ["1 4", "1 4 (2)", "1 4 (2) (2)", "1 4 (3)"]);
+    assert_eq!(tools[3].name, "1/4", "who gave a name twice is told elsewhere");
 }
 
 const FUSION: &str = r#"{"version": 12, "data": [
@@ -51,8 +77,12 @@ fn outline(tool: &Tool) -> Vec<(f64, f64)> {
     steps.map(|s| (round(s.height_mm + corner), round(s.radius_mm))).collect()
 }
 
+/// Why a file, or the first tool of it that is left out, cannot be used.
 fn message(result: Result<ToolTable>) -> String {
-    let message = result.unwrap_err().to_string();
+    let message = match result {
+        Err(error) => error.to_string(),
+        Ok(table) => table.refused[0].clone(),
+    };
     assert!(!message.contains('\n') && message.contains("; "), "{message}");
     message
 }
@@ -61,7 +91,8 @@ fn message(result: Result<ToolTable>) -> String {
 fn a_fusion_library_keeps_what_can_be_represented() {
     let table = tools(FUSION, "shop.json", &unsaid()).unwrap();
     let names: Vec<&str> = table.tools.iter().map(|tool| &*tool.name).collect();
-    assert_eq!(names, ["6 mm ball, long", "1 8 flat", "tapered"]);
+    assert_eq!(names, ["6 mm ball, long", "1/8\" flat", "tapered"]);
+    assert_eq!(table.tools[1].folder(), "1 8 flat");
     assert_eq!(table.refused.len(), 1);
     assert!(
         table.refused[0].starts_with("shop.json: tool \"drill\": a drill cannot"),
@@ -170,8 +201,8 @@ fn tool_bits_have_a_unit_in_every_value() {
     assert!(message(bull(r#", "FlatRadius": "1 mm""#)).contains("in some versions"));
     assert!(message(bull("")).contains("CornerRadius is missing"));
     let vbit = bit(r#""6 mm""#, "v-bit", "");
-    let refused = tools(&vbit, "q.fctb", &unsaid()).unwrap().refused;
-    assert!(refused[0].contains("\"v-bit.fcstd\" cannot be represented"), "{refused:?}");
+    let refused = message(tools(&vbit, "q.fctb", &unsaid()));
+    assert!(refused.contains("\"v-bit.fcstd\" cannot be represented"), "{refused}");
     let taper = r#", "TaperAngle": "6 °""#;
     let tapered = tools(&bit(r#""1 mm""#, "taperedballnose", taper), "q.fctb", &unsaid()).unwrap();
     assert!(
@@ -234,7 +265,8 @@ fn libraries_are_folders_too_and_repeat_names() {
         std::fs::write(folder.path().join(name), bit).unwrap();
     }
     let table = read(folder.path(), &unsaid()).unwrap();
-    assert_eq!(table.tools.iter().map(|t| &*t.name).collect::<Vec<_>>(), ["B 6", "B 6 (2)"]);
+    assert_eq!(table.tools.iter().map(|t| &*t.name).collect::<Vec<_>>(), ["B/6", "B/6 (2)"]);
+    assert_eq!(table.tools.iter().map(Tool::folder).collect::<Vec<_>>(), ["B 6", "B 6 (2)"]);
     let empty = tempfile::tempdir().unwrap();
     assert!(message(read(empty.path(), &unsaid())).contains("no .fctb file"));
     let drill = folder.path().join("d.json");
@@ -258,5 +290,401 @@ fn a_table_holds_a_tool_of_many_steps_exactly() {
     let again = tools(&text, "tools.csv", &Unsaid::default()).unwrap().tools;
     for (a, b) in first.iter().zip(&again) {
         assert_eq!((&a.name, &a.cutter), (&b.name, &b.cutter));
+    }
+}
+
+/// A library of tools of Fusion 360.
+fn fusion(tools: &[&str]) -> String {
+    format!(r#"{{"data": [{}], "version": 36}}"#, tools.join(", "))
+}
+
+const GOOD: &str = r#"{"type": "flat end mill", "unit": "inches", "description": "RU1600",
+    "geometry": {"DC": 0.125, "LCF": 0.5, "LB": 1, "OAL": 2, "SFDM": 0.25}}"#;
+
+fn milled(kind: &str, geometry: &str) -> String {
+    format!(
+        r#"{{"type": "{kind}", "unit": "inches", "description": "X", "geometry": {{{geometry},
+        "LCF": 1, "LB": 1.5, "OAL": 3, "SFDM": 0.25}}}}"#
+    )
+}
+
+#[test]
+fn one_bad_tool_never_loses_the_others() {
+    let bad = |geometry: &str, more: &str| {
+        format!(
+            r#"{{"type": "bull nose end mill", "unit": "millimeters", "description": "X", "geometry": {{{geometry}}}{more}}}"#
+        )
+    };
+    let whole = r#""DC": 6, "RE": 1, "LCF": 20, "LB": 30, "OAL": 70, "SFDM": 6"#;
+    let holder = |segments: &str| {
+        format!(r#", "holder": {{"unit": "millimeters", "segments": [{segments}]}}"#)
+    };
+    let flat = r#"{"height": 0, "lower-diameter": 30, "upper-diameter": 30}"#;
+    for (tool, words) in [
+        (
+            bad(&whole.replace("\"RE\": 1", "\"RE\": 0"), ""),
+            "RE, the corner radius, is missing or 0",
+        ),
+        (bad(&whole.replace("\"LB\": 30", "\"LB\": 0"), ""), "LB, the length below the holder"),
+        (bad(whole, "").replace("\"unit\": \"millimeters\",", ""), "does not say the unit"),
+        (bad(whole, &holder(flat)), "the height of segment 1 is 0 mm"),
+        (bad(whole, &holder("")), "0 segments"),
+        (bad(&whole.replace("\"LB\": 30", "\"LB\": 80"), ""), "the stick-out of 80 mm exceeds"),
+        (bad(&whole.replace("\"DC\": 6", "\"DC\": \"six\""), ""), "DC is \"six\", not a number"),
+        ("3".into(), "its type is missing"),
+        (bad(whole, "").replace("bull nose end mill", "reamer"), "a reamer cannot be represented"),
+    ] {
+        for library in [fusion(&[GOOD, &tool]), fusion(&[&tool, GOOD])] {
+            let table = tools(&library, "lib.json", &unsaid()).unwrap();
+            assert_eq!((table.tools.len(), table.refused.len()), (1, 1), "{words}");
+            assert_eq!(table.tools[0].name, "RU1600");
+            let left = &table.refused[0];
+            assert!(left.contains("left out") && left.contains(words), "{words}: {left}");
+            assert!(left.starts_with("lib.json: tool "), "{left}");
+        }
+        assert!(message(tools(&fusion(&[&tool, &tool]), "lib.json", &unsaid())).contains(words));
+    }
+    // A holder of which there is but the name is the one given.
+    let named = bad(whole, r#", "holder": {"description": "CAT40 ER16"}"#);
+    let table = tools(&fusion(&[&named]), "lib.json", &unsaid()).unwrap();
+    assert!(table.notices[0].contains("\"CAT40 ER16\" has no segments"), "{:?}", table.notices);
+    let table = "name,CR,CH,FR,FH\na,1,2,3,4\nb,0,2,3,4\nA,1,2,3,4\nc,1,2,x,4\nd,1/8in,2,4,4\n";
+    let table = tools(table, "t.csv", &Unsaid::default()).unwrap();
+    assert_eq!(table.tools.iter().map(|t| t.params.cr_mm).collect::<Vec<_>>(), [1.0, 3.175]);
+    for (left, words) in
+        table.refused.iter().zip(["line 3: ", "line 4: \"A\" is also", "FR is \"x\""])
+    {
+        assert!(left.contains(words), "{words}: {left}");
+    }
+    let millimeters = Unsaid { unit_mm: Some(1.0), shank_mm: Some(6.0), ..unsaid() };
+    let table = tools("T1 P1 D6 ;ball\nT2 ~7\nT3 D6 ;flat\n", "t.tbl", &millimeters).unwrap();
+    assert_eq!((table.tools.len(), table.refused.len()), (2, 1));
+    assert!(table.refused[0].contains("line 2: \"~7\" is no word"), "{:?}", table.refused);
+}
+
+#[test]
+fn a_tapered_ball_may_state_the_diameter_of_its_cone() {
+    let ball = |geometry: &str| {
+        let library = fusion(&[&milled("tapered mill", geometry)]);
+        tools(&library, "t.json", &unsaid())
+    };
+    // DC is that of the ball, of the cone at the tip's height, or of the cone where the ball ends.
+    for dc in ["0.0625", "0.0568", "0.0622"] {
+        let geometry = format!(r#""DC": {dc}, "RE": 0.03125, "TA": 5.5"#);
+        let table = ball(&geometry).unwrap();
+        assert_eq!(table.tools[0].assembly.tip(), [0.79375, 0.0], "{dc}");
+        assert!(table.tools[0].words().starts_with("tapered ball 1.5875 mm 5.5°"));
+    }
+    let found = message(ball(r#""DC": 0.04, "RE": 0.03125, "TA": 5.5"#));
+    assert!(found.contains("corner radius is 0.79375"), "{found}");
+}
+
+#[test]
+fn tapers_in_radians_or_against_their_end_are_left_out_with_the_numbers() {
+    let taper = |geometry: &str| {
+        message(tools(&fusion(&[&milled("tapered mill", geometry), GOOD]), "t.json", &unsaid()))
+    };
+    let radians = taper(r#""DC": 0.0625, "RE": 0.03125, "TA": 0.09599"#);
+    assert!(radians.contains("0.09599° per side") && radians.contains("5.500°"), "{radians}");
+    // 26.6 degrees would do for a tapered mill; the shank says that it is an angle in radians.
+    let steep = milled("tapered mill", r#""DC": 0.0625, "RE": 0, "TA": 0.464"#);
+    let steep = steep.replace("\"LCF\": 1,", "\"LCF\": 0.1875,");
+    let found = message(tools(&fusion(&[&steep]), "t.json", &unsaid()));
+    assert!(found.contains("in radians 6.3") && found.contains("26.585°"), "{found}");
+    let end = taper(
+        r#""DC": 0.0625, "RE": 0.03125, "TA": 2, "shoulder-diameter": 0.25, "shoulder-length": 1"#,
+    );
+    assert!(end.contains("ends 3.307 mm wide, the file says 6.35 mm"), "{end}");
+    let bit = |more: &str| {
+        format!(
+            r#"{{"name": "B", "shape": "taperedballnose.fcstd", "parameter": {{"Diameter": "1 mm", "TaperAngle": "6 °",
+            "CuttingEdgeHeight": "20 mm", "Length": "60 mm", "ShankDiameter": "6 mm"{more}}}}}"#
+        )
+    };
+    let found = message(tools(&bit(r#", "TaperDiameter": "6 mm""#), "b.fctb", &unsaid()));
+    assert!(found.contains("ends 3.0453 mm wide, the file says 6 mm"), "{found}");
+    assert_eq!(
+        tools(&bit(r#", "TaperDiameter": "3.05 mm""#), "b.fctb", &unsaid()).unwrap().tools.len(),
+        1
+    );
+    let found = message(tools(&bit("").replace("6 °", "0.1 °"), "b.fctb", &unsaid()));
+    assert!(found.contains("0.05000° per side is too little"), "{found}");
+}
+
+#[test]
+fn shapes_have_the_names_of_all_versions_of_freecad() {
+    let taper = r#", "TaperAngle": "6 °", "CornerRadius": "0.5 mm""#;
+    let read = |shape: &str| {
+        let bit = format!(
+            r#"{{"name": "B", {shape}, "parameter": {{"Diameter": "3 mm", "CuttingEdgeHeight": "20 mm",
+            "Length": "60 mm", "ShankDiameter": "8 mm"{taper}}}}}"#
+        );
+        tools(&bit, "b.fctb", &unsaid()).map(|table| table.tools[0].words())
+    };
+    for (shape, words) in [
+        ("endmill.fcstd", "flat end"),
+        ("Shapes/EndMill.FCStd", "flat end"),
+        ("_fusion_flat_end_mill.fcstd", "flat end"),
+        ("ballend.fcstd", "ball end"),
+        ("ball_nose.fcstd", "ball end"),
+        ("_fusion_ball_end_mill.fcstd", "ball end"),
+        ("bullnose.fcstd", "bull nose 3 mm R0.5"),
+        ("torus.fcstd", "bull nose"),
+        ("taperballnose.fcstd", "tapered ball 3 mm 3°"),
+        ("tapered_ball_nose.fcstd", "tapered ball 3 mm 3°"),
+        ("conicalballnose.fcstd", "tapered ball 3 mm 3°"),
+    ] {
+        let found = read(&format!(r#""shape": "{shape}""#)).unwrap();
+        assert!(found.starts_with(words), "{shape}: {found}");
+    }
+    assert!(
+        read(r#""shape": "mine.fcstd", "shape-type": "TaperedBallNose""#)
+            .unwrap()
+            .starts_with("tapered")
+    );
+    assert!(
+        read(r#""shape": "ballend.fcstd", "shape-type": "Custom""#)
+            .unwrap()
+            .starts_with("ball end")
+    );
+    for other in [
+        "drill.fcstd",
+        "v-bit.fcstd",
+        "dovetail",
+        "slittingsaw",
+        "threadmill",
+        "_fusion_chamfer_mill",
+    ] {
+        assert!(
+            message(tools(
+                &format!(r#"{{"shape": "{other}", "parameter": {{}}}}"#),
+                "b.fctb",
+                &unsaid()
+            ))
+            .contains("cannot be represented")
+        );
+    }
+}
+
+#[test]
+fn a_freecad_library_has_numbers_and_its_bits_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    let bit = r#"{"name": "5mm Endmill", "shape": "endmill.fcstd", "parameter": {"Diameter": "5.0000 mm", "ShankDiameter": "3.0000 mm"}}"#;
+    put("Bit/5mm_Endmill.fctb", bit);
+    put("Library/near.fctb", &bit.replace("5mm Endmill", "near"));
+    let text = r#"{"version": 1, "tools": [{"nr": 4, "path": "5mm_Endmill.fctb"}, {"nr": 1, "path": "near.fctb"},
+        {"nr": 2, "path": "away/lost.fctb"}]}"#;
+    let library = put("Library/Default.fctl", text);
+    let table = read(&library, &unsaid()).unwrap();
+    let found: Vec<_> = table.tools.iter().map(|t| (&*t.name, t.number)).collect();
+    assert_eq!(found, [("5mm Endmill", Some(4)), ("near", Some(1))]);
+    assert!(
+        table.refused[0].contains("tool 2: there is no file \"away/lost.fctb\""),
+        "{:?}",
+        table.refused
+    );
+    // The folder of the library's folders stands for the bits.
+    assert_eq!(read(folder.path(), &unsaid()).unwrap().tools.len(), 1);
+    assert!(message(tools(text, "a.fctl", &unsaid())).contains("names tool bits in other files"));
+}
+
+#[test]
+fn camotics_tables_have_shapes_units_and_numbers() {
+    let text = r#"{"12": {"units": "imperial", "shape": "Ballnose", "length": 0.75, "diameter": 0.25, "description": "1/4\" ball"},
+        "3": {"units": "metric", "shape": "cylindrical", "length": 20, "diameter": 6, "description": ""},
+        "5": {"units": "metric", "shape": "snubnose", "length": 20, "diameter": 6, "snub_diameter": 1}}"#;
+    let given = Unsaid { shank_mm: Some(6.35), ..unsaid() };
+    for text in
+        [text.to_string(), format!(r#"{{"units": "metric", "tools": {text}, "files": ["a.nc"]}}"#)]
+    {
+        let table = tools(&text, "mill.json", &given).unwrap();
+        let found: Vec<_> =
+            table.tools.iter().map(|t| (&*t.name, t.number, t.params.cr_mm)).collect();
+        assert_eq!(found, [("T3", Some(3), 3.0), ("1/4\" ball", Some(12), 3.175)]);
+        assert!(table.refused[0].contains("the shape \"snubnose\" cannot"), "{:?}", table.refused);
+    }
+    let list =
+        r#"[{"number": 7, "units": "metric", "shape": "ballnose", "length": 20, "diameter": 6}]"#;
+    assert_eq!(tools(list, "mill.json", &given).unwrap().tools[0].number, Some(7));
+    assert!(
+        message(tools(&list.replace("metric", "cubits"), "m.json", &given)).contains("\"cubits\"")
+    );
+    assert!(
+        message(tools(&list.replace("6", "0"), "m.json", &given))
+            .contains("diameter is missing or 0")
+    );
+}
+
+#[test]
+fn tables_are_in_the_words_of_a_shop_too() {
+    let table = "T,Tool,Diameter (in),Corner Radius,Flute Length,Shank,Stick-out [in],OAL\n\
+        1,1/4\"\" flat,1/4,0,0.75 in,6.35mm,1.1,2.5in\n\
+        T2,ball,0.25,,0.75in,1/4in,1.1,\n\
+        3,bull,0.25,1 mm,0.75in,1/4in,28mm,\n\
+        4,drill,0.25,,0.75in,1/4in,1.1,\n\
+        5,odd,0.25,,0.75in,1/4in,1.1,\n\
+        6,far,0.25,0,0.75in,1/4in,one,\n";
+    let given = Unsaid { stick_out_mm: None, ..unsaid() };
+    let found = tools(table, "shop.csv", &given).unwrap();
+    let rows: Vec<_> = found
+        .tools
+        .iter()
+        .map(|t| (&*t.name, t.number, t.corner_mm, t.assembly.stick_out_mm()))
+        .collect();
+    assert_eq!(
+        rows,
+        [
+            ("1/4\"\" flat", Some(1), 0.0, 27.94),
+            ("ball", Some(2), 3.175, 27.94),
+            ("bull", Some(3), 1.0, 28.0)
+        ]
+    );
+    for (left, words) in found.refused.iter().zip([
+        "a drill cannot",
+        "neither corner nor type",
+        "\"one\", not a length",
+    ]) {
+        assert!(left.contains(words), "{words}: {left}");
+    }
+    // Semicolons, other words, and the unit that is given.
+    let table = "Nr;Bezeichnung;Durchmesser;Typ;stick_out;shank;x\n1;Fräser;0,25;flat;1,1;0,25;9\n2;A;0,25;ball;1,1;0,25;\n\
+        3;B;0,25;end mill;30mm;0,25;\n4;C;0,25;cone;1;1;\n";
+    let inch = Unsaid { unit_mm: Some(25.4), ..given };
+    let found = tools(table, "shop.csv", &inch).unwrap();
+    let rows: Vec<_> =
+        found.tools.iter().map(|t| (&*t.name, t.params.cr_mm, t.corner_mm)).collect();
+    assert_eq!(rows, [("Fräser", 3.175, 0.0), ("A", 3.175, 3.175), ("B", 3.175, 0.0)]);
+    assert_eq!(found.unused, ["\"x\""]);
+    assert!(found.notices[0].contains("it counts as a flat end"), "{:?}", found.notices);
+    assert!(found.refused[0].contains("the type is \"cone\""), "{:?}", found.refused);
+    let none = Unsaid::default();
+    assert!(
+        message(tools("name,D,corner,flute,stickout\nF6,6,0,20,30\n", "dia.csv", &none))
+            .contains("--holder")
+    );
+    assert!(
+        message(tools("D,corner,diameter\n6,0,6\n", "dia.csv", &none)).contains("mean the same")
+    );
+    let tapered = "name,d,r,taper,flute,shank,stick_out\nk,1,0.5,3,20,6,40\n";
+    let given = Unsaid { stick_out_mm: None, ..unsaid() };
+    assert!(
+        tools(tapered, "k.csv", &given).unwrap().tools[0]
+            .words()
+            .starts_with("tapered ball 1 mm 3°")
+    );
+}
+
+#[test]
+fn lines_of_tables_end_in_any_of_the_three_ways() {
+    let csv = "# shop\nname,CR,CH,FR,FH\n\na,1,2,3,4\nb,1,2,x,4\n";
+    let tbl = "T1 P1 D6 ;ball\n;\nT2 D6 ;drill\n";
+    let given = Unsaid { unit_mm: Some(1.0), shank_mm: Some(6.0), ..unsaid() };
+    for (text, name, line) in [(csv, "t.csv", "line 5"), (tbl, "t.tbl", "line 3")] {
+        let plain = tools(text, name, &given).unwrap();
+        for end in ["\r\n", "\r"] {
+            let table = tools(&text.replace('\n', end), name, &given).unwrap();
+            assert_eq!(table, plain, "{name}");
+            assert!(table.refused[0].contains(line), "{name}: {:?}", table.refused);
+        }
+    }
+    let holder = "height,lower,upper\n8,28,34\n";
+    let read = |text: &str| holder_from_bytes(text.as_bytes(), "h.csv".as_ref(), &given).unwrap();
+    assert_eq!(read(&holder.replace('\n', "\r")), read(holder));
+}
+
+#[test]
+fn a_table_of_a_machine_is_read_as_other_programs_export_it() {
+    let given =
+        Unsaid { unit_mm: Some(1.0), shank_mm: Some(3.175), flutes_mm: Some(10.0), ..unsaid() };
+    let table = "T1 P X0 Y0 Z0 A0 B0 C0 U0 V0 W0 D4.00 I0 J0 Q0;4mm_2F_Compression_Carbide_Endmill\n\
+        t2 p2 z+1.5 d1.93 ;Banggood - 3.175x2mm Carbide End Mill Drillpro DB-M10\nT3P3D6.0 ;6mm ball end\n\
+        T4 P4 D22.0 ; -\nT5 P5 D5 ;Drill 5\nT6 ;ball\n";
+    let found = tools(table, "t.tbl", &given).unwrap();
+    let rows: Vec<_> =
+        found.tools.iter().map(|t| (t.number, t.params.cr_mm, t.corner_mm)).collect();
+    assert_eq!(rows, [(Some(1), 2.0, 0.0), (Some(2), 0.965, 0.0), (Some(3), 3.0, 3.0)]);
+    let plain = found.notices.iter().filter(|n| n.contains("counts as a flat end")).count();
+    assert_eq!(plain, 2, "{:?}", found.notices);
+    for (left, words) in found.refused.iter().zip([
+        "\"-\" does not say the form",
+        "names a drill",
+        "without a diameter",
+    ]) {
+        assert!(left.contains(words), "{words}: {left}");
+    }
+}
+
+#[test]
+fn packed_libraries_are_read_and_other_files_called_what_they_are() {
+    use std::io::Write;
+    let zip = |entries: &[(&str, &str)]| {
+        let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        for (name, text) in entries {
+            zip.start_file(*name, zip::write::SimpleFileOptions::default()).unwrap();
+            zip.write_all(text.as_bytes()).unwrap();
+        }
+        zip.finish().unwrap().into_inner()
+    };
+    let read = |bytes: &[u8], name: &str| from_bytes(bytes, name.as_ref(), &unsaid());
+    let library = fusion(&[GOOD]);
+    for entries in [
+        &[("tools.json", &*library)][..],
+        &[("__MACOSX/._Example Tools.tools", "x"), ("tools.json", &library)],
+        &[("__MACOSX/._tools.json", "x"), ("My Library/My tools.json", &library), ("a.json", "{}")],
+        &[("shop.json", &library)],
+    ] {
+        assert_eq!(read(&zip(entries), "shop.tools").unwrap().tools[0].name, "RU1600");
+    }
+    let holder = r#"{"data": [{"type": "holder", "description": "A", "unit": "inches",
+        "segments": [{"height": 1, "lower-diameter": 1, "upper-diameter": 2}]}]}"#;
+    let packed = zip(&[("tools.json", holder)]);
+    assert_eq!(holder_from_bytes(&packed, "h.tools".as_ref(), &unsaid()).unwrap().name, "A");
+    for (bytes, words) in [
+        (zip(&[("xl/workbook.xml", "")]), "it is an Excel workbook"),
+        (zip(&[("content.xml", "")]), "it is an OpenDocument sheet"),
+        (zip(&[("a.txt", "")]), "it is a ZIP archive without a library"),
+        (b"PK\x03\x04".to_vec(), "zip archive"),
+        (b"<!DOCTYPE html>\n<html><body>T1 P1</body></html>".to_vec(), "it is a web page"),
+    ] {
+        for name in ["shop.csv", "mill.tbl", "shop.json"] {
+            let message = message(read(&bytes, name));
+            assert!(message.contains(words), "{words}: {message}");
+        }
+        assert!(holder_from_bytes(&bytes, "h.csv".as_ref(), &unsaid()).is_err());
+    }
+}
+
+#[test]
+fn lengths_of_a_bit_are_read_as_people_write_them_and_shown_as_found() {
+    let read = |length: &str| {
+        let length = serde_json::to_string(length).unwrap();
+        let bit = format!(
+            r#"{{"name": "T", "shape": "endmill.fcstd", "parameter": {{"Diameter": {length}, "ShankDiameter": {length}}}}}"#
+        );
+        tools(&bit, "t.fctb", &unsaid())
+    };
+    for (text, mm) in [
+        ("1/4\"", 6.35),
+        ("0' 0 1/4\"", 6.35),
+        ("1 1/2\"", 38.1),
+        ("1/4 in", 6.35),
+        ("0,25 in", 6.35),
+        ("6.35mm", 6.35),
+        ("1'", 304.8),
+        ("7/8 in", 22.225),
+    ] {
+        let tool = &read(text).unwrap().tools[0];
+        assert_eq!(2.0 * tool.params.cr_mm, mm, "{text}");
+        assert!(tool.words().starts_with(&format!("flat end {mm} mm")), "{}", tool.words());
+    }
+    for text in ["1/0 in", "1/4 ell", "a quarter", "1/4"] {
+        let found = message(read(text));
+        assert!(found.contains(&format!("Diameter is {text:?}")), "{found}");
     }
 }

@@ -1,0 +1,82 @@
+//! CAMotics tool tables: JSON, an object by tool number or a list, alone or as `tools` of a project.
+//!
+//! A tool has a shape, a diameter, the length that cuts, and its unit; nothing of shank, holder and stick-out.
+
+use super::described::{Described, Form};
+use super::place::{Place, shown, shown_value};
+use super::reading::Reading;
+use super::{Tool, Unsaid};
+use crate::Result;
+use crate::geom::units::length::unit_mm;
+use serde_json::Value;
+use std::path::Path;
+
+/// The tools with their numbers, if this is such a file.
+pub(super) fn tools(value: &Value) -> Option<Vec<(Option<u32>, &Value)>> {
+    let tools = value.get("tools").unwrap_or(value);
+    let has_shape = |tool: &Value| tool.get("shape").is_some() && tool.get("parameter").is_none();
+    let number = |value: &Value| value.as_u64().and_then(|n| u32::try_from(n).ok());
+    let found: Vec<(Option<u32>, &Value)> = match tools {
+        Value::Object(tools) => tools.iter().map(|(key, tool)| (key.parse().ok(), tool)).collect(),
+        Value::Array(tools) => {
+            tools.iter().map(|tool| (tool.get("number").and_then(number), tool)).collect()
+        }
+        _ => return None,
+    };
+    let is_table = !found.is_empty() && found.iter().any(|(_, tool)| has_shape(tool));
+    is_table.then(|| {
+        let mut found = found;
+        found.sort_by_key(|(number, _)| number.unwrap_or(u32::MAX));
+        found
+    })
+}
+
+pub(super) fn read(tools: &[(Option<u32>, &Value)], path: &Path, unsaid: &Unsaid) -> Reading {
+    let mut reading = Reading::default();
+    for (k, (number, tool)) in tools.iter().enumerate() {
+        let words = tool.get("description").and_then(Value::as_str).unwrap_or("").trim();
+        let tool_number = number.map_or(k as u64 + 1, u64::from);
+        let name = if words.is_empty() { format!("T{tool_number}") } else { words.to_string() };
+        let label = format!("tool {tool_number} {}", shown(&name));
+        let place = Place { path, name: &label };
+        let shape = tool.get("shape").and_then(Value::as_str).unwrap_or_default();
+        let form = match shape.trim().to_lowercase().as_str() {
+            "cylindrical" => Form::Flat,
+            "ballnose" => Form::Ball,
+            _ => {
+                let shape = tool.get("shape").map_or("nothing".into(), shown_value);
+                let found = format!(
+                    "the shape {shape} cannot be represented, only cylindrical and ballnose"
+                );
+                reading.leave_out_kind(place.error(found, "it is left out"));
+                continue;
+            }
+        };
+        reading.add(one(tool, (&name, *number), form, &place, unsaid));
+    }
+    reading
+}
+
+fn one(
+    tool: &Value,
+    (name, number): (&str, Option<u32>),
+    form: Form,
+    place: &Place,
+    unsaid: &Unsaid,
+) -> Result<(Tool, Vec<String>)> {
+    let unit = match tool.get("units") {
+        None | Some(Value::Null) => unsaid.unit_mm.ok_or_else(|| {
+            place.error("the file does not say the unit", "give it with --tool-unit mm or in")
+        })?,
+        Some(name) => name.as_str().and_then(unit_mm).ok_or_else(|| {
+            let found = format!("its units are {}", shown_value(name));
+            place.error(found, "expected metric or imperial: correct it")
+        })?,
+    };
+    let length =
+        |key: &str| Ok::<_, crate::Error>(place.length(tool, key, unit)?.filter(|x| *x > 0.0));
+    let diameter = length("diameter")?
+        .ok_or_else(|| place.error("its diameter is missing or 0", "add it to the table"))?;
+    let flutes = length("length")?;
+    Described { flutes, number, ..Described::new(name, form, diameter) }.tool(unsaid, place)
+}

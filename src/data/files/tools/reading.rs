@@ -1,0 +1,226 @@
+//! Reading a file of tools of any format: what is left out never loses the rest.
+
+use super::place::shown;
+use super::unpack::{Content, content};
+use super::{
+    Tool, ToolTable, Unsaid, camotics, freecad, fusion, linuxcnc, number_repeated, place, table,
+};
+use crate::{Error, Result, input_file};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// A table in the making.
+#[derive(Default)]
+pub(super) struct Reading {
+    pub tools: Vec<Tool>,
+    pub unused: Vec<String>,
+    pub notices: Vec<String>,
+    left_out: Vec<LeftOut>,
+}
+
+struct LeftOut {
+    why: Error,
+    /// Whether it is whole, but of a kind that cannot be represented.
+    is_other_kind: bool,
+}
+
+impl Reading {
+    /// A tool with what was changed of it, or why there is none.
+    pub fn add(&mut self, tool: Result<(Tool, Vec<String>)>) {
+        match tool {
+            Ok((tool, notices)) => {
+                self.tools.push(tool);
+                self.notices.extend(notices);
+            }
+            Err(why) => self.left_out.push(LeftOut { why, is_other_kind: false }),
+        }
+    }
+
+    /// A tool of a kind that cannot be represented.
+    pub fn leave_out_kind(&mut self, why: Error) {
+        self.left_out.push(LeftOut { why, is_other_kind: true });
+    }
+
+    pub fn extend(&mut self, other: Reading) {
+        self.tools.extend(other.tools);
+        self.unused.extend(other.unused);
+        self.notices.extend(other.notices);
+        self.left_out.extend(other.left_out);
+    }
+
+    /// The table; an error if no tool is left.
+    fn finish(mut self, path: &Path) -> Result<ToolTable> {
+        if self.tools.is_empty() {
+            return Err(self.none_left(path));
+        }
+        number_repeated(&mut self.tools);
+        let sentence = |left: &LeftOut| match left.is_other_kind {
+            true => left.why.to_string(),
+            false => format!("{}; the tool is left out", left.why),
+        };
+        let refused = self.left_out.iter().map(sentence).collect();
+        let Reading { tools, unused, notices, .. } = self;
+        Ok(ToolTable { tools, unused, refused, notices })
+    }
+
+    fn none_left(self, path: &Path) -> Error {
+        let n = self.left_out.len();
+        let first = self.left_out.iter().position(|left| !left.is_other_kind).unwrap_or(0);
+        match self.left_out.into_iter().nth(first) {
+            Some(LeftOut {
+                why: Error::File { path, place, found, remedy },
+                is_other_kind: false,
+            }) => {
+                let more =
+                    if n > 1 { format!(" (none of {n} tools can be used)") } else { String::new() };
+                Error::File { path, place, found: found + &more, remedy }
+            }
+            first => {
+                let first = first.map_or(String::new(), |first| format!(": {}", first.why));
+                let found = format!("no tool can be used{first}");
+                let remedy = "add a ball, bull-nose, flat or tapered end mill";
+                Error::file(path, "tools", found, remedy)
+            }
+        }
+    }
+}
+
+/// Reads a file of tools, or all `.fctb` files of a folder in the order of their names.
+///
+/// # Errors
+/// If a file is not what its format demands, or no tool is left.
+pub fn read(path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
+    let reading = match path.is_dir() {
+        true => of_folder(path, unsaid),
+        false => of_file(path, unsaid),
+    }?;
+    reading.finish(path)
+}
+
+/// Reads tools from the content of a file; `path` is for its extension and for messages. A FreeCAD library (`.fctl`),
+/// which only names other files, is read by [`read`].
+///
+/// # Errors
+/// As [`read`].
+pub fn from_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
+    match of_bytes(bytes, path, unsaid)? {
+        Read::Tools(reading) => reading.finish(path),
+        Read::Bits(_) => {
+            let found = "it names tool bits in other files";
+            Err(Error::file(path, "tools", found, "give the bits, or the library by its path"))
+        }
+    }
+}
+
+/// What a file holds.
+enum Read {
+    Tools(Reading),
+    /// Files of tools, by number and path.
+    Bits(Vec<freecad::Bit>),
+}
+
+fn of_file(path: &Path, unsaid: &Unsaid) -> Result<Reading> {
+    let bytes = input_file::read(path, input_file::LIBRARY)?;
+    match of_bytes(&bytes, path, unsaid)? {
+        Read::Tools(reading) => Ok(reading),
+        Read::Bits(bits) => of_bits(&bits, path, unsaid),
+    }
+}
+
+fn of_folder(folder: &Path, unsaid: &Unsaid) -> Result<Reading> {
+    let mut files = tool_bits(folder)?;
+    let within = folder.join("Bit");
+    if files.is_empty() && within.is_dir() {
+        files = tool_bits(&within)?;
+    }
+    if files.is_empty() {
+        let remedy = "name a file, or a folder of FreeCAD tool bits";
+        return Err(Error::file(folder, "folder", "there is no .fctb file in it", remedy));
+    }
+    let mut all = Reading::default();
+    for file in files {
+        add_bit(&mut all, &file, None, unsaid);
+    }
+    Ok(all)
+}
+
+/// The tools of a FreeCAD library, with its numbers.
+fn of_bits(bits: &[freecad::Bit], library: &Path, unsaid: &Unsaid) -> Result<Reading> {
+    let mut all = Reading::default();
+    for bit in bits {
+        match freecad::find(&bit.path, library) {
+            Some(file) => add_bit(&mut all, &file, bit.number, unsaid),
+            None => {
+                let place = bit.number.map_or("tool".into(), |number| format!("tool {number}"));
+                let found = format!("there is no file {}", shown(&bit.path));
+                let remedy = "put it beside the library, or into the folder Bit beside it";
+                all.add(Err(Error::file(library, place, found, remedy)));
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn add_bit(all: &mut Reading, file: &Path, number: Option<u32>, unsaid: &Unsaid) {
+    match of_file(file, unsaid) {
+        Ok(mut reading) => {
+            let numbered = reading.tools.iter_mut();
+            numbered.for_each(|tool| tool.number = number.or(tool.number));
+            all.extend(reading);
+        }
+        Err(why) => all.add(Err(why)),
+    }
+}
+
+fn tool_bits(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Error::read(folder, e))?;
+    let mut files = Vec::new();
+    for entry in entries {
+        let path = entry.map_err(|e| Error::read(folder, e))?.path();
+        if has_extension(&path, "fctb") && path.is_file() {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+fn of_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<Read> {
+    let text = match content(bytes, path)? {
+        Content::Text(text) => text,
+        Content::Library(unpacked) => place::text(&unpacked, path)?.into_owned().into(),
+    };
+    Ok(Read::Tools(match text.trim_start().chars().next() {
+        Some('{' | '[') => return of_json(&place::json(&text, path)?, path, unsaid),
+        _ if ["fctb", "json", "fctl"].iter().any(|e| has_extension(path, e)) => {
+            let remedy = "export the tools again";
+            return Err(Error::file(path, "line 1", "the file is not JSON", remedy));
+        }
+        _ if has_extension(path, "tbl") || linuxcnc::is_table(&text) => {
+            linuxcnc::read(&text, path, unsaid)
+        }
+        _ => table::read(&text, path, unsaid)?,
+    }))
+}
+
+fn of_json(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Read> {
+    if let Some(bits) = freecad::bits(value) {
+        return Ok(Read::Bits(bits));
+    }
+    if let Some(tools) = camotics::tools(value) {
+        return Ok(Read::Tools(camotics::read(&tools, path, unsaid)));
+    }
+    if value.get("parameter").is_some() {
+        return Ok(Read::Tools(freecad::read(value, path, unsaid)));
+    }
+    if fusion::is_library(value) {
+        return fusion::read(value, path, unsaid).map(Read::Tools);
+    }
+    let found = "neither `data` (Fusion 360) nor `parameter` (FreeCAD) nor tools with a `shape` (CAMotics) are there";
+    let remedy = "name a tool library exported as JSON, or a tool bit";
+    Err(Error::file(path, "top level", found, remedy))
+}
+
+pub(super) fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
+}

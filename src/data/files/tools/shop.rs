@@ -1,0 +1,334 @@
+//! Tables in the words of a shop: CSV files with a diameter in place of the four lengths.
+//!
+//! ```text
+//! T,name,diameter,corner,flute_length,shank,stick_out
+//! 3,1/4" ball,0.25 in,0.125 in,0.75 in,0.25 in,1.1 in
+//! ```
+//!
+//! A length has the unit written with it, else that of its heading (`diameter_in`, `D [mm]`), of the row's column
+//! `unit`, what [`Unsaid`] gives, or mm. The form is that of the column `type`, or follows from the corner, or from the name.
+
+use super::described::{Described, Form};
+use super::place::{Place, shown};
+use super::reading::Reading;
+use super::table::TableText;
+use super::words::{Remark, remark};
+use super::{Tool, Unsaid};
+use crate::geom::units::length::{Length, unit_mm};
+use crate::{Error, Result};
+use csv::StringRecord;
+
+/// What a column means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Meaning {
+    Name,
+    Number,
+    Diameter,
+    Corner,
+    Form,
+    Flutes,
+    StickOut,
+    Shank,
+    Overall,
+    Neck,
+    NeckEnd,
+    Taper,
+    Clearance,
+    Unit,
+}
+
+/// Headings by letters and digits alone, in small letters.
+const WORDS: [(Meaning, &[&str]); 14] = [
+    (Meaning::Name, &["name", "tool", "toolname", "description", "bezeichnung", "werkzeug"]),
+    (Meaning::Number, &["t", "nr", "no", "number", "toolnumber", "toolno", "toolnr"]),
+    (
+        Meaning::Diameter,
+        &["diameter", "d", "dia", "dc", "ø", "durchmesser", "tooldiameter", "cutterdiameter"],
+    ),
+    (Meaning::Corner, &["corner", "cornerradius", "r", "re", "radius", "eckenradius"]),
+    (Meaning::Form, &["type", "form", "shape", "kind", "tooltype", "art", "typ"]),
+    (
+        Meaning::Flutes,
+        &[
+            "flute",
+            "flutelength",
+            "fluteslength",
+            "lcf",
+            "loc",
+            "cuttinglength",
+            "lengthofcut",
+            "cutlength",
+            "schneidenlänge",
+        ],
+    ),
+    (
+        Meaning::StickOut,
+        &["stickout", "lb", "overhang", "projection", "ausspannlänge", "auskraglänge"],
+    ),
+    (
+        Meaning::Shank,
+        &["shank", "shankdiameter", "shankdia", "sfdm", "schaft", "schaftdurchmesser"],
+    ),
+    (Meaning::Overall, &["overall", "oal", "overalllength", "gesamtlänge"]),
+    (Meaning::Neck, &["neck", "neckdiameter", "shoulderdiameter"]),
+    (Meaning::NeckEnd, &["necklength", "shoulderlength"]),
+    (Meaning::Taper, &["taper", "taperangle", "ta"]),
+    (Meaning::Clearance, &["clearance"]),
+    (Meaning::Unit, &["unit", "units", "einheit"]),
+];
+
+struct Column {
+    meaning: Meaning,
+    at: usize,
+    heading: String,
+    unit_mm: Option<f64>,
+}
+
+/// The columns of a table with a diameter.
+pub(super) struct Columns {
+    columns: Vec<Column>,
+    n: usize,
+    pub unused: Vec<String>,
+}
+
+impl Columns {
+    /// `None` without a diameter.
+    pub fn of(header: &StringRecord) -> Option<Self> {
+        let (mut columns, mut unused) = (Vec::new(), Vec::new());
+        for (at, heading) in header.iter().enumerate().filter(|(_, heading)| !heading.is_empty()) {
+            let (letters, unit_mm) = letters_and_unit(heading);
+            let known = WORDS.iter().find(|(_, words)| words.contains(&letters.as_str()));
+            match known {
+                Some((meaning, _)) => {
+                    columns.push(Column {
+                        meaning: *meaning,
+                        at,
+                        heading: heading.into(),
+                        unit_mm,
+                    });
+                }
+                None => unused.push(shown(heading)),
+            }
+        }
+        let has_diameter = columns.iter().any(|column| column.meaning == Meaning::Diameter);
+        has_diameter.then(|| Columns { columns, n: header.len(), unused })
+    }
+
+    /// Fails if two columns mean the same.
+    pub fn check(&self, text: &TableText, line: usize) -> Result<()> {
+        for (k, column) in self.columns.iter().enumerate() {
+            let mut before = self.columns[..k].iter();
+            if let Some(first) = before.find(|first| first.meaning == column.meaning) {
+                let found = format!(
+                    "{} and {} mean the same",
+                    shown(&first.heading),
+                    shown(&column.heading)
+                );
+                return Err(text.at(line, found, "delete or rename one"));
+            }
+        }
+        Ok(())
+    }
+
+    /// The tool of a row, or why there is none.
+    pub fn add(
+        &self,
+        text: &TableText,
+        line: usize,
+        row: &StringRecord,
+        unsaid: &Unsaid,
+        reading: &mut Reading,
+    ) {
+        let name = match self.field(row, Meaning::Name) {
+            "" => format!("line {line}"),
+            name => name.to_string(),
+        };
+        let label = format!("line {line}, tool {}", shown(&name));
+        let place = Place { path: text.path, name: &label };
+        let number = text.number(line, self.field(row, Meaning::Number), &mut reading.notices);
+        if let Err(why) = text.check_width(line, row, self.n) {
+            return reading.add(Err(why));
+        }
+        let row = Row { columns: self, row, unsaid, place: &place };
+        match row.form(&name) {
+            Err(why) => reading.add(Err(why)),
+            Ok(Found::Other(kind)) => {
+                let found = format!(
+                    "a {kind} cannot be represented, only ball, bull-nose, flat and tapered end mills"
+                );
+                reading.leave_out_kind(place.error(found, "it is left out"));
+            }
+            Ok(Found::Form(form, notice)) => {
+                let tool = row.tool(&name, form, number);
+                let sentence = notice.map(|notice| place.sentence(notice));
+                reading.add(tool.map(|(tool, mut notices)| {
+                    notices.extend(sentence);
+                    (tool, notices)
+                }));
+            }
+        }
+    }
+
+    fn column(&self, meaning: Meaning) -> Option<&Column> {
+        self.columns.iter().find(|column| column.meaning == meaning)
+    }
+
+    fn field<'a>(&self, row: &'a StringRecord, meaning: Meaning) -> &'a str {
+        self.column(meaning).and_then(|column| row.get(column.at)).unwrap_or("")
+    }
+}
+
+/// `Stick-out [in]` → `stickout` and the inch's millimeters.
+fn letters_and_unit(heading: &str) -> (String, Option<f64>) {
+    let heading = heading.to_lowercase();
+    let end = heading.trim_end_matches([')', ']']);
+    let parts = end.rsplit_once(['(', '[', '_', ' ', '-', '/']);
+    let unit = parts.and_then(|(name, unit)| Some((name, unit_mm(unit)?)));
+    let (name, unit) = unit.map_or((&*heading, None), |(name, unit)| (name, Some(unit)));
+    (name.chars().filter(|c| c.is_alphanumeric()).collect(), unit)
+}
+
+enum Found {
+    /// With what is to be said about it.
+    Form(Form, Option<&'static str>),
+    Other(&'static str),
+}
+
+struct Row<'a> {
+    columns: &'a Columns,
+    row: &'a StringRecord,
+    unsaid: &'a Unsaid,
+    place: &'a Place<'a>,
+}
+
+/// Radii that differ by less are the same, as a share.
+const SAME: f64 = 1e-3;
+
+impl Row<'_> {
+    fn field(&self, meaning: Meaning) -> &str {
+        self.columns.field(self.row, meaning)
+    }
+
+    fn error(&self, found: String, remedy: &str) -> Error {
+        self.place.error(found, remedy)
+    }
+
+    /// A length in mm; `None` where the field is empty.
+    fn length(&self, meaning: Meaning) -> Result<Option<f64>> {
+        let Some(column) = self.columns.column(meaning) else { return Ok(None) };
+        let field = self.field(meaning);
+        if field.is_empty() {
+            return Ok(None);
+        }
+        let length = Length::read(field).ok_or_else(|| {
+            let found = format!("{} is {}, not a length", column.heading, shown(field));
+            self.error(found, "write a number, or one with its unit (1/4 in)")
+        })?;
+        let unit = column.unit_mm.or(self.unit()?).or(self.unsaid.unit_mm).unwrap_or(1.0);
+        self.place.not_negative(&column.heading, length.mm_of(unit)).map(Some)
+    }
+
+    /// That of the row's column.
+    fn unit(&self) -> Result<Option<f64>> {
+        match self.field(Meaning::Unit) {
+            "" => Ok(None),
+            name => unit_mm(name).map(Some).ok_or_else(|| {
+                self.error(format!("the unit is {}", shown(name)), "expected mm or in: correct it")
+            }),
+        }
+    }
+
+    fn diameter(&self) -> Result<f64> {
+        let diameter = self.length(Meaning::Diameter)?.filter(|d| *d > 0.0);
+        diameter.ok_or_else(|| self.error("the diameter is missing or 0".into(), "give it"))
+    }
+
+    fn form(&self, name: &str) -> Result<Found> {
+        let (diameter, corner) = (self.diameter()?, self.length(Meaning::Corner)?);
+        let kind = self.field(Meaning::Form);
+        let said =
+            remark(if kind.is_empty() { name } else { kind }, self.unsaid.unit_mm.unwrap_or(1.0));
+        let by_corner = |corner: f64| match corner {
+            0.0 => Form::Flat,
+            corner if (2.0 * corner - diameter).abs() <= SAME * diameter => Form::Ball,
+            corner => Form::Bull { corner },
+        };
+        let form = match (said, corner) {
+            (Remark::Other("tapered mill"), _) if self.columns.column(Meaning::Taper).is_some() => {
+                by_corner(corner.unwrap_or(0.5 * diameter))
+            }
+            (Remark::Other(kind), _) => return Ok(Found::Other(kind)),
+            (Remark::Nothing, _) if !kind.is_empty() => {
+                let found = format!("the type is {}", shown(kind));
+                return Err(self.error(found, "expected ball, flat or bull: correct it"));
+            }
+            (Remark::Form(form), Some(corner)) if !kind.is_empty() => {
+                self.check_corner(form, by_corner(corner), corner)?
+            }
+            (_, Some(corner)) => by_corner(corner),
+            (Remark::Form(form), None) => form,
+            (Remark::EndMill, None) => {
+                let notice = "it is an end mill and no more is said: it counts as a flat end";
+                return Ok(Found::Form(Form::Flat, Some(notice)));
+            }
+            (Remark::Bull | Remark::Nothing, None) => {
+                let found =
+                    "the form is not said: neither corner nor type (ball, flat, bull) is there";
+                return Err(self.error(found.into(), "add a column corner: 0 for a flat end"));
+            }
+        };
+        Ok(Found::Form(form, None))
+    }
+
+    fn check_corner(&self, said: Form, by_corner: Form, corner: f64) -> Result<Form> {
+        let agrees = match said {
+            Form::Bull { .. } => true,
+            form => form == by_corner,
+        };
+        match agrees {
+            true => Ok(by_corner),
+            false => {
+                let found = format!(
+                    "the type is {} and the corner {corner} mm",
+                    shown(self.field(Meaning::Form))
+                );
+                Err(self.error(found, "correct one of them"))
+            }
+        }
+    }
+
+    fn tool(&self, name: &str, form: Form, number: Option<u32>) -> Result<(Tool, Vec<String>)> {
+        let (form, diameter) = (self.tapered(form)?, self.diameter()?);
+        Described {
+            number,
+            flutes: self.length(Meaning::Flutes)?,
+            neck: self.length(Meaning::Neck)?,
+            neck_end: self.length(Meaning::NeckEnd)?,
+            shank: self.length(Meaning::Shank)?,
+            overall: self.length(Meaning::Overall)?,
+            stick_out: self.length(Meaning::StickOut)?,
+            clearance: self.length(Meaning::Clearance)?.unwrap_or(0.0),
+            ..Described::new(name, form, diameter)
+        }
+        .tool(self.unsaid, self.place)
+    }
+
+    /// With the angle between flank and axis of the column taper, degrees.
+    fn tapered(&self, form: Form) -> Result<Form> {
+        let field = self.field(Meaning::Taper).trim_end_matches(['°', ' ']);
+        if field.is_empty() || field == "0" {
+            return Ok(form);
+        }
+        let degrees: Option<f64> = field.replace(',', ".").parse().ok();
+        let degrees = degrees.filter(|degrees| *degrees > 0.0 && *degrees < 90.0);
+        let degrees = degrees.ok_or_else(|| {
+            self.error(format!("the taper is {}", shown(field)), "give it in degrees, per side")
+        })?;
+        let corner = match form {
+            Form::Ball => 0.5 * self.diameter()?,
+            Form::Bull { corner } | Form::Tapered { corner, .. } => corner,
+            Form::Flat => 0.0,
+        };
+        Ok(Form::Tapered { corner, taper: degrees.to_radians() })
+    }
+}

@@ -1,0 +1,61 @@
+//! What a file is before it is read: text, a packed library, or none of it.
+
+use super::place;
+use crate::{Error, Result, input_file};
+use std::borrow::Cow;
+use std::io::Cursor;
+use std::path::Path;
+use zip::ZipArchive;
+
+/// The content of a file of tools.
+pub(super) enum Content<'a> {
+    Text(Cow<'a, str>),
+    /// The library of a Fusion 360 `.tools` file.
+    Library(Vec<u8>),
+}
+
+/// Text, or the library that an archive holds.
+///
+/// # Errors
+/// If it is a web page, another archive, or no text in UTF-8.
+pub(super) fn content<'a>(bytes: &'a [u8], path: &Path) -> Result<Content<'a>> {
+    if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06") {
+        return unpacked(bytes, path).map(Content::Library);
+    }
+    if let Some(kind) = input_file::foreign(bytes) {
+        return Err(kind.error(path, "a file of tools"));
+    }
+    place::text(bytes, path).map(Content::Text)
+}
+
+/// `tools.json`, or the only JSON file beside what systems add.
+fn unpacked(bytes: &[u8], path: &Path) -> Result<Vec<u8>> {
+    let fault = |found: String, remedy: &str| Error::file(path, "zip archive", found, remedy);
+    let again = "export the library again";
+    let mut archive =
+        ZipArchive::new(Cursor::new(bytes)).map_err(|e| fault(e.to_string(), again))?;
+    let names: Vec<String> = archive.file_names().flatten().map(Cow::into_owned).collect();
+    let is_json = |name: &&String| {
+        let last = name.rsplit('/').next().unwrap_or(name);
+        last.to_lowercase().ends_with(".json")
+            && !last.starts_with("._")
+            && !name.starts_with("__MACOSX")
+    };
+    let jsons: Vec<&String> = names.iter().filter(is_json).collect();
+    let tools = jsons.iter().find(|name| name.to_lowercase().ends_with("tools.json"));
+    let name = match (tools, &jsons[..]) {
+        (Some(name), _) | (None, [name]) => name,
+        _ => {
+            let has = |start: &str| names.iter().any(|name| name.starts_with(start));
+            let found = match (has("xl/"), has("content.xml")) {
+                (true, _) => "it is an Excel workbook, not a table in text",
+                (_, true) => "it is an OpenDocument sheet, not a table in text",
+                _ => "it is a ZIP archive without a library (tools.json)",
+            };
+            return Err(fault(found.into(), "save the sheet as CSV, or unpack the archive"));
+        }
+    };
+    let entry = archive.by_name(name).map_err(|e| fault(e.to_string(), again))?;
+    let size = entry.size();
+    input_file::read_entry(entry, size, path, input_file::LIBRARY)
+}
