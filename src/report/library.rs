@@ -26,6 +26,10 @@ pub struct Library<'a> {
 pub struct ToolFacts {
     /// That the tool reaches as it is held.
     pub reached: f64,
+    /// Where in every direction some step of the tool penetrates.
+    pub inaccessible: f64,
+    /// Where in some direction only the tip penetrates.
+    pub tip_does_not_fit: f64,
     /// That no tool before it reaches.
     pub adds: f64,
     /// That its body would reach at any stick-out.
@@ -77,8 +81,11 @@ impl<'a> Library<'a> {
     pub fn facts(&self, tool: usize) -> ToolFacts {
         let reach = &self.reach[tool];
         let body_reaches = self.areas.share(|i| reach.body_reaches[i]);
+        let of = |answer: SiteAnswer| self.areas.share(|i| reach.answers[i] == answer);
         ToolFacts {
             reached: self.areas.share(|i| self.reaches(tool, i)),
+            inaccessible: of(SiteAnswer::Inaccessible),
+            tip_does_not_fit: of(SiteAnswer::TipDoesNotFit),
             adds: self.areas.share(|i| {
                 self.reaches(tool, i) && !(0..tool).any(|before| self.reaches(before, i))
             }),
@@ -125,6 +132,8 @@ impl<'a> Library<'a> {
             ("clearance", ""),
             ("reached", "reached"),
             ("reached_mm2", "mm²"),
+            ("inaccessible", "inaccessible"),
+            ("tip_does_not_fit", "tip does not fit"),
             ("adds", "adds"),
             ("adds_mm2", "mm²"),
             ("in_smallest_set", "needed"),
@@ -139,7 +148,8 @@ impl<'a> Library<'a> {
         let area =
             |share: f64| self.areas.total_mm2().map_or(Cell::Missing, |t| Cell::Number(share * t));
         for (k, tool) in self.tools.iter().enumerate() {
-            let ToolFacts { reached, adds, body_reaches, least_stick_out_mm } = self.facts(k);
+            let facts = self.facts(k);
+            let ToolFacts { reached, adds, body_reaches, least_stick_out_mm, .. } = facts;
             let needed = if self.cover.chosen.contains(&k) { "yes" } else { "" };
             let given =
                 tool.params.to_array().into_iter().chain([tool.corner_mm, tool.clearance_mm]);
@@ -148,6 +158,8 @@ impl<'a> Library<'a> {
             row.extend([
                 Cell::Share(reached),
                 area(reached),
+                Cell::Share(facts.inaccessible),
+                Cell::Share(facts.tip_does_not_fit),
                 Cell::Share(adds),
                 area(adds),
                 Cell::text(needed),

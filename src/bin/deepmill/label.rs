@@ -24,6 +24,7 @@ use deepmill::report::coverage::{Coverage, Shares};
 use deepmill::report::export::Extra;
 use deepmill::report::findings::{Findings, for_all_tools};
 use deepmill::report::folder::{self, Show};
+use deepmill::report::gate::SiteAreas;
 use deepmill::report::page::{Page, View};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
@@ -154,8 +155,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (tools, directions) = (&tools[..], &directions);
     let answers =
         Answers { args, also, blocking, tools, directions, mesh, fixtures, surface, sites };
-    let coverage = args.tools.are_several().then(|| Coverage::of(tools, &labels, directions.len()));
-    let mut facts = answers.facts(&labels, coverage.as_ref());
+    let of_mesh = blocking == Blocking::Part;
+    let areas = SiteAreas::by_definition(&answers.sites, answers.mesh.as_ref(), of_mesh)?;
+    let cover = || Coverage::of(tools, &labels, directions.len(), &areas);
+    let coverage = args.tools.are_several().then(cover);
+    let mut facts = answers.facts(&labels, coverage.as_ref(), &areas);
     let named = tools.iter().zip(&labels).map(|(tool, labels)| (&*tool.name, &labels.answers));
     let broken = output.check_limits(&limits, (&answers.sites, answers.mesh.as_ref()), named)?;
     let single = coverage.is_none().then(|| labels[0].clone());
@@ -181,7 +185,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     result["limits_broken"] = broken;
     if let (Blocking::Part, Some(labels), Some(mesh)) = (blocking, &single, &answers.mesh) {
         result["faces"] = part_itself::say_blocking(mesh, &answers.sites, labels, output);
-        result["bodies"] = part_itself::say_bodies(mesh, &answers.sites, labels, output)?;
+        let about = (&answers.sites, &areas);
+        result["bodies"] = part_itself::say_bodies(mesh, about, labels, output)?;
     }
     let named = |tool: &'_ Tool| coverage.as_ref().map(|_| tool.name.clone());
     let warnings = tools.iter().zip(&warnings).map(|(tool, warnings)| {
@@ -232,7 +237,7 @@ struct Answers<'a> {
 }
 
 impl Answers<'_> {
-    fn facts(&self, labels: &[Labels], coverage: Option<&Coverage>) -> Facts {
+    fn facts(&self, labels: &[Labels], coverage: Option<&Coverage>, areas: &SiteAreas) -> Facts {
         let mut facts = Facts::new();
         facts.add("part", "part", Cell::text(name_of(&self.args.part)));
         facts.add("definition", "definition", Cell::text(self.blocking.words()));
@@ -245,13 +250,13 @@ impl Answers<'_> {
         facts.add("n_directions", "directions", Cell::count(n_directions));
         match coverage {
             None => {
-                add_shares(&mut facts, Shares::of(&labels[0], self.directions.len()));
+                add_shares(&mut facts, Shares::of(&labels[0], self.directions.len(), areas));
                 part_itself::add_facts(&mut facts, &labels[0]);
                 add_clearance(&mut facts, &labels[0]);
             }
             Some(coverage) => {
                 let none = Cell::Share(coverage.share_of_first(None));
-                facts.add("inaccessible_to_all", "inaccessible to every tool", none);
+                facts.add("inaccessible_to_all", "out of reach of every tool", none);
             }
         }
         facts
@@ -381,10 +386,18 @@ impl Regions {
 }
 
 fn add_shares(facts: &mut Facts, shares: Shares) {
-    let Shares { inaccessible, occlusion, both, accessible_directions } = shares;
+    let Shares { accessible, inaccessible, tip_does_not_fit, occlusion, both, .. } = shares;
+    facts.add("accessible", "accessible", Cell::Share(accessible));
     facts.add("inaccessible", "inaccessible", Cell::Share(inaccessible));
-    facts.add("occlusion", "occlusion", Cell::Share(occlusion));
-    facts.add("both", "inaccessible and occlusion", Cell::Share(both));
+    for (key, name, share) in [
+        ("tip_does_not_fit", "tip does not fit", tip_does_not_fit),
+        ("occlusion", "occlusion", occlusion),
+        ("both", "inaccessible and occlusion", both),
+    ] {
+        if let Some(share) = share {
+            facts.add(key, name, Cell::Share(share));
+        }
+    }
     let name = "directions that reach a site, mean";
-    facts.add("free_directions", name, Cell::Share(accessible_directions));
+    facts.add("free_directions", name, Cell::Share(shares.accessible_directions));
 }

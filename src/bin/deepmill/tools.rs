@@ -83,7 +83,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let words = format!("{} tools", tools.len());
     let name = name_of(&args.part);
     let view = PartView { name: &name, mesh: Some(&mesh), sites: &sites, cutter: &words };
-    paths.extend(Coverage::of_reached(&tools, &accessible).write_first(&args.out, view, show)?);
+    paths.extend(
+        Coverage::of_reached(&tools, &accessible, &areas).write_first(&args.out, view, show)?,
+    );
     paths.push(folder::write_surface(&args.out, &mesh)?);
     clock.lap("write_s", "writing and drawing");
 
