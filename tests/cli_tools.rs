@@ -130,6 +130,20 @@ fn a_tool_whose_tip_does_not_fit_reaches_less_in_every_table() {
         let sum = ["accessible", "inaccessible", "tip_does_not_fit"].map(|key| number(row, key));
         assert!((sum.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{row}");
     }
+    // Both reach 95 % of what the thin one does where that share is asked for; then the thick one is taken.
+    let names = |set: &Value| {
+        set.as_array().unwrap().iter().map(|row| row["name"].clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(names(&library["smallest_set"]), ["D2"], "{library}");
+    let out = folder.path("share");
+    let args = ["tools", &part, "--library", &tools, "--out", &out, "--sites", "1500"];
+    let more = ["--directions", "up", "--no-picture", "--json", "--share", "85%"];
+    let shared = json(&deepmill(&[&args[..], &more].concat()));
+    assert_eq!(names(&shared["smallest_set"]), ["D8"], "{shared}");
+    assert_eq!(
+        (&shared["smallest_set_is_proven"], &shared["n_needed_at_least"]),
+        (&true.into(), &1.into())
+    );
     // What no tool reaches is what none of the two reaches, for whatever cause.
     let none = labels["inaccessible_to_all"].as_f64().unwrap();
     assert!((none - library["unreached"].as_f64().unwrap()).abs() < 1e-3, "{none}");

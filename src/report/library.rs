@@ -1,12 +1,12 @@
-//! What the tools of a library reach on one part: a table, the fewest that reach all, and how little each may stick out.
+//! What the tools of a library reach on one part: a table, the fewest that reach a share of what can be reached, and how little each may stick out.
 
 use super::coverage::steps_of;
 use super::curves::{self, Chart, Series};
 use super::gate::SiteAreas;
 use super::tables::{Cell, Table};
-use crate::access::cover::{Cover, cover};
+use crate::access::cover::{Cover, cover, cover_share_preferring};
 use crate::access::surface::{SiteAnswer, ToolReach};
-use crate::data::files::tools::Tool;
+use crate::data::files::tools::{Tool, thick_and_short_first};
 use crate::{Error, Result, atomic_file};
 use std::path::{Path, PathBuf};
 
@@ -17,8 +17,10 @@ pub struct Library<'a> {
     reach: &'a [ToolReach],
     areas: &'a SiteAreas,
     share: f64,
-    /// The fewest tools that reach all that can be reached.
+    /// The fewest tools that reach the share of what any tool reaches, of as few the thick and short ones.
     pub cover: Cover,
+    /// The number of tools that reach all of it, the fewest that were found.
+    pub n_for_all: usize,
 }
 
 /// One tool in numbers; areas as shares of the surface.
@@ -44,7 +46,8 @@ const CURVES_OF_CHART: usize = 6;
 const MOST_CORNERS: usize = 400;
 
 impl<'a> Library<'a> {
-    /// Of tools with what they reach; `share` is that of the area within reach of the body which the least stick-out is stated for.
+    /// Of tools with what they reach; `share` is that of the area within reach of the body which the least stick-out is stated for, and that of the
+    /// area within reach of any tool which the smallest set reaches.
     ///
     /// # Errors
     /// If the share is not above 0 and at most 1.
@@ -64,8 +67,10 @@ impl<'a> Library<'a> {
             return Err(Error::argument("--share", found, "above 0, at most 100 %", remedy));
         }
         let reaches = |tool: usize, i: usize| reach[tool].answers[i] == SiteAnswer::Accessible;
-        let cover = cover(tools.len(), areas.shares(), reaches);
-        Ok(Library { tools, reach, areas, share, cover })
+        let n_for_all = cover(tools.len(), areas.shares(), reaches).chosen.len();
+        let order = thick_and_short_first(tools);
+        let cover = cover_share_preferring(tools.len(), areas.shares(), reaches, share, &order);
+        Ok(Library { tools, reach, areas, share, cover, n_for_all })
     }
 
     fn reaches(&self, tool: usize, i: usize) -> bool {
@@ -264,6 +269,23 @@ mod tests {
     }
 
     #[test]
+    fn of_sets_as_small_the_thick_and_short_tools_are_taken() {
+        let tool = |cr: f64, ch: f64| {
+            Tool::new(CutterParams::from_array([cr, ch, 50.0, 4.0]), None, 0.0).unwrap()
+        };
+        // The thin tool reaches all, the thick ones all but a fortieth; then each alone is enough for 95 %.
+        let tools = [tool(1.5, 30.0), tool(6.0, 40.0), tool(6.0, 20.0), tool(3.0, 10.0)];
+        let answers = |n: usize| {
+            let answer = |i| if i < n { SiteAnswer::Accessible } else { SiteAnswer::TipDoesNotFit };
+            ToolReach { answers: (0..40).map(answer).collect(), ..ToolReach::default() }
+        };
+        let reach = [40, 39, 39, 40].map(answers);
+        let areas = SiteAreas::even(40);
+        let chosen = |share| Library::new(&tools, &reach, &areas, share).unwrap().cover.chosen;
+        assert_eq!((chosen(0.95), chosen(1.0)), (vec![2], vec![3]));
+    }
+
+    #[test]
     fn areas_stick_outs_and_the_fewest_tools_are_those_of_the_sites() {
         let tool =
             |ch| Tool::new(CutterParams::from_array([1.0, ch, 50.0, 4.0]), None, 0.0).unwrap();
@@ -293,7 +315,13 @@ mod tests {
             (library.unreached(), &library.table().json()[2]["adds_mm2"]),
             (0.0, &1.5.into())
         );
+        assert_eq!(library.n_for_all, 2);
+        // Each of the three reaches half of the surface: the one that sticks out least is taken.
         let half = Library::new(&tools, &reach, &areas, 0.5).unwrap();
+        assert_eq!(
+            (half.cover.chosen.clone(), half.cover.at_least, half.n_for_all),
+            (vec![0], 1, 2)
+        );
         assert_eq!(half.facts(0).least_stick_out_mm, Some(2.0));
         for bad in [0.0, 1.1, f64::NAN] {
             assert!(Library::new(&tools, &reach, &areas, bad).is_err());

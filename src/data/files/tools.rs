@@ -362,5 +362,16 @@ pub fn number_repeated(tools: &mut [Tool]) {
     }
 }
 
+/// The places of tools in the order in which a shop prefers them: by diameter of the lower end, the greatest first, then by stick-out, the least first, then as given.
+pub fn thick_and_short_first(tools: &[Tool]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..tools.len()).collect();
+    let stick_out = |k: usize| tools[k].assembly.stick_out_mm();
+    order.sort_by(|&a, &b| {
+        let by_diameter = tools[b].params.cr_mm.total_cmp(&tools[a].params.cr_mm);
+        by_diameter.then(stick_out(a).total_cmp(&stick_out(b))).then(a.cmp(&b))
+    });
+    order
+}
+
 #[cfg(test)]
 mod tests;
