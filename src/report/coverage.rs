@@ -140,9 +140,11 @@ impl<'a> Coverage<'a> {
             ("adds", "adds"),
         ];
         // What four lengths do not say, for tools of libraries.
-        let has_steps = self.tools.iter().any(|tool| tool.description.is_some());
+        let says_more =
+            |tool: &Tool| tool.description.is_some() || tool.assembly.overall_mm().is_some();
+        let has_steps = self.tools.iter().any(says_more);
         if has_steps {
-            columns.extend([("body", ""), ("holder", ""), ("stick_out", "")]);
+            columns.extend([("body", ""), ("holder", ""), ("stick_out", ""), ("overall", "")]);
         }
         let mut table = Table::new(&columns);
         for (k, (tool, shares)) in self.tools.iter().zip(&self.shares).enumerate() {
@@ -254,13 +256,15 @@ pub(super) fn groups_called<'a>(
     (classes, of)
 }
 
-/// The columns `body`, `holder` and `stick_out`; missing for a tool of four lengths.
-pub(super) fn steps_of(tool: &Tool) -> [Cell; 3] {
+/// The columns `body`, `holder` and `stick_out`, missing for a tool of four lengths, and `overall`, missing where no one has stated it.
+pub(super) fn steps_of(tool: &Tool) -> [Cell; 4] {
+    let overall = tool.assembly.overall_mm().map_or(Cell::Missing, Cell::Given);
     let Tool { assembly, description: Some(_), .. } = tool else {
-        return [const { Cell::Missing }; 3];
+        return [Cell::Missing, Cell::Missing, Cell::Missing, overall];
     };
     let words = |steps: &[Step]| Cell::Text(steps_words(steps));
-    [words(assembly.body()), words(assembly.holder()), Cell::Given(assembly.stick_out_mm())]
+    let stick_out = Cell::Given(assembly.stick_out_mm());
+    [words(assembly.body()), words(assembly.holder()), stick_out, overall]
 }
 
 /// Colors of the tools that add something, apart for the common kinds of color blindness.

@@ -34,8 +34,10 @@ pub struct ToolFacts {
     pub tip_does_not_fit: f64,
     /// That no tool before it reaches.
     pub adds: f64,
-    /// That its body would reach at any stick-out.
+    /// That its body would reach at any stick-out up to the overall length, where that is stated.
     pub body_reaches: f64,
+    /// That it would reach if it were longer than the overall length.
+    pub beyond_overall: f64,
     /// Least stick-out at which the required share of `body_reaches` is reached, mm; none if the body reaches nothing.
     pub least_stick_out_mm: Option<f64>,
 }
@@ -85,7 +87,9 @@ impl<'a> Library<'a> {
     /// A tool in numbers.
     pub fn facts(&self, tool: usize) -> ToolFacts {
         let reach = &self.reach[tool];
-        let body_reaches = self.areas.share(|i| reach.body_reaches[i]);
+        let is_within = |i: usize| self.is_within(tool, reach.least_stick_out_mm[i]);
+        let body_reaches = self.areas.share(|i| reach.body_reaches[i] && is_within(i));
+        let beyond_overall = self.areas.share(|i| reach.body_reaches[i] && !is_within(i));
         let of = |answer: SiteAnswer| self.areas.share(|i| reach.answers[i] == answer);
         ToolFacts {
             reached: self.areas.share(|i| self.reaches(tool, i)),
@@ -95,15 +99,22 @@ impl<'a> Library<'a> {
                 self.reaches(tool, i) && !(0..tool).any(|before| self.reaches(before, i))
             }),
             body_reaches,
+            beyond_overall,
             least_stick_out_mm: self.least_stick_out(tool, self.share * body_reaches),
         }
     }
 
-    /// Stick-out, mm, and share of the surface that is reached from there on: a corner for each site, ascending.
+    /// Whether a tool can stick out so far.
+    fn is_within(&self, tool: usize, stick_out_mm: f64) -> bool {
+        stick_out_mm <= self.tools[tool].assembly.most_stick_out_mm()
+    }
+
+    /// Stick-out, mm, up to the overall length, and share of the surface that is reached from there on: a corner for each site, ascending.
     pub fn curve(&self, tool: usize) -> Vec<(f64, f64)> {
         let least = self.reach[tool].least_stick_out_mm.iter().zip(self.areas.shares());
+        let is_possible = |length: &f64| length.is_finite() && self.is_within(tool, *length);
         let mut corners: Vec<(f64, f64)> =
-            least.map(|(l, a)| (*l, *a)).filter(|(length, _)| length.is_finite()).collect();
+            least.map(|(l, a)| (*l, *a)).filter(|(length, _)| is_possible(length)).collect();
         corners.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut sum = 0.0;
         for (_, area) in &mut corners {
@@ -127,6 +138,8 @@ impl<'a> Library<'a> {
 
     /// A row per tool; as CSV it is a tool table again.
     pub fn table(&self) -> Table {
+        let all: Vec<ToolFacts> = (0..self.tools.len()).map(|k| self.facts(k)).collect();
+        let is_stopped = all.iter().any(|facts| facts.beyond_overall > 0.0);
         let mut table = Table::new(&[
             ("name", "tool"),
             ("CR", ""),
@@ -145,15 +158,16 @@ impl<'a> Library<'a> {
             ("body_reaches", "any stick-out"),
             ("held_at", "stick-out"),
             ("least_stick_out", "least"),
+            ("beyond_overall", if is_stopped { "beyond its length" } else { "" }),
             ("excess", ""),
             ("body", ""),
             ("holder", ""),
             ("stick_out", ""),
+            ("overall", ""),
         ]);
         let area =
             |share: f64| self.areas.total_mm2().map_or(Cell::Missing, |t| Cell::Number(share * t));
-        for (k, tool) in self.tools.iter().enumerate() {
-            let facts = self.facts(k);
+        for (k, (tool, facts)) in self.tools.iter().zip(all).enumerate() {
             let ToolFacts { reached, adds, body_reaches, least_stick_out_mm, .. } = facts;
             let needed = if self.cover.chosen.contains(&k) { "yes" } else { "" };
             let given =
@@ -171,6 +185,7 @@ impl<'a> Library<'a> {
                 Cell::Share(body_reaches),
                 Cell::Millimeters(tool.assembly.stick_out_mm()),
                 least_stick_out_mm.map_or(Cell::Missing, Cell::Millimeters),
+                Cell::Share(facts.beyond_overall),
                 Cell::Given(tool.assembly.excess_mm()),
             ]);
             row.extend(steps_of(tool));
@@ -266,6 +281,28 @@ mod tests {
             body_reaches: least.iter().map(|l| l.is_finite()).collect(),
             least_stick_out_mm: least.to_vec(),
         }
+    }
+
+    #[test]
+    fn no_stick_out_is_beyond_the_overall_length() {
+        let tool = |overall| {
+            let tool = Tool::new(CutterParams::from_array([1.0, 8.0, 50.0, 4.0]), None, 0.0);
+            tool.unwrap().of_overall_length(overall).unwrap()
+        };
+        let least = [2.0, 12.0, 30.0, 45.0];
+        let tools = [tool(38.0), tool(60.0)];
+        let reach = [reach(least, 10.0), reach(least, 10.0)];
+        let areas = SiteAreas::even(4);
+        let library = Library::new(&tools, &reach, &areas, 1.0).unwrap();
+        let facts = [library.facts(0), library.facts(1)];
+        assert_eq!(facts.clone().map(|f| f.least_stick_out_mm), [Some(30.0), Some(45.0)]);
+        assert_eq!(facts.clone().map(|f| f.body_reaches), [0.75, 1.0]);
+        assert_eq!(facts.map(|f| f.beyond_overall), [0.25, 0.0]);
+        assert_eq!(library.curve(0).last(), Some(&(30.0, 0.75)));
+        let table = library.table();
+        assert!(table.text().contains("beyond its length"), "{}", table.text());
+        let rows = table.json();
+        assert_eq!((&rows[0]["overall"], &rows[0]["beyond_overall"]), (&38.0.into(), &0.25.into()));
     }
 
     #[test]

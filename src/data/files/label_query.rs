@@ -230,6 +230,14 @@ impl Stated<'_> {
     }
 
     fn tool(&self) -> Result<Tool> {
+        let tool = self.tool_of_any_length()?;
+        match self.settings()["tool"]["overall_mm"].as_f64() {
+            Some(overall) => self.stated("settings.tool", tool.of_overall_length(overall)),
+            None => Ok(tool),
+        }
+    }
+
+    fn tool_of_any_length(&self) -> Result<Tool> {
         let stated = &self.settings()["tool"];
         let corner_mm = self.number(stated, "corner_mm")?;
         let clearance_mm = self.number(stated, "clearance_mm")?;

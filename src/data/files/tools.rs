@@ -114,6 +114,15 @@ impl Tool {
         self.assembly.with_clearance(self.clearance_mm)
     }
 
+    /// The same tool, of which the overall length is stated.
+    ///
+    /// # Errors
+    /// As [`Assembly::with_overall`].
+    pub fn of_overall_length(self, overall_mm: f64) -> Result<Self> {
+        let assembly = self.assembly.with_overall(overall_mm)?;
+        Ok(Tool { assembly, ..self })
+    }
+
     /// The same tool by another name.
     ///
     /// # Errors
@@ -173,6 +182,9 @@ impl Tool {
             settings["holder"] = json!(steps_words(self.assembly.holder()));
             settings["stick_out_mm"] = json!(self.assembly.stick_out_mm());
             settings["excess_mm"] = json!(self.assembly.excess_mm());
+        }
+        if let Some(overall) = self.assembly.overall_mm() {
+            settings["overall_mm"] = json!(overall);
         }
         settings
     }

@@ -9,8 +9,19 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// Columns of a tool table; lengths in mm.
-const COLUMNS: [&str; 10] =
-    ["name", "CR", "CH", "FR", "FH", "corner", "clearance", "body", "holder", "stick_out"];
+const COLUMNS: [&str; 11] = [
+    "name",
+    "CR",
+    "CH",
+    "FR",
+    "FH",
+    "corner",
+    "clearance",
+    "body",
+    "holder",
+    "stick_out",
+    "overall",
+];
 /// Those of [`COLUMNS`] that must be there.
 const REQUIRED: std::ops::Range<usize> = 1..5;
 
@@ -167,6 +178,10 @@ impl TableText<'_> {
                     Tool::of_assembly(&words, assembly, clearance, words.clone())
                 })
             }
+        };
+        let tool = match length(10)? {
+            None => tool,
+            Some(overall) => tool.and_then(|tool| tool.of_overall_length(overall)),
         };
         let tool = match field(0) {
             "" => tool,
