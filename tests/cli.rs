@@ -115,6 +115,7 @@ fn label_writes_files_that_read_back_and_do_not_depend_on_threads() {
             "--sites",
             "600",
             "--json",
+            "--occlusion",
             "--threads",
             threads,
         ]));
@@ -405,11 +406,66 @@ fn findings_pages_and_other_formats_are_written_on_request() {
     assert!(failure(&deepmill(&args), 2).contains("glb or csv"));
 }
 
+/// The shares of the first tab's legend by their names, percent.
+fn legend(page: &str) -> Vec<(String, String)> {
+    let table = page.split("<table class=\"legend\">").nth(1).unwrap();
+    let rows = table.split("</table>").next().unwrap().split("<tr ").skip(1);
+    let cells = |row: &str| {
+        let mut cells = row.split("<td").skip(2).map(|cell| {
+            let mut words = String::new();
+            let mut in_tag = true;
+            for c in cell.chars() {
+                match c {
+                    '<' => in_tag = true,
+                    '>' => in_tag = false,
+                    c if !in_tag => words.push(c),
+                    _ => {}
+                }
+            }
+            words.trim().to_string()
+        });
+        (cells.next().unwrap(), cells.next().unwrap())
+    };
+    rows.map(cells).collect()
+}
+
+#[test]
+fn accessible_is_one_number_whether_occlusion_is_shown_or_not() {
+    let folder = Folder::new();
+    let part = folder.block();
+    for (more, names, checked) in [
+        (&[][..], &["accessible", "inaccessible"][..], None),
+        (&["--occlusion"], &["accessible", "inaccessible", "occlusion"], Some(true)),
+        (&["--obstacles", "sites"], &["accessible", "inaccessible", "occlusion"], Some(true)),
+    ] {
+        let shared = ["--sites", "400", "--no-picture", "--report", "--json"];
+        let output = folder.label(&part, &[&shared[..], more].concat());
+        let result = json(&output);
+        let page = std::fs::read_to_string(folder.path("out/report.html")).unwrap();
+        let legend = legend(&page);
+        assert_eq!(legend.iter().map(|(name, _)| &name[..]).collect::<Vec<_>>(), names, "{more:?}");
+        for (name, shown) in &legend {
+            let stated = 100.0 * result[name].as_f64().unwrap();
+            assert_eq!(shown, &format!("{stated:.1} %"), "{more:?}: {name}");
+        }
+        let has_box = page.contains("type=\"checkbox\" data-layer");
+        assert_eq!(has_box, checked.is_some(), "{more:?}");
+        assert_eq!(page.contains("data-layer checked"), checked == Some(true), "{more:?}");
+        let file = LabelFile::read(folder.path("out/labels.npz").as_ref()).unwrap();
+        assert_eq!(file.labels.answers.occlusion.is_empty(), checked.is_none(), "{more:?}");
+        assert_eq!(result.get("occlusion").is_some(), checked.is_some(), "{more:?}");
+    }
+    // Who limits occlusion asks for it.
+    let limit = ["--sites", "400", "--no-picture", "--json", "--fail-if", "occlusion>50%"];
+    assert!(json(&folder.label(&part, &limit))["occlusion"].is_number());
+}
+
 #[test]
 fn report_draws_again_and_compares() {
     let folder = Folder::new();
     let part = folder.block();
-    assert!(folder.label(&part, &["--sites", "200", "--no-picture"]).status.success());
+    let marked = ["--sites", "200", "--no-picture", "--occlusion"];
+    assert!(folder.label(&part, &marked).status.success());
     let out = folder.path("out");
     let file = LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap();
     let logits = |flags: &[bool], flip: usize| -> Vec<[f32; 2]> {
@@ -434,6 +490,12 @@ fn report_draws_again_and_compares() {
     assert_eq!(scores[0]["positive_class"], "inaccessible");
     assert_eq!(scores[0]["accuracy"], 199.0 / 200.0);
     assert_eq!(scores[2]["f1"], 1.0);
+    // Labels that do not mark occlusion points are compared in what they say.
+    assert!(folder.label(&part, &marked[..3]).status.success());
+    let bare = json(&deepmill(&["report", &out, "--compare", &guess, "--json"]));
+    assert_eq!(bare["scores"].as_array().unwrap()[..], scores[..2]);
+    assert!(folder.label(&part, &marked).status.success());
+    json(&deepmill(&["report", &out, "--compare", &guess, "--json"]));
     let page = std::fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
     assert_eq!(
         page.matches("role=\"tab\"").count(),

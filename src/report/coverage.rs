@@ -180,7 +180,8 @@ impl<'a> Coverage<'a> {
     /// If the system refuses a file.
     pub fn write_first(&self, folder: &Path, part: PartView, show: Show) -> Result<Vec<PathBuf>> {
         let (classes, of) = self.groups();
-        let coloring = Coloring::Groups { classes: &classes, of: &of };
+        let areas = self.areas.shares();
+        let coloring = Coloring::Groups { classes: &classes, of: &of, areas };
         let rows: Vec<u32> = self.first.iter().map(|f| f.map_or(0, |k| k as u32 + 1)).collect();
         let values = [("first_tool", PointValues::Counts(&rows))];
         let notes =
@@ -198,7 +199,8 @@ impl<'a> Coverage<'a> {
     /// The same as a tab of a page; `findings` are those of the sites that no tool reaches.
     pub fn view(&self, findings: Findings) -> View {
         let (classes, of) = self.groups();
-        View::of_first_tools(&classes, &of, findings)
+        let view = View::of_first_tools(&classes, &of, findings);
+        View { counts_sites: self.areas.are_even(), ..view }
     }
 }
 

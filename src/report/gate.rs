@@ -153,6 +153,11 @@ impl SiteAreas {
         SiteAreas { shares: vec![1.0 / n.max(1) as f64; n], total_mm2: None }
     }
 
+    /// Whether all sites count alike.
+    pub fn are_even(&self) -> bool {
+        self.shares.windows(2).all(|pair| pair[0] == pair[1])
+    }
+
     /// Per site, its share of the surface.
     pub fn shares(&self) -> &[f64] {
         &self.shares

@@ -24,7 +24,7 @@ use deepmill::report::coverage::{Coverage, Shares};
 use deepmill::report::export::Extra;
 use deepmill::report::findings::{Findings, for_all_tools};
 use deepmill::report::folder::{self, Show};
-use deepmill::report::gate::SiteAreas;
+use deepmill::report::gate::{Limit, SiteAreas};
 use deepmill::report::page::{Page, View};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
@@ -62,9 +62,13 @@ pub struct Args {
     /// How to compute with points as obstacles; all engines give the same labels.
     #[arg(long, value_name = "NAME", default_value_t = LabelOptions::default().engine.name().into())]
     engine: String,
-    /// Share of the sites that are occlusion points.
-    #[arg(long, allow_negative_numbers = true, value_name = "SHARE", default_value_t = LabelOptions::default().share)]
-    occlusion_share: f64,
+    /// By the mesh definition too, mark the sites that are most often in the way (occlusion points) and name the faces that are: a layer upon the
+    /// answers, which takes more time. With points as obstacles it is always there.
+    #[arg(long)]
+    occlusion: bool,
+    /// Share of the sites that are occlusion points (0.1); of a mesh it asks for --occlusion.
+    #[arg(long, allow_negative_numbers = true, value_name = "SHARE")]
+    occlusion_share: Option<f64>,
     /// Instead of sites, label the points of a lattice of this step in the part's box (roughing): with the tip at the
     /// point. Writes volume.npz and volume.png, a section.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "obstacles")]
@@ -90,6 +94,18 @@ pub struct Args {
     force: bool,
 }
 
+impl Args {
+    fn share_of_occlusion(&self) -> f64 {
+        self.occlusion_share.unwrap_or(LabelOptions::default().share)
+    }
+
+    /// Whether occlusion points of a mesh are asked for, by the switch or by something that is about them.
+    fn wants_occlusion(&self, limits: &[Limit]) -> bool {
+        let is_limited = limits.iter().any(|limit| limit.quantity() == "occlusion");
+        self.occlusion || self.occlusion_share.is_some() || is_limited
+    }
+}
+
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.tools.tools(output)?;
     let limits = args.gate.limits(&[])?;
@@ -98,7 +114,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let also = args.also.iter().map(|name| name.parse()).collect::<Result<Vec<Extra>>>()?;
     let options = LabelOptions {
         engine,
-        share: args.occlusion_share,
+        share: args.share_of_occlusion(),
         clearance_limit_mm: args.clearance_limit,
         ..LabelOptions::default()
     };
@@ -123,7 +139,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
     let options_of_part = SurfaceOptions {
         clearance_limit_mm: args.clearance_limit,
-        ..args.surface.options(args.occlusion_share)
+        occlusion: args.wants_occlusion(&limits),
+        ..args.surface.options(args.share_of_occlusion())
     };
     let part_itself = mesh.as_ref().filter(|_| blocking == Blocking::Part);
     let fixtures = part_itself.map(|mesh| args.surface.fixtures(mesh, &args.read, output));
@@ -150,12 +167,23 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
     clock.lap("labels_s", "labels");
 
+    let of_mesh = blocking == Blocking::Part;
     let fixtures = joined(&fixtures);
     let surface = surface_settings(mesh.as_ref(), fixtures.as_ref())?;
     let (tools, directions) = (&tools[..], &directions);
-    let answers =
-        Answers { args, also, blocking, tools, directions, mesh, fixtures, surface, sites };
-    let of_mesh = blocking == Blocking::Part;
+    let has_occlusion = !of_mesh || options_of_part.occlusion;
+    let answers = Answers {
+        args,
+        also,
+        blocking,
+        has_occlusion,
+        tools,
+        directions,
+        mesh,
+        fixtures,
+        surface,
+        sites,
+    };
     let areas = SiteAreas::by_definition(&answers.sites, answers.mesh.as_ref(), of_mesh)?;
     let cover = || Coverage::of(tools, &labels, directions.len(), &areas);
     let coverage = args.tools.are_several().then(cover);
@@ -226,6 +254,7 @@ struct Answers<'a> {
     args: &'a Args,
     also: Vec<Extra>,
     blocking: Blocking,
+    has_occlusion: bool,
     tools: &'a [Tool],
     directions: &'a Directions,
     mesh: Option<Mesh>,
@@ -342,7 +371,8 @@ impl Answers<'_> {
             "obstacles": args.obstacles,
             "part_itself": (self.blocking == Blocking::Part).then(|| args.surface.settings()),
             "warnings": part_itself::warnings_json(warnings),
-            "occlusion_share": args.occlusion_share,
+            "occlusion": self.has_occlusion,
+            "occlusion_share": self.has_occlusion.then(|| args.share_of_occlusion()),
             "clearance_limit_mm": args.clearance_limit,
             "engine": args.engine,
         });

@@ -149,7 +149,9 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     let all = Findings::of(sites, mesh.as_ref(), &for_all_tools(answers.into_iter()), &[])?;
     findings::say(&all, output);
     let result = json!({ "findings": all.json() });
-    let mut views = vec![View::of_first_tools(&classes, &of, all)];
+    let mut first = View::of_first_tools(&classes, &of, all);
+    first.counts_sites = files[0].labels.surface.is_none();
+    let mut views = vec![first];
     let of_tool = |((name, file), found)| View::of_labels(name, file, found);
     views.extend(tools.iter().copied().zip(&files).zip(of_tools).map(of_tool));
     let part = &files[0].provenance.part;
@@ -182,9 +184,14 @@ fn compare(labels: &LabelFile, predictions: &PredictionFile, found: &Found) -> R
     }
     let (found, truth) = (predictions.answers(), &labels.labels.answers);
     let first = Confusion::of_labels(&found.inaccessible, &truth.inaccessible);
-    let second = Confusion::of_labels(&found.occlusion, &truth.occlusion);
+    // Labels of a mesh mark occlusion points only where they are asked for.
+    let is_marked = truth.occlusion.len() == found.occlusion.len();
+    let marks = if is_marked { &truth.occlusion } else { &found.occlusion };
+    let second = Confusion::of_labels(&found.occlusion, marks);
     let rows = scores::heads(&first, &second);
-    Ok(scores::table(&rows.each_ref().map(|(name, counts)| (*name, counts))))
+    let rows = &rows[..if is_marked { rows.len() } else { rows.len() - 1 }];
+    let rows: Vec<_> = rows.iter().map(|(name, counts)| (*name, counts)).collect();
+    Ok(scores::table(&rows))
 }
 
 /// The files a report is about.
