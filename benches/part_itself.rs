@@ -198,7 +198,9 @@ fn by_triangles(path: &str, n_sites: usize, n_directions: usize) {
         for lengths in [CUTTERS[0], CUTTERS[1], CUTTERS[5]] {
             let base = SurfaceOptions { occlusion: false, refinement: None, ..Default::default() };
             let options = SurfaceOptions { counts: false, ..base };
-            let label = || obstacles.label(&sites, &ball(lengths), &directions, &options);
+            let label = || {
+                obstacles.label(&sites, &ball(lengths), &directions, &options, &Default::default())
+            };
             let (_, times) = timed(|| label().expect("labels"));
             print!(", {lengths:?} {times}");
         }

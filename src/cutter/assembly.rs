@@ -177,6 +177,10 @@ impl Assembly {
         self.overall_mm.unwrap_or(f64::INFINITY)
     }
 
+    pub(crate) fn without_overall(self) -> Self {
+        Assembly { overall_mm: None, ..self }
+    }
+
     fn within_overall(self) -> Result<Self> {
         match self.overall_mm {
             Some(overall) if self.stick_out_mm > overall + SAME_MM => {

@@ -8,6 +8,7 @@ use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
 use crate::{progress, volume};
+use deepmill::access::surface::explain::Remedies;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::answers::SiteAnswers;
@@ -95,6 +96,13 @@ pub struct Args {
 }
 
 impl Args {
+    /// A tool of a table or library is what there is: only its stick-out is changed.
+    fn remedies(&self) -> Remedies {
+        let mut remedies = Remedies::default();
+        remedies.only_this_tool = self.tools.are_of_files();
+        remedies
+    }
+
     fn share_of_occlusion(&self) -> f64 {
         self.occlusion_share.unwrap_or(LabelOptions::default().share)
     }
@@ -194,9 +202,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut findings = Regions::find(&answers, &labels)?;
     if let (Some(triangles), [found], [tool]) = (&triangles, &mut findings.of_tools[..], tools) {
         let held = (&tool.assembly, tool.clearance_mm);
+        let remedies = args.remedies();
         findings::advise(found, held.0, |members| {
             let of = (&answers.sites, members);
-            triangles.change_for(of, held, directions, &options_of_part)
+            triangles.change_for(of, held, directions, &options_of_part, &remedies)
         })?;
     }
     clock.lap("findings_s", "findings");
@@ -361,10 +370,12 @@ impl Answers<'_> {
 
     fn provenance(&self, tool: &Tool, warnings: &[Warning]) -> Provenance {
         let Answers { args, directions, .. } = self;
+        let mut of_tool = tool.settings();
+        of_tool["of_library"] = json!(args.tools.are_of_files());
         let settings = json!({
             "sites": args.sites.settings(self.mesh.is_some()),
             "surface": self.surface,
-            "tool": tool.settings(),
+            "tool": of_tool,
             "directions": directions.set(),
             "n_directions": directions.len(),
             "definition": self.blocking.words(),

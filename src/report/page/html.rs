@@ -249,7 +249,7 @@ fn list(findings: &Findings) -> String {
         let _ = write!(
             out,
             "<tr data-finding=\"{number_of}\" tabindex=\"0\"{}><td>{number_of}</td><td>{cause}</td><td class=\"n\">{} mm²</td><td class=\"n\">{}</td><td class=\"p\">{x:.1}, {y:.1}, {z:.1}</td>",
-            if f.change.is_some() { " class=\"more\"" } else { "" },
+            if f.change.is_some() || f.stopped.is_some() { " class=\"more\"" } else { "" },
             number(f.area_mm2),
             percent(f.area_share, 1.0),
         );
@@ -260,6 +260,14 @@ fn list(findings: &Findings) -> String {
             let _ = write!(out, "<td class=\"w\">{help}</td>");
         }
         out.push_str("</tr>");
+        if let Some(stopped) = &f.stopped {
+            let _ = write!(
+                out,
+                "<tr class=\"helps\"><td></td><td colspan=\"{}\">not proposed: {}</td></tr>",
+                if has_help { 5 } else { 4 },
+                text(stopped),
+            );
+        }
         if let Some(change) = &f.change {
             let _ = write!(
                 out,
