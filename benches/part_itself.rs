@@ -198,9 +198,7 @@ fn by_triangles(path: &str, n_sites: usize, n_directions: usize) {
         for lengths in [CUTTERS[0], CUTTERS[1], CUTTERS[5]] {
             let base = SurfaceOptions { occlusion: false, refinement: None, ..Default::default() };
             let options = SurfaceOptions { counts: false, ..base };
-            let label = || {
-                obstacles.label(&sites, &ball(lengths), &directions, &options, &Default::default())
-            };
+            let label = || obstacles.label(&sites, &ball(lengths), &directions, &options);
             let (_, times) = timed(|| label().expect("labels"));
             print!(", {lengths:?} {times}");
         }
@@ -231,7 +229,9 @@ fn wide(
         timed(|| obstacles.label(sites, &cutter, directions, &options).expect("labels"));
     let rest = |&i: &u32| labels.answers[i as usize] != SiteAnswer::Accessible;
     let members: Vec<u32> = (0..sites.len() as u32).filter(rest).collect();
-    let advise = || obstacles.change_for((sites, &members), (&tool, 0.0), directions, &options);
+    let remedies = Default::default();
+    let of = (sites, &members[..]);
+    let advise = || obstacles.change_for(of, (&tool, 0.0), directions, &options, &remedies);
     (times, timed(|| advise().expect("advice")).1)
 }
 
