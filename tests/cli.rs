@@ -126,7 +126,8 @@ fn label_writes_files_that_read_back_and_do_not_depend_on_threads() {
     let count = |flags: &[bool]| flags.iter().filter(|f| **f).count();
     let share = |flags: &[bool]| count(flags) as f64 / 600.0;
     assert_eq!(result["n_sites"], 600);
-    // The parser of this test may round a number's last bit. Shares are of the surface, as limits and tables of `tools` have them.
+    // The parser of this test may round a number's last bit. Shares are of the surface, as limits and tables of `tools`
+    // have them.
     let mesh = deepmill::geom::formats::read_mesh(part.as_ref(), &Default::default()).unwrap();
     let areas = SiteAreas::of(&file.sites, Some(&mesh)).unwrap();
     let close = |name: &str, flags: &[bool]| {

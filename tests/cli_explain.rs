@@ -171,7 +171,8 @@ fn proposals_are_tools_that_someone_sells_or_has() {
     assert_eq!(names.collect::<Vec<_>>(), ["D6", "D2"]);
 }
 
-/// The holder of a tool 26 mm long stands 9 mm above the tip; 18 mm would do, which leaves too little of a tool of 16 mm.
+/// The holder of a tool 26 mm long stands 9 mm above the tip; 18 mm would do, which leaves too little of a tool of 16
+/// mm.
 #[test]
 fn a_stick_out_beyond_the_overall_length_is_said_and_not_proposed() {
     let folder = Folder::new();

@@ -181,7 +181,8 @@ impl<'a> Coloring<'a> {
         self.classes()[self.class(i)].color
     }
 
-    /// Share that the legend states for each group: of the surface where areas are given, else of the sites. Occlusion points are a layer upon the
+    /// Share that the legend states for each group: of the surface where areas are given, else of the sites. Occlusion
+    /// points are a layer upon the
     /// answers: a site counts for its answer, for *occlusion*, and where it is both for that.
     pub fn legend_shares(&self) -> Vec<f64> {
         let areas = match self {

@@ -258,7 +258,8 @@ pub(super) fn groups_called<'a>(
     (classes, of)
 }
 
-/// The columns `body`, `holder` and `stick_out`, missing for a tool of four lengths, and `overall`, missing where no one has stated it.
+/// The columns `body`, `holder` and `stick_out`, missing for a tool of four lengths, and `overall`, missing where no
+/// one has stated it.
 pub(super) fn steps_of(tool: &Tool) -> [Cell; 4] {
     let overall = tool.assembly.overall_mm().map_or(Cell::Missing, Cell::Given);
     let Tool { assembly, description: Some(_), .. } = tool else {

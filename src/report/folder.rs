@@ -150,7 +150,8 @@ fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> R
     write(Shown { caption: &caption, coloring, values: &values, notes: &notes })
 }
 
-/// Whether occlusion points are shown at once: always by the published definition, by the mesh definition where they were asked for.
+/// Whether occlusion points are shown at once: always by the published definition, by the mesh definition where they
+/// were asked for.
 pub(super) fn shows_occlusion(file: &LabelFile) -> bool {
     file.labels.surface.is_none() || file.provenance.settings["occlusion"] == true
 }

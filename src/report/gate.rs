@@ -136,7 +136,8 @@ impl SiteAreas {
         Ok(SiteAreas { shares, total_mm2: mesh.map(Mesh::area) })
     }
 
-    /// What a share of an answer is of: by the mesh definition of the surface, as [`SiteAreas::of`]; by the published definition, which is
+    /// What a share of an answer is of: by the mesh definition of the surface, as [`SiteAreas::of`]; by the published
+    /// definition, which is
     /// about sites, of the sites.
     ///
     /// # Errors

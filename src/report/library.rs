@@ -1,4 +1,5 @@
-//! What the tools of a library reach on one part: a table, the fewest that reach a share of what can be reached, and how little each may stick out.
+//! What the tools of a library reach on one part: a table, the fewest that reach a share of what can be reached, and
+//! how little each may stick out.
 
 use super::coverage::steps_of;
 use super::curves::{self, Chart, Series};
@@ -48,7 +49,8 @@ const CURVES_OF_CHART: usize = 6;
 const MOST_CORNERS: usize = 400;
 
 impl<'a> Library<'a> {
-    /// Of tools with what they reach; `share` is that of the area within reach of the body which the least stick-out is stated for, and that of the
+    /// Of tools with what they reach; `share` is that of the area within reach of the body which the least stick-out is
+    /// stated for, and that of the
     /// area within reach of any tool which the smallest set reaches.
     ///
     /// # Errors
@@ -109,7 +111,8 @@ impl<'a> Library<'a> {
         stick_out_mm <= self.tools[tool].assembly.most_stick_out_mm()
     }
 
-    /// Stick-out, mm, up to the overall length, and share of the surface that is reached from there on: a corner for each site, ascending.
+    /// Stick-out, mm, up to the overall length, and share of the surface that is reached from there on: a corner for
+    /// each site, ascending.
     pub fn curve(&self, tool: usize) -> Vec<(f64, f64)> {
         let least = self.reach[tool].least_stick_out_mm.iter().zip(self.areas.shares());
         let is_possible = |length: &f64| length.is_finite() && self.is_within(tool, *length);

@@ -68,8 +68,10 @@ pub fn cover_share(
     Cover { chosen, adds, at_least }
 }
 
-/// As [`cover_share`], and of all covers with as few sets one whose worst set is the best that it can be, of these one whose second worst is, and
-/// so on; `order` has every set once, best first. How few sets do is not touched: the number and its proof are those of [`cover_share`], unless the
+/// As [`cover_share`], and of all covers with as few sets one whose worst set is the best that it can be, of these one
+/// whose second worst is, and
+/// so on; `order` has every set once, best first. How few sets do is not touched: the number and its proof are those of
+/// [`cover_share`], unless the
 /// search finds fewer on the way.
 ///
 /// ```
@@ -319,7 +321,8 @@ impl Problem {
         Outcome::None
     }
 
-    /// A cover with no more sets than `chosen`, as good as can be in `order`: see the module. What is too much work is left as it is.
+    /// A cover with no more sets than `chosen`, as good as can be in `order`: see the module. What is too much work is
+    /// left as it is.
     fn preferred(&mut self, mut chosen: Vec<usize>, order: &[usize]) -> Vec<usize> {
         self.n_gains = 0;
         let place = |set: &usize| order.iter().position(|other| other == set);

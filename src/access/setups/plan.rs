@@ -80,7 +80,8 @@ impl Plan {
     }
 
     /// Of the `candidates` for `part`, few that cover at least `share` of the weight of all that some candidate reaches; `accessible` says for each
-    /// tool in which of their directions it may stand, `weights` what each site counts. `order` has every tool once, the preferred first: of sets of
+    /// tool in which of their directions it may stand, `weights` what each site counts. `order` has every tool once,
+    /// the preferred first: of sets of
     /// tools as small as can be a setup takes the one that comes first ([`cover_share_preferring`]).
     ///
     /// # Panics

@@ -37,7 +37,8 @@ pub struct Args {
     part: Option<PathBuf>,
     #[command(flatten)]
     read: MeshArgs,
-    /// Propose tools of these files only, and a longer stick-out of the tool that the labels are about: Fusion 360 libraries (JSON), FreeCAD tool bits
+    /// Propose tools of these files only, and a longer stick-out of the tool that the labels are about: Fusion 360
+    /// libraries (JSON), FreeCAD tool bits
     /// (.fctb) or folders of them, LinuxCNC tables (.tbl), CSV tables.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     library: Vec<PathBuf>,

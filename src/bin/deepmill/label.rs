@@ -63,7 +63,8 @@ pub struct Args {
     /// How to compute with points as obstacles; all engines give the same labels.
     #[arg(long, value_name = "NAME", default_value_t = LabelOptions::default().engine.name().into())]
     engine: String,
-    /// By the mesh definition too, mark the sites that are most often in the way (occlusion points) and name the faces that are: a layer upon the
+    /// By the mesh definition too, mark the sites that are most often in the way (occlusion points) and name the faces
+    /// that are: a layer upon the
     /// answers, which takes more time. With points as obstacles it is always there.
     #[arg(long)]
     occlusion: bool,

@@ -19,7 +19,8 @@ use deepmill::{Result, atomic_file};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Say what every tool of a library reaches on a part, which few of them reach nearly all, and how little each may stick out.
+/// Say what every tool of a library reaches on a part, which few of them reach nearly all, and how little each may
+/// stick out.
 ///
 /// Writes to DIR: tools.csv (the table, a tool table again), stick-out.csv and stick-out.svg (area within reach by stick-out),
 /// tools.ply and tools.png (the first tool that reaches each site) and part.stl (the surface as used, in mm).
@@ -36,7 +37,8 @@ pub struct Args {
     library: Vec<PathBuf>,
     #[command(flatten)]
     unsaid: UnsaidArgs,
-    /// The smallest set reaches this share of what any tool reaches; the least stick-out of a tool is that at which this share of what it reaches
+    /// The smallest set reaches this share of what any tool reaches; the least stick-out of a tool is that at which
+    /// this share of what it reaches
     /// at any stick-out is reached.
     #[arg(long, value_name = "PERCENT", default_value = "95%")]
     share: String,

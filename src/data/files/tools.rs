@@ -374,7 +374,8 @@ pub fn number_repeated(tools: &mut [Tool]) {
     }
 }
 
-/// The places of tools in the order in which a shop prefers them: by diameter of the lower end, the greatest first, then by stick-out, the least first, then as given.
+/// The places of tools in the order in which a shop prefers them: by diameter of the lower end, the greatest first,
+/// then by stick-out, the least first, then as given.
 pub fn thick_and_short_first(tools: &[Tool]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..tools.len()).collect();
     let stick_out = |k: usize| tools[k].assembly.stick_out_mm();

@@ -155,7 +155,8 @@ fn panel(v: usize, view: &View, areas: &[f64]) -> String {
     out
 }
 
-/// Groups with their shares, a click hides a color; then the layer with the box that shows it, which is no group: the shares do not depend on it.
+/// Groups with their shares, a click hides a color; then the layer with the box that shows it, which is no group: the
+/// shares do not depend on it.
 fn legend(view: &View, areas: &[f64]) -> String {
     let mut sums = vec![(0usize, 0.0); view.classes.len()];
     for (&class, area) in view.of.iter().zip(areas) {

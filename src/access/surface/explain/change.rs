@@ -26,9 +26,11 @@ pub struct Change {
     pub kind: ChangeKind,
     /// By how much, mm; of the diameter for [`ChangeKind::Diameter`], of the radius for [`ChangeKind::Narrow`].
     pub by_mm: f64,
-    /// By how much the stick-out is longer besides, mm; negative where a smaller cutter would be too slender at the same one.
+    /// By how much the stick-out is longer besides, mm; negative where a smaller cutter would be too slender at the
+    /// same one.
     pub longer_mm: f64,
-    /// Whether less by 2τ (for points by 0.001 mm, for a diameter the next larger one that is sold) was labeled and does not do.
+    /// Whether less by 2τ (for points by 0.001 mm, for a diameter the next larger one that is sold) was labeled and
+    /// does not do.
     pub is_least: bool,
     /// The changed tool, without a margin.
     pub tool: Assembly,
@@ -96,7 +98,8 @@ pub(crate) fn short(x: f64) -> String {
 }
 
 impl Case<'_> {
-    /// Every kind of change that helps and that someone would make, the least first; and the stick-out that would help beyond that.
+    /// Every kind of change that helps and that someone would make, the least first; and the stick-out that would help
+    /// beyond that.
     pub(super) fn changes(&self, tolerance: f64) -> Result<(Vec<Change>, Option<Stopped>)> {
         let tool = self.query.tool;
         let (mut changes, stopped) = match self.ball_gouges(tool)? {
@@ -227,7 +230,8 @@ impl Case<'_> {
         Ok(None)
     }
 
-    /// The largest of the smaller cutters that are sold and may stand here, with a longer stick-out if nothing else does.
+    /// The largest of the smaller cutters that are sold and may stand here, with a longer stick-out if nothing else
+    /// does.
     fn smaller_diameter(&self, tool: &Assembly) -> Result<Option<Change>> {
         let kind = ChangeKind::Diameter;
         let by_mm = |smaller: &Assembly| diameter(tool) - diameter(smaller);

@@ -44,7 +44,8 @@ const N_EXPLAINED: usize = 4;
 pub const N_LABELED: usize = 256;
 
 impl TriangleObstacles {
-    /// The change of the tool that helps most of the sites `members`, which it does not reach, if one is found that keeps `remedies`.
+    /// The change of the tool that helps most of the sites `members`, which it does not reach, if one is found that
+    /// keeps `remedies`.
     ///
     /// # Errors
     /// As [`TriangleObstacles::explain`].

@@ -1,7 +1,8 @@
 //! Which changed tools are worth a proposal: those that a maker would sell.
 //!
 //! ```text
-//! diameter of a smaller cutter: a sold size, at least 0.5 mm; sold are steps of 0.1 mm below 3 mm, of 0.5 mm to 12 mm, of 1 mm above
+//! diameter of a smaller cutter: a sold size, at least 0.5 mm; sold are steps of 0.1 mm below 3 mm, of 0.5 mm to 12 mm,
+//! of 1 mm above
 //! length to diameter:           at most 10, of the cutter up to its shank or holder, and of the shank up to the holder
 //! stick-out:                    at most the overall length, where that is stated
 //! ```
@@ -79,7 +80,8 @@ impl Remedies {
         sizes.take_while(|d| *d > 0.0 && *d >= self.least_diameter_mm - SAME_MM).collect()
     }
 
-    /// Ratio of length to diameter that a change of `tool` may have: no greater one than it has, if that is beyond the bound.
+    /// Ratio of length to diameter that a change of `tool` may have: no greater one than it has, if that is beyond the
+    /// bound.
     fn ratio(&self, tool: &Assembly) -> f64 {
         self.most_slender.max(slenderness(tool))
     }
