@@ -232,7 +232,9 @@ fn wide(
         timed(|| obstacles.label(sites, &cutter, directions, &options).expect("labels"));
     let rest = |&i: &u32| labels.answers[i as usize] != SiteAnswer::Accessible;
     let members: Vec<u32> = (0..sites.len() as u32).filter(rest).collect();
-    let advise = || obstacles.change_for((sites, &members), (&tool, 0.0), directions, &options);
+    let remedies = Default::default();
+    let of = (sites, &members[..]);
+    let advise = || obstacles.change_for(of, (&tool, 0.0), directions, &options, &remedies);
     (times, timed(|| advise().expect("advice")).1)
 }
 

@@ -145,6 +145,63 @@ fn findings_name_the_part_that_blocks_and_a_change_that_helps() {
     assert!(page.contains("inaccessible, by the holder") && page.contains("stick-out longer by"));
 }
 
+/// The slot is 10 mm wide and 18 mm deep: the cutter of 16 mm does not fit.
+#[test]
+fn proposals_are_tools_that_someone_sells_or_has() {
+    let folder = Folder::new();
+    label(&folder, "out", "8,20,20,30", &["--directions", "up"]);
+    let at = ["--at", "0,20,2"];
+    let why = explain(&folder, "out", &at);
+    let change = &why["changes"][0];
+    assert_eq!(change["kind"], "diameter", "{why}");
+    let words = change["words"].as_str().unwrap();
+    // The widest that has room beside the nearer wall, rounded down to what is sold.
+    let room = 2.0 * (5.0 - why["at_mm"][0].as_f64().unwrap().abs() + 0.01);
+    let sold = deepmill::access::surface::explain::sold_diameter(room);
+    let expected = format!("cutter of diameter {sold} instead of 16 mm");
+    assert!(words.starts_with(&expected), "{words}, expected {expected}");
+    let thin = explain(&folder, "out", &[&at[..], &["--least-diameter", "12"]].concat());
+    assert_eq!(thin["changes"], serde_json::json!([]), "{thin}");
+    // Of a library: the tools that reach, thick ones first; nothing that is not in it.
+    let table = "name,CR,CH,FR,FH\nD2,1,40,20,30\nD6,3,30,20,30\nD12,6,30,20,30\n";
+    let table = folder.file("shop.csv", table);
+    let why = explain(&folder, "out", &[&at[..], &["--library", &table]].concat());
+    assert_eq!(why["changes"], serde_json::json!([]), "{why}");
+    let names = why["library"].as_array().unwrap().iter().map(|tool| tool["name"].clone());
+    assert_eq!(names.collect::<Vec<_>>(), ["D6", "D2"]);
+}
+
+/// The holder of a tool 26 mm long stands 9 mm above the tip; 18 mm would do, which leaves too little of a tool of 16
+/// mm.
+#[test]
+fn a_stick_out_beyond_the_overall_length_is_said_and_not_proposed() {
+    let folder = Folder::new();
+    let part = folder.file("slot.stl", slotted());
+    let reach = |overall: &str| {
+        let csv = format!("name,CR,CH,FR,FH,overall\nD3,1.5,6,40,5,{overall}\n");
+        let (tools, out) = (folder.file("shop.csv", csv), folder.path("out"));
+        let args = ["label", &part, "--tools", &tools, "--out", &out, "--sites", "2000"];
+        let more = ["--no-picture", "--json"];
+        let result = json(&deepmill(&[&args[..], &more].concat()));
+        let list = result["findings"]["findings"].as_array().unwrap().clone();
+        (list, explain(&folder, "out/D3", &["--at", "0,20,2"]))
+    };
+    let (list, why) = reach("26");
+    let longer = "stick-out longer by ";
+    let words = |found: &Value| found["change"]["words"].as_str().map(str::to_owned);
+    assert!(list.iter().filter_map(words).any(|words| words.starts_with(longer)), "{list:?}");
+    assert!(why["changes"][0]["words"].as_str().unwrap().starts_with(longer), "{why}");
+    assert_eq!(why["stopped"], Value::Null);
+    let (list, why) = reach("16");
+    assert_eq!(why["changes"], serde_json::json!([]), "{why}");
+    assert!(list.iter().all(|found| !words(found).is_some_and(|w| w.starts_with("holder"))));
+    let words = "overall length of 16 mm";
+    let is_said = |found: &Value| found["stopped"].as_str().is_some_and(|w| w.contains(words));
+    assert!(list.iter().any(is_said), "{list:?}");
+    assert!(why["stopped"]["words"].as_str().unwrap().contains(words), "{why}");
+    assert_eq!(why["stopped"]["by_overall_length"], true);
+}
+
 #[test]
 fn a_finding_that_is_too_large_is_exit_code_3_with_its_place() {
     let folder = Folder::new();

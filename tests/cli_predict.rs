@@ -39,7 +39,7 @@ fn run(folder: &Folder, verb: &str, more: &[&str]) -> Output {
 #[test]
 fn all_sites_verified_are_the_labels_and_some_keep_the_bound() {
     let folder = Folder::new();
-    json(&run(&folder, "label", &[]));
+    json(&run(&folder, "label", &["--occlusion"]));
     let labels = LabelFile::read(folder.path("label/labels.npz").as_ref()).unwrap().labels;
     let verify = |bound: &[&str]| {
         let result = json(&run(&folder, "predict", &[&["--far", "--verify"], bound].concat()));

@@ -5,6 +5,7 @@ mod command;
 
 use command::{CUTTER, Folder, deepmill, failure, json, label_tools, text};
 use deepmill::data::files::LabelFile;
+use deepmill::report::gate::SiteAreas;
 use serde_json::Value;
 use std::path::Path;
 
@@ -27,7 +28,7 @@ fn several_cutters_give_the_files_of_each_alone() {
         }
         let row = &result["tools"][k];
         assert_eq!(row["name"], name.as_str());
-        for fact in ["inaccessible", "occlusion", "both", "free_directions"] {
+        for fact in ["accessible", "inaccessible", "tip_does_not_fit", "free_directions"] {
             assert_eq!(row[fact], one[fact], "{name}: {fact}");
         }
     }
@@ -51,9 +52,17 @@ fn a_tool_table_says_what_each_tool_adds_and_what_none_reaches() {
         LabelFile::read(folder.path(&format!("out/{name}/labels.npz")).as_ref()).unwrap().labels
     };
     let names = ["1.5-6-40-5", "stub", "long"];
-    let all = names.map(|name| labels(name).answers.inaccessible);
+    let all = names.map(|name| labels(name).answers.accessible());
+    // Of the surface: a site counts by the area that it stands for.
+    let mesh = deepmill::geom::formats::read_mesh(
+        folder.path("out/part.stl").as_ref(),
+        &Default::default(),
+    );
+    let file = LabelFile::read(folder.path("out/long/labels.npz").as_ref()).unwrap();
+    let areas = SiteAreas::of(&file.sites, Some(&mesh.unwrap())).unwrap();
     let mut adds = [0.0; 4];
-    (0..400).for_each(|i| adds[all.iter().position(|l| !l[i]).unwrap_or(3)] += 1.0 / 400.0);
+    let first = |i: usize| all.iter().position(|l| l[i]).unwrap_or(3);
+    (0..400).for_each(|i| adds[first(i)] += areas.shares()[i]);
     let close = |value: &Value, x: f64| (value.as_f64().unwrap() - x).abs() < 1e-12;
     for (k, name) in names.iter().enumerate() {
         let row = &result["tools"][k];
@@ -75,6 +84,69 @@ fn a_tool_table_says_what_each_tool_adds_and_what_none_reaches() {
     assert!(deepmill(&["report", &out]).status.success());
     let discs = std::fs::read(folder.path("out/long/labels.png")).unwrap();
     assert!(on_mesh != discs, "drawn on the mesh that the tools share");
+}
+
+/// A block 44 × 30 × 20 mm with a groove 4 mm wide and 6 mm deep along y.
+fn grooved_block(folder: &Folder) -> String {
+    let corners = [[0, 0], [44, 0], [44, 20], [24, 20], [24, 14], [20, 14], [20, 20], [0, 20]];
+    let corner = |k: usize, y: f32| [corners[k][0] as f32, y, corners[k][1] as f32];
+    let end = [[0, 1, 4], [0, 4, 5], [1, 2, 4], [2, 3, 4], [0, 5, 7], [5, 6, 7]];
+    let mut triangles: Vec<_> = end.iter().map(|t| t.map(|k| corner(k, 0.0))).collect();
+    triangles.extend(end.iter().map(|[a, b, c]| [*a, *c, *b].map(|k| corner(k, 30.0))));
+    for k in 0..8 {
+        let [a, b, c, d] = [(k, 0.0), (k, 30.0), ((k + 1) % 8, 30.0), ((k + 1) % 8, 0.0)]
+            .map(|(k, y)| corner(k, y));
+        triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    folder.file("groove.stl", command::stl(&triangles))
+}
+
+/// The ball of 8 mm is hardly more inaccessible than that of 2 mm, and its tip does not fit into the groove.
+#[test]
+fn a_tool_whose_tip_does_not_fit_reaches_less_in_every_table() {
+    let folder = Folder::new();
+    let part = grooved_block(&folder);
+    let tools = folder.file("shop.csv", "name,CR,CH,FR,FH\nD8,4,40,10,20\nD2,1,40,10,20\n");
+    let run = |command: &str, option: &str| {
+        let out = folder.path(command);
+        let args = [command, &part, option, &tools, "--out", &out, "--sites", "1500"];
+        let more = ["--directions", "up", "--no-picture", "--json"];
+        json(&deepmill(&[&args[..], &more].concat()))
+    };
+    let (labels, library) = (run("label", "--tools"), run("tools", "--library"));
+    let number = |row: &Value, key: &str| row[key].as_f64().unwrap();
+    let (wide, thin) = (&labels["tools"][0], &labels["tools"][1]);
+    assert!(number(wide, "inaccessible") < number(thin, "inaccessible") + 0.01, "{wide} {thin}");
+    assert!(number(wide, "tip_does_not_fit") > number(thin, "tip_does_not_fit") + 0.05);
+    assert!(number(wide, "accessible") < number(thin, "accessible") - 0.05, "{wide} {thin}");
+    for (row, other) in [wide, thin].iter().zip(library["tools"].as_array().unwrap()) {
+        for (key, same) in [
+            ("accessible", "reached"),
+            ("inaccessible", "inaccessible"),
+            ("tip_does_not_fit", "tip_does_not_fit"),
+        ] {
+            assert!((number(row, key) - number(other, same)).abs() < 1e-3, "{key}: {row} {other}");
+        }
+        let sum = ["accessible", "inaccessible", "tip_does_not_fit"].map(|key| number(row, key));
+        assert!((sum.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{row}");
+    }
+    // Both reach 95 % of what the thin one does where that share is asked for; then the thick one is taken.
+    let names = |set: &Value| {
+        set.as_array().unwrap().iter().map(|row| row["name"].clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(names(&library["smallest_set"]), ["D2"], "{library}");
+    let out = folder.path("share");
+    let args = ["tools", &part, "--library", &tools, "--out", &out, "--sites", "1500"];
+    let more = ["--directions", "up", "--no-picture", "--json", "--share", "85%"];
+    let shared = json(&deepmill(&[&args[..], &more].concat()));
+    assert_eq!(names(&shared["smallest_set"]), ["D8"], "{shared}");
+    assert_eq!(
+        (&shared["smallest_set_is_proven"], &shared["n_needed_at_least"]),
+        (&true.into(), &1.into())
+    );
+    // What no tool reaches is what none of the two reaches, for whatever cause.
+    let none = labels["inaccessible_to_all"].as_f64().unwrap();
+    assert!((none - library["unreached"].as_f64().unwrap()).abs() < 1e-3, "{none}");
 }
 
 #[test]

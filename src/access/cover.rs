@@ -15,7 +15,7 @@
 
 mod share;
 
-pub use share::{cover_share, greedy_share};
+pub use share::{cover_share, cover_share_preferring, greedy_share};
 
 use std::cmp::Reverse;
 

@@ -82,12 +82,16 @@ pub struct Assembly {
     holder: Vec<Step>,
     stick_out_mm: f64,
     excess_mm: f64,
+    /// From tip to end, holder and spindle left out; `None` where no one has stated it.
+    overall_mm: Option<f64>,
 }
 
 /// Most steps of all cones of a body, and of a holder.
 const CONE_STEPS: usize = 24;
 /// Cones are not cut finer than to this excess, mm.
 const FINE_MM: f64 = 0.05;
+/// Lengths closer than this are the same, mm.
+const SAME_MM: f64 = 1e-6;
 /// By how much the excess grows until the steps are few enough.
 const COARSER: f64 = 1.1;
 
@@ -131,6 +135,7 @@ impl Assembly {
             holder: holder_steps,
             stick_out_mm,
             excess_mm: body_excess.max(holder_excess),
+            overall_mm: None,
         };
         assembly.cutter().map(|_| assembly)
     }
@@ -147,8 +152,44 @@ impl Assembly {
     ) -> Result<Self> {
         positive("stick-out", stick_out_mm)?;
         let excess_mm = 0.0;
-        let assembly = Assembly { corner_mm, side_mm, body, holder, stick_out_mm, excess_mm };
+        let overall_mm = None;
+        let assembly =
+            Assembly { corner_mm, side_mm, body, holder, stick_out_mm, excess_mm, overall_mm };
         assembly.cutter().map(|_| assembly)
+    }
+
+    /// The same tool, of which the overall length is stated: it cannot stick out further.
+    ///
+    /// # Errors
+    /// If the length is not a number from 0.0001 mm to 10 m, or less than the stick-out.
+    pub fn with_overall(self, overall_mm: f64) -> Result<Self> {
+        positive("overall length", overall_mm)?;
+        Assembly { overall_mm: Some(overall_mm), ..self }.within_overall()
+    }
+
+    /// Length from the tip to the tool's end, mm, where it is stated.
+    pub fn overall_mm(&self) -> Option<f64> {
+        self.overall_mm
+    }
+
+    /// No stick-out is longer, mm: the overall length; infinite where it is not stated.
+    pub fn most_stick_out_mm(&self) -> f64 {
+        self.overall_mm.unwrap_or(f64::INFINITY)
+    }
+
+    pub(crate) fn without_overall(self) -> Self {
+        Assembly { overall_mm: None, ..self }
+    }
+
+    fn within_overall(self) -> Result<Self> {
+        match self.overall_mm {
+            Some(overall) if self.stick_out_mm > overall + SAME_MM => {
+                let expected = format!("at most the overall length of {overall} mm");
+                let remedy = "correct one of them, or take a longer tool";
+                Err(Error::argument("stick-out", self.stick_out_mm, expected, remedy))
+            }
+            _ => Ok(self),
+        }
     }
 
     /// Height of the holder's nose above the tip, mm.
@@ -465,6 +506,22 @@ mod tests {
             )
             .is_err()
         );
+    }
+
+    #[test]
+    fn no_tool_sticks_out_further_than_it_is_long() {
+        let tip = TipShape::Straight { radius_mm: 3.0, corner_mm: 0.0 };
+        let tool = Assembly::new(tip, &[Section::cylinder(60.0, 3.0)], &er20(), 40.0).unwrap();
+        assert_eq!((tool.overall_mm(), tool.most_stick_out_mm()), (None, f64::INFINITY));
+        assert!(tool.raised(ToolPart::Holder, 500.0).is_ok(), "no one said how long it is");
+        let error = tool.clone().with_overall(39.0).unwrap_err().to_string();
+        assert!(error.contains("stick-out is 40") && error.contains("39 mm; "), "{error}");
+        let tool = tool.with_overall(57.0).unwrap();
+        assert_eq!(tool.raised(ToolPart::Holder, 17.0).unwrap().stick_out_mm(), 57.0);
+        let error = tool.raised(ToolPart::Holder, 17.1).unwrap_err().to_string();
+        assert!(error.contains("overall length of 57 mm"), "{error}");
+        assert_eq!(tool.with_clearance(0.2).unwrap().overall_mm(), Some(57.0));
+        assert!(tool.with_overall(f64::NAN).is_err());
     }
 
     #[test]

@@ -35,18 +35,29 @@ pub enum Coloring<'a> {
         /// The predicted answers.
         predicted: &'a [bool],
     },
+    /// Exact answers by the mesh definition.
+    Surface {
+        /// The answers.
+        answers: &'a [SiteAnswer],
+        /// Among the sites most often in the way; empty: that layer is not shown.
+        occlusion: &'a [bool],
+        /// Share of the surface that each site stands for.
+        areas: &'a [f64],
+    },
     /// Groups of the caller's own.
     Groups {
         /// The groups, in legend order.
         classes: &'a [Class<'a>],
         /// The group of each site, an index into `classes`.
         of: &'a [usize],
+        /// Share of the surface that each site stands for; empty: sites count alike.
+        areas: &'a [f64],
     },
 }
 
 const PLAIN: [Class<'static>; 1] = [Class { name: "site", color: [176, 186, 198] }];
 
-const LABELS: [Class<'static>; 4] = [
+pub(super) const LABELS: [Class<'static>; 4] = [
     Class { name: "accessible", color: [205, 208, 212] },
     Class { name: "inaccessible", color: [206, 58, 44] },
     Class { name: "occlusion", color: [245, 196, 50] },
@@ -79,7 +90,10 @@ pub const DARK_AND_LIGHT: [[Class<'static>; 4]; 2] = [
     ],
 ];
 
-/// The groups of answers about the part itself.
+/// Number of answers by the mesh definition.
+const N_ANSWERS: usize = 3;
+
+/// The groups of answers by the mesh definition, then the same with the layer of occlusion points upon them.
 pub const PART_ITSELF: [Class<'static>; 6] = [
     Class { name: "accessible", color: [205, 208, 212] },
     Class { name: "inaccessible", color: [206, 58, 44] },
@@ -96,7 +110,15 @@ pub fn class_of_part_itself(answer: SiteAnswer, occlusion: bool) -> usize {
         SiteAnswer::Inaccessible => 1,
         SiteAnswer::TipDoesNotFit => 2,
     };
-    answer + if occlusion { 3 } else { 0 }
+    answer + if occlusion { N_ANSWERS } else { 0 }
+}
+
+/// Answers and a layer upon them: the groups without the layer, and the color that each has with it.
+pub(super) fn layered(
+    with_layer: &'static [Class<'static>],
+) -> (&'static [Class<'static>], Vec<Rgb>) {
+    let (answers, layer) = with_layer.split_at(with_layer.len() / 2);
+    (answers, layer.iter().map(|class| class.color).collect())
 }
 
 impl<'a> Coloring<'a> {
@@ -106,6 +128,8 @@ impl<'a> Coloring<'a> {
             Coloring::Plain(_) => &PLAIN,
             Coloring::Labels { .. } => &LABELS,
             Coloring::Difference { .. } => &DIFFERENCE,
+            Coloring::Surface { occlusion: [], .. } => &PART_ITSELF[..N_ANSWERS],
+            Coloring::Surface { .. } => &PART_ITSELF,
             Coloring::Groups { classes, .. } => classes,
         }
     }
@@ -126,6 +150,9 @@ impl<'a> Coloring<'a> {
                 (true, false) => 2,
                 (false, true) => 3,
             },
+            Coloring::Surface { answers, occlusion, .. } => {
+                class_of_part_itself(answers[i], occlusion.get(i).copied().unwrap_or(false))
+            }
             Coloring::Groups { of, .. } => of[i],
         }
     }
@@ -136,6 +163,7 @@ impl<'a> Coloring<'a> {
             Coloring::Plain(n) => *n,
             Coloring::Labels { inaccessible, .. } => inaccessible.len(),
             Coloring::Difference { truth, .. } => truth.len(),
+            Coloring::Surface { answers, .. } => answers.len(),
             Coloring::Groups { of, .. } => of.len(),
         }
     }
@@ -153,16 +181,35 @@ impl<'a> Coloring<'a> {
         self.classes()[self.class(i)].color
     }
 
-    /// Number of sites that the legend states for each group. Labels overlap: a site that is both
-    /// counts as inaccessible, as occlusion and as both.
-    pub fn legend_counts(&self) -> Vec<usize> {
-        let counts = self.counts();
-        match (self, &counts[..]) {
-            (Coloring::Labels { .. }, [none, first, second, both]) => {
-                vec![none + second, first + both, second + both, *both]
-            }
-            _ => counts,
+    /// Share that the legend states for each group: of the surface where areas are given, else of the sites. Occlusion
+    /// points are a layer upon the
+    /// answers: a site counts for its answer, for *occlusion*, and where it is both for that.
+    pub fn legend_shares(&self) -> Vec<f64> {
+        let areas = match self {
+            Coloring::Surface { areas, .. } | Coloring::Groups { areas, .. } => *areas,
+            _ => &[],
+        };
+        let even = 1.0 / self.len().max(1) as f64;
+        let mut shares = vec![0.0; self.classes().len()];
+        for i in 0..self.len() {
+            let share = areas.get(i).copied().unwrap_or(even);
+            self.entries(self.class(i)).for_each(|entry| shares[entry] += share);
         }
+        shares
+    }
+
+    /// The legend's entries that a site of a group counts for.
+    fn entries(&self, class: usize) -> impl Iterator<Item = usize> {
+        let (answer, layer) = match self {
+            Coloring::Labels { .. } => (class % 2, (class > 1).then_some(2)),
+            Coloring::Surface { .. } => {
+                (class % N_ANSWERS, (class >= N_ANSWERS).then_some(N_ANSWERS))
+            }
+            _ => (class, None),
+        };
+        // The layer upon the first answer has the layer's own name.
+        let both = layer.filter(|layer| class > *layer).map(|_| class);
+        [Some(answer), layer, both].into_iter().flatten()
     }
 
     /// Number of sites in each group.
@@ -187,7 +234,22 @@ mod tests {
             [0, 1, 2, 3].map(|i| difference.classes()[difference.class(i)].name),
             ["agreed: no", "missed", "false alarm", "agreed: yes"]
         );
-        assert_eq!(difference.legend_counts(), [1; 4]);
-        assert_eq!(labels.legend_counts(), [2, 2, 2, 1]);
+        assert_eq!(difference.legend_shares(), [0.25; 4]);
+        assert_eq!(labels.legend_shares(), [0.5, 0.5, 0.5, 0.25]);
+    }
+
+    #[test]
+    fn what_is_accessible_does_not_depend_on_the_layer_of_occlusion_points() {
+        use SiteAnswer::{Accessible, Inaccessible, TipDoesNotFit};
+        let answers = [Accessible, Accessible, Inaccessible, Inaccessible, TipDoesNotFit];
+        let areas = [0.3, 0.2, 0.25, 0.125, 0.125];
+        let off = Coloring::Surface { answers: &answers, occlusion: &[], areas: &areas };
+        let occlusion = [true, false, true, false, true];
+        let on = Coloring::Surface { answers: &answers, occlusion: &occlusion, areas: &areas };
+        assert_eq!(off.legend_shares(), [0.5, 0.375, 0.125]);
+        assert_eq!(on.legend_shares(), [0.5, 0.375, 0.125, 0.3 + 0.25 + 0.125, 0.25, 0.125]);
+        assert_eq!((0..5).map(|i| on.class(i)).collect::<Vec<_>>(), [3, 0, 4, 1, 5]);
+        let names: Vec<&str> = off.classes().iter().map(|class| class.name).collect();
+        assert_eq!(names, ["accessible", "inaccessible", "tip does not fit"]);
     }
 }

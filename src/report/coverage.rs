@@ -2,6 +2,7 @@
 
 use super::findings::Findings;
 use super::folder::{Show, Shown, Writer};
+use super::gate::SiteAreas;
 use super::page::View;
 use super::points::PointValues;
 use super::tables::{Cell, Table};
@@ -16,35 +17,62 @@ use std::path::{Path, PathBuf};
 /// Name of the table in a folder of several tools.
 pub const TOOLS: &str = "tools.csv";
 
-/// Labels as shares.
+/// Labels as shares of the surface, or by the published definition of the sites ([`SiteAreas::by_definition`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Shares {
-    /// Of the sites: out of reach.
+    /// Within reach: neither inaccessible nor, where that was tested, with a tip that does not fit.
+    pub accessible: f64,
+    /// Out of reach of all but the tip.
     pub inaccessible: f64,
-    /// Of the sites: most often in the way.
-    pub occlusion: f64,
-    /// Of the sites: both.
-    pub both: f64,
+    /// Out of reach of the tip alone; `None` by the published definition, which does not test it.
+    pub tip_does_not_fit: Option<f64>,
+    /// Most often in the way; `None` if that was not counted.
+    pub occlusion: Option<f64>,
+    /// Inaccessible and most often in the way.
+    pub both: Option<f64>,
     /// Of the directions: those that reach a site, mean over all sites.
     pub accessible_directions: f64,
 }
 
 impl Shares {
     /// The shares of `labels` with `n_directions` directions.
-    pub fn of(labels: &Labels, n_directions: usize) -> Self {
-        let answers = &labels.answers;
-        let SiteAnswers { inaccessible, occlusion, accessible_directions, .. } = answers;
-        let n = inaccessible.len();
-        let share = |count: usize| count as f64 / n.max(1) as f64;
-        let both = inaccessible.iter().zip(occlusion).filter(|(a, b)| **a && **b).count();
+    pub fn of(labels: &Labels, n_directions: usize, areas: &SiteAreas) -> Self {
+        let counts = &labels.answers.accessible_directions;
         let n_tested = labels.surface.as_ref().map_or(n_directions, |surface| surface.n_directions);
-        let accessible: u64 = accessible_directions.iter().map(|d| u64::from(*d)).sum();
+        let accessible: u64 = counts.iter().map(|d| u64::from(*d)).sum();
+        let accessible_directions =
+            accessible as f64 / (labels.answers.len() * n_tested).max(1) as f64;
+        Shares { accessible_directions, ..Shares::of_answers(&labels.answers, areas) }
+    }
+
+    /// The shares of answers that do not count directions.
+    pub fn of_answers(answers: &SiteAnswers, areas: &SiteAreas) -> Self {
+        let SiteAnswers { inaccessible, occlusion, tip_does_not_fit, .. } = answers;
+        let accessible = answers.accessible();
+        let of = |list: &[bool]| (!list.is_empty()).then(|| areas.share(|i| list[i]));
+        let is_both = |i: usize| inaccessible[i] && occlusion[i];
         Shares {
-            inaccessible: share(answers.n_inaccessible()),
-            occlusion: share(answers.n_occlusion()),
-            both: share(both),
-            accessible_directions: accessible as f64 / (n * n_tested).max(1) as f64,
+            accessible: areas.share(|i| accessible[i]),
+            inaccessible: areas.share(|i| inaccessible[i]),
+            tip_does_not_fit: of(tip_does_not_fit),
+            occlusion: of(occlusion),
+            both: (!occlusion.is_empty()).then(|| areas.share(is_both)),
+            accessible_directions: 0.0,
         }
+    }
+
+    /// What is not there is missing.
+    fn cells(&self) -> [Cell; 6] {
+        let some = |share: Option<f64>| share.map_or(Cell::Missing, Cell::Share);
+        [
+            Cell::Share(self.accessible),
+            Cell::Share(self.inaccessible),
+            some(self.tip_does_not_fit),
+            some(self.occlusion),
+            some(self.both),
+            Cell::Share(self.accessible_directions),
+        ]
     }
 }
 
@@ -52,41 +80,49 @@ impl Shares {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coverage<'a> {
     tools: &'a [Tool],
+    areas: &'a SiteAreas,
     shares: Vec<Shares>,
     /// Per site, the first tool that reaches it.
     first: Vec<Option<usize>>,
 }
 
 impl<'a> Coverage<'a> {
-    /// Of `tools` with a label each, about the same sites.
+    /// Of `tools` with a label each, about the same sites, whose `areas` they are.
     ///
     /// # Panics
     /// If there are not as many labels as tools, at least one, or they differ in length.
-    pub fn of(tools: &'a [Tool], labels: &[Labels], n_directions: usize) -> Self {
+    pub fn of(
+        tools: &'a [Tool],
+        labels: &[Labels],
+        n_directions: usize,
+        areas: &'a SiteAreas,
+    ) -> Self {
         assert_eq!(tools.len(), labels.len(), "one label per tool");
         let accessible: Vec<Vec<bool>> = labels.iter().map(|l| l.answers.accessible()).collect();
-        let shares = labels.iter().map(|labels| Shares::of(labels, n_directions)).collect();
-        Coverage { shares, ..Coverage::of_reached(tools, &accessible) }
+        let shares = labels.iter().map(|labels| Shares::of(labels, n_directions, areas)).collect();
+        Coverage { shares, ..Coverage::of_reached(tools, &accessible, areas) }
     }
 
     /// Of `tools` of which only the sites are known that they reach.
     ///
     /// # Panics
     /// If there is no tool.
-    pub fn of_reached(tools: &'a [Tool], accessible: &[Vec<bool>]) -> Self {
+    pub fn of_reached(tools: &'a [Tool], accessible: &[Vec<bool>], areas: &'a SiteAreas) -> Self {
         let reaching = |i: usize| accessible.iter().position(|accessible| accessible[i]);
         let first = (0..accessible[0].len()).map(reaching).collect();
-        Coverage { tools, shares: Vec::new(), first }
+        Coverage { tools, areas, shares: Vec::new(), first }
     }
 
-    /// Share of the sites of which `tool` is the first that reaches them; `None`: that no tool reaches.
+    /// Share of which `tool` is the first that reaches it; `None`: that no tool reaches.
     pub fn share_of_first(&self, tool: Option<usize>) -> f64 {
-        let n = self.first.iter().filter(|first| **first == tool).count();
-        n as f64 / self.first.len().max(1) as f64
+        self.areas.share(|i| self.first[i] == tool)
     }
 
     /// A row per tool; as CSV it is a tool table again.
     pub fn table(&self) -> Table {
+        let has =
+            |share: fn(&Shares) -> Option<f64>| self.shares.iter().any(|s| share(s).is_some());
+        let shown = |is_shown: bool, heading| if is_shown { heading } else { "" };
         let mut columns = vec![
             ("name", "tool"),
             ("CR", "CR"),
@@ -95,16 +131,20 @@ impl<'a> Coverage<'a> {
             ("FH", "FH"),
             ("corner", ""),
             ("clearance", ""),
+            ("accessible", "accessible"),
             ("inaccessible", "inaccessible"),
-            ("occlusion", "occlusion"),
+            ("tip_does_not_fit", shown(has(|s| s.tip_does_not_fit), "tip does not fit")),
+            ("occlusion", shown(has(|s| s.occlusion), "occlusion")),
             ("both", ""),
             ("free_directions", "directions"),
             ("adds", "adds"),
         ];
         // What four lengths do not say, for tools of libraries.
-        let has_steps = self.tools.iter().any(|tool| tool.description.is_some());
+        let says_more =
+            |tool: &Tool| tool.description.is_some() || tool.assembly.overall_mm().is_some();
+        let has_steps = self.tools.iter().any(says_more);
         if has_steps {
-            columns.extend([("body", ""), ("holder", ""), ("stick_out", "")]);
+            columns.extend([("body", ""), ("holder", ""), ("stick_out", ""), ("overall", "")]);
         }
         let has_numbers = self.tools.iter().any(|tool| tool.number.is_some());
         if has_numbers {
@@ -118,13 +158,12 @@ impl<'a> Coverage<'a> {
         let mut table = Table::new(&columns);
         for (k, (tool, shares)) in self.tools.iter().zip(&self.shares).enumerate() {
             let lengths = tool.params.to_array();
-            let shares =
-                [shares.inaccessible, shares.occlusion, shares.both, shares.accessible_directions];
             let mut row = vec![Cell::text(&tool.name)];
             row.extend(
                 lengths.into_iter().chain([tool.corner_mm, tool.clearance_mm]).map(Cell::Given),
             );
-            row.extend(shares.into_iter().chain([self.share_of_first(Some(k))]).map(Cell::Share));
+            row.extend(shares.cells());
+            row.push(Cell::Share(self.share_of_first(Some(k))));
             if has_steps {
                 row.extend(steps_of(tool));
             }
@@ -152,7 +191,8 @@ impl<'a> Coverage<'a> {
     /// If the system refuses a file.
     pub fn write_first(&self, folder: &Path, part: PartView, show: Show) -> Result<Vec<PathBuf>> {
         let (classes, of) = self.groups();
-        let coloring = Coloring::Groups { classes: &classes, of: &of };
+        let areas = self.areas.shares();
+        let coloring = Coloring::Groups { classes: &classes, of: &of, areas };
         let rows: Vec<u32> = self.first.iter().map(|f| f.map_or(0, |k| k as u32 + 1)).collect();
         let values = [("first_tool", PointValues::Counts(&rows))];
         let notes =
@@ -170,7 +210,8 @@ impl<'a> Coverage<'a> {
     /// The same as a tab of a page; `findings` are those of the sites that no tool reaches.
     pub fn view(&self, findings: Findings) -> View {
         let (classes, of) = self.groups();
-        View::of_first_tools(&classes, &of, findings)
+        let view = View::of_first_tools(&classes, &of, findings);
+        View { counts_sites: self.areas.are_even(), ..view }
     }
 }
 
@@ -236,13 +277,16 @@ pub(super) fn groups_called<'a>(
     (classes, of)
 }
 
-/// The columns `body`, `holder` and `stick_out`; missing for a tool of four lengths.
-pub(super) fn steps_of(tool: &Tool) -> [Cell; 3] {
+/// The columns `body`, `holder` and `stick_out`, missing for a tool of four lengths, and `overall`, missing where no
+/// one has stated it.
+pub(super) fn steps_of(tool: &Tool) -> [Cell; 4] {
+    let overall = tool.assembly.overall_mm().map_or(Cell::Missing, Cell::Given);
     let Tool { assembly, description: Some(_), .. } = tool else {
-        return [const { Cell::Missing }; 3];
+        return [Cell::Missing, Cell::Missing, Cell::Missing, overall];
     };
     let words = |steps: &[Step]| Cell::Text(steps_words(steps));
-    [words(assembly.body()), words(assembly.holder()), Cell::Given(assembly.stick_out_mm())]
+    let stick_out = Cell::Given(assembly.stick_out_mm());
+    [words(assembly.body()), words(assembly.holder()), stick_out, overall]
 }
 
 /// Colors of the tools that add something, apart for the common kinds of color blindness.
@@ -277,7 +321,8 @@ mod tests {
     fn each_site_counts_for_the_first_tool_that_reaches_it() {
         let tools = tools(3);
         let all = [labels(&[0, 1, 1, 1]), labels(&[0, 1, 1, 1]), labels(&[1, 0, 0, 1])];
-        let coverage = Coverage::of(&tools, &all, 10);
+        let areas = SiteAreas::even(4);
+        let coverage = Coverage::of(&tools, &all, 10, &areas);
         let adds = [Some(0), Some(1), Some(2), None].map(|k| coverage.share_of_first(k));
         assert_eq!(adds, [0.25, 0.0, 0.5, 0.25]);
         let row = &coverage.table().json()[2];
@@ -290,6 +335,31 @@ mod tests {
         let names: Vec<&str> = classes.iter().map(|c| c.name).collect();
         assert_eq!(names, ["1-2-50-4", "3-2-50-4", "no tool"]);
         assert_eq!(of, [0, 1, 1, 2]);
+    }
+
+    /// A wide ball is nowhere inaccessible, and its tip fits nowhere in the corners: it reaches less than a thin one.
+    #[test]
+    fn what_the_tip_cannot_reach_is_not_reached_by_the_tool() {
+        let tools = tools(2);
+        let mut all = [labels(&[0, 0, 0, 1]), labels(&[0, 0, 0, 0])];
+        all[0].answers.tip_does_not_fit = vec![false; 4];
+        all[1].answers.tip_does_not_fit = vec![false, true, true, true];
+        let areas = SiteAreas::even(4);
+        let coverage = Coverage::of(&tools, &all, 10, &areas);
+        let rows = coverage.table().json();
+        let shares = |row: usize| {
+            ["accessible", "inaccessible", "tip_does_not_fit"].map(|key| rows[row][key].clone())
+        };
+        assert_eq!(
+            (shares(0), shares(1)),
+            ([0.75, 0.25, 0.0].map(Into::into), [0.25, 0.0, 0.75].map(Into::into))
+        );
+        assert_eq!([Some(0), Some(1), None].map(|k| coverage.share_of_first(k)), [0.75, 0.0, 0.25]);
+        let text = coverage.table().text();
+        let at = |heading| text.find(heading).unwrap();
+        assert!(
+            at("accessible") < at("inaccessible") && at("inaccessible") < at("tip does not fit")
+        );
     }
 
     #[test]
@@ -323,7 +393,8 @@ mod tests {
         let tools = tools(9);
         let only = |k: usize| (0..10).map(|i| u8::from(i != k)).collect::<Vec<u8>>();
         let all: Vec<Labels> = (0..9).map(|k| labels(&only(k))).collect();
-        let coverage = Coverage::of(&tools, &all, 10);
+        let areas = SiteAreas::even(10);
+        let coverage = Coverage::of(&tools, &all, 10, &areas);
         let (classes, of) = coverage.groups();
         assert_eq!((classes.len(), classes[6].name), (8, "further tools"));
         assert_eq!(of, [0, 1, 2, 3, 4, 5, 6, 6, 6, 7]);

@@ -134,7 +134,7 @@ impl About<'_> {
             let less = match (change.is_least, change.kind, why.tolerance_mm > 0.0) {
                 (false, ..) => String::new(),
                 (true, ChangeKind::Diameter, _) => {
-                    "; a little more was labeled and does not do".into()
+                    "; the next larger size was labeled and does not do".into()
                 }
                 (true, _, true) => {
                     format!("; less by {} mm does not do", short(2.0 * why.tolerance_mm))
@@ -147,7 +147,12 @@ impl About<'_> {
                 triple(change.direction.as_dvec3(), 3)
             ));
         }
-        if why.changes.is_empty() {
+        if let Some(stopped) = &why.stopped {
+            lines.push(format!("Would help, but is not proposed: {}.", stopped.words()));
+        }
+        if why.changes.is_empty() && query.remedies.only_this_tool {
+            lines.push("No stick-out of this tool that it may have helps.".into());
+        } else if why.changes.is_empty() {
             lines.push(
                 "No change of one length of this tool helps (stick-out, holder, shank, diameter)."
                     .into(),
@@ -219,6 +224,12 @@ impl About<'_> {
             })),
             "nearest": why.nearest().map(|state| self.state_json(state)),
             "changes": why.changes.iter().map(|c| change_json(c, query)).collect::<Vec<_>>(),
+            "stopped": why.stopped.map(|stopped| json!({
+                "words": stopped.words(),
+                "stick_out_mm": stopped.stick_out_mm,
+                "most_mm": stopped.most_mm,
+                "by_overall_length": stopped.by_overall_length,
+            })),
             "other_direction": why.other_direction.map(|d| d.to_array()),
             "directions": why.directions.iter().map(|s| self.state_json(s)).collect::<Vec<_>>(),
         });

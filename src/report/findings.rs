@@ -59,6 +59,9 @@ pub struct Finding {
     pub blocked_share: Option<f64>,
     /// A change of the tool that helps, if one was looked for.
     pub change: Option<ToolChange>,
+    /// What would help and is not proposed, in words: a stick-out beyond the overall length, or, if no change is
+    /// proposed, one that is too slender.
+    pub stopped: Option<String>,
 }
 
 /// A change of the tool that reaches sites of a region.
@@ -384,6 +387,7 @@ impl About<'_> {
             blocked_by: None,
             blocked_share: None,
             change: None,
+            stopped: None,
         }
     }
 

@@ -1,7 +1,7 @@
 //! The files of a folder of results: data, colored points and pictures of labels, predictions and their difference.
 
-use super::color::{PART_ITSELF, class_of_part_itself};
 use super::export::{self, Extra};
+use super::gate::SiteAreas;
 use super::points::{self, PointValues};
 use super::{Coloring, PartView, picture};
 use crate::Result;
@@ -115,18 +115,18 @@ pub fn export_labels(
 /// Calls `write` with what labels say.
 fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> Result<T> {
     let n = file.sites.len();
-    let none = vec![false; n];
     let (labels, answers) = (&file.labels, &file.labels.answers);
-    let occlusion = answers.occlusion.get(..n).unwrap_or(&none);
+    let occlusion = answers.occlusion.get(..n);
     let inaccessible = &answers.inaccessible[..n];
     let mut values = point_values(answers, n);
     if let Some(beta) = labels.beta.get(..n) {
         values.push(("beta", PointValues::LargeCounts(beta)));
     }
-    let mut notes = vec![
-        "inaccessible 1: the cutter collides in every direction".to_string(),
-        "occlusion 1: among the sites most often in the way of inaccessible ones".to_string(),
-    ];
+    let mut notes = vec!["inaccessible 1: the cutter collides in every direction".to_string()];
+    if occlusion.is_some_and(|marks| !marks.is_empty()) {
+        let words = "occlusion 1: among the sites most often in the way of inaccessible ones";
+        notes.push(words.to_string());
+    }
     let setup = setup(&file.provenance);
     if let Some(surface) = &labels.surface {
         notes.push("tip_does_not_fit 1: only the tip penetrates the part".to_string());
@@ -135,16 +135,25 @@ fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> R
             "collision_free_directions",
             PointValues::Counts(&surface.collision_free_directions),
         ));
-        let of: Vec<usize> =
-            (0..n).map(|i| class_of_part_itself(surface.answers[i], occlusion[i])).collect();
-        let coloring = Coloring::Groups { classes: &PART_ITSELF, of: &of };
+        let areas = SiteAreas::of(&file.sites, None)?;
+        let shown = occlusion.filter(|_| shows_occlusion(file)).unwrap_or_default();
+        let (answers, areas) = (&surface.answers[..n], areas.shares());
+        let coloring = Coloring::Surface { answers, occlusion: shown, areas };
         let caption = format!("the part itself\n{setup}");
         return write(Shown { caption: &caption, coloring, values: &values, notes: &notes });
     }
     notes.push("published definition: sites are the obstacles".to_string());
+    let none = vec![false; n];
+    let occlusion = occlusion.unwrap_or(&none);
     let coloring = Coloring::Labels { inaccessible, occlusion };
     let caption = format!("exact labels, sites as obstacles\n{setup}");
     write(Shown { caption: &caption, coloring, values: &values, notes: &notes })
+}
+
+/// Whether occlusion points are shown at once: always by the published definition, by the mesh definition where they
+/// were asked for.
+pub(super) fn shows_occlusion(file: &LabelFile) -> bool {
+    file.labels.surface.is_none() || file.provenance.settings["occlusion"] == true
 }
 
 /// Directions, obstacles beyond the part and warnings in a line for a picture.

@@ -136,6 +136,29 @@ impl SiteAreas {
         Ok(SiteAreas { shares, total_mm2: mesh.map(Mesh::area) })
     }
 
+    /// What a share of an answer is of: by the mesh definition of the surface, as [`SiteAreas::of`]; by the published
+    /// definition, which is
+    /// about sites, of the sites.
+    ///
+    /// # Errors
+    /// As [`SiteAreas::of`].
+    pub fn by_definition(sites: &Sites, mesh: Option<&Mesh>, of_mesh: bool) -> Result<Self> {
+        match of_mesh {
+            true => SiteAreas::of(sites, mesh),
+            false => Ok(SiteAreas::even(sites.len())),
+        }
+    }
+
+    /// `n` sites that count alike.
+    pub fn even(n: usize) -> Self {
+        SiteAreas { shares: vec![1.0 / n.max(1) as f64; n], total_mm2: None }
+    }
+
+    /// Whether all sites count alike.
+    pub fn are_even(&self) -> bool {
+        self.shares.windows(2).all(|pair| pair[0] == pair[1])
+    }
+
     /// Per site, its share of the surface.
     pub fn shares(&self) -> &[f64] {
         &self.shares

@@ -1,12 +1,13 @@
-//! What the tools of a library reach on one part: a table, the fewest that reach all, and how little each may stick out.
+//! What the tools of a library reach on one part: a table, the fewest that reach a share of what can be reached, and
+//! how little each may stick out.
 
 use super::coverage::{number_of, steps_of};
 use super::curves::{self, Chart, Series};
 use super::gate::SiteAreas;
 use super::tables::{Cell, Table};
-use crate::access::cover::{Cover, cover};
+use crate::access::cover::{Cover, cover, cover_share_preferring};
 use crate::access::surface::{SiteAnswer, ToolReach};
-use crate::data::files::tools::Tool;
+use crate::data::files::tools::{Tool, thick_and_short_first};
 use crate::{Error, Result, atomic_file};
 use std::path::{Path, PathBuf};
 
@@ -17,8 +18,10 @@ pub struct Library<'a> {
     reach: &'a [ToolReach],
     areas: &'a SiteAreas,
     share: f64,
-    /// The fewest tools that reach all that can be reached.
+    /// The fewest tools that reach the share of what any tool reaches, of as few the thick and short ones.
     pub cover: Cover,
+    /// The number of tools that reach all of it, the fewest that were found.
+    pub n_for_all: usize,
 }
 
 /// One tool in numbers; areas as shares of the surface.
@@ -26,10 +29,16 @@ pub struct Library<'a> {
 pub struct ToolFacts {
     /// That the tool reaches as it is held.
     pub reached: f64,
+    /// Where in every direction some step of the tool penetrates.
+    pub inaccessible: f64,
+    /// Where in some direction only the tip penetrates.
+    pub tip_does_not_fit: f64,
     /// That no tool before it reaches.
     pub adds: f64,
-    /// That its body would reach at any stick-out.
+    /// That its body would reach at any stick-out up to the overall length, where that is stated.
     pub body_reaches: f64,
+    /// That it would reach if it were longer than the overall length.
+    pub beyond_overall: f64,
     /// Least stick-out at which the required share of `body_reaches` is reached, mm; none if the body reaches nothing.
     pub least_stick_out_mm: Option<f64>,
 }
@@ -40,7 +49,9 @@ const CURVES_OF_CHART: usize = 6;
 const MOST_CORNERS: usize = 400;
 
 impl<'a> Library<'a> {
-    /// Of tools with what they reach; `share` is that of the area within reach of the body which the least stick-out is stated for.
+    /// Of tools with what they reach; `share` is that of the area within reach of the body which the least stick-out is
+    /// stated for, and that of the
+    /// area within reach of any tool which the smallest set reaches.
     ///
     /// # Errors
     /// If the share is not above 0 and at most 1.
@@ -60,8 +71,10 @@ impl<'a> Library<'a> {
             return Err(Error::argument("--share", found, "above 0, at most 100 %", remedy));
         }
         let reaches = |tool: usize, i: usize| reach[tool].answers[i] == SiteAnswer::Accessible;
-        let cover = cover(tools.len(), areas.shares(), reaches);
-        Ok(Library { tools, reach, areas, share, cover })
+        let n_for_all = cover(tools.len(), areas.shares(), reaches).chosen.len();
+        let order = thick_and_short_first(tools);
+        let cover = cover_share_preferring(tools.len(), areas.shares(), reaches, share, &order);
+        Ok(Library { tools, reach, areas, share, cover, n_for_all })
     }
 
     fn reaches(&self, tool: usize, i: usize) -> bool {
@@ -76,22 +89,35 @@ impl<'a> Library<'a> {
     /// A tool in numbers.
     pub fn facts(&self, tool: usize) -> ToolFacts {
         let reach = &self.reach[tool];
-        let body_reaches = self.areas.share(|i| reach.body_reaches[i]);
+        let is_within = |i: usize| self.is_within(tool, reach.least_stick_out_mm[i]);
+        let body_reaches = self.areas.share(|i| reach.body_reaches[i] && is_within(i));
+        let beyond_overall = self.areas.share(|i| reach.body_reaches[i] && !is_within(i));
+        let of = |answer: SiteAnswer| self.areas.share(|i| reach.answers[i] == answer);
         ToolFacts {
             reached: self.areas.share(|i| self.reaches(tool, i)),
+            inaccessible: of(SiteAnswer::Inaccessible),
+            tip_does_not_fit: of(SiteAnswer::TipDoesNotFit),
             adds: self.areas.share(|i| {
                 self.reaches(tool, i) && !(0..tool).any(|before| self.reaches(before, i))
             }),
             body_reaches,
+            beyond_overall,
             least_stick_out_mm: self.least_stick_out(tool, self.share * body_reaches),
         }
     }
 
-    /// Stick-out, mm, and share of the surface that is reached from there on: a corner for each site, ascending.
+    /// Whether a tool can stick out so far.
+    fn is_within(&self, tool: usize, stick_out_mm: f64) -> bool {
+        stick_out_mm <= self.tools[tool].assembly.most_stick_out_mm()
+    }
+
+    /// Stick-out, mm, up to the overall length, and share of the surface that is reached from there on: a corner for
+    /// each site, ascending.
     pub fn curve(&self, tool: usize) -> Vec<(f64, f64)> {
         let least = self.reach[tool].least_stick_out_mm.iter().zip(self.areas.shares());
+        let is_possible = |length: &f64| length.is_finite() && self.is_within(tool, *length);
         let mut corners: Vec<(f64, f64)> =
-            least.map(|(l, a)| (*l, *a)).filter(|(length, _)| length.is_finite()).collect();
+            least.map(|(l, a)| (*l, *a)).filter(|(length, _)| is_possible(length)).collect();
         corners.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut sum = 0.0;
         for (_, area) in &mut corners {
@@ -115,6 +141,8 @@ impl<'a> Library<'a> {
 
     /// A row per tool; as CSV it is a tool table again.
     pub fn table(&self) -> Table {
+        let all: Vec<ToolFacts> = (0..self.tools.len()).map(|k| self.facts(k)).collect();
+        let is_stopped = all.iter().any(|facts| facts.beyond_overall > 0.0);
         let mut columns = vec![
             ("name", "tool"),
             ("CR", ""),
@@ -125,16 +153,20 @@ impl<'a> Library<'a> {
             ("clearance", ""),
             ("reached", "reached"),
             ("reached_mm2", "mm²"),
+            ("inaccessible", "inaccessible"),
+            ("tip_does_not_fit", "tip does not fit"),
             ("adds", "adds"),
             ("adds_mm2", "mm²"),
             ("in_smallest_set", "needed"),
             ("body_reaches", "any stick-out"),
             ("held_at", "stick-out"),
             ("least_stick_out", "least"),
+            ("beyond_overall", if is_stopped { "beyond its length" } else { "" }),
             ("excess", ""),
             ("body", ""),
             ("holder", ""),
             ("stick_out", ""),
+            ("overall", ""),
         ];
         let has_numbers = self.tools.iter().any(|tool| tool.number.is_some());
         if has_numbers {
@@ -143,8 +175,8 @@ impl<'a> Library<'a> {
         let mut table = Table::new(&columns);
         let area =
             |share: f64| self.areas.total_mm2().map_or(Cell::Missing, |t| Cell::Number(share * t));
-        for (k, tool) in self.tools.iter().enumerate() {
-            let ToolFacts { reached, adds, body_reaches, least_stick_out_mm } = self.facts(k);
+        for (k, (tool, facts)) in self.tools.iter().zip(all).enumerate() {
+            let ToolFacts { reached, adds, body_reaches, least_stick_out_mm, .. } = facts;
             let needed = if self.cover.chosen.contains(&k) { "yes" } else { "" };
             let given =
                 tool.params.to_array().into_iter().chain([tool.corner_mm, tool.clearance_mm]);
@@ -153,12 +185,15 @@ impl<'a> Library<'a> {
             row.extend([
                 Cell::Share(reached),
                 area(reached),
+                Cell::Share(facts.inaccessible),
+                Cell::Share(facts.tip_does_not_fit),
                 Cell::Share(adds),
                 area(adds),
                 Cell::text(needed),
                 Cell::Share(body_reaches),
                 Cell::Millimeters(tool.assembly.stick_out_mm()),
                 least_stick_out_mm.map_or(Cell::Missing, Cell::Millimeters),
+                Cell::Share(facts.beyond_overall),
                 Cell::Given(tool.assembly.excess_mm()),
             ]);
             row.extend(steps_of(tool));
@@ -258,6 +293,45 @@ mod tests {
     }
 
     #[test]
+    fn no_stick_out_is_beyond_the_overall_length() {
+        let tool = |overall| {
+            let tool = Tool::new(CutterParams::from_array([1.0, 8.0, 50.0, 4.0]), None, 0.0);
+            tool.unwrap().of_overall_length(overall).unwrap()
+        };
+        let least = [2.0, 12.0, 30.0, 45.0];
+        let tools = [tool(38.0), tool(60.0)];
+        let reach = [reach(least, 10.0), reach(least, 10.0)];
+        let areas = SiteAreas::even(4);
+        let library = Library::new(&tools, &reach, &areas, 1.0).unwrap();
+        let facts = [library.facts(0), library.facts(1)];
+        assert_eq!(facts.clone().map(|f| f.least_stick_out_mm), [Some(30.0), Some(45.0)]);
+        assert_eq!(facts.clone().map(|f| f.body_reaches), [0.75, 1.0]);
+        assert_eq!(facts.map(|f| f.beyond_overall), [0.25, 0.0]);
+        assert_eq!(library.curve(0).last(), Some(&(30.0, 0.75)));
+        let table = library.table();
+        assert!(table.text().contains("beyond its length"), "{}", table.text());
+        let rows = table.json();
+        assert_eq!((&rows[0]["overall"], &rows[0]["beyond_overall"]), (&38.0.into(), &0.25.into()));
+    }
+
+    #[test]
+    fn of_sets_as_small_the_thick_and_short_tools_are_taken() {
+        let tool = |cr: f64, ch: f64| {
+            Tool::new(CutterParams::from_array([cr, ch, 50.0, 4.0]), None, 0.0).unwrap()
+        };
+        // The thin tool reaches all, the thick ones all but a fortieth; then each alone is enough for 95 %.
+        let tools = [tool(1.5, 30.0), tool(6.0, 40.0), tool(6.0, 20.0), tool(3.0, 10.0)];
+        let answers = |n: usize| {
+            let answer = |i| if i < n { SiteAnswer::Accessible } else { SiteAnswer::TipDoesNotFit };
+            ToolReach { answers: (0..40).map(answer).collect(), ..ToolReach::default() }
+        };
+        let reach = [40, 39, 39, 40].map(answers);
+        let areas = SiteAreas::even(40);
+        let chosen = |share| Library::new(&tools, &reach, &areas, share).unwrap().cover.chosen;
+        assert_eq!((chosen(0.95), chosen(1.0)), (vec![2], vec![3]));
+    }
+
+    #[test]
     fn areas_stick_outs_and_the_fewest_tools_are_those_of_the_sites() {
         let tool =
             |ch| Tool::new(CutterParams::from_array([1.0, ch, 50.0, 4.0]), None, 0.0).unwrap();
@@ -287,7 +361,13 @@ mod tests {
             (library.unreached(), &library.table().json()[2]["adds_mm2"]),
             (0.0, &1.5.into())
         );
+        assert_eq!(library.n_for_all, 2);
+        // Each of the three reaches half of the surface: the one that sticks out least is taken.
         let half = Library::new(&tools, &reach, &areas, 0.5).unwrap();
+        assert_eq!(
+            (half.cover.chosen.clone(), half.cover.at_least, half.n_for_all),
+            (vec![0], 1, 2)
+        );
         assert_eq!(half.facts(0).least_stick_out_mm, Some(2.0));
         for bad in [0.0, 1.1, f64::NAN] {
             assert!(Library::new(&tools, &reach, &areas, bad).is_err());

@@ -217,13 +217,12 @@ fn draw_legend(image: &mut Image, coloring: &Coloring) {
 
 /// Color and words of each group; names are cut so that an entry takes at most `width` pixels.
 fn legend_entries(coloring: &Coloring, width: i32) -> Vec<(Rgb, String)> {
-    let n = coloring.len().max(1) as f64;
-    let entry = |(class, count): (&Class, usize)| {
-        let share = format!(" {:.1} %", 100.0 * count as f64 / n);
+    let entry = |(class, share): (&Class, f64)| {
+        let share = format!(" {:.1} %", 100.0 * share);
         let room = (width - entry_width(&share)).max(0) as u32;
         (class.color, fitted(class.name, Font::Bold, room) + &share)
     };
-    coloring.classes().iter().zip(coloring.legend_counts()).map(entry).collect()
+    coloring.classes().iter().zip(coloring.legend_shares()).map(entry).collect()
 }
 
 /// Pixels that a legend's entry takes, with its box and the gap to the next.
@@ -280,7 +279,7 @@ mod tests {
     fn entries_of_a_crowded_legend_are_cut_to_their_room() {
         let long = "a tool that has a very long name indeed";
         let classes = [Class { name: long, color: INK }, Class { name: "b", color: INK }];
-        let groups = Coloring::Groups { classes: &classes, of: &[0, 1, 1, 1] };
+        let groups = Coloring::Groups { classes: &classes, of: &[0, 1, 1, 1], areas: &[] };
         let cut = legend_entries(&groups, 285);
         assert!(cut.iter().all(|(_, text)| entry_width(text) <= 285), "{cut:?}");
         assert!(cut[0].1.starts_with("a tool that") && cut[0].1.ends_with(".. 25.0 %"), "{cut:?}");

@@ -238,7 +238,7 @@ impl<'a> Setups<'a> {
         let can: Vec<bool> = self.plan.can_be_reached.clone();
         let shown = Shown {
             caption: &format!("first setup that reaches\n{}", self.machine),
-            coloring: Coloring::Groups { classes: &classes, of: &of },
+            coloring: Coloring::Groups { classes: &classes, of: &of, areas: self.areas.shares() },
             values: &[
                 ("setup", PointValues::Counts(&numbers)),
                 ("can_be_reached", PointValues::Flags(&can)),
@@ -271,7 +271,7 @@ impl<'a> Setups<'a> {
         let row = |r: usize| turn.row(r).to_string();
         let shown = Shown {
             caption: &format!("setup {}\n{}", self.names[k], self.machine),
-            coloring: Coloring::Groups { classes: &ONE_SETUP, of: &of },
+            coloring: Coloring::Groups { classes: &ONE_SETUP, of: &of, areas: self.areas.shares() },
             values: &[
                 ("adds", PointValues::Flags(&adds)),
                 ("reaches", PointValues::Flags(reaches)),

@@ -12,6 +12,9 @@
 //! exact, for every k from the bound up to one below what greedy found:
 //!     depth first, greatest gain first; leave a branch whose weight and greatest gains left are below the share
 //!     no cover: the bound is k + 1; too much work: the bound stays
+//! preference, of the covers with that many sets, with the sets in their order, best first:
+//!     the fewest first sets of the order among which there is such a cover (bisected): the last of them is taken
+//!     again with one set less, among those before it
 //! ```
 //!
 //! The weight that sets cover is submodular: a gain only ever shrinks when more is covered (Minoux 1978). The prices are a solution of the dual of
@@ -63,6 +66,38 @@ pub fn cover_share(
     }
     let (chosen, adds) = problem.in_order(&chosen);
     Cover { chosen, adds, at_least }
+}
+
+/// As [`cover_share`], and of all covers with as few sets one whose worst set is the best that it can be, of these one
+/// whose second worst is, and
+/// so on; `order` has every set once, best first. How few sets do is not touched: the number and its proof are those of
+/// [`cover_share`], unless the
+/// search finds fewer on the way.
+///
+/// ```
+/// use deepmill::access::cover::cover_share_preferring;
+/// // Every set holds all: the number alone says nothing.
+/// let cover = cover_share_preferring(3, &[1.0; 10], |_, _| true, 1.0, &[2, 0, 1]);
+/// assert_eq!((cover.chosen.clone(), cover.is_smallest()), (vec![2], true));
+/// ```
+///
+/// # Panics
+/// If `order` does not have every set once.
+pub fn cover_share_preferring(
+    n_sets: usize,
+    weights: &[f64],
+    holds: impl Fn(usize, usize) -> bool,
+    share: f64,
+    order: &[usize],
+) -> Cover {
+    let mut sorted = order.to_vec();
+    sorted.sort_unstable();
+    assert!(sorted.iter().copied().eq(0..n_sets), "every set once");
+    let found = cover_share(n_sets, weights, &holds, share);
+    let mut problem = Problem::new(n_sets, weights, &holds, share);
+    let chosen = problem.preferred(found.chosen, order);
+    let (chosen, adds) = problem.in_order(&chosen);
+    Cover { chosen, adds, at_least: found.at_least }
 }
 
 /// As [`cover_share`], without the exact search: for many sets, or where the number is all that is of interest.
@@ -286,6 +321,47 @@ impl Problem {
         Outcome::None
     }
 
+    /// A cover with no more sets than `chosen`, as good as can be in `order`: see the module. What is too much work is
+    /// left as it is.
+    fn preferred(&mut self, mut chosen: Vec<usize>, order: &[usize]) -> Vec<usize> {
+        self.n_gains = 0;
+        let place = |set: &usize| order.iter().position(|other| other == set);
+        let mut settled: Vec<usize> = Vec::new();
+        let mut n_allowed = order.len();
+        while settled.len() < chosen.len() {
+            let n = chosen.len() - settled.len();
+            // `chosen` itself is a cover among the sets up to its worst that is not settled.
+            let open = chosen.iter().filter(|set| !settled.contains(set));
+            let worst = open.filter_map(place).max().expect("a set that is not settled") + 1;
+            let (mut fails, mut does) = (n - 1, worst.min(n_allowed));
+            while does - fails > 1 {
+                let middle = fails + (does - fails) / 2;
+                match self.with_settled(&settled, n, &order[..middle]) {
+                    Some(found) => {
+                        chosen = found;
+                        let open = chosen.iter().filter(|set| !settled.contains(set));
+                        does = open.filter_map(place).max().map_or(middle, |place| place + 1);
+                    }
+                    None => fails = middle,
+                }
+            }
+            if chosen.len() > settled.len() {
+                settled.push(order[does - 1]);
+                n_allowed = does - 1;
+            }
+        }
+        chosen
+    }
+
+    /// A cover of the settled sets and at most `n` of these.
+    fn with_settled(&mut self, settled: &[usize], n: usize, of: &[usize]) -> Option<Vec<usize>> {
+        let mut covered = vec![0; self.n_words()];
+        settled.iter().for_each(|&set| unite(&mut covered, &self.sets[set]));
+        let (weight, mut taken) = (sum(&covered, &self.weights), settled.to_vec());
+        let outcome = self.search(n, weight, &covered, of, &mut taken);
+        matches!(outcome, Outcome::Found).then_some(taken)
+    }
+
     /// The sets, one after the other the one that adds most, or the first of nearly equal ones, with what each adds; those that add nothing are left out.
     fn in_order(&self, sets: &[usize]) -> (Vec<usize>, Vec<f64>) {
         let mut left = sets.to_vec();
@@ -338,6 +414,49 @@ mod tests {
                 .min();
             assert_eq!(found.chosen.len() as u32, fewest.unwrap());
         }
+    }
+
+    /// By trying all covers of the fewest sets: their places in the order, worst first, are compared.
+    #[test]
+    fn of_covers_with_as_few_sets_the_preferred_is_taken() {
+        let mut stream = Stream::new(11, 0, 0, Purpose::Probe);
+        let mut n_changed = 0;
+        for _ in 0..300 {
+            let n_sets = 1 + stream.range(0.0, 9.0) as usize;
+            let density = stream.range(0.2, 0.8);
+            let held: Vec<Vec<bool>> = (0..n_sets)
+                .map(|_| (0..20).map(|_| stream.range(0.0, 1.0) < density).collect())
+                .collect();
+            let weights: Vec<f64> = (0..20).map(|_| stream.range(0.1, 2.0)).collect();
+            let share = stream.range(0.5, 1.0);
+            let mut keyed: Vec<(f64, usize)> =
+                (0..n_sets).map(|set| (stream.range(0.0, 1.0), set)).collect();
+            keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let order: Vec<usize> = keyed.into_iter().map(|(_, set)| set).collect();
+            let holds = |set: usize, e: usize| held[set][e];
+            let plain = cover_share(n_sets, &weights, holds, share);
+            let found = cover_share_preferring(n_sets, &weights, holds, share, &order);
+            assert_eq!((found.chosen.len(), found.at_least), (plain.chosen.len(), plain.at_least));
+            let weight = |sets: &[usize]| -> f64 {
+                (0..20).filter(|&e| sets.iter().any(|&s| held[s][e])).map(|e| weights[e]).sum()
+            };
+            let enough = (share - 1e-8) * weight(&(0..n_sets).collect::<Vec<_>>());
+            let places = |sets: &[usize]| {
+                let place = |set: &usize| order.iter().position(|other| other == set).unwrap();
+                let mut places: Vec<usize> = sets.iter().map(place).collect();
+                places.sort_unstable_by(|a, b| b.cmp(a));
+                places
+            };
+            let best = (0..1u32 << n_sets)
+                .filter(|mask| mask.count_ones() as usize == plain.chosen.len())
+                .map(|mask| (0..n_sets).filter(|s| mask >> s & 1 == 1).collect::<Vec<_>>())
+                .filter(|sets| weight(sets) >= enough)
+                .map(|sets| places(&sets))
+                .min();
+            assert_eq!(Some(places(&found.chosen)), best);
+            n_changed += usize::from(places(&found.chosen) != places(&plain.chosen));
+        }
+        assert!(n_changed > 50, "{n_changed}");
     }
 
     #[test]

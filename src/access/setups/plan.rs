@@ -2,7 +2,7 @@
 
 use super::candidates::{Candidate, Candidates};
 use super::machine::angle;
-use crate::access::cover::{Cover, cover_share, greedy_share};
+use crate::access::cover::{Cover, cover_share, cover_share_preferring, greedy_share};
 use crate::access::surface::AccessibleDirections;
 use crate::geom::{Mesh, Sites};
 use crate::{Result, memory, par};
@@ -80,10 +80,12 @@ impl Plan {
     }
 
     /// Of the `candidates` for `part`, few that cover at least `share` of the weight of all that some candidate reaches; `accessible` says for each
-    /// tool in which of their directions it may stand, `weights` what each site counts.
+    /// tool in which of their directions it may stand, `weights` what each site counts. `order` has every tool once,
+    /// the preferred first: of sets of
+    /// tools as small as can be a setup takes the one that comes first ([`cover_share_preferring`]).
     ///
     /// # Panics
-    /// If `accessible` is about other sites or directions, or empty.
+    /// If `accessible` is about other sites or directions, or empty, or `order` does not have every tool once.
     pub fn new(
         candidates: &Candidates,
         part: &Mesh,
@@ -91,6 +93,7 @@ impl Plan {
         accessible: &[AccessibleDirections],
         weights: &[f64],
         share: f64,
+        order: &[usize],
     ) -> Self {
         let n = sites.len();
         assert!(!accessible.is_empty() && weights.len() == n, "a tool, and a weight per site");
@@ -118,7 +121,8 @@ impl Plan {
                 .map(|i| if first[i].is_none() && of(c, i) { weights[i] } else { 0.0 })
                 .collect();
             (0..n).filter(|&i| of(c, i)).for_each(|i| first[i] = first[i].or(Some(setups.len())));
-            let about = About { candidates, accessible, any: &any, lies_on: &lies_on[c], share };
+            let lies_on = &lies_on[c];
+            let about = About { candidates, accessible, any: &any, lies_on, share, order };
             setups.push(about.setup(&list[c], &reached[c], *adds, &new));
         }
         let can_be_reached: Vec<bool> = (0..n).map(|i| (0..list.len()).any(|c| of(c, i))).collect();
@@ -165,6 +169,7 @@ struct About<'a> {
     any: &'a [Bits],
     lies_on: &'a Bits,
     share: f64,
+    order: &'a [usize],
 }
 
 impl About<'_> {
@@ -175,7 +180,8 @@ impl About<'_> {
         let by_tool: Vec<Vec<bool>> = par::map(self.accessible.len(), |t| {
             list(&reach(candidate, self.lies_on, |d| self.accessible[t].words(d)))
         });
-        let tools = cover_share(by_tool.len(), new, |t, i| by_tool[t][i], self.share);
+        let reaches = |t: usize, i: usize| by_tool[t][i];
+        let tools = cover_share_preferring(by_tool.len(), new, reaches, self.share, self.order);
         let is_accessible = |k: usize, i: usize| {
             !holds(self.lies_on, i) && holds(&self.any[candidate.axes[k] as usize], i)
         };

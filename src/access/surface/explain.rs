@@ -13,7 +13,7 @@
 //! ```text
 //! raise part P and all above:  if no lower step and no tip penetrates: max over these steps of (greatest height over the disc − lower end)
 //! radii of part P less:        if nothing else penetrates: max over its steps of (radius − distance of the nearest point above the lower end)
-//! diameter of the cutter:      not in closed form: 24 sizes from the largest on are labeled, then the gap is bisected
+//! diameter of the cutter:      not in closed form: the sizes that are sold are labeled from the largest on
 //! ```
 //!
 //! # Pseudo-code
@@ -32,12 +32,13 @@ mod change;
 mod meet;
 mod parts;
 mod region;
+mod remedies;
 
-#[cfg(feature = "formats")]
 pub(crate) use change::short;
-pub use change::{Change, ChangeKind, FINE_MM};
+pub use change::{Change, ChangeKind};
 pub use parts::blocking_parts_among_points;
-pub use region::{N_LABELED, RegionChange};
+pub use region::{N_LABELED, RegionAdvice, RegionChange};
+pub use remedies::{Remedies, Stopped, sold_diameter};
 
 use super::labels::{RefinementOptions, SiteAnswer, SurfaceOptions, WitnessPose};
 use super::obstacles::{TriangleObstacles, tested};
@@ -70,6 +71,8 @@ pub struct Query<'a> {
     pub options: &'a SurfaceOptions,
     /// A direction in which the tool is said to stand there: it is tried first.
     pub witness: Option<Vec3>,
+    /// Which changed tools are worth a proposal.
+    pub remedies: Remedies,
 }
 
 /// Why a site can or cannot be reached.
@@ -86,6 +89,8 @@ pub struct Explanation {
     pub directions: Vec<DirectionState>,
     /// Changes of the tool that help, the least first; none for an accessible site.
     pub changes: Vec<Change>,
+    /// A stick-out that would help and is not proposed, if there is one.
+    pub stopped: Option<Stopped>,
     /// For a site that is not accessible: a direction outside of those of the query in which this tool may stand.
     pub other_direction: Option<Vec3>,
 }
@@ -173,7 +178,7 @@ impl TriangleObstacles {
     /// Why `query`'s site can or cannot be reached among these triangles.
     ///
     /// ```
-    /// use deepmill::access::surface::explain::{ChangeKind, Query};
+    /// use deepmill::access::surface::explain::{ChangeKind, Query, Remedies};
     /// use deepmill::access::surface::{SiteAnswer, SurfaceOptions, TriangleObstacles};
     /// use deepmill::cutter::{Assembly, Section, TipShape, ToolPart};
     /// use deepmill::directions::Directions;
@@ -196,6 +201,7 @@ impl TriangleObstacles {
     ///     directions: &Directions::up(),
     ///     options: &SurfaceOptions::default(),
     ///     witness: None,
+    ///     remedies: Remedies::default(),
     /// };
     /// let why = obstacles.explain(&query)?;
     /// assert_eq!(why.answer, SiteAnswer::Inaccessible);
@@ -311,9 +317,9 @@ impl Case<'_> {
             answer = SiteAnswer::Accessible;
         }
         let directions = self.states(tool)?;
-        let (mut changes, mut other_direction) = (Vec::new(), None);
+        let (mut changes, mut stopped, mut other_direction) = (Vec::new(), None, None);
         if answer != SiteAnswer::Accessible {
-            changes = self.changes(found.tolerance)?;
+            (changes, stopped) = self.changes(found.tolerance)?;
             let sphere = Directions::new(DirectionSet::FibonacciSphere { n_dirs: N_SPHERE })?;
             let around = self.label(tool, &sphere, Between::Quick)?;
             if let Some(direction) = around.witness {
@@ -321,7 +327,15 @@ impl Case<'_> {
             }
         }
         let tolerance_mm = found.tolerance;
-        Ok(Explanation { answer, tolerance_mm, witness, directions, changes, other_direction })
+        Ok(Explanation {
+            answer,
+            tolerance_mm,
+            witness,
+            directions,
+            changes,
+            stopped,
+            other_direction,
+        })
     }
 
     fn site(&self) -> Sites {

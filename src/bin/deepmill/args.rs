@@ -181,6 +181,11 @@ impl ToolArgs {
         !self.tools.is_empty() || self.cutter.len() > 1
     }
 
+    /// Whether files name all tools.
+    pub fn are_of_files(&self) -> bool {
+        self.cutter.is_empty()
+    }
+
     /// For a command that takes one `--cutter` only.
     pub fn check_one_cutter(&self) -> Result<()> {
         match self.cutter.len() {

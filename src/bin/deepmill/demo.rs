@@ -188,6 +188,7 @@ fn exact(
         "directions": directions.set(),
         "n_directions": N_DIRECTIONS,
         "definition": definition.to_string(),
+        "occlusion": true,
         "part_itself": definition.is_part_itself().then(|| json!({
             "tolerance_mm": null,
             "search": RefinementOptions::default().n_kept,

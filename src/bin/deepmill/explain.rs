@@ -1,16 +1,19 @@
 //! `deepmill explain`: why a site of a result can or cannot be reached, and what would help.
 
-use crate::args::millimeters;
+use crate::args::{UnsaidArgs, millimeters};
 use crate::mesh_args::{MeshArgs, warn_if_in_inches};
 use crate::output::Output;
+use deepmill::access::surface::SiteAnswer;
+use deepmill::access::surface::explain::Remedies;
 use deepmill::data::files::label_query::LabelQuery;
+use deepmill::data::files::tools::{Tool, thick_and_short_first};
 use deepmill::report::coverage::{TOOLS, tool_folders};
 use deepmill::report::explanation::{About, picture};
 use deepmill::report::folder::LABELS;
 use deepmill::report::tables::Cell;
 use deepmill::{Error, Result, atomic_file};
 use glam::DVec3;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Say why a site can or cannot be reached: a direction in which the tool may stand there, or what blocks by direction, by how much, and
@@ -34,6 +37,19 @@ pub struct Args {
     part: Option<PathBuf>,
     #[command(flatten)]
     read: MeshArgs,
+    /// Propose tools of these files only, and a longer stick-out of the tool that the labels are about: Fusion 360
+    /// libraries (JSON), FreeCAD tool bits
+    /// (.fctb) or folders of them, LinuxCNC tables (.tbl), CSV tables.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    library: Vec<PathBuf>,
+    #[command(flatten)]
+    unsaid: UnsaidArgs,
+    /// Propose no thinner cutter.
+    #[arg(long, value_name = "MM", default_value_t = Remedies::default().least_diameter_mm)]
+    least_diameter: f64,
+    /// Propose no tool of which the length is more than so many times its diameter.
+    #[arg(long, value_name = "RATIO", default_value_t = Remedies::default().most_slender)]
+    most_slender: f64,
     /// File of the picture; without it site-N.png beside the labels.
     #[arg(long, value_name = "FILE", conflicts_with = "no_picture")]
     picture: Option<PathBuf>,
@@ -49,8 +65,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         atomic_file::check_writable_file(path)?;
     }
     let mesh = args.part.as_ref().map(|path| args.read.read_near(path, output));
-    let query = LabelQuery::read(&labels, mesh.transpose()?)?;
+    let library = args.unsaid.read(&args.library, output)?;
+    let mut query = LabelQuery::read(&labels, mesh.transpose()?)?;
     query.mesh.iter().for_each(|mesh| warn_if_in_inches(mesh, output));
+    query.remedies = args.remedies(query.remedies)?;
     let (site, distance) = match at {
         Some(at) => query.nearest_site(at)?,
         None => (args.site.unwrap_or_default(), 0.0),
@@ -66,6 +84,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.say(facts.text());
     output.say(about.table().text());
     about.sentences().iter().for_each(|line| output.say(line));
+    if why.answer != SiteAnswer::Accessible && !library.is_empty() {
+        result["library"] = say_library(&query, site, &library, output)?;
+    }
     let mut paths = Vec::new();
     if !args.no_picture {
         let beside = labels.parent().unwrap_or(Path::new("")).join(format!("site-{site}.png"));
@@ -77,6 +98,52 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.result_with_files(result, &paths);
     Ok(())
 }
+
+impl Args {
+    fn remedies(&self, of_labels: Remedies) -> Result<Remedies> {
+        for (name, value) in
+            [("--least-diameter", self.least_diameter), ("--most-slender", self.most_slender)]
+        {
+            if !(1e-4..=1e4).contains(&value) {
+                let remedy = "leave it out for the default";
+                return Err(Error::argument(name, value, "a number from 0.0001 to 10000", remedy));
+            }
+        }
+        let mut remedies = of_labels;
+        remedies.least_diameter_mm = self.least_diameter;
+        remedies.most_slender = self.most_slender;
+        remedies.only_this_tool |= !self.library.is_empty();
+        Ok(remedies)
+    }
+}
+
+/// Which tools of the library reach the site, the thick and short ones first; said and as JSON.
+fn say_library(
+    query: &LabelQuery,
+    site: usize,
+    library: &[Tool],
+    output: &Output,
+) -> Result<Value> {
+    let mut reaching = Vec::new();
+    for k in thick_and_short_first(library) {
+        if query.is_reached_by(site, &library[k])? {
+            reaching.push(&library[k]);
+        }
+    }
+    let named = |tool: &&Tool| format!("{} ({})", tool.name, tool.words());
+    let first: Vec<String> = reaching.iter().take(N_SAID).map(named).collect();
+    let more = reaching.len().saturating_sub(N_SAID);
+    output.say(match (first.is_empty(), more) {
+        (true, _) => "No tool of the library reaches it from the directions given.".to_string(),
+        (false, 0) => format!("Of the library reach it: {}.", first.join("; ")),
+        (false, more) => format!("Of the library reach it: {}; and {more} more.", first.join("; ")),
+    });
+    let row = |tool: &&Tool| json!({ "name": tool.name, "words": tool.words() });
+    Ok(reaching.iter().map(row).collect())
+}
+
+/// Tools of a library that are printed.
+const N_SAID: usize = 6;
 
 /// The file of labels that is meant.
 fn labels_file(result: &Path) -> Result<PathBuf> {

@@ -3,7 +3,7 @@
 use crate::output::Output;
 use deepmill::Result;
 use deepmill::access::Labels;
-use deepmill::access::surface::explain::RegionChange;
+use deepmill::access::surface::explain::RegionAdvice;
 use deepmill::cutter::Assembly;
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::findings::{Findings, ToolChange, add_blocking_parts, add_proofs};
@@ -39,13 +39,16 @@ pub fn of_tools(
 pub fn advise(
     findings: &mut Findings,
     tool: &Assembly,
-    change_for: impl Fn(&[u32]) -> Result<Option<RegionChange>>,
+    change_for: impl Fn(&[u32]) -> Result<RegionAdvice>,
 ) -> Result<()> {
     let of_site = &findings.of_site;
     for (number, finding) in (1..).zip(findings.list.iter_mut().take(N_SAID)) {
         let all = 0..of_site.len() as u32;
         let members: Vec<u32> = all.filter(|&i| of_site[i as usize] == number).collect();
-        let found = change_for(&members)?.filter(|found| found.share >= LEAST_SHARE);
+        let advice = change_for(&members)?;
+        let found = advice.change.filter(|found| found.share >= LEAST_SHARE);
+        let stopped = advice.stopped.filter(|s| s.by_overall_length || found.is_none());
+        finding.stopped = stopped.map(|stopped| stopped.words());
         finding.change = found.map(|found| ToolChange::new(found.change.words(tool), found.share));
     }
     Ok(())
@@ -60,4 +63,9 @@ pub fn say(findings: &Findings, output: &Output) {
     let (s, first) = (if n == 1 { "" } else { "s" }, if n > N_SAID { ", the largest" } else { "" });
     output.say(format!("{n} finding{s} out of reach{first}:"));
     output.say(findings.first_rows(N_SAID).text());
+    for (number, finding) in (1..).zip(findings.list.iter().take(N_SAID)) {
+        if let Some(words) = &finding.stopped {
+            output.say(format!("finding {number}: would help, but is not proposed: {words}"));
+        }
+    }
 }

@@ -8,6 +8,7 @@ use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
 use crate::{progress, volume};
+use deepmill::access::surface::explain::Remedies;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::answers::SiteAnswers;
@@ -24,6 +25,7 @@ use deepmill::report::coverage::{Coverage, Shares};
 use deepmill::report::export::Extra;
 use deepmill::report::findings::{Findings, for_all_tools};
 use deepmill::report::folder::{self, Show};
+use deepmill::report::gate::{Limit, SiteAreas};
 use deepmill::report::page::{Page, View};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
@@ -61,9 +63,14 @@ pub struct Args {
     /// How to compute with points as obstacles; all engines give the same labels.
     #[arg(long, value_name = "NAME", default_value_t = LabelOptions::default().engine.name().into())]
     engine: String,
-    /// Share of the sites that are occlusion points.
-    #[arg(long, allow_negative_numbers = true, value_name = "SHARE", default_value_t = LabelOptions::default().share)]
-    occlusion_share: f64,
+    /// By the mesh definition too, mark the sites that are most often in the way (occlusion points) and name the faces
+    /// that are: a layer upon the
+    /// answers, which takes more time. With points as obstacles it is always there.
+    #[arg(long)]
+    occlusion: bool,
+    /// Share of the sites that are occlusion points (0.1); of a mesh it asks for --occlusion.
+    #[arg(long, allow_negative_numbers = true, value_name = "SHARE")]
+    occlusion_share: Option<f64>,
     /// Instead of sites, label the points of a lattice of this step in the part's box (roughing): with the tip at the
     /// point. Writes volume.npz and volume.png, a section.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "obstacles", value_parser = millimeters)]
@@ -89,6 +96,25 @@ pub struct Args {
     force: bool,
 }
 
+impl Args {
+    /// A tool of a table or library is what there is: only its stick-out is changed.
+    fn remedies(&self) -> Remedies {
+        let mut remedies = Remedies::default();
+        remedies.only_this_tool = self.tools.are_of_files();
+        remedies
+    }
+
+    fn share_of_occlusion(&self) -> f64 {
+        self.occlusion_share.unwrap_or(LabelOptions::default().share)
+    }
+
+    /// Whether occlusion points of a mesh are asked for, by the switch or by something that is about them.
+    fn wants_occlusion(&self, limits: &[Limit]) -> bool {
+        let is_limited = limits.iter().any(|limit| limit.quantity() == "occlusion");
+        self.occlusion || self.occlusion_share.is_some() || is_limited
+    }
+}
+
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.tools.tools(output)?;
     let limits = args.gate.limits(&[])?;
@@ -97,7 +123,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let also = args.also.iter().map(|name| name.parse()).collect::<Result<Vec<Extra>>>()?;
     let options = LabelOptions {
         engine,
-        share: args.occlusion_share,
+        share: args.share_of_occlusion(),
         clearance_limit_mm: args.clearance_limit,
         ..LabelOptions::default()
     };
@@ -122,7 +148,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
     let options_of_part = SurfaceOptions {
         clearance_limit_mm: args.clearance_limit,
-        ..args.surface.options(args.occlusion_share)
+        occlusion: args.wants_occlusion(&limits),
+        ..args.surface.options(args.share_of_occlusion())
     };
     let part_itself = mesh.as_ref().filter(|_| blocking == Blocking::Part);
     let fixtures = part_itself.map(|mesh| args.surface.fixtures(mesh, &args.read, output));
@@ -149,22 +176,37 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
     clock.lap("labels_s", "labels");
 
+    let of_mesh = blocking == Blocking::Part;
     let fixtures = joined(&fixtures);
     let surface = surface_settings(mesh.as_ref(), fixtures.as_ref())?;
     let (tools, directions) = (&tools[..], &directions);
-    let answers =
-        Answers { args, also, blocking, tools, directions, mesh, fixtures, surface, sites };
-    let coverage = args.tools.are_several().then(|| Coverage::of(tools, &labels, directions.len()));
-    let mut facts = answers.facts(&labels, coverage.as_ref());
+    let has_occlusion = !of_mesh || options_of_part.occlusion;
+    let answers = Answers {
+        args,
+        also,
+        blocking,
+        has_occlusion,
+        tools,
+        directions,
+        mesh,
+        fixtures,
+        surface,
+        sites,
+    };
+    let areas = SiteAreas::by_definition(&answers.sites, answers.mesh.as_ref(), of_mesh)?;
+    let cover = || Coverage::of(tools, &labels, directions.len(), &areas);
+    let coverage = args.tools.are_several().then(cover);
+    let mut facts = answers.facts(&labels, coverage.as_ref(), &areas);
     let named = tools.iter().zip(&labels).map(|(tool, labels)| (&*tool.name, &labels.answers));
     let broken = output.check_limits(&limits, (&answers.sites, answers.mesh.as_ref()), named)?;
     let single = coverage.is_none().then(|| labels[0].clone());
     let mut findings = Regions::find(&answers, &labels)?;
     if let (Some(triangles), [found], [tool]) = (&triangles, &mut findings.of_tools[..], tools) {
         let held = (&tool.assembly, tool.clearance_mm);
+        let remedies = args.remedies();
         findings::advise(found, held.0, |members| {
             let of = (&answers.sites, members);
-            triangles.change_for(of, held, directions, &options_of_part)
+            triangles.change_for(of, held, directions, &options_of_part, &remedies)
         })?;
     }
     clock.lap("findings_s", "findings");
@@ -182,7 +224,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     args.read.add_origin(&mut result);
     if let (Blocking::Part, Some(labels), Some(mesh)) = (blocking, &single, &answers.mesh) {
         result["faces"] = part_itself::say_blocking(mesh, &answers.sites, labels, output);
-        result["bodies"] = part_itself::say_bodies(mesh, &answers.sites, labels, output)?;
+        let about = (&answers.sites, &areas);
+        result["bodies"] = part_itself::say_bodies(mesh, about, labels, output)?;
     }
     let named = |tool: &'_ Tool| coverage.as_ref().map(|_| tool.name.clone());
     let warnings = tools.iter().zip(&warnings).map(|(tool, warnings)| {
@@ -222,6 +265,7 @@ struct Answers<'a> {
     args: &'a Args,
     also: Vec<Extra>,
     blocking: Blocking,
+    has_occlusion: bool,
     tools: &'a [Tool],
     directions: &'a Directions,
     mesh: Option<Mesh>,
@@ -233,7 +277,7 @@ struct Answers<'a> {
 }
 
 impl Answers<'_> {
-    fn facts(&self, labels: &[Labels], coverage: Option<&Coverage>) -> Facts {
+    fn facts(&self, labels: &[Labels], coverage: Option<&Coverage>, areas: &SiteAreas) -> Facts {
         let mut facts = Facts::new();
         facts.add("part", "part", Cell::text(name_of(&self.args.part)));
         facts.add("definition", "definition", Cell::text(self.blocking.words()));
@@ -246,13 +290,13 @@ impl Answers<'_> {
         facts.add("n_directions", "directions", Cell::count(n_directions));
         match coverage {
             None => {
-                add_shares(&mut facts, Shares::of(&labels[0], self.directions.len()));
+                add_shares(&mut facts, Shares::of(&labels[0], self.directions.len(), areas));
                 part_itself::add_facts(&mut facts, &labels[0]);
                 add_clearance(&mut facts, &labels[0]);
             }
             Some(coverage) => {
                 let none = Cell::Share(coverage.share_of_first(None));
-                facts.add("inaccessible_to_all", "inaccessible to every tool", none);
+                facts.add("inaccessible_to_all", "out of reach of every tool", none);
             }
         }
         facts
@@ -328,17 +372,20 @@ impl Answers<'_> {
 
     fn provenance(&self, tool: &Tool, warnings: &[Warning]) -> Provenance {
         let Answers { args, directions, .. } = self;
+        let mut of_tool = tool.settings();
+        of_tool["of_library"] = json!(args.tools.are_of_files());
         let mut settings = json!({
             "sites": args.sites.settings(self.mesh.is_some()),
             "surface": self.surface,
-            "tool": tool.settings(),
+            "tool": of_tool,
             "directions": directions.set(),
             "n_directions": directions.len(),
             "definition": self.blocking.words(),
             "obstacles": args.obstacles,
             "part_itself": (self.blocking == Blocking::Part).then(|| args.surface.settings()),
             "warnings": part_itself::warnings_json(warnings),
-            "occlusion_share": args.occlusion_share,
+            "occlusion": self.has_occlusion,
+            "occlusion_share": self.has_occlusion.then(|| args.share_of_occlusion()),
             "clearance_limit_mm": args.clearance_limit,
             "engine": args.engine,
         });
@@ -383,10 +430,18 @@ impl Regions {
 }
 
 fn add_shares(facts: &mut Facts, shares: Shares) {
-    let Shares { inaccessible, occlusion, both, accessible_directions } = shares;
+    let Shares { accessible, inaccessible, tip_does_not_fit, occlusion, both, .. } = shares;
+    facts.add("accessible", "accessible", Cell::Share(accessible));
     facts.add("inaccessible", "inaccessible", Cell::Share(inaccessible));
-    facts.add("occlusion", "occlusion", Cell::Share(occlusion));
-    facts.add("both", "inaccessible and occlusion", Cell::Share(both));
+    for (key, name, share) in [
+        ("tip_does_not_fit", "tip does not fit", tip_does_not_fit),
+        ("occlusion", "occlusion", occlusion),
+        ("both", "inaccessible and occlusion", both),
+    ] {
+        if let Some(share) = share {
+            facts.add(key, name, Cell::Share(share));
+        }
+    }
     let name = "directions that reach a site, mean";
-    facts.add("free_directions", name, Cell::Share(accessible_directions));
+    facts.add("free_directions", name, Cell::Share(shares.accessible_directions));
 }

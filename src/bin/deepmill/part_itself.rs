@@ -14,6 +14,7 @@ use deepmill::cutter::Cutter;
 use deepmill::data::files::tools::Tool;
 use deepmill::directions::Directions;
 use deepmill::geom::{Mesh, Sites, check};
+use deepmill::report::gate::SiteAreas;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result};
 use glam::{DVec3, dvec3};
@@ -214,32 +215,43 @@ pub fn warnings_json(warnings: &[Warning]) -> Value {
 }
 
 /// If the part consists of several bodies: what is answered about each, said and as JSON.
-pub fn say_bodies(mesh: &Mesh, sites: &Sites, labels: &Labels, output: &Output) -> Result<Value> {
+pub fn say_bodies(
+    mesh: &Mesh,
+    (sites, areas): (&Sites, &SiteAreas),
+    labels: &Labels,
+    output: &Output,
+) -> Result<Value> {
     let bodies = check::bodies(mesh)?;
     let n_bodies = bodies.iter().max().map_or(0, |last| *last as usize + 1);
     let Some(surface) = labels.surface.as_ref().filter(|_| n_bodies > 1) else {
         return Ok(Value::Null);
     };
-    let mut counts = vec![[0usize; 3]; n_bodies];
-    for (&face, answer) in sites.faces.iter().zip(&surface.answers) {
-        let [n, inaccessible, tip] = &mut counts[bodies[face as usize] as usize];
-        *n += 1;
-        *inaccessible += usize::from(*answer == SiteAnswer::Inaccessible);
-        *tip += usize::from(*answer == SiteAnswer::TipDoesNotFit);
-    }
     output.say(format!("{n_bodies} bodies, each labeled against all"));
-    let of = |(k, [n, inaccessible, tip]): (usize, &[usize; 3])| {
-        let share = |count: usize| count as f64 / (*n).max(1) as f64;
-        let [inaccessible, tip] = [share(*inaccessible), share(*tip)];
+    let of = |k: usize| {
+        let is_of = |i: usize| bodies[sites.faces[i] as usize] as usize == k;
+        let n = (0..sites.len()).filter(|&i| is_of(i)).count();
+        let whole = areas.share(is_of);
+        let share = |answer: SiteAnswer| match whole > 0.0 {
+            true => areas.share(|i| is_of(i) && surface.answers[i] == answer) / whole,
+            false => 0.0,
+        };
+        let answers = [SiteAnswer::Accessible, SiteAnswer::Inaccessible, SiteAnswer::TipDoesNotFit];
+        let [accessible, inaccessible, tip] = answers.map(share);
         output.say(format!(
-            "  body {}: {n} sites, {:.1} % inaccessible, tip does not fit at {:.1} %",
+            "  body {}: {n} sites, {:.1} % accessible, {:.1} % inaccessible, tip does not fit at {:.1} %",
             k + 1,
+            100.0 * accessible,
             100.0 * inaccessible,
             100.0 * tip
         ));
-        json!({ "n_sites": n, "inaccessible": inaccessible, "tip_does_not_fit": tip })
+        json!({
+            "n_sites": n,
+            "accessible": accessible,
+            "inaccessible": inaccessible,
+            "tip_does_not_fit": tip,
+        })
     };
-    Ok(counts.iter().enumerate().map(of).collect())
+    Ok((0..n_bodies).map(of).collect())
 }
 
 /// Adds which part of the tool keeps it from every site; without triangles, the points block.
@@ -267,9 +279,6 @@ pub fn add_blocking_parts(
 /// Adds what only the part itself answers.
 pub fn add_facts(facts: &mut Facts, labels: &Labels) {
     let Some(surface) = &labels.surface else { return };
-    let tip = surface.share(SiteAnswer::TipDoesNotFit);
-    facts.add("tip_does_not_fit", "tip does not fit", Cell::Share(tip));
-    facts.add("accessible", "accessible", Cell::Share(surface.share(SiteAnswer::Accessible)));
     let n = surface.answers.len().max(1) as f64;
     let share = |count: usize| Cell::Share(count as f64 / n);
     let others = surface.answers.iter().zip(&surface.open_directions);

@@ -8,9 +8,10 @@ use deepmill::data::files::label_query::LabelQuery;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
 use deepmill::geom::Mesh;
 use deepmill::metrics::Confusion;
-use deepmill::report::coverage::{self, TOOLS};
+use deepmill::report::coverage::{self, Shares, TOOLS};
 use deepmill::report::findings::{Findings, for_all_tools};
 use deepmill::report::folder::{self, FIRST_TOOLS, LABELS, PREDICTIONS, SURFACE, Show};
+use deepmill::report::gate::SiteAreas;
 use deepmill::report::page::{Page, View};
 use deepmill::report::scores;
 use deepmill::report::tables::{Cell, Table};
@@ -56,16 +57,21 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         ("part", "part"),
         ("cutter", "cutter"),
         ("n_sites", "sites"),
+        ("accessible", "accessible"),
         ("inaccessible", "inaccessible"),
+        ("tip_does_not_fit", "tip does not fit"),
         ("occlusion", "occlusion"),
     ]);
     if let Some(file) = &labels {
         paths.extend(folder::draw_labels(out, file, mesh.as_ref(), Show::Pictures)?);
-        shares.row(row("exact", &file.provenance, &file.labels.answers));
+        let of_mesh = file.labels.surface.is_some();
+        let areas = SiteAreas::by_definition(&file.sites, mesh.as_ref(), of_mesh)?;
+        shares.row(row("exact", &file.provenance, &file.labels.answers, &areas));
     }
     if let Some(file) = &predictions {
         paths.extend(folder::draw_predictions(out, file, mesh.as_ref(), Show::Pictures)?);
-        shares.row(row("predicted", &file.provenance, &file.answers()));
+        let areas = SiteAreas::even(file.sites.len());
+        shares.row(row("predicted", &file.provenance, &file.answers(), &areas));
     }
     output.say(shares.text());
     let mut result = json!({ "answers": shares.json() });
@@ -144,7 +150,9 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     let all = Findings::of(sites, mesh.as_ref(), &for_all_tools(answers.into_iter()), &[])?;
     findings::say(&all, output);
     let result = json!({ "findings": all.json() });
-    let mut views = vec![View::of_first_tools(&classes, &of, all)];
+    let mut first = View::of_first_tools(&classes, &of, all);
+    first.counts_sites = files[0].labels.surface.is_none();
+    let mut views = vec![first];
     let of_tool = |((name, file), found)| View::of_labels(name, file, found);
     views.extend(tools.iter().copied().zip(&files).zip(of_tools).map(of_tool));
     let part = &files[0].provenance.part;
@@ -154,14 +162,13 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     Ok(())
 }
 
-fn row(source: &str, about: &Provenance, answers: &SiteAnswers) -> Vec<Cell> {
-    let share = |flags: &[bool]| match flags {
-        [] => Cell::Missing,
-        flags => Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len() as f64),
-    };
+fn row(source: &str, about: &Provenance, answers: &SiteAnswers, areas: &SiteAreas) -> Vec<Cell> {
+    let shares = Shares::of_answers(answers, areas);
+    let some = |share: Option<f64>| share.map_or(Cell::Missing, Cell::Share);
     let words = [source, &about.part, &about.tool].map(Cell::text);
-    let shares = [share(&answers.inaccessible), share(&answers.occlusion)];
-    words.into_iter().chain([Cell::count(answers.len())]).chain(shares).collect()
+    let first = [shares.accessible, shares.inaccessible].map(Cell::Share);
+    let others = [shares.tip_does_not_fit, shares.occlusion].map(some);
+    words.into_iter().chain([Cell::count(answers.len())]).chain(first).chain(others).collect()
 }
 
 /// Scores of predictions about the same sites and the same cutter.
@@ -178,9 +185,14 @@ fn compare(labels: &LabelFile, predictions: &PredictionFile, found: &Found) -> R
     }
     let (found, truth) = (predictions.answers(), &labels.labels.answers);
     let first = Confusion::of_labels(&found.inaccessible, &truth.inaccessible);
-    let second = Confusion::of_labels(&found.occlusion, &truth.occlusion);
+    // Labels of a mesh mark occlusion points only where they are asked for.
+    let is_marked = truth.occlusion.len() == found.occlusion.len();
+    let marks = if is_marked { &truth.occlusion } else { &found.occlusion };
+    let second = Confusion::of_labels(&found.occlusion, marks);
     let rows = scores::heads(&first, &second);
-    Ok(scores::table(&rows.each_ref().map(|(name, counts)| (*name, counts))))
+    let rows = &rows[..if is_marked { rows.len() } else { rows.len() - 1 }];
+    let rows: Vec<_> = rows.iter().map(|(name, counts)| (*name, counts)).collect();
+    Ok(scores::table(&rows))
 }
 
 /// The files a report is about.

@@ -9,7 +9,7 @@ use deepmill::access::setups::{Candidates, Clampings, Machine, Plan};
 use deepmill::access::surface::{
     AccessibleDirections, ContactTolerance, SurfaceOptions, TriangleObstacles,
 };
-use deepmill::data::files::tools::Tool;
+use deepmill::data::files::tools::{self, Tool};
 use deepmill::report::PartView;
 use deepmill::report::findings::Findings;
 use deepmill::report::folder::{self, Show};
@@ -107,7 +107,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     };
     let accessible: Vec<AccessibleDirections> = tools.iter().map(of_tool).collect::<Result<_>>()?;
     clock.lap("directions_s", "directions of every site");
-    let plan = Plan::new(&candidates, &mesh, &sites, &accessible, areas.shares(), share);
+    let order = tools::thick_and_short_first(&tools);
+    let plan = Plan::new(&candidates, &mesh, &sites, &accessible, areas.shares(), share, &order);
     clock.lap("cover_s", "choice of setups");
 
     let names: Vec<&str> = tools.iter().map(|tool| &*tool.name).collect();

@@ -19,7 +19,8 @@ use deepmill::{Result, atomic_file};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Say what every tool of a library reaches on a part, which few of them reach all, and how little each may stick out.
+/// Say what every tool of a library reaches on a part, which few of them reach nearly all, and how little each may
+/// stick out.
 ///
 /// Writes to DIR: tools.csv (the table, a tool table again), stick-out.csv and stick-out.svg (area within reach by stick-out),
 /// tools.ply and tools.png (the first tool that reaches each site) and part.stl (the surface as used, in mm).
@@ -36,7 +37,9 @@ pub struct Args {
     library: Vec<PathBuf>,
     #[command(flatten)]
     unsaid: UnsaidArgs,
-    /// The least stick-out is that at which this share of what the tool reaches at any stick-out is reached.
+    /// The smallest set reaches this share of what any tool reaches; the least stick-out of a tool is that at which
+    /// this share of what it reaches
+    /// at any stick-out is reached.
     #[arg(long, value_name = "PERCENT", default_value = "95%")]
     share: String,
     #[command(flatten)]
@@ -84,7 +87,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let words = format!("{} tools", tools.len());
     let name = name_of(&args.part);
     let view = PartView { name: &name, mesh: Some(&mesh), sites: &sites, cutter: &words };
-    paths.extend(Coverage::of_reached(&tools, &accessible).write_first(&args.out, view, show)?);
+    paths.extend(
+        Coverage::of_reached(&tools, &accessible, &areas).write_first(&args.out, view, show)?,
+    );
     paths.push(folder::write_surface(&args.out, &mesh)?);
     clock.lap("write_s", "writing and drawing");
 
@@ -103,11 +108,12 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     );
     facts.add(
         "n_needed",
-        "tools that reach all that can be reached",
+        "tools that reach the share of what can be reached",
         Cell::count(library.cover.chosen.len()),
     );
     facts.add("n_needed_at_least", "no fewer than", Cell::count(library.cover.at_least));
-    facts.add("share", "share for the least stick-out", Cell::Share(share));
+    facts.add("share", "share for the tools and the least stick-out", Cell::Share(share));
+    facts.add("n_needed_for_all", "tools that reach all of it", Cell::count(library.n_for_all));
     clock.add_to(&mut facts);
     output.say(facts.text());
     output.files(&paths);

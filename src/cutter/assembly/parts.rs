@@ -101,7 +101,9 @@ impl Assembly {
     /// This tool with `part` and everything above it raised: a longer neck and stick-out, a longer stick-out, a longer holder.
     ///
     /// # Errors
-    /// If the part is none of shank, holder and spindle, or as [`Assembly::cutter`].
+    /// If the part is none of shank, holder and spindle, the stick-out would be beyond the overall length
+    /// ([`Assembly::with_overall`]), or as
+    /// [`Assembly::cutter`].
     pub fn raised(&self, part: ToolPart, by_mm: f64) -> Result<Self> {
         let mut tool = self.clone();
         match part {
@@ -168,7 +170,8 @@ impl Assembly {
     }
 
     fn checked(self) -> Result<Self> {
-        self.cutter().map(|_| self)
+        self.cutter()?;
+        self.within_overall()
     }
 }
 

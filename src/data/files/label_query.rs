@@ -5,10 +5,13 @@
 
 use super::tools::{Tool, steps_of_words};
 use super::{LabelFile, Provenance};
-use crate::access::surface::explain::{Explanation, Query, RegionChange, explain_among_points};
-use crate::access::surface::{
-    ContactTolerance, RefinementOptions, SurfaceOptions, TriangleObstacles,
+use crate::access::surface::explain::{
+    Explanation, Query, RegionAdvice, Remedies, explain_among_points,
 };
+use crate::access::surface::{
+    ContactTolerance, RefinementOptions, SiteAnswer, SurfaceOptions, TriangleObstacles,
+};
+use crate::access::{self, LabelOptions, Obstacles, Queries};
 use crate::answers::Definition;
 use crate::cutter::Assembly;
 use crate::directions::{DirectionSet, Directions};
@@ -66,6 +69,8 @@ pub struct LabelQuery {
     pub directions: Directions,
     /// Tolerance and search, for triangles.
     pub options: SurfaceOptions,
+    /// Which changed tools are worth a proposal.
+    pub remedies: Remedies,
     /// The surface; none for a cloud.
     pub mesh: Option<Mesh>,
     /// Fixtures and table.
@@ -111,7 +116,18 @@ impl LabelQuery {
             }
         };
         file.sites.check()?;
-        Ok(LabelQuery { definition, tool, directions, options, mesh, fixtures, barrier, file })
+        let remedies = stated.remedies();
+        Ok(LabelQuery {
+            definition,
+            tool,
+            directions,
+            options,
+            remedies,
+            mesh,
+            fixtures,
+            barrier,
+            file,
+        })
     }
 
     /// The site nearest to a place, and its distance, mm; the first among equals.
@@ -147,6 +163,7 @@ impl LabelQuery {
             directions: &self.directions,
             options: &self.options,
             witness: self.witness(site),
+            remedies: self.remedies,
         };
         match &self.barrier {
             Barrier::Triangles(triangles) => triangles.explain(&query),
@@ -161,10 +178,46 @@ impl LabelQuery {
     ///
     /// # Panics
     /// If a member is no site.
-    pub fn change_for(&self, members: &[u32]) -> Result<Option<RegionChange>> {
-        let Barrier::Triangles(triangles) = &self.barrier else { return Ok(None) };
-        let held = (&self.tool.assembly, self.tool.clearance_mm);
-        triangles.change_for((&self.file.sites, members), held, &self.directions, &self.options)
+    pub fn change_for(&self, members: &[u32]) -> Result<RegionAdvice> {
+        let Barrier::Triangles(triangles) = &self.barrier else {
+            return Ok(RegionAdvice::default());
+        };
+        let (of, held) =
+            ((&self.file.sites, members), (&self.tool.assembly, self.tool.clearance_mm));
+        triangles.change_for(of, held, &self.directions, &self.options, &self.remedies)
+    }
+
+    /// Whether another tool may stand at a site, by the directions and options of the labels.
+    ///
+    /// # Errors
+    /// As [`LabelQuery::explain`].
+    ///
+    /// # Panics
+    /// If there is no such site.
+    pub fn is_reached_by(&self, site: usize, tool: &Tool) -> Result<bool> {
+        let of_site = self.file.sites.subset(&[site]);
+        match &self.barrier {
+            Barrier::Triangles(triangles) => {
+                let options = SurfaceOptions {
+                    counts: false,
+                    occlusion: false,
+                    n_samples: 0,
+                    ..self.options
+                };
+                let labels = triangles.label(&of_site, &tool.cutter, &self.directions, &options)?;
+                Ok(labels.answers[0] == SiteAnswer::Accessible)
+            }
+            Barrier::Points(points) => {
+                let others = points.iter().enumerate().filter(|(k, _)| *k != site);
+                let others: Vec<Vec3> = others.map(|(_, p)| *p).collect();
+                let options = LabelOptions { occlusion: false, ..LabelOptions::default() };
+                let queries = Queries::Sites(&of_site);
+                let obstacles = Obstacles::Points(&others);
+                let labels =
+                    access::label(queries, obstacles, &tool.cutter, &self.directions, &options)?;
+                Ok(!labels.answers.inaccessible[0])
+            }
+        }
     }
 
     /// The direction in which the file says that the tool may stand at a site.
@@ -209,6 +262,11 @@ impl Stated<'_> {
         })
     }
 
+    fn remedies(&self) -> Remedies {
+        let only_this_tool = self.settings()["tool"]["of_library"] == true;
+        Remedies { only_this_tool, ..Remedies::default() }
+    }
+
     fn directions(&self) -> Result<Directions> {
         let set: DirectionSet = serde_json::from_value(self.settings()["directions"].clone())
             .map_err(|e| {
@@ -230,6 +288,14 @@ impl Stated<'_> {
     }
 
     fn tool(&self) -> Result<Tool> {
+        let tool = self.tool_of_any_length()?;
+        match self.settings()["tool"]["overall_mm"].as_f64() {
+            Some(overall) => self.stated("settings.tool", tool.of_overall_length(overall)),
+            None => Ok(tool),
+        }
+    }
+
+    fn tool_of_any_length(&self) -> Result<Tool> {
         let stated = &self.settings()["tool"];
         let corner_mm = self.number(stated, "corner_mm")?;
         let clearance_mm = self.number(stated, "clearance_mm")?;

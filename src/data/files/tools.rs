@@ -150,6 +150,15 @@ impl Tool {
         self.assembly.with_clearance(self.clearance_mm)
     }
 
+    /// The same tool, of which the overall length is stated.
+    ///
+    /// # Errors
+    /// As [`Assembly::with_overall`].
+    pub fn of_overall_length(self, overall_mm: f64) -> Result<Self> {
+        let assembly = self.assembly.with_overall(overall_mm)?;
+        Ok(Tool { assembly, ..self })
+    }
+
     /// The same tool by another name.
     pub fn named(mut self, name: &str) -> Self {
         self.rename(name);
@@ -203,6 +212,9 @@ impl Tool {
             settings["stick_out_mm"] = json!(self.assembly.stick_out_mm());
             settings["excess_mm"] = json!(self.assembly.excess_mm());
         }
+        if let Some(overall) = self.assembly.overall_mm() {
+            settings["overall_mm"] = json!(overall);
+        }
         settings
     }
 }
@@ -249,6 +261,18 @@ pub struct ToolTable {
     pub refused: Vec<String>,
     /// What was changed to the safe side, one sentence each.
     pub notices: Vec<String>,
+}
+
+/// The places of tools in the order in which a shop prefers them: by diameter of the lower end, the greatest first,
+/// then by stick-out, the least first, then as given.
+pub fn thick_and_short_first(tools: &[Tool]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..tools.len()).collect();
+    let stick_out = |k: usize| tools[k].assembly.stick_out_mm();
+    order.sort_by(|&a, &b| {
+        let by_diameter = tools[b].params.cr_mm.total_cmp(&tools[a].params.cr_mm);
+        by_diameter.then(stick_out(a).total_cmp(&stick_out(b))).then(a.cmp(&b))
+    });
+    order
 }
 
 #[cfg(test)]

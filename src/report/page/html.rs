@@ -155,7 +155,8 @@ fn panel(v: usize, view: &View, areas: &[f64]) -> String {
     out
 }
 
-/// Groups with their shares; a click hides a color.
+/// Groups with their shares, a click hides a color; then the layer with the box that shows it, which is no group: the
+/// shares do not depend on it.
 fn legend(view: &View, areas: &[f64]) -> String {
     let mut sums = vec![(0usize, 0.0); view.classes.len()];
     for (&class, area) in view.of.iter().zip(areas) {
@@ -164,17 +165,35 @@ fn legend(view: &View, areas: &[f64]) -> String {
         *sum += area;
     }
     let total: f64 = areas.iter().sum();
-    let rows: String = (view.classes.iter().zip(sums).enumerate())
+    let n_sites = view.of.len();
+    let share = |(count, area): (usize, f64)| match view.counts_sites {
+        true => percent(count as f64, n_sites as f64),
+        false => percent(area, total),
+    };
+    let mut rows: String = (view.classes.iter().zip(sums).enumerate())
         .filter(|(_, (_, (count, _)))| *count > 0)
         .map(|(k, ((name, [r, g, b]), (count, area)))| {
             format!(
                 "<tr data-class=\"{k}\" tabindex=\"0\"><td><span class=\"swatch\" style=\"background:rgb({r},{g},{b})\"></span></td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{} mm²</td><td class=\"n\">{count}</td></tr>",
                 text(name),
-                percent(area, total),
+                share((count, area)),
                 number(area),
             )
         })
         .collect();
+    if let Some(layer) = &view.layer {
+        let marked = layer.of.iter().zip(areas).filter(|(mark, _)| **mark);
+        let (count, area) = marked.fold((0, 0.0), |(n, sum), (_, area)| (n + 1, sum + area));
+        let [r, g, b] = layer.colors.first().copied().unwrap_or_default();
+        let _ = write!(
+            rows,
+            "<tr class=\"layer\"><td><span class=\"swatch\" style=\"background:rgb({r},{g},{b})\"></span></td><td><label><input type=\"checkbox\" data-layer{}> {}</label></td><td class=\"n\">{}</td><td class=\"n\">{} mm²</td><td class=\"n\">{count}</td></tr>",
+            if layer.is_shown { " checked" } else { "" },
+            text(&layer.name),
+            share((count, area)),
+            number(area),
+        );
+    }
     format!(
         "<table class=\"legend\"><tr><th></th><th>color</th><th class=\"n\">share</th><th class=\"n\">area</th><th class=\"n\">sites</th></tr>{rows}</table>\n"
     )
@@ -231,7 +250,7 @@ fn list(findings: &Findings) -> String {
         let _ = write!(
             out,
             "<tr data-finding=\"{number_of}\" tabindex=\"0\"{}><td>{number_of}</td><td>{cause}</td><td class=\"n\">{} mm²</td><td class=\"n\">{}</td><td class=\"p\">{x:.1}, {y:.1}, {z:.1}</td>",
-            if f.change.is_some() { " class=\"more\"" } else { "" },
+            if f.change.is_some() || f.stopped.is_some() { " class=\"more\"" } else { "" },
             number(f.area_mm2),
             percent(f.area_share, 1.0),
         );
@@ -242,6 +261,14 @@ fn list(findings: &Findings) -> String {
             let _ = write!(out, "<td class=\"w\">{help}</td>");
         }
         out.push_str("</tr>");
+        if let Some(stopped) = &f.stopped {
+            let _ = write!(
+                out,
+                "<tr class=\"helps\"><td></td><td colspan=\"{}\">not proposed: {}</td></tr>",
+                if has_help { 5 } else { 4 },
+                text(stopped),
+            );
+        }
         if let Some(change) = &f.change {
             let _ = write!(
                 out,

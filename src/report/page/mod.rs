@@ -7,7 +7,7 @@ mod html;
 mod pack;
 mod view;
 
-pub use view::{Numbers, SiteValues, View};
+pub use view::{Layer, Numbers, SiteValues, View};
 
 use crate::geom::spacing::{Spacing, areas_mm2};
 use crate::geom::{Mesh, Sites, check};
@@ -58,8 +58,13 @@ impl Page<'_> {
         let n = self.sites.len();
         for view in self.views {
             let is_known = |class: &u8| usize::from(*class) < view.classes.len();
+            let layer = view.layer.as_ref();
+            let is_marked =
+                layer.is_none_or(|l| l.of.len() == n && l.colors.len() == view.classes.len());
+            let n_colors = view.classes.len() + layer.map_or(0, |layer| layer.colors.len());
             if view.of.len() != n
-                || view.classes.len() > MAX_CLASSES
+                || !is_marked
+                || n_colors > MAX_CLASSES
                 || !view.of.iter().all(is_known)
             {
                 let found = format!("{} sites in {} groups", view.of.len(), view.classes.len());
@@ -76,7 +81,7 @@ impl Page<'_> {
     fn require_memory(&self) -> Result<()> {
         let of_findings = |view: &View| usize::from(view.findings.is_some()) * 4;
         let of_values = |view: &View| if self.is_detailed() { 4 * view.values.len() } else { 0 };
-        let of_site = self.views.iter().map(|view| 1 + of_findings(view) + of_values(view));
+        let of_site = self.views.iter().map(|view| 2 + of_findings(view) + of_values(view));
         let n_number_bytes = self.sites.len().saturating_mul(of_site.sum());
         let findings = self.views.iter().flat_map(|view| &view.findings);
         let n_findings = findings.map(|findings| findings.list.len()).sum();
@@ -134,6 +139,11 @@ impl Page<'_> {
 /// Adds the numbers of tab `v`; returns what the script must know of it.
 fn add_view(block: &mut Block, v: usize, view: &View, detailed: bool) -> Value {
     block.add(format!("view{v}.class"), &view.of);
+    let layer = view.layer.as_ref().map(|layer| {
+        let marks: Vec<u8> = layer.of.iter().map(|mark| u8::from(*mark)).collect();
+        block.add(format!("view{v}.layer"), &marks);
+        json!({ "name": layer.name, "colors": layer.colors, "shown": layer.is_shown })
+    });
     if let Some(findings) = &view.findings {
         block.add_words(format!("view{v}.finding"), findings.of_site.iter().copied());
     }
@@ -163,6 +173,7 @@ fn add_view(block: &mut Block, v: usize, view: &View, detailed: bool) -> Value {
     json!({
         "name": view.name,
         "classes": view.classes.iter().map(class).collect::<Vec<_>>(),
+        "layer": layer,
         "values": values,
         "has_findings": view.findings.is_some(),
         "findings": findings.unwrap_or_default(),
@@ -271,6 +282,10 @@ mod tests {
         let (mesh, labels, predictions) = files();
         let mut views = views(&mesh, &labels, &predictions);
         views[1].of[7] = 9;
+        let few = views[0].layer.as_mut().unwrap();
+        few.of.pop();
+        let page = Page { part: "p", mesh: Some(&mesh), sites: &labels.sites, views: &views[..1] };
+        assert!(page.html().unwrap_err().to_string().contains("tab"));
         let page = Page { part: "p", mesh: Some(&mesh), sites: &labels.sites, views: &views };
         assert!(page.html().unwrap_err().to_string().contains("tab"));
         let none = Sites::default();

@@ -3,7 +3,7 @@
 use crate::access::surface::SiteAnswer;
 use crate::answers::SiteAnswers;
 use crate::data::files::{LabelFile, PredictionFile, Provenance};
-use crate::report::color::{PART_ITSELF, class_of_part_itself};
+use crate::report::color::{LABELS, PART_ITSELF, layered};
 use crate::report::findings::Findings;
 use crate::report::points::PointValues;
 use crate::report::tables::Table;
@@ -24,6 +24,10 @@ pub struct View {
     pub classes: Vec<(String, Rgb)>,
     /// The group of each site.
     pub of: Vec<u8>,
+    /// What can be shown upon the groups, and taken off.
+    pub layer: Option<Layer>,
+    /// Whether shares in the legend are of the sites, as the published definition has them, and not of the surface.
+    pub counts_sites: bool,
     /// Numbers per site, shown where the pointer is.
     pub values: Vec<SiteValues>,
     /// Tables below the colors, each with its title.
@@ -34,6 +38,20 @@ pub struct View {
     pub settings: Value,
     /// Warnings about them.
     pub warnings: Vec<String>,
+}
+
+/// Marked sites in colors of their own, upon the groups: the shares of the groups do not depend on it.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Layer {
+    /// What the marks mean.
+    pub name: String,
+    /// Whether a site is marked.
+    pub of: Vec<bool>,
+    /// The color of the marked sites of each group.
+    pub colors: Vec<Rgb>,
+    /// Whether it is shown when the page opens.
+    pub is_shown: bool,
 }
 
 /// A number for every site.
@@ -62,8 +80,7 @@ impl View {
     pub fn of_labels(name: impl Into<String>, file: &LabelFile, findings: Findings) -> Self {
         let n = file.sites.len();
         let (labels, answers) = (&file.labels, &file.labels.answers);
-        let none = vec![false; n];
-        let occlusion = answers.occlusion.get(..n).unwrap_or(&none);
+        let occlusion = answers.occlusion.get(..n).unwrap_or_default();
         let mut view = View::about(name, &file.provenance);
         view.values = site_values(answers, n);
         if let Some(beta) = labels.beta.get(..n) {
@@ -73,9 +90,9 @@ impl View {
         match &labels.surface {
             Some(surface) => {
                 view.caption = "the part itself: its triangles block".into();
-                let of = |i: usize| class_of_part_itself(surface.answers[i], occlusion[i]);
-                let of: Vec<usize> = (0..n).map(of).collect();
-                view.color(&Coloring::Groups { classes: &PART_ITSELF, of: &of });
+                let answers = &surface.answers[..n];
+                view.color(&Coloring::Surface { answers, occlusion: &[], areas: &[] });
+                view.mark(occlusion, &PART_ITSELF, folder::shows_occlusion(file));
                 let open = surface.open_directions.iter().zip(&surface.answers);
                 let open = open.map(|(open, answer)| match answer {
                     SiteAnswer::Accessible => f32::NAN,
@@ -87,8 +104,7 @@ impl View {
             }
             None => {
                 view.caption = "published definition: sites block".into();
-                let inaccessible = &answers.inaccessible[..n];
-                view.color(&Coloring::Labels { inaccessible, occlusion });
+                view.color_labels(&answers.inaccessible[..n], occlusion);
             }
         }
         view.findings = Some(findings);
@@ -105,8 +121,7 @@ impl View {
             let verified = verified.verified.iter().map(|v| f32::from(u8::from(*v))).collect();
             view.add("computed (1) or predicted (0)", "", Numbers::Reals(verified));
         }
-        let (inaccessible, occlusion) = (&answers.inaccessible[..], &answers.occlusion[..]);
-        view.color(&Coloring::Labels { inaccessible, occlusion });
+        view.color_labels(&answers.inaccessible, &answers.occlusion);
         view.findings = Some(findings);
         view
     }
@@ -130,6 +145,7 @@ impl View {
                 "predicted against exact: {head}; dark over-predicted, light under-predicted"
             );
             let coloring = Coloring::Difference { positive: "", truth, predicted: &predicted };
+            view.counts_sites = true;
             view.of = (0..n).map(|i| coloring.class(i) as u8).collect();
             view.classes = classes.map(|class| (class.name.to_string(), class.color)).into();
             views.push(view);
@@ -151,7 +167,7 @@ impl View {
         of: &[usize],
     ) -> Self {
         let mut view = View { name: name.into(), caption: caption.into(), ..View::default() };
-        view.color(&Coloring::Groups { classes, of });
+        view.color(&Coloring::Groups { classes, of, areas: &[] });
         view
     }
 
@@ -172,6 +188,22 @@ impl View {
         let class = |class: &Class| (class.name.to_string(), class.color);
         self.classes = coloring.classes().iter().map(class).collect();
         self.of = (0..coloring.len()).map(|i| coloring.class(i) as u8).collect();
+    }
+
+    /// Answers by the published definition, or predicted.
+    fn color_labels(&mut self, inaccessible: &[bool], occlusion: &[bool]) {
+        self.counts_sites = true;
+        let (classes, _) = layered(&LABELS);
+        self.classes = classes.iter().map(|class| (class.name.to_string(), class.color)).collect();
+        self.of = inaccessible.iter().map(|yes| u8::from(*yes)).collect();
+        self.mark(occlusion, &LABELS, true);
+    }
+
+    /// Adds the layer of occlusion points, if they are known.
+    fn mark(&mut self, occlusion: &[bool], with_layer: &'static [Class<'static>], is_shown: bool) {
+        let (name, of) = ("occlusion".to_string(), occlusion.to_vec());
+        let (_, colors) = layered(with_layer);
+        self.layer = (!of.is_empty()).then_some(Layer { name, of, colors, is_shown });
     }
 
     fn add(&mut self, name: &'static str, unit: &'static str, numbers: Numbers) {

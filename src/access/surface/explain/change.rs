@@ -1,7 +1,8 @@
 //! The least changes of a tool with which it may stand at a site.
 
 use super::meet::{Meeting, ShrunkTool};
-use super::{Between, Case};
+use super::remedies::diameter;
+use super::{Between, Case, Stopped};
 use crate::cutter::{Assembly, ToolPart};
 use crate::{Error, Result};
 use glam::Vec3;
@@ -25,9 +26,11 @@ pub struct Change {
     pub kind: ChangeKind,
     /// By how much, mm; of the diameter for [`ChangeKind::Diameter`], of the radius for [`ChangeKind::Narrow`].
     pub by_mm: f64,
-    /// By how much the stick-out is longer besides, mm.
+    /// By how much the stick-out is longer besides, mm; negative where a smaller cutter would be too slender at the
+    /// same one.
     pub longer_mm: f64,
-    /// Whether less by 2τ (for points by 0.001 mm, for a diameter by [`FINE_MM`]) was labeled and does not do.
+    /// Whether less by 2τ (for points by 0.001 mm, for a diameter the next larger one that is sold) was labeled and
+    /// does not do.
     pub is_least: bool,
     /// The changed tool, without a margin.
     pub tool: Assembly,
@@ -35,16 +38,12 @@ pub struct Change {
     pub direction: Vec3,
 }
 
-/// Diameters are found to this, mm.
-pub const FINE_MM: f64 = 0.01;
 /// Amounts are rounded up to this, mm.
 const ROUND_MM: f64 = 1e-4;
 /// More than the roundings of greatest heights, mm.
 const BEYOND_MM: f64 = 1e-6;
 /// Directions between those tested that are followed for one change.
 const ROUNDS: usize = 8;
-/// Sizes of cutters that are tried.
-const N_SIZES: usize = 24;
 /// No raise is longer, mm.
 const MOST_MM: f64 = 1e3;
 /// What makes a difference among points, mm.
@@ -71,14 +70,17 @@ impl Change {
             }
             ChangeKind::Narrow(ToolPart::Shank) => format!("shank thinner by {by} mm in radius"),
             ChangeKind::Narrow(_) => format!(
-                "holder thinner by {by} mm in radius (diameter {} instead of {} mm)",
+                "holder thinner by {by} mm in radius (diameter {} or less instead of {} mm)",
                 short(widest(&self.tool)),
                 short(widest(from))
             ),
             ChangeKind::Diameter => {
-                let more = match self.longer_mm > 0.0 {
-                    true => format!(", and stick-out longer by {} mm", short(self.longer_mm)),
-                    false => String::new(),
+                let more = match self.longer_mm {
+                    longer if longer > 0.0 => {
+                        format!(", and stick-out longer by {} mm", short(longer))
+                    }
+                    longer if longer < 0.0 => format!(", and stick-out {}", sticks(&self.tool)),
+                    _ => String::new(),
                 };
                 format!(
                     "cutter of diameter {} instead of {} mm{more}",
@@ -96,22 +98,27 @@ pub(crate) fn short(x: f64) -> String {
 }
 
 impl Case<'_> {
-    /// Every kind of change that helps, the least first.
-    pub(super) fn changes(&self, tolerance: f64) -> Result<Vec<Change>> {
+    /// Every kind of change that helps and that someone would make, the least first; and the stick-out that would help
+    /// beyond that.
+    pub(super) fn changes(&self, tolerance: f64) -> Result<(Vec<Change>, Option<Stopped>)> {
         let tool = self.query.tool;
-        let mut changes = match self.ball_gouges(tool)? {
-            true => Vec::new(),
+        let (mut changes, stopped) = match self.ball_gouges(tool)? {
+            true => (Vec::new(), None),
             false => self.changes_above_tip(tool, tolerance)?,
         };
-        if changes.is_empty() {
+        if changes.is_empty() && !self.query.remedies.only_this_tool {
             changes.extend(self.smaller_diameter(tool)?);
         }
         changes.sort_by(|a, b| a.by_mm.total_cmp(&b.by_mm));
-        Ok(changes)
+        Ok((changes, stopped))
     }
 
     /// Those that leave the tip as it is.
-    fn changes_above_tip(&self, tool: &Assembly, tolerance: f64) -> Result<Vec<Change>> {
+    fn changes_above_tip(
+        &self,
+        tool: &Assembly,
+        tolerance: f64,
+    ) -> Result<(Vec<Change>, Option<Stopped>)> {
         let kinds = [
             ChangeKind::Raise(ToolPart::Holder),
             ChangeKind::Narrow(ToolPart::Holder),
@@ -120,31 +127,37 @@ impl Case<'_> {
             ChangeKind::Raise(ToolPart::Spindle),
         ];
         let (parted, meetings) = self.meetings(tool, self.tested.vectors())?;
-        let mut changes = Vec::new();
-        for kind in kinds {
+        let (mut changes, mut stopped) = (Vec::new(), None);
+        let n_kinds = if self.query.remedies.only_this_tool { 1 } else { kinds.len() };
+        for &kind in &kinds[..n_kinds] {
             let (ChangeKind::Raise(part) | ChangeKind::Narrow(part)) = kind else { continue };
-            if tool.has(part) {
-                changes.extend(self.least_change(kind, tool, (&parted, &meetings), tolerance)?);
+            if !tool.has(part) {
+                continue;
+            }
+            match self.least_change(kind, tool, (&parted, &meetings), tolerance)? {
+                Ok(change) => changes.push(change),
+                Err(beyond) => stopped = stopped.or(beyond),
             }
         }
-        Ok(changes)
+        Ok((changes, stopped))
     }
 
-    /// The least change of one kind, proved.
+    /// The least change of one kind, proved; or the stick-out that would help and is not proposed.
     fn least_change(
         &self,
         kind: ChangeKind,
         tool: &Assembly,
         (parted, meetings): (&ShrunkTool, &[Meeting]),
         tolerance: f64,
-    ) -> Result<Option<Change>> {
+    ) -> Result<std::result::Result<Change, Option<Stopped>>> {
+        let most = self.most(kind, tool);
         let fine = if tolerance > 0.0 { 2.0 * tolerance } else { FINE_POINTS_MM };
         let over = self.tested.vectors().iter().zip(meetings);
         let over = over.filter_map(|(d, meeting)| Some((amount(kind, parted, meeting)?, *d)));
         let mut best = over.reduce(|a, b| if b.0 < a.0 { b } else { a });
         let mut is_least = false;
         for _ in 0..ROUNDS {
-            let less = best.map_or_else(|| most(kind, tool), |(by, _)| by - fine);
+            let less = best.map_or(most, |(by, _)| most.min(by - fine));
             if less <= 0.0 {
                 is_least = true;
                 break;
@@ -164,9 +177,12 @@ impl Case<'_> {
                 _ => break,
             }
         }
-        let Some((by, direction)) = best else { return Ok(None) };
+        let Some((by, direction)) = best else { return Ok(Err(None)) };
         let by_mm = ((by + BEYOND_MM) / ROUND_MM).ceil() * ROUND_MM;
-        let Ok(changed) = changed(kind, tool, by_mm) else { return Ok(None) };
+        if by_mm > most {
+            return Ok(Err(self.stopped(kind, tool, by_mm)));
+        }
+        let Ok(changed) = changed(kind, tool, by_mm) else { return Ok(Err(None)) };
         let direction = self.proved(&changed, direction)?;
         let of = |direction| Change {
             kind,
@@ -176,7 +192,28 @@ impl Case<'_> {
             tool: changed.clone(),
             direction,
         };
-        Ok(direction.map(of))
+        Ok(direction.map(of).ok_or(None))
+    }
+
+    /// A change that no greater one of its kind is proposed beyond, mm.
+    fn most(&self, kind: ChangeKind, tool: &Assembly) -> f64 {
+        let remedies = &self.query.remedies;
+        let most = match kind {
+            ChangeKind::Raise(ToolPart::Holder) => {
+                remedies.longest_of_own(tool).0 - tool.stick_out_mm()
+            }
+            ChangeKind::Raise(ToolPart::Shank) => remedies.most_neck(tool),
+            kind => most(kind, tool),
+        };
+        most.min(MOST_MM)
+    }
+
+    /// A stick-out that is beyond what is proposed.
+    fn stopped(&self, kind: ChangeKind, tool: &Assembly, by_mm: f64) -> Option<Stopped> {
+        let (most_mm, by_overall_length) = self.query.remedies.longest_of_own(tool);
+        let stick_out_mm = tool.stick_out_mm() + by_mm;
+        let is_of_stick_out = kind == ChangeKind::Raise(ToolPart::Holder) && by_mm <= MOST_MM;
+        is_of_stick_out.then_some(Stopped { stick_out_mm, most_mm, by_overall_length })
     }
 
     /// A direction in which the changed tool may stand: the one of its label, or this one.
@@ -193,75 +230,77 @@ impl Case<'_> {
         Ok(None)
     }
 
-    /// The largest of the smaller cutters that may stand here, with a longer stick-out if nothing else does.
+    /// The largest of the smaller cutters that are sold and may stand here, with a longer stick-out if nothing else
+    /// does.
     fn smaller_diameter(&self, tool: &Assembly) -> Result<Option<Change>> {
         let kind = ChangeKind::Diameter;
-        let by_mm = |factor: f64| diameter(tool) * (1.0 - factor);
-        if let Some((factor, tool, direction)) = self.largest_end(tool, 0.0)? {
-            let (by_mm, longer_mm, is_least) = (by_mm(factor), 0.0, true);
-            let direction = self.proved(&tool, direction)?;
+        let by_mm = |smaller: &Assembly| diameter(tool) - diameter(smaller);
+        let longer_mm = |changed: &Assembly| changed.stick_out_mm() - tool.stick_out_mm();
+        if let Some((smaller, direction)) = self.largest_end(tool, Length::AsHeld)? {
+            let direction = self.proved(&smaller, direction)?;
             return Ok(direction.map(|direction| Change {
                 kind,
-                by_mm,
-                longer_mm,
-                is_least,
-                tool,
+                by_mm: by_mm(&smaller),
+                longer_mm: longer_mm(&smaller),
+                is_least: true,
+                tool: smaller,
                 direction,
             }));
         }
-        let Some((factor, ..)) = self.largest_end(tool, MOST_MM)? else { return Ok(None) };
-        let held = tool.with_smaller_end(factor)?;
+        let Some((long, _)) = self.largest_end(tool, Length::Most)? else { return Ok(None) };
+        let share = diameter(&long) / diameter(tool);
+        let Some(held) = self.with_end(tool, share, Length::AsHeld)? else { return Ok(None) };
         let (parted, meetings) = self.meetings(&held, self.tested.vectors())?;
         let tolerance = self.label(&held, self.query.directions, Between::None)?.tolerance;
         let longer = ChangeKind::Raise(ToolPart::Holder);
-        let raised = self.least_change(longer, &held, (&parted, &meetings), tolerance)?;
+        let raised = self.least_change(longer, &held, (&parted, &meetings), tolerance)?.ok();
         let both = |raised: Change| Change {
             kind,
-            longer_mm: raised.by_mm,
-            by_mm: by_mm(factor),
+            by_mm: by_mm(&raised.tool),
+            longer_mm: longer_mm(&raised.tool),
             ..raised
         };
         Ok(raised.map(both))
     }
 
-    /// The largest share of the diameter that fits with a stick-out longer by this, the tool, and a direction.
-    fn largest_end(&self, tool: &Assembly, longer: f64) -> Result<Option<(f64, Assembly, Vec3)>> {
-        let share = |k: usize| k as f64 / N_SIZES as f64;
-        // What the smallest cutter does not reach, no larger one does.
-        if self.with_end(tool, share(1), longer)?.is_none() {
+    /// The tool with the largest of the sold ends that fits, and a direction.
+    fn largest_end(&self, tool: &Assembly, length: Length) -> Result<Option<(Assembly, Vec3)>> {
+        let sizes = self.query.remedies.smaller_diameters(diameter(tool));
+        let share = |size: &f64| size / diameter(tool);
+        // What the thinnest cutter does not reach at any length, no larger one does.
+        let Some(thinnest) = sizes.last() else { return Ok(None) };
+        let longest = tool.clone().without_overall().with_smaller_end(share(thinnest));
+        let by = if length == Length::Most { MOST_MM } else { 0.0 };
+        let longest = longest.and_then(|tool| tool.raised(ToolPart::Holder, by));
+        if !longest.is_ok_and(|tool| self.stands(&tool).is_ok_and(|found| found.is_some())) {
             return Ok(None);
         }
-        let (mut fails, mut found) = (1.0, None);
-        for k in (1..N_SIZES).rev() {
-            found = self.with_end(tool, share(k), longer)?;
-            if found.is_some() {
-                break;
-            }
-            fails = share(k);
-        }
-        let Some(mut fits) = found else { return Ok(None) };
-        while (fails - fits.0) * diameter(tool) > FINE_MM {
-            let middle = 0.5 * (fits.0 + fails);
-            match self.with_end(tool, middle, longer)? {
-                Some(larger) => fits = larger,
-                None => fails = middle,
+        for size in &sizes {
+            let Some(smaller) = self.with_end(tool, share(size), length)? else { continue };
+            if let Some(direction) = self.stands(&smaller)? {
+                return Ok(Some((smaller, direction)));
             }
         }
-        Ok(Some(fits))
+        Ok(None)
     }
 
-    /// The tool with a smaller end and a longer stick-out, if it may stand here.
-    fn with_end(
-        &self,
-        tool: &Assembly,
-        share: f64,
-        longer: f64,
-    ) -> Result<Option<(f64, Assembly, Vec3)>> {
-        let changed = tool.with_smaller_end(share).and_then(|t| t.raised(ToolPart::Holder, longer));
+    /// The tool with a smaller end, and a stick-out that it may have; `None` if no one would make it.
+    fn with_end(&self, tool: &Assembly, share: f64, length: Length) -> Result<Option<Assembly>> {
         // Thinner than any cutter.
-        let Ok(changed) = changed else { return Ok(None) };
-        match self.label(&changed, self.query.directions, Between::Quick) {
-            Ok(found) => Ok(found.witness.map(|direction| (share, changed, direction))),
+        let Ok(smaller) = tool.with_smaller_end(share) else { return Ok(None) };
+        let most = self.query.remedies.longest(&smaller).0.min(tool.stick_out_mm() + MOST_MM);
+        let stick_out = match length {
+            Length::AsHeld => most.min(tool.stick_out_mm()),
+            Length::Most => most,
+        };
+        let held = smaller.raised(ToolPart::Holder, stick_out - tool.stick_out_mm());
+        Ok(held.ok().filter(|tool| self.query.remedies.makes(tool)))
+    }
+
+    /// A direction in which a tool may stand here.
+    fn stands(&self, tool: &Assembly) -> Result<Option<Vec3>> {
+        match self.label(tool, self.query.directions, Between::Quick) {
+            Ok(found) => Ok(found.witness),
             // Thinner than its tolerance.
             Err(Error::Argument { .. }) => Ok(None),
             Err(error) => Err(error),
@@ -269,9 +308,13 @@ impl Case<'_> {
     }
 }
 
-/// Diameter of the lower end, mm.
-pub(super) fn diameter(tool: &Assembly) -> f64 {
-    2.0 * (tool.tip()[0] + tool.tip()[1])
+/// How far a smaller cutter sticks out.
+#[derive(Clone, Copy, PartialEq)]
+enum Length {
+    /// As the tool does, or less if it would be too slender.
+    AsHeld,
+    /// As far as it may.
+    Most,
 }
 
 /// By how much a direction needs the tool to be changed; `None` if such a change does not help there.

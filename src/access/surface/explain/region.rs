@@ -7,8 +7,8 @@
 //! label sites of the region with the tool so changed: the share that it reaches
 //! ```
 
-use super::change::diameter;
-use super::{Barrier, Between, Case, Change, ChangeKind, Query};
+use super::remedies::diameter;
+use super::{Barrier, Between, Case, Change, ChangeKind, Query, Remedies, Stopped};
 use crate::Result;
 use crate::access::surface::labels::{SiteAnswer, SurfaceOptions};
 use crate::access::surface::obstacles::{TriangleObstacles, tested};
@@ -26,6 +26,16 @@ pub struct RegionChange {
     pub share: f64,
 }
 
+/// What was found for a region.
+#[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
+pub struct RegionAdvice {
+    /// The change that helps most of it, if one is proposed.
+    pub change: Option<RegionChange>,
+    /// A stick-out that would help at some of its sites and is not proposed: the least of them.
+    pub stopped: Option<Stopped>,
+}
+
 /// Amounts are rounded up to this, mm.
 const ROUND_MM: f64 = 0.01;
 /// Sites of a region that are explained.
@@ -34,7 +44,8 @@ const N_EXPLAINED: usize = 4;
 pub const N_LABELED: usize = 256;
 
 impl TriangleObstacles {
-    /// The change of the tool that helps most of the sites `members`, which it does not reach; `None` if none is found.
+    /// The change of the tool that helps most of the sites `members`, which it does not reach, if one is found that
+    /// keeps `remedies`.
     ///
     /// # Errors
     /// As [`TriangleObstacles::explain`].
@@ -47,9 +58,10 @@ impl TriangleObstacles {
         (tool, clearance_mm): (&Assembly, f64),
         directions: &Directions,
         options: &SurfaceOptions,
-    ) -> Result<Option<RegionChange>> {
+        remedies: &Remedies,
+    ) -> Result<RegionAdvice> {
         let options = SurfaceOptions { refinement: None, ..*options };
-        let mut found: Vec<Change> = Vec::new();
+        let (mut found, mut advice): (Vec<Change>, _) = (Vec::new(), RegionAdvice::default());
         for i in spread(members, N_EXPLAINED) {
             let query = Query {
                 site: sites.points[i],
@@ -59,21 +71,27 @@ impl TriangleObstacles {
                 directions,
                 options: &options,
                 witness: None,
+                remedies: *remedies,
             };
             let tested = tested(directions)?;
             let (barrier, query) = (Barrier::Triangles(self), &query);
             let case = Case { barrier, query, tested, proves: false };
             let alone = case.label(tool, directions, Between::None)?;
             if alone.answer != SiteAnswer::Accessible {
-                found.extend(case.changes(alone.tolerance)?);
+                let (changes, stopped) = case.changes(alone.tolerance)?;
+                found.extend(changes);
+                let both = advice.stopped.into_iter().chain(stopped);
+                advice.stopped =
+                    both.reduce(|a, b| if b.stick_out_mm < a.stick_out_mm { b } else { a });
             }
         }
-        let Some(change) = common(&found, tool) else { return Ok(None) };
+        let Some(change) = common(&found, tool) else { return Ok(advice) };
         let few: Vec<usize> = spread(members, N_LABELED).collect();
         let few = sites.subset(&few);
         let cutter = change.tool.with_clearance(clearance_mm)?.cutter()?;
         let labels = self.label(&few, &cutter, directions, &options.for_few(few.len()))?;
-        Ok(Some(RegionChange { share: labels.share(SiteAnswer::Accessible), change }))
+        let change = RegionChange { share: labels.share(SiteAnswer::Accessible), change };
+        Ok(RegionAdvice { change: Some(change), ..advice })
     }
 }
 
@@ -97,17 +115,31 @@ fn common(found: &[Change], tool: &Assembly) -> Option<Change> {
         let by_count = of(b).count().cmp(&of(a).count());
         by_count.then(greatest(a).total_cmp(&greatest(b)))
     })?;
+    if best == ChangeKind::Diameter {
+        return smallest(of(best));
+    }
     let first = of(best).next()?;
-    let round = |mm: f64| (mm / ROUND_MM).ceil() * ROUND_MM;
-    let longer_mm = round(of(best).map(|change| change.longer_mm).fold(0.0, f64::max));
-    let by_mm = round(greatest(best));
+    let by_mm = (greatest(best) / ROUND_MM).ceil() * ROUND_MM;
     let changed = match best {
-        ChangeKind::Raise(part) => tool.raised(part, by_mm),
+        ChangeKind::Raise(part) => tool.raised(part, by_mm.min(most_raise(tool, part))),
         ChangeKind::Narrow(part) => tool.narrowed(part, by_mm),
-        ChangeKind::Diameter => {
-            let smaller = tool.with_smaller_end(1.0 - by_mm / diameter(tool));
-            smaller.and_then(|tool| tool.raised(ToolPart::Holder, longer_mm))
-        }
+        ChangeKind::Diameter => return None,
     };
-    Some(Change { by_mm, longer_mm, is_least: false, tool: changed.ok()?, ..first.clone() })
+    Some(Change { by_mm, longer_mm: 0.0, is_least: false, tool: changed.ok()?, ..first.clone() })
+}
+
+/// The smallest of the cutters, with the longest stick-out that one of that size needs.
+fn smallest<'a>(found: impl Iterator<Item = &'a Change> + Clone) -> Option<Change> {
+    let least = found.clone().map(|change| diameter(&change.tool)).fold(f64::INFINITY, f64::min);
+    let of_size = found.filter(|change| diameter(&change.tool) <= least);
+    let longest = of_size.reduce(|a, b| if b.longer_mm > a.longer_mm { b } else { a })?;
+    Some(Change { is_least: false, ..longest.clone() })
+}
+
+/// Rounding up does not make a tool stick out further than it is long.
+fn most_raise(tool: &Assembly, part: ToolPart) -> f64 {
+    match part {
+        ToolPart::Spindle => f64::INFINITY,
+        _ => tool.most_stick_out_mm() - tool.stick_out_mm(),
+    }
 }

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::access::surface::explain::{
-    Change, ChangeKind, Explanation, Query, blocking_parts_among_points, explain_among_points,
+    Change, ChangeKind, Explanation, Query, Remedies, blocking_parts_among_points,
+    explain_among_points,
 };
 use crate::access::{LabelOptions, Obstacles, label as label_points};
 use crate::cutter::{Assembly, Step, ToolPart};
@@ -32,7 +33,8 @@ fn query<'a>(
     directions: &'a Directions,
     options: &'a SurfaceOptions,
 ) -> Query<'a> {
-    Query { site, normal, tool, clearance_mm: 0.0, directions, options, witness: None }
+    let remedies = Remedies::default();
+    Query { site, normal, tool, clearance_mm: 0.0, directions, options, witness: None, remedies }
 }
 
 fn change(why: &Explanation, kind: ChangeKind) -> &Change {

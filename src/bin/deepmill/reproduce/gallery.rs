@@ -142,7 +142,7 @@ fn difference(sheet: &mut Sheet, part: &Part, answered: &Answered, head: usize, 
     let difference =
         Coloring::Difference { positive: HEADS[head], truth: &truth, predicted: &predicted };
     let of: Vec<usize> = (0..truth.len()).map(|i| difference.class(i)).collect();
-    let coloring = Coloring::Groups { classes: &DARK_AND_LIGHT[head], of: &of };
+    let coloring = Coloring::Groups { classes: &DARK_AND_LIGHT[head], of: &of, areas: &[] };
     sheet.add(&part.mesh, &answered.sample.sites, &coloring, caption);
 }
 

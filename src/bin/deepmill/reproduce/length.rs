@@ -123,6 +123,6 @@ fn show(sheet: &mut Sheet, part: &Part, sites: &Sites, inaccessible: &[bool], ca
         Class { name: "out of reach", color: [206, 58, 44] },
     ];
     let of: Vec<usize> = inaccessible.iter().map(|flag| usize::from(*flag)).collect();
-    let coloring = Coloring::Groups { classes: &classes, of: &of };
+    let coloring = Coloring::Groups { classes: &classes, of: &of, areas: &[] };
     sheet.add(&part.mesh, sites, &coloring, caption);
 }

@@ -172,7 +172,7 @@ fn show(sheet: &mut Sheet, part: &Symmetric, answers: &SiteAnswers, words: &str)
         if *disagrees { 2 } else { usize::from(*inaccessible) }
     };
     let of: Vec<usize> = answers.inaccessible.iter().zip(&disagree).map(class).collect();
-    let coloring = Coloring::Groups { classes: &classes, of: &of };
+    let coloring = Coloring::Groups { classes: &classes, of: &of, areas: &[] };
     sheet.add(&part.part.mesh, &part.sites, &coloring, format!("{}: {words}", part.part.name));
 }
 

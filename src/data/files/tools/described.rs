@@ -95,7 +95,11 @@ impl Described {
         self.check_lengths(stick_out, place)?;
         let tip = self.tip(unsaid, place)?;
         let assembly = Assembly::new(tip, &body, &holder.sections, stick_out);
-        let assembly = assembly.map_err(|error| place.within(error))?;
+        let with_overall = |tool: Assembly| match self.overall {
+            Some(overall) => tool.with_overall(overall),
+            None => Ok(tool),
+        };
+        let assembly = assembly.and_then(with_overall).map_err(|error| place.within(error))?;
         self.say_narrow_holder(holder, &mut notices);
         let words = format!("{}, {} mm out of {}", self.words(), round(stick_out), holder.name);
         let tool = Tool::of_assembly(&self.name, assembly, self.clearance, words);

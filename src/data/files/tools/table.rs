@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// Columns of a tool table; lengths in mm.
-const COLUMNS: [&str; 12] = [
+const COLUMNS: [&str; 13] = [
     "name",
     "CR",
     "CH",
@@ -24,6 +24,7 @@ const COLUMNS: [&str; 12] = [
     "stick_out",
     "T",
     "folder",
+    "overall",
 ];
 /// Those of [`COLUMNS`] that must be there.
 const REQUIRED: std::ops::Range<usize> = 1..5;
@@ -208,6 +209,10 @@ impl TableText<'_> {
                     Tool::of_assembly(&words, assembly, clearance, words.clone())
                 })
             }
+        };
+        let tool = match length(12)? {
+            None => tool,
+            Some(overall) => tool.and_then(|tool| tool.of_overall_length(overall)),
         };
         let tool = tool.map_err(|error| self.in_line(line, error))?;
         let mut tool = match field(0) {

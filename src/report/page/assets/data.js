@@ -79,6 +79,7 @@ async function load() {
   data.views = about.views.map((view, v) => ({
     ...view,
     of: part(`view${v}.class`),
+    layer: view.layer ? { ...view.layer, of: part(`view${v}.layer`) } : null,
     finding: view.has_findings ? new Uint32Array(words(part(`view${v}.finding`), about.n_sites)) : null,
     values: view.values.map((value, k) => {
       const four = words(part(`view${v}.value${k}`), about.n_sites);

@@ -56,7 +56,8 @@ class Viewer {
     const style = getComputedStyle(document.documentElement), ground = style.getPropertyValue("--ground").trim();
     const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.length === 4 ? hex[(k + 1) / 2].repeat(2) : hex.slice(k, k + 2), 16) / 255);
     const palette = new Float32Array(48);
-    this.data.views[this.view].classes.forEach((c, i) => palette.set((this.off.has(i) ? [176, 186, 198] : c.color).map((v) => v / 255), 3 * i));
+    const { classes, layer } = this.data.views[this.view], colors = classes.map((c) => c.color).concat(layer ? layer.colors : []);
+    colors.forEach((color, i) => palette.set((this.off.has(i % classes.length) ? [176, 186, 198] : color).map((v) => v / 255), 3 * i));
     this.gpu.draw(this.camera, { ratio: this.ratio, cut: this.cut, palette, ground: rgb(ground), cap: [0.42, 0.45, 0.5], selected: this.selected, hover: this.hover, coarse: coarse < 0.6 }, samples);
     this.overlay();
   }
@@ -75,11 +76,16 @@ class Viewer {
   show(v) {
     const view = this.data.views[v];
     this.view = v; this.selected = 0; this.off.clear();
-    this.gpu.setClasses(view.of, view.finding);
+    this.paint();
     document.querySelectorAll("[role=tab]").forEach((tab, i) => { tab.setAttribute("aria-selected", i === v); tab.tabIndex = i === v ? 0 : -1; });
     document.querySelectorAll("[role=tabpanel]").forEach((panel, i) => { panel.hidden = i !== v; });
     this.mark();
     if (this.fitted) this.change();
+  }
+  /** Groups of the sites, with the layer upon them if it is shown. */
+  paint() {
+    const { of, classes, layer, finding } = this.data.views[this.view];
+    this.gpu.setClasses(layer && layer.shown ? of.map((group, i) => group + classes.length * layer.of[i]) : of, finding);
   }
   mark() {
     document.querySelectorAll("tr[data-finding]").forEach((row) => row.setAttribute("aria-selected", !row.closest("[role=tabpanel]").hidden && +row.dataset.finding === this.selected));
@@ -184,6 +190,7 @@ class Viewer {
     const view = this.data.views[this.view], f = view.finding ? view.finding[i] : 0;
     const rows = [["site", i], ["answer", view.classes[view.of[i]].name], ["place, mm", vector(this.data.place(i))],
       ["normal", vector(this.data.normal(i))]];
+    if (view.layer && view.layer.of[i]) rows.push([view.layer.name, "yes"]);
     if (f) rows.push(["finding", `${f} (${short(view.findings[f - 1].area_mm2)} mm²)`]);
     for (const value of view.values) if (!Number.isNaN(value.of[i])) rows.push([value.name, short(value.of[i]) + (value.unit ? ` ${value.unit}` : "")]);
     return rows;
@@ -271,6 +278,9 @@ class Viewer {
       row.addEventListener("click", go);
       row.addEventListener("keydown", (e) => { if (e.key === "Enter" || e.key === " ") { e.preventDefault(); go(); } });
     });
+    document.querySelectorAll("[role=tabpanel]").forEach((panel, v) => panel.querySelectorAll("input[data-layer]").forEach((box) => {
+      box.addEventListener("change", () => { this.data.views[v].layer.shown = box.checked; this.paint(); this.change(); });
+    }));
     rows("finding", (number) => this.goTo(number));
     rows("class", (k, row) => { row.classList.toggle("off", !this.off.delete(k) && !!this.off.add(k)); this.change(); });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.change());
