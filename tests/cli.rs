@@ -178,7 +178,10 @@ fn label_asks_the_part_itself_and_says_so() {
     }
     assert_eq!(surface.tip_does_not_fit(), vec![false; 300]);
     let (_, clamped) = run(&["--fixture", &clamp, "--table", "0", "--tolerance", "0.05"]);
-    let under_clamp = |i: usize| file.sites.normals[i].z > 0.5 && file.sites.points[i].x < 14.0;
+    // At the rim a site is as near to the wall as the tolerance.
+    let is_inside =
+        |p: deepmill::glam::Vec3| (0.1..14.0).contains(&p.x) && (0.1..29.9).contains(&p.y);
+    let under_clamp = |i: usize| file.sites.normals[i].z > 0.5 && is_inside(file.sites.points[i]);
     for i in 0..300 {
         let accessible = clamped.labels.answers.accessible()[i];
         assert!(!(accessible && under_clamp(i)), "{}", file.sites.points[i]);
@@ -376,11 +379,6 @@ fn sample_tells_inside_from_outside() {
 #[test]
 fn findings_pages_and_other_formats_are_written_on_request() {
     let folder = Folder::new();
-    let tools = folder.file("shop.csv", "name,CR,CH,FR,FH\nlong,1,30,5,20\n<b>,1.5,0.2,90,0.2\n");
-    assert!(
-        failure(&deepmill(&["label", &folder.block(), "--tools", &tools, "--out", "x"]), 1)
-            .contains("name")
-    );
     let tools =
         folder.file("shop.csv", "name,CR,CH,FR,FH\nlong & thin,1,30,5,20\nstub,1.5,0.2,90,0.2\n");
     let more = ["--report", "--also", "glb,csv"];

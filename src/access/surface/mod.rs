@@ -36,6 +36,7 @@ mod clearance;
 mod drop;
 pub mod explain;
 mod faces;
+mod labeling;
 mod labels;
 mod library;
 mod obstacles;

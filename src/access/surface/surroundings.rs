@@ -179,15 +179,13 @@ impl Rings {
                 dvec3(p.dot(u), p.dot(v), p.dot(w))
             });
             let tolerance = tolerances.at(place);
-            for k in 0..N_AROUND {
-                let [cos, sin] = around(k);
+            for (k, [cos, sin]) in (0..N_AROUND).map(|k| (k, around(k))) {
                 // Along the ray and beside it.
                 let seen = corners.map(|p| [p.x * cos + p.y * sin, p.y * cos - p.x * sin, p.z]);
                 let Some(segment) = crossing(&seen) else { continue };
-                for ring in 0..n_rings {
-                    let rho = self.radii[ring];
+                for (ring, &rho) in points.iter_mut().zip(&self.radii).take(n_rings) {
                     let Some(height) = height_at(segment, rho) else { continue };
-                    let best: &mut Option<RingPoint> = &mut points[ring][k];
+                    let best: &mut Option<RingPoint> = &mut ring[k];
                     if height.abs() <= rho && best.is_none_or(|best| height > best.height) {
                         *best = Some(RingPoint { height, tolerance });
                     }

@@ -168,3 +168,38 @@ fn where_a_tip_gouges_the_work_does_not_grow_with_the_triangles_in_it() {
         assert!(fine < 2 * coarse, "{cutter:?}: 16 times the triangles, {coarse} and {fine} tests");
     }
 }
+
+#[test]
+fn a_flat_end_reaches_the_whole_floor_of_a_slot_and_tilting_it_a_little_changes_nothing() {
+    let mesh = slotted(10.0, 8.0);
+    let floor = sites_on(&mesh, 60, |p, n| n.z > 0.5 && p.z < 19.0);
+    let flat = bull([3.0, 30.0, 20.0, 5.0], 0.0);
+    for tilt in [0.0, 1e-6, 1e-4, 1e-3] {
+        let direction = dvec3(tilt, 0.5 * tilt, 1.0).normalize().as_vec3();
+        let found = answers(&mesh, &floor, &flat, &list(&[direction]), &exactly(0.01));
+        assert_eq!(n_of(SiteAnswer::Accessible, &found), floor.len(), "tilted by {tilt}");
+    }
+    let wide = bull([5.2, 30.0, 20.0, 5.0], 0.0);
+    let middle = floor
+        .subset(&(0..floor.len()).filter(|&i| floor.points[i].y.abs() < 14.0).collect::<Vec<_>>());
+    let found = answers(&mesh, &middle, &wide, &up(), &exactly(0.01));
+    assert_eq!(n_of(SiteAnswer::Accessible, &found), 0, "wider than the slot");
+}
+
+#[test]
+fn a_tool_of_the_radius_of_a_bore_reaches_all_of_it_and_a_wider_one_none() {
+    for chord_error in [0.001, 0.01, 0.1] {
+        let mesh = tube(4.0, 12.0, 15.0, facets(4.0, chord_error));
+        let inside = |p: DVec3, n: DVec3| n.z.abs() < 0.1 && n.dot(dvec3(p.x, p.y, 0.0)) < 0.0;
+        let bore = sites_on(&mesh, 3, inside);
+        for corner in [0.0, 1.0, 4.0] {
+            let found =
+                answers(&mesh, &bore, &bull([4.0, 40.0, 20.0, 5.0], corner), &up(), &implied());
+            let n_reached = n_of(SiteAnswer::Accessible, &found);
+            assert_eq!(n_reached, bore.len(), "chord error {chord_error}, corner {corner}");
+            let wide = bull([1.02 * 4.0, 40.0, 20.0, 5.0], corner);
+            let found = answers(&mesh, &bore, &wide, &up(), &implied());
+            assert_eq!(n_of(SiteAnswer::Accessible, &found), 0, "{chord_error} {corner}");
+        }
+    }
+}
