@@ -41,7 +41,7 @@ fuzz_target!(|bytes: &[u8]| {
     let fast = obstacles.label(&sites, &cutter, &directions, &options(TOLERANCE_MM));
     let Ok(fast) = fast else { return };
     let raised = |tolerance: f64, center: DVec3, direction: Vec3| {
-        raise(&mesh, &cutter, tolerance, center, direction.normalize())
+        raise(&mesh, &cutter, tolerance, center, direction)
             .is_ok_and(|raise| raise.steps <= 0.0 && raise.tip <= 0.0)
     };
     for i in 0..sites.len() {
