@@ -400,12 +400,10 @@ impl Case<'_> {
                 let problem = triangles.problem(Queries::Sites(&sites), &cutter, options)?;
                 let alone = self.label(tool, &list(direction)?, Between::None)?;
                 alone.pose.and_then(|pose| {
-                    let (bvh, tolerances) = problem.triangles();
-                    let all = (0..bvh.n_triangles() as u32)
-                        .map(|place| (*bvh.triangle(place), tolerances.at(place)));
                     let reference = pose.reference(&problem.outline);
                     let stand = Stand { reference, axes: axes(direction) };
-                    let Raise { steps, tip } = raise_over(all, &problem.outline, 0.0, &stand);
+                    let Raise { steps, tip } =
+                        raise_over(problem.all_triangles(), &problem.outline, 0.0, &stand);
                     let raise = steps.max(tip);
                     (raise <= 0.0).then_some((raise, Some(pose.tip_mm)))
                 })

@@ -119,6 +119,12 @@ impl<'a> Problem<'a> {
         (self.bvh, &self.tolerances)
     }
 
+    /// Corners of all triangles, with the tolerance against each.
+    pub fn all_triangles(&self) -> impl Iterator<Item = ([DVec3; 3], f64)> {
+        let places = 0..self.bvh.n_triangles() as u32;
+        places.map(|place| (*self.bvh.triangle(place), self.tolerances.at(place)))
+    }
+
     /// More than the roundings of `f32`, mm.
     pub fn margin(&self) -> f64 {
         MARGIN * (self.bvh.radius() + self.reach + self.outline.size())

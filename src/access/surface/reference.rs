@@ -49,10 +49,7 @@ impl TriangleObstacles {
     ) -> Result<Vec<Reached>> {
         options.check()?;
         let problem = self.problem(queries.into(), cutter, options)?;
-        let (bvh, tolerances) = problem.triangles();
-        let triangles: Vec<_> = (0..bvh.n_triangles() as u32)
-            .map(|place| (*bvh.triangle(place), tolerances.at(place)))
-            .collect();
+        let triangles: Vec<_> = problem.all_triangles().collect();
         let outline = &problem.outline;
         let rows = par::map(problem.contacts.len(), |i| {
             let of =
@@ -86,10 +83,7 @@ impl TriangleObstacles {
             }
             let free = |d: &Vec3| {
                 let stand = problem.own_stand(i, *d);
-                let (bvh, tolerances) = problem.triangles();
-                let all = (0..bvh.n_triangles() as u32)
-                    .map(|place| (*bvh.triangle(place), tolerances.at(place)));
-                raise_over(all, &problem.outline, 0.0, &stand).steps <= 0.0
+                raise_over(problem.all_triangles(), &problem.outline, 0.0, &stand).steps <= 0.0
             };
             match tested.vectors().iter().any(free) {
                 true => SiteAnswer::TipDoesNotFit,
