@@ -196,9 +196,8 @@ impl Problem<'_> {
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> SurfaceLabels {
-        let points: Vec<DVec3> = self.contacts.iter().map(|contact| contact.point).collect();
         let mut labels = SurfaceLabels {
-            tolerance_mm: self.tolerances.at_sites(self.bvh, &points),
+            tolerance_mm: self.own_tolerances,
             finish_mm: self.outline.finish(),
             n_directions: directions.len(),
             ..SurfaceLabels::default()

@@ -78,6 +78,38 @@ impl PoseSet {
         [along, outward.perp().extend(0.0)]
     }
 
+    /// The place on the disc whose pose is this far across the axis.
+    fn across(&self, offset: DVec2) -> DVec2 {
+        let length = offset.length();
+        if length <= self.side {
+            return offset;
+        }
+        let angle = libm::asin(((length - self.side) / self.corner).min(1.0));
+        offset * ((self.side + self.corner * angle) / length)
+    }
+
+    /// Where a pose comes to that is moved by a length, in a unit direction, as far as that goes along the poses; none if they lie across it.
+    fn pushed(&self, at: DVec2, away: DVec3, by: f64) -> Option<DVec2> {
+        /// Where poses lie across the push more than this, what they curve matters.
+        const ACROSS: f64 = 0.09;
+        const LEAST: f64 = 1e-6;
+        let [along, beside] = self.tangents(at);
+        let push = DVec2::new(away.dot(along), away.dot(beside));
+        let squared = push.length_squared();
+        if squared >= ACROSS {
+            let outward = at.try_normalize().unwrap_or(DVec2::X);
+            let step = (outward * push.x + outward.perp() * push.y) * (by / squared);
+            let limited = step.clamp_length_max(0.5 * self.radius());
+            return Some((at + limited).clamp_length_max(self.radius()));
+        }
+        // Beside the flank poses rise steeply: what counts is how far they go across the axis.
+        let flat = away.truncate();
+        (flat.length_squared() > LEAST).then(|| {
+            let step = flat * (by / flat.length_squared());
+            self.across(self.offset(at).truncate() + step.clamp_length_max(self.side + self.corner))
+        })
+    }
+
     /// How far across the axis a pose is, as a share of its distance from the middle of the disc.
     fn contraction(&self, length: f64) -> f64 {
         if length <= self.side {
@@ -119,22 +151,22 @@ impl PoseSet {
     }
 
     /// Whether the tool touches in some pose within `reach` of this one with a normal that belongs to a surface with the `normal`, in the frame of the
-    /// tool; for a greater reach it may say so of poses farther away.
+    /// tool; for a greater reach it may say so of poses farther away. Places of the corner within `rim` of each other count as one.
     ///
-    /// The rim of a flat end, of a corner radius near δ, has all normals between down and outward.
-    pub fn touches(&self, at: DVec2, reach: f64, normal: DVec3) -> bool {
+    /// The rim of a flat end has all normals between down and outward, and so has what is within the tolerances of it.
+    pub fn touches(&self, at: DVec2, reach: f64, (normal, rim): (DVec3, f64)) -> bool {
         let length = at.length();
         if length - reach <= self.side && normal.z >= LEAST_COSINE {
             return true;
         }
-        if length + reach <= self.side {
+        if length + reach + rim <= self.side {
             return false;
         }
         let flat = normal.truncate();
         let turn = if reach > 0.0 { flat.length() * (reach / length).min(2.0) } else { 0.0 };
         let outward = (flat.dot(at) / length + turn).min(flat.length());
         let angle = (length - self.side) / self.corner;
-        let slack = (RIM_MM + reach) / self.corner;
+        let slack = (rim + reach) / self.corner;
         let [low, high] = [angle - slack, angle + slack].map(|a| a.clamp(0.0, FRAC_PI_2));
         let best = libm::atan2(outward, normal.z).clamp(low, high);
         outward * libm::sin(best) + normal.z * libm::cos(best) >= LEAST_COSINE
@@ -143,8 +175,6 @@ impl PoseSet {
 
 /// A surface is touched with normals that have at least this cosine with its own: within 84°.
 const LEAST_COSINE: f64 = 0.1;
-/// Places of the corner as near as this count as one, mm.
-const RIM_MM: f64 = 0.02;
 
 /// A point of the surface that was in the way, and the tolerance of its facet, mm.
 #[derive(Debug, Clone, Copy)]
@@ -392,6 +422,8 @@ pub(super) struct Around<'a> {
     own: Option<OwnPlane>,
     /// No place on the disc is farther along either axis from that of the site's own pose, mm.
     within: f64,
+    /// Tolerances at the point: see [`PoseSet::touches`], mm.
+    rim: f64,
 }
 
 /// A normal leans against the direction by at least this.
@@ -488,13 +520,13 @@ const N_DEEPER: usize = 3;
 const CELLS_PER_TEST: usize = 10;
 
 impl<'a> Around<'a> {
-    /// `slack` is how deep poses may be in the plane of the surface, `within` how far from the site's own they may be.
+    /// `slack` is how deep poses may be in the plane of the surface, `within` how far from the site's own they may be, `rim` the tolerances there.
     pub fn new(
         shape: &'a Shape,
         poses: PoseSet,
         contact: &Contact,
         direction: DVec3,
-        [slack, within]: [f64; 2],
+        [slack, within, rim]: [f64; 3],
     ) -> Self {
         let leaning = contact.normal.map(|normal| normal - direction * normal.dot(direction));
         // Where it hardly leans, its roundings point anywhere.
@@ -508,7 +540,7 @@ impl<'a> Around<'a> {
         });
         // Places on the disc are a little farther apart than poses.
         let within = APART * within;
-        Around { shape, poses, point: contact.point, axes, own, within }
+        Around { shape, poses, point: contact.point, axes, own, within, rim }
     }
 
     fn local(&self, offset: DVec3) -> DVec3 {
@@ -535,9 +567,6 @@ impl<'a> Around<'a> {
     ) -> Option<DVec3> {
         /// Farther than what is deepest, mm.
         const BEYOND_MM: f64 = 1e-5;
-        /// Pushes across the poses, by less than this share of their length, lead nowhere.
-        const ACROSS: f64 = 1e-3;
-        let radius = self.poses.radius();
         let mut at = self.own.map_or(DVec2::ZERO, |own| own.best);
         for _ in 0..n_pushes {
             if !self.may_touch(at, 0.0) {
@@ -550,22 +579,16 @@ impl<'a> Around<'a> {
             }
             self.note(met, local, blockers);
             let (depth, away) = local.deepest(self.shape, self.poses.offset(at));
-            let [along, beside] = self.poses.tangents(at);
-            let push = [away.dot(along), away.dot(beside)];
-            let squared = push[0] * push[0] + push[1] * push[1];
-            if depth <= 0.0 || squared < ACROSS * ACROSS {
+            if depth <= 0.0 {
                 return None;
             }
-            let outward = at.try_normalize().unwrap_or(DVec2::X);
-            let push = outward * push[0] + outward.perp() * push[1];
-            let by = push * ((depth + BEYOND_MM) / squared);
-            at = (at + by.clamp_length_max(0.5 * radius)).clamp_length_max(radius);
+            at = self.poses.pushed(at, away, depth + BEYOND_MM)?;
         }
         None
     }
 
     fn may_touch(&self, at: DVec2, reach: f64) -> bool {
-        self.own.is_none_or(|own| self.poses.touches(at, reach, own.normal))
+        self.own.is_none_or(|own| self.poses.touches(at, reach, (own.normal, self.rim)))
     }
 
     /// Whether some pose of a cell is on the disc, touches the surface and is not too deep in its plane.

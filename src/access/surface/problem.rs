@@ -27,6 +27,8 @@ pub(super) struct Problem<'a> {
     pub part: &'a [[DVec3; 3]],
     pub contacts: Vec<Contact>,
     pub tolerances: Tolerances,
+    /// Of the facets that every query is on, mm.
+    pub own_tolerances: Vec<f64>,
     pub outline: Outline,
     pub poses: PoseSet,
     pub rings: Rings,
@@ -93,6 +95,8 @@ impl<'a> Problem<'a> {
             true => rings.everywhere().from_center,
             false => rings.on_plane(tolerances.least),
         };
+        let points: Vec<DVec3> = contacts.iter().map(|contact| contact.point).collect();
+        let own_tolerances = tolerances.at_sites(bvh, &points);
         let probes = Probes::new(&outline, tolerances.least, bvh, reach);
         let bounds = bounds.into_iter().flatten().collect();
         let poses = PoseSet::new(&outline);
@@ -103,6 +107,7 @@ impl<'a> Problem<'a> {
             part,
             contacts,
             tolerances,
+            own_tolerances,
             outline,
             poses,
             rings,
@@ -112,6 +117,11 @@ impl<'a> Problem<'a> {
             shapes,
             reach,
         }
+    }
+
+    /// How far beside the rim of the tool a query still touches it, mm: see [`PoseSet::touches`].
+    pub fn rim(&self, i: usize) -> f64 {
+        self.own_tolerances[i] + self.outline.finish()
     }
 
     /// The search tree with the tolerance of each of its triangles.

@@ -52,8 +52,8 @@ impl TriangleObstacles {
         let triangles: Vec<_> = problem.all_triangles().collect();
         let outline = &problem.outline;
         let rows = par::map(problem.contacts.len(), |i| {
-            let of =
-                |d: &Vec3| reached(&triangles, outline, &problem.contacts[i], *d, resolution_mm);
+            let contact = (&problem.contacts[i], problem.rim(i));
+            let of = |d: &Vec3| reached(&triangles, outline, contact, *d, resolution_mm);
             directions.vectors().iter().map(of).collect::<Vec<_>>()
         });
         Ok(rows.into_iter().flatten().collect())
@@ -97,7 +97,7 @@ impl TriangleObstacles {
 fn reached(
     triangles: &Toleranced,
     outline: &Outline,
-    contact: &Contact,
+    (contact, rim): (&Contact, f64),
     direction: Vec3,
     resolution: f64,
 ) -> Reached {
@@ -112,7 +112,7 @@ fn reached(
         steps.max(tip)
     };
     let normal = contact.normal.map(|n| DVec3::new(n.dot(u), n.dot(v), n.dot(d)));
-    let may_touch = |at: DVec2| normal.is_none_or(|normal| poses.touches(at, 0.0, normal));
+    let may_touch = |at: DVec2| normal.is_none_or(|normal| poses.touches(at, 0.0, (normal, rim)));
     let own = Stand { reference: contact.reference_point(outline, d), axes };
     let Raise { steps, tip } = raise_over(triangles.iter().copied(), outline, 0.0, &own);
     if steps.max(tip) <= 0.0 {

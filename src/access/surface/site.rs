@@ -199,7 +199,8 @@ impl Problem<'_> {
             let stand = Stand { reference, axes: *axes };
             blockers.push(self.probes.whole.blocker((bvh, tolerances), place, &stand));
         }
-        let around = Around::new(shape, self.poses, contact, axes[2], [bounds.slack, within]);
+        let around =
+            Around::new(shape, self.poses, contact, axes[2], [bounds.slack, within, self.rim(i)]);
         let limits = (FINE * self.outline.finish(), limits);
         poses.run(&around, blockers, limits, |reference| {
             test(&Stand { reference, axes: *axes }, scratch)
