@@ -313,7 +313,7 @@ fn label_meaning(part_itself: bool) -> Value {
             "witness_tip": "lowest point of the tool on its axis in that pose, mm",
             "open_directions": "of a site that is not accessible, the share of directions not proven closed; 0: the answer holds for all directions",
             "tolerance": "contact tolerance, mm",
-            "clearance": "how far heights and radii of the shrunk tool's steps may grow before the site becomes inaccessible, mm; negative: must shrink",
+            "clearance": "how far the margin about what does not cut may grow before the site becomes inaccessible, mm; negative: how far all steps must shrink",
             "blocked_by": BLOCKED_BY,
             "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
             "beta": "pairs (inaccessible site, direction tested) in which this site is in the shrunk tool's steps",

@@ -273,7 +273,7 @@ fn change_json(change: &Change, query: &LabelQuery) -> Value {
         "tool": {
             "corner_mm": tool.tip()[0],
             "side_mm": tool.tip()[1],
-            "body": steps_words(tool.body()),
+            "body": steps_words(&tool.own_body()),
             "holder": steps_words(tool.holder()),
             "stick_out_mm": tool.stick_out_mm(),
         },

@@ -113,7 +113,12 @@ impl TriangleObstacles {
 }
 
 fn has_same_body(a: &Assembly, b: &Assembly) -> bool {
-    a.tip() == b.tip() && a.body() == b.body()
+    a.tip() == b.tip() && a.allowance_mm() == b.allowance_mm() && a.body() == b.body()
+}
+
+/// The lower end that touches.
+fn contact(cutter: &Cutter) -> [f64; 2] {
+    [cutter.corner_mm(), cutter.side_mm()]
 }
 
 /// Tools in the order of this come after those inside them.
@@ -162,10 +167,10 @@ impl Pass<'_> {
     fn body(&mut self, tools: &[Assembly], mut group: Vec<usize>) -> Result<()> {
         let assembly = &tools[group[0]];
         let cutter = assembly.body_cutter()?;
-        let (answers, witness) = self.label_body(assembly, &cutter)?;
+        let (answers, witness) = self.label_body(&cutter)?;
         let reached: Vec<usize> = (0..self.sites.len()).filter(|&i| witness[i].is_some()).collect();
         self.bodies.push(Body {
-            tip: assembly.tip(),
+            tip: contact(&cutter),
             steps: cutter.steps().to_vec(),
             answers: answers.clone(),
         });
@@ -191,12 +196,11 @@ impl Pass<'_> {
     /// Answers and witnesses of a body without a holder.
     fn label_body(
         &mut self,
-        assembly: &Assembly,
         cutter: &Cutter,
     ) -> Result<(Vec<SiteAnswer>, Vec<Option<WitnessPose>>)> {
         let n = self.sites.len();
         let (mut answers, mut witness) = (vec![SiteAnswer::Inaccessible; n], vec![None; n]);
-        let closed = self.closed(assembly.tip(), cutter.steps());
+        let closed = self.closed(cutter);
         let open: Vec<usize> = (0..n).filter(|&i| closed[i].is_none()).collect();
         let hinted = self.try_hints(cutter, &open)?;
         for (&i, hinted) in open.iter().zip(&hinted) {
@@ -223,8 +227,9 @@ impl Pass<'_> {
     }
 
     /// Per site, the answer of some more slender tool with the same tip that does not reach it, inaccessible if one is.
-    fn closed(&self, tip: [f64; 2], steps: &[Step]) -> Vec<Option<SiteAnswer>> {
-        let is_slender = |body: &&Body| body.tip == tip && is_inside(&body.steps, steps);
+    fn closed(&self, cutter: &Cutter) -> Vec<Option<SiteAnswer>> {
+        let tip = contact(cutter);
+        let is_slender = |body: &&Body| body.tip == tip && is_inside(&body.steps, cutter.steps());
         let mut closed = vec![None; self.sites.len()];
         for body in self.bodies.iter().filter(is_slender) {
             for (closed, answer) in closed.iter_mut().zip(&body.answers) {
@@ -312,7 +317,7 @@ impl Pass<'_> {
         for &tool in held {
             let stick_out = tools[tool].stick_out_mm();
             let cutter = tools[tool].cutter()?;
-            let closed = self.closed(tools[tool].tip(), cutter.steps());
+            let closed = self.closed(&cutter);
             let is_closed = |i: usize| closed[i] == Some(SiteAnswer::Inaccessible);
             // What is found to be reached counts, whatever the search for another tool missed.
             let is_known = |i: usize| least[i].0 <= stick_out || is_closed(i);
@@ -343,7 +348,7 @@ impl Pass<'_> {
                 self.hint(i, pose.direction);
             }
             self.bodies.push(Body {
-                tip: tools[tool].tip(),
+                tip: contact(&cutter),
                 steps: cutter.steps().to_vec(),
                 answers: answers.clone(),
             });

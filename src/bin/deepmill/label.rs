@@ -75,8 +75,8 @@ pub struct Args {
     /// point. Writes volume.npz and volume.png, a section.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "obstacles", value_parser = millimeters)]
     pub volume: Option<f64>,
-    /// Also compute how far the tool's steps may grow, or must shrink, at each site, up to this either way (`clearance` in
-    /// labels.npz).
+    /// Also compute how far the margin about what does not cut may grow at each site, or all steps of the tool must shrink, up to
+    /// this either way (`clearance` in labels.npz).
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "volume", value_parser = millimeters)]
     clearance_limit: Option<f64>,
     /// Folder of the results.
@@ -116,7 +116,7 @@ impl Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let tools = args.tools.tools(output)?;
+    let tools = args.surface.tolerances.with_allowance(args.tools.tools(output)?)?;
     let limits = args.gate.limits(&[])?;
     let directions = args.directions.directions()?;
     let engine = args.engine.parse()?;
@@ -149,7 +149,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let options_of_part = SurfaceOptions {
         clearance_limit_mm: args.clearance_limit,
         occlusion: args.wants_occlusion(&limits),
-        ..args.surface.options(args.share_of_occlusion())
+        ..args.surface.options(args.share_of_occlusion())?
     };
     let part_itself = mesh.as_ref().filter(|_| blocking == Blocking::Part);
     let fixtures = part_itself.map(|mesh| args.surface.fixtures(mesh, &args.read, output));

@@ -1,12 +1,12 @@
 //! Arguments of `deepmill label` for the part itself: tolerance, fixtures, table.
 
-use crate::args::millimeters;
+use crate::args::{called, millimeters};
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::access::surface::explain::blocking_parts_among_points;
 use deepmill::access::surface::{
-    ContactTolerance, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions, TriangleObstacles,
-    Warning, blocking_faces,
+    ContactTolerance, FINISH_MM, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions,
+    TriangleObstacles, Warning, blocking_faces,
 };
 use deepmill::access::{Labels, Obstacles};
 use deepmill::answers::Definition;
@@ -62,13 +62,53 @@ impl Blocking {
     }
 }
 
-/// Options for the part itself.
+/// How closely the tool keeps to the part.
 #[derive(clap::Args)]
-pub struct SurfaceArgs {
+pub struct ToleranceArgs {
     /// How deep the tool may seem to cut where it only touches; by default 0.01, and more beside coarsely tessellated
     /// curves.
     #[arg(long, value_name = "MM", value_parser = millimeters)]
     tolerance: Option<f64>,
+    /// How much may remain at a site that counts as reached.
+    #[arg(long, value_name = "MM", default_value_t = FINISH_MM, value_parser = millimeters)]
+    finish: f64,
+    /// Stock to leave: what cuts stays this far off the surface.
+    #[arg(
+        long, value_name = "MM", default_value_t = 0.0, allow_hyphen_values = true,
+        value_parser = millimeters
+    )]
+    allowance: f64,
+}
+
+impl ToleranceArgs {
+    /// Options with these tolerances.
+    pub fn options(&self) -> Result<SurfaceOptions> {
+        let tolerance =
+            self.tolerance.map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters);
+        let finish_mm = self.finish;
+        let options = SurfaceOptions { tolerance, finish_mm, ..SurfaceOptions::default() };
+        options.check().map(|()| options).map_err(|error| called(error, "--finish"))
+    }
+
+    /// The tools, leaving the stock that is asked for.
+    pub fn with_allowance(&self, tools: Vec<Tool>) -> Result<Vec<Tool>> {
+        let rough = |tool: Tool| tool.with_allowance(self.allowance);
+        let rough: Result<Vec<Tool>> = tools.into_iter().map(rough).collect();
+        rough.map_err(|error| called(error, "--allowance"))
+    }
+
+    /// What a file says of them; the allowance belongs to its tools.
+    pub fn add_to(&self, settings: &mut Value) {
+        settings["tolerance_mm"] = json!(self.tolerance);
+        settings["finish_mm"] = json!(self.finish);
+    }
+}
+
+/// Options for the part itself.
+#[derive(clap::Args)]
+pub struct SurfaceArgs {
+    #[command(flatten)]
+    pub tolerances: ToleranceArgs,
     /// A mesh that blocks too, in the part's coordinates (clamps, vise); may be given again.
     #[arg(long, value_name = "FILE")]
     fixture: Vec<PathBuf>,
@@ -87,7 +127,7 @@ pub struct SurfaceArgs {
 impl SurfaceArgs {
     /// Warns if an option is given that only the part itself has.
     pub fn warn_unused(&self, output: &Output) {
-        if self.tolerance.is_some() || self.table.is_some() || !self.fixture.is_empty() {
+        if self.tolerances.tolerance.is_some() || self.table.is_some() || !self.fixture.is_empty() {
             output.warn("--tolerance, --fixture and --table are not about points as obstacles");
         }
     }
@@ -125,19 +165,16 @@ impl SurfaceArgs {
     }
 
     /// The options that these arguments make.
-    pub fn options(&self, share: f64) -> SurfaceOptions {
+    pub fn options(&self, share: f64) -> Result<SurfaceOptions> {
         let search = match self.prove {
             true => RefinementOptions::proving(),
             false => RefinementOptions { n_kept: self.search, ..RefinementOptions::default() },
         };
-        SurfaceOptions {
-            tolerance: self
-                .tolerance
-                .map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters),
+        Ok(SurfaceOptions {
             share,
             refinement: (self.search > 0).then_some(search),
-            ..SurfaceOptions::default()
-        }
+            ..self.tolerances.options()?
+        })
     }
 
     /// Labels for every cutter, and warnings about them.
@@ -160,13 +197,14 @@ impl SurfaceArgs {
     /// What a label file says of these options.
     pub fn settings(&self) -> Value {
         let fixtures: Vec<String> = self.fixture.iter().map(|p| p.display().to_string()).collect();
-        json!({
-            "tolerance_mm": self.tolerance,
+        let mut settings = json!({
             "fixtures": fixtures,
             "table_z_mm": self.table,
             "search": self.search,
             "prove": self.prove,
-        })
+        });
+        self.tolerances.add_to(&mut settings);
+        settings
     }
 }
 

@@ -65,6 +65,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let limits = args.gate.limits(&["occlusion"])?;
     let share = share(&args.share)?;
     let tools = with_names(args.unsaid.read(&args.library, output)?)?;
+    let tools = args.surface.tolerances.with_allowance(tools)?;
+    let options = args.surface.options(1.0)?;
     let directions = args.directions.directions()?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
@@ -77,7 +79,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
     clock.lap("index_s", "search tree");
     let held: Vec<Assembly> = tools.iter().map(Tool::held).collect::<Result<_>>()?;
-    let reach = obstacles.reach_many(&sites, &held, &directions, &args.surface.options(1.0))?;
+    let reach = obstacles.reach_many(&sites, &held, &directions, &options)?;
     clock.lap("tools_s", "tools");
     let library = Library::new(&tools, &reach, &areas, share)?;
 

@@ -99,7 +99,12 @@ impl Described {
             Some(overall) => tool.with_overall(overall),
             None => Ok(tool),
         };
-        let assembly = assembly.and_then(with_overall).map_err(|error| place.within(error))?;
+        let with_flutes = |tool: Assembly| match self.end_of_flutes(unsaid) {
+            Some(flutes) => tool.with_flutes(flutes),
+            None => Ok(tool),
+        };
+        let assembly = assembly.and_then(with_flutes).and_then(with_overall);
+        let assembly = assembly.map_err(|error| place.within(error))?;
         self.say_narrow_holder(holder, &mut notices);
         let words = format!("{}, {} mm out of {}", self.words(), round(stick_out), holder.name);
         let tool = Tool::of_assembly(&self.name, assembly, self.clearance, words);
@@ -167,6 +172,12 @@ impl Described {
             let found = "the file does not say the flute length";
             place.error(found, "give it with --flute-length MM")
         })
+    }
+
+    /// Where what cuts ends, if the file says it; of a tool without flute length all of the cutter's own width counts as flutes.
+    fn end_of_flutes(&self, unsaid: &Unsaid) -> Option<f64> {
+        let flutes = self.flutes.or(unsaid.flutes_mm).filter(|flutes| *flutes > 0.0)?;
+        Some(self.neck_end.map_or(flutes, |end| flutes.min(end)))
     }
 
     fn tip(&self, unsaid: &Unsaid, place: &Place) -> Result<TipShape> {
