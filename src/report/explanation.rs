@@ -73,7 +73,13 @@ impl About<'_> {
         }
         if query.definition == Definition::Part {
             let rounded = (1e4 * why.tolerance_mm).round() / 1e4;
-            facts.add("tolerance_mm", "contact tolerance, mm", Cell::Given(rounded));
+            facts.add("tolerance_mm", "gouge tolerance, mm", Cell::Given(rounded));
+            let finish = query.options.finish_mm;
+            facts.add("finish_mm", "finish tolerance, mm", Cell::Given(finish));
+            let allowance = query.tool.assembly.allowance_mm();
+            if allowance > 0.0 {
+                facts.add("allowance_mm", "allowance, mm", Cell::Given(allowance));
+            }
         }
         facts.add("n_directions", "directions", Cell::count(why.directions.len()));
         facts

@@ -173,6 +173,9 @@ pub struct SurfaceLabels {
     pub tolerance_mm: Vec<f64>,
     /// The finish tolerance, mm.
     pub finish_mm: f64,
+    /// Per query, whether it is accessible by a gouge tolerance above [`WIDE_MM`](super::WIDE_MM) alone; empty if none is, or nobody asked
+    /// ([`TriangleObstacles::rest_on_wide_tolerance`](super::TriangleObstacles::rest_on_wide_tolerance)).
+    pub rests_on_tolerance: Vec<bool>,
     /// What was done.
     pub stats: SurfaceStats,
 }

@@ -6,11 +6,10 @@ use crate::output::Output;
 use deepmill::access::surface::explain::blocking_parts_among_points;
 use deepmill::access::surface::{
     ContactTolerance, FINISH_MM, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions,
-    TriangleObstacles, Warning, blocking_faces,
+    TriangleObstacles, WIDE_MM, Warning, blocking_faces,
 };
 use deepmill::access::{Labels, Obstacles};
 use deepmill::answers::Definition;
-use deepmill::cutter::Cutter;
 use deepmill::data::files::tools::Tool;
 use deepmill::directions::Directions;
 use deepmill::geom::{Mesh, Sites, check};
@@ -181,17 +180,34 @@ impl SurfaceArgs {
     pub fn label(
         (mesh, obstacles): (&Mesh, &TriangleObstacles),
         sites: &Sites,
-        cutters: &[Cutter],
+        tools: &[Tool],
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<(Vec<Labels>, Vec<Vec<Warning>>)> {
-        let label = |cutter| {
-            let labels = obstacles.label_sites(sites, cutter, directions, options)?;
-            let surface = labels.surface.as_ref().expect("labels about the part itself");
-            let warnings = obstacles.warnings(mesh, sites, cutter, surface)?;
+        let label = |tool: &Tool| {
+            let cutter = &tool.cutter;
+            let mut labels = obstacles.label_sites(sites, cutter, directions, options)?;
+            let surface = labels.surface.as_mut().expect("labels about the part itself");
+            let reached = surface.answers.iter().map(|a| *a == SiteAnswer::Accessible);
+            let reached: Vec<bool> = reached.collect();
+            let found = (&reached[..], &surface.witness[..]);
+            let rests =
+                obstacles.rest_on_wide_tolerance(sites, cutter, directions, options, found)?;
+            if rests.contains(&true) {
+                surface.rests_on_tolerance = rests;
+            }
+            let mut warnings = obstacles.warnings(mesh, sites, cutter, surface)?;
+            if tool.clearance_mm > 0.0 {
+                let answered = (options, &surface.answers[..]);
+                let without = tool.assembly.cutter()?;
+                let share =
+                    obstacles.share_closed_by_clearance(sites, &without, directions, answered)?;
+                let is_reached = reached.contains(&true);
+                warnings.extend(Warning::of_clearance(tool.clearance_mm, share, is_reached));
+            }
             Ok((labels, warnings))
         };
-        Ok(cutters.iter().map(label).collect::<Result<Vec<_>>>()?.into_iter().unzip())
+        Ok(tools.iter().map(label).collect::<Result<Vec<_>>>()?.into_iter().unzip())
     }
 
     /// What a label file says of these options.
@@ -314,6 +330,29 @@ pub fn add_blocking_parts(
     Ok(())
 }
 
+/// Adds both tolerances, and how many answers rest on a wide one: of several tools the most.
+pub fn add_tolerances(facts: &mut Facts, labels: &[Labels], finish_mm: f64) {
+    let surfaces = || labels.iter().filter_map(|labels| labels.surface.as_ref());
+    if surfaces().next().is_none() {
+        return;
+    }
+    let rests = surfaces().map(|s| s.rests_on_tolerance.iter().filter(|rests| **rests).count());
+    add_rests(facts, rests.max().unwrap_or(0));
+    facts.add("finish_mm", "finish tolerance, mm", Cell::Given(finish_mm));
+    let tolerances = || surfaces().flat_map(|surface| surface.tolerance_mm.iter().copied());
+    let rounded = |mm: f64| Cell::Given((mm * 1e4).round() / 1e4);
+    let least = tolerances().fold(f64::INFINITY, f64::min);
+    facts.add("tolerance_least_mm", "gouge tolerance, at least, mm", rounded(least));
+    let greatest = tolerances().fold(0.0, f64::max);
+    facts.add("tolerance_mm", "gouge tolerance, at most, mm", rounded(greatest));
+}
+
+/// Adds how many sites are accessible by a wide tolerance alone.
+pub fn add_rests(facts: &mut Facts, n_sites: usize) {
+    let words = format!("sites accessible by a gouge tolerance above {WIDE_MM} mm alone");
+    facts.add("rests_on_tolerance", words, Cell::count(n_sites));
+}
+
 /// Adds what only the part itself answers.
 pub fn add_facts(facts: &mut Facts, labels: &Labels) {
     let Some(surface) = &labels.surface else { return };
@@ -325,12 +364,6 @@ pub fn add_facts(facts: &mut Facts, labels: &Labels) {
     facts.add("proven", "of all sites, proven out of reach for every direction", share(proven));
     let between = surface.stats.found_between as usize;
     facts.add("found_between", "reached only between the directions", share(between));
-    let greatest = surface.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
-    facts.add(
-        "tolerance_mm",
-        "contact tolerance, at most, mm",
-        Cell::Given((greatest * 1e4).round() / 1e4),
-    );
     let raised = surface.tolerance_mm.iter().filter(|t| **t > LEAST_MM).count();
     facts.add("tolerance_raised", "tolerance above 0.01 mm", share(raised));
     let on_edge = Cell::Share(surface.stats.knife_edge as f64 / n);

@@ -5,9 +5,9 @@ use crate::clock::Clock;
 use crate::findings;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
-use crate::part_itself::ToleranceArgs;
+use crate::part_itself::{self, ToleranceArgs};
 use deepmill::access::setups::{Candidates, Clampings, Machine, Plan};
-use deepmill::access::surface::{AccessibleDirections, TriangleObstacles};
+use deepmill::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
 use deepmill::data::files::tools::{self, Tool};
 use deepmill::report::PartView;
 use deepmill::report::findings::Findings;
@@ -104,6 +104,23 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     };
     let accessible: Vec<AccessibleDirections> = tools.iter().map(of_tool).collect::<Result<_>>()?;
     clock.lap("directions_s", "directions of every site");
+    let mut rests = vec![true; sites.len()];
+    for (tool, found) in tools.iter().zip(&accessible) {
+        let reached = found.sites();
+        let of_tool = obstacles.rest_on_wide_tolerance(
+            &sites,
+            &tool.cutter,
+            candidates.directions(),
+            &SurfaceOptions { refinement: None, ..options },
+            (&reached, &[]),
+        )?;
+        // Unless another tool reaches it by less.
+        let others = reached.iter().zip(of_tool).map(|(reached, rests)| !reached || rests);
+        rests.iter_mut().zip(others).for_each(|(all, of_tool)| *all &= of_tool);
+    }
+    let is_reached = |i: usize| accessible.iter().any(|found| found.reaches(i));
+    let n_rests = (0..sites.len()).filter(|&i| rests[i] && is_reached(i)).count();
+    clock.lap("tolerances_s", "tolerances");
     let order = tools::thick_and_short_first(&tools);
     let plan = Plan::new(&candidates, &mesh, &sites, &accessible, areas.shares(), share, &order);
     clock.lap("cover_s", "choice of setups");
@@ -129,6 +146,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&name));
     facts.add("machine", "machine", Cell::text(args.machine.to_string()));
+    part_itself::add_rests(&mut facts, n_rests);
+    facts.add("finish_mm", "finish tolerance, mm", Cell::Given(options.finish_mm));
     facts.add("area_mm2", "surface, mm²", Cell::Number(mesh.area()));
     facts.add("n_sites", "sites", Cell::count(sites.len()));
     facts.add("n_tools", "tools", Cell::count(tools.len()));
