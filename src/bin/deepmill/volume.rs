@@ -30,6 +30,11 @@ pub fn run(
         let remedy = "leave out --volume for a cloud, and name one tool at a time";
         return Err(Error::argument("--volume", found, "a mesh and one tool", remedy));
     };
+    let allowance = tool.assembly.allowance_mm();
+    if allowance > 0.0 {
+        let remedy = "leave it out: what the tool itself removes is labeled";
+        return Err(Error::argument("--allowance", allowance, "0 with --volume", remedy));
+    }
     let directions = args.directions.directions()?;
     let (low, high) = mesh.bounds().unwrap_or_default();
     let lattice = Lattice::covering(low, high, step_mm)?;
