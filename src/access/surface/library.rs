@@ -11,8 +11,8 @@
 //! L(site, direction) = max over steps of  (greatest height over the disc of R − τ) − t − τ
 //! ```
 //!
-//! on, for every greater `L` as well. The **least stick-out** of a site is the least `L` over the directions in which the body is free;
-//! no `L` is tried. Directions are those of the set and the witnesses that the search between them found, so it is exact for these
+//! on, for every greater `L` as well. The **least stick-out** of a site is the least `L` over the directions in which the body is free, and
+//! there over its own pose, the one that was found, and 16 poses around the disc of an end that lies on a face; no `L` is tried. Directions are those of the set and the witnesses that the search between them found, so it is exact for these
 //! and an upper bound for all. It is never below twice the radius of the lower end; infinite where the body cannot stand.
 //!
 //! # Pseudo-code
@@ -38,14 +38,16 @@ use super::obstacles::{TriangleObstacles, extent, tested};
 use super::problem::Problem;
 use super::query::Scratch;
 use super::site::SiteState;
-use super::tool::{Stand, axes};
+use super::tool::{Contact, Outline, Stand, axes};
+use super::verdict::Verdict;
 use crate::access::Queries;
 use crate::cutter::{Assembly, Cutter, Step};
-use crate::directions::Directions;
+use crate::directions::{Directions, basis};
 use crate::geom::Sites;
 use crate::{Result, par};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use held::{Held, stand, tops_along};
+use std::f64::consts::TAU;
 
 /// What one tool of several reaches.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -415,6 +417,19 @@ impl Pass<'_> {
                     let direction = self.tested.vectors()[d as usize];
                     let top = self.tops[d as usize];
                     let own = problem.own_stand(k, direction);
+                    for reference in rim_poses(&problem.contacts[k], &problem.outline, own.axes[2])
+                    {
+                        let stand = Stand { reference, ..own };
+                        let length = held.stick_out(&stand, top, best.0, &mut scratch);
+                        let whole = &problem.probes.whole;
+                        if length < best.0
+                            && whole.verdict(problem.triangles(), &stand, &mut scratch)
+                                == Verdict::Free
+                        {
+                            let pose = WitnessPose::new(&problem.outline, reference, direction);
+                            best = (length, Some(pose));
+                        }
+                    }
                     if held.collides_at(&own, top, best.0, &mut scratch) {
                         continue;
                     }
@@ -437,6 +452,22 @@ impl Pass<'_> {
         }
         Ok(least)
     }
+}
+
+/// Poses of a flat or bull-nose end that lies on a face with its disc, as far as it can be moved aside: the holder may be beside a wall there.
+fn rim_poses(contact: &Contact, outline: &Outline, axis: DVec3) -> impl Iterator<Item = DVec3> {
+    /// Around the disc.
+    const N_POSES: usize = 16;
+    /// Cosine to the normal from which on a disc lies on a face.
+    const FLAT: f64 = 1.0 - 1e-9;
+    let lies = outline.side() > 0.0 && contact.normal.is_some_and(|n| n.dot(axis) >= FLAT);
+    let [u, v, _] = basis(axis);
+    let (center, side) = (contact.corner_center(outline, axis), outline.side());
+    let at = move |k: usize| {
+        let angle = TAU * k as f64 / N_POSES as f64;
+        center + (u * libm::cos(angle) + v * libm::sin(angle)) * side
+    };
+    (0..if lies { N_POSES } else { 0 }).map(at)
 }
 
 /// What is known of a body.
