@@ -208,13 +208,16 @@ impl Assembly {
             // Flutes that end within the tip's own height.
             cutting.extend(self.cutting.first());
         }
-        let at_end = |steps: &[Step]| {
-            steps.iter().filter(is_below).map(|step| step.radius_mm).fold(0.0, f64::max)
+        let widest = |steps: &[Step]| {
+            let below = steps.iter().filter(|step| step.height_mm <= flutes_mm);
+            below.map(|step| step.radius_mm).fold(0.0, f64::max)
         };
         // Right above the flutes: what is said to be there, or as wide as they are.
-        let said = if self.flutes_mm() <= flutes_mm { at_end(&self.upper) } else { 0.0 };
-        let radius_mm = if said > 0.0 { said } else { at_end(&self.cutting).max(self.end_mm()) };
-        let begins = |step: &&Step| step.height_mm >= flutes_mm;
+        let radius_mm = match widest(&self.upper) {
+            0.0 => widest(&self.cutting).max(self.end_mm()),
+            said => said,
+        };
+        let begins = |step: &&Step| step.height_mm > flutes_mm;
         let first = Step { height_mm: flutes_mm, radius_mm };
         let upper = [first].into_iter().chain(all().filter(begins).copied()).collect();
         let flutes = Assembly { cutting, upper: envelope(upper), ..self.clone() }.whole();

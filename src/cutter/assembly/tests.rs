@@ -134,6 +134,29 @@ fn no_tool_sticks_out_further_than_it_is_long() {
 }
 
 #[test]
+fn flutes_end_where_it_is_said_and_a_relieved_neck_keeps_its_width() {
+    let tip = TipShape::Straight { radius_mm: 3.0, corner_mm: 0.0 };
+    let neck =
+        [Section::cylinder(12.0, 3.0), Section::cylinder(18.0, 2.5), Section::cylinder(50.0, 2.75)];
+    let relieved = Assembly::new(tip, &neck, &er20(), 45.0).unwrap().with_flutes(12.0).unwrap();
+    let step = |height_mm, radius_mm| Step { height_mm, radius_mm };
+    assert_eq!(relieved.neck_and_shank(), [step(12.0, 2.5), step(30.0, 2.75)]);
+    assert_eq!((relieved.flutes_mm(), relieved.body()), (12.0, &[step(6.0, 3.0)][..]));
+    // With 0.4 mm around them, neck and shank are still 0.1 mm within the flutes, and 0.15 mm without.
+    let held = relieved.with_clearance(0.4).unwrap();
+    assert_eq!(held.body(), [step(6.0, 3.0), step(29.6, 3.15)]);
+    let plain = Assembly::new(tip, &[Section::cylinder(60.0, 3.0)], &er20(), 45.0).unwrap();
+    assert_eq!(plain.flutes_mm(), f64::INFINITY);
+    assert_eq!(plain.with_clearance(0.4).unwrap().body(), [step(6.0, 3.0)]);
+    let short = plain.with_flutes(9.0).unwrap();
+    assert_eq!(short.neck_and_shank(), [step(9.0, 3.0)]);
+    assert_eq!(short.with_clearance(0.5).unwrap().body(), [step(6.0, 3.0), step(8.5, 3.5)]);
+    // Within the height up to which there is contact, the shank counts from the end of the flutes on.
+    assert_eq!(short.clone().with_flutes(2.0).unwrap().body(), [step(2.0, 3.0)]);
+    assert!(short.with_flutes(-1.0).is_err());
+}
+
+#[test]
 fn a_longer_stick_out_only_raises_the_holder() {
     let tip = TipShape::Straight { radius_mm: 3.0, corner_mm: 0.0 };
     let assembly = Assembly::new(tip, &[Section::cylinder(60.0, 3.0)], &er20(), 4.0).unwrap();

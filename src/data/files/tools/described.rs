@@ -213,13 +213,16 @@ impl Described {
             ));
         }
         let is_tapered = matches!(self.form, Form::Tapered { .. });
-        if shank <= top && !is_tapered && self.neck.is_none_or(|neck| neck <= top) {
+        let is_narrow = shank <= top && self.neck.is_none_or(|neck| neck <= top);
+        if is_narrow && !is_tapered && self.end_of_flutes(unsaid).is_none() {
             self.say_relieved(top, notices);
             return Ok(vec![Section::cylinder(REST, 0.5 * self.diameter)]);
         }
         let flutes = self.flutes(unsaid, place)?;
         let mut end = self.neck_end.unwrap_or(flutes);
-        if end < flutes - SAME_MM {
+        if end < flutes - SAME_MM && is_narrow {
+            end = end.max(SAME_MM);
+        } else if end < flutes - SAME_MM {
             notices.push(format!(
                 "the shoulder ends at {} mm, below the end of the flutes at {} mm: the shank counts from the former on",
                 round(end),
