@@ -4,14 +4,25 @@
 //! [`Step`]s above that point: everything higher than a step's height and nearer to the axis than its
 //! radius is inside the cutter. Because radii never shrink upward, a step needs no upper end. What
 //! lies below the first step, the ball and its neighborhood, is contact and not collision.
+//!
+//! Tip and lowest steps *cut*; neck, shank, holder and spindle above them do not. Two margins keep
+//! them apart, since what cuts is to touch and what does not is to stay away:
+//!
+//! ```text
+//! clearance C (with_clearance):  every step that does not cut begins C lower and is C wider
+//! allowance A (with_allowance):  what cuts is dilated by a ball of radius A: corner r + A about the same
+//!                                center, cutting steps begin A lower and are A wider
+//! ```
 
 mod assembly;
+mod margins;
 mod params;
 
 pub use assembly::{Assembly, Section, TipShape, ToolPart};
 pub use params::{CutterParams, CutterSet};
 
 use crate::{Error, Result};
+use margins::joined;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -28,9 +39,16 @@ pub struct Step {
 /// A checked cutter: where it touches, and steps whose heights increase and radii do not decrease.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cutter {
+    /// The allowance included.
     corner_mm: f64,
     side_mm: f64,
+    /// All that widens the tool, from below.
     steps: Vec<Step>,
+    /// Steps that cut.
+    cutting: Vec<Step>,
+    /// Steps that do not, from the end of the flutes on; they may be narrower than the flutes.
+    upper: Vec<Step>,
+    allowance_mm: f64,
 }
 
 impl Cutter {
@@ -83,11 +101,10 @@ impl Cutter {
             return Err(Error::argument("corner radius", corner_mm, expected, "use CR for a ball"));
         }
         let first = cr_mm + (cr_mm - corner_mm);
-        Cutter::from_steps(
-            corner_mm,
-            cr_mm - corner_mm,
+        Cutter::widening(
+            [corner_mm, cr_mm - corner_mm],
+            vec![Step { height_mm: first, radius_mm: cr_mm }],
             vec![
-                Step { height_mm: first, radius_mm: cr_mm },
                 Step { height_mm: first + ch_mm, radius_mm: fr_mm },
                 Step { height_mm: first + ch_mm + fh_mm, radius_mm: f64::INFINITY },
             ],
@@ -115,7 +132,8 @@ impl Cutter {
         if spindle {
             steps.push(Step { height_mm, radius_mm: f64::INFINITY });
         }
-        Cutter::from_steps(cr_mm, 0.0, steps)
+        let upper = steps.split_off(1);
+        Cutter::widening([cr_mm, 0.0], steps, upper)
     }
 
     /// Ball-end cutter whose flank widens by `taper_rad` over the height CH, in `n_steps` steps that
@@ -141,31 +159,59 @@ impl Cutter {
             height_mm: params.cr_mm + i as f64 * length,
             radius_mm: params.cr_mm + (i + 1) as f64 * length * slope,
         });
-        let steps = cone.chain(base.steps[1..].iter().copied()).collect();
-        Cutter::from_steps(params.cr_mm, 0.0, steps)
+        Cutter::widening([params.cr_mm, 0.0], cone.collect(), base.upper)
     }
 
     /// The general form. Touching a site with normal `n` in direction `d`, the reference point is
-    /// `s + corner·n + side·n⊥/|n⊥|`, where `n⊥` is the part of `n` across `d`.
+    /// `s + corner·n + side·n⊥/|n⊥|`, where `n⊥` is the part of `n` across `d`. Steps that are no wider than the tip
+    /// cut.
     ///
     /// # Errors
     /// If there are no steps or more than 64, a length is negative or not a number, heights do not
     /// increase, or a radius shrinks upward (a lollipop): collision must only ever grow upward.
-    pub fn from_steps(corner_mm: f64, side_mm: f64, steps: Vec<Step>) -> Result<Self> {
+    pub fn from_steps(corner_mm: f64, side_mm: f64, mut steps: Vec<Step>) -> Result<Self> {
+        let end = corner_mm + side_mm;
+        let n_cutting = steps.iter().take_while(|step| !is_wider(step, end)).count();
+        let upper = steps.split_off(n_cutting);
+        Cutter::from_parts([corner_mm, side_mm], steps, upper)
+    }
+
+    /// As [`Cutter::from_steps`], of steps that cut and steps that do not: neck, shank, holder and spindle from the end
+    /// of the flutes on. The latter may be narrower than the former, and each list must be as that one.
+    ///
+    /// # Errors
+    /// As [`Cutter::from_steps`].
+    pub fn from_parts(
+        [corner_mm, side_mm]: [f64; 2],
+        cutting: Vec<Step>,
+        upper: Vec<Step>,
+    ) -> Result<Self> {
         for (name, length) in [("corner radius", corner_mm), ("side offset", side_mm)] {
             if !(0.0..=MAX_LENGTH_MM).contains(&length) {
                 let expected = "zero or more, at most 10 m";
                 return Err(Error::argument(name, length, expected, "give it in mm"));
             }
         }
-        if steps.is_empty() || steps.len() > MAX_STEPS {
+        let n_steps = cutting.len() + upper.len();
+        if n_steps == 0 || n_steps > MAX_STEPS {
             let expected = format!("1 to {MAX_STEPS}");
-            return Err(Error::argument("number of steps", steps.len(), expected, "merge steps"));
+            return Err(Error::argument("number of steps", n_steps, expected, "merge steps"));
         }
-        for (i, step) in steps.iter().enumerate() {
-            check_step(i, step, steps.get(i.wrapping_sub(1)))?;
+        for (first, steps) in [(0, &cutting), (cutting.len(), &upper)] {
+            for (i, step) in steps.iter().enumerate() {
+                check_step(first + i, step, steps.get(i.wrapping_sub(1)))?;
+            }
         }
-        Ok(Cutter { corner_mm, side_mm, steps })
+        let steps = joined(&cutting, &upper);
+        Ok(Cutter { corner_mm, side_mm, steps, cutting, upper, allowance_mm: 0.0 })
+    }
+
+    /// As [`Cutter::from_parts`], of parts that are no narrower than what is below them.
+    fn widening(end: [f64; 2], cutting: Vec<Step>, upper: Vec<Step>) -> Result<Self> {
+        if let (Some(below), Some(first)) = (cutting.last(), upper.first()) {
+            check_step(cutting.len(), first, Some(below))?;
+        }
+        Cutter::from_parts(end, cutting, upper)
     }
 
     /// Reference point's distance from the touched site along the normal, and its height above the
@@ -209,28 +255,18 @@ impl Cutter {
         (is_whole && Cutter::ball_end(params).is_ok()).then_some(params)
     }
 
-    /// This cutter with a safety margin: every step begins `clearance_mm` lower and is as much wider.
-    ///
-    /// A negative margin shrinks it; radii stop at 0. The point of contact does not move.
-    ///
-    /// # Errors
-    /// If the margin is not a number or beyond 10 m.
-    pub fn with_clearance(&self, clearance_mm: f64) -> Result<Self> {
-        Ok(Cutter { steps: grown(&self.steps, clearance_mm)?, ..self.clone() })
+    /// Height above the reference point at which the cutting portion ends, mm; infinite if nothing is above it.
+    pub fn flutes_mm(&self) -> f64 {
+        self.upper.first().map_or(f64::INFINITY, |step| step.height_mm)
     }
 }
 
-/// Steps that begin lower by a margin and are as much wider; radii stop at 0.
-fn grown(steps: &[Step], clearance_mm: f64) -> Result<Vec<Step>> {
-    if !(-MAX_LENGTH_MM..=MAX_LENGTH_MM).contains(&clearance_mm) {
-        let expected = "a length within 10 m";
-        return Err(Error::argument("clearance", clearance_mm, expected, "give it in mm"));
-    }
-    let grow = |step: &Step| Step {
-        height_mm: step.height_mm - clearance_mm,
-        radius_mm: (step.radius_mm + clearance_mm).max(0.0),
-    };
-    Ok(steps.iter().map(grow).collect())
+/// Wider than the tip by more than this share of its radius is no flute.
+const WIDER: f64 = 1e-6;
+
+/// Whether a step is wider than a lower end of this radius.
+fn is_wider(step: &Step, end_mm: f64) -> bool {
+    step.radius_mm > end_mm * (1.0 + WIDER)
 }
 
 impl TryFrom<CutterParams> for Cutter {
@@ -368,15 +404,5 @@ mod tests {
         assert!(Cutter::stepped(1.0, &[], true).is_err());
         assert!(ball([1e-30, 2.0, 30.0, 4.0]).is_err() && ball([1.0, 1e-30, 30.0, 4.0]).is_err());
         assert!(Cutter::stepped(1.0, &[(0.0, 1.0)], false).is_err());
-    }
-
-    #[test]
-    fn clearance_lowers_and_widens_every_step() {
-        let cutter = ball([1.5, 6.0, 40.0, 5.0]).unwrap();
-        let wide = cutter.with_clearance(0.5).unwrap();
-        assert_eq!(wide.steps()[1], Step { height_mm: 7.0, radius_mm: 40.5 });
-        assert_eq!(wide.corner_mm(), 1.5);
-        assert_eq!(cutter.with_clearance(-2.0).unwrap().steps()[0].radius_mm, 0.0);
-        assert!(cutter.with_clearance(f64::NAN).is_err());
     }
 }

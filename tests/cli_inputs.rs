@@ -35,7 +35,7 @@ fn cutters_that_cannot_be_are_refused_as_typed() {
         let output = deepmill(&[command, &part, "--cutter", CUTTER, "--out", &out, "--sites", "1"]);
         assert!(failure(&output, 2).contains("--sites is `1`, expected 2 or more"));
     }
-    for (clearance, expected) in [("-1.5", "nothing would be left"), ("3", "below the tip")] {
+    for (clearance, expected) in [("-1.5", "nothing would be left"), ("2e4", "within 10 m")] {
         let message = failure(&folder.label(&part, &["--clearance", clearance]), 2);
         assert!(message.contains(expected), "{message}");
     }
@@ -44,6 +44,50 @@ fn cutters_that_cannot_be_are_refused_as_typed() {
         assert!(message.contains("corner radius is"), "{message}");
     }
     assert!(!Path::new(&out).exists());
+}
+
+#[test]
+fn tolerances_and_margins_are_echoed_and_kept_for_explanations() {
+    let folder = Folder::new();
+    let (part, out) = (folder.block(), folder.path("out"));
+    let few = ["--sites", "200", "--directions", "up", "--no-picture", "--json"];
+    let label = |cutter: &str, more: &[&str]| {
+        let args = ["label", &part, "--cutter", cutter, "--out", &out];
+        deepmill(&[&args[..], &few, more].concat())
+    };
+    let plain = json(&label("3,60,25,40", &[]));
+    let more = ["--finish", "0.02", "--allowance", "0.3", "--clearance", "1"];
+    let result = json(&label("3,60,25,40", &more));
+    assert_eq!(result["finish_mm"], 0.02);
+    assert_eq!(
+        (&result["tolerance_least_mm"], &result["tolerance_mm"]),
+        (&0.01.into(), &0.01.into())
+    );
+    assert_eq!(result["rests_on_tolerance"], 0);
+    assert_eq!(result["accessible"], plain["accessible"], "walls of a block stay reached");
+    assert!(result["cutter"].as_str().unwrap().ends_with("clearance 1 mm, allowance 0.3 mm"));
+    let explain = |more: &[&str]| {
+        json(&deepmill(
+            &[&["explain", &out, "--site", "0", "--no-picture", "--json"], more].concat(),
+        ))
+    };
+    let why = explain(&[]);
+    assert_eq!((&why["finish_mm"], &why["allowance_mm"]), (&0.02.into(), &0.3.into()));
+    let why = explain(&["--finish", "0.05", "--allowance", "0.1"]);
+    assert_eq!((&why["finish_mm"], &why["allowance_mm"]), (&0.05.into(), &0.1.into()));
+    // A holder that would be below the tip.
+    let closed = json(&label("3,60,25,40", &["--clearance", "80"]));
+    assert_eq!(closed["accessible"], 0.0);
+    let warning = &closed["warnings"][0][0];
+    assert_eq!(
+        (&warning["warning"], &warning["clearance_mm"]),
+        (&"clearance-closes".into(), &80.0.into())
+    );
+    assert!(warning["words"].as_str().unwrap().contains("closes every pose"), "{warning}");
+    for (option, value) in [("--finish", "0"), ("--finish", "-1"), ("--allowance", "-1")] {
+        let message = failure(&label("3,60,25,40", &[&format!("{option}={value}")]), 2);
+        assert!(message.contains(option), "{message}");
+    }
 }
 
 #[test]

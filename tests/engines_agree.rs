@@ -258,8 +258,8 @@ fn engines_agree_on_every_kind_of_cutter() {
         Cutter::tapered(params, 0.1, 9).unwrap(),
         Cutter::stepped(1.0, &[(4.0, 1.0), (6.0, 3.0), (5.0, 9.0)], false).unwrap(),
         Cutter::stepped(1.0, &[(4.0, 1.0)], true).unwrap(),
-        Cutter::ball_end(params).unwrap().with_clearance(0.7).unwrap(),
-        Cutter::ball_end(params).unwrap().with_clearance(-1.6).unwrap(),
+        Cutter::ball_end(params).unwrap().grown(0.7).unwrap(),
+        Cutter::ball_end(params).unwrap().grown(-1.6).unwrap(),
     ];
     let sphere = Directions::new(DirectionSet::FibonacciSphere { n_dirs: 11 }).unwrap();
     assert_engines_agree(&solids(700), Obstacles::Queries, &cutters, &sphere, "cutters");

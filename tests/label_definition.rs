@@ -40,7 +40,7 @@ fn clearance_is_the_growth_at_which_the_label_flips() {
             });
         }
         for growth in [-2.0, -0.3, 0.4, 3.0] {
-            let grown = cutter.with_clearance(growth).unwrap();
+            let grown = cutter.grown(growth).unwrap();
             let flipped = label(&scene, Obstacles::Queries, &grown, &few, &options).unwrap();
             for (i, &clearance) in labels.answers.clearance_mm.iter().enumerate() {
                 let away = f64::from(clearance) - growth;

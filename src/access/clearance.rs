@@ -2,7 +2,7 @@
 //! inaccessible.
 //!
 //! Growing a cutter by `c` lowers every step by `c` and widens it by `c`
-//! ([`Cutter::with_clearance`](crate::cutter::Cutter::with_clearance)). In one direction, obstacle `j`
+//! ([`Cutter::grown`](crate::cutter::Cutter::grown)). In one direction, obstacle `j`
 //! begins to collide with the grown cutter at `c = min over steps of max(height − h, r − radius)`; the
 //! direction is accessible for every smaller `c`. A query's clearance is therefore
 //!

@@ -3,7 +3,8 @@
 //! # Definition
 //!
 //! The *body* is what is clamped: flutes, neck, shank, without an upper end. The *holder* begins at its nose, `stick_out` above the
-//! tip; above its top everything is spindle. Both become [`Step`]s:
+//! tip; above its top everything is spindle. Tip and flutes cut, all else does not. Flutes, the rest of the body, and the holder become
+//! [`Step`]s:
 //!
 //! ```text
 //! widest = 0
@@ -14,14 +15,16 @@
 //! ```
 //!
 //! So no step is thinner than the tool, and none is wider than it by more than [`Assembly::excess_mm`]: a cone whose radius grows by `g`
-//! over `n` steps is exceeded by at most `g/n`. What is narrower than something below it counts as wide as that.
+//! over `n` steps is exceeded by at most `g/n`. What is narrower than something below it counts as wide as that; but a margin
+//! ([`Assembly::with_clearance`]) is about its own width.
 //! A tool of any stick-out is the body together with the holder at that height, so collisions only decrease with the stick-out.
 
 mod parts;
 
 pub use parts::ToolPart;
 
-use super::{Cutter, MAX_LENGTH_MM, Step, positive};
+use super::margins::{check_allowance, check_margin, envelope, grown};
+use super::{Cutter, MAX_LENGTH_MM, Step, is_wider, positive};
 use crate::{Error, Result};
 use serde::Serialize;
 
@@ -76,11 +79,18 @@ pub enum TipShape {
 /// A checked tool in its holder.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Assembly {
+    /// Without the allowance, as all that cuts.
     corner_mm: f64,
     side_mm: f64,
+    /// Steps of the flutes.
+    cutting: Vec<Step>,
+    /// Steps of neck and shank, from the end of the flutes on.
+    upper: Vec<Step>,
+    /// Both, the allowance included.
     body: Vec<Step>,
     holder: Vec<Step>,
     stick_out_mm: f64,
+    allowance_mm: f64,
     excess_mm: f64,
     /// From tip to end, holder and spindle left out; `None` where no one has stated it.
     overall_mm: Option<f64>,
@@ -97,7 +107,8 @@ const COARSER: f64 = 1.1;
 
 impl Assembly {
     /// `body` goes on above the tip, for a straight one from the tip on and for a tapered one from the end of its flutes; its last section has no
-    /// upper end. `holder` is from the nose upward.
+    /// upper end. The first of several sections of a straight one is its flutes; of a single one see [`Assembly::with_flutes`].
+    /// `holder` is from the nose upward.
     ///
     /// # Errors
     /// If a length is not a number from 0.0001 mm to 10 m, a corner is greater than its radius, a taper is not below a right angle, there is
@@ -120,42 +131,130 @@ impl Assembly {
         let start_mm = lower.start_mm;
         sections.extend_from_slice(body);
         let widest = if lower.cone.is_none() { lower.radius_mm } else { 0.0 };
-        let (mut body, body_excess) = steps(&sections, start_mm, widest);
+        let (mut cutting, upper, body_excess) = steps(&sections, 1, start_mm, widest);
         if lower.cone.is_none() {
             // Up to the ball's top there is contact, as for the cutters of four lengths.
-            body.insert(0, Step { height_mm: 2.0 * lower.radius_mm, radius_mm: lower.radius_mm });
+            let top = Step { height_mm: 2.0 * lower.radius_mm, radius_mm: lower.radius_mm };
+            cutting.insert(0, top);
         }
-        let (mut holder_steps, holder_excess) = steps(holder, 0.0, 0.0);
+        let (mut holder_steps, _, holder_excess) = steps(holder, holder.len(), 0.0, 0.0);
         let top = holder.iter().map(|section| section.length_mm).sum();
         holder_steps.push(Step { height_mm: top, radius_mm: f64::INFINITY });
-        let assembly = Assembly {
-            corner_mm: lower.corner_mm,
-            side_mm: lower.side_mm,
-            body: envelope(body),
-            holder: holder_steps,
-            stick_out_mm,
-            excess_mm: body_excess.max(holder_excess),
-            overall_mm: None,
-        };
-        assembly.cutter().map(|_| assembly)
+        let end = [lower.corner_mm, lower.side_mm];
+        let excess_mm = body_excess.max(holder_excess);
+        let cutting = envelope(cutting);
+        Assembly::of_parts(end, cutting, envelope(upper), holder_steps, stick_out_mm, excess_mm)
     }
 
-    /// From steps: those of the body above the tip, those of the holder above its nose.
+    /// From steps: those of the body above the tip, those of the holder above its nose. Steps of the body that are no wider than the
+    /// tip cut, up to the first that is wider.
     ///
     /// # Errors
     /// As [`Cutter::from_steps`].
     pub fn from_steps(
         [corner_mm, side_mm]: [f64; 2],
-        body: Vec<Step>,
+        mut body: Vec<Step>,
         holder: Vec<Step>,
         stick_out_mm: f64,
     ) -> Result<Self> {
+        let end = corner_mm + side_mm;
+        let n_cutting = body.iter().take_while(|step| !is_wider(step, end)).count();
+        let upper = body.split_off(n_cutting);
+        Assembly::of_parts([corner_mm, side_mm], body, upper, holder, stick_out_mm, 0.0)
+    }
+
+    fn of_parts(
+        [corner_mm, side_mm]: [f64; 2],
+        cutting: Vec<Step>,
+        upper: Vec<Step>,
+        holder: Vec<Step>,
+        stick_out_mm: f64,
+        excess_mm: f64,
+    ) -> Result<Self> {
         positive("stick-out", stick_out_mm)?;
-        let excess_mm = 0.0;
-        let overall_mm = None;
-        let assembly =
-            Assembly { corner_mm, side_mm, body, holder, stick_out_mm, excess_mm, overall_mm };
+        let (body, overall_mm, allowance_mm) = (Vec::new(), None, 0.0);
+        let assembly = Assembly {
+            corner_mm,
+            side_mm,
+            cutting,
+            upper,
+            body,
+            holder,
+            stick_out_mm,
+            allowance_mm,
+            excess_mm,
+            overall_mm,
+        };
+        let assembly = assembly.whole();
         assembly.cutter().map(|_| assembly)
+    }
+
+    /// With the steps of the whole body.
+    fn whole(self) -> Self {
+        let body = envelope([grown(&self.cutting, self.allowance_mm), self.upper.clone()].concat());
+        Assembly { body, ..self }
+    }
+
+    /// The same tool, of which the flutes end at this height above the tip: what is above does not cut, however wide it is.
+    ///
+    /// # Errors
+    /// If the length is not a number from 0.0001 mm to 10 m.
+    pub fn with_flutes(self, flutes_mm: f64) -> Result<Self> {
+        positive("flute length", flutes_mm)?;
+        let is_below = |step: &&Step| step.height_mm < flutes_mm;
+        let all = || self.cutting.iter().chain(&self.upper);
+        let mut cutting: Vec<Step> = all().filter(is_below).copied().collect();
+        if cutting.is_empty() {
+            // Flutes that end within the tip's own height.
+            cutting.extend(self.cutting.first());
+        }
+        let widest = |steps: &[Step]| {
+            let below = steps.iter().filter(|step| step.height_mm <= flutes_mm);
+            below.map(|step| step.radius_mm).fold(0.0, f64::max)
+        };
+        // Right above the flutes: what is said to be there, or as wide as they are.
+        let radius_mm = match widest(&self.upper) {
+            0.0 => widest(&self.cutting).max(self.end_mm()),
+            said => said,
+        };
+        let begins = |step: &&Step| step.height_mm > flutes_mm;
+        let first = Step { height_mm: flutes_mm, radius_mm };
+        let upper = [first].into_iter().chain(all().filter(begins).copied()).collect();
+        let flutes = Assembly { cutting, upper: envelope(upper), ..self.clone() }.whole();
+        flutes.cutter().map(|_| flutes)
+    }
+
+    /// Height above the tip at which the flutes end, mm; infinite where no one has stated it and nothing of the body is wider.
+    pub fn flutes_mm(&self) -> f64 {
+        self.upper.first().map_or(f64::INFINITY, |step| step.height_mm)
+    }
+
+    /// Steps of neck and shank, which do not cut, heights above the tip; they may be narrower than the flutes.
+    pub fn neck_and_shank(&self) -> &[Step] {
+        &self.upper
+    }
+
+    /// The same tool, of which neck and shank are these steps, as [`Assembly::neck_and_shank`] has them: the steps of the body below
+    /// the first of them cut.
+    ///
+    /// # Errors
+    /// As [`Assembly::cutter`].
+    pub fn with_neck_and_shank(self, upper: Vec<Step>) -> Result<Self> {
+        let end = upper.first().map_or(f64::INFINITY, |step| step.height_mm);
+        let body = self.own_body();
+        let cutting = body.into_iter().filter(|step| step.height_mm < end).collect();
+        let tool = Assembly { cutting, upper, ..self }.whole();
+        tool.cutter().map(|_| tool)
+    }
+
+    /// How much stock the flutes leave, mm: [`Assembly::with_allowance`].
+    pub fn allowance_mm(&self) -> f64 {
+        self.allowance_mm
+    }
+
+    /// Radius of the lower end, without an allowance, mm.
+    fn end_mm(&self) -> f64 {
+        self.corner_mm + self.side_mm
     }
 
     /// The same tool, of which the overall length is stated: it cannot stick out further.
@@ -202,9 +301,14 @@ impl Assembly {
         self.excess_mm
     }
 
-    /// Steps of the body, heights above the tip.
+    /// Steps of the body, heights above the tip; the allowance is included.
     pub fn body(&self) -> &[Step] {
         &self.body
+    }
+
+    /// As [`Assembly::body`], without the allowance.
+    pub fn own_body(&self) -> Vec<Step> {
+        envelope([&self.cutting[..], &self.upper].concat())
     }
 
     /// Steps of the holder and the spindle, heights above the nose.
@@ -212,7 +316,7 @@ impl Assembly {
         &self.holder
     }
 
-    /// Radius of the tip's corner and distance of its center from the axis, mm.
+    /// Radius of the tip's corner and distance of its center from the axis, mm, without an allowance.
     pub fn tip(&self) -> [f64; 2] {
         [self.corner_mm, self.side_mm]
     }
@@ -231,7 +335,7 @@ impl Assembly {
     /// As [`Assembly::cutter`].
     pub fn at_stick_out(&self, stick_out_mm: f64) -> Result<Cutter> {
         let raised = self.holder.iter().map(|step| raise(step, stick_out_mm));
-        self.cutter_of(self.body.iter().copied().chain(raised).collect())
+        self.cutter_of(self.upper.iter().copied().chain(raised).collect())
     }
 
     /// The body alone, without an upper end.
@@ -239,22 +343,41 @@ impl Assembly {
     /// # Errors
     /// As [`Assembly::cutter`].
     pub fn body_cutter(&self) -> Result<Cutter> {
-        self.cutter_of(self.body.clone())
+        self.cutter_of(self.upper.clone())
     }
 
-    /// Every step begins lower by a margin and is as much wider, as [`Cutter::with_clearance`]; radii stop at 0.
+    /// Every step of neck, shank, holder and spindle begins lower by a margin and is as much wider, as
+    /// [`Cutter::with_clearance`]; radii stop at 0. What cuts stays.
     ///
     /// # Errors
     /// If the margin is not a number or beyond 10 m.
     pub fn with_clearance(&self, clearance_mm: f64) -> Result<Self> {
-        let body = super::grown(&self.body, clearance_mm)?;
-        let holder = super::grown(&self.holder, clearance_mm)?;
-        Ok(Assembly { body, holder, ..self.clone() })
+        check_margin("clearance", clearance_mm)?;
+        let [upper, holder] = [&self.upper, &self.holder].map(|steps| grown(steps, clearance_mm));
+        Ok(Assembly { upper, holder, ..self.clone() }.whole())
     }
 
-    fn cutter_of(&self, steps: Vec<Step>) -> Result<Cutter> {
-        let lowered = envelope(steps).iter().map(|step| raise(step, -self.corner_mm)).collect();
-        Cutter::from_steps(self.corner_mm, self.side_mm, lowered)
+    /// The same tool, leaving stock: what cuts is dilated by a ball of this radius, as [`Cutter::with_allowance`]. Heights stay above the tip
+    /// of the tool itself.
+    ///
+    /// # Errors
+    /// If the allowance is not a number from 0 to 10 m, or as [`Assembly::cutter`].
+    pub fn with_allowance(self, allowance_mm: f64) -> Result<Self> {
+        check_allowance(allowance_mm)?;
+        let rough = Assembly { allowance_mm, ..self }.whole();
+        rough.cutter().map(|_| rough)
+    }
+
+    fn cutter_of(&self, upper: Vec<Step>) -> Result<Cutter> {
+        let lowered = |steps: Vec<Step>| -> Vec<Step> {
+            envelope(steps).iter().map(|step| raise(step, -self.corner_mm)).collect()
+        };
+        let end = [self.corner_mm, self.side_mm];
+        let cutter = Cutter::from_parts(end, lowered(self.cutting.clone()), lowered(upper))?;
+        match self.allowance_mm > 0.0 {
+            true => cutter.with_allowance(self.allowance_mm),
+            false => Ok(cutter),
+        }
     }
 }
 
@@ -262,40 +385,39 @@ fn raise(step: &Step, by_mm: f64) -> Step {
     Step { height_mm: step.height_mm + by_mm, ..*step }
 }
 
-/// The steps that widen the tool, from below.
-fn envelope(mut steps: Vec<Step>) -> Vec<Step> {
-    steps.sort_by(|a, b| {
-        a.height_mm.total_cmp(&b.height_mm).then(b.radius_mm.total_cmp(&a.radius_mm))
-    });
-    let mut widest = 0.0;
-    steps.retain(|step| {
-        let widens = step.radius_mm > widest;
-        widest = step.radius_mm.max(widest);
-        widens
-    });
-    steps
-}
-
 /// A part of a section that widens the tool.
 struct Growth {
+    is_cutting: bool,
     start_mm: f64,
     end_mm: f64,
     from_mm: f64,
     to_mm: f64,
 }
 
-/// Steps that enclose the sections, and by how much they exceed them.
-fn steps(sections: &[Section], start_mm: f64, mut widest: f64) -> (Vec<Step>, f64) {
+/// Steps that enclose the first `n_cutting` sections and those that enclose the others, and by how much they exceed them.
+fn steps(
+    sections: &[Section],
+    n_cutting: usize,
+    start_mm: f64,
+    mut widest: f64,
+) -> (Vec<Step>, Vec<Step>, f64) {
     let mut parts = Vec::new();
     let mut height = start_mm;
-    for &Section { length_mm, lower_radius_mm: a, upper_radius_mm: b } in sections {
+    for (k, &Section { length_mm, lower_radius_mm: a, upper_radius_mm: b }) in
+        sections.iter().enumerate()
+    {
+        let is_cutting = k < n_cutting;
+        if k == n_cutting {
+            widest = 0.0;
+        }
         let end_mm = height + length_mm;
         if b > a && b > widest {
             let share = ((widest - a) / (b - a)).max(0.0);
             let from_mm = widest.max(a);
-            parts.push(Growth { start_mm: height + share * length_mm, end_mm, from_mm, to_mm: b });
+            let start_mm = height + share * length_mm;
+            parts.push(Growth { is_cutting, start_mm, end_mm, from_mm, to_mm: b });
         } else if a > widest {
-            parts.push(Growth { start_mm: height, end_mm, from_mm: a, to_mm: a });
+            parts.push(Growth { is_cutting, start_mm: height, end_mm, from_mm: a, to_mm: a });
         }
         widest = widest.max(a).max(b);
         height = end_mm;
@@ -312,18 +434,19 @@ fn steps(sections: &[Section], start_mm: f64, mut widest: f64) -> (Vec<Step>, f6
     while is_many(excess) {
         excess *= COARSER;
     }
-    let (mut steps, mut worst) = (Vec::new(), 0.0f64);
+    let (mut cutting, mut others, mut worst) = (Vec::new(), Vec::new(), 0.0f64);
     for part in &parts {
         let n = n_steps(part, excess);
         let (rise, growth) =
             ((part.end_mm - part.start_mm) / n as f64, (part.to_mm - part.from_mm) / n as f64);
         worst = worst.max(growth);
-        steps.extend((0..n).map(|k| Step {
+        let of = if part.is_cutting { &mut cutting } else { &mut others };
+        of.extend((0..n).map(|k| Step {
             height_mm: part.start_mm + k as f64 * rise,
             radius_mm: if k + 1 == n { part.to_mm } else { part.from_mm + (k + 1) as f64 * growth },
         }));
     }
-    (steps, worst)
+    (cutting, others, worst)
 }
 
 /// Lower end of a tool as its contact and, if tapered, its flank.
@@ -378,162 +501,4 @@ impl LowerEnd {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::cutter::CutterParams;
-
-    fn radius_at(steps: &[Step], height: f64) -> f64 {
-        steps.iter().filter(|s| s.height_mm <= height).map(|s| s.radius_mm).fold(0.0, f64::max)
-    }
-
-    fn er20() -> Vec<Section> {
-        let segment = |length_mm, lower: f64, upper: f64| Section {
-            length_mm,
-            lower_radius_mm: 0.5 * lower,
-            upper_radius_mm: 0.5 * upper,
-        };
-        vec![segment(8.0, 28.0, 34.0), segment(22.0, 34.0, 34.0), segment(40.0, 34.0, 50.0)]
-    }
-
-    #[test]
-    fn a_ball_in_a_cylindrical_holder_is_the_cutter_of_four_lengths() {
-        let tip = TipShape::Straight { radius_mm: 1.5, corner_mm: 1.5 };
-        let body = [Section::cylinder(60.0, 1.5)];
-        let assembly = Assembly::new(tip, &body, &[Section::cylinder(5.0, 40.0)], 9.0).unwrap();
-        let params = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]);
-        assert_eq!(assembly.cutter().unwrap(), Cutter::ball_end(params).unwrap());
-        assert_eq!(assembly.excess_mm(), 0.0);
-        assert_eq!(assembly.body_cutter().unwrap().steps().len(), 1);
-    }
-
-    #[test]
-    fn steps_enclose_the_sections_and_exceed_them_by_no_more_than_is_said() {
-        let tip = TipShape::Straight { radius_mm: 3.0, corner_mm: 3.0 };
-        let body = [
-            Section::cylinder(12.0, 3.0),
-            Section::cylinder(18.0, 2.9),
-            Section::cylinder(50.0, 4.0),
-        ];
-        let assembly = Assembly::new(tip, &body, &er20(), 45.0).unwrap();
-        assert!(
-            assembly.excess_mm() > 0.0 && assembly.excess_mm() < 0.6,
-            "{}",
-            assembly.excess_mm()
-        );
-        assert!(assembly.cutter().unwrap().steps().len() <= 30);
-        let true_radius = |mut z: f64| {
-            for Section { length_mm, lower_radius_mm, upper_radius_mm } in er20() {
-                if z < length_mm {
-                    return lower_radius_mm + z / length_mm * (upper_radius_mm - lower_radius_mm);
-                }
-                z -= length_mm;
-            }
-            f64::INFINITY
-        };
-        for k in 0..1400 {
-            let z = 0.05 * f64::from(k);
-            let (found, least) = (radius_at(assembly.holder(), z), true_radius(z));
-            assert!(
-                found >= least - 1e-12 && found - least <= assembly.excess_mm() + 1e-9
-                    || found == least,
-                "{z}: {found} {least}"
-            );
-        }
-        // The neck counts as wide as the flutes below it.
-        assert_eq!(
-            assembly.body().iter().map(|s| (s.height_mm, s.radius_mm)).collect::<Vec<_>>(),
-            [(6.0, 3.0), (30.0, 4.0)]
-        );
-    }
-
-    #[test]
-    fn a_tapered_ball_is_tangent_to_its_cone_and_enclosed() {
-        let taper = 3f64.to_radians();
-        let tip =
-            TipShape::Tapered { radius_mm: 0.5, corner_mm: 0.5, taper_rad: taper, flutes_mm: 20.0 };
-        let shank = [Section::cylinder(55.0, 3.0)];
-        let assembly = Assembly::new(tip, &shank, &er20(), 40.0).unwrap();
-        assert_eq!(assembly.tip(), [0.5, 0.0]);
-        for k in 0..200 {
-            let z = 0.5 + 0.0975 * f64::from(k);
-            let cone = 0.5 / taper.cos() + (z - 0.5) * taper.tan();
-            let found = radius_at(assembly.body(), z);
-            assert!(found >= cone - 1e-12 && found <= cone + assembly.excess_mm() + 1e-12, "{z}");
-        }
-        assert_eq!(radius_at(assembly.body(), 20.1), 3.0);
-    }
-
-    #[test]
-    fn a_tapered_bull_nose_touches_with_a_corner_tangent_to_disc_and_cone() {
-        let taper = 10f64.to_radians();
-        let tip =
-            TipShape::Tapered { radius_mm: 2.0, corner_mm: 0.5, taper_rad: taper, flutes_mm: 9.0 };
-        let assembly = Assembly::new(tip, &[], &er20(), 40.0).unwrap();
-        let [corner, side] = assembly.tip();
-        // Distance of the corner's center from the flank is its radius.
-        let distance = (2.0 + corner * taper.tan() - side) * taper.cos();
-        assert!((distance - corner).abs() < 1e-12, "{distance}");
-        let flat =
-            TipShape::Tapered { radius_mm: 2.0, corner_mm: 0.0, taper_rad: taper, flutes_mm: 9.0 };
-        assert_eq!(Assembly::new(flat, &[], &er20(), 40.0).unwrap().tip(), [0.0, 2.0]);
-    }
-
-    #[test]
-    fn impossible_tools_are_refused() {
-        let tip = TipShape::Straight { radius_mm: 3.0, corner_mm: 3.0 };
-        let body = [Section::cylinder(12.0, 3.0)];
-        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e5] {
-            assert!(Assembly::new(tip, &body, &er20(), bad).is_err());
-            assert!(Assembly::new(tip, &[Section::cylinder(bad, 3.0)], &er20(), 40.0).is_err());
-            assert!(Assembly::new(tip, &body, &[Section::cylinder(3.0, bad)], 40.0).is_err());
-            let tapered = |radius_mm, taper_rad, flutes_mm| TipShape::Tapered {
-                radius_mm,
-                corner_mm: 0.0,
-                taper_rad,
-                flutes_mm,
-            };
-            for tip in [tapered(bad, 0.1, 9.0), tapered(1.0, bad, 9.0), tapered(1.0, 0.1, bad)] {
-                assert!(Assembly::new(tip, &[], &er20(), 40.0).is_err(), "{tip:?}");
-            }
-        }
-        assert!(Assembly::new(tip, &body, &[], 40.0).is_err());
-        assert!(
-            Assembly::new(
-                TipShape::Straight { radius_mm: 1.0, corner_mm: 1.1 },
-                &body,
-                &er20(),
-                9.0
-            )
-            .is_err()
-        );
-    }
-
-    #[test]
-    fn no_tool_sticks_out_further_than_it_is_long() {
-        let tip = TipShape::Straight { radius_mm: 3.0, corner_mm: 0.0 };
-        let tool = Assembly::new(tip, &[Section::cylinder(60.0, 3.0)], &er20(), 40.0).unwrap();
-        assert_eq!((tool.overall_mm(), tool.most_stick_out_mm()), (None, f64::INFINITY));
-        assert!(tool.raised(ToolPart::Holder, 500.0).is_ok(), "no one said how long it is");
-        let error = tool.clone().with_overall(39.0).unwrap_err().to_string();
-        assert!(error.contains("stick-out is 40") && error.contains("39 mm; "), "{error}");
-        let tool = tool.with_overall(57.0).unwrap();
-        assert_eq!(tool.raised(ToolPart::Holder, 17.0).unwrap().stick_out_mm(), 57.0);
-        let error = tool.raised(ToolPart::Holder, 17.1).unwrap_err().to_string();
-        assert!(error.contains("overall length of 57 mm"), "{error}");
-        assert_eq!(tool.with_clearance(0.2).unwrap().overall_mm(), Some(57.0));
-        assert!(tool.with_overall(f64::NAN).is_err());
-    }
-
-    #[test]
-    fn a_longer_stick_out_only_raises_the_holder() {
-        let tip = TipShape::Straight { radius_mm: 3.0, corner_mm: 0.0 };
-        let assembly = Assembly::new(tip, &[Section::cylinder(60.0, 3.0)], &er20(), 4.0).unwrap();
-        let (short, long) = (assembly.cutter().unwrap(), assembly.at_stick_out(30.0).unwrap());
-        for k in 0..200 {
-            let z = 0.5 * f64::from(k);
-            assert!(radius_at(short.steps(), z) >= radius_at(long.steps(), z));
-        }
-        // The nose is below the height at which the body begins to count.
-        assert_eq!(short.steps()[0].height_mm, 4.0);
-    }
-}
+mod tests;

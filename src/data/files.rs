@@ -229,6 +229,9 @@ fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
     npz.array("collision_free_directions", &[n], &surface.collision_free_directions);
     npz.array("open_directions", &[n], &surface.open_directions);
     npz.array("tolerance", &[n], &surface.tolerance_mm);
+    if !surface.rests_on_tolerance.is_empty() {
+        npz.array("rests_on_tolerance", &[n], &surface.rests_on_tolerance);
+    }
     let direction = |pose: &Option<WitnessPose>| pose.map_or(Vec3::ZERO, |pose| pose.direction);
     let directions = surface.witness.iter().flat_map(|pose| direction(pose).to_array());
     npz.array("witness_direction", &[n, 3], &directions.collect::<Vec<f32>>());
@@ -268,8 +271,15 @@ fn read_surface(
         witness: read_poses(path, npz, sites)?,
         open_directions: npz.f32s("open_directions", 1)?,
         tolerance_mm: npz.f64s("tolerance", 1)?,
+        rests_on_tolerance: match npz.has("rests_on_tolerance") {
+            true => npz.bools("rests_on_tolerance")?,
+            false => Vec::new(),
+        },
         ..SurfaceLabels::default()
     };
+    if !surface.rests_on_tolerance.is_empty() {
+        same_length(path, sites, "rests_on_tolerance", surface.rests_on_tolerance.len())?;
+    }
     let counts = surface.collision_free_directions.len();
     same_length(path, sites, "collision_free_directions", counts)?;
     same_length(path, sites, "open_directions", surface.open_directions.len())?;
@@ -312,8 +322,9 @@ fn label_meaning(part_itself: bool) -> Value {
             "witness_direction": "unit vector from tip to spindle of a free pose, 0 0 0 if there is none",
             "witness_tip": "lowest point of the tool on its axis in that pose, mm",
             "open_directions": "of a site that is not accessible, the share of directions not proven closed; 0: the answer holds for all directions",
-            "tolerance": "contact tolerance, mm",
-            "clearance": "how far heights and radii of the shrunk tool's steps may grow before the site becomes inaccessible, mm; negative: must shrink",
+            "tolerance": "gouge tolerance, mm",
+            "rests_on_tolerance": "true: accessible by a gouge tolerance above 0.05 mm alone; left out if no site is",
+            "clearance": "how far the margin about what does not cut may grow before the site becomes inaccessible, mm; negative: how far all steps must shrink",
             "blocked_by": BLOCKED_BY,
             "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
             "beta": "pairs (inaccessible site, direction tested) in which this site is in the shrunk tool's steps",

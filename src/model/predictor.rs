@@ -109,7 +109,7 @@ mod tests {
         let predictor = Predictor::new(model);
         let cutter = Cutter::ball_end(params).unwrap();
         assert_eq!(predictor.answer(&sites, &cutter).unwrap(), prediction.answers());
-        for other in [Cutter::flat_end(params).unwrap(), cutter.with_clearance(0.5).unwrap()] {
+        for other in [Cutter::flat_end(params).unwrap(), cutter.grown(0.5).unwrap()] {
             let message = predictor.answer(&sites, &other).unwrap_err().to_string();
             assert!(message.contains("a ball end with one holder"), "{message}");
         }

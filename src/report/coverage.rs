@@ -145,6 +145,7 @@ impl<'a> Coverage<'a> {
         let has_steps = self.tools.iter().any(says_more);
         if has_steps {
             columns.extend([("body", ""), ("holder", ""), ("stick_out", ""), ("overall", "")]);
+            columns.push(("neck_and_shank", ""));
         }
         let has_numbers = self.tools.iter().any(|tool| tool.number.is_some());
         if has_numbers {
@@ -279,14 +280,20 @@ pub(super) fn groups_called<'a>(
 
 /// The columns `body`, `holder` and `stick_out`, missing for a tool of four lengths, and `overall`, missing where no
 /// one has stated it.
-pub(super) fn steps_of(tool: &Tool) -> [Cell; 4] {
+pub(super) fn steps_of(tool: &Tool) -> [Cell; 5] {
     let overall = tool.assembly.overall_mm().map_or(Cell::Missing, Cell::Given);
     let Tool { assembly, description: Some(_), .. } = tool else {
-        return [Cell::Missing, Cell::Missing, Cell::Missing, overall];
+        return [Cell::Missing, Cell::Missing, Cell::Missing, overall, Cell::Missing];
     };
     let words = |steps: &[Step]| Cell::Text(steps_words(steps));
     let stick_out = Cell::Given(assembly.stick_out_mm());
-    [words(assembly.body()), words(assembly.holder()), stick_out, overall]
+    [
+        words(&assembly.own_body()),
+        words(assembly.holder()),
+        stick_out,
+        overall,
+        words(assembly.neck_and_shank()),
+    ]
 }
 
 /// Colors of the tools that add something, apart for the common kinds of color blindness.

@@ -73,7 +73,13 @@ impl About<'_> {
         }
         if query.definition == Definition::Part {
             let rounded = (1e4 * why.tolerance_mm).round() / 1e4;
-            facts.add("tolerance_mm", "contact tolerance, mm", Cell::Given(rounded));
+            facts.add("tolerance_mm", "gouge tolerance, mm", Cell::Given(rounded));
+            let finish = query.options.finish_mm;
+            facts.add("finish_mm", "finish tolerance, mm", Cell::Given(finish));
+            let allowance = query.tool.assembly.allowance_mm();
+            if allowance > 0.0 {
+                facts.add("allowance_mm", "allowance, mm", Cell::Given(allowance));
+            }
         }
         facts.add("n_directions", "directions", Cell::count(why.directions.len()));
         facts
@@ -124,12 +130,21 @@ impl About<'_> {
                 false => "the tool meets nothing".into(),
             };
             lines.push(format!(
-                "The tool may stand there from direction {}, by the reference engine: {margin}.",
-                triple(witness.direction.as_dvec3(), 4)
+                "The tool may stand there from direction {}{}, by the reference engine: {margin}.",
+                triple(witness.direction.as_dvec3(), 4),
+                witness.tip_mm.map_or(String::new(), tip_words)
             ));
             return lines;
         }
         lines.extend(why.nearest().map(|state| self.nearest_words(state)));
+        lines.extend(why.nearest_pose.map(|nearest| {
+            format!(
+                "The pose nearest to being free is from direction {}{}: the tool would have to be smaller by {} mm all around.",
+                triple(nearest.pose.direction.as_dvec3(), 3),
+                tip_words(nearest.pose.tip_mm),
+                short(nearest.shrink_mm)
+            )
+        }));
         for change in &why.changes {
             let less = match (change.is_least, change.kind, why.tolerance_mm > 0.0) {
                 (false, ..) => String::new(),
@@ -220,9 +235,15 @@ impl About<'_> {
                 .collect::<serde_json::Map<String, Value>>(),
             "witness": why.witness.map(|witness| json!({
                 "direction": witness.direction.to_array(),
+                "tip_mm": witness.tip_mm.map(|tip| tip.to_array()),
                 "margin_mm": witness.margin_mm,
             })),
             "nearest": why.nearest().map(|state| self.state_json(state)),
+            "nearest_pose": why.nearest_pose.map(|nearest| json!({
+                "direction": nearest.pose.direction.to_array(),
+                "tip_mm": nearest.pose.tip_mm.to_array(),
+                "shrink_mm": nearest.shrink_mm,
+            })),
             "changes": why.changes.iter().map(|c| change_json(c, query)).collect::<Vec<_>>(),
             "stopped": why.stopped.map(|stopped| json!({
                 "words": stopped.words(),
@@ -273,11 +294,15 @@ fn change_json(change: &Change, query: &LabelQuery) -> Value {
         "tool": {
             "corner_mm": tool.tip()[0],
             "side_mm": tool.tip()[1],
-            "body": steps_words(tool.body()),
+            "body": steps_words(&tool.own_body()),
             "holder": steps_words(tool.holder()),
             "stick_out_mm": tool.stick_out_mm(),
         },
     })
+}
+
+fn tip_words(tip: DVec3) -> String {
+    format!(", with its tip at {}", triple(tip, 3))
 }
 
 fn triple(p: DVec3, decimals: usize) -> String {

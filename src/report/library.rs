@@ -167,6 +167,7 @@ impl<'a> Library<'a> {
             ("holder", ""),
             ("stick_out", ""),
             ("overall", ""),
+            ("neck_and_shank", ""),
         ];
         let has_numbers = self.tools.iter().any(|tool| tool.number.is_some());
         if has_numbers {

@@ -31,6 +31,19 @@ impl AccessibleDirections {
         self.rows[direction][site / WORD] >> (site % WORD) & 1 == 1
     }
 
+    /// Whether the tool may stand at a site in some direction.
+    ///
+    /// # Panics
+    /// If the site is out of range.
+    pub fn reaches(&self, site: usize) -> bool {
+        (0..self.rows.len()).any(|direction| self.is_accessible(direction, site))
+    }
+
+    /// Per site, whether the tool may stand there in some direction.
+    pub fn sites(&self) -> Vec<bool> {
+        (0..self.n_sites).map(|site| self.reaches(site)).collect()
+    }
+
     /// Bits of one direction: site `i` is bit `i % 64` of word `i / 64`, bits past the end are 0.
     ///
     /// # Panics

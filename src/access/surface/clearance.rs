@@ -1,7 +1,7 @@
-//! Signed clearance against triangles: how far the steps may grow before a site becomes inaccessible.
+//! Signed clearance against triangles: how far the steps that do not cut may grow before a site becomes inaccessible, as
+//! [`Cutter::with_clearance`](crate::cutter::Cutter::with_clearance) grows them; negative: how far all steps must shrink.
 //!
-//! Growing the steps by `c` is shrinking them by `τ − c`, so one tool after the other is tested. In one direction
-//! the greatest `c` at which no step penetrates is found by bisection; a direction that is not clear at the best `c` so far
+//! Both only grow with the margin, so one tool after the other is tested. In one direction the greatest `c` at which no step penetrates is found by bisection; a direction that is not clear at the best `c` so far
 //! is left after one tool.
 
 use super::labels::{CLEARANCE_STEP_MM, WitnessPose};
@@ -63,7 +63,8 @@ impl Problem<'_> {
     ) -> f64 {
         let least = self.tolerances.least;
         let mut clear = |growth: f64| {
-            let probe = Probe::of_steps(&self.outline, [least, growth], self.bvh, self.reach);
+            let outline = self.outline.with_margin(growth);
+            let probe = Probe::of_steps(&outline, least, self.bvh, self.reach);
             probe.verdict(self.triangles(), stand, scratch) != Verdict::Collides
         };
         if high - low <= CLEARANCE_STEP_MM || !clear(low + CLEARANCE_STEP_MM) {

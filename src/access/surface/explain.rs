@@ -30,12 +30,14 @@
 
 mod change;
 mod meet;
+mod nearest;
 mod parts;
 mod region;
 mod remedies;
 
 pub(crate) use change::short;
 pub use change::{Change, ChangeKind};
+pub use nearest::NearestPose;
 pub use parts::blocking_parts_among_points;
 pub use region::{N_LABELED, RegionAdvice, RegionChange};
 pub use remedies::{Remedies, Stopped, sold_diameter};
@@ -87,6 +89,8 @@ pub struct Explanation {
     pub witness: Option<Witness>,
     /// The directions tested.
     pub directions: Vec<DirectionState>,
+    /// For a site that is not accessible, the pose nearest to being free; none among points.
+    pub nearest_pose: Option<NearestPose>,
     /// Changes of the tool that help, the least first; none for an accessible site.
     pub changes: Vec<Change>,
     /// A stick-out that would help and is not proposed, if there is one.
@@ -326,16 +330,20 @@ impl Case<'_> {
                 other_direction = self.prove(tool, direction)?.map(|witness| witness.direction);
             }
         }
-        let tolerance_mm = found.tolerance;
-        Ok(Explanation {
+        let mut why = Explanation {
             answer,
-            tolerance_mm,
+            tolerance_mm: found.tolerance,
             witness,
             directions,
+            nearest_pose: None,
             changes,
             stopped,
             other_direction,
-        })
+        };
+        if answer != SiteAnswer::Accessible {
+            why.nearest_pose = self.nearest_pose(tool, found.tolerance, why.nearest())?;
+        }
+        Ok(why)
     }
 
     fn site(&self) -> Sites {

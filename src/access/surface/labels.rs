@@ -106,7 +106,11 @@ impl SurfaceOptions {
         }
     }
 
-    pub(super) fn check(&self) -> Result<()> {
+    /// Whether they can be.
+    ///
+    /// # Errors
+    /// If one of them is outside of its domain.
+    pub fn check(&self) -> Result<()> {
         if self.n_samples > MAX_SAMPLES {
             let expected = format!("at most {MAX_SAMPLES}");
             return Err(Error::argument("samples", self.n_samples, expected, "20,000 are plenty"));
@@ -161,14 +165,17 @@ pub struct SurfaceLabels {
     /// Per query that is not accessible: share of the directions which the set stands for that was not proven closed. At 0 the
     /// answer holds for every direction, not only for those tested; 1 if there was no search between them.
     pub open_directions: Vec<f32>,
-    /// Per query, mm: how far every height and radius of the shrunk cutter's steps may grow before the query becomes
-    /// inaccessible (positive), or must shrink before it is not any more (negative), within the limit of the options and to
+    /// Per query, mm: how far the margin about what of the shrunk cutter does not cut may grow before the query becomes
+    /// inaccessible (positive), or every step must shrink before it is not any more (negative), within the limit of the options and to
     /// [`CLEARANCE_STEP_MM`]; over the directions of the set and the witness. Empty without that option.
     pub clearance_mm: Vec<f32>,
     /// Per query: the gouge tolerance against the facet that it lies on, mm.
     pub tolerance_mm: Vec<f64>,
     /// The finish tolerance, mm.
     pub finish_mm: f64,
+    /// Per query, whether it is accessible by a gouge tolerance above [`WIDE_MM`](super::WIDE_MM) alone; empty if none is, or nobody asked
+    /// ([`TriangleObstacles::rest_on_wide_tolerance`](super::TriangleObstacles::rest_on_wide_tolerance)).
+    pub rests_on_tolerance: Vec<bool>,
     /// What was done.
     pub stats: SurfaceStats,
 }
@@ -203,12 +210,12 @@ pub struct WitnessPose {
 impl WitnessPose {
     /// Of a tool with its reference point there.
     pub(super) fn new(outline: &Outline, reference: DVec3, direction: Vec3) -> Self {
-        WitnessPose { direction, tip_mm: reference - axes(direction)[2] * outline.corner() }
+        WitnessPose { direction, tip_mm: reference - axes(direction)[2] * outline.above_tip() }
     }
 
     /// The reference point of the tool.
     pub(super) fn reference(&self, outline: &Outline) -> DVec3 {
-        self.tip_mm + axes(self.direction)[2] * outline.corner()
+        self.tip_mm + axes(self.direction)[2] * outline.above_tip()
     }
 }
 

@@ -11,8 +11,8 @@
 //! L(site, direction) = max over steps of  (greatest height over the disc of R − τ) − t − τ
 //! ```
 //!
-//! on, for every greater `L` as well. The **least stick-out** of a site is the least `L` over the directions in which the body is free;
-//! no `L` is tried. Directions are those of the set and the witnesses that the search between them found, so it is exact for these
+//! on, for every greater `L` as well. The **least stick-out** of a site is the least `L` over the directions in which the body is free, and
+//! there over its own pose, the one that was found, and 16 poses around the disc of an end that lies on a face; no `L` is tried. Directions are those of the set and the witnesses that the search between them found, so it is exact for these
 //! and an upper bound for all. It is never below twice the radius of the lower end; infinite where the body cannot stand.
 //!
 //! # Pseudo-code
@@ -38,14 +38,16 @@ use super::obstacles::{TriangleObstacles, extent, tested};
 use super::problem::Problem;
 use super::query::Scratch;
 use super::site::SiteState;
-use super::tool::{Stand, axes};
+use super::tool::{Contact, Outline, Stand, axes};
+use super::verdict::Verdict;
 use crate::access::Queries;
 use crate::cutter::{Assembly, Cutter, Step};
-use crate::directions::Directions;
+use crate::directions::{Directions, basis};
 use crate::geom::Sites;
 use crate::{Result, par};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use held::{Held, stand, tops_along};
+use std::f64::consts::TAU;
 
 /// What one tool of several reaches.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -113,7 +115,12 @@ impl TriangleObstacles {
 }
 
 fn has_same_body(a: &Assembly, b: &Assembly) -> bool {
-    a.tip() == b.tip() && a.body() == b.body()
+    a.tip() == b.tip() && a.allowance_mm() == b.allowance_mm() && a.body() == b.body()
+}
+
+/// The lower end that touches.
+fn contact(cutter: &Cutter) -> [f64; 2] {
+    [cutter.corner_mm(), cutter.side_mm()]
 }
 
 /// Tools in the order of this come after those inside them.
@@ -162,10 +169,10 @@ impl Pass<'_> {
     fn body(&mut self, tools: &[Assembly], mut group: Vec<usize>) -> Result<()> {
         let assembly = &tools[group[0]];
         let cutter = assembly.body_cutter()?;
-        let (answers, witness) = self.label_body(assembly, &cutter)?;
+        let (answers, witness) = self.label_body(&cutter)?;
         let reached: Vec<usize> = (0..self.sites.len()).filter(|&i| witness[i].is_some()).collect();
         self.bodies.push(Body {
-            tip: assembly.tip(),
+            tip: contact(&cutter),
             steps: cutter.steps().to_vec(),
             answers: answers.clone(),
         });
@@ -191,12 +198,11 @@ impl Pass<'_> {
     /// Answers and witnesses of a body without a holder.
     fn label_body(
         &mut self,
-        assembly: &Assembly,
         cutter: &Cutter,
     ) -> Result<(Vec<SiteAnswer>, Vec<Option<WitnessPose>>)> {
         let n = self.sites.len();
         let (mut answers, mut witness) = (vec![SiteAnswer::Inaccessible; n], vec![None; n]);
-        let closed = self.closed(assembly.tip(), cutter.steps());
+        let closed = self.closed(cutter);
         let open: Vec<usize> = (0..n).filter(|&i| closed[i].is_none()).collect();
         let hinted = self.try_hints(cutter, &open)?;
         for (&i, hinted) in open.iter().zip(&hinted) {
@@ -223,8 +229,9 @@ impl Pass<'_> {
     }
 
     /// Per site, the answer of some more slender tool with the same tip that does not reach it, inaccessible if one is.
-    fn closed(&self, tip: [f64; 2], steps: &[Step]) -> Vec<Option<SiteAnswer>> {
-        let is_slender = |body: &&Body| body.tip == tip && is_inside(&body.steps, steps);
+    fn closed(&self, cutter: &Cutter) -> Vec<Option<SiteAnswer>> {
+        let tip = contact(cutter);
+        let is_slender = |body: &&Body| body.tip == tip && is_inside(&body.steps, cutter.steps());
         let mut closed = vec![None; self.sites.len()];
         for body in self.bodies.iter().filter(is_slender) {
             for (closed, answer) in closed.iter_mut().zip(&body.answers) {
@@ -312,7 +319,7 @@ impl Pass<'_> {
         for &tool in held {
             let stick_out = tools[tool].stick_out_mm();
             let cutter = tools[tool].cutter()?;
-            let closed = self.closed(tools[tool].tip(), cutter.steps());
+            let closed = self.closed(&cutter);
             let is_closed = |i: usize| closed[i] == Some(SiteAnswer::Inaccessible);
             // What is found to be reached counts, whatever the search for another tool missed.
             let is_known = |i: usize| least[i].0 <= stick_out || is_closed(i);
@@ -343,7 +350,7 @@ impl Pass<'_> {
                 self.hint(i, pose.direction);
             }
             self.bodies.push(Body {
-                tip: tools[tool].tip(),
+                tip: contact(&cutter),
                 steps: cutter.steps().to_vec(),
                 answers: answers.clone(),
             });
@@ -410,6 +417,19 @@ impl Pass<'_> {
                     let direction = self.tested.vectors()[d as usize];
                     let top = self.tops[d as usize];
                     let own = problem.own_stand(k, direction);
+                    for reference in rim_poses(&problem.contacts[k], &problem.outline, own.axes[2])
+                    {
+                        let stand = Stand { reference, ..own };
+                        let length = held.stick_out(&stand, top, best.0, &mut scratch);
+                        let whole = &problem.probes.whole;
+                        if length < best.0
+                            && whole.verdict(problem.triangles(), &stand, &mut scratch)
+                                == Verdict::Free
+                        {
+                            let pose = WitnessPose::new(&problem.outline, reference, direction);
+                            best = (length, Some(pose));
+                        }
+                    }
                     if held.collides_at(&own, top, best.0, &mut scratch) {
                         continue;
                     }
@@ -432,6 +452,22 @@ impl Pass<'_> {
         }
         Ok(least)
     }
+}
+
+/// Poses of a flat or bull-nose end that lies on a face with its disc, as far as it can be moved aside: the holder may be beside a wall there.
+fn rim_poses(contact: &Contact, outline: &Outline, axis: DVec3) -> impl Iterator<Item = DVec3> {
+    /// Around the disc.
+    const N_POSES: usize = 16;
+    /// Cosine to the normal from which on a disc lies on a face.
+    const FLAT: f64 = 1.0 - 1e-9;
+    let lies = outline.side() > 0.0 && contact.normal.is_some_and(|n| n.dot(axis) >= FLAT);
+    let [u, v, _] = basis(axis);
+    let (center, side) = (contact.corner_center(outline, axis), outline.side());
+    let at = move |k: usize| {
+        let angle = TAU * k as f64 / N_POSES as f64;
+        center + (u * libm::cos(angle) + v * libm::sin(angle)) * side
+    };
+    (0..if lies { N_POSES } else { 0 }).map(at)
 }
 
 /// What is known of a body.

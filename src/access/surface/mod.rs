@@ -46,6 +46,7 @@ mod problem;
 mod query;
 mod reference;
 mod refine;
+mod rests;
 mod samples;
 mod site;
 mod surroundings;

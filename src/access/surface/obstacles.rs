@@ -178,7 +178,7 @@ pub(super) fn count_beta(
     directions: &Directions,
     marked: &[bool],
 ) -> Result<Vec<u64>> {
-    let shrunk = cutter.with_clearance(-tolerance)?;
+    let shrunk = cutter.grown(-tolerance)?;
     let obstacles = (Obstacles::Queries, counted);
     count_for(Queries::Sites(sites), obstacles, &shrunk, &tested(directions)?, marked)
 }

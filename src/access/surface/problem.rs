@@ -59,7 +59,7 @@ impl Probes {
             whole: Probe::new(outline, least, bvh, reach),
             above_ball: Probe::above_ball(outline, least, bvh, reach),
             ball: Probe::of_ball(outline, least, bvh, reach),
-            steps: Probe::of_steps(outline, [least, 0.0], bvh, reach),
+            steps: Probe::of_steps(outline, least, bvh, reach),
         }
     }
 }

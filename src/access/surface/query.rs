@@ -14,8 +14,6 @@ use glam::{DVec2, DVec3};
 pub(super) struct Probe {
     outline: Outline,
     parts: Parts,
-    /// By how much the steps are grown; against what the tip is not.
-    growth: f64,
     /// The tip, if there is one, then the steps: shrunk by the least tolerance.
     levels: Vec<Level>,
 }
@@ -34,43 +32,36 @@ enum Parts {
 impl Probe {
     /// `least` is the least tolerance, `reach` the greatest distance of a reference point from the middle of the triangles, mm.
     pub fn new(outline: &Outline, least: f64, bvh: &Bvh, reach: f64) -> Self {
-        Probe::of(outline, Parts::Whole, [least, 0.0], bvh, reach)
+        Probe::of(outline, Parts::Whole, least, bvh, reach)
     }
 
-    /// The steps alone, grown by this (negative: shrunk). There is no tip.
-    pub fn of_steps(outline: &Outline, [least, growth]: [f64; 2], bvh: &Bvh, reach: f64) -> Self {
-        Probe::of(outline, Parts::Steps, [least, growth], bvh, reach)
+    /// The steps alone. There is no tip.
+    pub fn of_steps(outline: &Outline, least: f64, bvh: &Bvh, reach: f64) -> Self {
+        Probe::of(outline, Parts::Steps, least, bvh, reach)
     }
 
     /// For places where a ball is known to be clear of the surface; the whole tool, if the tip is none.
     pub fn above_ball(outline: &Outline, least: f64, bvh: &Bvh, reach: f64) -> Self {
         let parts = if outline.side() == 0.0 { Parts::AboveBall } else { Parts::Whole };
-        Probe::of(outline, parts, [least, 0.0], bvh, reach)
+        Probe::of(outline, parts, least, bvh, reach)
     }
 
     /// A ball end's ball, for [`Probe::ball_meets`].
     pub fn of_ball(outline: &Outline, least: f64, bvh: &Bvh, reach: f64) -> Self {
-        Probe::of(outline, Parts::Ball, [least, 0.0], bvh, reach)
+        Probe::of(outline, Parts::Ball, least, bvh, reach)
     }
 
-    fn of(
-        outline: &Outline,
-        parts: Parts,
-        [least, growth]: [f64; 2],
-        bvh: &Bvh,
-        reach: f64,
-    ) -> Self {
-        let shrunk = least - growth;
-        let steps: Vec<[f64; 2]> = outline.steps(shrunk).collect();
+    fn of(outline: &Outline, parts: Parts, least: f64, bvh: &Bvh, reach: f64) -> Self {
+        let steps: Vec<[f64; 2]> = outline.steps(least).collect();
         let tip = match parts {
             Parts::Steps | Parts::Ball => None,
             Parts::AboveBall => Some([0.0, outline.radius() - least]),
             Parts::Whole => Some(outline.tip(least).lower_end()),
         };
-        let size = outline.size() + shrunk.abs() + reach;
+        let size = outline.size() + least + reach;
         let lower_ends = tip.into_iter().chain(enclosing(&steps));
         let levels = lower_ends.map(|[height, radius]| bvh.level(height, radius, size)).collect();
-        Probe { outline: outline.clone(), parts, growth, levels }
+        Probe { outline: outline.clone(), parts, levels }
     }
 
     /// The tip after shrinking by a tolerance, and by `more`; none if nothing is left of it.
@@ -276,11 +267,9 @@ impl Probe {
     /// Whether one of the steps, shrunk by a tolerance and then `grown` on all sides, penetrates a triangle; the widest is tried first.
     fn step_penetrates(&self, corners: &[DVec3; 3], tolerance: f64, grown: f64) -> bool {
         let top = corners[0].z.max(corners[1].z).max(corners[2].z);
-        let shrunk = tolerance - self.growth;
-        let steps =
-            self.outline.all_steps().iter().rev().map(|[height, radius]| {
-                [height + shrunk - grown, (radius - shrunk).max(0.0) + grown]
-            });
+        let steps = self.outline.all_steps().iter().rev().map(|[height, radius]| {
+            [height + tolerance - grown, (radius - tolerance).max(0.0) + grown]
+        });
         let mut nearest = None;
         steps.skip_while(|[height, _]| top <= *height).any(|[height, radius]| {
             let squared = *nearest.get_or_insert_with(|| from_box(corners));

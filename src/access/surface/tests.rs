@@ -18,6 +18,7 @@ mod engines;
 mod explain;
 mod invariance;
 mod library;
+mod margins;
 mod search;
 mod shapes;
 

@@ -110,6 +110,14 @@ enum FoldKind {
 }
 
 impl Chords {
+    /// The chord errors, as if they were tolerances.
+    pub fn as_tolerances(&self, bvh: &Bvh) -> Tolerances {
+        let error = |place: u32| self.0.get(bvh.face(place) as usize).map_or(0.0, |c| c.error);
+        let by_place: Vec<f64> = (0..bvh.n_triangles() as u32).map(error).collect();
+        let most = by_place.iter().fold(0.0, |a: f64, b| a.max(*b));
+        Tolerances { least: 0.0, most, by_place }
+    }
+
     /// Number of faces.
     pub fn len(&self) -> usize {
         self.0.len()

@@ -1,6 +1,6 @@
 //! The cutter shrunk by the contact tolerance, and where it stands.
 
-use crate::cutter::Cutter;
+use crate::cutter::{Cutter, Step};
 use crate::directions::basis;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3, Vec3};
@@ -14,6 +14,7 @@ pub(super) struct Outline {
     side: f64,
     /// Height above the reference point and radius of every step, mm.
     steps: Vec<[f64; 2]>,
+    cutter: Cutter,
     /// How much may be left where it touches, mm.
     finish: f64,
 }
@@ -50,9 +51,21 @@ impl Outline {
         Outline {
             corner: cutter.corner_mm(),
             side: cutter.side_mm(),
-            steps: cutter.steps().iter().map(|step| [step.height_mm, step.radius_mm]).collect(),
+            steps: cutter.steps().iter().map(pair).collect(),
+            cutter: cutter.clone(),
             finish,
         }
+    }
+
+    /// The same tool with a margin of this about the steps that do not cut; negative: all steps are shrunk.
+    pub fn with_margin(&self, margin: f64) -> Self {
+        let steps = self.cutter.steps_with_margin(margin).iter().map(pair).collect();
+        Outline { steps, ..self.clone() }
+    }
+
+    /// Height of the reference point above the tip of the tool itself, whatever stock it leaves, mm.
+    pub fn above_tip(&self) -> f64 {
+        self.corner - self.cutter.allowance_mm()
     }
 
     /// How much may be left where it touches, mm.
@@ -114,6 +127,10 @@ impl Outline {
         let remedy = "0.01 mm suits most parts; at 0 every tangent wall would block";
         Err(Error::argument("contact tolerance", tolerance, expected, remedy))
     }
+}
+
+fn pair(step: &Step) -> [f64; 2] {
+    [step.height_mm, step.radius_mm]
 }
 
 /// Unit vectors `u, v, d`: across the tool axis, and along it from tip to spindle.

@@ -55,6 +55,34 @@ pub enum Warning {
         /// Greatest tolerance, mm.
         greatest_mm: f64,
     },
+    /// Sites that are accessible by a tolerance above [`WIDE_MM`] alone: see
+    /// [`SurfaceLabels::rests_on_tolerance`](super::SurfaceLabels::rests_on_tolerance).
+    RestsOnTolerance {
+        /// Their number.
+        n_sites: usize,
+        /// Their share of the sites.
+        share: f64,
+        /// Greatest tolerance of a facet under a site, mm.
+        greatest_mm: f64,
+    },
+    /// Facets that stand farther off their curve than what may remain: what is said to remain there is the mesh's own.
+    FinishBelowChord {
+        /// Share of the sites.
+        share: f64,
+        /// The finish tolerance, mm.
+        finish_mm: f64,
+        /// Greatest chord error under a site, mm.
+        chord_mm: f64,
+    },
+    /// A clearance of what does not cut that puts much of the part out of reach.
+    ClearanceCloses {
+        /// The clearance, mm.
+        clearance_mm: f64,
+        /// Share of the sites that are accessible without it, and not with it.
+        share: f64,
+        /// Whether nothing is left.
+        closes_all: bool,
+    },
     /// Sites whose answer rests on roundings: see [`SurfaceStats::knife_edge`](super::SurfaceStats::knife_edge).
     KnifeEdge {
         /// Share of the sites.
@@ -99,6 +127,29 @@ impl fmt::Display for Warning {
                 f,
                 "coarse facets make the tolerance more than {WIDE_MM} mm at {:.1} % of the sites, up to {greatest_mm:.3} mm: \
                  export a finer mesh to notice shallower collisions",
+                100.0 * share
+            ),
+            Warning::RestsOnTolerance { n_sites, share, greatest_mm } => write!(
+                f,
+                "{n_sites} sites ({:.1} %) are accessible only because the tool may seem to cut more than {WIDE_MM} mm there, up to \
+                 {greatest_mm:.3} mm: export a finer mesh, or give --tolerance",
+                100.0 * share
+            ),
+            Warning::FinishBelowChord { share, finish_mm, chord_mm } => write!(
+                f,
+                "the finish tolerance of {finish_mm} mm is below the chord error of the mesh at {:.1} % of the sites, up to {chord_mm:.3} mm: \
+                 export a finer mesh, or raise --finish",
+                100.0 * share
+            ),
+            Warning::ClearanceCloses { clearance_mm, share, closes_all: true } => write!(
+                f,
+                "the clearance of {clearance_mm} mm closes every pose at every site; without it {:.1} % of the sites are accessible: \
+                 take a lesser one, or a longer tool",
+                100.0 * share
+            ),
+            Warning::ClearanceCloses { clearance_mm, share, closes_all: false } => write!(
+                f,
+                "the clearance of {clearance_mm} mm alone puts {:.1} % of the sites out of reach: take a lesser one, or a longer tool",
                 100.0 * share
             ),
             Warning::KnifeEdge { share } => write!(
@@ -161,11 +212,41 @@ impl TriangleObstacles {
                 greatest_mm: raised().map(|i| granted[i]).fold(0.0, f64::max),
             });
         }
+        let rests = labels.rests_on_tolerance.iter().filter(|rests| **rests).count();
+        if rests > 0 {
+            warnings.push(Warning::RestsOnTolerance {
+                n_sites: rests,
+                share: share(rests),
+                greatest_mm: granted.iter().fold(0.0, |a: f64, b| a.max(*b)),
+            });
+        }
+        let chords = self.chords.as_tolerances(&self.bvh).at_sites(&self.bvh, &points);
+        let coarser = || chords.iter().filter(|chord| **chord > labels.finish_mm);
+        if coarser().next().is_some() {
+            warnings.push(Warning::FinishBelowChord {
+                share: share(coarser().count()),
+                finish_mm: labels.finish_mm,
+                chord_mm: coarser().fold(0.0, |a: f64, b| a.max(*b)),
+            });
+        }
         let on_edge = labels.stats.knife_edge as f64 / n;
         if on_edge > KNIFE_EDGE_SHARE {
             warnings.push(Warning::KnifeEdge { share: on_edge });
         }
         Ok(warnings)
+    }
+}
+
+/// A clearance is warned about if it closes at least this share of the sites.
+const CLOSED_SHARE: f64 = 0.05;
+
+impl Warning {
+    /// About a clearance that closes this share of the sites, if that is much; of which `is_reached` says whether something is
+    /// left.
+    pub fn of_clearance(clearance_mm: f64, share: f64, is_reached: bool) -> Option<Self> {
+        let closes_all = !is_reached && share > 0.0;
+        let is_much = closes_all || share >= CLOSED_SHARE;
+        is_much.then_some(Warning::ClearanceCloses { clearance_mm, share, closes_all })
     }
 }
 
@@ -198,7 +279,7 @@ fn without_sites(part: &Mesh, sites: &Sites) -> Option<Warning> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{SurfaceOptions, SurfaceStats};
+    use super::super::{FINISH_MM, SurfaceOptions, SurfaceStats};
     use super::*;
     use crate::directions::Directions;
     use crate::geom::sites::{SiteOptions, sample};
@@ -250,16 +331,101 @@ mod tests {
         // Inward curved: the inside of a ring.
         let mesh = solids::torus(20.0, 5.0, 14, 16);
         let given = warnings(&mesh, 400, 2.0, ContactTolerance::Millimeters(0.01));
-        let [Warning::CoarseTessellation { share, implied_mm, granted_mm: 0.01 }] = given[..]
+        let [
+            Warning::CoarseTessellation { share, implied_mm, granted_mm: 0.01 },
+            Warning::FinishBelowChord { finish_mm: FINISH_MM, chord_mm, .. },
+        ] = given[..]
         else {
             panic!("{given:?}")
         };
         assert!(share > 0.1 && share < 0.9 && implied_mm > WIDE_MM, "{share} {implied_mm}");
         let implied = warnings(&mesh, 400, 2.0, ContactTolerance::Tessellation);
-        let [Warning::WideTolerance { greatest_mm, .. }] = implied[..] else {
+        let [Warning::WideTolerance { greatest_mm, .. }, Warning::FinishBelowChord { .. }] =
+            implied[..]
+        else {
             panic!("{implied:?}")
         };
         assert_eq!(greatest_mm, implied_mm);
+        // A tool much narrower than the curve leaves only a part of the chord error.
+        assert!(chord_mm > implied_mm, "{chord_mm}");
+    }
+
+    #[test]
+    fn answers_that_rest_on_a_wide_tolerance_are_counted() {
+        // A bore in facets that stand 0.1 mm off its circle, and outside where none does.
+        let (radius, n) = (10.0, 22);
+        let chord = radius * (1.0 - (std::f64::consts::PI / f64::from(n)).cos());
+        assert!(chord > 0.1, "{chord}");
+        let outline = |radius: f64| {
+            (0..n).map(move |k| {
+                let angle = std::f64::consts::TAU * f64::from(k) / f64::from(n);
+                (radius * angle.cos(), radius * angle.sin())
+            })
+        };
+        let mut mesh = Mesh::default();
+        for (radius, z) in [(20.0, 0.0), (20.0, 30.0), (radius, 30.0), (radius, 0.0)] {
+            mesh.vertices.extend(outline(radius).map(|(x, y)| dvec3(x, y, z)));
+        }
+        let n = n as u32;
+        for ring in 0..4u32 {
+            for k in 0..n {
+                let (next, k1) = ((ring + 1) % 4, (k + 1) % n);
+                let [a, b, c, d] = [ring * n + k, ring * n + k1, next * n + k1, next * n + k];
+                mesh.triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        let sites = sample(&mesh, &SiteOptions { n_sites: 600, ..SiteOptions::default() }).unwrap();
+        let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
+        let options = SurfaceOptions { occlusion: false, ..SurfaceOptions::default() };
+        let rests = |cr: f64, options: &SurfaceOptions| {
+            let cutter = Cutter::flat_end([cr, 60.0, cr + 5.0, 5.0].into()).unwrap();
+            let up = Directions::up();
+            let labels = obstacles.label(&sites, &cutter, &up, options).unwrap();
+            let of: Vec<bool> =
+                labels.answers.iter().map(|a| *a == super::super::SiteAnswer::Accessible).collect();
+            let found = (&of[..], &labels.witness[..]);
+            let rests =
+                obstacles.rest_on_wide_tolerance(&sites, &cutter, &up, options, found).unwrap();
+            let none = obstacles
+                .rest_on_wide_tolerance(&sites, &cutter, &up, options, (&of[..], &[]))
+                .unwrap();
+            assert_eq!(rests, none, "witnesses only save time");
+            (of, rests)
+        };
+        let (of, found) = rests(9.94, &options);
+        let capped = SurfaceOptions { tolerance: ContactTolerance::AtMost(WIDE_MM), ..options };
+        let (of_capped, none) = rests(9.94, &capped);
+        assert!(none.iter().all(|rests| !rests));
+        for (i, (p, normal)) in sites.points.iter().zip(&sites.normals).enumerate() {
+            assert_eq!(found[i], of[i] && !of_capped[i], "{p}");
+            let in_bore = normal.z.abs() < 0.5 && p.truncate().length() < 11.0;
+            assert!(in_bore || !found[i], "{p}");
+        }
+        assert!(found.iter().filter(|rests| **rests).count() > 20);
+        assert!(rests(5.0, &options).1.iter().all(|rests| !rests), "far narrower");
+    }
+
+    #[test]
+    fn a_clearance_that_closes_every_pose_is_said() {
+        let words = |share, is_reached| Warning::of_clearance(30.0, share, is_reached);
+        let all = words(0.72, false).unwrap().to_string();
+        assert!(all.contains("30 mm closes every pose") && all.contains("72.0 %"), "{all}");
+        let much = words(0.3, true).unwrap().to_string();
+        assert!(much.contains("30 mm alone puts 30.0 %"), "{much}");
+        assert_eq!((words(0.01, true), words(0.0, false)), (None, None));
+        // A holder with a margin of more than the tool sticks out.
+        let mesh = solids::cuboid(DVec3::splat(20.0));
+        let sites = sample(&mesh, &SiteOptions { n_sites: 200, ..SiteOptions::default() }).unwrap();
+        let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
+        let options = SurfaceOptions { occlusion: false, ..SurfaceOptions::default() };
+        let cutter = Cutter::ball_end([3.0, 20.0, 25.0, 40.0].into()).unwrap();
+        let with = cutter.with_clearance(30.0).unwrap();
+        let labels = obstacles.label(&sites, &with, &Directions::up(), &options).unwrap();
+        let answered = (&options, &labels.answers[..]);
+        let up = Directions::up();
+        let share = obstacles.share_closed_by_clearance(&sites, &cutter, &up, answered).unwrap();
+        assert!((share - 5.0 / 6.0).abs() < 0.01, "{share}");
+        assert_eq!(labels.share(super::super::SiteAnswer::Accessible), 0.0);
     }
 
     #[test]

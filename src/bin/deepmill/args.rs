@@ -152,7 +152,7 @@ struct TipArgs {
     /// Radius of the tip's corner: 0 is a flat end, CR (the default) a ball end.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = millimeters)]
     corner: Option<f64>,
-    /// Safety margin all around the tool.
+    /// Safety margin about what does not cut: holder and spindle of the four lengths.
     #[arg(
         long, value_name = "MM", default_value_t = 0.0, allow_hyphen_values = true,
         value_parser = millimeters
@@ -238,7 +238,7 @@ pub fn millimeters(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// The error, of an argument by the name it has at the command line.
-fn called(error: Error, option: &'static str) -> Error {
+pub fn called(error: Error, option: &'static str) -> Error {
     match error {
         Error::Argument { found, expected, remedy, .. } => {
             Error::Argument { name: option, found, expected, remedy }

@@ -1,6 +1,6 @@
 //! `deepmill explain`: why a site of a result can or cannot be reached, and what would help.
 
-use crate::args::{UnsaidArgs, millimeters};
+use crate::args::{UnsaidArgs, called, millimeters};
 use crate::mesh_args::{MeshArgs, warn_if_in_inches};
 use crate::output::Output;
 use deepmill::access::surface::SiteAnswer;
@@ -44,6 +44,12 @@ pub struct Args {
     library: Vec<PathBuf>,
     #[command(flatten)]
     unsaid: UnsaidArgs,
+    /// How much may remain at a site that counts as reached; by default as for the labels.
+    #[arg(long, value_name = "MM", value_parser = millimeters)]
+    finish: Option<f64>,
+    /// Stock to leave: what cuts stays this far off the surface; by default as for the labels.
+    #[arg(long, value_name = "MM", allow_hyphen_values = true, value_parser = millimeters)]
+    allowance: Option<f64>,
     /// Propose no thinner cutter.
     #[arg(long, value_name = "MM", default_value_t = Remedies::default().least_diameter_mm)]
     least_diameter: f64,
@@ -69,6 +75,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut query = LabelQuery::read(&labels, mesh.transpose()?)?;
     query.mesh.iter().for_each(|mesh| warn_if_in_inches(mesh, output));
     query.remedies = args.remedies(query.remedies)?;
+    args.set_tolerances(&mut query)?;
+    let allowance = query.tool.assembly.allowance_mm();
+    let library = library.into_iter().map(|tool| tool.with_allowance(allowance));
+    let library = library.collect::<Result<Vec<Tool>>>()?;
     let (site, distance) = match at {
         Some(at) => query.nearest_site(at)?,
         None => (args.site.unwrap_or_default(), 0.0),
@@ -100,6 +110,17 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 }
 
 impl Args {
+    /// Those that are given, in place of those of the labels.
+    fn set_tolerances(&self, query: &mut LabelQuery) -> Result<()> {
+        query.options.finish_mm = self.finish.unwrap_or(query.options.finish_mm);
+        query.options.check().map_err(|error| called(error, "--finish"))?;
+        if let Some(allowance) = self.allowance {
+            let rough = query.tool.clone().with_allowance(allowance);
+            query.tool = rough.map_err(|error| called(error, "--allowance"))?;
+        }
+        Ok(())
+    }
+
     fn remedies(&self, of_labels: Remedies) -> Result<Remedies> {
         for (name, value) in
             [("--least-diameter", self.least_diameter), ("--most-slender", self.most_slender)]

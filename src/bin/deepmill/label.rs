@@ -75,8 +75,8 @@ pub struct Args {
     /// point. Writes volume.npz and volume.png, a section.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "obstacles", value_parser = millimeters)]
     pub volume: Option<f64>,
-    /// Also compute how far the tool's steps may grow, or must shrink, at each site, up to this either way (`clearance` in
-    /// labels.npz).
+    /// Also compute how far the margin about what does not cut may grow at each site, or all steps of the tool must shrink, up to
+    /// this either way (`clearance` in labels.npz).
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "volume", value_parser = millimeters)]
     clearance_limit: Option<f64>,
     /// Folder of the results.
@@ -116,7 +116,8 @@ impl Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let tools = args.tools.tools(output)?;
+    let tools = args.surface.tolerances.with_allowance(args.tools.tools(output)?)?;
+    args.surface.tolerances.options()?;
     let limits = args.gate.limits(&[])?;
     let directions = args.directions.directions()?;
     let engine = args.engine.parse()?;
@@ -145,11 +146,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let blocking = Blocking::read(args.obstacles.as_deref(), mesh.is_some(), output)?;
     let more = further_obstacles(args, blocking, mesh.as_ref())?;
     clock.lap("sites_s", "sites");
-    let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
     let options_of_part = SurfaceOptions {
         clearance_limit_mm: args.clearance_limit,
         occlusion: args.wants_occlusion(&limits),
-        ..args.surface.options(args.share_of_occlusion())
+        ..args.surface.options(args.share_of_occlusion())?
     };
     let part_itself = mesh.as_ref().filter(|_| blocking == Blocking::Part);
     let fixtures = part_itself.map(|mesh| args.surface.fixtures(mesh, &args.read, output));
@@ -162,10 +162,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (mut labels, warnings) = match (&triangles, &mesh) {
         (Some(triangles), Some(mesh)) => {
             let of = (mesh, triangles);
-            SurfaceArgs::label(of, &sites, &cutters, &directions, &options_of_part)?
+            SurfaceArgs::label(of, &sites, &tools, &directions, &options_of_part)?
         }
         _ => {
             args.surface.warn_unused(output);
+            let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
             let labels = access::label_many(&sites, points, &cutters, &directions, &options)?;
             (labels, vec![Vec::new(); cutters.len()])
         }
@@ -186,6 +187,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         also,
         blocking,
         has_occlusion,
+        finish_mm: options_of_part.finish_mm,
         tools,
         directions,
         mesh,
@@ -266,6 +268,7 @@ struct Answers<'a> {
     also: Vec<Extra>,
     blocking: Blocking,
     has_occlusion: bool,
+    finish_mm: f64,
     tools: &'a [Tool],
     directions: &'a Directions,
     mesh: Option<Mesh>,
@@ -284,6 +287,7 @@ impl Answers<'_> {
         if coverage.is_none() {
             facts.add("cutter", "cutter", Cell::text(self.tools[0].words()));
         }
+        part_itself::add_tolerances(&mut facts, labels, self.finish_mm);
         facts.add("n_sites", "sites", Cell::count(self.sites.len()));
         let n_directions =
             labels[0].surface.as_ref().map_or(self.directions.len(), |s| s.n_directions);

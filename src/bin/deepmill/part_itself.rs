@@ -1,16 +1,15 @@
 //! Arguments of `deepmill label` for the part itself: tolerance, fixtures, table.
 
-use crate::args::millimeters;
+use crate::args::{called, millimeters};
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::access::surface::explain::blocking_parts_among_points;
 use deepmill::access::surface::{
-    ContactTolerance, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions, TriangleObstacles,
-    Warning, blocking_faces,
+    ContactTolerance, FINISH_MM, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions,
+    TriangleObstacles, WIDE_MM, Warning, blocking_faces,
 };
 use deepmill::access::{Labels, Obstacles};
 use deepmill::answers::Definition;
-use deepmill::cutter::Cutter;
 use deepmill::data::files::tools::Tool;
 use deepmill::directions::Directions;
 use deepmill::geom::{Mesh, Sites, check};
@@ -62,13 +61,53 @@ impl Blocking {
     }
 }
 
-/// Options for the part itself.
+/// How closely the tool keeps to the part.
 #[derive(clap::Args)]
-pub struct SurfaceArgs {
+pub struct ToleranceArgs {
     /// How deep the tool may seem to cut where it only touches; by default 0.01, and more beside coarsely tessellated
     /// curves.
     #[arg(long, value_name = "MM", value_parser = millimeters)]
     tolerance: Option<f64>,
+    /// How much may remain at a site that counts as reached.
+    #[arg(long, value_name = "MM", default_value_t = FINISH_MM, value_parser = millimeters)]
+    finish: f64,
+    /// Stock to leave: what cuts stays this far off the surface.
+    #[arg(
+        long, value_name = "MM", default_value_t = 0.0, allow_hyphen_values = true,
+        value_parser = millimeters
+    )]
+    allowance: f64,
+}
+
+impl ToleranceArgs {
+    /// Options with these tolerances.
+    pub fn options(&self) -> Result<SurfaceOptions> {
+        let tolerance =
+            self.tolerance.map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters);
+        let finish_mm = self.finish;
+        let options = SurfaceOptions { tolerance, finish_mm, ..SurfaceOptions::default() };
+        options.check().map(|()| options).map_err(|error| called(error, "--finish"))
+    }
+
+    /// The tools, leaving the stock that is asked for.
+    pub fn with_allowance(&self, tools: Vec<Tool>) -> Result<Vec<Tool>> {
+        let rough = |tool: Tool| tool.with_allowance(self.allowance);
+        let rough: Result<Vec<Tool>> = tools.into_iter().map(rough).collect();
+        rough.map_err(|error| called(error, "--allowance"))
+    }
+
+    /// What a file says of them; the allowance belongs to its tools.
+    pub fn add_to(&self, settings: &mut Value) {
+        settings["tolerance_mm"] = json!(self.tolerance);
+        settings["finish_mm"] = json!(self.finish);
+    }
+}
+
+/// Options for the part itself.
+#[derive(clap::Args)]
+pub struct SurfaceArgs {
+    #[command(flatten)]
+    pub tolerances: ToleranceArgs,
     /// A mesh that blocks too, in the part's coordinates (clamps, vise); may be given again.
     #[arg(long, value_name = "FILE")]
     fixture: Vec<PathBuf>,
@@ -87,7 +126,7 @@ pub struct SurfaceArgs {
 impl SurfaceArgs {
     /// Warns if an option is given that only the part itself has.
     pub fn warn_unused(&self, output: &Output) {
-        if self.tolerance.is_some() || self.table.is_some() || !self.fixture.is_empty() {
+        if self.tolerances.tolerance.is_some() || self.table.is_some() || !self.fixture.is_empty() {
             output.warn("--tolerance, --fixture and --table are not about points as obstacles");
         }
     }
@@ -125,48 +164,63 @@ impl SurfaceArgs {
     }
 
     /// The options that these arguments make.
-    pub fn options(&self, share: f64) -> SurfaceOptions {
+    pub fn options(&self, share: f64) -> Result<SurfaceOptions> {
         let search = match self.prove {
             true => RefinementOptions::proving(),
             false => RefinementOptions { n_kept: self.search, ..RefinementOptions::default() },
         };
-        SurfaceOptions {
-            tolerance: self
-                .tolerance
-                .map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters),
+        Ok(SurfaceOptions {
             share,
             refinement: (self.search > 0).then_some(search),
-            ..SurfaceOptions::default()
-        }
+            ..self.tolerances.options()?
+        })
     }
 
     /// Labels for every cutter, and warnings about them.
     pub fn label(
         (mesh, obstacles): (&Mesh, &TriangleObstacles),
         sites: &Sites,
-        cutters: &[Cutter],
+        tools: &[Tool],
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<(Vec<Labels>, Vec<Vec<Warning>>)> {
-        let label = |cutter| {
-            let labels = obstacles.label_sites(sites, cutter, directions, options)?;
-            let surface = labels.surface.as_ref().expect("labels about the part itself");
-            let warnings = obstacles.warnings(mesh, sites, cutter, surface)?;
+        let label = |tool: &Tool| {
+            let cutter = &tool.cutter;
+            let mut labels = obstacles.label_sites(sites, cutter, directions, options)?;
+            let surface = labels.surface.as_mut().expect("labels about the part itself");
+            let reached = surface.answers.iter().map(|a| *a == SiteAnswer::Accessible);
+            let reached: Vec<bool> = reached.collect();
+            let found = (&reached[..], &surface.witness[..]);
+            let rests =
+                obstacles.rest_on_wide_tolerance(sites, cutter, directions, options, found)?;
+            if rests.contains(&true) {
+                surface.rests_on_tolerance = rests;
+            }
+            let mut warnings = obstacles.warnings(mesh, sites, cutter, surface)?;
+            if tool.clearance_mm > 0.0 {
+                let answered = (options, &surface.answers[..]);
+                let without = tool.assembly.cutter()?;
+                let share =
+                    obstacles.share_closed_by_clearance(sites, &without, directions, answered)?;
+                let is_reached = reached.contains(&true);
+                warnings.extend(Warning::of_clearance(tool.clearance_mm, share, is_reached));
+            }
             Ok((labels, warnings))
         };
-        Ok(cutters.iter().map(label).collect::<Result<Vec<_>>>()?.into_iter().unzip())
+        Ok(tools.iter().map(label).collect::<Result<Vec<_>>>()?.into_iter().unzip())
     }
 
     /// What a label file says of these options.
     pub fn settings(&self) -> Value {
         let fixtures: Vec<String> = self.fixture.iter().map(|p| p.display().to_string()).collect();
-        json!({
-            "tolerance_mm": self.tolerance,
+        let mut settings = json!({
             "fixtures": fixtures,
             "table_z_mm": self.table,
             "search": self.search,
             "prove": self.prove,
-        })
+        });
+        self.tolerances.add_to(&mut settings);
+        settings
     }
 }
 
@@ -276,6 +330,29 @@ pub fn add_blocking_parts(
     Ok(())
 }
 
+/// Adds both tolerances, and how many answers rest on a wide one: of several tools the most.
+pub fn add_tolerances(facts: &mut Facts, labels: &[Labels], finish_mm: f64) {
+    let surfaces = || labels.iter().filter_map(|labels| labels.surface.as_ref());
+    if surfaces().next().is_none() {
+        return;
+    }
+    let rests = surfaces().map(|s| s.rests_on_tolerance.iter().filter(|rests| **rests).count());
+    add_rests(facts, rests.max().unwrap_or(0));
+    facts.add("finish_mm", "finish tolerance, mm", Cell::Given(finish_mm));
+    let tolerances = || surfaces().flat_map(|surface| surface.tolerance_mm.iter().copied());
+    let rounded = |mm: f64| Cell::Given((mm * 1e4).round() / 1e4);
+    let least = tolerances().fold(f64::INFINITY, f64::min);
+    facts.add("tolerance_least_mm", "gouge tolerance, at least, mm", rounded(least));
+    let greatest = tolerances().fold(0.0, f64::max);
+    facts.add("tolerance_mm", "gouge tolerance, at most, mm", rounded(greatest));
+}
+
+/// Adds how many sites are accessible by a wide tolerance alone.
+pub fn add_rests(facts: &mut Facts, n_sites: usize) {
+    let words = format!("sites accessible by a gouge tolerance above {WIDE_MM} mm alone");
+    facts.add("rests_on_tolerance", words, Cell::count(n_sites));
+}
+
 /// Adds what only the part itself answers.
 pub fn add_facts(facts: &mut Facts, labels: &Labels) {
     let Some(surface) = &labels.surface else { return };
@@ -287,12 +364,6 @@ pub fn add_facts(facts: &mut Facts, labels: &Labels) {
     facts.add("proven", "of all sites, proven out of reach for every direction", share(proven));
     let between = surface.stats.found_between as usize;
     facts.add("found_between", "reached only between the directions", share(between));
-    let greatest = surface.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
-    facts.add(
-        "tolerance_mm",
-        "contact tolerance, at most, mm",
-        Cell::Given((greatest * 1e4).round() / 1e4),
-    );
     let raised = surface.tolerance_mm.iter().filter(|t| **t > LEAST_MM).count();
     facts.add("tolerance_raised", "tolerance above 0.01 mm", share(raised));
     let on_edge = Cell::Share(surface.stats.knife_edge as f64 / n);

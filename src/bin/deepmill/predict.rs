@@ -187,8 +187,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 /// The ball ends without clearance; others are named, and none left is an error.
 fn known_to_networks(tools: Vec<Tool>, output: &Output) -> Result<Vec<Tool>> {
     let expected = "a ball end without clearance, shank as wide as the ball, in one cylindrical holder: the network knows no other";
-    let (known, others): (Vec<Tool>, Vec<Tool>) =
-        tools.into_iter().partition(|tool| tool.cutter.as_ball_end().is_some());
+    let (known, others): (Vec<Tool>, Vec<Tool>) = tools
+        .into_iter()
+        .partition(|tool| tool.clearance_mm == 0.0 && tool.cutter.as_ball_end().is_some());
     match (known.is_empty(), others.first()) {
         (true, Some(tool)) => {
             let remedy = "leave out --corner and --clearance, or use `deepmill label`";

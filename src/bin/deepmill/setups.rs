@@ -1,14 +1,13 @@
 //! `deepmill setups`: in how many clampings a part can be milled, and what each reaches.
 
-use crate::args::{GateArgs, SiteArgs, ToolArgs, millimeters, name_of, share};
+use crate::args::{GateArgs, SiteArgs, ToolArgs, name_of, share};
 use crate::clock::Clock;
 use crate::findings;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
+use crate::part_itself::{self, ToleranceArgs};
 use deepmill::access::setups::{Candidates, Clampings, Machine, Plan};
-use deepmill::access::surface::{
-    AccessibleDirections, ContactTolerance, SurfaceOptions, TriangleObstacles,
-};
+use deepmill::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
 use deepmill::data::files::tools::{self, Tool};
 use deepmill::report::PartView;
 use deepmill::report::findings::Findings;
@@ -54,10 +53,8 @@ pub struct Args {
     clampings: Option<Clamping>,
     #[command(flatten)]
     sites: SiteArgs,
-    /// How deep the tool may seem to cut where it only touches; by default 0.01, and more beside coarsely tessellated
-    /// curves.
-    #[arg(long, value_name = "MM", value_parser = millimeters)]
-    tolerance: Option<f64>,
+    #[command(flatten)]
+    tolerances: ToleranceArgs,
     #[command(flatten)]
     gate: GateArgs,
     /// Folder of the results.
@@ -88,7 +85,8 @@ const OVER_SPHERE: usize = 300;
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let limits = args.gate.limits(&["occlusion"])?;
     let share = share(&args.share)?;
-    let tools = args.tools.tools(output)?;
+    let tools = args.tolerances.with_allowance(args.tools.tools(output)?)?;
+    let options = args.tolerances.options()?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
@@ -101,12 +99,28 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let candidates = Candidates::new(&mesh, args.machine, args.clampings(), args.n_directions())?;
     Plan::require_memory(&candidates, sites.len(), tools.len())?;
     let obstacles = TriangleObstacles::new(&mesh, &[])?;
-    let options = args.options();
     let of_tool = |tool: &Tool| {
         obstacles.accessible_directions(&sites, &tool.cutter, candidates.directions(), &options)
     };
     let accessible: Vec<AccessibleDirections> = tools.iter().map(of_tool).collect::<Result<_>>()?;
     clock.lap("directions_s", "directions of every site");
+    let mut rests = vec![true; sites.len()];
+    for (tool, found) in tools.iter().zip(&accessible) {
+        let reached = found.sites();
+        let of_tool = obstacles.rest_on_wide_tolerance(
+            &sites,
+            &tool.cutter,
+            candidates.directions(),
+            &SurfaceOptions { refinement: None, ..options },
+            (&reached, &[]),
+        )?;
+        // Unless another tool reaches it by less.
+        let others = reached.iter().zip(of_tool).map(|(reached, rests)| !reached || rests);
+        rests.iter_mut().zip(others).for_each(|(all, of_tool)| *all &= of_tool);
+    }
+    let is_reached = |i: usize| accessible.iter().any(|found| found.reaches(i));
+    let n_rests = (0..sites.len()).filter(|&i| rests[i] && is_reached(i)).count();
+    clock.lap("tolerances_s", "tolerances");
     let order = tools::thick_and_short_first(&tools);
     let plan = Plan::new(&candidates, &mesh, &sites, &accessible, areas.shares(), share, &order);
     clock.lap("cover_s", "choice of setups");
@@ -132,6 +146,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&name));
     facts.add("machine", "machine", Cell::text(args.machine.to_string()));
+    part_itself::add_rests(&mut facts, n_rests);
+    facts.add("finish_mm", "finish tolerance, mm", Cell::Given(options.finish_mm));
     facts.add("area_mm2", "surface, mm²", Cell::Number(mesh.area()));
     facts.add("n_sites", "sites", Cell::count(sites.len()));
     facts.add("n_tools", "tools", Cell::count(tools.len()));
@@ -184,24 +200,19 @@ impl Args {
         self.directions.unwrap_or(usual)
     }
 
-    fn options(&self) -> SurfaceOptions {
-        let tolerance =
-            self.tolerance.map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters);
-        SurfaceOptions { tolerance, ..SurfaceOptions::default() }
-    }
-
     fn settings(&self, tools: &[Tool], candidates: &Candidates) -> serde_json::Value {
         let words: Vec<String> =
             tools.iter().map(|tool| format!("{}: {}", tool.name, tool.words())).collect();
-        json!({
+        let mut settings = json!({
             "machine": self.machine.to_string(),
             "share": self.share,
             "tools": words,
             "tool_axes_tested": candidates.directions().len(),
             "candidates": candidates.list().len(),
-            "tolerance_mm": self.tolerance,
             "sites": self.sites.settings(true),
             "not_modelled": "fixtures, table, stock, travel of the machine's axes",
-        })
+        });
+        self.tolerances.add_to(&mut settings);
+        settings
     }
 }

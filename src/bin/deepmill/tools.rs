@@ -4,8 +4,8 @@ use crate::args::{DirectionArgs, GateArgs, SiteArgs, UnsaidArgs, name_of, share,
 use crate::clock::Clock;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
-use crate::part_itself::SurfaceArgs;
-use deepmill::access::surface::{SiteAnswer, ToolReach};
+use crate::part_itself::{self, SurfaceArgs};
+use deepmill::access::surface::{SiteAnswer, ToolReach, Warning};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::Assembly;
 use deepmill::data::files::tools::Tool;
@@ -65,6 +65,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let limits = args.gate.limits(&["occlusion"])?;
     let share = share(&args.share)?;
     let tools = with_names(args.unsaid.read(&args.library, output)?)?;
+    let tools = args.surface.tolerances.with_allowance(tools)?;
+    let options = args.surface.options(1.0)?;
     let directions = args.directions.directions()?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
@@ -77,9 +79,25 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
     clock.lap("index_s", "search tree");
     let held: Vec<Assembly> = tools.iter().map(Tool::held).collect::<Result<_>>()?;
-    let reach = obstacles.reach_many(&sites, &held, &directions, &args.surface.options(1.0))?;
+    let reach = obstacles.reach_many(&sites, &held, &directions, &options)?;
     clock.lap("tools_s", "tools");
     let library = Library::new(&tools, &reach, &areas, share)?;
+    let mut rests = Vec::new();
+    for (tool, reach) in tools.iter().zip(&reach) {
+        let found = (&accessible(reach)[..], &reach.witness[..]);
+        let cutter = &tool.cutter;
+        let of_tool =
+            obstacles.rest_on_wide_tolerance(&sites, cutter, &directions, &options, found)?;
+        rests.push(of_tool.iter().filter(|rests| **rests).count());
+        if tool.clearance_mm > 0.0 && !found.0.contains(&true) {
+            let (without, answered) = (tool.assembly.cutter()?, (&options, &reach.answers[..]));
+            let closed =
+                obstacles.share_closed_by_clearance(&sites, &without, &directions, answered)?;
+            let warning = Warning::of_clearance(tool.clearance_mm, closed, false);
+            warning.iter().for_each(|warning| output.warn(format!("{}: {warning}", tool.name)));
+        }
+    }
+    clock.lap("tolerances_s", "tolerances");
 
     let show = if args.no_picture { Show::Points } else { Show::Pictures };
     let mut paths = library.write(&args.out)?;
@@ -98,6 +116,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let broken = output.check_limits(&limits, (&sites, Some(&mesh)), named)?;
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&name));
+    part_itself::add_rests(&mut facts, rests.iter().copied().max().unwrap_or(0));
+    facts.add("finish_mm", "finish tolerance, mm", Cell::Given(options.finish_mm));
     facts.add("area_mm2", "surface, mm²", Cell::Number(mesh.area()));
     facts.add("n_sites", "sites", Cell::count(sites.len()));
     facts.add("n_tools", "tools", Cell::count(tools.len()));
@@ -121,6 +141,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.say(table.text());
     output.say(cover.text());
     let mut result = facts.json();
+    let named = tools.iter().zip(&rests);
+    let named = named.map(|(tool, n)| json!({ "name": tool.name, "n_sites": n }));
+    result["rests_on_tolerance_of"] = named.collect();
     result["tools"] = table.json();
     result["smallest_set"] = cover.json();
     result["smallest_set_is_proven"] = json!(library.cover.is_smallest());

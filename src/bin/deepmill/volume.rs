@@ -30,6 +30,11 @@ pub fn run(
         let remedy = "leave out --volume for a cloud, and name one tool at a time";
         return Err(Error::argument("--volume", found, "a mesh and one tool", remedy));
     };
+    let allowance = tool.assembly.allowance_mm();
+    if allowance > 0.0 {
+        let remedy = "leave it out: what the tool itself removes is labeled";
+        return Err(Error::argument("--allowance", allowance, "0 with --volume", remedy));
+    }
     let directions = args.directions.directions()?;
     let (low, high) = mesh.bounds().unwrap_or_default();
     let lattice = Lattice::covering(low, high, step_mm)?;
@@ -39,7 +44,7 @@ pub fn run(
     points.extend(outside.map(|n| lattice.point(n).as_vec3()));
     clock.lap("points_s", "points");
     let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
-    let options = SurfaceOptions { occlusion: false, ..args.surface.options(1.0) };
+    let options = SurfaceOptions { occlusion: false, ..args.surface.options(1.0)? };
     let labels = obstacles.label(Queries::Volume(&points), &tool.cutter, &directions, &options)?;
     clock.lap("labels_s", "labels");
 

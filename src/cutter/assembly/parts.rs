@@ -1,7 +1,8 @@
 //! The parts of a tool from the tip upward, and tools that differ in one of them.
 
-use super::{Assembly, envelope, raise};
-use crate::cutter::{Cutter, Step};
+use super::{Assembly, raise};
+use crate::cutter::margins::{envelope, grown};
+use crate::cutter::{Cutter, Step, is_wider};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -12,9 +13,9 @@ use std::fmt;
 pub enum ToolPart {
     /// Ball, corner or flat that touches the site.
     Tip,
-    /// Steps of the body that are no wider than the tip.
+    /// Steps of the flutes that are no wider than the tip.
     Cutter,
-    /// Wider steps of the body: neck, shank, or the flank of a tapered end.
+    /// Other steps of the body: neck, shank, or the flank of a tapered end.
     Shank,
     /// Steps of the holder.
     Holder,
@@ -45,41 +46,46 @@ impl fmt::Display for ToolPart {
     }
 }
 
-/// Wider than the tip by more than this share of its radius is shank.
-const WIDER: f64 = 1e-6;
-
 impl Assembly {
-    /// Every step with the part that it belongs to, heights above the reference point, lowest first, with a margin of `clearance_mm` all
-    /// around ([`Assembly::with_clearance`]).
+    /// Every step with the part that it belongs to, heights above the reference point, lowest first, with a margin of `clearance_mm` for what does
+    /// not cut ([`Assembly::with_clearance`]).
     ///
     /// # Errors
     /// As [`Assembly::with_clearance`].
     pub fn parts(&self, clearance_mm: f64) -> Result<Vec<(ToolPart, Step)>> {
         let held = self.with_clearance(clearance_mm)?;
-        let body = self.body.iter().map(|step| self.part_of_body(step));
-        let holder = self.holder.iter().map(|step| match step.radius_mm.is_finite() {
-            true => ToolPart::Holder,
-            false => ToolPart::Spindle,
+        let cutting = grown(&held.cutting, held.allowance_mm).into_iter().zip(&held.cutting);
+        let cutting = cutting.map(|(step, own)| (self.part_of_cutting(own), step));
+        let upper = held.upper.iter().map(|step| (ToolPart::Shank, *step));
+        let holder = held.holder.iter().map(|step| match step.radius_mm.is_finite() {
+            true => (ToolPart::Holder, raise(step, self.stick_out_mm)),
+            false => (ToolPart::Spindle, raise(step, self.stick_out_mm)),
         });
-        let heights = held.body.iter().copied();
-        let raised = held.holder.iter().map(|step| raise(step, self.stick_out_mm));
-        let steps = heights.chain(raised).map(|step| raise(&step, -self.corner_mm));
-        let mut parts: Vec<(ToolPart, Step)> = body.chain(holder).zip(steps).collect();
+        let in_body = |step: &Step| held.body.contains(step);
+        let body = cutting.chain(upper).filter(|(_, step)| in_body(step));
+        let lower = |(part, step)| (part, raise(&step, -self.corner_mm));
+        let mut parts: Vec<(ToolPart, Step)> = body.chain(holder).map(lower).collect();
         parts.sort_by(|a, b| a.1.height_mm.total_cmp(&b.1.height_mm).then(a.0.cmp(&b.0)));
         Ok(parts)
     }
 
-    fn part_of_body(&self, step: &Step) -> ToolPart {
-        let end = self.corner_mm + self.side_mm;
-        if step.radius_mm > end * (1.0 + WIDER) { ToolPart::Shank } else { ToolPart::Cutter }
+    fn part_of_cutting(&self, step: &Step) -> ToolPart {
+        if is_wider(step, self.end_mm()) { ToolPart::Shank } else { ToolPart::Cutter }
     }
 
-    /// Whether some step belongs to the part.
+    /// The steps wider than the tip: shank, and flank of a tapered end.
+    fn shank_mut(&mut self) -> impl Iterator<Item = &mut Step> {
+        let end = self.end_mm();
+        self.cutting.iter_mut().chain(&mut self.upper).filter(move |step| is_wider(step, end))
+    }
+
+    /// Whether some step belongs to the part; of the shank, whether some is wider than the tip.
     pub fn has(&self, part: ToolPart) -> bool {
-        let in_body = self.body.iter().any(|step| self.part_of_body(step) == part);
+        let is_shank = |step: &Step| is_wider(step, self.end_mm());
         match part {
             ToolPart::Tip => true,
-            ToolPart::Cutter | ToolPart::Shank => in_body,
+            ToolPart::Cutter => self.cutting.iter().any(|step| !is_shank(step)),
+            ToolPart::Shank => self.cutting.iter().chain(&self.upper).any(is_shank),
             ToolPart::Holder => self.holder.iter().any(|step| step.radius_mm.is_finite()),
             ToolPart::Spindle => self.holder.iter().any(|step| step.radius_mm == f64::INFINITY),
         }
@@ -94,7 +100,10 @@ impl Assembly {
         let steps = envelope(parts.map(|(_, step)| step).collect());
         match steps.is_empty() {
             true => Ok(None),
-            false => Cutter::from_steps(self.corner_mm, self.side_mm, steps).map(Some),
+            false => {
+                let corner_mm = self.corner_mm + self.allowance_mm;
+                Cutter::from_steps(corner_mm, self.side_mm, steps).map(Some)
+            }
         }
     }
 
@@ -109,8 +118,13 @@ impl Assembly {
         match part {
             ToolPart::Tip | ToolPart::Cutter => return Err(unchangeable(part)),
             ToolPart::Shank => {
-                let is_shank = |step: &&mut Step| self.part_of_body(step) == ToolPart::Shank;
-                tool.body.iter_mut().filter(is_shank).for_each(|step| step.height_mm += by_mm);
+                let flutes_mm = tool.flutes_mm();
+                tool.shank_mut().for_each(|step| step.height_mm += by_mm);
+                if tool.flutes_mm() > flutes_mm {
+                    // The neck begins where the shank did.
+                    let radius_mm = tool.end_mm();
+                    tool.upper.insert(0, Step { height_mm: flutes_mm, radius_mm });
+                }
                 tool.stick_out_mm += by_mm;
             }
             ToolPart::Holder => tool.stick_out_mm += by_mm,
@@ -127,14 +141,11 @@ impl Assembly {
     /// # Errors
     /// If the part is neither shank nor holder, or as [`Assembly::cutter`].
     pub fn narrowed(&self, part: ToolPart, by_mm: f64) -> Result<Self> {
-        let least = self.corner_mm + self.side_mm;
+        let least = self.end_mm();
         let narrow = |step: &mut Step| step.radius_mm = (step.radius_mm - by_mm).max(least);
         let mut tool = self.clone();
         match part {
-            ToolPart::Shank => {
-                let is_shank = |step: &&mut Step| self.part_of_body(step) == ToolPart::Shank;
-                tool.body.iter_mut().filter(is_shank).for_each(narrow);
-            }
+            ToolPart::Shank => tool.shank_mut().for_each(narrow),
             ToolPart::Holder => {
                 let finite = tool.holder.iter_mut().filter(|step| step.radius_mm.is_finite());
                 finite.for_each(narrow);
@@ -158,20 +169,22 @@ impl Assembly {
             side_mm: factor * self.side_mm,
             ..self.clone()
         };
-        let end = self.corner_mm + self.side_mm;
-        for (step, old) in tool.body.iter_mut().zip(&self.body) {
-            if self.part_of_body(old) == ToolPart::Cutter {
-                step.radius_mm *= factor;
-                // Where contact ends.
-                step.height_mm -= (2.0 * end * (1.0 - factor)).min(step.height_mm);
-            }
+        let end = self.end_mm();
+        for step in tool.cutting.iter_mut().filter(|step| !is_wider(step, end)) {
+            step.radius_mm *= factor;
+            // Where contact ends.
+            step.height_mm -= (2.0 * end * (1.0 - factor)).min(step.height_mm);
         }
+        // Neck and shank of the cutter's own diameter are part of it.
+        let narrow = tool.upper.iter_mut().filter(|step| !is_wider(step, end));
+        narrow.for_each(|step| step.radius_mm *= factor);
         tool.checked()
     }
 
     fn checked(self) -> Result<Self> {
-        self.cutter()?;
-        self.within_overall()
+        let tool = self.whole();
+        tool.cutter()?;
+        tool.within_overall()
     }
 }
 

@@ -9,7 +9,7 @@ use crate::access::surface::explain::{
     Explanation, Query, RegionAdvice, Remedies, explain_among_points,
 };
 use crate::access::surface::{
-    ContactTolerance, RefinementOptions, SiteAnswer, SurfaceOptions, TriangleObstacles,
+    ContactTolerance, FINISH_MM, RefinementOptions, SiteAnswer, SurfaceOptions, TriangleObstacles,
 };
 use crate::access::{self, LabelOptions, Obstacles, Queries};
 use crate::answers::Definition;
@@ -288,7 +288,9 @@ impl Stated<'_> {
     }
 
     fn tool(&self) -> Result<Tool> {
-        let tool = self.tool_of_any_length()?;
+        let allowance = self.settings()["tool"]["allowance_mm"].as_f64().unwrap_or(0.0);
+        let tool = self.tool_of_any_length()?.with_allowance(allowance);
+        let tool = self.stated("settings.tool", tool)?;
         match self.settings()["tool"]["overall_mm"].as_f64() {
             Some(overall) => self.stated("settings.tool", tool.of_overall_length(overall)),
             None => Ok(tool),
@@ -310,7 +312,13 @@ impl Stated<'_> {
         let end = [corner_mm, self.number(stated, "side_mm")?];
         let stick_out_mm = self.number(stated, "stick_out_mm")?;
         let assembly = Assembly::from_steps(end, steps("body")?, steps("holder")?, stick_out_mm);
-        let assembly = self.stated("settings.tool", assembly)?;
+        let mut assembly = self.stated("settings.tool", assembly)?;
+        if let Some(words) = stated["neck_and_shank"].as_str().filter(|words| !words.is_empty()) {
+            let upper = steps_of_words(words).ok_or_else(|| {
+                self.fault("settings.tool.neck_and_shank", "no steps", LABEL_AGAIN)
+            })?;
+            assembly = self.stated("settings.tool", assembly.with_neck_and_shank(upper))?;
+        }
         let words = self.provenance.tool.clone();
         self.stated("settings.tool", Tool::of_assembly("tool", assembly, clearance_mm, words))
     }
@@ -332,6 +340,7 @@ impl Stated<'_> {
             tolerance: stated["tolerance_mm"]
                 .as_f64()
                 .map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters),
+            finish_mm: stated["finish_mm"].as_f64().unwrap_or(FINISH_MM),
             refinement: (n_kept > 0).then_some(refinement),
             ..SurfaceOptions::default()
         })

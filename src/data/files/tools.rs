@@ -51,11 +51,11 @@ pub struct Tool {
     pub params: CutterParams,
     /// Radius of the tip's corner, mm: 0 for a flat end, CR for a ball end.
     pub corner_mm: f64,
-    /// Safety margin all around, mm.
+    /// Safety margin about what does not cut, mm.
     pub clearance_mm: f64,
-    /// The cutter, margin included.
+    /// The cutter, margin and allowance included.
     pub cutter: Cutter,
-    /// Body, holder and stick-out, without the margin.
+    /// Body, holder and stick-out, without the margin, but with the allowance.
     pub assembly: Assembly,
     /// In words, where four lengths do not say it.
     pub description: Option<String>,
@@ -65,8 +65,7 @@ impl Tool {
     /// A tool named after its lengths; without a corner it is a ball end.
     ///
     /// # Errors
-    /// As [`Cutter::bull_nose`]; or if the clearance leaves nothing of the cutter, or is 2·CR or more:
-    /// a margin that thick lies on every site that the cutter touches.
+    /// As [`Cutter::bull_nose`] and [`Cutter::with_clearance`]; or if the clearance is -CR or less.
     pub fn new(params: CutterParams, corner_mm: Option<f64>, clearance_mm: f64) -> Result<Self> {
         let corner_mm = corner_mm.unwrap_or(params.cr_mm);
         let cutter = Cutter::bull_nose(params, corner_mm)?;
@@ -150,6 +149,19 @@ impl Tool {
         self.assembly.with_clearance(self.clearance_mm)
     }
 
+    /// The same tool, leaving stock of this thickness: [`Cutter::with_allowance`].
+    ///
+    /// # Errors
+    /// As [`Assembly::with_allowance`].
+    pub fn with_allowance(self, allowance_mm: f64) -> Result<Self> {
+        if allowance_mm == self.assembly.allowance_mm() {
+            return Ok(self);
+        }
+        let assembly = self.assembly.with_allowance(allowance_mm)?;
+        let cutter = assembly.with_clearance(self.clearance_mm)?.cutter()?;
+        Ok(Tool { assembly, cutter, ..self })
+    }
+
     /// The same tool, of which the overall length is stated.
     ///
     /// # Errors
@@ -187,6 +199,9 @@ impl Tool {
         if self.clearance_mm != 0.0 {
             words += &format!(", clearance {} mm", self.clearance_mm);
         }
+        if self.assembly.allowance_mm() != 0.0 {
+            words += &format!(", allowance {} mm", self.assembly.allowance_mm());
+        }
         words
     }
 
@@ -203,11 +218,15 @@ impl Tool {
 
     /// What the four lengths do not say, for [`Provenance::settings`](super::Provenance::settings).
     pub fn settings(&self) -> Value {
-        let mut settings =
-            json!({ "corner_mm": self.corner_mm, "clearance_mm": self.clearance_mm });
+        let mut settings = json!({
+            "corner_mm": self.corner_mm,
+            "clearance_mm": self.clearance_mm,
+            "allowance_mm": self.assembly.allowance_mm(),
+        });
         if self.description.is_some() {
             settings["side_mm"] = json!(self.assembly.tip()[1]);
-            settings["body"] = json!(steps_words(self.assembly.body()));
+            settings["body"] = json!(steps_words(&self.assembly.own_body()));
+            settings["neck_and_shank"] = json!(steps_words(self.assembly.neck_and_shank()));
             settings["holder"] = json!(steps_words(self.assembly.holder()));
             settings["stick_out_mm"] = json!(self.assembly.stick_out_mm());
             settings["excess_mm"] = json!(self.assembly.excess_mm());
@@ -220,14 +239,12 @@ impl Tool {
 }
 
 fn check_clearance(clearance_mm: f64, cr_mm: f64) -> Result<()> {
-    if clearance_mm > -cr_mm && clearance_mm < 2.0 * cr_mm {
+    // Others are checked where the cutter gets it.
+    if clearance_mm.is_nan() || clearance_mm > -cr_mm {
         return Ok(());
     }
-    let expected = format!("between -CR = {} and 2 CR = {} mm", -cr_mm, 2.0 * cr_mm);
-    let remedy = match clearance_mm < 0.0 {
-        true => "nothing would be left of the cutter: take a thinner margin",
-        false => "the margin would reach below the tip: widen the holder instead",
-    };
+    let expected = format!("more than -CR = {} mm", -cr_mm);
+    let remedy = "nothing would be left of a shank as wide as the cutter: take a thinner margin";
     Err(Error::argument("clearance", clearance_mm, expected, remedy))
 }
 

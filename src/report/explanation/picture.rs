@@ -81,6 +81,7 @@ impl<'a> Scene<'a> {
         };
         let assembly: &Assembly = &about.query.tool.assembly;
         let [corner, side] = assembly.tip();
+        let corner = corner + assembly.allowance_mm();
         let across = normal - axis * normal.dot(axis);
         let away = if side > 0.0 && across.length() > 1e-6 { side } else { 0.0 };
         let reference = site + normal * corner + across.normalize_or_zero() * away;

@@ -33,7 +33,7 @@ impl<'a> Held<'a> {
             problem,
             steps,
             spindle: spindle.map_or(f64::INFINITY, |step| step.height_mm),
-            corner: problem.outline.corner(),
+            corner: problem.outline.above_tip(),
             floor: 2.0 * problem.outline.radius(),
             size: size + problem.reach,
         }

@@ -23,6 +23,32 @@ fn stepped() -> Assembly {
     Assembly::from_steps([1.0, 0.0], body, holder, 10.0).unwrap()
 }
 
+#[test]
+fn the_pose_nearest_to_being_free_is_named() {
+    // A slot 6 wide, its floor at 5; ball and flat end are 0.1 mm too wide on either side.
+    let obstacles = TriangleObstacles::new(&slotted(6.0, 15.0), &[]).unwrap();
+    for (corner, x) in [(3.1, 0.0f32), (0.0, 0.0), (0.0, 1.0)] {
+        let step = |height_mm, radius_mm| Step { height_mm, radius_mm };
+        let holder = vec![step(0.0, 20.0), step(20.0, f64::INFINITY)];
+        let end = [corner, 3.1 - corner];
+        let tool = Assembly::from_steps(end, vec![step(6.2, 3.1)], holder, 60.0).unwrap();
+        let (directions, options) = (up(), exactly(0.01));
+        let site = (Vec3::new(x, 0.5, 5.0), Vec3::Z);
+        let why = obstacles.explain(&query(site, &tool, &directions, &options)).unwrap();
+        assert!(why.answer != SiteAnswer::Accessible);
+        let nearest = why.nearest_pose.unwrap();
+        // In the middle of the slot, wherever in it the flat end touches; within the finish tolerance of the floor.
+        let tip = nearest.pose.tip_mm;
+        assert!((nearest.shrink_mm - 0.09).abs() < 0.02, "{corner} {x} {nearest:?}");
+        assert!(tip.x.abs() < 0.02 && (tip.z - 5.0).abs() < 0.03, "{corner} {x} {nearest:?}");
+        assert_eq!(nearest.pose.direction, Vec3::Z);
+    }
+    let tool = held([2.0, 60.0, 20.0, 20.0]);
+    let (directions, options) = (up(), exactly(0.01));
+    let free = query(floor_site(5.0), &tool, &directions, &options);
+    assert_eq!(obstacles.explain(&free).unwrap().nearest_pose, None);
+}
+
 fn floor_site(z: f32) -> (Vec3, Vec3) {
     (Vec3::new(0.0, 0.5, z), Vec3::Z)
 }

@@ -95,6 +95,24 @@ fn the_least_stick_out_is_where_trial_turns() {
 }
 
 #[test]
+fn the_least_stick_out_is_that_of_the_pose_farthest_from_a_wall() {
+    // A floor between walls at x = ±15 that are 15 high; a flat end of 6 mm in a holder of radius 8.
+    let mesh = slotted(30.0, 15.0);
+    let tip = TipShape::Straight { radius_mm: 3.0, corner_mm: 0.0 };
+    let body = [Section::cylinder(60.0, 3.0)];
+    let tool = Assembly::new(tip, &body, &[Section::cylinder(40.0, 8.0)], 40.0).unwrap();
+    let points = [6.0, 9.0, 9.6, 10.4, 13.0].map(|x| Vec3::new(x, 0.0, 5.0)).to_vec();
+    let sites = Sites { normals: vec![Vec3::Z; points.len()], points, faces: vec![] };
+    let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
+    let reach = obstacles.reach_many(&sites, &[tool], &up(), &exactly(0.01)).unwrap();
+    // The axis may be 3 mm farther from the wall than the site: beside it the holder needs 8 mm.
+    for (length, expected) in reach[0].least_stick_out_mm.iter().zip([6.0, 6.0, 6.0, 14.99, 14.99])
+    {
+        assert!((length - expected).abs() < 0.02, "{:?}", reach[0].least_stick_out_mm);
+    }
+}
+
+#[test]
 fn the_search_between_the_directions_finds_what_it_finds_alone() {
     let (sites, directions) = (everywhere(&part(), 10), hemisphere(20));
     let options =

@@ -85,14 +85,25 @@ fn clearance_is_how_far_the_steps_may_grow() {
     let options = SurfaceOptions { clearance_limit_mm: Some(3.0), ..exactly(0.01) };
     let labels = label(&mesh, &walls, &cutter, &up(), &options);
     for (clearance, answer) in labels.clearance_mm.iter().zip(&labels.answers) {
-        // The wall touched is the tolerance away from the shrunk tool.
+        // What cuts may touch, and the holder is far above.
         assert_eq!(*answer, SiteAnswer::Accessible);
-        assert!((clearance - 0.01).abs() < 2e-4, "{clearance}");
+        assert_eq!(*clearance, 3.0);
+    }
+    // Flutes of 8 mm: the shank is beside the wall touched, which is the tolerance away from the shrunk tool.
+    let step = |height_mm, radius_mm| crate::cutter::Step { height_mm, radius_mm };
+    let upper = vec![step(6.5, 1.5), step(41.5, 20.0), step(46.5, f64::INFINITY)];
+    let short = Cutter::from_parts([1.5, 0.0], vec![step(1.5, 1.5)], upper).unwrap();
+    let labels = label(&mesh, &walls, &short, &up(), &options);
+    for (p, clearance) in walls.points.iter().zip(&labels.clearance_mm) {
+        let below_top = 6.5 + 0.01 - (20.0 - p.z);
+        assert!((clearance - below_top.clamp(0.01, 3.0)).abs() < 2e-4, "{p} {clearance}");
     }
     let floor = sites_on(&mesh, 20, |p, n| n.z > 0.5 && p.z < 19.0);
     let labels = label(&mesh, &floor, &cutter, &up(), &options);
     for (i, p) in floor.points.iter().enumerate() {
-        let expected = (5.0 - p.x.abs() - 1.49).min(3.0);
+        // Negative: by how much all steps must shrink.
+        let expected = 5.0 - p.x.abs() - 1.49;
+        let expected = if expected > 0.0 { 3.0 } else { expected };
         let found = labels.clearance_mm[i];
         // A ball that is a little beside the site touches it within the finish tolerance.
         if (-SHIFT_MM..0.0).contains(&expected) && labels.answers[i] == SiteAnswer::Accessible {
@@ -108,7 +119,10 @@ fn clearance_is_how_far_the_steps_may_grow() {
     let cutter = ball([1.0, 6.0, 4.0, 3.0]);
     let labels = label(&torus, &sites, &cutter, &directions, &options);
     for growth in [-0.5, -0.1, 0.005, 0.2, 1.0] {
-        let grown = cutter.with_clearance(growth).unwrap();
+        let grown = match growth > 0.0 {
+            true => cutter.with_clearance(growth).unwrap(),
+            false => cutter.grown(growth).unwrap(),
+        };
         let found = label(&torus, &sites, &grown, &directions, &exactly(0.01));
         for i in 0..sites.len() {
             let clearance = f64::from(labels.clearance_mm[i]);

@@ -99,7 +99,12 @@ impl Described {
             Some(overall) => tool.with_overall(overall),
             None => Ok(tool),
         };
-        let assembly = assembly.and_then(with_overall).map_err(|error| place.within(error))?;
+        let with_flutes = |tool: Assembly| match self.end_of_flutes(unsaid) {
+            Some(flutes) => tool.with_flutes(flutes),
+            None => Ok(tool),
+        };
+        let assembly = assembly.and_then(with_flutes).and_then(with_overall);
+        let assembly = assembly.map_err(|error| place.within(error))?;
         self.say_narrow_holder(holder, &mut notices);
         let words = format!("{}, {} mm out of {}", self.words(), round(stick_out), holder.name);
         let tool = Tool::of_assembly(&self.name, assembly, self.clearance, words);
@@ -169,6 +174,12 @@ impl Described {
         })
     }
 
+    /// Where what cuts ends, if the file says it; of a tool without flute length all of the cutter's own width counts as flutes.
+    fn end_of_flutes(&self, unsaid: &Unsaid) -> Option<f64> {
+        let flutes = self.flutes.or(unsaid.flutes_mm).filter(|flutes| *flutes > 0.0)?;
+        Some(self.neck_end.map_or(flutes, |end| flutes.min(end)))
+    }
+
     fn tip(&self, unsaid: &Unsaid, place: &Place) -> Result<TipShape> {
         let radius_mm = 0.5 * self.diameter;
         Ok(match self.form {
@@ -202,13 +213,16 @@ impl Described {
             ));
         }
         let is_tapered = matches!(self.form, Form::Tapered { .. });
-        if shank <= top && !is_tapered && self.neck.is_none_or(|neck| neck <= top) {
+        let is_narrow = shank <= top && self.neck.is_none_or(|neck| neck <= top);
+        if is_narrow && !is_tapered && self.end_of_flutes(unsaid).is_none() {
             self.say_relieved(top, notices);
             return Ok(vec![Section::cylinder(REST, 0.5 * self.diameter)]);
         }
         let flutes = self.flutes(unsaid, place)?;
         let mut end = self.neck_end.unwrap_or(flutes);
-        if end < flutes - SAME_MM {
+        if end < flutes - SAME_MM && is_narrow {
+            end = end.max(SAME_MM);
+        } else if end < flutes - SAME_MM {
             notices.push(format!(
                 "the shoulder ends at {} mm, below the end of the flutes at {} mm: the shank counts from the former on",
                 round(end),

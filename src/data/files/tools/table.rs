@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// Columns of a tool table; lengths in mm.
-const COLUMNS: [&str; 13] = [
+const COLUMNS: [&str; 14] = [
     "name",
     "CR",
     "CH",
@@ -25,6 +25,7 @@ const COLUMNS: [&str; 13] = [
     "T",
     "folder",
     "overall",
+    "neck_and_shank",
 ];
 /// Those of [`COLUMNS`] that must be there.
 const REQUIRED: std::ops::Range<usize> = 1..5;
@@ -205,6 +206,13 @@ impl TableText<'_> {
                     Assembly::from_steps([corner, params.cr_mm - corner], body, holder, stick_out);
                 let words =
                     format!("tool of {} mm, {stick_out} mm out of its holder", 2.0 * params.cr_mm);
+                let assembly = match field(13) {
+                    "" => assembly,
+                    upper => {
+                        let upper = self.steps(line, 13, upper)?;
+                        assembly.and_then(|assembly| assembly.with_neck_and_shank(upper))
+                    }
+                };
                 assembly.and_then(|assembly| {
                     Tool::of_assembly(&words, assembly, clearance, words.clone())
                 })

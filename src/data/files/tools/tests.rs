@@ -277,13 +277,14 @@ fn libraries_are_folders_too_and_repeat_names() {
 #[test]
 fn a_table_holds_a_tool_of_many_steps_exactly() {
     let first = tools(FUSION, "shop.json", &unsaid()).unwrap().tools;
-    let mut text = "name;CR;CH;FR;FH;corner;body;holder;stick_out\n".to_string();
+    let mut text = "name;CR;CH;FR;FH;corner;body;holder;stick_out;neck_and_shank\n".to_string();
     for tool in &first {
         let [cr, ch, fr, fh] = tool.params.to_array();
         let [body, holder] = [tool.assembly.body(), tool.assembly.holder()].map(steps_words);
         let stick_out = tool.assembly.stick_out_mm();
+        let upper = steps_words(tool.assembly.neck_and_shank());
         text += &format!(
-            "{};{cr};{ch};{fr};{fh};{};{body};{holder};{stick_out}\n",
+            "{};{cr};{ch};{fr};{fh};{};{body};{holder};{stick_out};{upper}\n",
             tool.name, tool.corner_mm
         );
     }
