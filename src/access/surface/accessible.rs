@@ -6,7 +6,7 @@ use super::problem::{Problem, WORD};
 use super::site::SiteState;
 use super::tool::axes;
 use super::verdict::Verdict;
-use crate::access::Queries;
+use crate::access::{CollisionMatrix, Queries};
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::geom::Sites;
@@ -100,13 +100,13 @@ impl TriangleObstacles {
         options.check()?;
         extent(sites.len(), 1, directions, options).require_directions()?;
         let problem = self.problem(Queries::Sites(sites), cutter, options)?;
-        let matrix = problem.by_points(cutter, directions, options)?;
+        let every: Vec<usize> = (0..sites.len()).collect();
+        let own = problem.own_by_points(cutter, directions, options)?;
+        let all = problem.all_by_points(cutter, directions, options, &every)?;
         let axes: Vec<_> = directions.vectors().iter().map(|&d| axes(d)).collect();
         let blocks = par::map_blocks(sites.len(), WORD, |range| {
-            let first = range.start;
-            let column: Vec<u64> = (0..axes.len()).map(|k| matrix.words(k)[first / WORD]).collect();
             let mut block = Block { accessible: vec![0; axes.len()], only_tip: Vec::new() };
-            block.fill(&problem, range, &axes, &column);
+            block.fill(&problem, range, &axes, [&own, &all]);
             block
         });
         let row = |k: usize| blocks.iter().map(|block| block.accessible[k]).collect();
@@ -131,12 +131,12 @@ impl Block {
         problem: &Problem,
         range: std::ops::Range<usize>,
         axes: &[super::tool::Axes],
-        column: &[u64],
+        by_points: [&CollisionMatrix; 2],
     ) {
         let mut state = SiteState::default();
         for i in range {
             let (mut is_accessible, mut gouges) = (false, false);
-            problem.verdicts(i, axes, column, &mut state, |k, verdict| {
+            problem.verdicts(i, axes, by_points, &mut state, |k, verdict| {
                 is_accessible |= verdict == Verdict::Free;
                 gouges |= verdict == Verdict::TipGouges;
                 self.accessible[k] |= u64::from(verdict == Verdict::Free) << (i % WORD);

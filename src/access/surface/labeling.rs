@@ -1,4 +1,6 @@
-//! The labels of all queries: own poses in every direction, other poses where none is free, then the directions between.
+//! The labels of all queries: own poses in every direction; where none is free, the directions between, then all other poses.
+//!
+//! The directions between come first as they cost less: what they reach or prove closed is not searched for other poses.
 
 use super::caps::Silhouette;
 use super::cells::{Domain, Hierarchy};
@@ -9,23 +11,26 @@ use super::refine::{Place, Refinement, SearchState};
 use super::site::SiteState;
 use super::tool::{Axes, axes};
 use super::verdict::Verdict;
+use crate::Result;
 use crate::access::CollisionMatrix;
+use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::par;
 use glam::DVec3;
 
-/// Queries of a task of the search between the directions.
+/// Queries of a task of a search.
 const SEARCHED: usize = 32;
 
 impl Problem<'_> {
-    /// Tests the triangles for the pairs that points leave open, then between the directions.
+    /// Tests the triangles for the pairs that points leave open, then searches.
     pub fn by_triangles(
         &self,
-        matrix: &CollisionMatrix,
+        cutter: &Cutter,
         directions: &Directions,
         domain: Option<Domain>,
         options: &SurfaceOptions,
-    ) -> Vec<(Tally, SurfaceStats)> {
+    ) -> Result<Vec<(Tally, SurfaceStats)>> {
+        let matrix = self.own_by_points(cutter, directions, options)?;
         let axes: Vec<_> = directions.vectors().iter().map(|&d| axes(d)).collect();
         let n = self.contacts.len();
         let tallies = par::map_blocks(n, WORD, |range| {
@@ -40,7 +45,8 @@ impl Problem<'_> {
             let hierarchy = Hierarchy::of(domain, options.n_levels);
             self.refine(&Refinement::new(hierarchy, options), &mut tallies);
         }
-        tallies
+        self.search_rest((cutter, options), directions, &axes, &mut tallies)?;
+        Ok(tallies)
     }
 
     /// Searches between the directions for queries that none of them reaches.
@@ -118,10 +124,9 @@ impl Problem<'_> {
         let pose = |k: usize, at| WitnessPose::new(&self.outline, at, directions.vectors()[k]);
         let mut on_edge = false;
         state.begin();
-        state.left.clear();
         for (k, (axes, word)) in axes.iter().zip(column).enumerate() {
             let is_blocked = word >> (i % WORD) & 1 == 1;
-            if is_blocked && self.is_trusted(i, axes[2]) {
+            if is_blocked && self.contacts[i].is_by_points(&self.outline, axes[2]) {
                 stats.by_points += 1;
                 continue;
             }
@@ -129,9 +134,7 @@ impl Problem<'_> {
             let knife_edge = state.scratch.knife_edge;
             on_edge |= knife_edge;
             tally.add(at.map(|at| pose(k, at)), verdict);
-            if at.is_none() {
-                state.left.push(k as u32);
-            } else if tally.accessible == 1 {
+            if tally.accessible == 1 && at.is_some() {
                 stats.knife_edge = u64::from(knife_edge);
                 if !options.counts {
                     break;
@@ -139,9 +142,6 @@ impl Problem<'_> {
             }
         }
         if tally.accessible == 0 {
-            if let Some((k, at)) = self.search_directions(i, axes, state) {
-                tally.found(pose(k, at));
-            }
             stats.knife_edge = u64::from(on_edge);
         }
         stats.tools_tested = state.scratch.n_queries;
@@ -149,22 +149,63 @@ impl Problem<'_> {
         (tally, stats)
     }
 
-    /// A free pose in one of the directions that are left, by search: the first of them that is found.
+    /// Searches other poses in the directions of the set, for queries that nothing reaches so far and that may be open.
+    fn search_rest(
+        &self,
+        (cutter, options): (&Cutter, &SurfaceOptions),
+        directions: &Directions,
+        axes: &[Axes],
+        tallies: &mut [(Tally, SurfaceStats)],
+    ) -> Result<()> {
+        let is_left = |tally: &Tally| tally.witness.is_none() && tally.open > 0.0;
+        let rest: Vec<usize> = (0..tallies.len()).filter(|&i| is_left(&tallies[i].0)).collect();
+        if rest.is_empty() {
+            return Ok(());
+        }
+        let matrix = self.all_by_points(cutter, directions, options, &rest)?;
+        let given: &[(Tally, SurfaceStats)] = tallies;
+        let found = par::map_blocks(rest.len(), SEARCHED, |range| {
+            let mut state = SiteState::default();
+            let search = |k: usize| {
+                let i = rest[k];
+                let (mut tally, mut stats) = given[i];
+                state.begin();
+                let is_blocked = |d: usize| is_set(&matrix, d, k);
+                if let Some((k, at)) = self.search_directions(i, axes, is_blocked, &mut state) {
+                    tally.found(WitnessPose::new(&self.outline, at, directions.vectors()[k]));
+                }
+                stats.tools_tested += state.scratch.n_queries;
+                stats.triangles_tested += state.scratch.n_triangles;
+                (tally, stats)
+            };
+            range.map(search).collect::<Vec<_>>()
+        });
+        for (&i, found) in rest.iter().zip(found.into_iter().flatten()) {
+            tallies[i] = found;
+        }
+        Ok(())
+    }
+
+    /// A free pose in one of the directions that points leave open, by search: the first of them that is found.
     fn search_directions(
         &self,
         i: usize,
         axes: &[Axes],
+        is_blocked: impl Fn(usize) -> bool,
         state: &mut SiteState,
     ) -> Option<(usize, DVec3)> {
         /// Tests of all directions together that are more than the least of each.
         const TESTS: usize = 400;
-        const LEAST_TESTS: usize = 6;
+        const LEAST_TESTS: usize = 10;
+        self.place_ball(i, state);
         let mut remaining = TESTS;
-        for n in 0..state.left.len() {
-            let k = state.left[n] as usize;
+        for (k, axes) in axes.iter().enumerate() {
+            if is_blocked(k) && self.is_trusted(i, axes[2]) {
+                continue;
+            }
             let before = state.scratch.n_queries;
             let limits = Limits::tests((remaining / 3).max(LEAST_TESTS));
-            if let Some(at) = self.search_poses(i, &axes[k], &limits, state) {
+            if let Some(at) = self.search_poses(i, axes, &limits, state) {
                 return Some((k, at));
             }
             remaining = remaining.saturating_sub((state.scratch.n_queries - before) as usize);
@@ -172,20 +213,20 @@ impl Problem<'_> {
         None
     }
 
-    /// Gives `then` every direction that points leave open, in order: its number, and the verdict over all poses.
+    /// Gives `then` every direction that points leave open for some pose, in order: its number, and the verdict over all poses. `own` and `all` are
+    /// of the query's own poses and of all.
     pub fn verdicts(
         &self,
         i: usize,
         axes: &[Axes],
-        column: &[u64],
+        [own, all]: [&CollisionMatrix; 2],
         state: &mut SiteState,
         mut then: impl FnMut(usize, Verdict),
     ) {
         state.begin();
-        for (k, (axes, word)) in axes.iter().zip(column).enumerate() {
-            let is_blocked = word >> (i % WORD) & 1 == 1;
-            if !(is_blocked && self.is_trusted(i, axes[2])) {
-                then(k, self.verdict(i, axes, is_blocked, state).0);
+        for (k, axes) in axes.iter().enumerate() {
+            if !(is_set(all, k, i) && self.is_trusted(i, axes[2])) {
+                then(k, self.verdict(i, axes, is_set(own, k, i), state).0);
             }
         }
     }
@@ -214,6 +255,10 @@ impl Problem<'_> {
         }
         labels
     }
+}
+
+fn is_set(matrix: &CollisionMatrix, direction: usize, query: usize) -> bool {
+    matrix.words(direction)[query / WORD] >> (query % WORD) & 1 == 1
 }
 
 /// The tool as the caps see it: the steps; and the steps and what of the tip is above its middle.

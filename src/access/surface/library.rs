@@ -283,8 +283,7 @@ impl Pass<'_> {
         let sites = self.sites.subset(of);
         let problem = self.problem(&sites, cutter)?;
         let options = self.options.for_few(of.len());
-        let matrix = problem.by_points(cutter, self.tested, &options)?;
-        let tallies = problem.by_triangles(&matrix, self.tested, self.domain, &options);
+        let tallies = problem.by_triangles(cutter, self.tested, self.domain, &options)?;
         Ok(problem.labels(tallies, self.tested, &options))
     }
 
@@ -295,7 +294,8 @@ impl Pass<'_> {
         }
         let sites = self.sites.subset(body.reached);
         let problem = self.problem(&sites, body.cutter)?;
-        let matrix = problem.by_points(body.cutter, self.tested, self.options)?;
+        let all: Vec<usize> = (0..sites.len()).collect();
+        let matrix = problem.all_by_points(body.cutter, self.tested, self.options, &all)?;
         let free = |k: usize| {
             let is_free = |&d: &u32| {
                 let axis = self.tested.vectors()[d as usize].as_dvec3().normalize();

@@ -96,8 +96,7 @@ impl TriangleObstacles {
             (queries.into(), tested(directions)?, Domain::of(directions));
         extent(queries.len(), 1, &tested, options).require_surface()?;
         let problem = self.problem(queries, cutter, options)?;
-        let matrix = problem.by_points(cutter, &tested, options)?;
-        let tallies = problem.by_triangles(&matrix, &tested, domain, options);
+        let tallies = problem.by_triangles(cutter, &tested, domain, options)?;
         let clearance = options.clearance_limit_mm.map(|limit| {
             let (answers, witness): (Vec<_>, Vec<_>) =
                 tallies.iter().map(|(tally, _)| (tally.answer(), tally.witness)).unzip();

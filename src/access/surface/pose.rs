@@ -277,6 +277,8 @@ struct Local {
     axes: [Vec<f32>; 3],
     tolerance: Vec<f32>,
     n: usize,
+    /// Work space.
+    depths: Vec<f32>,
 }
 
 impl Local {
@@ -306,20 +308,21 @@ impl Local {
         let [middle, half] = [poses.middle, poses.half].map(|of| of.to_array().map(|x| x as f32));
         f64::from(isa.run(Depth { local: self, start, shape, middle, half }) - shape.margin)
     }
-}
 
-impl Local {
-    /// By how much the deepest blocker is in the tool, and in which direction the tool has to move to be clear of it.
-    fn deepest(&self, shape: &Shape, offset: DVec3) -> (f64, DVec3) {
-        let mut best = (0.0, DVec3::ZERO);
-        for k in 0..self.n {
-            let [x, y, z] = [0, 1, 2].map(|axis| f64::from(self.axes[axis][k]));
-            let found = shape.depth(DVec3::new(x, y, z) - offset, f64::from(self.tolerance[k]));
-            if found.0 > best.0 {
-                best = found;
-            }
-        }
-        best
+    /// By how much the deepest blocker is in the tool in a pose, and in which direction the tool has to move to be clear of it.
+    fn deepest(&mut self, shape: &Shape, offset: DVec3, isa: Isa) -> (f64, DVec3) {
+        let mut each = std::mem::take(&mut self.depths);
+        each.clear();
+        each.resize(self.tolerance.len(), FAR_BELOW);
+        let middle = offset.to_array().map(|x| x as f32);
+        let deepest = Depth { local: self, start: 0, shape, middle, half: [0.0; 3] };
+        isa.run(EachDepth { of: deepest, each: &mut each });
+        let deeper = |a: usize, b: usize| if each[b] > each[a] { b } else { a };
+        let k = (0..self.n).reduce(deeper);
+        self.depths = each;
+        let Some(k) = k else { return (0.0, DVec3::ZERO) };
+        let [x, y, z] = [0, 1, 2].map(|axis| f64::from(self.axes[axis][k]));
+        shape.depth(DVec3::new(x, y, z) - offset, f64::from(self.tolerance[k]))
     }
 }
 
@@ -334,47 +337,72 @@ struct Depth<'a> {
     half: [f32; 3],
 }
 
+impl Depth<'_> {
+    /// By how much blockers are in the tool, from number `k` on.
+    #[inline(always)]
+    fn at<S: Simd>(&self, simd: S, k: usize) -> S::F32 {
+        let Depth { local, shape, middle, half, .. } = self;
+        let all = |x: f32| S::F32::splat(simd, x);
+        let zero = all(0.0);
+        let (corner, side) = (all(shape.corner), all(shape.side));
+        let at = |axis: usize| S::F32::load(simd, &local.axes[axis][k..]) - all(middle[axis]);
+        // Farthest from the axis, and lowest, that a blocker is in these poses.
+        let far = |x: S::F32, half: f32| x.max(zero - x) + all(half);
+        let (x, y) = (far(at(0), half[0]), far(at(1), half[1]));
+        let (z, high) = (at(2) - all(half[2]), at(2) + all(half[2]));
+        let tolerance = S::F32::load(simd, &local.tolerance[k..]);
+        let across = x * x + y * y;
+        let rounded = corner - tolerance;
+        if shape.is_ball {
+            let upright = (zero - z).max(high);
+            return rounded - (across + upright * upright).sqrt();
+        }
+        let distance = across.sqrt();
+        let beyond = (distance - side).max(zero);
+        let below = z.min(zero);
+        let lifted = (zero - rounded).max(zero);
+        let within = corner + side - tolerance - distance;
+        let mut deepest = rounded - (beyond * beyond + below * below).sqrt();
+        deepest = deepest.max((z - lifted).min(within));
+        for &[height, radius] in &shape.steps {
+            let above = z - all(height) - tolerance;
+            deepest = deepest.max(above.min(all(radius) - tolerance - distance));
+        }
+        deepest
+    }
+}
+
 impl Kernel for Depth<'_> {
     type Output = f32;
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> f32 {
-        let Depth { local, start, shape, middle, half } = self;
-        let all = |x: f32| S::F32::splat(simd, x);
-        let zero = all(0.0);
-        let (corner, side) = (all(shape.corner), all(shape.side));
-        let radius = corner + side;
-        let mut deepest = all(FAR_BELOW);
-        let mut k = start;
-        while k < local.n {
-            let at = |axis: usize| S::F32::load(simd, &local.axes[axis][k..]) - all(middle[axis]);
-            // Farthest from the axis, and lowest, that a blocker is in these poses.
-            let far = |x: S::F32, half: f32| x.max(zero - x) + all(half);
-            let (x, y) = (far(at(0), half[0]), far(at(1), half[1]));
-            let (z, high) = (at(2) - all(half[2]), at(2) + all(half[2]));
-            let tolerance = S::F32::load(simd, &local.tolerance[k..]);
-            let across = x * x + y * y;
-            let rounded = corner - tolerance;
-            if shape.is_ball {
-                let upright = (zero - z).max(high);
-                deepest = deepest.max(rounded - (across + upright * upright).sqrt());
-                k += S::F32::LANES;
-                continue;
-            }
-            let distance = across.sqrt();
-            let beyond = (distance - side).max(zero);
-            let below = z.min(zero);
-            deepest = deepest.max(rounded - (beyond * beyond + below * below).sqrt());
-            let lifted = (zero - rounded).max(zero);
-            let within = radius - tolerance - distance;
-            deepest = deepest.max((z - lifted).min(within));
-            for &[height, radius] in &shape.steps {
-                let above = z - all(height) - tolerance;
-                deepest = deepest.max(above.min(all(radius) - tolerance - distance));
-            }
+        let mut deepest = S::F32::splat(simd, FAR_BELOW);
+        let mut k = self.start;
+        while k < self.local.n {
+            deepest = deepest.max(self.at(simd, k));
             k += S::F32::LANES;
         }
         deepest.reduce_max()
+    }
+}
+
+/// The depth of every blocker.
+struct EachDepth<'a, 'e> {
+    of: Depth<'a>,
+    each: &'e mut [f32],
+}
+
+impl Kernel for EachDepth<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let mut k = 0;
+        while k < self.of.local.n {
+            self.of.at(simd, k).store(&mut self.each[k..]);
+            k += S::F32::LANES;
+        }
     }
 }
 
@@ -505,7 +533,7 @@ impl Limits {
     pub fn tests(n_tests: usize) -> Self {
         Limits {
             n_tests,
-            n_pushes: n_tests.min(MOST_PUSHES),
+            n_pushes: MOST_PUSHES,
             n_deeper: N_DEEPER,
             n_cells: CELLS_PER_TEST * n_tests,
         }
@@ -556,35 +584,19 @@ impl<'a> Around<'a> {
         }
     }
 
-    /// A free pose near the site's own: pushed away from what is deepest in the tool, again and again, along the poses. In a hollow as wide as the tool
-    /// it finds the one place; where it finds none, there may be one.
-    fn slide(
-        &self,
-        local: &mut Local,
-        blockers: &mut Blockers,
-        n_pushes: usize,
-        test: &mut impl FnMut(DVec3) -> Met,
-    ) -> Option<DVec3> {
+    /// Where to try next after a pose with something in the way: pushed along the poses away from what is deepest in the tool. In a hollow as wide as the
+    /// tool that finds the one place; where it finds none, there may be one.
+    fn pushed(&self, at: DVec2, local: &mut Local, isa: Isa) -> Option<DVec2> {
         /// Farther than what is deepest, mm.
         const BEYOND_MM: f64 = 1e-5;
-        let mut at = self.own.map_or(DVec2::ZERO, |own| own.best);
-        for _ in 0..n_pushes {
-            if !self.may_touch(at, 0.0) {
-                return None;
-            }
-            let reference = self.reference(at);
-            let met = test(reference);
-            if met.is_free() {
-                return Some(reference);
-            }
-            self.note(met, local, blockers);
-            let (depth, away) = local.deepest(self.shape, self.poses.offset(at));
-            if depth <= 0.0 {
-                return None;
-            }
-            at = self.poses.pushed(at, away, depth + BEYOND_MM)?;
-        }
-        None
+        let (depth, away) = local.deepest(self.shape, self.poses.offset(at), isa);
+        let next = (depth > 0.0).then(|| self.poses.pushed(at, away, depth + BEYOND_MM))??;
+        (self.is_within(next) && self.may_touch(next, 0.0)).then_some(next)
+    }
+
+    /// Whether a place on the disc is near enough to that of the site's own pose.
+    fn is_within(&self, at: DVec2) -> bool {
+        self.own.is_none_or(|own| (at - own.best).abs().max_element() <= self.within)
     }
 
     fn may_touch(&self, at: DVec2, reach: f64) -> bool {
@@ -637,64 +649,150 @@ impl<'a> Around<'a> {
 }
 
 impl PoseSearch {
-    /// The reference point of a free pose; `test` is given reference points.
+    /// Searches for a free pose; `test` is given reference points.
     pub fn run(
         &mut self,
         around: &Around,
         blockers: &mut Blockers,
         (resolution, limits): (f64, &Limits),
         mut test: impl FnMut(DVec3) -> Met,
-    ) -> Option<DVec3> {
-        let PoseSearch { cells, local, isa } = self;
-        local.clear();
+    ) -> Searched {
+        self.local.clear();
         for blocker in &blockers.all {
-            local.push(around.local(blocker.point - around.point), blocker.tolerance);
+            self.local.push(around.local(blocker.point - around.point), blocker.tolerance);
         }
-        if let Some(reference) = around.slide(local, blockers, limits.n_pushes, &mut test) {
-            return Some(reference);
+        self.begin(around);
+        match self.slide(around, blockers, limits, &mut test) {
+            Searched::GivenUp => self.search(around, blockers, (resolution, limits), test),
+            searched => searched,
         }
+    }
+
+    /// The cells that known blockers leave.
+    fn begin(&mut self, around: &Around) {
+        /// Halvings of the first cell.
+        const N_HALVINGS: usize = 3;
+        let PoseSearch { cells, local, isa } = self;
         cells.clear();
-        cells.extend(around.first_cell().map(|cell| around.measured(cell, local, 0, *isa)));
-        let (mut n_tests, mut n_cells) = (0, 1);
-        while let Some(k) = shallowest(cells) {
-            let mut cell = cells.swap_remove(k);
-            if cell.is_closed {
-                continue;
+        cells.extend(around.first_cell());
+        for _ in 0..N_HALVINGS {
+            for k in 0..cells.len() {
+                let [one, other] = cells[k].halves();
+                cells[k] = one;
+                cells.push(other);
             }
+        }
+        cells.retain(|cell| around.is_possible(cell));
+        cells.iter_mut().for_each(|cell| *cell = around.measured(*cell, local, 0, *isa));
+        cells.retain(|cell| !cell.is_closed);
+    }
+
+    /// Tests a pose; notes what is in the way, which closes cells.
+    fn test(
+        &mut self,
+        around: &Around,
+        reference: DVec3,
+        blockers: &mut Blockers,
+        test: &mut impl FnMut(DVec3) -> Met,
+    ) -> bool {
+        let met = test(reference);
+        if met.is_free() {
+            return true;
+        }
+        let PoseSearch { cells, local, isa } = self;
+        let first = local.n;
+        around.note(met, local, blockers);
+        cells.iter_mut().for_each(|cell| *cell = around.measured(*cell, local, first, *isa));
+        cells.retain(|cell| !cell.is_closed);
+        false
+    }
+
+    /// From the site's own pose, pushed again and again.
+    fn slide(
+        &mut self,
+        around: &Around,
+        blockers: &mut Blockers,
+        limits: &Limits,
+        test: &mut impl FnMut(DVec3) -> Met,
+    ) -> Searched {
+        let mut at = around.own.map_or(DVec2::ZERO, |own| own.best);
+        for _ in 0..limits.n_pushes {
+            if self.cells.is_empty() {
+                return Searched::Closed;
+            }
+            let reference = around.reference(at);
+            if self.test(around, reference, blockers, test) {
+                return Searched::Free(reference);
+            }
+            let Some(next) = around.pushed(at, &mut self.local, self.isa) else { break };
+            at = next;
+        }
+        if self.cells.is_empty() { Searched::Closed } else { Searched::GivenUp }
+    }
+
+    /// Best first.
+    fn search(
+        &mut self,
+        around: &Around,
+        blockers: &mut Blockers,
+        (resolution, limits): (f64, &Limits),
+        mut test: impl FnMut(DVec3) -> Met,
+    ) -> Searched {
+        let (mut n_tests, mut n_cells) = (0, 1);
+        let mut outcome = Searched::Closed;
+        while let Some(k) = shallowest(&self.cells) {
+            let cell = self.cells.swap_remove(k);
             // Covered and not closed: deeper blockers may close it.
             let is_shallow = cell.depth <= 0.0 || n_tests < limits.n_deeper;
             if is_shallow && around.may_touch(cell.at, 0.0) {
                 if n_tests == limits.n_tests {
-                    return None;
+                    return Searched::GivenUp;
                 }
                 n_tests += 1;
                 let reference = around.reference(cell.at);
-                let met = test(reference);
-                if met.is_free() {
-                    return Some(reference);
+                let first = self.local.n;
+                if self.test(around, reference, blockers, &mut test) {
+                    return Searched::Free(reference);
                 }
-                let first = local.n;
-                around.note(met, local, blockers);
-                for cell in cells.iter_mut() {
-                    *cell = around.measured(*cell, local, first, *isa);
-                }
-                cell = around.measured(cell, local, first, *isa);
-                if cell.is_closed {
+                if around.measured(cell, &self.local, first, self.isa).is_closed {
                     continue;
                 }
             }
             if cell.half.length() <= resolution || n_cells > limits.n_cells {
+                outcome = Searched::GivenUp;
                 continue;
             }
             for half in cell.halves() {
                 if around.is_possible(&half) {
                     let half = Cell { depth: f64::NEG_INFINITY, ..half };
-                    cells.push(around.measured(half, local, 0, *isa));
+                    let half = around.measured(half, &self.local, 0, self.isa);
+                    self.cells.extend((!half.is_closed).then_some(half));
                     n_cells += 1;
                 }
             }
         }
-        None
+        outcome
+    }
+}
+
+/// What a search comes to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Searched {
+    /// The reference point of a free pose.
+    Free(DVec3),
+    /// Blockers close all poses.
+    Closed,
+    /// Neither was found within the limits.
+    GivenUp,
+}
+
+impl Searched {
+    /// The reference point of a free pose.
+    pub fn free(self) -> Option<DVec3> {
+        match self {
+            Searched::Free(reference) => Some(reference),
+            Searched::Closed | Searched::GivenUp => None,
+        }
     }
 }
 

@@ -81,7 +81,13 @@ impl<'a> Problem<'a> {
         outline: Outline,
     ) -> Self {
         let far = contacts.iter().map(|contact| contact.point.distance(bvh.origin()));
-        let reach = far.fold(bvh.radius(), f64::max) + outline.radius() + outline.finish();
+        let farthest = far.fold(bvh.radius(), f64::max);
+        // The same for any queries about the part: margins are not to depend on what else is asked.
+        let mut reach = (1.001 * bvh.radius()).max(f64::MIN_POSITIVE);
+        while reach < farthest {
+            reach *= 2.0;
+        }
+        let reach = reach + outline.radius() + outline.finish();
         let rings = Rings::new(&outline, tolerances.least);
         let of = |contact: &Contact| match contact.normal {
             Some(normal) => rings.at(bvh, &tolerances, contact.point, normal),
@@ -140,22 +146,45 @@ impl<'a> Problem<'a> {
         MARGIN * (self.bvh.radius() + self.reach + self.outline.size())
     }
 
-    /// Where points of the surface prove that all poses collide which are within [`Problem::trusted`] of the query's own. The tool is shrunk by that,
-    /// by the tolerance and by more than all roundings, and all is about the middle of the triangles, where `f32` is finest.
-    pub fn by_points(
+    /// Where points of the surface prove that the queries' own poses collide.
+    pub fn own_by_points(
         &self,
         cutter: &Cutter,
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<CollisionMatrix> {
+        self.by_points(cutter, directions, options, (0.0, &self.contacts))
+    }
+
+    /// Where points of the surface prove that all poses collide which are within [`Problem::trusted`] of the query's own, for some queries.
+    pub fn all_by_points(
+        &self,
+        cutter: &Cutter,
+        directions: &Directions,
+        options: &SurfaceOptions,
+        of: &[usize],
+    ) -> Result<CollisionMatrix> {
+        let contacts: Vec<Contact> = of.iter().map(|&i| self.contacts[i]).collect();
+        self.by_points(cutter, directions, options, (self.trusted, &contacts))
+    }
+
+    /// The tool is shrunk by `within`, by the tolerance and by more than all roundings, and all is about the middle of the triangles, where `f32` is
+    /// finest.
+    fn by_points(
+        &self,
+        cutter: &Cutter,
+        directions: &Directions,
+        options: &SurfaceOptions,
+        (within, contacts): (f64, &[Contact]),
+    ) -> Result<CollisionMatrix> {
         let origin = self.bvh.origin();
         let least = self.tolerances.least;
         let usual = (USUAL * least).max(USUAL_SHARE * self.outline.radius());
         let tolerance = self.tolerances.most.min(usual);
-        let shrink = tolerance + self.trusted + self.margin();
+        let shrink = tolerance + within + self.margin();
         let Some(shrunk) = shrunk(cutter, shrink)? else {
-            let rows = vec![vec![0; self.contacts.len().div_ceil(WORD)]; directions.len()];
-            return Ok(CollisionMatrix::new(self.contacts.len(), rows));
+            let rows = vec![vec![0; contacts.len().div_ceil(WORD)]; directions.len()];
+            return Ok(CollisionMatrix::new(contacts.len(), rows));
         };
         // A table would take nearly all points for itself.
         let samples = match self.tolerances.most > usual {
@@ -172,7 +201,7 @@ impl<'a> Problem<'a> {
         };
         let samples: Vec<Vec3> = samples.into_iter().map(|p| p.as_vec3()).collect();
         let mut sites = Sites::default();
-        for contact in &self.contacts {
+        for contact in contacts {
             sites.points.push((contact.point - origin).as_vec3());
             sites.normals.extend(contact.normal.map(|normal| normal.as_vec3()));
         }

@@ -218,13 +218,16 @@ impl Probe {
             if high <= height {
                 continue;
             }
-            for share in SHARES {
-                let low = low.max(height);
-                let level = low + share * (high - low);
-                match nearest_above(&local, level) {
-                    Some((distance, at)) if distance < radius => consider(stand.back(at)),
-                    _ => break,
-                }
+            let low = low.max(height);
+            let mut try_at = |share: f64| {
+                let nearest = nearest_above(&local, low + share * (high - low));
+                let inside = nearest.filter(|(distance, _)| *distance < radius);
+                inside.map(|(_, at)| consider(stand.back(at))).is_some()
+            };
+            let n_inside = SHARES.iter().take_while(|share| try_at(**share)).count();
+            if n_inside == 0 {
+                // It reaches in just above the step's lower end.
+                LOW_SHARES.into_iter().any(try_at);
             }
         }
         let ring = match tip {
@@ -292,6 +295,8 @@ fn enclosing(steps: &[[f64; 2]]) -> Vec<[f64; 2]> {
 
 /// Where on the axis, between the lowest and the highest that a triangle has in a step.
 const SHARES: [f64; 4] = [0.06, 0.2, 0.45, 0.8];
+/// The same, below the first of them.
+const LOW_SHARES: [f64; 4] = [0.02, 5e-3, 1e-3, 1e-4];
 
 /// The point of a triangle nearest to `p` (Ericson 2004, Real-Time Collision Detection, 5.1.5).
 fn nearest(p: DVec3, [a, b, c]: &[DVec3; 3]) -> DVec3 {

@@ -113,7 +113,7 @@ impl Refinement {
         let own = contact.normal.map_or(contact.point, |n| contact.point + n * outline.corner());
         let probe = match site.ball {
             Ball::Fits(_) => &probes.above_ball,
-            Ball::Gouges | Ball::Unknown => &probes.whole,
+            Ball::Gouges | Ball::Unknown | Ball::Undecided => &probes.whole,
         };
         state.blockers = Blockers::default();
         let mut search = Search {

@@ -8,7 +8,7 @@
 //! A ball end's ball is the same from all directions: where it fits, only what is above it is tested; where it does not touch with
 //! the site's normal without cutting, it is first moved to where it does.
 
-use super::pose::{Around, Blockers, Limits, Met, PoseSearch, Shape};
+use super::pose::{Around, Blockers, Limits, Met, PoseSearch, Searched, Shape};
 use super::problem::Problem;
 use super::query::Scratch;
 use super::tool::{Axes, Stand};
@@ -34,6 +34,8 @@ pub(super) enum Ball {
     Fits(DVec3),
     /// Wherever it touches, it gouges.
     Gouges,
+    /// No place was found where it fits, nor that there is none.
+    Undecided,
 }
 
 /// What is known of a site, and work space.
@@ -41,8 +43,6 @@ pub(super) enum Ball {
 pub(super) struct SiteState {
     pub scratch: Scratch,
     pub ball: Ball,
-    /// Directions in which the site's own pose is not free.
-    pub left: Vec<u32>,
     blockers: Blockers,
     /// Whether the blockers are of this site.
     has_blockers: bool,
@@ -86,7 +86,7 @@ impl Problem<'_> {
         is_blocked: bool,
         state: &mut SiteState,
     ) -> (Verdict, Option<DVec3>) {
-        if is_blocked && self.contacts[i].is_oblique(&self.outline, axes[2]) {
+        if is_blocked && self.contacts[i].is_by_points(&self.outline, axes[2]) {
             return (Verdict::Collides, None);
         }
         let triangles = self.triangles();
@@ -95,7 +95,7 @@ impl Problem<'_> {
         }
         let own = self.contacts[i].reference_point(&self.outline, axes[2]);
         let (probe, reference) = match state.ball {
-            Ball::Unknown => (&self.probes.whole, own),
+            Ball::Unknown | Ball::Undecided => (&self.probes.whole, own),
             Ball::Fits(center) => (&self.probes.above_ball, center),
             Ball::Gouges => (&self.probes.steps, own),
         };
@@ -142,7 +142,11 @@ impl Problem<'_> {
             state,
             |stand, _| ball.ball_meets(triangles, stand),
         );
-        state.ball = found.map_or(Ball::Gouges, Ball::Fits);
+        state.ball = match found {
+            Searched::Free(center) => Ball::Fits(center),
+            Searched::Closed => Ball::Gouges,
+            Searched::GivenUp => Ball::Undecided,
+        };
     }
 
     /// Whether a direction comes from behind the surface about a query, which is then in the way of all poses.
@@ -166,9 +170,10 @@ impl Problem<'_> {
             return None;
         }
         let (whole, triangles) = (&self.probes.whole, self.triangles());
-        self.search_of(i, axes, (&self.shapes[0], limits), state, |stand, scratch| {
+        let found = self.search_of(i, axes, (&self.shapes[0], limits), state, |stand, scratch| {
             whole.meets(triangles, stand, scratch)
-        })
+        });
+        found.free()
     }
 
     fn search_of(
@@ -178,7 +183,7 @@ impl Problem<'_> {
         (shape, limits): (&Shape, &Limits),
         state: &mut SiteState,
         mut test: impl FnMut(&Stand, &mut Scratch) -> Met,
-    ) -> Option<DVec3> {
+    ) -> Searched {
         let Problem { bvh, tolerances, .. } = self;
         let contact = &self.contacts[i];
         let SiteState { scratch, blockers, has_blockers, poses, .. } = state;

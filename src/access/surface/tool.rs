@@ -173,6 +173,11 @@ impl Contact {
         center + across.normalize_or_zero() * outline.side
     }
 
+    /// Whether [`Contact::reference_point`] is where [`access`](crate::access) puts it, so that points decide.
+    pub fn is_by_points(&self, outline: &Outline, direction: DVec3) -> bool {
+        self.normal.is_none() || self.is_oblique(outline, direction)
+    }
+
     /// Whether only the rim of a flat or bull-nose end can touch, in about one place.
     pub fn is_oblique(&self, outline: &Outline, direction: DVec3) -> bool {
         let slope = |normal: DVec3| normal.cross(direction).length_squared();

@@ -267,15 +267,18 @@ impl Case<'_> {
     fn largest_end(&self, tool: &Assembly, length: Length) -> Result<Option<(Assembly, Vec3)>> {
         let sizes = self.query.remedies.smaller_diameters(diameter(tool));
         let share = |size: &f64| size / diameter(tool);
-        // What the thinnest cutter does not reach at any length, no larger one does.
-        let Some(thinnest) = sizes.last() else { return Ok(None) };
-        let longest = tool.clone().without_overall().with_smaller_end(share(thinnest));
+        // What a cutter does not reach at any length, no larger one does.
         let by = if length == Length::Most { MOST_MM } else { 0.0 };
-        let longest = longest.and_then(|tool| tool.raised(ToolPart::Holder, by));
-        if !longest.is_ok_and(|tool| self.stands(&tool).is_ok_and(|found| found.is_some())) {
+        let may_reach = |size: &f64| {
+            let longest = tool.clone().without_overall().with_smaller_end(share(size));
+            let longest = longest.and_then(|tool| tool.raised(ToolPart::Holder, by));
+            longest.is_ok_and(|tool| self.stands(&tool).is_ok_and(|found| found.is_some()))
+        };
+        if !sizes.last().is_some_and(may_reach) {
             return Ok(None);
         }
-        for size in &sizes {
+        let n_too_large = sizes.partition_point(|size| !may_reach(size));
+        for size in &sizes[n_too_large..] {
             let Some(smaller) = self.with_end(tool, share(size), length)? else { continue };
             if let Some(direction) = self.stands(&smaller)? {
                 return Ok(Some((smaller, direction)));

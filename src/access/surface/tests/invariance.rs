@@ -149,3 +149,34 @@ fn unusable_arguments_are_named() {
             .is_ok()
     );
 }
+
+#[test]
+fn an_answer_is_a_function_of_its_site_alone() {
+    let mesh = slotted(4.0, 8.0);
+    let sites = everywhere(&mesh, 6);
+    let prove = RefinementOptions { prove: true, n_kept: 8, ..RefinementOptions::default() };
+    let options = SurfaceOptions { refinement: Some(prove), ..implied() };
+    let directions = hemisphere(30);
+    let mut stream = Stream::new(9, 0, 0, Purpose::Probe);
+    for cutter in cutters() {
+        let all = label(&mesh, &sites, &cutter, &directions, &options);
+        for n_threads in [1, 3] {
+            // Some of the sites, in another order.
+            let key: Vec<f64> = (0..sites.len()).map(|_| stream.range(0.0, 1.0)).collect();
+            let mut some: Vec<usize> = (0..sites.len()).filter(|&i| key[i] < 0.4).collect();
+            some.sort_by(|&i, &j| key[i].total_cmp(&key[j]));
+            let few = sites.subset(&some);
+            let asked = || label(&mesh, &few, &cutter, &directions, &options);
+            let found = par::with_threads(n_threads, asked).unwrap();
+            for (k, &i) in some.iter().enumerate() {
+                assert_eq!(found.answers[k], all.answers[i], "{cutter:?} {i}");
+                assert_eq!(found.witness[k], all.witness[i], "{cutter:?} {i}");
+                assert_eq!(found.open_directions[k], all.open_directions[i], "{cutter:?} {i}");
+                let counts = |of: &SurfaceLabels, k: usize| {
+                    [of.accessible_directions[k], of.collision_free_directions[k]]
+                };
+                assert_eq!(counts(&found, k), counts(&all, i), "{cutter:?} {i}");
+            }
+        }
+    }
+}
