@@ -91,6 +91,47 @@ fn tolerances_and_margins_are_echoed_and_kept_for_explanations() {
 }
 
 #[test]
+fn triangles_without_area_change_no_answer_and_are_said() {
+    let folder = Folder::new();
+    let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| [i & 1, i >> 1 & 1, i >> 2]);
+    let vertices =
+        corners.map(|[x, y, z]| format!("v {} {} {}\n", 40 * x, 30 * y, 20 * z)).concat();
+    let faces = "f 1 3 4\nf 1 4 2\nf 5 6 8\nf 5 8 7\nf 1 2 6\nf 1 6 5\nf 3 7 8\nf 3 8 4\n\
+                 f 1 5 7\nf 1 7 3\nf 2 4 8\nf 2 8 6\n";
+    let label = |part: &str| {
+        let out = folder.path("out");
+        let args = ["label", part, "--cutter", "3,10,20,30", "--directions", "up", "--out", &out];
+        let output = deepmill(&[&args[..], &["--no-picture", "--json"]].concat());
+        (json(&output), text(&output.stderr))
+    };
+    let (plain, _) = label(&folder.file("block.obj", format!("{vertices}{faces}")));
+    let reached = plain["accessible"].as_f64().unwrap();
+    // By hand 2180 of 5200 mm²; the ball also reaches as far below its equator as it comes within the finish tolerance.
+    assert!((1.0 - reached - 2180.0 / 5200.0).abs() < 0.015, "{plain}");
+    for (name, more, face) in [
+        ("point", "v 20 15 60\nv 20 15 60\nv 20 15 60\n", "f 9 10 11\n"),
+        ("same", "v 20 15 60\n", "f 9 9 9\n"),
+        ("seg", "v 20 15 60\nv 20 15 60\nv 20 15 61\n", "f 9 10 11\n"),
+        ("line", "v 0 15 60\nv 20 15 60\nv 40 15 60\n", "f 9 10 11\n"),
+        ("slanted", "v 0.1 15.3 60.1\nv 10.3 20.4 63.5\nv 30.7 30.6 70.3\n", "f 9 10 11\n"),
+    ] {
+        let part = folder.file(&format!("{name}.obj"), format!("{vertices}{more}{faces}{face}"));
+        let (found, words) = label(&part);
+        assert_eq!(found["accessible"], plain["accessible"], "{name}");
+        assert!(words.contains("left out 1 triangle without area"), "{name}: {words}");
+        let checked = json(&deepmill(&["check", &part, "--json"]));
+        assert_eq!(checked["bounds_mm"][1][2], 20.0, "{name}: {checked}");
+        assert!(checked["changes"][0].as_str().unwrap().contains("without area"), "{checked}");
+    }
+    // A corner in the middle of an edge, the gap closed by a triangle without area.
+    let split = faces.replace("f 1 2 6\n", "f 1 9 6\nf 9 2 6\nf 1 2 9\n");
+    let within = folder.file("within.obj", format!("{vertices}v 20 0 0\n{split}"));
+    let (found, words) = label(&within);
+    assert!((found["accessible"].as_f64().unwrap() - reached).abs() < 0.01, "{found}");
+    assert!(words.contains("1 triangle without area is no obstacle"), "{words}");
+}
+
+#[test]
 fn every_length_takes_a_unit_and_is_never_taken_for_another() {
     let folder = Folder::new();
     let (part, out) = (folder.block(), folder.path("out"));

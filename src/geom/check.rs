@@ -21,7 +21,7 @@ pub(crate) const N_PLACES: usize = 5;
 
 /// Triangles lower than this fraction of the bounding box's diagonal are slivers: with corners
 /// rounded to f32 (6e-8) their normal is uncertain by up to half a degree.
-const SLIVER: f64 = 1e-5;
+pub(crate) const SLIVER: f64 = 1e-5;
 
 /// Where a fault is: coordinates in mm, indices as in the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -299,8 +299,7 @@ fn check_shapes(mesh: &Mesh, found: &mut Findings) {
         let [a, b, c] = mesh.corners(f);
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
         let height = mesh.area_vector(f).length() / longest;
-        // A point has height 0/0.
-        if height.is_nan() || height == 0.0 {
+        if !mesh.has_area(f) {
             found.add(Fault::Degenerate, Place::Triangle(f as u32, center(mesh, f)));
         } else if height < sliver {
             found.add(Fault::Sliver, Place::Triangle(f as u32, center(mesh, f)));

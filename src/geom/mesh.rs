@@ -83,6 +83,12 @@ impl Mesh {
         (b - a).cross(c - a)
     }
 
+    /// Whether face `f` has an area: it is higher than a ten-thousand-millionth of its longest side, which is more than
+    /// what rounded coordinates make of three corners in line.
+    pub fn has_area(&self, f: usize) -> bool {
+        has_area(&self.corners(f))
+    }
+
     /// Least and greatest corner of the bounding box, mm; `None` for a mesh without vertices.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         let first = *self.vertices.first()?;
@@ -109,9 +115,33 @@ impl Mesh {
     }
 }
 
+/// Height over longest side up to which a triangle is three corners in line.
+const FLAT: f64 = 1e-10;
+
+/// [`Mesh::has_area`] for a triangle by its corners.
+pub(crate) fn has_area(&[a, b, c]: &[DVec3; 3]) -> bool {
+    let sides = [b - a, c - b, a - c].map(DVec3::length_squared);
+    let longest = sides.into_iter().fold(0.0, f64::max);
+    (b - a).cross(c - a).length() > FLAT * longest
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn three_corners_in_line_have_no_area_however_they_are_turned() {
+        for turn in [0.0, 0.3, 1.1] {
+            let along = glam::DMat3::from_rotation_y(turn) * DVec3::new(0.1, 0.7, 0.3);
+            for far in [0.0, 80.0] {
+                let at = |k: f64| DVec3::splat(far) + along * k;
+                assert!(!has_area(&[at(1.0), at(20.0), at(70.0)]), "{turn} {far}");
+                assert!(!has_area(&[at(1.0), at(1.0), at(70.0)]) && !has_area(&[at(7.0); 3]));
+                let beside = at(20.0) + DVec3::new(1e-5, 0.0, 0.0);
+                assert!(has_area(&[at(1.0), beside, at(70.0)]));
+            }
+        }
+    }
 
     #[test]
     fn faces_without_vertices_and_vertices_without_a_place_are_named() {

@@ -2,11 +2,14 @@
 //!
 //! Nothing here invents surface: holes stay open, and overlapping bodies stay as they are.
 
+mod loose;
+
 use super::check::topology::{Topology, has_three_corners};
 use super::check::{Fault, check, volume_of};
 use super::{Mesh, inside, weld};
 use crate::{Result, par};
 use glam::DVec3;
+pub use loose::drop_loose;
 use std::collections::{HashMap, HashSet};
 use std::fmt;
 
@@ -27,6 +30,8 @@ pub enum Change {
     },
     /// Triangles dropped because a corner occurs twice in them.
     DroppedCollapsed(usize),
+    /// Triangles without area, or thinner than a sliver, dropped because they hang together with nothing else.
+    DroppedLoose(usize),
     /// Triangles dropped because another one has the same corners: copies, and pairs that face
     /// opposite sides and enclose nothing.
     DroppedDoubled(usize),
@@ -49,6 +54,14 @@ impl fmt::Display for Change {
             ),
             Change::DroppedCollapsed(n) => {
                 write!(f, "dropped {} with a corner used twice", count(n, "triangle"))
+            }
+            Change::DroppedLoose(n) => {
+                let verb = if n == 1 { "hangs" } else { "hang" };
+                write!(
+                    f,
+                    "left out {} without area that {verb} together with nothing",
+                    count(n, "triangle")
+                )
             }
             Change::DroppedDoubled(n) => write!(f, "dropped {}", count(n, "doubled triangle")),
             Change::TurnedTriangles(n) => {

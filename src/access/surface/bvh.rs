@@ -6,6 +6,7 @@
 mod build;
 
 use super::tool::Stand;
+use crate::geom::mesh::has_area;
 use crate::par;
 use crate::simd::{Float32, Isa, Kernel, Mask, Simd, Vector};
 use build::{Item, PARALLEL, build};
@@ -66,16 +67,21 @@ pub(super) struct Level {
 const SLACK: f64 = 4e-6;
 
 impl Bvh {
-    /// The tree over `triangles`, finite.
-    pub fn new(triangles: Vec<[DVec3; 3]>) -> Self {
-        let corners = || triangles.iter().flatten();
-        let low = corners().fold(DVec3::INFINITY, |low, p| low.min(*p));
-        let high = corners().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p));
-        let empty = triangles.is_empty();
+    /// The tree over those of `triangles`, finite, that have an area.
+    pub fn new(triangles: &[[DVec3; 3]]) -> Self {
+        let blocks = par::map_blocks(triangles.len(), PARALLEL, |range| {
+            range.filter(|&f| has_area(&triangles[f])).map(|f| f as u32).collect::<Vec<_>>()
+        });
+        let with_area: Vec<u32> = blocks.into_iter().flatten().collect();
+        let corners = || with_area.iter().flat_map(|&f| triangles[f as usize]);
+        let low = corners().fold(DVec3::INFINITY, |low, p| low.min(p));
+        let high = corners().fold(DVec3::NEG_INFINITY, |high, p| high.max(p));
+        let empty = with_area.is_empty();
         let origin = if empty { DVec3::ZERO } else { 0.5 * (low + high) };
         let radius = if empty { 0.0 } else { 0.5 * (high - low).length() };
-        let blocks = par::map_blocks(triangles.len(), PARALLEL, |range| {
-            range.map(|f| Item::new(&triangles[f], f as u32, origin)).collect::<Vec<_>>()
+        let blocks = par::map_blocks(with_area.len(), PARALLEL, |range| {
+            let item = |&f: &u32| Item::new(&triangles[f as usize], f, origin);
+            with_area[range].iter().map(item).collect::<Vec<_>>()
         });
         let mut items: Vec<Item> = blocks.into_iter().flatten().collect();
         let mut nodes = Vec::new();
@@ -91,8 +97,7 @@ impl Bvh {
                 *corners = triangles[f as usize];
             }
         });
-        let triangles = ordered;
-        Bvh { nodes, triangles, faces, origin, radius, isa: Isa::active() }
+        Bvh { nodes, triangles: ordered, faces, origin, radius, isa: Isa::active() }
     }
 
     pub fn n_triangles(&self) -> usize {

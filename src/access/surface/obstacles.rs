@@ -14,7 +14,8 @@ use crate::geom::{Mesh, Sites};
 use crate::{Error, Result, memory, par};
 use glam::{DVec3, Vec3};
 
-/// Triangles that a tool must not penetrate: those of the part, then those of fixtures.
+/// Triangles that a tool must not penetrate: those of the part, then those of fixtures. Triangles without area
+/// ([`Mesh::has_area`]) bound nothing and are no obstacles.
 ///
 /// ```
 /// use deepmill::access::surface::{SiteAnswer, SurfaceOptions, TriangleObstacles};
@@ -65,16 +66,17 @@ impl TriangleObstacles {
             let found = format!("{} triangles", triangles.len());
             return Err(Error::geometry("mesh", found, "label in parts"));
         }
-        Ok(TriangleObstacles {
-            bvh: Bvh::new(triangles.clone()),
-            chords: Chords::of(part),
-            triangles,
-        })
+        Ok(TriangleObstacles { bvh: Bvh::new(&triangles), chords: Chords::of(part), triangles })
     }
 
-    /// Number of triangles.
+    /// Number of triangles that block.
     pub fn n_triangles(&self) -> usize {
         self.bvh.n_triangles()
+    }
+
+    /// Number of triangles without area, which block nothing.
+    pub fn n_without_area(&self) -> usize {
+        self.triangles.len() - self.bvh.n_triangles()
     }
 
     /// Answers for `queries`, sites of the part or points of space, by the [module](super)'s definition.

@@ -1,8 +1,10 @@
 //! Points of the triangles: obstacles that are tested first, since a tool that holds one certainly penetrates.
 
+use crate::geom::mesh::has_area;
 use glam::DVec3;
 
-/// `n` points, even by area, and every corner if there are no more than `n` of them; relative to `origin`.
+/// `n` points, even by area, and every corner if there are no more than `n` of them; relative to `origin`. None is of a
+/// triangle without area.
 ///
 /// Places on the triangles follow Roberts's R2 sequence (2018, The unreasonable effectiveness of quasirandom
 /// sequences).
@@ -31,7 +33,7 @@ fn corners(triangles: &[[DVec3; 3]], n: usize) -> Vec<DVec3> {
     if triangles.len() > 2 * n + 1000 {
         return Vec::new();
     }
-    let mut all: Vec<DVec3> = triangles.iter().flatten().copied().collect();
+    let mut all: Vec<DVec3> = triangles.iter().filter(|t| has_area(t)).flatten().copied().collect();
     let key = |p: &DVec3| p.to_array().map(|x| (x + 0.0).to_bits());
     all.sort_unstable_by_key(key);
     all.dedup_by_key(|p| key(p));

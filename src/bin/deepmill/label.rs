@@ -155,6 +155,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let fixtures = part_itself.map(|mesh| args.surface.fixtures(mesh, &args.read, output));
     let fixtures = fixtures.transpose()?.unwrap_or_default();
     let triangles = part_itself.map(|mesh| TriangleObstacles::new(mesh, &fixtures)).transpose()?;
+    triangles.iter().for_each(|triangles| part_itself::say_without_area(triangles, output));
     let points = match &more {
         Some(sites) => Obstacles::QueriesAnd(&sites.points),
         None => Obstacles::Queries,

@@ -222,13 +222,14 @@ impl MeshArgs {
     }
 
     fn prepare(&self, mesh: &mut Mesh, output: &Output) -> Result<Vec<repair::Change>> {
+        let mut changes: Vec<repair::Change> = repair::drop_loose(mesh).into_iter().collect();
         if let Some((low, high)) = mesh.bounds() {
             self.echo(low, high, output);
         }
-        let changes = match self.repair {
-            true => repair::repair(mesh)?,
-            false => repair::face_outward(mesh).into_iter().collect(),
-        };
+        match self.repair {
+            true => changes.extend(repair::repair(mesh)?),
+            false => changes.extend(repair::face_outward(mesh)),
+        }
         changes.iter().for_each(|change| output.warn(change));
         Ok(changes)
     }

@@ -138,7 +138,9 @@ impl SurfaceArgs {
         read: &MeshArgs,
         output: &Output,
     ) -> Result<TriangleObstacles> {
-        TriangleObstacles::new(mesh, &self.fixtures(mesh, read, output)?)
+        let obstacles = TriangleObstacles::new(mesh, &self.fixtures(mesh, read, output)?)?;
+        say_without_area(&obstacles, output);
+        Ok(obstacles)
     }
 
     /// What blocks beside the part: fixtures and the table.
@@ -221,6 +223,15 @@ impl SurfaceArgs {
         });
         self.tolerances.add_to(&mut settings);
         settings
+    }
+}
+
+/// Says how many triangles are no obstacles.
+pub fn say_without_area(obstacles: &TriangleObstacles, output: &Output) {
+    let n = obstacles.n_without_area();
+    if n > 0 {
+        let (are, s) = if n == 1 { ("is", "") } else { ("are", "s") };
+        output.say(format!("{n} triangle{s} without area {are} no obstacle{s}"));
     }
 }
 

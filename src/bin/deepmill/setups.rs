@@ -5,7 +5,7 @@ use crate::clock::Clock;
 use crate::findings;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
-use crate::part_itself::{self, ToleranceArgs};
+use crate::part_itself::{self, ToleranceArgs, say_without_area};
 use deepmill::access::setups::{Candidates, Clampings, Machine, Plan};
 use deepmill::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
 use deepmill::data::files::tools::{self, Tool};
@@ -99,6 +99,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let candidates = Candidates::new(&mesh, args.machine, args.clampings(), args.n_directions())?;
     Plan::require_memory(&candidates, sites.len(), tools.len())?;
     let obstacles = TriangleObstacles::new(&mesh, &[])?;
+    say_without_area(&obstacles, output);
     let of_tool = |tool: &Tool| {
         obstacles.accessible_directions(&sites, &tool.cutter, candidates.directions(), &options)
     };

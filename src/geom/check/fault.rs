@@ -122,7 +122,7 @@ impl Fault {
                 "join the bodies or label them one file each; fill voids that no cutter can enter"
             }
             Fault::Degenerate => {
-                "harmless for labels; `deepmill check --repair` drops collapsed ones"
+                "harmless: they are no obstacles and hold no sites; `deepmill check --repair` drops collapsed ones"
             }
             Fault::Sliver => "harmless for labels unless sites land on them",
             Fault::SelfIntersection => "unite the overlapping bodies in the CAD program",

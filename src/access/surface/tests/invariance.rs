@@ -99,6 +99,27 @@ fn a_fixture_blocks_and_is_not_asked_about() {
 }
 
 #[test]
+fn triangles_without_area_are_no_obstacles_and_keep_the_numbers_of_the_others() {
+    let part = slotted(4.0, 8.0);
+    let sites = everywhere(&part, 3);
+    let cutter = ball([1.0, 10.0, 20.0, 20.0]);
+    let plain = label(&part, &sites, &cutter, &up(), &exactly(0.01));
+    let high = part.bounds().unwrap().1.z + 20.0;
+    let at = |k: f64| dvec3(3.1, 4.7, high) + k * dvec3(0.3, 0.7, 0.1);
+    for corners in [[at(0.0); 3], [at(0.0), at(0.0), at(5.0)], [at(0.0), at(3.3), at(9.7)]] {
+        let mut more = part.clone();
+        let n = more.vertices.len() as u32;
+        more.vertices.extend(corners);
+        more.triangles.insert(0, [n, n + 1, n + 2]);
+        let obstacles = TriangleObstacles::new(&more, &[more.clone()]).unwrap();
+        assert_eq!(obstacles.n_without_area(), 2);
+        assert_eq!(obstacles.n_triangles(), 2 * part.triangles.len());
+        let labels = obstacles.label(&sites, &cutter, &up(), &exactly(0.01)).unwrap();
+        assert_eq!(labels.answers, plain.answers, "{corners:?}");
+    }
+}
+
+#[test]
 fn in_space_the_tip_is_at_the_point() {
     let part = solids::cuboid(dvec3(20.0, 20.0, 10.0));
     let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
