@@ -5,7 +5,7 @@
 use super::caps::Silhouette;
 use super::cells::{Domain, Hierarchy};
 use super::labels::{SurfaceLabels, SurfaceOptions, SurfaceStats, Tally, WitnessPose};
-use super::pose::Limits;
+use super::pose::search::Limits;
 use super::problem::{Problem, WORD};
 use super::refine::{Place, Refinement, SearchState};
 use super::site::SiteState;

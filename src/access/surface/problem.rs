@@ -2,7 +2,8 @@
 
 use super::bvh::Bvh;
 use super::labels::SurfaceOptions;
-use super::pose::{PoseSet, Shape};
+use super::pose::PoseSet;
+use super::pose::blockers::Shape;
 use super::query::Probe;
 use super::samples;
 use super::surroundings::{PoseBounds, Rings};

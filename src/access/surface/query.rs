@@ -3,7 +3,7 @@
 use super::bvh::{Bvh, Level};
 use super::labels::KNIFE_EDGE_MM;
 use super::penetrate::{self, nearest_above};
-use super::pose::{Blocker, Met};
+use super::pose::blockers::{Blocker, Met};
 use super::tolerance::Tolerances;
 use super::tool::{Outline, Stand, Tip, across};
 use super::verdict::Verdict;

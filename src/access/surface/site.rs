@@ -8,7 +8,8 @@
 //! A ball end's ball is the same from all directions: where it fits, only what is above it is tested; where it does not touch with
 //! the site's normal without cutting, it is first moved to where it does.
 
-use super::pose::{Around, Blockers, Limits, Met, PoseSearch, Searched, Shape};
+use super::pose::blockers::{Blockers, Met, Shape};
+use super::pose::search::{Around, Limits, PoseSearch, Searched};
 use super::problem::Problem;
 use super::query::Scratch;
 use super::tool::{Axes, Stand};

@@ -11,7 +11,7 @@
 //! one of them, if `ρ·cos(π/8)·sin β − D·cos β ≥ T`. Poses within the material are left out: what is above them is in the way.
 
 use super::bvh::Bvh;
-use super::pose::Blocker;
+use super::pose::blockers::Blocker;
 use super::tolerance::Tolerances;
 use super::tool::{OBLIQUE, Outline};
 use crate::directions::basis;

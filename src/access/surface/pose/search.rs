@@ -1,0 +1,386 @@
+//! Searches the poses about a point for a free one.
+//!
+//! ```text
+//! cells = a rectangle around all poses, or around those that are not too deep in the plane of the surface
+//! while there is a cell: take the one whose middle is least deep in the tool that known blockers close
+//!     some blocker is in the tool in all its poses: closed
+//!     none is in the middle: test the triangles there: free → reached; else points of what penetrates become blockers
+//!     smaller than the resolution: given up
+//!     else: cut in half across the longer side
+//! ```
+//!
+//! The poses of a cell are in a box; a blocker is in the tool for all of them if it is where the box puts it farthest from the axis and lowest.
+
+use super::blockers::{Blockers, Local, Met, Shape};
+use super::{PoseBox, PoseSet};
+use crate::access::surface::tool::{Axes, Contact};
+use crate::directions::basis;
+use crate::simd::Isa;
+use glam::{DVec2, DVec3};
+use std::f64::consts::FRAC_PI_2;
+
+/// A rectangle of places on the disc of poses.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    at: DVec2,
+    half: DVec2,
+    /// Of the pose in the middle.
+    depth: f64,
+    /// Whether a blocker is in the way of all poses.
+    is_closed: bool,
+}
+
+impl Cell {
+    /// Its halves across the longer side.
+    fn halves(&self) -> [Cell; 2] {
+        let shift = match self.half.x >= self.half.y {
+            true => DVec2::new(0.5 * self.half.x, 0.0),
+            false => DVec2::new(0.0, 0.5 * self.half.y),
+        };
+        [-shift, shift].map(|shift| Cell {
+            at: self.at + shift,
+            half: self.half - shift.abs(),
+            ..*self
+        })
+    }
+}
+
+/// What a search is over.
+pub(in crate::access::surface) struct Around<'a> {
+    shape: &'a Shape,
+    poses: PoseSet,
+    /// The point of contact.
+    point: DVec3,
+    /// Across the axis toward where the normal leans, and beside that; along the axis.
+    axes: Axes,
+    own: Option<OwnPlane>,
+    /// No place on the disc is farther along either axis from that of the site's own pose, mm.
+    within: f64,
+    /// Tolerances at the point: see [`PoseSet::touches`], mm.
+    rim: f64,
+}
+
+/// A normal leans against the direction by at least this.
+const LEANING: f64 = 1e-7;
+/// Greatest ratio of distances on the disc and of poses.
+const APART: f64 = FRAC_PI_2;
+
+/// The plane of a surface about the point of contact, in the frame of the tool: poses that cut it deeper than the tolerances are closed.
+#[derive(Debug, Clone, Copy)]
+struct OwnPlane {
+    normal: DVec3,
+    /// Height of a tip's reference point above the plane when the grown tip touches it.
+    touching: f64,
+    /// How much less is granted; infinite if the surface is not known to go on about the point.
+    slack: f64,
+    /// The place on the disc of the pose that is farthest from the plane.
+    best: DVec2,
+}
+
+impl OwnPlane {
+    /// Whether all poses of a cell are too deep in the plane; the axes of the disc are those of the normal.
+    fn closes(&self, poses: &PoseSet, cell: &Cell) -> bool {
+        let nearest = self.best.clamp(cell.at - cell.half, cell.at + cell.half);
+        self.touching - self.normal.dot(poses.offset(nearest)) > self.slack
+    }
+}
+
+/// Memory of a search.
+#[derive(Debug)]
+pub(in crate::access::surface) struct PoseSearch {
+    cells: Vec<Cell>,
+    local: Local,
+    isa: Isa,
+}
+
+impl Default for PoseSearch {
+    fn default() -> Self {
+        PoseSearch { cells: Vec::new(), local: Local::default(), isa: Isa::active() }
+    }
+}
+
+/// How far a search goes before it gives up.
+pub(in crate::access::surface) struct Limits {
+    /// Most poses that are tested against triangles.
+    n_tests: usize,
+    /// Most pushes of the site's own pose before that.
+    n_pushes: usize,
+    /// So many are tested even where a blocker is known, for deeper ones.
+    n_deeper: usize,
+    /// Most cells.
+    n_cells: usize,
+}
+
+impl Limits {
+    /// At most so many tests.
+    pub fn tests(n_tests: usize) -> Self {
+        Limits {
+            n_tests,
+            n_pushes: MOST_PUSHES,
+            n_deeper: N_DEEPER,
+            n_cells: CELLS_PER_TEST * n_tests,
+        }
+    }
+}
+
+/// Pushes after which nothing is found.
+const MOST_PUSHES: usize = 40;
+/// Tests for deeper blockers.
+const N_DEEPER: usize = 3;
+/// A test costs as much as so many cells.
+const CELLS_PER_TEST: usize = 10;
+
+impl<'a> Around<'a> {
+    /// `slack` is how deep poses may be in the plane of the surface, `within` how far from the site's own they may be, `rim` the tolerances there.
+    pub fn new(
+        shape: &'a Shape,
+        poses: PoseSet,
+        contact: &Contact,
+        direction: DVec3,
+        [slack, within, rim]: [f64; 3],
+    ) -> Self {
+        let leaning = contact.normal.map(|normal| normal - direction * normal.dot(direction));
+        // Where it hardly leans, its roundings point anywhere.
+        let leaning = leaning.filter(|leaning| leaning.length() > LEANING);
+        let u = leaning.map_or(basis(direction)[0], DVec3::normalize);
+        let axes = [u, direction.cross(u), direction];
+        let own = contact.normal.map(|normal| {
+            let normal = DVec3::new(normal.dot(u), 0.0, normal.dot(direction));
+            let touching = poses.corner + poses.side * normal.x.abs();
+            OwnPlane { normal, touching, slack, best: poses.place(normal) }
+        });
+        // Places on the disc are a little farther apart than poses.
+        let within = APART * within;
+        Around { shape, poses, point: contact.point, axes, own, within, rim }
+    }
+
+    fn local(&self, offset: DVec3) -> DVec3 {
+        let [u, v, d] = self.axes;
+        DVec3::new(offset.dot(u), offset.dot(v), offset.dot(d))
+    }
+
+    /// Keeps what was met.
+    fn note(&self, met: Met, local: &mut Local, blockers: &mut Blockers) {
+        for blocker in met.blockers() {
+            local.push(self.local(blocker.point - self.point), blocker.tolerance);
+            blockers.push(blocker);
+        }
+    }
+
+    /// Where to try next after a pose with something in the way: pushed along the poses away from what is deepest in the tool. In a hollow as wide as the
+    /// tool that finds the one place; where it finds none, there may be one.
+    fn pushed(&self, at: DVec2, local: &mut Local, isa: Isa) -> Option<DVec2> {
+        /// Farther than what is deepest, mm.
+        const BEYOND_MM: f64 = 1e-5;
+        let (depth, away) = local.deepest(self.shape, self.poses.offset(at), isa);
+        let next = (depth > 0.0).then(|| self.poses.pushed(at, away, depth + BEYOND_MM))??;
+        (self.is_within(next) && self.may_touch(next, 0.0)).then_some(next)
+    }
+
+    /// Whether a place on the disc is near enough to that of the site's own pose.
+    fn is_within(&self, at: DVec2) -> bool {
+        self.own.is_none_or(|own| (at - own.best).abs().max_element() <= self.within)
+    }
+
+    fn may_touch(&self, at: DVec2, reach: f64) -> bool {
+        self.own.is_none_or(|own| self.poses.touches(at, reach, (own.normal, self.rim)))
+    }
+
+    /// Whether some pose of a cell is on the disc, touches the surface and is not too deep in its plane.
+    fn is_possible(&self, cell: &Cell) -> bool {
+        let nearest = (cell.at.abs() - cell.half).max(DVec2::ZERO).length();
+        nearest <= self.poses.radius()
+            && self.may_touch(cell.at, cell.half.length())
+            && !self.own.is_some_and(|own| own.closes(&self.poses, cell))
+    }
+
+    /// All poses, or all that are not too deep in the plane of the surface.
+    fn first_cell(&self) -> Option<Cell> {
+        let radius = self.poses.radius();
+        let around = match self.own {
+            Some(own) if self.within.is_finite() => {
+                [own.best - self.within, own.best + self.within]
+            }
+            _ => [DVec2::splat(-radius), DVec2::splat(radius)],
+        };
+        let [low, high] = around.map(|p| p.clamp(DVec2::splat(-radius), DVec2::splat(radius)));
+        let cell = Cell {
+            at: 0.5 * (low + high),
+            half: 0.5 * (high - low),
+            depth: f64::NEG_INFINITY,
+            is_closed: false,
+        };
+        self.is_possible(&cell).then_some(cell)
+    }
+
+    /// The cell with the blockers from number `first` on taken into account.
+    fn measured(&self, cell: Cell, local: &Local, first: usize, isa: Isa) -> Cell {
+        let middle = PoseBox { middle: self.poses.offset(cell.at), half: DVec3::ZERO };
+        let depth = local.depth(first, self.shape, &middle, isa);
+        // What is not in the way in the middle closes nothing.
+        let is_closed = depth > 0.0
+            && local.depth(first, self.shape, &self.poses.around(cell.at, cell.half), isa) > 0.0;
+        Cell { depth: cell.depth.max(depth), is_closed: cell.is_closed || is_closed, ..cell }
+    }
+
+    /// The reference point of a pose.
+    fn reference(&self, at: DVec2) -> DVec3 {
+        let [u, v, d] = self.axes;
+        let o = self.poses.offset(at);
+        self.point + u * o.x + v * o.y + d * o.z
+    }
+}
+
+impl PoseSearch {
+    /// Searches for a free pose; `test` is given reference points.
+    pub fn run(
+        &mut self,
+        around: &Around,
+        blockers: &mut Blockers,
+        (resolution, limits): (f64, &Limits),
+        mut test: impl FnMut(DVec3) -> Met,
+    ) -> Searched {
+        self.local.clear();
+        for blocker in blockers.iter() {
+            self.local.push(around.local(blocker.point - around.point), blocker.tolerance);
+        }
+        self.begin(around);
+        match self.slide(around, blockers, limits, &mut test) {
+            Searched::GivenUp => self.search(around, blockers, (resolution, limits), test),
+            searched => searched,
+        }
+    }
+
+    /// The cells that known blockers leave.
+    fn begin(&mut self, around: &Around) {
+        /// Halvings of the first cell.
+        const N_HALVINGS: usize = 3;
+        let PoseSearch { cells, local, isa } = self;
+        cells.clear();
+        cells.extend(around.first_cell());
+        for _ in 0..N_HALVINGS {
+            for k in 0..cells.len() {
+                let [one, other] = cells[k].halves();
+                cells[k] = one;
+                cells.push(other);
+            }
+        }
+        cells.retain(|cell| around.is_possible(cell));
+        cells.iter_mut().for_each(|cell| *cell = around.measured(*cell, local, 0, *isa));
+        cells.retain(|cell| !cell.is_closed);
+    }
+
+    /// Tests a pose; notes what is in the way, which closes cells.
+    fn test(
+        &mut self,
+        around: &Around,
+        reference: DVec3,
+        blockers: &mut Blockers,
+        test: &mut impl FnMut(DVec3) -> Met,
+    ) -> bool {
+        let met = test(reference);
+        if met.is_free() {
+            return true;
+        }
+        let PoseSearch { cells, local, isa } = self;
+        let first = local.len();
+        around.note(met, local, blockers);
+        cells.iter_mut().for_each(|cell| *cell = around.measured(*cell, local, first, *isa));
+        cells.retain(|cell| !cell.is_closed);
+        false
+    }
+
+    /// From the site's own pose, pushed again and again.
+    fn slide(
+        &mut self,
+        around: &Around,
+        blockers: &mut Blockers,
+        limits: &Limits,
+        test: &mut impl FnMut(DVec3) -> Met,
+    ) -> Searched {
+        let mut at = around.own.map_or(DVec2::ZERO, |own| own.best);
+        for _ in 0..limits.n_pushes {
+            if self.cells.is_empty() {
+                return Searched::Closed;
+            }
+            let reference = around.reference(at);
+            if self.test(around, reference, blockers, test) {
+                return Searched::Free(reference);
+            }
+            let Some(next) = around.pushed(at, &mut self.local, self.isa) else { break };
+            at = next;
+        }
+        if self.cells.is_empty() { Searched::Closed } else { Searched::GivenUp }
+    }
+
+    /// Best first.
+    fn search(
+        &mut self,
+        around: &Around,
+        blockers: &mut Blockers,
+        (resolution, limits): (f64, &Limits),
+        mut test: impl FnMut(DVec3) -> Met,
+    ) -> Searched {
+        let (mut n_tests, mut n_cells) = (0, 1);
+        let mut outcome = Searched::Closed;
+        while let Some(k) = shallowest(&self.cells) {
+            let cell = self.cells.swap_remove(k);
+            // Covered and not closed: deeper blockers may close it.
+            let is_shallow = cell.depth <= 0.0 || n_tests < limits.n_deeper;
+            if is_shallow && around.may_touch(cell.at, 0.0) {
+                if n_tests == limits.n_tests {
+                    return Searched::GivenUp;
+                }
+                n_tests += 1;
+                let reference = around.reference(cell.at);
+                let first = self.local.len();
+                if self.test(around, reference, blockers, &mut test) {
+                    return Searched::Free(reference);
+                }
+                if around.measured(cell, &self.local, first, self.isa).is_closed {
+                    continue;
+                }
+            }
+            if cell.half.length() <= resolution || n_cells > limits.n_cells {
+                outcome = Searched::GivenUp;
+                continue;
+            }
+            for half in cell.halves() {
+                if around.is_possible(&half) {
+                    let half = Cell { depth: f64::NEG_INFINITY, ..half };
+                    let half = around.measured(half, &self.local, 0, self.isa);
+                    self.cells.extend((!half.is_closed).then_some(half));
+                    n_cells += 1;
+                }
+            }
+        }
+        outcome
+    }
+}
+
+/// What a search comes to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::access::surface) enum Searched {
+    /// The reference point of a free pose.
+    Free(DVec3),
+    /// Blockers close all poses.
+    Closed,
+    /// Neither was found within the limits.
+    GivenUp,
+}
+
+impl Searched {
+    /// The reference point of a free pose.
+    pub fn free(self) -> Option<DVec3> {
+        match self {
+            Searched::Free(reference) => Some(reference),
+            Searched::Closed | Searched::GivenUp => None,
+        }
+    }
+}
+
+/// The cell with the least depth; the first among equals.
+fn shallowest(cells: &[Cell]) -> Option<usize> {
+    let better = |a: usize, b: usize| if cells[b].depth < cells[a].depth { b } else { a };
+    (0..cells.len()).reduce(better)
+}
