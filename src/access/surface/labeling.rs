@@ -1,11 +1,12 @@
-//! The labels of all queries: own poses in every direction; where none is free, the directions between, then all other poses.
+//! The labels of all queries: own poses in every direction; where none is free, the directions between, then all other
+//! poses.
 //!
-//! The directions between come first as they cost less: what they reach or prove closed is not searched for other poses.
+//! The directions between come first as they cost less: what they reach or prove closed is not searched for other
+//! poses.
 
 use super::caps::Silhouette;
 use super::cells::{Domain, Hierarchy};
 use super::labels::{SurfaceLabels, SurfaceOptions, SurfaceStats, Tally, WitnessPose};
-use super::pose::search::Limits;
 use super::problem::{Problem, WORD};
 use super::refine::{Place, Refinement, SearchState};
 use super::site::SiteState;
@@ -84,7 +85,8 @@ impl Problem<'_> {
         }
     }
 
-    /// The tool as the caps see it, for poses within some distances of the middle of the caps; all poses are within the last.
+    /// The tool as the caps see it, for poses within some distances of the middle of the caps; all poses are within the
+    /// last.
     fn silhouettes(&self) -> Vec<Silhouettes> {
         let outline = &self.outline;
         let least = self.tolerances.most;
@@ -204,8 +206,8 @@ impl Problem<'_> {
                 continue;
             }
             let before = state.scratch.n_queries;
-            let limits = Limits::tests((remaining / 3).max(LEAST_TESTS));
-            if let Some(at) = self.search_poses(i, axes, &limits, state) {
+            let n_tests = (remaining / 3).max(LEAST_TESTS);
+            if let Some(at) = self.search_poses(i, axes, n_tests, state) {
                 return Some((k, at));
             }
             remaining = remaining.saturating_sub((state.scratch.n_queries - before) as usize);
@@ -213,8 +215,8 @@ impl Problem<'_> {
         None
     }
 
-    /// Gives `then` every direction that points leave open for some pose, in order: its number, and the verdict over all poses. `own` and `all` are
-    /// of the query's own poses and of all.
+    /// Gives `then` every direction that points leave open for some pose, in order: its number, and the verdict over
+    /// all poses. `own` and `all` are of the query's own poses and of all.
     pub fn verdicts(
         &self,
         i: usize,

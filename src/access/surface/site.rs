@@ -5,11 +5,11 @@
 //! search over the poses
 //! ```
 //!
-//! A ball end's ball is the same from all directions: where it fits, only what is above it is tested; where it does not touch with
-//! the site's normal without cutting, it is first moved to where it does.
+//! A ball end's ball is the same from all directions: where it fits, only what is above it is tested; where it does not
+//! touch with the site's normal without cutting, it is first moved to where it does.
 
 use super::pose::blockers::{Blockers, Met, Shape};
-use super::pose::search::{Around, Limits, PoseSearch, Searched};
+use super::pose::search::{Around, PoseSearch, Searched};
 use super::problem::Problem;
 use super::query::Scratch;
 use super::tool::{Axes, Stand};
@@ -72,14 +72,14 @@ impl Problem<'_> {
         if pose.is_some() {
             return (verdict, pose);
         }
-        match self.search_poses(i, axes, &Limits::tests(DIRECTION_TESTS), state) {
+        match self.search_poses(i, axes, DIRECTION_TESTS, state) {
             Some(pose) => (Verdict::Free, Some(pose)),
             None => (verdict, None),
         }
     }
 
-    /// The verdict for the pose that touches with the site's normal, and its reference point if it is free; `is_blocked` if a point of the surface is
-    /// known to be in the steps of that pose in oblique directions.
+    /// The verdict for the pose that touches with the site's normal, and its reference point if it is free;
+    /// `is_blocked` if a point of the surface is known to be in the steps of that pose in oblique directions.
     pub fn own_pose(
         &self,
         i: usize,
@@ -136,13 +136,9 @@ impl Problem<'_> {
             state.ball = Ball::Fits(center);
             return;
         }
-        let found = self.search_of(
-            i,
-            &axes,
-            (&self.shapes[1], &Limits::tests(BALL_TESTS)),
-            state,
-            |stand, _| ball.ball_meets(triangles, stand),
-        );
+        let found = self.search_of(i, &axes, (&self.shapes[1], BALL_TESTS), state, |stand, _| {
+            ball.ball_meets(triangles, stand)
+        });
         state.ball = match found {
             Searched::Free(center) => Ball::Fits(center),
             Searched::Closed => Ball::Gouges,
@@ -161,7 +157,7 @@ impl Problem<'_> {
         &self,
         i: usize,
         axes: &Axes,
-        limits: &Limits,
+        n_tests: usize,
         state: &mut SiteState,
     ) -> Option<DVec3> {
         if self.faces_away(i, axes[2]) {
@@ -171,7 +167,7 @@ impl Problem<'_> {
             return None;
         }
         let (whole, triangles) = (&self.probes.whole, self.triangles());
-        let found = self.search_of(i, axes, (&self.shapes[0], limits), state, |stand, scratch| {
+        let found = self.search_of(i, axes, (&self.shapes[0], n_tests), state, |stand, scratch| {
             whole.meets(triangles, stand, scratch)
         });
         found.free()
@@ -181,7 +177,7 @@ impl Problem<'_> {
         &self,
         i: usize,
         axes: &Axes,
-        (shape, limits): (&Shape, &Limits),
+        (shape, n_tests): (&Shape, usize),
         state: &mut SiteState,
         mut test: impl FnMut(&Stand, &mut Scratch) -> Met,
     ) -> Searched {
@@ -207,7 +203,7 @@ impl Problem<'_> {
         }
         let around =
             Around::new(shape, self.poses, contact, axes[2], [bounds.slack, within, self.rim(i)]);
-        let limits = (FINE * self.outline.finish(), limits);
+        let limits = (FINE * self.outline.finish(), n_tests);
         poses.run(&around, blockers, limits, |reference| {
             test(&Stand { reference, axes: *axes }, scratch)
         })

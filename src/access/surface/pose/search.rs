@@ -1,15 +1,17 @@
 //! Searches the poses about a point for a free one.
 //!
 //! ```text
-//! cells = a rectangle around all poses, or around those that are not too deep in the plane of the surface
-//! while there is a cell: take the one whose middle is least deep in the tool that known blockers close
-//!     some blocker is in the tool in all its poses: closed
-//!     none is in the middle: test the triangles there: free → reached; else points of what penetrates become blockers
-//!     smaller than the resolution: given up
-//!     else: cut in half across the longer side
+//! cells = a rectangle around all poses, or around those that are not too deep in the plane of the surface, in eight
+//! forget cells that a known blocker closes, now and after every test; none left: closed
+//! slide: test the pose that touches with the normal: free → reached; else points of what penetrates become blockers
+//!        push it along the poses, clear of the deepest blocker; again
+//! best first: the cell whose middle is least deep in the blockers
+//!     no blocker is in the middle: test there, as above
+//!     smaller than the resolution: given up; else cut in half across the longer side
 //! ```
 //!
-//! The poses of a cell are in a box; a blocker is in the tool for all of them if it is where the box puts it farthest from the axis and lowest.
+//! The poses of a cell are in a box; a blocker is in the tool for all of them if it is where the box puts it farthest
+//! from the axis and lowest.
 
 use super::blockers::{Blockers, Local, Met, Shape};
 use super::{PoseBox, PoseSet};
@@ -26,8 +28,6 @@ struct Cell {
     half: DVec2,
     /// Of the pose in the middle.
     depth: f64,
-    /// Whether a blocker is in the way of all poses.
-    is_closed: bool,
 }
 
 impl Cell {
@@ -65,7 +65,8 @@ const LEANING: f64 = 1e-7;
 /// Greatest ratio of distances on the disc and of poses.
 const APART: f64 = FRAC_PI_2;
 
-/// The plane of a surface about the point of contact, in the frame of the tool: poses that cut it deeper than the tolerances are closed.
+/// The plane of a surface about the point of contact, in the frame of the tool: poses that cut it deeper than the
+/// tolerances are closed.
 #[derive(Debug, Clone, Copy)]
 struct OwnPlane {
     normal: DVec3,
@@ -99,39 +100,16 @@ impl Default for PoseSearch {
     }
 }
 
-/// How far a search goes before it gives up.
-pub(in crate::access::surface) struct Limits {
-    /// Most poses that are tested against triangles.
-    n_tests: usize,
-    /// Most pushes of the site's own pose before that.
-    n_pushes: usize,
-    /// So many are tested even where a blocker is known, for deeper ones.
-    n_deeper: usize,
-    /// Most cells.
-    n_cells: usize,
-}
-
-impl Limits {
-    /// At most so many tests.
-    pub fn tests(n_tests: usize) -> Self {
-        Limits {
-            n_tests,
-            n_pushes: MOST_PUSHES,
-            n_deeper: N_DEEPER,
-            n_cells: CELLS_PER_TEST * n_tests,
-        }
-    }
-}
-
 /// Pushes after which nothing is found.
-const MOST_PUSHES: usize = 40;
-/// Tests for deeper blockers.
+const N_PUSHES: usize = 40;
+/// So many poses are tested even where a blocker is known, for deeper ones.
 const N_DEEPER: usize = 3;
 /// A test costs as much as so many cells.
 const CELLS_PER_TEST: usize = 10;
 
 impl<'a> Around<'a> {
-    /// `slack` is how deep poses may be in the plane of the surface, `within` how far from the site's own they may be, `rim` the tolerances there.
+    /// `slack` is how deep poses may be in the plane of the surface, `within` how far from the site's own they may be,
+    /// `rim` the tolerances there.
     pub fn new(
         shape: &'a Shape,
         poses: PoseSet,
@@ -167,8 +145,8 @@ impl<'a> Around<'a> {
         }
     }
 
-    /// Where to try next after a pose with something in the way: pushed along the poses away from what is deepest in the tool. In a hollow as wide as the
-    /// tool that finds the one place; where it finds none, there may be one.
+    /// Where to try next after a pose with something in the way: pushed along the poses away from what is deepest in
+    /// the tool. In a hollow as wide as the tool that finds the one place; where it finds none, there may be one.
     fn pushed(&self, at: DVec2, local: &mut Local, isa: Isa) -> Option<DVec2> {
         /// Farther than what is deepest, mm.
         const BEYOND_MM: f64 = 1e-5;
@@ -204,23 +182,20 @@ impl<'a> Around<'a> {
             _ => [DVec2::splat(-radius), DVec2::splat(radius)],
         };
         let [low, high] = around.map(|p| p.clamp(DVec2::splat(-radius), DVec2::splat(radius)));
-        let cell = Cell {
-            at: 0.5 * (low + high),
-            half: 0.5 * (high - low),
-            depth: f64::NEG_INFINITY,
-            is_closed: false,
-        };
+        let cell =
+            Cell { at: 0.5 * (low + high), half: 0.5 * (high - low), depth: f64::NEG_INFINITY };
         self.is_possible(&cell).then_some(cell)
     }
 
-    /// The cell with the blockers from number `first` on taken into account.
-    fn measured(&self, cell: Cell, local: &Local, first: usize, isa: Isa) -> Cell {
+    /// The cell with the blockers from number `first` on taken into account; none if one is in the way of all its
+    /// poses.
+    fn measured(&self, cell: Cell, local: &Local, first: usize, isa: Isa) -> Option<Cell> {
         let middle = PoseBox { middle: self.poses.offset(cell.at), half: DVec3::ZERO };
         let depth = local.depth(first, self.shape, &middle, isa);
         // What is not in the way in the middle closes nothing.
         let is_closed = depth > 0.0
             && local.depth(first, self.shape, &self.poses.around(cell.at, cell.half), isa) > 0.0;
-        Cell { depth: cell.depth.max(depth), is_closed: cell.is_closed || is_closed, ..cell }
+        (!is_closed).then_some(Cell { depth: cell.depth.max(depth), ..cell })
     }
 
     /// The reference point of a pose.
@@ -232,30 +207,42 @@ impl<'a> Around<'a> {
 }
 
 impl PoseSearch {
-    /// Searches for a free pose; `test` is given reference points.
+    /// Searches for a free pose; `test` is given reference points, `resolution` is the size of cells that are not cut,
+    /// mm, `n_tests` how many poses are tested before it gives up, beside those that are pushed.
     pub fn run(
         &mut self,
         around: &Around,
         blockers: &mut Blockers,
-        (resolution, limits): (f64, &Limits),
-        mut test: impl FnMut(DVec3) -> Met,
+        (resolution, n_tests): (f64, usize),
+        test: impl FnMut(DVec3) -> Met,
     ) -> Searched {
-        self.local.clear();
-        for blocker in blockers.iter() {
-            self.local.push(around.local(blocker.point - around.point), blocker.tolerance);
-        }
-        self.begin(around);
-        match self.slide(around, blockers, limits, &mut test) {
-            Searched::GivenUp => self.search(around, blockers, (resolution, limits), test),
+        let mut run = Run { memory: self, around, blockers, test };
+        run.begin();
+        match run.slide() {
+            Searched::GivenUp => run.best_first(resolution, n_tests),
             searched => searched,
         }
     }
+}
 
+/// One search.
+struct Run<'s, 'a, F> {
+    memory: &'s mut PoseSearch,
+    around: &'s Around<'a>,
+    blockers: &'s mut Blockers,
+    test: F,
+}
+
+impl<F: FnMut(DVec3) -> Met> Run<'_, '_, F> {
     /// The cells that known blockers leave.
-    fn begin(&mut self, around: &Around) {
+    fn begin(&mut self) {
         /// Halvings of the first cell.
         const N_HALVINGS: usize = 3;
-        let PoseSearch { cells, local, isa } = self;
+        let (around, PoseSearch { cells, local, .. }) = (self.around, &mut *self.memory);
+        local.clear();
+        for blocker in self.blockers.iter() {
+            local.push(around.local(blocker.point - around.point), blocker.tolerance);
+        }
         cells.clear();
         cells.extend(around.first_cell());
         for _ in 0..N_HALVINGS {
@@ -266,92 +253,83 @@ impl PoseSearch {
             }
         }
         cells.retain(|cell| around.is_possible(cell));
-        cells.iter_mut().for_each(|cell| *cell = around.measured(*cell, local, 0, *isa));
-        cells.retain(|cell| !cell.is_closed);
+        self.close(0);
     }
 
-    /// Tests a pose; notes what is in the way, which closes cells.
-    fn test(
-        &mut self,
-        around: &Around,
-        reference: DVec3,
-        blockers: &mut Blockers,
-        test: &mut impl FnMut(DVec3) -> Met,
-    ) -> bool {
-        let met = test(reference);
+    /// Drops the cells that a blocker from number `first` on is in the way of.
+    fn close(&mut self, first: usize) {
+        let PoseSearch { cells, local, isa } = &mut *self.memory;
+        cells.retain_mut(|cell| match self.around.measured(*cell, local, first, *isa) {
+            Some(left) => {
+                *cell = left;
+                true
+            }
+            None => false,
+        });
+    }
+
+    /// Whether a pose is free; what is in the way closes cells.
+    fn is_free(&mut self, reference: DVec3) -> bool {
+        let met = (self.test)(reference);
         if met.is_free() {
             return true;
         }
-        let PoseSearch { cells, local, isa } = self;
-        let first = local.len();
-        around.note(met, local, blockers);
-        cells.iter_mut().for_each(|cell| *cell = around.measured(*cell, local, first, *isa));
-        cells.retain(|cell| !cell.is_closed);
+        let first = self.memory.local.len();
+        self.around.note(met, &mut self.memory.local, self.blockers);
+        self.close(first);
         false
     }
 
     /// From the site's own pose, pushed again and again.
-    fn slide(
-        &mut self,
-        around: &Around,
-        blockers: &mut Blockers,
-        limits: &Limits,
-        test: &mut impl FnMut(DVec3) -> Met,
-    ) -> Searched {
-        let mut at = around.own.map_or(DVec2::ZERO, |own| own.best);
-        for _ in 0..limits.n_pushes {
-            if self.cells.is_empty() {
+    fn slide(&mut self) -> Searched {
+        let mut at = self.around.own.map_or(DVec2::ZERO, |own| own.best);
+        for _ in 0..N_PUSHES {
+            if self.memory.cells.is_empty() {
                 return Searched::Closed;
             }
-            let reference = around.reference(at);
-            if self.test(around, reference, blockers, test) {
+            let reference = self.around.reference(at);
+            if self.is_free(reference) {
                 return Searched::Free(reference);
             }
-            let Some(next) = around.pushed(at, &mut self.local, self.isa) else { break };
+            let PoseSearch { local, isa, .. } = &mut *self.memory;
+            let Some(next) = self.around.pushed(at, local, *isa) else { break };
             at = next;
         }
-        if self.cells.is_empty() { Searched::Closed } else { Searched::GivenUp }
+        if self.memory.cells.is_empty() { Searched::Closed } else { Searched::GivenUp }
     }
 
-    /// Best first.
-    fn search(
-        &mut self,
-        around: &Around,
-        blockers: &mut Blockers,
-        (resolution, limits): (f64, &Limits),
-        mut test: impl FnMut(DVec3) -> Met,
-    ) -> Searched {
+    fn best_first(&mut self, resolution: f64, most_tests: usize) -> Searched {
+        let around = self.around;
         let (mut n_tests, mut n_cells) = (0, 1);
         let mut outcome = Searched::Closed;
-        while let Some(k) = shallowest(&self.cells) {
-            let cell = self.cells.swap_remove(k);
+        while let Some(k) = shallowest(&self.memory.cells) {
+            let cell = self.memory.cells.swap_remove(k);
             // Covered and not closed: deeper blockers may close it.
-            let is_shallow = cell.depth <= 0.0 || n_tests < limits.n_deeper;
+            let is_shallow = cell.depth <= 0.0 || n_tests < N_DEEPER;
             if is_shallow && around.may_touch(cell.at, 0.0) {
-                if n_tests == limits.n_tests {
+                if n_tests == most_tests {
                     return Searched::GivenUp;
                 }
                 n_tests += 1;
                 let reference = around.reference(cell.at);
-                let first = self.local.len();
-                if self.test(around, reference, blockers, &mut test) {
+                let first = self.memory.local.len();
+                if self.is_free(reference) {
                     return Searched::Free(reference);
                 }
-                if around.measured(cell, &self.local, first, self.isa).is_closed {
+                let PoseSearch { local, isa, .. } = &*self.memory;
+                if around.measured(cell, local, first, *isa).is_none() {
                     continue;
                 }
             }
-            if cell.half.length() <= resolution || n_cells > limits.n_cells {
+            if cell.half.length() <= resolution || n_cells > CELLS_PER_TEST * most_tests {
                 outcome = Searched::GivenUp;
                 continue;
             }
-            for half in cell.halves() {
-                if around.is_possible(&half) {
-                    let half = Cell { depth: f64::NEG_INFINITY, ..half };
-                    let half = around.measured(half, &self.local, 0, self.isa);
-                    self.cells.extend((!half.is_closed).then_some(half));
-                    n_cells += 1;
-                }
+            let PoseSearch { cells, local, isa } = &mut *self.memory;
+            for half in cell.halves().into_iter().filter(|half| around.is_possible(half)) {
+                let half = Cell { depth: f64::NEG_INFINITY, ..half };
+                cells.extend(around.measured(half, local, 0, *isa));
+                n_cells += 1;
             }
         }
         outcome
