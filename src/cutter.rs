@@ -230,7 +230,8 @@ impl Cutter {
         &self.steps
     }
 
-    /// The four lengths, if this is what [`Cutter::ball_end`] makes of them: a ball, its cylinder, one holder, a spindle.
+    /// The four lengths, if this is what [`Cutter::ball_end`] makes of them: a ball, its cylinder, one holder, a
+    /// spindle.
     ///
     /// They are differences of heights, so their last bits may differ from those given.
     ///

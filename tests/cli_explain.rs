@@ -155,8 +155,8 @@ fn proposals_are_tools_that_someone_sells_or_has() {
     let change = &why["changes"][0];
     assert_eq!(change["kind"], "diameter", "{why}");
     let words = change["words"].as_str().unwrap();
-    // The widest that has room beside the nearer wall, rounded down to what is sold. A ball of radius 4 reaches the site within the tolerances from
-    // 0.4 mm beside it.
+    // The widest that has room beside the nearer wall, rounded down to what is sold. A ball of radius 4 reaches the
+    // site within the tolerances from 0.4 mm beside it.
     let room = |shift: f64| 2.0 * (5.0 - why["at_mm"][0].as_f64().unwrap().abs() + 0.01 + shift);
     let [least, most] =
         [0.0, 0.4].map(|shift| deepmill::access::surface::explain::sold_diameter(room(shift)));

@@ -1,5 +1,5 @@
-//! Promise: labels, β and clearances are those of the definition, on cases done by hand and by plain loops, and unusable queries are
-//! refused.
+//! Promise: labels, β and clearances are those of the definition, on cases done by hand and by plain loops, and
+//! unusable queries are refused.
 
 mod scenes;
 

@@ -1,5 +1,6 @@
-//! By the drop heights on any triangles over lattice points: where the fast engine finds a pose, the tool is free in it; a ball that is free where it touches
-//! with a site's normal reaches the site. A change of the tolerance by 1e-6 mm may turn either.
+//! By the drop heights on any triangles over lattice points: where the fast engine finds a pose, the tool is free in
+//! it; a ball that is free where it touches with a site's normal reaches the site. A change of the tolerance by 1e-6 mm
+//! may turn either.
 #![no_main]
 
 mod scene;

@@ -10,8 +10,8 @@
 //!     leave a branch whose sets and lower bound together are no fewer than the best so far
 //! ```
 //!
-//! Greedy covers with at most `H(m)` times the fewest sets, `H(m) = 1 + 1/2 + … + 1/m` for sets of at most `m` signatures
-//! (Chvátal 1979), if it counts signatures; here it weighs them, so what is stated is the lower bound.
+//! Greedy covers with at most `H(m)` times the fewest sets, `H(m) = 1 + 1/2 + … + 1/m` for sets of at most `m`
+//! signatures (Chvátal 1979), if it counts signatures; here it weighs them, so what is stated is the lower bound.
 
 mod share;
 
@@ -55,7 +55,8 @@ fn members(bits: &Bits) -> impl Iterator<Item = usize> + '_ {
     (0..64 * bits.len()).filter(|k| bits[k / 64] >> (k % 64) & 1 == 1)
 }
 
-/// A small cover of the elements by `n_sets` sets, the smallest if that is found in time; `holds(set, element)`. Ties go to the lower number.
+/// A small cover of the elements by `n_sets` sets, the smallest if that is found in time; `holds(set, element)`. Ties
+/// go to the lower number.
 pub fn cover(n_sets: usize, weights: &[f64], holds: impl Fn(usize, usize) -> bool) -> Cover {
     let signature = |element: usize| {
         let mut bits = vec![0u64; n_sets.div_ceil(64)];

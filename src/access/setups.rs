@@ -2,10 +2,11 @@
 //!
 //! # Definition
 //!
-//! A *setup* is a clamping of the part: the direction z' of the part that points to the spindle, or that lies along a rotary axis. Its *tool
-//! axes* are those that the [`Machine`] can take without clamping again. A site is reached in a setup iff some tool is
-//! [may stand](super::surface::AccessibleDirections) there along one of them, and the site is not on what the part lies on. The setups of a [`Plan`] are few of
-//! the [`Candidates`] that cover a share of the area that all candidates reach together. Fixtures and stock are not modelled.
+//! A *setup* is a clamping of the part: the direction z' of the part that points to the spindle, or that lies along a
+//! rotary axis. Its *tool axes* are those that the [`Machine`] can take without clamping again. A site is reached in a
+//! setup iff some tool is [may stand](super::surface::AccessibleDirections) there along one of them, and the site is
+//! not on what the part lies on. The setups of a [`Plan`] are few of the [`Candidates`] that cover a share of the area
+//! that all candidates reach together. Fixtures and stock are not modelled.
 //!
 //! # Pseudo-code
 //!

@@ -2,9 +2,9 @@
 //!
 //! # Definition
 //!
-//! The *body* is what is clamped: flutes, neck, shank, without an upper end. The *holder* begins at its nose, `stick_out` above the
-//! tip; above its top everything is spindle. Tip and flutes cut, all else does not. Flutes, the rest of the body, and the holder become
-//! [`Step`]s:
+//! The *body* is what is clamped: flutes, neck, shank, without an upper end. The *holder* begins at its nose,
+//! `stick_out` above the tip; above its top everything is spindle. Tip and flutes cut, all else does not. Flutes, the
+//! rest of the body, and the holder become [`Step`]s:
 //!
 //! ```text
 //! widest = 0
@@ -14,10 +14,10 @@
 //!     widest = the greater of a, b and widest
 //! ```
 //!
-//! So no step is thinner than the tool, and none is wider than it by more than [`Assembly::excess_mm`]: a cone whose radius grows by `g`
-//! over `n` steps is exceeded by at most `g/n`. What is narrower than something below it counts as wide as that; but a margin
-//! ([`Assembly::with_clearance`]) is about its own width.
-//! A tool of any stick-out is the body together with the holder at that height, so collisions only decrease with the stick-out.
+//! So no step is thinner than the tool, and none is wider than it by more than [`Assembly::excess_mm`]: a cone whose
+//! radius grows by `g` over `n` steps is exceeded by at most `g/n`. What is narrower than something below it counts as
+//! wide as that; but a margin ([`Assembly::with_clearance`]) is about its own width. A tool of any stick-out is the
+//! body together with the holder at that height, so collisions only decrease with the stick-out.
 
 mod parts;
 
@@ -55,15 +55,16 @@ impl Section {
 /// The lower end of a tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TipShape {
-    /// A disc of `radius_mm` whose edge is rounded by `corner_mm` (0: flat end, the radius: ball end), below a cylinder.
+    /// A disc of `radius_mm` whose edge is rounded by `corner_mm` (0: flat end, the radius: ball end), below a
+    /// cylinder.
     Straight {
         /// Radius of the cylinder, mm.
         radius_mm: f64,
         /// Radius of the corner, mm.
         corner_mm: f64,
     },
-    /// As `Straight`, below a cone. A corner of the whole radius is a ball to which the cone is tangent; a lesser one is tangent to the cone
-    /// and to the disc, and `radius_mm` is that of the cone at the height of the tip.
+    /// As `Straight`, below a cone. A corner of the whole radius is a ball to which the cone is tangent; a lesser one
+    /// is tangent to the cone and to the disc, and `radius_mm` is that of the cone at the height of the tip.
     Tapered {
         /// Radius of the ball, or of the cone at the height of the tip, mm.
         radius_mm: f64,
@@ -106,13 +107,13 @@ const SAME_MM: f64 = 1e-6;
 const COARSER: f64 = 1.1;
 
 impl Assembly {
-    /// `body` goes on above the tip, for a straight one from the tip on and for a tapered one from the end of its flutes; its last section has no
-    /// upper end. The first of several sections of a straight one is its flutes; of a single one see [`Assembly::with_flutes`].
-    /// `holder` is from the nose upward.
+    /// `body` goes on above the tip, for a straight one from the tip on and for a tapered one from the end of its
+    /// flutes; its last section has no upper end. The first of several sections of a straight one is its flutes; of a
+    /// single one see [`Assembly::with_flutes`]. `holder` is from the nose upward.
     ///
     /// # Errors
-    /// If a length is not a number from 0.0001 mm to 10 m, a corner is greater than its radius, a taper is not below a right angle, there is
-    /// no holder, or there are too many sections.
+    /// If a length is not a number from 0.0001 mm to 10 m, a corner is greater than its radius, a taper is not below a
+    /// right angle, there is no holder, or there are too many sections.
     pub fn new(
         tip: TipShape,
         body: &[Section],
@@ -146,8 +147,8 @@ impl Assembly {
         Assembly::of_parts(end, cutting, envelope(upper), holder_steps, stick_out_mm, excess_mm)
     }
 
-    /// From steps: those of the body above the tip, those of the holder above its nose. Steps of the body that are no wider than the
-    /// tip cut, up to the first that is wider.
+    /// From steps: those of the body above the tip, those of the holder above its nose. Steps of the body that are no
+    /// wider than the tip cut, up to the first that is wider.
     ///
     /// # Errors
     /// As [`Cutter::from_steps`].
@@ -195,7 +196,8 @@ impl Assembly {
         Assembly { body, ..self }
     }
 
-    /// The same tool, of which the flutes end at this height above the tip: what is above does not cut, however wide it is.
+    /// The same tool, of which the flutes end at this height above the tip: what is above does not cut, however wide it
+    /// is.
     ///
     /// # Errors
     /// If the length is not a number from 0.0001 mm to 10 m.
@@ -224,7 +226,8 @@ impl Assembly {
         flutes.cutter().map(|_| flutes)
     }
 
-    /// Height above the tip at which the flutes end, mm; infinite where no one has stated it and nothing of the body is wider.
+    /// Height above the tip at which the flutes end, mm; infinite where no one has stated it and nothing of the body is
+    /// wider.
     pub fn flutes_mm(&self) -> f64 {
         self.upper.first().map_or(f64::INFINITY, |step| step.height_mm)
     }
@@ -234,8 +237,8 @@ impl Assembly {
         &self.upper
     }
 
-    /// The same tool, of which neck and shank are these steps, as [`Assembly::neck_and_shank`] has them: the steps of the body below
-    /// the first of them cut.
+    /// The same tool, of which neck and shank are these steps, as [`Assembly::neck_and_shank`] has them: the steps of
+    /// the body below the first of them cut.
     ///
     /// # Errors
     /// As [`Assembly::cutter`].
@@ -357,8 +360,8 @@ impl Assembly {
         Ok(Assembly { upper, holder, ..self.clone() }.whole())
     }
 
-    /// The same tool, leaving stock: what cuts is dilated by a ball of this radius, as [`Cutter::with_allowance`]. Heights stay above the tip
-    /// of the tool itself.
+    /// The same tool, leaving stock: what cuts is dilated by a ball of this radius, as [`Cutter::with_allowance`].
+    /// Heights stay above the tip of the tool itself.
     ///
     /// # Errors
     /// If the allowance is not a number from 0 to 10 m, or as [`Assembly::cutter`].
@@ -394,7 +397,8 @@ struct Growth {
     to_mm: f64,
 }
 
-/// Steps that enclose the first `n_cutting` sections and those that enclose the others, and by how much they exceed them.
+/// Steps that enclose the first `n_cutting` sections and those that enclose the others, and by how much they exceed
+/// them.
 fn steps(
     sections: &[Section],
     n_cutting: usize,

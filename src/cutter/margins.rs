@@ -23,8 +23,9 @@ impl Cutter {
     }
 
     /// This cutter with stock left by what cuts: that is dilated by a ball of radius `allowance_mm`. A ball of radius R
-    /// becomes one of R + A with the same center, a flat end of radius R a bull nose of radius R + A with a corner of A, and
-    /// cutting steps begin A lower and are A wider. So it is clear of the part iff the true tool is A away from it.
+    /// becomes one of R + A with the same center, a flat end of radius R a bull nose of radius R + A with a corner of
+    /// A, and cutting steps begin A lower and are A wider. So it is clear of the part iff the true tool is A away from
+    /// it.
     ///
     /// ```
     /// use deepmill::cutter::Cutter;
@@ -49,8 +50,8 @@ impl Cutter {
         })
     }
 
-    /// This cutter with every step, cutting or not, beginning `by_mm` lower and as much wider; negative: shrunk, radii stop
-    /// at 0. The point of contact does not move.
+    /// This cutter with every step, cutting or not, beginning `by_mm` lower and as much wider; negative: shrunk, radii
+    /// stop at 0. The point of contact does not move.
     ///
     /// # Errors
     /// If the length is not a number or beyond 10 m.

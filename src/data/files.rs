@@ -187,7 +187,8 @@ impl LabelFile {
     }
 }
 
-/// Adds every list of answers that is there, for the first `n` of what it is about: the one place where files get theirs.
+/// Adds every list of answers that is there, for the first `n` of what it is about: the one place where files get
+/// theirs.
 fn add_answers(path: &Path, npz: &mut NpzWriter, answers: &SiteAnswers, n: usize) -> Result<()> {
     let complete = |name: &str, len: usize| match len {
         0 if n > 0 && name != "inaccessible" => Ok(false),

@@ -44,7 +44,8 @@ impl Predictor {
         &self.model
     }
 
-    /// The answers for `sites` and `cutter`: decisions, probabilities, and what of both the network was not trained for.
+    /// The answers for `sites` and `cutter`: decisions, probabilities, and what of both the network was not trained
+    /// for.
     ///
     /// # Errors
     /// If the network learned about points of space, and `sites` have normals; if the cutter is no

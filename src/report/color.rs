@@ -73,8 +73,9 @@ const DIFFERENCE: [Class<'static>; 4] = [
 
 const NEITHER: Rgb = [205, 208, 212];
 
-/// The groups of [`Coloring::Difference`] in dark and light shades, for head 0 (inaccessible, red) and head 1 (occlusion,
-/// yellow): dark is over-predicted (a false alarm), light is under-predicted (missed), the shade between is agreed.
+/// The groups of [`Coloring::Difference`] in dark and light shades, for head 0 (inaccessible, red) and head 1
+/// (occlusion, yellow): dark is over-predicted (a false alarm), light is under-predicted (missed), the shade between is
+/// agreed.
 pub const DARK_AND_LIGHT: [[Class<'static>; 4]; 2] = [
     [
         Class { name: "agreed: not inaccessible", color: NEITHER },

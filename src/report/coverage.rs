@@ -249,7 +249,8 @@ pub(super) fn number_of(tool: &Tool) -> Cell {
     tool.number.map_or(Cell::Missing, |number| Cell::Count(number.into()))
 }
 
-/// Groups for the legend, the tools that add something first, and the group of each site; `first` is the first tool that reaches it.
+/// Groups for the legend, the tools that add something first, and the group of each site; `first` is the first tool
+/// that reaches it.
 pub fn groups<'a>(names: &[&'a str], first: &[Option<usize>]) -> (Vec<Class<'a>>, Vec<usize>) {
     groups_called(names, first, ["further tools", "no tool"])
 }

@@ -1,8 +1,8 @@
 //! Findings: the regions of a part that a cutter cannot reach, the largest first.
 //!
 //! Sites with the same answer, *inaccessible* or *tip does not fit*, that are connected along the surface
-//! ([`geom::regions`](crate::geom::regions)) are a region. A region of at least [`MIN_SITES`] sites is a [`Finding`]; the smaller ones are
-//! summed as [`Scattered`], so that all areas together are the area that is not accessible.
+//! ([`geom::regions`](crate::geom::regions)) are a region. A region of at least [`MIN_SITES`] sites is a [`Finding`];
+//! the smaller ones are summed as [`Scattered`], so that all areas together are the area that is not accessible.
 
 use super::memory::{PartSize, require_for_findings, require_for_findings_files};
 use super::tables::{Cell, Table};
@@ -407,7 +407,8 @@ impl About<'_> {
     }
 }
 
-/// Adds to every finding which share of its sites is proven out of reach for every direction: those of which no direction is open.
+/// Adds to every finding which share of its sites is proven out of reach for every direction: those of which no
+/// direction is open.
 ///
 /// # Panics
 /// If `open_directions` has not one entry per site.
@@ -424,7 +425,8 @@ pub fn add_proofs(findings: &mut Findings, open_directions: &[f32]) {
     }
 }
 
-/// Adds to every finding the part of the tool that blocks most of its sites; the lowest among equals. Nothing if that was not computed.
+/// Adds to every finding the part of the tool that blocks most of its sites; the lowest among equals. Nothing if that
+/// was not computed.
 ///
 /// # Panics
 /// If `blocked_by` is not empty and has not one entry per site.

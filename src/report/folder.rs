@@ -34,7 +34,8 @@ impl Show {
         if no_picture { Show::Points } else { Show::Pictures }
     }
 
-    /// Checks that the pictures of a part fit into the memory, so that work that ends with them is refused before it begins.
+    /// Checks that the pictures of a part fit into the memory, so that work that ends with them is refused before it
+    /// begins.
     ///
     /// # Errors
     /// As [`picture::require_memory`].

@@ -218,7 +218,8 @@ impl Limit {
     /// Why the answers break the limit; `None` if they keep it.
     ///
     /// # Errors
-    /// If the answers do not say the quantity, the limit is about findings, or the limit is an area and the sites lie on no mesh.
+    /// If the answers do not say the quantity, the limit is about findings, or the limit is an area and the sites lie
+    /// on no mesh.
     pub fn broken_by(&self, answers: &SiteAnswers, areas: &SiteAreas) -> Result<Option<String>> {
         let quantity = QUANTITIES.get(self.quantity);
         let quantity = quantity.filter(|quantity| (quantity.is_answered)(answers));

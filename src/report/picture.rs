@@ -40,11 +40,12 @@ const AXES: [(DVec3, &str, Rgb); 3] = [
     (DVec3::Z, "z", [40, 80, 180]),
 ];
 
-/// A picture of `part`: from above, from below and, if there is a mesh, a section, each 700 × 670 pixels. The first line of `caption` says
-/// where the colors come from, the others, if any, are shown below the title.
+/// A picture of `part`: from above, from below and, if there is a mesh, a section, each 700 × 670 pixels. The first
+/// line of `caption` says where the colors come from, the others, if any, are shown below the title.
 ///
-/// Each pixel has the color of the nearest site that faces the same way. All views have the same
-/// scale. The section is across y, through the middle of the sites of all groups but the first. The result is the same for any number of threads.
+/// Each pixel has the color of the nearest site that faces the same way. All views have the same scale. The section is
+/// across y, through the middle of the sites of all groups but the first. The result is the same for any number of
+/// threads.
 ///
 /// # Panics
 /// If `coloring` has not one entry per site.
@@ -85,7 +86,8 @@ pub fn render(part: &PartView, caption: &str, coloring: &Coloring) -> Image {
     image
 }
 
-/// The plane across y through the mean place of the sites that are not of the first group, or else of the box; none of an empty mesh.
+/// The plane across y through the mean place of the sites that are not of the first group, or else of the box; none of
+/// an empty mesh.
 fn section(mesh: &Mesh, part: &PartView, coloring: &Coloring) -> Option<Cut> {
     let (low, high) = mesh.bounds()?;
     let shown = (0..part.sites.len()).filter(|&i| coloring.class(i) != 0);

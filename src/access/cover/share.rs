@@ -17,8 +17,8 @@
 //!     again with one set less, among those before it
 //! ```
 //!
-//! The weight that sets cover is submodular: a gain only ever shrinks when more is covered (Minoux 1978). The prices are a solution of the dual of
-//! the linear program.
+//! The weight that sets cover is submodular: a gain only ever shrinks when more is covered (Minoux 1978). The prices
+//! are a solution of the dual of the linear program.
 
 use super::Cover;
 
@@ -32,8 +32,8 @@ const RISE: f64 = 0.3;
 /// Roundings of sums, as a share of all weight.
 const ROUNDING: f64 = 1e-9;
 
-/// A small cover of at least `share` of the weight that `n_sets` sets hold together, the smallest if that is found in time; `holds(set,
-/// element)`. Sets with a lower number are preferred where gains are nearly equal.
+/// A small cover of at least `share` of the weight that `n_sets` sets hold together, the smallest if that is found in
+/// time; `holds(set, element)`. Sets with a lower number are preferred where gains are nearly equal.
 ///
 /// ```
 /// use deepmill::access::cover::cover_share;
@@ -362,7 +362,8 @@ impl Problem {
         matches!(outcome, Outcome::Found).then_some(taken)
     }
 
-    /// The sets, one after the other the one that adds most, or the first of nearly equal ones, with what each adds; those that add nothing are left out.
+    /// The sets, one after the other the one that adds most, or the first of nearly equal ones, with what each adds;
+    /// those that add nothing are left out.
     fn in_order(&self, sets: &[usize]) -> (Vec<usize>, Vec<f64>) {
         let mut left = sets.to_vec();
         left.sort_unstable();

@@ -8,7 +8,8 @@ use crate::geom::{Mesh, Sites};
 use crate::{Result, memory, par};
 use glam::{DMat3, Vec3};
 
-/// The chosen setups, in the order of what each adds to those before it, most first; among nearly equal ones the likelier clamping first.
+/// The chosen setups, in the order of what each adds to those before it, most first; among nearly equal ones the
+/// likelier clamping first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// The setups.
@@ -21,7 +22,8 @@ pub struct Plan {
     pub can_be_reached: Vec<bool>,
     /// Per site, the first of the setups that reaches it.
     pub first: Vec<Option<usize>>,
-    /// Per site that no candidate reaches: whether for some tool, in some direction tested, the tip alone is in the way.
+    /// Per site that no candidate reaches: whether for some tool, in some direction tested, the tip alone is in the
+    /// way.
     pub only_tip: Vec<bool>,
 }
 
@@ -40,7 +42,8 @@ pub struct Setup {
     pub by_tool: Vec<Vec<bool>>,
     /// Few tools, by their numbers, that reach the share of what the setup adds.
     pub tools: Cover,
-    /// Few tool axes that reach the share of what the setup adds, where the machine has positions: numbers among `axes`.
+    /// Few tool axes that reach the share of what the setup adds, where the machine has positions: numbers among
+    /// `axes`.
     pub positions: Option<Cover>,
     /// Every tool axis of the setup.
     pub axes: Vec<Vec3>,
@@ -62,8 +65,8 @@ fn unite(into: &mut Bits, with: &[u64]) {
 }
 
 impl Plan {
-    /// Checks that the choice for so many sites and tools fits into the memory: a bit for each site and candidate, four times, and for each
-    /// site and direction.
+    /// Checks that the choice for so many sites and tools fits into the memory: a bit for each site and candidate, four
+    /// times, and for each site and direction.
     ///
     /// # Errors
     /// [`Error::TooLarge`](crate::Error::TooLarge) if it does not.
@@ -79,10 +82,10 @@ impl Plan {
         memory::require("the choice of setups", bits.saturating_add(by_tool), remedy)
     }
 
-    /// Of the `candidates` for `part`, few that cover at least `share` of the weight of all that some candidate reaches; `accessible` says for each
-    /// tool in which of their directions it may stand, `weights` what each site counts. `order` has every tool once,
-    /// the preferred first: of sets of
-    /// tools as small as can be a setup takes the one that comes first ([`cover_share_preferring`]).
+    /// Of the `candidates` for `part`, few that cover at least `share` of the weight of all that some candidate
+    /// reaches; `accessible` says for each tool in which of their directions it may stand, `weights` what each site
+    /// counts. `order` has every tool once, the preferred first: of sets of tools as small as can be a setup takes the
+    /// one that comes first ([`cover_share_preferring`]).
     ///
     /// # Panics
     /// If `accessible` is about other sites or directions, or empty, or `order` does not have every tool once.

@@ -62,14 +62,16 @@ impl AccessibleDirections {
         self.n_sites
     }
 
-    /// Per site, whether the tip is all that hinders the tool: it is accessible from no direction, and in some no step penetrates the part.
+    /// Per site, whether the tip is all that hinders the tool: it is accessible from no direction, and in some no step
+    /// penetrates the part.
     pub fn only_tip(&self) -> &[bool] {
         &self.only_tip
     }
 }
 
 impl TriangleObstacles {
-    /// In which of `directions`, just these, the cutter may stand at each site: the verdicts of [`TriangleObstacles::label`], each kept.
+    /// In which of `directions`, just these, the cutter may stand at each site: the verdicts of
+    /// [`TriangleObstacles::label`], each kept.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`].

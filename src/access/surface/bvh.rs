@@ -135,8 +135,8 @@ impl Bvh {
     }
 
     /// Calls `test` with the place of every triangle that may reach into one of the levels, until it returns true;
-    /// whether it did. `test` may change the levels on the way: raise them, or make them narrower or fewer. `stack` is memory that
-    /// calls share.
+    /// whether it did. `test` may change the levels on the way: raise them, or make them narrower or fewer. `stack` is
+    /// memory that calls share.
     pub fn visit<L: AsRef<[Level]>>(
         &self,
         stand: &Stand,
@@ -170,8 +170,8 @@ impl Bvh {
         false
     }
 
-    /// Calls `test` with the place of every triangle whose box comes within `radius` of `point`, until it returns true; whether
-    /// it did.
+    /// Calls `test` with the place of every triangle whose box comes within `radius` of `point`, until it returns true;
+    /// whether it did.
     pub fn near(&self, point: DVec3, radius: f64, mut test: impl FnMut(u32) -> bool) -> bool {
         let point = (point - self.origin).as_vec3();
         let reach = (radius + SLACK * (self.radius + radius)) as f32;

@@ -1,8 +1,9 @@
-//! Signed clearance against triangles: how far the steps that do not cut may grow before a site becomes inaccessible, as
-//! [`Cutter::with_clearance`](crate::cutter::Cutter::with_clearance) grows them; negative: how far all steps must shrink.
+//! Signed clearance against triangles: how far the steps that do not cut may grow before a site becomes inaccessible,
+//! as [`Cutter::with_clearance`](crate::cutter::Cutter::with_clearance) grows them; negative: how far all steps must
+//! shrink.
 //!
-//! Both only grow with the margin, so one tool after the other is tested. In one direction the greatest `c` at which no step penetrates is found by bisection; a direction that is not clear at the best `c` so far
-//! is left after one tool.
+//! Both only grow with the margin, so one tool after the other is tested. In one direction the greatest `c` at which no
+//! step penetrates is found by bisection; a direction that is not clear at the best `c` so far is left after one tool.
 
 use super::labels::{CLEARANCE_STEP_MM, WitnessPose};
 use super::problem::Problem;
@@ -17,8 +18,8 @@ use glam::Vec3;
 const BLOCK: usize = 64;
 
 impl Problem<'_> {
-    /// Clearance of every query within ±`limit`: over the poses that touch with its normal along `directions`, and its witness. The sign is that
-    /// of the answer.
+    /// Clearance of every query within ±`limit`: over the poses that touch with its normal along `directions`, and its
+    /// witness. The sign is that of the answer.
     pub fn clearance(
         &self,
         directions: &Directions,

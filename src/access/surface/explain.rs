@@ -2,13 +2,14 @@
 //!
 //! # Definition
 //!
-//! In a direction the tool stands where it touches the site. A step, shrunk by the contact tolerance, *penetrates* by as much as it would have to be
-//! raised to be clear: the greatest height of the triangles over its disc, less its lower end ([`raise`](super::raise)). The direction is
-//! **blocked by** the lowest step that penetrates, or, where none does, by the tip. The **clearance** of a direction is how far all heights
-//! and radii of the steps may grow there; negative, how far they must shrink. The direction with the greatest is the nearest to being free.
+//! In a direction the tool stands where it touches the site. A step, shrunk by the contact tolerance, *penetrates* by
+//! as much as it would have to be raised to be clear: the greatest height of the triangles over its disc, less its
+//! lower end ([`raise`](super::raise)). The direction is **blocked by** the lowest step that penetrates, or, where none
+//! does, by the tip. The **clearance** of a direction is how far all heights and radii of the steps may grow there;
+//! negative, how far they must shrink. The direction with the greatest is the nearest to being free.
 //!
-//! A **change** is one length of the tool: the stick-out, the length or the radius of the holder, those of a shank, or the diameter
-//! of the cutter. Its least amount is the least over all directions of what that direction needs:
+//! A **change** is one length of the tool: the stick-out, the length or the radius of the holder, those of a shank, or
+//! the diameter of the cutter. Its least amount is the least over all directions of what that direction needs:
 //!
 //! ```text
 //! raise part P and all above:  if no lower step and no tip penetrates: max over these steps of (greatest height over the disc − lower end)
@@ -69,7 +70,8 @@ pub struct Query<'a> {
     pub clearance_mm: f64,
     /// Directions of the query.
     pub directions: &'a Directions,
-    /// How triangles are tested; of it the tolerance and the search between directions count. Points as obstacles have neither.
+    /// How triangles are tested; of it the tolerance and the search between directions count. Points as obstacles have
+    /// neither.
     pub options: &'a SurfaceOptions,
     /// A direction in which the tool is said to stand there: it is tried first.
     pub witness: Option<Vec3>,
@@ -106,8 +108,8 @@ pub struct Witness {
     pub direction: Vec3,
     /// The lowest point of the tool on its axis, mm; none among points.
     pub tip_mm: Option<DVec3>,
-    /// How far the tool could be lowered until it touches, mm: 0 or more; infinite if it meets nothing. Among points: how far its steps could
-    /// grow, which is no more than that.
+    /// How far the tool could be lowered until it touches, mm: 0 or more; infinite if it meets nothing. Among points:
+    /// how far its steps could grow, which is no more than that.
     pub margin_mm: f64,
 }
 
@@ -118,7 +120,8 @@ pub struct DirectionState {
     pub direction: Vec3,
     /// What blocks; `None` if nothing does.
     pub blocked: Option<Blocked>,
-    /// How far the steps may grow (negative: must shrink), mm, to [`CLEARANCE_STEP_MM`](super::CLEARANCE_STEP_MM) and within ±[`MOST_CLEARANCE_MM`].
+    /// How far the steps may grow (negative: must shrink), mm, to [`CLEARANCE_STEP_MM`](super::CLEARANCE_STEP_MM) and
+    /// within ±[`MOST_CLEARANCE_MM`].
     pub clearance_mm: f64,
 }
 
@@ -147,8 +150,8 @@ impl Explanation {
         })
     }
 
-    /// Of the blocked directions the nearest to being free, the first among equals: with the least penetration of the tip where no step is in
-    /// the way, else with the greatest clearance.
+    /// Of the blocked directions the nearest to being free, the first among equals: with the least penetration of the
+    /// tip where no step is in the way, else with the greatest clearance.
     pub fn nearest(&self) -> Option<&DirectionState> {
         let blocked = || self.directions.iter().filter(|state| state.blocked.is_some());
         let depth = |state: &DirectionState| {
@@ -166,8 +169,8 @@ impl Explanation {
         by_tip.map(|(_, state)| state).or_else(by_steps)
     }
 
-    /// The part that blocks in the direction which gets furthest: the tip where no step blocks some direction, else the highest of the parts that
-    /// block; `None` for an accessible site.
+    /// The part that blocks in the direction which gets furthest: the tip where no step blocks some direction, else the
+    /// highest of the parts that block; `None` for an accessible site.
     pub fn blocked_by(&self) -> Option<ToolPart> {
         let parts = || self.directions.iter().filter_map(|state| state.blocked).map(|b| b.part);
         match self.answer {
@@ -224,8 +227,8 @@ impl TriangleObstacles {
     }
 }
 
-/// Why a site can or cannot be reached by the published definition: `obstacles` block, `own` is the one of them that is the site itself. The
-/// witness is proved, and changes are labeled, by [`Engine::Reference`].
+/// Why a site can or cannot be reached by the published definition: `obstacles` block, `own` is the one of them that is
+/// the site itself. The witness is proved, and changes are labeled, by [`Engine::Reference`].
 ///
 /// # Errors
 /// As [`label`], or if the tool is none ([`Assembly::cutter`]).

@@ -67,7 +67,8 @@ impl RefinementOptions {
     }
 }
 
-/// Chosen by measurement. The cells of the last level are as wide as 16,000 even directions on the upper half are apart.
+/// Chosen by measurement. The cells of the last level are as wide as 16,000 even directions on the upper half are
+/// apart.
 pub(super) const DEFAULT_LEVELS: usize = 5;
 /// 2²⁰ cells on the upper half.
 const MOST_LEVELS: usize = 8;
@@ -151,8 +152,8 @@ const MOST_FINISH_MM: f64 = 10.0;
 /// Answers about the part itself, in the order of the queries.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SurfaceLabels {
-    /// Number of directions tested and counted: those of the set, and +z where the set stands for all within an angle that +z is
-    /// among.
+    /// Number of directions tested and counted: those of the set, and +z where the set stands for all within an angle
+    /// that +z is among.
     pub n_directions: usize,
     /// Per query.
     pub answers: Vec<SiteAnswer>,
@@ -160,20 +161,22 @@ pub struct SurfaceLabels {
     pub collision_free_directions: Vec<u32>,
     /// Per query: of these, directions in which the tip fits too; empty if not counted.
     pub accessible_directions: Vec<u32>,
-    /// Per query: a free pose of the tool there, in the first direction of the set that has one, or in one between them.
+    /// Per query: a free pose of the tool there, in the first direction of the set that has one, or in one between
+    /// them.
     pub witness: Vec<Option<WitnessPose>>,
-    /// Per query that is not accessible: share of the directions which the set stands for that was not proven closed. At 0 the
-    /// answer holds for every direction, not only for those tested; 1 if there was no search between them.
+    /// Per query that is not accessible: share of the directions which the set stands for that was not proven closed.
+    /// At 0 the answer holds for every direction, not only for those tested; 1 if there was no search between them.
     pub open_directions: Vec<f32>,
     /// Per query, mm: how far the margin about what of the shrunk cutter does not cut may grow before the query becomes
-    /// inaccessible (positive), or every step must shrink before it is not any more (negative), within the limit of the options and to
-    /// [`CLEARANCE_STEP_MM`]; over the directions of the set and the witness. Empty without that option.
+    /// inaccessible (positive), or every step must shrink before it is not any more (negative), within the limit of the
+    /// options and to [`CLEARANCE_STEP_MM`]; over the directions of the set and the witness. Empty without that option.
     pub clearance_mm: Vec<f32>,
     /// Per query: the gouge tolerance against the facet that it lies on, mm.
     pub tolerance_mm: Vec<f64>,
     /// The finish tolerance, mm.
     pub finish_mm: f64,
-    /// Per query, whether it is accessible by a gouge tolerance above [`WIDE_MM`](super::WIDE_MM) alone; empty if none is, or nobody asked
+    /// Per query, whether it is accessible by a gouge tolerance above [`WIDE_MM`](super::WIDE_MM) alone; empty if none
+    /// is, or nobody asked
     /// ([`TriangleObstacles::rest_on_wide_tolerance`](super::TriangleObstacles::rest_on_wide_tolerance)).
     pub rests_on_tolerance: Vec<bool>,
     /// What was done.
@@ -232,8 +235,8 @@ pub struct SurfaceStats {
     pub triangles_tested: u64,
     /// Sites that only a direction between those of the set reaches.
     pub found_between: u64,
-    /// Sites on the knife edge: whose answer rests on a triangle that a change of the tolerance by [`KNIFE_EDGE_MM`] would
-    /// take out of the tool or put into it; at most this many would have another answer then.
+    /// Sites on the knife edge: whose answer rests on a triangle that a change of the tolerance by [`KNIFE_EDGE_MM`]
+    /// would take out of the tool or put into it; at most this many would have another answer then.
     pub knife_edge: u64,
 }
 

@@ -2,18 +2,20 @@
 //!
 //! # Definition
 //!
-//! A tool is a *body* without an upper end and a *holder* whose nose is `L` above the tip ([`Assembly`]). For a site and a direction in
-//! which the body is free (shrunk by the contact tolerance, tip and all), the holder's step `(t, R)`, height above the nose, penetrates
-//! iff the greatest height of the triangles over the disc of radius `R − τ`, measured from the tip, exceeds `L + t + τ`. So the
-//! holder is clear from
+//! A tool is a *body* without an upper end and a *holder* whose nose is `L` above the tip ([`Assembly`]). For a site
+//! and a direction in which the body is free (shrunk by the contact tolerance, tip and all), the holder's step `(t,
+//! R)`, height above the nose, penetrates iff the greatest height of the triangles over the disc of radius `R − τ`,
+//! measured from the tip, exceeds `L + t + τ`. So the holder is clear from
 //!
 //! ```text
 //! L(site, direction) = max over steps of  (greatest height over the disc of R − τ) − t − τ
 //! ```
 //!
-//! on, for every greater `L` as well. The **least stick-out** of a site is the least `L` over the directions in which the body is free, and
-//! there over its own pose, the one that was found, and 16 poses around the disc of an end that lies on a face; no `L` is tried. Directions are those of the set and the witnesses that the search between them found, so it is exact for these
-//! and an upper bound for all. It is never below twice the radius of the lower end; infinite where the body cannot stand.
+//! on, for every greater `L` as well. The **least stick-out** of a site is the least `L` over the directions in which
+//! the body is free, and there over its own pose, the one that was found, and 16 poses around the disc of an end that
+//! lies on a face; no `L` is tried. Directions are those of the set and the witnesses that the search between them
+//! found, so it is exact for these and an upper bound for all. It is never below twice the radius of the lower end;
+//! infinite where the body cannot stand.
 //!
 //! # Pseudo-code
 //!
@@ -454,7 +456,8 @@ impl Pass<'_> {
     }
 }
 
-/// Poses of a flat or bull-nose end that lies on a face with its disc, as far as it can be moved aside: the holder may be beside a wall there.
+/// Poses of a flat or bull-nose end that lies on a face with its disc, as far as it can be moved aside: the holder may
+/// be beside a wall there.
 fn rim_poses(contact: &Contact, outline: &Outline, axis: DVec3) -> impl Iterator<Item = DVec3> {
     /// Around the disc.
     const N_POSES: usize = 16;

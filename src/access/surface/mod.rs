@@ -3,22 +3,23 @@
 //! # Definition
 //!
 //! The tool touches a site with its reference point `c` where [`access`](super) puts it. It is *shrunk* by the contact
-//! tolerance τ: each step `(t, R)` becomes `(t + τ, R − τ)`, the radius of the tip's corner becomes smaller by τ. In direction
-//! `d` a **step penetrates** the part iff the greatest height of the triangles over the closed disc of radius `R − τ` about
-//! the axis exceeds `c·d + t + τ`; the **tip penetrates** iff its drop height, where its reference point is when it comes down along
-//! the axis and touches a triangle, exceeds `c·d`. Per site:
+//! tolerance τ: each step `(t, R)` becomes `(t + τ, R − τ)`, the radius of the tip's corner becomes smaller by τ. In
+//! direction `d` a **step penetrates** the part iff the greatest height of the triangles over the closed disc of radius
+//! `R − τ` about the axis exceeds `c·d + t + τ`; the **tip penetrates** iff its drop height, where its reference point
+//! is when it comes down along the axis and touches a triangle, exceeds `c·d`. Per site:
 //!
 //! - **accessible**: in some direction neither does;
 //! - **inaccessible**: in every direction a step does;
 //! - **tip does not fit**: in some direction no step does, and in all of these the tip does.
 //!
-//! No triangle is left out, not even the site's own. At τ = 0 nothing would be certain: a tangent wall touches the tool by
-//! construction, and facets of a bore reach into a tool that fits the bore. See [`ContactTolerance`].
+//! No triangle is left out, not even the site's own. At τ = 0 nothing would be certain: a tangent wall touches the tool
+//! by construction, and facets of a bore reach into a tool that fits the bore. See [`ContactTolerance`].
 //!
 //! # Engines
 //!
-//! [`raise`] is that text in `f64`: plain loops over closed formulas, and [`TriangleObstacles::label_by_drop_heights`] the labels
-//! from it. [`TriangleObstacles::label`] gives the same answers wherever a change of τ by 1e-6 mm makes no difference:
+//! [`raise`] is that text in `f64`: plain loops over closed formulas, and [`TriangleObstacles::label_by_drop_heights`]
+//! the labels from it. [`TriangleObstacles::label`] gives the same answers wherever a change of τ by 1e-6 mm makes no
+//! difference:
 //!
 //! ```text
 //! for every direction: which sites hold a sample point of the surface in the tool, shrunk a little more?   (points)
@@ -26,7 +27,8 @@
 //!     triangle that collided last, then those whose boxes reach into the tool, until a step penetrates one (triangles)
 //! ```
 //!
-//! A point of the surface in the tool is a collision for certain, so only what points leave free is tested against triangles.
+//! A point of the surface in the tool is a collision for certain, so only what points leave free is tested against
+//! triangles.
 
 mod accessible;
 mod bvh;

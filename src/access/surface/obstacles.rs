@@ -82,8 +82,8 @@ impl TriangleObstacles {
     /// Answers for `queries`, sites of the part or points of space, by the [module](super)'s definition.
     ///
     /// # Errors
-    /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, the tolerance is not positive or not below
-    /// the cutter's radius, an option is outside its domain, or the answers would not fit into the memory
+    /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, the tolerance is not positive or not
+    /// below the cutter's radius, an option is outside its domain, or the answers would not fit into the memory
     /// ([`Extent`](crate::access::Extent)).
     pub fn label<'a>(
         &self,
@@ -111,7 +111,8 @@ impl TriangleObstacles {
     }
 
     /// As [`TriangleObstacles::label`], for sites, and with β and occlusion points if wanted: β counts, as in
-    /// [`access`](crate::access), the pairs (inaccessible site, direction tested) in which a site is in the steps of the shrunk tool.
+    /// [`access`](crate::access), the pairs (inaccessible site, direction tested) in which a site is in the steps of
+    /// the shrunk tool.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`].

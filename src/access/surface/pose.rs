@@ -2,25 +2,26 @@
 //!
 //! # Definition
 //!
-//! A *pose* is a place of the tool's reference point. In direction `d` the cutting portion, grown by the finish tolerance δ,
-//! touches the point `s` in a pose
+//! A *pose* is a place of the tool's reference point. In direction `d` the cutting portion, grown by the finish
+//! tolerance δ, touches the point `s` in a pose
 //!
 //! ```text
 //! c = s + (corner + δ)·n + side·w        n: unit vector, n·d ≥ 0;  w = n across d, of length 1, or at most 1 where n = d
 //! ```
 //!
-//! A surface with a normal is touched with an `n` within 84° of it: what only passes around its edge does not touch it. These poses are the highest at their place: lower ones cut more and are in the way of more. They are a surface, dual to the
-//! tip: a disc of radius `side` and the quarter of a torus around it. Unrolled along its meridians it is the disc of radius
-//! `A = side + π/2·(corner + δ)`, and a pose moves no farther than its place on that disc:
+//! A surface with a normal is touched with an `n` within 84° of it: what only passes around its edge does not touch it.
+//! These poses are the highest at their place: lower ones cut more and are in the way of more. They are a surface, dual
+//! to the tip: a disc of radius `side` and the quarter of a torus around it. Unrolled along its meridians it is the
+//! disc of radius `A = side + π/2·(corner + δ)`, and a pose moves no farther than its place on that disc:
 //!
 //! ```text
 //! |u| ≤ side:   c − s = u + (corner + δ)·d
 //! else:         φ = (|u| − side)/(corner + δ),  c − s = (side + (corner + δ)·sin φ)·u/|u| + (corner + δ)·cos φ·d
 //! ```
 //!
-//! The point is **reached** in direction `d` iff some pose is free: neither a step nor the tip, each shrunk by the tolerance of
-//! the facet, penetrates a facet. That is the surface which the tool leaves when it is dropped wherever it may go passing
-//! within δ of the point: nothing jumps as `d` turns past the normal.
+//! The point is **reached** in direction `d` iff some pose is free: neither a step nor the tip, each shrunk by the
+//! tolerance of the facet, penetrates a facet. That is the surface which the tool leaves when it is dropped wherever it
+//! may go passing within δ of the point: nothing jumps as `d` turns past the normal.
 
 pub(super) mod blockers;
 pub(super) mod search;
@@ -75,7 +76,8 @@ impl PoseSet {
         offset * ((self.side + self.corner * angle) / length)
     }
 
-    /// Where a pose comes to that is moved by a length, in a unit direction, as far as that goes along the poses; none if they lie across it.
+    /// Where a pose comes to that is moved by a length, in a unit direction, as far as that goes along the poses; none
+    /// if they lie across it.
     fn pushed(&self, at: DVec2, away: DVec3, by: f64) -> Option<DVec2> {
         /// Where poses lie across the push more than this, what they curve matters.
         const ACROSS: f64 = 0.09;
@@ -137,8 +139,9 @@ impl PoseSet {
         flat.normalize_or_zero() * (self.side + self.corner * angle)
     }
 
-    /// Whether the tool touches in some pose within `reach` of this one with a normal that belongs to a surface with the `normal`, in the frame of the
-    /// tool; for a greater reach it may say so of poses farther away. Places of the corner within `rim` of each other count as one.
+    /// Whether the tool touches in some pose within `reach` of this one with a normal that belongs to a surface with
+    /// the `normal`, in the frame of the tool; for a greater reach it may say so of poses farther away. Places of the
+    /// corner within `rim` of each other count as one.
     ///
     /// The rim of a flat end has all normals between down and outward, and so has what is within the tolerances of it.
     pub fn touches(&self, at: DVec2, reach: f64, (normal, rim): (DVec3, f64)) -> bool {

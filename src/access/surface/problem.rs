@@ -69,7 +69,8 @@ impl Probes {
 pub(super) const WORD: usize = 64;
 /// Queries per task of their surroundings.
 const SURROUNDED: usize = 256;
-/// Samples are taken of facets whose tolerance is at most this many times the least, or this share of the tool's radius.
+/// Samples are taken of facets whose tolerance is at most this many times the least, or this share of the tool's
+/// radius.
 const USUAL: f64 = 2.0;
 const USUAL_SHARE: f64 = 0.02;
 
@@ -157,7 +158,8 @@ impl<'a> Problem<'a> {
         self.by_points(cutter, directions, options, (0.0, &self.contacts))
     }
 
-    /// Where points of the surface prove that all poses collide which are within [`Problem::trusted`] of the query's own, for some queries.
+    /// Where points of the surface prove that all poses collide which are within [`Problem::trusted`] of the query's
+    /// own, for some queries.
     pub fn all_by_points(
         &self,
         cutter: &Cutter,
@@ -169,8 +171,8 @@ impl<'a> Problem<'a> {
         self.by_points(cutter, directions, options, (self.trusted, &contacts))
     }
 
-    /// The tool is shrunk by `within`, by the tolerance and by more than all roundings, and all is about the middle of the triangles, where `f32` is
-    /// finest.
+    /// The tool is shrunk by `within`, by the tolerance and by more than all roundings, and all is about the middle of
+    /// the triangles, where `f32` is finest.
     fn by_points(
         &self,
         cutter: &Cutter,

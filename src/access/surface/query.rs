@@ -22,7 +22,8 @@ pub(super) struct Probe {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Parts {
     Whole,
-    /// Where the ball is known to be clear of the surface: of the tip what is above its middle, which is as wide as the ball.
+    /// Where the ball is known to be clear of the surface: of the tip what is above its middle, which is as wide as the
+    /// ball.
     AboveBall,
     /// A ball end's ball, above its middle and below.
     Ball,
@@ -30,7 +31,8 @@ enum Parts {
 }
 
 impl Probe {
-    /// `least` is the least tolerance, `reach` the greatest distance of a reference point from the middle of the triangles, mm.
+    /// `least` is the least tolerance, `reach` the greatest distance of a reference point from the middle of the
+    /// triangles, mm.
     pub fn new(outline: &Outline, least: f64, bvh: &Bvh, reach: f64) -> Self {
         Probe::of(outline, Parts::Whole, least, bvh, reach)
     }
@@ -85,8 +87,8 @@ impl Probe {
         self.verdict_with((bvh, tolerances), stand, scratch, |_| true)
     }
 
-    /// As [`Probe::verdict`]; `enough` is given the places of triangles that the steps or the tip penetrate, until it is true of one of
-    /// the former.
+    /// As [`Probe::verdict`]; `enough` is given the places of triangles that the steps or the tip penetrate, until it
+    /// is true of one of the former.
     pub fn verdict_with<'p>(
         &'p self,
         (bvh, tolerances): (&Bvh, &Tolerances),
@@ -267,7 +269,8 @@ impl Probe {
         }
     }
 
-    /// Whether one of the steps, shrunk by a tolerance and then `grown` on all sides, penetrates a triangle; the widest is tried first.
+    /// Whether one of the steps, shrunk by a tolerance and then `grown` on all sides, penetrates a triangle; the widest
+    /// is tried first.
     fn step_penetrates(&self, corners: &[DVec3; 3], tolerance: f64, grown: f64) -> bool {
         let top = corners[0].z.max(corners[1].z).max(corners[2].z);
         let steps = self.outline.all_steps().iter().rev().map(|[height, radius]| {
@@ -328,9 +331,9 @@ pub(super) fn from_box(corners: &[DVec3; 3]) -> f64 {
 }
 
 impl Scratch {
-    /// The greatest value of a triangle that reaches into one of the `steps`, but at least `low`; stops at any value above `high`. A step is a
-    /// height and a radius; a triangle's value is by how much the steps would have to be raised to be clear of it, if that is more than its
-    /// second argument. `size` is the tool's, mm.
+    /// The greatest value of a triangle that reaches into one of the `steps`, but at least `low`; stops at any value
+    /// above `high`. A step is a height and a radius; a triangle's value is by how much the steps would have to be
+    /// raised to be clear of it, if that is more than its second argument. `size` is the tool's, mm.
     pub fn max_raise(
         &mut self,
         bvh: &Bvh,

@@ -26,7 +26,8 @@ pub enum Reached {
 type Toleranced = [([DVec3; 3], f64)];
 
 impl TriangleObstacles {
-    /// Whether the tool reaches each of `queries` along each of `directions`, `[n_queries, n_directions]` row-major, by plain loops: slow, the reference.
+    /// Whether the tool reaches each of `queries` along each of `directions`, `[n_queries, n_directions]` row-major, by
+    /// plain loops: slow, the reference.
     ///
     /// ```text
     /// cells = one square around the disc of poses
@@ -59,8 +60,9 @@ impl TriangleObstacles {
         Ok(rows.into_iter().flatten().collect())
     }
 
-    /// Answers by [`TriangleObstacles::reached_by_drop_heights`]: accessible where some direction is reached; elsewhere the tip does not fit where no step
-    /// penetrates in some direction, with the tool as it touches with the site's normal.
+    /// Answers by [`TriangleObstacles::reached_by_drop_heights`]: accessible where some direction is reached; elsewhere
+    /// the tip does not fit where no step penetrates in some direction, with the tool as it touches with the site's
+    /// normal.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`].

@@ -12,13 +12,14 @@
 //!     forget closed cells; cut the `n_kept` cells with the shallowest middles in four
 //! ```
 //!
-//! *What a blocker closes* is in [`caps`](super::caps): a point of the surface closes a cap of directions, and how deep a direction
-//! is in a cap bounds from below how far the nearest opening is. Sixteen directions are compared with a cap
-//! at once, in a few nanoseconds; the triangles, which take a microsecond, are tested where no cap
-//! answers. Nothing goes from site to site: the answer is a function of the site alone.
+//! *What a blocker closes* is in [`caps`](super::caps): a point of the surface closes a cap of directions, and how deep
+//! a direction is in a cap bounds from below how far the nearest opening is. Sixteen directions are compared with a cap
+//! at once, in a few nanoseconds; the triangles, which take a microsecond, are tested where no cap answers. Nothing
+//! goes from site to site: the answer is a function of the site alone.
 //!
-//! *Where openings are.* Beside a wall they end at the directions along it, where the tool's flank touches, and can be thinner than any
-//! cell. A flat end lies on a face in one direction alone, the normal, which is tried with all its poses.
+//! *Where openings are.* Beside a wall they end at the directions along it, where the tool's flank touches, and can be
+//! thinner than any cell. A flat end lies on a face in one direction alone, the normal, which is tried with all its
+//! poses.
 //!
 //! *To prove*, the triangles are also tested in middles that a cap covers without closing the cell: for points that
 //! close more.
@@ -170,7 +171,8 @@ impl Search<'_, '_> {
         caps.place(blockers, silhouette, self.reference);
     }
 
-    /// The reference point in a direction: where the ball is known to fit, or where the tip touches with the site's normal.
+    /// The reference point in a direction: where the ball is known to fit, or where the tip touches with the site's
+    /// normal.
     fn reference_point(&self, direction: DVec3) -> DVec3 {
         match self.site.ball {
             Ball::Fits(center) => center,
@@ -227,7 +229,8 @@ impl Search<'_, '_> {
         TestOutcome::Blocked(place)
     }
 
-    /// Tests the middles that no cap covers; to prove, also in those whose cells no cap closes. Whether the search is over.
+    /// Tests the middles that no cap covers; to prove, also in those whose cells no cap closes. Whether the search is
+    /// over.
     fn test_all(&mut self, middles: &mut Middles, radius: f64) -> bool {
         let Refinement { hierarchy, options, isa } = self.refinement;
         self.state.caps.reach(None, radius, middles, *isa);
@@ -258,8 +261,8 @@ impl Search<'_, '_> {
         false
     }
 
-    /// Whether a blocker closes the cell of a tool whose reference point moves: more than the caps, which hold for wherever
-    /// it moves, for proofs alone.
+    /// Whether a blocker closes the cell of a tool whose reference point moves: more than the caps, which hold for
+    /// wherever it moves, for proofs alone.
     fn is_closed_for_a_ring(&self, direction: Vec3, radius: f64) -> bool {
         let Place { problem, i, .. } = self.place;
         let (contact, outline) = (self.place.contact(), self.place.outline());

@@ -17,8 +17,8 @@ use crate::{Result, par};
 const BLOCK: usize = 64;
 
 impl TriangleObstacles {
-    /// Per site, whether it is `reached` by a tolerance above [`WIDE_MM`] alone: no pose is found in which the cutter is free if no facet grants
-    /// more than that. Poses in `witness`, a list that may be empty, are tried first.
+    /// Per site, whether it is `reached` by a tolerance above [`WIDE_MM`] alone: no pose is found in which the cutter
+    /// is free if no facet grants more than that. Poses in `witness`, a list that may be empty, are tried first.
     ///
     /// Nothing is where no facet grants more.
     ///

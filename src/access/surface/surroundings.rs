@@ -1,14 +1,16 @@
 //! The surface around a site: how far from touching with its normal a tool may stand there at all.
 //!
-//! Points of the surface on rings about the site are in the way of all poses but those that touch nearly with the site's normal.
-//! With `v` from the site to such a point, the tip's corner of radius `r`, grown by δ and touching with normal `n`, holds it iff
+//! Points of the surface on rings about the site are in the way of all poses but those that touch nearly with the
+//! site's normal. With `v` from the site to such a point, the tip's corner of radius `r`, grown by δ and touching with
+//! normal `n`, holds it iff
 //!
 //! ```text
 //! n·v > T = ((r + δ)² − (r − τ)² + |v|²) / (2·(r + δ))
 //! ```
 //!
-//! For eight points around the site at distance ρ, `D` below the tangent plane, all `n` farther than β from the site's normal are closed by
-//! one of them, if `ρ·cos(π/8)·sin β − D·cos β ≥ T`. Poses within the material are left out: what is above them is in the way.
+//! For eight points around the site at distance ρ, `D` below the tangent plane, all `n` farther than β from the site's
+//! normal are closed by one of them, if `ρ·cos(π/8)·sin β − D·cos β ≥ T`. Poses within the material are left out: what
+//! is above them is in the way.
 
 use super::bvh::Bvh;
 use super::pose::blockers::Blocker;
@@ -26,11 +28,13 @@ const N_AROUND: usize = 8;
 pub(super) struct PoseBounds {
     /// No reference point is farther from the middle of the corner that touches with the site's normal.
     pub from_center: f64,
-    /// None is farther from the one that touches with the site's normal, in [oblique](super::tool::Contact::is_oblique) directions.
+    /// None is farther from the one that touches with the site's normal, in [oblique](super::tool::Contact::is_oblique)
+    /// directions.
     pub oblique: f64,
     /// Directions whose cosine with the normal is less than minus this come from behind the surface: no pose is free.
     pub behind: f64,
-    /// No pose is deeper in the plane of the site than the one that touches with its normal by more than this; infinite if that is not known.
+    /// No pose is deeper in the plane of the site than the one that touches with its normal by more than this; infinite
+    /// if that is not known.
     pub slack: f64,
 }
 
@@ -119,8 +123,9 @@ impl Rings {
         PoseBounds { from_center, oblique, behind: self.behind(points), slack }
     }
 
-    /// A plane about the site, as far as the wider ring, is in the tool above where it touches: with the tilt `t` against the direction, of all that touches
-    /// within the tolerances by no more than twice their sum over `t` beside the site.
+    /// A plane about the site, as far as the wider ring, is in the tool above where it touches: with the tilt `t`
+    /// against the direction, of all that touches within the tolerances by no more than twice their sum over `t` beside
+    /// the site.
     fn behind(&self, points: &[[Option<RingPoint>; N_AROUND]; 2]) -> f64 {
         const BEYOND: f64 = 2.5;
         let flat = |ring: usize| {

@@ -209,8 +209,9 @@ fn cutters() -> Vec<Cutter> {
     ]
 }
 
-/// Checks the fast engine against the plain loops: what it finds free is free, what they find free with a little less tolerance is found, and directions whose
-/// own pose is free are counted. Returns the number of pairs that are left to the resolution.
+/// Checks the fast engine against the plain loops: what it finds free is free, what they find free with a little less
+/// tolerance is found, and directions whose own pose is free are counted. Returns the number of pairs that are left to
+/// the resolution.
 fn assert_equal_to_the_reference(
     mesh: &Mesh,
     sites: &Sites,

@@ -10,9 +10,9 @@
 //! ```
 //!
 //! `κ` is the facet's concave curvature and `e` the greatest distance between the facet and a surface of that curvature
-//! through its corners. A tool of radius `R < 1/κ` that touches two facets leaves only `R·κ` of `e` between them. Both come
-//! from the facet's width and its turns against the three neighbors (Grinspun, Gingold, Reisman and Zorin 2006, Computing
-//! discrete shape operators on general meshes):
+//! through its corners. A tool of radius `R < 1/κ` that touches two facets leaves only `R·κ` of `e` between them. Both
+//! come from the facet's width and its turns against the three neighbors (Grinspun, Gingold, Reisman and Zorin 2006,
+//! Computing discrete shape operators on general meshes):
 //!
 //! ```text
 //! Λ = Σ over its edges of  w(ratio) · θ/h · t tᵀ      θ: concave turn; h: height of the facet on the edge; t: across the edge
@@ -20,10 +20,10 @@
 //! κ = greatest eigenvalue of Λ
 //! ```
 //!
-//! For a strip of width `b` that turns by θ this is `b·θ/8`. `ratio` is the neighbor's height over the facet's own: facets
-//! of one curve have similar widths, a plane beside a fillet does not belong to it. Turns above 36° (ten facets to the turn)
-//! count less and less, from 45° on they are corners. A face that meets a facet of a curve in a corner, as the top of a bore does, is granted what that is: their
-//! edge is a chord.
+//! For a strip of width `b` that turns by θ this is `b·θ/8`. `ratio` is the neighbor's height over the facet's own:
+//! facets of one curve have similar widths, a plane beside a fillet does not belong to it. Turns above 36° (ten facets
+//! to the turn) count less and less, from 45° on they are corners. A face that meets a facet of a curve in a corner, as
+//! the top of a bore does, is granted what that is: their edge is a chord.
 
 use super::bvh::Bvh;
 use super::tool::Outline;
@@ -288,7 +288,8 @@ impl ContactTolerance {
     /// The tolerance against every triangle; `chords` are of the faces that come first in `bvh`.
     ///
     /// # Errors
-    /// If a given tolerance is not positive or not below the cutter's radius, or the cutter's radius not above [`LEAST_MM`].
+    /// If a given tolerance is not positive or not below the cutter's radius, or the cutter's radius not above
+    /// [`LEAST_MM`].
     pub(super) fn of_triangles(
         self,
         outline: &Outline,

@@ -151,13 +151,14 @@ pub(super) struct Contact {
 }
 
 impl Contact {
-    /// Where the middle of the tip's corner is when a ball of it touches: fixed for a site, below the spindle for a point of space.
+    /// Where the middle of the tip's corner is when a ball of it touches: fixed for a site, below the spindle for a
+    /// point of space.
     pub fn corner_center(&self, outline: &Outline, direction: DVec3) -> DVec3 {
         self.point + self.normal.unwrap_or(direction) * outline.corner
     }
 
-    /// The reference point of the tool along `direction` that touches with its normal: for a direction along the normal the
-    /// axis is above the site, and moves to where the rim touches as the direction turns away.
+    /// The reference point of the tool along `direction` that touches with its normal: for a direction along the normal
+    /// the axis is above the site, and moves to where the rim touches as the direction turns away.
     pub fn reference_point(&self, outline: &Outline, direction: DVec3) -> DVec3 {
         let center = self.corner_center(outline, direction);
         let Some(normal) = self.normal.filter(|_| outline.side > 0.0) else { return center };

@@ -241,8 +241,8 @@ impl TriangleObstacles {
 const CLOSED_SHARE: f64 = 0.05;
 
 impl Warning {
-    /// About a clearance that closes this share of the sites, if that is much; of which `is_reached` says whether something is
-    /// left.
+    /// About a clearance that closes this share of the sites, if that is much; of which `is_reached` says whether
+    /// something is left.
     pub fn of_clearance(clearance_mm: f64, share: f64, is_reached: bool) -> Option<Self> {
         let closes_all = !is_reached && share > 0.0;
         let is_much = closes_all || share >= CLOSED_SHARE;

@@ -28,8 +28,8 @@ pub struct ToolArgs {
     cutter: Vec<String>,
     /// Tools of a file: a Fusion 360 library (JSON, .tools), a FreeCAD tool bit (.fctb), a folder of them or a library
     /// (.fctl), a CAMotics table (JSON), a LinuxCNC table (.tbl), or CSV with the columns CR, CH, FR, FH (mm) and, if
-    /// you like, name, T, corner and clearance, or in the words of a shop (diameter, corner, stick_out, shank); the options
-    /// --corner and --clearance are not about its tools. Give it again for further files.
+    /// you like, name, T, corner and clearance, or in the words of a shop (diameter, corner, stick_out, shank); the
+    /// options --corner and --clearance are not about its tools. Give it again for further files.
     #[arg(long, value_name = "FILE")]
     tools: Vec<PathBuf>,
     #[command(flatten)]
@@ -45,8 +45,8 @@ pub struct UnsaidArgs {
     /// number without a unit is in --tool-unit if that is given, else in mm.
     #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, value_parser = length)]
     stick_out: Option<Length>,
-    /// For tools whose file does not say it: the holder, a Fusion 360 library with one, a FreeCAD holder (.fcholder), or
-    /// a table height,lower,upper (mm, diameters; from the nose upward).
+    /// For tools whose file does not say it: the holder, a Fusion 360 library with one, a FreeCAD holder (.fcholder),
+    /// or a table height,lower,upper (mm, diameters; from the nose upward).
     #[arg(long, value_name = "FILE")]
     holder: Option<PathBuf>,
     /// For tools whose file does not say it: diameter of the shank.
@@ -250,9 +250,9 @@ pub fn called(error: Error, option: &'static str) -> Error {
 /// Limits that results must keep.
 #[derive(clap::Args)]
 pub struct GateArgs {
-    /// Exit with code 3, after everything is written, if an answer breaks this limit: 'inaccessible>5%' (of the surface, of
-    /// any tool), 'tip_does_not_fit>20mm2', 'unreachable>…' (either), 'occlusion>…', 'finding>50mm2' (the largest
-    /// connected region that is out of reach); < in place of > for a minimum. May be given again.
+    /// Exit with code 3, after everything is written, if an answer breaks this limit: 'inaccessible>5%' (of the
+    /// surface, of any tool), 'tip_does_not_fit>20mm2', 'unreachable>…' (either), 'occlusion>…', 'finding>50mm2' (the
+    /// largest connected region that is out of reach); < in place of > for a minimum. May be given again.
     #[arg(long, value_name = "LIMIT")]
     fail_if: Vec<String>,
 }

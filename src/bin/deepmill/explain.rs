@@ -16,10 +16,11 @@ use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Say why a site can or cannot be reached: a direction in which the tool may stand there, or what blocks by direction, by how much, and
-/// the least change of the tool that helps.
+/// Say why a site can or cannot be reached: a direction in which the tool may stand there, or what blocks by direction,
+/// by how much, and the least change of the tool that helps.
 ///
-/// RESULT states the query: part, obstacles, tool, directions, tolerance. Writes a section through tool and part to RESULT/site-N.png.
+/// RESULT states the query: part, obstacles, tool, directions, tolerance. Writes a section through tool and part to
+/// RESULT/site-N.png.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill explain labels --at 12.5,30,4\n\
 The row of a finding's site: deepmill explain labels --site 512 --json")]

@@ -75,8 +75,8 @@ pub struct Args {
     /// point. Writes volume.npz and volume.png, a section.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "obstacles", value_parser = millimeters)]
     pub volume: Option<f64>,
-    /// Also compute how far the margin about what does not cut may grow at each site, or all steps of the tool must shrink, up to
-    /// this either way (`clearance` in labels.npz).
+    /// Also compute how far the margin about what does not cut may grow at each site, or all steps of the tool must
+    /// shrink, up to this either way (`clearance` in labels.npz).
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "volume", value_parser = millimeters)]
     clearance_limit: Option<f64>,
     /// Folder of the results.

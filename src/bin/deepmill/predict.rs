@@ -23,10 +23,10 @@ use std::path::PathBuf;
 
 /// Predict which sites of a part a ball-end cutter cannot reach, and which sites are in its way.
 ///
-/// Writes to DIR: predictions.npz (numbers), predictions.ply (colored points), predictions.png
-/// (picture) and part.stl (the surface as used, in mm). With --tools, each ball end of the files has the first three
-/// in a folder DIR/NAME of its own; others are left out by name. With --verify the answers that the network is least certain of are
-/// computed as `deepmill label` does.
+/// Writes to DIR: predictions.npz (numbers), predictions.ply (colored points), predictions.png (picture) and part.stl
+/// (the surface as used, in mm). With --tools, each ball end of the files has the first three in a folder DIR/NAME of
+/// its own; others are left out by name. With --verify the answers that the network is least certain of are computed as
+/// `deepmill label` does.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: deepmill predict part.stl --cutter 1.5,6,40,5 --out predictions\n\
@@ -44,8 +44,8 @@ pub struct Args {
     sites: SiteArgs,
     #[command(flatten)]
     model: ModelArgs,
-    /// Compute the sites that the network is least certain of, as few as leave others of which at most this share should be wrong;
-    /// 0.01 if no share is given, `all` for every site. The occlusion points follow from all answers.
+    /// Compute the sites that the network is least certain of, as few as leave others of which at most this share
+    /// should be wrong; 0.01 if no share is given, `all` for every site. The occlusion points follow from all answers.
     #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.01", value_parser = verify_bound)]
     verify: Option<f64>,
     /// For --verify: the directions tested.
@@ -53,7 +53,8 @@ pub struct Args {
     directions: DirectionArgs,
     #[command(flatten)]
     gate: GateArgs,
-    /// Share of the sites that are occlusion points: those that the network finds likeliest, or with --verify those of greatest β.
+    /// Share of the sites that are occlusion points: those that the network finds likeliest, or with --verify those of
+    /// greatest β.
     #[arg(long, allow_negative_numbers = true, value_name = "SHARE", default_value_t = LabelOptions::default().share, value_parser = occlusion_share)]
     occlusion_share: f64,
     /// Folder of the results.

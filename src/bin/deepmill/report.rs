@@ -90,7 +90,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     Ok(())
 }
 
-/// The page of exact answers, read from or written to a file, predictions, or both about the same sites and their differences.
+/// The page of exact answers, read from or written to a file, predictions, or both about the same sites and their
+/// differences.
 pub fn page(
     labels: Option<(&LabelFile, &Path)>,
     predictions: Option<&PredictionFile>,

@@ -22,8 +22,9 @@ use std::path::PathBuf;
 
 /// Say in how few setups (clampings) a part can be milled on a machine, and what each reaches with which tools.
 ///
-/// Writes to DIR: setups.csv and setup-tools.csv, positions.csv (3+2 and 4-axis), setups.ply and setups.png (the first setup that reaches
-/// each site), setup-K.ply and, of the first eight, .png and .stl (the part turned as it is clamped), findings.json and findings.csv (what is left) and part.stl.
+/// Writes to DIR: setups.csv and setup-tools.csv, positions.csv (3+2 and 4-axis), setups.ply and setups.png (the first
+/// setup that reaches each site), setup-K.ply and, of the first eight, .png and .stl (the part turned as it is
+/// clamped), findings.json and findings.csv (what is left) and part.stl.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: deepmill setups part.stl --tools shop.csv --machine 3-axis --out setups\n\
@@ -37,18 +38,19 @@ pub struct Args {
     read: MeshArgs,
     #[command(flatten)]
     tools: ToolArgs,
-    /// 3-axis, 3+2:DEGREES and 5-axis:DEGREES (greatest tilt from the machine's z), 4-axis (the part may be chucked along its box or flat
-    /// faces), 4-axis:x (y, z or X,Y,Z: along this).
+    /// 3-axis, 3+2:DEGREES and 5-axis:DEGREES (greatest tilt from the machine's z), 4-axis (the part may be chucked
+    /// along its box or flat faces), 4-axis:x (y, z or X,Y,Z: along this).
     #[arg(long, value_name = "MACHINE")]
     machine: Machine,
     /// The setups cover at least this share of the area that can be reached.
     #[arg(long, value_name = "PERCENT", default_value = "99%")]
     share: String,
-    /// Directions tested, beside the box axes and flat faces: even over the sphere (300), or around each rotary axis (72).
+    /// Directions tested, beside the box axes and flat faces: even over the sphere (300), or around each rotary axis
+    /// (72).
     #[arg(long, value_name = "COUNT")]
     directions: Option<usize>,
-    /// Which clampings to choose from: `flat` (along large flat faces), `box` (these and the box axes) or `any` (every direction tested). By default
-    /// `any` for 3-axis, `box` for other machines.
+    /// Which clampings to choose from: `flat` (along large flat faces), `box` (these and the box axes) or `any` (every
+    /// direction tested). By default `any` for 3-axis, `box` for other machines.
     #[arg(long, value_name = "WHICH")]
     clampings: Option<Clamping>,
     #[command(flatten)]

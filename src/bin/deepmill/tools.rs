@@ -22,8 +22,9 @@ use std::path::PathBuf;
 /// Say what every tool of a library reaches on a part, which few of them reach nearly all, and how little each may
 /// stick out.
 ///
-/// Writes to DIR: tools.csv (the table, a tool table again), stick-out.csv and stick-out.svg (area within reach by stick-out),
-/// tools.ply and tools.png (the first tool that reaches each site) and part.stl (the surface as used, in mm).
+/// Writes to DIR: tools.csv (the table, a tool table again), stick-out.csv and stick-out.svg (area within reach by
+/// stick-out), tools.ply and tools.png (the first tool that reaches each site) and part.stl (the surface as used, in
+/// mm).
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill tools part.stl --library shop.json --out tools\n\
 Tool bits: deepmill tools part.stl --library Bit --stick-out 35 --holder er20.csv --out tools")]
@@ -32,7 +33,8 @@ pub struct Args {
     part: PathBuf,
     #[command(flatten)]
     read: MeshArgs,
-    /// Files of tools: Fusion 360 libraries (JSON), FreeCAD tool bits (.fctb) or folders of them, LinuxCNC tables (.tbl), CSV tables.
+    /// Files of tools: Fusion 360 libraries (JSON), FreeCAD tool bits (.fctb) or folders of them, LinuxCNC tables
+    /// (.tbl), CSV tables.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     library: Vec<PathBuf>,
     #[command(flatten)]

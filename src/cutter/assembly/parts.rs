@@ -47,8 +47,8 @@ impl fmt::Display for ToolPart {
 }
 
 impl Assembly {
-    /// Every step with the part that it belongs to, heights above the reference point, lowest first, with a margin of `clearance_mm` for what does
-    /// not cut ([`Assembly::with_clearance`]).
+    /// Every step with the part that it belongs to, heights above the reference point, lowest first, with a margin of
+    /// `clearance_mm` for what does not cut ([`Assembly::with_clearance`]).
     ///
     /// # Errors
     /// As [`Assembly::with_clearance`].
@@ -107,7 +107,8 @@ impl Assembly {
         }
     }
 
-    /// This tool with `part` and everything above it raised: a longer neck and stick-out, a longer stick-out, a longer holder.
+    /// This tool with `part` and everything above it raised: a longer neck and stick-out, a longer stick-out, a longer
+    /// holder.
     ///
     /// # Errors
     /// If the part is none of shank, holder and spindle, the stick-out would be beyond the overall length

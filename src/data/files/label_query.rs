@@ -1,7 +1,8 @@
-//! The query that a file of labels answers: part, obstacles, tool, directions and tolerance; a single site can be labeled again and explained.
+//! The query that a file of labels answers: part, obstacles, tool, directions and tolerance; a single site can be
+//! labeled again and explained.
 //!
-//! `label` writes the surface beside its labels ([`SURFACE`], and [`FIXTURES`] if there are any) and their SHA-256 into `settings.surface`, so that a
-//! folder that was moved or changed is known as such.
+//! `label` writes the surface beside its labels ([`SURFACE`], and [`FIXTURES`] if there are any) and their SHA-256 into
+//! `settings.surface`, so that a folder that was moved or changed is known as such.
 
 use super::tools::{Tool, steps_of_words};
 use super::{LabelFile, Provenance};
@@ -89,8 +90,8 @@ impl LabelQuery {
     /// Reads `labels.npz` and what lies beside it; `mesh` is the surface, if it is not taken from there.
     ///
     /// # Errors
-    /// If a file is not what `label` writes, the surface is missing or another one, or the labels are of a version that did not state what is
-    /// needed; the message says what to do.
+    /// If a file is not what `label` writes, the surface is missing or another one, or the labels are of a version that
+    /// did not state what is needed; the message says what to do.
     pub fn read(labels: &Path, mesh: Option<Mesh>) -> Result<Self> {
         let file = LabelFile::read(labels)?;
         let stated = Stated { path: labels, provenance: &file.provenance };

@@ -46,8 +46,8 @@ pub struct Tool {
     /// Number in the machine's table.
     pub number: Option<u32>,
     folder: String,
-    /// CR, CH, FR, FH; of a tool with more steps a summary: radius of the tip, height from `2·CR` above it to the holder, greatest radius
-    /// and height of the holder.
+    /// CR, CH, FR, FH; of a tool with more steps a summary: radius of the tip, height from `2·CR` above it to the
+    /// holder, greatest radius and height of the holder.
     pub params: CutterParams,
     /// Radius of the tip's corner, mm: 0 for a flat end, CR for a ball end.
     pub corner_mm: f64,

@@ -24,8 +24,8 @@ const TOOL: [Rgb; 5] =
 /// A plane this near to the axis and the normal shows the same, cosine.
 const SAME: f64 = 0.9;
 
-/// A section in the plane of the tool's axis and the site's normal, and a second one in that of the axis and the place that blocks if it
-/// differs. The direction is the witness, or the one nearest to being free.
+/// A section in the plane of the tool's axis and the site's normal, and a second one in that of the axis and the place
+/// that blocks if it differs. The direction is the witness, or the one nearest to being free.
 pub fn picture(about: &About) -> Image {
     let scene = Scene::of(about);
     let panels = scene.panels();

@@ -1,7 +1,8 @@
 //! A page to send: one HTML file with a 3-D view, the findings and every setting, which opens without a network.
 //!
 //! [`Page::html`] writes what any browser reads without a script (tables, findings, warnings) and one block of numbers
-//! for the 3-D view, which is WebGL 2 (`assets/*.js`, no library). `docs/report.md` says what the page shows and how it is made.
+//! for the 3-D view, which is WebGL 2 (`assets/*.js`, no library). `docs/report.md` says what the page shows and how it
+//! is made.
 
 mod html;
 mod pack;
@@ -52,7 +53,8 @@ impl Page<'_> {
     /// The page; the same input gives the same bytes.
     ///
     /// # Errors
-    /// If the sites fail [`Sites::check`], a tab has not one group per site and at most 16 groups, or the page does not fit into the memory.
+    /// If the sites fail [`Sites::check`], a tab has not one group per site and at most 16 groups, or the page does not
+    /// fit into the memory.
     pub fn html(&self) -> Result<String> {
         self.sites.check()?;
         let n = self.sites.len();

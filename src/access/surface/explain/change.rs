@@ -10,7 +10,8 @@ use glam::Vec3;
 /// One length of a tool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ChangeKind {
-    /// The part and everything above it is higher: a longer stick-out (holder), a longer holder (spindle), a longer neck and stick-out (shank).
+    /// The part and everything above it is higher: a longer stick-out (holder), a longer holder (spindle), a longer
+    /// neck and stick-out (shank).
     Raise(ToolPart),
     /// All radii of the part, holder or shank, are less.
     Narrow(ToolPart),

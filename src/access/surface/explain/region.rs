@@ -22,7 +22,8 @@ use crate::geom::Sites;
 pub struct RegionChange {
     /// The change.
     pub change: Change,
-    /// Share of the region's sites that the changed tool reaches by the directions of the set; of [`N_LABELED`] of them, if there are more.
+    /// Share of the region's sites that the changed tool reaches by the directions of the set; of [`N_LABELED`] of
+    /// them, if there are more.
     pub share: f64,
 }
 

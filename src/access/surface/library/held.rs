@@ -57,13 +57,15 @@ impl<'a> Held<'a> {
             || self.clear_stick_out(stand, [stick_out, stick_out], scratch) > stick_out
     }
 
-    /// The least stick-out in a pose, along whose direction the triangles are as high as `top`; anything at or above `enough` if it is not below that.
+    /// The least stick-out in a pose, along whose direction the triangles are as high as `top`; anything at or above
+    /// `enough` if it is not below that.
     pub fn stick_out(&self, stand: &Stand, top: f64, enough: f64, scratch: &mut Scratch) -> f64 {
         let low = self.clear_of_spindle(stand, top).max(self.floor);
         if low >= enough { low } else { self.clear_stick_out(stand, [low, enough], scratch) }
     }
 
-    /// The stick-out from which on no triangle meets the steps, at least `low`; some value above `enough` if it is above.
+    /// The stick-out from which on no triangle meets the steps, at least `low`; some value above `enough` if it is
+    /// above.
     pub fn clear_stick_out(
         &self,
         stand: &Stand,

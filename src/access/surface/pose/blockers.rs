@@ -140,15 +140,17 @@ impl Local {
         self.n += 1;
     }
 
-    /// By how much the deepest of the blockers from number `first` on is in the tool in all poses of a box: not positive if none is, and then no
-    /// distance. For one pose the tool may be shrunk, or moved, by as much before none is.
+    /// By how much the deepest of the blockers from number `first` on is in the tool in all poses of a box: not
+    /// positive if none is, and then no distance. For one pose the tool may be shrunk, or moved, by as much before none
+    /// is.
     pub fn depth(&self, first: usize, shape: &Shape, poses: &PoseBox, isa: Isa) -> f64 {
         let start = first / MAX_LANES * MAX_LANES;
         let [middle, half] = [poses.middle, poses.half].map(|of| of.to_array().map(|x| x as f32));
         f64::from(isa.run(Depth { local: self, start, shape, middle, half }) - shape.margin)
     }
 
-    /// By how much the deepest blocker is in the tool in a pose, and in which direction the tool has to move to be clear of it.
+    /// By how much the deepest blocker is in the tool in a pose, and in which direction the tool has to move to be
+    /// clear of it.
     pub fn deepest(&mut self, shape: &Shape, offset: DVec3, isa: Isa) -> (f64, DVec3) {
         let mut each = std::mem::take(&mut self.depths);
         each.clear();

@@ -174,7 +174,8 @@ impl Described {
         })
     }
 
-    /// Where what cuts ends, if the file says it; of a tool without flute length all of the cutter's own width counts as flutes.
+    /// Where what cuts ends, if the file says it; of a tool without flute length all of the cutter's own width counts
+    /// as flutes.
     fn end_of_flutes(&self, unsaid: &Unsaid) -> Option<f64> {
         let flutes = self.flutes.or(unsaid.flutes_mm).filter(|flutes| *flutes > 0.0)?;
         Some(self.neck_end.map_or(flutes, |end| flutes.min(end)))
