@@ -4,6 +4,7 @@
 mod command;
 
 use command::{CUTTER, Folder, block, deepmill, failure, json, stl, text};
+use deepmill::data::files::LabelFile;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -386,4 +387,60 @@ fn a_published_set_keeps_its_split_and_its_millimeters_or_says_that_it_cannot() 
     let output = deepmill(&import);
     assert_eq!(counts(&json(&output)), [train + validation, 0]);
     assert!(text(&output.stderr).contains("4 samples are not in the lists"));
+}
+
+#[test]
+fn unusable_fixtures_and_tables_are_named_with_a_remedy() {
+    let folder = Folder::new();
+    let part = folder.block();
+    let out = folder.path("out");
+    let fails = |more: &[&str], expected: &[&str]| {
+        let args = ["label", &part, "--cutter", CUTTER, "--out", &out, "--sites", "50"];
+        let output = deepmill(&[&args[..], more].concat());
+        assert!(!output.status.success());
+        let message = text(&output.stderr).to_string();
+        for words in expected {
+            assert!(message.contains(words), "{more:?}: {message}");
+        }
+    };
+    let missing = folder.path("none.stl");
+    fails(&["--fixture", &missing], &["none.stl"]);
+    let garbage = folder.file("garbage.stl", "not a mesh");
+    fails(&["--fixture", &garbage], &["garbage.stl"]);
+    let empty = folder.file("empty.obj", "v 0 0 0\nv 1 0 0\n");
+    fails(&["--fixture", &empty], &["empty.obj", "export the part again"]);
+    let far = folder.file("far.obj", "v 0 0 0\nv 1 0 0\nv 0 5e7 0\nf 1 2 3\n");
+    fails(&["--fixture", &far], &["far.obj", "vertex", "50000000", "--unit"]);
+    let cloud = folder.path("sites.ply");
+    json(&deepmill(&["sample", &part, "--sites", "100", "--out", &cloud, "--json"]));
+    fails(&["--fixture", &cloud], &["sites.ply"]);
+    for z in ["nan", "inf", "1e9"] {
+        fails(&["--table", z], &["--table", "within 1 km"]);
+    }
+    fails(&["--table", "high"], &["--table"]);
+}
+
+#[test]
+fn units_and_clouds_give_the_same_labels() {
+    let folder = Folder::new();
+    let inches = [40.0, 30.0, 20.0].map(|x: f32| x / 25.4);
+    let part = folder.file("inch.stl", stl(&block([0.0; 3], inches)));
+    let out = folder.path("out");
+    let args = ["--unit", "in", "--sites", "300", "--no-picture", "--obstacles", "sites"];
+    let output = folder.label(&part, &args);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("40 × 30 × 20 mm"), "{}", text(&output.stdout));
+    let first = LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap();
+    for cloud in ["labels.npz", "labels.ply"] {
+        let cloud = folder.path(&format!("out/{cloud}"));
+        let again = folder.path("again");
+        let output = deepmill(&["label", &cloud, "--cutter", CUTTER, "--out", &again]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let second = LabelFile::read(&Path::new(&again).join("labels.npz")).unwrap();
+        assert_eq!(second.sites.points, first.sites.points);
+        assert_eq!(second.labels.answers.inaccessible, first.labels.answers.inaccessible);
+        assert_eq!(second.labels.beta, first.labels.beta);
+        assert!(Path::new(&again).join("labels.png").is_file());
+        assert!(!Path::new(&again).join("part.stl").exists());
+    }
 }

@@ -1,4 +1,4 @@
-//! Arguments of `deepmill label` for the part itself: tolerance, fixtures, table.
+//! Arguments of `deepmill label` for the mesh definition: tolerance, fixtures, table.
 
 use crate::args::{called, millimeters};
 use crate::mesh_args::MeshArgs;
@@ -103,7 +103,7 @@ impl ToleranceArgs {
     }
 }
 
-/// Options for the part itself.
+/// Options of the mesh definition.
 #[derive(clap::Args)]
 pub struct SurfaceArgs {
     #[command(flatten)]
@@ -124,7 +124,7 @@ pub struct SurfaceArgs {
 }
 
 impl SurfaceArgs {
-    /// Warns if an option is given that only the part itself has.
+    /// Warns if an option is given that only the mesh definition has.
     pub fn warn_unused(&self, output: &Output) {
         if self.tolerances.tolerance.is_some() || self.table.is_some() || !self.fixture.is_empty() {
             output.warn("--tolerance, --fixture and --table are not about points as obstacles");
@@ -189,7 +189,7 @@ impl SurfaceArgs {
         let label = |tool: &Tool| {
             let cutter = &tool.cutter;
             let mut labels = obstacles.label_sites(sites, cutter, directions, options)?;
-            let surface = labels.surface.as_mut().expect("labels about the part itself");
+            let surface = labels.surface.as_mut().expect("labels by the mesh definition");
             let reached = surface.answers.iter().map(|a| *a == SiteAnswer::Accessible);
             let reached: Vec<bool> = reached.collect();
             let found = (&reached[..], &surface.witness[..]);
@@ -364,7 +364,7 @@ pub fn add_rests(facts: &mut Facts, n_sites: usize) {
     facts.add("rests_on_tolerance", words, Cell::count(n_sites));
 }
 
-/// Adds what only the part itself answers.
+/// Adds what only the mesh definition answers.
 pub fn add_facts(facts: &mut Facts, labels: &Labels) {
     let Some(surface) = &labels.surface else { return };
     let n = surface.answers.len().max(1) as f64;

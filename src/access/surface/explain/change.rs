@@ -1,8 +1,9 @@
 //! The least changes of a tool with which it may stand at a site.
 
+use super::Stopped;
+use super::case::{Between, Case};
 use super::meet::{Meeting, ShrunkTool};
 use super::remedies::diameter;
-use super::{Between, Case, Stopped};
 use crate::cutter::{Assembly, ToolPart};
 use crate::{Error, Result};
 use glam::Vec3;

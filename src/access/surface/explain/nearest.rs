@@ -6,7 +6,8 @@
 //! the one for which the tool has to shrink less
 //! ```
 
-use super::{Barrier, Case, DirectionState};
+use super::DirectionState;
+use super::case::{Barrier, Case};
 use crate::Result;
 use crate::access::Queries;
 use crate::access::surface::labels::{SurfaceOptions, WitnessPose};

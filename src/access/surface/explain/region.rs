@@ -7,8 +7,9 @@
 //! label sites of the region with the tool so changed: the share that it reaches
 //! ```
 
+use super::case::{Barrier, Between, Case};
 use super::remedies::diameter;
-use super::{Barrier, Between, Case, Change, ChangeKind, Query, Remedies, Stopped};
+use super::{Change, ChangeKind, Query, Remedies, Stopped};
 use crate::Result;
 use crate::access::surface::labels::{SiteAnswer, SurfaceOptions};
 use crate::access::surface::obstacles::{TriangleObstacles, tested};

@@ -1,0 +1,198 @@
+//! Tables, and libraries that are packed.
+
+use super::*;
+
+#[test]
+fn camotics_tables_have_shapes_units_and_numbers() {
+    let text = r#"{"12": {"units": "imperial", "shape": "Ballnose", "length": 0.75, "diameter": 0.25, "description": "1/4\" ball"},
+        "3": {"units": "metric", "shape": "cylindrical", "length": 20, "diameter": 6, "description": ""},
+        "5": {"units": "metric", "shape": "snubnose", "length": 20, "diameter": 6, "snub_diameter": 1}}"#;
+    let given = Unsaid { shank_mm: Some(6.35), ..unsaid() };
+    for text in
+        [text.to_string(), format!(r#"{{"units": "metric", "tools": {text}, "files": ["a.nc"]}}"#)]
+    {
+        let table = tools(&text, "mill.json", &given).unwrap();
+        let found: Vec<_> =
+            table.tools.iter().map(|t| (&*t.name, t.number, t.params.cr_mm)).collect();
+        assert_eq!(found, [("T3", Some(3), 3.0), ("1/4\" ball", Some(12), 3.175)]);
+        assert!(table.refused[0].contains("the shape \"snubnose\" cannot"), "{:?}", table.refused);
+    }
+    let list =
+        r#"[{"number": 7, "units": "metric", "shape": "ballnose", "length": 20, "diameter": 6}]"#;
+    assert_eq!(tools(list, "mill.json", &given).unwrap().tools[0].number, Some(7));
+    assert!(
+        message(tools(&list.replace("metric", "cubits"), "m.json", &given)).contains("\"cubits\"")
+    );
+    assert!(
+        message(tools(&list.replace("6", "0"), "m.json", &given))
+            .contains("diameter is missing or 0")
+    );
+}
+
+#[test]
+fn tables_are_in_the_words_of_a_shop_too() {
+    let table = "T,Tool,Diameter (in),Corner Radius,Flute Length,Shank,Stick-out [in],OAL\n\
+        1,1/4\"\" flat,1/4,0,0.75 in,6.35mm,1.1,2.5in\n\
+        T2,ball,0.25,,0.75in,1/4in,1.1,\n\
+        3,bull,0.25,1 mm,0.75in,1/4in,28mm,\n\
+        4,drill,0.25,,0.75in,1/4in,1.1,\n\
+        5,odd,0.25,,0.75in,1/4in,1.1,\n\
+        6,far,0.25,0,0.75in,1/4in,one,\n";
+    let given = Unsaid { stick_out_mm: None, ..unsaid() };
+    let found = tools(table, "shop.csv", &given).unwrap();
+    let rows: Vec<_> = found
+        .tools
+        .iter()
+        .map(|t| (&*t.name, t.number, t.corner_mm, t.assembly.stick_out_mm()))
+        .collect();
+    assert_eq!(
+        rows,
+        [
+            ("1/4\"\" flat", Some(1), 0.0, 27.94),
+            ("ball", Some(2), 3.175, 27.94),
+            ("bull", Some(3), 1.0, 28.0)
+        ]
+    );
+    for (left, words) in found.refused.iter().zip([
+        "a drill cannot",
+        "neither corner nor type",
+        "\"one\", not a length",
+    ]) {
+        assert!(left.contains(words), "{words}: {left}");
+    }
+    // Semicolons, other words, and the unit that is given.
+    let table = "Nr;Bezeichnung;Durchmesser;Typ;stick_out;shank;x\n1;Fräser;0,25;flat;1,1;0,25;9\n2;A;0,25;ball;1,1;0,25;\n\
+        3;B;0,25;end mill;30mm;0,25;\n4;C;0,25;cone;1;1;\n";
+    let inch = Unsaid { unit_mm: Some(25.4), ..given };
+    let found = tools(table, "shop.csv", &inch).unwrap();
+    let rows: Vec<_> =
+        found.tools.iter().map(|t| (&*t.name, t.params.cr_mm, t.corner_mm)).collect();
+    assert_eq!(rows, [("Fräser", 3.175, 0.0), ("A", 3.175, 3.175), ("B", 3.175, 0.0)]);
+    assert_eq!(found.unused, ["\"x\""]);
+    assert!(found.notices[0].contains("it counts as a flat end"), "{:?}", found.notices);
+    assert!(found.refused[0].contains("the type is \"cone\""), "{:?}", found.refused);
+    let none = Unsaid::default();
+    assert!(
+        message(tools("name,D,corner,flute,stickout\nF6,6,0,20,30\n", "dia.csv", &none))
+            .contains("--holder")
+    );
+    assert!(
+        message(tools("D,corner,diameter\n6,0,6\n", "dia.csv", &none)).contains("mean the same")
+    );
+    let tapered = "name,d,r,taper,flute,shank,stick_out\nk,1,0.5,3,20,6,40\n";
+    let given = Unsaid { stick_out_mm: None, ..unsaid() };
+    assert!(
+        tools(tapered, "k.csv", &given).unwrap().tools[0]
+            .words()
+            .starts_with("tapered ball 1 mm 3°")
+    );
+}
+
+#[test]
+fn lines_of_tables_end_in_any_of_the_three_ways() {
+    let csv = "# shop\nname,CR,CH,FR,FH\n\na,1,2,3,4\nb,1,2,x,4\n";
+    let tbl = "T1 P1 D6 ;ball\n;\nT2 D6 ;drill\n";
+    let given = Unsaid { unit_mm: Some(1.0), shank_mm: Some(6.0), ..unsaid() };
+    for (text, name, line) in [(csv, "t.csv", "line 5"), (tbl, "t.tbl", "line 3")] {
+        let plain = tools(text, name, &given).unwrap();
+        for end in ["\r\n", "\r"] {
+            let table = tools(&text.replace('\n', end), name, &given).unwrap();
+            assert_eq!(table, plain, "{name}");
+            assert!(table.refused[0].contains(line), "{name}: {:?}", table.refused);
+        }
+    }
+    let holder = "height,lower,upper\n8,28,34\n";
+    let read = |text: &str| holder_from_bytes(text.as_bytes(), "h.csv".as_ref(), &given).unwrap();
+    assert_eq!(read(&holder.replace('\n', "\r")), read(holder));
+}
+
+#[test]
+fn a_table_of_a_machine_is_read_as_other_programs_export_it() {
+    let given =
+        Unsaid { unit_mm: Some(1.0), shank_mm: Some(3.175), flutes_mm: Some(10.0), ..unsaid() };
+    let table = "T1 P X0 Y0 Z0 A0 B0 C0 U0 V0 W0 D4.00 I0 J0 Q0;4mm_2F_Compression_Carbide_Endmill\n\
+        t2 p2 z+1.5 d1.93 ;Banggood - 3.175x2mm Carbide End Mill Drillpro DB-M10\nT3P3D6.0 ;6mm ball end\n\
+        T4 P4 D22.0 ; -\nT5 P5 D5 ;Drill 5\nT6 ;ball\n";
+    let found = tools(table, "t.tbl", &given).unwrap();
+    let rows: Vec<_> =
+        found.tools.iter().map(|t| (t.number, t.params.cr_mm, t.corner_mm)).collect();
+    assert_eq!(rows, [(Some(1), 2.0, 0.0), (Some(2), 0.965, 0.0), (Some(3), 3.0, 3.0)]);
+    let plain = found.notices.iter().filter(|n| n.contains("counts as a flat end")).count();
+    assert_eq!(plain, 2, "{:?}", found.notices);
+    for (left, words) in found.refused.iter().zip([
+        "\"-\" does not say the form",
+        "names a drill",
+        "without a diameter",
+    ]) {
+        assert!(left.contains(words), "{words}: {left}");
+    }
+}
+
+#[test]
+fn packed_libraries_are_read_and_other_files_called_what_they_are() {
+    use std::io::Write;
+    let zip = |entries: &[(&str, &str)]| {
+        let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        for (name, text) in entries {
+            zip.start_file(*name, zip::write::SimpleFileOptions::default()).unwrap();
+            zip.write_all(text.as_bytes()).unwrap();
+        }
+        zip.finish().unwrap().into_inner()
+    };
+    let read = |bytes: &[u8], name: &str| from_bytes(bytes, name.as_ref(), &unsaid());
+    let library = fusion(&[GOOD]);
+    for entries in [
+        &[("tools.json", &*library)][..],
+        &[("__MACOSX/._Example Tools.tools", "x"), ("tools.json", &library)],
+        &[("__MACOSX/._tools.json", "x"), ("My Library/My tools.json", &library), ("a.json", "{}")],
+        &[("shop.json", &library)],
+    ] {
+        assert_eq!(read(&zip(entries), "shop.tools").unwrap().tools[0].name, "RU1600");
+    }
+    let holder = r#"{"data": [{"type": "holder", "description": "A", "unit": "inches",
+        "segments": [{"height": 1, "lower-diameter": 1, "upper-diameter": 2}]}]}"#;
+    let packed = zip(&[("tools.json", holder)]);
+    assert_eq!(holder_from_bytes(&packed, "h.tools".as_ref(), &unsaid()).unwrap().name, "A");
+    for (bytes, words) in [
+        (zip(&[("xl/workbook.xml", "")]), "it is an Excel workbook"),
+        (zip(&[("content.xml", "")]), "it is an OpenDocument sheet"),
+        (zip(&[("a.txt", "")]), "it is a ZIP archive without a library"),
+        (b"PK\x03\x04".to_vec(), "zip archive"),
+        (b"<!DOCTYPE html>\n<html><body>T1 P1</body></html>".to_vec(), "it is a web page"),
+    ] {
+        for name in ["shop.csv", "mill.tbl", "shop.json"] {
+            let message = message(read(&bytes, name));
+            assert!(message.contains(words), "{words}: {message}");
+        }
+        assert!(holder_from_bytes(&bytes, "h.csv".as_ref(), &unsaid()).is_err());
+    }
+}
+
+#[test]
+fn lengths_of_a_bit_are_read_as_people_write_them_and_shown_as_found() {
+    let read = |length: &str| {
+        let length = serde_json::to_string(length).unwrap();
+        let bit = format!(
+            r#"{{"name": "T", "shape": "endmill.fcstd", "parameter": {{"Diameter": {length}, "ShankDiameter": {length}}}}}"#
+        );
+        tools(&bit, "t.fctb", &unsaid())
+    };
+    for (text, mm) in [
+        ("1/4\"", 6.35),
+        ("0' 0 1/4\"", 6.35),
+        ("1 1/2\"", 38.1),
+        ("1/4 in", 6.35),
+        ("0,25 in", 6.35),
+        ("6.35mm", 6.35),
+        ("1'", 304.8),
+        ("7/8 in", 22.225),
+    ] {
+        let tool = &read(text).unwrap().tools[0];
+        assert_eq!(2.0 * tool.params.cr_mm, mm, "{text}");
+        assert!(tool.words().starts_with(&format!("flat end {mm} mm")), "{}", tool.words());
+    }
+    for text in ["1/0 in", "1/4 ell", "a quarter", "1/4"] {
+        let found = message(read(text));
+        assert!(found.contains(&format!("Diameter is {text:?}")), "{found}");
+    }
+}
