@@ -224,7 +224,8 @@ impl TriangleObstacles {
 }
 
 /// Why a site can or cannot be reached by the published definition: `obstacles` block, `own` is the one of them that is
-/// the site itself. The witness is proved, and changes are labeled, by [`Engine::Reference`](crate::access::Engine::Reference).
+/// the site itself. The witness is proved, and changes are labeled, by
+/// [`Engine::Reference`](crate::access::Engine::Reference).
 ///
 /// # Errors
 /// As [`label`](crate::access::label), or if the tool is none ([`Assembly::cutter`]).

@@ -29,7 +29,8 @@ pub struct Raise {
 }
 
 /// How far `cutter`, shrunk by `tolerance_mm` and with its reference point at `reference`, mm, must be raised along
-/// `direction` until it is clear of all triangles of `mesh`. Plain loops over closed formulas in `f64`.
+/// `direction` until it is clear of all triangles of `mesh` that have an area ([`Mesh::has_area`]). Plain loops over
+/// closed formulas in `f64`.
 ///
 /// # Errors
 /// If the direction has no length, or the tolerance is not positive or not below the cutter's radius.
@@ -47,7 +48,8 @@ pub fn raise(
         return Err(Error::argument("direction", direction, "a unit vector", remedy));
     }
     let stand = Stand { reference, axes: axes(direction) };
-    let triangles = (0..mesh.triangles.len()).map(|f| (mesh.corners(f), tolerance_mm));
+    let faces = (0..mesh.triangles.len()).filter(|&f| mesh.has_area(f));
+    let triangles = faces.map(|f| (mesh.corners(f), tolerance_mm));
     Ok(raise_over(triangles, &outline, 0.0, &stand))
 }
 

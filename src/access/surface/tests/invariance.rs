@@ -116,6 +116,9 @@ fn triangles_without_area_are_no_obstacles_and_keep_the_numbers_of_the_others() 
         assert_eq!(obstacles.n_triangles(), 2 * part.triangles.len());
         let labels = obstacles.label(&sites, &cutter, &up(), &exactly(0.01)).unwrap();
         assert_eq!(labels.answers, plain.answers, "{corners:?}");
+        // The reference engine holds to it, too.
+        let below = |mesh: &Mesh| raise(mesh, &cutter, 0.01, at(0.0) - DVec3::Z, Vec3::Z).unwrap();
+        assert_eq!(below(&more), below(&part), "{corners:?}");
     }
 }
 
