@@ -4,7 +4,7 @@
 //! cells = a rectangle around all poses, or around those that are not too deep in the plane of the surface, in eight
 //! forget cells that a known blocker closes, now and after every test; none left: closed
 //! slide: test the pose that touches with the normal: free → reached; else points of what penetrates become blockers
-//!        push it along the poses, clear of the deepest blocker; again
+//!        push it along the poses, clear of the deepest blocker; again, unless it goes to and fro
 //! best first: the cell whose middle is least deep in the blockers
 //!     no blocker is in the middle: test there, as above
 //!     smaller than the resolution: given up; else cut in half across the longer side
@@ -102,6 +102,9 @@ impl Default for PoseSearch {
 
 /// Pushes after which nothing is found.
 const N_PUSHES: usize = 40;
+/// A slide ends after so many pushes of which none left less than this share of the least depth before.
+const MOST_STALLED: usize = 6;
+const SHALLOWER: f64 = 0.9;
 /// So many poses are tested even where a blocker is known, for deeper ones.
 const N_DEEPER: usize = 3;
 /// A test costs as much as so many cells.
@@ -146,13 +149,14 @@ impl<'a> Around<'a> {
     }
 
     /// Where to try next after a pose with something in the way: pushed along the poses away from what is deepest in
-    /// the tool. In a hollow as wide as the tool that finds the one place; where it finds none, there may be one.
-    fn pushed(&self, at: DVec2, local: &mut Local, isa: Isa) -> Option<DVec2> {
+    /// the tool. In a hollow as wide as the tool that finds the one place; where it finds none, there may be one. With
+    /// it the depth of that, mm.
+    fn pushed(&self, at: DVec2, local: &mut Local, isa: Isa) -> Option<(DVec2, f64)> {
         /// Farther than what is deepest, mm.
         const BEYOND_MM: f64 = 1e-5;
         let (depth, away) = local.deepest(self.shape, self.poses.offset(at), isa);
         let next = (depth > 0.0).then(|| self.poses.pushed(at, away, depth + BEYOND_MM))??;
-        (self.is_within(next) && self.may_touch(next, 0.0)).then_some(next)
+        (self.is_within(next) && self.may_touch(next, 0.0)).then_some((next, depth))
     }
 
     /// Whether a place on the disc is near enough to that of the site's own pose.
@@ -283,6 +287,7 @@ impl<F: FnMut(DVec3) -> Met> Run<'_, '_, F> {
     /// From the site's own pose, pushed again and again.
     fn slide(&mut self) -> Searched {
         let mut at = self.around.own.map_or(DVec2::ZERO, |own| own.best);
+        let (mut least, mut n_stalled) = (f64::INFINITY, 0);
         for _ in 0..N_PUSHES {
             if self.memory.cells.is_empty() {
                 return Searched::Closed;
@@ -292,7 +297,15 @@ impl<F: FnMut(DVec3) -> Met> Run<'_, '_, F> {
                 return Searched::Free(reference);
             }
             let PoseSearch { local, isa, .. } = &mut *self.memory;
-            let Some(next) = self.around.pushed(at, local, *isa) else { break };
+            let Some((next, depth)) = self.around.pushed(at, local, *isa) else { break };
+            // Between two walls it goes to and fro.
+            n_stalled += 1;
+            if depth < SHALLOWER * least {
+                (least, n_stalled) = (depth, 0);
+            }
+            if n_stalled == MOST_STALLED {
+                break;
+            }
             at = next;
         }
         if self.memory.cells.is_empty() { Searched::Closed } else { Searched::GivenUp }
