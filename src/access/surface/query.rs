@@ -216,8 +216,9 @@ impl Probe {
             local[0].z.min(local[1].z).min(local[2].z),
             local[0].z.max(local[1].z).max(local[2].z),
         );
+        let from_axis = from_box(&local);
         for [height, radius] in steps.chain(shaft) {
-            if high <= height {
+            if high <= height || from_axis >= radius * radius {
                 continue;
             }
             let low = low.max(height);
