@@ -258,16 +258,23 @@ impl Probe {
             heights[0].min(heights[1]).min(heights[2]),
             heights[0].max(heights[1]).max(heights[2]),
         );
-        for &[height, radius] in self.outline.all_steps() {
-            if radius == f64::INFINITY || top <= height {
-                continue;
-            }
-            let low = bottom.max(height);
+        let mut from = |low: f64| {
             for share in SHARES {
                 let on_axis = stand.reference + stand.axes[2] * (low + share * (top - low));
                 consider(nearest(on_axis, corners));
             }
+        };
+        // Steps rise: those that begin below the triangle see the same of it, and of many within it some will do.
+        let steps = self.outline.all_steps();
+        let n_finite =
+            steps.iter().take_while(|[height, radius]| radius.is_finite() && *height < top).count();
+        let n_below = steps[..n_finite].iter().take_while(|[height, _]| *height <= bottom).count();
+        if n_below > 0 {
+            from(bottom);
         }
+        let within = &steps[n_below..n_finite];
+        let every = within.len().div_ceil(MOST_LEVELS).max(1);
+        within.iter().step_by(every).for_each(|[height, _]| from(*height));
     }
 
     /// Whether one of the steps, shrunk by a tolerance and then `grown` on all sides, penetrates a triangle; the widest
