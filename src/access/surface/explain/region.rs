@@ -10,12 +10,12 @@
 use super::case::{Barrier, Between, Case};
 use super::remedies::diameter;
 use super::{Change, ChangeKind, Query, Remedies, Stopped};
-use crate::Result;
 use crate::access::surface::labels::{SiteAnswer, SurfaceOptions};
 use crate::access::surface::obstacles::{TriangleObstacles, tested};
 use crate::cutter::{Assembly, ToolPart};
 use crate::directions::Directions;
 use crate::geom::Sites;
+use crate::{Result, par};
 
 /// A change of the tool, and what of a region it reaches.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,8 +63,8 @@ impl TriangleObstacles {
         remedies: &Remedies,
     ) -> Result<RegionAdvice> {
         let options = SurfaceOptions { refinement: None, ..*options };
-        let (mut found, mut advice): (Vec<Change>, _) = (Vec::new(), RegionAdvice::default());
-        for i in spread(members, N_EXPLAINED) {
+        let explained: Vec<usize> = spread(members, N_EXPLAINED).collect();
+        let explain = |i: usize| {
             let query = Query {
                 site: sites.points[i],
                 normal: sites.normals[i],
@@ -79,13 +79,18 @@ impl TriangleObstacles {
             let (barrier, query) = (Barrier::Triangles(self), &query);
             let case = Case { barrier, query, tested, proves: false };
             let alone = case.label(tool, directions, Between::None)?;
-            if alone.answer != SiteAnswer::Accessible {
-                let (changes, stopped) = case.changes(alone.tolerance)?;
-                found.extend(changes);
-                let both = advice.stopped.into_iter().chain(stopped);
-                advice.stopped =
-                    both.reduce(|a, b| if b.stick_out_mm < a.stick_out_mm { b } else { a });
+            match alone.answer {
+                SiteAnswer::Accessible => Ok((Vec::new(), None)),
+                _ => case.changes(alone.tolerance),
             }
+        };
+        let (mut found, mut advice): (Vec<Change>, _) = (Vec::new(), RegionAdvice::default());
+        for of_site in par::map(explained.len(), |k| explain(explained[k])) {
+            let (changes, stopped) = of_site?;
+            found.extend(changes);
+            let both = advice.stopped.into_iter().chain(stopped);
+            advice.stopped =
+                both.reduce(|a, b| if b.stick_out_mm < a.stick_out_mm { b } else { a });
         }
         let Some(change) = common(&found, tool) else { return Ok(advice) };
         let few: Vec<usize> = spread(members, N_LABELED).collect();
