@@ -357,7 +357,7 @@ fn site_count(text: &str) -> Result<usize> {
 /// Which directions the tool may come from.
 #[derive(clap::Args)]
 pub struct DirectionArgs {
-    /// COUNT or hemisphere:COUNT (upper half), sphere:COUNT, latlong:RINGSxCOUNT, cone:DEGREES:COUNT
+    /// `published` (the 152 of the published data), COUNT or hemisphere:COUNT (upper half), sphere:COUNT, latlong:RINGSxCOUNT, cone:DEGREES:COUNT
     /// (around +z), circle:X,Y,Z:COUNT (across an axis), list:X,Y,Z;X,Y,Z;…, or up (+z alone)
     #[arg(long, value_name = "SET", default_value = "150", allow_negative_numbers = true)]
     directions: String,
