@@ -9,7 +9,7 @@ use super::trainings::{
 };
 use deepmill::Result;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
-use deepmill::access::{LabelOptions, Obstacles, label};
+use deepmill::access::{LabelOptions, Labeler, Obstacles, label};
 use deepmill::answers::Definition;
 use deepmill::cutter::{Cutter, CutterSet};
 use deepmill::directions::Directions;
@@ -30,7 +30,7 @@ const CUTTERS: [[f64; 4]; 2] = [[1.5, 6.0, 40.0, 5.0], [1.5, 20.0, 5.0, 20.0]];
 /// A way to answer.
 #[derive(Clone, Copy, PartialEq)]
 enum Way {
-    /// The published definition.
+    /// Sites as obstacles, without the bottom rule: only directions and obstacles differ from the other ways.
     Sites,
     /// Triangles, only the directions of the set.
     Part,
@@ -99,7 +99,8 @@ fn ways() -> Vec<(Way, usize)> {
 fn learners(study: &Study, trainings: &Trainings) -> Result<[Learner; 2]> {
     let cutters = [CutterSet::Uniform, CutterSet::Extreme];
     let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
-    let published = training_samples(study, &cutters, &directions)?;
+    let labeler = Labeler::of_sites(directions.clone(), LabelOptions::default());
+    let published = training_samples(study, &cutters, &labeler)?;
     let published = trainings.network("published labels", &published, |_| ())?;
     let training = training_samples_of_part_itself(study, &cutters, &directions)?;
     let draw = Draw { sets: &[CutterSet::Uniform], n_cutters: N_TEST_CUTTERS };
