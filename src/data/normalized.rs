@@ -18,6 +18,7 @@ use crate::geom::Sites;
 use crate::{Error, Result};
 use glam::Vec3;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 /// The greatest coordinate of the published normalization.
@@ -65,6 +66,8 @@ pub struct Fit {
     pub mm_per_unit: f64,
     /// Share of the sites whose label *inaccessible* is the stored one.
     pub agreement: f64,
+    /// Number of occlusion points by the exact labels.
+    pub n_occlusion: usize,
 }
 
 /// The scale of a sample.
@@ -74,8 +77,6 @@ pub struct ScaleFit {
     pub best: Fit,
     /// The best scale with CH and FH exchanged, if it fits as well (within 0.5 % of the sites).
     pub exchanged: Option<Fit>,
-    /// Number of occlusion points by the exact labels at the best scale.
-    pub n_occlusion: usize,
     /// Number of stored occlusion points.
     pub n_occlusion_stored: usize,
 }
@@ -97,11 +98,9 @@ pub fn fit_scale(
     let [cr, ch, fr, fh] = sample.cutter.to_array();
     let twin = Sample { cutter: CutterParams::from_array([cr, fh, fr, ch]), ..sample.clone() };
     let exchanged = best_fit(&twin, directions, options)?;
-    let occlusion = occlusion_at(sample, best.mm_per_unit, directions, options)?;
     Ok(ScaleFit {
         best,
         exchanged: Some(exchanged).filter(|fit| fit.agreement >= best.agreement - AS_WELL),
-        n_occlusion: occlusion.iter().filter(|marked| **marked).count(),
         n_occlusion_stored: sample.answers.n_occlusion(),
     })
 }
@@ -125,42 +124,54 @@ fn n_equal(a: &[bool], b: &[bool]) -> usize {
 }
 
 fn best_fit(sample: &Sample, directions: &Directions, options: &LabelOptions) -> Result<Fit> {
+    let (mm_per_unit, agreement) = best_scale(sample, directions, options)?;
+    let occlusion = occlusion_at(sample, mm_per_unit, directions, options)?;
+    let n_occlusion = occlusion.iter().filter(|marked| **marked).count();
+    Ok(Fit { mm_per_unit, agreement, n_occlusion })
+}
+
+/// The best scale, mm per unit, and its agreement.
+fn best_scale(
+    sample: &Sample,
+    directions: &Directions,
+    options: &LabelOptions,
+) -> Result<(f64, f64)> {
     let cutter = Cutter::ball_end(sample.cutter)?;
     let counting = options;
     let options = LabelOptions { occlusion: false, clearance_limit_mm: None, ..*options };
-    let fit = |mm_per_unit: f64| -> Result<Fit> {
+    let fit = |mm_per_unit: f64| -> Result<(f64, f64)> {
         let scaled = in_millimeters(sample, mm_per_unit)?;
         let labels =
             access::label(&*scaled.sites, Obstacles::Queries, &cutter, directions, &options)?;
         let n_equal = n_equal(&labels.answers.inaccessible, &sample.answers.inaccessible);
-        Ok(Fit { mm_per_unit, agreement: n_equal as f64 / sample.sites.len() as f64 })
+        Ok((mm_per_unit, n_equal as f64 / sample.sites.len() as f64))
     };
-    let n_coarse = ((RANGE[1] / RANGE[0]).ln() / COARSE_FACTOR.ln()).ceil() as i32;
-    let coarse = (0..=n_coarse).map(|k| fit(RANGE[0] * COARSE_FACTOR.powi(k)));
-    let mut coarse = coarse.collect::<Result<Vec<Fit>>>()?;
-    coarse.sort_by(|a, b| b.agreement.total_cmp(&a.agreement));
-    let n_best = coarse.iter().filter(|fit| fit.agreement == coarse[0].agreement).count();
+    let scales = std::iter::successors(Some(RANGE[0]), |scale| Some(scale * COARSE_FACTOR));
+    let scales = scales.take_while(|scale| *scale <= RANGE[1]);
+    let mut coarse = scales.map(fit).collect::<Result<Vec<(f64, f64)>>>()?;
+    coarse.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let n_best = coarse.iter().filter(|fit| fit.1 == coarse[0].1).count();
     let mut fine = BTreeMap::new();
     for candidate in &coarse[..n_best.clamp(N_CANDIDATES, MOST_CANDIDATES)] {
-        let step = |factor: f64| (candidate.mm_per_unit * factor * STEPS_PER_MM).round() as u32;
+        let step = |factor: f64| (candidate.0 * factor * STEPS_PER_MM).round() as u32;
         for k in step(1.0 / COARSE_FACTOR).max(1)..=step(COARSE_FACTOR) {
-            if !fine.contains_key(&k) {
-                fine.insert(k, fit(f64::from(k) / STEPS_PER_MM)?);
+            if let Entry::Vacant(place) = fine.entry(k) {
+                place.insert(fit(f64::from(k) / STEPS_PER_MM)?);
             }
         }
     }
-    let best = fine.values().map(|fit| fit.agreement).fold(0.0, f64::max);
-    let equal: Vec<Fit> = fine.into_values().filter(|fit| fit.agreement == best).collect();
+    let best = fine.values().map(|fit| fit.1).fold(0.0, f64::max);
+    let equal: Vec<(f64, f64)> = fine.into_values().filter(|fit| fit.1 == best).collect();
     if let [only] = equal[..] {
         return Ok(only);
     }
-    let of_occlusion = |fit: &Fit| -> Result<usize> {
-        let occlusion = occlusion_at(sample, fit.mm_per_unit, directions, counting)?;
+    let of_occlusion = |fit: &(f64, f64)| -> Result<usize> {
+        let occlusion = occlusion_at(sample, fit.0, directions, counting)?;
         Ok(n_equal(&occlusion, &sample.answers.occlusion))
     };
     let agreeing = equal.iter().map(of_occlusion).collect::<Result<Vec<usize>>>()?;
     let most = agreeing.iter().copied().max().unwrap_or(0);
-    let equal: Vec<&Fit> =
+    let equal: Vec<&(f64, f64)> =
         equal.iter().zip(&agreeing).filter(|(_, n)| **n == most).map(|(fit, _)| fit).collect();
     Ok(*equal[equal.len() / 2])
 }

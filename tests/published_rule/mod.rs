@@ -49,10 +49,8 @@ pub fn label(
         Some(centroids) => wide(centroids).iter().any(|p| collides(*p, center(i), d, cutter)),
         None => (0..sites.len()).any(|j| j != i && collides(sites[j], center(i), d, cutter)),
     };
-    let mut inaccessible = Vec::new();
-    for i in 0..sites.len() {
-        inaccessible.push(!at_bottom[i] && directions.iter().all(|d| blocked(i, *d)));
-    }
+    let is_inaccessible = |i: usize| !at_bottom[i] && directions.iter().all(|d| blocked(i, *d));
+    let inaccessible: Vec<bool> = (0..sites.len()).map(is_inaccessible).collect();
     let mut beta = vec![0u64; sites.len()];
     for i in (0..sites.len()).filter(|i| inaccessible[*i]) {
         for d in &directions {

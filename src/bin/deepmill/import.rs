@@ -131,14 +131,15 @@ fn recover(
     (directions, rule): (&Directions, &LabelOptions),
     output: &Output,
 ) -> Result<f64> {
-    let ScaleFit { best, exchanged, n_occlusion, n_occlusion_stored } =
+    let ScaleFit { best, exchanged, n_occlusion_stored } =
         normalized::fit_scale(sample, directions, rule)?;
     let (name, percent) = (&sample.name, |share: f64| format!("{:.2} %", 100.0 * share));
     output.say(format!(
-        "{name}: {} mm per unit, {} of the labels agree, {n_occlusion} occlusion points \
+        "{name}: {} mm per unit, {} of the labels agree, {} occlusion points \
          ({n_occlusion_stored} stored)",
         best.mm_per_unit,
-        percent(best.agreement)
+        percent(best.agreement),
+        best.n_occlusion
     ));
     if best.agreement < DOUBTFUL {
         output.warn(format!(
@@ -148,9 +149,10 @@ fn recover(
     }
     if let Some(twin) = exchanged {
         output.warn(format!(
-            "{name}: with CH and FH exchanged {} mm per unit fits as well ({})",
+            "{name}: with CH and FH exchanged {} mm per unit fits as well: {}, {} occlusion points",
             twin.mm_per_unit,
-            percent(twin.agreement)
+            percent(twin.agreement),
+            twin.n_occlusion
         ));
     }
     Ok(best.mm_per_unit)
