@@ -299,6 +299,12 @@ impl Answers<'_> {
         let mut facts = Facts::new();
         facts.add("part", "part", Cell::text(name_of(&self.args.part)));
         facts.add("definition", "definition", Cell::text(self.blocking.words()));
+        if let Some(bottom_mm) = self.options.bottom_mm {
+            let by_rule = access::bottom_sites(&self.sites.points, bottom_mm);
+            let n_by_rule = by_rule.into_iter().filter(|by_rule| *by_rule).count();
+            facts.add("bottom_mm", "bottom rule, mm", Cell::Given(bottom_mm));
+            facts.add("n_bottom", "accessible by the bottom rule, sites", Cell::count(n_by_rule));
+        }
         if coverage.is_none() {
             facts.add("cutter", "cutter", Cell::text(self.tools[0].words()));
         }

@@ -95,7 +95,7 @@ fn ways() -> Vec<(Way, usize)> {
     Way::ALL.iter().flat_map(|way| (0..SETS.len()).map(|k| (*way, k))).collect()
 }
 
-/// Networks that learned published labels, and labels about the part itself with the search.
+/// Networks trained on labels against sites, by the earlier rule so that only the obstacles differ, and on labels about the part itself with the search.
 fn learners(study: &Study, trainings: &Trainings) -> Result<[Learner; 2]> {
     let cutters = [CutterSet::Uniform, CutterSet::Extreme];
     let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
@@ -208,7 +208,7 @@ pub fn run(study: &Study) -> Result<Value> {
                 study.args.sites
             ),
             format!(
-                "The networks learned labels of 150 directions, of the published definition and about the part itself with the search \
+                "The networks are trained on labels of 150 directions, against sites without the bottom rule and about the part itself with the search \
                  between them; every other training cutter was from the set Extreme. {}",
                 words_of_factors(&factors)
             ),
