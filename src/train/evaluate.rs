@@ -159,8 +159,8 @@ pub fn evaluate_together<N: Network<f32>>(
     Ok(evaluation)
 }
 
-/// As [`evaluate`], and a second time with the sites that look most like occlusion points, as many as the labels of these
-/// options have, in place of those with the greater logit; on several processes as [`evaluate_together`].
+/// As [`evaluate`], and a second time with the sites that look most like occlusion points, as many as the labels of
+/// these options have, in place of those with the greater logit; on several processes as [`evaluate_together`].
 ///
 /// # Errors
 /// As [`evaluate_together`].
@@ -247,8 +247,8 @@ pub(super) fn predict<N: Network<f32>>(
 }
 
 /// Labels every sample with the exact labeler, as the network predicts them: for its time, and for its labels where those of
-/// the samples were made with denser obstacles or other directions, or by another program. `options` have share, rounding and
-/// bottom rule. On several processes as [`evaluate_together`].
+/// the samples were made with denser obstacles or other directions, or by another program.
+/// `options` have share, rounding and bottom rule. On several processes as [`evaluate_together`].
 ///
 /// # Errors
 /// If there are no samples, one is inconsistent or its cutter impossible, or another process fails.

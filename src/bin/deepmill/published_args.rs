@@ -11,7 +11,8 @@ pub struct PublishedArgs {
     /// occlusion points; `none`: no such rule.
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     bottom: Option<String>,
-    /// Published definition: how the tenth of the sites that are occlusion points is rounded, `floor` (default) or `ceil`.
+    /// Published definition: how the tenth of the sites that are occlusion points is rounded, `floor` (default) or
+    /// `ceil`.
     #[arg(long, value_name = "HOW")]
     occlusion_rounding: Option<String>,
 }

@@ -95,7 +95,8 @@ fn ways() -> Vec<(Way, usize)> {
     Way::ALL.iter().flat_map(|way| (0..SETS.len()).map(|k| (*way, k))).collect()
 }
 
-/// Networks trained on labels against sites, by the earlier rule so that only the obstacles differ, and on labels about the part itself with the search.
+/// Networks trained on labels against sites, by the earlier rule so that only the obstacles differ, and on labels about
+/// the part itself with the search.
 fn learners(study: &Study, trainings: &Trainings) -> Result<[Learner; 2]> {
     let cutters = [CutterSet::Uniform, CutterSet::Extreme];
     let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
