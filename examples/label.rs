@@ -17,10 +17,10 @@ fn main() -> deepmill::Result<()> {
     };
     check::require_labelable(&mesh)?;
     let cutter: Cutter = args.next().as_deref().unwrap_or("1.5,6,40,5").parse()?;
-    let directions: Directions = "hemisphere:150".parse()?;
+    let (directions, options) = (Directions::published(), LabelOptions::published());
 
     let sites = sample(&mesh, &SiteOptions { n_sites: 2000, ..SiteOptions::default() })?;
-    let labels = label(&sites, Obstacles::Queries, &cutter, &directions, &LabelOptions::default())?;
+    let labels = label(&sites, Obstacles::Queries, &cutter, &directions, &options)?;
     println!("{cutter}");
     println!("{} sites, {directions}", sites.len());
     println!(

@@ -11,6 +11,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::fmt;
+use std::str::FromStr;
 
 /// By which definition answers are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -271,7 +272,15 @@ pub fn mark_top_share<T>(
     share: f64,
     compare: impl Fn(&T, &T) -> Ordering,
 ) -> Vec<bool> {
-    let wanted = n_of_share(share, values.len());
+    mark_top(values, n_of_share(share, values.len()), compare)
+}
+
+/// Marks the `wanted` greatest values by `compare`, lower index first among equals.
+pub(crate) fn mark_top<T>(
+    values: &[T],
+    wanted: usize,
+    compare: impl Fn(&T, &T) -> Ordering,
+) -> Vec<bool> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     if wanted < order.len() {
         let rank = |&a: &usize, &b: &usize| compare(&values[b], &values[a]).then(a.cmp(&b));
@@ -283,9 +292,68 @@ pub fn mark_top_share<T>(
     marks
 }
 
-/// `ceil(share·n)`; a product within 1e-9 above a whole number counts as that number.
+/// How a share of a number of sites becomes a whole number. A product within 1e-9 of a whole number counts as that
+/// number.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rounding {
+    /// Up: the text of the paper.
+    #[default]
+    Ceil,
+    /// Down: the published data.
+    Floor,
+}
+
+impl Rounding {
+    /// Both.
+    pub const ALL: [Rounding; 2] = [Rounding::Ceil, Rounding::Floor];
+
+    /// `ceil` or `floor`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Rounding::Ceil => "ceil",
+            Rounding::Floor => "floor",
+        }
+    }
+
+    /// `share·n` as a whole number; `share` is in [0, 1].
+    ///
+    /// ```
+    /// use deepmill::answers::Rounding;
+    /// assert_eq!([Rounding::Ceil, Rounding::Floor].map(|r| r.n_of_share(0.1, 4948)), [495, 494]);
+    /// assert_eq!([Rounding::Ceil, Rounding::Floor].map(|r| r.n_of_share(0.1, 30)), [3, 3]);
+    /// ```
+    pub fn n_of_share(self, share: f64, n: usize) -> usize {
+        match self {
+            Rounding::Ceil => (share * n as f64 - 1e-9).ceil().max(0.0) as usize,
+            Rounding::Floor => (share * n as f64 + 1e-9).floor().max(0.0) as usize,
+        }
+    }
+}
+
+impl fmt::Display for Rounding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// Reads a [name](Rounding::name).
+impl FromStr for Rounding {
+    type Err = Error;
+
+    /// # Errors
+    /// If neither has it.
+    fn from_str(name: &str) -> Result<Self> {
+        Rounding::ALL.into_iter().find(|rounding| rounding.name() == name).ok_or_else(|| {
+            let remedy = "floor is the published definition";
+            Error::argument("rounding", format!("`{name}`"), "ceil or floor", remedy)
+        })
+    }
+}
+
+/// [`Rounding::Ceil`] of a share.
 pub(crate) fn n_of_share(share: f64, n: usize) -> usize {
-    (share * n as f64 - 1e-9).ceil().max(0.0) as usize
+    Rounding::Ceil.n_of_share(share, n)
 }
 
 #[cfg(test)]

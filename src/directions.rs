@@ -22,6 +22,9 @@ pub enum DirectionSet {
         /// Number of directions m.
         n_dirs: usize,
     },
+    /// The 152 of the published data: +z, then those with `z ≥ 0` of the 300 points `(r·cos θ, y, r·sin θ)`,
+    /// `y = 2i/300 − 1 + 1/300`, `r = √(1−y²)`, `θ = i·3.1415926·(3−√5)`: a golden-angle sphere about the **y** axis.
+    Published,
     /// `z_k = 1 − (2k+1)/m`, same azimuths: even over the whole sphere.
     FibonacciSphere {
         /// Number of directions m.
@@ -63,6 +66,7 @@ impl fmt::Display for DirectionSet {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let vector = |[x, y, z]: &[f64; 3]| format!("{x},{y},{z}");
         match self {
+            DirectionSet::Published => f.write_str("published"),
             DirectionSet::FibonacciHemisphere { n_dirs } => write!(f, "hemisphere:{n_dirs}"),
             DirectionSet::FibonacciSphere { n_dirs } => write!(f, "sphere:{n_dirs}"),
             DirectionSet::LatLong { n_polar, n_azimuth } => {
@@ -81,8 +85,8 @@ impl fmt::Display for DirectionSet {
     }
 }
 
-/// Reads `COUNT` or `hemisphere:COUNT`, `sphere:COUNT`, `latlong:RINGSxCOUNT`, `cone:DEGREES:COUNT`
-/// (about +z) or `cone:DEGREES:COUNT:X,Y,Z`, `circle:X,Y,Z:COUNT`, `list:X,Y,Z;X,Y,Z;…`.
+/// Reads `published`, `COUNT` or `hemisphere:COUNT`, `sphere:COUNT`, `latlong:RINGSxCOUNT`, `cone:DEGREES:COUNT`
+/// (about +z) or `cone:DEGREES:COUNT:X,Y,Z`, `circle:X,Y,Z:COUNT`, `list:X,Y,Z;X,Y,Z;…`, `up`.
 ///
 /// ```
 /// use deepmill::directions::DirectionSet;
@@ -97,7 +101,7 @@ impl FromStr for DirectionSet {
     /// If the text has none of these forms, or a cone's angle is not above 0 and at most 180 degrees.
     fn from_str(text: &str) -> Result<Self> {
         let set = parse_set(text).ok_or_else(|| {
-            let expected = "COUNT, hemisphere:COUNT, sphere:COUNT, latlong:RINGSxCOUNT, \
+            let expected = "published, COUNT, hemisphere:COUNT, sphere:COUNT, latlong:RINGSxCOUNT, \
                             cone:DEGREES:COUNT, circle:X,Y,Z:COUNT, list:X,Y,Z;X,Y,Z or up";
             Error::argument("directions", format!("`{text}`"), expected, "write for example 150")
         })?;
@@ -120,8 +124,10 @@ impl FromStr for DirectionSet {
 const UP: [f64; 3] = [0.0, 0.0, 1.0];
 
 fn parse_set(text: &str) -> Option<DirectionSet> {
-    if text == "up" {
-        return Some(DirectionSet::List { vectors: vec![UP] });
+    match text {
+        "up" => return Some(DirectionSet::List { vectors: vec![UP] }),
+        "published" => return Some(DirectionSet::Published),
+        _ => {}
     }
     let (kind, rest) = text.split_once(':').unwrap_or(("hemisphere", text));
     Some(match kind {
@@ -185,6 +191,7 @@ impl Directions {
     /// cone's angle is not in `(0, π]`.
     pub fn new(set: DirectionSet) -> Result<Self> {
         let n_dirs = match &set {
+            DirectionSet::Published => N_PUBLISHED,
             DirectionSet::FibonacciHemisphere { n_dirs }
             | DirectionSet::FibonacciSphere { n_dirs }
             | DirectionSet::Cone { n_dirs, .. }
@@ -211,7 +218,20 @@ impl Directions {
         Directions::of(DirectionSet::List { vectors }, self.len() + 1)
     }
 
-    /// The default: `n_dirs` Fibonacci directions on the upper half, the paper's number being 150.
+    /// The 152 directions of the published data ([`DirectionSet::Published`]).
+    ///
+    /// ```
+    /// use deepmill::{directions::Directions, glam::Vec3};
+    /// let directions = Directions::published();
+    /// assert_eq!((directions.len(), directions.vectors()[0]), (152, Vec3::Z));
+    /// ```
+    pub fn published() -> Self {
+        let vectors = published().map(DVec3::as_vec3).collect();
+        Directions { set: DirectionSet::Published, vectors }
+    }
+
+    /// The default of the mesh definition: `n_dirs` Fibonacci directions on the upper half, the paper's text
+    /// having 150.
     ///
     /// # Errors
     /// If `n_dirs` is 0 or above a million.
@@ -277,10 +297,12 @@ impl AsRef<[Vec3]> for Directions {
 }
 
 const MAX_DIRECTIONS: usize = 1_000_000;
+const N_PUBLISHED: usize = 152;
 
 fn build(set: &DirectionSet, n_dirs: usize) -> Result<Vec<DVec3>> {
     let all = 0..n_dirs;
     Ok(match set {
+        DirectionSet::Published => published().collect(),
         DirectionSet::FibonacciHemisphere { .. } => {
             all.map(|k| fibonacci(k, n_dirs, 1.0)).collect()
         }
@@ -322,6 +344,21 @@ fn fibonacci(k: usize, n: usize, depth: f64) -> DVec3 {
     DVec3::new(across * libm::cos(azimuth), across * libm::sin(azimuth), z)
 }
 
+/// [`DirectionSet::Published`], in the order of operations that the data were fitted with.
+fn published() -> impl Iterator<Item = DVec3> {
+    const N: usize = 300;
+    // The digits that the data were made with.
+    #[allow(clippy::approx_constant)]
+    let turn = 3.1415926 * (3.0 - 5f64.sqrt());
+    let step = 2.0 / N as f64;
+    let sphere = (0..N).map(move |i| {
+        let y = i as f64 * step - 1.0 + step / 2.0;
+        let (r, angle) = ((1.0 - y * y).sqrt(), i as f64 * turn);
+        DVec3::new(r * libm::cos(angle), y, r * libm::sin(angle))
+    });
+    std::iter::once(DVec3::Z).chain(sphere.filter(|d| d.z >= 0.0))
+}
+
 fn unit(name: &'static str, vector: [f64; 3]) -> Result<DVec3> {
     DVec3::from_array(vector).try_normalize().ok_or_else(|| {
         let found = format!("{vector:?}");
@@ -345,109 +382,4 @@ pub(crate) fn basis(w: DVec3) -> [DVec3; 3] {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn vectors(set: DirectionSet) -> Vec<Vec3> {
-        Directions::new(set).unwrap().vectors().to_vec()
-    }
-
-    #[test]
-    fn every_form_of_text_is_read_and_written_again() {
-        for (text, n) in [
-            ("hemisphere:7", 7),
-            ("sphere:20", 20),
-            ("latlong:3x8", 24),
-            ("cone:30:12", 12),
-            ("cone:180:5", 5),
-            ("cone:33.3:12:1,0,-0.5", 12),
-            ("circle:1,0,0:36", 36),
-            ("list:0,0,1;0,1,0", 2),
-        ] {
-            let directions: Directions = text.parse().unwrap();
-            assert_eq!((directions.len(), directions.to_string().as_str()), (n, text));
-        }
-        assert_eq!("up".parse::<Directions>().unwrap(), Directions::up());
-        let plain: DirectionSet = "150".parse().unwrap();
-        assert_eq!(plain, DirectionSet::FibonacciHemisphere { n_dirs: 150 });
-        for text in
-            ["", "x", "sphere", "sphere:-1", "cone:30", "list:", "list:0,0", "circle:3", "0"]
-        {
-            assert!(text.parse::<Directions>().is_err(), "{text}");
-        }
-        for text in ["cone:200:5", "cone:0:5", "cone:-30:5", "cone:NaN:5"] {
-            let message = text.parse::<Directions>().unwrap_err().to_string();
-            assert!(message.contains(text) && message.contains("180 degrees"), "{message}");
-            assert!(!message.contains("radians"), "{message}");
-        }
-    }
-
-    #[test]
-    fn every_set_holds_as_many_unit_vectors_as_it_says() {
-        let axis = [1.0, 2.0, -2.0];
-        let sets = [
-            (DirectionSet::FibonacciHemisphere { n_dirs: 150 }, 150),
-            (DirectionSet::FibonacciSphere { n_dirs: 33 }, 33),
-            (DirectionSet::LatLong { n_polar: 5, n_azimuth: 12 }, 60),
-            (DirectionSet::Cone { axis, half_angle_rad: 0.4, n_dirs: 20 }, 20),
-            (DirectionSet::Circle { axis, n_dirs: 8 }, 8),
-            (DirectionSet::List { vectors: vec![[0.0, 0.0, 3.0]] }, 1),
-        ];
-        for (set, n) in sets {
-            let text = format!("{set:?}");
-            let found = vectors(set);
-            assert_eq!(found.len(), n, "{text}");
-            assert!(found.iter().all(|d| (d.length() - 1.0).abs() < 1e-6), "{text}");
-        }
-    }
-
-    #[test]
-    fn hemisphere_follows_its_formula() {
-        let found = vectors(DirectionSet::FibonacciHemisphere { n_dirs: 4 });
-        let heights: Vec<f32> = found.iter().map(|d| d.z).collect();
-        assert_eq!(heights, [0.875, 0.625, 0.375, 0.125]);
-        let azimuth = f64::from(found[1].y).atan2(f64::from(found[1].x));
-        assert!((azimuth - PI * (3.0 - 5f64.sqrt())).abs() < 1e-6);
-    }
-
-    #[test]
-    fn sets_lie_where_they_should() {
-        let axis = [0.0, 1.0, 0.0];
-        let circle = vectors(DirectionSet::Circle { axis, n_dirs: 7 });
-        assert!(circle.iter().all(|d| d.y.abs() < 1e-7));
-        let cone = vectors(DirectionSet::Cone { axis, half_angle_rad: 0.3, n_dirs: 50 });
-        assert!(cone.iter().all(|d| f64::from(d.y) > libm::cos(0.3)));
-        let lat_long = vectors(DirectionSet::LatLong { n_polar: 3, n_azimuth: 8 });
-        for d in &lat_long {
-            let mirrored = Vec3::new(-d.x, d.y, d.z);
-            assert!(lat_long.iter().any(|e| (*e - mirrored).length() < 1e-6));
-        }
-        let sphere = vectors(DirectionSet::FibonacciSphere { n_dirs: 100 });
-        assert!(sphere.iter().copied().sum::<Vec3>().length() < 1.0);
-    }
-
-    #[test]
-    fn bases_are_right_handed_and_orthonormal() {
-        for d in vectors(DirectionSet::FibonacciSphere { n_dirs: 500 }) {
-            let [u, v, w] = basis(d.as_dvec3().normalize());
-            assert!((u.cross(v) - w).length() < 1e-12 && (u.length() - 1.0).abs() < 1e-12);
-        }
-        let [u, v, w] = basis(DVec3::NEG_Z);
-        assert!((u.cross(v) - w).length() < 1e-15);
-    }
-
-    #[test]
-    fn sets_without_directions_are_refused() {
-        let zero = DirectionSet::List { vectors: vec![[0.0; 3]] };
-        for set in [
-            DirectionSet::FibonacciHemisphere { n_dirs: 0 },
-            DirectionSet::LatLong { n_polar: usize::MAX, n_azimuth: 2 },
-            DirectionSet::List { vectors: vec![] },
-            DirectionSet::Circle { axis: [f64::NAN, 0.0, 1.0], n_dirs: 3 },
-            DirectionSet::Cone { axis: [0.0, 0.0, 1.0], half_angle_rad: 0.0, n_dirs: 3 },
-            zero,
-        ] {
-            assert!(Directions::new(set).is_err());
-        }
-    }
-}
+mod tests;

@@ -379,7 +379,11 @@ fn accessible_is_one_number_whether_occlusion_is_shown_or_not() {
     for (more, names, checked) in [
         (&[][..], &["accessible", "inaccessible"][..], None),
         (&["--occlusion"], &["accessible", "inaccessible", "occlusion"], Some(true)),
-        (&["--obstacles", "sites"], &["accessible", "inaccessible", "occlusion"], Some(true)),
+        (
+            &["--obstacles", "published", "--bottom", "none"],
+            &["accessible", "inaccessible", "occlusion"],
+            Some(true),
+        ),
     ] {
         let shared = ["--sites", "400", "--no-picture", "--report", "--json"];
         let output = folder.label(&part, &[&shared[..], more].concat());

@@ -93,14 +93,19 @@ fn an_accessible_site_has_a_witness_and_every_answer_a_picture() {
 #[test]
 fn the_published_definition_fixtures_and_tools_of_a_table_are_asked_again() {
     let folder = Folder::new();
-    for obstacles in ["sites", "500"] {
-        label(&folder, "points", "1.5,6,40,5", &["--obstacles", obstacles]);
+    for obstacles in ["published", "500", "centroids"] {
+        let more = ["--obstacles", obstacles, "--bottom", "none", "--directions", "150"];
+        label(&folder, "points", "1.5,6,40,5", &more);
         for site in ["0", "150", "399", "599"] {
             let why = explain(&folder, "points", &["--site", site]);
             assert_eq!(why["answer"], why["in_file"], "{obstacles} {site}");
             assert_eq!(why["witness"].is_null(), why["answer"] == "inaccessible");
         }
     }
+    label(&folder, "ruled", "1.5,6,40,5", &["--obstacles", "published"]);
+    let why = explain(&folder, "ruled", &["--at", "0,20,0"]);
+    let answers = ["answer", "in_file", "at_bottom"].map(|key| why[key].clone());
+    assert_eq!(answers, ["inaccessible".into(), "accessible".into(), Value::Bool(true)], "{why}");
     let clamp = folder.file("clamp.stl", stl(&block([-4.0, 10.0, 12.0], [4.0, 30.0, 19.0])));
     let more = ["--fixture", &clamp, "--table", "-5", "--directions", "up"];
     label(&folder, "fixed", "1.5,30,3,20", &more);

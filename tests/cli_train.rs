@@ -162,7 +162,7 @@ fn a_data_set_about_the_part_itself_is_told_apart_from_one_about_sites() {
     assert!(message.contains("whose triangles it does not hold"), "{message}");
     let no = folder.path("no");
     let both = [&build[..], &["--out", &no, "--obstacles", "most"]].concat();
-    assert!(failure(&deepmill(&both), 2).contains("sites, part or a number"));
+    assert!(failure(&deepmill(&both), 2).contains("published, part or a number"));
 }
 
 #[test]

@@ -114,7 +114,14 @@ fn a_run_with_labels_made_on_the_fly_resumes_to_the_same_bits_and_needs_no_label
     };
     let directions = Directions::fibonacci_hemisphere(20).unwrap();
     let online = |samples: &[Sample]| {
-        Online::new(samples, directions.clone(), 0.1, Default::default(), settings.seed).unwrap()
+        Online::new(
+            samples,
+            directions.clone(),
+            LabelOptions::default(),
+            Default::default(),
+            settings.seed,
+        )
+        .unwrap()
     };
     let mut whole = Run::new(settings.clone()).unwrap();
     assert!(whole.train(&online(&samples), &[], &mut ()).unwrap().is_continue());

@@ -5,7 +5,7 @@ mod scratch;
 
 use deepmill::answers::SiteAnswers;
 use deepmill::data::Sample;
-use deepmill::data::dataset::{Dataset, DatasetSettings, Split, import};
+use deepmill::data::dataset::{Dataset, DatasetSettings, ImportedSample, Split, import};
 use deepmill::geom::Sites;
 use glam::Vec3;
 use libfuzzer_sys::fuzz_target;
@@ -25,7 +25,8 @@ static MANIFEST: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let settings = DatasetSettings { n_sites: 6, min_edge_mm: None, ..Default::default() };
     let path = scratch::file("set/any", &[]);
     let folder = path.parent().expect("a folder");
-    import(folder, settings, &[(Split::Train, sample)]).expect("a data set");
+    let sample = ImportedSample { split: Split::Train, sample, mm_per_unit: 1.0 };
+    import(folder, settings, &[sample]).expect("a data set");
     std::fs::read(folder.join("manifest.json")).expect("its manifest")
 });
 

@@ -7,14 +7,14 @@ use super::extent::Extent;
 use super::labels::{Engine, LabelOptions, Labels};
 use super::matrix::CollisionMatrix;
 use super::method::Method;
-use super::occlusion::occlusion_points;
+use super::occlusion::{above_bottom, occlusion_points_above};
 use super::order::Order;
 use super::predicate::{self, Frame};
 use super::problem::{Obstacles, PlacedCutter, Queries, Scene};
 use super::pruned::{BetaBounds, Pruned};
 use super::reference::Reference;
 use super::stats::Stats;
-use crate::answers::{SiteAnswers, n_of_share};
+use crate::answers::SiteAnswers;
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::simd::Isa;
@@ -24,8 +24,8 @@ use crate::{Result, par};
 ///
 /// # Errors
 /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, volume queries have no
-/// obstacles of their own, the share is not in (0, 1], the clearance limit is not positive, or the answers would not fit into
-/// the memory ([`Extent`]).
+/// obstacles of their own, the share is not in (0, 1], the clearance limit is not positive, the tolerance of the bottom
+/// rule is negative, or the answers would not fit into the memory ([`Extent`]).
 ///
 /// ```
 /// use deepmill::{access, cutter::*, directions::Directions, geom::Sites};
@@ -81,44 +81,39 @@ pub fn label_many<'a>(
         occlusion: options.occlusion,
     }
     .require_memory()?;
-    let scene = Scene::new(queries, obstacles)?;
-    let n_ranked = scene.n_ranked;
-    let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
-    let isa = options.isa;
-    let mut labels = match options.engine {
-        Engine::Reference => run(&Reference { scene: &scene }, &scene, cutters, &frames, options),
-        Engine::Batched => run(&Batched { scene: &scene, isa }, &scene, cutters, &frames, options),
-        Engine::Pruned => {
-            let order =
-                if options.occlusion { Order::compact(&scene) } else { Order::quick(&scene) };
-            let scene = order.apply(scene);
-            let counted = options.occlusion && (options.beta || scene.n_ranked < scene.obstacles.n);
-            let counting = LabelOptions { occlusion: counted, ..*options };
-            let mut labels =
-                run(&Pruned { scene: &scene, isa }, &scene, cutters, &frames, &counting);
-            if options.occlusion && !counted {
-                let n_top = n_of_share(options.share, n_ranked);
-                for (labels, cutter) in labels.iter_mut().zip(cutters) {
-                    let tool = (cutter, &labels.answers.inaccessible[..]);
-                    labels.beta = count_greatest(&scene, isa, tool, &frames, n_top);
-                }
-            }
-            labels.into_iter().map(|labels| order.restore(labels)).collect()
+    let scene = Scene::new(queries, obstacles)?.with_bottom(options.bottom_mm);
+    let ranked_apart = match obstacles {
+        Obstacles::Centroids(_) if options.occlusion => {
+            Some(Scene::new(queries, Obstacles::Queries)?.with_bottom(options.bottom_mm))
         }
+        _ => None,
     };
+    let ranked = ranked_apart.as_ref().unwrap_or(&scene);
+    let (n_ranked, bottom) = (ranked.n_ranked, ranked.bottom_of_ranked().to_vec());
+    let frames: Vec<Frame> = directions.vectors().iter().map(|&d| predicate::frame(d)).collect();
+    let at_once =
+        LabelOptions { occlusion: options.occlusion && ranked_apart.is_none(), ..*options };
+    let mut labels = label_scene(scene, cutters, &frames, &at_once);
+    if let Some(ranked) = ranked_apart {
+        for (labels, cutter) in labels.iter_mut().zip(cutters) {
+            let tool = (cutter, &labels.answers.inaccessible[..]);
+            labels.beta = count_apart(&ranked, tool, &frames, options);
+        }
+    }
     if let Some(limit_mm) = options.clearance_limit_mm {
         let scene = Scene::new(queries, obstacles)?;
         let order = Order::compact(&scene);
         let scene = order.apply(scene);
         for (labels, cutter) in labels.iter_mut().zip(cutters) {
-            let clearance = signed_clearance(&scene, cutter, &frames, limit_mm, isa);
+            let clearance = signed_clearance(&scene, cutter, &frames, limit_mm, options.isa);
             labels.answers.clearance_mm = order.restore_queries(clearance);
             labels.settle_signs();
         }
     }
     if options.occlusion {
         for labels in &mut labels {
-            labels.answers.occlusion = occlusion_points(&labels.beta[..n_ranked], options.share);
+            labels.answers.occlusion =
+                occlusion_points_above(&labels.beta[..n_ranked], &bottom, options);
             if !options.beta {
                 labels.beta = Vec::new();
             }
@@ -129,6 +124,79 @@ pub fn label_many<'a>(
         labels.answers.witness = labels.witness.iter().map(vector).collect();
     }
     Ok(labels)
+}
+
+/// Everything but what needs β of another scene; β in the scene's order, without occlusion points.
+fn label_scene(
+    scene: Scene,
+    cutters: &[Cutter],
+    frames: &[Frame],
+    options: &LabelOptions,
+) -> Vec<Labels> {
+    let isa = options.isa;
+    match options.engine {
+        Engine::Reference => run(&Reference { scene: &scene }, &scene, cutters, frames, options),
+        Engine::Batched => run(&Batched { scene: &scene, isa }, &scene, cutters, frames, options),
+        Engine::Pruned => {
+            let order =
+                if options.occlusion { Order::compact(&scene) } else { Order::quick(&scene) };
+            let scene = order.apply(scene);
+            let counted = options.occlusion && (options.beta || scene.n_ranked < scene.obstacles.n);
+            let counting = LabelOptions { occlusion: counted, ..*options };
+            let mut labels =
+                run(&Pruned { scene: &scene, isa }, &scene, cutters, frames, &counting);
+            if options.occlusion && !counted {
+                for (labels, cutter) in labels.iter_mut().zip(cutters) {
+                    let tool = (cutter, &labels.answers.inaccessible[..]);
+                    labels.beta = count_occluding(&scene, tool, frames, options);
+                }
+            }
+            labels.into_iter().map(|labels| order.restore(labels)).collect()
+        }
+    }
+}
+
+/// β of a scene that others than its obstacles decided in, for the queries that are `marked`.
+fn count_apart(
+    scene: &Scene,
+    (cutter, marked): (&Cutter, &[bool]),
+    frames: &[Frame],
+    options: &LabelOptions,
+) -> Vec<u64> {
+    let isa = options.isa;
+    match options.engine {
+        Engine::Reference => count_by(&Reference { scene }, scene, (cutter, marked), frames),
+        Engine::Batched => count_by(&Batched { scene, isa }, scene, (cutter, marked), frames),
+        Engine::Pruned => {
+            let order = Order::compact(scene);
+            let (scene, marked) = (order.apply(scene.clone()), order.of_queries(marked));
+            let tool = (cutter, &marked[..]);
+            let beta = match options.beta {
+                true => count_all(&scene, isa, tool, frames),
+                false => count_occluding(&scene, tool, frames, options),
+            };
+            order.restore(Labels { beta, ..Labels::default() }).beta
+        }
+    }
+}
+
+/// β of the obstacles that may be occlusion points, all of which are ranked; 0 of the others.
+fn count_occluding(
+    scene: &Scene,
+    tool: (&Cutter, &[bool]),
+    frames: &[Frame],
+    options: &LabelOptions,
+) -> Vec<u64> {
+    let ranked = above_bottom(scene.n_ranked, scene.bottom_of_ranked());
+    let n_top = options.rounding.n_of_share(options.share, ranked.len());
+    if ranked.len() == scene.obstacles.n {
+        return count_greatest(scene, options.isa, tool, frames, n_top);
+    }
+    let of_ranked = scene.clone().with_obstacles(&ranked);
+    let counted = count_greatest(&of_ranked, options.isa, tool, frames, n_top);
+    let mut beta = vec![0; scene.obstacles.n];
+    ranked.iter().zip(counted).for_each(|(&j, counted)| beta[j] = counted);
+    beta
 }
 
 /// Of which obstacles β is counted.
@@ -184,6 +252,9 @@ fn count_greatest(
     n: usize,
 ) -> Vec<u64> {
     let n_obstacles = scene.obstacles.n;
+    if n == 0 {
+        return vec![0; n_obstacles];
+    }
     let method = Pruned { scene, isa };
     let placed = PlacedCutter::new(scene, cutter).restricted_to(&indices(marked));
     let (_, workers) = par::map_with(
@@ -210,10 +281,20 @@ fn count_all(
     (cutter, marked): (&Cutter, &[bool]),
     frames: &[Frame],
 ) -> Vec<u64> {
+    count_by(&Pruned { scene, isa }, scene, (cutter, marked), frames)
+}
+
+/// β of all obstacles by an engine.
+fn count_by<M: Method>(
+    method: &M,
+    scene: &Scene,
+    (cutter, marked): (&Cutter, &[bool]),
+    frames: &[Frame],
+) -> Vec<u64> {
     let answers = SiteAnswers { inaccessible: marked.to_vec(), ..SiteAnswers::default() };
     let mut labels = [Labels { answers, ..Labels::default() }];
     let cutter = PlacedCutter::new(scene, cutter);
-    count(&Pruned { scene, isa }, scene, &[cutter], frames, &mut labels);
+    count(method, scene, &[cutter], frames, &mut labels);
     let [labels] = labels;
     labels.beta
 }
@@ -229,6 +310,10 @@ fn run<M: Method>(
     let mut cutters: Vec<PlacedCutter> = cutters.iter().map(placed).collect();
     let order = group_by_reference_point(&mut cutters);
     let mut labels = collide(method, scene, &cutters, &order, frames);
+    for labels in &mut labels {
+        let inaccessible = labels.answers.inaccessible.iter_mut();
+        inaccessible.zip(&scene.bottom).for_each(|(marked, &at_bottom)| *marked &= !at_bottom);
+    }
     if options.occlusion {
         count(method, scene, &cutters, frames, &mut labels);
     }
@@ -326,6 +411,7 @@ fn indices(marks: &[bool]) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::answers::n_of_share;
     use crate::geom::sites::{SiteOptions, sample};
     use crate::geom::solids;
 

@@ -14,18 +14,18 @@ use crate::geom::{Mesh, Sites};
 /// [`Predictor`](crate::model::Predictor) does.
 ///
 /// ```
-/// use deepmill::access::{LabelOptions, Labeler};
+/// use deepmill::access::Labeler;
 /// use deepmill::model::{Model, Predictor};
 /// use deepmill::{cutter::Cutter, geom::Sites};
 /// use deepmill::glam::Vec3;
 /// // A floor site beside a tall post.
 /// let sites = Sites::new(vec![Vec3::ZERO, Vec3::new(3.0, 0.0, 9.0)], vec![Vec3::Z; 2])?;
 /// let cutter: Cutter = "1.5,6,40,5".parse()?;
-/// let labeler = Labeler::of_sites("150".parse()?, LabelOptions::default());
+/// let labeler = Labeler::published();
 /// let predictor = Predictor::new(Model::shipped()?).accept_far(); // two sites are few
 /// let (exact, predicted) = (labeler.answer(&sites, &cutter)?, predictor.answer(&sites, &cutter)?);
 /// assert_eq!(exact.inaccessible.len(), predicted.inaccessible.len());
-/// assert!(exact.witness[1].is_some());
+/// assert!(!exact.inaccessible[0] && exact.witness[1].is_some());
 /// # Ok::<(), deepmill::Error>(())
 /// ```
 #[derive(Debug)]
@@ -41,7 +41,14 @@ enum Definition {
 }
 
 impl Labeler {
-    /// By the published definition: the query sites are the obstacles.
+    /// By the published definition: the query sites are the obstacles, [`Directions::published`] the directions, and
+    /// [`LabelOptions::published`] the options.
+    pub fn published() -> Self {
+        Labeler::of_sites(Directions::published(), LabelOptions::published())
+    }
+
+    /// With the query sites as obstacles; the published definition needs its directions and options, too
+    /// ([`Labeler::published`]).
     pub fn of_sites(directions: Directions, options: LabelOptions) -> Self {
         Labeler { directions, definition: Definition::Sites(options) }
     }

@@ -1,12 +1,14 @@
 //! Options and results of labeling.
 
+use super::bottom_sites;
 use super::matrix::CollisionMatrix;
 use super::stats::Stats;
 use super::surface::SurfaceLabels;
-use crate::answers::SiteAnswers;
+use crate::answers::{Rounding, SiteAnswers};
 use crate::cutter::ToolPart;
 use crate::simd::Isa;
 use crate::{Error, Result};
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -71,6 +73,12 @@ pub struct LabelOptions {
     pub beta: bool,
     /// Share of the ranked obstacles that are occlusion points, in (0, 1]; the paper's is 0.1.
     pub share: f64,
+    /// How many obstacles that share is; [`Rounding::Ceil`] by default, [`Rounding::Floor`] in the published definition.
+    pub rounding: Rounding,
+    /// The bottom rule: sites lower than the lowest plus so many mm are labeled accessible, and are not ranked as
+    /// occlusion points. `None` (default): no such rule; points of space have none either. The published definition has
+    /// 1 mm.
+    pub bottom_mm: Option<f64>,
     /// Also keep the answer for every direction and query, one bit each.
     pub collision_matrix: bool,
     /// Also compute the signed clearance, up to this many mm either way. Costs tens of times the labels.
@@ -86,6 +94,8 @@ impl Default for LabelOptions {
             occlusion: true,
             beta: true,
             share: 0.1,
+            rounding: Rounding::Ceil,
+            bottom_mm: None,
             collision_matrix: false,
             clearance_limit_mm: None,
             isa: Isa::active(),
@@ -93,12 +103,37 @@ impl Default for LabelOptions {
     }
 }
 
+/// Tolerance of the published bottom rule, mm.
+pub const BOTTOM_MM: f64 = 1.0;
+
 impl LabelOptions {
+    /// Those of the published definition: bottom rule of [`BOTTOM_MM`], shares rounded down. Its directions are
+    /// [`Directions::published`](crate::directions::Directions::published).
+    pub fn published() -> Self {
+        LabelOptions {
+            rounding: Rounding::Floor,
+            bottom_mm: Some(BOTTOM_MM),
+            ..LabelOptions::default()
+        }
+    }
+
+    /// The number of occlusion points among these sites (mm), if enough of them collide at all.
+    pub fn n_occlusion(&self, points: &[Vec3]) -> usize {
+        let n_bottom = self.bottom_mm.map_or(0, |bottom_mm| {
+            bottom_sites(points, bottom_mm).into_iter().filter(|at_bottom| *at_bottom).count()
+        });
+        self.rounding.n_of_share(self.share, points.len() - n_bottom)
+    }
+
     pub(super) fn check(&self) -> Result<()> {
         if !(self.share > 0.0 && self.share <= 1.0) {
             let expected = "above 0, at most 1";
             let remedy = "the paper uses 0.1";
             return Err(Error::argument("occlusion share", self.share, expected, remedy));
+        }
+        if let Some(bottom_mm) = self.bottom_mm.filter(|mm| !(0.0..f64::INFINITY).contains(mm)) {
+            let remedy = "the published definition has 1 mm";
+            return Err(Error::argument("bottom", bottom_mm, "a length of 0 mm or more", remedy));
         }
         match self.clearance_limit_mm {
             Some(limit) if !(limit > 0.0 && limit < f64::INFINITY) => {
@@ -133,11 +168,11 @@ pub struct Labels {
 }
 
 impl Labels {
-    /// Gives clearances the sign of the label where rounding left it open.
+    /// Gives clearances the sign of the collisions where rounding left it open.
     pub(super) fn settle_signs(&mut self) {
         let answers = &mut self.answers;
-        for (c, &blocked) in answers.clearance_mm.iter_mut().zip(&answers.inaccessible) {
-            *c = if blocked { c.min(0.0) } else { c.max(0.0) };
+        for (c, &n_free) in answers.clearance_mm.iter_mut().zip(&answers.accessible_directions) {
+            *c = if n_free == 0 { c.min(0.0) } else { c.max(0.0) };
         }
     }
 }

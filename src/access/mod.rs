@@ -16,6 +16,10 @@
 //! `ceil(share·n)` sites of greatest β, lower index first among equals, never one with β = 0.
 //! [`predicate`] fixes the order of every `f32` operation.
 //!
+//! The **published definition** ([`Labeler::published`]) is this with the directions of
+//! [`DirectionSet::Published`](crate::directions::DirectionSet::Published) and with [`LabelOptions::published`]: sites
+//! lower than the lowest plus 1 mm are accessible by rule and not ranked, and the share of the others is rounded down.
+//!
 //! # Engines
 //!
 //! [`Engine::Reference`] is that text as plain loops. [`Engine::Batched`] does the same tests
@@ -23,7 +27,7 @@
 //! them. All engines return the same labels and counts, bit for bit, for any number of threads and at every SIMD
 //! instruction set.
 //!
-//! # The part itself
+//! # The mesh definition
 //!
 //! Points are a sample of a part; [`surface`] tests its triangles.
 
@@ -55,8 +59,8 @@ pub use driver::{label, label_many};
 pub use extent::Extent;
 pub use gouge::gouges;
 pub use labeler::Labeler;
-pub use labels::{Engine, LabelOptions, Labels};
+pub use labels::{BOTTOM_MM, Engine, LabelOptions, Labels};
 pub use matrix::CollisionMatrix;
-pub use occlusion::occlusion_points;
+pub use occlusion::{bottom_sites, occlusion_points};
 pub use problem::{Obstacles, Queries};
 pub use stats::Stats;

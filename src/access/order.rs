@@ -50,6 +50,10 @@ impl Order {
             obstacles: moved,
             own: self.queries.iter().filter_map(own).collect(),
             n_ranked: scene.n_ranked,
+            bottom: match scene.bottom.is_empty() {
+                true => Vec::new(),
+                false => self.of_queries(&scene.bottom),
+            },
         }
     }
 

@@ -1,5 +1,6 @@
 //! The checked input of labeling: queries, obstacles and cutters as arrays of numbers.
 
+use super::bottom_sites;
 use super::kernels::Rotate;
 use super::predicate::{self, Frame, StepSquared};
 use crate::cutter::Cutter;
@@ -56,6 +57,10 @@ pub enum Obstacles<'a> {
     QueriesAnd(&'a [Vec3]),
     /// These points alone, mm. All are ranked.
     Points(&'a [Vec3]),
+    /// These points alone decide where the cutter collides, mm: the
+    /// [centroids](crate::geom::Mesh::centroids) of the mesh whose vertices are the query sites. β is that of the query sites, which are ranked; a site is never
+    /// its own obstacle.
+    Centroids(&'a [Vec3]),
 }
 
 impl Obstacles<'_> {
@@ -63,7 +68,9 @@ impl Obstacles<'_> {
     pub(super) fn n_beside(&self, n_queries: usize) -> usize {
         match self {
             Obstacles::Queries => n_queries,
-            Obstacles::QueriesAnd(points) => n_queries + points.len(),
+            Obstacles::QueriesAnd(points) | Obstacles::Centroids(points) => {
+                n_queries + points.len()
+            }
             Obstacles::Points(points) => points.len(),
         }
     }
@@ -80,6 +87,8 @@ pub(super) struct Scene {
     pub own: Vec<u32>,
     /// Obstacles that can be occlusion points: the first so many as given.
     pub n_ranked: usize,
+    /// Per query whether it is labeled accessible whatever collides; empty if none is.
+    pub bottom: Vec<bool>,
 }
 
 /// Of a query that is none of the obstacles.
@@ -96,7 +105,7 @@ impl Scene {
         let (same, extra): (bool, &[Vec3]) = match obstacles {
             Obstacles::Queries => (true, &[]),
             Obstacles::QueriesAnd(extra) => (true, extra),
-            Obstacles::Points(points) => (false, points),
+            Obstacles::Points(points) | Obstacles::Centroids(points) => (false, points),
         };
         if same && volume {
             let found = "the queries are points of space, not of the part";
@@ -119,7 +128,16 @@ impl Scene {
             obstacles: all,
             own: own.collect(),
             n_ranked,
+            bottom: Vec::new(),
         })
+    }
+
+    /// With the bottom rule, for queries that are sites.
+    pub fn with_bottom(self, bottom_mm: Option<f64>) -> Self {
+        match bottom_mm.filter(|_| !self.normals.is_empty()) {
+            None => self,
+            Some(bottom_mm) => Scene { bottom: bottom_sites(&self.points, bottom_mm), ..self },
+        }
     }
 
     /// With these of its obstacles alone.
@@ -130,9 +148,15 @@ impl Scene {
             obstacles.set(place, self.obstacles.get(j));
             places[j] = place as u32;
         }
-        self.own.iter_mut().for_each(|own| *own = places[*own as usize]);
+        let place = |own: u32| places.get(own as usize).copied().unwrap_or(NOT_AN_OBSTACLE);
+        self.own.iter_mut().for_each(|own| *own = place(*own));
         self.n_ranked = chosen.iter().filter(|j| **j < self.n_ranked).count();
         Scene { obstacles, ..self }
+    }
+
+    /// [`Scene::bottom`] where the ranked obstacles are the queries, in their order; else empty.
+    pub fn bottom_of_ranked(&self) -> &[bool] {
+        if self.own.is_empty() { &[] } else { &self.bottom }
     }
 
     pub fn n_queries(&self) -> usize {

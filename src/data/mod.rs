@@ -8,6 +8,7 @@ pub mod files;
 #[cfg(feature = "generate")]
 pub mod generated;
 pub mod loader;
+pub mod normalized;
 #[cfg(feature = "formats")]
 pub mod npz;
 pub mod online;

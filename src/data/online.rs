@@ -122,15 +122,15 @@ pub struct Online {
 }
 
 impl Online {
-    /// The parts of `samples`, each once, whatever their cutters; `share` of the sites are occlusion
-    /// points, in (0, 1].
+    /// The parts of `samples`, each once, whatever their cutters, to be labeled with these options
+    /// ([`DatasetSettings::label_options`](crate::data::dataset::DatasetSettings::label_options)).
     ///
     /// # Errors
     /// If there are no parts.
     pub fn new(
         samples: &[Sample],
         directions: Directions,
-        share: f64,
+        options: LabelOptions,
         settings: OnlineSettings,
         seed: u64,
     ) -> Result<Self> {
@@ -145,7 +145,7 @@ impl Online {
             let remedy = "build a data set with at least one part that can be labeled";
             return Err(Error::argument("training set", "empty", "one part or more", remedy));
         }
-        let options = LabelOptions { share, beta: false, ..LabelOptions::default() };
+        let options = LabelOptions { beta: false, ..options };
         Ok(Online { parts, directions, options, settings, seed })
     }
 }
@@ -206,7 +206,7 @@ mod tests {
 
     fn online(settings: OnlineSettings) -> Online {
         let directions = Directions::fibonacci_hemisphere(20).unwrap();
-        Online::new(&[bowl(), bowl()], directions, 0.1, settings, 5).unwrap()
+        Online::new(&[bowl(), bowl()], directions, LabelOptions::published(), settings, 5).unwrap()
     }
 
     #[test]
@@ -282,9 +282,10 @@ mod tests {
         let other = Sample { cutter: CutterParams::from_array([2.0; 4]), ..bowl.clone() };
         let directions = Directions::fibonacci_hemisphere(5).unwrap();
         let settings = OnlineSettings::default();
-        let source = Online::new(&[bowl, other], directions.clone(), 0.1, settings, 0).unwrap();
+        let options = LabelOptions::published();
+        let source = Online::new(&[bowl, other], directions.clone(), options, settings, 0).unwrap();
         assert_eq!(source.len(), 1);
-        assert!(Online::new(&[], directions, 0.1, settings, 0).is_err());
+        assert!(Online::new(&[], directions, options, settings, 0).is_err());
     }
 
     #[test]

@@ -77,6 +77,13 @@ impl Mesh {
         self.triangles[f].map(|v| self.vertices[v as usize])
     }
 
+    /// Mean of the corners of every face, mm, computed in `f64`: the obstacles of
+    /// [`Obstacles::Centroids`](crate::access::Obstacles::Centroids).
+    pub fn centroids(&self) -> Vec<glam::Vec3> {
+        let middle = |[a, b, c]: [DVec3; 3]| ((a + b + c) / 3.0).as_vec3();
+        (0..self.triangles.len()).map(|f| middle(self.corners(f))).collect()
+    }
+
     /// Twice the area of face `f` times its outward unit normal, mm².
     pub fn area_vector(&self, f: usize) -> DVec3 {
         let [a, b, c] = self.corners(f);

@@ -64,8 +64,11 @@ impl About<'_> {
         facts.add("normal_words", "normal", Cell::text(triple(normal.as_dvec3(), 3)));
         facts.add("answer", "answer", Cell::text(answer_words(why.answer)));
         if self.in_file() != why.answer {
-            let words =
-                format!("{}: another answer, by this version", answer_words(self.in_file()));
+            let reason = match self.query.is_at_bottom(site) {
+                true => "the bottom rule of the published definition",
+                false => "another answer, by this version",
+            };
+            let words = format!("{}: {reason}", answer_words(self.in_file()));
             facts.add("in_file", "in labels.npz", Cell::text(words));
         }
         if let Some(part) = why.blocked_by() {
@@ -201,6 +204,9 @@ impl About<'_> {
     fn face_words(&self, face: u32) -> String {
         let n = self.query.n_triangles() as u32;
         match self.query.definition {
+            Definition::Sites if self.query.centroids_block => {
+                format!("the centroid of triangle {face}")
+            }
             Definition::Sites | Definition::SitesInSpace => {
                 match (face as usize) < self.query.file.sites.len() {
                     true => format!("site {face}"),
@@ -228,6 +234,7 @@ impl About<'_> {
             "normal": normal.to_array(),
             "answer": why.answer,
             "in_file": self.in_file(),
+            "at_bottom": query.is_at_bottom(self.site),
             "tolerance_mm": why.tolerance_mm,
             "blocked_by": why.blocked_by(),
             "counts": ToolPart::ALL.iter().zip(why.counts())

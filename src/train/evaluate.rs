@@ -159,19 +159,21 @@ pub fn evaluate_together<N: Network<f32>>(
     Ok(evaluation)
 }
 
-/// As [`evaluate`], and a second time with the `share` of sites that look most like occlusion points in
-/// place of those with the greater logit; on several processes as [`evaluate_together`].
+/// As [`evaluate`], and a second time with the sites that look most like occlusion points, as many as the labels of
+/// these options have, in place of those with the greater logit; on several processes as [`evaluate_together`].
 ///
 /// # Errors
 /// As [`evaluate_together`].
 pub fn evaluate_ranked<N: Network<f32>>(
     model: &Model<f32, N>,
     samples: &[Sample],
-    share: f64,
+    options: &LabelOptions,
     processes: &dyn Processes,
 ) -> Result<[Evaluation; 2]> {
     score(samples, processes, |sample| {
         let prediction = predict(model, sample)?;
+        let points = &sample.sites.points;
+        let share = options.n_occlusion(points) as f64 / points.len().max(1) as f64;
         Ok([prediction.answers(), prediction.answers_ranked(share)])
     })
 }
@@ -245,18 +247,18 @@ pub(super) fn predict<N: Network<f32>>(
 }
 
 /// Labels every sample with the exact labeler, as the network predicts them: for its time, and for its labels where those of
-/// the samples were made with denser obstacles or other directions. `share` is that of occlusion points. On several processes as [`evaluate_together`].
+/// the samples were made with denser obstacles or other directions, or by another program.
+/// `options` have share, rounding and bottom rule. On several processes as [`evaluate_together`].
 ///
 /// # Errors
 /// If there are no samples, one is inconsistent or its cutter impossible, or another process fails.
 pub fn evaluate_exact(
     samples: &[Sample],
     directions: &Directions,
-    share: f64,
+    options: &LabelOptions,
     processes: &dyn Processes,
 ) -> Result<Evaluation> {
-    let options = LabelOptions { share, ..LabelOptions::default() };
-    let labeler = Labeler::of_sites(directions.clone(), options);
+    let labeler = Labeler::of_sites(directions.clone(), *options);
     let [evaluation] = score(samples, processes, |sample| {
         Ok([labeler.answer(&sample.sites, &Cutter::ball_end(sample.cutter)?)?])
     })?;

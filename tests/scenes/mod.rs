@@ -1,4 +1,5 @@
 //! Scenes, cutters and directions of the labeler's tests.
+#![allow(dead_code)] // Each test file uses some of it.
 
 use deepmill::cutter::{Cutter, CutterSet};
 use deepmill::directions::{DirectionSet, Directions};

@@ -53,9 +53,9 @@ impl Domain {
     /// What an even set stands for; `None` for a set that means just its own directions.
     pub fn of(directions: &Directions) -> Option<Self> {
         let (axis, half_angle) = match directions.set() {
-            DirectionSet::FibonacciHemisphere { .. } | DirectionSet::LatLong { .. } => {
-                (DVec3::Z, std::f64::consts::FRAC_PI_2)
-            }
+            DirectionSet::Published
+            | DirectionSet::FibonacciHemisphere { .. }
+            | DirectionSet::LatLong { .. } => (DVec3::Z, std::f64::consts::FRAC_PI_2),
             DirectionSet::FibonacciSphere { .. } => (DVec3::Z, std::f64::consts::PI),
             DirectionSet::Cone { axis, half_angle_rad, .. } => {
                 (DVec3::from_array(*axis).normalize(), *half_angle_rad)

@@ -357,15 +357,23 @@ fn site_count(text: &str) -> Result<usize> {
 /// Which directions the tool may come from.
 #[derive(clap::Args)]
 pub struct DirectionArgs {
-    /// COUNT or hemisphere:COUNT (upper half), sphere:COUNT, latlong:RINGSxCOUNT, cone:DEGREES:COUNT
-    /// (around +z), circle:X,Y,Z:COUNT (across an axis), list:X,Y,Z;X,Y,Z;…, or up (+z alone)
-    #[arg(long, value_name = "SET", default_value = "150", allow_negative_numbers = true)]
-    directions: String,
+    /// COUNT or hemisphere:COUNT (upper half), sphere:COUNT, latlong:RINGSxCOUNT, cone:DEGREES:COUNT (around +z),
+    /// circle:X,Y,Z:COUNT (across an axis), list:X,Y,Z;X,Y,Z;…, up (+z alone), or published (the 152 of the published
+    /// data). By default 150, of the published definition published.
+    #[arg(long, value_name = "SET", allow_negative_numbers = true)]
+    directions: Option<String>,
 }
 
 impl DirectionArgs {
+    /// Those given, or those of the mesh definition.
     pub fn directions(&self) -> Result<Directions> {
-        self.directions.parse().map_err(|e| called(e, "--directions"))
+        self.given()?.map_or_else(|| "150".parse(), Ok)
+    }
+
+    /// Those given.
+    pub fn given(&self) -> Result<Option<Directions>> {
+        let read = |set: &String| set.parse().map_err(|e| called(e, "--directions"));
+        self.directions.as_ref().map(read).transpose()
     }
 }
 

@@ -1,19 +1,17 @@
 //! `deepmill dataset`: builds labeled data sets from parts; imports and exports the published format.
 
+use crate::args::called;
 use crate::output::Output;
 use crate::processes::{hash, interrupted, together};
 use crate::progress;
+use crate::published_args::PublishedArgs;
 use clap::Subcommand;
-use deepmill::data::Sample;
-use deepmill::data::dataset::{
-    Builder, Dataset, DatasetSettings, Manifest, PartSource, Split, import,
-};
+use deepmill::data::dataset::{Builder, Dataset, DatasetSettings, Manifest, PartSource, Split};
 use deepmill::data::files::published::{self, List};
 use deepmill::directions::DirectionSet;
 use deepmill::processes::{Processes, agree, agree_to_go_on, require_same};
 use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
-use std::collections::HashSet;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -30,7 +28,7 @@ enum Verb {
     Build(BuildArgs),
     Show(ShowArgs),
     Export(ExportArgs),
-    Import(ImportArgs),
+    Import(crate::import::Args),
 }
 
 /// Read, scale, sample and label parts, with random cutters.
@@ -58,18 +56,20 @@ struct BuildArgs {
     /// Sites per part.
     #[arg(long, default_value_t = 7000, value_name = "COUNT", value_parser = several_sites)]
     sites: usize,
-    /// What blocks: `sites` (the published definition), `part` (its triangles), or COUNT: the sites and so many further points
-    /// per part.
-    #[arg(long, value_name = "WHAT", default_value = "sites")]
+    /// What blocks: `published` (the sites, by the published definition; also `sites`), `part` (its triangles: the mesh
+    /// definition), or COUNT: the sites and so many further points per part.
+    #[arg(long, value_name = "WHAT", default_value = "published")]
     obstacles: String,
+    #[command(flatten)]
+    published: PublishedArgs,
     /// Label points of the space around each part, about as many as --sites, with the tip at the point; a network for them has no
     /// normals to read (docs/training.md).
     #[arg(long)]
     volume: bool,
-    /// Directions over the upper hemisphere (Fibonacci points).
-    #[arg(long, default_value_t = 150, value_name = "COUNT")]
-    directions: usize,
-    /// Take directions over the whole sphere instead.
+    /// The directions, as `deepmill label` has them; by default `published`, with triangles as obstacles 150.
+    #[arg(long, value_name = "SET", allow_negative_numbers = true)]
+    directions: Option<String>,
+    /// Take so many directions over the whole sphere instead (150 by default).
     #[arg(long)]
     whole_sphere: bool,
     /// Scale up parts whose smallest box edge is below this, mm (0: never).
@@ -110,32 +110,11 @@ struct ExportArgs {
     out: PathBuf,
 }
 
-/// Make a data set of samples in the published format.
-///
-/// Reads the raw text under FOLDER/raw_data, whose lengths are millimeters; the lists of FOLDER/filelist,
-/// where there are any, divide training from test samples, which become the validation split.
-#[derive(clap::Args)]
-#[command(after_help = "Example: deepmill dataset import published --out data")]
-struct ImportArgs {
-    /// Folder with raw_data, or with points and filelist.
-    folder: PathBuf,
-    /// Folder of the data set.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Read the prepared points of the lists instead of the raw text: they are normalized, so that the
-    /// parts' millimeters are lost.
-    #[arg(long)]
-    lists: bool,
-    /// Directions over the upper hemisphere that the labels were made with; recorded only.
-    #[arg(long, default_value_t = 150, value_name = "COUNT")]
-    directions: usize,
-}
-
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     match &args.verb {
         Verb::Build(args) => together(output, |processes, output| build(args, processes, output)),
         Verb::Export(args) => export(args, output),
-        Verb::Import(args) => take_in(args, output),
+        Verb::Import(args) => crate::import::run(args, output),
         Verb::Show(args) => {
             show(&Dataset::open(&args.folder)?.manifest, output);
             Ok(())
@@ -203,25 +182,25 @@ fn build_parts(builder: &Builder, output: &Output) -> Result<ControlFlow<()>> {
 /// `share`: which of how many programs that build in the folder.
 fn builder(args: &BuildArgs, share: (usize, usize)) -> Result<Builder> {
     atomic_file::check_writable_folder(&args.out)?;
-    let n_dirs = args.directions;
+    let part_itself = args.obstacles == "part";
     let n_obstacles = match args.obstacles.as_str() {
-        "sites" | "part" => None,
+        "published" | "sites" | "part" => None,
         count => Some(count.parse().map_err(|_| {
-            let expected = "sites, part or a number of further points";
-            let remedy = "sites is the published definition, part tests triangles";
+            let expected = "published, part or a number of further points";
+            let remedy = "published has sites as obstacles, part tests triangles";
             Error::argument("--obstacles", format!("`{count}`"), expected, remedy)
         })?),
     };
+    let options = args.published.options(!part_itself && !args.volume)?;
     let settings = DatasetSettings {
         seed: args.seed,
         n_sites: args.sites,
         n_obstacles,
-        part_itself: args.obstacles == "part",
+        part_itself,
         volume: args.volume,
-        directions: match args.whole_sphere {
-            true => DirectionSet::FibonacciSphere { n_dirs },
-            false => DirectionSet::FibonacciHemisphere { n_dirs },
-        },
+        directions: directions(args, part_itself)?,
+        occlusion_rounding: options.rounding,
+        bottom_mm: options.bottom_mm,
         cutter_set: args.cutter_set.parse()?,
         n_cutters: args.cutters,
         min_edge_mm: (args.min_edge != 0.0 && args.sizes.is_none()).then_some(args.min_edge),
@@ -236,6 +215,24 @@ fn builder(args: &BuildArgs, share: (usize, usize)) -> Result<Builder> {
     sources
         .extend((0..args.generated).map(|index| PartSource::Generated { seed: args.seed, index }));
     Builder::share(&args.out, settings, sources, share)
+}
+
+/// As given, or those of the definition.
+fn directions(args: &BuildArgs, part_itself: bool) -> Result<DirectionSet> {
+    let by_count = part_itself || args.whole_sphere;
+    let usual = if by_count { "150" } else { "published" };
+    let given = args.directions.as_deref().unwrap_or(usual);
+    let set = given.parse().map_err(|error| called(error, "--directions"))?;
+    match (args.whole_sphere, set) {
+        (false, set) => Ok(set),
+        (true, DirectionSet::FibonacciHemisphere { n_dirs }) => {
+            Ok(DirectionSet::FibonacciSphere { n_dirs })
+        }
+        (true, set) => {
+            let remedy = "leave out --whole-sphere";
+            Err(Error::argument("--directions", set, "a number beside --whole-sphere", remedy))
+        }
+    }
 }
 
 fn export(args: &ExportArgs, output: &Output) -> Result<()> {
@@ -260,57 +257,7 @@ fn export(args: &ExportArgs, output: &Output) -> Result<()> {
     Ok(())
 }
 
-fn take_in(args: &ImportArgs, output: &Output) -> Result<()> {
-    atomic_file::check_writable_folder(&args.out)?;
-    let samples = match args.lists {
-        true => from_lists(&args.folder, output)?,
-        false => from_raw(&args.folder, output)?,
-    };
-    let settings = DatasetSettings {
-        n_sites: samples.first().map_or(0, |(_, sample)| sample.sites.len()),
-        directions: DirectionSet::FibonacciHemisphere { n_dirs: args.directions },
-        min_edge_mm: None,
-        ..DatasetSettings::default()
-    };
-    show(&import(&args.out, settings, &samples)?, output);
-    Ok(())
-}
-
-/// All samples of the lists; says that their points are in no unit.
-fn from_lists(folder: &Path, output: &Output) -> Result<Vec<(Split, Sample)>> {
-    let mut samples = Vec::new();
-    for (list, split) in LISTS {
-        samples.extend(published::read_list(folder, list)?.into_iter().map(|s| (split, s)));
-    }
-    output.warn(
-        "the points of these lists are normalized, cutters are in mm: lengths of the parts are lost",
-    );
-    Ok(samples)
-}
-
-/// All samples of the raw text, in the splits that the lists beside it name.
-fn from_raw(folder: &Path, output: &Output) -> Result<Vec<(Split, Sample)>> {
-    let samples = published::read_raw(folder)?;
-    let [train, test] = LISTS.map(|(list, _)| published::listed_names(folder, list));
-    let (train, test) = (train?, test?);
-    let in_list = |names: &Option<HashSet<String>>, sample: &Sample| {
-        names.as_ref().is_some_and(|names| names.contains(&sample.name))
-    };
-    let unlisted = samples.iter().filter(|s| !in_list(&train, s) && !in_list(&test, s)).count();
-    if unlisted > 0 {
-        let lists = "the lists in `filelist` (models_train_val.txt, models_test.txt)";
-        output.warn(format!("{unlisted} samples are not in {lists}: they are for training"));
-    }
-    let split = |sample: &Sample| match in_list(&test, sample) {
-        true => Split::Validation,
-        false => Split::Train,
-    };
-    Ok(samples.into_iter().map(|sample| (split(&sample), sample)).collect())
-}
-
-const LISTS: [(List, Split); 2] = [(List::TrainVal, Split::Train), (List::Test, Split::Validation)];
-
-fn show(manifest: &Manifest, output: &Output) {
+pub fn show(manifest: &Manifest, output: &Output) {
     let count = |split: Split| {
         manifest.parts.iter().filter(|p| p.content.is_some() && p.split == split).count()
     };

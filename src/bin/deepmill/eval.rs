@@ -211,9 +211,10 @@ fn score_set(
             ));
         }
     }
+    let options = settings.label_options();
     let mut scored = Vec::new();
     for (name, model) in networks {
-        let [plain, ranked] = evaluate_ranked(model, samples, settings.occlusion_share, processes)?;
+        let [plain, ranked] = evaluate_ranked(model, samples, &options, processes)?;
         scored.push((name.clone(), true, plain));
         let share = 100.0 * settings.occlusion_share;
         scored.push((format!("{name}, occlusion by rank ({share} %)"), true, ranked));
@@ -230,7 +231,7 @@ fn score_set(
     }
     if args.exact {
         let directions = Directions::new(settings.directions.clone())?;
-        let exact = evaluate_exact(samples, &directions, settings.occlusion_share, processes)?;
+        let exact = evaluate_exact(samples, &directions, &options, processes)?;
         scored.push(("exact labeler".into(), true, exact));
     }
     scored.push(("majority class".into(), false, majority(samples)?));

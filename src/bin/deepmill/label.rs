@@ -7,6 +7,7 @@ use crate::findings;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
+use crate::published_args::PublishedArgs;
 use crate::{progress, volume};
 use deepmill::access::surface::explain::Remedies;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
@@ -56,10 +57,13 @@ pub struct Args {
     pub surface: SurfaceArgs,
     #[command(flatten)]
     gate: GateArgs,
-    /// What blocks: `part` (its triangles; the default for a mesh), `sites` (the published definition, as data sets and
-    /// networks have it), or COUNT: the sites and so many further points of the surface.
+    /// What blocks: `part` (its triangles, the mesh definition; the default for a mesh), `published` (the sites, by the
+    /// published definition; also `sites`), `centroids` (those of the triangles, by the published definition), or COUNT:
+    /// the sites and so many further points of the surface.
     #[arg(long, value_name = "WHAT")]
     obstacles: Option<String>,
+    #[command(flatten)]
+    published: PublishedArgs,
     /// How to compute with points as obstacles; all engines give the same labels.
     #[arg(long, value_name = "NAME", default_value_t = LabelOptions::default().engine.name().into())]
     engine: String,
@@ -119,15 +123,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.surface.tolerances.with_allowance(args.tools.tools(output)?)?;
     args.surface.tolerances.options()?;
     let limits = args.gate.limits(&[])?;
-    let directions = args.directions.directions()?;
+    let given_directions = args.directions.given()?;
     let engine = args.engine.parse()?;
     let also = args.also.iter().map(|name| name.parse()).collect::<Result<Vec<Extra>>>()?;
-    let options = LabelOptions {
-        engine,
-        share: args.share_of_occlusion(),
-        clearance_limit_mm: args.clearance_limit,
-        ..LabelOptions::default()
-    };
 
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
@@ -144,7 +142,20 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (mesh, sites) = args.sites.place(part)?;
     Show::pictures_unless(args.no_picture).require_memory(mesh.as_ref(), &sites)?;
     let blocking = Blocking::read(args.obstacles.as_deref(), mesh.is_some(), output)?;
+    let options = LabelOptions {
+        engine,
+        share: args.share_of_occlusion(),
+        clearance_limit_mm: args.clearance_limit,
+        ..args.published.options(blocking != Blocking::Part)?
+    };
+    let directions = match (given_directions, blocking) {
+        (Some(given), _) => given,
+        (None, Blocking::Part) => args.directions.directions()?,
+        (None, _) => Directions::published(),
+    };
     let more = further_obstacles(args, blocking, mesh.as_ref())?;
+    let centroids = mesh.as_ref().filter(|_| blocking == Blocking::Centroids);
+    let centroids = centroids.map(Mesh::centroids);
     clock.lap("sites_s", "sites");
     let options_of_part = SurfaceOptions {
         clearance_limit_mm: args.clearance_limit,
@@ -156,9 +167,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let fixtures = fixtures.transpose()?.unwrap_or_default();
     let triangles = part_itself.map(|mesh| TriangleObstacles::new(mesh, &fixtures)).transpose()?;
     triangles.iter().for_each(|triangles| part_itself::say_without_area(triangles, output));
-    let points = match &more {
-        Some(sites) => Obstacles::QueriesAnd(&sites.points),
-        None => Obstacles::Queries,
+    let points = match (&more, &centroids) {
+        (Some(sites), _) => Obstacles::QueriesAnd(&sites.points),
+        (None, Some(centroids)) => Obstacles::Centroids(centroids),
+        (None, None) => Obstacles::Queries,
     };
     let (mut labels, warnings) = match (&triangles, &mesh) {
         (Some(triangles), Some(mesh)) => {
@@ -187,6 +199,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         args,
         also,
         blocking,
+        options,
         has_occlusion,
         finish_mm: options_of_part.finish_mm,
         tools,
@@ -218,7 +231,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 
     let warning = match blocking {
         Blocking::Part => None,
-        Blocking::Points(_) => answers.add_density(&mut facts, more),
+        Blocking::Points(_) | Blocking::Centroids => answers.add_density(&mut facts, more),
     };
     clock.add_to(&mut facts);
     output.say(facts.text());
@@ -268,6 +281,7 @@ struct Answers<'a> {
     args: &'a Args,
     also: Vec<Extra>,
     blocking: Blocking,
+    options: LabelOptions,
     has_occlusion: bool,
     finish_mm: f64,
     tools: &'a [Tool],
@@ -285,6 +299,12 @@ impl Answers<'_> {
         let mut facts = Facts::new();
         facts.add("part", "part", Cell::text(name_of(&self.args.part)));
         facts.add("definition", "definition", Cell::text(self.blocking.words()));
+        if let Some(bottom_mm) = self.options.bottom_mm {
+            let by_rule = access::bottom_sites(&self.sites.points, bottom_mm);
+            let n_by_rule = by_rule.into_iter().filter(|by_rule| *by_rule).count();
+            facts.add("bottom_mm", "bottom rule, mm", Cell::Given(bottom_mm));
+            facts.add("n_bottom", "accessible by the bottom rule, sites", Cell::count(n_by_rule));
+        }
         if coverage.is_none() {
             facts.add("cutter", "cutter", Cell::text(self.tools[0].words()));
         }
@@ -391,6 +411,8 @@ impl Answers<'_> {
             "warnings": part_itself::warnings_json(warnings),
             "occlusion": self.has_occlusion,
             "occlusion_share": self.has_occlusion.then(|| args.share_of_occlusion()),
+            "occlusion_rounding": self.options.rounding,
+            "bottom_mm": self.options.bottom_mm,
             "clearance_limit_mm": args.clearance_limit,
             "engine": args.engine,
         });

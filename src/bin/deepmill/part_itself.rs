@@ -27,14 +27,16 @@ pub enum Blocking {
     Part,
     /// Its sites, and this many further points of it.
     Points(Option<usize>),
+    /// The centroids of its triangles.
+    Centroids,
 }
 
 impl Blocking {
-    /// `part`, `sites` or a number of further points; by default the part, if there are triangles.
+    /// `part`, `published`, `centroids` or a number of further points; by default the part, if there are triangles.
     pub fn read(text: Option<&str>, has_mesh: bool, output: &Output) -> Result<Self> {
         let found = match text {
             None if has_mesh => return Ok(Blocking::Part),
-            None | Some("sites") => return Ok(Blocking::Points(None)),
+            None | Some("published" | "sites") => return Ok(Blocking::Points(None)),
             Some(text) => text,
         };
         if !has_mesh {
@@ -43,10 +45,11 @@ impl Blocking {
         }
         match found.parse() {
             _ if found == "part" => Ok(Blocking::Part),
+            _ if found == "centroids" => Ok(Blocking::Centroids),
             Ok(n) => Ok(Blocking::Points(Some(n))),
             Err(_) => {
-                let expected = "part, sites or a number";
-                let remedy = "part tests triangles, sites is the published definition";
+                let expected = "part, published, centroids or a number";
+                let remedy = "part is the mesh definition, published has sites as obstacles";
                 Err(Error::argument("--obstacles", format!("`{found}`"), expected, remedy))
             }
         }
@@ -56,7 +59,7 @@ impl Blocking {
     pub fn words(self) -> String {
         match self {
             Blocking::Part => Definition::Part.to_string(),
-            Blocking::Points(_) => Definition::Sites.to_string(),
+            Blocking::Points(_) | Blocking::Centroids => Definition::Sites.to_string(),
         }
     }
 }

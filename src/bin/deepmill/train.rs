@@ -3,6 +3,7 @@
 use crate::output::Output;
 use crate::processes::{hash, interrupted, together};
 use crate::progress;
+use deepmill::access::LabelOptions;
 use deepmill::answers::Definition;
 use deepmill::data::dataset::{Dataset, DatasetSettings, Split};
 use deepmill::data::online::OnlineSettings;
@@ -158,9 +159,9 @@ fn quoted(path: &Path) -> String {
 struct Data {
     samples: Vec<Sample>,
     validation: Vec<Sample>,
-    /// Directions and share of occlusion points, the same in all.
+    /// Directions and the other parts of the rule, the same in all.
     directions: DirectionSet,
-    share: f64,
+    options: LabelOptions,
     /// What the labels are about, in all.
     definition: Definition,
     /// Tells other data sets apart.
@@ -170,10 +171,10 @@ struct Data {
 impl Data {
     fn read(args: &Args) -> Result<Self> {
         let first = Dataset::open(&args.data[0])?.manifest.settings;
-        let (directions, share) = (first.directions.clone(), first.occlusion_share);
+        let (directions, options) = (first.directions.clone(), first.label_options());
         let definition = first.definition();
         let (samples, validation, fingerprint) = (Vec::new(), Vec::new(), String::new());
-        let mut data = Data { samples, validation, directions, share, definition, fingerprint };
+        let mut data = Data { samples, validation, directions, options, definition, fingerprint };
         let wholly = args.validate.iter().map(|folder| (folder, true));
         for (folder, validate) in args.data.iter().map(|folder| (folder, false)).chain(wholly) {
             let set = Dataset::open(folder)?;
@@ -181,10 +182,14 @@ impl Data {
             data.fingerprint = hash(&[data.fingerprint.as_bytes(), &manifest[..]].concat());
             let settings = &set.manifest.settings;
             let kind = |s: &DatasetSettings| (s.directions.clone(), s.definition());
-            if (kind(settings), settings.occlusion_share) != (kind(&first), data.share) {
-                let found = "its labels have other directions, another kind of obstacles or another \
-                             share of occlusion points";
-                let remedy = "join data sets of the same --directions and --obstacles";
+            let rule = |s: &DatasetSettings| {
+                let options = s.label_options();
+                (options.share, options.rounding, options.bottom_mm)
+            };
+            if (kind(settings), rule(settings)) != (kind(&first), rule(&first)) {
+                let found = "its labels have other directions, another kind of obstacles, another bottom \
+                             rule or another share of occlusion points";
+                let remedy = "join data sets of the same --directions, --obstacles and --bottom";
                 return Err(Error::file(folder, "settings", found, remedy));
             }
             if validate {
@@ -203,11 +208,11 @@ impl Data {
                 true => "a data set about space, which does not hold the part's surface",
                 false => "a data set about the part itself, whose triangles it does not hold",
             };
-            let remedy = "leave out --online, or build the data set with --obstacles sites";
+            let remedy = "leave out --online, or build the data set with --obstacles published";
             return Err(Error::argument("--online", found, "sites as obstacles", remedy));
         }
         let directions = Directions::new(self.directions.clone())?;
-        Online::new(&self.samples, directions, self.share, settings, seed)
+        Online::new(&self.samples, directions, self.options, settings, seed)
     }
 }
 

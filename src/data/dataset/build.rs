@@ -253,8 +253,7 @@ impl Builder {
             [] => Obstacles::Queries,
             points => Obstacles::QueriesAnd(points),
         };
-        let share = self.settings.occlusion_share;
-        let options = LabelOptions { share, beta: false, ..LabelOptions::default() };
+        let options = LabelOptions { beta: false, ..self.settings.label_options() };
         let labels = access::label_many(sites, obstacles, cutters, &self.directions, &options)?;
         Ok(labels.into_iter().map(|labels| labels.answers).collect())
     }
@@ -398,7 +397,11 @@ mod tests {
                 assert_eq!(answers.accessible_share, shares);
             }
         }
-        let samples: Vec<_> = samples.into_iter().map(|s| (Split::Train, s)).collect();
+        let imported_sample = |sample| {
+            let (split, mm_per_unit) = (Split::Train, 1.0);
+            crate::data::dataset::ImportedSample { split, sample, mm_per_unit }
+        };
+        let samples: Vec<_> = samples.into_iter().map(imported_sample).collect();
         crate::data::dataset::import(&imported, settings(), &samples).unwrap();
         let samples = Dataset::open(&imported).unwrap().samples(None).unwrap();
         assert!(samples.iter().all(|sample| sample.answers.accessible_share.is_empty()));

@@ -9,6 +9,17 @@ use crate::folder_lock::FolderLock;
 use crate::{Error, Result};
 use std::path::Path;
 
+/// A sample of another program, in mm.
+#[derive(Debug, Clone)]
+pub struct ImportedSample {
+    /// What it is used for.
+    pub split: Split,
+    /// Points, cutter and labels.
+    pub sample: Sample,
+    /// Factor that made its points millimeters; 1 if they were.
+    pub mm_per_unit: f64,
+}
+
 /// Writes `samples` as a data set into the empty or new `folder`. `settings` say how they were labeled;
 /// that cannot be checked. Of the accessible directions only "none" (0) and "some" (1) are known.
 ///
@@ -18,7 +29,7 @@ use std::path::Path;
 pub fn import(
     folder: &Path,
     settings: DatasetSettings,
-    samples: &[(Split, Sample)],
+    samples: &[ImportedSample],
 ) -> Result<Manifest> {
     if samples.is_empty() {
         let remedy = "name a folder with samples of the published format";
@@ -30,7 +41,7 @@ pub fn import(
         return Err(Error::file(&path, "folder", "it holds a data set", "choose another folder"));
     }
     let mut parts = Vec::with_capacity(samples.len());
-    for (index, (split, sample)) in samples.iter().enumerate() {
+    for (index, ImportedSample { split, sample, mm_per_unit }) in samples.iter().enumerate() {
         sample.check()?;
         let some = sample.answers.inaccessible.iter().map(|no| u32::from(!no));
         let accessible_directions = some.collect();
@@ -43,7 +54,7 @@ pub fn import(
         let low = points.iter().copied().reduce(|a, b| a.min(b)).unwrap_or_default();
         let high = points.iter().copied().reduce(|a, b| a.max(b)).unwrap_or_default();
         let box_mm = (high - low).as_dvec3().to_array();
-        let content = Some(store(folder, index, &sample.name, &part, 1.0, box_mm)?);
+        let content = Some(store(folder, index, &sample.name, &part, *mm_per_unit, box_mm)?);
         let name = sample.name.clone();
         parts.push(PartRecord { index, name, split: *split, content, skipped: None });
     }

@@ -1,7 +1,8 @@
 //! The manifest of a data set: its settings, and per part its origin, scale, cutters and shares of labels.
 
 use crate::access::surface::tested;
-use crate::answers::Definition;
+use crate::access::{BOTTOM_MM, LabelOptions};
+use crate::answers::{Definition, Rounding};
 use crate::cutter::{CutterParams, CutterSet};
 use crate::data::online::is_size_range;
 use crate::directions::{DirectionSet, Directions};
@@ -46,11 +47,23 @@ pub struct DatasetSettings {
     pub size_mm: Option<[f64; 2]>,
     /// Share of the sites that are occlusion points.
     pub occlusion_share: f64,
+    /// How many sites that share is, where points block; data sets of before it was stated have [`Rounding::Ceil`].
+    #[serde(default, skip_serializing_if = "is_ceil")]
+    pub occlusion_rounding: Rounding,
+    /// Tolerance of the bottom rule ([`LabelOptions::bottom_mm`]) of sites among which points block, mm; `None`: no such
+    /// rule, as in data sets of before it was stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bottom_mm: Option<f64>,
     /// Probability of a part to be in the validation split.
     pub validation_share: f64,
 }
 
+fn is_ceil(rounding: &Rounding) -> bool {
+    *rounding == Rounding::Ceil
+}
+
 impl Default for DatasetSettings {
+    /// The published definition.
     fn default() -> Self {
         DatasetSettings {
             seed: 0,
@@ -58,12 +71,14 @@ impl Default for DatasetSettings {
             n_obstacles: None,
             part_itself: false,
             volume: false,
-            directions: DirectionSet::FibonacciHemisphere { n_dirs: 150 },
+            directions: DirectionSet::Published,
             cutter_set: CutterSet::Uniform,
             n_cutters: 1,
             min_edge_mm: Some(80.0),
             size_mm: None,
             occlusion_share: 0.1,
+            occlusion_rounding: Rounding::Floor,
+            bottom_mm: Some(BOTTOM_MM),
             validation_share: 0.0,
         }
     }
@@ -77,6 +92,20 @@ impl DatasetSettings {
             (true, false) => Definition::Part,
             (false, true) => Definition::SitesInSpace,
             (true, true) => Definition::PartInSpace,
+        }
+    }
+
+    /// Options of labels among points: share, rounding and bottom rule; the latter two are of sites only.
+    pub fn label_options(&self) -> LabelOptions {
+        let share = self.occlusion_share;
+        match self.definition() {
+            Definition::Sites => LabelOptions {
+                share,
+                rounding: self.occlusion_rounding,
+                bottom_mm: self.bottom_mm,
+                ..LabelOptions::default()
+            },
+            _ => LabelOptions { share, ..LabelOptions::default() },
         }
     }
 
@@ -94,7 +123,8 @@ impl DatasetSettings {
         let (share, kept) = (self.occlusion_share, self.validation_share);
         let edge = self.min_edge_mm.unwrap_or(1.0);
         let dense = self.n_obstacles.unwrap_or(1);
-        let rules: [(&'static str, f64, bool, &str); 6] = [
+        let bottom = self.bottom_mm.unwrap_or(0.0);
+        let rules: [(&'static str, f64, bool, &str); 7] = [
             ("cutters", self.n_cutters as f64, self.n_cutters > 0, "1 or more"),
             (
                 "sites",
@@ -105,6 +135,7 @@ impl DatasetSettings {
             ("obstacles", dense as f64, (1..=MAX_SITES).contains(&dense), "1 to 10 million"),
             ("occlusion share", share, share > 0.0 && share <= 1.0, "above 0, at most 1"),
             ("validation share", kept, (0.0..=1.0).contains(&kept), "0 to 1"),
+            ("bottom", bottom, (0.0..=1e6).contains(&bottom), "0 mm or more, at most 1 km"),
             ("smallest box edge", edge, edge > 0.0 && edge <= 1e6, "above 0 mm, at most 1 km"),
         ];
         if let Some(range) = self.size_mm.filter(|range| !is_size_range(range)) {
@@ -265,7 +296,26 @@ mod tests {
         assert!(broken(|s| s.n_obstacles = Some(0)).starts_with("obstacles is 0"));
         assert!(broken(|s| s.occlusion_share = f64::NAN).starts_with("occlusion share is NaN"));
         assert!(broken(|s| s.validation_share = 7.0).starts_with("validation share is 7"));
+        assert!(broken(|s| s.bottom_mm = Some(-1.0)).starts_with("bottom is -1"));
         assert!(broken(|s| s.min_edge_mm = Some(f64::NAN)).starts_with("smallest box edge is NaN"));
+    }
+
+    #[test]
+    fn settings_of_before_the_rule_was_stated_mean_the_earlier_rule() {
+        let mut stated = serde_json::to_value(DatasetSettings::default()).unwrap();
+        assert_eq!(
+            (&stated["bottom_mm"], &stated["occlusion_rounding"]),
+            (&1.0.into(), &"floor".into())
+        );
+        let fields = stated.as_object_mut().unwrap();
+        fields.retain(|name, _| name != "bottom_mm" && name != "occlusion_rounding");
+        let earlier: DatasetSettings = serde_json::from_value(stated.clone()).unwrap();
+        assert_eq!((earlier.bottom_mm, earlier.occlusion_rounding), (None, Rounding::Ceil));
+        assert_eq!(serde_json::to_value(&earlier).unwrap(), stated, "and are written as they were");
+        let options = DatasetSettings::default().label_options();
+        assert_eq!((options.bottom_mm, options.rounding), (Some(1.0), Rounding::Floor));
+        let part_itself = DatasetSettings { part_itself: true, ..DatasetSettings::default() };
+        assert_eq!(part_itself.label_options().bottom_mm, None);
     }
 
     #[test]

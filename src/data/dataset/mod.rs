@@ -9,7 +9,7 @@ mod import;
 mod manifest;
 
 pub use build::{Builder, PartSource};
-pub use import::import;
+pub use import::{ImportedSample, import};
 pub use manifest::{CutterRecord, DatasetSettings, Manifest, PartRecord, Split};
 
 use crate::answers::SiteAnswers;

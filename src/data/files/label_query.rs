@@ -12,7 +12,7 @@ use crate::access::surface::explain::{
 use crate::access::surface::{
     ContactTolerance, FINISH_MM, RefinementOptions, SiteAnswer, SurfaceOptions, TriangleObstacles,
 };
-use crate::access::{self, LabelOptions, Obstacles, Queries};
+use crate::access::{self, LabelOptions, Obstacles, Queries, bottom_sites};
 use crate::answers::Definition;
 use crate::cutter::Assembly;
 use crate::directions::{DirectionSet, Directions};
@@ -77,12 +77,14 @@ pub struct LabelQuery {
     /// Fixtures and table.
     pub fixtures: Option<Mesh>,
     barrier: Barrier,
+    /// Whether the obstacles are centroids of triangles.
+    pub(crate) centroids_block: bool,
 }
 
 #[derive(Debug)]
 enum Barrier {
     Triangles(TriangleObstacles),
-    /// The sites, then further points of the surface.
+    /// The sites, then further points of the surface; or centroids of triangles.
     Points(Vec<Vec3>),
 }
 
@@ -113,12 +115,16 @@ impl LabelQuery {
             }
             _ => {
                 let more = stated.further_points(mesh.as_ref())?;
-                Barrier::Points(file.sites.points.iter().copied().chain(more).collect())
+                Barrier::Points(match mesh.as_ref().filter(|_| stated.centroids_block()) {
+                    Some(mesh) => mesh.centroids(),
+                    None => file.sites.points.iter().copied().chain(more).collect(),
+                })
             }
         };
         file.sites.check()?;
-        let remedies = stated.remedies();
+        let (remedies, centroids_block) = (stated.remedies(), stated.centroids_block());
         Ok(LabelQuery {
+            centroids_block,
             definition,
             tool,
             directions,
@@ -145,6 +151,16 @@ impl LabelQuery {
         })
     }
 
+    /// Whether the published definition's bottom rule labels a site accessible, whatever collides.
+    ///
+    /// # Panics
+    /// If there is no such site.
+    pub fn is_at_bottom(&self, site: usize) -> bool {
+        let bottom_mm = self.file.provenance.settings["bottom_mm"].as_f64();
+        let points = &self.file.sites.points;
+        bottom_mm.is_some_and(|bottom_mm| bottom_sites(points, bottom_mm)[site])
+    }
+
     /// Why a site can or cannot be reached.
     ///
     /// # Errors
@@ -168,7 +184,10 @@ impl LabelQuery {
         };
         match &self.barrier {
             Barrier::Triangles(triangles) => triangles.explain(&query),
-            Barrier::Points(points) => explain_among_points(points, Some(site), &query),
+            Barrier::Points(points) => {
+                let own = (!self.centroids_block).then_some(site);
+                explain_among_points(points, own, &query)
+            }
         }
     }
 
@@ -209,7 +228,8 @@ impl LabelQuery {
                 Ok(labels.answers[0] == SiteAnswer::Accessible)
             }
             Barrier::Points(points) => {
-                let others = points.iter().enumerate().filter(|(k, _)| *k != site);
+                let is_other = |k: usize| self.centroids_block || k != site;
+                let others = points.iter().enumerate().filter(|(k, _)| is_other(*k));
                 let others: Vec<Vec3> = others.map(|(_, p)| *p).collect();
                 let options = LabelOptions { occlusion: false, ..LabelOptions::default() };
                 let queries = Queries::Sites(&of_site);
@@ -407,6 +427,11 @@ impl Stated<'_> {
             return Err(Error::file(&path, "SHA-256", found, remedy));
         }
         formats::read_mesh(&path, &ReadOptions::default())
+    }
+
+    /// `--obstacles centroids`.
+    fn centroids_block(&self) -> bool {
+        self.settings()["obstacles"] == "centroids"
     }
 
     /// What `--obstacles COUNT` adds to the sites.

@@ -1,8 +1,8 @@
 //! The published data format: what the reference implementation's scripts read and write.
 //!
-//! Under a root folder: `raw_data/models/NAME.txt` with lines `x y z nx ny nz label label_2` in mm,
-//! `raw_data/models_cutter/NAME_cutter.txt` with CR, CH, FR, FH in mm; and, prepared from these,
-//! `points/models/NAME.ply` (points normalized to ±0.8, six decimals) and
+//! Under a root folder: `raw_data/models/NAME.txt` with lines `x y z nx ny nz label label_2` in mm (the authors' own are
+//! normalized to ±0.8, see [`data::normalized`](crate::data::normalized)), `raw_data/models_cutter/NAME_cutter.txt` with
+//! CR, CH, FR, FH in mm; and, prepared from these, `points/models/NAME.ply` (points normalized to ±0.8, six decimals) and
 //! `filelist/models_train_val.txt`, `filelist/models_test.txt` with lines `models/NAME.ply 0 CR CH FR FH`.
 //!
 //! Polarity: `label` 1 means **accessible** there; it is turned round on the way in and out. `label_2` 1 is
@@ -41,7 +41,7 @@ impl List {
     }
 }
 
-/// Reads all samples of `root/raw_data`, in the order of their names; lengths in mm.
+/// Reads all samples of `root/raw_data`, in the order of their names; cutters in mm, points as they are in the files.
 ///
 /// # Errors
 /// If a folder or file is missing, or a line is not what the format says: file and line are named.

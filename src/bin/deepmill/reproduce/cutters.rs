@@ -4,12 +4,12 @@ use super::page::Page;
 use super::pictures::Sheet;
 use super::samples::inaccessible_share;
 use super::scores;
-use super::study::{N_DIRECTIONS, Study};
+use super::study::Study;
 use super::trainings::{Trainings, test_samples, training_samples};
 use deepmill::Result;
+use deepmill::access::Labeler;
 use deepmill::cutter::CutterSet;
 use deepmill::data::Sample;
-use deepmill::directions::Directions;
 use deepmill::model::config::CutterPlacement;
 use deepmill::report::tables::{Cell, Table};
 use deepmill::train::evaluate;
@@ -17,10 +17,10 @@ use serde_json::Value;
 
 pub fn run(study: &Study) -> Result<Value> {
     let trainings = Trainings::new(study)?;
-    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
-    let uniform = training_samples(study, &[CutterSet::Uniform], &directions)?;
+    let labeler = Labeler::published();
+    let uniform = training_samples(study, &[CutterSet::Uniform], &labeler)?;
     let sets = [CutterSet::Uniform, CutterSet::Extreme];
-    let with_extreme = training_samples(study, &sets, &directions)?;
+    let with_extreme = training_samples(study, &sets, &labeler)?;
     let train = |name, data: &[Sample], placement| {
         let network =
             trainings.network(name, data, |s| s.network.cutter_mut().placement = placement);

@@ -3,7 +3,7 @@
 use super::page::Page;
 use super::samples::{Draw, labeled};
 use super::scores;
-use super::study::{N_DIRECTIONS, Study};
+use super::study::Study;
 use super::trainings::{Data, N_CUTTERS, N_TEST_CUTTERS, Trained, Trainings};
 use deepmill::Result;
 use deepmill::access::{LabelOptions, Labeler};
@@ -86,8 +86,8 @@ fn sizes(study: &Study) -> [usize; 3] {
 
 /// Training and test samples.
 fn samples(study: &Study, n_sites: usize, share: f64) -> Result<[Vec<Sample>; 2]> {
-    let options = LabelOptions { share, ..LabelOptions::default() };
-    let labeler = Labeler::of_sites(Directions::fibonacci_hemisphere(N_DIRECTIONS)?, options);
+    let options = LabelOptions { share, ..LabelOptions::published() };
+    let labeler = Labeler::of_sites(Directions::published(), options);
     let draw = |n_cutters| Draw { sets: &[CutterSet::Uniform], n_cutters };
     let training = labeled(study, study.training_parts(), &draw(N_CUTTERS), &labeler, n_sites)?;
     let test = labeled(study, study.test_parts(), &draw(N_TEST_CUTTERS), &labeler, n_sites)?;

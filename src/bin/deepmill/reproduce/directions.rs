@@ -9,7 +9,7 @@ use super::trainings::{
 };
 use deepmill::Result;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
-use deepmill::access::{LabelOptions, Obstacles, label};
+use deepmill::access::{LabelOptions, Labeler, Obstacles, label};
 use deepmill::answers::Definition;
 use deepmill::cutter::{Cutter, CutterSet};
 use deepmill::directions::Directions;
@@ -30,7 +30,7 @@ const CUTTERS: [[f64; 4]; 2] = [[1.5, 6.0, 40.0, 5.0], [1.5, 20.0, 5.0, 20.0]];
 /// A way to answer.
 #[derive(Clone, Copy, PartialEq)]
 enum Way {
-    /// The published definition.
+    /// Sites as obstacles, without the bottom rule: only directions and obstacles differ from the other ways.
     Sites,
     /// Triangles, only the directions of the set.
     Part,
@@ -95,11 +95,13 @@ fn ways() -> Vec<(Way, usize)> {
     Way::ALL.iter().flat_map(|way| (0..SETS.len()).map(|k| (*way, k))).collect()
 }
 
-/// Networks that learned published labels, and labels about the part itself with the search.
+/// Networks trained on labels against sites, by the earlier rule so that only the obstacles differ, and on labels about
+/// the part itself with the search.
 fn learners(study: &Study, trainings: &Trainings) -> Result<[Learner; 2]> {
     let cutters = [CutterSet::Uniform, CutterSet::Extreme];
     let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
-    let published = training_samples(study, &cutters, &directions)?;
+    let labeler = Labeler::of_sites(directions.clone(), LabelOptions::default());
+    let published = training_samples(study, &cutters, &labeler)?;
     let published = trainings.network("published labels", &published, |_| ())?;
     let training = training_samples_of_part_itself(study, &cutters, &directions)?;
     let draw = Draw { sets: &[CutterSet::Uniform], n_cutters: N_TEST_CUTTERS };
@@ -207,7 +209,7 @@ pub fn run(study: &Study) -> Result<Value> {
                 study.args.sites
             ),
             format!(
-                "The networks learned labels of 150 directions, of the published definition and about the part itself with the search \
+                "The networks are trained on labels of 150 directions, against sites without the bottom rule and about the part itself with the search \
                  between them; every other training cutter was from the set Extreme. {}",
                 words_of_factors(&factors)
             ),

@@ -3,18 +3,17 @@
 use super::page::Page;
 use super::parts::Part;
 use super::pictures::Sheet;
-use super::samples::{Draw, labeled, samples};
+use super::samples::{Draw, labeled};
 use super::scores;
 use super::sets::Set;
-use super::study::{N_DIRECTIONS, Study};
+use super::study::Study;
 use super::table1;
 use super::trainings::{N_TEST_CUTTERS, Trainings};
 use deepmill::Result;
-use deepmill::access::{LabelOptions, Labeler};
+use deepmill::access::Labeler;
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::CutterSet;
 use deepmill::data::Sample;
-use deepmill::directions::Directions;
 use deepmill::metrics::Confusion;
 use deepmill::model::AnyModel;
 use deepmill::report::tables::{Cell, Table};
@@ -112,8 +111,7 @@ fn answers(
     parts: &[Part],
     n_sites: usize,
 ) -> Result<Vec<Answered>> {
-    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
-    let labeler = Labeler::of_sites(directions, LabelOptions::default());
+    let labeler = Labeler::published();
     let draw = Draw { sets: &[CutterSet::Uniform], n_cutters: N_TEST_CUTTERS };
     let samples = labeled(study, parts, &draw, &labeler, n_sites)?;
     samples.into_iter().map(|sample| answer(model, sample)).collect()
@@ -149,11 +147,10 @@ fn difference(sheet: &mut Sheet, part: &Part, answered: &Answered, head: usize, 
 /// The first test part with one cutter of each set: a row for each cutter.
 fn cutters(study: &Study, model: &AnyModel<f32>) -> Result<Sheet> {
     let part = &study.test_parts()[..1];
-    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
     let mut sheet = Sheet::default();
     for set in CutterSet::ALL {
         let draw = Draw { sets: &[set], n_cutters: 1 };
-        for sample in samples(study, part, &draw, &directions)? {
+        for sample in labeled(study, part, &draw, &Labeler::published(), study.args.sites)? {
             let answered = answer(model, sample)?;
             let words = format!("{set}: {}", cutter_words(&answered.sample));
             for (answers, by) in

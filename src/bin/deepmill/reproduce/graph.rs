@@ -3,11 +3,11 @@
 use super::page::Page;
 use super::pictures::Sheet;
 use super::scores;
-use super::study::{N_DIRECTIONS, Study};
+use super::study::Study;
 use super::trainings::{Trainings, training_samples};
 use deepmill::Result;
+use deepmill::access::Labeler;
 use deepmill::cutter::CutterSet;
-use deepmill::directions::Directions;
 use deepmill::model::graph_sage::GraphSageConfig;
 use deepmill::report::tables::{Cell, Table};
 use deepmill::train::{Settings, evaluate};
@@ -15,8 +15,8 @@ use serde_json::Value;
 
 pub fn run(study: &Study) -> Result<Value> {
     let trainings = Trainings::new(study)?;
-    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
-    let data = training_samples(study, &[CutterSet::Uniform], &directions)?;
+    let labeler = Labeler::published();
+    let data = training_samples(study, &[CutterSet::Uniform], &labeler)?;
     let octree = trainings.network("octree", &data, |_| ())?;
     let graph = trainings.network("GraphSAGE", &data, use_graph)?;
     let networks = [("octree", octree), ("GraphSAGE", graph)];

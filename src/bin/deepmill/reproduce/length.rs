@@ -53,12 +53,12 @@ pub fn run(study: &Study) -> Result<Value> {
     let demo = Part { name: "demo part".into(), mesh: generated::demo_part() };
     let part = study.parts_of_user().first().unwrap_or(&demo);
     let sites = part.sites(study.args.sites)?;
-    let directions = || Directions::fibonacci_hemisphere(N_DIRECTIONS);
-    let labels = LabelOptions { occlusion: false, ..LabelOptions::default() };
+    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
+    let labels = LabelOptions { occlusion: false, ..LabelOptions::published() };
     let surface = SurfaceOptions { occlusion: false, ..SurfaceOptions::default() };
     let engines = [
-        ("sites", Labeler::of_sites(directions()?, labels)),
-        ("part itself", Labeler::of_part(&part.mesh, &[], directions()?, surface)?),
+        ("sites", Labeler::of_sites(Directions::published(), labels)),
+        ("part itself", Labeler::of_part(&part.mesh, &[], directions, surface)?),
     ];
     let mut table = Table::new(&[
         ("swept", "swept"),
@@ -105,7 +105,7 @@ pub fn run(study: &Study) -> Result<Value> {
             "Share of the area of the part `{}` that is out of reach of a ball-end cutter with CR {CR} mm and FR {FR} mm, while CH \
              is swept at FH {OTHER} mm, and FH at CH {OTHER} mm. *Sites*: the published definition ({} sites against each other). \
              *Part itself*: its triangles, with the search between the directions; sites where only the tip does not fit are not \
-             counted, as the published definition has no such answer. {N_DIRECTIONS} directions over the upper half.",
+             counted, as the published definition has no such answer. The published 152 directions, and {N_DIRECTIONS} over the upper half.",
             part.name, study.args.sites
         )],
         table,

@@ -2,13 +2,13 @@
 
 use super::page::Page;
 use super::scores;
-use super::study::{N_DIRECTIONS, Study};
+use super::study::Study;
 use super::trainings::{Trainings, training_samples};
 use deepmill::Result;
+use deepmill::access::Labeler;
 use deepmill::cutter::CutterSet;
 use deepmill::data::augment::{Augment, Turn};
 use deepmill::data::online::OnlineSettings;
-use deepmill::directions::Directions;
 use deepmill::report::curves::write_curves;
 use deepmill::report::tables::{Cell, Table};
 use deepmill::train::{Reduction, Settings};
@@ -38,8 +38,8 @@ const WAYS: [(&str, Way); 7] = [
 
 pub fn run(study: &Study) -> Result<Value> {
     let trainings = Trainings::new(study)?;
-    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
-    let data = training_samples(study, &[CutterSet::Uniform], &directions)?;
+    let labeler = Labeler::published();
+    let data = training_samples(study, &[CutterSet::Uniform], &labeler)?;
     let mut columns = vec![
         ("loss", "loss"),
         ("mirrored", "mirrored"),

@@ -2,11 +2,11 @@
 
 use super::page::Page;
 use super::parts::SEED;
-use super::study::{N_DIRECTIONS, Study};
+use super::study::Study;
 use super::trainings::{Trainings, hash, training_samples, trainings};
+use deepmill::access::Labeler;
 use deepmill::cutter::CutterSet;
 use deepmill::data::Sample;
-use deepmill::directions::Directions;
 use deepmill::report::curves::{Chart, Series, write_curves};
 use deepmill::report::tables::{Cell, Table};
 use deepmill::train::{Observer, Run, Settings, StepReport};
@@ -33,8 +33,8 @@ struct Step {
 
 pub fn run(study: &Study) -> Result<Value> {
     let n_samples = Trainings::new(study)?.n_samples();
-    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
-    let data = training_samples(study, &[CutterSet::Uniform], &directions)?;
+    let labeler = Labeler::published();
+    let data = training_samples(study, &[CutterSet::Uniform], &labeler)?;
     let paper = Settings::paper();
     let batch_size = paper.batch_size.min(n_samples).min(data.len());
     let settings = Settings {

@@ -2,11 +2,11 @@
 
 use super::page::Page;
 use super::scores;
-use super::study::{N_DIRECTIONS, Study};
+use super::study::Study;
 use super::trainings::{Trainings, training_samples};
 use deepmill::Result;
+use deepmill::access::Labeler;
 use deepmill::cutter::CutterSet;
-use deepmill::directions::Directions;
 use deepmill::model::config::CutterPlacement;
 use deepmill::report::curves::write_curves;
 use deepmill::report::tables::{Cell, Table};
@@ -21,8 +21,8 @@ const PLACEMENTS: [(CutterPlacement, &str); 4] = [
 
 pub fn run(study: &Study) -> Result<Value> {
     let trainings = Trainings::new(study)?;
-    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
-    let data = training_samples(study, &[CutterSet::Uniform], &directions)?;
+    let labeler = Labeler::published();
+    let data = training_samples(study, &[CutterSet::Uniform], &labeler)?;
     let mut columns = vec![
         ("modules", "cutter modules"),
         ("parameters", "parameters"),

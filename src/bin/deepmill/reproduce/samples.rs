@@ -2,8 +2,8 @@
 
 use super::parts::{Part, SEED};
 use super::study::Study;
+use deepmill::access::Labeler;
 use deepmill::access::surface::SurfaceOptions;
-use deepmill::access::{LabelOptions, Labeler};
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
 use deepmill::data::Sample;
 use deepmill::directions::Directions;
@@ -32,18 +32,7 @@ impl Draw<'_> {
     }
 }
 
-/// Labels of the published definition for every part and cutter.
-pub fn samples(
-    study: &Study,
-    parts: &[Part],
-    draw: &Draw,
-    directions: &Directions,
-) -> Result<Vec<Sample>> {
-    let labeler = Labeler::of_sites(directions.clone(), LabelOptions::default());
-    labeled(study, parts, draw, &labeler, study.args.sites)
-}
-
-/// As [`samples`], by any labeler and with any number of sites.
+/// Labels by one labeler for every part and cutter, with any number of sites.
 pub fn labeled(
     study: &Study,
     parts: &[Part],

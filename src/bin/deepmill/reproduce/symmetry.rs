@@ -3,7 +3,7 @@
 use super::page::Page;
 use super::parts::{Part, SEED};
 use super::pictures::Sheet;
-use super::study::Study;
+use super::study::{N_DIRECTIONS, Study};
 use super::trainings::{Trainings, training_samples};
 use deepmill::access::surface::SurfaceOptions;
 use deepmill::access::{LabelOptions, Labeler};
@@ -19,9 +19,9 @@ use deepmill::{Error, Result};
 use serde_json::Value;
 use std::collections::HashSet;
 
-/// The paper's set, one of about as many directions that is symmetric in x and y, and a fine one.
+/// The set of the published definition, one of about as many directions that is symmetric in x and y, and a fine one.
 const SETS: [(&str, &str); 3] = [
-    ("hemisphere:150", "Fibonacci, 150"),
+    ("published", "published, 152"),
     ("latlong:10x16", "latitude-longitude, 10 x 16"),
     ("hemisphere:2400", "Fibonacci, 2,400"),
 ];
@@ -54,14 +54,14 @@ pub fn run(study: &Study) -> Result<Value> {
     let mut sheet = Sheet::default();
     let mut shown = None;
     for (set, words) in SETS {
-        let labeler = Labeler::of_sites(set.parse()?, LabelOptions::default());
+        let labeler = labeler(set)?;
         let scores = score(study, &parts, |part, cutter| labeler.answer(&part.sites, cutter))?;
         scores.row(&mut table, "exact labels, sites", words);
         let (part, lengths) = *shown.get_or_insert(scores.worst_of);
         let answers = labeler.answer(&parts[part].sites, &Cutter::ball_end(lengths.into())?)?;
         show(&mut sheet, &parts[part], &answers, words);
     }
-    let directions: Directions = SETS[0].0.parse()?;
+    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
     let itself = score(study, &parts, |part, cutter| {
         let options = SurfaceOptions::default();
         let labeler = Labeler::of_part(&part.part.mesh, &[], directions.clone(), options)?;
@@ -70,7 +70,7 @@ pub fn run(study: &Study) -> Result<Value> {
     itself.row(&mut table, "exact labels, part itself", "Fibonacci, 150, and the search between");
     let trainings = Trainings::new(study)?;
     for (set, words) in SETS {
-        let data = training_samples(study, &[CutterSet::Uniform], &set.parse()?)?;
+        let data = training_samples(study, &[CutterSet::Uniform], &labeler(set)?)?;
         let name = format!("labels of {set}");
         let model = trainings.network(&name, &data, |_| ())?.model;
         let scores = score(study, &parts, |Symmetric { sites, .. }, cutter| {
@@ -96,10 +96,15 @@ pub fn run(study: &Study) -> Result<Value> {
         table,
         pictures: vec![(
             "symmetry.png".into(),
-            "Sites whose mirror image has another label; the part and the cutter with most of them at 150 directions".into(),
+            "Sites whose mirror image has another label; the part and the cutter with most of them at the published directions".into(),
         )],
     };
     page.write(study)
+}
+
+/// The published definition with other directions.
+fn labeler(set: &str) -> Result<Labeler> {
+    Ok(Labeler::of_sites(set.parse()?, LabelOptions::published()))
 }
 
 /// Averages over parts and cutters.

@@ -5,7 +5,7 @@ use super::parts::Part;
 use super::samples::{Draw, labeled};
 use super::scores;
 use super::sets::{self, Set};
-use super::study::{N_DIRECTIONS, Study};
+use super::study::Study;
 use super::trainings::{Data, N_CUTTERS, N_TEST_CUTTERS, Trained, Trainings};
 use deepmill::Result;
 use deepmill::access::{LabelOptions, Labeler};
@@ -31,7 +31,7 @@ pub fn sizes(study: &Study) -> [usize; 3] {
 
 /// The network that is trained on CAD parts with `n_sites` sites; no score is taken before its end.
 pub fn network(study: &Study, trainings: &Trainings, n_sites: usize) -> Result<Trained> {
-    let labeler = labeler(true)?;
+    let labeler = labeler(true);
     let draw = Draw { sets: &[CutterSet::Uniform], n_cutters: N_CUTTERS };
     let data = labeled(study, &sets::training_parts(study), &draw, &labeler, n_sites)?;
     let name = format!("CAD parts, {n_sites} sites");
@@ -96,7 +96,7 @@ struct Tested {
 
 /// Exact labels and predictions of every part with its cutters, one after the other.
 fn test(study: &Study, model: &AnyModel<f32>, parts: &[Part], n_sites: usize) -> Result<Tested> {
-    let [first, both] = [labeler(false)?, labeler(true)?];
+    let [first, both] = [labeler(false), labeler(true)];
     let draw = Draw { sets: &[CutterSet::Uniform], n_cutters: N_TEST_CUTTERS };
     let mut tested = Tested { evaluation: Evaluation::default(), seconds: [0.0; 3] };
     let share = 1.0 / (parts.len() * draw.n_cutters).max(1) as f64;
@@ -125,9 +125,9 @@ fn test(study: &Study, model: &AnyModel<f32>, parts: &[Part], n_sites: usize) ->
 }
 
 /// The published definition, with or without the labels of the second head.
-fn labeler(occlusion: bool) -> Result<Labeler> {
-    let options = LabelOptions { occlusion, ..LabelOptions::default() };
-    Ok(Labeler::of_sites(Directions::fibonacci_hemisphere(N_DIRECTIONS)?, options))
+fn labeler(occlusion: bool) -> Labeler {
+    let options = LabelOptions { occlusion, ..LabelOptions::published() };
+    Labeler::of_sites(Directions::published(), options)
 }
 
 fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {

@@ -7,9 +7,9 @@
 //! ```
 
 use super::parts::SEED;
-use super::samples::{Draw, samples, samples_of_part_itself};
-use super::study::{N_DIRECTIONS, Study};
-use deepmill::access::LabelOptions;
+use super::samples::{Draw, labeled, samples_of_part_itself};
+use super::study::Study;
+use deepmill::access::{LabelOptions, Labeler};
 use deepmill::answers::Definition;
 use deepmill::cutter::CutterSet;
 use deepmill::data::online::OnlineSettings;
@@ -174,18 +174,17 @@ impl<'a> Trainings<'a> {
 fn fresh(data: &[Sample], online: OnlineSettings) -> Result<Online> {
     let turns = (0..N_CUTTERS).flat_map(|k| data.iter().skip(k).step_by(N_CUTTERS));
     let parts: Vec<Sample> = turns.cloned().collect();
-    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
-    Online::new(&parts, directions, LabelOptions::default().share, online, SEED)
+    Online::new(&parts, Directions::published(), LabelOptions::published(), online, SEED)
 }
 
-/// Training samples with cutters of these sets, labeled with these directions.
+/// Training samples with cutters of these sets, labeled by the published definition or parts of it.
 pub fn training_samples(
     study: &Study,
     sets: &[CutterSet],
-    directions: &Directions,
+    labeler: &Labeler,
 ) -> Result<Vec<Sample>> {
     let draw = Draw { sets, n_cutters: N_CUTTERS };
-    samples(study, study.training_parts(), &draw, directions)
+    labeled(study, study.training_parts(), &draw, labeler, study.args.sites)
 }
 
 /// Training samples with cutters of these sets, labeled about the part itself.
@@ -198,11 +197,10 @@ pub fn training_samples_of_part_itself(
     samples_of_part_itself(study, study.training_parts(), &draw, directions)
 }
 
-/// Test samples with cutters of one set, labeled with the published directions.
+/// Test samples with cutters of one set, labeled by the published definition.
 pub fn test_samples(study: &Study, set: CutterSet) -> Result<Vec<Sample>> {
     let draw = Draw { sets: &[set], n_cutters: N_TEST_CUTTERS };
-    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
-    samples(study, study.test_parts(), &draw, &directions)
+    labeled(study, study.test_parts(), &draw, &Labeler::published(), study.args.sites)
 }
 
 pub fn trainings(study: &Study) -> PathBuf {
@@ -223,10 +221,9 @@ fn samples_in_budget(study: &Study, settings: &Settings) -> Result<usize> {
             Error::file(&path, "samples", "no number", remedy)
         });
     }
-    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
     let parts = &study.training_parts()[..study.training_parts().len().min(8)];
     let draw = Draw { sets: &[CutterSet::Uniform], n_cutters: 1 };
-    let data = samples(study, parts, &draw, &directions)?;
+    let data = labeled(study, parts, &draw, &Labeler::published(), study.args.sites)?;
     let n_timed = (N_TIMED as usize + 1) * settings.batch_size;
     let settings = Settings { n_epochs: 1, samples_per_epoch: Some(n_timed), ..settings.clone() };
     let batch_size = settings.batch_size;

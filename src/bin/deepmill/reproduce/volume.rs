@@ -30,7 +30,6 @@ const N_TIMED: usize = 6;
 
 pub fn run(study: &Study) -> Result<Value> {
     let trainings = Trainings::new(study)?;
-    let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
     let mut table = Table::new(&[
         ("obstacles", "obstacles"),
         ("inaccessible", "inaccessible, exact"),
@@ -43,6 +42,10 @@ pub fn run(study: &Study) -> Result<Value> {
     ]);
     let mut sections = Vec::new();
     for definition in [Definition::SitesInSpace, Definition::PartInSpace] {
+        let directions = match definition {
+            Definition::SitesInSpace => Directions::published(),
+            _ => Directions::fibonacci_hemisphere(N_DIRECTIONS)?,
+        };
         let of = (definition, &directions);
         let training = samples(study, study.training_parts(), N_CUTTERS, of)?;
         let test = samples(study, study.test_parts(), N_TEST_CUTTERS, of)?;
