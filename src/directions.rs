@@ -4,8 +4,11 @@
 //! holds the vectors. Everything is computed in `f64` with [`libm`] and rounded to `f32` once, so a
 //! recipe gives the same bits everywhere.
 
+pub(crate) mod rotary;
+
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
+pub use rotary::TurnLimits;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt;
@@ -82,7 +85,8 @@ impl fmt::Display for DirectionSet {
 }
 
 /// Reads `COUNT` or `hemisphere:COUNT`, `sphere:COUNT`, `latlong:RINGSxCOUNT`, `cone:DEGREES:COUNT`
-/// (about +z) or `cone:DEGREES:COUNT:X,Y,Z`, `circle:X,Y,Z:COUNT`, `list:X,Y,Z;X,Y,Z;…`.
+/// (about +z) or `cone:DEGREES:COUNT:X,Y,Z`, `circle:X,Y,Z:COUNT`, `list:X,Y,Z;X,Y,Z;…`; also `up`, and
+/// `4-axis:AXIS` or `4-axis:AXIS:LOW,HIGH` (degrees, [`TurnLimits`]) with a direction every 5 degrees.
 ///
 /// ```
 /// use deepmill::directions::DirectionSet;
@@ -98,7 +102,8 @@ impl FromStr for DirectionSet {
     fn from_str(text: &str) -> Result<Self> {
         let set = parse_set(text).ok_or_else(|| {
             let expected = "COUNT, hemisphere:COUNT, sphere:COUNT, latlong:RINGSxCOUNT, \
-                            cone:DEGREES:COUNT, circle:X,Y,Z:COUNT, list:X,Y,Z;X,Y,Z or up";
+                            cone:DEGREES:COUNT, circle:X,Y,Z:COUNT, list:X,Y,Z;X,Y,Z, up, 4-axis:x or \
+                            4-axis:x:LOW,HIGH";
             Error::argument("directions", format!("`{text}`"), expected, "write for example 150")
         })?;
         match &set {
@@ -146,6 +151,7 @@ fn parse_set(text: &str) -> Option<DirectionSet> {
             let (axis, count) = rest.split_once(':')?;
             DirectionSet::Circle { axis: parse_vector(axis)?, n_dirs: count.parse().ok()? }
         }
+        "4-axis" => rotary::parse(rest)?,
         "list" => {
             let vectors = rest.split(';').map(parse_vector).collect::<Option<_>>()?;
             DirectionSet::List { vectors }
@@ -370,9 +376,18 @@ mod tests {
         assert_eq!("up".parse::<Directions>().unwrap(), Directions::up());
         let plain: DirectionSet = "150".parse().unwrap();
         assert_eq!(plain, DirectionSet::FibonacciHemisphere { n_dirs: 150 });
-        for text in
-            ["", "x", "sphere", "sphere:-1", "cone:30", "list:", "list:0,0", "circle:3", "0"]
-        {
+        for text in [
+            "",
+            "x",
+            "4-axis:x:90,-30",
+            "sphere",
+            "sphere:-1",
+            "cone:30",
+            "list:",
+            "list:0,0",
+            "circle:3",
+            "0",
+        ] {
             assert!(text.parse::<Directions>().is_err(), "{text}");
         }
         for text in ["cone:200:5", "cone:0:5", "cone:-30:5", "cone:NaN:5"] {

@@ -358,7 +358,8 @@ fn site_count(text: &str) -> Result<usize> {
 #[derive(clap::Args)]
 pub struct DirectionArgs {
     /// COUNT or hemisphere:COUNT (upper half), sphere:COUNT, latlong:RINGSxCOUNT, cone:DEGREES:COUNT
-    /// (around +z), circle:X,Y,Z:COUNT (across an axis), list:X,Y,Z;X,Y,Z;…, or up (+z alone)
+    /// (around +z), circle:X,Y,Z:COUNT (across an axis), 4-axis:x:LOW,HIGH (about a rotary axis within these degrees
+    /// from +z), list:X,Y,Z;X,Y,Z;…, or up (+z alone)
     #[arg(long, value_name = "SET", default_value = "150", allow_negative_numbers = true)]
     directions: String,
 }

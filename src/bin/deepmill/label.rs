@@ -7,6 +7,7 @@ use crate::findings;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
+use crate::premise::premise;
 use crate::{progress, volume};
 use deepmill::access::surface::explain::Remedies;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
@@ -221,8 +222,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         Blocking::Points(_) => answers.add_density(&mut facts, more),
     };
     clock.add_to(&mut facts);
+    let premise = premise(directions, of_mesh.then_some(&args.surface));
+    output.say(&premise);
     output.say(facts.text());
     let mut result = facts.json();
+    result["premise"] = json!(premise);
     result["limits_broken"] = broken;
     args.read.add_origin(&mut result);
     if let (Blocking::Part, Some(labels), Some(mesh)) = (blocking, &single, &answers.mesh) {

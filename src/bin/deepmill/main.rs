@@ -19,6 +19,7 @@ mod output;
 mod parity;
 mod part_itself;
 mod predict;
+mod premise;
 mod processes;
 mod progress;
 mod report;

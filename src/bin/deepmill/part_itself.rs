@@ -212,6 +212,16 @@ impl SurfaceArgs {
         Ok(tools.iter().map(label).collect::<Result<Vec<_>>>()?.into_iter().unzip())
     }
 
+    /// Whether the directions between those tested are searched.
+    pub fn searches(&self) -> bool {
+        self.prove || self.search > 0
+    }
+
+    /// Height of the table, and the number of fixtures.
+    pub fn held_by(&self) -> (Option<f64>, usize) {
+        (self.table, self.fixture.len())
+    }
+
     /// What a label file says of these options.
     pub fn settings(&self) -> Value {
         let fixtures: Vec<String> = self.fixture.iter().map(|p| p.display().to_string()).collect();

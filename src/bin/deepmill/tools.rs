@@ -5,6 +5,7 @@ use crate::clock::Clock;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::{self, SurfaceArgs};
+use crate::premise::premise;
 use deepmill::access::surface::{SiteAnswer, ToolReach, Warning};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::Assembly;
@@ -137,6 +138,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     facts.add("share", "share for the tools and the least stick-out", Cell::Share(share));
     facts.add("n_needed_for_all", "tools that reach all of it", Cell::count(library.n_for_all));
     clock.add_to(&mut facts);
+    let premise = premise(&directions, Some(&args.surface));
+    output.say(&premise);
     output.say(facts.text());
     output.files(&paths);
     let (table, cover) = (library.table(), library.cover_table());
@@ -146,6 +149,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let named = tools.iter().zip(&rests);
     let named = named.map(|(tool, n)| json!({ "name": tool.name, "n_sites": n }));
     result["rests_on_tolerance_of"] = named.collect();
+    result["premise"] = json!(premise);
     result["tools"] = table.json();
     result["smallest_set"] = cover.json();
     result["smallest_set_is_proven"] = json!(library.cover.is_smallest());
