@@ -1,5 +1,7 @@
 //! Triangles and points, in millimeters: meshes, their files and faults, and sample sites.
 
+#[cfg(feature = "generate")]
+pub mod bodies;
 pub mod cells;
 pub mod check;
 #[cfg(feature = "formats")]

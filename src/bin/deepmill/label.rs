@@ -132,12 +132,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
-    let accept = match args.obstacles.as_deref() {
-        _ if args.force => Accept::Faults,
-        None | Some("part") => Accept::Bodies,
-        Some(_) => Accept::OneBody,
-    };
-    let part = args.read.read_part(&args.part, accept, output)?;
+    let part = args.read.read_part(&args.part, Accept::bodies_or(args.force), output)?;
     clock.lap("read_s", "reading");
     if let Some(step_mm) = args.volume {
         return volume::run(args, step_mm, (part, tools), clock, output);
