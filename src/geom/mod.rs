@@ -12,6 +12,7 @@ pub mod mesh;
 pub mod origin;
 pub mod regions;
 pub mod repair;
+pub mod selection;
 pub mod sites;
 pub mod solids;
 pub mod spacing;

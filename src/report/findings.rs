@@ -141,7 +141,7 @@ impl Findings {
             return Err(Error::argument("number of answers", found, format!("{n}"), remedy));
         }
         PartSize::of(mesh, sites).require_for_regions()?;
-        let areas = spacing::areas_mm2(sites, mesh.map(Mesh::area))?;
+        let areas = spacing::areas_on(sites, mesh)?;
         let marks: Vec<Option<u8>> = (0..n).map(|i| cause(answers, i).map(|c| c as u8)).collect();
         let region = regions::regions(sites, mesh, &areas, &marks)?;
         let mut members: Vec<(u32, u32)> =

@@ -22,6 +22,7 @@ mod predict;
 mod premise;
 mod processes;
 mod progress;
+mod region;
 mod report;
 mod reproduce;
 mod sample;

@@ -180,6 +180,14 @@ impl MeshArgs {
         Ok(mesh)
     }
 
+    /// Selected faces of the part, in the coordinates of that which was read.
+    pub fn read_selected(&self, path: &Path, output: &Output) -> Result<Mesh> {
+        let (mut mesh, notices) = formats::read_mesh_with_notices(path, &self.options())?;
+        notices.iter().for_each(|notice| output.warn(notice));
+        self.origin.get().iter().for_each(|at| origin::make_relative(&mut mesh, **at));
+        Ok(mesh)
+    }
+
     /// A fixture, in the coordinates of the part that was read.
     pub fn read_fixture(&self, path: &Path, output: &Output) -> Result<Mesh> {
         let (mut mesh, _) = self.read_mesh(path, output)?;

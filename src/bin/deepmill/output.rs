@@ -2,7 +2,7 @@
 
 use deepmill::answers::SiteAnswers;
 use deepmill::geom::{Mesh, Sites};
-use deepmill::report::findings::Findings;
+use deepmill::report::findings::{Findings, for_all_tools};
 use deepmill::report::gate::{Limit, SiteAreas};
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
@@ -108,8 +108,17 @@ impl Output {
         }
         let (about_findings, others): (Vec<&Limit>, Vec<&Limit>) =
             limits.iter().partition(|limit| limit.is_about_findings());
+        let (of_all, others): (Vec<&Limit>, Vec<&Limit>) =
+            others.into_iter().partition(|limit| limit.is_about_all_tools());
         let areas = SiteAreas::of(sites, mesh)?;
+        let answers: Vec<(&str, &SiteAnswers)> = answers.collect();
         let mut broken = self.broken.lock().unwrap_or_else(PoisonError::into_inner);
+        if !of_all.is_empty() && !answers.is_empty() {
+            let all = for_all_tools(answers.iter().map(|(_, answers)| *answers));
+            for limit in of_all {
+                broken.extend(limit.broken_by(&all, &areas)?);
+            }
+        }
         for (tool, answers) in answers {
             for limit in &others {
                 if let Some(why) = limit.broken_by(answers, &areas)? {

@@ -6,6 +6,7 @@ use crate::findings;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::{self, ToleranceArgs, say_without_area};
+use crate::region::RegionArgs;
 use deepmill::access::setups::{Candidates, Choice, Clampings, Machine, Plan, direction_of_words};
 use deepmill::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
 use deepmill::data::files::tools::{self, Tool};
@@ -69,6 +70,8 @@ pub struct Args {
     #[command(flatten)]
     sites: SiteArgs,
     #[command(flatten)]
+    region: RegionArgs,
+    #[command(flatten)]
     tolerances: ToleranceArgs,
     #[command(flatten)]
     gate: GateArgs,
@@ -108,9 +111,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
-    let sites = args.sites.on(&mesh)?;
-    Show::pictures_unless(args.no_picture).require_memory(Some(&mesh), &sites)?;
-    let areas = SiteAreas::of(&sites, Some(&mesh))?;
+    let (asked, sites) = args.region.place(&args.sites, &mesh, &args.read, output)?;
+    let (surface, of_surface) = asked.shown(&mesh, &sites);
+    Show::pictures_unless(args.no_picture).require_memory(Some(surface), of_surface)?;
+    let areas = SiteAreas::of(of_surface, Some(surface))?;
     clock.lap("sites_s", "sites");
     let candidates = args.candidates(&mesh)?;
     Plan::require_memory(&candidates, sites.len(), tools.len())?;
@@ -146,28 +150,29 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let names: Vec<&str> = tools.iter().map(|tool| &*tool.name).collect();
     let setups = Setups::new(&plan, args.machine, &names, &areas);
     let answers = setups.answers();
-    let found = Findings::of(&sites, Some(&mesh), &answers, &[])?;
+    let found = Findings::of(of_surface, Some(surface), &answers, &[])?;
     let (name, words) = (name_of(&args.part), format!("{} tools", tools.len()));
-    let view = PartView { name: &name, mesh: Some(&mesh), sites: &sites, cutter: &words };
+    let view = PartView { name: &name, mesh: Some(surface), sites: of_surface, cutter: &words };
     let mut paths = setups.write(&args.out, view, Show::pictures_unless(args.no_picture))?;
     paths.extend(found.write(&args.out, &name, &words)?);
     if args.report {
         let views = setups.views(found.clone(), &args.settings(&tools, &candidates));
-        let page = Page { part: &name, mesh: Some(&mesh), sites: &sites, views: &views };
+        let page = Page { part: &name, mesh: Some(surface), sites: of_surface, views: &views };
         paths.push(page.write(&args.out)?);
     }
     paths.push(folder::write_surface(&args.out, &mesh)?);
+    paths.extend(asked.write(&args.out)?);
     clock.lap("write_s", "writing and drawing");
 
     let named = [("setups", &answers)].into_iter();
-    let broken = output.check_limits(&limits, (&sites, Some(&mesh)), named)?;
+    let broken = output.check_limits(&limits, (of_surface, Some(surface)), named)?;
     let premise = args.premise(&candidates);
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&name));
     facts.add("machine", "machine", Cell::text(args.machine.to_string()));
     part_itself::add_rests(&mut facts, n_rests);
     facts.add("finish_mm", "finish tolerance, mm", Cell::Given(options.finish_mm));
-    facts.add("area_mm2", "surface, mm²", Cell::Number(mesh.area()));
+    facts.add("area_mm2", "surface, mm²", Cell::Number(surface.area()));
     facts.add("n_sites", "sites", Cell::count(sites.len()));
     facts.add("n_tools", "tools", Cell::count(tools.len()));
     facts.add("n_directions", "tool axes tested", Cell::count(candidates.directions().len()));
@@ -190,12 +195,13 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         facts.add("n_positions", "positions in them", Cell::count(n));
     }
     clock.add_to(&mut facts);
+    let mut result = facts.json();
     output.say(&premise);
+    asked.say(&mut result, output);
     output.say(facts.text());
     output.files(&paths);
     output.say(setups.table().text());
     findings::say(&found, output);
-    let mut result = facts.json();
     result["premise"] = json!(premise);
     result["setups"] = setups.json();
     result["fewest_is_proven"] = json!(plan.setups.len() <= plan.at_least);

@@ -6,6 +6,7 @@ use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::{self, SurfaceArgs};
 use crate::premise::premise;
+use crate::region::RegionArgs;
 use deepmill::access::surface::{SiteAnswer, ToolReach, Warning};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::Assembly;
@@ -48,6 +49,8 @@ pub struct Args {
     #[command(flatten)]
     sites: SiteArgs,
     #[command(flatten)]
+    region: RegionArgs,
+    #[command(flatten)]
     directions: DirectionArgs,
     #[command(flatten)]
     surface: SurfaceArgs,
@@ -76,8 +79,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
-    let sites = args.sites.on(&mesh)?;
-    let areas = SiteAreas::of(&sites, Some(&mesh))?;
+    let (asked, sites) = args.region.place(&args.sites, &mesh, &args.read, output)?;
+    let (surface, of_surface) = asked.shown(&mesh, &sites);
+    let areas = SiteAreas::of(of_surface, Some(surface))?;
     clock.lap("sites_s", "sites");
     let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
     clock.lap("index_s", "search tree");
@@ -107,21 +111,22 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let accessible: Vec<Vec<bool>> = reach.iter().map(accessible).collect();
     let words = format!("{} tools", tools.len());
     let name = name_of(&args.part);
-    let view = PartView { name: &name, mesh: Some(&mesh), sites: &sites, cutter: &words };
+    let view = PartView { name: &name, mesh: Some(surface), sites: of_surface, cutter: &words };
     paths.extend(
         Coverage::of_reached(&tools, &accessible, &areas).write_first(&args.out, view, show)?,
     );
     paths.push(folder::write_surface(&args.out, &mesh)?);
+    paths.extend(asked.write(&args.out)?);
     clock.lap("write_s", "writing and drawing");
 
     let answers: Vec<SiteAnswers> = reach.iter().map(answers).collect();
     let named = tools.iter().zip(&answers).map(|(tool, answers)| (&*tool.name, answers));
-    let broken = output.check_limits(&limits, (&sites, Some(&mesh)), named)?;
+    let broken = output.check_limits(&limits, (of_surface, Some(surface)), named)?;
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&name));
     part_itself::add_rests(&mut facts, rests.iter().copied().max().unwrap_or(0));
     facts.add("finish_mm", "finish tolerance, mm", Cell::Given(options.finish_mm));
-    facts.add("area_mm2", "surface, mm²", Cell::Number(mesh.area()));
+    facts.add("area_mm2", "surface, mm²", Cell::Number(surface.area()));
     facts.add("n_sites", "sites", Cell::count(sites.len()));
     facts.add("n_tools", "tools", Cell::count(tools.len()));
     facts.add(
@@ -139,13 +144,14 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     facts.add("n_needed_for_all", "tools that reach all of it", Cell::count(library.n_for_all));
     clock.add_to(&mut facts);
     let premise = premise(&directions, Some(&args.surface));
+    let mut result = facts.json();
     output.say(&premise);
+    asked.say(&mut result, output);
     output.say(facts.text());
     output.files(&paths);
     let (table, cover) = (library.table(), library.cover_table());
     output.say(table.text());
     output.say(cover.text());
-    let mut result = facts.json();
     let named = tools.iter().zip(&rests);
     let named = named.map(|(tool, n)| json!({ "name": tool.name, "n_sites": n }));
     result["rests_on_tolerance_of"] = named.collect();

@@ -10,7 +10,7 @@ mod view;
 
 pub use view::{Layer, Numbers, SiteValues, View};
 
-use crate::geom::spacing::{Spacing, areas_mm2};
+use crate::geom::spacing::{Spacing, areas_on};
 use crate::geom::{Mesh, Sites, check};
 use crate::report::memory::PartSize;
 use crate::{Error, Result, atomic_file};
@@ -75,7 +75,7 @@ impl Page<'_> {
             }
         }
         self.require_memory()?;
-        let areas = areas_mm2(self.sites, self.mesh.map(Mesh::area))?;
+        let areas = areas_on(self.sites, self.mesh)?;
         let (about, block) = self.data();
         Ok(html::document(self, &areas, &about, &block.base64()))
     }
