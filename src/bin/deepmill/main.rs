@@ -34,6 +34,7 @@ mod weights;
 
 use clap::{Parser, Subcommand};
 use deepmill::Error;
+use deepmill::geom::units::Unit;
 use output::Output;
 use std::process::ExitCode;
 
@@ -51,6 +52,10 @@ struct Cli {
     /// Print one JSON object on standard output; everything else goes to standard error.
     #[arg(long, global = true)]
     json: bool,
+    /// Unit of lengths and areas in tables, CSV files and the page: mm, in, cm or m. Files and JSON for programs stay in
+    /// mm.
+    #[arg(long, global = true, value_name = "UNIT", default_value_t)]
+    output_unit: Unit,
 }
 
 #[derive(Subcommand)]
@@ -78,6 +83,7 @@ enum Command {
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let output = Output::new(cli.json);
+    deepmill::report::tables::set_output_unit(cli.output_unit);
     let run = || {
         deepmill::scalar::simd_isa()?;
         match &cli.command {

@@ -150,6 +150,7 @@ impl Output {
 
     /// [`Output::result`] with the files written.
     pub fn result_with_files(&self, mut value: Value, paths: &[PathBuf]) {
+        value["unit"] = json!("mm");
         value["files"] = json!(paths);
         self.result(&value);
     }
