@@ -74,6 +74,50 @@ pub fn join(mesh: &mut Mesh) -> Result<Vec<Change>> {
     Ok(changes)
 }
 
+/// What a fixture has in common with a part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Overlap {
+    /// Volume inside both, mm³.
+    pub common_mm3: f64,
+    /// That volume as a share of the part's.
+    pub share_of_part: f64,
+    /// Whether the part is within a shell of the fixture.
+    pub encloses: bool,
+}
+
+/// What `fixture` has in common with `part`; none if one of them bounds no solid.
+///
+/// # Errors
+/// If a mesh fails [`Mesh::check`].
+pub fn overlap(part: &Mesh, fixture: &Mesh) -> Result<Option<Overlap>> {
+    let (mut part, mut fixture) = (part.clone(), fixture.clone());
+    for mesh in [&mut part, &mut fixture] {
+        mesh.check()?;
+        if join(mesh).is_err() {
+            return Ok(None);
+        }
+    }
+    let apart = |mesh: &Mesh| {
+        let topology = Topology::of(mesh);
+        let pieces = pieces(mesh, &topology);
+        let closed = are_closed(&topology, &pieces, mesh.triangles.len());
+        (closed && !pieces.is_empty()).then(|| Pieces::new(mesh, &pieces))
+    };
+    let (Some(one), Some(other)) = (apart(&part), apart(&fixture)) else { return Ok(None) };
+    let all = |pieces: &Pieces| (0..pieces.mesh.triangles.len() as u32).collect::<Vec<u32>>();
+    let (Ok(a), Ok(b)) = (one.solid(&all(&one)), other.solid(&all(&other))) else {
+        return Ok(None);
+    };
+    let groups = TriangleGroups::new(&other.mesh, &other.owner);
+    let is_outer = |k: &u32| other.volumes[*k as usize] > 0.0;
+    let around = |probe: DVec3| groups.others_around(probe, u32::MAX).into_iter().filter(is_outer);
+    let probes = extremes(&one.mesh, &all(&one)).map(|probe| around(probe).collect::<Vec<_>>());
+    let encloses = probes[0].iter().any(|k| probes.iter().all(|around| around.contains(k)));
+    let common_mm3 = a.intersection(&b).volume().max(0.0);
+    Ok(Some(Overlap { common_mm3, share_of_part: common_mm3 / part.volume().abs(), encloses }))
+}
+
 /// Pieces with corners of their own, one after another.
 struct Pieces {
     mesh: Mesh,
@@ -395,6 +439,24 @@ mod tests {
         assert_eq!(run(4), (mesh.clone(), changes));
         assert_eq!(check(&mesh).n_components, 2);
         assert_eq!(check(&mesh).blocking_bodies(), None);
+    }
+
+    #[test]
+    fn what_a_fixture_has_in_common_with_a_part_and_whether_it_encloses_it() {
+        let part = block([0.0; 3], [40.0, 30.0, 20.0]);
+        let of = |fixture: &Mesh| overlap(&part, fixture).unwrap().unwrap();
+        let jaw = of(&block([-10.0, 0.0, 0.0], [0.0, 30.0, 20.0]));
+        assert!(jaw.common_mm3 < 1e-9 && !jaw.encloses, "{jaw:?}");
+        let deep = of(&block([-10.0, 5.0, 0.0], [2.0, 25.0, 10.0]));
+        assert!(near(deep.common_mm3, 400.0) && near(deep.share_of_part, 400.0 / 24000.0));
+        let around = block([-5.0; 3], [45.0, 35.0, 25.0]);
+        let solid = of(&around);
+        assert!(solid.encloses && near(solid.share_of_part, 1.0), "{solid:?}");
+        let shell = of(&together(&[around, turned(block([-1.0; 3], [41.0, 31.0, 21.0]))]));
+        assert!(shell.encloses && shell.common_mm3 < 1e-9, "{shell:?}");
+        let mut open = block([50.0; 3], [60.0; 3]);
+        open.triangles.pop();
+        assert_eq!(overlap(&part, &open).unwrap(), None);
     }
 
     #[test]

@@ -4,6 +4,8 @@
 //! ([`geom::regions`](crate::geom::regions)) are a region. A region of at least [`MIN_SITES`] sites is a [`Finding`];
 //! the smaller ones are summed as [`Scattered`], so that all areas together are the area that is not accessible.
 
+mod fixtures;
+
 use super::memory::{PartSize, require_for_findings, require_for_findings_files};
 use super::tables::{Cell, Table};
 use crate::access::surface::SiteAnswer;
@@ -12,6 +14,7 @@ use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
 use crate::geom::{Mesh, Sites, regions, spacing};
 use crate::{Error, Result, atomic_file};
+pub use fixtures::{InTheWay, add_fixtures};
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -57,6 +60,8 @@ pub struct Finding {
     pub blocked_by: Option<ToolPart>,
     /// Share of its sites that this part blocks.
     pub blocked_share: Option<f64>,
+    /// The fixture without which the tool reaches most of its sites, if one keeps the tool off.
+    pub fixture: Option<InTheWay>,
     /// A change of the tool that helps, if one was looked for.
     pub change: Option<ToolChange>,
     /// What would help and is not proposed, in words: a stick-out beyond the overall length, or, if no change is
@@ -188,6 +193,7 @@ impl Findings {
             (has(|finding| finding.blocked_by.is_some()), BLOCKED),
             (has(|finding| finding.change.is_some()), CHANGE),
             (has(|finding| finding.proven.is_some()), PROVEN),
+            (has(|finding| finding.fixture.is_some()), FIXTURE),
         ] {
             if !shown {
                 columns[range].iter_mut().for_each(|(_, heading)| *heading = "");
@@ -276,7 +282,7 @@ fn cause(answers: &SiteAnswers, i: usize) -> Option<SiteAnswer> {
 }
 
 /// The columns of `findings.csv`; those without a heading are for programs.
-const COLUMNS: [(&str, &str); 26] = [
+const COLUMNS: [(&str, &str); 28] = [
     ("finding", "finding"),
     ("cause", "cause"),
     ("area_mm2", "area, mm²"),
@@ -303,6 +309,8 @@ const COLUMNS: [(&str, &str); 26] = [
     ("blocked_share", "at"),
     ("change", "a change that helps"),
     ("change_share", "reaches"),
+    ("fixture", "fixture in the way"),
+    ("fixture_share", "at"),
 ];
 
 /// The column about proofs.
@@ -313,6 +321,8 @@ const HELPS: std::ops::Range<usize> = 20..22;
 const BLOCKED: std::ops::Range<usize> = 22..24;
 /// The columns about a change of the tool.
 const CHANGE: std::ops::Range<usize> = 24..26;
+/// The columns about fixtures.
+const FIXTURE: std::ops::Range<usize> = 26..28;
 
 impl Finding {
     /// The cause in words.
@@ -339,6 +349,9 @@ impl Finding {
         row.push(self.blocked_share.map_or(Cell::Missing, Cell::Share));
         row.push(self.change.as_ref().map_or(Cell::Missing, |change| Cell::text(&change.words)));
         row.push(self.change.as_ref().map_or(Cell::Missing, |change| Cell::Share(change.share)));
+        let fixture = self.fixture.as_ref();
+        row.push(fixture.map_or(Cell::Missing, |found| Cell::text(&found.fixture)));
+        row.push(fixture.map_or(Cell::Missing, |found| Cell::Share(found.share)));
         row
     }
 }
@@ -386,6 +399,7 @@ impl About<'_> {
             helps: self.help(members, area_mm2),
             blocked_by: None,
             blocked_share: None,
+            fixture: None,
             change: None,
             stopped: None,
         }

@@ -195,6 +195,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
     clock.lap("labels_s", "labels");
 
+    let kept = mesh.as_ref().filter(|_| !fixtures.is_empty()).map(|mesh| {
+        let by = (&directions, &options_of_part);
+        args.surface.kept((mesh, &fixtures), (&sites, &labels), &tools, by)
+    });
+    let kept = kept.transpose()?;
     let of_mesh = blocking == Blocking::Part;
     let fixtures = joined(&fixtures);
     let surface = surface_settings(mesh.as_ref(), fixtures.as_ref())?;
@@ -223,6 +228,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let broken = output.check_limits(&limits, (of_shown, shown), named)?;
     let single = coverage.is_none().then(|| labels[0].clone());
     let mut findings = Regions::find(&answers, &labels)?;
+    kept.iter().for_each(|kept| kept.add_to(&mut findings.of_tools));
     if let (Some(triangles), [found], [tool]) = (&triangles, &mut findings.of_tools[..], tools) {
         let held = (&tool.assembly, tool.clearance_mm);
         let remedies = args.remedies();
@@ -253,6 +259,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let about = (&answers.sites, &areas);
         result["bodies"] = part_itself::say_bodies(mesh, about, labels, output)?;
     }
+    result["fixtures"] = kept.map_or(Value::Null, |kept| kept.say(tools, &areas, output));
     let named = |tool: &'_ Tool| coverage.as_ref().map(|_| tool.name.clone());
     let warnings = tools.iter().zip(&warnings).map(|(tool, warnings)| {
         part_itself::say_warnings(warnings, named(tool).as_deref(), output)

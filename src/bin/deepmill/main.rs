@@ -10,6 +10,7 @@ mod density;
 mod eval;
 mod explain;
 mod findings;
+mod fixtures;
 mod generate;
 mod gradcheck;
 mod label;

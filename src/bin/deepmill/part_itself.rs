@@ -1,6 +1,7 @@
 //! Arguments of `deepmill label` for the mesh definition: tolerance, fixtures, table.
 
 use crate::args::{called, millimeters};
+use crate::fixtures::{self, Kept};
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::access::surface::explain::blocking_parts_among_points;
@@ -149,6 +150,7 @@ impl SurfaceArgs {
         for path in &self.fixture {
             let fixture = read.read_fixture(path, output)?;
             check_fixture(path, &fixture)?;
+            fixtures::warn(path, mesh, &fixture, output)?;
             fixtures.push(fixture);
         }
         if let Some(z) = self.table {
@@ -210,6 +212,17 @@ impl SurfaceArgs {
             Ok((labels, warnings))
         };
         Ok(tools.iter().map(label).collect::<Result<Vec<_>>>()?.into_iter().unzip())
+    }
+
+    /// What the fixtures that were read keep out of reach.
+    pub fn kept(
+        &self,
+        (mesh, fixtures): (&Mesh, &[Mesh]),
+        answered: (&Sites, &[Labels]),
+        tools: &[Tool],
+        by: (&Directions, &SurfaceOptions),
+    ) -> Result<Kept> {
+        Kept::find(&self.fixture, (mesh, fixtures), answered, tools, by)
     }
 
     /// Whether the directions between those tested are searched.

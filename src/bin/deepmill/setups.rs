@@ -6,6 +6,7 @@ use crate::findings;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::{self, ToleranceArgs, say_without_area};
+use crate::progress;
 use crate::region::RegionArgs;
 use deepmill::access::setups::{Candidates, Choice, Clampings, Machine, Plan, direction_of_words};
 use deepmill::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
@@ -123,7 +124,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let of_tool = |tool: &Tool| {
         obstacles.accessible_directions(&sites, &tool.cutter, candidates.directions(), &options)
     };
-    let accessible: Vec<AccessibleDirections> = tools.iter().map(of_tool).collect::<Result<_>>()?;
+    let progress = progress::bar(tools.len() as u64, "tools");
+    let counted = tools.iter().map(|tool| of_tool(tool).inspect(|_| progress.inc(1)));
+    let accessible: Vec<AccessibleDirections> = counted.collect::<Result<_>>()?;
+    progress.finish_and_clear();
     clock.lap("directions_s", "directions of every site");
     let mut rests = vec![true; sites.len()];
     for (tool, found) in tools.iter().zip(&accessible) {

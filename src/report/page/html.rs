@@ -249,6 +249,10 @@ fn list(findings: &Findings) -> String {
         if let Some(part) = f.blocked_by.filter(|part| *part != ToolPart::Tip) {
             let _ = write!(cause, ", by the {part}");
         }
+        if let Some(found) = &f.fixture {
+            let share = percent(found.share, 1.0);
+            let _ = write!(cause, ", {} in the way of {share}", text(&found.fixture));
+        }
         if f.proven == Some(1.0) {
             cause.push_str(", proven");
         }
