@@ -303,26 +303,26 @@ const COLUMNS: [(&str, &str); 28] = [
     ("site", ""),
     ("worst_clearance_mm", ""),
     ("proven", "proven"),
+    ("fixture", "fixture in the way"),
+    ("fixture_share", "at"),
     ("helps", "a tool that helps"),
     ("helps_share", "reaches"),
     ("blocked_by", "blocked by"),
     ("blocked_share", "at"),
     ("change", "a change that helps"),
     ("change_share", "reaches"),
-    ("fixture", "fixture in the way"),
-    ("fixture_share", "at"),
 ];
 
 /// The column about proofs.
 const PROVEN: std::ops::Range<usize> = 19..20;
-/// The columns about other tools.
-const HELPS: std::ops::Range<usize> = 20..22;
-/// The columns about the part that blocks.
-const BLOCKED: std::ops::Range<usize> = 22..24;
-/// The columns about a change of the tool.
-const CHANGE: std::ops::Range<usize> = 24..26;
 /// The columns about fixtures.
-const FIXTURE: std::ops::Range<usize> = 26..28;
+const FIXTURE: std::ops::Range<usize> = 20..22;
+/// The columns about other tools.
+const HELPS: std::ops::Range<usize> = 22..24;
+/// The columns about the part that blocks.
+const BLOCKED: std::ops::Range<usize> = 24..26;
+/// The columns about a change of the tool.
+const CHANGE: std::ops::Range<usize> = 26..28;
 
 impl Finding {
     /// The cause in words.
@@ -343,15 +343,15 @@ impl Finding {
         let clearance = self.worst_clearance_mm.map(f64::from);
         row.push(clearance.map_or(Cell::Missing, Cell::Millimeters));
         row.push(self.proven.map_or(Cell::Missing, Cell::Share));
+        let fixture = self.fixture.as_ref();
+        row.push(fixture.map_or(Cell::Missing, |found| Cell::text(&found.fixture)));
+        row.push(fixture.map_or(Cell::Missing, |found| Cell::Share(found.share)));
         row.push(self.helps.as_ref().map_or(Cell::Missing, |help| Cell::text(&help.tool)));
         row.push(self.helps.as_ref().map_or(Cell::Missing, |help| Cell::Share(help.share)));
         row.push(self.blocked_by.map_or(Cell::Missing, |part| Cell::text(part.name())));
         row.push(self.blocked_share.map_or(Cell::Missing, Cell::Share));
         row.push(self.change.as_ref().map_or(Cell::Missing, |change| Cell::text(&change.words)));
         row.push(self.change.as_ref().map_or(Cell::Missing, |change| Cell::Share(change.share)));
-        let fixture = self.fixture.as_ref();
-        row.push(fixture.map_or(Cell::Missing, |found| Cell::text(&found.fixture)));
-        row.push(fixture.map_or(Cell::Missing, |found| Cell::Share(found.share)));
         row
     }
 }

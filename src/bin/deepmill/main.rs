@@ -30,6 +30,7 @@ mod sample;
 mod setups;
 mod tools;
 mod train;
+mod usage;
 mod volume;
 mod weights;
 
@@ -55,7 +56,7 @@ struct Cli {
     json: bool,
     /// Unit of lengths and areas in tables, CSV files and the page: mm, in, cm or m. Files and JSON for programs stay in
     /// mm.
-    #[arg(long, global = true, value_name = "UNIT", default_value_t)]
+    #[arg(long, global = true, value_name = "UNIT", default_value_t, value_parser = output_unit)]
     output_unit: Unit,
 }
 
@@ -82,7 +83,11 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => return usage::refuse(&error),
+        Err(shown) => shown.exit(),
+    };
     let output = Output::new(cli.json);
     deepmill::report::tables::set_output_unit(cli.output_unit);
     let run = || {
@@ -120,6 +125,10 @@ fn main() -> ExitCode {
             ExitCode::from(exit_code(&error))
         }
     }
+}
+
+fn output_unit(text: &str) -> Result<Unit, String> {
+    text.parse().map_err(|_| "expected mm, cm, m or in".into())
 }
 
 /// An impossible argument is a usage error, also if the library finds it.

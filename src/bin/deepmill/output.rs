@@ -88,6 +88,17 @@ impl Output {
         self.result(&json!({ "error": error.to_string() }));
     }
 
+    /// A line on standard error that is neither warning nor error.
+    pub fn note(&self, line: impl Display) {
+        tell(line);
+    }
+
+    /// As [`Output::error`], of arguments that cannot be read.
+    pub fn error_of_arguments(&self, words: &str) {
+        tell(format_args!("error: {words}"));
+        self.result(&json!({ "error": words }));
+    }
+
     /// The machine-readable result; printed only under `--json`, and only the first of a run: a
     /// failure after it is told by the exit code.
     pub fn result(&self, value: &Value) {

@@ -4,6 +4,7 @@ use crate::args::{called, millimeters};
 use crate::fixtures::{self, Kept};
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
+use crate::progress;
 use deepmill::access::surface::explain::blocking_parts_among_points;
 use deepmill::access::surface::{
     ContactTolerance, FINISH_MM, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions,
@@ -211,7 +212,11 @@ impl SurfaceArgs {
             }
             Ok((labels, warnings))
         };
-        Ok(tools.iter().map(label).collect::<Result<Vec<_>>>()?.into_iter().unzip())
+        let progress = progress::bar(tools.len() as u64, "tools");
+        let counted = tools.iter().map(|tool| label(tool).inspect(|_| progress.inc(1)));
+        let all = counted.collect::<Result<Vec<_>>>()?;
+        progress.finish_and_clear();
+        Ok(all.into_iter().unzip())
     }
 
     /// What the fixtures that were read keep out of reach.

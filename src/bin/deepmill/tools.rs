@@ -6,6 +6,7 @@ use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::{self, SurfaceArgs};
 use crate::premise::premise;
+use crate::progress;
 use crate::region::RegionArgs;
 use deepmill::access::surface::{SiteAnswer, ToolReach, Warning};
 use deepmill::answers::SiteAnswers;
@@ -86,7 +87,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
     clock.lap("index_s", "search tree");
     let held: Vec<Assembly> = tools.iter().map(Tool::held).collect::<Result<_>>()?;
+    let progress = progress::bar(1, "pass over all tools");
     let reach = obstacles.reach_many(&sites, &held, &directions, &options)?;
+    progress.finish_and_clear();
     clock.lap("tools_s", "tools");
     let library = Library::new(&tools, &reach, &areas, share)?;
     let mut rests = Vec::new();
