@@ -1,7 +1,6 @@
 //! The setups to choose from, and the directions to test for them.
 
-use super::machine::{Machine, angle, direction_words};
-use super::plan::{DOWN_RAD, LOWEST_MM};
+use super::machine::{DOWN_RAD, LOWEST_MM, Machine, angle, direction_words};
 use crate::directions::{DirectionSet, Directions, TurnLimits, basis};
 use crate::geom::Mesh;
 use crate::{Error, Result, memory};

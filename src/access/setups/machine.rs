@@ -82,7 +82,8 @@ impl fmt::Display for Machine {
     }
 }
 
-/// Reads `3-axis`, `3+2:DEGREES`, `4-axis`, `4-axis:x` (`y`, `z`, `X,Y,Z`), `4-axis:x:LOW,HIGH` (degrees), `5-axis:DEGREES`.
+/// Reads `3-axis`, `3+2:DEGREES`, `4-axis`, `4-axis:x` (`y`, `z`, `X,Y,Z`), `4-axis:x:LOW,HIGH` (degrees),
+/// `5-axis:DEGREES`.
 impl FromStr for Machine {
     type Err = Error;
 
@@ -140,6 +141,11 @@ pub fn direction_of_words(text: &str) -> Result<Vec3> {
     })?;
     Ok((sign * glam::DVec3::from_array(axis).normalize()).as_vec3())
 }
+
+/// What lies as low as this above the lowest place is what the part lies on, mm.
+pub(super) const LOWEST_MM: f64 = 0.01;
+/// If its normal is as near to straight down as this, radians.
+pub(super) const DOWN_RAD: f64 = std::f64::consts::PI / 180.0;
 
 /// Radians between unit vectors.
 pub(super) fn angle(a: Vec3, b: Vec3) -> f64 {

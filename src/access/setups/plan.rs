@@ -1,7 +1,7 @@
 //! Few setups that cover a share of what all candidates reach.
 
 use super::candidates::{Candidate, Candidates};
-use super::machine::angle;
+use super::machine::{DOWN_RAD, LOWEST_MM, angle};
 use crate::access::cover::{Cover, cover_share, cover_share_preferring, greedy_share};
 use crate::access::surface::AccessibleDirections;
 use crate::geom::{Mesh, Sites};
@@ -73,11 +73,6 @@ pub struct Setup {
     /// Every tool axis of the setup.
     pub axes: Vec<Vec3>,
 }
-
-/// What lies as low as this above the lowest place is what the part lies on, mm.
-pub(super) const LOWEST_MM: f64 = 0.01;
-/// If its normal is as near to straight down as this, radians.
-pub(super) const DOWN_RAD: f64 = std::f64::consts::PI / 180.0;
 
 type Bits = Vec<u64>;
 
