@@ -144,6 +144,11 @@ fn a_shell_within_a_body_stays_surface_and_an_inward_body_that_overlaps_is_refus
         folder.file("inward.stl", stl(&outer.iter().copied().chain(inward).collect::<Vec<_>>()));
     let message = failure(&deepmill(&["check", &inward]), 1);
     assert!(message.contains("faces inward overlaps another"), "{message}");
+    let checked = deepmill(&["check", &inward]);
+    let said = text(&checked.stdout);
+    assert!(said.contains("2 components") && !said.contains("can be labeled"), "{said}");
+    let forced = ["label", &inward, "--cutter", TOOL];
+    assert!(run(&folder, &forced, &["--directions", "up", "--force"])["accessible"].is_number());
     let mended = json(&deepmill(&["check", &inward, "--repair", "--json"]));
     assert!((number(&mended, "volume_mm3") - 25000.0).abs() < 1e-6, "{mended}");
 }

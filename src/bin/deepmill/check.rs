@@ -29,12 +29,16 @@ pub struct Args {
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     args.out.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
     let (mut mesh, mut changes) = args.read.read_mesh(&args.mesh, output)?;
-    changes.extend(join_bodies(&mut mesh, output)?);
+    let refused = join_bodies(&mut mesh, output).map(|joined| changes.extend(joined)).err();
     let mut report = check::check(&mesh);
     if !args.skip_intersections {
         report.findings.extend(intersect::finding(&mesh));
     }
     say(&report, args, output);
+    let is_usable = refused.is_none() && report.blocking_bodies().is_none();
+    if is_usable {
+        say_usable(&report, args, output);
+    }
     if let Some(path) = &args.out {
         write_near(path, mesh, output)?;
         output.say(format!("written {}", path.display()));
@@ -43,7 +47,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let findings: Vec<Value> = report.findings.iter().map(|f| json_of(f, args)).collect();
     output.result(&json!({
         "file": args.mesh,
-        "labelable": report.blocking_bodies().is_none(),
+        "labelable": is_usable,
         "closed": report.is_closed(),
         "n_vertices": report.n_vertices,
         "n_triangles": report.n_triangles,
@@ -55,7 +59,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "changes": changes,
         "findings": findings,
     }));
-    args.read.require_labelable(&report)
+    match refused {
+        Some(error) => Err(error),
+        None => args.read.require_labelable(&report),
+    }
 }
 
 /// Writes an STL, whose numbers are single precision: of a part far from the origin, about a local one.
@@ -90,12 +97,13 @@ fn say(report: &MeshReport, args: &Args, output: &Output) {
         }
         output.say(format!("    {}", args.read.remedy(finding.fault)));
     }
-    if report.blocking_bodies().is_none() {
-        let skipped = ", piercing triangles not looked for";
-        let skipped = if args.skip_intersections { skipped } else { "" };
-        let one = if report.n_components == 1 { "one component, " } else { "" };
-        output.say(format!("can be labeled: closed, manifold, {one}facing outward{skipped}"));
-    }
+}
+
+fn say_usable(report: &MeshReport, args: &Args, output: &Output) {
+    let skipped = ", piercing triangles not looked for";
+    let skipped = if args.skip_intersections { skipped } else { "" };
+    let one = if report.n_components == 1 { "one component, " } else { "" };
+    output.say(format!("can be labeled: closed, manifold, {one}facing outward{skipped}"));
 }
 
 /// Several bodies are labeled, each against all.

@@ -114,7 +114,12 @@ impl MeshArgs {
             MeshOrCloud::Mesh(mesh) => {
                 self.take_near(mesh, path, output);
                 self.prepare(mesh, output)?;
-                join_bodies(mesh, output)?;
+                match join_bodies(mesh, output) {
+                    Err(fault) if accept == Accept::Faults => output.warn(fault),
+                    joined => {
+                        joined?;
+                    }
+                }
                 match self.require(check::check(mesh).blocking_bodies()) {
                     Err(fault) if accept == Accept::Faults => output.warn(fault),
                     verdict => verdict?,
