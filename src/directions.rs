@@ -4,8 +4,11 @@
 //! holds the vectors. Everything is computed in `f64` with [`libm`] and rounded to `f32` once, so a
 //! recipe gives the same bits everywhere.
 
+pub(crate) mod rotary;
+
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
+pub use rotary::TurnLimits;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt;
@@ -86,7 +89,8 @@ impl fmt::Display for DirectionSet {
 }
 
 /// Reads `published`, `COUNT` or `hemisphere:COUNT`, `sphere:COUNT`, `latlong:RINGSxCOUNT`, `cone:DEGREES:COUNT`
-/// (about +z) or `cone:DEGREES:COUNT:X,Y,Z`, `circle:X,Y,Z:COUNT`, `list:X,Y,Z;X,Y,Z;…`, `up`.
+/// (about +z) or `cone:DEGREES:COUNT:X,Y,Z`, `circle:X,Y,Z:COUNT`, `list:X,Y,Z;X,Y,Z;…`; also `up`, and
+/// `4-axis:AXIS` or `4-axis:AXIS:LOW,HIGH` (degrees, [`TurnLimits`]) with a direction every 5 degrees.
 ///
 /// ```
 /// use deepmill::directions::DirectionSet;
@@ -102,7 +106,8 @@ impl FromStr for DirectionSet {
     fn from_str(text: &str) -> Result<Self> {
         let set = parse_set(text).ok_or_else(|| {
             let expected = "published, COUNT, hemisphere:COUNT, sphere:COUNT, latlong:RINGSxCOUNT, \
-                            cone:DEGREES:COUNT, circle:X,Y,Z:COUNT, list:X,Y,Z;X,Y,Z or up";
+                            cone:DEGREES:COUNT, circle:X,Y,Z:COUNT, list:X,Y,Z;X,Y,Z, up, 4-axis:x or \
+                            4-axis:x:LOW,HIGH";
             Error::argument("directions", format!("`{text}`"), expected, "write for example 150")
         })?;
         match &set {
@@ -152,6 +157,7 @@ fn parse_set(text: &str) -> Option<DirectionSet> {
             let (axis, count) = rest.split_once(':')?;
             DirectionSet::Circle { axis: parse_vector(axis)?, n_dirs: count.parse().ok()? }
         }
+        "4-axis" => rotary::parse(rest)?,
         "list" => {
             let vectors = rest.split(';').map(parse_vector).collect::<Option<_>>()?;
             DirectionSet::List { vectors }

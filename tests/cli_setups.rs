@@ -84,7 +84,12 @@ fn pockets_on_two_sides_need_two_setups_upright_and_one_about_an_axis_across() {
     // Only where the ball does not fit between walls and floors is nothing reached.
     assert_eq!(upright["reached"], upright["can_be_reached"]);
     assert!((0.75..0.99).contains(&number(&upright, "reached")), "{upright}");
-    assert_eq!(upright["findings"]["findings"][0]["cause"], "tip-does-not-fit");
+    // Upright, the flank is in the wall there; slanted, the tip alone.
+    assert_eq!(upright["findings"]["findings"][0]["cause"], "inaccessible");
+    let args = ["setups", &part, "--cutter", LONG, "--machine", "3-axis", "--sites", "1500"];
+    let more = ["--directions", "40", "--share", "100%", "--no-picture", "--out", &out, "--json"];
+    let any = json(&deepmill(&[&args[..], &more, &["--clampings", "any"]].concat()));
+    assert_eq!(any["findings"]["findings"][0]["cause"], "tip-does-not-fit");
 
     let tilted = setups(&part, &out, "5-axis:30", "100%");
     assert_eq!((names(&tilted).len(), tilted["n_positions"].is_null()), (2, true));
@@ -126,6 +131,41 @@ fn a_plain_box_needs_two_setups_since_it_lies_on_something() {
     // All but the underside is most of the way.
     let one = setups(&part, &out, "3-axis", "50%");
     assert_eq!((&one["n_setups"], &one["n_setups_for_all"]), (&1.into(), &2.into()));
+}
+
+#[test]
+fn given_and_limited_setups_are_taken_and_the_first_line_says_what_the_part_stands_on() {
+    let folder = Folder::new();
+    let (part, out) = (two_pockets(&folder), folder.path("out"));
+    let run = |machine: &str, more: &[&str]| {
+        let args = ["setups", &part, "--cutter", LONG, "--machine", machine, "--sites", "800"];
+        let usual = ["--directions", "24", "--no-picture", "--out", &out, "--json"];
+        json(&deepmill(&[&args[..], &usual, more].concat()))
+    };
+    let premise = |result: &Value| result["premise"].as_str().unwrap().to_string();
+    let free = run("3-axis", &[]);
+    assert_eq!((free["n_setups"].as_u64(), free["n_candidates"].as_u64()), (Some(2), Some(6)));
+    assert!(premise(&free).contains("standing on a flat face"), "{}", premise(&free));
+    let one = run("3-axis", &["--setups", "1"]);
+    assert_eq!((names(&one).len(), one["n_setups_at_least"].as_u64()), (1, Some(2)));
+    assert!(number(&one, "reached") < number(&free, "reached"));
+    let given = run("3-axis", &["--setup", "-x", "--setup", "+z"]);
+    assert_eq!(names(&given), ["1: -x up", "2: +z up"]);
+    assert!(number(&given, "reached") < number(&free, "reached"), "the lower pocket is left");
+    let turned = run("4-axis:x:0,90", &[]);
+    let whole = run("4-axis:x", &[]);
+    assert!(number(&turned, "reached") < number(&whole, "reached") - 0.05, "{turned}");
+    assert!(premise(&turned).contains("4-axis:1,0,0:0,90"), "{}", premise(&turned));
+    let any = run("3-axis", &["--clampings", "any"]);
+    assert!(any["n_candidates"].as_u64() > Some(20));
+    let label = |more: &[&str]| {
+        let output = folder.label(&part, &[&["--sites", "300", "--no-picture"], more].concat());
+        text(&output.stdout).lines().find(|l| l.starts_with("tool axes")).unwrap().to_string()
+    };
+    assert!(label(&[]).contains("the upper half") && label(&[]).contains("stands on nothing"));
+    assert!(label(&["--table", "-1"]).ends_with("stands on a table at z = -1 mm"));
+    let limited = label(&["--directions", "4-axis:x:-30,90"]);
+    assert!(limited.contains("the 25 given"), "{limited}");
 }
 
 #[test]

@@ -18,7 +18,7 @@
 //! ```
 //!
 //! ```
-//! use deepmill::access::setups::{Candidates, Clampings, Plan};
+//! use deepmill::access::setups::{Candidates, Choice, Clampings, Plan};
 //! use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
 //! use deepmill::cutter::Cutter;
 //! use deepmill::geom::{sites, solids, spacing};
@@ -31,7 +31,7 @@
 //! let options = SurfaceOptions::default();
 //! let accessible = obstacles.accessible_directions(&sites, &cutter, candidates.directions(), &options)?;
 //! let areas = spacing::areas_mm2(&sites, Some(part.area()))?;
-//! let plan = Plan::new(&candidates, &part, &sites, &[accessible], &areas, 1.0, &[0]);
+//! let plan = Plan::new(&candidates, &part, &sites, &[accessible], &areas, Choice::share(1.0), &[0]);
 //! // The top and what is around it, then the underside.
 //! assert_eq!((plan.setups.len(), plan.at_least), (2, 2));
 //! # Ok::<(), deepmill::Error>(())
@@ -42,5 +42,5 @@ mod machine;
 mod plan;
 
 pub use candidates::{Candidate, Candidates, Clampings};
-pub use machine::{Machine, direction_words};
-pub use plan::{Plan, Setup};
+pub use machine::{Machine, direction_of_words, direction_words};
+pub use plan::{Choice, Plan, Setup};

@@ -25,7 +25,18 @@ fn every_form_of_text_is_read_and_written_again() {
     assert_eq!("up".parse::<Directions>().unwrap(), Directions::up());
     let plain: DirectionSet = "150".parse().unwrap();
     assert_eq!(plain, DirectionSet::FibonacciHemisphere { n_dirs: 150 });
-    for text in ["", "x", "sphere", "sphere:-1", "cone:30", "list:", "list:0,0", "circle:3", "0"] {
+    for text in [
+        "",
+        "x",
+        "4-axis:x:90,-30",
+        "sphere",
+        "sphere:-1",
+        "cone:30",
+        "list:",
+        "list:0,0",
+        "circle:3",
+        "0",
+    ] {
         assert!(text.parse::<Directions>().is_err(), "{text}");
     }
     for text in ["cone:200:5", "cone:0:5", "cone:-30:5", "cone:NaN:5"] {

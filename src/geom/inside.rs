@@ -183,6 +183,11 @@ impl TriangleGroups {
 
     /// How many groups but `own` wind around `probe` (mm).
     pub fn n_others_around(&self, probe: DVec3, own: u32) -> usize {
+        self.others_around(probe, own).len()
+    }
+
+    /// The groups but `own` that wind around `probe` (mm), ascending.
+    pub fn others_around(&self, probe: DVec3, own: u32) -> Vec<u32> {
         let mut winding = BTreeMap::<u32, i32>::new();
         for (f, facing) in self.grid.crossings(probe.truncate()) {
             let of = self.group[f];
@@ -190,7 +195,7 @@ impl TriangleGroups {
                 *winding.entry(of).or_default() += facing;
             }
         }
-        winding.into_values().filter(|w| *w != 0).count()
+        winding.into_iter().filter(|(_, w)| *w != 0).map(|(of, _)| of).collect()
     }
 }
 

@@ -1,5 +1,7 @@
 //! Triangles and points, in millimeters: meshes, their files and faults, and sample sites.
 
+#[cfg(feature = "generate")]
+pub mod bodies;
 pub mod cells;
 pub mod check;
 #[cfg(feature = "formats")]
@@ -10,6 +12,7 @@ pub mod mesh;
 pub mod origin;
 pub mod regions;
 pub mod repair;
+pub mod selection;
 pub mod sites;
 pub mod solids;
 pub mod spacing;

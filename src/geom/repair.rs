@@ -39,6 +39,17 @@ pub enum Change {
     TurnedTriangles(usize),
     /// Components of which all triangles were turned, to face out of the solid.
     TurnedComponents(usize),
+    /// Shells within a body that faced outward, turned: they bound cavities.
+    Cavities(usize),
+    /// Bodies that overlap or lie on each other were joined.
+    Joined {
+        /// Bodies that were joined.
+        n_bodies: usize,
+        /// What they became.
+        n_into: usize,
+        /// Their surface that was inside another, mm²; of walls that lie on each other both.
+        inner_mm2: f64,
+    },
     /// Components whose triangles cannot be turned to agree, as on a Möbius strip.
     Unorientable(usize),
 }
@@ -70,6 +81,15 @@ impl fmt::Display for Change {
             Change::TurnedComponents(n) => {
                 write!(f, "turned {} that faced the wrong way", count(n, "component"))
             }
+            Change::Cavities(n) => {
+                let (verb, what) = if n == 1 { ("is", "a cavity") } else { ("are", "cavities") };
+                write!(f, "{} within a body {verb} taken for {what}", count(n, "shell"))
+            }
+            Change::Joined { n_bodies, n_into, inner_mm2 } => write!(
+                f,
+                "{n_bodies} bodies that overlap or touch are joined into {n_into}: {inner_mm2:.2} mm² of their walls \
+                 are inside and no surface"
+            ),
             Change::Unorientable(n) => {
                 write!(f, "{} cannot be oriented, left as it is", count(n, "component"))
             }
@@ -265,7 +285,7 @@ fn turn_outward(mesh: &mut Mesh, topology: &Topology, components: &[Vec<u32>]) -
 }
 
 /// The least and greatest corners of some triangles along each axis (ties: the first).
-fn extremes(mesh: &Mesh, faces: &[u32]) -> [DVec3; 6] {
+pub(super) fn extremes(mesh: &Mesh, faces: &[u32]) -> [DVec3; 6] {
     let first = mesh.corners(faces[0] as usize)[0];
     let mut found = [first; 6];
     for corner in faces.iter().flat_map(|f| mesh.corners(*f as usize)) {

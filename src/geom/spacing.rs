@@ -2,8 +2,9 @@
 //!
 //! `docs/sites.md` derives the advice.
 
-use super::Sites;
+use super::check::topology::Topology;
 use super::sites::same_sheet;
+use super::{Mesh, Sites};
 use crate::spatial::KdTree;
 use crate::{Result, par};
 use glam::DVec3;
@@ -186,6 +187,27 @@ pub fn areas_mm2(sites: &Sites, surface_mm2: Option<f64>) -> Result<Vec<f64>> {
         }
     };
     Ok(areas.into_iter().map(|area| area * unit).collect())
+}
+
+/// Whether sites on a mesh stand for the same area all alike: if it is open, as a region of a part is, since sites at its
+/// border lack neighbors on one side.
+pub(crate) fn are_even_on(mesh: Option<&Mesh>) -> bool {
+    mesh.is_some_and(|mesh| Topology::of(mesh).unbalanced().next().is_some())
+}
+
+/// The area each site stands for, mm², of sites on `mesh` if there is one: as [`areas_mm2`]; but if the mesh is open, as
+/// a region of a part is, all alike, since sites at its border lack neighbors on one side.
+///
+/// # Errors
+/// If the sites fail [`Sites::check`].
+pub fn areas_on(sites: &Sites, mesh: Option<&Mesh>) -> Result<Vec<f64>> {
+    match mesh {
+        Some(mesh) if are_even_on(Some(mesh)) => {
+            sites.check()?;
+            Ok(vec![mesh.area() / sites.len().max(1) as f64; sites.len()])
+        }
+        _ => areas_mm2(sites, mesh.map(Mesh::area)),
+    }
 }
 
 /// Per site, the mean squared distance, mm², of the (up to) six nearest sites on its sheet.

@@ -4,6 +4,8 @@
 //! ([`geom::regions`](crate::geom::regions)) are a region. A region of at least [`MIN_SITES`] sites is a [`Finding`];
 //! the smaller ones are summed as [`Scattered`], so that all areas together are the area that is not accessible.
 
+mod fixtures;
+
 use super::memory::{PartSize, require_for_findings, require_for_findings_files};
 use super::tables::{Cell, Table};
 use crate::access::surface::SiteAnswer;
@@ -12,6 +14,7 @@ use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
 use crate::geom::{Mesh, Sites, regions, spacing};
 use crate::{Error, Result, atomic_file};
+pub use fixtures::{InTheWay, add_fixtures};
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -57,6 +60,8 @@ pub struct Finding {
     pub blocked_by: Option<ToolPart>,
     /// Share of its sites that this part blocks.
     pub blocked_share: Option<f64>,
+    /// The fixture without which the tool reaches most of its sites, if one keeps the tool off.
+    pub fixture: Option<InTheWay>,
     /// A change of the tool that helps, if one was looked for.
     pub change: Option<ToolChange>,
     /// What would help and is not proposed, in words: a stick-out beyond the overall length, or, if no change is
@@ -141,7 +146,7 @@ impl Findings {
             return Err(Error::argument("number of answers", found, format!("{n}"), remedy));
         }
         PartSize::of(mesh, sites).require_for_regions()?;
-        let areas = spacing::areas_mm2(sites, mesh.map(Mesh::area))?;
+        let areas = spacing::areas_on(sites, mesh)?;
         let marks: Vec<Option<u8>> = (0..n).map(|i| cause(answers, i).map(|c| c as u8)).collect();
         let region = regions::regions(sites, mesh, &areas, &marks)?;
         let mut members: Vec<(u32, u32)> =
@@ -188,6 +193,7 @@ impl Findings {
             (has(|finding| finding.blocked_by.is_some()), BLOCKED),
             (has(|finding| finding.change.is_some()), CHANGE),
             (has(|finding| finding.proven.is_some()), PROVEN),
+            (has(|finding| finding.fixture.is_some()), FIXTURE),
         ] {
             if !shown {
                 columns[range].iter_mut().for_each(|(_, heading)| *heading = "");
@@ -276,7 +282,7 @@ fn cause(answers: &SiteAnswers, i: usize) -> Option<SiteAnswer> {
 }
 
 /// The columns of `findings.csv`; those without a heading are for programs.
-const COLUMNS: [(&str, &str); 26] = [
+const COLUMNS: [(&str, &str); 28] = [
     ("finding", "finding"),
     ("cause", "cause"),
     ("area_mm2", "area, mm²"),
@@ -297,6 +303,8 @@ const COLUMNS: [(&str, &str); 26] = [
     ("site", ""),
     ("worst_clearance_mm", ""),
     ("proven", "proven"),
+    ("fixture", "fixture in the way"),
+    ("fixture_share", "at"),
     ("helps", "a tool that helps"),
     ("helps_share", "reaches"),
     ("blocked_by", "blocked by"),
@@ -307,12 +315,14 @@ const COLUMNS: [(&str, &str); 26] = [
 
 /// The column about proofs.
 const PROVEN: std::ops::Range<usize> = 19..20;
+/// The columns about fixtures.
+const FIXTURE: std::ops::Range<usize> = 20..22;
 /// The columns about other tools.
-const HELPS: std::ops::Range<usize> = 20..22;
+const HELPS: std::ops::Range<usize> = 22..24;
 /// The columns about the part that blocks.
-const BLOCKED: std::ops::Range<usize> = 22..24;
+const BLOCKED: std::ops::Range<usize> = 24..26;
 /// The columns about a change of the tool.
-const CHANGE: std::ops::Range<usize> = 24..26;
+const CHANGE: std::ops::Range<usize> = 26..28;
 
 impl Finding {
     /// The cause in words.
@@ -333,6 +343,9 @@ impl Finding {
         let clearance = self.worst_clearance_mm.map(f64::from);
         row.push(clearance.map_or(Cell::Missing, Cell::Millimeters));
         row.push(self.proven.map_or(Cell::Missing, Cell::Share));
+        let fixture = self.fixture.as_ref();
+        row.push(fixture.map_or(Cell::Missing, |found| Cell::text(&found.fixture)));
+        row.push(fixture.map_or(Cell::Missing, |found| Cell::Share(found.share)));
         row.push(self.helps.as_ref().map_or(Cell::Missing, |help| Cell::text(&help.tool)));
         row.push(self.helps.as_ref().map_or(Cell::Missing, |help| Cell::Share(help.share)));
         row.push(self.blocked_by.map_or(Cell::Missing, |part| Cell::text(part.name())));
@@ -386,6 +399,7 @@ impl About<'_> {
             helps: self.help(members, area_mm2),
             blocked_by: None,
             blocked_share: None,
+            fixture: None,
             change: None,
             stopped: None,
         }

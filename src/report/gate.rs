@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! LIMIT    = QUANTITY ('>' | '<') NUMBER UNIT
-//! QUANTITY = one of the names of QUANTITIES, or 'finding': the largest region that is out of reach
+//! QUANTITY = one of the names of QUANTITIES; or 'finding': the largest region that is out of reach; or
+//!            'no-tool-reaches': what is out of reach of every tool together. _ may stand for -
 //! UNIT     = '%', a share of the surface | 'mm2' or 'mm²', an area
 //! ```
 
@@ -39,23 +40,30 @@ const QUANTITIES: [Quantity; 4] = [
         is_answered: |answers| !answers.occlusion.is_empty(),
         counts: |answers, i| answers.occlusion[i],
     },
-    Quantity {
-        name: "unreachable",
-        is_answered: |_| true,
-        counts: |answers, i| {
-            let tip = answers.tip_does_not_fit.get(i).copied().unwrap_or(false);
-            answers.inaccessible[i] || tip
-        },
-    },
+    UNREACHABLE,
 ];
 
-/// The name of a limit on the largest region that is out of reach.
-const FINDING: &str = "finding";
+/// Either of both.
+const UNREACHABLE: Quantity = Quantity {
+    name: "unreachable",
+    is_answered: |_| true,
+    counts: |answers, i| {
+        let tip = answers.tip_does_not_fit.get(i).copied().unwrap_or(false);
+        answers.inaccessible[i] || tip
+    },
+};
+
+/// The names of limits on what no list of sites of one tool says.
+const OTHERS: [&str; 2] = ["finding", "no-tool-reaches"];
+/// The largest region that is out of reach.
+const FINDING: usize = QUANTITIES.len();
+/// What no tool reaches.
+const NO_TOOL: usize = QUANTITIES.len() + 1;
 
 /// A limit on the area of some quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limit {
-    /// Place in [`QUANTITIES`]; beyond them: the largest finding.
+    /// Place in [`QUANTITIES`]; beyond them in [`OTHERS`].
     quantity: usize,
     is_most: bool,
     bound: Bound,
@@ -84,8 +92,9 @@ impl FromStr for Limit {
         let at = text.find(['>', '<']).ok_or_else(form)?;
         let (name, rest) = (text[..at].trim(), text[at + 1..].trim());
         let mut names: Vec<&str> = QUANTITIES.iter().map(|quantity| quantity.name).collect();
-        names.push(FINDING);
-        let quantity = names.iter().position(|known| *known == name);
+        names.extend(OTHERS);
+        let same = |known: &str| known.replace('-', "_") == name.replace('-', "_");
+        let quantity = names.iter().position(|known| same(known));
         let quantity =
             quantity.ok_or_else(|| refuse(format!("a quantity of {}", names.join(", "))))?;
         let number = |unit: &str| rest.strip_suffix(unit).map(str::trim_end);
@@ -115,7 +124,8 @@ impl fmt::Display for Limit {
     }
 }
 
-/// The area that each site stands for: relative ones (see [`spacing::relative_areas`]), scaled to the area of the mesh.
+/// The area that each site stands for: relative ones (see [`spacing::relative_areas`]), scaled to the area of the mesh;
+/// on an open mesh, such as a region, all alike.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SiteAreas {
     /// Per site, as shares of the sum.
@@ -131,6 +141,9 @@ impl SiteAreas {
     /// If the sites fail [`Sites::check`].
     pub fn of(sites: &Sites, mesh: Option<&Mesh>) -> Result<Self> {
         let mut shares = spacing::relative_areas(sites)?;
+        if spacing::are_even_on(mesh) {
+            shares.fill(1.0);
+        }
         let sum: f64 = shares.iter().sum();
         shares.iter_mut().for_each(|share| *share /= if sum > 0.0 { sum } else { 1.0 });
         Ok(SiteAreas { shares, total_mm2: mesh.map(Mesh::area) })
@@ -180,12 +193,19 @@ impl SiteAreas {
 impl Limit {
     /// The name of what it limits.
     pub fn quantity(&self) -> &'static str {
-        QUANTITIES.get(self.quantity).map_or(FINDING, |quantity| quantity.name)
+        let other = || OTHERS[self.quantity - QUANTITIES.len()];
+        QUANTITIES.get(self.quantity).map_or_else(other, |quantity| quantity.name)
     }
 
     /// Whether it is about the largest region that is out of reach ([`Limit::broken_by_findings`]).
     pub fn is_about_findings(&self) -> bool {
-        self.quantity >= QUANTITIES.len()
+        self.quantity == FINDING
+    }
+
+    /// Whether it is about all tools together: to be held against the answers
+    /// [`for_all_tools`](super::findings::for_all_tools).
+    pub fn is_about_all_tools(&self) -> bool {
+        self.quantity == NO_TOOL
     }
 
     /// Why the largest region breaks the limit; `None` if it keeps it, or the limit is not about regions.
@@ -219,9 +239,13 @@ impl Limit {
     ///
     /// # Errors
     /// If the answers do not say the quantity, the limit is about findings, or the limit is an area and the sites lie
-    /// on no mesh.
+    /// on no mesh. One about all tools takes the answers for all of them.
     pub fn broken_by(&self, answers: &SiteAnswers, areas: &SiteAreas) -> Result<Option<String>> {
-        let quantity = QUANTITIES.get(self.quantity);
+        let is_unreached = Quantity { name: OTHERS[1], ..UNREACHABLE };
+        let quantity = match self.is_about_all_tools() {
+            true => Some(&is_unreached),
+            false => QUANTITIES.get(self.quantity),
+        };
         let quantity = quantity.filter(|quantity| (quantity.is_answered)(answers));
         let Some(Quantity { name, counts, .. }) = quantity else {
             return Err(self.not_answered());
@@ -284,6 +308,25 @@ mod tests {
         let cloud = SiteAreas { total_mm2: None, ..areas.clone() };
         let error = "inaccessible>5mm2".parse::<Limit>().unwrap().broken_by(&answers, &cloud);
         assert!(error.unwrap_err().to_string().contains("cloud"));
+    }
+
+    #[test]
+    fn what_no_tool_reaches_is_a_share_like_the_others() {
+        let areas = SiteAreas { shares: vec![0.01; 100], total_mm2: Some(400.0) };
+        let mut all = SiteAnswers::new((0..100).map(|i| i < 10).collect(), vec![]);
+        all.tip_does_not_fit = (0..100).map(|i| (5..30).contains(&i)).collect();
+        for text in ["no-tool-reaches>20%", "no_tool_reaches > 100mm2"] {
+            let limit: Limit = text.parse().unwrap();
+            assert!(limit.is_about_all_tools() && !limit.is_about_findings());
+            let why = limit.broken_by(&all, &areas).unwrap().unwrap();
+            assert!(why.starts_with("no-tool-reaches is 30.00 % (120.0 mm2): no-tool"), "{why}");
+        }
+        let kept: Limit = "no-tool-reaches>30.5%".parse().unwrap();
+        assert_eq!(kept.broken_by(&all, &areas).unwrap(), None);
+        assert_eq!(
+            kept.broken_by_findings(&Findings::of(&lattice(), None, &all, &[]).unwrap()),
+            None
+        );
     }
 
     #[test]

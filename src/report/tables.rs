@@ -1,7 +1,12 @@
 //! Tables of numbers, printed as text or written as JSON and CSV from the same cells.
 
+mod unit;
+
+use crate::geom::units::Unit;
 use comfy_table::{Cell as TextCell, CellAlignment, LineStyle, TableStyle};
 use serde_json::{Map, Value, json};
+use unit::Quantity;
+pub use unit::{output_unit, set_output_unit};
 
 /// One number or word.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,6 +21,8 @@ pub enum Cell {
     Seconds(f64),
     /// A length, mm.
     Millimeters(f64),
+    /// A length in another unit than mm, and how it is shown.
+    Measure(f64, String),
     /// Any other number, shown with four digits.
     Number(f64),
     /// A number that someone chose, shown with the digits it has.
@@ -43,6 +50,7 @@ impl Cell {
             Cell::Share(x) if x.is_finite() => format!("{:.1} %", 100.0 * x),
             Cell::Seconds(x) if x.is_finite() => seconds(*x),
             Cell::Millimeters(x) if x.is_finite() => format!("{} mm", significant(*x)),
+            Cell::Measure(_, shown) => shown.clone(),
             Cell::Number(x) if x.is_finite() => significant(*x),
             Cell::Given(x) if x.is_finite() => x.to_string(),
             _ => "-".into(),
@@ -57,6 +65,7 @@ impl Cell {
             Cell::Share(x)
             | Cell::Seconds(x)
             | Cell::Millimeters(x)
+            | Cell::Measure(x, _)
             | Cell::Number(x)
             | Cell::Given(x) => json!(x),
             Cell::Missing => Value::Null,
@@ -115,24 +124,48 @@ impl Table {
         self
     }
 
-    /// For people: columns of equal width, numbers to the right.
+    /// What the numbers of a column are.
+    fn quantity(&self, column: usize) -> Option<Quantity> {
+        let of_tools = self.columns.iter().any(|(key, _)| *key == "CR");
+        Quantity::of(self.columns[column].0, of_tools)
+    }
+
+    /// For people: columns of equal width, numbers to the right; lengths and areas in the unit of
+    /// [`set_output_unit`].
     pub fn text(&self) -> String {
+        self.text_in(output_unit())
+    }
+
+    /// [`Table::text`] in a unit.
+    pub fn text_in(&self, unit: Unit) -> String {
         let mut table = plain();
-        let headings: Vec<&str> = self.columns.iter().map(|(_, heading)| *heading).collect();
-        let is_shown = |k: &usize| !headings[*k].is_empty();
-        table.set_header(headings.iter().filter(|heading| !heading.is_empty()));
-        for row in &self.rows {
-            table.add_row((0..row.len()).filter(is_shown).map(|k| text_cell(&row[k])));
+        let (headings, rows) = self.shown_in(unit);
+        table.set_header(headings);
+        for row in &rows {
+            table.add_row(row.iter().map(text_cell));
         }
         table.trim_fmt()
     }
 
-    /// For people, elsewhere: the headings that are not empty, and the cells under them.
-    pub fn shown(&self) -> (Vec<&'static str>, Vec<Vec<&Cell>>) {
+    /// For people, elsewhere: the headings that are not empty, and the cells under them, in the unit of
+    /// [`set_output_unit`].
+    pub fn shown(&self) -> (Vec<String>, Vec<Vec<Cell>>) {
+        self.shown_in(output_unit())
+    }
+
+    fn shown_in(&self, unit: Unit) -> (Vec<String>, Vec<Vec<Cell>>) {
         let is_shown = |k: &usize| !self.columns[*k].1.is_empty();
         let shown: Vec<usize> = (0..self.columns.len()).filter(is_shown).collect();
-        let headings = shown.iter().map(|&k| self.columns[k].1).collect();
-        (headings, self.rows.iter().map(|row| shown.iter().map(|&k| &row[k]).collect()).collect())
+        // Cells that show their unit need none in the heading.
+        let names_unit = |k: usize| self.rows.iter().any(|r| matches!(r[k], Cell::Millimeters(_)));
+        let heading = |&k: &usize| match names_unit(k) {
+            true => self.columns[k].1.to_string(),
+            false => unit::heading(self.columns[k].1, self.quantity(k), unit),
+        };
+        let cells = |row: &Vec<Cell>| {
+            shown.iter().map(|&k| unit::cell(&row[k], self.quantity(k), unit)).collect()
+        };
+        (shown.iter().map(heading).collect(), self.rows.iter().map(cells).collect())
     }
 
     /// For people: a Markdown table, numbers to the right, of what [`Table::shown`] gives.
@@ -144,7 +177,7 @@ impl Table {
         };
         let is_number = |k: usize| rows.iter().all(|row| row[k].is_number());
         let rule = |k| if is_number(k) { "---:" } else { "---" }.to_string();
-        let mut text = line(headings.iter().map(ToString::to_string).collect());
+        let mut text = line(headings.clone());
         text += &line((0..headings.len()).map(rule).collect());
         rows.iter().for_each(|row| text += &line(row.iter().map(|cell| cell.show()).collect()));
         text
@@ -160,19 +193,32 @@ impl Table {
         Value::Array(self.rows.iter().map(object).collect())
     }
 
-    /// For programs: CSV with a header row of the keys; what is missing is empty.
+    /// For programs: CSV with a header row of the keys; what is missing is empty. In another unit than mm
+    /// ([`set_output_unit`]) the keys of lengths and areas name it (`_in`, `_in2`); the lengths of a tool table have it
+    /// with the number, as such tables are read.
     pub fn csv(&self) -> Vec<u8> {
+        self.csv_in(output_unit())
+    }
+
+    /// [`Table::csv`] in a unit.
+    pub fn csv_in(&self, unit: Unit) -> Vec<u8> {
         let field = |cell: &Cell| match cell.json() {
             Value::String(word) => word,
             Value::Null => String::new(),
             number => number.to_string(),
         };
         let mut writer = csv::Writer::from_writer(Vec::new());
-        let header = self.columns.iter().map(|(key, _)| key.to_string()).collect();
-        for row in [header]
-            .into_iter()
-            .chain(self.rows.iter().map(|r| r.iter().map(field).collect::<Vec<_>>()))
-        {
+        let quantities: Vec<_> = (0..self.columns.len()).map(|k| self.quantity(k)).collect();
+        let keys = self.columns.iter().zip(&quantities);
+        let header = keys.map(|((key, _), quantity)| unit::key(key, *quantity, unit)).collect();
+        let fields = |row: &Vec<Cell>| {
+            let cells = row.iter().zip(&quantities);
+            let one = |(cell, quantity): (&Cell, &Option<Quantity>)| {
+                unit::field(field(&unit::cell(cell, *quantity, unit)), *quantity, unit)
+            };
+            cells.map(one).collect::<Vec<_>>()
+        };
+        for row in [header].into_iter().chain(self.rows.iter().map(fields)) {
             writer.write_record(row).expect("rows of equal length, into memory");
         }
         writer.into_inner().expect("memory takes all")
@@ -195,11 +241,22 @@ impl Facts {
         self
     }
 
-    /// For people: two columns, both to the left.
+    /// For people: two columns, both to the left; lengths and areas in the unit of [`set_output_unit`].
     pub fn text(&self) -> String {
+        self.text_in(output_unit())
+    }
+
+    /// [`Facts::text`] in a unit.
+    pub fn text_in(&self, unit: Unit) -> String {
         let mut table = plain();
-        for (_, name, value) in &self.0 {
-            table.add_row([TextCell::new(name), TextCell::new(value.show())]);
+        for (key, name, value) in &self.0 {
+            let quantity = Quantity::of(key, false);
+            let name = match value {
+                Cell::Millimeters(_) => name.clone(),
+                _ => unit::heading(name, quantity, unit),
+            };
+            let value = unit::cell(value, quantity, unit).show();
+            table.add_row([TextCell::new(name), TextCell::new(value)]);
         }
         table.trim_fmt()
     }
@@ -264,6 +321,43 @@ mod tests {
         table.row([Cell::text("c"), Cell::Missing, Cell::Missing]);
         let expected = "| name | F1 |\n| --- | ---: |\n| a\\|b | 25.0 % |\n| c | - |\n";
         assert_eq!(table.markdown(), expected);
+    }
+
+    #[test]
+    fn lengths_and_areas_are_in_the_unit_that_is_asked_for_and_json_stays_in_mm() {
+        let columns = [
+            ("name", "tool"),
+            ("CR", "CR"),
+            ("held_at", "stick-out"),
+            ("adds_mm2", "mm²"),
+            ("x_mm", "x, mm"),
+            ("adds", "adds"),
+        ];
+        let mut table = Table::new(&columns);
+        let lengths = [Cell::Given(3.175), Cell::Millimeters(50.8), Cell::Number(64.516)];
+        let mut row = vec![Cell::text("1/4")];
+        row.extend(lengths);
+        row.extend([Cell::Number(-12.7), Cell::Share(0.5)]);
+        table.row(row);
+        let csv = String::from_utf8(table.csv_in(Unit::Inch)).unwrap();
+        assert_eq!(csv, "name,CR,held_at_in,adds_in2,x_in,adds\n1/4,0.125in,2.0,0.1,-0.5,0.5\n");
+        let text = table.text_in(Unit::Inch);
+        for part in ["CR, in", "in²", "x, in", "0.125", "2.000 in", "0.1000", "-0.5000", "50.0 %"]
+        {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        assert!(!text.contains("mm"), "{text}");
+        assert_eq!(table.csv_in(Unit::Millimeter), table.csv());
+        assert_eq!(table.json()[0]["x_mm"], -12.7);
+        let mut facts = Facts::new();
+        facts.add("area_mm2", "surface, mm²", Cell::Number(645.16));
+        facts.add("spacing_mm", "spacing", Cell::Millimeters(25.4));
+        facts.add("rests", "above 0.05 mm alone", Cell::count(3));
+        let text = facts.text_in(Unit::Inch);
+        for part in ["surface, in²", "1.000", "1.000 in", "above 0.05 mm alone"] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        assert_eq!(facts.json()["area_mm2"], 645.16);
     }
 
     #[test]

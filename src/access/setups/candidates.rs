@@ -1,15 +1,18 @@
 //! The setups to choose from, and the directions to test for them.
 
-use super::machine::{Machine, angle};
-use crate::directions::{DirectionSet, Directions, basis};
+use super::machine::{DOWN_RAD, LOWEST_MM, Machine, angle, direction_words};
+use crate::directions::{DirectionSet, Directions, TurnLimits, basis};
 use crate::geom::Mesh;
-use crate::{Result, memory};
+use crate::{Error, Result, memory};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 
 /// Which clampings there are to choose from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Clampings {
+    /// Standing on a flat face: at the lowest place in that position there are flat faces of at least a hundredth of
+    /// the surface that face down, within 1 degree and 0.01 mm.
+    Standing,
     /// Along large flat faces: the part stands on something.
     Flat,
     /// Along these and the box axes.
@@ -19,9 +22,10 @@ pub enum Clampings {
 }
 
 impl Clampings {
-    /// What suits a machine: one that tilts need not have the part slanted, and a part that stands on a corner would be held by what it shows.
+    /// What suits a machine: in a vise the part stands on a flat face; one that tilts need not have the part slanted,
+    /// and a part that stands on a corner would be held by what it shows.
     pub fn usual(machine: &Machine) -> Self {
-        if *machine == Machine::ThreeAxis { Clampings::Any } else { Clampings::Box }
+        if *machine == Machine::ThreeAxis { Clampings::Standing } else { Clampings::Box }
     }
 }
 
@@ -40,6 +44,7 @@ pub struct Candidates {
     machine: Machine,
     /// Flat faces and box axes.
     likely: Vec<Vec3>,
+    has_flat: bool,
     directions: Directions,
     list: Vec<Candidate>,
 }
@@ -58,8 +63,8 @@ const MOST_ROTARY: usize = 12;
 const ROUNDING_RAD: f64 = 1e-6;
 
 impl Candidates {
-    /// For a part on a machine. `n_directions` are even over the whole sphere beside the box axes and the normals of large flat faces, or around each
-    /// rotary axis; rotary axes are always along flat clampings.
+    /// For a part on a machine. `n_directions` are even over the whole sphere beside the box axes and the normals of
+    /// large flat faces, or around each rotary axis; rotary axes are always along flat clampings.
     ///
     /// # Errors
     /// If `n_directions` is 0 or above a million, or the lists of tool axes would not fit into the memory.
@@ -69,10 +74,16 @@ impl Candidates {
         clampings: Clampings,
         n_directions: usize,
     ) -> Result<Self> {
+        let normals = flat_normals(part);
         let mut flat = Vec::new();
-        for normal in flat_normals(part) {
-            add(&mut flat, normal);
-            add(&mut flat, -normal);
+        for normal in &normals {
+            add(&mut flat, *normal);
+            add(&mut flat, -*normal);
+        }
+        if clampings == Clampings::Standing {
+            let standing: Vec<Vec3> = normals.iter().map(|n| -*n).collect();
+            let stands = |up: &Vec3| standing.iter().any(|d| angle(*d, *up) <= SAME_RAD);
+            flat.retain(|up| stands(up) && stands_on(part, up.as_dvec3()));
         }
         let is_flat = |axis: &Vec3| flat.iter().any(|d| angle(*d, *axis) <= SAME_RAD);
         let mut likely: Vec<Vec3> = BOX_AXES.into_iter().filter(is_flat).collect();
@@ -80,16 +91,79 @@ impl Candidates {
         // A part without a flat face is held somehow.
         let n_flat = if likely.is_empty() { BOX_AXES.len() } else { likely.len() };
         BOX_AXES.iter().for_each(|d| add(&mut likely, *d));
-        let n_upright = if clampings == Clampings::Flat { n_flat } else { likely.len() };
+        let is_flat = matches!(clampings, Clampings::Flat | Clampings::Standing);
+        let n_upright = if is_flat { n_flat } else { likely.len() };
         let (directions, list) = match machine {
-            Machine::Rotary { axis } => {
-                about_axes(rotary_axes(axis, &likely[..n_upright]), n_directions)?
+            Machine::Rotary { axis, limits } => {
+                about_axes(rotary_axes(axis, &likely[..n_upright]), limits, n_directions)?
             }
             _ => over_sphere(&machine, &likely, (clampings, n_upright), n_directions)?,
         };
+        Candidates::of(machine, (likely, !flat.is_empty()), directions, list)
+    }
+
+    /// The given setups alone, in their order: of each z', or the direction of the part along the rotary axis.
+    ///
+    /// # Errors
+    /// As [`Candidates::new`], or if there is none, two are the same, or one is not the rotary axis that the machine
+    /// has.
+    pub fn given(
+        part: &Mesh,
+        machine: Machine,
+        setups: &[Vec3],
+        n_directions: usize,
+    ) -> Result<Self> {
+        if setups.is_empty() {
+            return Err(Error::argument(
+                "--setup",
+                "no direction",
+                "at least one",
+                "give it as --setup +z",
+            ));
+        }
+        for (k, setup) in setups.iter().enumerate() {
+            if let Machine::Rotary { axis: Some(axis), .. } = machine {
+                let axis = DVec3::from_array(axis).normalize().as_vec3();
+                if angle(axis, *setup) > SAME_RAD {
+                    let (found, axis) = (direction_words(*setup), direction_words(axis));
+                    let remedy = format!(
+                        "leave --setup out, or give the machine as 4-axis (without {axis})"
+                    );
+                    return Err(Error::argument(
+                        "--setup",
+                        found,
+                        "the rotary axis of --machine",
+                        remedy,
+                    ));
+                }
+            }
+            if setups[..k].iter().any(|other| angle(*other, *setup) <= SAME_RAD) {
+                let found = format!("{} twice", direction_words(*setup));
+                let remedy = "leave one of them out";
+                return Err(Error::argument("--setup", found, "every setup once", remedy));
+            }
+        }
+        let (mut likely, flat) = (Vec::new(), flat_normals(part));
+        let has_flat = !flat.is_empty();
+        for normal in setups.iter().copied().chain(flat).chain(BOX_AXES) {
+            add(&mut likely, normal);
+        }
+        let (directions, list) = match machine {
+            Machine::Rotary { limits, .. } => about_axes(setups.to_vec(), limits, n_directions)?,
+            _ => over_sphere(&machine, &likely, (Clampings::Flat, setups.len()), n_directions)?,
+        };
+        Candidates::of(machine, (likely, has_flat), directions, list)
+    }
+
+    fn of(
+        machine: Machine,
+        (likely, has_flat): (Vec<Vec3>, bool),
+        directions: Vec<Vec3>,
+        list: Vec<Candidate>,
+    ) -> Result<Self> {
         let vectors = directions.iter().map(|d| d.as_dvec3().to_array()).collect();
         let directions = Directions::new(DirectionSet::List { vectors })?;
-        Ok(Candidates { machine, likely, directions, list })
+        Ok(Candidates { machine, likely, has_flat, directions, list })
     }
 
     /// The machine.
@@ -102,8 +176,8 @@ impl Candidates {
         &self.directions
     }
 
-    /// The machine's x', y', z' in a setup, in the part's coordinates: z' is the setup's direction, or x' is along the rotary axis; another axis
-    /// is along a flat face or a box axis, if one is across.
+    /// The machine's x', y', z' in a setup, in the part's coordinates: z' is the setup's direction, or x' is along the
+    /// rotary axis; another axis is along a flat face or a box axis, if one is across.
     pub fn turn(&self, direction: Vec3) -> [DVec3; 3] {
         let w = direction.as_dvec3().normalize();
         let across = self.likely.iter().map(|d| d.as_dvec3()).find(|d| d.dot(w).abs() < 1e-4);
@@ -112,6 +186,12 @@ impl Candidates {
             Some(_) => [u, w.cross(u), w],
             None => [w, u.cross(w), u],
         }
+    }
+
+    /// Whether the part has a flat face to stand on; else the setups of [`Clampings::Standing`] and [`Clampings::Flat`]
+    /// are along its box.
+    pub fn stand_on_flat_faces(&self) -> bool {
+        self.has_flat
     }
 
     /// The setups.
@@ -176,20 +256,30 @@ fn rotary_axes(given: Option<[f64; 3]>, likely: &[Vec3]) -> Vec<Vec3> {
     axes
 }
 
-fn about_axes(axes: Vec<Vec3>, n_directions: usize) -> Result<(Vec<Vec3>, Vec<Candidate>)> {
+fn about_axes(
+    axes: Vec<Vec3>,
+    limits: Option<TurnLimits>,
+    n_directions: usize,
+) -> Result<(Vec<Vec3>, Vec<Candidate>)> {
     let mut all: Vec<Vec3> = Vec::new();
     let mut list = Vec::new();
     for direction in axes {
         let axis = direction.as_dvec3().to_array();
         let circle = Directions::new(DirectionSet::Circle { axis, n_dirs: n_directions })?;
-        let number = |d: &Vec3| {
+        let mut number = |d: &Vec3| {
             let same = all.iter().position(|other| angle(*other, *d) < ROUNDING_RAD);
             same.unwrap_or_else(|| {
                 all.push(*d);
                 all.len() - 1
             }) as u32
         };
-        let axes = circle.vectors().iter().map(number).collect();
+        let axes = match limits {
+            None => circle.vectors().iter().map(number).collect(),
+            Some(limits) => {
+                let within = limits.directions(direction.as_dvec3(), n_directions);
+                within.iter().map(|d| number(&d.as_vec3())).collect()
+            }
+        };
         list.push(Candidate { direction, axes: upright_first(axes, direction, &all) });
     }
     Ok((all, list))
@@ -205,6 +295,19 @@ fn upright_first(mut axes: Vec<u32>, direction: Vec3, all: &[Vec3]) -> Vec<u32> 
         () => 2,
     });
     axes
+}
+
+/// Whether the part stands on flat faces of at least [`LEAST_SHARE`] with `up` upward.
+fn stands_on(part: &Mesh, up: DVec3) -> bool {
+    let lowest = part.vertices.iter().map(|p| p.dot(up)).fold(f64::INFINITY, f64::min);
+    let area = |f: usize| {
+        let area = part.area_vector(f);
+        let is_down = angle(area.normalize_or_zero().as_vec3(), -up.as_vec3()) <= DOWN_RAD;
+        let is_low = part.corners(f).iter().all(|p| p.dot(up) <= lowest + LOWEST_MM);
+        if is_down && is_low { 0.5 * area.length() } else { 0.0 }
+    };
+    let total: f64 = (0..part.triangles.len()).map(area).sum();
+    total >= LEAST_SHARE * part.area()
 }
 
 /// Outward normals of flat faces of at least [`LEAST_SHARE`], the largest first.
@@ -260,12 +363,13 @@ mod tests {
 
     #[test]
     fn box_axes_come_first_then_flat_faces_then_the_sphere() {
-        let upright = of(&cuboid(DVec3::ONE), Machine::ThreeAxis, 100);
+        let any = |part: &Mesh| Candidates::new(part, Machine::ThreeAxis, Clampings::Any, 100);
+        let upright = any(&cuboid(DVec3::ONE)).unwrap();
         assert_eq!(upright.directions().vectors()[..6], BOX_AXES);
         let turn = upright.turn(Vec3::NEG_Z);
         assert_eq!(turn, [DVec3::X, DVec3::NEG_Y, DVec3::NEG_Z]);
         assert!((100..=106).contains(&upright.list().len()));
-        let of_turned = of(&turned(), Machine::ThreeAxis, 100);
+        let of_turned = any(&turned()).unwrap();
         let of_faces = &of_turned.directions().vectors()[2..6];
         let up = Vec3::new(0.0, -libm::sinf(0.6), libm::cosf(0.6));
         assert!(of_faces.iter().any(|d| angle(*d, up) < 1e-6), "{of_faces:?}");
@@ -284,6 +388,66 @@ mod tests {
         assert!(flat_normals(&torus).is_empty());
     }
 
+    /// A wedge: its slanted side and the two triangles beside it are flat faces, too.
+    fn wedge() -> Mesh {
+        let vertices = [
+            [0., 0., 0.],
+            [40., 0., 0.],
+            [40., 30., 0.],
+            [0., 30., 0.],
+            [0., 0., 20.],
+            [0., 30., 20.],
+        ];
+        let triangles = [
+            [0, 2, 1],
+            [0, 3, 2],
+            [0, 1, 4],
+            [3, 5, 2],
+            [0, 4, 5],
+            [0, 5, 3],
+            [1, 2, 5],
+            [1, 5, 4],
+        ];
+        Mesh::from_slices(&vertices, &triangles).unwrap()
+    }
+
+    #[test]
+    fn an_upright_part_stands_on_flat_faces() {
+        let found = of(&wedge(), Machine::ThreeAxis, 100);
+        let mut directions: Vec<Vec3> = found.list().iter().map(|c| c.direction).collect();
+        assert_eq!(directions.len(), 5, "one for each face: {directions:?}");
+        let slanted = directions.pop().unwrap();
+        assert!(angle(slanted, Vec3::new(-1.0, 0.0, -2.0).normalize()) < 1e-6, "{slanted}");
+        for up in [Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Y] {
+            assert!(directions.contains(&up), "{up}");
+        }
+        // A pocket's floor is flat and faces up, but nothing stands on it.
+        let torus = of(&torus(20.0, 5.0, 60, 32), Machine::ThreeAxis, 100);
+        assert_eq!(torus.list().len(), 6, "without a flat face: the box axes");
+    }
+
+    #[test]
+    fn given_setups_are_the_only_candidates_and_limits_are_kept() {
+        let part = turned();
+        let up = [Vec3::Z, Vec3::NEG_X];
+        let upright = Candidates::given(&part, Machine::ThreeAxis, &up, 50).unwrap();
+        assert_eq!(upright.directions().vectors(), up);
+        let tilted = Machine::Indexed { tilt_deg: 60.0 };
+        let tilted = Candidates::given(&part, tilted, &up, 50).unwrap();
+        assert_eq!(tilted.list().len(), 2);
+        assert!(tilted.directions().len() > 50 && tilted.list()[0].axes.len() > 10);
+        let twice = Candidates::given(&part, Machine::ThreeAxis, &[Vec3::X, Vec3::X], 50);
+        assert!(twice.unwrap_err().to_string().contains("+x twice"));
+        let chucked: Machine = "4-axis:x".parse().unwrap();
+        assert_eq!(Candidates::given(&part, chucked, &[Vec3::X], 8).unwrap().list().len(), 1);
+        let other = Candidates::given(&part, chucked, &[Vec3::Y], 8).unwrap_err().to_string();
+        assert!(other.contains("--setup is +y") && other.contains("+x"), "{other}");
+        assert!(Candidates::given(&part, chucked, &[], 8).is_err());
+        let limited: Machine = "4-axis:x:-30,90".parse().unwrap();
+        let limited = of(&part, limited, 72);
+        assert_eq!((limited.list().len(), limited.directions().len()), (1, 25));
+    }
+
     #[test]
     fn tool_axes_are_those_of_the_machine() {
         let tilted = of(&turned(), Machine::Indexed { tilt_deg: 90.0 }, 50);
@@ -293,7 +457,7 @@ mod tests {
             let within = all.iter().filter(|d| d.dot(candidate.direction) > -1e-6).count();
             assert_eq!(candidate.axes.len(), within);
         }
-        let machine = Machine::Rotary { axis: None };
+        let machine = Machine::Rotary { axis: None, limits: None };
         let rotary = of(&turned(), machine, 72);
         assert_eq!(rotary.list().len(), 5, "three box axes, two more of the faces");
         for candidate in rotary.list() {
@@ -304,7 +468,7 @@ mod tests {
             assert!(candidate.axes.iter().all(across));
         }
         assert!(rotary.directions().len() < 5 * 72, "circles share where they meet");
-        let given = Machine::Rotary { axis: Some([0.0, 0.0, 2.0]) };
+        let given = Machine::Rotary { axis: Some([0.0, 0.0, 2.0]), limits: None };
         assert_eq!(of(&turned(), given, 8).list().len(), 1);
         assert!(Candidates::new(&turned(), given, Clampings::Flat, 0).is_err());
         if cfg!(target_os = "linux") {

@@ -1,5 +1,7 @@
 //! Which tool axes a machine can take without clamping again.
 
+use crate::directions::TurnLimits;
+use crate::directions::rotary::axis_of;
 use crate::{Error, Result};
 use glam::Vec3;
 use std::f64::consts::PI;
@@ -28,6 +30,8 @@ pub enum Machine {
     Rotary {
         /// The direction of the part along the rotary axis, of any length but zero; free if there is none.
         axis: Option<[f64; 3]>,
+        /// How far the part turns, of a given axis; any angle if there are none.
+        limits: Option<TurnLimits>,
     },
     /// The spindle tilts by as much as this from z' while it cuts.
     FiveAxis {
@@ -68,14 +72,18 @@ impl fmt::Display for Machine {
         match self {
             Machine::ThreeAxis => write!(f, "3-axis"),
             Machine::Indexed { tilt_deg } => write!(f, "3+2:{tilt_deg}"),
-            Machine::Rotary { axis: None } => write!(f, "4-axis"),
-            Machine::Rotary { axis: Some([x, y, z]) } => write!(f, "4-axis:{x},{y},{z}"),
+            Machine::Rotary { axis: None, .. } => write!(f, "4-axis"),
+            Machine::Rotary { axis: Some([x, y, z]), limits } => {
+                write!(f, "4-axis:{x},{y},{z}")?;
+                limits.iter().try_for_each(|limits| write!(f, ":{limits}"))
+            }
             Machine::FiveAxis { tilt_deg } => write!(f, "5-axis:{tilt_deg}"),
         }
     }
 }
 
-/// Reads `3-axis`, `3+2:DEGREES`, `4-axis`, `4-axis:x` (`y`, `z`, `X,Y,Z`), `5-axis:DEGREES`.
+/// Reads `3-axis`, `3+2:DEGREES`, `4-axis`, `4-axis:x` (`y`, `z`, `X,Y,Z`), `4-axis:x:LOW,HIGH` (degrees),
+/// `5-axis:DEGREES`.
 impl FromStr for Machine {
     type Err = Error;
 
@@ -88,29 +96,21 @@ impl FromStr for Machine {
             ("3-axis", None) => Some(Machine::ThreeAxis),
             ("3+2", _) => tilt().map(|tilt_deg| Machine::Indexed { tilt_deg }),
             ("5-axis", _) => tilt().map(|tilt_deg| Machine::FiveAxis { tilt_deg }),
-            ("4-axis", None) => Some(Machine::Rotary { axis: None }),
-            ("4-axis", Some(axis)) => axis_of(axis).map(|a| Machine::Rotary { axis: Some(a) }),
+            ("4-axis", None) => Some(Machine::Rotary { axis: None, limits: None }),
+            ("4-axis", Some(rest)) => {
+                let (axis, limits) =
+                    rest.split_once(':').map_or((rest, None), |(a, b)| (a, Some(b)));
+                let limits = limits.map(|limits| limits.parse::<TurnLimits>()).transpose()?;
+                axis_of(axis).map(|axis| Machine::Rotary { axis: Some(axis), limits })
+            }
             _ => None,
         };
         machine.ok_or_else(|| {
-            let expected = "3-axis, 3+2:DEGREES, 4-axis, 4-axis:x (y, z or X,Y,Z) or 5-axis:DEGREES";
+            let expected = "3-axis, 3+2:DEGREES, 4-axis, 4-axis:x (y, z or X,Y,Z), 4-axis:x:LOW,HIGH or 5-axis:DEGREES";
             let remedy = "give the machine's greatest tilt from its z axis, above 0 and at most 180, as in 3+2:60";
             Error::argument("--machine", format!("`{text}`"), expected, remedy)
         })
     }
-}
-
-fn axis_of(text: &str) -> Option<[f64; 3]> {
-    match text {
-        "x" => return Some([1.0, 0.0, 0.0]),
-        "y" => return Some([0.0, 1.0, 0.0]),
-        "z" => return Some([0.0, 0.0, 1.0]),
-        _ => {}
-    }
-    let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
-    let axis: [f64; 3] = numbers?.try_into().ok()?;
-    let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
-    (length.is_finite() && length > 1e-12).then_some(axis)
 }
 
 /// `+z`, `-x`, or three numbers.
@@ -125,6 +125,28 @@ pub fn direction_words(direction: Vec3) -> String {
     format!("{x}, {y}, {z}")
 }
 
+/// Reads `+z`, `z`, `-x` or `X,Y,Z`.
+///
+/// # Errors
+/// If the text is none of these, or the vector has no length.
+pub fn direction_of_words(text: &str) -> Result<Vec3> {
+    let text = text.trim();
+    let (sign, name) = match text.strip_prefix('-') {
+        Some(name) if name.len() == 1 => (-1.0, name),
+        _ => (1.0, text.strip_prefix('+').unwrap_or(text)),
+    };
+    let axis = axis_of(name).ok_or_else(|| {
+        let expected = "+z, -z, +x, -x, +y, -y or X,Y,Z";
+        Error::argument("--setup", format!("`{text}`"), expected, "write for example --setup +z")
+    })?;
+    Ok((sign * glam::DVec3::from_array(axis).normalize()).as_vec3())
+}
+
+/// What lies as low as this above the lowest place is what the part lies on, mm.
+pub(super) const LOWEST_MM: f64 = 0.01;
+/// If its normal is as near to straight down as this, radians.
+pub(super) const DOWN_RAD: f64 = std::f64::consts::PI / 180.0;
+
 /// Radians between unit vectors.
 pub(super) fn angle(a: Vec3, b: Vec3) -> f64 {
     let (a, b) = (a.as_dvec3(), b.as_dvec3());
@@ -137,9 +159,13 @@ mod tests {
 
     #[test]
     fn machines_are_read_and_written_again() {
-        for text in ["3-axis", "3+2:60", "4-axis", "4-axis:0,1,0.5", "5-axis:33.3"] {
+        for text in
+            ["3-axis", "3+2:60", "4-axis", "4-axis:0,1,0.5", "4-axis:1,0,0:-30,90.5", "5-axis:33.3"]
+        {
             assert_eq!(text.parse::<Machine>().unwrap().to_string(), text);
         }
+        let refused = "4-axis:x:90,-30".parse::<Machine>().unwrap_err().to_string();
+        assert!(refused.contains("90,-30") && refused.contains("4-axis:x:-30,90"), "{refused}");
         assert_eq!("4-axis:y".parse::<Machine>().unwrap().to_string(), "4-axis:0,1,0");
         for text in [
             "",
@@ -165,7 +191,16 @@ mod tests {
     fn directions_have_the_names_of_the_box() {
         let words = [Vec3::Z, Vec3::NEG_X, Vec3::new(0.6, -0.0, 0.8)].map(direction_words);
         assert_eq!(words, ["+z", "-x", "0.6, 0, 0.8"]);
-        let machine = Machine::Rotary { axis: None };
+        for (text, expected) in
+            [("+z", Vec3::Z), ("-x", Vec3::NEG_X), ("y", Vec3::Y), ("-0,0,-2", Vec3::NEG_Z)]
+        {
+            assert_eq!(direction_of_words(text).unwrap(), expected, "{text}");
+        }
+        for text in ["", "up", "-", "0,0,0", "1,2"] {
+            let message = direction_of_words(text).unwrap_err().to_string();
+            assert!(message.starts_with("--setup is"), "{message}");
+        }
+        let machine = Machine::Rotary { axis: None, limits: None };
         assert_eq!(machine.setup_words(Vec3::X), "about x");
         assert_eq!(Machine::ThreeAxis.setup_words(Vec3::NEG_Y), "-y up");
     }

@@ -1,7 +1,7 @@
 //! Few setups that cover a share of what all candidates reach.
 
 use super::candidates::{Candidate, Candidates};
-use super::machine::angle;
+use super::machine::{DOWN_RAD, LOWEST_MM, angle};
 use crate::access::cover::{Cover, cover_share, cover_share_preferring, greedy_share};
 use crate::access::surface::AccessibleDirections;
 use crate::geom::{Mesh, Sites};
@@ -27,6 +27,31 @@ pub struct Plan {
     pub only_tip: Vec<bool>,
 }
 
+/// Which of the candidates a plan takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Choice {
+    share: f64,
+    at_most: usize,
+    all: bool,
+}
+
+impl Choice {
+    /// Few that cover at least this share of the weight that some candidate reaches.
+    pub fn share(share: f64) -> Self {
+        Choice { share, at_most: usize::MAX, all: false }
+    }
+
+    /// But no more than this many: those that add most, one after the other.
+    pub fn at_most(self, at_most: usize) -> Self {
+        Choice { at_most, ..self }
+    }
+
+    /// All candidates, in their order.
+    pub fn all(self) -> Self {
+        Choice { all: true, ..self }
+    }
+}
+
 /// One clamping.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setup {
@@ -48,11 +73,6 @@ pub struct Setup {
     /// Every tool axis of the setup.
     pub axes: Vec<Vec3>,
 }
-
-/// What lies as low as this above the lowest place is what the part lies on, mm.
-const LOWEST_MM: f64 = 0.01;
-/// If its normal is as near to straight down as this, radians.
-const DOWN_RAD: f64 = std::f64::consts::PI / 180.0;
 
 type Bits = Vec<u64>;
 
@@ -82,10 +102,9 @@ impl Plan {
         memory::require("the choice of setups", bits.saturating_add(by_tool), remedy)
     }
 
-    /// Of the `candidates` for `part`, few that cover at least `share` of the weight of all that some candidate
-    /// reaches; `accessible` says for each tool in which of their directions it may stand, `weights` what each site
-    /// counts. `order` has every tool once, the preferred first: of sets of tools as small as can be a setup takes the
-    /// one that comes first ([`cover_share_preferring`]).
+    /// Of the `candidates` for `part`, those of a [`Choice`]; `accessible` says for each tool in which of their
+    /// directions it may stand, `weights` what each site counts. `order` has every tool once, the preferred first: of
+    /// sets of tools as small as can be a setup takes the one that comes first ([`cover_share_preferring`]).
     ///
     /// # Panics
     /// If `accessible` is about other sites or directions, or empty, or `order` does not have every tool once.
@@ -95,7 +114,7 @@ impl Plan {
         sites: &Sites,
         accessible: &[AccessibleDirections],
         weights: &[f64],
-        share: f64,
+        choice: Choice,
         order: &[usize],
     ) -> Self {
         let n = sites.len();
@@ -115,18 +134,26 @@ impl Plan {
         let reached: Vec<Bits> =
             par::map(list.len(), |c| reach(&list[c], &lies_on[c], |d| &any[d][..]));
         let of = |c: usize, i: usize| holds(&reached[c], i);
-        let cover = cover_share(list.len(), weights, of, share);
+        let share = choice.share;
+        let mut cover = cover_share(list.len(), weights, of, share);
+        if choice.all {
+            cover.chosen = (0..list.len()).collect();
+        } else if cover.chosen.len() > choice.at_most {
+            cover.chosen = greedy_share(list.len(), weights, of, share).chosen;
+            cover.chosen.truncate(choice.at_most);
+        }
         let n_for_all = greedy_share(list.len(), weights, of, 1.0).chosen.len();
         let mut first = vec![None; n];
         let mut setups = Vec::new();
-        for (&c, adds) in cover.chosen.iter().zip(&cover.adds) {
+        for &c in &cover.chosen {
             let new: Vec<f64> = (0..n)
                 .map(|i| if first[i].is_none() && of(c, i) { weights[i] } else { 0.0 })
                 .collect();
+            let adds = new.iter().sum();
             (0..n).filter(|&i| of(c, i)).for_each(|i| first[i] = first[i].or(Some(setups.len())));
             let lies_on = &lies_on[c];
             let about = About { candidates, accessible, any: &any, lies_on, share, order };
-            setups.push(about.setup(&list[c], &reached[c], *adds, &new));
+            setups.push(about.setup(&list[c], &reached[c], adds, &new));
         }
         let can_be_reached: Vec<bool> = (0..n).map(|i| (0..list.len()).any(|c| of(c, i))).collect();
         let only_tip = (0..n)

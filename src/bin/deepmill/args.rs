@@ -251,8 +251,9 @@ pub fn called(error: Error, option: &'static str) -> Error {
 #[derive(clap::Args)]
 pub struct GateArgs {
     /// Exit with code 3, after everything is written, if an answer breaks this limit: 'inaccessible>5%' (of the
-    /// surface, of any tool), 'tip_does_not_fit>20mm2', 'unreachable>…' (either), 'occlusion>…', 'finding>50mm2' (the
-    /// largest connected region that is out of reach); < in place of > for a minimum. May be given again.
+    /// surface, of any tool), 'tip_does_not_fit>20mm2', 'unreachable>…' (either), 'no-tool-reaches>1%' (out of
+    /// reach of all tools together), 'occlusion>…', 'finding>50mm2' (the largest connected region that is out of
+    /// reach); < in place of > for a minimum. Of the region, if --only or --except give one. May be given again.
     #[arg(long, value_name = "LIMIT")]
     fail_if: Vec<String>,
 }
@@ -317,12 +318,19 @@ impl SiteArgs {
     pub fn on(&self, mesh: &Mesh) -> Result<Sites> {
         match self.sites.as_str() {
             "vertices" => sites::from_vertices(mesh),
-            count => {
-                let n_sites = site_count(count)?;
-                let normals = self.normals()?;
-                sites::sample(mesh, &SiteOptions { n_sites, seed: self.seed, normals })
-            }
+            count => sites::sample(mesh, &self.options(count)?),
         }
+    }
+
+    /// How sites are spread; none if the mesh's corners are the sites.
+    pub fn spread(&self) -> Result<Option<SiteOptions>> {
+        let count = Some(&*self.sites).filter(|count| *count != "vertices");
+        count.map(|count| self.options(count)).transpose()
+    }
+
+    fn options(&self, count: &str) -> Result<SiteOptions> {
+        let (n_sites, normals) = (site_count(count)?, self.normals()?);
+        Ok(SiteOptions { n_sites, seed: self.seed, normals })
     }
 
     fn normals(&self) -> Result<Normals> {
@@ -358,8 +366,9 @@ fn site_count(text: &str) -> Result<usize> {
 #[derive(clap::Args)]
 pub struct DirectionArgs {
     /// COUNT or hemisphere:COUNT (upper half), sphere:COUNT, latlong:RINGSxCOUNT, cone:DEGREES:COUNT (around +z),
-    /// circle:X,Y,Z:COUNT (across an axis), list:X,Y,Z;X,Y,Z;…, up (+z alone), or published (the 152 of the published
-    /// data). By default 150, of the published definition published.
+    /// circle:X,Y,Z:COUNT (across an axis), 4-axis:x:LOW,HIGH (about a rotary axis within these degrees from +z),
+    /// list:X,Y,Z;X,Y,Z;…, up (+z alone), or published (the 152 of the published data). By default 150, of the
+    /// published definition published.
     #[arg(long, value_name = "SET", allow_negative_numbers = true)]
     directions: Option<String>,
 }

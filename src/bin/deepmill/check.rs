@@ -1,8 +1,8 @@
 //! `deepmill check`: reports the faults of a mesh, where they are, and whether they block labeling.
 
-use crate::mesh_args::MeshArgs;
+use crate::mesh_args::{MeshArgs, join_bodies};
 use crate::output::Output;
-use deepmill::geom::check::{self, Finding, MeshReport, Place};
+use deepmill::geom::check::{self, Fault, Finding, MeshReport, Place};
 use deepmill::geom::{Mesh, formats, intersect, origin};
 use deepmill::{Result, atomic_file};
 use serde_json::{Value, json};
@@ -28,12 +28,17 @@ pub struct Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     args.out.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
-    let (mesh, changes) = args.read.read_mesh(&args.mesh, output)?;
+    let (mut mesh, mut changes) = args.read.read_mesh(&args.mesh, output)?;
+    let refused = join_bodies(&mut mesh, output).map(|joined| changes.extend(joined)).err();
     let mut report = check::check(&mesh);
     if !args.skip_intersections {
         report.findings.extend(intersect::finding(&mesh));
     }
     say(&report, args, output);
+    let is_usable = refused.is_none() && report.blocking_bodies().is_none();
+    if is_usable {
+        say_usable(&report, args, output);
+    }
     if let Some(path) = &args.out {
         write_near(path, mesh, output)?;
         output.say(format!("written {}", path.display()));
@@ -42,7 +47,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let findings: Vec<Value> = report.findings.iter().map(|f| json_of(f, args)).collect();
     output.result(&json!({
         "file": args.mesh,
-        "labelable": report.blocking().is_none(),
+        "labelable": is_usable,
         "closed": report.is_closed(),
         "n_vertices": report.n_vertices,
         "n_triangles": report.n_triangles,
@@ -54,7 +59,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "changes": changes,
         "findings": findings,
     }));
-    args.read.require_labelable(&report)
+    match refused {
+        Some(error) => Err(error),
+        None => args.read.require_labelable(&report),
+    }
 }
 
 /// Writes an STL, whose numbers are single precision: of a part far from the origin, about a local one.
@@ -80,7 +88,7 @@ fn say(report: &MeshReport, args: &Args, output: &Output) {
     let (area, volume) = (digits(report.area_mm2), digits(report.volume_mm3));
     output.say(format!("area {area} mm², volume {volume} mm³"));
     for finding in &report.findings {
-        let weight = if finding.fault.blocks_labeling() { "BLOCKS LABELING" } else { "note" };
+        let weight = if blocks(finding) { "BLOCKS LABELING" } else { "note" };
         output.say(format!("{weight}: {finding}"));
         finding.places.iter().for_each(|place| output.say(format!("    {place}")));
         let more = finding.count - finding.places.len();
@@ -89,13 +97,18 @@ fn say(report: &MeshReport, args: &Args, output: &Output) {
         }
         output.say(format!("    {}", args.read.remedy(finding.fault)));
     }
-    if report.blocking().is_none() {
-        let skipped = ", piercing triangles not looked for";
-        let skipped = if args.skip_intersections { skipped } else { "" };
-        output.say(format!(
-            "can be labeled: closed, manifold, one component, facing outward{skipped}"
-        ));
-    }
+}
+
+fn say_usable(report: &MeshReport, args: &Args, output: &Output) {
+    let skipped = ", piercing triangles not looked for";
+    let skipped = if args.skip_intersections { skipped } else { "" };
+    let one = if report.n_components == 1 { "one component, " } else { "" };
+    output.say(format!("can be labeled: closed, manifold, {one}facing outward{skipped}"));
+}
+
+/// Several bodies are labeled, each against all.
+fn blocks(finding: &Finding) -> bool {
+    finding.fault.blocks_labeling() && finding.fault != Fault::ManyComponents
 }
 
 /// Six decimals, but none that are zero.
@@ -107,7 +120,7 @@ fn digits(value: f64) -> String {
 fn json_of(finding: &Finding, args: &Args) -> Value {
     json!({
         "fault": finding.fault.name(),
-        "blocks_labeling": finding.fault.blocks_labeling(),
+        "blocks_labeling": blocks(finding),
         "count": finding.count,
         "places": finding.places.iter().map(place).collect::<Vec<_>>(),
         "remedy": args.read.remedy(finding.fault),

@@ -7,6 +7,8 @@ use deepmill::access::surface::SiteAnswer;
 use deepmill::access::surface::explain::Remedies;
 use deepmill::data::files::label_query::LabelQuery;
 use deepmill::data::files::tools::{Tool, thick_and_short_first};
+use deepmill::geom::Sites;
+use deepmill::geom::spacing::Spacing;
 use deepmill::report::coverage::{TOOLS, tool_folders};
 use deepmill::report::explanation::{About, picture};
 use deepmill::report::folder::LABELS;
@@ -33,6 +35,9 @@ pub struct Args {
     /// The site nearest to this place, mm, in the coordinates of the result (relative to its origin_mm, if it has one).
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     at: Option<String>,
+    /// Take the nearest site however far it is from the place.
+    #[arg(long, requires = "at")]
+    nearest: bool,
     /// The part's mesh, if the folder holds no part.stl.
     #[arg(long, value_name = "FILE")]
     part: Option<PathBuf>,
@@ -81,7 +86,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let library = library.into_iter().map(|tool| tool.with_allowance(allowance));
     let library = library.collect::<Result<Vec<Tool>>>()?;
     let (site, distance) = match at {
-        Some(at) => query.nearest_site(at)?,
+        Some(at) => {
+            let found = query.nearest_site(at)?;
+            args.require_near(at, found, &query.file.sites)?;
+            found
+        }
         None => (args.site.unwrap_or_default(), 0.0),
     };
     let why = query.explain(site)?;
@@ -111,6 +120,27 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 }
 
 impl Args {
+    /// A place off the part is refused: farther from its nearest site than these are from each other, and a little more
+    /// for a place that was rounded.
+    fn require_near(&self, at: DVec3, (site, mm): (usize, f64), sites: &Sites) -> Result<()> {
+        let spacing = Spacing::measure_on_sheet(sites).map_or(f64::INFINITY, |s| s.mean_mm);
+        let most = 1.5 * spacing + 0.1;
+        if self.nearest || mm <= most {
+            return Ok(());
+        }
+        let words = |p: DVec3| {
+            let [x, y, z] = p.to_array().map(|x| (1e3 * x).round() / 1e3 + 0.0);
+            format!("{x}, {y}, {z}")
+        };
+        let place = words(sites.points[site].as_dvec3());
+        let found = format!(
+            "{}, {mm:.2} mm from the nearest site, {site} at {place}, of sites {spacing:.2} mm apart",
+            words(at)
+        );
+        let remedy = "give a place on the surface in mm, or --nearest to take that site";
+        Err(Error::argument("--at", found, format!("at most {most:.2} mm"), remedy))
+    }
+
     /// Those that are given, in place of those of the labels.
     fn set_tolerances(&self, query: &mut LabelQuery) -> Result<()> {
         query.options.finish_mm = self.finish.unwrap_or(query.options.finish_mm);

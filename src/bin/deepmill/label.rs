@@ -7,7 +7,9 @@ use crate::findings;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
+use crate::premise::premise;
 use crate::published_args::PublishedArgs;
+use crate::region::{Asked, RegionArgs};
 use crate::{progress, volume};
 use deepmill::access::surface::explain::Remedies;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
@@ -18,6 +20,7 @@ use deepmill::data::files::label_query::{joined, surface_settings};
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{LabelFile, Provenance};
 use deepmill::directions::Directions;
+use deepmill::geom::formats::MeshOrCloud;
 use deepmill::geom::sites::{self, SiteOptions};
 use deepmill::geom::spacing::Spacing;
 use deepmill::geom::{Mesh, Sites};
@@ -51,6 +54,8 @@ pub struct Args {
     tools: ToolArgs,
     #[command(flatten)]
     sites: SiteArgs,
+    #[command(flatten)]
+    pub region: RegionArgs,
     #[command(flatten)]
     pub directions: DirectionArgs,
     #[command(flatten)]
@@ -129,19 +134,26 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
-    let accept = match args.obstacles.as_deref() {
-        _ if args.force => Accept::Faults,
-        None | Some("part") => Accept::Bodies,
-        Some(_) => Accept::OneBody,
-    };
-    let part = args.read.read_part(&args.part, accept, output)?;
+    let part = args.read.read_part(&args.part, Accept::bodies_or(args.force), output)?;
     clock.lap("read_s", "reading");
     if let Some(step_mm) = args.volume {
+        args.region.refuse("--volume", "leave out --volume, or the region")?;
         return volume::run(args, step_mm, (part, tools), clock, output);
     }
-    let (mesh, sites) = args.sites.place(part)?;
+    let is_mesh = matches!(part, MeshOrCloud::Mesh(_));
+    let blocking = Blocking::read(args.obstacles.as_deref(), is_mesh, output)?;
+    if blocking != Blocking::Part {
+        let remedy = "the sites block: leave out --obstacles, and give the mesh for a cloud";
+        args.region.refuse("points as obstacles", remedy)?;
+    }
+    let (mesh, (asked, sites)) = match part {
+        MeshOrCloud::Mesh(mesh) => {
+            let placed = args.region.place(&args.sites, &mesh, &args.read, output)?;
+            (Some(mesh), (Some(placed.0), placed.1))
+        }
+        MeshOrCloud::Cloud(sites) => (None, (None, sites)),
+    };
     Show::pictures_unless(args.no_picture).require_memory(mesh.as_ref(), &sites)?;
-    let blocking = Blocking::read(args.obstacles.as_deref(), mesh.is_some(), output)?;
     let options = LabelOptions {
         engine,
         share: args.share_of_occlusion(),
@@ -172,7 +184,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         (None, Some(centroids)) => Obstacles::Centroids(centroids),
         (None, None) => Obstacles::Queries,
     };
-    let (mut labels, warnings) = match (&triangles, &mesh) {
+    let (mut labels, mut warnings) = match (&triangles, &mesh) {
         (Some(triangles), Some(mesh)) => {
             let of = (mesh, triangles);
             SurfaceArgs::label(of, &sites, &tools, &directions, &options_of_part)?
@@ -184,12 +196,22 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
             (labels, vec![Vec::new(); cutters.len()])
         }
     };
+    if args.region.is_given() {
+        // Sites are on the region alone.
+        let is_kept = |warning: &Warning| !matches!(warning, Warning::FacesWithoutSites { .. });
+        warnings.iter_mut().for_each(|of_tool| of_tool.retain(is_kept));
+    }
     let around = (&sites, points, triangles.as_ref());
     for (tool, labels) in tools.iter().zip(&mut labels) {
         part_itself::add_blocking_parts(labels, tool, around, &directions, &options_of_part)?;
     }
     clock.lap("labels_s", "labels");
 
+    let kept = mesh.as_ref().filter(|_| !fixtures.is_empty()).map(|mesh| {
+        let by = (&directions, &options_of_part);
+        args.surface.kept((mesh, &fixtures), (&sites, &labels), &tools, by)
+    });
+    let kept = kept.transpose()?;
     let of_mesh = blocking == Blocking::Part;
     let fixtures = joined(&fixtures);
     let surface = surface_settings(mesh.as_ref(), fixtures.as_ref())?;
@@ -208,15 +230,18 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         fixtures,
         surface,
         sites,
+        asked,
     };
-    let areas = SiteAreas::by_definition(&answers.sites, answers.mesh.as_ref(), of_mesh)?;
+    let (shown, of_shown) = answers.shown();
+    let areas = SiteAreas::by_definition(of_shown, shown, of_mesh)?;
     let cover = || Coverage::of(tools, &labels, directions.len(), &areas);
     let coverage = args.tools.are_several().then(cover);
     let mut facts = answers.facts(&labels, coverage.as_ref(), &areas);
     let named = tools.iter().zip(&labels).map(|(tool, labels)| (&*tool.name, &labels.answers));
-    let broken = output.check_limits(&limits, (&answers.sites, answers.mesh.as_ref()), named)?;
+    let broken = output.check_limits(&limits, (of_shown, shown), named)?;
     let single = coverage.is_none().then(|| labels[0].clone());
     let mut findings = Regions::find(&answers, &labels)?;
+    kept.iter().for_each(|kept| kept.add_to(&mut findings.of_tools));
     if let (Some(triangles), [found], [tool]) = (&triangles, &mut findings.of_tools[..], tools) {
         let held = (&tool.assembly, tool.clearance_mm);
         let remedies = args.remedies();
@@ -234,8 +259,12 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         Blocking::Points(_) | Blocking::Centroids => answers.add_density(&mut facts, more),
     };
     clock.add_to(&mut facts);
-    output.say(facts.text());
+    let premise = premise(directions, of_mesh.then_some(&args.surface));
+    output.say(&premise);
     let mut result = facts.json();
+    answers.asked.iter().for_each(|asked| asked.say(&mut result, output));
+    output.say(facts.text());
+    result["premise"] = json!(premise);
     result["limits_broken"] = broken;
     args.read.add_origin(&mut result);
     if let (Blocking::Part, Some(labels), Some(mesh)) = (blocking, &single, &answers.mesh) {
@@ -243,6 +272,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let about = (&answers.sites, &areas);
         result["bodies"] = part_itself::say_bodies(mesh, about, labels, output)?;
     }
+    result["fixtures"] = kept.map_or(Value::Null, |kept| kept.say(tools, &areas, output));
     let named = |tool: &'_ Tool| coverage.as_ref().map(|_| tool.name.clone());
     let warnings = tools.iter().zip(&warnings).map(|(tool, warnings)| {
         part_itself::say_warnings(warnings, named(tool).as_deref(), output)
@@ -292,9 +322,22 @@ struct Answers<'a> {
     /// What the files say of both.
     surface: Value,
     sites: Sites,
+    /// Of a mesh, which part of it the sites are on.
+    asked: Option<Asked>,
 }
 
 impl Answers<'_> {
+    /// The surface that areas, findings and pictures are about, and the sites on it.
+    fn shown(&self) -> (Option<&Mesh>, &Sites) {
+        match (&self.asked, &self.mesh) {
+            (Some(asked), Some(mesh)) => {
+                let (mesh, sites) = asked.shown(mesh, &self.sites);
+                (Some(mesh), sites)
+            }
+            (_, mesh) => (mesh.as_ref(), &self.sites),
+        }
+    }
+
     fn facts(&self, labels: &[Labels], coverage: Option<&Coverage>, areas: &SiteAreas) -> Facts {
         let mut facts = Facts::new();
         facts.add("part", "part", Cell::text(name_of(&self.args.part)));
@@ -346,7 +389,8 @@ impl Answers<'_> {
         coverage: Option<&Coverage>,
         findings: &Regions,
     ) -> Result<Vec<PathBuf>> {
-        let Answers { args, tools, mesh, sites, .. } = self;
+        let Answers { args, tools, mesh, .. } = self;
+        let (shown, sites) = self.shown();
         let show = Show::pictures_unless(args.no_picture);
         let (mut paths, mut views) = (Vec::new(), Vec::new());
         let progress = progress::bar(tools.len() as u64, "tools");
@@ -356,8 +400,8 @@ impl Answers<'_> {
                 Some(_) => args.out.join(tool.folder()),
             };
             let file = self.file((tool, &warnings[k]), labels);
-            paths.extend(folder::write_labels(&folder, &file, mesh.as_ref(), show)?);
-            let export = |extra| folder::export_labels(&folder, &file, mesh.as_ref(), extra);
+            paths.extend(folder::write_labels(&folder, &file, shown, show)?);
+            let export = |extra| folder::export_labels(&folder, &file, shown, extra);
             paths.extend(self.also.iter().map(|extra| export(*extra)).collect::<Result<Vec<_>>>()?);
             let found = &findings.of_tools[k];
             paths.extend(found.write(&folder, &file.provenance.part, &file.provenance.tool)?);
@@ -371,19 +415,20 @@ impl Answers<'_> {
         if let Some(coverage) = coverage {
             let part = name_of(&args.part);
             let cutter = &format!("{} tools", tools.len());
-            let part = PartView { name: &part, mesh: mesh.as_ref(), sites, cutter };
+            let part = PartView { name: &part, mesh: shown, sites, cutter };
             paths.extend(coverage.write(&args.out, part, show)?);
             paths.extend(findings.overall().write(&args.out, part.name, cutter)?);
             views.insert(0, coverage.view(findings.overall().clone()));
         }
         if args.report {
-            let page =
-                Page { part: &name_of(&args.part), mesh: mesh.as_ref(), sites, views: &views };
+            let page = Page { part: &name_of(&args.part), mesh: shown, sites, views: &views };
             paths.push(page.write(&args.out)?);
         }
         if let Some(mesh) = mesh {
             paths.push(folder::write_surface(&args.out, mesh)?);
         }
+        let region = self.asked.as_ref().map(|asked| asked.write(&args.out));
+        paths.extend(region.transpose()?.flatten());
         if let Some(fixtures) = &self.fixtures {
             paths.push(folder::write_fixtures(&args.out, fixtures)?);
         }
@@ -401,6 +446,7 @@ impl Answers<'_> {
         of_tool["of_library"] = json!(args.tools.are_of_files());
         let mut settings = json!({
             "sites": args.sites.settings(self.mesh.is_some()),
+            "region": self.asked.as_ref().map(Asked::json),
             "surface": self.surface,
             "tool": of_tool,
             "directions": directions.set(),
@@ -444,8 +490,9 @@ impl Regions {
         let answers: Vec<&SiteAnswers> = labels.iter().map(|labels| &labels.answers).collect();
         let names: Vec<&str> = about.tools.iter().map(|tool| &*tool.name).collect();
         let all: Vec<&Labels> = labels.iter().collect();
-        let of_tools = findings::of_tools(&about.sites, about.mesh.as_ref(), &names, &all)?;
-        let all = |answers| Findings::of(&about.sites, about.mesh.as_ref(), &answers, &[]);
+        let (mesh, sites) = about.shown();
+        let of_tools = findings::of_tools(sites, mesh, &names, &all)?;
+        let all = |answers| Findings::of(sites, mesh, &answers, &[]);
         let of_all = (labels.len() > 1).then(|| all(for_all_tools(answers.into_iter())));
         Ok(Regions { of_tools, of_all: of_all.transpose()? })
     }

@@ -10,6 +10,7 @@ mod density;
 mod eval;
 mod explain;
 mod findings;
+mod fixtures;
 mod generate;
 mod gradcheck;
 mod import;
@@ -20,20 +21,24 @@ mod output;
 mod parity;
 mod part_itself;
 mod predict;
+mod premise;
 mod processes;
 mod progress;
 mod published_args;
+mod region;
 mod report;
 mod reproduce;
 mod sample;
 mod setups;
 mod tools;
 mod train;
+mod usage;
 mod volume;
 mod weights;
 
 use clap::{Parser, Subcommand};
 use deepmill::Error;
+use deepmill::geom::units::Unit;
 use output::Output;
 use std::process::ExitCode;
 
@@ -51,6 +56,10 @@ struct Cli {
     /// Print one JSON object on standard output; everything else goes to standard error.
     #[arg(long, global = true)]
     json: bool,
+    /// Unit of lengths and areas in tables, CSV files and the page: mm, in, cm or m. Files and JSON for programs stay in
+    /// mm.
+    #[arg(long, global = true, value_name = "UNIT", default_value_t, value_parser = output_unit)]
+    output_unit: Unit,
 }
 
 #[derive(Subcommand)]
@@ -76,8 +85,13 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => return usage::refuse(&error),
+        Err(shown) => shown.exit(),
+    };
     let output = Output::new(cli.json);
+    deepmill::report::tables::set_output_unit(cli.output_unit);
     let run = || {
         deepmill::scalar::simd_isa()?;
         match &cli.command {
@@ -113,6 +127,10 @@ fn main() -> ExitCode {
             ExitCode::from(exit_code(&error))
         }
     }
+}
+
+fn output_unit(text: &str) -> Result<Unit, String> {
+    text.parse().map_err(|_| "expected mm, cm, m or in".into())
 }
 
 /// An impossible argument is a usage error, also if the library finds it.

@@ -6,7 +6,7 @@ use deepmill::data::files::tools::Tool;
 use deepmill::geom::check::{Fault, MeshReport};
 use deepmill::geom::formats::{self, MeshOrCloud, ReadOptions};
 use deepmill::geom::units::{Unit, inch_warning, size_line, size_warning};
-use deepmill::geom::{Mesh, check, origin, repair, weld};
+use deepmill::geom::{Mesh, bodies, check, origin, repair, weld};
 use deepmill::{Error, Result};
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -16,9 +16,7 @@ use std::sync::OnceLock;
 /// Which meshes are labeled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Accept {
-    /// Those that bound one solid.
-    OneBody,
-    /// Those that bound several solids too.
+    /// Those that bound solids.
     Bodies,
     /// All, with a warning.
     Faults,
@@ -26,8 +24,8 @@ pub enum Accept {
 
 impl Accept {
     /// [`Accept::Faults`] if forced.
-    pub fn one_body_or(force: bool) -> Self {
-        if force { Accept::Faults } else { Accept::OneBody }
+    pub fn bodies_or(force: bool) -> Self {
+        if force { Accept::Faults } else { Accept::Bodies }
     }
 }
 
@@ -44,6 +42,17 @@ fn refuse_far(low: DVec3, high: DVec3, path: &Path) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Joins bodies that overlap, and says so.
+pub fn join_bodies(mesh: &mut Mesh, output: &Output) -> Result<Vec<repair::Change>> {
+    // What names missing vertices is reported by the check.
+    if mesh.check().is_err() {
+        return Ok(Vec::new());
+    }
+    let changes = bodies::join(mesh)?;
+    changes.iter().for_each(|change| output.warn(change));
+    Ok(changes)
 }
 
 /// Warns if a part in millimeters may be one in inches.
@@ -96,8 +105,8 @@ impl MeshArgs {
     }
 
     /// Reads a mesh or a cloud to be labeled, says its size, and applies the chosen repairs; an
-    /// inward-facing mesh is turned with a notice. A mesh that does not bound one solid, or with
-    /// [`Accept::Bodies`] several, is refused, or with [`Accept::Faults`] warned about.
+    /// inward-facing mesh is turned with a notice, and bodies that overlap are joined. A mesh that does not bound solids
+    /// is refused, or with [`Accept::Faults`] warned about.
     pub fn read_part(&self, path: &Path, accept: Accept, output: &Output) -> Result<MeshOrCloud> {
         let (mut part, notices) = formats::read_part_with_notices(path, &self.options())?;
         notices.iter().for_each(|notice| output.warn(notice));
@@ -105,12 +114,13 @@ impl MeshArgs {
             MeshOrCloud::Mesh(mesh) => {
                 self.take_near(mesh, path, output);
                 self.prepare(mesh, output)?;
-                let report = check::check(mesh);
-                let blocking = match accept {
-                    Accept::Bodies => report.blocking_bodies(),
-                    Accept::OneBody | Accept::Faults => report.blocking(),
-                };
-                match self.require(blocking) {
+                match join_bodies(mesh, output) {
+                    Err(fault) if accept == Accept::Faults => output.warn(fault),
+                    joined => {
+                        joined?;
+                    }
+                }
+                match self.require(check::check(mesh).blocking_bodies()) {
                     Err(fault) if accept == Accept::Faults => output.warn(fault),
                     verdict => verdict?,
                 }
@@ -135,8 +145,7 @@ impl MeshArgs {
 
     /// A mesh to hold tools against; with `force` also one that does not bound solids.
     pub fn read_bodies(&self, path: &Path, force: bool, output: &Output) -> Result<Mesh> {
-        let accept = if force { Accept::Faults } else { Accept::Bodies };
-        match self.read_part(path, accept, output)? {
+        match self.read_part(path, Accept::bodies_or(force), output)? {
             MeshOrCloud::Mesh(mesh) => Ok(mesh),
             MeshOrCloud::Cloud(_) => {
                 let remedy = "a cloud has no triangles to hold a tool against: give the mesh";
@@ -145,9 +154,9 @@ impl MeshArgs {
         }
     }
 
-    /// As [`Report::require_labelable`]; does not propose a repair that was made.
+    /// Passes if the mesh bounds solids; does not propose a repair that was made.
     pub fn require_labelable(&self, report: &MeshReport) -> Result<()> {
-        self.require(report.blocking())
+        self.require(report.blocking_bodies())
     }
 
     fn require(&self, blocking: Option<&check::Finding>) -> Result<()> {
@@ -172,6 +181,15 @@ impl MeshArgs {
         notices.iter().for_each(|notice| output.warn(notice));
         self.take_near(&mut mesh, path, output);
         self.prepare(&mut mesh, output)?;
+        join_bodies(&mut mesh, output)?;
+        Ok(mesh)
+    }
+
+    /// Selected faces of the part, in the coordinates of that which was read.
+    pub fn read_selected(&self, path: &Path, output: &Output) -> Result<Mesh> {
+        let (mut mesh, notices) = formats::read_mesh_with_notices(path, &self.options())?;
+        notices.iter().for_each(|notice| output.warn(notice));
+        self.origin.get().iter().for_each(|at| origin::make_relative(&mut mesh, **at));
         Ok(mesh)
     }
 

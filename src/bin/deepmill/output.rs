@@ -2,7 +2,7 @@
 
 use deepmill::answers::SiteAnswers;
 use deepmill::geom::{Mesh, Sites};
-use deepmill::report::findings::Findings;
+use deepmill::report::findings::{Findings, for_all_tools};
 use deepmill::report::gate::{Limit, SiteAreas};
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
@@ -88,6 +88,17 @@ impl Output {
         self.result(&json!({ "error": error.to_string() }));
     }
 
+    /// A line on standard error that is neither warning nor error.
+    pub fn note(&self, line: impl Display) {
+        tell(line);
+    }
+
+    /// As [`Output::error`], of arguments that cannot be read.
+    pub fn error_of_arguments(&self, words: &str) {
+        tell(format_args!("error: {words}"));
+        self.result(&json!({ "error": words }));
+    }
+
     /// The machine-readable result; printed only under `--json`, and only the first of a run: a
     /// failure after it is told by the exit code.
     pub fn result(&self, value: &Value) {
@@ -108,8 +119,17 @@ impl Output {
         }
         let (about_findings, others): (Vec<&Limit>, Vec<&Limit>) =
             limits.iter().partition(|limit| limit.is_about_findings());
+        let (of_all, others): (Vec<&Limit>, Vec<&Limit>) =
+            others.into_iter().partition(|limit| limit.is_about_all_tools());
         let areas = SiteAreas::of(sites, mesh)?;
+        let answers: Vec<(&str, &SiteAnswers)> = answers.collect();
         let mut broken = self.broken.lock().unwrap_or_else(PoisonError::into_inner);
+        if !of_all.is_empty() && !answers.is_empty() {
+            let all = for_all_tools(answers.iter().map(|(_, answers)| *answers));
+            for limit in of_all {
+                broken.extend(limit.broken_by(&all, &areas)?);
+            }
+        }
         for (tool, answers) in answers {
             for limit in &others {
                 if let Some(why) = limit.broken_by(answers, &areas)? {
@@ -141,6 +161,7 @@ impl Output {
 
     /// [`Output::result`] with the files written.
     pub fn result_with_files(&self, mut value: Value, paths: &[PathBuf]) {
+        value["unit"] = json!("mm");
         value["files"] = json!(paths);
         self.result(&value);
     }

@@ -1,8 +1,10 @@
 //! Arguments of `deepmill label` for the mesh definition: tolerance, fixtures, table.
 
 use crate::args::{called, millimeters};
+use crate::fixtures::{self, Kept};
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
+use crate::progress;
 use deepmill::access::surface::explain::blocking_parts_among_points;
 use deepmill::access::surface::{
     ContactTolerance, FINISH_MM, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions,
@@ -152,6 +154,7 @@ impl SurfaceArgs {
         for path in &self.fixture {
             let fixture = read.read_fixture(path, output)?;
             check_fixture(path, &fixture)?;
+            fixtures::warn(path, mesh, &fixture, output)?;
             fixtures.push(fixture);
         }
         if let Some(z) = self.table {
@@ -212,7 +215,32 @@ impl SurfaceArgs {
             }
             Ok((labels, warnings))
         };
-        Ok(tools.iter().map(label).collect::<Result<Vec<_>>>()?.into_iter().unzip())
+        let progress = progress::bar(tools.len() as u64, "tools");
+        let counted = tools.iter().map(|tool| label(tool).inspect(|_| progress.inc(1)));
+        let all = counted.collect::<Result<Vec<_>>>()?;
+        progress.finish_and_clear();
+        Ok(all.into_iter().unzip())
+    }
+
+    /// What the fixtures that were read keep out of reach.
+    pub fn kept(
+        &self,
+        (mesh, fixtures): (&Mesh, &[Mesh]),
+        answered: (&Sites, &[Labels]),
+        tools: &[Tool],
+        by: (&Directions, &SurfaceOptions),
+    ) -> Result<Kept> {
+        Kept::find(&self.fixture, (mesh, fixtures), answered, tools, by)
+    }
+
+    /// Whether the directions between those tested are searched.
+    pub fn searches(&self) -> bool {
+        self.prove || self.search > 0
+    }
+
+    /// Height of the table, and the number of fixtures.
+    pub fn held_by(&self) -> (Option<f64>, usize) {
+        (self.table, self.fixture.len())
     }
 
     /// What a label file says of these options.

@@ -88,7 +88,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     atomic_file::check_writable_folder(&args.out)?;
     let (model, model_name) = args.model.read()?;
     let mut clock = Clock::start();
-    let part = args.read.read_part(&args.part, Accept::one_body_or(args.force), output)?;
+    let part = args.read.read_part(&args.part, Accept::bodies_or(args.force), output)?;
     clock.lap("read_s", "reading");
     let (mesh, sites) = args.sites.place(part)?;
     mesh.iter().for_each(|mesh| warn_wide_tools(mesh, &tools, output));

@@ -4,13 +4,19 @@ use deepmill::{Error, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
-/// A bar over `n` things with the time left; invisible where standard error is no terminal.
+/// A bar over `n` things with the time that went by and is left; it moves on while one of them takes long. Invisible
+/// where standard error is no terminal.
 pub fn bar(n: u64, things: &'static str) -> ProgressBar {
-    let template = "{bar:32} {pos}/{len} {prefix}, {eta} left  {msg}";
+    let template = "{bar:32} {pos}/{len} {prefix}, {elapsed} gone, {eta} left  {msg}";
     let style = ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar());
-    ProgressBar::new(n).with_style(style).with_prefix(things)
+    let bar = ProgressBar::new(n).with_style(style).with_prefix(things);
+    bar.enable_steady_tick(TICK);
+    bar
 }
+
+const TICK: Duration = Duration::from_millis(500);
 
 /// A flag that Ctrl-C or a termination signal sets; a second Ctrl-C ends the program at once.
 ///

@@ -3,6 +3,7 @@
 use crate::findings;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
+use crate::region::{REGION, take_region};
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::label_query::LabelQuery;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
@@ -46,11 +47,12 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         return several(args, output);
     }
     let found = Found::search(args)?;
-    let labels = found.labels.as_deref().map(LabelFile::read).transpose()?;
+    let mut labels = found.labels.as_deref().map(LabelFile::read).transpose()?;
+    let of_region = labels.as_mut().is_some_and(take_region);
     let predictions = found.predictions.as_deref().map(PredictionFile::read).transpose()?;
     let out = args.out.as_deref().unwrap_or(&found.folder);
     atomic_file::check_writable_folder(out)?;
-    let mesh = found.mesh(args, output)?;
+    let mesh = found.mesh(args, of_region, output)?;
     let mut paths = Vec::new();
     let mut shares = Table::new(&[
         ("source", "answers"),
@@ -129,7 +131,9 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     let (names, folders): (Vec<String>, Vec<String>) =
         coverage::tool_folders(&args.results)?.into_iter().unzip();
     let read = |folder: &String| LabelFile::read(&args.results.join(folder).join(LABELS));
-    let files = folders.iter().map(read).collect::<Result<Vec<_>>>()?;
+    let mut files = folders.iter().map(read).collect::<Result<Vec<_>>>()?;
+    let of_region: Vec<bool> = files.iter_mut().map(take_region).collect();
+    let of_region = of_region.contains(&true);
     let sites = &files[0].sites;
     if let Some(k) = files.iter().position(|file| !folder::same_sites(&file.sites, sites)) {
         let path = args.results.join(&folders[k]).join(LABELS);
@@ -139,7 +143,7 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     let out = args.out.as_deref().unwrap_or(&args.results);
     atomic_file::check_writable_folder(out)?;
     let found = Found { folder: args.results.clone(), labels: None, predictions: None };
-    let mesh = found.mesh(args, output)?;
+    let mesh = found.mesh(args, of_region, output)?;
     let answers: Vec<&SiteAnswers> = files.iter().map(|file| &file.labels.answers).collect();
     let tools: Vec<&str> = names.iter().map(String::as_str).collect();
     let labels: Vec<_> = files.iter().map(|file| &file.labels).collect();
@@ -233,12 +237,13 @@ impl Found {
         Ok(found)
     }
 
-    /// The surface to draw on, if there is one.
-    fn mesh(&self, args: &Args, output: &Output) -> Result<Option<Mesh>> {
-        let mut stored = self.folder.join(SURFACE);
+    /// The surface to draw on, if there is one: the part's, or a region of it.
+    fn mesh(&self, args: &Args, of_region: bool, output: &Output) -> Result<Option<Mesh>> {
+        let name = if of_region { REGION } else { SURFACE };
+        let mut stored = self.folder.join(name);
         let shared = self.folder.join("..");
         if !stored.is_file() && shared.join(FIRST_TOOLS).is_file() {
-            stored = shared.join(SURFACE);
+            stored = shared.join(name);
         }
         match &args.part {
             Some(path) => args.read.read_near(path, output).map(Some),

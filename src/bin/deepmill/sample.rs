@@ -53,7 +53,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let npz = is_npz(args)?;
     atomic_file::check_writable_file(&args.out)?;
     let mut clock = Clock::start();
-    let part = args.read.read_part(&args.part, Accept::one_body_or(args.force), output)?;
+    let part = args.read.read_part(&args.part, Accept::bodies_or(args.force), output)?;
     clock.lap("read_s", "reading");
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(name_of(&args.part)));

@@ -6,9 +6,12 @@ use crate::findings;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::{self, ToleranceArgs, say_without_area};
-use deepmill::access::setups::{Candidates, Clampings, Machine, Plan};
+use crate::progress;
+use crate::region::RegionArgs;
+use deepmill::access::setups::{Candidates, Choice, Clampings, Machine, Plan, direction_of_words};
 use deepmill::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
 use deepmill::data::files::tools::{self, Tool};
+use deepmill::geom::Mesh;
 use deepmill::report::PartView;
 use deepmill::report::findings::Findings;
 use deepmill::report::folder::{self, Show};
@@ -17,6 +20,7 @@ use deepmill::report::page::Page;
 use deepmill::report::setups::Setups;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
+use glam::Vec3;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -39,7 +43,8 @@ pub struct Args {
     #[command(flatten)]
     tools: ToolArgs,
     /// 3-axis, 3+2:DEGREES and 5-axis:DEGREES (greatest tilt from the machine's z), 4-axis (the part may be chucked
-    /// along its box or flat faces), 4-axis:x (y, z or X,Y,Z: along this).
+    /// along its box or flat faces), 4-axis:x (y, z or X,Y,Z: along this), 4-axis:x:LOW,HIGH (turned by no more than
+    /// these degrees from +z).
     #[arg(long, value_name = "MACHINE")]
     machine: Machine,
     /// The setups cover at least this share of the area that can be reached.
@@ -49,12 +54,24 @@ pub struct Args {
     /// (72).
     #[arg(long, value_name = "COUNT")]
     directions: Option<usize>,
-    /// Which clampings to choose from: `flat` (along large flat faces), `box` (these and the box axes) or `any` (every
-    /// direction tested). By default `any` for 3-axis, `box` for other machines.
+    /// Which clampings to choose from: `standing` (on a large flat face), `flat` (along one), `box` (these and the box
+    /// axes) or `any` (every direction tested). By default `standing` for 3-axis, `box` for other machines.
     #[arg(long, value_name = "WHICH")]
     clampings: Option<Clamping>,
+    /// At most so many setups: those that add most, one after the other.
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..))]
+    setups: Option<u64>,
+    /// Test this setup: the direction of the part that points to the spindle, or along the rotary axis (+z, -x or
+    /// X,Y,Z). May be given again; nothing is chosen then, all are taken in their order.
+    #[arg(
+        long, value_name = "DIRECTION", allow_hyphen_values = true,
+        conflicts_with_all = ["setups", "clampings"]
+    )]
+    setup: Vec<String>,
     #[command(flatten)]
     sites: SiteArgs,
+    #[command(flatten)]
+    region: RegionArgs,
     #[command(flatten)]
     tolerances: ToleranceArgs,
     #[command(flatten)]
@@ -75,6 +92,7 @@ pub struct Args {
 
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Clamping {
+    Standing,
     Flat,
     Box,
     Any,
@@ -94,18 +112,22 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
-    let sites = args.sites.on(&mesh)?;
-    Show::pictures_unless(args.no_picture).require_memory(Some(&mesh), &sites)?;
-    let areas = SiteAreas::of(&sites, Some(&mesh))?;
+    let (asked, sites) = args.region.place(&args.sites, &mesh, &args.read, output)?;
+    let (surface, of_surface) = asked.shown(&mesh, &sites);
+    Show::pictures_unless(args.no_picture).require_memory(Some(surface), of_surface)?;
+    let areas = SiteAreas::of(of_surface, Some(surface))?;
     clock.lap("sites_s", "sites");
-    let candidates = Candidates::new(&mesh, args.machine, args.clampings(), args.n_directions())?;
+    let candidates = args.candidates(&mesh)?;
     Plan::require_memory(&candidates, sites.len(), tools.len())?;
     let obstacles = TriangleObstacles::new(&mesh, &[])?;
     say_without_area(&obstacles, output);
     let of_tool = |tool: &Tool| {
         obstacles.accessible_directions(&sites, &tool.cutter, candidates.directions(), &options)
     };
-    let accessible: Vec<AccessibleDirections> = tools.iter().map(of_tool).collect::<Result<_>>()?;
+    let progress = progress::bar(tools.len() as u64, "tools");
+    let counted = tools.iter().map(|tool| of_tool(tool).inspect(|_| progress.inc(1)));
+    let accessible: Vec<AccessibleDirections> = counted.collect::<Result<_>>()?;
+    progress.finish_and_clear();
     clock.lap("directions_s", "directions of every site");
     let mut rests = vec![true; sites.len()];
     for (tool, found) in tools.iter().zip(&accessible) {
@@ -125,33 +147,36 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let n_rests = (0..sites.len()).filter(|&i| rests[i] && is_reached(i)).count();
     clock.lap("tolerances_s", "tolerances");
     let order = tools::thick_and_short_first(&tools);
-    let plan = Plan::new(&candidates, &mesh, &sites, &accessible, areas.shares(), share, &order);
+    let choice = args.choice(share);
+    let plan = Plan::new(&candidates, &mesh, &sites, &accessible, areas.shares(), choice, &order);
     clock.lap("cover_s", "choice of setups");
 
     let names: Vec<&str> = tools.iter().map(|tool| &*tool.name).collect();
     let setups = Setups::new(&plan, args.machine, &names, &areas);
     let answers = setups.answers();
-    let found = Findings::of(&sites, Some(&mesh), &answers, &[])?;
+    let found = Findings::of(of_surface, Some(surface), &answers, &[])?;
     let (name, words) = (name_of(&args.part), format!("{} tools", tools.len()));
-    let view = PartView { name: &name, mesh: Some(&mesh), sites: &sites, cutter: &words };
+    let view = PartView { name: &name, mesh: Some(surface), sites: of_surface, cutter: &words };
     let mut paths = setups.write(&args.out, view, Show::pictures_unless(args.no_picture))?;
     paths.extend(found.write(&args.out, &name, &words)?);
     if args.report {
         let views = setups.views(found.clone(), &args.settings(&tools, &candidates));
-        let page = Page { part: &name, mesh: Some(&mesh), sites: &sites, views: &views };
+        let page = Page { part: &name, mesh: Some(surface), sites: of_surface, views: &views };
         paths.push(page.write(&args.out)?);
     }
     paths.push(folder::write_surface(&args.out, &mesh)?);
+    paths.extend(asked.write(&args.out)?);
     clock.lap("write_s", "writing and drawing");
 
     let named = [("setups", &answers)].into_iter();
-    let broken = output.check_limits(&limits, (&sites, Some(&mesh)), named)?;
+    let broken = output.check_limits(&limits, (of_surface, Some(surface)), named)?;
+    let premise = args.premise(&candidates);
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&name));
     facts.add("machine", "machine", Cell::text(args.machine.to_string()));
     part_itself::add_rests(&mut facts, n_rests);
     facts.add("finish_mm", "finish tolerance, mm", Cell::Given(options.finish_mm));
-    facts.add("area_mm2", "surface, mm²", Cell::Number(mesh.area()));
+    facts.add("area_mm2", "surface, mm²", Cell::Number(surface.area()));
     facts.add("n_sites", "sites", Cell::count(sites.len()));
     facts.add("n_tools", "tools", Cell::count(tools.len()));
     facts.add("n_directions", "tool axes tested", Cell::count(candidates.directions().len()));
@@ -174,11 +199,14 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         facts.add("n_positions", "positions in them", Cell::count(n));
     }
     clock.add_to(&mut facts);
+    let mut result = facts.json();
+    output.say(&premise);
+    asked.say(&mut result, output);
     output.say(facts.text());
     output.files(&paths);
     output.say(setups.table().text());
     findings::say(&found, output);
-    let mut result = facts.json();
+    result["premise"] = json!(premise);
     result["setups"] = setups.json();
     result["fewest_is_proven"] = json!(plan.setups.len() <= plan.at_least);
     result["findings"] = found.json();
@@ -189,9 +217,55 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 }
 
 impl Args {
+    fn candidates(&self, mesh: &Mesh) -> Result<Candidates> {
+        let n_directions = self.n_directions();
+        if self.setup.is_empty() {
+            return Candidates::new(mesh, self.machine, self.clampings(), n_directions);
+        }
+        let given: Vec<Vec3> =
+            self.setup.iter().map(|text| direction_of_words(text)).collect::<Result<_>>()?;
+        Candidates::given(mesh, self.machine, &given, n_directions)
+    }
+
+    fn choice(&self, share: f64) -> Choice {
+        let choice = Choice::share(share);
+        match self.setups {
+            _ if !self.setup.is_empty() => choice.all(),
+            Some(n) => choice.at_most(n as usize),
+            None => choice,
+        }
+    }
+
+    /// What the answer rests on: on what the part stands, and which tool axes were allowed.
+    fn premise(&self, candidates: &Candidates) -> String {
+        let n = candidates.list().len();
+        let one = if n == 1 { "setup" } else { "setups" };
+        let stands = match (&self.machine, self.clampings()) {
+            (Machine::Rotary { .. }, _) => "held along the rotary axis".to_string(),
+            _ if !self.setup.is_empty() => "as given, what it lies on is not reached".to_string(),
+            (_, Clampings::Standing) if candidates.stand_on_flat_faces() => {
+                "standing on a flat face, which is not reached".to_string()
+            }
+            (_, Clampings::Standing) => {
+                "along the axes of its box: it has no flat face to stand on".to_string()
+            }
+            (_, Clampings::Flat) => "along a flat face, what it lies on is not reached".to_string(),
+            (_, Clampings::Box) => {
+                "along a flat face or a box axis, what it lies on is not reached".to_string()
+            }
+            (_, Clampings::Any) => "in any position, even on an edge".to_string(),
+        };
+        let n_axes = candidates.directions().len();
+        format!(
+            "machine {}, {n_axes} tool axes; part {stands}; {n} {one} to choose from",
+            self.machine
+        )
+    }
+
     fn clampings(&self) -> Clampings {
         match self.clampings {
             None => Clampings::usual(&self.machine),
+            Some(Clamping::Standing) => Clampings::Standing,
             Some(Clamping::Flat) => Clampings::Flat,
             Some(Clamping::Box) => Clampings::Box,
             Some(Clamping::Any) => Clampings::Any,

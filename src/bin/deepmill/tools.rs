@@ -5,6 +5,9 @@ use crate::clock::Clock;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::{self, SurfaceArgs};
+use crate::premise::premise;
+use crate::progress;
+use crate::region::RegionArgs;
 use deepmill::access::surface::{SiteAnswer, ToolReach, Warning};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::Assembly;
@@ -47,6 +50,8 @@ pub struct Args {
     #[command(flatten)]
     sites: SiteArgs,
     #[command(flatten)]
+    region: RegionArgs,
+    #[command(flatten)]
     directions: DirectionArgs,
     #[command(flatten)]
     surface: SurfaceArgs,
@@ -75,13 +80,16 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
-    let sites = args.sites.on(&mesh)?;
-    let areas = SiteAreas::of(&sites, Some(&mesh))?;
+    let (asked, sites) = args.region.place(&args.sites, &mesh, &args.read, output)?;
+    let (surface, of_surface) = asked.shown(&mesh, &sites);
+    let areas = SiteAreas::of(of_surface, Some(surface))?;
     clock.lap("sites_s", "sites");
     let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
     clock.lap("index_s", "search tree");
     let held: Vec<Assembly> = tools.iter().map(Tool::held).collect::<Result<_>>()?;
+    let progress = progress::bar(1, "pass over all tools");
     let reach = obstacles.reach_many(&sites, &held, &directions, &options)?;
+    progress.finish_and_clear();
     clock.lap("tools_s", "tools");
     let library = Library::new(&tools, &reach, &areas, share)?;
     let mut rests = Vec::new();
@@ -106,21 +114,22 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let accessible: Vec<Vec<bool>> = reach.iter().map(accessible).collect();
     let words = format!("{} tools", tools.len());
     let name = name_of(&args.part);
-    let view = PartView { name: &name, mesh: Some(&mesh), sites: &sites, cutter: &words };
+    let view = PartView { name: &name, mesh: Some(surface), sites: of_surface, cutter: &words };
     paths.extend(
         Coverage::of_reached(&tools, &accessible, &areas).write_first(&args.out, view, show)?,
     );
     paths.push(folder::write_surface(&args.out, &mesh)?);
+    paths.extend(asked.write(&args.out)?);
     clock.lap("write_s", "writing and drawing");
 
     let answers: Vec<SiteAnswers> = reach.iter().map(answers).collect();
     let named = tools.iter().zip(&answers).map(|(tool, answers)| (&*tool.name, answers));
-    let broken = output.check_limits(&limits, (&sites, Some(&mesh)), named)?;
+    let broken = output.check_limits(&limits, (of_surface, Some(surface)), named)?;
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&name));
     part_itself::add_rests(&mut facts, rests.iter().copied().max().unwrap_or(0));
     facts.add("finish_mm", "finish tolerance, mm", Cell::Given(options.finish_mm));
-    facts.add("area_mm2", "surface, mm²", Cell::Number(mesh.area()));
+    facts.add("area_mm2", "surface, mm²", Cell::Number(surface.area()));
     facts.add("n_sites", "sites", Cell::count(sites.len()));
     facts.add("n_tools", "tools", Cell::count(tools.len()));
     facts.add(
@@ -137,15 +146,19 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     facts.add("share", "share for the tools and the least stick-out", Cell::Share(share));
     facts.add("n_needed_for_all", "tools that reach all of it", Cell::count(library.n_for_all));
     clock.add_to(&mut facts);
+    let premise = premise(&directions, Some(&args.surface));
+    let mut result = facts.json();
+    output.say(&premise);
+    asked.say(&mut result, output);
     output.say(facts.text());
     output.files(&paths);
     let (table, cover) = (library.table(), library.cover_table());
     output.say(table.text());
     output.say(cover.text());
-    let mut result = facts.json();
     let named = tools.iter().zip(&rests);
     let named = named.map(|(tool, n)| json!({ "name": tool.name, "n_sites": n }));
     result["rests_on_tolerance_of"] = named.collect();
+    result["premise"] = json!(premise);
     result["tools"] = table.json();
     result["smallest_set"] = cover.json();
     result["smallest_set_is_proven"] = json!(library.cover.is_smallest());

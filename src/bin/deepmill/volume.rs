@@ -4,6 +4,7 @@ use crate::args::name_of;
 use crate::clock::Clock;
 use crate::label::Args;
 use crate::output::Output;
+use crate::premise::premise;
 use deepmill::access::Queries;
 use deepmill::access::surface::SurfaceOptions;
 use deepmill::data::files::Provenance;
@@ -77,9 +78,13 @@ pub fn run(
         facts.add(key, answer.words(), Cell::Share(file.share(answer)));
     }
     clock.add_to(&mut facts);
+    let premise = premise(&directions, Some(&args.surface));
+    output.say(&premise);
     output.say(facts.text());
     output.files(&paths);
-    output.result_with_files(facts.json(), &paths);
+    let mut result = facts.json();
+    result["premise"] = json!(premise);
+    output.result_with_files(result, &paths);
     Ok(())
 }
 

@@ -119,7 +119,7 @@ impl Fault {
             Fault::InconsistentEdge | Fault::Inward => "try `deepmill check --repair`",
             Fault::NonManifoldVertex => "separate or join the touching bodies in the CAD program",
             Fault::ManyComponents => {
-                "join the bodies or label them one file each; fill voids that no cutter can enter"
+                "each body is labeled against all; fill voids that no cutter can enter, lest they count as out of reach"
             }
             Fault::Degenerate => {
                 "harmless: they are no obstacles and hold no sites; `deepmill check --repair` drops collapsed ones"

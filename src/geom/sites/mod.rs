@@ -28,6 +28,7 @@ pub(crate) use sheet::OPPOSITE;
 pub use sheet::same_sheet;
 use std::collections::HashSet;
 use surface::Surface;
+pub(crate) use surface::nearest_in_triangle;
 
 /// Points on a surface with outward unit normals; all vectors have the same length.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

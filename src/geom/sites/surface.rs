@@ -152,7 +152,7 @@ fn link(triangles: &[[u32; 3]], normals: &[DVec3]) -> Vec<[u32; 3]> {
 }
 
 /// The point of a triangle with area nearest to `p` (Ericson 2005, Real-Time Collision Detection, 5.1.5).
-pub(super) fn nearest_in_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
+pub(crate) fn nearest_in_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac) = (b - a, c - a);
     let (d1, d2) = (ab.dot(p - a), ac.dot(p - a));
     if d1 <= 0.0 && d2 <= 0.0 {

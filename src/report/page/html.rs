@@ -3,8 +3,9 @@
 use super::{Page, View};
 use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
+use crate::geom::units::Unit;
 use crate::report::findings::Findings;
-use crate::report::tables::{Cell, Table};
+use crate::report::tables::{Cell, Table, output_unit};
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -29,7 +30,8 @@ pub fn document(page: &Page, areas: &[f64], about: &Value, block: &str) -> Strin
         page.mesh.map(|mesh| format!("{} triangles", mesh.triangles.len())),
         page.mesh.and_then(|mesh| mesh.bounds()).map(|(low, high)| {
             let size = high - low;
-            format!("{:.4} × {:.4} × {:.4} mm", number(size.x), number(size.y), number(size.z))
+            let [x, y, z] = size.to_array().map(|mm| number(length(mm)));
+            format!("{x:.4} × {y:.4} × {z:.4} {}", output_unit())
         }),
     ];
     let facts = facts.into_iter().flatten().collect::<Vec<_>>().join(" · ");
@@ -106,12 +108,12 @@ fn overview(page: &Page, areas: &[f64]) -> String {
             let area: f64 =
                 findings.list.iter().map(|f| f.area_mm2).sum::<f64>() + findings.scattered.area_mm2;
             format!(
-                "<tr><td class=\"w\">{}</td><td class=\"n\">{} mm²</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{} mm²</td></tr>",
+                "<tr><td class=\"w\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td></tr>",
                 text(&view.name),
-                number(area),
+                area_words(area),
                 percent(area, areas.iter().sum()),
                 findings.list.len(),
-                number(findings.largest_mm2)
+                area_words(findings.largest_mm2)
             )
         })
         .collect();
@@ -174,10 +176,10 @@ fn legend(view: &View, areas: &[f64]) -> String {
         .filter(|(_, (_, (count, _)))| *count > 0)
         .map(|(k, ((name, [r, g, b]), (count, area)))| {
             format!(
-                "<tr data-class=\"{k}\" tabindex=\"0\"><td><span class=\"swatch\" style=\"background:rgb({r},{g},{b})\"></span></td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{} mm²</td><td class=\"n\">{count}</td></tr>",
+                "<tr data-class=\"{k}\" tabindex=\"0\"><td><span class=\"swatch\" style=\"background:rgb({r},{g},{b})\"></span></td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{count}</td></tr>",
                 text(name),
                 share((count, area)),
-                number(area),
+                area_words(area),
             )
         })
         .collect();
@@ -187,11 +189,11 @@ fn legend(view: &View, areas: &[f64]) -> String {
         let [r, g, b] = layer.colors.first().copied().unwrap_or_default();
         let _ = write!(
             rows,
-            "<tr class=\"layer\"><td><span class=\"swatch\" style=\"background:rgb({r},{g},{b})\"></span></td><td><label><input type=\"checkbox\" data-layer{}> {}</label></td><td class=\"n\">{}</td><td class=\"n\">{} mm²</td><td class=\"n\">{count}</td></tr>",
+            "<tr class=\"layer\"><td><span class=\"swatch\" style=\"background:rgb({r},{g},{b})\"></span></td><td><label><input type=\"checkbox\" data-layer{}> {}</label></td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{count}</td></tr>",
             if layer.is_shown { " checked" } else { "" },
             text(&layer.name),
             share((count, area)),
-            number(area),
+            area_words(area),
         );
     }
     format!(
@@ -211,8 +213,8 @@ fn table(title: &str, table: &Table) -> String {
     let head: String = (headings.iter().enumerate())
         .map(|(k, heading)| format!("<th class=\"{}\">{}</th>", class(k), text(heading)))
         .collect();
-    let cells = |row: &Vec<&Cell>| -> String {
-        let cell = |(k, cell): (usize, &&Cell)| {
+    let cells = |row: &Vec<Cell>| -> String {
+        let cell = |(k, cell): (usize, &Cell)| {
             format!("<td class=\"{}\">{}</td>", class(k), text(&cell.show()))
         };
         format!("<tr>{}</tr>", row.iter().enumerate().map(cell).collect::<String>())
@@ -232,26 +234,37 @@ fn list(findings: &Findings) -> String {
         out.push_str("<p class=\"about\">Everything is accessible.</p>\n");
         return out;
     }
-    out.push_str("<div class=\"wide\"><table><tr><th></th><th>cause</th><th class=\"n\">area</th><th class=\"n\">share</th><th>at x, y, z, mm</th>");
+    let _ = write!(
+        out,
+        "<div class=\"wide\"><table><tr><th></th><th>cause</th><th class=\"n\">area</th><th class=\"n\">share</th><th>at x, y, z, {}</th>",
+        output_unit()
+    );
     out.push_str(if has_help { "<th>helps</th></tr>" } else { "</tr>" });
     for (number_of, f) in (1..).zip(&findings.list).take(N_LISTED) {
-        // To a tenth, and never minus zero.
-        let [x, y, z] = f.at_mm.to_array().map(|x| (10.0 * x).round() / 10.0 + 0.0);
+        // To a tenth of a millimeter or thousandth of another unit, and never minus zero.
+        let (ten, digits) = if output_unit() == Unit::Millimeter { (10.0, 1) } else { (1e3, 3) };
+        let rounded = |mm: f64| (ten * length(mm)).round() / ten + 0.0;
+        let [x, y, z] = f.at_mm.to_array().map(rounded);
         let mut cause = f.words().to_string();
         if let Some(part) = f.blocked_by.filter(|part| *part != ToolPart::Tip) {
             let _ = write!(cause, ", by the {part}");
+        }
+        if let Some(found) = &f.fixture {
+            let share = percent(found.share, 1.0);
+            let _ = write!(cause, ", {} in the way of {share}", text(&found.fixture));
         }
         if f.proven == Some(1.0) {
             cause.push_str(", proven");
         }
         if let Some(clearance) = f.worst_clearance_mm {
-            let _ = write!(cause, ", clearance {} mm", number(f64::from(clearance)));
+            let clearance = number(length(f64::from(clearance)));
+            let _ = write!(cause, ", clearance {clearance} {}", output_unit());
         }
         let _ = write!(
             out,
-            "<tr data-finding=\"{number_of}\" tabindex=\"0\"{}><td>{number_of}</td><td>{cause}</td><td class=\"n\">{} mm²</td><td class=\"n\">{}</td><td class=\"p\">{x:.1}, {y:.1}, {z:.1}</td>",
+            "<tr data-finding=\"{number_of}\" tabindex=\"0\"{}><td>{number_of}</td><td>{cause}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"p\">{x:.digits$}, {y:.digits$}, {z:.digits$}</td>",
             if f.change.is_some() || f.stopped.is_some() { " class=\"more\"" } else { "" },
-            number(f.area_mm2),
+            area_words(f.area_mm2),
             percent(f.area_share, 1.0),
         );
         if has_help {
@@ -287,9 +300,9 @@ fn list(findings: &Findings) -> String {
     if small.n_regions > 0 {
         let _ = write!(
             out,
-            "<tr><td></td><td>{} small regions</td><td class=\"n\">{} mm²</td><td class=\"n\">{}</td><td></td></tr>",
+            "<tr><td></td><td>{} small regions</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td></td></tr>",
             small.n_regions,
-            number(small.area_mm2),
+            area_words(small.area_mm2),
             percent(small.area_mm2, findings.surface_mm2),
         );
     }
@@ -320,6 +333,20 @@ fn flat(path: &str, value: &Value) -> Vec<(String, String)> {
 /// A string without its quotes, or the value as JSON.
 fn plain(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+/// A length, mm, in the unit of the page.
+fn length(mm: f64) -> f64 {
+    mm / output_unit().millimeters()
+}
+
+/// An area, mm², in the unit of the page.
+fn area_words(mm2: f64) -> String {
+    let unit = output_unit();
+    let area = length(length(mm2));
+    let shown =
+        if unit != Unit::Millimeter && area < 10.0 { format!("{area:.4}") } else { number(area) };
+    format!("{shown} {unit}²")
 }
 
 /// A number with about three digits.

@@ -10,9 +10,10 @@ mod view;
 
 pub use view::{Layer, Numbers, SiteValues, View};
 
-use crate::geom::spacing::{Spacing, areas_mm2};
+use crate::geom::spacing::{Spacing, areas_on};
 use crate::geom::{Mesh, Sites, check};
 use crate::report::memory::PartSize;
+use crate::report::tables::output_unit;
 use crate::{Error, Result, atomic_file};
 use glam::DVec3;
 use pack::{Block, Grid};
@@ -75,7 +76,7 @@ impl Page<'_> {
             }
         }
         self.require_memory()?;
-        let areas = areas_mm2(self.sites, self.mesh.map(Mesh::area))?;
+        let areas = areas_on(self.sites, self.mesh)?;
         let (about, block) = self.data();
         Ok(html::document(self, &areas, &about, &block.base64()))
     }
@@ -111,11 +112,13 @@ impl Page<'_> {
             Some(mesh) => (mesh.area() / sites.len().max(1) as f64).sqrt(),
             None => Spacing::measure_on_sheet(sites).map_or(0.0, |s| s.mean_mm),
         };
+        let unit = output_unit();
         let about = json!({
             "low_mm": grid.low.to_array(),
             "step_mm": grid.step_mm,
             "low_box_mm": low.to_array(),
             "high_box_mm": high.to_array(),
+            "unit": { "name": unit.symbol(), "mm": unit.millimeters() },
             "n_vertices": n_vertices,
             "n_triangles": n_triangles,
             "n_sites": sites.len(),

@@ -63,10 +63,10 @@ class Viewer {
   }
   /** Scale bar and axes. */
   overlay() {
-    const most = 160 / this.camera.scale, power = 10 ** Math.floor(Math.log10(most));
+    const unit = this.data.about.unit, scale = this.camera.scale * unit.mm, most = 160 / scale, power = 10 ** Math.floor(Math.log10(most));
     const length = [5, 2, 1].map((k) => k * power).find((l) => l <= most) || power;
-    $("scale").firstElementChild.style.width = `${length * this.camera.scale}px`;
-    $("scale").lastElementChild.textContent = `${+length.toPrecision(1)} mm`;
+    $("scale").firstElementChild.style.width = `${length * scale}px`;
+    $("scale").lastElementChild.textContent = `${+length.toPrecision(1)} ${unit.name}`;
     const { right, up, back } = this.camera, colors = ["#c0392b", "#2e8b4a", "#2f6fd0"];
     const axes = [0, 1, 2].map((k) => ({ k, x: right[k], y: up[k], z: back[k] })).sort((a, b) => a.z - b.z);
     $("axes").innerHTML = axes.map(({ k, x, y }) => `<line x1="42" y1="42" x2="${42 + 26 * x}" y2="${42 - 26 * y}" stroke="${colors[k]}" stroke-width="2.5"/>` +
@@ -179,7 +179,8 @@ class Viewer {
   }
   say() {
     const k = [0, 1, 2].find((i) => Math.abs(this.cut[i]) > 0.9999);
-    $("place").textContent = k === undefined ? `${short(this.cut[3])} mm` : `${"xyz"[k]} = ${short(this.cut[3] * Math.sign(this.cut[k]))} mm`;
+    const { name, mm } = this.data.about.unit, at = this.cut[3] / mm;
+    $("place").textContent = k === undefined ? `${short(at)} ${name}` : `${"xyz"[k]} = ${short(at * Math.sign(this.cut[k]))} ${name}`;
   }
   // --- sites ---
   /** The site seen at a place of the canvas, CSS pixels; -1 if there is none. */
@@ -188,11 +189,14 @@ class Viewer {
   }
   facts(i) {
     const view = this.data.views[this.view], f = view.finding ? view.finding[i] : 0;
-    const rows = [["site", i], ["answer", view.classes[view.of[i]].name], ["place, mm", vector(this.data.place(i))],
+    const { name, mm } = this.data.about.unit, at = this.data.place(i).map((x) => x / mm);
+    const rows = [["site", i], ["answer", view.classes[view.of[i]].name],
+      [`place, ${name}`, mm === 1 ? vector(at) : at.map((x) => x.toFixed(4)).join(", ")],
       ["normal", vector(this.data.normal(i))]];
     if (view.layer && view.layer.of[i]) rows.push([view.layer.name, "yes"]);
-    if (f) rows.push(["finding", `${f} (${short(view.findings[f - 1].area_mm2)} mm²)`]);
-    for (const value of view.values) if (!Number.isNaN(value.of[i])) rows.push([value.name, short(value.of[i]) + (value.unit ? ` ${value.unit}` : "")]);
+    if (f) rows.push(["finding", `${f} (${short(view.findings[f - 1].area_mm2 / mm / mm)} ${name}²)`]);
+    for (const value of view.values) if (!Number.isNaN(value.of[i])) rows.push([value.name,
+      value.unit === "mm" ? `${short(value.of[i] / mm)} ${name}` : short(value.of[i]) + (value.unit ? ` ${value.unit}` : "")]);
     return rows;
   }
   tip(x, y) {
