@@ -11,6 +11,7 @@ use crate::access::Labels;
 use crate::answers::SiteAnswers;
 use crate::cutter::Step;
 use crate::data::files::tools::{Tool, steps_words};
+use crate::geom::units::Unit;
 use crate::{Error, Result, atomic_file, input_file};
 use std::path::{Path, PathBuf};
 
@@ -175,13 +176,19 @@ impl<'a> Coverage<'a> {
         table
     }
 
-    /// Writes `tools.csv`, `tools.ply` and, if wanted, `tools.png`; returns their paths.
+    /// Writes `tools.csv` with its lengths and areas in `unit`, `tools.ply` and, if wanted, `tools.png`; returns their paths.
     ///
     /// # Errors
     /// If the system refuses a file.
-    pub fn write(&self, folder: &Path, part: PartView, show: Show) -> Result<Vec<PathBuf>> {
+    pub fn write(
+        &self,
+        folder: &Path,
+        part: PartView,
+        show: Show,
+        unit: Unit,
+    ) -> Result<Vec<PathBuf>> {
         let table = folder.join(TOOLS);
-        atomic_file::write_atomic(&table, |file| file.write_all(&self.table().csv()))?;
+        atomic_file::write_atomic(&table, |file| file.write_all(&self.table().csv_in(unit)))?;
         let drawn = self.write_first(folder, part, show)?;
         Ok([table].into_iter().chain(drawn).collect())
     }

@@ -12,6 +12,7 @@ use crate::access::surface::SiteAnswer;
 use crate::answers::SiteAnswers;
 use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
+use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, regions, spacing};
 use crate::{Error, Result, atomic_file};
 pub use fixtures::{InTheWay, add_fixtures};
@@ -234,7 +235,12 @@ impl Findings {
     ///
     /// # Errors
     /// If they do not fit into the memory, or the system refuses a file.
-    pub fn write(&self, folder: &Path, part: &str, tool: &str) -> Result<Vec<PathBuf>> {
+    pub fn write(
+        &self,
+        folder: &Path,
+        (part, tool): (&str, &str),
+        unit: Unit,
+    ) -> Result<Vec<PathBuf>> {
         require_for_findings_files(self.list.len())?;
         let mut value = json!({
             "format": "deepmill findings",
@@ -249,7 +255,7 @@ impl Findings {
         }
         let text = format!("{value:#}\n").into_bytes();
         let paths = FINDINGS.map(|name| folder.join(name));
-        for (path, bytes) in paths.iter().zip([text, self.table().csv()]) {
+        for (path, bytes) in paths.iter().zip([text, self.table().csv_in(unit)]) {
             atomic_file::write_atomic(path, |file| file.write_all(&bytes))?;
         }
         Ok(paths.into())

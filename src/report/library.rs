@@ -8,6 +8,7 @@ use super::tables::{Cell, Table};
 use crate::access::cover::{Cover, cover, cover_share_preferring};
 use crate::access::surface::{SiteAnswer, ToolReach};
 use crate::data::files::tools::{Tool, thick_and_short_first};
+use crate::geom::units::Unit;
 use crate::{Error, Result, atomic_file};
 use std::path::{Path, PathBuf};
 
@@ -219,20 +220,20 @@ impl<'a> Library<'a> {
         table
     }
 
-    /// Writes `tools.csv`, `stick-out.csv` and `stick-out.svg`; returns their paths.
+    /// Writes `tools.csv` and `stick-out.csv` with lengths and areas in `unit`, and `stick-out.svg`; returns their paths.
     ///
     /// # Errors
     /// If the system refuses a file.
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+    pub fn write(&self, folder: &Path, unit: Unit) -> Result<Vec<PathBuf>> {
         let [table, curves, picture] =
             ["tools.csv", "stick-out.csv", "stick-out.svg"].map(|name| folder.join(name));
-        atomic_file::write_atomic(&table, |file| file.write_all(&self.table().csv()))?;
-        atomic_file::write_atomic(&curves, |file| file.write_all(&self.curves_csv()))?;
+        atomic_file::write_atomic(&table, |file| file.write_all(&self.table().csv_in(unit)))?;
+        atomic_file::write_atomic(&curves, |file| file.write_all(&self.curves_csv(unit)))?;
         curves::write_curves(&picture, "stick-out, mm", &self.charts())?;
         Ok(vec![table, curves, picture])
     }
 
-    fn curves_csv(&self) -> Vec<u8> {
+    fn curves_csv(&self, unit: Unit) -> Vec<u8> {
         let mut table =
             Table::new(&[("name", ""), ("stick_out", ""), ("reached", ""), ("reached_mm2", "")]);
         for (k, tool) in self.tools.iter().enumerate() {
@@ -241,7 +242,7 @@ impl<'a> Library<'a> {
                 table.row([Cell::text(&tool.name), Cell::Given(length), Cell::Share(area), mm2]);
             }
         }
-        table.csv()
+        table.csv_in(unit)
     }
 
     fn charts(&self) -> Vec<Chart> {
@@ -374,7 +375,7 @@ mod tests {
             assert!(Library::new(&tools, &reach, &areas, bad).is_err());
         }
         let folder = tempfile::tempdir().unwrap();
-        for path in library.write(folder.path()).unwrap() {
+        for path in library.write(folder.path(), Unit::Millimeter).unwrap() {
             assert!(std::fs::metadata(path).unwrap().len() > 100);
         }
     }

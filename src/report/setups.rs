@@ -10,6 +10,7 @@ use super::tables::{Cell, Table};
 use super::{Class, Coloring, PartView, Rgb};
 use crate::access::setups::{Machine, Plan, Setup, direction_words};
 use crate::answers::SiteAnswers;
+use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, formats};
 use crate::{Result, atomic_file};
 use glam::DMat3;
@@ -217,11 +218,17 @@ impl<'a> Setups<'a> {
         rows
     }
 
-    /// Writes every file but the page and the findings; returns their paths.
+    /// Writes every file but the page and the findings, tables with lengths and areas in `unit`; returns their paths.
     ///
     /// # Errors
     /// If the system refuses a file.
-    pub fn write(&self, folder: &Path, part: PartView, show: Show) -> Result<Vec<PathBuf>> {
+    pub fn write(
+        &self,
+        folder: &Path,
+        part: PartView,
+        show: Show,
+        unit: Unit,
+    ) -> Result<Vec<PathBuf>> {
         let mut tables = vec![("setups.csv", self.table()), ("setup-tools.csv", self.tools(None))];
         if self.machine.has_positions() {
             tables.push(("positions.csv", self.positions(None)));
@@ -229,7 +236,7 @@ impl<'a> Setups<'a> {
         let mut paths = Vec::new();
         for (name, table) in tables {
             let path = folder.join(name);
-            atomic_file::write_atomic(&path, |file| file.write_all(&table.csv()))?;
+            atomic_file::write_atomic(&path, |file| file.write_all(&table.csv_in(unit)))?;
             paths.push(path);
         }
         let (classes, of) = self.groups();

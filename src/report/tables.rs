@@ -6,7 +6,6 @@ use crate::geom::units::Unit;
 use comfy_table::{Cell as TextCell, CellAlignment, LineStyle, TableStyle};
 use serde_json::{Map, Value, json};
 use unit::Quantity;
-pub use unit::{output_unit, set_output_unit};
 
 /// One number or word.
 #[derive(Debug, Clone, PartialEq)]
@@ -130,13 +129,12 @@ impl Table {
         Quantity::of(self.columns[column].0, of_tools)
     }
 
-    /// For people: columns of equal width, numbers to the right; lengths and areas in the unit of
-    /// [`set_output_unit`].
+    /// For people: columns of equal width, numbers to the right; lengths and areas in mm.
     pub fn text(&self) -> String {
-        self.text_in(output_unit())
+        self.text_in(Unit::Millimeter)
     }
 
-    /// [`Table::text`] in a unit.
+    /// [`Table::text`] with lengths and areas in a unit.
     pub fn text_in(&self, unit: Unit) -> String {
         let mut table = plain();
         let (headings, rows) = self.shown_in(unit);
@@ -147,13 +145,9 @@ impl Table {
         table.trim_fmt()
     }
 
-    /// For people, elsewhere: the headings that are not empty, and the cells under them, in the unit of
-    /// [`set_output_unit`].
-    pub fn shown(&self) -> (Vec<String>, Vec<Vec<Cell>>) {
-        self.shown_in(output_unit())
-    }
-
-    fn shown_in(&self, unit: Unit) -> (Vec<String>, Vec<Vec<Cell>>) {
+    /// For people, elsewhere: the headings that are not empty, and the cells under them, with lengths and areas in a
+    /// unit.
+    pub fn shown_in(&self, unit: Unit) -> (Vec<String>, Vec<Vec<Cell>>) {
         let is_shown = |k: &usize| !self.columns[*k].1.is_empty();
         let shown: Vec<usize> = (0..self.columns.len()).filter(is_shown).collect();
         // Cells that show their unit need none in the heading.
@@ -168,9 +162,9 @@ impl Table {
         (shown.iter().map(heading).collect(), self.rows.iter().map(cells).collect())
     }
 
-    /// For people: a Markdown table, numbers to the right, of what [`Table::shown`] gives.
+    /// For people: a Markdown table, numbers to the right, of what [`Table::shown_in`] gives in mm.
     pub fn markdown(&self) -> String {
-        let (headings, rows) = self.shown();
+        let (headings, rows) = self.shown_in(Unit::Millimeter);
         let line = |cells: Vec<String>| {
             let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
             format!("| {} |\n", cells.join(" | "))
@@ -193,14 +187,14 @@ impl Table {
         Value::Array(self.rows.iter().map(object).collect())
     }
 
-    /// For programs: CSV with a header row of the keys; what is missing is empty. In another unit than mm
-    /// ([`set_output_unit`]) the keys of lengths and areas name it (`_in`, `_in2`); the lengths of a tool table have it
-    /// with the number, as such tables are read.
+    /// For programs: CSV with a header row of the keys; what is missing is empty. Lengths and
+    /// areas are in mm.
     pub fn csv(&self) -> Vec<u8> {
-        self.csv_in(output_unit())
+        self.csv_in(Unit::Millimeter)
     }
 
-    /// [`Table::csv`] in a unit.
+    /// [`Table::csv`] in a unit: in another than mm the keys of lengths and areas name it (`_in`, `_in2`); the lengths of
+    /// a tool table have it with the number, as such tables are read.
     pub fn csv_in(&self, unit: Unit) -> Vec<u8> {
         let field = |cell: &Cell| match cell.json() {
             Value::String(word) => word,
@@ -241,12 +235,12 @@ impl Facts {
         self
     }
 
-    /// For people: two columns, both to the left; lengths and areas in the unit of [`set_output_unit`].
+    /// For people: two columns, both to the left; lengths and areas in mm.
     pub fn text(&self) -> String {
-        self.text_in(output_unit())
+        self.text_in(Unit::Millimeter)
     }
 
-    /// [`Facts::text`] in a unit.
+    /// [`Facts::text`] with lengths and areas in a unit.
     pub fn text_in(&self, unit: Unit) -> String {
         let mut table = plain();
         for (key, name, value) in &self.0 {

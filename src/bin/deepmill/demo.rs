@@ -98,14 +98,14 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     facts.add("labels_s", "time: exact labels", Cell::Seconds(labels_s));
     facts.add("train_s", "time: training", train_s.map_or(Cell::Missing, Cell::Seconds));
     facts.add("predict_s", "time: prediction", Cell::Seconds(predict_s));
-    output.say(facts.text());
+    output.say(facts.text_in(output.unit()));
     let first = Confusion::of_labels(inaccessible, &labels.labels.answers.inaccessible);
     let second = Confusion::of_labels(occlusion, &labels.labels.answers.occlusion);
     let heads = scores::heads(&first, &second);
     let rows: Vec<(&str, &Confusion)> = heads.iter().map(|(name, c)| (*name, c)).collect();
     let table = scores::table(&rows);
     output.say("Prediction against exact labels; each row names its positive class:");
-    output.say(table.text());
+    output.say(table.text_in(output.unit()));
 
     let mut paths = folder::write_labels(folder, &labels, Some(&mesh), Show::Pictures)?;
     paths.extend(folder::write_predictions(folder, &predictions, Some(&mesh), Show::Pictures)?);
@@ -119,7 +119,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     paths.push(folder::write_surface(folder, &mesh)?);
     if args.report {
         let exact = Some((&labels, &*folder.join(LABELS)));
-        paths.push(report::page(exact, Some(&predictions), Some(&mesh), folder)?);
+        paths.push(report::page(exact, Some(&predictions), Some(&mesh), (folder, output.unit()))?);
     }
     output.say(
         "labels.* are the exact answers, predictions.* the network's, difference* where they part;",

@@ -105,12 +105,12 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
     for (key, heading, scores) in WEIGHTINGS {
         let table = table(&rows, scores);
         output.say(format!("\n{heading}:"));
-        output.say(table.text());
+        output.say(table.text_in(output.unit()));
         result[key] = table.json();
     }
     if !args.verify.is_empty() {
         output.say("\npredict, then verify (all sites pooled):");
-        output.say(verified.text());
+        output.say(verified.text_in(output.unit()));
         result["verified"] = verified.json();
     }
     output.result(&result);

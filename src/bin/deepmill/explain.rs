@@ -101,8 +101,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         facts.add("distance_mm", "from the place given", Cell::Millimeters(distance));
         result["distance_mm"] = json!(distance);
     }
-    output.say(facts.text());
-    output.say(about.table().text());
+    output.say(facts.text_in(output.unit()));
+    output.say(about.table().text_in(output.unit()));
     about.sentences().iter().for_each(|line| output.say(line));
     if why.answer != SiteAnswer::Accessible && !library.is_empty() {
         result["library"] = say_library(&query, site, &library, output)?;

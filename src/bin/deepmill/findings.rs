@@ -62,7 +62,7 @@ pub fn say(findings: &Findings, output: &Output) {
     let n = findings.list.len();
     let (s, first) = (if n == 1 { "" } else { "s" }, if n > N_SAID { ", the largest" } else { "" });
     output.say(format!("{n} finding{s} out of reach{first}:"));
-    output.say(findings.first_rows(N_SAID).text());
+    output.say(findings.first_rows(N_SAID).text_in(output.unit()));
     for (number, finding) in (1..).zip(findings.list.iter().take(N_SAID)) {
         if let Some(words) = &finding.stopped {
             output.say(format!("finding {number}: would help, but is not proposed: {words}"));

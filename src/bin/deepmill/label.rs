@@ -23,6 +23,7 @@ use deepmill::directions::Directions;
 use deepmill::geom::formats::MeshOrCloud;
 use deepmill::geom::sites::{self, SiteOptions};
 use deepmill::geom::spacing::Spacing;
+use deepmill::geom::units::Unit;
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::PartView;
 use deepmill::report::coverage::{Coverage, Shares};
@@ -251,7 +252,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         })?;
     }
     clock.lap("findings_s", "findings");
-    let paths = answers.write(labels, &warnings, coverage.as_ref(), &findings)?;
+    let paths = answers.write(labels, &warnings, coverage.as_ref(), &findings, output.unit())?;
     clock.lap("write_s", "writing and drawing");
 
     let warning = match blocking {
@@ -263,7 +264,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.say(&premise);
     let mut result = facts.json();
     answers.asked.iter().for_each(|asked| asked.say(&mut result, output));
-    output.say(facts.text());
+    output.say(facts.text_in(output.unit()));
     result["premise"] = json!(premise);
     result["limits_broken"] = broken;
     args.read.add_origin(&mut result);
@@ -287,7 +288,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.files(&paths);
     if let Some(coverage) = &coverage {
         let table = coverage.table();
-        output.say(table.text());
+        output.say(table.text_in(output.unit()));
         result["tools"] = table.json();
     }
     output.result_with_files(result, &paths);
@@ -388,6 +389,7 @@ impl Answers<'_> {
         warnings: &[Vec<Warning>],
         coverage: Option<&Coverage>,
         findings: &Regions,
+        unit: Unit,
     ) -> Result<Vec<PathBuf>> {
         let Answers { args, tools, mesh, .. } = self;
         let (shown, sites) = self.shown();
@@ -404,7 +406,11 @@ impl Answers<'_> {
             let export = |extra| folder::export_labels(&folder, &file, shown, extra);
             paths.extend(self.also.iter().map(|extra| export(*extra)).collect::<Result<Vec<_>>>()?);
             let found = &findings.of_tools[k];
-            paths.extend(found.write(&folder, &file.provenance.part, &file.provenance.tool)?);
+            paths.extend(found.write(
+                &folder,
+                (&file.provenance.part, &file.provenance.tool),
+                unit,
+            )?);
             if args.report {
                 let name = coverage.map_or("exact", |_| &*tool.name);
                 views.push(View::of_labels(name, &file, found.clone()));
@@ -416,12 +422,12 @@ impl Answers<'_> {
             let part = name_of(&args.part);
             let cutter = &format!("{} tools", tools.len());
             let part = PartView { name: &part, mesh: shown, sites, cutter };
-            paths.extend(coverage.write(&args.out, part, show)?);
-            paths.extend(findings.overall().write(&args.out, part.name, cutter)?);
+            paths.extend(coverage.write(&args.out, part, show, unit)?);
+            paths.extend(findings.overall().write(&args.out, (part.name, cutter), unit)?);
             views.insert(0, coverage.view(findings.overall().clone()));
         }
         if args.report {
-            let page = Page { part: &name_of(&args.part), mesh: shown, sites, views: &views };
+            let page = Page { part: &name_of(&args.part), mesh: shown, sites, views: &views, unit };
             paths.push(page.write(&args.out)?);
         }
         if let Some(mesh) = mesh {

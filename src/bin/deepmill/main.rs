@@ -90,8 +90,7 @@ fn main() -> ExitCode {
         Err(error) if error.use_stderr() => return usage::refuse(&error),
         Err(shown) => shown.exit(),
     };
-    let output = Output::new(cli.json);
-    deepmill::report::tables::set_output_unit(cli.output_unit);
+    let output = Output::new(cli.json, cli.output_unit);
     let run = || {
         deepmill::scalar::simd_isa()?;
         match &cli.command {

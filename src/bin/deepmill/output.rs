@@ -1,6 +1,7 @@
 //! Output of a command: text for people, or one JSON object for programs.
 
 use deepmill::answers::SiteAnswers;
+use deepmill::geom::units::Unit;
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::findings::{Findings, for_all_tools};
 use deepmill::report::gate::{Limit, SiteAreas};
@@ -16,6 +17,8 @@ use std::sync::{Mutex, PoisonError};
 /// The program's standard streams. A reader that goes away is no failure; a disk that is full is one, told at the end.
 pub struct Output {
     json: bool,
+    /// Of lengths and areas in text, tables and pages.
+    unit: Unit,
     /// Whether another process prints results.
     silent: bool,
     /// Whether the result is printed.
@@ -29,9 +32,10 @@ pub struct Output {
 }
 
 impl Output {
-    pub fn new(json: bool) -> Self {
+    pub fn new(json: bool, unit: Unit) -> Self {
         Output {
             json,
+            unit,
             silent: false,
             done: AtomicBool::new(false),
             warned: Mutex::default(),
@@ -42,7 +46,12 @@ impl Output {
 
     /// That of one of several processes: only the first prints results.
     pub fn of_process(&self, rank: usize) -> Self {
-        Output { silent: rank != 0, ..Output::new(self.json) }
+        Output { silent: rank != 0, ..Output::new(self.json, self.unit) }
+    }
+
+    /// Of lengths and areas in text, tables and pages.
+    pub fn unit(&self) -> Unit {
+        self.unit
     }
 
     /// A line for people: standard output, or standard error when that carries JSON.

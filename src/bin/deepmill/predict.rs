@@ -10,6 +10,7 @@ use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
 use deepmill::answers::{Definition, OutsideDomain, SiteAnswers};
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{PredictionFile, Provenance};
+use deepmill::geom::units::Unit;
 use deepmill::geom::{Mesh, Sites};
 use deepmill::model::{Prediction, Predictor};
 use deepmill::report::export::Extra;
@@ -140,7 +141,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         }
         clock.lap("verify_s", "verification");
     }
-    let paths = about.write(&files, &also)?;
+    let paths = about.write(&files, &also, output.unit())?;
     clock.lap("write_s", "writing and drawing");
 
     let answers: Vec<SiteAnswers> = files.iter().map(|(f, ..)| f.answers()).collect();
@@ -164,7 +165,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         }
     }
     clock.add_to(&mut facts);
-    output.say(facts.text());
+    output.say(facts.text_in(output.unit()));
     output.files(&paths);
     let mut result = facts.json();
     result["limits_broken"] = broken;
@@ -172,7 +173,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let table = table(
             files.iter().zip(&answers).map(|((file, tool, _), answers)| (file, tool, answers)),
         );
-        output.say(table.text());
+        output.say(table.text_in(output.unit()));
         result["tools"] = table.json();
         for (row, (_, tool, outside)) in (0..).zip(&files) {
             result["tools"][row]["outside_domain"] = json!(outside);
@@ -305,6 +306,7 @@ impl About<'_> {
         &self,
         files: &[(PredictionFile, Tool, Vec<String>)],
         also: &[Extra],
+        unit: Unit,
     ) -> Result<Vec<PathBuf>> {
         let About { args, mesh, .. } = self;
         let show = Show::pictures_unless(args.no_picture);
@@ -334,7 +336,7 @@ impl About<'_> {
                 Ok(view)
             };
             let views = files.iter().map(view).collect::<Result<Vec<_>>>()?;
-            let page = Page { part: &name_of(&args.part), mesh, sites, views: &views };
+            let page = Page { part: &name_of(&args.part), mesh, sites, views: &views, unit };
             paths.push(page.write(&args.out)?);
         }
         Ok(paths)

@@ -8,6 +8,7 @@ use deepmill::answers::SiteAnswers;
 use deepmill::data::files::label_query::LabelQuery;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
 use deepmill::geom::Mesh;
+use deepmill::geom::units::Unit;
 use deepmill::metrics::Confusion;
 use deepmill::report::coverage::{self, Shares, TOOLS};
 use deepmill::report::findings::{Findings, for_all_tools};
@@ -75,18 +76,18 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let areas = SiteAreas::even(file.sites.len());
         shares.row(row("predicted", &file.provenance, &file.answers(), &areas));
     }
-    output.say(shares.text());
+    output.say(shares.text_in(output.unit()));
     let mut result = json!({ "answers": shares.json() });
     if let (Some(labels), Some(predictions)) = (&labels, &predictions) {
         let table = compare(labels, predictions, &found)?;
         let drawn =
             folder::write_difference(out, labels, predictions, mesh.as_ref(), Show::Pictures)?;
         paths.extend(drawn);
-        output.say(table.text());
+        output.say(table.text_in(output.unit()));
         result["scores"] = table.json();
     }
     let labels = labels.as_ref().zip(found.labels.as_deref());
-    paths.push(page(labels, predictions.as_ref(), mesh.as_ref(), out)?);
+    paths.push(page(labels, predictions.as_ref(), mesh.as_ref(), (out, output.unit()))?);
     output.files(&paths);
     output.result_with_files(result, &paths);
     Ok(())
@@ -98,7 +99,7 @@ pub fn page(
     labels: Option<(&LabelFile, &Path)>,
     predictions: Option<&PredictionFile>,
     mesh: Option<&Mesh>,
-    folder: &Path,
+    (folder, unit): (&Path, Unit),
 ) -> Result<PathBuf> {
     let mut views = Vec::new();
     if let Some((file, path)) = labels {
@@ -123,7 +124,7 @@ pub fn page(
         let remedy = "name labels or predictions";
         return Err(Error::argument("results", "nothing", "answers to show", remedy));
     };
-    Page { part, mesh, sites, views: &views }.write(folder)
+    Page { part, mesh, sites, views: &views, unit }.write(folder)
 }
 
 /// The page of a folder that `label` has written for several tools.
@@ -161,7 +162,9 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     let of_tool = |((name, file), found)| View::of_labels(name, file, found);
     views.extend(tools.iter().copied().zip(&files).zip(of_tools).map(of_tool));
     let part = &files[0].provenance.part;
-    let paths = [Page { part, mesh: mesh.as_ref(), sites, views: &views }.write(out)?];
+    let paths =
+        [Page { part, mesh: mesh.as_ref(), sites, views: &views, unit: output.unit() }
+            .write(out)?];
     output.files(&paths);
     output.result_with_files(result, &paths);
     Ok(())

@@ -74,7 +74,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         }
     };
     clock.add_to(&mut facts);
-    output.say(facts.text());
+    output.say(facts.text_in(output.unit()));
     warning.iter().for_each(|warning| output.warn(warning));
     let paths = [args.out.clone()];
     output.files(&paths);

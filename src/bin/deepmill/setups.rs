@@ -157,11 +157,18 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let found = Findings::of(of_surface, Some(surface), &answers, &[])?;
     let (name, words) = (name_of(&args.part), format!("{} tools", tools.len()));
     let view = PartView { name: &name, mesh: Some(surface), sites: of_surface, cutter: &words };
-    let mut paths = setups.write(&args.out, view, Show::pictures_unless(args.no_picture))?;
-    paths.extend(found.write(&args.out, &name, &words)?);
+    let mut paths =
+        setups.write(&args.out, view, Show::pictures_unless(args.no_picture), output.unit())?;
+    paths.extend(found.write(&args.out, (&name, &words), output.unit())?);
     if args.report {
         let views = setups.views(found.clone(), &args.settings(&tools, &candidates));
-        let page = Page { part: &name, mesh: Some(surface), sites: of_surface, views: &views };
+        let page = Page {
+            part: &name,
+            mesh: Some(surface),
+            sites: of_surface,
+            views: &views,
+            unit: output.unit(),
+        };
         paths.push(page.write(&args.out)?);
     }
     paths.push(folder::write_surface(&args.out, &mesh)?);
@@ -202,9 +209,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut result = facts.json();
     output.say(&premise);
     asked.say(&mut result, output);
-    output.say(facts.text());
+    output.say(facts.text_in(output.unit()));
     output.files(&paths);
-    output.say(setups.table().text());
+    output.say(setups.table().text_in(output.unit()));
     findings::say(&found, output);
     result["premise"] = json!(premise);
     result["setups"] = setups.json();

@@ -110,7 +110,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     clock.lap("tolerances_s", "tolerances");
 
     let show = if args.no_picture { Show::Points } else { Show::Pictures };
-    let mut paths = library.write(&args.out)?;
+    let mut paths = library.write(&args.out, output.unit())?;
     let accessible: Vec<Vec<bool>> = reach.iter().map(accessible).collect();
     let words = format!("{} tools", tools.len());
     let name = name_of(&args.part);
@@ -150,11 +150,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut result = facts.json();
     output.say(&premise);
     asked.say(&mut result, output);
-    output.say(facts.text());
+    output.say(facts.text_in(output.unit()));
     output.files(&paths);
     let (table, cover) = (library.table(), library.cover_table());
-    output.say(table.text());
-    output.say(cover.text());
+    output.say(table.text_in(output.unit()));
+    output.say(cover.text_in(output.unit()));
     let named = tools.iter().zip(&rests);
     let named = named.map(|(tool, n)| json!({ "name": tool.name, "n_sites": n }));
     result["rests_on_tolerance_of"] = named.collect();

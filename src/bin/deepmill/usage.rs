@@ -2,13 +2,14 @@
 
 use crate::output::Output;
 use clap::error::{ContextKind, ContextValue};
+use deepmill::geom::units::Unit;
 use std::process::ExitCode;
 
 /// Prints the usage and the error; the code of the program.
 pub fn refuse(error: &clap::Error) -> ExitCode {
     let text = error.render().to_string();
     let json = std::env::args_os().any(|arg| arg == "--json");
-    let output = Output::new(json);
+    let output = Output::new(json, Unit::Millimeter);
     let (wrong, others) = parts(&text);
     if let Some(usage) = others.iter().find(|part| part.starts_with("Usage:")) {
         output.note(usage);

@@ -80,7 +80,7 @@ pub fn run(
     clock.add_to(&mut facts);
     let premise = premise(&directions, Some(&args.surface));
     output.say(&premise);
-    output.say(facts.text());
+    output.say(facts.text_in(output.unit()));
     output.files(&paths);
     let mut result = facts.json();
     result["premise"] = json!(premise);

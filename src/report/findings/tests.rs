@@ -3,6 +3,7 @@
 use super::*;
 use crate::geom::sites::{SiteOptions, sample};
 use crate::geom::solids::cuboid;
+use crate::geom::units::Unit;
 use glam::{Vec3, dvec3};
 
 /// A block 40 × 20 × 10 mm with sites about 1.2 mm apart.
@@ -73,7 +74,7 @@ fn files_hold_every_finding_and_numbers_of_wrong_length_are_refused() {
     let mut found = Findings::of(&sites, Some(&mesh), &answers, &[]).unwrap();
     add_proofs(&mut found, &vec![0.0; sites.len()]);
     let folder = tempfile::tempdir().unwrap();
-    let paths = found.write(folder.path(), "a,\"b\"", "ball-end").unwrap();
+    let paths = found.write(folder.path(), ("a,\"b\"", "ball-end"), Unit::Millimeter).unwrap();
     let json: Value = serde_json::from_slice(&std::fs::read(&paths[0]).unwrap()).unwrap();
     assert_eq!(json["format"], "deepmill findings");
     assert_eq!(json["findings"][0]["finding"], 1);

@@ -5,7 +5,7 @@ use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
 use crate::geom::units::Unit;
 use crate::report::findings::Findings;
-use crate::report::tables::{Cell, Table, output_unit};
+use crate::report::tables::{Cell, Table};
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -30,8 +30,8 @@ pub fn document(page: &Page, areas: &[f64], about: &Value, block: &str) -> Strin
         page.mesh.map(|mesh| format!("{} triangles", mesh.triangles.len())),
         page.mesh.and_then(|mesh| mesh.bounds()).map(|(low, high)| {
             let size = high - low;
-            let [x, y, z] = size.to_array().map(|mm| number(length(mm)));
-            format!("{x:.4} × {y:.4} × {z:.4} {}", output_unit())
+            let [x, y, z] = size.to_array().map(|mm| number(length(mm, page.unit)));
+            format!("{x:.4} × {y:.4} × {z:.4} {}", page.unit)
         }),
     ];
     let facts = facts.into_iter().flatten().collect::<Vec<_>>().join(" · ");
@@ -45,7 +45,7 @@ pub fn document(page: &Page, areas: &[f64], about: &Value, block: &str) -> Strin
         })
         .collect();
     let panels: String =
-        page.views.iter().enumerate().map(|(v, view)| panel(v, view, areas)).collect();
+        page.views.iter().enumerate().map(|(v, view)| panel(v, view, (areas, page.unit))).collect();
     let scripts = SCRIPTS.map(|script| script.replace("\"use strict\";\n", "")).concat();
     let about = about.to_string().replace('<', "\\u003c");
     let program = Provenance::PROGRAM;
@@ -100,6 +100,7 @@ const TOOLS: &str = r#"<div class="tools">
 
 /// All tabs in one table, if there are several.
 fn overview(page: &Page, areas: &[f64]) -> String {
+    let unit = page.unit;
     let rows: String = page
         .views
         .iter()
@@ -110,10 +111,10 @@ fn overview(page: &Page, areas: &[f64]) -> String {
             format!(
                 "<tr><td class=\"w\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td></tr>",
                 text(&view.name),
-                area_words(area),
+                area_words(area, unit),
                 percent(area, areas.iter().sum()),
                 findings.list.len(),
-                area_words(findings.largest_mm2)
+                area_words(findings.largest_mm2, unit)
             )
         })
         .collect();
@@ -125,7 +126,7 @@ fn overview(page: &Page, areas: &[f64]) -> String {
     )
 }
 
-fn panel(v: usize, view: &View, areas: &[f64]) -> String {
+fn panel(v: usize, view: &View, (areas, unit): (&[f64], Unit)) -> String {
     let mut out = format!(
         "<section role=\"tabpanel\" id=\"view{v}\" aria-labelledby=\"tab{v}\">\n<h2>{}</h2>\n<p class=\"about\">{}{}</p>\n",
         text(&view.name),
@@ -136,12 +137,12 @@ fn panel(v: usize, view: &View, areas: &[f64]) -> String {
         let items = view.warnings.iter().map(|w| format!("<li>{}</li>", text(w)));
         let _ = writeln!(out, "<ul class=\"warnings\">{}</ul>", items.collect::<String>());
     }
-    out.push_str(&legend(view, areas));
+    out.push_str(&legend(view, areas, unit));
     for (title, rows) in &view.tables {
-        out.push_str(&table(title, rows));
+        out.push_str(&table(title, rows, unit));
     }
     if let Some(findings) = &view.findings {
-        out.push_str(&list(findings));
+        out.push_str(&list(findings, unit));
     }
     let rows: String = flat("", &view.settings)
         .into_iter()
@@ -159,7 +160,7 @@ fn panel(v: usize, view: &View, areas: &[f64]) -> String {
 
 /// Groups with their shares, a click hides a color; then the layer with the box that shows it, which is no group: the
 /// shares do not depend on it.
-fn legend(view: &View, areas: &[f64]) -> String {
+fn legend(view: &View, areas: &[f64], unit: Unit) -> String {
     let mut sums = vec![(0usize, 0.0); view.classes.len()];
     for (&class, area) in view.of.iter().zip(areas) {
         let (count, sum) = &mut sums[usize::from(class)];
@@ -179,7 +180,7 @@ fn legend(view: &View, areas: &[f64]) -> String {
                 "<tr data-class=\"{k}\" tabindex=\"0\"><td><span class=\"swatch\" style=\"background:rgb({r},{g},{b})\"></span></td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{count}</td></tr>",
                 text(name),
                 share((count, area)),
-                area_words(area),
+                area_words(area, unit),
             )
         })
         .collect();
@@ -193,7 +194,7 @@ fn legend(view: &View, areas: &[f64]) -> String {
             if layer.is_shown { " checked" } else { "" },
             text(&layer.name),
             share((count, area)),
-            area_words(area),
+            area_words(area, unit),
         );
     }
     format!(
@@ -202,8 +203,8 @@ fn legend(view: &View, areas: &[f64]) -> String {
 }
 
 /// A table of numbers under its title.
-fn table(title: &str, table: &Table) -> String {
-    let (headings, rows) = table.shown();
+fn table(title: &str, table: &Table, unit: Unit) -> String {
+    let (headings, rows) = table.shown_in(unit);
     let class = |k: usize| match rows.first().is_some_and(|row| row[k].is_number()) {
         true => "n",
         // What names the row stays on one line.
@@ -227,7 +228,7 @@ fn table(title: &str, table: &Table) -> String {
 }
 
 /// The findings; a click flies to one.
-fn list(findings: &Findings) -> String {
+fn list(findings: &Findings, unit: Unit) -> String {
     let has_help = findings.list.iter().any(|f| f.helps.is_some());
     let mut out = String::from("<h3>Findings</h3>\n");
     if findings.list.is_empty() && findings.scattered.n_regions == 0 {
@@ -237,13 +238,13 @@ fn list(findings: &Findings) -> String {
     let _ = write!(
         out,
         "<div class=\"wide\"><table><tr><th></th><th>cause</th><th class=\"n\">area</th><th class=\"n\">share</th><th>at x, y, z, {}</th>",
-        output_unit()
+        unit
     );
     out.push_str(if has_help { "<th>helps</th></tr>" } else { "</tr>" });
     for (number_of, f) in (1..).zip(&findings.list).take(N_LISTED) {
         // To a tenth of a millimeter or thousandth of another unit, and never minus zero.
-        let (ten, digits) = if output_unit() == Unit::Millimeter { (10.0, 1) } else { (1e3, 3) };
-        let rounded = |mm: f64| (ten * length(mm)).round() / ten + 0.0;
+        let (ten, digits) = if unit == Unit::Millimeter { (10.0, 1) } else { (1e3, 3) };
+        let rounded = |mm: f64| (ten * length(mm, unit)).round() / ten + 0.0;
         let [x, y, z] = f.at_mm.to_array().map(rounded);
         let mut cause = f.words().to_string();
         if let Some(part) = f.blocked_by.filter(|part| *part != ToolPart::Tip) {
@@ -257,14 +258,14 @@ fn list(findings: &Findings) -> String {
             cause.push_str(", proven");
         }
         if let Some(clearance) = f.worst_clearance_mm {
-            let clearance = number(length(f64::from(clearance)));
-            let _ = write!(cause, ", clearance {clearance} {}", output_unit());
+            let clearance = number(length(f64::from(clearance), unit));
+            let _ = write!(cause, ", clearance {clearance} {}", unit);
         }
         let _ = write!(
             out,
             "<tr data-finding=\"{number_of}\" tabindex=\"0\"{}><td>{number_of}</td><td>{cause}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"p\">{x:.digits$}, {y:.digits$}, {z:.digits$}</td>",
             if f.change.is_some() || f.stopped.is_some() { " class=\"more\"" } else { "" },
-            area_words(f.area_mm2),
+            area_words(f.area_mm2, unit),
             percent(f.area_share, 1.0),
         );
         if has_help {
@@ -302,7 +303,7 @@ fn list(findings: &Findings) -> String {
             out,
             "<tr><td></td><td>{} small regions</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td></td></tr>",
             small.n_regions,
-            area_words(small.area_mm2),
+            area_words(small.area_mm2, unit),
             percent(small.area_mm2, findings.surface_mm2),
         );
     }
@@ -336,14 +337,13 @@ fn plain(value: &Value) -> String {
 }
 
 /// A length, mm, in the unit of the page.
-fn length(mm: f64) -> f64 {
-    mm / output_unit().millimeters()
+fn length(mm: f64, unit: Unit) -> f64 {
+    mm / unit.millimeters()
 }
 
 /// An area, mm², in the unit of the page.
-fn area_words(mm2: f64) -> String {
-    let unit = output_unit();
-    let area = length(length(mm2));
+fn area_words(mm2: f64, unit: Unit) -> String {
+    let area = length(length(mm2, unit), unit);
     let shown =
         if unit != Unit::Millimeter && area < 10.0 { format!("{area:.4}") } else { number(area) };
     format!("{shown} {unit}²")

@@ -11,9 +11,9 @@ mod view;
 pub use view::{Layer, Numbers, SiteValues, View};
 
 use crate::geom::spacing::{Spacing, areas_on};
+use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, check};
 use crate::report::memory::PartSize;
-use crate::report::tables::output_unit;
 use crate::{Error, Result, atomic_file};
 use glam::DVec3;
 use pack::{Block, Grid};
@@ -38,6 +38,8 @@ pub struct Page<'a> {
     pub sites: &'a Sites,
     /// The tabs, at least one.
     pub views: &'a [View],
+    /// Of lengths and areas.
+    pub unit: Unit,
 }
 
 impl Page<'_> {
@@ -112,7 +114,7 @@ impl Page<'_> {
             Some(mesh) => (mesh.area() / sites.len().max(1) as f64).sqrt(),
             None => Spacing::measure_on_sheet(sites).map_or(0.0, |s| s.mean_mm),
         };
-        let unit = output_unit();
+        let unit = self.unit;
         let about = json!({
             "low_mm": grid.low.to_array(),
             "step_mm": grid.step_mm,
@@ -240,7 +242,13 @@ mod tests {
         let (mesh, labels, predictions) = files();
         let views = views(&mesh, &labels, &predictions);
         let part = &labels.provenance.part;
-        let page = Page { part, mesh: Some(&mesh), sites: &labels.sites, views: &views };
+        let page = Page {
+            part,
+            mesh: Some(&mesh),
+            sites: &labels.sites,
+            views: &views,
+            unit: Unit::Millimeter,
+        };
         let html = page.html().unwrap();
         assert!(!html.contains("alert(1)</script>") && !html.contains("<b>&amp;<"), "markup");
         let text = "a&lt;/script&gt;&lt;script&gt;alert(1)&lt;/script&gt;&quot;&#39;&lt;b&gt;&amp;amp;&lt;!--";
@@ -259,7 +267,13 @@ mod tests {
     fn nothing_is_loaded_from_elsewhere() {
         let (mesh, labels, predictions) = files();
         let views = views(&mesh, &labels, &predictions);
-        let page = Page { part: "p", mesh: None, sites: &labels.sites, views: &views };
+        let page = Page {
+            part: "p",
+            mesh: None,
+            sites: &labels.sites,
+            views: &views,
+            unit: Unit::Millimeter,
+        };
         let html = page.html().unwrap();
         let calls = ["http:", "https:", "src=\"", "import ", "url(", "<link", "fetch("];
         assert!(calls.iter().all(|call| !html.contains(call)), "{calls:?}");
@@ -270,7 +284,13 @@ mod tests {
     fn tables_are_there_without_a_script() {
         let (mesh, labels, predictions) = files();
         let views = views(&mesh, &labels, &predictions);
-        let page = Page { part: "p", mesh: Some(&mesh), sites: &labels.sites, views: &views };
+        let page = Page {
+            part: "p",
+            mesh: Some(&mesh),
+            sites: &labels.sites,
+            views: &views,
+            unit: Unit::Millimeter,
+        };
         let html = page.html().unwrap();
         for words in
             ["inaccessible", "nested.a", "data-finding=\"1\"", "<noscript>", "over-predicted"]
@@ -289,12 +309,30 @@ mod tests {
         views[1].of[7] = 9;
         let few = views[0].layer.as_mut().unwrap();
         few.of.pop();
-        let page = Page { part: "p", mesh: Some(&mesh), sites: &labels.sites, views: &views[..1] };
+        let page = Page {
+            part: "p",
+            mesh: Some(&mesh),
+            sites: &labels.sites,
+            views: &views[..1],
+            unit: Unit::Millimeter,
+        };
         assert!(page.html().unwrap_err().to_string().contains("tab"));
-        let page = Page { part: "p", mesh: Some(&mesh), sites: &labels.sites, views: &views };
+        let page = Page {
+            part: "p",
+            mesh: Some(&mesh),
+            sites: &labels.sites,
+            views: &views,
+            unit: Unit::Millimeter,
+        };
         assert!(page.html().unwrap_err().to_string().contains("tab"));
         let none = Sites::default();
-        let page = Page { part: "p", mesh: None, sites: &none, views: &[View::default()] };
+        let page = Page {
+            part: "p",
+            mesh: None,
+            sites: &none,
+            views: &[View::default()],
+            unit: Unit::Millimeter,
+        };
         assert!(page.html().unwrap().contains("</html>"));
     }
 }

@@ -2,21 +2,6 @@
 
 use super::{Cell, significant};
 use crate::geom::units::Unit;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Place in [`Unit::ALL`].
-static OUTPUT: AtomicUsize = AtomicUsize::new(0);
-
-/// Sets the unit of all tables, CSV files and pages that this process writes from now on; mm without it.
-pub fn set_output_unit(unit: Unit) {
-    let place = Unit::ALL.iter().position(|other| *other == unit).unwrap_or(0);
-    OUTPUT.store(place, Ordering::Relaxed);
-}
-
-/// The unit of tables, CSV files and pages.
-pub fn output_unit() -> Unit {
-    Unit::ALL[OUTPUT.load(Ordering::Relaxed)]
-}
 
 /// What the numbers of a column are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
