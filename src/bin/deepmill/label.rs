@@ -1,16 +1,16 @@
 //! `deepmill label`: computes exactly which sites of a part a cutter cannot reach.
 
+mod shares;
+
 use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, millimeters, name_of};
 use crate::clock::Clock;
-use crate::density;
-use crate::findings;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
 use crate::premise::premise;
 use crate::published_args::PublishedArgs;
 use crate::region::{Asked, RegionArgs};
-use crate::{progress, volume};
+use crate::{density, findings, progress, volume};
 use deepmill::access::surface::explain::Remedies;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
@@ -35,6 +35,7 @@ use deepmill::report::page::{Page, View};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
 use serde_json::{Value, json};
+use shares::{add_clearance, add_shares};
 use std::path::PathBuf;
 
 /// Compute exactly which sites of a part a cutter cannot reach, and which sites are in its way.
@@ -473,18 +474,6 @@ impl Answers<'_> {
     }
 }
 
-/// Adds the middle clearance of the accessible sites, if there are clearances.
-fn add_clearance(facts: &mut Facts, labels: &Labels) {
-    let mut clearances: Vec<f32> =
-        labels.answers.clearance_mm.iter().copied().filter(|c| *c > 0.0).collect();
-    clearances.sort_unstable_by(f32::total_cmp);
-    if let Some(median) = clearances.get(clearances.len() / 2) {
-        let rounded = (f64::from(*median) * 1e3).round() / 1e3;
-        let words = "clearance where accessible, median, mm";
-        facts.add("clearance_median_mm", words, Cell::Given(rounded));
-    }
-}
-
 /// The findings of every tool, and of all together if there are several.
 struct Regions {
     of_tools: Vec<Findings>,
@@ -507,21 +496,4 @@ impl Regions {
     fn overall(&self) -> &Findings {
         self.of_all.as_ref().unwrap_or(&self.of_tools[0])
     }
-}
-
-fn add_shares(facts: &mut Facts, shares: Shares) {
-    let Shares { accessible, inaccessible, tip_does_not_fit, occlusion, both, .. } = shares;
-    facts.add("accessible", "accessible", Cell::Share(accessible));
-    facts.add("inaccessible", "inaccessible", Cell::Share(inaccessible));
-    for (key, name, share) in [
-        ("tip_does_not_fit", "tip does not fit", tip_does_not_fit),
-        ("occlusion", "occlusion", occlusion),
-        ("both", "inaccessible and occlusion", both),
-    ] {
-        if let Some(share) = share {
-            facts.add(key, name, Cell::Share(share));
-        }
-    }
-    let name = "directions that reach a site, mean";
-    facts.add("free_directions", name, Cell::Share(shares.accessible_directions));
 }

@@ -1,0 +1,35 @@
+//! Shares and clearances as facts.
+
+use deepmill::access::Labels;
+use deepmill::report::coverage::Shares;
+use deepmill::report::tables::{Cell, Facts};
+
+/// Adds the middle clearance of the accessible sites, if there are clearances.
+pub fn add_clearance(facts: &mut Facts, labels: &Labels) {
+    let mut clearances: Vec<f32> =
+        labels.answers.clearance_mm.iter().copied().filter(|c| *c > 0.0).collect();
+    clearances.sort_unstable_by(f32::total_cmp);
+    if let Some(median) = clearances.get(clearances.len() / 2) {
+        let rounded = (f64::from(*median) * 1e3).round() / 1e3;
+        let words = "clearance where accessible, median, mm";
+        facts.add("clearance_median_mm", words, Cell::Given(rounded));
+    }
+}
+
+/// Adds the shares of a single tool.
+pub fn add_shares(facts: &mut Facts, shares: Shares) {
+    let Shares { accessible, inaccessible, tip_does_not_fit, occlusion, both, .. } = shares;
+    facts.add("accessible", "accessible", Cell::Share(accessible));
+    facts.add("inaccessible", "inaccessible", Cell::Share(inaccessible));
+    for (key, name, share) in [
+        ("tip_does_not_fit", "tip does not fit", tip_does_not_fit),
+        ("occlusion", "occlusion", occlusion),
+        ("both", "inaccessible and occlusion", both),
+    ] {
+        if let Some(share) = share {
+            facts.add(key, name, Cell::Share(share));
+        }
+    }
+    let name = "directions that reach a site, mean";
+    facts.add("free_directions", name, Cell::Share(shares.accessible_directions));
+}
