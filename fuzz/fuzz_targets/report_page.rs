@@ -3,6 +3,7 @@
 #![no_main]
 
 use deepmill::geom::Sites;
+use deepmill::geom::units::Unit;
 use deepmill::report::page::{Page, View};
 use flate2::read::ZlibDecoder;
 use glam::{DVec3, Vec3};
@@ -53,7 +54,8 @@ fuzz_target!(|input: (&str, &str, &str, Vec<(i16, i16, i16, u8)>, i8)| {
     view.of = sites.iter().map(|(.., k)| k >> 7).collect();
     view.settings = Value::String(words.into());
     view.warnings = vec![warning.into()];
-    let page = Page { part, mesh: None, sites: &sites_of, views: &[view.clone()] };
+    let unit = Unit::ALL[sites.len() % Unit::ALL.len()];
+    let page = Page { part, mesh: None, sites: &sites_of, views: &[view.clone()], unit };
     let Ok(html) = page.html() else { return };
     assert_eq!(html.matches("<script").count(), html.matches("</script>").count());
     let about = between(&html, "<script id=\"about\" type=\"application/json\">", "</script>");
