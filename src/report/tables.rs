@@ -157,7 +157,7 @@ impl Table {
             false => unit::heading(self.columns[k].1, self.quantity(k), unit),
         };
         let cells = |row: &Vec<Cell>| {
-            shown.iter().map(|&k| unit::cell(&row[k], self.quantity(k), unit)).collect()
+            shown.iter().map(|&k| unit::cell_shown(&row[k], self.quantity(k), unit)).collect()
         };
         (shown.iter().map(heading).collect(), self.rows.iter().map(cells).collect())
     }
@@ -249,7 +249,7 @@ impl Facts {
                 Cell::Millimeters(_) => name.clone(),
                 _ => unit::heading(name, quantity, unit),
             };
-            let value = unit::cell(value, quantity, unit).show();
+            let value = unit::cell_shown(value, quantity, unit).show();
             table.add_row([TextCell::new(name), TextCell::new(value)]);
         }
         table.trim_fmt()
@@ -347,10 +347,12 @@ mod tests {
         facts.add("area_mm2", "surface, mm²", Cell::Number(645.16));
         facts.add("spacing_mm", "spacing", Cell::Millimeters(25.4));
         facts.add("rests", "above 0.05 mm alone", Cell::count(3));
+        facts.add("finish_mm", "finish, mm", Cell::Given(0.01));
         let text = facts.text_in(Unit::Inch);
-        for part in ["surface, in²", "1.000", "1.000 in", "above 0.05 mm alone"] {
+        for part in ["surface, in²", "1.000", "1.000 in", "above 0.05 mm alone", "0.0003937"] {
             assert!(text.contains(part), "{part}: {text}");
         }
+        assert!(!text.contains("0.00039370"), "digits that no one reads: {text}");
         assert_eq!(facts.json()["area_mm2"], 645.16);
     }
 

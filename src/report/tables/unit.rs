@@ -54,6 +54,16 @@ pub(super) fn cell(cell: &Cell, quantity: Option<Quantity>, unit: Unit) -> Cell 
     }
 }
 
+/// As [`cell`], for people: a length that was chosen in mm has no more digits in another unit than can be read.
+pub(super) fn cell_shown(shown: &Cell, quantity: Option<Quantity>, unit: Unit) -> Cell {
+    match cell(shown, quantity, unit) {
+        Cell::Given(x) if unit != Unit::Millimeter => {
+            Cell::Given(format!("{x:.4e}").parse().unwrap_or(x))
+        }
+        cell => cell,
+    }
+}
+
 /// A heading, or the name of a fact, in another unit.
 pub(super) fn heading(heading: &str, quantity: Option<Quantity>, unit: Unit) -> String {
     let Some(quantity) = quantity.filter(|_| unit != Unit::Millimeter && !heading.is_empty())
