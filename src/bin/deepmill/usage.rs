@@ -41,7 +41,7 @@ fn tips_apart(part: &str) -> Vec<String> {
     match part.trim_start().starts_with("tip:") {
         true => part
             .split("\n  tip:")
-            .map(|tip| format!("tip:{}", tip.trim_start().trim_start_matches("tip:")))
+            .map(|tip| format!("tip: {}", tip.trim_start().trim_start_matches("tip:").trim_start()))
             .collect(),
         false => vec![part.to_string()],
     }
