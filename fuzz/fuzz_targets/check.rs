@@ -1,8 +1,8 @@
-//! Any triangles over a few lattice points: examined, repaired and classified without a panic, and what
+//! Any triangles over a few lattice points: examined, joined, repaired and classified without a panic, and what
 //! passes as a solid has an inside. Lattice points make every kind of degeneracy likely.
 #![no_main]
 
-use deepmill::geom::{Mesh, check, inside, intersect, repair, weld};
+use deepmill::geom::{Mesh, bodies, check, inside, intersect, repair, weld};
 use glam::DVec3;
 use libfuzzer_sys::fuzz_target;
 
@@ -17,6 +17,11 @@ fuzz_target!(|input: &[u8]| {
     let windings = inside::windings(&mesh, &probes);
     assert!(windings.is_ok() || report.blocking().is_some());
     let balanced = windings.is_ok();
+    let mut joined = mesh.clone();
+    match bodies::join(&mut joined) {
+        Ok(_) => assert!(joined.check().is_ok()),
+        Err(_) => assert!(joined == mesh),
+    }
     repair::repair(&mut mesh).unwrap();
     assert!(!balanced || inside::windings(&mesh, &probes).is_ok());
 });

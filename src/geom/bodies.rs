@@ -51,8 +51,8 @@ use std::collections::BTreeMap;
 /// ```
 ///
 /// # Errors
-/// If the mesh fails [`Mesh::check`], a piece that overlaps others faces inward and is within none, or the union does
-/// not bound a solid; the mesh is unchanged then.
+/// If the mesh fails [`Mesh::check`], a piece that overlaps others encloses no volume, or faces inward and is within
+/// none, or the union does not bound a solid; the mesh is unchanged then.
 pub fn join(mesh: &mut Mesh) -> Result<Vec<Change>> {
     mesh.check()?;
     let topology = Topology::of(mesh);
@@ -156,12 +156,12 @@ impl Pieces {
             }
         }
         let by_piece = TriangleGroups::new(&self.mesh, &self.owner);
-        for i in (0..n).filter(|&i| meets[i] && self.volumes[i] < 0.0) {
+        for i in (0..n).filter(|&i| meets[i] && self.volumes[i] <= 0.0) {
+            if self.volumes[i] == 0.0 {
+                return Err(self.refused(&self.pieces[i], "it encloses no volume"));
+            }
             let Some(body) = self.least_around(&by_piece, i) else {
-                let found = "a body that faces inward overlaps another";
-                let remedy = "try --repair, or unite them in the CAD program";
-                let place = self.mesh.corners(self.pieces[i][0] as usize)[0];
-                return Err(Error::geometry(format!("body at {place}"), found, remedy));
+                return Err(self.refused(&self.pieces[i], "it faces inward and lies in none"));
             };
             unite(&mut parent, i as u32, body);
         }
@@ -269,7 +269,8 @@ impl Pieces {
     fn refused(&self, faces: &[u32], why: &str) -> Error {
         let place = format!("body at {}", self.mesh.corners(faces[0] as usize)[0]);
         let found = format!("it overlaps another, and {why}");
-        Error::geometry(place, found, "unite the overlapping bodies in the CAD program")
+        let remedy = "unite them in the CAD program, remove what is no solid, or try a repair";
+        Error::geometry(place, found, remedy)
     }
 }
 
@@ -469,6 +470,25 @@ mod tests {
         assert!(join(&mut open).unwrap().is_empty() && open == before);
         let mut inward = together(&[other, turned(block([0.0; 3], [10.0; 3]))]);
         let message = join(&mut inward).unwrap_err().to_string();
-        assert!(message.contains("faces inward overlaps another"), "{message}");
+        assert!(message.contains("faces inward and lies in none"), "{message}");
+    }
+
+    #[test]
+    fn bodies_without_volume_are_refused_where_they_meet_others_and_stay_where_they_do_not() {
+        let sheet = |corners: [DVec3; 3]| {
+            let triangles = vec![[0, 1, 2], [0, 2, 1]];
+            Mesh { vertices: corners.to_vec(), triangles }
+        };
+        let flat = sheet([DVec3::ZERO, 10.0 * DVec3::X, 10.0 * DVec3::Y]);
+        let across = sheet([dvec3(3.0, 3.0, -5.0), dvec3(3.0, 3.0, 5.0), dvec3(8.0, -3.0, 0.0)]);
+        let solid = block([1.0, 1.0, -1.0], [4.0, 4.0, 2.0]);
+        for other in [across, solid] {
+            let mut crossing = together(&[flat.clone(), other]);
+            let before = crossing.clone();
+            let message = join(&mut crossing).unwrap_err().to_string();
+            assert!(message.contains("encloses no volume") && crossing == before, "{message}");
+        }
+        let mut apart = together(&[flat, block([20.0; 3], [30.0; 3])]);
+        assert!(join(&mut apart).unwrap().is_empty());
     }
 }
