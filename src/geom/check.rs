@@ -121,8 +121,7 @@ impl MeshReport {
 
     /// [`MeshReport::blocking`], but several components may be: each of several bodies is labeled against all.
     pub fn blocking_bodies(&self) -> Option<&Finding> {
-        let blocks = |f: &&Finding| f.fault.blocks_labeling() && f.fault != Fault::ManyComponents;
-        self.findings.iter().find(blocks)
+        self.findings.iter().find(|f| f.fault.blocks_bodies())
     }
 
     /// How often `fault` was found.

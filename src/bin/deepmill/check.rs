@@ -2,7 +2,7 @@
 
 use crate::mesh_args::{MeshArgs, join_bodies};
 use crate::output::Output;
-use deepmill::geom::check::{self, Fault, Finding, MeshReport, Place};
+use deepmill::geom::check::{self, Finding, MeshReport, Place};
 use deepmill::geom::{Mesh, formats, intersect, origin};
 use deepmill::{Result, atomic_file};
 use serde_json::{Value, json};
@@ -88,7 +88,7 @@ fn say(report: &MeshReport, args: &Args, output: &Output) {
     let (area, volume) = (digits(report.area_mm2), digits(report.volume_mm3));
     output.say(format!("area {area} mm², volume {volume} mm³"));
     for finding in &report.findings {
-        let weight = if blocks(finding) { "BLOCKS LABELING" } else { "note" };
+        let weight = if finding.fault.blocks_bodies() { "BLOCKS LABELING" } else { "note" };
         output.say(format!("{weight}: {finding}"));
         finding.places.iter().for_each(|place| output.say(format!("    {place}")));
         let more = finding.count - finding.places.len();
@@ -106,11 +106,6 @@ fn say_usable(report: &MeshReport, args: &Args, output: &Output) {
     output.say(format!("can be labeled: closed, manifold, {one}facing outward{skipped}"));
 }
 
-/// Several bodies are labeled, each against all.
-fn blocks(finding: &Finding) -> bool {
-    finding.fault.blocks_labeling() && finding.fault != Fault::ManyComponents
-}
-
 /// Six decimals, but none that are zero.
 fn digits(value: f64) -> String {
     let text = format!("{value:.6}");
@@ -120,7 +115,7 @@ fn digits(value: f64) -> String {
 fn json_of(finding: &Finding, args: &Args) -> Value {
     json!({
         "fault": finding.fault.name(),
-        "blocks_labeling": blocks(finding),
+        "blocks_labeling": finding.fault.blocks_bodies(),
         "count": finding.count,
         "places": finding.places.iter().map(place).collect::<Vec<_>>(),
         "remedy": args.read.remedy(finding.fault),

@@ -38,6 +38,11 @@ impl Fault {
         self < Fault::Degenerate
     }
 
+    /// As [`Fault::blocks_labeling`], where several bodies may be: each is labeled against all.
+    pub fn blocks_bodies(self) -> bool {
+        self.blocks_labeling() && self != Fault::ManyComponents
+    }
+
     /// Its name for programs.
     pub fn name(self) -> &'static str {
         match self {
