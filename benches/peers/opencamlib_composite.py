@@ -17,17 +17,11 @@ import subprocess
 import numpy as np
 import opencamlib as ocl
 
+from stl import read_binary_stl
+
 TOOLS = [("1,20,5,20", 1.0), ("1.5,6,40,5", 1.5), ("2,2,9,5", 0.5), ("1.5,10,10,10", 0.0)]
 LENGTH_MM, FLOOR_MM, SPINDLE_MM = 1000.0, -1e4, 4e3
 TOLERANCE_MM = 0.01  # as in examples/drop_heights.rs: on both sides tools are shrunk by it
-
-
-def read_binary_stl(path):
-    with open(path, "rb") as file:
-        file.seek(80)
-        count = int(np.frombuffer(file.read(4), "<u4")[0])
-        record = np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
-        return np.frombuffer(file.read(count * record.itemsize), record)["v"].astype(float)
 
 
 def basis(w):

@@ -18,15 +18,9 @@ import time
 import numpy as np
 import opencamlib as ocl
 
+from stl import read_binary_stl
+
 CR_MM, LENGTH_MM = 1.5, 500.0
-
-
-def read_binary_stl(path):
-    with open(path, "rb") as file:
-        file.seek(80)
-        count = int(np.frombuffer(file.read(4), "<u4")[0])
-        record = np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
-        return np.frombuffer(file.read(count * record.itemsize), record)["v"].astype(float)
 
 
 def sample(triangles, n, rng):

@@ -19,10 +19,12 @@ import tempfile
 import numpy as np
 import opencamlib as ocl
 
+from stl import read_binary_stl
+
 RADIUS, LENGTH = 3.0, 100.0
 TOOLS = {"flat": 0.0, "bull nose": 1.0, "ball": 3.0}
 SPACING, FINER, BEST = 0.1, 10, 4
-# Sites of surfaces that face away, and those that touch with a normal more than 84 degrees from their own.
+# Surfaces that face down by more than this are out of the question.
 LEAST_COSINE = 0.1
 
 
@@ -37,16 +39,8 @@ def label(deepmill, part, corner, n_sites):
         return labels["points"].astype(float), labels["normals"].astype(float), reached, settings
 
 
-def read_binary_stl(path):
-    with open(path, "rb") as file:
-        file.seek(80)
-        count = int(np.frombuffer(file.read(4), "<u4")[0])
-        record = np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
-        return np.frombuffer(file.read(count * record.itemsize), record)["v"].astype(float)
-
-
 def tool(corner, shrunk):
-    """What is left of the tool, how far its tip is raised, and all that must live as long as it."""
+    """What is left of the tool; its tip is raised by as much."""
     radius, corner = RADIUS - shrunk, max(corner - shrunk, 0.0)
     if corner == 0.0:
         return ocl.CylCutter(2 * radius, LENGTH)
