@@ -237,6 +237,10 @@ mod tests {
         views
     }
 
+    fn of<'a>(mesh: Option<&'a Mesh>, sites: &'a Sites, views: &'a [View]) -> Page<'a> {
+        Page { part: "p", mesh, sites, views, unit: Unit::Millimeter }
+    }
+
     #[test]
     fn strings_of_the_user_stay_text() {
         let (mesh, labels, predictions) = files();
@@ -267,13 +271,7 @@ mod tests {
     fn nothing_is_loaded_from_elsewhere() {
         let (mesh, labels, predictions) = files();
         let views = views(&mesh, &labels, &predictions);
-        let page = Page {
-            part: "p",
-            mesh: None,
-            sites: &labels.sites,
-            views: &views,
-            unit: Unit::Millimeter,
-        };
+        let page = of(None, &labels.sites, &views);
         let html = page.html().unwrap();
         let calls = ["http:", "https:", "src=\"", "import ", "url(", "<link", "fetch("];
         assert!(calls.iter().all(|call| !html.contains(call)), "{calls:?}");
@@ -284,13 +282,7 @@ mod tests {
     fn tables_are_there_without_a_script() {
         let (mesh, labels, predictions) = files();
         let views = views(&mesh, &labels, &predictions);
-        let page = Page {
-            part: "p",
-            mesh: Some(&mesh),
-            sites: &labels.sites,
-            views: &views,
-            unit: Unit::Millimeter,
-        };
+        let page = of(Some(&mesh), &labels.sites, &views);
         let html = page.html().unwrap();
         for words in
             ["inaccessible", "nested.a", "data-finding=\"1\"", "<noscript>", "over-predicted"]
@@ -309,30 +301,13 @@ mod tests {
         views[1].of[7] = 9;
         let few = views[0].layer.as_mut().unwrap();
         few.of.pop();
-        let page = Page {
-            part: "p",
-            mesh: Some(&mesh),
-            sites: &labels.sites,
-            views: &views[..1],
-            unit: Unit::Millimeter,
-        };
+        let page = of(Some(&mesh), &labels.sites, &views[..1]);
         assert!(page.html().unwrap_err().to_string().contains("tab"));
-        let page = Page {
-            part: "p",
-            mesh: Some(&mesh),
-            sites: &labels.sites,
-            views: &views,
-            unit: Unit::Millimeter,
-        };
+        let page = of(Some(&mesh), &labels.sites, &views);
         assert!(page.html().unwrap_err().to_string().contains("tab"));
         let none = Sites::default();
-        let page = Page {
-            part: "p",
-            mesh: None,
-            sites: &none,
-            views: &[View::default()],
-            unit: Unit::Millimeter,
-        };
+        let empty = [View::default()];
+        let page = of(None, &none, &empty);
         assert!(page.html().unwrap().contains("</html>"));
     }
 }
