@@ -9,7 +9,7 @@ use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
 use crate::premise::premise;
 use crate::published_args::PublishedArgs;
-use crate::region::{Asked, RegionArgs};
+use crate::region::{RegionArgs, Scope};
 use crate::{density, findings, progress, volume};
 use deepmill::access::surface::explain::Remedies;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
@@ -148,7 +148,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let remedy = "the sites block: leave out --obstacles, and give the mesh for a cloud";
         args.region.refuse("points as obstacles", remedy)?;
     }
-    let (mesh, (asked, sites)) = match part {
+    let (mesh, (scope, sites)) = match part {
         MeshOrCloud::Mesh(mesh) => {
             let placed = args.region.place(&args.sites, &mesh, &args.read, output)?;
             (Some(mesh), (Some(placed.0), placed.1))
@@ -232,7 +232,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         fixtures,
         surface,
         sites,
-        asked,
+        scope,
     };
     let (shown, of_shown) = answers.shown();
     let areas = SiteAreas::by_definition(of_shown, shown, of_mesh)?;
@@ -264,7 +264,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let premise = premise(directions, of_mesh.then_some(&args.surface));
     output.say(&premise);
     let mut result = facts.json();
-    answers.asked.iter().for_each(|asked| asked.say(&mut result, output));
+    answers.scope.iter().for_each(|scope| scope.say(&mut result, output));
     output.say(facts.text_in(output.unit()));
     result["premise"] = json!(premise);
     result["limits_broken"] = broken;
@@ -325,15 +325,15 @@ struct Answers<'a> {
     surface: Value,
     sites: Sites,
     /// Of a mesh, which part of it the sites are on.
-    asked: Option<Asked>,
+    scope: Option<Scope>,
 }
 
 impl Answers<'_> {
     /// The surface that areas, findings and pictures are about, and the sites on it.
     fn shown(&self) -> (Option<&Mesh>, &Sites) {
-        match (&self.asked, &self.mesh) {
-            (Some(asked), Some(mesh)) => {
-                let (mesh, sites) = asked.shown(mesh, &self.sites);
+        match (&self.scope, &self.mesh) {
+            (Some(scope), Some(mesh)) => {
+                let (mesh, sites) = scope.shown(mesh, &self.sites);
                 (Some(mesh), sites)
             }
             (_, mesh) => (mesh.as_ref(), &self.sites),
@@ -434,7 +434,7 @@ impl Answers<'_> {
         if let Some(mesh) = mesh {
             paths.push(folder::write_surface(&args.out, mesh)?);
         }
-        let region = self.asked.as_ref().map(|asked| asked.write(&args.out));
+        let region = self.scope.as_ref().map(|scope| scope.write(&args.out));
         paths.extend(region.transpose()?.flatten());
         if let Some(fixtures) = &self.fixtures {
             paths.push(folder::write_fixtures(&args.out, fixtures)?);
@@ -453,7 +453,7 @@ impl Answers<'_> {
         of_tool["of_library"] = json!(args.tools.are_of_files());
         let mut settings = json!({
             "sites": args.sites.settings(self.mesh.is_some()),
-            "region": self.asked.as_ref().map(Asked::json),
+            "region": self.scope.as_ref().map(Scope::json),
             "surface": self.surface,
             "tool": of_tool,
             "directions": directions.set(),

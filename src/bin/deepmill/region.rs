@@ -1,4 +1,4 @@
-//! `--only` and `--except`: which faces are asked about.
+//! `--only` and `--except`: the region of interest.
 
 use crate::args::{SiteArgs, called, millimeters};
 use crate::mesh_args::MeshArgs;
@@ -16,22 +16,22 @@ use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Which faces are asked about.
+/// The region of interest.
 #[derive(clap::Args)]
 pub struct RegionArgs {
-    /// Ask about these faces only; all of the part blocks as before. Areas and shares are of this region.
+    /// Answer for these faces only; all of the part blocks as before. Areas and shares are of this region.
     /// box:X,Y,Z,X,Y,Z (two corners, mm), normal:X,Y,Z or normal:X,Y,Z:DEGREES (outward normals within 10 degrees of a
     /// direction), faces:FILE (a mesh of the selected faces, such as a PLY), findings:DIR or findings:DIR:1,3 (what
     /// `deepmill label` has found out of reach). Give it again for further ones: what any of them holds.
     #[arg(long, value_name = "FACES", allow_hyphen_values = true)]
     only: Vec<String>,
-    /// Do not ask about these faces; as --only.
+    /// Leave these faces out; as --only.
     #[arg(long, value_name = "FACES", allow_hyphen_values = true)]
     except: Vec<String>,
 }
 
 /// The surface that answers are about: all of the part, or a region of it.
-pub struct Asked {
+pub struct Scope {
     region: Option<(Region, Sites)>,
     only: Vec<String>,
     except: Vec<String>,
@@ -58,18 +58,18 @@ impl RegionArgs {
         }
     }
 
-    /// The sites on the surface that is asked about, their faces those of the part.
+    /// The sites on the region, their faces those of the part.
     pub fn place(
         &self,
         sites: &SiteArgs,
         mesh: &Mesh,
         read: &MeshArgs,
         output: &Output,
-    ) -> Result<(Asked, Sites)> {
+    ) -> Result<(Scope, Sites)> {
         let (only, except) = (self.only.clone(), self.except.clone());
-        let mut asked = Asked { region: None, only, except, part_mm2: mesh.area() };
+        let mut scope = Scope { region: None, only, except, part_mm2: mesh.area() };
         if !self.is_given() {
-            return Ok((asked, sites.on(mesh)?));
+            return Ok((scope, sites.on(mesh)?));
         }
         let all = |texts: &[String], option: &'static str| {
             let read = |text: &String| selector(text, option, read, output);
@@ -83,12 +83,12 @@ impl RegionArgs {
             None => sites.on(&region.mesh)?,
         };
         let on_part = region.on_part(&on_region);
-        asked.region = Some((region, on_region));
-        Ok((asked, on_part))
+        scope.region = Some((region, on_region));
+        Ok((scope, on_part))
     }
 }
 
-impl Asked {
+impl Scope {
     /// The surface and sites that areas, findings and pictures are about, given those of the part.
     pub fn shown<'a>(&'a self, mesh: &'a Mesh, sites: &'a Sites) -> (&'a Mesh, &'a Sites) {
         match &self.region {

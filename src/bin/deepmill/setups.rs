@@ -112,8 +112,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
-    let (asked, sites) = args.region.place(&args.sites, &mesh, &args.read, output)?;
-    let (surface, of_surface) = asked.shown(&mesh, &sites);
+    let (scope, sites) = args.region.place(&args.sites, &mesh, &args.read, output)?;
+    let (surface, of_surface) = scope.shown(&mesh, &sites);
     Show::pictures_unless(args.no_picture).require_memory(Some(surface), of_surface)?;
     let areas = SiteAreas::of(of_surface, Some(surface))?;
     clock.lap("sites_s", "sites");
@@ -172,7 +172,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         paths.push(page.write(&args.out)?);
     }
     paths.push(folder::write_surface(&args.out, &mesh)?);
-    paths.extend(asked.write(&args.out)?);
+    paths.extend(scope.write(&args.out)?);
     clock.lap("write_s", "writing and drawing");
 
     let named = [("setups", &answers)].into_iter();
@@ -208,7 +208,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     clock.add_to(&mut facts);
     let mut result = facts.json();
     output.say(&premise);
-    asked.say(&mut result, output);
+    scope.say(&mut result, output);
     output.say(facts.text_in(output.unit()));
     output.files(&paths);
     output.say(setups.table().text_in(output.unit()));

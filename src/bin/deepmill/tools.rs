@@ -80,8 +80,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
-    let (asked, sites) = args.region.place(&args.sites, &mesh, &args.read, output)?;
-    let (surface, of_surface) = asked.shown(&mesh, &sites);
+    let (scope, sites) = args.region.place(&args.sites, &mesh, &args.read, output)?;
+    let (surface, of_surface) = scope.shown(&mesh, &sites);
     let areas = SiteAreas::of(of_surface, Some(surface))?;
     clock.lap("sites_s", "sites");
     let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
@@ -119,7 +119,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         Coverage::of_reached(&tools, &accessible, &areas).write_first(&args.out, view, show)?,
     );
     paths.push(folder::write_surface(&args.out, &mesh)?);
-    paths.extend(asked.write(&args.out)?);
+    paths.extend(scope.write(&args.out)?);
     clock.lap("write_s", "writing and drawing");
 
     let answers: Vec<SiteAnswers> = reach.iter().map(answers).collect();
@@ -149,7 +149,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let premise = premise(&directions, Some(&args.surface));
     let mut result = facts.json();
     output.say(&premise);
-    asked.say(&mut result, output);
+    scope.say(&mut result, output);
     output.say(facts.text_in(output.unit()));
     output.files(&paths);
     let (table, cover) = (library.table(), library.cover_table());
