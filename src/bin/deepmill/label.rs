@@ -7,7 +7,7 @@ use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, Blocking, SurfaceArgs};
-use crate::premise::premise;
+use crate::premise::{premise, premise_of_points};
 use crate::published_args::PublishedArgs;
 use crate::region::{RegionArgs, Scope};
 use crate::{density, findings, progress, volume};
@@ -35,7 +35,7 @@ use deepmill::report::page::{Page, View};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
 use serde_json::{Value, json};
-use shares::{add_clearance, add_shares};
+use shares::{add_bottom, add_clearance, add_shares};
 use std::path::PathBuf;
 
 /// Compute exactly which sites of a part a cutter cannot reach, and which sites are in its way.
@@ -64,9 +64,9 @@ pub struct Args {
     pub surface: SurfaceArgs,
     #[command(flatten)]
     gate: GateArgs,
-    /// What blocks: `part` (its triangles, the mesh definition; the default for a mesh), `published` (the sites, by the
-    /// published definition; also `sites`), `centroids` (those of the triangles, by the published definition), or COUNT:
-    /// the sites and so many further points of the surface.
+    /// What blocks: `part` (its triangles, the mesh definition; the default for a mesh), `published` (the sites, by
+    /// the published definition; also `sites`), `centroids` (those of the triangles, by the published definition), or
+    /// COUNT: the sites and so many further points of the surface.
     #[arg(long, value_name = "WHAT")]
     obstacles: Option<String>,
     #[command(flatten)]
@@ -261,7 +261,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         Blocking::Points(_) | Blocking::Centroids => answers.add_density(&mut facts, more),
     };
     clock.add_to(&mut facts);
-    let premise = premise(directions, of_mesh.then_some(&args.surface));
+    let premise = match blocking {
+        Blocking::Part => premise(directions, &args.surface),
+        _ => premise_of_points(directions, answers.options.bottom_mm),
+    };
     output.say(&premise);
     let mut result = facts.json();
     answers.scope.iter().for_each(|scope| scope.say(&mut result, output));
@@ -344,12 +347,7 @@ impl Answers<'_> {
         let mut facts = Facts::new();
         facts.add("part", "part", Cell::text(name_of(&self.args.part)));
         facts.add("definition", "definition", Cell::text(self.blocking.words()));
-        if let Some(bottom_mm) = self.options.bottom_mm {
-            let by_rule = access::bottom_sites(&self.sites.points, bottom_mm);
-            let n_by_rule = by_rule.into_iter().filter(|by_rule| *by_rule).count();
-            facts.add("bottom_mm", "bottom rule, mm", Cell::Given(bottom_mm));
-            facts.add("n_bottom", "accessible by the bottom rule, sites", Cell::count(n_by_rule));
-        }
+        add_bottom(&mut facts, &self.options, &self.sites);
         if coverage.is_none() {
             facts.add("cutter", "cutter", Cell::text(self.tools[0].words()));
         }

@@ -3,22 +3,32 @@
 use crate::part_itself::SurfaceArgs;
 use deepmill::directions::{DirectionSet, Directions};
 
-/// `tool axes: …; the part stands on …`; without triangles as obstacles there is no table and no search.
-pub fn premise(directions: &Directions, surface: Option<&SurfaceArgs>) -> String {
-    let searched = surface.is_some_and(SurfaceArgs::searches);
-    let axes = axes(directions, searched);
-    let (table, n_fixtures) = surface.map_or((None, 0), SurfaceArgs::held_by);
+/// `tool axes: …; the part stands on …`, of the mesh definition.
+pub fn premise(directions: &Directions, surface: &SurfaceArgs) -> String {
+    let axes = axes(directions, surface.searches());
+    let (table, n_fixtures) = surface.held_by();
     let fixtures = match n_fixtures {
         0 => String::new(),
         1 => ", with 1 fixture in the way".into(),
         n => format!(", with {n} fixtures in the way"),
     };
-    match (table, surface) {
-        (Some(z), _) => format!("{axes}; the part stands on a table at z = {z} mm{fixtures}"),
-        (None, Some(_)) => format!(
+    match table {
+        Some(z) => format!("{axes}; the part stands on a table at z = {z} mm{fixtures}"),
+        None => format!(
             "{axes}; the part stands on nothing{fixtures}: its underside counts (--table Z puts a table there)"
         ),
-        (None, None) => format!("{axes}; the part stands on nothing: its underside counts"),
+    }
+}
+
+/// As [`premise`], with points as obstacles: there is no table and no search, but a bottom rule, if `bottom_mm` has its
+/// tolerance.
+pub fn premise_of_points(directions: &Directions, bottom_mm: Option<f64>) -> String {
+    let axes = axes(directions, false);
+    match bottom_mm {
+        Some(mm) => {
+            format!("{axes}; bottom rule: sites less than {mm} mm above the lowest are accessible")
+        }
+        None => format!("{axes}; the part stands on nothing: its underside counts"),
     }
 }
 
@@ -31,6 +41,7 @@ fn axes(directions: &Directions, searched: bool) -> String {
         DirectionSet::FibonacciHemisphere { .. } | DirectionSet::LatLong { .. } => {
             "the upper half, down to the horizontal".to_string()
         }
+        DirectionSet::Published => "+z and an upper half about y, as published".to_string(),
         DirectionSet::FibonacciSphere { .. } => "all around".to_string(),
         DirectionSet::Cone { axis, half_angle_rad, .. } => {
             let degrees = (1e6 * half_angle_rad.to_degrees()).round() / 1e6;
@@ -59,7 +70,7 @@ mod tests {
 
     #[test]
     fn allowed_axes_and_the_lack_of_a_table_are_named() {
-        let of = |set: &str| premise(&set.parse().unwrap(), None);
+        let of = |set: &str| premise_of_points(&set.parse().unwrap(), None);
         assert!(of("up").starts_with("tool axes: +z alone; the part stands on nothing"));
         assert!(
             of("150").starts_with("tool axes: the upper half, down to the horizontal (150 tested)")
@@ -67,5 +78,9 @@ mod tests {
         assert!(of("cone:30:12").contains("within 30 degrees of +z (12 tested)"));
         assert!(of("4-axis:x:-30,90").contains("the 25 given"));
         assert!(axes(&"sphere:9".parse().unwrap(), true).contains("(9 tested and those between)"));
+        let published = premise_of_points(&Directions::published(), Some(1.0));
+        assert!(published.contains("as published (152 tested)"), "{published}");
+        assert!(published.contains("bottom rule: sites less than 1 mm above the lowest"));
+        assert!(!published.contains("underside"), "it is accessible by rule: {published}");
     }
 }

@@ -146,7 +146,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     facts.add("share", "share for the tools and the least stick-out", Cell::Share(share));
     facts.add("n_needed_for_all", "tools that reach all of it", Cell::count(library.n_for_all));
     clock.add_to(&mut facts);
-    let premise = premise(&directions, Some(&args.surface));
+    let premise = premise(&directions, &args.surface);
     let mut result = facts.json();
     output.say(&premise);
     scope.say(&mut result, output);

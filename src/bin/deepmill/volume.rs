@@ -78,7 +78,7 @@ pub fn run(
         facts.add(key, answer.words(), Cell::Share(file.share(answer)));
     }
     clock.add_to(&mut facts);
-    let premise = premise(&directions, Some(&args.surface));
+    let premise = premise(&directions, &args.surface);
     output.say(&premise);
     output.say(facts.text_in(output.unit()));
     output.files(&paths);

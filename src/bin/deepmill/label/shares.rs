@@ -1,6 +1,7 @@
-//! Shares and clearances as facts.
+//! Shares, clearances and the bottom rule as facts.
 
-use deepmill::access::Labels;
+use deepmill::access::{LabelOptions, Labels, bottom_sites};
+use deepmill::geom::Sites;
 use deepmill::report::coverage::Shares;
 use deepmill::report::tables::{Cell, Facts};
 
@@ -32,4 +33,13 @@ pub fn add_shares(facts: &mut Facts, shares: Shares) {
     }
     let name = "directions that reach a site, mean";
     facts.add("free_directions", name, Cell::Share(shares.accessible_directions));
+}
+
+/// Adds the bottom rule, if there is one, and how many sites it labels.
+pub fn add_bottom(facts: &mut Facts, options: &LabelOptions, sites: &Sites) {
+    let Some(bottom_mm) = options.bottom_mm else { return };
+    let n_by_rule = bottom_sites(&sites.points, bottom_mm).into_iter().filter(|by_rule| *by_rule);
+    facts.add("bottom_mm", "bottom rule, mm", Cell::Given(bottom_mm));
+    let words = "accessible by the bottom rule, sites";
+    facts.add("n_bottom", words, Cell::count(n_by_rule.count()));
 }
