@@ -9,7 +9,7 @@ use std::fmt;
 use std::str::FromStr;
 
 /// Directions about an axis that are tested if no number is given.
-pub const AROUND: usize = 72;
+const AROUND: usize = 72;
 
 /// From where to where the tool axis may be about a rotary axis, degrees: 0 is +z (for an axis along z: +x) as near as
 /// it is across the axis; positive angles turn right-handed about the axis.

@@ -1,4 +1,4 @@
-//! A region of a part: the faces, or pieces of faces, that are asked about.
+//! A region of a part: the faces, or pieces of faces, that answers are about.
 //!
 //! # Definition
 //!
@@ -12,7 +12,7 @@
 //! keep the pieces of which the middle is in the region
 //! ```
 //!
-//! Only what is asked about is restricted: all of the part blocks, as before.
+//! Only the sites are restricted: all of the part blocks, as before.
 
 use super::Mesh;
 use super::sites::{self, SiteOptions, Sites};
@@ -53,7 +53,7 @@ pub enum Selector {
     },
 }
 
-/// Which part of a surface is asked about.
+/// Which part of a surface answers are about.
 #[derive(Debug, Clone, Default)]
 pub struct Selection {
     /// What any of these holds; everything, if there are none.
@@ -91,11 +91,6 @@ const BLOCK: usize = 512;
 type Polygon = Vec<DVec3>;
 
 impl Selection {
-    /// Whether all of the surface is asked about.
-    pub fn is_all(&self) -> bool {
-        self.only.is_empty() && self.except.is_empty()
-    }
-
     /// The region of `part`.
     ///
     /// # Errors
@@ -108,10 +103,10 @@ impl Selection {
         let (low, high) = part.bounds().unwrap_or_default();
         let words = |p: DVec3| format!("{}, {}, {}", p.x, p.y, p.z);
         let remedy = format!("the part reaches from {} to {} mm", words(low), words(high));
-        Err(Error::argument("--only, --except", "no face", "a region with an area", remedy))
+        Err(Error::argument("region", "no face", "a region with an area", remedy))
     }
 
-    /// Near-uniform sites on the `region` of `part`, about as many as asked for: their faces are those of the region.
+    /// Near-uniform sites on the `region` of `part`, about as many as wanted: their faces are those of the region.
     /// Sites are spread over what surrounds the region, too, so that they are as dense at its border as within.
     ///
     /// # Errors
@@ -208,7 +203,7 @@ impl Selector {
     fn check(&self) -> Result<()> {
         let refused = |found: String, expected: &str| {
             let remedy = "write for example box:0,0,0,40,30,20 or normal:0,0,1:10";
-            Err(Error::argument("--only, --except", found, expected, remedy))
+            Err(Error::argument("region", found, expected, remedy))
         };
         match self {
             Selector::Box { low, high } => {
@@ -238,7 +233,7 @@ struct Cuts {
     within: Option<[DVec3; 2]>,
 }
 
-/// A selector, ready to be asked.
+/// A selector and its search structures.
 struct Ready<'a> {
     selector: &'a Selector,
     cuts: Cuts,

@@ -113,34 +113,29 @@ impl Candidates {
         setups: &[Vec3],
         n_directions: usize,
     ) -> Result<Self> {
+        let refused = |found: String, expected: &str, remedy: String| {
+            Err(Error::argument("setups", found, expected, remedy))
+        };
         if setups.is_empty() {
-            return Err(Error::argument(
-                "--setup",
-                "no direction",
+            return refused(
+                "no direction".into(),
                 "at least one",
-                "give it as --setup +z",
-            ));
+                "give one, for example +z".into(),
+            );
         }
         for (k, setup) in setups.iter().enumerate() {
+            let words = direction_words(*setup);
             if let Machine::Rotary { axis: Some(axis), .. } = machine {
                 let axis = DVec3::from_array(axis).normalize().as_vec3();
                 if angle(axis, *setup) > SAME_RAD {
-                    let (found, axis) = (direction_words(*setup), direction_words(axis));
-                    let remedy = format!(
-                        "leave --setup out, or give the machine as 4-axis (without {axis})"
-                    );
-                    return Err(Error::argument(
-                        "--setup",
-                        found,
-                        "the rotary axis of --machine",
-                        remedy,
-                    ));
+                    let axis = direction_words(axis);
+                    let remedy = format!("leave it out, or take a machine without the axis {axis}");
+                    return refused(words, "the rotary axis of the machine", remedy);
                 }
             }
             if setups[..k].iter().any(|other| angle(*other, *setup) <= SAME_RAD) {
-                let found = format!("{} twice", direction_words(*setup));
-                let remedy = "leave one of them out";
-                return Err(Error::argument("--setup", found, "every setup once", remedy));
+                let remedy = "leave one of them out".into();
+                return refused(format!("{words} twice"), "every setup once", remedy);
             }
         }
         let (mut likely, flat) = (Vec::new(), flat_normals(part));
@@ -441,7 +436,7 @@ mod tests {
         let chucked: Machine = "4-axis:x".parse().unwrap();
         assert_eq!(Candidates::given(&part, chucked, &[Vec3::X], 8).unwrap().list().len(), 1);
         let other = Candidates::given(&part, chucked, &[Vec3::Y], 8).unwrap_err().to_string();
-        assert!(other.contains("--setup is +y") && other.contains("+x"), "{other}");
+        assert!(other.contains("setups is +y") && other.contains("+x"), "{other}");
         assert!(Candidates::given(&part, chucked, &[], 8).is_err());
         let limited: Machine = "4-axis:x:-30,90".parse().unwrap();
         let limited = of(&part, limited, 72);

@@ -137,7 +137,7 @@ pub fn direction_of_words(text: &str) -> Result<Vec3> {
     };
     let axis = axis_of(name).ok_or_else(|| {
         let expected = "+z, -z, +x, -x, +y, -y or X,Y,Z";
-        Error::argument("--setup", format!("`{text}`"), expected, "write for example --setup +z")
+        Error::argument("direction", format!("`{text}`"), expected, "write for example +z")
     })?;
     Ok((sign * glam::DVec3::from_array(axis).normalize()).as_vec3())
 }
@@ -198,7 +198,7 @@ mod tests {
         }
         for text in ["", "up", "-", "0,0,0", "1,2"] {
             let message = direction_of_words(text).unwrap_err().to_string();
-            assert!(message.starts_with("--setup is"), "{message}");
+            assert!(message.starts_with("direction is"), "{message}");
         }
         let machine = Machine::Rotary { axis: None, limits: None };
         assert_eq!(machine.setup_words(Vec3::X), "about x");

@@ -77,7 +77,7 @@ impl RegionArgs {
         };
         let selection =
             Selection { only: all(&self.only, "--only")?, except: all(&self.except, "--except")? };
-        let region = selection.of(mesh)?;
+        let region = selection.of(mesh).map_err(|error| called(error, "--only, --except"))?;
         let on_region = match sites.spread()? {
             Some(options) => selection.sample(mesh, &region, &options)?,
             None => sites.on(&region.mesh)?,

@@ -1,6 +1,6 @@
 //! `deepmill setups`: in how many clampings a part can be milled, and what each reaches.
 
-use crate::args::{GateArgs, SiteArgs, ToolArgs, name_of, share};
+use crate::args::{GateArgs, SiteArgs, ToolArgs, called, name_of, share};
 use crate::clock::Clock;
 use crate::findings;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
@@ -229,9 +229,11 @@ impl Args {
         if self.setup.is_empty() {
             return Candidates::new(mesh, self.machine, self.clampings(), n_directions);
         }
-        let given: Vec<Vec3> =
-            self.setup.iter().map(|text| direction_of_words(text)).collect::<Result<_>>()?;
-        Candidates::given(mesh, self.machine, &given, n_directions)
+        let given = self.setup.iter().map(|text| direction_of_words(text));
+        let given = given.collect::<Result<Vec<Vec3>>>();
+        given
+            .and_then(|given| Candidates::given(mesh, self.machine, &given, n_directions))
+            .map_err(|error| called(error, "--setup"))
     }
 
     fn choice(&self, share: f64) -> Choice {
