@@ -73,7 +73,8 @@ pub struct LabelOptions {
     pub beta: bool,
     /// Share of the ranked obstacles that are occlusion points, in (0, 1]; the paper's is 0.1.
     pub share: f64,
-    /// How many obstacles that share is; [`Rounding::Ceil`] by default, [`Rounding::Floor`] in the published definition.
+    /// How many obstacles that share is; [`Rounding::Ceil`] by default, [`Rounding::Floor`] in the published
+    /// definition.
     pub rounding: Rounding,
     /// The bottom rule: sites lower than the lowest plus so many mm are labeled accessible, and are not ranked as
     /// occlusion points. `None` (default): no such rule; points of space have none either. The published definition has

@@ -57,9 +57,9 @@ pub enum Obstacles<'a> {
     QueriesAnd(&'a [Vec3]),
     /// These points alone, mm. All are ranked.
     Points(&'a [Vec3]),
-    /// These points alone decide where the cutter collides, mm: the
-    /// [centroids](crate::geom::Mesh::centroids) of the mesh whose vertices are the query sites. β is that of the query sites, which are ranked; a site is never
-    /// its own obstacle.
+    /// These points alone decide where the cutter collides, mm: the [centroids](crate::geom::Mesh::centroids) of the
+    /// mesh whose vertices are the query sites. β is that of the query sites, which are ranked; a site is never its
+    /// own obstacle.
     Centroids(&'a [Vec3]),
 }
 

@@ -1,7 +1,7 @@
 //! The millimeters of normalized samples: whether points are normalized, and which scale their labels fit best.
 //!
-//! The authors' raw files hold points that were centered and scaled to ±0.8, beside cutters in mm; the scale of each part
-//! is in no file. [`fit_scale`] finds it as the one at which the exact labels agree best with the stored ones:
+//! The authors' raw files hold points that were centered and scaled to ±0.8, beside cutters in mm; the scale of each
+//! part is in no file. [`fit_scale`] finds it as the one at which the exact labels agree best with the stored ones:
 //!
 //! ```text
 //! coarse: every factor 1.02 from 1 to 1,000 mm per unit: agreement of the labels *inaccessible*

@@ -189,14 +189,14 @@ pub fn areas_mm2(sites: &Sites, surface_mm2: Option<f64>) -> Result<Vec<f64>> {
     Ok(areas.into_iter().map(|area| area * unit).collect())
 }
 
-/// Whether sites on a mesh stand for the same area all alike: if it is open, as a region of a part is, since sites at its
-/// border lack neighbors on one side.
+/// Whether sites on a mesh stand for the same area all alike: if it is open, as a region of a part is, since sites at
+/// its border lack neighbors on one side.
 pub(crate) fn are_even_on(mesh: Option<&Mesh>) -> bool {
     mesh.is_some_and(|mesh| Topology::of(mesh).unbalanced().next().is_some())
 }
 
-/// The area each site stands for, mm², of sites on `mesh` if there is one: as [`areas_mm2`]; but if the mesh is open, as
-/// a region of a part is, all alike, since sites at its border lack neighbors on one side.
+/// The area each site stands for, mm², of sites on `mesh` if there is one: as [`areas_mm2`]; but if the mesh is open,
+/// as a region of a part is, all alike, since sites at its border lack neighbors on one side.
 ///
 /// # Errors
 /// If the sites fail [`Sites::check`].

@@ -176,7 +176,8 @@ impl<'a> Coverage<'a> {
         table
     }
 
-    /// Writes `tools.csv` with its lengths and areas in `unit`, `tools.ply` and, if wanted, `tools.png`; returns their paths.
+    /// Writes `tools.csv` with its lengths and areas in `unit`, `tools.ply` and, if wanted, `tools.png`; returns their
+    /// paths.
     ///
     /// # Errors
     /// If the system refuses a file.

@@ -220,7 +220,8 @@ impl<'a> Library<'a> {
         table
     }
 
-    /// Writes `tools.csv` and `stick-out.csv` with lengths and areas in `unit`, and `stick-out.svg`; returns their paths.
+    /// Writes `tools.csv` and `stick-out.csv` with lengths and areas in `unit`, and `stick-out.svg`; returns their
+    /// paths.
     ///
     /// # Errors
     /// If the system refuses a file.

@@ -187,14 +187,13 @@ impl Table {
         Value::Array(self.rows.iter().map(object).collect())
     }
 
-    /// For programs: CSV with a header row of the keys; what is missing is empty. Lengths and
-    /// areas are in mm.
+    /// For programs: CSV with a header row of the keys; what is missing is empty. Lengths and areas are in mm.
     pub fn csv(&self) -> Vec<u8> {
         self.csv_in(Unit::Millimeter)
     }
 
-    /// [`Table::csv`] in a unit: in another than mm the keys of lengths and areas name it (`_in`, `_in2`); the lengths of
-    /// a tool table have it with the number, as such tables are read.
+    /// [`Table::csv`] in a unit: in another than mm the keys of lengths and areas name it (`_in`, `_in2`); the lengths
+    /// of a tool table have it with the number, as such tables are read.
     pub fn csv_in(&self, unit: Unit) -> Vec<u8> {
         let field = |cell: &Cell| match cell.json() {
             Value::String(word) => word,

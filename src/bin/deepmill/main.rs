@@ -56,8 +56,8 @@ struct Cli {
     /// Print one JSON object on standard output; everything else goes to standard error.
     #[arg(long, global = true)]
     json: bool,
-    /// Unit of lengths and areas in tables, CSV files and the page: mm, in, cm or m. Files and JSON for programs stay in
-    /// mm.
+    /// Unit of lengths and areas in tables, CSV files and the page: mm, in, cm or m. Files and JSON for programs stay
+    /// in mm.
     #[arg(long, global = true, value_name = "UNIT", default_value_t, value_parser = output_unit)]
     output_unit: Unit,
 }

@@ -104,9 +104,9 @@ impl MeshArgs {
         ReadOptions { scale: self.unit.millimeters() * self.scale, weld: self.weld }
     }
 
-    /// Reads a mesh or a cloud to be labeled, says its size, and applies the chosen repairs; an
-    /// inward-facing mesh is turned with a notice, and bodies that overlap are joined. A mesh that does not bound solids
-    /// is refused, or with [`Accept::Faults`] warned about.
+    /// Reads a mesh or a cloud to be labeled, says its size, and applies the chosen repairs; an inward-facing mesh is
+    /// turned with a notice, and bodies that overlap are joined. A mesh that does not bound solids is refused, or with
+    /// [`Accept::Faults`] warned about.
     pub fn read_part(&self, path: &Path, accept: Accept, output: &Output) -> Result<MeshOrCloud> {
         let (mut part, notices) = formats::read_part_with_notices(path, &self.options())?;
         notices.iter().for_each(|notice| output.warn(notice));

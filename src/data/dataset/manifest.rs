@@ -50,8 +50,8 @@ pub struct DatasetSettings {
     /// How many sites that share is, where points block; data sets of before it was stated have [`Rounding::Ceil`].
     #[serde(default, skip_serializing_if = "is_ceil")]
     pub occlusion_rounding: Rounding,
-    /// Tolerance of the bottom rule ([`LabelOptions::bottom_mm`]) of sites among which points block, mm; `None`: no such
-    /// rule, as in data sets of before it was stated.
+    /// Tolerance of the bottom rule ([`LabelOptions::bottom_mm`]) of sites among which points block, mm; `None`: no
+    /// such rule, as in data sets of before it was stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bottom_mm: Option<f64>,
     /// Probability of a part to be in the validation split.

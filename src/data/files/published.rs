@@ -1,9 +1,10 @@
 //! The published data format: what the reference implementation's scripts read and write.
 //!
-//! Under a root folder: `raw_data/models/NAME.txt` with lines `x y z nx ny nz label label_2` in mm (the authors' own are
-//! normalized to ±0.8, see [`data::normalized`](crate::data::normalized)), `raw_data/models_cutter/NAME_cutter.txt` with
-//! CR, CH, FR, FH in mm; and, prepared from these, `points/models/NAME.ply` (points normalized to ±0.8, six decimals) and
-//! `filelist/models_train_val.txt`, `filelist/models_test.txt` with lines `models/NAME.ply 0 CR CH FR FH`.
+//! Under a root folder: `raw_data/models/NAME.txt` with lines `x y z nx ny nz label label_2` in mm (the authors' own
+//! are normalized to ±0.8, see [`data::normalized`](crate::data::normalized)),
+//! `raw_data/models_cutter/NAME_cutter.txt` with CR, CH, FR, FH in mm; and, prepared from these,
+//! `points/models/NAME.ply` (points normalized to ±0.8, six decimals) and `filelist/models_train_val.txt`,
+//! `filelist/models_test.txt` with lines `models/NAME.ply 0 CR CH FR FH`.
 //!
 //! Polarity: `label` 1 means **accessible** there; it is turned round on the way in and out. `label_2` 1 is
 //! an occlusion point, as here.
