@@ -143,7 +143,8 @@ fn a_shell_within_a_body_stays_surface_and_an_inward_body_that_overlaps_is_refus
     let inward =
         folder.file("inward.stl", stl(&outer.iter().copied().chain(inward).collect::<Vec<_>>()));
     let message = failure(&deepmill(&["check", &inward]), 1);
-    assert!(message.contains("faces inward overlaps another"), "{message}");
+    assert!(message.contains("overlaps another, and it faces inward"), "{message}");
+    assert!(message.contains(&inward), "{message} names the file");
     let checked = deepmill(&["check", &inward]);
     let said = text(&checked.stdout);
     assert!(said.contains("2 components") && !said.contains("can be labeled"), "{said}");

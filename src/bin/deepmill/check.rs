@@ -29,7 +29,8 @@ pub struct Args {
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     args.out.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
     let (mut mesh, mut changes) = args.read.read_mesh(&args.mesh, output)?;
-    let refused = join_bodies(&mut mesh, output).map(|joined| changes.extend(joined)).err();
+    let refused =
+        join_bodies(&mut mesh, &args.mesh, output).map(|joined| changes.extend(joined)).err();
     let mut report = check::check(&mesh);
     if !args.skip_intersections {
         report.findings.extend(intersect::finding(&mesh));
@@ -61,7 +62,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }));
     match refused {
         Some(error) => Err(error),
-        None => args.read.require_labelable(&report),
+        None => args.read.require_labelable(&report, &args.mesh),
     }
 }
 

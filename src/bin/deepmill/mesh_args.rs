@@ -44,13 +44,21 @@ fn refuse_far(low: DVec3, high: DVec3, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Joins bodies that overlap, and says so.
-pub fn join_bodies(mesh: &mut Mesh, output: &Output) -> Result<Vec<repair::Change>> {
+/// Names the file that unusable geometry comes from.
+fn in_file(path: &Path) -> impl FnOnce(Error) -> Error + use<'_> {
+    move |error| match error {
+        Error::Geometry { place, found, remedy } => Error::file(path, place, found, remedy),
+        other => other,
+    }
+}
+
+/// Joins bodies of a file that overlap, and says so.
+pub fn join_bodies(mesh: &mut Mesh, path: &Path, output: &Output) -> Result<Vec<repair::Change>> {
     // What names missing vertices is reported by the check.
     if mesh.check().is_err() {
         return Ok(Vec::new());
     }
-    let changes = bodies::join(mesh)?;
+    let changes = bodies::join(mesh).map_err(in_file(path))?;
     changes.iter().for_each(|change| output.warn(change));
     Ok(changes)
 }
@@ -114,13 +122,13 @@ impl MeshArgs {
             MeshOrCloud::Mesh(mesh) => {
                 self.take_near(mesh, path, output);
                 self.prepare(mesh, output)?;
-                match join_bodies(mesh, output) {
+                match join_bodies(mesh, path, output) {
                     Err(fault) if accept == Accept::Faults => output.warn(fault),
                     joined => {
                         joined?;
                     }
                 }
-                match self.require(check::check(mesh).blocking_bodies()) {
+                match self.require(check::check(mesh).blocking_bodies(), path) {
                     Err(fault) if accept == Accept::Faults => output.warn(fault),
                     verdict => verdict?,
                 }
@@ -155,14 +163,15 @@ impl MeshArgs {
     }
 
     /// Passes if the mesh bounds solids; does not propose a repair that was made.
-    pub fn require_labelable(&self, report: &MeshReport) -> Result<()> {
-        self.require(report.blocking_bodies())
+    pub fn require_labelable(&self, report: &MeshReport, path: &Path) -> Result<()> {
+        self.require(report.blocking_bodies(), path)
     }
 
-    fn require(&self, blocking: Option<&check::Finding>) -> Result<()> {
+    fn require(&self, blocking: Option<&check::Finding>, path: &Path) -> Result<()> {
         match blocking {
             None => Ok(()),
-            Some(finding) => Err(Error::geometry(
+            Some(finding) => Err(Error::file(
+                path,
                 finding.places[0].to_string(),
                 finding.to_string(),
                 self.remedy(finding.fault),
@@ -181,7 +190,7 @@ impl MeshArgs {
         notices.iter().for_each(|notice| output.warn(notice));
         self.take_near(&mut mesh, path, output);
         self.prepare(&mut mesh, output)?;
-        join_bodies(&mut mesh, output)?;
+        join_bodies(&mut mesh, path, output)?;
         Ok(mesh)
     }
 
