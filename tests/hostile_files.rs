@@ -366,7 +366,7 @@ fn the_check_command_prints_one_object_and_mends_what_it_can() {
     assert!(words.contains("try `deepmill check --repair`"), "{words}");
     let (_, _, tried) = run(&[path.to_str().unwrap(), "--repair"]);
     assert!(tried.contains("repair could not") && !tried.contains("try `"), "{tried}");
-    assert!(words.contains("error: edge") && words.contains("size 10 × 20 × 30 mm"), "{words}");
+    assert!(words.contains("open.stl: edge") && words.contains("size 10 × 20 × 30 mm"), "{words}");
 
     let mut doubled = cube();
     doubled.triangles.push(doubled.triangles[4]);
