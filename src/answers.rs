@@ -28,6 +28,10 @@ pub enum Definition {
 }
 
 impl Definition {
+    /// All of them.
+    pub const ALL: [Definition; 4] =
+        [Definition::Sites, Definition::Part, Definition::SitesInSpace, Definition::PartInSpace];
+
     /// Whether triangles are the obstacles.
     pub fn is_part_itself(self) -> bool {
         matches!(self, Definition::Part | Definition::PartInSpace)

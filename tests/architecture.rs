@@ -22,7 +22,18 @@ const PLAN: [(&str, &[&str]); 28] = [
     ("arrays", &["answers", "model", "geom"]),
     (
         "report",
-        &["train", "data", "model", "metrics", "access", "answers", "geom", "spatial", "cutter"],
+        &[
+            "train",
+            "data",
+            "model",
+            "metrics",
+            "access",
+            "answers",
+            "geom",
+            "spatial",
+            "cutter",
+            "directions",
+        ],
     ),
     ("parity", &["model", "nn", "octree", "optim", "loss", "cutter"]),
     (

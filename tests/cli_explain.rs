@@ -4,6 +4,9 @@
 mod command;
 
 use command::{Corner, Folder, block, deepmill, failure, json, stl, text};
+use deepmill::answers::Definition;
+use deepmill::data::files::{AnalysisSettings, LabelFile};
+use deepmill::directions::DirectionSet;
 use serde_json::Value;
 use std::path::Path;
 
@@ -285,8 +288,7 @@ fn folders_that_do_not_hold_the_query_are_refused_with_a_remedy() {
 }
 
 /// A file of labels with other settings.
-fn with_settings(path: &str, change: impl Fn(&mut Value)) {
-    use deepmill::data::files::LabelFile;
+fn with_settings(path: &str, change: impl Fn(&mut AnalysisSettings)) {
     let mut file = LabelFile::read(path.as_ref()).unwrap();
     change(&mut file.provenance.settings);
     file.write(path.as_ref()).unwrap();
@@ -298,24 +300,27 @@ fn settings_that_are_missing_or_wrong_are_named() {
     label(&folder, "out", "1.5,6,40,5", &["--directions", "up"]);
     let (out, labels) = (folder.path("out"), folder.path("out/labels.npz"));
     let bytes = std::fs::read(&labels).unwrap();
-    let huge = serde_json::json!({ "kind": "fibonacci-sphere", "n_dirs": 1e15 as u64 });
-    for (key, value, expected) in [
-        ("surface", Value::Null, "--part FILE"),
-        ("definition", "guessed".into(), "label the part again"),
-        ("directions", Value::Null, "settings.directions"),
-        ("directions", huge, "1000000"),
-        ("tool", Value::Null, "settings.tool.corner_mm"),
-        ("tool", serde_json::json!({ "corner_mm": -3.0, "clearance_mm": 0.0 }), "corner"),
-        ("part_itself", Value::Null, "settings.part_itself"),
-    ] {
+    let huge = DirectionSet::FibonacciSphere { n_dirs: 1_000_000_000_000_000 };
+    let huge = &huge;
+    type Change<'a> = &'a dyn Fn(&mut AnalysisSettings);
+    let cases: [(Change, &str); 7] = [
+        (&|s| s.surface = None, "--part FILE"),
+        (&|s| s.definition = Some(Definition::PartInSpace), "label the part again"),
+        (&|s| s.directions = None, "settings.directions"),
+        (&|s| s.directions = Some(huge.clone()), "1000000"),
+        (&|s| s.tool = None, "settings.tool.corner_mm"),
+        (&|s| s.tool.as_mut().unwrap().corner_mm = Some(-3.0), "corner"),
+        (&|s| s.part_itself = None, "settings.part_itself"),
+    ];
+    for (change, expected) in cases {
         std::fs::write(&labels, &bytes).unwrap();
-        with_settings(&labels, |settings| settings[key] = value.clone());
+        with_settings(&labels, change);
         let message = failure(&deepmill(&["explain", &out, "--site", "0"]), 1);
-        assert!(message.contains("labels.npz") && message.contains(expected), "{key}: {message}");
+        assert!(message.contains("labels.npz") && message.contains(expected), "{message}");
     }
     // Fixtures whose triangles an older version did not keep.
     std::fs::write(&labels, &bytes).unwrap();
-    with_settings(&labels, |settings| settings["part_itself"]["table_z_mm"] = (-5.0).into());
+    with_settings(&labels, |s| s.part_itself.as_mut().unwrap().table_z_mm = Some(-5.0));
     let message = failure(&deepmill(&["explain", &out, "--site", "0"]), 1);
     assert!(message.contains("their triangles are not kept"), "{message}");
 }

@@ -251,7 +251,7 @@ fn a_part_far_from_the_origin_has_the_answers_of_the_same_part_near_it() {
     assert!(said.contains("relative to (400000.37, 800000.21, -5000.5) mm"), "{said}");
     assert_eq!((&near_file.sites, &near_file.labels), (&far_file.sites, &far_file.labels));
     assert_eq!(near["inaccessible"], far["inaccessible"]);
-    assert_eq!(far_file.provenance.settings["origin_mm"], serde_json::json!(by));
+    assert_eq!(far_file.provenance.settings.origin_mm, Some(by));
     for file in ["part.stl", "fixtures.stl", "findings.csv"] {
         let bytes = |name| std::fs::read(folder.path(&format!("{name}/{file}"))).unwrap();
         assert!(bytes("near") == bytes("far"), "{file} differs");

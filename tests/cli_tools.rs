@@ -222,7 +222,7 @@ fn libraries_are_read_asked_for_what_they_lack_and_say_what_is_left_out() {
     assert_eq!(result["tools"][1]["folder"], "1 8 flat");
     let file = LabelFile::read(folder.path("out/1 8 flat/labels.npz").as_ref()).unwrap();
     assert_eq!(file.provenance.tool, "flat end 3.175 mm, 20.32 mm out of er");
-    assert_eq!(file.provenance.settings["tool"]["body"], "3.175:1.5875 12.7:3.175");
+    assert_eq!(file.provenance.settings.json()["tool"]["body"], "3.175:1.5875 12.7:3.175");
     // A network knows the first of them.
     let predicted = folder.path("predicted");
     let args = [

@@ -5,10 +5,12 @@
 pub mod label_query;
 mod predictions;
 pub mod published;
+pub mod settings;
 pub mod tools;
 pub mod volume;
 
 pub use predictions::PredictionFile;
+pub use settings::AnalysisSettings;
 
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
@@ -33,8 +35,8 @@ pub struct Provenance {
     pub cutter: CutterParams,
     /// The cutter in words, with what the four lengths do not say.
     pub tool: String,
-    /// Everything else that decided the answers: seed, directions, engine or model.
-    pub settings: Value,
+    /// Everything else that decided the answers.
+    pub settings: AnalysisSettings,
 }
 
 impl Provenance {
@@ -42,7 +44,11 @@ impl Provenance {
     pub const PROGRAM: &str = concat!("deepmill ", env!("CARGO_PKG_VERSION"));
 
     /// Provenance a ball-end cutter; `tool` is in words what `cutter` is in numbers.
-    pub fn ball_end(part: impl Into<String>, cutter: CutterParams, settings: Value) -> Self {
+    pub fn ball_end(
+        part: impl Into<String>,
+        cutter: CutterParams,
+        settings: AnalysisSettings,
+    ) -> Self {
         Provenance { part: part.into(), cutter, tool: ball_end_words(cutter), settings }
     }
 
@@ -55,7 +61,7 @@ impl Provenance {
             "part": self.part,
             "cutter": { "order": "CR, CH, FR, FH", "words": self.tool },
             "meaning": meaning,
-            "settings": self.settings,
+            "settings": self.settings.json(),
         })
     }
 
@@ -82,7 +88,7 @@ impl Provenance {
             part: word(&metadata["part"]),
             cutter: CutterParams::from_array(lengths),
             tool: word(&metadata["cutter"]["words"]),
-            settings: metadata["settings"].clone(),
+            settings: AnalysisSettings::read(path, &metadata["settings"])?,
         })
     }
 }
@@ -382,7 +388,8 @@ mod tests {
 
     pub(super) fn provenance() -> Provenance {
         let cutter = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]);
-        Provenance::ball_end("a.stl", cutter, json!({ "seed": 7 }))
+        let settings = AnalysisSettings { n_directions: Some(7), ..AnalysisSettings::default() };
+        Provenance::ball_end("a.stl", cutter, settings)
     }
 
     pub(super) fn sites() -> Sites {

@@ -6,7 +6,9 @@ use super::points::{self, PointValues};
 use super::{Coloring, PartView, picture};
 use crate::Result;
 use crate::answers::SiteAnswers;
+use crate::data::files::settings::Blocking;
 use crate::data::files::{LabelFile, PredictionFile, Provenance};
+use crate::directions::DirectionSet;
 use crate::geom::{Mesh, Sites, formats};
 use std::path::{Path, PathBuf};
 
@@ -154,38 +156,34 @@ fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> R
 /// Whether occlusion points are shown at once: always by the published definition, by the mesh definition where they
 /// were asked for.
 pub(super) fn shows_occlusion(file: &LabelFile) -> bool {
-    file.labels.surface.is_none() || file.provenance.settings["occlusion"] == true
+    file.labels.surface.is_none() || file.provenance.settings.occlusion == Some(true)
 }
 
 /// Directions, obstacles beyond the part and warnings in a line for a picture.
 fn setup(provenance: &Provenance) -> String {
     let settings = &provenance.settings;
     let mut words = Vec::new();
-    if let Some(n) = settings["n_directions"].as_u64() {
-        let kind = settings["directions"]["kind"].as_str().unwrap_or("a set");
+    if let Some(n) = settings.n_directions {
+        let kind = settings.directions.as_ref().map_or("a set", DirectionSet::kind);
         words.push(format!("{n} directions ({kind})"));
     }
-    let part_itself = &settings["part_itself"];
-    let fixtures = part_itself["fixtures"].as_array().map_or(0, Vec::len);
-    if fixtures > 0 {
-        words.push(format!("{fixtures} fixture{}", if fixtures == 1 { "" } else { "s" }));
+    if let Some(part_itself) = &settings.part_itself {
+        let fixtures = part_itself.fixtures.len();
+        if fixtures > 0 {
+            words.push(format!("{fixtures} fixture{}", if fixtures == 1 { "" } else { "s" }));
+        }
+        if let Some(z) = part_itself.table_z_mm {
+            words.push(format!("table at z = {z} mm"));
+        }
+        if let Some(tolerance) = part_itself.tolerance_mm {
+            words.push(format!("tolerance {tolerance} mm"));
+        }
     }
-    if let Some(z) = part_itself["table_z_mm"].as_f64() {
-        words.push(format!("table at z = {z} mm"));
+    if let Some(Blocking::Points(Some(n))) = settings.obstacles {
+        words.push(format!("{n} further obstacles"));
     }
-    if let Some(tolerance) = part_itself["tolerance_mm"].as_f64() {
-        words.push(format!("tolerance {tolerance} mm"));
-    }
-    if let Some(count) = settings["obstacles"].as_str().filter(|o| o.parse::<u64>().is_ok()) {
-        words.push(format!("{count} further obstacles"));
-    }
-    if let Some(model) = settings["model"].as_str() {
-        words.push(model.into());
-    }
-    let warnings = ["warnings", "outside_domain"].iter();
-    let warnings = warnings.filter_map(|key| settings[*key].as_array()).flatten();
-    let warnings: Vec<&str> = warnings.filter_map(|w| w.as_str().or(w["words"].as_str())).collect();
-    match &warnings[..] {
+    words.extend(settings.model.clone());
+    match &settings.warnings_in_words()[..] {
         [] => {}
         [one] => words.push(format!("warning: {one}")),
         [first, rest @ ..] => words.push(format!("warning: {first} (and {} more)", rest.len())),
@@ -390,6 +388,7 @@ mod tests {
     use super::*;
     use crate::access::Labels;
     use crate::cutter::CutterParams;
+    use crate::data::files::AnalysisSettings;
     use crate::model::Prediction;
     use glam::Vec3;
 
@@ -397,7 +396,7 @@ mod tests {
     fn a_folder_holds_every_file_it_names() {
         let folder = tempfile::tempdir().unwrap();
         let cutter = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
-        let provenance = Provenance::ball_end("p", cutter, serde_json::Value::Null);
+        let provenance = Provenance::ball_end("p", cutter, AnalysisSettings::default());
         let points = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
         let sites = Sites { points, normals: vec![Vec3::Z; 3], faces: vec![] };
         let labels = Labels {
@@ -456,7 +455,7 @@ mod tests {
                 ..SiteAnswers::new(vec![true, false, true], vec![false; 3])
             };
             LabelFile {
-                provenance: Provenance::ball_end(part, cutter, serde_json::Value::Null),
+                provenance: Provenance::ball_end(part, cutter, AnalysisSettings::default()),
                 sites: Sites { points, normals: vec![Vec3::Z; 3], faces: vec![] },
                 labels: Labels {
                     answers,

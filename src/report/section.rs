@@ -83,7 +83,7 @@ mod tests {
     use super::*;
     use crate::access::surface::{SiteAnswer, SurfaceLabels};
     use crate::cutter::CutterParams;
-    use crate::data::files::Provenance;
+    use crate::data::files::{AnalysisSettings, Provenance};
     use crate::geom::inside::Lattice;
     use glam::DVec3;
 
@@ -101,7 +101,7 @@ mod tests {
             ..SurfaceLabels::default()
         };
         let cutter = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
-        let provenance = Provenance::ball_end("part", cutter, serde_json::json!({}));
+        let provenance = Provenance::ball_end("part", cutter, AnalysisSettings::default());
         let file = VolumeFile::new(provenance, lattice, &[false; 12], &labels).unwrap();
         assert_eq!(most_mixed_layer(&file), 1);
         let image = draw(&file, 1);

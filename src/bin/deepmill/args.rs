@@ -2,6 +2,7 @@
 
 use crate::output::Output;
 use deepmill::cutter::CutterParams;
+use deepmill::data::files::settings::SiteSettings;
 use deepmill::data::files::tools::{self, Tool, ToolTable, Unsaid};
 use deepmill::directions::Directions;
 use deepmill::geom::formats::MeshOrCloud;
@@ -10,7 +11,6 @@ use deepmill::geom::units::{Length, Unit};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::gate::Limit;
 use deepmill::{Error, Result};
-use serde_json::{Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -346,10 +346,10 @@ impl SiteArgs {
         }
     }
 
-    pub fn settings(&self, has_mesh: bool) -> Value {
+    pub fn settings(&self, has_mesh: bool) -> SiteSettings {
         match has_mesh {
-            true => json!({ "sites": self.sites, "seed": self.seed, "smooth_deg": self.smooth }),
-            false => json!({ "sites": "as given" }),
+            true => SiteSettings::spread(self.sites.clone(), self.seed, self.smooth),
+            false => SiteSettings::as_given(),
         }
     }
 }

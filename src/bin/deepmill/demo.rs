@@ -6,9 +6,11 @@ use deepmill::access::surface::{RefinementOptions, SurfaceOptions, TriangleObsta
 use deepmill::access::{LabelOptions, Obstacles, label};
 use deepmill::answers::Definition;
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
-use deepmill::data::files::label_query::surface_settings;
+use deepmill::data::files::settings::{PartSettings, SiteSettings, ToolSettings};
 use deepmill::data::files::tools::Tool;
-use deepmill::data::files::{LabelFile, PredictionFile, Provenance, ball_end_words};
+use deepmill::data::files::{
+    AnalysisSettings, LabelFile, PredictionFile, Provenance, ball_end_words,
+};
 use deepmill::data::{Sample, generated};
 use deepmill::directions::Directions;
 use deepmill::geom::sites::{SiteOptions, sample};
@@ -23,7 +25,6 @@ use deepmill::rng::{Purpose, Stream};
 use deepmill::train::{Observer, Run, Settings, StepReport};
 use deepmill::{Error, Result, atomic_file, par};
 use indicatif::ProgressBar;
-use serde_json::json;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
@@ -75,7 +76,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "{N_SITES} sites in {sites_s:.2} s, exact labels over {N_DIRECTIONS} directions in {labels_s:.3} s."
     ));
     let start = Instant::now();
-    let settings = json!({ "model": name, "definition": definition.to_string() });
+    let mut settings = AnalysisSettings::default();
+    (settings.model, settings.definition) = (Some(name.into()), Some(definition));
     let provenance = Provenance::ball_end("demo part", params, settings);
     let sites = labels.sites.clone();
     let prediction = model.predict(&sites.points, &sites.normals, params.to_array())?;
@@ -181,19 +183,18 @@ fn exact(
     part_itself::add_blocking_parts(&mut labels, &tool, around, directions, &surface)?;
     let labels_s = start.elapsed().as_secs_f64();
     // What `deepmill explain` needs to label a site again.
-    let settings = json!({
-        "sites": { "sites": N_SITES.to_string(), "seed": SEED },
-        "surface": surface_settings(Some(mesh), None)?,
-        "tool": tool.settings(),
-        "directions": directions.set(),
-        "n_directions": N_DIRECTIONS,
-        "definition": definition.to_string(),
-        "occlusion": true,
-        "part_itself": definition.is_part_itself().then(|| json!({
-            "tolerance_mm": null,
-            "search": RefinementOptions::default().n_kept,
-            "prove": false,
-        })),
+    let mut settings = AnalysisSettings::default();
+    settings.sites = Some(SiteSettings::spread(N_SITES.to_string(), SEED, None));
+    settings.surface = Some(AnalysisSettings::surface_of(Some(mesh), None)?);
+    settings.tool = Some(ToolSettings::of(&tool));
+    settings.directions = Some(directions.set().clone());
+    settings.n_directions = Some(N_DIRECTIONS);
+    settings.definition = Some(definition);
+    settings.occlusion = Some(true);
+    settings.part_itself = definition.is_part_itself().then(|| {
+        let mut part = PartSettings::default();
+        part.search = Some(RefinementOptions::default().n_kept);
+        part
     });
     let provenance = Provenance::ball_end("demo part", params, settings);
     Ok((LabelFile { provenance, sites, labels }, sites_s, labels_s))

@@ -6,7 +6,7 @@ use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, millimeters, name
 use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
-use crate::part_itself::{self, Blocking, SurfaceArgs};
+use crate::part_itself::{self, SurfaceArgs};
 use crate::premise::{premise, premise_of_points};
 use crate::published_args::PublishedArgs;
 use crate::region::{RegionArgs, Scope};
@@ -16,9 +16,10 @@ use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
 use deepmill::access::{self, LabelOptions, Labels, Obstacles};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::Cutter;
-use deepmill::data::files::label_query::{joined, surface_settings};
+use deepmill::data::files::label_query::joined;
+use deepmill::data::files::settings::{Blocking, SurfaceSettings, ToolSettings};
 use deepmill::data::files::tools::Tool;
-use deepmill::data::files::{LabelFile, Provenance};
+use deepmill::data::files::{AnalysisSettings, LabelFile, Provenance};
 use deepmill::directions::Directions;
 use deepmill::geom::formats::MeshOrCloud;
 use deepmill::geom::sites::{self, SiteOptions};
@@ -143,7 +144,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         return volume::run(args, step_mm, (part, tools), clock, output);
     }
     let is_mesh = matches!(part, MeshOrCloud::Mesh(_));
-    let blocking = Blocking::read(args.obstacles.as_deref(), is_mesh, output)?;
+    let blocking = part_itself::blocking(args.obstacles.as_deref(), is_mesh, output)?;
     if blocking != Blocking::Part {
         let remedy = "the sites block: leave out --obstacles, and give the mesh for a cloud";
         args.region.refuse("points as obstacles", remedy)?;
@@ -216,7 +217,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let kept = kept.transpose()?;
     let of_mesh = blocking == Blocking::Part;
     let fixtures = joined(&fixtures);
-    let surface = surface_settings(mesh.as_ref(), fixtures.as_ref())?;
+    let surface = AnalysisSettings::surface_of(mesh.as_ref(), fixtures.as_ref())?;
     let (tools, directions) = (&tools[..], &directions);
     let has_occlusion = !of_mesh || options_of_part.occlusion;
     let answers = Answers {
@@ -325,7 +326,7 @@ struct Answers<'a> {
     /// Fixtures and table.
     fixtures: Option<Mesh>,
     /// What the files say of both.
-    surface: Value,
+    surface: SurfaceSettings,
     sites: Sites,
     /// Of a mesh, which part of it the sites are on.
     scope: Option<Scope>,
@@ -346,7 +347,7 @@ impl Answers<'_> {
     fn facts(&self, labels: &[Labels], coverage: Option<&Coverage>, areas: &SiteAreas) -> Facts {
         let mut facts = Facts::new();
         facts.add("part", "part", Cell::text(name_of(&self.args.part)));
-        facts.add("definition", "definition", Cell::text(self.blocking.words()));
+        facts.add("definition", "definition", Cell::text(self.blocking.definition().to_string()));
         add_bottom(&mut facts, &self.options, &self.sites);
         if coverage.is_none() {
             facts.add("cutter", "cutter", Cell::text(self.tools[0].words()));
@@ -447,27 +448,26 @@ impl Answers<'_> {
 
     fn provenance(&self, tool: &Tool, warnings: &[Warning]) -> Provenance {
         let Answers { args, directions, .. } = self;
-        let mut of_tool = tool.settings();
-        of_tool["of_library"] = json!(args.tools.are_of_files());
-        let mut settings = json!({
-            "sites": args.sites.settings(self.mesh.is_some()),
-            "region": self.scope.as_ref().map(Scope::json),
-            "surface": self.surface,
-            "tool": of_tool,
-            "directions": directions.set(),
-            "n_directions": directions.len(),
-            "definition": self.blocking.words(),
-            "obstacles": args.obstacles,
-            "part_itself": (self.blocking == Blocking::Part).then(|| args.surface.settings()),
-            "warnings": part_itself::warnings_json(warnings),
-            "occlusion": self.has_occlusion,
-            "occlusion_share": self.has_occlusion.then(|| args.share_of_occlusion()),
-            "occlusion_rounding": self.options.rounding,
-            "bottom_mm": self.options.bottom_mm,
-            "clearance_limit_mm": args.clearance_limit,
-            "engine": args.engine,
-        });
-        args.read.add_origin(&mut settings);
+        let mut of_tool = ToolSettings::of(tool);
+        of_tool.of_library = Some(args.tools.are_of_files());
+        let mut settings = AnalysisSettings::default();
+        settings.sites = Some(args.sites.settings(self.mesh.is_some()));
+        settings.region = self.scope.as_ref().and_then(Scope::settings);
+        settings.surface = Some(self.surface.clone());
+        settings.tool = Some(of_tool);
+        settings.directions = Some(directions.set().clone());
+        settings.n_directions = Some(directions.len());
+        settings.definition = Some(self.blocking.definition());
+        settings.obstacles = args.obstacles.as_ref().map(|_| self.blocking);
+        settings.part_itself = (self.blocking == Blocking::Part).then(|| args.surface.settings());
+        settings.warnings = Some(part_itself::stated(warnings));
+        settings.occlusion = Some(self.has_occlusion);
+        settings.occlusion_share = self.has_occlusion.then(|| args.share_of_occlusion());
+        settings.occlusion_rounding = Some(self.options.rounding);
+        settings.bottom_mm = self.options.bottom_mm;
+        settings.clearance_limit_mm = args.clearance_limit;
+        settings.engine = Some(args.engine.clone());
+        settings.origin_mm = args.read.origin_mm();
         Provenance { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings }
     }
 }

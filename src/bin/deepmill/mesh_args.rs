@@ -233,10 +233,15 @@ impl MeshArgs {
         self.origin.get().copied()
     }
 
-    /// Adds the local origin in use to settings or results.
-    pub fn add_origin(&self, settings: &mut Value) {
+    /// [`MeshArgs::origin`], for files.
+    pub fn origin_mm(&self) -> Option<[f64; 3]> {
+        self.origin().map(|at| at.to_array())
+    }
+
+    /// Adds the local origin in use to results.
+    pub fn add_origin(&self, result: &mut Value) {
         if let Some(at) = self.origin() {
-            settings["origin_mm"] = json!(at.to_array());
+            result["origin_mm"] = json!(at.to_array());
         }
     }
 

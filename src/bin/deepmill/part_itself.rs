@@ -11,7 +11,7 @@ use deepmill::access::surface::{
     TriangleObstacles, WIDE_MM, Warning, blocking_faces,
 };
 use deepmill::access::{Labels, Obstacles};
-use deepmill::answers::Definition;
+use deepmill::data::files::settings::{Blocking, PartSettings, StatedWarning};
 use deepmill::data::files::tools::Tool;
 use deepmill::directions::Directions;
 use deepmill::geom::{Mesh, Sites, check};
@@ -22,48 +22,22 @@ use glam::{DVec3, dvec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// What blocks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Blocking {
-    /// The triangles of the part.
-    Part,
-    /// Its sites, and this many further points of it.
-    Points(Option<usize>),
-    /// The centroids of its triangles.
-    Centroids,
-}
-
-impl Blocking {
-    /// `part`, `published`, `centroids` or a number of further points; by default the part, if there are triangles.
-    pub fn read(text: Option<&str>, has_mesh: bool, output: &Output) -> Result<Self> {
-        let found = match text {
-            None if has_mesh => return Ok(Blocking::Part),
-            None | Some("published" | "sites") => return Ok(Blocking::Points(None)),
-            Some(text) => text,
-        };
-        if !has_mesh {
-            output.warn("--obstacles needs a mesh; a cloud collides with its own points only");
-            return Ok(Blocking::Points(None));
-        }
-        match found.parse() {
-            _ if found == "part" => Ok(Blocking::Part),
-            _ if found == "centroids" => Ok(Blocking::Centroids),
-            Ok(n) => Ok(Blocking::Points(Some(n))),
-            Err(_) => {
-                let expected = "part, published, centroids or a number";
-                let remedy = "part is the mesh definition, published has sites as obstacles";
-                Err(Error::argument("--obstacles", format!("`{found}`"), expected, remedy))
-            }
-        }
+/// Which obstacles an option names; by default the part, if there are triangles.
+pub fn blocking(text: Option<&str>, has_mesh: bool, output: &Output) -> Result<Blocking> {
+    let found = match text {
+        None if has_mesh => return Ok(Blocking::Part),
+        None | Some("published" | "sites") => return Ok(Blocking::Points(None)),
+        Some(text) => text,
+    };
+    if !has_mesh {
+        output.warn("--obstacles needs a mesh; a cloud collides with its own points only");
+        return Ok(Blocking::Points(None));
     }
-
-    /// The definition in words, for files and reports.
-    pub fn words(self) -> String {
-        match self {
-            Blocking::Part => Definition::Part.to_string(),
-            Blocking::Points(_) | Blocking::Centroids => Definition::Sites.to_string(),
-        }
-    }
+    Blocking::try_from(found.to_string()).map_err(|_| {
+        let expected = "part, published, centroids or a number";
+        let remedy = "part is the mesh definition, published has sites as obstacles";
+        Error::argument("--obstacles", format!("`{found}`"), expected, remedy)
+    })
 }
 
 /// How closely the tool keeps to the part.
@@ -102,9 +76,10 @@ impl ToleranceArgs {
     }
 
     /// What a file says of them; the allowance belongs to its tools.
-    pub fn add_to(&self, settings: &mut Value) {
-        settings["tolerance_mm"] = json!(self.tolerance);
-        settings["finish_mm"] = json!(self.finish);
+    pub fn settings(&self) -> PartSettings {
+        let mut settings = PartSettings::default();
+        (settings.tolerance_mm, settings.finish_mm) = (self.tolerance, Some(self.finish));
+        settings
     }
 }
 
@@ -244,15 +219,11 @@ impl SurfaceArgs {
     }
 
     /// What a label file says of these options.
-    pub fn settings(&self) -> Value {
-        let fixtures: Vec<String> = self.fixture.iter().map(|p| p.display().to_string()).collect();
-        let mut settings = json!({
-            "fixtures": fixtures,
-            "table_z_mm": self.table,
-            "search": self.search,
-            "prove": self.prove,
-        });
-        self.tolerances.add_to(&mut settings);
+    pub fn settings(&self) -> PartSettings {
+        let mut settings = self.tolerances.settings();
+        settings.fixtures = self.fixture.iter().map(|path| path.display().to_string()).collect();
+        settings.table_z_mm = self.table;
+        (settings.search, settings.prove) = (Some(self.search), self.prove);
         settings
     }
 }
@@ -297,17 +268,12 @@ const MAX_COORDINATE_MM: f64 = 1e6;
 pub fn say_warnings(warnings: &[Warning], tool: Option<&str>, output: &Output) -> Value {
     let of = tool.map_or(String::new(), |tool| format!("{tool}: "));
     warnings.iter().for_each(|warning| output.warn(format!("{of}{warning}")));
-    warnings_json(warnings)
+    json!(stated(warnings))
 }
 
 /// Warnings with their numbers and words.
-pub fn warnings_json(warnings: &[Warning]) -> Value {
-    let with_words = |warning: &Warning| {
-        let mut value = json!(warning);
-        value["words"] = json!(warning.to_string());
-        value
-    };
-    warnings.iter().map(with_words).collect()
+pub fn stated(warnings: &[Warning]) -> Vec<StatedWarning> {
+    warnings.iter().map(StatedWarning::from).collect()
 }
 
 /// If the part consists of several bodies: what is answered about each, said and as JSON.

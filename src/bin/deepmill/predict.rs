@@ -8,8 +8,9 @@ use crate::output::Output;
 use deepmill::access::LabelOptions;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
 use deepmill::answers::{Definition, OutsideDomain, SiteAnswers};
+use deepmill::data::files::settings::VerifySettings;
 use deepmill::data::files::tools::Tool;
-use deepmill::data::files::{PredictionFile, Provenance};
+use deepmill::data::files::{AnalysisSettings, PredictionFile, Provenance};
 use deepmill::geom::units::Unit;
 use deepmill::geom::{Mesh, Sites};
 use deepmill::model::{Prediction, Predictor};
@@ -19,7 +20,7 @@ use deepmill::report::folder::{self, Show};
 use deepmill::report::page::{Page, View};
 use deepmill::report::tables::{Cell, Facts, Table};
 use deepmill::{Error, Result, atomic_file};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Predict which sites of a part a ball-end cutter cannot reach, and which sites are in its way.
@@ -94,18 +95,14 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (mesh, sites) = args.sites.place(part)?;
     mesh.iter().for_each(|mesh| warn_wide_tools(mesh, &tools, output));
     clock.lap("sites_s", "sites");
-    let definition = model.definition.map(|definition| definition.to_string());
     let obstacles = args.verify.map(|_| part_to_verify(model.definition, mesh.as_ref()));
     let obstacles = obstacles.transpose()?;
-    let mut settings = json!({
-        "sites": args.sites.settings(mesh.is_some()),
-        "model": model_name,
-        "definition": definition,
-    });
-    args.read.add_origin(&mut settings);
-    if let Some(bound) = args.verify {
-        settings["verify"] = json!({ "bound": bound, "directions": directions.set() });
-    }
+    let mut settings = AnalysisSettings::default();
+    settings.sites = Some(args.sites.settings(mesh.is_some()));
+    settings.model = Some(model_name);
+    settings.definition = model.definition;
+    settings.origin_mm = args.read.origin_mm();
+    settings.verify = args.verify.map(|bound| VerifySettings::new(bound, directions.set().clone()));
     let predictor = Predictor::new(model);
     let predictor = if args.far { predictor.accept_far() } else { predictor };
     Show::pictures_unless(args.no_picture).require_memory(mesh.as_ref(), &sites)?;
@@ -149,7 +146,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let broken = output.check_limits(&limits, (&about.sites, about.mesh.as_ref()), named)?;
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(name_of(&args.part)));
-    facts.add("definition", "definition", definition.map_or(Cell::Missing, Cell::text));
+    facts.add("definition", "definition", about.definition());
     if !args.tools.are_several() {
         facts.add("cutter", "cutter", Cell::text(&files[0].0.provenance.tool));
     }
@@ -268,12 +265,17 @@ fn part_to_verify(learned: Option<Definition>, mesh: Option<&Mesh>) -> Result<Tr
 /// What all predictions of a run share.
 struct About<'a> {
     args: &'a Args,
-    settings: Value,
+    settings: AnalysisSettings,
     sites: Sites,
     mesh: Option<Mesh>,
 }
 
 impl About<'_> {
+    fn definition(&self) -> Cell {
+        let definition = self.settings.definition;
+        definition.map_or(Cell::Missing, |definition| Cell::text(definition.to_string()))
+    }
+
     fn say_outside(&self, tool: &Tool, outside: &[OutsideDomain], output: &Output) -> Vec<String> {
         let of =
             if self.args.tools.are_several() { format!("{}: ", tool.name) } else { String::new() };
@@ -289,7 +291,7 @@ impl About<'_> {
     fn file(&self, tool: &Tool, prediction: Prediction<f32>, outside: &[String]) -> PredictionFile {
         let part = name_of(&self.args.part);
         let mut provenance = Provenance::ball_end(part, tool.params, self.settings.clone());
-        provenance.settings["outside_domain"] = json!(outside);
+        provenance.settings.outside_domain = Some(outside.to_vec());
         if tool.description.is_some() {
             provenance.tool = tool.words();
         }

@@ -6,6 +6,7 @@ use crate::output::Output;
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::LabelFile;
 use deepmill::data::files::label_query::SURFACE;
+use deepmill::data::files::settings::RegionSettings;
 use deepmill::geom::formats;
 use deepmill::geom::selection::{Region, Selection, Selector};
 use deepmill::geom::{Mesh, Sites};
@@ -112,18 +113,16 @@ impl Scope {
             self.part_mm2,
             100.0 * area / self.part_mm2
         ));
-        result["region"] = self.json();
+        result["region"] = json!(self.settings());
     }
 
-    /// What files and results say of it; null for all of the part.
-    pub fn json(&self) -> Value {
-        let Some((region, _)) = &self.region else { return Value::Null };
-        json!({
-            "only": self.only,
-            "except": self.except,
-            "area_mm2": region.mesh.area(),
-            "part_area_mm2": self.part_mm2,
-        })
+    /// What files and results say of it; none for all of the part.
+    pub fn settings(&self) -> Option<RegionSettings> {
+        let (region, _) = self.region.as_ref()?;
+        let mut settings = RegionSettings::default();
+        (settings.only, settings.except) = (self.only.clone(), self.except.clone());
+        (settings.area_mm2, settings.part_area_mm2) = (region.mesh.area(), self.part_mm2);
+        Some(settings)
     }
 
     /// Writes the region's surface, if there is one.
@@ -248,7 +247,7 @@ fn answers(folder: &Path) -> Result<(Sites, SiteAnswers, bool)> {
 /// Whether the labels are of a region, of which the surface is beside them; the sites' faces, which are those of the
 /// part, are left out then.
 pub fn take_region(file: &mut LabelFile) -> bool {
-    let of_region = file.provenance.settings["region"].is_object();
+    let of_region = file.provenance.settings.region.is_some();
     if of_region {
         file.sites.faces.clear();
     }

@@ -138,7 +138,7 @@ fn write_npz(path: &Path, sites: &Sites, args: &Args) -> Result<()> {
         npz.array("faces", &[sites.faces.len()], &sites.faces);
     }
     let settings = args.sites.settings(!sites.faces.is_empty());
-    npz.metadata(&metadata(args, "deepmill sites", settings));
+    npz.metadata(&metadata(args, "deepmill sites", json!(settings)));
     npz.write(path)
 }
 

@@ -289,7 +289,8 @@ impl Args {
     fn settings(&self, tools: &[Tool], candidates: &Candidates) -> serde_json::Value {
         let words: Vec<String> =
             tools.iter().map(|tool| format!("{}: {}", tool.name, tool.words())).collect();
-        let mut settings = json!({
+        let tolerances = self.tolerances.settings();
+        json!({
             "machine": self.machine.to_string(),
             "share": self.share,
             "tools": words,
@@ -297,8 +298,8 @@ impl Args {
             "candidates": candidates.list().len(),
             "sites": self.sites.settings(true),
             "not_modelled": "fixtures, table, stock, travel of the machine's axes",
-        });
-        self.tolerances.add_to(&mut settings);
-        settings
+            "tolerance_mm": tolerances.tolerance_mm,
+            "finish_mm": tolerances.finish_mm,
+        })
     }
 }

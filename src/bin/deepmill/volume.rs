@@ -7,9 +7,11 @@ use crate::output::Output;
 use crate::premise::premise;
 use deepmill::access::Queries;
 use deepmill::access::surface::SurfaceOptions;
-use deepmill::data::files::Provenance;
+use deepmill::answers::Definition;
+use deepmill::data::files::settings::ToolSettings;
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::volume::{PointAnswer, VolumeFile};
+use deepmill::data::files::{AnalysisSettings, Provenance};
 use deepmill::geom::formats::MeshOrCloud;
 use deepmill::geom::inside::{Lattice, lattice_inside};
 use deepmill::report::section;
@@ -49,14 +51,13 @@ pub fn run(
     let labels = obstacles.label(Queries::Volume(&points), &tool.cutter, &directions, &options)?;
     clock.lap("labels_s", "labels");
 
-    let mut settings = json!({
-        "tool": tool.settings(),
-        "directions": directions.set(),
-        "n_directions": labels.n_directions,
-        "definition": "the part itself, in space",
-        "part_itself": args.surface.settings(),
-    });
-    args.read.add_origin(&mut settings);
+    let mut settings = AnalysisSettings::default();
+    settings.tool = Some(ToolSettings::of(tool));
+    settings.directions = Some(directions.set().clone());
+    settings.n_directions = Some(labels.n_directions);
+    settings.definition = Some(Definition::PartInSpace);
+    settings.part_itself = Some(args.surface.settings());
+    settings.origin_mm = args.read.origin_mm();
     let provenance =
         Provenance { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings };
     let file = VolumeFile::new(provenance, lattice, &inside, &labels)?;

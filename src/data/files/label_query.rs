@@ -4,6 +4,7 @@
 //! `label` writes the surface beside its labels ([`SURFACE`], and [`FIXTURES`] if there are any) and their SHA-256 into
 //! `settings.surface`, so that a folder that was moved or changed is known as such.
 
+use super::settings::{AnalysisSettings, Blocking, PartSettings, ToolSettings};
 use super::tools::{Tool, steps_of_words};
 use super::{LabelFile, Provenance};
 use crate::access::surface::explain::{
@@ -15,28 +16,18 @@ use crate::access::surface::{
 use crate::access::{self, LabelOptions, Obstacles, Queries, bottom_sites};
 use crate::answers::Definition;
 use crate::cutter::Assembly;
-use crate::directions::{DirectionSet, Directions};
+use crate::directions::Directions;
 use crate::geom::formats::{self, ReadOptions};
 use crate::geom::sites::{self, SiteOptions};
 use crate::geom::{Mesh, Sites};
 use crate::{Error, Result, input_file};
 use glam::{DVec3, Vec3};
-use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// The surface that the sites lie on, mm, beside the labels or, of several tools, in the folder above.
 pub const SURFACE: &str = "part.stl";
 /// Triangles that block beside the part's: fixtures and table, as they were used.
 pub const FIXTURES: &str = "fixtures.stl";
-
-/// What `settings.surface` of a label file holds.
-///
-/// # Errors
-/// If a mesh has more triangles than an STL file can count.
-pub fn surface_settings(mesh: Option<&Mesh>, fixtures: Option<&Mesh>) -> Result<Value> {
-    let hash = |mesh: Option<&Mesh>| mesh.map(hash_of).transpose();
-    Ok(json!({ "sha256": hash(mesh)?, "fixtures_sha256": hash(fixtures)? }))
-}
 
 /// All triangles of some meshes as one mesh; `None` if there are none.
 pub fn joined(meshes: &[Mesh]) -> Option<Mesh> {
@@ -49,7 +40,7 @@ pub fn joined(meshes: &[Mesh]) -> Option<Mesh> {
     (!all.triangles.is_empty()).then_some(all)
 }
 
-fn hash_of(mesh: &Mesh) -> Result<String> {
+pub(super) fn hash_of(mesh: &Mesh) -> Result<String> {
     Ok(hex(&formats::stl_bytes(mesh)?))
 }
 
@@ -156,7 +147,7 @@ impl LabelQuery {
     /// # Panics
     /// If there is no such site.
     pub fn is_at_bottom(&self, site: usize) -> bool {
-        let bottom_mm = self.file.provenance.settings["bottom_mm"].as_f64();
+        let bottom_mm = self.file.provenance.settings.bottom_mm;
         let points = &self.file.sites.points;
         bottom_mm.is_some_and(|bottom_mm| bottom_sites(points, bottom_mm)[site])
     }
@@ -270,31 +261,32 @@ impl Stated<'_> {
         Error::file(self.path, place, found, remedy)
     }
 
-    fn settings(&self) -> &Value {
+    fn settings(&self) -> &AnalysisSettings {
         &self.provenance.settings
     }
 
     fn definition(&self) -> Result<Definition> {
-        let stated = self.settings()["definition"].as_str().unwrap_or_default();
-        let known = [Definition::Part, Definition::Sites];
-        known.into_iter().find(|known| known.to_string() == stated).ok_or_else(|| {
-            let found = format!("the definition is `{stated}`");
-            self.fault("settings.definition", found, LABEL_AGAIN)
-        })
+        match self.settings().definition {
+            Some(known @ (Definition::Part | Definition::Sites)) => Ok(known),
+            other => {
+                let words = other.map_or_else(String::new, |other| other.to_string());
+                let found = format!("the definition is `{words}`");
+                Err(self.fault("settings.definition", found, LABEL_AGAIN))
+            }
+        }
     }
 
     fn remedies(&self) -> Remedies {
-        let only_this_tool = self.settings()["tool"]["of_library"] == true;
+        let tool = self.settings().tool.as_ref();
+        let only_this_tool = tool.and_then(|tool| tool.of_library) == Some(true);
         Remedies { only_this_tool, ..Remedies::default() }
     }
 
     fn directions(&self) -> Result<Directions> {
-        let set: DirectionSet = serde_json::from_value(self.settings()["directions"].clone())
-            .map_err(|e| {
-                let found = format!("no set of directions ({e})");
-                self.fault("settings.directions", found, LABEL_AGAIN)
-            })?;
-        self.stated("settings.directions", Directions::new(set))
+        let Some(set) = &self.settings().directions else {
+            return Err(self.fault("settings.directions", "no set of directions", LABEL_AGAIN));
+        };
+        self.stated("settings.directions", Directions::new(set.clone()))
     }
 
     /// What the settings at `place` make, or why they make nothing.
@@ -302,42 +294,43 @@ impl Stated<'_> {
         made.map_err(|e| self.fault(place, e.to_string(), LABEL_AGAIN))
     }
 
-    fn number(&self, of: &Value, key: &str) -> Result<f64> {
-        of[key].as_f64().ok_or_else(|| {
-            self.fault(&format!("settings.tool.{key}"), "it is no number", LABEL_AGAIN)
-        })
+    /// What a tool must state.
+    fn of_tool<T>(&self, stated: Option<T>, key: &str) -> Result<T> {
+        let place = || format!("settings.tool.{key}");
+        stated.ok_or_else(|| self.fault(&place(), "it is missing", LABEL_AGAIN))
     }
 
     fn tool(&self) -> Result<Tool> {
-        let allowance = self.settings()["tool"]["allowance_mm"].as_f64().unwrap_or(0.0);
-        let tool = self.tool_of_any_length()?.with_allowance(allowance);
+        let none = ToolSettings::default();
+        let stated = self.settings().tool.as_ref().unwrap_or(&none);
+        let allowance = stated.allowance_mm.unwrap_or(0.0);
+        let tool = self.tool_of_any_length(stated)?.with_allowance(allowance);
         let tool = self.stated("settings.tool", tool)?;
-        match self.settings()["tool"]["overall_mm"].as_f64() {
+        match stated.overall_mm {
             Some(overall) => self.stated("settings.tool", tool.of_overall_length(overall)),
             None => Ok(tool),
         }
     }
 
-    fn tool_of_any_length(&self) -> Result<Tool> {
-        let stated = &self.settings()["tool"];
-        let corner_mm = self.number(stated, "corner_mm")?;
-        let clearance_mm = self.number(stated, "clearance_mm")?;
-        if stated.get("body").is_none() {
+    fn tool_of_any_length(&self, stated: &ToolSettings) -> Result<Tool> {
+        let corner_mm = self.of_tool(stated.corner_mm, "corner_mm")?;
+        let clearance_mm = self.of_tool(stated.clearance_mm, "clearance_mm")?;
+        let Some(body) = &stated.body else {
             let tool = Tool::new(self.provenance.cutter, Some(corner_mm), clearance_mm);
             return self.stated("settings.tool", tool);
-        }
-        let steps = |key: &str| {
-            steps_of_words(stated[key].as_str().unwrap_or_default())
-                .ok_or_else(|| self.fault(&format!("settings.tool.{key}"), "no steps", LABEL_AGAIN))
         };
-        let end = [corner_mm, self.number(stated, "side_mm")?];
-        let stick_out_mm = self.number(stated, "stick_out_mm")?;
-        let assembly = Assembly::from_steps(end, steps("body")?, steps("holder")?, stick_out_mm);
+        let steps = |words: &str, key: &str| {
+            let place = || format!("settings.tool.{key}");
+            steps_of_words(words).ok_or_else(|| self.fault(&place(), "no steps", LABEL_AGAIN))
+        };
+        let end = [corner_mm, self.of_tool(stated.side_mm, "side_mm")?];
+        let stick_out_mm = self.of_tool(stated.stick_out_mm, "stick_out_mm")?;
+        let holder = stated.holder.as_deref().unwrap_or_default();
+        let (body, holder) = (steps(body, "body")?, steps(holder, "holder")?);
+        let assembly = Assembly::from_steps(end, body, holder, stick_out_mm);
         let mut assembly = self.stated("settings.tool", assembly)?;
-        if let Some(words) = stated["neck_and_shank"].as_str().filter(|words| !words.is_empty()) {
-            let upper = steps_of_words(words).ok_or_else(|| {
-                self.fault("settings.tool.neck_and_shank", "no steps", LABEL_AGAIN)
-            })?;
+        if let Some(words) = stated.neck_and_shank.as_deref().filter(|words| !words.is_empty()) {
+            let upper = steps(words, "neck_and_shank")?;
             assembly = self.stated("settings.tool", assembly.with_neck_and_shank(upper))?;
         }
         let words = self.provenance.tool.clone();
@@ -345,23 +338,24 @@ impl Stated<'_> {
     }
 
     fn options(&self) -> Result<SurfaceOptions> {
-        let stated = &self.settings()["part_itself"];
-        let Some(n_kept) = stated["search"].as_u64() else {
+        let none = PartSettings::default();
+        let stated = self.settings().part_itself.as_ref().unwrap_or(&none);
+        let Some(n_kept) = stated.search else {
             let found = "it does not say how the directions between were searched";
             return Err(self.fault("settings.part_itself", found, LABEL_AGAIN));
         };
-        let refinement = match stated["prove"].as_bool() {
-            Some(true) => RefinementOptions::proving(),
-            _ => {
-                let n_kept = (n_kept as usize).min(RefinementOptions::proving().n_kept);
+        let refinement = match stated.prove {
+            true => RefinementOptions::proving(),
+            false => {
+                let n_kept = n_kept.min(RefinementOptions::proving().n_kept);
                 RefinementOptions { n_kept, ..RefinementOptions::default() }
             }
         };
         Ok(SurfaceOptions {
-            tolerance: stated["tolerance_mm"]
-                .as_f64()
+            tolerance: stated
+                .tolerance_mm
                 .map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters),
-            finish_mm: stated["finish_mm"].as_f64().unwrap_or(FINISH_MM),
+            finish_mm: stated.finish_mm.unwrap_or(FINISH_MM),
             refinement: (n_kept > 0).then_some(refinement),
             ..SurfaceOptions::default()
         })
@@ -374,7 +368,8 @@ impl Stated<'_> {
     }
 
     fn mesh(&self, given: Option<Mesh>, is_needed: bool) -> Result<Option<Mesh>> {
-        let stated = self.settings()["surface"]["sha256"].as_str();
+        let stated = self.settings().surface.as_ref();
+        let stated = stated.and_then(|surface| surface.sha256.as_deref());
         if let Some(mesh) = given {
             let remedy = "name the mesh that was labeled, with the same options";
             return match stated {
@@ -397,12 +392,12 @@ impl Stated<'_> {
 
     fn fixtures(&self) -> Result<Option<Mesh>> {
         let stated = self.settings();
-        if let Some(hash) = stated["surface"]["fixtures_sha256"].as_str() {
+        let hash = stated.surface.as_ref().and_then(|surface| surface.fixtures_sha256.as_deref());
+        if let Some(hash) = hash {
             return self.read_stated(FIXTURES, hash).map(Some);
         }
-        let has_fixtures =
-            stated["part_itself"]["fixtures"].as_array().is_some_and(|f| !f.is_empty());
-        match has_fixtures || stated["part_itself"]["table_z_mm"].is_number() {
+        let blocks = |part: &PartSettings| !part.fixtures.is_empty() || part.table_z_mm.is_some();
+        match stated.part_itself.as_ref().is_some_and(blocks) {
             false => Ok(None),
             true => {
                 let found = "fixtures or a table blocked, and their triangles are not kept";
@@ -431,15 +426,16 @@ impl Stated<'_> {
 
     /// `--obstacles centroids`.
     fn centroids_block(&self) -> bool {
-        self.settings()["obstacles"] == "centroids"
+        self.settings().obstacles == Some(Blocking::Centroids)
     }
 
     /// What `--obstacles COUNT` adds to the sites.
     fn further_points(&self, mesh: Option<&Mesh>) -> Result<Vec<Vec3>> {
         let stated = self.settings();
-        let count = stated["obstacles"].as_str().and_then(|count| count.parse::<usize>().ok());
-        let (Some(n_sites), Some(mesh)) = (count, mesh) else { return Ok(Vec::new()) };
-        let Some(seed) = stated["sites"]["seed"].as_u64() else {
+        let (Some(Blocking::Points(Some(n_sites))), Some(mesh)) = (stated.obstacles, mesh) else {
+            return Ok(Vec::new());
+        };
+        let Some(seed) = stated.sites.as_ref().and_then(|sites| sites.seed) else {
             return Err(self.fault("settings.sites.seed", "it is missing", LABEL_AGAIN));
         };
         let seed = seed.wrapping_add(1);

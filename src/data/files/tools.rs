@@ -31,7 +31,6 @@ use crate::cutter::{Assembly, Cutter, CutterParams, Step};
 use crate::geom::units::length::tidy;
 use crate::{Error, Result};
 use names::{folder_name, in_one_line};
-use serde_json::{Value, json};
 
 pub use holder::{Holder, holder_from_bytes, read_holder};
 pub use names::number_repeated;
@@ -214,27 +213,6 @@ impl Tool {
             return words.replacen("ball-end", &format!("bull-nose {} mm,", self.corner_mm), 1);
         }
         words
-    }
-
-    /// What the four lengths do not say, for [`Provenance::settings`](super::Provenance::settings).
-    pub fn settings(&self) -> Value {
-        let mut settings = json!({
-            "corner_mm": self.corner_mm,
-            "clearance_mm": self.clearance_mm,
-            "allowance_mm": self.assembly.allowance_mm(),
-        });
-        if self.description.is_some() {
-            settings["side_mm"] = json!(self.assembly.tip()[1]);
-            settings["body"] = json!(steps_words(&self.assembly.own_body()));
-            settings["neck_and_shank"] = json!(steps_words(self.assembly.neck_and_shank()));
-            settings["holder"] = json!(steps_words(self.assembly.holder()));
-            settings["stick_out_mm"] = json!(self.assembly.stick_out_mm());
-            settings["excess_mm"] = json!(self.assembly.excess_mm());
-        }
-        if let Some(overall) = self.assembly.overall_mm() {
-            settings["overall_mm"] = json!(overall);
-        }
-        settings
     }
 }
 

@@ -202,6 +202,7 @@ mod tests {
     use super::*;
     use crate::access::surface::WitnessPose;
     use crate::cutter::CutterParams;
+    use crate::data::files::AnalysisSettings;
 
     #[test]
     fn what_is_written_is_read() {
@@ -222,7 +223,7 @@ mod tests {
             ..SurfaceLabels::default()
         };
         let cutter = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
-        let provenance = Provenance::ball_end("a part", cutter, json!({}));
+        let provenance = Provenance::ball_end("a part", cutter, AnalysisSettings::default());
         let file = VolumeFile::new(provenance.clone(), lattice, &inside, &labels).unwrap();
         assert_eq!(file.answers[4], PointAnswer::Inside);
         assert_eq!(file.answers[3], PointAnswer::TipDoesNotFit);

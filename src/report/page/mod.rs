@@ -192,7 +192,8 @@ mod tests {
     use super::*;
     use crate::answers::SiteAnswers;
     use crate::cutter::CutterParams;
-    use crate::data::files::{LabelFile, PredictionFile, Provenance};
+    use crate::data::files::settings::{PartSettings, StatedWarning};
+    use crate::data::files::{AnalysisSettings, LabelFile, PredictionFile, Provenance};
     use crate::geom::sites::{SiteOptions, sample};
     use crate::geom::solids::cuboid;
     use crate::model::Prediction;
@@ -204,7 +205,15 @@ mod tests {
         let mesh = cuboid(DVec3::new(30.0, 20.0, 10.0));
         let sites = sample(&mesh, &SiteOptions { n_sites: 300, ..SiteOptions::default() }).unwrap();
         let cutter = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
-        let settings = json!({ "model": HOSTILE, "warnings": [{ "words": HOSTILE }], "nested": { "a": [1, 2] } });
+        let settings = AnalysisSettings {
+            model: Some(HOSTILE.into()),
+            warnings: Some(vec![StatedWarning { words: HOSTILE.into(), warning: None }]),
+            part_itself: Some(PartSettings {
+                fixtures: vec!["one".into(), "two".into()],
+                ..PartSettings::default()
+            }),
+            ..AnalysisSettings::default()
+        };
         let mut provenance = Provenance::ball_end(HOSTILE, cutter, settings);
         provenance.tool = HOSTILE.into();
         let inaccessible: Vec<bool> = sites.normals.iter().map(|n| n.z < -0.5).collect();
@@ -284,9 +293,13 @@ mod tests {
         let views = views(&mesh, &labels, &predictions);
         let page = of(Some(&mesh), &labels.sites, &views);
         let html = page.html().unwrap();
-        for words in
-            ["inaccessible", "nested.a", "data-finding=\"1\"", "<noscript>", "over-predicted"]
-        {
+        for words in [
+            "inaccessible",
+            "part_itself.fixtures",
+            "data-finding=\"1\"",
+            "<noscript>",
+            "over-predicted",
+        ] {
             assert!(html.contains(words), "{words}");
         }
         let numbers: usize = html.matches("<tr data-finding=").count();

@@ -2,7 +2,7 @@
 
 use crate::access::surface::SiteAnswer;
 use crate::answers::SiteAnswers;
-use crate::data::files::{LabelFile, PredictionFile, Provenance};
+use crate::data::files::{AnalysisSettings, LabelFile, PredictionFile, Provenance};
 use crate::report::color::{LABELS, PART_ITSELF, layered};
 use crate::report::findings::Findings;
 use crate::report::points::PointValues;
@@ -173,14 +173,9 @@ impl View {
 
     fn about(name: impl Into<String>, provenance: &Provenance) -> Self {
         let Provenance { tool, settings, .. } = provenance;
-        let mut settings = settings.clone();
-        let mut warnings = Vec::new();
-        for key in ["warnings", "outside_domain"] {
-            let list = settings.as_object_mut().and_then(|map| map.remove(key));
-            let list = list.as_ref().and_then(Value::as_array).cloned().unwrap_or_default();
-            let words = |w: Value| w.as_str().or(w["words"].as_str()).map(str::to_owned);
-            warnings.extend(list.into_iter().filter_map(words));
-        }
+        let warnings = settings.warnings_in_words();
+        let settings =
+            AnalysisSettings { warnings: None, outside_domain: None, ..settings.clone() }.json();
         View { name: name.into(), tool: tool.clone(), settings, warnings, ..View::default() }
     }
 

@@ -19,7 +19,7 @@ use deepmill::report::section;
 use deepmill::report::tables::{Cell, Table};
 use deepmill::train::{Settings, evaluate};
 use deepmill::{Error, Result};
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -188,7 +188,8 @@ fn file(sample: &Sample, volume: &Volume, inaccessible: &[bool]) -> Result<Volum
         accessible_directions: vec![0; n],
         ..SurfaceLabels::default()
     };
-    let mut provenance = Provenance::ball_end(sample.name.clone(), sample.cutter, json!({}));
+    let mut provenance =
+        Provenance::ball_end(sample.name.clone(), sample.cutter, Default::default());
     let [cr, ch, fr, fh] = sample.cutter.to_array();
     provenance.tool = format!("ball end CR {cr:.1}, CH {ch:.1}, FR {fr:.1}, FH {fh:.1} mm");
     VolumeFile::new(provenance, volume.lattice, &volume.inside, &labels)
