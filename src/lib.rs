@@ -39,7 +39,7 @@
 //! # Ok::<(), deepmill::Error>(())
 //! ```
 //!
-//! `examples/` has six programs: label a mesh, drop heights of a tool, predict, a network of one's own, the gradient check of
+//! `examples/` has seven programs: three tools and a report, label a mesh, drop heights of a tool, predict, a network of one's own, the gradient check of
 //! a layer of one's own, training that stops and resumes.
 //!
 //! # Features
@@ -57,12 +57,15 @@
 //!
 //! # Where to go on
 //!
+//! - from a part and tools to a folder of results: `analysis` (features `formats` and `generate`)
 //! - label: [`access`], [`access::surface`]; sites: [`geom::sites`]; cutters: [`cutter`]; directions: [`directions`]
 //! - predict and train: [`model`], [`train`], [`data`]
 //! - build networks: [`nn`], [`octree`], [`optim`], [`loss`]; check gradients: [`gradcheck`]
 #![deny(unsafe_code)]
 
 pub mod access;
+#[cfg(all(feature = "formats", feature = "generate"))]
+pub mod analysis;
 pub mod answers;
 #[cfg(feature = "ndarray")]
 pub mod arrays;

@@ -94,7 +94,7 @@ impl<'a> Coverage<'a> {
     /// If there are not as many labels as tools, at least one, or they differ in length.
     pub fn of(
         tools: &'a [Tool],
-        labels: &[Labels],
+        labels: &[&Labels],
         n_directions: usize,
         areas: &'a SiteAreas,
     ) -> Self {
@@ -338,7 +338,7 @@ mod tests {
         let tools = tools(3);
         let all = [labels(&[0, 1, 1, 1]), labels(&[0, 1, 1, 1]), labels(&[1, 0, 0, 1])];
         let areas = SiteAreas::even(4);
-        let coverage = Coverage::of(&tools, &all, 10, &areas);
+        let coverage = Coverage::of(&tools, &all.iter().collect::<Vec<_>>(), 10, &areas);
         let adds = [Some(0), Some(1), Some(2), None].map(|k| coverage.share_of_first(k));
         assert_eq!(adds, [0.25, 0.0, 0.5, 0.25]);
         let row = &coverage.table().json()[2];
@@ -361,7 +361,7 @@ mod tests {
         all[0].answers.tip_does_not_fit = vec![false; 4];
         all[1].answers.tip_does_not_fit = vec![false, true, true, true];
         let areas = SiteAreas::even(4);
-        let coverage = Coverage::of(&tools, &all, 10, &areas);
+        let coverage = Coverage::of(&tools, &all.iter().collect::<Vec<_>>(), 10, &areas);
         let rows = coverage.table().json();
         let shares = |row: usize| {
             ["accessible", "inaccessible", "tip_does_not_fit"].map(|key| rows[row][key].clone())
@@ -410,7 +410,7 @@ mod tests {
         let only = |k: usize| (0..10).map(|i| u8::from(i != k)).collect::<Vec<u8>>();
         let all: Vec<Labels> = (0..9).map(|k| labels(&only(k))).collect();
         let areas = SiteAreas::even(10);
-        let coverage = Coverage::of(&tools, &all, 10, &areas);
+        let coverage = Coverage::of(&tools, &all.iter().collect::<Vec<_>>(), 10, &areas);
         let (classes, of) = coverage.groups();
         assert_eq!((classes.len(), classes[6].name), (8, "further tools"));
         assert_eq!(of, [0, 1, 2, 3, 4, 5, 6, 6, 6, 7]);

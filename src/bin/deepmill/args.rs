@@ -1,6 +1,7 @@
 //! Arguments that several commands share: the cutter, the sites, the directions.
 
 use crate::output::Output;
+use deepmill::analysis::Analysis;
 use deepmill::cutter::CutterParams;
 use deepmill::data::files::settings::SiteSettings;
 use deepmill::data::files::tools::{self, Tool, ToolTable, Unsaid};
@@ -304,6 +305,14 @@ pub struct SiteArgs {
 }
 
 impl SiteArgs {
+    /// What an analysis is asked, with these sites.
+    pub fn add_to(&self, analysis: Analysis) -> Result<Analysis> {
+        Ok(match self.spread()? {
+            Some(options) => analysis.spread(options),
+            None => analysis.at_vertices(self.seed),
+        })
+    }
+
     /// The sites of a part: spread over a mesh; a cloud is taken as it is.
     pub fn place(&self, part: MeshOrCloud) -> Result<(Option<Mesh>, Sites)> {
         let mesh = match part {

@@ -21,6 +21,12 @@ impl Clock {
         self.last = now;
     }
 
+    /// Stages that were timed by others, up to now.
+    pub fn laps(&mut self, laps: impl IntoIterator<Item = (&'static str, &'static str, f64)>) {
+        self.laps.extend(laps);
+        self.last = Instant::now();
+    }
+
     pub fn add_to(&self, facts: &mut Facts) {
         for (key, name, seconds) in &self.laps {
             facts.add(key, format!("time: {name}"), Cell::Seconds(*seconds));

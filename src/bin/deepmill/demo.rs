@@ -1,12 +1,13 @@
 //! `deepmill demo`: labels a generated part, predicts the same with a network, and draws both.
 
 use crate::output::Output;
-use crate::{part_itself, progress, report};
-use deepmill::access::surface::{RefinementOptions, SurfaceOptions, TriangleObstacles};
+use crate::{progress, report};
+use deepmill::access::surface::SurfaceOptions;
 use deepmill::access::{LabelOptions, Obstacles, label};
+use deepmill::analysis::Analysis;
 use deepmill::answers::Definition;
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
-use deepmill::data::files::settings::{PartSettings, SiteSettings, ToolSettings};
+use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::{
     AnalysisSettings, LabelFile, PredictionFile, Provenance, ball_end_words,
@@ -164,40 +165,20 @@ fn exact(
     directions: &Directions,
     definition: Definition,
 ) -> Result<(LabelFile, f64, f64)> {
-    let start = Instant::now();
     let options = SiteOptions { n_sites: N_SITES, seed: SEED, ..SiteOptions::default() };
-    let sites = sample(mesh, &options)?;
-    let sites_s = start.elapsed().as_secs_f64();
-    let start = Instant::now();
-    let tool = Tool::new(params, None, 0.0)?;
-    let (points, surface) = (Obstacles::Queries, SurfaceOptions::default());
-    let triangles = match definition.is_part_itself() {
-        true => Some(TriangleObstacles::new(mesh, &[])?),
-        false => None,
+    let blocking = match definition.is_part_itself() {
+        true => Blocking::Part,
+        false => Blocking::Points(None),
     };
-    let mut labels = match &triangles {
-        None => label(&sites, points, &tool.cutter, directions, &LabelOptions::default())?,
-        Some(triangles) => triangles.label_sites(&sites, &tool.cutter, directions, &surface)?,
-    };
-    let around = (&sites, points, triangles.as_ref());
-    part_itself::add_blocking_parts(&mut labels, &tool, around, directions, &surface)?;
-    let labels_s = start.elapsed().as_secs_f64();
-    // What `deepmill explain` needs to label a site again.
-    let mut settings = AnalysisSettings::default();
-    settings.sites = Some(SiteSettings::spread(N_SITES.to_string(), SEED, None));
-    settings.surface = Some(AnalysisSettings::surface_of(Some(mesh), None)?);
-    settings.tool = Some(ToolSettings::of(&tool));
-    settings.directions = Some(directions.set().clone());
-    settings.n_directions = Some(N_DIRECTIONS);
-    settings.definition = Some(definition);
-    settings.occlusion = Some(true);
-    settings.part_itself = definition.is_part_itself().then(|| {
-        let mut part = PartSettings::default();
-        part.search = Some(RefinementOptions::default().n_kept);
-        part
-    });
-    let provenance = Provenance::ball_end("demo part", params, settings);
-    Ok((LabelFile { provenance, sites, labels }, sites_s, labels_s))
+    let analysis = Analysis::new("demo part", mesh.clone(), vec![Tool::new(params, None, 0.0)?])
+        .spread(options)
+        .directions(directions.clone())
+        .obstacles(blocking)
+        .options(SurfaceOptions::default())
+        .published(LabelOptions::default());
+    let outcome = analysis.run(&mut ())?;
+    let [sites_s, labels_s, _] = outcome.seconds();
+    Ok((outcome.file(0)?, sites_s, labels_s))
 }
 
 fn training_samples(directions: &Directions) -> Result<Vec<Sample>> {

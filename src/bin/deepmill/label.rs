@@ -1,42 +1,25 @@
 //! `deepmill label`: computes exactly which sites of a part a cutter cannot reach.
 
+mod said;
 mod shares;
 
-use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, millimeters, name_of};
+use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, called, millimeters, name_of};
 use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
 use crate::part_itself::{self, SurfaceArgs};
-use crate::premise::{premise, premise_of_points};
+use crate::progress::Bars;
 use crate::published_args::PublishedArgs;
-use crate::region::{RegionArgs, Scope};
-use crate::{density, findings, progress, volume};
-use deepmill::access::surface::explain::Remedies;
-use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, Warning};
-use deepmill::access::{self, LabelOptions, Labels, Obstacles};
-use deepmill::answers::SiteAnswers;
-use deepmill::cutter::Cutter;
-use deepmill::data::files::label_query::joined;
-use deepmill::data::files::settings::{Blocking, SurfaceSettings, ToolSettings};
+use crate::region::RegionArgs;
+use crate::volume;
+use deepmill::access::LabelOptions;
+use deepmill::access::surface::SurfaceOptions;
+use deepmill::analysis::{Analysis, Files};
+use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
-use deepmill::data::files::{AnalysisSettings, LabelFile, Provenance};
-use deepmill::directions::Directions;
 use deepmill::geom::formats::MeshOrCloud;
-use deepmill::geom::sites::{self, SiteOptions};
-use deepmill::geom::spacing::Spacing;
-use deepmill::geom::units::Unit;
-use deepmill::geom::{Mesh, Sites};
-use deepmill::report::PartView;
-use deepmill::report::coverage::{Coverage, Shares};
-use deepmill::report::export::Extra;
-use deepmill::report::findings::{Findings, for_all_tools};
-use deepmill::report::folder::{self, Show};
-use deepmill::report::gate::{Limit, SiteAreas};
-use deepmill::report::page::{Page, View};
-use deepmill::report::tables::{Cell, Facts};
-use deepmill::{Result, atomic_file};
-use serde_json::{Value, json};
-use shares::{add_bottom, add_clearance, add_shares};
+use deepmill::report::gate::Limit;
+use deepmill::{Error, Result, atomic_file};
 use std::path::PathBuf;
 
 /// Compute exactly which sites of a part a cutter cannot reach, and which sites are in its way.
@@ -109,13 +92,6 @@ pub struct Args {
 }
 
 impl Args {
-    /// A tool of a table or library is what there is: only its stick-out is changed.
-    fn remedies(&self) -> Remedies {
-        let mut remedies = Remedies::default();
-        remedies.only_this_tool = self.tools.are_of_files();
-        remedies
-    }
-
     fn share_of_occlusion(&self) -> f64 {
         self.occlusion_share.unwrap_or(LabelOptions::default().share)
     }
@@ -125,16 +101,77 @@ impl Args {
         let is_limited = limits.iter().any(|limit| limit.quantity() == "occlusion");
         self.occlusion || self.occlusion_share.is_some() || is_limited
     }
+    /// What is asked of the part.
+    fn analysis(
+        &self,
+        part: MeshOrCloud,
+        tools: Vec<Tool>,
+        limits: &[Limit],
+        output: &Output,
+    ) -> Result<Analysis> {
+        let is_mesh = matches!(part, MeshOrCloud::Mesh(_));
+        let blocking = part_itself::blocking(self.obstacles.as_deref(), is_mesh, output)?;
+        let options = SurfaceOptions {
+            clearance_limit_mm: self.clearance_limit,
+            occlusion: self.wants_occlusion(limits),
+            ..self.surface.options(self.share_of_occlusion())?
+        };
+        let published = LabelOptions {
+            engine: self.engine.parse()?,
+            share: self.share_of_occlusion(),
+            clearance_limit_mm: self.clearance_limit,
+            ..self.published.options(blocking != Blocking::Part)?
+        };
+        let mut analysis = Analysis::new(name_of(&self.part), part, tools)
+            .library(self.tools.are_of_files())
+            .folders(self.tools.are_several())
+            .origin(self.read.origin())
+            .options(options)
+            .proving(self.surface.proves())
+            .published(published);
+        if self.obstacles.is_some() {
+            analysis = analysis.obstacles(blocking);
+        }
+        if let Some(directions) = self.directions.given()? {
+            analysis = analysis.directions(directions);
+        }
+        if blocking == Blocking::Part {
+            for fixture in self.surface.fixtures(&self.read, output)? {
+                analysis = analysis.fixture(fixture);
+            }
+            if let Some(z_mm) = self.surface.table(&self.read) {
+                analysis = analysis.table(z_mm);
+            }
+        } else {
+            self.surface.warn_unused(output);
+        }
+        self.region.add_to(self.sites.add_to(analysis)?, &self.read, output)
+    }
+
+    fn files(&self, output: &Output) -> Result<Files> {
+        let mut files = Files::shown(self.report);
+        files.pictures = !self.no_picture;
+        files.also = self.also.iter().map(|name| name.parse()).collect::<Result<_>>()?;
+        files.unit = output.unit();
+        Ok(files)
+    }
+}
+
+/// The error, of an argument by the name it has here.
+fn in_options(error: Error) -> Error {
+    match error {
+        Error::Argument { name: "region", .. } => called(error, "--only, --except"),
+        Error::Argument { name: "table", .. } => called(error, "--table"),
+        other => other,
+    }
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.surface.tolerances.with_allowance(args.tools.tools(output)?)?;
     args.surface.tolerances.options()?;
     let limits = args.gate.limits(&[])?;
-    let given_directions = args.directions.given()?;
-    let engine = args.engine.parse()?;
-    let also = args.also.iter().map(|name| name.parse()).collect::<Result<Vec<Extra>>>()?;
-
+    args.directions.given()?;
+    let files = args.files(output)?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, Accept::bodies_or(args.force), output)?;
@@ -143,355 +180,27 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         args.region.refuse("--volume", "leave out --volume, or the region")?;
         return volume::run(args, step_mm, (part, tools), clock, output);
     }
-    let is_mesh = matches!(part, MeshOrCloud::Mesh(_));
-    let blocking = part_itself::blocking(args.obstacles.as_deref(), is_mesh, output)?;
-    if blocking != Blocking::Part {
-        let remedy = "the sites block: leave out --obstacles, and give the mesh for a cloud";
-        args.region.refuse("points as obstacles", remedy)?;
-    }
-    let (mesh, (scope, sites)) = match part {
-        MeshOrCloud::Mesh(mesh) => {
-            let placed = args.region.place(&args.sites, &mesh, &args.read, output)?;
-            (Some(mesh), (Some(placed.0), placed.1))
-        }
-        MeshOrCloud::Cloud(sites) => (None, (None, sites)),
-    };
-    Show::pictures_unless(args.no_picture).require_memory(mesh.as_ref(), &sites)?;
-    let options = LabelOptions {
-        engine,
-        share: args.share_of_occlusion(),
-        clearance_limit_mm: args.clearance_limit,
-        ..args.published.options(blocking != Blocking::Part)?
-    };
-    let directions = match (given_directions, blocking) {
-        (Some(given), _) => given,
-        (None, Blocking::Part) => args.directions.directions()?,
-        (None, _) => Directions::published(),
-    };
-    let more = further_obstacles(args, blocking, mesh.as_ref())?;
-    let centroids = mesh.as_ref().filter(|_| blocking == Blocking::Centroids);
-    let centroids = centroids.map(Mesh::centroids);
-    clock.lap("sites_s", "sites");
-    let options_of_part = SurfaceOptions {
-        clearance_limit_mm: args.clearance_limit,
-        occlusion: args.wants_occlusion(&limits),
-        ..args.surface.options(args.share_of_occlusion())?
-    };
-    let part_itself = mesh.as_ref().filter(|_| blocking == Blocking::Part);
-    let fixtures = part_itself.map(|mesh| args.surface.fixtures(mesh, &args.read, output));
-    let fixtures = fixtures.transpose()?.unwrap_or_default();
-    let triangles = part_itself.map(|mesh| TriangleObstacles::new(mesh, &fixtures)).transpose()?;
-    triangles.iter().for_each(|triangles| part_itself::say_without_area(triangles, output));
-    let points = match (&more, &centroids) {
-        (Some(sites), _) => Obstacles::QueriesAnd(&sites.points),
-        (None, Some(centroids)) => Obstacles::Centroids(centroids),
-        (None, None) => Obstacles::Queries,
-    };
-    let (mut labels, mut warnings) = match (&triangles, &mesh) {
-        (Some(triangles), Some(mesh)) => {
-            let of = (mesh, triangles);
-            SurfaceArgs::label(of, &sites, &tools, &directions, &options_of_part)?
-        }
-        _ => {
-            args.surface.warn_unused(output);
-            let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
-            let labels = access::label_many(&sites, points, &cutters, &directions, &options)?;
-            (labels, vec![Vec::new(); cutters.len()])
-        }
-    };
-    if args.region.is_given() {
-        // Sites are on the region alone.
-        let is_kept = |warning: &Warning| !matches!(warning, Warning::FacesWithoutSites { .. });
-        warnings.iter_mut().for_each(|of_tool| of_tool.retain(is_kept));
-    }
-    let around = (&sites, points, triangles.as_ref());
-    for (tool, labels) in tools.iter().zip(&mut labels) {
-        part_itself::add_blocking_parts(labels, tool, around, &directions, &options_of_part)?;
-    }
-    clock.lap("labels_s", "labels");
-
-    let kept = mesh.as_ref().filter(|_| !fixtures.is_empty()).map(|mesh| {
-        let by = (&directions, &options_of_part);
-        args.surface.kept((mesh, &fixtures), (&sites, &labels), &tools, by)
-    });
-    let kept = kept.transpose()?;
-    let of_mesh = blocking == Blocking::Part;
-    let fixtures = joined(&fixtures);
-    let surface = AnalysisSettings::surface_of(mesh.as_ref(), fixtures.as_ref())?;
-    let (tools, directions) = (&tools[..], &directions);
-    let has_occlusion = !of_mesh || options_of_part.occlusion;
-    let answers = Answers {
-        args,
-        also,
-        blocking,
-        options,
-        has_occlusion,
-        finish_mm: options_of_part.finish_mm,
-        tools,
-        directions,
-        mesh,
-        fixtures,
-        surface,
-        sites,
-        scope,
-    };
-    let (shown, of_shown) = answers.shown();
-    let areas = SiteAreas::by_definition(of_shown, shown, of_mesh)?;
-    let cover = || Coverage::of(tools, &labels, directions.len(), &areas);
-    let coverage = args.tools.are_several().then(cover);
-    let mut facts = answers.facts(&labels, coverage.as_ref(), &areas);
-    let named = tools.iter().zip(&labels).map(|(tool, labels)| (&*tool.name, &labels.answers));
-    let broken = output.check_limits(&limits, (of_shown, shown), named)?;
-    let single = coverage.is_none().then(|| labels[0].clone());
-    let mut findings = Regions::find(&answers, &labels)?;
-    kept.iter().for_each(|kept| kept.add_to(&mut findings.of_tools));
-    if let (Some(triangles), [found], [tool]) = (&triangles, &mut findings.of_tools[..], tools) {
-        let held = (&tool.assembly, tool.clearance_mm);
-        let remedies = args.remedies();
-        findings::advise(found, held.0, |members| {
-            let of = (&answers.sites, members);
-            triangles.change_for(of, held, directions, &options_of_part, &remedies)
-        })?;
-    }
-    clock.lap("findings_s", "findings");
-    let paths = answers.write(labels, &warnings, coverage.as_ref(), &findings, output.unit())?;
+    let mut bars = Bars::default();
+    let placed = args.analysis(part, tools, &limits, output)?.place(&mut bars);
+    let placed = placed.map_err(in_options)?;
+    placed.warnings().iter().for_each(|warning| output.warn(warning));
+    placed.notices().iter().for_each(|notice| output.say(notice));
+    let (mesh, sites) = placed.shown();
+    files.show().require_memory(mesh, sites)?;
+    let outcome = placed.label(&mut bars)?;
+    clock.laps(outcome.seconds().into_iter().zip(STAGES).map(|(s, [key, name])| (key, name, s)));
+    let (mesh, sites) = outcome.shown();
+    let broken = output.check_limits(&limits, (sites, mesh), outcome.named())?;
+    let paths = outcome.write(&args.out, &files, &mut bars)?;
     clock.lap("write_s", "writing and drawing");
-
-    let warning = match blocking {
-        Blocking::Part => None,
-        Blocking::Points(_) | Blocking::Centroids => answers.add_density(&mut facts, more),
-    };
-    clock.add_to(&mut facts);
-    let premise = match blocking {
-        Blocking::Part => premise(directions, &args.surface),
-        _ => premise_of_points(directions, answers.options.bottom_mm),
-    };
-    output.say(&premise);
-    let mut result = facts.json();
-    answers.scope.iter().for_each(|scope| scope.say(&mut result, output));
-    output.say(facts.text_in(output.unit()));
-    result["premise"] = json!(premise);
+    let mut result = said::say(&outcome, args, &clock, output)?;
     result["limits_broken"] = broken;
-    args.read.add_origin(&mut result);
-    if let (Blocking::Part, Some(labels), Some(mesh)) = (blocking, &single, &answers.mesh) {
-        result["faces"] = part_itself::say_blocking(mesh, &answers.sites, labels, output);
-        let about = (&answers.sites, &areas);
-        result["bodies"] = part_itself::say_bodies(mesh, about, labels, output)?;
-    }
-    result["fixtures"] = kept.map_or(Value::Null, |kept| kept.say(tools, &areas, output));
-    let named = |tool: &'_ Tool| coverage.as_ref().map(|_| tool.name.clone());
-    let warnings = tools.iter().zip(&warnings).map(|(tool, warnings)| {
-        part_itself::say_warnings(warnings, named(tool).as_deref(), output)
-    });
-    result["warnings"] = warnings.collect();
-    let regions = findings.overall();
-    findings::say(regions, output);
-    result["findings"] = regions.json();
-    if let Some(warning) = warning {
-        output.warn(format!("{warning}: raise --sites, or add --obstacles"));
-    }
     output.files(&paths);
-    if let Some(coverage) = &coverage {
-        let table = coverage.table();
-        output.say(table.text_in(output.unit()));
-        result["tools"] = table.json();
-    }
+    said::say_table(&outcome, &mut result, output)?;
     output.result_with_files(result, &paths);
     Ok(())
 }
 
-/// Points of the surface beside the sites, from another stream of the same seed.
-fn further_obstacles(
-    args: &Args,
-    blocking: Blocking,
-    mesh: Option<&Mesh>,
-) -> Result<Option<Sites>> {
-    let (Blocking::Points(Some(n_sites)), Some(mesh)) = (blocking, mesh) else { return Ok(None) };
-    let seed = args.sites.seed.wrapping_add(1);
-    let options = SiteOptions { n_sites, seed, ..SiteOptions::default() };
-    sites::sample(mesh, &options).map(Some)
-}
-
-/// What the labels are about; coverage is there if every tool has a folder of its own.
-struct Answers<'a> {
-    args: &'a Args,
-    also: Vec<Extra>,
-    blocking: Blocking,
-    options: LabelOptions,
-    has_occlusion: bool,
-    finish_mm: f64,
-    tools: &'a [Tool],
-    directions: &'a Directions,
-    mesh: Option<Mesh>,
-    /// Fixtures and table.
-    fixtures: Option<Mesh>,
-    /// What the files say of both.
-    surface: SurfaceSettings,
-    sites: Sites,
-    /// Of a mesh, which part of it the sites are on.
-    scope: Option<Scope>,
-}
-
-impl Answers<'_> {
-    /// The surface that areas, findings and pictures are about, and the sites on it.
-    fn shown(&self) -> (Option<&Mesh>, &Sites) {
-        match (&self.scope, &self.mesh) {
-            (Some(scope), Some(mesh)) => {
-                let (mesh, sites) = scope.shown(mesh, &self.sites);
-                (Some(mesh), sites)
-            }
-            (_, mesh) => (mesh.as_ref(), &self.sites),
-        }
-    }
-
-    fn facts(&self, labels: &[Labels], coverage: Option<&Coverage>, areas: &SiteAreas) -> Facts {
-        let mut facts = Facts::new();
-        facts.add("part", "part", Cell::text(name_of(&self.args.part)));
-        facts.add("definition", "definition", Cell::text(self.blocking.definition().to_string()));
-        add_bottom(&mut facts, &self.options, &self.sites);
-        if coverage.is_none() {
-            facts.add("cutter", "cutter", Cell::text(self.tools[0].words()));
-        }
-        part_itself::add_tolerances(&mut facts, labels, self.finish_mm);
-        facts.add("n_sites", "sites", Cell::count(self.sites.len()));
-        let n_directions =
-            labels[0].surface.as_ref().map_or(self.directions.len(), |s| s.n_directions);
-        facts.add("n_directions", "directions", Cell::count(n_directions));
-        match coverage {
-            None => {
-                add_shares(&mut facts, Shares::of(&labels[0], self.directions.len(), areas));
-                part_itself::add_facts(&mut facts, &labels[0]);
-                add_clearance(&mut facts, &labels[0]);
-            }
-            Some(coverage) => {
-                let none = Cell::Share(coverage.share_of_first(None));
-                facts.add("inaccessible_to_all", "out of reach of every tool", none);
-            }
-        }
-        facts
-    }
-
-    /// Adds how dense the sites are for the smallest tool; returns the warning if that is too little.
-    fn add_density(&self, facts: &mut Facts, more: Option<Sites>) -> Option<String> {
-        let mut spacing = density::add_spacing(facts, &self.sites);
-        if let Some(denser) = more.filter(|more| more.len() > self.sites.len()) {
-            spacing = Spacing::measure_on_sheet(&denser);
-        }
-        let which = if self.tools.len() > 1 { "the smallest cutter" } else { "this cutter" };
-        let smallest =
-            self.tools.iter().map(|tool| tool.params.cr_mm).fold(f64::INFINITY, f64::min);
-        spacing.and_then(|spacing| density::add_advice(facts, &spacing, which, smallest))
-    }
-
-    fn write(
-        &self,
-        labels: Vec<Labels>,
-        warnings: &[Vec<Warning>],
-        coverage: Option<&Coverage>,
-        findings: &Regions,
-        unit: Unit,
-    ) -> Result<Vec<PathBuf>> {
-        let Answers { args, tools, mesh, .. } = self;
-        let (shown, sites) = self.shown();
-        let show = Show::pictures_unless(args.no_picture);
-        let (mut paths, mut views) = (Vec::new(), Vec::new());
-        let progress = progress::bar(tools.len() as u64, "tools");
-        for (k, (tool, labels)) in tools.iter().zip(labels).enumerate() {
-            let folder = match coverage {
-                None => args.out.clone(),
-                Some(_) => args.out.join(tool.folder()),
-            };
-            let file = self.file((tool, &warnings[k]), labels);
-            paths.extend(folder::write_labels(&folder, &file, shown, show)?);
-            let export = |extra| folder::export_labels(&folder, &file, shown, extra);
-            paths.extend(self.also.iter().map(|extra| export(*extra)).collect::<Result<Vec<_>>>()?);
-            let found = &findings.of_tools[k];
-            paths.extend(found.write(
-                &folder,
-                (&file.provenance.part, &file.provenance.tool),
-                unit,
-            )?);
-            if args.report {
-                let name = coverage.map_or("exact", |_| &*tool.name);
-                views.push(View::of_labels(name, &file, found.clone()));
-            }
-            progress.inc(1);
-        }
-        progress.finish_and_clear();
-        if let Some(coverage) = coverage {
-            let part = name_of(&args.part);
-            let cutter = &format!("{} tools", tools.len());
-            let part = PartView { name: &part, mesh: shown, sites, cutter };
-            paths.extend(coverage.write(&args.out, part, show, unit)?);
-            paths.extend(findings.overall().write(&args.out, (part.name, cutter), unit)?);
-            views.insert(0, coverage.view(findings.overall().clone()));
-        }
-        if args.report {
-            let page = Page { part: &name_of(&args.part), mesh: shown, sites, views: &views, unit };
-            paths.push(page.write(&args.out)?);
-        }
-        if let Some(mesh) = mesh {
-            paths.push(folder::write_surface(&args.out, mesh)?);
-        }
-        let region = self.scope.as_ref().map(|scope| scope.write(&args.out));
-        paths.extend(region.transpose()?.flatten());
-        if let Some(fixtures) = &self.fixtures {
-            paths.push(folder::write_fixtures(&args.out, fixtures)?);
-        }
-        Ok(paths)
-    }
-
-    fn file(&self, (tool, warnings): (&Tool, &[Warning]), labels: Labels) -> LabelFile {
-        let provenance = self.provenance(tool, warnings);
-        LabelFile { provenance, sites: self.sites.clone(), labels }
-    }
-
-    fn provenance(&self, tool: &Tool, warnings: &[Warning]) -> Provenance {
-        let Answers { args, directions, .. } = self;
-        let mut of_tool = ToolSettings::of(tool);
-        of_tool.of_library = Some(args.tools.are_of_files());
-        let mut settings = AnalysisSettings::default();
-        settings.sites = Some(args.sites.settings(self.mesh.is_some()));
-        settings.region = self.scope.as_ref().and_then(Scope::settings);
-        settings.surface = Some(self.surface.clone());
-        settings.tool = Some(of_tool);
-        settings.directions = Some(directions.set().clone());
-        settings.n_directions = Some(directions.len());
-        settings.definition = Some(self.blocking.definition());
-        settings.obstacles = args.obstacles.as_ref().map(|_| self.blocking);
-        settings.part_itself = (self.blocking == Blocking::Part).then(|| args.surface.settings());
-        settings.warnings = Some(part_itself::stated(warnings));
-        settings.occlusion = Some(self.has_occlusion);
-        settings.occlusion_share = self.has_occlusion.then(|| args.share_of_occlusion());
-        settings.occlusion_rounding = Some(self.options.rounding);
-        settings.bottom_mm = self.options.bottom_mm;
-        settings.clearance_limit_mm = args.clearance_limit;
-        settings.engine = Some(args.engine.clone());
-        settings.origin_mm = args.read.origin_mm();
-        Provenance { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings }
-    }
-}
-
-/// The findings of every tool, and of all together if there are several.
-struct Regions {
-    of_tools: Vec<Findings>,
-    of_all: Option<Findings>,
-}
-
-impl Regions {
-    fn find(about: &Answers, labels: &[Labels]) -> Result<Self> {
-        let answers: Vec<&SiteAnswers> = labels.iter().map(|labels| &labels.answers).collect();
-        let names: Vec<&str> = about.tools.iter().map(|tool| &*tool.name).collect();
-        let all: Vec<&Labels> = labels.iter().collect();
-        let (mesh, sites) = about.shown();
-        let of_tools = findings::of_tools(sites, mesh, &names, &all)?;
-        let all = |answers| Findings::of(sites, mesh, &answers, &[]);
-        let of_all = (labels.len() > 1).then(|| all(for_all_tools(answers.into_iter())));
-        Ok(Regions { of_tools, of_all: of_all.transpose()? })
-    }
-
-    /// Where no tool reaches.
-    fn overall(&self) -> &Findings {
-        self.of_all.as_ref().unwrap_or(&self.of_tools[0])
-    }
-}
+/// Keys and names of what [`Outcome::seconds`](deepmill::analysis::Outcome::seconds) has.
+const STAGES: [[&str; 2]; 3] =
+    [["sites_s", "sites"], ["labels_s", "labels"], ["findings_s", "findings"]];

@@ -1,26 +1,22 @@
 //! Arguments of `deepmill label` for the mesh definition: tolerance, fixtures, table.
 
-use crate::args::{called, millimeters};
-use crate::fixtures::{self, Kept};
+use crate::args::{called, millimeters, name_of};
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
-use crate::progress;
-use deepmill::access::surface::explain::blocking_parts_among_points;
+use deepmill::access::Labels;
 use deepmill::access::surface::{
     ContactTolerance, FINISH_MM, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions,
     TriangleObstacles, WIDE_MM, Warning, blocking_faces,
 };
-use deepmill::access::{Labels, Obstacles};
+use deepmill::analysis::{Fixture, ToolOutcome};
 use deepmill::data::files::settings::{Blocking, PartSettings, StatedWarning};
 use deepmill::data::files::tools::Tool;
-use deepmill::directions::Directions;
 use deepmill::geom::{Mesh, Sites, check};
 use deepmill::report::gate::SiteAreas;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result};
-use glam::{DVec3, dvec3};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Which obstacles an option names; by default the part, if there are triangles.
 pub fn blocking(text: Option<&str>, has_mesh: bool, output: &Output) -> Result<Blocking> {
@@ -75,6 +71,11 @@ impl ToleranceArgs {
         rough.map_err(|error| called(error, "--allowance"))
     }
 
+    /// How much may remain, mm.
+    pub fn finish_mm(&self) -> f64 {
+        self.finish
+    }
+
     /// What a file says of them; the allowance belongs to its tools.
     pub fn settings(&self) -> PartSettings {
         let mut settings = PartSettings::default();
@@ -118,32 +119,37 @@ impl SurfaceArgs {
         read: &MeshArgs,
         output: &Output,
     ) -> Result<TriangleObstacles> {
-        let obstacles = TriangleObstacles::new(mesh, &self.fixtures(mesh, read, output)?)?;
+        let mut fixtures = self.fixtures(read, output)?;
+        for fixture in &fixtures {
+            fixture.require_finite()?;
+            fixture.warnings(mesh)?.iter().for_each(|warning| output.warn(warning));
+        }
+        if let Some(z) = self.table(read) {
+            let table = Fixture::table(mesh, z).map_err(|error| called(error, "--table"))?;
+            fixtures.push(table);
+            Fixture::table_warning(mesh, z).iter().for_each(|warning| output.warn(warning));
+        }
+        let fixtures: Vec<Mesh> = fixtures.into_iter().map(|fixture| fixture.mesh).collect();
+        let obstacles = TriangleObstacles::new(mesh, &fixtures)?;
         say_without_area(&obstacles, output);
         Ok(obstacles)
     }
 
-    /// What blocks beside the part: fixtures and the table.
-    pub fn fixtures(&self, mesh: &Mesh, read: &MeshArgs, output: &Output) -> Result<Vec<Mesh>> {
-        let mut fixtures = Vec::new();
-        for path in &self.fixture {
-            let fixture = read.read_fixture(path, output)?;
-            check_fixture(path, &fixture)?;
-            fixtures::warn(path, mesh, &fixture, output)?;
-            fixtures.push(fixture);
-        }
-        if let Some(z) = self.table {
-            let z = z - read.origin().map_or(0.0, |at| at.z);
-            fixtures.push(table(mesh, z)?);
-            let (low, high) = mesh.bounds().unwrap_or_default();
-            if z > low.z {
-                output.warn(format!(
-                    "the table at z = {z} mm is not below the part, which reaches from {:.3} to {:.3} mm",
-                    low.z, high.z
-                ));
-            }
-        }
-        Ok(fixtures)
+    /// What blocks beside the part and the table.
+    pub fn fixtures(&self, read: &MeshArgs, output: &Output) -> Result<Vec<Fixture>> {
+        let of_file =
+            |path: &PathBuf| Ok(Fixture::new(name_of(path), read.read_fixture(path, output)?));
+        self.fixture.iter().map(of_file).collect()
+    }
+
+    /// Height of the table in the coordinates of the part that was read.
+    pub fn table(&self, read: &MeshArgs) -> Option<f64> {
+        self.table.map(|z| z - read.origin().map_or(0.0, |at| at.z))
+    }
+
+    /// Whether proofs are searched for.
+    pub fn proves(&self) -> bool {
+        self.prove
     }
 
     /// The options that these arguments make.
@@ -157,55 +163,6 @@ impl SurfaceArgs {
             refinement: (self.search > 0).then_some(search),
             ..self.tolerances.options()?
         })
-    }
-
-    /// Labels for every cutter, and warnings about them.
-    pub fn label(
-        (mesh, obstacles): (&Mesh, &TriangleObstacles),
-        sites: &Sites,
-        tools: &[Tool],
-        directions: &Directions,
-        options: &SurfaceOptions,
-    ) -> Result<(Vec<Labels>, Vec<Vec<Warning>>)> {
-        let label = |tool: &Tool| {
-            let cutter = &tool.cutter;
-            let mut labels = obstacles.label_sites(sites, cutter, directions, options)?;
-            let surface = labels.surface.as_mut().expect("labels by the mesh definition");
-            let reached = surface.answers.iter().map(|a| *a == SiteAnswer::Accessible);
-            let reached: Vec<bool> = reached.collect();
-            let found = (&reached[..], &surface.witness[..]);
-            let rests =
-                obstacles.rest_on_wide_tolerance(sites, cutter, directions, options, found)?;
-            if rests.contains(&true) {
-                surface.rests_on_tolerance = rests;
-            }
-            let mut warnings = obstacles.warnings(mesh, sites, cutter, surface)?;
-            if tool.clearance_mm > 0.0 {
-                let answered = (options, &surface.answers[..]);
-                let without = tool.assembly.cutter()?;
-                let share =
-                    obstacles.share_closed_by_clearance(sites, &without, directions, answered)?;
-                let is_reached = reached.contains(&true);
-                warnings.extend(Warning::of_clearance(tool.clearance_mm, share, is_reached));
-            }
-            Ok((labels, warnings))
-        };
-        let progress = progress::bar(tools.len() as u64, "tools");
-        let counted = tools.iter().map(|tool| label(tool).inspect(|_| progress.inc(1)));
-        let all = counted.collect::<Result<Vec<_>>>()?;
-        progress.finish_and_clear();
-        Ok(all.into_iter().unzip())
-    }
-
-    /// What the fixtures that were read keep out of reach.
-    pub fn kept(
-        &self,
-        (mesh, fixtures): (&Mesh, &[Mesh]),
-        answered: (&Sites, &[Labels]),
-        tools: &[Tool],
-        by: (&Directions, &SurfaceOptions),
-    ) -> Result<Kept> {
-        Kept::find(&self.fixture, (mesh, fixtures), answered, tools, by)
     }
 
     /// Whether the directions between those tested are searched.
@@ -236,33 +193,6 @@ pub fn say_without_area(obstacles: &TriangleObstacles, output: &Output) {
         output.say(format!("{n} triangle{s} without area {are} no obstacle{s}"));
     }
 }
-
-/// A fixture that can block.
-fn check_fixture(path: &Path, mesh: &Mesh) -> Result<()> {
-    let usable = |v: &DVec3| v.is_finite() && v.abs().max_element() <= MAX_COORDINATE_MM;
-    let Some(k) = mesh.vertices.iter().position(|v| !usable(v)) else { return Ok(()) };
-    let found = format!("position {}", mesh.vertices[k]);
-    let remedy =
-        "coordinates of a fixture must be finite and within 1 km; check the file and --unit";
-    Err(Error::file(path, format!("vertex {k}"), found, remedy))
-}
-
-/// A square at a height, far wider than the part.
-fn table(part: &Mesh, z: f64) -> Result<Mesh> {
-    if !z.is_finite() || z.abs() > MAX_COORDINATE_MM {
-        let remedy = "give the height of its surface in the part's coordinates";
-        return Err(Error::argument("--table", z, "a height in mm within 1 km", remedy));
-    }
-    let (low, high) = part.bounds().unwrap_or_default();
-    let half = 2.0 * (high - low).length() + 500.0;
-    let middle = 0.5 * (low + high);
-    let corner = |x: f64, y: f64| DVec3::new(middle.x, middle.y, z) + dvec3(x, y, 0.0) * half;
-    let vertices = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
-    Ok(Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] })
-}
-
-/// Coordinates beyond this are refused.
-const MAX_COORDINATE_MM: f64 = 1e6;
 
 /// Says the warnings; as JSON for the result.
 pub fn say_warnings(warnings: &[Warning], tool: Option<&str>, output: &Output) -> Value {
@@ -316,31 +246,9 @@ pub fn say_bodies(
     Ok((0..n_bodies).map(of).collect())
 }
 
-/// Adds which part of the tool keeps it from every site; without triangles, the points block.
-pub fn add_blocking_parts(
-    labels: &mut Labels,
-    tool: &Tool,
-    (sites, points, triangles): (&Sites, Obstacles, Option<&TriangleObstacles>),
-    directions: &Directions,
-    options: &SurfaceOptions,
-) -> Result<()> {
-    let held = (&tool.assembly, tool.clearance_mm);
-    labels.blocked_by = match (triangles, &labels.surface) {
-        (Some(triangles), Some(surface)) => {
-            let answered = (options, &surface.answers[..]);
-            triangles.blocking_parts(sites, held, directions, answered)?
-        }
-        _ => {
-            let inaccessible = &labels.answers.inaccessible;
-            blocking_parts_among_points(sites, points, held, directions, inaccessible)?
-        }
-    };
-    Ok(())
-}
-
 /// Adds both tolerances, and how many answers rest on a wide one: of several tools the most.
-pub fn add_tolerances(facts: &mut Facts, labels: &[Labels], finish_mm: f64) {
-    let surfaces = || labels.iter().filter_map(|labels| labels.surface.as_ref());
+pub fn add_tolerances(facts: &mut Facts, answers: &[ToolOutcome], finish_mm: f64) {
+    let surfaces = || answers.iter().filter_map(|answer| answer.labels.surface.as_ref());
     if surfaces().next().is_none() {
         return;
     }

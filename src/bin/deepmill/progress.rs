@@ -1,7 +1,9 @@
 //! Progress bars on standard error, and the flag that Ctrl-C sets.
 
+use deepmill::analysis::{Observer, Progress, Stage};
 use deepmill::{Error, Result};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -14,6 +16,25 @@ pub fn bar(n: u64, things: &'static str) -> ProgressBar {
     let bar = ProgressBar::new(n).with_style(style).with_prefix(things);
     bar.enable_steady_tick(TICK);
     bar
+}
+
+/// Bars for the stages of an analysis that go by tools.
+#[derive(Default)]
+pub struct Bars(Option<ProgressBar>);
+
+impl Observer for Bars {
+    fn progress(&mut self, progress: Progress) -> ControlFlow<()> {
+        if !matches!(progress.stage, Stage::Labels | Stage::Writing) {
+            return ControlFlow::Continue(());
+        }
+        let bar = self.0.get_or_insert_with(|| bar(progress.of as u64, "tools"));
+        bar.set_position(progress.done as u64);
+        if progress.done == progress.of {
+            bar.finish_and_clear();
+            self.0 = None;
+        }
+        ControlFlow::Continue(())
+    }
 }
 
 const TICK: Duration = Duration::from_millis(500);

@@ -3,6 +3,7 @@
 use crate::args::{SiteArgs, called, millimeters};
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
+use deepmill::analysis::Analysis;
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::LabelFile;
 use deepmill::data::files::label_query::SURFACE;
@@ -59,6 +60,24 @@ impl RegionArgs {
         }
     }
 
+    /// The faces that are named.
+    pub fn selection(&self, read: &MeshArgs, output: &Output) -> Result<Selection> {
+        let all = |texts: &[String], option: &'static str| {
+            let read = |text: &String| selector(text, option, read, output);
+            texts.iter().map(read).collect::<Result<Vec<Selector>>>()
+        };
+        Ok(Selection { only: all(&self.only, "--only")?, except: all(&self.except, "--except")? })
+    }
+
+    /// What an analysis is asked, with the region if there is one.
+    pub fn add_to(&self, analysis: Analysis, read: &MeshArgs, output: &Output) -> Result<Analysis> {
+        if !self.is_given() {
+            return Ok(analysis);
+        }
+        let selection = self.selection(read, output)?;
+        Ok(analysis.region(selection, self.only.clone(), self.except.clone()))
+    }
+
     /// The sites on the region, their faces those of the part.
     pub fn place(
         &self,
@@ -72,12 +91,7 @@ impl RegionArgs {
         if !self.is_given() {
             return Ok((scope, sites.on(mesh)?));
         }
-        let all = |texts: &[String], option: &'static str| {
-            let read = |text: &String| selector(text, option, read, output);
-            texts.iter().map(read).collect::<Result<Vec<Selector>>>()
-        };
-        let selection =
-            Selection { only: all(&self.only, "--only")?, except: all(&self.except, "--except")? };
+        let selection = self.selection(read, output)?;
         let region = selection.of(mesh).map_err(|error| called(error, "--only, --except"))?;
         let on_region = match sites.spread()? {
             Some(options) => selection.sample(mesh, &region, &options)?,
@@ -100,20 +114,7 @@ impl Scope {
 
     /// Says the region; adds it to the result.
     pub fn say(&self, result: &mut Value, output: &Output) {
-        let Some((region, _)) = &self.region else { return };
-        let area = region.mesh.area();
-        let words = |name: &str, texts: &[String]| match texts {
-            [] => String::new(),
-            texts => format!("{name} {}, ", texts.join(" and ")),
-        };
-        output.say(format!(
-            "region: {}{}{area:.1} of {:.1} mm² ({:.2} %); areas and shares are of it",
-            words("only", &self.only),
-            words("except", &self.except),
-            self.part_mm2,
-            100.0 * area / self.part_mm2
-        ));
-        result["region"] = json!(self.settings());
+        say(self.settings(), result, output);
     }
 
     /// What files and results say of it; none for all of the part.
@@ -131,6 +132,24 @@ impl Scope {
         let path = folder.join(REGION);
         formats::write_stl(&path, &region.mesh).map(|()| Some(path))
     }
+}
+
+/// Says a region; adds it to the result.
+pub fn say(region: Option<RegionSettings>, result: &mut Value, output: &Output) {
+    let Some(region) = region else { return };
+    let words = |name: &str, texts: &[String]| match texts {
+        [] => String::new(),
+        texts => format!("{name} {}, ", texts.join(" and ")),
+    };
+    output.say(format!(
+        "region: {}{}{:.1} of {:.1} mm² ({:.2} %); areas and shares are of it",
+        words("only", &region.only),
+        words("except", &region.except),
+        region.area_mm2,
+        region.part_area_mm2,
+        100.0 * region.area_mm2 / region.part_area_mm2
+    ));
+    result["region"] = json!(region);
 }
 
 fn selector(

@@ -4,6 +4,7 @@ use crate::findings;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use crate::region::{REGION, take_region};
+use deepmill::analysis::{advise, findings_of_tools};
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::label_query::LabelQuery;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
@@ -103,10 +104,10 @@ pub fn page(
 ) -> Result<PathBuf> {
     let mut views = Vec::new();
     if let Some((file, path)) = labels {
-        let mut found = findings::of_tools(&file.sites, mesh, &[""], &[&file.labels])?;
+        let mut found = findings_of_tools(&file.sites, mesh, &[""], &[&file.labels])?;
         // Files of older versions do not say enough to look for a change of the tool.
         if let (Ok(query), [found]) = (LabelQuery::read(path, None), &mut found[..]) {
-            findings::advise(found, &query.tool.assembly, |members| query.change_for(members))?;
+            advise(found, &query.tool.assembly, |members| query.change_for(members))?;
         }
         views.extend(found.into_iter().map(|found| View::of_labels("exact", file, found)));
     }
@@ -148,7 +149,7 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     let answers: Vec<&SiteAnswers> = files.iter().map(|file| &file.labels.answers).collect();
     let tools: Vec<&str> = names.iter().map(String::as_str).collect();
     let labels: Vec<_> = files.iter().map(|file| &file.labels).collect();
-    let of_tools = findings::of_tools(sites, mesh.as_ref(), &tools, &labels)?;
+    let of_tools = findings_of_tools(sites, mesh.as_ref(), &tools, &labels)?;
     let accessible: Vec<Vec<bool>> = answers.iter().map(|answers| answers.accessible()).collect();
     let first = |i: usize| accessible.iter().position(|accessible| accessible[i]);
     let first: Vec<Option<usize>> = (0..sites.len()).map(first).collect();

@@ -98,6 +98,18 @@ pub enum MeshOrCloud {
     Cloud(Sites),
 }
 
+impl From<Mesh> for MeshOrCloud {
+    fn from(mesh: Mesh) -> Self {
+        MeshOrCloud::Mesh(mesh)
+    }
+}
+
+impl From<Sites> for MeshOrCloud {
+    fn from(cloud: Sites) -> Self {
+        MeshOrCloud::Cloud(cloud)
+    }
+}
+
 /// Reads a mesh or a cloud, whichever `path` holds: an NPZ, or a PLY without faces of any kind but with
 /// normals, is a cloud.
 ///

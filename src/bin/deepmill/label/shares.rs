@@ -1,6 +1,6 @@
 //! Shares, clearances and the bottom rule as facts.
 
-use deepmill::access::{LabelOptions, Labels, bottom_sites};
+use deepmill::access::{Labels, bottom_sites};
 use deepmill::geom::Sites;
 use deepmill::report::coverage::Shares;
 use deepmill::report::tables::{Cell, Facts};
@@ -36,8 +36,8 @@ pub fn add_shares(facts: &mut Facts, shares: Shares) {
 }
 
 /// Adds the bottom rule, if there is one, and how many sites it labels.
-pub fn add_bottom(facts: &mut Facts, options: &LabelOptions, sites: &Sites) {
-    let Some(bottom_mm) = options.bottom_mm else { return };
+pub fn add_bottom(facts: &mut Facts, bottom_mm: Option<f64>, sites: &Sites) {
+    let Some(bottom_mm) = bottom_mm else { return };
     let n_by_rule = bottom_sites(&sites.points, bottom_mm).into_iter().filter(|by_rule| *by_rule);
     facts.add("bottom_mm", "bottom rule, mm", Cell::Given(bottom_mm));
     let words = "accessible by the bottom rule, sites";

@@ -1,0 +1,262 @@
+//! From a part and its tools to a folder of results: what the command `label` does, for programs.
+//!
+//! [`Analysis`] is what is asked: a part, tools, and options. [`Analysis::place`] spreads the sites, [`Placed::label`]
+//! computes their answers, [`Analysis::run`] does both. An [`Outcome`] holds every answer once, with what follows from
+//! it: findings, coverage, warnings. [`Outcome::write`] writes the folder that `deepmill label` writes.
+//!
+//! An [`Observer`] hears how far the work is and may stop it.
+//!
+//! ```
+//! use deepmill::analysis::Analysis;
+//! use deepmill::data::files::tools::Tool;
+//! use deepmill::geom::solids;
+//! use deepmill::glam::DVec3;
+//!
+//! let part = solids::cuboid(DVec3::new(40.0, 30.0, 20.0)); // or geom::formats::read_part
+//! let tool = Tool::new("3,20,20,20".parse()?, Some(0.0), 0.0)?; // a flat end of 6 mm
+//! let outcome = Analysis::new("block", part, vec![tool])
+//!     .n_sites(500)
+//!     .directions("up".parse()?)
+//!     .run(&mut ())?; // nobody watches
+//! let share = outcome.areas()?.share(|i| outcome.accessible()[0][i]); // of the surface
+//! assert!((share - 0.77).abs() < 0.01); // all but the underside
+//! # Ok::<(), deepmill::Error>(())
+//! ```
+
+mod findings;
+mod fixtures;
+mod observer;
+mod outcome;
+mod placed;
+mod write;
+
+pub use findings::{N_SHOWN, advise, findings_of_tools};
+pub use fixtures::{Fixture, KeptOut};
+pub use observer::{Observer, Progress, Stage};
+pub use outcome::{Outcome, ToolOutcome};
+pub use placed::Placed;
+pub use write::Files;
+
+use crate::Result;
+use crate::access::LabelOptions;
+use crate::access::surface::SurfaceOptions;
+use crate::access::surface::explain::Remedies;
+use crate::data::files::settings::{Blocking, SiteSettings};
+use crate::data::files::tools::Tool;
+use crate::directions::Directions;
+use crate::geom::formats::MeshOrCloud;
+use crate::geom::selection::Selection;
+use crate::geom::sites::{Normals, SiteOptions};
+use glam::DVec3;
+
+/// What is asked of a part.
+#[derive(Debug, Clone)]
+pub struct Analysis {
+    part: String,
+    shape: MeshOrCloud,
+    origin: Option<DVec3>,
+    tools: Vec<Tool>,
+    /// Whether each tool has a folder of its own.
+    has_folders: bool,
+    /// Whether the tools are those that there are.
+    is_library: bool,
+    sites: Placement,
+    region: Option<Region>,
+    directions: Option<Directions>,
+    obstacles: Option<Blocking>,
+    fixtures: Vec<Fixture>,
+    table_z_mm: Option<f64>,
+    prove: bool,
+    options: SurfaceOptions,
+    published: LabelOptions,
+}
+
+/// Where the sites are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Placement {
+    Spread(SiteOptions),
+    /// The corners of the mesh; the seed is that of further obstacles.
+    Vertices {
+        seed: u64,
+    },
+}
+
+/// A region, and how it was named.
+#[derive(Debug, Clone)]
+struct Region {
+    selection: Selection,
+    only: Vec<String>,
+    except: Vec<String>,
+}
+
+impl Analysis {
+    /// A part, with a name for files and titles, and the tools that are to mill it: 7,000 sites, answered by the mesh
+    /// definition, or for a cloud by the published one. Lengths are mm.
+    ///
+    /// Several tools get a folder each ([`Outcome::write`]).
+    pub fn new(part: impl Into<String>, shape: impl Into<MeshOrCloud>, tools: Vec<Tool>) -> Self {
+        Analysis {
+            part: part.into(),
+            shape: shape.into(),
+            origin: None,
+            has_folders: tools.len() > 1,
+            is_library: false,
+            tools,
+            sites: Placement::Spread(SiteOptions::default()),
+            region: None,
+            directions: None,
+            obstacles: None,
+            fixtures: Vec::new(),
+            table_z_mm: None,
+            prove: false,
+            options: SurfaceOptions { occlusion: false, ..SurfaceOptions::default() },
+            published: LabelOptions::published(),
+        }
+    }
+
+    /// Spreads about so many sites over a mesh.
+    #[must_use]
+    pub fn n_sites(self, n_sites: usize) -> Self {
+        self.spread(SiteOptions { n_sites, ..SiteOptions::default() })
+    }
+
+    /// Spreads sites over a mesh; a cloud is taken as it is.
+    #[must_use]
+    pub fn spread(mut self, options: SiteOptions) -> Self {
+        self.sites = Placement::Spread(options);
+        self
+    }
+
+    /// Takes the corners of a mesh as its sites.
+    #[must_use]
+    pub fn at_vertices(mut self, seed_of_further_obstacles: u64) -> Self {
+        self.sites = Placement::Vertices { seed: seed_of_further_obstacles };
+        self
+    }
+
+    /// Answers for a region of the part only; all of it blocks. `only` and `except` name its parts in files.
+    #[must_use]
+    pub fn region(mut self, selection: Selection, only: Vec<String>, except: Vec<String>) -> Self {
+        self.region = Some(Region { selection, only, except });
+        self
+    }
+
+    /// The directions tested; by default 150 over the upper half, of the published definition those published.
+    #[must_use]
+    pub fn directions(mut self, directions: Directions) -> Self {
+        self.directions = Some(directions);
+        self
+    }
+
+    /// What blocks; by default the triangles of a mesh, the points of a cloud.
+    #[must_use]
+    pub fn obstacles(mut self, blocking: Blocking) -> Self {
+        self.obstacles = Some(blocking);
+        self
+    }
+
+    /// A mesh that blocks too, by the mesh definition, in the part's coordinates; its name is for findings.
+    #[must_use]
+    pub fn fixture(mut self, fixture: Fixture) -> Self {
+        self.fixtures.push(fixture);
+        self
+    }
+
+    /// A table at this height, which blocks too, by the mesh definition.
+    #[must_use]
+    pub fn table(mut self, z_mm: f64) -> Self {
+        self.table_z_mm = Some(z_mm);
+        self
+    }
+
+    /// Options of the mesh definition: tolerances, search between the directions, occlusion, clearances.
+    #[must_use]
+    pub fn options(mut self, options: SurfaceOptions) -> Self {
+        self.options = options;
+        self
+    }
+
+    /// The options are those of proofs ([`RefinementOptions::proving`](crate::access::surface::RefinementOptions)).
+    #[must_use]
+    pub fn proving(mut self, prove: bool) -> Self {
+        self.prove = prove;
+        self
+    }
+
+    /// Options of the published definition: bottom rule, rounding, share, engine.
+    #[must_use]
+    pub fn published(mut self, options: LabelOptions) -> Self {
+        self.published = options;
+        self
+    }
+
+    /// Whether the tools are those that there are: proposals then change nothing but their stick-out.
+    #[must_use]
+    pub fn library(mut self, is_library: bool) -> Self {
+        self.is_library = is_library;
+        self
+    }
+
+    /// Gives each tool a folder of its own, even if it is one only.
+    #[must_use]
+    pub fn folders(mut self, has_folders: bool) -> Self {
+        self.has_folders = has_folders;
+        self
+    }
+
+    /// The origin of the part's coordinates in those of its file, mm, for files.
+    #[must_use]
+    pub fn origin(mut self, origin: Option<DVec3>) -> Self {
+        self.origin = origin;
+        self
+    }
+
+    /// [`Analysis::place`], then [`Placed::label`].
+    ///
+    /// # Errors
+    /// As these.
+    pub fn run(self, observer: &mut dyn Observer) -> Result<Outcome> {
+        self.place(observer)?.label(observer)
+    }
+
+    /// What blocks.
+    fn blocking(&self) -> Blocking {
+        match (self.obstacles, &self.shape) {
+            (_, MeshOrCloud::Cloud(_)) => Blocking::Points(None),
+            (None, MeshOrCloud::Mesh(_)) => Blocking::Part,
+            (Some(blocking), MeshOrCloud::Mesh(_)) => blocking,
+        }
+    }
+
+    /// Of proposals.
+    fn remedies(&self) -> Remedies {
+        Remedies { only_this_tool: self.is_library, ..Remedies::default() }
+    }
+
+    /// The seed of the sites.
+    fn seed(&self) -> u64 {
+        match self.sites {
+            Placement::Spread(SiteOptions { seed, .. }) | Placement::Vertices { seed } => seed,
+        }
+    }
+
+    /// What files say of the sites.
+    fn site_settings(&self) -> SiteSettings {
+        if matches!(self.shape, MeshOrCloud::Cloud(_)) {
+            return SiteSettings::as_given();
+        }
+        match self.sites {
+            Placement::Vertices { seed } => SiteSettings::spread("vertices".into(), seed, None),
+            Placement::Spread(SiteOptions { n_sites, seed, normals }) => {
+                let smooth_deg = match normals {
+                    // Degrees as people write them.
+                    Normals::Smooth { crease_rad } => {
+                        Some((crease_rad.to_degrees() * 1e9).round() / 1e9)
+                    }
+                    Normals::Face => None,
+                };
+                SiteSettings::spread(n_sites.to_string(), seed, smooth_deg)
+            }
+        }
+    }
+}

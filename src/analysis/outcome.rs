@@ -1,0 +1,232 @@
+//! The answers of an analysis, and what follows from them.
+
+use super::fixtures::KeptOut;
+use super::placed::Placed;
+use crate::Result;
+use crate::access::Labels;
+use crate::access::surface::{ContactTolerance, Warning};
+use crate::answers::{Definition, Rounding, SiteAnswers};
+use crate::data::files::settings::{
+    AnalysisSettings, Blocking, PartSettings, RegionSettings, StatedWarning, ToolSettings,
+};
+use crate::data::files::tools::Tool;
+use crate::data::files::{LabelFile, Provenance};
+use crate::directions::Directions;
+use crate::geom::{Mesh, Sites};
+use crate::report::coverage::Coverage;
+use crate::report::findings::Findings;
+use crate::report::gate::SiteAreas;
+
+/// The answers about one tool.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ToolOutcome {
+    /// Per site.
+    pub labels: Labels,
+    /// What may make them misleading.
+    pub warnings: Vec<Warning>,
+    /// The regions out of reach.
+    pub findings: Findings,
+}
+
+/// Every answer once, and what follows.
+#[derive(Debug)]
+pub struct Outcome {
+    pub(super) placed: Placed,
+    pub(super) answers: Vec<ToolOutcome>,
+    pub(super) of_all: Option<Findings>,
+    pub(super) kept_out: Option<KeptOut>,
+    pub(super) seconds: [f64; 3],
+}
+
+impl Outcome {
+    /// Name of the part.
+    pub fn part(&self) -> &str {
+        &self.placed.asked.part
+    }
+
+    /// By which definition.
+    pub fn definition(&self) -> Definition {
+        self.placed.blocking.definition()
+    }
+
+    /// The tools.
+    pub fn tools(&self) -> &[Tool] {
+        &self.placed.asked.tools
+    }
+
+    /// The directions that were tested.
+    pub fn directions(&self) -> &Directions {
+        &self.placed.directions
+    }
+
+    /// The answers, one for each of [`Outcome::tools`].
+    pub fn answers(&self) -> &[ToolOutcome] {
+        &self.answers
+    }
+
+    /// The whole surface of the part; none for a cloud.
+    pub fn mesh(&self) -> Option<&Mesh> {
+        self.placed.mesh.as_ref()
+    }
+
+    /// The sites; their faces are those of [`Outcome::mesh`].
+    pub fn sites(&self) -> &Sites {
+        &self.placed.sites
+    }
+
+    /// As [`Placed::shown`].
+    pub fn shown(&self) -> (Option<&Mesh>, &Sites) {
+        self.placed.shown()
+    }
+
+    /// Points of the surface that blocked beside the sites, if there were any.
+    pub fn further_obstacles(&self) -> Option<&Sites> {
+        self.placed.more.as_ref()
+    }
+
+    /// What each site stands for: by the published definition all for the same.
+    ///
+    /// # Errors
+    /// As [`SiteAreas::of`].
+    pub fn areas(&self) -> Result<SiteAreas> {
+        let (mesh, sites) = self.shown();
+        SiteAreas::by_definition(sites, mesh, self.definition() == Definition::Part)
+    }
+
+    /// Per tool, whether it reaches each site.
+    pub fn accessible(&self) -> Vec<Vec<bool>> {
+        self.answers.iter().map(|answer| answer.labels.answers.accessible()).collect()
+    }
+
+    /// The answers of each tool with its name.
+    pub fn named(&self) -> impl Iterator<Item = (&str, &SiteAnswers)> {
+        let answers = self.answers.iter().map(|answer| &answer.labels.answers);
+        self.tools().iter().map(|tool| &*tool.name).zip(answers)
+    }
+
+    /// Whether each tool has a folder of its own.
+    pub fn has_folders(&self) -> bool {
+        self.placed.asked.has_folders
+    }
+
+    /// What the tools reach together; `areas` are [`Outcome::areas`].
+    pub fn coverage<'a>(&'a self, areas: &'a SiteAreas) -> Coverage<'a> {
+        let labels: Vec<&Labels> = self.answers.iter().map(|answer| &answer.labels).collect();
+        Coverage::of(self.tools(), &labels, self.directions().len(), areas)
+    }
+
+    /// Where no tool reaches.
+    pub fn findings(&self) -> &Findings {
+        self.of_all.as_ref().unwrap_or(&self.answers[0].findings)
+    }
+
+    /// What fixtures and table keep out of reach, if there are any.
+    pub fn kept_out(&self) -> Option<&KeptOut> {
+        self.kept_out.as_ref()
+    }
+
+    /// Seconds that sites, labels and findings took.
+    pub fn seconds(&self) -> [f64; 3] {
+        self.seconds
+    }
+
+    /// The bottom rule's tolerance, mm, if there is one.
+    pub fn bottom_mm(&self) -> Option<f64> {
+        self.placed.asked.published.bottom_mm.filter(|_| self.definition() == Definition::Sites)
+    }
+
+    /// The region of interest, if the answers are about one.
+    pub fn region(&self) -> Option<RegionSettings> {
+        let (region, _) = self.placed.region.as_ref()?;
+        let asked = self.placed.asked.region.as_ref()?;
+        Some(RegionSettings {
+            only: asked.only.clone(),
+            except: asked.except.clone(),
+            area_mm2: region.mesh.area(),
+            part_area_mm2: self.mesh().map_or(0.0, Mesh::area),
+        })
+    }
+
+    /// The file of a tool's answers.
+    ///
+    /// # Errors
+    /// If a mesh has more triangles than an STL file can count.
+    ///
+    /// # Panics
+    /// If there is no such tool.
+    pub fn file(&self, tool: usize) -> Result<LabelFile> {
+        let of = &self.tools()[tool];
+        let provenance = Provenance {
+            part: self.part().to_owned(),
+            cutter: of.params,
+            tool: of.words(),
+            settings: self.settings(tool)?,
+        };
+        let labels = self.answers[tool].labels.clone();
+        Ok(LabelFile { provenance, sites: self.sites().clone(), labels })
+    }
+
+    fn settings(&self, tool: usize) -> Result<AnalysisSettings> {
+        let Placed { asked, blocking, directions, mesh, .. } = &self.placed;
+        let is_by_mesh = *blocking == Blocking::Part;
+        let fixtures = self.fixtures();
+        let has_occlusion = self.placed.has_occlusion();
+        let share = if is_by_mesh { asked.options.share } else { asked.published.share };
+        let part = || PartSettings {
+            fixtures: self.fixture_names(),
+            table_z_mm: asked.table_z_mm,
+            search: Some(asked.options.refinement.map_or(0, |refinement| refinement.n_kept)),
+            prove: asked.prove,
+            tolerance_mm: match asked.options.tolerance {
+                ContactTolerance::Millimeters(mm) | ContactTolerance::AtMost(mm) => Some(mm),
+                ContactTolerance::Tessellation => None,
+            },
+            finish_mm: Some(asked.options.finish_mm),
+        };
+        let warnings = self.answers[tool].warnings.iter().map(StatedWarning::from);
+        Ok(AnalysisSettings {
+            sites: Some(asked.site_settings()),
+            region: self.region(),
+            surface: Some(AnalysisSettings::surface_of(mesh.as_ref(), fixtures.as_ref())?),
+            tool: Some(ToolSettings {
+                of_library: Some(asked.is_library),
+                ..ToolSettings::of(&self.tools()[tool])
+            }),
+            directions: Some(directions.set().clone()),
+            n_directions: Some(directions.len()),
+            definition: Some(self.definition()),
+            obstacles: asked.obstacles.map(|_| *blocking),
+            part_itself: is_by_mesh.then(part),
+            warnings: Some(warnings.collect()),
+            occlusion: Some(has_occlusion),
+            occlusion_share: has_occlusion.then_some(share),
+            occlusion_rounding: Some(if is_by_mesh {
+                Rounding::Ceil
+            } else {
+                asked.published.rounding
+            }),
+            bottom_mm: self.bottom_mm(),
+            clearance_limit_mm: match is_by_mesh {
+                true => asked.options.clearance_limit_mm,
+                false => asked.published.clearance_limit_mm,
+            },
+            engine: Some(asked.published.engine.name().into()),
+            origin_mm: asked.origin.map(|at| at.to_array()),
+            ..AnalysisSettings::default()
+        })
+    }
+
+    /// Names of the fixtures, without the table.
+    fn fixture_names(&self) -> Vec<String> {
+        let asked = &self.placed.asked;
+        let n = asked.fixtures.len() - usize::from(asked.table_z_mm.is_some());
+        asked.fixtures[..n].iter().map(|fixture| fixture.name.clone()).collect()
+    }
+
+    /// All triangles that block beside the part's.
+    pub(super) fn fixtures(&self) -> Option<Mesh> {
+        let meshes: Vec<Mesh> =
+            self.placed.asked.fixtures.iter().map(|fixture| fixture.mesh.clone()).collect();
+        crate::data::files::label_query::joined(&meshes)
+    }
+}

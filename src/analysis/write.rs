@@ -1,0 +1,108 @@
+//! The folder of an outcome.
+
+use super::observer::{Observer, Stage, tell};
+use super::outcome::Outcome;
+use crate::Result;
+use crate::geom::formats;
+use crate::geom::units::Unit;
+use crate::report::PartView;
+use crate::report::export::Extra;
+use crate::report::folder::{self, Show};
+use crate::report::page::{Page, View};
+use std::path::{Path, PathBuf};
+
+/// Which files an outcome's folder gets beside numbers and colored points.
+#[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Files {
+    /// Whether pictures are drawn (PNG).
+    pub pictures: bool,
+    /// Whether there is a page, `report.html`.
+    pub report: bool,
+    /// Further forms of the answers.
+    pub also: Vec<Extra>,
+    /// Of lengths and areas in tables and on the page.
+    pub unit: Unit,
+}
+
+impl Files {
+    /// Pictures, and with `report` a page.
+    pub fn shown(report: bool) -> Self {
+        Files { pictures: true, report, ..Files::default() }
+    }
+
+    /// Whether pictures are drawn, as `report::folder` has it.
+    pub fn show(&self) -> Show {
+        Show::pictures_unless(!self.pictures)
+    }
+}
+
+/// The region's surface, mm, beside the part's.
+pub(crate) const REGION: &str = "region.stl";
+
+impl Outcome {
+    /// Writes what `deepmill label` writes; returns the paths. Every file is written under another name and then
+    /// renamed: one that is there is whole.
+    ///
+    /// Of each tool, in `folder` or in a folder of its own: `labels.npz`, `labels.ply`, `labels.png`, `findings.json`,
+    /// `findings.csv`. In `folder`: of several tools `tools.csv`, `tools.ply`, `tools.png` and the findings that no
+    /// tool reaches; `part.stl`, `region.stl`, `fixtures.stl`, `report.html`.
+    ///
+    /// # Errors
+    /// If the system refuses a file, or the observer stops it.
+    pub fn write(
+        &self,
+        folder: &Path,
+        files: &Files,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<PathBuf>> {
+        let (mesh, sites) = self.shown();
+        let (show, unit, n_tools) = (files.show(), files.unit, self.tools().len());
+        let (mut paths, mut views) = (Vec::new(), Vec::new());
+        tell(observer, Stage::Writing, (0, n_tools))?;
+        for (k, (tool, answer)) in self.tools().iter().zip(self.answers()).enumerate() {
+            let (of_tool, name) = match self.has_folders() {
+                false => (folder.to_path_buf(), "exact"),
+                true => (folder.join(tool.folder()), &*tool.name),
+            };
+            let file = self.file(k)?;
+            paths.extend(folder::write_labels(&of_tool, &file, mesh, show)?);
+            for extra in &files.also {
+                paths.push(folder::export_labels(&of_tool, &file, mesh, *extra)?);
+            }
+            let about = (&*file.provenance.part, &*file.provenance.tool);
+            paths.extend(answer.findings.write(&of_tool, about, unit)?);
+            if files.report {
+                views.push(View::of_labels(name, &file, answer.findings.clone()));
+            }
+            tell(observer, Stage::Writing, (k + 1, n_tools))?;
+        }
+        let part = self.part();
+        if self.has_folders() {
+            let areas = self.areas()?;
+            let coverage = self.coverage(&areas);
+            let cutter = &*format!("{n_tools} tools");
+            let view = PartView { name: part, mesh, sites, cutter };
+            paths.extend(coverage.write(folder, view, show, unit)?);
+            paths.extend(self.findings().write(folder, (part, cutter), unit)?);
+            if files.report {
+                views.insert(0, coverage.view(self.findings().clone()));
+            }
+        }
+        if files.report {
+            paths.push(Page { part, mesh, sites, views: &views, unit }.write(folder)?);
+        }
+        if let Some(mesh) = self.mesh() {
+            paths.push(folder::write_surface(folder, mesh)?);
+        }
+        if let Some((region, _)) = &self.placed.region {
+            let path = folder.join(REGION);
+            formats::write_stl(&path, &region.mesh)?;
+            paths.push(path);
+        }
+        if let Some(fixtures) = &self.fixtures() {
+            paths.push(folder::write_fixtures(folder, fixtures)?);
+        }
+        Ok(paths)
+    }
+}

@@ -1,0 +1,173 @@
+//! What `deepmill::analysis` promises: a program gets what the command writes, and may stop it.
+#![cfg(feature = "cli")]
+
+mod command;
+
+use command::{Folder, block, deepmill, stl};
+use deepmill::Error;
+use deepmill::access::LabelOptions;
+use deepmill::analysis::{Analysis, Files, Fixture, Progress, Stage};
+use deepmill::data::files::settings::Blocking;
+use deepmill::data::files::tools::Tool;
+use deepmill::directions::Directions;
+use deepmill::geom::formats::{MeshOrCloud, ReadOptions, read_mesh, read_part};
+use deepmill::geom::selection::{Selection, Selector};
+use deepmill::geom::sites::SiteOptions;
+use deepmill::glam::DVec3;
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// Two blocks that meet: a step.
+fn step(folder: &Folder) -> String {
+    let low = block([0.0; 3], [40.0, 30.0, 10.0]);
+    let high = block([0.0, 0.0, 10.0], [15.0, 30.0, 22.0]);
+    let part = folder.file("low.stl", stl(&[low, high].concat()));
+    let output = deepmill(&["check", &part, "--out", &folder.path("step.stl")]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    folder.path("step.stl")
+}
+
+fn flat(lengths: &str) -> Tool {
+    Tool::new(lengths.parse().unwrap(), Some(0.0), 0.0).unwrap()
+}
+
+fn part(path: &str) -> MeshOrCloud {
+    read_part(path.as_ref(), &ReadOptions::default()).unwrap()
+}
+
+/// Every file below a folder, by its path there.
+fn bytes(folder: &str) -> BTreeMap<String, Vec<u8>> {
+    fn add(root: &Path, at: &Path, all: &mut BTreeMap<String, Vec<u8>>) {
+        for entry in std::fs::read_dir(at).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                add(root, &path, all);
+            } else {
+                let name = path.strip_prefix(root).unwrap().display().to_string();
+                all.insert(name, std::fs::read(&path).unwrap());
+            }
+        }
+    }
+    let mut all = BTreeMap::new();
+    add(folder.as_ref(), folder.as_ref(), &mut all);
+    all
+}
+
+/// The command and the analysis write the same folders.
+fn same(folder: &Folder, name: &str, analysis: Analysis, arguments: &[&str]) {
+    let (by_command, by_program) =
+        (folder.path(&format!("{name}-1")), folder.path(&format!("{name}-2")));
+    let all = [&["label"], arguments, &["--out", &by_command]].concat();
+    let output = deepmill(&all);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut files = Files::shown(arguments.contains(&"--report"));
+    files.pictures = !arguments.contains(&"--no-picture");
+    let outcome = analysis.run(&mut ()).unwrap();
+    let paths = outcome.write(by_program.as_ref(), &files, &mut ()).unwrap();
+    let (command, program) = (bytes(&by_command), bytes(&by_program));
+    assert_eq!(paths.len(), program.len(), "every file is named");
+    assert_eq!(command.keys().collect::<Vec<_>>(), program.keys().collect::<Vec<_>>());
+    for (name, bytes) in &command {
+        assert!(bytes == &program[name], "{name}");
+    }
+}
+
+#[test]
+fn a_program_writes_what_the_command_writes() {
+    let folder = Folder::new();
+    let path = step(&folder);
+    let path = path.as_str();
+    let up: Directions = "up".parse().unwrap();
+    let spread = SiteOptions { n_sites: 300, seed: 4, ..SiteOptions::default() };
+    let of = |tools: Vec<Tool>| Analysis::new("step.stl", part(path), tools).spread(spread);
+    let lengths = ["--cutter", "3,20,20,20", "--corner", "0", "--sites", "300", "--seed", "4"];
+    let one = || vec![flat("3,20,20,20")];
+
+    let analysis = of(one()).directions(up.clone());
+    let more = ["--directions", "up", "--report"];
+    same(&folder, "alone", analysis, &[&[path], &lengths[..], &more].concat());
+
+    let vise = folder.file("vise.stl", stl(&block([-10.0, 0.0, 0.0], [0.0, 30.0, 8.0])));
+    let mesh = read_mesh(vise.as_ref(), &ReadOptions::default()).unwrap();
+    let two = vec![flat("3,20,20,20"), flat("6,20,20,20")];
+    let analysis = of(two).fixture(Fixture::new("vise.stl", mesh)).table(-1.0);
+    let more =
+        ["--cutter", "6,20,20,20", "--fixture", &vise, "--table", "-1", "--no-picture", "--report"];
+    same(&folder, "held", analysis, &[&[path], &lengths[..], &more].concat());
+
+    let selector = Selector::Normal { direction: DVec3::Z, within_rad: 10f64.to_radians() };
+    let selection = Selection { only: vec![selector], ..Selection::default() };
+    let analysis = of(one()).region(selection, vec!["normal:0,0,1".into()], vec![]);
+    let more = ["--only", "normal:0,0,1", "--no-picture"];
+    same(&folder, "region", analysis, &[&[path], &lengths[..], &more].concat());
+
+    for (text, blocking) in [
+        ("published", Blocking::Points(None)),
+        ("200", Blocking::Points(Some(200))),
+        ("centroids", Blocking::Centroids),
+    ] {
+        let analysis = of(one()).obstacles(blocking).published(LabelOptions::published());
+        let more = ["--obstacles", text, "--no-picture"];
+        same(&folder, text, analysis, &[&[path], &lengths[..], &more].concat());
+    }
+}
+
+#[test]
+fn work_that_is_stopped_says_so_and_leaves_whole_files() {
+    let folder = Folder::new();
+    let path = step(&folder);
+    let of = || {
+        let tools = vec![flat("3,20,20,20"), flat("6,20,20,20")];
+        Analysis::new("step", part(&path), tools).n_sites(200).directions("up".parse().unwrap())
+    };
+    let mut seen: Vec<(Stage, usize, usize)> = Vec::new();
+    let mut listen = |p: Progress| {
+        seen.push((p.stage, p.done, p.of));
+        ControlFlow::Continue(())
+    };
+    let outcome = of().run(&mut listen).unwrap();
+    let whole = folder.path("whole");
+    outcome.write(whole.as_ref(), &Files::default(), &mut listen).unwrap();
+    assert!(seen.contains(&(Stage::Labels, 1, 2)) && seen.contains(&(Stage::Writing, 2, 2)));
+    for pair in seen.windows(2) {
+        assert!(pair[0].0 != pair[1].0 || pair[0].1 < pair[1].1, "it goes on: {pair:?}");
+    }
+    let whole = bytes(&whole);
+    for stop_at in 0..seen.len() {
+        let mut n = 0;
+        let mut stop = |_: Progress| {
+            n += 1;
+            if n > stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let to = folder.path(&format!("stopped-{stop_at}"));
+        std::fs::create_dir(&to).unwrap();
+        let stopped = of()
+            .run(&mut stop)
+            .and_then(|outcome| outcome.write(to.as_ref(), &Files::default(), &mut stop).map(drop));
+        assert!(matches!(stopped, Err(Error::Interrupted { .. })), "{stop_at}: {stopped:?}");
+        assert!(bytes(&to).iter().all(|(name, bytes)| whole[name] == *bytes), "{stop_at}");
+    }
+}
+
+#[test]
+fn what_cannot_be_asked_is_refused() {
+    let folder = Folder::new();
+    let path = step(&folder);
+    let message = |analysis: Analysis| analysis.n_sites(50).run(&mut ()).unwrap_err().to_string();
+    let none = message(Analysis::new("step", part(&path), vec![]));
+    assert!(none.contains("tools is none"), "{none}");
+    let of = || Analysis::new("step", part(&path), vec![flat("3,20,20,20")]);
+    let nowhere = Selector::Box { low: DVec3::splat(900.0), high: DVec3::splat(901.0) };
+    let nowhere = Selection { only: vec![nowhere], ..Selection::default() };
+    let empty = message(of().region(nowhere.clone(), vec![], vec![]));
+    assert!(empty.contains("region is no face"), "{empty}");
+    let points = message(of().obstacles(Blocking::Points(None)).region(nowhere, vec![], vec![]));
+    assert!(points.contains("points as obstacles"), "{points}");
+    let high = message(of().table(f64::NAN));
+    assert!(high.contains("table is NaN"), "{high}");
+    let mut open = read_mesh(path.as_ref(), &ReadOptions::default()).unwrap();
+    open.vertices[0].x = f64::INFINITY;
+    let far = message(of().fixture(Fixture::new("clamp.stl", open)));
+    assert!(far.contains("clamp.stl: vertex 0"), "{far}");
+}
