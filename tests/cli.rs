@@ -465,11 +465,12 @@ fn report_draws_again_and_compares() {
 #[test]
 fn every_command_has_help_with_an_example() {
     let help = text(&deepmill(&["--help"]).stdout);
-    let listed = help.split("Commands:").nth(1).unwrap().split("Options:").next().unwrap();
+    let listed = help.split("On a part:").nth(1).unwrap().split("Options:").next().unwrap();
     let named = listed.lines().filter_map(|l| l.strip_prefix("  "));
     let commands: Vec<&str> =
         named.filter(|l| !l.starts_with(' ')).filter_map(|l| l.split_whitespace().next()).collect();
-    assert!(commands.contains(&"label"), "{commands:?}");
+    assert!(commands.contains(&"label") && commands.contains(&"reproduce"), "{commands:?}");
+    assert_eq!(commands.len(), 18, "{commands:?}");
     for command in commands.into_iter().filter(|c| *c != "help") {
         let help = text(&deepmill(&[command, "--help"]).stdout);
         let verbs = help.contains("Commands:");

@@ -13,6 +13,7 @@ mod findings;
 mod fixtures;
 mod generate;
 mod gradcheck;
+mod groups;
 mod import;
 mod label;
 mod mesh_args;
@@ -36,7 +37,7 @@ mod usage;
 mod volume;
 mod weights;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use deepmill::Error;
 use deepmill::geom::units::Unit;
 use output::Output;
@@ -85,7 +86,8 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let parsed = groups::grouped(Cli::command()).try_get_matches();
+    let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => return usage::refuse(&error),
         Err(shown) => shown.exit(),
