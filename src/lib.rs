@@ -103,3 +103,6 @@ pub mod train;
 pub use error::{Error, Result};
 /// The vectors that this crate's types hold.
 pub use glam;
+/// The arrays of [`arrays`].
+#[cfg(feature = "ndarray")]
+pub use ndarray;
