@@ -83,3 +83,27 @@ fn a_fixture_that_overlaps_encloses_or_is_open_warns_with_the_number() {
     let (_, warned) = label(&folder, &[("open.stl", open)], &[]);
     assert!(warned.contains("open.stl is open (3 edges"), "{warned}");
 }
+
+#[test]
+fn pictures_and_the_page_show_where_fixtures_are_and_report_draws_them_again() {
+    let folder = Folder::new();
+    let clamp = block([0.0, 0.0, 20.0], [10.0, 30.0, 30.0]);
+    let page = |name: &str| std::fs::read_to_string(folder.path(&format!("{name}/report.html")));
+    let (_, _) = label(&folder, &[], &["--report"]);
+    let shown = "<svg id=\"outlines\"";
+    assert!(!page("out").unwrap().contains(shown));
+    let (_, _) = label(&folder, &[("clamp.stl", clamp.clone())], &["--report"]);
+    assert!(page("out").unwrap().contains(shown));
+    let again = ["report", &folder.path("out"), "--out", &folder.path("again")];
+    assert!(deepmill(&again).status.success());
+    assert!(page("again").unwrap().contains(shown));
+    // Of several tools, the fixtures are in the folder above.
+    let more = ["--cutter", "3,40,5,30", "--report"];
+    let (_, _) = label(&folder, &[("clamp.stl", clamp)], &more);
+    let mut entries = std::fs::read_dir(folder.path("out")).unwrap();
+    let one = entries.find_map(|entry| entry.ok().map(|e| e.path()).filter(|p| p.is_dir()));
+    let one = one.unwrap().display().to_string();
+    let output = deepmill(&["report", &one, "--out", &folder.path("one")]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(page("one").unwrap().contains(shown) && page("out").unwrap().contains(shown));
+}

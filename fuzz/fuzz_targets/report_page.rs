@@ -55,7 +55,8 @@ fuzz_target!(|input: (&str, &str, &str, Vec<(i16, i16, i16, u8)>, i8)| {
     view.settings = Value::String(words.into());
     view.warnings = vec![warning.into()];
     let unit = Unit::ALL[sites.len() % Unit::ALL.len()];
-    let page = Page { part, mesh: None, sites: &sites_of, views: &[view.clone()], unit };
+    let page =
+        Page { part, mesh: None, sites: &sites_of, views: &[view.clone()], unit, outlines: &[] };
     let Ok(html) = page.html() else { return };
     assert_eq!(html.matches("<script").count(), html.matches("</script>").count());
     let about = between(&html, "<script id=\"about\" type=\"application/json\">", "</script>");

@@ -5,10 +5,12 @@ use super::outcome::Outcome;
 use crate::Result;
 use crate::geom::formats;
 use crate::geom::units::Unit;
-use crate::report::PartView;
 use crate::report::export::Extra;
 use crate::report::folder::{self, Show};
+use crate::report::outlines::outlines;
 use crate::report::page::{Page, View};
+use crate::report::{PartView, Scene};
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 
 /// Which files an outcome's folder gets beside numbers and colored points.
@@ -57,6 +59,8 @@ impl Outcome {
         observer: &mut dyn Observer,
     ) -> Result<Vec<PathBuf>> {
         let (mesh, sites) = self.shown();
+        let outlines = self.outlines();
+        let outlines = &outlines[..];
         let (show, unit, n_tools) = (files.show(), files.unit, self.tools().len());
         let (mut paths, mut views) = (Vec::new(), Vec::new());
         tell(observer, Stage::Writing, (0, n_tools))?;
@@ -66,7 +70,7 @@ impl Outcome {
                 true => (folder.join(tool.folder()), &*tool.name),
             };
             let file = self.file(k)?;
-            paths.extend(folder::write_labels(&of_tool, &file, mesh, show)?);
+            paths.extend(folder::write_labels(&of_tool, &file, Scene { mesh, outlines }, show)?);
             for extra in &files.also {
                 paths.push(folder::export_labels(&of_tool, &file, mesh, *extra)?);
             }
@@ -82,7 +86,7 @@ impl Outcome {
             let areas = self.areas()?;
             let coverage = self.coverage(&areas);
             let cutter = &*format!("{n_tools} tools");
-            let view = PartView { name: part, mesh, sites, cutter };
+            let view = PartView { name: part, mesh, sites, cutter, outlines };
             paths.extend(coverage.write(folder, view, show, unit)?);
             paths.extend(self.findings().write(folder, (part, cutter), unit)?);
             if files.report {
@@ -90,7 +94,7 @@ impl Outcome {
             }
         }
         if files.report {
-            paths.push(Page { part, mesh, sites, views: &views, unit }.write(folder)?);
+            paths.push(Page { part, mesh, sites, views: &views, unit, outlines }.write(folder)?);
         }
         if let Some(mesh) = self.mesh() {
             paths.push(folder::write_surface(folder, mesh)?);
@@ -104,5 +108,11 @@ impl Outcome {
             paths.push(folder::write_fixtures(folder, fixtures)?);
         }
         Ok(paths)
+    }
+
+    /// Outlines of fixtures and table near the part.
+    fn outlines(&self) -> Vec<[DVec3; 2]> {
+        let both = self.fixtures().zip(self.shown().0);
+        both.map_or_else(Vec::new, |(fixtures, part)| outlines(&fixtures, part))
     }
 }

@@ -243,7 +243,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.glb");
         for mesh in [Some(&mesh), None] {
-            let part = PartView { name: "a \"b\"", mesh, sites: &sites, cutter: "CR 1" };
+            let part =
+                PartView { name: "a \"b\"", mesh, sites: &sites, cutter: "CR 1", outlines: &[] };
             write_glb(&path, &part, "test", &coloring).unwrap();
             let bytes = std::fs::read(&path).unwrap();
             let word =

@@ -1,15 +1,16 @@
 //! The files of a folder of results: data, colored points and pictures of labels, predictions and their difference.
 
+mod caption;
+
 use super::export::{self, Extra};
 use super::gate::SiteAreas;
 use super::points::{self, PointValues};
-use super::{Coloring, PartView, picture};
+use super::{Coloring, PartView, Scene, picture};
 use crate::Result;
 use crate::answers::SiteAnswers;
-use crate::data::files::settings::Blocking;
 use crate::data::files::{LabelFile, PredictionFile, Provenance};
-use crate::directions::DirectionSet;
 use crate::geom::{Mesh, Sites, formats};
+use caption::setup;
 use std::path::{Path, PathBuf};
 
 /// Names of the data files in a report's folder.
@@ -76,13 +77,13 @@ pub fn write_fixtures(folder: &Path, fixtures: &Mesh) -> Result<PathBuf> {
 pub fn write_labels(
     folder: &Path,
     file: &LabelFile,
-    mesh: Option<&Mesh>,
+    scene: Scene,
     show: Show,
 ) -> Result<Vec<PathBuf>> {
     let data = folder.join(LABELS);
     file.write(&data)?;
     let mut paths = vec![data];
-    paths.extend(draw_labels(folder, file, mesh, show)?);
+    paths.extend(draw_labels(folder, file, scene, show)?);
     Ok(paths)
 }
 
@@ -93,10 +94,10 @@ pub fn write_labels(
 pub fn draw_labels(
     folder: &Path,
     file: &LabelFile,
-    mesh: Option<&Mesh>,
+    scene: Scene,
     show: Show,
 ) -> Result<Vec<PathBuf>> {
-    let writer = Writer { folder, part: part(&file.provenance, &file.sites, mesh), show };
+    let writer = Writer { folder, part: part(&file.provenance, &file.sites, scene), show };
     with_labels(file, |what| writer.write("labels", &what))
 }
 
@@ -110,8 +111,11 @@ pub fn export_labels(
     mesh: Option<&Mesh>,
     format: Extra,
 ) -> Result<PathBuf> {
-    let writer =
-        Writer { folder, part: part(&file.provenance, &file.sites, mesh), show: Show::Points };
+    let writer = Writer {
+        folder,
+        part: part(&file.provenance, &file.sites, mesh.into()),
+        show: Show::Points,
+    };
     with_labels(file, |what| writer.export("labels", &what, format))
 }
 
@@ -157,38 +161,6 @@ fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> R
 /// were asked for.
 pub(super) fn shows_occlusion(file: &LabelFile) -> bool {
     file.labels.surface.is_none() || file.provenance.settings.occlusion == Some(true)
-}
-
-/// Directions, obstacles beyond the part and warnings in a line for a picture.
-fn setup(provenance: &Provenance) -> String {
-    let settings = &provenance.settings;
-    let mut words = Vec::new();
-    if let Some(n) = settings.n_directions {
-        let kind = settings.directions.as_ref().map_or("a set", DirectionSet::kind);
-        words.push(format!("{n} directions ({kind})"));
-    }
-    if let Some(part_itself) = &settings.part_itself {
-        let fixtures = part_itself.fixtures.len();
-        if fixtures > 0 {
-            words.push(format!("{fixtures} fixture{}", if fixtures == 1 { "" } else { "s" }));
-        }
-        if let Some(z) = part_itself.table_z_mm {
-            words.push(format!("table at z = {z} mm"));
-        }
-        if let Some(tolerance) = part_itself.tolerance_mm {
-            words.push(format!("tolerance {tolerance} mm"));
-        }
-    }
-    if let Some(Blocking::Points(Some(n))) = settings.obstacles {
-        words.push(format!("{n} further obstacles"));
-    }
-    words.extend(settings.model.clone());
-    match &settings.warnings_in_words()[..] {
-        [] => {}
-        [one] => words.push(format!("warning: {one}")),
-        [first, rest @ ..] => words.push(format!("warning: {first} (and {} more)", rest.len())),
-    }
-    words.join("  ·  ")
 }
 
 /// Every list of answers that is there, for the first `n` of what it is about.
@@ -249,7 +221,7 @@ pub fn draw_predictions(
     mesh: Option<&Mesh>,
     show: Show,
 ) -> Result<Vec<PathBuf>> {
-    let writer = Writer { folder, part: part(&file.provenance, &file.sites, mesh), show };
+    let writer = Writer { folder, part: part(&file.provenance, &file.sites, mesh.into()), show };
     with_predictions(file, |what| writer.write("predictions", &what))
 }
 
@@ -263,8 +235,11 @@ pub fn export_predictions(
     mesh: Option<&Mesh>,
     format: Extra,
 ) -> Result<PathBuf> {
-    let writer =
-        Writer { folder, part: part(&file.provenance, &file.sites, mesh), show: Show::Points };
+    let writer = Writer {
+        folder,
+        part: part(&file.provenance, &file.sites, mesh.into()),
+        show: Show::Points,
+    };
     with_predictions(file, |what| writer.export("predictions", &what, format))
 }
 
@@ -312,7 +287,8 @@ pub fn write_difference(
     show: Show,
 ) -> Result<Vec<PathBuf>> {
     let n = labels.sites.len();
-    let writer = Writer { folder, part: part(&labels.provenance, &labels.sites, mesh), show };
+    let writer =
+        Writer { folder, part: part(&labels.provenance, &labels.sites, mesh.into()), show };
     let (truth, predicted) = (&labels.labels.answers, predictions.answers());
     let heads = [
         ("inaccessible", truth.inaccessible.get(..n), predicted.inaccessible),
@@ -346,8 +322,9 @@ pub(super) struct Writer<'a> {
     pub show: Show,
 }
 
-fn part<'a>(provenance: &'a Provenance, sites: &'a Sites, mesh: Option<&'a Mesh>) -> PartView<'a> {
-    PartView { name: &provenance.part, mesh, sites, cutter: &provenance.tool }
+fn part<'a>(provenance: &'a Provenance, sites: &'a Sites, scene: Scene<'a>) -> PartView<'a> {
+    let Scene { mesh, outlines } = scene;
+    PartView { name: &provenance.part, mesh, sites, cutter: &provenance.tool, outlines }
 }
 
 /// What a file of one kind of answer shows.
@@ -422,7 +399,7 @@ mod tests {
             verified: None,
         };
         let folder = folder.path();
-        let mut paths = write_labels(folder, &labels, None, Show::Pictures).unwrap();
+        let mut paths = write_labels(folder, &labels, Scene::default(), Show::Pictures).unwrap();
         paths.extend(write_predictions(folder, &predictions, None, Show::Points).unwrap());
         paths.extend(write_difference(folder, &labels, &predictions, None, Show::Points).unwrap());
         let names: Vec<_> =
@@ -467,7 +444,7 @@ mod tests {
         };
         let mesh = crate::geom::solids::cuboid(glam::DVec3::ONE);
         let write = |file: &LabelFile| -> Result<Vec<PathBuf>> {
-            let mut paths = write_labels(&folder, file, None, Show::Points)?;
+            let mut paths = write_labels(&folder, file, Scene::default(), Show::Points)?;
             paths.push(export_labels(&folder, file, None, Extra::Csv)?);
             paths.push(write_surface(&folder, &mesh)?);
             Ok(paths)

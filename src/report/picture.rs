@@ -26,6 +26,8 @@ const BACKGROUND: Rgb = [255, 255, 255];
 const LOOK: Look = Look { background: BACKGROUND, edges: true, from_below: false };
 const INK: Rgb = [40, 42, 46];
 const FAINT: Rgb = [120, 124, 130];
+/// Of outlines of fixtures and table.
+const FIXTURE: Rgb = [120, 60, 170];
 /// Where the two eyes are: opposite each other, so that every side of a box is seen.
 const EYES: [(DVec3, &str); 2] = [
     (DVec3::new(0.75, -1.2, 1.05), "from above, front right"),
@@ -65,7 +67,10 @@ pub fn render(part: &PartView, caption: &str, coloring: &Coloring) -> Image {
     let mut image = Image::new(PANEL * views.len() as u32, head + height + FOOT, BACKGROUND);
     let mut cameras: Vec<Camera> =
         views.iter().map(|(eye, ..)| panel_camera(*eye, width, height)).collect();
-    let fit = |camera: &mut Camera| camera.center_on(painter.surface.vertices(), margin());
+    let fit = |camera: &mut Camera| {
+        let outlines = part.outlines.iter().flatten().copied();
+        camera.center_on(painter.surface.vertices().chain(outlines), margin())
+    };
     let scale = cameras.iter_mut().map(fit).fold(f64::INFINITY, f64::min);
     for (k, (camera, (eye, words, cut))) in cameras.iter_mut().zip(&views).enumerate() {
         camera.scale = scale;
@@ -77,6 +82,8 @@ pub fn render(part: &PartView, caption: &str, coloring: &Coloring) -> Image {
         let view = shade(&fragments, camera, look, |f, p| painter.at(f, p));
         let x = k as i32 * width as i32;
         image.paste(&view, i64::from(x), i64::from(head));
+        let frame = [x, head as i32, width as i32, height as i32];
+        draw_outlines(&mut image, (camera, *cut), part.outlines, frame);
         draw_axes(&mut image, camera, x + 46, (head + height) as i32 - 46);
         image.text(x + 20, head as i32 + 4, words, Font::Small, FAINT);
     }
@@ -151,6 +158,47 @@ fn panel_camera(eye: DVec3, width: u32, height: u32) -> Camera {
     Camera::new(eye, width as usize * SAMPLES, height as usize * SAMPLES)
 }
 
+/// Outlines in front of all but what a section leaves out, within a view's frame: left, top, width, height.
+fn draw_outlines(
+    image: &mut Image,
+    (camera, cut): (&Camera, Option<Cut>),
+    outlines: &[[DVec3; 2]],
+    [left, top, width, height]: [i32; 4],
+) {
+    for segment in outlines {
+        let kept = cut.map_or(Some(*segment), |cut| {
+            let depth = |p: DVec3| cut.offset_mm - cut.normal.dot(p);
+            within(*segment, segment.map(depth))
+        });
+        let projected = kept.map(|kept| kept.map(|p| camera.project(p) / SAMPLES_PER_PIXEL));
+        let sides = [
+            |p: DVec3, _: DVec3| p.x,
+            |p: DVec3, size: DVec3| size.x - p.x,
+            |p: DVec3, _: DVec3| p.y,
+            |p: DVec3, size: DVec3| size.y - p.y,
+        ];
+        let size = DVec3::new(f64::from(width - 1), f64::from(height - 1), 0.0);
+        let seen = sides.iter().fold(projected, |segment, side| {
+            segment.and_then(|segment| within(segment, segment.map(|p| side(p, size))))
+        });
+        if let Some(seen) = seen {
+            let [from, to] = seen.map(|p| [left + p.x.round() as i32, top + p.y.round() as i32]);
+            image.line(from, to, 1, FIXTURE);
+        }
+    }
+}
+
+/// The piece of a segment between its ends where the depth, which is linear, is not negative.
+fn within([a, b]: [DVec3; 2], [at_a, at_b]: [f64; 2]) -> Option<[DVec3; 2]> {
+    let crossing = || a + (b - a) * (at_a / (at_a - at_b));
+    match (at_a >= 0.0, at_b >= 0.0) {
+        (true, true) => Some([a, b]),
+        (true, false) => Some([a, crossing()]),
+        (false, true) => Some([crossing(), b]),
+        (false, false) => None,
+    }
+}
+
 fn draw_title(image: &mut Image, part: &PartView, lines: &[&str]) {
     let width = image.width() - 40;
     let title = format!("{}: {}", part.name, lines.first().unwrap_or(&""));
@@ -171,6 +219,7 @@ fn draw_title(image: &mut Image, part: &PartView, lines: &[&str]) {
             short(size.z)
         ));
     }
+    facts.extend((!part.outlines.is_empty()).then(|| "fixtures in violet".to_string()));
     facts.retain(|f| !f.is_empty());
     let facts = fitted(&facts.join("  ·  "), Font::Bold, width);
     image.text(20, 38, &facts, Font::Bold, FAINT);
@@ -324,7 +373,8 @@ mod tests {
         let none = vec![false; sites.len()];
         let coloring = Coloring::Labels { inaccessible: &below, occlusion: &none };
         for mesh in [Some(&mesh), None] {
-            let part = PartView { name: "block", mesh, sites: &sites, cutter: "CR 1" };
+            let part =
+                PartView { name: "block", mesh, sites: &sites, cutter: "CR 1", outlines: &[] };
             let image = render(&part, "test", &coloring);
             let count = |columns: std::ops::Range<u32>| {
                 let rows = HEAD + 20..HEIGHT - FOOT - 90;
@@ -342,13 +392,37 @@ mod tests {
     }
 
     #[test]
+    fn outlines_are_drawn_over_the_part_but_not_in_front_of_a_section() {
+        let (mesh, sites) = block();
+        let coloring = Coloring::Plain(sites.len());
+        let [low, high] = [DVec3::new(0.0, -3.0, 5.0), DVec3::new(40.0, -3.0, 5.0)];
+        let count = |outlines: &[[DVec3; 2]], panel: u32| {
+            let part =
+                PartView { name: "b", mesh: Some(&mesh), sites: &sites, cutter: "", outlines };
+            let image = render(&part, "", &coloring);
+            let xs = panel * PANEL..(panel + 1) * PANEL;
+            let pixels = xs.flat_map(|x| (HEAD..HEIGHT - FOOT).map(move |y| (x, y)));
+            pixels.filter(|(x, y)| image.pixel(*x, *y) == Some(FIXTURE)).count()
+        };
+        let front = [[low, high]];
+        assert_eq!([0, 1, 2].map(|panel| count(&[], panel)), [0, 0, 0]);
+        assert!(count(&front, 0) > 200 && count(&front, 1) > 200);
+        assert_eq!(count(&front, 2), 0, "the section leaves out what is in front of it");
+        let through = [[low, low.with_y(23.0)]];
+        assert!(count(&through, 2) > 50);
+        let far = [[low, DVec3::new(1e5, -3.0, 5.0)]];
+        assert!(count(&far, 0) > 0);
+    }
+
+    #[test]
     fn pictures_do_not_depend_on_the_number_of_threads() {
         let (mesh, sites) = block();
         let truth: Vec<bool> = (0..sites.len()).map(|i| i % 3 == 0).collect();
         let predicted: Vec<bool> = (0..sites.len()).map(|i| i % 4 == 0).collect();
         let coloring =
             Coloring::Difference { positive: "inaccessible", truth: &truth, predicted: &predicted };
-        let part = PartView { name: "block", mesh: Some(&mesh), sites: &sites, cutter: "" };
+        let part =
+            PartView { name: "block", mesh: Some(&mesh), sites: &sites, cutter: "", outlines: &[] };
         let [one, three] =
             [1, 3].map(|n| par::with_threads(n, || render(&part, "", &coloring)).unwrap());
         assert!(one == three);
@@ -357,7 +431,13 @@ mod tests {
     #[test]
     fn further_lines_of_the_caption_take_room_of_their_own() {
         let (mesh, sites) = block();
-        let part = PartView { name: "block", mesh: Some(&mesh), sites: &sites, cutter: "CR 1" };
+        let part = PartView {
+            name: "block",
+            mesh: Some(&mesh),
+            sites: &sites,
+            cutter: "CR 1",
+            outlines: &[],
+        };
         let coloring = Coloring::Plain(sites.len());
         let [one, two] =
             ["a", "a\n150 directions"].map(|caption| render(&part, caption, &coloring));
@@ -379,7 +459,7 @@ mod tests {
         assert_eq!(thumbnail(&nothing, 40, 30).pixel(20, 15), Some(BACKGROUND));
         let sites = Sites { points: vec![Vec3::ONE], normals: vec![Vec3::Z], faces: vec![] };
         let coloring = Coloring::Labels { inaccessible: &[true], occlusion: &[false] };
-        let part = PartView { name: "dot", mesh: None, sites: &sites, cutter: "" };
+        let part = PartView { name: "dot", mesh: None, sites: &sites, cutter: "", outlines: &[] };
         let image = render(&part, "", &coloring);
         assert!(image.pixel(350, 400).is_some_and(reddish));
     }

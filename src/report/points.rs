@@ -179,7 +179,8 @@ mod tests {
         let path = folder.path().join("a.ply");
         let points = vec![Vec3::new(1.0, 2.0, 3.0), Vec3::new(-0.1, 1e-7, 4.0)];
         let sites = Sites { points, normals: vec![Vec3::X, Vec3::NEG_Z], faces: vec![] };
-        let part = PartView { name: "a\nb", mesh: None, sites: &sites, cutter: "CR 1" };
+        let part =
+            PartView { name: "a\nb", mesh: None, sites: &sites, cutter: "CR 1", outlines: &[] };
         let coloring =
             Coloring::Labels { inaccessible: &[true, false], occlusion: &[false, false] };
         let values = [

@@ -110,7 +110,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.say("Prediction against exact labels; each row names its positive class:");
     output.say(table.text_in(output.unit()));
 
-    let mut paths = folder::write_labels(folder, &labels, Some(&mesh), Show::Pictures)?;
+    let mut paths = folder::write_labels(folder, &labels, Some(&mesh).into(), Show::Pictures)?;
     paths.extend(folder::write_predictions(folder, &predictions, Some(&mesh), Show::Pictures)?);
     paths.extend(folder::write_difference(
         folder,
@@ -122,7 +122,12 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     paths.push(folder::write_surface(folder, &mesh)?);
     if args.report {
         let exact = Some((&labels, &*folder.join(LABELS)));
-        paths.push(report::page(exact, Some(&predictions), Some(&mesh), (folder, output.unit()))?);
+        paths.push(report::page(
+            exact,
+            Some(&predictions),
+            Some(&mesh).into(),
+            (folder, output.unit()),
+        )?);
     }
     output.say(
         "labels.* are the exact answers, predictions.* the network's, difference* where they part;",

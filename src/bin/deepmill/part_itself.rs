@@ -9,6 +9,7 @@ use deepmill::access::surface::{
     TriangleObstacles, WIDE_MM, Warning, blocking_faces,
 };
 use deepmill::analysis::{Fixture, ToolOutcome};
+use deepmill::data::files::label_query::joined;
 use deepmill::data::files::settings::{Blocking, PartSettings, StatedWarning};
 use deepmill::data::files::tools::Tool;
 use deepmill::geom::{Mesh, Sites, check};
@@ -112,13 +113,13 @@ impl SurfaceArgs {
         }
     }
 
-    /// The triangles of the part, its fixtures and the table.
+    /// The triangles of the part, its fixtures and the table; and these alone.
     pub fn obstacles(
         &self,
         mesh: &Mesh,
         read: &MeshArgs,
         output: &Output,
-    ) -> Result<TriangleObstacles> {
+    ) -> Result<(TriangleObstacles, Option<Mesh>)> {
         let mut fixtures = self.fixtures(read, output)?;
         for fixture in &fixtures {
             fixture.require_finite()?;
@@ -132,7 +133,7 @@ impl SurfaceArgs {
         let fixtures: Vec<Mesh> = fixtures.into_iter().map(|fixture| fixture.mesh).collect();
         let obstacles = TriangleObstacles::new(mesh, &fixtures)?;
         say_without_area(&obstacles, output);
-        Ok(obstacles)
+        Ok((obstacles, joined(&fixtures)))
     }
 
     /// What blocks beside the part and the table.

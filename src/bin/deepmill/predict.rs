@@ -338,7 +338,14 @@ impl About<'_> {
                 Ok(view)
             };
             let views = files.iter().map(view).collect::<Result<Vec<_>>>()?;
-            let page = Page { part: &name_of(&args.part), mesh, sites, views: &views, unit };
+            let page = Page {
+                part: &name_of(&args.part),
+                mesh,
+                sites,
+                views: &views,
+                unit,
+                outlines: &[],
+            };
             paths.push(page.write(&args.out)?);
         }
         Ok(paths)

@@ -9,16 +9,20 @@ use deepmill::answers::SiteAnswers;
 use deepmill::data::files::label_query::LabelQuery;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
 use deepmill::geom::Mesh;
+use deepmill::geom::formats::{self, ReadOptions};
 use deepmill::geom::units::Unit;
 use deepmill::metrics::Confusion;
+use deepmill::report::Scene;
 use deepmill::report::coverage::{self, Shares, TOOLS};
 use deepmill::report::findings::{Findings, for_all_tools};
-use deepmill::report::folder::{self, FIRST_TOOLS, LABELS, PREDICTIONS, SURFACE, Show};
+use deepmill::report::folder::{self, FIRST_TOOLS, FIXTURES, LABELS, PREDICTIONS, SURFACE, Show};
 use deepmill::report::gate::SiteAreas;
+use deepmill::report::outlines::outlines;
 use deepmill::report::page::{Page, View};
 use deepmill::report::scores;
 use deepmill::report::tables::{Cell, Table};
 use deepmill::{Error, Result, atomic_file};
+use glam::DVec3;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -55,6 +59,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let out = args.out.as_deref().unwrap_or(&found.folder);
     atomic_file::check_writable_folder(out)?;
     let mesh = found.mesh(args, of_region, output)?;
+    let outlines = found.outlines(mesh.as_ref())?;
+    let scene = Scene { mesh: mesh.as_ref(), outlines: &outlines };
     let mut paths = Vec::new();
     let mut shares = Table::new(&[
         ("source", "answers"),
@@ -67,7 +73,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         ("occlusion", "occlusion"),
     ]);
     if let Some(file) = &labels {
-        paths.extend(folder::draw_labels(out, file, mesh.as_ref(), Show::Pictures)?);
+        paths.extend(folder::draw_labels(out, file, scene, Show::Pictures)?);
         let of_mesh = file.labels.surface.is_some();
         let areas = SiteAreas::by_definition(&file.sites, mesh.as_ref(), of_mesh)?;
         shares.row(row("exact", &file.provenance, &file.labels.answers, &areas));
@@ -88,7 +94,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         result["scores"] = table.json();
     }
     let labels = labels.as_ref().zip(found.labels.as_deref());
-    paths.push(page(labels, predictions.as_ref(), mesh.as_ref(), (out, output.unit()))?);
+    paths.push(page(labels, predictions.as_ref(), scene, (out, output.unit()))?);
     output.files(&paths);
     output.result_with_files(result, &paths);
     Ok(())
@@ -99,7 +105,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 pub fn page(
     labels: Option<(&LabelFile, &Path)>,
     predictions: Option<&PredictionFile>,
-    mesh: Option<&Mesh>,
+    Scene { mesh, outlines }: Scene,
     (folder, unit): (&Path, Unit),
 ) -> Result<PathBuf> {
     let mut views = Vec::new();
@@ -125,7 +131,7 @@ pub fn page(
         let remedy = "name labels or predictions";
         return Err(Error::argument("results", "nothing", "answers to show", remedy));
     };
-    Page { part, mesh, sites, views: &views, unit }.write(folder)
+    Page { part, mesh, sites, views: &views, unit, outlines }.write(folder)
 }
 
 /// The page of a folder that `label` has written for several tools.
@@ -163,9 +169,15 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     let of_tool = |((name, file), found)| View::of_labels(name, file, found);
     views.extend(tools.iter().copied().zip(&files).zip(of_tools).map(of_tool));
     let part = &files[0].provenance.part;
-    let paths =
-        [Page { part, mesh: mesh.as_ref(), sites, views: &views, unit: output.unit() }
-            .write(out)?];
+    let paths = [Page {
+        part,
+        mesh: mesh.as_ref(),
+        sites,
+        views: &views,
+        unit: output.unit(),
+        outlines: &found.outlines(mesh.as_ref())?,
+    }
+    .write(out)?];
     output.files(&paths);
     output.result_with_files(result, &paths);
     Ok(())
@@ -241,18 +253,30 @@ impl Found {
         Ok(found)
     }
 
+    /// A file of the folder or, of one of several tools, of the folder above.
+    fn stored(&self, name: &str) -> PathBuf {
+        let (own, shared) = (self.folder.join(name), self.folder.join(".."));
+        match !own.is_file() && shared.join(FIRST_TOOLS).is_file() {
+            true => shared.join(name),
+            false => own,
+        }
+    }
+
+    /// Outlines of the fixtures that blocked, if there were any.
+    fn outlines(&self, mesh: Option<&Mesh>) -> Result<Vec<[DVec3; 2]>> {
+        let path = self.stored(FIXTURES);
+        let Some(mesh) = mesh.filter(|_| path.is_file()) else { return Ok(Vec::new()) };
+        Ok(outlines(&formats::read_mesh(&path, &ReadOptions::default())?, mesh))
+    }
+
     /// The surface to draw on, if there is one: the part's, or a region of it.
     fn mesh(&self, args: &Args, of_region: bool, output: &Output) -> Result<Option<Mesh>> {
         let name = if of_region { REGION } else { SURFACE };
-        let mut stored = self.folder.join(name);
-        let shared = self.folder.join("..");
-        if !stored.is_file() && shared.join(FIRST_TOOLS).is_file() {
-            stored = shared.join(name);
-        }
+        let stored = self.stored(name);
         match &args.part {
             Some(path) => args.read.read_near(path, output).map(Some),
             None if stored.is_file() => {
-                deepmill::geom::formats::read_mesh(&stored, &Default::default()).map(Some)
+                formats::read_mesh(&stored, &ReadOptions::default()).map(Some)
             }
             None => Ok(None),
         }

@@ -127,7 +127,8 @@ fn measure(
 }
 
 fn write_ply(path: &Path, sites: &Sites, args: &Args) -> Result<()> {
-    let part = PartView { name: &name_of(&args.part), mesh: None, sites, cutter: "none" };
+    let part =
+        PartView { name: &name_of(&args.part), mesh: None, sites, cutter: "none", outlines: &[] };
     points::write(path, &part, &Coloring::Plain(sites.len()), &[], &[])
 }
 

@@ -156,7 +156,13 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let answers = setups.answers();
     let found = Findings::of(of_surface, Some(surface), &answers, &[])?;
     let (name, words) = (name_of(&args.part), format!("{} tools", tools.len()));
-    let view = PartView { name: &name, mesh: Some(surface), sites: of_surface, cutter: &words };
+    let view = PartView {
+        name: &name,
+        mesh: Some(surface),
+        sites: of_surface,
+        cutter: &words,
+        outlines: &[],
+    };
     let mut paths =
         setups.write(&args.out, view, Show::pictures_unless(args.no_picture), output.unit())?;
     paths.extend(found.write(&args.out, (&name, &words), output.unit())?);
@@ -168,6 +174,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
             sites: of_surface,
             views: &views,
             unit: output.unit(),
+            outlines: &[],
         };
         paths.push(page.write(&args.out)?);
     }

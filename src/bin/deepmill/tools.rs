@@ -17,6 +17,7 @@ use deepmill::report::coverage::Coverage;
 use deepmill::report::folder::{self, Show};
 use deepmill::report::gate::SiteAreas;
 use deepmill::report::library::Library;
+use deepmill::report::outlines::outlines;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
 use serde_json::json;
@@ -84,7 +85,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (surface, of_surface) = scope.shown(&mesh, &sites);
     let areas = SiteAreas::of(of_surface, Some(surface))?;
     clock.lap("sites_s", "sites");
-    let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
+    let (obstacles, fixtures) = args.surface.obstacles(&mesh, &args.read, output)?;
     clock.lap("index_s", "search tree");
     let held: Vec<Assembly> = tools.iter().map(Tool::held).collect::<Result<_>>()?;
     let progress = progress::bar(1, "pass over all tools");
@@ -114,7 +115,13 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let accessible: Vec<Vec<bool>> = reach.iter().map(accessible).collect();
     let words = format!("{} tools", tools.len());
     let name = name_of(&args.part);
-    let view = PartView { name: &name, mesh: Some(surface), sites: of_surface, cutter: &words };
+    let view = PartView {
+        name: &name,
+        mesh: Some(surface),
+        sites: of_surface,
+        cutter: &words,
+        outlines: &fixtures.map_or_else(Vec::new, |fixtures| outlines(&fixtures, surface)),
+    };
     paths.extend(
         Coverage::of_reached(&tools, &accessible, &areas).write_first(&args.out, view, show)?,
     );

@@ -49,6 +49,7 @@ pub fn document(page: &Page, areas: &[f64], about: &Value, block: &str) -> Strin
     let scripts = SCRIPTS.map(|script| script.replace("\"use strict\";\n", "")).concat();
     let about = about.to_string().replace('<', "\\u003c");
     let program = Provenance::PROGRAM;
+    let outlines = if page.outlines.is_empty() { "" } else { OUTLINES };
     let _ = write!(
         out,
         r#"<!DOCTYPE html>
@@ -70,7 +71,7 @@ pub fn document(page: &Page, areas: &[f64], about: &Value, block: &str) -> Strin
 <img id="print" alt="">
 {TOOLS}
 <div id="scale"><i></i><span></span></div>
-<svg id="axes" viewBox="0 0 84 84" aria-hidden="true"></svg>
+{outlines}<svg id="axes" viewBox="0 0 84 84" aria-hidden="true"></svg>
 <div id="tip"></div>
 <div id="message"><noscript>The 3-D view needs scripts; tables and findings are complete without it.</noscript></div>
 </section>
@@ -92,6 +93,11 @@ pub fn document(page: &Page, areas: &[f64], about: &Value, block: &str) -> Strin
     );
     out
 }
+
+/// Outlines of fixtures and table over the view, and the box that shows them.
+const OUTLINES: &str = r#"<svg id="outlines" aria-hidden="true"><path d=""/></svg>
+<label id="fixtures"><input type="checkbox" checked> fixtures</label>
+"#;
 
 const TOOLS: &str = r#"<div class="tools">
 <div class="group"><button id="home" title="All of the part">Fit</button><button data-look="-58,30" title="From above, front right">Iso</button><button data-look="-90,90" title="From above">Top</button><button data-look="-90,0" title="From the front">Front</button><button data-look="0,0" title="From the right">Right</button><button data-look="122,-30" title="From below, back left">Below</button></div>

@@ -40,6 +40,8 @@ pub struct Page<'a> {
     pub views: &'a [View],
     /// Of lengths and areas.
     pub unit: Unit,
+    /// Outlines of what blocks beside the part, mm ([`outlines`](crate::report::outlines)).
+    pub outlines: &'a [[DVec3; 2]],
 }
 
 impl Page<'_> {
@@ -118,8 +120,8 @@ impl Page<'_> {
         let about = json!({
             "low_mm": grid.low.to_array(),
             "step_mm": grid.step_mm,
-            "low_box_mm": low.to_array(),
-            "high_box_mm": high.to_array(),
+            "low_box_mm": self.outlines.iter().flatten().fold(low, |low, p| low.min(*p)).to_array(),
+            "high_box_mm": self.outlines.iter().flatten().fold(high, |high, p| high.max(*p)).to_array(),
             "unit": { "name": unit.symbol(), "mm": unit.millimeters() },
             "n_vertices": n_vertices,
             "n_triangles": n_triangles,
@@ -127,6 +129,7 @@ impl Page<'_> {
             "spacing_mm": if spacing_mm > 0.0 { spacing_mm } else { 1.0 },
             "closed": self.mesh.is_some_and(|mesh| check::check(mesh).is_closed()),
             "views": views,
+            "outlines": self.outlines.iter().flatten().map(|p| p.to_array().map(to_micron)).collect::<Vec<_>>(),
             "parts": block.parts(),
         });
         (about, block)
@@ -141,6 +144,11 @@ impl Page<'_> {
             .reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
             .unwrap_or_default()
     }
+}
+
+/// A length, mm, to the micrometer.
+fn to_micron(mm: f64) -> f64 {
+    (mm * 1e3).round() / 1e3
 }
 
 /// Adds the numbers of tab `v`; returns what the script must know of it.
@@ -247,7 +255,7 @@ mod tests {
     }
 
     fn of<'a>(mesh: Option<&'a Mesh>, sites: &'a Sites, views: &'a [View]) -> Page<'a> {
-        Page { part: "p", mesh, sites, views, unit: Unit::Millimeter }
+        Page { part: "p", mesh, sites, views, unit: Unit::Millimeter, outlines: &[] }
     }
 
     #[test]
@@ -261,6 +269,7 @@ mod tests {
             sites: &labels.sites,
             views: &views,
             unit: Unit::Millimeter,
+            outlines: &[],
         };
         let html = page.html().unwrap();
         assert!(!html.contains("alert(1)</script>") && !html.contains("<b>&amp;<"), "markup");
@@ -285,6 +294,20 @@ mod tests {
         let calls = ["http:", "https:", "src=\"", "import ", "url(", "<link", "fetch("];
         assert!(calls.iter().all(|call| !html.contains(call)), "{calls:?}");
         assert!(html.contains("default-src 'none'"));
+    }
+
+    #[test]
+    fn outlines_of_fixtures_are_on_the_page_with_a_box_that_hides_them() {
+        let (mesh, labels, predictions) = files();
+        let views = views(&mesh, &labels, &predictions);
+        let page = of(Some(&mesh), &labels.sites, &views);
+        let drawn = |html: &str| html.contains("<svg id=\"outlines\"");
+        assert!(!drawn(&page.html().unwrap()));
+        let outlines = [[DVec3::new(-50.0, 0.0, 1.23456), DVec3::ZERO]];
+        let html = Page { outlines: &outlines, ..page }.html().unwrap();
+        assert!(drawn(&html) && html.contains("<label id=\"fixtures\">"));
+        assert!(html.contains("\"outlines\":[[-50.0,0.0,1.235],[0.0,0.0,0.0]]"), "coordinates");
+        assert!(html.contains("\"low_box_mm\":[-50.0,"), "the view holds them");
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub struct Sheet {
 impl Sheet {
     /// Adds the view of a part from above; the legend names the colors of all views.
     pub fn add(&mut self, mesh: &Mesh, sites: &Sites, coloring: &Coloring, caption: String) {
-        let part = PartView { name: "", mesh: Some(mesh), sites, cutter: "" };
+        let part = PartView { name: "", mesh: Some(mesh), sites, cutter: "", outlines: &[] };
         let [width, height] = VIEW;
         self.cells.push((picture::view(&part, coloring, width, height), caption));
         for class in coloring.classes() {

@@ -61,8 +61,26 @@ class Viewer {
     this.gpu.draw(this.camera, { ratio: this.ratio, cut: this.cut, palette, ground: rgb(ground), cap: [0.42, 0.45, 0.5], selected: this.selected, hover: this.hover, coarse: coarse < 0.6 }, samples);
     this.overlay();
   }
-  /** Scale bar and axes. */
+  /** Outlines of fixtures and table, in front of all but what a section leaves out. */
+  outline() {
+    const points = this.data.about.outlines, { scale } = this.camera, cut = this.cut;
+    if (!points.length) return;
+    const path = $("outlines").firstElementChild;
+    if (!$("fixtures").firstElementChild.checked) { path.setAttribute("d", ""); return; }
+    const depth = (p) => (cut ? cut[3] - dot(p, cut) : 1), words = [];
+    for (let i = 0; i < points.length; i += 2) {
+      let [a, b] = [points[i], points[i + 1]];
+      const [at, bt] = [depth(a), depth(b)];
+      if (at < 0 && bt < 0) continue;
+      if (at < 0 || bt < 0) { const edge = add(a, add(b, a, -1), at / (at - bt)); if (at < 0) a = edge; else b = edge; }
+      const [p, q] = [a, b].map((r) => { const [x, y] = this.camera.project(r); return `${(0.5 * this.width + x * scale).toFixed(1)} ${(0.5 * this.height - y * scale).toFixed(1)}`; });
+      words.push(`M${p}L${q}`);
+    }
+    path.setAttribute("d", words.join(""));
+  }
+  /** Scale bar, axes and outlines. */
   overlay() {
+    this.outline();
     const unit = this.data.about.unit, scale = this.camera.scale * unit.mm, most = 160 / scale, power = 10 ** Math.floor(Math.log10(most));
     const length = [5, 2, 1].map((k) => k * power).find((l) => l <= most) || power;
     $("scale").firstElementChild.style.width = `${length * scale}px`;
@@ -285,6 +303,8 @@ class Viewer {
     document.querySelectorAll("[role=tabpanel]").forEach((panel, v) => panel.querySelectorAll("input[data-layer]").forEach((box) => {
       box.addEventListener("change", () => { this.data.views[v].layer.shown = box.checked; this.paint(); this.change(); });
     }));
+    const fixtures = $("fixtures");
+    if (fixtures) fixtures.addEventListener("change", () => this.change());
     rows("finding", (number) => this.goTo(number));
     rows("class", (k, row) => { row.classList.toggle("off", !this.off.delete(k) && !!this.off.add(k)); this.change(); });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.change());
