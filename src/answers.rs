@@ -5,6 +5,11 @@
 //! [`Cutter`](crate::cutter::Cutter), and both return [`SiteAnswers`]. `true` is always the positive class:
 //! *inaccessible*, *occlusion point*.
 
+mod share_limit;
+mod spot_check;
+
+pub use spot_check::{CONFIDENCE, SpotCheck, SpotChecked};
+
 use crate::geom::{Sites, spacing};
 use crate::{Error, Result};
 use glam::Vec3;
@@ -135,9 +140,10 @@ impl SiteAnswers {
         Err(Error::argument("number of sites", found, expected, remedy))
     }
 
-    /// The sites whose predicted answer *inaccessible* is least certain, in their order: the fewest of greatest `u = min(p, 1 − p)` such that the
-    /// mean of `u` over all others, the share of wrong answers to expect if the probabilities are calibrated, is at most `bound`. Among
-    /// equals the higher index is left out. All of them for a `bound` of 0.
+    /// The sites whose predicted answer *occlusion* is least certain, in their order: the fewest of greatest
+    /// `u = min(p, 1 − p)` such that the mean of `u` over all others, the share of wrong answers to expect if the
+    /// probabilities are calibrated, is at most `bound`. Among equals the higher index is left out. All of them for a
+    /// `bound` of 0.
     ///
     /// # Errors
     /// If `bound` is not in [0, 1], or there is not one probability in [0, 1] per site.
@@ -145,18 +151,10 @@ impl SiteAnswers {
     /// ```
     /// use deepmill::answers::SiteAnswers;
     /// let mut answers = SiteAnswers::new(vec![true, false, false, true], vec![]);
-    /// answers.probability_inaccessible = vec![0.98, 0.4, 0.0, 0.55];
-    /// assert_eq!(answers.least_certain(0.01)?, [1, 3]);
+    /// answers.probability_occlusion = vec![0.98, 0.4, 0.0, 0.55];
+    /// assert_eq!(answers.least_certain_occlusion(0.01)?, [1, 3]);
     /// # Ok::<(), deepmill::Error>(())
     /// ```
-    pub fn least_certain(&self, bound: f64) -> Result<Vec<usize>> {
-        least_certain(&self.probability_inaccessible, self.len(), bound)
-    }
-
-    /// As [`SiteAnswers::least_certain`] for the answer *occlusion*.
-    ///
-    /// # Errors
-    /// As [`SiteAnswers::least_certain`].
     pub fn least_certain_occlusion(&self, bound: f64) -> Result<Vec<usize>> {
         least_certain(&self.probability_occlusion, self.len(), bound)
     }
@@ -229,17 +227,27 @@ impl fmt::Display for OutsideDomain {
     }
 }
 
-fn least_certain(probabilities: &[f32], n: usize, bound: f64) -> Result<Vec<usize>> {
-    if !(0.0..=1.0).contains(&bound) {
-        let remedy = "give a share such as 0.01";
-        return Err(Error::argument("bound of the error", bound, "0 to 1", remedy));
+fn check_bound(bound: f64) -> Result<()> {
+    if (0.0..=1.0).contains(&bound) {
+        return Ok(());
     }
+    let remedy = "give a share such as 0.01";
+    Err(Error::argument("bound of the error", bound, "0 to 1", remedy))
+}
+
+fn check_probabilities(probabilities: &[f32], n: usize) -> Result<()> {
     let sound = probabilities.iter().filter(|p| (0.0..=1.0).contains(*p)).count();
-    if sound != n || probabilities.len() != n {
-        let expected = format!("{n} probabilities, one per site");
-        let remedy = "verify the answers of a network";
-        return Err(Error::argument("predicted answers", sound, expected, remedy));
+    if sound == n && probabilities.len() == n {
+        return Ok(());
     }
+    let expected = format!("{n} probabilities, one per site");
+    let remedy = "verify the answers of a network";
+    Err(Error::argument("predicted answers", sound, expected, remedy))
+}
+
+fn least_certain(probabilities: &[f32], n: usize, bound: f64) -> Result<Vec<usize>> {
+    check_bound(bound)?;
+    check_probabilities(probabilities, n)?;
     if bound == 0.0 {
         return Ok((0..n).collect());
     }

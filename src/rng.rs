@@ -30,6 +30,8 @@ pub enum Purpose {
     Neighbors = 9,
     /// Orientation of a part.
     Orientation = 10,
+    /// Which predicted answers are computed to compare.
+    SpotCheck = 11,
 }
 
 /// One random stream.

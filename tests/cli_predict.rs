@@ -58,15 +58,32 @@ fn all_sites_verified_are_the_labels_and_some_keep_the_bound() {
     let compared = json(&deepmill(&compared));
     assert_eq!(compared["scores"][0]["accuracy"].as_f64(), Some(1.0), "{compared}");
 
-    let (result, file) = verify(&[]);
-    assert!(result["expected_error"].as_f64().unwrap() <= 0.01, "one percent is the default");
-    let some = file.verified.unwrap();
+    assert_eq!((result["spot_check"].is_null(), all.spot_check), (true, None));
+
+    let (result, file) = verify(&["0.1"]);
+    let some = file.verified.as_ref().unwrap();
+    let check = some.spot_check.unwrap();
+    assert!(check.limit <= 0.1 && check.n_checked > 0, "{check:?}");
+    assert_eq!(result["spot_check"]["n_checked"].as_u64(), Some(check.n_checked as u64));
+    assert_eq!(result["spot_check"]["limit"].as_f64(), Some(check.limit));
     assert!((1..900).contains(&some.n_verified()), "{}", some.n_verified());
     let of_network = file.prediction.answers();
+    let mut n_wrong = 0;
     for i in 0..900 {
         let expected = if some.verified[i] { &labels.answers } else { &of_network };
         assert_eq!(some.answers.inaccessible[i], expected.inaccessible[i], "{i}");
+        n_wrong += usize::from(some.answers.inaccessible[i] != labels.answers.inaccessible[i]);
     }
+    assert!(n_wrong as f64 <= 0.1 * (900 - some.n_verified()) as f64, "{n_wrong}");
+    let (_, other) = verify(&["0.1", "--threads", "1"]);
+    assert_eq!(other.verified, file.verified);
+
+    let (_, file) = verify(&[]);
+    let settings = file.provenance.settings.verify.as_ref().unwrap();
+    let stated = (settings.bound, settings.confidence, settings.seed);
+    assert_eq!(stated, (0.01, Some(0.95), Some(0)), "one percent is the default");
+    let check = file.verified.unwrap().spot_check;
+    assert!(check.is_none_or(|check| check.limit <= 0.01), "{check:?}");
 }
 
 #[test]

@@ -53,6 +53,7 @@ static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
             verified: vec![true; n],
             beta: vec![0; n],
             counted: vec![false; n],
+            spot_check: None,
         }),
     };
     let path = scratch::file("whole.npz", &[]);

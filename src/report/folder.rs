@@ -249,7 +249,10 @@ pub(super) fn origin(file: &PredictionFile) -> String {
         None => "predicted by a network, not computed".into(),
         Some(verified) => {
             let share = 100.0 * verified.share_verified();
-            format!("computed at {share:.1} % of the sites, predicted by a network at the others")
+            let check = verified.spot_check.map(|check| format!("; spot check: {check}"));
+            let check = check.unwrap_or_default();
+            let others = "predicted by a network at the others";
+            format!("computed at {share:.1} % of the sites, {others}{check}")
         }
     }
 }

@@ -145,7 +145,8 @@ pub fn evaluate<N: Network<f32>>(model: &Model<f32, N>, samples: &[Sample]) -> R
     evaluate_together(model, samples, &SingleProcess)
 }
 
-/// [`evaluate`] on several processes, which share out the samples. All call it with the same arguments, and have the result.
+/// [`evaluate`] on several processes, which share out the samples. All call it with the same arguments, and have the
+/// result.
 ///
 /// # Errors
 /// As [`evaluate`], or if another process fails.
@@ -178,56 +179,65 @@ pub fn evaluate_ranked<N: Network<f32>>(
     })
 }
 
-/// What is left of a network's errors once the sites that it is least certain of are computed.
+/// What is left of a network's errors once sites are computed until spot checks pass.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct VerifiedScore {
     /// Share of the sites that are computed, all samples pooled.
     pub computed: f64,
     /// Share of wrong answers *inaccessible* among the others.
     pub wrong: f64,
+    /// Share of the samples in which more than the bound of the others are wrong: at most 5 % are to be expected.
+    pub above_bound: f64,
     /// Share of the sites whose β is counted.
     pub counted: f64,
     /// Wrong answers *occlusion* among the others, over the number of occlusion points.
     pub wrong_occlusion: f64,
 }
 
-/// As [`TriangleObstacles::verify`](crate::access::surface::TriangleObstacles::verify) with this `bound` would leave every sample.
+/// As [`TriangleObstacles::verify`](crate::access::surface::TriangleObstacles::verify) with this `bound` and the seed
+/// 0 would leave every sample.
 ///
 /// On several processes as [`evaluate_together`].
 ///
 /// # Errors
-/// As [`evaluate_together`] and [`SiteAnswers::least_certain`].
+/// As [`evaluate_together`] and [`SiteAnswers::verify_by_spot_checks`].
 pub fn evaluate_verified<N: Network<f32>>(
     model: &Model<f32, N>,
     samples: &[Sample],
     bound: f64,
     processes: &dyn Processes,
 ) -> Result<VerifiedScore> {
-    let one = |sample: &Sample| -> Result<[usize; 6]> {
+    let one = |sample: &Sample| -> Result<[usize; 7]> {
         sample.check()?;
         let (answers, truth) = (predict(model, sample)?.answers(), &sample.answers);
-        let computed = answers.least_certain(bound)?;
+        let exact = |of: &[usize]| Ok(of.iter().map(|&i| truth.inaccessible[i]).collect());
+        let checked = answers.verify_by_spot_checks((bound, 0), exact)?;
+        let (n, n_computed) = (truth.len(), checked.verified.iter().filter(|v| **v).count());
+        let both = checked.inaccessible.iter().zip(&truth.inaccessible);
+        let n_wrong = both.filter(|(answer, truth)| answer != truth).count();
         let counted = sites_to_count(&answers, bound, SurfaceOptions::default().share)?;
         Ok([
-            truth.len(),
-            computed.len(),
-            n_wrong_beside(&computed, &answers.inaccessible, &truth.inaccessible),
+            n,
+            n_computed,
+            n_wrong,
             counted.len(),
             n_wrong_beside(&counted, &answers.occlusion, &truth.occlusion),
             truth.n_occlusion(),
+            usize::from(n_wrong as f64 > bound * (n - n_computed) as f64),
         ])
     };
     let own = share(samples.len(), processes.rank(), processes.size());
-    let own: Result<Vec<[usize; 6]>> = samples[own].iter().map(one).collect();
-    let to_numbers = |own: &Vec<[usize; 6]>| own.iter().flatten().map(|n| *n as f64).collect();
+    let own: Result<Vec<[usize; 7]>> = samples[own].iter().map(one).collect();
+    let to_numbers = |own: &Vec<[usize; 7]>| own.iter().flatten().map(|n| *n as f64).collect();
     let (_, counts) = share_numbers(processes, own, to_numbers)?;
-    let total = |k: usize| counts.iter().skip(k).step_by(6).sum::<f64>();
+    let total = |k: usize| counts.iter().skip(k).step_by(7).sum::<f64>();
     let share = |count: f64, of: f64| count / of.max(1.0);
     Ok(VerifiedScore {
         computed: share(total(1), total(0)),
         wrong: share(total(2), total(0) - total(1)),
         counted: share(total(3), total(0)),
         wrong_occlusion: share(total(4), total(5)),
+        above_bound: share(total(6), samples.len() as f64),
     })
 }
 
@@ -246,9 +256,9 @@ pub(super) fn predict<N: Network<f32>>(
     model.predict(&sites.points, &sites.normals, sample.cutter.to_array())
 }
 
-/// Labels every sample with the exact labeler, as the network predicts them: for its time, and for its labels where those of
-/// the samples were made with denser obstacles or other directions, or by another program.
-/// `options` have share, rounding and bottom rule. On several processes as [`evaluate_together`].
+/// Labels every sample with the exact labeler, as the network predicts them: for its time, and for its labels where
+/// those of the samples were made with denser obstacles or other directions, or by another program. `options` have
+/// share, rounding and bottom rule. On several processes as [`evaluate_together`].
 ///
 /// # Errors
 /// If there are no samples, one is inconsistent or its cutter impossible, or another process fails.
@@ -382,7 +392,7 @@ mod tests {
         let model = Model::new(&crate::model::UNetConfig::tiny(), 1).unwrap();
         let verified =
             |bound| evaluate_verified(&model, std::slice::from_ref(&sample), bound, &SingleProcess);
-        let all = VerifiedScore { computed: 1.0, wrong: 0.0, counted: 1.0, wrong_occlusion: 0.0 };
+        let all = VerifiedScore { computed: 1.0, counted: 1.0, ..VerifiedScore::default() };
         assert_eq!(verified(0.0).unwrap(), all);
         let right = evaluate(&model, std::slice::from_ref(&sample)).unwrap().head(0).mean.accuracy;
         let none = verified(1.0).unwrap();

@@ -1,10 +1,10 @@
-//! Predict, then verify: the sites that a prediction is least certain of are computed.
+//! Predict, then verify: sites are computed until a spot check of the others shows how few are wrong.
 
 use super::labels::SurfaceOptions;
 use super::obstacles::{TriangleObstacles, count_beta};
 use super::tool::Outline;
 use crate::access::Counted;
-use crate::answers::{SiteAnswers, mark_top_share};
+use crate::answers::{SiteAnswers, SpotCheck, SpotChecked, mark_top_share};
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::geom::Sites;
@@ -13,17 +13,19 @@ use crate::{Result, par};
 /// Answers of which some are computed and the others predicted.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Verified {
-    /// Inaccessible, as computed where [`Verified::verified`] says so and as predicted elsewhere; occlusion points, by β where
-    /// [`Verified::counted`] says so and as predicted elsewhere; that the tip does not fit, `false` where it was not computed; the
-    /// probabilities predicted.
+    /// Inaccessible, as computed where [`Verified::verified`] says so and as predicted elsewhere; occlusion points,
+    /// by β where [`Verified::counted`] says so and as predicted elsewhere; that the tip does not fit, `false` where
+    /// it was not computed; the probabilities predicted.
     pub answers: SiteAnswers,
     /// Per site, whether its answer is computed.
     pub verified: Vec<bool>,
-    /// Per site: pairs (inaccessible site, direction tested) in which it is in the steps of the shrunk tool, for the answers' inaccessible
-    /// sites; 0 where it was not counted; empty if occlusion points are not wanted.
+    /// Per site: pairs (inaccessible site, direction tested) in which it is in the steps of the shrunk tool, for the
+    /// answers' inaccessible sites; 0 where it was not counted; empty if occlusion points are not wanted.
     pub beta: Vec<u64>,
     /// Per site, whether its β is counted; empty if occlusion points are not wanted.
     pub counted: Vec<bool>,
+    /// What is known of the answers *inaccessible* that are not computed; `None` if all are, without any check.
+    pub spot_check: Option<SpotCheck>,
 }
 
 impl Verified {
@@ -54,63 +56,61 @@ impl Verified {
         marks.iter_mut().zip(ranks).for_each(|(mark, rank)| *mark &= rank != (false, 0));
         marks
     }
-
-    /// Share of wrong answers among the others that their probabilities let expect; 0 if there are none.
-    pub fn expected_error(&self) -> f64 {
-        let of_others = self.answers.probability_inaccessible.iter().zip(&self.verified);
-        let of_others = of_others.filter(|(_, verified)| !**verified).map(|(p, _)| p.min(1.0 - p));
-        let (n, sum) = of_others.fold((0u32, 0.0), |(n, sum), p| (n + 1, sum + f64::from(p)));
-        sum / f64::from(n.max(1))
-    }
 }
 
 impl TriangleObstacles {
-    /// Computes the sites that are [least certain](SiteAnswers::least_certain), as [`TriangleObstacles::label`] does, and the β that may
-    /// decide which are occlusion points, as [`TriangleObstacles::label_sites`] does, from these answers and the predicted ones of the
-    /// other sites. With a `bound` of 0 all are computed. Counts of directions and clearances are not.
+    /// Computes sites, as [`TriangleObstacles::label`] does, until a random sample of the others, drawn with `seed`,
+    /// shows with [confidence](crate::answers::CONFIDENCE) that at most a share of `bound` of them has a wrong answer
+    /// *inaccessible* ([`SiteAnswers::verify_by_spot_checks`]); all with a `bound` of 0. Then the β that may decide
+    /// which are occlusion points, as [`TriangleObstacles::label_sites`] does, from these answers and the predicted
+    /// ones of the other sites. Counts of directions and clearances are not computed.
     ///
     /// ```text
-    /// p_i, q_i = probabilities of inaccessible and occlusion
-    /// u_i = min(p_i, 1 − p_i), v_i = min(q_i, 1 − q_i)      shares of wrong answers to expect, if probabilities are frequencies
-    /// compute the sites of greatest u, as few as leave others of mean u ≤ bound
+    /// q_i = probability of occlusion
+    /// v_i = min(q_i, 1 − q_i)      share of wrong answers to expect, if probabilities are frequencies
     /// count β of the sites of greatest v, as few as leave others of mean v ≤ bound · share,
     ///     over the sites now known or predicted to be inaccessible
     /// occlusion points = share · n: the others with q > ½, then of the counted ones those of greatest β
     /// ```
     ///
-    /// β is counted of all sites where there are no probabilities `q`, or the options' share is not the tenth that they are about.
+    /// Of occlusion points nothing is shown: which β are counted rests on the probabilities alone. β is counted of
+    /// all sites where there are no probabilities `q`, or the options' share is not the tenth that they are about.
     ///
     /// # Errors
-    /// As [`TriangleObstacles::label`] and [`SiteAnswers::least_certain`]; if there are not as many predictions as sites.
+    /// As [`TriangleObstacles::label`] and [`SiteAnswers::verify_by_spot_checks`]; if there are not as many
+    /// predictions as sites.
     pub fn verify(
         &self,
         sites: &Sites,
         (cutter, directions): (&Cutter, &Directions),
         options: &SurfaceOptions,
         predicted: &SiteAnswers,
-        bound: f64,
+        (bound, seed): (f64, u64),
     ) -> Result<Verified> {
         let _floats = par::DefaultFloats::set();
         options.check()?;
         predicted.check_sites(sites)?;
-        let chosen = predicted.least_certain(bound)?;
-        let subset = sites.subset(&chosen);
-        let exact = self.label(&subset, cutter, directions, &options.for_few(chosen.len()))?;
+        let mut tip_does_not_fit = vec![false; sites.len()];
+        let checked = predicted.verify_by_spot_checks((bound, seed), |of| {
+            let exact =
+                self.label(&sites.subset(of), cutter, directions, &options.for_few(of.len()))?;
+            for (&i, tip) in of.iter().zip(exact.tip_does_not_fit()) {
+                tip_does_not_fit[i] = tip;
+            }
+            Ok(exact.inaccessible())
+        })?;
+        let SpotChecked { inaccessible, verified, spot_check } = checked;
         let mut result = Verified {
             answers: SiteAnswers {
-                tip_does_not_fit: vec![false; sites.len()],
+                inaccessible,
+                tip_does_not_fit,
                 accessible_directions: Vec::new(),
                 ..predicted.clone()
             },
-            verified: vec![false; sites.len()],
+            verified,
+            spot_check,
             ..Verified::default()
         };
-        let (inaccessible, tip) = (exact.inaccessible(), exact.tip_does_not_fit());
-        for (k, &i) in chosen.iter().enumerate() {
-            result.verified[i] = true;
-            result.answers.inaccessible[i] = inaccessible[k];
-            result.answers.tip_does_not_fit[i] = tip[k];
-        }
         result.answers.occlusion.clear();
         if options.occlusion {
             let outline = Outline::new(cutter, options.finish_mm);
@@ -149,9 +149,9 @@ mod tests {
     use glam::DVec3;
 
     #[test]
-    fn verifying_all_is_labeling_and_a_bound_is_kept() {
+    fn verifying_all_is_labeling_and_who_is_wrong_and_sure_is_found_out() {
         let part = solids::cuboid(DVec3::new(40.0, 30.0, 20.0));
-        let sites = sample(&part, &SiteOptions { n_sites: 400, ..Default::default() }).unwrap();
+        let sites = sample(&part, &SiteOptions { n_sites: 1200, ..Default::default() }).unwrap();
         let cutter: Cutter = "1.5,20,20,5".parse().unwrap();
         let directions: Directions = "60".parse().unwrap();
         let options = SurfaceOptions::default();
@@ -159,37 +159,45 @@ mod tests {
         let exact = obstacles.label_sites(&sites, &cutter, &directions, &options).unwrap();
         // Wrong everywhere, and sure of it at the first half of the sites.
         let wrong = |i: usize| {
-            let sure = if i < 200 { 0.995 } else { 0.6 };
+            let sure = if i < 600 { 0.995 } else { 0.6 };
             if exact.answers.inaccessible[i] { 1.0 - sure } else { sure }
         };
-        let probability_inaccessible: Vec<f32> = (0..400).map(wrong).collect();
+        let probability_inaccessible: Vec<f32> = (0..1200).map(wrong).collect();
         let inaccessible = probability_inaccessible.iter().map(|p| *p > 0.5).collect();
         let predicted = SiteAnswers {
             probability_inaccessible,
-            ..SiteAnswers::new(inaccessible, vec![false; 400])
+            ..SiteAnswers::new(inaccessible, vec![false; 1200])
         };
         let verify = |bound: f64| {
             let with = (&cutter, &directions);
-            obstacles.verify(&sites, with, &options, &predicted, bound).unwrap()
+            obstacles.verify(&sites, with, &options, &predicted, (bound, 0)).unwrap()
         };
         let all = verify(0.0);
-        assert_eq!((all.n_verified(), all.expected_error()), (400, 0.0));
+        assert_eq!((all.n_verified(), all.spot_check), (1200, None));
         assert_eq!(all.answers.inaccessible, exact.answers.inaccessible);
         assert_eq!(all.answers.tip_does_not_fit, exact.answers.tip_does_not_fit);
         assert_eq!(all.answers.occlusion, exact.answers.occlusion);
         assert_eq!(all.beta, exact.beta);
-        let half = verify(0.006);
-        assert_eq!(half.n_verified(), 200);
-        assert!(half.expected_error() <= 0.006);
-        for i in 0..400 {
-            let right = half.answers.inaccessible[i] == exact.answers.inaccessible[i];
-            assert_eq!(right, half.verified[i], "{i}");
+        // Half of it is sure at 0.5 % expected, and all of that is wrong.
+        let found_out = verify(0.05);
+        let check = found_out.spot_check.unwrap();
+        assert!(check.n_wrong == check.n_checked && check.n_checked > 0, "{check:?}");
+        let others = (0..1200).filter(|&i| !found_out.verified[i]);
+        let wrong = others.filter(|&i| predicted.inaccessible[i] != exact.answers.inaccessible[i]);
+        assert!(wrong.count() as f64 <= 0.05 * (1200 - found_out.n_verified()) as f64);
+        for i in (0..1200).filter(|&i| found_out.verified[i]) {
+            assert_eq!(found_out.answers.inaccessible[i], exact.answers.inaccessible[i], "{i}");
+            assert_eq!(found_out.answers.tip_does_not_fit[i], exact.answers.tip_does_not_fit[i]);
+        }
+        for n_threads in [1, 3] {
+            let again = par::with_threads(n_threads, || verify(0.05)).unwrap();
+            assert_eq!(again, found_out, "{n_threads} threads");
         }
         assert_eq!(verify(1.0).answers.inaccessible, predicted.inaccessible);
         assert_eq!(all.share_counted(), 1.0, "there are no probabilities of occlusion");
         let few = SiteAnswers::new(vec![true], vec![]);
         let with = (&cutter, &directions);
-        assert!(obstacles.verify(&sites, with, &options, &few, 0.1).is_err());
+        assert!(obstacles.verify(&sites, with, &options, &few, (0.1, 0)).is_err());
     }
 
     #[test]
@@ -217,7 +225,8 @@ mod tests {
             ..SiteAnswers::new(exact.answers.inaccessible.clone(), vec![false; 400])
         };
         let verify = |options: &SurfaceOptions, bound: f64| {
-            obstacles.verify(&sites, (&cutter, &directions), options, &predicted, bound).unwrap()
+            let with = (&cutter, &directions);
+            obstacles.verify(&sites, with, options, &predicted, (bound, 0)).unwrap()
         };
         let some = verify(&options, 1e-3);
         assert_eq!(some.answers.occlusion, exact.answers.occlusion);

@@ -44,8 +44,8 @@ pub struct Args {
     /// Draw how often a predicted probability was right, for the first network on all sets together, as an SVG file.
     #[arg(long, value_name = "FILE")]
     reliability: Option<PathBuf>,
-    /// Also say how many sites `predict --verify` would compute with these bounds, and how many of the others would be wrong, for
-    /// the first network; several with commas.
+    /// Also say how many sites `predict --verify` would compute with these bounds, how many of the others would be
+    /// wrong, and in how many samples more than the bound, for the first network; several with commas.
     #[arg(long, value_name = "SHARES", value_delimiter = ',', value_parser = crate::predict::verify_bound)]
     verify: Vec<f64>,
     /// Also label every sample exactly, for the labeler's time on the same samples.
@@ -72,6 +72,7 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
         ("bound", "bound"),
         ("computed", "computed"),
         ("wrong", "wrong of the others"),
+        ("above_bound", "samples above the bound"),
         ("counted", "beta counted"),
         ("wrong_occlusion", "wrong of the others, per occlusion point"),
     ]);
@@ -86,10 +87,10 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
         }
         for &bound in &args.verify {
             let score = evaluate_verified(&networks[0].1, &samples, bound, processes)?;
-            let VerifiedScore { computed, wrong, counted, wrong_occlusion } = score;
-            let [bound, computed, wrong, counted, wrong_occlusion] =
-                [bound, computed, wrong, counted, wrong_occlusion].map(Cell::Share);
-            verified.row([Cell::text(&name), bound, computed, wrong, counted, wrong_occlusion]);
+            let VerifiedScore { computed, wrong, above_bound, counted, wrong_occlusion } = score;
+            let shares = [bound, computed, wrong, above_bound, counted, wrong_occlusion];
+            let shares = shares.into_iter().map(Cell::Share);
+            verified.row([Cell::text(&name)].into_iter().chain(shares).collect::<Vec<_>>());
         }
     }
     if args.data.len() > 1 {

@@ -2,12 +2,13 @@
 
 use super::{Provenance, add_answers, few, read_sites, same_length, start};
 use crate::access::surface::Verified;
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswers, SpotCheck};
 use crate::data::npz::NpzReader;
 use crate::geom::Sites;
 use crate::model::Prediction;
 use crate::model::config::N_COARSE;
 use crate::{Error, Result};
+use serde::Deserialize;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -85,6 +86,9 @@ impl PredictionFile {
         }
         let mut metadata = self.provenance.metadata(Self::FORMAT, meaning);
         metadata["occlusion_share"] = json!(self.occlusion_share);
+        if let Some(check) = self.verified.as_ref().and_then(|verified| verified.spot_check) {
+            metadata[SPOT_CHECK] = json!(check);
+        }
         npz.metadata(&metadata);
         npz.write(path)
     }
@@ -156,6 +160,9 @@ const COARSE: &str = "coarse_answers";
 
 const COARSE_MEANING: &str = "labels of the published definition, as numbers: fourth roots of the shares of the coarse directions in which the tool, the tool without its holder, and the tool half a finest cell wider collide with no other site; how far the site's beta is above (1 to 0) or below (0 to -1) the bound of occlusion points";
 
+/// What the last random sample of the predicted answers has shown; older files lack it.
+const SPOT_CHECK: &str = "spot_check";
+
 /// Array that tells whose β was counted; older files lack it, and have all.
 const COUNTED: &str = "beta_counted";
 
@@ -197,7 +204,13 @@ fn read_verified(
     let (verified, beta) = (npz.bools("verified")?, npz.counts("beta")?);
     let counted = if npz.has(COUNTED) { npz.bools(COUNTED)? } else { vec![true; n] };
     check_lengths(path, n, [verified.len(), beta.len(), counted.len()])?;
-    Ok(Verified { answers, verified, beta, counted })
+    let spot_check = match npz.metadata()?.get(SPOT_CHECK) {
+        None => None,
+        Some(found) => Some(SpotCheck::deserialize(found).map_err(|error| {
+            Error::file(path, SPOT_CHECK, error.to_string(), "run predict again")
+        })?),
+    };
+    Ok(Verified { answers, verified, beta, counted, spot_check })
 }
 
 fn check_lengths(path: &Path, n: usize, lengths: [usize; 3]) -> Result<()> {
@@ -292,6 +305,7 @@ mod tests {
             verified: vec![true, false],
             beta: vec![7, 0],
             counted: vec![true, false],
+            spot_check: Some(SpotCheck { n_rounds: 2, n_checked: 1, n_wrong: 0, limit: 0.5 }),
         });
         file.write(&path).unwrap();
         let read = PredictionFile::read(&path).unwrap();
@@ -330,5 +344,6 @@ mod tests {
         npz.write(&path).unwrap();
         let verified = PredictionFile::read(&path).unwrap().verified.unwrap();
         assert_eq!((verified.share_counted(), verified.share_verified()), (1.0, 0.5));
+        assert_eq!(verified.spot_check, None);
     }
 }

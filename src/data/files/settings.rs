@@ -2,7 +2,7 @@
 
 use super::tools::{Tool, steps_words};
 use crate::access::surface::Warning;
-use crate::answers::{Definition, Rounding};
+use crate::answers::{CONFIDENCE, Definition, Rounding};
 use crate::directions::DirectionSet;
 use crate::geom::Mesh;
 use crate::{Error, Result};
@@ -223,14 +223,20 @@ pub struct PartSettings {
 pub struct VerifySettings {
     /// Share of wrong answers allowed among those that are not computed; 0: all are computed.
     pub bound: f64,
+    /// Probability with which the bound holds; `None` in files of before it was shown for each part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<f64>,
+    /// Seed of the spot checks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
     /// The directions tested.
     pub directions: DirectionSet,
 }
 
 impl VerifySettings {
-    /// Predictions verified up to a share of wrong answers, in these directions.
-    pub fn new(bound: f64, directions: DirectionSet) -> Self {
-        VerifySettings { bound, directions }
+    /// Predictions verified up to a share of wrong answers by spot checks of a seed, in these directions.
+    pub fn new((bound, seed): (f64, u64), directions: DirectionSet) -> Self {
+        VerifySettings { bound, confidence: Some(CONFIDENCE), seed: Some(seed), directions }
     }
 }
 
@@ -449,7 +455,7 @@ mod tests {
             clearance_limit_mm: Some(2.0),
             engine: Some("pruned".into()),
             model: Some("m".into()),
-            verify: Some(VerifySettings::new(0.01, DirectionSet::Published)),
+            verify: Some(VerifySettings::new((0.01, 0), DirectionSet::Published)),
             outside_domain: Some(vec!["far".into()]),
         };
         assert_eq!(read(&all.json()).unwrap(), all);
