@@ -64,22 +64,6 @@ pub enum DirectionSet {
     },
 }
 
-impl DirectionSet {
-    /// The recipe's name, as files have it.
-    #[cfg(feature = "formats")]
-    pub(crate) fn kind(&self) -> &'static str {
-        match self {
-            DirectionSet::FibonacciHemisphere { .. } => "fibonacci-hemisphere",
-            DirectionSet::Published => "published",
-            DirectionSet::FibonacciSphere { .. } => "fibonacci-sphere",
-            DirectionSet::LatLong { .. } => "lat-long",
-            DirectionSet::Cone { .. } => "cone",
-            DirectionSet::Circle { .. } => "circle",
-            DirectionSet::List { .. } => "list",
-        }
-    }
-}
-
 /// The form that [`DirectionSet::from_str`] reads.
 impl fmt::Display for DirectionSet {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -68,7 +68,7 @@ pub use labels::{
 };
 pub use library::ToolReach;
 pub use obstacles::TriangleObstacles;
-#[cfg(feature = "formats")]
+#[cfg(all(feature = "formats", feature = "generate"))]
 pub(crate) use obstacles::tested;
 pub use reference::Reached;
 pub use tolerance::{ContactTolerance, LEAST_MM};

@@ -9,7 +9,7 @@ pub fn setup(provenance: &Provenance) -> String {
     let settings = &provenance.settings;
     let mut words = Vec::new();
     if let Some(n) = settings.n_directions {
-        let kind = settings.directions.as_ref().map_or("a set", DirectionSet::kind);
+        let kind = settings.directions.as_ref().map_or("a set", kind);
         words.push(format!("{n} directions ({kind})"));
     }
     if let Some(part_itself) = &settings.part_itself {
@@ -34,4 +34,17 @@ pub fn setup(provenance: &Provenance) -> String {
         [first, rest @ ..] => words.push(format!("warning: {first} (and {} more)", rest.len())),
     }
     words.join("  ·  ")
+}
+
+/// The recipe's name, as files have it.
+fn kind(set: &DirectionSet) -> &'static str {
+    match set {
+        DirectionSet::FibonacciHemisphere { .. } => "fibonacci-hemisphere",
+        DirectionSet::Published => "published",
+        DirectionSet::FibonacciSphere { .. } => "fibonacci-sphere",
+        DirectionSet::LatLong { .. } => "lat-long",
+        DirectionSet::Cone { .. } => "cone",
+        DirectionSet::Circle { .. } => "circle",
+        DirectionSet::List { .. } => "list",
+    }
 }
