@@ -1,4 +1,4 @@
-//! What was asked: everything that decided the answers of a file, as the file states it.
+//! The request: everything that decided the answers of a file, as the file states it.
 
 use super::tools::{Tool, steps_words};
 use crate::access::surface::Warning;
@@ -13,7 +13,8 @@ use serde_json::{Map, Value};
 use std::fmt;
 use std::path::Path;
 
-/// What was asked. What a file does not state, because its command does not ask it or its version did not, is absent.
+/// Everything that decided the answers of a file. What its command has no option for, or its version did not state, is
+/// absent.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct AnalysisSettings {
@@ -47,7 +48,7 @@ pub struct AnalysisSettings {
     /// What may make the answers misleading.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warnings: Option<Vec<StatedWarning>>,
-    /// Whether occlusion points were asked for.
+    /// Whether occlusion points were requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub occlusion: Option<bool>,
     /// Share of the sites that are occlusion points.
@@ -132,7 +133,7 @@ pub struct SurfaceSettings {
     pub fixtures_sha256: Option<String>,
 }
 
-/// What the four lengths of a tool do not say; mm. Steps are `upper:radius` or `upper:lower radius:upper radius`.
+/// What the four lengths of a tool do not say; mm. Steps are `height:radius`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[non_exhaustive]
@@ -205,7 +206,7 @@ impl ToolSettings {
 pub struct PartSettings {
     /// Files of the fixtures.
     pub fixtures: Vec<String>,
-    /// Height of the table.
+    /// Height of the table in the coordinates of the sites.
     pub table_z_mm: Option<f64>,
     /// How many cells of directions are searched at every level; 0: no search.
     pub search: Option<usize>,
@@ -350,6 +351,9 @@ impl AnalysisSettings {
     /// If a key holds what it cannot; `path` is named.
     pub(super) fn read(path: &Path, stated: &Value) -> Result<Self> {
         let read = Keys { path, stated };
+        if !(stated.is_object() || stated.is_null()) {
+            return Err(Error::file(path, "settings", "they are no object", WRITE_AGAIN));
+        }
         let definition: Option<String> = read.key("definition")?;
         Ok(AnalysisSettings {
             sites: read.key("sites")?,
@@ -391,6 +395,8 @@ impl AnalysisSettings {
     }
 }
 
+const WRITE_AGAIN: &str = "write the file again with this version";
+
 /// The keys of a file's settings.
 struct Keys<'a> {
     path: &'a Path,
@@ -399,8 +405,7 @@ struct Keys<'a> {
 
 impl Keys<'_> {
     fn fault(&self, key: &str, found: impl Into<String>) -> Error {
-        let remedy = "label the part again with this version";
-        Error::file(self.path, format!("settings.{key}"), found, remedy)
+        Error::file(self.path, format!("settings.{key}"), found, WRITE_AGAIN)
     }
 
     fn key<T: DeserializeOwned>(&self, key: &str) -> Result<Option<T>> {
@@ -486,5 +491,7 @@ mod tests {
             let message = read(&wrong).unwrap_err().to_string();
             assert!(message.starts_with(&format!("labels.npz: settings.{key}: ")), "{message}");
         }
+        let message = read(&json!([1])).unwrap_err().to_string();
+        assert!(message.starts_with("labels.npz: settings: they are no object"), "{message}");
     }
 }
