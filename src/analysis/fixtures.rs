@@ -30,11 +30,29 @@ impl Fixture {
         Fixture { name: name.into(), mesh }
     }
 
-    /// A square at a height, far wider than the part: a table.
+    /// The fixtures of a part, with a table at a height if there is one; what is wrong with them, a sentence each.
     ///
     /// # Errors
-    /// If the height is not finite or beyond 1 km.
-    pub fn table(part: &Mesh, z_mm: f64) -> Result<Self> {
+    /// If a corner or the height is not finite or beyond 1 km, or as [`bodies::overlap`].
+    pub fn around(
+        part: &Mesh,
+        mut fixtures: Vec<Fixture>,
+        table_z_mm: Option<f64>,
+    ) -> Result<(Vec<Fixture>, Vec<String>)> {
+        let mut warnings = Vec::new();
+        for fixture in &fixtures {
+            fixture.require_finite()?;
+            warnings.extend(fixture.warnings(part)?);
+        }
+        if let Some(z_mm) = table_z_mm {
+            fixtures.push(Fixture::table(part, z_mm)?);
+            warnings.extend(Fixture::table_warning(part, z_mm));
+        }
+        Ok((fixtures, warnings))
+    }
+
+    /// A square at a height, far wider than the part: a table.
+    fn table(part: &Mesh, z_mm: f64) -> Result<Self> {
         if !z_mm.is_finite() || z_mm.abs() > MAX_COORDINATE_MM {
             let remedy = "give the height of its surface in the part's coordinates";
             return Err(Error::argument("table", z_mm, "a height in mm within 1 km", remedy));
@@ -50,7 +68,7 @@ impl Fixture {
     }
 
     /// What is wrong with a table that cuts through the part.
-    pub fn table_warning(part: &Mesh, z_mm: f64) -> Option<String> {
+    fn table_warning(part: &Mesh, z_mm: f64) -> Option<String> {
         let (low, high) = part.bounds()?;
         (z_mm > low.z).then(|| {
             format!(
@@ -60,25 +78,19 @@ impl Fixture {
         })
     }
 
-    /// Whether it can block.
-    ///
-    /// # Errors
-    /// If a corner is not finite or beyond 1 km.
-    pub fn require_finite(&self) -> Result<()> {
+    /// An error if a corner is not finite or beyond 1 km.
+    fn require_finite(&self) -> Result<()> {
         let usable = |v: &DVec3| v.is_finite() && v.abs().max_element() <= MAX_COORDINATE_MM;
         let vertices = &self.mesh.vertices;
         let Some(k) = vertices.iter().position(|v| !usable(v)) else { return Ok(()) };
         let found = format!("position {}", vertices[k]);
         let remedy =
-            "coordinates of a fixture must be finite and within 1 km; check the file and --unit";
+            "coordinates of a fixture must be finite and within 1 km; check the file and its unit";
         Err(Error::file(&self.name, format!("vertex {k}"), found, remedy))
     }
 
     /// What is wrong with one that is open, overlaps the part, or encloses it; a sentence each.
-    ///
-    /// # Errors
-    /// As [`bodies::overlap`].
-    pub fn warnings(&self, part: &Mesh) -> Result<Vec<String>> {
+    fn warnings(&self, part: &Mesh) -> Result<Vec<String>> {
         let Fixture { name, mesh } = self;
         let n_open = check::check(mesh).count(Fault::OpenEdge);
         if n_open > 0 {

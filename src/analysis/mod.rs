@@ -1,6 +1,6 @@
 //! From a part and its tools to a folder of results: what the command `label` does, for programs.
 //!
-//! [`Analysis`] is what is asked: a part, tools, and options. [`Analysis::place`] spreads the sites, [`Placed::label`]
+//! [`Analysis`] is the request: a part, tools, and options. [`Analysis::place`] places the sites, [`Placed::label`]
 //! computes their answers, [`Analysis::run`] does both. An [`Outcome`] holds every answer once, with what follows from
 //! it: findings, coverage, warnings. [`Outcome::write`] writes the folder that `deepmill label` writes.
 //!
@@ -34,7 +34,7 @@ pub use findings::{N_SHOWN, advise, findings_of_tools};
 pub use fixtures::{Fixture, KeptOut};
 pub use observer::{Observer, Progress, Stage};
 pub use outcome::{Outcome, ToolOutcome};
-pub use placed::Placed;
+pub use placed::{Placed, without_area};
 pub use write::Files;
 
 use crate::Result;
@@ -49,11 +49,13 @@ use crate::geom::selection::Selection;
 use crate::geom::sites::{Normals, SiteOptions};
 use glam::DVec3;
 
-/// What is asked of a part.
+/// What is requested of a part.
 #[derive(Debug, Clone)]
 pub struct Analysis {
     part: String,
-    shape: MeshOrCloud,
+    /// Taken when the sites are placed.
+    shape: Option<MeshOrCloud>,
+    is_cloud: bool,
     origin: Option<DVec3>,
     tools: Vec<Tool>,
     /// Whether each tool has a folder of its own.
@@ -95,9 +97,11 @@ impl Analysis {
     ///
     /// Several tools get a folder each ([`Outcome::write`]).
     pub fn new(part: impl Into<String>, shape: impl Into<MeshOrCloud>, tools: Vec<Tool>) -> Self {
+        let shape = shape.into();
         Analysis {
             part: part.into(),
-            shape: shape.into(),
+            is_cloud: matches!(shape, MeshOrCloud::Cloud(_)),
+            shape: Some(shape),
             origin: None,
             has_folders: tools.len() > 1,
             is_library: false,
@@ -221,10 +225,9 @@ impl Analysis {
 
     /// What blocks.
     fn blocking(&self) -> Blocking {
-        match (self.obstacles, &self.shape) {
-            (_, MeshOrCloud::Cloud(_)) => Blocking::Points(None),
-            (None, MeshOrCloud::Mesh(_)) => Blocking::Part,
-            (Some(blocking), MeshOrCloud::Mesh(_)) => blocking,
+        match self.is_cloud {
+            true => Blocking::Points(None),
+            false => self.obstacles.unwrap_or(Blocking::Part),
         }
     }
 
@@ -242,7 +245,7 @@ impl Analysis {
 
     /// What files say of the sites.
     fn site_settings(&self) -> SiteSettings {
-        if matches!(self.shape, MeshOrCloud::Cloud(_)) {
+        if self.is_cloud {
             return SiteSettings::as_given();
         }
         match self.sites {

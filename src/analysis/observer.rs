@@ -29,11 +29,10 @@ pub struct Progress {
     pub of: usize,
 }
 
-/// Hears how far the work is; may stop it. It is asked between the parts of a stage: from one thread, a few times a
-/// second at best.
+/// Is called with the progress of long work, and may stop it: between the parts of a stage, from one thread.
 ///
 /// A closure is one: `|p: Progress| { println!("{:?} {}/{}", p.stage, p.done, p.of); ControlFlow::Continue(()) }`; `()`
-/// does not listen.
+/// ignores it.
 pub trait Observer {
     /// The work is that far. [`ControlFlow::Break`] ends it with [`Error::Interrupted`](crate::Error::Interrupted).
     fn progress(&mut self, progress: Progress) -> ControlFlow<()>;
@@ -51,8 +50,8 @@ impl<F: FnMut(Progress) -> ControlFlow<()>> Observer for F {
     }
 }
 
-/// Tells the observer; an error if it stops the work.
-pub(super) fn tell(
+/// Calls the observer; an error if it stops the work.
+pub(super) fn report(
     observer: &mut dyn Observer,
     stage: Stage,
     (done, of): (usize, usize),

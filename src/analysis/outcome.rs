@@ -35,13 +35,14 @@ pub struct Outcome {
     pub(super) answers: Vec<ToolOutcome>,
     pub(super) of_all: Option<Findings>,
     pub(super) kept_out: Option<KeptOut>,
+    pub(super) notices: Vec<String>,
     pub(super) seconds: [f64; 3],
 }
 
 impl Outcome {
     /// Name of the part.
     pub fn part(&self) -> &str {
-        &self.placed.asked.part
+        &self.placed.request.part
     }
 
     /// By which definition.
@@ -51,7 +52,7 @@ impl Outcome {
 
     /// The tools.
     pub fn tools(&self) -> &[Tool] {
-        &self.placed.asked.tools
+        &self.placed.request.tools
     }
 
     /// The directions that were tested.
@@ -106,7 +107,7 @@ impl Outcome {
 
     /// Whether each tool has a folder of its own.
     pub fn has_folders(&self) -> bool {
-        self.placed.asked.has_folders
+        self.placed.request.has_folders
     }
 
     /// What the tools reach together; `areas` are [`Outcome::areas`].
@@ -118,6 +119,11 @@ impl Outcome {
     /// Where no tool reaches.
     pub fn findings(&self) -> &Findings {
         self.of_all.as_ref().unwrap_or(&self.answers[0].findings)
+    }
+
+    /// What was left out, a sentence each.
+    pub fn notices(&self) -> &[String] {
+        &self.notices
     }
 
     /// What fixtures and table keep out of reach, if there are any.
@@ -132,19 +138,12 @@ impl Outcome {
 
     /// The bottom rule's tolerance, mm, if there is one.
     pub fn bottom_mm(&self) -> Option<f64> {
-        self.placed.asked.published.bottom_mm.filter(|_| self.definition() == Definition::Sites)
+        self.placed.request.published.bottom_mm.filter(|_| self.definition() == Definition::Sites)
     }
 
-    /// The region of interest, if the answers are about one.
+    /// As [`Placed::region`].
     pub fn region(&self) -> Option<RegionSettings> {
-        let (region, _) = self.placed.region.as_ref()?;
-        let asked = self.placed.asked.region.as_ref()?;
-        Some(RegionSettings {
-            only: asked.only.clone(),
-            except: asked.except.clone(),
-            area_mm2: region.mesh.area(),
-            part_area_mm2: self.mesh().map_or(0.0, Mesh::area),
-        })
+        self.placed.region()
     }
 
     /// The file of a tool's answers.
@@ -167,66 +166,56 @@ impl Outcome {
     }
 
     fn settings(&self, tool: usize) -> Result<AnalysisSettings> {
-        let Placed { asked, blocking, directions, mesh, .. } = &self.placed;
+        let Placed { request, blocking, directions, mesh, .. } = &self.placed;
         let is_by_mesh = *blocking == Blocking::Part;
-        let fixtures = self.fixtures();
+        let fixtures = self.placed.fixtures();
         let has_occlusion = self.placed.has_occlusion();
-        let share = if is_by_mesh { asked.options.share } else { asked.published.share };
+        let (options, published) = (&request.options, &request.published);
+        let (share, rounding, clearance_limit_mm) = match is_by_mesh {
+            true => (options.share, Rounding::Ceil, options.clearance_limit_mm),
+            false => (published.share, published.rounding, published.clearance_limit_mm),
+        };
         let part = || PartSettings {
             fixtures: self.fixture_names(),
-            table_z_mm: asked.table_z_mm,
-            search: Some(asked.options.refinement.map_or(0, |refinement| refinement.n_kept)),
-            prove: asked.prove,
-            tolerance_mm: match asked.options.tolerance {
+            table_z_mm: request.table_z_mm,
+            search: Some(options.refinement.map_or(0, |refinement| refinement.n_kept)),
+            prove: request.prove,
+            tolerance_mm: match options.tolerance {
                 ContactTolerance::Millimeters(mm) | ContactTolerance::AtMost(mm) => Some(mm),
                 ContactTolerance::Tessellation => None,
             },
-            finish_mm: Some(asked.options.finish_mm),
+            finish_mm: Some(options.finish_mm),
         };
         let warnings = self.answers[tool].warnings.iter().map(StatedWarning::from);
         Ok(AnalysisSettings {
-            sites: Some(asked.site_settings()),
+            sites: Some(request.site_settings()),
             region: self.region(),
             surface: Some(AnalysisSettings::surface_of(mesh.as_ref(), fixtures.as_ref())?),
             tool: Some(ToolSettings {
-                of_library: Some(asked.is_library),
+                of_library: Some(request.is_library),
                 ..ToolSettings::of(&self.tools()[tool])
             }),
             directions: Some(directions.set().clone()),
             n_directions: Some(directions.len()),
             definition: Some(self.definition()),
-            obstacles: asked.obstacles.map(|_| *blocking),
+            obstacles: request.obstacles.map(|_| *blocking),
             part_itself: is_by_mesh.then(part),
             warnings: Some(warnings.collect()),
             occlusion: Some(has_occlusion),
             occlusion_share: has_occlusion.then_some(share),
-            occlusion_rounding: Some(if is_by_mesh {
-                Rounding::Ceil
-            } else {
-                asked.published.rounding
-            }),
+            occlusion_rounding: Some(rounding),
             bottom_mm: self.bottom_mm(),
-            clearance_limit_mm: match is_by_mesh {
-                true => asked.options.clearance_limit_mm,
-                false => asked.published.clearance_limit_mm,
-            },
-            engine: Some(asked.published.engine.name().into()),
-            origin_mm: asked.origin.map(|at| at.to_array()),
+            clearance_limit_mm,
+            engine: Some(published.engine.name().into()),
+            origin_mm: request.origin.map(|at| at.to_array()),
             ..AnalysisSettings::default()
         })
     }
 
     /// Names of the fixtures, without the table.
     fn fixture_names(&self) -> Vec<String> {
-        let asked = &self.placed.asked;
-        let n = asked.fixtures.len() - usize::from(asked.table_z_mm.is_some());
-        asked.fixtures[..n].iter().map(|fixture| fixture.name.clone()).collect()
-    }
-
-    /// All triangles that block beside the part's.
-    pub(super) fn fixtures(&self) -> Option<Mesh> {
-        let meshes: Vec<Mesh> =
-            self.placed.asked.fixtures.iter().map(|fixture| fixture.mesh.clone()).collect();
-        crate::data::files::label_query::joined(&meshes)
+        let request = &self.placed.request;
+        let n = request.fixtures.len() - usize::from(request.table_z_mm.is_some());
+        request.fixtures[..n].iter().map(|fixture| fixture.name.clone()).collect()
     }
 }

@@ -1,14 +1,15 @@
 //! The sites of a part, and their labels.
 
 use super::fixtures::{Fixture, KeptOut};
-use super::observer::{Observer, Stage, tell};
+use super::observer::{Observer, Stage, report};
 use super::outcome::{Outcome, ToolOutcome};
 use super::{Analysis, Placement, findings};
 use crate::access::surface::explain::blocking_parts_among_points;
 use crate::access::surface::{SiteAnswer, SurfaceOptions, TriangleObstacles, Warning};
 use crate::access::{self, LabelOptions, Labels, Obstacles};
 use crate::cutter::Cutter;
-use crate::data::files::settings::Blocking;
+use crate::data::files::label_query::joined;
+use crate::data::files::settings::{Blocking, RegionSettings};
 use crate::data::files::tools::Tool;
 use crate::directions::Directions;
 use crate::geom::formats::MeshOrCloud;
@@ -16,102 +17,83 @@ use crate::geom::selection::Region;
 use crate::geom::sites::{self, SiteOptions};
 use crate::geom::{Mesh, Sites};
 use crate::report::findings::{Findings, for_all_tools};
+use crate::report::outlines::outlines;
 use crate::{Error, Result};
+use glam::DVec3;
+use std::mem;
 use std::time::Instant;
 
-/// A part with its sites, ready to be labeled.
+/// Directions of the mesh definition if none are given.
+const N_DIRECTIONS: usize = 150;
+
+/// A part with its sites and what stands around it, ready to be labeled.
 #[derive(Debug)]
 pub struct Placed {
-    pub(super) asked: Analysis,
+    pub(super) request: Analysis,
     pub(super) blocking: Blocking,
     pub(super) directions: Directions,
     pub(super) mesh: Option<Mesh>,
     pub(super) sites: Sites,
+    /// The region of interest, with the sites on it.
     pub(super) region: Option<(Region, Sites)>,
     /// Points of the surface that block beside the sites.
     pub(super) more: Option<Sites>,
-    triangles: Option<TriangleObstacles>,
-    notices: Vec<String>,
     warnings: Vec<String>,
-    started: Instant,
+    seconds: f64,
 }
 
 impl Analysis {
-    /// Spreads the sites and reads nothing but what it holds.
+    /// Places the sites, and checks what blocks beside the part.
     ///
     /// # Errors
     /// If there are no tools, the region is empty or not of triangles that block, sites cannot be placed, a fixture is
     /// not finite, or an option is out of its domain.
     pub fn place(mut self, observer: &mut dyn Observer) -> Result<Placed> {
         let started = Instant::now();
-        tell(observer, Stage::Sites, (0, 1))?;
+        report(observer, Stage::Sites, (0, 1))?;
         self.options.check()?;
         if self.tools.is_empty() {
             return Err(Error::argument("tools", "none", "one or more", "name a tool"));
         }
         let blocking = self.blocking();
         if self.region.is_some() && blocking != Blocking::Part {
-            let remedy = "the sites block: leave out --obstacles, and give the mesh for a cloud";
+            let remedy = "points block: take the triangles of the mesh as obstacles";
             let expected = "triangles that block";
             return Err(Error::argument("region", "points as obstacles", expected, remedy));
         }
-        let directions = match (&self.directions, blocking) {
-            (Some(given), _) => given.clone(),
-            (None, Blocking::Part) => Directions::fibonacci_hemisphere(150)?,
+        let directions = match (self.directions.take(), blocking) {
+            (Some(given), _) => given,
+            (None, Blocking::Part) => Directions::fibonacci_hemisphere(N_DIRECTIONS)?,
             (None, _) => Directions::published(),
         };
-        let (mesh, sites, region) = match self.shape.clone() {
-            MeshOrCloud::Cloud(sites) => (None, sites, None),
-            MeshOrCloud::Mesh(mesh) => {
+        let (mesh, sites, region) = match self.shape.take() {
+            None => (None, Sites::default(), None),
+            Some(MeshOrCloud::Cloud(sites)) => (None, sites, None),
+            Some(MeshOrCloud::Mesh(mesh)) => {
                 let (sites, region) = self.sites_on(&mesh)?;
                 (Some(mesh), sites, region)
             }
         };
         let more = self.further_obstacles(blocking, mesh.as_ref())?;
-        let (mut notices, mut warnings) = (Vec::new(), Vec::new());
-        let part = mesh.as_ref().filter(|_| blocking == Blocking::Part);
-        if part.is_none() {
-            self.fixtures.clear();
+        let mut warnings = Vec::new();
+        let fixtures = mem::take(&mut self.fixtures);
+        if let Some(part) = mesh.as_ref().filter(|_| blocking == Blocking::Part) {
+            (self.fixtures, warnings) = Fixture::around(part, fixtures, self.table_z_mm)?;
         }
-        let mut triangles = None;
-        if let Some(part) = part {
-            for fixture in &self.fixtures {
-                fixture.require_finite()?;
-                warnings.extend(fixture.warnings(part)?);
-            }
-            if let Some(z_mm) = self.table_z_mm {
-                self.fixtures.push(Fixture::table(part, z_mm)?);
-                warnings.extend(Fixture::table_warning(part, z_mm));
-            }
-            let meshes: Vec<Mesh> = self.fixtures.iter().map(|f| f.mesh.clone()).collect();
-            let obstacles = TriangleObstacles::new(part, &meshes)?;
-            notices.extend(without_area(obstacles.n_without_area()));
-            triangles = Some(obstacles);
-        }
-        tell(observer, Stage::Sites, (1, 1))?;
-        Ok(Placed {
-            asked: self,
-            blocking,
-            directions,
-            mesh,
-            sites,
-            region,
-            more,
-            triangles,
-            notices,
-            warnings,
-            started,
-        })
+        report(observer, Stage::Sites, (1, 1))?;
+        let seconds = started.elapsed().as_secs_f64();
+        let request = self;
+        Ok(Placed { request, blocking, directions, mesh, sites, region, more, warnings, seconds })
     }
 
     /// The sites, their faces those of the part, and the region with its own.
     fn sites_on(&self, mesh: &Mesh) -> Result<(Sites, Option<(Region, Sites)>)> {
-        let Some(asked) = &self.region else {
+        let Some(named) = &self.region else {
             return Ok((self.spread_on(mesh)?, None));
         };
-        let region = asked.selection.of(mesh)?;
+        let region = named.selection.of(mesh)?;
         let on_region = match &self.sites {
-            Placement::Spread(options) => asked.selection.sample(mesh, &region, options)?,
+            Placement::Spread(options) => named.selection.sample(mesh, &region, options)?,
             Placement::Vertices { .. } => self.spread_on(&region.mesh)?,
         };
         Ok((region.on_part(&on_region), Some((region, on_region))))
@@ -135,8 +117,9 @@ impl Analysis {
     }
 }
 
-/// How many triangles are no obstacles.
-fn without_area(n: usize) -> Option<String> {
+/// How many triangles are no obstacles, in words.
+pub fn without_area(obstacles: &TriangleObstacles) -> Option<String> {
+    let n = obstacles.n_without_area();
     let (are, s) = if n == 1 { ("is", "") } else { ("are", "s") };
     (n > 0).then(|| format!("{n} triangle{s} without area {are} no obstacle{s}"))
 }
@@ -150,9 +133,48 @@ impl Placed {
         }
     }
 
-    /// What is left out, a sentence each.
-    pub fn notices(&self) -> &[String] {
-        &self.notices
+    /// The whole surface of the part; none for a cloud.
+    pub fn mesh(&self) -> Option<&Mesh> {
+        self.mesh.as_ref()
+    }
+
+    /// The sites; their faces are those of [`Placed::mesh`].
+    pub fn sites(&self) -> &Sites {
+        &self.sites
+    }
+
+    /// The region of interest, if there is one.
+    pub fn region(&self) -> Option<RegionSettings> {
+        let (region, _) = self.region.as_ref()?;
+        let named = self.request.region.as_ref()?;
+        Some(RegionSettings {
+            only: named.only.clone(),
+            except: named.except.clone(),
+            area_mm2: region.mesh.area(),
+            part_area_mm2: self.mesh().map_or(0.0, Mesh::area),
+        })
+    }
+
+    /// The triangles of part, fixtures and table; none if points block.
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::new`].
+    pub fn obstacles(&self) -> Result<Option<TriangleObstacles>> {
+        let Some(part) = self.mesh().filter(|_| self.is_by_mesh()) else { return Ok(None) };
+        let fixtures: Vec<Mesh> = self.request.fixtures.iter().map(|f| f.mesh.clone()).collect();
+        TriangleObstacles::new(part, &fixtures).map(Some)
+    }
+
+    /// All triangles that block beside the part's.
+    pub(super) fn fixtures(&self) -> Option<Mesh> {
+        let meshes: Vec<Mesh> = self.request.fixtures.iter().map(|f| f.mesh.clone()).collect();
+        joined(&meshes)
+    }
+
+    /// Outlines of fixtures and table near what is shown.
+    pub fn outlines(&self) -> Vec<[DVec3; 2]> {
+        let both = self.fixtures().zip(self.shown().0);
+        both.map_or_else(Vec::new, |(fixtures, part)| outlines(&fixtures, part))
     }
 
     /// What is wrong with fixtures and table, a sentence each.
@@ -171,9 +193,9 @@ impl Placed {
     /// If the observer stops it ([`Error::Interrupted`]), or as [`TriangleObstacles::label_sites`] and
     /// [`access::label_many`].
     pub fn label(self, observer: &mut dyn Observer) -> Result<Outcome> {
-        let sites_s = self.started.elapsed().as_secs_f64();
         let start = Instant::now();
-        let (labels, mut warnings) = self.labels(observer)?;
+        let triangles = self.obstacles()?;
+        let (labels, mut warnings) = self.labels(triangles.as_ref(), observer)?;
         if self.region.is_some() {
             // Sites are on the region alone.
             let is_kept = |warning: &Warning| !matches!(warning, Warning::FacesWithoutSites { .. });
@@ -181,21 +203,21 @@ impl Placed {
         }
         let labels_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
-        tell(observer, Stage::Findings, (0, 1))?;
+        report(observer, Stage::Findings, (0, 1))?;
         let kept_out = self.kept_out(&labels)?;
         let (mut found, of_all) = self.findings(&labels)?;
         kept_out.iter().for_each(|kept| kept.add_to(found.iter_mut()));
         if let (Some(triangles), [found], [tool]) =
-            (&self.triangles, &mut found[..], &self.asked.tools[..])
+            (&triangles, &mut found[..], &self.request.tools[..])
         {
             let held = (&tool.assembly, tool.clearance_mm);
-            let (options, remedies) = (self.options(), self.asked.remedies());
+            let (options, remedies) = (self.options(), self.request.remedies());
             findings::advise(found, held.0, |members| {
                 let of = (&self.sites, members);
                 triangles.change_for(of, held, &self.directions, &options, &remedies)
             })?;
         }
-        tell(observer, Stage::Findings, (1, 1))?;
+        report(observer, Stage::Findings, (1, 1))?;
         let findings_s = start.elapsed().as_secs_f64();
         let each = labels.into_iter().zip(warnings).zip(found);
         let answers =
@@ -204,19 +226,24 @@ impl Placed {
             answers: answers.collect(),
             of_all,
             kept_out,
-            seconds: [sites_s, labels_s, findings_s],
+            notices: triangles.as_ref().and_then(without_area).into_iter().collect(),
+            seconds: [self.seconds, labels_s, findings_s],
             placed: self,
         })
     }
 
     /// Options of the mesh definition.
     pub(super) fn options(&self) -> SurfaceOptions {
-        self.asked.options
+        self.request.options
     }
 
     /// Labels and warnings of every tool.
-    fn labels(&self, observer: &mut dyn Observer) -> Result<(Vec<Labels>, Vec<Vec<Warning>>)> {
-        let tools = &self.asked.tools;
+    fn labels(
+        &self,
+        triangles: Option<&TriangleObstacles>,
+        observer: &mut dyn Observer,
+    ) -> Result<(Vec<Labels>, Vec<Vec<Warning>>)> {
+        let tools = &self.request.tools;
         let centroids = self.mesh.as_ref().filter(|_| self.blocking == Blocking::Centroids);
         let centroids = centroids.map(Mesh::centroids);
         let points = match (&self.more, &centroids) {
@@ -224,29 +251,29 @@ impl Placed {
             (None, Some(centroids)) => Obstacles::Centroids(centroids),
             (None, None) => Obstacles::Queries,
         };
-        tell(observer, Stage::Labels, (0, tools.len()))?;
-        let (mut labels, warnings) = match (&self.triangles, &self.mesh) {
+        report(observer, Stage::Labels, (0, tools.len()))?;
+        let (mut labels, warnings) = match (triangles, &self.mesh) {
             (Some(triangles), Some(mesh)) => {
                 let (mut all, mut warnings) = (Vec::new(), Vec::new());
                 for (k, tool) in tools.iter().enumerate() {
                     let (labels, of_tool) = self.labels_of(tool, mesh, triangles)?;
                     all.push(labels);
                     warnings.push(of_tool);
-                    tell(observer, Stage::Labels, (k + 1, tools.len()))?;
+                    report(observer, Stage::Labels, (k + 1, tools.len()))?;
                 }
                 (all, warnings)
             }
             _ => {
                 let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
-                let options: &LabelOptions = &self.asked.published;
+                let options: &LabelOptions = &self.request.published;
                 let (sites, directions) = (&self.sites, &self.directions);
                 let labels = access::label_many(sites, points, &cutters, directions, options)?;
-                tell(observer, Stage::Labels, (tools.len(), tools.len()))?;
+                report(observer, Stage::Labels, (tools.len(), tools.len()))?;
                 (labels, vec![Vec::new(); cutters.len()])
             }
         };
         for (tool, labels) in tools.iter().zip(&mut labels) {
-            self.add_blocking_parts(labels, tool, points)?;
+            self.add_blocking_parts(labels, tool, (points, triangles))?;
         }
         Ok((labels, warnings))
     }
@@ -286,11 +313,11 @@ impl Placed {
         &self,
         labels: &mut Labels,
         tool: &Tool,
-        points: Obstacles,
+        (points, triangles): (Obstacles, Option<&TriangleObstacles>),
     ) -> Result<()> {
         let held = (&tool.assembly, tool.clearance_mm);
         let (sites, directions) = (&self.sites, &self.directions);
-        labels.blocked_by = match (&self.triangles, &labels.surface) {
+        labels.blocked_by = match (triangles, &labels.surface) {
             (Some(triangles), Some(surface)) => {
                 let options = self.options();
                 let answered = (&options, &surface.answers[..]);
@@ -306,18 +333,18 @@ impl Placed {
 
     /// What the fixtures keep out of reach, if there are any.
     fn kept_out(&self, labels: &[Labels]) -> Result<Option<KeptOut>> {
-        let Some(mesh) = self.mesh.as_ref().filter(|_| !self.asked.fixtures.is_empty()) else {
+        let Some(mesh) = self.mesh.as_ref().filter(|_| !self.request.fixtures.is_empty()) else {
             return Ok(None);
         };
         let by = (&self.directions, &self.options());
         let of = (&self.sites, labels);
-        KeptOut::find((mesh, &self.asked.fixtures), of, &self.asked.tools, by).map(Some)
+        KeptOut::find((mesh, &self.request.fixtures), of, &self.request.tools, by).map(Some)
     }
 
     /// The findings of every tool, and of all together if there are several.
     fn findings(&self, labels: &[Labels]) -> Result<(Vec<Findings>, Option<Findings>)> {
         let (mesh, sites) = self.shown();
-        let names: Vec<&str> = self.asked.tools.iter().map(|tool| &*tool.name).collect();
+        let names: Vec<&str> = self.request.tools.iter().map(|tool| &*tool.name).collect();
         let all: Vec<&Labels> = labels.iter().collect();
         let of_tools = findings::findings_of_tools(sites, mesh, &names, &all)?;
         let answers = labels.iter().map(|labels| &labels.answers);

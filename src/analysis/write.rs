@@ -1,16 +1,15 @@
 //! The folder of an outcome.
 
-use super::observer::{Observer, Stage, tell};
+use super::observer::{Observer, Stage, report};
 use super::outcome::Outcome;
+use super::placed::Placed;
 use crate::Result;
-use crate::geom::formats;
 use crate::geom::units::Unit;
+use crate::geom::{Mesh, formats};
 use crate::report::export::Extra;
-use crate::report::folder::{self, Show};
-use crate::report::outlines::outlines;
+use crate::report::folder::{self, REGION, SURFACE, Show};
 use crate::report::page::{Page, View};
 use crate::report::{PartView, Scene};
-use glam::DVec3;
 use std::path::{Path, PathBuf};
 
 /// Which files an outcome's folder gets beside numbers and colored points.
@@ -39,8 +38,18 @@ impl Files {
     }
 }
 
-/// The region's surface, mm, beside the part's.
-pub(crate) const REGION: &str = "region.stl";
+impl Placed {
+    /// Writes `part.stl` and, if there is a region, `region.stl`; returns their paths.
+    ///
+    /// # Errors
+    /// If the system refuses a file.
+    pub fn write_surfaces(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+        let part = self.mesh().map(|mesh| (folder.join(SURFACE), mesh));
+        let region = self.region.as_ref().map(|(region, _)| (folder.join(REGION), &region.mesh));
+        let write = |(path, mesh): (PathBuf, &Mesh)| formats::write_stl(&path, mesh).map(|()| path);
+        part.into_iter().chain(region).map(write).collect()
+    }
+}
 
 impl Outcome {
     /// Writes what `deepmill label` writes; returns the paths. Every file is written under another name and then
@@ -59,11 +68,11 @@ impl Outcome {
         observer: &mut dyn Observer,
     ) -> Result<Vec<PathBuf>> {
         let (mesh, sites) = self.shown();
-        let outlines = self.outlines();
+        let outlines = self.placed.outlines();
         let outlines = &outlines[..];
         let (show, unit, n_tools) = (files.show(), files.unit, self.tools().len());
         let (mut paths, mut views) = (Vec::new(), Vec::new());
-        tell(observer, Stage::Writing, (0, n_tools))?;
+        report(observer, Stage::Writing, (0, n_tools))?;
         for (k, (tool, answer)) in self.tools().iter().zip(self.answers()).enumerate() {
             let (of_tool, name) = match self.has_folders() {
                 false => (folder.to_path_buf(), "exact"),
@@ -79,7 +88,7 @@ impl Outcome {
             if files.report {
                 views.push(View::of_labels(name, &file, answer.findings.clone()));
             }
-            tell(observer, Stage::Writing, (k + 1, n_tools))?;
+            report(observer, Stage::Writing, (k + 1, n_tools))?;
         }
         let part = self.part();
         if self.has_folders() {
@@ -96,23 +105,10 @@ impl Outcome {
         if files.report {
             paths.push(Page { part, mesh, sites, views: &views, unit, outlines }.write(folder)?);
         }
-        if let Some(mesh) = self.mesh() {
-            paths.push(folder::write_surface(folder, mesh)?);
-        }
-        if let Some((region, _)) = &self.placed.region {
-            let path = folder.join(REGION);
-            formats::write_stl(&path, &region.mesh)?;
-            paths.push(path);
-        }
-        if let Some(fixtures) = &self.fixtures() {
+        paths.extend(self.placed.write_surfaces(folder)?);
+        if let Some(fixtures) = &self.placed.fixtures() {
             paths.push(folder::write_fixtures(folder, fixtures)?);
         }
         Ok(paths)
-    }
-
-    /// Outlines of fixtures and table near the part.
-    fn outlines(&self) -> Vec<[DVec3; 2]> {
-        let both = self.fixtures().zip(self.shown().0);
-        both.map_or_else(Vec::new, |(fixtures, part)| outlines(&fixtures, part))
     }
 }

@@ -19,6 +19,9 @@ pub const LABELS: &str = "labels.npz";
 pub const PREDICTIONS: &str = "predictions.npz";
 pub use crate::data::files::label_query::{FIXTURES, SURFACE};
 
+/// The surface of a region of interest, mm, beside [`SURFACE`].
+pub const REGION: &str = "region.stl";
+
 /// The first tool that reaches each site, beside the folders of several tools.
 pub const FIRST_TOOLS: &str = "tools.ply";
 

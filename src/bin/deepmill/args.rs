@@ -305,7 +305,7 @@ pub struct SiteArgs {
 }
 
 impl SiteArgs {
-    /// What an analysis is asked, with these sites.
+    /// An analysis with these sites.
     pub fn add_to(&self, analysis: Analysis) -> Result<Analysis> {
         Ok(match self.spread()? {
             Some(options) => analysis.spread(options),

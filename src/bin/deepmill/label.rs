@@ -3,7 +3,7 @@
 mod said;
 mod shares;
 
-use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, called, millimeters, name_of};
+use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, millimeters, name_of};
 use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
@@ -19,7 +19,7 @@ use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
 use deepmill::geom::formats::MeshOrCloud;
 use deepmill::report::gate::Limit;
-use deepmill::{Error, Result, atomic_file};
+use deepmill::{Result, atomic_file};
 use std::path::PathBuf;
 
 /// Compute exactly which sites of a part a cutter cannot reach, and which sites are in its way.
@@ -101,7 +101,7 @@ impl Args {
         let is_limited = limits.iter().any(|limit| limit.quantity() == "occlusion");
         self.occlusion || self.occlusion_share.is_some() || is_limited
     }
-    /// What is asked of the part.
+    /// What is requested of the part.
     fn analysis(
         &self,
         part: MeshOrCloud,
@@ -136,16 +136,11 @@ impl Args {
             analysis = analysis.directions(directions);
         }
         if blocking == Blocking::Part {
-            for fixture in self.surface.fixtures(&self.read, output)? {
-                analysis = analysis.fixture(fixture);
-            }
-            if let Some(z_mm) = self.surface.table(&self.read) {
-                analysis = analysis.table(z_mm);
-            }
+            analysis = self.surface.add_to(analysis, &self.read, output)?;
         } else {
             self.surface.warn_unused(output);
         }
-        self.region.add_to(self.sites.add_to(analysis)?, &self.read, output)
+        Ok(analysis)
     }
 
     fn files(&self, output: &Output) -> Result<Files> {
@@ -154,15 +149,6 @@ impl Args {
         files.also = self.also.iter().map(|name| name.parse()).collect::<Result<_>>()?;
         files.unit = output.unit();
         Ok(files)
-    }
-}
-
-/// The error, of an argument by the name it has here.
-fn in_options(error: Error) -> Error {
-    match error {
-        Error::Argument { name: "region", .. } => called(error, "--only, --except"),
-        Error::Argument { name: "table", .. } => called(error, "--table"),
-        other => other,
     }
 }
 
@@ -180,14 +166,13 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         args.region.refuse("--volume", "leave out --volume, or the region")?;
         return volume::run(args, step_mm, (part, tools), clock, output);
     }
-    let mut bars = Bars::default();
-    let placed = args.analysis(part, tools, &limits, output)?.place(&mut bars);
-    let placed = placed.map_err(in_options)?;
-    placed.warnings().iter().for_each(|warning| output.warn(warning));
-    placed.notices().iter().for_each(|notice| output.say(notice));
+    let analysis = args.analysis(part, tools, &limits, output)?;
+    let placed = args.region.place(analysis, &args.sites, &args.read, output)?;
     let (mesh, sites) = placed.shown();
     files.show().require_memory(mesh, sites)?;
+    let mut bars = Bars::default();
     let outcome = placed.label(&mut bars)?;
+    outcome.notices().iter().for_each(|notice| output.say(notice));
     clock.laps(outcome.seconds().into_iter().zip(STAGES).map(|(s, [key, name])| (key, name, s)));
     let (mesh, sites) = outcome.shown();
     let broken = output.check_limits(&limits, (sites, mesh), outcome.named())?;

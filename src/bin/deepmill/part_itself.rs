@@ -8,8 +8,7 @@ use deepmill::access::surface::{
     ContactTolerance, FINISH_MM, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions,
     TriangleObstacles, WIDE_MM, Warning, blocking_faces,
 };
-use deepmill::analysis::{Fixture, ToolOutcome};
-use deepmill::data::files::label_query::joined;
+use deepmill::analysis::{Analysis, Fixture, ToolOutcome, without_area};
 use deepmill::data::files::settings::{Blocking, PartSettings, StatedWarning};
 use deepmill::data::files::tools::Tool;
 use deepmill::geom::{Mesh, Sites, check};
@@ -113,38 +112,41 @@ impl SurfaceArgs {
         }
     }
 
-    /// The triangles of the part, its fixtures and the table; and these alone.
+    /// The triangles of the part, its fixtures and the table.
     pub fn obstacles(
         &self,
         mesh: &Mesh,
         read: &MeshArgs,
         output: &Output,
-    ) -> Result<(TriangleObstacles, Option<Mesh>)> {
-        let mut fixtures = self.fixtures(read, output)?;
-        for fixture in &fixtures {
-            fixture.require_finite()?;
-            fixture.warnings(mesh)?.iter().for_each(|warning| output.warn(warning));
-        }
-        if let Some(z) = self.table(read) {
-            let table = Fixture::table(mesh, z).map_err(|error| called(error, "--table"))?;
-            fixtures.push(table);
-            Fixture::table_warning(mesh, z).iter().for_each(|warning| output.warn(warning));
-        }
+    ) -> Result<TriangleObstacles> {
+        let around = Fixture::around(mesh, self.fixtures(read, output)?, self.table(read));
+        let (fixtures, warnings) = around.map_err(|error| called(error, "--table"))?;
+        warnings.iter().for_each(|warning| output.warn(warning));
         let fixtures: Vec<Mesh> = fixtures.into_iter().map(|fixture| fixture.mesh).collect();
         let obstacles = TriangleObstacles::new(mesh, &fixtures)?;
-        say_without_area(&obstacles, output);
-        Ok((obstacles, joined(&fixtures)))
+        without_area(&obstacles).iter().for_each(|notice| output.say(notice));
+        Ok(obstacles)
+    }
+
+    /// An analysis with the fixtures and the table.
+    pub fn add_to(&self, analysis: Analysis, read: &MeshArgs, output: &Output) -> Result<Analysis> {
+        let fixtures = self.fixtures(read, output)?;
+        let analysis = fixtures.into_iter().fold(analysis, Analysis::fixture);
+        Ok(match self.table(read) {
+            Some(z_mm) => analysis.table(z_mm),
+            None => analysis,
+        })
     }
 
     /// What blocks beside the part and the table.
-    pub fn fixtures(&self, read: &MeshArgs, output: &Output) -> Result<Vec<Fixture>> {
+    fn fixtures(&self, read: &MeshArgs, output: &Output) -> Result<Vec<Fixture>> {
         let of_file =
             |path: &PathBuf| Ok(Fixture::new(name_of(path), read.read_fixture(path, output)?));
         self.fixture.iter().map(of_file).collect()
     }
 
     /// Height of the table in the coordinates of the part that was read.
-    pub fn table(&self, read: &MeshArgs) -> Option<f64> {
+    fn table(&self, read: &MeshArgs) -> Option<f64> {
         self.table.map(|z| z - read.origin().map_or(0.0, |at| at.z))
     }
 
@@ -186,25 +188,11 @@ impl SurfaceArgs {
     }
 }
 
-/// Says how many triangles are no obstacles.
-pub fn say_without_area(obstacles: &TriangleObstacles, output: &Output) {
-    let n = obstacles.n_without_area();
-    if n > 0 {
-        let (are, s) = if n == 1 { ("is", "") } else { ("are", "s") };
-        output.say(format!("{n} triangle{s} without area {are} no obstacle{s}"));
-    }
-}
-
 /// Says the warnings; as JSON for the result.
 pub fn say_warnings(warnings: &[Warning], tool: Option<&str>, output: &Output) -> Value {
     let of = tool.map_or(String::new(), |tool| format!("{tool}: "));
     warnings.iter().for_each(|warning| output.warn(format!("{of}{warning}")));
-    json!(stated(warnings))
-}
-
-/// Warnings with their numbers and words.
-pub fn stated(warnings: &[Warning]) -> Vec<StatedWarning> {
-    warnings.iter().map(StatedWarning::from).collect()
+    json!(warnings.iter().map(StatedWarning::from).collect::<Vec<_>>())
 }
 
 /// If the part consists of several bodies: what is answered about each, said and as JSON.

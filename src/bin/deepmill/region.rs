@@ -3,20 +3,21 @@
 use crate::args::{SiteArgs, called, millimeters};
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
-use deepmill::analysis::Analysis;
+use deepmill::analysis::{Analysis, Placed};
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::LabelFile;
 use deepmill::data::files::label_query::SURFACE;
 use deepmill::data::files::settings::RegionSettings;
+use deepmill::geom::Sites;
 use deepmill::geom::formats;
-use deepmill::geom::selection::{Region, Selection, Selector};
-use deepmill::geom::{Mesh, Sites};
+use deepmill::geom::selection::{Selection, Selector};
 use deepmill::report::coverage;
 use deepmill::report::findings::{FINDINGS, Findings, for_all_tools};
+use deepmill::report::folder::REGION;
 use deepmill::{Error, Result};
 use glam::DVec3;
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The region of interest.
 #[derive(clap::Args)]
@@ -32,19 +33,8 @@ pub struct RegionArgs {
     except: Vec<String>,
 }
 
-/// The surface that answers are about: all of the part, or a region of it.
-pub struct Scope {
-    region: Option<(Region, Sites)>,
-    only: Vec<String>,
-    except: Vec<String>,
-    /// Area of the part, mm².
-    part_mm2: f64,
-}
-
 /// Degrees of `normal:` if none are given.
 const NEAR_DEGREES: f64 = 10.0;
-/// The region's surface, mm, beside the part's.
-pub const REGION: &str = "region.stl";
 
 impl RegionArgs {
     /// Whether there is a region.
@@ -60,77 +50,35 @@ impl RegionArgs {
         }
     }
 
+    /// Places the sites of an analysis, on the region if there is one; says what is wrong with fixtures and table.
+    pub fn place(
+        &self,
+        analysis: Analysis,
+        sites: &SiteArgs,
+        read: &MeshArgs,
+        output: &Output,
+    ) -> Result<Placed> {
+        let mut analysis = sites.add_to(analysis)?;
+        if self.is_given() {
+            let selection = self.selection(read, output)?;
+            analysis = analysis.region(selection, self.only.clone(), self.except.clone());
+        }
+        let placed = analysis.place(&mut ()).map_err(|error| match error {
+            Error::Argument { name: "region", .. } => called(error, "--only, --except"),
+            Error::Argument { name: "table", .. } => called(error, "--table"),
+            other => other,
+        })?;
+        placed.warnings().iter().for_each(|warning| output.warn(warning));
+        Ok(placed)
+    }
+
     /// The faces that are named.
-    pub fn selection(&self, read: &MeshArgs, output: &Output) -> Result<Selection> {
+    fn selection(&self, read: &MeshArgs, output: &Output) -> Result<Selection> {
         let all = |texts: &[String], option: &'static str| {
             let read = |text: &String| selector(text, option, read, output);
             texts.iter().map(read).collect::<Result<Vec<Selector>>>()
         };
         Ok(Selection { only: all(&self.only, "--only")?, except: all(&self.except, "--except")? })
-    }
-
-    /// What an analysis is asked, with the region if there is one.
-    pub fn add_to(&self, analysis: Analysis, read: &MeshArgs, output: &Output) -> Result<Analysis> {
-        if !self.is_given() {
-            return Ok(analysis);
-        }
-        let selection = self.selection(read, output)?;
-        Ok(analysis.region(selection, self.only.clone(), self.except.clone()))
-    }
-
-    /// The sites on the region, their faces those of the part.
-    pub fn place(
-        &self,
-        sites: &SiteArgs,
-        mesh: &Mesh,
-        read: &MeshArgs,
-        output: &Output,
-    ) -> Result<(Scope, Sites)> {
-        let (only, except) = (self.only.clone(), self.except.clone());
-        let mut scope = Scope { region: None, only, except, part_mm2: mesh.area() };
-        if !self.is_given() {
-            return Ok((scope, sites.on(mesh)?));
-        }
-        let selection = self.selection(read, output)?;
-        let region = selection.of(mesh).map_err(|error| called(error, "--only, --except"))?;
-        let on_region = match sites.spread()? {
-            Some(options) => selection.sample(mesh, &region, &options)?,
-            None => sites.on(&region.mesh)?,
-        };
-        let on_part = region.on_part(&on_region);
-        scope.region = Some((region, on_region));
-        Ok((scope, on_part))
-    }
-}
-
-impl Scope {
-    /// The surface and sites that areas, findings and pictures are about, given those of the part.
-    pub fn shown<'a>(&'a self, mesh: &'a Mesh, sites: &'a Sites) -> (&'a Mesh, &'a Sites) {
-        match &self.region {
-            None => (mesh, sites),
-            Some((region, sites)) => (&region.mesh, sites),
-        }
-    }
-
-    /// Says the region; adds it to the result.
-    pub fn say(&self, result: &mut Value, output: &Output) {
-        say(self.settings(), result, output);
-    }
-
-    /// What files and results say of it; none for all of the part.
-    pub fn settings(&self) -> Option<RegionSettings> {
-        let (region, _) = self.region.as_ref()?;
-        let mut settings = RegionSettings::default();
-        (settings.only, settings.except) = (self.only.clone(), self.except.clone());
-        (settings.area_mm2, settings.part_area_mm2) = (region.mesh.area(), self.part_mm2);
-        Some(settings)
-    }
-
-    /// Writes the region's surface, if there is one.
-    pub fn write(&self, folder: &Path) -> Result<Option<PathBuf>> {
-        let Some((region, _)) = &self.region else { return Ok(None) };
-        let path = folder.join(REGION);
-        formats::write_stl(&path, &region.mesh).map(|()| Some(path))
     }
 }
 

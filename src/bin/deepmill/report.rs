@@ -3,7 +3,7 @@
 use crate::findings;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
-use crate::region::{REGION, take_region};
+use crate::region::take_region;
 use deepmill::analysis::{advise, findings_of_tools};
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::label_query::LabelQuery;
@@ -15,7 +15,9 @@ use deepmill::metrics::Confusion;
 use deepmill::report::Scene;
 use deepmill::report::coverage::{self, Shares, TOOLS};
 use deepmill::report::findings::{Findings, for_all_tools};
-use deepmill::report::folder::{self, FIRST_TOOLS, FIXTURES, LABELS, PREDICTIONS, SURFACE, Show};
+use deepmill::report::folder::{
+    self, FIRST_TOOLS, FIXTURES, LABELS, PREDICTIONS, REGION, SURFACE, Show,
+};
 use deepmill::report::gate::SiteAreas;
 use deepmill::report::outlines::outlines;
 use deepmill::report::page::{Page, View};

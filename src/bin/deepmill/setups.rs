@@ -5,16 +5,17 @@ use crate::clock::Clock;
 use crate::findings;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
-use crate::part_itself::{self, ToleranceArgs, say_without_area};
+use crate::part_itself::{self, ToleranceArgs};
 use crate::progress;
-use crate::region::RegionArgs;
+use crate::region::{self, RegionArgs};
 use deepmill::access::setups::{Candidates, Choice, Clampings, Machine, Plan, direction_of_words};
-use deepmill::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
+use deepmill::access::surface::{AccessibleDirections, SurfaceOptions};
+use deepmill::analysis::{Analysis, without_area};
 use deepmill::data::files::tools::{self, Tool};
 use deepmill::geom::Mesh;
 use deepmill::report::PartView;
 use deepmill::report::findings::Findings;
-use deepmill::report::folder::{self, Show};
+use deepmill::report::folder::Show;
 use deepmill::report::gate::SiteAreas;
 use deepmill::report::page::Page;
 use deepmill::report::setups::Setups;
@@ -112,17 +113,20 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
-    let (scope, sites) = args.region.place(&args.sites, &mesh, &args.read, output)?;
-    let (surface, of_surface) = scope.shown(&mesh, &sites);
-    Show::pictures_unless(args.no_picture).require_memory(Some(surface), of_surface)?;
-    let areas = SiteAreas::of(of_surface, Some(surface))?;
+    let name = name_of(&args.part);
+    let analysis = Analysis::new(&*name, mesh, tools.clone());
+    let placed = args.region.place(analysis, &args.sites, &args.read, output)?;
+    let mesh = placed.mesh().expect("a mesh was given");
+    let (sites, (surface, of_surface)) = (placed.sites(), placed.shown());
+    Show::pictures_unless(args.no_picture).require_memory(surface, of_surface)?;
+    let areas = SiteAreas::of(of_surface, surface)?;
     clock.lap("sites_s", "sites");
-    let candidates = args.candidates(&mesh)?;
+    let candidates = args.candidates(mesh)?;
     Plan::require_memory(&candidates, sites.len(), tools.len())?;
-    let obstacles = TriangleObstacles::new(&mesh, &[])?;
-    say_without_area(&obstacles, output);
+    let obstacles = placed.obstacles()?.expect("triangles of a mesh block");
+    without_area(&obstacles).iter().for_each(|notice| output.say(notice));
     let of_tool = |tool: &Tool| {
-        obstacles.accessible_directions(&sites, &tool.cutter, candidates.directions(), &options)
+        obstacles.accessible_directions(sites, &tool.cutter, candidates.directions(), &options)
     };
     let progress = progress::bar(tools.len() as u64, "tools");
     let counted = tools.iter().map(|tool| of_tool(tool).inspect(|_| progress.inc(1)));
@@ -133,7 +137,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     for (tool, found) in tools.iter().zip(&accessible) {
         let reached = found.sites();
         let of_tool = obstacles.rest_on_wide_tolerance(
-            &sites,
+            sites,
             &tool.cutter,
             candidates.directions(),
             &SurfaceOptions { refinement: None, ..options },
@@ -148,21 +152,16 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     clock.lap("tolerances_s", "tolerances");
     let order = tools::thick_and_short_first(&tools);
     let choice = args.choice(share);
-    let plan = Plan::new(&candidates, &mesh, &sites, &accessible, areas.shares(), choice, &order);
+    let plan = Plan::new(&candidates, mesh, sites, &accessible, areas.shares(), choice, &order);
     clock.lap("cover_s", "choice of setups");
 
     let names: Vec<&str> = tools.iter().map(|tool| &*tool.name).collect();
     let setups = Setups::new(&plan, args.machine, &names, &areas);
     let answers = setups.answers();
-    let found = Findings::of(of_surface, Some(surface), &answers, &[])?;
-    let (name, words) = (name_of(&args.part), format!("{} tools", tools.len()));
-    let view = PartView {
-        name: &name,
-        mesh: Some(surface),
-        sites: of_surface,
-        cutter: &words,
-        outlines: &[],
-    };
+    let found = Findings::of(of_surface, surface, &answers, &[])?;
+    let words = format!("{} tools", tools.len());
+    let view =
+        PartView { name: &name, mesh: surface, sites: of_surface, cutter: &words, outlines: &[] };
     let mut paths =
         setups.write(&args.out, view, Show::pictures_unless(args.no_picture), output.unit())?;
     paths.extend(found.write(&args.out, (&name, &words), output.unit())?);
@@ -170,7 +169,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let views = setups.views(found.clone(), &args.settings(&tools, &candidates));
         let page = Page {
             part: &name,
-            mesh: Some(surface),
+            mesh: surface,
             sites: of_surface,
             views: &views,
             unit: output.unit(),
@@ -178,19 +177,18 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         };
         paths.push(page.write(&args.out)?);
     }
-    paths.push(folder::write_surface(&args.out, &mesh)?);
-    paths.extend(scope.write(&args.out)?);
+    paths.extend(placed.write_surfaces(&args.out)?);
     clock.lap("write_s", "writing and drawing");
 
     let named = [("setups", &answers)].into_iter();
-    let broken = output.check_limits(&limits, (of_surface, Some(surface)), named)?;
+    let broken = output.check_limits(&limits, (of_surface, surface), named)?;
     let premise = args.premise(&candidates);
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&name));
     facts.add("machine", "machine", Cell::text(args.machine.to_string()));
     part_itself::add_rests(&mut facts, n_rests);
     facts.add("finish_mm", "finish tolerance, mm", Cell::Given(options.finish_mm));
-    facts.add("area_mm2", "surface, mm²", Cell::Number(surface.area()));
+    facts.add("area_mm2", "surface, mm²", Cell::Number(surface.map_or(0.0, Mesh::area)));
     facts.add("n_sites", "sites", Cell::count(sites.len()));
     facts.add("n_tools", "tools", Cell::count(tools.len()));
     facts.add("n_directions", "tool axes tested", Cell::count(candidates.directions().len()));
@@ -215,7 +213,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     clock.add_to(&mut facts);
     let mut result = facts.json();
     output.say(&premise);
-    scope.say(&mut result, output);
+    region::say(placed.region(), &mut result, output);
     output.say(facts.text_in(output.unit()));
     output.files(&paths);
     output.say(setups.table().text_in(output.unit()));

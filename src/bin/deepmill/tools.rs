@@ -7,17 +7,18 @@ use crate::output::Output;
 use crate::part_itself::{self, SurfaceArgs};
 use crate::premise::premise;
 use crate::progress;
-use crate::region::RegionArgs;
+use crate::region::{self, RegionArgs};
 use deepmill::access::surface::{SiteAnswer, ToolReach, Warning};
+use deepmill::analysis::{Analysis, without_area};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::Assembly;
 use deepmill::data::files::tools::Tool;
+use deepmill::geom::Mesh;
 use deepmill::report::PartView;
 use deepmill::report::coverage::Coverage;
-use deepmill::report::folder::{self, Show};
+use deepmill::report::folder::Show;
 use deepmill::report::gate::SiteAreas;
 use deepmill::report::library::Library;
-use deepmill::report::outlines::outlines;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
 use serde_json::json;
@@ -81,15 +82,20 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
-    let (scope, sites) = args.region.place(&args.sites, &mesh, &args.read, output)?;
-    let (surface, of_surface) = scope.shown(&mesh, &sites);
-    let areas = SiteAreas::of(of_surface, Some(surface))?;
+    let name = name_of(&args.part);
+    let analysis = Analysis::new(&*name, mesh, tools.clone());
+    let analysis = args.surface.add_to(analysis, &args.read, output)?;
+    let placed = args.region.place(analysis, &args.sites, &args.read, output)?;
+    let (surface, of_surface) = placed.shown();
+    let sites = placed.sites();
+    let areas = SiteAreas::of(of_surface, surface)?;
     clock.lap("sites_s", "sites");
-    let (obstacles, fixtures) = args.surface.obstacles(&mesh, &args.read, output)?;
+    let obstacles = placed.obstacles()?.expect("triangles of a mesh block");
+    without_area(&obstacles).iter().for_each(|notice| output.say(notice));
     clock.lap("index_s", "search tree");
     let held: Vec<Assembly> = tools.iter().map(Tool::held).collect::<Result<_>>()?;
     let progress = progress::bar(1, "pass over all tools");
-    let reach = obstacles.reach_many(&sites, &held, &directions, &options)?;
+    let reach = obstacles.reach_many(sites, &held, &directions, &options)?;
     progress.finish_and_clear();
     clock.lap("tools_s", "tools");
     let library = Library::new(&tools, &reach, &areas, share)?;
@@ -98,12 +104,12 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let found = (&accessible(reach)[..], &reach.witness[..]);
         let cutter = &tool.cutter;
         let of_tool =
-            obstacles.rest_on_wide_tolerance(&sites, cutter, &directions, &options, found)?;
+            obstacles.rest_on_wide_tolerance(sites, cutter, &directions, &options, found)?;
         rests.push(of_tool.iter().filter(|rests| **rests).count());
         if tool.clearance_mm > 0.0 && !found.0.contains(&true) {
             let (without, answered) = (tool.assembly.cutter()?, (&options, &reach.answers[..]));
             let closed =
-                obstacles.share_closed_by_clearance(&sites, &without, &directions, answered)?;
+                obstacles.share_closed_by_clearance(sites, &without, &directions, answered)?;
             let warning = Warning::of_clearance(tool.clearance_mm, closed, false);
             warning.iter().for_each(|warning| output.warn(format!("{}: {warning}", tool.name)));
         }
@@ -114,29 +120,27 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut paths = library.write(&args.out, output.unit())?;
     let accessible: Vec<Vec<bool>> = reach.iter().map(accessible).collect();
     let words = format!("{} tools", tools.len());
-    let name = name_of(&args.part);
     let view = PartView {
         name: &name,
-        mesh: Some(surface),
+        mesh: surface,
         sites: of_surface,
         cutter: &words,
-        outlines: &fixtures.map_or_else(Vec::new, |fixtures| outlines(&fixtures, surface)),
+        outlines: &placed.outlines(),
     };
     paths.extend(
         Coverage::of_reached(&tools, &accessible, &areas).write_first(&args.out, view, show)?,
     );
-    paths.push(folder::write_surface(&args.out, &mesh)?);
-    paths.extend(scope.write(&args.out)?);
+    paths.extend(placed.write_surfaces(&args.out)?);
     clock.lap("write_s", "writing and drawing");
 
     let answers: Vec<SiteAnswers> = reach.iter().map(answers).collect();
     let named = tools.iter().zip(&answers).map(|(tool, answers)| (&*tool.name, answers));
-    let broken = output.check_limits(&limits, (of_surface, Some(surface)), named)?;
+    let broken = output.check_limits(&limits, (of_surface, surface), named)?;
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&name));
     part_itself::add_rests(&mut facts, rests.iter().copied().max().unwrap_or(0));
     facts.add("finish_mm", "finish tolerance, mm", Cell::Given(options.finish_mm));
-    facts.add("area_mm2", "surface, mm²", Cell::Number(surface.area()));
+    facts.add("area_mm2", "surface, mm²", Cell::Number(surface.map_or(0.0, Mesh::area)));
     facts.add("n_sites", "sites", Cell::count(sites.len()));
     facts.add("n_tools", "tools", Cell::count(tools.len()));
     facts.add(
@@ -156,7 +160,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let premise = premise(&directions, &args.surface);
     let mut result = facts.json();
     output.say(&premise);
-    scope.say(&mut result, output);
+    region::say(placed.region(), &mut result, output);
     output.say(facts.text_in(output.unit()));
     output.files(&paths);
     let (table, cover) = (library.table(), library.cover_table());

@@ -46,7 +46,7 @@ pub fn run(
     let mut points: Vec<Vec3> = Vec::with_capacity(outside.clone().count());
     points.extend(outside.map(|n| lattice.point(n).as_vec3()));
     clock.lap("points_s", "points");
-    let (obstacles, _) = args.surface.obstacles(&mesh, &args.read, output)?;
+    let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
     let options = SurfaceOptions { occlusion: false, ..args.surface.options(1.0)? };
     let labels = obstacles.label(Queries::Volume(&points), &tool.cutter, &directions, &options)?;
     clock.lap("labels_s", "labels");
