@@ -1,22 +1,24 @@
 //! What `deepmill::analysis` promises: a program gets what the command writes, and may stop it.
-#![cfg(feature = "cli")]
+#![cfg(all(feature = "cli", feature = "weights"))]
 
 mod command;
 
 use command::{Folder, block, deepmill, stl};
 use deepmill::Error;
 use deepmill::access::LabelOptions;
-use deepmill::analysis::{Analysis, Files, Fixture, Progress, Stage};
+use deepmill::analysis::{Analysis, Files, Fixture, PredictRequest, Progress, SetupRequest, Stage};
 use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
 use deepmill::directions::Directions;
+use deepmill::geom::Sites;
 use deepmill::geom::formats::{MeshOrCloud, ReadOptions, read_mesh, read_part};
 use deepmill::geom::selection::{Selection, Selector};
 use deepmill::geom::sites::SiteOptions;
-use deepmill::glam::DVec3;
+use deepmill::glam::{DVec3, Vec3};
+use deepmill::model::{Model, Predictor};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Two blocks that meet: a step.
 fn step(folder: &Folder) -> String {
@@ -54,17 +56,28 @@ fn bytes(folder: &str) -> BTreeMap<String, Vec<u8>> {
     all
 }
 
-/// The command and the analysis write the same folders.
+/// `label` and the analysis write the same folders.
 fn same(folder: &Folder, name: &str, analysis: Analysis, arguments: &[&str]) {
+    let write = |to: &Path, files: &Files| {
+        analysis.run(&mut ()).unwrap().write(to, files, &mut ()).unwrap()
+    };
+    same_files(folder, name, &[&["label"], arguments].concat(), write);
+}
+
+/// A command and a program write the same folders.
+fn same_files(
+    folder: &Folder,
+    name: &str,
+    arguments: &[&str],
+    write: impl FnOnce(&Path, &Files) -> Vec<PathBuf>,
+) {
     let (by_command, by_program) =
         (folder.path(&format!("{name}-1")), folder.path(&format!("{name}-2")));
-    let all = [&["label"], arguments, &["--out", &by_command]].concat();
-    let output = deepmill(&all);
+    let output = deepmill(&[arguments, &["--out", &by_command]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let mut files = Files::shown(arguments.contains(&"--report"));
     files.pictures = !arguments.contains(&"--no-picture");
-    let outcome = analysis.run(&mut ()).unwrap();
-    let paths = outcome.write(by_program.as_ref(), &files, &mut ()).unwrap();
+    let paths = write(by_program.as_ref(), &files);
     let (command, program) = (bytes(&by_command), bytes(&by_program));
     assert_eq!(paths.len(), program.len(), "every file is named");
     assert_eq!(command.keys().collect::<Vec<_>>(), program.keys().collect::<Vec<_>>());
@@ -114,6 +127,85 @@ fn a_program_writes_what_the_command_writes() {
 }
 
 #[test]
+fn tools_setups_volumes_and_predictions_of_a_program_are_those_of_the_commands() {
+    let folder = Folder::new();
+    let path = step(&folder);
+    let table = "name,CR,CH,FR,FH,corner\nF6,3,20,20,20,0\nF12,6,20,20,20,0\n";
+    let library = folder.file("tools.csv", table);
+    let tools = || {
+        let named = |name: &str, lengths| {
+            let mut tool = flat(lengths);
+            tool.name = name.into();
+            tool
+        };
+        vec![named("F6", "3,20,20,20"), named("F12", "6,20,20,20")]
+    };
+    let spread = SiteOptions { n_sites: 200, ..SiteOptions::default() };
+    let of = |tools| Analysis::new("step.stl", part(&path), tools).spread(spread);
+
+    let arguments = ["tools", &path, "--library", &library, "--sites", "200", "--table", "-1"];
+    same_files(&folder, "tools", &arguments, |to, files| {
+        let placed = of(tools()).table(-1.0).place(&mut ()).unwrap();
+        placed.reach(0.95, &mut ()).unwrap().write(to, files, &mut ()).unwrap()
+    });
+
+    let arguments = ["setups", &path, "--tools", &library, "--sites", "200", "--machine", "3-axis"];
+    same_files(&folder, "setups", &[&arguments[..], &["--report"]].concat(), |to, files| {
+        let request = SetupRequest::on("3-axis".parse().unwrap());
+        let placed = of(tools()).place(&mut ()).unwrap();
+        placed.plan(request, &mut ()).unwrap().write(to, files, &mut ()).unwrap()
+    });
+
+    let lengths = ["--cutter", "3,20,20,20", "--corner", "0", "--volume", "4", "--table", "-1"];
+    same_files(&folder, "volume", &[&["label", &path], &lengths[..]].concat(), |to, files| {
+        let analysis = of(vec![flat("3,20,20,20")]).table(-1.0);
+        analysis.volume(4.0, &mut ()).unwrap().write(to, files).unwrap()
+    });
+}
+
+#[test]
+fn predictions_of_a_program_are_those_of_the_command() {
+    let folder = Folder::new();
+    let path = step(&folder);
+    let lengths = ["--cutter", "1.5,6,40,5", "--far", "--sites", "400", "--report"];
+    for verified in [false, true] {
+        let more = if verified { &["--verify", "0.05"][..] } else { &[] };
+        let arguments = [&["predict", &path], &lengths[..], more].concat();
+        same_files(&folder, &format!("predict-{verified}"), &arguments, |to, files| {
+            let ball = Tool::new("1.5,6,40,5".parse().unwrap(), None, 0.0).unwrap();
+            let placed = Analysis::new("step.stl", part(&path), vec![ball])
+                .n_sites(400)
+                .place(&mut ())
+                .unwrap();
+            let predictor = Predictor::new(Model::shipped().unwrap()).accept_far();
+            let request = PredictRequest::new(predictor, "the network that comes with deepmill");
+            let request = if verified { request.verify(0.05) } else { request };
+            placed.predict(&request, &mut ()).unwrap().write(to, files, &mut ()).unwrap()
+        });
+    }
+}
+
+#[test]
+fn a_cloud_has_no_triangles_for_tools_setups_and_verification() {
+    let sites = Sites::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![Vec3::Z; 3]).unwrap();
+    let ball = || vec![Tool::new("1.5,6,40,5".parse().unwrap(), None, 0.0).unwrap()];
+    let of = || Analysis::new("cloud", MeshOrCloud::Cloud(sites.clone()), ball());
+    let placed = || of().place(&mut ()).unwrap();
+    let predictor = Predictor::new(Model::shipped().unwrap()).accept_far();
+    let request = PredictRequest::new(predictor, "n").verify(0.1);
+    let machine = SetupRequest::on("3-axis".parse().unwrap());
+    for (refused, expected) in [
+        (placed().reach(0.95, &mut ()).map(drop), "triangles that block"),
+        (placed().plan(machine, &mut ()).map(drop), "triangles that block"),
+        (placed().predict(&request, &mut ()).map(drop), "given with a cloud of points"),
+        (of().volume(1.0, &mut ()).map(drop), "a mesh and one tool"),
+    ] {
+        let message = refused.unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    }
+}
+
+#[test]
 fn work_that_is_stopped_says_so_and_leaves_whole_files() {
     let folder = Folder::new();
     let path = step(&folder);
@@ -151,7 +243,7 @@ fn work_that_is_stopped_says_so_and_leaves_whole_files() {
 }
 
 #[test]
-fn what_cannot_be_asked_is_refused() {
+fn what_has_no_answer_is_refused() {
     let folder = Folder::new();
     let path = step(&folder);
     let message = |analysis: Analysis| analysis.n_sites(50).run(&mut ()).unwrap_err().to_string();

@@ -1,8 +1,11 @@
-//! From a part and its tools to a folder of results: what the command `label` does, for programs.
+//! From a part and its tools to a folder of results: what the commands do, for programs.
 //!
 //! [`Analysis`] is the request: a part, tools, and options. [`Analysis::place`] places the sites, [`Placed::label`]
 //! computes their answers, [`Analysis::run`] does both. An [`Outcome`] holds every answer once, with what follows from
 //! it: findings, coverage, warnings. [`Outcome::write`] writes the folder that `deepmill label` writes.
+//!
+//! [`Placed::reach`] compares the tools of a library, [`Placed::plan`] finds few setups, [`Placed::predict`] has a
+//! network answer, [`Analysis::volume`] labels the space around the part.
 //!
 //! An [`Observer`] hears how far the work is and may stop it.
 //!
@@ -28,20 +31,28 @@ mod fixtures;
 mod observer;
 mod outcome;
 mod placed;
+mod predictions;
+mod setups;
+mod tools;
+mod volume;
 mod write;
 
 pub use findings::{N_SHOWN, advise, findings_of_tools};
 pub use fixtures::{Fixture, KeptOut};
 pub use observer::{Observer, Progress, Stage};
 pub use outcome::{Outcome, ToolOutcome};
-pub use placed::{Placed, without_area};
+pub use placed::Placed;
+pub use predictions::{PredictRequest, PredictionsOutcome, ToolPrediction, known_to_networks};
+pub use setups::{SetupRequest, SetupsOutcome};
+pub use tools::ToolsOutcome;
+pub use volume::VolumeOutcome;
 pub use write::Files;
 
 use crate::Result;
 use crate::access::LabelOptions;
-use crate::access::surface::SurfaceOptions;
 use crate::access::surface::explain::Remedies;
-use crate::data::files::settings::{Blocking, SiteSettings};
+use crate::access::surface::{ContactTolerance, SurfaceOptions};
+use crate::data::files::settings::{Blocking, PartSettings, SiteSettings};
 use crate::data::files::tools::Tool;
 use crate::directions::Directions;
 use crate::geom::formats::MeshOrCloud;
@@ -243,7 +254,27 @@ impl Analysis {
         }
     }
 
-    /// What files say of the sites.
+    /// What files hold of the mesh definition's options.
+    fn part_settings(&self) -> PartSettings {
+        let options = &self.options;
+        // The table is the last of them.
+        let n_tables = usize::from(self.table_z_mm.is_some());
+        let n_fixtures = self.fixtures.len().saturating_sub(n_tables);
+        let fixtures = self.fixtures[..n_fixtures].iter().map(|fixture| fixture.name.clone());
+        PartSettings {
+            fixtures: fixtures.collect(),
+            table_z_mm: self.table_z_mm,
+            search: Some(options.refinement.map_or(0, |refinement| refinement.n_kept)),
+            prove: self.prove,
+            tolerance_mm: match options.tolerance {
+                ContactTolerance::Millimeters(mm) | ContactTolerance::AtMost(mm) => Some(mm),
+                ContactTolerance::Tessellation => None,
+            },
+            finish_mm: Some(options.finish_mm),
+        }
+    }
+
+    /// What files hold of the sites.
     fn site_settings(&self) -> SiteSettings {
         if self.is_cloud {
             return SiteSettings::as_given();

@@ -11,6 +11,8 @@ pub enum Stage {
     Sites,
     /// Tools are labeled.
     Labels,
+    /// Predictions are computed again.
+    Verifying,
     /// Findings, and what would help.
     Findings,
     /// Files are written.

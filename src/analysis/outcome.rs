@@ -4,10 +4,10 @@ use super::fixtures::KeptOut;
 use super::placed::Placed;
 use crate::Result;
 use crate::access::Labels;
-use crate::access::surface::{ContactTolerance, Warning};
+use crate::access::surface::Warning;
 use crate::answers::{Definition, Rounding, SiteAnswers};
 use crate::data::files::settings::{
-    AnalysisSettings, Blocking, PartSettings, RegionSettings, StatedWarning, ToolSettings,
+    AnalysisSettings, Blocking, RegionSettings, StatedWarning, ToolSettings,
 };
 use crate::data::files::tools::Tool;
 use crate::data::files::{LabelFile, Provenance};
@@ -175,17 +175,6 @@ impl Outcome {
             true => (options.share, Rounding::Ceil, options.clearance_limit_mm),
             false => (published.share, published.rounding, published.clearance_limit_mm),
         };
-        let part = || PartSettings {
-            fixtures: self.fixture_names(),
-            table_z_mm: request.table_z_mm,
-            search: Some(options.refinement.map_or(0, |refinement| refinement.n_kept)),
-            prove: request.prove,
-            tolerance_mm: match options.tolerance {
-                ContactTolerance::Millimeters(mm) | ContactTolerance::AtMost(mm) => Some(mm),
-                ContactTolerance::Tessellation => None,
-            },
-            finish_mm: Some(options.finish_mm),
-        };
         let warnings = self.answers[tool].warnings.iter().map(StatedWarning::from);
         Ok(AnalysisSettings {
             sites: Some(request.site_settings()),
@@ -199,7 +188,7 @@ impl Outcome {
             n_directions: Some(directions.len()),
             definition: Some(self.definition()),
             obstacles: request.obstacles.map(|_| *blocking),
-            part_itself: is_by_mesh.then(part),
+            part_itself: is_by_mesh.then(|| request.part_settings()),
             warnings: Some(warnings.collect()),
             occlusion: Some(has_occlusion),
             occlusion_share: has_occlusion.then_some(share),
@@ -210,12 +199,5 @@ impl Outcome {
             origin_mm: request.origin.map(|at| at.to_array()),
             ..AnalysisSettings::default()
         })
-    }
-
-    /// Names of the fixtures, without the table.
-    fn fixture_names(&self) -> Vec<String> {
-        let request = &self.placed.request;
-        let n = request.fixtures.len() - usize::from(request.table_z_mm.is_some());
-        request.fixtures[..n].iter().map(|fixture| fixture.name.clone()).collect()
     }
 }

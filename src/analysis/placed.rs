@@ -61,11 +61,7 @@ impl Analysis {
             let expected = "triangles that block";
             return Err(Error::argument("region", "points as obstacles", expected, remedy));
         }
-        let directions = match (self.directions.take(), blocking) {
-            (Some(given), _) => given,
-            (None, Blocking::Part) => Directions::fibonacci_hemisphere(N_DIRECTIONS)?,
-            (None, _) => Directions::published(),
-        };
+        let directions = self.take_directions(blocking)?;
         let (mesh, sites, region) = match self.shape.take() {
             None => (None, Sites::default(), None),
             Some(MeshOrCloud::Cloud(sites)) => (None, sites, None),
@@ -84,6 +80,15 @@ impl Analysis {
         let seconds = started.elapsed().as_secs_f64();
         let request = self;
         Ok(Placed { request, blocking, directions, mesh, sites, region, more, warnings, seconds })
+    }
+
+    /// The directions given, or those that are usual.
+    pub(super) fn take_directions(&mut self, blocking: Blocking) -> Result<Directions> {
+        match (self.directions.take(), blocking) {
+            (Some(given), _) => Ok(given),
+            (None, Blocking::Part) => Directions::fibonacci_hemisphere(N_DIRECTIONS),
+            (None, _) => Ok(Directions::published()),
+        }
     }
 
     /// The sites, their faces those of the part, and the region with its own.
@@ -118,13 +123,23 @@ impl Analysis {
 }
 
 /// How many triangles are no obstacles, in words.
-pub fn without_area(obstacles: &TriangleObstacles) -> Option<String> {
+pub(super) fn without_area(obstacles: &TriangleObstacles) -> Option<String> {
     let n = obstacles.n_without_area();
     let (are, s) = if n == 1 { ("is", "") } else { ("are", "s") };
     (n > 0).then(|| format!("{n} triangle{s} without area {are} no obstacle{s}"))
 }
 
 impl Placed {
+    /// Name of the part.
+    pub fn part(&self) -> &str {
+        &self.request.part
+    }
+
+    /// The tools.
+    pub fn tools(&self) -> &[Tool] {
+        &self.request.tools
+    }
+
     /// The surface that answers are about, none for a cloud, and the sites on it: of the region, if there is one.
     pub fn shown(&self) -> (Option<&Mesh>, &Sites) {
         match &self.region {
@@ -182,6 +197,11 @@ impl Placed {
         &self.warnings
     }
 
+    /// Seconds that the sites took.
+    pub(super) fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
     /// Whether the answers are by the mesh definition.
     fn is_by_mesh(&self) -> bool {
         self.blocking == Blocking::Part
@@ -233,7 +253,7 @@ impl Placed {
     }
 
     /// Options of the mesh definition.
-    pub(super) fn options(&self) -> SurfaceOptions {
+    pub fn options(&self) -> SurfaceOptions {
         self.request.options
     }
 

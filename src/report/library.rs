@@ -14,10 +14,10 @@ use std::path::{Path, PathBuf};
 
 /// What each tool of a library reaches.
 #[derive(Debug)]
-pub struct Library<'a> {
-    tools: &'a [Tool],
-    reach: &'a [ToolReach],
-    areas: &'a SiteAreas,
+pub struct Library {
+    tools: Vec<Tool>,
+    reach: Vec<ToolReach>,
+    areas: SiteAreas,
     share: f64,
     /// The fewest tools that reach the share of what any tool reaches, of as few the thick and short ones.
     pub cover: Cover,
@@ -49,10 +49,9 @@ const CURVES_OF_CHART: usize = 6;
 /// Corners of a curve in the picture.
 const MOST_CORNERS: usize = 400;
 
-impl<'a> Library<'a> {
+impl Library {
     /// Of tools with what they reach; `share` is that of the area within reach of the body which the least stick-out is
-    /// stated for, and that of the
-    /// area within reach of any tool which the smallest set reaches.
+    /// stated for, and that of the area within reach of any tool which the smallest set reaches.
     ///
     /// # Errors
     /// If the share is not above 0 and at most 1.
@@ -60,9 +59,9 @@ impl<'a> Library<'a> {
     /// # Panics
     /// If there are not as many answers as tools.
     pub fn new(
-        tools: &'a [Tool],
-        reach: &'a [ToolReach],
-        areas: &'a SiteAreas,
+        tools: Vec<Tool>,
+        reach: Vec<ToolReach>,
+        areas: SiteAreas,
         share: f64,
     ) -> Result<Self> {
         assert_eq!(tools.len(), reach.len(), "an answer per tool");
@@ -73,9 +72,24 @@ impl<'a> Library<'a> {
         }
         let reaches = |tool: usize, i: usize| reach[tool].answers[i] == SiteAnswer::Accessible;
         let n_for_all = cover(tools.len(), areas.shares(), reaches).chosen.len();
-        let order = thick_and_short_first(tools);
+        let order = thick_and_short_first(&tools);
         let cover = cover_share_preferring(tools.len(), areas.shares(), reaches, share, &order);
         Ok(Library { tools, reach, areas, share, cover, n_for_all })
+    }
+
+    /// The tools.
+    pub fn tools(&self) -> &[Tool] {
+        &self.tools
+    }
+
+    /// What each of them reaches.
+    pub fn reach(&self) -> &[ToolReach] {
+        &self.reach
+    }
+
+    /// What each site stands for.
+    pub fn areas(&self) -> &SiteAreas {
+        &self.areas
     }
 
     fn reaches(&self, tool: usize, i: usize) -> bool {
@@ -305,7 +319,7 @@ mod tests {
         let tools = [tool(38.0), tool(60.0)];
         let reach = [reach(least, 10.0), reach(least, 10.0)];
         let areas = SiteAreas::even(4);
-        let library = Library::new(&tools, &reach, &areas, 1.0).unwrap();
+        let library = Library::new(tools.to_vec(), reach.to_vec(), areas, 1.0).unwrap();
         let facts = [library.facts(0), library.facts(1)];
         assert_eq!(facts.clone().map(|f| f.least_stick_out_mm), [Some(30.0), Some(45.0)]);
         assert_eq!(facts.clone().map(|f| f.body_reaches), [0.75, 1.0]);
@@ -330,7 +344,8 @@ mod tests {
         };
         let reach = [40, 39, 39, 40].map(answers);
         let areas = SiteAreas::even(40);
-        let chosen = |share| Library::new(&tools, &reach, &areas, share).unwrap().cover.chosen;
+        let new = |share| Library::new(tools.to_vec(), reach.to_vec(), areas.clone(), share);
+        let chosen = |share| new(share).unwrap().cover.chosen;
         assert_eq!((chosen(0.95), chosen(1.0)), (vec![2], vec![3]));
     }
 
@@ -347,7 +362,8 @@ mod tests {
         let sites = Sites::new(points, vec![Vec3::Z; 4]).unwrap();
         let mesh = solids::cuboid(DVec3::splat(1.0));
         let areas = SiteAreas::of(&sites, Some(&mesh)).unwrap();
-        let library = Library::new(&tools, &reach, &areas, 0.95).unwrap();
+        let new = |share| Library::new(tools.to_vec(), reach.clone(), areas.clone(), share);
+        let library = new(0.95).unwrap();
         assert_eq!(library.cover.chosen.len(), 2);
         assert!(
             library.cover.is_smallest()
@@ -366,14 +382,14 @@ mod tests {
         );
         assert_eq!(library.n_for_all, 2);
         // Each of the three reaches half of the surface: the one that sticks out least is taken.
-        let half = Library::new(&tools, &reach, &areas, 0.5).unwrap();
+        let half = new(0.5).unwrap();
         assert_eq!(
             (half.cover.chosen.clone(), half.cover.at_least, half.n_for_all),
             (vec![0], 1, 2)
         );
         assert_eq!(half.facts(0).least_stick_out_mm, Some(2.0));
         for bad in [0.0, 1.1, f64::NAN] {
-            assert!(Library::new(&tools, &reach, &areas, bad).is_err());
+            assert!(new(bad).is_err());
         }
         let folder = tempfile::tempdir().unwrap();
         for path in library.write(folder.path(), Unit::Millimeter).unwrap() {

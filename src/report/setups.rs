@@ -19,11 +19,11 @@ use std::path::{Path, PathBuf};
 
 /// Chosen setups of a part, with what names them.
 #[derive(Debug)]
-pub struct Setups<'a> {
-    plan: &'a Plan,
+pub struct Setups {
+    plan: Plan,
     machine: Machine,
-    tools: &'a [&'a str],
-    areas: &'a SiteAreas,
+    tools: Vec<String>,
+    areas: SiteAreas,
     /// Of each setup: number and orientation.
     names: Vec<String>,
 }
@@ -40,17 +40,12 @@ const N_DRAWN: usize = 8;
 /// Sites that a further setup would reach.
 const LEFT: Rgb = [230, 140, 40];
 
-impl<'a> Setups<'a> {
+impl Setups {
     /// Of a plan for a machine; `tools` are the names of the tools that it was made with.
     ///
     /// # Panics
     /// If the plan is about other tools or sites.
-    pub fn new(
-        plan: &'a Plan,
-        machine: Machine,
-        tools: &'a [&'a str],
-        areas: &'a SiteAreas,
-    ) -> Self {
+    pub fn new(plan: Plan, machine: Machine, tools: Vec<String>, areas: SiteAreas) -> Self {
         assert_eq!(plan.first.len(), areas.shares().len(), "areas of the plan's sites");
         assert!(plan.setups.iter().all(|s| s.by_tool.len() == tools.len()), "a name per tool");
         let name = |(k, setup): (usize, &Setup)| {
@@ -58,6 +53,11 @@ impl<'a> Setups<'a> {
         };
         let names = plan.setups.iter().enumerate().map(name).collect();
         Setups { plan, machine, tools, areas, names }
+    }
+
+    /// The chosen setups.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
     }
 
     /// Share of the surface that some candidate reaches.
@@ -78,7 +78,7 @@ impl<'a> Setups<'a> {
 
     /// What the setups leave, as answers: see `docs/setups.md`.
     pub fn answers(&self) -> SiteAnswers {
-        let Plan { first, only_tip, .. } = self.plan;
+        let Plan { first, only_tip, .. } = &self.plan;
         let left = |i: usize| first[i].is_none() && !only_tip[i];
         let mut answers = SiteAnswers::new((0..first.len()).map(left).collect(), Vec::new());
         answers.tip_does_not_fit = only_tip.clone();
@@ -90,7 +90,7 @@ impl<'a> Setups<'a> {
     }
 
     fn tool_names(&self, setup: &Setup) -> String {
-        let names: Vec<&str> = setup.tools.chosen.iter().map(|&t| self.tools[t]).collect();
+        let names: Vec<&str> = setup.tools.chosen.iter().map(|&t| &*self.tools[t]).collect();
         names.join(" + ")
     }
 
@@ -196,7 +196,7 @@ impl<'a> Setups<'a> {
                 let reached = self.areas.share(|i| setup.by_tool[t][i]);
                 let needed = if setup.tools.chosen.contains(&t) { "yes" } else { "" };
                 let name = Cell::text(&self.names[k]);
-                let cells = [Cell::text(*tool), Cell::Share(reached), self.mm2(reached)];
+                let cells = [Cell::text(tool), Cell::Share(reached), self.mm2(reached)];
                 table.row([vec![name], cells.into(), vec![Cell::text(needed)]].concat());
             }
         }

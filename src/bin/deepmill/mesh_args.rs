@@ -233,11 +233,6 @@ impl MeshArgs {
         self.origin.get().copied()
     }
 
-    /// [`MeshArgs::origin`], for files.
-    pub fn origin_mm(&self) -> Option<[f64; 3]> {
-        self.origin().map(|at| at.to_array())
-    }
-
     /// Adds the local origin in use to results.
     pub fn add_origin(&self, result: &mut Value) {
         if let Some(at) = self.origin() {

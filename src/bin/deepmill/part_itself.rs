@@ -5,11 +5,11 @@ use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::access::Labels;
 use deepmill::access::surface::{
-    ContactTolerance, FINISH_MM, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions,
-    TriangleObstacles, WIDE_MM, Warning, blocking_faces,
+    ContactTolerance, FINISH_MM, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions, WIDE_MM,
+    Warning, blocking_faces,
 };
-use deepmill::analysis::{Analysis, Fixture, ToolOutcome, without_area};
-use deepmill::data::files::settings::{Blocking, PartSettings, StatedWarning};
+use deepmill::analysis::{Analysis, Fixture, ToolOutcome};
+use deepmill::data::files::settings::{Blocking, StatedWarning};
 use deepmill::data::files::tools::Tool;
 use deepmill::geom::{Mesh, Sites, check};
 use deepmill::report::gate::SiteAreas;
@@ -75,13 +75,6 @@ impl ToleranceArgs {
     pub fn finish_mm(&self) -> f64 {
         self.finish
     }
-
-    /// What a file says of them; the allowance belongs to its tools.
-    pub fn settings(&self) -> PartSettings {
-        let mut settings = PartSettings::default();
-        (settings.tolerance_mm, settings.finish_mm) = (self.tolerance, Some(self.finish));
-        settings
-    }
 }
 
 /// Options of the mesh definition.
@@ -110,22 +103,6 @@ impl SurfaceArgs {
         if self.tolerances.tolerance.is_some() || self.table.is_some() || !self.fixture.is_empty() {
             output.warn("--tolerance, --fixture and --table are not about points as obstacles");
         }
-    }
-
-    /// The triangles of the part, its fixtures and the table.
-    pub fn obstacles(
-        &self,
-        mesh: &Mesh,
-        read: &MeshArgs,
-        output: &Output,
-    ) -> Result<TriangleObstacles> {
-        let around = Fixture::around(mesh, self.fixtures(read, output)?, self.table(read));
-        let (fixtures, warnings) = around.map_err(|error| called(error, "--table"))?;
-        warnings.iter().for_each(|warning| output.warn(warning));
-        let fixtures: Vec<Mesh> = fixtures.into_iter().map(|fixture| fixture.mesh).collect();
-        let obstacles = TriangleObstacles::new(mesh, &fixtures)?;
-        without_area(&obstacles).iter().for_each(|notice| output.say(notice));
-        Ok(obstacles)
     }
 
     /// An analysis with the fixtures and the table.
@@ -176,15 +153,6 @@ impl SurfaceArgs {
     /// Height of the table, and the number of fixtures.
     pub fn held_by(&self) -> (Option<f64>, usize) {
         (self.table, self.fixture.len())
-    }
-
-    /// What a label file says of these options.
-    pub fn settings(&self) -> PartSettings {
-        let mut settings = self.tolerances.settings();
-        settings.fixtures = self.fixture.iter().map(|path| path.display().to_string()).collect();
-        settings.table_z_mm = self.table;
-        (settings.search, settings.prove) = (Some(self.search), self.prove);
-        settings
     }
 }
 

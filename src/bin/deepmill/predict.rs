@@ -1,23 +1,19 @@
 //! `deepmill predict`: predicts with a network which sites of a part a cutter cannot reach.
 
-use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, name_of};
+use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, called, name_of};
 use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs, warn_wide_tools};
 use crate::model_args::ModelArgs;
 use crate::output::Output;
+use crate::progress::Bars;
 use deepmill::access::LabelOptions;
-use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
-use deepmill::answers::{Definition, OutsideDomain, SiteAnswers};
-use deepmill::data::files::settings::VerifySettings;
-use deepmill::data::files::tools::Tool;
-use deepmill::data::files::{AnalysisSettings, PredictionFile, Provenance};
-use deepmill::geom::units::Unit;
-use deepmill::geom::{Mesh, Sites};
-use deepmill::model::{Prediction, Predictor};
-use deepmill::report::export::Extra;
-use deepmill::report::findings::Findings;
-use deepmill::report::folder::{self, Show};
-use deepmill::report::page::{Page, View};
+use deepmill::analysis::{
+    Analysis, Files, PredictRequest, PredictionsOutcome, ToolPrediction, known_to_networks,
+};
+use deepmill::answers::SiteAnswers;
+use deepmill::data::files::PredictionFile;
+use deepmill::geom::formats::MeshOrCloud;
+use deepmill::model::Predictor;
 use deepmill::report::tables::{Cell, Facts, Table};
 use deepmill::{Error, Result, atomic_file};
 use serde_json::{Value, json};
@@ -87,132 +83,117 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let limits = args.gate.limits(unknown)?;
     let directions = args.directions.directions()?;
     args.tools.check_one_cutter()?;
-    let tools = known_to_networks(args.tools.tools(output)?, output)?;
-    let also = args.also.iter().map(|name| name.parse()).collect::<Result<Vec<Extra>>>()?;
+    let (tools, left_out) = known_to_networks(args.tools.tools(output)?)?;
+    left_out.iter().for_each(|tool| output.warn(tool));
+    let files = args.files(output)?;
     atomic_file::check_writable_folder(&args.out)?;
-    let (model, model_name) = args.model.read()?;
+    let request = args.request()?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, Accept::bodies_or(args.force), output)?;
+    if let MeshOrCloud::Mesh(mesh) = &part {
+        warn_wide_tools(mesh, &tools, output);
+    }
     clock.lap("read_s", "reading");
-    let (mesh, sites) = args.sites.place(part)?;
-    mesh.iter().for_each(|mesh| warn_wide_tools(mesh, &tools, output));
-    clock.lap("sites_s", "sites");
-    let obstacles = args.verify.map(|_| part_to_verify(model.definition, mesh.as_ref()));
-    let obstacles = obstacles.transpose()?;
-    let mut settings = AnalysisSettings::default();
-    settings.sites = Some(args.sites.settings(mesh.is_some()));
-    settings.model = Some(model_name);
-    settings.definition = model.definition;
-    settings.origin_mm = args.read.origin_mm();
-    settings.verify = args
-        .verify
-        .map(|bound| VerifySettings::new((bound, args.sites.seed), directions.set().clone()));
-    let predictor = Predictor::new(model);
-    let predictor = if args.far { predictor.accept_far() } else { predictor };
-    Show::pictures_unless(args.no_picture).require_memory(mesh.as_ref(), &sites)?;
-    let about = About { args, settings, sites, mesh };
-    let mut files = Vec::new();
-    for tool in tools {
-        match predictor.predict(&about.sites, &tool.cutter) {
-            Ok((prediction, outside)) => {
-                let outside = about.say_outside(&tool, &outside, output);
-                files.push((about.file(&tool, prediction, &outside), tool, outside));
-            }
-            // One tool of several that is too far from what the network knows.
-            Err(error @ Error::Argument { .. }) if args.tools.are_several() => {
-                output.warn(format!("{}: {error}; it is left out", tool.name));
-            }
-            Err(error) => return Err(error),
-        }
-    }
-    if files.is_empty() {
-        let expected = "a tool like those that the network was trained on";
-        let remedy = "use `deepmill label`, or accept guesses (--far)";
-        return Err(Error::argument("--tools", "all left out", expected, remedy));
-    }
-    clock.lap("predict_s", "prediction");
-    if let (Some(bound), Some(obstacles)) = (args.verify, &obstacles) {
-        for (file, tool, _) in &mut files {
-            let with = (&tool.cutter, &directions);
-            let options =
-                SurfaceOptions { share: args.occlusion_share, ..SurfaceOptions::default() };
-            let predicted = file.prediction.answers();
-            let bound = (bound, args.sites.seed);
-            let verified = obstacles.verify(&about.sites, with, &options, &predicted, bound)?;
-            file.verified = Some(verified);
-        }
-        clock.lap("verify_s", "verification");
-    }
-    let paths = about.write(&files, &also, output.unit())?;
+    let analysis = Analysis::new(name_of(&args.part), part, tools)
+        .folders(args.tools.are_several())
+        .origin(args.read.origin())
+        .directions(directions);
+    let placed = args.sites.add_to(analysis)?.place(&mut ())?;
+    let (mesh, sites) = placed.shown();
+    files.show().require_memory(mesh, sites)?;
+    let mut bars = Bars::default();
+    let outcome = placed.predict(&request, &mut bars).map_err(|error| match error {
+        Error::Argument { name: "verify", .. } => called(error, "--verify"),
+        Error::Argument { name: "tools", .. } => called(error, "--tools"),
+        other => other,
+    })?;
+    outcome.warnings().iter().for_each(|warning| output.warn(warning));
+    let stages = STAGES.iter().take(if args.verify.is_some() { 3 } else { 2 });
+    clock.laps(stages.zip(outcome.seconds()).map(|([key, name], s)| (*key, *name, s)));
+    let paths = outcome.write(&args.out, &files, &mut bars)?;
     clock.lap("write_s", "writing and drawing");
+    let (mesh, sites) = outcome.placed().shown();
+    let named = outcome.named();
+    let each = named.iter().map(|(name, answers)| (*name, answers));
+    let broken = output.check_limits(&limits, (sites, mesh), each)?;
+    let mut result = say(&outcome, &named, &clock, &paths, output);
+    result["limits_broken"] = broken;
+    output.result_with_files(result, &paths);
+    Ok(())
+}
 
-    let answers: Vec<SiteAnswers> = files.iter().map(|(f, ..)| f.answers()).collect();
-    let named = files.iter().zip(&answers).map(|((_, tool, _), answers)| (&*tool.name, answers));
-    let broken = output.check_limits(&limits, (&about.sites, about.mesh.as_ref()), named)?;
-    let mut facts = Facts::new();
-    facts.add("part", "part", Cell::text(name_of(&args.part)));
-    facts.add("definition", "definition", about.definition());
-    if !args.tools.are_several() {
-        facts.add("cutter", "cutter", Cell::text(&files[0].0.provenance.tool));
+/// Keys and names of what [`PredictionsOutcome::seconds`] has.
+const STAGES: [[&str; 2]; 3] =
+    [["sites_s", "sites"], ["predict_s", "prediction"], ["verify_s", "verification"]];
+
+impl Args {
+    fn request(&self) -> Result<PredictRequest> {
+        let (model, name) = self.model.read()?;
+        let predictor = Predictor::new(model);
+        let predictor = if self.far { predictor.accept_far() } else { predictor };
+        let request = PredictRequest::new(predictor, name).occlusion_share(self.occlusion_share);
+        Ok(match self.verify {
+            Some(bound) => request.verify(bound),
+            None => request,
+        })
     }
-    facts.add("n_sites", "sites", Cell::count(about.sites.len()));
-    if !args.tools.are_several() {
-        facts.add("inaccessible", "inaccessible", share(&answers[0].inaccessible));
-        facts.add("occlusion", "occlusion", share(&answers[0].occlusion));
-        if let Some(verified) = &files[0].0.verified {
+
+    fn files(&self, output: &Output) -> Result<Files> {
+        let mut files = Files::shown(self.report);
+        files.pictures = !self.no_picture;
+        files.also = self.also.iter().map(|name| name.parse()).collect::<Result<_>>()?;
+        files.unit = output.unit();
+        Ok(files)
+    }
+}
+
+/// The answers for people; as JSON for the result.
+fn say(
+    outcome: &PredictionsOutcome,
+    named: &[(&str, SiteAnswers)],
+    clock: &Clock,
+    paths: &[PathBuf],
+    output: &Output,
+) -> Value {
+    let (placed, predictions) = (outcome.placed(), outcome.predictions());
+    let mut facts = Facts::new();
+    facts.add("part", "part", Cell::text(placed.part()));
+    let definition = outcome.definition().map(|definition| Cell::text(definition.to_string()));
+    facts.add("definition", "definition", definition.unwrap_or(Cell::Missing));
+    let alone = (!outcome.has_folders()).then(|| (&predictions[0].file, &named[0].1));
+    if let Some((file, _)) = alone {
+        facts.add("cutter", "cutter", Cell::text(&file.provenance.tool));
+    }
+    facts.add("n_sites", "sites", Cell::count(placed.sites().len()));
+    if let Some((file, answers)) = alone {
+        facts.add("inaccessible", "inaccessible", share(&answers.inaccessible));
+        facts.add("occlusion", "occlusion", share(&answers.occlusion));
+        if let Some(verified) = &file.verified {
             facts.add("verified", "computed", share(&verified.verified));
-            facts.add("spot_check", "spot check", spot_check(&files[0].0));
+            facts.add("spot_check", "spot check", spot_check(file));
             facts.add("counted", "beta counted", Cell::Share(verified.share_counted()));
         }
     }
     clock.add_to(&mut facts);
     output.say(facts.text_in(output.unit()));
-    output.files(&paths);
+    output.files(paths);
     let mut result = facts.json();
-    result["limits_broken"] = broken;
-    if args.tools.are_several() {
-        let table = table(
-            files.iter().zip(&answers).map(|((file, tool, _), answers)| (file, tool, answers)),
-        );
-        output.say(table.text_in(output.unit()));
-        result["tools"] = table.json();
-        for (row, (file, tool, outside)) in (0..).zip(&files) {
-            result["tools"][row]["spot_check"] = numbers_of_check(file);
-            result["tools"][row]["outside_domain"] = json!(outside);
-            result["tools"][row]["folder"] = json!(tool.folder());
+    if let Some((file, _)) = alone {
+        result["outside_domain"] = json!(file.provenance.settings.outside_domain);
+        if file.verified.is_some() {
+            result["spot_check"] = numbers_of_check(file);
         }
-    } else {
-        result["outside_domain"] = json!(files[0].2);
-        if args.verify.is_some() {
-            result["spot_check"] = numbers_of_check(&files[0].0);
-        }
+        return result;
     }
-    output.result_with_files(result, &paths);
-    Ok(())
-}
-
-/// The ball ends without clearance; others are named, and none left is an error.
-fn known_to_networks(tools: Vec<Tool>, output: &Output) -> Result<Vec<Tool>> {
-    let expected = "a ball end without clearance, shank as wide as the ball, in one cylindrical holder: the network knows no other";
-    let (known, others): (Vec<Tool>, Vec<Tool>) = tools
-        .into_iter()
-        .partition(|tool| tool.clearance_mm == 0.0 && tool.cutter.as_ball_end().is_some());
-    match (known.is_empty(), others.first()) {
-        (true, Some(tool)) => {
-            let remedy = "leave out --corner and --clearance, or use `deepmill label`";
-            Err(Error::argument("cutter", tool.words(), expected, remedy))
-        }
-        _ => {
-            for tool in others {
-                output.warn(format!(
-                    "{} ({}): expected {expected}; it is left out",
-                    tool.name,
-                    tool.words()
-                ));
-            }
-            Ok(known)
-        }
+    let table = table(predictions.iter().zip(named.iter().map(|(_, answers)| answers)));
+    output.say(table.text_in(output.unit()));
+    result["tools"] = table.json();
+    for (row, ToolPrediction { tool, file }) in (0..).zip(predictions) {
+        result["tools"][row]["spot_check"] = numbers_of_check(file);
+        result["tools"][row]["outside_domain"] = json!(file.provenance.settings.outside_domain);
+        result["tools"][row]["folder"] = json!(tool.folder());
     }
+    result
 }
 
 fn share(flags: &[bool]) -> Cell {
@@ -230,7 +211,7 @@ fn numbers_of_check(file: &PredictionFile) -> Value {
     json!(file.verified.as_ref().and_then(|verified| verified.spot_check))
 }
 
-fn table<'a>(rows: impl Iterator<Item = (&'a PredictionFile, &'a Tool, &'a SiteAnswers)>) -> Table {
+fn table<'a>(rows: impl Iterator<Item = (&'a ToolPrediction, &'a SiteAnswers)>) -> Table {
     let mut table = Table::new(&[
         ("name", "tool"),
         ("words", ""),
@@ -239,7 +220,7 @@ fn table<'a>(rows: impl Iterator<Item = (&'a PredictionFile, &'a Tool, &'a SiteA
         ("verified", "computed"),
         ("spot_check", "spot check"),
     ]);
-    for (file, tool, answers) in rows {
+    for (ToolPrediction { tool, file }, answers) in rows {
         table.row([
             Cell::text(&tool.name),
             Cell::text(tool.words()),
@@ -264,111 +245,4 @@ pub fn verify_bound(text: &str) -> std::result::Result<f64, String> {
 fn occlusion_share(text: &str) -> std::result::Result<f64, String> {
     let share = text.parse().ok().filter(|share: &f64| *share > 0.0 && *share <= 1.0);
     share.ok_or_else(|| "expected a share above 0, at most 1, such as 0.1".into())
-}
-
-/// The triangles to verify against, if the network answers about them.
-fn part_to_verify(learned: Option<Definition>, mesh: Option<&Mesh>) -> Result<TriangleObstacles> {
-    let refused = |found| {
-        let expected = "a mesh, and a network that learned about the part itself";
-        let remedy =
-            "leave it out, or use `deepmill label`, which is exact and takes as little time";
-        Err(Error::argument("--verify", found, expected, remedy))
-    };
-    match (learned, mesh) {
-        (Some(Definition::Sites), _) => {
-            refused("given with a network that learned the published definition")
-        }
-        (_, None) => refused("given with a cloud of points"),
-        (_, Some(mesh)) => TriangleObstacles::new(mesh, &[]),
-    }
-}
-
-/// What all predictions of a run share.
-struct About<'a> {
-    args: &'a Args,
-    settings: AnalysisSettings,
-    sites: Sites,
-    mesh: Option<Mesh>,
-}
-
-impl About<'_> {
-    fn definition(&self) -> Cell {
-        let definition = self.settings.definition;
-        definition.map_or(Cell::Missing, |definition| Cell::text(definition.to_string()))
-    }
-
-    fn say_outside(&self, tool: &Tool, outside: &[OutsideDomain], output: &Output) -> Vec<String> {
-        let of =
-            if self.args.tools.are_several() { format!("{}: ", tool.name) } else { String::new() };
-        let outside: Vec<String> = outside.iter().map(ToString::to_string).collect();
-        for outside in &outside {
-            output.warn(format!(
-                "{of}{outside}: the prediction may be wrong; `deepmill label` is exact"
-            ));
-        }
-        outside
-    }
-
-    fn file(&self, tool: &Tool, prediction: Prediction<f32>, outside: &[String]) -> PredictionFile {
-        let part = name_of(&self.args.part);
-        let mut provenance = Provenance::ball_end(part, tool.params, self.settings.clone());
-        provenance.settings.outside_domain = Some(outside.to_vec());
-        if tool.description.is_some() {
-            provenance.tool = tool.words();
-        }
-        PredictionFile {
-            prediction,
-            provenance,
-            sites: self.sites.clone(),
-            occlusion_share: Some(self.args.occlusion_share),
-            verified: None,
-        }
-    }
-
-    fn write(
-        &self,
-        files: &[(PredictionFile, Tool, Vec<String>)],
-        also: &[Extra],
-        unit: Unit,
-    ) -> Result<Vec<PathBuf>> {
-        let About { args, mesh, .. } = self;
-        let show = Show::pictures_unless(args.no_picture);
-        let mut paths = Vec::new();
-        for (file, tool, _) in files {
-            let folder = match args.tools.are_several() {
-                true => args.out.join(tool.folder()),
-                false => args.out.clone(),
-            };
-            let mesh = mesh.as_ref();
-            paths.extend(folder::write_predictions(&folder, file, mesh, show)?);
-            for extra in also {
-                paths.push(folder::export_predictions(&folder, file, mesh, *extra)?);
-            }
-        }
-        if let Some(mesh) = mesh {
-            paths.push(folder::write_surface(&args.out, mesh)?);
-        }
-        if args.report {
-            let (mesh, sites) = (mesh.as_ref(), &self.sites);
-            let view = |(file, tool, _): &(PredictionFile, Tool, Vec<String>)| {
-                let findings = Findings::of(sites, mesh, &file.answers(), &[])?;
-                let mut view = View::of_predictions(file, findings);
-                if args.tools.are_several() {
-                    view.name.clone_from(&tool.name);
-                }
-                Ok(view)
-            };
-            let views = files.iter().map(view).collect::<Result<Vec<_>>>()?;
-            let page = Page {
-                part: &name_of(&args.part),
-                mesh,
-                sites,
-                views: &views,
-                unit,
-                outlines: &[],
-            };
-            paths.push(page.write(&args.out)?);
-        }
-        Ok(paths)
-    }
 }

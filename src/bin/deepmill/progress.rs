@@ -24,7 +24,7 @@ pub struct Bars(Option<ProgressBar>);
 
 impl Observer for Bars {
     fn progress(&mut self, progress: Progress) -> ControlFlow<()> {
-        if !matches!(progress.stage, Stage::Labels | Stage::Writing) {
+        if !matches!(progress.stage, Stage::Labels | Stage::Verifying | Stage::Writing) {
             return ControlFlow::Continue(());
         }
         let bar = self.0.get_or_insert_with(|| bar(progress.of as u64, "tools"));

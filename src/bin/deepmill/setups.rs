@@ -6,23 +6,15 @@ use crate::findings;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::{self, ToleranceArgs};
-use crate::progress;
+use crate::progress::Bars;
 use crate::region::{self, RegionArgs};
-use deepmill::access::setups::{Candidates, Choice, Clampings, Machine, Plan, direction_of_words};
-use deepmill::access::surface::{AccessibleDirections, SurfaceOptions};
-use deepmill::analysis::{Analysis, without_area};
-use deepmill::data::files::tools::{self, Tool};
+use deepmill::access::setups::{Clampings, Machine, direction_of_words};
+use deepmill::analysis::{Analysis, Files, SetupRequest, SetupsOutcome};
 use deepmill::geom::Mesh;
-use deepmill::report::PartView;
-use deepmill::report::findings::Findings;
-use deepmill::report::folder::Show;
-use deepmill::report::gate::SiteAreas;
-use deepmill::report::page::Page;
-use deepmill::report::setups::Setups;
 use deepmill::report::tables::{Cell, Facts};
-use deepmill::{Result, atomic_file};
+use deepmill::{Error, Result, atomic_file};
 use glam::Vec3;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Say in how few setups (clampings) a part can be milled on a machine, and what each reaches with which tools.
@@ -99,13 +91,20 @@ enum Clamping {
     Any,
 }
 
-/// Directions around a rotary axis, and over the sphere.
-const AROUND: usize = 72;
-const OVER_SPHERE: usize = 300;
+impl From<Clamping> for Clampings {
+    fn from(clamping: Clamping) -> Self {
+        match clamping {
+            Clamping::Standing => Clampings::Standing,
+            Clamping::Flat => Clampings::Flat,
+            Clamping::Box => Clampings::Box,
+            Clamping::Any => Clampings::Any,
+        }
+    }
+}
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let limits = args.gate.limits(&["occlusion"])?;
-    let share = share(&args.share)?;
+    let request = args.request()?;
     let tools = args.tolerances.with_allowance(args.tools.tools(output)?)?;
     let options = args.tolerances.options()?;
     atomic_file::check_writable_folder(&args.out)?;
@@ -113,198 +112,104 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
-    let name = name_of(&args.part);
-    let analysis = Analysis::new(&*name, mesh, tools.clone());
+    let analysis = Analysis::new(name_of(&args.part), mesh, tools).options(options);
     let placed = args.region.place(analysis, &args.sites, &args.read, output)?;
-    let mesh = placed.mesh().expect("a mesh was given");
-    let (sites, (surface, of_surface)) = (placed.sites(), placed.shown());
-    Show::pictures_unless(args.no_picture).require_memory(surface, of_surface)?;
-    let areas = SiteAreas::of(of_surface, surface)?;
-    clock.lap("sites_s", "sites");
-    let candidates = args.candidates(mesh)?;
-    Plan::require_memory(&candidates, sites.len(), tools.len())?;
-    let obstacles = placed.obstacles()?.expect("triangles of a mesh block");
-    without_area(&obstacles).iter().for_each(|notice| output.say(notice));
-    let of_tool = |tool: &Tool| {
-        obstacles.accessible_directions(sites, &tool.cutter, candidates.directions(), &options)
-    };
-    let progress = progress::bar(tools.len() as u64, "tools");
-    let counted = tools.iter().map(|tool| of_tool(tool).inspect(|_| progress.inc(1)));
-    let accessible: Vec<AccessibleDirections> = counted.collect::<Result<_>>()?;
-    progress.finish_and_clear();
-    clock.lap("directions_s", "directions of every site");
-    let mut rests = vec![true; sites.len()];
-    for (tool, found) in tools.iter().zip(&accessible) {
-        let reached = found.sites();
-        let of_tool = obstacles.rest_on_wide_tolerance(
-            sites,
-            &tool.cutter,
-            candidates.directions(),
-            &SurfaceOptions { refinement: None, ..options },
-            (&reached, &[]),
-        )?;
-        // Unless another tool reaches it by less.
-        let others = reached.iter().zip(of_tool).map(|(reached, rests)| !reached || rests);
-        rests.iter_mut().zip(others).for_each(|(all, of_tool)| *all &= of_tool);
-    }
-    let is_reached = |i: usize| accessible.iter().any(|found| found.reaches(i));
-    let n_rests = (0..sites.len()).filter(|&i| rests[i] && is_reached(i)).count();
-    clock.lap("tolerances_s", "tolerances");
-    let order = tools::thick_and_short_first(&tools);
-    let choice = args.choice(share);
-    let plan = Plan::new(&candidates, mesh, sites, &accessible, areas.shares(), choice, &order);
-    clock.lap("cover_s", "choice of setups");
-
-    let names: Vec<&str> = tools.iter().map(|tool| &*tool.name).collect();
-    let setups = Setups::new(&plan, args.machine, &names, &areas);
-    let answers = setups.answers();
-    let found = Findings::of(of_surface, surface, &answers, &[])?;
-    let words = format!("{} tools", tools.len());
-    let view =
-        PartView { name: &name, mesh: surface, sites: of_surface, cutter: &words, outlines: &[] };
-    let mut paths =
-        setups.write(&args.out, view, Show::pictures_unless(args.no_picture), output.unit())?;
-    paths.extend(found.write(&args.out, (&name, &words), output.unit())?);
-    if args.report {
-        let views = setups.views(found.clone(), &args.settings(&tools, &candidates));
-        let page = Page {
-            part: &name,
-            mesh: surface,
-            sites: of_surface,
-            views: &views,
-            unit: output.unit(),
-            outlines: &[],
-        };
-        paths.push(page.write(&args.out)?);
-    }
-    paths.extend(placed.write_surfaces(&args.out)?);
+    let mut files = Files::shown(args.report);
+    (files.pictures, files.unit) = (!args.no_picture, output.unit());
+    let (surface, sites) = placed.shown();
+    files.show().require_memory(surface, sites)?;
+    let mut bars = Bars::default();
+    let outcome = placed.plan(request, &mut bars).map_err(|error| match error {
+        Error::Argument { name: "setups", .. } => called(error, "--setup"),
+        other => other,
+    })?;
+    outcome.notices().iter().for_each(|notice| output.say(notice));
+    clock.laps(outcome.seconds().into_iter().zip(STAGES).map(|(s, [key, name])| (key, name, s)));
+    let paths = outcome.write(&args.out, &files, &mut bars)?;
     clock.lap("write_s", "writing and drawing");
-
-    let named = [("setups", &answers)].into_iter();
-    let broken = output.check_limits(&limits, (of_surface, surface), named)?;
-    let premise = args.premise(&candidates);
-    let mut facts = Facts::new();
-    facts.add("part", "part", Cell::text(&name));
-    facts.add("machine", "machine", Cell::text(args.machine.to_string()));
-    part_itself::add_rests(&mut facts, n_rests);
-    facts.add("finish_mm", "finish tolerance, mm", Cell::Given(options.finish_mm));
-    facts.add("area_mm2", "surface, mm²", Cell::Number(surface.map_or(0.0, Mesh::area)));
-    facts.add("n_sites", "sites", Cell::count(sites.len()));
-    facts.add("n_tools", "tools", Cell::count(tools.len()));
-    facts.add("n_directions", "tool axes tested", Cell::count(candidates.directions().len()));
-    facts.add("n_candidates", "candidates", Cell::count(candidates.list().len()));
-    facts.add(
-        "can_be_reached",
-        "of the surface, can be reached",
-        Cell::Share(setups.can_be_reached()),
-    );
-    facts.add("reached", "of the surface, reached", Cell::Share(setups.reached()));
-    facts.add("n_setups", "setups", Cell::count(plan.setups.len()));
-    facts.add("n_setups_at_least", "no fewer than", Cell::count(plan.at_least));
-    facts.add("share", "that cover, of what can be reached", Cell::Share(share));
-    facts.add(
-        "n_setups_for_all",
-        "setups that cover all of it, greedy",
-        Cell::count(plan.n_for_all),
-    );
-    if let Some(n) = setups.n_positions() {
-        facts.add("n_positions", "positions in them", Cell::count(n));
-    }
-    clock.add_to(&mut facts);
-    let mut result = facts.json();
-    output.say(&premise);
-    region::say(placed.region(), &mut result, output);
-    output.say(facts.text_in(output.unit()));
-    output.files(&paths);
-    output.say(setups.table().text_in(output.unit()));
-    findings::say(&found, output);
-    result["premise"] = json!(premise);
-    result["setups"] = setups.json();
-    result["fewest_is_proven"] = json!(plan.setups.len() <= plan.at_least);
-    result["findings"] = found.json();
+    let (surface, sites) = outcome.placed().shown();
+    let answers = outcome.answers();
+    let broken =
+        output.check_limits(&limits, (sites, surface), [("setups", &answers)].into_iter())?;
+    let mut result = args.say(&outcome, &clock, &paths, output)?;
     result["limits_broken"] = broken;
     args.read.add_origin(&mut result);
     output.result_with_files(result, &paths);
     Ok(())
 }
 
+/// Keys and names of what [`SetupsOutcome::seconds`] has.
+const STAGES: [[&str; 2]; 4] = [
+    ["sites_s", "sites"],
+    ["directions_s", "directions of every site"],
+    ["tolerances_s", "tolerances"],
+    ["cover_s", "choice of setups"],
+];
+
 impl Args {
-    fn candidates(&self, mesh: &Mesh) -> Result<Candidates> {
-        let n_directions = self.n_directions();
-        if self.setup.is_empty() {
-            return Candidates::new(mesh, self.machine, self.clampings(), n_directions);
+    fn request(&self) -> Result<SetupRequest> {
+        let mut request = SetupRequest::on(self.machine).share(share(&self.share)?);
+        if let Some(clampings) = self.clampings {
+            request = request.clampings(clampings.into());
+        }
+        if let Some(n_directions) = self.directions {
+            request = request.n_directions(n_directions);
+        }
+        if let Some(n) = self.setups {
+            request = request.at_most(n as usize);
         }
         let given = self.setup.iter().map(|text| direction_of_words(text));
         let given = given.collect::<Result<Vec<Vec3>>>();
-        given
-            .and_then(|given| Candidates::given(mesh, self.machine, &given, n_directions))
-            .map_err(|error| called(error, "--setup"))
+        Ok(request.given(given.map_err(|error| called(error, "--setup"))?))
     }
 
-    fn choice(&self, share: f64) -> Choice {
-        let choice = Choice::share(share);
-        match self.setups {
-            _ if !self.setup.is_empty() => choice.all(),
-            Some(n) => choice.at_most(n as usize),
-            None => choice,
+    /// The answer for people; as JSON for the result.
+    fn say(
+        &self,
+        outcome: &SetupsOutcome,
+        clock: &Clock,
+        paths: &[PathBuf],
+        output: &Output,
+    ) -> Result<Value> {
+        let (placed, setups, candidates) =
+            (outcome.placed(), outcome.setups(), outcome.candidates());
+        let plan = setups.plan();
+        let area_mm2 = placed.shown().0.map_or(0.0, Mesh::area);
+        let mut facts = Facts::new();
+        facts.add("part", "part", Cell::text(placed.part()));
+        facts.add("machine", "machine", Cell::text(self.machine.to_string()));
+        part_itself::add_rests(&mut facts, outcome.rests_on_tolerance());
+        facts.add("finish_mm", "finish tolerance, mm", Cell::Given(placed.options().finish_mm));
+        facts.add("area_mm2", "surface, mm²", Cell::Number(area_mm2));
+        facts.add("n_sites", "sites", Cell::count(placed.sites().len()));
+        facts.add("n_tools", "tools", Cell::count(placed.tools().len()));
+        facts.add("n_directions", "tool axes tested", Cell::count(candidates.directions().len()));
+        facts.add("n_candidates", "candidates", Cell::count(candidates.list().len()));
+        let can_be_reached = Cell::Share(setups.can_be_reached());
+        facts.add("can_be_reached", "of the surface, can be reached", can_be_reached);
+        facts.add("reached", "of the surface, reached", Cell::Share(setups.reached()));
+        facts.add("n_setups", "setups", Cell::count(plan.setups.len()));
+        facts.add("n_setups_at_least", "no fewer than", Cell::count(plan.at_least));
+        let share = Cell::Share(share(&self.share)?);
+        facts.add("share", "that cover, of what can be reached", share);
+        let for_all = "setups that cover all of it, greedy";
+        facts.add("n_setups_for_all", for_all, Cell::count(plan.n_for_all));
+        if let Some(n) = setups.n_positions() {
+            facts.add("n_positions", "positions in them", Cell::count(n));
         }
-    }
-
-    /// What the answer rests on: on what the part stands, and which tool axes were allowed.
-    fn premise(&self, candidates: &Candidates) -> String {
-        let n = candidates.list().len();
-        let one = if n == 1 { "setup" } else { "setups" };
-        let stands = match (&self.machine, self.clampings()) {
-            (Machine::Rotary { .. }, _) => "held along the rotary axis".to_string(),
-            _ if !self.setup.is_empty() => "as given, what it lies on is not reached".to_string(),
-            (_, Clampings::Standing) if candidates.stand_on_flat_faces() => {
-                "standing on a flat face, which is not reached".to_string()
-            }
-            (_, Clampings::Standing) => {
-                "along the axes of its box: it has no flat face to stand on".to_string()
-            }
-            (_, Clampings::Flat) => "along a flat face, what it lies on is not reached".to_string(),
-            (_, Clampings::Box) => {
-                "along a flat face or a box axis, what it lies on is not reached".to_string()
-            }
-            (_, Clampings::Any) => "in any position, even on an edge".to_string(),
-        };
-        let n_axes = candidates.directions().len();
-        format!(
-            "machine {}, {n_axes} tool axes; part {stands}; {n} {one} to choose from",
-            self.machine
-        )
-    }
-
-    fn clampings(&self) -> Clampings {
-        match self.clampings {
-            None => Clampings::usual(&self.machine),
-            Some(Clamping::Standing) => Clampings::Standing,
-            Some(Clamping::Flat) => Clampings::Flat,
-            Some(Clamping::Box) => Clampings::Box,
-            Some(Clamping::Any) => Clampings::Any,
-        }
-    }
-
-    fn n_directions(&self) -> usize {
-        let usual = if self.machine.tilt_rad().is_none() { AROUND } else { OVER_SPHERE };
-        self.directions.unwrap_or(usual)
-    }
-
-    fn settings(&self, tools: &[Tool], candidates: &Candidates) -> serde_json::Value {
-        let words: Vec<String> =
-            tools.iter().map(|tool| format!("{}: {}", tool.name, tool.words())).collect();
-        let tolerances = self.tolerances.settings();
-        json!({
-            "machine": self.machine.to_string(),
-            "share": self.share,
-            "tools": words,
-            "tool_axes_tested": candidates.directions().len(),
-            "candidates": candidates.list().len(),
-            "sites": self.sites.settings(true),
-            "not_modelled": "fixtures, table, stock, travel of the machine's axes",
-            "tolerance_mm": tolerances.tolerance_mm,
-            "finish_mm": tolerances.finish_mm,
-        })
+        clock.add_to(&mut facts);
+        let premise = outcome.premise();
+        let mut result = facts.json();
+        output.say(&premise);
+        region::say(placed.region(), &mut result, output);
+        output.say(facts.text_in(output.unit()));
+        output.files(paths);
+        output.say(setups.table().text_in(output.unit()));
+        findings::say(outcome.findings(), output);
+        result["premise"] = json!(premise);
+        result["setups"] = setups.json();
+        result["fewest_is_proven"] = json!(plan.setups.len() <= plan.at_least);
+        result["findings"] = outcome.findings().json();
+        Ok(result)
     }
 }

@@ -6,22 +6,13 @@ use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::{self, SurfaceArgs};
 use crate::premise::premise;
-use crate::progress;
+use crate::progress::Bars;
 use crate::region::{self, RegionArgs};
-use deepmill::access::surface::{SiteAnswer, ToolReach, Warning};
-use deepmill::analysis::{Analysis, without_area};
-use deepmill::answers::SiteAnswers;
-use deepmill::cutter::Assembly;
-use deepmill::data::files::tools::Tool;
+use deepmill::analysis::{Analysis, Files, ToolsOutcome};
 use deepmill::geom::Mesh;
-use deepmill::report::PartView;
-use deepmill::report::coverage::Coverage;
-use deepmill::report::folder::Show;
-use deepmill::report::gate::SiteAreas;
-use deepmill::report::library::Library;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Say what every tool of a library reaches on a part, which few of them reach nearly all, and how little each may
@@ -82,110 +73,79 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
-    let name = name_of(&args.part);
-    let analysis = Analysis::new(&*name, mesh, tools.clone());
+    let premise = premise(&directions, &args.surface);
+    let analysis = Analysis::new(name_of(&args.part), mesh, tools);
+    let analysis = analysis.options(options).directions(directions);
     let analysis = args.surface.add_to(analysis, &args.read, output)?;
     let placed = args.region.place(analysis, &args.sites, &args.read, output)?;
-    let (surface, of_surface) = placed.shown();
-    let sites = placed.sites();
-    let areas = SiteAreas::of(of_surface, surface)?;
-    clock.lap("sites_s", "sites");
-    let obstacles = placed.obstacles()?.expect("triangles of a mesh block");
-    without_area(&obstacles).iter().for_each(|notice| output.say(notice));
-    clock.lap("index_s", "search tree");
-    let held: Vec<Assembly> = tools.iter().map(Tool::held).collect::<Result<_>>()?;
-    let progress = progress::bar(1, "pass over all tools");
-    let reach = obstacles.reach_many(sites, &held, &directions, &options)?;
-    progress.finish_and_clear();
-    clock.lap("tools_s", "tools");
-    let library = Library::new(&tools, &reach, &areas, share)?;
-    let mut rests = Vec::new();
-    for (tool, reach) in tools.iter().zip(&reach) {
-        let found = (&accessible(reach)[..], &reach.witness[..]);
-        let cutter = &tool.cutter;
-        let of_tool =
-            obstacles.rest_on_wide_tolerance(sites, cutter, &directions, &options, found)?;
-        rests.push(of_tool.iter().filter(|rests| **rests).count());
-        if tool.clearance_mm > 0.0 && !found.0.contains(&true) {
-            let (without, answered) = (tool.assembly.cutter()?, (&options, &reach.answers[..]));
-            let closed =
-                obstacles.share_closed_by_clearance(sites, &without, &directions, answered)?;
-            let warning = Warning::of_clearance(tool.clearance_mm, closed, false);
-            warning.iter().for_each(|warning| output.warn(format!("{}: {warning}", tool.name)));
-        }
-    }
-    clock.lap("tolerances_s", "tolerances");
-
-    let show = if args.no_picture { Show::Points } else { Show::Pictures };
-    let mut paths = library.write(&args.out, output.unit())?;
-    let accessible: Vec<Vec<bool>> = reach.iter().map(accessible).collect();
-    let words = format!("{} tools", tools.len());
-    let view = PartView {
-        name: &name,
-        mesh: surface,
-        sites: of_surface,
-        cutter: &words,
-        outlines: &placed.outlines(),
-    };
-    paths.extend(
-        Coverage::of_reached(&tools, &accessible, &areas).write_first(&args.out, view, show)?,
-    );
-    paths.extend(placed.write_surfaces(&args.out)?);
+    let mut bars = Bars::default();
+    let outcome = placed.reach(share, &mut bars)?;
+    outcome.notices().iter().for_each(|notice| output.say(notice));
+    outcome.warnings().iter().for_each(|warning| output.warn(warning));
+    clock.laps(outcome.seconds().into_iter().zip(STAGES).map(|(s, [key, name])| (key, name, s)));
+    let mut files = Files::default();
+    (files.pictures, files.unit) = (!args.no_picture, output.unit());
+    let paths = outcome.write(&args.out, &files, &mut bars)?;
     clock.lap("write_s", "writing and drawing");
-
-    let answers: Vec<SiteAnswers> = reach.iter().map(answers).collect();
-    let named = tools.iter().zip(&answers).map(|(tool, answers)| (&*tool.name, answers));
-    let broken = output.check_limits(&limits, (of_surface, surface), named)?;
-    let mut facts = Facts::new();
-    facts.add("part", "part", Cell::text(&name));
-    part_itself::add_rests(&mut facts, rests.iter().copied().max().unwrap_or(0));
-    facts.add("finish_mm", "finish tolerance, mm", Cell::Given(options.finish_mm));
-    facts.add("area_mm2", "surface, mm²", Cell::Number(surface.map_or(0.0, Mesh::area)));
-    facts.add("n_sites", "sites", Cell::count(sites.len()));
-    facts.add("n_tools", "tools", Cell::count(tools.len()));
-    facts.add(
-        "unreached",
-        "of the surface, out of reach of every tool",
-        Cell::Share(library.unreached()),
-    );
-    facts.add(
-        "n_needed",
-        "tools that reach the share of what can be reached",
-        Cell::count(library.cover.chosen.len()),
-    );
-    facts.add("n_needed_at_least", "no fewer than", Cell::count(library.cover.at_least));
-    facts.add("share", "share for the tools and the least stick-out", Cell::Share(share));
-    facts.add("n_needed_for_all", "tools that reach all of it", Cell::count(library.n_for_all));
-    clock.add_to(&mut facts);
-    let premise = premise(&directions, &args.surface);
-    let mut result = facts.json();
-    output.say(&premise);
-    region::say(placed.region(), &mut result, output);
-    output.say(facts.text_in(output.unit()));
-    output.files(&paths);
-    let (table, cover) = (library.table(), library.cover_table());
-    output.say(table.text_in(output.unit()));
-    output.say(cover.text_in(output.unit()));
-    let named = tools.iter().zip(&rests);
-    let named = named.map(|(tool, n)| json!({ "name": tool.name, "n_sites": n }));
-    result["rests_on_tolerance_of"] = named.collect();
-    result["premise"] = json!(premise);
-    result["tools"] = table.json();
-    result["smallest_set"] = cover.json();
-    result["smallest_set_is_proven"] = json!(library.cover.is_smallest());
+    let (surface, sites) = outcome.placed().shown();
+    let named = outcome.named();
+    let named = named.iter().map(|(name, answers)| (*name, answers));
+    let broken = output.check_limits(&limits, (sites, surface), named)?;
+    let mut result = say(&outcome, (&premise, share), &clock, &paths, output);
     result["limits_broken"] = broken;
     args.read.add_origin(&mut result);
     output.result_with_files(result, &paths);
     Ok(())
 }
 
-fn accessible(reach: &ToolReach) -> Vec<bool> {
-    reach.answers.iter().map(|answer| *answer == SiteAnswer::Accessible).collect()
-}
+/// Keys and names of what [`ToolsOutcome::seconds`] has.
+const STAGES: [[&str; 2]; 4] = [
+    ["sites_s", "sites"],
+    ["index_s", "search tree"],
+    ["tools_s", "tools"],
+    ["tolerances_s", "tolerances"],
+];
 
-fn answers(reach: &ToolReach) -> SiteAnswers {
-    let is = |wanted: SiteAnswer| reach.answers.iter().map(|answer| *answer == wanted).collect();
-    let mut answers = SiteAnswers::new(is(SiteAnswer::Inaccessible), Vec::new());
-    answers.tip_does_not_fit = is(SiteAnswer::TipDoesNotFit);
-    answers
+/// The answer for people; as JSON for the result.
+fn say(
+    outcome: &ToolsOutcome,
+    (premise, share): (&str, f64),
+    clock: &Clock,
+    paths: &[PathBuf],
+    output: &Output,
+) -> Value {
+    let (placed, library) = (outcome.placed(), outcome.library());
+    let (rests, cover) = (outcome.rests_on_tolerance(), &library.cover);
+    let area_mm2 = placed.shown().0.map_or(0.0, Mesh::area);
+    let mut facts = Facts::new();
+    facts.add("part", "part", Cell::text(placed.part()));
+    part_itself::add_rests(&mut facts, rests.iter().copied().max().unwrap_or(0));
+    facts.add("finish_mm", "finish tolerance, mm", Cell::Given(placed.options().finish_mm));
+    facts.add("area_mm2", "surface, mm²", Cell::Number(area_mm2));
+    facts.add("n_sites", "sites", Cell::count(placed.sites().len()));
+    facts.add("n_tools", "tools", Cell::count(library.tools().len()));
+    let unreached = Cell::Share(library.unreached());
+    facts.add("unreached", "of the surface, out of reach of every tool", unreached);
+    let needed = "tools that reach the share of what can be reached";
+    facts.add("n_needed", needed, Cell::count(cover.chosen.len()));
+    facts.add("n_needed_at_least", "no fewer than", Cell::count(cover.at_least));
+    facts.add("share", "share for the tools and the least stick-out", Cell::Share(share));
+    facts.add("n_needed_for_all", "tools that reach all of it", Cell::count(library.n_for_all));
+    clock.add_to(&mut facts);
+    let mut result = facts.json();
+    output.say(premise);
+    region::say(placed.region(), &mut result, output);
+    output.say(facts.text_in(output.unit()));
+    output.files(paths);
+    let (table, fewest) = (library.table(), library.cover_table());
+    output.say(table.text_in(output.unit()));
+    output.say(fewest.text_in(output.unit()));
+    let named = library.tools().iter().zip(rests);
+    let named = named.map(|(tool, n)| json!({ "name": tool.name, "n_sites": n }));
+    result["rests_on_tolerance_of"] = named.collect();
+    result["premise"] = json!(premise);
+    result["tools"] = table.json();
+    result["smallest_set"] = fewest.json();
+    result["smallest_set_is_proven"] = json!(cover.is_smallest());
+    result
 }

@@ -1,25 +1,18 @@
 //! `deepmill label --volume`: where in the space around a part the cutter's tip can be.
 
-use crate::args::name_of;
+use crate::args::{called, name_of};
 use crate::clock::Clock;
 use crate::label::Args;
 use crate::output::Output;
 use crate::premise::premise;
-use deepmill::access::Queries;
-use deepmill::access::surface::SurfaceOptions;
-use deepmill::answers::Definition;
-use deepmill::data::files::settings::ToolSettings;
+use crate::progress::Bars;
+use deepmill::analysis::{Analysis, Files};
 use deepmill::data::files::tools::Tool;
-use deepmill::data::files::volume::{PointAnswer, VolumeFile};
-use deepmill::data::files::{AnalysisSettings, Provenance};
+use deepmill::data::files::volume::PointAnswer;
 use deepmill::geom::formats::MeshOrCloud;
-use deepmill::geom::inside::{Lattice, lattice_inside};
-use deepmill::report::section;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result};
-use glam::Vec3;
 use serde_json::json;
-use std::path::PathBuf;
 
 pub fn run(
     args: &Args,
@@ -28,49 +21,37 @@ pub fn run(
     mut clock: Clock,
     output: &Output,
 ) -> Result<()> {
-    let (MeshOrCloud::Mesh(mesh), [tool]) = (part, &tools[..]) else {
-        let found = format!("{}, {} tools", name_of(&args.part), tools.len());
-        let remedy = "leave out --volume for a cloud, and name one tool at a time";
-        return Err(Error::argument("--volume", found, "a mesh and one tool", remedy));
-    };
-    let allowance = tool.assembly.allowance_mm();
-    if allowance > 0.0 {
-        let remedy = "leave it out: what the tool itself removes is labeled";
-        return Err(Error::argument("--allowance", allowance, "0 with --volume", remedy));
-    }
     let directions = args.directions.directions()?;
-    let (low, high) = mesh.bounds().unwrap_or_default();
-    let lattice = Lattice::covering(low, high, step_mm)?;
-    let inside = lattice_inside(&mesh, &lattice)?;
-    let outside = (0..lattice.len()).filter(|&n| !inside[n]);
-    let mut points: Vec<Vec3> = Vec::with_capacity(outside.clone().count());
-    points.extend(outside.map(|n| lattice.point(n).as_vec3()));
-    clock.lap("points_s", "points");
-    let obstacles = args.surface.obstacles(&mesh, &args.read, output)?;
-    let options = SurfaceOptions { occlusion: false, ..args.surface.options(1.0)? };
-    let labels = obstacles.label(Queries::Volume(&points), &tool.cutter, &directions, &options)?;
-    clock.lap("labels_s", "labels");
-
-    let mut settings = AnalysisSettings::default();
-    settings.tool = Some(ToolSettings::of(tool));
-    settings.directions = Some(directions.set().clone());
-    settings.n_directions = Some(labels.n_directions);
-    settings.definition = Some(Definition::PartInSpace);
-    settings.part_itself = Some(args.surface.settings());
-    settings.origin_mm = args.read.origin_mm();
-    let provenance =
-        Provenance { part: name_of(&args.part), cutter: tool.params, tool: tool.words(), settings };
-    let file = VolumeFile::new(provenance, lattice, &inside, &labels)?;
-    let paths = write(args, &file)?;
+    let premise = premise(&directions, &args.surface);
+    let mut analysis = Analysis::new(name_of(&args.part), part, tools)
+        .origin(args.read.origin())
+        .options(args.surface.options(1.0)?)
+        .proving(args.surface.proves())
+        .directions(directions);
+    analysis = args.surface.add_to(analysis, &args.read, output)?;
+    let outcome = analysis.volume(step_mm, &mut Bars::default()).map_err(|error| match error {
+        Error::Argument { name: "volume", .. } => called(error, "--volume"),
+        Error::Argument { name: "allowance", .. } => called(error, "--allowance"),
+        Error::Argument { name: "table", .. } => called(error, "--table"),
+        other => other,
+    })?;
+    outcome.warnings().iter().for_each(|warning| output.warn(warning));
+    outcome.notices().iter().for_each(|notice| output.say(notice));
+    clock.laps(STAGES.iter().zip(outcome.seconds()).map(|([key, name], s)| (*key, *name, s)));
+    let mut files = Files::default();
+    files.pictures = !args.no_picture;
+    let paths = outcome.write(&args.out, &files)?;
     clock.lap("write_s", "writing and drawing");
 
+    let file = outcome.file();
+    let n_directions = file.provenance.settings.n_directions.unwrap_or_default();
     let mut facts = Facts::new();
-    facts.add("part", "part", Cell::text(name_of(&args.part)));
+    facts.add("part", "part", Cell::text(&file.provenance.part));
     facts.add("definition", "definition", Cell::text("the part itself, in space"));
-    facts.add("cutter", "cutter", Cell::text(tool.words()));
-    facts.add("n_points", "points outside the part", Cell::count(points.len()));
+    facts.add("cutter", "cutter", Cell::text(&file.provenance.tool));
+    facts.add("n_points", "points outside the part", Cell::count(outcome.n_points()));
     facts.add("step_mm", "step", Cell::Given(step_mm));
-    facts.add("n_directions", "directions", Cell::count(labels.n_directions));
+    facts.add("n_directions", "directions", Cell::count(n_directions));
     for (key, answer) in [
         ("accessible", PointAnswer::Accessible),
         ("inaccessible", PointAnswer::Inaccessible),
@@ -79,7 +60,6 @@ pub fn run(
         facts.add(key, answer.words(), Cell::Share(file.share(answer)));
     }
     clock.add_to(&mut facts);
-    let premise = premise(&directions, &args.surface);
     output.say(&premise);
     output.say(facts.text_in(output.unit()));
     output.files(&paths);
@@ -89,13 +69,5 @@ pub fn run(
     Ok(())
 }
 
-fn write(args: &Args, file: &VolumeFile) -> Result<Vec<PathBuf>> {
-    let mut paths = vec![args.out.join("volume.npz")];
-    file.write(&paths[0])?;
-    if !args.no_picture {
-        let path = args.out.join("volume.png");
-        section::draw(file, section::most_mixed_layer(file)).write_png(&path)?;
-        paths.push(path);
-    }
-    Ok(paths)
-}
+/// Keys and names of what [`VolumeOutcome::seconds`](deepmill::analysis::VolumeOutcome::seconds) has.
+const STAGES: [[&str; 2]; 2] = [["points_s", "points"], ["labels_s", "labels"]];

@@ -1,0 +1,151 @@
+//! What every tool of a library reaches, in one pass.
+
+use super::observer::{Observer, Stage, report};
+use super::placed::{Placed, without_area};
+use super::write::Files;
+use crate::Result;
+use crate::access::surface::{SiteAnswer, ToolReach, Warning};
+use crate::answers::SiteAnswers;
+use crate::cutter::Assembly;
+use crate::data::files::tools::Tool;
+use crate::report::PartView;
+use crate::report::coverage::Coverage;
+use crate::report::gate::SiteAreas;
+use crate::report::library::Library;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What the tools reach, which few of them reach nearly all, and how little each may stick out.
+#[derive(Debug)]
+pub struct ToolsOutcome {
+    placed: Placed,
+    library: Library,
+    rests: Vec<usize>,
+    warnings: Vec<String>,
+    notices: Vec<String>,
+    seconds: [f64; 4],
+}
+
+impl Placed {
+    /// What each tool reaches by the mesh definition, and the fewest that reach `share` of what any reaches; see
+    /// `docs/tools.md`.
+    ///
+    /// # Errors
+    /// If there are no triangles that block, the share is not above 0 and at most 1, the observer stops it, or as
+    /// [`TriangleObstacles::reach_many`](crate::access::surface::TriangleObstacles::reach_many).
+    pub fn reach(self, share: f64, observer: &mut dyn Observer) -> Result<ToolsOutcome> {
+        let start = Instant::now();
+        let obstacles = self.require_triangles()?;
+        let index_s = start.elapsed().as_secs_f64();
+        let (shown, of_shown) = self.shown();
+        let areas = SiteAreas::of(of_shown, shown)?;
+        let (tools, sites, directions, options) =
+            (&self.request.tools, &self.sites, &self.directions, &self.options());
+        let held: Vec<Assembly> = tools.iter().map(Tool::held).collect::<Result<_>>()?;
+        let start = Instant::now();
+        report(observer, Stage::Labels, (0, 1))?;
+        let reach = obstacles.reach_many(sites, &held, directions, options)?;
+        report(observer, Stage::Labels, (1, 1))?;
+        let tools_s = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let (mut rests, mut warnings) = (Vec::new(), Vec::new());
+        for (tool, reach) in tools.iter().zip(&reach) {
+            let (reached, cutter) = (reached_by(reach), &tool.cutter);
+            let found = (&reached[..], &reach.witness[..]);
+            let of_tool =
+                obstacles.rest_on_wide_tolerance(sites, cutter, directions, options, found)?;
+            rests.push(of_tool.iter().filter(|rests| **rests).count());
+            if tool.clearance_mm > 0.0 && !reached.contains(&true) {
+                let (without, answered) = (tool.assembly.cutter()?, (options, &reach.answers[..]));
+                let closed =
+                    obstacles.share_closed_by_clearance(sites, &without, directions, answered)?;
+                let warning = Warning::of_clearance(tool.clearance_mm, closed, false);
+                warnings.extend(warning.map(|warning| format!("{}: {warning}", tool.name)));
+            }
+        }
+        let tolerances_s = start.elapsed().as_secs_f64();
+        let library = Library::new(tools.clone(), reach, areas, share)?;
+        Ok(ToolsOutcome {
+            library,
+            rests,
+            warnings,
+            notices: without_area(&obstacles).into_iter().collect(),
+            seconds: [self.seconds(), index_s, tools_s, tolerances_s],
+            placed: self,
+        })
+    }
+}
+
+fn reached_by(reach: &ToolReach) -> Vec<bool> {
+    reach.answers.iter().map(|answer| *answer == SiteAnswer::Accessible).collect()
+}
+
+impl ToolsOutcome {
+    /// The part with its sites.
+    pub fn placed(&self) -> &Placed {
+        &self.placed
+    }
+
+    /// What each tool reaches, as a table; the fewest tools.
+    pub fn library(&self) -> &Library {
+        &self.library
+    }
+
+    /// The answers of each tool with its name.
+    pub fn named(&self) -> Vec<(&str, SiteAnswers)> {
+        let names = self.library.tools().iter().map(|tool| &*tool.name);
+        names.zip(self.library.reach().iter().map(answers)).collect()
+    }
+
+    /// Per tool, how many sites are accessible by a wide gouge tolerance alone.
+    pub fn rests_on_tolerance(&self) -> &[usize] {
+        &self.rests
+    }
+
+    /// What may make the answers misleading, a sentence each.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// What was left out, a sentence each.
+    pub fn notices(&self) -> &[String] {
+        &self.notices
+    }
+
+    /// Seconds that sites, search tree, tools and tolerances took.
+    pub fn seconds(&self) -> [f64; 4] {
+        self.seconds
+    }
+
+    /// Writes what `deepmill tools` writes; returns the paths. Every file is written under another name and then
+    /// renamed.
+    ///
+    /// # Errors
+    /// If the system refuses a file, or the observer stops it.
+    pub fn write(
+        &self,
+        folder: &Path,
+        files: &Files,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<PathBuf>> {
+        report(observer, Stage::Writing, (0, 1))?;
+        let tools = self.library.tools();
+        let mut paths = self.library.write(folder, files.unit)?;
+        let (mesh, sites) = self.placed.shown();
+        let (cutter, outlines) = (&*format!("{} tools", tools.len()), &self.placed.outlines()[..]);
+        let view = PartView { name: &self.placed.request.part, mesh, sites, cutter, outlines };
+        let accessible: Vec<Vec<bool>> = self.library.reach().iter().map(reached_by).collect();
+        let coverage = Coverage::of_reached(tools, &accessible, self.library.areas());
+        paths.extend(coverage.write_first(folder, view, files.show())?);
+        paths.extend(self.placed.write_surfaces(folder)?);
+        report(observer, Stage::Writing, (1, 1))?;
+        Ok(paths)
+    }
+}
+
+fn answers(reach: &ToolReach) -> SiteAnswers {
+    let is = |wanted: SiteAnswer| reach.answers.iter().map(|answer| *answer == wanted).collect();
+    let mut answers = SiteAnswers::new(is(SiteAnswer::Inaccessible), Vec::new());
+    answers.tip_does_not_fit = is(SiteAnswer::TipDoesNotFit);
+    answers
+}

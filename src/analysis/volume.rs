@@ -1,0 +1,138 @@
+//! Where in the space around a part the tip of a tool can be.
+
+use super::Analysis;
+use super::fixtures::Fixture;
+use super::observer::{Observer, Stage, report};
+use super::placed::without_area;
+use super::write::Files;
+use crate::access::Queries;
+use crate::access::surface::{SurfaceOptions, TriangleObstacles};
+use crate::answers::Definition;
+use crate::data::files::settings::{Blocking, ToolSettings};
+use crate::data::files::volume::VolumeFile;
+use crate::data::files::{AnalysisSettings, Provenance};
+use crate::geom::Mesh;
+use crate::geom::formats::MeshOrCloud;
+use crate::geom::inside::{Lattice, lattice_inside};
+use crate::report::section;
+use crate::{Error, Result};
+use glam::Vec3;
+use std::mem;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// The answers about the points of a lattice.
+#[derive(Debug)]
+pub struct VolumeOutcome {
+    file: VolumeFile,
+    n_points: usize,
+    warnings: Vec<String>,
+    notices: Vec<String>,
+    seconds: [f64; 2],
+}
+
+impl Analysis {
+    /// Labels the points of a lattice of this step, mm, in the part's box that are outside the part (roughing): with
+    /// the tip at the point. Sites and regions are not of it.
+    ///
+    /// # Errors
+    /// If the part is no mesh, there is not one tool, the tool leaves stock, the lattice would not fit into memory, the
+    /// observer stops it, or as [`TriangleObstacles::label`].
+    pub fn volume(mut self, step_mm: f64, observer: &mut dyn Observer) -> Result<VolumeOutcome> {
+        self.options.check()?;
+        let (shape, tools) = (self.shape.take(), mem::take(&mut self.tools));
+        let (Some(MeshOrCloud::Mesh(mesh)), [tool]) = (&shape, &tools[..]) else {
+            let found = format!("{}, {} tools", self.part, tools.len());
+            let remedy = "leave it out for a cloud, and name one tool at a time";
+            return Err(Error::argument("volume", found, "a mesh and one tool", remedy));
+        };
+        let allowance = tool.assembly.allowance_mm();
+        if allowance > 0.0 {
+            let remedy = "leave it out: what the tool itself removes is labeled";
+            return Err(Error::argument("allowance", allowance, "0 with a volume", remedy));
+        }
+        report(observer, Stage::Sites, (0, 1))?;
+        let start = Instant::now();
+        let directions = self.take_directions(Blocking::Part)?;
+        let (low, high) = mesh.bounds().unwrap_or_default();
+        let lattice = Lattice::covering(low, high, step_mm)?;
+        let inside = lattice_inside(mesh, &lattice)?;
+        let outside = (0..lattice.len()).filter(|&n| !inside[n]);
+        let mut points: Vec<Vec3> = Vec::with_capacity(outside.clone().count());
+        points.extend(outside.map(|n| lattice.point(n).as_vec3()));
+        report(observer, Stage::Sites, (1, 1))?;
+        let points_s = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let fixtures = mem::take(&mut self.fixtures);
+        let (fixtures, warnings) = Fixture::around(mesh, fixtures, self.table_z_mm)?;
+        let meshes: Vec<Mesh> = fixtures.iter().map(|fixture| fixture.mesh.clone()).collect();
+        let obstacles = TriangleObstacles::new(mesh, &meshes)?;
+        self.fixtures = fixtures;
+        report(observer, Stage::Labels, (0, 1))?;
+        let options = SurfaceOptions { occlusion: false, ..self.options };
+        let queries = Queries::Volume(&points);
+        let labels = obstacles.label(queries, &tool.cutter, &directions, &options)?;
+        report(observer, Stage::Labels, (1, 1))?;
+        let settings = AnalysisSettings {
+            tool: Some(ToolSettings::of(tool)),
+            directions: Some(directions.set().clone()),
+            n_directions: Some(labels.n_directions),
+            definition: Some(Definition::PartInSpace),
+            part_itself: Some(self.part_settings()),
+            origin_mm: self.origin.map(|at| at.to_array()),
+            ..AnalysisSettings::default()
+        };
+        let (part, words) = (self.part.clone(), tool.words());
+        let provenance = Provenance { part, cutter: tool.params, tool: words, settings };
+        Ok(VolumeOutcome {
+            file: VolumeFile::new(provenance, lattice, &inside, &labels)?,
+            n_points: points.len(),
+            warnings,
+            notices: without_area(&obstacles).into_iter().collect(),
+            seconds: [points_s, start.elapsed().as_secs_f64()],
+        })
+    }
+}
+
+impl VolumeOutcome {
+    /// An answer for every point of the lattice.
+    pub fn file(&self) -> &VolumeFile {
+        &self.file
+    }
+
+    /// Points outside the part.
+    pub fn n_points(&self) -> usize {
+        self.n_points
+    }
+
+    /// What is wrong with fixtures and table, a sentence each.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// What was left out, a sentence each.
+    pub fn notices(&self) -> &[String] {
+        &self.notices
+    }
+
+    /// Seconds that points and labels took.
+    pub fn seconds(&self) -> [f64; 2] {
+        self.seconds
+    }
+
+    /// Writes `volume.npz` and, if there are pictures, `volume.png`, a section; returns the paths.
+    ///
+    /// # Errors
+    /// If the system refuses a file.
+    pub fn write(&self, folder: &Path, files: &Files) -> Result<Vec<PathBuf>> {
+        let mut paths = vec![folder.join("volume.npz")];
+        self.file.write(&paths[0])?;
+        if files.pictures {
+            let path = folder.join("volume.png");
+            let layer = section::most_mixed_layer(&self.file);
+            section::draw(&self.file, layer).write_png(&path)?;
+            paths.push(path);
+        }
+        Ok(paths)
+    }
+}
