@@ -61,6 +61,9 @@
 //! - label: [`access`], [`access::surface`]; sites: [`geom::sites`]; cutters: [`cutter`]; directions: [`directions`]
 //! - predict and train: [`model`], [`train`], [`data`]
 //! - build networks: [`nn`], [`octree`], [`optim`], [`loss`]; check gradients: [`gradcheck`]
+//!
+//! Items that this documentation does not show are for the program, tests and benches of this package. They may change
+//! in any release.
 #![deny(unsafe_code)]
 
 pub mod access;
@@ -70,18 +73,21 @@ pub mod answers;
 #[cfg(feature = "ndarray")]
 pub mod arrays;
 #[cfg(feature = "formats")]
+#[doc(hidden)] // of the program
 pub mod atomic_file;
 pub mod cutter;
 pub mod data;
 pub mod directions;
 pub mod error;
 #[cfg(feature = "formats")]
+#[doc(hidden)] // of the program
 pub mod folder_lock;
 pub mod geom;
 pub mod gradcheck;
 #[cfg(feature = "formats")]
 mod input_file;
 pub mod loss;
+#[doc(hidden)] // limits of this package, set by the program
 pub mod memory;
 pub mod metrics;
 pub mod model;
@@ -90,6 +96,7 @@ pub mod octree;
 pub mod optim;
 pub mod par;
 #[cfg(feature = "formats")]
+#[doc(hidden)] // of the program
 pub mod parity;
 pub mod processes;
 #[cfg(feature = "formats")]

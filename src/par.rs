@@ -291,12 +291,12 @@ pub fn threads() -> usize {
 }
 
 /// Most threads that [`with_threads`] starts.
-pub const MAX_THREADS: usize = 4096;
+pub(crate) const MAX_THREADS: usize = 4096;
 
 /// Runs `work` with parallel loops limited to `n_threads` (0: one per logical CPU).
 ///
 /// # Errors
-/// If there are more than [`MAX_THREADS`], or the system refuses to start them.
+/// If there are more than 4096, or the system refuses to start them.
 pub fn with_threads<R: Send>(n_threads: usize, work: impl FnOnce() -> R + Send) -> Result<R> {
     if n_threads > MAX_THREADS {
         let expected = format!("at most {MAX_THREADS}");

@@ -56,6 +56,7 @@ pub trait Scalar:
 ///
 /// # Errors
 /// If the environment variable `DEEPMILL_SIMD` names an instruction set that is not available.
+#[doc(hidden)] // of the program
 pub fn simd_isa() -> Result<Isa> {
     Isa::requested().map_err(|error| {
         let names: Vec<_> = Isa::available().iter().map(|isa| isa.name()).collect();

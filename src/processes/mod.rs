@@ -34,6 +34,7 @@ pub trait Processes: Sync {
     fn complete(&self, all: &mut [f32], parts: &[Range<usize>]);
 
     /// What this process has sent so far.
+    #[doc(hidden)] // of the program
     fn traffic(&self) -> Traffic {
         Traffic::default()
     }
@@ -41,6 +42,7 @@ pub trait Processes: Sync {
 
 /// What a process has sent, and how long it was at it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[doc(hidden)] // of the program
 pub struct Traffic {
     /// Bytes for other processes.
     pub bytes_sent: u64,
@@ -78,6 +80,7 @@ impl Processes for SingleProcess {
 ///
 /// # Panics
 /// If `size` is 0.
+#[doc(hidden)] // of the program
 pub fn share(n: usize, rank: usize, size: usize) -> Range<usize> {
     rank * n / size..(rank + 1) * n / size
 }
@@ -88,7 +91,7 @@ pub fn share(n: usize, rank: usize, size: usize) -> Range<usize> {
 /// # Errors
 /// [`Error::Process`] with the error of the first process that failed, on that process, and [`Error::OtherProcess`] on all
 /// others. A single process has its own error.
-pub fn share_bytes<T>(
+pub(crate) fn share_bytes<T>(
     processes: &dyn Processes,
     own: Result<T>,
     message: impl FnOnce(&T) -> Vec<u8>,
@@ -117,6 +120,7 @@ fn of_process(processes: &dyn Processes, error: Error) -> Error {
 ///
 /// # Errors
 /// As [`share_bytes`].
+#[doc(hidden)] // of the program
 pub fn agree<T>(processes: &dyn Processes, own: Result<T>) -> Result<T> {
     Ok(share_bytes(processes, own, |_| Vec::new())?.0)
 }
@@ -125,6 +129,7 @@ pub fn agree<T>(processes: &dyn Processes, own: Result<T>) -> Result<T> {
 ///
 /// # Errors
 /// As [`share_bytes`].
+#[doc(hidden)] // of the program
 pub fn agree_to_go_on(
     processes: &dyn Processes,
     own: Result<ControlFlow<()>>,
@@ -140,7 +145,7 @@ pub fn agree_to_go_on(
 ///
 /// # Errors
 /// As [`share_bytes`].
-pub fn share_numbers<T>(
+pub(crate) fn share_numbers<T>(
     processes: &dyn Processes,
     own: Result<T>,
     message: impl FnOnce(&T) -> Vec<f64>,
@@ -155,6 +160,7 @@ pub fn share_numbers<T>(
 ///
 /// # Errors
 /// On the first process where it is not that of process 0, with both; [`Error::OtherProcess`] on the others.
+#[doc(hidden)] // of the program
 pub fn require_same(processes: &dyn Processes, name: &'static str, value: &str) -> Result<()> {
     let all = processes.gather(value.as_bytes());
     let expected = String::from_utf8_lossy(&all[0]);

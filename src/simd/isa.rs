@@ -35,15 +35,19 @@ pub trait Kernel {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Isa {
     /// Whatever the target guarantees.
+    #[doc(hidden)] // its token cannot be named
     Portable(Portable),
     /// x86-64 with AVX2 and FMA.
     #[cfg(target_arch = "x86_64")]
+    #[doc(hidden)]
     Avx2(Avx2),
     /// x86-64 with AVX-512 F, BW, DQ, VL.
     #[cfg(target_arch = "x86_64")]
+    #[doc(hidden)]
     Avx512(Avx512),
     /// 64-bit ARM with NEON.
     #[cfg(target_arch = "aarch64")]
+    #[doc(hidden)]
     Neon(Neon),
 }
 
@@ -102,7 +106,7 @@ impl Isa {
         }
     }
 
-    /// The instruction set that [`VARIABLE`] names, or the fastest if it is unset or empty.
+    /// The instruction set that the environment variable `DEEPMILL_SIMD` names, or the fastest if it is unset or empty.
     ///
     /// # Errors
     /// If it names an instruction set that is not available.

@@ -18,6 +18,7 @@ mod double;
 pub(crate) mod elementwise;
 pub(crate) mod float_state;
 pub(crate) mod fma;
+#[doc(hidden)] // kernels, checked by benches
 pub mod gemm;
 pub(crate) mod isa;
 pub(crate) mod normalize;
@@ -25,7 +26,7 @@ pub(crate) mod real;
 pub(crate) mod token;
 pub(crate) mod vector;
 
+pub use isa::Isa;
 pub(crate) use isa::Kernel;
-pub use isa::{Isa, VARIABLE};
 pub(crate) use real::Real;
 pub(crate) use vector::{Float32, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};
