@@ -8,7 +8,9 @@
 mod share_limit;
 mod spot_check;
 
-pub use spot_check::{CONFIDENCE, SpotCheck, SpotChecked};
+#[doc(hidden)] // stated in files
+pub use spot_check::CONFIDENCE;
+pub use spot_check::{SpotCheck, SpotChecked};
 
 use crate::geom::{Sites, spacing};
 use crate::{Error, Result};
@@ -272,14 +274,14 @@ fn count(marks: &[bool]) -> usize {
 }
 
 /// Whether the positive class has the greater logit; equal logits mean "no".
-pub fn is_positive<T: PartialOrd>([no, yes]: [T; 2]) -> bool {
+pub(crate) fn is_positive<T: PartialOrd>([no, yes]: [T; 2]) -> bool {
     yes > no
 }
 
 /// Marks the `ceil(share·n)` greatest values by `compare`, lower index first among equals.
 ///
 /// `share` is in [0, 1]; a product within 1e-9 above a whole number counts as that number.
-pub fn mark_top_share<T>(
+pub(crate) fn mark_top_share<T>(
     values: &[T],
     share: f64,
     compare: impl Fn(&T, &T) -> Ordering,

@@ -46,7 +46,7 @@ impl Confusion {
     }
 
     /// Counts of two logits a row (`[n, 2]`) against classes; "yes" is class `positive`, predicted where its logit is the
-    /// greater one ([`is_positive`]).
+    /// greater one.
     ///
     /// # Panics
     /// If there are not two logits for each target.

@@ -15,7 +15,7 @@
 
 mod share;
 
-pub use share::{cover_share, cover_share_preferring, greedy_share};
+pub(crate) use share::{cover_share, cover_share_preferring, greedy_share};
 
 use std::cmp::Reverse;
 

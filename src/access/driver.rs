@@ -25,7 +25,7 @@ use crate::{Result, par};
 /// # Errors
 /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, volume queries have no
 /// obstacles of their own, the share is not in (0, 1], the clearance limit is not positive, the tolerance of the bottom
-/// rule is negative, or the answers would not fit into the memory ([`Extent`]).
+/// rule is negative, or the answers would not fit into the memory.
 ///
 /// ```
 /// use deepmill::{access, cutter::*, directions::Directions, geom::Sites};

@@ -108,7 +108,7 @@ impl Default for LabelOptions {
 pub const BOTTOM_MM: f64 = 1.0;
 
 impl LabelOptions {
-    /// Those of the published definition: bottom rule of [`BOTTOM_MM`], shares rounded down. Its directions are
+    /// Those of the published definition: bottom rule of 1 mm, shares rounded down. Its directions are
     /// [`Directions::published`](crate::directions::Directions::published).
     pub fn published() -> Self {
         LabelOptions {
@@ -165,6 +165,7 @@ pub struct Labels {
     /// ([`surface::explain`](super::surface::explain)).
     pub blocked_by: Vec<Option<ToolPart>>,
     /// What the engine did.
+    #[doc(hidden)] // counts for benches
     pub stats: Stats,
 }
 

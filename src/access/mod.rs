@@ -31,6 +31,7 @@
 //!
 //! Points are a sample of a part; [`surface`] tests its triangles.
 
+#[doc(hidden)] // of the program's evaluation
 pub mod baselines;
 mod batched;
 mod clearance;
@@ -46,6 +47,7 @@ mod matrix;
 mod method;
 mod occlusion;
 mod order;
+#[doc(hidden)] // checked by tests and benches
 pub mod predicate;
 mod problem;
 mod pruned;
@@ -56,11 +58,16 @@ pub mod surface;
 
 pub(crate) use driver::{Counted, count_for};
 pub use driver::{label, label_many};
-pub use extent::Extent;
+pub(crate) use extent::Extent;
 pub use gouge::gouges;
 pub use labeler::Labeler;
-pub use labels::{BOTTOM_MM, Engine, LabelOptions, Labels};
+#[doc(hidden)] // of data sets
+pub use labels::BOTTOM_MM;
+pub use labels::{Engine, LabelOptions, Labels};
 pub use matrix::CollisionMatrix;
-pub use occlusion::{bottom_sites, occlusion_points};
+#[doc(hidden)] // of the program
+pub use occlusion::bottom_sites;
+pub(crate) use occlusion::occlusion_points;
 pub use problem::{Obstacles, Queries};
+#[doc(hidden)] // counts for benches
 pub use stats::Stats;

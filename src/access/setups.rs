@@ -42,5 +42,7 @@ mod machine;
 mod plan;
 
 pub use candidates::{Candidate, Candidates, Clampings};
-pub use machine::{Machine, direction_of_words, direction_words};
+pub use machine::Machine;
+#[doc(hidden)] // of the program
+pub use machine::{direction_of_words, direction_words};
 pub use plan::{Choice, Plan, Setup};

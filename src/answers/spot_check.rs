@@ -19,7 +19,7 @@ pub struct SpotCheck {
     pub n_checked: usize,
     /// Number of wrong predictions among them.
     pub n_wrong: usize,
-    /// Upper confidence limit, with [`CONFIDENCE`], of the share of wrong answers among the sites that are not
+    /// Upper confidence limit, with a confidence of 0.95, of the share of wrong answers among the sites that are not
     /// computed; 0 if all are.
     pub limit: f64,
 }

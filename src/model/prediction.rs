@@ -54,7 +54,7 @@ pub struct Prediction<T> {
 }
 
 impl<T: Scalar> Prediction<T> {
-    /// Decisions ([`is_positive`]) and probabilities of both heads, and the shares of accessible directions.
+    /// Decisions and probabilities of both heads, and the shares of accessible directions.
     pub fn answers(&self) -> SiteAnswers {
         let decide = |logits: &[[T; N_CLASSES]]| logits.iter().copied().map(is_positive).collect();
         SiteAnswers {
@@ -65,9 +65,8 @@ impl<T: Scalar> Prediction<T> {
         }
     }
 
-    /// As [`Prediction::answers`], but the `share` of sites that look most like occlusion points are marked
-    /// ([`mark_top_share`]): as many as the labels' definition marks, where a decision site by site leaves their number
-    /// open.
+    /// As [`Prediction::answers`], but the `share` of sites that look most like occlusion points are marked:
+    /// as many as the labels' definition marks, where a decision site by site leaves their number open.
     pub fn answers_ranked(&self, share: f64) -> SiteAnswers {
         let margin = |[no, yes]: &[T; N_CLASSES]| (*yes - *no).to_f64();
         let margins: Vec<f64> = self.logits_occlusion.iter().map(margin).collect();

@@ -104,7 +104,7 @@ impl Plan {
 
     /// Of the `candidates` for `part`, those of a [`Choice`]; `accessible` says for each tool in which of their
     /// directions it may stand, `weights` what each site counts. `order` has every tool once, the preferred first: of
-    /// sets of tools as small as can be a setup takes the one that comes first ([`cover_share_preferring`]).
+    /// sets of tools as small as can be a setup takes the one that comes first.
     ///
     /// # Panics
     /// If `accessible` is about other sites or directions, or empty, or `order` does not have every tool once.

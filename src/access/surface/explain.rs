@@ -40,9 +40,13 @@ mod remedies;
 pub(crate) use change::short;
 pub use change::{Change, ChangeKind};
 pub use nearest::NearestPose;
+#[doc(hidden)] // of `analysis`
 pub use parts::blocking_parts_among_points;
-pub use region::{N_LABELED, RegionAdvice, RegionChange};
-pub use remedies::{Remedies, Stopped, sold_diameter};
+#[doc(hidden)] // for findings, of the program
+pub use region::{RegionAdvice, RegionChange};
+#[doc(hidden)] // checked by tests
+pub use remedies::sold_diameter;
+pub use remedies::{Remedies, Stopped};
 
 use super::labels::{SiteAnswer, SurfaceOptions};
 use super::obstacles::{TriangleObstacles, tested};
@@ -116,8 +120,7 @@ pub struct DirectionState {
     pub direction: Vec3,
     /// What blocks; `None` if nothing does.
     pub blocked: Option<Blocked>,
-    /// How far the steps may grow (negative: must shrink), mm, to [`CLEARANCE_STEP_MM`](super::CLEARANCE_STEP_MM) and
-    /// within ±[`MOST_CLEARANCE_MM`].
+    /// How far the steps may grow (negative: must shrink), mm, to 1e-4 mm and within ±1 m.
     pub clearance_mm: f64,
 }
 
@@ -135,7 +138,7 @@ pub struct Blocked {
 }
 
 /// Clearances are not followed beyond this.
-pub const MOST_CLEARANCE_MM: f64 = 1e3;
+pub(crate) const MOST_CLEARANCE_MM: f64 = 1e3;
 
 impl Explanation {
     /// Number of the directions tested that each part blocks, in the order of [`ToolPart::ALL`].
@@ -229,6 +232,7 @@ impl TriangleObstacles {
 ///
 /// # Errors
 /// As [`label`](crate::access::label), or if the tool is none ([`Assembly::cutter`]).
+#[doc(hidden)] // of the program
 pub fn explain_among_points(
     obstacles: &[Vec3],
     own: Option<usize>,

@@ -169,7 +169,7 @@ pub struct SurfaceLabels {
     pub open_directions: Vec<f32>,
     /// Per query, mm: how far the margin about what of the shrunk cutter does not cut may grow before the query becomes
     /// inaccessible (positive), or every step must shrink before it is not any more (negative), within the limit of the
-    /// options and to [`CLEARANCE_STEP_MM`]; over the directions of the set and the witness. Empty without that option.
+    /// options and to 1e-4 mm; over the directions of the set and the witness. Empty without that option.
     pub clearance_mm: Vec<f32>,
     /// Per query: the gouge tolerance against the facet that it lies on, mm.
     pub tolerance_mm: Vec<f64>,
@@ -180,6 +180,7 @@ pub struct SurfaceLabels {
     /// ([`TriangleObstacles::rest_on_wide_tolerance`](super::TriangleObstacles::rest_on_wide_tolerance)).
     pub rests_on_tolerance: Vec<bool>,
     /// What was done.
+    #[doc(hidden)] // counts for benches
     pub stats: SurfaceStats,
 }
 
@@ -235,7 +236,7 @@ pub struct SurfaceStats {
     pub triangles_tested: u64,
     /// Sites that only a direction between those of the set reaches.
     pub found_between: u64,
-    /// Sites on the knife edge: whose answer rests on a triangle that a change of the tolerance by [`KNIFE_EDGE_MM`]
+    /// Sites on the knife edge: whose answer rests on a triangle that a change of the tolerance by 1e-6 mm
     /// would take out of the tool or put into it; at most this many would have another answer then.
     pub knife_edge: u64,
 }

@@ -62,17 +62,21 @@ mod warnings;
 
 pub use accessible::AccessibleDirections;
 pub use faces::{BlockingFace, blocking_faces};
-pub use labels::{
-    CLEARANCE_STEP_MM, FINISH_MM, KNIFE_EDGE_MM, RefinementOptions, SiteAnswer, SurfaceLabels,
-    SurfaceOptions, SurfaceStats, WitnessPose,
-};
+#[doc(hidden)] // of the program and benches
+pub use labels::{FINISH_MM, SurfaceStats};
+pub use labels::{RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions, WitnessPose};
 pub use library::ToolReach;
 pub use obstacles::TriangleObstacles;
 #[cfg(all(feature = "formats", feature = "generate"))]
 pub(crate) use obstacles::tested;
+#[doc(hidden)] // checked by benches
 pub use reference::Reached;
-pub use tolerance::{ContactTolerance, LEAST_MM};
-pub use verdict::{Raise, Verdict, raise};
+pub use tolerance::ContactTolerance;
+#[doc(hidden)] // of the program
+pub use tolerance::LEAST_MM;
+pub use verdict::{Raise, raise};
 pub use verify::Verified;
 pub(crate) use verify::sites_to_count;
-pub use warnings::{WIDE_MM, Warning};
+#[doc(hidden)] // of the program
+pub use warnings::WIDE_MM;
+pub use warnings::Warning;

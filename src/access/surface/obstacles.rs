@@ -83,8 +83,7 @@ impl TriangleObstacles {
     ///
     /// # Errors
     /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, the tolerance is not positive or not
-    /// below the cutter's radius, an option is outside its domain, or the answers would not fit into the memory
-    /// ([`Extent`](crate::access::Extent)).
+    /// below the cutter's radius, an option is outside its domain, or the answers would not fit into the memory.
     pub fn label<'a>(
         &self,
         queries: impl Into<Queries<'a>>,

@@ -40,6 +40,7 @@ impl TriangleObstacles {
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`].
+    #[doc(hidden)] // checked by benches
     pub fn reached_by_drop_heights<'a>(
         &self,
         queries: impl Into<Queries<'a>>,

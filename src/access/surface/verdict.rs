@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 
 /// Whether a tool may stand somewhere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Verdict {
+pub(crate) enum Verdict {
     /// No part of the tool penetrates the surface.
     Free,
     /// Only the tip does: it does not fit there.

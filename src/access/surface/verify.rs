@@ -60,7 +60,7 @@ impl Verified {
 
 impl TriangleObstacles {
     /// Computes sites, as [`TriangleObstacles::label`] does, until a random sample of the others, drawn with `seed`,
-    /// shows with [confidence](crate::answers::CONFIDENCE) that at most a share of `bound` of them has a wrong answer
+    /// shows with a confidence of 0.95 that at most a share of `bound` of them has a wrong answer
     /// *inaccessible* ([`SiteAnswers::verify_by_spot_checks`]); all with a `bound` of 0. Then the β that may decide
     /// which are occlusion points, as [`TriangleObstacles::label_sites`] does, from these answers and the predicted
     /// ones of the other sites. Counts of directions and clearances are not computed.

@@ -23,7 +23,7 @@ use crate::{Result, par};
 pub struct RegionChange {
     /// The change.
     pub change: Change,
-    /// Share of the region's sites that the changed tool reaches by the directions of the set; of [`N_LABELED`] of
+    /// Share of the region's sites that the changed tool reaches by the directions of the set; of 256 of
     /// them, if there are more.
     pub share: f64,
 }
@@ -54,6 +54,7 @@ impl TriangleObstacles {
     ///
     /// # Panics
     /// If a member is no site.
+    #[doc(hidden)] // for findings, of the program
     pub fn change_for(
         &self,
         (sites, members): (&Sites, &[u32]),
