@@ -2,15 +2,21 @@
 //!
 //! `docs/formats.md` lists every array. One row per site, in the order of the sites.
 
+#[doc(hidden)] // of the program
 pub mod label_query;
 mod predictions;
+#[doc(hidden)] // of the program
 pub mod published;
+#[doc(hidden)] // of the program
 pub mod settings;
 pub mod tools;
+#[doc(hidden)] // of the program
 pub mod volume;
 
 pub use predictions::PredictionFile;
+#[doc(hidden)] // of the program
 pub use settings::AnalysisSettings;
+pub use settings::Blocking;
 
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
@@ -36,14 +42,17 @@ pub struct Provenance {
     /// The cutter in words, with what the four lengths do not say.
     pub tool: String,
     /// Everything else that decided the answers.
+    #[doc(hidden)] // of the program
     pub settings: AnalysisSettings,
 }
 
 impl Provenance {
     /// Name and version of this program, as files state it.
+    #[doc(hidden)] // of the program
     pub const PROGRAM: &str = concat!("deepmill ", env!("CARGO_PKG_VERSION"));
 
     /// Provenance a ball-end cutter; `tool` is in words what `cutter` is in numbers.
+    #[doc(hidden)] // of the program
     pub fn ball_end(
         part: impl Into<String>,
         cutter: CutterParams,
@@ -94,6 +103,7 @@ impl Provenance {
 }
 
 /// `ball-end CR 1.5, CH 6, FR 40, FH 5 mm`.
+#[doc(hidden)] // of the program
 pub fn ball_end_words(cutter: CutterParams) -> String {
     let [cr, ch, fr, fh] = cutter.to_array();
     format!("ball-end CR {cr}, CH {ch}, FR {fr}, FH {fh} mm")

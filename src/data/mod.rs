@@ -7,12 +7,15 @@ pub mod dataset;
 pub mod files;
 #[cfg(feature = "generate")]
 pub mod generated;
-pub mod loader;
+pub(crate) mod loader;
+#[doc(hidden)] // of the program
 pub mod normalized;
 #[cfg(feature = "formats")]
+#[doc(hidden)] // of the program
 pub mod npz;
 pub mod online;
 pub mod sample;
+#[doc(hidden)] // of the program
 pub mod volume;
 
 pub use augment::Augment;

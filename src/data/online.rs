@@ -122,8 +122,7 @@ pub struct Online {
 }
 
 impl Online {
-    /// The parts of `samples`, each once, whatever their cutters, to be labeled with these options
-    /// ([`DatasetSettings::label_options`](crate::data::dataset::DatasetSettings::label_options)).
+    /// The parts of `samples`, each once, whatever their cutters, to be labeled with these options.
     ///
     /// # Errors
     /// If there are no parts.

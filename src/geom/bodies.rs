@@ -77,6 +77,7 @@ pub fn join(mesh: &mut Mesh) -> Result<Vec<Change>> {
 /// What a fixture has in common with a part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[doc(hidden)] // of `analysis`, checked by tests
 pub struct Overlap {
     /// Volume inside both, mm³.
     pub common_mm3: f64,
@@ -90,6 +91,7 @@ pub struct Overlap {
 ///
 /// # Errors
 /// If a mesh fails [`Mesh::check`].
+#[doc(hidden)] // of `analysis`, checked by tests
 pub fn overlap(part: &Mesh, fixture: &Mesh) -> Result<Option<Overlap>> {
     let (mut part, mut fixture) = (part.clone(), fixture.clone());
     for mesh in [&mut part, &mut fixture] {

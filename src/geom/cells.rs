@@ -21,7 +21,7 @@ const BLOCK: usize = 1024;
 
 /// Tells which site a point of the surface belongs to.
 ///
-/// It is the nearest site on the point's own sheet (see [`same_sheet`]). A site that has neighbors
+/// It is the nearest site on the point's own sheet. A site that has neighbors
 /// on two opposite sheets sits on the rim of a wall, such as the narrow side of a thin plate; its cell keeps to
 /// its own face and one of the two sheets, the nearer. So no cell holds points of both sides of a
 /// wall thinner than the spacing. A point with no such site within three spacings has no owner.

@@ -2,14 +2,19 @@
 
 #[cfg(feature = "generate")]
 pub mod bodies;
+#[doc(hidden)] // of the program and benches
 pub mod cells;
 pub mod check;
 #[cfg(feature = "formats")]
 pub mod formats;
+#[doc(hidden)] // of the program and fuzz targets
 pub mod inside;
+#[doc(hidden)] // of the program
 pub mod intersect;
 pub mod mesh;
+#[doc(hidden)] // of the program
 pub mod origin;
+#[doc(hidden)] // of the program
 pub mod regions;
 pub mod repair;
 pub mod selection;

@@ -7,7 +7,7 @@
 //!
 //! - on a mesh whose triangles the sites know ([`Sites::faces`]): the triangle of `j` is reached from that of `i` across shared edges, over
 //!   triangles that meet the ball of radius `ρ_i` about `i`, which holds `j`;
-//! - otherwise: the ball holds `j`, and both are on one sheet ([`same_sheet`]).
+//! - otherwise: the ball holds `j`, and both are on one sheet.
 //!
 //! A *region* is a connected component of that graph. So the two sides of a thin wall are apart, and a floor and its wall are not.
 //!
@@ -23,7 +23,7 @@ use crate::spatial::PointGrid;
 use glam::DVec3;
 
 /// Radius of a site in units of the edge of a square of its area. Neighbors in a hexagonal lattice are 1.07 apart.
-pub const RADIUS: f64 = 2.0;
+pub(crate) const RADIUS: f64 = 2.0;
 
 /// Per site its region: the lowest index of a site in it; `None` where `marks` is `None`. Deterministic.
 ///

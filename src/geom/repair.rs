@@ -15,7 +15,7 @@ use std::fmt;
 
 /// Tolerance with which gaps are welded, as a fraction of the diagonal; see
 /// [`weld::DEFAULT_TOLERANCE`] for how far one can go.
-pub const GAP_TOLERANCE: f64 = 1e-5;
+pub(crate) const GAP_TOLERANCE: f64 = 1e-5;
 
 /// Something that a repair did or found it could not do.
 #[derive(Debug, Clone, Copy, PartialEq)]

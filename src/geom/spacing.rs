@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// Greatest distance of a point of the surface from the nearest site, in mean spacings, for sites of
 /// [`sample`](super::sites::sample): 0.58 in a hexagonal lattice, at most 0.97 on the parts measured in
 /// docs/sites.md.
-pub const COVERING: f64 = 1.0;
+pub(crate) const COVERING: f64 = 1.0;
 /// Sites advised over those that are needed if the spacing goes with 1/√n: with few sites, many of them
 /// near edges, it falls more slowly. With this share, those who follow the advice are not warned again.
 const MARGIN: f64 = 1.05;
@@ -23,6 +23,7 @@ const BLOCK: usize = 1024;
 /// Distances from each site to the nearest other one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
+#[doc(hidden)] // of the program and benches
 pub struct Spacing {
     /// Number of sites that have a neighbor.
     pub n_sites: usize,
@@ -111,6 +112,7 @@ const FINE_DISC: f64 = 0.435_889_894_354_067_4;
 /// Whether sites are dense enough to notice what a cutter penetrates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[doc(hidden)] // of the program and benches
 pub struct Advice {
     /// Ball radius of the cutter, mm.
     pub cr_mm: f64,
@@ -161,7 +163,7 @@ pub(super) fn mean_and_cv(values: &[f64]) -> (f64, f64) {
 ///
 /// # Errors
 /// If the sites fail [`Sites::check`].
-pub fn relative_areas(sites: &Sites) -> Result<Vec<f64>> {
+pub(crate) fn relative_areas(sites: &Sites) -> Result<Vec<f64>> {
     let squares = neighbor_squares(sites)?;
     let known: Vec<f64> = squares.iter().flatten().copied().collect();
     let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
@@ -170,8 +172,8 @@ pub fn relative_areas(sites: &Sites) -> Result<Vec<f64>> {
     Ok(squares.into_iter().map(area).collect())
 }
 
-/// The area each site stands for, mm²: [`relative_areas`] scaled to `surface_mm2`, the area of the surface, or if that is not known
-/// to √3/2 of the squared distances, as in a hexagonal lattice.
+/// The area each site stands for, mm²: proportional to the squared distances of its nearest sites, scaled to
+/// `surface_mm2`, the area of the surface, or if that is not known to √3/2 of the squared distances, as in a hexagonal lattice.
 ///
 /// # Errors
 /// If the sites fail [`Sites::check`].
@@ -200,6 +202,7 @@ pub(crate) fn are_even_on(mesh: Option<&Mesh>) -> bool {
 ///
 /// # Errors
 /// If the sites fail [`Sites::check`].
+#[doc(hidden)] // of `report`
 pub fn areas_on(sites: &Sites, mesh: Option<&Mesh>) -> Result<Vec<f64>> {
     match mesh {
         Some(mesh) if are_even_on(Some(mesh)) => {

@@ -71,6 +71,7 @@ impl FromStr for Unit {
 }
 
 /// The edges of a bounding box for people: `120 × 10 × 120 mm`.
+#[doc(hidden)] // of the program
 pub fn size_line(low: DVec3, high: DVec3) -> String {
     let [x, y, z] = (high - low).to_array().map(|edge| {
         let text = format!("{edge:.4}");
@@ -81,6 +82,7 @@ pub fn size_line(low: DVec3, high: DVec3) -> String {
 
 /// A warning, with the likely unit, if the longest edge of a part is under 1 mm or over 10 m.
 /// `scale` is the mm per unit with which the file was read.
+#[doc(hidden)] // of the program
 pub fn size_warning(low: DVec3, high: DVec3, scale: f64) -> Option<String> {
     let longest = (high - low).max_element();
     if PLAUSIBLE_MM.contains(&longest) || longest.is_nan() {
@@ -104,6 +106,7 @@ pub fn size_warning(low: DVec3, high: DVec3, scale: f64) -> Option<String> {
 const TINY_MM: f64 = 10.0;
 
 /// A warning if the longest edge of a part that was read in millimeters is under 10 mm: the file may be in inches.
+#[doc(hidden)] // of the program
 pub fn inch_warning(low: DVec3, high: DVec3) -> Option<String> {
     let longest = (high - low).max_element();
     let in_inches = longest * Unit::Inch.millimeters();

@@ -62,6 +62,7 @@ const NO_TOOL: usize = QUANTITIES.len() + 1;
 
 /// A limit on the area of some quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[doc(hidden)] // of the program
 pub struct Limit {
     /// Place in [`QUANTITIES`]; beyond them in [`OTHERS`].
     quantity: usize,
@@ -124,8 +125,8 @@ impl fmt::Display for Limit {
     }
 }
 
-/// The area that each site stands for: relative ones (see [`spacing::relative_areas`]), scaled to the area of the mesh;
-/// on an open mesh, such as a region, all alike.
+/// The area that each site stands for: relative ones, scaled to the area of the mesh; on an open
+/// mesh, such as a region, all alike.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SiteAreas {
     /// Per site, as shares of the sum.

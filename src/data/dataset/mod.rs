@@ -8,9 +8,13 @@ mod build;
 mod import;
 mod manifest;
 
+#[doc(hidden)] // of the program
 pub use build::{Builder, PartSource};
+#[doc(hidden)] // of the program
 pub use import::{ImportedSample, import};
-pub use manifest::{CutterRecord, DatasetSettings, Manifest, PartRecord, Split};
+pub use manifest::Split;
+#[doc(hidden)] // of the program and fuzz targets
+pub use manifest::{CutterRecord, DatasetSettings, Manifest, PartRecord};
 
 use crate::answers::SiteAnswers;
 use crate::cutter::CutterParams;
@@ -26,8 +30,10 @@ use std::sync::Arc;
 #[derive(Debug, Clone)]
 pub struct Dataset {
     /// Its folder.
+    #[doc(hidden)] // of the program
     pub folder: PathBuf,
     /// What it holds.
+    #[doc(hidden)] // of the program
     pub manifest: Manifest,
 }
 
@@ -93,6 +99,7 @@ impl Dataset {
 
 /// Labels of one part for several cutters, as one NPZ file holds them.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[doc(hidden)] // checked by fuzz targets
 pub struct LabeledPart {
     /// Sites, mm; points of the space around the part have no normals.
     pub sites: Sites,

@@ -32,10 +32,15 @@ use crate::geom::units::length::tidy;
 use crate::{Error, Result};
 use names::{folder_name, in_one_line};
 
-pub use holder::{Holder, holder_from_bytes, read_holder};
+#[doc(hidden)] // checked by fuzz targets
+pub use holder::holder_from_bytes;
+pub use holder::{Holder, read_holder};
+#[doc(hidden)] // of the program
 pub use names::number_repeated;
-pub use reading::{from_bytes, read};
-pub use table::{steps_of_words, steps_words};
+#[doc(hidden)] // checked by fuzz targets
+pub use reading::from_bytes;
+pub use reading::read;
+pub(crate) use table::{steps_of_words, steps_words};
 
 /// A checked cutter and the numbers it was ordered with.
 #[derive(Debug, Clone, PartialEq)]
@@ -260,6 +265,7 @@ pub struct ToolTable {
 
 /// The places of tools in the order in which a shop prefers them: by diameter of the lower end, the greatest first,
 /// then by stick-out, the least first, then as given.
+#[doc(hidden)] // of the program
 pub fn thick_and_short_first(tools: &[Tool]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..tools.len()).collect();
     let stick_out = |k: usize| tools[k].assembly.stick_out_mm();

@@ -39,6 +39,7 @@ const MAX_ATTEMPTS: u64 = 64;
 
 /// How a part lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[doc(hidden)] // of the program
 pub enum Lie {
     /// As drawn: the main opening mostly up.
     AsDrawn,
@@ -61,11 +62,13 @@ pub fn part(family: Family, seed: u64, index: u64) -> Mesh {
 ///
 /// # Panics
 /// As [`part`].
+#[doc(hidden)] // of the program
 pub fn part_lying(family: Family, seed: u64, index: u64, lie: Lie) -> Mesh {
     attempts(family, seed, index, lie).0
 }
 
 /// The family of part number `index` when the families take turns.
+#[doc(hidden)] // of the program
 pub fn family_of(index: u64) -> Family {
     Family::ALL[(index % Family::ALL.len() as u64) as usize]
 }

@@ -124,6 +124,7 @@ pub fn read_part(path: &Path, options: &ReadOptions) -> Result<MeshOrCloud> {
 ///
 /// # Errors
 /// As [`read_part`].
+#[doc(hidden)] // of the program
 pub fn read_part_with_notices(
     path: &Path,
     options: &ReadOptions,
@@ -158,6 +159,7 @@ pub fn read_mesh(path: &Path, options: &ReadOptions) -> Result<Mesh> {
 ///
 /// # Errors
 /// As [`read_mesh`].
+#[doc(hidden)] // of the program
 pub fn read_mesh_with_notices(path: &Path, options: &ReadOptions) -> Result<(Mesh, Vec<String>)> {
     let format = Format::of(path)?;
     mesh_with_notices(&input_file::read(path, input_file::DATA)?, format, path, options)
@@ -292,7 +294,7 @@ pub fn write_stl(path: &Path, mesh: &Mesh) -> Result<()> {
 ///
 /// # Errors
 /// If the mesh has more triangles than the format can count.
-pub fn stl_bytes(mesh: &Mesh) -> Result<Vec<u8>> {
+pub(crate) fn stl_bytes(mesh: &Mesh) -> Result<Vec<u8>> {
     stl::check_count(mesh)?;
     let mut bytes = Vec::new();
     stl::write(&mut bytes, mesh).map_err(|e| Error::write("memory", e))?;

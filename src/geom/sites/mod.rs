@@ -25,7 +25,7 @@ use crate::{Error, Result, memory, par};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 pub(crate) use sheet::OPPOSITE;
-pub use sheet::same_sheet;
+pub(crate) use sheet::same_sheet;
 use std::collections::HashSet;
 use surface::Surface;
 pub(crate) use surface::nearest_in_triangle;
@@ -166,14 +166,14 @@ impl Default for SiteOptions {
 }
 
 /// Most sites that [`sample`] accepts.
-pub const MAX_SITES: usize = 10_000_000;
+pub(crate) const MAX_SITES: usize = 10_000_000;
 /// Upper estimate for relaxing and writing them.
 const BYTES_OF_SITE: usize = 512;
 
 /// Near-uniform sites on `mesh`, the same for every thread count.
 ///
 /// # Errors
-/// If `n_sites` is 0 or above [`MAX_SITES`], a face names a missing vertex, a vertex is not finite or beyond 10¹² mm,
+/// If `n_sites` is 0 or above ten million, a face names a missing vertex, a vertex is not finite or beyond 10¹² mm,
 /// the mesh has no area, or so many sites do not fit into the memory.
 pub fn sample(mesh: &Mesh, options: &SiteOptions) -> Result<Sites> {
     let _floats = par::DefaultFloats::set();
