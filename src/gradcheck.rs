@@ -31,8 +31,10 @@
 //! [`suite`] holds a small case of every layer of this crate, and [`fixture`] what such a case computes, for other
 //! implementations to be held against.
 
+#[doc(hidden)] // of the program and tests
 pub mod fixture;
 mod passes;
+#[doc(hidden)] // of the program and tests
 pub mod suite;
 
 pub use passes::{Case, layer};

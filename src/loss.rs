@@ -58,7 +58,7 @@ impl CrossEntropy {
 ///
 /// # Panics
 /// If `logits` and `shares` disagree in length.
-pub fn share_loss<T: Scalar>(
+pub(crate) fn share_loss<T: Scalar>(
     logits: &[T],
     shares: &[f32],
     scale: f64,

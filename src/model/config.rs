@@ -53,6 +53,7 @@ impl From<Cube> for Normalization {
 }
 
 /// Numbers of each site with [`InputConfig::coarse_directions`]: one for each of three tools, and one of occlusion.
+#[doc(hidden)] // of the networks here
 pub const N_COARSE: usize = 4;
 
 /// From points, normals and cutter in millimeters to the network's input.

@@ -87,6 +87,7 @@ struct SageLayer {
 
 /// What the training pass of a [`GraphSage`] leaves for backward.
 #[derive(Debug)]
+#[doc(hidden)] // what a pass leaves
 pub struct SavedGraphSage<T> {
     cutters: Vec<(Buffer<T>, SavedCutterModule<T>)>,
     layers: Vec<SavedSageLayer<T>>,

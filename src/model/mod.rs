@@ -7,14 +7,18 @@
 mod batch;
 mod coarse;
 pub mod config;
+#[doc(hidden)] // parts of the networks here
 pub mod cutter_modules;
 mod domain;
+#[doc(hidden)] // parts of the networks here
 pub mod graph;
 pub mod graph_sage;
+#[doc(hidden)] // parts of the networks here
 pub mod heads;
 mod network;
 mod network_config;
 mod pass_memory;
+#[doc(hidden)] // checked by tests
 pub mod policy;
 mod predict;
 mod prediction;
@@ -22,6 +26,7 @@ mod predictor;
 #[cfg(feature = "weights")]
 mod shipped;
 mod training;
+#[doc(hidden)] // parts of the networks here
 pub mod unet;
 #[cfg(feature = "formats")]
 pub mod weights;
@@ -30,10 +35,16 @@ pub use batch::{Batch, Shape};
 pub use config::UNetConfig;
 pub use domain::Domain;
 pub use graph_sage::GraphSage;
-pub use network::{AnyBatch, AnyNetwork, AnySaved, Network};
+#[doc(hidden)] // what `Network` takes and leaves for `AnyNetwork`
+pub use network::{AnyBatch, AnySaved};
+pub use network::{AnyNetwork, Network};
 pub use network_config::NetworkConfig;
 pub use predict::{AnyModel, Model};
 pub use prediction::{Calibration, Prediction};
 pub use predictor::Predictor;
-pub use training::{InputGradients, SavedUNet, TrainingPass};
-pub use unet::{Activations, UNet};
+pub use training::TrainingPass;
+#[doc(hidden)] // what a pass of `UNet` leaves, checked by tests
+pub use training::{InputGradients, SavedUNet};
+#[doc(hidden)] // checked by tests
+pub use unet::Activations;
+pub use unet::UNet;

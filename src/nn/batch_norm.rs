@@ -16,9 +16,9 @@ use crate::simd::normalize::{
 use std::ops::Range;
 
 /// Added to the variance.
-pub const EPS: f64 = 1e-5;
+pub(crate) const EPS: f64 = 1e-5;
 /// Share of the batch in a running statistic.
-pub const MOMENTUM: f64 = 0.1;
+pub(crate) const MOMENTUM: f64 = 0.1;
 
 /// Batches of at most this many rows are normalized in f64: there `x` determines the statistics so
 /// nearly that the gradient is what rounding leaves of a cancellation (for two rows, a share of

@@ -16,7 +16,7 @@ use crate::simd::normalize::{
 use std::ops::Range;
 
 /// Added to the variance.
-pub const EPS: f64 = 1e-5;
+pub(crate) const EPS: f64 = 1e-5;
 
 /// `y = (x - mean) / √(var + ε) · weight + bias`, mean and biased variance over all nodes of a shape
 /// and all channels of a group.
@@ -31,6 +31,7 @@ pub struct GroupNorm {
 
 /// Mean and 1/deviation per shape and group.
 #[derive(Debug, Clone, Default)]
+#[doc(hidden)] // what a training pass leaves for backward
 pub struct GroupStatistics {
     mean: Vec<f64>,
     inv_std: Vec<f64>,

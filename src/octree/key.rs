@@ -7,9 +7,9 @@ use crate::spatial::morton;
 use glam::Vec3;
 
 /// First bit of the shape's index.
-pub const SHAPE_SHIFT: u32 = 48;
+pub(crate) const SHAPE_SHIFT: u32 = 48;
 /// Greatest number of shapes in keys.
-pub const MAX_SHAPES: usize = 1 << 15;
+pub(crate) const MAX_SHAPES: usize = 1 << 15;
 
 const CELL_BITS: u64 = (1 << SHAPE_SHIFT) - 1;
 
@@ -26,7 +26,7 @@ pub fn decode(key: u64) -> ([u32; 3], usize) {
 }
 
 /// Key of the ancestor `levels` above.
-pub fn ancestor(key: u64, levels: usize) -> u64 {
+pub(crate) fn ancestor(key: u64, levels: usize) -> u64 {
     (key & !CELL_BITS) | (key & CELL_BITS) >> (3 * levels)
 }
 
@@ -37,7 +37,7 @@ pub fn child(key: u64, octant: u64) -> u64 {
 
 /// Position of `point` in cells of `depth` from the cube's corner: `(p + 1)·2^(depth−1)`, first added,
 /// then multiplied, in f32.
-pub fn in_cells(point: Vec3, depth: usize) -> Vec3 {
+pub(crate) fn in_cells(point: Vec3, depth: usize) -> Vec3 {
     (point + Vec3::ONE) * (0.5 * (1u32 << depth) as f32)
 }
 

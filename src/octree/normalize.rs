@@ -112,7 +112,7 @@ impl Preparation {
 }
 
 /// Indices of the points with every coordinate strictly inside (−limit, limit), ascending.
-pub fn clip(points: &[Vec3], limit: f32) -> Vec<u32> {
+pub(crate) fn clip(points: &[Vec3], limit: f32) -> Vec<u32> {
     let inside = |p: &Vec3| p.abs().max_element() < limit && !p.is_nan();
     (0..points.len() as u32).filter(|&i| inside(&points[i as usize])).collect()
 }

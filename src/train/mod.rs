@@ -2,15 +2,20 @@
 //!
 //! A [`Run`] is settings, a network, the optimizer's velocity and how far it has come. Every random
 //! decision is keyed by (seed, epoch, sample), so a run that was interrupted and read back from its
-//! [`Checkpoint`] ends with the same bits as one that was not. [`RunFolder`] keeps a run on disk.
+//! checkpoint ends with the same bits as one that was not. `RunFolder` (feature `formats`) keeps a run on disk.
 
 mod buckets;
+#[doc(hidden)] // of the program
 pub mod calibration;
 #[cfg(feature = "formats")]
+#[doc(hidden)] // checked by tests; for programs there is `RunFolder`
 pub mod checkpoint;
+#[doc(hidden)] // shown below
 pub mod evaluate;
 mod groups;
+#[doc(hidden)] // shown below
 pub mod history;
+#[doc(hidden)] // of the program
 pub mod reliability;
 mod run;
 #[cfg(feature = "formats")]
@@ -21,11 +26,11 @@ pub mod settings_file;
 mod step;
 
 #[cfg(feature = "formats")]
+#[doc(hidden)] // checked by tests; for programs there is `RunFolder`
 pub use checkpoint::Checkpoint;
-pub use evaluate::{
-    Evaluation, HeadScores, VerifiedScore, evaluate, evaluate_exact, evaluate_ranked,
-    evaluate_together, evaluate_verified,
-};
+pub use evaluate::{Evaluation, HeadScores, evaluate};
+#[doc(hidden)] // of the program
+pub use evaluate::{VerifiedScore, evaluate_exact, evaluate_ranked, evaluate_verified};
 pub use history::{EpochRow, HeadScore};
 pub use run::{Observer, Progress, Run, StepReport};
 #[cfg(feature = "formats")]

@@ -5,6 +5,7 @@
 //! reference: what does not follow from its shapes (depth, conventions, dropout) is the reference's.
 
 mod infer;
+#[doc(hidden)] // checked by tests
 pub mod tensors;
 
 use super::Domain;
@@ -39,6 +40,7 @@ pub enum Storage {
 
 /// What a weight file says about itself.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[doc(hidden)] // of the program
 pub struct WeightsInfo {
     /// Configuration of the network.
     pub config: NetworkConfig,
@@ -128,6 +130,7 @@ pub fn to_bytes<T: Scalar, N: Network<T>>(
 ///
 /// # Errors
 /// If the entry is there but cannot be understood, or says that classes mean something else.
+#[doc(hidden)] // of the program
 pub fn info(file: &TensorFile, origin: &Path) -> Result<Option<WeightsInfo>> {
     let Some(text) = file.metadata.get(METADATA_KEY) else { return Ok(None) };
     let error = |found: String| {
