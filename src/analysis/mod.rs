@@ -37,6 +37,7 @@ mod tools;
 mod volume;
 mod write;
 
+#[doc(hidden)] // of the program
 pub use findings::{N_SHOWN, advise, findings_of_tools};
 pub use fixtures::{Fixture, KeptOut};
 pub use observer::{Observer, Progress, Stage};

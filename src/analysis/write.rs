@@ -33,6 +33,7 @@ impl Files {
     }
 
     /// Whether pictures are drawn, as `report::folder` has it.
+    #[doc(hidden)] // of the program
     pub fn show(&self) -> Show {
         Show::pictures_unless(!self.pictures)
     }

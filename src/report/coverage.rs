@@ -16,6 +16,7 @@ use crate::{Error, Result, atomic_file, input_file};
 use std::path::{Path, PathBuf};
 
 /// Name of the table in a folder of several tools.
+#[doc(hidden)] // of the program
 pub const TOOLS: &str = "tools.csv";
 
 /// Labels as shares of the surface, or by the published definition of the sites ([`SiteAreas::by_definition`]).
@@ -198,6 +199,7 @@ impl<'a> Coverage<'a> {
     ///
     /// # Errors
     /// If the system refuses a file.
+    #[doc(hidden)] // of the program
     pub fn write_first(&self, folder: &Path, part: PartView, show: Show) -> Result<Vec<PathBuf>> {
         let (classes, of) = self.groups();
         let areas = self.areas.shares();
@@ -217,6 +219,7 @@ impl<'a> Coverage<'a> {
     }
 
     /// The same as a tab of a page; `findings` are those of the sites that no tool reaches.
+    #[doc(hidden)] // of the program
     pub fn view(&self, findings: Findings) -> View {
         let (classes, of) = self.groups();
         let view = View::of_first_tools(&classes, &of, findings);
@@ -229,6 +232,7 @@ impl<'a> Coverage<'a> {
 ///
 /// # Errors
 /// If the system refuses the file, it is no such table, or a folder's name is none.
+#[doc(hidden)] // of the program
 pub fn tool_folders(folder: &Path) -> Result<Vec<(String, String)>> {
     let path = folder.join(TOOLS);
     let bytes = input_file::read(&path, input_file::LIBRARY)?;
@@ -259,6 +263,7 @@ pub(super) fn number_of(tool: &Tool) -> Cell {
 
 /// Groups for the legend, the tools that add something first, and the group of each site; `first` is the first tool
 /// that reaches it.
+#[doc(hidden)] // of the program
 pub fn groups<'a>(names: &[&'a str], first: &[Option<usize>]) -> (Vec<Class<'a>>, Vec<usize>) {
     groups_called(names, first, ["further tools", "no tool"])
 }

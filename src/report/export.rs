@@ -57,6 +57,7 @@ impl FromStr for Extra {
 ///
 /// # Panics
 /// If `coloring` or a list of values has not one entry per site.
+#[doc(hidden)] // written by `analysis` and the program
 pub fn write_csv(
     path: &Path,
     sites: &Sites,
@@ -100,6 +101,7 @@ const STRIDE: usize = 32;
 ///
 /// # Panics
 /// If `coloring` has not one entry per site.
+#[doc(hidden)] // written by `analysis` and the program
 pub fn write_glb(path: &Path, part: &PartView, caption: &str, coloring: &Coloring) -> Result<()> {
     let size = PartSize::of(part.mesh, part.sites);
     size.require_for_gltf(size.n_drawn())?;

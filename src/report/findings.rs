@@ -15,15 +15,19 @@ use crate::data::files::Provenance;
 use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, regions, spacing};
 use crate::{Error, Result, atomic_file};
-pub use fixtures::{InTheWay, add_fixtures};
+pub use fixtures::InTheWay;
+#[doc(hidden)] // of `analysis`
+pub use fixtures::add_fixtures;
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Regions of fewer sites are not listed one by one.
+#[doc(hidden)] // of `analysis` and the program
 pub const MIN_SITES: usize = 4;
 /// Names of the files beside the answers.
+#[doc(hidden)] // of `analysis` and the program
 pub const FINDINGS: [&str; 2] = ["findings.json", "findings.csv"];
 /// Version of the JSON file.
 const VERSION: u64 = 1;
@@ -128,6 +132,7 @@ pub struct Findings {
 }
 
 /// A tool that was labeled too: its name, and per site whether it is accessible.
+#[doc(hidden)] // of `analysis` and the program
 pub type Other<'a> = (&'a str, &'a [bool]);
 
 impl Findings {
@@ -266,6 +271,7 @@ impl Findings {
 ///
 /// # Panics
 /// If there are no answers, or they differ in length.
+#[doc(hidden)] // of `analysis` and the program
 pub fn for_all_tools<'a>(answers: impl Iterator<Item = &'a SiteAnswers>) -> SiteAnswers {
     let answers: Vec<&SiteAnswers> = answers.collect();
     let n = answers[0].len();
@@ -432,6 +438,7 @@ impl About<'_> {
 ///
 /// # Panics
 /// If `open_directions` has not one entry per site.
+#[doc(hidden)] // of `analysis` and the program
 pub fn add_proofs(findings: &mut Findings, open_directions: &[f32]) {
     assert_eq!(open_directions.len(), findings.of_site.len(), "one entry per site");
     let mut proven = vec![0usize; findings.list.len()];
@@ -450,6 +457,7 @@ pub fn add_proofs(findings: &mut Findings, open_directions: &[f32]) {
 ///
 /// # Panics
 /// If `blocked_by` is not empty and has not one entry per site.
+#[doc(hidden)] // of `analysis` and the program
 pub fn add_blocking_parts(findings: &mut Findings, blocked_by: &[Option<ToolPart>]) {
     if blocked_by.is_empty() {
         return;

@@ -1,34 +1,45 @@
 //! Tables, colored point clouds, pictures and curves of results.
 //!
-//! A [`PartView`] is what is shown, a [`Coloring`] says in which colors; [`picture`] and [`points`]
-//! take both, [`folder`] writes all files of a report, [`tables`], [`scores`] and [`curves`] show
-//! numbers; [`coverage`] is about several tools at once, [`library`] about all tools of a shop, [`setups`] about clampings, [`findings`] lists
-//! regions, [`gate`] is about limits that a result must keep, [`explanation`] says why a site can or cannot be reached, [`page`] is a page with a 3-D view to send.
+//! [`findings`] lists regions that no tool reaches, [`coverage`] is about several tools at once, [`gate`] about the area
+//! that sites stand for, [`tables`] show numbers. `analysis` computes them and writes all files of a report.
 
 mod camera;
 mod color;
 pub mod coverage;
+#[doc(hidden)] // of the program
 pub mod curves;
+#[doc(hidden)] // of the program
 pub mod explanation;
 pub mod export;
 pub mod findings;
+#[doc(hidden)] // written by `analysis` and the program
 pub mod folder;
 pub mod gate;
+#[doc(hidden)] // of the program
 pub mod image;
+#[doc(hidden)] // of the program
 pub mod library;
 mod memory;
+#[doc(hidden)] // written by `analysis` and the program
 pub mod outlines;
+#[doc(hidden)] // written by `analysis` and the program
 pub mod page;
 mod paint;
+#[doc(hidden)] // written by `analysis` and the program
 pub mod picture;
+#[doc(hidden)] // written by `analysis` and the program
 pub mod points;
 mod raster;
+#[doc(hidden)] // of the program
 pub mod scores;
+#[doc(hidden)] // of the program
 pub mod section;
+#[doc(hidden)] // of the program
 pub mod setups;
 mod shade;
 pub mod tables;
 
+#[doc(hidden)] // of the program
 pub use color::{Class, Coloring, DARK_AND_LIGHT, Rgb};
 
 use crate::geom::{Mesh, Sites};
@@ -36,6 +47,7 @@ use glam::DVec3;
 
 /// What a picture or a point file shows.
 #[derive(Debug, Clone, Copy)]
+#[doc(hidden)] // written by `analysis` and the program
 pub struct PartView<'a> {
     /// Name for titles, usually the file's.
     pub name: &'a str,
@@ -51,6 +63,7 @@ pub struct PartView<'a> {
 
 /// What pictures show beside the answers.
 #[derive(Debug, Clone, Copy, Default)]
+#[doc(hidden)] // written by `analysis` and the program
 pub struct Scene<'a> {
     /// The surface, mm; without it the sites are drawn as small discs.
     pub mesh: Option<&'a Mesh>,

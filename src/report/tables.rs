@@ -220,6 +220,7 @@ impl Table {
 
 /// Named values, one per line.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[doc(hidden)] // of the program
 pub struct Facts(Vec<(&'static str, String, Cell)>);
 
 impl Facts {
