@@ -8,9 +8,9 @@
 mod share_limit;
 mod spot_check;
 
-#[doc(hidden)] // stated in files
-pub use spot_check::CONFIDENCE;
-pub use spot_check::{SpotCheck, SpotChecked};
+pub use spot_check::SpotCheck;
+#[doc(hidden)] // of files and of evaluation
+pub use spot_check::{CONFIDENCE, SpotChecked};
 
 use crate::geom::{Sites, spacing};
 use crate::{Error, Result};

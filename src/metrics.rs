@@ -8,13 +8,13 @@ use std::ops::AddAssign;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Confusion {
     /// Predicted yes, truly yes.
-    pub true_positive: u64,
+    pub(crate) true_positive: u64,
     /// Predicted yes, truly no.
-    pub false_positive: u64,
+    pub(crate) false_positive: u64,
     /// Predicted no, truly yes.
-    pub false_negative: u64,
+    pub(crate) false_negative: u64,
     /// Predicted no, truly no.
-    pub true_negative: u64,
+    pub(crate) true_negative: u64,
 }
 
 impl Confusion {

@@ -15,7 +15,9 @@
 
 mod share;
 
-pub(crate) use share::{cover_share, cover_share_preferring, greedy_share};
+pub(crate) use share::greedy_share;
+#[doc(hidden)] // of the plans of setups and of the program
+pub use share::{cover_share, cover_share_preferring};
 
 use std::cmp::Reverse;
 

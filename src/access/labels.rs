@@ -85,6 +85,7 @@ pub struct LabelOptions {
     /// Also compute the signed clearance, up to this many mm either way. Costs tens of times the labels.
     pub clearance_limit_mm: Option<f64>,
     /// Instruction set of the kernels; results do not depend on it.
+    #[doc(hidden)] // for tests and benches
     pub isa: Isa,
 }
 

@@ -39,7 +39,9 @@ mod write;
 
 #[doc(hidden)] // of the program
 pub use findings::{N_SHOWN, advise, findings_of_tools};
-pub use fixtures::{Fixture, KeptOut};
+pub use fixtures::Fixture;
+#[doc(hidden)] // of the program
+pub use fixtures::KeptOut;
 pub use observer::{Observer, Progress, Stage};
 pub use outcome::{Outcome, ToolOutcome};
 pub use placed::Placed;

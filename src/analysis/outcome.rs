@@ -127,6 +127,7 @@ impl Outcome {
     }
 
     /// What fixtures and table keep out of reach, if there are any.
+    #[doc(hidden)] // of the program
     pub fn kept_out(&self) -> Option<&KeptOut> {
         self.kept_out.as_ref()
     }

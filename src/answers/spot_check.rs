@@ -73,6 +73,7 @@ impl SiteAnswers {
     ///
     /// # Panics
     /// If `exact` gives another number of answers than it is asked for.
+    #[doc(hidden)] // of evaluation
     pub fn verify_by_spot_checks(
         &self,
         (bound, seed): (f64, u64),

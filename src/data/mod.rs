@@ -13,11 +13,13 @@ pub mod normalized;
 #[cfg(feature = "formats")]
 #[doc(hidden)] // of the program
 pub mod npz;
+#[doc(hidden)] // of the program
 pub mod online;
 pub mod sample;
 #[doc(hidden)] // of the program
 pub mod volume;
 
 pub use augment::Augment;
+#[doc(hidden)] // of the program
 pub use online::Online;
 pub use sample::{Sample, SampleSource};

@@ -46,13 +46,13 @@ pub struct Batch<T> {
     /// Features of its finest nodes, `[n_nodes, n_channels]`.
     pub features: Vec<T>,
     /// From the finest nodes to the points, shape after shape.
-    pub interpolation: Interpolation<T>,
+    pub(crate) interpolation: Interpolation<T>,
     /// Cutter lengths as the network takes them, `[n_shapes, 4]`.
-    pub cutters: Vec<T>,
+    pub(crate) cutters: Vec<T>,
     /// Normals of the points for the heads, `[n_points, 3]`; empty if they do not read them.
-    pub point_normals: Vec<T>,
+    pub(crate) point_normals: Vec<T>,
     /// What a coarse labeling says of the points ([`InputConfig::coarse_directions`]), `[n_points, 4]`; empty if the network does not read it.
-    pub coarse_answers: Vec<T>,
+    pub(crate) coarse_answers: Vec<T>,
 }
 
 impl<T: Scalar> Batch<T> {

@@ -35,6 +35,7 @@ pub enum CutterPlacement {
 /// The cube a shape is moved into; see [`Normalization`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[doc(hidden)] // for the reference's weights
 pub enum Cube {
     /// Bounding box centered, longest edge to `[-1, 1]`: the paper's.
     #[default]
@@ -67,12 +68,16 @@ pub struct InputConfig {
     /// Letters of the node features: some of `NDP`, see [`Features`].
     pub features: String,
     /// Normalization of the points.
+    #[doc(hidden)] // for the reference's weights
     pub cube: Cube,
     /// Componentwise absolute normals, as the reference takes them.
+    #[doc(hidden)] // for the reference's weights
     pub absolute_normals: bool,
     /// The reference's interpolation across opposite faces of the cube.
+    #[doc(hidden)] // for the reference's weights
     pub wrap_at_faces: bool,
     /// The reference's single-precision sums over the points of a cell.
+    #[doc(hidden)] // for the reference's weights
     pub single_precision_means: bool,
     /// Unit of the cutter's lengths.
     pub cutter: CutterInput,
@@ -249,6 +254,7 @@ pub struct UNetConfig {
     /// rows, as in the reference: see [`crate::nn::downsample::Downsample`].
     #[serde(default = "yes")]
     #[serde(rename = "normalise_empty_parents", alias = "normalize_empty_parents")]
+    #[doc(hidden)] // for the reference's weights
     pub normalize_empty_parents: bool,
     /// Cutter modules.
     #[serde(default)]

@@ -24,11 +24,11 @@ use serde::{Deserialize, Serialize};
 #[non_exhaustive]
 pub struct Domain {
     /// Least and greatest of CR, CH, FR and FH over the largest edge.
-    pub cutter: [[f64; 2]; 4],
+    pub(crate) cutter: [[f64; 2]; 4],
     /// Least and greatest of the smallest box edge over the largest.
-    pub thinness: [f64; 2],
+    pub(crate) thinness: [f64; 2],
     /// Least and greatest number of sites.
-    pub n_sites: [f64; 2],
+    pub(crate) n_sites: [f64; 2],
 }
 
 /// Lengths beyond so many largest edges are all the same.

@@ -12,6 +12,7 @@ pub mod cutter_modules;
 mod domain;
 #[doc(hidden)] // parts of the networks here
 pub mod graph;
+#[doc(hidden)] // the paper's other network, of the program
 pub mod graph_sage;
 #[doc(hidden)] // parts of the networks here
 pub mod heads;
@@ -34,13 +35,16 @@ pub mod weights;
 pub use batch::{Batch, Shape};
 pub use config::UNetConfig;
 pub use domain::Domain;
+#[doc(hidden)] // the paper's other network, of the program
 pub use graph_sage::GraphSage;
 #[doc(hidden)] // what `Network` takes and leaves for `AnyNetwork`
 pub use network::{AnyBatch, AnySaved};
 pub use network::{AnyNetwork, Network};
 pub use network_config::NetworkConfig;
 pub use predict::{AnyModel, Model};
-pub use prediction::{Calibration, Prediction};
+#[doc(hidden)] // of the program
+pub use prediction::Calibration;
+pub use prediction::Prediction;
 pub use predictor::Predictor;
 pub use training::TrainingPass;
 #[doc(hidden)] // what a pass of `UNet` leaves, checked by tests

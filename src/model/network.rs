@@ -38,7 +38,7 @@ pub trait Network<T: Scalar>: Debug + Clone + Send + Sync {
     /// If a shape has no points, lacks what the network reads, or holds a number that is not finite.
     fn batch(&self, shapes: &[Shape], streams: Option<&mut [Stream]>) -> Result<Self::Batch>;
 
-    /// What the network reads of each point beside the shape ([`Batch::coarse_answers`]), `[n_points, 4]`; empty if nothing.
+    /// What the network reads of each point beside the shape, `[n_points, 4]`; empty if nothing.
     fn coarse_answers<'a>(&self, _: &'a Self::Batch) -> &'a [T] {
         &[]
     }
@@ -175,6 +175,7 @@ pub enum AnyNetwork {
     /// The octree network.
     Octree(Box<UNet>),
     /// GraphSAGE on the graph of the sites.
+    #[doc(hidden)] // of the program
     GraphSage(Box<GraphSage>),
 }
 

@@ -30,6 +30,7 @@ pub enum NetworkConfig {
     /// The octree network.
     Octree(UNetConfig),
     /// GraphSAGE on the graph of the sites.
+    #[doc(hidden)] // of the program
     GraphSage(GraphSageConfig),
 }
 

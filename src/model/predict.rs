@@ -32,11 +32,14 @@ pub struct Model<T, N = UNet> {
     /// Running statistics, laid out as `net.layout().buffers` says.
     pub buffers: Vec<T>,
     /// What it was trained for; `None` if that is not known.
+    #[doc(hidden)] // what files of weights hold beside them
     pub domain: Option<Domain>,
     /// What its labels were about; `None` if that is not known.
+    #[doc(hidden)] // what files of weights hold beside them
     pub definition: Option<Definition>,
     /// What [`Model::predict`] applies to the logits of each head, so that probabilities are frequencies; the identity unless
     /// it was [fitted](crate::train::calibration::fit).
+    #[doc(hidden)] // what files of weights hold beside them
     pub calibration: [Calibration; N_HEADS],
 }
 

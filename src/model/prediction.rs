@@ -50,6 +50,7 @@ pub struct Prediction<T> {
     pub accessible_share: Vec<f32>,
     /// What a network with [`coarse_directions`](super::config::InputConfig::coarse_directions) has read of each site beside the shape: three
     /// numbers in [0, 1] and one in [−1, 1]; empty for others.
+    #[doc(hidden)] // of the program
     pub coarse_answers: Vec<[f32; N_COARSE]>,
 }
 

@@ -62,7 +62,7 @@ struct SavedDecoderStage<T> {
 pub struct InputGradients<T> {
     /// By the features of the finest nodes, shaped as [`Batch::features`].
     pub features: Vec<T>,
-    /// By the cutter's lengths as fed in, shaped as [`Batch::cutters`].
+    /// By the cutter's lengths as fed in, `[n_shapes, 4]`.
     pub cutters: Vec<T>,
 }
 

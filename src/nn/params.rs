@@ -27,16 +27,16 @@ pub struct Entry {
     /// Place in the flat vector.
     pub range: Range<usize>,
     /// Starting values.
-    pub init: Init,
+    pub(crate) init: Init,
 }
 
 /// The tensors of a model, in the order in which its layers were built.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Layout {
     /// Learned tensors.
-    pub params: Vec<Entry>,
+    pub(crate) params: Vec<Entry>,
     /// Running statistics.
-    pub buffers: Vec<Entry>,
+    pub(crate) buffers: Vec<Entry>,
 }
 
 impl Layout {

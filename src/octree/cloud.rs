@@ -7,9 +7,9 @@ use glam::Vec3;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cloud<'a> {
     /// Positions, dimensionless (see [`super::normalize`]).
-    pub points: &'a [Vec3],
+    pub(crate) points: &'a [Vec3],
     /// Normals, one per point, of any length; or empty.
-    pub normals: &'a [Vec3],
+    pub(crate) normals: &'a [Vec3],
 }
 
 impl<'a> Cloud<'a> {

@@ -11,12 +11,12 @@ use std::str::FromStr;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Features {
     /// Mean unit normal.
-    pub normal: bool,
+    pub(crate) normal: bool,
     /// Signed distance, in finest cells, from the cell's center to the plane through the mean point:
     /// (mean point − center) · normal.
-    pub displacement: bool,
+    pub(crate) displacement: bool,
     /// Mean point in [−1, 1]³.
-    pub position: bool,
+    pub(crate) position: bool,
 }
 
 impl Default for Features {

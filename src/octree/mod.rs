@@ -78,10 +78,10 @@ pub struct Octree {
     /// Points of each shape in the joint list of points.
     pub point_ranges: Vec<Range<usize>>,
     /// Mean point of each non-empty finest node, in finest cells from the cube's corner, `[0, 2^depth]`.
-    pub leaf_points: Vec<Vec3>,
+    pub(crate) leaf_points: Vec<Vec3>,
     /// Mean normal of each non-empty finest node, of length 1 or, where normals cancel, 0; empty if the
     /// clouds have no normals.
-    pub leaf_normals: Vec<Vec3>,
+    pub(crate) leaf_normals: Vec<Vec3>,
 }
 
 impl Octree {

@@ -14,13 +14,16 @@ pub struct OctreeOptions {
     pub full_depth: usize,
     /// Replace every normal by its componentwise absolute value before averaging. The reference does
     /// so, for data with unoriented normals; it loses the difference between inside and outside.
+    #[doc(hidden)] // for the reference's weights
     pub absolute_normals: bool,
     /// Let trilinear interpolation within half a cell of a face of the cube take part of its weight from
     /// the cells at the opposite face. The reference does so for want of a bounds check; otherwise
     /// the weights of the cells inside are renormalized.
+    #[doc(hidden)] // for the reference's weights
     pub wrap_at_faces: bool,
     /// Sum the points and normals of a cell in f32 as the reference does. Its mean points then err by up
     /// to n·2⁻²⁴ relative for n points in a cell; otherwise sums are made in f64. Both in point order.
+    #[doc(hidden)] // for the reference's weights
     pub single_precision_means: bool,
     /// Refuse to build an octree that needs more bytes than this, by an upper estimate.
     pub max_bytes: u64,

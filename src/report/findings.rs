@@ -57,6 +57,7 @@ pub struct Finding {
     /// Least clearance of its sites, mm, if clearances were computed.
     pub worst_clearance_mm: Option<f32>,
     /// Share of its sites that are proven out of reach for every direction, if that was tested.
+    #[doc(hidden)] // of the table
     pub proven: Option<f64>,
     /// The tool that reaches most of its area, if several were labeled and one reaches any.
     pub helps: Option<Help>,
@@ -64,6 +65,7 @@ pub struct Finding {
     /// ([`surface::explain`](crate::access::surface::explain)).
     pub blocked_by: Option<ToolPart>,
     /// Share of its sites that this part blocks.
+    #[doc(hidden)] // of the table
     pub blocked_share: Option<f64>,
     /// The fixture without which the tool reaches most of its sites, if one keeps the tool off.
     pub fixture: Option<InTheWay>,
@@ -71,6 +73,7 @@ pub struct Finding {
     pub change: Option<ToolChange>,
     /// What would help and is not proposed, in words: a stick-out beyond the overall length, or, if no change is
     /// proposed, one that is too slender.
+    #[doc(hidden)] // of the table
     pub stopped: Option<String>,
 }
 
@@ -124,8 +127,10 @@ pub struct Findings {
     /// Area of the surface, mm²: the mesh's, or an estimate from the sites.
     pub surface_mm2: f64,
     /// Area of the largest region of all, listed or scattered, mm²; 0 if everything is accessible.
+    #[doc(hidden)] // of the program
     pub largest_mm2: f64,
     /// The largest region of all.
+    #[doc(hidden)] // of the program
     pub largest: Option<Finding>,
     /// Per site: the number of its finding from 1 on, 0 if it has none.
     pub of_site: Vec<u32>,

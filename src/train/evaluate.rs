@@ -20,14 +20,16 @@ use std::time::Instant;
 #[derive(Debug, Clone, Default)]
 pub struct Evaluation {
     /// Confusion counts of both heads for each sample.
+    #[doc(hidden)] // of the program
     pub samples: Vec<[Confusion; 2]>,
     /// The same for each sample, every site counted by its share of the surface in thousandths of a
     /// mean site's. Points of space all count the same.
-    pub by_area: Vec<[Confusion; 2]>,
+    pub(crate) by_area: Vec<[Confusion; 2]>,
     /// Probabilities of both heads against the truth, where there are probabilities.
+    #[doc(hidden)] // of the program
     pub reliability: [Reliability; 2],
     /// Sum of the errors of the shares of accessible directions, and number of sites, where both sides tell shares.
-    pub share_errors: (f64, u64),
+    pub(crate) share_errors: (f64, u64),
     /// Wall-clock seconds of all predictions.
     pub seconds: f64,
 }

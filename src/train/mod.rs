@@ -32,7 +32,9 @@ pub use evaluate::{Evaluation, HeadScores, evaluate};
 #[doc(hidden)] // of the program
 pub use evaluate::{VerifiedScore, evaluate_exact, evaluate_ranked, evaluate_verified};
 pub use history::{EpochRow, HeadScore};
-pub use run::{Observer, Progress, Run, StepReport};
+#[doc(hidden)] // how far a `Run` has come
+pub use run::Progress;
+pub use run::{Observer, Run, StepReport};
 #[cfg(feature = "formats")]
 pub use run_folder::RunFolder;
 pub use settings::{LossSettings, Reduction, Settings};

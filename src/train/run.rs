@@ -87,10 +87,12 @@ pub struct Run {
     /// How it was set up.
     pub settings: Settings,
     /// How far it has come.
+    #[doc(hidden)] // what a checkpoint keeps
     pub progress: Progress,
     /// The network.
     pub model: AnyModel<f32>,
     /// Velocity of the optimizer, as long as the parameters.
+    #[doc(hidden)] // what a checkpoint keeps
     pub velocity: Vec<f32>,
     pub(super) scratch: StepScratch,
 }

@@ -72,6 +72,7 @@ pub struct Settings {
     pub augment: Augment,
     /// Fresh cutters and orientations, labeled while training; `None`: the data set's own labels.
     #[serde(default)]
+    #[doc(hidden)] // of the program
     pub online: Option<OnlineSettings>,
     /// The network.
     pub network: NetworkConfig,

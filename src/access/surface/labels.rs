@@ -154,6 +154,7 @@ const MOST_FINISH_MM: f64 = 10.0;
 pub struct SurfaceLabels {
     /// Number of directions tested and counted: those of the set, and +z where the set stands for all within an angle
     /// that +z is among.
+    #[doc(hidden)] // of the program
     pub n_directions: usize,
     /// Per query.
     pub answers: Vec<SiteAnswer>,
@@ -172,8 +173,10 @@ pub struct SurfaceLabels {
     /// options and to 1e-4 mm; over the directions of the set and the witness. Empty without that option.
     pub clearance_mm: Vec<f32>,
     /// Per query: the gouge tolerance against the facet that it lies on, mm.
+    #[doc(hidden)] // of the program
     pub tolerance_mm: Vec<f64>,
     /// The finish tolerance, mm.
+    #[doc(hidden)] // of the program
     pub finish_mm: f64,
     /// Per query, whether it is accessible by a gouge tolerance above [`WIDE_MM`](super::WIDE_MM) alone; empty if none
     /// is, or nobody asked

@@ -61,6 +61,7 @@ mod verify;
 mod warnings;
 
 pub use accessible::AccessibleDirections;
+#[doc(hidden)] // of the program
 pub use faces::{BlockingFace, blocking_faces};
 #[doc(hidden)] // of the program and benches
 pub use labels::{FINISH_MM, SurfaceStats};

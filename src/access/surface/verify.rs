@@ -21,8 +21,10 @@ pub struct Verified {
     pub verified: Vec<bool>,
     /// Per site: pairs (inaccessible site, direction tested) in which it is in the steps of the shrunk tool, for the
     /// answers' inaccessible sites; 0 where it was not counted; empty if occlusion points are not wanted.
+    #[doc(hidden)] // of the program
     pub beta: Vec<u64>,
     /// Per site, whether its β is counted; empty if occlusion points are not wanted.
+    #[doc(hidden)] // of the program
     pub counted: Vec<bool>,
     /// What is known of the answers *inaccessible* that are not computed; `None` if all are, without any check.
     pub spot_check: Option<SpotCheck>,

@@ -24,6 +24,7 @@ pub struct PredictionFile {
     pub prediction: Prediction<f32>,
     /// Share of the sites that are marked as occlusion points, those of greatest logits; `None`: every site is decided by
     /// itself.
+    #[doc(hidden)] // of the program
     pub occlusion_share: Option<f64>,
     /// What was computed of it.
     pub verified: Option<Verified>,

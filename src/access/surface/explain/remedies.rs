@@ -32,11 +32,11 @@ impl Default for Remedies {
 #[non_exhaustive]
 pub struct Stopped {
     /// The stick-out, mm.
-    pub stick_out_mm: f64,
+    pub(crate) stick_out_mm: f64,
     /// The longest that is proposed, mm.
-    pub most_mm: f64,
+    pub(crate) most_mm: f64,
     /// Whether that is the overall length of the tool; else the ratio of length to diameter.
-    pub by_overall_length: bool,
+    pub(crate) by_overall_length: bool,
 }
 
 impl Stopped {
