@@ -143,6 +143,7 @@ impl Outcome {
     }
 
     /// As [`Placed::region`].
+    #[doc(hidden)] // of the program
     pub fn region(&self) -> Option<RegionSettings> {
         self.placed.region()
     }

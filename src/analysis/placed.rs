@@ -159,6 +159,7 @@ impl Placed {
     }
 
     /// The region of interest, if there is one.
+    #[doc(hidden)] // of the program
     pub fn region(&self) -> Option<RegionSettings> {
         let (region, _) = self.region.as_ref()?;
         let named = self.request.region.as_ref()?;

@@ -191,6 +191,7 @@ impl<T: Scalar> Model<T> {
     }
 
     /// Inference on a batch, with every intermediate result.
+    #[doc(hidden)] // checked by tests
     pub fn forward(&self, batch: &Batch<T>, arena: &Arena<T>) -> Activations<T> {
         let pass = Inference { params: &self.params, buffers: &self.buffers, arena };
         par::keep_workers_hot(|| self.net.forward(&pass, batch))
@@ -200,6 +201,7 @@ impl<T: Scalar> Model<T> {
     ///
     /// # Panics
     /// As [`Model::backward`].
+    #[doc(hidden)] // checked by tests
     pub fn backward_to_inputs(
         &self,
         batch: &Batch<T>,

@@ -183,6 +183,7 @@ impl UNet {
     ///
     /// # Panics
     /// As [`UNet::backward`].
+    #[doc(hidden)] // checked by gradient checks
     pub fn backward_to_inputs<T: Scalar>(
         &self,
         pass: &mut Backward<T>,

@@ -92,6 +92,7 @@ impl UNet {
     ///
     /// # Errors
     /// As [`UNet::new`].
+    #[doc(hidden)] // checked by tests
     pub fn with_policy(config: &UNetConfig, policy: &MemoryPolicy) -> Result<Self> {
         config.check()?;
         let mut layout = Layout::default();
@@ -128,6 +129,7 @@ impl UNet {
     }
 
     /// Inference, with every intermediate result; logits of a shape do not depend on the rest of the batch.
+    #[doc(hidden)] // checked by tests
     pub fn forward<T: Scalar>(&self, pass: &Inference<T>, batch: &Batch<T>) -> Activations<T> {
         let mut to = Activations::default();
         self.encode(pass, batch, &mut to);

@@ -29,7 +29,6 @@ pub struct Blocks {
 
 /// What a training pass leaves for backward.
 #[derive(Debug)]
-#[doc(hidden)] // what a training pass leaves for backward
 pub struct SavedBlocks<T> {
     blocks: Vec<SavedResidual<T>>,
     /// Of all blocks but the last.

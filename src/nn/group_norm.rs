@@ -31,7 +31,6 @@ pub struct GroupNorm {
 
 /// Mean and 1/deviation per shape and group.
 #[derive(Debug, Clone, Default)]
-#[doc(hidden)] // what a training pass leaves for backward
 pub struct GroupStatistics {
     mean: Vec<f64>,
     inv_std: Vec<f64>,

@@ -27,7 +27,6 @@ pub struct LinearNormAct<M> {
 
 /// What a training pass leaves for backward.
 #[derive(Debug)]
-#[doc(hidden)] // what a training pass leaves for backward
 pub struct SavedLinearNormAct<T> {
     /// Output of the linear operator, before normalization.
     pub(crate) mapped: Saved<T>,

@@ -20,7 +20,6 @@ pub struct MaxPool;
 
 /// Number of the child that was taken, the first of several, `[n_nodes, c]`.
 #[derive(Debug, Clone)]
-#[doc(hidden)] // what a training pass leaves for backward
 pub struct TakenChildren(Vec<u8>);
 
 /// Mean of the eight children of every non-empty node; empty nodes get zeros. Rows as of [`MaxPool`].

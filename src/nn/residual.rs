@@ -37,7 +37,6 @@ pub struct Residual {
 
 /// What a training pass leaves for backward.
 #[derive(Debug)]
-#[doc(hidden)] // what a training pass leaves for backward
 pub struct SavedResidual<T> {
     first: SavedLinearNormAct<T>,
     second: SavedLinearNormAct<T>,

@@ -182,6 +182,7 @@ impl<'a> Coverage<'a> {
     ///
     /// # Errors
     /// If the system refuses a file.
+    #[doc(hidden)] // of `analysis`
     pub fn write(
         &self,
         folder: &Path,

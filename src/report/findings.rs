@@ -145,6 +145,7 @@ impl Findings {
     ///
     /// # Errors
     /// If the sites fail [`Sites::check`], the answers are not as many, or they do not fit into the memory.
+    #[doc(hidden)] // of `analysis`
     pub fn of(
         sites: &Sites,
         mesh: Option<&Mesh>,

@@ -145,6 +145,7 @@ impl Run {
 
     /// The state to store.
     #[cfg(feature = "formats")]
+    #[doc(hidden)] // of `RunFolder`
     pub fn checkpoint(&self) -> super::Checkpoint {
         super::Checkpoint {
             settings: self.settings.clone(),
@@ -160,6 +161,7 @@ impl Run {
     /// # Errors
     /// If its vectors do not fit its settings.
     #[cfg(feature = "formats")]
+    #[doc(hidden)] // of `RunFolder`
     pub fn resume(checkpoint: super::Checkpoint) -> Result<Self> {
         let mut run = Run::new(checkpoint.settings)?;
         let fits = checkpoint.params.len() == run.model.params.len()
