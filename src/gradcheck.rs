@@ -25,34 +25,41 @@
 //! # Ok::<(), deepmill::Error>(())
 //! ```
 //!
-//! A function with a kink (ReLU, max) has no derivative there: choose inputs whose distance from every
-//! kink exceeds what a step of `2h`, or `64h` of a scalar, can move them.
+//! A function with a kink (ReLU, max) has no derivative there. A gradient between the slopes to both sides is reported
+//! as [`Element::is_kink`], not as an error; but a kink within a step hides mistakes. Choose inputs whose distance from
+//! every kink exceeds what a step of `2h`, or `64h` of a scalar, can move them.
 //!
-//! [`suite`] holds a small case of every layer of this crate, and [`fixture`] what such a case computes, for other
-//! implementations to be held against.
+//! [`sweep`] checks over shapes, [`negative_control`] that the check fails where it must, [`adjoint`] linear maps.
+//! `deepmill gradcheck` does all of that with every layer of this crate.
 
+mod adjoint;
+mod controls;
+mod differences;
 #[doc(hidden)] // of the program and tests
 pub mod fixture;
 mod passes;
+mod structure;
 #[doc(hidden)] // of the program and tests
 pub mod suite;
+mod sweep;
 
+pub use adjoint::adjoint;
+pub use controls::{Control, negative_control, negative_control_of_layer};
 pub use passes::{Case, layer};
+pub use sweep::{MatrixShape, matrix_shapes, octree_shapes, sweep};
 
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
+use differences::{Differences, same_length};
 use std::fmt;
-
-/// Steps at which a scalar function is tried.
-const N_STEPS: i32 = 4;
 
 /// How a check is made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GradcheckSettings {
     /// Step `h` for elements up to magnitude 1; larger ones step in proportion.
     pub step: f64,
-    /// Errors are relative to the greater of both values, but at least to this share of the largest
-    /// analytic gradient of all vectors, so that rounding noise on a vanishing gradient is not held against it.
+    /// Rounding that is not held against an element, 0 or more: in units of the rounding of the differences of those
+    /// outputs that it moves, and of the largest gradient of all vectors.
     pub floor: f64,
     /// Elements checked per vector; of a longer one a random subset.
     pub max_elements: usize,
@@ -61,9 +68,9 @@ pub struct GradcheckSettings {
 }
 
 impl Default for GradcheckSettings {
-    /// Step 1e-5, floor 1e-3, every element, seed 0.
+    /// Step 1e-5, floor 64, every element, seed 0.
     fn default() -> Self {
-        GradcheckSettings { step: 1e-5, floor: 1e-3, max_elements: usize::MAX, seed: 0 }
+        GradcheckSettings { step: 1e-5, floor: 64.0, max_elements: usize::MAX, seed: 0 }
     }
 }
 
@@ -78,15 +85,21 @@ pub struct Element {
     pub analytic: f64,
     /// What the differences say.
     pub numeric: f64,
-    /// `|analytic - numeric|` relative to the scale of [`GradcheckSettings::floor`]; infinite for NaN.
+    /// `|analytic - numeric|` relative to the greater of both, 0 where rounding ([`GradcheckSettings::floor`]) or curvature
+    /// explain it; infinite for NaN.
     pub error: f64,
+    /// Whether the slopes to both sides differ, and the analytic one is between them: a subgradient, and no error.
+    pub is_kink: bool,
 }
 
 /// The outcome of [`function`] and [`layer()`].
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct GradientReport {
     /// Worst element of every vector, in the order of the inputs.
     pub worst: Vec<Element>,
+    /// Elements at a kink of the function.
+    pub kinks: Vec<Element>,
     /// Elements checked in all.
     pub n_checked: usize,
 }
@@ -116,8 +129,12 @@ impl GradientReport {
 
 impl fmt::Display for Element {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Element { name, index, analytic, numeric, error } = self;
-        write!(f, "{name}[{index}]: analytic {analytic:e}, numeric {numeric:e}, error {error:.1e}")
+        let Element { name, index, analytic, numeric, error, is_kink } = self;
+        let kink = if *is_kink { ", at a kink" } else { "" };
+        write!(
+            f,
+            "{name}[{index}]: analytic {analytic:e}, numeric {numeric:e}, error {error:.1e}{kink}"
+        )
     }
 }
 
@@ -155,62 +172,92 @@ fn check(
     backward: &mut Gradients,
     settings: &GradcheckSettings,
 ) -> Result<GradientReport> {
-    let mut vectors: Vec<Vec<f64>> = inputs.iter().map(|(_, v)| v.to_vec()).collect();
-    let n_outputs = forward(&vectors).len();
-    check_sizes(inputs, n_outputs, settings)?;
-    let dy = output_gradient(n_outputs, settings);
+    check_by(inputs, forward, backward, settings, None)
+}
+
+/// [`check`] by all vectors, or by one.
+fn check_by(
+    inputs: &[(&str, &[f64])],
+    forward: &mut dyn FnMut(&[Vec<f64>]) -> Vec<f64>,
+    backward: &mut Gradients,
+    settings: &GradcheckSettings,
+    one: Option<usize>,
+) -> Result<GradientReport> {
+    settings.check()?;
+    check_names(inputs)?;
+    let vectors: Vec<Vec<f64>> = inputs.iter().map(|(_, v)| v.to_vec()).collect();
+    let y = forward(&vectors);
+    check_sizes(inputs, y.len(), settings)?;
+    let dy = output_gradient(y.len(), settings);
+    // Somewhere else: what a forward pass left behind must not decide what backward computes.
+    let elsewhere = displaced(&vectors, settings);
+    same_length(&forward(&elsewhere), y.len())?;
     let gradients = backward(&vectors, &dy);
     check_gradients(inputs, &gradients)?;
+    check_gradients(inputs, &backward(&elsewhere, &dy))?;
+    require_same(inputs, &gradients, &backward(&vectors, &dy))?;
+    let mut differences = Differences::new(forward, vectors, (y, dy), (settings, &gradients));
     let mut checked = Vec::new();
-    for (i, gradient) in gradients.iter().enumerate() {
+    let wanted = gradients.iter().enumerate().filter(|(i, _)| one.is_none_or(|one| one == *i));
+    for (i, gradient) in wanted {
         for index in subset(gradient.len(), settings, i as u64) {
-            let mut difference = |h: f64| {
-                let x = vectors[i][index];
-                let (high, low) = (x + h, x - h);
-                vectors[i][index] = high;
-                let y_high = forward(&vectors);
-                vectors[i][index] = low;
-                let y_low = forward(&vectors);
-                vectors[i][index] = x;
-                let change = |((high, low), dy): ((&f64, &f64), &f64)| (high - low) * dy;
-                y_high.iter().zip(&y_low).zip(&dy).map(change).sum::<f64>() / (high - low)
-            };
-            let h = settings.step * inputs[i].1[index].abs().max(1.0);
-            let numeric = match n_outputs {
-                1 => extrapolated(h, &mut difference),
-                _ => (4.0 * difference(h) - difference(2.0 * h)) / 3.0,
-            };
-            checked.push((i, index, gradient[index], numeric));
+            let of = ((i, index), gradient[index]);
+            checked.push(differences.element(inputs[i].0, of, settings.step)?);
         }
     }
-    // Of all elements: which of them the subset holds must not change how an error is judged.
-    let largest = gradients.iter().flatten().fold(0.0, |m: f64, a| m.max(a.abs()));
-    Ok(report(inputs, &checked, settings.floor * largest))
+    Ok(report(checked))
+}
+
+/// All elements moved by what a difference moves one at most.
+fn displaced(vectors: &[Vec<f64>], settings: &GradcheckSettings) -> Vec<Vec<f64>> {
+    let mut stream = Stream::new(settings.seed, 2, 0, Purpose::Probe);
+    let mut moved = |x: &f64| {
+        let sign = if stream.normal() < 0.0 { -1.0 } else { 1.0 };
+        x + sign * 64.0 * settings.step * x.abs().max(1.0)
+    };
+    vectors.iter().map(|vector| vector.iter().map(&mut moved).collect()).collect()
+}
+
+/// An error if backward computes other gradients the second time.
+fn require_same(inputs: &[(&str, &[f64])], first: &[Vec<f64>], second: &[Vec<f64>]) -> Result<()> {
+    check_gradients(inputs, second)?;
+    for ((name, _), (first, second)) in inputs.iter().zip(first.iter().zip(second)) {
+        let largest = first.iter().fold(0.0, |m: f64, g| m.max(g.abs()));
+        let differs = |(a, b): &(&f64, &f64)| (*a - *b).abs() > 1e-9 * largest;
+        if let Some(index) = first.iter().zip(second).position(|pair| differs(&pair)) {
+            let found = format!("{} for {name}[{index}] the second time", second[index]);
+            let expected = format!("{}, as the first time", first[index]);
+            let remedy = "compute it from the arguments, not from what earlier calls left";
+            return Err(Error::argument("gradient", found, expected, remedy));
+        }
+    }
+    Ok(())
+}
+
+impl GradcheckSettings {
+    /// An error if a number is out of its domain.
+    fn check(&self) -> Result<()> {
+        let (step, floor) = (self.step, self.floor);
+        if !(step > 0.0 && step.is_finite()) {
+            return Err(Error::argument("step", step, "above 0 and finite", "1e-5 is the default"));
+        }
+        if !(floor >= 0.0 && floor.is_finite()) {
+            return Err(Error::argument("floor", floor, "0 or more, finite", "64 is the default"));
+        }
+        Ok(())
+    }
+}
+
+fn check_names(inputs: &[(&str, &[f64])]) -> Result<()> {
+    let twice = (1..inputs.len()).find(|&k| inputs[..k].iter().any(|(n, _)| *n == inputs[k].0));
+    let Some(k) = twice else { return Ok(()) };
+    let (found, remedy) = (format!("`{}` twice", inputs[k].0), "give each input its own name");
+    Err(Error::argument("names of the inputs", found, "different ones", remedy))
 }
 
 /// The `dy` of a check.
 fn output_gradient(n_outputs: usize, settings: &GradcheckSettings) -> Vec<f64> {
     if n_outputs == 1 { vec![1.0] } else { probe(n_outputs, settings.seed) }
-}
-
-/// Limit of `difference(h)` for `h → 0` from steps that grow fourfold.
-fn extrapolated(h: f64, difference: &mut impl FnMut(f64) -> f64) -> f64 {
-    const FACTOR: f64 = 4.0;
-    let column: Vec<f64> = (0..N_STEPS).map(|k| difference(h * FACTOR.powi(k))).collect();
-    let (mut column, mut best, mut least) = (column, f64::NAN, f64::INFINITY);
-    let mut power = FACTOR * FACTOR;
-    while column.len() > 1 {
-        let next: Vec<f64> =
-            column.windows(2).map(|pair| (power * pair[0] - pair[1]) / (power - 1.0)).collect();
-        for (i, value) in next.iter().enumerate() {
-            let error = (value - column[i]).abs().max((value - column[i + 1]).abs());
-            if error < least {
-                (best, least) = (*value, error);
-            }
-        }
-        (column, power) = (next, power * FACTOR * FACTOR);
-    }
-    best
 }
 
 fn check_sizes(
@@ -250,25 +297,19 @@ fn check_gradients(inputs: &[(&str, &[f64])], gradients: &[Vec<f64>]) -> Result<
     Ok(())
 }
 
-fn report(
-    inputs: &[(&str, &[f64])],
-    checked: &[(usize, usize, f64, f64)],
-    floor: f64,
-) -> GradientReport {
-    let mut worst: Vec<Element> = Vec::new();
-    for &(input, index, analytic, numeric) in checked {
-        let scale = analytic.abs().max(numeric.abs()).max(floor);
-        let difference = (analytic - numeric).abs();
-        let error = if difference == 0.0 { 0.0 } else { difference / scale };
-        let error = if error.is_nan() { f64::INFINITY } else { error };
-        let name = inputs[input].0;
-        match worst.iter_mut().find(|w| w.name == name) {
-            Some(w) if w.error >= error => {}
-            Some(w) => *w = Element { name: name.into(), index, analytic, numeric, error },
-            None => worst.push(Element { name: name.into(), index, analytic, numeric, error }),
+fn report(checked: Vec<Element>) -> GradientReport {
+    let (n_checked, mut worst, mut kinks) = (checked.len(), Vec::<Element>::new(), Vec::new());
+    for element in checked {
+        if element.is_kink {
+            kinks.push(element.clone());
+        }
+        match worst.iter_mut().find(|w| w.name == element.name) {
+            Some(w) if w.error >= element.error => {}
+            Some(w) => *w = element,
+            None => worst.push(element),
         }
     }
-    GradientReport { worst, n_checked: checked.len() }
+    GradientReport { worst, kinks, n_checked }
 }
 
 /// Ascending indices: all of `0..n`, or a random subset of the wanted size.
@@ -280,23 +321,6 @@ fn subset(n: usize, settings: &GradcheckSettings, vector: u64) -> Vec<usize> {
         indices.sort_unstable();
     }
     indices
-}
-
-/// The adjoint test of a linear map and its transpose, which needs no step at all.
-///
-/// For random `x` and `y` it returns `|⟨A x, y⟩ - ⟨x, Aᵀ y⟩|` relative to `|A x| |y|`: about 1e-16 for
-/// a right pair, about 1 for an unrelated one.
-pub fn adjoint(
-    n_in: usize,
-    n_out: usize,
-    forward: impl Fn(&[f64]) -> Vec<f64>,
-    transposed: impl Fn(&[f64]) -> Vec<f64>,
-) -> f64 {
-    let (x, y) = (probe(n_in, 11), probe(n_out, 12));
-    let (ax, aty) = (forward(&x), transposed(&y));
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let scale = (dot(&ax, &ax) * dot(&y, &y)).sqrt();
-    (dot(&ax, &y) - dot(&x, &aty)).abs() / scale.max(f64::MIN_POSITIVE)
 }
 
 /// `n` normally distributed numbers of a seed: inputs and weights for checks.
@@ -383,8 +407,8 @@ mod tests {
         let apply = |rows: usize, columns: usize, x: &[f64]| -> Vec<f64> {
             (0..3).map(|i| (0..3).map(|j| a[rows * i + columns * j] * x[j]).sum()).collect()
         };
-        assert!(adjoint(3, 3, |x| apply(3, 1, x), |y| apply(1, 3, y)) < 1e-15);
-        assert!(adjoint(3, 3, |x| apply(3, 1, x), |y| apply(3, 1, y)) > 1e-3);
+        assert!(adjoint(3, 3, |x| apply(3, 1, x), |y| apply(1, 3, y)).unwrap() < 1e-15);
+        assert!(adjoint(3, 3, |x| apply(3, 1, x), |y| apply(3, 1, y)).unwrap() > 1e-3);
     }
 
     #[test]

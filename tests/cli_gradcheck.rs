@@ -63,6 +63,7 @@ fn cases_pass_and_their_fixtures_reproduce() {
     let cases = result["cases"].as_array().unwrap();
     assert_eq!(cases.len(), NAMES.len());
     assert!(cases.iter().all(|c| c["error"].as_f64().unwrap() <= 1e-7 && c["n_checked"] != 0));
+    assert!(cases.iter().all(|c| c["n_shapes"] == 4 && c["n_controls"].as_u64().unwrap() >= 4));
     assert_eq!(result["files"].as_array().unwrap().len(), NAMES.len());
 
     let file = File::read(&folder.path("out/linear.safetensors"));

@@ -1,12 +1,13 @@
-//! The training pass and the backward pass of a layer, as vectors that a check can differentiate.
+//! The passes of a layer, as vectors that a check can differentiate.
 
+use super::structure;
 use super::{GradcheckSettings, GradientReport, check};
 use crate::Result;
 use crate::nn::arena::{Arena, Buffer};
 use crate::nn::layer::Layer;
-use crate::nn::operand::{Operand, OperandGradient};
-use crate::nn::params::Layout;
-use crate::nn::pass::{Backward, Training};
+use crate::nn::operand::Operand;
+use crate::nn::params::{Entry, Layout};
+use crate::nn::pass::{Backward, Inference, Training};
 use crate::rng::Stream;
 use std::ops::Range;
 
@@ -26,7 +27,13 @@ pub struct Case<'a, G: ?Sized> {
 }
 
 /// Checks the training pass of a layer: its gradients by every matrix of its operand and by every one of its
-/// tensors.
+/// tensors. Before that, what no difference shows:
+///
+/// - every range of [`Layer::param_ranges`] is a tensor of the layout, and no other tensor changes the output or gets a
+///   gradient;
+/// - backward adds to the gradients that are there;
+/// - two forward passes before two backward passes give the gradients of each alone;
+/// - inference gives the output of training, unless running statistics or dropout part them.
 ///
 /// ```
 /// use deepmill::gradcheck::{self, Case, GradcheckSettings};
@@ -43,7 +50,7 @@ pub struct Case<'a, G: ?Sized> {
 /// ```
 ///
 /// # Errors
-/// As [`function`](super::function).
+/// If one of these does not hold; or as [`function`](super::function).
 pub fn layer<L: Layer<f64>>(
     checked: &L,
     case: &Case<L::Geometry>,
@@ -51,8 +58,7 @@ pub fn layer<L: Layer<f64>>(
 ) -> Result<GradientReport> {
     let Case { layout, params, geometry, x, dropout } = *case;
     let numbers = Numbers { layout, params, x, dropout };
-    let passes: &Passes = &|pass, x, dy| passes(checked, geometry, pass, x, dy);
-    check_layer(&numbers, &checked.param_ranges(), passes, settings)
+    check_layer(&numbers, &Bound { layer: checked, geometry }, settings)
 }
 
 /// A [`Case`] without the layer's own types.
@@ -63,63 +69,133 @@ pub(super) struct Numbers<'a> {
     pub dropout: Option<&'a [Stream]>,
 }
 
-/// [`passes`] of some layer.
-pub(super) type Passes<'a> =
-    dyn Fn(&mut Training<f64>, Operand<f64>, Option<Dy>) -> (Buffer<f64>, Vec<Vec<f64>>) + 'a;
-
-/// Gradient of the output, and of the parameters, which is added to.
-pub(super) type Dy<'a> = (&'a [f64], &'a mut [f64]);
-
-/// A training pass of a layer and, if there is a `dy`, its backward pass: the output, and the gradients by the matrices
-/// of the operand.
-pub(super) fn passes<L: Layer<f64>>(
-    layer: &L,
-    geometry: &L::Geometry,
-    pass: &mut Training<f64>,
-    x: Operand<f64>,
-    dy: Option<Dy>,
-) -> (Buffer<f64>, Vec<Vec<f64>>) {
-    let (params, arena) = (pass.params, pass.arena);
-    let (y, saved) = layer.forward_train(pass, geometry, x);
-    let Some((dy, grads)) = dy else { return (y, Vec::new()) };
-    let mut pass = Backward::new(params, grads, arena);
-    let gradient = layer.backward(&mut pass, geometry, x, saved, arena.copy_of(dy));
-    (y, vectors(gradient))
+/// What one training pass takes.
+pub(super) struct Job<'a> {
+    pub params: &'a [f64],
+    pub buffers: &'a mut [f64],
+    pub dropout: Option<&'a mut [Stream]>,
+    pub x: Operand<'a, f64>,
+    /// Gradient of the output, and of the parameters, which is added to; none for a forward pass alone.
+    pub dy: Option<(&'a [f64], &'a mut [f64])>,
 }
 
-fn vectors(gradient: OperandGradient<f64>) -> Vec<Vec<f64>> {
-    gradient.into_parts().iter().map(|part| part.to_vec()).collect()
+/// The output, and the gradients by the matrices of the operand.
+pub(super) type Passed = (Buffer<f64>, Vec<Vec<f64>>);
+
+/// A layer with its geometry.
+pub(super) trait Checkable {
+    fn param_ranges(&self) -> Vec<Range<usize>>;
+
+    fn infer(&self, pass: &Inference<f64>, x: Operand<f64>) -> Buffer<f64>;
+
+    /// All forward passes, then all backward passes.
+    fn passes(&self, arena: &Arena<f64>, jobs: Vec<Job>) -> Vec<Passed>;
+}
+
+pub(super) struct Bound<'a, L, G: ?Sized> {
+    pub layer: &'a L,
+    pub geometry: &'a G,
+}
+
+impl<L: Layer<f64>> Checkable for Bound<'_, L, L::Geometry> {
+    fn param_ranges(&self) -> Vec<Range<usize>> {
+        self.layer.param_ranges()
+    }
+
+    fn infer(&self, pass: &Inference<f64>, x: Operand<f64>) -> Buffer<f64> {
+        self.layer.forward(pass, self.geometry, x)
+    }
+
+    fn passes(&self, arena: &Arena<f64>, jobs: Vec<Job>) -> Vec<Passed> {
+        let Bound { layer, geometry } = *self;
+        let mut done = Vec::new();
+        for Job { params, buffers, dropout, x, dy } in jobs {
+            let mut pass = Training { params, buffers, dropout, arena };
+            let (y, saved) = layer.forward_train(&mut pass, geometry, x);
+            done.push((params, x, dy, y, saved));
+        }
+        let backward = |(params, x, dy, y, saved): (_, _, Option<(&[f64], &mut [f64])>, _, _)| {
+            let Some((dy, grads)) = dy else { return (y, Vec::new()) };
+            let mut pass = Backward::new(params, grads, arena);
+            let gradient = layer.backward(&mut pass, geometry, x, saved, arena.copy_of(dy));
+            (y, gradient.into_parts().iter().map(|part| part.to_vec()).collect())
+        };
+        done.into_iter().map(backward).collect()
+    }
+}
+
+/// The tensors of a layer, in the order of the layout.
+pub(super) fn tensors<'a>(layout: &'a Layout, ranges: &[Range<usize>]) -> Vec<&'a Entry> {
+    layout.params.iter().filter(|entry| ranges.contains(&entry.range)).collect()
+}
+
+/// Inputs and tensors of a layer, with their names.
+pub(super) struct Vectors {
+    pub names: Vec<String>,
+    pub numbers: Vec<Vec<f64>>,
+}
+
+impl Vectors {
+    pub fn of(case: &Numbers, tensors: &[&Entry]) -> Self {
+        let matrices = case.x.matrices();
+        let mut names = matrix_names(matrices.len());
+        let mut numbers: Vec<Vec<f64>> = matrices.iter().map(|m| m.numbers().to_vec()).collect();
+        names.extend(tensors.iter().map(|entry| entry.name.clone()));
+        numbers.extend(tensors.iter().map(|entry| case.params[entry.range.clone()].to_vec()));
+        Vectors { names, numbers }
+    }
+
+    pub fn named(&self) -> Vec<(&str, &[f64])> {
+        self.names.iter().map(String::as_str).zip(self.numbers.iter().map(Vec::as_slice)).collect()
+    }
 }
 
 /// [`layer()`], compiled once.
 pub(super) fn check_layer(
     case: &Numbers,
-    ranges: &[Range<usize>],
-    passes: &Passes,
+    layer: &dyn Checkable,
     settings: &GradcheckSettings,
 ) -> Result<GradientReport> {
-    let matrices = case.x.matrices();
-    let n = matrices.len();
-    let names = matrix_names(n);
-    let tensors: Vec<_> =
-        case.layout.params.iter().filter(|entry| ranges.contains(&entry.range)).collect();
-    let inputs = names.iter().map(String::as_str).zip(matrices.iter().map(Operand::numbers));
-    let params = tensors.iter().map(|e| (e.name.as_str(), &case.params[e.range.clone()]));
-    let inputs: Vec<_> = inputs.chain(params).collect();
-    let params_of = |v: &[Vec<f64>]| {
-        let mut params = case.params.to_vec();
-        for (entry, values) in tensors.iter().zip(&v[n..]) {
-            params[entry.range.clone()].copy_from_slice(values);
-        }
-        params
-    };
-    let mut forward = |v: &[Vec<f64>]| run(case, passes, &v[..n], &params_of(v), None).y.to_vec();
-    let mut backward = |v: &[Vec<f64>], dy: &[f64]| {
-        let mut step = run(case, passes, &v[..n], &params_of(v), Some(dy));
-        step.dx.extend(tensors.iter().map(|e| step.grads[e.range.clone()].to_vec()));
-        step.dx
-    };
-    check(&inputs, &mut forward, &mut backward, settings)
+    structure::require(case, layer, settings)?;
+    let tensors = tensors(case.layout, &layer.param_ranges());
+    let vectors = Vectors::of(case, &tensors);
+    let mut forward = |v: &[Vec<f64>]| forward(case, layer, &tensors, v);
+    let mut backward = |v: &[Vec<f64>], dy: &[f64]| backward(case, layer, &tensors, v, dy);
+    check(&vectors.named(), &mut forward, &mut backward, settings)
+}
+
+/// All parameters, with those of these tensors in place of their own.
+fn params_of(case: &Numbers, tensors: &[&Entry], values: &[Vec<f64>]) -> Vec<f64> {
+    let mut params = case.params.to_vec();
+    for (entry, values) in tensors.iter().zip(values) {
+        params[entry.range.clone()].copy_from_slice(values);
+    }
+    params
+}
+
+/// The output of a training pass, of matrices and tensors.
+pub(super) fn forward(
+    case: &Numbers,
+    layer: &dyn Checkable,
+    tensors: &[&Entry],
+    v: &[Vec<f64>],
+) -> Vec<f64> {
+    let n = v.len() - tensors.len();
+    run(case, layer, &v[..n], &params_of(case, tensors, &v[n..]), None).y.to_vec()
+}
+
+/// The gradients by matrices and tensors.
+pub(super) fn backward(
+    case: &Numbers,
+    layer: &dyn Checkable,
+    tensors: &[&Entry],
+    v: &[Vec<f64>],
+    dy: &[f64],
+) -> Vec<Vec<f64>> {
+    let n = v.len() - tensors.len();
+    let mut step = run(case, layer, &v[..n], &params_of(case, tensors, &v[n..]), Some(dy));
+    step.dx.extend(tensors.iter().map(|e| step.grads[e.range.clone()].to_vec()));
+    step.dx
 }
 
 /// Names of the matrices of an operand.
@@ -144,22 +220,54 @@ pub(super) struct Step {
 /// A training pass on the matrices `x` and, if there is a `dy`, its backward pass.
 pub(super) fn run(
     case: &Numbers,
-    passes: &Passes,
+    layer: &dyn Checkable,
     x: &[Vec<f64>],
     params: &[f64],
     dy: Option<&[f64]>,
 ) -> Step {
-    let (arena, mut buffers) = (&Arena::default(), case.layout.init_buffers());
+    let grads = vec![0.0; params.len()];
+    let at = [At { x, params, dy, grads }];
+    let [step] = <[Step; 1]>::try_from(run_all(case, layer, at.into())).ok().expect("one step");
+    step
+}
+
+/// Where a training pass is, and gradients of the parameters that are there before its backward pass.
+pub(super) struct At<'a> {
+    pub x: &'a [Vec<f64>],
+    pub params: &'a [f64],
+    pub dy: Option<&'a [f64]>,
+    pub grads: Vec<f64>,
+}
+
+/// Training passes one after the other, then their backward passes.
+pub(super) fn run_all(case: &Numbers, layer: &dyn Checkable, all: Vec<At>) -> Vec<Step> {
+    let arena = &Arena::default();
     let matrices = case.x.matrices();
-    let matrices: Vec<_> = matrices.iter().zip(x).map(|(m, x)| m.with_numbers(x)).collect();
-    let x = match &matrices[..] {
-        [x] => *x,
-        _ => Operand::Concat(&matrices),
+    let of = |at: &At| {
+        let parts = matrices.iter().zip(at.x);
+        parts.map(|(m, x)| (*m, x.clone())).collect::<Vec<_>>()
     };
-    let mut dropout = case.dropout.map(<[Stream]>::to_vec);
-    let dropout = dropout.as_deref_mut();
-    let mut pass = Training { params, buffers: &mut buffers, dropout, arena };
-    let mut grads = vec![0.0; params.len()];
-    let (y, dx) = passes(&mut pass, x, dy.map(|dy| (dy, &mut grads[..])));
-    Step { y, buffers, dx, grads }
+    let numbers: Vec<_> = all.iter().map(of).collect();
+    let parts: Vec<Vec<Operand<f64>>> = numbers
+        .iter()
+        .map(|parts| parts.iter().map(|(m, x)| m.with_numbers(x)).collect())
+        .collect();
+    let mut buffers = vec![case.layout.init_buffers(); all.len()];
+    let mut streams = vec![case.dropout.map(<[Stream]>::to_vec); all.len()];
+    let (inputs, mut grads): (Vec<_>, Vec<Vec<f64>>) =
+        all.into_iter().map(|at| ((at.params, at.dy), at.grads)).unzip();
+    let each = buffers.iter_mut().zip(&mut streams).zip(&mut grads).zip(&parts).zip(inputs);
+    let jobs = each.map(|((((buffers, streams), grads), parts), (params, dy))| Job {
+        params,
+        buffers,
+        dropout: streams.as_deref_mut(),
+        x: match &parts[..] {
+            [x] => *x,
+            _ => Operand::Concat(parts),
+        },
+        dy: dy.map(|dy| (dy, &mut grads[..])),
+    });
+    let passed = layer.passes(arena, jobs.collect());
+    let each = passed.into_iter().zip(buffers).zip(grads);
+    each.map(|(((y, dx), buffers), grads)| Step { y, buffers, dx, grads }).collect()
 }

@@ -22,10 +22,11 @@ mod layers;
 mod networks;
 mod probes;
 
-use super::GradientReport;
 use super::fixture::Fixture;
+use super::{Control, GradientReport};
 use crate::Result;
 use crate::model::policy::MemoryPolicy;
+use crate::octree::Octree;
 use case::Checked;
 use std::fmt;
 
@@ -41,6 +42,11 @@ pub enum ProbeShape {
     Point,
     /// Five points in one cell.
     Cell,
+}
+
+/// The octree of some shapes.
+pub(super) fn octree(shapes: &[ProbeShape]) -> Result<Octree> {
+    Ok(probes::batch(shapes, &probes::input())?.octree)
 }
 
 /// What the cases are made for.
@@ -76,7 +82,7 @@ impl Suite {
     /// # Errors
     /// As [`Suite::cases`].
     pub fn layer_cases(&self) -> Result<Vec<SuiteCase>> {
-        let octree = probes::batch(&self.shapes, &probes::input())?.octree;
+        let octree = octree(&self.shapes)?;
         let mut cases = layers::cases(&octree)?;
         cases.extend(blocks::cases(&octree, &self.policy)?);
         Ok(cases)
@@ -108,6 +114,14 @@ impl SuiteCase {
     /// As [`super::function`]; a large error of a gradient is no error here, see [`GradientReport::require`].
     pub fn check(&self) -> Result<GradientReport> {
         self.checked.check()
+    }
+
+    /// Negative controls of the check at [`LIMIT`]; none of whole networks.
+    ///
+    /// # Errors
+    /// As [`super::negative_control`].
+    pub fn controls(&self) -> Result<Vec<Control>> {
+        self.checked.controls()
     }
 
     /// Inputs, parameters, geometry, outputs and gradients.

@@ -141,7 +141,7 @@ mod testing {
         let apply = |x: &[f64]| forward(layer, params, geometry, Operand::new(x, c_in));
         let back =
             |dy: &[f64]| gradients(layer, params, geometry, Operand::new(&zeros, c_in), dy).0;
-        let error = gradcheck::adjoint(n_in, n_out, apply, back);
+        let error = gradcheck::adjoint(n_in, n_out, apply, back).unwrap();
         assert!(error < 1e-13, "{error}");
     }
 

@@ -1,22 +1,24 @@
 //! One case of the suite: a layer, or a function with a single output, and its numbers.
 
-use super::SuiteCase;
 use super::probes::{ProbeGeometry, shape_array};
+use super::{LIMIT, SuiteCase};
 use crate::Result;
+use crate::gradcheck::controls::controls_of_layer;
 use crate::gradcheck::fixture::{Fixture, NamedArray};
-use crate::gradcheck::passes::{self, Dy, Numbers, Passes};
-use crate::gradcheck::{self, GradcheckSettings, GradientReport};
-use crate::nn::arena::Buffer;
+use crate::gradcheck::passes::{self, Bound, Checkable, Job, Numbers, Passed};
+use crate::gradcheck::{self, Control, GradcheckSettings, GradientReport};
+use crate::nn::arena::{Arena, Buffer};
 use crate::nn::layer::Layer;
 use crate::nn::operand::Operand;
 use crate::nn::params::{Entry, Layout};
-use crate::nn::pass::Training;
+use crate::nn::pass::Inference;
 use crate::rng::Stream;
 use std::borrow::Borrow;
 use std::ops::Range;
 
-/// Elements checked of each matrix and tensor.
+/// Elements checked of each matrix and tensor, and of each in a negative control.
 const MAX_ELEMENTS: usize = 120;
+const MOST_OF_CONTROLS: usize = 24;
 
 const PARAM: (&str, &str) = ("param", "parameter");
 const BEFORE: (&str, &str) = ("before", "running statistic before the pass");
@@ -26,6 +28,7 @@ const LOSS_GRAD: (&str, &str) = ("grad", "gradient of y");
 
 pub(super) trait Checked {
     fn check(&self) -> Result<GradientReport>;
+    fn controls(&self) -> Result<Vec<Control>>;
     fn record(&self, fixture: &mut Fixture);
 
     /// Inputs and parameters that change the output, and that may be NaN while the whole output is finite.
@@ -71,34 +74,34 @@ pub(super) struct LayerCase {
     settings: GradcheckSettings,
 }
 
-/// A layer with its geometry.
-trait ProbedLayer {
-    fn param_ranges(&self) -> Vec<Range<usize>>;
-    fn passes(
-        &self,
-        pass: &mut Training<f64>,
-        x: Operand<f64>,
-        dy: Option<Dy>,
-    ) -> (Buffer<f64>, Vec<Vec<f64>>);
+/// A layer with its geometry, which arrays describe.
+trait ProbedLayer: Checkable {
     fn geometry_arrays(&self) -> Vec<NamedArray>;
 }
 
-impl<L: Layer<f64>, G: Borrow<L::Geometry> + ProbeGeometry> ProbedLayer for (L, G) {
+/// A layer that owns what describes its geometry.
+struct Probed<L, G> {
+    layer: L,
+    geometry: G,
+}
+
+impl<L: Layer<f64>, G: Borrow<L::Geometry>> Checkable for Probed<L, G> {
     fn param_ranges(&self) -> Vec<Range<usize>> {
-        self.0.param_ranges()
+        self.layer.param_ranges()
     }
 
-    fn passes(
-        &self,
-        pass: &mut Training<f64>,
-        x: Operand<f64>,
-        dy: Option<Dy>,
-    ) -> (Buffer<f64>, Vec<Vec<f64>>) {
-        passes::passes(&self.0, self.1.borrow(), pass, x, dy)
+    fn infer(&self, pass: &Inference<f64>, x: Operand<f64>) -> Buffer<f64> {
+        Bound { layer: &self.layer, geometry: self.geometry.borrow() }.infer(pass, x)
     }
 
+    fn passes(&self, arena: &Arena<f64>, jobs: Vec<Job>) -> Vec<Passed> {
+        Bound { layer: &self.layer, geometry: self.geometry.borrow() }.passes(arena, jobs)
+    }
+}
+
+impl<L: Layer<f64>, G: Borrow<L::Geometry> + ProbeGeometry> ProbedLayer for Probed<L, G> {
     fn geometry_arrays(&self) -> Vec<NamedArray> {
-        self.1.arrays("geometry")
+        self.geometry.arrays("geometry")
     }
 }
 
@@ -111,7 +114,7 @@ impl LayerCase {
         c_out: usize,
     ) -> Self {
         let mut layout = Layout::default();
-        let layer = Box::new((build(&mut layout), geometry));
+        let layer = Box::new(Probed { layer: build(&mut layout), geometry });
         let params = layout.init_params(1);
         let settings =
             GradcheckSettings { max_elements: MAX_ELEMENTS, ..GradcheckSettings::default() };
@@ -139,7 +142,7 @@ impl LayerCase {
         SuiteCase { name, formula, constants: Vec::new(), checked: Box::new(self) }
     }
 
-    fn with_numbers<R>(&self, use_numbers: impl FnOnce(&Numbers, &Passes) -> R) -> R {
+    fn with_numbers<R>(&self, use_numbers: impl FnOnce(&Numbers, &dyn Checkable) -> R) -> R {
         let parts: Vec<Operand<f64>> = self.x.iter().map(InputMatrix::operand).collect();
         let x = match &parts[..] {
             [x] => *x,
@@ -147,7 +150,7 @@ impl LayerCase {
         };
         let LayerCase { layout, params, dropout, .. } = self;
         let numbers = Numbers { layout, params, x, dropout: dropout.as_deref() };
-        use_numbers(&numbers, &|pass, x, dy| self.layer.passes(pass, x, dy))
+        use_numbers(&numbers, &*self.layer)
     }
 
     fn geometry_arrays(&self) -> Vec<NamedArray> {
@@ -161,8 +164,13 @@ impl LayerCase {
 
 impl Checked for LayerCase {
     fn check(&self) -> Result<GradientReport> {
-        let ranges = self.layer.param_ranges();
-        self.with_numbers(|numbers, of| passes::check_layer(numbers, &ranges, of, &self.settings))
+        self.with_numbers(|numbers, of| passes::check_layer(numbers, of, &self.settings))
+    }
+
+    fn controls(&self) -> Result<Vec<Control>> {
+        let settings =
+            GradcheckSettings { max_elements: MOST_OF_CONTROLS, ..self.settings.clone() };
+        self.with_numbers(|numbers, of| controls_of_layer(numbers, of, &settings, LIMIT))
     }
 
     fn record(&self, fixture: &mut Fixture) {
@@ -261,6 +269,20 @@ pub(super) struct LossCase {
 }
 
 impl LossCase {
+    fn vectors(&self) -> Vec<(&str, &[f64])> {
+        self.inputs.iter().map(|input| (input.name, &input.values[..])).collect()
+    }
+
+    fn forward(&self, v: &[Vec<f64>]) -> Vec<f64> {
+        vec![(self.run)(v, false).loss]
+    }
+
+    fn backward(&self, v: &[Vec<f64>], dy: &[f64]) -> Vec<Vec<f64>> {
+        let mut gradients = (self.run)(v, true).gradients;
+        gradients.iter_mut().flatten().for_each(|g| *g *= dy[0]);
+        gradients
+    }
+
     /// The tensor and the place in it of an element of the first input.
     fn tensor_of(&self, index: usize) -> Option<(&Entry, usize)> {
         let entry = self.layout.params.iter().find(|entry| entry.range.contains(&index))?;
@@ -270,16 +292,11 @@ impl LossCase {
 
 impl Checked for LossCase {
     fn check(&self) -> Result<GradientReport> {
-        let inputs: Vec<_> = self.inputs.iter().map(|i| (i.name, &i.values[..])).collect();
         let settings =
             GradcheckSettings { max_elements: self.max_elements, ..GradcheckSettings::default() };
-        let forward = |v: &[Vec<f64>]| vec![(self.run)(v, false).loss];
-        let backward = |v: &[Vec<f64>], dy: &[f64]| {
-            let mut gradients = (self.run)(v, true).gradients;
-            gradients.iter_mut().flatten().for_each(|g| *g *= dy[0]);
-            gradients
-        };
-        let mut report = gradcheck::function(&inputs, forward, backward, &settings)?;
+        let backward = |v: &[Vec<f64>], dy: &[f64]| self.backward(v, dy);
+        let forward = |v: &[Vec<f64>]| self.forward(v);
+        let mut report = gradcheck::function(&self.vectors(), forward, backward, &settings)?;
         let first = report.worst.iter_mut().find(|worst| worst.name == self.inputs[0].name);
         if let Some(worst) = first
             && let Some((entry, index)) = self.tensor_of(worst.index)
@@ -287,6 +304,18 @@ impl Checked for LossCase {
             (worst.name, worst.index) = (entry.name.clone(), index);
         }
         Ok(report)
+    }
+
+    /// None of a network: its layers have theirs.
+    fn controls(&self) -> Result<Vec<Control>> {
+        if !self.layout.params.is_empty() {
+            return Ok(Vec::new());
+        }
+        let settings =
+            GradcheckSettings { max_elements: MOST_OF_CONTROLS, ..GradcheckSettings::default() };
+        let backward = |v: &[Vec<f64>], dy: &[f64]| self.backward(v, dy);
+        let forward = |v: &[Vec<f64>]| self.forward(v);
+        gradcheck::negative_control(&self.vectors(), forward, backward, &settings, LIMIT)
     }
 
     fn record(&self, fixture: &mut Fixture) {
@@ -348,7 +377,7 @@ mod tests {
     use super::*;
     use crate::gradcheck::suite::{LIMIT, Suite};
     use crate::nn::operand::OperandGradient;
-    use crate::nn::pass::{Backward, Inference};
+    use crate::nn::pass::{Backward, Training};
     use crate::nn::relu::Relu;
 
     /// A ReLU whose backward pass forgets it.
@@ -400,6 +429,15 @@ mod tests {
         let [wrong, right] = [wrong, right].map(|case| case.fixture());
         assert_eq!(wrong.get("y"), right.get("y"));
         assert_ne!(wrong.get("grad.x"), right.get("grad.x"));
+    }
+
+    #[test]
+    fn a_check_of_every_layer_fails_where_it_must() {
+        for case in Suite::default().layer_cases().unwrap() {
+            let controls = case.controls().unwrap_or_else(|e| panic!("{}: {e}", case.name()));
+            let n_failed = controls.iter().filter(|control| !control.is_lost).count();
+            assert!(n_failed >= 3, "{}", case.name());
+        }
     }
 
     /// A NaN in an input or a parameter shows in the output, of every layer, block and network.
