@@ -43,9 +43,10 @@ impl Placed {
             (&self.request.tools, &self.sites, &self.directions, &self.options());
         let held: Vec<Assembly> = tools.iter().map(Tool::held).collect::<Result<_>>()?;
         let start = Instant::now();
-        report(observer, Stage::Labels, (0, 1))?;
-        let reach = obstacles.reach_many(sites, &held, directions, options)?;
-        report(observer, Stage::Labels, (1, 1))?;
+        let n = held.len();
+        report(observer, Stage::Labels, (0, n))?;
+        let mut done = |done: usize| report(observer, Stage::Labels, (done, n));
+        let reach = obstacles.reach_bodies(sites, &held, (directions, options), &mut done)?;
         let tools_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let (mut rests, mut warnings) = (Vec::new(), Vec::new());

@@ -81,6 +81,17 @@ impl TriangleObstacles {
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<Vec<ToolReach>> {
+        self.reach_bodies(sites, tools, (directions, options), &mut |_| Ok(()))
+    }
+
+    /// [`TriangleObstacles::reach_many`]; `done` is called with the number of tools that are done, and may stop it.
+    pub(crate) fn reach_bodies(
+        &self,
+        sites: &Sites,
+        tools: &[Assembly],
+        (directions, options): (&Directions, &SurfaceOptions),
+        done: &mut dyn FnMut(usize) -> Result<()>,
+    ) -> Result<Vec<ToolReach>> {
         let _floats = par::DefaultFloats::set();
         let options = SurfaceOptions {
             counts: false,
@@ -111,6 +122,7 @@ impl TriangleObstacles {
             let (group, rest) = left.into_iter().partition(same_body);
             left = rest;
             pass.body(tools, group)?;
+            done(tools.len() - left.len())?;
         }
         Ok(pass.reach)
     }
