@@ -153,3 +153,30 @@ fn a_shell_within_a_body_stays_surface_and_an_inward_body_that_overlaps_is_refus
     let mended = json(&deepmill(&["check", &inward, "--repair", "--json"]));
     assert!((number(&mended, "volume_mm3") - 25000.0).abs() < 1e-6, "{mended}");
 }
+
+#[test]
+fn data_sets_take_parts_of_several_bodies_and_parts_that_face_inward() {
+    let folder = Folder::new();
+    let part = |name: &str, triangles: &[[Corner; 3]]| {
+        std::fs::create_dir_all(folder.path("parts")).unwrap();
+        folder.file(&format!("parts/{name}.stl"), stl(triangles));
+    };
+    let low = block([0.0; 3], [40.0, 20.0, 10.0]);
+    part("overlap", &[&low[..], &block([0.0; 3], [10.0, 20.0, 30.0])].concat());
+    part("apart", &[&low[..], &block([0.0, 0.0, 12.0], [10.0, 20.0, 30.0])].concat());
+    part("inward", &low.iter().map(|[a, b, c]| [*a, *c, *b]).collect::<Vec<_>>());
+    part("open", &low[1..]);
+    let build = |out: &str| {
+        let parts = folder.path("parts");
+        let options =
+            ["--sites", "80", "--directions", "10", "--cutters", "1", "--validation", "0"];
+        let out = folder.path(out);
+        let all = ["dataset", "build", &parts, "--out", &out, "--json"];
+        deepmill(&[&all[..], &options].concat())
+    };
+    let output = build("set");
+    let built = json(&output);
+    assert_eq!(built["n_train_parts"], 3, "{built}");
+    let said = text(&output.stderr);
+    assert!(said.contains("open.stl") || said.contains("open:"), "the open part is named: {said}");
+}

@@ -109,14 +109,15 @@ impl MeshReport {
     /// # Errors
     /// [`Error::Geometry`] with the place, count and remedy of the most fundamental blocking finding.
     pub fn require_labelable(&self) -> Result<()> {
-        match self.blocking() {
-            None => Ok(()),
-            Some(finding) => Err(Error::geometry(
-                finding.places[0].to_string(),
-                finding.to_string(),
-                finding.fault.remedy(),
-            )),
-        }
+        require_none(self.blocking())
+    }
+
+    /// As [`MeshReport::require_labelable`], but several components may be.
+    ///
+    /// # Errors
+    /// As [`MeshReport::require_labelable`], of [`MeshReport::blocking_bodies`].
+    pub fn require_bodies(&self) -> Result<()> {
+        require_none(self.blocking_bodies())
     }
 
     /// [`MeshReport::blocking`], but several components may be: each of several bodies is labeled against all.
@@ -212,6 +213,17 @@ fn without_vertices(mesh: &Mesh) -> MeshReport {
         area_mm2: 0.0,
         volume_mm3: 0.0,
         findings: found.0,
+    }
+}
+
+fn require_none(blocking: Option<&Finding>) -> Result<()> {
+    match blocking {
+        None => Ok(()),
+        Some(finding) => Err(Error::geometry(
+            finding.places[0].to_string(),
+            finding.to_string(),
+            finding.fault.remedy(),
+        )),
     }
 }
 

@@ -13,7 +13,7 @@ use crate::data::volume::{Volume, VolumeObstacles};
 use crate::directions::Directions;
 use crate::folder_lock::FolderLock;
 use crate::geom::sites::SiteOptions;
-use crate::geom::{Mesh, Sites, check, formats, origin, sites};
+use crate::geom::{Mesh, Sites, bodies, check, formats, origin, sites};
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
 use glam::Vec3;
@@ -47,10 +47,10 @@ impl PartSource {
         }
     }
 
-    /// The part's mesh, mm.
+    /// The part's mesh, mm; of a file [as the commands take it](crate::geom::bodies::prepare).
     ///
     /// # Errors
-    /// If the file cannot be read as a mesh.
+    /// If the file cannot be read as a mesh, or does not bound solids.
     pub fn mesh(&self) -> Result<Mesh> {
         match self {
             PartSource::File(path) => {
@@ -58,6 +58,7 @@ impl PartSource {
                 if let Some(at) = origin::local_origin(&mesh) {
                     origin::make_relative(&mut mesh, at);
                 }
+                bodies::prepare(&mut mesh)?;
                 Ok(mesh)
             }
             PartSource::Generated { seed, index } => Ok(generated::mixed_part(*seed, *index)),
@@ -209,7 +210,7 @@ impl Builder {
 
     fn label(&self, index: usize) -> Result<(LabeledPart, f64, [f64; 3])> {
         let mut mesh = self.sources[index].mesh()?;
-        check::require_labelable(&mesh)?;
+        check::check(&mesh).require_bodies()?;
         let scale = match self.settings.size_mm {
             None => scale_to_min_edge(&mut mesh, self.settings.min_edge_mm),
             Some([low, high]) => {
