@@ -26,8 +26,9 @@ use deepmill::rng::{Purpose, Stream};
 use deepmill::train::{Observer, Run, Settings, StepReport};
 use deepmill::{Error, Result, atomic_file, par};
 use indicatif::ProgressBar;
+use serde_json::Value;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -54,7 +55,7 @@ pub struct Args {
     /// comes with deepmill.
     #[arg(long)]
     train: bool,
-    /// Also write report.html, a page to send: 3-D view with sections, findings, settings.
+    /// Also write report.html, an HTML report: 3-D view with sections, findings, settings.
     #[arg(long)]
     report: bool,
 }
@@ -85,7 +86,24 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let predictions =
         PredictionFile { prediction, provenance, sites, occlusion_share: None, verified: None };
     let predict_s = start.elapsed().as_secs_f64();
+    let result = say((&labels, &predictions), definition, (labels_s, train_s, predict_s), output);
+    let paths = write(args, folder, &mesh, (&labels, &predictions), output)?;
+    output.say(
+        "labels.* are the exact answers, predictions.* the network's, difference* where they part;",
+    );
+    output.say("PNG pictures to look at, PLY colored points, NPZ the numbers.");
+    output.files(&paths);
+    output.result_with_files(result, &paths);
+    Ok(())
+}
 
+/// Shares, times and scores for people; as JSON for the result.
+fn say(
+    (labels, predictions): (&LabelFile, &PredictionFile),
+    definition: Definition,
+    (labels_s, train_s, predict_s): (f64, Option<f64>, f64),
+    output: &Output,
+) -> Value {
     let answers = predictions.answers();
     let (inaccessible, occlusion) = (&answers.inaccessible, &answers.occlusion);
     let share = |flags: &[bool]| {
@@ -110,34 +128,29 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.say("Prediction against exact labels; each row names its positive class:");
     output.say(table.text_in(output.unit()));
 
-    let mut paths = folder::write_labels(folder, &labels, Some(&mesh).into(), Show::Pictures)?;
-    paths.extend(folder::write_predictions(folder, &predictions, Some(&mesh), Show::Pictures)?);
-    paths.extend(folder::write_difference(
-        folder,
-        &labels,
-        &predictions,
-        Some(&mesh),
-        Show::Pictures,
-    )?);
-    paths.push(folder::write_surface(folder, &mesh)?);
-    if args.report {
-        let exact = Some((&labels, &*folder.join(LABELS)));
-        paths.push(report::page(
-            exact,
-            Some(&predictions),
-            Some(&mesh).into(),
-            (folder, output.unit()),
-        )?);
-    }
-    output.say(
-        "labels.* are the exact answers, predictions.* the network's, difference* where they part;",
-    );
-    output.say("PNG pictures to look at, PLY colored points, NPZ the numbers.");
-    output.files(&paths);
     let mut result = facts.json();
     result["scores"] = table.json();
-    output.result_with_files(result, &paths);
-    Ok(())
+    result
+}
+
+fn write(
+    args: &Args,
+    folder: &Path,
+    mesh: &Mesh,
+    (labels, predictions): (&LabelFile, &PredictionFile),
+    output: &Output,
+) -> Result<Vec<PathBuf>> {
+    let (shown, surface) = (Show::Pictures, Some(mesh));
+    let mut paths = folder::write_labels(folder, labels, surface.into(), shown)?;
+    paths.extend(folder::write_predictions(folder, predictions, surface, shown)?);
+    paths.extend(folder::write_difference(folder, labels, predictions, surface, shown)?);
+    paths.push(folder::write_surface(folder, mesh)?);
+    if args.report {
+        let exact = Some((labels, &*folder.join(LABELS)));
+        let to = (folder, output.unit());
+        paths.push(report::page(exact, Some(predictions), surface.into(), to)?);
+    }
+    Ok(paths)
 }
 
 /// The network that comes with deepmill, or one trained now; its name, and the seconds that took.
