@@ -83,7 +83,7 @@ pub struct Args {
     /// Also write these: `glb` (binary glTF in the colors of the answers), `csv` (a row per site); several with commas.
     #[arg(long, value_name = "FORMATS", value_delimiter = ',')]
     also: Vec<String>,
-    /// Also write report.html, a page to send: 3-D view with sections, findings, settings, warnings.
+    /// Also write report.html, an HTML report: 3-D view with sections, findings, settings, warnings.
     #[arg(long, conflicts_with = "volume")]
     report: bool,
     /// Label a mesh that does not bound one solid; the answer may mean nothing.

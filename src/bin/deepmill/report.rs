@@ -28,8 +28,8 @@ use glam::DVec3;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Draw the pictures of labels and predictions again, compare them, print the tables, and write report.html, a page to
-/// send: 3-D view with sections, findings, settings, warnings.
+/// Draw the pictures of labels and predictions again, compare them, print the tables, and write report.html, an HTML
+/// report: 3-D view with sections, findings, settings, warnings.
 ///
 /// Of a folder of several tools only the page is written, with a tab for each.
 #[derive(clap::Args)]

@@ -75,7 +75,7 @@ pub struct Args {
     /// Draw no pictures.
     #[arg(long)]
     no_picture: bool,
-    /// Also write report.html, a page to send, with a tab for every setup.
+    /// Also write report.html, an HTML report with a tab for every setup.
     #[arg(long)]
     report: bool,
     /// Take a mesh that does not bound one solid; the answer may mean nothing.

@@ -1,4 +1,4 @@
-//! A page to send: one HTML file with a 3-D view, the findings and every setting, which opens without a network.
+//! The HTML report: one file with a 3-D view, the findings and every setting, which opens without a network.
 //!
 //! [`Page::html`] writes what any browser reads without a script (tables, findings, warnings) and one block of numbers
 //! for the 3-D view, which is WebGL 2 (`assets/*.js`, no library). `docs/report.md` says what the page shows and how it
