@@ -27,8 +27,11 @@ impl CrossEntropy {
 
     /// The loss; 0 for no rows. `dlogits` is overwritten with `scale` times its gradient.
     ///
+    /// Logits that are not finite give a loss that is not a number.
+    ///
     /// # Panics
-    /// If `logits` and `targets` disagree in length or a target is not a class.
+    /// If `logits` and `targets` disagree in length, a target is not a class, a weight is not positive and finite, or the
+    /// smoothing is not in `[0, 1)`.
     pub fn loss<T: Scalar>(
         &self,
         logits: &[T],
@@ -36,6 +39,7 @@ impl CrossEntropy {
         scale: f64,
         dlogits: &mut Vec<T>,
     ) -> f64 {
+        self.assert_sound(targets);
         let n_classes = self.class_weights.len();
         assert_eq!(logits.len(), targets.len() * n_classes, "logits for another number of targets");
         let total = self.total_weight(targets);
@@ -45,6 +49,21 @@ impl CrossEntropy {
             let hit = if is_target { 1.0 - self.label_smoothing } else { 0.0 };
             self.class_weights[class] * (hit + spread)
         })
+    }
+
+    fn assert_sound(&self, targets: &[u8]) {
+        let CrossEntropy { class_weights, label_smoothing } = self;
+        let sound = |weight: &f64| *weight > 0.0 && weight.is_finite();
+        assert!(
+            class_weights.iter().all(sound),
+            "class weights {class_weights:?}, expected above 0"
+        );
+        let smoothing = (0.0..1.0).contains(label_smoothing);
+        assert!(smoothing, "label smoothing {label_smoothing}, expected 0 to below 1");
+        let n_classes = class_weights.len();
+        if let Some(target) = targets.iter().find(|target| usize::from(**target) >= n_classes) {
+            panic!("target {target} of {n_classes} classes");
+        }
     }
 
     /// `Σ w_t`, by which [`CrossEntropy::loss`] divides: the share of some rows in the mean over all.

@@ -46,12 +46,15 @@ impl Confusion {
     }
 
     /// Counts of two logits a row (`[n, 2]`) against classes; "yes" is class `positive`, predicted where its logit is the
-    /// greater one.
+    /// greater one; a logit that is not a number is not the greater one.
     ///
     /// # Panics
-    /// If there are not two logits for each target.
+    /// If there are not two logits for each target, or a target or `positive` is not 0 or 1.
     pub fn of_logits<T: PartialOrd + Copy>(logits: &[T], targets: &[u8], positive: u8) -> Self {
         assert_eq!(logits.len(), 2 * targets.len(), "two logits for each target");
+        if let Some(class) = targets.iter().chain([&positive]).find(|class| **class > 1) {
+            panic!("class {class} of 2 classes");
+        }
         let mut counts = Confusion::default();
         for (row, target) in logits.as_chunks::<2>().0.iter().zip(targets) {
             let [no, yes] = if positive == 0 { [row[1], row[0]] } else { *row };

@@ -57,9 +57,25 @@ fn members(bits: &Bits) -> impl Iterator<Item = usize> + '_ {
     (0..64 * bits.len()).filter(|k| bits[k / 64] >> (k % 64) & 1 == 1)
 }
 
+/// What counts as a weight.
+pub(crate) fn is_weight(weight: f64) -> bool {
+    weight >= 0.0 && weight.is_finite()
+}
+
+fn assert_weights(weights: &[f64]) {
+    if let Some(i) = weights.iter().position(|weight| !is_weight(*weight)) {
+        panic!("weight {i} is {}, expected 0 or more", weights[i]);
+    }
+}
+
 /// A small cover of the elements by `n_sets` sets, the smallest if that is found in time; `holds(set, element)`. Ties
 /// go to the lower number.
+///
+/// # Panics
+/// If a weight is negative or not finite.
+#[doc(hidden)] // of the program
 pub fn cover(n_sets: usize, weights: &[f64], holds: impl Fn(usize, usize) -> bool) -> Cover {
+    assert_weights(weights);
     let signature = |element: usize| {
         let mut bits = vec![0u64; n_sets.div_ceil(64)];
         (0..n_sets).filter(|&set| holds(set, element)).for_each(|k| bits[k / 64] |= 1 << (k % 64));

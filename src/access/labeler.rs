@@ -55,6 +55,9 @@ impl Labeler {
 
     /// About the part itself: the triangles of `part` and of `fixtures` are the obstacles, see [`surface`](super::surface).
     ///
+    /// Open meshes and those that face inward are taken as they are, as by [`TriangleObstacles::new`];
+    /// [`require_labelable`](crate::geom::check::require_labelable) refuses them.
+    ///
     /// # Errors
     /// As [`TriangleObstacles::new`].
     pub fn of_part(

@@ -31,7 +31,7 @@
 //! let options = SurfaceOptions::default();
 //! let accessible = obstacles.accessible_directions(&sites, &cutter, candidates.directions(), &options)?;
 //! let areas = spacing::areas_mm2(&sites, Some(part.area()))?;
-//! let plan = Plan::new(&candidates, &part, &sites, &[accessible], &areas, Choice::share(1.0), &[0]);
+//! let plan = Plan::new(&candidates, &part, &sites, &[accessible], &areas, Choice::share(1.0), &[0])?;
 //! // The top and what is around it, then the underside.
 //! assert_eq!((plan.setups.len(), plan.at_least), (2, 2));
 //! # Ok::<(), deepmill::Error>(())

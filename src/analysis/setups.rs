@@ -131,7 +131,7 @@ impl Placed {
         report(observer, Stage::Findings, (0, 1))?;
         let order = thick_and_short_first(tools);
         let (shares, choice) = (areas.shares(), request.choice());
-        let plan = Plan::new(&candidates, mesh, sites, &accessible, shares, choice, &order);
+        let plan = Plan::new(&candidates, mesh, sites, &accessible, shares, choice, &order)?;
         let names = tools.iter().map(|tool| tool.name.clone()).collect();
         let setups = Setups::new(plan, machine, names, areas);
         let findings = Findings::of(of_shown, shown, &setups.answers(), &[])?;

@@ -39,6 +39,7 @@
 //! k points over n triangles: O(n + m·(t·log k + k)) with t the triangles near a column.
 
 use super::check::topology::Topology;
+use super::mesh::WITHIN_1E12_MM;
 use super::{Mesh, check::Place};
 use crate::spatial::AabbGrid;
 use crate::{Error, Result, memory, par};
@@ -70,8 +71,14 @@ impl Lattice {
     /// The midpoints of cubes of edge `step_mm` that cover the box from `low` to `high`, centered.
     ///
     /// # Errors
-    /// If the step is not a positive number, or there would be more than 2³⁰ points.
+    /// If a corner is not finite or `low` is above `high`, the step is not a positive number, or there would be more than
+    /// 2³⁰ points.
     pub fn covering(low: DVec3, high: DVec3, step_mm: f64) -> Result<Self> {
+        if !(low.is_finite() && high.is_finite() && low.cmple(high).all()) {
+            let found = format!("{low} to {high}");
+            let expected = "finite corners, the least first";
+            return Err(Error::argument("box", found, expected, "take the bounds of the part"));
+        }
         if !(step_mm > 0.0 && step_mm.is_finite()) {
             let expected = "a positive length in mm";
             return Err(Error::argument("step", step_mm, expected, "try a hundredth of the part"));
@@ -81,8 +88,8 @@ impl Lattice {
         if n_points.is_nan() || n_points > MAX_POINTS as f64 {
             return Err(Error::TooLarge {
                 operation: "classifying the points of a lattice",
-                needed_bytes: n_points as u64,
-                limit_bytes: MAX_POINTS,
+                needed_bytes: (n_points * POINT_BYTES as f64) as u64,
+                limit_bytes: MAX_POINTS * POINT_BYTES as u64,
                 remedy: "choose a wider step".into(),
             });
         }
@@ -130,8 +137,8 @@ impl Lattice {
 /// zero; for a mesh without self-intersections that is the plain meaning).
 ///
 /// # Errors
-/// If the mesh is not closed and consistently oriented, so that there is no inside; if the points and the answers about them do not
-/// fit into the memory.
+/// If a face names a missing vertex, or a vertex is not finite or beyond 10¹² mm; if the mesh is not closed and
+/// consistently oriented, so that there is no inside; if the points and the answers about them do not fit into the memory.
 pub fn lattice_inside(mesh: &Mesh, lattice: &Lattice) -> Result<Vec<bool>> {
     let points = memory::product([lattice.len(), POINT_BYTES]);
     let triangles = memory::product([mesh.triangles.len(), TRIANGLE_BYTES]);
@@ -153,11 +160,15 @@ pub fn lattice_inside(mesh: &Mesh, lattice: &Lattice) -> Result<Vec<bool>> {
     Ok(inside)
 }
 
-/// How often the mesh winds around each point (finite, mm): 1 inside a solid, 0 outside.
+/// How often the mesh winds around each point, mm: 1 inside a solid, 0 outside.
 ///
 /// # Errors
-/// As [`lattice_inside`].
+/// As [`lattice_inside`]; if a point is not finite.
 pub fn windings(mesh: &Mesh, points: &[DVec3]) -> Result<Vec<i32>> {
+    if let Some(i) = points.iter().position(|p| !p.is_finite()) {
+        let found = format!("position {}", points[i]);
+        return Err(Error::geometry(format!("point {i}"), found, "give finite coordinates in mm"));
+    }
     let grid = TriangleGrid::new(mesh)?;
     let one = |i: usize| grid.windings(points[i].truncate(), &[points[i].z])[0];
     let blocks = par::map_blocks(points.len(), BLOCK, |range| range.map(one).collect::<Vec<_>>());
@@ -207,6 +218,7 @@ struct TriangleGrid {
 
 impl TriangleGrid {
     fn new(mesh: &Mesh) -> Result<Self> {
+        mesh.check_within(&WITHIN_1E12_MM)?;
         require_balanced(mesh)?;
         Ok(TriangleGrid::over(mesh))
     }

@@ -16,6 +16,17 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
+/// A greatest coordinate.
+pub(crate) struct Limit {
+    pub mm: f64,
+    words: &'static str,
+}
+
+/// Of what single precision computes with: squares of distances stay far inside `f32`.
+pub(crate) const WITHIN_1_KM: Limit = Limit { mm: 1e6, words: "1 km" };
+/// Of what double precision computes with, as for files: products of three coordinates stay far inside `f64`.
+pub(crate) const WITHIN_1E12_MM: Limit = Limit { mm: 1e12, words: "1e12 mm" };
+
 impl Mesh {
     /// A mesh of these vertices, mm, and triangles.
     ///
@@ -60,6 +71,24 @@ impl Mesh {
             }
             None => Ok(()),
         }
+    }
+
+    /// [`Mesh::check`], and every coordinate within `limit`.
+    pub(crate) fn check_within(&self, limit: &Limit) -> Result<()> {
+        if self.face_without_vertex().is_some() {
+            return self.check();
+        }
+        let usable = |v: &DVec3| v.is_finite() && v.abs().max_element() <= limit.mm;
+        let Some(v) = self.vertices.iter().position(|v| !usable(v)) else { return Ok(()) };
+        let remedy = format!(
+            "coordinates must be finite and within {}; check the file and its unit",
+            limit.words
+        );
+        Err(Error::geometry(
+            format!("vertex {v}"),
+            format!("position {}", self.vertices[v]),
+            remedy,
+        ))
     }
 
     /// The first face with a corner that names no vertex.

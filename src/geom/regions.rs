@@ -33,7 +33,7 @@ pub(crate) const RADIUS: f64 = 2.0;
 /// If the sites fail [`Sites::check`].
 ///
 /// # Panics
-/// If `marks` or `areas_mm2` has not one entry per site, or the mesh names a missing vertex.
+/// If `marks` or `areas_mm2` has not one entry per site, an area is negative or not finite, or the mesh names a missing vertex.
 pub fn regions(
     sites: &Sites,
     mesh: Option<&Mesh>,
@@ -43,6 +43,9 @@ pub fn regions(
     sites.check()?;
     let n = sites.len();
     assert!(marks.len() == n && areas_mm2.len() == n, "one mark and one area per site");
+    if let Some(i) = areas_mm2.iter().position(|area| !(*area >= 0.0 && area.is_finite())) {
+        panic!("the area of site {i} is {}, expected 0 mm² or more", areas_mm2[i]);
+    }
     let grid = PointGrid::new(&sites.points);
     let mut walk = mesh.filter(|mesh| knows_triangles(sites, mesh)).map(Walk::new);
     let mut parent: Vec<u32> = (0..n as u32).collect();

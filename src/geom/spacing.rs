@@ -6,7 +6,7 @@ use super::check::topology::Topology;
 use super::sites::same_sheet;
 use super::{Mesh, Sites};
 use crate::spatial::KdTree;
-use crate::{Result, par};
+use crate::{Error, Result, par};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -176,8 +176,12 @@ pub(crate) fn relative_areas(sites: &Sites) -> Result<Vec<f64>> {
 /// `surface_mm2`, the area of the surface, or if that is not known to √3/2 of the squared distances, as in a hexagonal lattice.
 ///
 /// # Errors
-/// If the sites fail [`Sites::check`].
+/// If the sites fail [`Sites::check`], or the surface's area is negative or not finite.
 pub fn areas_mm2(sites: &Sites, surface_mm2: Option<f64>) -> Result<Vec<f64>> {
+    if let Some(area) = surface_mm2.filter(|area| !(*area >= 0.0 && area.is_finite())) {
+        let expected = "an area of 0 mm² or more";
+        return Err(Error::argument("surface_mm2", area, expected, "take the area of the mesh"));
+    }
     let areas = relative_areas(sites)?;
     let total: f64 = areas.iter().sum();
     let unit = match surface_mm2 {

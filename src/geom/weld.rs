@@ -6,6 +6,7 @@
 //! grid of cells a few tolerances wide.
 
 use super::Mesh;
+use super::mesh::WITHIN_1E12_MM;
 use crate::{Error, Result};
 use glam::DVec3;
 use std::collections::HashMap;
@@ -27,13 +28,14 @@ const CROWD: usize = 256;
 /// order in which triangles first use them, and vertices without a triangle are left out.
 ///
 /// # Errors
-/// If the tolerance is negative or not finite, or the mesh fails [`Mesh::check`].
+/// If the tolerance is not a number from 0 to 1, a face names a missing vertex, or a vertex is not finite or beyond
+/// 10¹² mm.
 pub fn weld(mesh: &Mesh, tolerance: f64) -> Result<Mesh> {
-    if !(tolerance >= 0.0 && tolerance.is_finite()) {
-        let expected = "a fraction of the diagonal, 0 or more";
+    if !(0.0..=1.0).contains(&tolerance) {
+        let expected = "a fraction of the diagonal, 0 to 1";
         return Err(Error::argument("weld", tolerance, expected, "1e-6 suits most files"));
     }
-    mesh.check()?;
+    mesh.check_within(&WITHIN_1E12_MM)?;
     let vertices: Vec<DVec3> = mesh.vertices.iter().map(|v| *v + 0.0).collect();
     let (distinct, of_vertex) = distinct(&vertices);
     let cluster = clusters(&distinct, tolerance * mesh.diagonal());
@@ -191,7 +193,7 @@ mod tests {
     #[test]
     fn missing_vertices_and_impossible_tolerances_are_refused() {
         let mut mesh = crate::geom::solids::cuboid(DVec3::ONE);
-        for tolerance in [-1.0, f64::NAN, f64::INFINITY] {
+        for tolerance in [-1.0, f64::NAN, 1.1, f64::INFINITY] {
             assert!(weld(&mesh, tolerance).unwrap_err().to_string().starts_with("weld is"));
         }
         mesh.triangles[2][0] = 8;

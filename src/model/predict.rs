@@ -69,7 +69,7 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
     /// # Errors
     /// If there are no points, one is not finite or beyond 1 km, a normal is missing that the network reads, or is not of unit
     /// length, or the lengths make no ball-end cutter
-    /// ([`Cutter::ball_end`](crate::cutter::Cutter::ball_end)); if it does not fit into the memory.
+    /// ([`Cutter::ball_end`](crate::cutter::Cutter::ball_end)); if a calibration is not sound; if it does not fit into the memory.
     ///
     /// ```
     /// use deepmill::model::{Model, UNetConfig};
@@ -87,6 +87,7 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
         cutter_mm: [f64; N_LENGTHS],
     ) -> Result<Prediction<T>> {
         let _floats = par::DefaultFloats::set();
+        self.calibration.iter().try_for_each(Calibration::check)?;
         let shape = Shape { points: points_mm, normals, cutter_mm };
         shape.check()?;
         let batch = self.net.batch(&[shape], None)?;

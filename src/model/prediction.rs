@@ -4,6 +4,7 @@ use super::config::N_COARSE;
 use super::heads::N_CLASSES;
 use crate::answers::{SiteAnswers, is_positive, mark_top_share};
 use crate::scalar::Scalar;
+use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Class of head 1 that means "inaccessible"; class 1 means "accessible".
@@ -29,6 +30,19 @@ impl Calibration {
     /// Whether both numbers are in their domain.
     pub fn is_sound(&self) -> bool {
         self.slope > 0.0 && self.slope.is_finite() && self.offset.is_finite()
+    }
+
+    /// Checks that both numbers are in their domain.
+    ///
+    /// # Errors
+    /// If they are not.
+    pub fn check(&self) -> Result<()> {
+        if self.is_sound() {
+            return Ok(());
+        }
+        let found = format!("{self:?}");
+        let remedy = "fit it to a validation set, or take Calibration::IDENTITY";
+        Err(Error::argument("calibration", found, "a positive slope and finite numbers", remedy))
     }
 
     /// The logits of "no" and "yes".

@@ -46,7 +46,7 @@ impl<T: Scalar> Interpolation<T> {
     /// The faces of the cube are treated as `octree.options().wrap_at_faces` says.
     ///
     /// # Panics
-    /// If the octree has no such depth, or if the ranges do not cover the points in order.
+    /// If the octree has no such depth, if the ranges do not cover the points in order, or if a point is not finite.
     pub fn linear(octree: &Octree, depth: usize, points: &[Vec3], ranges: &[Range<usize>]) -> Self {
         Self::new(octree, depth, points, ranges, |shape, point, terms| {
             terms.push_linear(octree, depth, shape, point);
@@ -98,6 +98,7 @@ impl<T: Scalar> Interpolation<T> {
         let blocks = par::map_blocks(points.len(), BLOCK, |block| {
             let mut terms = Terms::default();
             for i in block {
+                assert!(points[i].is_finite(), "point {i} is {}, which is not finite", points[i]);
                 push(ends.partition_point(|&end| end <= i), points[i], &mut terms);
                 terms.starts.push(terms.sources.len());
             }
@@ -215,7 +216,7 @@ impl<T: Scalar> Terms<T> {
         let fraction: [T; 3] = std::array::from_fn(|i| q[i] - T::from_f64(base[i]));
         let mask = (1i64 << depth) - 1;
         let cell_along = |axis: usize, step: i64| {
-            let cell = base[axis] as i64 + step;
+            let cell = (base[axis] as i64).saturating_add(step);
             let inside = cell & mask == cell || octree.options().wrap_at_faces;
             inside.then_some((cell & mask) as u32)
         };

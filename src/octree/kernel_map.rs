@@ -31,14 +31,19 @@ impl KernelMap {
     /// [`KernelMap::siblings`] returns.
     ///
     /// # Panics
-    /// If there are siblings, but not for every eight nodes.
+    /// If there are siblings, but not for every eight nodes, or a neighbor is not a node.
     pub fn convolution(neigh: &[[i32; 27]], siblings: Vec<[i32; 27]>) -> Self {
         assert!(siblings.is_empty() || 8 * siblings.len() == neigh.len(), "groups of eight nodes");
         KernelMap { siblings, ..Self::from_rows(neigh.len(), neigh.len(), |n| neigh[n]) }
     }
 
     /// One offset: input `i` goes to output `rows[i]` of `n_outputs`; `rows` ascends strictly.
+    ///
+    /// # Panics
+    /// If a row is not below `n_outputs`, or does not ascend.
     pub fn scatter(rows: &[u32], n_outputs: usize) -> Self {
+        assert!(rows.is_sorted_by(|a, b| a < b), "rows must ascend strictly");
+        assert_below(rows, n_outputs);
         let mut input_of = vec![-1; n_outputs];
         for (i, &row) in rows.iter().enumerate() {
             input_of[row as usize] = i as i32;
@@ -47,7 +52,11 @@ impl KernelMap {
     }
 
     /// One offset: input `rows[i]` of `n_inputs` goes to output `i`.
+    ///
+    /// # Panics
+    /// If a row is not below `n_inputs`.
     pub fn gather(rows: &[u32], n_inputs: usize) -> Self {
+        assert_below(rows, n_inputs);
         Self::from_rows(n_inputs, rows.len(), |n| [rows[n] as i32])
     }
 
@@ -58,6 +67,7 @@ impl KernelMap {
     ) -> Self {
         let block_len = block_len(n_outputs);
         let blocks = par::map_blocks(n_outputs, block_len, |range| Block::new(range, &row));
+        blocks.iter().for_each(|block| assert_below(&block.inputs, n_inputs));
         let n_pairs = blocks.iter().map(|block| block.inputs.len()).sum();
         let (mut inputs, mut outputs) = (Vec::with_capacity(n_pairs), Vec::with_capacity(n_pairs));
         let mut starts = Vec::with_capacity(blocks.len() * K + 1);
@@ -125,6 +135,14 @@ impl KernelMap {
         let i = block * self.n_offsets + offset;
         let range = self.starts[i]..self.starts[i + 1];
         (&self.inputs[range.clone()], &self.outputs[range])
+    }
+}
+
+/// Kernels gather these rows unchecked.
+fn assert_below(rows: &[u32], n: usize) {
+    assert!(i32::try_from(n).is_ok(), "{n} rows, more than a map can name");
+    if let Some(row) = rows.iter().copied().max() {
+        assert!((row as usize) < n, "row {row} of {n} rows");
     }
 }
 

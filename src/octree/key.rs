@@ -13,9 +13,16 @@ pub(crate) const MAX_SHAPES: usize = 1 << 15;
 
 const CELL_BITS: u64 = (1 << SHAPE_SHIFT) - 1;
 
-/// Key of `cell` (each coordinate below 2¹⁶) of `shape`.
+/// Key of `cell` of `shape`.
+///
+/// # Panics
+/// If a coordinate or the shape is not below 2¹⁶.
 pub fn encode(cell: [u32; 3], shape: usize) -> u64 {
     let [x, y, z] = cell;
+    assert!(
+        (x | y | z) >> 16 == 0 && shape >> 16 == 0,
+        "cell {cell:?} of shape {shape}, expected below 2^16"
+    );
     (shape as u64) << SHAPE_SHIFT | morton::encode([z, y, x])
 }
 
@@ -30,8 +37,12 @@ pub(crate) fn ancestor(key: u64, levels: usize) -> u64 {
     (key & !CELL_BITS) | (key & CELL_BITS) >> (3 * levels)
 }
 
-/// Key of child `octant` (0..8).
-pub fn child(key: u64, octant: u64) -> u64 {
+/// Key of child `octant`.
+///
+/// # Panics
+/// If the octant is not below 8.
+pub(crate) fn child(key: u64, octant: u64) -> u64 {
+    assert!(octant < 8, "octant {octant} of 8");
     (key & !CELL_BITS) | (key & CELL_BITS) << 3 | octant
 }
 
@@ -43,7 +54,11 @@ pub(crate) fn in_cells(point: Vec3, depth: usize) -> Vec3 {
 
 /// Cell of `depth` that contains `point`; `None` outside [−1, 1]³ and for NaN. The far faces of the
 /// cube belong to the last cells.
-pub fn cell(point: Vec3, depth: usize) -> Option<[u32; 3]> {
+///
+/// # Panics
+/// If the depth is above 16.
+pub(crate) fn cell(point: Vec3, depth: usize) -> Option<[u32; 3]> {
+    assert!(depth <= 16, "depth {depth}, expected at most 16");
     if point.is_nan() || point.abs().max_element() > 1.0 {
         return None;
     }

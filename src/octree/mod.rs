@@ -111,11 +111,13 @@ impl Octree {
     }
 
     /// Row at `depth` of the node with integer coordinates `cell`, each below `2^depth`; `None` where
-    /// there is no node. Takes at most `depth` steps.
+    /// there is no node, as beyond the cube. Takes at most `depth` steps.
     ///
     /// # Panics
     /// If the octree has no such depth or no such shape.
     pub fn find(&self, depth: usize, shape: usize, cell: [u32; 3]) -> Option<u32> {
+        assert!(depth <= self.depth(), "depth {depth} of an octree of depth {}", self.depth());
+        assert!(shape < self.n_shapes(), "shape {shape} of {}", self.n_shapes());
         if cell.iter().any(|&c| c >> depth != 0) {
             return None;
         }

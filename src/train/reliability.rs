@@ -35,11 +35,12 @@ impl Reliability {
     /// Counts probabilities of the positive class against the truth.
     ///
     /// # Panics
-    /// If the lists differ in length.
+    /// If the lists differ in length, or a probability is not from 0 to 1.
     pub fn of(probabilities: &[f32], truth: &[bool]) -> Self {
         assert_eq!(probabilities.len(), truth.len(), "a truth for each probability");
         let mut found = Reliability::default();
         for (p, positive) in probabilities.iter().zip(truth) {
+            assert!((0.0..=1.0).contains(p), "probability {p}, expected 0 to 1");
             let bin = &mut found.bins[((p * N_BINS as f32) as usize).min(N_BINS - 1)];
             bin.n += 1;
             bin.n_positive += u64::from(*positive);

@@ -42,6 +42,9 @@ const ROUNDING: f64 = 1e-9;
 /// assert_eq!((cover.chosen.clone(), cover.is_smallest()), (vec![0], true));
 /// assert_eq!(cover_share(2, &[1.0; 10], |set, e| (e == 9) == (set == 1), 1.0).chosen, [0, 1]);
 /// ```
+///
+/// # Panics
+/// If a weight is negative or not finite, or the share is not from 0 to 1.
 pub fn cover_share(
     n_sets: usize,
     weights: &[f64],
@@ -82,7 +85,7 @@ pub fn cover_share(
 /// ```
 ///
 /// # Panics
-/// If `order` does not have every set once.
+/// If `order` does not have every set once, or as [`cover_share`].
 pub fn cover_share_preferring(
     n_sets: usize,
     weights: &[f64],
@@ -165,6 +168,8 @@ impl Problem {
         holds: impl Fn(usize, usize) -> bool,
         share: f64,
     ) -> Self {
+        super::assert_weights(weights);
+        assert!((0.0..=1.0).contains(&share), "the share is {share}, expected 0 to 1");
         let set = |set: usize| {
             let mut words = vec![0u64; weights.len().div_ceil(64)];
             (0..weights.len())
@@ -175,7 +180,7 @@ impl Problem {
         let sets: Vec<Vec<u64>> = (0..n_sets).map(set).collect();
         let is_held = |e: &usize| sets.iter().any(|set| set[e / 64] >> (e % 64) & 1 == 1);
         let total: f64 = (0..weights.len()).filter(is_held).map(|e| weights[e]).sum();
-        let target = (share.min(1.0) - ROUNDING) * total;
+        let target = (share - ROUNDING) * total;
         Problem { sets, weights: weights.to_vec(), target, n_gains: 0 }
     }
 

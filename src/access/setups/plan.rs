@@ -2,10 +2,10 @@
 
 use super::candidates::{Candidate, Candidates};
 use super::machine::{DOWN_RAD, LOWEST_MM, angle};
-use crate::access::cover::{Cover, cover_share, cover_share_preferring, greedy_share};
+use crate::access::cover::{Cover, cover_share, cover_share_preferring, greedy_share, is_weight};
 use crate::access::surface::AccessibleDirections;
 use crate::geom::{Mesh, Sites};
-use crate::{Result, memory, par};
+use crate::{Error, Result, memory, par};
 use glam::{DMat3, Vec3};
 
 /// The chosen setups, in the order of what each adds to those before it, most first; among nearly equal ones the
@@ -106,6 +106,9 @@ impl Plan {
     /// directions it may stand, `weights` what each site counts. `order` has every tool once, the preferred first: of
     /// sets of tools as small as can be a setup takes the one that comes first.
     ///
+    /// # Errors
+    /// If a weight is negative or not finite, or the share of the choice is not from 0 to 1.
+    ///
     /// # Panics
     /// If `accessible` is about other sites or directions, or empty, or `order` does not have every tool once.
     pub fn new(
@@ -116,12 +119,20 @@ impl Plan {
         weights: &[f64],
         choice: Choice,
         order: &[usize],
-    ) -> Self {
+    ) -> Result<Self> {
         let n = sites.len();
         assert!(!accessible.is_empty() && weights.len() == n, "a tool, and a weight per site");
         for tool in accessible {
             let about = (tool.n_sites(), tool.n_directions());
             assert_eq!(about, (n, candidates.directions().len()), "these sites and directions");
+        }
+        if let Some(weight) = weights.iter().find(|weight| !is_weight(**weight)) {
+            let remedy = "give the areas that the sites stand for";
+            return Err(Error::argument("weights", weight, "0 or more each", remedy));
+        }
+        if !(0.0..=1.0).contains(&choice.share) {
+            let remedy = "0.95 is the share of the program";
+            return Err(Error::argument("share", choice.share, "0 to 1", remedy));
         }
         let any: Vec<Bits> = par::map(candidates.directions().len(), |d| {
             let mut bits = vec![0; n.div_ceil(64)];
@@ -159,7 +170,8 @@ impl Plan {
         let only_tip = (0..n)
             .map(|i| !can_be_reached[i] && accessible.iter().any(|tool| tool.only_tip()[i]))
             .collect();
-        Plan { setups, at_least: cover.at_least, n_for_all, can_be_reached, first, only_tip }
+        let at_least = cover.at_least;
+        Ok(Plan { setups, at_least, n_for_all, can_be_reached, first, only_tip })
     }
 }
 

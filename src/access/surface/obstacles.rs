@@ -10,6 +10,7 @@ use crate::access::{Counted, Extent, Labels, Obstacles, Queries, count_for, occl
 use crate::answers::{SiteAnswers, n_of_share};
 use crate::cutter::Cutter;
 use crate::directions::Directions;
+use crate::geom::mesh::WITHIN_1_KM;
 use crate::geom::{Mesh, Sites};
 use crate::{Error, Result, memory, par};
 use glam::{DVec3, Vec3};
@@ -43,15 +44,27 @@ pub struct TriangleObstacles {
 
 /// Upper estimate of corners, search tree and edges.
 const BYTES_OF_TRIANGLE: usize = 512;
-/// Coordinates beyond this are refused, as in [`label`](crate::access::label()).
-const MAX_COORDINATE_MM: f64 = 1e6;
 
 impl TriangleObstacles {
     /// The triangles of `part` and of `fixtures`; builds the search tree, about a second per million of them.
     ///
+    /// Triangles block from both sides, so nothing depends on which side they face, and open meshes are taken as they
+    /// are: a tool can be inside of one, and no answer says so. Where only solids make sense, check them before:
+    ///
+    /// ```
+    /// use deepmill::access::surface::TriangleObstacles;
+    /// use deepmill::geom::{check, solids};
+    ///
+    /// let mut part = solids::cuboid(glam::DVec3::ONE);
+    /// check::require_labelable(&part)?;
+    /// part.triangles.pop();
+    /// assert!(check::require_labelable(&part).is_err() && TriangleObstacles::new(&part, &[]).is_ok());
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    ///
     /// # Errors
-    /// If a face names a missing vertex, a vertex is not finite or beyond 1 km, or there are more than two thousand
-    /// million triangles.
+    /// If no face of the part has an area, a face names a missing vertex, a vertex is not finite or beyond 1 km, or there
+    /// are more than two thousand million triangles.
     pub fn new(part: &Mesh, fixtures: &[Mesh]) -> Result<Self> {
         let meshes = || std::iter::once(part).chain(fixtures);
         let needed =
@@ -59,8 +72,12 @@ impl TriangleObstacles {
         memory::require("the search tree of triangles", needed, "simplify the mesh")?;
         let mut triangles = Vec::new();
         for mesh in meshes() {
-            check(mesh)?;
+            mesh.check_within(&WITHIN_1_KM)?;
             triangles.extend((0..mesh.triangles.len()).map(|f| mesh.corners(f)));
+        }
+        if !(0..part.triangles.len()).any(|f| part.has_area(f)) {
+            let remedy = "give the triangles of the part's surface";
+            return Err(Error::geometry("part", "no face has an area", remedy));
         }
         if triangles.len() > u32::MAX as usize / 2 {
             let found = format!("{} triangles", triangles.len());
@@ -226,20 +243,8 @@ fn contacts(sites: &Sites) -> Result<Vec<Contact>> {
 }
 
 fn check_points(what: &str, points: &[Vec3]) -> Result<()> {
-    let usable = |p: &Vec3| p.is_finite() && f64::from(p.abs().max_element()) <= MAX_COORDINATE_MM;
+    let usable = |p: &Vec3| p.is_finite() && f64::from(p.abs().max_element()) <= WITHIN_1_KM.mm;
     let Some(i) = points.iter().position(|p| !usable(p)) else { return Ok(()) };
     let remedy = "coordinates must be finite and within 1 km; check the file and its unit";
     Err(Error::geometry(format!("{what} {i}"), format!("position {}", points[i]), remedy))
-}
-
-fn check(mesh: &Mesh) -> Result<()> {
-    let n = mesh.vertices.len();
-    if let Some(f) = mesh.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= n)) {
-        let found = format!("names a vertex beyond the last of {n}");
-        return Err(Error::geometry(format!("face {f}"), found, "check the file"));
-    }
-    let usable = |v: &DVec3| v.is_finite() && v.abs().max_element() <= MAX_COORDINATE_MM;
-    let Some(v) = mesh.vertices.iter().position(|v| !usable(v)) else { return Ok(()) };
-    let remedy = "coordinates must be finite and within 1 km; check the file and its unit";
-    Err(Error::geometry(format!("vertex {v}"), format!("position {}", mesh.vertices[v]), remedy))
 }

@@ -4,6 +4,7 @@ use super::drop;
 use super::tool::{Outline, Stand, axes};
 use crate::cutter::Cutter;
 use crate::geom::Mesh;
+use crate::geom::mesh::WITHIN_1_KM;
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 
@@ -33,7 +34,8 @@ pub struct Raise {
 /// closed formulas in `f64`.
 ///
 /// # Errors
-/// If the direction has no length, or the tolerance is not positive or not below the cutter's radius.
+/// If the direction has no length, the tolerance is not positive or not below the cutter's radius, a face names a missing
+/// vertex, or a vertex or the reference point is not finite or beyond 1 km.
 pub fn raise(
     mesh: &Mesh,
     cutter: &Cutter,
@@ -46,6 +48,11 @@ pub fn raise(
     if !direction.is_normalized() {
         let remedy = "normalize it";
         return Err(Error::argument("direction", direction, "a unit vector", remedy));
+    }
+    mesh.check_within(&WITHIN_1_KM)?;
+    if !(reference.is_finite() && reference.abs().max_element() <= WITHIN_1_KM.mm) {
+        let expected = "finite coordinates within 1 km";
+        return Err(Error::argument("reference", reference, expected, "give it in mm"));
     }
     let stand = Stand { reference, axes: axes(direction) };
     let faces = (0..mesh.triangles.len()).filter(|&f| mesh.has_area(f));

@@ -172,9 +172,12 @@ const BYTES_OF_SITE: usize = 512;
 
 /// Near-uniform sites on `mesh`, the same for every thread count.
 ///
+/// Normals point to the side that faces look to: outward if the mesh is closed and faces outward, which
+/// [`require_labelable`](super::check::require_labelable) checks.
+///
 /// # Errors
-/// If `n_sites` is 0 or above ten million, a face names a missing vertex, a vertex is not finite or beyond 10¹² mm,
-/// the mesh has no area, or so many sites do not fit into the memory.
+/// If `n_sites` is 0 or above ten million, a crease is not an angle from 0 to π, a face names a missing vertex, a vertex
+/// is not finite or beyond 1 km, the mesh has no area, or so many sites do not fit into the memory.
 pub fn sample(mesh: &Mesh, options: &SiteOptions) -> Result<Sites> {
     let _floats = par::DefaultFloats::set();
     if options.n_sites == 0 || options.n_sites > MAX_SITES {
@@ -183,6 +186,12 @@ pub fn sample(mesh: &Mesh, options: &SiteOptions) -> Result<Sites> {
     }
     let needed = memory::product([options.n_sites, BYTES_OF_SITE]);
     memory::require("sampling the sites", needed, "ask for fewer sites")?;
+    if let Normals::Smooth { crease_rad } = options.normals
+        && !(0.0..=std::f64::consts::PI).contains(&crease_rad)
+    {
+        let remedy = "0.52, which is 30 degrees, suits most parts";
+        return Err(Error::argument("crease_rad", crease_rad, "an angle from 0 to pi", remedy));
+    }
     let surface = Surface::build(mesh)?;
     let mut places = start::place(&surface, options.n_sites, options.seed);
     relax::relax(&surface, &mut places);

@@ -2,6 +2,7 @@
 
 use super::sheet::OPPOSITE;
 use crate::geom::Mesh;
+use crate::geom::mesh::WITHIN_1_KM;
 use crate::{Error, Result, par};
 use glam::DVec3;
 
@@ -12,8 +13,6 @@ const WALL: u32 = u32::MAX;
 const FLAT: f64 = 1e-12;
 /// Edges one walk may cross; a longer walk ends early, on the surface.
 const MAX_CROSSINGS: usize = 1000;
-/// Areas of anything within this are far inside `f64`, and places inside `f32`; readers of files have the same bound.
-const MAX_COORDINATE_MM: f64 = 1e12;
 
 /// A point on the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,18 +38,9 @@ pub(super) struct Surface<'a> {
 
 impl<'a> Surface<'a> {
     /// # Errors
-    /// If a face names a missing vertex, a vertex is not finite or beyond [`MAX_COORDINATE_MM`], or the mesh has no area.
+    /// If a face names a missing vertex, a vertex is not finite or beyond 1 km, or the mesh has no area.
     pub fn build(mesh: &'a Mesh) -> Result<Self> {
-        mesh.check()?;
-        let is_far = |v: &DVec3| v.abs().max_element() > MAX_COORDINATE_MM;
-        if let Some(v) = mesh.vertices.iter().position(is_far) {
-            let found = format!("is at {}, beyond {MAX_COORDINATE_MM:e} mm", mesh.vertices[v]);
-            return Err(Error::geometry(
-                format!("vertex {v}"),
-                found,
-                "check the file and its unit",
-            ));
-        }
+        mesh.check_within(&WITHIN_1_KM)?;
         let n_faces = mesh.triangles.len();
         let (mut normals, mut areas) = (vec![DVec3::ZERO; n_faces], vec![0.0; n_faces]);
         for face in 0..n_faces {
@@ -248,7 +238,7 @@ mod tests {
             message(&triangle(flat, 3)).starts_with("face 0: names a vertex beyond the last of 3")
         );
         let open = [DVec3::ZERO, DVec3::X, DVec3::Y * f64::NAN];
-        assert!(message(&triangle(open, 2)).starts_with("vertex 2: is not finite"));
+        assert!(message(&triangle(open, 2)).starts_with("vertex 2: position [NaN"));
         assert!(message(&Mesh::default()).starts_with("mesh: no face"));
     }
 }

@@ -104,13 +104,14 @@ pub fn from_bytes<T: Scalar>(bytes: &[u8], origin: &Path) -> Result<AnyModel<T>>
 /// Writes a model; `notes` go into the metadata.
 ///
 /// # Errors
-/// If the file cannot be written, or what is written does not fit into the memory.
+/// If the file cannot be written, a calibration is not sound, or what is written does not fit into the memory.
 pub fn write<T: Scalar, N: Network<T>>(
     path: &Path,
     model: &Model<T, N>,
     storage: Storage,
     notes: &str,
 ) -> Result<()> {
+    model.calibration.iter().try_for_each(Calibration::check)?;
     let bytes_of_number = if storage == Storage::Bf16 { 2 } else { size_of::<T>() };
     let needed = memory::product([model.params.len() + model.buffers.len(), bytes_of_number]);
     memory::require_for(path, "writing the network", needed)?;
