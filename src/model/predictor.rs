@@ -85,7 +85,8 @@ impl Predictor {
         let outside = self.model.domain.as_ref().map(outside).unwrap_or_default();
         if let Some(far) = outside.iter().find(|o| o.is_far() && !self.far) {
             let expected = "a part and a cutter like those that the network was trained on";
-            let remedy = "ask the exact labeler (`deepmill label`), or accept a guess (`--far`)";
+            let remedy =
+                "label it exactly, or accept a guess (`accept_far`; `--far` at the command line)";
             return Err(Error::argument("network's input", far, expected, remedy));
         }
         let prediction = self.model.predict(&sites.points, &sites.normals, lengths.to_array())?;

@@ -45,7 +45,7 @@ impl FromStr for Extra {
     fn from_str(name: &str) -> Result<Self> {
         Extra::ALL.into_iter().find(|extra| extra.name() == name).ok_or_else(|| {
             let expected = Extra::ALL.map(Extra::name).join(" or ");
-            Error::argument("--also", name, expected, "NPZ and PLY are always written")
+            Error::argument("format", name, expected, "NPZ and PLY are always written")
         })
     }
 }

@@ -87,7 +87,7 @@ impl FromStr for Limit {
         let refuse = |expected: String| {
             let remedy =
                 "write for example 'inaccessible>5%' or 'tip_does_not_fit>20mm2', in quotes";
-            Error::argument("--fail-if", format!("`{text}`"), expected, remedy)
+            Error::argument("limit", format!("`{text}`"), expected, remedy)
         };
         let form = || refuse("QUANTITY>NUMBER% or QUANTITY>NUMBERmm2, or < in place of >".into());
         let at = text.find(['>', '<']).ok_or_else(form)?;
@@ -233,7 +233,7 @@ impl Limit {
     pub fn not_answered(&self) -> Error {
         let expected = "a quantity that this command answers";
         let remedy = "inaccessible and unreachable are always answered";
-        Error::argument("--fail-if", format!("`{self}`"), expected, remedy)
+        Error::argument("limit", format!("`{self}`"), expected, remedy)
     }
 
     /// Why the answers break the limit; `None` if they keep it.
@@ -270,7 +270,7 @@ impl Limit {
     fn total(&self, areas: &SiteAreas) -> Result<f64> {
         areas.total_mm2.ok_or_else(|| {
             let remedy = "a cloud has no area in mm2: limit a share in %";
-            Error::argument("--fail-if", format!("`{self}`"), "a limit in %", remedy)
+            Error::argument("limit", format!("`{self}`"), "a limit in %", remedy)
         })
     }
 }
@@ -368,7 +368,7 @@ mod tests {
         ] {
             let message = text.parse::<Limit>().unwrap_err().to_string();
             assert!(
-                message.starts_with("--fail-if is `") && message.contains("inaccessible>5%"),
+                message.starts_with("limit is `") && message.contains("inaccessible>5%"),
                 "{message}"
             );
         }

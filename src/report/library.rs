@@ -68,7 +68,7 @@ impl Library {
         if !(share > 0.0 && share <= 1.0) {
             let found = format!("{} %", 100.0 * share);
             let remedy = "95% is the default";
-            return Err(Error::argument("--share", found, "above 0, at most 100 %", remedy));
+            return Err(Error::argument("share", found, "above 0, at most 100 %", remedy));
         }
         let reaches = |tool: usize, i: usize| reach[tool].answers[i] == SiteAnswer::Accessible;
         let n_for_all = cover(tools.len(), areas.shares(), reaches).chosen.len();

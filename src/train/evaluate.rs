@@ -284,7 +284,7 @@ fn score<const N: usize>(
     answers: impl Fn(&Sample) -> Result<[SiteAnswers; N]>,
 ) -> Result<[Evaluation; N]> {
     if samples.is_empty() {
-        let remedy = "choose another split, or build the data set with --validation";
+        let remedy = "choose another split, or build a data set with a validation part";
         return Err(Error::argument("the list of samples", "empty", "one sample or more", remedy));
     }
     let one = |sample: &Sample| -> Result<Vec<f64>> {

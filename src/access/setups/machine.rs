@@ -108,7 +108,7 @@ impl FromStr for Machine {
         machine.ok_or_else(|| {
             let expected = "3-axis, 3+2:DEGREES, 4-axis, 4-axis:x (y, z or X,Y,Z), 4-axis:x:LOW,HIGH or 5-axis:DEGREES";
             let remedy = "give the machine's greatest tilt from its z axis, above 0 and at most 180, as in 3+2:60";
-            Error::argument("--machine", format!("`{text}`"), expected, remedy)
+            Error::argument("machine", format!("`{text}`"), expected, remedy)
         })
     }
 }
@@ -180,10 +180,7 @@ mod tests {
             "4-axis:1,2",
         ] {
             let message = text.parse::<Machine>().unwrap_err().to_string();
-            assert!(
-                message.starts_with("--machine is `") && message.contains("3+2:60"),
-                "{message}"
-            );
+            assert!(message.starts_with("machine is `") && message.contains("3+2:60"), "{message}");
         }
     }
 

@@ -248,6 +248,11 @@ pub fn called(error: Error, option: &'static str) -> Error {
     }
 }
 
+/// The error, of a limit by its option.
+pub fn limit(error: Error) -> Error {
+    called(error, "--fail-if")
+}
+
 /// Limits that results must keep.
 #[derive(clap::Args)]
 pub struct GateArgs {
@@ -263,9 +268,9 @@ impl GateArgs {
     /// The limits, of a command that does not answer some quantities.
     pub fn limits(&self, unanswered: &[&str]) -> Result<Vec<Limit>> {
         let limits: Vec<Limit> =
-            self.fail_if.iter().map(|text| text.parse()).collect::<Result<_>>()?;
+            self.fail_if.iter().map(|text| text.parse().map_err(limit)).collect::<Result<_>>()?;
         match limits.iter().find(|limit| unanswered.contains(&limit.quantity())) {
-            Some(limit) => Err(limit.not_answered()),
+            Some(limit) => Err(self::limit(limit.not_answered())),
             None => Ok(limits),
         }
     }

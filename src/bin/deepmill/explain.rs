@@ -87,13 +87,16 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let library = library.collect::<Result<Vec<Tool>>>()?;
     let (site, distance) = match at {
         Some(at) => {
-            let found = query.nearest_site(at)?;
+            let found = query.nearest_site(at).map_err(|e| called(e, "--at"))?;
             args.require_near(at, found, &query.file.sites)?;
             found
         }
         None => (args.site.unwrap_or_default(), 0.0),
     };
-    let why = query.explain(site)?;
+    let why = query.explain(site).map_err(|e| match e {
+        Error::Argument { name: "site", .. } => called(e, "--site"),
+        other => other,
+    })?;
     let about = About { query: &query, site, why: &why };
     let mut facts = about.facts();
     let mut result = about.json();

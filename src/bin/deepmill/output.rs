@@ -1,5 +1,6 @@
 //! Output of a command: text for people, or one JSON object for programs.
 
+use crate::args;
 use deepmill::answers::SiteAnswers;
 use deepmill::geom::units::Unit;
 use deepmill::geom::{Mesh, Sites};
@@ -136,12 +137,12 @@ impl Output {
         if !of_all.is_empty() && !answers.is_empty() {
             let all = for_all_tools(answers.iter().map(|(_, answers)| *answers));
             for limit in of_all {
-                broken.extend(limit.broken_by(&all, &areas)?);
+                broken.extend(limit.broken_by(&all, &areas).map_err(args::limit)?);
             }
         }
         for (tool, answers) in answers {
             for limit in &others {
-                if let Some(why) = limit.broken_by(answers, &areas)? {
+                if let Some(why) = limit.broken_by(answers, &areas).map_err(args::limit)? {
                     broken.push(format!("{tool}: {why}"));
                 }
             }

@@ -138,7 +138,7 @@ impl LabelQuery {
         let nearest = all.reduce(|best, next| if next.1 < best.1 { next } else { best });
         nearest.filter(|(_, distance)| distance.is_finite()).ok_or_else(|| {
             let remedy = "give a place of the part in mm";
-            Error::argument("--at", at, "three finite coordinates, of a part with sites", remedy)
+            Error::argument("place", at, "three finite coordinates, of a part with sites", remedy)
         })
     }
 
@@ -160,7 +160,7 @@ impl LabelQuery {
         let n = self.file.sites.len();
         if site >= n {
             let expected = format!("below {n}, the number of sites");
-            return Err(Error::argument("--site", site, expected, "rows count from 0"));
+            return Err(Error::argument("site", site, expected, "rows count from 0"));
         }
         let Sites { points, normals, .. } = &self.file.sites;
         let query = Query {
