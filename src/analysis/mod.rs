@@ -45,7 +45,9 @@ pub use fixtures::KeptOut;
 pub use observer::{Observer, Progress, Stage};
 pub use outcome::{Outcome, ToolOutcome};
 pub use placed::Placed;
-pub use predictions::{PredictRequest, PredictionsOutcome, ToolPrediction, known_to_networks};
+#[doc(hidden)] // of the program
+pub use predictions::known_to_networks;
+pub use predictions::{PredictRequest, PredictionsOutcome, ToolPrediction};
 pub use setups::{SetupRequest, SetupsOutcome};
 pub use tools::ToolsOutcome;
 pub use volume::VolumeOutcome;

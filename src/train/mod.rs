@@ -22,6 +22,7 @@ mod run;
 mod run_folder;
 mod settings;
 #[cfg(feature = "formats")]
+#[doc(hidden)] // of the program and fuzz targets
 pub mod settings_file;
 mod step;
 
