@@ -44,7 +44,7 @@ pub enum Error {
     /// An argument is outside its domain.
     #[error("{name} is {found}, expected {expected}; {remedy}")]
     Argument {
-        /// The argument's name in the user interface.
+        /// The argument's name, of a call or, from the program, of an option.
         name: &'static str,
         /// The value given.
         found: String,
@@ -109,6 +109,39 @@ pub enum Error {
     },
 }
 
+/// What kind of failure an [`Error`] is, to act on without its words.
+///
+/// ```
+/// use deepmill::error::ErrorKind;
+/// use deepmill::geom::Mesh;
+/// let error = Mesh::from_slices(&[[0.0; 3]], &[[0, 1, 2]]).unwrap_err();
+/// assert_eq!(error.kind(), ErrorKind::Geometry);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// The system refused to open or read a file.
+    Read,
+    /// The system refused to write a file.
+    Write,
+    /// The content of a file is not what its format demands.
+    File,
+    /// A mesh or point cloud cannot be used as it is.
+    Geometry,
+    /// An argument is outside its domain.
+    Argument,
+    /// The work needs more memory than is sensible.
+    TooLarge,
+    /// A computation left the finite numbers.
+    NotFinite,
+    /// A backward pass is not the derivative of its forward pass.
+    Gradient,
+    /// Another process failed.
+    OtherProcess,
+    /// The user interrupted the work, which can go on.
+    Interrupted,
+}
+
 /// What helps against a failure of the operating system.
 fn io_remedy(source: &std::io::Error) -> &'static str {
     use std::io::ErrorKind::{
@@ -126,7 +159,27 @@ fn io_remedy(source: &std::io::Error) -> &'static str {
     }
 }
 
+/// What was attempted, of a failed write.
+const WRITTEN: &str = "written";
+
 impl Error {
+    /// What kind of failure it is; of one of several processes, what happened there.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Error::Io { action: WRITTEN, .. } => ErrorKind::Write,
+            Error::Io { .. } => ErrorKind::Read,
+            Error::File { .. } => ErrorKind::File,
+            Error::Geometry { .. } => ErrorKind::Geometry,
+            Error::Argument { .. } => ErrorKind::Argument,
+            Error::TooLarge { .. } => ErrorKind::TooLarge,
+            Error::NotFinite { .. } => ErrorKind::NotFinite,
+            Error::Gradient { .. } => ErrorKind::Gradient,
+            Error::Process { source, .. } => source.kind(),
+            Error::OtherProcess { .. } => ErrorKind::OtherProcess,
+            Error::Interrupted { .. } => ErrorKind::Interrupted,
+        }
+    }
+
     /// A failed read of `path`.
     pub fn read(path: impl AsRef<Path>, source: std::io::Error) -> Self {
         Error::Io { path: path.as_ref().into(), action: "read", source }
@@ -134,7 +187,7 @@ impl Error {
 
     /// A failed write of `path`.
     pub fn write(path: impl AsRef<Path>, source: std::io::Error) -> Self {
-        Error::Io { path: path.as_ref().into(), action: "written", source }
+        Error::Io { path: path.as_ref().into(), action: WRITTEN, source }
     }
 
     /// Bad content at `place` of `path`. What was found, which may come from another library, becomes one line.
@@ -186,6 +239,15 @@ impl Error {
 mod tests {
     use super::*;
     use std::io;
+
+    #[test]
+    fn kinds_tell_reads_from_writes_and_look_into_processes() {
+        let io = || io::Error::from(io::ErrorKind::NotFound);
+        assert_eq!(Error::read("a", io()).kind(), ErrorKind::Read);
+        let source = Box::new(Error::write("a", io()));
+        let process = Error::Process { rank: 1, size: 2, source };
+        assert_eq!(process.kind(), ErrorKind::Write);
+    }
 
     #[test]
     fn remedies_fit_what_the_system_says() {
