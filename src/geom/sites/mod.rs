@@ -68,6 +68,23 @@ impl Sites {
         Ok(sites)
     }
 
+    /// [`Sites::new`] from plain numbers.
+    ///
+    /// # Errors
+    /// As [`Sites::check`].
+    ///
+    /// ```
+    /// use deepmill::geom::Sites;
+    /// let points = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]];
+    /// assert_eq!(Sites::from_slices(&points, &[[0.0, 0.0, 1.0]; 2])?.len(), 2);
+    /// assert!(Sites::from_slices(&points, &[[0.0, 0.0, 1.0]]).is_err());
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    pub fn from_slices(points: &[[f32; 3]], normals: &[[f32; 3]]) -> Result<Self> {
+        let vectors = |list: &[[f32; 3]]| list.iter().map(|v| Vec3::from_array(*v)).collect();
+        Sites::new(vectors(points), vectors(normals))
+    }
+
     /// Number of sites.
     pub fn len(&self) -> usize {
         self.points.len()
