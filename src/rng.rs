@@ -4,7 +4,10 @@
 //! drawn: resuming, sharding and reordering do not change any random decision.
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng as _, SeedableRng};
+/// The traits of random generators, for [`Stream`].
+pub use rand_chacha::rand_core;
+use rand_chacha::rand_core::{Rng, SeedableRng, TryRng};
+use std::convert::Infallible;
 
 /// What a random stream decides. The discriminants are part of the file formats: never renumber.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,7 +37,16 @@ pub enum Purpose {
     SpotCheck = 11,
 }
 
-/// One random stream.
+/// One random stream. It is a generator of `rand` 0.10 too, whose distributions draw from it.
+///
+/// ```
+/// use deepmill::rng::rand_core::Rng;
+/// use deepmill::rng::{Purpose, Stream};
+/// let dice = |rng: &mut dyn Rng| rng.next_u32() % 6;
+/// let (mut one, mut other) = (Stream::new(1, 0, 0, Purpose::Probe), Stream::new(1, 0, 0, Purpose::Probe));
+/// assert_eq!(dice(&mut one), dice(&mut other));
+/// assert_eq!(one.next_u64(), other.bits());
+/// ```
 #[derive(Debug, Clone)]
 pub struct Stream(ChaCha8Rng);
 
@@ -89,6 +101,23 @@ impl Stream {
         for i in (1..items.len()).rev() {
             items.swap(i, self.below(i + 1));
         }
+    }
+}
+
+impl TryRng for Stream {
+    type Error = Infallible;
+
+    fn try_next_u32(&mut self) -> Result<u32, Infallible> {
+        Ok(self.0.next_u32())
+    }
+
+    fn try_next_u64(&mut self) -> Result<u64, Infallible> {
+        Ok(self.0.next_u64())
+    }
+
+    fn try_fill_bytes(&mut self, bytes: &mut [u8]) -> Result<(), Infallible> {
+        self.0.fill_bytes(bytes);
+        Ok(())
     }
 }
 
