@@ -5,6 +5,7 @@
 //! [`Cutter`](crate::cutter::Cutter), and both return [`SiteAnswers`]. `true` is always the positive class:
 //! *inaccessible*, *occlusion point*.
 
+mod checked;
 mod share_limit;
 mod spot_check;
 
@@ -62,8 +63,9 @@ impl fmt::Display for Definition {
 }
 
 /// Answers per site, in the order of the sites. A list is empty if the engine does not compute it, or its option
-/// is off; otherwise it has one entry per site.
-#[derive(Debug, Clone, Default, PartialEq)]
+/// is off; otherwise it has one entry per site, which is checked when it is deserialized.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "checked::Unchecked")]
 #[non_exhaustive]
 pub struct SiteAnswers {
     /// The cutter collides in every direction.
@@ -188,7 +190,8 @@ impl SiteAnswers {
 }
 
 /// One number that is not among those of a network's [`Domain`](crate::model::Domain).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct OutsideDomain {
     /// What it measures.
     pub quantity: &'static str,
@@ -202,6 +205,8 @@ pub struct OutsideDomain {
 const FAR: f64 = 2.0;
 /// The one quantity that is not a length.
 pub(crate) const N_SITES: &str = "number of sites";
+/// All of them, in the order of the ranges of a network's domain.
+pub(crate) const QUANTITIES: [&str; 6] = ["CR", "CH", "FR", "FH", "smallest edge", N_SITES];
 
 impl OutsideDomain {
     pub(crate) fn is_outside(&self) -> bool {

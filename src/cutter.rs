@@ -32,8 +32,22 @@ use std::str::FromStr;
 pub struct Step {
     /// Height above the reference point, mm.
     pub height_mm: f64,
-    /// Radius from there upward, mm; infinite for the spindle's half-space.
+    /// Radius from there upward, mm; infinite for the spindle's half-space, serialized as none.
+    #[serde(with = "spindle")]
     pub radius_mm: f64,
+}
+
+/// Radii, none for an infinite one, which text formats cannot hold.
+mod spindle {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(radius: &f64, to: S) -> Result<S::Ok, S::Error> {
+        Some(radius).filter(|radius| **radius != f64::INFINITY).serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
+    }
 }
 
 /// A checked cutter: where it touches, and steps whose heights increase and radii do not decrease.

@@ -182,11 +182,27 @@ fn is_cone_angle(half_angle_rad: f64) -> bool {
     half_angle_rad > 0.0 && half_angle_rad <= PI
 }
 
-/// At least one unit vector; the order is part of the result of every labeling.
-#[derive(Debug, Clone, PartialEq)]
+/// At least one unit vector; the order is part of the result of every labeling. Serialized as its [`DirectionSet`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "DirectionSet", into = "DirectionSet")]
 pub struct Directions {
     set: DirectionSet,
     vectors: Vec<Vec3>,
+}
+
+/// As [`Directions::new`].
+impl TryFrom<DirectionSet> for Directions {
+    type Error = Error;
+
+    fn try_from(set: DirectionSet) -> Result<Self> {
+        Directions::new(set)
+    }
+}
+
+impl From<Directions> for DirectionSet {
+    fn from(directions: Directions) -> Self {
+        directions.set
+    }
 }
 
 impl Directions {

@@ -21,6 +21,7 @@
 
 mod lower_end;
 mod parts;
+mod read;
 
 pub use parts::ToolPart;
 
@@ -28,7 +29,7 @@ use super::margins::{check_allowance, check_margin, envelope, grown};
 use super::{Cutter, Step, is_wider, positive};
 use crate::{Error, Result};
 use lower_end::LowerEnd;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A cylinder or cone of a solid of revolution.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,8 +80,9 @@ pub enum TipShape {
     },
 }
 
-/// A checked tool in its holder.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+/// A checked tool in its holder; checked again when it is deserialized.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "read::Unchecked")]
 pub struct Assembly {
     /// Without the allowance, as all that cuts.
     corner_mm: f64,

@@ -1,6 +1,6 @@
 //! The domain of a network: the ranges of ratios it was trained for, since labels depend on ratios of lengths alone.
 
-use crate::answers::{N_SITES, OutsideDomain};
+use crate::answers::{OutsideDomain, QUANTITIES};
 use crate::cutter::CutterParams;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -33,8 +33,6 @@ pub struct Domain {
 
 /// Lengths beyond so many largest edges are all the same.
 const LONGEST: f64 = 2.0;
-/// Quantities of [`Domain`] in the order of its fields.
-const NAMES: [&str; 6] = ["CR", "CH", "FR", "FH", "smallest edge", N_SITES];
 
 impl Domain {
     /// That of a single part and cutter.
@@ -61,7 +59,7 @@ impl Domain {
     /// What of a part and a cutter is outside; the number of sites counts only if it is far outside.
     pub fn outside(&self, points_mm: &[Vec3], cutter: CutterParams) -> Vec<OutsideDomain> {
         let found = Domain::of(points_mm, cutter);
-        let all = NAMES.into_iter().zip(self.ranges()).zip(found.ranges());
+        let all = QUANTITIES.into_iter().zip(self.ranges()).zip(found.ranges());
         let all =
             all.map(|((quantity, range), [value, _])| OutsideDomain { quantity, value, range });
         all.filter(|o| o.is_outside() && (!o.is_count() || o.is_far())).collect()

@@ -150,7 +150,7 @@ const MAX_SAMPLES: usize = 100_000_000;
 const MOST_FINISH_MM: f64 = 10.0;
 
 /// Answers about the part itself, in the order of the queries.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceLabels {
     /// Number of directions tested and counted: those of the set, and +z where the set stands for all within an angle
     /// that +z is among.
@@ -206,7 +206,8 @@ impl SurfaceLabels {
 }
 
 /// A pose of the tool: where it is, and in which direction its axis points.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct WitnessPose {
     /// From tip to spindle, a unit vector.
     pub direction: Vec3,
@@ -227,7 +228,8 @@ impl WitnessPose {
 }
 
 /// Counts of the work done; they do not depend on the number of threads.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct SurfaceStats {
     /// Pairs (query, direction).
     pub pairs: u64,

@@ -1,0 +1,102 @@
+//! What is written with serde is read back the same, and what makes no sense is refused on reading.
+#![cfg(feature = "formats")]
+
+use deepmill::access::Labeler;
+use deepmill::access::surface::{SurfaceLabels, SurfaceOptions, TriangleObstacles};
+use deepmill::answers::SiteAnswers;
+use deepmill::cutter::{Assembly, Cutter, CutterParams, Section, TipShape};
+use deepmill::directions::{DirectionSet, Directions};
+use deepmill::geom::sites::{SiteOptions, sample};
+use deepmill::geom::{Mesh, Sites, solids};
+use deepmill::model::{Model, Predictor, UNetConfig};
+use glam::{DVec3, Vec3};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+use std::fmt::Debug;
+
+fn again<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: &T) -> Value {
+    let text = serde_json::to_string(value).unwrap();
+    assert_eq!(&serde_json::from_str::<T>(&text).unwrap(), value);
+    serde_json::from_str(&text).unwrap()
+}
+
+/// Reading fails with these words once `key` has this value.
+fn refused<T: DeserializeOwned + Debug>(written: &Value, key: &str, value: Value, words: &str) {
+    let mut changed = written.clone();
+    changed[key] = value;
+    let message = serde_json::from_value::<T>(changed).unwrap_err().to_string();
+    assert!(message.contains(words), "{message}");
+}
+
+fn scene() -> (Mesh, Sites, Cutter) {
+    let part = solids::cuboid(DVec3::new(30.0, 20.0, 10.0));
+    let sites = sample(&part, &SiteOptions { n_sites: 100, ..SiteOptions::default() }).unwrap();
+    (part, sites, "1.5,6,40,5".parse().unwrap())
+}
+
+#[test]
+fn tools_are_built_again_when_they_are_read() {
+    let straight = |length_mm, diameter_mm: f64| Section::cylinder(length_mm, diameter_mm / 2.0);
+    let tip = TipShape::Straight { radius_mm: 3.0, corner_mm: 0.5 };
+    let body = [straight(20.0, 6.0), straight(40.0, 8.0)];
+    let tool = Assembly::new(tip, &body, &[straight(30.0, 40.0)], 45.0).unwrap();
+    let tool = tool.with_overall(60.0).unwrap().with_allowance(0.2).unwrap();
+    let written = again(&tool);
+    assert!(written["holder"][1]["radius_mm"].is_null(), "the spindle: {written}");
+    for (key, value, words) in [
+        ("stick_out_mm", json!(-1.0), "stick-out is -1"),
+        ("stick_out_mm", json!(70.0), "at most the overall length"),
+        ("holder", json!([]), "holder is without steps"),
+        ("allowance_mm", json!(-0.1), "allowance is -0.1"),
+        ("excess_mm", json!(-0.1), "excess is -0.1"),
+        ("corner_mm", json!(-0.5), "corner radius is -0.5"),
+        ("cutting", json!([{ "height_mm": 1.0, "radius_mm": -2.0 }]), "step"),
+    ] {
+        refused::<Assembly>(&written, key, value, words);
+    }
+    again(&CutterParams::from_array([1.5, 6.0, 40.0, 5.0]));
+}
+
+#[test]
+fn directions_are_read_from_their_set() {
+    let cone = DirectionSet::Cone { axis: [0.0, 0.0, 1.0], half_angle_rad: 0.5, n_dirs: 9 };
+    let written = again(&Directions::new(cone).unwrap());
+    assert_eq!(written["kind"], "cone");
+    refused::<Directions>(&written, "n_dirs", json!(0), "directions is 0");
+    refused::<Directions>(&written, "half_angle_rad", json!(-1.0), "-1");
+    again(&Directions::published());
+    again(&Directions::up());
+}
+
+#[test]
+fn answers_are_read_with_lists_of_one_length_and_known_quantities() {
+    let (part, sites, cutter) = scene();
+    let options = SurfaceOptions { clearance_limit_mm: Some(2.0), ..SurfaceOptions::default() };
+    let labeler = Labeler::of_part(&part, &[], "20".parse().unwrap(), options).unwrap();
+    let written = again(&labeler.answer(&sites, &cutter).unwrap());
+    refused::<SiteAnswers>(
+        &written,
+        "clearance_mm",
+        json!([0.5]),
+        "a list of 1, expected none, or 100",
+    );
+    refused::<SiteAnswers>(&written, "witness", json!([[0, 0, 2]]), "witness");
+    let share = json!(vec![1.5; 100]);
+    refused::<SiteAnswers>(&written, "accessible_share", share, "accessible_share is 1.5");
+    let outside = json!([{ "quantity": "weight", "value": 1.0, "range": [0.0, 0.5] }]);
+    refused::<SiteAnswers>(&written, "outside_domain", outside, "`weight`");
+    let predictor = Predictor::new(Model::new(&UNetConfig::tiny(), 1).unwrap());
+    again(&predictor.answer(&sites, &cutter).unwrap());
+    again(&SiteAnswers::new(vec![true; 3], vec![]));
+}
+
+#[test]
+fn labels_about_the_part_itself_are_read_back() {
+    let (part, sites, cutter) = scene();
+    let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
+    let options = SurfaceOptions::default();
+    let labels = obstacles.label(&sites, &cutter, &Directions::up(), &options).unwrap();
+    again::<SurfaceLabels>(&labels);
+    assert!(labels.witness.iter().flatten().all(|pose| pose.direction == Vec3::Z));
+}
