@@ -24,6 +24,7 @@ use std::str::FromStr;
 /// By which definition answers are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Definition {
     /// The published one: the sites are the obstacles, see [`access::label`](crate::access::label()).
     Sites,

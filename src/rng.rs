@@ -12,6 +12,7 @@ use std::convert::Infallible;
 /// What a random stream decides. The discriminants are part of the file formats: never renumber.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u64)]
+#[non_exhaustive]
 pub enum Purpose {
     /// Initial parameters of a network.
     Init = 1,

@@ -23,6 +23,7 @@ use std::cmp::Reverse;
 
 /// Sets that cover all that can be covered.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Cover {
     /// The sets, in the order of what each adds to those before it, most first.
     pub chosen: Vec<usize>,

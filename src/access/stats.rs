@@ -4,6 +4,7 @@ use std::ops::AddAssign;
 
 /// Counts of the work done. They depend on the engine, not on threads or instruction set.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Stats {
     /// Answers to "does the cutter collide here?": queries × directions.
     pub queries: u64,

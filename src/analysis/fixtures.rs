@@ -120,6 +120,7 @@ impl Fixture {
 
 /// What fixtures keep each tool from.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct KeptOut {
     /// Names of what keeps tools off: each fixture, the table, and if there are more than one, `several fixtures`.
     pub names: Vec<String>,

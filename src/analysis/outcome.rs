@@ -19,6 +19,7 @@ use crate::report::gate::SiteAreas;
 
 /// The answers about one tool.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ToolOutcome {
     /// Per site.
     pub labels: Labels,

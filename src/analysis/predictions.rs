@@ -93,6 +93,7 @@ pub fn known_to_networks(tools: Vec<Tool>) -> Result<(Vec<Tool>, Vec<String>)> {
 
 /// The predictions about one tool.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ToolPrediction {
     /// The tool.
     pub tool: Tool,

@@ -12,6 +12,7 @@ pub const CONFIDENCE: f64 = 0.95;
 
 /// The last of the random samples of the predicted answers that were computed to compare.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct SpotCheck {
     /// Number of samples drawn, each of what was left by the ones before.
     pub n_rounds: usize,

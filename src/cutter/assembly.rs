@@ -57,6 +57,7 @@ impl Section {
 
 /// The lower end of a tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum TipShape {
     /// A disc of `radius_mm` whose edge is rounded by `corner_mm` (0: flat end, the radius: ball end), below a
     /// cylinder.

@@ -34,6 +34,7 @@ const VERSION: u64 = 1;
 
 /// What the answers of a file are about.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Provenance {
     /// Name of the part.
     pub part: String,

@@ -7,6 +7,7 @@ use std::ops::Range;
 
 /// How a parameter or buffer starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Init {
     /// Every element the same.
     Constant(f64),

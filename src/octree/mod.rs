@@ -28,6 +28,7 @@ use std::ops::Range;
 
 /// All nodes of one depth, over the whole batch.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct OctreeLevel {
     /// Key of every node ([`key`]), ascending.
     pub keys: Vec<u64>,

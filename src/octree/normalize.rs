@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 
 /// Which cube a shape is moved into.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Normalization {
     /// The paper's unit cube: the bounding box is centered and its longest edge becomes [−1, 1].
     #[default]
@@ -80,6 +81,7 @@ pub struct Preparation {
 
 /// Points ready for [`super::Octree::build`].
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Prepared {
     /// The kept points in [−1, 1]³.
     pub points: Vec<Vec3>,

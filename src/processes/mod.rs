@@ -43,6 +43,7 @@ pub trait Processes: Sync {
 /// What a process has sent, and how long it was at it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[doc(hidden)] // of the program
+#[non_exhaustive]
 pub struct Traffic {
     /// Bytes for other processes.
     pub bytes_sent: u64,

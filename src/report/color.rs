@@ -16,6 +16,7 @@ pub struct Class<'a> {
 
 /// What the colors of the sites say; the slices have one entry per site.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub enum Coloring<'a> {
     /// Nothing: this many sites without an answer.
     Plain(usize),

@@ -27,6 +27,7 @@ pub const FIRST_TOOLS: &str = "tools.ply";
 
 /// Which pictures to draw besides the data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Show {
     /// Data and colored points only.
     Points,

@@ -27,6 +27,7 @@ pub struct Library {
 
 /// One tool in numbers; areas as shares of the surface.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ToolFacts {
     /// That the tool reaches as it is held.
     pub reached: f64,

@@ -9,6 +9,7 @@ use unit::Quantity;
 
 /// One number or word.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Cell {
     /// A word.
     Text(String),

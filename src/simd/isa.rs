@@ -33,6 +33,7 @@ pub trait Kernel {
 
 /// An instruction set that this processor has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Isa {
     /// Whatever the target guarantees.
     #[doc(hidden)] // its token cannot be named

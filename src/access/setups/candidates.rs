@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 /// Which clampings there are to choose from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Clampings {
     /// Standing on a flat face: at the lowest place in that position there are flat faces of at least a hundredth of
     /// the surface that face down, within 1 degree and 0.01 mm.
@@ -31,6 +32,7 @@ impl Clampings {
 
 /// A setup to choose.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Candidate {
     /// z', or the direction of the part along the rotary axis.
     pub direction: Vec3,

@@ -18,6 +18,7 @@ use std::str::FromStr;
 /// # Ok::<(), deepmill::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Machine {
     /// The spindle is along z'.
     ThreeAxis,

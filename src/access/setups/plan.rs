@@ -11,6 +11,7 @@ use glam::{DMat3, Vec3};
 /// The chosen setups, in the order of what each adds to those before it, most first; among nearly equal ones the
 /// likelier clamping first.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Plan {
     /// The setups.
     pub setups: Vec<Setup>,
@@ -54,6 +55,7 @@ impl Choice {
 
 /// One clamping.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Setup {
     /// z', or the direction of the part along the rotary axis.
     pub direction: Vec3,

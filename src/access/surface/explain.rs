@@ -103,6 +103,7 @@ pub struct Explanation {
 
 /// A direction in which the tool may stand, by the reference engine.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Witness {
     /// From tip to spindle.
     pub direction: Vec3,
@@ -115,6 +116,7 @@ pub struct Witness {
 
 /// What was found in a direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct DirectionState {
     /// From tip to spindle.
     pub direction: Vec3,
@@ -126,6 +128,7 @@ pub struct DirectionState {
 
 /// What blocks a direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Blocked {
     /// Part of the tool.
     pub part: ToolPart,

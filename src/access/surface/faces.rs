@@ -8,6 +8,7 @@ const SHARP_RAD: f64 = 0.5;
 
 /// A smooth connected region of a part that is in the way.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct BlockingFace {
     /// A triangle of it, the first.
     pub triangle: u32,

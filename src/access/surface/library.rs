@@ -53,6 +53,7 @@ use std::f64::consts::TAU;
 
 /// What one tool of several reaches.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct ToolReach {
     /// Per site, the answer for the tool as it is held.
     pub answers: Vec<SiteAnswer>,

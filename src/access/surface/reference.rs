@@ -13,6 +13,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 /// What the plain loops find at one query along one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Reached {
     /// Some pose is free.
     Yes,

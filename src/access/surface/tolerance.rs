@@ -37,6 +37,7 @@ use serde::{Deserialize, Serialize};
 /// By how much, in mm, the tool is shrunk all around before it is tested.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum ContactTolerance {
     /// [`LEAST_MM`], and more against facets of concave curves: their chord error.
     #[default]

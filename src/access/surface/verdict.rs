@@ -22,6 +22,7 @@ pub(crate) enum Verdict {
 /// How far a tool must be raised along its axis until it is clear of the surface, mm: its drop height above
 /// where it stands. Negative if it could be lowered, −∞ if it would never meet the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Raise {
     /// For the steps.
     pub steps: f64,

@@ -188,7 +188,7 @@ fn say(
     let table = table(predictions.iter().zip(named.iter().map(|(_, answers)| answers)));
     output.say(table.text_in(output.unit()));
     result["tools"] = table.json();
-    for (row, ToolPrediction { tool, file }) in (0..).zip(predictions) {
+    for (row, ToolPrediction { tool, file, .. }) in (0..).zip(predictions) {
         result["tools"][row]["spot_check"] = numbers_of_check(file);
         result["tools"][row]["outside_domain"] = json!(file.provenance.settings.outside_domain);
         result["tools"][row]["folder"] = json!(tool.folder());
@@ -220,7 +220,7 @@ fn table<'a>(rows: impl Iterator<Item = (&'a ToolPrediction, &'a SiteAnswers)>) 
         ("verified", "computed"),
         ("spot_check", "spot check"),
     ]);
-    for (ToolPrediction { tool, file }, answers) in rows {
+    for (ToolPrediction { tool, file, .. }, answers) in rows {
         table.row([
             Cell::text(&tool.name),
             Cell::text(tool.words()),

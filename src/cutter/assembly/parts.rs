@@ -10,6 +10,7 @@ use std::fmt;
 /// A part of a tool; the order is from the tip upward.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum ToolPart {
     /// Ball, corner or flat that touches the site.
     Tip,

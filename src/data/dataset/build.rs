@@ -22,6 +22,7 @@ use std::sync::Arc;
 
 /// Where a part comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PartSource {
     /// A mesh file in millimeters.
     File(PathBuf),

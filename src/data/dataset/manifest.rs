@@ -166,6 +166,7 @@ fn is_within(file: &str) -> bool {
 /// What a part is used for. A part never serves both.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Split {
     /// The network learns from it.
     Train,

@@ -244,6 +244,7 @@ impl VerifySettings {
 /// What blocks the tool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
+#[non_exhaustive]
 pub enum Blocking {
     /// The triangles of the part.
     Part,

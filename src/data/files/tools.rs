@@ -252,6 +252,7 @@ pub struct Unsaid {
 
 /// What a file of tools holds.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct ToolTable {
     /// The tools in the order of the file; no two have the same name.
     pub tools: Vec<Tool>,

@@ -12,6 +12,7 @@ use std::path::Path;
 /// What a point of space is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
+#[non_exhaustive]
 pub enum PointAnswer {
     /// The tool can be where it touches the point: it removes what is here.
     Accessible = 0,
@@ -50,6 +51,7 @@ impl From<SiteAnswer> for PointAnswer {
 
 /// The answers about the space around one part, for one cutter.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct VolumeFile {
     /// Part, cutter and settings.
     pub provenance: Provenance,

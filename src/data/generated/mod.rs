@@ -40,6 +40,7 @@ const MAX_ATTEMPTS: u64 = 64;
 /// How a part lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[doc(hidden)] // of the program
+#[non_exhaustive]
 pub enum Lie {
     /// As drawn: the main opening mostly up.
     AsDrawn,

@@ -47,6 +47,7 @@ impl Default for ReadOptions {
 
 /// File formats that can hold a mesh or a cloud.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Format {
     /// STL, ASCII or binary.
     Stl,

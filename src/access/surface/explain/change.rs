@@ -10,6 +10,7 @@ use glam::Vec3;
 
 /// One length of a tool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum ChangeKind {
     /// The part and everything above it is higher: a longer stick-out (holder), a longer holder (spindle), a longer
     /// neck and stick-out (shank).

@@ -16,6 +16,7 @@ use crate::cutter::{Assembly, ToolPart};
 
 /// A pose in which a tool touches a site and is not free.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct NearestPose {
     /// Where the tool is.
     pub pose: WitnessPose,
