@@ -5,6 +5,8 @@
 //! [`Cutter`](crate::cutter::Cutter), and both return [`SiteAnswers`]. `true` is always the positive class:
 //! *inaccessible*, *occlusion point*.
 
+#[cfg(feature = "approx")]
+mod approximate;
 mod checked;
 mod share_limit;
 mod spot_check;

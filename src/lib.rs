@@ -50,6 +50,7 @@
 //! | `generate` | by `cli` | parts made from a seed (`data::generated`) |
 //! | `weights` | yes | the trained network (`Model::shipped`) |
 //! | `ndarray` | yes | sites, meshes and answers as `ndarray` views (`arrays`) |
+//! | `approx` | no | `approx::AbsDiffEq` and `RelativeEq` of answers and predictions |
 //! | `cli` | yes | the `deepmill` program |
 //! | `mpi` | no | several processes on many machines (`processes::Mpi`); binds the MPI library that is installed |
 //!

@@ -4,6 +4,8 @@
 //! may run from many threads at once; training and inference
 //! take their memory from an [`Arena`](crate::nn::arena::Arena) of the caller.
 
+#[cfg(feature = "approx")]
+mod approximate;
 mod batch;
 mod coarse;
 pub mod config;

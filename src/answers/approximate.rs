@@ -1,0 +1,55 @@
+//! Answers compared within a tolerance: decisions and counts must be the same, numbers near.
+
+use super::SiteAnswers;
+use approx::{AbsDiffEq, RelativeEq};
+use glam::Vec3;
+
+/// Numbers are compared one by one.
+impl AbsDiffEq for SiteAnswers {
+    type Epsilon = f32;
+
+    fn default_epsilon() -> f32 {
+        f32::default_epsilon()
+    }
+
+    fn abs_diff_eq(&self, other: &Self, epsilon: f32) -> bool {
+        same_decisions(self, other) && near(self, other, |a, b| a.abs_diff_eq(b, epsilon))
+    }
+}
+
+/// Numbers are compared one by one.
+impl RelativeEq for SiteAnswers {
+    fn default_max_relative() -> f32 {
+        f32::default_max_relative()
+    }
+
+    fn relative_eq(&self, other: &Self, epsilon: f32, max_relative: f32) -> bool {
+        let are_near = |a: &f32, b: &f32| a.relative_eq(b, epsilon, max_relative);
+        same_decisions(self, other) && near(self, other, are_near)
+    }
+}
+
+fn same_decisions(a: &SiteAnswers, b: &SiteAnswers) -> bool {
+    a.inaccessible == b.inaccessible
+        && a.occlusion == b.occlusion
+        && a.tip_does_not_fit == b.tip_does_not_fit
+        && a.accessible_directions == b.accessible_directions
+        && a.outside_domain == b.outside_domain
+}
+
+fn near(a: &SiteAnswers, b: &SiteAnswers, are_near: impl Fn(&f32, &f32) -> bool) -> bool {
+    let lists = |answers: &SiteAnswers| {
+        let SiteAnswers { accessible_share, clearance_mm, .. } = answers.clone();
+        let probabilities = [&answers.probability_inaccessible, &answers.probability_occlusion];
+        [accessible_share, clearance_mm].into_iter().chain(probabilities.map(Clone::clone))
+    };
+    let all_near =
+        |a: &[f32], b: &[f32]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| are_near(a, b));
+    let witness = |(a, b): (&Option<Vec3>, &Option<Vec3>)| match (a, b) {
+        (Some(a), Some(b)) => all_near(&a.to_array(), &b.to_array()),
+        _ => a == b,
+    };
+    lists(a).zip(lists(b)).all(|(a, b)| all_near(&a, &b))
+        && a.witness.len() == b.witness.len()
+        && a.witness.iter().zip(&b.witness).all(witness)
+}
