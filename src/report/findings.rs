@@ -228,6 +228,7 @@ impl Findings {
     }
 
     /// Everything, as `findings.json` holds it.
+    #[doc(hidden)] // a type of `serde_json`
     pub fn json(&self) -> Value {
         let list = (1..).zip(&self.list).map(|(number, finding): (u32, _)| {
             let mut value = json!(finding);

@@ -58,6 +58,7 @@ impl Cell {
     }
 
     /// For programs; numbers that are not finite become `null`.
+    #[doc(hidden)] // a type of `serde_json`
     pub fn json(&self) -> Value {
         match self {
             Cell::Text(word) => json!(word),
@@ -179,6 +180,7 @@ impl Table {
     }
 
     /// For programs: an array with one object per row.
+    #[doc(hidden)] // a type of `serde_json`
     pub fn json(&self) -> Value {
         let object = |row: &Vec<Cell>| {
             let cells =
@@ -257,6 +259,7 @@ impl Facts {
     }
 
     /// For programs: one object.
+    #[doc(hidden)] // a type of `serde_json`
     pub fn json(&self) -> Value {
         let pairs = self.0.iter().map(|(key, _, value)| (key.to_string(), value.json()));
         Value::Object(pairs.collect::<Map<String, Value>>())
