@@ -46,7 +46,7 @@ mod sweep;
 pub use adjoint::adjoint;
 pub use controls::{Control, negative_control, negative_control_of_layer};
 pub use passes::{Case, layer};
-pub use sweep::{MatrixShape, matrix_shapes, octree_shapes, sweep};
+pub use sweep::{matrix_shapes, octree_shapes, sweep};
 
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};

@@ -135,6 +135,7 @@ fn among_hot_workers(work: &mut (dyn FnMut() + Send)) {
 }
 
 /// Calls `work(block_index, block)` for consecutive blocks of `block_len` items.
+#[doc(hidden)] // of benches and the program
 pub fn for_each_block<T: Send>(
     items: &mut [T],
     block_len: usize,
@@ -192,6 +193,7 @@ pub(crate) fn map_blocks<R: Send>(
 }
 
 /// Results of `work` for every index of `0..n`, in order, one task each.
+#[doc(hidden)] // of benches and the program
 pub fn map<R: Send>(n: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
     collect(0..n, |i, _| work(i))
 }

@@ -315,16 +315,16 @@ fn negative_controls_fail_and_a_blind_check_is_refused() {
 
 #[test]
 fn layers_are_swept_over_matrices_and_octrees() {
-    let linear = |shape: &gradcheck::MatrixShape| {
+    let linear = |&[rows, columns]: &[usize; 2]| {
         let mut layout = Layout::default();
-        let linear = Linear::new(&mut layout, "linear", shape.columns, 3, true);
-        let (params, x) = (layout.init_params(1), probe(shape.rows * shape.columns, 2));
-        let x = Operand::new(&x, shape.columns);
+        let linear = Linear::new(&mut layout, "linear", columns, 3, true);
+        let (params, x) = (layout.init_params(1), probe(rows * columns, 2));
+        let x = Operand::new(&x, columns);
         let case = Case { layout: &layout, params: &params, geometry: &(), x, dropout: None };
         negative_control_of_layer(&linear, &case, &settings(), LIMIT)?;
         layer(&linear, &case, &settings())
     };
-    let shapes = matrix_shapes().map(|shape| (shape.name, shape));
+    let shapes = matrix_shapes();
     assert_eq!(sweep(shapes, LIMIT, linear).unwrap().len(), 6);
     let reports = sweep(octree_shapes().unwrap(), LIMIT, |octree| {
         let (mut layout, level) = (Layout::default(), &octree.levels[3]);
@@ -337,15 +337,15 @@ fn layers_are_swept_over_matrices_and_octrees() {
     });
     assert_eq!(reports.unwrap().len(), 4);
     // A layer that is right for all shapes but one: the shape is named.
-    let wrong = |shape: &gradcheck::MatrixShape| {
-        let x = probe(shape.rows * shape.columns, 1);
-        let factor = if shape.rows == 1 { 2.0 } else { 1.0 };
+    let wrong = |&[rows, columns]: &[usize; 2]| {
+        let x = probe(rows * columns, 1);
+        let factor = if rows == 1 { 2.0 } else { 1.0 };
         let forward = |v: &[Vec<f64>]| v[0].clone();
         let backward = |_: &[Vec<f64>], dy: &[f64]| vec![dy.iter().map(|dy| factor * dy).collect()];
         function(&[("x", &x)], forward, backward, &settings())
     };
     let message = sweep(shapes, LIMIT, wrong).unwrap_err().to_string();
     assert!(message.contains("of one row: x["), "{message}");
-    let none: [(&str, gradcheck::MatrixShape); 0] = [];
+    let none: [(&str, [usize; 2]); 0] = [];
     assert!(sweep(none, LIMIT, wrong).is_err());
 }

@@ -32,7 +32,7 @@ impl Placed {
     ///
     /// # Errors
     /// If there are no triangles that block, the share is not above 0 and at most 1, the observer stops it, or as
-    /// [`TriangleObstacles::reach_many`](crate::access::surface::TriangleObstacles::reach_many).
+    /// [`TriangleObstacles::label`](crate::access::surface::TriangleObstacles::label).
     pub fn reach(self, share: f64, observer: &mut dyn Observer) -> Result<ToolsOutcome> {
         let start = Instant::now();
         let obstacles = self.require_triangles()?;

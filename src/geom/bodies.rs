@@ -38,7 +38,7 @@ use std::collections::BTreeMap;
 /// inward is turned, bodies that overlap are joined, shells within a body bound cavities. Returns what it did.
 ///
 /// # Errors
-/// As [`join`], or [`Error::Geometry`](crate::Error::Geometry) with place, count and remedy of what still keeps it from
+/// As [`join`], or [`Error::Geometry`] with place, count and remedy of what still keeps it from
 /// bounding solids.
 pub fn prepare(mesh: &mut Mesh) -> Result<Vec<Change>> {
     mesh.check()?;

@@ -5,30 +5,17 @@ use super::suite::{self, ProbeShape};
 use crate::octree::Octree;
 use crate::{Error, Result};
 
-/// Rows and columns of a matrix at which mistakes of shape show.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct MatrixShape {
-    /// `one row`, `one column`, `square`, `tall`, `wide`, `many rows`.
-    pub name: &'static str,
-    /// Rows.
-    pub rows: usize,
-    /// Columns.
-    pub columns: usize,
-}
-
-/// One row, one column, square, tall, wide, and more rows than a block of vectors has.
-pub fn matrix_shapes() -> [MatrixShape; 6] {
-    let of = |(name, rows, columns)| MatrixShape { name, rows, columns };
+/// Rows and columns at which mistakes of shape show, with their names: one row, one column, square, tall, wide, and more
+/// rows than a block of vectors has.
+pub fn matrix_shapes() -> [(&'static str, [usize; 2]); 6] {
     [
-        ("one row", 1, 5),
-        ("one column", 7, 1),
-        ("square", 4, 4),
-        ("tall", 11, 3),
-        ("wide", 3, 11),
-        ("many rows", 67, 5),
+        ("one row", [1, 5]),
+        ("one column", [7, 1]),
+        ("square", [4, 4]),
+        ("tall", [11, 3]),
+        ("wide", [3, 11]),
+        ("many rows", [67, 5]),
     ]
-    .map(of)
 }
 
 /// Octrees at which mistakes of geometry show, with their names: a single point, so that fine levels hold one group of
@@ -53,16 +40,15 @@ pub fn octree_shapes() -> Result<Vec<(&'static str, Octree)>> {
 /// ```
 /// use deepmill::gradcheck::{self, GradcheckSettings};
 /// // Twice the sum of every row.
-/// let sums = |shape: &gradcheck::MatrixShape| {
-///     let (x, c) = (gradcheck::probe(shape.rows * shape.columns, 1), shape.columns);
+/// let sums = |&[rows, c]: &[usize; 2]| {
+///     let x = gradcheck::probe(rows * c, 1);
 ///     let forward = |v: &[Vec<f64>]| v[0].chunks(c).map(|row| 2.0 * row.iter().sum::<f64>()).collect();
 ///     let backward = |_: &[Vec<f64>], dy: &[f64]| {
 ///         vec![dy.iter().flat_map(|dy| vec![2.0 * dy; c]).collect()]
 ///     };
 ///     gradcheck::function(&[("x", &x)], forward, backward, &GradcheckSettings::default())
 /// };
-/// let named = gradcheck::matrix_shapes().map(|shape| (shape.name, shape));
-/// assert_eq!(gradcheck::sweep(named, 1e-7, sums)?.len(), 6);
+/// assert_eq!(gradcheck::sweep(gradcheck::matrix_shapes(), 1e-7, sums)?.len(), 6);
 /// # Ok::<(), deepmill::Error>(())
 /// ```
 ///

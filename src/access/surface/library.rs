@@ -75,6 +75,7 @@ impl TriangleObstacles {
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`], or as [`Assembly::cutter`].
+    #[doc(hidden)] // of `analysis`, which compares tools
     pub fn reach_many(
         &self,
         sites: &Sites,

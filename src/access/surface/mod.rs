@@ -66,6 +66,7 @@ pub use faces::{BlockingFace, blocking_faces};
 #[doc(hidden)] // of the program and benches
 pub use labels::{FINISH_MM, SurfaceStats};
 pub use labels::{RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions, WitnessPose};
+#[doc(hidden)] // of `analysis`, which compares tools
 pub use library::ToolReach;
 pub use obstacles::TriangleObstacles;
 #[cfg(all(feature = "formats", feature = "generate"))]
