@@ -51,7 +51,8 @@ fn tools_are_built_again_when_they_are_read() {
         ("allowance_mm", json!(-0.1), "allowance is -0.1"),
         ("excess_mm", json!(-0.1), "excess is -0.1"),
         ("corner_mm", json!(-0.5), "corner radius is -0.5"),
-        ("cutting", json!([{ "height_mm": 1.0, "radius_mm": -2.0 }]), "step"),
+        ("cutting", json!([{ "height_mm": 1.0, "radius_mm": -2.0 }]), "radii of 0 or more"),
+        ("upper", json!([{ "height_mm": null, "radius_mm": 4.0 }]), "null"),
     ] {
         refused::<Assembly>(&written, key, value, words);
     }

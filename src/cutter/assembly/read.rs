@@ -22,6 +22,20 @@ pub(super) struct Unchecked {
     overall_mm: Option<f64>,
 }
 
+/// Wider steps hide these, so that the cutter's own check does not see them.
+fn check_steps(steps: &[Step]) -> Result<()> {
+    let sound = |step: &Step| step.height_mm.is_finite() && step.radius_mm >= 0.0;
+    let rising = steps.is_sorted_by(|a, b| a.height_mm <= b.height_mm);
+    match steps.iter().find(|step| !sound(step)).or(steps.first().filter(|_| !rising)) {
+        None => Ok(()),
+        Some(step) => {
+            let expected = "finite rising heights and radii of 0 or more";
+            let remedy = "write the tool again";
+            Err(Error::argument("steps of the tool", format!("{step:?}"), expected, remedy))
+        }
+    }
+}
+
 impl TryFrom<Unchecked> for Assembly {
     type Error = Error;
 
@@ -39,6 +53,7 @@ impl TryFrom<Unchecked> for Assembly {
             return Err(Error::argument("excess", read.excess_mm, "0 or more", remedy));
         }
         check_allowance(read.allowance_mm)?;
+        [&cutting, &upper, &holder].into_iter().try_for_each(|steps| check_steps(steps))?;
         let end = [corner_mm, side_mm];
         let tool =
             Assembly::of_parts(end, cutting, upper, holder, read.stick_out_mm, read.excess_mm)?;
