@@ -4,6 +4,8 @@
 mod command;
 
 use command::{Corner, Folder, block, deepmill, failure, json, stl, text};
+use deepmill::data::dataset::Dataset;
+use deepmill::glam::Vec3;
 use serde_json::Value;
 
 const TOOL: &str = "2,30,20,30";
@@ -169,7 +171,7 @@ fn data_sets_take_parts_of_several_bodies_and_parts_that_face_inward() {
     let build = |out: &str| {
         let parts = folder.path("parts");
         let options =
-            ["--sites", "80", "--directions", "10", "--cutters", "1", "--validation", "0"];
+            ["--sites", "600", "--directions", "10", "--cutters", "1", "--validation", "0"];
         let out = folder.path(out);
         let all = ["dataset", "build", &parts, "--out", &out, "--json"];
         deepmill(&[&all[..], &options].concat())
@@ -177,6 +179,24 @@ fn data_sets_take_parts_of_several_bodies_and_parts_that_face_inward() {
     let output = build("set");
     let built = json(&output);
     assert_eq!(built["n_train_parts"], 3, "{built}");
-    let said = text(&output.stderr);
-    assert!(said.contains("open.stl") || said.contains("open:"), "the open part is named: {said}");
+    // Of blocks of 40 × 20 × 10 and 10 × 20 × 30 mm that overlap, the wall at z = 10 below the second is no surface.
+    let set = Dataset::open(folder.path("set").as_ref()).unwrap();
+    let samples = set.samples(None).unwrap();
+    let of = |name: &str| &samples.iter().find(|sample| sample.name.contains(name)).unwrap().sites;
+    let height = |name: &str| of(name).points.iter().map(|p| p.z).fold(0.0, f32::max);
+    let mm = |p: &Vec3, name: &str| *p * (30.0 / height(name));
+    let on_wall = |name: &str| {
+        let is_on = |p: Vec3| (p.z - 10.0).abs() < 0.1 && p.x < 9.0 && p.y > 1.0 && p.y < 19.0;
+        of(name).points.iter().filter(|p| is_on(mm(p, name))).count()
+    };
+    assert_eq!(on_wall("overlap"), 0);
+    // Bodies apart keep it: the second begins 2 mm higher.
+    assert!(on_wall("apart") > 0);
+    // A block that faced inward: normals point away from its middle.
+    let inward = of("inward");
+    let middle = 0.5 * inward.points.iter().fold(Vec3::ZERO, |most, p| most.max(*p));
+    let outward = |(p, n): (&Vec3, &Vec3)| (*p - middle).dot(*n) > 0.0;
+    assert!(inward.points.iter().zip(&inward.normals).all(outward));
+    let notes = text(&output.stderr);
+    assert!(notes.contains("open.stl") || notes.contains("open:"), "it is named: {notes}");
 }

@@ -24,30 +24,15 @@ mod pieces;
 use super::check::topology::{Topology, has_three_corners};
 use super::check::volume_of;
 use super::inside::TriangleGroups;
-use super::repair::{self, Change, extremes};
+use super::repair::{Change, extremes};
 use super::weld::{join as unite, root};
-use super::{Mesh, check, intersect};
+use super::{Mesh, intersect};
 use crate::{Error, Result};
 use glam::DVec3;
 use manifold_rust::manifold::Manifold;
 use manifold_rust::types::MeshGLP;
 use pieces::{are_closed, owners, pieces};
 use std::collections::BTreeMap;
-
-/// Makes of a mesh as it was read what can be labeled, as the commands do: loose vertices are dropped, a mesh that faces
-/// inward is turned, bodies that overlap are joined, shells within a body bound cavities. Returns what it did.
-///
-/// # Errors
-/// As [`join`], or [`Error::Geometry`] with place, count and remedy of what still keeps it from
-/// bounding solids.
-pub fn prepare(mesh: &mut Mesh) -> Result<Vec<Change>> {
-    mesh.check()?;
-    let mut changes: Vec<Change> = repair::drop_loose(mesh).into_iter().collect();
-    changes.extend(repair::face_outward(mesh));
-    changes.extend(join(mesh)?);
-    check::check(mesh).require_bodies()?;
-    Ok(changes)
-}
 
 /// Joins bodies that overlap or lie on each other, and turns shells within a body to bound cavities; returns what it
 /// did, which is nothing for a mesh of one body, or of one that is not closed and oriented.

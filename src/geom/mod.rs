@@ -14,6 +14,8 @@ pub mod intersect;
 pub mod mesh;
 #[doc(hidden)] // of the program
 pub mod origin;
+#[cfg(feature = "generate")]
+mod prepare;
 #[doc(hidden)] // of the program
 pub mod regions;
 pub mod repair;
@@ -25,4 +27,6 @@ pub mod units;
 pub mod weld;
 
 pub use mesh::Mesh;
+#[cfg(feature = "generate")]
+pub use prepare::prepare;
 pub use sites::Sites;

@@ -13,7 +13,7 @@ use crate::data::volume::{Volume, VolumeObstacles};
 use crate::directions::Directions;
 use crate::folder_lock::FolderLock;
 use crate::geom::sites::SiteOptions;
-use crate::geom::{Mesh, Sites, bodies, check, formats, origin, sites};
+use crate::geom::{self, Mesh, Sites, check, formats, origin, sites};
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
 use glam::Vec3;
@@ -48,7 +48,7 @@ impl PartSource {
         }
     }
 
-    /// The part's mesh, mm; of a file [as the commands take it](crate::geom::bodies::prepare).
+    /// The part's mesh, mm; of a file [as the commands take it](crate::geom::prepare).
     ///
     /// # Errors
     /// If the file cannot be read as a mesh, or does not bound solids.
@@ -59,7 +59,7 @@ impl PartSource {
                 if let Some(at) = origin::local_origin(&mesh) {
                     origin::make_relative(&mut mesh, at);
                 }
-                bodies::prepare(&mut mesh)?;
+                geom::prepare(&mut mesh)?;
                 Ok(mesh)
             }
             PartSource::Generated { seed, index } => Ok(generated::mixed_part(*seed, *index)),
