@@ -22,7 +22,7 @@ fn settings() -> GradcheckSettings {
     GradcheckSettings::default()
 }
 
-/// y = w · x, a row a number; how it goes wrong is told by `mistake`.
+/// y = w · x, a row a number; wrong in the way that `mistake` names.
 struct Scaled {
     weight: Range<usize>,
     mistake: Mistake,

@@ -93,7 +93,7 @@ fn answers_are_read_with_lists_of_one_length_and_known_quantities() {
 }
 
 #[test]
-fn labels_about_the_part_itself_are_read_back() {
+fn labels_of_the_mesh_definition_are_read_back() {
     let (part, sites, cutter) = scene();
     let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
     let options = SurfaceOptions::default();

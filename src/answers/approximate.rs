@@ -37,19 +37,23 @@ fn same_decisions(a: &SiteAnswers, b: &SiteAnswers) -> bool {
         && a.outside_domain == b.outside_domain
 }
 
+fn lists(answers: &SiteAnswers) -> [&[f32]; 4] {
+    [
+        &answers.accessible_share,
+        &answers.clearance_mm,
+        &answers.probability_inaccessible,
+        &answers.probability_occlusion,
+    ]
+}
+
 fn near(a: &SiteAnswers, b: &SiteAnswers, are_near: impl Fn(&f32, &f32) -> bool) -> bool {
-    let lists = |answers: &SiteAnswers| {
-        let SiteAnswers { accessible_share, clearance_mm, .. } = answers.clone();
-        let probabilities = [&answers.probability_inaccessible, &answers.probability_occlusion];
-        [accessible_share, clearance_mm].into_iter().chain(probabilities.map(Clone::clone))
-    };
     let all_near =
         |a: &[f32], b: &[f32]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| are_near(a, b));
     let witness = |(a, b): (&Option<Vec3>, &Option<Vec3>)| match (a, b) {
         (Some(a), Some(b)) => all_near(&a.to_array(), &b.to_array()),
         _ => a == b,
     };
-    lists(a).zip(lists(b)).all(|(a, b)| all_near(&a, &b))
+    lists(a).into_iter().zip(lists(b)).all(|(a, b)| all_near(a, b))
         && a.witness.len() == b.witness.len()
         && a.witness.iter().zip(&b.witness).all(witness)
 }

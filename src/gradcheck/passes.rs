@@ -226,9 +226,7 @@ pub(super) fn run(
     dy: Option<&[f64]>,
 ) -> Step {
     let grads = vec![0.0; params.len()];
-    let at = [At { x, params, dy, grads }];
-    let [step] = <[Step; 1]>::try_from(run_all(case, layer, at.into())).ok().expect("one step");
-    step
+    run_all(case, layer, vec![At { x, params, dy, grads }]).remove(0)
 }
 
 /// Where a training pass is, and gradients of the parameters that are there before its backward pass.
@@ -240,18 +238,18 @@ pub(super) struct At<'a> {
 }
 
 /// Training passes one after the other, then their backward passes.
-pub(super) fn run_all(case: &Numbers, layer: &dyn Checkable, all: Vec<At>) -> Vec<Step> {
+pub(super) fn run_all<'a>(
+    case: &Numbers<'a>,
+    layer: &dyn Checkable,
+    all: Vec<At<'a>>,
+) -> Vec<Step> {
     let arena = &Arena::default();
     let matrices = case.x.matrices();
-    let of = |at: &At| {
+    let with_numbers = |at: &At<'a>| {
         let parts = matrices.iter().zip(at.x);
-        parts.map(|(m, x)| (*m, x.clone())).collect::<Vec<_>>()
+        parts.map(|(matrix, x)| matrix.with_numbers(x)).collect()
     };
-    let numbers: Vec<_> = all.iter().map(of).collect();
-    let parts: Vec<Vec<Operand<f64>>> = numbers
-        .iter()
-        .map(|parts| parts.iter().map(|(m, x)| m.with_numbers(x)).collect())
-        .collect();
+    let parts: Vec<Vec<Operand<f64>>> = all.iter().map(with_numbers).collect();
     let mut buffers = vec![case.layout.init_buffers(); all.len()];
     let mut streams = vec![case.dropout.map(<[Stream]>::to_vec); all.len()];
     let (inputs, mut grads): (Vec<_>, Vec<Vec<f64>>) =

@@ -241,7 +241,7 @@ pub struct SurfaceStats {
     pub triangles_tested: u64,
     /// Sites that only a direction between those of the set reaches.
     pub found_between: u64,
-    /// Sites on the knife edge: whose answer rests on a triangle that a change of the tolerance by 1e-6 mm
+    /// Borderline sites: whose answer rests on a triangle that a change of the tolerance by 1e-6 mm
     /// would take out of the tool or put into it; at most this many would have another answer then.
     pub knife_edge: u64,
 }
