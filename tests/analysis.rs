@@ -177,7 +177,7 @@ fn predictions_of_a_program_are_those_of_the_command() {
                 .n_sites(400)
                 .place(&mut ())
                 .unwrap();
-            let predictor = Predictor::new(Model::shipped().unwrap()).accept_far();
+            let predictor = Predictor::new(Model::shipped().unwrap()).allow_out_of_domain();
             let request = PredictRequest::new(predictor, "the network that comes with deepmill");
             let request = if verified { request.verify(0.05) } else { request };
             placed.predict(&request, &mut ()).unwrap().write(to, files, &mut ()).unwrap()
@@ -191,7 +191,7 @@ fn a_cloud_has_no_triangles_for_tools_setups_and_verification() {
     let ball = || vec![Tool::new("1.5,6,40,5".parse().unwrap(), None, 0.0).unwrap()];
     let of = || Analysis::new("cloud", MeshOrCloud::Cloud(sites.clone()), ball());
     let placed = || of().place(&mut ()).unwrap();
-    let predictor = Predictor::new(Model::shipped().unwrap()).accept_far();
+    let predictor = Predictor::new(Model::shipped().unwrap()).allow_out_of_domain();
     let request = PredictRequest::new(predictor, "n").verify(0.1);
     let machine = SetupRequest::on("3-axis".parse().unwrap());
     for (refused, expected) in [

@@ -22,7 +22,7 @@ use crate::geom::{Mesh, Sites};
 /// let sites = Sites::new(vec![Vec3::ZERO, Vec3::new(3.0, 0.0, 9.0)], vec![Vec3::Z; 2])?;
 /// let cutter: Cutter = "1.5,6,40,5".parse()?;
 /// let labeler = Labeler::published();
-/// let predictor = Predictor::new(Model::shipped()?).accept_far(); // two sites are few
+/// let predictor = Predictor::new(Model::shipped()?).allow_out_of_domain(); // two sites are few
 /// let (exact, predicted) = (labeler.answer(&sites, &cutter)?, predictor.answer(&sites, &cutter)?);
 /// assert_eq!(exact.inaccessible.len(), predicted.inaccessible.len());
 /// assert!(!exact.inaccessible[0] && exact.witness[1].is_some());

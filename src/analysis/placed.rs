@@ -181,6 +181,14 @@ impl Placed {
         TriangleObstacles::new(part, &fixtures).map(Some)
     }
 
+    /// As [`Placed::obstacles`]; an error if points block.
+    pub(super) fn require_triangles(&self) -> Result<TriangleObstacles> {
+        self.obstacles()?.ok_or_else(|| {
+            let remedy = "give a mesh, with its triangles as obstacles";
+            Error::argument("part", "points that block", "triangles that block", remedy)
+        })
+    }
+
     /// All triangles that block beside the part's.
     pub(super) fn fixtures(&self) -> Option<Mesh> {
         let meshes: Vec<Mesh> = self.request.fixtures.iter().map(|f| f.mesh.clone()).collect();

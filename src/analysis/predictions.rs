@@ -81,7 +81,7 @@ pub fn known_to_networks(tools: Vec<Tool>) -> Result<(Vec<Tool>, Vec<String>)> {
     let is_known = |tool: &Tool| tool.clearance_mm == 0.0 && tool.cutter.as_ball_end().is_some();
     let (known, others): (Vec<Tool>, Vec<Tool>) = tools.into_iter().partition(is_known);
     if let (true, Some(tool)) = (known.is_empty(), others.first()) {
-        let remedy = "leave out --corner and --clearance, or use `deepmill label`";
+        let remedy = "leave out corner radius and clearance, or use `deepmill label`";
         return Err(Error::argument("cutter", tool.words(), expected, remedy));
     }
     let words = |tool: &Tool| {
@@ -105,7 +105,6 @@ pub struct ToolPrediction {
 #[derive(Debug)]
 pub struct PredictionsOutcome {
     placed: Placed,
-    definition: Option<Definition>,
     predictions: Vec<ToolPrediction>,
     warnings: Vec<String>,
     seconds: [f64; 3],
@@ -160,7 +159,7 @@ impl Placed {
         }
         if predictions.is_empty() {
             let expected = "a tool like those that the network was trained on";
-            let remedy = "use `deepmill label`, or accept guesses (--far)";
+            let remedy = "label them exactly, or accept guesses (`allow_out_of_domain`; `--far` at the command line)";
             return Err(Error::argument("tools", "all left out", expected, remedy));
         }
         let predict_s = start.elapsed().as_secs_f64();
@@ -171,7 +170,6 @@ impl Placed {
         Ok(PredictionsOutcome {
             predictions,
             warnings,
-            definition: request.definition(),
             seconds: [self.seconds(), predict_s, start.elapsed().as_secs_f64()],
             placed: self,
         })
@@ -230,7 +228,7 @@ impl PredictionsOutcome {
 
     /// The definition that the network was trained on, if it is known.
     pub fn definition(&self) -> Option<Definition> {
-        self.definition
+        self.predictions.first().and_then(|of| of.file.provenance.settings.definition)
     }
 
     /// The predictions, of the tools that the network knows.
@@ -240,8 +238,7 @@ impl PredictionsOutcome {
 
     /// The answers of each tool with its name.
     pub fn named(&self) -> Vec<(&str, SiteAnswers)> {
-        let named = |of: &'_ ToolPrediction| of.file.answers();
-        self.predictions.iter().map(|of| (&*of.tool.name, named(of))).collect()
+        self.predictions.iter().map(|of| (&*of.tool.name, of.file.answers())).collect()
     }
 
     /// What may make the answers misleading, and tools that are left out, a sentence each.

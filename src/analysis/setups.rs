@@ -3,6 +3,7 @@
 use super::observer::{Observer, Stage, report};
 use super::placed::{Placed, without_area};
 use super::write::Files;
+use crate::Result;
 use crate::access::setups::{Candidates, Choice, Clampings, Machine, Plan};
 use crate::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
 use crate::answers::SiteAnswers;
@@ -12,7 +13,6 @@ use crate::report::findings::Findings;
 use crate::report::gate::SiteAreas;
 use crate::report::page::Page;
 use crate::report::setups::Setups;
-use crate::{Error, Result};
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -302,16 +302,6 @@ impl SetupsOutcome {
             "not_modelled": "fixtures, table, stock, travel of the machine's axes",
             "tolerance_mm": tolerances.tolerance_mm,
             "finish_mm": tolerances.finish_mm,
-        })
-    }
-}
-
-impl Placed {
-    /// The triangles that block; an error if points do.
-    pub(super) fn require_triangles(&self) -> Result<TriangleObstacles> {
-        self.obstacles()?.ok_or_else(|| {
-            let remedy = "give a mesh, with its triangles as obstacles";
-            Error::argument("part", "points that block", "triangles that block", remedy)
         })
     }
 }

@@ -35,7 +35,7 @@ impl Predictor {
     }
 
     /// Answers even far outside of what the network was trained for.
-    pub fn accept_far(self) -> Self {
+    pub fn allow_out_of_domain(self) -> Self {
         Predictor { far: true, ..self }
     }
 
@@ -50,7 +50,7 @@ impl Predictor {
     /// # Errors
     /// If the network learned about points of space, and `sites` have normals; if the cutter is no
     /// [ball end](Cutter::as_ball_end); if a number is far outside of the network's [`Domain`](super::Domain), unless
-    /// [`Predictor::accept_far`]; or as [`Model::predict`](super::Model::predict).
+    /// [`Predictor::allow_out_of_domain`]; or as [`Model::predict`](super::Model::predict).
     pub fn answer(&self, sites: &Sites, cutter: &Cutter) -> Result<SiteAnswers> {
         let (prediction, outside_domain) = self.predict(sites, cutter)?;
         let answers = match self.occlusion_share {
@@ -85,8 +85,7 @@ impl Predictor {
         let outside = self.model.domain.as_ref().map(outside).unwrap_or_default();
         if let Some(far) = outside.iter().find(|o| o.is_far() && !self.far) {
             let expected = "a part and a cutter like those that the network was trained on";
-            let remedy =
-                "label it exactly, or accept a guess (`accept_far`; `--far` at the command line)";
+            let remedy = "label it exactly, or accept a guess (`allow_out_of_domain`; `--far` at the command line)";
             return Err(Error::argument("network's input", far, expected, remedy));
         }
         let prediction = self.model.predict(&sites.points, &sites.normals, lengths.to_array())?;
@@ -133,7 +132,7 @@ mod tests {
         assert_eq!((outside.len(), outside[0].quantity), (1, "CR"));
         let message = predictor.answer(&sites, &cutter(4.0)).unwrap_err().to_string();
         assert!(message.contains("CR is 0.0816 of the largest edge, trained from"), "{message}");
-        let accepted = predictor.accept_far().answer(&sites, &cutter(4.0)).unwrap();
+        let accepted = predictor.allow_out_of_domain().answer(&sites, &cutter(4.0)).unwrap();
         assert!(accepted.outside_domain[0].is_far());
     }
 }

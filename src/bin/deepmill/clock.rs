@@ -21,9 +21,10 @@ impl Clock {
         self.last = now;
     }
 
-    /// Stages that were timed by others, up to now.
-    pub fn laps(&mut self, laps: impl IntoIterator<Item = (&'static str, &'static str, f64)>) {
-        self.laps.extend(laps);
+    /// Stages that an analysis timed, up to now: keys and names, and the seconds of each.
+    pub fn stages<const N: usize>(&mut self, names: [[&'static str; 2]; N], seconds: [f64; N]) {
+        let laps = names.into_iter().zip(seconds);
+        self.laps.extend(laps.map(|([key, name], seconds)| (key, name, seconds)));
         self.last = Instant::now();
     }
 

@@ -14,7 +14,7 @@ use crate::region::RegionArgs;
 use crate::volume;
 use deepmill::access::LabelOptions;
 use deepmill::access::surface::SurfaceOptions;
-use deepmill::analysis::{Analysis, Files};
+use deepmill::analysis::Analysis;
 use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
 use deepmill::geom::formats::MeshOrCloud;
@@ -142,14 +142,6 @@ impl Args {
         }
         Ok(analysis)
     }
-
-    fn files(&self, output: &Output) -> Result<Files> {
-        let mut files = Files::shown(self.report);
-        files.pictures = !self.no_picture;
-        files.also = self.also.iter().map(|name| name.parse()).collect::<Result<_>>()?;
-        files.unit = output.unit();
-        Ok(files)
-    }
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
@@ -157,7 +149,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     args.surface.tolerances.options()?;
     let limits = args.gate.limits(&[])?;
     args.directions.given()?;
-    let files = args.files(output)?;
+    let files = output.forms(!args.no_picture, args.report, &args.also)?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, Accept::bodies_or(args.force), output)?;
@@ -173,7 +165,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut bars = Bars::default();
     let outcome = placed.label(&mut bars)?;
     outcome.notices().iter().for_each(|notice| output.say(notice));
-    clock.laps(outcome.seconds().into_iter().zip(STAGES).map(|(s, [key, name])| (key, name, s)));
+    clock.stages(STAGES, outcome.seconds());
     let (mesh, sites) = outcome.shown();
     let broken = output.check_limits(&limits, (sites, mesh), outcome.named())?;
     let paths = outcome.write(&args.out, &files, &mut bars)?;

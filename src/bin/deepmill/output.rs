@@ -1,6 +1,7 @@
 //! Output of a command: text for people, or one JSON object for programs.
 
 use crate::args;
+use deepmill::analysis::Files;
 use deepmill::answers::SiteAnswers;
 use deepmill::geom::units::Unit;
 use deepmill::geom::{Mesh, Sites};
@@ -162,6 +163,15 @@ impl Output {
             tell(format_args!("limit broken: {why}"));
         }
         !broken.is_empty()
+    }
+
+    /// Which files an outcome gets: `also` names further forms, tables are in the unit of the text.
+    pub fn forms(&self, pictures: bool, report: bool, also: &[String]) -> Result<Files> {
+        let mut files = Files::shown(report);
+        files.pictures = pictures;
+        files.also = also.iter().map(|name| name.parse()).collect::<Result<_>>()?;
+        files.unit = self.unit;
+        Ok(files)
     }
 
     /// Names the files written.

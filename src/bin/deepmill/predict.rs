@@ -8,7 +8,7 @@ use crate::output::Output;
 use crate::progress::Bars;
 use deepmill::access::LabelOptions;
 use deepmill::analysis::{
-    Analysis, Files, PredictRequest, PredictionsOutcome, ToolPrediction, known_to_networks,
+    Analysis, PredictRequest, PredictionsOutcome, ToolPrediction, known_to_networks,
 };
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::PredictionFile;
@@ -85,7 +85,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     args.tools.check_one_cutter()?;
     let (tools, left_out) = known_to_networks(args.tools.tools(output)?)?;
     left_out.iter().for_each(|tool| output.warn(tool));
-    let files = args.files(output)?;
+    let files = output.forms(!args.no_picture, args.report, &args.also)?;
     atomic_file::check_writable_folder(&args.out)?;
     let request = args.request()?;
     let mut clock = Clock::start();
@@ -108,8 +108,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         other => other,
     })?;
     outcome.warnings().iter().for_each(|warning| output.warn(warning));
-    let stages = STAGES.iter().take(if args.verify.is_some() { 3 } else { 2 });
-    clock.laps(stages.zip(outcome.seconds()).map(|([key, name], s)| (*key, *name, s)));
+    let [sites_s, predict_s, verify_s] = outcome.seconds();
+    clock.stages([["sites_s", "sites"], ["predict_s", "prediction"]], [sites_s, predict_s]);
+    if args.verify.is_some() {
+        clock.stages([["verify_s", "verification"]], [verify_s]);
+    }
     let paths = outcome.write(&args.out, &files, &mut bars)?;
     clock.lap("write_s", "writing and drawing");
     let (mesh, sites) = outcome.placed().shown();
@@ -122,28 +125,16 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     Ok(())
 }
 
-/// Keys and names of what [`PredictionsOutcome::seconds`] has.
-const STAGES: [[&str; 2]; 3] =
-    [["sites_s", "sites"], ["predict_s", "prediction"], ["verify_s", "verification"]];
-
 impl Args {
     fn request(&self) -> Result<PredictRequest> {
         let (model, name) = self.model.read()?;
         let predictor = Predictor::new(model);
-        let predictor = if self.far { predictor.accept_far() } else { predictor };
+        let predictor = if self.far { predictor.allow_out_of_domain() } else { predictor };
         let request = PredictRequest::new(predictor, name).occlusion_share(self.occlusion_share);
         Ok(match self.verify {
             Some(bound) => request.verify(bound),
             None => request,
         })
-    }
-
-    fn files(&self, output: &Output) -> Result<Files> {
-        let mut files = Files::shown(self.report);
-        files.pictures = !self.no_picture;
-        files.also = self.also.iter().map(|name| name.parse()).collect::<Result<_>>()?;
-        files.unit = output.unit();
-        Ok(files)
     }
 }
 

@@ -9,7 +9,7 @@ use crate::part_itself::{self, ToleranceArgs};
 use crate::progress::Bars;
 use crate::region::{self, RegionArgs};
 use deepmill::access::setups::{Clampings, Machine, direction_of_words};
-use deepmill::analysis::{Analysis, Files, SetupRequest, SetupsOutcome};
+use deepmill::analysis::{Analysis, SetupRequest, SetupsOutcome};
 use deepmill::geom::Mesh;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result, atomic_file};
@@ -104,7 +104,8 @@ impl From<Clamping> for Clampings {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let limits = args.gate.limits(&["occlusion"])?;
-    let request = args.request()?;
+    let share = share(&args.share)?;
+    let request = args.request(share)?;
     let tools = args.tolerances.with_allowance(args.tools.tools(output)?)?;
     let options = args.tolerances.options()?;
     atomic_file::check_writable_folder(&args.out)?;
@@ -114,8 +115,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     clock.lap("read_s", "reading");
     let analysis = Analysis::new(name_of(&args.part), mesh, tools).options(options);
     let placed = args.region.place(analysis, &args.sites, &args.read, output)?;
-    let mut files = Files::shown(args.report);
-    (files.pictures, files.unit) = (!args.no_picture, output.unit());
+    let files = output.forms(!args.no_picture, args.report, &[])?;
     let (surface, sites) = placed.shown();
     files.show().require_memory(surface, sites)?;
     let mut bars = Bars::default();
@@ -124,14 +124,14 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         other => other,
     })?;
     outcome.notices().iter().for_each(|notice| output.say(notice));
-    clock.laps(outcome.seconds().into_iter().zip(STAGES).map(|(s, [key, name])| (key, name, s)));
+    clock.stages(STAGES, outcome.seconds());
     let paths = outcome.write(&args.out, &files, &mut bars)?;
     clock.lap("write_s", "writing and drawing");
     let (surface, sites) = outcome.placed().shown();
     let answers = outcome.answers();
     let broken =
         output.check_limits(&limits, (sites, surface), [("setups", &answers)].into_iter())?;
-    let mut result = args.say(&outcome, &clock, &paths, output)?;
+    let mut result = args.say(&outcome, share, &clock, &paths, output);
     result["limits_broken"] = broken;
     args.read.add_origin(&mut result);
     output.result_with_files(result, &paths);
@@ -147,8 +147,8 @@ const STAGES: [[&str; 2]; 4] = [
 ];
 
 impl Args {
-    fn request(&self) -> Result<SetupRequest> {
-        let mut request = SetupRequest::on(self.machine).share(share(&self.share)?);
+    fn request(&self, share: f64) -> Result<SetupRequest> {
+        let mut request = SetupRequest::on(self.machine).share(share);
         if let Some(clampings) = self.clampings {
             request = request.clampings(clampings.into());
         }
@@ -167,10 +167,11 @@ impl Args {
     fn say(
         &self,
         outcome: &SetupsOutcome,
+        share: f64,
         clock: &Clock,
         paths: &[PathBuf],
         output: &Output,
-    ) -> Result<Value> {
+    ) -> Value {
         let (placed, setups, candidates) =
             (outcome.placed(), outcome.setups(), outcome.candidates());
         let plan = setups.plan();
@@ -190,8 +191,7 @@ impl Args {
         facts.add("reached", "of the surface, reached", Cell::Share(setups.reached()));
         facts.add("n_setups", "setups", Cell::count(plan.setups.len()));
         facts.add("n_setups_at_least", "no fewer than", Cell::count(plan.at_least));
-        let share = Cell::Share(share(&self.share)?);
-        facts.add("share", "that cover, of what can be reached", share);
+        facts.add("share", "that cover, of what can be reached", Cell::Share(share));
         let for_all = "setups that cover all of it, greedy";
         facts.add("n_setups_for_all", for_all, Cell::count(plan.n_for_all));
         if let Some(n) = setups.n_positions() {
@@ -210,6 +210,6 @@ impl Args {
         result["setups"] = setups.json();
         result["fewest_is_proven"] = json!(plan.setups.len() <= plan.at_least);
         result["findings"] = outcome.findings().json();
-        Ok(result)
+        result
     }
 }

@@ -6,7 +6,7 @@ use crate::label::Args;
 use crate::output::Output;
 use crate::premise::premise;
 use crate::progress::Bars;
-use deepmill::analysis::{Analysis, Files};
+use deepmill::analysis::Analysis;
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::volume::PointAnswer;
 use deepmill::geom::formats::MeshOrCloud;
@@ -37,9 +37,8 @@ pub fn run(
     })?;
     outcome.warnings().iter().for_each(|warning| output.warn(warning));
     outcome.notices().iter().for_each(|notice| output.say(notice));
-    clock.laps(STAGES.iter().zip(outcome.seconds()).map(|([key, name], s)| (*key, *name, s)));
-    let mut files = Files::default();
-    files.pictures = !args.no_picture;
+    clock.stages(STAGES, outcome.seconds());
+    let files = output.forms(!args.no_picture, false, &[])?;
     let paths = outcome.write(&args.out, &files)?;
     clock.lap("write_s", "writing and drawing");
 
