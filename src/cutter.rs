@@ -17,9 +17,12 @@
 mod assembly;
 mod margins;
 mod params;
+mod profile;
 
 pub use assembly::{Assembly, Section, TipShape, ToolPart};
 pub use params::{CutterParams, CutterSet};
+pub(crate) use profile::Piece;
+pub use profile::Profile;
 
 use crate::{Error, Result};
 use margins::joined;
@@ -63,6 +66,9 @@ pub struct Cutter {
     /// Steps that do not, from the end of the flutes on; they may be narrower than the flutes.
     upper: Vec<Step>,
     allowance_mm: f64,
+    /// Of a tool that may be wider below than above; the steps hold it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    profile: Option<Profile>,
 }
 
 impl Cutter {
@@ -217,7 +223,8 @@ impl Cutter {
             }
         }
         let steps = joined(&cutting, &upper);
-        Ok(Cutter { corner_mm, side_mm, steps, cutting, upper, allowance_mm: 0.0 })
+        let (allowance_mm, profile) = (0.0, None);
+        Ok(Cutter { corner_mm, side_mm, steps, cutting, upper, allowance_mm, profile })
     }
 
     /// As [`Cutter::from_parts`], of parts that are no narrower than what is below them.
@@ -351,7 +358,7 @@ fn check_step(index: usize, step: &Step, below: Option<&Step>) -> Result<()> {
     }
     if radius_mm < below.radius_mm {
         let found = format!("{} {radius_mm} above {}", place("radius"), below.radius_mm);
-        let remedy = "a lollipop's neck cannot be expressed: give the neck the radius below it";
+        let remedy = "give the neck the radius below it, or the tool as a profile (a lollipop)";
         return Err(Error::argument("cutter step", found, "radii that never shrink", remedy));
     }
     Ok(())

@@ -21,12 +21,13 @@
 
 mod lower_end;
 mod parts;
+mod profile;
 mod read;
 
 pub use parts::ToolPart;
 
 use super::margins::{check_allowance, check_margin, envelope, grown};
-use super::{Cutter, Step, is_wider, positive};
+use super::{Cutter, Profile, Step, is_wider, positive};
 use crate::{Error, Result};
 use lower_end::LowerEnd;
 use serde::{Deserialize, Serialize};
@@ -100,6 +101,9 @@ pub struct Assembly {
     excess_mm: f64,
     /// From tip to end, holder and spindle left out; `None` where no one has stated it.
     overall_mm: Option<f64>,
+    /// Of a tool that may be wider below than above, what is clamped; the steps hold it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    profile: Option<Profile>,
 }
 
 /// Most steps of all cones of a body, and of a holder.
@@ -178,7 +182,7 @@ impl Assembly {
         excess_mm: f64,
     ) -> Result<Self> {
         positive("stick-out", stick_out_mm)?;
-        let (body, overall_mm, allowance_mm) = (Vec::new(), None, 0.0);
+        let (body, overall_mm, allowance_mm, profile) = (Vec::new(), None, 0.0, None);
         let assembly = Assembly {
             corner_mm,
             side_mm,
@@ -190,6 +194,7 @@ impl Assembly {
             allowance_mm,
             excess_mm,
             overall_mm,
+            profile,
         };
         let assembly = assembly.whole();
         assembly.cutter().map(|_| assembly)
@@ -208,6 +213,7 @@ impl Assembly {
     /// If the length is not a number from 0.0001 mm to 10 m.
     pub fn with_flutes(self, flutes_mm: f64) -> Result<Self> {
         positive("flute length", flutes_mm)?;
+        self.require_steps()?;
         let is_below = |step: &&Step| step.height_mm < flutes_mm;
         let all = || self.cutting.iter().chain(&self.upper);
         let mut cutting: Vec<Step> = all().filter(is_below).copied().collect();
@@ -248,6 +254,7 @@ impl Assembly {
     /// # Errors
     /// As [`Assembly::cutter`].
     pub fn with_neck_and_shank(self, upper: Vec<Step>) -> Result<Self> {
+        self.require_steps()?;
         let end = upper.first().map_or(f64::INFINITY, |step| step.height_mm);
         let body = self.own_body();
         let cutting = body.into_iter().filter(|step| step.height_mm < end).collect();
@@ -343,7 +350,8 @@ impl Assembly {
     /// As [`Assembly::cutter`].
     pub fn at_stick_out(&self, stick_out_mm: f64) -> Result<Cutter> {
         let raised = self.holder.iter().map(|step| raise(step, stick_out_mm));
-        self.cutter_of(self.upper.iter().copied().chain(raised).collect())
+        let cutter = self.cutter_of(self.upper.iter().copied().chain(raised).collect())?;
+        Ok(self.with_profile_of(cutter, Some(stick_out_mm)))
     }
 
     /// The body alone, without an upper end.
@@ -351,7 +359,8 @@ impl Assembly {
     /// # Errors
     /// As [`Assembly::cutter`].
     pub fn body_cutter(&self) -> Result<Cutter> {
-        self.cutter_of(self.upper.clone())
+        let cutter = self.cutter_of(self.upper.clone())?;
+        Ok(self.with_profile_of(cutter, None))
     }
 
     /// Every step of neck, shank, holder and spindle begins lower by a margin and is as much wider, as
@@ -362,7 +371,8 @@ impl Assembly {
     pub fn with_clearance(&self, clearance_mm: f64) -> Result<Self> {
         check_margin("clearance", clearance_mm)?;
         let [upper, holder] = [&self.upper, &self.holder].map(|steps| grown(steps, clearance_mm));
-        Ok(Assembly { upper, holder, ..self.clone() }.whole())
+        let profile = self.profile.as_ref().map(|profile| profile.with_margin(clearance_mm));
+        Ok(Assembly { upper, holder, profile, ..self.clone() }.whole())
     }
 
     /// The same tool, leaving stock: what cuts is dilated by a ball of this radius, as [`Cutter::with_allowance`].
@@ -372,6 +382,10 @@ impl Assembly {
     /// If the allowance is not a number from 0 to 10 m, or as [`Assembly::cutter`].
     pub fn with_allowance(self, allowance_mm: f64) -> Result<Self> {
         check_allowance(allowance_mm)?;
+        if self.profile.is_some() && allowance_mm > 0.0 {
+            let remedy = "leave the allowance out, or give the profile as much greater";
+            return Err(Error::argument("allowance of a profile", allowance_mm, "0", remedy));
+        }
         let rough = Assembly { allowance_mm, ..self }.whole();
         rough.cutter().map(|_| rough)
     }

@@ -19,7 +19,8 @@ impl Cutter {
     pub fn with_clearance(&self, clearance_mm: f64) -> Result<Self> {
         check_margin("clearance", clearance_mm)?;
         let upper = grown(&self.upper, clearance_mm);
-        Ok(Cutter { steps: joined(&self.cutting, &upper), upper, ..self.clone() })
+        let profile = self.profile.as_ref().map(|profile| profile.with_margin(clearance_mm));
+        Ok(Cutter { steps: joined(&self.cutting, &upper), upper, profile, ..self.clone() })
     }
 
     /// This cutter with stock left by what cuts: that is dilated by a ball of radius `allowance_mm`. A ball of radius R

@@ -3,6 +3,7 @@
 use super::labels::SurfaceOptions;
 use super::obstacles::{TriangleObstacles, extent};
 use super::problem::{Problem, WORD};
+use super::profile::{self, Tools};
 use super::site::SiteState;
 use super::tool::axes;
 use super::verdict::Verdict;
@@ -102,6 +103,10 @@ impl TriangleObstacles {
         options.check()?;
         extent(sites.len(), 1, directions, options).require_directions()?;
         let problem = self.problem(Queries::Sites(sites), cutter, options)?;
+        if let Some(profile) = cutter.profile() {
+            let tools = Tools::new(&self.bvh, &problem.tolerances, profile, options.finish_mm);
+            return Ok(of_profile(profile::accessible(&tools, &problem.contacts, directions)));
+        }
         let every: Vec<usize> = (0..sites.len()).collect();
         let own = problem.own_by_points(cutter, directions, options)?;
         let all = problem.all_by_points(cutter, directions, options, &every)?;
@@ -118,6 +123,19 @@ impl TriangleObstacles {
             only_tip: blocks.iter().flat_map(|block| block.only_tip.iter().copied()).collect(),
         })
     }
+}
+
+/// From the answers per site, and per direction.
+fn of_profile(found: Vec<(Vec<bool>, bool)>) -> AccessibleDirections {
+    let n_directions = found.first().map_or(0, |(accessible, _)| accessible.len());
+    let mut rows = vec![vec![0u64; found.len().div_ceil(WORD)]; n_directions];
+    for (i, (accessible, _)) in found.iter().enumerate() {
+        for (row, is_accessible) in rows.iter_mut().zip(accessible) {
+            row[i / WORD] |= u64::from(*is_accessible) << (i % WORD);
+        }
+    }
+    let only_tip = found.iter().map(|(_, only_tip)| *only_tip).collect();
+    AccessibleDirections { n_sites: found.len(), rows, only_tip }
 }
 
 /// The sites of a word.

@@ -182,6 +182,10 @@ pub struct SurfaceLabels {
     /// is, or nobody asked
     /// ([`TriangleObstacles::rest_on_wide_tolerance`](super::TriangleObstacles::rest_on_wide_tolerance)).
     pub rests_on_tolerance: Vec<bool>,
+    /// Per query that is inaccessible, whether a pose of the tool is free, but no retreat from one is proven; empty for
+    /// tools that only widen upward, which leave as they came.
+    #[serde(default)]
+    pub retreat_unproven: Vec<bool>,
     /// What was done.
     #[doc(hidden)] // counts for benches
     pub stats: SurfaceStats,

@@ -33,6 +33,7 @@
 //! ```
 
 mod held;
+mod profile;
 
 use super::cells::Domain;
 use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions, WitnessPose};
@@ -95,12 +96,8 @@ impl TriangleObstacles {
         done: &mut dyn FnMut(usize) -> Result<()>,
     ) -> Result<Vec<ToolReach>> {
         let _floats = par::DefaultFloats::set();
-        let options = SurfaceOptions {
-            counts: false,
-            occlusion: false,
-            clearance_limit_mm: None,
-            ..*options
-        };
+        let (counts, occlusion, clearance_limit_mm) = (false, false, None);
+        let options = SurfaceOptions { counts, occlusion, clearance_limit_mm, ..*options };
         let tested = tested(directions)?;
         extent(sites.len(), tools.len(), &tested, &options).require_library()?;
         let domain = Domain::of(directions);
@@ -115,7 +112,12 @@ impl TriangleObstacles {
             bodies: Vec::new(),
             reach: vec![ToolReach::default(); tools.len()],
         };
-        let mut left: Vec<usize> = (0..tools.len()).collect();
+        let is_profile = |k: &usize| tools[*k].profile().is_some();
+        let (profiles, mut left): (Vec<usize>, Vec<_>) = (0..tools.len()).partition(is_profile);
+        for (n, k) in profiles.into_iter().enumerate() {
+            pass.reach[k] = self.reach_of_profile(sites, &tools[k], (directions, &options))?;
+            done(n + 1)?;
+        }
         left.sort_by(|&a, &b| {
             thickness(tools[a].body()).total_cmp(&thickness(tools[b].body())).then(a.cmp(&b))
         });

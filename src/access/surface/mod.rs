@@ -45,6 +45,7 @@ mod obstacles;
 mod penetrate;
 mod pose;
 mod problem;
+mod profile;
 mod query;
 mod reference;
 mod refine;

@@ -4,6 +4,7 @@ use super::bvh::Bvh;
 use super::cells::Domain;
 use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
 use super::problem::Problem;
+use super::profile::{self, Tools};
 use super::tolerance::Chords;
 use super::tool::{Contact, Outline};
 use crate::access::{Counted, Extent, Labels, Obstacles, Queries, count_for, occlusion_points};
@@ -114,6 +115,23 @@ impl TriangleObstacles {
             (queries.into(), tested(directions)?, Domain::of(directions));
         extent(queries.len(), 1, &tested, options).require_surface()?;
         let problem = self.problem(queries, cutter, options)?;
+        if let Some(profile) = cutter.profile() {
+            if options.clearance_limit_mm.is_some() {
+                let remedy = "leave the clearance limit out, or give the tool by lengths";
+                let found = "of a tool given by its profile";
+                let expected = "of a tool given by lengths";
+                return Err(Error::argument("clearances", found, expected, remedy));
+            }
+            if matches!(queries, Queries::Volume(_)) {
+                let expected = "a tool of lengths that only widens upward";
+                let remedy = "label sites of the surface";
+                let found = "given by its profile, at points of space";
+                return Err(Error::argument("tool", found, expected, remedy));
+            }
+            let tools = Tools::new(&self.bvh, &problem.tolerances, profile, options.finish_mm);
+            let (contacts, own) = (problem.contacts, problem.own_tolerances);
+            return Ok(profile::label(&tools, &contacts, &tested, own));
+        }
         let tallies = problem.by_triangles(cutter, &tested, domain, options)?;
         let clearance = options.clearance_limit_mm.map(|limit| {
             let (answers, witness): (Vec<_>, Vec<_>) =
@@ -140,6 +158,11 @@ impl TriangleObstacles {
         options: &SurfaceOptions,
     ) -> Result<Labels> {
         let _floats = par::DefaultFloats::set();
+        if cutter.profile().is_some() && options.occlusion {
+            let remedy = "turn occlusion off, or give the tool by lengths";
+            let found = "for a tool given by its profile";
+            return Err(Error::argument("occlusion", found, "a tool given by lengths", remedy));
+        }
         let surface = self.label(sites, cutter, directions, options)?;
         let mut answers = SiteAnswers {
             inaccessible: surface.inaccessible(),

@@ -83,6 +83,11 @@ pub enum Warning {
         /// Whether nothing is left.
         closes_all: bool,
     },
+    /// A tool given by its profile: directions between those of the set are not searched, nor directions counted.
+    Profile {
+        /// Share of the sites with a free pose and no proven retreat, which count as inaccessible.
+        unproven_share: f64,
+    },
     /// Sites whose answer rests on roundings: see [`SurfaceStats::knife_edge`](super::SurfaceStats::knife_edge).
     KnifeEdge {
         /// Share of the sites.
@@ -152,6 +157,12 @@ impl fmt::Display for Warning {
                 "the clearance of {clearance_mm} mm alone puts {:.1} % of the sites out of reach: take a lesser one, or a longer tool",
                 100.0 * share
             ),
+            Warning::Profile { unproven_share } => write!(
+                f,
+                "the tool is given by its profile: only the directions tested were tried, none between them; {:.1} % of the \
+                 sites have a free pose without a proven retreat and count as inaccessible",
+                100.0 * unproven_share
+            ),
             Warning::KnifeEdge { share } => write!(
                 f,
                 "the answers of up to {:.2} % of the sites rest on roundings: the tool touches exactly; change --tolerance a little",
@@ -211,6 +222,10 @@ impl TriangleObstacles {
                 share: share(raised().count()),
                 greatest_mm: raised().map(|i| granted[i]).fold(0.0, f64::max),
             });
+        }
+        if cutter.profile().is_some() {
+            let unproven = labels.retreat_unproven.iter().filter(|unproven| **unproven).count();
+            warnings.push(Warning::Profile { unproven_share: share(unproven) });
         }
         let rests = labels.rests_on_tolerance.iter().filter(|rests| **rests).count();
         if rests > 0 {

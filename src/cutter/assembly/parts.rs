@@ -120,6 +120,7 @@ impl Assembly {
         match part {
             ToolPart::Tip | ToolPart::Cutter => return Err(unchangeable(part)),
             ToolPart::Shank => {
+                self.require_steps()?;
                 let flutes_mm = tool.flutes_mm();
                 tool.shank_mut().for_each(|step| step.height_mm += by_mm);
                 if tool.flutes_mm() > flutes_mm {
@@ -147,7 +148,10 @@ impl Assembly {
         let narrow = |step: &mut Step| step.radius_mm = (step.radius_mm - by_mm).max(least);
         let mut tool = self.clone();
         match part {
-            ToolPart::Shank => tool.shank_mut().for_each(narrow),
+            ToolPart::Shank => {
+                self.require_steps()?;
+                tool.shank_mut().for_each(narrow);
+            }
             ToolPart::Holder => {
                 let finite = tool.holder.iter_mut().filter(|step| step.radius_mm.is_finite());
                 finite.for_each(narrow);
@@ -166,6 +170,7 @@ impl Assembly {
             let expected = "above 0, at most 1";
             return Err(Error::argument("factor", factor, expected, "1 changes nothing"));
         }
+        self.require_steps()?;
         let mut tool = Assembly {
             corner_mm: factor * self.corner_mm,
             side_mm: factor * self.side_mm,

@@ -1,7 +1,7 @@
 //! Reading tools: what is read is built again, and so checked.
 
 use super::Assembly;
-use crate::cutter::{Step, margins::check_allowance};
+use crate::cutter::{Profile, Step, margins::check_allowance};
 use crate::{Error, Result};
 use serde::Deserialize;
 
@@ -20,6 +20,8 @@ pub(super) struct Unchecked {
     allowance_mm: f64,
     excess_mm: f64,
     overall_mm: Option<f64>,
+    #[serde(default)]
+    profile: Option<Profile>,
 }
 
 /// Wider steps hide these, so that the cutter's own check does not see them.
@@ -40,7 +42,7 @@ impl TryFrom<Unchecked> for Assembly {
     type Error = Error;
 
     /// # Errors
-    /// If lengths or steps make no cutter, the allowance or the excess is not a number from 0 on, or the tool sticks out
+    /// If lengths or steps make no cutter or are not those of the profile, the allowance or the excess is not a number from 0 on, or the tool sticks out
     /// further than its overall length.
     fn try_from(read: Unchecked) -> Result<Self> {
         let Unchecked { corner_mm, side_mm, cutting, upper, holder, .. } = read;
@@ -59,6 +61,10 @@ impl TryFrom<Unchecked> for Assembly {
             Assembly::of_parts(end, cutting, upper, holder, read.stick_out_mm, read.excess_mm)?;
         let tool = match read.overall_mm {
             Some(overall_mm) => tool.with_overall(overall_mm)?,
+            None => tool,
+        };
+        let tool = match read.profile {
+            Some(profile) => tool.of_same_lengths(profile)?,
             None => tool,
         };
         tool.with_allowance(read.allowance_mm)

@@ -47,7 +47,7 @@ pub const N_LABELED: usize = 256;
 
 impl TriangleObstacles {
     /// The change of the tool that helps most of the sites `members`, which it does not reach, if one is found that
-    /// keeps `remedies`.
+    /// keeps `remedies`; none for a tool given by its profile.
     ///
     /// # Errors
     /// As [`TriangleObstacles::explain`].
@@ -63,6 +63,9 @@ impl TriangleObstacles {
         options: &SurfaceOptions,
         remedies: &Remedies,
     ) -> Result<RegionAdvice> {
+        if tool.profile().is_some() {
+            return Ok(RegionAdvice::default());
+        }
         let options = SurfaceOptions { refinement: None, ..*options };
         let explained: Vec<usize> = spread(members, N_EXPLAINED).collect();
         let explain = |i: usize| {

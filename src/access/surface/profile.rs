@@ -1,0 +1,50 @@
+//! Tools of any profile: poses are tested against the whole profile, and each needs a way out.
+//!
+//! # Definition
+//!
+//! The tool is a solid of revolution ([`Profile`](crate::cutter::Profile)), with its holder. In a pose it
+//! **penetrates** a triangle iff some point of that is deeper in the tool than the gouge tolerance τ of the triangle:
+//! farther from everything outside. A pose that penetrates no triangle is **free**.
+//!
+//! In direction `d` the tool **touches** a site with normal `n` in every pose in which the site is on the profile of what
+//! cuts, grown by the finish tolerance δ, where that has the outward normal `−n`, or nearly: on a flank or a face at any
+//! place of it, on both sides of a lollipop, on the upper and lower face of a T-slot cutter.
+//!
+//! A free pose counts if a **retreat** is proven: straight along the axis, which is a pose of the tool that is as wide at
+//! every height as anything below; or by one move across the axis, whose swept volume is free, and then along the axis.
+//! Per site:
+//!
+//! - **accessible**: some pose is free and has a retreat;
+//! - **inaccessible**, *retreat unproven*: some pose is free, no retreat from one was found;
+//! - **tip does not fit**: no pose is free, but in some pose only what cuts penetrates;
+//! - **inaccessible** elsewhere.
+//!
+//! # Pseudo-code
+//!
+//! ```text
+//! for every site, for every direction, for every place of the profile with the site's normal:
+//!     some triangle penetrated by the pose: next; the one that the last pose met is tried first
+//!     straight retreat free, or moved aside and free: accessible
+//! if none: for every direction again, pushing poses along the profile, clear of what they penetrate
+//! ```
+//!
+//! Three things make a test cheap. On a triangle, of all points at one height the one nearest to the axis lies on an edge
+//! or on the line of steepest slope through the axis: four segments stand for the triangle. The profile shrunk by τ is
+//! again radius over height, in lines and convex arcs, made once per τ. Along a segment the distance from the axis less
+//! the radius of such a piece is convex, so its least value is found by halving.
+//!
+//! Directions between those of the set are not searched and nothing is proven of them; directions and clearances are not
+//! counted. What is not accessible from a direction of the set counts as inaccessible.
+
+mod body;
+mod contact;
+mod label;
+mod meet;
+mod outline;
+#[cfg(test)]
+mod reference;
+mod retreat;
+#[cfg(test)]
+mod tests;
+
+pub(super) use label::{Tools, accessible, label};

@@ -1,0 +1,445 @@
+//! Labels of a tool of any profile, in the directions of a set.
+
+use super::body::Body;
+use super::contact::{Contacts, Pose};
+use super::meet::{Hit, deepest, penetrates};
+use super::outline::{Outline, Shrunk};
+use crate::access::surface::bvh::{Bvh, Level};
+use crate::access::surface::labels::{SiteAnswer, SurfaceLabels, SurfaceStats, WitnessPose};
+use crate::access::surface::tolerance::Tolerances;
+use crate::access::surface::tool::{Axes, Contact, Stand, axes};
+use crate::cutter::Profile;
+use crate::directions::Directions;
+use crate::par;
+use glam::{DVec2, DVec3, Vec3};
+
+/// One tool against all triangles.
+pub(in crate::access::surface) struct Tools<'a> {
+    bvh: &'a Bvh,
+    outline: Outline,
+    contacts: Contacts,
+    /// Finish tolerance, mm.
+    finish: f64,
+    /// For every tolerance, rounded up, from the least.
+    bodies: Vec<Shrunk>,
+    /// Per place of the tree; empty if all are the least.
+    body_of: Vec<u16>,
+    /// Of the tool and of the drawn tool.
+    levels: Levels,
+    /// Greatest radius of what cuts, mm.
+    pub(super) radius: f64,
+    /// No move across the axis is longer, mm.
+    pub(super) farthest: f64,
+    pub(super) only_widens: bool,
+}
+
+struct Levels {
+    all: Vec<[f64; 2]>,
+    size: f64,
+}
+
+/// The axes of the tool.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Frame {
+    axes: Axes,
+    direction: Vec3,
+}
+
+impl Frame {
+    fn all(directions: &Directions) -> Vec<Frame> {
+        let frame = |d: &Vec3| Frame { axes: axes(*d), direction: *d };
+        directions.vectors().iter().map(frame).collect()
+    }
+
+    /// A place moved across the axis.
+    pub fn moved(&self, tip: DVec3, by: DVec2) -> DVec3 {
+        tip + self.axes[0] * by.x + self.axes[1] * by.y
+    }
+
+    fn local(&self, vector: DVec3) -> DVec3 {
+        let [u, v, d] = self.axes;
+        DVec3::new(vector.dot(u), vector.dot(v), vector.dot(d))
+    }
+
+    fn global(&self, local: DVec3) -> DVec3 {
+        let [u, v, d] = self.axes;
+        u * local.x + v * local.y + d * local.z
+    }
+}
+
+/// Tolerances are rounded up to a power of this, times the least.
+const TOLERANCE_STEP: f64 = 1.02;
+/// Levels that the boxes of the tree are compared with.
+const MOST_LEVELS: usize = 6;
+/// Sites per task.
+const BLOCK: usize = 32;
+/// Poses of one site that are pushed, those that penetrate least.
+const PUSHED: usize = 10;
+/// Pushes of one pose, and how many of them may fail to leave it less deep by a tenth.
+const PUSHES: usize = 20;
+const MOST_STALLED: usize = 4;
+const SHALLOWER: f64 = 0.9;
+/// Poses are pushed if what they penetrate is not deeper than this many times their freedom.
+const REACH: f64 = 1.5;
+/// Free poses of one site whose retreat is tried.
+const MOST_RETREATS: usize = 6;
+/// Farther than what is penetrated, mm.
+const BEYOND_MM: f64 = 1e-5;
+
+/// What a site comes to.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Found {
+    pub witness: Option<WitnessPose>,
+    /// Whether some pose is free; the one that was found last.
+    pub is_free: bool,
+    pub last_free: DVec3,
+    pub only_tip: bool,
+    pub n_tested: u64,
+}
+
+impl Found {
+    /// With the pose that is free and has a retreat, in a direction of the set.
+    fn with_witness(self, direction: Vec3, state: &State) -> Found {
+        let witness = Some(WitnessPose { direction, tip_mm: self.last_free });
+        Found { witness, n_tested: state.n_tested, ..self }
+    }
+}
+
+#[derive(Default)]
+struct State {
+    last: Option<u32>,
+    last_drawn: Option<u32>,
+    last_idle: Option<u32>,
+    n_tested: u64,
+    n_retreats: usize,
+}
+
+/// A pose that penetrates something.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    /// How deep a point of what it penetrates is in the tool, beyond the tolerance, mm.
+    depth: f64,
+    /// Of the direction.
+    k: usize,
+    pose: Pose,
+}
+
+/// The [`PUSHED`] poses that penetrate least, in that order; the first among equals.
+#[derive(Debug, Default)]
+struct Shallow(Vec<Candidate>);
+
+impl Shallow {
+    fn add(&mut self, candidate: Candidate) {
+        let at = self.0.partition_point(|other| other.depth <= candidate.depth);
+        if at < PUSHED {
+            self.0.truncate(PUSHED - 1);
+            self.0.insert(at, candidate);
+        }
+    }
+}
+
+impl<'a> Tools<'a> {
+    pub fn new(bvh: &'a Bvh, tolerances: &Tolerances, profile: &Profile, finish: f64) -> Self {
+        let least = tolerances.least;
+        let level = |tolerance: f64| -> u16 {
+            let exact = (tolerance / least).ln() / TOLERANCE_STEP.ln();
+            (exact - 1e-9).ceil().max(0.0) as u16
+        };
+        let n_places = bvh.n_triangles() as u32;
+        let all: Vec<u16> = match tolerances.most > least {
+            false => Vec::new(),
+            true => (0..n_places).map(|place| level(tolerances.at(place))).collect(),
+        };
+        let mut used: Vec<u16> = all.clone();
+        used.push(0);
+        used.sort_unstable();
+        used.dedup();
+        let of_level = |level: &u16| {
+            let tolerance = least * libm::pow(TOLERANCE_STEP, f64::from(*level));
+            Shrunk::new(profile, tolerance)
+        };
+        let bodies: Vec<Shrunk> = used.iter().map(of_level).collect();
+        let body_of =
+            all.iter().map(|level| used.binary_search(level).unwrap_or(0) as u16).collect();
+        let [widest, height] = bodies[0].whole.size();
+        let radius = profile.cutting_radius_mm();
+        let farthest = 2.0 * bvh.radius() + 2.0 * radius;
+        let levels = Levels { all: enclosing(&bodies[0].whole), size: height + widest + farthest };
+        Tools {
+            bvh,
+            outline: Outline::new(profile),
+            contacts: Contacts::new(profile, finish),
+            finish,
+            bodies,
+            body_of,
+            levels,
+            radius,
+            farthest,
+            only_widens: profile.only_widens(),
+        }
+    }
+
+    /// The tool shrunk by the tolerance of a triangle.
+    pub(super) fn shrunk(&self, place: u32) -> &Shrunk {
+        &self.bodies[self.body_of.get(place as usize).map_or(0, |k| *k as usize)]
+    }
+
+    /// The first triangle that `meets` says the tool penetrates; `last` is tried first, and becomes it.
+    pub(super) fn first_hit(
+        &self,
+        frame: &Frame,
+        tip: DVec3,
+        last: &mut Option<u32>,
+        meets: impl Fn(&Shrunk, &[DVec3; 3]) -> Option<Hit>,
+    ) -> Option<(u32, Hit)> {
+        let stand = Stand { reference: tip, axes: frame.axes };
+        let test = |place: u32| {
+            let corners = stand.triangle(self.bvh.triangle(place));
+            Some((place, meets(self.shrunk(place), &corners)?))
+        };
+        if let Some(found) = last.and_then(test) {
+            return Some(found);
+        }
+        let mut found = None;
+        let mut stack = Vec::new();
+        let mut levels = self.levels(0.0);
+        self.bvh.visit(&stand, &mut levels, &mut stack, |place, _| {
+            found = test(place);
+            found.is_some()
+        });
+        if let Some((place, _)) = found {
+            *last = Some(place);
+        }
+        found
+    }
+
+    /// As [`Tools::first_hit`], of a tool that is moved across its axis.
+    pub(super) fn first_swept(
+        &self,
+        frame: &Frame,
+        tip: DVec3,
+        by: DVec2,
+        meets: impl Fn(&Shrunk, &[DVec3; 3]) -> Option<Hit>,
+    ) -> Option<u32> {
+        // About the middle of the way.
+        let middle = frame.moved(tip, 0.5 * by);
+        let start = Stand { reference: tip, axes: frame.axes };
+        let stand = Stand { reference: middle, axes: frame.axes };
+        let mut levels = self.levels(0.5 * by.length());
+        let (mut found, mut stack) = (None, Vec::new());
+        self.bvh.visit(&stand, &mut levels, &mut stack, |place, _| {
+            let corners = start.triangle(self.bvh.triangle(place));
+            if meets(self.shrunk(place), &corners).is_some() {
+                found = Some(place);
+            }
+            found.is_some()
+        });
+        found
+    }
+
+    /// About the deepest point of triangles that the tool penetrates, and the place of its triangle; `deepest` is given a
+    /// depth that only more counts than; `first` is the place of a triangle that is tried first.
+    pub(super) fn deepest_hit(
+        &self,
+        frame: &Frame,
+        tip: DVec3,
+        first: Option<u32>,
+        deepest: impl Fn(&Shrunk, &[DVec3; 3], f64) -> Option<(f64, DVec3)>,
+    ) -> Option<(u32, DVec3)> {
+        let stand = Stand { reference: tip, axes: frame.axes };
+        let (mut levels, mut stack) = (self.levels(0.0), Vec::new());
+        let (mut most, mut best) = (0.0, None);
+        let mut test = |place: u32| {
+            let corners = stand.triangle(self.bvh.triangle(place));
+            if let Some((depth, point)) = deepest(self.shrunk(place), &corners, most) {
+                (most, best) = (depth, Some((place, point)));
+            }
+        };
+        first.into_iter().for_each(&mut test);
+        self.bvh.visit(&stand, &mut levels, &mut stack, |place, _| {
+            test(place);
+            false
+        });
+        best
+    }
+
+    fn levels(&self, wider: f64) -> Vec<Level> {
+        let level =
+            |[height, radius]: &[f64; 2]| self.bvh.level(*height, radius + wider, self.levels.size);
+        self.levels.all.iter().map(level).collect()
+    }
+
+    fn whole(shrunk: &Shrunk, corners: &[DVec3; 3]) -> Option<Hit> {
+        penetrates(&shrunk.whole, corners, DVec2::ZERO)
+    }
+
+    fn tip(&self, frame: &Frame, site: DVec3, pose: &Pose) -> DVec3 {
+        site - frame.global(self.contacts.offset(pose))
+    }
+
+    /// Answers for one site.
+    pub(super) fn site(&self, contact: &Contact, frames: &[Frame]) -> Found {
+        let (mut state, mut found) = (State::default(), Found::default());
+        let Some(normal) = contact.normal else { return found };
+        let mut shallow = Shallow::default();
+        for (k, frame) in frames.iter().enumerate() {
+            let local = frame.local(normal);
+            let is_reached = self.contacts.for_each(local, |pose| {
+                let tip = self.tip(frame, contact.point, &pose);
+                state.n_tested += 1;
+                let Some((place, hit)) = self.first_hit(frame, tip, &mut state.last, Self::whole)
+                else {
+                    return self.leaves(frame, tip, &mut state, &mut found);
+                };
+                let depth = self.outline.depth(hit.point).mm - self.shrunk(place).tolerance;
+                let slack = self.shrunk(place).tolerance + self.finish;
+                if depth <= REACH * self.contacts.freedom(&pose, slack) {
+                    shallow.add(Candidate { depth, k, pose });
+                }
+                if hit.cuts && !found.only_tip {
+                    found.only_tip = self.is_clear_above(frame, tip, &mut state.last_idle);
+                }
+                false
+            });
+            if is_reached {
+                return found.with_witness(frame.direction, &state);
+            }
+        }
+        for Candidate { k, pose, .. } in shallow.0 {
+            let frame = &frames[k];
+            let from = (pose, frame.local(normal));
+            let tip = self.slide(frame, contact.point, from, &mut state);
+            if tip.is_some_and(|tip| self.leaves(frame, tip, &mut state, &mut found)) {
+                return found.with_witness(frame.direction, &state);
+            }
+        }
+        Found { n_tested: state.n_tested, ..found }
+    }
+
+    /// Whether a retreat from a free pose is proven.
+    fn leaves(&self, frame: &Frame, tip: DVec3, state: &mut State, found: &mut Found) -> bool {
+        found.last_free = tip;
+        found.is_free = true;
+        if self.leaves_straight(frame, tip, &mut state.last_drawn) {
+            return true;
+        }
+        if self.only_widens || state.n_retreats == MOST_RETREATS {
+            return false;
+        }
+        state.n_retreats += 1;
+        self.leaves_aside(frame, tip, &mut state.last_drawn)
+    }
+
+    /// Whether only what cuts is in the way.
+    fn is_clear_above(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
+        let idle =
+            |shrunk: &Shrunk, corners: &[DVec3; 3]| penetrates(&shrunk.idle, corners, DVec2::ZERO);
+        self.first_hit(frame, tip, last, idle).is_none()
+    }
+
+    /// The tip of a free pose, pushed from one that is not.
+    fn slide(
+        &self,
+        frame: &Frame,
+        site: DVec3,
+        (mut pose, normal): (Pose, DVec3),
+        state: &mut State,
+    ) -> Option<DVec3> {
+        /// As for cutters of steps: what only passes around an edge does not touch it.
+        const LEAST_COSINE: f64 = 0.1;
+        let (mut least, mut n_stalled) = (f64::INFINITY, 0);
+        for _ in 0..PUSHES {
+            state.n_tested += 1;
+            let tip = self.tip(frame, site, &pose);
+            let whole = |shrunk: &Shrunk, corners: &[DVec3; 3], least: f64| {
+                deepest(&shrunk.whole, corners, least)
+            };
+            let Some((place, point)) = self.deepest_hit(frame, tip, state.last, whole) else {
+                let touches = self.contacts.normal(&pose).dot(-normal) >= LEAST_COSINE;
+                return touches.then_some(tip);
+            };
+            let depth = self.outline.depth(point);
+            let by = depth.mm - self.shrunk(place).tolerance + BEYOND_MM;
+            state.last = Some(place);
+            if by > REACH * self.contacts.freedom(&pose, self.shrunk(place).tolerance + self.finish)
+            {
+                return None;
+            }
+            n_stalled += 1;
+            if by < SHALLOWER * least {
+                (least, n_stalled) = (by, 0);
+            }
+            if n_stalled == MOST_STALLED {
+                return None;
+            }
+            pose = self.contacts.pushed(&pose, -depth.toward, by)?;
+        }
+        None
+    }
+}
+
+/// At most [`MOST_LEVELS`] levels that hold a tool.
+fn enclosing(body: &Body) -> Vec<[f64; 2]> {
+    let levels = body.levels();
+    let per_group = levels.len().div_ceil(MOST_LEVELS).max(1);
+    levels.chunks(per_group).map(|group| [group[0][0], group[group.len() - 1][1]]).collect()
+}
+
+/// Labels of sites: see the [module](super).
+pub(in crate::access::surface) fn label(
+    tools: &Tools,
+    contacts: &[Contact],
+    directions: &Directions,
+    own_tolerances: Vec<f64>,
+) -> SurfaceLabels {
+    let frames = Frame::all(directions);
+    let found = par::map_blocks(contacts.len(), BLOCK, |range| {
+        range.map(|i| tools.site(&contacts[i], &frames)).collect::<Vec<_>>()
+    });
+    let mut labels = SurfaceLabels {
+        tolerance_mm: own_tolerances,
+        finish_mm: tools.finish,
+        n_directions: directions.len(),
+        ..SurfaceLabels::default()
+    };
+    for found in found.into_iter().flatten() {
+        let without_retreat = found.witness.is_none() && found.is_free;
+        labels.answers.push(match found.witness {
+            Some(_) => SiteAnswer::Accessible,
+            None if found.only_tip && !without_retreat => SiteAnswer::TipDoesNotFit,
+            None => SiteAnswer::Inaccessible,
+        });
+        labels.witness.push(found.witness);
+        labels.open_directions.push(if found.witness.is_some() { 0.0 } else { 1.0 });
+        labels.retreat_unproven.push(without_retreat);
+        labels.stats += SurfaceStats {
+            pairs: directions.len() as u64,
+            tools_tested: found.n_tested,
+            ..SurfaceStats::default()
+        };
+    }
+    labels
+}
+
+/// In which of the directions every site is accessible, and whether the tip alone hinders it.
+pub(in crate::access::surface) fn accessible(
+    tools: &Tools,
+    contacts: &[Contact],
+    directions: &Directions,
+) -> Vec<(Vec<bool>, bool)> {
+    let frames = Frame::all(directions);
+    let found = par::map_blocks(contacts.len(), BLOCK, |range| {
+        let of = |i: usize| {
+            let (mut accessible, mut only_tip) = (Vec::with_capacity(frames.len()), false);
+            for frame in frames.chunks(1) {
+                let found = tools.site(&contacts[i], frame);
+                accessible.push(found.witness.is_some());
+                only_tip |= found.only_tip && !found.is_free;
+            }
+            let is_reached = accessible.contains(&true);
+            (accessible, only_tip && !is_reached)
+        };
+        range.map(of).collect::<Vec<_>>()
+    });
+    found.into_iter().flatten().collect()
+}

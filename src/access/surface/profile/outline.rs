@@ -1,0 +1,87 @@
+//! How deep a point is in a tool of any profile, and which way it is out.
+
+use super::body::{Body, finite_pieces};
+use crate::cutter::{Piece, Profile};
+use glam::{DVec2, DVec3, dvec2};
+
+/// The profile itself, not shrunk.
+#[derive(Debug, Clone)]
+pub(super) struct Outline {
+    pieces: Vec<Piece>,
+}
+
+/// How deep a point is in a tool.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Depth {
+    /// Distance from everything outside, mm; negative for a point outside: the distance from the tool.
+    pub mm: f64,
+    /// From the point toward the nearest place of the profile, a unit vector in the frame of the tool; zero on it.
+    pub toward: DVec3,
+}
+
+impl Outline {
+    pub fn new(profile: &Profile) -> Self {
+        Outline { pieces: finite_pieces(profile) }
+    }
+
+    /// Of a point in the frame of the tool, from its tip.
+    pub fn depth(&self, point: DVec3) -> Depth {
+        let flat = point.truncate();
+        let at = dvec2(flat.length(), point.z);
+        let mut best = (f64::INFINITY, DVec2::ZERO);
+        for piece in &self.pieces {
+            let nearest = nearest(piece, at);
+            let squared = (nearest - at).length_squared();
+            if squared < best.0 {
+                best = (squared, nearest - at);
+            }
+        }
+        let outward = if at.x > 0.0 { flat / at.x } else { DVec2::X };
+        let toward = (outward * best.1.x).extend(best.1.y).normalize_or_zero();
+        let distance = best.0.sqrt();
+        Depth { mm: if self.holds(at) { distance } else { -distance }, toward }
+    }
+
+    /// Whether a place, radius and height, is in the tool.
+    fn holds(&self, at: DVec2) -> bool {
+        let over = |piece: &&Piece| {
+            let [low, high] = piece.ends.map(|[_, z]| z);
+            low < high && (low..high).contains(&at.y)
+        };
+        self.pieces.iter().filter(over).any(|piece| at.x < piece.radius_at(at.y))
+    }
+}
+
+/// The place of a piece that is nearest to another.
+fn nearest(piece: &Piece, at: DVec2) -> DVec2 {
+    let [a, b] = piece.ends.map(DVec2::from_array);
+    if let Some(arc) = piece.arc {
+        let center = DVec2::from_array(arc.center);
+        let away = (at - center).normalize_or_zero() * arc.radius;
+        let on = center + away;
+        let side = if arc.is_convex { away.x >= 0.0 } else { away.x <= 0.0 };
+        if side && (a.y..=b.y).contains(&on.y) && away != DVec2::ZERO {
+            return on;
+        }
+        return if (a - at).length_squared() <= (b - at).length_squared() { a } else { b };
+    }
+    let run = b - a;
+    let share = ((at - a).dot(run) / run.length_squared()).clamp(0.0, 1.0);
+    a + run * share
+}
+
+/// The shrunk bodies for all tolerances of a part.
+#[derive(Debug)]
+pub(super) struct Shrunk {
+    pub whole: Body,
+    pub drawn: Body,
+    pub idle: Body,
+    pub tolerance: f64,
+}
+
+impl Shrunk {
+    pub fn new(profile: &Profile, tolerance: f64) -> Self {
+        let whole = Body::new(profile, tolerance);
+        Shrunk { drawn: whole.drawn(), idle: whole.idle(), whole, tolerance }
+    }
+}

@@ -1,0 +1,88 @@
+//! The way out of a pose: along the axis, or aside and then along the axis.
+//!
+//! ```text
+//! straight: the drawn tool is free in the pose
+//! moved = the pose, pushed across the axis, clear of what the drawn tool penetrates, again and again
+//!     free there, and the way to it free: proven
+//! for directions around the axis, for lengths that double: the way blocked → next direction; drawn tool free there → proven
+//! ```
+
+use super::label::{Frame, Tools};
+use super::meet::{deepest, penetrates};
+use super::outline::Shrunk;
+use glam::{DVec2, DVec3};
+use std::f64::consts::TAU;
+
+/// Directions across the axis that are tried.
+const DIRECTIONS: usize = 24;
+/// The first length, as a share of the tool's radius, and the factor to the next.
+const FIRST: f64 = 0.25;
+const FACTOR: f64 = 1.6;
+/// Pushes after which the first way out is given up.
+const PUSHES: usize = 25;
+/// Farther than what is penetrated, mm.
+const BEYOND_MM: f64 = 1e-5;
+
+impl Tools<'_> {
+    /// Whether a tool may be drawn back along its axis.
+    pub(super) fn leaves_straight(
+        &self,
+        frame: &Frame,
+        tip: DVec3,
+        last: &mut Option<u32>,
+    ) -> bool {
+        let drawn =
+            |shrunk: &Shrunk, corners: &[DVec3; 3]| penetrates(&shrunk.drawn, corners, DVec2::ZERO);
+        self.first_hit(frame, tip, last, drawn).is_none()
+    }
+
+    /// Whether a tool may be moved across its axis, and then drawn back.
+    pub(super) fn leaves_aside(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
+        if self.pushed_aside(frame, tip).is_some_and(|by| self.is_way_free(frame, tip, by)) {
+            return true;
+        }
+        for k in 0..DIRECTIONS {
+            let angle = TAU * (k as f64 / DIRECTIONS as f64);
+            let toward = DVec2::new(libm::cos(angle), libm::sin(angle));
+            let mut length = FIRST * self.radius;
+            while length <= self.farthest {
+                if !self.is_way_free(frame, tip, toward * length) {
+                    break;
+                }
+                if self.leaves_straight(frame, frame.moved(tip, toward * length), last) {
+                    return true;
+                }
+                length *= FACTOR;
+            }
+        }
+        false
+    }
+
+    /// Whether the tool may move across its axis.
+    fn is_way_free(&self, frame: &Frame, tip: DVec3, by: DVec2) -> bool {
+        let swept = |shrunk: &Shrunk, corners: &[DVec3; 3]| penetrates(&shrunk.whole, corners, by);
+        self.first_swept(frame, tip, by, swept).is_none()
+    }
+
+    /// By how much across its axis the tool is clear of what it would penetrate on its way out.
+    fn pushed_aside(&self, frame: &Frame, tip: DVec3) -> Option<DVec2> {
+        let (mut by, mut last) = (DVec2::ZERO, None);
+        let drawn = |shrunk: &Shrunk, corners: &[DVec3; 3], least: f64| {
+            deepest(&shrunk.drawn, corners, least)
+        };
+        for _ in 0..PUSHES {
+            let Some((place, point)) = self.deepest_hit(frame, frame.moved(tip, by), last, drawn)
+            else {
+                return Some(by);
+            };
+            last = Some(place);
+            let flat = point.truncate();
+            let depth = self.shrunk(place).drawn.radius_at(point.z) - flat.length();
+            if flat.length() < 1e-9 || by.length() + depth > self.farthest {
+                return None;
+            }
+            by -= flat.normalize() * (depth + BEYOND_MM);
+        }
+        None
+    }
+}

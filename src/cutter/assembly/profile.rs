@@ -1,0 +1,89 @@
+//! Tools of any profile in a holder.
+
+use super::{Assembly, Section, steps};
+use crate::cutter::margins::envelope;
+use crate::cutter::{Cutter, Profile, Step, positive};
+use crate::{Error, Result};
+
+impl Assembly {
+    /// A tool of any profile, clamped so that the holder's nose is `stick_out_mm` above its tip; `holder` is from the
+    /// nose upward.
+    ///
+    /// Its steps are those of a flat end mill that holds it: what does not know of profiles takes it for that.
+    ///
+    /// # Errors
+    /// If a length is not a number from 0.0001 mm to 10 m, or there is no holder.
+    pub fn from_profile(profile: Profile, holder: &[Section], stick_out_mm: f64) -> Result<Self> {
+        positive("stick-out", stick_out_mm)?;
+        holder.iter().try_for_each(|section| section.check("length or radius of the holder"))?;
+        if holder.is_empty() {
+            let remedy = "give the segments of the holder from its nose upward";
+            return Err(Error::argument("holder", "without segments", "1 or more", remedy));
+        }
+        let (mut held, _, excess_mm) = steps(holder, holder.len(), 0.0, 0.0);
+        let top = holder.iter().map(|section| section.length_mm).sum();
+        held.push(Step { height_mm: top, radius_mm: f64::INFINITY });
+        let [cutting, upper] = steps_of(&profile);
+        let end = [0.0, profile.cutting_radius_mm()];
+        let tool = Assembly::of_parts(end, cutting, upper, held, stick_out_mm, excess_mm)?;
+        Ok(Assembly { profile: Some(profile), ..tool })
+    }
+
+    /// The profile of what is clamped, if the tool was given by one.
+    pub fn profile(&self) -> Option<&Profile> {
+        self.profile.as_ref()
+    }
+
+    /// Refuses a tool whose profile a change of its steps would contradict.
+    pub(super) fn require_steps(&self) -> Result<()> {
+        if self.profile.is_none() {
+            return Ok(());
+        }
+        let remedy = "give the changed profile";
+        Err(Error::argument(
+            "tool to change",
+            "given by its profile",
+            "one given by lengths",
+            remedy,
+        ))
+    }
+
+    /// With a profile whose steps these are.
+    pub(crate) fn of_same_lengths(self, profile: Profile) -> Result<Self> {
+        let [cutting, upper] = steps_of(&profile);
+        if self.cutting != cutting || self.upper != upper {
+            let remedy = "write the tool again";
+            return Err(Error::argument(
+                "steps of the tool",
+                "others",
+                "those of its profile",
+                remedy,
+            ));
+        }
+        Ok(Assembly { profile: Some(profile), ..self })
+    }
+
+    /// The cutter with the profile in the holder, or alone.
+    pub(super) fn with_profile_of(&self, cutter: Cutter, stick_out_mm: Option<f64>) -> Cutter {
+        let profile = self.profile.as_ref().map(|profile| match stick_out_mm {
+            Some(stick_out_mm) => profile.held(&self.holder, stick_out_mm),
+            None => profile.clone(),
+        });
+        Cutter { profile, ..cutter }
+    }
+}
+
+/// Steps of a flat end mill that holds the profile: its flutes, and what does not cut.
+fn steps_of(profile: &Profile) -> [Vec<Step>; 2] {
+    // Below the end of the flutes, so that they are separate where steps are read again.
+    let flutes =
+        Step { height_mm: 0.5 * profile.flutes_mm(), radius_mm: profile.cutting_radius_mm() };
+    [vec![flutes], envelope(profile.steps(|piece| !piece.cuts))]
+}
+
+impl Cutter {
+    /// The profile, if the tool was given by one.
+    pub fn profile(&self) -> Option<&Profile> {
+        self.profile.as_ref()
+    }
+}

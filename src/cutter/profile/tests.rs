@@ -1,0 +1,98 @@
+use super::*;
+use proptest::prelude::*;
+
+fn all() -> Vec<Profile> {
+    [
+        Profile::lollipop(3.0, 1.5),
+        Profile::t_slot(10.5, 9.0, 0.0, 5.0),
+        Profile::t_slot(10.5, 9.0, 0.5, 5.0),
+        Profile::dovetail(8.0, 30f64.to_radians(), 6.0, 3.0),
+        Profile::barrel(5.0, 85.0, 1.0, 20.0),
+        Profile::lens(6.0, 30.0, 1.0, 8.0),
+        Profile::chamfer(0.5, 45f64.to_radians(), 5.0),
+    ]
+    .map(Result::unwrap)
+    .to_vec()
+}
+
+#[test]
+fn families_have_the_radii_that_they_are_named_by() {
+    let at = |profile: &Profile, heights: [f64; 3]| heights.map(|h| profile.radius_at(h));
+    let close = |found: [f64; 3], expected: [f64; 3]| {
+        found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9)
+    };
+    let [ball, slot, round, dovetail, barrel, lens, chamfer] = &all()[..] else { panic!() };
+    assert!(close(at(ball, [3.0, 1.5, 9.0]), [3.0, 6.75f64.sqrt(), 1.5]));
+    assert!(close(at(slot, [0.0, 9.0, 9.1]), [10.5, 10.5, 5.0]));
+    assert!(close(at(round, [0.0, 0.5, 9.1]), [10.0, 10.5, 5.0]));
+    assert!(close(at(dovetail, [0.0, 3.0, 6.5]), [8.0, 8.0 - 3f64.sqrt(), 3.0]));
+    let center = 0.5 * 21.0;
+    assert!(close(at(barrel, [center, center, center]), [5.0; 3]));
+    assert!(barrel.radius_at(20.0) < 5.0 && barrel.radius_at(30.0) == barrel.radius_at(20.0));
+    assert!(close(at(lens, [8.0, 16.0, 100.0]), [6.0; 3]));
+    assert!(close(at(chamfer, [0.0, 2.0, 4.5]), [0.5, 2.5, 5.0]));
+    let grows = all().iter().map(Profile::only_widens).collect::<Vec<_>>();
+    assert_eq!(grows, [false, false, false, false, false, true, true]);
+}
+
+#[test]
+fn a_profile_is_read_as_it_is_written() {
+    for profile in all() {
+        assert_eq!(profile.to_string().parse::<Profile>().unwrap(), profile);
+        let json = serde_json::to_string(&profile).unwrap();
+        assert_eq!(serde_json::from_str::<Profile>(&json).unwrap(), profile);
+    }
+    let lollipop: Profile = "0:0 1.5:5.598@0:3 | 1.5:20 3:22".parse().unwrap();
+    assert!((lollipop.cutting_radius_mm() - 3.0).abs() < 1e-9);
+    assert_eq!(lollipop.flutes_mm(), 5.598);
+}
+
+#[test]
+fn impossible_profiles_are_refused_with_the_place_and_a_remedy() {
+    for (text, expected) in [
+        ("", "empty"),
+        ("1:1 2:2", "first point"),
+        ("1:0 2:x", "2:x"),
+        ("1:0 2:5 2:4", "height 4 of section 2"),
+        ("1:0 -2:5", "radius -2 of section 1"),
+        ("1:0 0:5", "upper end"),
+        ("1:0 | 1:5", "cutting portion"),
+        ("1:0 2:5 | 2:4", "height 4 of section 2"),
+        ("0:0 3:3@0:4", "equal ones"),
+        ("1:0 3:0@2:0", "across the axis"),
+        ("1:0 nan:4", "radius NaN"),
+    ] {
+        let message = text.parse::<Profile>().unwrap_err().to_string();
+        assert!(message.contains(expected), "{text}: {message}");
+    }
+    assert!(Profile::lollipop(3.0, 3.0).is_err() && Profile::t_slot(3.0, 1.0, 0.6, 1.0).is_err());
+    assert!(Profile::dovetail(3.0, 1.0, 9.0, 1.0).is_err());
+    assert!(Profile::barrel(3.0, 1.0, 0.1, 5.0).is_err());
+}
+
+#[test]
+fn a_held_profile_ends_in_its_holder() {
+    let profile = Profile::t_slot(10.5, 9.0, 0.0, 5.0).unwrap();
+    let step = |height_mm, radius_mm| Step { height_mm, radius_mm };
+    let held = profile.held(&[step(0.0, 20.0), step(30.0, f64::INFINITY)], 25.0);
+    let radii = [4.0, 12.0, 24.9, 25.1, 54.0, 56.0].map(|h| held.radius_at(h));
+    assert_eq!(radii, [10.5, 5.0, 5.0, 20.0, 20.0, f64::INFINITY]);
+    // Clamped at its flutes.
+    let short = profile.held(&[step(0.0, 4.0)], 5.0);
+    assert_eq!([4.9, 5.1].map(|h| short.radius_at(h)), [10.5, 10.5]);
+    let shank = [[5.0, 20.0], [8.0, 22.0]];
+    let whole = profile.with_shank(&shank).unwrap();
+    assert_eq!(whole.radius_at(21.0), 6.5);
+    assert!(whole.sections()[2..].iter().all(|section| !section.cuts));
+}
+
+proptest! {
+    #[test]
+    fn steps_hold_the_profile(k in 0usize..7, height in 0.0f64..40.0) {
+        let profile = &all()[k];
+        let steps = crate::cutter::margins::envelope(profile.steps(|_| true));
+        let widest = steps.iter().filter(|step| step.height_mm <= height);
+        let widest = widest.map(|step| step.radius_mm).fold(0.0, f64::max);
+        prop_assert!(profile.radius_at(height) <= widest + 1e-9);
+    }
+}
