@@ -293,6 +293,12 @@ impl Placed {
                 (all, warnings)
             }
             _ => {
+                if let Some(tool) = tools.iter().find(|tool| tool.assembly.profile().is_some()) {
+                    let found = format!("the profile of {}", tool.name);
+                    let remedy = "label against a mesh, by the mesh definition";
+                    let expected = "lengths, by the published definition";
+                    return Err(Error::argument("tools", found, expected, remedy));
+                }
                 let cutters: Vec<Cutter> = tools.iter().map(|tool| tool.cutter.clone()).collect();
                 let options: &LabelOptions = &self.request.published;
                 let (sites, directions) = (&self.sites, &self.directions);
@@ -344,6 +350,9 @@ impl Placed {
         tool: &Tool,
         (points, triangles): (Obstacles, Option<&TriangleObstacles>),
     ) -> Result<()> {
+        if tool.assembly.profile().is_some() {
+            return Ok(());
+        }
         let held = (&tool.assembly, tool.clearance_mm);
         let (sites, directions) = (&self.sites, &self.directions);
         labels.blocked_by = match (triangles, &labels.surface) {

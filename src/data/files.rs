@@ -132,7 +132,8 @@ impl LabelFile {
         let Labels { answers, witness, beta, .. } = &self.labels;
         let n = self.sites.len();
         let beta = if answers.occlusion.is_empty() { &[][..] } else { &beta[..] };
-        let missing = answers.accessible_directions.is_empty() && n > 0;
+        let is_counted = self.labels.surface.as_ref().is_none_or(|s| s.retreat_unproven.is_empty());
+        let missing = answers.accessible_directions.is_empty() && n > 0 && is_counted;
         if missing || (!answers.occlusion.is_empty() && beta.len() < n) {
             let name = if missing { "accessible_directions" } else { "beta" };
             return Err(few(path, name, beta.len().min(n), n));
@@ -155,7 +156,10 @@ impl LabelFile {
             let code = |part: &Option<ToolPart>| part.map_or(0, |part| part as u8 + 1);
             npz.array("blocked_by", &[n], &blocked_by[..n].iter().map(code).collect::<Vec<u8>>());
         }
-        let meaning = label_meaning(self.labels.surface.is_some());
+        let mut meaning = label_meaning(self.labels.surface.is_some());
+        if !is_counted {
+            meaning["retreat_unproven"] = json!(RETREAT_UNPROVEN);
+        }
         npz.metadata(&self.provenance.metadata(Self::FORMAT, meaning));
         npz.write(path)
     }
@@ -170,7 +174,11 @@ impl LabelFile {
         let sites = read_sites(path, &mut npz)?;
         let answers = SiteAnswers {
             inaccessible: npz.bools("inaccessible")?,
-            accessible_directions: npz.counts("accessible_directions")?,
+            accessible_directions: match npz.has("retreat_unproven") {
+                // Tools of any profile: directions are not counted.
+                true => Vec::new(),
+                false => npz.counts("accessible_directions")?,
+            },
             ..SiteAnswers::default()
         };
         let mut labels = Labels { answers, ..Labels::default() };
@@ -197,8 +205,10 @@ impl LabelFile {
             same_length(path, &sites, "blocked_by", labels.blocked_by.len())?;
         }
         same_length(path, &sites, "inaccessible", labels.answers.inaccessible.len())?;
-        let n_directions = labels.answers.accessible_directions.len();
-        same_length(path, &sites, "accessible_directions", n_directions)?;
+        if !npz.has("retreat_unproven") {
+            let n_directions = labels.answers.accessible_directions.len();
+            same_length(path, &sites, "accessible_directions", n_directions)?;
+        }
         same_length(path, &sites, "witness", labels.witness.len())?;
         Ok(LabelFile { provenance, sites, labels })
     }
@@ -244,7 +254,11 @@ fn few(path: &Path, name: &str, len: usize, n: usize) -> Error {
 /// Adds what only the part itself answers.
 fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
     let n = surface.answers.len();
-    npz.array("collision_free_directions", &[n], &surface.collision_free_directions);
+    if surface.retreat_unproven.is_empty() {
+        npz.array("collision_free_directions", &[n], &surface.collision_free_directions);
+    } else {
+        npz.array("retreat_unproven", &[n], &surface.retreat_unproven);
+    }
     npz.array("open_directions", &[n], &surface.open_directions);
     npz.array("tolerance", &[n], &surface.tolerance_mm);
     if !surface.rests_on_tolerance.is_empty() {
@@ -282,9 +296,21 @@ fn read_surface(
         (false, true) => SiteAnswer::TipDoesNotFit,
         (false, false) => SiteAnswer::Accessible,
     };
+    let retreat_unproven = match npz.has("retreat_unproven") {
+        true => npz.bools("retreat_unproven")?,
+        false => Vec::new(),
+    };
+    let is_counted = retreat_unproven.is_empty();
+    if !is_counted {
+        same_length(path, sites, "retreat_unproven", retreat_unproven.len())?;
+    }
     let surface = SurfaceLabels {
         answers: answers.inaccessible.iter().zip(&tip).map(answer).collect(),
-        collision_free_directions: npz.counts("collision_free_directions")?,
+        collision_free_directions: match is_counted {
+            true => npz.counts("collision_free_directions")?,
+            false => Vec::new(),
+        },
+        retreat_unproven,
         accessible_directions: answers.accessible_directions.clone(),
         witness: read_poses(path, npz, sites)?,
         open_directions: npz.f32s("open_directions", 1)?,
@@ -298,8 +324,10 @@ fn read_surface(
     if !surface.rests_on_tolerance.is_empty() {
         same_length(path, sites, "rests_on_tolerance", surface.rests_on_tolerance.len())?;
     }
-    let counts = surface.collision_free_directions.len();
-    same_length(path, sites, "collision_free_directions", counts)?;
+    if is_counted {
+        let counts = surface.collision_free_directions.len();
+        same_length(path, sites, "collision_free_directions", counts)?;
+    }
     same_length(path, sites, "open_directions", surface.open_directions.len())?;
     same_length(path, sites, "tolerance", surface.tolerance_mm.len())?;
     Ok(surface)
@@ -327,6 +355,7 @@ fn read_poses(path: &Path, npz: &mut NpzReader, sites: &Sites) -> Result<Vec<Opt
     Ok(directions.into_iter().zip(tips.chunks_exact(3)).map(pose).collect())
 }
 
+const RETREAT_UNPROVEN: &str = "true: a pose of the tool is free there, but no retreat from one is proven; of tools given by a profile, whose directions are not counted";
 const BLOCKED_BY: &str = "part of the tool that blocks in the direction which gets furthest: 0 none (accessible), 1 tip, 2 cutter, 3 shank, 4 holder, 5 spindle";
 
 fn label_meaning(part_itself: bool) -> Value {

@@ -33,8 +33,8 @@ pub struct Shares {
     pub occlusion: Option<f64>,
     /// Inaccessible and most often in the way.
     pub both: Option<f64>,
-    /// Of the directions: those that reach a site, mean over all sites.
-    pub accessible_directions: f64,
+    /// Of the directions: those that reach a site, mean over all sites, if they were counted.
+    pub accessible_directions: Option<f64>,
 }
 
 impl Shares {
@@ -43,8 +43,9 @@ impl Shares {
         let counts = &labels.answers.accessible_directions;
         let n_tested = labels.surface.as_ref().map_or(n_directions, |surface| surface.n_directions);
         let accessible: u64 = counts.iter().map(|d| u64::from(*d)).sum();
+        let is_counted = !counts.is_empty() || labels.answers.is_empty();
         let accessible_directions =
-            accessible as f64 / (labels.answers.len() * n_tested).max(1) as f64;
+            is_counted.then(|| accessible as f64 / (labels.answers.len() * n_tested).max(1) as f64);
         Shares { accessible_directions, ..Shares::of_answers(&labels.answers, areas) }
     }
 
@@ -60,7 +61,7 @@ impl Shares {
             tip_does_not_fit: of(tip_does_not_fit),
             occlusion: of(occlusion),
             both: (!occlusion.is_empty()).then(|| areas.share(is_both)),
-            accessible_directions: 0.0,
+            accessible_directions: None,
         }
     }
 
@@ -73,7 +74,7 @@ impl Shares {
             some(self.tip_does_not_fit),
             some(self.occlusion),
             some(self.both),
-            Cell::Share(self.accessible_directions),
+            self.accessible_directions.map_or(Cell::Missing, Cell::Share),
         ]
     }
 }
@@ -158,6 +159,8 @@ impl<'a> Coverage<'a> {
         if has_folders {
             columns.push(("folder", ""));
         }
+        let profile = profiles_of(&self.tools);
+        columns.extend(profile.is_some().then_some(("profile", "")));
         let mut table = Table::new(&columns);
         for (k, (tool, shares)) in self.tools.iter().zip(&self.shares).enumerate() {
             let lengths = tool.params.to_array();
@@ -172,6 +175,7 @@ impl<'a> Coverage<'a> {
             }
             row.extend(has_numbers.then(|| number_of(tool)));
             row.extend(has_folders.then(|| Cell::text(tool.folder())));
+            row.extend(profile.as_ref().map(|profile| profile(tool)));
             table.row(row);
         }
         table
@@ -309,6 +313,15 @@ pub(super) fn steps_of(tool: &Tool) -> [Cell; 5] {
         overall,
         words(assembly.neck_and_shank()),
     ]
+}
+
+/// The column `profile`, if some tool is given by one.
+pub(super) fn profiles_of(tools: &[Tool]) -> Option<impl Fn(&Tool) -> Cell + use<>> {
+    let words = |tool: &Tool| {
+        let profile = tool.assembly.profile();
+        profile.map_or(Cell::Missing, |profile| Cell::Text(profile.to_string()))
+    };
+    tools.iter().any(|tool| tool.assembly.profile().is_some()).then_some(words)
 }
 
 /// Colors of the tools that add something, apart for the common kinds of color blindness.

@@ -142,10 +142,10 @@ fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> R
     if let Some(surface) = &labels.surface {
         notes.push("tip_does_not_fit 1: only the tip penetrates the part".to_string());
         notes.push("the part itself: triangles are the obstacles".to_string());
-        values.push((
-            "collision_free_directions",
-            PointValues::Counts(&surface.collision_free_directions),
-        ));
+        let counts = first(&surface.collision_free_directions, n);
+        values.extend(counts.map(|of| ("collision_free_directions", PointValues::Counts(of))));
+        let unproven = first(&surface.retreat_unproven, n);
+        values.extend(unproven.map(|of| ("retreat_unproven", PointValues::Flags(of))));
         let areas = SiteAreas::of(&file.sites, None)?;
         let shown = occlusion.filter(|_| shows_occlusion(file)).unwrap_or_default();
         let (answers, areas) = (&surface.answers[..n], areas.shares());

@@ -1,7 +1,7 @@
 //! What the tools of a library reach on one part: a table, the fewest that reach a share of what can be reached, and
 //! how little each may stick out.
 
-use super::coverage::{number_of, steps_of};
+use super::coverage::{number_of, profiles_of, steps_of};
 use super::curves::{self, Chart, Series};
 use super::gate::SiteAreas;
 use super::tables::{Cell, Table};
@@ -189,6 +189,8 @@ impl Library {
         if has_numbers {
             columns.push(("T", ""));
         }
+        let profile = profiles_of(&self.tools);
+        columns.extend(profile.is_some().then_some(("profile", "")));
         let mut table = Table::new(&columns);
         let area =
             |share: f64| self.areas.total_mm2().map_or(Cell::Missing, |t| Cell::Number(share * t));
@@ -215,6 +217,7 @@ impl Library {
             ]);
             row.extend(steps_of(tool));
             row.extend(has_numbers.then(|| number_of(tool)));
+            row.extend(profile.as_ref().map(|profile| profile(tool)));
             table.row(row);
         }
         table

@@ -333,6 +333,10 @@ impl Stated<'_> {
             let upper = steps(words, "neck_and_shank")?;
             assembly = self.stated("settings.tool", assembly.with_neck_and_shank(upper))?;
         }
+        if let Some(words) = &stated.profile {
+            let profile = words.parse().and_then(|profile| assembly.of_same_lengths(profile));
+            assembly = self.stated("settings.tool.profile", profile)?;
+        }
         let words = self.provenance.tool.clone();
         self.stated("settings.tool", Tool::of_assembly("tool", assembly, clearance_mm, words))
     }

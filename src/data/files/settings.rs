@@ -1,6 +1,9 @@
 //! The request: everything that decided the answers of a file, as the file states it.
 
-use super::tools::{Tool, steps_words};
+mod tool;
+
+pub use tool::ToolSettings;
+
 use crate::access::surface::Warning;
 use crate::answers::{CONFIDENCE, Definition, Rounding};
 use crate::directions::DirectionSet;
@@ -131,72 +134,6 @@ pub struct SurfaceSettings {
     pub sha256: Option<String>,
     /// That of fixtures and table, if there are any.
     pub fixtures_sha256: Option<String>,
-}
-
-/// What the four lengths of a tool do not say; mm. Steps are `height:radius`.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-#[non_exhaustive]
-pub struct ToolSettings {
-    /// Radius of the tip's corner.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub corner_mm: Option<f64>,
-    /// Margin about what does not cut.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub clearance_mm: Option<f64>,
-    /// Stock to leave.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub allowance_mm: Option<f64>,
-    /// Radius at the upper end of the tip.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub side_mm: Option<f64>,
-    /// Steps of the tool below the holder.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub body: Option<String>,
-    /// Those of them that do not cut.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub neck_and_shank: Option<String>,
-    /// Steps of the holder.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub holder: Option<String>,
-    /// Height of the holder's nose above the tip.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub stick_out_mm: Option<f64>,
-    /// By how much the steps reach beyond the true tool.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub excess_mm: Option<f64>,
-    /// Overall length of the tool without its holder.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub overall_mm: Option<f64>,
-    /// Whether it is a tool that exists, of a library or table.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub of_library: Option<bool>,
-}
-
-impl ToolSettings {
-    /// What a file says of a tool.
-    pub fn of(tool: &Tool) -> Self {
-        let assembly = &tool.assembly;
-        let lengths = ToolSettings {
-            corner_mm: Some(tool.corner_mm),
-            clearance_mm: Some(tool.clearance_mm),
-            allowance_mm: Some(assembly.allowance_mm()),
-            overall_mm: assembly.overall_mm(),
-            ..ToolSettings::default()
-        };
-        if tool.description.is_none() {
-            return lengths;
-        }
-        ToolSettings {
-            side_mm: Some(assembly.tip()[1]),
-            body: Some(steps_words(&assembly.own_body())),
-            neck_and_shank: Some(steps_words(assembly.neck_and_shank())),
-            holder: Some(steps_words(assembly.holder())),
-            stick_out_mm: Some(assembly.stick_out_mm()),
-            excess_mm: Some(assembly.excess_mm()),
-            ..lengths
-        }
-    }
 }
 
 /// Options of the mesh definition.
@@ -429,6 +366,7 @@ impl Keys<'_> {
 mod tests {
     use super::*;
     use crate::cutter::CutterParams;
+    use crate::data::files::tools::Tool;
     use serde_json::json;
 
     fn read(value: &Value) -> Result<AnalysisSettings> {

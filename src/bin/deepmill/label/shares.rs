@@ -32,7 +32,9 @@ pub fn add_shares(facts: &mut Facts, shares: Shares) {
         }
     }
     let name = "directions that reach a site, mean";
-    facts.add("free_directions", name, Cell::Share(shares.accessible_directions));
+    if let Some(share) = shares.accessible_directions {
+        facts.add("free_directions", name, Cell::Share(share));
+    }
 }
 
 /// Adds the bottom rule, if there is one, and how many sites it labels.

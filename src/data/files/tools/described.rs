@@ -1,5 +1,9 @@
 //! A tool as files describe it, whatever their format, and what becomes of it.
 
+mod family;
+
+pub(super) use family::Family;
+
 use super::holder::Holder;
 use super::place::Place;
 use super::{Tool, Unsaid};
@@ -21,6 +25,8 @@ pub(super) enum Form {
         corner: f64,
         taper: f64,
     },
+    /// One that is given by its profile.
+    Family(Family),
 }
 
 /// What a file says, in mm.
@@ -89,6 +95,9 @@ impl Described {
         let holder = holder.ok_or_else(|| missing("holder", "--holder FILE"))?;
         let shank = self.shank.or(unsaid.shank_mm);
         let shank = shank.ok_or_else(|| missing("diameter of the shank", "--shank MM"))?;
+        if let Form::Family(family) = self.form {
+            return self.tool_of_profile(family, (stick_out, shank, holder), unsaid, place);
+        }
         self.check_taper(unsaid, shank, place)?;
         let mut notices = Vec::new();
         let body = self.body(unsaid, shank, place, &mut notices)?;
@@ -112,6 +121,30 @@ impl Described {
         tool.number = self.number;
         let notices = notices.into_iter().map(|words| place.sentence(words)).collect();
         Ok((tool, notices))
+    }
+
+    fn tool_of_profile(
+        &self,
+        family: Family,
+        (stick_out, shank, holder): (f64, f64, &Holder),
+        unsaid: &Unsaid,
+        place: &Place,
+    ) -> Result<(Tool, Vec<String>)> {
+        self.check_lengths(stick_out, place)?;
+        let profile = self.profile(family, self.flutes.or(unsaid.flutes_mm), shank, place)?;
+        let assembly = Assembly::from_profile(profile, &holder.sections, stick_out);
+        let assembly = match self.overall {
+            Some(overall) => assembly.and_then(|tool| tool.with_overall(overall)),
+            None => assembly,
+        };
+        let assembly = assembly.map_err(|error| place.within(error))?;
+        let words = format!("{}, {} mm out of {}", self.words(), round(stick_out), holder.name);
+        let tool = Tool::of_assembly(&self.name, assembly, self.clearance, words);
+        let mut tool = tool.map_err(|error| place.within(error))?;
+        tool.number = self.number;
+        let mut notices = Vec::new();
+        self.say_narrow_holder(holder, &mut notices);
+        Ok((tool, notices.into_iter().map(|words| place.sentence(words)).collect()))
     }
 
     /// An angle that looks like one in radians, and a cone that ends elsewhere than the file says.
@@ -193,6 +226,8 @@ impl Described {
                 taper_rad: taper,
                 flutes_mm: self.flutes(unsaid, place)?,
             },
+            // Made of its profile.
+            Form::Family(_) => TipShape::Straight { radius_mm, corner_mm: 0.0 },
         })
     }
 
@@ -305,6 +340,7 @@ impl Described {
             Form::Ball => format!("ball end {d} mm"),
             Form::Flat => format!("flat end {d} mm"),
             Form::Bull { corner } => format!("bull nose {d} mm R{}", round(corner)),
+            Form::Family(family) => format!("{} {d} mm", family.words()),
             Form::Tapered { corner, taper } => {
                 let degrees = round(taper.to_degrees());
                 match (corner == 0.0, 2.0 * corner >= self.diameter - SAME_MM) {

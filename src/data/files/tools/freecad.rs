@@ -2,7 +2,7 @@
 //! them.
 
 use super::Unsaid;
-use super::described::{Described, Form};
+use super::described::{Described, Family, Form};
 use super::place::{Place, shown, shown_value};
 use super::reading::Reading;
 use crate::Result;
@@ -60,7 +60,7 @@ pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Reading {
     match shapes.iter().find_map(|shape| shape_of(shape)) {
         None => reading.leave_out_kind(place.error(
             format!(
-                "the shape {} cannot be represented, only ball, bull-nose, flat and tapered end mills",
+                "the shape {} cannot be represented, only end mills (ball, bull nose, flat, tapered), dovetail and chamfer mills and V-bits",
                 shown(first)
             ),
             "it is left out",
@@ -79,6 +79,9 @@ enum Shape {
     Ball,
     Bull,
     TaperedBall,
+    Dovetail,
+    /// And V-bit.
+    Chamfer,
 }
 
 /// `Shapes/Ball-End.FCStd`, `_fusion_ball_end_mill.fcstd` and `BallEnd` are the same: versions and add-ons differ.
@@ -97,6 +100,8 @@ fn shape_of(shape: &str) -> Option<Shape> {
         | "conicalball" | "taperedballend" | "taperballend" | "taperedballnoseend" => {
             Some(Shape::TaperedBall)
         }
+        "dovetail" => Some(Shape::Dovetail),
+        "chamfer" | "vbit" => Some(Shape::Chamfer),
         _ => None,
     }
 }
@@ -120,15 +125,33 @@ impl Parameters<'_> {
                 Form::Tapered { corner: 0.5 * diameter, taper: 0.5 * whole }
             }
             Shape::Bull => Form::Bull { corner: self.corner(diameter)? },
+            Shape::Dovetail => {
+                // From the face below.
+                let angle = std::f64::consts::FRAC_PI_2 - self.edge_angle()?;
+                Form::Family(Family::Dovetail { angle })
+            }
+            Shape::Chamfer => {
+                // The whole angle of the cone.
+                let tip = self.length("TipDiameter")?.unwrap_or(0.0);
+                Form::Family(Family::Chamfer { tip, angle: 0.5 * self.edge_angle()? })
+            }
         };
         let positive = |key: &str| self.length(key).map(|length| length.filter(|x| *x > 0.0));
+        let flutes = positive("CuttingEdgeHeight")?;
+        let neck_height = positive("NeckHeight")?;
         Ok(Described {
-            flutes: positive("CuttingEdgeHeight")?,
+            flutes,
+            neck: positive("NeckDiameter")?,
+            neck_end: flutes.zip(neck_height).map(|(flutes, neck)| flutes + neck),
             shank: positive("ShankDiameter")?,
             taper_end: positive("TaperDiameter")?,
             overall: positive("Length")?,
             ..Described::new(name, form, diameter)
         })
+    }
+
+    fn edge_angle(&self) -> Result<f64> {
+        self.angle("CuttingEdgeAngle")?.ok_or_else(|| self.missing("CuttingEdgeAngle"))
     }
 
     /// Radius of a bull nose's corner. Versions differ in what `FlatRadius` means.

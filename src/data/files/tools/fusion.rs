@@ -1,12 +1,16 @@
 //! Tool libraries exported from Fusion 360 as JSON.
 
-use super::described::{Described, Form};
+use super::described::{Described, Family, Form};
 use super::place::{Place, shown, shown_value};
 use super::reading::Reading;
 use super::{Unsaid, holder};
 use crate::{Error, Result};
 use serde_json::Value;
 use std::path::Path;
+
+/// The types of tools that are read.
+const KINDS: &str =
+    "end mills (ball, bull nose, flat, tapered), lollipop, slot, dovetail and chamfer mills";
 
 /// Whether a JSON text is such a library, or one tool of it.
 pub(super) fn is_library(value: &Value) -> bool {
@@ -37,10 +41,7 @@ pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Readin
         }
         match described(name.clone(), kind, tool, &place, unsaid) {
             Ok(None) => reading.leave_out_kind(place.error(
-                format!(
-                    "a {} cannot be represented, only ball, bull-nose, flat and tapered end mills",
-                    kind.trim()
-                ),
+                format!("a {} cannot be represented, only {KINDS}", kind.trim()),
                 "it is left out",
             )),
             Ok(Some(described)) => {
@@ -78,9 +79,17 @@ fn described(
     unsaid: &Unsaid,
 ) -> Result<Option<Described>> {
     let kind = kind.trim().to_ascii_lowercase();
-    let is_known =
-        ["ball end mill", "flat end mill", "bull nose end mill", "tapered mill"].contains(&&*kind);
-    if !is_known {
+    const KNOWN: [&str; 8] = [
+        "ball end mill",
+        "flat end mill",
+        "bull nose end mill",
+        "tapered mill",
+        "lollipop mill",
+        "slot mill",
+        "dovetail mill",
+        "chamfer mill",
+    ];
+    if !KNOWN.contains(&&*kind) {
         return Ok(None);
     }
     let unit = holder::unit(tool, place, unsaid)?;
@@ -151,21 +160,67 @@ impl Geometry<'_> {
                     let missing = || self.missing("RE", "corner radius");
                     Form::Bull { corner: corner.ok_or_else(missing)? }
                 }
+                "lollipop mill" => Form::Family(Family::Lollipop),
+                "slot mill" => Form::Family(Family::Slot { corner: corner.unwrap_or(0.0) }),
+                "dovetail mill" => Form::Family(self.dovetail(corner, diameter)?),
+                "chamfer mill" => {
+                    let tip = self.length("tip-diameter")?.unwrap_or(0.0);
+                    Form::Family(Family::Chamfer { tip, angle: self.taper()? })
+                }
                 _ => return self.tapered(corner, diameter),
             },
             diameter,
         ))
     }
 
-    fn tapered(&self, corner: Option<f64>, diameter: f64) -> Result<(Form, f64)> {
+    /// Angle between flank and axis, radians.
+    fn taper(&self) -> Result<f64> {
         let degrees = self.place.number(self.geometry, "TA")?.filter(|x| *x > 0.0);
-        let degrees = degrees.ok_or_else(|| self.missing("TA", "taper angle per side"))?;
+        degrees.map(f64::to_radians).ok_or_else(|| self.missing("TA", "taper angle per side"))
+    }
+
+    /// Files measure the angle from the axis or from the face below: the flank must end at the shoulder.
+    fn dovetail(&self, corner: Option<f64>, diameter: f64) -> Result<Family> {
+        if let Some(corner) = corner.filter(|corner| *corner > 0.0) {
+            let found = format!("a dovetail mill with a corner radius RE of {corner} mm");
+            return Err(self.place.error(found, "only sharp ones are read: give RE 0"));
+        }
+        let flutes = self.positive("LCF")?.ok_or_else(|| self.missing("LCF", "flute length"))?;
+        let neck = self.positive("shoulder-diameter")?;
+        let neck = neck.ok_or_else(|| self.missing("shoulder-diameter", "diameter of the neck"))?;
+        let stated = self.taper()?;
+        let top = |angle: f64| diameter - 2.0 * flutes * libm::tan(angle);
+        let other = std::f64::consts::FRAC_PI_2 - stated;
+        let is_possible = |angle: f64| top(angle) >= neck * (1.0 - SAME);
+        match [stated, other].map(is_possible) {
+            [true, false] => Ok(Family::Dovetail { angle: stated }),
+            [false, true] => Ok(Family::Dovetail { angle: other }),
+            [true, true] if (top(stated) - neck).abs() <= SAME * diameter => {
+                Ok(Family::Dovetail { angle: stated })
+            }
+            [true, true] if (top(other) - neck).abs() <= SAME * diameter => {
+                Ok(Family::Dovetail { angle: other })
+            }
+            both => {
+                let degrees = stated.to_degrees();
+                let found = match both[0] {
+                    true => format!("TA {degrees}° may be from the axis or from the face below"),
+                    false => {
+                        format!("with TA {degrees}° the flank ends below its neck of {neck} mm")
+                    }
+                };
+                Err(self.place.error(found, "correct DC, LCF, TA or shoulder-diameter"))
+            }
+        }
+    }
+
+    fn tapered(&self, corner: Option<f64>, diameter: f64) -> Result<(Form, f64)> {
+        let taper = self.taper()?;
         let corner = corner.ok_or_else(|| {
             let found = "RE, the corner radius, is missing";
             self.place.error(found, "add it: 0 for a flat tip")
         })?;
         check_tip(self.length("tip-diameter")?, diameter, corner, self.place)?;
-        let taper = degrees.to_radians();
         match is_ball_below_cone(corner, taper, diameter) {
             true => Ok((Form::Tapered { corner, taper }, 2.0 * corner)),
             false => Ok((Form::Tapered { corner, taper }, diameter)),

@@ -8,12 +8,13 @@
 //! A length has the unit written with it, else that of its heading (`diameter_in`, `D [mm]`), of the row's column
 //! `unit`, what [`Unsaid`] gives, or mm. The form is that of the column `type`, or follows from the corner, or from the name.
 
-use super::described::{Described, Form};
+use super::described::{Described, Form, round};
 use super::place::{Place, shown};
 use super::reading::Reading;
 use super::table::TableText;
 use super::words::{Remark, remark};
 use super::{Tool, Unsaid};
+use crate::cutter::{Assembly, Profile};
 use crate::geom::units::length::{Length, unit_mm};
 use crate::{Error, Result};
 use csv::StringRecord;
@@ -34,11 +35,12 @@ enum Meaning {
     NeckEnd,
     Taper,
     Clearance,
+    Profile,
     Unit,
 }
 
 /// Headings by letters and digits alone, in small letters.
-const WORDS: [(Meaning, &[&str]); 14] = [
+const WORDS: [(Meaning, &[&str]); 15] = [
     (Meaning::Name, &["name", "tool", "toolname", "description", "bezeichnung", "werkzeug"]),
     (Meaning::Number, &["t", "nr", "no", "number", "toolnumber", "toolno", "toolnr"]),
     (
@@ -74,6 +76,7 @@ const WORDS: [(Meaning, &[&str]); 14] = [
     (Meaning::NeckEnd, &["necklength", "shoulderlength"]),
     (Meaning::Taper, &["taper", "taperangle", "ta"]),
     (Meaning::Clearance, &["clearance"]),
+    (Meaning::Profile, &["profile", "profil"]),
     (Meaning::Unit, &["unit", "units", "einheit"]),
 ];
 
@@ -92,7 +95,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// `None` without a diameter.
+    /// `None` without a diameter or profile.
     pub fn of(header: &StringRecord) -> Option<Self> {
         let (mut columns, mut unused) = (Vec::new(), Vec::new());
         for (at, heading) in header.iter().enumerate().filter(|(_, heading)| !heading.is_empty()) {
@@ -110,8 +113,9 @@ impl Columns {
                 None => unused.push(shown(heading)),
             }
         }
-        let has_diameter = columns.iter().any(|column| column.meaning == Meaning::Diameter);
-        has_diameter.then(|| Columns { columns, n: header.len(), unused })
+        let is_needed = [Meaning::Diameter, Meaning::Profile];
+        let has_size = columns.iter().any(|column| is_needed.contains(&column.meaning));
+        has_size.then(|| Columns { columns, n: header.len(), unused })
     }
 
     /// Fails if two columns mean the same.
@@ -150,6 +154,9 @@ impl Columns {
             return reading.add(Err(why));
         }
         let row = Row { columns: self, row, unsaid, place: &place };
+        if !row.field(Meaning::Profile).is_empty() {
+            return reading.add(row.tool_of_profile(&name, number));
+        }
         match row.form(&name) {
             Err(why) => reading.add(Err(why)),
             Ok(Found::Other(kind)) => {
@@ -313,6 +320,40 @@ impl Row<'_> {
         .tool(self.unsaid, self.place)
     }
 
+    /// A tool of the column profile: it says everything of the body.
+    fn tool_of_profile(&self, name: &str, number: Option<u32>) -> Result<(Tool, Vec<String>)> {
+        let column = self.columns.column(Meaning::Profile);
+        let unit = column.and_then(|column| column.unit_mm).or(self.unit()?);
+        let unit = unit.or(self.unsaid.unit_mm).unwrap_or(1.0);
+        let profile: Result<Profile> = self.field(Meaning::Profile).parse();
+        let profile = profile.and_then(|profile| profile.scaled(unit));
+        let profile = profile.map_err(|error| self.place.within(error))?;
+        let missing = |what: &str, option: &str| {
+            self.error(
+                format!("the file does not say the {what}"),
+                &format!("give it with {option}"),
+            )
+        };
+        let stick_out = self.length(Meaning::StickOut)?.or(self.unsaid.stick_out_mm);
+        let stick_out = stick_out.ok_or_else(|| missing("stick-out", "--stick-out MM"))?;
+        let holder = self.unsaid.holder.as_ref();
+        let holder = holder.ok_or_else(|| missing("holder", "--holder FILE"))?;
+        let diameter = round(2.0 * profile.cutting_radius_mm());
+        let assembly = Assembly::from_profile(profile, &holder.sections, stick_out);
+        let assembly = match self.length(Meaning::Overall)? {
+            Some(overall) => assembly.and_then(|tool| tool.with_overall(overall)),
+            None => assembly,
+        };
+        let clearance = self.length(Meaning::Clearance)?.unwrap_or(0.0);
+        let words =
+            format!("profile {diameter} mm, {} mm out of {}", round(stick_out), holder.name);
+        let tool =
+            assembly.and_then(|assembly| Tool::of_assembly(name, assembly, clearance, words));
+        let mut tool = tool.map_err(|error| self.place.within(error))?;
+        tool.number = number;
+        Ok((tool, Vec::new()))
+    }
+
     /// With the angle between flank and axis of the column taper, degrees.
     fn tapered(&self, form: Form) -> Result<Form> {
         let field = self.field(Meaning::Taper).trim_end_matches(['°', ' ']);
@@ -328,6 +369,7 @@ impl Row<'_> {
             Form::Ball => 0.5 * self.diameter()?,
             Form::Bull { corner } | Form::Tapered { corner, .. } => corner,
             Form::Flat => 0.0,
+            Form::Family(_) => return Ok(form),
         };
         Ok(Form::Tapered { corner, taper: degrees.to_radians() })
     }

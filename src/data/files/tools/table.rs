@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// Columns of a tool table; lengths in mm.
-const COLUMNS: [&str; 14] = [
+const COLUMNS: [&str; 15] = [
     "name",
     "CR",
     "CH",
@@ -26,6 +26,7 @@ const COLUMNS: [&str; 14] = [
     "folder",
     "overall",
     "neck_and_shank",
+    "profile",
 ];
 /// Those of [`COLUMNS`] that must be there.
 const REQUIRED: std::ops::Range<usize> = 1..5;
@@ -212,6 +213,10 @@ impl TableText<'_> {
                         let upper = self.steps(line, 13, upper)?;
                         assembly.and_then(|assembly| assembly.with_neck_and_shank(upper))
                     }
+                };
+                let assembly = match field(14) {
+                    "" => assembly,
+                    words => assembly.and_then(|tool| tool.of_same_lengths(words.parse()?)),
                 };
                 assembly.and_then(|assembly| {
                     Tool::of_assembly(&words, assembly, clearance, words.clone())

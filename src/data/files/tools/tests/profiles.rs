@@ -1,0 +1,106 @@
+//! Tools given by their profiles.
+
+use super::*;
+
+const HOLDER: &str = "height,lower,upper\n40,30,30\n";
+
+fn library() -> Unsaid {
+    let holder = holder_from_bytes(HOLDER.as_bytes(), "holder.csv".as_ref(), &Unsaid::default());
+    Unsaid { holder: Some(holder.unwrap()), stick_out_mm: Some(40.0), ..Unsaid::default() }
+}
+
+#[test]
+fn tools_wider_below_than_above_are_read_from_tables_of_fusion_and_freecad() {
+    let fusion = r#"{"data": [
+        {"type": "lollipop mill", "description": "L6", "unit": "millimeters", "geometry":
+            {"DC": 6, "LB": 40, "LCF": 5, "OAL": 60, "SFDM": 6, "shoulder-diameter": 3, "shoulder-length": 20}},
+        {"type": "slot mill", "description": "S12", "unit": "millimeters", "geometry":
+            {"DC": 12, "LB": 40, "LCF": 3, "OAL": 60, "SFDM": 8, "RE": 0.2, "shoulder-diameter": 5, "shoulder-length": 20}},
+        {"type": "dovetail mill", "description": "D20", "unit": "millimeters", "geometry":
+            {"DC": 20, "LB": 40, "LCF": 9, "TA": 60, "RE": 0, "OAL": 60, "SFDM": 8, "shoulder-diameter": 8, "shoulder-length": 20}},
+        {"type": "chamfer mill", "description": "C10", "unit": "millimeters", "geometry":
+            {"DC": 10, "LB": 40, "LCF": 6, "TA": 45, "tip-diameter": 1, "OAL": 60, "SFDM": 10}},
+        {"type": "drill", "description": "drill", "unit": "millimeters", "geometry": {"DC": 5, "LB": 40}}
+    ]}"#;
+    let table = from_bytes(fusion.as_bytes(), "shop.json".as_ref(), &library()).unwrap();
+    let radii = |tool: &Tool, heights: [f64; 3]| {
+        let profile = tool.assembly.profile().expect("a profile");
+        heights.map(|height| (profile.radius_at(height) * 1e6).round() / 1e6)
+    };
+    let [ball, slot, dovetail, chamfer] = &table.tools[..] else { panic!("{table:?}") };
+    assert_eq!(radii(ball, [3.0, 10.0, 30.0]), [3.0, 1.5, 3.0]);
+    assert_eq!(radii(slot, [1.5, 10.0, 30.0]), [6.0, 2.5, 4.0]);
+    // 60 degrees from the face below, as 60 from the axis would end beyond it.
+    let top = 10.0 - 8.999 * 30f64.to_radians().tan();
+    assert_eq!(radii(dovetail, [0.0, 8.999, 10.0]), [10.0, (top * 1e6).round() / 1e6, 4.0]);
+    assert_eq!(radii(chamfer, [0.0, 2.0, 30.0]), [0.5, 2.5, 5.0]);
+    assert!(table.refused[0].contains("a drill cannot be represented"), "{:?}", table.refused);
+    assert!(slot.words().contains("T-slot cutter R0.2 12 mm"), "{}", slot.words());
+
+    let bit = r#"{"name": "D20", "shape": "dovetail.fcstd", "parameter": {"CuttingEdgeAngle": "60 °",
+        "CuttingEdgeHeight": "9 mm", "Diameter": "20 mm", "Length": "55 mm", "NeckDiameter": "8 mm",
+        "NeckHeight": "11 mm", "ShankDiameter": "8 mm"}}"#;
+    let table = from_bytes(bit.as_bytes(), "d20.fctb".as_ref(), &library()).unwrap();
+    assert_eq!(radii(&table.tools[0], [0.0, 8.999, 10.0]), radii(dovetail, [0.0, 8.999, 10.0]));
+
+    let text = "T,name,profile,stick_out,unit\n7,L,0:0 1.5:5.598@0:3 | 1.5:20 3:22,30,mm\n8,bad,0:0 1:2 1:1,30,mm\n9,I,0.25:0 0.25:1,30,in\n";
+    let table = from_bytes(text.as_bytes(), "shop.csv".as_ref(), &library()).unwrap();
+    assert_eq!(table.tools[0].number, Some(7));
+    assert_eq!(radii(&table.tools[1], [0.0, 5.0, 50.0]), [6.35; 3]);
+    assert!(table.refused[0].contains("height 1 of section 2"), "{:?}", table.refused);
+}
+
+#[test]
+fn a_tool_without_its_neck_or_with_an_impossible_angle_is_left_out_with_the_reason() {
+    let tool = |kind: &str, geometry: &str| {
+        let text = format!(
+            r#"{{"data": [{{"type": "{kind}", "description": "x", "unit": "millimeters", "geometry": {{{geometry}}}}}]}}"#
+        );
+        from_bytes(text.as_bytes(), "shop.json".as_ref(), &library()).unwrap_err().to_string()
+    };
+    for (kind, geometry, expected) in [
+        ("lollipop mill", r#""DC": 6, "LB": 40, "SFDM": 6"#, "diameter of the neck"),
+        (
+            "lollipop mill",
+            r#""DC": 6, "LB": 40, "SFDM": 6, "shoulder-diameter": 8"#,
+            "between 0 and 3 mm",
+        ),
+        ("slot mill", r#""DC": 12, "LB": 40, "SFDM": 6, "shoulder-diameter": 4"#, "flute length"),
+        (
+            "slot mill",
+            r#""DC": 12, "LCF": 3, "LB": 40, "SFDM": 6, "shoulder-diameter": 4"#,
+            "where the neck ends",
+        ),
+        (
+            "dovetail mill",
+            r#""DC": 20, "LCF": 20, "TA": 60, "LB": 40, "SFDM": 6, "shoulder-diameter": 4"#,
+            "below its neck",
+        ),
+    ] {
+        let message = tool(kind, geometry);
+        assert!(message.contains(expected), "{kind}: {message}");
+    }
+}
+
+#[test]
+fn a_profile_comes_back_from_settings_and_tables_of_our_own() {
+    let text = "name,profile,stick_out\nL,0:0 1.5:5.598@0:3 | 1.5:20 3:22,30\n";
+    let table = from_bytes(text.as_bytes(), "shop.csv".as_ref(), &library()).unwrap();
+    let tool = &table.tools[0];
+    let read: Assembly =
+        serde_json::from_str(&serde_json::to_string(&tool.assembly).unwrap()).unwrap();
+    assert_eq!(read, tool.assembly);
+    let assembly = &tool.assembly;
+    let [body, upper, holder] =
+        [assembly.own_body(), assembly.neck_and_shank().to_vec(), assembly.holder().to_vec()]
+            .map(|s| steps_words(&s));
+    let [cr, ch, fr, fh] = tool.params.to_array();
+    let row = format!(
+        "name,CR,CH,FR,FH,corner,body,holder,stick_out,neck_and_shank,profile\nL,{cr},{ch},{fr},{fh},{},{body},{holder},30,{upper},{}\n",
+        tool.corner_mm,
+        assembly.profile().unwrap()
+    );
+    let again = from_bytes(row.as_bytes(), "tools.csv".as_ref(), &Unsaid::default()).unwrap();
+    assert_eq!(again.tools[0].assembly.profile(), assembly.profile());
+    assert_eq!(again.tools[0].cutter.profile(), tool.cutter.profile());
+}
