@@ -1,4 +1,8 @@
-//! Scores of yes/no predictions: accuracy, F1 and IoU from a confusion matrix.
+//! Scores of predictions: accuracy, precision, recall, F1 and IoU, of yes and no and of any number of classes.
+
+mod matrix;
+
+pub use matrix::ConfusionMatrix;
 
 use crate::answers::is_positive;
 use serde::{Deserialize, Serialize};

@@ -224,12 +224,12 @@ fn loss(class_weights: &[f64], label_smoothing: f64, target: u8) -> f64 {
 #[test]
 fn a_loss_has_classes_with_weights_and_a_smoothing_below_one() {
     for smoothing in [1.0, 1.5, -0.1, f64::NAN] {
-        panics(|| loss(&[1.0; 2], smoothing, 1), "label smoothing ");
+        panics(|| loss(&[1.0; 2], smoothing, 1), "label_smoothing is ");
     }
     for weight in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        panics(|| loss(&[weight, 1.0], 0.0, 1), "class weights [");
+        panics(|| loss(&[weight, 1.0], 0.0, 1), "class_weights is [");
     }
-    panics(|| loss(&[1.0; 2], 0.0, 7), "target 7 of 2 classes");
+    panics(|| loss(&[1.0; 2], 0.0, 7), "target is 7 in row 0, expected below 2");
     assert!(loss(&[1.0; 2], 0.0, 1) > 0.0);
     let entropy = CrossEntropy::binary();
     assert!(entropy.loss(&[f64::NAN, 0.2], &[1], 1.0, &mut Vec::new()).is_nan());
