@@ -18,11 +18,21 @@ pub enum Epilogue<'a, T> {
 }
 
 impl<T: Scalar> Epilogue<'_, T> {
-    /// Treats some rows; `first` is the number of their first one.
-    pub(super) fn apply(&self, first: usize, rows: &mut [T]) {
+    /// Treats some rows of an output, `[n, c_out]`; `first` is the number of their first one.
+    ///
+    /// # Panics
+    /// If these are not whole rows of as many columns as are normalized.
+    pub fn apply(&self, first: usize, rows: &mut [T]) {
         if let Epilogue::Normalize(norm, activation) = *self {
             let start = first * norm.mean.len();
             norm.apply_to_block(start..start + rows.len(), None, activation, rows);
+        }
+    }
+
+    /// Treats all rows of `y: [n, c_out]`.
+    pub(super) fn apply_to_all(&self, y: &mut [T]) {
+        if let Epilogue::Normalize(norm, activation) = *self {
+            norm.apply(None, activation, y);
         }
     }
 }

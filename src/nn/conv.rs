@@ -146,6 +146,10 @@ impl LinearOperator for OctreeConv {
         vec![self.weights.clone()]
     }
 
+    fn map<T: Scalar>(&self, context: Context<T>, map: &KernelMap, x: Operand<T>) -> Buffer<T> {
+        self.apply(context, map, x, Epilogue::Identity)
+    }
+
     fn apply<T: Scalar>(
         &self,
         context: Context<T>,

@@ -66,6 +66,15 @@ impl LinearOperator for OctreeDeconv {
         vec![self.weights.clone()]
     }
 
+    fn map<T: Scalar>(
+        &self,
+        context: Context<T>,
+        coarse: &OctreeLevel,
+        x: Operand<T>,
+    ) -> Buffer<T> {
+        self.apply(context, coarse, x, Epilogue::Identity)
+    }
+
     fn apply<T: Scalar>(
         &self,
         context: Context<T>,

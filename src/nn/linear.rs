@@ -199,6 +199,10 @@ impl LinearOperator for Linear {
         [Some(self.weight.clone()), self.bias.clone()].into_iter().flatten().collect()
     }
 
+    fn map<T: Scalar>(&self, context: Context<T>, (): &(), x: Operand<T>) -> Buffer<T> {
+        self.apply(context, &(), x, Epilogue::Identity)
+    }
+
     fn apply<T: Scalar>(
         &self,
         context: Context<T>,

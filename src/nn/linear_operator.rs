@@ -1,4 +1,4 @@
-//! The trait of linear operators: convolutions, strided and transposed ones, linear layers.
+//! The trait of linear operators: convolutions, strided and transposed ones, linear layers, and those of one's own.
 
 use super::arena::Buffer;
 use super::column_norm::Epilogue;
@@ -10,6 +10,9 @@ use std::ops::Range;
 
 /// A linear map between the rows of two matrices, along some map of rows to rows. Every one is a [`Layer`] that
 /// saves nothing: backward needs its input alone.
+///
+/// One of one's own has [`LinearOperator::map`] and the gradients;
+/// [`LinearNormAct`](super::linear_norm_act::LinearNormAct) normalizes and rectifies its output as that of any other.
 pub trait LinearOperator {
     /// Which rows meet which; `()` where every row stays alone.
     type Geometry: ?Sized;
@@ -23,17 +26,33 @@ pub trait LinearOperator {
     /// Places of its tensors in the parameter vector.
     fn tensor_ranges(&self) -> Vec<Range<usize>>;
 
-    /// The output, and `epilogue` on every block of its rows while the block is in the cache.
+    /// The output, `[n_out, c_out]`, with nothing after it.
     ///
     /// # Panics
     /// If `x` has not the rows and columns that the geometry and the operator demand.
+    fn map<T: Scalar>(
+        &self,
+        context: Context<T>,
+        geometry: &Self::Geometry,
+        x: Operand<T>,
+    ) -> Buffer<T>;
+
+    /// The output, and `epilogue` on each of its rows. An operator that overrides this runs [`Epilogue::apply`] on
+    /// every block of rows while the block is in the cache; the bits are the same.
+    ///
+    /// # Panics
+    /// As [`LinearOperator::map`].
     fn apply<T: Scalar>(
         &self,
         context: Context<T>,
         geometry: &Self::Geometry,
         x: Operand<T>,
         epilogue: Epilogue<T>,
-    ) -> Buffer<T>;
+    ) -> Buffer<T> {
+        let mut y = self.map(context, geometry, x);
+        epilogue.apply_to_all(&mut y);
+        y
+    }
 
     /// Adds the gradient of the weights to `pass.grads`.
     ///
@@ -84,7 +103,7 @@ impl<T: Scalar, M: LinearOperator> Layer<T> for M {
     }
 
     fn forward(&self, pass: &Inference<T>, geometry: &M::Geometry, x: Operand<T>) -> Buffer<T> {
-        self.apply(pass.context(), geometry, x, Epilogue::Identity)
+        self.map(pass.context(), geometry, x)
     }
 
     fn forward_train(
@@ -93,7 +112,7 @@ impl<T: Scalar, M: LinearOperator> Layer<T> for M {
         geometry: &M::Geometry,
         x: Operand<T>,
     ) -> (Buffer<T>, ()) {
-        (self.apply(pass.context(), geometry, x, Epilogue::Identity), ())
+        (self.map(pass.context(), geometry, x), ())
     }
 
     fn backward(

@@ -89,6 +89,15 @@ impl LinearOperator for OctreeStridedConv {
         vec![self.weights.clone()]
     }
 
+    fn map<T: Scalar>(
+        &self,
+        context: Context<T>,
+        coarse: &OctreeLevel,
+        x: Operand<T>,
+    ) -> Buffer<T> {
+        self.apply(context, coarse, x, Epilogue::Identity)
+    }
+
     fn apply<T: Scalar>(
         &self,
         context: Context<T>,
