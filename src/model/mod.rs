@@ -1,8 +1,8 @@
 //! Neural networks: their configuration, parameters and predictions.
 //!
-//! A [`Model`] is a description ([`UNet`], or [`GraphSage`]: any [`Network`]) with two flat vectors of numbers. Inference takes `&self` and
-//! may run from many threads at once; training and inference
-//! take their memory from an [`Arena`](crate::nn::arena::Arena) of the caller.
+//! A [`Model`] is a description ([`UNet`], [`GraphSage`], or one's own: any [`Network`]) with two flat vectors of
+//! numbers. Inference takes `&self` and may run from many threads at once; training and inference take their memory
+//! from an [`Arena`](crate::nn::arena::Arena) of the caller.
 
 #[cfg(feature = "approx")]
 mod approximate;
@@ -28,6 +28,7 @@ mod prediction;
 mod predictor;
 #[cfg(feature = "weights")]
 mod shipped;
+mod site_network;
 mod training;
 #[doc(hidden)] // parts of the networks here
 pub mod unet;
@@ -39,15 +40,16 @@ pub use config::UNetConfig;
 pub use domain::Domain;
 #[doc(hidden)] // the paper's other network, of the program
 pub use graph_sage::GraphSage;
-#[doc(hidden)] // what `Network` takes and leaves for `AnyNetwork`
-pub use network::{AnyBatch, AnySaved};
-pub use network::{AnyNetwork, Network};
+pub use network::Network;
 pub use network_config::NetworkConfig;
 pub use predict::{AnyModel, Model};
 #[doc(hidden)] // of the program
 pub use prediction::Calibration;
 pub use prediction::Prediction;
 pub use predictor::Predictor;
+pub use site_network::AnyNetwork;
+#[doc(hidden)] // what `AnyNetwork` takes and leaves, and what the networks here are to runs
+pub use site_network::{AnyBatch, AnySaved, SiteNetwork};
 pub use training::TrainingPass;
 #[doc(hidden)] // what a pass of `UNet` leaves, checked by tests
 pub use training::{InputGradients, SavedUNet};

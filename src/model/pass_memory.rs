@@ -188,7 +188,7 @@ mod tests {
     use crate::model::config::{AttentionConfig, CutterConfig, InputConfig};
     use crate::model::graph_sage::GraphSageConfig;
     use crate::model::policy::MemoryPolicy;
-    use crate::model::{GraphSage, Model, Network, Shape, UNet, UNetConfig};
+    use crate::model::{GraphSage, Model, Shape, SiteNetwork, UNet, UNetConfig};
     use crate::nn::arena::Arena;
     use crate::nn::pass::Inference;
     use crate::nn::saved::Policy;
@@ -196,7 +196,7 @@ mod tests {
     use crate::rng::{Purpose, Stream};
 
     /// The arena's peak in bytes and the estimate, of inference and of a step.
-    fn measure<N: Network<f32>>(net: N, n_points: &[usize]) -> [(u64, u64); 2] {
+    fn measure<N: SiteNetwork<f32>>(net: N, n_points: &[usize]) -> [(u64, u64); 2] {
         let clouds: Vec<_> = n_points.iter().map(|&n| sheet(n, n as u64 % 7)).collect();
         let cutter_mm = [1.5, 6.0, 40.0, 5.0];
         let shapes: Vec<_> =

@@ -5,11 +5,12 @@ use super::batch::{Batch, Shape};
 use super::cutter_modules::N_LENGTHS;
 use super::domain::Domain;
 use super::heads::{N_CLASSES, N_HEADS, SHARE_HEAD};
-use super::network::{AnyNetwork, Network};
+use super::network::Network;
 use super::network_config::NetworkConfig;
 use super::prediction::{
     Calibration, INACCESSIBLE_CLASS, OCCLUSION_CLASS, Prediction, probabilities,
 };
+use super::site_network::{AnyNetwork, SiteNetwork};
 use super::training::{InputGradients, TrainingPass};
 use super::unet::{Activations, UNet};
 use crate::answers::Definition;
@@ -22,7 +23,7 @@ use crate::scalar::Scalar;
 use crate::{Error, Result};
 use glam::Vec3;
 
-/// A network and its numbers; an octree network unless it is said.
+/// A network and its numbers; the octree U-Net unless another is named.
 #[derive(Debug, Clone)]
 pub struct Model<T, N = UNet> {
     /// The description.
@@ -64,6 +65,66 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
         Model::of(net, params, buffers)
     }
 
+    /// Inference on a batch, see [`Network::logits`].
+    pub fn logits(&self, batch: &N::Batch, arena: &Arena<T>) -> Vec<Buffer<T>> {
+        let pass = Inference { params: &self.params, buffers: &self.buffers, arena };
+        par::keep_workers_hot(|| self.net.logits(&pass, batch))
+    }
+
+    /// Training pass, see [`Network::forward_train`]; moves the running statistics. `dropout` holds one stream per
+    /// shape, keyed by (seed, epoch, sample); `None` turns dropout off.
+    pub fn forward_train(
+        &mut self,
+        batch: &N::Batch,
+        dropout: Option<&mut [Stream]>,
+        arena: &Arena<T>,
+    ) -> TrainingPass<T, N::Saved> {
+        let Model { net, params, buffers, .. } = self;
+        par::keep_workers_hot(|| {
+            net.forward_train(&mut Training { params, buffers, dropout, arena }, batch)
+        })
+    }
+
+    /// Adds the gradient of a loss to `grads`, see [`Network::backward`].
+    ///
+    /// # Panics
+    /// If there is not one gradient by logits for each head.
+    pub fn backward(
+        &self,
+        batch: &N::Batch,
+        forward: TrainingPass<T, N::Saved>,
+        dlogits: &[&[T]],
+        grads: &mut [T],
+        arena: &Arena<T>,
+    ) {
+        let mut pass = Backward::new(&self.params, grads, arena);
+        par::keep_workers_hot(|| self.net.backward(&mut pass, batch, forward, dlogits));
+    }
+
+    /// [`Model::backward`] without a gradient of the whole network: that of each layer goes to `update`, which may
+    /// change the layer's parameters, as soon as it is whole. `update` sees every range of parameters once; its
+    /// arguments are the range, the gradient by it and the parameters in it.
+    ///
+    /// # Panics
+    /// As [`Model::backward`].
+    pub fn backward_and_update(
+        &mut self,
+        batch: &N::Batch,
+        forward: TrainingPass<T, N::Saved>,
+        dlogits: &[&[T]],
+        update: &mut Update<T>,
+        arena: &Arena<T>,
+    ) {
+        let Model { net, params, .. } = self;
+        let mut pass = Backward::updating(params, update, arena);
+        par::keep_workers_hot(|| {
+            net.backward(&mut pass, batch, forward, dlogits);
+            pass.layer_done();
+        });
+    }
+}
+
+impl<T: Scalar, N: SiteNetwork<T>> Model<T, N> {
     /// All answers for every site of one part, in the order of `points_mm`. Logits are calibrated ([`Model::calibration`]).
     ///
     /// # Errors
@@ -122,61 +183,6 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
                 .map(|row| row.map(|share| share.to_f64() as f32))
                 .collect(),
         })
-    }
-
-    /// Inference on a batch: logits of the heads, `[n_points, 2]` each.
-    fn logits(&self, batch: &N::Batch, arena: &Arena<T>) -> Vec<Buffer<T>> {
-        let pass = Inference { params: &self.params, buffers: &self.buffers, arena };
-        par::keep_workers_hot(|| self.net.logits(&pass, batch))
-    }
-
-    /// Training pass, see [`Network::forward_train`]; moves the running statistics. `dropout` holds one stream per
-    /// shape, keyed by (seed, epoch, sample); `None` turns dropout off.
-    pub fn forward_train(
-        &mut self,
-        batch: &N::Batch,
-        dropout: Option<&mut [Stream]>,
-        arena: &Arena<T>,
-    ) -> TrainingPass<T, N::Saved> {
-        let Model { net, params, buffers, .. } = self;
-        par::keep_workers_hot(|| {
-            net.forward_train(&mut Training { params, buffers, dropout, arena }, batch)
-        })
-    }
-
-    /// Adds the gradient of a loss to `grads`, see [`Network::backward`].
-    ///
-    /// # Panics
-    /// If there is not one gradient by logits for each head.
-    pub fn backward(
-        &self,
-        batch: &N::Batch,
-        forward: TrainingPass<T, N::Saved>,
-        dlogits: &[&[T]],
-        grads: &mut [T],
-        arena: &Arena<T>,
-    ) {
-        let mut pass = Backward::new(&self.params, grads, arena);
-        par::keep_workers_hot(|| self.net.backward(&mut pass, batch, forward, dlogits));
-    }
-
-    /// [`Model::backward`] without a gradient of the whole network: that of each layer goes to `update`, which may
-    /// change the layer's parameters, as soon as it is whole. `update` sees every range of parameters once; its
-    /// arguments are the range, the gradient by it and the parameters in it.
-    ///
-    /// # Panics
-    /// As [`Model::backward`].
-    pub fn backward_and_update(
-        &mut self,
-        batch: &N::Batch,
-        forward: TrainingPass<T, N::Saved>,
-        dlogits: &[&[T]],
-        update: &mut Update<T>,
-        arena: &Arena<T>,
-    ) {
-        let Model { net, params, .. } = self;
-        let mut pass = Backward::updating(params, update, arena);
-        par::keep_workers_hot(|| net.backward(&mut pass, batch, forward, dlogits));
     }
 }
 

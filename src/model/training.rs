@@ -15,14 +15,27 @@ use crate::nn::rows;
 use crate::nn::saved::Saved;
 use crate::scalar::Scalar;
 
-/// The outcome of a training pass: logits, and what one backward needs and uses up.
+/// The outcome of a training pass: logits, and what one backward needs and uses up, which [`Network`](super::Network)
+/// names.
 #[derive(Debug)]
 pub struct TrainingPass<T, S = SavedUNet<T>> {
-    /// Logits of the heads, `[n_points, 2]` each: inaccessible, occlusion and, of networks with
-    /// [`share_head`](super::UNetConfig::share_head), the share of accessible directions.
+    /// Logits of the heads, `[n_points, n_classes]` each; of the networks here two classes: inaccessible, occlusion
+    /// and, with [`share_head`](super::UNetConfig::share_head), the share of accessible directions.
     pub logits: Vec<Buffer<T>>,
     /// What backward needs.
     pub(super) saved: S,
+}
+
+impl<T, S> TrainingPass<T, S> {
+    /// With the logits of each head, `[n_points, n_classes]`, and what backward needs.
+    pub fn new(logits: Vec<Buffer<T>>, saved: S) -> Self {
+        TrainingPass { logits, saved }
+    }
+
+    /// What backward needs.
+    pub fn into_saved(self) -> S {
+        self.saved
+    }
 }
 
 /// What the training pass of a [`UNet`] leaves for backward.

@@ -46,7 +46,7 @@ impl Layout {
     /// # Panics
     /// If the name is taken, or the shape holds no element.
     pub fn param(&mut self, name: impl Into<String>, shape: &[usize], init: Init) -> Range<usize> {
-        append(&mut self.params, name.into(), shape, init)
+        append((&mut self.params, &self.buffers), name.into(), shape, init)
     }
 
     /// Appends a running statistic and returns its range in the buffer vector.
@@ -54,7 +54,7 @@ impl Layout {
     /// # Panics
     /// If the name is taken, or the shape holds no element.
     pub fn buffer(&mut self, name: impl Into<String>, shape: &[usize], init: Init) -> Range<usize> {
-        append(&mut self.buffers, name.into(), shape, init)
+        append((&mut self.buffers, &self.params), name.into(), shape, init)
     }
 
     /// Length of the parameter vector.
@@ -88,8 +88,15 @@ impl Layout {
     }
 }
 
-fn append(entries: &mut Vec<Entry>, name: String, shape: &[usize], init: Init) -> Range<usize> {
-    assert!(entries.iter().all(|entry| entry.name != name), "two tensors with the name {name}");
+/// Appends to the first list; a name is that of one tensor in both.
+fn append(
+    (entries, others): (&mut Vec<Entry>, &[Entry]),
+    name: String,
+    shape: &[usize],
+    init: Init,
+) -> Range<usize> {
+    let mut all = entries.iter().chain(others);
+    assert!(all.all(|entry| entry.name != name), "two tensors with the name {name}");
     assert!(shape.iter().all(|&n| n > 0), "{name}: a tensor of shape {shape:?}");
     let start = entries.last().map_or(0, |e| e.range.end);
     let range = start..start + shape.iter().product::<usize>();
@@ -131,6 +138,14 @@ mod tests {
         let mut layout = Layout::default();
         layout.param("a", &[1], Init::Constant(0.0));
         layout.param("a", &[2], Init::Constant(0.0));
+    }
+
+    #[test]
+    #[should_panic(expected = "two tensors with the name a")]
+    fn a_parameter_and_a_running_statistic_have_different_names() {
+        let mut layout = Layout::default();
+        layout.param("a", &[1], Init::Constant(0.0));
+        layout.buffer("a", &[1], Init::Constant(0.0));
     }
 
     #[test]

@@ -8,7 +8,7 @@
 use super::evaluate::predict;
 use crate::data::Sample;
 use crate::model::heads::N_HEADS;
-use crate::model::{Calibration, Model, Network};
+use crate::model::{Calibration, Model, SiteNetwork};
 use crate::{Error, Result};
 
 /// The calibration of each head at which the labels of `samples` are most likely; sets [`Model::calibration`] to it.
@@ -18,7 +18,7 @@ use crate::{Error, Result};
 /// # Errors
 /// If there are no samples, one is inconsistent, a head has labels of one class alone, or its margins are no better than chance
 /// or never wrong.
-pub fn fit<N: Network<f32>>(
+pub fn fit<N: SiteNetwork<f32>>(
     model: &mut Model<f32, N>,
     samples: &[Sample],
 ) -> Result<[Calibration; N_HEADS]> {

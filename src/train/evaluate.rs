@@ -10,7 +10,7 @@ use crate::data::Sample;
 use crate::directions::Directions;
 use crate::geom::spacing;
 use crate::metrics::Confusion;
-use crate::model::{Model, Network, Prediction};
+use crate::model::{Model, Prediction, SiteNetwork};
 use crate::processes::{Processes, SingleProcess, share, share_numbers};
 use crate::{Error, Result};
 use std::time::Instant;
@@ -143,7 +143,10 @@ fn mean(samples: &[[Confusion; 2]], head: usize, score: impl Fn(&Confusion) -> f
 ///
 /// # Errors
 /// If there are no samples, or one is inconsistent.
-pub fn evaluate<N: Network<f32>>(model: &Model<f32, N>, samples: &[Sample]) -> Result<Evaluation> {
+pub fn evaluate<N: SiteNetwork<f32>>(
+    model: &Model<f32, N>,
+    samples: &[Sample],
+) -> Result<Evaluation> {
     evaluate_together(model, samples, &SingleProcess)
 }
 
@@ -152,7 +155,7 @@ pub fn evaluate<N: Network<f32>>(model: &Model<f32, N>, samples: &[Sample]) -> R
 ///
 /// # Errors
 /// As [`evaluate`], or if another process fails.
-pub fn evaluate_together<N: Network<f32>>(
+pub fn evaluate_together<N: SiteNetwork<f32>>(
     model: &Model<f32, N>,
     samples: &[Sample],
     processes: &dyn Processes,
@@ -167,7 +170,7 @@ pub fn evaluate_together<N: Network<f32>>(
 ///
 /// # Errors
 /// As [`evaluate_together`].
-pub fn evaluate_ranked<N: Network<f32>>(
+pub fn evaluate_ranked<N: SiteNetwork<f32>>(
     model: &Model<f32, N>,
     samples: &[Sample],
     options: &LabelOptions,
@@ -203,7 +206,7 @@ pub struct VerifiedScore {
 ///
 /// # Errors
 /// As [`evaluate_together`] and [`SiteAnswers::verify_by_spot_checks`].
-pub fn evaluate_verified<N: Network<f32>>(
+pub fn evaluate_verified<N: SiteNetwork<f32>>(
     model: &Model<f32, N>,
     samples: &[Sample],
     bound: f64,
@@ -250,7 +253,7 @@ fn n_wrong_beside(computed: &[usize], answers: &[bool], truth: &[bool]) -> usize
     n_wrong - computed.iter().filter(|i| wrong(i)).count()
 }
 
-pub(super) fn predict<N: Network<f32>>(
+pub(super) fn predict<N: SiteNetwork<f32>>(
     model: &Model<f32, N>,
     sample: &Sample,
 ) -> Result<Prediction<f32>> {

@@ -18,7 +18,7 @@ use crate::data::{Sample, SampleSource};
 use crate::loss::{CrossEntropy, share_loss};
 use crate::metrics::Confusion;
 use crate::model::heads::{N_HEADS, SHARE_HEAD};
-use crate::model::{AnyBatch, AnyModel, AnySaved, Domain, Network, Shape, TrainingPass};
+use crate::model::{AnyBatch, AnyModel, AnySaved, Domain, Shape, SiteNetwork, TrainingPass};
 use crate::nn::arena::Arena;
 use crate::optim::Sgd;
 use crate::par;

@@ -5,23 +5,25 @@
 //! reference: what does not follow from its shapes (depth, conventions, dropout) is the reference's.
 
 mod infer;
+mod own;
 #[doc(hidden)] // checked by tests
 pub mod tensors;
 
 use super::Domain;
 use super::heads::N_HEADS;
-use super::network::{AnyNetwork, Network};
 use super::network_config::NetworkConfig;
 use super::predict::{AnyModel, Model};
 use super::prediction::{Calibration, INACCESSIBLE_CLASS, OCCLUSION_CLASS};
+use super::site_network::{AnyNetwork, SiteNetwork};
 use crate::answers::Definition;
 use crate::nn::params::{Entry, Layout};
 use crate::scalar::Scalar;
 use crate::{Error, Result, memory};
+use own::from_tensors;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
-use tensors::{Tensor, TensorFile, TensorValues, to_bf16};
+use tensors::{TensorFile, TensorValues, to_bf16};
 
 /// Name of our entry in a file's metadata.
 const METADATA_KEY: &str = "deepmill";
@@ -105,7 +107,7 @@ pub fn from_bytes<T: Scalar>(bytes: &[u8], origin: &Path) -> Result<AnyModel<T>>
 ///
 /// # Errors
 /// If the file cannot be written, a calibration is not sound, or what is written does not fit into the memory.
-pub fn write<T: Scalar, N: Network<T>>(
+pub fn write<T: Scalar, N: SiteNetwork<T>>(
     path: &Path,
     model: &Model<T, N>,
     storage: Storage,
@@ -119,7 +121,7 @@ pub fn write<T: Scalar, N: Network<T>>(
 }
 
 /// The content of the file that [`fn@write`] writes.
-pub fn to_bytes<T: Scalar, N: Network<T>>(
+pub fn to_bytes<T: Scalar, N: SiteNetwork<T>>(
     model: &Model<T, N>,
     storage: Storage,
     notes: &str,
@@ -163,10 +165,7 @@ pub(super) fn from_file<T: Scalar>(file: &TensorFile, origin: &Path) -> Result<A
     };
     let net = AnyNetwork::new(&info.config)?;
     let layout = net.layout();
-    compare_names(layout, file, origin)?;
-    require_memory(layout, size_of::<T>(), origin)?;
-    let params = gather(&layout.params, file, origin)?;
-    let buffers = gather(&layout.buffers, file, origin)?;
+    let (params, buffers) = from_tensors(layout, file, origin)?;
     let WeightsInfo { domain, definition, calibration, .. } = info;
     let calibration = calibration.unwrap_or([Calibration::IDENTITY; N_HEADS]);
     Ok(Model { domain, definition, calibration, ..Model::of(net, params, buffers) })
@@ -220,7 +219,7 @@ fn gather<T: Scalar>(entries: &[Entry], file: &TensorFile, origin: &Path) -> Res
     Ok(values)
 }
 
-pub(super) fn to_file<T: Scalar, N: Network<T>>(
+pub(super) fn to_file<T: Scalar, N: SiteNetwork<T>>(
     model: &Model<T, N>,
     storage: Storage,
     notes: &str,
@@ -236,20 +235,14 @@ pub(super) fn to_file<T: Scalar, N: Network<T>>(
     let info = serde_json::to_string(&info).expect("a configuration has only plain fields");
     file.metadata.insert(METADATA_KEY.into(), info);
     let layout = model.net.layout();
-    let mut add = |entries: &[Entry], values: &[T], storage: Storage| {
-        for entry in entries {
-            let values = store(&entry.name, &values[entry.range.clone()], storage);
-            file.tensors.insert(entry.name.clone(), Tensor { shape: entry.shape.clone(), values });
-        }
-    };
-    add(&layout.params, &model.params, storage);
-    add(&layout.buffers, &model.buffers, Storage::Exact);
+    own::add(&mut file, &layout.params, &model.params, storage);
+    own::add(&mut file, &layout.buffers, &model.buffers, Storage::Exact);
     file
 }
 
 fn store<T: Scalar>(name: &str, values: &[T], storage: Storage) -> TensorValues {
     let values = values.iter().map(|v| v.to_f64());
-    if name.ends_with(BATCHES) {
+    if name.ends_with(BATCHES) && values.clone().all(|v| v.fract() == 0.0) {
         return TensorValues::I64(values.map(|v| v as i64).collect());
     }
     match storage {

@@ -1,5 +1,5 @@
 //! An upper estimate of the memory of a linear operator, whichever algorithm computes it. The tests of
-//! [`crate::model::Network::pass_bytes`] hold it against the arena.
+//! [`crate::model::SiteNetwork::pass_bytes`] hold it against the arena.
 
 use super::super::rows;
 use super::{packed, weight_gradient, winograd};
