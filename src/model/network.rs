@@ -1,4 +1,4 @@
-//! What every network is to a model: the trait that one's own networks implement too.
+//! What every network is to a model and a trainer: the trait that one's own networks implement too.
 
 use super::training::TrainingPass;
 use crate::nn::arena::Buffer;
@@ -8,6 +8,8 @@ use crate::scalar::Scalar;
 
 /// A network: an immutable description whose numbers lie in the flat vectors of a [`Model`](super::Model), with any
 /// input, any number of heads and any number of classes in each.
+///
+/// `examples/own_network.rs` is one of one's own, trained by [`Trainer`](crate::train::Trainer).
 pub trait Network<T: Scalar>: Sync {
     /// The input of a step: several shapes, samples, or whatever the network reads.
     type Batch: Sync;

@@ -3,6 +3,7 @@
 //! A [`Run`] is settings, a network, the optimizer's velocity and how far it has come. Every random
 //! decision is keyed by (seed, epoch, sample), so a run that was interrupted and read back from its
 //! checkpoint ends with the same bits as one that was not. `RunFolder` (feature `formats`) keeps a run on disk.
+//! A [`Trainer`] does the same for a network, samples and a loss of one's own.
 
 mod buckets;
 #[doc(hidden)] // of the program
@@ -25,6 +26,9 @@ mod settings;
 #[doc(hidden)] // of the program and fuzz targets
 pub mod settings_file;
 mod step;
+mod trainer;
+#[cfg(feature = "formats")]
+mod trainer_file;
 
 #[cfg(feature = "formats")]
 #[doc(hidden)] // checked by tests; for programs there is `RunFolder`
@@ -39,3 +43,4 @@ pub use run::{Observer, Run, StepReport};
 #[cfg(feature = "formats")]
 pub use run_folder::RunFolder;
 pub use settings::{LossSettings, Reduction, Settings};
+pub use trainer::Trainer;

@@ -19,11 +19,12 @@ use crate::answers::Definition;
 use crate::nn::params::{Entry, Layout};
 use crate::scalar::Scalar;
 use crate::{Error, Result, memory};
-use own::from_tensors;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
 use tensors::{TensorFile, TensorValues, to_bf16};
+
+pub(crate) use own::{VELOCITY, from_tensors, to_tensors, velocity_layout};
 
 /// Name of our entry in a file's metadata.
 const METADATA_KEY: &str = "deepmill";

@@ -1,12 +1,15 @@
-//! Files of one's own networks: the tensors of a layout, bit by bit.
+//! Files of one's own networks: the tensors of a layout, bit by bit, with or without what an optimizer keeps.
 
 use super::tensors::{Tensor, TensorFile};
 use super::{Storage, compare_names, gather, require_memory, store};
-use crate::Result;
 use crate::model::{Model, Network};
 use crate::nn::params::{Entry, Layout};
 use crate::scalar::Scalar;
+use crate::{Error, Result};
 use std::path::Path;
+
+/// Beginning of the names of an optimizer's tensors: `velocity:{parameter}`.
+pub(crate) const VELOCITY: &str = "velocity:";
 
 impl<T: Scalar, N: Network<T>> Model<T, N> {
     /// Writes every parameter and running statistic under its name in the layout, as safetensors in the type of the
@@ -18,20 +21,23 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
         to_tensors(self.net.layout(), &self.params, &self.buffers).write(path)
     }
 
-    /// `net` with the numbers of a file of [`Model::write_tensors`]: the same bits, if the model is of the same type.
+    /// `net` with the numbers of a file of [`Model::write_tensors`], or of
+    /// [`Trainer::write`](crate::train::Trainer::write): the same bits, if the model is of the same type.
     ///
     /// # Errors
     /// If the file cannot be read or is not safetensors; if a tensor is missing, extra, of another shape than in the
     /// layout, or holds a number that is not finite: the first such tensor is named.
     pub fn read_tensors(net: N, path: &Path) -> Result<Self> {
-        let file = TensorFile::read(path)?;
+        let mut file = TensorFile::read(path)?;
+        let of_layout = |name: &str| net.layout().params.iter().any(|e| e.name == name);
+        file.tensors.retain(|name, _| !name.starts_with(VELOCITY) || of_layout(name));
         let (params, buffers) = from_tensors(net.layout(), &file, path)?;
         Ok(Model::of(net, params, buffers))
     }
 }
 
 /// A file's tensors, named and shaped as in `layout`, in the type of the numbers.
-fn to_tensors<T: Scalar>(layout: &Layout, params: &[T], buffers: &[T]) -> TensorFile {
+pub(crate) fn to_tensors<T: Scalar>(layout: &Layout, params: &[T], buffers: &[T]) -> TensorFile {
     let mut file = TensorFile::default();
     for (entries, values) in [(&layout.params, params), (&layout.buffers, buffers)] {
         add(&mut file, entries, values, Storage::Exact);
@@ -53,7 +59,7 @@ pub(super) fn add<T: Scalar>(
 }
 
 /// Parameters and running statistics of `file`, which holds those of `layout` and nothing else.
-pub(super) fn from_tensors<T: Scalar>(
+pub(crate) fn from_tensors<T: Scalar>(
     layout: &Layout,
     file: &TensorFile,
     origin: &Path,
@@ -61,6 +67,21 @@ pub(super) fn from_tensors<T: Scalar>(
     compare_names(layout, file, origin)?;
     require_memory(layout, size_of::<T>(), origin)?;
     Ok((gather(&layout.params, file, origin)?, gather(&layout.buffers, file, origin)?))
+}
+
+/// The layout of a vector that holds a velocity for each parameter.
+///
+/// # Errors
+/// If a tensor of the network has such a name.
+pub(crate) fn velocity_layout(layout: &Layout) -> Result<Layout> {
+    let mut names = layout.params.iter().chain(&layout.buffers).map(|entry| &entry.name);
+    if let Some(name) = names.find(|name| name.starts_with(VELOCITY)) {
+        let expected = format!("one that does not begin with `{VELOCITY}`");
+        let remedy = "give the layer another name in the layout";
+        return Err(Error::argument("name of a tensor", format!("`{name}`"), expected, remedy));
+    }
+    let of = |entry: &Entry| Entry { name: format!("{VELOCITY}{}", entry.name), ..entry.clone() };
+    Ok(Layout { params: layout.params.iter().map(of).collect(), buffers: Vec::new() })
 }
 
 #[cfg(test)]

@@ -60,7 +60,8 @@ impl Tensor {
         }
     }
 
-    fn bytes(&self) -> (Dtype, Vec<u8>) {
+    /// Its type in a file, and the bytes of its elements.
+    pub(crate) fn bytes(&self) -> (Dtype, Vec<u8>) {
         match &self.values {
             TensorValues::F64(v) => (Dtype::F64, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
             TensorValues::F32(v) => (Dtype::F32, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
