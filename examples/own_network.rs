@@ -1,73 +1,62 @@
-//! Build and train an own network on octrees: other widths, an own target, an own loop.
+//! An octree network with labels of one's own, in five classes: trained, stopped, stored, resumed and scored.
 //!
-//! It learns which points of a sphere lie above a plane. `cargo run --release --example own_network`
+//! It learns in which of five bands of a sphere a point lies. `cargo run --release --example own_network`
 #![allow(clippy::print_stdout)]
 
+use deepmill::Result;
 use deepmill::glam::Vec3;
 use deepmill::loss::CrossEntropy;
-use deepmill::metrics::Confusion;
+use deepmill::metrics::ConfusionMatrix;
 use deepmill::model::config::{CutterConfig, CutterPlacement, InputConfig};
-use deepmill::model::{Batch, Model, Shape, UNetConfig};
-use deepmill::nn::arena::Arena;
-use deepmill::optim::Sgd;
+use deepmill::model::{Batch, Shape, UNet, UNetConfig};
+use deepmill::nn::arena::{Arena, Buffer};
 use deepmill::rng::{Purpose, Stream};
+use deepmill::train::Trainer;
+use std::ops::ControlFlow;
 
-const N_POINTS: usize = 600;
-const N_STEPS: usize = 20;
+const N_CLASSES: usize = 5;
 
-fn main() -> deepmill::Result<()> {
+fn main() -> Result<()> {
     let config = UNetConfig {
         input: InputConfig { depth: 4, features: "NDP".into(), ..InputConfig::default() },
-        stem_width: 8,
-        encoder_widths: vec![16, 24],
-        encoder_blocks: vec![1, 1],
-        decoder_widths: vec![24, 16],
-        decoder_blocks: vec![1, 1],
-        head_width: 8,
         cutter: CutterConfig { placement: CutterPlacement::None, ..CutterConfig::default() },
         ..UNetConfig::tiny()
     };
-    let mut model = Model::<f32>::new(&config, 1)?;
-    println!("{} parameters", model.params.len());
+    let net = UNet::with_heads(&config, &[N_CLASSES])?;
+    let source = |epoch, step| batch(epoch, step, &config.input);
+    let criterion = CrossEntropy::equal(N_CLASSES);
+    let loss = |logits: &[Buffer<f32>], classes: &Vec<u8>, dlogits: &mut [Vec<f32>]| {
+        criterion.try_loss(&logits[0], classes, 1.0, &mut dlogits[0])
+    };
 
-    let (arena, mut dlogits) = (Arena::default(), [vec![], vec![]]);
-    let (mut grads, mut velocity) = (vec![0.0; model.params.len()], vec![0.0; model.params.len()]);
-    let sgd = Sgd { momentum: 0.9, weight_decay: 1e-4 };
-    let criterion = CrossEntropy::binary();
-    for step in 0..N_STEPS {
-        let spheres = [sphere(2 * step as u64), sphere(2 * step as u64 + 1)];
-        let targets: Vec<u8> = spheres.iter().flatten().map(|p| u8::from(p.z > 0.3)).collect();
-        let batch = batch(&spheres, &config.input)?;
-        let pass = model.forward_train(&batch, None, &arena);
-        let mut loss = 0.0;
-        for (logits, d) in pass.logits.iter().zip(&mut dlogits) {
-            loss += criterion.loss(logits, &targets, 1.0, d);
+    let path = std::env::temp_dir().join(format!("own-{}.safetensors", std::process::id()));
+    let mut trainer = Trainer::new(net.clone(), 1, (3, 8))?;
+    let _ = trainer.train(source, loss, |trainer, loss| match trainer.position() {
+        (2, 4) => {
+            println!("stopped in the second epoch at loss {loss:.3}");
+            Ok(ControlFlow::Break(trainer.write(&path)?))
         }
-        if step % 5 == 4 {
-            let scores = Confusion::of_logits(&pass.logits[1], &targets, 1);
-            println!("step {:2}: loss {loss:.3}, F1 {:.3}", step + 1, scores.f1());
-        }
-        let [first, second] = &dlogits;
-        model.backward(&batch, pass, &[first, second], &mut grads, &arena);
-        sgd.step(0.05, &mut grads, &mut velocity, &mut model.params);
-    }
-    Ok(())
+        _ => Ok(ControlFlow::Continue(())),
+    })?;
+    let mut trainer = Trainer::resume(net, &path)?;
+    let _ = trainer.train(source, loss, |_, _| Ok(ControlFlow::Continue(())))?;
+
+    let (points, classes) = source(4, 0)?;
+    let mut counts = ConfusionMatrix::new(N_CLASSES)?;
+    counts.add_logits(&trainer.model().logits(&points, &Arena::default())[0], &classes)?;
+    println!("accuracy {:.3}, mean IoU {:.3}", counts.accuracy(), counts.mean_iou());
+    (0..N_CLASSES).for_each(|class| println!("F1 {:.3}", counts.class(class).f1()));
+    std::fs::remove_file(&path).map_err(|e| deepmill::Error::write(&path, e))
 }
 
-/// Random points on a unit sphere, which are their own normals.
-fn sphere(seed: u64) -> Vec<Vec3> {
-    let mut stream = Stream::new(seed, 0, 0, Purpose::Probe);
-    let mut point =
-        || Vec3::from_array([0; 3].map(|_| stream.normal() as f32)).normalize_or(Vec3::Z);
-    (0..N_POINTS).map(|_| point()).collect()
-}
-
-fn batch(spheres: &[Vec<Vec3>], input: &InputConfig) -> deepmill::Result<Batch<f32>> {
+/// Points of two spheres, which are their own normals, with their classes.
+fn batch(epoch: u64, step: u64, input: &InputConfig) -> Result<(Batch<f32>, Vec<u8>)> {
+    let mut stream = Stream::new(7, epoch, step, Purpose::Probe);
+    let mut normal = || Vec3::from_array([0; 3].map(|_| stream.normal() as f32));
+    let spheres = [(); 2].map(|()| [(); 600].map(|()| normal().normalize_or(Vec3::Z)));
+    let class = |p: &Vec3| ((p.z + 1.0) * 2.5).min(4.0) as u8;
     // The network has no cutter module; the lengths only have to make a cutter.
-    let cutter_mm = [1.0, 1.0, 2.0, 1.0];
-    let shape = |points: &'_ Vec<Vec3>| (points.clone(), points.clone());
-    let clouds: Vec<_> = spheres.iter().map(shape).collect();
-    let shapes: Vec<Shape> =
-        clouds.iter().map(|(points, normals)| Shape { points, normals, cutter_mm }).collect();
-    Batch::new(&shapes, input)
+    let shape = |p| Shape { points: p, normals: p, cutter_mm: [1.0, 1.0, 2.0, 1.0] };
+    let shapes: Vec<Shape> = spheres.iter().map(|p| shape(p.as_slice())).collect();
+    Ok((Batch::new(&shapes, input)?, spheres.iter().flatten().map(class).collect()))
 }

@@ -1,4 +1,4 @@
-//! A head: a two-layer classifier from point features to the two logits of one label.
+//! A head: a two-layer classifier from point features to the logits of one label.
 
 use crate::nn::arena::Buffer;
 use crate::nn::batch_norm::BatchNorm;
@@ -17,10 +17,10 @@ use std::ops::Range;
 pub const N_HEADS: usize = 2;
 /// Place of the head after these, for the share of accessible directions ([`UNetConfig::share_head`](super::UNetConfig::share_head)).
 pub const SHARE_HEAD: usize = N_HEADS;
-/// Logits per point and head.
+/// Logits per point and head of the networks here.
 pub const N_CLASSES: usize = 2;
 
-/// Linear without bias, batch norm, ReLU, linear with bias: `[n, c] → [n, 2]`.
+/// Linear without bias, batch norm, ReLU, linear with bias: `[n, c] → [n, n_classes]`.
 #[derive(Debug, Clone)]
 pub struct Head {
     hidden: LinearNormAct<Linear>,
@@ -34,9 +34,22 @@ impl Head {
     /// # Panics
     /// If a width is 0 or a name is taken.
     pub fn new(layout: &mut Layout, name: &str, c: usize, width: usize, policy: Policy) -> Self {
+        Self::of_classes(layout, name, (c, width, N_CLASSES), policy)
+    }
+
+    /// [`Head::new`] with another number of classes than two.
+    ///
+    /// # Panics
+    /// If a width or the number of classes is 0, or a name is taken.
+    pub fn of_classes(
+        layout: &mut Layout,
+        name: &str,
+        (c, width, n_classes): (usize, usize, usize),
+        policy: Policy,
+    ) -> Self {
         let linear = Linear::new(layout, &format!("{name}.0.conv.linear"), c, width, false);
         let norm = BatchNorm::new(layout, &format!("{name}.0.bn"), width);
-        let output = Linear::new(layout, &format!("{name}.1.linear"), width, N_CLASSES, true);
+        let output = Linear::new(layout, &format!("{name}.1.linear"), width, n_classes, true);
         Head { hidden: LinearNormAct { linear, norm, relu: true, policy }, output }
     }
 

@@ -20,6 +20,7 @@ pub mod graph_sage;
 pub mod heads;
 mod network;
 mod network_config;
+mod own_heads;
 mod pass_memory;
 #[doc(hidden)] // checked by tests
 pub mod policy;

@@ -3,7 +3,7 @@
 use super::batch::Batch;
 use super::config::UNetConfig;
 use super::cutter_modules::{CutterModule, N_LENGTHS};
-use super::heads::{Head, N_HEADS};
+use super::heads::{Head, N_CLASSES};
 use super::policy::MemoryPolicy;
 use crate::Result;
 use crate::nn::arena::Buffer;
@@ -22,9 +22,6 @@ use crate::nn::pass::Inference;
 use crate::nn::strided_conv::OutputRows;
 use crate::octree::{KernelMap, Octree, OctreeLevel};
 use crate::scalar::Scalar;
-
-/// Names of the heads' tensors in the layout.
-const HEADS: [&str; N_HEADS + 1] = ["header", "header_2", "header_3"];
 
 /// Description of a network; its numbers live in the two vectors that [`UNet::layout`] describes.
 #[derive(Debug, Clone)]
@@ -94,6 +91,15 @@ impl UNet {
     /// As [`UNet::new`].
     #[doc(hidden)] // checked by tests
     pub fn with_policy(config: &UNetConfig, policy: &MemoryPolicy) -> Result<Self> {
+        Self::build(config, policy, &vec![N_CLASSES; config.n_heads()])
+    }
+
+    /// With one head for each number of classes.
+    pub(super) fn build(
+        config: &UNetConfig,
+        policy: &MemoryPolicy,
+        n_classes: &[usize],
+    ) -> Result<Self> {
         config.check()?;
         let mut layout = Layout::default();
         let c_in = config.input.n_node_channels()?;
@@ -113,8 +119,11 @@ impl UNet {
         let decoder = decoder(config, policy, &mut layout);
         let c_points = config.input.n_point_channels();
         let c = config.decoder_widths[config.decoder_widths.len() - 1] + c_points;
-        let head = |name: &&str| Head::new(&mut layout, name, c, config.head_width, policy.head);
-        let heads = HEADS[..config.n_heads()].iter().map(head).collect();
+        let mut head = |i: usize, n_classes: usize| {
+            let name = if i == 0 { "header".into() } else { format!("header_{}", i + 1) };
+            Head::of_classes(&mut layout, &name, (c, config.head_width, n_classes), policy.head)
+        };
+        let heads = n_classes.iter().enumerate().map(|(i, n)| head(i, *n)).collect();
         Ok(UNet { config: config.clone(), layout, stem, encoder, cutters, decoder, heads })
     }
 
