@@ -340,3 +340,54 @@ fn a_broken_limit_is_exit_code_3_after_everything_is_written() {
         assert!(Path::new(&folder.path(&format!("out/{file}"))).is_file(), "{file} is written");
     }
 }
+
+#[test]
+fn a_t_slot_cutter_of_a_table_reaches_what_no_end_mill_does_and_comes_back_from_its_files() {
+    let folder = Folder::new();
+    // A block of 60 x 40 x 30 with a slot along y, 12 wide at its mouth and 22 below.
+    let outline = [[30, 0], [30, 30], [6, 30], [6, 20], [11, 20], [11, 12]];
+    let half = outline.map(|[x, z]| glam::DVec2::new(f64::from(x), f64::from(z)));
+    let other = half.iter().rev().map(|p| glam::DVec2::new(-p.x, p.y));
+    let outline: Vec<_> = half.iter().copied().chain(other).collect();
+    let right = [[0, 1, 4], [1, 2, 3], [1, 3, 4], [0, 4, 5], [0, 5, 6]];
+    let left = [[0, 6, 11], [11, 7, 10], [10, 8, 9], [10, 7, 8], [11, 6, 7]];
+    let cap: Vec<[u32; 3]> = right.into_iter().chain(left).collect();
+    let mut mesh = deepmill::geom::solids::prism(&outline, &cap, 40.0);
+    mesh.vertices.iter_mut().for_each(|p| *p = glam::DVec3::new(p.x, -p.z, p.y));
+    let part = folder.path("slot.stl");
+    deepmill::geom::formats::write_stl(part.as_ref(), &mesh).unwrap();
+    let holder = folder.file("holder.csv", "height,lower,upper\n30,40,40\n");
+    let reached = |name: &str, profile: &str| {
+        let table = format!("name,profile,stick_out\n{name},{profile},60\n");
+        let tools = folder.file(&format!("{name}.csv"), &table);
+        let out = folder.path(name);
+        let args = ["--tools", &tools, "--holder", &holder, "--directions", "up", "--out", &out];
+        let label = ["label", &part, "--sites", "800", "--json"];
+        let result = json(&deepmill(&[&label[..], &args].concat()));
+        let file = folder.path(&format!("{name}/{name}/labels.npz"));
+        let labels = LabelFile::read(file.as_ref()).unwrap();
+        let accessible = labels.labels.answers.accessible();
+        let below: Vec<bool> = (0..labels.sites.len())
+            .filter(|&i| {
+                let (p, n) = (labels.sites.points[i], labels.sites.normals[i]);
+                // Walls of the slot and undersides of its lips.
+                let is_lip = n.z < -0.5 && p.z > 19.9;
+                p.x.abs() < 11.1
+                    && (11.9..20.1).contains(&p.z)
+                    && (is_lip || p.x.abs().min(11.0 * n.x.abs()) > 10.9)
+                    && n.y.abs() < 0.5
+            })
+            .map(|i| accessible[i])
+            .collect();
+        assert!(below.len() > 20, "{}", below.len());
+        assert!(result.to_string().contains("given by its profile"), "{result}");
+        (below.iter().filter(|reached| **reached).count(), below.len(), file)
+    };
+    let (n, all, file) = reached("slot", "10.9:0 10.9:7.9 5:7.9 | 5:100");
+    assert_eq!(n, all);
+    let (n, ..) = reached("mill", "5:0 5:40 | 5:100");
+    assert_eq!(n, 0);
+    // What blocks a profile is not computed, and said so.
+    let why = failure(&deepmill(&["explain", &file, "--site", "0"]), 2);
+    assert!(why.contains("given by its profile"), "{why}");
+}

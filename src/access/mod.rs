@@ -59,6 +59,7 @@ pub mod surface;
 pub(crate) use driver::{Counted, count_for};
 pub use driver::{label, label_many};
 pub(crate) use extent::Extent;
+#[doc(hidden)] // against points; triangles answer by `access::surface`
 pub use gouge::gouges;
 pub use labeler::Labeler;
 #[doc(hidden)] // of data sets

@@ -193,6 +193,7 @@ impl Profile {
     }
 
     /// With all lengths times a factor, to change the unit.
+    #[cfg(feature = "formats")]
     pub(crate) fn scaled(&self, by: f64) -> Result<Self> {
         let scale = |section: &ProfileSection| ProfileSection {
             radius_mm: by * section.radius_mm,

@@ -159,7 +159,7 @@ impl<'a> Coverage<'a> {
         if has_folders {
             columns.push(("folder", ""));
         }
-        let profile = profiles_of(&self.tools);
+        let profile = profiles_of(self.tools);
         columns.extend(profile.is_some().then_some(("profile", "")));
         let mut table = Table::new(&columns);
         for (k, (tool, shares)) in self.tools.iter().zip(&self.shares).enumerate() {

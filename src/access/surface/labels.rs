@@ -39,7 +39,8 @@ pub struct SurfaceOptions {
     pub refinement: Option<RefinementOptions>,
     /// Also compute the signed clearance, up to this many mm either way.
     pub clearance_limit_mm: Option<f64>,
-    /// Points of the surface that are tested before the triangles. Answers do not depend on it.
+    /// Points of the surface that are tested before the triangles.
+    #[doc(hidden)] // answers do not depend on it
     pub n_samples: usize,
 }
 

@@ -73,8 +73,10 @@ pub(super) struct Pose {
 const NEAR_RAD: f64 = 0.12;
 /// Places of a line that are tried.
 const LINE_SHARES: [f64; 3] = [0.02, 0.98, 0.5];
-/// Places of a face across the axis that are tried, and directions from the axis: of one around the axis its middle.
+/// Places of a face across the axis that are tried, and directions from the axis: of one that
+/// holds the axis about its middle first.
 const FACE_SHARES: [f64; 4] = [0.05, 0.35, 0.65, 0.95];
+const DISC_SHARES: [f64; 3] = [0.02, 0.97, 0.5];
 const FACE_DIRECTIONS: usize = 6;
 
 impl Contacts {
@@ -159,7 +161,7 @@ impl Contacts {
                     let is_face = normal.abs() > 0.5 * PI - 1e-9;
                     let is_disc = is_face && place.at(0.0).x.min(place.at(1.0).x) <= 0.0;
                     let (shares, n): (&[f64], usize) = match (is_face, is_disc) {
-                        (true, true) => (&[0.0], 1),
+                        (true, true) => (&DISC_SHARES, FACE_DIRECTIONS),
                         (true, false) => (&FACE_SHARES, FACE_DIRECTIONS),
                         _ => (&LINE_SHARES, 1),
                     };
