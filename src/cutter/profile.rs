@@ -361,7 +361,7 @@ impl Profile {
 }
 
 fn arc_of([[r0, z0], [r1, _]]: [[f64; 2]; 2], center: [f64; 2]) -> ProfileArc {
-    let radius = (r0 - center[0]).hypot(z0 - center[1]);
+    let radius = libm::hypot(r0 - center[0], z0 - center[1]);
     ProfileArc { center, radius, is_convex: r0 + r1 > 2.0 * center[0] }
 }
 
@@ -386,7 +386,7 @@ fn check_section(k: usize, from: [f64; 2], section: &ProfileSection) -> Result<(
         return Err(Error::argument("profile", found, expected, remedy));
     }
     let Some([c, z]) = center_mm else { return Ok(()) };
-    let radii = [from, [radius_mm, height_mm]].map(|[r, height]| (r - c).hypot(height - z));
+    let radii = [from, [radius_mm, height_mm]].map(|[r, height]| libm::hypot(r - c, height - z));
     let greatest = radii[0].max(radii[1]);
     if !((radii[0] - radii[1]).abs() <= SAME_RADIUS * greatest.min(1.0) && greatest > 0.0) {
         let found = format!("{} and {} mm in section {}", radii[0], radii[1], k + 1);

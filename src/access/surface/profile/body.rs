@@ -307,7 +307,7 @@ fn hollow(
     cuts: bool,
     bounds: &mut Vec<Bound>,
 ) {
-    let step = 2.0 * (1.0 - (CHORD_MM / radius).min(1.0)).acos();
+    let step = 2.0 * libm::acos(1.0 - (CHORD_MM / radius).min(1.0));
     let n = (((from - to).abs() / step).ceil() as usize).max(1);
     // The normal points at the center.
     let at = |k: usize| {

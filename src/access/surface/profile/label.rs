@@ -142,7 +142,7 @@ impl<'a> Tools<'a> {
     pub fn new(bvh: &'a Bvh, tolerances: &Tolerances, profile: &Profile, finish: f64) -> Self {
         let least = tolerances.least;
         let level = |tolerance: f64| -> u16 {
-            let exact = (tolerance / least).ln() / TOLERANCE_STEP.ln();
+            let exact = libm::log(tolerance / least) / libm::log(TOLERANCE_STEP);
             (exact - 1e-9).ceil().max(0.0) as u16
         };
         let n_places = bvh.n_triangles() as u32;

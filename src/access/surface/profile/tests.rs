@@ -2,10 +2,12 @@ use super::body::Body;
 use super::meet::penetrates;
 use super::outline::Outline;
 use super::reference;
+use crate::access::Queries;
 use crate::access::surface::{SiteAnswer, SurfaceLabels, SurfaceOptions, TriangleObstacles};
 use crate::cutter::{Assembly, Profile, Section};
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::{Mesh, Sites, solids};
+use crate::par;
 use crate::rng::{Purpose, Stream};
 use glam::{DVec2, DVec3, Vec3, dvec2, dvec3};
 use std::f64::consts::TAU;
@@ -377,4 +379,48 @@ fn witnesses_are_free_by_the_definition_alone() {
         }
     }
     assert!(labels.witness.iter().flatten().count() > 50);
+}
+
+#[test]
+fn answers_depend_on_the_site_alone_and_on_no_number_of_threads() {
+    let mesh = t_slot();
+    let sites = sites_on(&mesh, 5, |p, _| p.x.abs() < 12.0 && p.z > 18.0);
+    let profile = || Profile::t_slot(10.5, 8.9, 0.3, 5.0).unwrap();
+    let all = label(&mesh, &sites, profile(), 60.0);
+    assert!((0.1..0.99).contains(&share(&all)), "{}", share(&all));
+    let some: Vec<usize> = (0..sites.len()).rev().step_by(3).collect();
+    for threads in [1, 3] {
+        let few =
+            par::with_threads(threads, || label(&mesh, &sites.subset(&some), profile(), 60.0));
+        let few = few.unwrap();
+        for (k, &i) in some.iter().enumerate() {
+            assert_eq!(few.answers[k], all.answers[i], "{i}");
+            assert_eq!(few.witness[k], all.witness[i], "{i}");
+            assert_eq!(few.retreat_unproven[k], all.retreat_unproven[i], "{i}");
+        }
+    }
+}
+
+#[test]
+fn what_is_not_computed_of_a_profile_is_refused_by_name() {
+    let mesh = t_slot();
+    let sites = sites_on(&mesh, 1, |_, _| true);
+    let holder = [Section::cylinder(30.0, 20.0)];
+    let tool = Assembly::from_profile(Profile::lollipop(3.0, 1.5).unwrap(), &holder, 60.0).unwrap();
+    let cutter = tool.cutter().unwrap();
+    let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
+    let (up, usual) = (Directions::up(), SurfaceOptions::default());
+    let clearance = SurfaceOptions { clearance_limit_mm: Some(1.0), ..usual };
+    for message in [
+        obstacles.label_sites(&sites, &cutter, &up, &usual).unwrap_err().to_string(),
+        obstacles.label(&sites, &cutter, &up, &clearance).unwrap_err().to_string(),
+        obstacles
+            .label(Queries::Volume(&sites.points), &cutter, &up, &usual)
+            .unwrap_err()
+            .to_string(),
+        tool.clone().with_allowance(0.1).unwrap_err().to_string(),
+        tool.with_flutes(2.0).unwrap_err().to_string(),
+    ] {
+        assert!(message.contains("profile"), "{message}");
+    }
 }
