@@ -73,8 +73,10 @@ const TOLERANCE_STEP: f64 = 1.02;
 const MOST_LEVELS: usize = 6;
 /// Sites per task.
 const BLOCK: usize = 32;
-/// Poses of one site that are pushed, those that penetrate least.
+/// Poses of one site that are pushed, those that penetrate least: at least so many, more along few directions.
 const PUSHED: usize = 10;
+const PUSHED_OF_FEW: usize = 40;
+const PUSHED_OF_ALL: usize = 200;
 /// Pushes of one pose, and how many of them may fail to leave it less deep by a tenth.
 const PUSHES: usize = 20;
 const MOST_STALLED: usize = 4;
@@ -124,16 +126,24 @@ struct Candidate {
     pose: Pose,
 }
 
-/// The [`PUSHED`] poses that penetrate least, in that order; the first among equals.
-#[derive(Debug, Default)]
-struct Shallow(Vec<Candidate>);
+/// The poses that penetrate least, in that order; the first among equals.
+#[derive(Debug)]
+struct Shallow {
+    poses: Vec<Candidate>,
+    most: usize,
+}
 
 impl Shallow {
+    fn along(n_directions: usize) -> Self {
+        let most = (PUSHED_OF_ALL / n_directions.max(1)).clamp(PUSHED, PUSHED_OF_FEW);
+        Shallow { poses: Vec::new(), most }
+    }
+
     fn add(&mut self, candidate: Candidate) {
-        let at = self.0.partition_point(|other| other.depth <= candidate.depth);
-        if at < PUSHED {
-            self.0.truncate(PUSHED - 1);
-            self.0.insert(at, candidate);
+        let at = self.poses.partition_point(|other| other.depth <= candidate.depth);
+        if at < self.most {
+            self.poses.truncate(self.most - 1);
+            self.poses.insert(at, candidate);
         }
     }
 }
@@ -281,7 +291,7 @@ impl<'a> Tools<'a> {
     pub(super) fn site(&self, contact: &Contact, frames: &[Frame]) -> Found {
         let (mut state, mut found) = (State::default(), Found::default());
         let Some(normal) = contact.normal else { return found };
-        let mut shallow = Shallow::default();
+        let mut shallow = Shallow::along(frames.len());
         for (k, frame) in frames.iter().enumerate() {
             let local = frame.local(normal);
             let is_reached = self.contacts.for_each(local, |pose| {
@@ -305,7 +315,7 @@ impl<'a> Tools<'a> {
                 return found.with_witness(frame.direction, &state);
             }
         }
-        for Candidate { k, pose, .. } in shallow.0 {
+        for Candidate { k, pose, .. } in shallow.poses {
             let frame = &frames[k];
             let from = (pose, frame.local(normal));
             let tip = self.slide(frame, contact.point, from, &mut state);
@@ -372,7 +382,14 @@ impl<'a> Tools<'a> {
             if n_stalled == MOST_STALLED {
                 return None;
             }
-            pose = self.contacts.pushed(&pose, -depth.toward, by)?;
+            // Where the nearest way out is none along the profile, across the axis.
+            let flat = point.truncate();
+            let across = || {
+                let by = self.shrunk(place).whole.radius_at(point.z) - flat.length() + BEYOND_MM;
+                let outward = flat.normalize_or_zero().extend(0.0);
+                self.contacts.pushed(&pose, -outward, by)
+            };
+            pose = self.contacts.pushed(&pose, -depth.toward, by).or_else(across)?;
         }
         None
     }

@@ -424,3 +424,20 @@ fn what_is_not_computed_of_a_profile_is_refused_by_name() {
         assert!(message.contains("profile"), "{message}");
     }
 }
+
+#[test]
+fn the_floor_of_a_t_slot_is_reached_into_its_corners() {
+    let mesh = t_slot();
+    let mut sites = Sites::default();
+    for k in 0..=300 {
+        let x = 10.595 * (k as f32 / 150.0 - 1.0);
+        for y in [-20.0, -8.3, -36.54] {
+            sites.points.push(Vec3::new(x, y, 19.0));
+            sites.normals.push(Vec3::Z);
+        }
+    }
+    let labels = label(&mesh, &sites, Profile::t_slot(10.5, 8.9, 0.0, 5.0).unwrap(), 60.0);
+    let missed = (0..sites.len()).filter(|&i| labels.answers[i] != SiteAnswer::Accessible);
+    let missed: Vec<f32> = missed.map(|i| sites.points[i].x).collect();
+    assert!(missed.is_empty(), "{missed:?}");
+}
