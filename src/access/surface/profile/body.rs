@@ -49,8 +49,9 @@ pub(super) struct Body {
 
 /// In place of the spindle's radius and of no upper end, mm: beyond 10 m of tool and 1 km of part.
 pub(super) const WIDE: f64 = 1e7;
-/// Hollow arcs are replaced by chords that are this far from them at most, mm.
+/// Hollow arcs are replaced by chords that are this far from them at most, mm, as far as so many suffice.
 const CHORD_MM: f64 = 2e-4;
+const MOST_CHORDS: usize = 64;
 /// Heights closer than this are one, mm.
 const SAME: f64 = 1e-9;
 /// Halvings after which a crossing is found.
@@ -308,7 +309,7 @@ fn hollow(
     bounds: &mut Vec<Bound>,
 ) {
     let step = 2.0 * libm::acos(1.0 - (CHORD_MM / radius).min(1.0));
-    let n = (((from - to).abs() / step).ceil() as usize).max(1);
+    let n = (((from - to).abs() / step).ceil() as usize).clamp(1, MOST_CHORDS);
     // The normal points at the center.
     let at = |k: usize| {
         let angle = from + (to - from) * (k as f64 / n as f64);
