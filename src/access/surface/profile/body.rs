@@ -51,7 +51,7 @@ pub(super) struct Body {
 pub(super) const WIDE: f64 = 1e7;
 /// Hollow arcs are replaced by chords that are this far from them at most, mm, as far as so many suffice.
 const CHORD_MM: f64 = 2e-4;
-const MOST_CHORDS: usize = 64;
+const MOST_CHORDS: usize = 256;
 /// Heights closer than this are one, mm.
 const SAME: f64 = 1e-9;
 /// Halvings after which a crossing is found.
