@@ -23,6 +23,7 @@ pub use assembly::{Assembly, Section, TipShape, ToolPart};
 pub use params::{CutterParams, CutterSet};
 pub(crate) use profile::Piece;
 pub use profile::Profile;
+pub(crate) use profile::require_steps;
 
 use crate::{Error, Result};
 use margins::joined;
@@ -275,6 +276,11 @@ impl Cutter {
         };
         let is_whole = is_ball && spindle.radius_mm == f64::INFINITY;
         (is_whole && Cutter::ball_end(params).is_ok()).then_some(params)
+    }
+
+    /// The profile, if the tool was given by one. The steps are those of a flat end mill that holds it.
+    pub fn profile(&self) -> Option<&Profile> {
+        self.profile.as_ref()
     }
 
     /// Height above the reference point at which the cutting portion ends, mm; infinite if nothing is above it.

@@ -15,7 +15,7 @@ use super::pruned::{BetaBounds, Pruned};
 use super::reference::Reference;
 use super::stats::Stats;
 use crate::answers::SiteAnswers;
-use crate::cutter::Cutter;
+use crate::cutter::{Cutter, require_steps};
 use crate::directions::Directions;
 use crate::simd::Isa;
 use crate::{Result, par};
@@ -72,6 +72,9 @@ pub fn label_many<'a>(
 ) -> Result<Vec<Labels>> {
     let _floats = par::DefaultFloats::set();
     options.check()?;
+    for cutter in cutters {
+        require_steps(cutter.profile(), "label against a mesh: access::surface")?;
+    }
     let queries = queries.into();
     Extent {
         n_queries: queries.len(),

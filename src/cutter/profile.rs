@@ -49,7 +49,7 @@ impl ProfileSection {
     }
 
     /// The same without cutting: neck, shank, holder.
-    pub fn idle(self) -> Self {
+    pub fn non_cutting(self) -> Self {
         ProfileSection { cuts: false, ..self }
     }
 
@@ -170,11 +170,6 @@ impl Profile {
         Ok(Profile { start_mm, sections })
     }
 
-    /// Radius of the flat lower end, mm; 0 for a pointed or round one.
-    pub fn start_mm(&self) -> f64 {
-        self.start_mm
-    }
-
     /// The sections, from the tip upward.
     #[cfg(test)]
     pub(crate) fn sections(&self) -> &[ProfileSection] {
@@ -188,7 +183,7 @@ impl Profile {
     /// sections in all.
     pub fn with_shank(mut self, points: &[[f64; 2]]) -> Result<Self> {
         let line = |[radius_mm, height_mm]: &[f64; 2]| ProfileSection::line(*radius_mm, *height_mm);
-        self.sections.extend(points.iter().map(|point| line(point).idle()));
+        self.sections.extend(points.iter().map(|point| line(point).non_cutting()));
         Profile::new(self.start_mm, self.sections)
     }
 
@@ -232,7 +227,7 @@ impl Profile {
     }
 
     /// Whether radii never shrink upward.
-    pub fn only_widens(&self) -> bool {
+    pub(crate) fn only_widens(&self) -> bool {
         let shrinks = |piece: &Piece| {
             let [[r0, _], [r1, z1]] = piece.ends;
             let past_equator = |arc: ProfileArc| arc.is_convex && z1 > arc.center[1];
@@ -326,9 +321,9 @@ impl Profile {
         for step in holder {
             let height_mm = step.height_mm + stick_out_mm;
             let last = sections.last().map_or([self.start_mm, 0.0], |section| section.end());
-            sections.push(ProfileSection::line(last[0], height_mm.max(last[1])).idle());
+            sections.push(ProfileSection::line(last[0], height_mm.max(last[1])).non_cutting());
             widest = widest.max(step.radius_mm);
-            sections.push(ProfileSection::line(widest, height_mm.max(last[1])).idle());
+            sections.push(ProfileSection::line(widest, height_mm.max(last[1])).non_cutting());
         }
         Profile { start_mm: self.start_mm, sections }
     }
@@ -351,7 +346,7 @@ impl Profile {
             if !section.cuts && was_cutting && section.height_mm > from[1] {
                 // Right above the flutes.
                 let radius_mm = (from[0] + margin_mm).max(0.0);
-                sections.push(ProfileSection::line(radius_mm, from[1]).idle());
+                sections.push(ProfileSection::line(radius_mm, from[1]).non_cutting());
             }
             sections.push(grown);
             from = section.end();
@@ -363,6 +358,20 @@ impl Profile {
 fn arc_of([[r0, z0], [r1, _]]: [[f64; 2]; 2], center: [f64; 2]) -> ProfileArc {
     let radius = libm::hypot(r0 - center[0], z0 - center[1]);
     ProfileArc { center, radius, is_convex: r0 + r1 > 2.0 * center[0] }
+}
+
+/// Refuses a tool given by its profile, where only its steps would be looked at.
+///
+/// # Errors
+/// If there is a profile.
+pub(crate) fn require_steps(profile: Option<&Profile>, remedy: &'static str) -> Result<()> {
+    match profile {
+        None => Ok(()),
+        Some(_) => {
+            let found = "given by its profile";
+            Err(Error::argument("tool", found, "one given by lengths", remedy))
+        }
+    }
 }
 
 fn check_length(name: &'static str, length: f64) -> Result<()> {

@@ -3,7 +3,7 @@
 use super::labels::SurfaceOptions;
 use super::obstacles::{TriangleObstacles, extent};
 use super::problem::{Problem, WORD};
-use super::profile::{self, Tools};
+use super::profile::{self, ProfileTool};
 use super::site::SiteState;
 use super::tool::axes;
 use super::verdict::Verdict;
@@ -104,8 +104,8 @@ impl TriangleObstacles {
         extent(sites.len(), 1, directions, options).require_directions()?;
         let problem = self.problem(Queries::Sites(sites), cutter, options)?;
         if let Some(profile) = cutter.profile() {
-            let tools = Tools::new(&self.bvh, &problem.tolerances, profile, options.finish_mm);
-            return Ok(of_profile(profile::accessible(&tools, &problem.contacts, directions)));
+            let tool = ProfileTool::new(&self.bvh, &problem.tolerances, profile, options.finish_mm);
+            return Ok(of_profile(profile::accessible(&tool, &problem.contacts, directions)));
         }
         let every: Vec<usize> = (0..sites.len()).collect();
         let own = problem.own_by_points(cutter, directions, options)?;

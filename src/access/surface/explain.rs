@@ -50,9 +50,9 @@ pub use remedies::{Remedies, Stopped};
 
 use super::labels::{SiteAnswer, SurfaceOptions};
 use super::obstacles::{TriangleObstacles, tested};
-use crate::cutter::{Assembly, ToolPart};
+use crate::Result;
+use crate::cutter::{Assembly, ToolPart, require_steps};
 use crate::directions::Directions;
-use crate::{Error, Result};
 use case::{Barrier, Case};
 use glam::{DVec3, Vec3};
 use meet::Points;
@@ -224,21 +224,13 @@ impl TriangleObstacles {
     /// # Errors
     /// As [`TriangleObstacles::label`], or if the tool is none ([`Assembly::cutter`]).
     pub fn explain(&self, query: &Query) -> Result<Explanation> {
-        refuse_profile(query.tool)?;
+        require_steps(query.tool.profile(), NOT_EXPLAINED)?;
         let tested = tested(query.directions)?;
         Case { barrier: Barrier::Triangles(self), query, tested, proves: true }.explain()
     }
 }
 
-/// What is in the way of a tool is known by its steps.
-fn refuse_profile(tool: &Assembly) -> Result<()> {
-    if tool.profile().is_none() {
-        return Ok(());
-    }
-    let expected = "one given by lengths";
-    let remedy = "label it: what blocks a tool of any profile is not computed";
-    Err(Error::argument("tool to explain", "given by its profile", expected, remedy))
-}
+const NOT_EXPLAINED: &str = "label it: what blocks a tool of any profile is not computed";
 
 /// Why a site can or cannot be reached by the published definition: `obstacles` block, `own` is the one of them that is
 /// the site itself. The witness is proved, and changes are labeled, by
@@ -252,7 +244,7 @@ pub fn explain_among_points(
     own: Option<usize>,
     query: &Query,
 ) -> Result<Explanation> {
-    refuse_profile(query.tool)?;
+    require_steps(query.tool.profile(), NOT_EXPLAINED)?;
     let others = obstacles.iter().enumerate().filter(|(j, _)| Some(*j) != own);
     let others = others.map(|(_, p)| *p).collect();
     let points = Points {

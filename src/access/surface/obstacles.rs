@@ -4,12 +4,12 @@ use super::bvh::Bvh;
 use super::cells::Domain;
 use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
 use super::problem::Problem;
-use super::profile::{self, Tools};
+use super::profile::{self, ProfileTool};
 use super::tolerance::Chords;
 use super::tool::{Contact, Outline};
 use crate::access::{Counted, Extent, Labels, Obstacles, Queries, count_for, occlusion_points};
 use crate::answers::{SiteAnswers, n_of_share};
-use crate::cutter::Cutter;
+use crate::cutter::{Cutter, require_steps};
 use crate::directions::Directions;
 use crate::geom::mesh::WITHIN_1_KM;
 use crate::geom::{Mesh, Sites};
@@ -117,20 +117,14 @@ impl TriangleObstacles {
         let problem = self.problem(queries, cutter, options)?;
         if let Some(profile) = cutter.profile() {
             if options.clearance_limit_mm.is_some() {
-                let remedy = "leave the clearance limit out, or give the tool by lengths";
-                let found = "of a tool given by its profile";
-                let expected = "of a tool given by lengths";
-                return Err(Error::argument("clearances", found, expected, remedy));
+                require_steps(Some(profile), "leave the clearance limit out")?;
             }
             if matches!(queries, Queries::Volume(_)) {
-                let expected = "a tool of lengths that only widens upward";
-                let remedy = "label sites of the surface";
-                let found = "given by its profile, at points of space";
-                return Err(Error::argument("tool", found, expected, remedy));
+                require_steps(Some(profile), "label sites of the surface, not points of space")?;
             }
-            let tools = Tools::new(&self.bvh, &problem.tolerances, profile, options.finish_mm);
+            let tool = ProfileTool::new(&self.bvh, &problem.tolerances, profile, options.finish_mm);
             let (contacts, own) = (problem.contacts, problem.own_tolerances);
-            return Ok(profile::label(&tools, &contacts, &tested, own));
+            return Ok(profile::label(&tool, &contacts, &tested, own));
         }
         let tallies = problem.by_triangles(cutter, &tested, domain, options)?;
         let clearance = options.clearance_limit_mm.map(|limit| {
@@ -158,10 +152,8 @@ impl TriangleObstacles {
         options: &SurfaceOptions,
     ) -> Result<Labels> {
         let _floats = par::DefaultFloats::set();
-        if cutter.profile().is_some() && options.occlusion {
-            let remedy = "turn occlusion off, or give the tool by lengths";
-            let found = "for a tool given by its profile";
-            return Err(Error::argument("occlusion", found, "a tool given by lengths", remedy));
+        if options.occlusion {
+            require_steps(cutter.profile(), "turn occlusion off")?;
         }
         let surface = self.label(sites, cutter, directions, options)?;
         let mut answers = SiteAnswers {

@@ -1,4 +1,4 @@
-//! Tools of any profile: poses are tested against the whole profile, and each needs a way out.
+//! ProfileTool of any profile: poses are tested against the whole profile, and each needs a way out.
 //!
 //! # Definition
 //!
@@ -29,7 +29,7 @@
 //! ```
 //!
 //! Three things make a test cheap. On a triangle, of all points at one height the one nearest to the axis lies on an edge
-//! or on the line of steepest slope through the axis: four segments stand for the triangle. The profile shrunk by τ is
+//! or on the line of steepest slope through the axis: four segments represent the triangle. The profile shrunk by τ is
 //! again radius over height, in lines and convex arcs, made once per τ. Along a segment the distance from the axis less
 //! the radius of such a piece is convex, so its least value is found by halving.
 //!
@@ -47,4 +47,4 @@ mod retreat;
 #[cfg(test)]
 mod tests;
 
-pub(super) use label::{Tools, accessible, label};
+pub(super) use label::{ProfileTool, accessible, label};

@@ -6,7 +6,7 @@ use super::pose::PoseSet;
 use super::tool::{Contact, Outline, Stand, axes};
 use super::verdict::{Raise, raise_over};
 use crate::access::Queries;
-use crate::cutter::Cutter;
+use crate::cutter::{Cutter, require_steps};
 use crate::directions::Directions;
 use crate::{Result, par};
 use glam::{DVec2, DVec3, Vec3};
@@ -51,6 +51,7 @@ impl TriangleObstacles {
         resolution_mm: f64,
     ) -> Result<Vec<Reached>> {
         options.check()?;
+        require_steps(cutter.profile(), "label it, or give the tool by lengths")?;
         let problem = self.problem(queries.into(), cutter, options)?;
         let triangles: Vec<_> = problem.all_triangles().collect();
         let outline = &problem.outline;

@@ -2,7 +2,7 @@
 
 use super::drop;
 use super::tool::{Outline, Stand, axes};
-use crate::cutter::Cutter;
+use crate::cutter::{Cutter, require_steps};
 use crate::geom::Mesh;
 use crate::geom::mesh::WITHIN_1_KM;
 use crate::{Error, Result};
@@ -44,6 +44,7 @@ pub fn raise(
     reference: DVec3,
     direction: Vec3,
 ) -> Result<Raise> {
+    require_steps(cutter.profile(), "label it, or give the tool by lengths")?;
     let outline = Outline::new(cutter, 0.0);
     outline.check_tolerance(tolerance_mm)?;
     if !direction.is_normalized() {

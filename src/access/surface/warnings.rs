@@ -159,8 +159,8 @@ impl fmt::Display for Warning {
             ),
             Warning::Profile { unproven_share } => write!(
                 f,
-                "the tool is given by its profile: only the directions tested were tried, none between them; {:.1} % of the \
-                 sites have a free pose without a proven retreat and count as inaccessible",
+                "the tool is given by its profile: directions between those tested are not searched; no retreat is proven \
+                 from the free poses at {:.1} % of the sites, which count as inaccessible",
                 100.0 * unproven_share
             ),
             Warning::KnifeEdge { share } => write!(

@@ -2,6 +2,7 @@
 
 use super::{Assembly, Section, steps};
 use crate::cutter::margins::envelope;
+use crate::cutter::profile::require_steps;
 use crate::cutter::{Cutter, Profile, Step, positive};
 use crate::{Error, Result};
 
@@ -36,16 +37,7 @@ impl Assembly {
 
     /// Refuses a tool whose profile a change of its steps would contradict.
     pub(super) fn require_steps(&self) -> Result<()> {
-        if self.profile.is_none() {
-            return Ok(());
-        }
-        let remedy = "give the changed profile";
-        Err(Error::argument(
-            "tool to change",
-            "given by its profile",
-            "one given by lengths",
-            remedy,
-        ))
+        require_steps(self.profile(), "give the changed profile")
     }
 
     /// With a profile whose steps these are.
@@ -79,11 +71,4 @@ fn steps_of(profile: &Profile) -> [Vec<Step>; 2] {
     let flutes =
         Step { height_mm: 0.5 * profile.flutes_mm(), radius_mm: profile.cutting_radius_mm() };
     [vec![flutes], envelope(profile.steps(|piece| !piece.cuts))]
-}
-
-impl Cutter {
-    /// The profile, if the tool was given by one.
-    pub fn profile(&self) -> Option<&Profile> {
-        self.profile.as_ref()
-    }
 }

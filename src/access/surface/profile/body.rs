@@ -85,7 +85,7 @@ impl Body {
     }
 
     /// The tool that is as wide at every height as anything below: what it sweeps when it is drawn back along its axis.
-    pub fn drawn(&self) -> Body {
+    pub fn retracting(&self) -> Body {
         let mut widest = (0.0, true);
         let mut elements: Vec<Element> = Vec::new();
         for element in &self.elements {
@@ -129,9 +129,9 @@ impl Body {
     }
 
     /// The elements that do not cut.
-    pub fn idle(&self) -> Body {
-        let idle = self.elements.iter().filter(|element| !element.cuts);
-        Body { elements: idle.copied().collect() }
+    pub fn non_cutting(&self) -> Body {
+        let non_cutting = self.elements.iter().filter(|element| !element.cuts);
+        Body { elements: non_cutting.copied().collect() }
     }
 
     /// Greatest radius below the spindle, mm, and the height of the highest of its ends.
@@ -151,6 +151,29 @@ impl Body {
             }
         }
         levels
+    }
+}
+
+/// A tool shrunk by one tolerance, in the forms that are tested.
+#[derive(Debug)]
+pub(super) struct Shrunk {
+    pub whole: Body,
+    /// See [`Body::retracting`].
+    pub retracting: Body,
+    /// What does not cut.
+    pub non_cutting: Body,
+    pub tolerance: f64,
+}
+
+impl Shrunk {
+    pub fn new(profile: &Profile, tolerance: f64) -> Self {
+        let whole = Body::new(profile, tolerance);
+        Shrunk {
+            retracting: whole.retracting(),
+            non_cutting: whole.non_cutting(),
+            whole,
+            tolerance,
+        }
     }
 }
 

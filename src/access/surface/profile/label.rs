@@ -1,9 +1,9 @@
 //! Labels of a tool of any profile, in the directions of a set.
 
-use super::body::Body;
+use super::body::{Body, Shrunk};
 use super::contact::{Contacts, Pose};
 use super::meet::{Hit, deepest, penetrates};
-use super::outline::{Outline, Shrunk};
+use super::outline::Outline;
 use crate::access::surface::bvh::{Bvh, Level};
 use crate::access::surface::labels::{SiteAnswer, SurfaceLabels, SurfaceStats, WitnessPose};
 use crate::access::surface::tolerance::Tolerances;
@@ -14,7 +14,7 @@ use crate::par;
 use glam::{DVec2, DVec3, Vec3};
 
 /// One tool against all triangles.
-pub(in crate::access::surface) struct Tools<'a> {
+pub(in crate::access::surface) struct ProfileTool<'a> {
     bvh: &'a Bvh,
     outline: Outline,
     contacts: Contacts,
@@ -24,7 +24,7 @@ pub(in crate::access::surface) struct Tools<'a> {
     bodies: Vec<Shrunk>,
     /// Per place of the tree; empty if all are the least.
     body_of: Vec<u16>,
-    /// Of the tool and of the drawn tool.
+    /// Of the tool and of the retracting tool.
     levels: Levels,
     /// Greatest radius of what cuts, mm.
     pub(super) radius: f64,
@@ -73,6 +73,7 @@ const TOLERANCE_STEP: f64 = 1.02;
 const MOST_LEVELS: usize = 6;
 /// Sites per task.
 const BLOCK: usize = 32;
+// The limits of the search over poses, chosen on the T-slot and the turned part of the tests.
 /// Poses of one site that are pushed, those that penetrate least: at least so many, more along few directions.
 const PUSHED: usize = 10;
 const PUSHED_OF_FEW: usize = 40;
@@ -88,9 +89,9 @@ const MOST_RETREATS: usize = 6;
 /// Farther than what is penetrated, mm.
 const BEYOND_MM: f64 = 1e-5;
 
-/// What a site comes to.
+/// The result for a site.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Found {
+pub(super) struct SiteResult {
     pub witness: Option<WitnessPose>,
     /// Whether some pose is free; the one that was found last.
     pub is_free: bool,
@@ -99,19 +100,19 @@ pub(super) struct Found {
     pub n_tested: u64,
 }
 
-impl Found {
+impl SiteResult {
     /// With the pose that is free and has a retreat, in a direction of the set.
-    fn with_witness(self, direction: Vec3, state: &State) -> Found {
+    fn with_witness(self, direction: Vec3, state: &State) -> SiteResult {
         let witness = Some(WitnessPose { direction, tip_mm: self.last_free });
-        Found { witness, n_tested: state.n_tested, ..self }
+        SiteResult { witness, n_tested: state.n_tested, ..self }
     }
 }
 
 #[derive(Default)]
 struct State {
     last: Option<u32>,
-    last_drawn: Option<u32>,
-    last_idle: Option<u32>,
+    last_retracting: Option<u32>,
+    last_non_cutting: Option<u32>,
     n_tested: u64,
     n_retreats: usize,
 }
@@ -148,7 +149,7 @@ impl Shallow {
     }
 }
 
-impl<'a> Tools<'a> {
+impl<'a> ProfileTool<'a> {
     pub fn new(bvh: &'a Bvh, tolerances: &Tolerances, profile: &Profile, finish: f64) -> Self {
         let least = tolerances.least;
         let level = |tolerance: f64| -> u16 {
@@ -175,7 +176,7 @@ impl<'a> Tools<'a> {
         let radius = profile.cutting_radius_mm();
         let farthest = 2.0 * bvh.radius() + 2.0 * radius;
         let levels = Levels { all: enclosing(&bodies[0].whole), size: height + widest + farthest };
-        Tools {
+        ProfileTool {
             bvh,
             outline: Outline::new(profile),
             contacts: Contacts::new(profile, finish),
@@ -194,7 +195,7 @@ impl<'a> Tools<'a> {
         &self.bodies[self.body_of.get(place as usize).map_or(0, |k| *k as usize)]
     }
 
-    /// The first triangle that `meets` says the tool penetrates; `last` is tried first, and becomes it.
+    /// The first triangle for which `meets` has a point in the tool; `last` is tried first, and becomes it.
     pub(super) fn first_hit(
         &self,
         frame: &Frame,
@@ -223,7 +224,7 @@ impl<'a> Tools<'a> {
         found
     }
 
-    /// As [`Tools::first_hit`], of a tool that is moved across its axis.
+    /// As [`ProfileTool::first_hit`], of a tool that is moved across its axis.
     pub(super) fn first_swept(
         &self,
         frame: &Frame,
@@ -288,8 +289,8 @@ impl<'a> Tools<'a> {
     }
 
     /// Answers for one site.
-    pub(super) fn site(&self, contact: &Contact, frames: &[Frame]) -> Found {
-        let (mut state, mut found) = (State::default(), Found::default());
+    pub(super) fn site(&self, contact: &Contact, frames: &[Frame]) -> SiteResult {
+        let (mut state, mut found) = (State::default(), SiteResult::default());
         let Some(normal) = contact.normal else { return found };
         let mut shallow = Shallow::along(frames.len());
         for (k, frame) in frames.iter().enumerate() {
@@ -299,7 +300,7 @@ impl<'a> Tools<'a> {
                 state.n_tested += 1;
                 let Some((place, hit)) = self.first_hit(frame, tip, &mut state.last, Self::whole)
                 else {
-                    return self.leaves(frame, tip, &mut state, &mut found);
+                    return self.retracts(frame, tip, &mut state, &mut found);
                 };
                 let depth = self.outline.depth(hit.point).mm - self.shrunk(place).tolerance;
                 let slack = self.shrunk(place).tolerance + self.finish;
@@ -307,7 +308,8 @@ impl<'a> Tools<'a> {
                     shallow.add(Candidate { depth, k, pose });
                 }
                 if hit.cuts && !found.only_tip {
-                    found.only_tip = self.is_clear_above(frame, tip, &mut state.last_idle);
+                    found.only_tip =
+                        self.only_cutting_penetrates(frame, tip, &mut state.last_non_cutting);
                 }
                 false
             });
@@ -319,32 +321,39 @@ impl<'a> Tools<'a> {
             let frame = &frames[k];
             let from = (pose, frame.local(normal));
             let tip = self.slide(frame, contact.point, from, &mut state);
-            if tip.is_some_and(|tip| self.leaves(frame, tip, &mut state, &mut found)) {
+            if tip.is_some_and(|tip| self.retracts(frame, tip, &mut state, &mut found)) {
                 return found.with_witness(frame.direction, &state);
             }
         }
-        Found { n_tested: state.n_tested, ..found }
+        SiteResult { n_tested: state.n_tested, ..found }
     }
 
     /// Whether a retreat from a free pose is proven.
-    fn leaves(&self, frame: &Frame, tip: DVec3, state: &mut State, found: &mut Found) -> bool {
+    fn retracts(
+        &self,
+        frame: &Frame,
+        tip: DVec3,
+        state: &mut State,
+        found: &mut SiteResult,
+    ) -> bool {
         found.last_free = tip;
         found.is_free = true;
-        if self.leaves_straight(frame, tip, &mut state.last_drawn) {
+        if self.retracts_along_axis(frame, tip, &mut state.last_retracting) {
             return true;
         }
         if self.only_widens || state.n_retreats == MOST_RETREATS {
             return false;
         }
         state.n_retreats += 1;
-        self.leaves_aside(frame, tip, &mut state.last_drawn)
+        self.retracts_aside(frame, tip, &mut state.last_retracting)
     }
 
     /// Whether only what cuts is in the way.
-    fn is_clear_above(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
-        let idle =
-            |shrunk: &Shrunk, corners: &[DVec3; 3]| penetrates(&shrunk.idle, corners, DVec2::ZERO);
-        self.first_hit(frame, tip, last, idle).is_none()
+    fn only_cutting_penetrates(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
+        let non_cutting = |shrunk: &Shrunk, corners: &[DVec3; 3]| {
+            penetrates(&shrunk.non_cutting, corners, DVec2::ZERO)
+        };
+        self.first_hit(frame, tip, last, non_cutting).is_none()
     }
 
     /// The tip of a free pose, pushed from one that is not.
@@ -404,18 +413,18 @@ fn enclosing(body: &Body) -> Vec<[f64; 2]> {
 
 /// Labels of sites: see the [module](super).
 pub(in crate::access::surface) fn label(
-    tools: &Tools,
+    tool: &ProfileTool,
     contacts: &[Contact],
     directions: &Directions,
     own_tolerances: Vec<f64>,
 ) -> SurfaceLabels {
     let frames = Frame::all(directions);
     let found = par::map_blocks(contacts.len(), BLOCK, |range| {
-        range.map(|i| tools.site(&contacts[i], &frames)).collect::<Vec<_>>()
+        range.map(|i| tool.site(&contacts[i], &frames)).collect::<Vec<_>>()
     });
     let mut labels = SurfaceLabels {
         tolerance_mm: own_tolerances,
-        finish_mm: tools.finish,
+        finish_mm: tool.finish,
         n_directions: directions.len(),
         ..SurfaceLabels::default()
     };
@@ -440,7 +449,7 @@ pub(in crate::access::surface) fn label(
 
 /// In which of the directions every site is accessible, and whether the tip alone hinders it.
 pub(in crate::access::surface) fn accessible(
-    tools: &Tools,
+    tool: &ProfileTool,
     contacts: &[Contact],
     directions: &Directions,
 ) -> Vec<(Vec<bool>, bool)> {
@@ -449,7 +458,7 @@ pub(in crate::access::surface) fn accessible(
         let of = |i: usize| {
             let (mut accessible, mut only_tip) = (Vec::with_capacity(frames.len()), false);
             for frame in frames.chunks(1) {
-                let found = tools.site(&contacts[i], frame);
+                let found = tool.site(&contacts[i], frame);
                 accessible.push(found.witness.is_some());
                 only_tip |= found.only_tip && !found.is_free;
             }

@@ -2,7 +2,7 @@
 //!
 //! The tool moved from the axis along a *core*, a segment across the axis, sweeps at every height all that is nearer to
 //! the core than its radius. Of the points of a triangle at one height the nearest to the core is on an edge, on the line
-//! of steepest slope through an end of the core, or over the core: six segments stand for the triangle, four of them for
+//! of steepest slope through an end of the core, or over the core: six segments represent the triangle, four of them for
 //! a pose. Along a segment and over one element
 //!
 //! ```text
@@ -80,7 +80,7 @@ pub(super) fn deepest(body: &Body, corners: &[DVec3; 3], least: f64) -> Option<(
     best
 }
 
-/// Calls `test` with the segments that stand for a triangle and the elements at their heights in which it may be deeper
+/// Calls `test` with the segments that represent a triangle and the elements at their heights in which it may be deeper
 /// than `least`, until it is true.
 fn over(
     body: &Body,
@@ -102,7 +102,7 @@ fn over(
     }
 }
 
-/// The segments that stand for a triangle.
+/// The segments that represent a triangle.
 struct Lines {
     segments: [Segment; 6],
     n: usize,

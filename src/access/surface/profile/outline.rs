@@ -1,6 +1,6 @@
 //! How deep a point is in a tool of any profile, and which way it is out.
 
-use super::body::{Body, finite_pieces};
+use super::body::finite_pieces;
 use crate::cutter::{Piece, Profile};
 use glam::{DVec2, DVec3, dvec2};
 
@@ -68,20 +68,4 @@ fn nearest(piece: &Piece, at: DVec2) -> DVec2 {
     let run = b - a;
     let share = ((at - a).dot(run) / run.length_squared()).clamp(0.0, 1.0);
     a + run * share
-}
-
-/// The shrunk bodies for all tolerances of a part.
-#[derive(Debug)]
-pub(super) struct Shrunk {
-    pub whole: Body,
-    pub drawn: Body,
-    pub idle: Body,
-    pub tolerance: f64,
-}
-
-impl Shrunk {
-    pub fn new(profile: &Profile, tolerance: f64) -> Self {
-        let whole = Body::new(profile, tolerance);
-        Shrunk { drawn: whole.drawn(), idle: whole.idle(), whole, tolerance }
-    }
 }

@@ -1,15 +1,15 @@
 //! The way out of a pose: along the axis, or aside and then along the axis.
 //!
 //! ```text
-//! straight: the drawn tool is free in the pose
-//! moved = the pose, pushed across the axis, clear of what the drawn tool penetrates, again and again
+//! straight: the retracting tool is free in the pose
+//! moved = the pose, pushed across the axis, clear of what the retracting tool penetrates, again and again
 //!     free there, and the way to it free: proven
-//! for directions around the axis, for lengths that double: the way blocked → next direction; drawn tool free there → proven
+//! for directions around the axis, for lengths that double: the way blocked → next direction; retracting tool free there → proven
 //! ```
 
-use super::label::{Frame, Tools};
+use super::body::Shrunk;
+use super::label::{Frame, ProfileTool};
 use super::meet::{deepest, penetrates};
-use super::outline::Shrunk;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
@@ -23,21 +23,22 @@ const PUSHES: usize = 25;
 /// Farther than what is penetrated, mm.
 const BEYOND_MM: f64 = 1e-5;
 
-impl Tools<'_> {
+impl ProfileTool<'_> {
     /// Whether a tool may be drawn back along its axis.
-    pub(super) fn leaves_straight(
+    pub(super) fn retracts_along_axis(
         &self,
         frame: &Frame,
         tip: DVec3,
         last: &mut Option<u32>,
     ) -> bool {
-        let drawn =
-            |shrunk: &Shrunk, corners: &[DVec3; 3]| penetrates(&shrunk.drawn, corners, DVec2::ZERO);
-        self.first_hit(frame, tip, last, drawn).is_none()
+        let retracting = |shrunk: &Shrunk, corners: &[DVec3; 3]| {
+            penetrates(&shrunk.retracting, corners, DVec2::ZERO)
+        };
+        self.first_hit(frame, tip, last, retracting).is_none()
     }
 
     /// Whether a tool may be moved across its axis, and then drawn back.
-    pub(super) fn leaves_aside(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
+    pub(super) fn retracts_aside(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
         if self.pushed_aside(frame, tip).is_some_and(|by| self.is_way_free(frame, tip, by)) {
             return true;
         }
@@ -49,7 +50,7 @@ impl Tools<'_> {
                 if !self.is_way_free(frame, tip, toward * length) {
                     break;
                 }
-                if self.leaves_straight(frame, frame.moved(tip, toward * length), last) {
+                if self.retracts_along_axis(frame, frame.moved(tip, toward * length), last) {
                     return true;
                 }
                 length *= FACTOR;
@@ -67,17 +68,18 @@ impl Tools<'_> {
     /// By how much across its axis the tool is clear of what it would penetrate on its way out.
     fn pushed_aside(&self, frame: &Frame, tip: DVec3) -> Option<DVec2> {
         let (mut by, mut last) = (DVec2::ZERO, None);
-        let drawn = |shrunk: &Shrunk, corners: &[DVec3; 3], least: f64| {
-            deepest(&shrunk.drawn, corners, least)
+        let retracting = |shrunk: &Shrunk, corners: &[DVec3; 3], least: f64| {
+            deepest(&shrunk.retracting, corners, least)
         };
         for _ in 0..PUSHES {
-            let Some((place, point)) = self.deepest_hit(frame, frame.moved(tip, by), last, drawn)
+            let Some((place, point)) =
+                self.deepest_hit(frame, frame.moved(tip, by), last, retracting)
             else {
                 return Some(by);
             };
             last = Some(place);
             let flat = point.truncate();
-            let depth = self.shrunk(place).drawn.radius_at(point.z) - flat.length();
+            let depth = self.shrunk(place).retracting.radius_at(point.z) - flat.length();
             if flat.length() < 1e-9 || by.length() + depth > self.farthest {
                 return None;
             }

@@ -2,8 +2,8 @@ use super::body::Body;
 use super::meet::penetrates;
 use super::outline::Outline;
 use super::reference;
-use crate::access::Queries;
-use crate::access::surface::{SiteAnswer, SurfaceLabels, SurfaceOptions, TriangleObstacles};
+use crate::access::surface::{SiteAnswer, SurfaceLabels, SurfaceOptions, TriangleObstacles, raise};
+use crate::access::{self, Obstacles, Queries};
 use crate::cutter::{Assembly, Profile, Section};
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::{Mesh, Sites, solids};
@@ -103,16 +103,16 @@ fn a_moved_tool_penetrates_iff_it_does_in_some_place_on_the_way() {
 }
 
 #[test]
-fn the_drawn_tool_holds_the_tool_at_every_height_above() {
+fn the_retracting_tool_holds_the_tool_at_every_height_above() {
     for profile in families() {
         let body = Body::new(&profile, 0.01);
-        let drawn = body.drawn();
+        let retracting = body.retracting();
         let radius = Body::radius_at;
         let mut widest = 0f64;
         for k in 0..4000 {
             let z = f64::from(k) * 0.01;
             widest = widest.max(radius(&body, z));
-            let found = radius(&drawn, z);
+            let found = radius(&retracting, z);
             assert!((found - widest).abs() < 0.02, "{profile} {z}: {found} {widest}");
             assert!(found >= radius(&body, z) - 1e-9);
         }
@@ -418,6 +418,10 @@ fn what_is_not_computed_of_a_profile_is_refused_by_name() {
             .label(Queries::Volume(&sites.points), &cutter, &up, &usual)
             .unwrap_err()
             .to_string(),
+        access::label(&sites, Obstacles::Queries, &cutter, &up, &Default::default())
+            .unwrap_err()
+            .to_string(),
+        raise(&mesh, &cutter, 0.01, DVec3::ZERO, Vec3::Z).unwrap_err().to_string(),
         tool.clone().with_allowance(0.1).unwrap_err().to_string(),
         tool.with_flutes(2.0).unwrap_err().to_string(),
     ] {

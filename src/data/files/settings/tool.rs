@@ -47,7 +47,7 @@ pub struct ToolSettings {
 }
 
 impl ToolSettings {
-    /// What a file says of a tool.
+    /// Of a tool.
     pub fn of(tool: &Tool) -> Self {
         let assembly = &tool.assembly;
         let lengths = ToolSettings {

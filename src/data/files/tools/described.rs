@@ -7,7 +7,7 @@ pub(super) use family::Family;
 use super::holder::Holder;
 use super::place::Place;
 use super::{Tool, Unsaid};
-use crate::cutter::{Assembly, Section, TipShape};
+use crate::cutter::{Assembly, Profile, Section, TipShape};
 use crate::geom::units::length::tidy;
 use crate::{Error, Result};
 
@@ -48,6 +48,8 @@ pub(super) struct Described {
     pub clearance: f64,
     /// Number in the machine's table.
     pub number: Option<u32>,
+    /// All of the tool below the holder, in place of form and lengths.
+    pub profile: Option<Profile>,
 }
 
 /// Lengths closer than this are the same, mm.
@@ -80,7 +82,14 @@ impl Described {
             holder: None,
             clearance: 0.0,
             number: None,
+            profile: None,
         }
+    }
+
+    /// A tool of which the file has the whole profile.
+    pub fn of_profile(name: impl Into<String>, profile: Profile) -> Self {
+        let diameter = 2.0 * profile.cutting_radius_mm();
+        Described { profile: Some(profile), ..Described::new(name, Form::Flat, diameter) }
     }
 
     /// The tool, and what was changed to the safe side.
@@ -93,26 +102,37 @@ impl Described {
         let stick_out = stick_out.ok_or_else(|| missing("stick-out", "--stick-out MM"))?;
         let holder = self.holder.as_ref().or(unsaid.holder.as_ref());
         let holder = holder.ok_or_else(|| missing("holder", "--holder FILE"))?;
-        let shank = self.shank.or(unsaid.shank_mm);
-        let shank = shank.ok_or_else(|| missing("diameter of the shank", "--shank MM"))?;
-        if let Form::Family(family) = self.form {
-            return self.tool_of_profile(family, (stick_out, shank, holder), unsaid, place);
-        }
-        self.check_taper(unsaid, shank, place)?;
+        let shank = || {
+            let shank = self.shank.or(unsaid.shank_mm);
+            shank.ok_or_else(|| missing("diameter of the shank", "--shank MM"))
+        };
         let mut notices = Vec::new();
-        let body = self.body(unsaid, shank, place, &mut notices)?;
+        let assembly = match (&self.profile, self.form) {
+            (Some(profile), _) => {
+                Assembly::from_profile(profile.clone(), &holder.sections, stick_out)
+            }
+            (None, Form::Family(family)) => {
+                let flutes = self.flutes.or(unsaid.flutes_mm);
+                let profile = self.profile_of(family, flutes, shank()?, place)?;
+                Assembly::from_profile(profile, &holder.sections, stick_out)
+            }
+            _ => {
+                let shank = shank()?;
+                self.check_taper(unsaid, shank, place)?;
+                let body = self.body(unsaid, shank, place, &mut notices)?;
+                let tip = self.tip(unsaid, place)?;
+                let assembly = Assembly::new(tip, &body, &holder.sections, stick_out);
+                match self.end_of_flutes(unsaid) {
+                    Some(flutes) => assembly.and_then(|tool| tool.with_flutes(flutes)),
+                    None => assembly,
+                }
+            }
+        };
         self.check_lengths(stick_out, place)?;
-        let tip = self.tip(unsaid, place)?;
-        let assembly = Assembly::new(tip, &body, &holder.sections, stick_out);
-        let with_overall = |tool: Assembly| match self.overall {
-            Some(overall) => tool.with_overall(overall),
-            None => Ok(tool),
+        let assembly = match self.overall {
+            Some(overall) => assembly.and_then(|tool| tool.with_overall(overall)),
+            None => assembly,
         };
-        let with_flutes = |tool: Assembly| match self.end_of_flutes(unsaid) {
-            Some(flutes) => tool.with_flutes(flutes),
-            None => Ok(tool),
-        };
-        let assembly = assembly.and_then(with_flutes).and_then(with_overall);
         let assembly = assembly.map_err(|error| place.within(error))?;
         self.say_narrow_holder(holder, &mut notices);
         let words = format!("{}, {} mm out of {}", self.words(), round(stick_out), holder.name);
@@ -121,30 +141,6 @@ impl Described {
         tool.number = self.number;
         let notices = notices.into_iter().map(|words| place.sentence(words)).collect();
         Ok((tool, notices))
-    }
-
-    fn tool_of_profile(
-        &self,
-        family: Family,
-        (stick_out, shank, holder): (f64, f64, &Holder),
-        unsaid: &Unsaid,
-        place: &Place,
-    ) -> Result<(Tool, Vec<String>)> {
-        self.check_lengths(stick_out, place)?;
-        let profile = self.profile(family, self.flutes.or(unsaid.flutes_mm), shank, place)?;
-        let assembly = Assembly::from_profile(profile, &holder.sections, stick_out);
-        let assembly = match self.overall {
-            Some(overall) => assembly.and_then(|tool| tool.with_overall(overall)),
-            None => assembly,
-        };
-        let assembly = assembly.map_err(|error| place.within(error))?;
-        let words = format!("{}, {} mm out of {}", self.words(), round(stick_out), holder.name);
-        let tool = Tool::of_assembly(&self.name, assembly, self.clearance, words);
-        let mut tool = tool.map_err(|error| place.within(error))?;
-        tool.number = self.number;
-        let mut notices = Vec::new();
-        self.say_narrow_holder(holder, &mut notices);
-        Ok((tool, notices.into_iter().map(|words| place.sentence(words)).collect()))
     }
 
     /// An angle that looks like one in radians, and a cone that ends elsewhere than the file says.
@@ -336,6 +332,9 @@ impl Described {
 
     fn words(&self) -> String {
         let d = round(self.diameter);
+        if self.profile.is_some() {
+            return format!("profile {d} mm");
+        }
         match self.form {
             Form::Ball => format!("ball end {d} mm"),
             Form::Flat => format!("flat end {d} mm"),

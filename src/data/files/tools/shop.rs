@@ -8,13 +8,13 @@
 //! A length has the unit written with it, else that of its heading (`diameter_in`, `D [mm]`), of the row's column
 //! `unit`, what [`Unsaid`] gives, or mm. The form is that of the column `type`, or follows from the corner, or from the name.
 
-use super::described::{Described, Form, round};
+use super::described::{Described, Form};
 use super::place::{Place, shown};
 use super::reading::Reading;
 use super::table::TableText;
 use super::words::{Remark, remark};
 use super::{Tool, Unsaid};
-use crate::cutter::{Assembly, Profile};
+use crate::cutter::Profile;
 use crate::geom::units::length::{Length, unit_mm};
 use crate::{Error, Result};
 use csv::StringRecord;
@@ -320,7 +320,7 @@ impl Row<'_> {
         .tool(self.unsaid, self.place)
     }
 
-    /// A tool of the column profile: it says everything of the body.
+    /// A tool of the column profile, which describes all of it below the holder.
     fn tool_of_profile(&self, name: &str, number: Option<u32>) -> Result<(Tool, Vec<String>)> {
         let column = self.columns.column(Meaning::Profile);
         let unit = column.and_then(|column| column.unit_mm).or(self.unit()?);
@@ -328,30 +328,14 @@ impl Row<'_> {
         let profile: Result<Profile> = self.field(Meaning::Profile).parse();
         let profile = profile.and_then(|profile| profile.scaled(unit));
         let profile = profile.map_err(|error| self.place.within(error))?;
-        let missing = |what: &str, option: &str| {
-            self.error(
-                format!("the file does not say the {what}"),
-                &format!("give it with {option}"),
-            )
-        };
-        let stick_out = self.length(Meaning::StickOut)?.or(self.unsaid.stick_out_mm);
-        let stick_out = stick_out.ok_or_else(|| missing("stick-out", "--stick-out MM"))?;
-        let holder = self.unsaid.holder.as_ref();
-        let holder = holder.ok_or_else(|| missing("holder", "--holder FILE"))?;
-        let diameter = round(2.0 * profile.cutting_radius_mm());
-        let assembly = Assembly::from_profile(profile, &holder.sections, stick_out);
-        let assembly = match self.length(Meaning::Overall)? {
-            Some(overall) => assembly.and_then(|tool| tool.with_overall(overall)),
-            None => assembly,
-        };
-        let clearance = self.length(Meaning::Clearance)?.unwrap_or(0.0);
-        let words =
-            format!("profile {diameter} mm, {} mm out of {}", round(stick_out), holder.name);
-        let tool =
-            assembly.and_then(|assembly| Tool::of_assembly(name, assembly, clearance, words));
-        let mut tool = tool.map_err(|error| self.place.within(error))?;
-        tool.number = number;
-        Ok((tool, Vec::new()))
+        Described {
+            number,
+            overall: self.length(Meaning::Overall)?,
+            stick_out: self.length(Meaning::StickOut)?,
+            clearance: self.length(Meaning::Clearance)?.unwrap_or(0.0),
+            ..Described::of_profile(name, profile)
+        }
+        .tool(self.unsaid, self.place)
     }
 
     /// With the angle between flank and axis of the column taper, degrees.

@@ -1,4 +1,4 @@
-//! Tools that are wider below than above, and others whose flank touches: what files say of them, as profiles.
+//! Families of tools that files describe by lengths, as profiles: wider below than above, or touching with the flank.
 
 use super::{Described, round};
 use crate::cutter::Profile;
@@ -45,7 +45,7 @@ impl Family {
 
 impl Described {
     /// The profile of flutes, neck and shank; `shank` is its diameter.
-    pub(super) fn profile(
+    pub(super) fn profile_of(
         &self,
         family: Family,
         flutes: Option<f64>,
@@ -76,7 +76,7 @@ impl Described {
                 sections.push([neck, end]);
                 sections.push([shank, end]);
             }
-            // Above the flutes nothing else is said.
+            // The cone is all that is known.
             None if matches!(family, Family::Chamfer { .. }) => {
                 sections.push([shank, top.max(flutes.unwrap_or(top))]);
             }
