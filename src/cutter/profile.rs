@@ -296,60 +296,69 @@ impl Profile {
         steps
     }
 
-    /// The tool as it is held: of the profile what is below the nose at `stick_out_mm`, and steps of a holder, heights
-    /// above its nose, which may be infinitely wide.
+    /// The tool as it is held: of the profile what is below the holder, and the steps of that, heights above its nose at
+    /// `stick_out_mm`, which may be infinitely wide. With a margin they begin below the nose.
     pub(crate) fn held(&self, holder: &[Step], stick_out_mm: f64) -> Profile {
+        let begin = stick_out_mm + holder.first().map_or(0.0, |step| step.height_mm.min(0.0));
         let mut sections: Vec<ProfileSection> = Vec::new();
         let mut from = [self.start_mm, 0.0];
         for section in &self.sections {
-            if section.height_mm <= stick_out_mm {
-                sections.push(*section);
-                from = section.end();
-                continue;
+            if section.height_mm > begin {
+                let ends = [from, section.end()];
+                let arc = section.center_mm.map(|center| arc_of(ends, center));
+                let radius_mm = Piece { ends, arc, cuts: section.cuts }.radius_at(begin);
+                if from[1] < begin {
+                    sections.push(ProfileSection { radius_mm, height_mm: begin, ..*section });
+                }
+                break;
             }
-            let ends = [from, section.end()];
-            let arc = section.center_mm.map(|center| arc_of(ends, center));
-            let piece = Piece { ends, arc, cuts: section.cuts };
-            if from[1] < stick_out_mm {
-                let radius_mm = piece.radius_at(stick_out_mm);
-                sections.push(ProfileSection { radius_mm, height_mm: stick_out_mm, ..*section });
-            }
-            break;
+            sections.push(*section);
+            from = section.end();
         }
-        let mut widest = self.greatest(|piece| piece.ends[1][1] > stick_out_mm);
+        let mut widest = self.greatest(|piece| piece.ends[1][1] > begin);
         widest = widest.max(self.sections[self.sections.len() - 1].radius_mm);
         for step in holder {
-            let height_mm = step.height_mm + stick_out_mm;
-            let last = sections.last().map_or([self.start_mm, 0.0], |section| section.end());
-            sections.push(ProfileSection::line(last[0], height_mm.max(last[1])).non_cutting());
+            let last = sections.last().map_or([self.start_mm, 0.0], ProfileSection::end);
+            let height_mm = (step.height_mm + stick_out_mm).max(last[1]);
+            if height_mm > last[1] {
+                sections.push(ProfileSection::line(last[0], height_mm).non_cutting());
+            }
             widest = widest.max(step.radius_mm);
-            sections.push(ProfileSection::line(widest, height_mm.max(last[1])).non_cutting());
+            sections.push(ProfileSection::line(widest, height_mm).non_cutting());
         }
         Profile { start_mm: self.start_mm, sections }
     }
 
-    /// The same with what does not cut as much wider.
+    /// The same with a margin about what does not cut: it is as much wider, and where it widens upward it begins as much
+    /// lower, but not below the end of the flutes.
     pub(crate) fn with_margin(&self, margin_mm: f64) -> Profile {
-        let grow = |section: &ProfileSection| match section.cuts {
-            true => *section,
-            false => ProfileSection {
-                radius_mm: (section.radius_mm + margin_mm).max(0.0),
-                center_mm: section.center_mm.map(|[c, z]| [c + margin_mm, z]),
-                ..*section
-            },
+        let radius_below = |k: usize| match k {
+            0 => self.start_mm,
+            _ => self.sections[k - 1].radius_mm,
         };
+        let widens = |k: usize| {
+            let section = self.sections.get(k).filter(|section| !section.cuts);
+            section.is_some_and(|section| section.radius_mm > radius_below(k))
+        };
+        let wider = |radius: f64| (radius + margin_mm).max(0.0);
         let mut sections: Vec<ProfileSection> = Vec::with_capacity(self.sections.len() + 1);
-        let mut from = [self.start_mm, 0.0];
-        for section in &self.sections {
-            let grown = grow(section);
-            let was_cutting = sections.last().is_none_or(|last: &ProfileSection| last.cuts);
-            if !section.cuts && was_cutting && section.height_mm > from[1] {
-                // Right above the flutes.
-                let radius_mm = (from[0] + margin_mm).max(0.0);
-                sections.push(ProfileSection::line(radius_mm, from[1]).non_cutting());
+        for (k, section) in self.sections.iter().enumerate() {
+            if section.cuts {
+                sections.push(*section);
+                continue;
             }
-            sections.push(grown);
-            from = section.end();
+            let below = sections.last().map_or([self.start_mm, 0.0], ProfileSection::end);
+            if k == 0 || self.sections[k - 1].cuts {
+                // Right above the flutes.
+                sections.push(ProfileSection::line(wider(radius_below(k)), below[1]).non_cutting());
+            }
+            let lower = if widens(k) || widens(k + 1) { margin_mm } else { 0.0 };
+            sections.push(ProfileSection {
+                radius_mm: wider(section.radius_mm),
+                height_mm: (section.height_mm - lower).max(below[1]),
+                center_mm: section.center_mm.map(|[c, z]| [c + margin_mm, z - lower]),
+                ..*section
+            });
         }
         Profile { start_mm: self.start_mm, sections }
     }

@@ -96,3 +96,21 @@ proptest! {
         prop_assert!(profile.radius_at(height) <= widest + 1e-9);
     }
 }
+
+#[test]
+fn a_margin_is_about_what_does_not_cut_and_the_same_before_and_after_it_is_held() {
+    use crate::cutter::{Assembly, Section};
+    let profile = Profile::t_slot(10.5, 9.0, 0.0, 5.0).unwrap();
+    let profile = profile.with_shank(&[[5.0, 20.0], [8.0, 20.0], [8.0, 40.0]]).unwrap();
+    let holder = [Section::cylinder(30.0, 20.0)];
+    let tool = Assembly::from_profile(profile, &holder, 35.0).unwrap();
+    let before = tool.with_clearance(1.0).unwrap().cutter().unwrap();
+    let after = tool.cutter().unwrap().with_clearance(1.0).unwrap();
+    let radii = |cutter: &crate::cutter::Cutter| {
+        let profile = cutter.profile().unwrap().clone();
+        [0.0, 8.9, 9.1, 18.9, 19.1, 33.9, 34.1, 63.9, 64.1].map(|h| profile.radius_at(h))
+    };
+    let expected = [10.5, 10.5, 6.0, 6.0, 9.0, 9.0, 21.0, 21.0, f64::INFINITY];
+    assert_eq!(radii(&before), expected);
+    assert_eq!(radii(&after), expected);
+}
