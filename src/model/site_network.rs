@@ -25,8 +25,8 @@ pub trait SiteNetwork<T: Scalar>:
     /// The configuration it was built with.
     fn configuration(&self) -> NetworkConfig;
 
-    /// The input for `shapes`. Where training looks at a random part of it, such as some neighbors in a graph, shape `i` draws
-    /// from `streams[i]`; inference has no streams and looks at all.
+    /// The input for `shapes`. Where training reads a random part of it, such as some neighbors in a graph, shape `i` draws
+    /// from `streams[i]`; inference has no streams and reads all.
     ///
     /// # Errors
     /// If a shape has no points, lacks what the network reads, or holds a number that is not finite.
@@ -37,7 +37,7 @@ pub trait SiteNetwork<T: Scalar>:
         &[]
     }
 
-    /// Bytes that a pass over `batch` takes from its arena, for training with the way back: an upper estimate.
+    /// Bytes that a pass over `batch` takes from its arena, for training with the backward pass: an upper estimate.
     fn pass_bytes(&self, batch: &Self::Batch, training: bool) -> u64;
 }
 

@@ -66,7 +66,7 @@ pub trait LinearOperator {
         dy: &[T],
     );
 
-    /// Gradient by `x`, of which no number is read.
+    /// Gradient by `x`, whose values are not read.
     ///
     /// # Panics
     /// As [`LinearOperator::weight_gradient`].
