@@ -59,8 +59,38 @@ pub(super) struct Bvh {
 /// A cylinder without an upper end: lower end and radius, about the tool's axis.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Level {
-    pub height: f32,
-    pub radius_squared: f32,
+    height: f32,
+    radius_squared: f32,
+}
+
+/// A cylinder about the tool's axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Band {
+    level: Level,
+    top: f32,
+}
+
+/// What boxes are compared with.
+pub(super) trait Reach: Copy {
+    /// Bit k is set if box k may reach into it: of the boxes, the squared distances from the axis, the heights of the
+    /// upper ends, and the heights of the lower ends.
+    fn reached<S: Simd>(self, simd: S, squared: S::F32, heights: [S::F32; 2]) -> u32;
+}
+
+impl Reach for Level {
+    #[inline(always)]
+    fn reached<S: Simd>(self, simd: S, squared: S::F32, [top, _]: [S::F32; 2]) -> u32 {
+        let within = squared.le(S::F32::splat(simd, self.radius_squared));
+        within.and(top.gt(S::F32::splat(simd, self.height))).bits()
+    }
+}
+
+impl Reach for Band {
+    #[inline(always)]
+    fn reached<S: Simd>(self, simd: S, squared: S::F32, heights: [S::F32; 2]) -> u32 {
+        let below = S::F32::splat(simd, self.top).gt(heights[1]).bits();
+        self.level.reached(simd, squared, heights) & below
+    }
 }
 
 /// What the levels of a tool are widened by: share of the sizes of tool and triangles.
@@ -134,10 +164,20 @@ impl Bvh {
         }
     }
 
-    /// Calls `test` with the place of every triangle that may reach into one of the levels, until it returns true;
+    /// The band between two heights for [`Bvh::visit`], as [`Bvh::level`]; nothing reaches into one of negative radius.
+    pub fn band(&self, [low, high]: [f64; 2], radius: f64, size: f64) -> Band {
+        let slack = SLACK * (self.radius + size);
+        let mut level = self.level(low, radius, size);
+        if radius + slack < 0.0 {
+            level.radius_squared = -1.0;
+        }
+        Band { level, top: (high + slack) as f32 }
+    }
+
+    /// Calls `test` with the place of every triangle that may reach into one of the levels or bands, until it returns true;
     /// whether it did. `test` may change the levels on the way: raise them, or make them narrower or fewer. `stack` is
     /// memory that calls share.
-    pub fn visit<L: AsRef<[Level]>>(
+    pub fn visit<R: Reach, L: AsRef<[R]>>(
         &self,
         stand: &Stand,
         levels: &mut L,
@@ -220,14 +260,14 @@ fn dot<V: Vector>(a: [V; 3], b: [V; 3]) -> V {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-struct Reached<'a> {
+struct Reached<'a, R> {
     node: &'a Node,
     reference: Vec3,
     axes: &'a [Vec3; 3],
-    levels: &'a [Level],
+    levels: &'a [R],
 }
 
-impl Kernel for Reached<'_> {
+impl<R: Reach> Kernel for Reached<'_, R> {
     type Output = u32;
 
     /// Bit k is set if box k may reach into one of the levels.
@@ -242,7 +282,8 @@ impl Kernel for Reached<'_> {
             let half = vectors(simd, &node.half, start);
             let r = splat3(simd, reference);
             let from = [middle[0] - r[0], middle[1] - r[1], middle[2] - r[2]];
-            let top = dot(from, splat3(simd, *d)) + dot(half, splat3(simd, d.abs()));
+            let (along, reach) = (dot(from, splat3(simd, *d)), dot(half, splat3(simd, d.abs())));
+            let heights = [along + reach, along - reach];
             let along_u = dot(from, splat3(simd, *u));
             let along_v = dot(from, splat3(simd, *v));
             let u = along_u.max(zero - along_u) - dot(half, splat3(simd, u.abs()));
@@ -251,8 +292,7 @@ impl Kernel for Reached<'_> {
             let squared = u * u + v * v;
             let mut bits = 0;
             for level in levels {
-                let within = squared.le(S::F32::splat(simd, level.radius_squared));
-                bits |= within.and(top.gt(S::F32::splat(simd, level.height))).bits();
+                bits |= level.reached(simd, squared, heights);
             }
             reached |= bits << start;
             start += S::F32::LANES;

@@ -36,6 +36,7 @@
 //! Directions between those of the set are not searched and nothing is proven of them; directions and clearances are not
 //! counted. What is not accessible from a direction of the set counts as inaccessible.
 
+mod bands;
 mod body;
 mod contact;
 mod label;

@@ -142,15 +142,22 @@ impl Body {
         [radii.fold(0.0, f64::max), heights.filter(finite).fold(0.0, f64::max)]
     }
 
-    /// Levels of a tool that holds it: heights and radii, no upper ends, widening upward.
-    pub fn levels(&self) -> Vec<[f64; 2]> {
-        let mut levels: Vec<[f64; 2]> = Vec::new();
+    /// Heights of both ends and greatest radius, mm, of so many parts of every element that is not as wide everywhere.
+    pub fn slices(&self, n: usize) -> Vec<[f64; 3]> {
+        let mut slices = Vec::new();
         for element in &self.elements {
-            if levels.last().is_none_or(|last| element.most > last[1]) {
-                levels.push([element.low, element.most]);
+            let is_even = matches!(element.curve, Curve::Line { slope: 0.0, .. });
+            let n = if is_even { 1 } else { n };
+            let height =
+                |k: usize| element.low + (element.high - element.low) * (k as f64 / n as f64);
+            for k in 0..n {
+                let [low, high] =
+                    [height(k), if k + 1 == n { element.high } else { height(k + 1) }];
+                let part = Element { low, high, ..*element };
+                slices.push([low, high, part.curve.radius_at(peak(&part))]);
             }
         }
-        levels
+        slices
     }
 }
 

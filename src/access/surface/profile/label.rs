@@ -1,10 +1,11 @@
 //! Labels of a tool of any profile, in the directions of a set.
 
+use super::bands::Bands;
 use super::body::{Body, Shrunk};
 use super::contact::{Contacts, Pose};
 use super::meet::{Hit, deepest, penetrates};
 use super::outline::Outline;
-use crate::access::surface::bvh::{Bvh, Level};
+use crate::access::surface::bvh::{Band, Bvh};
 use crate::access::surface::labels::{SiteAnswer, SurfaceLabels, SurfaceStats, WitnessPose};
 use crate::access::surface::tolerance::Tolerances;
 use crate::access::surface::tool::{Axes, Contact, Stand, axes};
@@ -24,8 +25,8 @@ pub(in crate::access::surface) struct ProfileTool<'a> {
     bodies: Vec<Shrunk>,
     /// Per place of the tree; empty if all are the least.
     body_of: Vec<u16>,
-    /// Of the tool and of the retracting tool.
-    levels: Levels,
+    /// Of every [`Form`] of the widest of the bodies.
+    bands: [Bands; 3],
     /// Greatest radius of what cuts, mm.
     pub(super) radius: f64,
     /// No move across the axis is longer, mm.
@@ -33,9 +34,23 @@ pub(in crate::access::surface) struct ProfileTool<'a> {
     pub(super) only_widens: bool,
 }
 
-struct Levels {
-    all: Vec<[f64; 2]>,
-    size: f64,
+/// What of a tool is tested.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Form {
+    Whole,
+    /// See [`Body::retracting`].
+    Retracting,
+    NonCutting,
+}
+
+impl Form {
+    fn of(self, shrunk: &Shrunk) -> &Body {
+        match self {
+            Form::Whole => &shrunk.whole,
+            Form::Retracting => &shrunk.retracting,
+            Form::NonCutting => &shrunk.non_cutting,
+        }
+    }
 }
 
 /// The axes of the tool.
@@ -69,8 +84,6 @@ impl Frame {
 
 /// Tolerances are rounded up to a power of this, times the least.
 const TOLERANCE_STEP: f64 = 1.02;
-/// Levels that the boxes of the tree are compared with.
-const MOST_LEVELS: usize = 6;
 /// Sites per task.
 const BLOCK: usize = 32;
 // The limits of the search over poses, chosen on the T-slot and the turned part of the tests.
@@ -175,7 +188,9 @@ impl<'a> ProfileTool<'a> {
         let [widest, height] = bodies[0].whole.size();
         let radius = profile.cutting_radius_mm();
         let farthest = 2.0 * bvh.radius() + 2.0 * radius;
-        let levels = Levels { all: enclosing(&bodies[0].whole), size: height + widest + farthest };
+        let size = height + widest + farthest;
+        let bands = [Form::Whole, Form::Retracting, Form::NonCutting]
+            .map(|form| Bands::new(form.of(&bodies[0]), size));
         ProfileTool {
             bvh,
             outline: Outline::new(profile),
@@ -183,7 +198,7 @@ impl<'a> ProfileTool<'a> {
             finish,
             bodies,
             body_of,
-            levels,
+            bands,
             radius,
             farthest,
             only_widens: profile.only_widens(),
@@ -195,26 +210,25 @@ impl<'a> ProfileTool<'a> {
         &self.bodies[self.body_of.get(place as usize).map_or(0, |k| *k as usize)]
     }
 
-    /// The first triangle for which `meets` has a point in the tool; `last` is tried first, and becomes it.
+    /// The first triangle that the tool penetrates, with a point of it; `last` is tried first, and becomes it.
     pub(super) fn first_hit(
         &self,
         frame: &Frame,
         tip: DVec3,
+        form: Form,
         last: &mut Option<u32>,
-        meets: impl Fn(&Shrunk, &[DVec3; 3]) -> Option<Hit>,
     ) -> Option<(u32, Hit)> {
         let stand = Stand { reference: tip, axes: frame.axes };
         let test = |place: u32| {
             let corners = stand.triangle(self.bvh.triangle(place));
-            Some((place, meets(self.shrunk(place), &corners)?))
+            Some((place, penetrates(form.of(self.shrunk(place)), &corners, DVec2::ZERO)?))
         };
         if let Some(found) = last.and_then(test) {
             return Some(found);
         }
         let mut found = None;
-        let mut stack = Vec::new();
-        let mut levels = self.levels(0.0);
-        self.bvh.visit(&stand, &mut levels, &mut stack, |place, _| {
+        let mut bands = self.bands(form, 0.0);
+        self.bvh.visit(&stand, &mut bands, &mut Vec::new(), |place, _| {
             found = test(place);
             found.is_some()
         });
@@ -224,64 +238,54 @@ impl<'a> ProfileTool<'a> {
         found
     }
 
-    /// As [`ProfileTool::first_hit`], of a tool that is moved across its axis.
-    pub(super) fn first_swept(
-        &self,
-        frame: &Frame,
-        tip: DVec3,
-        by: DVec2,
-        meets: impl Fn(&Shrunk, &[DVec3; 3]) -> Option<Hit>,
-    ) -> Option<u32> {
+    /// Whether the tool penetrates a triangle when it is moved across its axis.
+    pub(super) fn is_way_blocked(&self, frame: &Frame, tip: DVec3, by: DVec2) -> bool {
         // About the middle of the way.
         let middle = frame.moved(tip, 0.5 * by);
         let start = Stand { reference: tip, axes: frame.axes };
         let stand = Stand { reference: middle, axes: frame.axes };
-        let mut levels = self.levels(0.5 * by.length());
-        let (mut found, mut stack) = (None, Vec::new());
-        self.bvh.visit(&stand, &mut levels, &mut stack, |place, _| {
+        let mut bands = self.bands(Form::Whole, 0.5 * by.length());
+        self.bvh.visit(&stand, &mut bands, &mut Vec::new(), |place, _| {
             let corners = start.triangle(self.bvh.triangle(place));
-            if meets(self.shrunk(place), &corners).is_some() {
-                found = Some(place);
-            }
-            found.is_some()
-        });
-        found
+            penetrates(&self.shrunk(place).whole, &corners, by).is_some()
+        })
     }
 
-    /// About the deepest point of triangles that the tool penetrates, and the place of its triangle; `deepest` is given a
-    /// depth that only more counts than; `first` is the place of a triangle that is tried first.
+    /// About the deepest point of triangles that the tool penetrates, and the place of its triangle; `first` is the place
+    /// of a triangle that is tried first.
     pub(super) fn deepest_hit(
         &self,
         frame: &Frame,
         tip: DVec3,
+        form: Form,
         first: Option<u32>,
-        deepest: impl Fn(&Shrunk, &[DVec3; 3], f64) -> Option<(f64, DVec3)>,
     ) -> Option<(u32, DVec3)> {
         let stand = Stand { reference: tip, axes: frame.axes };
-        let (mut levels, mut stack) = (self.levels(0.0), Vec::new());
         let (mut most, mut best) = (0.0, None);
-        let mut test = |place: u32| {
+        let mut test = |place: u32, most: &mut f64| {
             let corners = stand.triangle(self.bvh.triangle(place));
-            if let Some((depth, point)) = deepest(self.shrunk(place), &corners, most) {
-                (most, best) = (depth, Some((place, point)));
+            let found = deepest(form.of(self.shrunk(place)), &corners, *most);
+            if let Some((depth, point)) = found {
+                (*most, best) = (depth, Some((place, point)));
             }
+            found.is_some()
         };
-        first.into_iter().for_each(&mut test);
-        self.bvh.visit(&stand, &mut levels, &mut stack, |place, _| {
-            test(place);
+        if let Some(place) = first {
+            test(place, &mut most);
+        }
+        // What is not deeper than the deepest so far is as far outside of a narrower tool.
+        let mut bands = self.bands(form, -most);
+        self.bvh.visit(&stand, &mut bands, &mut Vec::new(), |place, bands| {
+            if test(place, &mut most) {
+                *bands = self.bands(form, -most);
+            }
             false
         });
         best
     }
 
-    fn levels(&self, wider: f64) -> Vec<Level> {
-        let level =
-            |[height, radius]: &[f64; 2]| self.bvh.level(*height, radius + wider, self.levels.size);
-        self.levels.all.iter().map(level).collect()
-    }
-
-    fn whole(shrunk: &Shrunk, corners: &[DVec3; 3]) -> Option<Hit> {
-        penetrates(&shrunk.whole, corners, DVec2::ZERO)
+    fn bands(&self, form: Form, wider: f64) -> Vec<Band> {
+        self.bands[form as usize].widened(self.bvh, wider)
     }
 
     fn tip(&self, frame: &Frame, site: DVec3, pose: &Pose) -> DVec3 {
@@ -298,7 +302,7 @@ impl<'a> ProfileTool<'a> {
             let is_reached = self.contacts.for_each(local, |pose| {
                 let tip = self.tip(frame, contact.point, &pose);
                 state.n_tested += 1;
-                let Some((place, hit)) = self.first_hit(frame, tip, &mut state.last, Self::whole)
+                let Some((place, hit)) = self.first_hit(frame, tip, Form::Whole, &mut state.last)
                 else {
                     return self.retracts(frame, tip, &mut state, &mut found);
                 };
@@ -350,10 +354,7 @@ impl<'a> ProfileTool<'a> {
 
     /// Whether only what cuts is in the way.
     fn only_cutting_penetrates(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
-        let non_cutting = |shrunk: &Shrunk, corners: &[DVec3; 3]| {
-            penetrates(&shrunk.non_cutting, corners, DVec2::ZERO)
-        };
-        self.first_hit(frame, tip, last, non_cutting).is_none()
+        self.first_hit(frame, tip, Form::NonCutting, last).is_none()
     }
 
     /// The tip of a free pose, pushed from one that is not.
@@ -370,10 +371,7 @@ impl<'a> ProfileTool<'a> {
         for _ in 0..PUSHES {
             state.n_tested += 1;
             let tip = self.tip(frame, site, &pose);
-            let whole = |shrunk: &Shrunk, corners: &[DVec3; 3], least: f64| {
-                deepest(&shrunk.whole, corners, least)
-            };
-            let Some((place, point)) = self.deepest_hit(frame, tip, state.last, whole) else {
+            let Some((place, point)) = self.deepest_hit(frame, tip, Form::Whole, state.last) else {
                 let touches = self.contacts.normal(&pose).dot(-normal) >= LEAST_COSINE;
                 return touches.then_some(tip);
             };
@@ -402,13 +400,6 @@ impl<'a> ProfileTool<'a> {
         }
         None
     }
-}
-
-/// At most [`MOST_LEVELS`] levels that hold a tool.
-fn enclosing(body: &Body) -> Vec<[f64; 2]> {
-    let levels = body.levels();
-    let per_group = levels.len().div_ceil(MOST_LEVELS).max(1);
-    levels.chunks(per_group).map(|group| [group[0][0], group[group.len() - 1][1]]).collect()
 }
 
 /// Labels of sites: see the [module](super).

@@ -7,9 +7,7 @@
 //! for directions around the axis, for lengths that double: the way blocked → next direction; retracting tool free there → proven
 //! ```
 
-use super::body::Shrunk;
-use super::label::{Frame, ProfileTool};
-use super::meet::{deepest, penetrates};
+use super::label::{Form, Frame, ProfileTool};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
@@ -31,15 +29,12 @@ impl ProfileTool<'_> {
         tip: DVec3,
         last: &mut Option<u32>,
     ) -> bool {
-        let retracting = |shrunk: &Shrunk, corners: &[DVec3; 3]| {
-            penetrates(&shrunk.retracting, corners, DVec2::ZERO)
-        };
-        self.first_hit(frame, tip, last, retracting).is_none()
+        self.first_hit(frame, tip, Form::Retracting, last).is_none()
     }
 
     /// Whether a tool may be moved across its axis, and then drawn back.
     pub(super) fn retracts_aside(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
-        if self.pushed_aside(frame, tip).is_some_and(|by| self.is_way_free(frame, tip, by)) {
+        if self.pushed_aside(frame, tip).is_some_and(|by| !self.is_way_blocked(frame, tip, by)) {
             return true;
         }
         for k in 0..DIRECTIONS {
@@ -47,7 +42,7 @@ impl ProfileTool<'_> {
             let toward = DVec2::new(libm::cos(angle), libm::sin(angle));
             let mut length = FIRST * self.radius;
             while length <= self.farthest {
-                if !self.is_way_free(frame, tip, toward * length) {
+                if self.is_way_blocked(frame, tip, toward * length) {
                     break;
                 }
                 if self.retracts_along_axis(frame, frame.moved(tip, toward * length), last) {
@@ -59,21 +54,12 @@ impl ProfileTool<'_> {
         false
     }
 
-    /// Whether the tool may move across its axis.
-    fn is_way_free(&self, frame: &Frame, tip: DVec3, by: DVec2) -> bool {
-        let swept = |shrunk: &Shrunk, corners: &[DVec3; 3]| penetrates(&shrunk.whole, corners, by);
-        self.first_swept(frame, tip, by, swept).is_none()
-    }
-
     /// By how much across its axis the tool is clear of what it would penetrate on its way out.
     fn pushed_aside(&self, frame: &Frame, tip: DVec3) -> Option<DVec2> {
         let (mut by, mut last) = (DVec2::ZERO, None);
-        let retracting = |shrunk: &Shrunk, corners: &[DVec3; 3], least: f64| {
-            deepest(&shrunk.retracting, corners, least)
-        };
         for _ in 0..PUSHES {
             let Some((place, point)) =
-                self.deepest_hit(frame, frame.moved(tip, by), last, retracting)
+                self.deepest_hit(frame, frame.moved(tip, by), Form::Retracting, last)
             else {
                 return Some(by);
             };
