@@ -25,7 +25,8 @@
 //! for every site, for every direction, for every place of the profile with the site's normal:
 //!     some triangle penetrated by the pose: next; the one that the last pose met is tried first
 //!     straight retreat free, or moved aside and free: accessible
-//! if none: for every direction again, pushing poses along the profile, clear of what they penetrate
+//! if none: for every direction again, pushing poses along the profile, clear of what they penetrate;
+//!     on an arc only if a ball inside of the tool has a place at the site, which is one search for all directions
 //! ```
 //!
 //! Three things make a test cheap. On a triangle, of all points at one height the one nearest to the axis lies on an edge
@@ -36,6 +37,7 @@
 //! Directions between those of the set are not searched and nothing is proven of them; directions and clearances are not
 //! counted. What is not accessible from a direction of the set counts as inaccessible.
 
+mod balls;
 mod bands;
 mod body;
 mod contact;

@@ -14,6 +14,7 @@
 //! around the axis, until it is clear.
 
 use super::body::{finite_pieces, normal_at};
+use super::outline::Outline;
 use crate::cutter::Profile;
 use glam::{DVec2, DVec3, dvec2};
 use std::f64::consts::PI;
@@ -59,6 +60,8 @@ pub(super) struct Contacts {
     places: Vec<Place>,
     /// Where each begins along the curve, mm.
     starts: Vec<f64>,
+    /// Of each arc, radius of a ball that touches it everywhere from within the tool, mm; 0 of a line.
+    balls: Vec<f64>,
     length: f64,
 }
 
@@ -69,6 +72,8 @@ pub(super) struct Pose {
     pub toward: DVec2,
 }
 
+/// Even shares of an arc at which its balls are compared.
+const BALLS: usize = 9;
 /// Normals may differ by this where a pose is tried, radians: more than facets of one curve do.
 const NEAR_RAD: f64 = 0.12;
 /// Places of a line that are tried.
@@ -113,11 +118,34 @@ impl Contacts {
             starts.push(length);
             length += place.length();
         }
-        Contacts { places, starts, length }
+        let (outline, most) = (Outline::new(profile), profile.cutting_radius_mm());
+        let away = |angle: f64| dvec2(libm::cos(angle), libm::sin(angle));
+        let ball = |place: &Place| {
+            // Not at its ends, which files round.
+            let shares = (0..BALLS).map(|k| (k as f64 + 0.5) / BALLS as f64);
+            let ball = |share: f64| {
+                greatest_ball(&outline, [place.at(share), away(place.normal(share))], finish, most)
+            };
+            match place {
+                Place::Line { .. } => 0.0,
+                Place::Arc { .. } => shares.map(ball).fold(f64::INFINITY, f64::min),
+            }
+        };
+        let balls = places.iter().map(ball).collect();
+        Contacts { places, starts, length, balls }
+    }
+
+    /// Radius of a ball that is in the tool wherever the pose may be pushed to, and touches there, mm.
+    pub fn ball(&self, pose: &Pose) -> f64 {
+        self.balls[self.place_at(pose.along)]
+    }
+
+    fn place_at(&self, along: f64) -> usize {
+        self.starts.partition_point(|start| *start <= along).saturating_sub(1)
     }
 
     fn place(&self, along: f64) -> (&Place, f64) {
-        let k = self.starts.partition_point(|start| *start <= along).saturating_sub(1);
+        let k = self.place_at(along);
         let place = &self.places[k];
         let share = (along - self.starts[k]) / place.length().max(f64::MIN_POSITIVE);
         (place, share.clamp(0.0, 1.0))
@@ -226,6 +254,25 @@ impl Contacts {
         let toward = dvec2(libm::cos(turn), libm::sin(turn)).rotate(pose.toward);
         Some(Pose { along, toward })
     }
+}
+
+/// Radius of the greatest ball in a tool, at most `most`, that touches a place of its profile with a normal; `finish` away
+/// from that.
+fn greatest_ball(
+    outline: &Outline,
+    [place, normal]: [DVec2; 2],
+    finish: f64,
+    mut most: f64,
+) -> f64 {
+    const HALVINGS: usize = 40;
+    let mut least = 0.0;
+    for _ in 0..HALVINGS {
+        let radius = 0.5 * (least + most);
+        let center = place - (radius + finish) * normal;
+        let depth = outline.depth(DVec3::new(center.x, 0.0, center.y)).mm;
+        if depth >= radius * (1.0 - 1e-9) { least = radius } else { most = radius }
+    }
+    least
 }
 
 #[cfg(test)]

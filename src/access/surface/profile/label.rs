@@ -1,5 +1,6 @@
 //! Labels of a tool of any profile, in the directions of a set.
 
+use super::balls::Balls;
 use super::bands::Bands;
 use super::body::{Body, Shrunk};
 use super::contact::{Contacts, Pose};
@@ -97,8 +98,12 @@ const MOST_STALLED: usize = 4;
 const SHALLOWER: f64 = 0.9;
 /// Poses are pushed if what they penetrate is not deeper than this many times their freedom.
 const REACH: f64 = 1.5;
+/// Size of the ball that must fit, of the one that the tool holds: the search for its place is a single one.
+const BALL_SHARE: f64 = 0.7;
 /// Free poses of one site whose retreat is tried.
 const MOST_RETREATS: usize = 6;
+/// A triangle counts as deeper if it is by this factor.
+const DEEPER: f64 = 1.25;
 /// Farther than what is penetrated, mm.
 const BEYOND_MM: f64 = 1e-5;
 
@@ -210,6 +215,18 @@ impl<'a> ProfileTool<'a> {
         &self.bodies[self.body_of.get(place as usize).map_or(0, |k| *k as usize)]
     }
 
+    pub(super) fn shrunk_least(&self) -> &Shrunk {
+        &self.bodies[0]
+    }
+
+    pub(super) fn bvh(&self) -> &Bvh {
+        self.bvh
+    }
+
+    pub(super) fn finish(&self) -> f64 {
+        self.finish
+    }
+
     /// The first triangle that the tool penetrates, with a point of it; `last` is tried first, and becomes it.
     pub(super) fn first_hit(
         &self,
@@ -264,7 +281,7 @@ impl<'a> ProfileTool<'a> {
         let (mut most, mut best) = (0.0, None);
         let mut test = |place: u32, most: &mut f64| {
             let corners = stand.triangle(self.bvh.triangle(place));
-            let found = deepest(form.of(self.shrunk(place)), &corners, *most);
+            let found = deepest(form.of(self.shrunk(place)), &corners, DEEPER * *most);
             if let Some((depth, point)) = found {
                 (*most, best) = (depth, Some((place, point)));
             }
@@ -273,11 +290,11 @@ impl<'a> ProfileTool<'a> {
         if let Some(place) = first {
             test(place, &mut most);
         }
-        // What is not deeper than the deepest so far is as far outside of a narrower tool.
-        let mut bands = self.bands(form, -most);
+        // What is not deeper than the deepest so far is outside of a narrower tool.
+        let mut bands = self.bands(form, -DEEPER * most);
         self.bvh.visit(&stand, &mut bands, &mut Vec::new(), |place, bands| {
             if test(place, &mut most) {
-                *bands = self.bands(form, -most);
+                *bands = self.bands(form, -DEEPER * most);
             }
             false
         });
@@ -297,6 +314,7 @@ impl<'a> ProfileTool<'a> {
         let (mut state, mut found) = (State::default(), SiteResult::default());
         let Some(normal) = contact.normal else { return found };
         let mut shallow = Shallow::along(frames.len());
+        let mut balls = Balls::at(self, contact, normal);
         for (k, frame) in frames.iter().enumerate() {
             let local = frame.local(normal);
             let is_reached = self.contacts.for_each(local, |pose| {
@@ -308,7 +326,9 @@ impl<'a> ProfileTool<'a> {
                 };
                 let depth = self.outline.depth(hit.point).mm - self.shrunk(place).tolerance;
                 let slack = self.shrunk(place).tolerance + self.finish;
-                if depth <= REACH * self.contacts.freedom(&pose, slack) {
+                if depth <= REACH * self.contacts.freedom(&pose, slack)
+                    && balls.may_fit(BALL_SHARE * self.contacts.ball(&pose))
+                {
                     shallow.add(Candidate { depth, k, pose });
                 }
                 if hit.cuts && !found.only_tip {

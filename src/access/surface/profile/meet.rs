@@ -90,11 +90,19 @@ fn over(
 ) {
     let low = corners[0].z.min(corners[1].z).min(corners[2].z);
     let high = corners[0].z.max(corners[1].z).max(corners[2].z);
-    let beside = from_box(corners, core).sqrt() + least;
+    let beside = from_box(corners, core).sqrt();
     let first = body.elements.partition_point(|element| element.high <= low);
     let over = body.elements[first..].iter().take_while(|element| element.low <= high);
     let mut lines: Option<Lines> = None;
-    for element in over.filter(|element| element.most > beside) {
+    for element in over.filter(|element| element.most > beside + least) {
+        if let Curve::Arc { center: [c, z], radius } = element.curve {
+            // Nearer to the center is no point of the triangle.
+            let across = (beside + least - c).max(0.0);
+            let along = (low - z).max(z - high).max(0.0);
+            if across * across + along * along >= radius * radius {
+                continue;
+            }
+        }
         let lines = lines.get_or_insert_with(|| Lines::of(corners, core));
         if lines.segments[..lines.n].iter().any(|segment| test(segment, element)) {
             return;
