@@ -10,7 +10,7 @@
 //! arc:   max(distance from the core − c, 0)² + (height − z)² − ρ²             is convex
 //! ```
 //!
-//! so that it is nowhere below its tangents.
+//! so that it is nowhere below its tangents, and where two of them meet the next place is tried.
 
 use super::body::{Body, Curve, Element};
 use glam::{DVec2, DVec3};
@@ -50,10 +50,8 @@ impl Segment {
     }
 }
 
-/// Halvings of a segment.
-const HALVINGS: usize = 50;
-/// Halvings for the point that is farthest in, to which poses are pushed again and again.
-const ROUGH: usize = 16;
+/// Steps to the least value of a convex function: each leaves half of what is left, or a tangent's worth.
+const STEPS: usize = 60;
 
 /// Whether a triangle, in the frame of the tool, is penetrated; with a point that is in the tool. `core` is from the axis
 /// to where it is moved.
@@ -176,7 +174,7 @@ fn from_core(place: DVec2, core: DVec2) -> DVec2 {
 
 /// A share of the segment at which it is in an element; none if it nowhere is.
 fn inside(segment: &Segment, element: &Element, core: DVec2) -> Option<f64> {
-    let [mut low, mut high] = segment.between(element.low, element.high)?;
+    let [low, high] = segment.between(element.low, element.high)?;
     // Value and slope, of a convex function that is negative inside.
     let value = |t: f64| {
         let p = segment.at(t);
@@ -199,26 +197,63 @@ fn inside(segment: &Segment, element: &Element, core: DVec2) -> Option<f64> {
             }
         }
     };
-    for _ in 0..HALVINGS {
-        let t = 0.5 * (low + high);
-        let [at, slope] = value(t);
-        if at < 0.0 {
-            return Some(t);
-        }
-        let end = if slope > 0.0 { low } else { high };
-        if at + slope * (end - t) >= 0.0 {
+    below(value, [low, high], 0.0).map(|(_, t)| t)
+}
+
+/// A share at which a convex function is below a limit, and its value there; none if it nowhere is. `value` is the
+/// function and its slope.
+///
+/// ```text
+/// an end is below: that; the function rises from the lower end, or falls to the upper: none
+/// where the tangents of both ends meet, above the limit: none; below it, there: that
+/// else it becomes an end
+/// ```
+fn below(
+    value: impl Fn(f64) -> [f64; 2],
+    [mut low, mut high]: [f64; 2],
+    limit: f64,
+) -> Option<(f64, f64)> {
+    let mut at_low = value(low);
+    if at_low[0] < limit {
+        return Some((at_low[0], low));
+    }
+    let mut at_high = value(high);
+    if at_high[0] < limit {
+        return Some((at_high[0], high));
+    }
+    if at_low[1] >= 0.0 || at_high[1] <= 0.0 {
+        return None;
+    }
+    for _ in 0..STEPS {
+        let (t, bound) = meeting([low, high], [at_low, at_high]);
+        if bound >= limit {
             return None;
         }
-        if slope > 0.0 { high = t } else { low = t }
+        let at = value(t);
+        if at[0] < limit {
+            return Some((at[0], t));
+        }
+        if at[1] > 0.0 { (high, at_high) = (t, at) } else { (low, at_low) = (t, at) }
     }
     None
+}
+
+/// Where two tangents meet, well between the ends, and how high.
+fn meeting([low, high]: [f64; 2], [a, b]: [[f64; 2]; 2]) -> (f64, f64) {
+    /// Of the length between the ends, from them.
+    const INSIDE: f64 = 0.01;
+    let width = high - low;
+    // The slope of the first is negative, that of the second positive.
+    let share = ((b[0] - a[0] - b[1] * width) / ((a[1] - b[1]) * width)).clamp(0.0, 1.0);
+    let bound = a[0] + a[1] * share * width;
+    (low + width * share.clamp(INSIDE, 1.0 - INSIDE), bound)
 }
 
 /// About how far in a segment is in an element at most, and at which share, if that is more than `least`.
 fn farthest_in(segment: &Segment, element: &Element, least: f64) -> Option<(f64, f64)> {
     /// What is near enough to the greatest depth, as a share of it.
     const NEAR: f64 = 0.02;
-    let [mut low, mut high] = segment.between(element.low, element.high)?;
+    let [low, high] = segment.between(element.low, element.high)?;
     let across = segment.run.truncate();
     // The distance from the axis less the radius, which is convex, and its slope.
     let value = |t: f64| {
@@ -234,20 +269,23 @@ fn farthest_in(segment: &Segment, element: &Element, least: f64) -> Option<(f64,
         };
         [distance - radius, growth - widening * segment.run.z]
     };
-    let mut best = None;
-    let mut most = least;
-    for _ in 0..ROUGH {
-        let t = 0.5 * (low + high);
-        let [at, slope] = value(t);
-        if -at > most {
-            (most, best) = (-at, Some((-at, t)));
-        }
-        let end = if slope > 0.0 { low } else { high };
-        let bound = -(at + slope * (end - t));
-        if bound <= most * (1.0 + NEAR) {
+    // As far in as an end is, or deeper between them.
+    let (mut low, mut high) = (low, high);
+    let (mut at_low, mut at_high) = (value(low), value(high));
+    let mut best = if at_low[0] <= at_high[0] { (at_low[0], low) } else { (at_high[0], high) };
+    for _ in 0..STEPS {
+        if at_low[1] >= 0.0 || at_high[1] <= 0.0 {
             break;
         }
-        if slope > 0.0 { high = t } else { low = t }
+        let (t, bound) = meeting([low, high], [at_low, at_high]);
+        if bound >= best.0.min(-least) * (1.0 + NEAR) {
+            break;
+        }
+        let at = value(t);
+        if at[0] < best.0 {
+            best = (at[0], t);
+        }
+        if at[1] > 0.0 { (high, at_high) = (t, at) } else { (low, at_low) = (t, at) }
     }
-    best
+    (best.0 < -least).then_some((-best.0, best.1))
 }
