@@ -13,9 +13,13 @@
 //!                                        c − √(ρ² − (height − z)²) if they are nearer than c (it is hollow)
 //! ```
 //!
+//! A **drill** or a **reamer** cuts along its axis alone: it reaches the wall of a hole of its own size, and nothing else.
+//!
 //! As text a profile is its points `radius:height`, an arc with its center behind an `@`, and `|` where what does not
-//! cut begins: `0:0 1.5:5.598@0:3 | 1.5:20 3:22` is a lollipop of diameter 6 on a neck of diameter 3.
+//! cut begins: `0:0 1.5:5.598@0:3 | 1.5:20 3:22` is a lollipop of diameter 6 on a neck of diameter 3; of a drill
+//! `drill` comes first.
 
+mod drills;
 mod families;
 mod text;
 
@@ -62,7 +66,8 @@ impl ProfileSection {
 /// from text, or made by the constructor of its family and [`Profile::with_shank`]:
 ///
 /// ```text
-/// radius:height from the tip upward, mm; an arc with its center behind an @; | where what does not cut begins
+/// radius:height from the tip upward, mm; an arc with its center behind an @; | where what does not cut begins;
+/// the word drill before all points of a drill or a reamer
 /// ```
 ///
 /// ```
@@ -79,6 +84,12 @@ impl ProfileSection {
 pub struct Profile {
     start_mm: f64,
     sections: Vec<ProfileSection>,
+    #[serde(default, skip_serializing_if = "is_false")]
+    is_drill: bool,
+}
+
+fn is_false(is_drill: &bool) -> bool {
+    !is_drill
 }
 
 /// A [`Profile`] as it is read.
@@ -87,13 +98,15 @@ pub struct Profile {
 struct Unchecked {
     start_mm: f64,
     sections: Vec<ProfileSection>,
+    #[serde(default)]
+    is_drill: bool,
 }
 
 impl TryFrom<Unchecked> for Profile {
     type Error = Error;
 
-    fn try_from(Unchecked { start_mm, sections }: Unchecked) -> Result<Self> {
-        Profile::new(start_mm, sections)
+    fn try_from(Unchecked { start_mm, sections, is_drill }: Unchecked) -> Result<Self> {
+        Ok(Profile { is_drill, ..Profile::new(start_mm, sections)? })
     }
 }
 
@@ -167,7 +180,7 @@ impl Profile {
             let remedy = "say which of its sections cut";
             return Err(Error::argument("profile", "without a cutting portion", "one", remedy));
         }
-        Ok(Profile { start_mm, sections })
+        Ok(Profile { start_mm, sections, is_drill: false })
     }
 
     /// The sections, from the tip upward.
@@ -184,7 +197,7 @@ impl Profile {
     pub fn with_shank(mut self, points: &[[f64; 2]]) -> Result<Self> {
         let line = |[radius_mm, height_mm]: &[f64; 2]| ProfileSection::line(*radius_mm, *height_mm);
         self.sections.extend(points.iter().map(|point| line(point).non_cutting()));
-        Profile::new(self.start_mm, self.sections)
+        Ok(Profile { is_drill: self.is_drill, ..Profile::new(self.start_mm, self.sections)? })
     }
 
     /// With all lengths times a factor, to change the unit.
@@ -196,7 +209,8 @@ impl Profile {
             center_mm: section.center_mm.map(|center| center.map(|x| by * x)),
             cuts: section.cuts,
         };
-        Profile::new(by * self.start_mm, self.sections.iter().map(scale).collect())
+        let sections = self.sections.iter().map(scale).collect();
+        Ok(Profile { is_drill: self.is_drill, ..Profile::new(by * self.start_mm, sections)? })
     }
 
     /// Radius at a height above the tip, mm: the greater one at a face across the axis. 0 below the tip.
@@ -224,6 +238,11 @@ impl Profile {
     pub fn flutes_mm(&self) -> f64 {
         let cutting = self.sections.iter().filter(|section| section.cuts);
         cutting.map(|section| section.height_mm).fold(0.0, f64::max)
+    }
+
+    /// Whether it cuts along its axis alone, in a wall of its own diameter: a drill or a reamer.
+    pub fn is_drill(&self) -> bool {
+        self.is_drill
     }
 
     /// Whether radii never shrink upward.
@@ -326,7 +345,7 @@ impl Profile {
             widest = widest.max(step.radius_mm);
             sections.push(ProfileSection::line(widest, height_mm).non_cutting());
         }
-        Profile { start_mm: self.start_mm, sections }
+        Profile { start_mm: self.start_mm, sections, is_drill: self.is_drill }
     }
 
     /// The same with a margin about what does not cut: it is as much wider, and where it widens upward it begins as much
@@ -360,7 +379,7 @@ impl Profile {
                 ..*section
             });
         }
-        Profile { start_mm: self.start_mm, sections }
+        Profile { start_mm: self.start_mm, sections, is_drill: self.is_drill }
     }
 }
 

@@ -124,7 +124,8 @@ impl TriangleObstacles {
             }
             let tool = ProfileTool::new(&self.bvh, &problem.tolerances, profile, options.finish_mm);
             let (contacts, own) = (problem.contacts, problem.own_tolerances);
-            return Ok(profile::label(&tool, &contacts, &tested, own));
+            let domain = domain.filter(|_| options.refinement.is_some());
+            return Ok(profile::label(&tool, &contacts, (&tested, domain), own));
         }
         let tallies = problem.by_triangles(cutter, &tested, domain, options)?;
         let clearance = options.clearance_limit_mm.map(|limit| {

@@ -34,13 +34,19 @@
 //! again radius over height, in lines and convex arcs, made once per τ. Along a segment the distance from the axis less
 //! the radius of such a piece is convex, so its least value is found by halving.
 //!
-//! Directions between those of the set are not searched and nothing is proven of them; directions and clearances are not
-//! counted. What is not accessible from a direction of the set counts as inaccessible.
+//! Of the directions between those of an even set the ones that the part itself suggests are tested as well, across its
+//! flat faces and along its round ones; no others, and nothing is proven of them. Directions and clearances are not
+//! counted.
+//!
+//! A drill or a reamer cuts along its axis alone, in a wall of its own diameter: a free pose counts if the wall is
+//! there around the axis, at the height of the site, for more than half of the way; else its tip does not fit.
 
+mod axes;
 mod balls;
 mod bands;
 mod body;
 mod contact;
+mod drilling;
 mod label;
 mod meet;
 mod outline;

@@ -14,7 +14,7 @@ fn arc(radius_mm: f64, height_mm: f64, center_mm: [f64; 2]) -> ProfileSection {
 }
 
 /// A length in an open interval.
-fn between(name: &'static str, length: f64, [least, most]: [f64; 2]) -> Result<()> {
+pub(super) fn between(name: &'static str, length: f64, [least, most]: [f64; 2]) -> Result<()> {
     if length > least && length < most {
         return Ok(());
     }

@@ -1,4 +1,5 @@
-//! Profiles as text: points `radius:height`, centers of arcs behind an `@`, and `|` where what does not cut begins.
+//! Profiles as text: points `radius:height`, centers of arcs behind an `@`, `|` where what does not cut begins, and the
+//! word `drill` before those of a drill.
 
 use super::{Profile, ProfileSection};
 use crate::{Error, Result};
@@ -6,7 +7,10 @@ use std::fmt;
 use std::str::FromStr;
 
 const EXAMPLE: &str = "write radius:height from the tip upward, an arc with its center as radius:height@radius:height, \
-     and | before what does not cut: '0:0 1.5:5.598@0:3 | 1.5:20 3:22'";
+     and | before what does not cut: '0:0 1.5:5.598@0:3 | 1.5:20 3:22'; of a drill the word drill first";
+
+/// Comes before the points of a drill or a reamer.
+const DRILL: &str = "drill";
 
 fn pair(text: &str) -> Result<[f64; 2]> {
     let numbers = text.split_once(':').map(|(a, b)| (a.trim().parse(), b.trim().parse()));
@@ -27,7 +31,9 @@ impl FromStr for Profile {
         let spaced = text.replace('|', " | ");
         let mut cuts = true;
         let (mut start, mut sections) = (None, Vec::new());
-        for word in spaced.split_whitespace() {
+        let mut words = spaced.split_whitespace().peekable();
+        let is_drill = words.next_if(|word| word.eq_ignore_ascii_case(DRILL)).is_some();
+        for word in words {
             if word == "|" {
                 cuts = !cuts;
                 continue;
@@ -55,13 +61,16 @@ impl FromStr for Profile {
         let Some(start_mm) = start else {
             return Err(Error::argument("profile", "empty", "points from the tip upward", EXAMPLE));
         };
-        Profile::new(start_mm, sections)
+        Ok(Profile { is_drill, ..Profile::new(start_mm, sections)? })
     }
 }
 
 /// Writes what [`Profile::from_str`] reads.
 impl fmt::Display for Profile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_drill {
+            write!(f, "{DRILL} ")?;
+        }
         write!(f, "{}:0", self.start_mm)?;
         let mut cuts = true;
         for section in &self.sections {

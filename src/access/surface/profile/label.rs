@@ -1,5 +1,6 @@
 //! Labels of a tool of any profile, in the directions of a set.
 
+use super::axes::axes_of;
 use super::balls::Balls;
 use super::bands::Bands;
 use super::body::{Body, Shrunk};
@@ -7,6 +8,7 @@ use super::contact::{Contacts, Pose};
 use super::meet::{Hit, deepest, penetrates};
 use super::outline::Outline;
 use crate::access::surface::bvh::{Band, Bvh};
+use crate::access::surface::cells::Domain;
 use crate::access::surface::labels::{SiteAnswer, SurfaceLabels, SurfaceStats, WitnessPose};
 use crate::access::surface::tolerance::Tolerances;
 use crate::access::surface::tool::{Axes, Contact, Stand, axes};
@@ -33,6 +35,8 @@ pub(in crate::access::surface) struct ProfileTool<'a> {
     /// No move across the axis is longer, mm.
     pub(super) farthest: f64,
     pub(super) only_widens: bool,
+    /// See [`Profile::is_drill`].
+    is_drill: bool,
 }
 
 /// What of a tool is tested.
@@ -57,14 +61,36 @@ impl Form {
 /// The axes of the tool.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame {
-    axes: Axes,
+    pub axes: Axes,
     direction: Vec3,
+    /// Whether the part itself suggests it.
+    is_suggested: bool,
 }
 
 impl Frame {
     fn all(directions: &Directions) -> Vec<Frame> {
-        let frame = |d: &Vec3| Frame { axes: axes(*d), direction: *d };
+        let frame = |d: &Vec3| Frame { axes: axes(*d), direction: *d, is_suggested: false };
         directions.vectors().iter().map(frame).collect()
+    }
+
+    /// Of a set, and those that the part suggests within its domain.
+    fn of(directions: &Directions, bvh: &Bvh, domain: Domain) -> Vec<Frame> {
+        /// Directions nearer than this are one, as the sine of the angle.
+        const SAME: f32 = 1e-5;
+        let mut frames = Frame::all(directions);
+        let both = axes_of(bvh).into_iter().flat_map(|axis| [axis, -axis]);
+        for axis in both.filter(|axis| domain.holds(*axis)) {
+            let direction = axis.as_vec3();
+            let same = |frame: &&mut Frame| {
+                let d = frame.direction;
+                d.dot(direction) > 0.0 && d.cross(direction).length() < SAME
+            };
+            match frames.iter_mut().find(same) {
+                Some(frame) => frame.is_suggested = true,
+                None => frames.push(Frame { axes: axes(direction), direction, is_suggested: true }),
+            }
+        }
+        frames
     }
 
     /// A place moved across the axis.
@@ -158,6 +184,11 @@ impl Shallow {
         Shallow { poses: Vec::new(), most }
     }
 
+    /// Along the directions that the part suggests, beside the others.
+    fn suggested() -> Self {
+        Shallow { poses: Vec::new(), most: PUSHED }
+    }
+
     fn add(&mut self, candidate: Candidate) {
         let at = self.poses.partition_point(|other| other.depth <= candidate.depth);
         if at < self.most {
@@ -199,7 +230,8 @@ impl<'a> ProfileTool<'a> {
         ProfileTool {
             bvh,
             outline: Outline::new(profile),
-            contacts: Contacts::new(profile, finish),
+            // What a drill leaves is its own size.
+            contacts: Contacts::new(profile, if profile.is_drill() { 0.0 } else { finish }),
             finish,
             bodies,
             body_of,
@@ -207,6 +239,7 @@ impl<'a> ProfileTool<'a> {
             radius,
             farthest,
             only_widens: profile.only_widens(),
+            is_drill: profile.is_drill(),
         }
     }
 
@@ -301,7 +334,11 @@ impl<'a> ProfileTool<'a> {
         best
     }
 
-    fn bands(&self, form: Form, wider: f64) -> Vec<Band> {
+    pub(super) fn most_tolerance(&self) -> f64 {
+        self.bodies[self.bodies.len() - 1].tolerance
+    }
+
+    pub(super) fn bands(&self, form: Form, wider: f64) -> Vec<Band> {
         self.bands[form as usize].widened(self.bvh, wider)
     }
 
@@ -313,7 +350,7 @@ impl<'a> ProfileTool<'a> {
     pub(super) fn site(&self, contact: &Contact, frames: &[Frame]) -> SiteResult {
         let (mut state, mut found) = (State::default(), SiteResult::default());
         let Some(normal) = contact.normal else { return found };
-        let mut shallow = Shallow::along(frames.len());
+        let (mut shallow, mut suggested) = (Shallow::along(frames.len()), Shallow::suggested());
         let mut balls = Balls::at(self, contact, normal);
         for (k, frame) in frames.iter().enumerate() {
             let local = frame.local(normal);
@@ -322,14 +359,15 @@ impl<'a> ProfileTool<'a> {
                 state.n_tested += 1;
                 let Some((place, hit)) = self.first_hit(frame, tip, Form::Whole, &mut state.last)
                 else {
-                    return self.retracts(frame, tip, &mut state, &mut found);
+                    return self.counts(frame, (tip, &pose), &mut state, &mut found);
                 };
                 let depth = self.outline.depth(hit.point).mm - self.shrunk(place).tolerance;
                 let slack = self.shrunk(place).tolerance + self.finish;
                 if depth <= REACH * self.contacts.freedom(&pose, slack)
                     && balls.may_fit(BALL_SHARE * self.contacts.ball(&pose))
                 {
-                    shallow.add(Candidate { depth, k, pose });
+                    let among = if frame.is_suggested { &mut suggested } else { &mut shallow };
+                    among.add(Candidate { depth, k, pose });
                 }
                 if hit.cuts && !found.only_tip {
                     found.only_tip =
@@ -341,25 +379,34 @@ impl<'a> ProfileTool<'a> {
                 return found.with_witness(frame.direction, &state);
             }
         }
-        for Candidate { k, pose, .. } in shallow.poses {
+        for Candidate { k, pose, .. } in suggested.poses.into_iter().chain(shallow.poses) {
             let frame = &frames[k];
             let from = (pose, frame.local(normal));
-            let tip = self.slide(frame, contact.point, from, &mut state);
-            if tip.is_some_and(|tip| self.retracts(frame, tip, &mut state, &mut found)) {
+            let free = self.slide(frame, contact.point, from, &mut state);
+            if let Some((tip, pose)) = free
+                && self.counts(frame, (tip, &pose), &mut state, &mut found)
+            {
                 return found.with_witness(frame.direction, &state);
             }
         }
         SiteResult { n_tested: state.n_tested, ..found }
     }
 
-    /// Whether a retreat from a free pose is proven.
-    fn retracts(
+    /// Whether a free pose counts: a drill's is in a hole of its own, and a retreat is proven.
+    fn counts(
         &self,
         frame: &Frame,
-        tip: DVec3,
+        (tip, pose): (DVec3, &Pose),
         state: &mut State,
         found: &mut SiteResult,
     ) -> bool {
+        if self.is_drill {
+            let place = [self.contacts.offset(pose), self.contacts.normal(pose)];
+            if !self.is_in_own_hole(frame, tip, place) {
+                found.only_tip = true;
+                return false;
+            }
+        }
         found.last_free = tip;
         found.is_free = true;
         if self.retracts_along_axis(frame, tip, &mut state.last_retracting) {
@@ -377,14 +424,14 @@ impl<'a> ProfileTool<'a> {
         self.first_hit(frame, tip, Form::NonCutting, last).is_none()
     }
 
-    /// The tip of a free pose, pushed from one that is not.
+    /// A free pose and its tip, pushed from one that is not.
     fn slide(
         &self,
         frame: &Frame,
         site: DVec3,
         (mut pose, normal): (Pose, DVec3),
         state: &mut State,
-    ) -> Option<DVec3> {
+    ) -> Option<(DVec3, Pose)> {
         /// As for cutters of steps: what only passes around an edge does not touch it.
         const LEAST_COSINE: f64 = 0.1;
         let (mut least, mut n_stalled) = (f64::INFINITY, 0);
@@ -392,8 +439,12 @@ impl<'a> ProfileTool<'a> {
             state.n_tested += 1;
             let tip = self.tip(frame, site, &pose);
             let Some((place, point)) = self.deepest_hit(frame, tip, Form::Whole, state.last) else {
+                // The deepest point is found roughly: nothing at all must be penetrated.
                 let touches = self.contacts.normal(&pose).dot(-normal) >= LEAST_COSINE;
-                return touches.then_some(tip);
+                if !touches || self.first_hit(frame, tip, Form::Whole, &mut state.last).is_some() {
+                    return None;
+                }
+                return Some((tip, pose));
             };
             let depth = self.outline.depth(point);
             let by = depth.mm - self.shrunk(place).tolerance + BEYOND_MM;
@@ -406,7 +457,8 @@ impl<'a> ProfileTool<'a> {
             if by < SHALLOWER * least {
                 (least, n_stalled) = (by, 0);
             }
-            if n_stalled == MOST_STALLED {
+            // A drill has hardly any room: it may go to and fro.
+            if n_stalled == MOST_STALLED && !self.is_drill {
                 return None;
             }
             // Where the nearest way out is none along the profile, across the axis.
@@ -422,14 +474,18 @@ impl<'a> ProfileTool<'a> {
     }
 }
 
-/// Labels of sites: see the [module](super).
+/// Labels of sites, with the directions that the part suggests where a set stands for a domain: see the
+/// [module](super).
 pub(in crate::access::surface) fn label(
     tool: &ProfileTool,
     contacts: &[Contact],
-    directions: &Directions,
+    (directions, domain): (&Directions, Option<Domain>),
     own_tolerances: Vec<f64>,
 ) -> SurfaceLabels {
-    let frames = Frame::all(directions);
+    let frames = match domain {
+        Some(domain) => Frame::of(directions, tool.bvh, domain),
+        None => Frame::all(directions),
+    };
     let found = par::map_blocks(contacts.len(), BLOCK, |range| {
         range.map(|i| tool.site(&contacts[i], &frames)).collect::<Vec<_>>()
     });
@@ -450,7 +506,7 @@ pub(in crate::access::surface) fn label(
         labels.open_directions.push(if found.witness.is_some() { 0.0 } else { 1.0 });
         labels.retreat_unproven.push(without_retreat);
         labels.stats += SurfaceStats {
-            pairs: directions.len() as u64,
+            pairs: frames.len() as u64,
             tools_tested: found.n_tested,
             ..SurfaceStats::default()
         };

@@ -12,6 +12,8 @@ use crate::rng::{Purpose, Stream};
 use glam::{DVec2, DVec3, Vec3, dvec2, dvec3};
 use std::f64::consts::TAU;
 
+mod drilling;
+
 fn families() -> Vec<Profile> {
     let deg = f64::to_radians;
     [

@@ -1,0 +1,43 @@
+//! Drills and reamers.
+
+use super::families::between;
+use super::{Profile, ProfileSection};
+use crate::{Error, Result};
+use std::f64::consts::PI;
+
+impl Profile {
+    /// A drill: a cone with the point angle between its flanks, radians, and the margin above it up to the end of the
+    /// flutes.
+    ///
+    /// # Errors
+    /// If a length is not positive, the angle is not between 0 and a half turn, or the flutes end below the cone.
+    pub fn drill(radius_mm: f64, point_angle_rad: f64, flutes_mm: f64) -> Result<Self> {
+        between("radius of the drill", radius_mm, [0.0, f64::INFINITY])?;
+        if !(point_angle_rad > 0.0 && point_angle_rad < PI) {
+            let found = format!("{}°", point_angle_rad.to_degrees());
+            let remedy = "give the angle between the flanks of the cone, 118° for most drills";
+            return Err(Error::argument("point angle", found, "between 0 and 180°", remedy));
+        }
+        let cone = radius_mm / libm::tan(0.5 * point_angle_rad);
+        between("flute length of the drill", flutes_mm, [cone, f64::INFINITY])?;
+        let sections =
+            vec![ProfileSection::line(radius_mm, cone), ProfileSection::line(radius_mm, flutes_mm)];
+        Ok(Profile { is_drill: true, ..Profile::new(0.0, sections)? })
+    }
+
+    /// A reamer: the margin from a lead of `lead_mm` by 45° up to the end of the flutes; its lower face does not cut.
+    ///
+    /// # Errors
+    /// If a length is not positive, or the lead is not less than the radius and the flutes.
+    pub fn reamer(radius_mm: f64, lead_mm: f64, flutes_mm: f64) -> Result<Self> {
+        between("radius of the reamer", radius_mm, [0.0, f64::INFINITY])?;
+        between("lead of the reamer", lead_mm, [0.0, radius_mm])?;
+        between("flute length of the reamer", flutes_mm, [lead_mm, f64::INFINITY])?;
+        let sections = vec![
+            ProfileSection::line(radius_mm - lead_mm, 0.0).non_cutting(),
+            ProfileSection::line(radius_mm, lead_mm),
+            ProfileSection::line(radius_mm, flutes_mm),
+        ];
+        Ok(Profile { is_drill: true, ..Profile::new(0.0, sections)? })
+    }
+}
