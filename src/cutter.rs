@@ -21,9 +21,10 @@ mod profile;
 
 pub use assembly::{Assembly, Section, TipShape, ToolPart};
 pub use params::{CutterParams, CutterSet};
-pub(crate) use profile::Piece;
 pub use profile::Profile;
-pub(crate) use profile::require_steps;
+#[cfg(feature = "formats")]
+pub(crate) use profile::{Crest, ProfileSection};
+pub(crate) use profile::{Piece, require_steps};
 
 use crate::{Error, Result};
 use margins::joined;

@@ -21,7 +21,12 @@
 
 mod drills;
 mod families;
+mod mills;
+mod segments;
 mod text;
+
+#[cfg(feature = "formats")]
+pub(crate) use mills::Crest;
 
 use super::{MAX_LENGTH_MM, Step};
 use crate::{Error, Result};

@@ -68,7 +68,9 @@ impl Assembly {
 /// Steps of a flat end mill that holds the profile: its flutes, and what does not cut.
 fn steps_of(profile: &Profile) -> [Vec<Step>; 2] {
     // Below the end of the flutes, so that they are separate where steps are read again.
-    let flutes =
-        Step { height_mm: 0.5 * profile.flutes_mm(), radius_mm: profile.cutting_radius_mm() };
-    [vec![flutes], envelope(profile.steps(|piece| !piece.cuts))]
+    let top = profile.flutes_mm();
+    let flutes = Step { height_mm: 0.5 * top, radius_mm: profile.cutting_radius_mm() };
+    // What does not cut below them, the cap of a saw, is within the flat end.
+    let above = profile.steps(|piece| !piece.cuts && piece.ends[1][1] >= top);
+    [vec![flutes], envelope(above)]
 }

@@ -2,6 +2,22 @@ use super::*;
 use proptest::prelude::*;
 
 fn all() -> Vec<Profile> {
+    let more = [
+        Profile::rounded_dovetail(8.0, 0.5, 30f64.to_radians(), 6.0, 3.0),
+        Profile::barrel_at(6.0, 48.0, 10.0, [1.0, 0.5], 24.0),
+        Profile::oval(3.0, 90.0, 1.0),
+        Profile::tapered_barrel(0.0, 8.0, 500.0, 20f64.to_radians(), [4.0, 8.0]),
+        Profile::tapered_barrel(2.0, 8.0, 250.0, 10f64.to_radians(), [1.0, 0.0]),
+        Profile::lens(5.0, 10.0, 0.0, 20.0),
+        Profile::cylinder(25.0, 1.0, 12.0),
+        Profile::face_mill(25.0, 31.5, 45f64.to_radians(), [0.8, 1.0]),
+        Profile::corner_rounding(2.5, 1.0, 10.0, 7.5),
+        Profile::thread_mill(5.0, 3.5, 30f64.to_radians(), 0.1, 2.0, 3),
+        Profile::of_rings([5.0, 4.0], 30f64.to_radians(), Crest::Round(0.2), 1.5, 2),
+        Profile::saw(38.1, 3.0, [4.0, 2.0], 9.5),
+        Profile::spheroid(5.0, 20.0, 3.0),
+    ];
+    let more = more.map(Result::unwrap);
     [
         Profile::lollipop(3.0, 1.5),
         Profile::t_slot(10.5, 9.0, 0.0, 5.0),
@@ -12,7 +28,9 @@ fn all() -> Vec<Profile> {
         Profile::chamfer(0.5, 45f64.to_radians(), 5.0),
     ]
     .map(Result::unwrap)
-    .to_vec()
+    .into_iter()
+    .chain(more)
+    .collect()
 }
 
 #[test]
@@ -21,7 +39,7 @@ fn families_have_the_radii_that_they_are_named_by() {
     let close = |found: [f64; 3], expected: [f64; 3]| {
         found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9)
     };
-    let [ball, slot, round, dovetail, barrel, lens, chamfer] = &all()[..] else { panic!() };
+    let [ball, slot, round, dovetail, barrel, lens, chamfer] = &all()[..7] else { panic!() };
     assert!(close(at(ball, [3.0, 1.5, 9.0]), [3.0, 6.75f64.sqrt(), 1.5]));
     assert!(close(at(slot, [0.0, 9.0, 9.1]), [10.5, 10.5, 5.0]));
     assert!(close(at(round, [0.0, 0.5, 9.1]), [10.0, 10.5, 5.0]));
@@ -32,7 +50,10 @@ fn families_have_the_radii_that_they_are_named_by() {
     assert!(close(at(lens, [8.0, 16.0, 100.0]), [6.0; 3]));
     assert!(close(at(chamfer, [0.0, 2.0, 4.5]), [0.5, 2.5, 5.0]));
     let grows = all().iter().map(Profile::only_widens).collect::<Vec<_>>();
-    assert_eq!(grows, [false, false, false, false, false, true, true]);
+    assert_eq!(grows[..7], [false, false, false, false, false, true, true]);
+    let widening =
+        [false, false, true, true, true, true, true, true, true, false, false, false, false];
+    assert_eq!(grows[7..], widening);
 }
 
 #[test]
@@ -68,6 +89,20 @@ fn impossible_profiles_are_refused_with_the_place_and_a_remedy() {
     assert!(Profile::lollipop(3.0, 3.0).is_err() && Profile::t_slot(3.0, 1.0, 0.6, 1.0).is_err());
     assert!(Profile::dovetail(3.0, 1.0, 9.0, 1.0).is_err());
     assert!(Profile::barrel(3.0, 1.0, 0.1, 5.0).is_err());
+    assert!(Profile::barrel_at(6.0, 48.0, -80.0, [0.0; 2], 24.0).is_err());
+    assert!(Profile::oval(3.0, 2.0, 1.0).is_err() && Profile::oval(3.0, 90.0, 3.0).is_err());
+    assert!(Profile::tapered_barrel(0.0, 3.0, 9.0, 0.1, [4.0, 0.0]).is_err());
+    assert!(Profile::tapered_barrel(2.0, 8.0, 60.0, 0.17, [1.0, 0.0]).is_err());
+    assert!(Profile::thread_mill(5.0, 3.0, 0.5, 0.1, 0.2, 3).is_err());
+    assert!(Profile::thread_mill(5.0, 3.0, 0.5, 0.0, 1.0, 0).is_err());
+    assert!(Profile::corner_rounding(2.0, 0.0, 3.0, 6.0).is_err());
+    assert!(Profile::saw(9.0, 1.0, [9.5, 1.0], 3.0).is_err());
+    assert!(Profile::face_mill(25.0, 25.0, 0.7, [0.0; 2]).is_err());
+    for bad in [f64::NAN, f64::INFINITY, -1.0, 0.0] {
+        assert!(Profile::cylinder(bad, 0.0, 1.0).is_err() && Profile::oval(bad, 9.0, 1.0).is_err());
+        assert!(Profile::spheroid(5.0, bad, 1.0).is_err());
+        assert!(Profile::tapered_barrel(0.0, bad, 9.0, 0.1, [1.0, 1.0]).is_err());
+    }
 }
 
 #[test]
@@ -88,7 +123,7 @@ fn a_held_profile_ends_in_its_holder() {
 
 proptest! {
     #[test]
-    fn steps_hold_the_profile(k in 0usize..7, height in 0.0f64..40.0) {
+    fn steps_hold_the_profile(k in 0usize..20, height in 0.0f64..40.0) {
         let profile = &all()[k];
         let steps = crate::cutter::margins::envelope(profile.steps(|_| true));
         let widest = steps.iter().filter(|step| step.height_mm <= height);

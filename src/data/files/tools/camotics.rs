@@ -2,7 +2,7 @@
 //!
 //! A tool has a shape, a diameter, the length that cuts, and its unit; nothing of shank, holder and stick-out.
 
-use super::described::{Described, Form};
+use super::described::{Cone, Described, Family, Form};
 use super::place::{Place, shown, shown_value};
 use super::reading::Reading;
 use super::{Tool, Unsaid};
@@ -40,27 +40,43 @@ pub(super) fn read(tools: &[(Option<u32>, &Value)], path: &Path, unsaid: &Unsaid
         let label = format!("tool {tool_number} {}", shown(&name));
         let place = Place { path, name: &label };
         let shape = tool.get("shape").and_then(Value::as_str).unwrap_or_default();
-        let form = match shape.trim().to_lowercase().as_str() {
-            "cylindrical" => Form::Flat,
-            "ballnose" => Form::Ball,
-            _ => {
-                let shape = tool.get("shape").map_or("nothing".into(), shown_value);
-                let found = format!(
-                    "the shape {shape} cannot be represented, only cylindrical and ballnose"
-                );
-                reading.leave_out_kind(place.error(found, "it is left out"));
-                continue;
-            }
+        let Some(shape) = shape_of(shape) else {
+            let shape = tool.get("shape").map_or("nothing".into(), shown_value);
+            let found = format!(
+                "the shape {shape} cannot be represented, only cylindrical, ballnose, conical, snubnose and spheroid"
+            );
+            reading.leave_out_kind(place.error(found, "it is left out"));
+            continue;
         };
-        reading.add(one(tool, (&name, *number), form, &place, unsaid));
+        reading.add(one(tool, (&name, *number), shape, &place, unsaid));
     }
     reading
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Shape {
+    Cylindrical,
+    Ballnose,
+    Conical,
+    Snubnose,
+    Spheroid,
+}
+
+fn shape_of(name: &str) -> Option<Shape> {
+    Some(match name.trim().to_lowercase().as_str() {
+        "cylindrical" => Shape::Cylindrical,
+        "ballnose" => Shape::Ballnose,
+        "conical" => Shape::Conical,
+        "snubnose" => Shape::Snubnose,
+        "spheroid" => Shape::Spheroid,
+        _ => return None,
+    })
 }
 
 fn one(
     tool: &Value,
     (name, number): (&str, Option<u32>),
-    form: Form,
+    shape: Shape,
     place: &Place,
     unsaid: &Unsaid,
 ) -> Result<(Tool, Vec<String>)> {
@@ -78,5 +94,33 @@ fn one(
     let diameter = length("diameter")?
         .ok_or_else(|| place.error("its diameter is missing or 0", "add it to the table"))?;
     let flutes = length("length")?;
-    Described { flutes, number, ..Described::new(name, form, diameter) }.tool(unsaid, place)
+    let needed = || {
+        let found = "its length is missing or 0";
+        flutes.ok_or_else(|| place.error(found, "add it to the table"))
+    };
+    let is_ball = |length: f64| (length - diameter).abs() <= SAME * diameter;
+    // The length is that of the whole form.
+    let cone = |tip: f64| -> Result<(Form, f64)> {
+        let angle = libm::atan(0.5 * (diameter - tip).abs() / needed()?);
+        Ok(match tip {
+            tip if (tip - diameter).abs() <= SAME * diameter => (Form::Flat, diameter),
+            tip if tip > diameter => (Form::Family(Family::Dovetail { angle, corner: 0.0 }), tip),
+            tip => (Form::Family(Family::Cone { kind: Cone::VBit, tip, angle }), diameter),
+        })
+    };
+    let (form, width) = match shape {
+        Shape::Cylindrical => (Form::Flat, diameter),
+        Shape::Ballnose => (Form::Ball, diameter),
+        Shape::Conical => cone(0.0)?,
+        Shape::Snubnose => cone(length("snub_diameter")?.unwrap_or(0.0))?,
+        Shape::Spheroid if is_ball(needed()?) => (Form::Ball, diameter),
+        Shape::Spheroid => (Form::Family(Family::Spheroid), diameter),
+    };
+    // A cone that narrows upward is as wide as stated at its upper end.
+    let neck = (width > diameter).then_some(diameter);
+    Described { flutes, number, neck, neck_end: flutes, ..Described::new(name, form, width) }
+        .tool(unsaid, place)
 }
+
+/// Lengths that differ by less are the same, as a share.
+const SAME: f64 = 1e-6;

@@ -2,7 +2,7 @@
 
 mod family;
 
-pub(super) use family::Family;
+pub(super) use family::{Cone, Family};
 
 use super::holder::Holder;
 use super::place::Place;

@@ -2,10 +2,11 @@
 //! them.
 
 use super::Unsaid;
-use super::described::{Described, Family, Form};
+use super::described::{Cone, Described, Family, Form};
 use super::place::{Place, shown, shown_value};
 use super::reading::Reading;
 use crate::Result;
+use crate::cutter::Crest;
 use crate::geom::units::length::{Length, decimal, split};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -60,7 +61,7 @@ pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Reading {
     match shapes.iter().find_map(|shape| shape_of(shape)) {
         None => reading.leave_out_kind(place.error(
             format!(
-                "the shape {} cannot be represented, only end mills (ball, bull nose, flat, tapered), dovetail and chamfer mills and V-bits",
+                "the shape {} cannot be represented, only end mills (ball, bull nose, flat, tapered), {FAMILIES}",
                 shown(first)
             ),
             "it is left out",
@@ -68,10 +69,17 @@ pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Reading {
         Some(shape) => {
             let described = bit.described(name.clone(), shape);
             reading.add(described.and_then(|described| described.tool(unsaid, &place)));
+            if shape == Shape::ThreadMill && parameters.get("cuttingAngle").is_none() {
+                let found = "its cuttingAngle is missing: 60° counts, as in FreeCAD's shape";
+                reading.notices.push(place.sentence(found));
+            }
         }
     }
     reading
 }
+
+/// Shapes beside end mills.
+const FAMILIES: &str = "dovetail, chamfer, radius and thread mills, V-bits, slitting saws, T-slot cutters and lollipops";
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Shape {
@@ -80,8 +88,13 @@ enum Shape {
     Bull,
     TaperedBall,
     Dovetail,
-    /// And V-bit.
     Chamfer,
+    VBit,
+    Radius,
+    ThreadMill,
+    Saw,
+    Slot,
+    Lollipop,
 }
 
 /// `Shapes/Ball-End.FCStd`, `_fusion_ball_end_mill.fcstd` and `BallEnd` are the same: versions and add-ons differ.
@@ -101,10 +114,21 @@ fn shape_of(shape: &str) -> Option<Shape> {
             Some(Shape::TaperedBall)
         }
         "dovetail" => Some(Shape::Dovetail),
-        "chamfer" | "vbit" => Some(Shape::Chamfer),
+        "chamfer" => Some(Shape::Chamfer),
+        "vbit" => Some(Shape::VBit),
+        "radius" | "fillet" | "cornerrounding" | "rounding" => Some(Shape::Radius),
+        "thread" => Some(Shape::ThreadMill),
+        "slittingsaw" | "saw" => Some(Shape::Saw),
+        "tslot" | "tslotcutter" | "slot" | "keyseat" | "keyseatcutter" | "woodruff" => {
+            Some(Shape::Slot)
+        }
+        "lollipop" => Some(Shape::Lollipop),
         _ => None,
     }
 }
+
+/// Half of the angle of metric and unified threads, that of FreeCAD's shape.
+const ISO_THREAD_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
 struct Parameters<'a> {
     parameters: &'a Value,
@@ -125,28 +149,74 @@ impl Parameters<'_> {
                 Form::Tapered { corner: 0.5 * diameter, taper: 0.5 * whole }
             }
             Shape::Bull => Form::Bull { corner: self.corner(diameter)? },
-            Shape::Dovetail => {
-                // From the face below.
-                let angle = std::f64::consts::FRAC_PI_2 - self.edge_angle()?;
-                Form::Family(Family::Dovetail { angle })
-            }
-            Shape::Chamfer => {
-                // The whole angle of the cone.
-                let tip = self.length("TipDiameter")?.unwrap_or(0.0);
-                Form::Family(Family::Chamfer { tip, angle: 0.5 * self.edge_angle()? })
-            }
+            shape => Form::Family(self.family(shape, diameter)?),
         };
         let positive = |key: &str| self.length(key).map(|length| length.filter(|x| *x > 0.0));
-        let flutes = positive("CuttingEdgeHeight")?;
+        let edge = positive("CuttingEdgeHeight")?;
+        let flutes = match form {
+            // Its edge goes on above the cone.
+            Form::Family(Family::Cone { kind: Cone::VBit, tip, angle }) => {
+                edge.map(|edge| 0.5 * (diameter - tip) / libm::tan(angle) + edge)
+            }
+            Form::Family(Family::Cone { .. }) => None,
+            Form::Family(Family::Saw { .. }) => positive("BladeThickness")?,
+            Form::Family(Family::Slot { .. }) => edge.or(positive("BladeThickness")?),
+            _ => edge,
+        };
         let neck_height = positive("NeckHeight")?;
+        let neck_end = match positive("NeckLength")? {
+            Some(end) if shape == Shape::ThreadMill => Some(end),
+            _ => edge.zip(neck_height).map(|(edge, neck)| edge + neck),
+        };
         Ok(Described {
             flutes,
             neck: positive("NeckDiameter")?,
-            neck_end: flutes.zip(neck_height).map(|(flutes, neck)| flutes + neck),
+            neck_end,
             shank: positive("ShankDiameter")?,
             taper_end: positive("TaperDiameter")?,
             overall: positive("Length")?,
             ..Described::new(name, form, diameter)
+        })
+    }
+
+    /// The family of a shape that is no end mill.
+    fn family(&self, shape: Shape, diameter: f64) -> Result<Family> {
+        let or_none = |key: &str| self.length(key).map(|length| length.unwrap_or(0.0));
+        let needed = |key: &str| {
+            let length = self.length(key)?.filter(|length| *length > 0.0);
+            length.ok_or_else(|| self.missing(key))
+        };
+        Ok(match shape {
+            // From the face below.
+            Shape::Dovetail => Family::Dovetail {
+                angle: std::f64::consts::FRAC_PI_2 - self.edge_angle()?,
+                corner: or_none("CornerRadius")?,
+            },
+            // The whole angle of the cone.
+            Shape::Chamfer | Shape::VBit => Family::Cone {
+                kind: if shape == Shape::VBit { Cone::VBit } else { Cone::Chamfer },
+                tip: or_none("TipDiameter")?,
+                angle: 0.5 * self.edge_angle()?,
+            },
+            Shape::Radius => {
+                let arc = needed("CuttingRadius")?;
+                let tip = self.length("TipDiameter")?;
+                let tip = tip.unwrap_or(diameter - 2.0 * arc);
+                if tip < 0.0 {
+                    return Err(self.missing("TipDiameter"));
+                }
+                Family::Rounding { tip, tip_height: 0.0, arc }
+            }
+            Shape::ThreadMill => Family::Thread {
+                angle: self.angle("cuttingAngle")?.map_or(ISO_THREAD_RAD, |whole| 0.5 * whole),
+                crest: Crest::Flat(or_none("Crest")?),
+                root: needed("NeckDiameter")?,
+                pitch: 0.0,
+                n_rings: 1,
+            },
+            Shape::Saw => Family::Saw { cap: [or_none("CapDiameter")?, or_none("CapHeight")?] },
+            Shape::Slot => Family::Slot { corner: or_none("CornerRadius")? },
+            _ => Family::Lollipop,
         })
     }
 

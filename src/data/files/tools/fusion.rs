@@ -1,5 +1,8 @@
 //! Tool libraries exported from Fusion 360 as JSON.
 
+mod families;
+mod form_mill;
+
 use super::described::{Described, Family, Form};
 use super::place::{Place, shown, shown_value};
 use super::reading::Reading;
@@ -9,8 +12,8 @@ use serde_json::Value;
 use std::path::Path;
 
 /// The types of tools that are read.
-const KINDS: &str =
-    "end mills (ball, bull nose, flat, tapered), lollipop, slot, dovetail and chamfer mills";
+const KINDS: &str = "end mills (ball, bull nose, flat, tapered), lollipop, slot, dovetail, chamfer, radius, face, \
+     thread, form and circle segment mills, countersinks, counterbores and spot drills";
 
 /// Whether a JSON text is such a library, or one tool of it.
 pub(super) fn is_library(value: &Value) -> bool {
@@ -79,24 +82,20 @@ fn described(
     unsaid: &Unsaid,
 ) -> Result<Option<Described>> {
     let kind = kind.trim().to_ascii_lowercase();
-    const KNOWN: [&str; 8] = [
-        "ball end mill",
-        "flat end mill",
-        "bull nose end mill",
-        "tapered mill",
-        "lollipop mill",
-        "slot mill",
-        "dovetail mill",
-        "chamfer mill",
-    ];
-    if !KNOWN.contains(&&*kind) {
+    if !families::is_known(&kind) {
         return Ok(None);
     }
     let unit = holder::unit(tool, place, unsaid)?;
     let geometry = tool.get("geometry").unwrap_or(&Value::Null);
     let of = Geometry { geometry, unit, place };
-    let stated = of.positive("DC")?.ok_or_else(|| of.missing("DC", "diameter"))?;
-    let (form, diameter) = of.form(&kind, stated)?;
+    let described = match &*kind {
+        "form mill" => Described::of_profile(name, of.form_mill()?),
+        _ => {
+            let stated = of.positive("DC")?.ok_or_else(|| of.missing("DC", "diameter"))?;
+            let (form, diameter) = of.form(&kind, stated)?;
+            Described::new(name, form, diameter)
+        }
+    };
     let stick_out = match of.length("LB")? {
         Some(0.0) => return Err(of.missing("LB", "length below the holder")),
         stated => stated,
@@ -106,7 +105,13 @@ fn described(
         Some(object) => holder::of_object(object, place.path, unsaid)
             .map_err(|error| place.about_part(error))?,
     };
-    let flutes = of.positive("LCF")?;
+    let flutes = match described.form {
+        // The head is as high as both of its corners.
+        Form::Family(Family::Slot { corner }) => {
+            of.positive("LCF")?.map(|flutes| flutes.max(2.0 * corner))
+        }
+        _ => of.positive("LCF")?,
+    };
     let [neck_end, neck] = [of.positive("shoulder-length")?, of.positive("shoulder-diameter")?];
     let is_at_end = neck_end.zip(flutes).is_none_or(|(end, flutes)| (end - flutes).abs() < 1e-6);
     let number = tool.get("post-process").and_then(|post| post.get("number"));
@@ -121,7 +126,7 @@ fn described(
         stick_out,
         holder,
         number: number.filter(|n| *n > 0),
-        ..Described::new(name, form, diameter)
+        ..described
     }))
 }
 
@@ -133,19 +138,17 @@ struct Geometry<'a> {
 }
 
 impl Geometry<'_> {
-    fn length(&self, key: &str) -> Result<Option<f64>> {
-        self.place.length(self.geometry, key, self.unit)
+    /// The word that the file has for it.
+    fn key(&self, key: &'static str) -> &'static str {
+        key
     }
 
-    fn positive(&self, key: &str) -> Result<Option<f64>> {
+    fn length(&self, key: &'static str) -> Result<Option<f64>> {
+        self.place.length(self.geometry, self.key(key), self.unit)
+    }
+
+    fn positive(&self, key: &'static str) -> Result<Option<f64>> {
         Ok(self.length(key)?.filter(|x| *x > 0.0))
-    }
-
-    fn missing(&self, key: &str, what: &str) -> Error {
-        self.place.error(
-            format!("{key}, the {what}, is missing or 0"),
-            "add it where the tool was made, and export again",
-        )
     }
 
     /// The form, and the diameter that it is about.
@@ -160,62 +163,18 @@ impl Geometry<'_> {
                     let missing = || self.missing("RE", "corner radius");
                     Form::Bull { corner: corner.ok_or_else(missing)? }
                 }
-                "lollipop mill" => Form::Family(Family::Lollipop),
-                "slot mill" => Form::Family(Family::Slot { corner: corner.unwrap_or(0.0) }),
-                "dovetail mill" => Form::Family(self.dovetail(corner, diameter)?),
-                "chamfer mill" => {
-                    let tip = self.length("tip-diameter")?.unwrap_or(0.0);
-                    Form::Family(Family::Chamfer { tip, angle: self.taper()? })
+                "tapered mill" => return self.tapered(corner, diameter),
+                kind => {
+                    let (form, diameter) = self.family(kind, corner.unwrap_or(0.0), diameter)?;
+                    return Ok((form, diameter));
                 }
-                _ => return self.tapered(corner, diameter),
             },
             diameter,
         ))
     }
 
-    /// Angle between flank and axis, radians.
-    fn taper(&self) -> Result<f64> {
-        let degrees = self.place.number(self.geometry, "TA")?.filter(|x| *x > 0.0);
-        degrees.map(f64::to_radians).ok_or_else(|| self.missing("TA", "taper angle per side"))
-    }
-
-    /// Files measure the angle from the axis or from the face below: the flank must end at the shoulder.
-    fn dovetail(&self, corner: Option<f64>, diameter: f64) -> Result<Family> {
-        if let Some(corner) = corner.filter(|corner| *corner > 0.0) {
-            let found = format!("a dovetail mill with a corner radius RE of {corner} mm");
-            return Err(self.place.error(found, "only sharp ones are read: give RE 0"));
-        }
-        let flutes = self.positive("LCF")?.ok_or_else(|| self.missing("LCF", "flute length"))?;
-        let neck = self.positive("shoulder-diameter")?;
-        let neck = neck.ok_or_else(|| self.missing("shoulder-diameter", "diameter of the neck"))?;
-        let stated = self.taper()?;
-        let top = |angle: f64| diameter - 2.0 * flutes * libm::tan(angle);
-        let other = std::f64::consts::FRAC_PI_2 - stated;
-        let is_possible = |angle: f64| top(angle) >= neck * (1.0 - SAME);
-        match [stated, other].map(is_possible) {
-            [true, false] => Ok(Family::Dovetail { angle: stated }),
-            [false, true] => Ok(Family::Dovetail { angle: other }),
-            [true, true] if (top(stated) - neck).abs() <= SAME * diameter => {
-                Ok(Family::Dovetail { angle: stated })
-            }
-            [true, true] if (top(other) - neck).abs() <= SAME * diameter => {
-                Ok(Family::Dovetail { angle: other })
-            }
-            both => {
-                let degrees = stated.to_degrees();
-                let found = match both[0] {
-                    true => format!("TA {degrees}° may be from the axis or from the face below"),
-                    false => {
-                        format!("with TA {degrees}° the flank ends below its neck of {neck} mm")
-                    }
-                };
-                Err(self.place.error(found, "correct DC, LCF, TA or shoulder-diameter"))
-            }
-        }
-    }
-
     fn tapered(&self, corner: Option<f64>, diameter: f64) -> Result<(Form, f64)> {
-        let taper = self.taper()?;
+        let taper = self.per_side()?;
         let corner = corner.ok_or_else(|| {
             let found = "RE, the corner radius, is missing";
             self.place.error(found, "add it: 0 for a flat tip")

@@ -1,6 +1,7 @@
 //! LinuxCNC tool tables: number, diameter and a remark for each tool.
 //!
-//! Such a table does not say what a tool looks like. Its remark may: `ball`, `flat` or `bull` with `r` and the corner's radius.
+//! Such a table does not say what a tool looks like. Its remark may: `ball`, `flat` or `bull` with `r` and the corner's
+//! radius; `V-bit` with its angle (`60°`, `60 deg`), and other cones alike.
 
 use super::described::{Described, Form};
 use super::place::{Place, shown};
@@ -56,7 +57,11 @@ fn add(
         Ok(found) => found,
         Err(why) => return reading.leave_out_kind(place.error(why, "it is left out")),
     };
-    let plain = (remark(text, unit) == Remark::EndMill).then(|| place.sentence(PLAIN));
+    let plain = match form {
+        _ if remark(text, unit) == Remark::EndMill => Some(place.sentence(PLAIN)),
+        Form::Family(_) => Some(place.sentence(POINTED)),
+        _ => None,
+    };
     let tool = || -> Result<(Tool, Vec<String>)> {
         let diameter = converted(place.not_negative("D", diameter)?, unit);
         let number = u32::try_from(row.number).ok();
@@ -69,6 +74,7 @@ fn add(
 }
 
 const NO_DIAMETER: &str = "without a diameter D";
+const POINTED: &str = "the remark does not say how wide its tip is: it counts as a point";
 const PLAIN: &str = "the remark says an end mill and no more: it counts as a flat end";
 
 /// The form that a remark names, or why there is none.
@@ -78,7 +84,8 @@ fn form_of(remark: Remark, text: &str) -> std::result::Result<Form, String> {
         Remark::Form(form) => Ok(form),
         Remark::EndMill => Ok(Form::Flat),
         Remark::Other(other) => Err(format!(
-            "the remark {text} names a {other}, only ball, bull-nose and flat end mills can be read from a tool table"
+            "the remark {text} names a {other}, only ball, bull-nose and flat end mills, and cones with their angle, \
+             can be read from a tool table"
         )),
         Remark::Bull => Err(format!("the remark {text} names a bull nose without its corner (r1)")),
         Remark::Nothing => Err(format!(

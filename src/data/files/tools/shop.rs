@@ -8,7 +8,7 @@
 //! A length has the unit written with it, else that of its heading (`diameter_in`, `D [mm]`), of the row's column
 //! `unit`, what [`Unsaid`] gives, or mm. The form is that of the column `type`, or follows from the corner, or from the name.
 
-use super::described::{Described, Form};
+use super::described::{Cone, Described, Family, Form};
 use super::place::{Place, shown};
 use super::reading::Reading;
 use super::table::TableText;
@@ -264,7 +264,11 @@ impl Row<'_> {
             (Remark::Other("tapered mill"), _) if self.columns.column(Meaning::Taper).is_some() => {
                 by_corner(corner.unwrap_or(0.5 * diameter))
             }
-            (Remark::Other(kind), _) => return Ok(Found::Other(kind)),
+            (Remark::Other(kind), _) => match self.cone(kind)? {
+                Some(form) => form,
+                None => return Ok(Found::Other(kind)),
+            },
+            (Remark::Form(form @ Form::Family(_)), _) => form,
             (Remark::Nothing, _) if !kind.is_empty() => {
                 let found = format!("the type is {}", shown(kind));
                 return Err(self.error(found, "expected ball, flat or bull: correct it"));
@@ -338,17 +342,39 @@ impl Row<'_> {
         .tool(self.unsaid, self.place)
     }
 
-    /// With the angle between flank and axis of the column taper, degrees.
-    fn tapered(&self, form: Form) -> Result<Form> {
+    /// A cone whose angle is in the column taper.
+    fn cone(&self, kind: &str) -> Result<Option<Form>> {
+        let kind = match kind {
+            "V-bit" => Cone::VBit,
+            "spot drill" => Cone::SpotDrill,
+            "countersink" => Cone::Countersink,
+            "engraver" => Cone::Engraver,
+            "chamfer mill" => Cone::Chamfer,
+            _ => return Ok(None),
+        };
+        let family = |degrees: f64| Family::Cone { kind, tip: 0.0, angle: degrees.to_radians() };
+        Ok(self.taper()?.map(|degrees| Form::Family(family(degrees))))
+    }
+
+    /// The angle between flank and axis of the column taper, degrees.
+    fn taper(&self) -> Result<Option<f64>> {
         let field = self.field(Meaning::Taper).trim_end_matches(['°', ' ']);
         if field.is_empty() || field == "0" {
-            return Ok(form);
+            return Ok(None);
         }
         let degrees: Option<f64> = field.replace(',', ".").parse().ok();
         let degrees = degrees.filter(|degrees| *degrees > 0.0 && *degrees < 90.0);
-        let degrees = degrees.ok_or_else(|| {
-            self.error(format!("the taper is {}", shown(field)), "give it in degrees, per side")
-        })?;
+        let bad =
+            || self.error(format!("the taper is {}", shown(field)), "give it in degrees, per side");
+        degrees.map(Some).ok_or_else(bad)
+    }
+
+    /// With the angle of the column taper.
+    fn tapered(&self, form: Form) -> Result<Form> {
+        if let Form::Family(_) = form {
+            return Ok(form);
+        }
+        let Some(degrees) = self.taper()? else { return Ok(form) };
         let corner = match form {
             Form::Ball => 0.5 * self.diameter()?,
             Form::Bull { corner } | Form::Tapered { corner, .. } => corner,

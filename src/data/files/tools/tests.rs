@@ -1,5 +1,6 @@
 //! Claims about libraries, each on a small one.
 
+mod families;
 mod profiles;
 mod tables;
 
@@ -453,7 +454,7 @@ fn shapes_have_the_names_of_all_versions_of_freecad() {
             .unwrap()
             .starts_with("ball end")
     );
-    for other in ["drill.fcstd", "reamer", "slittingsaw", "threadmill", "_fusion_face_mill"] {
+    for other in ["drill.fcstd", "reamer", "tap", "probe", "_fusion_face_mill"] {
         assert!(
             message(tools(
                 &format!(r#"{{"shape": "{other}", "parameter": {{}}}}"#),

@@ -2,7 +2,7 @@
 //!
 //! `4mm_2F_Compression_Carbide_Endmill` has the words 4mm, 2f, compression, carbide, endmill; `Drillpro` is no drill.
 
-use super::described::Form;
+use super::described::{Cone, Family, Form};
 use crate::geom::units::Length;
 
 /// What a remark says of the form.
@@ -27,11 +27,11 @@ const MILL: [&str; 3] = ["endmill", "slotdrill", "schaftfräser"];
 const OTHERS: [(&str, &str); 36] = [
     ("probe", "probe"),
     ("toucher", "probe"),
+    ("spotdrill", "spot drill"),
+    ("spot", "spot drill"),
     ("drill", "drill"),
     ("drillbit", "drill"),
     ("bohrer", "drill"),
-    ("spotdrill", "spot drill"),
-    ("spot", "spot drill"),
     ("tap", "tap"),
     ("vbit", "V-bit"),
     ("vcarve", "V-bit"),
@@ -70,6 +70,9 @@ pub(super) fn remark(text: &str, bare_mm: f64) -> Remark {
     // A slot drill is an end mill.
     let is_slot_drill = is_among("slotdrill", &words);
     let other = OTHERS.iter().find(|(word, _)| is_among(word, &words));
+    if let Some(form) = other.and_then(|(_, kind)| cone(kind, text)) {
+        return Remark::Form(form);
+    }
     if let Some((_, other)) = other.filter(|(_, kind)| !(is_slot_drill && *kind == "drill")) {
         return Remark::Other(other);
     }
@@ -83,6 +86,36 @@ pub(super) fn remark(text: &str, bare_mm: f64) -> Remark {
         [false, false, false] if has(&MILL) => Remark::EndMill,
         _ => Remark::Nothing,
     }
+}
+
+/// A pointed cone, if the remark has its angle: `V-bit 90°`, `spot drill 120 deg`. Of a chamfer mill 45° are those of one
+/// side and 90° those of both; others may be either.
+fn cone(kind: &str, text: &str) -> Option<Form> {
+    let kind = match kind {
+        "V-bit" => Cone::VBit,
+        "spot drill" => Cone::SpotDrill,
+        "countersink" => Cone::Countersink,
+        "engraver" => Cone::Engraver,
+        "chamfer mill" => Cone::Chamfer,
+        _ => return None,
+    };
+    let degrees = degrees(text)?;
+    let per_side = match kind {
+        Cone::Chamfer if degrees == 45.0 || degrees == 90.0 => 45.0,
+        Cone::Chamfer => return None,
+        _ => 0.5 * degrees,
+    };
+    Some(Form::Family(Family::Cone { kind, tip: 0.0, angle: per_side.to_radians() }))
+}
+
+/// `90°`, `90 deg`, `90-degree`: a number before the word.
+fn degrees(text: &str) -> Option<f64> {
+    let lower = text.to_lowercase();
+    let at = lower.find('°').or_else(|| lower.find("deg"))?;
+    let before = lower[..at].trim_end_matches([' ', '-', '_']);
+    let is_digit = |c: char| c.is_ascii_digit() || c == '.';
+    let number = before.rsplit(|c| !is_digit(c)).next()?;
+    number.parse().ok().filter(|degrees| *degrees > 0.0 && *degrees < 180.0)
 }
 
 /// Words in small letters; `BallEndmill` has two.
@@ -125,6 +158,10 @@ mod tests {
     #[test]
     fn whole_words_name_the_form() {
         let bull = |corner| Remark::Form(Form::Bull { corner });
+        let cone = |kind, degrees: f64| {
+            let angle = degrees.to_radians();
+            Remark::Form(Form::Family(Family::Cone { kind, tip: 0.0, angle }))
+        };
         for (text, expected) in [
             ("6mm ball end", Remark::Form(Form::Ball)),
             ("6mmBallnose", Remark::Form(Form::Ball)),
@@ -147,6 +184,14 @@ mod tests {
             ("face mill 50", Remark::Other("face mill")),
             ("t-slot", Remark::Other("T-slot mill")),
             ("tapered ball", Remark::Other("tapered mill")),
+            ("V-bit 60°", cone(Cone::VBit, 30.0)),
+            ("90 deg engraver, 0.1", cone(Cone::Engraver, 45.0)),
+            ("spot drill 120-degree", cone(Cone::SpotDrill, 60.0)),
+            ("chamfer 45°", cone(Cone::Chamfer, 45.0)),
+            ("chamfer mill 90°", cone(Cone::Chamfer, 45.0)),
+            ("chamfer mill 60°", Remark::Other("chamfer mill")),
+            ("V-bit deg", Remark::Other("V-bit")),
+            ("V-bit 190°", Remark::Other("V-bit")),
             ("ball or flat", Remark::Nothing),
             (" - ", Remark::Nothing),
         ] {

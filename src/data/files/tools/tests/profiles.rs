@@ -4,9 +4,15 @@ use super::*;
 
 const HOLDER: &str = "height,lower,upper\n40,30,30\n";
 
-fn library() -> Unsaid {
+pub(super) fn library() -> Unsaid {
     let holder = holder_from_bytes(HOLDER.as_bytes(), "holder.csv".as_ref(), &Unsaid::default());
     Unsaid { holder: Some(holder.unwrap()), stick_out_mm: Some(40.0), ..Unsaid::default() }
+}
+
+/// Radii of a tool's profile, to a millionth.
+pub(super) fn radii(tool: &Tool, heights: [f64; 3]) -> [f64; 3] {
+    let profile = tool.assembly.profile().expect("a profile");
+    heights.map(|height| (profile.radius_at(height) * 1e6).round() / 1e6)
 }
 
 #[test]
@@ -23,10 +29,6 @@ fn tools_wider_below_than_above_are_read_from_tables_of_fusion_and_freecad() {
         {"type": "drill", "description": "drill", "unit": "millimeters", "geometry": {"DC": 5, "LB": 40}}
     ]}"#;
     let table = from_bytes(fusion.as_bytes(), "shop.json".as_ref(), &library()).unwrap();
-    let radii = |tool: &Tool, heights: [f64; 3]| {
-        let profile = tool.assembly.profile().expect("a profile");
-        heights.map(|height| (profile.radius_at(height) * 1e6).round() / 1e6)
-    };
     let [ball, slot, dovetail, chamfer] = &table.tools[..] else { panic!("{table:?}") };
     assert_eq!(radii(ball, [3.0, 10.0, 30.0]), [3.0, 1.5, 3.0]);
     assert_eq!(radii(slot, [1.5, 10.0, 30.0]), [6.0, 2.5, 4.0]);

@@ -6,7 +6,7 @@ use super::*;
 fn camotics_tables_have_shapes_units_and_numbers() {
     let text = r#"{"12": {"units": "imperial", "shape": "Ballnose", "length": 0.75, "diameter": 0.25, "description": "1/4\" ball"},
         "3": {"units": "metric", "shape": "cylindrical", "length": 20, "diameter": 6, "description": ""},
-        "5": {"units": "metric", "shape": "snubnose", "length": 20, "diameter": 6, "snub_diameter": 1}}"#;
+        "5": {"units": "metric", "shape": "tapered", "length": 20, "diameter": 6, "snub_diameter": 1}}"#;
     let given = Unsaid { shank_mm: Some(6.35), ..unsaid() };
     for text in
         [text.to_string(), format!(r#"{{"units": "metric", "tools": {text}, "files": ["a.nc"]}}"#)]
@@ -15,7 +15,7 @@ fn camotics_tables_have_shapes_units_and_numbers() {
         let found: Vec<_> =
             table.tools.iter().map(|t| (&*t.name, t.number, t.params.cr_mm)).collect();
         assert_eq!(found, [("T3", Some(3), 3.0), ("1/4\" ball", Some(12), 3.175)]);
-        assert!(table.refused[0].contains("the shape \"snubnose\" cannot"), "{:?}", table.refused);
+        assert!(table.refused[0].contains("the shape \"tapered\" cannot"), "{:?}", table.refused);
     }
     let list =
         r#"[{"number": 7, "units": "metric", "shape": "ballnose", "length": 20, "diameter": 6}]"#;
