@@ -3,6 +3,7 @@
 //! | file | recognised by |
 //! |---|---|
 //! | Fusion 360 export | JSON with `data` or `geometry`; `.tools`, a ZIP with such a `tools.json` |
+//! | HSMWorks, Inventor CAM or Fusion 360 (`.hsmlib`) | XML with `tool-library` or `tool-table` |
 //! | FreeCAD tool bit, one tool | JSON with `parameter`; a folder stands for its `.fctb` files |
 //! | FreeCAD library (`.fctl`) | JSON whose `tools` have a `path`; the bits are beside it or in `Bit` |
 //! | CAMotics tool table | JSON whose tools have a `shape` |
@@ -10,13 +11,14 @@
 //! | table of lengths, or in the words of a shop | anything else: CSV |
 //!
 //! What a file does not say comes from [`Unsaid`], never assumed. A tool that is not complete, contradicts itself or
-//! is no ball, bull-nose, flat or tapered end mill is left out by name with the reason, and the rest is read.
+//! is of a kind that `docs/tool-families.md` does not list is left out by name with the reason, and the rest is read.
 
 mod camotics;
 mod described;
 mod freecad;
 mod fusion;
 mod holder;
+mod hsmlib;
 mod linuxcnc;
 mod names;
 mod place;

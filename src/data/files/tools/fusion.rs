@@ -20,7 +20,21 @@ pub(super) fn is_library(value: &Value) -> bool {
     value.get("data").is_some() || value.get("geometry").is_some()
 }
 
-pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Reading> {
+/// Whose words the lengths have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Spelling {
+    /// Exported as JSON.
+    Json,
+    /// Those of a `.hsmlib` file.
+    Xml,
+}
+
+pub(super) fn read(
+    value: &Value,
+    spelling: Spelling,
+    path: &Path,
+    unsaid: &Unsaid,
+) -> Result<Reading> {
     let tools = match value.get("data") {
         None => std::slice::from_ref(value),
         Some(data) => data.as_array().ok_or_else(|| {
@@ -42,7 +56,7 @@ pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Readin
         if kind == "holder" {
             continue;
         }
-        match described(name.clone(), kind, tool, &place, unsaid) {
+        match described((name.clone(), kind, tool), spelling, &place, unsaid) {
             Ok(None) => reading.leave_out_kind(place.error(
                 format!("a {} cannot be represented, only {KINDS}", kind.trim()),
                 "it is left out",
@@ -75,9 +89,8 @@ fn name(tool: &Value, k: usize) -> String {
 
 /// `None` for a kind of tool that cannot be represented.
 fn described(
-    name: String,
-    kind: &str,
-    tool: &Value,
+    (name, kind, tool): (String, &str, &Value),
+    spelling: Spelling,
     place: &Place,
     unsaid: &Unsaid,
 ) -> Result<Option<Described>> {
@@ -87,7 +100,7 @@ fn described(
     }
     let unit = holder::unit(tool, place, unsaid)?;
     let geometry = tool.get("geometry").unwrap_or(&Value::Null);
-    let of = Geometry { geometry, unit, place };
+    let of = Geometry { geometry, unit, spelling, place };
     let described = match &*kind {
         "form mill" => Described::of_profile(name, of.form_mill()?),
         _ => {
@@ -134,13 +147,14 @@ fn described(
 struct Geometry<'a> {
     geometry: &'a Value,
     unit: f64,
+    spelling: Spelling,
     place: &'a Place<'a>,
 }
 
 impl Geometry<'_> {
     /// The word that the file has for it.
     fn key(&self, key: &'static str) -> &'static str {
-        key
+        self.spelling.key(key)
     }
 
     fn length(&self, key: &'static str) -> Result<Option<f64>> {

@@ -19,7 +19,7 @@ pub struct Holder {
     pub sections: Vec<Section>,
 }
 
-/// Reads a holder: a Fusion 360 library with one holder (of its own or of its tools), a FreeCAD holder (`.fcholder`), or
+/// Reads a holder: a Fusion 360 library (JSON or XML) with one holder (of its own or of its tools), a FreeCAD holder (`.fcholder`), or
 /// a table with the columns `height`, `lower` and `upper` (diameters), mm.
 ///
 /// # Errors
@@ -45,6 +45,7 @@ pub fn holder_from_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<H
                 None => of_library(&value, path, unsaid),
             }
         }
+        Some('<') => of_library(&super::hsmlib::library(&found, path)?, path, unsaid),
         _ => of_table(&found, path),
     }
 }

@@ -3,7 +3,8 @@
 use super::place::shown;
 use super::unpack::{Content, content};
 use super::{
-    Tool, ToolTable, Unsaid, camotics, freecad, fusion, linuxcnc, number_repeated, place, table,
+    Tool, ToolTable, Unsaid, camotics, freecad, fusion, hsmlib, linuxcnc, number_repeated, place,
+    table,
 };
 use crate::{Error, Result, input_file};
 use serde_json::Value;
@@ -192,6 +193,14 @@ fn of_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<Read> {
     };
     Ok(Read::Tools(match text.trim_start().chars().next() {
         Some('{' | '[') => return of_json(&place::json(&text, path)?, path, unsaid),
+        _ if hsmlib::is_xml(&text) => {
+            let library = hsmlib::library(&text, path)?;
+            fusion::read(&library, fusion::Spelling::Xml, path, unsaid)?
+        }
+        _ if has_extension(path, "hsmlib") => {
+            let remedy = "export the tools again";
+            return Err(Error::file(path, "line 1", "the file is not XML", remedy));
+        }
         _ if ["fctb", "json", "fctl"].iter().any(|e| has_extension(path, e)) => {
             let remedy = "export the tools again";
             return Err(Error::file(path, "line 1", "the file is not JSON", remedy));
@@ -214,7 +223,7 @@ fn of_json(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Read> {
         return Ok(Read::Tools(freecad::read(value, path, unsaid)));
     }
     if fusion::is_library(value) {
-        return fusion::read(value, path, unsaid).map(Read::Tools);
+        return fusion::read(value, fusion::Spelling::Json, path, unsaid).map(Read::Tools);
     }
     let found = "neither `data` (Fusion 360) nor `parameter` (FreeCAD) nor tools with a `shape` (CAMotics) are there";
     let remedy = "name a tool library exported as JSON, or a tool bit";

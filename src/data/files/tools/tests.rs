@@ -1,6 +1,7 @@
 //! Claims about libraries, each on a small one.
 
 mod families;
+mod hsmlib;
 mod profiles;
 mod tables;
 

@@ -17,15 +17,37 @@ pub(super) enum Content<'a> {
 /// Text, or the library that an archive holds.
 ///
 /// # Errors
-/// If it is a web page, another archive, or no text in UTF-8.
+/// If it is a web page, another archive, or no text in UTF-8 or UTF-16.
 pub(super) fn content<'a>(bytes: &'a [u8], path: &Path) -> Result<Content<'a>> {
     if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06") {
         return unpacked(bytes, path).map(Content::Library);
     }
-    if let Some(kind) = input_file::foreign(bytes) {
+    let text = utf16(bytes);
+    if let Some(kind) = input_file::foreign(text.as_deref().map_or(bytes, str::as_bytes)) {
         return Err(kind.error(path, "a file of tools"));
     }
-    place::text(bytes, path).map(Content::Text)
+    let text = match text {
+        Some(text) => place::text(text.as_bytes(), path)?.into_owned().into(),
+        None => place::text(bytes, path)?,
+    };
+    Ok(Content::Text(text))
+}
+
+/// A text in UTF-16 with its mark, as `.hsmlib` files are; what is no character is shown as that.
+fn utf16(bytes: &[u8]) -> Option<String> {
+    let is_big = match bytes {
+        [0xff, 0xfe, ..] => false,
+        [0xfe, 0xff, ..] => true,
+        _ => return None,
+    };
+    let unit = |pair: &[u8]| match is_big {
+        true => u16::from_be_bytes([pair[0], pair[1]]),
+        false => u16::from_le_bytes([pair[0], pair[1]]),
+    };
+    let units = bytes.chunks_exact(2).map(unit);
+    let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
+    // Some programs write a second mark behind the first line.
+    Some(text.filter(|c| *c != '\u{feff}').collect())
 }
 
 /// `tools.json`, or the only JSON file beside what systems add.
