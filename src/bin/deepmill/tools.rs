@@ -1,4 +1,6 @@
-//! `deepmill tools`: what every tool of a library reaches on a part, in one pass.
+//! `deepmill tools`: what every tool of a library reaches on a part, in one pass; and the library itself.
+
+mod library;
 
 use crate::args::{DirectionArgs, GateArgs, SiteArgs, UnsaidArgs, name_of, share, with_names};
 use crate::clock::Clock;
@@ -23,14 +25,16 @@ use std::path::PathBuf;
 /// mm).
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill tools part.stl --library shop.json --out tools\n\
-Tool bits: deepmill tools part.stl --library Bit --stick-out 35 --holder er20.csv --out tools")]
+Tool bits: deepmill tools part.stl --library Bit --stick-out 35 --holder er20.csv --out tools\n\
+The library alone: deepmill tools --library shop.tools --export csv --out tools")]
 pub struct Args {
-    /// Mesh (STL, OBJ, PLY, 3MF).
-    part: PathBuf,
+    /// Mesh (STL, OBJ, PLY, 3MF). With --export it may be left out.
+    #[arg(required_unless_present = "export")]
+    part: Option<PathBuf>,
     #[command(flatten)]
     read: MeshArgs,
-    /// Files of tools: Fusion 360 libraries (JSON), FreeCAD tool bits (.fctb) or folders of them, LinuxCNC tables
-    /// (.tbl), CSV tables.
+    /// Files of tools: Fusion 360 and HSMWorks libraries (.json, .tools, .hsmlib), FreeCAD tool bits (.fctb), folders
+    /// and libraries (.fctl) of them, LinuxCNC tables (.tbl), CAMotics tables (JSON), CSV tables.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     library: Vec<PathBuf>,
     #[command(flatten)]
@@ -50,6 +54,8 @@ pub struct Args {
     surface: SurfaceArgs,
     #[command(flatten)]
     gate: GateArgs,
+    #[command(flatten)]
+    alone: library::LibraryArgs,
     /// Folder of the results.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -65,16 +71,21 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let limits = args.gate.limits(&["occlusion"])?;
     let share = share(&args.share)?;
     let tools = with_names(args.unsaid.read(&args.library, output)?)?;
+    let written = args.alone.write(&tools, &args.out)?;
+    let Some(part) = &args.part else {
+        library::say(&tools, &written, output);
+        return Ok(());
+    };
     let tools = args.surface.tolerances.with_allowance(tools)?;
     let options = args.surface.options(1.0)?;
     let directions = args.directions.directions()?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
-    let mesh = args.read.read_bodies(&args.part, args.force, output)?;
+    let mesh = args.read.read_bodies(part, args.force, output)?;
     warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
     let premise = premise(&directions, &args.surface);
-    let analysis = Analysis::new(name_of(&args.part), mesh, tools);
+    let analysis = Analysis::new(name_of(part), mesh, tools);
     let analysis = analysis.options(options).directions(directions);
     let analysis = args.surface.add_to(analysis, &args.read, output)?;
     let placed = args.region.place(analysis, &args.sites, &args.read, output)?;
@@ -84,7 +95,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     outcome.warnings().iter().for_each(|warning| output.warn(warning));
     clock.stages(STAGES, outcome.seconds());
     let files = output.forms(!args.no_picture, false, &[])?;
-    let paths = outcome.write(&args.out, &files, &mut bars)?;
+    let mut paths = outcome.write(&args.out, &files, &mut bars)?;
+    paths.extend(written);
     clock.lap("write_s", "writing and drawing");
     let (surface, sites) = outcome.placed().shown();
     let named = outcome.named();

@@ -52,7 +52,9 @@ impl Assembly {
                 remedy,
             ));
         }
-        Ok(Assembly { profile: Some(profile), ..self })
+        // Tables round the radius of the tip.
+        let side_mm = profile.cutting_radius_mm();
+        Ok(Assembly { corner_mm: 0.0, side_mm, profile: Some(profile), ..self })
     }
 
     /// The cutter with the profile in the holder, or alone.

@@ -3,6 +3,7 @@
 //! | file | recognised by |
 //! |---|---|
 //! | Fusion 360 export | JSON with `data` or `geometry`; `.tools`, a ZIP with such a `tools.json` |
+//! | what [`to_csv`] and [`to_json`] write | the columns, or `format` |
 //! | HSMWorks, Inventor CAM or Fusion 360 (`.hsmlib`) | XML with `tool-library` or `tool-table` |
 //! | FreeCAD tool bit, one tool | JSON with `parameter`; a folder stands for its `.fctb` files |
 //! | FreeCAD library (`.fctl`) | JSON whose `tools` have a `path`; the bits are beside it or in `Bit` |
@@ -15,6 +16,7 @@
 
 mod camotics;
 mod described;
+mod export;
 mod freecad;
 mod fusion;
 mod holder;
@@ -30,10 +32,13 @@ mod words;
 
 use super::ball_end_words;
 use crate::cutter::{Assembly, Cutter, CutterParams, Step};
+use crate::geom::units::Unit;
 use crate::geom::units::length::tidy;
 use crate::{Error, Result};
 use names::{folder_name, in_one_line};
 
+#[doc(hidden)] // of the program
+pub use export::{to_csv, to_json};
 #[doc(hidden)] // checked by fuzz targets
 pub use holder::holder_from_bytes;
 pub use holder::{Holder, read_holder};
@@ -52,6 +57,7 @@ pub struct Tool {
     /// Number in the machine's table.
     pub number: Option<u32>,
     folder: String,
+    unit: Unit,
     /// CR, CH, FR, FH; of a tool with more steps a summary: radius of the tip, height from `2·CR` above it to the
     /// holder, greatest radius and height of the holder.
     pub params: CutterParams,
@@ -96,6 +102,7 @@ impl Tool {
             folder: name.clone(),
             name,
             number: None,
+            unit: Unit::Millimeter,
             params,
             corner_mm,
             clearance_mm,
@@ -136,6 +143,7 @@ impl Tool {
             name: String::new(),
             number: None,
             folder: String::new(),
+            unit: Unit::Millimeter,
             params,
             corner_mm,
             clearance_mm,
@@ -175,6 +183,15 @@ impl Tool {
     pub fn of_overall_length(self, overall_mm: f64) -> Result<Self> {
         let assembly = self.assembly.with_overall(overall_mm)?;
         Ok(Tool { assembly, ..self })
+    }
+
+    /// The unit in which its maker states its lengths: that of drawings.
+    pub fn unit(&self) -> Unit {
+        self.unit
+    }
+
+    pub(crate) fn of_unit(self, unit: Unit) -> Self {
+        Tool { unit, ..self }
     }
 
     /// The same tool by another name.

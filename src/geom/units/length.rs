@@ -53,6 +53,12 @@ impl Length {
         self.mm_of(bare.millimeters())
     }
 
+    /// Millimeters of its unit.
+    #[cfg(feature = "formats")]
+    pub(crate) fn unit_or(self, bare_mm: f64) -> f64 {
+        self.unit_mm.unwrap_or(bare_mm)
+    }
+
     pub(crate) fn mm_of(self, bare_mm: f64) -> f64 {
         converted(self.value, self.unit_mm.unwrap_or(bare_mm))
     }

@@ -118,8 +118,15 @@ fn one(
     };
     // A cone that narrows upward is as wide as stated at its upper end.
     let neck = (width > diameter).then_some(diameter);
-    Described { flutes, number, neck, neck_end: flutes, ..Described::new(name, form, width) }
-        .tool(unsaid, place)
+    Described {
+        flutes,
+        number,
+        unit_mm: unit,
+        neck,
+        neck_end: flutes,
+        ..Described::new(name, form, width)
+    }
+    .tool(unsaid, place)
 }
 
 /// Lengths that differ by less are the same, as a share.

@@ -8,6 +8,7 @@ use super::holder::Holder;
 use super::place::Place;
 use super::{Tool, Unsaid};
 use crate::cutter::{Assembly, Profile, Section, TipShape};
+use crate::geom::units::Unit;
 use crate::geom::units::length::tidy;
 use crate::{Error, Result};
 
@@ -48,6 +49,8 @@ pub(super) struct Described {
     pub clearance: f64,
     /// Number in the machine's table.
     pub number: Option<u32>,
+    /// Millimeters of the unit that the file states its lengths in.
+    pub unit_mm: f64,
     /// All of the tool below the holder, in place of form and lengths.
     pub profile: Option<Profile>,
 }
@@ -82,6 +85,7 @@ impl Described {
             holder: None,
             clearance: 0.0,
             number: None,
+            unit_mm: 1.0,
             profile: None,
         }
     }
@@ -139,6 +143,8 @@ impl Described {
         let tool = Tool::of_assembly(&self.name, assembly, self.clearance, words);
         let mut tool = tool.map_err(|error| place.within(error))?;
         tool.number = self.number;
+        let unit = Unit::ALL.into_iter().find(|unit| unit.millimeters() == self.unit_mm);
+        tool.unit = unit.unwrap_or_default();
         let notices = notices.into_iter().map(|words| place.sentence(words)).collect();
         Ok((tool, notices))
     }

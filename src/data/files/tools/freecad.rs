@@ -175,6 +175,7 @@ impl Parameters<'_> {
             shank: positive("ShankDiameter")?,
             taper_end: positive("TaperDiameter")?,
             overall: positive("Length")?,
+            unit_mm: self.written_in("Diameter")?,
             ..Described::new(name, form, diameter)
         })
     }
@@ -263,6 +264,13 @@ impl Parameters<'_> {
             }
         };
         self.place.not_negative(key, length.mm_of(unit)).map(Some)
+    }
+
+    /// Millimeters of the unit that a length is written in.
+    fn written_in(&self, key: &str) -> Result<f64> {
+        let length = self.text(key)?.and_then(|text| Length::read(&text));
+        let bare = self.unsaid.unit_mm.unwrap_or(1.0);
+        Ok(length.map_or(bare, |length| length.unit_or(bare)))
     }
 
     fn angle(&self, key: &str) -> Result<Option<f64>> {

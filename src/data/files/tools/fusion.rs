@@ -139,6 +139,7 @@ fn described(
         stick_out,
         holder,
         number: number.filter(|n| *n > 0),
+        unit_mm: unit,
         ..described
     }))
 }

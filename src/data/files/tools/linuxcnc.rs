@@ -65,7 +65,7 @@ fn add(
     let tool = || -> Result<(Tool, Vec<String>)> {
         let diameter = converted(place.not_negative("D", diameter)?, unit);
         let number = u32::try_from(row.number).ok();
-        let tool = Described { number, ..Described::new(name, form, diameter) };
+        let tool = Described { number, unit_mm: unit, ..Described::new(name, form, diameter) };
         let (tool, mut notices) = tool.tool(unsaid, &place)?;
         notices.extend(plain);
         Ok((tool, notices))

@@ -58,6 +58,14 @@ impl Place<'_> {
         }
     }
 
+    /// As [`Place::number`], of either sign.
+    pub fn signed(&self, object: &Value, key: &str) -> Result<Option<f64>> {
+        match object.get(key).and_then(Value::as_f64).filter(|x| (-MOST..0.0).contains(x)) {
+            Some(x) => Ok(Some(x)),
+            None => self.number(object, key),
+        }
+    }
+
     /// A length of a JSON object in units of `unit_mm`, in mm.
     pub fn length(&self, object: &Value, key: &str, unit_mm: f64) -> Result<Option<f64>> {
         Ok(self.number(object, key)?.map(|x| converted(x, unit_mm)))

@@ -3,8 +3,8 @@
 use super::place::shown;
 use super::unpack::{Content, content};
 use super::{
-    Tool, ToolTable, Unsaid, camotics, freecad, fusion, hsmlib, linuxcnc, number_repeated, place,
-    table,
+    Tool, ToolTable, Unsaid, camotics, export, freecad, fusion, hsmlib, linuxcnc, number_repeated,
+    place, table,
 };
 use crate::{Error, Result, input_file};
 use serde_json::Value;
@@ -213,6 +213,9 @@ fn of_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<Read> {
 }
 
 fn of_json(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Read> {
+    if let Some(tools) = export::tools(value) {
+        return export::read(tools, path).map(Read::Tools);
+    }
     if let Some(bits) = freecad::bits(value) {
         return Ok(Read::Bits(bits));
     }

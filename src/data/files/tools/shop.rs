@@ -245,6 +245,14 @@ impl Row<'_> {
         }
     }
 
+    /// Millimeters of the unit that a length is written in.
+    fn written_in(&self, meaning: Meaning) -> Result<f64> {
+        let column = self.columns.column(meaning).and_then(|column| column.unit_mm);
+        let own = Length::read(self.field(meaning)).filter(|length| length.has_unit());
+        let own = own.map(|length| length.unit_or(1.0)).or(column);
+        Ok(own.or(self.unit()?).or(self.unsaid.unit_mm).unwrap_or(1.0))
+    }
+
     fn diameter(&self) -> Result<f64> {
         let diameter = self.length(Meaning::Diameter)?.filter(|d| *d > 0.0);
         diameter.ok_or_else(|| self.error("the diameter is missing or 0".into(), "give it"))
@@ -312,6 +320,7 @@ impl Row<'_> {
         let (form, diameter) = (self.tapered(form)?, self.diameter()?);
         Described {
             number,
+            unit_mm: self.written_in(Meaning::Diameter)?,
             flutes: self.length(Meaning::Flutes)?,
             neck: self.length(Meaning::Neck)?,
             neck_end: self.length(Meaning::NeckEnd)?,
@@ -334,6 +343,7 @@ impl Row<'_> {
         let profile = profile.map_err(|error| self.place.within(error))?;
         Described {
             number,
+            unit_mm: unit,
             overall: self.length(Meaning::Overall)?,
             stick_out: self.length(Meaning::StickOut)?,
             clearance: self.length(Meaning::Clearance)?.unwrap_or(0.0),

@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// Columns of a tool table; lengths in mm.
-const COLUMNS: [&str; 15] = [
+const COLUMNS: [&str; 17] = [
     "name",
     "CR",
     "CH",
@@ -27,6 +27,8 @@ const COLUMNS: [&str; 15] = [
     "overall",
     "neck_and_shank",
     "profile",
+    "description",
+    "drawn_in",
 ];
 /// Those of [`COLUMNS`] that must be there.
 const REQUIRED: std::ops::Range<usize> = 1..5;
@@ -205,8 +207,13 @@ impl TableText<'_> {
                 let corner = corner.unwrap_or(params.cr_mm);
                 let assembly =
                     Assembly::from_steps([corner, params.cr_mm - corner], body, holder, stick_out);
-                let words =
-                    format!("tool of {} mm, {stick_out} mm out of its holder", 2.0 * params.cr_mm);
+                let words = match field(15) {
+                    "" => {
+                        let diameter = 2.0 * params.cr_mm;
+                        format!("tool of {diameter} mm, {stick_out} mm out of its holder")
+                    }
+                    words => words.to_string(),
+                };
                 let assembly = match field(13) {
                     "" => assembly,
                     upper => {
@@ -233,7 +240,10 @@ impl TableText<'_> {
             name => tool.named(name),
         };
         tool.number = self.number(line, field(10), notices);
-        Ok(tool)
+        match field(16).parse() {
+            Ok(unit) => Ok(tool.of_unit(unit)),
+            Err(_) => Ok(tool),
+        }
     }
 
     /// A tool number: `7`, `T7`.

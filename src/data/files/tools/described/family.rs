@@ -122,8 +122,11 @@ impl Family {
             Family::Dovetail { angle, corner } => {
                 rounded(&format!("dovetail cutter {}°", round(angle.to_degrees())), corner)
             }
+            // As makers name them: per side, or the whole point.
             Family::Cone { kind, angle, .. } => {
-                format!("{} {}°", kind.name(), round(angle.to_degrees()))
+                let is_per_side = matches!(kind, Cone::Chamfer | Cone::CornerChamfer);
+                let stated = if is_per_side { angle } else { 2.0 * angle };
+                format!("{} {}°", kind.name(), round(stated.to_degrees()))
             }
             Family::Head { kind, corner } => rounded(kind, corner),
             Family::FaceMill { angle, corners, .. } => {

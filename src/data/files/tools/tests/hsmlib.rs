@@ -3,7 +3,7 @@
 use super::profiles::{library, radii};
 use super::*;
 
-const SHOP: &str = r#"<?xml version="1.0" encoding="UTF-16" standalone="no"?>
+pub(super) const SHOP: &str = r#"<?xml version="1.0" encoding="UTF-16" standalone="no"?>
 <?xml-stylesheet type='text/xsl' href='tool-library.xsl'?>
 <!-- made for this test -->
 <tool-library xmlns="http://www.hsmworks.com/xml/2004/cnc/tool-library" guid="{0}" version="14">

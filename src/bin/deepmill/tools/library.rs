@@ -1,0 +1,58 @@
+//! A library by itself: written as it was understood.
+
+use crate::output::Output;
+use clap::ValueEnum;
+use deepmill::data::files::tools::{Tool, to_csv, to_json};
+use deepmill::report::tables::{Cell, Table};
+use deepmill::{Result, atomic_file};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// What is written of a library without a part.
+#[derive(clap::Args)]
+pub struct LibraryArgs {
+    /// Write the tools as they were understood, in mm: DIR/library.csv or DIR/library.json, which are read again with
+    /// --library.
+    #[arg(long, value_name = "FORMAT")]
+    export: Option<Format>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    Csv,
+    Json,
+}
+
+impl LibraryArgs {
+    /// The files that were asked for.
+    pub fn write(&self, tools: &[Tool], folder: &Path) -> Result<Vec<PathBuf>> {
+        let mut written = Vec::new();
+        if self.export.is_none() {
+            return Ok(written);
+        }
+        atomic_file::check_writable_folder(folder)?;
+        if let Some(format) = self.export {
+            let (name, bytes) = match format {
+                Format::Csv => ("library.csv", to_csv(tools)),
+                Format::Json => ("library.json", to_json(tools)?),
+            };
+            let path = folder.join(name);
+            atomic_file::write_atomic(&path, |file| file.write_all(&bytes))?;
+            written.push(path);
+        }
+        Ok(written)
+    }
+}
+
+/// The tools in words, for people and as the result.
+pub fn say(tools: &[Tool], written: &[PathBuf], output: &Output) {
+    let mut table = Table::new(&[("T", "T"), ("name", "tool"), ("words", "understood as")]);
+    for tool in tools {
+        let number = tool.number.map_or(Cell::Missing, |number| Cell::count(number as usize));
+        table.row([number, Cell::text(&tool.name), Cell::text(tool.words())]);
+    }
+    output.say(table.text());
+    output.files(written);
+    let result: Value = json!({ "n_tools": tools.len(), "tools": table.json() });
+    output.result_with_files(result, written);
+}
