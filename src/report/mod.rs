@@ -38,6 +38,8 @@ pub mod section;
 pub mod setups;
 mod shade;
 pub mod tables;
+#[doc(hidden)] // of the program
+pub mod tool_drawing;
 
 #[doc(hidden)] // of the program
 pub use color::{Class, Coloring, DARK_AND_LIGHT, Rgb};

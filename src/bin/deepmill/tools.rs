@@ -26,10 +26,10 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill tools part.stl --library shop.json --out tools\n\
 Tool bits: deepmill tools part.stl --library Bit --stick-out 35 --holder er20.csv --out tools\n\
-The library alone: deepmill tools --library shop.tools --export csv --out tools")]
+The library alone: deepmill tools --library shop.tools --show --export csv --out tools")]
 pub struct Args {
-    /// Mesh (STL, OBJ, PLY, 3MF). With --export it may be left out.
-    #[arg(required_unless_present = "export")]
+    /// Mesh (STL, OBJ, PLY, 3MF). With --export or --show it may be left out.
+    #[arg(required_unless_present_any = ["export", "show"])]
     part: Option<PathBuf>,
     #[command(flatten)]
     read: MeshArgs,
@@ -71,7 +71,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let limits = args.gate.limits(&["occlusion"])?;
     let share = share(&args.share)?;
     let tools = with_names(args.unsaid.read(&args.library, output)?)?;
-    let written = args.alone.write(&tools, &args.out)?;
+    let written = args.alone.write(&tools, &args.out, output)?;
     let Some(part) = &args.part else {
         library::say(&tools, &written, output);
         return Ok(());

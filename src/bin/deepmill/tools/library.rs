@@ -1,9 +1,10 @@
-//! A library by itself: written as it was understood.
+//! A library by itself: written as it was understood, and drawn.
 
 use crate::output::Output;
 use clap::ValueEnum;
 use deepmill::data::files::tools::{Tool, to_csv, to_json};
 use deepmill::report::tables::{Cell, Table};
+use deepmill::report::tool_drawing;
 use deepmill::{Result, atomic_file};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -15,6 +16,9 @@ pub struct LibraryArgs {
     /// --library.
     #[arg(long, value_name = "FORMAT")]
     export: Option<Format>,
+    /// Draw every tool in section, with its dimensions in its own unit: DIR/pictures, an SVG per tool.
+    #[arg(long)]
+    show: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -25,9 +29,9 @@ enum Format {
 
 impl LibraryArgs {
     /// The files that were asked for.
-    pub fn write(&self, tools: &[Tool], folder: &Path) -> Result<Vec<PathBuf>> {
+    pub fn write(&self, tools: &[Tool], folder: &Path, output: &Output) -> Result<Vec<PathBuf>> {
         let mut written = Vec::new();
-        if self.export.is_none() {
+        if self.export.is_none() && !self.show {
             return Ok(written);
         }
         atomic_file::check_writable_folder(folder)?;
@@ -39,6 +43,19 @@ impl LibraryArgs {
             let path = folder.join(name);
             atomic_file::write_atomic(&path, |file| file.write_all(&bytes))?;
             written.push(path);
+        }
+        if self.show {
+            for tool in tools {
+                let path = folder.join("pictures").join(format!("{}.svg", tool.folder()));
+                let svg = tool_drawing::draw(tool);
+                atomic_file::write_atomic(&path, |file| file.write_all(svg.as_bytes()))?;
+                written.push(path);
+            }
+            output.say(format!(
+                "{} drawings in {}",
+                tools.len(),
+                folder.join("pictures").display()
+            ));
         }
         Ok(written)
     }
@@ -52,7 +69,9 @@ pub fn say(tools: &[Tool], written: &[PathBuf], output: &Output) {
         table.row([number, Cell::text(&tool.name), Cell::text(tool.words())]);
     }
     output.say(table.text());
-    output.files(written);
+    let is_picture = |path: &&PathBuf| path.extension().is_some_and(|e| e == "svg");
+    let tables: Vec<PathBuf> = written.iter().filter(|path| !is_picture(path)).cloned().collect();
+    output.files(&tables);
     let result: Value = json!({ "n_tools": tools.len(), "tools": table.json() });
     output.result_with_files(result, written);
 }
