@@ -3,7 +3,7 @@
 use super::profiles::library;
 use super::*;
 
-const SHOP: &str = include_str!("../../../../../tests/fixtures/shop50.json");
+pub(super) const SHOP: &str = include_str!("../../../../../tests/fixtures/shop50.json");
 
 /// A file for every reader, by name.
 fn files() -> Vec<(&'static str, String)> {

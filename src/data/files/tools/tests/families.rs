@@ -2,6 +2,7 @@
 
 use super::profiles::{library, radii};
 use super::*;
+use proptest::prelude::*;
 
 /// A library of one tool of Fusion 360, mm.
 fn fusion(kind: &str, geometry: &str) -> String {
@@ -284,3 +285,64 @@ fn every_shape_of_freecad_and_camotics_that_mills_is_read() {
     }
     assert_eq!(table.refused.len(), 1);
 }
+
+/// Numbers that files have, and numbers that they should not have.
+fn number() -> impl Strategy<Value = f64> {
+    let odd =
+        [0.0, -1.0, 1e-9, 1e-4, 0.5, 1.0, 3.0, 10.0, 45.0, 60.0, 90.0, 118.0, 180.0, 1e3, 1e5, 1e9];
+    prop_oneof![prop::sample::select(odd.to_vec()), 0.01f64..100.0]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    #[test]
+    fn any_lengths_are_a_tool_that_can_be_drawn_or_an_error_with_a_remedy(
+        k in 0usize..50,
+        changed in prop::collection::vec((prop::sample::select(KEYS.to_vec()), number()), 0..6),
+    ) {
+        let mut shop: serde_json::Value = serde_json::from_str(super::export::SHOP).unwrap();
+        let tool = &mut shop["data"][k];
+        for (key, number) in changed {
+            tool["geometry"][key] = number.into();
+        }
+        match from_bytes(tool.to_string().as_bytes(), "x.json".as_ref(), &library()) {
+            Err(error) => {
+                let message = error.to_string();
+                prop_assert!(message.contains("; ") && !message.contains('\n'), "{message}");
+            }
+            Ok(table) => for tool in &table.tools {
+                prop_assert!(tool.cutter.steps().is_sorted_by(|a, b| a.radius_mm <= b.radius_mm));
+                let svg = crate::report::tool_drawing::draw(tool);
+                prop_assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+                let again = from_bytes(&to_csv(&table.tools), "a.csv".as_ref(), &library()).unwrap();
+                prop_assert!(again.tools[0].assembly.profile() == tool.assembly.profile());
+            }
+        }
+    }
+}
+
+const KEYS: [&str; 22] = [
+    "DC",
+    "DCX",
+    "RE",
+    "LCF",
+    "LB",
+    "OAL",
+    "SFDM",
+    "TA",
+    "SIG",
+    "TP",
+    "NT",
+    "tip-diameter",
+    "tip-length",
+    "shoulder-length",
+    "shoulder-diameter",
+    "thread-profile-angle",
+    "thread-tip-width",
+    "profile-radius",
+    "axial-distance",
+    "lower-radius",
+    "upper-radius",
+    "chamfer-width",
+];
