@@ -41,6 +41,8 @@ pub(super) struct Described {
     pub neck_end: Option<f64>,
     pub neck: Option<f64>,
     pub shank: Option<f64>,
+    /// Of a shaft that is no cylinder: its sections from the neck's end upward; the last goes on as wide as its end.
+    pub shaft: Vec<Section>,
     /// Diameter at the upper end of tapered flutes.
     pub taper_end: Option<f64>,
     pub overall: Option<f64>,
@@ -79,6 +81,7 @@ impl Described {
             neck_end: None,
             neck: None,
             shank: None,
+            shaft: Vec::new(),
             taper_end: None,
             overall: None,
             stick_out: None,
@@ -107,7 +110,8 @@ impl Described {
         let holder = self.holder.as_ref().or(unsaid.holder.as_ref());
         let holder = holder.ok_or_else(|| missing("holder", "--holder FILE"))?;
         let shank = || {
-            let shank = self.shank.or(unsaid.shank_mm);
+            let shaft = self.shaft.last().map(|last| 2.0 * last.upper_radius_mm);
+            let shank = shaft.or(self.shank).or(unsaid.shank_mm);
             shank.ok_or_else(|| missing("diameter of the shank", "--shank MM"))
         };
         let mut notices = Vec::new();
@@ -251,7 +255,11 @@ impl Described {
             ));
         }
         let is_tapered = matches!(self.form, Form::Tapered { .. });
-        let is_narrow = shank <= top && self.neck.is_none_or(|neck| neck <= top);
+        let is_wider =
+            |section: &Section| 2.0 * section.lower_radius_mm.max(section.upper_radius_mm) > top;
+        let is_narrow = shank <= top
+            && self.neck.is_none_or(|neck| neck <= top)
+            && !self.shaft.iter().any(is_wider);
         if is_narrow && !is_tapered && self.end_of_flutes(unsaid).is_none() {
             self.say_relieved(top, notices);
             return Ok(vec![Section::cylinder(REST, 0.5 * self.diameter)]);
@@ -282,6 +290,7 @@ impl Described {
                 format!("the shoulder ends at {end} mm, within the tapered flutes of {flutes} mm");
             return Err(place.error(found, "correct one of them"));
         }
+        sections.extend_from_slice(&self.shaft);
         sections.push(Section::cylinder(REST, 0.5 * shank));
         Ok(sections)
     }

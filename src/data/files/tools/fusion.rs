@@ -118,6 +118,14 @@ fn described(
         Some(object) => holder::of_object(object, place.path, unsaid)
             .map_err(|error| place.about_part(error))?,
     };
+    let shaft = match tool.get("shaft").and_then(|shaft| shaft.get("segments")) {
+        None | Some(Value::Null) => Vec::new(),
+        Some(segments) => {
+            let mut shaft = holder::sections_of(segments, unit, place)?;
+            shaft.retain(|section| section.length_mm > 0.0);
+            shaft
+        }
+    };
     let flutes = match described.form {
         // The head is as high as both of its corners.
         Form::Family(Family::Slot { corner }) => {
@@ -134,6 +142,7 @@ fn described(
         neck_end,
         neck,
         shank: of.positive("SFDM")?,
+        shaft,
         taper_end: neck.filter(|_| is_at_end),
         overall: of.positive("OAL")?,
         stick_out,

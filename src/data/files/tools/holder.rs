@@ -128,27 +128,30 @@ pub(super) fn of_object(object: &Value, path: &Path, unsaid: &Unsaid) -> Result<
     let label = format!("holder {}", shown(name));
     let place = Place { path, name: &label };
     let unit = unit(object, &place, unsaid)?;
-    let Some(segments) = segments.as_array() else {
-        let found = "segments is not a list";
-        return Err(place.error(found, "export the holder again"));
-    };
-    let mut sections = Vec::new();
-    for (k, segment) in segments.iter().enumerate() {
-        let length = |key: &str| {
-            let missing = || {
-                place.error(format!("segment {} has no {key}", k + 1), "export the holder again")
-            };
-            place.length(segment, key, unit)?.ok_or_else(missing)
-        };
-        sections.push(Section {
-            length_mm: length("height")?,
-            lower_radius_mm: 0.5 * length("lower-diameter")?,
-            upper_radius_mm: 0.5 * length("upper-diameter")?,
-        });
-    }
+    let sections = sections_of(segments, unit, &place)?;
     let gauge = place.length(object, "gaugeLength", unit)?.filter(|g| *g > 0.0);
     let sections = below_gauge(sections, gauge);
     checked(Holder { name: name.to_string(), sections }, &place).map(Some)
+}
+
+/// The sections of a holder or a shaft.
+pub(super) fn sections_of(segments: &Value, unit: f64, place: &Place) -> Result<Vec<Section>> {
+    const REMEDY: &str = "correct it where it was made, and export again";
+    let Some(segments) = segments.as_array() else {
+        return Err(place.error("segments is not a list", REMEDY));
+    };
+    let section = |(k, segment): (usize, &Value)| {
+        let length = |key: &str| {
+            let missing = || place.error(format!("segment {} has no {key}", k + 1), REMEDY);
+            place.length(segment, key, unit)?.ok_or_else(missing)
+        };
+        Ok(Section {
+            length_mm: length("height")?,
+            lower_radius_mm: 0.5 * length("lower-diameter")?,
+            upper_radius_mm: 0.5 * length("upper-diameter")?,
+        })
+    };
+    segments.iter().enumerate().map(section).collect()
 }
 
 /// The spindle's face is at the gauge length: what is above it is spindle.

@@ -9,7 +9,7 @@
 //!     <holder description="…"> <section diameter="25.2" length="0"/> … </holder>
 //! ```
 //!
-//! The sections of a holder go from its nose upward: each says the diameter that is reached over its length, a step
+//! The sections of a holder go from its nose upward, those of a shaft from the neck's end: each says the diameter that is reached over its length, a step
 //! where that is 0. `taper-angle` is the angle of the whole point of tools that make holes, and per side of others.
 
 use super::fusion::Spelling;
@@ -132,6 +132,7 @@ impl Library {
                 tool.insert("holder".into(), holder.into());
                 self.sections = Some(Vec::new());
             }
+            "shaft" => self.sections = Some(Vec::new()),
             "section" => {
                 if let Some(sections) = &mut self.sections {
                     let of = |key| attribute(tag, key).map_or(Value::Null, |text| number(&text));
@@ -154,11 +155,14 @@ impl Library {
                     tool.entry(name).or_insert_with(|| words.into());
                 }
             }
-            "holder" => {
+            "holder" | "shaft" => {
                 let sections = self.sections.take().unwrap_or_default();
-                let holder = tool.get_mut("holder").and_then(Value::as_object_mut);
-                if let Some(holder) = holder.filter(|_| !sections.is_empty()) {
-                    holder.insert("segments".into(), segments(&sections).into());
+                if sections.is_empty() {
+                    return;
+                }
+                let object = tool.entry(name).or_insert_with(|| json!({}));
+                if let Some(object) = object.as_object_mut() {
+                    object.insert("segments".into(), segments(&sections).into());
                 }
             }
             _ => {}

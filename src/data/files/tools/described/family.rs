@@ -190,7 +190,8 @@ impl Described {
         }
         match self.neck_end {
             Some(neck_end) if neck_end > end + SAME_MM => {
-                sections.extend([[neck, end], [neck, neck_end], [shank, neck_end]]);
+                sections.extend([[neck, end], [neck, neck_end]]);
+                sections.extend(self.shaft_from(neck_end, shank));
             }
             None if family.needs_end_of_neck() && shank > neck + SAME_MM => {
                 let found = "the file does not say where the neck ends";
@@ -198,9 +199,23 @@ impl Described {
             }
             None if family.needs_end_of_neck() => sections.push([neck, end]),
             // The neck ends where what cuts does, or that is all that is known.
-            _ => sections.push([shank, end]),
+            _ => sections.extend(self.shaft_from(end, shank)),
         }
         cutting.with_shank(&sections).map_err(|error| place.within(error))
+    }
+
+    /// Points of the shank, or of a shaft that is no cylinder, from a height on.
+    fn shaft_from(&self, mut height: f64, shank: f64) -> Vec<[f64; 2]> {
+        if self.shaft.is_empty() {
+            return vec![[shank, height]];
+        }
+        let mut points = Vec::with_capacity(2 * self.shaft.len());
+        for section in &self.shaft {
+            points.push([section.lower_radius_mm, height]);
+            height += section.length_mm;
+            points.push([section.upper_radius_mm, height]);
+        }
+        points
     }
 
     /// What cuts.

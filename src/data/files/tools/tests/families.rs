@@ -151,6 +151,36 @@ fn hole_tools_that_are_cones_or_cylinders_are_read() {
 }
 
 #[test]
+fn a_shaft_that_is_no_cylinder_is_read_from_the_end_of_the_neck() {
+    let with = |kind: &str, geometry: &str, shaft: &str| {
+        let text =
+            fusion(kind, geometry).replace("\"description\"", &format!("{shaft}, \"description\""));
+        one(&text, "x.json")
+    };
+    let shaft = r#""shaft": {"type": "shaft", "segments": [
+        {"height": 10, "lower-diameter": 4, "upper-diameter": 8},
+        {"height": 5, "lower-diameter": 10, "upper-diameter": 10}]}"#;
+    let slot = r#""DC": 12, "LCF": 3, "SFDM": 6, "shoulder-diameter": 4, "shoulder-length": 9"#;
+    let tool = with("slot mill", slot, shaft);
+    close(
+        &tool,
+        &[(2.0, 6.0), (8.0, 2.0), (14.0, 3.0), (18.999, 3.9998), (20.0, 5.0), (38.0, 5.0)],
+    );
+    let flat = r#""DC": 4, "LCF": 6, "SFDM": 4, "shoulder-diameter": 3.8, "shoulder-length": 9"#;
+    let tool = with("flat end mill", flat, shaft);
+    let at = |height: f64| {
+        let steps = tool.cutter.steps().iter().filter(|step| step.height_mm <= height);
+        steps.map(|step| step.radius_mm).fold(0.0, f64::max)
+    };
+    assert!((at(14.0) - 3.0).abs() < 0.11 && at(14.0) >= 3.0 && at(20.0) == 5.0, "{}", at(14.0));
+    let bad = shaft.replace("\"height\": 10, ", "");
+    let text =
+        fusion("slot mill", slot).replace("\"description\"", &format!("{bad}, \"description\""));
+    let message = from_bytes(text.as_bytes(), "x.json".as_ref(), &library()).unwrap_err();
+    assert!(message.to_string().contains("tool \"x\": segment 1 has no height"), "{message}");
+}
+
+#[test]
 fn a_form_mill_is_its_outline_whichever_way_it_is_drawn() {
     let outline = r#"{"end": [0, 0]}, {"end": [5, 0]}, {"end": [5, 4]},
         {"end": [7, 6], "center": [7, 4], "arc": true, "ccw": false}, {"end": [9, 6]}, {"end": [9, 30]}, {"end": [0, 30]}"#;

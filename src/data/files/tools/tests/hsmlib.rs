@@ -30,6 +30,7 @@ pub(super) const SHOP: &str = r#"<?xml version="1.0" encoding="UTF-16" standalon
       overall-length="2.5" shaft-diameter="0.25"/>
   </tool>
   <tool type="spot drill" unit="millimeters"><product-id>SD6</product-id>
+    <shaft><section diameter="6" length="0"/><section diameter="8" length="4"/></shaft>
     <body diameter="6" taper-angle="90" flute-length="12" body-length="30" overall-length="60" shaft-diameter="6"/></tool>
   <tool type="thread mill" unit="millimeters"><description>M6</description>
     <body diameter="4.5" thread-pitch="1" thread-profile-angle="60" number-of-teeth="2" flute-length="2" body-length="30"
@@ -66,7 +67,7 @@ fn a_library_in_xml_says_what_the_same_in_json_says() {
     assert_eq!(&same.tools[0], ball);
     // Per side of a chamfer mill, of the whole point of a spot drill.
     assert_eq!(radii(chamfer, [1.0, 3.175, 20.0]), [1.0, 3.175, 3.175]);
-    assert_eq!(radii(spot, [1.0, 3.0, 20.0]), [1.0, 3.0, 3.0]);
+    assert_eq!(radii(spot, [1.0, 3.0, 14.0]), [1.0, 3.0, 3.5]);
     assert_eq!(spot.name, "SD6");
     assert_eq!(radii(thread, [0.5, 1.5, 10.0]), [2.25, 2.25, 1.7]);
     let words = [
