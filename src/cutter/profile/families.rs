@@ -81,7 +81,8 @@ impl Profile {
     /// A cone that is widest at its lower end (dovetail cutter): the flank leans by `angle_rad` from the axis.
     ///
     /// # Errors
-    /// If a length is not positive, the angle is not between 0 and a right angle, or the cone is thinner than the neck at its top.
+    /// If a length is not positive, the angle is not between 0 and a right angle, or the cone is thinner than the neck
+    /// at its top.
     pub fn dovetail(
         radius_mm: f64,
         angle_rad: f64,

@@ -40,8 +40,8 @@ impl Profile {
     }
 
     /// A cone that is wider above (face mill with a lead angle): it leans by `angle_rad` from the axis, from
-    /// `lower_radius_mm` at the height of the tip, where it would begin without a corner, to the greatest radius, where an
-    /// upper corner may round it.
+    /// `lower_radius_mm` at the height of the tip, where it would begin without a corner, to the greatest radius, where
+    /// an upper corner may round it.
     ///
     /// # Errors
     /// If a length is not positive, the angle is not between 0 and a right angle, the cone is not wider above, or a
@@ -108,8 +108,8 @@ impl Profile {
     /// begin at the tip, one `pitch_mm` above the other.
     ///
     /// # Errors
-    /// If a length is not positive, the neck is not thinner than the rings, the angle is not between 0 and a right angle,
-    /// the rings are higher than the pitch, or there are none or too many.
+    /// If a length is not positive, the neck is not thinner than the rings, the angle is not between 0 and a right
+    /// angle, the rings are higher than the pitch, or there are none or too many.
     pub fn thread_mill(
         radius_mm: f64,
         neck_radius_mm: f64,
@@ -208,8 +208,8 @@ impl Profile {
         Profile::new(cap_radius_mm, sections)
     }
 
-    /// An ellipsoid of revolution, in a polygon about it that exceeds it by at most 0.22 %, up to its widest place or to
-    /// where it is as thin as the neck.
+    /// An ellipsoid of revolution, in a polygon about it that exceeds it by at most 0.22 %, up to its widest place or
+    /// to where it is as thin as the neck.
     ///
     /// # Errors
     /// If a length is not positive.

@@ -69,8 +69,8 @@ impl Profile {
         Profile::new(start.max(0.0), sections)
     }
 
-    /// A flank that is an arc (barrel, oval or circle segment mill), widest in the middle of its flutes, above a rounded
-    /// lower end.
+    /// A flank that is an arc (barrel, oval or circle segment mill), widest in the middle of its flutes, above a
+    /// rounded lower end.
     ///
     /// # Errors
     /// If a length is not positive, the arc is smaller than the radius, or it leaves nothing of the lower end.
@@ -104,8 +104,8 @@ impl Profile {
     /// lower end, 0 for a ball.
     ///
     /// # Errors
-    /// If a length is negative, the angle is not between 0 and a right angle, the arc is not greater than the corners, or
-    /// the upper edge is not wider than the lower end.
+    /// If a length is negative, the angle is not between 0 and a right angle, the arc is not greater than the corners,
+    /// or the upper edge is not wider than the lower end.
     pub fn tapered_barrel(
         flat_mm: f64,
         radius_mm: f64,

@@ -180,8 +180,8 @@ impl Drawing {
         self.y(0.0) + 14.0 + ROW * k as f64
     }
 
-    /// A height above the tip, on the right of all that is below it: from the outline's radius there. The lower ones come
-    /// first.
+    /// A height above the tip, on the right of all that is below it: from the outline's radius there. The lower ones
+    /// come first.
     pub fn up_to(&mut self, height: f64, [radius, widest]: [f64; 2], words: &str) {
         let beside = self.x(widest) + 34.0;
         let x = beside.max(self.right + COLUMN);

@@ -19,8 +19,8 @@ pub struct Holder {
     pub sections: Vec<Section>,
 }
 
-/// Reads a holder: a Fusion 360 library (JSON or XML) with one holder (of its own or of its tools), a FreeCAD holder (`.fcholder`), or
-/// a table with the columns `height`, `lower` and `upper` (diameters), mm.
+/// Reads a holder: a Fusion 360 library (JSON or XML) with one holder (of its own or of its tools), a FreeCAD
+/// holder (`.fcholder`), or a table with the columns `height`, `lower` and `upper` (diameters), mm.
 ///
 /// # Errors
 /// If the file is neither, holds several holders, or a segment is not possible.

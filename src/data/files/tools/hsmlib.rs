@@ -9,8 +9,9 @@
 //!     <holder description="…"> <section diameter="25.2" length="0"/> … </holder>
 //! ```
 //!
-//! The sections of a holder go from its nose upward, those of a shaft from the neck's end: each says the diameter that is reached over its length, a step
-//! where that is 0. `taper-angle` is the angle of the whole point of tools that make holes, and per side of others.
+//! The sections of a holder go from its nose upward, those of a shaft from the neck's end: each says the diameter that
+//! is reached over its length, a step where that is 0. `taper-angle` is the angle of the whole point of tools that make
+//! holes, and per side of others.
 
 use super::fusion::Spelling;
 use super::place::shown;

@@ -88,8 +88,8 @@ pub(super) fn remark(text: &str, bare_mm: f64) -> Remark {
     }
 }
 
-/// A pointed cone, if the remark has its angle: `V-bit 90°`, `spot drill 120 deg`. Of a chamfer mill 45° are those of one
-/// side and 90° those of both; others may be either.
+/// A pointed cone, if the remark has its angle: `V-bit 90°`, `spot drill 120 deg`. Of a chamfer mill 45° are those of
+/// one side and 90° those of both; others may be either.
 fn cone(kind: &str, text: &str) -> Option<Form> {
     let kind = match kind {
         "V-bit" => Cone::VBit,

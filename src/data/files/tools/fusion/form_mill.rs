@@ -1,8 +1,8 @@
 //! Form mills of Fusion 360: half of their outline, in lines and arcs.
 //!
 //! `profile` is a list of points `end`, radius and height; a point reached by an arc has its `center`. It begins and
-//! ends on the axis, below and above, or the other way round. What begins at the end of the flutes (`LCF`) or above does
-//! not cut; if the flutes are as long as the outline, that is a cylinder at its top.
+//! ends on the axis, below and above, or the other way round. What begins at the end of the flutes (`LCF`) or above
+//! does not cut; if the flutes are as long as the outline, that is a cylinder at its top.
 
 use super::Geometry;
 use crate::Result;
