@@ -1,6 +1,6 @@
 //! Drills and reamers.
 
-use super::families::between;
+use super::families::{between, corner};
 use super::{Profile, ProfileSection};
 use crate::{Error, Result};
 use std::f64::consts::PI;
@@ -25,19 +25,20 @@ impl Profile {
         Ok(Profile { is_drill: true, ..Profile::new(0.0, sections)? })
     }
 
-    /// A reamer: the margin from a lead of `lead_mm` by 45° up to the end of the flutes; its lower face does not cut.
+    /// A reamer: a lead of `lead_mm` by 45°, which may be 0, and the margin above it up to the end of the flutes; its
+    /// lower face does not cut.
     ///
     /// # Errors
-    /// If a length is not positive, or the lead is not less than the radius and the flutes.
+    /// If another length is not positive, the lead is beyond nine tenths of the radius, or the flutes end below it.
     pub fn reamer(radius_mm: f64, lead_mm: f64, flutes_mm: f64) -> Result<Self> {
         between("radius of the reamer", radius_mm, [0.0, f64::INFINITY])?;
-        between("lead of the reamer", lead_mm, [0.0, radius_mm])?;
+        corner("lead of the reamer", lead_mm, 0.9 * radius_mm)?;
         between("flute length of the reamer", flutes_mm, [lead_mm, f64::INFINITY])?;
-        let sections = vec![
-            ProfileSection::line(radius_mm - lead_mm, 0.0).non_cutting(),
-            ProfileSection::line(radius_mm, lead_mm),
-            ProfileSection::line(radius_mm, flutes_mm),
-        ];
+        let mut sections = vec![ProfileSection::line(radius_mm - lead_mm, 0.0).non_cutting()];
+        if lead_mm > 0.0 {
+            sections.push(ProfileSection::line(radius_mm, lead_mm));
+        }
+        sections.push(ProfileSection::line(radius_mm, flutes_mm));
         Ok(Profile { is_drill: true, ..Profile::new(0.0, sections)? })
     }
 }

@@ -79,7 +79,8 @@ pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Reading {
 }
 
 /// Shapes beside end mills.
-const FAMILIES: &str = "dovetail, chamfer, radius and thread mills, V-bits, slitting saws, T-slot cutters and lollipops";
+const FAMILIES: &str = "dovetail, chamfer, radius and thread mills, V-bits, slitting saws, T-slot cutters, \
+     lollipops, drills and reamers";
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Shape {
@@ -95,6 +96,8 @@ enum Shape {
     Saw,
     Slot,
     Lollipop,
+    Drill,
+    Reamer,
 }
 
 /// `Shapes/Ball-End.FCStd`, `_fusion_ball_end_mill.fcstd` and `BallEnd` are the same: versions and add-ons differ.
@@ -123,6 +126,8 @@ fn shape_of(shape: &str) -> Option<Shape> {
             Some(Shape::Slot)
         }
         "lollipop" => Some(Shape::Lollipop),
+        "drill" => Some(Shape::Drill),
+        "reamer" => Some(Shape::Reamer),
         _ => None,
     }
 }
@@ -217,6 +222,11 @@ impl Parameters<'_> {
             },
             Shape::Saw => Family::Saw { cap: [or_none("CapDiameter")?, or_none("CapHeight")?] },
             Shape::Slot => Family::Slot { corner: or_none("CornerRadius")? },
+            Shape::Drill => {
+                let whole = self.angle("TipAngle")?.ok_or_else(|| self.missing("TipAngle"))?;
+                Family::Drill { angle: 0.5 * whole }
+            }
+            Shape::Reamer => Family::Reamer,
             _ => Family::Lollipop,
         })
     }

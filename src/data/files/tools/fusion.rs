@@ -13,7 +13,8 @@ use std::path::Path;
 
 /// The types of tools that are read.
 const KINDS: &str = "end mills (ball, bull nose, flat, tapered), lollipop, slot, dovetail, chamfer, radius, face, \
-     thread, form and circle segment mills, countersinks, counterbores and spot drills";
+     thread, form and circle segment mills, countersinks, counterbores, drills, spot drills \
+     and reamers";
 
 /// Whether a JSON text is such a library, or one tool of it.
 pub(super) fn is_library(value: &Value) -> bool {

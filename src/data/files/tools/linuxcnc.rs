@@ -84,8 +84,8 @@ fn form_of(remark: Remark, text: &str) -> std::result::Result<Form, String> {
         Remark::Form(form) => Ok(form),
         Remark::EndMill => Ok(Form::Flat),
         Remark::Other(other) => Err(format!(
-            "the remark {text} names a {other}, only ball, bull-nose and flat end mills, and cones with their angle, \
-             can be read from a tool table"
+            "the remark {text} names a {other}, only ball, bull-nose and flat end mills, and cones \
+             and drills with their angle (drill 118 deg), can be read from a tool table"
         )),
         Remark::Bull => Err(format!("the remark {text} names a bull nose without its corner (r1)")),
         Remark::Nothing => Err(format!(

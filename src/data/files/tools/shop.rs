@@ -12,7 +12,7 @@ use super::described::{Cone, Described, Family, Form};
 use super::place::{Place, shown};
 use super::reading::Reading;
 use super::table::TableText;
-use super::words::{Remark, remark};
+use super::words::{Remark, is_pointed, remark};
 use super::{Tool, Unsaid};
 use crate::cutter::Profile;
 use crate::geom::units::length::{Length, unit_mm};
@@ -160,10 +160,20 @@ impl Columns {
         match row.form(&name) {
             Err(why) => reading.add(Err(why)),
             Ok(Found::Other(kind)) => {
-                let found = format!(
-                    "a {kind} cannot be represented, only ball, bull-nose, flat and tapered end mills"
-                );
-                reading.leave_out_kind(place.error(found, "it is left out"));
+                let (found, remedy) = match is_pointed(kind) {
+                    true => (
+                        format!("a {kind} without the angle of its point"),
+                        "give the angle between flank and axis in a column taper",
+                    ),
+                    false => (
+                        format!(
+                            "a {kind} cannot be represented, only ball, bull-nose, flat and tapered end mills, \
+                             drills, reamers and pointed mills"
+                        ),
+                        "it is left out, or give its profile in a column profile",
+                    ),
+                };
+                reading.leave_out_kind(place.error(found, remedy));
             }
             Ok(Found::Form(form, notice)) => {
                 let tool = row.tool(&name, form, number);
@@ -272,7 +282,7 @@ impl Row<'_> {
             (Remark::Other("tapered mill"), _) if self.columns.column(Meaning::Taper).is_some() => {
                 by_corner(corner.unwrap_or(0.5 * diameter))
             }
-            (Remark::Other(kind), _) => match self.cone(kind)? {
+            (Remark::Other(kind), _) => match self.pointed(kind)? {
                 Some(form) => form,
                 None => return Ok(Found::Other(kind)),
             },
@@ -352,8 +362,15 @@ impl Row<'_> {
         .tool(self.unsaid, self.place)
     }
 
-    /// A cone whose angle is in the column taper.
-    fn cone(&self, kind: &str) -> Result<Option<Form>> {
+    /// A cone or a drill whose angle is in the column taper; or a reamer.
+    fn pointed(&self, kind: &str) -> Result<Option<Form>> {
+        if kind == "reamer" {
+            return Ok(Some(Form::Family(Family::Reamer)));
+        }
+        if kind == "drill" {
+            let drill = |degrees: f64| Family::Drill { angle: degrees.to_radians() };
+            return Ok(self.taper()?.map(|degrees| Form::Family(drill(degrees))));
+        }
         let kind = match kind {
             "V-bit" => Cone::VBit,
             "spot drill" => Cone::SpotDrill,

@@ -31,6 +31,8 @@ const COLUMNS: [&str; 17] = [
     "drawn_in",
 ];
 /// Those of [`COLUMNS`] that must be there.
+/// Lengths closer than this are the same, mm.
+const SAME_MM: f64 = 1e-6;
 const REQUIRED: std::ops::Range<usize> = 1..5;
 
 /// Reads a tool table: a header row that names the columns, in any order and case, then a row per tool.
@@ -205,8 +207,10 @@ impl TableText<'_> {
                     .ok_or_else(|| self.at(line, "stick_out is empty", "give it in mm"))?;
                 let (body, holder) = (self.steps(line, 7, body)?, self.steps(line, 8, field(8))?);
                 let corner = corner.unwrap_or(params.cr_mm);
-                let assembly =
-                    Assembly::from_steps([corner, params.cr_mm - corner], body, holder, stick_out);
+                // Of a ball, what the radius is rounded by.
+                let side = params.cr_mm - corner;
+                let side = if side.abs() < SAME_MM { 0.0 } else { side };
+                let assembly = Assembly::from_steps([corner, side], body, holder, stick_out);
                 let words = match field(15) {
                     "" => {
                         let diameter = 2.0 * params.cr_mm;

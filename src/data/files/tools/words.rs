@@ -70,7 +70,8 @@ pub(super) fn remark(text: &str, bare_mm: f64) -> Remark {
     // A slot drill is an end mill.
     let is_slot_drill = is_among("slotdrill", &words);
     let other = OTHERS.iter().find(|(word, _)| is_among(word, &words));
-    if let Some(form) = other.and_then(|(_, kind)| cone(kind, text)) {
+    let point = other.filter(|_| !is_slot_drill).and_then(|(_, kind)| pointed(kind, text));
+    if let Some(form) = point {
         return Remark::Form(form);
     }
     if let Some((_, other)) = other.filter(|(_, kind)| !(is_slot_drill && *kind == "drill")) {
@@ -88,9 +89,22 @@ pub(super) fn remark(text: &str, bare_mm: f64) -> Remark {
     }
 }
 
-/// A pointed cone, if the remark has its angle: `V-bit 90°`, `spot drill 120 deg`. Of a chamfer mill 45° are those of
+/// Whether a kind of the list of others is given by the angle of its point.
+pub(super) fn is_pointed(kind: &str) -> bool {
+    let pointed = ["V-bit", "spot drill", "countersink", "engraver", "chamfer mill", "drill"];
+    pointed.contains(&kind)
+}
+
+/// A pointed cone or a drill, if the remark has its angle: `V-bit 90°`, `drill 118 deg`; or a reamer. Of a chamfer mill 45° are those of
 /// one side and 90° those of both; others may be either.
-fn cone(kind: &str, text: &str) -> Option<Form> {
+fn pointed(kind: &str, text: &str) -> Option<Form> {
+    if kind == "reamer" {
+        return Some(Form::Family(Family::Reamer));
+    }
+    if kind == "drill" {
+        let angle = 0.5 * degrees(text)?.to_radians();
+        return Some(Form::Family(Family::Drill { angle }));
+    }
     let kind = match kind {
         "V-bit" => Cone::VBit,
         "spot drill" => Cone::SpotDrill,

@@ -1,4 +1,5 @@
-//! Families of tools that files describe by lengths, as profiles: wider below than above, or touching with the flank.
+//! Families of tools that files describe by lengths, as profiles: wider below than above, touching with the flank, or
+//! cutting along their axis alone.
 
 use super::{Described, round};
 use crate::cutter::{Crest, Profile};
@@ -78,6 +79,11 @@ pub(in crate::data::files::tools) enum Family {
     },
     /// An ellipsoid of revolution, as long as its flutes.
     Spheroid,
+    /// `angle` is half of that of its point.
+    Drill {
+        angle: f64,
+    },
+    Reamer,
 }
 
 /// Kinds of cones: a point or a small flat below.
@@ -144,6 +150,8 @@ impl Family {
                 format!("tapered barrel R{} {}°", round(arc), round(angle.to_degrees()))
             }
             Family::Spheroid => "spheroid".into(),
+            Family::Drill { angle } => format!("drill {}°", round(2.0 * angle.to_degrees())),
+            Family::Reamer => "reamer".into(),
         }
     }
 
@@ -233,6 +241,10 @@ impl Described {
         let neck =
             || self.neck.map(|neck| 0.5 * neck).ok_or_else(|| missing("diameter of the neck"));
         let height = || flutes.ok_or_else(|| missing("flute length, the height of what cuts"));
+        let margin = || {
+            let found = "the file does not say the flute length, where its margin ends";
+            flutes.ok_or_else(|| place.error(found, "give it with --flute-length MM"))
+        };
         let cutting = match family {
             Family::Lollipop => Profile::lollipop(radius, neck()?),
             Family::Slot { corner } => Profile::t_slot(radius, height()?, corner, neck()?),
@@ -264,6 +276,8 @@ impl Described {
                 Profile::tapered_barrel(0.5 * tip, radius, arc, angle.min(FRAC_PI_2), corners)
             }
             Family::Spheroid => Profile::spheroid(radius, height()?, shank),
+            Family::Drill { angle } => Profile::drill(radius, 2.0 * angle, margin()?),
+            Family::Reamer => Profile::reamer(radius, 0.0, margin()?),
         };
         cutting.map_err(|error| place.within(error))
     }

@@ -8,7 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Whether tools of this type are read.
 pub(super) fn is_known(kind: &str) -> bool {
-    const KNOWN: [&str; 24] = [
+    const KNOWN: [&str; 26] = [
         "ball end mill",
         "flat end mill",
         "bull nose end mill",
@@ -33,6 +33,8 @@ pub(super) fn is_known(kind: &str) -> bool {
         "circle segment oval",
         "circle segment taper",
         "dovetail",
+        "drill",
+        "reamer",
     ];
     KNOWN.contains(&kind)
 }
@@ -45,6 +47,8 @@ impl Geometry<'_> {
             "slot mill" => Family::Slot { corner },
             "dovetail mill" | "dovetail" => self.dovetail(corner, diameter)?,
             "chamfer mill" => self.cone(Cone::Chamfer, self.per_side()?)?,
+            "drill" => Family::Drill { angle: self.of_point()? },
+            "reamer" => Family::Reamer,
             "corner chamfer end mill" => self.corner_chamfer(diameter)?,
             "counter sink" => self.cone(Cone::Countersink, self.of_point()?)?,
             "spot drill" => self.cone(Cone::SpotDrill, self.of_point()?)?,

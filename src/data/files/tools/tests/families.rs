@@ -141,9 +141,7 @@ fn hole_tools_that_are_cones_or_cylinders_are_read() {
         &one(&fusion("chamfer mill", chamfer), "s.json"),
         &[(4.5, 5.0), (5.5, 4.0), (7.5, 2.0), (15.0, 2.0), (30.0, 3.0)],
     );
-    for kind in
-        ["drill", "reamer", "center drill", "boring bar", "tap right hand", "probe", "laser cutter"]
-    {
+    for kind in ["center drill", "boring bar", "tap right hand", "probe", "laser cutter"] {
         let text = fusion(kind, r#""DC": 6, "SIG": 118, "LCF": 12, "SFDM": 6"#);
         let message = from_bytes(text.as_bytes(), "x.json".as_ref(), &library()).unwrap_err();
         assert!(message.to_string().contains(&format!("a {kind} cannot be represented")));
@@ -346,7 +344,10 @@ proptest! {
                 let svg = crate::report::tool_drawing::draw(tool);
                 prop_assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
                 let again = from_bytes(&to_csv(&table.tools), "a.csv".as_ref(), &library()).unwrap();
-                prop_assert!(again.tools[0].assembly.profile() == tool.assembly.profile());
+                let [was, is] = [&tool.assembly, &again.tools[0].assembly];
+                let mut ends = was.tip().into_iter().zip(is.tip());
+                prop_assert!(was.profile() == is.profile());
+                prop_assert!(ends.all(|(was, is)| (was - is).abs() < 1e-6));
             }
         }
     }

@@ -71,7 +71,7 @@ fn a_library_in_xml_says_what_the_same_in_json_says() {
     assert_eq!(spot.name, "SD6");
     assert_eq!(radii(thread, [0.5, 1.5, 10.0]), [2.25, 2.25, 1.7]);
     let words = [
-        "a drill cannot",
+        "does not say the diameter of the shank",
         "tool \"odd\": diameter is \"wide\", not a number",
         "tool \"none\": diameter, the diameter, is missing",
     ];

@@ -54,7 +54,7 @@ fn tables_are_in_the_words_of_a_shop_too() {
         ]
     );
     for (left, words) in found.refused.iter().zip([
-        "a drill cannot",
+        "a drill without the angle of its point",
         "neither corner nor type",
         "\"one\", not a length",
     ]) {
