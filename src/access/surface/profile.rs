@@ -38,8 +38,8 @@
 //! flat faces and along its round ones; no others, and nothing is proven of them. Directions and clearances are not
 //! counted.
 //!
-//! A drill or a reamer cuts along its axis alone, in a wall of its own diameter: a free pose counts if the wall is
-//! there around the axis, at the height of the site, for more than half of the way; else its tip does not fit.
+//! A drill or a reamer cuts along its axis alone, in bores of its own diameter: `drilling` finds these in sections of the
+//! part, and what of them the tool reaches.
 
 mod axes;
 mod balls;

@@ -6,7 +6,7 @@ use super::obstacles::TriangleObstacles;
 use super::tolerance::{ContactTolerance, LEAST_MM};
 use super::tool::Outline;
 use crate::Result;
-use crate::cutter::Cutter;
+use crate::cutter::{Cutter, Profile};
 use crate::geom::{Mesh, Sites};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -83,11 +83,14 @@ pub enum Warning {
         /// Whether nothing is left.
         closes_all: bool,
     },
-    /// A tool given by its profile: directions between those of the set are not searched, nor directions counted.
+    /// A tool given by its profile: of the directions between those of the set only those that the part suggests are
+    /// tested, and directions are not counted.
     Profile {
         /// Share of the sites with a free pose and no proven retreat, which count as inaccessible.
         unproven_share: f64,
     },
+    /// A drill or a reamer: what is accessible is reached by drilling, in bores of its own diameter.
+    Drill,
     /// Sites whose answer rests on roundings: see [`SurfaceStats::knife_edge`](super::SurfaceStats::knife_edge).
     KnifeEdge {
         /// Share of the sites.
@@ -159,9 +162,12 @@ impl fmt::Display for Warning {
             ),
             Warning::Profile { unproven_share } => write!(
                 f,
-                "the tool is given by its profile: directions between those tested are not searched; no retreat is proven \
-                 from the free poses at {:.1} % of the sites, which count as inaccessible",
+                "the tool is given by its profile: of the directions between those of the set only those that flat and round \
+                 faces suggest are tested; no retreat is proven from the free poses at {:.1} % of the sites, which count as inaccessible",
                 100.0 * unproven_share
+            ),
+            Warning::Drill => f.write_str(
+                "the tool is a drill or a reamer: what it reaches is reached by drilling, in bores of its own diameter",
             ),
             Warning::KnifeEdge { share } => write!(
                 f,
@@ -223,7 +229,9 @@ impl TriangleObstacles {
                 greatest_mm: raised().map(|i| granted[i]).fold(0.0, f64::max),
             });
         }
-        if cutter.profile().is_some() {
+        if cutter.profile().is_some_and(Profile::is_drill) {
+            warnings.push(Warning::Drill);
+        } else if cutter.profile().is_some() {
             let unproven = labels.retreat_unproven.iter().filter(|unproven| **unproven).count();
             warnings.push(Warning::Profile { unproven_share: share(unproven) });
         }

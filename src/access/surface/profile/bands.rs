@@ -43,6 +43,11 @@ impl Bands {
         Bands { bands, size }
     }
 
+    /// Of the tool and all its ways, mm.
+    pub fn size(&self) -> f64 {
+        self.size
+    }
+
     /// For [`Bvh::visit`], with radii that are greater by this, mm.
     pub fn widened(&self, bvh: &Bvh, by: f64) -> Vec<Band> {
         let band = |&[low, high, radius]: &[f64; 3]| bvh.band([low, high], radius + by, self.size);

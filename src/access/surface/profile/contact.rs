@@ -107,8 +107,8 @@ impl Contacts {
             }
             let Some(next) = pieces.get(k + 1) else { continue };
             let [before, after] = [normal_at(piece, 1), normal_at(next, 0)];
-            // A corner of something that cuts; with no tolerance it is no longer than a point.
-            if finish > 0.0 && (piece.cuts || next.cuts) && after > before + 1e-9 {
+            // A corner of something that cuts.
+            if (piece.cuts || next.cuts) && after > before + 1e-9 {
                 let center = DVec2::from_array(piece.ends[1]);
                 places.push(Place::Arc { center, radius: finish, normals: [before, after] });
             }

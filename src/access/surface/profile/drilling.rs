@@ -1,52 +1,270 @@
-//! Drills and reamers: what they touch is the wall of a hole of their own size.
+//! Drills and reamers: along their axis alone, in bores of their own diameter.
 //!
 //! # Definition
 //!
-//! At the height of the site the part is cut across the axis. Of all directions around the axis those are counted in
-//! which its outline is no farther than the tool is wide there, and a little: the finish tolerance, and that of the
-//! triangle, twice, as the axis may be beside the middle of the bore. The site is *reached by drilling* if that is more
-//! than half of the way around. A single wall, a corner, the walls of a slot or of a square pocket are not.
+//! The part is cut across the axis at the height of the site. Where the ends of the cut lie on a circle about as wide as
+//! the tool, and its wall goes more than half of the way around, there is a **bore**. It is the tool's own if its
+//! radius is not more than the tool's by the finish tolerance and the gouge tolerance together. The tool stands on the
+//! axis of the bore, no deeper than it must to touch the site, and the site is *reached by drilling* if that pose is
+//! free and a retreat along the axis is. A site on the cone of a blind bore is reached if the tool is free where its own
+//! cone touches it, on the axis of a bore of its own. Single walls, slots and square pockets are no bores, whatever the
+//! tool fits.
+//!
+//! ```text
+//! axes = those of the bores of its own at the triangles of the part
+//! for every site:
+//!     for every direction across its normal: the bore at its height; own and free: reached
+//!     with the normal of the cone: for every axis that passes within the radius: the pose that touches with it, free: reached
+//! ```
+//!
+//! What is not reached is inaccessible where something that does not cut is in the way in a bore of its own; else the
+//! tip does not fit. Of an even set only the directions that the part suggests are tested.
 
-use super::label::{Form, Frame, ProfileTool};
-use crate::access::surface::tool::Stand;
-use glam::{DVec2, DVec3};
+use super::body::normal_at;
+use super::label::{Form, Frame, ProfileTool, SiteResult};
+use crate::access::surface::labels::WitnessPose;
+use crate::access::surface::tool::{Contact, Stand};
+use crate::cutter::Profile;
+use crate::par;
+use glam::{DVec2, DVec3, dvec2};
 use std::f64::consts::{PI, TAU};
 
-/// From the nominal wall, in finish tolerances and tolerances of triangles.
-const BESIDE: f64 = 2.0;
-/// Faces of the tool that lie flatter than this have no wall around them: the cosine of its normal across the axis.
-const LEAST_ACROSS: f64 = 0.1;
+/// What of a drill touches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Drill {
+    /// Radius and lower end of the margin, mm.
+    radius: f64,
+    margin: f64,
+    /// Radius and height of the cone's ends, and the angle of its normal above the plane across the axis; none of a
+    /// reamer.
+    cone: Option<([[f64; 2]; 2], f64)>,
+}
+
+impl Drill {
+    /// None if the profile is of no drill.
+    pub fn of(profile: &Profile) -> Option<Self> {
+        let radius = profile.cutting_radius_mm();
+        let cutting = || profile.pieces().into_iter().filter(|piece| piece.cuts);
+        let is_margin = |ends: [[f64; 2]; 2]| ends.iter().all(|end| end[0] >= radius - 1e-9);
+        let margin = cutting().find(|piece| is_margin(piece.ends))?.ends[0][1];
+        let is_cone = |ends: [[f64; 2]; 2]| ends[0][0] < ends[1][0] && ends[0][1] < ends[1][1];
+        let cone = cutting().find(|piece| piece.arc.is_none() && is_cone(piece.ends));
+        let cone = cone.map(|piece| (piece.ends, normal_at(&piece, 0)));
+        profile.is_drill().then_some(Drill { radius, margin, cone })
+    }
+}
+
+/// Sites per task.
+const BLOCK: usize = 32;
+/// Normals of walls are this near to what is across the axis, as sine of the angle, and to those of a cone, radians.
+const NEAR: f64 = 0.12;
+/// Ends of a cut count to the wall of a bore if they are as near as this share of the radius to where it may be.
+const LOOSE: f64 = 0.25;
+/// Times that the circle is found again without the inner half of its ends: those of facets' diagonals are within.
+const ROUNDS: usize = 6;
+/// Facets are within the round wall that they stand for by less than so many of their tolerances.
+const FACETS: f64 = 2.0;
+/// Above where the margin begins, mm.
+const ABOVE_MM: f64 = 1e-3;
+/// Triangles that are looked at for bores: all, or as many evenly.
+const MOST_PROBES: usize = 20_000;
+/// Axes nearer than this are one, mm.
+const SAME_AXIS_MM: f64 = 1e-2;
 
 impl ProfileTool<'_> {
-    /// Whether the wall of a hole of the tool's own size is about what touches at `offset` from the tip, with the normal
-    /// of the tool there.
-    pub(super) fn is_in_own_hole(
+    /// The results for all sites.
+    pub(super) fn drilled(&self, contacts: &[Contact], frames: &[Frame]) -> Vec<SiteResult> {
+        let Some(drill) = self.drill else { return Vec::new() };
+        let along: Vec<usize> = match frames.iter().any(|frame| frame.is_suggested) {
+            true => (0..frames.len()).filter(|k| frames[*k].is_suggested).collect(),
+            false => (0..frames.len()).collect(),
+        };
+        let axes = self.axes_of_bores(&drill, (frames, &along));
+        let found = par::map_blocks(contacts.len(), BLOCK, |range| {
+            let of = |i: usize| {
+                let found = self.in_wall(&drill, &contacts[i], (frames, &along));
+                match found.witness {
+                    Some(_) => found,
+                    None => self.on_cone(&drill, &contacts[i], (frames, &axes), found),
+                }
+            };
+            range.map(of).collect::<Vec<_>>()
+        });
+        found.into_iter().flatten().collect()
+    }
+
+    /// Of every bore of its own the direction and the axis.
+    fn axes_of_bores(
         &self,
-        frame: &Frame,
-        tip: DVec3,
-        [offset, normal]: [DVec3; 2],
-    ) -> bool {
-        let across = normal.truncate().length();
-        if across < LEAST_ACROSS {
-            return false;
-        }
-        let stand = Stand { reference: tip, axes: frame.axes };
-        let (height, radius) = (offset.z, offset.truncate().length());
-        let mut arcs: Vec<[f64; 2]> = Vec::new();
-        let wider = BESIDE * (self.finish() + self.most_tolerance()) / across;
-        let mut bands = self.bands(Form::Whole, wider);
-        self.bvh().visit(&stand, &mut bands, &mut Vec::new(), |place, _| {
-            let corners = stand.triangle(self.bvh().triangle(place));
-            let beside = BESIDE * (self.finish() + self.shrunk(place).tolerance) / across;
-            if let Some(ends) = cut_at(&corners, height)
-                && let Some(arc) = arc_within(ends, radius + beside)
-            {
-                arcs.push(arc);
+        drill: &Drill,
+        (frames, along): (&[Frame], &[usize]),
+    ) -> Vec<(usize, DVec2)> {
+        let n = if drill.cone.is_some() { self.bvh().n_triangles() } else { 0 };
+        let step = n.div_ceil(MOST_PROBES).max(1);
+        let found = par::map_blocks(n.div_ceil(step), BLOCK, |range| {
+            let mut axes = Vec::new();
+            for probe in range {
+                let [a, b, c] = *self.bvh().triangle((probe * step) as u32);
+                let normal = (b - a).cross(c - a).normalize_or_zero();
+                for &k in along {
+                    let wall = [(a + b + c) / 3.0, normal];
+                    axes.extend(self.own_bore(drill, &frames[k], wall).map(|axis| (k, axis)));
+                }
             }
+            axes
+        });
+        let mut axes: Vec<(usize, DVec2)> = Vec::new();
+        for (k, axis) in found.into_iter().flatten() {
+            let same =
+                |other: &(usize, DVec2)| other.0 == k && other.1.distance(axis) < SAME_AXIS_MM;
+            if !axes.iter().any(same) {
+                axes.push((k, axis));
+            }
+        }
+        axes
+    }
+
+    /// A site on the wall of a bore.
+    fn in_wall(
+        &self,
+        drill: &Drill,
+        contact: &Contact,
+        (frames, along): (&[Frame], &[usize]),
+    ) -> SiteResult {
+        let mut found = SiteResult { only_tip: true, ..SiteResult::default() };
+        let Some(normal) = contact.normal else { return found };
+        for &k in along {
+            let frame = &frames[k];
+            if let Some(axis) = self.own_bore(drill, frame, [contact.point, normal]) {
+                let height = frame.local(contact.point).z - drill.margin - ABOVE_MM;
+                if self.stands(frame, axis.extend(height), &mut found) {
+                    break;
+                }
+            }
+        }
+        found
+    }
+
+    /// A site on the cone of a blind bore.
+    fn on_cone(
+        &self,
+        drill: &Drill,
+        contact: &Contact,
+        (frames, axes): (&[Frame], &[(usize, DVec2)]),
+        mut found: SiteResult,
+    ) -> SiteResult {
+        let Some(normal) = contact.normal else { return found };
+        let Some(([[r0, z0], [r1, z1]], angle)) = drill.cone else { return found };
+        for (k, axis) in axes {
+            let frame = &frames[*k];
+            let site = frame.local(contact.point);
+            let radius = site.truncate().distance(*axis);
+            let towards = libm::asin((-frame.local(normal).z).clamp(-1.0, 1.0));
+            if (towards - angle).abs() > NEAR || !(r0..=r1).contains(&radius) {
+                continue;
+            }
+            let height = site.z - (z0 + (z1 - z0) * (radius - r0) / (r1 - r0)) + self.finish();
+            if self.stands(frame, axis.extend(height), &mut found) {
+                return found;
+            }
+        }
+        found
+    }
+
+    /// Whether a pose, its tip in the frame of the direction, is free and may be drawn back.
+    fn stands(&self, frame: &Frame, tip: DVec3, found: &mut SiteResult) -> bool {
+        let tip = frame.global(tip);
+        found.n_tested += 1;
+        match self.first_hit(frame, tip, Form::NonCutting, &mut None) {
+            Some(_) => found.only_tip = false,
+            None if self.first_hit(frame, tip, Form::Whole, &mut None).is_some() => {}
+            None if !self.retracts_along_axis(frame, tip, &mut None) => found.only_tip = false,
+            None => {
+                found.is_free = true;
+                found.last_free = tip;
+                found.witness = Some(WitnessPose { direction: frame.direction, tip_mm: tip });
+            }
+        }
+        found.is_free
+    }
+
+    /// The axis of the bore of the tool's own radius whose wall a place is on, with its normal.
+    fn own_bore(&self, drill: &Drill, frame: &Frame, [site, normal]: [DVec3; 2]) -> Option<DVec2> {
+        if normal == DVec3::ZERO || normal.dot(frame.axes[2]).abs() > NEAR {
+            return None;
+        }
+        let site = frame.local(site);
+        let toward = frame.local(normal).truncate().normalize_or_zero();
+        let about = site.truncate() + toward * drill.radius;
+        let stand = Stand { reference: frame.global(about.extend(site.z)), axes: frame.axes };
+        let reach = (1.0 + LOOSE) * drill.radius;
+        let mut bands = vec![self.bvh().band([0.0, 0.0], reach, self.size())];
+        let mut cuts: Vec<([DVec2; 2], f64)> = Vec::new();
+        self.bvh().visit(&stand, &mut bands, &mut Vec::new(), |place, _| {
+            let ends = cut_at(&stand.triangle(self.bvh().triangle(place)), 0.0);
+            cuts.extend(ends.map(|ends| (ends, self.shrunk(place).tolerance)));
             false
         });
-        covered(arcs) > PI
+        let is_near = |p: &DVec2| (p.length() - drill.radius).abs() <= LOOSE * drill.radius;
+        let ends: Vec<DVec2> = cuts.iter().flat_map(|cut| cut.0).filter(is_near).collect();
+        let (center, radius) = outer_circle(ends)?;
+        let own = self.finish() + self.shrunk_least().tolerance;
+        if radius > drill.radius + own || radius + self.most_tolerance() < drill.radius {
+            return None;
+        }
+        // A chord of the wall is not farther within than facets of its tolerance are.
+        let arc = |([a, b], tolerance): &([DVec2; 2], f64)| {
+            let ends = [*a - center, *b - center];
+            let is_wall = nearest(ends) >= radius - own - FACETS * tolerance;
+            is_wall.then(|| arc_within(ends, radius + own)).flatten()
+        };
+        let is_around = covered(cuts.iter().filter_map(arc).collect()) > PI;
+        is_around.then_some(about + center)
     }
+}
+
+/// The circle that points are on or within, by least squares over those that are farthest out.
+fn outer_circle(mut points: Vec<DVec2>) -> Option<(DVec2, f64)> {
+    /// Spread of radii that is none, mm.
+    const SAME: f64 = 1e-7;
+    let mut circle = circle_through(&points)?;
+    for _ in 0..ROUNDS {
+        let distance = |p: &DVec2| p.distance(circle.0);
+        let least = points.iter().map(distance).fold(f64::INFINITY, f64::min);
+        let most = points.iter().map(distance).fold(0.0, f64::max);
+        if most - least < SAME {
+            break;
+        }
+        let outer: Vec<DVec2> =
+            points.iter().copied().filter(|p| distance(p) >= 0.5 * (least + most)).collect();
+        match circle_through(&outer) {
+            Some(next) if outer.len() < points.len() => (circle, points) = (next, outer),
+            _ => break,
+        }
+    }
+    Some(circle)
+}
+
+/// The circle of least squares (Kåsa 1976), center and radius; none through fewer than three points or along a line.
+fn circle_through(points: &[DVec2]) -> Option<(DVec2, f64)> {
+    let n = points.len() as f64;
+    if points.len() < 3 {
+        return None;
+    }
+    let middle = points.iter().sum::<DVec2>() / n;
+    let (mut xx, mut xy, mut yy, mut right) = (0.0, 0.0, 0.0, DVec2::ZERO);
+    for p in points {
+        let q = *p - middle;
+        (xx, xy, yy) = (xx + q.x * q.x, xy + q.x * q.y, yy + q.y * q.y);
+        right += 0.5 * q.length_squared() * q;
+    }
+    let determinant = xx * yy - xy * xy;
+    if determinant <= 1e-12 * (xx + yy) * (xx + yy) {
+        return None;
+    }
+    let center = dvec2(yy * right.x - xy * right.y, xx * right.y - xy * right.x) / determinant;
+    let radius = ((xx + yy) / n + center.length_squared()).sqrt();
+    Some((middle + center, radius))
 }
 
 /// Where a triangle crosses a height, across the axis.
@@ -62,6 +280,13 @@ fn cut_at(corners: &[DVec3; 3], height: f64) -> Option<[DVec2; 2]> {
         }
     }
     (n == 2).then_some(ends)
+}
+
+/// Distance of a segment from the axis.
+fn nearest([a, b]: [DVec2; 2]) -> f64 {
+    let run = b - a;
+    let share = (-a.dot(run) / run.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    (a + run * share).length()
 }
 
 /// Angles about the axis, the second less than half a turn beyond the first, between which a segment is within a radius.

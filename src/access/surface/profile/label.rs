@@ -5,6 +5,7 @@ use super::balls::Balls;
 use super::bands::Bands;
 use super::body::{Body, Shrunk};
 use super::contact::{Contacts, Pose};
+use super::drilling::Drill;
 use super::meet::{Hit, deepest, penetrates};
 use super::outline::Outline;
 use crate::access::surface::bvh::{Band, Bvh};
@@ -35,8 +36,8 @@ pub(in crate::access::surface) struct ProfileTool<'a> {
     /// No move across the axis is longer, mm.
     pub(super) farthest: f64,
     pub(super) only_widens: bool,
-    /// See [`Profile::is_drill`].
-    is_drill: bool,
+    /// Of a drill or a reamer.
+    pub(super) drill: Option<Drill>,
 }
 
 /// What of a tool is tested.
@@ -62,9 +63,9 @@ impl Form {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame {
     pub axes: Axes,
-    direction: Vec3,
+    pub direction: Vec3,
     /// Whether the part itself suggests it.
-    is_suggested: bool,
+    pub is_suggested: bool,
 }
 
 impl Frame {
@@ -98,12 +99,12 @@ impl Frame {
         tip + self.axes[0] * by.x + self.axes[1] * by.y
     }
 
-    fn local(&self, vector: DVec3) -> DVec3 {
+    pub fn local(&self, vector: DVec3) -> DVec3 {
         let [u, v, d] = self.axes;
         DVec3::new(vector.dot(u), vector.dot(v), vector.dot(d))
     }
 
-    fn global(&self, local: DVec3) -> DVec3 {
+    pub fn global(&self, local: DVec3) -> DVec3 {
         let [u, v, d] = self.axes;
         u * local.x + v * local.y + d * local.z
     }
@@ -230,8 +231,7 @@ impl<'a> ProfileTool<'a> {
         ProfileTool {
             bvh,
             outline: Outline::new(profile),
-            // What a drill leaves is its own size.
-            contacts: Contacts::new(profile, if profile.is_drill() { 0.0 } else { finish }),
+            contacts: Contacts::new(profile, finish),
             finish,
             bodies,
             body_of,
@@ -239,7 +239,7 @@ impl<'a> ProfileTool<'a> {
             radius,
             farthest,
             only_widens: profile.only_widens(),
-            is_drill: profile.is_drill(),
+            drill: Drill::of(profile),
         }
     }
 
@@ -338,6 +338,11 @@ impl<'a> ProfileTool<'a> {
         self.bodies[self.bodies.len() - 1].tolerance
     }
 
+    /// Of the tool and all its ways, mm.
+    pub(super) fn size(&self) -> f64 {
+        self.bands[0].size()
+    }
+
     pub(super) fn bands(&self, form: Form, wider: f64) -> Vec<Band> {
         self.bands[form as usize].widened(self.bvh, wider)
     }
@@ -359,7 +364,7 @@ impl<'a> ProfileTool<'a> {
                 state.n_tested += 1;
                 let Some((place, hit)) = self.first_hit(frame, tip, Form::Whole, &mut state.last)
                 else {
-                    return self.counts(frame, (tip, &pose), &mut state, &mut found);
+                    return self.retracts(frame, tip, &mut state, &mut found);
                 };
                 let depth = self.outline.depth(hit.point).mm - self.shrunk(place).tolerance;
                 let slack = self.shrunk(place).tolerance + self.finish;
@@ -382,31 +387,22 @@ impl<'a> ProfileTool<'a> {
         for Candidate { k, pose, .. } in suggested.poses.into_iter().chain(shallow.poses) {
             let frame = &frames[k];
             let from = (pose, frame.local(normal));
-            let free = self.slide(frame, contact.point, from, &mut state);
-            if let Some((tip, pose)) = free
-                && self.counts(frame, (tip, &pose), &mut state, &mut found)
-            {
+            let tip = self.slide(frame, contact.point, from, &mut state);
+            if tip.is_some_and(|tip| self.retracts(frame, tip, &mut state, &mut found)) {
                 return found.with_witness(frame.direction, &state);
             }
         }
         SiteResult { n_tested: state.n_tested, ..found }
     }
 
-    /// Whether a free pose counts: a drill's is in a hole of its own, and a retreat is proven.
-    fn counts(
+    /// Whether a retreat from a free pose is proven.
+    fn retracts(
         &self,
         frame: &Frame,
-        (tip, pose): (DVec3, &Pose),
+        tip: DVec3,
         state: &mut State,
         found: &mut SiteResult,
     ) -> bool {
-        if self.is_drill {
-            let place = [self.contacts.offset(pose), self.contacts.normal(pose)];
-            if !self.is_in_own_hole(frame, tip, place) {
-                found.only_tip = true;
-                return false;
-            }
-        }
         found.last_free = tip;
         found.is_free = true;
         if self.retracts_along_axis(frame, tip, &mut state.last_retracting) {
@@ -424,14 +420,14 @@ impl<'a> ProfileTool<'a> {
         self.first_hit(frame, tip, Form::NonCutting, last).is_none()
     }
 
-    /// A free pose and its tip, pushed from one that is not.
+    /// The tip of a free pose, pushed from one that is not.
     fn slide(
         &self,
         frame: &Frame,
         site: DVec3,
         (mut pose, normal): (Pose, DVec3),
         state: &mut State,
-    ) -> Option<(DVec3, Pose)> {
+    ) -> Option<DVec3> {
         /// As for cutters of steps: what only passes around an edge does not touch it.
         const LEAST_COSINE: f64 = 0.1;
         let (mut least, mut n_stalled) = (f64::INFINITY, 0);
@@ -444,7 +440,7 @@ impl<'a> ProfileTool<'a> {
                 if !touches || self.first_hit(frame, tip, Form::Whole, &mut state.last).is_some() {
                     return None;
                 }
-                return Some((tip, pose));
+                return Some(tip);
             };
             let depth = self.outline.depth(point);
             let by = depth.mm - self.shrunk(place).tolerance + BEYOND_MM;
@@ -457,8 +453,7 @@ impl<'a> ProfileTool<'a> {
             if by < SHALLOWER * least {
                 (least, n_stalled) = (by, 0);
             }
-            // A drill has hardly any room: it may go to and fro.
-            if n_stalled == MOST_STALLED && !self.is_drill {
+            if n_stalled == MOST_STALLED {
                 return None;
             }
             // Where the nearest way out is none along the profile, across the axis.
@@ -486,16 +481,14 @@ pub(in crate::access::surface) fn label(
         Some(domain) => Frame::of(directions, tool.bvh, domain),
         None => Frame::all(directions),
     };
-    let found = par::map_blocks(contacts.len(), BLOCK, |range| {
-        range.map(|i| tool.site(&contacts[i], &frames)).collect::<Vec<_>>()
-    });
+    let found = sites(tool, contacts, &frames);
     let mut labels = SurfaceLabels {
         tolerance_mm: own_tolerances,
         finish_mm: tool.finish,
         n_directions: directions.len(),
         ..SurfaceLabels::default()
     };
-    for found in found.into_iter().flatten() {
+    for found in found {
         let without_retreat = found.witness.is_none() && found.is_free;
         labels.answers.push(match found.witness {
             Some(_) => SiteAnswer::Accessible,
@@ -514,25 +507,32 @@ pub(in crate::access::surface) fn label(
     labels
 }
 
+/// The results for all sites.
+fn sites(tool: &ProfileTool, contacts: &[Contact], frames: &[Frame]) -> Vec<SiteResult> {
+    if tool.drill.is_some() {
+        return tool.drilled(contacts, frames);
+    }
+    let found = par::map_blocks(contacts.len(), BLOCK, |range| {
+        range.map(|i| tool.site(&contacts[i], frames)).collect::<Vec<_>>()
+    });
+    found.into_iter().flatten().collect()
+}
+
 /// In which of the directions every site is accessible, and whether the tip alone hinders it.
 pub(in crate::access::surface) fn accessible(
     tool: &ProfileTool,
     contacts: &[Contact],
     directions: &Directions,
 ) -> Vec<(Vec<bool>, bool)> {
-    let frames = Frame::all(directions);
-    let found = par::map_blocks(contacts.len(), BLOCK, |range| {
-        let of = |i: usize| {
-            let (mut accessible, mut only_tip) = (Vec::with_capacity(frames.len()), false);
-            for frame in frames.chunks(1) {
-                let found = tool.site(&contacts[i], frame);
-                accessible.push(found.witness.is_some());
-                only_tip |= found.only_tip && !found.is_free;
-            }
-            let is_reached = accessible.contains(&true);
-            (accessible, only_tip && !is_reached)
-        };
-        range.map(of).collect::<Vec<_>>()
-    });
-    found.into_iter().flatten().collect()
+    let mut found = vec![(Vec::with_capacity(directions.len()), false); contacts.len()];
+    for frame in Frame::all(directions).chunks(1) {
+        for (site, (accessible, only_tip)) in sites(tool, contacts, frame).iter().zip(&mut found) {
+            accessible.push(site.witness.is_some());
+            *only_tip |= site.only_tip && !site.is_free;
+        }
+    }
+    for (accessible, only_tip) in &mut found {
+        *only_tip &= !accessible.contains(&true);
+    }
+    found
 }

@@ -86,7 +86,10 @@ fn a_drill_is_no_end_mill() {
         &[[2.5 * 2f64.sqrt(), 0.0], [20.0, 0.0], [20.0, 30.0], [2.5 * 2f64.sqrt(), 30.0]],
         4,
     );
-    for mesh in [slot, square, solids::cuboid(DVec3::splat(20.0))] {
+    // Seen along a wall of a step, the part is cut in a rectangle whose corners are on a circle.
+    let step = [[-20.0, 0.0], [20.0, 0.0], [20.0, 3.0], [0.0, 3.0], [0.0, 7.0], [-20.0, 7.0]];
+    let step = drawn_along_y(&step, 3.0);
+    for mesh in [slot, square, step, solids::cuboid(DVec3::splat(20.0))] {
         let sites = sites_on(&mesh, 9, |_, _| true);
         let labels = label(&mesh, &sites, drill(2.5, 118.0), 50.0);
         assert_eq!(share(&labels), 0.0);
