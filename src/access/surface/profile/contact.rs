@@ -144,6 +144,11 @@ impl Contacts {
         self.starts.partition_point(|start| *start <= along).saturating_sub(1)
     }
 
+    #[cfg(test)]
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
     fn place(&self, along: f64) -> (&Place, f64) {
         let k = self.place_at(along);
         let place = &self.places[k];

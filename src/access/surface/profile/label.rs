@@ -69,9 +69,12 @@ pub(super) struct Frame {
 }
 
 impl Frame {
+    pub fn along(direction: Vec3) -> Frame {
+        Frame { axes: axes(direction), direction, is_suggested: false }
+    }
+
     fn all(directions: &Directions) -> Vec<Frame> {
-        let frame = |d: &Vec3| Frame { axes: axes(*d), direction: *d, is_suggested: false };
-        directions.vectors().iter().map(frame).collect()
+        directions.vectors().iter().map(|d| Frame::along(*d)).collect()
     }
 
     /// Of a set, and those that the part suggests within its domain.
