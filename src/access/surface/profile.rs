@@ -46,9 +46,12 @@ mod balls;
 mod bands;
 mod body;
 mod contact;
+mod depth;
 mod drilling;
+mod frame;
 mod label;
 mod meet;
+mod nearest;
 mod outline;
 #[cfg(test)]
 mod reference;
@@ -56,4 +59,7 @@ mod retreat;
 #[cfg(test)]
 mod tests;
 
-pub(super) use label::{ProfileTool, accessible, label};
+pub(super) use depth::{Ladder, PartHeights};
+pub(super) use frame::Frame;
+pub(super) use label::{ProfileTool, SiteResult, accessible, label};
+pub(super) use nearest::{Penetration, PoseState};

@@ -69,7 +69,23 @@ struct Bound {
 impl Body {
     /// The profile shrunk by a tolerance, which is positive.
     pub fn new(profile: &Profile, tolerance: f64) -> Body {
-        let bounds = bounds(profile, tolerance);
+        Body::within(bounds(profile, tolerance))
+    }
+
+    /// As [`Body::new`], by any length: of an arc that is not longer than that nothing is left at its heights beyond its
+    /// center.
+    pub fn deep(profile: &Profile, depth: f64) -> Body {
+        let mut bounds = bounds(profile, depth);
+        for Piece { ends: [[_, low], [_, high]], arc, cuts } in finite_pieces(profile) {
+            if let Some(arc) = arc.filter(|arc| arc.is_convex && arc.radius <= depth) {
+                let curve = Curve::Line { radius: arc.center[0], slope: 0.0 };
+                bounds.push(Bound { low, high, curve, cuts });
+            }
+        }
+        Body::within(bounds)
+    }
+
+    fn within(bounds: Vec<Bound>) -> Body {
         let mut heights: Vec<f64> =
             bounds.iter().flat_map(|bound| [bound.low, bound.high]).collect();
         heights.sort_by(f64::total_cmp);

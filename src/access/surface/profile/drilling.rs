@@ -21,7 +21,8 @@
 //! tip does not fit. Of an even set only the directions that the part suggests are tested.
 
 use super::body::normal_at;
-use super::label::{Form, Frame, ProfileTool, SiteResult};
+use super::frame::Frame;
+use super::label::{Form, ProfileTool, SiteResult};
 use crate::access::surface::labels::WitnessPose;
 use crate::access::surface::tool::{Contact, Stand};
 use crate::cutter::Profile;
@@ -51,6 +52,12 @@ impl Drill {
         let cone = cutting().find(|piece| piece.arc.is_none() && is_cone(piece.ends));
         let cone = cone.map(|piece| (piece.ends, normal_at(&piece, 0)));
         profile.is_drill().then_some(Drill { radius, margin, cone })
+    }
+
+    /// Whether a surface of this normal, in the frame of the tool, is touched by the cone.
+    fn is_by_cone(&self, normal: DVec3) -> bool {
+        let toward = libm::asin((-normal.z).clamp(-1.0, 1.0));
+        self.cone.is_some_and(|(_, angle)| (toward - angle).abs() <= NEAR)
     }
 }
 
@@ -154,17 +161,15 @@ impl ProfileTool<'_> {
         mut found: SiteResult,
     ) -> SiteResult {
         let Some(normal) = contact.normal else { return found };
-        let Some(([[r0, z0], [r1, z1]], angle)) = drill.cone else { return found };
         for (k, axis) in axes {
             let frame = &frames[*k];
-            let site = frame.local(contact.point);
-            let radius = site.truncate().distance(*axis);
-            let towards = libm::asin((-frame.local(normal).z).clamp(-1.0, 1.0));
-            if (towards - angle).abs() > NEAR || !(r0..=r1).contains(&radius) {
+            if !drill.is_by_cone(frame.local(normal)) {
                 continue;
             }
-            let height = site.z - (z0 + (z1 - z0) * (radius - r0) / (r1 - r0)) + self.finish();
-            if self.stands(frame, axis.extend(height), &mut found) {
+            let site = frame.local(contact.point);
+            if let Some(tip) = self.pose_by_cone(drill, site, *axis)
+                && self.stands(frame, tip, &mut found)
+            {
                 return found;
             }
         }
@@ -178,14 +183,41 @@ impl ProfileTool<'_> {
         match self.first_hit(frame, tip, Form::NonCutting, &mut None) {
             Some(_) => found.only_tip = false,
             None if self.first_hit(frame, tip, Form::Whole, &mut None).is_some() => {}
-            None if !self.retracts_along_axis(frame, tip, &mut None) => found.only_tip = false,
             None => {
                 found.is_free = true;
-                found.last_free = tip;
-                found.witness = Some(WitnessPose { direction: frame.direction, tip_mm: tip });
+                (found.last_free, found.last_free_direction) = (tip, frame.direction);
+                if self.retracts_along_axis(frame, tip, &mut None) {
+                    found.witness = Some(WitnessPose { direction: frame.direction, tip_mm: tip });
+                }
             }
         }
-        found.is_free
+        found.witness.is_some()
+    }
+
+    /// Where the tip is in one direction, if the site is on the wall of a bore of the drill's own, or below one on a
+    /// cone; else whether what cuts has the site's normal somewhere.
+    pub(super) fn drill_pose(&self, contact: &Contact, frame: &Frame) -> Result<DVec3, bool> {
+        let (Some(drill), Some(normal)) = (self.drill, contact.normal) else { return Err(false) };
+        let site = frame.local(contact.point);
+        if let Some(axis) = self.own_bore(&drill, frame, [contact.point, normal]) {
+            let height = site.z - drill.margin - ABOVE_MM;
+            return Ok(frame.global(axis.extend(height)));
+        }
+        if !drill.is_by_cone(frame.local(normal)) {
+            return Err(frame.local(normal).z.abs() <= NEAR);
+        }
+        let axes = self.axes_of_bores(&drill, (std::slice::from_ref(frame), &[0]));
+        let mut poses = axes.iter().filter_map(|(_, axis)| self.pose_by_cone(&drill, site, *axis));
+        poses.next().map(|tip| frame.global(tip)).ok_or(true)
+    }
+
+    /// The tip of the pose on an axis that touches a site with the cone, all in the frame of the direction; none where the
+    /// cone is not as wide.
+    fn pose_by_cone(&self, drill: &Drill, site: DVec3, axis: DVec2) -> Option<DVec3> {
+        let ([[r0, z0], [r1, z1]], _) = drill.cone?;
+        let radius = site.truncate().distance(axis);
+        let height = site.z - (z0 + (z1 - z0) * (radius - r0) / (r1 - r0)) + self.finish();
+        (r0..=r1).contains(&radius).then_some(axis.extend(height))
     }
 
     /// The axis of the bore of the tool's own radius whose wall a place is on, with its normal.

@@ -1,18 +1,18 @@
 //! Labels of a tool of any profile, in the directions of a set.
 
-use super::axes::axes_of;
 use super::balls::Balls;
 use super::bands::Bands;
 use super::body::{Body, Shrunk};
 use super::contact::{Contacts, Pose};
 use super::drilling::Drill;
+pub(super) use super::frame::Frame;
 use super::meet::{Hit, deepest, penetrates};
 use super::outline::Outline;
 use crate::access::surface::bvh::{Band, Bvh};
 use crate::access::surface::cells::Domain;
 use crate::access::surface::labels::{SiteAnswer, SurfaceLabels, SurfaceStats, WitnessPose};
 use crate::access::surface::tolerance::Tolerances;
-use crate::access::surface::tool::{Axes, Contact, Stand, axes};
+use crate::access::surface::tool::{Contact, Stand};
 use crate::cutter::Profile;
 use crate::directions::Directions;
 use crate::par;
@@ -21,8 +21,8 @@ use glam::{DVec2, DVec3, Vec3};
 /// One tool against all triangles.
 pub(in crate::access::surface) struct ProfileTool<'a> {
     bvh: &'a Bvh,
-    outline: Outline,
-    contacts: Contacts,
+    pub(super) outline: Outline,
+    pub(super) contacts: Contacts,
     /// Finish tolerance, mm.
     finish: f64,
     /// For every tolerance, rounded up, from the least.
@@ -59,60 +59,6 @@ impl Form {
     }
 }
 
-/// The axes of the tool.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Frame {
-    pub axes: Axes,
-    pub direction: Vec3,
-    /// Whether the part itself suggests it.
-    pub is_suggested: bool,
-}
-
-impl Frame {
-    pub fn along(direction: Vec3) -> Frame {
-        Frame { axes: axes(direction), direction, is_suggested: false }
-    }
-
-    fn all(directions: &Directions) -> Vec<Frame> {
-        directions.vectors().iter().map(|d| Frame::along(*d)).collect()
-    }
-
-    /// Of a set, and those that the part suggests within its domain.
-    fn of(directions: &Directions, bvh: &Bvh, domain: Domain) -> Vec<Frame> {
-        /// Directions nearer than this are one, as the sine of the angle.
-        const SAME: f32 = 1e-5;
-        let mut frames = Frame::all(directions);
-        let both = axes_of(bvh).into_iter().flat_map(|axis| [axis, -axis]);
-        for axis in both.filter(|axis| domain.holds(*axis)) {
-            let direction = axis.as_vec3();
-            let same = |frame: &&mut Frame| {
-                let d = frame.direction;
-                d.dot(direction) > 0.0 && d.cross(direction).length() < SAME
-            };
-            match frames.iter_mut().find(same) {
-                Some(frame) => frame.is_suggested = true,
-                None => frames.push(Frame { axes: axes(direction), direction, is_suggested: true }),
-            }
-        }
-        frames
-    }
-
-    /// A place moved across the axis.
-    pub fn moved(&self, tip: DVec3, by: DVec2) -> DVec3 {
-        tip + self.axes[0] * by.x + self.axes[1] * by.y
-    }
-
-    pub fn local(&self, vector: DVec3) -> DVec3 {
-        let [u, v, d] = self.axes;
-        DVec3::new(vector.dot(u), vector.dot(v), vector.dot(d))
-    }
-
-    pub fn global(&self, local: DVec3) -> DVec3 {
-        let [u, v, d] = self.axes;
-        u * local.x + v * local.y + d * local.z
-    }
-}
-
 /// Tolerances are rounded up to a power of this, times the least.
 const TOLERANCE_STEP: f64 = 1.02;
 /// Sites per task.
@@ -123,32 +69,41 @@ const PUSHED: usize = 10;
 const PUSHED_OF_FEW: usize = 40;
 const PUSHED_OF_ALL: usize = 200;
 /// Pushes of one pose, and how many of them may fail to leave it less deep by a tenth.
-const PUSHES: usize = 20;
-const MOST_STALLED: usize = 4;
-const SHALLOWER: f64 = 0.9;
+pub(super) const PUSHES: usize = 20;
+pub(super) const MOST_STALLED: usize = 4;
+pub(super) const SHALLOWER: f64 = 0.9;
 /// Poses are pushed if what they penetrate is not deeper than this many times their freedom.
 const REACH: f64 = 1.5;
 /// Size of the ball that must fit, of the one that the tool holds: the search for its place is a single one.
 const BALL_SHARE: f64 = 0.7;
 /// Free poses of one site whose retreat is tried.
-const MOST_RETREATS: usize = 6;
+pub(super) const MOST_RETREATS: usize = 6;
 /// A triangle counts as deeper if it is by this factor.
 const DEEPER: f64 = 1.25;
 /// Farther than what is penetrated, mm.
-const BEYOND_MM: f64 = 1e-5;
+pub(super) const BEYOND_MM: f64 = 1e-5;
 
 /// The result for a site.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct SiteResult {
+pub(in crate::access::surface) struct SiteResult {
     pub witness: Option<WitnessPose>,
     /// Whether some pose is free; the one that was found last.
     pub is_free: bool,
     pub last_free: DVec3,
+    pub last_free_direction: Vec3,
     pub only_tip: bool,
-    pub n_tested: u64,
+    pub(super) n_tested: u64,
 }
 
 impl SiteResult {
+    pub fn answer(&self) -> SiteAnswer {
+        match self.witness {
+            Some(_) => SiteAnswer::Accessible,
+            None if self.only_tip && !self.is_free => SiteAnswer::TipDoesNotFit,
+            None => SiteAnswer::Inaccessible,
+        }
+    }
+
     /// With the pose that is free and has a retreat, in a direction of the set.
     fn with_witness(self, direction: Vec3, state: &State) -> SiteResult {
         let witness = Some(WitnessPose { direction, tip_mm: self.last_free });
@@ -157,12 +112,12 @@ impl SiteResult {
 }
 
 #[derive(Default)]
-struct State {
-    last: Option<u32>,
+pub(super) struct State {
+    pub last: Option<u32>,
     last_retracting: Option<u32>,
     last_non_cutting: Option<u32>,
     n_tested: u64,
-    n_retreats: usize,
+    pub n_retreats: usize,
 }
 
 /// A pose that penetrates something.
@@ -350,12 +305,12 @@ impl<'a> ProfileTool<'a> {
         self.bands[form as usize].widened(self.bvh, wider)
     }
 
-    fn tip(&self, frame: &Frame, site: DVec3, pose: &Pose) -> DVec3 {
+    pub(super) fn tip(&self, frame: &Frame, site: DVec3, pose: &Pose) -> DVec3 {
         site - frame.global(self.contacts.offset(pose))
     }
 
     /// Answers for one site.
-    pub(super) fn site(&self, contact: &Contact, frames: &[Frame]) -> SiteResult {
+    pub fn site(&self, contact: &Contact, frames: &[Frame]) -> SiteResult {
         let (mut state, mut found) = (State::default(), SiteResult::default());
         let Some(normal) = contact.normal else { return found };
         let (mut shallow, mut suggested) = (Shallow::along(frames.len()), Shallow::suggested());
@@ -399,14 +354,14 @@ impl<'a> ProfileTool<'a> {
     }
 
     /// Whether a retreat from a free pose is proven.
-    fn retracts(
+    pub(super) fn retracts(
         &self,
         frame: &Frame,
         tip: DVec3,
         state: &mut State,
         found: &mut SiteResult,
     ) -> bool {
-        found.last_free = tip;
+        (found.last_free, found.last_free_direction) = (tip, frame.direction);
         found.is_free = true;
         if self.retracts_along_axis(frame, tip, &mut state.last_retracting) {
             return true;
@@ -459,16 +414,26 @@ impl<'a> ProfileTool<'a> {
             if n_stalled == MOST_STALLED {
                 return None;
             }
-            // Where the nearest way out is none along the profile, across the axis.
-            let flat = point.truncate();
-            let across = || {
-                let by = self.shrunk(place).whole.radius_at(point.z) - flat.length() + BEYOND_MM;
-                let outward = flat.normalize_or_zero().extend(0.0);
-                self.contacts.pushed(&pose, -outward, by)
-            };
-            pose = self.contacts.pushed(&pose, -depth.toward, by).or_else(across)?;
+            pose = self.pushed_clear(&pose, (place, point), (by, depth.toward))?;
         }
         None
+    }
+
+    /// A pose that is pushed clear of a point of a triangle, which is `toward` the profile, `by` mm; where that is no way
+    /// along the profile, across the axis.
+    pub(super) fn pushed_clear(
+        &self,
+        pose: &Pose,
+        (place, point): (u32, DVec3),
+        (by, toward): (f64, DVec3),
+    ) -> Option<Pose> {
+        let flat = point.truncate();
+        let across = || {
+            let by = self.shrunk(place).whole.radius_at(point.z) - flat.length() + BEYOND_MM;
+            let outward = flat.normalize_or_zero().extend(0.0);
+            self.contacts.pushed(pose, -outward, by)
+        };
+        self.contacts.pushed(pose, -toward, by).or_else(across)
     }
 }
 
@@ -480,10 +445,7 @@ pub(in crate::access::surface) fn label(
     (directions, domain): (&Directions, Option<Domain>),
     own_tolerances: Vec<f64>,
 ) -> SurfaceLabels {
-    let frames = match domain {
-        Some(domain) => Frame::of(directions, tool.bvh, domain),
-        None => Frame::all(directions),
-    };
+    let frames = Frame::tested((directions, domain), tool.bvh);
     let found = sites(tool, contacts, &frames);
     let mut labels = SurfaceLabels {
         tolerance_mm: own_tolerances,
@@ -493,11 +455,7 @@ pub(in crate::access::surface) fn label(
     };
     for found in found {
         let without_retreat = found.witness.is_none() && found.is_free;
-        labels.answers.push(match found.witness {
-            Some(_) => SiteAnswer::Accessible,
-            None if found.only_tip && !without_retreat => SiteAnswer::TipDoesNotFit,
-            None => SiteAnswer::Inaccessible,
-        });
+        labels.answers.push(found.answer());
         labels.witness.push(found.witness);
         labels.open_directions.push(if found.witness.is_some() { 0.0 } else { 1.0 });
         labels.retreat_unproven.push(without_retreat);
