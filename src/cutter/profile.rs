@@ -19,6 +19,7 @@
 //! cut begins: `0:0 1.5:5.598@0:3 | 1.5:20 3:22` is a lollipop of diameter 6 on a neck of diameter 3; of a drill
 //! `drill` comes first.
 
+mod changes;
 mod drills;
 mod families;
 mod mills;

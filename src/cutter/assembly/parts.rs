@@ -2,7 +2,7 @@
 
 use super::{Assembly, raise};
 use crate::cutter::margins::{envelope, grown};
-use crate::cutter::{Cutter, Step, is_wider};
+use crate::cutter::{Cutter, Profile, Step, is_wider};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -40,6 +40,9 @@ impl ToolPart {
         }
     }
 }
+
+/// No drill becomes wider by a greater factor.
+const MOST_WIDER: f64 = 10.0;
 
 impl fmt::Display for ToolPart {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -80,11 +83,13 @@ impl Assembly {
         self.cutting.iter_mut().chain(&mut self.upper).filter(move |step| is_wider(step, end))
     }
 
-    /// Whether some step belongs to the part; of the shank, whether some is wider than the tip.
+    /// Whether some step belongs to the part; of the shank, whether some is wider than the tip. A tool given by its
+    /// profile has a tip, which is all that cuts, and a shank, which is all else below the holder.
     pub fn has(&self, part: ToolPart) -> bool {
         let is_shank = |step: &Step| is_wider(step, self.end_mm());
         match part {
             ToolPart::Tip => true,
+            ToolPart::Cutter | ToolPart::Shank if self.profile.is_some() => part == ToolPart::Shank,
             ToolPart::Cutter => self.cutting.iter().any(|step| !is_shank(step)),
             ToolPart::Shank => self.cutting.iter().chain(&self.upper).any(is_shank),
             ToolPart::Holder => self.holder.iter().any(|step| step.radius_mm.is_finite()),
@@ -109,7 +114,7 @@ impl Assembly {
     }
 
     /// This tool with `part` and everything above it raised: a longer neck and stick-out, a longer stick-out, a longer
-    /// holder.
+    /// holder. Of a tool given by its profile the shank begins where the profile widens for the last time.
     ///
     /// # Errors
     /// If the part is none of shank, holder and spindle, the stick-out would be beyond the overall length
@@ -119,8 +124,11 @@ impl Assembly {
         let mut tool = self.clone();
         match part {
             ToolPart::Tip | ToolPart::Cutter => return Err(unchangeable(part)),
+            ToolPart::Shank if let Some(profile) = &self.profile => {
+                tool = self.with_changed(profile.with_longer_neck(by_mm)?);
+                tool.stick_out_mm += by_mm;
+            }
             ToolPart::Shank => {
-                self.require_steps()?;
                 let flutes_mm = tool.flutes_mm();
                 tool.shank_mut().for_each(|step| step.height_mm += by_mm);
                 if tool.flutes_mm() > flutes_mm {
@@ -139,7 +147,8 @@ impl Assembly {
         tool.checked()
     }
 
-    /// This tool with all radii of `part` less by `by_mm`; none less than that of the tip.
+    /// This tool with all radii of `part` less by `by_mm`; none less than that of the tip. Of a tool given by its profile
+    /// the neck takes the place of the shank, and may be thinner than the tip.
     ///
     /// # Errors
     /// If the part is neither shank nor holder, or as [`Assembly::cutter`].
@@ -148,10 +157,10 @@ impl Assembly {
         let narrow = |step: &mut Step| step.radius_mm = (step.radius_mm - by_mm).max(least);
         let mut tool = self.clone();
         match part {
-            ToolPart::Shank => {
-                self.require_steps()?;
-                tool.shank_mut().for_each(narrow);
+            ToolPart::Shank if let Some(profile) = &self.profile => {
+                tool = self.with_changed(profile.with_thinner_neck(by_mm)?);
             }
+            ToolPart::Shank => tool.shank_mut().for_each(narrow),
             ToolPart::Holder => {
                 let finite = tool.holder.iter_mut().filter(|step| step.radius_mm.is_finite());
                 finite.for_each(narrow);
@@ -161,16 +170,21 @@ impl Assembly {
         tool.checked()
     }
 
-    /// This tool with tip and cutter less in diameter by a factor; shank, holder and stick-out stay.
+    /// This tool with tip and cutter less in diameter by a factor; shank, holder and stick-out stay. Of a tool given by
+    /// its profile all that cuts is scaled, in radius and height, and its neck is as much thinner; a drill may become
+    /// wider.
     ///
     /// # Errors
-    /// If the factor is not above 0 and at most 1, or as [`Assembly::cutter`].
+    /// If the factor is not above 0 and at most 1, of a drill at most 10, or as [`Assembly::cutter`].
     pub fn with_smaller_end(&self, factor: f64) -> Result<Self> {
-        if !(factor > 0.0 && factor <= 1.0) {
+        let is_drill = self.profile.as_ref().is_some_and(Profile::is_drill);
+        if !(factor > 0.0 && factor <= if is_drill { MOST_WIDER } else { 1.0 }) {
             let expected = "above 0, at most 1";
             return Err(Error::argument("factor", factor, expected, "1 changes nothing"));
         }
-        self.require_steps()?;
+        if let Some(profile) = &self.profile {
+            return self.with_changed(profile.with_scaled_end(factor)?).checked();
+        }
         let mut tool = Assembly {
             corner_mm: factor * self.corner_mm,
             side_mm: factor * self.side_mm,

@@ -57,6 +57,27 @@ impl Assembly {
         Ok(Assembly { corner_mm: 0.0, side_mm, profile: Some(profile), ..self })
     }
 
+    /// Heights above the tip at which holder and spindle begin, with a margin, mm.
+    ///
+    /// # Errors
+    /// As [`Assembly::with_clearance`].
+    pub(crate) fn upper_heights_mm(&self, clearance_mm: f64) -> Result<[f64; 2]> {
+        let held = self.with_clearance(clearance_mm)?;
+        let lowest = |is_spindle: bool| {
+            let of = held.holder.iter().filter(|step| step.radius_mm.is_infinite() || !is_spindle);
+            let heights = of.map(|step| step.height_mm + held.stick_out_mm);
+            heights.fold(f64::INFINITY, f64::min)
+        };
+        Ok([lowest(false), lowest(true)])
+    }
+
+    /// The same tool with another profile.
+    pub(super) fn with_changed(&self, profile: Profile) -> Self {
+        let [cutting, upper] = steps_of(&profile);
+        let side_mm = profile.cutting_radius_mm();
+        Assembly { side_mm, cutting, upper, profile: Some(profile), ..self.clone() }
+    }
+
     /// The cutter with the profile in the holder, or alone.
     pub(super) fn with_profile_of(&self, cutter: Cutter, stick_out_mm: Option<f64>) -> Cutter {
         let profile = self.profile.as_ref().map(|profile| match stick_out_mm {
