@@ -34,6 +34,8 @@ mod change;
 mod meet;
 mod nearest;
 mod parts;
+mod profile;
+mod profile_change;
 mod region;
 mod remedies;
 
@@ -56,6 +58,7 @@ use crate::directions::Directions;
 use case::{Barrier, Case};
 use glam::{DVec3, Vec3};
 use meet::Points;
+use profile::ProfileCase;
 
 /// A site, and what it is labeled for.
 #[derive(Debug, Clone, Copy)]
@@ -99,6 +102,7 @@ pub struct Explanation {
     pub stopped: Option<Stopped>,
     /// For a site that is not accessible: a direction outside of those of the query in which this tool may stand.
     pub other_direction: Option<Vec3>,
+    pub(crate) of_profile: bool,
 }
 
 /// A direction in which the tool may stand, by the reference engine.
@@ -109,7 +113,7 @@ pub struct Witness {
     pub direction: Vec3,
     /// The lowest point of the tool on its axis, mm; none among points.
     pub tip_mm: Option<DVec3>,
-    /// How far the tool could be lowered until it touches, mm: 0 or more; infinite if it meets nothing. Among points:
+    /// How far the tool could be lowered until it penetrates, mm: 0 or more; infinite if it meets nothing. Among points:
     /// how far its steps could grow, which is no more than that.
     pub margin_mm: f64,
 }
@@ -120,23 +124,71 @@ pub struct Witness {
 pub struct DirectionState {
     /// From tip to spindle.
     pub direction: Vec3,
-    /// What blocks; `None` if nothing does.
+    /// What blocks; `None` if nothing does. In a direction that is not [free](DirectionState::is_free) nothing may, of a
+    /// tool given by its profile: [`DirectionState::reason`].
     pub blocked: Option<Blocked>,
-    /// How far the steps may grow (negative: must shrink), mm, to 1e-4 mm and within ±1 m.
+    /// How far the steps may grow (negative: must shrink), mm, to 1e-4 mm and within ±1 m. Of a tool given by its profile
+    /// 0 if nothing penetrates; else negative: how much smaller all around it would have to be in the pose nearest to
+    /// being free. −1 m if nothing of what cuts has the site's normal.
     pub clearance_mm: f64,
+    pub(crate) outcome: Outcome,
+}
+
+/// What was found in a direction, from the best.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Outcome {
+    Free,
+    /// Of a tool given by its profile: a pose is free, but no way out of one is proven.
+    NoRetreat,
+    /// Of a drill: a pose is free, but in no hole of its own diameter.
+    NotInOwnHole,
+    Blocked,
+    /// Of a tool given by its profile: nothing of what cuts has the site's normal.
+    DoesNotTouch,
+}
+
+impl Outcome {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Outcome::Free => "free",
+            Outcome::NoRetreat => "no-retreat",
+            Outcome::NotInOwnHole => "not-in-own-hole",
+            Outcome::Blocked => "blocked",
+            Outcome::DoesNotTouch => "does-not-touch",
+        }
+    }
+}
+
+impl DirectionState {
+    /// Whether the tool may stand there.
+    pub fn is_free(&self) -> bool {
+        self.outcome == Outcome::Free
+    }
+
+    /// Why it may not where nothing blocks, of a tool given by its profile.
+    pub fn reason(&self) -> Option<&'static str> {
+        match self.outcome {
+            Outcome::Free | Outcome::Blocked => None,
+            Outcome::NoRetreat => Some("no proven way out"),
+            Outcome::NotInOwnHole => Some("no hole of its own diameter"),
+            Outcome::DoesNotTouch => Some("nothing that cuts touches there"),
+        }
+    }
 }
 
 /// What blocks a direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Blocked {
-    /// Part of the tool.
+    /// Part of the tool. Of one given by its profile: the lowest that does not cut and penetrates in the pose nearest to
+    /// being free, else the tip, which is all that cuts.
     pub part: ToolPart,
-    /// How far it would have to be raised to be clear, mm.
+    /// How far it would have to be raised to be clear, mm. Of a tool given by its profile: the greatest depth of a point
+    /// in the part, its distance from all that is outside of the tool, beyond the tolerance.
     pub penetration_mm: f64,
     /// What it meets: triangle of the part, or beyond these of the fixtures; or number of the point.
     pub face: u32,
-    /// The highest place of that face in the part of the tool, mm.
+    /// The highest place of that face in the part of the tool, mm; of a profile about the deepest.
     pub at_mm: DVec3,
 }
 
@@ -153,8 +205,16 @@ impl Explanation {
     }
 
     /// Of the blocked directions the nearest to being free, the first among equals: with the least penetration of the
-    /// tip where no step is in the way, else with the greatest clearance.
+    /// tip where no step is in the way, else with the greatest clearance. Of a tool given by its profile one in which a
+    /// pose is free and still does not count, else the one with the greatest clearance.
     pub fn nearest(&self) -> Option<&DirectionState> {
+        if self.of_profile {
+            let of = self.directions.iter().filter(|state| !state.is_free());
+            let is_nearer = |a: &DirectionState, b: &DirectionState| {
+                (a.outcome, -a.clearance_mm) < (b.outcome, -b.clearance_mm)
+            };
+            return of.reduce(|best, next| if is_nearer(next, best) { next } else { best });
+        }
         let blocked = || self.directions.iter().filter(|state| state.blocked.is_some());
         let depth = |state: &DirectionState| {
             state.blocked.filter(|b| b.part == ToolPart::Tip).map(|b| b.penetration_mm)
@@ -171,13 +231,21 @@ impl Explanation {
         by_tip.map(|(_, state)| state).or_else(by_steps)
     }
 
+    /// Whether a pose is free and no way out of one is proven: [`SurfaceLabels::retreat_unproven`](super::SurfaceLabels).
+    pub fn retreat_unproven(&self) -> bool {
+        let is_free = |state: &DirectionState| state.outcome == Outcome::NoRetreat;
+        self.answer == SiteAnswer::Inaccessible && self.directions.iter().any(is_free)
+    }
+
     /// The part that blocks in the direction which gets furthest: the tip where no step blocks some direction, else the
-    /// highest of the parts that block; `None` for an accessible site.
+    /// highest of the parts that block; of a tool given by its profile the one in the direction nearest to being free.
+    /// `None` for an accessible site, and where [no way out is proven](Explanation::retreat_unproven).
     pub fn blocked_by(&self) -> Option<ToolPart> {
         let parts = || self.directions.iter().filter_map(|state| state.blocked).map(|b| b.part);
         match self.answer {
             SiteAnswer::Accessible => None,
             SiteAnswer::TipDoesNotFit => Some(ToolPart::Tip),
+            SiteAnswer::Inaccessible if self.of_profile => self.nearest()?.blocked.map(|b| b.part),
             SiteAnswer::Inaccessible => parts().max(),
         }
     }
@@ -224,13 +292,15 @@ impl TriangleObstacles {
     /// # Errors
     /// As [`TriangleObstacles::label`], or if the tool is none ([`Assembly::cutter`]).
     pub fn explain(&self, query: &Query) -> Result<Explanation> {
-        require_steps(query.tool.profile(), NOT_EXPLAINED)?;
+        if query.tool.profile().is_some() {
+            return ProfileCase::new(self, query)?.explain();
+        }
         let tested = tested(query.directions)?;
         Case { barrier: Barrier::Triangles(self), query, tested, proves: true }.explain()
     }
 }
 
-const NOT_EXPLAINED: &str = "label it: what blocks a tool of any profile is not computed";
+const BY_POINTS: &str = "label against a mesh: points do not say what blocks a tool of any profile";
 
 /// Why a site can or cannot be reached by the published definition: `obstacles` block, `own` is the one of them that is
 /// the site itself. The witness is proved, and changes are labeled, by
@@ -244,7 +314,7 @@ pub fn explain_among_points(
     own: Option<usize>,
     query: &Query,
 ) -> Result<Explanation> {
-    require_steps(query.tool.profile(), NOT_EXPLAINED)?;
+    require_steps(query.tool.profile(), BY_POINTS)?;
     let others = obstacles.iter().enumerate().filter(|(j, _)| Some(*j) != own);
     let others = others.map(|(_, p)| *p).collect();
     let points = Points {

@@ -1,7 +1,7 @@
 //! One query, of a site, a tool and what blocks it: labels, proofs and what is met in every direction.
 
 use super::meet::{self, Meeting, Points, ShrunkTool};
-use super::{Blocked, DirectionState, Explanation, MOST_CLEARANCE_MM, Query, Witness};
+use super::{Blocked, DirectionState, Explanation, MOST_CLEARANCE_MM, Outcome, Query, Witness};
 use crate::access::surface::labels::{RefinementOptions, SiteAnswer, SurfaceOptions, WitnessPose};
 use crate::access::surface::obstacles::TriangleObstacles;
 use crate::access::surface::query::Scratch;
@@ -107,6 +107,7 @@ impl Case<'_> {
             changes,
             stopped,
             other_direction,
+            of_profile: false,
         };
         if answer != SiteAnswer::Accessible {
             why.nearest_pose = self.nearest_pose(tool, found.tolerance, why.nearest())?;
@@ -212,15 +213,16 @@ impl Case<'_> {
     pub fn states(&self, tool: &Assembly) -> Result<Vec<DirectionState>> {
         let (parted, meetings) = self.meetings(tool, self.tested.vectors())?;
         let clearances = self.clearances(tool)?;
-        let state = |k: usize| DirectionState {
-            direction: self.tested.vectors()[k],
-            blocked: meetings[k].lowest(&parted).map(|(part, met)| Blocked {
+        let state = |k: usize| {
+            let blocked = meetings[k].lowest(&parted).map(|(part, met)| Blocked {
                 part,
                 penetration_mm: met.raise,
                 face: met.face,
                 at_mm: met.at,
-            }),
-            clearance_mm: clearances[k],
+            });
+            let direction = self.tested.vectors()[k];
+            let outcome = if blocked.is_some() { Outcome::Blocked } else { Outcome::Free };
+            DirectionState { direction, blocked, clearance_mm: clearances[k], outcome }
         };
         Ok((0..meetings.len()).map(state).collect())
     }

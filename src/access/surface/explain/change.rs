@@ -15,9 +15,11 @@ pub enum ChangeKind {
     /// The part and everything above it is higher: a longer stick-out (holder), a longer holder (spindle), a longer
     /// neck and stick-out (shank).
     Raise(ToolPart),
-    /// All radii of the part, holder or shank, are less.
+    /// All radii of the part, holder or shank, are less; of a tool given by its profile those of the neck below its
+    /// shank.
     Narrow(ToolPart),
-    /// Tip and cutter have a smaller diameter; shank, holder and stick-out stay.
+    /// Tip and cutter have a smaller diameter; shank, holder and stick-out stay. Of a tool given by its profile all that
+    /// cuts is smaller, in height as well; a drill may be wider instead.
     Diameter,
 }
 
@@ -71,7 +73,10 @@ impl Change {
             ChangeKind::Raise(_) => {
                 format!("stick-out longer by {by} mm ({})", sticks(&self.tool))
             }
-            ChangeKind::Narrow(ToolPart::Shank) => format!("shank thinner by {by} mm in radius"),
+            ChangeKind::Narrow(ToolPart::Shank) => {
+                let neck = if from.profile().is_some() { "neck" } else { "shank" };
+                format!("{neck} thinner by {by} mm in radius")
+            }
             ChangeKind::Narrow(_) => format!(
                 "holder thinner by {by} mm in radius (diameter {} or less instead of {} mm)",
                 short(widest(&self.tool)),

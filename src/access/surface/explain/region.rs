@@ -8,6 +8,7 @@
 //! ```
 
 use super::case::{Barrier, Between, Case};
+use super::profile::ProfileCase;
 use super::remedies::diameter;
 use super::{Change, ChangeKind, Query, Remedies, Stopped};
 use crate::access::surface::labels::{SiteAnswer, SurfaceOptions};
@@ -47,7 +48,7 @@ pub const N_LABELED: usize = 256;
 
 impl TriangleObstacles {
     /// The change of the tool that helps most of the sites `members`, which it does not reach, if one is found that
-    /// keeps `remedies`; none for a tool given by its profile.
+    /// keeps `remedies`.
     ///
     /// # Errors
     /// As [`TriangleObstacles::explain`].
@@ -63,9 +64,6 @@ impl TriangleObstacles {
         options: &SurfaceOptions,
         remedies: &Remedies,
     ) -> Result<RegionAdvice> {
-        if tool.profile().is_some() {
-            return Ok(RegionAdvice::default());
-        }
         let options = SurfaceOptions { refinement: None, ..*options };
         let explained: Vec<usize> = spread(members, N_EXPLAINED).collect();
         let explain = |i: usize| {
@@ -79,6 +77,11 @@ impl TriangleObstacles {
                 witness: None,
                 remedies: *remedies,
             };
+            if tool.profile().is_some() {
+                let case = ProfileCase::new(self, &query)?;
+                let is_reached = case.stands(tool)?.is_some();
+                return if is_reached { Ok((Vec::new(), None)) } else { case.changes() };
+            }
             let tested = tested(directions)?;
             let (barrier, query) = (Barrier::Triangles(self), &query);
             let case = Case { barrier, query, tested, proves: false };

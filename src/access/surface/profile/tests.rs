@@ -13,6 +13,7 @@ use glam::{DVec2, DVec3, Vec3, dvec2, dvec3};
 use std::f64::consts::TAU;
 
 mod drilling;
+mod explain;
 mod search;
 
 fn families() -> Vec<Profile> {

@@ -9,12 +9,12 @@ fn cone(degrees: f64) -> f64 {
 }
 
 /// A round block, 30 high, with a bore of radius 2.5 from above, 15 deep and then a cone of 118°.
-fn blind_bore() -> Mesh {
+pub(super) fn blind_bore() -> Mesh {
     let tip = 15.0 - 2.5 * cone(118.0);
     revolved(&[[0.0, 0.0], [20.0, 0.0], [20.0, 30.0], [2.5, 30.0], [2.5, 15.0], [0.0, tip]], 64)
 }
 
-fn drill(radius: f64, degrees: f64) -> Profile {
+pub(super) fn drill(radius: f64, degrees: f64) -> Profile {
     let drill = Profile::drill(radius, degrees.to_radians(), 40.0).unwrap();
     drill.with_shank(&[[radius, 60.0]]).unwrap()
 }
