@@ -1,14 +1,17 @@
 //! Why a site can or cannot be reached, in words, as JSON and as a picture.
 
 mod picture;
+mod shape;
 
 pub use picture::picture;
 
 use super::tables::{Cell, Facts, Table};
 use crate::access::surface::SiteAnswer;
-use crate::access::surface::explain::{Change, ChangeKind, DirectionState, Explanation, short};
+use crate::access::surface::explain::{
+    Change, ChangeKind, DirectionState, Explanation, Outcome, short,
+};
 use crate::answers::Definition;
-use crate::cutter::ToolPart;
+use crate::cutter::{Profile, ToolPart};
 use crate::data::files::label_query::LabelQuery;
 use crate::data::files::tools::steps_words;
 use glam::{DVec3, Vec3};
@@ -73,6 +76,8 @@ impl About<'_> {
         }
         if let Some(part) = why.blocked_by() {
             facts.add("blocked_by", "blocked by", Cell::text(part.name()));
+        } else if why.retreat_unproven() {
+            facts.add("blocked_by", "blocked by", Cell::text("nothing; no way out is proven"));
         }
         if query.definition == Definition::Part {
             let rounded = (1e4 * why.tolerance_mm).round() / 1e4;
@@ -111,9 +116,13 @@ impl About<'_> {
             row.extend(state.direction.as_dvec3().to_array().map(Cell::Number));
             table.row(row);
         }
-        let n_accessible = states.iter().filter(|state| state.blocked.is_none()).count();
-        if n_accessible > 0 {
-            let mut row = vec![Cell::text("nothing"), Cell::count(n_accessible)];
+        let reasons = states.iter().filter_map(DirectionState::reason);
+        let mut reasons: Vec<&str> = reasons.collect();
+        reasons.sort_unstable();
+        let free = states.iter().filter(|state| state.is_free()).map(|_| "nothing");
+        let others: Vec<&str> = reasons.into_iter().chain(free).collect();
+        for of in others.chunk_by(|a, b| a == b) {
+            let mut row = vec![Cell::text(of[0]), Cell::count(of.len())];
             row.resize(6, Cell::Missing);
             table.row(row);
         }
@@ -132,15 +141,19 @@ impl About<'_> {
                 }
                 false => "the tool meets nothing".into(),
             };
+            let proof = match why.of_profile {
+                true => "and leave",
+                false => "by the reference engine",
+            };
             lines.push(format!(
-                "The tool may stand there from direction {}{}, by the reference engine: {margin}.",
+                "The tool may stand there from direction {}{}, {proof}: {margin}.",
                 triple(witness.direction.as_dvec3(), 4),
                 witness.tip_mm.map_or(String::new(), tip_words)
             ));
             return lines;
         }
         lines.extend(why.nearest().map(|state| self.nearest_words(state)));
-        lines.extend(why.nearest_pose.map(|nearest| {
+        lines.extend(why.nearest_pose.filter(|nearest| nearest.shrink_mm > 0.0).map(|nearest| {
             format!(
                 "The pose nearest to being free is from direction {}{}: the tool would have to be smaller by {} mm all around.",
                 triple(nearest.pose.direction.as_dvec3(), 3),
@@ -151,11 +164,15 @@ impl About<'_> {
         for change in &why.changes {
             let less = match (change.is_least, change.kind, why.tolerance_mm > 0.0) {
                 (false, ..) => String::new(),
+                (true, ChangeKind::Diameter, _) if self.is_drill() => {
+                    "; sizes nearer to its own were labeled and do not do".into()
+                }
                 (true, ChangeKind::Diameter, _) => {
                     "; the next larger size was labeled and does not do".into()
                 }
                 (true, _, true) => {
-                    format!("; less by {} mm does not do", short(2.0 * why.tolerance_mm))
+                    let step = if why.of_profile { 0.01 } else { 2.0 * why.tolerance_mm };
+                    format!("; less by {} mm does not do", short(step))
                 }
                 (true, _, false) => "; less does not do".into(),
             };
@@ -186,8 +203,9 @@ impl About<'_> {
     }
 
     fn nearest_words(&self, state: &DirectionState) -> String {
-        let Some(blocked) = state.blocked else { return String::new() };
+        let Some(blocked) = state.blocked else { return self.unblocked_words(state) };
         let shrink = match blocked.part {
+            _ if self.why.of_profile => String::new(),
             ToolPart::Tip => String::new(),
             _ => format!("; all steps would have to shrink by {} mm", short(-state.clearance_mm)),
         };
@@ -199,6 +217,30 @@ impl About<'_> {
             triple(blocked.at_mm, 3),
             self.face_words(blocked.face)
         )
+    }
+
+    /// Of a direction in which nothing penetrates and the tool may not stand all the same.
+    fn unblocked_words(&self, state: &DirectionState) -> String {
+        let tip = self.why.nearest_pose.map_or(String::new(), |near| tip_words(near.pose.tip_mm));
+        let from = triple(state.direction.as_dvec3(), 3);
+        match state.outcome {
+            Outcome::NoRetreat => format!(
+                "A pose from direction {from}{tip} is free, but no way out of it is proven: along the axis, or by one \
+                 move across it and then along the axis."
+            ),
+            Outcome::NotInOwnHole => format!(
+                "A pose from direction {from}{tip} is free, but a drill cuts a hole of its own diameter alone, and this \
+                 wall is none."
+            ),
+            Outcome::DoesNotTouch => {
+                "Nothing of what cuts has the normal of this site in any direction tested.".into()
+            }
+            Outcome::Free | Outcome::Blocked => String::new(),
+        }
+    }
+
+    fn is_drill(&self) -> bool {
+        self.query.tool.assembly.profile().is_some_and(Profile::is_drill)
     }
 
     fn face_words(&self, face: u32) -> String {
@@ -237,6 +279,7 @@ impl About<'_> {
             "at_bottom": query.is_at_bottom(self.site),
             "tolerance_mm": why.tolerance_mm,
             "blocked_by": why.blocked_by(),
+            "retreat_unproven": why.retreat_unproven(),
             "counts": ToolPart::ALL.iter().zip(why.counts())
                 .map(|(part, n)| (part.name().to_string(), json!(n)))
                 .collect::<serde_json::Map<String, Value>>(),
@@ -274,6 +317,7 @@ impl About<'_> {
         json!({
             "direction": state.direction.to_array(),
             "clearance_mm": state.clearance_mm,
+            "state": state.outcome.name(),
             "blocked_by": state.blocked.map(|blocked| blocked.part),
             "penetration_mm": state.blocked.map(|blocked| blocked.penetration_mm),
             "at_mm": state.blocked.map(|blocked| blocked.at_mm.to_array()),
@@ -304,6 +348,7 @@ fn change_json(change: &Change, query: &LabelQuery) -> Value {
             "body": steps_words(&tool.own_body()),
             "holder": steps_words(tool.holder()),
             "stick_out_mm": tool.stick_out_mm(),
+            "profile": tool.profile().map(ToString::to_string),
         },
     })
 }

@@ -48,6 +48,9 @@ pub struct Args {
     /// (.fctb) or folders of them, LinuxCNC tables (.tbl), CSV tables.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     library: Vec<PathBuf>,
+    /// Propose any change of a tool of a file (`label --tools`), not a longer stick-out alone.
+    #[arg(long, conflicts_with = "library")]
+    any_tool: bool,
     #[command(flatten)]
     unsaid: UnsaidArgs,
     /// How much may remain at a site that counts as reached; by default as for the labels.
@@ -167,6 +170,7 @@ impl Args {
         let mut remedies = of_labels;
         remedies.least_diameter_mm = self.least_diameter;
         remedies.most_slender = self.most_slender;
+        remedies.only_this_tool &= !self.any_tool;
         remedies.only_this_tool |= !self.library.is_empty();
         Ok(remedies)
     }

@@ -1,7 +1,8 @@
 //! A section through tool and part along the tool's axis.
 
+use super::shape::Shape;
 use super::{About, answer_words, short, triple};
-use crate::cutter::{Assembly, Step, ToolPart};
+use crate::cutter::{Assembly, ToolPart};
 use crate::geom::Mesh;
 use crate::report::Rgb;
 use crate::report::image::{Font, Image, fitted};
@@ -50,9 +51,7 @@ struct Scene<'a> {
     normal: DVec3,
     reference: DVec3,
     at: Option<DVec3>,
-    corner: f64,
-    side: f64,
-    steps: Vec<(ToolPart, Step)>,
+    shape: Shape,
     /// Pixels per mm, and height of the picture's middle above the reference point, mm.
     scale: f64,
     middle: f64,
@@ -77,15 +76,26 @@ impl<'a> Scene<'a> {
                 b.part,
                 short(b.penetration_mm)
             ),
-            (None, None) => String::new(),
+            (None, None) => {
+                nearest.and_then(|state| state.reason()).map_or(String::new(), |reason| {
+                    format!("nearest to being free: from {}, {reason}", triple(axis, 3))
+                })
+            }
         };
         let assembly: &Assembly = &about.query.tool.assembly;
-        let [corner, side] = assembly.tip();
-        let corner = corner + assembly.allowance_mm();
-        let across = normal - axis * normal.dot(axis);
-        let away = if side > 0.0 && across.length() > 1e-6 { side } else { 0.0 };
-        let reference = site + normal * corner + across.normalize_or_zero() * away;
-        let steps = assembly.parts(about.query.tool.clearance_mm).unwrap_or_default();
+        let shape = Shape::of(assembly, about.query.tool.clearance_mm);
+        let reference = match &shape {
+            Shape::Steps { corner, side, .. } => {
+                let across = normal - axis * normal.dot(axis);
+                let away = if *side > 0.0 && across.length() > 1e-6 { *side } else { 0.0 };
+                site + normal * *corner + across.normalize_or_zero() * away
+            }
+            // Where it touches is known of a pose alone.
+            Shape::Profile { .. } => {
+                let found = about.why.witness.and_then(|witness| witness.tip_mm);
+                found.or(about.why.nearest_pose.map(|near| near.pose.tip_mm)).unwrap_or(site)
+            }
+        };
         let at = blocked.map(|blocked| blocked.at_mm);
         let mut scene = Scene {
             about: *about,
@@ -94,9 +104,7 @@ impl<'a> Scene<'a> {
             normal,
             reference,
             at,
-            corner,
-            side,
-            steps,
+            shape,
             scale: 1.0,
             middle: 0.0,
             words,
@@ -112,13 +120,12 @@ impl<'a> Scene<'a> {
             let offset = p - self.reference;
             (offset - self.axis * offset.dot(self.axis)).length()
         };
-        let end = self.corner + self.side;
-        let mut low = -self.corner - 0.5 * end;
+        let end = self.shape.radius();
+        let mut low = -self.shape.above_tip() - 0.5 * end;
         let mut high = 3.0 * end;
         let mut wide = 3.0 * end;
-        let holder = self.steps.iter().find(|(part, _)| *part >= ToolPart::Holder);
-        if let Some((_, step)) = holder {
-            high = high.max(step.height_mm + end);
+        if let Some(nose) = self.shape.nose() {
+            high = high.max(nose + end);
         }
         for p in self.at.into_iter().chain([self.site]) {
             low = low.min(height(p));
@@ -171,16 +178,18 @@ impl<'a> Scene<'a> {
         for y in 0..PANEL[1] {
             let mut crossings = inside[y as usize].iter().peekable();
             let mut is_inside = false;
+            let height =
+                self.middle + (0.5 * f64::from(PANEL[1]) - f64::from(y) - 0.5) / self.scale;
+            let parts = self.shape.at(height);
             for x in 0..PANEL[0] {
                 while crossings.next_if(|at| **at <= f64::from(x) + 0.5).is_some() {
                     is_inside = !is_inside;
                 }
                 let along = (f64::from(x) + 0.5 - 0.5 * f64::from(PANEL[0])) / self.scale;
-                let height =
-                    self.middle + (0.5 * f64::from(PANEL[1]) - f64::from(y) - 0.5) / self.scale;
-                let color = match (self.part_at(along.abs(), height), is_inside) {
+                let part = parts.iter().find(|(_, radius)| along.abs() <= *radius);
+                let color = match (part, is_inside) {
                     (Some(_), true) => PENETRATES,
-                    (Some(part), false) => TOOL[part as usize],
+                    (Some((part, _)), false) => TOOL[*part as usize],
                     (None, true) => PART,
                     (None, false) => continue,
                 };
@@ -221,17 +230,13 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// The lowest part of the tool that holds a point at this distance from the axis.
-    fn part_at(&self, distance: f64, height: f64) -> Option<ToolPart> {
-        let beyond = (distance - self.side).max(0.0);
-        let below = height.min(0.0);
-        let corner = self.corner;
-        if height < 2.0 * (corner + self.side) && beyond * beyond + below * below <= corner * corner
-        {
-            return Some(ToolPart::Tip);
+    /// What cuts and what does not, of a profile.
+    fn name_of(&self, part: ToolPart) -> &'static str {
+        match (&self.shape, part) {
+            (Shape::Profile { .. }, ToolPart::Tip) => "what cuts",
+            (Shape::Profile { .. }, ToolPart::Shank) => "neck and shank",
+            _ => part.name(),
         }
-        let holds = |step: &Step| height > step.height_mm && distance <= step.radius_mm;
-        self.steps.iter().find(|(_, step)| holds(step)).map(|(part, _)| *part)
     }
 
     fn draw_words(&self, image: &mut Image, about: &About) {
@@ -255,7 +260,7 @@ impl<'a> Scene<'a> {
         let mut legend: Vec<(Rgb, String)> = ToolPart::ALL
             .iter()
             .filter(|part| about.query.tool.assembly.has(**part))
-            .map(|part| (TOOL[*part as usize], part.name().to_string()))
+            .map(|part| (TOOL[*part as usize], self.name_of(*part).to_string()))
             .collect();
         legend.push((PART, "part".into()));
         legend.push((PENETRATES, "tool in the part".into()));
