@@ -66,7 +66,7 @@ impl Profile {
             sections.insert(first, ProfileSection::line(thin, height).non_cutting());
         }
         let radii = sections.iter().skip(first.saturating_sub(1)).map(|s| s.radius_mm);
-        if !(radii.fold(thin, f64::min) >= LEAST_RADIUS_MM) {
+        if radii.fold(thin, f64::min) < LEAST_RADIUS_MM {
             let remedy = "make it thinner by less";
             return Err(Error::argument("neck", thin, "a positive radius", remedy));
         }

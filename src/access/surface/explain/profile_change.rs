@@ -64,7 +64,7 @@ impl ProfileCase<'_> {
     /// The least change of one kind, of at most `most` mm.
     fn least(&self, kind: ChangeKind, tool: &Assembly, most: f64) -> Result<Option<Change>> {
         let most = (most.min(MOST_MM) * PER_MM).floor();
-        if !(most >= 1.0) {
+        if most < 1.0 {
             return Ok(None);
         }
         let most = most as u32;

@@ -224,8 +224,7 @@ fn the_greatest_depth_is_that_of_the_deepest_of_many_points() {
         let outline = Outline::new(profile);
         for size in [2.0, 2.0, 5.0, 12.0, 12.0, 25.0, 60.0, 60.0] {
             let corners = random_triangle(&mut stream, size);
-            let mesh =
-                Mesh { vertices: corners.to_vec(), triangles: vec![[0, 1, 2]], ..Mesh::default() };
+            let mesh = Mesh { vertices: corners.to_vec(), triangles: vec![[0, 1, 2]] };
             let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
             let site =
                 Sites { points: vec![Vec3::ZERO], normals: vec![Vec3::Z], ..Sites::default() };

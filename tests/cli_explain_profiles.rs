@@ -1,0 +1,84 @@
+//! What `explain` says of a tool given by its profile.
+#![cfg(feature = "cli")]
+
+mod command;
+
+use command::{Folder, deepmill, json, stl, text};
+use deepmill::geom::solids;
+use deepmill::glam::{DVec2, DVec3};
+use serde_json::Value;
+
+/// A T-slot along y: 11 mm wide at its mouth, 21.2 below the lips, 9 mm high there.
+fn t_slot() -> Vec<u8> {
+    let half = [[30.0, 0.0], [30.0, 40.0], [5.5, 40.0], [5.5, 28.0], [10.6, 28.0], [10.6, 19.0]];
+    let other = half.iter().rev().map(|[x, z]| [-x, *z]);
+    let outline: Vec<DVec2> = half.iter().copied().chain(other).map(DVec2::from_array).collect();
+    let right = [[0, 4, 5], [0, 1, 4], [1, 2, 4], [2, 3, 4]];
+    let left = right.map(|[a, b, c]| [11 - a, 11 - c, 11 - b]);
+    let cap = [&[[0, 5, 6], [0, 6, 11]][..], &right, &left].concat();
+    let mut mesh = solids::prism(&outline, &cap, 40.0);
+    mesh.vertices.iter_mut().for_each(|p| *p = DVec3::new(p.x, -p.z, p.y));
+    let corners = |f: usize| mesh.corners(f).map(|p| p.as_vec3().to_array());
+    stl(&(0..mesh.triangles.len()).map(corners).collect::<Vec<_>>())
+}
+
+fn labeled(folder: &Folder, profile: &str, stick_out: &str) -> String {
+    let part = folder.file("slot.stl", t_slot());
+    let table = format!("T, name, profile, stick_out\n8, cutter, {profile}, {stick_out}\n");
+    let tools = folder.file("tools.csv", table);
+    let holder = folder.file("holder.csv", "height,lower,upper\n30,40,40\n");
+    let out = folder.path("out");
+    let args = ["label", &part, "--tools", &tools, "--holder", &holder, "--out", &out];
+    let more = ["--sites", "1500", "--directions", "up", "--no-picture", "--json"];
+    json(&deepmill(&[&args[..], &more].concat()));
+    folder.path("out/cutter")
+}
+
+fn explain(result: &str, at: &str, more: &[&str]) -> Value {
+    let args = ["explain", result, "--at", at, "--nearest", "--json"];
+    json(&deepmill(&[&args[..], more].concat()))
+}
+
+#[test]
+fn a_neck_that_is_too_wide_is_named_and_drawn_and_a_thinner_one_proposed_if_any_tool_may_be() {
+    let folder = Folder::new();
+    let result = labeled(&folder, "10.5:0 10.5:8.9 5.6:8.9 | 5.6:50 8:50", "60");
+    let why = explain(&result, "10.6,-20,23.5", &["--any-tool"]);
+    assert_eq!((&why["answer"], &why["blocked_by"]), (&"inaccessible".into(), &"shank".into()));
+    assert_eq!((&why["answer"], &why["retreat_unproven"]), (&why["in_file"], &false.into()));
+    let nearest = &why["nearest"];
+    assert_eq!(nearest["state"], "blocked");
+    assert!((nearest["penetration_mm"].as_f64().unwrap() - 0.18).abs() < 0.01, "{nearest}");
+    let change = &why["changes"][0];
+    assert_eq!((&change["kind"], &change["part"]), (&"thinner".into(), &"shank".into()));
+    assert!(change["words"].as_str().unwrap().starts_with("neck thinner by 0.1"), "{change}");
+    let profile = change["tool"]["profile"].as_str().unwrap();
+    assert!(profile.starts_with("10.5:0 10.5:8.9 5.4"), "{profile}");
+    let picture = why["files"][0].as_str().unwrap();
+    assert!(std::fs::read(picture).unwrap().starts_with(b"\x89PNG"));
+    // A tool of a file: what there is.
+    let why = explain(&result, "10.6,-20,23.5", &["--no-picture"]);
+    assert_eq!(why["changes"], serde_json::json!([]));
+    let said = deepmill(&["explain", &result, "--at", "10.6,-20,23.5", "--nearest", "--any-tool"]);
+    let said = text(&said.stdout);
+    for words in ["the shank penetrates by 0.1", "Would help: neck thinner by", "less by 0.01 mm"] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+}
+
+#[test]
+fn a_holder_that_is_too_low_needs_a_longer_stick_out_and_a_free_tool_may_be_lowered() {
+    let folder = Folder::new();
+    let result = labeled(&folder, "10.5:0 10.5:8.9 4:8.9 | 4:100", "15");
+    let why = explain(&result, "0,-20,19", &["--no-picture"]);
+    assert_eq!((&why["blocked_by"], &why["counts"]["holder"]), (&"holder".into(), &1.into()));
+    let change = &why["changes"][0];
+    assert_eq!(change["kind"], "longer");
+    assert!((change["by_mm"].as_f64().unwrap() - 5.98).abs() < 0.03, "{change}");
+    let result = labeled(&folder, "10.5:0 10.5:8.9 4:8.9 | 4:100", "60");
+    let why = explain(&result, "10.6,-20,23.5", &["--no-picture"]);
+    assert_eq!((&why["answer"], &why["nearest"]), (&"accessible".into(), &Value::Null));
+    let tip = why["witness"]["tip_mm"][2].as_f64().unwrap();
+    let margin = why["witness"]["margin_mm"].as_f64().unwrap();
+    assert!((tip - margin - 18.99).abs() < 1e-2, "{tip} {margin}");
+}
