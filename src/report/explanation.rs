@@ -229,8 +229,8 @@ impl About<'_> {
                  move across it and then along the axis."
             ),
             Outcome::NotInOwnHole => format!(
-                "A pose from direction {from}{tip} is free, but a drill cuts a hole of its own diameter alone, and this \
-                 wall is none."
+                "A pose from direction {from}{tip} is free, but a drill cuts a hole of its own diameter alone, and \
+                 this wall is none."
             ),
             Outcome::DoesNotTouch => {
                 "Nothing of what cuts has the normal of this site in any direction tested.".into()

@@ -17,6 +17,11 @@
 //! diameter of the cutter:      not in closed form: the sizes that are sold are labeled from the largest on
 //! ```
 //!
+//! A tool **given by its profile** may be in many poses. A pose penetrates by the greatest depth of a point in the tool,
+//! its distance from everything outside, beyond the tolerance. Of a direction the pose counts that penetrates least; it is
+//! blocked by the lowest part that does not cut and penetrates there, or else by what cuts, the tip. A pose may be free
+//! and not count: a retreat is not proven, or a drill is in no hole of its own diameter. Amounts of changes are labeled.
+//!
 //! # Pseudo-code
 //!
 //! ```text
@@ -113,8 +118,8 @@ pub struct Witness {
     pub direction: Vec3,
     /// The lowest point of the tool on its axis, mm; none among points.
     pub tip_mm: Option<DVec3>,
-    /// How far the tool could be lowered until it penetrates, mm: 0 or more; infinite if it meets nothing. Among points:
-    /// how far its steps could grow, which is no more than that.
+    /// How far the tool could be lowered until it penetrates, mm: 0 or more; infinite if it meets nothing. Among
+    /// points: how far its steps could grow, which is no more than that.
     pub margin_mm: f64,
 }
 
@@ -124,12 +129,12 @@ pub struct Witness {
 pub struct DirectionState {
     /// From tip to spindle.
     pub direction: Vec3,
-    /// What blocks; `None` if nothing does. In a direction that is not [free](DirectionState::is_free) nothing may, of a
-    /// tool given by its profile: [`DirectionState::reason`].
+    /// What blocks; `None` if nothing does. In a direction that is not [free](DirectionState::is_free) nothing may, of
+    /// a tool given by its profile: [`DirectionState::reason`].
     pub blocked: Option<Blocked>,
-    /// How far the steps may grow (negative: must shrink), mm, to 1e-4 mm and within ±1 m. Of a tool given by its profile
-    /// 0 if nothing penetrates; else negative: how much smaller all around it would have to be in the pose nearest to
-    /// being free. −1 m if nothing of what cuts has the site's normal.
+    /// How far the steps may grow (negative: must shrink), mm, to 1e-4 mm and within ±1 m. Of a tool given by its
+    /// profile 0 if nothing penetrates; else negative: how much smaller all around it would have to be in the pose
+    /// nearest to being free. −1 m if nothing of what cuts has the site's normal.
     pub clearance_mm: f64,
     pub(crate) outcome: Outcome,
 }
@@ -180,11 +185,11 @@ impl DirectionState {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Blocked {
-    /// Part of the tool. Of one given by its profile: the lowest that does not cut and penetrates in the pose nearest to
-    /// being free, else the tip, which is all that cuts.
+    /// Part of the tool. Of one given by its profile: the lowest that does not cut and penetrates in the pose nearest
+    /// to being free, else the tip, which is all that cuts.
     pub part: ToolPart,
-    /// How far it would have to be raised to be clear, mm. Of a tool given by its profile: the greatest depth of a point
-    /// in the part, its distance from all that is outside of the tool, beyond the tolerance.
+    /// How far it would have to be raised to be clear, mm. Of a tool given by its profile: the greatest depth of a
+    /// point in the part, its distance from all that is outside of the tool, beyond the tolerance.
     pub penetration_mm: f64,
     /// What it meets: triangle of the part, or beyond these of the fixtures; or number of the point.
     pub face: u32,
@@ -231,7 +236,8 @@ impl Explanation {
         by_tip.map(|(_, state)| state).or_else(by_steps)
     }
 
-    /// Whether a pose is free and no way out of one is proven: [`SurfaceLabels::retreat_unproven`](super::SurfaceLabels).
+    /// Whether a pose is free and no way out of one is proven:
+    /// [`SurfaceLabels::retreat_unproven`](super::SurfaceLabels).
     pub fn retreat_unproven(&self) -> bool {
         let is_free = |state: &DirectionState| state.outcome == Outcome::NoRetreat;
         self.answer == SiteAnswer::Inaccessible && self.directions.iter().any(is_free)

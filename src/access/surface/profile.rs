@@ -38,6 +38,9 @@
 //! flat faces and along its round ones; no others, and nothing is proven of them. Directions and clearances are not
 //! counted.
 //!
+//! Explanations ask for the pose of a direction that is nearest to being free: the depth of its deepest point is between
+//! two tools that are shrunk by more and more.
+//!
 //! A drill or a reamer cuts along its axis alone, in bores of its own diameter: `drilling` finds these in sections of the
 //! part, and what of them the tool reaches.
 

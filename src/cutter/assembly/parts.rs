@@ -147,8 +147,8 @@ impl Assembly {
         tool.checked()
     }
 
-    /// This tool with all radii of `part` less by `by_mm`; none less than that of the tip. Of a tool given by its profile
-    /// the neck takes the place of the shank, and may be thinner than the tip.
+    /// This tool with all radii of `part` less by `by_mm`; none less than that of the tip. Of a tool given by its
+    /// profile the neck takes the place of the shank, and may be thinner than the tip.
     ///
     /// # Errors
     /// If the part is neither shank nor holder, or as [`Assembly::cutter`].

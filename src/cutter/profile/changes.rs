@@ -12,8 +12,8 @@ const SAME_MM: f64 = 1e-9;
 const LEAST_RADIUS_MM: f64 = 1e-3;
 
 impl Profile {
-    /// Heights above the tip between which the neck is, mm, and its least radius; the upper one is infinite where no shank
-    /// follows.
+    /// Heights above the tip between which the neck is, mm, and its least radius; the upper one is infinite where no
+    /// shank follows.
     pub(crate) fn neck(&self) -> ([f64; 2], f64) {
         let [first, end] = self.neck_sections();
         let [radius, low] = self.below(first);
@@ -118,7 +118,8 @@ impl Profile {
         self.with_sections(self.start_mm, sections)
     }
 
-    /// With what cuts times a factor, in radius and in height, and the neck as much thinner; all above stays where it is.
+    /// With what cuts times a factor, in radius and in height, and the neck as much thinner; all above stays where it
+    /// is.
     ///
     /// # Errors
     /// If the result is no profile.

@@ -18,8 +18,8 @@ pub enum ChangeKind {
     /// All radii of the part, holder or shank, are less; of a tool given by its profile those of the neck below its
     /// shank.
     Narrow(ToolPart),
-    /// Tip and cutter have a smaller diameter; shank, holder and stick-out stay. Of a tool given by its profile all that
-    /// cuts is smaller, in height as well; a drill may be wider instead.
+    /// Tip and cutter have a smaller diameter; shank, holder and stick-out stay. Of a tool given by its profile all
+    /// that cuts is smaller, in height as well; a drill may be wider instead.
     Diameter,
 }
 

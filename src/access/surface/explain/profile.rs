@@ -130,8 +130,8 @@ impl<'a> ProfileCase<'a> {
         Ok((labels.answers[0], labels.witness[0], labels.tolerance_mm[0]))
     }
 
-    /// A direction in which a tool may stand at the site, of all that are tried; none for a tool that is thinner than its
-    /// tolerance.
+    /// A direction in which a tool may stand at the site, of all that are tried; none for a tool that is thinner than
+    /// its tolerance.
     pub fn stands(&self, tool: &Assembly) -> Result<Option<Vec3>> {
         let found =
             self.with_tool(tool, |cutter, tool| Ok(tool.site(cutter.contact, &self.frames)));

@@ -3,7 +3,7 @@
 //! ```text
 //! for every kind of change:
 //!     the most that is proposed does not help: none
-//!     amounts of 0.01 mm that double until one helps; then halved between the last that does not and the first that does
+//!     multiples of 0.01 mm, doubled until one helps; then halved between the last that does not and the first that does
 //! if none helps: of the sold diameters the greatest that fits; of a drill the nearest to its own
 //! each is labeled again, as any other tool, and left out if it is not accessible
 //! ```

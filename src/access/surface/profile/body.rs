@@ -72,8 +72,8 @@ impl Body {
         Body::within(bounds(profile, tolerance))
     }
 
-    /// As [`Body::new`], by any length: of an arc that is not longer than that nothing is left at its heights beyond its
-    /// center.
+    /// As [`Body::new`], by any length: of an arc that is not longer than that nothing is left at its heights beyond
+    /// its center.
     pub fn deep(profile: &Profile, depth: f64) -> Body {
         let mut bounds = bounds(profile, depth);
         for Piece { ends: [[_, low], [_, high]], arc, cuts } in finite_pieces(profile) {

@@ -1,8 +1,8 @@
 //! How deep triangles are in a tool at most, beyond their tolerance.
 //!
-//! A point is deeper in a tool than t iff it is in the tool shrunk by t. So the greatest depth is between two tools that
-//! are shrunk by t and a little more, of which a triangle penetrates the first alone: roughly on a *ladder* of such tools,
-//! which is made once, and exactly by halving.
+//! A point is deeper in a tool than t iff it is in the tool shrunk by t. So the greatest depth is between two tools
+//! that are shrunk by t and a little more, of which a triangle penetrates the first alone: roughly on a *ladder* of
+//! such tools, which is made once, and exactly by halving.
 //!
 //! Of one part of the tool the points at its heights are counted.
 
@@ -155,8 +155,8 @@ impl<'a> Ladder<'a> {
         Some(low)
     }
 
-    /// About how deep the deepest triangle is beyond its tolerance, mm, positive; none if that is more than `most`, or no
-    /// triangle is penetrated.
+    /// About how deep the deepest triangle is beyond its tolerance, mm, positive; none if that is more than `most`, or
+    /// no triangle is penetrated.
     pub(super) fn depth_within(
         &self,
         tool: &ProfileTool,
@@ -184,8 +184,8 @@ impl<'a> Ladder<'a> {
         (greatest > 0.0 && !is_over).then_some(greatest)
     }
 
-    /// Of what penetrates the whole tool in a pose: the lowest part that does not cut and is penetrated, else what cuts,
-    /// with the greatest depth in it; and the greatest depth of all, mm.
+    /// Of what penetrates the whole tool in a pose: the lowest part that does not cut and is penetrated, else what
+    /// cuts, with the greatest depth in it; and the greatest depth of all, mm.
     pub(super) fn exactly(
         &self,
         tool: &ProfileTool,

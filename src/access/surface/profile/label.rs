@@ -419,8 +419,8 @@ impl<'a> ProfileTool<'a> {
         None
     }
 
-    /// A pose that is pushed clear of a point of a triangle, which is `toward` the profile, `by` mm; where that is no way
-    /// along the profile, across the axis.
+    /// A pose that is pushed clear of a point of a triangle, which is `toward` the profile, `by` mm; where that is no
+    /// way along the profile, across the axis.
     pub(super) fn pushed_clear(
         &self,
         pose: &Pose,

@@ -2,7 +2,9 @@
 
 use super::drilling::{blind_bore, drill};
 use super::*;
-use crate::access::surface::explain::{Change, ChangeKind, Explanation, Query, Remedies};
+use crate::access::surface::explain::{
+    Change, ChangeKind, Explanation, Query, Remedies, explain_among_points,
+};
 use crate::access::surface::profile::{Frame, Ladder, PartHeights, ProfileTool};
 use crate::cutter::ToolPart;
 
@@ -170,6 +172,23 @@ fn a_drill_needs_its_stick_out_and_the_diameter_of_the_bore() {
     assert!(blocked.part == ToolPart::Tip && blocked.penetration_mm > 0.08, "{blocked:?}");
     let thinner = change(&why, ChangeKind::Diameter);
     assert!((thinner.by_mm - 0.2).abs() < 1e-9, "{thinner:?}");
+}
+
+#[test]
+fn points_as_obstacles_are_refused() {
+    let tool = held(t_slot_cutter(8.9, 5.0), 20.0, 60.0);
+    let query = Query {
+        site: Vec3::ZERO,
+        normal: Vec3::Z,
+        tool: &tool,
+        clearance_mm: 0.0,
+        directions: &Directions::up(),
+        options: &SurfaceOptions::default(),
+        witness: None,
+        remedies: Remedies::default(),
+    };
+    let refused = explain_among_points(&[Vec3::ZERO], Some(0), &query).unwrap_err().to_string();
+    assert!(refused.contains("profile") && refused.contains("label against a mesh"), "{refused}");
 }
 
 #[test]
