@@ -61,6 +61,15 @@ impl Drill {
     }
 }
 
+/// The wall of a hole about an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Bore {
+    /// The axis across it, in the frame of the direction.
+    axis: DVec2,
+    /// Whether the tool is certainly too wide for it.
+    is_narrow: bool,
+}
+
 /// Sites per task.
 const BLOCK: usize = 32;
 /// Normals of walls are this near to what is across the axis, as sine of the angle, and to those of a cone, radians.
@@ -81,12 +90,19 @@ const SAME_AXIS_MM: f64 = 1e-2;
 impl ProfileTool<'_> {
     /// The results for all sites.
     pub(super) fn drilled(&self, contacts: &[Contact], frames: &[Frame]) -> Vec<SiteResult> {
-        let Some(drill) = self.drill else { return Vec::new() };
+        let Some(drill) = self.drill else { return vec![SiteResult::default(); contacts.len()] };
         let along: Vec<usize> = match frames.iter().any(|frame| frame.is_suggested) {
             true => (0..frames.len()).filter(|k| frames[*k].is_suggested).collect(),
             false => (0..frames.len()).collect(),
         };
-        let axes = self.axes_of_bores(&drill, (frames, &along));
+        let by_cone = |contact: &Contact| {
+            let normal = contact.normal.unwrap_or_default();
+            along.iter().any(|&k| drill.is_by_cone(frames[k].local(normal)))
+        };
+        let axes = match contacts.iter().any(by_cone) {
+            true => self.axes_of_bores(&drill, (frames, &along)),
+            false => Vec::new(),
+        };
         let found = par::map_blocks(contacts.len(), BLOCK, |range| {
             let of = |i: usize| {
                 let found = self.in_wall(&drill, &contacts[i], (frames, &along));
@@ -115,7 +131,9 @@ impl ProfileTool<'_> {
                 let normal = (b - a).cross(c - a).normalize_or_zero();
                 for &k in along {
                     let wall = [(a + b + c) / 3.0, normal];
-                    axes.extend(self.own_bore(drill, &frames[k], wall).map(|axis| (k, axis)));
+                    let bore =
+                        self.own_bore(drill, &frames[k], wall).filter(|bore| !bore.is_narrow);
+                    axes.extend(bore.map(|bore| (k, bore.axis)));
                 }
             }
             axes
@@ -142,7 +160,8 @@ impl ProfileTool<'_> {
         let Some(normal) = contact.normal else { return found };
         for &k in along {
             let frame = &frames[k];
-            if let Some(axis) = self.own_bore(drill, frame, [contact.point, normal]) {
+            let bore = self.own_bore(drill, frame, [contact.point, normal]);
+            if let Some(Bore { axis, is_narrow: false }) = bore {
                 let height = frame.local(contact.point).z - drill.margin - ABOVE_MM;
                 if self.stands(frame, axis.extend(height), &mut found) {
                     break;
@@ -199,7 +218,7 @@ impl ProfileTool<'_> {
     pub(super) fn drill_pose(&self, contact: &Contact, frame: &Frame) -> Result<DVec3, bool> {
         let (Some(drill), Some(normal)) = (self.drill, contact.normal) else { return Err(false) };
         let site = frame.local(contact.point);
-        if let Some(axis) = self.own_bore(&drill, frame, [contact.point, normal]) {
+        if let Some(Bore { axis, .. }) = self.own_bore(&drill, frame, [contact.point, normal]) {
             let height = site.z - drill.margin - ABOVE_MM;
             return Ok(frame.global(axis.extend(height)));
         }
@@ -220,8 +239,8 @@ impl ProfileTool<'_> {
         (r0..=r1).contains(&radius).then_some(axis.extend(height))
     }
 
-    /// The axis of the bore of the tool's own radius whose wall a place is on, with its normal.
-    fn own_bore(&self, drill: &Drill, frame: &Frame, [site, normal]: [DVec3; 2]) -> Option<DVec2> {
+    /// The bore of the tool's own radius, or of a little less, whose wall a place is on, with its normal.
+    fn own_bore(&self, drill: &Drill, frame: &Frame, [site, normal]: [DVec3; 2]) -> Option<Bore> {
         if normal == DVec3::ZERO || normal.dot(frame.axes[2]).abs() > NEAR {
             return None;
         }
@@ -241,7 +260,7 @@ impl ProfileTool<'_> {
         let ends: Vec<DVec2> = cuts.iter().flat_map(|cut| cut.0).filter(is_near).collect();
         let (center, radius) = outer_circle(ends)?;
         let own = self.finish() + self.shrunk_least().tolerance;
-        if radius > drill.radius + own || radius + self.most_tolerance() < drill.radius {
+        if radius > drill.radius + own {
             return None;
         }
         // A chord of the wall is not farther within than facets of its tolerance are.
@@ -251,7 +270,8 @@ impl ProfileTool<'_> {
             is_wall.then(|| arc_within(ends, radius + own)).flatten()
         };
         let is_around = covered(cuts.iter().filter_map(arc).collect()) > PI;
-        is_around.then_some(about + center)
+        let is_narrow = radius + self.most_tolerance() < drill.radius;
+        is_around.then_some(Bore { axis: about + center, is_narrow })
     }
 }
 

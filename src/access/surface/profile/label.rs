@@ -311,6 +311,13 @@ impl<'a> ProfileTool<'a> {
 
     /// Answers for one site.
     pub fn site(&self, contact: &Contact, frames: &[Frame]) -> SiteResult {
+        match self.drill {
+            Some(_) => self.drilled(std::slice::from_ref(contact), frames).remove(0),
+            None => self.milled(contact, frames),
+        }
+    }
+
+    fn milled(&self, contact: &Contact, frames: &[Frame]) -> SiteResult {
         let (mut state, mut found) = (State::default(), SiteResult::default());
         let Some(normal) = contact.normal else { return found };
         let (mut shallow, mut suggested) = (Shallow::along(frames.len()), Shallow::suggested());
@@ -474,7 +481,7 @@ fn sites(tool: &ProfileTool, contacts: &[Contact], frames: &[Frame]) -> Vec<Site
         return tool.drilled(contacts, frames);
     }
     let found = par::map_blocks(contacts.len(), BLOCK, |range| {
-        range.map(|i| tool.site(&contacts[i], frames)).collect::<Vec<_>>()
+        range.map(|i| tool.milled(&contacts[i], frames)).collect::<Vec<_>>()
     });
     found.into_iter().flatten().collect()
 }
