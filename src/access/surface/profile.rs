@@ -50,6 +50,7 @@ mod bands;
 mod body;
 mod contact;
 mod depth;
+mod drill;
 mod drilling;
 mod frame;
 mod label;

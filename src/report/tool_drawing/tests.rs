@@ -1,5 +1,6 @@
 use super::*;
 use crate::data::files::tools::{Holder, Unsaid, from_bytes};
+use proptest::prelude::*;
 
 fn drawn(row: &str) -> (String, Tool) {
     let sections = vec![crate::cutter::Section::cylinder(40.0, 15.0)];
@@ -52,3 +53,46 @@ fn what_is_drawn_is_balanced_xml_in_few_bytes() {
         assert!(svg.len() < 6000 && !svg.contains("NaN") && !svg.contains("inf"), "{svg}");
     }
 }
+
+/// Half of the lengths are odd: none, tiny, or far more than a tool has.
+fn number() -> impl Strategy<Value = f64> {
+    let odd = [0.0, 1e-9, 0.5, 1.0, 3.0, 10.0, 45.0, 60.0, 90.0, 118.0, 180.0, 1e3];
+    prop_oneof![prop::sample::select(odd.to_vec()), 0.01f64..100.0]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    #[test]
+    fn any_tool_that_is_read_can_be_drawn(
+        k in 0usize..50,
+        changed in prop::collection::vec((prop::sample::select(KEYS.to_vec()), number()), 0..6),
+    ) {
+        let shop = include_str!("../../../tests/fixtures/shop50.json");
+        let mut shop: serde_json::Value = serde_json::from_str(shop).unwrap();
+        let tool = &mut shop["data"][k];
+        for (key, number) in changed {
+            tool["geometry"][key] = number.into();
+        }
+        let table = from_bytes(tool.to_string().as_bytes(), "x.json".as_ref(), &Unsaid::default());
+        for tool in table.iter().flat_map(|table| &table.tools) {
+            let svg = draw(tool);
+            prop_assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+        }
+    }
+}
+
+const KEYS: [&str; 12] = [
+    "DC",
+    "RE",
+    "LCF",
+    "LB",
+    "SFDM",
+    "TA",
+    "SIG",
+    "tip-diameter",
+    "shoulder-length",
+    "shoulder-diameter",
+    "profile-radius",
+    "lower-radius",
+];

@@ -4,14 +4,24 @@
 //! least of them, a few tolerances at least, finds no place about the site, poses that touch with the arc are not pushed:
 //! one search in place of many, for all directions.
 
-use super::label::ProfileTool;
-use crate::access::surface::tool::Contact;
+use crate::access::surface::bvh::Bvh;
 use crate::geom::sites::nearest_in_triangle;
 use glam::DVec3;
 
+/// What balls are among.
+#[derive(Clone, Copy)]
+pub(super) struct Around<'a> {
+    pub bvh: &'a Bvh,
+    /// Gouge tolerance of the triangle at a place, and the least of all, mm.
+    pub tolerance: &'a dyn Fn(u32) -> f64,
+    pub least_tolerance: f64,
+    /// Finish tolerance, mm.
+    pub finish: f64,
+}
+
 /// The balls at one site.
 pub(super) struct Balls<'a> {
-    tool: &'a ProfileTool<'a>,
+    around: Around<'a>,
     point: DVec3,
     normal: DVec3,
     /// Greatest radius known to fit, least known not to, mm.
@@ -33,13 +43,13 @@ const LEAST_COSINE: f64 = 0.1;
 const BEYOND_MM: f64 = 1e-5;
 
 impl<'a> Balls<'a> {
-    pub fn at(tool: &'a ProfileTool<'a>, contact: &Contact, normal: DVec3) -> Self {
-        Balls { tool, point: contact.point, normal, fits: 0.0, fails: f64::INFINITY }
+    pub fn at(around: Around<'a>, [point, normal]: [DVec3; 2]) -> Self {
+        Balls { around, point, normal, fits: 0.0, fails: f64::INFINITY }
     }
 
     /// Whether a ball of a radius, mm, may have a place about the site.
     pub fn may_fit(&mut self, radius: f64) -> bool {
-        if radius <= self.fits || radius < LEAST_TOLERANCES * self.tool.shrunk_least().tolerance {
+        if radius <= self.fits || radius < LEAST_TOLERANCES * self.around.least_tolerance {
             return true;
         }
         if radius >= self.fails {
@@ -61,8 +71,8 @@ impl<'a> Balls<'a> {
     fn find(&self, radius: f64) -> bool {
         let (mut away, mut least, mut n_stalled) = (self.normal, f64::INFINITY, 0);
         for _ in 0..PUSHES {
-            let center = self.point + away * (radius + self.tool.finish());
-            let Some((depth, nearest)) = self.tool.deepest_in_ball(center, radius) else {
+            let center = self.point + away * (radius + self.around.finish);
+            let Some((depth, nearest)) = self.around.deepest(center, radius) else {
                 return away.dot(self.normal) >= LEAST_COSINE;
             };
             let Some(push) = (center - nearest).try_normalize() else { return false };
@@ -85,13 +95,13 @@ impl<'a> Balls<'a> {
     }
 }
 
-impl ProfileTool<'_> {
+impl Around<'_> {
     /// How deep the triangle is that a ball penetrates most, mm, and its nearest point.
-    fn deepest_in_ball(&self, center: DVec3, radius: f64) -> Option<(f64, DVec3)> {
+    fn deepest(&self, center: DVec3, radius: f64) -> Option<(f64, DVec3)> {
         let (mut most, mut best) = (0.0, None);
-        self.bvh().near(center, radius, |place| {
-            let nearest = nearest_in_triangle(center, *self.bvh().triangle(place));
-            let depth = radius - self.shrunk(place).tolerance - nearest.distance(center);
+        self.bvh.near(center, radius, |place| {
+            let nearest = nearest_in_triangle(center, *self.bvh.triangle(place));
+            let depth = radius - (self.tolerance)(place) - nearest.distance(center);
             if depth > most {
                 (most, best) = (depth, Some((depth, nearest)));
             }
@@ -127,13 +137,15 @@ mod tests {
         let bvh = Bvh::new(&corners);
         let tolerances = Chords::of(&mesh).as_tolerances(&bvh);
         let profile = Profile::lollipop(2.0, 1.0).unwrap();
-        let tool = ProfileTool::new(&bvh, &tolerances, &profile, 0.01);
-        let contact = Contact { point: dvec3(-2.5, 0.0, 0.0), normal: Some(DVec3::X) };
-        let fits = |radius: f64| Balls::at(&tool, &contact, DVec3::X).may_fit(radius);
+        let tolerance = |place: u32| tolerances.at(place).max(0.01);
+        let around =
+            Around { bvh: &bvh, tolerance: &tolerance, least_tolerance: 0.01, finish: 0.01 };
+        let site = [dvec3(-2.5, 0.0, 0.0), DVec3::X];
+        let fits = |radius: f64| Balls::at(around, site).may_fit(radius);
         assert!(fits(0.02) && fits(1.0) && fits(2.49));
         assert!(!fits(2.53) && !fits(4.0));
         // What is known answers for the others.
-        let mut balls = Balls::at(&tool, &contact, DVec3::X);
+        let mut balls = Balls::at(around, site);
         assert!(!balls.may_fit(3.0) && balls.may_fit(2.0));
         assert_eq!((balls.fits, balls.fails), (2.0, 3.0));
         // The poses of a lollipop are on its ball; those of a flat face may end at its rim.

@@ -1,10 +1,10 @@
 //! Labels of a tool of any profile, in the directions of a set.
 
-use super::balls::Balls;
+use super::balls::{Around, Balls};
 use super::bands::Bands;
 use super::body::{Body, Shrunk};
 use super::contact::{Contacts, Pose};
-use super::drilling::Drill;
+use super::drill::Drill;
 pub(super) use super::frame::Frame;
 use super::meet::{Hit, deepest, penetrates};
 use super::outline::Outline;
@@ -321,7 +321,14 @@ impl<'a> ProfileTool<'a> {
         let (mut state, mut found) = (State::default(), SiteResult::default());
         let Some(normal) = contact.normal else { return found };
         let (mut shallow, mut suggested) = (Shallow::along(frames.len()), Shallow::suggested());
-        let mut balls = Balls::at(self, contact, normal);
+        let tolerance = |place: u32| self.shrunk(place).tolerance;
+        let around = Around {
+            bvh: self.bvh,
+            tolerance: &tolerance,
+            least_tolerance: self.shrunk_least().tolerance,
+            finish: self.finish,
+        };
+        let mut balls = Balls::at(around, [contact.point, normal]);
         for (k, frame) in frames.iter().enumerate() {
             let local = frame.local(normal);
             let is_reached = self.contacts.for_each(local, |pose| {

@@ -325,7 +325,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     #[test]
-    fn any_lengths_are_a_tool_that_can_be_drawn_or_an_error_with_a_remedy(
+    fn any_lengths_are_a_tool_that_is_read_again_or_an_error_with_a_remedy(
         k in 0usize..50,
         changed in prop::collection::vec((prop::sample::select(KEYS.to_vec()), number()), 0..6),
     ) {
@@ -341,8 +341,6 @@ proptest! {
             }
             Ok(table) => for tool in &table.tools {
                 prop_assert!(tool.cutter.steps().is_sorted_by(|a, b| a.radius_mm <= b.radius_mm));
-                let svg = crate::report::tool_drawing::draw(tool);
-                prop_assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
                 let again = from_bytes(&to_csv(&table.tools), "a.csv".as_ref(), &library()).unwrap();
                 let [was, is] = [&tool.assembly, &again.tools[0].assembly];
                 let mut ends = was.tip().into_iter().zip(is.tip());
