@@ -60,6 +60,7 @@ mod outline;
 #[cfg(test)]
 mod reference;
 mod retreat;
+mod shallow;
 #[cfg(test)]
 mod tests;
 

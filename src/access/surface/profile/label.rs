@@ -8,6 +8,7 @@ use super::drill::Drill;
 pub(super) use super::frame::Frame;
 use super::meet::{Hit, deepest, penetrates};
 use super::outline::Outline;
+use super::shallow::{Candidate, Shallow};
 use crate::access::surface::bvh::{Band, Bvh};
 use crate::access::surface::cells::Domain;
 use crate::access::surface::labels::{SiteAnswer, SurfaceLabels, SurfaceStats, WitnessPose};
@@ -64,10 +65,6 @@ const TOLERANCE_STEP: f64 = 1.02;
 /// Sites per task.
 const BLOCK: usize = 32;
 // The limits of the search over poses, chosen on the T-slot and the turned part of the tests.
-/// Poses of one site that are pushed, those that penetrate least: at least so many, more along few directions.
-const PUSHED: usize = 10;
-const PUSHED_OF_FEW: usize = 40;
-const PUSHED_OF_ALL: usize = 200;
 /// Pushes of one pose, and how many of them may fail to leave it less deep by a tenth.
 pub(super) const PUSHES: usize = 20;
 pub(super) const MOST_STALLED: usize = 4;
@@ -118,43 +115,6 @@ pub(super) struct State {
     last_non_cutting: Option<u32>,
     n_tested: u64,
     pub n_retreats: usize,
-}
-
-/// A pose that penetrates something.
-#[derive(Debug, Clone, Copy)]
-struct Candidate {
-    /// How deep a point of what it penetrates is in the tool, beyond the tolerance, mm.
-    depth: f64,
-    /// Of the direction.
-    k: usize,
-    pose: Pose,
-}
-
-/// The poses that penetrate least, in that order; the first among equals.
-#[derive(Debug)]
-struct Shallow {
-    poses: Vec<Candidate>,
-    most: usize,
-}
-
-impl Shallow {
-    fn along(n_directions: usize) -> Self {
-        let most = (PUSHED_OF_ALL / n_directions.max(1)).clamp(PUSHED, PUSHED_OF_FEW);
-        Shallow { poses: Vec::new(), most }
-    }
-
-    /// Along the directions that the part suggests, beside the others.
-    fn suggested() -> Self {
-        Shallow { poses: Vec::new(), most: PUSHED }
-    }
-
-    fn add(&mut self, candidate: Candidate) {
-        let at = self.poses.partition_point(|other| other.depth <= candidate.depth);
-        if at < self.most {
-            self.poses.truncate(self.most - 1);
-            self.poses.insert(at, candidate);
-        }
-    }
 }
 
 impl<'a> ProfileTool<'a> {
