@@ -317,7 +317,7 @@ impl About<'_> {
         json!({
             "direction": state.direction.to_array(),
             "clearance_mm": state.clearance_mm,
-            "state": state.outcome.name(),
+            "state": outcome_name(state.outcome),
             "blocked_by": state.blocked.map(|blocked| blocked.part),
             "penetration_mm": state.blocked.map(|blocked| blocked.penetration_mm),
             "at_mm": state.blocked.map(|blocked| blocked.at_mm.to_array()),
@@ -364,4 +364,15 @@ fn triple(p: DVec3, decimals: usize) -> String {
         if words.trim_start_matches(['-', '0', '.']).is_empty() { "0".into() } else { words }
     });
     format!("{x}, {y}, {z}")
+}
+
+/// As JSON has it.
+fn outcome_name(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Free => "free",
+        Outcome::NoRetreat => "no-retreat",
+        Outcome::NotInOwnHole => "not-in-own-hole",
+        Outcome::Blocked => "blocked",
+        Outcome::DoesNotTouch => "does-not-touch",
+    }
 }

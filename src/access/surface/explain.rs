@@ -145,23 +145,11 @@ pub(crate) enum Outcome {
     Free,
     /// Of a tool given by its profile: a pose is free, but no way out of one is proven.
     NoRetreat,
-    /// Of a drill: a pose is free, but in no hole of its own diameter.
+    /// Of a drill: the site is at no bore of its own diameter.
     NotInOwnHole,
     Blocked,
     /// Of a tool given by its profile: nothing of what cuts has the site's normal.
     DoesNotTouch,
-}
-
-impl Outcome {
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Outcome::Free => "free",
-            Outcome::NoRetreat => "no-retreat",
-            Outcome::NotInOwnHole => "not-in-own-hole",
-            Outcome::Blocked => "blocked",
-            Outcome::DoesNotTouch => "does-not-touch",
-        }
-    }
 }
 
 impl DirectionState {
