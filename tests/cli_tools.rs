@@ -188,7 +188,7 @@ const LIBRARY: &str = r#"{"data": [
   "holder": {"description": "C", "unit": "millimeters", "segments": [{"height": 20, "lower-diameter": 30, "upper-diameter": 30}]}},
  {"description": "1/8 flat", "type": "flat end mill", "unit": "inches",
   "geometry": {"DC": 0.125, "LCF": 0.5, "LB": 0.8, "OAL": 1.6, "SFDM": 0.25}},
- {"description": "drill", "type": "drill", "unit": "millimeters", "geometry": {"DC": 5}}]}"#;
+ {"description": "tap", "type": "tap right hand", "unit": "millimeters", "geometry": {"DC": 5}}]}"#;
 
 const HOLDER: &str = "height,lower,upper\n10,28,34\n30,34,50\n";
 
@@ -213,7 +213,7 @@ fn libraries_are_read_asked_for_what_they_lack_and_say_what_is_left_out() {
     assert_eq!(json(&output)["tools"].as_array().unwrap().len(), 1);
     let output = deepmill(&[&args[..], &["--holder", &holder, "--json"]].concat());
     let words = text(&output.stderr);
-    assert!(words.contains("\"drill\": a drill cannot be represented"), "{words}");
+    assert!(words.contains("\"tap\": a tap right hand cannot be represented"), "{words}");
     let result = json(&output);
     assert_eq!(
         (&result["tools"][0]["name"], &result["tools"][1]["name"]),
