@@ -169,9 +169,9 @@ impl Remedies {
 
     /// Diameters of drills near this one, the nearest first.
     fn drills_near(&self, diameter_mm: f64) -> Vec<f64> {
-        /// Sizes are sold in steps of 0.1 mm; farther off none is proposed.
-        const STEPS_PER_MM: f64 = 10.0;
-        const MOST_STEPS: i32 = 20;
+        /// Sizes are sold in steps of 0.05 mm; farther off none is proposed.
+        const STEPS_PER_MM: f64 = 20.0;
+        const MOST_STEPS: i32 = 40;
         let nearest = (diameter_mm * STEPS_PER_MM).round();
         let size = |k: i32| (nearest + f64::from(k)) / STEPS_PER_MM;
         let mut sizes: Vec<f64> = (-MOST_STEPS..=MOST_STEPS).map(size).collect();
