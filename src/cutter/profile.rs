@@ -13,7 +13,7 @@
 //!                                        c − √(ρ² − (height − z)²) if they are nearer than c (it is hollow)
 //! ```
 //!
-//! A **drill** or a **reamer** cuts along its axis alone: it reaches the wall of a hole of its own size, and nothing else.
+//! A **drill** or a **reamer** cuts along its axis alone: it reaches the walls of bores of its own size, and nothing else.
 //!
 //! As text a profile is its points `radius:height`, an arc with its center behind an `@`, and `|` where what does not
 //! cut begins: `0:0 1.5:5.598@0:3 | 1.5:20 3:22` is a lollipop of diameter 6 on a neck of diameter 3; of a drill

@@ -219,7 +219,7 @@ impl About<'_> {
         )
     }
 
-    /// Of a direction in which nothing penetrates and the tool may not stand all the same.
+    /// Of a direction in which nothing penetrates and which does not count all the same.
     fn unblocked_words(&self, state: &DirectionState) -> String {
         let tip = self.why.nearest_pose.map_or(String::new(), |near| tip_words(near.pose.tip_mm));
         let from = triple(state.direction.as_dvec3(), 3);
@@ -228,10 +228,9 @@ impl About<'_> {
                 "A pose from direction {from}{tip} is free, but no way out of it is proven: along the axis, or by one \
                  move across it and then along the axis."
             ),
-            Outcome::NotInOwnHole => format!(
-                "A pose from direction {from}{tip} is free, but a drill cuts a hole of its own diameter alone, and \
-                 this wall is none."
-            ),
+            Outcome::NotAtOwnBore => {
+                "This place is not in a bore of about the drill's own diameter.".into()
+            }
             Outcome::DoesNotTouch => {
                 "Nothing of what cuts has the normal of this site in any direction tested.".into()
             }
@@ -371,7 +370,7 @@ fn outcome_name(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Free => "free",
         Outcome::NoRetreat => "no-retreat",
-        Outcome::NotInOwnHole => "not-in-own-hole",
+        Outcome::NotAtOwnBore => "not-at-own-bore",
         Outcome::Blocked => "blocked",
         Outcome::DoesNotTouch => "does-not-touch",
     }

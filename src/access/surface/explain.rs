@@ -20,7 +20,7 @@
 //! A tool **given by its profile** may be in many poses. A pose penetrates by the greatest depth of a point in the tool,
 //! its distance from everything outside, beyond the tolerance. Of a direction the pose counts that penetrates least; it is
 //! blocked by the lowest part that does not cut and penetrates there, or else by what cuts, the tip. A pose may be free
-//! and not count: a retreat is not proven, or a drill is in no hole of its own diameter. Amounts of changes are labeled.
+//! and not count: a retreat is not proven, or a drill is at no bore of its own diameter. Amounts of changes are labeled.
 //!
 //! # Pseudo-code
 //!
@@ -146,7 +146,7 @@ pub(crate) enum Outcome {
     /// Of a tool given by its profile: a pose is free, but no way out of one is proven.
     NoRetreat,
     /// Of a drill: the site is at no bore of its own diameter.
-    NotInOwnHole,
+    NotAtOwnBore,
     Blocked,
     /// Of a tool given by its profile: nothing of what cuts has the site's normal.
     DoesNotTouch,
@@ -163,7 +163,7 @@ impl DirectionState {
         match self.outcome {
             Outcome::Free | Outcome::Blocked => None,
             Outcome::NoRetreat => Some("no proven way out"),
-            Outcome::NotInOwnHole => Some("no hole of its own diameter"),
+            Outcome::NotAtOwnBore => Some("no bore of its own diameter"),
             Outcome::DoesNotTouch => Some("nothing that cuts touches there"),
         }
     }

@@ -32,10 +32,11 @@
 //! Three things make a test cheap. On a triangle, of all points at one height the one nearest to the axis lies on an edge
 //! or on the line of steepest slope through the axis: four segments represent the triangle. The profile shrunk by τ is
 //! again radius over height, in lines and convex arcs, made once per τ. Along a segment the distance from the axis less
-//! the radius of such a piece is convex, so its least value is found by halving.
+//! the radius of such a piece is convex, so its least value is found
+//! where tangents meet.
 //!
-//! Of the directions between those of an even set the ones that the part itself suggests are tested as well, across its
-//! flat faces and along its round ones; no others, and nothing is proven of them. Directions and clearances are not
+//! Of the directions between those of an even set the ones that the part suggests are tested as well, across its flat
+//! faces and along its round ones; no others, and nothing is proven of them. Directions and clearances are not
 //! counted.
 //!
 //! Explanations ask for the pose of a direction that is nearest to being free: the depth of its deepest point is between

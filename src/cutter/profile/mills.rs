@@ -6,12 +6,12 @@ use crate::{Error, Result};
 use std::f64::consts::FRAC_PI_2;
 
 /// Between the flanks of a thread mill's tooth.
-#[cfg_attr(not(feature = "formats"), allow(dead_code))] // files name the kind
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Crest {
     /// As wide as this, mm; 0 is a point.
     Flat(f64),
-    /// An arc of this radius, mm.
+    /// An arc of this radius, mm: files alone have it.
+    #[cfg(feature = "formats")]
     Round(f64),
 }
 
@@ -148,6 +148,7 @@ impl Profile {
                 corner("height of the crest", width, f64::MAX)?;
                 [radius_mm, 0.5 * width]
             }
+            #[cfg(feature = "formats")]
             Crest::Round(radius) => {
                 corner("radius of the crest", radius, radius_mm)?;
                 let (cos, sin) = (libm::cos(angle_rad), libm::sin(angle_rad));
@@ -173,6 +174,7 @@ impl Profile {
             match crest {
                 Crest::Flat(width) if width > 0.0 => sections.push(line(edge, middle + half)),
                 Crest::Flat(_) => {}
+                #[cfg(feature = "formats")]
                 Crest::Round(radius) => {
                     sections.push(arc(edge, middle + half, [radius_mm - radius, middle]));
                 }

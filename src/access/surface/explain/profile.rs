@@ -1,4 +1,4 @@
-//! Why a tool given by its profile may stand at a site or not.
+//! Why a tool given by its profile reaches a site or does not.
 //!
 //! ```text
 //! label the site; accessible: the witness, and how far it may be lowered
@@ -130,9 +130,9 @@ impl<'a> ProfileCase<'a> {
         Ok((labels.answers[0], labels.witness[0], labels.tolerance_mm[0]))
     }
 
-    /// A direction in which a tool may stand at the site, of all that are tried; none for a tool that is thinner than
-    /// its tolerance.
-    pub fn stands(&self, tool: &Assembly) -> Result<Option<Vec3>> {
+    /// A direction in which a tool reaches the site, of all that are tried; none for a tool that is thinner than its
+    /// tolerance.
+    pub fn reached_from(&self, tool: &Assembly) -> Result<Option<Vec3>> {
         let found =
             self.with_tool(tool, |cutter, tool| Ok(tool.site(cutter.contact, &self.frames)));
         match found {
@@ -192,7 +192,7 @@ fn state(direction: Vec3, found: PoseState) -> DirectionState {
     let (outcome, blocked, clearance_mm) = match found {
         PoseState::Accessible => (Outcome::Free, None, 0.0),
         PoseState::NoRetreat => (Outcome::NoRetreat, None, 0.0),
-        PoseState::NotInOwnHole => (Outcome::NotInOwnHole, None, 0.0),
+        PoseState::NotAtOwnBore => (Outcome::NotAtOwnBore, None, 0.0),
         PoseState::Penetrates(found) => (Outcome::Blocked, Some(blocked(found)), -found.depth),
         PoseState::DoesNotTouch => (Outcome::DoesNotTouch, None, NONE_MM),
     };

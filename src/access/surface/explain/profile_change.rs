@@ -1,4 +1,4 @@
-//! The least changes of a tool given by its profile with which it may stand at a site: every amount is labeled.
+//! The least changes of a tool given by its profile with which it reaches a site: every amount is labeled.
 //!
 //! ```text
 //! for every kind of change:
@@ -77,7 +77,7 @@ impl ProfileCase<'_> {
             }
         };
         let helps = |n: u32| match changed(n) {
-            Ok(tool) => Ok::<_, crate::Error>(self.stands(&tool)?.is_some()),
+            Ok(tool) => Ok::<_, crate::Error>(self.reached_from(&tool)?.is_some()),
             Err(_) => Ok(false),
         };
         if !helps(most)? {
@@ -100,7 +100,7 @@ impl ProfileCase<'_> {
         let own = diameter(tool);
         let of_size = |size: f64| tool.with_smaller_end(size / own).ok();
         let fits = |size: f64| match of_size(size).filter(|tool| remedies.makes_neck(tool)) {
-            Some(tool) => Ok::<_, crate::Error>(self.stands(&tool)?.is_some()),
+            Some(tool) => Ok::<_, crate::Error>(self.reached_from(&tool)?.is_some()),
             None => Ok(false),
         };
         let found = match tool.profile().is_some_and(Profile::is_drill) {

@@ -79,7 +79,7 @@ impl TriangleObstacles {
             };
             if tool.profile().is_some() {
                 let case = ProfileCase::new(self, &query)?;
-                let is_reached = case.stands(tool)?.is_some();
+                let is_reached = case.reached_from(tool)?.is_some();
                 return if is_reached { Ok((Vec::new(), None)) } else { case.changes() };
             }
             let tested = tested(directions)?;

@@ -1,4 +1,4 @@
-//! Directions that a part itself suggests: across its flat faces and along its round ones.
+//! Directions that a part suggests: across its flat faces and along its round ones.
 //!
 //! A cutter of a slot, a drill in a bore fit in one direction, to fractions of a degree: no even set has it.
 //!
@@ -18,7 +18,7 @@ const TURNS: [f64; 2] = [0.1 * PI / 180.0, 40.0 * PI / 180.0];
 /// Axes nearer than this, as the sine of the angle, are one.
 const SAME: f64 = 1e-3;
 const MOST_AXES: usize = 24;
-/// Groups that are told apart.
+/// No more groups are made.
 const MOST_GROUPS: usize = 256;
 /// Least share of all area.
 const LEAST_SHARE: f64 = 1e-3;

@@ -4,6 +4,7 @@
 //! least of them, a few tolerances at least, finds no place about the site, poses that touch with the arc are not pushed:
 //! one search in place of many, for all directions.
 
+use super::contact::{BEYOND_MM, LEAST_COSINE, SHALLOWER};
 use crate::access::surface::bvh::Bvh;
 use crate::geom::sites::nearest_in_triangle;
 use glam::DVec3;
@@ -34,13 +35,8 @@ const LEAST_TOLERANCES: f64 = 4.0;
 /// Pushes of a ball, and how many of them may fail to leave it less deep by a tenth.
 const PUSHES: usize = 30;
 const MOST_STALLED: usize = 5;
-const SHALLOWER: f64 = 0.9;
 /// Sine of the angle between a push and the way to the site below which the push does not move the ball.
 const LEAST_SINE: f64 = 0.02;
-/// As for cutters of steps: what only passes around an edge does not touch it.
-const LEAST_COSINE: f64 = 0.1;
-/// Farther than what is penetrated, mm.
-const BEYOND_MM: f64 = 1e-5;
 
 impl<'a> Balls<'a> {
     pub fn at(around: Around<'a>, [point, normal]: [DVec3; 2]) -> Self {

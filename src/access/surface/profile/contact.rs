@@ -72,6 +72,13 @@ pub(super) struct Pose {
     pub toward: DVec2,
 }
 
+/// A surface is touched with normals that have at least this cosine with its own: what only passes around an edge does not
+/// touch it.
+pub(super) const LEAST_COSINE: f64 = 0.1;
+/// Poses are pushed farther than what they penetrate, mm.
+pub(super) const BEYOND_MM: f64 = 1e-5;
+/// Pushes that leave a pose less deep than this share of the least so far count as progress.
+pub(super) const SHALLOWER: f64 = 0.9;
 /// Even shares of an arc at which its balls are compared.
 const BALLS: usize = 9;
 /// Normals may differ by this where a pose is tried, radians: more than facets of one curve do.

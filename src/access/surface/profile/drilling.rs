@@ -4,7 +4,7 @@
 //!
 //! The part is cut across the axis at the height of the site. Where the ends of the cut lie on a circle about as wide as
 //! the tool, and its wall goes more than half of the way around, there is a **bore**. It is the tool's own if its
-//! radius is not more than the tool's by the finish tolerance and the gouge tolerance together. The tool stands on the
+//! radius is not more than the tool's by the finish tolerance and the gouge tolerance together. The pose is on the
 //! axis of the bore, no deeper than it must to touch the site, and the site is *reached by drilling* if that pose is
 //! free and a retreat along the axis is. A site on the cone of a blind bore is reached if the tool is free where its own
 //! cone touches it, on the axis of a bore of its own. Single walls, slots and square pockets are no bores, whatever the
@@ -29,7 +29,7 @@ use crate::par;
 use glam::{DVec2, DVec3, dvec2};
 use std::f64::consts::{PI, TAU};
 
-/// The wall of a hole about an axis.
+/// A round wall about an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Bore {
     /// The axis across it, in the frame of the direction.
@@ -38,13 +38,23 @@ struct Bore {
     is_narrow: bool,
 }
 
+/// Where a drill touches a site in one direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum DrillPose {
+    /// With its tip here, on the axis of a bore of its own, or of a little less.
+    OnAxis(DVec3),
+    NotAtOwnBore,
+    /// Neither margin nor cone has the site's normal.
+    DoesNotTouch,
+}
+
 /// Sites per task.
 const BLOCK: usize = 32;
 /// Ends of a cut count to the wall of a bore if they are as near as this share of the radius to where it may be.
 const LOOSE: f64 = 0.25;
 /// Times that the circle is found again without the inner half of its ends: those of facets' diagonals are within.
 const ROUNDS: usize = 6;
-/// Facets are within the round wall that they stand for by less than so many of their tolerances.
+/// Facets are within the round wall that they approximate by less than so many of their tolerances.
 const FACETS: f64 = 2.0;
 /// Above where the margin begins, mm.
 const ABOVE_MM: f64 = 1e-3;
@@ -129,7 +139,7 @@ impl ProfileTool<'_> {
             let bore = self.own_bore(drill, frame, [contact.point, normal]);
             if let Some(Bore { axis, is_narrow: false }) = bore {
                 let height = frame.local(contact.point).z - drill.margin - ABOVE_MM;
-                if self.stands(frame, axis.extend(height), &mut found) {
+                if self.reaches_from(frame, axis.extend(height), &mut found) {
                     break;
                 }
             }
@@ -153,7 +163,7 @@ impl ProfileTool<'_> {
             }
             let site = frame.local(contact.point);
             if let Some(tip) = self.pose_by_cone(drill, site, *axis)
-                && self.stands(frame, tip, &mut found)
+                && self.reaches_from(frame, tip, &mut found)
             {
                 return found;
             }
@@ -162,7 +172,7 @@ impl ProfileTool<'_> {
     }
 
     /// Whether a pose, its tip in the frame of the direction, is free and may be drawn back.
-    fn stands(&self, frame: &Frame, tip: DVec3, found: &mut SiteResult) -> bool {
+    fn reaches_from(&self, frame: &Frame, tip: DVec3, found: &mut SiteResult) -> bool {
         let tip = frame.global(tip);
         found.n_tested += 1;
         match self.first_hit(frame, tip, Form::NonCutting, &mut None) {
@@ -179,21 +189,24 @@ impl ProfileTool<'_> {
         found.witness.is_some()
     }
 
-    /// Where the tip is in one direction, if the site is on the wall of a bore of the drill's own, or below one on a
-    /// cone; else whether what cuts has the site's normal somewhere.
-    pub(super) fn drill_pose(&self, contact: &Contact, frame: &Frame) -> Result<DVec3, bool> {
-        let (Some(drill), Some(normal)) = (self.drill, contact.normal) else { return Err(false) };
+    /// The pose of a drill in one direction.
+    pub(super) fn drill_pose(&self, contact: &Contact, frame: &Frame) -> DrillPose {
+        let (Some(drill), Some(normal)) = (self.drill, contact.normal) else {
+            return DrillPose::DoesNotTouch;
+        };
         let site = frame.local(contact.point);
         if let Some(Bore { axis, .. }) = self.own_bore(&drill, frame, [contact.point, normal]) {
             let height = site.z - drill.margin - ABOVE_MM;
-            return Ok(frame.global(axis.extend(height)));
+            return DrillPose::OnAxis(frame.global(axis.extend(height)));
         }
         if !drill.is_by_cone(frame.local(normal)) {
-            return Err(frame.local(normal).z.abs() <= NEAR);
+            let is_by_margin = frame.local(normal).z.abs() <= NEAR;
+            return if is_by_margin { DrillPose::NotAtOwnBore } else { DrillPose::DoesNotTouch };
         }
         let axes = self.axes_of_bores(&drill, (std::slice::from_ref(frame), &[0]));
         let mut poses = axes.iter().filter_map(|(_, axis)| self.pose_by_cone(&drill, site, *axis));
-        poses.next().map(|tip| frame.global(tip)).ok_or(true)
+        let on_axis = |tip| DrillPose::OnAxis(frame.global(tip));
+        poses.next().map_or(DrillPose::NotAtOwnBore, on_axis)
     }
 
     /// The tip of the pose on an axis that touches a site with the cone, all in the frame of the direction; none where the

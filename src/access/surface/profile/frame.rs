@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3, Vec3};
 pub(in crate::access::surface) struct Frame {
     pub axes: Axes,
     pub direction: Vec3,
-    /// Whether the part itself suggests it.
+    /// Whether the part suggests it.
     pub is_suggested: bool,
 }
 

@@ -3,9 +3,9 @@
 use super::balls::{Around, Balls};
 use super::bands::Bands;
 use super::body::{Body, Shrunk};
-use super::contact::{Contacts, Pose};
+use super::contact::{BEYOND_MM, Contacts, LEAST_COSINE, Pose, SHALLOWER};
 use super::drill::Drill;
-pub(super) use super::frame::Frame;
+use super::frame::Frame;
 use super::meet::{Hit, deepest, penetrates};
 use super::outline::Outline;
 use super::shallow::{Candidate, Shallow};
@@ -68,7 +68,6 @@ const BLOCK: usize = 32;
 /// Pushes of one pose, and how many of them may fail to leave it less deep by a tenth.
 pub(super) const PUSHES: usize = 20;
 pub(super) const MOST_STALLED: usize = 4;
-pub(super) const SHALLOWER: f64 = 0.9;
 /// Poses are pushed if what they penetrate is not deeper than this many times their freedom.
 const REACH: f64 = 1.5;
 /// Size of the ball that must fit, of the one that the tool holds: the search for its place is a single one.
@@ -77,8 +76,6 @@ const BALL_SHARE: f64 = 0.7;
 pub(super) const MOST_RETREATS: usize = 6;
 /// A triangle counts as deeper if it is by this factor.
 const DEEPER: f64 = 1.25;
-/// Farther than what is penetrated, mm.
-pub(super) const BEYOND_MM: f64 = 1e-5;
 
 /// The result for a site.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -360,8 +357,6 @@ impl<'a> ProfileTool<'a> {
         (mut pose, normal): (Pose, DVec3),
         state: &mut State,
     ) -> Option<DVec3> {
-        /// As for cutters of steps: what only passes around an edge does not touch it.
-        const LEAST_COSINE: f64 = 0.1;
         let (mut least, mut n_stalled) = (f64::INFINITY, 0);
         for _ in 0..PUSHES {
             state.n_tested += 1;

@@ -50,7 +50,7 @@ impl Segment {
     }
 }
 
-/// Steps to the least value of a convex function: each leaves half of what is left, or a tangent's worth.
+/// Steps to the least value of a convex function.
 const STEPS: usize = 60;
 
 /// Whether a triangle, in the frame of the tool, is penetrated; with a point that is in the tool. `core` is from the axis
@@ -197,41 +197,36 @@ fn inside(segment: &Segment, element: &Element, core: DVec2) -> Option<f64> {
             }
         }
     };
-    below(value, [low, high], 0.0).map(|(_, t)| t)
+    negative(value, [low, high])
 }
 
-/// A share at which a convex function is below a limit, and its value there; none if it nowhere is. `value` is the
-/// function and its slope.
+/// A share at which a convex function is negative; none if it nowhere is. `value` is the function and its slope.
 ///
 /// ```text
-/// an end is below: that; the function rises from the lower end, or falls to the upper: none
-/// where the tangents of both ends meet, above the limit: none; below it, there: that
-/// else it becomes an end
+/// negative at an end: that; the function rises from the lower end, or falls to the upper: none
+/// the tangents of both ends meet above 0: none; negative where they meet: that
+/// else that becomes an end
 /// ```
-fn below(
-    value: impl Fn(f64) -> [f64; 2],
-    [mut low, mut high]: [f64; 2],
-    limit: f64,
-) -> Option<(f64, f64)> {
+fn negative(value: impl Fn(f64) -> [f64; 2], [mut low, mut high]: [f64; 2]) -> Option<f64> {
     let mut at_low = value(low);
-    if at_low[0] < limit {
-        return Some((at_low[0], low));
+    if at_low[0] < 0.0 {
+        return Some(low);
     }
     let mut at_high = value(high);
-    if at_high[0] < limit {
-        return Some((at_high[0], high));
+    if at_high[0] < 0.0 {
+        return Some(high);
     }
     if at_low[1] >= 0.0 || at_high[1] <= 0.0 {
         return None;
     }
     for _ in 0..STEPS {
         let (t, bound) = meeting([low, high], [at_low, at_high]);
-        if bound >= limit {
+        if bound >= 0.0 {
             return None;
         }
         let at = value(t);
-        if at[0] < limit {
-            return Some((at[0], t));
+        if at[0] < 0.0 {
+            return Some(t);
         }
         if at[1] > 0.0 { (high, at_high) = (t, at) } else { (low, at_low) = (t, at) }
     }

@@ -10,12 +10,11 @@
 //!
 //! It is an upper bound: of the poses tried and where they are pushed to.
 
-use super::contact::Pose;
+use super::contact::{BEYOND_MM, LEAST_COSINE, Pose, SHALLOWER};
 use super::depth::Ladder;
+use super::drilling::DrillPose;
 use super::frame::Frame;
-use super::label::{
-    BEYOND_MM, Form, MOST_RETREATS, MOST_STALLED, PUSHES, ProfileTool, SHALLOWER, SiteResult, State,
-};
+use super::label::{Form, MOST_RETREATS, MOST_STALLED, PUSHES, ProfileTool, SiteResult, State};
 use super::meet::penetrates;
 use crate::access::surface::tool::{Contact, Stand};
 use crate::cutter::ToolPart;
@@ -37,7 +36,7 @@ pub(in crate::access::surface) enum PoseState {
     /// Free, and no way out was found.
     NoRetreat,
     /// Of a drill: at no bore of its own diameter.
-    NotInOwnHole,
+    NotAtOwnBore,
     Penetrates(Penetration),
     /// What cuts nowhere has the site's normal.
     DoesNotTouch,
@@ -57,8 +56,6 @@ pub(in crate::access::surface) struct Penetration {
 
 /// Poses of one direction that are pushed.
 const PUSHED: usize = 4;
-/// As for labels: what only passes around an edge does not touch it.
-const LEAST_COSINE: f64 = 0.1;
 /// To this the way down is halved, mm.
 const EXACT_MM: f64 = 1e-4;
 
@@ -91,11 +88,11 @@ impl ProfileTool<'_> {
         let mut search = Search { tool, ladder, frame, site, normal, state, free, kept };
         let best = match self.drill {
             Some(_) => match self.drill_pose(contact, frame) {
-                Ok(tip) => search.stand(tip),
-                Err(false) => return none,
-                Err(true) => {
-                    return NearestInDirection { tip: None, state: PoseState::NotInOwnHole };
+                DrillPose::OnAxis(tip) => search.try_only(tip),
+                DrillPose::NotAtOwnBore => {
+                    return NearestInDirection { tip: None, state: PoseState::NotAtOwnBore };
                 }
+                DrillPose::DoesNotTouch => return none,
             },
             None => {
                 self.contacts.for_each(normal, |pose| search.try_pose(pose));
@@ -163,7 +160,7 @@ impl ProfileTool<'_> {
 
 impl Search<'_> {
     /// Notes the only pose; its tip if it is not free.
-    fn stand(&mut self, tip: DVec3) -> Option<DVec3> {
+    fn try_only(&mut self, tip: DVec3) -> Option<DVec3> {
         match self.tool.first_hit(self.frame, tip, Form::Whole, &mut self.state.last) {
             Some(_) => Some(tip),
             None => {

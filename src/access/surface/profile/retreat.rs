@@ -7,7 +7,9 @@
 //! for directions around the axis, for lengths that double: the way blocked → next direction; retracting tool free there → proven
 //! ```
 
-use super::label::{Form, Frame, ProfileTool};
+use super::contact::BEYOND_MM;
+use super::frame::Frame;
+use super::label::{Form, ProfileTool};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
@@ -18,8 +20,6 @@ const FIRST: f64 = 0.25;
 const FACTOR: f64 = 1.6;
 /// Pushes after which the first way out is given up.
 const PUSHES: usize = 25;
-/// Farther than what is penetrated, mm.
-const BEYOND_MM: f64 = 1e-5;
 
 impl ProfileTool<'_> {
     /// Whether a tool may be drawn back along its axis.

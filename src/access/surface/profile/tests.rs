@@ -51,7 +51,7 @@ fn a_triangle_is_penetrated_iff_some_point_of_it_is_deeper_than_the_tolerance() 
     let (mut n_in, mut n_out, mut n_edge) = (0, 0, 0);
     for profile in families() {
         let outline = Outline::new(&profile);
-        for tolerance in [0.01, 0.05, 0.2] {
+        for tolerance in [0.01, 0.05, 0.2, 0.6] {
             let body = Body::new(&profile, tolerance);
             for size in [0.05, 0.7, 4.0, 30.0] {
                 for _ in 0..60 {

@@ -17,7 +17,7 @@ use crate::{Error, Result};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// What `format` of the file says.
+/// The value of `format`.
 const FORMAT: &str = "deepmill tools";
 const VERSION: u64 = 1;
 
@@ -34,6 +34,7 @@ pub fn to_csv(tools: &[Tool]) -> Vec<u8> {
     writer.into_inner().expect("in memory")
 }
 
+/// Of the columns that tables have those that are written, in the order for people.
 const HEADINGS: [&str; 16] = [
     "T",
     "name",

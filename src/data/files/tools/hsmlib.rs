@@ -62,14 +62,17 @@ pub(super) fn library(text: &str, path: &Path) -> Result<Value> {
             Event::CData(text) => library.text.push_str(&text),
             Event::GeneralRef(reference) => {
                 let name: &str = reference.as_ref();
-                library.text.push_str(match name {
-                    "amp" => "&",
-                    "lt" => "<",
-                    "gt" => ">",
-                    "quot" => "\"",
-                    "apos" => "'",
-                    _ => "?",
-                });
+                match reference.resolve_char_ref() {
+                    Ok(Some(letter)) => library.text.push(letter),
+                    _ => library.text.push_str(match name {
+                        "amp" => "&",
+                        "lt" => "<",
+                        "gt" => ">",
+                        "quot" => "\"",
+                        "apos" => "'",
+                        _ => "?",
+                    }),
+                }
             }
             Event::Eof => break,
             _ => {}

@@ -371,14 +371,7 @@ impl Row<'_> {
             let drill = |degrees: f64| Family::Drill { angle: degrees.to_radians() };
             return Ok(self.taper()?.map(|degrees| Form::Family(drill(degrees))));
         }
-        let kind = match kind {
-            "V-bit" => Cone::VBit,
-            "spot drill" => Cone::SpotDrill,
-            "countersink" => Cone::Countersink,
-            "engraver" => Cone::Engraver,
-            "chamfer mill" => Cone::Chamfer,
-            _ => return Ok(None),
-        };
+        let Some(kind) = Cone::named(kind) else { return Ok(None) };
         let family = |degrees: f64| Family::Cone { kind, tip: 0.0, angle: degrees.to_radians() };
         Ok(self.taper()?.map(|degrees| Form::Family(family(degrees))))
     }

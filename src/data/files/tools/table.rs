@@ -30,9 +30,9 @@ const COLUMNS: [&str; 17] = [
     "description",
     "drawn_in",
 ];
-/// Those of [`COLUMNS`] that must be there.
 /// Lengths closer than this are the same, mm.
 const SAME_MM: f64 = 1e-6;
+/// Those of [`COLUMNS`] that must be there.
 const REQUIRED: std::ops::Range<usize> = 1..5;
 
 /// Reads a tool table: a header row that names the columns, in any order and case, then a row per tool.

@@ -91,12 +91,11 @@ pub(super) fn remark(text: &str, bare_mm: f64) -> Remark {
 
 /// Whether a kind of the list of others is given by the angle of its point.
 pub(super) fn is_pointed(kind: &str) -> bool {
-    let pointed = ["V-bit", "spot drill", "countersink", "engraver", "chamfer mill", "drill"];
-    pointed.contains(&kind)
+    kind == "drill" || Cone::named(kind).is_some()
 }
 
-/// A pointed cone or a drill, if the remark has its angle: `V-bit 90°`, `drill 118 deg`; or a reamer. Of a chamfer mill 45° are those of
-/// one side and 90° those of both; others may be either.
+/// A pointed cone or a drill, if the remark has its angle: `V-bit 90°`, `drill 118 deg`; or a reamer. Of a chamfer mill
+/// 45° are those of one side and 90° those of both; others may be either.
 fn pointed(kind: &str, text: &str) -> Option<Form> {
     if kind == "reamer" {
         return Some(Form::Family(Family::Reamer));
@@ -105,14 +104,7 @@ fn pointed(kind: &str, text: &str) -> Option<Form> {
         let angle = 0.5 * degrees(text)?.to_radians();
         return Some(Form::Family(Family::Drill { angle }));
     }
-    let kind = match kind {
-        "V-bit" => Cone::VBit,
-        "spot drill" => Cone::SpotDrill,
-        "countersink" => Cone::Countersink,
-        "engraver" => Cone::Engraver,
-        "chamfer mill" => Cone::Chamfer,
-        _ => return None,
-    };
+    let kind = Cone::named(kind)?;
     let degrees = degrees(text)?;
     let per_side = match kind {
         Cone::Chamfer if degrees == 45.0 || degrees == 90.0 => 45.0,

@@ -37,6 +37,9 @@ fn a_bore_is_drilled_by_the_drill_of_its_own_diameter() {
     let of = |sites: &Sites, profile: Profile| share(&label(&mesh, sites, profile, 50.0));
     assert_eq!(of(&walls, drill(2.5, 118.0)), 1.0);
     assert_eq!(of(&bottom, drill(2.5, 118.0)), 1.0);
+    // Wider by 0.03 mm a bore is the drill's own, by 0.1 mm it is another's.
+    assert_eq!(of(&walls, drill(2.485, 118.0)), 1.0);
+    assert_eq!(of(&walls, drill(2.45, 118.0)), 0.0);
     // Of another diameter.
     for radius in [2.3, 2.44] {
         let narrow = label(&mesh, &walls, drill(radius, 118.0), 50.0);

@@ -162,7 +162,7 @@ fn a_drill_needs_its_stick_out_and_the_diameter_of_the_bore() {
     let thin = held(drill(2.3, 118.0), 20.0, 50.0);
     let why = explain(&mesh, &thin, (at(20.0), normal));
     assert_eq!((why.answer, why.blocked_by()), (SiteAnswer::TipDoesNotFit, Some(ToolPart::Tip)));
-    assert_eq!(why.nearest().unwrap().reason(), Some("no hole of its own diameter"));
+    assert_eq!(why.nearest().unwrap().reason(), Some("no bore of its own diameter"));
     let wider = change(&why, ChangeKind::Diameter);
     assert!((wider.by_mm - 0.4).abs() < 1e-9, "{wider:?}");
 

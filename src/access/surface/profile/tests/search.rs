@@ -1,7 +1,8 @@
 //! How many sites the search over poses misses: against all poses, densely.
 
-use super::super::contact::{Contacts, Pose};
-use super::super::label::{Form, Frame, ProfileTool};
+use super::super::contact::{Contacts, LEAST_COSINE, Pose};
+use super::super::frame::Frame;
+use super::super::label::{Form, ProfileTool};
 use super::*;
 use crate::access::surface::bvh::Bvh;
 use crate::access::surface::tolerance::Chords;
@@ -21,7 +22,7 @@ fn densely(tool: &ProfileTool, contacts: &Contacts, contact: &Contact, frame: &F
         (0..TURNS).any(|turn| {
             let angle = TAU * turn as f64 / TURNS as f64;
             let pose = Pose { along, toward: dvec2(angle.cos(), angle.sin()) };
-            if contacts.normal(&pose).dot(-normal) < 0.1 {
+            if contacts.normal(&pose).dot(-normal) < LEAST_COSINE {
                 return false;
             }
             let tip = contact.point - frame.global(contacts.offset(&pose));

@@ -100,6 +100,12 @@ pub(in crate::data::files::tools) enum Cone {
 }
 
 impl Cone {
+    /// The kind that remarks and tables name so.
+    pub fn named(kind: &str) -> Option<Cone> {
+        let all = [Cone::Chamfer, Cone::VBit, Cone::SpotDrill, Cone::Countersink, Cone::Engraver];
+        all.into_iter().find(|cone| cone.name() == kind)
+    }
+
     fn name(self) -> &'static str {
         match self {
             Cone::Chamfer => "chamfer mill",

@@ -32,7 +32,7 @@ pub(super) const SHOP: &str = r#"<?xml version="1.0" encoding="UTF-16" standalon
   <tool type="spot drill" unit="millimeters"><product-id>SD6</product-id>
     <shaft><section diameter="6" length="0"/><section diameter="8" length="4"/></shaft>
     <body diameter="6" taper-angle="90" flute-length="12" body-length="30" overall-length="60" shaft-diameter="6"/></tool>
-  <tool type="thread mill" unit="millimeters"><description>M6</description>
+  <tool type="thread mill" unit="millimeters"><description>&#216; M6 &#xE9;</description>
     <body diameter="4.5" thread-pitch="1" thread-profile-angle="60" number-of-teeth="2" flute-length="2" body-length="30"
       shoulder-diameter="3.4" shoulder-length="15" overall-length="60" shaft-diameter="6"/></tool>
   <tool type="drill" unit="millimeters"><description>D5</description><body diameter="5" taper-angle="118"/></tool>
@@ -47,7 +47,7 @@ fn utf16(text: &str, big: bool) -> Vec<u8> {
 }
 
 #[test]
-fn a_library_in_xml_says_what_the_same_in_json_says() {
+fn a_library_in_xml_gives_the_tools_of_the_same_in_json() {
     let read = |bytes: &[u8]| from_bytes(bytes, "shop.hsmlib".as_ref(), &library()).unwrap();
     let table = read(SHOP.as_bytes());
     for bytes in [utf16(SHOP, false), utf16(SHOP, true)] {
@@ -68,7 +68,7 @@ fn a_library_in_xml_says_what_the_same_in_json_says() {
     // Per side of a chamfer mill, of the whole point of a spot drill.
     assert_eq!(radii(chamfer, [1.0, 3.175, 20.0]), [1.0, 3.175, 3.175]);
     assert_eq!(radii(spot, [1.0, 3.0, 14.0]), [1.0, 3.0, 3.5]);
-    assert_eq!(spot.name, "SD6");
+    assert_eq!((&*spot.name, &*thread.name), ("SD6", "Ø M6 é"));
     assert_eq!(radii(thread, [0.5, 1.5, 10.0]), [2.25, 2.25, 1.7]);
     let words = [
         "does not say the diameter of the shank",
@@ -100,6 +100,12 @@ fn other_xml_and_what_is_cut_off_are_called_that() {
         let message = message.to_string();
         assert!(message.starts_with("x.hsmlib: ") && message.contains(words), "{message}");
         assert!(message.contains("; ") && !message.contains('\n'), "{message}");
+    }
+    // Entities of a document type are not expanded, and tags may be nested as deep as they like.
+    let bomb = "<!DOCTYPE a [<!ENTITY a \"&a;&a;\">]><tool-library><tool type=\"&a;\"><description>&a;</description>";
+    for text in [bomb.to_string(), format!("<tool-library>{}", "<a>".repeat(100_000))] {
+        let message = from_bytes(text.as_bytes(), "x.hsmlib".as_ref(), &library()).unwrap_err();
+        assert!(message.to_string().contains("ends before its tools do"), "{message}");
     }
     for cut in 0..SHOP.len() {
         if let Some(part) = SHOP.get(..cut) {
