@@ -67,13 +67,14 @@ struct Bound {
 }
 
 impl Body {
-    /// The profile shrunk by a tolerance, which is positive.
+    /// The profile shrunk by a tolerance, which is positive. Where that is more than the radius of a convex arc, the body
+    /// may be too wide beside it, never too thin: poses may be refused there, none is free that is not.
     pub fn new(profile: &Profile, tolerance: f64) -> Body {
         Body::within(bounds(profile, tolerance))
     }
 
-    /// As [`Body::new`], by any length: of an arc that is not longer than that nothing is left at its heights beyond
-    /// its center.
+    /// As [`Body::new`], for depths of any length: beside an arc of a lesser radius it may be too wide, and who tests
+    /// against it must look at the depth of the point as well.
     pub fn deep(profile: &Profile, depth: f64) -> Body {
         let mut bounds = bounds(profile, depth);
         for Piece { ends: [[_, low], [_, high]], arc, cuts } in finite_pieces(profile) {

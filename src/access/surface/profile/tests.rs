@@ -76,6 +76,33 @@ fn a_triangle_is_penetrated_iff_some_point_of_it_is_deeper_than_the_tolerance() 
 }
 
 #[test]
+fn a_tolerance_beyond_the_radius_of_an_arc_hides_nothing_that_is_deeper() {
+    let mut stream = Stream::new(8, 0, 0, Purpose::Probe);
+    let mut n_in = 0;
+    for profile in families() {
+        let outline = Outline::new(&profile);
+        // No tolerance is more than half of the radius.
+        for share in [0.2, 0.35, 0.5] {
+            let tolerance = share * profile.cutting_radius_mm();
+            let body = Body::new(&profile, tolerance);
+            for size in [0.05, 0.7, 4.0] {
+                for _ in 0..200 {
+                    let corners = random_triangle(&mut stream, size);
+                    if reference::penetrates(&outline, &corners, tolerance + 1e-3, 1e-4)
+                        == Some(true)
+                    {
+                        let found = penetrates(&body, &corners, DVec2::ZERO).is_some();
+                        assert!(found, "{profile} {tolerance} {corners:?}");
+                        n_in += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(n_in > 1000, "{n_in}");
+}
+
+#[test]
 fn a_moved_tool_penetrates_iff_it_does_in_some_place_on_the_way() {
     let mut stream = Stream::new(6, 0, 0, Purpose::Probe);
     let (mut n_in, mut n_out) = (0, 0);
