@@ -214,7 +214,9 @@ impl Stand {
     /// The corners of a triangle, as [`Stand::local`].
     #[inline(always)]
     pub fn triangle(&self, corners: &[DVec3; 3]) -> [DVec3; 3] {
-        corners.map(|corner| self.local(corner))
+        // No closure: in some callers it is not inlined.
+        let [a, b, c] = *corners;
+        [self.local(a), self.local(b), self.local(c)]
     }
 }
 

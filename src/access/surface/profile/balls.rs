@@ -11,18 +11,18 @@ use glam::DVec3;
 
 /// What balls are among.
 #[derive(Clone, Copy)]
-pub(super) struct Around<'a> {
+pub(super) struct Around<'a, T: Fn(u32) -> f64> {
     pub bvh: &'a Bvh,
     /// Gouge tolerance of the triangle at a place, and the least of all, mm.
-    pub tolerance: &'a dyn Fn(u32) -> f64,
+    pub tolerance: T,
     pub least_tolerance: f64,
     /// Finish tolerance, mm.
     pub finish: f64,
 }
 
 /// The balls at one site.
-pub(super) struct Balls<'a> {
-    around: Around<'a>,
+pub(super) struct Balls<'a, T: Fn(u32) -> f64> {
+    around: Around<'a, T>,
     point: DVec3,
     normal: DVec3,
     /// Greatest radius known to fit, least known not to, mm.
@@ -38,8 +38,8 @@ const MOST_STALLED: usize = 5;
 /// Sine of the angle between a push and the way to the site below which the push does not move the ball.
 const LEAST_SINE: f64 = 0.02;
 
-impl<'a> Balls<'a> {
-    pub fn at(around: Around<'a>, [point, normal]: [DVec3; 2]) -> Self {
+impl<'a, T: Fn(u32) -> f64> Balls<'a, T> {
+    pub fn at(around: Around<'a, T>, [point, normal]: [DVec3; 2]) -> Self {
         Balls { around, point, normal, fits: 0.0, fails: f64::INFINITY }
     }
 
@@ -91,7 +91,7 @@ impl<'a> Balls<'a> {
     }
 }
 
-impl Around<'_> {
+impl<T: Fn(u32) -> f64> Around<'_, T> {
     /// How deep the triangle is that a ball penetrates most, mm, and its nearest point.
     fn deepest(&self, center: DVec3, radius: f64) -> Option<(f64, DVec3)> {
         let (mut most, mut best) = (0.0, None);
@@ -134,8 +134,7 @@ mod tests {
         let tolerances = Chords::of(&mesh).as_tolerances(&bvh);
         let profile = Profile::lollipop(2.0, 1.0).unwrap();
         let tolerance = |place: u32| tolerances.at(place).max(0.01);
-        let around =
-            Around { bvh: &bvh, tolerance: &tolerance, least_tolerance: 0.01, finish: 0.01 };
+        let around = Around { bvh: &bvh, tolerance, least_tolerance: 0.01, finish: 0.01 };
         let site = [dvec3(-2.5, 0.0, 0.0), DVec3::X];
         let fits = |radius: f64| Balls::at(around, site).may_fit(radius);
         assert!(fits(0.02) && fits(1.0) && fits(2.49));

@@ -29,15 +29,6 @@ use crate::par;
 use glam::{DVec2, DVec3, dvec2};
 use std::f64::consts::{PI, TAU};
 
-/// A round wall about an axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Bore {
-    /// The axis across it, in the frame of the direction.
-    axis: DVec2,
-    /// Whether the tool is certainly too wide for it.
-    is_narrow: bool,
-}
-
 /// Where a drill touches a site in one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum DrillPose {
@@ -107,9 +98,8 @@ impl ProfileTool<'_> {
                 let normal = (b - a).cross(c - a).normalize_or_zero();
                 for &k in along {
                     let wall = [(a + b + c) / 3.0, normal];
-                    let bore =
-                        self.own_bore(drill, &frames[k], wall).filter(|bore| !bore.is_narrow);
-                    axes.extend(bore.map(|bore| (k, bore.axis)));
+                    let axis = self.bore(drill, &frames[k], (wall, self.most_tolerance()));
+                    axes.extend(axis.map(|axis| (k, axis)));
                 }
             }
             axes
@@ -136,8 +126,8 @@ impl ProfileTool<'_> {
         let Some(normal) = contact.normal else { return found };
         for &k in along {
             let frame = &frames[k];
-            let bore = self.own_bore(drill, frame, [contact.point, normal]);
-            if let Some(Bore { axis, is_narrow: false }) = bore {
+            let wall = ([contact.point, normal], self.most_tolerance());
+            if let Some(axis) = self.bore(drill, frame, wall) {
                 let height = frame.local(contact.point).z - drill.margin - ABOVE_MM;
                 if self.reaches_from(frame, axis.extend(height), &mut found) {
                     break;
@@ -195,7 +185,8 @@ impl ProfileTool<'_> {
             return DrillPose::DoesNotTouch;
         };
         let site = frame.local(contact.point);
-        if let Some(Bore { axis, .. }) = self.own_bore(&drill, frame, [contact.point, normal]) {
+        let wall = ([contact.point, normal], f64::INFINITY);
+        if let Some(axis) = self.bore(&drill, frame, wall) {
             let height = site.z - drill.margin - ABOVE_MM;
             return DrillPose::OnAxis(frame.global(axis.extend(height)));
         }
@@ -218,8 +209,14 @@ impl ProfileTool<'_> {
         (r0..=r1).contains(&radius).then_some(axis.extend(height))
     }
 
-    /// The bore of the tool's own radius, or of a little less, whose wall a place is on, with its normal.
-    fn own_bore(&self, drill: &Drill, frame: &Frame, [site, normal]: [DVec3; 2]) -> Option<Bore> {
+    /// The axis of the bore of about the tool's radius whose wall a place is on, with its normal; of one that is narrower
+    /// by no more than `narrower`, mm.
+    fn bore(
+        &self,
+        drill: &Drill,
+        frame: &Frame,
+        ([site, normal], narrower): ([DVec3; 2], f64),
+    ) -> Option<DVec2> {
         if normal == DVec3::ZERO || normal.dot(frame.axes[2]).abs() > NEAR {
             return None;
         }
@@ -239,7 +236,7 @@ impl ProfileTool<'_> {
         let ends: Vec<DVec2> = cuts.iter().flat_map(|cut| cut.0).filter(is_near).collect();
         let (center, radius) = outer_circle(ends)?;
         let own = self.finish() + self.shrunk_least().tolerance;
-        if radius > drill.radius + own {
+        if radius > drill.radius + own || radius + narrower < drill.radius {
             return None;
         }
         // A chord of the wall is not farther within than facets of its tolerance are.
@@ -249,8 +246,7 @@ impl ProfileTool<'_> {
             is_wall.then(|| arc_within(ends, radius + own)).flatten()
         };
         let is_around = covered(cuts.iter().filter_map(arc).collect()) > PI;
-        let is_narrow = radius + self.most_tolerance() < drill.radius;
-        is_around.then_some(Bore { axis: about + center, is_narrow })
+        is_around.then_some(about + center)
     }
 }
 

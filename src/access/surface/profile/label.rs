@@ -278,10 +278,9 @@ impl<'a> ProfileTool<'a> {
         let (mut state, mut found) = (State::default(), SiteResult::default());
         let Some(normal) = contact.normal else { return found };
         let (mut shallow, mut suggested) = (Shallow::along(frames.len()), Shallow::suggested());
-        let tolerance = |place: u32| self.shrunk(place).tolerance;
         let around = Around {
             bvh: self.bvh,
-            tolerance: &tolerance,
+            tolerance: |place: u32| self.shrunk(place).tolerance,
             least_tolerance: self.shrunk_least().tolerance,
             finish: self.finish,
         };

@@ -143,7 +143,8 @@ impl Lines {
 
 /// Where the upright plane `across·xy = offset` cuts a triangle.
 fn cut(corners: &[DVec3; 3], across: DVec2, offset: f64) -> Option<[DVec3; 2]> {
-    let sides = corners.map(|p| p.truncate().dot(across) - offset);
+    let side = |p: DVec3| p.truncate().dot(across) - offset;
+    let sides = [side(corners[0]), side(corners[1]), side(corners[2])];
     let (mut ends, mut n) = ([DVec3::ZERO; 2], 0);
     for k in 0..3 {
         let (a, b) = (sides[k], sides[(k + 1) % 3]);
@@ -157,7 +158,7 @@ fn cut(corners: &[DVec3; 3], across: DVec2, offset: f64) -> Option<[DVec3; 2]> {
 
 /// Distance, squared, of the core from the upright box around a triangle, or less.
 fn from_box(corners: &[DVec3; 3], core: DVec2) -> f64 {
-    let [a, b, c] = corners.map(DVec3::truncate);
+    let [a, b, c] = [corners[0].truncate(), corners[1].truncate(), corners[2].truncate()];
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     let (least, most) = (core.min(DVec2::ZERO), core.max(DVec2::ZERO));
     (low - most).max(least - high).max(DVec2::ZERO).length_squared()
