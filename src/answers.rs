@@ -91,6 +91,9 @@ pub struct SiteAnswers {
     /// shrink before it becomes accessible (negative), mm, within the limit of the options. `docs/labeling.md` has the
     /// formula.
     pub clearance_mm: Vec<f32>,
+    /// How much the tool leaves there: distance along the normal to the surface of what it leaves, mm; 0 where it is
+    /// accessible. `docs/rest.md` has the definition.
+    pub rest_mm: Vec<f32>,
     /// Probability of `inaccessible`, from a network.
     pub probability_inaccessible: Vec<f32>,
     /// Probability of `occlusion`, from a network.

@@ -253,6 +253,16 @@ impl Cutter {
         &self.steps
     }
 
+    /// Steps that cut.
+    pub(crate) fn cutting_steps(&self) -> &[Step] {
+        &self.cutting
+    }
+
+    /// Steps that do not cut, from the end of the flutes on.
+    pub(crate) fn upper_steps(&self) -> &[Step] {
+        &self.upper
+    }
+
     /// The four lengths, if this is what [`Cutter::ball_end`] makes of them: a ball, its cylinder, one holder, a
     /// spindle.
     ///

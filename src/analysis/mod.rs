@@ -85,6 +85,7 @@ pub struct Analysis {
     fixtures: Vec<Fixture>,
     table_z_mm: Option<f64>,
     prove: bool,
+    rest: bool,
     options: SurfaceOptions,
     published: LabelOptions,
 }
@@ -129,6 +130,7 @@ impl Analysis {
             fixtures: Vec::new(),
             table_z_mm: None,
             prove: false,
+            rest: false,
             options: SurfaceOptions { occlusion: false, ..SurfaceOptions::default() },
             published: LabelOptions::published(),
         }
@@ -200,6 +202,13 @@ impl Analysis {
     #[must_use]
     pub fn proving(mut self, prove: bool) -> Self {
         self.prove = prove;
+        self
+    }
+
+    /// Whether to compute how much each tool leaves where it does not reach, by the mesh definition: see `docs/rest.md`.
+    #[must_use]
+    pub fn rest(mut self, rest: bool) -> Self {
+        self.rest = rest;
         self
     }
 

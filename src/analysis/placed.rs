@@ -331,6 +331,11 @@ impl Placed {
         if rests.contains(&true) {
             surface.rests_on_tolerance = rests;
         }
+        if self.request.rest {
+            let which: Vec<usize> = (0..reached.len()).filter(|&i| !reached[i]).collect();
+            let (rests, poses) = obstacles.rest_of((sites, &which), cutter, directions, options)?;
+            (labels.answers.rest_mm, surface.rest_pose) = (rests, poses);
+        }
         let mut warnings = obstacles.warnings(mesh, sites, cutter, surface)?;
         if tool.clearance_mm > 0.0 {
             let answered = (options, &surface.answers[..]);

@@ -37,10 +37,11 @@ fn same_decisions(a: &SiteAnswers, b: &SiteAnswers) -> bool {
         && a.outside_domain == b.outside_domain
 }
 
-fn lists(answers: &SiteAnswers) -> [&[f32]; 4] {
+fn lists(answers: &SiteAnswers) -> [&[f32]; 5] {
     [
         &answers.accessible_share,
         &answers.clearance_mm,
+        &answers.rest_mm,
         &answers.probability_inaccessible,
         &answers.probability_occlusion,
     ]

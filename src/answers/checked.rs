@@ -16,6 +16,7 @@ pub(super) struct Unchecked {
     accessible_share: Vec<f32>,
     witness: Vec<Option<Vec3>>,
     clearance_mm: Vec<f32>,
+    rest_mm: Vec<f32>,
     probability_inaccessible: Vec<f32>,
     probability_occlusion: Vec<f32>,
     outside_domain: Vec<OutsideDomain>,
@@ -35,6 +36,7 @@ impl TryFrom<Unchecked> for SiteAnswers {
             ("accessible_share", read.accessible_share.len()),
             ("witness", read.witness.len()),
             ("clearance_mm", read.clearance_mm.len()),
+            ("rest_mm", read.rest_mm.len()),
             ("probability_inaccessible", read.probability_inaccessible.len()),
             ("probability_occlusion", read.probability_occlusion.len()),
         ] {
@@ -49,6 +51,10 @@ impl TryFrom<Unchecked> for SiteAnswers {
                 return Err(Error::argument(name, found, "0 to 1", WRITE_AGAIN));
             }
         }
+        if let Some(found) = read.rest_mm.iter().find(|rest| !(0.0..f32::INFINITY).contains(*rest))
+        {
+            return Err(Error::argument("rest_mm", found, "0 mm or more", WRITE_AGAIN));
+        }
         if let Some(found) = read.witness.iter().flatten().find(|w| !w.is_normalized()) {
             return Err(Error::argument("witness", found, "unit vectors", WRITE_AGAIN));
         }
@@ -60,6 +66,7 @@ impl TryFrom<Unchecked> for SiteAnswers {
             accessible_share: read.accessible_share,
             witness: read.witness,
             clearance_mm: read.clearance_mm,
+            rest_mm: read.rest_mm,
             probability_inaccessible: read.probability_inaccessible,
             probability_occlusion: read.probability_occlusion,
             outside_domain: read.outside_domain,

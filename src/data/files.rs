@@ -194,10 +194,14 @@ impl LabelFile {
             labels.answers.clearance_mm = npz.f32s("clearance", 1)?;
             same_length(path, &sites, "clearance", labels.answers.clearance_mm.len())?;
         }
+        if npz.has("rest") {
+            labels.answers.rest_mm = npz.f32s("rest", 1)?;
+            same_length(path, &sites, "rest", labels.answers.rest_mm.len())?;
+        }
         if npz.has("tip_does_not_fit") {
             let surface = read_surface(path, &mut npz, &sites, &labels.answers)?;
             labels.answers.tip_does_not_fit = surface.tip_does_not_fit();
-            labels.answers.witness = read_witness(path, &mut npz, &sites)?;
+            labels.answers.witness = read_directions(path, &mut npz, &sites, WITNESS[0])?;
             labels.surface = Some(surface);
         }
         if npz.has("blocked_by") {
@@ -236,6 +240,7 @@ fn add_answers(path: &Path, npz: &mut NpzWriter, answers: &SiteAnswers, n: usize
     }
     for (name, list) in [
         ("clearance", &answers.clearance_mm),
+        ("rest", &answers.rest_mm),
         ("probability_inaccessible", &answers.probability_inaccessible),
         ("probability_occlusion", &answers.probability_occlusion),
     ] {
@@ -251,6 +256,10 @@ fn few(path: &Path, name: &str, len: usize, n: usize) -> Error {
     Error::file(path, name, found, "write answers together with the sites that they are about")
 }
 
+/// Names of the arrays of poses: their directions and tips.
+const WITNESS: [&str; 2] = ["witness_direction", "witness_tip"];
+const REST: [&str; 2] = ["rest_direction", "rest_tip"];
+
 /// Adds what only the part itself answers.
 fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
     let n = surface.answers.len();
@@ -265,11 +274,15 @@ fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
         npz.array("rests_on_tolerance", &[n], &surface.rests_on_tolerance);
     }
     let direction = |pose: &Option<WitnessPose>| pose.map_or(Vec3::ZERO, |pose| pose.direction);
-    let directions = surface.witness.iter().flat_map(|pose| direction(pose).to_array());
-    npz.array("witness_direction", &[n, 3], &directions.collect::<Vec<f32>>());
     let tip = |pose: &Option<WitnessPose>| pose.map_or(DVec3::ZERO, |pose| pose.tip_mm);
-    let tips = surface.witness.iter().flat_map(|pose| tip(pose).to_array());
-    npz.array("witness_tip", &[n, 3], &tips.collect::<Vec<f64>>());
+    for ([directions, tips], poses) in [(WITNESS, &surface.witness), (REST, &surface.rest_pose)] {
+        if poses.len() == n {
+            let of = poses.iter().flat_map(|pose| direction(pose).to_array());
+            npz.array(directions, &[n, 3], &of.collect::<Vec<f32>>());
+            let of = poses.iter().flat_map(|pose| tip(pose).to_array());
+            npz.array(tips, &[n, 3], &of.collect::<Vec<f64>>());
+        }
+    }
 }
 
 fn read_blocked_by(path: &Path, npz: &mut NpzReader) -> Result<Vec<Option<ToolPart>>> {
@@ -312,7 +325,11 @@ fn read_surface(
         },
         retreat_unproven,
         accessible_directions: answers.accessible_directions.clone(),
-        witness: read_poses(path, npz, sites)?,
+        witness: read_poses(path, npz, sites, WITNESS)?,
+        rest_pose: match npz.has(REST[0]) {
+            true => read_poses(path, npz, sites, REST)?,
+            false => Vec::new(),
+        },
         open_directions: npz.f32s("open_directions", 1)?,
         tolerance_mm: npz.f64s("tolerance", 1)?,
         rests_on_tolerance: match npz.has("rests_on_tolerance") {
@@ -333,22 +350,32 @@ fn read_surface(
     Ok(surface)
 }
 
-/// The directions of the witnesses.
-fn read_witness(path: &Path, npz: &mut NpzReader, sites: &Sites) -> Result<Vec<Option<Vec3>>> {
-    let witness = npz.f32s("witness_direction", 3)?;
-    same_length(path, sites, "witness_direction", witness.len() / 3)?;
+/// The directions of poses.
+fn read_directions(
+    path: &Path,
+    npz: &mut NpzReader,
+    sites: &Sites,
+    name: &str,
+) -> Result<Vec<Option<Vec3>>> {
+    let witness = npz.f32s(name, 3)?;
+    same_length(path, sites, name, witness.len() / 3)?;
     let direction = |w: &[f32]| Some(Vec3::from_slice(w)).filter(|d| *d != Vec3::ZERO);
     Ok(witness.chunks_exact(3).map(direction).collect())
 }
 
-/// The witnesses; none from a file of before there were poses.
-fn read_poses(path: &Path, npz: &mut NpzReader, sites: &Sites) -> Result<Vec<Option<WitnessPose>>> {
-    if !npz.has("witness_tip") {
+/// Poses by the names of their arrays; none from a file of before there were poses.
+fn read_poses(
+    path: &Path,
+    npz: &mut NpzReader,
+    sites: &Sites,
+    [direction, tip]: [&str; 2],
+) -> Result<Vec<Option<WitnessPose>>> {
+    if !npz.has(tip) {
         return Ok(vec![None; sites.len()]);
     }
-    let tips = npz.f64s("witness_tip", 3)?;
-    same_length(path, sites, "witness_tip", tips.len() / 3)?;
-    let directions = read_witness(path, npz, sites)?;
+    let tips = npz.f64s(tip, 3)?;
+    same_length(path, sites, tip, tips.len() / 3)?;
+    let directions = read_directions(path, npz, sites, direction)?;
     let pose = |(direction, tip): (Option<Vec3>, &[f64])| {
         direction.map(|direction| WitnessPose { direction, tip_mm: DVec3::from_slice(tip) })
     };
@@ -372,6 +399,9 @@ fn label_meaning(part_itself: bool) -> Value {
             "tolerance": "gouge tolerance, mm",
             "rests_on_tolerance": "true: accessible by a gouge tolerance above 0.05 mm alone; left out if no site is",
             "clearance": "how far the margin about what does not cut may grow before the site becomes inaccessible, mm; negative: how far all steps must shrink",
+            "rest": "how much the tool leaves: distance along the normal to the surface of what it leaves, mm; 0 where accessible; never less than what the pose beside it leaves",
+            "rest_direction": "unit vector from tip to spindle of the pose that leaves least, 0 0 0 if nothing is removed there or the site is accessible",
+            "rest_tip": "lowest point of the tool on its axis in that pose, mm",
             "blocked_by": BLOCKED_BY,
             "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
             "beta": "pairs (inaccessible site, direction tested) in which this site is in the shrunk tool's steps",

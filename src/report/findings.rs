@@ -56,6 +56,8 @@ pub struct Finding {
     pub high_mm: DVec3,
     /// Least clearance of its sites, mm, if clearances were computed.
     pub worst_clearance_mm: Option<f32>,
+    /// Greatest rest of its sites, mm, if rests were computed.
+    pub greatest_rest_mm: Option<f32>,
     /// Share of its sites that are proven out of reach for every direction, if that was tested.
     #[doc(hidden)] // of the table
     pub proven: Option<f64>,
@@ -204,6 +206,7 @@ impl Findings {
             (has(|finding| finding.helps.is_some()), HELPS),
             (has(|finding| finding.blocked_by.is_some()), BLOCKED),
             (has(|finding| finding.change.is_some()), CHANGE),
+            (has(|finding| finding.greatest_rest_mm.is_some()), REST),
             (has(|finding| finding.proven.is_some()), PROVEN),
             (has(|finding| finding.fixture.is_some()), FIXTURE),
         ] {
@@ -287,6 +290,10 @@ pub fn for_all_tools<'a>(answers: impl Iterator<Item = &'a SiteAnswers>) -> Site
     let none = |i: usize| !accessible.iter().any(|accessible| accessible[i]);
     let mut common = SiteAnswers::new((0..n).map(all).collect(), Vec::new());
     common.tip_does_not_fit = (0..n).map(|i| none(i) && !all(i)).collect();
+    if n > 0 && answers.iter().all(|answers| answers.rest_mm.len() == n) {
+        let least = |i: usize| answers.iter().map(|a| a.rest_mm[i]).fold(f32::INFINITY, f32::min);
+        common.rest_mm = (0..n).map(least).collect();
+    }
     common
 }
 
@@ -301,7 +308,7 @@ fn cause(answers: &SiteAnswers, i: usize) -> Option<SiteAnswer> {
 }
 
 /// The columns of `findings.csv`; those without a heading are for programs.
-const COLUMNS: [(&str, &str); 28] = [
+const COLUMNS: [(&str, &str); 29] = [
     ("finding", "finding"),
     ("cause", "cause"),
     ("area_mm2", "area, mm²"),
@@ -321,6 +328,7 @@ const COLUMNS: [(&str, &str); 28] = [
     ("high_z_mm", ""),
     ("site", ""),
     ("worst_clearance_mm", ""),
+    ("greatest_rest_mm", "most left, mm"),
     ("proven", "proven"),
     ("fixture", "fixture in the way"),
     ("fixture_share", "at"),
@@ -332,16 +340,18 @@ const COLUMNS: [(&str, &str); 28] = [
     ("change_share", "reaches"),
 ];
 
+/// The column about rests.
+const REST: std::ops::Range<usize> = 19..20;
 /// The column about proofs.
-const PROVEN: std::ops::Range<usize> = 19..20;
+const PROVEN: std::ops::Range<usize> = 20..21;
 /// The columns about fixtures.
-const FIXTURE: std::ops::Range<usize> = 20..22;
+const FIXTURE: std::ops::Range<usize> = 21..23;
 /// The columns about other tools.
-const HELPS: std::ops::Range<usize> = 22..24;
+const HELPS: std::ops::Range<usize> = 23..25;
 /// The columns about the part that blocks.
-const BLOCKED: std::ops::Range<usize> = 24..26;
+const BLOCKED: std::ops::Range<usize> = 25..27;
 /// The columns about a change of the tool.
-const CHANGE: std::ops::Range<usize> = 26..28;
+const CHANGE: std::ops::Range<usize> = 27..29;
 
 impl Finding {
     /// The cause in words.
@@ -361,6 +371,8 @@ impl Finding {
         row.push(Cell::count(self.site as usize));
         let clearance = self.worst_clearance_mm.map(f64::from);
         row.push(clearance.map_or(Cell::Missing, Cell::Millimeters));
+        let rest = self.greatest_rest_mm.map(f64::from);
+        row.push(rest.map_or(Cell::Missing, Cell::Millimeters));
         row.push(self.proven.map_or(Cell::Missing, Cell::Share));
         let fixture = self.fixture.as_ref();
         row.push(fixture.map_or(Cell::Missing, |found| Cell::text(&found.fixture)));
@@ -402,6 +414,7 @@ impl About<'_> {
         let nearest = members.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
         let site = nearest.copied().unwrap_or_default();
         let clearance = |i: &u32| answers.clearance_mm.get(*i as usize).copied();
+        let rest = |i: &u32| answers.rest_mm.get(*i as usize).copied();
         let cancels = normal.length() < 1e-3;
         Finding {
             cause: cause(answers, members[0] as usize).unwrap_or(SiteAnswer::Inaccessible),
@@ -414,6 +427,7 @@ impl About<'_> {
             low_mm,
             high_mm,
             worst_clearance_mm: members.iter().filter_map(clearance).reduce(f32::min),
+            greatest_rest_mm: members.iter().filter_map(rest).reduce(f32::max),
             proven: None,
             helps: self.help(members, area_mm2),
             blocked_by: None,

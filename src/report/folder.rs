@@ -1,6 +1,7 @@
 //! The files of a folder of results: data, colored points and pictures of labels, predictions and their difference.
 
 mod caption;
+mod rest;
 
 use super::export::{self, Extra};
 use super::gate::SiteAreas;
@@ -102,7 +103,11 @@ pub fn draw_labels(
     show: Show,
 ) -> Result<Vec<PathBuf>> {
     let writer = Writer { folder, part: part(&file.provenance, &file.sites, scene), show };
-    with_labels(file, |what| writer.write("labels", &what))
+    let mut paths = with_labels(file, |what| writer.write("labels", &what))?;
+    if let Some(rests) = first(&file.labels.answers.rest_mm, file.sites.len()) {
+        paths.extend(rest::write(&writer, file, rests)?);
+    }
+    Ok(paths)
 }
 
 /// Writes `labels.glb` or `labels.csv`.
@@ -184,6 +189,7 @@ pub(super) fn point_values(
     values.extend(counts.map(|counts| ("accessible_directions", PointValues::Counts(counts))));
     for (name, list) in [
         ("clearance", &answers.clearance_mm),
+        ("rest", &answers.rest_mm),
         ("probability_inaccessible", &answers.probability_inaccessible),
         ("probability_occlusion", &answers.probability_occlusion),
     ] {

@@ -1,10 +1,11 @@
-//! Limits that a result must keep: `inaccessible>5%`, `tip_does_not_fit>20mm2`, `finding>50mm2`.
+//! Limits that a result must keep: `inaccessible>5%`, `tip_does_not_fit>20mm2`, `finding>50mm2`, `rest>0.5mm`.
 //!
 //! ```text
 //! LIMIT    = QUANTITY ('>' | '<') NUMBER UNIT
 //! QUANTITY = one of the names of QUANTITIES; or 'finding': the largest region that is out of reach; or
-//!            'no-tool-reaches': what is out of reach of every tool together. _ may stand for -
-//! UNIT     = '%', a share of the surface | 'mm2' or 'mm²', an area
+//!            'no-tool-reaches': what is out of reach of every tool together; or
+//!            'rest': the most that all tools together leave. _ may stand for -
+//! UNIT     = '%', a share of the surface | 'mm2' or 'mm²', an area | of 'rest': 'mm'
 //! ```
 
 use super::findings::Findings;
@@ -54,11 +55,14 @@ const UNREACHABLE: Quantity = Quantity {
 };
 
 /// The names of limits on what no list of sites of one tool says.
-const OTHERS: [&str; 2] = ["finding", "no-tool-reaches"];
+const OTHERS: [&str; 3] = ["finding", "no-tool-reaches", "rest"];
 /// The largest region that is out of reach.
 const FINDING: usize = QUANTITIES.len();
 /// What no tool reaches.
 const NO_TOOL: usize = QUANTITIES.len() + 1;
+
+/// The most that all tools leave.
+const REST: usize = QUANTITIES.len() + 2;
 
 /// A limit on the area of some quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,6 +80,8 @@ enum Bound {
     Share(f64),
     /// mm².
     Area(f64),
+    /// mm.
+    Length(f64),
 }
 
 impl FromStr for Limit {
@@ -99,6 +105,15 @@ impl FromStr for Limit {
         let quantity =
             quantity.ok_or_else(|| refuse(format!("a quantity of {}", names.join(", "))))?;
         let number = |unit: &str| rest.strip_suffix(unit).map(str::trim_end);
+        if quantity == REST {
+            let length = || refuse("rest>NUMBERmm, of 0 mm or more".into());
+            let value: f64 = number("mm").ok_or_else(length)?.parse().map_err(|_| length())?;
+            if !(0.0..f64::INFINITY).contains(&value) {
+                return Err(length());
+            }
+            let is_most = text[at..].starts_with('>');
+            return Ok(Limit { quantity, is_most, bound: Bound::Length(value) });
+        }
         let (number, is_share) = match (number("%"), number("mm2").or(number("mm²"))) {
             (Some(number), _) => (number, true),
             (None, Some(number)) => (number, false),
@@ -121,6 +136,7 @@ impl fmt::Display for Limit {
         match self.bound {
             Bound::Share(share) => write!(f, "{}%", (1e11 * share).round() / 1e9),
             Bound::Area(area) => write!(f, "{area}mm2"),
+            Bound::Length(length) => write!(f, "{length}mm"),
         }
     }
 }
@@ -206,7 +222,12 @@ impl Limit {
     /// Whether it is about all tools together: to be held against the answers
     /// [`for_all_tools`](super::findings::for_all_tools).
     pub fn is_about_all_tools(&self) -> bool {
-        self.quantity == NO_TOOL
+        matches!(self.quantity, NO_TOOL | REST)
+    }
+
+    /// Whether it is about how much is left.
+    pub fn is_about_rest(&self) -> bool {
+        self.quantity == REST
     }
 
     /// Why the largest region breaks the limit; `None` if it keeps it, or the limit is not about regions.
@@ -215,7 +236,7 @@ impl Limit {
         let share = if area > 0.0 { area / findings.surface_mm2 } else { 0.0 };
         let (value, bound) = match self.bound {
             Bound::Share(bound) => (share, bound),
-            Bound::Area(bound) => (area, bound),
+            Bound::Area(bound) | Bound::Length(bound) => (area, bound),
         };
         let is_broken = if self.is_most { value > bound } else { value < bound };
         if !self.is_about_findings() || !is_broken {
@@ -242,6 +263,12 @@ impl Limit {
     /// If the answers do not say the quantity, the limit is about findings, or the limit is an area and the sites lie
     /// on no mesh. One about all tools takes the answers for all of them.
     pub fn broken_by(&self, answers: &SiteAnswers, areas: &SiteAreas) -> Result<Option<String>> {
+        if let (REST, Bound::Length(bound)) = (self.quantity, self.bound) {
+            let most = answers.rest_mm.iter().copied().reduce(f32::max);
+            let most = f64::from(most.ok_or_else(|| self.not_answered())?);
+            let is_broken = if self.is_most { most > bound } else { most < bound };
+            return Ok(is_broken.then(|| format!("the greatest rest is {most:.3} mm: {self}")));
+        }
         let is_unreached = Quantity { name: OTHERS[1], ..UNREACHABLE };
         let quantity = match self.is_about_all_tools() {
             true => Some(&is_unreached),
@@ -258,6 +285,7 @@ impl Limit {
                 let area = share * self.total(areas)?;
                 (area > bound, area < bound)
             }
+            Bound::Length(_) => return Err(self.not_answered()),
         };
         if !(if self.is_most { is_more } else { is_less }) {
             return Ok(None);
@@ -309,6 +337,27 @@ mod tests {
         let cloud = SiteAreas { total_mm2: None, ..areas.clone() };
         let error = "inaccessible>5mm2".parse::<Limit>().unwrap().broken_by(&answers, &cloud);
         assert!(error.unwrap_err().to_string().contains("cloud"));
+    }
+
+    #[test]
+    fn the_greatest_rest_of_all_tools_is_limited_in_mm() {
+        let areas = SiteAreas { shares: vec![0.5; 2], total_mm2: Some(400.0) };
+        let mut answers = SiteAnswers::new(vec![true, false], vec![]);
+        let limit: Limit = "rest > 0.5 mm".parse().unwrap();
+        assert!(limit.is_about_rest() && limit.is_about_all_tools());
+        assert_eq!(limit.to_string(), "rest>0.5mm");
+        let error = limit.broken_by(&answers, &areas).unwrap_err().to_string();
+        assert!(error.contains("this command answers"), "{error}");
+        answers.rest_mm = vec![0.75, 0.0];
+        let why = limit.broken_by(&answers, &areas).unwrap().unwrap();
+        assert_eq!(why, "the greatest rest is 0.750 mm: rest>0.5mm");
+        let kept: Limit = "rest>0.8mm".parse().unwrap();
+        assert_eq!(kept.broken_by(&answers, &areas).unwrap(), None);
+        for bad in ["rest>5%", "rest>5mm2", "rest>-1mm", "rest>xmm", "rest>infmm"] {
+            let error = bad.parse::<Limit>().unwrap_err().to_string();
+            assert!(error.contains("rest>NUMBERmm"), "{error}");
+        }
+        assert!("inaccessible>5mm".parse::<Limit>().is_err());
     }
 
     #[test]

@@ -16,6 +16,7 @@
 
 mod double;
 pub(crate) mod elementwise;
+pub(crate) mod extremes;
 pub(crate) mod float_state;
 pub(crate) mod fma;
 #[doc(hidden)] // kernels, checked by benches

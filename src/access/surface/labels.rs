@@ -187,6 +187,11 @@ pub struct SurfaceLabels {
     /// tools that only widen upward, which leave as they came.
     #[serde(default)]
     pub retreat_unproven: Vec<bool>,
+    /// Per query, the pose that leaves least, if the rest was computed and the tool removes anything there; empty
+    /// without that option. `None` too where the query is accessible.
+    #[doc(hidden)] // of the program
+    #[serde(default)]
+    pub rest_pose: Vec<Option<WitnessPose>>,
     /// What was done.
     #[doc(hidden)] // counts for benches
     pub stats: SurfaceStats,

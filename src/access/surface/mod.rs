@@ -41,6 +41,7 @@ mod faces;
 mod labeling;
 mod labels;
 mod library;
+pub(crate) mod machined;
 mod obstacles;
 mod penetrate;
 mod pose;

@@ -237,7 +237,7 @@ pub(crate) fn tested(directions: &Directions) -> Result<Directions> {
     directions.after_up()
 }
 
-fn contacts(sites: &Sites) -> Result<Vec<Contact>> {
+pub(super) fn contacts(sites: &Sites) -> Result<Vec<Contact>> {
     let Sites { points, normals, .. } = sites;
     if normals.len() != points.len() {
         let found = format!("{} normals for {} sites", normals.len(), points.len());

@@ -114,6 +114,16 @@ impl Outline {
         self.steps.iter().map(shrink)
     }
 
+    /// Height and radius of the steps that cut.
+    pub fn cutting(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.cutter.cutting_steps().iter().map(pair)
+    }
+
+    /// Height and radius of the steps that do not cut.
+    pub fn upper(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.cutter.upper_steps().iter().map(pair)
+    }
+
     /// A tolerance for this cutter.
     ///
     /// # Errors

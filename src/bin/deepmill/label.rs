@@ -74,6 +74,10 @@ pub struct Args {
     /// shrink, up to this either way (`clearance` in labels.npz).
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "volume", value_parser = millimeters)]
     clearance_limit: Option<f64>,
+    /// Also compute how much the tool leaves where it does not reach: the distance to the surface of what it leaves
+    /// (`rest` in labels.npz; rest.png, rest.ply), by the mesh definition.
+    #[arg(long, conflicts_with = "volume")]
+    rest: bool,
     /// Folder of the results.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
@@ -128,6 +132,7 @@ impl Args {
             .origin(self.read.origin())
             .options(options)
             .proving(self.surface.proves())
+            .rest(self.rest || limits.iter().any(Limit::is_about_rest))
             .published(published);
         if self.obstacles.is_some() {
             analysis = analysis.obstacles(blocking);

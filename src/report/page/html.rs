@@ -267,6 +267,10 @@ fn list(findings: &Findings, unit: Unit) -> String {
             let clearance = number(length(f64::from(clearance), unit));
             let _ = write!(cause, ", clearance {clearance} {}", unit);
         }
+        if let Some(rest) = f.greatest_rest_mm {
+            let rest = number(length(f64::from(rest), unit));
+            let _ = write!(cause, ", up to {rest} {} left", unit);
+        }
         let _ = write!(
             out,
             "<tr data-finding=\"{number_of}\" tabindex=\"0\"{}><td>{number_of}</td><td>{cause}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"p\">{x:.digits$}, {y:.digits$}, {z:.digits$}</td>",

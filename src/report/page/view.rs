@@ -213,6 +213,7 @@ fn site_values(answers: &SiteAnswers, n: usize) -> Vec<SiteValues> {
         let (name, unit, scale) = match name {
             "accessible_directions" => ("accessible directions", "", 1.0),
             "clearance" => ("clearance", "mm", 1.0),
+            "rest" => ("rest", "mm", 1.0),
             "probability_inaccessible" => ("probability, inaccessible", "%", 100.0),
             "probability_occlusion" => ("probability, occlusion", "%", 100.0),
             _ => return None,

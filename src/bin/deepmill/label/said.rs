@@ -1,7 +1,7 @@
 //! How an outcome is said.
 
 use super::Args;
-use super::shares::{add_bottom, add_clearance, add_shares};
+use super::shares::{add_bottom, add_clearance, add_rest, add_shares};
 use crate::clock::Clock;
 use crate::output::Output;
 use crate::premise::{premise, premise_of_points};
@@ -89,6 +89,7 @@ fn facts(outcome: &Outcome, areas: &SiteAreas, args: &Args) -> Facts {
         None => {
             add_shares(&mut facts, Shares::of(labels, n_given, areas));
             part_itself::add_facts(&mut facts, labels);
+            add_rest(&mut facts, labels, areas);
             add_clearance(&mut facts, labels);
         }
         Some(coverage) => {

@@ -3,6 +3,7 @@
 use deepmill::access::{Labels, bottom_sites};
 use deepmill::geom::Sites;
 use deepmill::report::coverage::Shares;
+use deepmill::report::gate::SiteAreas;
 use deepmill::report::tables::{Cell, Facts};
 
 /// Adds the middle clearance of the accessible sites, if there are clearances.
@@ -14,6 +15,17 @@ pub fn add_clearance(facts: &mut Facts, labels: &Labels) {
         let rounded = (f64::from(*median) * 1e3).round() / 1e3;
         let words = "clearance where accessible, median, mm";
         facts.add("clearance_median_mm", words, Cell::Given(rounded));
+    }
+}
+
+/// Adds the greatest rest, and the area on which more than a tenth of a millimeter is left.
+pub fn add_rest(facts: &mut Facts, labels: &Labels, areas: &SiteAreas) {
+    let rests = &labels.answers.rest_mm;
+    if let Some(most) = rests.iter().copied().reduce(f32::max) {
+        let rounded = (f64::from(most) * 1e3).round() / 1e3;
+        facts.add("greatest_rest_mm", "most left, mm", Cell::Given(rounded));
+        let share = areas.share(|i| rests[i] > 0.1);
+        facts.add("rest_above_tenth", "more than 0.1 mm left", Cell::Share(share));
     }
 }
 

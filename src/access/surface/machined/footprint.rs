@@ -1,0 +1,116 @@
+//! A tool in pixels.
+
+use super::super::tool::{Outline, Tip};
+use super::heights::BLOCK;
+
+/// A shrunk tool over the pixels around its axis.
+#[derive(Debug, Clone)]
+pub struct Footprint {
+    /// What cuts, the nearest to the axis first.
+    pub groups: Vec<Group>,
+    /// Pixels from the axis to the farthest group, whole blocks.
+    pub reach: usize,
+    /// What does not cut.
+    pub discs: Vec<Disc>,
+    /// Height above the reference point of a half-space, mm.
+    pub spindle: Option<f32>,
+}
+
+/// What cuts, over a block of pixels.
+#[derive(Debug, Clone)]
+pub struct Group {
+    /// Blocks from the axis to the group's first pixel.
+    pub block: [isize; 2],
+    /// The least height.
+    pub least: f32,
+    /// Columns and rows from the axis, and the height above the reference point, mm.
+    pub pixels: Vec<([isize; 2], f32)>,
+}
+
+/// A step that does not cut.
+#[derive(Debug, Clone, Copy)]
+pub struct Disc {
+    /// In pixels.
+    pub radius: f64,
+    /// Above the reference point, mm.
+    pub height: f32,
+}
+
+/// The surface of revolution below what cuts.
+#[derive(Debug, Clone)]
+pub struct Cutting {
+    tip: Tip,
+    /// Height above the reference point and radius, mm.
+    steps: Vec<[f64; 2]>,
+    pub radius: f64,
+}
+
+impl Cutting {
+    /// After shrinking by less than the tip's radius.
+    pub fn new(outline: &Outline, shrink: f64) -> Self {
+        let tip = outline.tip(shrink);
+        let steps: Vec<_> = outline
+            .cutting()
+            .map(|[height, radius]| [height + shrink, radius - shrink])
+            .filter(|[_, radius]| *radius > 0.0)
+            .collect();
+        let widest = steps.iter().fold(tip.lower_end()[1], |a, [_, radius]| a.max(*radius));
+        Cutting { tip, steps, radius: widest }
+    }
+
+    /// Lowest height above the reference point at a distance from the axis within the radius, mm.
+    #[inline]
+    pub fn height(&self, distance: f64) -> f64 {
+        let tip = match self.tip {
+            Tip::Round { ring, radius } if distance <= ring + radius => {
+                let beyond = (distance - ring).max(0.0);
+                -(radius * radius - beyond * beyond).max(0.0).sqrt()
+            }
+            Tip::Flat { height, radius } if distance <= radius => height,
+            _ => f64::INFINITY,
+        };
+        let wide = |[_, radius]: &&[f64; 2]| *radius >= distance;
+        self.steps.iter().find(wide).map_or(tip, |[height, _]| height.min(tip))
+    }
+}
+
+impl Footprint {
+    /// A tool shrunk by `shrink` mm, which is less than its tip's radius; discs are at most `widest` pixels.
+    pub fn new(outline: &Outline, shrink: f64, pitch: f64, widest: f64) -> Self {
+        let cutting = Cutting::new(outline, shrink);
+        let reach = ((cutting.radius / pitch).floor() as usize + 1).next_multiple_of(BLOCK);
+        let n_blocks = (reach / BLOCK) as isize;
+        let mut groups = Vec::new();
+        for [y, x] in (-n_blocks..n_blocks).flat_map(|y| (-n_blocks..n_blocks).map(move |x| [y, x]))
+        {
+            let block = BLOCK as isize;
+            let within = |[dx, dy]: [isize; 2]| {
+                let distance = (dx as f64).hypot(dy as f64) * pitch;
+                (distance <= cutting.radius).then(|| ([dx, dy], cutting.height(distance) as f32))
+            };
+            let offsets =
+                (0..block * block).map(|k| [x * block + k % block, y * block + k / block]);
+            let pixels: Vec<_> = offsets.filter_map(within).collect();
+            let least = pixels.iter().fold(f32::INFINITY, |a, (_, height)| a.min(*height));
+            if !pixels.is_empty() {
+                groups.push(Group { block: [x, y], least, pixels });
+            }
+        }
+        let from_axis = |group: &Group| {
+            let [x, y] = group.block.map(|b| 2 * b + 1);
+            (x * x + y * y, group.block)
+        };
+        groups.sort_by_key(from_axis);
+        let upper = || outline.upper().map(|[height, radius]| [height + shrink, radius - shrink]);
+        let discs = upper().filter(|[_, radius]| *radius > 0.0 && radius.is_finite());
+        let discs = discs
+            .map(|[height, radius]| Disc {
+                radius: (radius / pitch).min(widest),
+                height: height as f32,
+            })
+            .collect();
+        let spindle =
+            upper().find(|[_, radius]| radius.is_infinite()).map(|[height, _]| height as f32);
+        Footprint { groups, reach, discs, spindle }
+    }
+}

@@ -1,0 +1,249 @@
+//! How high the part reaches along a direction, at the middle of every pixel.
+
+use super::view::View;
+use crate::par;
+use crate::simd::Isa;
+use crate::simd::extremes::{Extreme, TILE_HEIGHT, TILE_WIDTH, extreme_of_pairs};
+use glam::DVec3;
+use std::mem;
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+/// Height where nothing is: below everything, with room for sums.
+pub const EMPTY: f32 = -1e30;
+
+/// Pixels of a block's side.
+pub const BLOCK: usize = 8;
+/// Rows of an image per task.
+const BAND: usize = 4 * TILE_HEIGHT;
+
+/// Greatest heights of triangles along a direction.
+#[derive(Debug)]
+pub struct Heights {
+    pub view: View,
+    pub image: Vec<f32>,
+    pub coarse: Coarse,
+    /// The greatest of all.
+    pub highest: f32,
+    windows: OnceLock<Vec<Vec<f32>>>,
+}
+
+impl Heights {
+    /// Of triangles, mm. What lies beyond the view is cut off.
+    pub fn new(view: View, triangles: &[[DVec3; 3]], buffers: &Buffers) -> Self {
+        let bands = Bands::new(&view, triangles);
+        let mut image = buffers.take(view.n_pixels(), EMPTY);
+        par::for_each_block(&mut image, BAND * view.width, |band, rows| {
+            let first = band * BAND;
+            for &f in bands.of(band) {
+                fill(&bands.corners[f as usize], (rows, view.width), first);
+            }
+        });
+        let coarse = Coarse::new(&image, view.width, Extreme::Greatest);
+        let highest = coarse.blocks.iter().fold(EMPTY, |a, b| a.max(*b));
+        Heights { view, image, coarse, highest, windows: OnceLock::new() }
+    }
+
+    /// Image k has the greatest height of 2·2ᵏ pixels from each on along the row, up to `most` pixels.
+    pub fn windows(&self, most: usize, buffers: &Buffers) -> &[Vec<f32>] {
+        self.windows.get_or_init(|| {
+            let (width, isa) = (self.view.width, Isa::active());
+            let mut levels: Vec<Vec<f32>> = Vec::new();
+            while 2 << levels.len() <= most {
+                let half = (1 << levels.len()).min(width);
+                let below: &[f32] = levels.last().unwrap_or(&self.image);
+                let mut next = buffers.take(below.len(), 0.0);
+                par::for_each_block(&mut next, BAND * width, |band, rows| {
+                    for (k, row) in rows.chunks_exact_mut(width).enumerate() {
+                        let below = &below[(band * BAND + k) * width..][..width];
+                        let (row, last) = row.split_at_mut(width - half);
+                        last.copy_from_slice(&below[width - half..]);
+                        let pairs = [&below[..width - half], &below[half..]];
+                        extreme_of_pairs(isa, Extreme::Greatest, row, pairs);
+                    }
+                });
+                levels.push(next);
+            }
+            levels
+        })
+    }
+
+    /// Gives the memory back.
+    pub fn recycle(self, buffers: &Buffers) {
+        buffers.give(self.image);
+        self.windows.into_inner().into_iter().flatten().for_each(|level| buffers.give(level));
+    }
+}
+
+/// Memory of images that goes from one direction to the next: new pages would cost more than what is done with them.
+#[derive(Debug, Default)]
+pub struct Buffers(Mutex<Vec<Vec<f32>>>);
+
+impl Buffers {
+    /// An image of so many pixels, all of them `value`.
+    pub fn take(&self, n_pixels: usize, value: f32) -> Vec<f32> {
+        let mut image =
+            self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+        image.clear();
+        image.resize(n_pixels, value);
+        image
+    }
+
+    pub fn give(&self, image: Vec<f32>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(image);
+    }
+}
+
+/// Triangles by the bands of rows that they reach into.
+struct Bands {
+    /// Columns and rows, in pixels, and heights.
+    corners: Vec<[DVec3; 3]>,
+    starts: Vec<u32>,
+    faces: Vec<u32>,
+}
+
+/// Triangles projected per task.
+const PROJECTED: usize = 4096;
+
+impl Bands {
+    fn new(view: &View, triangles: &[[DVec3; 3]]) -> Self {
+        let project = |p: DVec3| DVec3::from_array(view.project(p));
+        let mut corners = vec![[DVec3::ZERO; 3]; triangles.len()];
+        par::for_each_block(&mut corners, PROJECTED, |block, out| {
+            for (out, corners) in out.iter_mut().zip(&triangles[block * PROJECTED..]) {
+                *out = corners.map(project);
+            }
+        });
+        let n_bands = view.height.div_ceil(BAND);
+        let reach = |[a, b, c]: &[DVec3; 3]| {
+            let (low, high) = (a.y.min(b.y).min(c.y).ceil(), a.y.max(b.y).max(c.y).floor());
+            let (low, high) = (low.max(0.0), high.min(view.height as f64 - 1.0));
+            match low <= high {
+                true => low as usize / BAND..high as usize / BAND + 1,
+                false => 0..0,
+            }
+        };
+        let mut starts = vec![0u32; n_bands + 1];
+        for triangle in &corners {
+            reach(triangle).for_each(|band| starts[band + 1] += 1);
+        }
+        for band in 0..n_bands {
+            starts[band + 1] += starts[band];
+        }
+        let mut faces = vec![0; starts[n_bands] as usize];
+        let mut next = starts.clone();
+        for (f, triangle) in corners.iter().enumerate() {
+            for band in reach(triangle) {
+                faces[next[band] as usize] = f as u32;
+                next[band] += 1;
+            }
+        }
+        Bands { corners, starts, faces }
+    }
+
+    fn of(&self, band: usize) -> &[u32] {
+        &self.faces[self.starts[band] as usize..self.starts[band + 1] as usize]
+    }
+}
+
+/// Pixels this near to a triangle's rim are on it: of two triangles with an edge in common, one has the pixel.
+const RIM: f64 = 1e-7;
+
+/// Raises the pixels whose middles are over a triangle to its height there.
+fn fill([a, b, c]: &[DVec3; 3], (rows, width): (&mut [f32], usize), first: usize) {
+    let n = (b - a).cross(c - a);
+    // A triangle seen from its side is the rim of others.
+    if n.z == 0.0 {
+        return;
+    }
+    let slope = -n.truncate() / n.z;
+    let (low, high) = (a.z.min(b.z).min(c.z), a.z.max(b.z).max(c.z));
+    let of = |least: f64, most: f64| {
+        (
+            least.ceil().max(first as f64),
+            most.floor().min((first + rows.len() / width) as f64 - 1.0),
+        )
+    };
+    let (from, to) = of(a.y.min(b.y).min(c.y) - RIM, a.y.max(b.y).max(c.y) + RIM);
+    if from > to {
+        return;
+    }
+    for row in from as usize..=to as usize {
+        let y = row as f64;
+        let mut span = [f64::INFINITY, f64::NEG_INFINITY];
+        for [p, q] in [[a, b], [b, c], [c, a]] {
+            let [p, q] = if p.y <= q.y { [p, q] } else { [q, p] };
+            if y < p.y - RIM || y > q.y + RIM {
+                continue;
+            }
+            let run = q.y - p.y;
+            let ends = match run > RIM {
+                true => [p.x + (q.x - p.x) * ((y - p.y) / run).clamp(0.0, 1.0); 2],
+                false => [p.x, q.x],
+            };
+            span = [span[0].min(ends[0]).min(ends[1]), span[1].max(ends[0]).max(ends[1])];
+        }
+        let from = (span[0] - RIM).ceil().max(0.0);
+        let to = (span[1] + RIM).floor().min(width as f64 - 1.0);
+        if from > to {
+            continue;
+        }
+        let at_row = a.z + slope.y * (y - a.y);
+        let line = &mut rows[(row - first) * width..][..width];
+        for (x, out) in line[from as usize..=to as usize].iter_mut().enumerate() {
+            let z = at_row + slope.x * (from + x as f64 - a.x);
+            *out = out.max(z.max(low).min(high) as f32);
+        }
+    }
+}
+
+/// Extreme heights of what a group of terms reads for a tile.
+#[derive(Debug, Clone)]
+pub struct Coarse {
+    /// Of every block.
+    pub blocks: Vec<f32>,
+    /// Of the blocks from each on that a tile's pixels reach with [`BLOCK`] × [`BLOCK`] offsets.
+    spans: Vec<f32>,
+    pub width: usize,
+}
+
+impl Coarse {
+    pub fn new(image: &[f32], stride: usize, extreme: Extreme) -> Self {
+        let of = match extreme {
+            Extreme::Greatest => f32::max,
+            Extreme::Least => f32::min,
+        };
+        let (width, height, isa) = (stride / BLOCK, image.len() / stride / BLOCK, Isa::active());
+        let mut blocks = vec![0.0; width * height];
+        par::for_each_block(&mut blocks, width, |row, out| {
+            let rows = &image[row * BLOCK * stride..][..BLOCK * stride];
+            let (mut columns, mut next) = (rows[..stride].to_vec(), vec![0.0; stride]);
+            for line in rows.chunks_exact(stride).skip(1) {
+                extreme_of_pairs(isa, extreme, &mut next, [&columns, line]);
+                mem::swap(&mut columns, &mut next);
+            }
+            for (out, columns) in out.iter_mut().zip(columns.chunks_exact(BLOCK)) {
+                *out = columns.iter().copied().reduce(of).unwrap_or(EMPTY);
+            }
+        });
+        const ACROSS: usize = TILE_WIDTH / BLOCK + 1;
+        const ALONG: usize = TILE_HEIGHT / BLOCK + 1;
+        let mut spans = vec![0.0; width * height];
+        par::for_each_block(&mut spans, width, |row, out| {
+            let rows = &blocks[row * width..(row + ALONG).min(height) * width];
+            let mut columns = rows[..width].to_vec();
+            for line in rows.chunks_exact(width).skip(1) {
+                columns.iter_mut().zip(line).for_each(|(a, b)| *a = of(*a, *b));
+            }
+            for (x, out) in out.iter_mut().enumerate() {
+                let there = &columns[x..(x + ACROSS).min(width)];
+                *out = there.iter().copied().reduce(of).unwrap_or(EMPTY);
+            }
+        });
+        Coarse { blocks, spans, width }
+    }
+
+    /// The extreme of all that a tile, by its first block, reads with the offsets of a block.
+    pub fn span(&self, x: usize, y: usize) -> f32 {
+        self.spans[y * self.width + x]
+    }
+}

@@ -1,0 +1,170 @@
+//! What a tool leaves of a line, where it stops exactly.
+
+use super::super::bvh::Bvh;
+use super::super::drop;
+use super::super::query::{Scratch, from_box};
+use super::super::tolerance::Tolerances;
+use super::super::tool::{Axes, Outline, Stand};
+use super::footprint::Cutting;
+use glam::{DVec2, DVec3};
+
+/// A line from a site outward.
+#[derive(Debug, Clone, Copy)]
+pub struct Line {
+    pub from: DVec3,
+    pub along: DVec3,
+    /// Length, mm.
+    pub length: f64,
+}
+
+/// A tool that comes down along a direction.
+pub struct Dropped<'a> {
+    pub bvh: &'a Bvh,
+    pub tolerances: &'a Tolerances,
+    pub outline: &'a Outline,
+    pub cutting: &'a Cutting,
+}
+
+/// Places along a line that are tried, and halvings of what is between two.
+const PLACES: usize = 24;
+const HALVINGS: usize = 30;
+
+impl Dropped<'_> {
+    /// Height of the reference point above that of `reference` where the tool stops.
+    fn stop(&self, stand: &Stand, scratch: &mut Scratch) -> f64 {
+        let Dropped { bvh, tolerances, outline, .. } = *self;
+        let least = tolerances.least;
+        let levels: Vec<[f64; 2]> =
+            std::iter::once(outline.tip(least).lower_end()).chain(outline.steps(least)).collect();
+        let value = |place: u32, low: f64| {
+            let (corners, tolerance) = (stand.triangle(bvh.triangle(place)), tolerances.at(place));
+            let top = corners[0].z.max(corners[1].z).max(corners[2].z);
+            let distance = from_box(&corners);
+            let mut value = low;
+            if tolerance < outline.radius() {
+                let tip = outline.tip(tolerance);
+                let [height, radius] = tip.lower_end();
+                if top - height > value && distance <= radius * radius {
+                    value = value.max(drop::tip(&corners, tip));
+                }
+            }
+            for [height, radius] in outline.steps(tolerance) {
+                if top - height <= value {
+                    break;
+                }
+                if radius > 0.0 && distance <= radius * radius {
+                    value = value.max(drop::disc(&corners, radius) - height);
+                }
+            }
+            value
+        };
+        let low = -2.0 * (bvh.radius() + outline.size());
+        scratch.max_raise(bvh, stand, (&levels, outline.size()), [low, f64::INFINITY], value)
+    }
+
+    /// The length of a line that is left by the tool with its axis at `x` across `axes`, relative to the line's begin;
+    /// the reference point above it where the tool stops. None if all of the line is left.
+    fn left(
+        &self,
+        line: &Line,
+        axes: Axes,
+        x: DVec2,
+        scratch: &mut Scratch,
+    ) -> Option<(f64, DVec3)> {
+        let [u, v, d] = axes;
+        let stand = Stand { reference: line.from + u * x.x + v * x.y, axes };
+        let way = DVec3::new(line.along.dot(u), line.along.dot(v), line.along.dot(d));
+        let radius = self.cutting.radius;
+        // Where the line is within the radius.
+        let (across, a) = (way.truncate(), way.truncate().length_squared());
+        let (b, c) = (-x.dot(across), x.length_squared() - radius * radius);
+        let [begin, end] = if a > 1e-18 {
+            let root = b * b - a * c;
+            if root < 0.0 {
+                return None;
+            }
+            let root = root.sqrt();
+            [(-b - root) / a, (-b + root) / a]
+        } else if c <= 0.0 {
+            [0.0, line.length]
+        } else {
+            return None;
+        };
+        let (begin, end) = (begin.max(0.0), end.min(line.length));
+        if begin > end {
+            return None;
+        }
+        let stop = self.stop(&stand, scratch);
+        let above = |r: f64| {
+            let distance = (across * r - x).length().min(radius);
+            r * way.z - stop - self.cutting.height(distance)
+        };
+        let mut below = begin;
+        let place = |k: usize| begin + (end - begin) * k as f64 / PLACES as f64;
+        let found = (0..=PLACES).map(place).find(|r| {
+            let is_above = above(*r) >= 0.0;
+            if !is_above {
+                below = *r;
+            }
+            is_above
+        });
+        let mut found = found?;
+        for _ in 0..HALVINGS {
+            if found - below <= 1e-9 {
+                break;
+            }
+            let middle = 0.5 * (below + found);
+            if above(middle) >= 0.0 { found = middle } else { below = middle }
+        }
+        Some((found, stand.reference + d * stop))
+    }
+
+    /// The least length of a line that is left along a direction, found by steps from `x` that begin with `step` mm and
+    /// are halved down to `finest`; and the reference point of the pose.
+    pub fn least(
+        &self,
+        line: &Line,
+        axes: Axes,
+        x: DVec2,
+        [step, finest]: [f64; 2],
+        scratch: &mut Scratch,
+    ) -> Option<(f64, DVec3)> {
+        let (mut x, mut step) = (x, step);
+        let mut best = self.left(line, axes, x, scratch);
+        while step > finest && best.is_none_or(|(left, _)| left > 0.0) {
+            let mut moved = None;
+            for [i, j] in AROUND {
+                let there = x + DVec2::new(i, j) * step;
+                let left = self.left(line, axes, there, scratch);
+                if is_less(&left, &best) {
+                    (best, moved) = (left, Some(there));
+                }
+            }
+            match moved {
+                Some(there) => x = there,
+                None => step *= 0.5,
+            }
+        }
+        best
+    }
+}
+
+const AROUND: [[f64; 2]; 8] = [
+    [1.0, 0.0],
+    [-1.0, 0.0],
+    [0.0, 1.0],
+    [0.0, -1.0],
+    [0.7, 0.7],
+    [-0.7, 0.7],
+    [0.7, -0.7],
+    [-0.7, -0.7],
+];
+
+/// Less by more than rounding.
+fn is_less(a: &Option<(f64, DVec3)>, b: &Option<(f64, DVec3)>) -> bool {
+    match (a, b) {
+        (Some((a, _)), Some((b, _))) => *a < b - 1e-7,
+        (Some(_), None) => true,
+        (None, _) => false,
+    }
+}

@@ -1,0 +1,354 @@
+//! The rest at every site.
+
+use super::super::bvh::Bvh;
+use super::super::obstacles::{TriangleObstacles, contacts, tested};
+use super::super::query::Scratch;
+use super::super::tool::{Axes, Outline, Stand, axes};
+use super::super::{SurfaceOptions, WitnessPose};
+use super::footprint::{Cutting, Footprint};
+use super::heights::{Buffers, Heights};
+use super::pose::{Dropped, Line};
+use super::swept::Swept;
+use super::view::View;
+use crate::cutter::{Cutter, require_steps};
+use crate::directions::Directions;
+use crate::geom::Sites;
+use crate::simd::extremes::{TILE_HEIGHT, TILE_WIDTH};
+use crate::{Error, Result, par};
+use glam::{DVec2, DVec3};
+
+/// How much is left at a site.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Rest {
+    /// Length along the normal, mm.
+    pub mm: f64,
+    /// The direction that leaves least, by its number, and where the reference point is then; none if nothing of the
+    /// line can be removed.
+    pub pose: Option<(u32, DVec3)>,
+}
+
+/// How the search is done.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct RestOptions {
+    /// Distance of pixels, mm; by default a 400th of the part's longest side, and at most a fourth of the tool's
+    /// radius.
+    pub pitch_mm: Option<f64>,
+}
+
+/// Directions of a site from which poses are searched.
+const N_POSES: usize = 3;
+/// Pixels along the part's longest side by default, and along the tool's radius at least.
+const ACROSS_PART: f64 = 400.0;
+const ACROSS_TOOL: f64 = 4.0;
+/// Most pixels of an image.
+const MOST_PIXELS: f64 = 64e6;
+/// Sites per task.
+const BLOCK: usize = 16;
+/// Walls nearer to a site than this are its own, mm.
+const OWN_WALL_MM: f64 = 0.02;
+/// What cuts is shrunk by a little less than what stops, so that it reaches the walls that it touches: share of the
+/// gouge tolerance.
+const CUTS: f64 = 0.9;
+/// Steps over places end at this share of a pixel.
+const FINEST: f64 = 1.0 / 64.0;
+
+/// What is known of a site on the way.
+#[derive(Debug, Clone)]
+struct Search {
+    line: Line,
+    /// The best so far, ascending by what is left, then by direction.
+    best: Vec<Candidate>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    left: f64,
+    direction: u32,
+    /// Of the axis, across the direction, from the line's begin.
+    x: DVec2,
+}
+
+impl Search {
+    /// Beyond this nothing is of interest.
+    fn limit(&self) -> f64 {
+        self.best.get(N_POSES - 1).map_or(self.line.length, |worst| worst.left)
+    }
+
+    fn push(&mut self, candidate: Candidate) {
+        let at = self.best.partition_point(|other| other.left <= candidate.left);
+        self.best.insert(at, candidate);
+        self.best.truncate(N_POSES);
+    }
+}
+
+impl TriangleObstacles {
+    /// The rest at some of the sites: see the [module](super).
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::label`]; if the tool is given by a profile, or the images would be too large.
+    pub(crate) fn rests(
+        &self,
+        (sites, which): (&Sites, &[usize]),
+        cutter: &Cutter,
+        directions: &Directions,
+        (options, rest): (&SurfaceOptions, RestOptions),
+    ) -> Result<Vec<Rest>> {
+        let _floats = par::DefaultFloats::set();
+        options.check()?;
+        require_steps(cutter.profile(), "leave the rest out")?;
+        let outline = Outline::new(cutter, options.finish_mm);
+        let tolerances = options.tolerance.of_triangles(&outline, &self.chords, &self.bvh)?;
+        let contacts = contacts(sites)?;
+        let part = &self.triangles[..self.chords.len()];
+        let bounds = |triangles: &[[DVec3; 3]]| {
+            let corners = || triangles.iter().flatten();
+            let low = corners().fold(DVec3::INFINITY, |low, p| low.min(*p));
+            [low, corners().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p))]
+        };
+        let stock = bounds(part);
+        let longest = (stock[1] - stock[0]).max_element();
+        let usual = (longest / ACROSS_PART).min(outline.radius() / ACROSS_TOOL);
+        let pitch = rest.pitch_mm.unwrap_or(usual);
+        let n_pixels = (longest / pitch + 4.0 * outline.radius() / pitch).powi(2);
+        if !(pitch > 0.0 && n_pixels <= MOST_PIXELS) {
+            let expected = "a length that leaves at most 64 million pixels";
+            let remedy = "choose a wider one";
+            return Err(Error::argument("distance of pixels", pitch, expected, remedy));
+        }
+        let contact = |&i: &usize| {
+            let (from, along) = (contacts[i].point, contacts[i].normal.unwrap_or(DVec3::Z));
+            let length = self.length(from, along, stock);
+            Search { line: Line { from, along, length }, best: Vec::new() }
+        };
+        let searches = par::map_blocks(which.len(), BLOCK, |range| {
+            which[range].iter().map(contact).collect::<Vec<_>>()
+        });
+        let mut searches: Vec<Search> = searches.into_iter().flatten().collect();
+        let tested = tested(directions)?;
+        let shrink = (pitch * std::f64::consts::FRAC_1_SQRT_2 + tolerances.least)
+            .min(0.5 * outline.radius());
+        let region = self.region(stock, &outline);
+        let widest = ((region[1] - region[0]).length() + 4.0 * outline.radius()) / pitch;
+        let footprint = Footprint::new(&outline, shrink, pitch, widest);
+        let margin = 2 * footprint.reach + 2 * TILE_WIDTH;
+        let buffers = Buffers::default();
+        for (k, direction) in tested.vectors().iter().enumerate() {
+            let view = View::new(axes(*direction), region, pitch, margin);
+            let heights = Heights::new(view, &self.triangles, &buffers);
+            let along = Along { heights, footprint: &footprint, pitch, buffers: &buffers };
+            along.search(k as u32, &mut searches);
+            along.heights.recycle(&buffers);
+        }
+        let cutting = Cutting::new(&outline, CUTS * tolerances.least);
+        let dropped = Dropped {
+            bvh: &self.bvh,
+            tolerances: &tolerances,
+            outline: &outline,
+            cutting: &cutting,
+        };
+        let axes: Vec<Axes> = tested.vectors().iter().map(|d| axes(*d)).collect();
+        let rests = par::map_blocks(searches.len(), BLOCK, |range| {
+            let mut scratch = Scratch::default();
+            let of = |search: &Search| {
+                let mut best = Rest { mm: search.line.length, pose: None };
+                // The tool of the images is smaller: where it leaves more, the true one does.
+                for candidate in &search.best {
+                    if candidate.left > best.mm {
+                        break;
+                    }
+                    let (direction, steps) = (candidate.direction, [pitch, FINEST * pitch]);
+                    scratch = std::mem::take(&mut scratch).renewed();
+                    let axes = axes[direction as usize];
+                    let found = dropped.least(&search.line, axes, candidate.x, steps, &mut scratch);
+                    if let Some((mm, reference)) = found.filter(|(mm, _)| *mm < best.mm) {
+                        best = Rest { mm, pose: Some((direction, reference)) };
+                    }
+                }
+                best
+            };
+            searches[range].iter().map(of).collect::<Vec<_>>()
+        });
+        Ok(rests.into_iter().flatten().collect())
+    }
+
+    /// How much a tool leaves at every site, mm, and the pose that leaves least, if anything is removed there: 0 and none
+    /// at those that are not among `which`.
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::label`]; if the tool is given by a profile.
+    pub(crate) fn rest_of(
+        &self,
+        (sites, which): (&Sites, &[usize]),
+        cutter: &Cutter,
+        directions: &Directions,
+        options: &SurfaceOptions,
+    ) -> Result<(Vec<f32>, Vec<Option<WitnessPose>>)> {
+        let of = (options, RestOptions::default());
+        let found = self.rests((sites, which), cutter, directions, of)?;
+        let (outline, tested) = (Outline::new(cutter, options.finish_mm), tested(directions)?);
+        let (mut rests, mut poses) = (vec![0.0; sites.len()], vec![None; sites.len()]);
+        for (&i, rest) in which.iter().zip(found) {
+            rests[i] = rest.mm as f32;
+            poses[i] = rest.pose.map(|(direction, reference)| {
+                WitnessPose::new(&outline, reference, tested.vectors()[direction as usize])
+            });
+        }
+        Ok((rests, poses))
+    }
+
+    /// The part's box, and of fixtures what a tool over it can meet.
+    fn region(&self, [low, high]: [DVec3; 2], outline: &Outline) -> [DVec3; 2] {
+        let fixtures = &self.triangles[self.chords.len()..];
+        let finite =
+            outline.all_steps().iter().map(|[_, radius]| *radius).filter(|r| r.is_finite());
+        let reach = 2.0 * finite.fold(outline.radius(), f64::max);
+        let corners = fixtures.iter().flatten().map(|p| p.clamp(low - reach, high + reach));
+        corners.fold([low, high], |[low, high], p| [low.min(p), high.max(p)])
+    }
+
+    /// How far a line goes within the stock and outside the part.
+    fn length(&self, from: DVec3, along: DVec3, [low, high]: [DVec3; 2]) -> f64 {
+        let mut length = f64::INFINITY;
+        for k in 0..3 {
+            if along[k] != 0.0 {
+                let end = if along[k] > 0.0 { high[k] } else { low[k] };
+                length = length.min(((end - from[k]) / along[k]).max(0.0));
+            }
+        }
+        next_wall(&self.bvh, from, along).map_or(length, |wall| wall.min(length))
+    }
+}
+
+/// Distance of the next triangle along a line.
+fn next_wall(bvh: &Bvh, from: DVec3, along: DVec3) -> Option<f64> {
+    let stand = Stand { reference: from, axes: axes(along.as_vec3()) };
+    let mut levels = [bvh.level(0.0, 0.0, 0.0)];
+    let mut nearest = f64::INFINITY;
+    bvh.visit(&stand, &mut levels, &mut Vec::new(), |place, _| {
+        let corners = stand.triangle(bvh.triangle(place));
+        if let Some(wall) = on_axis(&corners).filter(|wall| *wall > OWN_WALL_MM) {
+            nearest = nearest.min(wall);
+        }
+        false
+    });
+    Some(nearest).filter(|z| z.is_finite())
+}
+
+/// Where the axis meets a triangle that it does not run along.
+fn on_axis([a, b, c]: &[DVec3; 3]) -> Option<f64> {
+    let n = (b - a).cross(c - a);
+    if n.z.abs() <= ALONG * n.length() {
+        return None;
+    }
+    let turn = |p: &DVec3, q: &DVec3| p.truncate().perp_dot(q.truncate()) * n.z;
+    let is_within = turn(a, b) >= 0.0 && turn(b, c) >= 0.0 && turn(c, a) >= 0.0;
+    is_within.then(|| n.dot(*a) / n.z)
+}
+
+/// Sine of the angle between a line and a triangle that it runs along.
+const ALONG: f64 = 1e-6;
+
+/// One direction.
+struct Along<'a> {
+    heights: Heights,
+    footprint: &'a Footprint,
+    pitch: f64,
+    buffers: &'a Buffers,
+}
+
+impl Along<'_> {
+    fn search(&self, direction: u32, searches: &mut [Search]) {
+        let view = &self.heights.view;
+        let [n_across, n_along] = view.n_tiles();
+        let lists = par::map_blocks(searches.len(), BLOCK, |range| {
+            let mut tiles = Vec::new();
+            searches[range].iter().for_each(|search| self.mark(search, &mut tiles));
+            tiles
+        });
+        let mut wanted = vec![false; n_across * n_along];
+        lists.into_iter().flatten().for_each(|tile| wanted[tile as usize] = true);
+        if !wanted.contains(&true) {
+            return;
+        }
+        let swept = Swept::new(&self.heights, self.footprint, &wanted, self.buffers);
+        par::for_each_block(searches, BLOCK, |_, searches| {
+            for search in searches {
+                if let Some((left, x)) = self.first_removed(search, &swept) {
+                    search.push(Candidate { left, direction, x });
+                }
+            }
+        });
+        swept.recycle(self.buffers);
+    }
+
+    /// Places along a line that are of interest, a pixel apart: its length there, column, row and height.
+    fn places(&self, search: &Search) -> impl Iterator<Item = (f64, [f64; 3])> {
+        let (line, limit, pitch) = (search.line, search.limit(), self.pitch);
+        let view = &self.heights.view;
+        let (from, way) = (view.project(line.from), view.turn(line.along));
+        let n = (limit / pitch).ceil() as usize;
+        (0..=n).map(move |k| {
+            let r = (k as f64 * pitch).min(limit);
+            (r, [from[0] + r * way[0], from[1] + r * way[1], from[2] + r * way[2]])
+        })
+    }
+
+    /// Whether the part is above a place, so that nothing removes it along this direction.
+    fn is_covered(&self, [x, y, height]: [f64; 3]) -> bool {
+        let width = self.heights.view.width;
+        let first = y as usize * width + x as usize;
+        let image = &self.heights.image;
+        let around =
+            [image[first], image[first + 1], image[first + width], image[first + width + 1]];
+        let least = around.into_iter().fold(f32::INFINITY, f32::min);
+        f64::from(least) > height
+    }
+
+    /// The tiles that are needed for a line.
+    fn mark(&self, search: &Search, tiles: &mut Vec<u32>) {
+        let [n_across, _] = self.heights.view.n_tiles();
+        let mut last = [usize::MAX; 4];
+        for (_, at) in self.places(search) {
+            if self.is_covered(at) {
+                continue;
+            }
+            let [x, y] = [at[0] as usize, at[1] as usize];
+            let corners = [[x, y], [x + 1, y], [x, y + 1], [x + 1, y + 1]];
+            let of = |[x, y]: [usize; 2]| y / TILE_HEIGHT * n_across + x / TILE_WIDTH;
+            let now = corners.map(of);
+            if now != last {
+                tiles.extend(now.map(|tile| tile as u32));
+                last = now;
+            }
+        }
+    }
+
+    /// Where a line is removed first, below its limit, and where the axis is then, from the line's begin.
+    fn first_removed(&self, search: &Search, swept: &Swept) -> Option<(f64, DVec2)> {
+        let mut before: Option<(f64, f64)> = None;
+        let limit = search.limit();
+        for (r, at) in self.places(search) {
+            if self.is_covered(at) {
+                before = None;
+                continue;
+            }
+            let (below, pixel) = swept.least(at[0], at[1]);
+            let above = at[2] - below;
+            if above < 0.0 {
+                before = Some((r, above));
+                continue;
+            }
+            let left = match before {
+                Some((r_before, below)) => r_before + (r - r_before) * below / (below - above),
+                None => r,
+            };
+            let is_less = left < limit || (left <= limit && search.best.len() < N_POSES);
+            return is_less.then(|| {
+                let begin = self.heights.view.project(search.line.from);
+                let [x, y] = swept.axis_at(pixel, self.footprint);
+                (left, DVec2::new(x - begin[0], y - begin[1]) * self.pitch)
+            });
+        }
+        None
+    }
+}
