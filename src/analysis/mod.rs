@@ -28,6 +28,7 @@
 
 mod findings;
 mod fixtures;
+mod machined;
 mod observer;
 mod outcome;
 mod placed;
@@ -42,6 +43,8 @@ pub use findings::{N_SHOWN, advise, findings_of_tools};
 pub use fixtures::Fixture;
 #[doc(hidden)] // of the program
 pub use fixtures::KeptOut;
+#[doc(hidden)] // of the program
+pub use machined::{MachinedOutcome, Stock};
 pub use observer::{Observer, Progress, Stage};
 pub use outcome::{Outcome, ToolOutcome};
 pub use placed::Placed;

@@ -11,6 +11,8 @@ pub enum Stage {
     Sites,
     /// Tools are labeled.
     Labels,
+    /// What tools leave is computed.
+    Machining,
     /// Predictions are computed again.
     Verifying,
     /// Findings, and what would help.

@@ -74,6 +74,16 @@ pub fn join(mesh: &mut Mesh) -> Result<Vec<Change>> {
     Ok(changes)
 }
 
+/// Removes pieces that enclose less than this volume, mm³, with their vertices.
+pub(crate) fn drop_crumbs(mesh: &mut Mesh, least_mm3: f64) {
+    let pieces = pieces(mesh, &Topology::of(mesh));
+    let is_kept = |faces: &&Vec<u32>| volume_of(mesh, faces).abs() >= least_mm3;
+    let kept: Vec<u32> = pieces.iter().filter(is_kept).flatten().copied().collect();
+    let mut whole = Mesh::default();
+    append(&mut whole, mesh, &kept);
+    *mesh = whole;
+}
+
 /// What a fixture has in common with a part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]

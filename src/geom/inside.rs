@@ -128,7 +128,8 @@ impl Lattice {
         self.at([n % nx, n / nx % ny, n / nx / ny])
     }
 
-    fn at(&self, ijk: [usize; 3]) -> DVec3 {
+    /// The point of these numbers along x, y and z, mm.
+    pub(crate) fn at(&self, ijk: [usize; 3]) -> DVec3 {
         self.origin + self.step_mm * DVec3::from_array(ijk.map(|c| c as f64))
     }
 }
@@ -158,6 +159,29 @@ pub fn lattice_inside(mesh: &Mesh, lattice: &Lattice) -> Result<Vec<bool>> {
         }
     }
     Ok(inside)
+}
+
+/// Calls `take` with every column of a lattice, by its number `i + counts[0]·j`, and which of its points lie inside a
+/// closed mesh; columns of a block one after another, blocks side by side.
+///
+/// # Errors
+/// As [`lattice_inside`], but for the memory.
+pub(crate) fn columns_inside(
+    mesh: &Mesh,
+    lattice: &Lattice,
+    take: impl Fn(usize, &[bool]) + Sync,
+) -> Result<()> {
+    let grid = TriangleGrid::new(mesh)?;
+    let [nx, ny, nz] = lattice.counts;
+    let heights: Vec<f64> = (0..nz).map(|k| lattice.at([0, 0, k]).z).collect();
+    par::map_blocks(nx * ny, BLOCK, |range| {
+        for c in range {
+            let at = lattice.at([c % nx, c / nx, 0]).truncate();
+            let inside: Vec<bool> = grid.windings(at, &heights).iter().map(|w| *w != 0).collect();
+            take(c, &inside);
+        }
+    });
+    Ok(())
 }
 
 /// How often the mesh winds around each point, mm: 1 inside a solid, 0 outside.

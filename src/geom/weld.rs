@@ -110,7 +110,7 @@ fn clusters(points: &[DVec3], distance: f64) -> Vec<u32> {
     (0..points.len() as u32).map(|i| root(&mut parent, i)).collect()
 }
 
-pub(super) fn root(parent: &mut [u32], mut i: u32) -> u32 {
+pub(crate) fn root(parent: &mut [u32], mut i: u32) -> u32 {
     while parent[i as usize] != i {
         parent[i as usize] = parent[parent[i as usize] as usize];
         i = parent[i as usize];
@@ -118,7 +118,7 @@ pub(super) fn root(parent: &mut [u32], mut i: u32) -> u32 {
     i
 }
 
-pub(super) fn join(parent: &mut [u32], a: u32, b: u32) {
+pub(crate) fn join(parent: &mut [u32], a: u32, b: u32) {
     let (a, b) = (root(parent, a), root(parent, b));
     parent[a.max(b) as usize] = a.min(b);
 }

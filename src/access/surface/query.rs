@@ -310,7 +310,7 @@ const SHARES: [f64; 4] = [0.06, 0.2, 0.45, 0.8];
 const LOW_SHARES: [f64; 4] = [0.02, 5e-3, 1e-3, 1e-4];
 
 /// The point of a triangle nearest to `p` (Ericson 2004, Real-Time Collision Detection, 5.1.5).
-fn nearest(p: DVec3, [a, b, c]: &[DVec3; 3]) -> DVec3 {
+pub(super) fn nearest(p: DVec3, [a, b, c]: &[DVec3; 3]) -> DVec3 {
     let on_edge = |from: DVec3, to: DVec3| {
         let run = to - from;
         let length = run.length_squared();

@@ -6,7 +6,10 @@ use clap::Command;
 const GROUPS: [(&str, &[&str]); 3] = [
     (
         "On a part",
-        &["check", "sample", "label", "tools", "setups", "explain", "predict", "report", "demo"],
+        &[
+            "check", "sample", "label", "tools", "setups", "machined", "explain", "predict",
+            "report", "demo",
+        ],
     ),
     ("Networks and data", &["generate", "dataset", "train", "eval", "weights"]),
     (

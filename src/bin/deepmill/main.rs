@@ -16,6 +16,7 @@ mod gradcheck;
 mod groups;
 mod import;
 mod label;
+mod machined;
 mod mesh_args;
 mod model_args;
 mod output;
@@ -75,6 +76,7 @@ enum Command {
     Label(label::Args),
     Tools(tools::Args),
     Setups(setups::Args),
+    Machined(machined::Args),
     Dataset(dataset::Args),
     Train(train::Args),
     Eval(eval::Args),
@@ -107,6 +109,7 @@ fn main() -> ExitCode {
             Some(Command::Label(args)) => label::run(args, &output),
             Some(Command::Tools(args)) => tools::run(args, &output),
             Some(Command::Setups(args)) => setups::run(args, &output),
+            Some(Command::Machined(args)) => machined::run(args, &output),
             Some(Command::Dataset(args)) => dataset::run(args, &output),
             Some(Command::Train(args)) => train::run(args, &output),
             Some(Command::Eval(args)) => eval::run(args, &output),

@@ -24,10 +24,13 @@ pub struct Bars(Option<ProgressBar>);
 
 impl Observer for Bars {
     fn progress(&mut self, progress: Progress) -> ControlFlow<()> {
-        if !matches!(progress.stage, Stage::Labels | Stage::Verifying | Stage::Writing) {
-            return ControlFlow::Continue(());
-        }
-        let bar = self.0.get_or_insert_with(|| bar(progress.of as u64, "tools"));
+        let things = match progress.stage {
+            Stage::Labels | Stage::Verifying | Stage::Writing => "tools",
+            Stage::Machining => "directions",
+            _ => return ControlFlow::Continue(()),
+        };
+        let bar = self.0.get_or_insert_with(|| bar(progress.of as u64, things));
+        bar.set_length(progress.of as u64);
         bar.set_position(progress.done as u64);
         if progress.done == progress.of {
             bar.finish_and_clear();

@@ -38,6 +38,22 @@ impl Heights {
                 fill(&bands.corners[f as usize], (rows, view.width), first);
             }
         });
+        Heights::of(view, image)
+    }
+
+    /// As high as these and as points, mm, in the view.
+    pub fn raised_to(&self, points: &[DVec3], buffers: &Buffers) -> Self {
+        let mut image = buffers.take(0, 0.0);
+        image.extend_from_slice(&self.image);
+        for point in points {
+            let [x, y, height] = self.view.project(*point);
+            let pixel = &mut image[y.round() as usize * self.view.width + x.round() as usize];
+            *pixel = pixel.max(height as f32);
+        }
+        Heights::of(self.view.clone(), image)
+    }
+
+    fn of(view: View, image: Vec<f32>) -> Self {
         let coarse = Coarse::new(&image, view.width, Extreme::Greatest);
         let highest = coarse.blocks.iter().fold(EMPTY, |a, b| a.max(*b));
         Heights { view, image, coarse, highest, windows: OnceLock::new() }

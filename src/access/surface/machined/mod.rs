@@ -29,14 +29,19 @@
 //! 3. **Discs by windows.** For a disc, one image has the greatest height of 2ᵏ pixels of a row: two of these hold a
 //!    row of the disc.
 
+mod bodies;
 mod footprint;
+mod grid;
 mod heights;
 mod pose;
 mod sites;
+mod solid;
 mod swept;
 #[cfg(test)]
 mod tests;
 mod view;
 
+pub(crate) use bodies::RestBody;
 #[cfg(test)]
 use sites::RestOptions;
+pub(crate) use solid::{Job, Machined};

@@ -197,7 +197,7 @@ impl TriangleObstacles {
     }
 
     /// The part's box, and of fixtures what a tool over it can meet.
-    fn region(&self, [low, high]: [DVec3; 2], outline: &Outline) -> [DVec3; 2] {
+    pub(super) fn region(&self, [low, high]: [DVec3; 2], outline: &Outline) -> [DVec3; 2] {
         let fixtures = &self.triangles[self.chords.len()..];
         let finite =
             outline.all_steps().iter().map(|[_, radius]| *radius).filter(|r| r.is_finite());
@@ -270,7 +270,7 @@ impl Along<'_> {
         if !wanted.contains(&true) {
             return;
         }
-        let swept = Swept::new(&self.heights, self.footprint, &wanted, self.buffers);
+        let swept = Swept::new([&self.heights; 2], self.footprint, &wanted, self.buffers);
         par::for_each_block(searches, BLOCK, |_, searches| {
             for search in searches {
                 if let Some((left, x)) = self.first_removed(search, &swept) {

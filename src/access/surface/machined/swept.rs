@@ -16,6 +16,8 @@ pub struct Swept {
     pub stops: Vec<f32>,
     /// Height below which material is left.
     pub left: Vec<f32>,
+    /// The least of the heights where the tool stops.
+    pub lowest: f32,
     width: usize,
 }
 
@@ -33,8 +35,10 @@ struct Tool<'a> {
 
 impl Swept {
     /// On the tiles that are `wanted`, row by row.
+    ///
+    /// What does not cut stops on `upper`, which is no lower than `heights` and of the same view.
     pub fn new(
-        heights: &Heights,
+        [heights, upper]: [&Heights; 2],
         footprint: &Footprint,
         wanted: &[bool],
         buffers: &Buffers,
@@ -50,14 +54,15 @@ impl Swept {
         let tool = Tool { footprint, raised: terms(-1.0), cut: terms(1.0), isa, buffers };
         let needed = grown(wanted, view.n_tiles(), footprint.reach);
         let stops = tool.on_tiles(view.n_tiles(), (&needed, FULL), |tile, at| {
-            tool.stop(heights, at, tile);
+            tool.stop([heights, upper], at, tile);
         });
         // Beside the tiles that are needed nothing is read.
         let coarse = Coarse::new(&stops, width, Extreme::Least);
+        let lowest = coarse.blocks.iter().fold(FULL, |a, b| a.min(*b));
         let left = tool.on_tiles(view.n_tiles(), (wanted, EMPTY), |tile, at| {
             tool.leave((&stops, width), &coarse, at, tile);
         });
-        Swept { stops, left, width }
+        Swept { stops, left, lowest, width }
     }
 
     /// Gives the memory back.
@@ -148,9 +153,9 @@ impl Tool<'_> {
     }
 
     /// Where the tool stops over the pixels of a tile.
-    fn stop(&self, heights: &Heights, [x, y]: [usize; 2], tile: &mut [f32; TILE]) {
+    fn stop(&self, [heights, upper]: [&Heights; 2], [x, y]: [usize; 2], tile: &mut [f32; TILE]) {
         let width = heights.view.width;
-        let spindle = self.footprint.spindle.map_or(EMPTY, |height| heights.highest - height);
+        let spindle = self.footprint.spindle.map_or(EMPTY, |height| upper.highest - height);
         tile.fill(spindle.max(EMPTY));
         let image = (&heights.image[..], width);
         for (group, terms) in self.footprint.groups.iter().zip(&self.raised) {
@@ -160,7 +165,7 @@ impl Tool<'_> {
             }
         }
         for disc in 0..self.footprint.discs.len() {
-            self.rest_on_disc(heights, disc, [x, y], tile);
+            self.rest_on_disc(upper, disc, [x, y], tile);
         }
     }
 

@@ -79,3 +79,34 @@ fn a_ball_leaves_in_corners_what_its_circle_does_not_reach() {
         }
     }
 }
+
+fn machine(mesh: &Mesh, cutters: &[&Cutter], directions: &Directions, accuracy: f64) -> Vec<f64> {
+    let obstacles = TriangleObstacles::new(mesh, &[]).unwrap();
+    let (low, high) = mesh.bounds().unwrap();
+    let job = Job { part: mesh, stock_box: [low, high], stock: None, accuracy_mm: accuracy };
+    let options = SurfaceOptions::default();
+    let start = std::time::Instant::now();
+    let found = obstacles.machine(&job, cutters, directions, &options, &mut |_, _| Ok(())).unwrap();
+    println!("{:?} alone {:?} after {:?}", start.elapsed(), found.alone_mm3, found.after_mm3);
+    for body in &found.bodies {
+        let report = crate::geom::check::check(&body.mesh);
+        println!(
+            "body {} mm3, mesh {} mm3, {:?} at {}, {:?}",
+            body.volume_mm3,
+            body.mesh.volume(),
+            body.mesh.triangles.len(),
+            body.at_mm,
+            report.findings
+        );
+    }
+    found.after_mm3
+}
+
+#[test]
+fn a_ball_leaves_the_volume_of_its_fillets_in_a_pocket() {
+    let mesh = pocket();
+    let cutter: Cutter = "3,20,20,40".parse().unwrap();
+    for accuracy in [0.5, 0.25, 0.125] {
+        machine(&mesh, &[&cutter], &Directions::up(), accuracy);
+    }
+}

@@ -32,6 +32,10 @@ impl View {
         }
     }
 
+    pub fn pitch(&self) -> f64 {
+        self.pitch
+    }
+
     pub fn n_pixels(&self) -> usize {
         self.width * self.height
     }

@@ -1,0 +1,280 @@
+//! The machined part: the part with all that no tool removes.
+
+use super::super::SurfaceOptions;
+use super::super::obstacles::{TriangleObstacles, tested};
+use super::super::query::nearest;
+use super::super::tool::{Outline, axes};
+use super::bodies::{Nodes, RestBody};
+use super::footprint::Footprint;
+use super::grid::Grid;
+use super::heights::{Buffers, Heights};
+use super::swept::Swept;
+use super::view::View;
+use crate::cutter::{Cutter, require_steps};
+use crate::directions::Directions;
+use crate::geom::Mesh;
+use crate::geom::inside::Lattice;
+use crate::simd::extremes::TILE_WIDTH;
+use crate::{Error, Result, memory, par};
+use glam::{DVec3, Vec3};
+
+/// What is to be machined.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Job<'a> {
+    /// Closed and oriented.
+    pub part: &'a Mesh,
+    /// Least and greatest corner of the box of the stock, mm.
+    pub stock_box: [DVec3; 2],
+    /// The stock within that box, closed and oriented, if it is no box.
+    pub stock: Option<&'a Mesh>,
+    /// Step of the lattice, mm.
+    pub accuracy_mm: f64,
+}
+
+/// The rest of a set of tools.
+#[derive(Debug, Clone)]
+pub(crate) struct Machined {
+    /// Volume that each tool alone leaves, mm³.
+    pub alone_mm3: Vec<f64>,
+    /// Volume that is left after each tool in order, mm³.
+    pub after_mm3: Vec<f64>,
+    /// What all tools leave, the largest body first.
+    pub bodies: Vec<RestBody>,
+    /// Times that what is left was an obstacle itself.
+    pub n_rounds: usize,
+}
+
+/// Pixels of a step of the lattice.
+const PIXELS: f64 = 2.0;
+/// Rounds after which what is left is taken as it is.
+const MOST_ROUNDS: usize = 6;
+
+impl TriangleObstacles {
+    /// What a set of tools leaves of a stock: the least fixed point of *left is what no tool removes that is clear of the
+    /// part and of what is left*, on a lattice. `report` is given how much is done, and may stop it.
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::label`]; if a tool is given by a profile, the part or the stock has no inside, or the
+    /// lattice would not fit into the memory; those of `report`.
+    pub(crate) fn machine(
+        &self,
+        job: &Job,
+        cutters: &[&Cutter],
+        directions: &Directions,
+        options: &SurfaceOptions,
+        report: &mut dyn FnMut(usize, usize) -> Result<()>,
+    ) -> Result<Machined> {
+        let _floats = par::DefaultFloats::set();
+        options.check()?;
+        let lattice = lattice(job)?;
+        let pitch = job.accuracy_mm / PIXELS;
+        let tools: Vec<Tool> = cutters
+            .iter()
+            .map(|cutter| self.tool(cutter, pitch, options))
+            .collect::<Result<_>>()?;
+        let directions = tested(directions)?;
+        let order = spread(directions.len());
+        let region = tools.iter().map(|tool| self.region(job.stock_box, &tool.outline));
+        let region =
+            region.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or(job.stock_box);
+        let fresh = Grid::new(lattice, job.part, job.stock)?;
+        let pass =
+            Pass { obstacles: self, tools: &tools, fresh: &fresh, order: &order, pitch, region };
+        let (mut rest, mut alone_mm3) = (Vec::new(), Vec::new());
+        let mut round = 0;
+        loop {
+            round += 1;
+            let found = pass.run(&directions, &rest, &mut |done, n| report(done, n * round))?;
+            let nodes = Nodes::new(&found.grid);
+            let points = nodes.points(&found.grid);
+            if round == 1 {
+                alone_mm3 = found.alone_mm3;
+            }
+            let may_meet = pass.may_meet(&found.lowest, &directions, &points);
+            if points == rest || round == MOST_ROUNDS || !may_meet {
+                let (after_mm3, bodies) = (found.after_mm3, nodes.bodies(&found.grid, &self.bvh));
+                return Ok(Machined { alone_mm3, after_mm3, bodies, n_rounds: round });
+            }
+            rest = points;
+        }
+    }
+
+    /// Distance of a point from the nearest triangle, mm; infinite if there is none.
+    pub(crate) fn distance_to(&self, p: DVec3) -> f64 {
+        let (mut radius, most) = (
+            0.01 * self.bvh.radius(),
+            4.0 * (self.bvh.radius() + (p - self.bvh.origin()).length()),
+        );
+        while radius <= most {
+            let mut distance = f64::INFINITY;
+            self.bvh.near(p, radius, |place| {
+                distance = distance.min(nearest(p, self.bvh.triangle(place)).distance(p));
+                false
+            });
+            if distance <= radius {
+                return distance;
+            }
+            radius *= 4.0;
+        }
+        f64::INFINITY
+    }
+
+    fn tool(&self, cutter: &Cutter, pitch: f64, options: &SurfaceOptions) -> Result<Tool> {
+        require_steps(cutter.profile(), "leave it out: what it removes is not computed")?;
+        let outline = Outline::new(cutter, options.finish_mm);
+        let tolerances = options.tolerance.of_triangles(&outline, &self.chords, &self.bvh)?;
+        let shrink = pitch * std::f64::consts::FRAC_1_SQRT_2 + tolerances.least;
+        if shrink > 0.5 * outline.radius() {
+            let found =
+                format!("{} mm for a tool of radius {} mm", PIXELS * pitch, outline.radius());
+            let expected = format!("at most {} mm", short(0.6 * PIXELS * outline.radius()));
+            let remedy = "choose a finer accuracy, or leave the tool out";
+            return Err(Error::argument("accuracy", found, expected, remedy));
+        }
+        let footprint = Footprint::new(&outline, shrink, pitch, MOST_DISC);
+        Ok(Tool { outline, footprint })
+    }
+}
+
+/// Pixels beyond which a disc is as wide as any image.
+const MOST_DISC: f64 = 1e5;
+
+/// What is the same in every round.
+struct Pass<'a> {
+    obstacles: &'a TriangleObstacles,
+    tools: &'a [Tool],
+    /// Nothing is removed yet.
+    fresh: &'a Grid,
+    order: &'a [usize],
+    pitch: f64,
+    region: [DVec3; 2],
+}
+
+/// The result of a round.
+struct Round {
+    grid: Grid,
+    alone_mm3: Vec<f64>,
+    after_mm3: Vec<f64>,
+    /// Of each tool and direction, the least height where the tool stops.
+    lowest: Vec<Vec<f32>>,
+}
+
+impl Pass<'_> {
+    /// All tools along all directions, with `rest`, mm, in the way of what does not cut.
+    fn run(
+        &self,
+        directions: &Directions,
+        rest: &[DVec3],
+        report: &mut dyn FnMut(usize, usize) -> Result<()>,
+    ) -> Result<Round> {
+        let (n_steps, mut n_done) = (self.tools.len() * self.order.len(), 0);
+        let buffers = Buffers::default();
+        let mut all: Option<Grid> = None;
+        let (mut alone_mm3, mut after_mm3, mut lowest) = (Vec::new(), Vec::new(), Vec::new());
+        for tool in self.tools {
+            let mut grid = self.fresh.clone();
+            let mut lowest_of = vec![f32::INFINITY; directions.len()];
+            for &k in self.order {
+                report(n_done, n_steps)?;
+                n_done += 1;
+                let axes = axes(directions.vectors()[k]);
+                let view = View::new(axes, self.region, self.pitch, tool.margin());
+                let heights = Heights::new(view, &self.obstacles.triangles, &buffers);
+                let wanted = grid.wanted(&heights);
+                if wanted.contains(&true) {
+                    let upper = (!rest.is_empty()).then(|| heights.raised_to(rest, &buffers));
+                    let both = [&heights, upper.as_ref().unwrap_or(&heights)];
+                    let swept = Swept::new(both, &tool.footprint, &wanted, &buffers);
+                    grid.raise(&heights, &swept);
+                    lowest_of[k] = swept.lowest;
+                    swept.recycle(&buffers);
+                    upper.into_iter().for_each(|upper| upper.recycle(&buffers));
+                }
+                heights.recycle(&buffers);
+            }
+            lowest.push(lowest_of);
+            alone_mm3.push(Nodes::new(&grid).volume_mm3(&grid));
+            let both = match all.take() {
+                Some(mut all) => {
+                    all.merge(&grid);
+                    all
+                }
+                None => grid,
+            };
+            after_mm3.push(Nodes::new(&both).volume_mm3(&both));
+            all = Some(both);
+        }
+        report(n_steps, n_steps)?;
+        let grid = all.unwrap_or_else(|| self.fresh.clone());
+        Ok(Round { grid, alone_mm3, after_mm3, lowest })
+    }
+
+    /// Whether what does not cut of a tool may meet what is left, where the tool stops.
+    fn may_meet(&self, lowest: &[Vec<f32>], directions: &Directions, rest: &[DVec3]) -> bool {
+        let middle = 0.5 * (self.region[0] + self.region[1]);
+        let meets = |(k, direction): (usize, &Vec3)| {
+            let d = axes(*direction)[2];
+            let highest =
+                rest.iter().map(|p| (p - middle).dot(d)).fold(f64::NEG_INFINITY, f64::max);
+            let of_tool = |(tool, lowest): (&Tool, &Vec<f32>)| {
+                let Footprint { discs, spindle, .. } = &tool.footprint;
+                let lower_end =
+                    discs.iter().map(|disc| disc.height).chain(*spindle).reduce(f32::min);
+                lower_end.is_some_and(|height| highest > f64::from(lowest[k] + height))
+            };
+            self.tools.iter().zip(lowest).any(of_tool)
+        };
+        directions.vectors().iter().enumerate().any(meets)
+    }
+}
+
+struct Tool {
+    outline: Outline,
+    footprint: Footprint,
+}
+
+impl Tool {
+    /// Pixels beside what is of interest.
+    fn margin(&self) -> usize {
+        2 * self.footprint.reach + 2 * TILE_WIDTH
+    }
+}
+
+/// The nodes of the stock's box, with one more beyond each face.
+fn lattice(job: &Job) -> Result<Lattice> {
+    let ([low, high], step) = (job.stock_box, job.accuracy_mm);
+    if !(step > 0.0 && step.is_finite()) {
+        let expected = "a positive length";
+        return Err(Error::argument("accuracy", step, expected, "give it in mm"));
+    }
+    let n_nodes = ((high - low) / step + 2.0).max(DVec3::ONE).element_product();
+    let n_pixels = ((high - low).length() * PIXELS / step).powi(2);
+    let needed = 3.0 * Grid::bytes(n_nodes) + 64.0 * n_pixels;
+    memory::require(
+        "the lattice of the machined part",
+        needed as u64,
+        "choose a coarser accuracy",
+    )?;
+    let Lattice { origin, step_mm, counts } = Lattice::covering(low, high, step)?;
+    Ok(Lattice { origin: origin - step_mm, step_mm, counts: counts.map(|n| n + 2) })
+}
+
+/// Numbers in an order in which neighbors in the list are far from one another: what most directions remove is gone
+/// after the first of them.
+fn spread(n: usize) -> Vec<usize> {
+    let mut stride = ((n as f64 * 0.618).round() as usize).max(1);
+    let divisor = |mut a: usize, mut b: usize| {
+        while b != 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    while divisor(stride, n) != 1 {
+        stride += 1;
+    }
+    (0..n).map(|k| k * stride % n).collect()
+}
+
+fn short(x: f64) -> f64 {
+    (1e3 * x).floor() / 1e3
+}
