@@ -131,7 +131,7 @@ fn facets(radius: f64, chord_error: f64) -> u32 {
 }
 
 /// A block 40 × 40 mm, its top at z = 20, with a slot along y, `width` wide and `depth` deep.
-fn slotted(width: f64, depth: f64) -> Mesh {
+pub(super) fn slotted(width: f64, depth: f64) -> Mesh {
     let (w, floor) = (0.5 * width, 20.0 - depth);
     let outline = [
         [-20.0, 0.0],

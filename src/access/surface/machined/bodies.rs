@@ -1,7 +1,7 @@
 //! What is left, as bodies with a surface.
 //!
 //! A node that is left is *core* if no node beside it is in the part: there the layer is thicker than the lattice's step.
-//! A body is a set of core nodes that hang together, with the nodes that are left beside them. Its surface is where an
+//! A body is a set of core nodes that hang together, with the nodes that are left within three steps of them. Its surface is where an
 //! implicit function is 0: outside of the part, how far a place is above what tools leave; within, half a step below the
 //! part's surface, so that bodies and part overlap and a union joins them.
 
@@ -30,6 +30,8 @@ pub struct Nodes {
     counts: [usize; 3],
 }
 
+/// Steps from core nodes to the rim of a body, where it is thin.
+const GROWTH: usize = 3;
 /// Nodes per task.
 const TASK: usize = 4096;
 
@@ -40,12 +42,19 @@ impl Nodes {
         let counts = grid.lattice.counts;
         let is_core = |at: &[usize; 3]| around(*at).all(|other| grid.node(other) != Node::Part);
         let is_left = |at: &[usize; 3]| matches!(grid.node(*at), Node::Above(above) if above < 0.0);
-        let near = par::map_blocks(left.len(), TASK, |range| {
+        let core = par::map_blocks(left.len(), TASK, |range| {
             let core = left[range].iter().filter(|at| is_core(at));
-            let near = core.flat_map(|at| around(*at)).filter(is_left);
-            near.map(|at| number(counts, at)).collect::<Vec<usize>>()
+            core.map(|at| number(counts, *at)).collect::<Vec<usize>>()
         });
-        Nodes { numbers: sorted(near.into_iter().flatten().collect()), counts }
+        let mut numbers = sorted(core.into_iter().flatten().collect());
+        for _ in 0..GROWTH {
+            let near = par::map_blocks(numbers.len(), TASK, |range| {
+                let beside = numbers[range].iter().flat_map(|n| around(place(counts, *n)));
+                sorted(beside.filter(is_left).map(|at| number(counts, at)).collect())
+            });
+            numbers = sorted(near.into_iter().flatten().collect());
+        }
+        Nodes { numbers, counts }
     }
 
     /// The places of all nodes, mm.
@@ -54,8 +63,43 @@ impl Nodes {
     }
 
     /// Volume of all bodies, mm³.
-    pub fn volume_mm3(&self, grid: &Grid) -> f64 {
-        self.numbers.len() as f64 * grid.lattice.step_mm.powi(3)
+    pub fn volume_mm3(&self, grid: &Grid, bvh: &Bvh) -> f64 {
+        self.volumes(grid, bvh).iter().sum()
+    }
+
+    /// What each node stands for, mm³: of the cubes about it, the nodes in the part and those that are removed beside it
+    /// what is between the surface of the part and that of what is left. A surface at a distance x from a node leaves
+    /// `1/2 + x/step` of its cube, 0 to 1.
+    fn volumes(&self, grid: &Grid, bvh: &Bvh) -> Vec<f64> {
+        let (counts, values, step) = (self.counts, Values { grid, bvh }, grid.lattice.step_mm);
+        let share = |x: f64| (0.5 + x / step).clamp(0.0, 1.0);
+        let find = |n: usize| self.numbers.binary_search(&n).ok();
+        let of = |n: &usize| {
+            let at = place(counts, *n);
+            let Node::Above(above) = grid.node(at) else { return 0.0 };
+            let is_part = |at: [usize; 3]| grid.node(at) == Node::Part;
+            let distance = match around(at).any(is_part) {
+                true => values.depth(grid.lattice.at(at)),
+                false => step,
+            };
+            let own = share(-f64::from(above)) - share(-distance);
+            // Of a node beside several, the first has it.
+            let is_first = |other: &[usize; 3]| {
+                around(*other).map(|at| number(counts, at)).find(|n| find(*n).is_some()) == Some(*n)
+            };
+            let beside = around(at).filter(|other| find(number(counts, *other)).is_none());
+            let beside = beside.filter(is_first).map(|other| match grid.node(other) {
+                Node::Part => share(-values.depth(grid.lattice.at(other))),
+                Node::Above(above) if above >= 0.0 => share(-f64::from(above)),
+                _ => 0.0,
+            });
+            own + beside.sum::<f64>()
+        };
+        let cube = step.powi(3);
+        let blocks = par::map_blocks(self.numbers.len(), TASK, |range| {
+            self.numbers[range].iter().map(|n| cube * of(n)).collect::<Vec<f64>>()
+        });
+        blocks.into_iter().flatten().collect()
     }
 
     /// The bodies, the largest first.
@@ -104,17 +148,17 @@ impl Nodes {
             });
             surfaces[*body as usize].add_cell(&numbers, &at, &of);
         }
-        let mut sums = vec![(0usize, DVec3::ZERO); n_bodies];
-        for n in &self.numbers {
+        let mut sums = vec![(0.0, 0usize, DVec3::ZERO); n_bodies];
+        for (n, volume) in self.numbers.iter().zip(self.volumes(grid, bvh)) {
             let body = find(*n).map_or(0, |k| body_of[k]);
-            let (n_nodes, sum) = &mut sums[body as usize];
+            let (volumes, n_nodes, sum) = &mut sums[body as usize];
+            *volumes += volume;
             *n_nodes += 1;
             *sum += grid.lattice.at(place(counts, *n));
         }
-        let volume = grid.lattice.step_mm.powi(3);
-        let body = |(surface, (n, sum)): (Surface, (usize, DVec3))| RestBody {
+        let body = |(surface, (volume_mm3, n, sum)): (Surface, (f64, usize, DVec3))| RestBody {
             mesh: surface.mesh,
-            volume_mm3: n as f64 * volume,
+            volume_mm3,
             at_mm: sum / n as f64,
         };
         let mut bodies: Vec<RestBody> = surfaces.into_iter().zip(sums).map(body).collect();
@@ -191,14 +235,13 @@ const LEAST: f64 = 0.02;
 impl Values<'_> {
     /// At a node of a body, of the part, or, whatever its sign, beyond.
     fn at(&self, at: [usize; 3]) -> f64 {
-        let step = self.grid.lattice.step_mm;
+        let (step, p) = (self.grid.lattice.step_mm, self.grid.lattice.at(at));
+        let within_stock = self.grid.within_stock(p);
         let value = match self.grid.node(at) {
             // Half a step below the surface.
-            Node::Part => {
-                (0.5 * step - self.depth(self.grid.lattice.at(at))).min(self.below(at))
-            }
-            Node::Removed => -step.min(self.beyond(at).unwrap_or(step)),
-            Node::Above(above) => (-f64::from(above)).min(self.below(at)),
+            Node::Part => (0.5 * step - self.depth(p)).min(within_stock),
+            Node::Removed => -if within_stock < 0.0 { -within_stock } else { step },
+            Node::Above(above) => (-f64::from(above)).min(within_stock),
         };
         let sign = if value > 0.0 { 1.0 } else { -1.0 };
         sign * value.abs().clamp(LEAST * step, step)
@@ -212,20 +255,6 @@ impl Values<'_> {
             false
         });
         depth
-    }
-
-    /// How far a node is beyond the box of the stock, mm, if it is.
-    fn beyond(&self, at: [usize; 3]) -> Option<f64> {
-        let (counts, step) = (self.grid.lattice.counts, self.grid.lattice.step_mm);
-        let is_outermost = (0..3).any(|k| at[k] == 0 || at[k] + 1 == counts[k]);
-        is_outermost.then_some(0.5 * step)
-    }
-
-    /// How far a node is within the box of the stock, mm.
-    fn below(&self, at: [usize; 3]) -> f64 {
-        let (counts, step) = (self.grid.lattice.counts, self.grid.lattice.step_mm);
-        let from_end = (0..3).map(|k| at[k].min(counts[k] - 1 - at[k]));
-        (from_end.min().unwrap_or(0) as f64 - 0.5) * step
     }
 }
 

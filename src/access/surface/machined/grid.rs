@@ -35,6 +35,8 @@ pub enum Node {
 #[derive(Debug, Clone)]
 pub struct Grid {
     pub lattice: Lattice,
+    /// Least and greatest corner of the stock's box, mm.
+    stock_box: [DVec3; 2],
     n_blocks: [usize; 3],
     blocks: Vec<Block>,
 }
@@ -55,12 +57,16 @@ impl Grid {
         n_nodes * (4.0 + 2.0 / 8.0)
     }
 
-    /// The nodes of a lattice in a closed part and in the stock about it: the box of the nodes but for the outermost, or
-    /// a closed mesh.
+    /// The nodes of a lattice, of which the outermost are outside of the stock's box, in a closed part and in a closed
+    /// stock; without the latter, in its box.
     ///
     /// # Errors
     /// If a mesh has no inside.
-    pub fn new(lattice: Lattice, part: &Mesh, stock: Option<&Mesh>) -> Result<Self> {
+    pub fn new(
+        lattice: Lattice,
+        stock_box: [DVec3; 2],
+        [part, stock]: [Option<&Mesh>; 2],
+    ) -> Result<Self> {
         let n_blocks = lattice.counts.map(|n| n.div_ceil(SIDE));
         let n_words = n_blocks.iter().product::<usize>() * WORDS;
         let bits = |mesh: &Mesh| -> Result<Vec<AtomicU64>> {
@@ -74,15 +80,16 @@ impl Grid {
             })?;
             Ok(words)
         };
-        let in_part = bits(part)?;
+        let in_part = part.map(bits).transpose()?;
         let in_stock = stock.map(bits).transpose()?;
         let word = |words: &[AtomicU64], block: usize| {
             Box::new(std::array::from_fn(|w| words[block * WORDS + w].load(Ordering::Relaxed)))
         };
         let n = n_blocks.iter().product();
         let blocks = par::map(n, |block| {
-            let part: Box<[u64; WORDS]> = word(&in_part, block);
-            let stock: Option<Box<[u64; WORDS]>> = in_stock.as_ref().map(|bits| word(bits, block));
+            let of = |bits: &Vec<AtomicU64>| -> Box<[u64; WORDS]> { word(bits, block) };
+            let part = in_part.as_ref().map_or_else(|| Box::new([0; WORDS]), of);
+            let stock = in_stock.as_ref().map(of);
             let first = corner(n_blocks, block);
             let mut open = Box::new([0u64; WORDS]);
             for node in 0..NODES {
@@ -97,7 +104,13 @@ impl Grid {
             let above = if n_open > 0 { vec![f32::NEG_INFINITY; NODES] } else { Vec::new() };
             Block { part, open, n_open, above }
         });
-        Ok(Grid { lattice, n_blocks, blocks })
+        Ok(Grid { lattice, stock_box, n_blocks, blocks })
+    }
+
+    /// How far a point is within the box of the stock, mm; negative: beyond.
+    pub fn within_stock(&self, p: DVec3) -> f64 {
+        let [low, high] = self.stock_box;
+        (p - low).min(high - p).min_element()
     }
 
     /// Nodes this far above what is left are removed for certain, mm.

@@ -1,9 +1,9 @@
 //! The rest at every site.
 
 use super::super::bvh::Bvh;
-use super::super::obstacles::{TriangleObstacles, contacts, tested};
+use super::super::obstacles::{TriangleObstacles, contacts};
 use super::super::query::Scratch;
-use super::super::tool::{Axes, Outline, Stand, axes};
+use super::super::tool::{Outline, Stand, axes};
 use super::super::{SurfaceOptions, WitnessPose};
 use super::footprint::{Cutting, Footprint};
 use super::heights::{Buffers, Heights};
@@ -15,16 +15,16 @@ use crate::directions::Directions;
 use crate::geom::Sites;
 use crate::simd::extremes::{TILE_HEIGHT, TILE_WIDTH};
 use crate::{Error, Result, par};
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 
 /// How much is left at a site.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Rest {
     /// Length along the normal, mm.
     pub mm: f64,
-    /// The direction that leaves least, by its number, and where the reference point is then; none if nothing of the
-    /// line can be removed.
-    pub pose: Option<(u32, DVec3)>,
+    /// The direction that leaves least, and where the reference point is then; none if nothing of the line can be
+    /// removed.
+    pub pose: Option<(Vec3, DVec3)>,
 }
 
 /// How the search is done.
@@ -124,7 +124,7 @@ impl TriangleObstacles {
             which[range].iter().map(contact).collect::<Vec<_>>()
         });
         let mut searches: Vec<Search> = searches.into_iter().flatten().collect();
-        let tested = tested(directions)?;
+        let frames = self.frames(directions, options)?;
         let shrink = (pitch * std::f64::consts::FRAC_1_SQRT_2 + tolerances.least)
             .min(0.5 * outline.radius());
         let region = self.region(stock, &outline);
@@ -132,8 +132,8 @@ impl TriangleObstacles {
         let footprint = Footprint::new(&outline, shrink, pitch, widest);
         let margin = 2 * footprint.reach + 2 * TILE_WIDTH;
         let buffers = Buffers::default();
-        for (k, direction) in tested.vectors().iter().enumerate() {
-            let view = View::new(axes(*direction), region, pitch, margin);
+        for (k, frame) in frames.iter().enumerate() {
+            let view = View::new(frame.axes, region, pitch, margin);
             let heights = Heights::new(view, &self.triangles, &buffers);
             let along = Along { heights, footprint: &footprint, pitch, buffers: &buffers };
             along.search(k as u32, &mut searches);
@@ -146,7 +146,6 @@ impl TriangleObstacles {
             outline: &outline,
             cutting: &cutting,
         };
-        let axes: Vec<Axes> = tested.vectors().iter().map(|d| axes(*d)).collect();
         let rests = par::map_blocks(searches.len(), BLOCK, |range| {
             let mut scratch = Scratch::default();
             let of = |search: &Search| {
@@ -158,9 +157,10 @@ impl TriangleObstacles {
                     }
                     let (direction, steps) = (candidate.direction, [pitch, FINEST * pitch]);
                     scratch = std::mem::take(&mut scratch).renewed();
-                    let axes = axes[direction as usize];
+                    let axes = frames[direction as usize].axes;
                     let found = dropped.least(&search.line, axes, candidate.x, steps, &mut scratch);
                     if let Some((mm, reference)) = found.filter(|(mm, _)| *mm < best.mm) {
+                        let direction = frames[direction as usize].direction;
                         best = Rest { mm, pose: Some((direction, reference)) };
                     }
                 }
@@ -185,13 +185,13 @@ impl TriangleObstacles {
     ) -> Result<(Vec<f32>, Vec<Option<WitnessPose>>)> {
         let of = (options, RestOptions::default());
         let found = self.rests((sites, which), cutter, directions, of)?;
-        let (outline, tested) = (Outline::new(cutter, options.finish_mm), tested(directions)?);
+        let outline = Outline::new(cutter, options.finish_mm);
         let (mut rests, mut poses) = (vec![0.0; sites.len()], vec![None; sites.len()]);
         for (&i, rest) in which.iter().zip(found) {
             rests[i] = rest.mm as f32;
-            poses[i] = rest.pose.map(|(direction, reference)| {
-                WitnessPose::new(&outline, reference, tested.vectors()[direction as usize])
-            });
+            poses[i] = rest
+                .pose
+                .map(|(direction, reference)| WitnessPose::new(&outline, reference, direction));
         }
         Ok((rests, poses))
     }

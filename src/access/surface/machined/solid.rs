@@ -1,9 +1,11 @@
 //! The machined part: the part with all that no tool removes.
 
 use super::super::SurfaceOptions;
+use super::super::cells::Domain;
 use super::super::obstacles::{TriangleObstacles, tested};
+use super::super::profile::Frame;
 use super::super::query::nearest;
-use super::super::tool::{Outline, axes};
+use super::super::tool::Outline;
 use super::bodies::{Nodes, RestBody};
 use super::footprint::Footprint;
 use super::grid::Grid;
@@ -16,7 +18,7 @@ use crate::geom::Mesh;
 use crate::geom::inside::Lattice;
 use crate::simd::extremes::TILE_WIDTH;
 use crate::{Error, Result, memory, par};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 /// What is to be machined.
 #[derive(Debug, Clone, Copy)]
@@ -72,31 +74,42 @@ impl TriangleObstacles {
             .iter()
             .map(|cutter| self.tool(cutter, pitch, options))
             .collect::<Result<_>>()?;
-        let directions = tested(directions)?;
-        let order = spread(directions.len());
+        let frames = self.frames(directions, options)?;
+        let order = spread(frames.len());
         let region = tools.iter().map(|tool| self.region(job.stock_box, &tool.outline));
         let region =
             region.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or(job.stock_box);
-        let fresh = Grid::new(lattice, job.part, job.stock)?;
+        let fresh = Grid::new(lattice, job.stock_box, [Some(job.part), job.stock])?;
         let pass =
             Pass { obstacles: self, tools: &tools, fresh: &fresh, order: &order, pitch, region };
         let (mut rest, mut alone_mm3) = (Vec::new(), Vec::new());
         let mut round = 0;
         loop {
             round += 1;
-            let found = pass.run(&directions, &rest, &mut |done, n| report(done, n * round))?;
+            let found = pass.run(&frames, &rest, &mut |done, n| report(done, n * round))?;
             let nodes = Nodes::new(&found.grid);
             let points = nodes.points(&found.grid);
             if round == 1 {
                 alone_mm3 = found.alone_mm3;
             }
-            let may_meet = pass.may_meet(&found.lowest, &directions, &points);
+            let may_meet = pass.may_meet(&found.lowest, &frames, &points);
             if points == rest || round == MOST_ROUNDS || !may_meet {
                 let (after_mm3, bodies) = (found.after_mm3, nodes.bodies(&found.grid, &self.bvh));
                 return Ok(Machined { alone_mm3, after_mm3, bodies, n_rounds: round });
             }
             rest = points;
         }
+    }
+
+    /// The directions of a set, and those that the part suggests where the set stands for others too and these are
+    /// searched.
+    pub(super) fn frames(
+        &self,
+        directions: &Directions,
+        options: &SurfaceOptions,
+    ) -> Result<Vec<Frame>> {
+        let domain = Domain::of(directions).filter(|_| options.refinement.is_some());
+        Ok(Frame::tested((&tested(directions)?, domain), &self.bvh))
     }
 
     /// Distance of a point from the nearest triangle, mm; infinite if there is none.
@@ -160,10 +173,14 @@ struct Round {
 }
 
 impl Pass<'_> {
+    fn volume(&self, grid: &Grid) -> f64 {
+        Nodes::new(grid).volume_mm3(grid, &self.obstacles.bvh)
+    }
+
     /// All tools along all directions, with `rest`, mm, in the way of what does not cut.
     fn run(
         &self,
-        directions: &Directions,
+        frames: &[Frame],
         rest: &[DVec3],
         report: &mut dyn FnMut(usize, usize) -> Result<()>,
     ) -> Result<Round> {
@@ -173,12 +190,11 @@ impl Pass<'_> {
         let (mut alone_mm3, mut after_mm3, mut lowest) = (Vec::new(), Vec::new(), Vec::new());
         for tool in self.tools {
             let mut grid = self.fresh.clone();
-            let mut lowest_of = vec![f32::INFINITY; directions.len()];
+            let mut lowest_of = vec![f32::INFINITY; frames.len()];
             for &k in self.order {
                 report(n_done, n_steps)?;
                 n_done += 1;
-                let axes = axes(directions.vectors()[k]);
-                let view = View::new(axes, self.region, self.pitch, tool.margin());
+                let view = View::new(frames[k].axes, self.region, self.pitch, tool.margin());
                 let heights = Heights::new(view, &self.obstacles.triangles, &buffers);
                 let wanted = grid.wanted(&heights);
                 if wanted.contains(&true) {
@@ -193,7 +209,7 @@ impl Pass<'_> {
                 heights.recycle(&buffers);
             }
             lowest.push(lowest_of);
-            alone_mm3.push(Nodes::new(&grid).volume_mm3(&grid));
+            alone_mm3.push(self.volume(&grid));
             let both = match all.take() {
                 Some(mut all) => {
                     all.merge(&grid);
@@ -201,7 +217,7 @@ impl Pass<'_> {
                 }
                 None => grid,
             };
-            after_mm3.push(Nodes::new(&both).volume_mm3(&both));
+            after_mm3.push(self.volume(&both));
             all = Some(both);
         }
         report(n_steps, n_steps)?;
@@ -210,10 +226,10 @@ impl Pass<'_> {
     }
 
     /// Whether what does not cut of a tool may meet what is left, where the tool stops.
-    fn may_meet(&self, lowest: &[Vec<f32>], directions: &Directions, rest: &[DVec3]) -> bool {
+    fn may_meet(&self, lowest: &[Vec<f32>], frames: &[Frame], rest: &[DVec3]) -> bool {
         let middle = 0.5 * (self.region[0] + self.region[1]);
-        let meets = |(k, direction): (usize, &Vec3)| {
-            let d = axes(*direction)[2];
+        let meets = |(k, frame): (usize, &Frame)| {
+            let d = frame.axes[2];
             let highest =
                 rest.iter().map(|p| (p - middle).dot(d)).fold(f64::NEG_INFINITY, f64::max);
             let of_tool = |(tool, lowest): (&Tool, &Vec<f32>)| {
@@ -224,7 +240,7 @@ impl Pass<'_> {
             };
             self.tools.iter().zip(lowest).any(of_tool)
         };
-        directions.vectors().iter().enumerate().any(meets)
+        frames.iter().enumerate().any(meets)
     }
 }
 

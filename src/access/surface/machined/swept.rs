@@ -1,10 +1,12 @@
 //! The surface that a tool leaves along a direction: dropped everywhere, it stops; what it cuts there is gone.
 
-use super::footprint::Footprint;
+use super::footprint::{Disc, Footprint};
 use super::heights::{BLOCK, Buffers, Coarse, EMPTY, Heights};
 use crate::par;
 use crate::simd::Isa;
 use crate::simd::extremes::{Extreme, TILE, TILE_HEIGHT, TILE_WIDTH, Term, extremes};
+use std::iter;
+use std::ops::Range;
 
 /// Height that is above everything.
 const FULL: f32 = 1e30;
@@ -30,7 +32,6 @@ struct Tool<'a> {
     /// Of every group.
     cut: Vec<Vec<Term>>,
     isa: Isa,
-    buffers: &'a Buffers,
 }
 
 impl Swept {
@@ -51,15 +52,28 @@ impl Swept {
             groups.map(|group| group.pixels.iter().map(of).collect()).collect()
         };
         let isa = Isa::active();
-        let tool = Tool { footprint, raised: terms(-1.0), cut: terms(1.0), isa, buffers };
+        let tool = Tool { footprint, raised: terms(-1.0), cut: terms(1.0), isa };
         let needed = grown(wanted, view.n_tiles(), footprint.reach);
-        let stops = tool.on_tiles(view.n_tiles(), (&needed, FULL), |tile, at| {
-            tool.stop([heights, upper], at, tile);
+        let n_tiles = view.n_tiles();
+        let mut stops = buffers.take(view.n_pixels(), FULL);
+        tool.for_tiles(&mut stops, (n_tiles, &needed), |tile, at| {
+            tool.stop([heights, upper], at, tile)
         });
+        for disc in &footprint.discs {
+            let met = tool.tiles_met(upper, disc, &stops, &needed);
+            if met.contains(&true) {
+                // Not within the loop over tiles: a thread that waits there could take another tile, and wait for itself.
+                let windows = upper.windows(2 * disc.radius.floor() as usize + 1, buffers);
+                tool.for_tiles(&mut stops, (n_tiles, &met), |tile, at| {
+                    tool.rest_on_disc((upper, windows), disc, at, tile);
+                });
+            }
+        }
         // Beside the tiles that are needed nothing is read.
         let coarse = Coarse::new(&stops, width, Extreme::Least);
         let lowest = coarse.blocks.iter().fold(FULL, |a, b| a.min(*b));
-        let left = tool.on_tiles(view.n_tiles(), (wanted, EMPTY), |tile, at| {
+        let mut left = buffers.take(view.n_pixels(), EMPTY);
+        tool.for_tiles(&mut left, (n_tiles, wanted), |tile, at| {
             tool.leave((&stops, width), &coarse, at, tile);
         });
         Swept { stops, left, lowest, width }
@@ -130,26 +144,49 @@ fn grown(tiles: &[bool], [width, height]: [usize; 2], reach: usize) -> Vec<bool>
 }
 
 impl Tool<'_> {
-    /// An image whose `tiles` are given by `work`, of a tile's column and row in pixels.
-    fn on_tiles(
+    /// Calls `work` with every one of some tiles of an image, and its column and row in pixels.
+    fn for_tiles(
         &self,
-        [n_across, n_along]: [usize; 2],
-        (tiles, outside): (&[bool], f32),
+        image: &mut [f32],
+        ([n_across, _], tiles): ([usize; 2], &[bool]),
         work: impl Fn(&mut [f32; TILE], [usize; 2]) + Sync,
-    ) -> Vec<f32> {
+    ) {
         let width = n_across * TILE_WIDTH;
-        let mut image = self.buffers.take(width * n_along * TILE_HEIGHT, outside);
-        par::for_each_block(&mut image, width * TILE_HEIGHT, |row, out| {
+        par::for_each_block(image, width * TILE_HEIGHT, |row, out| {
             let mut tile = [0.0; TILE];
             for k in (0..n_across).filter(|k| tiles[row * n_across + k]) {
+                let columns = k * TILE_WIDTH..(k + 1) * TILE_WIDTH;
+                for (line, pixels) in out.chunks_exact(width).zip(tile.chunks_exact_mut(TILE_WIDTH))
+                {
+                    pixels.copy_from_slice(&line[columns.clone()]);
+                }
                 work(&mut tile, [k * TILE_WIDTH, row * TILE_HEIGHT]);
                 for (line, pixels) in out.chunks_exact_mut(width).zip(tile.chunks_exact(TILE_WIDTH))
                 {
-                    line[k * TILE_WIDTH..][..TILE_WIDTH].copy_from_slice(pixels);
+                    line[columns.clone()].copy_from_slice(pixels);
                 }
             }
         });
-        image
+    }
+
+    /// Of the needed tiles, those that a disc may raise.
+    fn tiles_met(&self, upper: &Heights, disc: &Disc, stops: &[f32], needed: &[bool]) -> Vec<bool> {
+        let [n_across, n_along] = upper.view.n_tiles();
+        let width = upper.view.width;
+        let rows = par::map(n_along, |row| {
+            let of = |k: usize| {
+                let pixels = |line: usize| {
+                    &stops[(row * TILE_HEIGHT + line) * width + k * TILE_WIDTH..][..TILE_WIDTH]
+                };
+                let lowest = || (0..TILE_HEIGHT).flat_map(pixels).fold(FULL, |a, b| a.min(*b));
+                needed[row * n_across + k]
+                    && upper.highest - disc.height > lowest()
+                    && Reach::new(upper, disc, [k * TILE_WIDTH, row * TILE_HEIGHT], lowest())
+                        .is_met()
+            };
+            (0..n_across).map(of).collect::<Vec<bool>>()
+        });
+        rows.into_iter().flatten().collect()
     }
 
     /// Where the tool stops over the pixels of a tile.
@@ -164,44 +201,25 @@ impl Tool<'_> {
                 extremes(self.isa, Extreme::Greatest, tile, image, y * width + x, terms);
             }
         }
-        for disc in 0..self.footprint.discs.len() {
-            self.rest_on_disc(upper, disc, [x, y], tile);
-        }
     }
 
     /// Raises a tile to where a disc touches.
     fn rest_on_disc(
         &self,
-        heights: &Heights,
-        disc: usize,
+        (upper, windows): (&Heights, &[Vec<f32>]),
+        disc: &Disc,
         [x, y]: [usize; 2],
         tile: &mut [f32; TILE],
     ) {
-        let disc = self.footprint.discs[disc];
-        let (width, height) = (heights.view.width, heights.view.height);
-        let (coarse, n) = (&heights.coarse, disc.radius.floor() as usize);
-        let floor = least(tile) + disc.height;
-        let blocks =
-            |from: usize, to: usize, end: usize| from / BLOCK..(to.min(end - 1) / BLOCK) + 1;
-        let across = blocks(x.saturating_sub(n), x + TILE_WIDTH - 1 + n, width);
-        // Rows of blocks that reach above where the disc is.
-        let is_high = |row: &usize| {
-            let row = &coarse.blocks[row * coarse.width..][across.clone()];
-            row.iter().any(|height| *height > floor)
-        };
-        let along = blocks(y.saturating_sub(n), y + TILE_HEIGHT - 1 + n, height);
-        let high: Vec<bool> = along.clone().map(|row| is_high(&row)).collect();
-        if !high.contains(&true) {
-            return;
-        }
-        let windows = heights.windows(2 * n + 1, self.buffers);
+        let (width, height) = (upper.view.width, upper.view.height);
+        let reach = Reach::new(upper, disc, [x, y], least(tile));
+        let n = reach.n;
         // Beyond the image is nothing, and nothing is in its margin.
         let (before, behind) = (y.min(n), (height - y - TILE_HEIGHT).min(n));
         let mut terms: Vec<Vec<Term>> = vec![Vec::new(); windows.len() + 1];
         for row in 0..=before + behind {
             let there = y + row - before;
-            let touched = blocks(there, there + TILE_HEIGHT - 1, height);
-            if !touched.into_iter().any(|row| high[row - along.start]) {
+            if !reach.is_high_at(there) {
                 continue;
             }
             let dy = row as f64 - before as f64;
@@ -213,7 +231,7 @@ impl Tool<'_> {
             terms[level].push((from, -disc.height));
             terms[level].push((from + (length - (1 << level)) as isize, -disc.height));
         }
-        for (image, terms) in std::iter::once(&heights.image).chain(windows).zip(&terms) {
+        for (image, terms) in iter::once(&upper.image).chain(windows).zip(&terms) {
             let at = y * width + x;
             extremes(self.isa, Extreme::Greatest, tile, (image, width), at, terms);
         }
@@ -235,6 +253,45 @@ impl Tool<'_> {
             }
         }
     }
+}
+
+/// What a disc can touch over a tile, by blocks.
+struct Reach {
+    /// Pixels of the radius.
+    n: usize,
+    /// The first row of blocks, and whether each reaches above the disc where it is lowest.
+    along: usize,
+    high: Vec<bool>,
+    height: usize,
+}
+
+impl Reach {
+    fn new(upper: &Heights, disc: &Disc, [x, y]: [usize; 2], lowest: f32) -> Self {
+        let (n, floor) = (disc.radius.floor() as usize, lowest + disc.height);
+        let (coarse, height) = (&upper.coarse, upper.view.height);
+        let across = blocks(x.saturating_sub(n), x + TILE_WIDTH - 1 + n, upper.view.width);
+        let along = blocks(y.saturating_sub(n), y + TILE_HEIGHT - 1 + n, height);
+        let is_high = |row: usize| {
+            let row = &coarse.blocks[row * coarse.width..][across.clone()];
+            row.iter().any(|height| *height > floor)
+        };
+        Reach { n, along: along.start, high: along.map(is_high).collect(), height }
+    }
+
+    fn is_met(&self) -> bool {
+        self.high.contains(&true)
+    }
+
+    /// Whether something is high in the rows of a tile that begins at a row.
+    fn is_high_at(&self, row: usize) -> bool {
+        let mut touched = blocks(row, row + TILE_HEIGHT - 1, self.height);
+        touched.any(|row| self.high[row - self.along])
+    }
+}
+
+/// The blocks of pixels, of which there are `end`.
+fn blocks(from: usize, to: usize, end: usize) -> Range<usize> {
+    from / BLOCK..(to.min(end - 1) / BLOCK) + 1
 }
 
 /// The first block that the pixels of a tile reach with a group's offsets.

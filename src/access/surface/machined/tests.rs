@@ -1,9 +1,17 @@
+use super::super::tests::slotted;
+use super::super::tool::{Outline, axes};
 use super::super::{SurfaceOptions, TriangleObstacles};
+use super::footprint::{Cutting, Footprint};
+use super::heights::{Buffers, EMPTY, Heights};
+use super::swept::Swept;
+use super::view::View;
 use super::*;
-use crate::cutter::Cutter;
+use crate::cutter::{Cutter, CutterParams};
 use crate::directions::Directions;
-use crate::geom::{Mesh, Sites, solids};
-use glam::DVec3;
+use crate::geom::{Mesh, Sites, check, solids};
+use crate::par;
+use glam::{DVec2, DVec3, Vec3};
+use std::f64::consts::PI;
 
 /// A block 40 × 30 × 20 with a pocket 20 × 14, 10 deep, from above: its floor is about (20, 15, 10).
 fn pocket() -> Mesh {
@@ -43,7 +51,7 @@ fn rests(mesh: &Mesh, at: &[(DVec3, DVec3)], cutter: &Cutter, directions: &Direc
 #[test]
 fn the_pocket_is_a_closed_solid() {
     let mesh = pocket();
-    crate::geom::check::require_labelable(&mesh).unwrap();
+    check::require_labelable(&mesh).unwrap();
     assert!((mesh.volume() - (24000.0 - 2800.0)).abs() < 1e-9);
 }
 
@@ -68,7 +76,6 @@ fn a_ball_leaves_in_corners_what_its_circle_does_not_reach() {
         }
         let found = rests(&mesh, &at, &cutter, &up);
         for ((found, expected), at) in found.iter().zip(&expected).zip(&at) {
-            println!("R {radius} {at:?}: {found:.4} by hand {expected:.4}");
             // Near the wall a shift by the gouge tolerance is more along the normal.
             let most = 0.02
                 + 0.015
@@ -80,33 +87,181 @@ fn a_ball_leaves_in_corners_what_its_circle_does_not_reach() {
     }
 }
 
-fn machine(mesh: &Mesh, cutters: &[&Cutter], directions: &Directions, accuracy: f64) -> Vec<f64> {
+fn machine(mesh: &Mesh, cutters: &[&Cutter], directions: &Directions, accuracy: f64) -> Machined {
     let obstacles = TriangleObstacles::new(mesh, &[]).unwrap();
     let (low, high) = mesh.bounds().unwrap();
     let job = Job { part: mesh, stock_box: [low, high], stock: None, accuracy_mm: accuracy };
-    let options = SurfaceOptions::default();
-    let start = std::time::Instant::now();
-    let found = obstacles.machine(&job, cutters, directions, &options, &mut |_, _| Ok(())).unwrap();
-    println!("{:?} alone {:?} after {:?}", start.elapsed(), found.alone_mm3, found.after_mm3);
-    for body in &found.bodies {
-        let report = crate::geom::check::check(&body.mesh);
-        println!(
-            "body {} mm3, mesh {} mm3, {:?} at {}, {:?}",
-            body.volume_mm3,
-            body.mesh.volume(),
-            body.mesh.triangles.len(),
-            body.at_mm,
-            report.findings
-        );
-    }
-    found.after_mm3
+    let options = SurfaceOptions { refinement: None, ..SurfaceOptions::default() };
+    obstacles.machine(&job, cutters, directions, &options, &mut |_, _| Ok(())).unwrap()
+}
+
+fn left(machined: &Machined) -> f64 {
+    machined.bodies.iter().map(|body| body.volume_mm3).sum()
 }
 
 #[test]
 fn a_ball_leaves_the_volume_of_its_fillets_in_a_pocket() {
+    let (mesh, r) = (pocket(), 3.0);
+    let cutter: Cutter = "3,20,20,40".parse().unwrap();
+    // Along the floor's edges, in the upright corners, and what a ball leaves of a cube at the floor's corners.
+    let profile = (1.0 - PI / 4.0) * r * r;
+    let floor = 2.0 * (20.0 - 2.0 * r + 14.0 - 2.0 * r) * profile;
+    let upright = 4.0 * (10.0 - r) * profile;
+    let corners = 4.0 * (r * r * r - PI * r * r * r / 6.0);
+    let by_hand = floor + upright + corners;
+    // Of the floor and the walls, what the fillets hide.
+    let surface = 2.0 * r * (2.0 * (20.0 + 14.0 - 4.0 * r) + 4.0 * (10.0 - r)) + 12.0 * r * r;
+    for accuracy in [0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15] {
+        let machined = machine(&mesh, &[&cutter], &Directions::up(), accuracy);
+        let most = 0.3 * accuracy * surface;
+        assert!(
+            (left(&machined) - by_hand).abs() < most,
+            "{accuracy}: {} {by_hand}",
+            left(&machined)
+        );
+        for body in &machined.bodies {
+            check::require_labelable(&body.mesh).unwrap();
+        }
+    }
+}
+
+/// A wall 50 high beside a floor: a holder of radius 10, 20 above the tip, keeps a cutter of radius 3 off the lower 30
+/// within 7 of the wall. What stays there keeps the holder off again.
+#[test]
+fn what_is_left_keeps_holders_off_too() {
+    let outline =
+        [[-10.0, -10.0], [40.0, -10.0], [40.0, 0.0], [0.0, 0.0], [0.0, 50.0], [-10.0, 50.0]];
+    let cap = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]];
+    let mut mesh = solids::prism(&outline.map(DVec2::from_array), &cap, 30.0);
+    mesh.vertices.iter_mut().for_each(|v| *v = DVec3::new(v.x, -v.z, v.y));
+    check::require_labelable(&mesh).unwrap();
+    let lengths = CutterParams::from_array([3.0, 14.0, 10.0, 200.0]);
+    let cutter = Cutter::flat_end(lengths).unwrap();
+    let machined = machine(&mesh, &[&cutter], &Directions::up(), 0.5);
+    assert!(machined.n_rounds >= 2);
+    let at_first = 30.0 * 7.0 * 30.0;
+    let by_hand = at_first + 30.0 * 7.0 * 10.0;
+    assert!((machined.alone_mm3[0] / at_first - 1.0).abs() < 0.03, "{:?}", machined.alone_mm3);
+    assert!((left(&machined) / by_hand - 1.0).abs() < 0.03, "{} {by_hand}", left(&machined));
+    // A longer tool reaches all.
+    let long = Cutter::flat_end(CutterParams { ch_mm: 50.0, ..lengths }).unwrap();
+    let both = machine(&mesh, &[&cutter, &long], &Directions::up(), 0.5);
+    assert_eq!((both.bodies.len(), both.after_mm3[1], both.n_rounds), (0, 0.0, 1));
+    assert!((both.alone_mm3[0] - at_first).abs() < 0.03 * at_first);
+}
+
+/// In a slot 4 wide a cutter 6 wide cuts but segments of a circle at the open ends.
+#[test]
+fn a_slot_that_is_too_narrow_stays_full() {
+    let mesh = slotted(4.0, 10.0);
+    let cutter = Cutter::flat_end(CutterParams::from_array([3.0, 20.0, 3.0, 20.0])).unwrap();
+    let machined = machine(&mesh, &[&cutter], &Directions::up(), 0.25);
+    let segment = 9.0 * (2f64 / 3.0).asin() - 2.0 * 5f64.sqrt();
+    let by_hand = 10.0 * (40.0 * 4.0 - 2.0 * segment);
+    assert!((left(&machined) / by_hand - 1.0).abs() < 0.03, "{} {by_hand}", left(&machined));
+    let fits = Cutter::flat_end(CutterParams::from_array([2.0, 20.0, 2.0, 20.0])).unwrap();
+    assert_eq!(machine(&mesh, &[&fits], &Directions::up(), 0.25).bodies.len(), 0);
+}
+
+#[test]
+fn more_tools_and_more_directions_leave_no_more_and_a_second_time_adds_nothing() {
+    let mesh = pocket();
+    let [thick, thin]: [Cutter; 2] = ["4,30,20,40", "1.5,12,20,40"].map(|c| c.parse().unwrap());
+    let all = machine(&mesh, &[&thick, &thin], &Directions::up(), 0.4);
+    assert!(all.after_mm3[1] <= all.after_mm3[0] && all.after_mm3[1] <= all.alone_mm3[1]);
+    let some = Directions::fibonacci_hemisphere(20).unwrap();
+    let tilted = machine(&mesh, &[&thick], &some, 0.4);
+    assert!(left(&tilted) <= left(&machine(&mesh, &[&thick], &Directions::up(), 0.4)) + 1e-9);
+    let mut whole = mesh.clone();
+    for body in &all.bodies {
+        let first = whole.vertices.len() as u32;
+        whole.vertices.extend(&body.mesh.vertices);
+        whole.triangles.extend(body.mesh.triangles.iter().map(|t| t.map(|v| v + first)));
+    }
+    let again = machine(&whole, &[&thick, &thin], &Directions::up(), 0.4);
+    assert!(left(&again) < 0.05 * left(&all), "{} of {}", left(&again), left(&all));
+}
+
+#[test]
+fn results_do_not_depend_on_threads() {
     let mesh = pocket();
     let cutter: Cutter = "3,20,20,40".parse().unwrap();
-    for accuracy in [0.5, 0.25, 0.125] {
-        machine(&mesh, &[&cutter], &Directions::up(), accuracy);
+    let directions = Directions::fibonacci_hemisphere(12).unwrap();
+    let run = |n: usize| {
+        par::with_threads(n, || {
+            let machined = machine(&mesh, &[&cutter], &directions, 0.5);
+            let meshes: Vec<Mesh> = machined.bodies.into_iter().map(|body| body.mesh).collect();
+            let at: Vec<(DVec3, DVec3)> = (0..30)
+                .map(|k| (DVec3::new(11.0 + 0.6 * f64::from(k), 8.5, 10.0), DVec3::Z))
+                .collect();
+            (meshes, rests(&mesh, &at, &cutter, &directions))
+        })
+        .unwrap()
+    };
+    let one = run(1);
+    assert!(one.1.iter().any(|rest| *rest > 0.0) && one == run(3));
+}
+
+/// Images against plain loops over all pixels of the tool.
+#[test]
+fn images_are_those_of_plain_loops() {
+    let mesh = pocket();
+    let triangles: Vec<_> = (0..mesh.triangles.len()).map(|f| mesh.corners(f)).collect();
+    let cutter = Cutter::bull_nose(CutterParams::from_array([2.0, 3.0, 4.0, 9.0]), 0.7).unwrap();
+    let (low, high) = mesh.bounds().unwrap();
+    let pitch = 0.4;
+    for direction in [Vec3::Z, Vec3::new(0.3, -0.5, 0.8).normalize()] {
+        let outline = Outline::new(&cutter, 0.01);
+        let footprint = Footprint::new(&outline, 0.1, pitch, 1e5);
+        let margin = 2 * footprint.reach + 128;
+        let view = View::new(axes(direction), [low, high], pitch, margin);
+        let (width, [n_across, n_along]) = (view.width, view.n_tiles());
+        let buffers = Buffers::default();
+        let heights = Heights::new(view, &triangles, &buffers);
+        // Some tiles about the middle.
+        let wanted: Vec<bool> = (0..n_across * n_along)
+            .map(|t| {
+                (t % n_across).abs_diff(n_across / 2) <= 1
+                    && (t / n_across).abs_diff(n_along / 2) < 6
+            })
+            .collect();
+        let swept = Swept::new([&heights; 2], &footprint, &wanted, &buffers);
+        let cutting = Cutting::new(&outline, 0.1);
+        let [disc] = footprint.discs[..] else { panic!("one holder") };
+        let reach = disc.radius.ceil() as isize;
+        let offsets: Vec<([isize; 2], f64)> = (-reach..=reach)
+            .flat_map(|y| (-reach..=reach).map(move |x| [x, y]))
+            .map(|[x, y]| ([x, y], (x as f64).hypot(y as f64)))
+            .collect();
+        let at = |image: &[f32], n: usize, [x, y]: [isize; 2]| {
+            image[n.checked_add_signed(y * width as isize + x).unwrap()]
+        };
+        let stop = |n: usize| {
+            let of = |(offset, distance): &([isize; 2], f64)| {
+                let height = at(&heights.image, n, *offset);
+                let cuts = (*distance * pitch <= cutting.radius)
+                    .then(|| height - cutting.height(*distance * pitch) as f32);
+                let holds = (*distance <= disc.radius).then_some(height - disc.height);
+                cuts.into_iter().chain(holds).fold(EMPTY, f32::max)
+            };
+            let spindle = footprint.spindle.map_or(EMPTY, |height| heights.highest - height);
+            offsets.iter().map(of).fold(spindle, f32::max)
+        };
+        let tile = |n: usize| n / width / 8 * n_across + n % width / 64;
+        let some = (0..heights.image.len()).filter(|n| wanted[tile(*n)] && n % 37 == 0);
+        let mut n_left = 0;
+        for n in some {
+            assert_eq!(swept.stops[n], stop(n), "stop at {n}");
+            let of = |(offset, distance): &([isize; 2], f64)| {
+                let cuts = *distance * pitch <= cutting.radius;
+                cuts.then(|| {
+                    at(&swept.stops, n, *offset) + cutting.height(*distance * pitch) as f32
+                })
+            };
+            let left = offsets.iter().filter_map(of).fold(f32::INFINITY, f32::min);
+            assert_eq!(swept.left[n], left, "left at {n}");
+            n_left += usize::from(left > -100.0);
+        }
+        assert!(n_left > 20, "{n_left}");
     }
 }
