@@ -52,6 +52,7 @@
 //! | `ndarray` | yes | sites, meshes and answers as `ndarray` views (`arrays`) |
 //! | `approx` | no | `approx::AbsDiffEq` and `RelativeEq` of answers and predictions |
 //! | `cli` | yes | the `deepmill` program |
+//! | `python` | no | the Python module that `pyproject.toml` builds; nothing for Rust |
 //! | `mpi` | no | several processes on many machines (`processes::Mpi`); binds the MPI library that is installed |
 //!
 //! `default-features = false` leaves the numerical core: labeler, octree, layers, training. Nothing compiles C.
@@ -100,6 +101,8 @@ pub mod par;
 #[doc(hidden)] // of the program
 pub mod parity;
 pub mod processes;
+#[cfg(feature = "python")]
+mod python;
 #[cfg(feature = "formats")]
 pub mod report;
 pub mod rng;

@@ -6,6 +6,8 @@ use crate::Result;
 use crate::access::Labels;
 use crate::access::surface::Warning;
 use crate::answers::{Definition, Rounding, SiteAnswers};
+#[cfg(feature = "python")]
+use crate::data::files::label_query::LabelQuery;
 use crate::data::files::settings::{
     AnalysisSettings, Blocking, RegionSettings, StatedWarning, ToolSettings,
 };
@@ -166,6 +168,13 @@ impl Outcome {
         };
         let labels = self.answers[tool].labels.clone();
         Ok(LabelFile { provenance, sites: self.sites().clone(), labels })
+    }
+
+    /// The answers of a tool, to be explained.
+    #[cfg(feature = "python")]
+    pub(crate) fn query(&self, tool: usize) -> Result<LabelQuery> {
+        let around = (self.mesh().cloned(), self.placed.fixtures());
+        LabelQuery::of(self.file(tool)?, self.part().as_ref(), around)
     }
 
     fn settings(&self, tool: usize) -> Result<AnalysisSettings> {

@@ -72,12 +72,12 @@ impl Outcome {
         let outlines = self.placed.outlines();
         let outlines = &outlines[..];
         let (show, unit, n_tools) = (files.show(), files.unit, self.tools().len());
-        let (mut paths, mut views) = (Vec::new(), Vec::new());
+        let mut paths = Vec::new();
         report(observer, Stage::Writing, (0, n_tools))?;
         for (k, (tool, answer)) in self.tools().iter().zip(self.answers()).enumerate() {
-            let (of_tool, name) = match self.has_folders() {
-                false => (folder.to_path_buf(), "exact"),
-                true => (folder.join(tool.folder()), &*tool.name),
+            let of_tool = match self.has_folders() {
+                false => folder.to_path_buf(),
+                true => folder.join(tool.folder()),
             };
             let file = self.file(k)?;
             paths.extend(folder::write_labels(&of_tool, &file, Scene { mesh, outlines }, show)?);
@@ -86,9 +86,6 @@ impl Outcome {
             }
             let about = (&*file.provenance.part, &*file.provenance.tool);
             paths.extend(answer.findings.write(&of_tool, about, unit)?);
-            if files.report {
-                views.push(View::of_labels(name, &file, answer.findings.clone()));
-            }
             report(observer, Stage::Writing, (k + 1, n_tools))?;
         }
         let part = self.part();
@@ -99,17 +96,37 @@ impl Outcome {
             let view = PartView { name: part, mesh, sites, cutter, outlines };
             paths.extend(coverage.write(folder, view, show, unit)?);
             paths.extend(self.findings().write(folder, (part, cutter), unit)?);
-            if files.report {
-                views.insert(0, coverage.view(self.findings().clone()));
-            }
         }
         if files.report {
-            paths.push(Page { part, mesh, sites, views: &views, unit, outlines }.write(folder)?);
+            let views = &self.views()?[..];
+            paths.push(Page { part, mesh, sites, views, unit, outlines }.write(folder)?);
         }
         paths.extend(self.placed.write_surfaces(folder)?);
         if let Some(fixtures) = &self.placed.fixtures() {
             paths.push(folder::write_fixtures(folder, fixtures)?);
         }
         Ok(paths)
+    }
+
+    /// The tabs of the page: of several tools one of all of them, then one of each.
+    fn views(&self) -> Result<Vec<View>> {
+        let mut views = Vec::new();
+        if self.has_folders() {
+            let areas = self.areas()?;
+            views.push(self.coverage(&areas).view(self.findings().clone()));
+        }
+        for (k, (tool, answer)) in self.tools().iter().zip(self.answers()).enumerate() {
+            let name = if self.has_folders() { &*tool.name } else { "exact" };
+            views.push(View::of_labels(name, &self.file(k)?, answer.findings.clone()));
+        }
+        Ok(views)
+    }
+
+    /// The page alone, as HTML.
+    #[cfg(feature = "python")]
+    pub(crate) fn html(&self, unit: Unit) -> Result<String> {
+        let ((mesh, sites), outlines) = (self.shown(), &self.placed.outlines()[..]);
+        let views = &self.views()?[..];
+        Page { part: self.part(), mesh, sites, views, unit, outlines }.html()
     }
 }

@@ -86,8 +86,29 @@ impl LabelQuery {
     /// If a file is not what `label` writes, the surface is missing or another one, or the labels are of a version that
     /// did not state what is needed; the message says what to do.
     pub fn read(labels: &Path, mesh: Option<Mesh>) -> Result<Self> {
-        let file = LabelFile::read(labels)?;
-        let stated = Stated { path: labels, provenance: &file.provenance };
+        Self::with(LabelFile::read(labels)?, labels, (mesh, None))
+    }
+
+    /// Of labels in memory, with the surface and what blocks beside it; `name` is for messages.
+    ///
+    /// # Errors
+    /// If the mesh is not that of the labels, or as [`LabelQuery::read`].
+    #[cfg(feature = "python")]
+    pub(crate) fn of(
+        file: LabelFile,
+        name: &Path,
+        (mesh, fixtures): (Option<Mesh>, Option<Mesh>),
+    ) -> Result<Self> {
+        Self::with(file, name, (mesh, Some(fixtures)))
+    }
+
+    /// Of labels; what is not given lies beside their file.
+    fn with(
+        file: LabelFile,
+        path: &Path,
+        (mesh, fixtures): (Option<Mesh>, Option<Option<Mesh>>),
+    ) -> Result<Self> {
+        let stated = Stated { path, provenance: &file.provenance };
         let (definition, tool, directions) =
             (stated.definition()?, stated.tool()?, stated.directions()?);
         let part_itself = definition == Definition::Part;
@@ -98,7 +119,11 @@ impl LabelQuery {
             let found = format!("a site is on triangle {face} of {n_triangles}");
             return Err(stated.fault("faces", found, LABEL_AGAIN));
         }
-        let fixtures = if part_itself { stated.fixtures()? } else { None };
+        let fixtures = match fixtures {
+            Some(given) => given,
+            None if part_itself => stated.fixtures()?,
+            None => None,
+        };
         let barrier = match (&mesh, part_itself) {
             (Some(mesh), true) => {
                 let fixtures: Vec<Mesh> = fixtures.iter().cloned().collect();

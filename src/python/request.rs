@@ -1,0 +1,161 @@
+//! What is requested of a part, from keyword arguments.
+
+use super::errors::{checked, refused, wrong_type};
+use super::options::Options;
+use super::part::{Mesh, Part, placement};
+use super::tool::Tools;
+use crate::Result;
+use crate::access::LabelOptions;
+use crate::access::surface::{ContactTolerance, FINISH_MM, RefinementOptions, SurfaceOptions};
+use crate::analysis::{Analysis, Fixture};
+use crate::data::files::settings::Blocking;
+use crate::data::files::tools::Tool;
+use crate::geom::formats::MeshOrCloud;
+use crate::geom::origin;
+use glam::DVec3;
+use pyo3::prelude::*;
+
+/// What the answers are for: of each, other options.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    Labels,
+    Reach,
+    Setups,
+}
+
+/// What is requested; the options that are left are the caller's.
+pub fn analysis(
+    part: &Bound<'_, PyAny>,
+    tools: &Bound<'_, PyAny>,
+    options: &mut Options<'_>,
+    purpose: Purpose,
+) -> PyResult<Analysis> {
+    let py = part.py();
+    let (part, tools) = (Part::of(part)?, Tools::of(tools)?);
+    let allowance = options.number("allowance")?;
+    let leaving = |tool: Tool| {
+        allowance.map_or_else(|| Ok(tool.clone()), |mm| tool.clone().with_allowance(mm))
+    };
+    let list = tools.list.into_iter().map(leaving).collect::<Result<Vec<_>>>();
+    let list = checked(py, list)?;
+    let (name, origin, shape) = match &part {
+        Part::Mesh(mesh) => {
+            let Mesh { mesh, origin, name, .. } = mesh.get();
+            (name.clone(), *origin, MeshOrCloud::Mesh(mesh.clone()))
+        }
+        Part::Cloud(sites) => ("part".into(), None, MeshOrCloud::Cloud((*sites.get().0).clone())),
+    };
+    let name = options.text("name")?.unwrap_or(name);
+    let is_mesh = matches!(shape, MeshOrCloud::Mesh(_));
+    let mut analysis = Analysis::new(name, shape, list)
+        .library(tools.are_of_files)
+        .folders(tools.are_several)
+        .origin(origin);
+    let (placed, seed) = placement(options)?;
+    analysis = match placed {
+        Some(sites) => analysis.spread(sites),
+        None => analysis.at_vertices(seed),
+    };
+    let (tolerances, share) = (surface_options(options, purpose)?, occlusion(options, purpose)?);
+    let prove = purpose != Purpose::Setups && options.flag("prove")?.unwrap_or(false);
+    let mut surface = SurfaceOptions { occlusion: share.is_some(), ..tolerances };
+    if prove {
+        surface.refinement = Some(RefinementOptions::proving());
+    }
+    surface.share = share.unwrap_or(LabelOptions::default().share);
+    if purpose != Purpose::Setups {
+        if let Some(directions) = options.directions()? {
+            analysis = analysis.directions(directions);
+        }
+        analysis = add_fixtures(analysis, origin, options)?;
+    }
+    if purpose == Purpose::Labels {
+        surface.clearance_limit_mm = options.number("clearance_limit")?;
+        let blocking = options.text("obstacles")?.map(|text| obstacles(py, &text)).transpose()?;
+        let by_mesh = is_mesh && blocking.is_none_or(|blocking| blocking == Blocking::Part);
+        let base = if by_mesh { LabelOptions::default() } else { LabelOptions::published() };
+        analysis = analysis.published(LabelOptions {
+            share: surface.share,
+            clearance_limit_mm: surface.clearance_limit_mm,
+            ..base
+        });
+        if let Some(blocking) = blocking {
+            analysis = analysis.obstacles(blocking);
+        }
+    }
+    Ok(analysis.options(surface).proving(prove))
+}
+
+fn obstacles(py: Python<'_>, text: &str) -> PyResult<Blocking> {
+    Blocking::try_from(text.to_owned()).map_err(|_| {
+        let expected = "part, published, centroids or a number";
+        let remedy = "part is the mesh definition, published has sites as obstacles";
+        refused(py, "obstacles", format!("`{text}`"), expected, remedy)
+    })
+}
+
+/// Tolerances, and how the directions between those tested are searched.
+fn surface_options(options: &mut Options<'_>, purpose: Purpose) -> PyResult<SurfaceOptions> {
+    let tolerance = options.number("tolerance")?;
+    let finish_mm = options.number("finish")?.unwrap_or(FINISH_MM);
+    let n_kept = match purpose {
+        Purpose::Setups => None,
+        Purpose::Labels | Purpose::Reach => options.whole::<usize>("search")?,
+    };
+    let search = RefinementOptions::default();
+    let refinement = match n_kept {
+        None => Some(search),
+        Some(0) => None,
+        Some(n_kept) => Some(RefinementOptions { n_kept, ..search }),
+    };
+    Ok(SurfaceOptions {
+        tolerance: tolerance.map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters),
+        finish_mm,
+        refinement,
+        ..SurfaceOptions::default()
+    })
+}
+
+/// The share of occlusion points, if they are wanted.
+fn occlusion(options: &mut Options<'_>, purpose: Purpose) -> PyResult<Option<f64>> {
+    if purpose != Purpose::Labels {
+        return Ok(None);
+    }
+    let wanted = options.flag("occlusion")?;
+    let share = options.number("occlusion_share")?;
+    Ok(match (wanted, share) {
+        (Some(false), _) | (None, None) => None,
+        (Some(true), None) => Some(LabelOptions::default().share),
+        (_, Some(share)) => Some(share),
+    })
+}
+
+/// Meshes and a table that block too, in the coordinates of the part as it was given.
+fn add_fixtures(
+    mut analysis: Analysis,
+    origin: Option<DVec3>,
+    options: &mut Options<'_>,
+) -> PyResult<Analysis> {
+    let expected = "a sequence of deepmill.Mesh";
+    let about = origin.unwrap_or_default();
+    if let Some(fixtures) = options.take("fixtures")? {
+        let items = fixtures.try_iter().map_err(|_| wrong_type("fixtures", &fixtures, expected))?;
+        for (k, item) in items.enumerate() {
+            let item = item?;
+            let Some(fixture) = Mesh::of(&item)? else {
+                return Err(wrong_type("fixtures", &item, expected));
+            };
+            let Mesh { mesh, origin, name, .. } = fixture.get();
+            let (mut mesh, from) = (mesh.clone(), about - origin.unwrap_or_default());
+            if from != DVec3::ZERO {
+                origin::make_relative(&mut mesh, from);
+            }
+            let name = if name == "part" { format!("fixture {}", k + 1) } else { name.clone() };
+            analysis = analysis.fixture(Fixture::new(name, mesh));
+        }
+    }
+    Ok(match options.number("table")? {
+        Some(z_mm) => analysis.table(z_mm - about.z),
+        None => analysis,
+    })
+}

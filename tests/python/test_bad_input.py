@@ -1,0 +1,242 @@
+"""Input that is not right: each an exception that names the argument, what was found and what is right."""
+
+import deepmill
+import numpy as np
+import pytest
+
+CORNERS = np.array([[0, 0, 0], [30, 0, 0], [0, 30, 0], [0, 0, 30]], dtype=float)
+TRIANGLES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+UP = np.tile([0.0, 0.0, 1.0], (4, 1))
+
+
+def with_value(array, value):
+    array = np.array(array, dtype=float)
+    array[2, 1] = value
+    return array
+
+
+def with_corner(value, dtype=np.int64):
+    array = TRIANGLES.astype(dtype)
+    array[1, 2] = value
+    return array
+
+
+class Half:
+    vertices = CORNERS
+
+
+class Raises:
+    @property
+    def vertices(self):
+        raise RuntimeError("broken property")
+
+
+ARRAYS = [
+    (lambda: deepmill.Mesh(CORNERS[:, :2], TRIANGLES), ["vertices", "float64 of shape [4, 2]", "[n, 3]"]),
+    (lambda: deepmill.Mesh(CORNERS.ravel(), TRIANGLES), ["vertices", "shape [12]", "[n, 3]"]),
+    (lambda: deepmill.Mesh(CORNERS[None], TRIANGLES), ["vertices", "shape [1, 4, 3]", "[n, 3]"]),
+    (lambda: deepmill.Mesh(CORNERS[:0], TRIANGLES), ["vertices", "shape [0, 3]", "at least 1"]),
+    (lambda: deepmill.Mesh([], TRIANGLES), ["vertices", "[n, 3]"]),
+    (lambda: deepmill.Mesh(CORNERS.astype(complex), TRIANGLES), ["vertices", "complex128", "real numbers"]),
+    (lambda: deepmill.Mesh(CORNERS.astype(bool), TRIANGLES), ["vertices", "bool", "real numbers"]),
+    (lambda: deepmill.Mesh(CORNERS.astype(str), TRIANGLES), ["vertices", "real numbers"]),
+    (lambda: deepmill.Mesh(CORNERS.astype(object), TRIANGLES), ["vertices", "object", "real numbers"]),
+    (lambda: deepmill.Mesh([[0, 0, 0], [1, 1]], TRIANGLES), ["vertices", "[n, 3]"]),
+    (lambda: deepmill.Mesh(None, TRIANGLES), ["vertices", "None", "[n, 3]"]),
+    (lambda: deepmill.Mesh("part.stl", TRIANGLES), ["vertices", "[n, 3]"]),
+    (lambda: deepmill.Mesh(with_value(CORNERS, np.nan), TRIANGLES), ["vertices", "NaN in row 2", "finite"]),
+    (lambda: deepmill.Mesh(with_value(CORNERS, -np.inf), TRIANGLES), ["vertices", "-inf in row 2", "finite"]),
+    (lambda: deepmill.Mesh(with_value(CORNERS, 1e300), TRIANGLES), ["vertex 2", "within"]),
+    (lambda: deepmill.Mesh(np.ma.masked_greater(CORNERS, 20), TRIANGLES), ["vertices", "masked", "[n, 3]"]),
+    (lambda: deepmill.Mesh(CORNERS), ["triangles", "not given", "[m, 3]"]),
+    (lambda: deepmill.Mesh(Half()), ["triangles", "not given", "faces"]),
+    (lambda: deepmill.Mesh(CORNERS, TRIANGLES.astype(float)), ["triangles", "float64", "integers"]),
+    (lambda: deepmill.Mesh(CORNERS, TRIANGLES[:, :2]), ["triangles", "shape [4, 2]", "[m, 3]"]),
+    (lambda: deepmill.Mesh(CORNERS, TRIANGLES[:0]), ["triangles", "shape [0, 3]", "at least 1"]),
+    (lambda: deepmill.Mesh(CORNERS, with_corner(4)), ["triangles", "4 in row 1", "from 0 to 3"]),
+    (lambda: deepmill.Mesh(CORNERS, with_corner(-1)), ["triangles", "-1 in row 1", "from 0 to 3"]),
+    (lambda: deepmill.Mesh(CORNERS, with_corner(2**63, np.uint64)), ["triangles", str(2**63), "from 0 to 3"]),
+    (lambda: deepmill.Mesh(CORNERS, with_corner(2**32, np.int64)), ["triangles", str(2**32), "from 0 to 3"]),
+    (lambda: deepmill.Mesh(CORNERS, TRIANGLES[:3]), ["open edge"]),
+    (lambda: deepmill.Mesh(CORNERS, TRIANGLES, unit="ft"), ["unit", "`ft`", "mm, cm, m or in"]),
+    (lambda: deepmill.Mesh(CORNERS, TRIANGLES, weld=float("nan")), ["weld", "nan", "a number"]),
+    (lambda: deepmill.Mesh(CORNERS, TRIANGLES, weld=2), ["weld"]),
+    (lambda: deepmill.Sites(CORNERS, UP[:3]), ["normals", "3 rows", "4, as many as points"]),
+    (lambda: deepmill.Sites(CORNERS, 2 * UP), ["site 0", "normal"]),
+    (lambda: deepmill.Sites(CORNERS, with_value(UP, np.nan)), ["normals", "NaN in row 2"]),
+    (lambda: deepmill.Sites(with_value(CORNERS, 1e39), UP), ["site 2"]),
+    (lambda: deepmill.Tool("1,2,3"), ["lengths", "`1,2,3`", "four lengths"]),
+    (lambda: deepmill.Tool([1, 2, 3]), ["lengths", "shape [3]", "four lengths"]),
+    (lambda: deepmill.Tool(), ["lengths", "not complete", "cr, ch, fr and fh"]),
+    (lambda: deepmill.Tool("1,2,3,4", cr=1), ["lengths", "two ways"]),
+    (lambda: deepmill.Tool("-1,2,3,4"), ["CR", "-1"]),
+    (lambda: deepmill.Tool("1,2,3,4", corner=5), ["corner", "5", "between 0 and CR"]),
+    (lambda: deepmill.Tool("1,2,3,4", kind="drill"), ["kind", "`drill`", "ball or flat"]),
+    (lambda: deepmill.Tool("1,2,3,4", kind="flat", corner=0.5), ["corner", "0.5", "none with a kind"]),
+    (lambda: analyze("1,2"), ["tools", "`1,2`", "four lengths"]),
+    (lambda: analyze([]), ["tools", "none", "one or more"]),
+    (lambda: analyze(["1,2,3,4", "1,2,3,4"]), ["tools", "`1-2-3-4` twice", "one tool only"]),
+    (lambda: analyze(sites=1), ["sites", "1", "2 or more"]),
+    (lambda: analyze(sites="all"), ["sites", "`all`", "vertices"]),
+    (lambda: analyze(directions=0), ["directions", "0", "1 to"]),
+    (lambda: analyze(directions="sideways"), ["directions", "`sideways`"]),
+    (lambda: analyze(directions=np.zeros((2, 3))), ["direction"]),
+    (lambda: analyze(directions=np.ones((2, 2))), ["directions", "shape [2, 2]", "[n, 3]"]),
+    (lambda: analyze(obstacles="walls"), ["obstacles", "`walls`", "centroids"]),
+    (lambda: analyze(seed=-1), ["seed", "-1", "from 0 on"]),
+    (lambda: analyze(seed=2**64), ["seed", str(2**64)]),
+    (lambda: analyze(smooth=200), ["smooth", "200", "0 to 180"]),
+    (lambda: analyze(occlusion_share=2.0), ["share", "2"]),
+    (lambda: analyze(tolerance=-1.0), ["tolerance", "-1"]),
+    (lambda: analyze(finish=float("inf")), ["finish", "inf"]),
+    (lambda: analyze(table=float("inf")), ["table", "inf"]),
+    (lambda: analyze(allowance=-1.0), ["allowance", "-1"]),
+    (lambda: deepmill.compare(tetrahedron(), "1,2,3,4", share=0), ["share", "0", "above 0"]),
+    (lambda: deepmill.setups(tetrahedron(), "1,2,3,4", "6-axis"), ["machine", "`6-axis`", "3-axis"]),
+    (lambda: deepmill.setups(tetrahedron(), "1,2,3,4", "3-axis", at_most=0), ["at_most", "0", "1 or more"]),
+    (lambda: deepmill.setups(tetrahedron(), "1,2,3,4", "3-axis", given=[[0, 0, 0]]), ["given", "without length"]),
+    (lambda: network().predict(CORNERS, UP, "1.5,6,40,5"), ["network", "out_of_domain"]),
+    (lambda: network().predict(CORNERS, UP, deepmill.Tool("1,2,3,4", kind="flat")), ["cutter", "ball end"]),
+    (lambda: network().predict(CORNERS, UP, "1.5,6,40,5", occlusion_share=0), ["share", "0", "above 0"]),
+    (lambda: deepmill.online([]), ["training set", "empty", "one part"]),
+    (lambda: deepmill.online([tetrahedron()], "huge"), ["cutters", "`huge`", "uniform"]),
+    (lambda: deepmill.online([tetrahedron()], turn="half"), ["turn", "`half`", "quarter"]),
+    (lambda: deepmill.online([tetrahedron()], tilt=2), ["tilt", "2", "0 to 1"]),
+    (lambda: deepmill.online([tetrahedron()], size_mm=(5, 1)), ["size_mm", "least <= greatest"]),
+    (lambda: deepmill.Octree([]), ["clouds", "empty"]),
+    (lambda: deepmill.Octree([(CORNERS, UP)], depth=11), ["depth", "11"]),
+    (lambda: labeled().save("nowhere", also=["pdf"]), ["also", "`pdf`", "glb or csv"]),
+    (lambda: labeled().save("nowhere", unit="ft"), ["unit", "`ft`", "mm, cm, m or in"]),
+    (lambda: deepmill.explain(labeled()), ["site", "not given", "site or at"]),
+    (lambda: deepmill.explain(labeled(), 10**6), ["site", "1000000"]),
+    (lambda: deepmill.explain(labeled(), at=[0, 0]), ["at", "shape [2]", "x, y, z"]),
+]
+
+TYPES = [
+    (lambda: analyze(sitez=5), ["no option sitez", "sites"]),
+    (lambda: analyze(sites=5.5), ["sites", "5.5 (float)", "whole number"]),
+    (lambda: analyze(seed=True), ["seed", "True (bool)", "whole number"]),
+    (lambda: analyze(table="low"), ["table", "'low' (str)", "a number"]),
+    (lambda: analyze(occlusion="yes"), ["occlusion", "'yes' (str)", "True or False"]),
+    (lambda: analyze(progress=5), ["progress", "5 (int)", "callable"]),
+    (lambda: analyze(5), ["tools", "5 (int)", "deepmill.Tool"]),
+    (lambda: analyze([None]), ["tools", "None", "deepmill.Tool"]),
+    (lambda: analyze(fixtures=[5]), ["fixtures", "5 (int)", "deepmill.Mesh"]),
+    (lambda: deepmill.analyze("part.stl", "1,2,3,4"), ["part", "str", "Mesh.read"]),
+    (lambda: deepmill.analyze(5, "1,2,3,4"), ["part", "5 (int)", "vertices and faces"]),
+    (lambda: deepmill.sample(5), ["mesh", "5 (int)"]),
+    (lambda: deepmill.setups(tetrahedron(), "1,2,3,4", 3), ["machine", "3 (int)", "str"]),
+    (lambda: deepmill.Mesh(CORNERS, TRIANGLES, name=5), ["name", "5 (int)", "str"]),
+    (lambda: deepmill.Mesh.read(5), ["path", "5 (int)", "PathLike"]),
+    (lambda: labeled().save("nowhere", also=5), ["also", "5 (int)", "glb"]),
+    (lambda: deepmill.compare(tetrahedron(), "1,9,3,4", sites=50).save("nowhere", report=True), ["no option report"]),
+    (lambda: deepmill.Octree([5]), ["clouds", "5 (int)", "pairs"]),
+    (lambda: deepmill.Octree(5), ["clouds", "5 (int)", "sequence"]),
+]
+
+
+def tetrahedron():
+    return deepmill.Mesh(CORNERS, TRIANGLES)
+
+
+def analyze(tools="1,2,3,4", **options):
+    return deepmill.analyze(tetrahedron(), tools, **{"sites": 50, **options})
+
+
+def labeled():
+    return analyze("1,20,3,4")
+
+
+def network():
+    return deepmill.Network.shipped()
+
+
+@pytest.mark.parametrize(("call", "words"), ARRAYS)
+def test_values_that_are_not_right_are_errors_in_words(call, words):
+    with pytest.raises(deepmill.Error) as raised:
+        call()
+    assert isinstance(raised.value, ValueError) and raised.value.kind
+    assert "\n" not in str(raised.value)
+    for word in words:
+        assert word in str(raised.value), str(raised.value)
+
+
+@pytest.mark.parametrize(("call", "words"), TYPES)
+def test_other_types_are_type_errors_in_words(call, words):
+    with pytest.raises(TypeError) as raised:
+        call()
+    for word in words:
+        assert word in str(raised.value), str(raised.value)
+
+
+def test_errors_of_the_caller_pass_through():
+    with pytest.raises(RuntimeError, match="broken property"):
+        deepmill.analyze(Raises(), "1,2,3,4")
+
+
+def test_files_are_both_errors_of_ours_and_of_the_system(tmp_path):
+    with pytest.raises(deepmill.FileError, match="no.stl: cannot be read: .*; check the path") as raised:
+        deepmill.Mesh.read(tmp_path / "no.stl")
+    assert isinstance(raised.value, (OSError, deepmill.Error)) and raised.value.errno == 2
+    bad = tmp_path / "bad.stl"
+    bad.write_bytes(b"solid\nfacet\n")
+    with pytest.raises(OSError, match="bad.stl"):
+        deepmill.Mesh.read(bad)
+    with pytest.raises(deepmill.FileError, match="cannot be written"):
+        analyze().save(bad / "folder")
+    with pytest.raises(deepmill.FileError, match="labels.npz"):
+        deepmill.explain(tmp_path, 0)
+    with pytest.raises(deepmill.FileError):
+        deepmill.Network.read(bad)
+    with pytest.raises(deepmill.FileError):
+        deepmill.read_tools(bad)
+
+
+def test_any_order_stride_byte_order_and_type_is_the_same_mesh():
+    expected = tetrahedron()
+    spread = np.zeros((4, 7))
+    spread[:, 1:6:2] = CORNERS
+    odd = np.frombuffer(b"x" + CORNERS.tobytes(), dtype=np.uint8)[1:].view(np.float64).reshape(4, 3)
+    read_only = CORNERS.copy()
+    read_only.flags.writeable = False
+    assert not odd.flags.aligned
+    for vertices in [
+        np.asfortranarray(CORNERS), spread[:, 1:6:2], CORNERS[::-1][::-1], CORNERS.astype(">f8"), odd, read_only,
+        CORNERS.astype(np.float32), CORNERS.astype(np.float16), CORNERS.astype(np.int16), CORNERS.tolist(),
+    ]:
+        assert np.array_equal(deepmill.Mesh(vertices, TRIANGLES).vertices, expected.vertices)
+    for dtype in ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", ">i4", ">u8"]:
+        triangles = np.asfortranarray(TRIANGLES.astype(dtype))
+        assert np.array_equal(deepmill.Mesh(CORNERS, triangles).triangles, expected.triangles)
+    assert deepmill.Mesh(CORNERS / 10, TRIANGLES, unit="cm").volume_mm3 == pytest.approx(4500)
+
+
+def test_input_is_copied_and_output_cannot_be_written():
+    vertices = CORNERS.copy()
+    mesh = deepmill.Mesh(vertices, TRIANGLES)
+    vertices[:] = 0
+    assert mesh.volume_mm3 == pytest.approx(4500)
+    outcome = deepmill.analyze(mesh, "1,20,3,4", sites=50, occlusion=True)
+    arrays = [mesh.vertices, mesh.triangles, outcome.points, outcome.area_shares, outcome[0].inaccessible]
+    for array in arrays:
+        assert not array.flags.writeable and not array.flags.owndata
+        with pytest.raises(ValueError):
+            array[:] = 0
+        with pytest.raises(ValueError):
+            array.flags.writeable = True
+    first, second = outcome.points, outcome.points
+    assert np.shares_memory(first, second)
+    kept = first.copy()
+    del outcome, second, arrays
+    assert np.array_equal(first, kept)
+
+
+def test_numbers_and_names_of_tools_that_there_are_not():
+    outcome = labeled()
+    with pytest.raises(IndexError):
+        outcome[1]
+    with pytest.raises(KeyError):
+        outcome["D6"]
+    with pytest.raises(TypeError):
+        outcome[0.5]
+    assert outcome[-1].tool.name == outcome["1-20-3-4"].tool.name
