@@ -24,6 +24,7 @@ const PLAN: [(&str, &[&str]); 30] = [
         &[
             "analysis",
             "report",
+            "train",
             "data",
             "model",
             "octree",

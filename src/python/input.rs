@@ -136,6 +136,16 @@ pub fn triangles(
     }
 }
 
+/// A mark for each of `n` sites.
+pub fn flags(name: &'static str, value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<bool>> {
+    let expected = format!("bool of shape [{n}], one for each site");
+    let given = Given::new(name, value, &expected)?;
+    if given.kind != 'b' || given.array.shape() != [n] {
+        return Err(given.refused(&expected, "convert it, for example by astype(bool)"));
+    }
+    given.rows::<bool>()
+}
+
 /// Real numbers, as many as `N`.
 pub fn numbers<const N: usize>(
     name: &'static str,

@@ -16,6 +16,7 @@ mod part;
 mod plans;
 mod request;
 mod tool;
+mod training;
 mod why;
 
 /// Which parts of a surface a milling cutter cannot reach, and what is in its way.
@@ -36,6 +37,8 @@ mod module {
     use super::plans::{SetupsOutcome, ToolsOutcome, compare, setups};
     #[pymodule_export]
     use super::tool::{Tool, read_tools};
+    #[pymodule_export]
+    use super::training::Trainer;
     #[pymodule_export]
     use super::why::explain;
 

@@ -7,14 +7,23 @@ use super::output::{list, rows};
 use super::part::{Sites, path_of};
 use super::tool::cutter_of;
 use crate::answers::SiteAnswers;
-use crate::model::{self, AnyModel, Model, Predictor, weights};
+use crate::model::weights::{self, Storage};
+use crate::model::{self, AnyModel, Model, Predictor};
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::path::PathBuf;
 
 /// A trained network; `Network.shipped()` comes with the package.
 #[pyclass(frozen, module = "deepmill")]
 pub struct Network(AnyModel<f32>);
+
+impl Network {
+    /// Of a model.
+    pub fn of(model: AnyModel<f32>) -> Self {
+        Network(model)
+    }
+}
 
 #[pymethods]
 impl Network {
@@ -35,6 +44,13 @@ impl Network {
     fn read(path: &Bound<'_, PyAny>) -> PyResult<Self> {
         let (py, path) = (path.py(), path_of("path", path)?);
         detached(py, || weights::read::<f32>(&path).map(Network))
+    }
+
+    /// Writes the weights, a file of safetensors; returns the path.
+    fn save(&self, path: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
+        let (py, path) = (path.py(), path_of("path", path)?);
+        detached(py, || weights::write(&path, &self.0, Storage::Exact, ""))?;
+        Ok(path)
     }
 
     /// "mesh" or "published": by which definition it was trained; None if that is not known.

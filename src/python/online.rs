@@ -1,9 +1,11 @@
 //! Labels on the fly, for training loops of Python.
 
-use super::errors::{detached, refused, wrong_type};
+use super::errors::{checked, detached, refused, wrong_type};
+use super::input;
 use super::options::Options;
 use super::output::{list, rows, threes};
-use super::part::{Part, placement};
+use super::part::{Part, Sites, placement};
+use super::tool::ball_end_of;
 use crate::access::LabelOptions;
 use crate::cutter::CutterSet;
 use crate::data::augment::Turn;
@@ -37,7 +39,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[pyfunction]
 #[pyo3(signature = (parts, cutters=None, **options))]
 #[pyo3(
-    text_signature = "(parts, cutters='uniform', *, seed=0, epochs=None, first_epoch=1, directions=None, sites=7000, smooth=None, mirror=True, turn='quarter', sides=0.3, tilt=0.1, size_mm=None)"
+    text_signature = "(parts, cutters='uniform', *, seed=0, epochs=None, first_epoch=1, directions=None, \
+        sites=7000, smooth=None, mirror=True, turn='quarter', sides=0.3, tilt=0.1, size_mm=None)"
 )]
 pub fn online(
     parts: &Bound<'_, PyAny>,
@@ -118,8 +121,7 @@ fn settings_of(
         }
     }
     if let Some(range) = options.take("size_mm")? {
-        settings.size_mm =
-            Some(super::input::numbers("size_mm", &range, "least and greatest size, mm")?);
+        settings.size_mm = Some(input::numbers("size_mm", &range, "least and greatest size, mm")?);
         if !settings.has_sound_sizes() {
             let found = format!("{:?}", settings.size_mm.unwrap_or_default());
             return Err(refused(
@@ -184,7 +186,12 @@ impl Online {
     }
 }
 
-/// A part, a cutter, and exact labels; read-only arrays, one entry per site.
+/// A part, a cutter, and labels; read-only arrays, one entry per site.
+///
+/// Sample(points, normals, cutter, inaccessible, occlusion, *, name="part")
+///
+/// points: float array [n, 3], mm. normals: float array [n, 3], unit vectors. inaccessible, occlusion: bool arrays [n].
+/// cutter: a ball end, Tool, "CR,CH,FR,FH" or four numbers, mm.
 #[pyclass(frozen, module = "deepmill")]
 pub struct Sample {
     sample: data::Sample,
@@ -193,15 +200,43 @@ pub struct Sample {
     index: usize,
 }
 
+impl Sample {
+    /// What the library has of it.
+    pub fn sample(&self) -> &data::Sample {
+        &self.sample
+    }
+}
+
 #[pymethods]
 impl Sample {
+    #[new]
+    #[pyo3(signature = (points, normals, cutter, inaccessible, occlusion, *, name="part".to_owned()))]
+    #[pyo3(text_signature = "(points, normals, cutter, inaccessible, occlusion, *, name='part')")]
+    fn new(
+        points: &Bound<'_, PyAny>,
+        normals: &Bound<'_, PyAny>,
+        cutter: &Bound<'_, PyAny>,
+        inaccessible: &Bound<'_, PyAny>,
+        occlusion: &Bound<'_, PyAny>,
+        name: String,
+    ) -> PyResult<Self> {
+        let sites = Sites::of(points, normals)?.0;
+        let params = ball_end_of("cutter", cutter)?;
+        let marks = input::flags("inaccessible", inaccessible, sites.len())?;
+        let occlusion = input::flags("occlusion", occlusion, sites.len())?;
+        let answers = crate::answers::SiteAnswers::new(marks, occlusion);
+        let sample = data::Sample { name, sites, cutter: params, answers };
+        checked(points.py(), sample.check())?;
+        Ok(Sample { cutter: params.to_array(), sample, epoch: 0, index: 0 })
+    }
+
     /// Name of the part.
     #[getter]
     fn name(&self) -> &str {
         &self.sample.name
     }
 
-    /// The round over the parts, from 1 on.
+    /// The round over the parts, from 1 on; 0 of a sample that was given.
     #[getter]
     fn epoch(&self) -> u64 {
         self.epoch

@@ -42,7 +42,9 @@ fn share_of(options: &mut Options<'_>, default: f64) -> PyResult<f64> {
 #[pyfunction]
 #[pyo3(signature = (part, tools, machine, **options))]
 #[pyo3(
-    text_signature = "(part, tools, machine, *, share=0.99, at_most=None, clampings=None, directions=None, given=(), sites=7000, seed=0, smooth=None, tolerance=None, finish=None, allowance=0.0, name=None, progress=None)"
+    text_signature = "(part, tools, machine, *, share=0.99, at_most=None, clampings=None, directions=None, \
+        given=(), sites=7000, seed=0, smooth=None, tolerance=None, finish=None, allowance=0.0, \
+        name=None, progress=None)"
 )]
 pub fn setups(
     part: &Bound<'_, PyAny>,
@@ -222,7 +224,9 @@ impl SetupsOutcome {
 #[pyfunction]
 #[pyo3(signature = (part, tools, **options))]
 #[pyo3(
-    text_signature = "(part, tools, *, share=0.95, directions=None, sites=7000, seed=0, smooth=None, fixtures=(), table=None, tolerance=None, finish=None, allowance=0.0, search=None, prove=False, name=None, progress=None)"
+    text_signature = "(part, tools, *, share=0.95, directions=None, sites=7000, seed=0, smooth=None, \
+        fixtures=(), table=None, tolerance=None, finish=None, allowance=0.0, search=None, \
+        prove=False, name=None, progress=None)"
 )]
 pub fn compare(
     part: &Bound<'_, PyAny>,

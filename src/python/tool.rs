@@ -36,7 +36,8 @@ impl Tool {
     #[new]
     #[pyo3(signature = (lengths=None, **options))]
     #[pyo3(
-        text_signature = "(lengths=None, *, cr=None, ch=None, fr=None, fh=None, kind='ball', corner=None, clearance=0.0, allowance=0.0, name=None)"
+        text_signature = "(lengths=None, *, cr=None, ch=None, fr=None, fh=None, kind='ball', corner=None, \
+            clearance=0.0, allowance=0.0, name=None)"
     )]
     fn new(
         py: Python<'_>,
@@ -164,6 +165,15 @@ pub fn cutter_of(name: &'static str, value: &Bound<'_, PyAny>) -> PyResult<Cutte
         Ok(tool) => Ok(tool.get().tool.cutter.clone()),
         Err(_) => checked(value.py(), Cutter::ball_end(params_of(name, value)?)),
     }
+}
+
+/// The four lengths of a ball end.
+pub fn ball_end_of(name: &'static str, value: &Bound<'_, PyAny>) -> PyResult<CutterParams> {
+    let cutter = cutter_of(name, value)?;
+    cutter.as_ball_end().ok_or_else(|| {
+        let expected = "a ball end with one holder below the spindle";
+        refused(value.py(), name, cutter.to_string(), expected, "networks know no other")
+    })
 }
 
 /// Tools of an argument: one, or a sequence of tools and texts; no two have the same name.

@@ -103,6 +103,15 @@ ARRAYS = [
     (lambda: deepmill.online([tetrahedron()], turn="half"), ["turn", "`half`", "quarter"]),
     (lambda: deepmill.online([tetrahedron()], tilt=2), ["tilt", "2", "0 to 1"]),
     (lambda: deepmill.online([tetrahedron()], size_mm=(5, 1)), ["size_mm", "least <= greatest"]),
+    (lambda: sample(inaccessible=[True]), ["inaccessible", "shape [1]", "bool of shape [4]"]),
+    (lambda: sample(occlusion=[0, 1, 0, 1]), ["occlusion", "int64", "bool of shape [4]"]),
+    (lambda: sample(cutter=deepmill.Tool("1,2,3,4", kind="flat")), ["cutter", "ball end"]),
+    (lambda: deepmill.Trainer([]), ["samples", "empty", "one sample"]),
+    (lambda: deepmill.Trainer([sample()], preset="huge"), ["preset", "huge", "tiny"]),
+    (lambda: deepmill.Trainer([sample()], settings={"epochs": 3}), ["settings", "`epochs`", "n_epochs"]),
+    (lambda: deepmill.Trainer([sample()], settings={"lr": -1.0}), ["lr", "-1", "above 0"]),
+    (lambda: deepmill.Trainer([sample()], settings={"lr": set()}), ["settings", "JSON"]),
+    (lambda: deepmill.Trainer([sample()], definition="ours"), ["definition", "`ours`", "mesh or published"]),
     (lambda: deepmill.Octree([]), ["clouds", "empty"]),
     (lambda: deepmill.Octree([(CORNERS, UP)], depth=11), ["depth", "11"]),
     (lambda: labeled().save("nowhere", also=["pdf"]), ["also", "`pdf`", "glb or csv"]),
@@ -130,6 +139,9 @@ TYPES = [
     (lambda: deepmill.Mesh.read(5), ["path", "5 (int)", "PathLike"]),
     (lambda: labeled().save("nowhere", also=5), ["also", "5 (int)", "glb"]),
     (lambda: deepmill.compare(tetrahedron(), "1,9,3,4", sites=50).save("nowhere", report=True), ["no option report"]),
+    (lambda: deepmill.Trainer([5]), ["samples", "5 (int)", "deepmill.Sample"]),
+    (lambda: deepmill.Trainer([sample()], settings=5), ["settings", "5 (int)", "dict"]),
+    (lambda: deepmill.Trainer([sample()], preset="tiny").train(5), ["progress", "5 (int)", "callable"]),
     (lambda: deepmill.Octree([5]), ["clouds", "5 (int)", "pairs"]),
     (lambda: deepmill.Octree(5), ["clouds", "5 (int)", "sequence"]),
 ]
@@ -145,6 +157,10 @@ def analyze(tools="1,2,3,4", **options):
 
 def labeled():
     return analyze("1,20,3,4")
+
+
+def sample(cutter="1.5,6,40,5", inaccessible=np.zeros(4, dtype=bool), occlusion=np.ones(4, dtype=bool)):
+    return deepmill.Sample(CORNERS, UP, cutter, inaccessible, occlusion)
 
 
 def network():

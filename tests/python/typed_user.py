@@ -38,6 +38,9 @@ def arrays(vertices: NDArray[np.float32], triangles: NDArray[np.int32], other: T
     for sample in deepmill.online([mesh, other], "short", seed=1, epochs=1):
         cutter: NDArray[np.float64] = sample.cutter_mm
         print(cutter, sample.inaccessible)
+    trainer = deepmill.Trainer([sample], preset="tiny", settings={"n_epochs": 1})
+    if trainer.train(lambda step: bool(step["loss"] < 1)):
+        print(trainer.history, trainer.network.save("weights.safetensors"))
     tools, notices = deepmill.read_tools("library.json", unit="mm")
     print(notices, deepmill.compare(mesh, tools).table)
 

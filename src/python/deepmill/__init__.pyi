@@ -9,30 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
-    "Error",
-    "FileError",
-    "Interrupted",
-    "Mesh",
-    "Network",
-    "Octree",
-    "OctreeLevel",
-    "Online",
-    "Outcome",
-    "Prediction",
-    "Sample",
-    "SetupsOutcome",
-    "Sites",
-    "Tool",
-    "ToolAnswers",
-    "ToolsOutcome",
-    "__version__",
-    "analyze",
-    "compare",
-    "explain",
-    "online",
-    "read_tools",
-    "sample",
-    "setups",
+    "Error", "FileError", "Interrupted", "Mesh", "Network", "Octree", "OctreeLevel", "Online", "Outcome",
+    "Prediction", "Sample", "SetupsOutcome", "Sites", "Tool", "ToolAnswers", "ToolsOutcome", "Trainer",
+    "__version__", "analyze", "compare", "explain", "online", "read_tools", "sample", "setups",
 ]
 
 __version__: str
@@ -68,12 +47,7 @@ class Mesh:
     ) -> Mesh: ...
     @staticmethod
     def read(
-        path: _Path,
-        unit: _Unit | None = None,
-        *,
-        weld: float = 1e-6,
-        repair: bool = False,
-        force: bool = False,
+        path: _Path, unit: _Unit | None = None, *, weld: float = 1e-6, repair: bool = False, force: bool = False,
     ) -> Mesh: ...
     @property
     def vertices(self) -> NDArray[np.float64]: ...
@@ -149,11 +123,7 @@ def read_tools(
     strict: bool = False,
 ) -> tuple[list[Tool], list[str]]: ...
 def sample(
-    mesh: _Part,
-    *,
-    sites: int | Literal["vertices"] = 7000,
-    seed: int = 0,
-    smooth: float | None = None,
+    mesh: _Part, *, sites: int | Literal["vertices"] = 7000, seed: int = 0, smooth: float | None = None,
 ) -> Sites: ...
 def analyze(
     part: _Part | Sites,
@@ -216,11 +186,7 @@ def compare(
     progress: _Progress | None = None,
 ) -> ToolsOutcome: ...
 def explain(
-    result: Outcome | _Path,
-    site: int | None = None,
-    *,
-    at: ArrayLike | None = None,
-    tool: int | str | None = None,
+    result: Outcome | _Path, site: int | None = None, *, at: ArrayLike | None = None, tool: int | str | None = None,
 ) -> dict[str, Any]: ...
 
 @final
@@ -268,11 +234,7 @@ class Outcome:
     ) -> list[Path]: ...
     def report(self, path: _Path, *, unit: _Unit = "mm") -> Path: ...
     def explain(
-        self,
-        site: int | None = None,
-        *,
-        at: ArrayLike | None = None,
-        tool: int | str | None = None,
+        self, site: int | None = None, *, at: ArrayLike | None = None, tool: int | str | None = None,
     ) -> dict[str, Any]: ...
 
 @final
@@ -366,12 +328,7 @@ class ToolsOutcome:
     @property
     def notices(self) -> list[str]: ...
     def save(
-        self,
-        folder: _Path,
-        *,
-        pictures: bool = True,
-        unit: _Unit = "mm",
-        progress: _Progress | None = None,
+        self, folder: _Path, *, pictures: bool = True, unit: _Unit = "mm", progress: _Progress | None = None,
     ) -> list[Path]: ...
 
 @final
@@ -380,6 +337,7 @@ class Network:
     def shipped() -> Network: ...
     @staticmethod
     def read(path: _Path) -> Network: ...
+    def save(self, path: _Path) -> Path: ...
     @property
     def definition(self) -> Literal["mesh", "published"] | None: ...
     def predict(
@@ -438,6 +396,16 @@ class Online:
 
 @final
 class Sample:
+    def __new__(
+        cls,
+        points: ArrayLike,
+        normals: ArrayLike,
+        cutter: Tool | str | ArrayLike,
+        inaccessible: ArrayLike,
+        occlusion: ArrayLike,
+        *,
+        name: str = "part",
+    ) -> Sample: ...
     def __len__(self) -> int: ...
     @property
     def name(self) -> str: ...
@@ -456,16 +424,37 @@ class Sample:
     @property
     def occlusion(self) -> NDArray[np.bool_]: ...
     @property
-    def accessible_share(self) -> NDArray[np.float32]: ...
+    def accessible_share(self) -> NDArray[np.float32] | None: ...
+
+@final
+class Trainer:
+    def __new__(
+        cls,
+        samples: Iterable[Sample],
+        validation: Iterable[Sample] = (),
+        *,
+        preset: Literal["paper", "reference", "small", "tiny"] = "small",
+        settings: dict[str, Any] | None = None,
+        definition: Literal["mesh", "published"] | None = None,
+    ) -> Trainer: ...
+    @staticmethod
+    def resume(path: _Path, samples: Iterable[Sample], validation: Iterable[Sample] = ()) -> Trainer: ...
+    def save(self, path: _Path) -> Path: ...
+    def step(self) -> dict[str, Any] | None: ...
+    def train(self, progress: Callable[[dict[str, Any]], bool | None] | None = None) -> bool: ...
+    @property
+    def is_finished(self) -> bool: ...
+    @property
+    def settings(self) -> dict[str, Any]: ...
+    @property
+    def history(self) -> list[dict[str, Any]]: ...
+    @property
+    def network(self) -> Network: ...
 
 @final
 class Octree:
     def __new__(
-        cls,
-        clouds: Iterable[Sites | tuple[ArrayLike, ArrayLike]],
-        *,
-        depth: int = 5,
-        full_depth: int = 2,
+        cls, clouds: Iterable[Sites | tuple[ArrayLike, ArrayLike]], *, depth: int = 5, full_depth: int = 2,
     ) -> Octree: ...
     @property
     def depth(self) -> int: ...
