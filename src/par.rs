@@ -282,6 +282,20 @@ pub(crate) fn with_background<M: Send, R: Send>(
     })
 }
 
+/// Starts `work` on a thread of its own, which nobody waits for.
+///
+/// # Errors
+/// If the system starts no thread.
+#[cfg(feature = "python")]
+pub(crate) fn start(work: impl FnOnce() + Send + 'static) -> Result<()> {
+    /// As much as a main thread has.
+    const STACK_BYTES: usize = 8 << 20;
+    let started = std::thread::Builder::new().stack_size(STACK_BYTES).spawn(work);
+    started.map(drop).map_err(|e| {
+        Error::argument("threads", e, "one more that the system starts", "end other programs")
+    })
+}
+
 /// Sorts in parallel by a total order on keys; equal keys keep their order.
 pub(crate) fn sort_by_key<T: Send, K: Ord>(items: &mut [T], key: impl Fn(&T) -> K + Sync) {
     items.par_sort_by_key(key);

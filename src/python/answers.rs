@@ -60,7 +60,7 @@ pub fn analyze(
     let request = analysis(part, tools, &mut options, Purpose::Labels)?;
     let watch = options.progress()?;
     options.finish()?;
-    watch.run(py, |observer| {
+    watch.run_apart(py, move |observer| {
         let placed = request.place(observer)?;
         let mut warnings = placed.warnings().to_vec();
         let outcome = placed.label(observer)?;

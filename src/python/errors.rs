@@ -1,7 +1,7 @@
 //! Errors as Python exceptions, and work without the interpreter's lock.
 
 use crate::analysis::{Observer, Progress, Stage};
-use crate::{Error, Result};
+use crate::{Error, Result, par};
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -9,6 +9,8 @@ use pyo3::types::{PyDict, PyTuple, PyType};
 use std::any::Any;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::time::Duration;
 
 /// The exceptions.
 struct Types {
@@ -184,6 +186,41 @@ impl Watch {
         }
     }
 
+    /// As [`Watch::run`], on a thread of its own: signals are seen at once. Work that is left then ends before its next
+    /// part.
+    pub fn run_apart<T: Send + 'static>(
+        self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut dyn Observer) -> Result<T> + Send + 'static,
+    ) -> PyResult<T> {
+        let (send, mut receive) = mpsc::channel();
+        let (answer, answers) = mpsc::channel();
+        let started = par::start(move || {
+            let mut remote = Remote { send: send.clone(), answers };
+            let result = catch_unwind(AssertUnwindSafe(|| work(&mut remote)));
+            // Nobody may be there any more.
+            let _ = send.send(Message::Done(result));
+        });
+        checked(py, started)?;
+        loop {
+            let message;
+            (message, receive) =
+                py.detach(move || (receive.recv_timeout(BETWEEN_SIGNALS), receive));
+            match message {
+                Ok(Message::Progress(progress)) => {
+                    let _ = answer.send(self.call(py, progress)?);
+                }
+                Ok(Message::Done(Ok(result))) => {
+                    py.check_signals()?;
+                    return checked(py, result);
+                }
+                Ok(Message::Done(Err(panic))) => return Err(fault(&*panic)),
+                Err(RecvTimeoutError::Timeout) => py.check_signals()?,
+                Err(RecvTimeoutError::Disconnected) => return Err(fault(&"its thread is gone")),
+            }
+        }
+    }
+
     fn call(&self, py: Python<'_>, Progress { stage, done, of, .. }: Progress) -> PyResult<bool> {
         py.check_signals()?;
         let Some(callable) = &self.callable else { return Ok(true) };
@@ -199,6 +236,32 @@ fn name(stage: Stage) -> &'static str {
         Stage::Verifying => "verifying",
         Stage::Findings => "findings",
         Stage::Writing => "writing",
+    }
+}
+
+/// How long a signal may wait.
+const BETWEEN_SIGNALS: Duration = Duration::from_millis(50);
+
+/// What work on a thread of its own sends.
+enum Message<T> {
+    Progress(Progress),
+    /// The result, or what a panic has left.
+    Done(std::thread::Result<Result<T>>),
+}
+
+/// Passes progress on to the thread that waits, and stops if it does not wait any more.
+struct Remote<T> {
+    send: Sender<Message<T>>,
+    answers: Receiver<bool>,
+}
+
+impl<T> Observer for Remote<T> {
+    fn progress(&mut self, progress: Progress) -> ControlFlow<()> {
+        let sent = self.send.send(Message::Progress(progress)).is_ok();
+        match sent && self.answers.recv().unwrap_or(false) {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(()),
+        }
     }
 }
 

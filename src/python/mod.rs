@@ -17,6 +17,7 @@ mod plans;
 mod request;
 mod tool;
 mod training;
+mod volume;
 mod why;
 
 /// Which parts of a surface a milling cutter cannot reach, and what is in its way.
@@ -39,6 +40,8 @@ mod module {
     use super::tool::{Tool, read_tools};
     #[pymodule_export]
     use super::training::Trainer;
+    #[pymodule_export]
+    use super::volume::{VolumeOutcome, volume};
     #[pymodule_export]
     use super::why::explain;
 

@@ -88,7 +88,8 @@ pub fn setups(
     request = request.given(given_of(&mut options)?);
     let watch = options.progress()?;
     options.finish()?;
-    let outcome = watch.run(py, |observer| analysis.place(observer)?.plan(request, observer))?;
+    let outcome =
+        watch.run_apart(py, move |observer| analysis.place(observer)?.plan(request, observer))?;
     let first =
         outcome.setups().plan().first.iter().map(|first| first.map_or(-1, |k| k as i64)).collect();
     Ok(SetupsOutcome { outcome, first })
@@ -239,7 +240,8 @@ pub fn compare(
     let share = share_of(&mut options, 0.95)?;
     let watch = options.progress()?;
     options.finish()?;
-    let outcome = watch.run(py, |observer| analysis.place(observer)?.reach(share, observer))?;
+    let outcome =
+        watch.run_apart(py, move |observer| analysis.place(observer)?.reach(share, observer))?;
     Ok(ToolsOutcome { outcome })
 }
 

@@ -21,6 +21,7 @@ pub enum Purpose {
     Labels,
     Reach,
     Setups,
+    Volume,
 }
 
 /// What is requested; the options that are left are the caller's.
@@ -32,7 +33,10 @@ pub fn analysis(
 ) -> PyResult<Analysis> {
     let py = part.py();
     let (part, tools) = (Part::of(part)?, Tools::of(tools)?);
-    let allowance = options.number("allowance")?;
+    let allowance = match purpose {
+        Purpose::Volume => None,
+        Purpose::Labels | Purpose::Reach | Purpose::Setups => options.number("allowance")?,
+    };
     let leaving = |tool: Tool| {
         allowance.map_or_else(|| Ok(tool.clone()), |mm| tool.clone().with_allowance(mm))
     };
@@ -51,11 +55,12 @@ pub fn analysis(
         .library(tools.are_of_files)
         .folders(tools.are_several)
         .origin(origin);
-    let (placed, seed) = placement(options)?;
-    analysis = match placed {
-        Some(sites) => analysis.spread(sites),
-        None => analysis.at_vertices(seed),
-    };
+    if purpose != Purpose::Volume {
+        analysis = match placement(options)? {
+            (Some(sites), _) => analysis.spread(sites),
+            (None, seed) => analysis.at_vertices(seed),
+        };
+    }
     let (tolerances, share) = (surface_options(options, purpose)?, occlusion(options, purpose)?);
     let prove = purpose != Purpose::Setups && options.flag("prove")?.unwrap_or(false);
     let mut surface = SurfaceOptions { occlusion: share.is_some(), ..tolerances };
@@ -100,7 +105,7 @@ fn surface_options(options: &mut Options<'_>, purpose: Purpose) -> PyResult<Surf
     let finish_mm = options.number("finish")?.unwrap_or(FINISH_MM);
     let n_kept = match purpose {
         Purpose::Setups => None,
-        Purpose::Labels | Purpose::Reach => options.whole::<usize>("search")?,
+        Purpose::Labels | Purpose::Reach | Purpose::Volume => options.whole::<usize>("search")?,
     };
     let search = RefinementOptions::default();
     let refinement = match n_kept {

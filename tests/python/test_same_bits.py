@@ -113,6 +113,20 @@ def test_setups_and_tools_have_the_bytes_of_the_program(program, stl, tmp_path):
     assert outcome.accessible.shape == outcome.least_stick_out_mm.shape == (2, 800)
 
 
+def test_volumes_have_the_bytes_of_the_program(program, stl, tmp_path):
+    arguments = ["--cutter", "2,5,20,20", "--directions", "up", "--volume", 2.5]
+    run(program, "label", stl, *arguments, "--out", tmp_path / "a")
+    volume = deepmill.volume(deepmill.Mesh.read(stl), "2,5,20,20", 2.5, directions="up")
+    volume.save(tmp_path / "b")
+    assert_same(tmp_path / "b", tmp_path / "a")
+    assert volume.answers.shape == volume.accessible_directions.shape == (16, 12, 8)
+    center = np.array([15, 15, 15])  # of the pocket
+    i, j, k = np.rint((center - volume.origin_mm) / volume.step_mm).astype(int)
+    assert volume.answers[i, j, k] != 3 and volume.answers[0, 0, 0] == 3
+    assert volume.share("accessible") == (volume.answers == 0).sum() / (volume.answers != 3).sum()
+    assert np.array_equal(volume.answers == 0, volume.accessible_directions > 0)
+
+
 def test_predictions_are_those_of_the_program(program, stl, tmp_path):
     run(program, "predict", stl, "--cutter", "1.5,6,40,5", "--sites", 1500, "--far", "--out", tmp_path)
     file = arrays(tmp_path / "predictions.npz")

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "Error", "FileError", "Interrupted", "Mesh", "Network", "Octree", "OctreeLevel", "Online", "Outcome",
     "Prediction", "Sample", "SetupsOutcome", "Sites", "Tool", "ToolAnswers", "ToolsOutcome", "Trainer",
-    "__version__", "analyze", "compare", "explain", "online", "read_tools", "sample", "setups",
+    "VolumeOutcome", "analyze", "compare", "explain", "online", "read_tools", "sample", "setups", "volume",
+    "__version__",
 ]
 
 __version__: str
@@ -113,78 +114,43 @@ _Tools: TypeAlias = Tool | str | Iterable[Tool | str]
 _Directions: TypeAlias = int | str | Sequence[Sequence[float]] | NDArray[Any]
 
 def read_tools(
-    path: _Path,
-    *,
-    stick_out: float | None = None,
-    holder: _Path | None = None,
-    shank: float | None = None,
-    flutes: float | None = None,
-    unit: _Unit | None = None,
-    strict: bool = False,
+    path: _Path, *,
+    stick_out: float | None = None, holder: _Path | None = None, shank: float | None = None,
+    flutes: float | None = None, unit: _Unit | None = None, strict: bool = False,
 ) -> tuple[list[Tool], list[str]]: ...
 def sample(
     mesh: _Part, *, sites: int | Literal["vertices"] = 7000, seed: int = 0, smooth: float | None = None,
 ) -> Sites: ...
 def analyze(
-    part: _Part | Sites,
-    tools: _Tools,
-    *,
-    directions: _Directions | None = None,
-    sites: int | Literal["vertices"] = 7000,
-    seed: int = 0,
-    smooth: float | None = None,
-    occlusion: bool = False,
-    occlusion_share: float = 0.1,
-    obstacles: str | None = None,
-    fixtures: Iterable[_Part] = (),
-    table: float | None = None,
-    tolerance: float | None = None,
-    finish: float | None = None,
-    allowance: float = 0.0,
-    search: int | None = None,
-    prove: bool = False,
-    clearance_limit: float | None = None,
-    name: str | None = None,
-    progress: _Progress | None = None,
+    part: _Part | Sites, tools: _Tools, *,
+    directions: _Directions | None = None, sites: int | Literal["vertices"] = 7000, seed: int = 0,
+    smooth: float | None = None, occlusion: bool = False, occlusion_share: float = 0.1,
+    obstacles: str | None = None, fixtures: Iterable[_Part] = (), table: float | None = None,
+    tolerance: float | None = None, finish: float | None = None, allowance: float = 0.0,
+    search: int | None = None, prove: bool = False, clearance_limit: float | None = None,
+    name: str | None = None, progress: _Progress | None = None,
 ) -> Outcome: ...
 def setups(
-    part: _Part,
-    tools: _Tools,
-    machine: str,
-    *,
-    share: float = 0.99,
-    at_most: int | None = None,
-    clampings: Literal["standing", "flat", "box", "any"] | None = None,
-    directions: int | None = None,
-    given: str | Sequence[str] | ArrayLike = (),
-    sites: int | Literal["vertices"] = 7000,
-    seed: int = 0,
-    smooth: float | None = None,
-    tolerance: float | None = None,
-    finish: float | None = None,
-    allowance: float = 0.0,
-    name: str | None = None,
-    progress: _Progress | None = None,
+    part: _Part, tools: _Tools, machine: str, *,
+    share: float = 0.99, at_most: int | None = None,
+    clampings: Literal["standing", "flat", "box", "any"] | None = None, directions: int | None = None,
+    given: str | Sequence[str] | ArrayLike = (), sites: int | Literal["vertices"] = 7000, seed: int = 0,
+    smooth: float | None = None, tolerance: float | None = None, finish: float | None = None,
+    allowance: float = 0.0, name: str | None = None, progress: _Progress | None = None,
 ) -> SetupsOutcome: ...
 def compare(
-    part: _Part,
-    tools: _Tools,
-    *,
-    share: float = 0.95,
-    directions: _Directions | None = None,
-    sites: int | Literal["vertices"] = 7000,
-    seed: int = 0,
-    smooth: float | None = None,
-    fixtures: Iterable[_Part] = (),
-    table: float | None = None,
-    tolerance: float | None = None,
-    finish: float | None = None,
-    allowance: float = 0.0,
-    search: int | None = None,
-    prove: bool = False,
-    name: str | None = None,
-    progress: _Progress | None = None,
+    part: _Part, tools: _Tools, *,
+    share: float = 0.95, directions: _Directions | None = None, sites: int | Literal["vertices"] = 7000,
+    seed: int = 0, smooth: float | None = None, fixtures: Iterable[_Part] = (), table: float | None = None,
+    tolerance: float | None = None, finish: float | None = None, allowance: float = 0.0,
+    search: int | None = None, prove: bool = False, name: str | None = None, progress: _Progress | None = None,
 ) -> ToolsOutcome: ...
+def volume(
+    part: _Part, tool: Tool | str, step: float, *,
+    directions: _Directions | None = None, fixtures: Iterable[_Part] = (), table: float | None = None,
+    tolerance: float | None = None, finish: float | None = None, search: int | None = None, prove: bool = False,
+    name: str | None = None, progress: _Progress | None = None,
+) -> VolumeOutcome: ...
 def explain(
     result: Outcome | _Path, site: int | None = None, *, at: ArrayLike | None = None, tool: int | str | None = None,
 ) -> dict[str, Any]: ...
@@ -332,6 +298,23 @@ class ToolsOutcome:
     ) -> list[Path]: ...
 
 @final
+class VolumeOutcome:
+    @property
+    def answers(self) -> NDArray[np.uint8]: ...
+    @property
+    def accessible_directions(self) -> NDArray[np.uint32]: ...
+    @property
+    def origin_mm(self) -> list[float]: ...
+    @property
+    def step_mm(self) -> float: ...
+    def share(self, answer: Literal["accessible", "inaccessible", "tip_does_not_fit"]) -> float: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    @property
+    def notices(self) -> list[str]: ...
+    def save(self, folder: _Path, *, pictures: bool = True) -> list[Path]: ...
+
+@final
 class Network:
     @staticmethod
     def shipped() -> Network: ...
@@ -373,19 +356,10 @@ class Prediction:
     def outside_domain(self) -> list[str]: ...
 
 def online(
-    parts: Iterable[_Part | Sites],
-    cutters: Literal["uniform", "short", "long", "extreme"] = "uniform",
-    *,
-    seed: int = 0,
-    epochs: int | None = None,
-    first_epoch: int = 1,
-    directions: _Directions | None = None,
-    sites: int | Literal["vertices"] = 7000,
-    smooth: float | None = None,
-    mirror: bool = True,
-    turn: Literal["none", "quarter", "any"] = "quarter",
-    sides: float = 0.3,
-    tilt: float = 0.1,
+    parts: Iterable[_Part | Sites], cutters: Literal["uniform", "short", "long", "extreme"] = "uniform", *,
+    seed: int = 0, epochs: int | None = None, first_epoch: int = 1, directions: _Directions | None = None,
+    sites: int | Literal["vertices"] = 7000, smooth: float | None = None, mirror: bool = True,
+    turn: Literal["none", "quarter", "any"] = "quarter", sides: float = 0.3, tilt: float = 0.1,
     size_mm: tuple[float, float] | None = None,
 ) -> Online: ...
 
