@@ -1,7 +1,7 @@
 //! Labels of sites.
 
 use super::errors::{detached, refused, wrong_type};
-use super::options::Options;
+use super::options::{Options, text_of};
 use super::output::{list, of_json, rows, threes};
 use super::part::{Sites, path_of};
 use super::request::{Purpose, analysis};
@@ -96,7 +96,7 @@ impl Outcome {
     pub fn tool_of(&self, key: &Bound<'_, PyAny>) -> PyResult<usize> {
         let n = self.outcome.tools().len();
         if key.is_instance_of::<PyString>() {
-            let name: String = key.extract()?;
+            let name = text_of("tool", key)?;
             let found = self.outcome.tools().iter().position(|tool| tool.name == name);
             return found.ok_or_else(|| PyKeyError::new_err(format!("there is no tool {name}")));
         }

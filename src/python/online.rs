@@ -2,7 +2,7 @@
 
 use super::errors::{checked, detached, refused, wrong_type};
 use super::input;
-use super::options::Options;
+use super::options::{Options, text_of};
 use super::output::{list, rows, threes};
 use super::part::{Part, Sites, placement};
 use super::tool::ball_end_of;
@@ -93,8 +93,7 @@ fn settings_of(
     let py = options.py();
     let mut settings = OnlineSettings::default();
     if let Some(cutters) = cutters {
-        let name: String =
-            cutters.extract().map_err(|_| wrong_type("cutters", cutters, "a str"))?;
+        let name = text_of("cutters", cutters)?;
         let found = CutterSet::ALL.into_iter().find(|set| set.name() == name);
         settings.cutter_set = found.ok_or_else(|| {
             let expected = "uniform, short, long or extreme";
@@ -210,7 +209,7 @@ impl Sample {
 #[pymethods]
 impl Sample {
     #[new]
-    #[pyo3(signature = (points, normals, cutter, inaccessible, occlusion, *, name="part".to_owned()))]
+    #[pyo3(signature = (points, normals, cutter, inaccessible, occlusion, *, name=None))]
     #[pyo3(text_signature = "(points, normals, cutter, inaccessible, occlusion, *, name='part')")]
     fn new(
         points: &Bound<'_, PyAny>,
@@ -218,8 +217,9 @@ impl Sample {
         cutter: &Bound<'_, PyAny>,
         inaccessible: &Bound<'_, PyAny>,
         occlusion: &Bound<'_, PyAny>,
-        name: String,
+        name: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let name = name.map_or_else(|| Ok("part".into()), |name| text_of("name", name))?;
         let sites = Sites::of(points, normals)?.0;
         let params = ball_end_of("cutter", cutter)?;
         let marks = input::flags("inaccessible", inaccessible, sites.len())?;

@@ -1,6 +1,6 @@
 //! Keyword arguments, with the words of this library where they are wrong.
 
-use super::errors::{Watch, checked, refused, wrong_type};
+use super::errors::{Watch, checked, refused, shown, wrong_type};
 use super::input;
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::units::Unit;
@@ -89,8 +89,7 @@ impl<'py> Options<'py> {
 
     /// Text.
     pub fn text(&mut self, name: &'static str) -> PyResult<Option<String>> {
-        let Some(value) = self.take(name)? else { return Ok(None) };
-        value.extract().map(Some).map_err(|_| wrong_type(name, &value, "a str"))
+        self.take(name)?.map(|value| text_of(name, &value)).transpose()
     }
 
     /// A unit of length.
@@ -123,6 +122,16 @@ impl<'py> Options<'py> {
         };
         checked(self.py, made).map(Some)
     }
+}
+
+/// Text.
+pub fn text_of(name: &'static str, value: &Bound<'_, PyAny>) -> PyResult<String> {
+    if !value.is_instance_of::<PyString>() {
+        return Err(wrong_type(name, value, "a str"));
+    }
+    value.extract().map_err(|_| {
+        refused(value.py(), name, shown(value), "text in Unicode", "leave out lone surrogates")
+    })
 }
 
 /// A real number.

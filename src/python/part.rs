@@ -2,7 +2,7 @@
 
 use super::errors::{checked, detached, refused, wrong_type};
 use super::input;
-use super::options::Options;
+use super::options::{Options, text_of};
 use super::output::{list, rows, threes, threes_f64};
 use crate::geom::formats::{self, MeshOrCloud, ReadOptions};
 use crate::geom::sites::{self, Normals, SiteOptions};
@@ -180,11 +180,12 @@ impl Mesh {
     #[pyo3(text_signature = "(path, unit=None, *, weld=1e-6, repair=False, force=False)")]
     fn read(
         path: &Bound<'_, PyAny>,
-        unit: Option<String>,
+        unit: Option<&Bound<'_, PyAny>>,
         options: Option<Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let py = path.py();
         let path = path_of("path", path)?;
+        let unit = unit.map(|unit| text_of("unit", unit)).transpose()?;
         let scale = match unit {
             None => 1.0,
             Some(unit) => checked(
@@ -365,7 +366,7 @@ pub fn placement(options: &mut Options<'_>) -> PyResult<(Option<SiteOptions>, u6
         return Ok((Some(SiteOptions { seed, normals, ..SiteOptions::default() }), seed));
     };
     if sites.is_instance_of::<PyString>() {
-        return match sites.extract::<String>()?.as_str() {
+        return match text_of("sites", &sites)?.as_str() {
             "vertices" => Ok((None, seed)),
             other => {
                 Err(refused(py, "sites", format!("`{other}`"), expected, "7000 suits most parts"))

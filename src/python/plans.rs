@@ -1,9 +1,9 @@
 //! Setups, and tools of a library compared.
 
 use super::answers::{array, files_of, findings_of};
-use super::errors::{checked, refused, wrong_type};
+use super::errors::{checked, refused};
 use super::input;
-use super::options::Options;
+use super::options::{Options, text_of};
 use super::output::{list, of_json, rows, threes};
 use super::part::path_of;
 use super::request::{Purpose, analysis};
@@ -54,7 +54,7 @@ pub fn setups(
 ) -> PyResult<SetupsOutcome> {
     let py = part.py();
     let mut options = Options::new(py, options)?;
-    let text: String = machine.extract().map_err(|_| wrong_type("machine", machine, "a str"))?;
+    let text = text_of("machine", machine)?;
     let machine: Machine = checked(py, text.parse())?;
     let analysis = analysis(part, tools, &mut options, Purpose::Setups)?;
     let mut request = SetupRequest::on(machine).share(share_of(&mut options, 0.99)?);
@@ -99,7 +99,7 @@ fn given_of(options: &mut Options<'_>) -> PyResult<Vec<Vec3>> {
     let py = options.py();
     let Some(given) = options.take("given")? else { return Ok(Vec::new()) };
     let words: Option<Vec<String>> = match given.is_instance_of::<PyString>() {
-        true => Some(vec![given.extract()?]),
+        true => Some(vec![text_of("given", &given)?]),
         false => given.extract().ok(),
     };
     if let Some(words) = words {

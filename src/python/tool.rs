@@ -2,7 +2,7 @@
 
 use super::errors::{checked, detached, refused, wrong_type};
 use super::input;
-use super::options::{Options, number};
+use super::options::{Options, number, text_of};
 use super::part::path_of;
 use crate::cutter::{Cutter, CutterParams};
 use crate::data::files::tools::{self, Unsaid, number_repeated};
@@ -140,7 +140,7 @@ impl Tool {
 /// Four lengths of text, numbers or an array.
 fn params_of(name: &'static str, value: &Bound<'_, PyAny>) -> PyResult<CutterParams> {
     if value.is_instance_of::<PyString>() {
-        let params: Result<CutterParams> = value.extract::<String>()?.parse();
+        let params: Result<CutterParams> = text_of(name, value)?.parse();
         return checked(value.py(), params.map_err(|error| called(name, error)));
     }
     if value.is_instance_of::<PyDict>() {
@@ -266,7 +266,7 @@ pub fn read_tools<'py>(
     let unit_mm = match unit {
         None => None,
         Some(unit) => {
-            let text: String = unit.extract().map_err(|_| wrong_type("unit", &unit, "a str"))?;
+            let text = text_of("unit", &unit)?;
             Some(checked(py, text.parse::<crate::geom::units::Unit>())?.millimeters())
         }
     };

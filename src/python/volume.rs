@@ -2,7 +2,7 @@
 
 use super::answers::files_of;
 use super::errors::{detached, refused};
-use super::options::{Options, number};
+use super::options::{Options, number, text_of};
 use super::output::view;
 use super::part::path_of;
 use super::request::{Purpose, analysis};
@@ -89,8 +89,8 @@ impl VolumeOutcome {
     }
 
     /// Share of the points outside the part that have an answer: "accessible", "inaccessible" or "tip_does_not_fit".
-    fn share(&self, py: Python<'_>, answer: &str) -> PyResult<f64> {
-        let answer = match answer {
+    fn share(&self, py: Python<'_>, answer: &Bound<'_, PyAny>) -> PyResult<f64> {
+        let answer = match &*text_of("answer", answer)? {
             "accessible" => PointAnswer::Accessible,
             "inaccessible" => PointAnswer::Inaccessible,
             "tip_does_not_fit" => PointAnswer::TipDoesNotFit,

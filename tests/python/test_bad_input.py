@@ -259,3 +259,67 @@ def test_numbers_and_names_of_tools_that_there_are_not():
     with pytest.raises(TypeError):
         outcome[0.5]
     assert outcome[-1].tool.name == outcome["1-20-3-4"].tool.name
+
+
+OPTIONS = [
+    "directions", "sites", "seed", "smooth", "occlusion", "occlusion_share", "obstacles", "fixtures", "table",
+    "tolerance", "finish", "allowance", "search", "prove", "clearance_limit", "name", "progress",
+]
+HOSTILE = [
+    0, -1, 3, 2**31, 2**63, 2**64, -(2**70), 0.0, -0.5, 1e-300, 1e300, float("inf"), float("nan"), True, False, "",
+    "0", "nan", "x" * 1000, "\x00", "\ud800", b"bytes", [], [0], [[0, 0, 1]], {}, {1: 2}, object(), np.nan,
+    np.array(5), np.array([1.0]), np.zeros((0, 3)), np.full((3, 3), np.inf), np.array("text"), 1 + 2j, print, type,
+]
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_no_value_of_an_option_is_a_fault_of_ours(option):
+    small = {"sites": 20, "directions": 4, "search": 0}
+    for value in HOSTILE:
+        try:
+            deepmill.analyze(tetrahedron(), "1,2,3,4", **{**small, option: value})
+        except (deepmill.Error, TypeError):
+            pass
+
+
+@pytest.mark.parametrize("value", HOSTILE, ids=lambda value: repr(value)[:20])
+def test_no_argument_is_a_fault_of_ours(value):
+    outcome = deepmill.analyze(tetrahedron(), "1,2,3,4", sites=20, directions=4, search=0)
+    calls = [
+        lambda: deepmill.Mesh(value),
+        lambda: deepmill.Mesh(value, TRIANGLES),
+        lambda: deepmill.Mesh(CORNERS, value),
+        lambda: deepmill.Mesh(CORNERS, TRIANGLES, weld=value, force=True),
+        lambda: deepmill.Mesh(CORNERS * (value if type(value) in (int, float) else 1), TRIANGLES),
+        lambda: deepmill.Mesh(CORNERS, TRIANGLES, unit=value),
+        lambda: deepmill.Sites(value, value),
+        lambda: deepmill.Tool(value),
+        lambda: deepmill.Tool(cr=value, ch=value, fr=value, fh=value),
+        lambda: deepmill.Tool("1,2,3,4", corner=value),
+        lambda: deepmill.Tool("1,2,3,4", clearance=value),
+        lambda: deepmill.Tool("1,2,3,4", allowance=value),
+        lambda: deepmill.analyze(value, "1,2,3,4"),
+        lambda: deepmill.analyze(tetrahedron(), value, sites=20),
+        lambda: deepmill.compare(tetrahedron(), "1,2,3,4", share=value, sites=20, directions=4),
+        lambda: deepmill.setups(tetrahedron(), "1,2,3,4", value, sites=20),
+        lambda: deepmill.setups(tetrahedron(), "1,2,3,4", "3-axis", given=value, sites=20),
+        lambda: deepmill.volume(tetrahedron(), "1,2,3,4", value, directions=4, search=0),
+        lambda: outcome.explain(value),
+        lambda: outcome.explain(at=value),
+        lambda: outcome.explain(0, tool=value),
+        lambda: outcome[value],
+        lambda: deepmill.Octree(value),
+        lambda: deepmill.Octree([(CORNERS, UP)], depth=value),
+        lambda: deepmill.online([tetrahedron()], seed=value, sites=20),
+        lambda: deepmill.online([tetrahedron()], size_mm=value, sites=20),
+        lambda: deepmill.online(value),
+        lambda: deepmill.Trainer(value),
+        lambda: deepmill.Trainer([sample()], settings={"lr": value}, preset="tiny"),
+        lambda: sample(cutter=value),
+        lambda: sample(inaccessible=value),
+    ]
+    for call in calls:
+        try:
+            call()
+        except (deepmill.Error, TypeError, LookupError):
+            pass
