@@ -3,7 +3,7 @@
 use super::errors::{detached, refused, wrong_type};
 use super::options::{Options, text_of};
 use super::output::{list, of_json, rows, threes};
-use super::part::{Sites, path_of};
+use super::part::{Mesh, Part, Sites, path_of};
 use super::request::{Purpose, analysis};
 use super::tool::Tool;
 use super::why;
@@ -57,10 +57,11 @@ pub fn analyze(
 ) -> PyResult<Outcome> {
     let py = part.py();
     let mut options = Options::new(py, options)?;
-    let request = analysis(part, tools, &mut options, Purpose::Labels)?;
+    let part = Part::of(part)?;
+    let request = analysis(&part, tools, &mut options, Purpose::Labels)?;
     let watch = options.progress()?;
     options.finish()?;
-    watch.run_apart(py, move |observer| {
+    let (outcome, warnings) = watch.run_apart(py, move |observer| {
         let placed = request.place(observer)?;
         let mut warnings = placed.warnings().to_vec();
         let outcome = placed.label(observer)?;
@@ -68,8 +69,11 @@ pub fn analyze(
             let of = if outcome.has_folders() { format!("{}: ", tool.name) } else { String::new() };
             warnings.extend(answer.warnings.iter().map(|warning| format!("{of}{warning}")));
         }
-        Ok(Outcome { outcome: Arc::new(outcome), warnings, areas: OnceLock::new() })
-    })
+        Ok((outcome, warnings))
+    })?;
+    let notices = part.notices_and(outcome.notices());
+    let (outcome, mesh) = (Arc::new(outcome), part.mesh());
+    Ok(Outcome { outcome, mesh, warnings, notices, areas: OnceLock::new() })
 }
 
 /// The answers about every tool, and what follows from them. Arrays are read-only views, in the order of the sites.
@@ -78,7 +82,9 @@ pub fn analyze(
 #[pyclass(frozen, module = "deepmill")]
 pub struct Outcome {
     pub outcome: Arc<analysis::Outcome>,
+    mesh: Option<Py<Mesh>>,
     warnings: Vec<String>,
+    notices: Vec<String>,
     areas: OnceLock<SiteAreas>,
 }
 
@@ -156,6 +162,12 @@ impl Outcome {
         self.outcome.tools().iter().map(tool).collect()
     }
 
+    /// The mesh as it was labeled, which `faces` are of; None of a cloud.
+    #[getter]
+    fn mesh(&self, py: Python<'_>) -> Option<Py<Mesh>> {
+        self.mesh.as_ref().map(|mesh| mesh.clone_ref(py))
+    }
+
     /// The sites, with the triangle that each lies on.
     #[getter]
     fn sites(&self) -> Sites {
@@ -211,10 +223,10 @@ impl Outcome {
         self.warnings.clone()
     }
 
-    /// What was left out, a sentence each.
+    /// What was changed or left out, of the part too, a sentence each.
     #[getter]
     fn notices(&self) -> Vec<String> {
-        self.outcome.notices().to_vec()
+        self.notices.clone()
     }
 
     /// Seconds that sites, labels and findings took.

@@ -419,6 +419,23 @@ pub enum Part<'py> {
 }
 
 impl<'py> Part<'py> {
+    /// The mesh, if it is one.
+    pub fn mesh(&self) -> Option<Py<Mesh>> {
+        match self {
+            Part::Mesh(mesh) => Some(mesh.clone().unbind()),
+            Part::Cloud(_) => None,
+        }
+    }
+
+    /// What was changed of it, then what `others` state.
+    pub fn notices_and(&self, others: &[String]) -> Vec<String> {
+        let own = match self {
+            Part::Mesh(mesh) => &mesh.get().notices[..],
+            Part::Cloud(_) => &[],
+        };
+        own.iter().chain(others).cloned().collect()
+    }
+
     /// Of an argument.
     pub fn of(value: &Bound<'py, PyAny>) -> PyResult<Self> {
         if let Ok(sites) = value.cast::<Sites>() {

@@ -5,7 +5,7 @@ use super::errors::{checked, refused};
 use super::input;
 use super::options::{Options, text_of};
 use super::output::{list, of_json, rows, threes};
-use super::part::path_of;
+use super::part::{Part, path_of};
 use super::request::{Purpose, analysis};
 use super::tool::Tool;
 use crate::access::setups::{Clampings, Machine, direction_of_words};
@@ -56,7 +56,8 @@ pub fn setups(
     let mut options = Options::new(py, options)?;
     let text = text_of("machine", machine)?;
     let machine: Machine = checked(py, text.parse())?;
-    let analysis = analysis(part, tools, &mut options, Purpose::Setups)?;
+    let part = Part::of(part)?;
+    let analysis = analysis(&part, tools, &mut options, Purpose::Setups)?;
     let mut request = SetupRequest::on(machine).share(share_of(&mut options, 0.99)?);
     if let Some(n) = options.whole::<usize>("at_most")? {
         if n == 0 {
@@ -92,7 +93,7 @@ pub fn setups(
         watch.run_apart(py, move |observer| analysis.place(observer)?.plan(request, observer))?;
     let first =
         outcome.setups().plan().first.iter().map(|first| first.map_or(-1, |k| k as i64)).collect();
-    Ok(SetupsOutcome { outcome, first })
+    Ok(SetupsOutcome { notices: part.notices_and(outcome.notices()), outcome, first })
 }
 
 fn given_of(options: &mut Options<'_>) -> PyResult<Vec<Vec3>> {
@@ -119,6 +120,7 @@ fn given_of(options: &mut Options<'_>) -> PyResult<Vec<Vec3>> {
 pub struct SetupsOutcome {
     outcome: analysis::SetupsOutcome,
     first: Vec<i64>,
+    notices: Vec<String>,
 }
 
 #[pymethods]
@@ -183,10 +185,10 @@ impl SetupsOutcome {
         findings_of(py, self.outcome.findings())
     }
 
-    /// What was left out, a sentence each.
+    /// What was changed or left out, of the part too, a sentence each.
     #[getter]
     fn notices(&self) -> Vec<String> {
-        self.outcome.notices().to_vec()
+        self.notices.clone()
     }
 
     /// Writes what `deepmill setups` writes into a folder; returns the paths.
@@ -236,19 +238,21 @@ pub fn compare(
 ) -> PyResult<ToolsOutcome> {
     let py = part.py();
     let mut options = Options::new(py, options)?;
-    let analysis = analysis(part, tools, &mut options, Purpose::Reach)?;
+    let part = Part::of(part)?;
+    let analysis = analysis(&part, tools, &mut options, Purpose::Reach)?;
     let share = share_of(&mut options, 0.95)?;
     let watch = options.progress()?;
     options.finish()?;
     let outcome =
         watch.run_apart(py, move |observer| analysis.place(observer)?.reach(share, observer))?;
-    Ok(ToolsOutcome { outcome })
+    Ok(ToolsOutcome { notices: part.notices_and(outcome.notices()), outcome })
 }
 
 /// What the tools of a library reach.
 #[pyclass(frozen, module = "deepmill")]
 pub struct ToolsOutcome {
     outcome: analysis::ToolsOutcome,
+    notices: Vec<String>,
 }
 
 #[pymethods]
@@ -313,10 +317,10 @@ impl ToolsOutcome {
         self.outcome.placed().warnings().iter().chain(self.outcome.warnings()).cloned().collect()
     }
 
-    /// What was left out, a sentence each.
+    /// What was changed or left out, of the part too, a sentence each.
     #[getter]
     fn notices(&self) -> Vec<String> {
-        self.outcome.notices().to_vec()
+        self.notices.clone()
     }
 
     /// Writes what `deepmill tools` writes into a folder; returns the paths.

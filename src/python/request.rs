@@ -26,13 +26,12 @@ pub enum Purpose {
 
 /// What is requested; the options that are left are the caller's.
 pub fn analysis(
-    part: &Bound<'_, PyAny>,
+    part: &Part<'_>,
     tools: &Bound<'_, PyAny>,
     options: &mut Options<'_>,
     purpose: Purpose,
 ) -> PyResult<Analysis> {
-    let py = part.py();
-    let (part, tools) = (Part::of(part)?, Tools::of(tools)?);
+    let (py, tools) = (tools.py(), Tools::of(tools)?);
     let allowance = match purpose {
         Purpose::Volume => None,
         Purpose::Labels | Purpose::Reach | Purpose::Setups => options.number("allowance")?,
@@ -42,7 +41,7 @@ pub fn analysis(
     };
     let list = tools.list.into_iter().map(leaving).collect::<Result<Vec<_>>>();
     let list = checked(py, list)?;
-    let (name, origin, shape) = match &part {
+    let (name, origin, shape) = match part {
         Part::Mesh(mesh) => {
             let Mesh { mesh, origin, name, .. } = mesh.get();
             (name.clone(), *origin, MeshOrCloud::Mesh(mesh.clone()))

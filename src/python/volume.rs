@@ -4,7 +4,7 @@ use super::answers::files_of;
 use super::errors::{detached, refused};
 use super::options::{Options, number, text_of};
 use super::output::view;
-use super::part::path_of;
+use super::part::{Part, path_of};
 use super::request::{Purpose, analysis};
 use crate::analysis;
 use crate::data::files::volume::PointAnswer;
@@ -39,12 +39,13 @@ pub fn volume(
     let py = part.py();
     let step_mm = number("step", step)?;
     let mut options = Options::new(py, options)?;
-    let analysis = analysis(part, tool, &mut options, Purpose::Volume)?;
+    let part = Part::of(part)?;
+    let analysis = analysis(&part, tool, &mut options, Purpose::Volume)?;
     let watch = options.progress()?;
     options.finish()?;
     let outcome = watch.run_apart(py, move |observer| analysis.volume(step_mm, observer))?;
     let answers = outcome.file().answers.iter().map(|answer| *answer as u8).collect();
-    Ok(VolumeOutcome { outcome, answers })
+    Ok(VolumeOutcome { notices: part.notices_and(outcome.notices()), outcome, answers })
 }
 
 /// The answers about the points of a lattice; read-only arrays [x, y, z].
@@ -52,6 +53,7 @@ pub fn volume(
 pub struct VolumeOutcome {
     outcome: analysis::VolumeOutcome,
     answers: Vec<u8>,
+    notices: Vec<String>,
 }
 
 impl VolumeOutcome {
@@ -114,10 +116,10 @@ impl VolumeOutcome {
         self.outcome.warnings().to_vec()
     }
 
-    /// What was left out, a sentence each.
+    /// What was changed or left out, of the part too, a sentence each.
     #[getter]
     fn notices(&self) -> Vec<String> {
-        self.outcome.notices().to_vec()
+        self.notices.clone()
     }
 
     /// Writes what `deepmill label --volume` writes into a folder; returns the paths.

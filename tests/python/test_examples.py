@@ -79,6 +79,28 @@ def test_samples_repeat_and_are_labeled_by_the_published_definition(mesh):
     assert exact.tip_does_not_fit is None and first.cutter_mm.shape == (4,)
 
 
+def test_a_part_far_from_the_origin_is_labeled_about_a_local_one(pocket, mesh):
+    shift = np.array([1e5, 0, 2e4])
+    far = deepmill.Mesh(pocket[0] + shift, pocket[1], name=mesh.name)
+    clamp = deepmill.Mesh(pocket[0] + np.array([0, 0, 21.0]), pocket[1], name="clamp")
+    far_clamp = deepmill.Mesh(clamp.vertices + shift, clamp.triangles, name="clamp")
+    near = deepmill.analyze(mesh, "2,10,20,20", sites=500, fixtures=[clamp], table=-1)
+    moved = deepmill.analyze(far, "2,10,20,20", sites=500, fixtures=[far_clamp], table=2e4 - 1)
+    assert mesh.origin_mm is None and moved.mesh is far and np.abs(far.origin_mm - shift).max() < 100
+    assert any("far from the origin" in notice for notice in moved.notices) and not near.notices
+    assert np.abs(moved.points + far.origin_mm - shift - near.points).max() < 1e-2
+    assert (moved[0].accessible == near[0].accessible).mean() > 0.99
+
+
+def test_what_was_changed_of_a_part_is_among_the_notices(pocket):
+    class Inward:
+        vertices, faces = pocket[0], pocket[1][:, ::-1]
+
+    outcome = deepmill.analyze(Inward(), "2,10,20,20", sites=200)
+    assert any("turned" in notice for notice in outcome.notices) and outcome.mesh.notices == outcome.notices
+    assert outcome.mesh.volume_mm3 > 0 and outcome.faces.max() < len(outcome.mesh.faces)
+
+
 def test_fixtures_and_tables_block(mesh):
     clamp = deepmill.Mesh([[0, 0, 0], [20, 0, 0], [0, 20, 0], [0, 0, 20]] + np.array([5.0, 5.0, 20.0]),
                           [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], name="clamp")
