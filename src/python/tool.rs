@@ -216,7 +216,7 @@ impl Tools {
     }
 }
 
-/// Names are told apart, or refused if someone gave them twice.
+/// Tools of files that have one name get numbers; other names given twice are refused.
 fn with_names(mut tools: Vec<tools::Tool>) -> Result<Vec<tools::Tool>> {
     number_repeated(&mut tools);
     let mut keys = HashSet::new();
