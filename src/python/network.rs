@@ -1,7 +1,7 @@
 //! Answers of a network.
 
 use super::answers::array;
-use super::errors::{checked, detached};
+use super::errors::{checked, detached, detached_long};
 use super::options::Options;
 use super::output::{list, rows};
 use super::part::{Sites, path_of};
@@ -92,7 +92,7 @@ impl Network {
         if out_of_domain {
             predictor = predictor.allow_out_of_domain();
         }
-        detached(py, || {
+        detached_long(py, || {
             let (prediction, outside) = predictor.predict(&sites.0, &cutter)?;
             let answers = share
                 .map_or_else(|| prediction.answers(), |share| prediction.answers_ranked(share));

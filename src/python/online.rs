@@ -1,6 +1,6 @@
 //! Labels on the fly, for training loops of Python.
 
-use super::errors::{checked, detached, refused, wrong_type};
+use super::errors::{checked, detached, detached_long, refused, wrong_type};
 use super::input;
 use super::options::{Options, text_of};
 use super::output::{list, rows, threes};
@@ -179,7 +179,7 @@ impl Online {
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Sample>> {
         let Some((epoch, index)) = self.draw() else { return Ok(None) };
-        let sample = detached(py, || self.source.sample(epoch, index))?;
+        let sample = detached_long(py, || self.source.sample(epoch, index))?;
         let cutter = sample.cutter.to_array();
         Ok(Some(Sample { sample, cutter, epoch, index }))
     }

@@ -1,6 +1,6 @@
 //! Training of a network on samples.
 
-use super::errors::{checked, detached, refused, wrong_type};
+use super::errors::{checked, detached, detached_long, refused, wrong_type};
 use super::network::Network;
 use super::online::Sample;
 use super::options::Options;
@@ -123,7 +123,7 @@ impl Trainer {
     fn go_on(&self, py: Python<'_>, watch: &mut Steps) -> PyResult<bool> {
         let mut run = self.run()?;
         let run = &mut *run;
-        let done = detached(py, || match &self.source {
+        let done = detached_long(py, || match &self.source {
             Source::Fixed(samples) => run.train(&samples[..], &self.validation, watch),
             Source::Online(online) => run.train(online, &self.validation, watch),
         });

@@ -101,6 +101,17 @@ def test_other_threads_run_meanwhile_and_answers_do_not_depend_on_them(mesh):
         assert np.array_equal(other.witness, expected.witness, equal_nan=True)
 
 
+def test_a_callable_may_label_itself(mesh):
+    inner = []
+
+    def progress(stage, done, of):
+        if stage == "labels" and not inner:
+            inner.append(deepmill.analyze(mesh, "2,5,20,20", sites=300)[0])
+
+    outer = deepmill.analyze(mesh, "2,5,20,20", sites=300, progress=progress)[0]
+    assert np.array_equal(outer.inaccessible, inner[0].inaccessible)
+
+
 def test_samples_are_drawn_once_by_several_threads(mesh):
     draw = lambda: deepmill.online([mesh, mesh], seed=3, epochs=4, sites=200)
     expected = {(sample.epoch, sample.index): sample.inaccessible.tobytes() for sample in draw()}
