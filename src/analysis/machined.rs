@@ -74,6 +74,11 @@ impl Analysis {
         if tools.is_empty() {
             return Err(Error::argument("tools", "none", "one or more", "name a tool"));
         }
+        if let Some(tool) = tools.iter().find(|tool| tool.cutter.profile().is_some()) {
+            let found = format!("{}, given by its profile", tool.name);
+            let remedy = "leave it out: what it removes is not computed";
+            return Err(Error::argument("tools", found, "tools given by lengths", remedy));
+        }
         let directions = self.take_directions(Blocking::Part)?;
         let (low, high) = part.bounds().unwrap_or_default();
         let longest = (high - low).max_element();

@@ -32,6 +32,7 @@ use std::sync::{Arc, OnceLock};
 /// occlusion, occlusion_share: also mark that share of the sites that are most often in the way.
 /// obstacles: "part", "published", "centroids", or a number of further points. fixtures: meshes that block too.
 /// table: height of a table, mm. tolerance, finish, allowance, clearance_limit: mm.
+/// rest: also compute how much each tool leaves where it does not reach.
 /// search: how wide to search between the directions, 0 not at all. prove: search far longer, for proofs.
 /// progress: callable (stage: str, done: int, of: int); False stops with deepmill.Interrupted.
 ///
@@ -48,7 +49,7 @@ use std::sync::{Arc, OnceLock};
 #[pyo3(
     text_signature = "(part, tools, *, directions=None, sites=7000, seed=0, smooth=None, occlusion=False, \
         occlusion_share=0.1, obstacles=None, fixtures=(), table=None, tolerance=None, finish=None, \
-        allowance=0.0, search=None, prove=False, clearance_limit=None, name=None, progress=None)"
+        allowance=0.0, search=None, prove=False, clearance_limit=None, rest=False, name=None, progress=None)"
 )]
 pub fn analyze(
     part: &Bound<'_, PyAny>,
@@ -412,6 +413,12 @@ impl ToolAnswers {
     #[getter]
     fn clearance_mm<'py>(this: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<f32>>> {
         list(this, |of| &of.answers().clearance_mm[..])
+    }
+
+    /// How much the tool leaves, 0 where it reaches: float32 [n], mm; None unless `rest`.
+    #[getter]
+    fn rest_mm<'py>(this: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<f32>>> {
+        list(this, |of| &of.answers().rest_mm[..])
     }
 
     /// Gouge tolerance at each site: float64 [n], mm; None by the published definition.

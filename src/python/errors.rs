@@ -247,6 +247,7 @@ fn name(stage: Stage) -> &'static str {
     match stage {
         Stage::Sites => "sites",
         Stage::Labels => "labels",
+        Stage::Machining => "machining",
         Stage::Verifying => "verifying",
         Stage::Findings => "findings",
         Stage::Writing => "writing",

@@ -7,6 +7,7 @@
 mod answers;
 mod errors;
 mod input;
+mod machined;
 mod network;
 mod octree;
 mod online;
@@ -26,6 +27,8 @@ mod why;
 mod module {
     #[pymodule_export]
     use super::answers::{Outcome, ToolAnswers, analyze};
+    #[pymodule_export]
+    use super::machined::{MachinedOutcome, machined};
     #[pymodule_export]
     use super::network::{Network, Prediction};
     #[pymodule_export]

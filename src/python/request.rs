@@ -75,6 +75,7 @@ pub fn analysis(
     }
     if purpose == Purpose::Labels {
         surface.clearance_limit_mm = options.number("clearance_limit")?;
+        analysis = analysis.rest(options.flag("rest")?.unwrap_or(false));
         let blocking = options.text("obstacles")?.map(|text| obstacles(py, &text)).transpose()?;
         let by_mesh = is_mesh && blocking.is_none_or(|blocking| blocking == Blocking::Part);
         let base = if by_mesh { LabelOptions::default() } else { LabelOptions::published() };

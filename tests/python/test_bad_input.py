@@ -263,7 +263,7 @@ def test_numbers_and_names_of_tools_that_there_are_not():
 
 OPTIONS = [
     "directions", "sites", "seed", "smooth", "occlusion", "occlusion_share", "obstacles", "fixtures", "table",
-    "tolerance", "finish", "allowance", "search", "prove", "clearance_limit", "name", "progress",
+    "tolerance", "finish", "allowance", "search", "prove", "clearance_limit", "rest", "name", "progress",
 ]
 HOSTILE = [
     0, -1, 3, 2**31, 2**63, 2**64, -(2**70), 0.0, -0.5, 1e-300, 1e300, float("inf"), float("nan"), True, False, "",

@@ -38,9 +38,9 @@ CASES = [
         {"directions": "cone:60:80", "seed": 7, "occlusion": True},
     ),
     (
-        ["--cutter", "2,5,20,20", "--cutter", "1,12,10,20", "--table", "-1", "--clearance-limit", "2", "--search", "0"],
+        ["--cutter", "2,5,20,20", "--cutter", "1,12,10,20", "--table", "-1", "--clearance-limit", "2", "--search", "0", "--rest"],
         lambda: ["2,5,20,20", "1,12,10,20"],
-        {"table": -1, "clearance_limit": 2, "search": 0},
+        {"table": -1, "clearance_limit": 2, "search": 0, "rest": True},
     ),
     (
         ["--cutter", "1.5,6,40,5", "--obstacles", "published"],
@@ -125,6 +125,22 @@ def test_volumes_have_the_bytes_of_the_program(program, stl, tmp_path):
     assert volume.answers[i, j, k] != 3 and volume.answers[0, 0, 0] == 3
     assert volume.share("accessible") == (volume.answers == 0).sum() / (volume.answers != 3).sum()
     assert np.array_equal(volume.answers == 0, volume.accessible_directions > 0)
+
+
+def test_the_machined_part_has_the_bytes_of_the_program(program, stl, tmp_path):
+    arguments = ["--cutter", "3,20,20,20", "--directions", "up", "--stock", "box:1", "--accuracy", 0.5]
+    run(program, "machined", stl, *arguments, "--out", tmp_path / "a")
+    machined = deepmill.machined(
+        deepmill.Mesh.read(stl), "3,20,20,20", directions="up", stock=1, accuracy=0.5
+    )
+    machined.save(tmp_path / "b")
+    assert_same(tmp_path / "b", tmp_path / "a")
+    assert 0 < machined.left_mm3 < machined.to_remove_mm3
+    assert machined.left_mm3 == pytest.approx(sum(body["volume_mm3"] for body in machined.bodies))
+    assert machined.faces.max() < len(machined.vertices) and len(machined.tools) == 1
+    for stock in ["box", -1, float("nan"), np.zeros(3)]:
+        with pytest.raises((deepmill.Error, TypeError)):
+            deepmill.machined(deepmill.Mesh.read(stl), "3,20,20,20", stock=stock)
 
 
 def test_predictions_are_those_of_the_program(program, stl, tmp_path):

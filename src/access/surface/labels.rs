@@ -50,6 +50,7 @@ pub struct RefinementOptions {
     /// Most cells of directions that are cut in four at every level, for one site.
     pub n_kept: usize,
     /// Levels of cells, at most 8: 64 cells on the upper half at the first, four times as many at every further one.
+    #[doc(hidden)] // chosen by measurement
     pub n_levels: usize,
     /// Also look for proofs that nothing is open: tens of times the cost.
     pub prove: bool,
@@ -182,6 +183,7 @@ pub struct SurfaceLabels {
     /// Per query, whether it is accessible by a gouge tolerance above [`WIDE_MM`](super::WIDE_MM) alone; empty if none
     /// is, or nobody asked
     /// ([`TriangleObstacles::rest_on_wide_tolerance`](super::TriangleObstacles::rest_on_wide_tolerance)).
+    #[doc(hidden)] // of warnings
     pub rests_on_tolerance: Vec<bool>,
     /// Per query that is inaccessible, whether a pose of the tool is free, but no retreat from one is proven; empty for
     /// tools that only widen upward, which leave as they came.

@@ -3,7 +3,7 @@
 mod said;
 mod shares;
 
-use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, millimeters, name_of};
+use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, called, millimeters, name_of};
 use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
@@ -19,7 +19,7 @@ use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
 use deepmill::geom::formats::MeshOrCloud;
 use deepmill::report::gate::Limit;
-use deepmill::{Result, atomic_file};
+use deepmill::{Error, Result, atomic_file};
 use std::path::PathBuf;
 
 /// Compute exactly which sites of a part a cutter cannot reach, and which sites are in its way.
@@ -164,7 +164,11 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         return volume::run(args, step_mm, (part, tools), clock, output);
     }
     let analysis = args.analysis(part, tools, &limits, output)?;
-    let placed = args.region.place(analysis, &args.sites, &args.read, output)?;
+    let placed = args.region.place(analysis, &args.sites, &args.read, output);
+    let placed = placed.map_err(|error| match error {
+        Error::Argument { name: "rest", .. } => called(error, "--rest"),
+        other => other,
+    })?;
     let (mesh, sites) = placed.shown();
     files.show().require_memory(mesh, sites)?;
     let mut bars = Bars::default();

@@ -131,6 +131,20 @@ impl Dropped<'_> {
     ) -> Option<(f64, DVec3)> {
         let (mut x, mut step) = (x, step);
         let mut best = self.left(line, axes, x, scratch);
+        // The exact tool is wider than that of the images: beside a wall it may stop on top of that.
+        for farther in FARTHER {
+            if best.is_some() {
+                break;
+            }
+            let from = x;
+            for [i, j] in AROUND {
+                let there = from + DVec2::new(i, j) * (farther * step);
+                let left = self.left(line, axes, there, scratch);
+                if is_less(&left, &best) {
+                    (best, x) = (left, there);
+                }
+            }
+        }
         while step > finest && best.is_none_or(|(left, _)| left > 0.0) {
             let mut moved = None;
             for [i, j] in AROUND {
@@ -149,6 +163,8 @@ impl Dropped<'_> {
     }
 }
 
+/// Steps from the place of the images at which a pose is looked for if there is none.
+const FARTHER: [f64; 5] = [1.0, 1.7, 2.5, 4.0, 8.0];
 const AROUND: [[f64; 2]; 8] = [
     [1.0, 0.0],
     [-1.0, 0.0],

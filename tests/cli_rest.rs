@@ -1,0 +1,151 @@
+//! What the commands promise about how much is left: `label --rest` and `machined`.
+#![cfg(feature = "cli")]
+
+mod command;
+
+use command::{Folder, block, deepmill, failure, json, stl, text};
+use deepmill::data::files::LabelFile;
+use deepmill::geom::{check, formats};
+use std::f64::consts::PI;
+
+/// A floor with a wall on it: two blocks that overlap. A ball of radius 3 from above leaves a fillet along the edge.
+fn angle(folder: &Folder) -> String {
+    let floor = block([0.0; 3], [40.0, 30.0, 10.0]);
+    let wall = block([0.0; 3], [10.0, 30.0, 30.0]);
+    folder.file("angle.stl", stl(&[floor, wall].concat()))
+}
+
+const UP: [&str; 5] = ["--cutter", "3,30,20,40", "--directions", "up", "--json"];
+
+#[test]
+fn the_rest_of_every_site_is_in_the_files_and_can_be_limited() {
+    let folder = Folder::new();
+    let (part, out) = (angle(&folder), folder.path("out"));
+    let run = |more: &[&str]| {
+        let args = ["label", &part, "--out", &out, "--sites", "3000"];
+        deepmill(&[&args[..], &UP, more].concat())
+    };
+    let result = json(&run(&["--rest", "--no-picture"]));
+    let file = LabelFile::read(folder.path("out/labels.npz").as_ref()).unwrap();
+    let answers = &file.labels.answers;
+    let (accessible, mut most, mut n_corner) = (answers.accessible(), 0f32, 0);
+    for (i, rest) in answers.rest_mm.iter().enumerate() {
+        let (p, n) = (file.sites.points[i], file.sites.normals[i]);
+        assert!(!accessible[i] || *rest == 0.0);
+        most = most.max(*rest);
+        let from_wall = f64::from(p.x) - 10.0;
+        // At the ends the ball reaches around the wall.
+        let is_inner = (5.0..25.0).contains(&p.y) && p.z < 11.0;
+        if is_inner && n.z > 0.9 && (0.0..3.0).contains(&from_wall) {
+            let by_hand = 3.0 - (9.0 - (3.0 - from_wall).powi(2)).max(0.0).sqrt();
+            // Near the wall a shift by the gouge tolerance is more along the normal.
+            let most = if from_wall > 0.2 { 0.03 } else { 0.2 };
+            assert!((f64::from(*rest) - by_hand).abs() < most, "{p}: {rest} {by_hand}");
+            n_corner += 1;
+        }
+    }
+    assert!(n_corner > 20 && most > 1.0, "{n_corner} {most}");
+    let stated = result["greatest_rest_mm"].as_f64().unwrap();
+    assert!((stated - f64::from(most)).abs() < 1e-3);
+    let greatest = |f: &serde_json::Value| f["greatest_rest_mm"].as_f64().unwrap();
+    let findings = result["findings"]["findings"].as_array().unwrap();
+    assert!(findings.iter().any(|f| greatest(f) > 1.0));
+    assert!(std::fs::metadata(folder.path("out/rest.ply")).is_ok());
+    let broken = run(&["--no-picture", "--fail-if", "rest>0.5mm"]);
+    assert_eq!(broken.status.code(), Some(3));
+    assert!(text(&broken.stderr).contains("limit broken: the greatest rest is"));
+    assert!(run(&["--no-picture", "--fail-if", "rest>5mm"]).status.success());
+    let error = failure(&run(&["--fail-if", "rest>5%"]), 2);
+    assert!(error.contains("rest>NUMBERmm"), "{error}");
+}
+
+#[test]
+fn the_rest_of_several_tools_is_the_least_that_one_of_them_leaves() {
+    let folder = Folder::new();
+    let (part, out) = (angle(&folder), folder.path("out"));
+    let args = ["label", &part, "--out", &out, "--sites", "800", "--no-picture", "--rest"];
+    let both = ["--cutter", "1,30,20,40", "--fail-if", "rest>1.1mm"];
+    let ran = deepmill(&[&args[..], &UP, &both].concat());
+    // The fillet of the smaller one alone, but for the underside, which lies on the stock's own face.
+    assert!(ran.status.success(), "{}", text(&ran.stderr));
+}
+
+#[test]
+fn the_machined_part_is_closed_and_holds_the_fillet() {
+    let folder = Folder::new();
+    let (part, out) = (angle(&folder), folder.path("out"));
+    let args = ["machined", &part, "--out", &out, "--accuracy", "0.3"];
+    let result = json(&deepmill(&[&args[..], &UP].concat()));
+    let by_hand = (1.0 - PI / 4.0) * 9.0 * 30.0;
+    let left = result["left_mm3"].as_f64().unwrap();
+    assert!((left - by_hand).abs() < 0.3 * 0.3 * 6.0 * 30.0, "{left} {by_hand}");
+    let to_remove = result["to_remove_mm3"].as_f64().unwrap();
+    assert!((to_remove - 30.0 * 30.0 * 20.0).abs() < 1e-6);
+    let read =
+        |name: &str| formats::read_part(folder.path(name).as_ref(), &Default::default()).unwrap();
+    for name in ["out/machined.stl", "out/rest.stl"] {
+        let deepmill::geom::formats::MeshOrCloud::Mesh(mesh) = read(name) else { panic!() };
+        check::require_labelable(&mesh).unwrap();
+        if name == "out/machined.stl" {
+            let whole = 40.0 * 30.0 * 10.0 + 10.0 * 30.0 * 20.0;
+            assert!((mesh.volume() - whole - by_hand).abs() < 20.0, "{}", mesh.volume());
+        }
+    }
+    for name in ["machined.csv", "rest.csv", "machined.png"] {
+        assert!(std::fs::metadata(folder.path(&format!("out/{name}"))).unwrap().len() > 0);
+    }
+    // The same tool reaches what it has left.
+    let machined = folder.path("out/machined.stl");
+    let label = [
+        "label",
+        &machined,
+        "--out",
+        &out,
+        "--no-picture",
+        "--tolerance",
+        "0.3",
+        "--finish",
+        "0.3",
+    ];
+    let again = json(&deepmill(&[&label[..], &UP, &["--rest", "--sites", "3000"]].concat()));
+    let before = json(&deepmill(
+        &[&["label", &part, "--out", &out, "--no-picture", "--sites", "3000"][..], &UP].concat(),
+    ));
+    let share = |of: &serde_json::Value| of["accessible"].as_f64().unwrap();
+    assert!(share(&again) > share(&before) + 0.02, "{} {}", share(&again), share(&before));
+    assert!(again["greatest_rest_mm"].as_f64().unwrap() <= 0.3);
+}
+
+#[test]
+fn stocks_accuracies_and_tools_that_cannot_be_are_named_with_a_remedy() {
+    let folder = Folder::new();
+    let (part, out) = (angle(&folder), folder.path("out"));
+    let run = |more: &[&str]| {
+        failure(&deepmill(&[&["machined", &part, "--out", &out][..], &UP, more].concat()), 2)
+    };
+    let small = folder.file("small.stl", stl(&block([0.0; 3], [40.0, 30.0, 20.0])));
+    let error = run(&["--stock", &small]);
+    assert!(
+        error.contains("--stock") && error.contains("outside of it, up to 10.000 mm"),
+        "{error}"
+    );
+    assert!(run(&["--stock", "box:-1"]).contains("how much more"));
+    assert!(run(&["--stock", "box:wide"]).contains("box:2"));
+    assert!(run(&["--accuracy", "-1"]).contains("positive length"));
+    assert!(run(&["--accuracy", "5"]).contains("accuracy"));
+    let huge =
+        deepmill(&[&["machined", &part, "--out", &out, "--accuracy", "0.0001"][..], &UP].concat());
+    let error = failure(&huge, 1);
+    assert!(error.contains("coarser accuracy"), "{error}");
+    let table = "name,profile,stick_out\nslot,10.9:0 10.9:7.9 5:7.9 | 5:100,60\n";
+    let table = folder.file("tools.csv", table);
+    let holder = folder.file("holder.csv", "height,lower,upper\n30,40,40\n");
+    let tools = ["--out", &out, "--tools", &table, "--holder", &holder];
+    let error = failure(&deepmill(&[&["machined", &part][..], &tools].concat()), 2);
+    assert!(error.contains("slot"), "{error}");
+    let error = failure(&deepmill(&[&["label", &part, "--rest"][..], &tools].concat()), 2);
+    assert!(error.contains("--rest") && error.contains("slot"), "{error}");
+    let points = ["label", &part, "--out", &out, "--rest", "--obstacles", "published"];
+    let error = failure(&deepmill(&[&points[..], &UP].concat()), 2);
+    assert!(error.contains("--rest"), "{error}");
+}
