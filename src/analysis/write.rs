@@ -117,7 +117,7 @@ impl Outcome {
         }
         for (k, (tool, answer)) in self.tools().iter().zip(self.answers()).enumerate() {
             let name = if self.has_folders() { &*tool.name } else { "exact" };
-            views.push(View::of_labels(name, &self.file(k)?, answer.findings.clone()));
+            views.extend(View::tabs_of_labels(name, &self.file(k)?, answer.findings.clone()));
         }
         Ok(views)
     }

@@ -1,7 +1,7 @@
 //! The files of a folder of results: data, colored points and pictures of labels, predictions and their difference.
 
 mod caption;
-mod rest;
+pub(super) mod rest;
 
 use super::export::{self, Extra};
 use super::gate::SiteAreas;

@@ -117,7 +117,8 @@ pub fn page(
         if let (Ok(query), [found]) = (LabelQuery::read(path, None), &mut found[..]) {
             advise(found, &query.tool.assembly, |members| query.change_for(members))?;
         }
-        views.extend(found.into_iter().map(|found| View::of_labels("exact", file, found)));
+        let tabs = |found| View::tabs_of_labels("exact", file, found);
+        views.extend(found.into_iter().flat_map(tabs));
     }
     let labels = labels.map(|(file, _)| file);
     if let Some(file) = predictions {
@@ -168,8 +169,8 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     let mut first = View::of_first_tools(&classes, &of, all);
     first.counts_sites = files[0].labels.surface.is_none();
     let mut views = vec![first];
-    let of_tool = |((name, file), found)| View::of_labels(name, file, found);
-    views.extend(tools.iter().copied().zip(&files).zip(of_tools).map(of_tool));
+    let of_tool = |((name, file), found)| View::tabs_of_labels(name, file, found);
+    views.extend(tools.iter().copied().zip(&files).zip(of_tools).flat_map(of_tool));
     let part = &files[0].provenance.part;
     let paths = [Page {
         part,

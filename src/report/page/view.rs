@@ -5,6 +5,7 @@ use crate::answers::SiteAnswers;
 use crate::data::files::{AnalysisSettings, LabelFile, PredictionFile, Provenance};
 use crate::report::color::{LABELS, PART_ITSELF, layered};
 use crate::report::findings::Findings;
+use crate::report::folder::rest;
 use crate::report::points::PointValues;
 use crate::report::tables::Table;
 use crate::report::{Class, Coloring, DARK_AND_LIGHT, Rgb, folder};
@@ -109,6 +110,23 @@ impl View {
         }
         view.findings = Some(findings);
         view
+    }
+
+    /// The tabs of exact answers: the answers, and how much is left if that was computed.
+    pub fn tabs_of_labels(name: &str, file: &LabelFile, findings: Findings) -> Vec<Self> {
+        let answers = View::of_labels(name, file, findings);
+        let rests = &file.labels.answers.rest_mm;
+        if rests.is_empty() {
+            return vec![answers];
+        }
+        let mut rest = View { layer: None, ..answers.clone() };
+        (rest.name, rest.caption) = (format!("{name}: rest"), "how much the tool leaves".into());
+        rest.color(&Coloring::Groups {
+            classes: &rest::CLASSES,
+            of: &rest::bands(rests),
+            areas: &[],
+        });
+        vec![answers, rest]
     }
 
     /// Predicted answers.

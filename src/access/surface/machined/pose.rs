@@ -64,7 +64,7 @@ impl Dropped<'_> {
 
     /// The length of a line that is left by the tool with its axis at `x` across `axes`, relative to the line's begin;
     /// the reference point above it where the tool stops. None if all of the line is left.
-    fn left(
+    pub fn left(
         &self,
         line: &Line,
         axes: Axes,

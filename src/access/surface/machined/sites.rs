@@ -207,7 +207,7 @@ impl TriangleObstacles {
     }
 
     /// How far a line goes within the stock and outside the part.
-    fn length(&self, from: DVec3, along: DVec3, [low, high]: [DVec3; 2]) -> f64 {
+    pub(super) fn length(&self, from: DVec3, along: DVec3, [low, high]: [DVec3; 2]) -> f64 {
         let mut length = f64::INFINITY;
         for k in 0..3 {
             if along[k] != 0.0 {

@@ -1,13 +1,17 @@
+use super::super::profile::Frame;
+use super::super::query::Scratch;
 use super::super::tests::slotted;
 use super::super::tool::{Outline, axes};
-use super::super::{SurfaceOptions, TriangleObstacles};
+use super::super::{SiteAnswer, SurfaceOptions, TriangleObstacles};
 use super::footprint::{Cutting, Footprint};
 use super::heights::{Buffers, EMPTY, Heights};
+use super::pose::{Dropped, Line};
 use super::swept::Swept;
 use super::view::View;
 use super::*;
 use crate::cutter::{Cutter, CutterParams};
 use crate::directions::Directions;
+use crate::geom::sites::{SiteOptions, sample};
 use crate::geom::{Mesh, Sites, check, solids};
 use crate::par;
 use glam::{DVec2, DVec3, Vec3};
@@ -264,4 +268,66 @@ fn images_are_those_of_plain_loops() {
         }
         assert!(n_left > 20, "{n_left}");
     }
+}
+
+/// Against all places of the axis on a fine grid, where the tool stops by the closed formulas.
+#[test]
+fn rests_are_no_more_than_a_dense_search_finds() {
+    let lengths = CutterParams::from_array([2.0, 8.0, 7.0, 30.0]);
+    let directions: Directions = "cone:50:6".parse().unwrap();
+    let (mut n_sites, mut n_worse) = (0, 0);
+    for mesh in [pocket(), slotted(3.4, 8.0)] {
+        let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
+        let options = SurfaceOptions { refinement: None, ..SurfaceOptions::default() };
+        let sites = sample(&mesh, &SiteOptions { n_sites: 100, ..SiteOptions::default() }).unwrap();
+        for corner in [2.0, 0.0, 0.6] {
+            let cutter = Cutter::bull_nose(lengths, corner).unwrap();
+            let labels = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
+            let reached = |i: &usize| labels.answers[*i] == SiteAnswer::Accessible;
+            let which: Vec<usize> = (0..sites.len()).filter(|i| !reached(i)).step_by(4).collect();
+            let of = (&options, RestOptions::default());
+            let found = obstacles.rests((&sites, &which), &cutter, &directions, of).unwrap();
+            let outline = Outline::new(&cutter, options.finish_mm);
+            let tolerances = options
+                .tolerance
+                .of_triangles(&outline, &obstacles.chords, &obstacles.bvh)
+                .unwrap();
+            let cutting = Cutting::new(&outline, 0.9 * tolerances.least);
+            let (bvh, tolerances, outline) = (&obstacles.bvh, &tolerances, &outline);
+            let dropped = Dropped { bvh, tolerances, outline, cutting: &cutting };
+            let frames = obstacles.frames(&directions, &options).unwrap();
+            for (&i, rest) in which.iter().zip(&found) {
+                let (from, along) = (sites.points[i].as_dvec3(), sites.normals[i].as_dvec3());
+                let (low, high) = mesh.bounds().unwrap();
+                let line = Line { from, along, length: obstacles.length(from, along, [low, high]) };
+                let dense = dense(&dropped, &line, &frames, cutting.radius);
+                n_sites += 1;
+                n_worse += usize::from(rest.mm > dense + 0.02);
+                assert!(rest.mm <= dense + 0.3, "{i}: {} {dense}", rest.mm);
+            }
+        }
+    }
+    assert!(n_sites > 35 && n_worse * 20 <= n_sites, "{n_worse} of {n_sites}");
+}
+
+fn dense(dropped: &Dropped, line: &Line, frames: &[Frame], radius: f64) -> f64 {
+    const N: i32 = 24;
+    let mut scratch = Scratch::default();
+    let mut least = line.length;
+    for frame in frames {
+        let [u, v, _] = frame.axes;
+        // Within the radius of some place of the line.
+        let way = DVec2::new(line.along.dot(u), line.along.dot(v));
+        let n_along = (way.length() * line.length / radius).ceil().min(6.0) as i32;
+        for place in 0..=n_along {
+            let about = way * (f64::from(place) * radius / way.length().max(1e-9)).min(line.length);
+            for (x, y) in (-N..=N).flat_map(|y| (-N..=N).map(move |x| (x, y))) {
+                let x = about + DVec2::new(f64::from(x), f64::from(y)) * (radius / f64::from(N));
+                if let Some((left, _)) = dropped.left(line, frame.axes, x, &mut scratch) {
+                    least = least.min(left);
+                }
+            }
+        }
+    }
+    least
 }
