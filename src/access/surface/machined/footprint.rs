@@ -75,6 +75,12 @@ impl Cutting {
 }
 
 impl Footprint {
+    /// The greatest height of what cuts above the reference point, mm.
+    pub fn highest(&self) -> f32 {
+        let heights = self.groups.iter().flat_map(|group| &group.pixels).map(|(_, height)| *height);
+        heights.fold(f32::NEG_INFINITY, f32::max)
+    }
+
     /// A tool shrunk by `shrink` mm, which is less than its tip's radius; discs are at most `widest` pixels.
     pub fn new(outline: &Outline, shrink: f64, pitch: f64, widest: f64) -> Self {
         let cutting = Cutting::new(outline, shrink);

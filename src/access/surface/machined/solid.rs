@@ -9,7 +9,7 @@ use super::super::tool::Outline;
 use super::bodies::{Nodes, RestBody};
 use super::footprint::Footprint;
 use super::grid::Grid;
-use super::heights::{Buffers, Heights};
+use super::heights::{BLOCK, Buffers, Heights};
 use super::swept::Swept;
 use super::view::View;
 use crate::cutter::{Cutter, require_steps};
@@ -19,6 +19,7 @@ use crate::geom::inside::Lattice;
 use crate::simd::extremes::TILE_WIDTH;
 use crate::{Error, Result, memory, par};
 use glam::DVec3;
+use std::collections::BTreeMap;
 
 /// What is to be machined.
 #[derive(Debug, Clone, Copy)]
@@ -80,8 +81,15 @@ impl TriangleObstacles {
         let region =
             region.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or(job.stock_box);
         let fresh = Grid::new(lattice, job.stock_box, [Some(job.part), job.stock])?;
-        let pass =
-            Pass { obstacles: self, tools: &tools, fresh: &fresh, order: &order, pitch, region };
+        let pass = Pass {
+            obstacles: self,
+            tools: &tools,
+            fresh: &fresh,
+            order: &order,
+            pitch,
+            region,
+            stock_box: job.stock_box,
+        };
         let (mut rest, mut alone_mm3) = (Vec::new(), Vec::new());
         let mut round = 0;
         loop {
@@ -92,8 +100,8 @@ impl TriangleObstacles {
             if round == 1 {
                 alone_mm3 = found.alone_mm3;
             }
-            let may_meet = pass.may_meet(&found.lowest, &frames, &points);
-            if points == rest || round == MOST_ROUNDS || !may_meet {
+            let is_last = points == rest || round == MOST_ROUNDS;
+            if is_last || !pass.may_meet(&found.stops, &points) {
                 let (after_mm3, bodies) = (found.after_mm3, nodes.bodies(&found.grid, &self.bvh));
                 return Ok(Machined { alone_mm3, after_mm3, bodies, n_rounds: round });
             }
@@ -161,6 +169,7 @@ struct Pass<'a> {
     order: &'a [usize],
     pitch: f64,
     region: [DVec3; 2],
+    stock_box: [DVec3; 2],
 }
 
 /// The result of a round.
@@ -168,11 +177,55 @@ struct Round {
     grid: Grid,
     alone_mm3: Vec<f64>,
     after_mm3: Vec<f64>,
-    /// Of each tool and direction, the least height where the tool stops.
-    lowest: Vec<Vec<f32>>,
+    /// Of each tool and direction, where the tool stops.
+    stops: Vec<Vec<Option<Stops>>>,
+}
+
+/// Where a tool stops along a direction.
+struct Stops {
+    view: View,
+    /// The least height of every block of pixels, row by row, but no lower than it must be for the lowest of the stock.
+    lowest: Vec<f32>,
+}
+
+impl Stops {
+    /// Whether a step of the tool, a radius in pixels and a height above the reference point, may be as low as `rest`,
+    /// mm.
+    fn may_meet(&self, (radius, height): (f64, f32), rest: &[DVec3]) -> bool {
+        let width = self.view.width / BLOCK;
+        let n_rows = self.lowest.len() / width;
+        let deepest = self.lowest.iter().fold(f32::INFINITY, |a, b| a.min(*b)) + height;
+        // The highest of the rest over every block, where it is high enough for any place of the tool.
+        let mut high = BTreeMap::<(usize, usize), f32>::new();
+        for point in rest {
+            let [x, y, z] = self.view.project(*point);
+            if z as f32 > deepest {
+                let block = (y.round() as usize / BLOCK, x.round() as usize / BLOCK);
+                let highest = high.entry(block).or_insert(f32::NEG_INFINITY);
+                *highest = highest.max(z as f32);
+            }
+        }
+        let n = (radius / BLOCK as f64).ceil() as usize + 1;
+        high.into_iter().any(|((row, column), z)| {
+            let columns = column.saturating_sub(n)..(column + n + 1).min(width);
+            let rows = row.saturating_sub(n)..(row + n + 1).min(n_rows);
+            let is_lower = |lowest: &f32| z > lowest + height;
+            rows.clone().any(|row| self.lowest[row * width..][columns.clone()].iter().any(is_lower))
+        })
+    }
 }
 
 impl Pass<'_> {
+    /// The least height of the stock.
+    fn bottom(&self, view: &View) -> f32 {
+        let [low, high] = self.stock_box;
+        let corner = |k: u32| {
+            let end = |axis: usize| if k >> axis & 1 == 1 { high[axis] } else { low[axis] };
+            view.project(DVec3::new(end(0), end(1), end(2)))[2]
+        };
+        (0..8).map(corner).fold(f64::INFINITY, f64::min) as f32
+    }
+
     fn volume(&self, grid: &Grid) -> f64 {
         Nodes::new(grid).volume_mm3(grid, &self.obstacles.bvh)
     }
@@ -187,10 +240,10 @@ impl Pass<'_> {
         let (n_steps, mut n_done) = (self.tools.len() * self.order.len(), 0);
         let buffers = Buffers::default();
         let mut all: Option<Grid> = None;
-        let (mut alone_mm3, mut after_mm3, mut lowest) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut alone_mm3, mut after_mm3, mut stops) = (Vec::new(), Vec::new(), Vec::new());
         for tool in self.tools {
             let mut grid = self.fresh.clone();
-            let mut lowest_of = vec![f32::INFINITY; frames.len()];
+            let mut of_tool: Vec<Option<Stops>> = frames.iter().map(|_| None).collect();
             for &k in self.order {
                 report(n_done, n_steps)?;
                 n_done += 1;
@@ -202,13 +255,15 @@ impl Pass<'_> {
                     let both = [&heights, upper.as_ref().unwrap_or(&heights)];
                     let swept = Swept::new(both, &tool.footprint, &wanted, &buffers);
                     grid.raise(&heights, &swept);
-                    lowest_of[k] = swept.lowest;
-                    swept.recycle(&buffers);
+                    let lowest = swept.recycle(&buffers);
+                    let floor = self.bottom(&heights.view) - tool.footprint.highest();
+                    let lowest = lowest.into_iter().map(|stop| stop.max(floor)).collect();
+                    of_tool[k] = Some(Stops { view: heights.view.clone(), lowest });
                     upper.into_iter().for_each(|upper| upper.recycle(&buffers));
                 }
                 heights.recycle(&buffers);
             }
-            lowest.push(lowest_of);
+            stops.push(of_tool);
             alone_mm3.push(self.volume(&grid));
             let both = match all.take() {
                 Some(mut all) => {
@@ -222,25 +277,22 @@ impl Pass<'_> {
         }
         report(n_steps, n_steps)?;
         let grid = all.unwrap_or_else(|| self.fresh.clone());
-        Ok(Round { grid, alone_mm3, after_mm3, lowest })
+        Ok(Round { grid, alone_mm3, after_mm3, stops })
     }
 
     /// Whether what does not cut of a tool may meet what is left, where the tool stops.
-    fn may_meet(&self, lowest: &[Vec<f32>], frames: &[Frame], rest: &[DVec3]) -> bool {
-        let middle = 0.5 * (self.region[0] + self.region[1]);
-        let meets = |(k, frame): (usize, &Frame)| {
-            let d = frame.axes[2];
-            let highest =
-                rest.iter().map(|p| (p - middle).dot(d)).fold(f64::NEG_INFINITY, f64::max);
-            let of_tool = |(tool, lowest): (&Tool, &Vec<f32>)| {
-                let Footprint { discs, spindle, .. } = &tool.footprint;
-                let lower_end =
-                    discs.iter().map(|disc| disc.height).chain(*spindle).reduce(f32::min);
-                lower_end.is_some_and(|height| highest > f64::from(lowest[k] + height))
-            };
-            self.tools.iter().zip(lowest).any(of_tool)
-        };
-        frames.iter().enumerate().any(meets)
+    fn may_meet(&self, stops: &[Vec<Option<Stops>>], rest: &[DVec3]) -> bool {
+        self.tools.iter().zip(stops).any(|(tool, stops)| {
+            let Footprint { discs, spindle, .. } = &tool.footprint;
+            let mut steps: Vec<(f64, f32)> =
+                discs.iter().map(|disc| (disc.radius, disc.height)).collect();
+            steps.extend(spindle.map(|height| (MOST_DISC, height)));
+            let meets = par::map(stops.len(), |k| {
+                let Some(stops) = &stops[k] else { return false };
+                steps.iter().any(|step| stops.may_meet(*step, rest))
+            });
+            meets.contains(&true)
+        })
     }
 }
 

@@ -18,8 +18,8 @@ pub struct Swept {
     pub stops: Vec<f32>,
     /// Height below which material is left.
     pub left: Vec<f32>,
-    /// The least of the heights where the tool stops.
-    pub lowest: f32,
+    /// Of every block of pixels, the least of the heights where the tool stops.
+    pub lowest: Vec<f32>,
     width: usize,
 }
 
@@ -44,45 +44,24 @@ impl Swept {
         wanted: &[bool],
         buffers: &Buffers,
     ) -> Self {
-        let view = &heights.view;
-        let width = view.width;
-        let terms = |sign: f32| {
-            let of = |([x, y], height): &([isize; 2], f32)| (y * width as isize + x, sign * height);
-            let groups = footprint.groups.iter();
-            groups.map(|group| group.pixels.iter().map(of).collect()).collect()
-        };
-        let isa = Isa::active();
-        let tool = Tool { footprint, raised: terms(-1.0), cut: terms(1.0), isa };
-        let needed = grown(wanted, view.n_tiles(), footprint.reach);
-        let n_tiles = view.n_tiles();
-        let mut stops = buffers.take(view.n_pixels(), FULL);
-        tool.for_tiles(&mut stops, (n_tiles, &needed), |tile, at| {
-            tool.stop([heights, upper], at, tile)
-        });
-        for disc in &footprint.discs {
-            let met = tool.tiles_met(upper, disc, &stops, &needed);
-            if met.contains(&true) {
-                // Not within the loop over tiles: a thread that waits there could take another tile, and wait for itself.
-                let windows = upper.windows(2 * disc.radius.floor() as usize + 1, buffers);
-                tool.for_tiles(&mut stops, (n_tiles, &met), |tile, at| {
-                    tool.rest_on_disc((upper, windows), disc, at, tile);
-                });
-            }
-        }
+        let (view, tool) = (&heights.view, Tool::new(footprint, heights.view.width));
+        let (width, n_tiles) = (view.width, view.n_tiles());
+        let needed = grown(wanted, n_tiles, footprint.reach);
+        let stops = tool.stops([heights, upper], &needed, buffers);
         // Beside the tiles that are needed nothing is read.
         let coarse = Coarse::new(&stops, width, Extreme::Least);
-        let lowest = coarse.blocks.iter().fold(FULL, |a, b| a.min(*b));
         let mut left = buffers.take(view.n_pixels(), EMPTY);
         tool.for_tiles(&mut left, (n_tiles, wanted), |tile, at| {
             tool.leave((&stops, width), &coarse, at, tile);
         });
-        Swept { stops, left, lowest, width }
+        Swept { stops, left, lowest: coarse.blocks, width }
     }
 
-    /// Gives the memory back.
-    pub fn recycle(self, buffers: &Buffers) {
+    /// Gives the memory of images back.
+    pub fn recycle(self, buffers: &Buffers) -> Vec<f32> {
         buffers.give(self.stops);
         buffers.give(self.left);
+        self.lowest
     }
 
     /// Height below which material is left between four pixels, and its slope, mm per pixel.
@@ -143,7 +122,41 @@ fn grown(tiles: &[bool], [width, height]: [usize; 2], reach: usize) -> Vec<bool>
     grown
 }
 
-impl Tool<'_> {
+impl<'a> Tool<'a> {
+    /// In rows of this length.
+    fn new(footprint: &'a Footprint, width: usize) -> Self {
+        let terms = |sign: f32| {
+            let of = |([x, y], height): &([isize; 2], f32)| (y * width as isize + x, sign * height);
+            let groups = footprint.groups.iter();
+            groups.map(|group| group.pixels.iter().map(of).collect()).collect()
+        };
+        Tool { footprint, raised: terms(-1.0), cut: terms(1.0), isa: Isa::active() }
+    }
+
+    fn stops(
+        &self,
+        [heights, upper]: [&Heights; 2],
+        needed: &[bool],
+        buffers: &Buffers,
+    ) -> Vec<f32> {
+        let (view, n_tiles) = (&heights.view, heights.view.n_tiles());
+        let mut stops = buffers.take(view.n_pixels(), FULL);
+        self.for_tiles(&mut stops, (n_tiles, needed), |tile, at| {
+            self.stop([heights, upper], at, tile);
+        });
+        for disc in &self.footprint.discs {
+            let met = self.tiles_met(upper, disc, &stops, needed);
+            if met.contains(&true) {
+                // Not within the loop over tiles: a thread that waits there could take another tile, and wait for itself.
+                let windows = upper.windows(2 * disc.radius.floor() as usize + 1, buffers);
+                self.for_tiles(&mut stops, (n_tiles, &met), |tile, at| {
+                    self.rest_on_disc((upper, windows), disc, at, tile);
+                });
+            }
+        }
+        stops
+    }
+
     /// Calls `work` with every one of some tiles of an image, and its column and row in pixels.
     fn for_tiles(
         &self,
