@@ -75,6 +75,11 @@ impl Cutting {
 }
 
 impl Footprint {
+    /// Pixels within the radius of the widest disc.
+    pub fn widest(&self) -> usize {
+        self.discs.iter().map(|disc| disc.radius.floor() as usize).fold(0, usize::max)
+    }
+
     /// The greatest height of what cuts above the reference point, mm.
     pub fn highest(&self) -> f32 {
         let heights = self.groups.iter().flat_map(|group| &group.pixels).map(|(_, height)| *height);

@@ -9,7 +9,7 @@ use super::pose::{Dropped, Line};
 use super::swept::Swept;
 use super::view::View;
 use super::*;
-use crate::cutter::{Cutter, CutterParams};
+use crate::cutter::{Cutter, CutterParams, Step};
 use crate::directions::Directions;
 use crate::geom::sites::{SiteOptions, sample};
 use crate::geom::{Mesh, Sites, check, solids};
@@ -211,7 +211,10 @@ fn results_do_not_depend_on_threads() {
 fn images_are_those_of_plain_loops() {
     let mesh = pocket();
     let triangles: Vec<_> = (0..mesh.triangles.len()).map(|f| mesh.corners(f)).collect();
-    let cutter = Cutter::bull_nose(CutterParams::from_array([2.0, 3.0, 4.0, 9.0]), 0.7).unwrap();
+    // A holder that widens twice.
+    let step = |height_mm, radius_mm| Step { height_mm, radius_mm };
+    let upper = vec![step(4.0, 4.0), step(7.0, 11.0), step(16.0, f64::INFINITY)];
+    let cutter = Cutter::from_parts([0.7, 1.3], vec![step(1.3, 2.0)], upper).unwrap();
     let (low, high) = mesh.bounds().unwrap();
     let pitch = 0.4;
     for direction in [Vec3::Z, Vec3::new(0.3, -0.5, 0.8).normalize()] {
@@ -231,8 +234,8 @@ fn images_are_those_of_plain_loops() {
             .collect();
         let swept = Swept::new([&heights; 2], &footprint, &wanted, &buffers);
         let cutting = Cutting::new(&outline, 0.1);
-        let [disc] = footprint.discs[..] else { panic!("one holder") };
-        let reach = disc.radius.ceil() as isize;
+        let [_, wide] = footprint.discs[..] else { panic!("two steps") };
+        let reach = wide.radius.ceil() as isize;
         let offsets: Vec<([isize; 2], f64)> = (-reach..=reach)
             .flat_map(|y| (-reach..=reach).map(move |x| [x, y]))
             .map(|[x, y]| ([x, y], (x as f64).hypot(y as f64)))
@@ -245,7 +248,8 @@ fn images_are_those_of_plain_loops() {
                 let height = at(&heights.image, n, *offset);
                 let cuts = (*distance * pitch <= cutting.radius)
                     .then(|| height - cutting.height(*distance * pitch) as f32);
-                let holds = (*distance <= disc.radius).then_some(height - disc.height);
+                let holds = footprint.discs.iter().filter(|disc| *distance <= disc.radius);
+                let holds = holds.map(|disc| height - disc.height);
                 cuts.into_iter().chain(holds).fold(EMPTY, f32::max)
             };
             let spindle = footprint.spindle.map_or(EMPTY, |height| heights.highest - height);
