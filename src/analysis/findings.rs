@@ -2,10 +2,11 @@
 
 use crate::Result;
 use crate::access::Labels;
+use crate::access::surface::PartChange;
 use crate::access::surface::explain::RegionAdvice;
 use crate::cutter::Assembly;
 use crate::geom::{Mesh, Sites};
-use crate::report::findings::{Findings, ToolChange, add_blocking_parts, add_proofs};
+use crate::report::findings::{Findings, PartAdvice, ToolChange, add_blocking_parts, add_proofs};
 
 /// Findings that are shown in words, and for which a change of the tool is looked for.
 pub const N_SHOWN: usize = 6;
@@ -37,22 +38,25 @@ pub fn findings_of_tools(
     (0..names.len()).map(of).collect()
 }
 
-/// Adds to the largest findings a change of the tool that helps most of the region, if `change_for` its sites finds one.
+/// Adds to the largest findings a change of the tool that helps most of the region, and changes of the part, if
+/// `change_for` its sites finds any.
 ///
 /// # Errors
 /// Those of `change_for`.
 pub fn advise(
     findings: &mut Findings,
     tool: &Assembly,
-    change_for: impl Fn(&[u32]) -> Result<RegionAdvice>,
+    change_for: impl Fn(&[u32]) -> Result<(RegionAdvice, Vec<PartChange>)>,
 ) -> Result<()> {
     let of_site = &findings.of_site;
     for (number, finding) in (1..).zip(findings.list.iter_mut().take(N_SHOWN)) {
         let all = 0..of_site.len() as u32;
         let members: Vec<u32> = all.filter(|&i| of_site[i as usize] == number).collect();
-        let advice = change_for(&members)?;
+        let (advice, of_part) = change_for(&members)?;
         let found = advice.change.filter(|found| found.share >= LEAST_SHARE);
         let stopped = advice.stopped.filter(|s| s.by_overall_length || found.is_none());
+        let of_area = |change: &PartChange| PartAdvice::new(change, finding.area_mm2);
+        finding.advice = of_part.iter().map(of_area).collect();
         finding.stopped = stopped.map(|stopped| stopped.words());
         finding.change = found.map(|found| ToolChange::new(found.change.words(tool), found.share));
     }

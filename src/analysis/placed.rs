@@ -256,7 +256,10 @@ impl Placed {
             let (options, remedies) = (self.options(), self.request.remedies());
             findings::advise(found, held.0, |members| {
                 let of = (&self.sites, members);
-                triangles.change_for(of, held, &self.directions, &options, &remedies)
+                let of_tool =
+                    triangles.change_for(of, held, &self.directions, &options, &remedies)?;
+                let of_part = triangles.part_changes(of, held, &self.directions, &options)?;
+                Ok((of_tool, of_part))
             })?;
         }
         report(observer, Stage::Findings, (1, 1))?;

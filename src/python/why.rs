@@ -6,7 +6,7 @@ use super::output::of_json;
 use super::part::path_of;
 use crate::analysis::Outcome;
 use crate::data::files::label_query::LabelQuery;
-use crate::report::explanation::About;
+use crate::report::explanation::{About, part_advice};
 use crate::report::folder::LABELS;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -61,7 +61,9 @@ fn words(query: &LabelQuery, place: Place) -> Result<Value> {
     let mut value = about.json();
     value["site"] = json!(site);
     value["distance_mm"] = json!(distance_mm);
-    value["sentences"] = json!(about.sentences());
+    let (lines, advice) = part_advice(&about)?;
+    value["sentences"] = json!([about.sentences(), lines].concat());
+    value["advice"] = advice;
     Ok(value)
 }
 

@@ -5,11 +5,13 @@ mod shape;
 
 pub use picture::picture;
 
+use super::findings::part_change_words;
 use super::tables::{Cell, Facts, Table};
-use crate::access::surface::SiteAnswer;
+use crate::Result;
 use crate::access::surface::explain::{
     Change, ChangeKind, DirectionState, Explanation, Outcome, short,
 };
+use crate::access::surface::{PartChange, SiteAnswer};
 use crate::answers::Definition;
 use crate::cutter::{Profile, ToolPart};
 use crate::data::files::label_query::LabelQuery;
@@ -26,6 +28,30 @@ pub struct About<'a> {
     pub site: usize,
     /// The explanation of it.
     pub why: &'a Explanation,
+}
+
+/// What of the part would help at a site, in words and as JSON; empty for an accessible one.
+///
+/// # Errors
+/// As [`LabelQuery::part_changes`].
+#[doc(hidden)] // of the program
+pub fn part_advice(about: &About) -> Result<(Vec<String>, Value)> {
+    let changes = match about.why.answer {
+        SiteAnswer::Accessible => Vec::new(),
+        _ => about.query.part_changes(&[about.site as u32])?,
+    };
+    let line = |change| format!("Of the part would help: {}.", part_change_words(change));
+    let json = |change: &PartChange| {
+        json!({
+            "kind": change.kind,
+            "from": change.from_mm,
+            "to": change.to_mm,
+            "unit": "mm",
+            "depth_mm": change.depth_mm,
+            "words": part_change_words(change),
+        })
+    };
+    Ok((changes.iter().map(line).collect(), changes.iter().map(json).collect()))
 }
 
 /// The answer in words.

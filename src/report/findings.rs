@@ -4,6 +4,7 @@
 //! ([`geom::regions`](crate::geom::regions)) are a region. A region of at least [`MIN_SITES`] sites is a [`Finding`];
 //! the smaller ones are summed as [`Scattered`], so that all areas together are the area that is not accessible.
 
+mod advice;
 mod fixtures;
 
 use super::memory::{PartSize, require_for_findings, require_for_findings_files};
@@ -15,6 +16,9 @@ use crate::data::files::Provenance;
 use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, regions, spacing};
 use crate::{Error, Result, atomic_file};
+pub use advice::ToolChange;
+#[doc(hidden)] // of the page and the program
+pub use advice::{PartAdvice, part_change_words};
 pub use fixtures::InTheWay;
 #[doc(hidden)] // of `analysis`
 pub use fixtures::add_fixtures;
@@ -77,23 +81,9 @@ pub struct Finding {
     /// proposed, one that is too slender.
     #[doc(hidden)] // of the table
     pub stopped: Option<String>,
-}
-
-/// A change of the tool that reaches sites of a region.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct ToolChange {
-    /// In words.
-    pub words: String,
-    /// Share of the region's sites that the changed tool reaches.
-    pub share: f64,
-}
-
-impl ToolChange {
-    /// A change in words, and what it reaches.
-    pub fn new(words: String, share: f64) -> Self {
-        ToolChange { words, share }
-    }
+    /// Changes of the part that help, the one that frees most first, if they were looked for.
+    #[doc(hidden)] // of the page and the program
+    pub advice: Vec<PartAdvice>,
 }
 
 /// Another tool that reaches a region.
@@ -435,6 +425,7 @@ impl About<'_> {
             fixture: None,
             change: None,
             stopped: None,
+            advice: Vec::new(),
         }
     }
 

@@ -31,6 +31,7 @@
 //! triangles.
 
 mod accessible;
+mod advice;
 mod bvh;
 mod caps;
 mod cells;
@@ -63,6 +64,8 @@ mod verify;
 mod warnings;
 
 pub use accessible::AccessibleDirections;
+#[doc(hidden)] // of findings
+pub use advice::{PartChange, PartLength};
 #[doc(hidden)] // of the program
 pub use faces::{BlockingFace, blocking_faces};
 #[doc(hidden)] // of the program and benches

@@ -10,7 +10,7 @@ use deepmill::data::files::tools::{Tool, thick_and_short_first};
 use deepmill::geom::Sites;
 use deepmill::geom::spacing::Spacing;
 use deepmill::report::coverage::{TOOLS, tool_folders};
-use deepmill::report::explanation::{About, picture};
+use deepmill::report::explanation::{About, part_advice, picture};
 use deepmill::report::folder::LABELS;
 use deepmill::report::tables::Cell;
 use deepmill::{Error, Result, atomic_file};
@@ -110,6 +110,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.say(facts.text_in(output.unit()));
     output.say(about.table().text_in(output.unit()));
     about.sentences().iter().for_each(|line| output.say(line));
+    let (lines, advice) = part_advice(&about)?;
+    lines.iter().for_each(|line| output.say(line));
+    result["advice"] = advice;
     if why.answer != SiteAnswer::Accessible && !library.is_empty() {
         result["library"] = say_library(&query, site, &library, output)?;
     }

@@ -14,6 +14,9 @@ pub fn say(findings: &Findings, output: &Output) {
     output.say(format!("{n} finding{s} out of reach{first}:"));
     output.say(findings.first_rows(N_SAID).text_in(output.unit()));
     for (number, finding) in (1..).zip(findings.list.iter().take(N_SAID)) {
+        for advice in &finding.advice {
+            output.say(format!("finding {number}: of the part, {}", advice.words));
+        }
         if let Some(words) = &finding.stopped {
             output.say(format!("finding {number}: would help, but is not proposed: {words}"));
         }

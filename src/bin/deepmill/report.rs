@@ -115,7 +115,9 @@ pub fn page(
         let mut found = findings_of_tools(&file.sites, mesh, &[""], &[&file.labels])?;
         // Files of older versions do not say enough to look for a change of the tool.
         if let (Ok(query), [found]) = (LabelQuery::read(path, None), &mut found[..]) {
-            advise(found, &query.tool.assembly, |members| query.change_for(members))?;
+            advise(found, &query.tool.assembly, |members| {
+                Ok((query.change_for(members)?, query.part_changes(members)?))
+            })?;
         }
         let tabs = |found| View::tabs_of_labels("exact", file, found);
         views.extend(found.into_iter().flat_map(tabs));

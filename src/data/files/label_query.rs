@@ -11,7 +11,8 @@ use crate::access::surface::explain::{
     Explanation, Query, RegionAdvice, Remedies, explain_among_points,
 };
 use crate::access::surface::{
-    ContactTolerance, FINISH_MM, RefinementOptions, SiteAnswer, SurfaceOptions, TriangleObstacles,
+    ContactTolerance, FINISH_MM, PartChange, RefinementOptions, SiteAnswer, SurfaceOptions,
+    TriangleObstacles,
 };
 use crate::access::{self, LabelOptions, Obstacles, Queries, bottom_sites};
 use crate::answers::Definition;
@@ -221,6 +222,22 @@ impl LabelQuery {
         let (of, held) =
             ((&self.file.sites, members), (&self.tool.assembly, self.tool.clearance_mm));
         triangles.change_for(of, held, &self.directions, &self.options, &self.remedies)
+    }
+
+    /// Changes of the part with which the tool reaches most of these sites; none are looked for where points are the
+    /// obstacles.
+    ///
+    /// # Errors
+    /// As [`TriangleObstacles::part_changes`].
+    ///
+    /// # Panics
+    /// If a member is no site.
+    #[doc(hidden)] // of the program and explanations
+    pub fn part_changes(&self, members: &[u32]) -> Result<Vec<PartChange>> {
+        let Barrier::Triangles(triangles) = &self.barrier else { return Ok(Vec::new()) };
+        let (of, held) =
+            ((&self.file.sites, members), (&self.tool.assembly, self.tool.clearance_mm));
+        triangles.part_changes(of, held, &self.directions, &self.options)
     }
 
     /// Whether another tool may stand at a site, by the directions and options of the labels.

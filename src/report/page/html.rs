@@ -274,7 +274,11 @@ fn list(findings: &Findings, unit: Unit) -> String {
         let _ = write!(
             out,
             "<tr data-finding=\"{number_of}\" tabindex=\"0\"{}><td>{number_of}</td><td>{cause}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"p\">{x:.digits$}, {y:.digits$}, {z:.digits$}</td>",
-            if f.change.is_some() || f.stopped.is_some() { " class=\"more\"" } else { "" },
+            if f.change.is_some() || f.stopped.is_some() || !f.advice.is_empty() {
+                " class=\"more\""
+            } else {
+                ""
+            },
             area_words(f.area_mm2, unit),
             percent(f.area_share, 1.0),
         );
@@ -291,6 +295,14 @@ fn list(findings: &Findings, unit: Unit) -> String {
                 "<tr class=\"helps\"><td></td><td colspan=\"{}\">not proposed: {}</td></tr>",
                 if has_help { 5 } else { 4 },
                 text(stopped),
+            );
+        }
+        for advice in &f.advice {
+            let _ = write!(
+                out,
+                "<tr class=\"helps\"><td></td><td colspan=\"{}\">of the part: {}</td></tr>",
+                if has_help { 5 } else { 4 },
+                text(&advice.words),
             );
         }
         if let Some(change) = &f.change {

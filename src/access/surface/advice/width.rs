@@ -1,0 +1,128 @@
+//! Slots and bores that are too narrow for the tool.
+
+use super::{Asked, PartChange, PartLength, rounded};
+use crate::access::surface::labels::SiteAnswer;
+use crate::access::surface::tolerance::LEAST_MM;
+use crate::{Result, par};
+use glam::DVec3;
+use std::f64::consts::SQRT_2;
+
+/// Walls are opposite where their normals are within this of opposite, as a cosine: 20 degrees.
+const OPPOSITE: f64 = 0.94;
+/// Nothing narrower is called a slot, mm.
+const LEAST_WIDTH_MM: f64 = 0.5;
+/// Widths that differ by less than this share are one.
+const SAME_WIDTH: f64 = 0.02;
+/// What less of a region is freed is no advice.
+const LEAST_SHARE: f64 = 0.02;
+/// Widths of one region that are looked at.
+const N_WIDTHS: usize = 4;
+/// Sites that the depth is measured at.
+const N_DEPTHS: usize = 16;
+/// A bore is as wide across within this share.
+const ROUND: f64 = 0.1;
+/// Steps along a slot, of an eighth of its width, and halvings of the last.
+const STEPS: usize = 400;
+const HALVINGS: usize = 20;
+
+/// A site of a wall, and the distance of the wall opposite.
+#[derive(Clone, Copy)]
+struct Wall {
+    site: usize,
+    width: f64,
+}
+
+impl Asked<'_> {
+    /// What width slots and bores would need, one for every width that they have, the widest first.
+    pub(super) fn width(&self) -> Result<Vec<PartChange>> {
+        let diameter = 2.0 * (self.cutter.corner_mm() + self.cutter.side_mm());
+        let mut walls: Vec<Wall> =
+            par::map(self.n(), |site| self.wall(site)).into_iter().flatten().collect();
+        walls.retain(|w| (LEAST_WIDTH_MM..diameter - 2.0 * LEAST_MM).contains(&w.width));
+        walls.sort_by(|a, b| b.width.total_cmp(&a.width));
+        let mut counted = vec![false; self.n()];
+        let mut all = Vec::new();
+        let is_same = |a: &Wall, b: &Wall| a.width - b.width <= SAME_WIDTH * a.width;
+        for group in walls.chunk_by(is_same).take(N_WIDTHS) {
+            let least = group.last().map_or(0.0, |wall| wall.width);
+            let thinner = self.tool.clone().without_overall();
+            let Ok(thinner) = thinner.with_smaller_end((least - 2.0 * LEAST_MM) / diameter) else {
+                continue;
+            };
+            let cutter = thinner.with_clearance(self.clearance_mm)?.cutter()?;
+            let places: Vec<_> = self.points.iter().copied().zip(self.normals.clone()).collect();
+            let labels = self.label(&cutter, &places, self.directions)?;
+            let is_new = |i: &usize| labels.answers[*i] == SiteAnswer::Accessible && !counted[*i];
+            let freed: Vec<usize> = (0..self.n()).filter(is_new).collect();
+            freed.iter().for_each(|&i| counted[i] = true);
+            let share = freed.len() as f64 / self.n() as f64;
+            let direction = |wall: &Wall| labels.witness[wall.site].map(|w| w.direction.as_dvec3());
+            let deep = group.iter().filter(|wall| freed.contains(&wall.site));
+            let deep = deep.filter_map(|wall| Some((wall, direction(wall)?))).take(N_DEPTHS);
+            let measured = deep.map(|(wall, d)| (self.depth(wall, d), wall, d));
+            let deepest = measured.reduce(|a, b| if b.0 > a.0 { b } else { a });
+            let (true, Some((depth, wall, direction))) = (share >= LEAST_SHARE, deepest) else {
+                continue;
+            };
+            let is_bore = self.is_bore(wall, direction);
+            all.push(PartChange {
+                kind: if is_bore { PartLength::BoreDiameter } else { PartLength::SlotWidth },
+                from_mm: rounded(least),
+                to_mm: rounded(diameter + 2.0 * LEAST_MM),
+                at_mm: self.points[wall.site],
+                depth_mm: Some(rounded(depth)),
+                share,
+            });
+        }
+        Ok(all)
+    }
+
+    /// The wall opposite of a site, if there is one of the part.
+    fn wall(&self, site: usize) -> Option<Wall> {
+        let normal = self.normals[site];
+        let (width, place) = self.obstacles.ray(self.points[site], normal, LEAST_MM)?;
+        let is_of_part = self.obstacles.bvh.face(place) < self.obstacles.n_of_part();
+        let is_opposite = self.obstacles.facing(place).dot(normal) <= -OPPOSITE;
+        (is_of_part && is_opposite).then_some(Wall { site, width })
+    }
+
+    /// Between the two walls.
+    fn middle(&self, wall: &Wall) -> DVec3 {
+        self.points[wall.site] + self.normals[wall.site] * (0.5 * wall.width)
+    }
+
+    /// How deep the slot is at a wall along a direction: from where it is open to its floor.
+    fn depth(&self, wall: &Wall, direction: DVec3) -> f64 {
+        let (middle, normal) = (self.middle(wall), self.normals[wall.site]);
+        let is_between = |height: f64| {
+            let at = middle + direction * height;
+            let meets =
+                |u: DVec3| self.obstacles.ray(at, u, 0.0).is_some_and(|(t, _)| t <= wall.width);
+            meets(normal) && meets(-normal)
+        };
+        let run = |sign: f64| {
+            let step = sign * wall.width / 8.0;
+            let n = (1..=STEPS).find(|&n| !is_between(step * n as f64)).unwrap_or(STEPS);
+            let (mut low, mut high) = (step * (n - 1) as f64, step * n as f64);
+            for _ in 0..HALVINGS {
+                let half = 0.5 * (low + high);
+                if is_between(half) { low = half } else { high = half }
+            }
+            low.abs()
+        };
+        let floor = self.obstacles.ray(middle, -direction, 0.0).map_or(f64::INFINITY, |(t, _)| t);
+        run(1.0) + run(-1.0).min(floor)
+    }
+
+    /// Whether the walls are as far apart across and between.
+    fn is_bore(&self, wall: &Wall, direction: DVec3) -> bool {
+        let (middle, normal) = (self.middle(wall), self.normals[wall.site]);
+        let across = normal.cross(direction).normalize_or_zero();
+        let span = |u: DVec3| {
+            let of = |u: DVec3| self.obstacles.ray(middle, u, 0.0).map(|(t, _)| t);
+            of(u).zip(of(-u)).map_or(f64::INFINITY, |(a, b)| a + b)
+        };
+        let is_as_wide = |u: DVec3| (span(u) - wall.width).abs() <= ROUND * wall.width;
+        is_as_wide(across) && is_as_wide((across + normal) / SQRT_2)
+    }
+}

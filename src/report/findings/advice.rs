@@ -1,0 +1,89 @@
+//! What would help at a finding: a change of the tool, changes of the part.
+
+use crate::access::surface::{PartChange, PartLength};
+use glam::DVec3;
+use serde::Serialize;
+
+/// A change of the tool that reaches sites of a region.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ToolChange {
+    /// In words.
+    pub words: String,
+    /// Share of the region's sites that the changed tool reaches.
+    pub share: f64,
+}
+
+impl ToolChange {
+    /// A change in words, and what it reaches.
+    pub fn new(words: String, share: f64) -> Self {
+        ToolChange { words, share }
+    }
+}
+
+/// A change of the part that lets the tool reach sites of a region.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+#[doc(hidden)] // of the page and the program
+pub struct PartAdvice {
+    /// Which length of the part.
+    pub kind: PartLength,
+    /// What it is.
+    pub from: f64,
+    /// What the tool needs.
+    pub to: f64,
+    /// Of both.
+    pub unit: &'static str,
+    /// Area that it frees, mm².
+    pub frees_mm2: f64,
+    /// A place that it frees, mm.
+    pub at_mm: DVec3,
+    /// Depth of the slot or bore, mm.
+    pub depth_mm: Option<f64>,
+    /// In words.
+    pub words: String,
+}
+
+impl PartAdvice {
+    /// Of a change, which frees its share of an area.
+    pub fn new(change: &PartChange, area_mm2: f64) -> Self {
+        let frees_mm2 = change.share * area_mm2;
+        PartAdvice {
+            kind: change.kind,
+            from: change.from_mm,
+            to: change.to_mm,
+            unit: "mm",
+            frees_mm2,
+            at_mm: change.at_mm,
+            depth_mm: change.depth_mm,
+            words: format!("{} frees {}", part_change_words(change), area_words(frees_mm2)),
+        }
+    }
+}
+
+/// A change of the part in words, without what it frees.
+#[doc(hidden)] // of explanations
+pub fn part_change_words(change: &PartChange) -> String {
+    let name = match change.kind {
+        PartLength::CornerRadius => "corner radius",
+        PartLength::SlotWidth => "slot width",
+        PartLength::BoreDiameter => "bore diameter",
+    };
+    let depth = change.depth_mm.filter(|_| change.from_mm > 0.0).map(|depth| {
+        let ratio = (10.0 * depth / change.from_mm).round() / 10.0;
+        format!(" ({depth} mm deep, {ratio} times as deep as wide)")
+    });
+    let (from, to) = (change.from_mm, change.to_mm);
+    format!("{name} {from} → {to} mm{}", depth.unwrap_or_default())
+}
+
+/// An area with about three digits.
+fn area_words(mm2: f64) -> String {
+    match mm2 {
+        mm2 if mm2 >= 1e4 => format!("{:.0} cm²", mm2 / 100.0),
+        mm2 if mm2 >= 1e3 => format!("{:.1} cm²", mm2 / 100.0),
+        mm2 if mm2 >= 100.0 => format!("{:.2} cm²", mm2 / 100.0),
+        mm2 if mm2 >= 10.0 => format!("{mm2:.1} mm²"),
+        mm2 => format!("{mm2:.2} mm²"),
+    }
+}
