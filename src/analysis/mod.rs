@@ -34,6 +34,7 @@ mod outcome;
 mod placed;
 mod predictions;
 mod setups;
+mod thin;
 mod tools;
 mod volume;
 mod write;
@@ -52,6 +53,8 @@ pub use placed::Placed;
 pub use predictions::known_to_networks;
 pub use predictions::{PredictRequest, PredictionsOutcome, ToolPrediction};
 pub use setups::{SetupRequest, SetupsOutcome};
+#[doc(hidden)] // of the program
+pub use thin::{ThinWall, ThinWalls};
 pub use tools::ToolsOutcome;
 pub use volume::VolumeOutcome;
 pub use write::Files;

@@ -2,12 +2,12 @@
 //!
 //! # Definition
 //!
-//! **Inner corner.** The *rolled ball* of radius ρ at a site is the ball outside of the part, which no triangle enters
-//! by more than its gouge tolerance, whose middle is nearest to the site. If it touches two or more faces of the part at
-//! places where these are smooth, the site is in an inner corner, and a fillet of radius ρ would replace it by the point
-//! of the ball nearest to it. The fillet **frees** the site if the tool touches that point, with its normal, free of the
-//! part: that is labeled. The tool does not cut the fillet itself because what of the tool is in the corner has nowhere
-//! a greater radius of curvature, in the plane across the corner, than the fillet:
+//! **Inner corner.** The *rolled ball* of radius ρ at a site is the ball outside of the part, which no triangle
+//! enters by more than its gouge tolerance, whose middle is nearest to the site. If it touches two or more faces of
+//! the part at places where these are smooth, the site is in an inner corner, and a fillet of radius ρ would replace
+//! it by the point of the ball nearest to it. The fillet **frees** the site if the tool touches that point, with its
+//! normal, free of the part: that is labeled. The tool does not cut the fillet itself because what of the tool is in
+//! the corner has nowhere a greater radius of curvature, in the plane across the corner, than the fillet:
 //!
 //! ```text
 //! ball end:               ρ = radius of the ball, for any corner and direction
@@ -16,15 +16,22 @@
 //! ```
 //!
 //! The radius that the corner has is exact for a fillet between planes: from the middle of the ball the surface is at
-//! the distance `D` along the bisector of the two normals, the planes' edge at `k·ρ`, so `r = (k·ρ − D) / (k − 1)`. It is
-//! 0 where other rays do not meet that fillet, as in a chamfer.
+//! the distance `D` along the bisector of the two normals, the planes' edge at `k·ρ`, so `r = (k·ρ − D) / (k − 1)`.
+//! It is 0 where other rays do not meet that fillet, as in a chamfer.
 //!
-//! **Width.** At a site of a wall the ray along its normal meets the opposite wall after the *width* `w`. Where that is
-//! less than the tool is wide, a tool thinner by `2·R + 2·τ − w` is labeled at the sites of the region: by what it
+//! **Width.** At a site of a wall the ray along its normal meets the opposite wall after the *width* `w`. Where that
+//! is less than the tool is wide, a tool thinner by `2·R + 2·τ − w` is labeled at the sites of the region: by what it
 //! reaches in the part the tool itself would reach in one whose walls were as much farther apart.
+//!
+//! **Height in the way.** Of the directions in which tip and cutter are free, the one is taken in which a step of
+//! shank, holder or spindle penetrates a face least. All of the part that is above the lower end of that step and
+//! connected there with this face is cut off, and the sites are labeled against what is left. It must end in a face
+//! across the direction, and be no more than a fifth of the surface.
 
 mod ball;
 mod corner;
+mod height;
+mod thin;
 mod width;
 
 use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
@@ -48,6 +55,8 @@ pub enum PartLength {
     SlotWidth,
     /// Diameter of a bore.
     BoreDiameter,
+    /// How far something reaches into the height of a step of the tool; 0 when it is lower by as much.
+    HeightInTheWay,
 }
 
 /// A length of the part that would have to be another, and what that frees.
@@ -61,19 +70,19 @@ pub struct PartChange {
     pub from_mm: f64,
     /// What the tool needs, mm.
     pub to_mm: f64,
-    /// A site that it frees, mm.
+    /// A site that it frees, mm; of what blocks, where that is.
     pub at_mm: DVec3,
     /// How deep the slot or bore is there, mm.
     pub depth_mm: Option<f64>,
-    /// Share of the sites asked about that it frees.
+    /// Share of the sites looked at that it frees.
     pub share: f64,
 }
 
 /// Most sites of a region that are looked at.
 const N_SITES: usize = 192;
 
-/// What is asked of the part.
-struct Asked<'a> {
+/// Sites that a tool does not reach, and how they are labeled.
+struct Region<'a> {
     obstacles: &'a TriangleObstacles,
     /// Of the region, and a normal of unit length for each.
     points: Vec<DVec3>,
@@ -108,7 +117,7 @@ impl TriangleObstacles {
         let n = members.len().min(N_SITES);
         let few = (0..n).map(|k| members[(2 * k + 1) * members.len() / (2 * n)] as usize);
         let few: Vec<usize> = few.collect();
-        let asked = Asked {
+        let region = Region {
             obstacles: self,
             points: few.iter().map(|&i| sites.points[i].as_dvec3()).collect(),
             normals: few.iter().map(|&i| sites.normals[i].as_dvec3().normalize()).collect(),
@@ -118,14 +127,15 @@ impl TriangleObstacles {
             directions,
             options: SurfaceOptions { refinement: None, ..*options },
         };
-        let mut found = asked.corners()?;
-        found.extend(asked.width()?);
+        let mut found = region.corners()?;
+        found.extend(region.width()?);
+        found.extend(region.heights((sites, members))?);
         found.sort_by(|a, b| b.share.total_cmp(&a.share));
         Ok(found)
     }
 }
 
-impl Asked<'_> {
+impl Region<'_> {
     /// Number of sites.
     fn n(&self) -> usize {
         self.points.len()

@@ -49,6 +49,7 @@ pub use change::{Change, ChangeKind};
 pub use nearest::NearestPose;
 #[doc(hidden)] // of `analysis`
 pub use parts::blocking_parts_among_points;
+pub(crate) use region::BlockedQuery;
 #[doc(hidden)] // for findings, of the program
 pub use region::{RegionAdvice, RegionChange};
 #[doc(hidden)] // checked by tests

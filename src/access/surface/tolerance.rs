@@ -119,6 +119,11 @@ impl Chords {
         Tolerances { least: 0.0, most, by_place }
     }
 
+    /// Those of some of the faces, or of pieces of them.
+    pub fn of_faces(&self, faces: &[u32]) -> Self {
+        Chords(faces.iter().map(|&f| self.0[f as usize]).collect())
+    }
+
     /// Number of faces.
     pub fn len(&self) -> usize {
         self.0.len()

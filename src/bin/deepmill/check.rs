@@ -1,10 +1,13 @@
 //! `deepmill check`: reports the faults of a mesh, where they are, and whether they block labeling.
 
+use crate::args::{called, millimeters};
 use crate::mesh_args::{MeshArgs, join_bodies};
 use crate::output::Output;
+use deepmill::analysis::ThinWalls;
 use deepmill::geom::check::{self, Finding, MeshReport, Place};
+use deepmill::geom::sites::SiteOptions;
 use deepmill::geom::{Mesh, formats, intersect, origin};
-use deepmill::{Result, atomic_file};
+use deepmill::{Error, Result, atomic_file};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -21,6 +24,16 @@ pub struct Args {
     /// Do not look for triangles that pierce each other.
     #[arg(long)]
     skip_intersections: bool,
+    /// Also measure how thick walls are, and list what is thinner than this: at 7,000 sites, from a site to the face
+    /// that looks the other way.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = millimeters)]
+    thin_wall: Option<f64>,
+    /// Number of sites for --thin-wall.
+    #[arg(long, value_name = "N", default_value_t = SiteOptions::default().n_sites, requires = "thin_wall")]
+    sites: usize,
+    /// Exit with code 3 if a wall is thinner than --thin-wall.
+    #[arg(long, requires = "thin_wall")]
+    fail_if_thin: bool,
     /// Write the mesh, as repaired, in mm, to this STL file.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -40,6 +53,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     if is_usable {
         say_usable(&report, args, output);
     }
+    let thin = args.thin_wall.filter(|_| is_usable);
+    let thin = thin.map(|limit_mm| thin_walls(&mesh, limit_mm, args, output)).transpose()?;
     if let Some(path) = &args.out {
         write_near(path, mesh, output)?;
         output.say(format!("written {}", path.display()));
@@ -59,11 +74,53 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         "volume_mm3": report.volume_mm3,
         "changes": changes,
         "findings": findings,
+        "thin_walls": thin,
     }));
     match refused {
         Some(error) => Err(error),
         None => args.read.require_labelable(&report, &args.mesh),
     }
+}
+
+/// Says which walls are thinner than a limit, the greatest first.
+fn thin_walls(mesh: &Mesh, limit_mm: f64, args: &Args, output: &Output) -> Result<ThinWalls> {
+    let found = ThinWalls::of(mesh, limit_mm, args.sites).map_err(|error| match error {
+        Error::Argument { name: "thin wall", .. } => called(error, "--thin-wall"),
+        Error::Argument { name: "sites", .. } => called(error, "--sites"),
+        other => other,
+    })?;
+    let least = found.least_mm.map_or("no walls are found".into(), |least| {
+        format!("the thinnest wall is {} mm thick", digits(thousandth(least)))
+    });
+    output.say(match found.walls.len() {
+        0 => format!("nothing is thinner than {limit_mm} mm at {} sites; {least}", found.n_sites),
+        n => format!(
+            "thinner than {limit_mm} mm: {n} region{}, {} mm² ({:.1} % of the surface); {least}",
+            if n == 1 { "" } else { "s" },
+            digits(thousandth(found.area_mm2)),
+            100.0 * found.area_share,
+        ),
+    });
+    for wall in found.walls.iter().take(N_WALLS) {
+        let [x, y, z] = wall.at_mm.to_array().map(|mm| digits(thousandth(mm)));
+        let (area, least) = (digits(thousandth(wall.area_mm2)), digits(thousandth(wall.least_mm)));
+        output.say(format!("    {least} mm at {x}, {y}, {z}, {area} mm²"));
+    }
+    if let Some(more) = found.walls.len().checked_sub(N_WALLS).filter(|more| *more > 0) {
+        output.say(format!("    and {more} more"));
+    }
+    if args.fail_if_thin && !found.walls.is_empty() {
+        output.break_limit(format!("walls thinner than {limit_mm} mm; {least}"));
+    }
+    Ok(found)
+}
+
+/// Regions that are listed.
+const N_WALLS: usize = 6;
+
+/// To a thousandth, never minus zero.
+fn thousandth(x: f64) -> f64 {
+    (1e3 * x).round() / 1e3 + 0.0
 }
 
 /// Writes an STL, whose numbers are single precision: of a part far from the origin, about a local one.

@@ -157,6 +157,10 @@ impl Output {
     }
 
     /// Whether a result broke a limit; the last lines on standard error then say which.
+    pub fn break_limit(&self, why: String) {
+        self.broken.lock().unwrap_or_else(PoisonError::into_inner).push(why);
+    }
+
     pub fn tell_broken_limits(&self) -> bool {
         let broken = self.broken.lock().unwrap_or_else(PoisonError::into_inner);
         for why in &*broken {

@@ -36,7 +36,7 @@ pub struct PartAdvice {
     pub unit: &'static str,
     /// Area that it frees, mm².
     pub frees_mm2: f64,
-    /// A place that it frees, mm.
+    /// A place that it frees, mm; of what blocks, where that is.
     pub at_mm: DVec3,
     /// Depth of the slot or bore, mm.
     pub depth_mm: Option<f64>,
@@ -68,10 +68,14 @@ pub fn part_change_words(change: &PartChange) -> String {
         PartLength::CornerRadius => "corner radius",
         PartLength::SlotWidth => "slot width",
         PartLength::BoreDiameter => "bore diameter",
+        PartLength::HeightInTheWay => {
+            let [x, y, z] = change.at_mm.to_array().map(|mm| (10.0 * mm).round() / 10.0 + 0.0);
+            return format!("what blocks at {x}, {y}, {z} lower by {} mm", change.from_mm);
+        }
     };
     let depth = change.depth_mm.filter(|_| change.from_mm > 0.0).map(|depth| {
         let ratio = (10.0 * depth / change.from_mm).round() / 10.0;
-        format!(" ({depth} mm deep, {ratio} times as deep as wide)")
+        format!(" ({depth} mm deep, depth/width {ratio})")
     });
     let (from, to) = (change.from_mm, change.to_mm);
     format!("{name} {from} → {to} mm{}", depth.unwrap_or_default())

@@ -44,8 +44,8 @@ impl TriangleObstacles {
         self.chords.len() as u32
     }
 
-    /// The rolled ball of a radius at a site; `None` if the site is in no inner corner for it: it touches fewer than two
-    /// faces there, an edge of the part or a fixture, or there is no room for it.
+    /// The rolled ball of a radius at a site; `None` if the site is in no inner corner for it: it touches fewer than
+    /// two faces there, an edge of the part or a fixture, or there is no room for it.
     pub(super) fn rolled(
         &self,
         (site, normal): (DVec3, DVec3),

@@ -1,7 +1,7 @@
 //! Inner corners that are sharper than the tool.
 
 use super::ball::Rolled;
-use super::{Asked, PartChange, PartLength, rounded};
+use super::{PartChange, PartLength, Region, rounded};
 use crate::access::surface::tool::Outline;
 use crate::directions::{DirectionSet, Directions};
 use crate::{Result, par};
@@ -32,7 +32,7 @@ enum Runs {
     Along,
 }
 
-impl Asked<'_> {
+impl Region<'_> {
     /// The radii that inner corners would need, one for every radius that they have.
     pub(super) fn corners(&self) -> Result<Vec<PartChange>> {
         let (corner, side) = (self.cutter.corner_mm(), self.cutter.side_mm());

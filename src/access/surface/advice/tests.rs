@@ -147,6 +147,34 @@ fn what_a_holder_keeps_off_is_no_matter_of_corners() {
     assert!(found.iter().all(|one| one.share < 0.1), "{found:?}");
 }
 
+/// The groove's outline as that of the block: the corners between the walls run along the direction.
+#[test]
+fn a_flat_end_needs_its_radius_in_upright_corners() {
+    let outline = [[0, 0], [60, 0], [60, 40], [40, 40], [40, 15], [20, 15], [20, 40], [0, 40]];
+    let outline = outline.map(|[x, y]| dvec2(f64::from(x), f64::from(y)));
+    let mesh = prism(&outline, &cap(&outline), 20.0);
+    let (found, share) = advice(&mesh, &tool(3.0, 0.0, 40.0), 4000);
+    assert!(share > 0.015, "{share}");
+    let [one] = &found[..] else { panic!("{found:?}") };
+    assert_eq!((one.kind, one.from_mm, one.to_mm), (PartLength::CornerRadius, 0.0, 3.0));
+    assert!(one.share > 0.95, "{one:?}");
+}
+
+/// A plate, and on it a rib 16 mm high beside which the holder of 15 mm radius is 8 mm above the tip.
+#[test]
+fn a_rib_in_the_way_of_the_holder_would_have_to_be_lower() {
+    let outline = [[0, 0], [60, 0], [60, 10], [30, 10], [30, 26], [28, 26], [28, 10], [0, 10]];
+    let outline = outline.map(|[x, z]| dvec2(f64::from(x), f64::from(z)));
+    let mut mesh = prism(&outline, &cap(&outline), 40.0);
+    mesh.vertices.iter_mut().for_each(|v| *v = DVec3::new(v.x, 40.0 - v.z, v.y));
+    let (found, share) = advice(&mesh, &tool(1.0, 0.0, 8.0), 3000);
+    assert!(share > 0.1, "{share}");
+    let lower = found.iter().find(|one| one.kind == PartLength::HeightInTheWay);
+    let lower = lower.unwrap_or_else(|| panic!("{found:?}"));
+    assert!((lower.from_mm - 8.0).abs() < 0.03, "from 16 to 8 mm above the plate: {lower:?}");
+    assert!(lower.share > 0.8 && lower.at_mm.z > 25.9, "{lower:?}");
+}
+
 #[test]
 fn the_same_with_any_number_of_threads() {
     let mesh = groove(10.0, 10.0, 1.0);

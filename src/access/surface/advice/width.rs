@@ -1,6 +1,6 @@
 //! Slots and bores that are too narrow for the tool.
 
-use super::{Asked, PartChange, PartLength, rounded};
+use super::{PartChange, PartLength, Region, rounded};
 use crate::access::surface::labels::SiteAnswer;
 use crate::access::surface::tolerance::LEAST_MM;
 use crate::{Result, par};
@@ -32,7 +32,7 @@ struct Wall {
     width: f64,
 }
 
-impl Asked<'_> {
+impl Region<'_> {
     /// What width slots and bores would need, one for every width that they have, the widest first.
     pub(super) fn width(&self) -> Result<Vec<PartChange>> {
         let diameter = 2.0 * (self.cutter.corner_mm() + self.cutter.side_mm());

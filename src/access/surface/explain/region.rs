@@ -10,13 +10,14 @@
 use super::case::{Barrier, Between, Case};
 use super::profile::ProfileCase;
 use super::remedies::diameter;
-use super::{Change, ChangeKind, Query, Remedies, Stopped};
+use super::{Blocked, Change, ChangeKind, Query, Remedies, Stopped};
 use crate::access::surface::labels::{SiteAnswer, SurfaceOptions};
 use crate::access::surface::obstacles::{TriangleObstacles, tested};
 use crate::cutter::{Assembly, ToolPart};
 use crate::directions::Directions;
 use crate::geom::Sites;
 use crate::{Result, par};
+use glam::Vec3;
 
 /// A change of the tool, and what of a region it reaches.
 #[derive(Debug, Clone, PartialEq)]
@@ -106,6 +107,55 @@ impl TriangleObstacles {
         let labels = self.label(&few, &cutter, directions, &options.for_few(few.len()))?;
         let change = RegionChange { share: labels.share(SiteAnswer::Accessible), change };
         Ok(RegionAdvice { change: Some(change), ..advice })
+    }
+}
+
+/// What a direction that something above the cutter blocks is looked for.
+pub(crate) struct BlockedQuery<'a> {
+    pub sites: &'a Sites,
+    /// The tool, and the safety margin about it, mm.
+    pub held: (&'a Assembly, f64),
+    pub directions: &'a Directions,
+    pub options: &'a SurfaceOptions,
+}
+
+impl TriangleObstacles {
+    /// Of the directions of the set in which tip and cutter are free and something above blocks, the one in which that
+    /// penetrates least, and what blocks there; none for a tool given by its profile.
+    pub(crate) fn least_blocked(
+        &self,
+        wanted: &BlockedQuery,
+        site: u32,
+    ) -> Result<Option<(Vec3, Blocked)>> {
+        let (tool, clearance_mm) = wanted.held;
+        if tool.profile().is_some() {
+            return Ok(None);
+        }
+        let query = Query {
+            site: wanted.sites.points[site as usize],
+            normal: wanted.sites.normals[site as usize],
+            tool,
+            clearance_mm,
+            directions: wanted.directions,
+            options: wanted.options,
+            witness: None,
+            remedies: Remedies::default(),
+        };
+        let tested = tested(wanted.directions)?;
+        let barrier = Barrier::Triangles(self);
+        let case = Case { barrier, query: &query, tested, proves: false };
+        if case.ball_gouges(tool)? {
+            return Ok(None);
+        }
+        let (parted, meetings) = case.meetings(tool, case.tested.vectors())?;
+        let blocked = case.tested.vectors().iter().zip(&meetings).filter_map(|(d, meeting)| {
+            let (part, met) = meeting.lowest(&parted)?;
+            let blocked =
+                Blocked { part, penetration_mm: met.raise, face: met.face, at_mm: met.at };
+            (part > ToolPart::Cutter).then_some((*d, blocked))
+        });
+        let is_less = |a: &Blocked, b: &Blocked| a.penetration_mm < b.penetration_mm;
+        Ok(blocked.reduce(|a, b| if is_less(&b.1, &a.1) { b } else { a }))
     }
 }
 

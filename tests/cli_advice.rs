@@ -1,0 +1,125 @@
+//! What the commands say about lengths of the part: corners, slots, thin walls.
+#![cfg(feature = "cli")]
+
+mod command;
+
+use command::{Folder, block, deepmill, failure, json, stl, text};
+use serde_json::Value;
+
+/// A block 44 × 30 × 20 mm with a groove along y, `width` wide and `depth` deep.
+fn grooved(folder: &Folder, width: f32, depth: f32) -> String {
+    let (left, right, floor) = (22.0 - 0.5 * width, 22.0 + 0.5 * width, 20.0 - depth);
+    let outline = [
+        [0.0, 0.0],
+        [44.0, 0.0],
+        [44.0, 20.0],
+        [right, 20.0],
+        [right, floor],
+        [left, floor],
+        [left, 20.0],
+        [0.0, 20.0],
+    ];
+    let corner = |k: usize, y: f32| [outline[k][0], y, outline[k][1]];
+    let end = [[0, 1, 4], [0, 4, 5], [1, 2, 4], [2, 3, 4], [0, 5, 7], [5, 6, 7]];
+    let mut triangles: Vec<_> = end.iter().map(|t| t.map(|k| corner(k, 0.0))).collect();
+    triangles.extend(end.iter().map(|[a, b, c]| [*a, *c, *b].map(|k| corner(k, 30.0))));
+    for k in 0..8 {
+        let [a, b, c, d] = [(k, 0.0), (k, 30.0), ((k + 1) % 8, 30.0), ((k + 1) % 8, 0.0)]
+            .map(|(k, y)| corner(k, y));
+        triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    folder.file("groove.stl", stl(&triangles))
+}
+
+fn label(folder: &Folder, part: &str, tool: &[&str], more: &[&str]) -> std::process::Output {
+    let out = folder.path("out");
+    let args = ["label", part, "--out", &out, "--directions", "up", "--sites", "2500"];
+    deepmill(&[&args[..], &["--no-picture"], tool, more].concat())
+}
+
+/// The advice of a finding about the groove.
+fn advice(result: &Value) -> Vec<Value> {
+    let findings = result["findings"]["findings"].as_array().unwrap();
+    findings.iter().flat_map(|finding| finding["advice"].as_array().unwrap().clone()).collect()
+}
+
+#[test]
+fn sharp_corners_of_a_pocket_need_the_radius_of_the_ball_in_every_form() {
+    let folder = Folder::new();
+    let part = grooved(&folder, 20.0, 8.0);
+    let tool = ["--cutter", "3,20,30,20"];
+    let result = json(&label(&folder, &part, &tool, &["--json", "--report"]));
+    let all = advice(&result);
+    assert!(!all.is_empty(), "{result}");
+    let close = |value: &Value, x: f64, by: f64| (value.as_f64().unwrap() - x).abs() <= by;
+    let mut freed = 0.0;
+    for one in &all {
+        assert_eq!((&one["kind"], &one["unit"]), (&"corner-radius".into(), &"mm".into()), "{one}");
+        assert!(close(&one["from"], 0.0, 1e-9) && close(&one["to"], 3.0, 1e-9), "{one}");
+        let words = one["words"].as_str().unwrap();
+        assert!(words.starts_with("corner radius 0 → 3 mm frees "), "{words}");
+        freed += one["frees_mm2"].as_f64().unwrap();
+    }
+    // Two corners, 30 mm long, with 3 mm of floor and of wall at each; near the ends of these the tolerances decide.
+    assert!((264.0..=360.0).contains(&freed), "{freed}");
+    let file = std::fs::read_to_string(folder.path("out/findings.json")).unwrap();
+    let file: Value = serde_json::from_str(&file).unwrap();
+    assert_eq!(file["findings"], result["findings"]["findings"], "the file holds the same");
+    let page = std::fs::read_to_string(folder.path("out/report.html")).unwrap();
+    assert!(page.contains("of the part: corner radius 0 → 3 mm frees "));
+    let said = text(&label(&folder, &part, &tool, &[]).stdout);
+    assert!(said.contains(": of the part, corner radius 0 → 3 mm frees "), "{said}");
+
+    let out = folder.path("out");
+    let explain = ["explain", &out, "--at", "13,15,12", "--no-picture"];
+    let why = json(&deepmill(&[&explain[..], &["--json"]].concat()));
+    assert_eq!(why["advice"][0]["words"], "corner radius 0 → 3 mm", "{why}");
+    let said = text(&deepmill(&explain).stdout);
+    assert!(said.contains("Of the part would help: corner radius 0 → 3 mm."), "{said}");
+    let why = json(&deepmill(&["explain", &out, "--at", "22,15,12", "--no-picture", "--json"]));
+    assert_eq!((&why["answer"], &why["advice"]), (&"accessible".into(), &Value::Array(vec![])));
+}
+
+#[test]
+fn a_slot_too_narrow_is_named_with_its_depth_and_the_width_that_the_tool_needs() {
+    let folder = Folder::new();
+    let part = grooved(&folder, 4.0, 6.0);
+    let tool = ["--cutter", "3,20,30,20", "--corner", "0"];
+    let all = advice(&json(&label(&folder, &part, &tool, &["--json"])));
+    let slot = all.iter().find(|one| one["kind"] == "slot-width").unwrap();
+    assert_eq!((&slot["from"], &slot["to"]), (&4.0.into(), &6.02.into()), "{slot}");
+    assert_eq!(slot["depth_mm"], 6.0);
+    let area = slot["frees_mm2"].as_f64().unwrap();
+    assert!((area - 30.0 * (6.0 + 4.0 + 6.0)).abs() < 40.0, "{area}");
+}
+
+#[test]
+fn a_block_that_is_reached_has_no_advice() {
+    let folder = Folder::new();
+    let part = folder.block();
+    let tool = ["--cutter", "3,20,30,20", "--except", "normal:0,0,-1"];
+    let result = json(&label(&folder, &part, &tool, &["--json"]));
+    assert!(advice(&result).is_empty(), "{result}");
+}
+
+#[test]
+fn thin_walls_are_found_below_a_limit_and_can_fail_a_check() {
+    let folder = Folder::new();
+    let web = folder.file("web.stl", stl(&block([0.0; 3], [40.0, 1.5, 20.0])));
+    let check = |more: &[&str]| deepmill(&[&["check", &web], more].concat());
+    let thin = json(&check(&["--thin-wall", "2", "--json"]))["thin_walls"].clone();
+    assert!((thin["area_mm2"].as_f64().unwrap() - 1600.0).abs() < 40.0, "{thin}");
+    assert!((thin["least_mm"].as_f64().unwrap() - 1.5).abs() < 1e-5, "{thin}");
+    let said = text(&check(&["--thin-wall", "2"]).stdout);
+    assert!(said.contains("the thinnest wall is 1.5 mm thick"), "{said}");
+    let thin =
+        json(&check(&["--thin-wall", "1", "--json", "--fail-if-thin"]))["thin_walls"].clone();
+    assert_eq!(thin["walls"], Value::Array(vec![]), "{thin}");
+    let failed = check(&["--thin-wall", "2", "--fail-if-thin"]);
+    assert_eq!(failed.status.code(), Some(3));
+    let said = text(&failed.stderr);
+    assert!(said.contains("walls thinner than 2 mm"), "{said}");
+    let said = failure(&check(&["--thin-wall", "0"]), 2);
+    assert!(said.contains("--thin-wall"), "{said}");
+    assert_eq!(json(&check(&["--json"]))["thin_walls"], Value::Null);
+}
