@@ -160,19 +160,71 @@ fn a_flat_end_needs_its_radius_in_upright_corners() {
     assert!(one.share > 0.95, "{one:?}");
 }
 
-/// A plate, and on it a rib 16 mm high beside which the holder of 15 mm radius is 8 mm above the tip.
-#[test]
-fn a_rib_in_the_way_of_the_holder_would_have_to_be_lower() {
-    let outline = [[0, 0], [60, 0], [60, 10], [30, 10], [30, 26], [28, 26], [28, 10], [0, 10]];
-    let outline = outline.map(|[x, z]| dvec2(f64::from(x), f64::from(z)));
+/// A plate, and on it a rib this high.
+fn ribbed(rib: f64) -> Mesh {
+    let top = 10.0 + rib;
+    let outline = [[0.0, 0.0], [60.0, 0.0], [60.0, 10.0], [30.0, 10.0]];
+    let outline = outline.into_iter().chain([[30.0, top], [28.0, top], [28.0, 10.0], [0.0, 10.0]]);
+    let outline: Vec<DVec2> = outline.map(DVec2::from_array).collect();
     let mut mesh = prism(&outline, &cap(&outline), 40.0);
     mesh.vertices.iter_mut().for_each(|v| *v = DVec3::new(v.x, 40.0 - v.z, v.y));
-    let (found, share) = advice(&mesh, &tool(1.0, 0.0, 8.0), 3000);
+    mesh
+}
+
+/// The holder, 15 mm in radius, is 8 mm above the tip.
+#[test]
+fn a_rib_in_the_way_of_the_holder_would_have_to_be_lower() {
+    let (found, share) = advice(&ribbed(16.0), &tool(1.0, 0.0, 8.0), 3000);
     assert!(share > 0.1, "{share}");
     let lower = found.iter().find(|one| one.kind == PartLength::HeightInTheWay);
     let lower = lower.unwrap_or_else(|| panic!("{found:?}"));
     assert!((lower.from_mm - 8.0).abs() < 0.03, "from 16 to 8 mm above the plate: {lower:?}");
     assert!(lower.share > 0.8 && lower.at_mm.z > 25.9, "{lower:?}");
+    let (_, left) = advice(&ribbed(16.0 - lower.from_mm), &tool(1.0, 0.0, 8.0), 3000);
+    assert!(left < 0.01 * share, "the part so changed: {left}");
+}
+
+#[test]
+fn a_part_changed_as_advised_is_reached() {
+    let (found, left) = advice(&groove(3.01, 6.0, 0.0), &tool(3.0, 0.0, 40.0), 3000);
+    assert!(left == 0.0 && found.is_empty(), "a slot of 6.02 mm: {left}");
+    let (_, left) = advice(&groove(10.0, 10.0, 1.0), &tool(3.0, 1.0, 40.0), 3000);
+    assert_eq!(left, 0.0, "fillets of the bull nose's corner");
+    let (_, left) = advice(&groove(10.0, 10.0, 3.0), &tool(3.0, 3.0, 40.0), 3000);
+    assert_eq!(left, 0.0, "fillets of the ball's radius");
+}
+
+/// A disc of 24 mm with a bore through it.
+fn bored(radius: f64, height: f64) -> Mesh {
+    const N: u32 = 48;
+    let mut mesh = Mesh::default();
+    for k in 0..N {
+        let angle = std::f64::consts::TAU * f64::from(k) / f64::from(N);
+        let out = DVec3::new(libm::cos(angle), libm::sin(angle), 0.0);
+        // Inside and outside, below and above.
+        for (r, z) in [(radius, 0.0), (12.0, 0.0), (12.0, height), (radius, height)] {
+            mesh.vertices.push(DVec3::new(15.0, 15.0, z) + out * r);
+        }
+        for side in 0..4 {
+            let [a, b] = [side, (side + 1) % 4];
+            let at = |k: u32, corner: u32| 4 * (k % N) + corner;
+            let [p, q, r, s] = [at(k, a), at(k + 1, a), at(k + 1, b), at(k, b)];
+            mesh.triangles.extend([[p, q, r], [p, r, s]]);
+        }
+    }
+    mesh
+}
+
+#[test]
+fn a_bore_of_four_needs_six_for_a_mill_of_six() {
+    let mesh = bored(2.0, 12.0);
+    assert!(mesh.volume() > 0.0, "it faces outward");
+    let (found, share) = advice(&mesh, &tool(3.0, 0.0, 40.0), 3000);
+    assert!(share > 0.03, "{share}");
+    let one = found.iter().find(|one| one.kind == PartLength::BoreDiameter);
+    let one = one.unwrap_or_else(|| panic!("{found:?}"));
+    assert!((one.from_mm - 4.0).abs() < 0.02 && one.to_mm == 6.02, "{one:?}");
+    assert_eq!((one.depth_mm, one.share > 0.95), (Some(12.0), true), "{one:?}");
 }
 
 #[test]
