@@ -91,6 +91,11 @@ fn a_slot_too_narrow_is_named_with_its_depth_and_the_width_that_the_tool_needs()
     assert_eq!(slot["depth_mm"], 6.0);
     let area = slot["frees_mm2"].as_f64().unwrap();
     assert!((area - 30.0 * (6.0 + 4.0 + 6.0)).abs() < 40.0, "{area}");
+    // At one place of the floor.
+    let explain = ["explain", &folder.path("out"), "--at", "22,15,14", "--no-picture", "--json"];
+    let why = json(&deepmill(&explain));
+    let words = "slot width 4 → 6.02 mm (6 mm deep, depth/width 1.5)";
+    assert_eq!(why["advice"][0]["words"], words, "{why}");
 }
 
 #[test]

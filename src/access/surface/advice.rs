@@ -19,9 +19,10 @@
 //! the distance `D` along the bisector of the two normals, the planes' edge at `k·ρ`, so `r = (k·ρ − D) / (k − 1)`.
 //! It is 0 where other rays do not meet that fillet, as in a chamfer.
 //!
-//! **Width.** At a site of a wall the ray along its normal meets the opposite wall after the *width* `w`. Where that
-//! is less than the tool is wide, a tool thinner by `2·R + 2·τ − w` is labeled at the sites of the region: by what it
-//! reaches in the part the tool itself would reach in one whose walls were as much farther apart.
+//! **Width.** At a site of a wall, or at a wall beside a site of a floor, the ray along the wall's normal meets the
+//! opposite wall after the *width* `w`. Where that is less than the tool is wide, a tool thinner by `2·R + 2·τ − w`
+//! is labeled at the sites of the region: by what it reaches in the part the tool itself would reach in one whose
+//! walls were as much farther apart.
 //!
 //! **Height in the way.** Of the directions in which tip and cutter are free, the one is taken in which a step of
 //! shank, holder or spindle penetrates a face least. All of the part that is above the lower end of that step and

@@ -3,9 +3,10 @@
 use super::{PartChange, PartLength, Region, rounded};
 use crate::access::surface::labels::SiteAnswer;
 use crate::access::surface::tolerance::LEAST_MM;
+use crate::access::surface::tool::axes;
 use crate::{Result, par};
 use glam::DVec3;
-use std::f64::consts::SQRT_2;
+use std::f64::consts::{SQRT_2, TAU};
 
 /// Walls are opposite where their normals are within this of opposite, as a cosine: 20 degrees.
 const OPPOSITE: f64 = 0.94;
@@ -25,12 +26,18 @@ const ROUND: f64 = 0.1;
 const STEPS: usize = 400;
 const HALVINGS: usize = 20;
 
-/// A site of a wall, and the distance of the wall opposite.
+/// A site on a wall or between walls, a place of the wall, and the distance of the wall opposite.
 #[derive(Clone, Copy)]
 struct Wall {
     site: usize,
+    at: DVec3,
+    normal: DVec3,
     width: f64,
 }
+
+/// Heights above a floor, as shares of the tool's radius, from which walls are looked for, and directions there.
+const HEIGHTS: [f64; 2] = [0.5, 0.1];
+const N_AROUND: usize = 8;
 
 impl Region<'_> {
     /// What width slots and bores would need, one for every width that they have, the widest first.
@@ -69,7 +76,7 @@ impl Region<'_> {
                 kind: if is_bore { PartLength::BoreDiameter } else { PartLength::SlotWidth },
                 from_mm: rounded(least),
                 to_mm: rounded(diameter + 2.0 * LEAST_MM),
-                at_mm: self.points[wall.site],
+                at_mm: wall.at,
                 depth_mm: Some(rounded(depth)),
                 share,
             });
@@ -77,23 +84,42 @@ impl Region<'_> {
         Ok(all)
     }
 
-    /// The wall opposite of a site, if there is one of the part.
+    /// Of a site on a wall, that wall; of one on a floor, the walls beside it that are nearest to each other.
     fn wall(&self, site: usize) -> Option<Wall> {
-        let normal = self.normals[site];
-        let (width, place) = self.obstacles.ray(self.points[site], normal, LEAST_MM)?;
+        let (point, normal) = (self.points[site], self.normals[site]);
+        let radius = self.cutter.corner_mm() + self.cutter.side_mm();
+        let beside = |height: f64| {
+            let [u, v, _] = axes(normal.as_vec3());
+            let from = point + normal * (height * radius);
+            let around = (0..N_AROUND).filter_map(move |k| {
+                let angle = TAU * k as f64 / N_AROUND as f64;
+                let ray = u * libm::cos(angle) + v * libm::sin(angle);
+                let (t, place) = self.obstacles.ray(from, ray, 0.0)?;
+                let facing = self.obstacles.facing(place);
+                let is_near = t < 2.0 * radius && facing.dot(ray) < 0.0;
+                is_near.then(|| self.opposite(site, from + ray * t, facing)).flatten()
+            });
+            around.reduce(|a, b| if b.width < a.width { b } else { a })
+        };
+        self.opposite(site, point, normal).or_else(|| HEIGHTS.into_iter().find_map(beside))
+    }
+
+    /// A place of a wall and the wall opposite, if there is one of the part.
+    fn opposite(&self, site: usize, at: DVec3, normal: DVec3) -> Option<Wall> {
+        let (width, place) = self.obstacles.ray(at, normal, LEAST_MM)?;
         let is_of_part = self.obstacles.bvh.face(place) < self.obstacles.n_of_part();
         let is_opposite = self.obstacles.facing(place).dot(normal) <= -OPPOSITE;
-        (is_of_part && is_opposite).then_some(Wall { site, width })
+        (is_of_part && is_opposite).then_some(Wall { site, at, normal, width })
     }
 
     /// Between the two walls.
     fn middle(&self, wall: &Wall) -> DVec3 {
-        self.points[wall.site] + self.normals[wall.site] * (0.5 * wall.width)
+        wall.at + wall.normal * (0.5 * wall.width)
     }
 
     /// How deep the slot is at a wall along a direction: from where it is open to its floor.
     fn depth(&self, wall: &Wall, direction: DVec3) -> f64 {
-        let (middle, normal) = (self.middle(wall), self.normals[wall.site]);
+        let (middle, normal) = (self.middle(wall), wall.normal);
         let is_between = |height: f64| {
             let at = middle + direction * height;
             let meets =
@@ -116,7 +142,7 @@ impl Region<'_> {
 
     /// Whether the walls are as far apart across and between.
     fn is_bore(&self, wall: &Wall, direction: DVec3) -> bool {
-        let (middle, normal) = (self.middle(wall), self.normals[wall.site]);
+        let (middle, normal) = (self.middle(wall), wall.normal);
         let across = normal.cross(direction).normalize_or_zero();
         let span = |u: DVec3| {
             let of = |u: DVec3| self.obstacles.ray(middle, u, 0.0).map(|(t, _)| t);
