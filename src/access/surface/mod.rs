@@ -42,6 +42,8 @@ mod faces;
 mod labeling;
 mod labels;
 mod library;
+// In the numerical core alone, nothing calls it: `analysis` does.
+#[cfg_attr(not(all(feature = "formats", feature = "generate")), allow(dead_code, unused_imports))]
 pub(crate) mod machined;
 mod obstacles;
 mod penetrate;

@@ -30,16 +30,16 @@ pub(crate) struct Rest {
 /// How the search is done.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct RestOptions {
-    /// Distance of pixels, mm; by default a 400th of the part's longest side, and at most a fourth of the tool's
+    /// Distance of pixels, mm; by default a 400th of the part's longest side, from a 64th to a fourth of the tool's
     /// radius.
     pub pitch_mm: Option<f64>,
 }
 
 /// Directions of a site from which poses are searched.
 const N_POSES: usize = 3;
-/// Pixels along the part's longest side by default, and along the tool's radius at least.
+/// Pixels along the part's longest side by default, and along the tool's radius at most and at least.
 const ACROSS_PART: f64 = 400.0;
-const ACROSS_TOOL: f64 = 4.0;
+const ACROSS_TOOL: [f64; 2] = [64.0, 4.0];
 /// Most pixels of an image.
 const MOST_PIXELS: f64 = 64e6;
 /// Sites per task.
@@ -107,7 +107,8 @@ impl TriangleObstacles {
         };
         let stock = bounds(part);
         let longest = (stock[1] - stock[0]).max_element();
-        let usual = (longest / ACROSS_PART).min(outline.radius() / ACROSS_TOOL);
+        let [finest, coarsest] = ACROSS_TOOL.map(|n| outline.radius() / n);
+        let usual = (longest / ACROSS_PART).clamp(finest, coarsest);
         let pitch = rest.pitch_mm.unwrap_or(usual);
         let n_pixels = (longest / pitch + 4.0 * outline.radius() / pitch).powi(2);
         if !(pitch > 0.0 && n_pixels <= MOST_PIXELS) {

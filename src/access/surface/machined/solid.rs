@@ -242,7 +242,14 @@ impl Pass<'_> {
         let mut all: Option<Grid> = None;
         let (mut alone_mm3, mut after_mm3, mut stops) = (Vec::new(), Vec::new(), Vec::new());
         for tool in self.tools {
-            let mut grid = self.fresh.clone();
+            // What each leaves alone is of the first round; after it, tools go on with what others have left.
+            let mut grid = match all.take() {
+                Some(others) if !rest.is_empty() => others,
+                others => {
+                    all = others;
+                    self.fresh.clone()
+                }
+            };
             let mut of_tool: Vec<Option<Stops>> = frames.iter().map(|_| None).collect();
             for &k in self.order {
                 report(n_done, n_steps)?;
@@ -264,7 +271,9 @@ impl Pass<'_> {
                 heights.recycle(&buffers);
             }
             stops.push(of_tool);
-            alone_mm3.push(self.volume(&grid));
+            if rest.is_empty() {
+                alone_mm3.push(self.volume(&grid));
+            }
             let both = match all.take() {
                 Some(mut all) => {
                     all.merge(&grid);
