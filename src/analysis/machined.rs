@@ -52,12 +52,12 @@ pub struct MachinedOutcome {
 
 impl Analysis {
     /// What the tools together leave of a stock, with an accuracy of so many mm (by default a hundredth of the part's
-    /// longest side, at most 0.1 mm, but no finer than a 400th of that side): the least set that no tool removes without
-    /// meeting the part or the set itself with what does not cut. See `docs/rest.md`.
+    /// longest side, at most 0.1 mm, but no finer than a 400th of that side): the least set that no tool removes
+    /// without meeting the part or the set itself with what does not cut. See `docs/rest.md`.
     ///
     /// # Errors
-    /// If the part is no closed mesh, the stock does not contain it, there are no tools, one is given by a profile or too
-    /// thin for the accuracy, the lattice would not fit into the memory, or the observer stops it.
+    /// If the part is no closed mesh, the stock does not contain it, there are no tools, one is given by a profile or
+    /// too thin for the accuracy, the lattice would not fit into the memory, or the observer stops it.
     #[doc(hidden)] // of the program
     pub fn machine(
         mut self,
@@ -263,8 +263,8 @@ impl MachinedOutcome {
         table
     }
 
-    /// Writes `machined.stl`, `machined.csv`, and if something is left `rest.stl` and `rest.csv`; if there are pictures,
-    /// `machined.png`; returns the paths.
+    /// Writes `machined.stl`, `machined.csv`, and if something is left `rest.stl` and `rest.csv`; if there are
+    /// pictures, `machined.png`; returns the paths.
     ///
     /// # Errors
     /// If the system refuses a file.

@@ -211,7 +211,8 @@ impl Analysis {
         self
     }
 
-    /// Whether to compute how much each tool leaves where it does not reach, by the mesh definition: see `docs/rest.md`.
+    /// Whether to compute how much each tool leaves where it does not reach, by the mesh definition: see
+    /// `docs/rest.md`.
     #[must_use]
     pub fn rest(mut self, rest: bool) -> Self {
         self.rest = rest;

@@ -78,11 +78,13 @@ impl Kernel for Pairs<'_> {
         let (n, out, a, b) =
             (self.out.len(), self.out.as_mut_ptr(), self.a.as_ptr(), self.b.as_ptr());
         match self.extreme {
-            // SAFETY: the three slices have `n` numbers each (`extreme_of_pairs` asserts it), `out` is borrowed here alone; chunks end at `n`.
+            // SAFETY: the three slices have `n` numbers each (`extreme_of_pairs` asserts it), `out` is borrowed here
+            // alone; chunks end at `n`.
             Extreme::Greatest => for_each_vector!(S, n, |chunk| unsafe {
                 chunk.store::<S>(chunk.load(s, a).max(chunk.load(s, b)), out);
             }),
-            // SAFETY: the three slices have `n` numbers each (`extreme_of_pairs` asserts it), `out` is borrowed here alone; chunks end at `n`.
+            // SAFETY: the three slices have `n` numbers each (`extreme_of_pairs` asserts it), `out` is borrowed here
+            // alone; chunks end at `n`.
             Extreme::Least => for_each_vector!(S, n, |chunk| unsafe {
                 chunk.store::<S>(chunk.load(s, a).min(chunk.load(s, b)), out);
             }),

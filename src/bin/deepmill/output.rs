@@ -156,11 +156,12 @@ impl Output {
         Ok(json!(*broken))
     }
 
-    /// Whether a result broke a limit; the last lines on standard error then say which.
+    /// A limit is broken.
     pub fn break_limit(&self, why: String) {
         self.broken.lock().unwrap_or_else(PoisonError::into_inner).push(why);
     }
 
+    /// Whether a result broke a limit; the last lines on standard error then say which.
     pub fn tell_broken_limits(&self) -> bool {
         let broken = self.broken.lock().unwrap_or_else(PoisonError::into_inner);
         for why in &*broken {

@@ -1,9 +1,9 @@
 //! What is left, as bodies with a surface.
 //!
-//! A node that is left is *core* if no node beside it is in the part: there the layer is thicker than the lattice's step.
-//! A body is a set of core nodes that hang together, with the nodes that are left within three steps of them. Its surface is where an
-//! implicit function is 0: outside of the part, how far a place is above what tools leave; within, half a step below the
-//! part's surface, so that bodies and part overlap and a union joins them.
+//! A node that is left is *core* if no node beside it is in the part: there the layer is thicker than the lattice's
+//! step. A body is a set of core nodes that hang together, with the nodes that are left within three steps of them.
+//! Its surface is where an implicit function is 0: outside of the part, how far a place is above what tools leave;
+//! within, half a step below the part's surface, so that bodies and part overlap and a union joins them.
 
 use super::super::bvh::Bvh;
 use super::super::query::nearest;
@@ -67,7 +67,7 @@ impl Nodes {
         self.volumes(grid, bvh).iter().sum()
     }
 
-    /// What each node stands for, mm³: of the cubes about it, the nodes in the part and those that are removed beside it
+    /// The volume of each node, mm³: of the cubes about it, the nodes in the part and those that are removed beside it
     /// what is between the surface of the part and that of what is left. A surface at a distance x from a node leaves
     /// `1/2 + x/step` of its cube, 0 to 1.
     fn volumes(&self, grid: &Grid, bvh: &Bvh) -> Vec<f64> {
@@ -167,8 +167,8 @@ impl Nodes {
     }
 }
 
-/// Of every node, ascending by number, which set of nodes it hangs together with, side by side or in a corner; and how many
-/// such sets there are.
+/// Of every node, ascending by number, which set of nodes it hangs together with, side by side or in a corner; and
+/// how many such sets there are.
 fn components(nodes: &[(usize, f64)], counts: [usize; 3]) -> (Vec<u32>, usize) {
     let mut parent: Vec<u32> = (0..nodes.len() as u32).collect();
     for (k, (n, _)) in nodes.iter().enumerate() {

@@ -2,10 +2,10 @@
 //!
 //! # Definition
 //!
-//! Coming down along a direction, a tool that only widens stops where its shrunk outline touches a triangle
-//! (`drop`). A point is *removed* if in some direction it is above the lower surface of what cuts of a tool that stopped
-//! there. The **rest** at a site is the length of the line from it along its normal to the first point that is removed;
-//! if none is, the whole line: to the next wall of the part, or to where it leaves the stock. At an accessible site it
+//! Coming down along a direction, a tool that only widens stops where its shrunk outline touches a triangle (`drop`).
+//! A point is *removed* if in some direction it is above the lower surface of what cuts of a tool that stopped there.
+//! The **rest** at a site is the length of the line from it along its normal to the first point that is removed; if
+//! none is, the whole line: to the next wall of the part, or to where it leaves the stock. At an accessible site it
 //! is 0.
 //!
 //! # Engine

@@ -172,8 +172,8 @@ impl TriangleObstacles {
         Ok(rests.into_iter().flatten().collect())
     }
 
-    /// How much a tool leaves at every site, mm, and the pose that leaves least, if anything is removed there: 0 and none
-    /// at those that are not among `which`.
+    /// How much a tool leaves at every site, mm, and the pose that leaves least, if anything is removed there: 0 and
+    /// none at those that are not among `which`.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`]; if the tool is given by a profile.

@@ -53,8 +53,8 @@ const PIXELS: f64 = 2.0;
 const MOST_ROUNDS: usize = 6;
 
 impl TriangleObstacles {
-    /// What a set of tools leaves of a stock: the least fixed point of *left is what no tool removes that is clear of the
-    /// part and of what is left*, on a lattice. `report` is given how much is done, and may stop it.
+    /// What a set of tools leaves of a stock: the least fixed point of *left is what no tool removes that is clear of
+    /// the part and of what is left*, on a lattice. `report` is given how much is done, and may stop it.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`]; if a tool is given by a profile, the part or the stock has no inside, or the
@@ -109,7 +109,7 @@ impl TriangleObstacles {
         }
     }
 
-    /// The directions of a set, and those that the part suggests where the set stands for others too and these are
+    /// The directions of a set, and those that the part suggests where the set represents others too and these are
     /// searched.
     pub(super) fn frames(
         &self,

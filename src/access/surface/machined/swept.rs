@@ -147,7 +147,8 @@ impl<'a> Tool<'a> {
         for disc in &self.footprint.discs {
             let met = self.tiles_met(upper, disc, &stops, needed);
             if met.contains(&true) {
-                // Not within the loop over tiles: a thread that waits there could take another tile, and wait for itself.
+                // Not within the loop over tiles: a thread that waits there could take another tile, and wait for
+                // itself.
                 let windows = upper.windows(2 * self.footprint.widest() + 1, buffers);
                 self.for_tiles(&mut stops, (n_tiles, &met), |tile, at| {
                     self.rest_on_disc((upper, windows), disc, at, tile);
