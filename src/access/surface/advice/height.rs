@@ -6,7 +6,7 @@ use crate::access::surface::explain::{Blocked, BlockedQuery};
 use crate::access::surface::labels::SiteAnswer;
 use crate::access::surface::obstacles::TriangleObstacles;
 use crate::geom::Sites;
-use crate::{Result, par};
+use crate::Result;
 use glam::{DVec3, Vec3};
 
 /// Sites of a region at which what blocks is looked for.
@@ -130,11 +130,11 @@ impl TriangleObstacles {
         let of_part = &self.triangles[..self.n_of_part() as usize];
         let is_high = |p: &DVec3| p.dot(up) > height;
         let key = |p: &DVec3| p.to_array().map(|x| (x + 0.0).to_bits());
-        let corners = |f: usize| {
-            of_part[f].iter().filter(|p| is_high(p)).map(move |p| (key(p), f)).collect::<Vec<_>>()
-        };
-        let mut corners_above: Vec<([u64; 3], usize)> =
-            par::map(of_part.len(), corners).into_iter().flatten().collect();
+        let corners = of_part.iter().enumerate().flat_map(|(f, corners)| {
+            corners.iter().filter(|p| is_high(p)).map(move |p| (key(p), f as u32))
+        });
+        // One list: a small one for every triangle would leave the memory in pieces.
+        let mut corners_above: Vec<([u64; 3], u32)> = corners.collect();
         corners_above.sort_unstable();
         let mut is_seen = vec![false; of_part.len()];
         let (mut open, mut found) = (vec![face as usize], Vec::new());
@@ -146,7 +146,7 @@ impl TriangleObstacles {
             for p in of_part[f].iter().filter(|p| is_high(p)) {
                 let first = corners_above.partition_point(|(of, _)| *of < key(p));
                 let same = corners_above[first..].iter().take_while(|(of, _)| *of == key(p));
-                open.extend(same.map(|(_, f)| *f).filter(|&f| !is_seen[f]));
+                open.extend(same.map(|(_, f)| *f as usize).filter(|&f| !is_seen[f]));
             }
         }
         found.sort_unstable();
