@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
-    "Error", "FileError", "Interrupted", "Mesh", "Network", "Octree", "OctreeLevel", "Online", "Outcome",
+    "Error", "FileError", "Interrupted", "MachinedOutcome", "Mesh", "Network", "Octree", "OctreeLevel", "Online", "Outcome",
     "Prediction", "Sample", "SetupsOutcome", "Sites", "Tool", "ToolAnswers", "ToolsOutcome", "Trainer",
-    "VolumeOutcome", "analyze", "compare", "explain", "online", "read_tools", "sample", "setups", "volume",
+    "VolumeOutcome", "analyze", "compare", "explain", "machined", "online", "read_tools", "sample", "setups", "volume",
     "__version__",
 ]
 
