@@ -1,12 +1,12 @@
 //! Faces in the way that would have to be lower.
 
 use super::{PartChange, PartLength, Region, rounded};
+use crate::Result;
 use crate::access::surface::bvh::Bvh;
 use crate::access::surface::explain::{Blocked, BlockedQuery};
 use crate::access::surface::labels::SiteAnswer;
 use crate::access::surface::obstacles::TriangleObstacles;
 use crate::geom::Sites;
-use crate::Result;
 use glam::{DVec3, Vec3};
 
 /// Sites of a region at which what blocks is looked for.
