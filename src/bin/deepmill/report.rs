@@ -113,8 +113,10 @@ pub fn page(
     let mut views = Vec::new();
     if let Some((file, path)) = labels {
         let mut found = findings_of_tools(&file.sites, mesh, &[""], &[&file.labels])?;
-        // Files of older versions do not say enough to look for a change of the tool.
-        if let (Ok(query), [found]) = (LabelQuery::read(path, None), &mut found[..]) {
+        // The surface is in memory, unless that is of a region. Files of older versions lack what advice needs.
+        let own = mesh.filter(|_| file.provenance.settings.region.is_none()).cloned();
+        let query = LabelQuery::read(path, own).or_else(|_| LabelQuery::read(path, None));
+        if let (Ok(query), [found]) = (query, &mut found[..]) {
             advise(found, &query.tool.assembly, |members| {
                 Ok((query.change_for(members)?, query.part_changes(members)?))
             })?;
