@@ -349,7 +349,7 @@ impl Placed {
         }
         if self.request.rest {
             let which: Vec<usize> = (0..reached.len()).filter(|&i| !reached[i]).collect();
-            let (rests, poses) = obstacles.rest_of((sites, &which), cutter, directions, options)?;
+            let (rests, poses) = obstacles.rests((sites, &which), cutter, directions, options)?;
             (labels.answers.rest_mm, surface.rest_pose) = (rests, poses);
         }
         let mut warnings = obstacles.warnings(mesh, sites, cutter, surface)?;

@@ -4,7 +4,8 @@
 //! row while the terms pass.
 
 use super::elementwise::for_each_vector;
-use super::{Isa, Kernel, Simd, Vector};
+use super::vector::MAX_LANES;
+use super::{Float32, Isa, Kernel, Simd, Vector};
 
 /// Pixels of a tile's row.
 pub const TILE_WIDTH: usize = 64;
@@ -51,6 +52,79 @@ pub fn extremes(
         );
     }
     isa.run(Extremes { extreme, tile, image, stride, first, terms });
+}
+
+/// The greatest or the least pixel of a tile.
+pub fn extreme_of_tile(isa: Isa, extreme: Extreme, tile: &[f32; TILE]) -> f32 {
+    isa.run(OfTile { extreme, tile })
+}
+
+/// Inputs of [`extreme_of_tile`].
+struct OfTile<'a> {
+    extreme: Extreme,
+    tile: &'a [f32; TILE],
+}
+
+impl Kernel for OfTile<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) -> f32 {
+        match self.extreme {
+            Extreme::Greatest => self.held(s, |a: S::F32, b: S::F32| a.max(b)).reduce_max(),
+            Extreme::Least => self.held(s, |a: S::F32, b: S::F32| a.min(b)).reduce_min(),
+        }
+    }
+}
+
+impl OfTile<'_> {
+    #[inline(always)]
+    fn held<S: Simd>(self, s: S, of: impl Fn(S::F32, S::F32) -> S::F32) -> S::F32 {
+        let mut held: [S::F32; HELD] =
+            std::array::from_fn(|k| S::F32::load(s, &self.tile[k * S::LANES..]));
+        for block in self.tile.chunks_exact(HELD * S::LANES).skip(1) {
+            for k in 0..HELD {
+                held[k] = of(held[k], S::F32::load(s, &block[k * S::LANES..]));
+            }
+        }
+        of(of(held[0], held[1]), of(held[2], held[3]))
+    }
+}
+
+/// `line[k] = max(line[k], first + slope · k)`, the sum kept between `low` and `high`.
+pub fn raise_line(isa: Isa, line: &mut [f32], [first, slope]: [f32; 2], [low, high]: [f32; 2]) {
+    isa.run(RaiseLine { line, first, slope, low, high });
+}
+
+/// Inputs of [`raise_line`].
+struct RaiseLine<'a> {
+    line: &'a mut [f32],
+    first: f32,
+    slope: f32,
+    low: f32,
+    high: f32,
+}
+
+/// Numbers of the lanes.
+const LANE: [f32; MAX_LANES] =
+    [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
+
+impl Kernel for RaiseLine<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        let [first, slope, low, high] =
+            [self.first, self.slope, self.low, self.high].map(|x| S::F32::splat(s, x));
+        let lane = S::F32::load(s, &LANE);
+        let (n, line) = (self.line.len(), self.line.as_mut_ptr());
+        // SAFETY: the slice has `n` numbers, borrowed here alone; chunks end at `n`.
+        for_each_vector!(S, n, |chunk| unsafe {
+            let k = lane + S::F32::splat(s, chunk.first as f32);
+            let height = (first + slope * k).max(low).min(high);
+            chunk.store::<S>(chunk.load(s, line).max(height), line);
+        });
+    }
 }
 
 /// `out[i] = extreme(a[i], b[i])`.
@@ -185,6 +259,24 @@ mod tests {
                 assert!((0..n).all(|i| out[i] == a[i].max(b[i])), "{isa}");
                 extreme_of_pairs(isa, Extreme::Least, &mut out, [&a[..n], &b[..n]]);
                 assert!((0..n).all(|i| out[i] == a[i].min(b[i])), "{isa}");
+            }
+        }
+    }
+
+    #[test]
+    fn extremes_of_tiles_and_lines_are_those_of_plain_loops_at_every_instruction_set() {
+        let tile: [f32; TILE] = std::array::from_fn(|i| ((i * 7919) % 1013) as f32 - 400.0);
+        for &isa in Isa::available() {
+            let found =
+                [Extreme::Greatest, Extreme::Least].map(|of| extreme_of_tile(isa, of, &tile));
+            let greatest = tile.iter().copied().fold(f32::MIN, f32::max);
+            assert_eq!(found, [greatest, tile.iter().copied().fold(f32::MAX, f32::min)], "{isa}");
+            for n in [0, 1, 7, 16, 33, 77] {
+                let (mut line, plain) = (tile[..n].to_vec(), |k: usize| 3.0 - 7.3 * k as f32);
+                raise_line(isa, &mut line, [3.0, -7.3], [-350.0, 1.0]);
+                for (k, found) in line.iter().enumerate() {
+                    assert_eq!(*found, tile[k].max(plain(k).clamp(-350.0, 1.0)), "{isa} {n} {k}");
+                }
             }
         }
     }

@@ -42,15 +42,14 @@ mod faces;
 mod labeling;
 mod labels;
 mod library;
-// In the numerical core alone, nothing calls it: `analysis` does.
-#[cfg_attr(not(all(feature = "formats", feature = "generate")), allow(dead_code, unused_imports))]
-pub(crate) mod machined;
+mod machined;
 mod obstacles;
 mod penetrate;
 mod pose;
 mod problem;
 mod profile;
 mod query;
+mod rays;
 mod reference;
 mod refine;
 mod rests;
@@ -61,6 +60,7 @@ mod surroundings;
 mod tests;
 mod tolerance;
 mod tool;
+mod triangle;
 mod verdict;
 mod verify;
 mod warnings;
@@ -75,6 +75,8 @@ pub use labels::{FINISH_MM, SurfaceStats};
 pub use labels::{RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions, WitnessPose};
 #[doc(hidden)] // of `analysis`, which compares tools
 pub use library::ToolReach;
+#[doc(hidden)] // of `analysis`
+pub use machined::{Job, Machined, RestBody};
 pub use obstacles::TriangleObstacles;
 #[cfg(all(feature = "formats", feature = "generate"))]
 pub(crate) use obstacles::tested;

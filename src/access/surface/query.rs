@@ -6,6 +6,7 @@ use super::penetrate::{self, nearest_above};
 use super::pose::blockers::{Blocker, Met};
 use super::tolerance::Tolerances;
 use super::tool::{Outline, Stand, Tip, across};
+use super::triangle::nearest;
 use super::verdict::Verdict;
 use glam::{DVec2, DVec3};
 
@@ -308,28 +309,6 @@ fn enclosing(steps: &[[f64; 2]]) -> Vec<[f64; 2]> {
 const SHARES: [f64; 4] = [0.06, 0.2, 0.45, 0.8];
 /// The same, below the first of them.
 const LOW_SHARES: [f64; 4] = [0.02, 5e-3, 1e-3, 1e-4];
-
-/// The point of a triangle nearest to `p` (Ericson 2004, Real-Time Collision Detection, 5.1.5).
-pub(super) fn nearest(p: DVec3, [a, b, c]: &[DVec3; 3]) -> DVec3 {
-    let on_edge = |from: DVec3, to: DVec3| {
-        let run = to - from;
-        let length = run.length_squared();
-        let part = if length > 0.0 { ((p - from).dot(run) / length).clamp(0.0, 1.0) } else { 0.0 };
-        from + run * part
-    };
-    let n = (*b - *a).cross(*c - *a);
-    let squared = n.length_squared();
-    let weight = |q: DVec3, r: DVec3| (r - q).cross(p - q).dot(n);
-    let weights = [weight(*b, *c), weight(*c, *a), weight(*a, *b)];
-    if squared > 0.0 && weights.iter().all(|w| *w >= 0.0) {
-        return p - n * ((p - *a).dot(n) / squared);
-    }
-    let ends = [on_edge(*a, *b), on_edge(*b, *c), on_edge(*c, *a)];
-    let nearer = |q: DVec3, r: DVec3| {
-        if (r - p).length_squared() < (q - p).length_squared() { r } else { q }
-    };
-    nearer(nearer(ends[0], ends[1]), ends[2])
-}
 
 /// Distance, squared, of the axis from the upright box around a triangle.
 pub(super) fn from_box(corners: &[DVec3; 3]) -> f64 {

@@ -2,7 +2,7 @@
 
 use crate::access::surface::obstacles::TriangleObstacles;
 use crate::access::surface::tolerance::Tolerances;
-use crate::access::surface::tool::{Stand, axes};
+use crate::access::surface::triangle::nearest;
 use glam::{DMat3, DVec3};
 
 /// A ball outside of the part that touches it.
@@ -61,7 +61,7 @@ impl TriangleObstacles {
                     let foot = center - *plane * radius;
                     let near = ON_FACE_MM + tolerances.most;
                     self.bvh.near(foot, near, |place| {
-                        closest(self.bvh.triangle(place), foot).distance(foot) <= near
+                        nearest(foot, self.bvh.triangle(place)).distance(foot) <= near
                     })
                 };
                 let is_there = is_corner && touched.iter().all(is_there);
@@ -86,7 +86,7 @@ impl TriangleObstacles {
     fn deepest(&self, center: DVec3, radius: f64, tolerances: &Tolerances) -> Option<(u32, DVec3)> {
         let mut found: Option<(f64, u32, DVec3)> = None;
         self.bvh.near(center, radius, |place| {
-            let at = closest(self.bvh.triangle(place), center);
+            let at = nearest(center, self.bvh.triangle(place));
             let depth = radius - tolerances.at(place) - at.distance(center);
             let is_first = |(deepest, of, _): (f64, u32, DVec3)| {
                 depth > deepest + SAME_MM || depth > deepest - SAME_MM && place < of
@@ -97,30 +97,6 @@ impl TriangleObstacles {
             false
         });
         found.map(|(_, place, at)| (place, at))
-    }
-
-    /// Where a ray first meets a triangle beyond `start`: the distance, and the triangle's place in the tree.
-    pub(super) fn ray(&self, from: DVec3, direction: DVec3, start: f64) -> Option<(f64, u32)> {
-        let stand = Stand { reference: from, axes: axes(direction.as_vec3()) };
-        let far = 4.0 * self.bvh.radius() + from.distance(self.bvh.origin());
-        let mut bands = [self.bvh.band([start, far], 0.0, far)];
-        let mut found: Option<(f64, u32)> = None;
-        self.bvh.visit(&stand, &mut bands, &mut Vec::new(), |place, _| {
-            if let Some(t) = crossing(self.bvh.triangle(place), from, direction)
-                && t > start
-                && found.is_none_or(|(least, of)| t < least || t == least && place < of)
-            {
-                found = Some((t, place));
-            }
-            false
-        });
-        found
-    }
-
-    /// Outward unit normal of the triangle at a place of the tree.
-    pub(super) fn facing(&self, place: u32) -> DVec3 {
-        let [a, b, c] = *self.bvh.triangle(place);
-        (b - a).cross(c - a).normalize_or_zero()
     }
 }
 
@@ -171,61 +147,9 @@ fn on_planes(site: DVec3, planes: &[&Plane], radius: f64) -> Option<(DVec3, bool
     Some((site + all.sum::<DVec3>(), is_pushed))
 }
 
-/// The point of a triangle nearest to another.
-pub(super) fn closest(&[a, b, c]: &[DVec3; 3], p: DVec3) -> DVec3 {
-    let normal = (b - a).cross(c - a);
-    let inside = |from: DVec3, to: DVec3| (to - from).cross(p - from).dot(normal) >= 0.0;
-    let squared = normal.length_squared();
-    if squared > 0.0 && inside(a, b) && inside(b, c) && inside(c, a) {
-        return p - normal * ((p - a).dot(normal) / squared);
-    }
-    let on = |from: DVec3, to: DVec3| {
-        let run = to - from;
-        let length = run.length_squared();
-        let part = if length > 0.0 { (p - from).dot(run) / length } else { 0.0 };
-        from + run * part.clamp(0.0, 1.0)
-    };
-    let of = [on(a, b), on(b, c), on(c, a)];
-    of.into_iter()
-        .reduce(|x, y| if y.distance_squared(p) < x.distance_squared(p) { y } else { x })
-        .unwrap_or(a)
-}
-
-/// How far along a ray a triangle is; on its edge counts.
-fn crossing(&[a, b, c]: &[DVec3; 3], from: DVec3, direction: DVec3) -> Option<f64> {
-    let (x, y) = (b - a, c - a);
-    let across = direction.cross(y);
-    let determinant = x.dot(across);
-    let least = 1e-12 * (x.length_squared() * y.length_squared()).sqrt();
-    if determinant.abs() <= least {
-        return None;
-    }
-    let offset = from - a;
-    let u = offset.dot(across) / determinant;
-    let turned = offset.cross(x);
-    let v = direction.dot(turned) / determinant;
-    let is_in = u >= -1e-9 && v >= -1e-9 && u + v <= 1.0 + 1e-9;
-    is_in.then(|| y.dot(turned) / determinant)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_nearest_point_of_a_triangle_is_on_its_face_an_edge_or_a_corner() {
-        let triangle = [DVec3::ZERO, DVec3::X * 4.0, DVec3::Y * 4.0];
-        for (p, q) in [
-            (glam::dvec3(1.0, 1.0, 5.0), glam::dvec3(1.0, 1.0, 0.0)),
-            (glam::dvec3(1.0, -2.0, 1.0), glam::dvec3(1.0, 0.0, 0.0)),
-            (glam::dvec3(4.0, 4.0, -1.0), glam::dvec3(2.0, 2.0, 0.0)),
-            (glam::dvec3(-1.0, -1.0, 0.0), DVec3::ZERO),
-        ] {
-            assert!(closest(&triangle, p).distance(q) < 1e-12, "{p}");
-        }
-        assert_eq!(crossing(&triangle, glam::dvec3(1.0, 1.0, 5.0), -DVec3::Z), Some(5.0));
-        assert_eq!(crossing(&triangle, glam::dvec3(3.0, 3.0, 5.0), -DVec3::Z), None);
-    }
 
     #[test]
     fn a_ball_in_a_corner_touches_its_planes() {

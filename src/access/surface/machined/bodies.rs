@@ -6,7 +6,7 @@
 //! within, half a step below the part's surface, so that bodies and part overlap and a union joins them.
 
 use super::super::bvh::Bvh;
-use super::super::query::nearest;
+use super::super::triangle::nearest;
 use super::grid::{Grid, Node};
 use crate::geom::{Mesh, weld};
 use crate::par;
@@ -15,7 +15,8 @@ use std::collections::HashMap;
 
 /// A body of what is left.
 #[derive(Debug, Clone)]
-pub(crate) struct RestBody {
+#[non_exhaustive]
+pub struct RestBody {
     /// Its surface, closed and outward; half a step of it is within the part.
     pub mesh: Mesh,
     /// Of what is outside of the part, mm³.

@@ -2,6 +2,7 @@
 
 use super::super::tool::{Outline, Tip};
 use super::heights::BLOCK;
+use crate::simd::extremes::TILE_WIDTH;
 
 /// A shrunk tool over the pixels around its axis.
 #[derive(Debug, Clone)]
@@ -86,8 +87,14 @@ impl Footprint {
         heights.fold(f32::NEG_INFINITY, f32::max)
     }
 
-    /// A tool shrunk by `shrink` mm, which is less than its tip's radius; discs are at most `widest` pixels.
-    pub fn new(outline: &Outline, shrink: f64, pitch: f64, widest: f64) -> Self {
+    /// Pixels of a view beside what is of interest: the tool beside a tile of what it leaves, and that beside where it
+    /// stops.
+    pub fn margin(&self) -> usize {
+        2 * self.reach + 2 * TILE_WIDTH
+    }
+
+    /// A tool shrunk by `shrink` mm, which is less than its tip's radius.
+    pub fn new(outline: &Outline, shrink: f64, pitch: f64) -> Self {
         let cutting = Cutting::new(outline, shrink);
         let reach = ((cutting.radius / pitch).floor() as usize + 1).next_multiple_of(BLOCK);
         let n_blocks = (reach / BLOCK) as isize;
@@ -115,10 +122,7 @@ impl Footprint {
         let upper = || outline.upper().map(|[height, radius]| [height + shrink, radius - shrink]);
         let discs = upper().filter(|[_, radius]| *radius > 0.0 && radius.is_finite());
         let discs = discs
-            .map(|[height, radius]| Disc {
-                radius: (radius / pitch).min(widest),
-                height: height as f32,
-            })
+            .map(|[height, radius]| Disc { radius: radius / pitch, height: height as f32 })
             .collect();
         let spindle =
             upper().find(|[_, radius]| radius.is_infinite()).map(|[height, _]| height as f32);

@@ -3,7 +3,7 @@
 use super::view::View;
 use crate::par;
 use crate::simd::Isa;
-use crate::simd::extremes::{Extreme, TILE_HEIGHT, TILE_WIDTH, extreme_of_pairs};
+use crate::simd::extremes::{Extreme, TILE_HEIGHT, extreme_of_pairs, raise_line};
 use glam::DVec3;
 use std::mem;
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -30,12 +30,12 @@ pub struct Heights {
 impl Heights {
     /// Of triangles, mm. What lies beyond the view is cut off.
     pub fn new(view: View, triangles: &[[DVec3; 3]], buffers: &Buffers) -> Self {
-        let bands = Bands::new(&view, triangles);
+        let (bands, isa) = (Bands::new(&view, triangles), Isa::active());
         let mut image = buffers.take(view.n_pixels(), EMPTY);
         par::for_each_block(&mut image, BAND * view.width, |band, rows| {
             let first = band * BAND;
             for &f in bands.of(band) {
-                fill(&bands.corners[f as usize], (rows, view.width), first);
+                fill(isa, &bands.corners[f as usize], (rows, view.width), first);
             }
         });
         Heights::of(view, image)
@@ -165,7 +165,7 @@ impl Bands {
 const RIM: f64 = 1e-7;
 
 /// Raises the pixels whose middles are over a triangle to its height there.
-fn fill([a, b, c]: &[DVec3; 3], (rows, width): (&mut [f32], usize), first: usize) {
+fn fill(isa: Isa, [a, b, c]: &[DVec3; 3], (rows, width): (&mut [f32], usize), first: usize) {
     let n = (b - a).cross(c - a);
     // A triangle seen from its side is the rim of others.
     if n.z == 0.0 {
@@ -203,12 +203,9 @@ fn fill([a, b, c]: &[DVec3; 3], (rows, width): (&mut [f32], usize), first: usize
         if from > to {
             continue;
         }
-        let at_row = a.z + slope.y * (y - a.y);
-        let line = &mut rows[(row - first) * width..][..width];
-        for (x, out) in line[from as usize..=to as usize].iter_mut().enumerate() {
-            let z = at_row + slope.x * (from + x as f64 - a.x);
-            *out = out.max(z.max(low).min(high) as f32);
-        }
+        let begin = a.z + slope.y * (y - a.y) + slope.x * (from - a.x);
+        let line = &mut rows[(row - first) * width..][from as usize..=to as usize];
+        raise_line(isa, line, [begin as f32, slope.x as f32], [low as f32, high as f32]);
     }
 }
 
@@ -224,36 +221,38 @@ pub struct Coarse {
 
 impl Coarse {
     pub fn new(image: &[f32], stride: usize, extreme: Extreme) -> Self {
-        let of = match extreme {
-            Extreme::Greatest => f32::max,
-            Extreme::Least => f32::min,
-        };
         let (width, height, isa) = (stride / BLOCK, image.len() / stride / BLOCK, Isa::active());
-        let mut blocks = vec![0.0; width * height];
-        par::for_each_block(&mut blocks, width, |row, out| {
-            let rows = &image[row * BLOCK * stride..][..BLOCK * stride];
-            let (mut columns, mut next) = (rows[..stride].to_vec(), vec![0.0; stride]);
-            for line in rows.chunks_exact(stride).skip(1) {
+        let rows_of = |rows: &[f32], length: usize| {
+            let (mut columns, mut next) = (rows[..length].to_vec(), vec![0.0; length]);
+            for line in rows.chunks_exact(length).skip(1) {
                 extreme_of_pairs(isa, extreme, &mut next, [&columns, line]);
                 mem::swap(&mut columns, &mut next);
             }
-            for (out, columns) in out.iter_mut().zip(columns.chunks_exact(BLOCK)) {
-                *out = columns.iter().copied().reduce(of).unwrap_or(EMPTY);
-            }
+            (columns, next)
+        };
+        // Each number becomes the extreme of `by + 1` windows, from it and from `by` numbers behind it on.
+        let widen = |row: &mut Vec<f32>, next: &mut Vec<f32>, by: usize| {
+            let n = row.len().saturating_sub(by);
+            extreme_of_pairs(isa, extreme, &mut next[..n], [&row[..n], &row[row.len() - n..]]);
+            next[n..].copy_from_slice(&row[n..]);
+            mem::swap(row, next);
+        };
+        let mut blocks = vec![0.0; width * height];
+        par::for_each_block(&mut blocks, width, |row, out| {
+            let rows = &image[row * BLOCK * stride..][..BLOCK * stride];
+            let (mut columns, mut next) = rows_of(rows, stride);
+            [1, 2, 4].into_iter().for_each(|by| widen(&mut columns, &mut next, by));
+            out.iter_mut()
+                .zip(columns.iter().step_by(BLOCK))
+                .for_each(|(out, column)| *out = *column);
         });
-        const ACROSS: usize = TILE_WIDTH / BLOCK + 1;
-        const ALONG: usize = TILE_HEIGHT / BLOCK + 1;
+        // A tile reads a block more than it has, across and along.
         let mut spans = vec![0.0; width * height];
         par::for_each_block(&mut spans, width, |row, out| {
-            let rows = &blocks[row * width..(row + ALONG).min(height) * width];
-            let mut columns = rows[..width].to_vec();
-            for line in rows.chunks_exact(width).skip(1) {
-                columns.iter_mut().zip(line).for_each(|(a, b)| *a = of(*a, *b));
-            }
-            for (x, out) in out.iter_mut().enumerate() {
-                let there = &columns[x..(x + ACROSS).min(width)];
-                *out = there.iter().copied().reduce(of).unwrap_or(EMPTY);
-            }
+            let along = (row + TILE_HEIGHT / BLOCK + 1).min(height);
+            let (mut columns, mut next) = rows_of(&blocks[row * width..along * width], width);
+            [1, 2, 4, 1].into_iter().for_each(|by| widen(&mut columns, &mut next, by));
+            out.copy_from_slice(&columns);
         });
         Coarse { blocks, spans, width }
     }

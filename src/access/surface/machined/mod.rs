@@ -41,7 +41,5 @@ mod swept;
 mod tests;
 mod view;
 
-pub(crate) use bodies::RestBody;
-#[cfg(test)]
-use sites::RestOptions;
-pub(crate) use solid::{Job, Machined};
+pub use bodies::RestBody;
+pub use solid::{Job, Machined};

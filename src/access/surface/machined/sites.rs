@@ -1,9 +1,9 @@
 //! The rest at every site.
 
-use super::super::bvh::Bvh;
 use super::super::obstacles::{TriangleObstacles, contacts};
+use super::super::profile::Frame;
 use super::super::query::Scratch;
-use super::super::tool::{Outline, Stand, axes};
+use super::super::tool::Outline;
 use super::super::{SurfaceOptions, WitnessPose};
 use super::footprint::{Cutting, Footprint};
 use super::heights::{Buffers, Heights};
@@ -14,34 +14,18 @@ use crate::cutter::{Cutter, require_steps};
 use crate::directions::Directions;
 use crate::geom::Sites;
 use crate::simd::extremes::{TILE_HEIGHT, TILE_WIDTH};
-use crate::{Error, Result, par};
-use glam::{DVec2, DVec3, Vec3};
-
-/// How much is left at a site.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Rest {
-    /// Length along the normal, mm.
-    pub mm: f64,
-    /// The direction that leaves least, and where the reference point is then; none if nothing of the line can be
-    /// removed.
-    pub pose: Option<(Vec3, DVec3)>,
-}
-
-/// How the search is done.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct RestOptions {
-    /// Distance of pixels, mm; by default a 400th of the part's longest side, from a 64th to a fourth of the tool's
-    /// radius.
-    pub pitch_mm: Option<f64>,
-}
+use crate::{Result, memory, par};
+use glam::{DVec2, DVec3};
 
 /// Directions of a site from which poses are searched.
 const N_POSES: usize = 3;
 /// Pixels along the part's longest side by default, and along the tool's radius at most and at least.
 const ACROSS_PART: f64 = 400.0;
 const ACROSS_TOOL: [f64; 2] = [64.0, 4.0];
-/// Most pixels of an image.
-const MOST_PIXELS: f64 = 64e6;
+/// Most pixels along the part's longest side, however thin the tool.
+const MOST_ACROSS: f64 = 4000.0;
+/// Bytes of a pixel: heights, where the tool stops, what it leaves, and windows of rows.
+const PIXEL_BYTES: f64 = 64.0;
 /// Sites per task.
 const BLOCK: usize = 16;
 /// Walls nearer to a site than this are its own, mm.
@@ -82,119 +66,104 @@ impl Search {
 }
 
 impl TriangleObstacles {
-    /// The rest at some of the sites: see the [module](super).
+    /// How much a tool leaves at every site, mm, and the pose that leaves least, if the tool removes anything there: 0
+    /// and none at those that are not among `which`, their numbers. `docs/rest.md` has the definition.
+    ///
+    /// ```
+    /// use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
+    /// use deepmill::directions::Directions;
+    /// use deepmill::geom::{Sites, solids};
+    /// use glam::{DVec3, Vec3};
+    ///
+    /// // In the inner corner of an angle a ball of radius 3 leaves what its circle does not reach.
+    /// let outline = [[0.0, 0.0], [30.0, 0.0], [30.0, 10.0], [10.0, 10.0], [10.0, 30.0], [0.0, 30.0]];
+    /// let cap = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]];
+    /// let mut part = solids::prism(&outline.map(glam::DVec2::from_array), &cap, 20.0);
+    /// part.vertices.iter_mut().for_each(|v| *v = DVec3::new(v.x, -v.z, v.y));
+    /// let sites = Sites::new(vec![Vec3::new(11.0, -10.0, 10.0)], vec![Vec3::Z])?;
+    /// let obstacles = TriangleObstacles::new(&part, &[])?;
+    /// let (tool, up, options) = ("3,30,20,40".parse()?, Directions::up(), SurfaceOptions::default());
+    /// let (rests, poses) = obstacles.rests((&sites, &[0]), &tool, &up, &options)?;
+    /// assert!((rests[0] - (3.0 - 5f32.sqrt())).abs() < 0.02 && poses[0].is_some());
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
     ///
     /// # Errors
-    /// As [`TriangleObstacles::label`]; if the tool is given by a profile, or the images would be too large.
-    pub(crate) fn rests(
-        &self,
-        (sites, which): (&Sites, &[usize]),
-        cutter: &Cutter,
-        directions: &Directions,
-        (options, rest): (&SurfaceOptions, RestOptions),
-    ) -> Result<Vec<Rest>> {
-        let _floats = par::DefaultFloats::set();
-        options.check()?;
-        require_steps(cutter.profile(), "leave the rest out")?;
-        let outline = Outline::new(cutter, options.finish_mm);
-        let tolerances = options.tolerance.of_triangles(&outline, &self.chords, &self.bvh)?;
-        let contacts = contacts(sites)?;
-        let part = &self.triangles[..self.chords.len()];
-        let bounds = |triangles: &[[DVec3; 3]]| {
-            let corners = || triangles.iter().flatten();
-            let low = corners().fold(DVec3::INFINITY, |low, p| low.min(*p));
-            [low, corners().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p))]
-        };
-        let stock = bounds(part);
-        let longest = (stock[1] - stock[0]).max_element();
-        let [finest, coarsest] = ACROSS_TOOL.map(|n| outline.radius() / n);
-        let usual = (longest / ACROSS_PART).clamp(finest, coarsest);
-        let pitch = rest.pitch_mm.unwrap_or(usual);
-        let n_pixels = (longest / pitch + 4.0 * outline.radius() / pitch).powi(2);
-        if !(pitch > 0.0 && n_pixels <= MOST_PIXELS) {
-            let expected = "a length that leaves at most 64 million pixels";
-            let remedy = "choose a wider one";
-            return Err(Error::argument("distance of pixels", pitch, expected, remedy));
-        }
-        let contact = |&i: &usize| {
-            let (from, along) = (contacts[i].point, contacts[i].normal.unwrap_or(DVec3::Z));
-            let length = self.length(from, along, stock);
-            Search { line: Line { from, along, length }, best: Vec::new() }
-        };
-        let searches = par::map_blocks(which.len(), BLOCK, |range| {
-            which[range].iter().map(contact).collect::<Vec<_>>()
-        });
-        let mut searches: Vec<Search> = searches.into_iter().flatten().collect();
-        let frames = self.frames(directions, options)?;
-        let shrink = (pitch * std::f64::consts::FRAC_1_SQRT_2 + tolerances.least)
-            .min(0.5 * outline.radius());
-        let region = self.region(stock, &outline);
-        let widest = ((region[1] - region[0]).length() + 4.0 * outline.radius()) / pitch;
-        let footprint = Footprint::new(&outline, shrink, pitch, widest);
-        let margin = 2 * footprint.reach + 2 * TILE_WIDTH;
-        let buffers = Buffers::default();
-        for (k, frame) in frames.iter().enumerate() {
-            let view = View::new(frame.axes, region, pitch, margin);
-            let heights = Heights::new(view, &self.triangles, &buffers);
-            let along = Along { heights, footprint: &footprint, pitch, buffers: &buffers };
-            along.search(k as u32, &mut searches);
-            along.heights.recycle(&buffers);
-        }
-        let cutting = Cutting::new(&outline, CUTS * tolerances.least);
-        let dropped = Dropped {
-            bvh: &self.bvh,
-            tolerances: &tolerances,
-            outline: &outline,
-            cutting: &cutting,
-        };
-        let rests = par::map_blocks(searches.len(), BLOCK, |range| {
-            let mut scratch = Scratch::default();
-            let of = |search: &Search| {
-                let mut best = Rest { mm: search.line.length, pose: None };
-                // The tool of the images is smaller: where it leaves more, the true one does.
-                for candidate in &search.best {
-                    if candidate.left > best.mm {
-                        break;
-                    }
-                    let (direction, steps) = (candidate.direction, [pitch, FINEST * pitch]);
-                    scratch = std::mem::take(&mut scratch).renewed();
-                    let axes = frames[direction as usize].axes;
-                    let found = dropped.least(&search.line, axes, candidate.x, steps, &mut scratch);
-                    if let Some((mm, reference)) = found.filter(|(mm, _)| *mm < best.mm) {
-                        let direction = frames[direction as usize].direction;
-                        best = Rest { mm, pose: Some((direction, reference)) };
-                    }
-                }
-                best
-            };
-            searches[range].iter().map(of).collect::<Vec<_>>()
-        });
-        Ok(rests.into_iter().flatten().collect())
-    }
-
-    /// How much a tool leaves at every site, mm, and the pose that leaves least, if anything is removed there: 0 and
-    /// none at those that are not among `which`.
+    /// As [`TriangleObstacles::label`]; if the tool is given by a profile, or the images would not fit into the memory.
     ///
-    /// # Errors
-    /// As [`TriangleObstacles::label`]; if the tool is given by a profile.
-    pub(crate) fn rest_of(
+    /// # Panics
+    /// If a number is that of no site.
+    pub fn rests(
         &self,
         (sites, which): (&Sites, &[usize]),
         cutter: &Cutter,
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> Result<(Vec<f32>, Vec<Option<WitnessPose>>)> {
-        let of = (options, RestOptions::default());
-        let found = self.rests((sites, which), cutter, directions, of)?;
+        let _floats = par::DefaultFloats::set();
+        options.check()?;
+        require_steps(cutter.profile(), "leave the rest out")?;
         let outline = Outline::new(cutter, options.finish_mm);
+        let tolerances = options.tolerance.of_triangles(&outline, &self.chords, &self.bvh)?;
+        let contacts = contacts(sites)?;
+        let stock = self.stock();
+        let line = |&i: &usize| {
+            let (from, along) = (contacts[i].point, contacts[i].normal.unwrap_or(DVec3::Z));
+            let length = self.length(from, along, stock);
+            Search { line: Line { from, along, length }, best: Vec::new() }
+        };
+        let searches = par::map_blocks(which.len(), BLOCK, |range| {
+            which[range].iter().map(line).collect::<Vec<_>>()
+        });
+        let mut searches: Vec<Search> = searches.into_iter().flatten().collect();
+        let frames = self.frames(directions, options)?;
+        let pitch = pitch(stock, &outline);
+        self.by_images(&mut searches, &frames, (&outline, tolerances.least, pitch))?;
+        let cutting = Cutting::new(&outline, CUTS * tolerances.least);
+        let (bvh, tolerances, of) = (&self.bvh, &tolerances, &outline);
+        let dropped = Dropped { bvh, tolerances, outline: of, cutting: &cutting };
+        let found = by_poses(&searches, &frames, (&dropped, pitch));
         let (mut rests, mut poses) = (vec![0.0; sites.len()], vec![None; sites.len()]);
-        for (&i, rest) in which.iter().zip(found) {
-            rests[i] = rest.mm as f32;
-            poses[i] = rest
-                .pose
-                .map(|(direction, reference)| WitnessPose::new(&outline, reference, direction));
+        for (&i, (mm, pose)) in which.iter().zip(found) {
+            rests[i] = mm as f32;
+            poses[i] = pose.map(|(frame, reference)| {
+                WitnessPose::new(&outline, reference, frames[frame].direction)
+            });
         }
         Ok((rests, poses))
+    }
+
+    /// Finds the best directions of every line by images.
+    fn by_images(
+        &self,
+        searches: &mut [Search],
+        frames: &[Frame],
+        (outline, tolerance, pitch): (&Outline, f64, f64),
+    ) -> Result<()> {
+        let shrink =
+            (pitch * std::f64::consts::FRAC_1_SQRT_2 + tolerance).min(0.5 * outline.radius());
+        let region = self.region(self.stock(), outline);
+        let footprint = Footprint::new(outline, shrink, pitch);
+        let margin = footprint.margin();
+        let across = (region[1] - region[0]).length() / pitch + 2.0 * margin as f64;
+        let needed = (PIXEL_BYTES * across * across) as u64;
+        memory::require("the images of what is left", needed, "leave the rest out")?;
+        let buffers = Buffers::default();
+        for (k, frame) in frames.iter().enumerate() {
+            let view = View::new(frame.axes, region, pitch, margin);
+            let heights = Heights::new(view, &self.triangles, &buffers);
+            let along = Along { heights, footprint: &footprint, pitch, buffers: &buffers };
+            along.search(k as u32, searches);
+            along.heights.recycle(&buffers);
+        }
+        Ok(())
+    }
+
+    /// The part's box.
+    fn stock(&self) -> [DVec3; 2] {
+        let corners = self.triangles[..self.chords.len()].iter().flatten();
+        let nothing = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        corners.fold(nothing, |[low, high], p| [low.min(*p), high.max(*p)])
     }
 
     /// The part's box, and of fixtures what a tool over it can meet.
@@ -216,38 +185,46 @@ impl TriangleObstacles {
                 length = length.min(((end - from[k]) / along[k]).max(0.0));
             }
         }
-        next_wall(&self.bvh, from, along).map_or(length, |wall| wall.min(length))
+        self.ray(from, along, OWN_WALL_MM).map_or(length, |(wall, _)| wall.min(length))
     }
 }
 
-/// Distance of the next triangle along a line.
-fn next_wall(bvh: &Bvh, from: DVec3, along: DVec3) -> Option<f64> {
-    let stand = Stand { reference: from, axes: axes(along.as_vec3()) };
-    let mut levels = [bvh.level(0.0, 0.0, 0.0)];
-    let mut nearest = f64::INFINITY;
-    bvh.visit(&stand, &mut levels, &mut Vec::new(), |place, _| {
-        let corners = stand.triangle(bvh.triangle(place));
-        if let Some(wall) = on_axis(&corners).filter(|wall| *wall > OWN_WALL_MM) {
-            nearest = nearest.min(wall);
-        }
-        false
+/// Distance of pixels, mm.
+fn pitch([low, high]: [DVec3; 2], outline: &Outline) -> f64 {
+    let longest = (high - low).max_element();
+    let [finest, coarsest] = ACROSS_TOOL.map(|n| outline.radius() / n);
+    (longest / ACROSS_PART).clamp(finest, coarsest).max(longest / MOST_ACROSS)
+}
+
+/// What is left of every line, mm, and the number of the direction that leaves least, with the reference point.
+fn by_poses(
+    searches: &[Search],
+    frames: &[Frame],
+    (dropped, pitch): (&Dropped, f64),
+) -> Vec<(f64, Option<(usize, DVec3)>)> {
+    let found = par::map_blocks(searches.len(), BLOCK, |range| {
+        let mut scratch = Scratch::default();
+        let of = |search: &Search| {
+            let mut best = (search.line.length, None);
+            // The tool of the images is smaller: where it leaves more, the true one does.
+            for candidate in &search.best {
+                if candidate.left > best.0 {
+                    break;
+                }
+                let frame = candidate.direction as usize;
+                scratch = std::mem::take(&mut scratch).renewed();
+                let (axes, steps) = (frames[frame].axes, [pitch, FINEST * pitch]);
+                let found = dropped.least(&search.line, axes, candidate.x, steps, &mut scratch);
+                if let Some((mm, reference)) = found.filter(|(mm, _)| *mm < best.0) {
+                    best = (mm, Some((frame, reference)));
+                }
+            }
+            best
+        };
+        searches[range].iter().map(of).collect::<Vec<_>>()
     });
-    Some(nearest).filter(|z| z.is_finite())
+    found.into_iter().flatten().collect()
 }
-
-/// Where the axis meets a triangle that it does not run along.
-fn on_axis([a, b, c]: &[DVec3; 3]) -> Option<f64> {
-    let n = (b - a).cross(c - a);
-    if n.z.abs() <= ALONG * n.length() {
-        return None;
-    }
-    let turn = |p: &DVec3, q: &DVec3| p.truncate().perp_dot(q.truncate()) * n.z;
-    let is_within = turn(a, b) >= 0.0 && turn(b, c) >= 0.0 && turn(c, a) >= 0.0;
-    is_within.then(|| n.dot(*a) / n.z)
-}
-
-/// Sine of the angle between a line and a triangle that it runs along.
-const ALONG: f64 = 1e-6;
 
 /// One direction.
 struct Along<'a> {

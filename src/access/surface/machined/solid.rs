@@ -4,7 +4,6 @@ use super::super::SurfaceOptions;
 use super::super::cells::Domain;
 use super::super::obstacles::{TriangleObstacles, tested};
 use super::super::profile::Frame;
-use super::super::query::nearest;
 use super::super::tool::Outline;
 use super::bodies::{Nodes, RestBody};
 use super::footprint::Footprint;
@@ -16,14 +15,13 @@ use crate::cutter::{Cutter, require_steps};
 use crate::directions::Directions;
 use crate::geom::Mesh;
 use crate::geom::inside::Lattice;
-use crate::simd::extremes::TILE_WIDTH;
 use crate::{Error, Result, memory, par};
 use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// What is to be machined.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Job<'a> {
+pub struct Job<'a> {
     /// Closed and oriented.
     pub part: &'a Mesh,
     /// Least and greatest corner of the box of the stock, mm.
@@ -36,7 +34,8 @@ pub(crate) struct Job<'a> {
 
 /// The rest of a set of tools.
 #[derive(Debug, Clone)]
-pub(crate) struct Machined {
+#[non_exhaustive]
+pub struct Machined {
     /// Volume that each tool alone leaves, mm³.
     pub alone_mm3: Vec<f64>,
     /// Volume that is left after each tool in order, mm³.
@@ -59,7 +58,8 @@ impl TriangleObstacles {
     /// # Errors
     /// As [`TriangleObstacles::label`]; if a tool is given by a profile, the part or the stock has no inside, or the
     /// lattice would not fit into the memory; those of `report`.
-    pub(crate) fn machine(
+    #[doc(hidden)] // of `analysis`
+    pub fn machine(
         &self,
         job: &Job,
         cutters: &[&Cutter],
@@ -120,26 +120,6 @@ impl TriangleObstacles {
         Ok(Frame::tested((&tested(directions)?, domain), &self.bvh))
     }
 
-    /// Distance of a point from the nearest triangle, mm; infinite if there is none.
-    pub(crate) fn distance_to(&self, p: DVec3) -> f64 {
-        let (mut radius, most) = (
-            0.01 * self.bvh.radius(),
-            4.0 * (self.bvh.radius() + (p - self.bvh.origin()).length()),
-        );
-        while radius <= most {
-            let mut distance = f64::INFINITY;
-            self.bvh.near(p, radius, |place| {
-                distance = distance.min(nearest(p, self.bvh.triangle(place)).distance(p));
-                false
-            });
-            if distance <= radius {
-                return distance;
-            }
-            radius *= 4.0;
-        }
-        f64::INFINITY
-    }
-
     fn tool(&self, cutter: &Cutter, pitch: f64, options: &SurfaceOptions) -> Result<Tool> {
         require_steps(cutter.profile(), "leave it out: what it removes is not computed")?;
         let outline = Outline::new(cutter, options.finish_mm);
@@ -152,13 +132,10 @@ impl TriangleObstacles {
             let remedy = "choose a finer accuracy, or leave the tool out";
             return Err(Error::argument("accuracy", found, expected, remedy));
         }
-        let footprint = Footprint::new(&outline, shrink, pitch, MOST_DISC);
+        let footprint = Footprint::new(&outline, shrink, pitch);
         Ok(Tool { outline, footprint })
     }
 }
-
-/// Pixels beyond which a disc is as wide as any image.
-const MOST_DISC: f64 = 1e5;
 
 /// What is the same in every round.
 struct Pass<'a> {
@@ -205,7 +182,8 @@ impl Stops {
                 *highest = highest.max(z as f32);
             }
         }
-        let n = (radius / BLOCK as f64).ceil() as usize + 1;
+        // The spindle is as wide as the image.
+        let n = (radius / BLOCK as f64).ceil().min((width + n_rows) as f64) as usize + 1;
         high.into_iter().any(|((row, column), z)| {
             let columns = column.saturating_sub(n)..(column + n + 1).min(width);
             let rows = row.saturating_sub(n)..(row + n + 1).min(n_rows);
@@ -254,7 +232,8 @@ impl Pass<'_> {
             for &k in self.order {
                 report(n_done, n_steps)?;
                 n_done += 1;
-                let view = View::new(frames[k].axes, self.region, self.pitch, tool.margin());
+                let view =
+                    View::new(frames[k].axes, self.region, self.pitch, tool.footprint.margin());
                 let heights = Heights::new(view, &self.obstacles.triangles, &buffers);
                 let wanted = grid.wanted(&heights);
                 if wanted.contains(&true) {
@@ -295,7 +274,7 @@ impl Pass<'_> {
             let Footprint { discs, spindle, .. } = &tool.footprint;
             let mut steps: Vec<(f64, f32)> =
                 discs.iter().map(|disc| (disc.radius, disc.height)).collect();
-            steps.extend(spindle.map(|height| (MOST_DISC, height)));
+            steps.extend(spindle.map(|height| (f64::INFINITY, height)));
             let meets = par::map(stops.len(), |k| {
                 let Some(stops) = &stops[k] else { return false };
                 steps.iter().any(|step| stops.may_meet(*step, rest))
@@ -308,13 +287,6 @@ impl Pass<'_> {
 struct Tool {
     outline: Outline,
     footprint: Footprint,
-}
-
-impl Tool {
-    /// Pixels beside what is of interest.
-    fn margin(&self) -> usize {
-        2 * self.footprint.reach + 2 * TILE_WIDTH
-    }
 }
 
 /// The nodes of the stock's box, with one more beyond each face.

@@ -4,7 +4,9 @@ use super::footprint::{Disc, Footprint};
 use super::heights::{BLOCK, Buffers, Coarse, EMPTY, Heights};
 use crate::par;
 use crate::simd::Isa;
-use crate::simd::extremes::{Extreme, TILE, TILE_HEIGHT, TILE_WIDTH, Term, extremes};
+use crate::simd::extremes::{
+    Extreme, TILE, TILE_HEIGHT, TILE_WIDTH, Term, extreme_of_tile, extremes,
+};
 use std::iter;
 use std::ops::Range;
 
@@ -145,13 +147,14 @@ impl<'a> Tool<'a> {
             self.stop([heights, upper], at, tile);
         });
         for disc in &self.footprint.discs {
-            let met = self.tiles_met(upper, disc, &stops, needed);
+            let lowest = Coarse::new(&stops, view.width, Extreme::Least).blocks;
+            let met = self.tiles_met(upper, disc, &lowest, needed);
             if met.contains(&true) {
                 // Not within the loop over tiles: a thread that waits there could take another tile, and wait for
                 // itself.
                 let windows = upper.windows(2 * self.footprint.widest() + 1, buffers);
                 self.for_tiles(&mut stops, (n_tiles, &met), |tile, at| {
-                    self.rest_on_disc((upper, windows), disc, at, tile);
+                    self.stop_on_disc((upper, windows), disc, at, tile);
                 });
             }
         }
@@ -183,22 +186,23 @@ impl<'a> Tool<'a> {
         });
     }
 
-    /// Of the needed tiles, those that a disc may raise.
-    fn tiles_met(&self, upper: &Heights, disc: &Disc, stops: &[f32], needed: &[bool]) -> Vec<bool> {
+    /// Of the needed tiles, those that a disc may raise; `lowest` is of every block of pixels where the tool stops.
+    fn tiles_met(
+        &self,
+        upper: &Heights,
+        disc: &Disc,
+        lowest: &[f32],
+        needed: &[bool],
+    ) -> Vec<bool> {
         let [n_across, n_along] = upper.view.n_tiles();
-        let width = upper.view.width;
-        let rows = par::map(n_along, |row| {
-            let of = |k: usize| {
-                let pixels = |line: usize| {
-                    &stops[(row * TILE_HEIGHT + line) * width + k * TILE_WIDTH..][..TILE_WIDTH]
-                };
-                let lowest = || (0..TILE_HEIGHT).flat_map(pixels).fold(FULL, |a, b| a.min(*b));
-                needed[row * n_across + k]
-                    && upper.highest - disc.height > lowest()
-                    && Reach::new(upper, disc, [k * TILE_WIDTH, row * TILE_HEIGHT], lowest())
-                        .is_met()
-            };
-            (0..n_across).map(of).collect::<Vec<bool>>()
+        let of = |tile: usize| {
+            let at = [tile % n_across * TILE_WIDTH, tile / n_across * TILE_HEIGHT];
+            let blocks = &lowest[tile * (TILE / BLOCK / BLOCK)..][..TILE / BLOCK / BLOCK];
+            let lowest = blocks.iter().fold(FULL, |a, b| a.min(*b));
+            upper.highest - disc.height > lowest && Reach::new(upper, disc, at, lowest).is_met()
+        };
+        let rows = par::map_blocks(n_across * n_along, n_across, |tiles| {
+            tiles.map(|tile| needed[tile] && of(tile)).collect::<Vec<bool>>()
         });
         rows.into_iter().flatten().collect()
     }
@@ -211,14 +215,16 @@ impl<'a> Tool<'a> {
         let image = (&heights.image[..], width);
         for (group, terms) in self.footprint.groups.iter().zip(&self.raised) {
             let [bx, by] = block_of([x, y], group.block);
-            if heights.coarse.span(bx, by) - group.least > least(tile) {
+            if heights.coarse.span(bx, by) - group.least
+                > extreme_of_tile(self.isa, Extreme::Least, tile)
+            {
                 extremes(self.isa, Extreme::Greatest, tile, image, y * width + x, terms);
             }
         }
     }
 
     /// Raises a tile to where a disc touches.
-    fn rest_on_disc(
+    fn stop_on_disc(
         &self,
         (upper, windows): (&Heights, &[Vec<f32>]),
         disc: &Disc,
@@ -226,7 +232,8 @@ impl<'a> Tool<'a> {
         tile: &mut [f32; TILE],
     ) {
         let (width, height) = (upper.view.width, upper.view.height);
-        let reach = Reach::new(upper, disc, [x, y], least(tile));
+        let lowest = extreme_of_tile(self.isa, Extreme::Least, tile);
+        let reach = Reach::new(upper, disc, [x, y], lowest);
         let n = reach.n;
         // Beyond the image is nothing, and nothing is in its margin.
         let (before, behind) = (y.min(n), (height - y - TILE_HEIGHT).min(n));
@@ -262,7 +269,9 @@ impl<'a> Tool<'a> {
         tile.fill(FULL);
         for (group, terms) in self.footprint.groups.iter().zip(&self.cut) {
             let [bx, by] = block_of([x, y], group.block);
-            if coarse.span(bx, by) + group.least < greatest(tile) {
+            if coarse.span(bx, by) + group.least
+                < extreme_of_tile(self.isa, Extreme::Greatest, tile)
+            {
                 extremes(self.isa, Extreme::Least, tile, (stops, width), y * width + x, terms);
             }
         }
@@ -314,21 +323,4 @@ fn block_of([x, y]: [usize; 2], [bx, by]: [isize; 2]) -> [usize; 2] {
         (pixel / BLOCK).checked_add_signed(block).expect("the margin holds the tool")
     };
     [of(x, bx), of(y, by)]
-}
-
-fn least(tile: &[f32; TILE]) -> f32 {
-    fold(tile, f32::min)
-}
-
-fn greatest(tile: &[f32; TILE]) -> f32 {
-    fold(tile, f32::max)
-}
-
-/// In sixteen lanes.
-fn fold(tile: &[f32; TILE], of: impl Fn(f32, f32) -> f32) -> f32 {
-    let mut lanes = [tile[0]; 16];
-    for chunk in tile.chunks_exact(16) {
-        lanes.iter_mut().zip(chunk).for_each(|(a, b)| *a = of(*a, *b));
-    }
-    lanes.into_iter().reduce(of).unwrap_or(EMPTY)
 }

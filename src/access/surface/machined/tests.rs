@@ -47,9 +47,9 @@ fn sites(at: &[(DVec3, DVec3)]) -> Sites {
 fn rests(mesh: &Mesh, at: &[(DVec3, DVec3)], cutter: &Cutter, directions: &Directions) -> Vec<f64> {
     let obstacles = TriangleObstacles::new(mesh, &[]).unwrap();
     let which: Vec<usize> = (0..at.len()).collect();
-    let options = (&SurfaceOptions::default(), RestOptions::default());
-    let found = obstacles.rests((&sites(at), &which), cutter, directions, options).unwrap();
-    found.iter().map(|rest| rest.mm).collect()
+    let options = SurfaceOptions::default();
+    let found = obstacles.rests((&sites(at), &which), cutter, directions, &options).unwrap();
+    found.0.into_iter().map(f64::from).collect()
 }
 
 #[test]
@@ -219,9 +219,8 @@ fn images_are_those_of_plain_loops() {
     let pitch = 0.4;
     for direction in [Vec3::Z, Vec3::new(0.3, -0.5, 0.8).normalize()] {
         let outline = Outline::new(&cutter, 0.01);
-        let footprint = Footprint::new(&outline, 0.1, pitch, 1e5);
-        let margin = 2 * footprint.reach + 128;
-        let view = View::new(axes(direction), [low, high], pitch, margin);
+        let footprint = Footprint::new(&outline, 0.1, pitch);
+        let view = View::new(axes(direction), [low, high], pitch, footprint.margin());
         let (width, [n_across, n_along]) = (view.width, view.n_tiles());
         let buffers = Buffers::default();
         let heights = Heights::new(view, &triangles, &buffers);
@@ -289,8 +288,8 @@ fn rests_are_no_more_than_a_dense_search_finds() {
             let labels = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
             let reached = |i: &usize| labels.answers[*i] == SiteAnswer::Accessible;
             let which: Vec<usize> = (0..sites.len()).filter(|i| !reached(i)).step_by(4).collect();
-            let of = (&options, RestOptions::default());
-            let found = obstacles.rests((&sites, &which), &cutter, &directions, of).unwrap();
+            let of = (&sites, &which[..]);
+            let (found, _) = obstacles.rests(of, &cutter, &directions, &options).unwrap();
             let outline = Outline::new(&cutter, options.finish_mm);
             let tolerances = options
                 .tolerance
@@ -300,14 +299,15 @@ fn rests_are_no_more_than_a_dense_search_finds() {
             let (bvh, tolerances, outline) = (&obstacles.bvh, &tolerances, &outline);
             let dropped = Dropped { bvh, tolerances, outline, cutting: &cutting };
             let frames = obstacles.frames(&directions, &options).unwrap();
-            for (&i, rest) in which.iter().zip(&found) {
+            for &i in &which {
+                let rest = f64::from(found[i]);
                 let (from, along) = (sites.points[i].as_dvec3(), sites.normals[i].as_dvec3());
                 let (low, high) = mesh.bounds().unwrap();
                 let line = Line { from, along, length: obstacles.length(from, along, [low, high]) };
                 let dense = dense(&dropped, &line, &frames, cutting.radius);
                 n_sites += 1;
-                n_worse += usize::from(rest.mm > dense + 0.02);
-                assert!(rest.mm <= dense + 0.3, "{i}: {} {dense}", rest.mm);
+                n_worse += usize::from(rest > dense + 0.02);
+                assert!(rest <= dense + 0.3, "{i}: {rest} {dense}");
             }
         }
     }
