@@ -19,6 +19,7 @@
 //! a group of several: the union of its bodies, each with its cavities
 //! ```
 
+mod crumbs;
 mod pieces;
 
 use super::check::topology::{Topology, has_three_corners};
@@ -28,6 +29,7 @@ use super::repair::{Change, extremes};
 use super::weld::{join as unite, root};
 use super::{Mesh, intersect};
 use crate::{Error, Result};
+pub(crate) use crumbs::drop_crumbs;
 use glam::DVec3;
 use manifold_rust::manifold::Manifold;
 use manifold_rust::types::MeshGLP;
@@ -72,16 +74,6 @@ pub fn join(mesh: &mut Mesh) -> Result<Vec<Change>> {
         *mesh = apart.mesh;
     }
     Ok(changes)
-}
-
-/// Removes pieces that enclose less than this volume, mm³, with their vertices.
-pub(crate) fn drop_crumbs(mesh: &mut Mesh, least_mm3: f64) {
-    let pieces = pieces(mesh, &Topology::of(mesh));
-    let is_kept = |faces: &&Vec<u32>| volume_of(mesh, faces).abs() >= least_mm3;
-    let kept: Vec<u32> = pieces.iter().filter(is_kept).flatten().copied().collect();
-    let mut whole = Mesh::default();
-    append(&mut whole, mesh, &kept);
-    *mesh = whole;
 }
 
 /// What a fixture has in common with a part.

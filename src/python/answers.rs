@@ -1,6 +1,7 @@
 //! Labels of sites.
 
-use super::errors::{detached, refused, wrong_type};
+use super::errors::{detached, wrong_type};
+use super::folder::{self, Takes};
 use super::options::{Options, text_of};
 use super::output::{list, of_json, rows, threes};
 use super::part::{Mesh, Part, Sites, path_of};
@@ -9,10 +10,9 @@ use super::tool::Tool;
 use super::why;
 use crate::access::Labels;
 use crate::access::surface::SurfaceLabels;
-use crate::analysis::{self, Files};
+use crate::analysis;
 use crate::answers::SiteAnswers;
 use crate::atomic_file;
-use crate::report::export::Extra;
 use crate::report::findings::Findings;
 use crate::report::gate::SiteAreas;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
@@ -199,7 +199,7 @@ impl Outcome {
         rows(this, |of| threes(of.outcome.directions().vectors()))
     }
 
-    /// Share of the surface that each site stands for, float64 [n]; they add up to 1.
+    /// Share of the surface about each site, float64 [n]; they add up to 1.
     #[getter]
     fn area_shares<'py>(this: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
         this.get().areas(this.py())?;
@@ -249,14 +249,9 @@ impl Outcome {
         folder: &Bound<'_, PyAny>,
         options: Option<Bound<'_, PyDict>>,
     ) -> PyResult<Vec<PathBuf>> {
-        let folder = path_of("folder", folder)?;
-        let mut options = Options::new(py, options)?;
-        let mut files = files_of(&mut options)?;
-        files.report = options.flag("report")?.unwrap_or(false);
-        files.also = extras_of(&mut options)?;
-        let watch = options.progress()?;
-        options.finish()?;
-        watch.run(py, |observer| self.outcome.write(&folder, &files, observer))
+        folder::save(py, folder, options, Takes::Everything, |path, files, observer| {
+            self.outcome.write(path, files, observer)
+        })
     }
 
     /// Writes an HTML report into one file; returns its path. unit: of lengths and areas.
@@ -297,30 +292,6 @@ impl Outcome {
         let (sites, tools) = (self.outcome.sites().len(), self.outcome.tools().len());
         format!("<deepmill.Outcome of {:?}: {sites} sites, {tools} tools>", self.outcome.part())
     }
-}
-
-/// The files that every folder may have.
-pub fn files_of(options: &mut Options<'_>) -> PyResult<Files> {
-    let (pictures, unit) = (options.flag("pictures")?.unwrap_or(true), options.unit("unit")?);
-    Ok(Files { pictures, unit, ..Files::default() })
-}
-
-/// Further forms of the answers.
-fn extras_of(options: &mut Options<'_>) -> PyResult<Vec<Extra>> {
-    let Some(also) = options.take("also")? else { return Ok(Vec::new()) };
-    let names: Vec<String> = match also.extract::<String>() {
-        Ok(one) => vec![one],
-        Err(_) => also
-            .extract()
-            .map_err(|_| wrong_type("also", &also, "a sequence of \"glb\" and \"csv\""))?,
-    };
-    let extra = |name: &String| {
-        name.parse().map_err(|_| {
-            let remedy = "NPZ and PLY are always written";
-            refused(options.py(), "also", format!("`{name}`"), "glb or csv", remedy)
-        })
-    };
-    names.iter().map(extra).collect()
 }
 
 /// The answers about one tool. Arrays are read-only views, one entry per site; None is what was not computed.

@@ -1,10 +1,10 @@
 //! The machined part.
 
-use super::answers::files_of;
-use super::errors::{detached, wrong_type};
+use super::errors::wrong_type;
+use super::folder::{self, Takes};
 use super::options::{Options, number};
 use super::output::{of_json, rows, threes_f64};
-use super::part::{Mesh, Part, path_of};
+use super::part::{Mesh, Part};
 use super::request::{Purpose, analysis};
 use crate::analysis::{self, Stock};
 use numpy::PyArray2;
@@ -126,11 +126,9 @@ impl MachinedOutcome {
         folder: &Bound<'_, PyAny>,
         options: Option<Bound<'_, PyDict>>,
     ) -> PyResult<Vec<PathBuf>> {
-        let folder = path_of("folder", folder)?;
-        let mut options = Options::new(py, options)?;
-        let files = files_of(&mut options)?;
-        options.finish()?;
-        detached(py, || self.outcome.write(&folder, &files))
+        folder::save(py, folder, options, Takes::Nothing, |path, files, _| {
+            self.outcome.write(path, files)
+        })
     }
 
     fn __repr__(&self) -> String {

@@ -6,6 +6,7 @@
 
 mod answers;
 mod errors;
+mod folder;
 mod input;
 mod machined;
 mod network;

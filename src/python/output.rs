@@ -30,7 +30,7 @@ where
     array
 }
 
-/// [`view`] of a list; none of an empty one, which stands for what was not computed.
+/// [`view`] of a list; none of an empty one: it was not computed.
 pub fn list<'py, O, T>(
     owner: &Bound<'py, O>,
     pick: impl for<'a> Fn(&'a O) -> &'a [T],

@@ -1,11 +1,12 @@
 //! Setups, and tools of a library compared.
 
-use super::answers::{array, files_of, findings_of};
+use super::answers::{array, findings_of};
 use super::errors::{checked, refused};
+use super::folder::{self, Takes};
 use super::input;
 use super::options::{Options, text_of};
 use super::output::{list, of_json, rows, threes};
-use super::part::{Part, path_of};
+use super::part::Part;
 use super::request::{Purpose, analysis};
 use super::tool::Tool;
 use crate::access::setups::{Clampings, Machine, direction_of_words};
@@ -202,13 +203,9 @@ impl SetupsOutcome {
         folder: &Bound<'_, PyAny>,
         options: Option<Bound<'_, PyDict>>,
     ) -> PyResult<Vec<PathBuf>> {
-        let folder = path_of("folder", folder)?;
-        let mut options = Options::new(py, options)?;
-        let mut files = files_of(&mut options)?;
-        files.report = options.flag("report")?.unwrap_or(false);
-        let watch = options.progress()?;
-        options.finish()?;
-        watch.run(py, |observer| self.outcome.write(&folder, &files, observer))
+        folder::save(py, folder, options, Takes::Report, |path, files, observer| {
+            self.outcome.write(path, files, observer)
+        })
     }
 
     fn __len__(&self) -> usize {
@@ -332,12 +329,9 @@ impl ToolsOutcome {
         folder: &Bound<'_, PyAny>,
         options: Option<Bound<'_, PyDict>>,
     ) -> PyResult<Vec<PathBuf>> {
-        let folder = path_of("folder", folder)?;
-        let mut options = Options::new(py, options)?;
-        let files = files_of(&mut options)?;
-        let watch = options.progress()?;
-        options.finish()?;
-        watch.run(py, |observer| self.outcome.write(&folder, &files, observer))
+        folder::save(py, folder, options, Takes::Progress, |path, files, observer| {
+            self.outcome.write(path, files, observer)
+        })
     }
 
     fn __len__(&self) -> usize {

@@ -1,10 +1,10 @@
 //! Labels of the space around a part.
 
-use super::answers::files_of;
-use super::errors::{detached, refused};
+use super::errors::refused;
+use super::folder::{self, Takes};
 use super::options::{Options, number, text_of};
 use super::output::view;
-use super::part::{Part, path_of};
+use super::part::Part;
 use super::request::{Purpose, analysis};
 use crate::analysis;
 use crate::data::files::volume::PointAnswer;
@@ -130,11 +130,9 @@ impl VolumeOutcome {
         folder: &Bound<'_, PyAny>,
         options: Option<Bound<'_, PyDict>>,
     ) -> PyResult<Vec<PathBuf>> {
-        let folder = path_of("folder", folder)?;
-        let mut options = Options::new(py, options)?;
-        let files = files_of(&mut options)?;
-        options.finish()?;
-        detached(py, || self.outcome.write(&folder, &files))
+        folder::save(py, folder, options, Takes::Nothing, |path, files, _| {
+            self.outcome.write(path, files)
+        })
     }
 
     fn __repr__(&self) -> String {
