@@ -94,6 +94,8 @@ pub struct SiteAnswers {
     /// How much the tool leaves there: distance along the normal to the surface of what it leaves, mm; 0 where it is
     /// accessible. `docs/rest.md` has the definition.
     pub rest_mm: Vec<f32>,
+    /// Volume of what is left nearer to the site than to others, mm³; `docs/rest.md` has the definition.
+    pub rest_volume_mm3: Vec<f32>,
     /// Probability of `inaccessible`, from a network.
     pub probability_inaccessible: Vec<f32>,
     /// Probability of `occlusion`, from a network.

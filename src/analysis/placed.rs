@@ -15,6 +15,7 @@ use crate::directions::Directions;
 use crate::geom::formats::MeshOrCloud;
 use crate::geom::selection::Region;
 use crate::geom::sites::{self, SiteOptions};
+use crate::geom::spacing::areas_on;
 use crate::geom::{Mesh, Sites};
 use crate::report::findings::{Findings, for_all_tools};
 use crate::report::outlines::outlines;
@@ -350,6 +351,8 @@ impl Placed {
         if self.request.rest {
             let which: Vec<usize> = (0..reached.len()).filter(|&i| !reached[i]).collect();
             let (rests, poses) = obstacles.rests((sites, &which), cutter, directions, options)?;
+            let areas = areas_on(self.shown().1, self.shown().0)?;
+            labels.answers.rest_volume_mm3 = obstacles.rest_volumes(sites, &rests, &areas)?;
             (labels.answers.rest_mm, surface.rest_pose) = (rests, poses);
         }
         let mut warnings = obstacles.warnings(mesh, sites, cutter, surface)?;

@@ -37,11 +37,12 @@ fn same_decisions(a: &SiteAnswers, b: &SiteAnswers) -> bool {
         && a.outside_domain == b.outside_domain
 }
 
-fn lists(answers: &SiteAnswers) -> [&[f32]; 5] {
+fn lists(answers: &SiteAnswers) -> [&[f32]; 6] {
     [
         &answers.accessible_share,
         &answers.clearance_mm,
         &answers.rest_mm,
+        &answers.rest_volume_mm3,
         &answers.probability_inaccessible,
         &answers.probability_occlusion,
     ]

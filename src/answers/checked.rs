@@ -17,6 +17,7 @@ pub(super) struct Unchecked {
     witness: Vec<Option<Vec3>>,
     clearance_mm: Vec<f32>,
     rest_mm: Vec<f32>,
+    rest_volume_mm3: Vec<f32>,
     probability_inaccessible: Vec<f32>,
     probability_occlusion: Vec<f32>,
     outside_domain: Vec<OutsideDomain>,
@@ -37,6 +38,7 @@ impl TryFrom<Unchecked> for SiteAnswers {
             ("witness", read.witness.len()),
             ("clearance_mm", read.clearance_mm.len()),
             ("rest_mm", read.rest_mm.len()),
+            ("rest_volume_mm3", read.rest_volume_mm3.len()),
             ("probability_inaccessible", read.probability_inaccessible.len()),
             ("probability_occlusion", read.probability_occlusion.len()),
         ] {
@@ -51,9 +53,13 @@ impl TryFrom<Unchecked> for SiteAnswers {
                 return Err(Error::argument(name, found, "0 to 1", WRITE_AGAIN));
             }
         }
-        if let Some(found) = read.rest_mm.iter().find(|rest| !(0.0..f32::INFINITY).contains(*rest))
-        {
-            return Err(Error::argument("rest_mm", found, "0 mm or more", WRITE_AGAIN));
+        for (name, list, expected) in [
+            ("rest_mm", &read.rest_mm, "0 mm or more"),
+            ("rest_volume_mm3", &read.rest_volume_mm3, "0 mm³ or more"),
+        ] {
+            if let Some(found) = list.iter().find(|rest| !(0.0..f32::INFINITY).contains(*rest)) {
+                return Err(Error::argument(name, found, expected, WRITE_AGAIN));
+            }
         }
         if let Some(found) = read.witness.iter().flatten().find(|w| !w.is_normalized()) {
             return Err(Error::argument("witness", found, "unit vectors", WRITE_AGAIN));
@@ -67,6 +73,7 @@ impl TryFrom<Unchecked> for SiteAnswers {
             witness: read.witness,
             clearance_mm: read.clearance_mm,
             rest_mm: read.rest_mm,
+            rest_volume_mm3: read.rest_volume_mm3,
             probability_inaccessible: read.probability_inaccessible,
             probability_occlusion: read.probability_occlusion,
             outside_domain: read.outside_domain,

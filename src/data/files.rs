@@ -198,6 +198,10 @@ impl LabelFile {
             labels.answers.rest_mm = npz.f32s("rest", 1)?;
             same_length(path, &sites, "rest", labels.answers.rest_mm.len())?;
         }
+        if npz.has("rest_volume") {
+            labels.answers.rest_volume_mm3 = npz.f32s("rest_volume", 1)?;
+            same_length(path, &sites, "rest_volume", labels.answers.rest_volume_mm3.len())?;
+        }
         if npz.has("tip_does_not_fit") {
             let surface = read_surface(path, &mut npz, &sites, &labels.answers)?;
             labels.answers.tip_does_not_fit = surface.tip_does_not_fit();
@@ -241,6 +245,7 @@ fn add_answers(path: &Path, npz: &mut NpzWriter, answers: &SiteAnswers, n: usize
     for (name, list) in [
         ("clearance", &answers.clearance_mm),
         ("rest", &answers.rest_mm),
+        ("rest_volume", &answers.rest_volume_mm3),
         ("probability_inaccessible", &answers.probability_inaccessible),
         ("probability_occlusion", &answers.probability_occlusion),
     ] {

@@ -392,6 +392,12 @@ impl ToolAnswers {
         list(this, |of| &of.answers().rest_mm[..])
     }
 
+    /// Volume of what is left about each site: float32 [n], mm³; None unless `rest`.
+    #[getter]
+    fn rest_volume_mm3<'py>(this: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<f32>>> {
+        list(this, |of| &of.answers().rest_volume_mm3[..])
+    }
+
     /// Gouge tolerance at each site: float64 [n], mm; None by the published definition.
     #[getter]
     fn tolerance_mm<'py>(this: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<f64>>> {

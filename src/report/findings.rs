@@ -6,6 +6,7 @@
 
 mod advice;
 mod fixtures;
+mod together;
 
 use super::memory::{PartSize, require_for_findings, require_for_findings_files};
 use super::tables::{Cell, Table};
@@ -26,6 +27,8 @@ use glam::DVec3;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+#[doc(hidden)] // of `analysis` and the program
+pub use together::for_all_tools;
 
 /// Regions of fewer sites are not listed one by one.
 #[doc(hidden)] // of `analysis` and the program
@@ -62,6 +65,8 @@ pub struct Finding {
     pub worst_clearance_mm: Option<f32>,
     /// Greatest rest of its sites, mm, if rests were computed.
     pub greatest_rest_mm: Option<f32>,
+    /// Volume of what is left about its sites, mm³, if rests were computed.
+    pub left_mm3: Option<f64>,
     /// Share of its sites that are proven out of reach for every direction, if that was tested.
     #[doc(hidden)] // of the table
     pub proven: Option<f64>,
@@ -124,6 +129,9 @@ pub struct Findings {
     /// The largest region of all.
     #[doc(hidden)] // of the program
     pub largest: Option<Finding>,
+    /// The region of all about which most is left, if rests were computed.
+    #[doc(hidden)] // of the program
+    pub most_left: Option<Finding>,
     /// Per site: the number of its finding from 1 on, 0 if it has none.
     pub of_site: Vec<u32>,
 }
@@ -168,6 +176,9 @@ impl Findings {
         all.sort_by(|a, b| b.0.area_mm2.total_cmp(&a.0.area_mm2));
         let largest = all.first().map(|(finding, _)| finding.clone());
         let largest_mm2 = largest.as_ref().map_or(0.0, |finding| finding.area_mm2);
+        let left = all.iter().map(|(finding, _)| finding).filter(|f| f.left_mm3.is_some());
+        let more = |a: &Finding, b: &Finding| a.left_mm3 > b.left_mm3;
+        let most_left = left.reduce(|most, f| if more(f, most) { f } else { most }).cloned();
         let (list, small): (Vec<_>, Vec<_>) =
             all.into_iter().partition(|(finding, _)| finding.n_sites >= MIN_SITES);
         let mut of_site = vec![0; n];
@@ -180,7 +191,7 @@ impl Findings {
             area_mm2: small.iter().map(|(finding, _)| finding.area_mm2).sum(),
         };
         let list = list.into_iter().map(|(finding, _)| finding).collect();
-        Ok(Findings { list, scattered, surface_mm2, largest_mm2, largest, of_site })
+        Ok(Findings { list, scattered, surface_mm2, largest_mm2, largest, most_left, of_site })
     }
 
     /// A row per finding, and one for the scattered regions if there are any.
@@ -231,6 +242,7 @@ impl Findings {
         json!({
             "surface_mm2": self.surface_mm2,
             "largest_mm2": self.largest_mm2,
+            "most_left_mm3": self.most_left.as_ref().and_then(|finding| finding.left_mm3),
             "findings": list.collect::<Vec<_>>(),
             "scattered": { "fewer_sites_than": MIN_SITES, "regions": self.scattered },
         })
@@ -267,26 +279,6 @@ impl Findings {
     }
 }
 
-/// The answers for sites that no tool of several reaches: inaccessible where all tools are.
-///
-/// # Panics
-/// If there are no answers, or they differ in length.
-#[doc(hidden)] // of `analysis` and the program
-pub fn for_all_tools<'a>(answers: impl Iterator<Item = &'a SiteAnswers>) -> SiteAnswers {
-    let answers: Vec<&SiteAnswers> = answers.collect();
-    let n = answers[0].len();
-    let accessible: Vec<Vec<bool>> = answers.iter().map(|a| a.accessible()).collect();
-    let all = |i: usize| answers.iter().all(|a| a.inaccessible[i]);
-    let none = |i: usize| !accessible.iter().any(|accessible| accessible[i]);
-    let mut common = SiteAnswers::new((0..n).map(all).collect(), Vec::new());
-    common.tip_does_not_fit = (0..n).map(|i| none(i) && !all(i)).collect();
-    if n > 0 && answers.iter().all(|answers| answers.rest_mm.len() == n) {
-        let least = |i: usize| answers.iter().map(|a| a.rest_mm[i]).fold(f32::INFINITY, f32::min);
-        common.rest_mm = (0..n).map(least).collect();
-    }
-    common
-}
-
 /// Why a site is not accessible; `None` if it is.
 fn cause(answers: &SiteAnswers, i: usize) -> Option<SiteAnswer> {
     let tip = answers.tip_does_not_fit.get(i).copied().unwrap_or(false);
@@ -298,7 +290,7 @@ fn cause(answers: &SiteAnswers, i: usize) -> Option<SiteAnswer> {
 }
 
 /// The columns of `findings.csv`; those without a heading are for programs.
-const COLUMNS: [(&str, &str); 29] = [
+const COLUMNS: [(&str, &str); 30] = [
     ("finding", "finding"),
     ("cause", "cause"),
     ("area_mm2", "area, mm²"),
@@ -319,6 +311,7 @@ const COLUMNS: [(&str, &str); 29] = [
     ("site", ""),
     ("worst_clearance_mm", ""),
     ("greatest_rest_mm", "most left, mm"),
+    ("left_mm3", "left, mm³"),
     ("proven", "proven"),
     ("fixture", "fixture in the way"),
     ("fixture_share", "at"),
@@ -330,18 +323,18 @@ const COLUMNS: [(&str, &str); 29] = [
     ("change_share", "reaches"),
 ];
 
-/// The column about rests.
-const REST: std::ops::Range<usize> = 19..20;
+/// The columns about rests.
+const REST: std::ops::Range<usize> = 19..21;
 /// The column about proofs.
-const PROVEN: std::ops::Range<usize> = 20..21;
+const PROVEN: std::ops::Range<usize> = 21..22;
 /// The columns about fixtures.
-const FIXTURE: std::ops::Range<usize> = 21..23;
+const FIXTURE: std::ops::Range<usize> = 22..24;
 /// The columns about other tools.
-const HELPS: std::ops::Range<usize> = 23..25;
+const HELPS: std::ops::Range<usize> = 24..26;
 /// The columns about the part that blocks.
-const BLOCKED: std::ops::Range<usize> = 25..27;
+const BLOCKED: std::ops::Range<usize> = 26..28;
 /// The columns about a change of the tool.
-const CHANGE: std::ops::Range<usize> = 27..29;
+const CHANGE: std::ops::Range<usize> = 28..30;
 
 impl Finding {
     /// The cause in words.
@@ -363,6 +356,7 @@ impl Finding {
         row.push(clearance.map_or(Cell::Missing, Cell::Millimeters));
         let rest = self.greatest_rest_mm.map(f64::from);
         row.push(rest.map_or(Cell::Missing, Cell::Millimeters));
+        row.push(self.left_mm3.map_or(Cell::Missing, Cell::Number));
         row.push(self.proven.map_or(Cell::Missing, Cell::Share));
         let fixture = self.fixture.as_ref();
         row.push(fixture.map_or(Cell::Missing, |found| Cell::text(&found.fixture)));
@@ -405,6 +399,7 @@ impl About<'_> {
         let site = nearest.copied().unwrap_or_default();
         let clearance = |i: &u32| answers.clearance_mm.get(*i as usize).copied();
         let rest = |i: &u32| answers.rest_mm.get(*i as usize).copied();
+        let volume = |i: &u32| answers.rest_volume_mm3.get(*i as usize).copied().map(f64::from);
         let cancels = normal.length() < 1e-3;
         Finding {
             cause: cause(answers, members[0] as usize).unwrap_or(SiteAnswer::Inaccessible),
@@ -418,6 +413,7 @@ impl About<'_> {
             high_mm,
             worst_clearance_mm: members.iter().filter_map(clearance).reduce(f32::min),
             greatest_rest_mm: members.iter().filter_map(rest).reduce(f32::max),
+            left_mm3: members.iter().filter_map(volume).reduce(|a, b| a + b),
             proven: None,
             helps: self.help(members, area_mm2),
             blocked_by: None,

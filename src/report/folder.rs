@@ -190,6 +190,7 @@ pub(super) fn point_values(
     for (name, list) in [
         ("clearance", &answers.clearance_mm),
         ("rest", &answers.rest_mm),
+        ("rest_volume", &answers.rest_volume_mm3),
         ("probability_inaccessible", &answers.probability_inaccessible),
         ("probability_occlusion", &answers.probability_occlusion),
     ] {

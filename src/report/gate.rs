@@ -1,14 +1,16 @@
-//! Limits that a result must keep: `inaccessible>5%`, `tip_does_not_fit>20mm2`, `finding>50mm2`, `rest>0.5mm`.
+//! Limits that a result must keep: `inaccessible>5%`, `tip_does_not_fit>20mm2`, `finding>50mm2`, `finding>2mm3`,
+//! `rest>0.5mm`.
 //!
 //! ```text
 //! LIMIT    = QUANTITY ('>' | '<') NUMBER UNIT
 //! QUANTITY = one of the names of QUANTITIES; or 'finding': the largest region that is out of reach; or
 //!            'no-tool-reaches': what is out of reach of every tool together; or
-//!            'rest': the most that all tools together leave. _ may stand for -
-//! UNIT     = '%', a share of the surface | 'mm2' or 'mm²', an area | of 'rest': 'mm'
+//!            'rest': the most that all tools together leave. _ may replace -
+//! UNIT     = '%', a share of the surface | 'mm2' or 'mm²', an area | of 'rest': 'mm' |
+//!            of 'finding' also 'mm3' or 'mm³': the most that is left about one
 //! ```
 
-use super::findings::Findings;
+use super::findings::{Finding, Findings};
 use crate::answers::SiteAnswers;
 use crate::geom::{Mesh, Sites, spacing};
 use crate::{Error, Result};
@@ -82,6 +84,8 @@ enum Bound {
     Area(f64),
     /// mm.
     Length(f64),
+    /// mm³.
+    Volume(f64),
 }
 
 impl FromStr for Limit {
@@ -114,17 +118,18 @@ impl FromStr for Limit {
             let is_most = text[at..].starts_with('>');
             return Ok(Limit { quantity, is_most, bound: Bound::Length(value) });
         }
-        let (number, is_share) = match (number("%"), number("mm2").or(number("mm²"))) {
-            (Some(number), _) => (number, true),
-            (None, Some(number)) => (number, false),
-            (None, None) => return Err(form()),
-        };
-        let value: f64 = number.parse().map_err(|_| form())?;
-        let most = if is_share { 100.0 } else { f64::MAX };
+        let (share, area) = (number("%"), number("mm2").or(number("mm²")));
+        let volume = number("mm3").or(number("mm³")).filter(|_| quantity == FINDING);
+        let value: f64 = share.or(area).or(volume).and_then(|n| n.parse().ok()).ok_or_else(form)?;
+        let most = if share.is_some() { 100.0 } else { f64::MAX };
         if !(0.0..=most).contains(&value) {
-            return Err(refuse("0 to 100 %, or an area of 0 mm2 or more".into()));
+            return Err(refuse("0 to 100 %, or an area or volume of 0 or more".into()));
         }
-        let bound = if is_share { Bound::Share(value / 100.0) } else { Bound::Area(value) };
+        let bound = match (share, area) {
+            (Some(_), _) => Bound::Share(value / 100.0),
+            (None, Some(_)) => Bound::Area(value),
+            (None, None) => Bound::Volume(value),
+        };
         Ok(Limit { quantity, is_most: text[at..].starts_with('>'), bound })
     }
 }
@@ -137,6 +142,7 @@ impl fmt::Display for Limit {
             Bound::Share(share) => write!(f, "{}%", (1e11 * share).round() / 1e9),
             Bound::Area(area) => write!(f, "{area}mm2"),
             Bound::Length(length) => write!(f, "{length}mm"),
+            Bound::Volume(volume) => write!(f, "{volume}mm3"),
         }
     }
 }
@@ -207,6 +213,14 @@ impl SiteAreas {
     }
 }
 
+const NO_REGION: &str = "no region is out of reach";
+
+/// A finding in a sentence.
+fn place(found: &Finding) -> String {
+    let [x, y, z] = found.at_mm.to_array().map(|x| (1e3 * x).round() / 1e3 + 0.0);
+    format!("{} at {x}, {y}, {z}", found.words())
+}
+
 impl Limit {
     /// The name of what it limits.
     pub fn quantity(&self) -> &'static str {
@@ -227,27 +241,40 @@ impl Limit {
 
     /// Whether it is about how much is left.
     pub fn is_about_rest(&self) -> bool {
-        self.quantity == REST
+        self.quantity == REST || matches!(self.bound, Bound::Volume(_))
     }
 
-    /// Why the largest region breaks the limit; `None` if it keeps it, or the limit is not about regions.
+    /// Why the largest region breaks the limit, or the one about which most is left; `None` if it keeps it, or the limit
+    /// is not about regions.
     pub fn broken_by_findings(&self, findings: &Findings) -> Option<String> {
+        if let Bound::Volume(bound) = self.bound {
+            return self.broken_by_left(findings.most_left.as_ref(), bound);
+        }
         let area = findings.largest_mm2;
         let share = if area > 0.0 { area / findings.surface_mm2 } else { 0.0 };
         let (value, bound) = match self.bound {
             Bound::Share(bound) => (share, bound),
-            Bound::Area(bound) | Bound::Length(bound) => (area, bound),
+            Bound::Area(bound) | Bound::Length(bound) | Bound::Volume(bound) => (area, bound),
         };
         let is_broken = if self.is_most { value > bound } else { value < bound };
         if !self.is_about_findings() || !is_broken {
             return None;
         }
         let n = findings.list.len() + findings.scattered.n_regions;
-        let which = findings.largest.as_ref().map_or("no region is out of reach".into(), |found| {
-            let [x, y, z] = found.at_mm.to_array().map(|x| (1e3 * x).round() / 1e3 + 0.0);
-            format!("the largest of {n} findings, {} at {x}, {y}, {z}, is", found.words())
+        let which = findings.largest.as_ref().map_or(NO_REGION.into(), |found| {
+            format!("the largest of {n} findings, {}, is", place(found))
         });
         Some(format!("{which} {area:.1} mm2 ({:.2} %): {self}", 100.0 * share))
+    }
+
+    fn broken_by_left(&self, most: Option<&Finding>, bound: f64) -> Option<String> {
+        let left = most.and_then(|finding| finding.left_mm3).unwrap_or(0.0);
+        let is_broken = if self.is_most { left > bound } else { left < bound };
+        let which = || match most {
+            Some(found) => format!("about {} is most left,", place(found)),
+            None => format!("{NO_REGION},"),
+        };
+        is_broken.then(|| format!("{} {left:.2} mm3: {self}", which()))
     }
 
     /// The error of a limit on what is not answered.
@@ -285,7 +312,7 @@ impl Limit {
                 let area = share * self.total(areas)?;
                 (area > bound, area < bound)
             }
-            Bound::Length(_) => return Err(self.not_answered()),
+            Bound::Length(_) | Bound::Volume(_) => return Err(self.not_answered()),
         };
         if !(if self.is_most { is_more } else { is_less }) {
             return Ok(None);
@@ -358,6 +385,29 @@ mod tests {
             assert!(error.contains("rest>NUMBERmm"), "{error}");
         }
         assert!("inaccessible>5mm".parse::<Limit>().is_err());
+    }
+
+    #[test]
+    fn the_most_that_is_left_about_a_region_is_limited_in_cubic_millimeters() {
+        let sites = lattice();
+        let mut answers = SiteAnswers::new((0..100).map(|i| i % 10 < 2).collect(), vec![]);
+        answers.inaccessible[99] = true;
+        answers.rest_volume_mm3 = (0..100).map(|i| if i == 99 { 3.0 } else { 0.1 }).collect();
+        let findings = Findings::of(&sites, None, &answers, &[]).unwrap();
+        assert!((findings.list[0].left_mm3.unwrap() - 2.0).abs() < 1e-6);
+        let broken = |text: &str| {
+            let limit: Limit = text.parse().unwrap();
+            assert!(limit.is_about_findings() && limit.is_about_rest(), "{text}");
+            limit.broken_by_findings(&findings)
+        };
+        // A single site with much beside it counts, although its area is small.
+        let why = broken("finding > 2.5 mm3").unwrap();
+        assert!(why.contains("inaccessible at 9, 9, 0 is most left, 3.00 mm3"), "{why}");
+        assert_eq!(broken("finding>3mm³"), None);
+        assert!(broken("finding<4mm3").is_some());
+        for bad in ["inaccessible>2mm3", "finding>-1mm3", "finding>nanmm3", "finding>mm3"] {
+            assert!(bad.parse::<Limit>().is_err(), "{bad}");
+        }
     }
 
     #[test]

@@ -259,7 +259,9 @@ pub struct GateArgs {
     /// Exit with code 3, after everything is written, if an answer breaks this limit: 'inaccessible>5%' (of the
     /// surface, of any tool), 'tip_does_not_fit>20mm2', 'unreachable>…' (either), 'no-tool-reaches>1%' (out of
     /// reach of all tools together), 'occlusion>…', 'finding>50mm2' (the largest connected region that is out of
-    /// reach); < in place of > for a minimum. Of the region, if --only or --except give one. May be given again.
+    /// reach), of `label` also 'rest>0.5mm' (the most that all tools leave) and 'finding>2mm3' (the most that is left
+    /// about a region); < in place of > for a minimum. Of the region, if --only or --except give one. May be given
+    /// again.
     #[arg(long, value_name = "LIMIT")]
     fail_if: Vec<String>,
 }
@@ -269,7 +271,11 @@ impl GateArgs {
     pub fn limits(&self, unanswered: &[&str]) -> Result<Vec<Limit>> {
         let limits: Vec<Limit> =
             self.fail_if.iter().map(|text| text.parse().map_err(limit)).collect::<Result<_>>()?;
-        match limits.iter().find(|limit| unanswered.contains(&limit.quantity())) {
+        let is_unanswered = |limit: &&Limit| {
+            unanswered.contains(&limit.quantity())
+                || limit.is_about_rest() && unanswered.contains(&"rest")
+        };
+        match limits.iter().find(is_unanswered) {
             Some(limit) => Err(self::limit(limit.not_answered())),
             None => Ok(limits),
         }

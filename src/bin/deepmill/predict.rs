@@ -78,8 +78,10 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let only_computed = ["tip_does_not_fit"];
-    let unknown = if args.verify == Some(0.0) { &[][..] } else { &only_computed };
+    let unknown = match args.verify {
+        Some(0.0) => &["rest"][..],
+        _ => &["rest", "tip_does_not_fit"],
+    };
     let limits = args.gate.limits(unknown)?;
     let directions = args.directions.directions()?;
     args.tools.check_one_cutter()?;

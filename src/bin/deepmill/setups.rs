@@ -103,7 +103,7 @@ impl From<Clamping> for Clampings {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let limits = args.gate.limits(&["occlusion"])?;
+    let limits = args.gate.limits(&["occlusion", "rest"])?;
     let share = share(&args.share)?;
     let request = args.request(share)?;
     let tools = args.tolerances.with_allowance(args.tools.tools(output)?)?;

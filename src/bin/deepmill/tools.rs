@@ -68,7 +68,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let limits = args.gate.limits(&["occlusion"])?;
+    let limits = args.gate.limits(&["occlusion", "rest"])?;
     let share = share(&args.share)?;
     let tools = with_names(args.unsaid.read(&args.library, output)?)?;
     let written = args.alone.write(&tools, &args.out, output)?;

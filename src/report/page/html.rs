@@ -271,6 +271,9 @@ fn list(findings: &Findings, unit: Unit) -> String {
             let rest = number(length(f64::from(rest), unit));
             let _ = write!(cause, ", up to {rest} {} left", unit);
         }
+        if let Some(left) = f.left_mm3 {
+            let _ = write!(cause, ", {}", volume_words(left, unit));
+        }
         let _ = write!(
             out,
             "<tr data-finding=\"{number_of}\" tabindex=\"0\"{}><td>{number_of}</td><td>{cause}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"p\">{x:.digits$}, {y:.digits$}, {z:.digits$}</td>",
@@ -369,6 +372,16 @@ fn area_words(mm2: f64, unit: Unit) -> String {
     let shown =
         if unit != Unit::Millimeter && area < 10.0 { format!("{area:.4}") } else { number(area) };
     format!("{shown} {unit}²")
+}
+
+fn volume_words(mm3: f64, unit: Unit) -> String {
+    let volume = length(length(length(mm3, unit), unit), unit);
+    let shown = match unit {
+        Unit::Millimeter => number(volume),
+        _ if volume < 10.0 => format!("{volume:.5}"),
+        _ => number(volume),
+    };
+    format!("{shown} {unit}³")
 }
 
 /// A number with about three digits.

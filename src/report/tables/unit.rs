@@ -10,6 +10,7 @@ pub(super) enum Quantity {
     /// A length of a tool table, which names no unit in its heading but takes one with each number.
     ToolLength,
     Area,
+    Volume,
 }
 
 /// The lengths of a tool table.
@@ -23,6 +24,7 @@ impl Quantity {
     pub fn of(key: &str, of_tools: bool) -> Option<Self> {
         match key {
             _ if key.ends_with("_mm2") => Some(Quantity::Area),
+            _ if key.ends_with("_mm3") => Some(Quantity::Volume),
             _ if of_tools && OF_TOOLS.contains(&key) => Some(Quantity::ToolLength),
             _ if key.ends_with("_mm") || UNNAMED.contains(&key) || key == "stick_out" => {
                 Some(Quantity::Length)
@@ -34,7 +36,12 @@ impl Quantity {
     /// A number in another unit, without the noise of the division.
     fn number(self, mm: f64, unit: Unit) -> f64 {
         let per = unit.millimeters();
-        let x = mm / if self == Quantity::Area { per * per } else { per };
+        let per = match self {
+            Quantity::Volume => per * per * per,
+            Quantity::Area => per * per,
+            Quantity::Length | Quantity::ToolLength => per,
+        };
+        let x = mm / per;
         format!("{x:.11e}").parse().unwrap_or(x)
     }
 }
@@ -76,6 +83,7 @@ pub(super) fn heading(heading: &str, quantity: Option<Quantity>, unit: Unit) -> 
     }
     match quantity {
         Quantity::Area => format!("{heading}, {symbol}²"),
+        Quantity::Volume => format!("{heading}, {symbol}³"),
         _ => format!("{heading}, {symbol}"),
     }
 }
@@ -87,6 +95,7 @@ pub(super) fn key(key: &str, quantity: Option<Quantity>, unit: Unit) -> String {
         _ if unit == Unit::Millimeter => key.into(),
         None | Some(Quantity::ToolLength) => key.into(),
         Some(Quantity::Area) => key.replace("_mm2", &format!("_{symbol}2")),
+        Some(Quantity::Volume) => key.replace("_mm3", &format!("_{symbol}3")),
         Some(Quantity::Length) => format!("{}_{symbol}", key.trim_end_matches("_mm")),
     }
 }

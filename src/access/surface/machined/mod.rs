@@ -40,6 +40,7 @@ mod swept;
 #[cfg(test)]
 mod tests;
 mod view;
+mod volumes;
 
 pub use bodies::RestBody;
 pub use solid::{Job, Machined};
