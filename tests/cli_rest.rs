@@ -55,6 +55,20 @@ fn the_rest_of_every_site_is_in_the_files_and_can_be_limited() {
     assert_eq!(broken.status.code(), Some(3));
     assert!(text(&broken.stderr).contains("limit broken: the greatest rest is"));
     assert!(run(&["--no-picture", "--fail-if", "rest>5mm"]).status.success());
+    let volume = |f: &serde_json::Value| f["left_mm3"].as_f64().unwrap();
+    let of_all: f64 = findings.iter().map(volume).sum();
+    let of_sites: f64 = answers.rest_volume_mm3.iter().map(|v| f64::from(*v)).sum();
+    assert!(of_all > 0.0 && of_all < 1.001 * of_sites, "{of_all} {of_sites}");
+    let most = result["findings"]["most_left_mm3"].as_f64().unwrap();
+    let gate = |mm3: f64| run(&["--no-picture", "--fail-if", &format!("finding>{mm3}mm3")]);
+    let broken = gate(0.9 * most);
+    assert_eq!(broken.status.code(), Some(3));
+    assert!(text(&broken.stderr).contains("is most left,"), "{}", text(&broken.stderr));
+    assert!(gate(1.1 * most).status.success());
+    let args = ["setups", &part, "--machine", "3-axis", "--out", &out];
+    let error =
+        failure(&deepmill(&[&args[..], &UP[..2], &["--fail-if", "finding>1mm3"]].concat()), 2);
+    assert!(error.contains("a quantity that this command answers"), "{error}");
     let error = failure(&run(&["--fail-if", "rest>5%"]), 2);
     assert!(error.contains("rest>NUMBERmm"), "{error}");
 }
@@ -114,6 +128,60 @@ fn the_machined_part_is_closed_and_holds_the_fillet() {
     let share = |of: &serde_json::Value| of["accessible"].as_f64().unwrap();
     assert!(share(&again) > share(&before) + 0.02, "{} {}", share(&again), share(&before));
     assert!(again["greatest_rest_mm"].as_f64().unwrap() <= 0.3);
+}
+
+#[test]
+fn machined_parts_with_round_faces_are_solids_when_they_are_read_again() {
+    let folder = Folder::new();
+    for family in ["bearing_housing", "pocket_block", "flange"] {
+        let parts = folder.path(family);
+        let made = ["generate", "--family", family, "--count", "1", "--seed", "3", "--out", &parts];
+        assert!(deepmill(&made).status.success());
+        let part = std::fs::read_dir(&parts).unwrap().map(|entry| entry.unwrap().path());
+        let part = part.into_iter().find(|path| path.extension().is_some_and(|e| e == "stl"));
+        let (part, out) = (part.unwrap().display().to_string(), folder.path("out"));
+        for accuracy in ["1.5", "1.1", "0.8"] {
+            let args = ["machined", &part, "--accuracy", accuracy, "--no-picture", "--json"];
+            let tool = ["--cutter", "5,40,20,40", "--directions", "sphere:20", "--out", &out];
+            let result = json(&deepmill(&[&args[..], &tool].concat()));
+            assert!(result["n_bodies"].as_u64().unwrap() > 0, "{family}");
+            let machined = folder.path("out/machined.stl");
+            let checked = deepmill(&["check", &machined]);
+            assert!(checked.status.success(), "{family} {accuracy}: {}", text(&checked.stdout));
+        }
+    }
+}
+
+#[test]
+fn setups_of_a_machine_go_one_after_the_other() {
+    let folder = Folder::new();
+    let (part, out) = (angle(&folder), folder.path("out"));
+    let args = ["machined", &part, "--out", &out, "--accuracy", "0.5", "--stock", "box:1"];
+    let machined = |more: &[&str]| {
+        deepmill(&[&args[..], &["--no-picture", "--json", "--cutter", "3,30,20,40"], more].concat())
+    };
+    let result = json(&machined(&["--machine", "3-axis", "--setup", "+z", "--setup", "-z"]));
+    let rows = result["tools"].as_array().unwrap();
+    assert_eq!(rows.len(), 2);
+    let after: Vec<f64> = rows.iter().map(|row| row["after_mm3"].as_f64().unwrap()).collect();
+    // From above the underside keeps its millimeter, from below that goes.
+    assert!(after[0] - after[1] > 0.8 * 42.0 * 32.0 && after[1] > 0.0, "{after:?}");
+    assert!(rows[0]["setup"].as_str().unwrap().starts_with("1: +z"), "{}", rows[0]);
+    assert_eq!(result["n_setups"], 2);
+    let csv = std::fs::read_to_string(folder.path("out/machined.csv")).unwrap();
+    assert!(csv.starts_with("setup,tool,after_mm3\n"), "{csv}");
+    let planned = json(&machined(&["--machine", "3-axis"]));
+    assert!(planned["n_setups"].as_u64().unwrap() >= 2);
+    for (more, words) in [
+        (&["--setup", "+z"][..], "--machine"),
+        (&["--machine", "3-axis", "--directions", "up"], "--directions"),
+        (&["--machine", "3-axis", "--table", "0"], "--table"),
+        (&["--machine", "6-axis"], "3-axis"),
+        (&["--machine", "3-axis", "--setup", "0,0,0"], "--setup"),
+    ] {
+        let error = failure(&machined(more), 2);
+        assert!(error.contains(words), "{error}");
+    }
 }
 
 #[test]

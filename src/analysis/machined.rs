@@ -4,11 +4,14 @@ use super::Analysis;
 use super::fixtures::Fixture;
 use super::observer::{Observer, Stage, report};
 use super::placed::without_area;
+use super::setups::SetupRequest;
 use super::write::Files;
+use crate::access::setups::Setup;
 use crate::access::surface::{Job, Machined, RestBody, TriangleObstacles};
 use crate::cutter::Cutter;
 use crate::data::files::settings::Blocking;
 use crate::data::files::tools::Tool;
+use crate::directions::{DirectionSet, Directions};
 use crate::geom::formats::{self, MeshOrCloud};
 use crate::geom::sites::{SiteOptions, sample};
 use crate::geom::units::Unit;
@@ -16,7 +19,7 @@ use crate::geom::{Mesh, bodies, inside};
 use crate::report::tables::{Cell, Table};
 use crate::report::{Class, Coloring, PartView, picture};
 use crate::{Error, Result, atomic_file};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::mem;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -44,6 +47,8 @@ pub struct MachinedOutcome {
     accuracy_mm: f64,
     stock_mm3: f64,
     n_directions: usize,
+    /// In order; none if all directions are of one clamping.
+    setups: Vec<String>,
     warnings: Vec<String>,
     notices: Vec<String>,
     seconds: [f64; 2],
@@ -52,19 +57,36 @@ pub struct MachinedOutcome {
 impl Analysis {
     /// What the tools together leave of a stock, with an accuracy of so many mm (by default a hundredth of the part's
     /// longest side, at most 0.1 mm, but no finer than a 400th of that side): the least set that no tool removes
-    /// without meeting the part or the set itself with what does not cut. See `docs/rest.md`.
+    /// without meeting the part or the set itself with what does not cut. With a request for setups, one after the
+    /// other, each with its tool axes, and what the later ones remove is in the way before. See `docs/rest.md`.
     ///
     /// # Errors
     /// If the part is no closed mesh, the stock does not contain it, there are no tools, one is given by a profile or
-    /// too thin for the accuracy, the lattice would not fit into the memory, or the observer stops it.
+    /// too thin for the accuracy, there are both fixtures and setups, the lattice would not fit into the memory, or the
+    /// observer stops it.
     #[doc(hidden)] // of the program
     pub fn machine(
         mut self,
         stock: &Stock,
         accuracy_mm: Option<f64>,
+        setups: Option<SetupRequest>,
         observer: &mut dyn Observer,
     ) -> Result<MachinedOutcome> {
         self.options.check()?;
+        let is_clamped = !self.fixtures.is_empty() || self.table_z_mm.is_some();
+        for (name, is_given, remedy) in [
+            (
+                "fixtures",
+                is_clamped,
+                "leave fixtures and table out: those of setups are not modelled",
+            ),
+            ("directions", self.directions.is_some(), "leave them out: a machine has its own"),
+        ] {
+            if setups.is_some() && is_given {
+                return Err(Error::argument(name, "some", "none beside setups", remedy));
+            }
+        }
+        let planned = setups.map(|request| self.clone().setups_of(request, observer));
         let (shape, tools) = (self.shape.take(), mem::take(&mut self.tools));
         let Some(MeshOrCloud::Mesh(part)) = shape else {
             let remedy = "give a mesh: of a cloud it is unknown what is inside";
@@ -78,7 +100,14 @@ impl Analysis {
             let remedy = "leave it out: what it removes is not computed";
             return Err(Error::argument("tools", found, "tools given by lengths", remedy));
         }
-        let directions = self.take_directions(Blocking::Part)?;
+        let (names, setups) = match planned.transpose()? {
+            None => (Vec::new(), vec![self.take_directions(Blocking::Part)?]),
+            Some(planned) => planned.into_iter().unzip(),
+        };
+        if !names.is_empty() {
+            // A machine has the axes that it has.
+            self.options.refinement = None;
+        }
         let (low, high) = part.bounds().unwrap_or_default();
         let longest = (high - low).max_element();
         let accuracy_mm = accuracy_mm.unwrap_or((0.01 * longest).min(0.1).max(longest / 400.0));
@@ -106,20 +135,22 @@ impl Analysis {
         let cutters: Vec<&Cutter> = tools.iter().map(|tool| &tool.cutter).collect();
         let job = Job { part: &part, stock_box, stock, accuracy_mm };
         let mut done = |done: usize, of: usize| report(observer, Stage::Machining, (done, of));
-        let machined = obstacles.machine(&job, &cutters, &directions, &self.options, &mut done)?;
+        let machined = obstacles.machine(&job, &cutters, &setups, &self.options, &mut done)?;
         let machined_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let mut mesh = part.clone();
-        machined.bodies.iter().for_each(|body| append(&mut mesh, &body.mesh));
+        let rest = all_of(&machined.bodies);
         let mut notices: Vec<String> = without_area(&obstacles).into_iter().collect();
-        let mut joined = mesh.clone();
-        match bodies::join(&mut joined) {
-            Ok(_) => {
-                // Where the bodies' skin pokes through the part's surface, or leaves it.
-                bodies::drop_crumbs(&mut joined, CRUMB * accuracy_mm.powi(3));
-                mesh = joined;
+        let mut mesh = part.clone();
+        if !machined.bodies.is_empty() {
+            match bodies::union(&part, &rest) {
+                Some(joined) => mesh = joined,
+                None => append(&mut mesh, &rest),
             }
-            Err(error) => notices.push(format!("the bodies are not joined: {error}")),
+            // Crumbs are where the bodies' skin pokes through the part's surface, or leaves it.
+            let (least_mm3, most_mm) = (CRUMB * accuracy_mm.powi(3), SETTLED * accuracy_mm);
+            if !bodies::settle(&mut mesh, least_mm3, most_mm) {
+                notices.push(NOT_SOLID.into());
+            }
         }
         Ok(MachinedOutcome {
             part: self.part,
@@ -129,11 +160,31 @@ impl Analysis {
             own: part,
             accuracy_mm,
             stock_mm3,
-            n_directions: directions.len(),
+            n_directions: setups.iter().map(Directions::len).sum(),
+            setups: names,
             warnings,
             notices,
             seconds: [machined_s, start.elapsed().as_secs_f64()],
         })
+    }
+
+    /// The setups of a machine in words, and the tool axes of each.
+    fn setups_of(
+        self,
+        request: SetupRequest,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<(String, Directions)>> {
+        let outcome = self.place(observer)?.plan(request, observer)?;
+        let machine = outcome.candidates().machine();
+        let setups = outcome.setups().plan().setups.iter();
+        let vectors = |axes: &[Vec3]| axes.iter().map(|axis| axis.as_dvec3().to_array()).collect();
+        let of = |setup: &Setup| {
+            Ok((
+                machine.setup_words(setup.direction),
+                Directions::new(DirectionSet::List { vectors: vectors(&setup.axes) })?,
+            ))
+        };
+        setups.map(of).collect()
     }
 }
 
@@ -154,6 +205,13 @@ fn require_around(stock: &Mesh, part: &Mesh, accuracy_mm: f64) -> Result<()> {
     Err(Error::argument("stock", found, "a body that contains the part", remedy))
 }
 
+/// The surfaces of all bodies.
+fn all_of(bodies: &[RestBody]) -> Mesh {
+    let mut all = Mesh::default();
+    bodies.iter().for_each(|body| append(&mut all, &body.mesh));
+    all
+}
+
 fn append(to: &mut Mesh, other: &Mesh) {
     let first = to.vertices.len() as u32;
     to.vertices.extend(&other.vertices);
@@ -162,6 +220,10 @@ fn append(to: &mut Mesh, other: &Mesh) {
 
 /// Least volume of a piece of the joined surface, in cubes of the accuracy.
 const CRUMB: f64 = 30.0;
+/// How far the joined surface may move to lose triangles that are too small for a file, as a share of the accuracy.
+const SETTLED: f64 = 0.25;
+const NOT_SOLID: &str =
+    "machined.stl bounds no solid when it is read again: choose another accuracy";
 /// Colors of the picture: the part's own surface, and what is left.
 const CLASSES: [Class<'static>; 2] = [
     Class { name: "the part", color: [205, 208, 212] },
@@ -231,18 +293,32 @@ impl MachinedOutcome {
         self.seconds
     }
 
-    /// A row per tool: what it leaves alone, and what is left after it and those before it.
+    /// A row per tool, of every setup if there are setups: what is left after it and those before it; without setups
+    /// also what it leaves alone.
     pub fn table(&self) -> Table {
-        let mut table = Table::new(&[
-            ("tool", "tool"),
-            ("alone_mm3", "left by it alone, mm³"),
-            ("after_mm3", "left after it, mm³"),
-        ]);
         let Machined { alone_mm3, after_mm3, .. } = &self.machined;
-        for ((tool, alone), after) in self.tools.iter().zip(alone_mm3).zip(after_mm3) {
-            table.row([Cell::text(&tool.name), Cell::Number(*alone), Cell::Number(*after)]);
+        let (tool, after) = (("tool", "tool"), ("after_mm3", "left after it, mm³"));
+        if self.setups.is_empty() {
+            let mut table = Table::new(&[tool, ("alone_mm3", "left by it alone, mm³"), after]);
+            let after = after_mm3.iter().flatten();
+            for ((tool, alone), after) in self.tools.iter().zip(alone_mm3).zip(after) {
+                table.row([Cell::text(&tool.name), Cell::Number(*alone), Cell::Number(*after)]);
+            }
+            return table;
+        }
+        let mut table = Table::new(&[("setup", "setup"), tool, after]);
+        for ((k, words), of_setup) in (1..).zip(&self.setups).zip(after_mm3) {
+            for (tool, after) in self.tools.iter().zip(of_setup) {
+                let setup = Cell::text(format!("{k}: {words}"));
+                table.row([setup, Cell::text(&tool.name), Cell::Number(*after)]);
+            }
         }
         table
+    }
+
+    /// The setups in words, in their order; none without a request for setups.
+    pub fn setups(&self) -> &[String] {
+        &self.setups
     }
 
     /// A row per body that is left, the largest first.
@@ -275,9 +351,7 @@ impl MachinedOutcome {
         };
         stl("machined.stl", &self.mesh)?;
         if self.n_bodies() > 0 {
-            let mut rest = Mesh::default();
-            self.machined.bodies.iter().for_each(|body| append(&mut rest, &body.mesh));
-            stl("rest.stl", &rest)?;
+            stl("rest.stl", &all_of(&self.machined.bodies))?;
         }
         let tables = [("machined.csv", self.table()), ("rest.csv", self.bodies_table())];
         for (name, table) in tables.into_iter().take(1 + usize::from(self.n_bodies() > 0)) {

@@ -21,6 +21,7 @@
 
 mod crumbs;
 mod pieces;
+mod solid;
 
 use super::check::topology::{Topology, has_three_corners};
 use super::check::volume_of;
@@ -29,11 +30,12 @@ use super::repair::{Change, extremes};
 use super::weld::{join as unite, root};
 use super::{Mesh, intersect};
 use crate::{Error, Result};
-pub(crate) use crumbs::drop_crumbs;
+pub(crate) use crumbs::settle;
 use glam::DVec3;
 use manifold_rust::manifold::Manifold;
-use manifold_rust::types::MeshGLP;
 use pieces::{are_closed, owners, pieces};
+pub(crate) use solid::union;
+use solid::{mesh_of, solid_of};
 use std::collections::BTreeMap;
 
 /// Joins bodies that overlap or lie on each other, and turns shells within a body to bound cavities; returns what it
@@ -258,16 +260,7 @@ impl Pieces {
     fn solid(&self, faces: &[u32]) -> Result<Manifold> {
         let mut part = Mesh::default();
         append(&mut part, &self.mesh, faces);
-        let solid = Manifold::from_mesh_glp(&MeshGLP::<f64, u32> {
-            num_prop: 3,
-            vert_properties: part.vertices.iter().flat_map(|v| v.to_array()).collect(),
-            tri_verts: part.triangles.as_flattened().to_vec(),
-            ..Default::default()
-        });
-        match solid.is_empty() {
-            false => Ok(solid),
-            true => Err(self.refused(faces, "one of them is no solid by itself")),
-        }
+        solid_of(&part).ok_or_else(|| self.refused(faces, "one of them is no solid by itself"))
     }
 
     fn refused(&self, faces: &[u32], why: &str) -> Error {
@@ -276,13 +269,6 @@ impl Pieces {
         let remedy = "unite them in the CAD program, remove what is no solid, or try a repair";
         Error::geometry(place, found, remedy)
     }
-}
-
-fn mesh_of(solid: &Manifold) -> Mesh {
-    let mesh: MeshGLP<f64, u32> = solid.get_mesh_glp(-1);
-    let corners = mesh.vert_properties.chunks_exact(mesh.num_prop as usize);
-    let vertices = corners.map(|p| DVec3::new(p[0], p[1], p[2])).collect();
-    Mesh { vertices, triangles: mesh.tri_verts.as_chunks().0.to_vec() }
 }
 
 /// Adds triangles of another mesh, with corners of their own.

@@ -5,6 +5,7 @@ use super::folder::{self, Takes};
 use super::options::{Options, number};
 use super::output::{of_json, rows, threes_f64};
 use super::part::{Mesh, Part};
+use super::plans;
 use super::request::{Purpose, analysis};
 use crate::analysis::{self, Stock};
 use numpy::PyArray2;
@@ -16,7 +17,8 @@ use std::path::PathBuf;
 ///
 /// stock: how much more than the part's box there is on every side, mm, or a Mesh about the part.
 /// accuracy: mm; by default a hundredth of the longest side, at most 0.1, but no finer than a 400th of it.
-/// The other options are those of `analyze`.
+/// machine: in setups of this machine, one after the other, as for `setups`: the fewest that cover 99 %, or those given
+/// ("+z", "-x" ..., or vectors). The other options are those of `analyze`.
 ///
 /// >>> import deepmill
 /// >>> corners = [[0, 0, 0], [30, 0, 0], [0, 30, 0], [0, 0, 30]]
@@ -27,7 +29,7 @@ use std::path::PathBuf;
 #[pyfunction]
 #[pyo3(signature = (part, tools, **options))]
 #[pyo3(
-    text_signature = "(part, tools, *, stock=0.0, accuracy=None, directions=None, fixtures=(), table=None, \
+    text_signature = "(part, tools, *, stock=0.0, accuracy=None, machine=None, given=(), directions=None, fixtures=(), table=None, \
         tolerance=None, finish=None, search=None, prove=False, name=None, progress=None)"
 )]
 pub fn machined(
@@ -46,12 +48,13 @@ pub fn machined(
         },
     };
     let accuracy_mm = options.number("accuracy")?;
+    let setups = plans::setups_of(&mut options)?;
     let part = Part::of(part)?;
     let analysis = analysis(&part, tools, &mut options, Purpose::Volume)?;
     let watch = options.progress()?;
     options.finish()?;
-    let outcome =
-        watch.run_apart(py, move |observer| analysis.machine(&stock, accuracy_mm, observer))?;
+    let outcome = watch
+        .run_apart(py, move |observer| analysis.machine(&stock, accuracy_mm, setups, observer))?;
     Ok(MachinedOutcome { notices: part.notices_and(outcome.notices()), outcome })
 }
 
@@ -94,7 +97,8 @@ impl MachinedOutcome {
         self.outcome.accuracy_mm()
     }
 
-    /// Of each tool what it leaves alone, and what is left after it and those before it: a list of dicts.
+    /// Of each tool what it leaves alone, and what is left after it and those before it; of setups, what is left after
+    /// each tool in each of them: a list of dicts.
     #[getter]
     fn tools(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         Ok(of_json(py, &self.outcome.table().json())?.unbind())

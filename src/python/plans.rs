@@ -97,6 +97,23 @@ pub fn setups(
     Ok(SetupsOutcome { notices: part.notices_and(outcome.notices()), outcome, first })
 }
 
+/// Those of a machine, if one is given.
+pub fn setups_of(options: &mut Options<'_>) -> PyResult<Option<SetupRequest>> {
+    let machine = options.text("machine")?;
+    let given = given_of(options)?;
+    match machine {
+        Some(machine) => {
+            let machine: Machine = checked(options.py(), machine.parse())?;
+            Ok(Some(SetupRequest::on(machine).given(given)))
+        }
+        None if given.is_empty() => Ok(None),
+        None => {
+            let remedy = "name the machine that has them";
+            Err(refused(options.py(), "given", "setups", "setups of a machine", remedy))
+        }
+    }
+}
+
 fn given_of(options: &mut Options<'_>) -> PyResult<Vec<Vec3>> {
     let py = options.py();
     let Some(given) = options.take("given")? else { return Ok(Vec::new()) };

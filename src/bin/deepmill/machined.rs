@@ -7,7 +7,8 @@ use crate::output::Output;
 use crate::part_itself::SurfaceArgs;
 use crate::premise::premise;
 use crate::progress::Bars;
-use deepmill::analysis::{Analysis, MachinedOutcome, Stock};
+use deepmill::access::setups::{Machine, direction_of_words};
+use deepmill::analysis::{Analysis, MachinedOutcome, SetupRequest, Stock};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
@@ -16,11 +17,12 @@ use std::path::{Path, PathBuf};
 /// Compute the part that tools leave of a stock: what none of them removes in any direction stays on it.
 ///
 /// Writes to DIR: machined.stl (the part with what is left, one closed surface), rest.stl (what is left, a body each),
-/// machined.csv (volume left by each tool alone, and after it), rest.csv (volume and place of each body) and
+/// machined.csv (volume left by each tool alone, and after it; with --machine after each in every setup), rest.csv (volume and place of each body) and
 /// machined.png.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill machined part.stl --cutter 3,20,20,40 --out machined\n\
-Of a stock 2 mm larger: deepmill machined part.stl --tools tools.csv --stock box:2 --out machined")]
+Of a stock 2 mm larger: deepmill machined part.stl --tools tools.csv --stock box:2 --out machined\n\
+In setups: deepmill machined part.stl --tools tools.csv --machine 3-axis --setup +z --setup -z --out machined")]
 pub struct Args {
     /// Mesh (STL, OBJ, PLY, 3MF), closed.
     part: PathBuf,
@@ -30,6 +32,14 @@ pub struct Args {
     tools: ToolArgs,
     #[command(flatten)]
     directions: DirectionArgs,
+    /// In setups of this machine, one after the other (3-axis, 3+2:DEGREES, 5-axis:DEGREES, 4-axis, 4-axis:x …, as
+    /// for `setups`): the fewest that cover 99 % of what can be reached.
+    #[arg(long, value_name = "MACHINE", conflicts_with_all = ["directions", "fixture", "table"])]
+    machine: Option<Machine>,
+    /// In this setup of the machine: the direction of the part that points to the spindle, or along the rotary axis
+    /// (+z, -x or X,Y,Z). May be given again: in their order.
+    #[arg(long, value_name = "DIRECTION", allow_hyphen_values = true, requires = "machine")]
+    setup: Vec<String>,
     #[command(flatten)]
     surface: SurfaceArgs,
     /// What the part is milled from: `box:MM` (its box with so much more on every side), or a closed mesh about it.
@@ -48,6 +58,13 @@ pub struct Args {
 }
 
 impl Args {
+    fn setups(&self) -> Result<Option<SetupRequest>> {
+        let Some(machine) = self.machine else { return Ok(None) };
+        let given = self.setup.iter().map(|text| direction_of_words(text));
+        let given = given.collect::<Result<_>>().map_err(|error| called(error, "--setup"))?;
+        Ok(Some(SetupRequest::on(machine).given(given)))
+    }
+
     fn stock(&self, output: &Output) -> Result<Stock> {
         let Some(more) = self.stock.strip_prefix("box:") else {
             let path = Path::new(&self.stock);
@@ -64,22 +81,32 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.surface.tolerances.with_allowance(args.tools.tools(output)?)?;
     let options = args.surface.options(1.0)?;
     let directions = args.directions.directions()?;
+    let setups = args.setups()?;
     let files = output.forms(!args.no_picture, false, &[])?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(&args.part, false, output)?;
     let stock = args.stock(output)?;
     clock.lap("read_s", "reading");
-    let premise = premise(&directions, &args.surface);
+    let premise = match args.machine {
+        Some(machine) => format!("machine {machine}, fixtures are not modelled"),
+        None => premise(&directions, &args.surface),
+    };
     let analysis = Analysis::new(name_of(&args.part), mesh, tools);
-    let analysis = analysis.options(options).directions(directions);
+    let analysis = analysis.options(options);
+    let analysis = match setups {
+        Some(_) => analysis,
+        None => analysis.directions(directions),
+    };
     let analysis = args.surface.add_to(analysis, &args.read, output)?;
     let named = |error: Error| match error {
         Error::Argument { name: "stock", .. } => called(error, "--stock"),
         Error::Argument { name: "accuracy", .. } => called(error, "--accuracy"),
+        Error::Argument { name: "setups", .. } => called(error, "--setup"),
         other => other,
     };
-    let outcome = analysis.machine(&stock, args.accuracy, &mut Bars::default()).map_err(named)?;
+    let outcome = analysis.machine(&stock, args.accuracy, setups, &mut Bars::default());
+    let outcome = outcome.map_err(named)?;
     outcome.warnings().iter().for_each(|warning| output.warn(warning));
     outcome.notices().iter().for_each(|notice| output.say(notice));
     clock.stages(STAGES, outcome.seconds());
@@ -111,6 +138,9 @@ fn facts(outcome: &MachinedOutcome, clock: &Clock) -> Facts {
     facts.add("to_remove_mm3", "to remove, mm³", Cell::Number(outcome.to_remove_mm3()));
     facts.add("left_mm3", "left, mm³", Cell::Number(outcome.left_mm3()));
     facts.add("n_bodies", "bodies that are left", Cell::count(outcome.n_bodies()));
+    if !outcome.setups().is_empty() {
+        facts.add("n_setups", "setups", Cell::count(outcome.setups().len()));
+    }
     facts.add("n_rounds", "rounds", Cell::count(outcome.n_rounds()));
     clock.add_to(&mut facts);
     facts

@@ -148,8 +148,8 @@ def compare(
 ) -> ToolsOutcome: ...
 def machined(
     part: _Part, tools: _Tools, *,
-    stock: float | _Part = 0.0, accuracy: float | None = None, directions: _Directions | None = None,
-    fixtures: Iterable[_Part] = (), table: float | None = None, tolerance: float | None = None,
+    stock: float | _Part = 0.0, accuracy: float | None = None, machine: str | None = None,
+    given: Iterable[str] | ArrayLike = (), directions: _Directions | None = None, fixtures: Iterable[_Part] = (), table: float | None = None, tolerance: float | None = None,
     finish: float | None = None, search: int | None = None, prove: bool = False, name: str | None = None,
     progress: _Progress | None = None,
 ) -> MachinedOutcome: ...
@@ -238,6 +238,8 @@ class ToolAnswers:
     def clearance_mm(self) -> NDArray[np.float32] | None: ...
     @property
     def rest_mm(self) -> NDArray[np.float32] | None: ...
+    @property
+    def rest_volume_mm3(self) -> NDArray[np.float32] | None: ...
     @property
     def tolerance_mm(self) -> NDArray[np.float64] | None: ...
     @property

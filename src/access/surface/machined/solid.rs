@@ -18,6 +18,7 @@ use crate::geom::inside::Lattice;
 use crate::{Error, Result, memory, par};
 use glam::DVec3;
 use std::collections::BTreeMap;
+use std::mem;
 
 /// What is to be machined.
 #[derive(Debug, Clone, Copy)]
@@ -36,10 +37,10 @@ pub struct Job<'a> {
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Machined {
-    /// Volume that each tool alone leaves, mm³.
+    /// Volume that each tool alone leaves, mm³; none if there are several setups.
     pub alone_mm3: Vec<f64>,
-    /// Volume that is left after each tool in order, mm³.
-    pub after_mm3: Vec<f64>,
+    /// Per setup, the volume that is left after each tool in order, mm³.
+    pub after_mm3: Vec<Vec<f64>>,
     /// What all tools leave, the largest body first.
     pub bodies: Vec<RestBody>,
     /// Times that what is left was an obstacle itself.
@@ -53,7 +54,8 @@ const MOST_ROUNDS: usize = 6;
 
 impl TriangleObstacles {
     /// What a set of tools leaves of a stock: the least fixed point of *left is what no tool removes that is clear of
-    /// the part and of what is left*, on a lattice. `report` is given how much is done, and may stop it.
+    /// the part and of what is left*, on a lattice; of several setups, each with its directions, one after the other.
+    /// `report` is given how much is done, and may stop it.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`]; if a tool is given by a profile, the part or the stock has no inside, or the
@@ -63,7 +65,7 @@ impl TriangleObstacles {
         &self,
         job: &Job,
         cutters: &[&Cutter],
-        directions: &Directions,
+        setups: &[Directions],
         options: &SurfaceOptions,
         report: &mut dyn FnMut(usize, usize) -> Result<()>,
     ) -> Result<Machined> {
@@ -75,38 +77,34 @@ impl TriangleObstacles {
             .iter()
             .map(|cutter| self.tool(cutter, pitch, options))
             .collect::<Result<_>>()?;
-        let frames = self.frames(directions, options)?;
-        let order = spread(frames.len());
+        let setups: Vec<Vec<Frame>> =
+            setups.iter().map(|of| self.frames(of, options)).collect::<Result<_>>()?;
         let region = tools.iter().map(|tool| self.region(job.stock_box, &tool.outline));
         let region =
             region.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or(job.stock_box);
-        let fresh = Grid::new(lattice, job.stock_box, [Some(job.part), job.stock])?;
-        let pass = Pass {
-            obstacles: self,
-            tools: &tools,
-            fresh: &fresh,
-            order: &order,
-            pitch,
-            region,
-            stock_box: job.stock_box,
-        };
-        let (mut rest, mut alone_mm3) = (Vec::new(), Vec::new());
-        let mut round = 0;
-        loop {
-            round += 1;
-            let found = pass.run(&frames, &rest, &mut |done, n| report(done, n * round))?;
-            let nodes = Nodes::new(&found.grid);
-            let points = nodes.points(&found.grid);
-            if round == 1 {
-                alone_mm3 = found.alone_mm3;
-            }
-            let is_last = points == rest || round == MOST_ROUNDS;
-            if is_last || !pass.may_meet(&found.stops, &points) {
-                let (after_mm3, bodies) = (found.after_mm3, nodes.bodies(&found.grid, &self.bvh));
-                return Ok(Machined { alone_mm3, after_mm3, bodies, n_rounds: round });
-            }
-            rest = points;
+        let mut grid = Grid::new(lattice, job.stock_box, [Some(job.part), job.stock])?;
+        let (mut alone_mm3, mut after_mm3) = (Vec::new(), Vec::new());
+        let (mut n_rounds, n_setups) = (0, setups.len());
+        for (k, frames) in setups.iter().enumerate() {
+            let pass = Pass {
+                obstacles: self,
+                tools: &tools,
+                fresh: &grid,
+                each_alone: n_setups == 1,
+                order: &spread(frames.len()),
+                pitch,
+                region,
+                stock_box: job.stock_box,
+            };
+            let (found, n) =
+                pass.rounds(frames, &mut |done, n| report(k * n + done, n * n_setups))?;
+            n_rounds = n_rounds.max(n);
+            alone_mm3 = found.alone_mm3;
+            after_mm3.push(found.after_mm3);
+            grid = found.grid;
         }
+        let bodies = Nodes::new(&grid).bodies(&grid, &self.bvh);
+        Ok(Machined { alone_mm3, after_mm3, bodies, n_rounds })
     }
 
     /// The directions of a set, and those that the part suggests where the set represents others too and these are
@@ -141,8 +139,10 @@ impl TriangleObstacles {
 struct Pass<'a> {
     obstacles: &'a TriangleObstacles,
     tools: &'a [Tool],
-    /// Nothing is removed yet.
+    /// What is not removed yet.
     fresh: &'a Grid,
+    /// Whether what each tool leaves alone is wanted.
+    each_alone: bool,
     order: &'a [usize],
     pitch: f64,
     region: [DVec3; 2],
@@ -208,6 +208,30 @@ impl Pass<'_> {
         Nodes::new(grid).volume_mm3(grid, &self.obstacles.bvh)
     }
 
+    /// All tools along all directions until what is left stays, and the number of rounds.
+    fn rounds(
+        &self,
+        frames: &[Frame],
+        report: &mut dyn FnMut(usize, usize) -> Result<()>,
+    ) -> Result<(Round, usize)> {
+        let (mut rest, mut alone_mm3) = (Vec::new(), Vec::new());
+        let mut round = 0;
+        loop {
+            round += 1;
+            let mut found = self.run(frames, &rest, &mut |done, n| report(done, n * round))?;
+            if round == 1 {
+                alone_mm3 = mem::take(&mut found.alone_mm3);
+            }
+            let points = Nodes::new(&found.grid).points(&found.grid);
+            let is_last = points == rest || round == MOST_ROUNDS;
+            if is_last || !self.may_meet(&found.stops, &points) {
+                found.alone_mm3 = alone_mm3;
+                return Ok((found, round));
+            }
+            rest = points;
+        }
+    }
+
     /// All tools along all directions, with `rest`, mm, in the way of what does not cut.
     fn run(
         &self,
@@ -222,7 +246,7 @@ impl Pass<'_> {
         for tool in self.tools {
             // What each leaves alone is of the first round; after it, tools go on with what others have left.
             let mut grid = match all.take() {
-                Some(others) if !rest.is_empty() => others,
+                Some(others) if !self.each_alone || !rest.is_empty() => others,
                 others => {
                     all = others;
                     self.fresh.clone()
@@ -250,7 +274,7 @@ impl Pass<'_> {
                 heights.recycle(&buffers);
             }
             stops.push(of_tool);
-            if rest.is_empty() {
+            if self.each_alone && rest.is_empty() {
                 alone_mm3.push(self.volume(&grid));
             }
             let both = match all.take() {

@@ -96,7 +96,9 @@ fn machine(mesh: &Mesh, cutters: &[&Cutter], directions: &Directions, accuracy: 
     let (low, high) = mesh.bounds().unwrap();
     let job = Job { part: mesh, stock_box: [low, high], stock: None, accuracy_mm: accuracy };
     let options = SurfaceOptions { refinement: None, ..SurfaceOptions::default() };
-    obstacles.machine(&job, cutters, directions, &options, &mut |_, _| Ok(())).unwrap()
+    obstacles
+        .machine(&job, cutters, std::slice::from_ref(directions), &options, &mut |_, _| Ok(()))
+        .unwrap()
 }
 
 fn left(machined: &Machined) -> f64 {
@@ -150,7 +152,7 @@ fn what_is_left_keeps_holders_off_too() {
     // A longer tool reaches all.
     let long = Cutter::flat_end(CutterParams { ch_mm: 50.0, ..lengths }).unwrap();
     let both = machine(&mesh, &[&cutter, &long], &Directions::up(), 0.5);
-    assert_eq!((both.bodies.len(), both.after_mm3[1], both.n_rounds), (0, 0.0, 1));
+    assert_eq!((both.bodies.len(), both.after_mm3[0][1], both.n_rounds), (0, 0.0, 1));
     assert!((both.alone_mm3[0] - at_first).abs() < 0.03 * at_first);
 }
 
@@ -172,7 +174,7 @@ fn more_tools_and_more_directions_leave_no_more_and_a_second_time_adds_nothing()
     let mesh = pocket();
     let [thick, thin]: [Cutter; 2] = ["4,30,20,40", "1.5,12,20,40"].map(|c| c.parse().unwrap());
     let all = machine(&mesh, &[&thick, &thin], &Directions::up(), 0.4);
-    assert!(all.after_mm3[1] <= all.after_mm3[0] && all.after_mm3[1] <= all.alone_mm3[1]);
+    assert!(all.after_mm3[0][1] <= all.after_mm3[0][0] && all.after_mm3[0][1] <= all.alone_mm3[1]);
     let some = Directions::fibonacci_hemisphere(20).unwrap();
     let tilted = machine(&mesh, &[&thick], &some, 0.4);
     assert!(left(&tilted) <= left(&machine(&mesh, &[&thick], &Directions::up(), 0.4)) + 1e-9);
@@ -334,4 +336,67 @@ fn dense(dropped: &Dropped, line: &Line, frames: &[Frame], radius: f64) -> f64 {
         }
     }
     least
+}
+
+/// The volume about sites spread over a part, of rests against all directions given.
+fn left_about_sites(mesh: &Mesh, cutter: &Cutter, directions: &Directions) -> f64 {
+    let obstacles = TriangleObstacles::new(mesh, &[]).unwrap();
+    let options = SiteOptions { n_sites: 6000, ..SiteOptions::default() };
+    let (sites, options) = (sample(mesh, &options).unwrap(), SurfaceOptions::default());
+    let answers = obstacles.label(&sites, cutter, directions, &options).unwrap().answers;
+    let which: Vec<usize> =
+        (0..sites.len()).filter(|&i| answers[i] != SiteAnswer::Accessible).collect();
+    let (rests, _) = obstacles.rests((&sites, &which), cutter, directions, &options).unwrap();
+    let areas = crate::geom::spacing::areas_on(&sites, Some(mesh)).unwrap();
+    let volumes = obstacles.rest_volumes(&sites, &rests, &areas).unwrap();
+    volumes.into_iter().map(f64::from).sum()
+}
+
+/// Two walls of a corner share what is left between them, so do the two of a slot.
+#[test]
+fn volumes_about_sites_add_up_to_those_by_hand() {
+    let (mesh, up) = (pocket(), Directions::up());
+    // Wider than three times the distance of sites, which is 1 mm.
+    for r in [3.0f64, 5.0] {
+        let cutter: Cutter = format!("{r},20,20,40").parse().unwrap();
+        let profile = (1.0 - PI / 4.0) * r * r;
+        let along = 2.0 * (20.0 + 14.0 - 4.0 * r) + 4.0 * (10.0 - r);
+        let by_hand = along * profile + 4.0 * (r * r * r - PI * r * r * r / 6.0);
+        let found = left_about_sites(&mesh, &cutter, &up);
+        assert!((found / by_hand - 1.0).abs() < 0.08, "R {r}: {found} {by_hand}");
+    }
+    // Wider than the pocket: it stays full.
+    let wide: Cutter = "8,20,20,40".parse().unwrap();
+    let found = left_about_sites(&mesh, &wide, &up);
+    let sag = 8.0 - (64.0f64 - 49.0).sqrt();
+    assert!(found < 2800.0 && found > 2800.0 - 20.0 * 14.0 * sag, "{found}");
+}
+
+/// A block of 20 in a stock of 24: from above all but what is beside the block and below the tool's reach goes, from
+/// below the rest, without a difference to both at once; a setup from the same side adds nothing.
+#[test]
+fn setups_take_from_what_those_before_have_left() {
+    let mesh = solids::cuboid(DVec3::splat(20.0));
+    let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
+    let stock_box = [DVec3::splat(-2.0), DVec3::splat(22.0)];
+    let job = Job { part: &mesh, stock_box, stock: None, accuracy_mm: 0.5 };
+    let options = SurfaceOptions { refinement: None, ..SurfaceOptions::default() };
+    // Of radius 3; a holder of radius 8, 18 above the tip.
+    let cutter = Cutter::flat_end(CutterParams::from_array([3.0, 12.0, 8.0, 40.0])).unwrap();
+    let along = |z: i32| format!("list:0,0,{z}").parse::<Directions>().unwrap();
+    let left = |setups: &[Directions]| {
+        let found = obstacles.machine(&job, &[&cutter], setups, &options, &mut |_, _| Ok(()));
+        found.unwrap()
+    };
+    let (up, down) = (along(1), along(-1));
+    let one_side = left(&[up.clone(), up.clone()]);
+    let [first, again] = [one_side.after_mm3[0][0], one_side.after_mm3[1][0]];
+    assert_eq!(first, again);
+    // The holder comes down to the block's top: the tip to 18 below. What is lower stays, and all beneath the block.
+    let by_hand = 20.0 * 20.0 * 2.0 + (24.0 * 24.0 - 20.0 * 20.0) * 4.0;
+    assert!((first / by_hand - 1.0).abs() < 0.05, "{first} {by_hand}");
+    assert!(one_side.alone_mm3.is_empty() && one_side.after_mm3.len() == 2);
+    let both = left(&[up, down]);
+    assert_eq!(both.after_mm3[0][0], first);
+    assert!(both.after_mm3[1][0] < 0.01 * first, "{:?}", both.after_mm3);
 }
