@@ -28,6 +28,11 @@ pub enum DirectionSet {
     /// The 152 of the published data: +z, then those with `z ≥ 0` of the 300 points `(r·cos θ, y, r·sin θ)`,
     /// `y = 2i/300 − 1 + 1/300`, `r = √(1−y²)`, `θ = i·3.1415926·(3−√5)`: a golden-angle sphere about the **y** axis.
     Published,
+    /// The 102 of DeepMill++, in its order: the points of [`DirectionSet::Published`] with 200 in place of 300, those
+    /// with `z ≥ 0`, then +z.
+    #[serde(rename = "deepmill++")]
+    #[doc(hidden)] // read and written by name
+    DeepMillPlusPlus,
     /// `z_k = 1 − (2k+1)/m`, same azimuths: even over the whole sphere.
     FibonacciSphere {
         /// Number of directions m.
@@ -70,6 +75,7 @@ impl fmt::Display for DirectionSet {
         let vector = |[x, y, z]: &[f64; 3]| format!("{x},{y},{z}");
         match self {
             DirectionSet::Published => f.write_str("published"),
+            DirectionSet::DeepMillPlusPlus => f.write_str(DEEPMILL_PLUS_PLUS),
             DirectionSet::FibonacciHemisphere { n_dirs } => write!(f, "hemisphere:{n_dirs}"),
             DirectionSet::FibonacciSphere { n_dirs } => write!(f, "sphere:{n_dirs}"),
             DirectionSet::LatLong { n_polar, n_azimuth } => {
@@ -88,7 +94,7 @@ impl fmt::Display for DirectionSet {
     }
 }
 
-/// Reads `published`, `COUNT` or `hemisphere:COUNT`, `sphere:COUNT`, `latlong:RINGSxCOUNT`, `cone:DEGREES:COUNT`
+/// Reads `published`, `deepmill++`, `COUNT` or `hemisphere:COUNT`, `sphere:COUNT`, `latlong:RINGSxCOUNT`, `cone:DEGREES:COUNT`
 /// (about +z) or `cone:DEGREES:COUNT:X,Y,Z`, `circle:X,Y,Z:COUNT`, `list:X,Y,Z;X,Y,Z;…`; also `up`, and
 /// `4-axis:AXIS` or `4-axis:AXIS:LOW,HIGH` (degrees, [`TurnLimits`]) with a direction every 5 degrees.
 ///
@@ -105,7 +111,7 @@ impl FromStr for DirectionSet {
     /// If the text has none of these forms, or a cone's angle is not above 0 and at most 180 degrees.
     fn from_str(text: &str) -> Result<Self> {
         let set = parse_set(text).ok_or_else(|| {
-            let expected = "published, COUNT, hemisphere:COUNT, sphere:COUNT, latlong:RINGSxCOUNT, \
+            let expected = "published, deepmill++, COUNT, hemisphere:COUNT, sphere:COUNT, latlong:RINGSxCOUNT, \
                             cone:DEGREES:COUNT, circle:X,Y,Z:COUNT, list:X,Y,Z;X,Y,Z, up, 4-axis:x or \
                             4-axis:x:LOW,HIGH";
             Error::argument("directions", format!("`{text}`"), expected, "write for example 150")
@@ -132,6 +138,7 @@ fn parse_set(text: &str) -> Option<DirectionSet> {
     match text {
         "up" => return Some(DirectionSet::List { vectors: vec![UP] }),
         "published" => return Some(DirectionSet::Published),
+        DEEPMILL_PLUS_PLUS => return Some(DirectionSet::DeepMillPlusPlus),
         _ => {}
     }
     let (kind, rest) = text.split_once(':').unwrap_or(("hemisphere", text));
@@ -214,6 +221,7 @@ impl Directions {
     pub fn new(set: DirectionSet) -> Result<Self> {
         let n_dirs = match &set {
             DirectionSet::Published => N_PUBLISHED,
+            DirectionSet::DeepMillPlusPlus => N_DEEPMILL_PLUS_PLUS,
             DirectionSet::FibonacciHemisphere { n_dirs }
             | DirectionSet::FibonacciSphere { n_dirs }
             | DirectionSet::Cone { n_dirs, .. }
@@ -320,11 +328,16 @@ impl AsRef<[Vec3]> for Directions {
 
 const MAX_DIRECTIONS: usize = 1_000_000;
 const N_PUBLISHED: usize = 152;
+const N_DEEPMILL_PLUS_PLUS: usize = 102;
+const DEEPMILL_PLUS_PLUS: &str = "deepmill++";
 
 fn build(set: &DirectionSet, n_dirs: usize) -> Result<Vec<DVec3>> {
     let all = 0..n_dirs;
     Ok(match set {
         DirectionSet::Published => published().collect(),
+        DirectionSet::DeepMillPlusPlus => {
+            upper_half_about_y(200).chain(std::iter::once(DVec3::Z)).collect()
+        }
         DirectionSet::FibonacciHemisphere { .. } => {
             all.map(|k| fibonacci(k, n_dirs, 1.0)).collect()
         }
@@ -366,19 +379,24 @@ fn fibonacci(k: usize, n: usize, depth: f64) -> DVec3 {
     DVec3::new(across * libm::cos(azimuth), across * libm::sin(azimuth), z)
 }
 
-/// [`DirectionSet::Published`], in the order of operations that the data were fitted with.
+/// [`DirectionSet::Published`].
 fn published() -> impl Iterator<Item = DVec3> {
-    const N: usize = 300;
+    std::iter::once(DVec3::Z).chain(upper_half_about_y(300))
+}
+
+/// Of `n` points of a golden-angle sphere about y those with z ≥ 0, in the order of operations that the published data
+/// were fitted with.
+fn upper_half_about_y(n: usize) -> impl Iterator<Item = DVec3> {
     // The digits that the data were made with.
     #[allow(clippy::approx_constant)]
     let turn = 3.1415926 * (3.0 - 5f64.sqrt());
-    let step = 2.0 / N as f64;
-    let sphere = (0..N).map(move |i| {
+    let step = 2.0 / n as f64;
+    let sphere = (0..n).map(move |i| {
         let y = i as f64 * step - 1.0 + step / 2.0;
         let (r, angle) = ((1.0 - y * y).sqrt(), i as f64 * turn);
         DVec3::new(r * libm::cos(angle), y, r * libm::sin(angle))
     });
-    std::iter::once(DVec3::Z).chain(sphere.filter(|d| d.z >= 0.0))
+    sphere.filter(|d| d.z >= 0.0)
 }
 
 fn unit(name: &'static str, vector: [f64; 3]) -> Result<DVec3> {

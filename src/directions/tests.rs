@@ -10,6 +10,7 @@ fn vectors(set: DirectionSet) -> Vec<Vec3> {
 fn every_form_of_text_is_read_and_written_again() {
     for (text, n) in [
         ("published", 152),
+        ("deepmill++", 102),
         ("hemisphere:7", 7),
         ("sphere:20", 20),
         ("latlong:3x8", 24),
@@ -51,6 +52,7 @@ fn every_set_holds_as_many_unit_vectors_as_it_says() {
     let axis = [1.0, 2.0, -2.0];
     let sets = [
         (DirectionSet::Published, 152),
+        (DirectionSet::DeepMillPlusPlus, 102),
         (DirectionSet::FibonacciHemisphere { n_dirs: 150 }, 150),
         (DirectionSet::FibonacciSphere { n_dirs: 33 }, 33),
         (DirectionSet::LatLong { n_polar: 5, n_azimuth: 12 }, 60),
@@ -84,6 +86,49 @@ fn published_directions_are_pinned() {
         found.iter().flat_map(|d| d.to_array()).flat_map(f32::to_le_bytes).collect();
     let hash = hmac_sha256::Hash::hash(&bytes).map(|b| format!("{b:02x}")).concat();
     assert_eq!(hash, "8f5a2b6c19fa33be53cfb1f3f6759ce003882609d3b6f87e192479812e08c96c");
+}
+
+/// Computed apart: `y = (2i + 1)/200 − 1`, `θ = i·3.1415926·(3 − √5)`.
+#[test]
+fn the_directions_of_deepmill_plus_plus_follow_their_rule() {
+    let found = vectors(DirectionSet::DeepMillPlusPlus);
+    // i = 0: θ = 0, r = √(1 − 0.995²) = 0.0998749. i = 1: θ = 137.5°, r = √(1 − 0.985²) = 0.1725543,
+    // r cos θ = −0.1272360, r sin θ = 0.1165588. i = 2: θ = 275°, z < 0, left out. i = 3: θ = 52.5°.
+    let by_hand = [
+        (0, [0.099_874_92, -0.995, 0.0]),
+        (1, [-0.127_236_0, -0.985, 0.116_558_8]),
+        (2, [0.159_563_0, -0.965, 0.208_121_7]),
+        (101, [0.0, 0.0, 1.0]),
+    ];
+    for (k, d) in by_hand {
+        assert!((found[k] - Vec3::from_array(d)).length() < 1e-6, "{k}: {}", found[k]);
+    }
+    assert!(found.iter().all(|d| d.z >= 0.0));
+    assert!(found[..101].is_sorted_by(|a, b| a.y < b.y));
+}
+
+/// Lines of the published list, from its beginning, middle and end. With π in place of 3.1415926 the last digits of most
+/// lines differ.
+#[test]
+fn the_directions_of_deepmill_plus_plus_have_the_printed_digits() {
+    let found = vectors(DirectionSet::DeepMillPlusPlus);
+    for (k, line) in [
+        (3, "-0.092068 -0.935 0.342489"),
+        (9, "-0.56465 -0.825 0.0233504"),
+        (50, "0.329255 0.005 0.944228"),
+        (53, "-0.995234 0.065 0.0726883"),
+        (81, "-0.788339 0.615 0.0172067"),
+        (99, "0.00376534 0.975 0.222173"),
+        (100, "0.0996262 0.995 0.00704444"),
+    ] {
+        let printed: Vec<f64> = line.split(' ').map(|x| x.parse().unwrap()).collect();
+        for (printed, found) in printed.into_iter().zip(found[k].to_array()) {
+            // Half of the sixth digit, and the rounding of single precision.
+            let digits = 10f64.powi(printed.abs().log10().floor() as i32 - 5);
+            let bound = 0.5 * digits + f64::from(f32::EPSILON) * printed.abs();
+            assert!((f64::from(found) - printed).abs() <= bound, "{k}: {found}, {printed}");
+        }
+    }
 }
 
 #[test]

@@ -54,6 +54,7 @@ impl Domain {
     pub fn of(directions: &Directions) -> Option<Self> {
         let (axis, half_angle) = match directions.set() {
             DirectionSet::Published
+            | DirectionSet::DeepMillPlusPlus
             | DirectionSet::FibonacciHemisphere { .. }
             | DirectionSet::LatLong { .. } => (DVec3::Z, std::f64::consts::FRAC_PI_2),
             DirectionSet::FibonacciSphere { .. } => (DVec3::Z, std::f64::consts::PI),

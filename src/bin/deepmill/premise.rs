@@ -41,6 +41,9 @@ fn axes(directions: &Directions, searched: bool) -> String {
         DirectionSet::FibonacciHemisphere { .. } | DirectionSet::LatLong { .. } => {
             "the upper half, down to the horizontal".to_string()
         }
+        DirectionSet::DeepMillPlusPlus => {
+            "an upper half about y and +z, those of DeepMill++".to_string()
+        }
         DirectionSet::Published => "+z and an upper half about y, as published".to_string(),
         DirectionSet::FibonacciSphere { .. } => "all around".to_string(),
         DirectionSet::Cone { axis, half_angle_rad, .. } => {

@@ -41,6 +41,7 @@ fn kind(set: &DirectionSet) -> &'static str {
     match set {
         DirectionSet::FibonacciHemisphere { .. } => "fibonacci-hemisphere",
         DirectionSet::Published => "published",
+        DirectionSet::DeepMillPlusPlus => "deepmill++",
         DirectionSet::FibonacciSphere { .. } => "fibonacci-sphere",
         DirectionSet::LatLong { .. } => "lat-long",
         DirectionSet::Cone { .. } => "cone",
