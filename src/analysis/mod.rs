@@ -29,6 +29,7 @@
 mod findings;
 mod fixtures;
 mod machined;
+mod matrix;
 mod observer;
 mod outcome;
 mod placed;
@@ -46,6 +47,8 @@ pub use fixtures::Fixture;
 pub use fixtures::KeptOut;
 #[doc(hidden)] // of the program
 pub use machined::{MachinedOutcome, Stock};
+#[doc(hidden)] // of the program
+pub use matrix::{PerDirection, PerDirectionFacts};
 pub use observer::{Observer, Progress, Stage};
 pub use outcome::{Outcome, ToolOutcome};
 pub use placed::Placed;
@@ -66,9 +69,10 @@ use crate::access::surface::{ContactTolerance, SurfaceOptions};
 use crate::data::files::settings::{Blocking, PartSettings, SiteSettings};
 use crate::data::files::tools::Tool;
 use crate::directions::Directions;
+use crate::geom::file_vertices::FileVertices;
 use crate::geom::formats::MeshOrCloud;
 use crate::geom::selection::Selection;
-use crate::geom::sites::{Normals, SiteOptions};
+use crate::geom::sites::{Normals, SiteOptions, VertexNormals};
 use glam::DVec3;
 
 /// What is requested of a part.
@@ -85,6 +89,8 @@ pub struct Analysis {
     /// Whether the tools are those that there are.
     is_library: bool,
     sites: Placement,
+    /// Those of the part's file.
+    file_vertices: Option<FileVertices>,
     region: Option<Region>,
     directions: Option<Directions>,
     obstacles: Option<Blocking>,
@@ -103,6 +109,7 @@ enum Placement {
     /// The corners of the mesh; the seed is that of further obstacles.
     Vertices {
         seed: u64,
+        normals: VertexNormals,
     },
 }
 
@@ -130,6 +137,7 @@ impl Analysis {
             is_library: false,
             tools,
             sites: Placement::Spread(SiteOptions::default()),
+            file_vertices: None,
             region: None,
             directions: None,
             obstacles: None,
@@ -158,7 +166,26 @@ impl Analysis {
     /// Takes the corners of a mesh as its sites.
     #[must_use]
     pub fn at_vertices(mut self, seed_of_further_obstacles: u64) -> Self {
-        self.sites = Placement::Vertices { seed: seed_of_further_obstacles };
+        let normals = VertexNormals::default();
+        self.sites = Placement::Vertices { seed: seed_of_further_obstacles, normals };
+        self
+    }
+
+    /// How faces weigh in the normals of sites at vertices.
+    #[doc(hidden)] // of the program
+    #[must_use]
+    pub fn vertex_normals(mut self, weights: VertexNormals) -> Self {
+        if let Placement::Vertices { normals, .. } = &mut self.sites {
+            *normals = weights;
+        }
+        self
+    }
+
+    /// The vertices of the part's file: sites at vertices come in their order, and results name them.
+    #[doc(hidden)] // of the program
+    #[must_use]
+    pub fn file_vertices(mut self, vertices: Option<FileVertices>) -> Self {
+        self.file_vertices = vertices;
         self
     }
 
@@ -271,7 +298,7 @@ impl Analysis {
     /// The seed of the sites.
     fn seed(&self) -> u64 {
         match self.sites {
-            Placement::Spread(SiteOptions { seed, .. }) | Placement::Vertices { seed } => seed,
+            Placement::Spread(SiteOptions { seed, .. }) | Placement::Vertices { seed, .. } => seed,
         }
     }
 
@@ -301,7 +328,13 @@ impl Analysis {
             return SiteSettings::as_given();
         }
         match self.sites {
-            Placement::Vertices { seed } => SiteSettings::spread("vertices".into(), seed, None),
+            Placement::Vertices { seed, normals } => {
+                let by_area = normals == VertexNormals::Area;
+                SiteSettings {
+                    vertex_normals: by_area.then(|| normals.to_string()),
+                    ..SiteSettings::spread("vertices".into(), seed, None)
+                }
+            }
             Placement::Spread(SiteOptions { n_sites, seed, normals }) => {
                 let smooth_deg = match normals {
                     // Degrees as people write them.

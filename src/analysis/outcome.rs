@@ -167,7 +167,8 @@ impl Outcome {
             settings: self.settings(tool)?,
         };
         let labels = self.answers[tool].labels.clone();
-        Ok(LabelFile { provenance, sites: self.sites().clone(), labels })
+        let (sites, vertices) = (self.sites().clone(), self.placed.vertices.clone());
+        Ok(LabelFile { provenance, sites, labels, vertices })
     }
 
     /// The answers of a tool, to be explained.

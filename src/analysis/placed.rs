@@ -12,6 +12,7 @@ use crate::data::files::label_query::joined;
 use crate::data::files::settings::{Blocking, RegionSettings};
 use crate::data::files::tools::Tool;
 use crate::directions::Directions;
+use crate::geom::file_vertices::SiteVertices;
 use crate::geom::formats::MeshOrCloud;
 use crate::geom::selection::Region;
 use crate::geom::sites::{self, SiteOptions};
@@ -35,6 +36,8 @@ pub struct Placed {
     pub(super) directions: Directions,
     pub(super) mesh: Option<Mesh>,
     pub(super) sites: Sites,
+    /// The vertices of the part's file that the sites are at.
+    pub(super) vertices: Option<SiteVertices>,
     /// The region of interest, with the sites on it.
     pub(super) region: Option<(Region, Sites)>,
     /// Points of the surface that block beside the sites.
@@ -76,11 +79,12 @@ impl Analysis {
             }
         }
         let directions = self.take_directions(blocking)?;
+        let mut vertices = None;
         let (mesh, sites, region) = match self.shape.take() {
             None => (None, Sites::default(), None),
             Some(MeshOrCloud::Cloud(sites)) => (None, sites, None),
             Some(MeshOrCloud::Mesh(mesh)) => {
-                let (sites, region) = self.sites_on(&mesh)?;
+                let (sites, region) = self.sites_on(&mesh, &mut vertices)?;
                 (Some(mesh), sites, region)
             }
         };
@@ -93,7 +97,18 @@ impl Analysis {
         report(observer, Stage::Sites, (1, 1))?;
         let seconds = started.elapsed().as_secs_f64();
         let request = self;
-        Ok(Placed { request, blocking, directions, mesh, sites, region, more, warnings, seconds })
+        Ok(Placed {
+            request,
+            blocking,
+            directions,
+            mesh,
+            sites,
+            vertices,
+            region,
+            more,
+            warnings,
+            seconds,
+        })
     }
 
     /// The directions given, or those that are usual.
@@ -106,23 +121,34 @@ impl Analysis {
     }
 
     /// The sites, their faces those of the part, and the region with its own.
-    fn sites_on(&self, mesh: &Mesh) -> Result<(Sites, Option<(Region, Sites)>)> {
+    fn sites_on(
+        &self,
+        mesh: &Mesh,
+        vertices: &mut Option<SiteVertices>,
+    ) -> Result<(Sites, Option<(Region, Sites)>)> {
         let Some(named) = &self.region else {
-            return Ok((self.spread_on(mesh)?, None));
+            return Ok((self.spread_on(mesh, vertices)?, None));
         };
         let region = named.selection.of(mesh)?;
         let on_region = match &self.sites {
             Placement::Spread(options) => named.selection.sample(mesh, &region, options)?,
-            Placement::Vertices { .. } => self.spread_on(&region.mesh)?,
+            Placement::Vertices { .. } => self.spread_on(&region.mesh, vertices)?,
         };
         Ok((region.on_part(&on_region), Some((region, on_region))))
     }
 
-    fn spread_on(&self, mesh: &Mesh) -> Result<Sites> {
-        match &self.sites {
-            Placement::Spread(options) => sites::sample(mesh, options),
-            Placement::Vertices { .. } => sites::from_vertices(mesh),
-        }
+    fn spread_on(&self, mesh: &Mesh, vertices: &mut Option<SiteVertices>) -> Result<Sites> {
+        let normals = match &self.sites {
+            Placement::Spread(options) => return sites::sample(mesh, options),
+            Placement::Vertices { normals, .. } => *normals,
+        };
+        let (sites, rows) = sites::at_vertices(mesh, normals)?;
+        let Some(file) = &self.file_vertices else { return Ok(sites) };
+        let places: Vec<DVec3> = rows.iter().map(|&v| mesh.vertices[v as usize]).collect();
+        let (order, found) = file.of_sites(&places);
+        *vertices = Some(found);
+        let faces = order.iter().map(|&i| sites.faces[i]).collect();
+        Ok(Sites { faces, ..sites.subset(&order) })
     }
 
     /// Points of the surface beside the sites, from another stream of the same seed.
@@ -170,6 +196,12 @@ impl Placed {
     /// The sites; their faces are those of [`Placed::mesh`].
     pub fn sites(&self) -> &Sites {
         &self.sites
+    }
+
+    /// The vertices of the part's file that the sites are at, if the sites are vertices and the file lists them.
+    #[doc(hidden)] // of the program
+    pub fn vertices(&self) -> Option<&SiteVertices> {
+        self.vertices.as_ref()
     }
 
     /// The region of interest, if there is one.
@@ -290,13 +322,8 @@ impl Placed {
         observer: &mut dyn Observer,
     ) -> Result<(Vec<Labels>, Vec<Vec<Warning>>)> {
         let tools = &self.request.tools;
-        let centroids = self.mesh.as_ref().filter(|_| self.blocking == Blocking::Centroids);
-        let centroids = centroids.map(Mesh::centroids);
-        let points = match (&self.more, &centroids) {
-            (Some(sites), _) => Obstacles::QueriesAnd(&sites.points),
-            (None, Some(centroids)) => Obstacles::Centroids(centroids),
-            (None, None) => Obstacles::Queries,
-        };
+        let centroids = self.centroids();
+        let points = self.points(centroids.as_deref());
         report(observer, Stage::Labels, (0, tools.len()))?;
         let (mut labels, warnings) = match (triangles, &self.mesh) {
             (Some(triangles), Some(mesh)) => {

@@ -4,12 +4,18 @@
 
 #[doc(hidden)] // of the program
 pub mod label_query;
+#[doc(hidden)] // of the program
+pub mod matrix;
+mod meaning;
 mod predictions;
 #[doc(hidden)] // of the program
 pub mod published;
 #[doc(hidden)] // of the program
+pub mod safety;
+#[doc(hidden)] // of the program
 pub mod settings;
 pub mod tools;
+mod vertices;
 #[doc(hidden)] // of the program
 pub mod volume;
 
@@ -24,8 +30,10 @@ use crate::access::surface::{SiteAnswer, SurfaceLabels, WitnessPose};
 use crate::answers::SiteAnswers;
 use crate::cutter::{CutterParams, ToolPart};
 use crate::geom::Sites;
+use crate::geom::file_vertices::SiteVertices;
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
+use meaning::{RETREAT_UNPROVEN, label_meaning};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -119,6 +127,9 @@ pub struct LabelFile {
     pub sites: Sites,
     /// One entry per site; β of further obstacles, the matrix and the engine's counts are not kept.
     pub labels: Labels,
+    /// The vertices of the part's file that the sites are at, if they are known.
+    #[doc(hidden)] // of the program
+    pub vertices: Option<SiteVertices>,
 }
 
 impl LabelFile {
@@ -160,6 +171,7 @@ impl LabelFile {
         if !is_counted {
             meaning["retreat_unproven"] = json!(RETREAT_UNPROVEN);
         }
+        vertices::add(path, &mut npz, self.vertices.as_ref(), (n, &mut meaning))?;
         npz.metadata(&self.provenance.metadata(Self::FORMAT, meaning));
         npz.write(path)
     }
@@ -218,7 +230,8 @@ impl LabelFile {
             same_length(path, &sites, "accessible_directions", n_directions)?;
         }
         same_length(path, &sites, "witness", labels.witness.len())?;
-        Ok(LabelFile { provenance, sites, labels })
+        let vertices = vertices::read(path, &mut npz, &sites)?;
+        Ok(LabelFile { provenance, sites, labels, vertices })
     }
 }
 
@@ -387,44 +400,6 @@ fn read_poses(
     Ok(directions.into_iter().zip(tips.chunks_exact(3)).map(pose).collect())
 }
 
-const RETREAT_UNPROVEN: &str = "true: a pose of the tool is free there, but no retreat from one is proven; of tools given by a profile, whose directions are not counted";
-const BLOCKED_BY: &str = "part of the tool that blocks in the direction which gets furthest: 0 none (accessible), 1 tip, 2 cutter, 3 shank, 4 holder, 5 spindle";
-
-fn label_meaning(part_itself: bool) -> Value {
-    if part_itself {
-        return json!({
-            "definition": "the part itself: its triangles are the obstacles, the tool is shrunk by the tolerance",
-            "inaccessible": "true: in every direction the shank, holder or spindle penetrates the part (positive class)",
-            "tip_does_not_fit": "true: in some direction only the tip penetrates the part, in none nothing does",
-            "collision_free_directions": "number of the directions tested in which no shank, holder or spindle penetrates the part",
-            "accessible_directions": "number of these in which the tip fits too; 0 beside an accessible site: a direction between them was found",
-            "witness_direction": "unit vector from tip to spindle of a free pose, 0 0 0 if there is none",
-            "witness_tip": "lowest point of the tool on its axis in that pose, mm",
-            "open_directions": "of a site that is not accessible, the share of directions not proven closed; 0: the answer holds for all directions",
-            "tolerance": "gouge tolerance, mm",
-            "rests_on_tolerance": "true: accessible by a gouge tolerance above 0.05 mm alone; left out if no site is",
-            "clearance": "how far the margin about what does not cut may grow before the site becomes inaccessible, mm; negative: how far all steps must shrink",
-            "rest": "how much the tool leaves: distance along the normal to the surface of what it leaves, mm; 0 where accessible; never less than what the pose beside it leaves",
-            "rest_direction": "unit vector from tip to spindle of the pose that leaves least, 0 0 0 if nothing is removed there or the site is accessible",
-            "rest_tip": "lowest point of the tool on its axis in that pose, mm",
-            "blocked_by": BLOCKED_BY,
-            "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
-            "beta": "pairs (inaccessible site, direction tested) in which this site is in the shrunk tool's steps",
-            "witness": "-1: see witness_direction",
-        });
-    }
-    json!({
-        "definition": "the published definition: sites are the obstacles, contact below the ball's top is not tested",
-        "inaccessible": "true: the cutter collides in every direction (positive class)",
-        "occlusion": "true: among the sites most often in the way of inaccessible ones (positive class)",
-        "beta": "pairs (inaccessible site, direction) in which this site collides with the cutter",
-        "accessible_directions": "number of directions without collision",
-        "witness": "index of the first direction without collision, -1 if there is none",
-        "blocked_by": BLOCKED_BY,
-        "clearance": "how far heights and radii of the steps may grow before the site becomes inaccessible, mm; negative: must shrink",
-    })
-}
-
 fn start(sites: &Sites, provenance: &Provenance) -> NpzWriter {
     let mut npz = NpzWriter::new();
     npz.vectors("points", &sites.points).vectors("normals", &sites.normals);
@@ -486,7 +461,9 @@ mod tests {
             beta: vec![3, 1 << 40],
             ..Labels::default()
         };
-        let file = LabelFile { provenance: provenance(), sites: sites(), labels };
+        let vertex_index = vec![2, 0];
+        let vertices = Some(SiteVertices { vertex_index, site_of_vertex: vec![1, -1, 0, 1] });
+        let file = LabelFile { provenance: provenance(), sites: sites(), labels, vertices };
         file.write(&path).unwrap();
         assert_eq!(LabelFile::read(&path).unwrap(), file);
         let cloud = crate::geom::formats::read_cloud(&path).unwrap();
@@ -494,8 +471,14 @@ mod tests {
         let mut few = file.clone();
         few.labels.answers.inaccessible.pop();
         assert!(few.write(&path).unwrap_err().to_string().contains("1 entries for 2 sites"));
+        let mut wrong = file.clone();
+        wrong.vertices.as_mut().unwrap().site_of_vertex.pop();
+        wrong.vertices.as_mut().unwrap().site_of_vertex[2] = 1;
+        let message = wrong.write(&path).unwrap_err().to_string();
+        assert!(message.contains("vertex_index") && message.contains("entry 0"), "{message}");
         let mut bare = file;
         (bare.labels.beta, bare.labels.answers.occlusion) = (vec![], vec![]);
+        bare.vertices = None;
         bare.write(&path).unwrap();
         assert_eq!(LabelFile::read(&path).unwrap(), bare);
     }

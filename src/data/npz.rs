@@ -208,10 +208,18 @@ impl NpzReader {
     /// # Errors
     /// As [`NpzReader::f32s`], and for any other number.
     pub fn bools(&mut self, name: &str) -> Result<Vec<bool>> {
-        let values = self.whole(name)?;
+        self.bool_rows(name, 1)
+    }
+
+    /// As [`NpzReader::bools`], of `n_columns` per row, row-major.
+    ///
+    /// # Errors
+    /// As [`NpzReader::bools`].
+    pub fn bool_rows(&mut self, name: &str, n_columns: usize) -> Result<Vec<bool>> {
+        let values = self.whole(name, n_columns)?;
         match values.iter().position(|v| !matches!(v, 0 | 1)) {
             Some(i) => {
-                let found = format!("row {i} is {}", values[i]);
+                let found = format!("row {} is {}", i / n_columns.max(1), values[i]);
                 Err(self.bad(name, found, "store 0 (no) or 1 (yes)"))
             }
             None => Ok(values.into_iter().map(|v| v == 1).collect()),
@@ -223,15 +231,15 @@ impl NpzReader {
     /// # Errors
     /// As [`NpzReader::f32s`], and for numbers that are fractional, negative or too great for `T`.
     pub fn counts<T: TryFrom<i64>>(&mut self, name: &str) -> Result<Vec<T>> {
-        let values = self.whole(name)?;
+        let values = self.whole(name, 1)?;
         let counts: Option<Vec<T>> = values.into_iter().map(|v| T::try_from(v).ok()).collect();
         counts.ok_or_else(|| {
             self.bad(name, "a number is negative or too great".into(), "store counts")
         })
     }
 
-    fn whole(&mut self, name: &str) -> Result<Vec<i64>> {
-        match self.numbers(name, 1)? {
+    fn whole(&mut self, name: &str, n_columns: usize) -> Result<Vec<i64>> {
+        match self.numbers(name, n_columns)? {
             Numbers::Whole(values) => Ok(values),
             Numbers::Real(_) => {
                 Err(self.bad(name, "it holds fractional numbers".into(), "store whole numbers"))

@@ -5,6 +5,8 @@ pub mod bodies;
 #[doc(hidden)] // of the program and benches
 pub mod cells;
 pub mod check;
+#[doc(hidden)] // of the program
+pub mod file_vertices;
 #[cfg(feature = "formats")]
 pub mod formats;
 #[doc(hidden)] // of the program and fuzz targets

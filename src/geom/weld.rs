@@ -24,13 +24,21 @@ const CROWD: usize = 256;
 
 /// The mesh with corners joined that lie within `tolerance` times the diagonal of each other.
 ///
-/// Triangles keep their order and number, so some may have a corner twice now; vertices come in the
-/// order in which triangles first use them, and vertices without a triangle are left out.
+/// Triangles keep their order and number, so some may have a corner twice now. Vertices keep their order, each in the
+/// place of the first that a triangle uses; vertices without a triangle are left out.
 ///
 /// # Errors
 /// If the tolerance is not a number from 0 to 1, a face names a missing vertex, or a vertex is not finite or beyond
 /// 10¹² mm.
 pub fn weld(mesh: &Mesh, tolerance: f64) -> Result<Mesh> {
+    weld_with_map(mesh, tolerance).map(|(welded, _)| welded)
+}
+
+/// [`weld`], and per vertex the one that it has become; `u32::MAX` for those that no triangle uses.
+///
+/// # Errors
+/// As [`weld`].
+pub(crate) fn weld_with_map(mesh: &Mesh, tolerance: f64) -> Result<(Mesh, Vec<u32>)> {
     if !(0.0..=1.0).contains(&tolerance) {
         let expected = "a fraction of the diagonal, 0 to 1";
         return Err(Error::argument("weld", tolerance, expected, "1e-6 suits most files"));
@@ -44,19 +52,21 @@ pub fn weld(mesh: &Mesh, tolerance: f64) -> Result<Mesh> {
         let least = &mut place[*root as usize];
         *least = Some(least.map_or(*point, |l| if precedes(*point, l) { *point } else { l }));
     }
+    let mut used = vec![false; vertices.len()];
+    mesh.triangles.as_flattened().iter().for_each(|&v| used[v as usize] = true);
     let mut new_index = vec![u32::MAX; distinct.len()];
     let mut welded = Mesh::default();
-    for triangle in &mesh.triangles {
-        welded.triangles.push(triangle.map(|v| {
-            let root = cluster[of_vertex[v as usize] as usize] as usize;
-            if new_index[root] == u32::MAX {
-                new_index[root] = welded.vertices.len() as u32;
-                welded.vertices.extend(place[root]);
-            }
-            new_index[root]
-        }));
+    let mut map = vec![u32::MAX; vertices.len()];
+    for (v, _) in used.iter().enumerate().filter(|(_, used)| **used) {
+        let root = cluster[of_vertex[v] as usize] as usize;
+        if new_index[root] == u32::MAX {
+            new_index[root] = welded.vertices.len() as u32;
+            welded.vertices.extend(place[root]);
+        }
+        map[v] = new_index[root];
     }
-    Ok(welded)
+    welded.triangles = mesh.triangles.iter().map(|t| t.map(|v| map[v as usize])).collect();
+    Ok((welded, map))
 }
 
 fn precedes(a: DVec3, b: DVec3) -> bool {
@@ -188,6 +198,19 @@ mod tests {
         let welded = weld(&mesh, 1e-6).unwrap();
         assert_eq!(welded.triangles, [[0, 1, 2], [0, 2, 1]]);
         assert_eq!(welded.vertices.len(), 3);
+    }
+
+    #[test]
+    fn vertices_keep_their_order_whatever_the_order_of_the_faces() {
+        // Vertex 1 is unused, 4 repeats 2, and the faces begin at the end.
+        let xs = [3.0, 9.0, 1.0, 2.0, 1.0, 5.0];
+        let vertices = xs.map(|x| DVec3::new(x, x * x, 0.0)).to_vec();
+        let mesh = Mesh { vertices, triangles: vec![[5, 4, 3], [3, 2, 0]] };
+        let (welded, map) = weld_with_map(&mesh, 1e-6).unwrap();
+        let found: Vec<f64> = welded.vertices.iter().map(|v| v.x).collect();
+        assert_eq!(found, [3.0, 1.0, 2.0, 5.0]);
+        assert_eq!(welded.triangles, [[3, 1, 2], [2, 1, 0]]);
+        assert_eq!(map, [0, u32::MAX, 1, 2, 1, 3]);
     }
 
     #[test]

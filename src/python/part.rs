@@ -4,7 +4,7 @@ use super::errors::{checked, detached, refused, wrong_type};
 use super::input;
 use super::options::{Options, text_of};
 use super::output::{list, rows, threes, threes_f64};
-use crate::geom::formats::{self, MeshOrCloud, ReadOptions};
+use crate::geom::formats::{self, KeepVertices, MeshOrCloud, PartFile, ReadOptions};
 use crate::geom::sites::{self, Normals, SiteOptions};
 use crate::geom::units::{Unit, inch_warning, size_warning};
 use crate::geom::{self, bodies, check, origin, repair, weld};
@@ -202,8 +202,9 @@ impl Mesh {
             (options.flag("repair")?.unwrap_or(false), options.flag("force")?.unwrap_or(false));
         options.finish()?;
         detached(py, move || {
-            let (part, notices) =
-                formats::read_part_with_notices(&path, &ReadOptions { scale, weld })?;
+            let read = ReadOptions { scale, weld };
+            let PartFile { part, notices, .. } =
+                formats::read_part_file(&path, &read, KeepVertices::No)?;
             let MeshOrCloud::Mesh(mesh) = part else {
                 let found = "it holds points without triangles";
                 return Err(Error::file(

@@ -399,7 +399,12 @@ mod tests {
             beta: vec![1, 0, 0],
             ..Labels::default()
         };
-        let labels = LabelFile { provenance: provenance.clone(), sites: sites.clone(), labels };
+        let labels = LabelFile {
+            provenance: provenance.clone(),
+            sites: sites.clone(),
+            labels,
+            vertices: None,
+        };
         let logits = vec![[0.0, 1.0], [1.0, 0.0], [1.0, 0.0]];
         let predictions = PredictionFile {
             provenance,
@@ -454,6 +459,7 @@ mod tests {
                     beta: vec![1, 0, 0],
                     ..Labels::default()
                 },
+                vertices: None,
             }
         };
         let mesh = crate::geom::solids::cuboid(glam::DVec3::ONE);

@@ -7,7 +7,7 @@ use deepmill::data::files::settings::SiteSettings;
 use deepmill::data::files::tools::{self, Tool, ToolTable, Unsaid};
 use deepmill::directions::Directions;
 use deepmill::geom::formats::MeshOrCloud;
-use deepmill::geom::sites::{self, Normals, SiteOptions};
+use deepmill::geom::sites::{self, Normals, SiteOptions, VertexNormals};
 use deepmill::geom::units::{Length, Unit};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::gate::Limit;
@@ -16,7 +16,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Which cutters.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct ToolArgs {
     /// Lengths in mm, or each with its unit (0.0625in): ball radius CR, height CH of the cylinder above the ball,
     /// holder radius FR, holder height FH. Give it again for further cutters.
@@ -40,7 +40,7 @@ pub struct ToolArgs {
 }
 
 /// What files of tools may leave unsaid.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct UnsaidArgs {
     /// For tools whose file does not say it: height of the holder's nose above the tip. Of this and the next lengths, a
     /// number without a unit is in --tool-unit if that is given, else in mm.
@@ -148,7 +148,7 @@ pub fn with_names(mut tools: Vec<Tool>) -> Result<Vec<Tool>> {
 }
 
 /// What the four lengths of every `--cutter` do not say.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 struct TipArgs {
     /// Radius of the tip's corner: 0 is a flat end, CR (the default) a ball end.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = millimeters)]
@@ -254,7 +254,7 @@ pub fn limit(error: Error) -> Error {
 }
 
 /// Limits that results must keep.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct GateArgs {
     /// Exit with code 3, after everything is written, if an answer breaks this limit: 'inaccessible>5%' (of the
     /// surface, of any tool), 'tip_does_not_fit>20mm2', 'unreachable>…' (either), 'no-tool-reaches>1%' (out of
@@ -298,7 +298,7 @@ pub fn name_of(path: &Path) -> String {
 }
 
 /// Which sites.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct SiteArgs {
     /// Number of sites spread over the mesh, or `vertices` to take the mesh's own corners.
     #[arg(long, value_name = "COUNT", default_value = "7000", allow_negative_numbers = true)]
@@ -313,14 +313,36 @@ pub struct SiteArgs {
         default_missing_value = "30"
     )]
     smooth: Option<f64>,
+    /// Of --sites vertices: whether faces weigh in the normal of a vertex by their `angle` there (without it) or by
+    /// their `area`, as many programs have it.
+    #[arg(long, value_name = "WEIGHTS")]
+    normals: Option<String>,
 }
 
 impl SiteArgs {
+    /// Whether the sites are the vertices of the mesh.
+    pub fn are_vertices(&self) -> bool {
+        self.sites == "vertices"
+    }
+
+    /// How faces weigh in normals at vertices.
+    fn vertex_normals(&self) -> Result<VertexNormals> {
+        let Some(name) = &self.normals else { return Ok(VertexNormals::default()) };
+        let normals = name.parse().map_err(|error| called(error, "--normals"))?;
+        if self.are_vertices() {
+            return Ok(normals);
+        }
+        let found = format!("`{name}` with --sites {}", self.sites);
+        let remedy =
+            "leave it out, or take --sites vertices; --smooth is for sites that are spread";
+        Err(Error::argument("--normals", found, "sites at vertices", remedy))
+    }
+
     /// An analysis with these sites.
     pub fn add_to(&self, analysis: Analysis) -> Result<Analysis> {
         Ok(match self.spread()? {
             Some(options) => analysis.spread(options),
-            None => analysis.at_vertices(self.seed),
+            None => analysis.at_vertices(self.seed).vertex_normals(self.vertex_normals()?),
         })
     }
 
@@ -337,7 +359,7 @@ impl SiteArgs {
     /// The sites on a mesh.
     pub fn on(&self, mesh: &Mesh) -> Result<Sites> {
         match self.sites.as_str() {
-            "vertices" => sites::from_vertices(mesh),
+            "vertices" => Ok(sites::at_vertices(mesh, self.vertex_normals()?)?.0),
             count => sites::sample(mesh, &self.options(count)?),
         }
     }
@@ -349,11 +371,12 @@ impl SiteArgs {
     }
 
     fn options(&self, count: &str) -> Result<SiteOptions> {
-        let (n_sites, normals) = (site_count(count)?, self.normals()?);
+        self.vertex_normals()?;
+        let (n_sites, normals) = (site_count(count)?, self.smooth_normals()?);
         Ok(SiteOptions { n_sites, seed: self.seed, normals })
     }
 
-    fn normals(&self) -> Result<Normals> {
+    fn smooth_normals(&self) -> Result<Normals> {
         match self.smooth {
             None => Ok(Normals::Face),
             Some(degrees) if (0.0..=180.0).contains(&degrees) => {
@@ -368,7 +391,11 @@ impl SiteArgs {
 
     pub fn settings(&self, has_mesh: bool) -> SiteSettings {
         match has_mesh {
-            true => SiteSettings::spread(self.sites.clone(), self.seed, self.smooth),
+            true => {
+                let mut settings = SiteSettings::spread(self.sites.clone(), self.seed, self.smooth);
+                settings.vertex_normals = self.normals.clone().filter(|name| name == "area");
+                settings
+            }
             false => SiteSettings::as_given(),
         }
     }
@@ -383,12 +410,12 @@ fn site_count(text: &str) -> Result<usize> {
 }
 
 /// Which directions the tool may come from.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct DirectionArgs {
     /// COUNT or hemisphere:COUNT (upper half), sphere:COUNT, latlong:RINGSxCOUNT, cone:DEGREES:COUNT (around +z),
     /// circle:X,Y,Z:COUNT (across an axis), 4-axis:x:LOW,HIGH (about a rotary axis within these degrees from +z),
-    /// list:X,Y,Z;X,Y,Z;…, up (+z alone), or published (the 152 of the published data). By default 150, of the
-    /// published definition published.
+    /// list:X,Y,Z;X,Y,Z;…, up (+z alone), published (the 152 of the published data), or deepmill++ (the 102 of
+    /// DeepMill++). By default 150, of the published definition published.
     #[arg(long, value_name = "SET", allow_negative_numbers = true)]
     directions: Option<String>,
 }

@@ -1,5 +1,6 @@
 //! `deepmill label`: computes exactly which sites of a part a cutter cannot reach.
 
+mod parts;
 mod said;
 mod shares;
 
@@ -14,10 +15,10 @@ use crate::region::RegionArgs;
 use crate::volume;
 use deepmill::access::LabelOptions;
 use deepmill::access::surface::SurfaceOptions;
-use deepmill::analysis::Analysis;
+use deepmill::analysis::{Analysis, PerDirection};
 use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
-use deepmill::geom::formats::MeshOrCloud;
+use deepmill::geom::formats::{KeepVertices, MeshOrCloud};
 use deepmill::report::gate::Limit;
 use deepmill::{Error, Result, atomic_file};
 use std::path::PathBuf;
@@ -28,11 +29,16 @@ use std::path::PathBuf;
 /// findings.csv (regions out of reach) and part.stl (the surface as used, in mm). With several cutters, or a table,
 /// each has the first five in a folder DIR/NAME of its own, and DIR holds tools.csv (the table of all), tools.ply and
 /// tools.png (the first tool that reaches each site), and the findings that no tool reaches.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 #[command(after_help = "Example: deepmill label part.stl --cutter 1.5,6,40,5 --out labels\n\
 A tool table: deepmill label part.stl --tools tools.csv --out labels")]
 pub struct Args {
-    /// Mesh (STL, OBJ, PLY, 3MF) or cloud of points with normals (PLY, NPZ).
+    /// Mesh (STL, OBJ, PLY, 3MF) or cloud of points with normals (PLY, NPZ). Of several each has a folder in DIR, by
+    /// the name of its file; one that cannot be labeled does not keep the others from it.
+    #[arg(required = true, value_name = "PART")]
+    parts: Vec<PathBuf>,
+    /// The part at work.
+    #[arg(skip)]
     pub part: PathBuf,
     #[command(flatten)]
     pub read: MeshArgs,
@@ -87,6 +93,15 @@ pub struct Args {
     /// Also write these: `glb` (binary glTF in the colors of the answers), `csv` (a row per site); several with commas.
     #[arg(long, value_name = "FORMATS", value_delimiter = ',')]
     also: Vec<String>,
+    /// Also write, for every direction and site, whether the tool may stand there: `npz` (matrix.npz) and `txt`
+    /// (visibility_matrix.txt, as DeepMill++ has it: a line per direction, a column per vertex of the file); both with
+    /// a comma.
+    #[arg(long, value_name = "FORMATS", value_delimiter = ',', conflicts_with = "volume")]
+    matrix: Vec<String>,
+    /// Also write safety_status.txt, as DeepMill++ has it: a line per vertex of the file (with --sites vertices; else
+    /// per site), 1 where the tool reaches it; 0 also where the tip does not fit.
+    #[arg(long, conflicts_with = "volume")]
+    safety_status: bool,
     /// Also write report.html, an HTML report: 3-D view with sections, findings, settings, warnings.
     #[arg(long, conflicts_with = "volume")]
     report: bool,
@@ -105,6 +120,16 @@ impl Args {
         let is_limited = limits.iter().any(|limit| limit.quantity() == "occlusion");
         self.occlusion || self.occlusion_share.is_some() || is_limited
     }
+
+    /// Forms beside the labels that name directions or vertices.
+    fn per_direction(&self) -> Result<Vec<PerDirection>> {
+        let matrix = self.matrix.iter().map(|name| name.parse());
+        let mut forms: Vec<PerDirection> =
+            matrix.collect::<Result<_>>().map_err(|error| called(error, "--matrix"))?;
+        forms.extend(self.safety_status.then_some(PerDirection::Safety));
+        Ok(forms)
+    }
+
     /// What is requested of the part.
     fn analysis(
         &self,
@@ -149,21 +174,32 @@ impl Args {
     }
 }
 
+/// Labels every part.
 pub fn run(args: &Args, output: &Output) -> Result<()> {
+    match &args.parts[..] {
+        [part] => run_one(&Args { part: part.clone(), ..args.clone() }, output),
+        parts => parts::run(args, parts, output),
+    }
+}
+
+fn run_one(args: &Args, output: &Output) -> Result<()> {
     let tools = args.surface.tolerances.with_allowance(args.tools.tools(output)?)?;
     args.surface.tolerances.options()?;
     let limits = args.gate.limits(&[])?;
     args.directions.given()?;
     let files = output.forms(!args.no_picture, args.report, &args.also)?;
+    let forms = args.per_direction()?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
-    let part = args.read.read_part(&args.part, Accept::bodies_or(args.force), output)?;
+    let keep = if args.sites.are_vertices() { KeepVertices::Yes } else { KeepVertices::No };
+    let how = (Accept::bodies_or(args.force), keep);
+    let (part, vertices) = args.read.read_file(&args.part, how, output)?;
     clock.lap("read_s", "reading");
     if let Some(step_mm) = args.volume {
         args.region.refuse("--volume", "leave out --volume, or the region")?;
         return volume::run(args, step_mm, (part, tools), clock, output);
     }
-    let analysis = args.analysis(part, tools, &limits, output)?;
+    let analysis = args.analysis(part, tools, &limits, output)?.file_vertices(vertices);
     let placed = args.region.place(analysis, &args.sites, &args.read, output);
     let placed = placed.map_err(|error| match error {
         Error::Argument { name: "rest", .. } => called(error, "--rest"),
@@ -171,16 +207,25 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     })?;
     let (mesh, sites) = placed.shown();
     files.show().require_memory(mesh, sites)?;
+    if !args.matrix.is_empty() {
+        placed.require_matrix()?;
+    }
     let mut bars = Bars::default();
     let outcome = placed.label(&mut bars)?;
     outcome.notices().iter().for_each(|notice| output.say(notice));
     clock.stages(STAGES, outcome.seconds());
     let (mesh, sites) = outcome.shown();
     let broken = output.check_limits(&limits, (sites, mesh), outcome.named())?;
-    let paths = outcome.write(&args.out, &files, &mut bars)?;
+    let mut paths = outcome.write(&args.out, &files, &mut bars)?;
     clock.lap("write_s", "writing and drawing");
+    let (written, matrices) = outcome.write_per_direction(&args.out, &forms)?;
+    if !matrices.is_empty() {
+        clock.lap("matrix_s", "matrix");
+    }
+    paths.extend(written);
     let mut result = said::say(&outcome, args, &clock, output)?;
     result["limits_broken"] = broken;
+    said::say_matrices(&outcome, &matrices, &mut result, output);
     output.files(&paths);
     said::say_table(&outcome, &mut result, output)?;
     output.result_with_files(result, &paths);

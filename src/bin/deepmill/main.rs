@@ -32,6 +32,7 @@ mod report;
 mod reproduce;
 mod sample;
 mod setups;
+mod status;
 mod tools;
 mod train;
 mod usage;

@@ -4,7 +4,8 @@ use crate::args::name_of;
 use crate::output::Output;
 use deepmill::data::files::tools::Tool;
 use deepmill::geom::check::{Fault, MeshReport};
-use deepmill::geom::formats::{self, MeshOrCloud, ReadOptions};
+use deepmill::geom::file_vertices::FileVertices;
+use deepmill::geom::formats::{self, KeepVertices, MeshOrCloud, PartFile, ReadOptions};
 use deepmill::geom::units::{Unit, inch_warning, size_line, size_warning};
 use deepmill::geom::{Mesh, bodies, check, origin, repair, weld};
 use deepmill::{Error, Result};
@@ -85,7 +86,7 @@ pub fn warn_wide_tools(mesh: &Mesh, tools: &[Tool], output: &Output) {
 }
 
 /// Options that say how a mesh file is read.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct MeshArgs {
     /// Unit of the file's numbers: mm, cm, m or in.
     #[arg(long, default_value_t, value_name = "UNIT")]
@@ -116,11 +117,25 @@ impl MeshArgs {
     /// turned with a notice, and bodies that overlap are joined. A mesh that does not bound solids is refused, or with
     /// [`Accept::Faults`] warned about.
     pub fn read_part(&self, path: &Path, accept: Accept, output: &Output) -> Result<MeshOrCloud> {
-        let (mut part, notices) = formats::read_part_with_notices(path, &self.options())?;
+        self.read_file(path, (accept, KeepVertices::No), output).map(|(part, _)| part)
+    }
+
+    /// As [`MeshArgs::read_part`], and the vertices of the file if they are kept.
+    pub fn read_file(
+        &self,
+        path: &Path,
+        (accept, keep): (Accept, KeepVertices),
+        output: &Output,
+    ) -> Result<(MeshOrCloud, Option<FileVertices>)> {
+        let PartFile { mut part, notices, mut vertices } =
+            formats::read_part_file(path, &self.options(), keep)?;
         notices.iter().for_each(|notice| output.warn(notice));
         match &mut part {
             MeshOrCloud::Mesh(mesh) => {
                 self.take_near(mesh, path, output);
+                if let (Some(at), Some(vertices)) = (self.origin(), &mut vertices) {
+                    vertices.make_relative(at);
+                }
                 self.prepare(mesh, output)?;
                 match join_bodies(mesh, path, output) {
                     Err(fault) if accept == Accept::Faults => output.warn(fault),
@@ -148,7 +163,7 @@ impl MeshArgs {
                 self.echo(low, high, output);
             }
         }
-        Ok(part)
+        Ok((part, vertices))
     }
 
     /// A mesh to hold tools against; with `force` also one that does not bound solids.

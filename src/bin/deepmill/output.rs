@@ -23,6 +23,8 @@ pub struct Output {
     unit: Unit,
     /// Whether another process prints results.
     silent: bool,
+    /// The result of one part of several, which is not printed by itself.
+    collected: Option<Mutex<Value>>,
     /// Whether the result is printed.
     done: AtomicBool,
     /// Warnings that were given: each is given once.
@@ -39,6 +41,7 @@ impl Output {
             json,
             unit,
             silent: false,
+            collected: None,
             done: AtomicBool::new(false),
             warned: Mutex::default(),
             broken: Mutex::default(),
@@ -49,6 +52,26 @@ impl Output {
     /// That of one of several processes: only the first prints results.
     pub fn of_process(&self, rank: usize) -> Self {
         Output { silent: rank != 0, ..Output::new(self.json, self.unit) }
+    }
+
+    /// That of one part of several: its result is kept.
+    pub fn of_part(&self) -> Self {
+        Output { collected: Some(Mutex::default()), ..Output::new(self.json, self.unit) }
+    }
+
+    /// The result that was kept.
+    pub fn collected(&self) -> Value {
+        let kept = self
+            .collected
+            .as_ref()
+            .map(|kept| std::mem::take(&mut *kept.lock().unwrap_or_else(PoisonError::into_inner)));
+        kept.filter(Value::is_object).unwrap_or_else(|| json!({}))
+    }
+
+    /// Adds the limits that a part of several breaks.
+    pub fn take_limits(&self, of_part: &Output, part: &str) {
+        let broken = of_part.broken.lock().unwrap_or_else(PoisonError::into_inner);
+        broken.iter().for_each(|why| self.break_limit(format!("{part}: {why}")));
     }
 
     /// Of lengths and areas in text, tables and pages.
@@ -113,6 +136,10 @@ impl Output {
     /// The machine-readable result; printed only under `--json`, and only the first of a run: a
     /// failure after it is told by the exit code.
     pub fn result(&self, value: &Value) {
+        if let Some(kept) = &self.collected {
+            *kept.lock().unwrap_or_else(PoisonError::into_inner) = value.clone();
+            return;
+        }
         if self.json && !self.silent && !self.done.swap(true, Ordering::Relaxed) {
             self.print(value);
         }

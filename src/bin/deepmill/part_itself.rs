@@ -37,7 +37,7 @@ pub fn blocking(text: Option<&str>, has_mesh: bool, output: &Output) -> Result<B
 }
 
 /// How closely the tool keeps to the part.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct ToleranceArgs {
     /// How deep the tool may seem to cut where it only touches; by default 0.01, and more beside coarsely tessellated
     /// curves.
@@ -78,7 +78,7 @@ impl ToleranceArgs {
 }
 
 /// Options of the mesh definition.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct SurfaceArgs {
     #[command(flatten)]
     pub tolerances: ToleranceArgs,

@@ -5,7 +5,7 @@ use deepmill::access::LabelOptions;
 use deepmill::{Error, Result};
 
 /// The parts of the published definition that may be otherwise.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct PublishedArgs {
     /// Published definition: sites lower than the lowest plus this (1 by default) are labeled accessible and are no
     /// occlusion points; `none`: no such rule.

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 /// The region of interest.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct RegionArgs {
     /// Answer for these faces only; all of the part blocks as before. Areas and shares are of this region.
     /// box:X,Y,Z,X,Y,Z (two corners, mm), normal:X,Y,Z or normal:X,Y,Z:DEGREES (outward normals within 10 degrees of a

@@ -4,6 +4,7 @@ use crate::findings;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use crate::region::take_region;
+use crate::status;
 use deepmill::analysis::{advise, findings_of_tools};
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::label_query::LabelQuery;
@@ -37,7 +38,8 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// Folder that `label` or `predict` has written, or one of its .npz files.
     results: PathBuf,
-    /// Predictions to compare with the labels; without it those in the folder, if any.
+    /// Predictions to compare with the labels; without it those in the folder, if any. Or a text of another program:
+    /// safety_status.txt or visibility_matrix.txt of DeepMill++, of a part labeled with --sites vertices.
     #[arg(long, value_name = "FILE")]
     compare: Option<PathBuf>,
     /// The part's mesh, if the folder holds no part.stl.
@@ -55,6 +57,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         return several(args, output);
     }
     let found = Found::search(args)?;
+    let status = args.compare.as_deref().filter(|path| status::is_status(path));
     let mut labels = found.labels.as_deref().map(LabelFile::read).transpose()?;
     let of_region = labels.as_mut().is_some_and(take_region);
     let predictions = found.predictions.as_deref().map(PredictionFile::read).transpose()?;
@@ -94,6 +97,13 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         paths.extend(drawn);
         output.say(table.text_in(output.unit()));
         result["scores"] = table.json();
+    }
+    if let Some(path) = status {
+        let Some(labels) = &labels else {
+            let remedy = "name a folder that `deepmill label` has written";
+            return Err(Error::file(&args.results, "folder", "it holds no labels", remedy));
+        };
+        result["status"] = status::compare(path, labels, &found.folder, output)?;
     }
     let labels = labels.as_ref().zip(found.labels.as_deref());
     paths.push(page(labels, predictions.as_ref(), scene, (out, output.unit()))?);
@@ -250,7 +260,8 @@ impl Found {
                 false => Found { folder, labels: file, predictions: None },
             }
         };
-        found.predictions = args.compare.clone().or(found.predictions);
+        let compared = args.compare.clone().filter(|path| !status::is_status(path));
+        found.predictions = compared.or(found.predictions);
         if found.labels.is_none() && found.predictions.is_none() {
             let missing = format!("it holds neither {LABELS} nor {PREDICTIONS}");
             let remedy = "name a folder that `deepmill label` or `deepmill predict` has written; of \

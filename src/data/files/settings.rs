@@ -96,12 +96,15 @@ pub struct SiteSettings {
     /// Normals are interpolated across edges folded by less, degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smooth_deg: Option<f64>,
+    /// `area` if faces weigh by it in the normals of `vertices`; without it by their angle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertex_normals: Option<String>,
 }
 
 impl SiteSettings {
     /// So many sites spread over a mesh, or its `vertices`.
     pub fn spread(sites: String, seed: u64, smooth_deg: Option<f64>) -> Self {
-        SiteSettings { sites, seed: Some(seed), smooth_deg }
+        SiteSettings { sites, seed: Some(seed), smooth_deg, ..SiteSettings::default() }
     }
 
     /// The points of a cloud.
@@ -381,7 +384,12 @@ mod tests {
         let tool = Tool::new(lengths, None, 0.0).unwrap();
         let warning = Warning::Tiny { longest_mm: 3.5 };
         let all = AnalysisSettings {
-            sites: Some(SiteSettings { sites: "70".into(), seed: Some(3), smooth_deg: Some(30.0) }),
+            sites: Some(SiteSettings {
+                sites: "70".into(),
+                seed: Some(3),
+                smooth_deg: Some(30.0),
+                vertex_normals: Some("area".into()),
+            }),
             region: Some(RegionSettings { only: vec!["a".into()], ..RegionSettings::default() }),
             surface: Some(SurfaceSettings { sha256: Some("00".into()), fixtures_sha256: None }),
             tool: Some(ToolSettings::of(&tool)),

@@ -14,6 +14,7 @@ mod strip;
 mod text;
 mod threemf;
 
+use super::file_vertices::FileVertices;
 use super::{Mesh, Sites, weld};
 use crate::{Error, Result, atomic_file, input_file, memory};
 use glam::{DVec3, Vec3};
@@ -117,19 +118,28 @@ impl From<Sites> for MeshOrCloud {
 /// # Errors
 /// As [`read_mesh`] and [`read_cloud`].
 pub fn read_part(path: &Path, options: &ReadOptions) -> Result<MeshOrCloud> {
-    read_part_with_notices(path, options).map(|(part, _)| part)
+    read_part_file(path, options, KeepVertices::No).map(|file| file.part)
 }
 
-/// [`read_part`], with what was left out of the file, one sentence each: objects of a 3MF that are no part of the solid
-/// (supports, modifiers, items that are not printed).
+/// A part as it was read.
+#[derive(Debug, Clone, PartialEq)]
+#[doc(hidden)] // of the program
+pub struct PartFile {
+    /// The part.
+    pub part: MeshOrCloud,
+    /// What was left out of the file, one sentence each: objects of a 3MF that are no part of the solid (supports,
+    /// modifiers, items that are not printed).
+    pub notices: Vec<String>,
+    /// The vertices of the file, if they are kept and the format lists vertices; an STL does not.
+    pub vertices: Option<FileVertices>,
+}
+
+/// [`read_part`], with what was left out and the vertices of the file.
 ///
 /// # Errors
 /// As [`read_part`].
 #[doc(hidden)] // of the program
-pub fn read_part_with_notices(
-    path: &Path,
-    options: &ReadOptions,
-) -> Result<(MeshOrCloud, Vec<String>)> {
+pub fn read_part_file(path: &Path, options: &ReadOptions, keep: KeepVertices) -> Result<PartFile> {
     let format = Format::of(path)?;
     let bytes = input_file::read(path, input_file::DATA)?;
     let cloud = match format {
@@ -138,11 +148,21 @@ pub fn read_part_with_notices(
         Format::Stl | Format::Obj | Format::ThreeMf => false,
     };
     if cloud {
-        let cloud = cloud_from_bytes(&bytes, format, path, options.scale)?;
-        return Ok((MeshOrCloud::Cloud(cloud), Vec::new()));
+        let part = MeshOrCloud::Cloud(cloud_from_bytes(&bytes, format, path, options.scale)?);
+        return Ok(PartFile { part, notices: Vec::new(), vertices: None });
     }
-    let (mesh, notices) = mesh_with_notices(&bytes, format, path, options)?;
-    Ok((MeshOrCloud::Mesh(mesh), notices))
+    let (mesh, notices, vertices) = mesh_of(&bytes, format, path, options, keep)?;
+    Ok(PartFile { part: MeshOrCloud::Mesh(mesh), notices, vertices })
+}
+
+/// Whether [`PartFile::vertices`] is wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[doc(hidden)] // of the program
+pub enum KeepVertices {
+    /// It is.
+    Yes,
+    /// It is not.
+    No,
 }
 
 /// Reads a mesh: STL, OBJ, PLY or 3MF, by the ending of `path`. Corners are scaled and welded; no
@@ -156,7 +176,7 @@ pub fn read_mesh(path: &Path, options: &ReadOptions) -> Result<Mesh> {
     read_mesh_with_notices(path, options).map(|(mesh, _)| mesh)
 }
 
-/// [`read_mesh`], with what was left out of the file as [`read_part_with_notices`] has it.
+/// [`read_mesh`], with what was left out of the file as [`PartFile::notices`].
 ///
 /// # Errors
 /// As [`read_mesh`].
@@ -185,6 +205,17 @@ fn mesh_with_notices(
     path: &Path,
     options: &ReadOptions,
 ) -> Result<(Mesh, Vec<String>)> {
+    let (mesh, notices, _) = mesh_of(bytes, format, path, options, KeepVertices::No)?;
+    Ok((mesh, notices))
+}
+
+fn mesh_of(
+    bytes: &[u8],
+    format: Format,
+    path: &Path,
+    options: &ReadOptions,
+    keep: KeepVertices,
+) -> Result<(Mesh, Vec<String>, Option<FileVertices>)> {
     check_options(options)?;
     refuse_empty(bytes, path)?;
     if let Some(kind) = input_file::foreign(bytes).filter(|_| format != Format::ThreeMf) {
@@ -218,7 +249,10 @@ fn mesh_with_notices(
         *vertex *= options.scale;
     }
     check_size(mesh.vertices.iter().copied(), path)?;
-    Ok((weld::weld(&mesh, options.weld)?, notices))
+    let (welded, of_vertex) = weld::weld_with_map(&mesh, options.weld)?;
+    let is_kept = keep == KeepVertices::Yes && format != Format::Stl;
+    let vertices = is_kept.then(|| FileVertices::new(&welded, of_vertex));
+    Ok((welded, notices, vertices))
 }
 
 fn require_memory(operation: &'static str, n_bytes: u64, path: &Path, remedy: &str) -> Result<()> {

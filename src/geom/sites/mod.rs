@@ -232,8 +232,55 @@ pub fn sample(mesh: &Mesh, options: &SiteOptions) -> Result<Sites> {
 /// # Errors
 /// As [`sample`].
 pub fn from_vertices(mesh: &Mesh) -> Result<Sites> {
+    at_vertices(mesh, VertexNormals::Angle).map(|(sites, _)| sites)
+}
+
+/// How the faces around a vertex weigh in its normal.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[doc(hidden)] // of the program
+pub enum VertexNormals {
+    /// By their angle at the vertex: the normal does not depend on how faces are cut into triangles.
+    #[default]
+    Angle,
+    /// By their area, as many programs have it.
+    Area,
+}
+
+impl std::fmt::Display for VertexNormals {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            VertexNormals::Angle => "angle",
+            VertexNormals::Area => "area",
+        })
+    }
+}
+
+/// Reads `angle` or `area`.
+impl std::str::FromStr for VertexNormals {
+    type Err = Error;
+
+    /// # Errors
+    /// If it is neither.
+    fn from_str(name: &str) -> Result<Self> {
+        match name {
+            "angle" => Ok(VertexNormals::Angle),
+            "area" => Ok(VertexNormals::Area),
+            _ => {
+                let remedy = "angle is the default; other programs weigh by area";
+                Err(Error::argument("normals", format!("`{name}`"), "angle or area", remedy))
+            }
+        }
+    }
+}
+
+/// [`from_vertices`] with a choice of normals, and the vertex of every site.
+///
+/// # Errors
+/// As [`from_vertices`].
+#[doc(hidden)] // of the program
+pub fn at_vertices(mesh: &Mesh, normals: VertexNormals) -> Result<(Sites, Vec<u32>)> {
     let surface = Surface::build(mesh)?;
-    Ok(normals::vertex_sites(&surface))
+    Ok(normals::vertex_sites(&surface, normals))
 }
 
 #[cfg(test)]
@@ -361,6 +408,29 @@ mod tests {
             let outward = (corner - DVec3::ONE).normalize();
             assert!(sites.normals[i].as_dvec3().distance(outward) < 1e-6);
             assert!(mesh.triangles[sites.faces[i] as usize].contains(&(i as u32)));
+        }
+    }
+
+    /// At the corner of a box 1 × 2 × 3 mm each face has an angle of 90°; where its quad is cut the corner belongs to one
+    /// triangle or two, of half the quad's area each.
+    #[test]
+    fn normals_at_vertices_weigh_faces_by_angle_or_by_area() {
+        let mesh = cuboid(dvec3(1.0, 2.0, 3.0));
+        let (by_angle, rows) = at_vertices(&mesh, VertexNormals::Angle).unwrap();
+        assert_eq!((by_angle, rows), (from_vertices(&mesh).unwrap(), (0..8).collect()));
+        let (by_area, _) = at_vertices(&mesh, VertexNormals::Area).unwrap();
+        for v in 0..8u32 {
+            let halves = |axis: usize| {
+                let faces = (0..12).filter(|&f| mesh.triangles[f].contains(&v));
+                let along = faces.filter(|&f| mesh.area_vector(f)[axis] != 0.0);
+                along.count() as f64
+            };
+            // Half of the quad's area is 3, 1.5 and 1 mm².
+            let [x, y, z] = [3.0, 1.5, 1.0].map(f64::from);
+            let sum = dvec3(x * halves(0), y * halves(1), z * halves(2));
+            let outward = (mesh.vertices[v as usize] - dvec3(0.5, 1.0, 1.5)).signum();
+            let expected = (sum * outward).normalize();
+            assert!(by_area.normals[v as usize].as_dvec3().distance(expected) < 1e-6, "{v}");
         }
     }
 

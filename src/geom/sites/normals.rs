@@ -1,7 +1,7 @@
 //! Normals that several faces share: at vertices, and interpolated over smooth faces.
 
-use super::Sites;
 use super::surface::{Place, Surface};
+use super::{Sites, VertexNormals};
 use glam::DVec3;
 
 /// Faces around each vertex with the angle each has there: `offsets[v]..offsets[v + 1]` into `corners`.
@@ -44,14 +44,19 @@ fn angle(corners: [DVec3; 3], k: usize) -> f64 {
     libm::atan2(u.cross(v).length(), u.dot(v))
 }
 
-/// See [`super::from_vertices`].
-pub(super) fn vertex_sites(surface: &Surface) -> Sites {
+/// See [`super::at_vertices`].
+pub(super) fn vertex_sites(surface: &Surface, weights: VertexNormals) -> (Sites, Vec<u32>) {
     let fans = Fans::build(surface);
-    let mut sites = Sites::default();
+    let weight = |f: u32, angle: f64| match weights {
+        VertexNormals::Angle => angle,
+        VertexNormals::Area => surface.areas[f as usize],
+    };
+    let (mut sites, mut rows) = (Sites::default(), Vec::new());
     for (vertex, point) in surface.mesh.vertices.iter().enumerate() {
         let fan = fans.around(vertex);
         let Some(&(first, _)) = fan.first() else { continue };
-        let sum: DVec3 = fan.iter().map(|&(f, angle)| surface.normals[f as usize] * angle).sum();
+        let part = |&(f, angle): &(u32, f64)| surface.normals[f as usize] * weight(f, angle);
+        let sum: DVec3 = fan.iter().map(part).sum();
         let along = |f: u32| surface.normals[f as usize].dot(sum);
         let nearer = |best, &(f, _): &(u32, f64)| if along(f) > along(best) { f } else { best };
         let face = fan.iter().fold(first, nearer);
@@ -59,8 +64,9 @@ pub(super) fn vertex_sites(surface: &Surface) -> Sites {
         sites.points.push(point.as_vec3());
         sites.normals.push(normal.as_vec3().normalize());
         sites.faces.push(face);
+        rows.push(vertex as u32);
     }
-    sites
+    (sites, rows)
 }
 
 /// Normals at `places` for [`super::Normals::Smooth`].

@@ -242,7 +242,7 @@ mod tests {
             occlusion_share: None,
             verified: None,
         };
-        (mesh, LabelFile { provenance, sites, labels }, file)
+        (mesh, LabelFile { provenance, sites, labels, vertices: None }, file)
     }
 
     fn views(mesh: &Mesh, labels: &LabelFile, predictions: &PredictionFile) -> Vec<View> {

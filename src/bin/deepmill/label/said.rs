@@ -7,7 +7,7 @@ use crate::output::Output;
 use crate::premise::{premise, premise_of_points};
 use crate::{density, findings, fixtures, part_itself, region};
 use deepmill::Result;
-use deepmill::analysis::Outcome;
+use deepmill::analysis::{Outcome, PerDirectionFacts};
 use deepmill::answers::Definition;
 use deepmill::data::files::tools::Tool;
 use deepmill::geom::Sites;
@@ -56,6 +56,49 @@ pub fn say(outcome: &Outcome, args: &Args, clock: &Clock, output: &Output) -> Re
         output.warn(format!("{warning}: raise --sites, or add --obstacles"));
     }
     Ok(result)
+}
+
+/// Says what the matrices of directions by sites hold, one for each tool.
+pub fn say_matrices(
+    outcome: &Outcome,
+    matrices: &[PerDirectionFacts],
+    result: &mut Value,
+    output: &Output,
+) {
+    let mut of_tools = Vec::new();
+    for (tool, facts) in outcome.tools().iter().zip(matrices) {
+        let PerDirectionFacts { n_directions, n_sites, n_accessible, n_between, n_left_out } =
+            facts;
+        let name = match outcome.has_folders() {
+            true => format!("{}: ", tool.name),
+            false => String::new(),
+        };
+        output.say(format!(
+            "{name}matrix: {n_directions} directions by {n_sites} sites, {n_accessible} pairs accessible"
+        ));
+        if *n_between > 0 {
+            output.say(format!(
+                "{name}{n_between} accessible sites have none of these directions: one between them, or the bottom \
+                 rule; --search 0 tests the set alone"
+            ));
+        }
+        if *n_left_out > 0 {
+            output.say(format!(
+                "{name}{n_left_out} sites more are reached if poses are searched for in each direction: not in the matrix, \
+                 which agrees with the labels"
+            ));
+        }
+        of_tools.push(json!({
+            "n_directions": n_directions,
+            "n_sites": n_sites,
+            "n_accessible_pairs": n_accessible,
+            "n_between": n_between,
+            "n_left_out": n_left_out,
+        }));
+    }
+    if !of_tools.is_empty() {
+        result["matrices"] = json!(of_tools);
+    }
 }
 
 /// Says the table of several tools, and adds it to the result.
