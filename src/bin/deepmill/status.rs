@@ -17,13 +17,11 @@ pub fn is_status(path: &Path) -> bool {
 
 /// Says how often the answers of `labels`, which are in `folder`, agree with the file; as JSON for the result.
 pub fn compare(path: &Path, labels: &LabelFile, folder: &Path, output: &Output) -> Result<Value> {
-    let read = safety::read(path).map(|status| (status, None));
-    let (status, matrix) = match read {
-        Ok(status) => status,
-        Err(no_status) => match AccessMatrix::read_text(path) {
-            Ok(matrix) if matrix.n_sites() > 1 => (matrix.reached(), Some(matrix)),
-            _ => return Err(no_status),
-        },
+    let matrix = AccessMatrix::read_text(path)?;
+    let (status, matrix) = match matrix.n_sites() {
+        // Lines count the vertices: none may be passed over.
+        1 => (safety::read(path)?, None),
+        _ => (matrix.reached(), Some(matrix)),
     };
     let site_of = sites(path, labels, status.len())?;
     // Rows: what the file has; columns: accessible, inaccessible, tip does not fit.
