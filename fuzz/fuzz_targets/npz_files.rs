@@ -39,7 +39,8 @@ static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
         cutters: vec![params; 2],
         answers: vec![labels.answers.clone(); 2],
     };
-    let labels = LabelFile { provenance: provenance(), sites: sites.clone(), labels, vertices: None };
+    let labels =
+        LabelFile { provenance: provenance(), sites: sites.clone(), labels, vertices: None };
     let prediction = prediction.expect("a prediction");
     let (n, mut answers) = (sites.len(), prediction.answers());
     answers.tip_does_not_fit = vec![false; n];
