@@ -20,6 +20,7 @@ pub(super) fn label_meaning(part_itself: bool) -> Value {
             "rests_on_tolerance": "true: accessible by a gouge tolerance above 0.05 mm alone; left out if no site is",
             "clearance": "how far the margin about what does not cut may grow before the site becomes inaccessible, mm; negative: how far all steps must shrink",
             "rest": "how much the tool leaves: distance along the normal to the surface of what it leaves, mm; 0 where accessible; never less than what the pose beside it leaves",
+            "rest_volume": "volume of what is left nearer to the site than to other places of the part, mm³",
             "rest_direction": "unit vector from tip to spindle of the pose that leaves least, 0 0 0 if nothing is removed there or the site is accessible",
             "rest_tip": "lowest point of the tool on its axis in that pose, mm",
             "blocked_by": BLOCKED_BY,
