@@ -19,6 +19,8 @@ pub const DATA: ReadLimit = ReadLimit { most_bytes: 4 << 30, expansion: 1 };
 pub const TEXT: ReadLimit = ReadLimit { most_bytes: 1 << 30, expansion: 16 };
 /// Tool libraries, tables, holders, fixtures of gradients: two bytes may be a number of JSON, 72 bytes in a vector that doubles.
 pub const LIBRARY: ReadLimit = ReadLimit { most_bytes: 64 << 20, expansion: 80 };
+/// Findings that are known: some 700 bytes each.
+pub const BASELINE: ReadLimit = ReadLimit { most_bytes: 16 << 20, expansion: 250 };
 /// Settings.
 pub const SETTINGS: ReadLimit = ReadLimit { most_bytes: 1 << 20, expansion: 250 };
 

@@ -26,6 +26,7 @@
 //! # Ok::<(), deepmill::Error>(())
 //! ```
 
+mod baseline;
 mod findings;
 mod fixtures;
 mod machined;

@@ -18,7 +18,7 @@ use crate::geom::selection::Region;
 use crate::geom::sites::{self, SiteOptions};
 use crate::geom::spacing::areas_on;
 use crate::geom::{Mesh, Sites};
-use crate::report::findings::{Findings, for_all_tools};
+use crate::report::findings::{ALL_TOOLS, Bounds, Findings, bounds_of, for_all_tools};
 use crate::report::outlines::outlines;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -430,15 +430,23 @@ impl Placed {
         KeptOut::find((mesh, &self.request.fixtures), of, &self.request.tools, by).map(Some)
     }
 
+    /// The box of the whole part.
+    pub(super) fn bounds(&self) -> Bounds {
+        bounds_of(self.mesh.as_ref(), &self.sites)
+    }
+
     /// The findings of every tool, and of all together if there are several.
     fn findings(&self, labels: &[Labels]) -> Result<(Vec<Findings>, Option<Findings>)> {
         let (mesh, sites) = self.shown();
         let names: Vec<&str> = self.request.tools.iter().map(|tool| &*tool.name).collect();
         let all: Vec<&Labels> = labels.iter().collect();
-        let of_tools = findings::findings_of_tools(sites, mesh, &names, &all)?;
+        let mut of_tools = findings::findings_of_tools(sites, mesh, &names, &all)?;
+        let bounds = self.bounds();
+        of_tools.iter_mut().zip(&names).for_each(|(found, name)| found.identify(name, bounds));
         let answers = labels.iter().map(|labels| &labels.answers);
         let all = || Findings::of(sites, mesh, &for_all_tools(answers), &[]);
-        let of_all = (labels.len() > 1).then(all).transpose()?;
+        let mut of_all = (labels.len() > 1).then(all).transpose()?;
+        of_all.iter_mut().for_each(|found| found.identify(ALL_TOOLS, bounds));
         Ok((of_tools, of_all))
     }
 

@@ -296,7 +296,8 @@ impl PredictionsOutcome {
     /// A tab of the page.
     fn view(&self, of: &ToolPrediction, sites: &Sites) -> Result<View> {
         let mesh = self.placed.shown().0;
-        let findings = Findings::of(sites, mesh, &of.file.answers(), &[])?;
+        let mut findings = Findings::of(sites, mesh, &of.file.answers(), &[])?;
+        findings.identify(&of.tool.name, self.placed.bounds());
         let mut view = View::of_predictions(&of.file, findings);
         if self.has_folders() {
             view.name.clone_from(&of.tool.name);

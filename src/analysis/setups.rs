@@ -23,6 +23,8 @@ const AROUND: usize = 72;
 const OVER_SPHERE: usize = 300;
 /// Of the area that can be reached.
 const SHARE: f64 = 0.99;
+/// The name of all setups together, of which what none reaches is found.
+pub(super) const ALL_SETUPS: &str = "setups";
 
 /// On which machine, in which clampings, and how few.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,11 +94,11 @@ impl SetupRequest {
 /// The chosen setups, what each reaches, and what they leave.
 #[derive(Debug)]
 pub struct SetupsOutcome {
-    placed: Placed,
+    pub(super) placed: Placed,
     request: SetupRequest,
     candidates: Candidates,
     setups: Setups,
-    findings: Findings,
+    pub(super) findings: Findings,
     n_rests: usize,
     notices: Vec<String>,
     seconds: [f64; 4],
@@ -134,7 +136,8 @@ impl Placed {
         let plan = Plan::new(&candidates, mesh, sites, &accessible, shares, choice, &order)?;
         let names = tools.iter().map(|tool| tool.name.clone()).collect();
         let setups = Setups::new(plan, machine, names, areas);
-        let findings = Findings::of(of_shown, shown, &setups.answers(), &[])?;
+        let mut findings = Findings::of(of_shown, shown, &setups.answers(), &[])?;
+        findings.identify(ALL_SETUPS, self.bounds());
         report(observer, Stage::Findings, (1, 1))?;
         Ok(SetupsOutcome {
             candidates,

@@ -5,11 +5,12 @@
 //! the smaller ones are summed as [`Scattered`], so that all areas together are the area that is not accessible.
 
 mod advice;
+mod columns;
 mod fixtures;
+mod ids;
 mod together;
 
 use super::memory::{PartSize, require_for_findings, require_for_findings_files};
-use super::tables::{Cell, Table};
 use crate::access::surface::SiteAnswer;
 use crate::answers::SiteAnswers;
 use crate::cutter::ToolPart;
@@ -24,6 +25,10 @@ pub use fixtures::InTheWay;
 #[doc(hidden)] // of `analysis`
 pub use fixtures::add_fixtures;
 use glam::DVec3;
+pub use ids::FindingStatus;
+pub(super) use ids::untaken;
+#[doc(hidden)] // of `analysis` and the program
+pub use ids::{ALL_TOOLS, Bounds, bounds_of};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -43,6 +48,16 @@ const VERSION: u64 = 1;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Finding {
+    /// A name that other sites, another order and small changes of the part do not change: see `docs/pipeline.md`.
+    pub id: String,
+    /// What a baseline makes of it, if it was held against one.
+    pub status: Option<FindingStatus>,
+    /// Why it is known, of the baseline; empty if nobody has given a reason.
+    #[doc(hidden)] // of the table
+    pub reason: Option<String>,
+    /// Since when it is known: the date of the baseline.
+    #[doc(hidden)] // of the table
+    pub since: Option<String>,
     /// The answer of all its sites.
     pub cause: SiteAnswer,
     /// Estimated area, mm²: the sum of those that its sites stand for.
@@ -89,6 +104,9 @@ pub struct Finding {
     /// Changes of the part that help, the one that frees most first, if they were looked for.
     #[doc(hidden)] // of the page and the program
     pub advice: Vec<PartAdvice>,
+    /// Mean place of its sites, mm.
+    #[serde(skip)]
+    middle_mm: DVec3,
 }
 
 /// Another tool that reaches a region.
@@ -134,6 +152,9 @@ pub struct Findings {
     pub most_left: Option<Finding>,
     /// Per site: the number of its finding from 1 on, 0 if it has none.
     pub of_site: Vec<u32>,
+    /// Whether they were held against a baseline.
+    #[doc(hidden)] // of gates
+    pub are_held: bool,
 }
 
 /// A tool that was labeled too: its name, and per site whether it is accessible.
@@ -191,44 +212,18 @@ impl Findings {
             area_mm2: small.iter().map(|(finding, _)| finding.area_mm2).sum(),
         };
         let list = list.into_iter().map(|(finding, _)| finding).collect();
-        Ok(Findings { list, scattered, surface_mm2, largest_mm2, largest, most_left, of_site })
-    }
-
-    /// A row per finding, and one for the scattered regions if there are any.
-    pub fn table(&self) -> Table {
-        self.first_rows(usize::MAX)
-    }
-
-    /// [`Findings::table`] of the `n` largest.
-    pub fn first_rows(&self, n: usize) -> Table {
-        let mut columns = COLUMNS;
-        let has = |is: fn(&Finding) -> bool| self.list.iter().any(is);
-        for (shown, range) in [
-            (has(|finding| finding.helps.is_some()), HELPS),
-            (has(|finding| finding.blocked_by.is_some()), BLOCKED),
-            (has(|finding| finding.change.is_some()), CHANGE),
-            (has(|finding| finding.greatest_rest_mm.is_some()), REST),
-            (has(|finding| finding.proven.is_some()), PROVEN),
-            (has(|finding| finding.fixture.is_some()), FIXTURE),
-        ] {
-            if !shown {
-                columns[range].iter_mut().for_each(|(_, heading)| *heading = "");
-            }
-        }
-        let mut table = Table::new(&columns);
-        for (number, finding) in (1..).zip(&self.list).take(n) {
-            table.row(finding.row(number));
-        }
-        let Scattered { n_regions, n_sites, area_mm2 } = self.scattered;
-        if n_regions > 0 {
-            let name = format!("{n_regions} small");
-            let mut row = vec![Cell::text(name), Cell::text("scattered"), Cell::Number(area_mm2)];
-            row.push(Cell::Share(area_mm2 / self.surface_mm2));
-            row.push(Cell::count(n_sites));
-            row.resize(COLUMNS.len(), Cell::Missing);
-            table.row(row);
-        }
-        table
+        let mut found = Findings {
+            list,
+            scattered,
+            surface_mm2,
+            largest_mm2,
+            largest,
+            most_left,
+            of_site,
+            are_held: false,
+        };
+        found.identify("", bounds_of(mesh, sites));
+        Ok(found)
     }
 
     /// Everything, as `findings.json` holds it.
@@ -289,85 +284,18 @@ fn cause(answers: &SiteAnswers, i: usize) -> Option<SiteAnswer> {
     }
 }
 
-/// The columns of `findings.csv`; those without a heading are for programs.
-const COLUMNS: [(&str, &str); 30] = [
-    ("finding", "finding"),
-    ("cause", "cause"),
-    ("area_mm2", "area, mm²"),
-    ("area_share", "of the surface"),
-    ("n_sites", "sites"),
-    ("x_mm", "x, mm"),
-    ("y_mm", "y"),
-    ("z_mm", "z"),
-    ("normal_x", ""),
-    ("normal_y", ""),
-    ("normal_z", ""),
-    ("low_x_mm", ""),
-    ("low_y_mm", ""),
-    ("low_z_mm", ""),
-    ("high_x_mm", ""),
-    ("high_y_mm", ""),
-    ("high_z_mm", ""),
-    ("site", ""),
-    ("worst_clearance_mm", ""),
-    ("greatest_rest_mm", "most left, mm"),
-    ("left_mm3", "left, mm³"),
-    ("proven", "proven"),
-    ("fixture", "fixture in the way"),
-    ("fixture_share", "at"),
-    ("helps", "a tool that helps"),
-    ("helps_share", "reaches"),
-    ("blocked_by", "blocked by"),
-    ("blocked_share", "at"),
-    ("change", "a change that helps"),
-    ("change_share", "reaches"),
-];
-
-/// The columns about rests.
-const REST: std::ops::Range<usize> = 19..21;
-/// The column about proofs.
-const PROVEN: std::ops::Range<usize> = 21..22;
-/// The columns about fixtures.
-const FIXTURE: std::ops::Range<usize> = 22..24;
-/// The columns about other tools.
-const HELPS: std::ops::Range<usize> = 24..26;
-/// The columns about the part that blocks.
-const BLOCKED: std::ops::Range<usize> = 26..28;
-/// The columns about a change of the tool.
-const CHANGE: std::ops::Range<usize> = 28..30;
-
 impl Finding {
     /// The cause in words.
     pub fn words(&self) -> &'static str {
-        match self.cause {
-            SiteAnswer::TipDoesNotFit => "tip does not fit",
-            _ => "inaccessible",
-        }
+        cause_words(self.cause)
     }
+}
 
-    fn row(&self, number: usize) -> Vec<Cell> {
-        let mut row = vec![Cell::count(number), Cell::text(self.words())];
-        row.extend([Cell::Number(self.area_mm2), Cell::Share(self.area_share)]);
-        row.push(Cell::count(self.n_sites));
-        let vectors = [self.at_mm, self.normal, self.low_mm, self.high_mm];
-        row.extend(vectors.iter().flat_map(|v| v.to_array()).map(Cell::Number));
-        row.push(Cell::count(self.site as usize));
-        let clearance = self.worst_clearance_mm.map(f64::from);
-        row.push(clearance.map_or(Cell::Missing, Cell::Millimeters));
-        let rest = self.greatest_rest_mm.map(f64::from);
-        row.push(rest.map_or(Cell::Missing, Cell::Millimeters));
-        row.push(self.left_mm3.map_or(Cell::Missing, Cell::Number));
-        row.push(self.proven.map_or(Cell::Missing, Cell::Share));
-        let fixture = self.fixture.as_ref();
-        row.push(fixture.map_or(Cell::Missing, |found| Cell::text(&found.fixture)));
-        row.push(fixture.map_or(Cell::Missing, |found| Cell::Share(found.share)));
-        row.push(self.helps.as_ref().map_or(Cell::Missing, |help| Cell::text(&help.tool)));
-        row.push(self.helps.as_ref().map_or(Cell::Missing, |help| Cell::Share(help.share)));
-        row.push(self.blocked_by.map_or(Cell::Missing, |part| Cell::text(part.name())));
-        row.push(self.blocked_share.map_or(Cell::Missing, Cell::Share));
-        row.push(self.change.as_ref().map_or(Cell::Missing, |change| Cell::text(&change.words)));
-        row.push(self.change.as_ref().map_or(Cell::Missing, |change| Cell::Share(change.share)));
-        row
+/// A cause in words.
+pub(super) fn cause_words(cause: SiteAnswer) -> &'static str {
+    match cause {
+        SiteAnswer::TipDoesNotFit => "tip does not fit",
+        _ => "inaccessible",
     }
 }
 
@@ -402,6 +330,11 @@ impl About<'_> {
         let volume = |i: &u32| answers.rest_volume_mm3.get(*i as usize).copied().map(f64::from);
         let cancels = normal.length() < 1e-3;
         Finding {
+            id: String::new(),
+            status: None,
+            reason: None,
+            since: None,
+            middle_mm: middle,
             cause: cause(answers, members[0] as usize).unwrap_or(SiteAnswer::Inaccessible),
             area_mm2,
             area_share: if self.surface_mm2 > 0.0 { area_mm2 / self.surface_mm2 } else { 0.0 },

@@ -10,7 +10,7 @@
 //!            of 'finding' also 'mm3' or 'mm³': the most that is left about one
 //! ```
 
-use super::findings::{Finding, Findings};
+use super::findings::{Finding, FindingStatus, Findings};
 use crate::answers::SiteAnswers;
 use crate::geom::{Mesh, Sites, spacing};
 use crate::{Error, Result};
@@ -245,12 +245,23 @@ impl Limit {
     }
 
     /// Why the largest region breaks the limit, or the one about which most is left; `None` if it keeps it, or the limit
-    /// is not about regions.
+    /// is not about regions. Of findings that were held against a baseline, only those that are listed and not known
+    /// count.
     pub fn broken_by_findings(&self, findings: &Findings) -> Option<String> {
+        let counted = findings.list.iter().filter(|f| f.status != Some(FindingStatus::Known));
         if let Bound::Volume(bound) = self.bound {
-            return self.broken_by_left(findings.most_left.as_ref(), bound);
+            let most = counted.reduce(|most, f| if f.left_mm3 > most.left_mm3 { f } else { most });
+            let most = if findings.are_held { most } else { findings.most_left.as_ref() };
+            return self.broken_by_left(most, bound);
         }
-        let area = findings.largest_mm2;
+        let (largest, n) = match findings.are_held {
+            true => (counted.clone().next(), counted.count()),
+            false => {
+                let n = findings.list.len() + findings.scattered.n_regions;
+                (findings.largest.as_ref(), n)
+            }
+        };
+        let area = largest.map_or(0.0, |finding| finding.area_mm2);
         let share = if area > 0.0 { area / findings.surface_mm2 } else { 0.0 };
         let (value, bound) = match self.bound {
             Bound::Share(bound) => (share, bound),
@@ -260,9 +271,10 @@ impl Limit {
         if !self.is_about_findings() || !is_broken {
             return None;
         }
-        let n = findings.list.len() + findings.scattered.n_regions;
-        let which = findings.largest.as_ref().map_or(NO_REGION.into(), |found| {
-            format!("the largest of {n} findings, {}, is", place(found))
+        let of = if findings.are_held { "findings that are not known" } else { "findings" };
+        let none = if findings.are_held { "no finding that is not known" } else { "no region" };
+        let which = largest.map_or(format!("{none} is out of reach"), |found| {
+            format!("the largest of {n} {of}, {}, is", place(found))
         });
         Some(format!("{which} {area:.1} mm2 ({:.2} %): {self}", 100.0 * share))
     }

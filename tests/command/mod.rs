@@ -88,3 +88,28 @@ pub fn label_tools(folder: &Folder, out: &str, tools: &[&str]) -> Value {
     let args = ["label", &part, "--out", &out, "--sites", "400", "--no-picture", "--json"];
     json(&deepmill(&[&args, tools].concat()))
 }
+
+/// A block 44 × 30 × 20 mm with a groove along y, `width` wide and `depth` deep.
+pub fn grooved(folder: &Folder, width: f32, depth: f32) -> String {
+    let (left, right, floor) = (22.0 - 0.5 * width, 22.0 + 0.5 * width, 20.0 - depth);
+    let outline = [
+        [0.0, 0.0],
+        [44.0, 0.0],
+        [44.0, 20.0],
+        [right, 20.0],
+        [right, floor],
+        [left, floor],
+        [left, 20.0],
+        [0.0, 20.0],
+    ];
+    let corner = |k: usize, y: f32| [outline[k][0], y, outline[k][1]];
+    let end = [[0, 1, 4], [0, 4, 5], [1, 2, 4], [2, 3, 4], [0, 5, 7], [5, 6, 7]];
+    let mut triangles: Vec<_> = end.iter().map(|t| t.map(|k| corner(k, 0.0))).collect();
+    triangles.extend(end.iter().map(|[a, b, c]| [*a, *c, *b].map(|k| corner(k, 30.0))));
+    for k in 0..8 {
+        let [a, b, c, d] = [(k, 0.0), (k, 30.0), ((k + 1) % 8, 30.0), ((k + 1) % 8, 0.0)]
+            .map(|(k, y)| corner(k, y));
+        triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    folder.file("groove.stl", stl(&triangles))
+}

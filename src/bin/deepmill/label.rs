@@ -5,6 +5,7 @@ mod said;
 mod shares;
 
 use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, called, millimeters, name_of};
+use crate::baseline::BaselineArgs;
 use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
@@ -54,6 +55,8 @@ pub struct Args {
     pub surface: SurfaceArgs,
     #[command(flatten)]
     gate: GateArgs,
+    #[command(flatten)]
+    baseline: BaselineArgs,
     /// What blocks: `part` (its triangles, the mesh definition; the default for a mesh), `published` (the sites, by
     /// the published definition; also `sites`), `centroids` (those of the triangles, by the published definition), or
     /// COUNT: the sites and so many further points of the surface.
@@ -189,6 +192,10 @@ fn run_one(args: &Args, output: &Output) -> Result<()> {
     args.directions.given()?;
     let files = output.forms(!args.no_picture, args.report, &args.also)?;
     let forms = args.per_direction()?;
+    if args.volume.is_some() {
+        args.baseline.refuse("--volume", "a lattice has no findings: leave out one of both")?;
+    }
+    let baseline = args.baseline.open()?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let keep = if args.sites.are_vertices() { KeepVertices::Yes } else { KeepVertices::No };
@@ -211,12 +218,15 @@ fn run_one(args: &Args, output: &Output) -> Result<()> {
         placed.require_matrix()?;
     }
     let mut bars = Bars::default();
-    let outcome = placed.label(&mut bars)?;
+    let mut outcome = placed.label(&mut bars)?;
     outcome.notices().iter().for_each(|notice| output.say(notice));
     clock.stages(STAGES, outcome.seconds());
+    let check = baseline.check(|known| outcome.hold_against(known));
     let (mesh, sites) = outcome.shown();
-    let broken = output.check_limits(&limits, (sites, mesh), outcome.named())?;
+    let held = baseline.is_held().then(|| (outcome.tool_of_findings(), outcome.findings()));
+    let broken = output.check_limits(&limits, (sites, mesh), outcome.named(), held)?;
     let mut paths = outcome.write(&args.out, &files, &mut bars)?;
+    paths.extend(baseline.write(|date| outcome.baseline(date))?);
     clock.lap("write_s", "writing and drawing");
     let (written, matrices) = outcome.write_per_direction(&args.out, &forms)?;
     if !matrices.is_empty() {
@@ -226,6 +236,7 @@ fn run_one(args: &Args, output: &Output) -> Result<()> {
     let mut result = said::say(&outcome, args, &clock, output)?;
     result["limits_broken"] = broken;
     said::say_matrices(&outcome, &matrices, &mut result, output);
+    result["baseline"] = baseline.say(check, outcome.findings(), output);
     output.files(&paths);
     said::say_table(&outcome, &mut result, output)?;
     output.result_with_files(result, &paths);

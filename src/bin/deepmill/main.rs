@@ -1,6 +1,7 @@
 //! The `deepmill` program: parse, call the library, print.
 
 mod args;
+mod baseline;
 mod bench;
 mod check;
 mod clock;

@@ -146,11 +146,14 @@ impl Output {
     }
 
     /// Holds answers against limits; what they break is told at the end of the program. As JSON for the result.
+    /// `held` are findings that were held against a baseline, with the name of their tool: limits on findings are then
+    /// about these.
     pub fn check_limits<'a>(
         &self,
         limits: &[Limit],
         (sites, mesh): (&Sites, Option<&Mesh>),
         answers: impl Iterator<Item = (&'a str, &'a SiteAnswers)>,
+        held: Option<(&str, &Findings)>,
     ) -> Result<Value> {
         if limits.is_empty() {
             return Ok(Value::Null);
@@ -168,13 +171,17 @@ impl Output {
                 broken.extend(limit.broken_by(&all, &areas).map_err(args::limit)?);
             }
         }
+        if let Some((tool, findings)) = held {
+            let why = about_findings.iter().filter_map(|l| l.broken_by_findings(findings));
+            broken.extend(why.map(|why| format!("{tool}: {why}")));
+        }
         for (tool, answers) in answers {
             for limit in &others {
                 if let Some(why) = limit.broken_by(answers, &areas).map_err(args::limit)? {
                     broken.push(format!("{tool}: {why}"));
                 }
             }
-            if !about_findings.is_empty() {
+            if !about_findings.is_empty() && held.is_none() {
                 let findings = Findings::of(sites, mesh, answers, &[])?;
                 let why = about_findings.iter().filter_map(|l| l.broken_by_findings(&findings));
                 broken.extend(why.map(|why| format!("{tool}: {why}")));

@@ -120,7 +120,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (mesh, sites) = outcome.placed().shown();
     let named = outcome.named();
     let each = named.iter().map(|(name, answers)| (*name, answers));
-    let broken = output.check_limits(&limits, (sites, mesh), each)?;
+    let broken = output.check_limits(&limits, (sites, mesh), each, None)?;
     let mut result = say(&outcome, &named, &clock, &paths, output);
     result["limits_broken"] = broken;
     output.result_with_files(result, &paths);

@@ -123,6 +123,8 @@ pub fn page(
     let mut views = Vec::new();
     if let Some((file, path)) = labels {
         let mut found = findings_of_tools(&file.sites, mesh, &[""], &[&file.labels])?;
+        let beside = path.parent().unwrap_or(Path::new(""));
+        found.iter_mut().for_each(|found| found.take_ids(beside));
         // The surface is in memory, unless that is of a region. Files of older versions lack what advice needs.
         let own = mesh.filter(|_| file.provenance.settings.region.is_none()).cloned();
         let query = LabelQuery::read(path, own).or_else(|_| LabelQuery::read(path, None));
@@ -172,12 +174,17 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     let answers: Vec<&SiteAnswers> = files.iter().map(|file| &file.labels.answers).collect();
     let tools: Vec<&str> = names.iter().map(String::as_str).collect();
     let labels: Vec<_> = files.iter().map(|file| &file.labels).collect();
-    let of_tools = findings_of_tools(sites, mesh.as_ref(), &tools, &labels)?;
+    let mut of_tools = findings_of_tools(sites, mesh.as_ref(), &tools, &labels)?;
+    of_tools
+        .iter_mut()
+        .zip(&folders)
+        .for_each(|(found, of)| found.take_ids(&args.results.join(of)));
     let accessible: Vec<Vec<bool>> = answers.iter().map(|answers| answers.accessible()).collect();
     let first = |i: usize| accessible.iter().position(|accessible| accessible[i]);
     let first: Vec<Option<usize>> = (0..sites.len()).map(first).collect();
     let (classes, of) = coverage::groups(&tools, &first);
-    let all = Findings::of(sites, mesh.as_ref(), &for_all_tools(answers.into_iter()), &[])?;
+    let mut all = Findings::of(sites, mesh.as_ref(), &for_all_tools(answers.into_iter()), &[])?;
+    all.take_ids(&args.results);
     findings::say(&all, output);
     let result = json!({ "findings": all.json() });
     let mut first = View::of_first_tools(&classes, &of, all);

@@ -1,6 +1,7 @@
 //! `deepmill setups`: in how many clampings a part can be milled, and what each reaches.
 
 use crate::args::{GateArgs, SiteArgs, ToolArgs, called, name_of, share};
+use crate::baseline::BaselineArgs;
 use crate::clock::Clock;
 use crate::findings;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
@@ -69,6 +70,8 @@ pub struct Args {
     tolerances: ToleranceArgs,
     #[command(flatten)]
     gate: GateArgs,
+    #[command(flatten)]
+    baseline: BaselineArgs,
     /// Folder of the results.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -108,6 +111,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let request = args.request(share)?;
     let tools = args.tolerances.with_allowance(args.tools.tools(output)?)?;
     let options = args.tolerances.options()?;
+    let baseline = args.baseline.open()?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
@@ -119,20 +123,24 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (surface, sites) = placed.shown();
     files.show().require_memory(surface, sites)?;
     let mut bars = Bars::default();
-    let outcome = placed.plan(request, &mut bars).map_err(|error| match error {
+    let mut outcome = placed.plan(request, &mut bars).map_err(|error| match error {
         Error::Argument { name: "setups", .. } => called(error, "--setup"),
         other => other,
     })?;
     outcome.notices().iter().for_each(|notice| output.say(notice));
     clock.stages(STAGES, outcome.seconds());
-    let paths = outcome.write(&args.out, &files, &mut bars)?;
+    let check = baseline.check(|known| outcome.hold_against(known));
+    let mut paths = outcome.write(&args.out, &files, &mut bars)?;
+    paths.extend(baseline.write(|date| outcome.baseline(date))?);
     clock.lap("write_s", "writing and drawing");
     let (surface, sites) = outcome.placed().shown();
     let answers = outcome.answers();
-    let broken =
-        output.check_limits(&limits, (sites, surface), [("setups", &answers)].into_iter())?;
+    let named = [("setups", &answers)].into_iter();
+    let held = baseline.is_held().then(|| ("setups", outcome.findings()));
+    let broken = output.check_limits(&limits, (sites, surface), named, held)?;
     let mut result = args.say(&outcome, share, &clock, &paths, output);
     result["limits_broken"] = broken;
+    result["baseline"] = baseline.say(check, outcome.findings(), output);
     args.read.add_origin(&mut result);
     output.result_with_files(result, &paths);
     Ok(())

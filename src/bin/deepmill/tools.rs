@@ -101,7 +101,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (surface, sites) = outcome.placed().shown();
     let named = outcome.named();
     let named = named.iter().map(|(name, answers)| (*name, answers));
-    let broken = output.check_limits(&limits, (sites, surface), named)?;
+    let broken = output.check_limits(&limits, (sites, surface), named, None)?;
     let mut result = say(&outcome, (&premise, share), &clock, &paths, output);
     result["limits_broken"] = broken;
     args.read.add_origin(&mut result);

@@ -84,7 +84,7 @@ fn files_hold_every_finding_and_numbers_of_wrong_length_are_refused() {
     let csv = std::fs::read_to_string(&paths[1]).unwrap();
     let rows = found.list.len() + usize::from(found.scattered.n_regions > 0);
     assert_eq!(csv.lines().count(), 1 + rows);
-    assert!(csv.starts_with("finding,cause,area_mm2,"));
+    assert!(csv.starts_with("finding,id,status,reason,cause,area_mm2,"));
     let short = SiteAnswers::new(vec![true], vec![]);
     assert!(Findings::of(&sites, None, &short, &[]).is_err());
 }

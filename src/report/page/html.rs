@@ -274,6 +274,13 @@ fn list(findings: &Findings, unit: Unit) -> String {
         if let Some(left) = f.left_mm3 {
             let _ = write!(cause, ", {}", volume_words(left, unit));
         }
+        let _ = write!(cause, "; {}", text(&f.id));
+        if let Some(status) = f.status {
+            let _ = write!(cause, ", {}", status.name());
+        }
+        if let Some(reason) = f.reason.as_ref().filter(|reason| !reason.is_empty()) {
+            let _ = write!(cause, ": {}", text(reason));
+        }
         let _ = write!(
             out,
             "<tr data-finding=\"{number_of}\" tabindex=\"0\"{}><td>{number_of}</td><td>{cause}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"p\">{x:.digits$}, {y:.digits$}, {z:.digits$}</td>",

@@ -17,6 +17,8 @@ pub fn run(args: &Args, parts: &[PathBuf], output: &Output) -> Result<()> {
     args.directions.given()?;
     args.sites.spread()?;
     args.per_direction()?;
+    args.baseline
+        .refuse("several parts", "a baseline is of one part: label it in a call of its own")?;
     output.forms(!args.no_picture, args.report, &args.also)?;
     atomic_file::check_writable_folder(&args.out)?;
     let folders = folders(parts)?;
