@@ -123,13 +123,12 @@ fn the_pipeline_of_the_guide_passes_what_is_known_and_fails_on_what_is_new() {
 fn a_part_that_is_edited_elsewhere_keeps_the_names_and_a_new_groove_is_new() {
     let folder = Folder::new();
     let known = folder.path("known.toml");
-    // No groove in the way: 18 mm wide, 1 mm deep.
-    let flat = grooved(&folder, 18.0, 1.0);
-    let first = label(&folder, &flat, SHORT, &["--write-baseline", &known]);
+    let flat = grooved(&folder, 18.0, 3.0);
+    let first = label(&folder, &flat, D6, &["--write-baseline", &known]);
     let under = first.names()[0].to_string();
-    // The groove is deeper than the tool is long.
+    // The corners of the floor, which the ball leaves, are 9 mm lower.
     let deep = grooved(&folder, 18.0, 12.0);
-    let run = label(&folder, &deep, SHORT, &["--baseline", &known]);
+    let run = label(&folder, &deep, D6, &["--baseline", &known]);
     assert_eq!(run.code, 3, "{}", run.stderr);
     assert!(run.ids("known").contains(&&*under), "{:?}", run.result["baseline"]);
     // Shares are of all, known or not; a limit on findings counts what is not known.
@@ -142,14 +141,14 @@ fn a_part_that_is_edited_elsewhere_keeps_the_names_and_a_new_groove_is_new() {
         (format!("finding>{}mm2", 0.5 * most), true),
         ("inaccessible>20%".into(), true),
     ] {
-        let run = label(&folder, &deep, SHORT, &["--baseline", &known, "--fail-if", &limit]);
+        let run = label(&folder, &deep, D6, &["--baseline", &known, "--fail-if", &limit]);
         let broken = run.result["limits_broken"].as_array().unwrap();
         assert_eq!((run.code, !broken.is_empty()), (3, is_broken), "{limit}: {broken:?}");
     }
     // A part of another size.
     let large =
         folder.file("large.stl", command::stl(&command::block([0.0; 3], [400.0, 30.0, 9.0])));
-    let run = label(&folder, &large, SHORT, &["--baseline", &known]);
+    let run = label(&folder, &large, D6, &["--baseline", &known]);
     assert!(run.stderr.contains("warning: the baseline is of groove.stl"), "{}", run.stderr);
 }
 

@@ -25,10 +25,9 @@ pub use fixtures::InTheWay;
 #[doc(hidden)] // of `analysis`
 pub use fixtures::add_fixtures;
 use glam::DVec3;
-pub use ids::FindingStatus;
 pub(super) use ids::untaken;
 #[doc(hidden)] // of `analysis` and the program
-pub use ids::{ALL_TOOLS, Bounds, bounds_of};
+pub use ids::{ALL_TOOLS, Bounds, FindingStatus, bounds_of};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -122,6 +121,7 @@ pub struct Help {
 /// The regions of fewer than [`MIN_SITES`] sites, together.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 #[non_exhaustive]
+#[doc(hidden)] // of the table
 pub struct Scattered {
     /// Number of regions.
     pub n_regions: usize,

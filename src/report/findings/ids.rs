@@ -24,6 +24,7 @@ const N_LEVELS: u32 = 5;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
+#[doc(hidden)] // in files by its name
 pub enum FindingStatus {
     /// It is in the baseline, and no larger than there.
     Known,
