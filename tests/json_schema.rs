@@ -1,0 +1,241 @@
+//! What `--json` prints and `findings.json` holds is what docs/schema/deepmill.json promises.
+#![cfg(feature = "cli")]
+
+mod command;
+
+use command::{Folder, deepmill, grooved, text};
+use serde_json::{Value, json};
+
+/// The schema, and the definition that a value is held against.
+struct Schema(Value);
+
+impl Schema {
+    fn read() -> Self {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/schema/deepmill.json");
+        Schema(serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap())
+    }
+
+    fn errors(&self, name: &str, value: &Value) -> Vec<String> {
+        let mut errors = Vec::new();
+        self.check(&json!({ "$ref": format!("#/$defs/{name}") }), value, "", &mut errors);
+        errors
+    }
+
+    /// The keywords that the schema uses; another is a mistake of the schema.
+    fn check(&self, schema: &Value, value: &Value, at: &str, errors: &mut Vec<String>) {
+        let keywords = schema.as_object().unwrap_or_else(|| panic!("no schema: {schema}"));
+        for (keyword, of) in keywords {
+            match &**keyword {
+                "description" => {}
+                "$ref" => {
+                    let name = of.as_str().unwrap().strip_prefix("#").unwrap();
+                    let target =
+                        self.0.pointer(name).unwrap_or_else(|| panic!("{name} is missing"));
+                    self.check(target, value, at, errors);
+                }
+                "type" => {
+                    let is = |name: &Value| is_of_type(value, name.as_str().unwrap());
+                    if !of.as_array().map_or_else(|| is(of), |all| all.iter().any(is)) {
+                        errors.push(format!("{at}: {value} is no {of}"));
+                    }
+                }
+                "enum" => {
+                    if !of.as_array().unwrap().contains(value) {
+                        errors.push(format!("{at}: {value} is not of {of}"));
+                    }
+                }
+                "minimum" => {
+                    if value.as_f64().is_some_and(|x| x < of.as_f64().unwrap()) {
+                        errors.push(format!("{at}: {value} is below {of}"));
+                    }
+                }
+                "minItems" | "maxItems" => {
+                    let (n, limit) =
+                        (value.as_array().map(Vec::len), of.as_u64().unwrap() as usize);
+                    let is_bad =
+                        |n: usize| if keyword == "minItems" { n < limit } else { n > limit };
+                    if n.is_some_and(is_bad) {
+                        errors.push(format!("{at}: {keyword} {limit}"));
+                    }
+                }
+                "items" => {
+                    for (k, item) in value.as_array().into_iter().flatten().enumerate() {
+                        self.check(of, item, &format!("{at}/{k}"), errors);
+                    }
+                }
+                "required" => {
+                    let missing = |key: &&Value| value.get(key.as_str().unwrap()).is_none();
+                    let all = of.as_array().unwrap().iter();
+                    if let (true, Some(key)) = (value.is_object(), all.into_iter().find(missing)) {
+                        errors.push(format!("{at}: {key} is missing"));
+                    }
+                }
+                "properties" => {
+                    for (key, of) in of.as_object().unwrap() {
+                        if let Some(value) = value.get(key) {
+                            self.check(of, value, &format!("{at}/{key}"), errors);
+                        }
+                    }
+                }
+                "additionalProperties" => {
+                    let known = |key: &str| schema["properties"].get(key).is_some();
+                    for (key, more) in value.as_object().into_iter().flatten() {
+                        match of {
+                            _ if known(key) => {}
+                            Value::Bool(false) => errors.push(format!("{at}: {key} is unknown")),
+                            of => self.check(of, more, &format!("{at}/{key}"), errors),
+                        }
+                    }
+                }
+                "anyOf" => {
+                    let tried = of.as_array().unwrap().iter().map(|one| {
+                        let mut errors = Vec::new();
+                        self.check(one, value, at, &mut errors);
+                        errors
+                    });
+                    let tried: Vec<_> = tried.collect();
+                    if tried.iter().all(|errors| !errors.is_empty()) {
+                        errors.push(format!("{at}: none of {tried:?}"));
+                    }
+                }
+                other => panic!("{at}: the schema has {other}, which this test does not know"),
+            }
+        }
+    }
+}
+
+fn is_of_type(value: &Value, name: &str) -> bool {
+    match name {
+        "null" => value.is_null(),
+        "boolean" => value.is_boolean(),
+        "string" => value.is_string(),
+        "array" => value.is_array(),
+        "object" => value.is_object(),
+        "number" => value.is_number(),
+        "integer" => value.is_u64() || value.is_i64(),
+        other => panic!("the schema has the type {other}"),
+    }
+}
+
+/// Holds a value against a definition, which has to refuse it with a key more or, for any required key, a key less.
+fn require(schema: &Schema, name: &str, value: &Value) {
+    let errors = schema.errors(name, value);
+    assert!(errors.is_empty(), "{name}: {errors:#?}");
+    let mut more = value.clone();
+    more["unheard_of"] = json!(1);
+    assert!(!schema.errors(name, &more).is_empty(), "{name} takes any key");
+    let required = schema.0["$defs"][name]["required"].as_array().unwrap();
+    assert!(!required.is_empty(), "{name} requires nothing");
+    for key in required {
+        let mut less = value.clone();
+        less.as_object_mut().unwrap().remove(key.as_str().unwrap());
+        assert!(!schema.errors(name, &less).is_empty(), "{name} takes no {key}");
+    }
+}
+
+fn run(args: &[&str]) -> Value {
+    let output = deepmill(&[args, &["--json"]].concat());
+    let code = output.status.code();
+    assert!(code == Some(0) || code == Some(3), "{args:?}: {}", text(&output.stderr));
+    let stdout = text(&output.stdout);
+    assert_eq!(stdout.lines().count(), 1, "one object: {stdout}");
+    serde_json::from_str(&stdout).unwrap()
+}
+
+#[test]
+fn every_label_and_every_file_of_findings_is_of_the_schema() {
+    let (schema, folder) = (Schema::read(), Folder::new());
+    let (part, out, known) =
+        (grooved(&folder, 20.0, 8.0), folder.path("out"), folder.path("k.toml"));
+    let tools = folder.file("mill.csv", "name,CR,CH,FR,FH\nD6,3,14,20,30\nshort,3,1,20,30\n");
+    let label = ["label", &part, "--out", &out, "--sites", "400", "--no-picture"];
+    let cutter = ["--cutter", "3,14,20,30"];
+    for more in [
+        &[][..],
+        &["--directions", "up", "--write-baseline", &known],
+        &["--directions", "up", "--baseline", &known, "--fail-if", "inaccessible>1%", "--rest"],
+        &["--table", "-1", "--clearance-limit", "1", "--occlusion", "--prove"],
+        &["--only", "normal:0,0,1", "--allowance", "0.5"],
+        &["--obstacles", "published"],
+    ] {
+        let result = run(&[&label[..], &cutter, more].concat());
+        require(&schema, "label", &result);
+        require(&schema, "findings", &result["findings"]);
+        let file = std::fs::read(folder.path("out/findings.json")).unwrap();
+        require(&schema, "findings_file", &serde_json::from_slice(&file).unwrap());
+        for finding in result["findings"]["findings"].as_array().unwrap() {
+            require(&schema, "finding", finding);
+        }
+    }
+    let result = run(&[&label[..], &["--tools", &tools, "--baseline", &known]].concat());
+    require(&schema, "label", &result);
+    require(&schema, "baseline", &result["baseline"]);
+    require(&schema, "label_volume", &run(&[&label[..], &cutter, &["--volume", "4"]].concat()));
+    // A change of the finding that no schema may take.
+    let mut wrong = result["findings"]["findings"][0].clone();
+    for (key, value) in [
+        ("cause", json!("accessible")),
+        ("area_mm2", json!(-1)),
+        ("at_mm", json!([1, 2])),
+        ("status", json!("gone")),
+        ("n_sites", json!(1.5)),
+        ("id", Value::Null),
+    ] {
+        let right = std::mem::replace(&mut wrong[key], value);
+        assert_eq!(schema.errors("finding", &wrong).len(), 1, "{key}: {wrong}");
+        wrong[key] = right;
+    }
+}
+
+#[test]
+fn other_commands_about_a_part_print_what_the_schema_promises() {
+    let (schema, folder) = (Schema::read(), Folder::new());
+    let (part, out) = (grooved(&folder, 20.0, 8.0), folder.path("out"));
+    let tools = folder.file("mill.csv", "name,CR,CH,FR,FH\nD6,3,14,20,30\nshort,3,1,20,30\n");
+    let of_part = |command: &str, more: &[&str]| {
+        run(&[&[command, &part, "--out", &out, "--no-picture"], more].concat())
+    };
+    let few =
+        |command: &str, more: &[&str]| of_part(command, &[&["--sites", "400"], more].concat());
+    let require = |name: &str, value: &Value| require(&schema, name, value);
+    require("tools", &few("tools", &["--library", &tools]));
+    require(
+        "tools",
+        &few(
+            "tools",
+            &["--library", &tools, "--only", "normal:0,0,1", "--fail-if", "inaccessible>1%"],
+        ),
+    );
+    require("tools_alone", &run(&["tools", "--library", &tools, "--show", "--out", &out]));
+    for machine in ["3-axis", "3+2:60", "4-axis:x"] {
+        require("setups", &few("setups", &["--tools", &tools, "--machine", machine]));
+    }
+    require("machined", &of_part("machined", &["--cutter", "3,14,20,30", "--accuracy", "1"]));
+    require("check", &run(&["check", &part]));
+    require("check", &run(&["check", &part, "--thin-wall", "13"]));
+    let sites = folder.path("sites.npz");
+    require("sample", &run(&["sample", &part, "--sites", "300", "--cr", "3", "--out", &sites]));
+    require("sample_volume", &run(&["sample", &part, "--volume", "500", "--out", &sites]));
+    require("generate", &run(&["generate", "--count", "1", "--out", &out]));
+    require("generate_list", &run(&["generate", "--list"]));
+    let out = folder.path("labels");
+    let label = ["label", &part, "--out", &out, "--sites", "400", "--directions", "up"];
+    run(&[&label[..], &["--cutter", "3,14,20,30", "--no-picture"]].concat());
+    for site in ["0", "100", "200", "300"] {
+        require("explain", &run(&["explain", &out, "--site", site, "--no-picture"]));
+    }
+    let at = ["explain", &out, "--at", "22,15,0", "--nearest", "--library", &tools, "--no-picture"];
+    require("explain", &run(&at));
+    require("report", &run(&["report", &out]));
+    let predicted = folder.path("predicted");
+    let predict =
+        ["predict", &part, "--out", &predicted, "--sites", "400", "--no-picture", "--far"];
+    require("predict", &run(&[&predict[..], &["--tools", &tools]].concat()));
+    require(
+        "predict",
+        &run(&[&predict[..], &["--cutter", "1.5,6,40,5", "--verify", "0.2"]].concat()),
+    );
+    require("report", &run(&["report", &predicted]));
+    let failed = deepmill(&["check", "nowhere.stl", "--json"]);
+    require("error", &serde_json::from_slice(&failed.stdout).unwrap());
+}
