@@ -148,7 +148,7 @@ fn every_label_and_every_file_of_findings_is_of_the_schema() {
     let (part, out, known) =
         (grooved(&folder, 20.0, 8.0), folder.path("out"), folder.path("k.toml"));
     let tools = folder.file("mill.csv", "name,CR,CH,FR,FH\nD6,3,14,20,30\nshort,3,1,20,30\n");
-    let label = ["label", &part, "--out", &out, "--sites", "400", "--no-picture"];
+    let label = ["label", &part, "--out", &out, "--no-picture"];
     let cutter = ["--cutter", "3,14,20,30"];
     for more in [
         &[][..],
@@ -157,8 +157,10 @@ fn every_label_and_every_file_of_findings_is_of_the_schema() {
         &["--table", "-1", "--clearance-limit", "1", "--occlusion", "--prove"],
         &["--only", "normal:0,0,1", "--allowance", "0.5"],
         &["--obstacles", "published"],
+        &["--sites", "vertices", "--matrix", "npz,txt", "--safety-status"],
     ] {
-        let result = run(&[&label[..], &cutter, more].concat());
+        let sites = if more.contains(&"--sites") { &[][..] } else { &["--sites", "400"] };
+        let result = run(&[&label[..], &cutter, sites, more].concat());
         require(&schema, "label", &result);
         require(&schema, "findings", &result["findings"]);
         let file = std::fs::read(folder.path("out/findings.json")).unwrap();
@@ -167,6 +169,7 @@ fn every_label_and_every_file_of_findings_is_of_the_schema() {
             require(&schema, "finding", finding);
         }
     }
+    let label = [&label[..], &["--sites", "400"]].concat();
     let result = run(&[&label[..], &["--tools", &tools, "--baseline", &known]].concat());
     require(&schema, "label", &result);
     require(&schema, "baseline", &result["baseline"]);
@@ -211,6 +214,8 @@ fn other_commands_about_a_part_print_what_the_schema_promises() {
         require("setups", &few("setups", &["--tools", &tools, "--machine", machine]));
     }
     require("machined", &of_part("machined", &["--cutter", "3,14,20,30", "--accuracy", "1"]));
+    let setups = ["--cutter", "3,14,20,30", "--accuracy", "1", "--machine", "3-axis", "--setup"];
+    require("machined", &of_part("machined", &[&setups[..], &["+z", "--setup", "-z"]].concat()));
     require("check", &run(&["check", &part]));
     require("check", &run(&["check", &part, "--thin-wall", "13"]));
     let sites = folder.path("sites.npz");
@@ -227,6 +232,19 @@ fn other_commands_about_a_part_print_what_the_schema_promises() {
     let at = ["explain", &out, "--at", "22,15,0", "--nearest", "--library", &tools, "--no-picture"];
     require("explain", &run(&at));
     require("report", &run(&["report", &out]));
+    let vertices = ["--sites", "vertices", "--cutter", "3,14,20,30", "--no-picture"];
+    let matrix = ["--matrix", "txt", "--safety-status", "--out", &out];
+    run(&[&["label", &part], &vertices[..], &matrix].concat());
+    for name in ["safety_status.txt", "visibility_matrix.txt"] {
+        let other = folder.path(&format!("labels/{name}"));
+        require("report", &run(&["report", &out, "--compare", &other]));
+    }
+    let broken = folder.file("broken.stl", "solid no\n");
+    let all = folder.path("all");
+    let parts = ["label", &part, &broken, "--out", &all, "--json"];
+    let labeled = deepmill(&[&parts[..], &vertices].concat());
+    assert_eq!(labeled.status.code(), Some(1));
+    require("label_parts", &serde_json::from_slice(&labeled.stdout).unwrap());
     let predicted = folder.path("predicted");
     let predict =
         ["predict", &part, "--out", &predicted, "--sites", "400", "--no-picture", "--far"];
