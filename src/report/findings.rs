@@ -138,6 +138,7 @@ pub struct Findings {
     /// The regions, largest area first; among equals, the one with the lowest site first.
     pub list: Vec<Finding>,
     /// The small regions.
+    #[doc(hidden)] // of `analysis` and the program, as its type
     pub scattered: Scattered,
     /// Area of the surface, mm²: the mesh's, or an estimate from the sites.
     pub surface_mm2: f64,
