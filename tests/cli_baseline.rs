@@ -30,6 +30,7 @@ impl Run {
         list.iter().map(|id| id.as_str().unwrap()).collect()
     }
 
+    /// Of known, new, grown and gone.
     fn counts(&self) -> [usize; 4] {
         ["known", "new", "grown", "gone"].map(|key| self.ids(key).len())
     }
@@ -150,6 +151,48 @@ fn a_part_that_is_edited_elsewhere_keeps_the_names_and_a_new_groove_is_new() {
         folder.file("large.stl", command::stl(&command::block([0.0; 3], [400.0, 30.0, 9.0])));
     let run = label(&folder, &large, D6, &["--baseline", &known]);
     assert!(run.stderr.contains("warning: the baseline is of groove.stl"), "{}", run.stderr);
+}
+
+#[test]
+fn other_sites_pass_and_a_shorter_or_thicker_tool_a_deeper_groove_and_a_wall_fail() {
+    let folder = Folder::new();
+    let known = folder.path("known.toml");
+    let part = grooved(&folder, 18.0, 10.0);
+    // Of 12 mm to the holder: it reaches the floor of 10 mm.
+    let tool = |cr: f64, ch: f64| format!("name,CR,CH,FR,FH\nD6,{cr},{ch},20,30\n");
+    let first = label(&folder, &part, &tool(8.5, 12.0), &["--write-baseline", &known]);
+    assert_eq!(first.code, 0, "{}", first.stderr);
+    for n_sites in ["2000", "3000", "5000"] {
+        for seed in ["1", "2", "3"] {
+            let more = ["--baseline", &known, "--sites", n_sites, "--seed", seed];
+            let run = label(&folder, &part, &tool(8.5, 12.0), &more);
+            assert_eq!(run.code, 0, "{n_sites}, {seed}: {}", run.stderr);
+            assert_eq!(run.counts()[1..3], [0, 0], "{n_sites}, {seed}");
+        }
+    }
+    let fails = |part: &str, tools: &str, seed: &str| {
+        let run =
+            label(&folder, part, tools, &["--baseline", &known, "--sites", "3000", "--seed", seed]);
+        assert_eq!(run.code, 3, "{}", run.stderr);
+        assert!(run.counts()[1] + run.counts()[2] > 0, "{:?}", run.result["baseline"]);
+        assert!(
+            run.ids("known").contains(&first.names()[0])
+                || run.ids("grown").contains(&first.names()[0])
+        );
+    };
+    for seed in ["0", "1"] {
+        fails(&part, &tool(8.5, 8.0), seed);
+        // A tenth thicker: wider than the groove.
+        fails(&part, &tool(9.35, 12.0), seed);
+    }
+    let mut walled = command::block([0.0; 3], [44.0, 30.0, 10.0]);
+    walled.extend(command::block([0.0, 0.0, 9.0], [13.0, 30.0, 20.0]));
+    walled.extend(command::block([31.0, 0.0, 9.0], [44.0, 30.0, 20.0]));
+    // A wall across the groove, as high as the block.
+    walled.extend(command::block([12.0, 14.0, 9.0], [32.0, 16.0, 20.0]));
+    let walled = folder.file("walled.stl", command::stl(&walled));
+    fails(&walled, &tool(8.5, 12.0), "0");
+    fails(&grooved(&folder, 18.0, 14.0), &tool(8.5, 12.0), "0");
 }
 
 #[test]

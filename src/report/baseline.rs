@@ -1,9 +1,10 @@
 //! Baselines: the findings of a part that are known, in a file that people read and edit.
 //!
-//! [`Baseline::read`] reads one. What is found later is held against it: a finding that overlaps a known one of the same
-//! tool and cause is that finding, has its name, and is *known*, or *grown*; any other is *new*; what is known and not
-//! found is *gone*. `docs/pipeline.md` has the rules.
+//! [`Baseline::read`] reads one. What is found later is held against it: findings and known ones of the same tool that
+//! overlap are a group, and each finding of it is *known*, or *grown*; any other is *new*, or *small*; what is known and
+//! not found is *gone*. `docs/pipeline.md` has the rules.
 
+mod cells;
 mod file;
 mod matching;
 
@@ -11,14 +12,19 @@ use super::findings::{Bounds, Finding, FindingStatus, Findings, cause_words, unt
 use crate::access::surface::SiteAnswer;
 use crate::geom::Sites;
 use crate::{Error, Result};
+use cells::Cover;
 use glam::DVec3;
-use std::collections::HashSet;
+use matching::Matches;
+use std::collections::{HashMap, HashSet};
 
-/// Places kept of a finding.
-const N_POINTS: usize = 12;
-/// Grown is what is larger by this share, and by the area of so many sites.
+/// A group has grown if it is larger by this share and by so many standard deviations of its number of sites, were they
+/// drawn one by one.
 const GROWN_SHARE: f64 = 0.1;
-const GROWN_SITES: f64 = 4.0;
+const GROWN_DEVIATIONS: f64 = 2.0;
+/// A patch that is not known and has less than the area of so many sites is small.
+const SMALL_SITES: f64 = 8.0;
+/// No cell is smaller, mm.
+const LEAST_MM: f64 = 1e-3;
 /// A box that has less than this share in common with another is that of another part.
 const SAME_PART: f64 = 0.5;
 /// Boxes whose sizes differ by no more than this share of the longest edge are those of one part that was moved.
@@ -31,7 +37,19 @@ pub struct Baseline {
     bounds: Bounds,
     /// Area that a site stands for, mm².
     site_mm2: f64,
+    /// Edge of the cells, mm.
+    cell_mm: Option<f64>,
     known: Vec<KnownFinding>,
+    scattered: Vec<ScatteredCells>,
+}
+
+/// Where the sites are that are out of reach and in no finding.
+#[derive(Debug, Clone, PartialEq)]
+struct ScatteredCells {
+    /// The tool's name.
+    tool: String,
+    /// As those of a finding.
+    cells: Vec<[i32; 5]>,
 }
 
 /// A finding that is known.
@@ -57,10 +75,9 @@ pub struct KnownFinding {
     pub date: String,
     /// Mean outward normal; zero if that is not stated.
     pub normal: DVec3,
-    /// How far around its points it goes, mm.
-    pub reach_mm: Option<f64>,
-    /// Some of its places, mm; if there are none, it fills its box.
-    pub points: Vec<DVec3>,
+    /// Where it is: cells of a grid in the part's box, in runs of facing, z, y, first and last x. If there are none, it
+    /// fills its box.
+    pub cells: Vec<[i32; 5]>,
 }
 
 impl KnownFinding {
@@ -93,12 +110,27 @@ pub struct BaselineCheck {
     pub known: Vec<usize>,
     /// Of those that are not.
     pub new: Vec<usize>,
-    /// Of those that are known and larger than they were, with the area they had, mm².
-    pub grown: Vec<(usize, f64)>,
+    /// Of those that are known and larger than they were.
+    pub grown: Vec<(usize, Grown)>,
+    /// Of those that are not known and have the area of a few sites: they come and go with the sites.
+    pub small: Vec<usize>,
     /// What is known and was not found.
     pub gone: Vec<KnownFinding>,
     /// Why the baseline may be that of something else, a sentence each.
     pub warnings: Vec<String>,
+}
+
+/// How a known finding has grown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+#[doc(hidden)] // of the program
+pub struct Grown {
+    /// Area of the known ones of its group, mm².
+    pub was_mm2: f64,
+    /// Area of the findings of its group, less that of sites that were scattered, mm².
+    pub is_mm2: f64,
+    /// Area and place of the largest patch that is not known, if that makes it grown; mm², mm.
+    pub patch: Option<(f64, DVec3)>,
 }
 
 impl BaselineCheck {
@@ -127,12 +159,12 @@ impl Baseline {
             return Err(Error::argument("date", format!("`{date}`"), "YEAR-MONTH-DAY", remedy));
         }
         let FindingsAbout { part, tool, bounds, sites } = about;
-        let members = members(findings);
-        let known = findings.list.iter().zip(&members).map(|(finding, members)| {
-            let place = |i: u32| sites.points[i as usize].as_dvec3();
-            let (points, reach_mm) = matching::thinned(members, place, N_POINTS);
-            let spacing_mm = (finding.area_mm2 / finding.n_sites.max(1) as f64).sqrt();
-            KnownFinding {
+        let site_mm2 = site_mm2(findings);
+        let cell_mm = rounded(cells::cell_mm(site_mm2.sqrt(), bounds)).max(LEAST_MM);
+        let low = rounded3(bounds[0]);
+        let scattered = cells::of_sites(&findings.scattered_sites, sites, low, cell_mm);
+        let known =
+            findings.list.iter().zip(members(findings)).map(|(finding, members)| KnownFinding {
                 id: finding.id.clone(),
                 tool: tool.to_owned(),
                 cause: finding.cause,
@@ -142,15 +174,18 @@ impl Baseline {
                 reason: finding.reason.clone().unwrap_or_default(),
                 date: finding.since.clone().unwrap_or_else(|| date.to_owned()),
                 normal: rounded3(finding.normal),
-                reach_mm: Some(rounded(reach_mm + spacing_mm)),
-                points: points.into_iter().map(rounded3).collect(),
-            }
-        });
+                cells: cells::of_sites(&members, sites, low, cell_mm),
+            });
         Ok(Baseline {
             part: part.to_owned(),
             bounds: bounds.map(rounded3),
-            site_mm2: rounded(site_mm2(findings)),
+            site_mm2: rounded(site_mm2),
+            cell_mm: Some(cell_mm),
             known: known.collect(),
+            scattered: (!scattered.is_empty())
+                .then(|| ScatteredCells { tool: tool.to_owned(), cells: scattered })
+                .into_iter()
+                .collect(),
         })
     }
 
@@ -158,40 +193,98 @@ impl Baseline {
     #[doc(hidden)] // of `analysis`
     pub fn hold(&self, findings: &mut Findings, about: FindingsAbout) -> BaselineCheck {
         let FindingsAbout { tool, bounds, sites, .. } = about;
-        let moved = self.moved_by(bounds);
         let members = members(findings);
-        let pairs = matching::pairs(findings, (&members, sites), (&self.known, tool), moved);
-        let least_mm2 = GROWN_SITES * self.site_mm2.max(site_mm2(findings));
+        let (covers, scattered) = self.covers(tool, self.moved_by(bounds), site_mm2(findings));
+        let known = (&self.known[..], &covers[..]);
+        let matches = matching::matches(findings, (&members, sites), known, &scattered);
+        let site_mm2 = self.site_mm2.max(site_mm2(findings));
         let mut check = BaselineCheck {
             known: Vec::new(),
             new: Vec::new(),
             grown: Vec::new(),
+            small: Vec::new(),
             gone: Vec::new(),
             warnings: self.warnings(tool, bounds, findings.list.is_empty()),
         };
-        // A new finding has no name that the baseline has.
-        let mut taken: HashSet<String> = self.known.iter().map(|known| known.id.clone()).collect();
-        for (k, (finding, pair)) in findings.list.iter_mut().zip(&pairs).enumerate() {
-            let Some(known) = pair.map(|j| &self.known[j]) else {
-                finding.id = untaken(std::mem::take(&mut finding.id), &mut taken);
-                set(finding, FindingStatus::New, None);
-                check.new.push(k);
-                continue;
-            };
-            let more_mm2 = finding.area_mm2 - known.area_mm2;
-            if more_mm2 > GROWN_SHARE * known.area_mm2 && more_mm2 > least_mm2 {
-                set(finding, FindingStatus::Grown, Some(known));
-                check.grown.push((k, known.area_mm2));
-            } else {
-                set(finding, FindingStatus::Known, Some(known));
-                check.known.push(k);
-            }
-        }
-        findings.are_held = true;
-        let is_found = |j: usize| pairs.contains(&Some(j));
+        let is_found = |j: usize| matches.group.contains(&matches.group_of_known[j]);
         let gone = self.known.iter().enumerate().filter(|(j, _)| !is_found(*j));
         check.gone = gone.map(|(_, known)| known.clone()).collect();
+        let grown = self.grown(findings, &matches, site_mm2);
+        // A new finding has no name that the baseline has.
+        let mut taken: HashSet<String> = self.known.iter().map(|known| known.id.clone()).collect();
+        for (k, finding) in findings.list.iter_mut().enumerate() {
+            let own = matches.pairs[k].map(|j| &self.known[j]);
+            let others = matches.others[k].iter().map(|j| &self.known[*j]);
+            let of: Vec<&KnownFinding> = own.into_iter().chain(others).collect();
+            let is_small = !matches.patches[k].is_large(finding, site_mm2);
+            let (status, numbers) = match grown[k] {
+                Some(grown) => {
+                    check.grown.push((k, grown));
+                    (FindingStatus::Grown, None)
+                }
+                None if !of.is_empty() => (FindingStatus::Known, Some(&mut check.known)),
+                None if is_small => (FindingStatus::Small, Some(&mut check.small)),
+                None => (FindingStatus::New, Some(&mut check.new)),
+            };
+            numbers.into_iter().for_each(|numbers| numbers.push(k));
+            set(finding, status, &of);
+            finding.id = match own {
+                Some(known) => known.id.clone(),
+                None => untaken(std::mem::take(&mut finding.id), &mut taken),
+            };
+        }
+        findings.are_held = true;
         check
+    }
+
+    /// What the known findings of a tool cover, none for those of other tools, and what its scattered sites cover. The
+    /// part was `moved`, and now has `site_mm2` to a site.
+    fn covers(&self, tool: &str, moved: DVec3, mm2: f64) -> (Vec<Option<Cover>>, Vec<Cover>) {
+        let around_mm = self.site_mm2.max(mm2).sqrt();
+        let grid = (self.bounds[0] + moved, self.cell_mm.unwrap_or(LEAST_MM));
+        let cover = |cells: &[[i32; 5]], bounds: Bounds, normal: DVec3| {
+            Cover::new(cells, grid, (bounds.map(|corner| corner + moved), normal), around_mm)
+        };
+        let of_known = |known: &KnownFinding| {
+            (known.tool == tool).then(|| cover(&known.cells, known.bounds, known.normal))
+        };
+        // Scattered sites are where their cells are.
+        let scattered = self.scattered.iter().filter(|of| of.tool == tool && !of.cells.is_empty());
+        (
+            self.known.iter().map(of_known).collect(),
+            scattered.map(|of| cover(&of.cells, self.bounds, DVec3::ZERO)).collect(),
+        )
+    }
+
+    /// Per finding, how it has grown: if it has a patch that is not known, or, of the largest finding of a group, if the
+    /// group is larger than it was.
+    fn grown(&self, findings: &Findings, matches: &Matches, site_mm2: f64) -> Vec<Option<Grown>> {
+        let mut areas: HashMap<usize, (f64, f64)> = HashMap::new();
+        for (known, group) in self.known.iter().zip(&matches.group_of_known) {
+            areas.entry(*group).or_default().0 += known.area_mm2;
+        }
+        let less_scattered = findings.list.iter().zip(&matches.scattered_mm2);
+        for ((finding, scattered_mm2), group) in less_scattered.zip(&matches.group) {
+            areas.entry(*group).or_default().1 += finding.area_mm2 - scattered_mm2;
+        }
+        let mut seen = HashSet::new();
+        let of = findings.list.iter().zip(&matches.patches).zip(&matches.group);
+        of.map(|((finding, patch), group)| {
+            let (was_mm2, is_mm2) = areas[group];
+            // A group of nothing that is known.
+            if was_mm2 == 0.0 && !matches.group_of_known.contains(group) {
+                return None;
+            }
+            let n_sites = (was_mm2 + is_mm2) / site_mm2;
+            let more_mm2 = is_mm2 - was_mm2;
+            let is_larger = more_mm2 > GROWN_SHARE * was_mm2
+                && more_mm2 > GROWN_DEVIATIONS * n_sites.sqrt() * site_mm2;
+            let place = (patch.area_mm2(finding), patch.at_mm);
+            let patch = patch.is_large(finding, site_mm2).then_some(place);
+            let is_first = seen.insert(*group);
+            (patch.is_some() || (is_first && is_larger)).then_some(Grown { was_mm2, is_mm2, patch })
+        })
+        .collect()
     }
 
     /// Where the part is now, less where it was; zero if it is no part of that size.
@@ -233,14 +326,17 @@ impl Baseline {
     }
 }
 
-/// Of a finding and what is known of it.
-fn set(finding: &mut Finding, status: FindingStatus, known: Option<&KnownFinding>) {
+/// Of a finding and the known ones that it is of: all reasons, and the date of the first.
+fn set(finding: &mut Finding, status: FindingStatus, of: &[&KnownFinding]) {
     finding.status = Some(status);
-    finding.reason = known.map(|known| known.reason.clone());
-    finding.since = known.map(|known| known.date.clone()).filter(|date| !date.is_empty());
-    if let Some(known) = known {
-        finding.id.clone_from(&known.id);
+    let mut reasons: Vec<&str> = Vec::new();
+    for known in of {
+        if !known.reason.is_empty() && !reasons.contains(&&*known.reason) {
+            reasons.push(&known.reason);
+        }
     }
+    finding.reason = (!of.is_empty()).then(|| reasons.join("; "));
+    finding.since = of.first().map(|known| known.date.clone()).filter(|date| !date.is_empty());
 }
 
 /// The sites of every finding, ascending.

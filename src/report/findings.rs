@@ -153,6 +153,9 @@ pub struct Findings {
     pub most_left: Option<Finding>,
     /// Per site: the number of its finding from 1 on, 0 if it has none.
     pub of_site: Vec<u32>,
+    /// The sites of the small regions, ascending.
+    #[doc(hidden)] // of baselines
+    pub scattered_sites: Vec<u32>,
     /// Whether they were held against a baseline.
     #[doc(hidden)] // of gates
     pub are_held: bool,
@@ -212,6 +215,9 @@ impl Findings {
             n_sites: small.iter().map(|(finding, _)| finding.n_sites).sum(),
             area_mm2: small.iter().map(|(finding, _)| finding.area_mm2).sum(),
         };
+        let mut scattered_sites: Vec<u32> =
+            small.iter().flat_map(|(_, members)| members).copied().collect();
+        scattered_sites.sort_unstable();
         let list = list.into_iter().map(|(finding, _)| finding).collect();
         let mut found = Findings {
             list,
@@ -221,6 +227,7 @@ impl Findings {
             largest,
             most_left,
             of_site,
+            scattered_sites,
             are_held: false,
         };
         found.identify("", bounds_of(mesh, sites));

@@ -1,7 +1,7 @@
 //! Findings that are known: `--baseline`, `--write-baseline`.
 
 use crate::output::Output;
-use deepmill::report::baseline::{Baseline, BaselineCheck, KnownFinding};
+use deepmill::report::baseline::{Baseline, BaselineCheck, Grown, KnownFinding};
 use deepmill::report::findings::{Finding, Findings};
 use deepmill::{Error, Result, atomic_file};
 use glam::DVec3;
@@ -91,23 +91,27 @@ impl Known {
                 count(ids.len(), "finding")
             ));
             return json!({
-                "file": self.path, "known": [], "new": ids, "grown": [], "gone": [],
+                "file": self.path, "known": [], "new": ids, "grown": [], "small": [], "gone": [],
             });
         };
         check.warnings.iter().for_each(|warning| output.warn(warning));
         let counts = format!(
-            "{} known, {} new, {} grown, {} gone",
+            "{} known, {} new, {} grown, {} small, {} gone",
             check.known.len(),
             check.new.len(),
             check.grown.len(),
+            check.small.len(),
             check.gone.len()
         );
         output.say(format!("baseline {}: {counts}", self.path.display()));
         for &k in &check.new {
             output.say(format!("  new   {}", words(&list[k])));
         }
-        for &(k, was_mm2) in &check.grown {
-            output.say(format!("  grown {}; it was {was_mm2:.1} mm2", words(&list[k])));
+        for (k, grown) in &check.grown {
+            output.say(format!("  grown {}; {}", words(&list[*k]), words_of_grown(grown)));
+        }
+        for &k in &check.small {
+            output.say(format!("  small {}", words(&list[k])));
         }
         for gone in &check.gone {
             output.say(format!("  gone  {}", words_of_known(gone)));
@@ -123,6 +127,7 @@ impl Known {
             "known": check.known.iter().map(|k| id(*k)).collect::<Vec<_>>(),
             "new": check.new.iter().map(|k| id(*k)).collect::<Vec<_>>(),
             "grown": check.grown.iter().map(|(k, _)| id(*k)).collect::<Vec<_>>(),
+            "small": check.small.iter().map(|k| id(*k)).collect::<Vec<_>>(),
             "gone": check.gone.iter().map(|gone| &*gone.id).collect::<Vec<_>>(),
         })
     }
@@ -140,6 +145,14 @@ fn place(at: DVec3) -> String {
 fn words(finding: &Finding) -> String {
     let Finding { id, area_mm2, at_mm, .. } = finding;
     format!("{id}: {}, {area_mm2:.1} mm2 at {}", finding.words(), place(*at_mm))
+}
+
+fn words_of_grown(grown: &Grown) -> String {
+    let Grown { was_mm2, is_mm2, patch, .. } = grown;
+    match patch {
+        Some((mm2, at)) => format!("{mm2:.1} mm2 at {} are not known", place(*at)),
+        None => format!("it and its pieces are {is_mm2:.1} mm2, and were {was_mm2:.1} mm2"),
+    }
 }
 
 fn words_of_known(known: &KnownFinding) -> String {

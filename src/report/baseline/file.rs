@@ -1,6 +1,7 @@
 //! Baselines as TOML.
 
-use super::{Baseline, KnownFinding, is_date};
+use super::cells::{N_FACINGS, Run};
+use super::{Baseline, KnownFinding, ScatteredCells, is_date};
 use crate::access::surface::SiteAnswer;
 use crate::report::findings::Bounds;
 use crate::{Error, Result, atomic_file, input_file};
@@ -15,6 +16,10 @@ use toml::{Spanned, Table, Value};
 const VERSION: i64 = 1;
 /// No length of a part is greater, mm.
 const MOST_MM: f64 = 1e9;
+/// No number of a cell is greater.
+const MOST_CELLS: i64 = 1_000_000;
+/// Runs of cells on a line.
+const RUNS_A_LINE: usize = 6;
 const REMEDY: &str = "compare with a baseline that deepmill writes";
 
 const HEAD: &str = "\
@@ -32,8 +37,18 @@ struct File {
     #[serde(rename = "box")]
     bounds: Spanned<[[f64; 3]; 2]>,
     site_mm2: Spanned<f64>,
+    cell_mm: Option<Spanned<f64>>,
     #[serde(default)]
     finding: Vec<Entry>,
+    #[serde(default)]
+    scattered: Vec<ScatteredEntry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScatteredEntry {
+    tool: String,
+    cells: Vec<Spanned<[i64; 5]>>,
 }
 
 #[derive(Deserialize)]
@@ -50,9 +65,8 @@ struct Entry {
     reason: String,
     date: Option<Spanned<String>>,
     normal: Option<Spanned<[f64; 3]>>,
-    reach_mm: Option<Spanned<f64>>,
     #[serde(default)]
-    points: Vec<Spanned<[f64; 3]>>,
+    cells: Vec<Spanned<[i64; 5]>>,
 }
 
 impl Baseline {
@@ -84,8 +98,10 @@ impl Baseline {
             corners(self.bounds),
             number(self.site_mm2)
         );
+        if let Some(cell_mm) = self.cell_mm {
+            let _ = writeln!(out, "cell_mm = {}", number(cell_mm));
+        }
         for known in &self.known {
-            let points: Vec<String> = known.points.iter().map(|p| vector(*p)).collect();
             let _ = write!(
                 out,
                 "\n[[finding]]\nid = {}\ntool = {}\ncause = {}\narea_mm2 = {}\nat = {}\nbox = {}\nreason = {}\n",
@@ -103,12 +119,13 @@ impl Baseline {
             if known.normal != DVec3::ZERO {
                 let _ = writeln!(out, "normal = {}", vector(known.normal));
             }
-            if let Some(reach_mm) = known.reach_mm {
-                let _ = writeln!(out, "reach_mm = {}", number(reach_mm));
+            if !known.cells.is_empty() {
+                let _ = writeln!(out, "cells = [\n{}]", rows(&known.cells));
             }
-            if !points.is_empty() {
-                let _ = writeln!(out, "points = [{}]", points.join(", "));
-            }
+        }
+        for ScatteredCells { tool, cells } in &self.scattered {
+            let (tool, rows) = (quoted(tool), rows(cells));
+            let _ = write!(out, "\n[[scattered]]\ntool = {tool}\ncells = [\n{rows}]\n");
         }
         out
     }
@@ -133,6 +150,16 @@ fn vector(v: DVec3) -> String {
 
 fn corners(bounds: Bounds) -> String {
     format!("[{}]", bounds.map(vector).join(", "))
+}
+
+/// Runs of cells, several a line.
+fn rows(cells: &[Run]) -> String {
+    let words = |run: &Run| {
+        let [facing, z, y, from, to] = run;
+        format!("[{facing}, {z}, {y}, {from}, {to}],")
+    };
+    let line = |runs: &[Run]| format!("  {}\n", runs.iter().map(words).collect::<String>());
+    cells.chunks(RUNS_A_LINE).map(line).collect()
 }
 
 /// As `findings.json` has it.
@@ -166,6 +193,7 @@ impl Text<'_> {
             let found = format!("unit is `{}`", file.unit.get_ref());
             return Err(self.bad(&file.unit, found, "lengths of a baseline are in mm"));
         }
+        let cell_mm = file.cell_mm.as_ref().map(|mm| self.length("cell_mm", mm)).transpose()?;
         let mut lines: HashMap<String, usize> = HashMap::new();
         let mut known = Vec::with_capacity(file.finding.len());
         for entry in file.finding {
@@ -177,17 +205,23 @@ impl Text<'_> {
                 let found = format!("id `{id}` is that of line {first} too");
                 return Err(self.bad(&entry.id, found, "give each finding a name of its own"));
             }
-            known.push(self.known(id, &entry)?);
+            known.push(self.known(id, &entry, cell_mm)?);
         }
+        let scattered = file.scattered.into_iter().map(|of| {
+            let cells = of.cells.iter().map(|run| self.run(run, cell_mm)).collect::<Result<_>>()?;
+            Ok(ScatteredCells { tool: of.tool, cells })
+        });
         Ok(Baseline {
+            scattered: scattered.collect::<Result<_>>()?,
             part: file.part,
             bounds: self.bounds("box", &file.bounds)?,
             site_mm2: self.not_negative("site_mm2", &file.site_mm2)?,
+            cell_mm,
             known,
         })
     }
 
-    fn known(&self, id: String, entry: &Entry) -> Result<KnownFinding> {
+    fn known(&self, id: String, entry: &Entry, cell_mm: Option<f64>) -> Result<KnownFinding> {
         let cause = match &**entry.cause.get_ref() {
             "inaccessible" => SiteAnswer::Inaccessible,
             "tip-does-not-fit" => SiteAnswer::TipDoesNotFit,
@@ -204,7 +238,7 @@ impl Text<'_> {
         }
         let vector = |key: &str, v: &Spanned<[f64; 3]>| self.vector(key, v);
         let normal = entry.normal.as_ref().map(|normal| vector("normal", normal)).transpose()?;
-        let reach = entry.reach_mm.as_ref();
+        let cells = entry.cells.iter().map(|run| self.run(run, cell_mm));
         Ok(KnownFinding {
             id,
             tool: entry.tool.clone(),
@@ -215,8 +249,7 @@ impl Text<'_> {
             reason: entry.reason.clone(),
             date: date.map(|date| date.get_ref().clone()).unwrap_or_default(),
             normal: normal.unwrap_or_default(),
-            reach_mm: reach.map(|reach| self.not_negative("reach_mm", reach)).transpose()?,
-            points: entry.points.iter().map(|p| vector("points", p)).collect::<Result<_>>()?,
+            cells: cells.collect::<Result<_>>()?,
         })
     }
 
@@ -225,6 +258,32 @@ impl Text<'_> {
             value if (0.0..f64::INFINITY).contains(&value) => Ok(value),
             value => Err(self.bad(x, format!("{key} is {value}"), "it is 0 or more")),
         }
+    }
+
+    fn length(&self, key: &str, x: &Spanned<f64>) -> Result<f64> {
+        match *x.get_ref() {
+            value if value > 0.0 && value <= MOST_MM => Ok(value),
+            value => Err(self.bad(x, format!("{key} is {value}"), "it is more than 0")),
+        }
+    }
+
+    fn run(&self, run: &Spanned<[i64; 5]>, cell_mm: Option<f64>) -> Result<Run> {
+        if cell_mm.is_none() {
+            let found = "cells are given without cell_mm".into();
+            return Err(self.bad(run, found, "give cell_mm, or leave the cells out"));
+        }
+        let numbers @ [facing, _, _, from, to] = *run.get_ref();
+        let most = numbers.into_iter().find(|n| !(-MOST_CELLS..=MOST_CELLS).contains(n));
+        let found = match most {
+            Some(n) => format!("cells has {n}"),
+            None if !(0..N_FACINGS as i64).contains(&facing) => {
+                format!("cells has the facing {facing}")
+            }
+            None if from > to => format!("cells has a run from {from} to {to}"),
+            None => return Ok(numbers.map(|n| n as i32)),
+        };
+        let remedy = "a run is [facing from 0 to 5, z, y, first x, last x]";
+        Err(self.bad(run, found, remedy))
     }
 
     fn vector(&self, key: &str, v: &Spanned<[f64; 3]>) -> Result<DVec3> {

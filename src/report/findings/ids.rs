@@ -32,6 +32,8 @@ pub enum FindingStatus {
     New,
     /// It is in the baseline, and larger than there.
     Grown,
+    /// It is not in the baseline, and has the area of a few sites.
+    Small,
 }
 
 impl FindingStatus {
@@ -41,6 +43,7 @@ impl FindingStatus {
             FindingStatus::Known => "known",
             FindingStatus::New => "new",
             FindingStatus::Grown => "grown",
+            FindingStatus::Small => "small",
         }
     }
 }
