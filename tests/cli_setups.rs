@@ -269,3 +269,102 @@ fn limits_and_bad_arguments_are_told() {
     let args = ["setups", &cloud, "--cutter", LONG, "--machine", "3-axis", "--out", &out];
     assert!(failure(&deepmill(&args), 2).contains("a cloud has no triangles"));
 }
+
+/// The example of `docs/machines`.
+fn example(name: &str) -> String {
+    format!("{}/docs/machines/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn machine_files_give_positions_as_angles_that_turn_the_tool_axis_upright() {
+    let folder = Folder::new();
+    let (part, out) = (two_pockets(&folder), folder.path("out"));
+    let trunnion = setups(&part, &out, &example("trunnion-ac.toml"), "100%");
+    assert_eq!(trunnion["machine"], "Trunnion A/C (table C, table A -120..30)");
+    assert_eq!(names(&trunnion), ["1: +z up, +x along x'", "2: -z up, +x along x'"]);
+    let mut n_positions = 0;
+    for setup in trunnion["setups"].as_array().unwrap() {
+        let turn: Vec<Vec<f64>> = serde_json::from_value(setup["turn"].clone()).unwrap();
+        for position in setup["positions"].as_array().unwrap() {
+            let axis = ["x", "y", "z"].map(|key| number(position, key));
+            let [x, y, z] = [0, 1, 2].map(|r| (0..3).map(|k| turn[r][k] * axis[k]).sum::<f64>());
+            for [a, c] in [["a_deg", "c_deg"], ["a2_deg", "c2_deg"]] {
+                let (Some(a), Some(c)) = (position[a].as_f64(), position[c].as_f64()) else {
+                    assert!(a == "a2_deg" && position[c].is_null(), "{position}");
+                    continue;
+                };
+                assert!((-120.0..=30.0).contains(&a), "{position}");
+                // C turns the part about z, then A about x.
+                let ((sin_c, cos_c), (sin_a, cos_a)) =
+                    (c.to_radians().sin_cos(), a.to_radians().sin_cos());
+                let (x, y) = (cos_c * x - sin_c * y, sin_c * x + cos_c * y);
+                let (y, z) = (cos_a * y - sin_a * z, sin_a * y + cos_a * z);
+                assert!(x.abs() < 3e-7 && y.abs() < 3e-7 && z > 0.999, "{position}");
+                n_positions += 1;
+            }
+        }
+    }
+    assert!(n_positions >= 2);
+    let table = std::fs::read_to_string(format!("{out}/positions.csv")).unwrap();
+    let heading = table.lines().next().unwrap();
+    assert!(heading.ends_with("adds_mm2,c_deg,a_deg,c2_deg,a2_deg"), "{heading}");
+
+    // Chucked along x: both pockets in one setup, by 0 and half a turn.
+    let chucked = setups(&part, &out, &example("rotary-table.toml"), "100%");
+    let about_x = setups(&part, &out, "4-axis:x", "100%");
+    assert_eq!(chucked["n_setups"], 1);
+    assert!((number(&chucked, "reached") - number(&about_x, "reached")).abs() < 1e-9);
+    assert!(chucked["premise"].as_str().unwrap().contains("held along the rotary axis"));
+    let mut angles: Vec<f64> = chucked["setups"][0]["positions"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|position| number(position, "a_deg"))
+        .collect();
+    angles.sort_by(f64::total_cmp);
+    assert_eq!(angles, [0.0, 180.0]);
+
+    let upright = setups(&part, &out, &example("three-axis.toml"), "100%");
+    let plain = setups(&part, &out, "3-axis", "100%");
+    assert_eq!(upright["reached"], plain["reached"]);
+    assert!(upright["n_positions"].is_null() && upright["machine"] == "Three-axis mill");
+
+    // z'' of a plane by Euler angles is (sin Z sin X', -cos Z sin X', cos X').
+    let indexed = setups(&part, &out, "3+2:60", "100%");
+    for setup in indexed["setups"].as_array().unwrap() {
+        for position in setup["positions"].as_array().unwrap() {
+            assert!((number(position, "nutation_deg") - number(position, "degrees")).abs() < 1e-3);
+            assert_eq!(number(position, "rotation_deg"), 0.0);
+            let (sin_z, cos_z) = number(position, "precession_deg").to_radians().sin_cos();
+            let (sin_x, cos_x) = number(position, "nutation_deg").to_radians().sin_cos();
+            let plane = [sin_z * sin_x, -cos_z * sin_x, cos_x];
+            let axis = ["x", "y", "z"].map(|key| number(position, key));
+            for (row, expected) in setup["turn"].as_array().unwrap().iter().zip(plane) {
+                let along: f64 = (0..3).map(|k| row[k].as_f64().unwrap() * axis[k]).sum();
+                assert!((along - expected).abs() < 3e-7, "{position}");
+            }
+        }
+    }
+}
+
+#[test]
+fn bad_machine_files_are_one_line_of_error() {
+    let folder = Folder::new();
+    let (part, out) = (two_pockets(&folder), folder.path("out"));
+    let axis = "[[axis]]\nletter = \"A\"\non = \"table\"\naxis = [1, 0, 0]\n";
+    let reversed = format!("name = \"m\"\n{axis}limits = [30, -120]\n");
+    let reversed = folder.file("reversed.toml", reversed);
+    let text = folder.file("text.toml", [0xff, 0xfe, 0x00]);
+    let (missing, folder_path) = (folder.path("no.toml"), folder.path("folder.toml"));
+    std::fs::create_dir(&folder_path).unwrap();
+    for (machine, expected) in [
+        (&reversed, "line 6: limits 30, -120; give the least"),
+        (&text, "it is no text in UTF-8"),
+        (&missing, "cannot be read"),
+        (&folder_path, "cannot be read"),
+    ] {
+        let args = ["setups", &part, "--cutter", LONG, "--machine", machine, "--out", &out];
+        let message = failure(&deepmill(&args), 2);
+        assert!(message.contains(expected) && message.contains(&**machine), "{message}");
+    }
+}

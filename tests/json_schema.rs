@@ -210,7 +210,8 @@ fn other_commands_about_a_part_print_what_the_schema_promises() {
         ),
     );
     require("tools_alone", &run(&["tools", "--library", &tools, "--show", "--out", &out]));
-    for machine in ["3-axis", "3+2:60", "4-axis:x"] {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/machines/trunnion-ac.toml");
+    for machine in ["3-axis", "3+2:60", "4-axis:x", file] {
         require("setups", &few("setups", &["--tools", &tools, "--machine", machine]));
     }
     require("machined", &of_part("machined", &["--cutter", "3,14,20,30", "--accuracy", "1"]));

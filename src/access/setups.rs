@@ -3,7 +3,8 @@
 //! # Definition
 //!
 //! A *setup* is a clamping of the part: the direction z' of the part that points to the spindle, or that lies along a
-//! rotary axis. Its *tool axes* are those that the [`Machine`] can take without clamping again. A site is reached in a
+//! rotary axis. Its *tool axes* are those that the [`Machine`] can take without clamping again: of a machine file those
+//! for which its rotary axes have angles within their limits. A site is reached in a
 //! setup iff some tool is [may stand](super::surface::AccessibleDirections) there along one of them, and the site is
 //! not on what the part lies on. The setups of a [`Plan`] are few of the [`Candidates`] that cover a share of the area
 //! that all candidates reach together. Fixtures and stock are not modelled.
@@ -38,10 +39,14 @@
 //! ```
 
 mod candidates;
+mod kinematics;
 mod machine;
 mod plan;
+mod turned;
 
 pub use candidates::{Candidate, Candidates, Clampings};
+#[doc(hidden)] // of machine files and the program
+pub use kinematics::{Carrier, Fault, Kinematics, RotaryParams, plane_euler_deg};
 pub use machine::Machine;
 #[doc(hidden)] // of the program
 pub use machine::{direction_of_words, direction_words};

@@ -42,7 +42,7 @@ impl SetupRequest {
     pub fn on(machine: Machine) -> Self {
         SetupRequest {
             clampings: Clampings::usual(&machine),
-            n_directions: if machine.tilt_rad().is_none() { AROUND } else { OVER_SPHERE },
+            n_directions: if machine.is_of_one_axis() { AROUND } else { OVER_SPHERE },
             machine,
             share: SHARE,
             at_most: None,
@@ -117,10 +117,11 @@ impl Placed {
         let areas = SiteAreas::of(of_shown, shown)?;
         let mesh = self.mesh().expect("a part of triangles");
         let (tools, sites) = (&self.request.tools, &self.sites);
-        let SetupRequest { machine, clampings, n_directions, .. } = request;
+        let SetupRequest { clampings, n_directions, .. } = request;
+        let machine = request.machine.clone();
         let candidates = match &request.given[..] {
-            [] => Candidates::new(mesh, machine, clampings, n_directions)?,
-            given => Candidates::given(mesh, machine, given, n_directions)?,
+            [] => Candidates::new(mesh, machine.clone(), clampings, n_directions)?,
+            given => Candidates::given(mesh, machine.clone(), given, n_directions)?,
         };
         Plan::require_memory(&candidates, sites.len(), tools.len())?;
         let start = Instant::now();
@@ -243,7 +244,7 @@ impl SetupsOutcome {
         let n = self.candidates.list().len();
         let one = if n == 1 { "setup" } else { "setups" };
         let held = match (machine, clampings) {
-            (Machine::Rotary { .. }, _) => "held along the rotary axis",
+            _ if machine.is_chucked() => "held along the rotary axis",
             _ if !given.is_empty() => "as given, what it lies on is not reached",
             (_, Clampings::Standing) if self.candidates.stand_on_flat_faces() => {
                 "standing on a flat face, which is not reached"

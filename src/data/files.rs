@@ -5,6 +5,8 @@
 #[doc(hidden)] // of the program
 pub mod label_query;
 #[doc(hidden)] // of the program
+pub mod machines;
+#[doc(hidden)] // of the program
 pub mod matrix;
 mod meaning;
 mod predictions;

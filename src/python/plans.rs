@@ -9,9 +9,10 @@ use super::output::{list, of_json, rows, threes};
 use super::part::Part;
 use super::request::{Purpose, analysis};
 use super::tool::Tool;
-use crate::access::setups::{Clampings, Machine, direction_of_words};
+use crate::access::setups::{Clampings, direction_of_words};
 use crate::access::surface::SiteAnswer;
 use crate::analysis::{self, SetupRequest};
+use crate::data::files::machines;
 use glam::{DVec3, Vec3};
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -35,7 +36,8 @@ fn share_of(options: &mut Options<'_>, default: f64) -> PyResult<f64> {
 
 /// In how few setups the tools reach a part on a machine.
 ///
-/// machine: "3-axis", "3+2:DEGREES", "4-axis", "4-axis:x", "4-axis:x:LOW,HIGH" or "5-axis:DEGREES".
+/// machine: "3-axis", "3+2:DEGREES", "4-axis", "4-axis:x", "4-axis:x:LOW,HIGH" or "5-axis:DEGREES";
+/// or the path of a machine file, "FILE.toml".
 /// share: of the area that can be reached, that the setups cover. at_most: no more setups than this.
 /// clampings: "standing", "flat", "box" or "any". directions: how many are tested.
 /// given: these setups in their order, none chosen: "+z", "-x" ..., or vectors, float [k, 3].
@@ -56,7 +58,7 @@ pub fn setups(
     let py = part.py();
     let mut options = Options::new(py, options)?;
     let text = text_of("machine", machine)?;
-    let machine: Machine = checked(py, text.parse())?;
+    let machine = checked(py, machines::of_words_or_file(&text))?;
     let part = Part::of(part)?;
     let analysis = analysis(&part, tools, &mut options, Purpose::Setups)?;
     let mut request = SetupRequest::on(machine).share(share_of(&mut options, 0.99)?);

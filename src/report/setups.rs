@@ -1,5 +1,7 @@
 //! What few setups cover of one part: tables, colored points and pictures of each, tabs of a page.
 
+mod angles;
+
 use super::coverage::{NO_TOOL, groups_called};
 use super::findings::Findings;
 use super::folder::{Show, Shown, Writer};
@@ -49,7 +51,12 @@ impl Setups {
         assert_eq!(plan.first.len(), areas.shares().len(), "areas of the plan's sites");
         assert!(plan.setups.iter().all(|s| s.by_tool.len() == tools.len()), "a name per tool");
         let name = |(k, setup): (usize, &Setup)| {
-            format!("{}: {}", k + 1, machine.setup_words(setup.direction))
+            let words = machine.setup_words(setup.direction);
+            // Angles are from this turn on.
+            let turn = machine.axes().map_or_else(String::new, |_| {
+                format!(", {} along x'", direction_words(setup.turn.row(0).as_vec3()))
+            });
+            format!("{}: {words}{turn}", k + 1)
         };
         let names = plan.setups.iter().enumerate().map(name).collect();
         Setups { plan, machine, tools, areas, names }
@@ -138,7 +145,7 @@ impl Setups {
     /// A row per position of every setup, or of one.
     pub fn positions(&self, of: Option<usize>) -> Table {
         let setup = if of.is_none() { "setup" } else { "" };
-        let mut table = Table::new(&[
+        let mut columns = vec![
             ("setup", setup),
             ("position", "position"),
             ("axis", "tool axis"),
@@ -148,7 +155,9 @@ impl Setups {
             ("degrees", "degrees"),
             ("adds", "adds"),
             ("adds_mm2", "mm²"),
-        ]);
+        ];
+        columns.extend(angles::columns(&self.machine));
+        let mut table = Table::new(&columns);
         for (k, setup) in
             self.plan.setups.iter().enumerate().filter(|(k, _)| of.is_none_or(|s| s == *k))
         {
@@ -163,6 +172,7 @@ impl Setups {
                     Cell::Share(*adds),
                     self.mm2(*adds),
                 ]);
+                row.extend(angles::cells(&self.machine, setup.turn * axis.as_dvec3()));
                 table.row(row);
             }
         }

@@ -1,7 +1,10 @@
 //! The setups to choose from, and the directions to test for them.
 
 use super::machine::{DOWN_RAD, LOWEST_MM, Machine, angle, direction_words};
-use crate::directions::{DirectionSet, Directions, TurnLimits, basis};
+use super::turned::{
+    ROUNDING_RAD, SAME_RAD, Turned, by_axes, quarters_on, rotary_axes, upright, with_sphere,
+};
+use crate::directions::{DirectionSet, Directions, TurnLimits};
 use crate::geom::Mesh;
 use crate::{Error, Result, memory};
 use glam::{DVec3, Vec3};
@@ -26,7 +29,7 @@ impl Clampings {
     /// What suits a machine: in a vise the part stands on a flat face; one that tilts need not have the part slanted,
     /// and a part that stands on a corner would be held by what it shows.
     pub fn usual(machine: &Machine) -> Self {
-        if *machine == Machine::ThreeAxis { Clampings::Standing } else { Clampings::Box }
+        if machine.is_upright() { Clampings::Standing } else { Clampings::Box }
     }
 }
 
@@ -38,6 +41,8 @@ pub struct Candidate {
     pub direction: Vec3,
     /// Numbers of its tool axes among [`Candidates::directions`].
     pub axes: Vec<u32>,
+    /// Quarter turns about z' from [`Candidates::turn`] on.
+    pub(super) n_quarters: u8,
 }
 
 /// The setups to choose from; those that a machinist would rather have come first.
@@ -51,18 +56,12 @@ pub struct Candidates {
     list: Vec<Candidate>,
 }
 
-/// Directions as near as this are one, radians.
-const SAME_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// Normals within this of each other are of one flat face, radians.
 const FLAT_RAD: f64 = 2.0 * SAME_RAD;
 /// Least share of the surface that a flat face has.
 const LEAST_SHARE: f64 = 0.01;
 /// Flat faces that give candidates.
 const MOST_FACES: usize = 24;
-/// Rotary axes that are candidates.
-const MOST_ROTARY: usize = 12;
-/// Roundings of a direction, radians.
-const ROUNDING_RAD: f64 = 1e-6;
 
 impl Candidates {
     /// For a part on a machine. `n_directions` are even over the whole sphere beside the box axes and the normals of
@@ -95,9 +94,16 @@ impl Candidates {
         BOX_AXES.iter().for_each(|d| add(&mut likely, *d));
         let is_flat = matches!(clampings, Clampings::Flat | Clampings::Standing);
         let n_upright = if is_flat { n_flat } else { likely.len() };
-        let (directions, list) = match machine {
+        let (directions, list) = match &machine {
             Machine::Rotary { axis, limits } => {
-                about_axes(rotary_axes(axis, &likely[..n_upright]), limits, n_directions)?
+                about_axes(rotary_axes(*axis, &likely[..n_upright]), *limits, n_directions)?
+            }
+            Machine::Axes(axes) if axes.n_axes() > 0 => {
+                let sphere = match clampings {
+                    Clampings::Any => with_sphere(&likely, n_directions)?,
+                    _ => likely[..n_upright].to_vec(),
+                };
+                on_axes(by_axes(axes, &likely, &sphere, 0..4, n_directions)?)
             }
             _ => over_sphere(&machine, &likely, (clampings, n_upright), n_directions)?,
         };
@@ -127,8 +133,8 @@ impl Candidates {
         }
         for (k, setup) in setups.iter().enumerate() {
             let words = direction_words(*setup);
-            if let Machine::Rotary { axis: Some(axis), .. } = machine {
-                let axis = DVec3::from_array(axis).normalize().as_vec3();
+            if let Machine::Rotary { axis: Some(axis), .. } = &machine {
+                let axis = DVec3::from_array(*axis).normalize().as_vec3();
                 if angle(axis, *setup) > SAME_RAD {
                     let axis = direction_words(axis);
                     let remedy = format!("leave it out, or take a machine without the axis {axis}");
@@ -145,8 +151,11 @@ impl Candidates {
         for normal in setups.iter().copied().chain(flat).chain(BOX_AXES) {
             add(&mut likely, normal);
         }
-        let (directions, list) = match machine {
-            Machine::Rotary { limits, .. } => about_axes(setups.to_vec(), limits, n_directions)?,
+        let (directions, list) = match &machine {
+            Machine::Rotary { limits, .. } => about_axes(setups.to_vec(), *limits, n_directions)?,
+            Machine::Axes(axes) if axes.n_axes() > 0 => {
+                on_axes(by_axes(axes, &likely, setups, 0..1, n_directions)?)
+            }
             _ => over_sphere(&machine, &likely, (Clampings::Flat, setups.len()), n_directions)?,
         };
         Candidates::of(machine, (likely, has_flat), directions, list)
@@ -164,8 +173,8 @@ impl Candidates {
     }
 
     /// The machine.
-    pub fn machine(&self) -> Machine {
-        self.machine
+    pub fn machine(&self) -> &Machine {
+        &self.machine
     }
 
     /// Every direction to test.
@@ -176,13 +185,16 @@ impl Candidates {
     /// The machine's x', y', z' in a setup, in the part's coordinates: z' is the setup's direction, or x' is along the
     /// rotary axis; another axis is along a flat face or a box axis, if one is across.
     pub fn turn(&self, direction: Vec3) -> [DVec3; 3] {
-        let w = direction.as_dvec3().normalize();
-        let across = self.likely.iter().map(|d| d.as_dvec3()).find(|d| d.dot(w).abs() < 1e-4);
-        let u = across.map_or(basis(w)[0], |d| d.reject_from_normalized(w).normalize());
+        let [u, v, w] = upright(&self.likely, direction);
         match self.machine.tilt_rad() {
-            Some(_) => [u, w.cross(u), w],
+            Some(_) => [u, v, w],
             None => [w, u.cross(w), u],
         }
+    }
+
+    /// Of a candidate.
+    pub(super) fn turn_of(&self, candidate: &Candidate) -> [DVec3; 3] {
+        quarters_on(self.turn(candidate.direction), candidate.n_quarters)
     }
 
     /// Whether the part has a flat face to stand on; else the setups of [`Clampings::Standing`] and [`Clampings::Flat`]
@@ -213,16 +225,13 @@ fn over_sphere(
     (clampings, n_upright): (Clampings, usize),
     n_directions: usize,
 ) -> Result<(Vec<Vec3>, Vec<Candidate>)> {
-    let sphere = Directions::new(DirectionSet::FibonacciSphere { n_dirs: n_directions })?;
-    let is_new = |d: &&Vec3| likely.iter().all(|other| angle(*other, **d) > SAME_RAD);
-    let even: Vec<Vec3> = sphere.vectors().iter().filter(is_new).copied().collect();
-    let mut all = [likely, &even[..]].concat();
+    let mut all = with_sphere(likely, n_directions)?;
     let n = if clampings == Clampings::Any { all.len() } else { n_upright };
-    if *machine == Machine::ThreeAxis {
+    if machine.is_upright() {
         all.truncate(n);
     }
     let tilt = machine.tilt_rad().unwrap_or_default() + ROUNDING_RAD;
-    if *machine != Machine::ThreeAxis {
+    if !machine.is_upright() {
         let found = format!("{n} candidates and {} directions", all.len());
         let remedy = format!("{found}: test fewer directions, or clamp along flat faces alone");
         memory::require("the tool axes of setups", memory::product([n, all.len(), 4]), remedy)?;
@@ -230,27 +239,20 @@ fn over_sphere(
     let candidate = |&direction: &Vec3| {
         let within = |k: &u32| angle(all[*k as usize], direction) <= tilt;
         let axes = (0..all.len() as u32).filter(within).collect();
-        Candidate { direction, axes: upright_first(axes, direction, &all) }
+        Candidate { direction, axes: upright_first(axes, direction, &all), n_quarters: 0 }
     };
     let list = all[..n].iter().map(candidate).collect();
     Ok((all, list))
 }
 
-/// The given one, or those of `likely`, up to sign.
-fn rotary_axes(given: Option<[f64; 3]>, likely: &[Vec3]) -> Vec<Vec3> {
-    if let Some(axis) = given {
-        return vec![DVec3::from_array(axis).normalize().as_vec3()];
-    }
-    let mut axes: Vec<Vec3> = Vec::new();
-    // Up to sign; x before y before z.
-    let of_box = [Vec3::X, Vec3::Y, Vec3::Z].into_iter().filter(|d| likely.contains(d));
-    for d in of_box.chain(likely.iter().copied()) {
-        let is_new = axes.iter().all(|a| angle(*a, d).min(angle(*a, -d)) > SAME_RAD);
-        if is_new && axes.len() < MOST_ROTARY {
-            axes.push(d);
-        }
-    }
-    axes
+fn on_axes((all, list): (Vec<Vec3>, Vec<Turned>)) -> (Vec<Vec3>, Vec<Candidate>) {
+    let candidate = |Turned { direction, n_quarters, axes }| Candidate {
+        direction,
+        axes: upright_first(axes, direction, &all),
+        n_quarters,
+    };
+    let list = list.into_iter().map(candidate).collect();
+    (all, list)
 }
 
 fn about_axes(
@@ -277,7 +279,11 @@ fn about_axes(
                 within.iter().map(|d| number(&d.as_vec3())).collect()
             }
         };
-        list.push(Candidate { direction, axes: upright_first(axes, direction, &all) });
+        list.push(Candidate {
+            direction,
+            axes: upright_first(axes, direction, &all),
+            n_quarters: 0,
+        });
     }
     Ok((all, list))
 }
@@ -355,7 +361,7 @@ mod tests {
     }
 
     fn of(part: &Mesh, machine: Machine, n: usize) -> Candidates {
-        Candidates::new(part, machine, Clampings::usual(&machine), n).unwrap()
+        Candidates::new(part, machine.clone(), Clampings::usual(&machine), n).unwrap()
     }
 
     #[test]
@@ -436,8 +442,12 @@ mod tests {
         let twice = Candidates::given(&part, Machine::ThreeAxis, &[Vec3::X, Vec3::X], 50);
         assert!(twice.unwrap_err().to_string().contains("+x twice"));
         let chucked: Machine = "4-axis:x".parse().unwrap();
-        assert_eq!(Candidates::given(&part, chucked, &[Vec3::X], 8).unwrap().list().len(), 1);
-        let other = Candidates::given(&part, chucked, &[Vec3::Y], 8).unwrap_err().to_string();
+        assert_eq!(
+            Candidates::given(&part, chucked.clone(), &[Vec3::X], 8).unwrap().list().len(),
+            1
+        );
+        let other = Candidates::given(&part, chucked.clone(), &[Vec3::Y], 8).unwrap_err();
+        let other = other.to_string();
         assert!(other.contains("setups is +y") && other.contains("+x"), "{other}");
         assert!(Candidates::given(&part, chucked, &[], 8).is_err());
         let limited: Machine = "4-axis:x:-30,90".parse().unwrap();
@@ -466,7 +476,7 @@ mod tests {
         }
         assert!(rotary.directions().len() < 5 * 72, "circles share where they meet");
         let given = Machine::Rotary { axis: Some([0.0, 0.0, 2.0]), limits: None };
-        assert_eq!(of(&turned(), given, 8).list().len(), 1);
+        assert_eq!(of(&turned(), given.clone(), 8).list().len(), 1);
         assert!(Candidates::new(&turned(), given, Clampings::Flat, 0).is_err());
         if cfg!(target_os = "linux") {
             let five = Machine::FiveAxis { tilt_deg: 90.0 };

@@ -1,5 +1,6 @@
 //! Which tool axes a machine can take without clamping again.
 
+use super::kinematics::Kinematics;
 use crate::directions::TurnLimits;
 use crate::directions::rotary::axis_of;
 use crate::{Error, Result};
@@ -17,7 +18,7 @@ use std::str::FromStr;
 /// assert!("3+2".parse::<Machine>().is_err(), "the greatest tilt is never guessed");
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Machine {
     /// The spindle is along z'.
@@ -39,15 +40,23 @@ pub enum Machine {
         /// Degrees, above 0, at most 180.
         tilt_deg: f64,
     },
+    /// The tool axes that its rotary axes reach within their limits, each fixed while it cuts; a machine file
+    /// describes them.
+    Axes(Kinematics),
 }
 
 impl Machine {
     /// Whether tool axes are fixed while it cuts and there may be several in a setup.
     pub fn has_positions(&self) -> bool {
-        matches!(self, Machine::Indexed { .. } | Machine::Rotary { .. })
+        match self {
+            Machine::Indexed { .. } | Machine::Rotary { .. } => true,
+            Machine::Axes(axes) => axes.n_axes() > 0,
+            Machine::ThreeAxis | Machine::FiveAxis { .. } => false,
+        }
     }
 
-    /// The greatest angle of a tool axis from z', radians; none about a rotary axis.
+    /// The greatest angle of a tool axis from z', radians; none about a rotary axis. Of a machine file with rotary axes
+    /// it is a half turn: each axis has its own limits.
     pub fn tilt_rad(&self) -> Option<f64> {
         match self {
             Machine::ThreeAxis => Some(0.0),
@@ -55,6 +64,7 @@ impl Machine {
                 Some(tilt_deg.to_radians())
             }
             Machine::Rotary { .. } => None,
+            Machine::Axes(axes) => Some(if axes.n_axes() > 0 { PI } else { 0.0 }),
         }
     }
 
@@ -65,6 +75,33 @@ impl Machine {
             Machine::Rotary { .. } => format!("about {}", words.trim_start_matches('+')),
             _ => format!("{words} up"),
         }
+    }
+
+    /// The rotary axes of a machine file.
+    #[doc(hidden)] // of the program
+    pub fn axes(&self) -> Option<&Kinematics> {
+        if let Machine::Axes(axes) = self { Some(axes) } else { None }
+    }
+
+    /// Whether the tool axes of a setup go around one rotary axis.
+    pub(crate) fn is_of_one_axis(&self) -> bool {
+        match self {
+            Machine::Axes(axes) => axes.n_axes() == 1,
+            _ => self.tilt_rad().is_none(),
+        }
+    }
+
+    /// Whether the part is held along a rotary axis and lies on nothing.
+    pub(crate) fn is_chucked(&self) -> bool {
+        match self {
+            Machine::Axes(axes) => axes.is_chucked(),
+            _ => self.tilt_rad().is_none(),
+        }
+    }
+
+    /// Whether every setup has the one tool axis z'.
+    pub(super) fn is_upright(&self) -> bool {
+        self.tilt_rad() == Some(0.0)
     }
 }
 
@@ -79,6 +116,7 @@ impl fmt::Display for Machine {
                 limits.iter().try_for_each(|limits| write!(f, ":{limits}"))
             }
             Machine::FiveAxis { tilt_deg } => write!(f, "5-axis:{tilt_deg}"),
+            Machine::Axes(axes) => write!(f, "{axes}"),
         }
     }
 }

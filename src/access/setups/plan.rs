@@ -180,7 +180,7 @@ impl Plan {
 /// The sites on what the part lies on.
 fn lies_on(candidates: &Candidates, candidate: &Candidate, part: &Mesh, sites: &Sites) -> Bits {
     let mut bits = vec![0; sites.len().div_ceil(64)];
-    if candidates.machine().tilt_rad().is_none() {
+    if candidates.machine().is_chucked() {
         return bits;
     }
     let up = candidate.direction.as_dvec3();
@@ -235,7 +235,7 @@ impl About<'_> {
         let vectors = self.candidates.directions().vectors();
         Setup {
             direction: candidate.direction,
-            turn: rows(self.candidates.turn(candidate.direction)),
+            turn: rows(self.candidates.turn_of(candidate)),
             adds,
             reaches: list(reached),
             by_tool,

@@ -11,6 +11,7 @@ use crate::progress::Bars;
 use crate::region::{self, RegionArgs};
 use deepmill::access::setups::{Clampings, Machine, direction_of_words};
 use deepmill::analysis::{Analysis, SetupRequest, SetupsOutcome};
+use deepmill::data::files::machines;
 use deepmill::geom::Mesh;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result, atomic_file};
@@ -20,9 +21,9 @@ use std::path::PathBuf;
 
 /// Say in how few setups (clampings) a part can be milled on a machine, and what each reaches with which tools.
 ///
-/// Writes to DIR: setups.csv and setup-tools.csv, positions.csv (3+2 and 4-axis), setups.ply and setups.png (the first
-/// setup that reaches each site), setup-K.ply and, of the first eight, .png and .stl (the part turned as it is
-/// clamped), findings.json and findings.csv (what is left) and part.stl.
+/// Writes to DIR: setups.csv and setup-tools.csv, positions.csv (3+2, 4-axis and machine files, with angles),
+/// setups.ply and setups.png (the first setup that reaches each site), setup-K.ply and, of the first eight, .png and
+/// .stl (the part turned as it is clamped), findings.json and findings.csv (what is left) and part.stl.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: deepmill setups part.stl --tools shop.csv --machine 3-axis --out setups\n\
@@ -38,9 +39,9 @@ pub struct Args {
     tools: ToolArgs,
     /// 3-axis, 3+2:DEGREES and 5-axis:DEGREES (greatest tilt from the machine's z), 4-axis (the part may be chucked
     /// along its box or flat faces), 4-axis:x (y, z or X,Y,Z: along this), 4-axis:x:LOW,HIGH (turned by no more than
-    /// these degrees from +z).
-    #[arg(long, value_name = "MACHINE")]
-    machine: Machine,
+    /// these degrees from +z); or FILE.toml, the machine's own rotary axes with their limits (docs/setups.md).
+    #[arg(long, value_name = "MACHINE", value_parser = machine_or_file)]
+    machine: MachineOrFile,
     /// The setups cover at least this share of the area that can be reached.
     #[arg(long, value_name = "PERCENT", default_value = "99%")]
     share: String,
@@ -84,6 +85,20 @@ pub struct Args {
     /// Take a mesh that does not bound one solid; the answer may mean nothing.
     #[arg(long)]
     force: bool,
+}
+
+/// Read after the arguments, so that what is wrong in a file is one line of error.
+#[derive(Clone)]
+enum MachineOrFile {
+    Machine(Machine),
+    File(PathBuf),
+}
+
+fn machine_or_file(text: &str) -> Result<MachineOrFile> {
+    match machines::is_file(text) {
+        true => Ok(MachineOrFile::File(text.into())),
+        false => text.parse().map(MachineOrFile::Machine),
+    }
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -156,7 +171,11 @@ const STAGES: [[&str; 2]; 4] = [
 
 impl Args {
     fn request(&self, share: f64) -> Result<SetupRequest> {
-        let mut request = SetupRequest::on(self.machine).share(share);
+        let machine = match &self.machine {
+            MachineOrFile::Machine(machine) => machine.clone(),
+            MachineOrFile::File(path) => machines::read(path)?,
+        };
+        let mut request = SetupRequest::on(machine).share(share);
         if let Some(clampings) = self.clampings {
             request = request.clampings(clampings.into());
         }
@@ -186,7 +205,7 @@ impl Args {
         let area_mm2 = placed.shown().0.map_or(0.0, Mesh::area);
         let mut facts = Facts::new();
         facts.add("part", "part", Cell::text(placed.part()));
-        facts.add("machine", "machine", Cell::text(self.machine.to_string()));
+        facts.add("machine", "machine", Cell::text(candidates.machine().to_string()));
         part_itself::add_rests(&mut facts, outcome.rests_on_tolerance());
         facts.add("finish_mm", "finish tolerance, mm", Cell::Given(placed.options().finish_mm));
         facts.add("area_mm2", "surface, mm²", Cell::Number(area_mm2));

@@ -174,8 +174,8 @@ fn the_pieces_of_a_finding_are_known_and_the_larger_one_keeps_the_name() {
 fn known_findings_that_join_over_a_gap_of_few_sites_are_known_with_both_reasons() {
     let part = Part::new();
     let whole = |p: &Vec3, n: &Vec3| top(p, n, [5.0, 35.0], [5.0, 15.0]);
-    // Sites are 0.93 mm apart: 4 mm part, and a known one covers some 2 mm around it.
-    let parted = |p: &Vec3, n: &Vec3| whole(p, n) && !(22.0..26.0).contains(&p.x);
+    // Sites are 0.93 mm apart: 2.5 mm part, and a known one covers some 1 mm around it.
+    let parted = |p: &Vec3, n: &Vec3| whole(p, n) && !(22.0..24.5).contains(&p.x);
     let mut baseline = part.baseline(parted);
     baseline.known[0].reason = "left".into();
     baseline.known[1].reason = "right".into();

@@ -1,0 +1,107 @@
+use super::*;
+use crate::directions::{DirectionSet, Directions};
+use glam::DVec3;
+
+fn example(name: &str) -> Kinematics {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/machines").join(name);
+    read(&path).unwrap().axes().unwrap().clone()
+}
+
+#[test]
+fn the_examples_are_machines_of_every_kind_and_their_angles_give_the_tool_axis_within_1e_9() {
+    let sphere = Directions::new(DirectionSet::FibonacciSphere { n_dirs: 4000 }).unwrap();
+    let box_axes = DVec3::AXES.into_iter().chain(DVec3::AXES.map(|axis| -axis));
+    let circle = (0..720).map(|k| {
+        let radians = f64::from(k).to_radians() / 2.0;
+        DVec3::new(0.0, libm::sin(radians), libm::cos(radians))
+    });
+    let directions: Vec<DVec3> =
+        sphere.vectors().iter().map(|d| d.as_dvec3().normalize()).collect();
+    let all: Vec<DVec3> = directions.into_iter().chain(circle).chain(box_axes).collect();
+    // Of 4000 over the sphere, those below the greatest tilt: (1 − cos) / 2 of them.
+    for (name, words, n_over_sphere) in [
+        ("three-axis.toml", "Three-axis mill", 0..=0),
+        ("rotary-table.toml", "Mill with dividing head (table A)", 0..=0),
+        ("trunnion-ac.toml", "Trunnion A/C (table C, table A -120..30)", 2999..=3001),
+        ("head-cb.toml", "Fork head C/B (head C -270..270, head B -95..95)", 2173..=2176),
+        ("head-b-table-c.toml", "Swivel head B, table C (table C, head B -30..120)", 2999..=3001),
+    ] {
+        let machine = example(name);
+        assert_eq!(machine.to_string(), words);
+        let mut n_reached = 0;
+        for (k, axis) in all.iter().enumerate() {
+            let poses = machine.poses(*axis);
+            n_reached += usize::from(k < 4000 && !poses.is_empty());
+            for pose in poses {
+                let error = (machine.tool_axis(&pose) - *axis).length();
+                assert!(error < 1e-9, "{name}: {axis}, {pose:?}: {error}");
+            }
+        }
+        assert!(n_over_sphere.contains(&n_reached), "{name}: {n_reached}");
+        assert!(!machine.poses(DVec3::Z).is_empty(), "{name}");
+    }
+    let n_files = std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/machines"));
+    assert_eq!(n_files.unwrap().count(), 5, "every example is read here");
+}
+
+const A: &str = "[[axis]]\nletter = \"A\"\non = \"table\"\naxis = [1, 0, 0]\n";
+const B: &str = "[[axis]]\nletter = \"B\"\non = \"head\"\naxis = [0, 1, 0]\n";
+const C: &str = "[[axis]]\nletter = \"C\"\non = \"head\"\naxis = [0, 0, 1]\n";
+
+#[test]
+fn bad_files_get_one_line_with_file_line_finding_and_remedy() {
+    let name = "name = \"m\"\n";
+    let second = "[[axis]]\nletter = \"A\"\non = \"head\"\naxis = [0, 1, 0]\n";
+    let cases: [(String, &str, &str); 21] = [
+        (String::new(), "m.toml: ", "missing field `name`"),
+        ("name = ".into(), "m.toml: line 1: ", "docs/machines"),
+        ("name = 3".into(), "m.toml: line 1: ", "expected a string"),
+        ("name = \"\"".into(), "m.toml: line 1: ", "\"\" is no name"),
+        (format!("{name}tilt = 3"), "m.toml: line 2: ", "unknown field `tilt`"),
+        (format!("{name}{A}limit = [0, 1]"), "m.toml: line 6: ", "unknown field `limit`"),
+        (format!("{name}home = \"-z\""), "m.toml: line 2: home is `-z`", "home = \"+z\""),
+        (format!("{name}{A}limits = [30, -120]"), "m.toml: line 6: limits 30, -120", "least"),
+        (format!("{name}{A}limits = [nan, 1]"), "m.toml: line 6: limits NaN, 1", "least"),
+        (format!("{name}{A}limits = 30"), "m.toml: line 6: ", "array of length 2"),
+        (format!("{name}{A}limits = [0, 1, 2]"), "m.toml: line 6: ", "docs/machines"),
+        (format!("{name}{A}limits = [\"0\", 1]"), "m.toml: line 6: ", "string"),
+        (format!("{name}{A}center_mm = [0, inf, 0]"), "m.toml: line 6: the center 0, inf, 0", "mm"),
+        (format!("{name}[strokes_mm]\nx = [5, 5]"), "m.toml: line 3: the stroke 5, 5", "least"),
+        (
+            format!("{name}{}", A.replace("[1, 0, 0]", "[0, 0, 0]")),
+            "m.toml: line 5: the vector 0, 0, 0",
+            "axis = [1, 0, 0]",
+        ),
+        (
+            format!("{name}{}", A.replace("\"A\"", "\"AB\"")),
+            "m.toml: line 3: letter is `AB`",
+            "A, B",
+        ),
+        (format!("{name}{}", A.replace("table", "frame")), "m.toml: line 4: on is `frame`", "head"),
+        (format!("{name}{A}{second}"), "m.toml: line 7: A twice", "letter"),
+        (
+            format!("{name}{A}{}", B.replace("[0, 1, 0]", "[-3, 0, 0]")),
+            "m.toml: line 9: B is parallel to A",
+            "leave one",
+        ),
+        (
+            format!("{name}{B}{A}"),
+            "m.toml: line 8: table axis A after a head axis",
+            "from the part",
+        ),
+        (format!("{name}{A}{B}{C}"), "m.toml: line 11: 3 rotary axes: A, B, C", "at most two"),
+    ];
+    for (text, start, part) in cases {
+        let message = parse(&text, Path::new("m.toml")).unwrap_err().to_string();
+        assert!(message.starts_with(start) && message.contains(part), "{text}\n{message}");
+        assert!(!message.contains('\n') && message.contains("; "), "{message}");
+    }
+}
+
+#[test]
+fn words_are_read_as_words_and_toml_as_a_file() {
+    assert_eq!(of_words_or_file("3-axis").unwrap(), Machine::ThreeAxis);
+    let message = of_words_or_file("no such/mill.TOML").unwrap_err().to_string();
+    assert!(message.starts_with("no such/mill.TOML: cannot be read"), "{message}");
+    assert!(of_words_or_file("lathe").unwrap_err().to_string().starts_with("machine is `lathe`"));
+}
