@@ -9,6 +9,20 @@ use toml::Spanned;
 
 const REMEDY: &str = "compare with the examples in docs/machines and with docs/setups.md";
 
+/// As many numbers, no more: an array of serde leaves out what is too many.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(try_from = "Vec<f64>")]
+struct Numbers<const N: usize>([f64; N]);
+
+impl<const N: usize> TryFrom<Vec<f64>> for Numbers<N> {
+    type Error = String;
+
+    fn try_from(list: Vec<f64>) -> std::result::Result<Self, String> {
+        let found = list.len();
+        list.try_into().map(Numbers).map_err(|_| format!("{found} numbers, expected {N}"))
+    }
+}
+
 /// Keys of a file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -23,9 +37,9 @@ struct MachineFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Strokes {
-    x: Option<Spanned<[f64; 2]>>,
-    y: Option<Spanned<[f64; 2]>>,
-    z: Option<Spanned<[f64; 2]>>,
+    x: Option<Spanned<Numbers<2>>>,
+    y: Option<Spanned<Numbers<2>>>,
+    z: Option<Spanned<Numbers<2>>>,
 }
 
 #[derive(Deserialize)]
@@ -33,9 +47,9 @@ struct Strokes {
 struct AxisFile {
     letter: Spanned<String>,
     on: Spanned<String>,
-    axis: Spanned<[f64; 3]>,
-    limits: Option<Spanned<[f64; 2]>>,
-    center_mm: Option<Spanned<[f64; 3]>>,
+    axis: Spanned<Numbers<3>>,
+    limits: Option<Spanned<Numbers<2>>>,
+    center_mm: Option<Spanned<Numbers<3>>>,
 }
 
 /// A machine in words, as [`Machine`] reads them, or the path of a file that ends in `.toml`.
@@ -83,7 +97,7 @@ fn parse(text: &str, path: &Path) -> Result<Machine> {
     }
     if let Some(Strokes { x, y, z }) = file.strokes_mm {
         for range in [x, y, z].into_iter().flatten() {
-            let [low, high] = *range.get_ref();
+            let Numbers([low, high]) = *range.get_ref();
             if !(low.is_finite() && high.is_finite() && low < high) {
                 let remedy = "give the least and then the greatest place, mm";
                 return Err(refused(range.span(), format!("the stroke {low}, {high}"), remedy));
@@ -108,17 +122,17 @@ fn parse(text: &str, path: &Path) -> Result<Machine> {
             }
         };
         if let Some(center) =
-            center_mm.as_ref().filter(|c| c.get_ref().iter().any(|x| !x.is_finite()))
+            center_mm.as_ref().filter(|c| c.get_ref().0.iter().any(|x| !x.is_finite()))
         {
-            let [x, y, z] = center.get_ref();
+            let Numbers([x, y, z]) = center.get_ref();
             let remedy = "give three numbers, mm, or leave center_mm out";
             return Err(refused(center.span(), format!("the center {x}, {y}, {z}"), remedy));
         }
         axes.push(RotaryParams {
             letter: first,
             on: carrier,
-            axis: *axis.get_ref(),
-            limits_deg: limits.as_ref().map(|limits| *limits.get_ref()),
+            axis: axis.get_ref().0,
+            limits_deg: limits.as_ref().map(|limits| limits.get_ref().0),
         });
     }
     let kinematics = Kinematics::new(file.name.get_ref(), axes);
