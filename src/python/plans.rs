@@ -105,7 +105,7 @@ pub fn setups_of(options: &mut Options<'_>) -> PyResult<Option<SetupRequest>> {
     let given = given_of(options)?;
     match machine {
         Some(machine) => {
-            let machine: Machine = checked(options.py(), machine.parse())?;
+            let machine = checked(options.py(), machines::of_words_or_file(&machine))?;
             Ok(Some(SetupRequest::on(machine).given(given)))
         }
         None if given.is_empty() => Ok(None),

@@ -2,12 +2,13 @@
 
 use crate::args::{DirectionArgs, ToolArgs, called, millimeters, name_of};
 use crate::clock::Clock;
+use crate::machine::{MachineOrFile, machine_or_file};
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use crate::part_itself::SurfaceArgs;
 use crate::premise::premise;
 use crate::progress::Bars;
-use deepmill::access::setups::{Machine, direction_of_words};
+use deepmill::access::setups::direction_of_words;
 use deepmill::analysis::{Analysis, MachinedOutcome, SetupRequest, Stock};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result, atomic_file};
@@ -32,10 +33,11 @@ pub struct Args {
     tools: ToolArgs,
     #[command(flatten)]
     directions: DirectionArgs,
-    /// In setups of this machine, one after the other (3-axis, 3+2:DEGREES, 5-axis:DEGREES, 4-axis, 4-axis:x …, as
-    /// for `setups`): the fewest that cover 99 % of what can be reached.
-    #[arg(long, value_name = "MACHINE", conflicts_with_all = ["directions", "fixture", "table"])]
-    machine: Option<Machine>,
+    /// In setups of this machine, one after the other (3-axis, 3+2:DEGREES, 5-axis:DEGREES, 4-axis, 4-axis:x …, FILE.toml,
+    /// as for `setups`): the fewest that cover 99 % of what can be reached.
+    #[arg(long, value_name = "MACHINE", value_parser = machine_or_file,
+        conflicts_with_all = ["directions", "fixture", "table"])]
+    machine: Option<MachineOrFile>,
     /// In this setup of the machine: the direction of the part that points to the spindle, or along the rotary axis
     /// (+z, -x or X,Y,Z). May be given again: in their order.
     #[arg(long, value_name = "DIRECTION", allow_hyphen_values = true, requires = "machine")]
@@ -59,10 +61,10 @@ pub struct Args {
 
 impl Args {
     fn setups(&self) -> Result<Option<SetupRequest>> {
-        let Some(machine) = self.machine else { return Ok(None) };
+        let Some(machine) = &self.machine else { return Ok(None) };
         let given = self.setup.iter().map(|text| direction_of_words(text));
         let given = given.collect::<Result<_>>().map_err(|error| called(error, "--setup"))?;
-        Ok(Some(SetupRequest::on(machine).given(given)))
+        Ok(Some(SetupRequest::on(machine.machine()?).given(given)))
     }
 
     fn stock(&self, output: &Output) -> Result<Stock> {
@@ -88,7 +90,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = args.read.read_bodies(&args.part, false, output)?;
     let stock = args.stock(output)?;
     clock.lap("read_s", "reading");
-    let premise = match args.machine {
+    let premise = match args.machine.as_ref().map(MachineOrFile::machine).transpose()? {
         Some(machine) => format!("machine {machine}, fixtures are not modelled"),
         None => premise(&directions, &args.surface),
     };

@@ -17,6 +17,7 @@ mod gradcheck;
 mod groups;
 mod import;
 mod label;
+mod machine;
 mod machined;
 mod mesh_args;
 mod model_args;

@@ -4,14 +4,14 @@ use crate::args::{GateArgs, SiteArgs, ToolArgs, called, name_of, share};
 use crate::baseline::BaselineArgs;
 use crate::clock::Clock;
 use crate::findings;
+use crate::machine::{MachineOrFile, machine_or_file};
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::{self, ToleranceArgs};
 use crate::progress::Bars;
 use crate::region::{self, RegionArgs};
-use deepmill::access::setups::{Clampings, Machine, direction_of_words};
+use deepmill::access::setups::{Clampings, direction_of_words};
 use deepmill::analysis::{Analysis, SetupRequest, SetupsOutcome};
-use deepmill::data::files::machines;
 use deepmill::geom::Mesh;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result, atomic_file};
@@ -87,20 +87,6 @@ pub struct Args {
     force: bool,
 }
 
-/// Read after the arguments, so that what is wrong in a file is one line of error.
-#[derive(Clone)]
-enum MachineOrFile {
-    Machine(Machine),
-    File(PathBuf),
-}
-
-fn machine_or_file(text: &str) -> Result<MachineOrFile> {
-    match machines::is_file(text) {
-        true => Ok(MachineOrFile::File(text.into())),
-        false => text.parse().map(MachineOrFile::Machine),
-    }
-}
-
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Clamping {
     Standing,
@@ -171,10 +157,7 @@ const STAGES: [[&str; 2]; 4] = [
 
 impl Args {
     fn request(&self, share: f64) -> Result<SetupRequest> {
-        let machine = match &self.machine {
-            MachineOrFile::Machine(machine) => machine.clone(),
-            MachineOrFile::File(path) => machines::read(path)?,
-        };
+        let machine = self.machine.machine()?;
         let mut request = SetupRequest::on(machine).share(share);
         if let Some(clampings) = self.clampings {
             request = request.clampings(clampings.into());
