@@ -19,6 +19,7 @@
 //! a group of several: the union of its bodies, each with its cavities
 //! ```
 
+#[cfg(feature = "formats")]
 mod crumbs;
 mod pieces;
 mod solid;
@@ -30,10 +31,12 @@ use super::repair::{Change, extremes};
 use super::weld::{join as unite, root};
 use super::{Mesh, intersect};
 use crate::{Error, Result};
+#[cfg(feature = "formats")]
 pub(crate) use crumbs::settle;
 use glam::DVec3;
 use manifold_rust::manifold::Manifold;
 use pieces::{are_closed, owners, pieces};
+#[cfg(feature = "formats")]
 pub(crate) use solid::union;
 use solid::{mesh_of, solid_of};
 use std::collections::BTreeMap;

@@ -5,6 +5,7 @@ pub mod bodies;
 #[doc(hidden)] // of the program and benches
 pub mod cells;
 pub mod check;
+#[cfg(feature = "formats")]
 #[doc(hidden)] // of the program
 pub mod file_vertices;
 #[cfg(feature = "formats")]

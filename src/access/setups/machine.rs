@@ -84,6 +84,7 @@ impl Machine {
     }
 
     /// Whether the tool axes of a setup go around one rotary axis.
+    #[cfg(all(feature = "formats", feature = "generate"))]
     pub(crate) fn is_of_one_axis(&self) -> bool {
         match self {
             Machine::Axes(axes) => axes.n_axes() == 1,

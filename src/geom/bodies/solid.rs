@@ -1,6 +1,7 @@
 //! Meshes as solids of the crate that joins them, and back.
 
 use crate::geom::Mesh;
+#[cfg(feature = "formats")]
 use crate::geom::check::topology::Topology;
 use glam::DVec3;
 use manifold_rust::manifold::Manifold;
@@ -8,6 +9,7 @@ use manifold_rust::types::MeshGLP;
 
 /// The union of two solids, each of one or more bodies that are clear of one another; `None` if one bounds no solid, or
 /// the union does not.
+#[cfg(feature = "formats")]
 pub(crate) fn union(part: &Mesh, other: &Mesh) -> Option<Mesh> {
     let mesh = mesh_of(&solid_of(part)?.union(&solid_of(other)?));
     let (least, most) = (part.volume(), part.volume() + other.volume());
@@ -35,7 +37,7 @@ pub(super) fn mesh_of(solid: &Manifold) -> Mesh {
     Mesh { vertices, triangles: mesh.tri_verts.as_chunks().0.to_vec() }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "formats"))]
 mod tests {
     use super::*;
     use crate::geom::solids::cuboid;
