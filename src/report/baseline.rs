@@ -35,7 +35,7 @@ const SAME_SIZE: f64 = 1e-3;
 pub struct Baseline {
     part: String,
     bounds: Bounds,
-    /// Area that a site stands for, mm².
+    /// Area about a site, mm².
     site_mm2: f64,
     /// Edge of the cells, mm.
     cell_mm: Option<f64>,
@@ -350,7 +350,7 @@ fn members(findings: &Findings) -> Vec<Vec<u32>> {
     members
 }
 
-/// Area that a site stands for, mm².
+/// Area about a site, mm².
 fn site_mm2(findings: &Findings) -> f64 {
     findings.surface_mm2 / findings.of_site.len().max(1) as f64
 }
