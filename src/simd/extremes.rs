@@ -116,11 +116,13 @@ impl Kernel for RaiseLine<'_> {
     fn run<S: Simd>(self, s: S) {
         let [first, slope, low, high] =
             [self.first, self.slope, self.low, self.high].map(|x| S::F32::splat(s, x));
-        let lane = S::F32::load(s, &LANE);
+        // Counted in a vector: whole numbers are exact, and no scalar is converted and spread in every step.
+        let step = S::F32::splat(s, S::LANES as f32);
+        let mut k = S::F32::load(s, &LANE) - step;
         let (n, line) = (self.line.len(), self.line.as_mut_ptr());
         // SAFETY: the slice has `n` numbers, borrowed here alone; chunks end at `n`.
         for_each_vector!(S, n, |chunk| unsafe {
-            let k = lane + S::F32::splat(s, chunk.first as f32);
+            k = k + step;
             let height = (first + slope * k).max(low).min(high);
             chunk.store::<S>(chunk.load(s, line).max(height), line);
         });
