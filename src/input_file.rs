@@ -62,6 +62,11 @@ pub fn read_text(path: &Path, limit: ReadLimit) -> Result<String> {
     })
 }
 
+/// The line of a byte, from 1 on.
+pub fn line_of(text: &[u8], byte: usize) -> usize {
+    1 + text[..byte.min(text.len())].iter().filter(|b| **b == b'\n').count()
+}
+
 /// An entry of an archive, unpacked within `limit`; `claimed` is the size that the archive says it has.
 ///
 /// # Errors

@@ -183,9 +183,7 @@ impl LabelFile {
     /// # Errors
     /// If it is no such file, or an array is missing, of the wrong length or out of range.
     pub fn read(path: &Path) -> Result<Self> {
-        let mut npz = NpzReader::open(path)?;
-        let provenance = Provenance::read(path, &mut npz, Self::FORMAT)?;
-        let sites = read_sites(path, &mut npz)?;
+        let (mut npz, provenance, sites) = open(path, Self::FORMAT)?;
         let answers = SiteAnswers {
             inaccessible: npz.bools("inaccessible")?,
             accessible_directions: match npz.has("retreat_unproven") {
@@ -410,6 +408,17 @@ fn start(sites: &Sites, provenance: &Provenance) -> NpzWriter {
     }
     npz.array("cutter", &[4], &provenance.cutter.to_array());
     npz
+}
+
+/// Opens a file about sites.
+///
+/// # Errors
+/// If it is not of this format, or its sites are not sound.
+fn open(path: &Path, format: &'static str) -> Result<(NpzReader, Provenance, Sites)> {
+    let mut npz = NpzReader::open(path)?;
+    let provenance = Provenance::read(path, &mut npz, format)?;
+    let sites = read_sites(path, &mut npz)?;
+    Ok((npz, provenance, sites))
 }
 
 fn read_sites(path: &Path, npz: &mut NpzReader) -> Result<Sites> {

@@ -24,7 +24,7 @@ pub fn read(path: &Path, base: &Settings) -> Result<Settings> {
         Error::file(path, place, e.message().trim().replace('\n', ", "), REMEDY)
     };
     let in_text = |e: &toml::de::Error| {
-        let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
+        let line = e.span().map(|s| input_file::line_of(text.as_bytes(), s.start));
         bad(line.map_or_else(|| "settings".into(), |line| format!("line {line}")), e)
     };
     let changes: Table = toml::from_str(&text).map_err(|e| in_text(&e))?;

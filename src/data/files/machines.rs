@@ -78,8 +78,8 @@ pub fn read(path: &Path) -> Result<Machine> {
 
 fn parse(text: &str, path: &Path) -> Result<Machine> {
     let place = |span: Option<Range<usize>>| {
-        let before = span.and_then(|span| text.get(..span.start));
-        before.map_or_else(|| "file".into(), |t| format!("line {}", 1 + t.matches('\n').count()))
+        let line = span.map(|span| input_file::line_of(text.as_bytes(), span.start));
+        line.map_or_else(|| "file".into(), |line| format!("line {line}"))
     };
     let refused = |span: Range<usize>, found: String, remedy: &str| {
         Error::file(path, place(Some(span)), found, remedy)

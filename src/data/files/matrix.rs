@@ -4,10 +4,9 @@
 //! As an NPZ archive with directions and sites, and as the text of DeepMill++'s `visibility_matrix.txt`: a line per
 //! direction, numbers 0 and 1 with a space between them, a column per vertex of the part's file.
 
-use super::{Provenance, read_sites, start, vertices};
+use super::{Provenance, open, start, vertices};
 use crate::access::CollisionMatrix;
 use crate::access::surface::AccessibleDirections;
-use crate::data::npz::NpzReader;
 use crate::geom::Sites;
 use crate::geom::file_vertices::SiteVertices;
 use crate::{Error, Result, atomic_file, input_file, memory};
@@ -268,9 +267,7 @@ impl MatrixFile {
     /// # Errors
     /// If it is no such file, or an array is missing or of another size than directions and sites have.
     pub fn read(path: &Path) -> Result<Self> {
-        let mut npz = NpzReader::open(path)?;
-        let provenance = Provenance::read(path, &mut npz, Self::FORMAT)?;
-        let sites = read_sites(path, &mut npz)?;
+        let (mut npz, provenance, sites) = open(path, Self::FORMAT)?;
         let directions = npz.vectors(DIRECTIONS)?;
         let n = sites.len();
         let entries = npz.bool_rows(ACCESSIBLE, n)?;

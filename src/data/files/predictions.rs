@@ -1,6 +1,6 @@
 //! Files of a network's answers, some of which may be computed.
 
-use super::{Provenance, add_answers, few, read_sites, same_length, start};
+use super::{Provenance, add_answers, few, open, same_length, start};
 use crate::access::surface::Verified;
 use crate::answers::{SiteAnswers, SpotCheck};
 use crate::data::npz::NpzReader;
@@ -99,9 +99,7 @@ impl PredictionFile {
     /// # Errors
     /// If it is no such file, or an array is missing or of the wrong length.
     pub fn read(path: &Path) -> Result<Self> {
-        let mut npz = NpzReader::open(path)?;
-        let provenance = Provenance::read(path, &mut npz, Self::FORMAT)?;
-        let sites = read_sites(path, &mut npz)?;
+        let (mut npz, provenance, sites) = open(path, Self::FORMAT)?;
         let [logits_inaccessible, logits_occlusion] = ["inaccessible", "occlusion"].map(|name| {
             let name = format!("logits_{name}");
             let logits = npz.f32s(&name, 2)?;

@@ -312,10 +312,7 @@ impl Text<'_> {
     }
 
     fn line_of(&self, byte: usize) -> usize {
-        1 + self.text.as_bytes()[..byte.min(self.text.len())]
-            .iter()
-            .filter(|b| **b == b'\n')
-            .count()
+        input_file::line_of(self.text.as_bytes(), byte)
     }
 
     fn bad<T>(&self, at: &Spanned<T>, found: String, remedy: &str) -> Error {

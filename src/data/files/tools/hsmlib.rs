@@ -15,7 +15,7 @@
 
 use super::fusion::Spelling;
 use super::place::shown;
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
 use serde_json::{Map, Value, json};
@@ -34,10 +34,7 @@ pub(super) fn library(text: &str, path: &Path) -> Result<Value> {
     let mut reader = Reader::from_str(text);
     let mut library = Library::default();
     let mut depth = 0usize;
-    let line = |at: u64| {
-        let read = &text.as_bytes()[..(at as usize).min(text.len())];
-        format!("line {}", 1 + read.iter().filter(|byte| **byte == b'\n').count())
-    };
+    let line = |at: u64| format!("line {}", input_file::line_of(text.as_bytes(), at as usize));
     loop {
         let event = reader.read_event().map_err(|e| {
             let found = format!("the XML cannot be read ({})", one_line(&e.to_string()));

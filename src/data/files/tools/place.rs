@@ -1,7 +1,7 @@
 //! Where in a file something stands, for messages; and texts and numbers of any origin.
 
 use crate::geom::units::length::converted;
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use serde_json::Value;
 use std::borrow::Cow;
 use std::path::Path;
@@ -98,7 +98,7 @@ pub(super) fn shown_value(value: &Value) -> String {
 /// The text without a byte order mark, its lines ending in line feeds.
 pub(super) fn text<'a>(bytes: &'a [u8], path: &Path) -> Result<Cow<'a, str>> {
     let text = std::str::from_utf8(bytes).map_err(|e| {
-        let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count();
+        let line = input_file::line_of(bytes, e.valid_up_to());
         let remedy = "save it in UTF-8, a table as CSV";
         Error::file(path, format!("line {line}"), "the text is not UTF-8", remedy)
     })?;
