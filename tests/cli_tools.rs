@@ -3,7 +3,7 @@
 
 mod command;
 
-use command::{CUTTER, Folder, deepmill, failure, json, label_tools, text};
+use command::{CUTTER, Folder, deepmill, failure, grooved, json, label_tools, text};
 use deepmill::data::files::LabelFile;
 use deepmill::report::gate::SiteAreas;
 use serde_json::Value;
@@ -86,26 +86,11 @@ fn a_tool_table_says_what_each_tool_adds_and_what_none_reaches() {
     assert!(on_mesh != discs, "drawn on the mesh that the tools share");
 }
 
-/// A block 44 × 30 × 20 mm with a groove 4 mm wide and 6 mm deep along y.
-fn grooved_block(folder: &Folder) -> String {
-    let corners = [[0, 0], [44, 0], [44, 20], [24, 20], [24, 14], [20, 14], [20, 20], [0, 20]];
-    let corner = |k: usize, y: f32| [corners[k][0] as f32, y, corners[k][1] as f32];
-    let end = [[0, 1, 4], [0, 4, 5], [1, 2, 4], [2, 3, 4], [0, 5, 7], [5, 6, 7]];
-    let mut triangles: Vec<_> = end.iter().map(|t| t.map(|k| corner(k, 0.0))).collect();
-    triangles.extend(end.iter().map(|[a, b, c]| [*a, *c, *b].map(|k| corner(k, 30.0))));
-    for k in 0..8 {
-        let [a, b, c, d] = [(k, 0.0), (k, 30.0), ((k + 1) % 8, 30.0), ((k + 1) % 8, 0.0)]
-            .map(|(k, y)| corner(k, y));
-        triangles.extend([[a, b, c], [a, c, d]]);
-    }
-    folder.file("groove.stl", command::stl(&triangles))
-}
-
 /// The ball of 8 mm is hardly more inaccessible than that of 2 mm, and its tip does not fit into the groove.
 #[test]
 fn a_tool_whose_tip_does_not_fit_reaches_less_in_every_table() {
     let folder = Folder::new();
-    let part = grooved_block(&folder);
+    let part = grooved(&folder, 4.0, 6.0);
     let tools = folder.file("shop.csv", "name,CR,CH,FR,FH\nD8,4,40,10,20\nD2,1,40,10,20\n");
     let run = |command: &str, option: &str| {
         let out = folder.path(command);
