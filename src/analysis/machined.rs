@@ -14,7 +14,6 @@ use crate::data::files::tools::Tool;
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::formats::{self, MeshOrCloud};
 use crate::geom::sites::{SiteOptions, sample};
-use crate::geom::units::Unit;
 use crate::geom::{Mesh, bodies, inside};
 use crate::report::tables::{Cell, Table};
 use crate::report::{Class, Coloring, PartView, picture};
@@ -362,13 +361,13 @@ impl MachinedOutcome {
         }
         if files.pictures {
             let path = folder.join("machined.png");
-            self.draw(&path, files.unit)?;
+            self.draw(&path)?;
             paths.push(path);
         }
         Ok(paths)
     }
 
-    fn draw(&self, path: &Path, _: Unit) -> Result<()> {
+    fn draw(&self, path: &Path) -> Result<()> {
         let sites =
             sample(&self.mesh, &SiteOptions { n_sites: N_SITES, ..SiteOptions::default() })?;
         let own = TriangleObstacles::new(&self.own, &[])?;

@@ -5,7 +5,6 @@ use super::placed::Placed;
 use crate::access::{self, LabelOptions};
 use crate::data::files::matrix::{AccessMatrix, MatrixFile};
 use crate::data::files::safety;
-use crate::geom::Mesh;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -198,26 +197,6 @@ impl std::str::FromStr for PerDirection {
                 let remedy = "txt is the form of DeepMill++, npz has the directions too";
                 Err(Error::argument("matrix", format!("`{name}`"), "npz or txt", remedy))
             }
-        }
-    }
-}
-
-impl Placed {
-    /// Centroids of the triangles, if these block.
-    pub(super) fn centroids(&self) -> Option<Vec<glam::Vec3>> {
-        let is_blocking = self.blocking == crate::data::files::settings::Blocking::Centroids;
-        self.mesh.as_ref().filter(|_| is_blocking).map(Mesh::centroids)
-    }
-
-    /// What blocks, if points do.
-    pub(super) fn points<'a>(
-        &'a self,
-        centroids: Option<&'a [glam::Vec3]>,
-    ) -> access::Obstacles<'a> {
-        match (&self.more, centroids) {
-            (Some(sites), _) => access::Obstacles::QueriesAnd(&sites.points),
-            (None, Some(centroids)) => access::Obstacles::Centroids(centroids),
-            (None, None) => access::Obstacles::Queries,
         }
     }
 }

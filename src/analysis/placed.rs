@@ -21,7 +21,7 @@ use crate::geom::{Mesh, Sites};
 use crate::report::findings::{ALL_TOOLS, Bounds, Findings, bounds_of, for_all_tools};
 use crate::report::outlines::outlines;
 use crate::{Error, Result};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::mem;
 use std::time::Instant;
 
@@ -44,6 +44,15 @@ pub struct Placed {
     pub(super) more: Option<Sites>,
     warnings: Vec<String>,
     seconds: f64,
+}
+
+/// Sites on a part.
+#[derive(Default)]
+struct OnPart {
+    sites: Sites,
+    /// See [`Placed::vertices`].
+    vertices: Option<SiteVertices>,
+    region: Option<(Region, Sites)>,
 }
 
 impl Analysis {
@@ -79,13 +88,12 @@ impl Analysis {
             }
         }
         let directions = self.take_directions(blocking)?;
-        let mut vertices = None;
-        let (mesh, sites, region) = match self.shape.take() {
-            None => (None, Sites::default(), None),
-            Some(MeshOrCloud::Cloud(sites)) => (None, sites, None),
+        let (mesh, on_part) = match self.shape.take() {
+            None => (None, OnPart::default()),
+            Some(MeshOrCloud::Cloud(sites)) => (None, OnPart { sites, ..OnPart::default() }),
             Some(MeshOrCloud::Mesh(mesh)) => {
-                let (sites, region) = self.sites_on(&mesh, &mut vertices)?;
-                (Some(mesh), sites, region)
+                let on_part = self.sites_on(&mesh)?;
+                (Some(mesh), on_part)
             }
         };
         let more = self.further_obstacles(blocking, mesh.as_ref())?;
@@ -96,6 +104,7 @@ impl Analysis {
         }
         report(observer, Stage::Sites, (1, 1))?;
         let seconds = started.elapsed().as_secs_f64();
+        let OnPart { sites, vertices, region } = on_part;
         let request = self;
         Ok(Placed {
             request,
@@ -121,34 +130,32 @@ impl Analysis {
     }
 
     /// The sites, their faces those of the part, and the region with its own.
-    fn sites_on(
-        &self,
-        mesh: &Mesh,
-        vertices: &mut Option<SiteVertices>,
-    ) -> Result<(Sites, Option<(Region, Sites)>)> {
+    fn sites_on(&self, mesh: &Mesh) -> Result<OnPart> {
         let Some(named) = &self.region else {
-            return Ok((self.spread_on(mesh, vertices)?, None));
+            let (sites, vertices) = self.spread_on(mesh)?;
+            return Ok(OnPart { sites, vertices, region: None });
         };
         let region = named.selection.of(mesh)?;
-        let on_region = match &self.sites {
-            Placement::Spread(options) => named.selection.sample(mesh, &region, options)?,
-            Placement::Vertices { .. } => self.spread_on(&region.mesh, vertices)?,
+        let (on_region, vertices) = match &self.sites {
+            Placement::Spread(options) => (named.selection.sample(mesh, &region, options)?, None),
+            Placement::Vertices { .. } => self.spread_on(&region.mesh)?,
         };
-        Ok((region.on_part(&on_region), Some((region, on_region))))
+        let sites = region.on_part(&on_region);
+        Ok(OnPart { sites, vertices, region: Some((region, on_region)) })
     }
 
-    fn spread_on(&self, mesh: &Mesh, vertices: &mut Option<SiteVertices>) -> Result<Sites> {
+    /// The sites on a mesh, and the vertices of the part's file that they are at, if they are at vertices.
+    fn spread_on(&self, mesh: &Mesh) -> Result<(Sites, Option<SiteVertices>)> {
         let normals = match &self.sites {
-            Placement::Spread(options) => return sites::sample(mesh, options),
+            Placement::Spread(options) => return Ok((sites::sample(mesh, options)?, None)),
             Placement::Vertices { normals, .. } => *normals,
         };
         let (sites, rows) = sites::at_vertices(mesh, normals)?;
-        let Some(file) = &self.file_vertices else { return Ok(sites) };
+        let Some(file) = &self.file_vertices else { return Ok((sites, None)) };
         let places: Vec<DVec3> = rows.iter().map(|&v| mesh.vertices[v as usize]).collect();
-        let (order, found) = file.of_sites(&places);
-        *vertices = Some(found);
+        let (order, vertices) = file.of_sites(&places);
         let faces = order.iter().map(|&i| sites.faces[i]).collect();
-        Ok(Sites { faces, ..sites.subset(&order) })
+        Ok((Sites { faces, ..sites.subset(&order) }, Some(vertices)))
     }
 
     /// Points of the surface beside the sites, from another stream of the same seed.
@@ -448,6 +455,21 @@ impl Placed {
         let mut of_all = (labels.len() > 1).then(all).transpose()?;
         of_all.iter_mut().for_each(|found| found.identify(ALL_TOOLS, bounds));
         Ok((of_tools, of_all))
+    }
+
+    /// Centroids of the triangles, if these block.
+    pub(super) fn centroids(&self) -> Option<Vec<Vec3>> {
+        let is_blocking = self.blocking == Blocking::Centroids;
+        self.mesh.as_ref().filter(|_| is_blocking).map(Mesh::centroids)
+    }
+
+    /// What blocks, if points do.
+    pub(super) fn points<'a>(&'a self, centroids: Option<&'a [Vec3]>) -> Obstacles<'a> {
+        match (&self.more, centroids) {
+            (Some(sites), _) => Obstacles::QueriesAnd(&sites.points),
+            (None, Some(centroids)) => Obstacles::Centroids(centroids),
+            (None, None) => Obstacles::Queries,
+        }
     }
 
     /// Whether occlusion points are among the answers.

@@ -8,7 +8,7 @@ use crate::output::Output;
 use crate::part_itself::SurfaceArgs;
 use crate::premise::premise;
 use crate::progress::Bars;
-use deepmill::access::setups::direction_of_words;
+use deepmill::access::setups::{Machine, direction_of_words};
 use deepmill::analysis::{Analysis, MachinedOutcome, SetupRequest, Stock};
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result, atomic_file};
@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 /// Compute the part that tools leave of a stock: what none of them removes in any direction stays on it.
 ///
 /// Writes to DIR: machined.stl (the part with what is left, one closed surface), rest.stl (what is left, a body each),
-/// machined.csv (volume left by each tool alone, and after it; with --machine after each in every setup), rest.csv (volume and place of each body) and
-/// machined.png.
+/// machined.csv (volume left by each tool alone, and after it; with --machine after each in every setup), rest.csv
+/// (volume and place of each body) and machined.png.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill machined part.stl --cutter 3,20,20,40 --out machined\n\
 Of a stock 2 mm larger: deepmill machined part.stl --tools tools.csv --stock box:2 --out machined\n\
@@ -33,8 +33,8 @@ pub struct Args {
     tools: ToolArgs,
     #[command(flatten)]
     directions: DirectionArgs,
-    /// In setups of this machine, one after the other (3-axis, 3+2:DEGREES, 5-axis:DEGREES, 4-axis, 4-axis:x …, FILE.toml,
-    /// as for `setups`): the fewest that cover 99 % of what can be reached.
+    /// In setups of this machine, one after the other (3-axis, 3+2:DEGREES, 5-axis:DEGREES, 4-axis, 4-axis:x …,
+    /// FILE.toml, as for `setups`): the fewest that cover 99 % of what can be reached.
     #[arg(long, value_name = "MACHINE", value_parser = machine_or_file,
         conflicts_with_all = ["directions", "fixture", "table"])]
     machine: Option<MachineOrFile>,
@@ -60,11 +60,11 @@ pub struct Args {
 }
 
 impl Args {
-    fn setups(&self) -> Result<Option<SetupRequest>> {
-        let Some(machine) = &self.machine else { return Ok(None) };
+    /// The setups of a machine.
+    fn setups_on(&self, machine: Machine) -> Result<SetupRequest> {
         let given = self.setup.iter().map(|text| direction_of_words(text));
         let given = given.collect::<Result<_>>().map_err(|error| called(error, "--setup"))?;
-        Ok(Some(SetupRequest::on(machine.machine()?).given(given)))
+        Ok(SetupRequest::on(machine).given(given))
     }
 
     fn stock(&self, output: &Output) -> Result<Stock> {
@@ -83,14 +83,15 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.surface.tolerances.with_allowance(args.tools.tools(output)?)?;
     let options = args.surface.options(1.0)?;
     let directions = args.directions.directions()?;
-    let setups = args.setups()?;
+    let machine = args.machine.as_ref().map(MachineOrFile::machine).transpose()?;
+    let setups = machine.clone().map(|machine| args.setups_on(machine)).transpose()?;
     let files = output.forms(!args.no_picture, false, &[])?;
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(&args.part, false, output)?;
     let stock = args.stock(output)?;
     clock.lap("read_s", "reading");
-    let premise = match args.machine.as_ref().map(MachineOrFile::machine).transpose()? {
+    let premise = match machine {
         Some(machine) => format!("machine {machine}, fixtures are not modelled"),
         None => premise(&directions, &args.surface),
     };
