@@ -94,9 +94,9 @@ impl fmt::Display for DirectionSet {
     }
 }
 
-/// Reads `published`, `deepmill++`, `COUNT` or `hemisphere:COUNT`, `sphere:COUNT`, `latlong:RINGSxCOUNT`, `cone:DEGREES:COUNT`
-/// (about +z) or `cone:DEGREES:COUNT:X,Y,Z`, `circle:X,Y,Z:COUNT`, `list:X,Y,Z;X,Y,Z;…`; also `up`, and
-/// `4-axis:AXIS` or `4-axis:AXIS:LOW,HIGH` (degrees, [`TurnLimits`]) with a direction every 5 degrees.
+/// Reads `published`, `deepmill++`, `COUNT` or `hemisphere:COUNT`, `sphere:COUNT`, `latlong:RINGSxCOUNT`,
+/// `cone:DEGREES:COUNT` (about +z) or `cone:DEGREES:COUNT:X,Y,Z`, `circle:X,Y,Z:COUNT`, `list:X,Y,Z;X,Y,Z;…`; also
+/// `up`, and `4-axis:AXIS` or `4-axis:AXIS:LOW,HIGH` (degrees, [`TurnLimits`]) with a direction every 5 degrees.
 ///
 /// ```
 /// use deepmill::directions::DirectionSet;

@@ -1,4 +1,5 @@
-//! Findings in a pipeline: names that stay, baselines, and what fails a run. The commands are those of docs/pipeline.md.
+//! Findings in a pipeline: names that stay, baselines, and what fails a run. The commands are those of
+//! docs/pipeline.md.
 #![cfg(feature = "cli")]
 
 mod command;

@@ -27,8 +27,8 @@ const BLOCK: &str = "# by hand\n\
     f 5 9 10 6 # a quad\n";
 
 /// From +z and from +x, per vertex of the file. The tool is a ball of radius 1.5 with a holder of radius 40 from 7.5
-/// above its middle: a site is reached from a direction if no more than 7.5 of the block is above it, and its face does not
-/// look the other way. The middle of a wall is 5 below the top.
+/// above its middle: a site is reached from a direction if no more than 7.5 of the block is above it, and its face does
+/// not look the other way. The middle of a wall is 5 below the top.
 const FROM_ABOVE: [u8; 15] = [0, 1, 0, 0, 0, 0, 1, 1, 1, 1, 1, 0, 1, 1, 1];
 const FROM_X: [u8; 15] = [0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 1, 1, 1, 0, 1];
 

@@ -107,8 +107,8 @@ fn the_directions_of_deepmill_plus_plus_follow_their_rule() {
     assert!(found[..101].is_sorted_by(|a, b| a.y < b.y));
 }
 
-/// Lines of the published list, from its beginning, middle and end. With π in place of 3.1415926 the last digits of most
-/// lines differ.
+/// Lines of the published list, from its beginning, middle and end. With π in place of 3.1415926 the last digits of
+/// most lines differ.
 #[test]
 fn the_directions_of_deepmill_plus_plus_have_the_printed_digits() {
     let found = vectors(DirectionSet::DeepMillPlusPlus);

@@ -1,8 +1,8 @@
 //! Baselines: the findings of a part that are known, in a file that people read and edit.
 //!
 //! [`Baseline::read`] reads one. What is found later is held against it: findings and known ones of the same tool that
-//! overlap are a group, and each finding of it is *known*, or *grown*; any other is *new*, or *small*; what is known and
-//! not found is *gone*. `docs/pipeline.md` has the rules.
+//! overlap are a group, and each finding of it is *known*, or *grown*; any other is *new*, or *small*; what is known
+//! and not found is *gone*. `docs/pipeline.md` has the rules.
 
 mod cells;
 mod file;
@@ -256,8 +256,8 @@ impl Baseline {
         )
     }
 
-    /// Per finding, how it has grown: if it has a patch that is not known, or, of the largest finding of a group, if the
-    /// group is larger than it was.
+    /// Per finding, how it has grown: if it has a patch that is not known, or, of the largest finding of a group, if
+    /// the group is larger than it was.
     fn grown(&self, findings: &Findings, matches: &Matches, site_mm2: f64) -> Vec<Option<Grown>> {
         let mut areas: HashMap<usize, (f64, f64)> = HashMap::new();
         for (known, group) in self.known.iter().zip(&matches.group_of_known) {

@@ -244,9 +244,9 @@ impl Limit {
         self.quantity == REST || matches!(self.bound, Bound::Volume(_))
     }
 
-    /// Why the largest region breaks the limit, or the one about which most is left; `None` if it keeps it, or the limit
-    /// is not about regions. Of findings that were held against a baseline, only those that are listed and not known
-    /// count.
+    /// Why the largest region breaks the limit, or the one about which most is left; `None` if it keeps it, or the
+    /// limit is not about regions. Of findings that were held against a baseline, only those that are listed and not
+    /// known count.
     pub fn broken_by_findings(&self, findings: &Findings) -> Option<String> {
         let counted = findings.list.iter().filter(|f| f.status != Some(FindingStatus::Known));
         if let Bound::Volume(bound) = self.bound {

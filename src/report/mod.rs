@@ -1,7 +1,8 @@
 //! Tables, colored point clouds, pictures and curves of results.
 //!
-//! [`findings`] lists regions that no tool reaches, [`baseline`] those that are known, [`coverage`] is about several tools at once, [`gate`] about the area
-//! that sites stand for, [`tables`] show numbers. `analysis` computes them and writes all files of a report.
+//! [`findings`] lists regions that no tool reaches, [`baseline`] those that are known, [`coverage`] is about several
+//! tools at once, [`gate`] about the area that sites stand for, [`tables`] show numbers. `analysis` computes them and
+//! writes all files of a report.
 
 pub mod baseline;
 mod camera;

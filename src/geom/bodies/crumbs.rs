@@ -21,9 +21,9 @@ fn drop_crumbs(mesh: &mut Mesh, least_mm3: f64) {
 /// The first tolerance, as a share of the diagonal: ten times that of the readers.
 const FIRST: f64 = 10.0 * DEFAULT_TOLERANCE;
 
-/// Removes pieces that enclose less than `least_mm3` ([`drop_crumbs`]), and collapses short edges and narrow triangles of
-/// a solid until it bounds one when it is read again from a file of f32 numbers, where corners near to each other are
-/// joined; whether it does then. Surfaces move by no more than `most_mm`.
+/// Removes pieces that enclose less than `least_mm3` ([`drop_crumbs`]), and collapses short edges and narrow triangles
+/// of a solid until it bounds one when it is read again from a file of f32 numbers, where corners near to each other
+/// are joined; whether it does then. Surfaces move by no more than `most_mm`.
 pub(crate) fn settle(mesh: &mut Mesh, least_mm3: f64, most_mm: f64) -> bool {
     drop_crumbs(mesh, least_mm3);
     if is_solid_when_read(mesh) {

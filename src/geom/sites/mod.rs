@@ -411,8 +411,8 @@ mod tests {
         }
     }
 
-    /// At the corner of a box 1 × 2 × 3 mm each face has an angle of 90°; where its quad is cut the corner belongs to one
-    /// triangle or two, of half the quad's area each.
+    /// At the corner of a box 1 × 2 × 3 mm each face has an angle of 90°; where its quad is cut the corner belongs to
+    /// one triangle or two, of half the quad's area each.
     #[test]
     fn normals_at_vertices_weigh_faces_by_angle_or_by_area() {
         let mesh = cuboid(dvec3(1.0, 2.0, 3.0));

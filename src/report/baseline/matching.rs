@@ -50,8 +50,8 @@ impl Patch {
     }
 }
 
-/// Matches findings with what is known: with known ones, of which `covers` has `None` for those of other tools, and with
-/// sites that were scattered.
+/// Matches findings with what is known: with known ones, of which `covers` has `None` for those of other tools, and
+/// with sites that were scattered.
 pub fn matches(
     findings: &Findings,
     (members, sites): (&[Vec<u32>], &Sites),
