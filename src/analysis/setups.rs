@@ -8,10 +8,11 @@ use crate::access::setups::{Candidates, Choice, Clampings, Machine, Plan};
 use crate::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
 use crate::answers::SiteAnswers;
 use crate::data::files::tools::{Tool, thick_and_short_first};
+use crate::geom::units::Unit;
 use crate::report::PartView;
 use crate::report::findings::Findings;
 use crate::report::gate::SiteAreas;
-use crate::report::page::Page;
+use crate::report::page::{LivePage, Page};
 use crate::report::setups::Setups;
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -281,13 +282,27 @@ impl SetupsOutcome {
         let mut paths = self.setups.write(folder, view, files.show(), unit)?;
         paths.extend(self.findings.write(folder, (name, words), unit)?);
         if files.report {
-            let views = &self.setups.views(self.findings.clone(), &self.settings())[..];
-            let page = Page { part: name, mesh, sites, views, unit, outlines: &[] };
-            paths.push(page.write(folder)?);
+            paths.push(self.with_page(unit, |page| page.write(folder))?);
         }
         paths.extend(self.placed.write_surfaces(folder)?);
         report(observer, Stage::Writing, (1, 1))?;
         Ok(paths)
+    }
+
+    /// Gives the page to a function.
+    fn with_page<T>(&self, unit: Unit, with: impl FnOnce(Page) -> Result<T>) -> Result<T> {
+        let (mesh, sites) = self.placed.shown();
+        let views = &self.setups.views(self.findings.clone(), &self.settings())[..];
+        with(Page { part: self.placed.part(), mesh, sites, views, unit, outlines: &[] })
+    }
+
+    /// As [`Outcome::live_page`](super::Outcome::live_page).
+    ///
+    /// # Errors
+    /// As [`SetupsOutcome::write`].
+    #[doc(hidden)] // of the program
+    pub fn live_page(&self, unit: Unit) -> Result<LivePage> {
+        self.with_page(unit, |page| Ok(LivePage::of(page)))
     }
 
     /// As the page shows them.

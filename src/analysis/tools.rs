@@ -8,10 +8,13 @@ use crate::access::surface::{SiteAnswer, ToolReach, Warning};
 use crate::answers::SiteAnswers;
 use crate::cutter::Assembly;
 use crate::data::files::tools::Tool;
+use crate::geom::units::Unit;
 use crate::report::PartView;
 use crate::report::coverage::Coverage;
+use crate::report::findings::{Findings, for_all_tools};
 use crate::report::gate::SiteAreas;
 use crate::report::library::Library;
+use crate::report::page::{LivePage, Page};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -135,12 +138,42 @@ impl ToolsOutcome {
         let (mesh, sites) = self.placed.shown();
         let (cutter, outlines) = (&*format!("{} tools", tools.len()), &self.placed.outlines()[..]);
         let view = PartView { name: &self.placed.request.part, mesh, sites, cutter, outlines };
-        let accessible: Vec<Vec<bool>> = self.library.reach().iter().map(reached_by).collect();
-        let coverage = Coverage::of_reached(tools, &accessible, self.library.areas());
-        paths.extend(coverage.write_first(folder, view, files.show())?);
+        paths.extend(self.coverage().write_first(folder, view, files.show())?);
         paths.extend(self.placed.write_surfaces(folder)?);
         report(observer, Stage::Writing, (1, 1))?;
         Ok(paths)
+    }
+
+    fn coverage(&self) -> Coverage<'_> {
+        let accessible: Vec<Vec<bool>> = self.library.reach().iter().map(reached_by).collect();
+        Coverage::of_reached(self.library.tools(), &accessible, self.library.areas())
+    }
+
+    /// Where no tool reaches.
+    ///
+    /// # Errors
+    /// As [`Findings::of`].
+    #[doc(hidden)] // of the program
+    pub fn findings(&self) -> Result<Findings> {
+        let (mesh, sites) = self.placed.shown();
+        let answers: Vec<SiteAnswers> = self.library.reach().iter().map(answers).collect();
+        Findings::of(sites, mesh, &for_all_tools(answers.iter()), &[])
+    }
+
+    /// A page that follows edits, of what the tools reach together; lengths in this unit.
+    ///
+    /// # Errors
+    /// As [`Findings::of`].
+    #[doc(hidden)] // of the program
+    pub fn live_page(&self, unit: Unit, findings: Findings) -> Result<LivePage> {
+        let (mesh, sites) = self.placed.shown();
+        let mut view = self.coverage().view(findings);
+        view.tables = vec![
+            ("Tools".into(), self.library.table()),
+            ("Smallest set".into(), self.library.cover_table()),
+        ];
+        let (views, outlines) = (&[view][..], &self.placed.outlines()[..]);
+        Ok(LivePage::of(Page { part: self.placed.part(), mesh, sites, views, unit, outlines }))
     }
 }
 

@@ -8,7 +8,7 @@ use crate::geom::units::Unit;
 use crate::geom::{Mesh, formats};
 use crate::report::export::Extra;
 use crate::report::folder::{self, REGION, SURFACE, Show};
-use crate::report::page::{Page, View};
+use crate::report::page::{LivePage, Page, View};
 use crate::report::{PartView, Scene};
 use std::path::{Path, PathBuf};
 
@@ -98,8 +98,7 @@ impl Outcome {
             paths.extend(self.findings().write(folder, (part, cutter), unit)?);
         }
         if files.report {
-            let views = &self.views()?[..];
-            paths.push(Page { part, mesh, sites, views, unit, outlines }.write(folder)?);
+            paths.push(self.with_page(unit, |page| page.write(folder))?);
         }
         paths.extend(self.placed.write_surfaces(folder)?);
         if let Some(fixtures) = &self.placed.fixtures() {
@@ -122,11 +121,25 @@ impl Outcome {
         Ok(views)
     }
 
+    /// Gives the page to a function.
+    fn with_page<T>(&self, unit: Unit, with: impl FnOnce(Page) -> Result<T>) -> Result<T> {
+        let ((mesh, sites), outlines) = (self.shown(), &self.placed.outlines()[..]);
+        let views = &self.views()?[..];
+        with(Page { part: self.part(), mesh, sites, views, unit, outlines })
+    }
+
     /// The page alone, as HTML.
     #[cfg(feature = "python")]
     pub(crate) fn html(&self, unit: Unit) -> Result<String> {
-        let ((mesh, sites), outlines) = (self.shown(), &self.placed.outlines()[..]);
-        let views = &self.views()?[..];
-        Page { part: self.part(), mesh, sites, views, unit, outlines }.html()
+        self.with_page(unit, |page| page.html())
+    }
+
+    /// The page as one that follows edits; lengths in this unit.
+    ///
+    /// # Errors
+    /// As [`Outcome::write`].
+    #[doc(hidden)] // of the program
+    pub fn live_page(&self, unit: Unit) -> Result<LivePage> {
+        self.with_page(unit, |page| Ok(LivePage::of(page)))
     }
 }

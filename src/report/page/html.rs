@@ -16,13 +16,26 @@ const SCRIPTS: [&str; 4] = [
     include_str!("assets/gpu.js"),
     include_str!("assets/ui.js"),
 ];
+/// What a live page has beside these.
+const LIVE: &str = include_str!("assets/live.js");
 /// Findings listed for each tab; the files have all.
 const N_LISTED: usize = 200;
 /// What every page may do: nothing but run its own script.
 const POLICY: &str = include_str!("assets/policy.txt");
 
-/// The document; `areas` are those that the sites stand for, mm², `block` is in base64.
-pub fn document(page: &Page, areas: &[f64], about: &Value, block: &str) -> String {
+/// What the script of a page reads.
+pub struct Script {
+    /// The description.
+    pub about: Value,
+    /// The numbers, in base64.
+    pub block: String,
+    /// Of a live page.
+    pub version: Option<u64>,
+}
+
+/// The document; `areas` are those that the sites stand for, mm².
+pub fn document(page: &Page, areas: &[f64], script: Script) -> String {
+    let Script { about, block, version } = script;
     let part = text(page.part);
     let mut out = String::with_capacity(block.len() + 100_000);
     let facts = [
@@ -46,18 +59,34 @@ pub fn document(page: &Page, areas: &[f64], about: &Value, block: &str) -> Strin
         .collect();
     let panels: String =
         page.views.iter().enumerate().map(|(v, view)| panel(v, view, (areas, page.unit))).collect();
-    let scripts = SCRIPTS.map(|script| script.replace("\"use strict\";\n", "")).concat();
+    let live = version.map(|_| LIVE);
+    let scripts = SCRIPTS.into_iter().chain(live);
+    let scripts: String = scripts.map(|script| script.replace("\"use strict\";\n", "")).collect();
+    let (mark, bar, connect, sent) = match version {
+        Some(version) => (
+            format!(" data-version=\"{version}\""),
+            "<div id=\"live\" role=\"status\" aria-live=\"polite\"></div>\n",
+            "; connect-src 'self'",
+            "It follows the part while deepmill watch runs.",
+        ),
+        None => (String::new(), "", "", "The page loads nothing; it can be sent as it is."),
+    };
     let about = about.to_string().replace('<', "\\u003c");
     let program = Provenance::PROGRAM;
-    let outlines = if page.outlines.is_empty() { "" } else { OUTLINES };
+    // Those of a live page may come with a later version.
+    let outlines = match (page.outlines.is_empty(), version) {
+        (true, None) => String::new(),
+        (true, Some(_)) => OUTLINES.replace("<label id", "<label hidden id"),
+        (false, _) => OUTLINES.into(),
+    };
     let _ = write!(
         out,
         r#"<!DOCTYPE html>
-<html lang="en">
+<html lang="en"{mark}>
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{POLICY}">
+<meta http-equiv="Content-Security-Policy" content="{POLICY}{connect}">
 <meta name="generator" content="{program}">
 <title>{part}: which parts a cutter can reach</title>
 <style>
@@ -73,11 +102,11 @@ pub fn document(page: &Page, areas: &[f64], about: &Value, block: &str) -> Strin
 <div id="scale"><i></i><span></span></div>
 {outlines}<svg id="axes" viewBox="0 0 84 84" aria-hidden="true"></svg>
 <div id="tip"></div>
-<div id="message"><noscript>The 3-D view needs scripts; tables and findings are complete without it.</noscript></div>
+{bar}<div id="message"><noscript>The 3-D view needs scripts; tables and findings are complete without it.</noscript></div>
 </section>
 <aside id="side">
 {overview}<nav role="tablist" aria-label="Answers"{hidden}>{tabs}</nav>
-{panels}<footer>{program}. Areas are estimates from the sites. The page loads nothing; it can be sent as it is.</footer>
+{panels}<footer>{program}. Areas are estimates from the sites. {sent}</footer>
 </aside>
 </main>
 <script id="about" type="application/json">{about}</script>

@@ -5,9 +5,12 @@
 //! is made.
 
 mod html;
+mod live;
 mod pack;
 mod view;
 
+#[doc(hidden)] // of the program
+pub use live::LivePage;
 pub use view::{Layer, Numbers, SiteValues, View};
 
 use crate::geom::spacing::{Spacing, areas_on};
@@ -61,13 +64,19 @@ impl Page<'_> {
     /// If the sites fail [`Sites::check`], a tab has not one group per site and at most 16 groups, or the page does not
     /// fit into the memory.
     pub fn html(&self) -> Result<String> {
+        self.document(None)
+    }
+
+    /// The page; with a version, one that follows its server.
+    fn document(&self, version: Option<u64>) -> Result<String> {
         self.sites.check()?;
         let n = self.sites.len();
         for view in self.views {
             let is_known = |class: &u8| usize::from(*class) < view.classes.len();
             let layer = view.layer.as_ref();
-            let is_marked =
-                layer.is_none_or(|l| l.of.len() == n && l.colors.len() == view.classes.len());
+            let is_marked = layer
+                .is_none_or(|l| l.of.len() == n && l.colors.len() == view.classes.len())
+                && view.changed.as_ref().is_none_or(|changed| changed.len() == n);
             let n_colors = view.classes.len() + layer.map_or(0, |layer| layer.colors.len());
             if view.of.len() != n
                 || !is_marked
@@ -82,7 +91,7 @@ impl Page<'_> {
         self.require_memory()?;
         let areas = areas_on(self.sites, self.mesh)?;
         let (about, block) = self.data();
-        Ok(html::document(self, &areas, &about, &block.base64()))
+        Ok(html::document(self, &areas, html::Script { about, block: block.base64(), version }))
     }
 
     fn require_memory(&self) -> Result<()> {
@@ -154,6 +163,10 @@ fn to_micron(mm: f64) -> f64 {
 /// Adds the numbers of tab `v`; returns what the script must know of it.
 fn add_view(block: &mut Block, v: usize, view: &View, detailed: bool) -> Value {
     block.add(format!("view{v}.class"), &view.of);
+    if let Some(changed) = &view.changed {
+        let changed: Vec<u8> = changed.iter().map(|changed| u8::from(*changed)).collect();
+        block.add(format!("view{v}.changed"), &changed);
+    }
     let layer = view.layer.as_ref().map(|layer| {
         let marks: Vec<u8> = layer.of.iter().map(|mark| u8::from(*mark)).collect();
         block.add(format!("view{v}.layer"), &marks);
@@ -175,6 +188,7 @@ fn add_view(block: &mut Block, v: usize, view: &View, detailed: bool) -> Value {
     let findings = view.findings.as_ref().map(|found| {
         let of = |f: &super::findings::Finding| {
             json!({
+                "id": f.id,
                 "area_mm2": f.area_mm2,
                 "at_mm": f.at_mm.to_array(),
                 "low_mm": f.low_mm.to_array(),
@@ -190,6 +204,7 @@ fn add_view(block: &mut Block, v: usize, view: &View, detailed: bool) -> Value {
         "classes": view.classes.iter().map(class).collect::<Vec<_>>(),
         "layer": layer,
         "values": values,
+        "has_changes": view.changed.is_some(),
         "has_findings": view.findings.is_some(),
         "findings": findings.unwrap_or_default(),
     })

@@ -27,6 +27,9 @@ pub struct View {
     pub of: Vec<u8>,
     /// What can be shown upon the groups, and taken off.
     pub layer: Option<Layer>,
+    /// Whether each site has another answer than in the version before, on a page that has one: they are outlined.
+    #[doc(hidden)] // of live pages
+    pub changed: Option<Vec<bool>>,
     /// Whether shares in the legend are of the sites, as the published definition has them, and not of the surface.
     pub counts_sites: bool,
     /// Numbers per site, shown where the pointer is.

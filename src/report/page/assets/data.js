@@ -79,6 +79,7 @@ async function load() {
   data.views = about.views.map((view, v) => ({
     ...view,
     of: part(`view${v}.class`),
+    changed: view.has_changes ? part(`view${v}.changed`) : null,
     layer: view.layer ? { ...view.layer, of: part(`view${v}.layer`) } : null,
     finding: view.has_findings ? new Uint32Array(words(part(`view${v}.finding`), about.n_sites)) : null,
     values: view.values.map((value, k) => {

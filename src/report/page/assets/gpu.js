@@ -77,8 +77,14 @@ const COLOR_V = `#version 300 es
 void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0); }`;
 const COLOR_F = CHUNK + `
 uniform sampler2D u_surface, u_depth; uniform usampler2D u_site, u_class;
-uniform vec3 u_palette[16], u_ground, u_cap; uniform ivec2 u_size; uniform uint u_selected, u_hover; uniform float u_samples, u_edges, u_pixel;
+uniform vec3 u_palette[16], u_ground, u_cap; uniform ivec2 u_size; uniform uint u_selected, u_hover; uniform float u_samples, u_edges, u_pixel; uniform bool u_changes;
 out vec4 o_color;
+/** Whether the answer of the site at a pixel has changed: bit 7 of its group. */
+bool changed(ivec2 p) {
+  uint site = texelFetch(u_site, clamp(p, ivec2(0), u_size - 1), 0).r;
+  int i = int(site) - 1;
+  return site > 0u && (texelFetch(u_class, ivec2(i & 2047, i >> 11), 0).r & 128u) > 0u;
+}
 float depth(ivec2 p) { return (1.0 - 2.0 * texelFetch(u_depth, p, 0).r) * u_radius; }
 vec3 color(ivec2 p) {
   vec4 s = texelFetch(u_surface, p, 0);
@@ -91,10 +97,16 @@ vec3 color(ivec2 p) {
   if (site > 0u) {
     int i = int(site - 1u);
     uvec4 c = texelFetch(u_class, ivec2(i & 2047, i >> 11), 0);
-    base = u_palette[c.r];
+    base = u_palette[c.r & 127u];
     uint finding = c.g | c.b << 8 | c.a << 16;
     if (u_selected > 0u && finding != u_selected) base = mix(base, vec3(dot(base, vec3(0.3, 0.5, 0.2))), 0.75) * 0.5 + 0.42;
     if (site == u_hover) base = mix(base, vec3(1.0), 0.55);
+    if (u_changes && (c.r & 128u) > 0u) {
+      int r = int(2.0 * u_samples);
+      bool inside = true;
+      for (int k = 0; k < 4; k++) inside = inside && changed(p + ivec2(k == 0 ? r : k == 1 ? -r : 0, k == 2 ? r : k == 3 ? -r : 0));
+      if (!inside) return vec3(1.0, 0.0, 0.8);
+    }
   }
   float edge = 1.0;
   if (u_edges > 0.0) {
@@ -139,11 +151,22 @@ class Gpu {
   constructor(canvas, data) {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, depth: false, preserveDrawingBuffer: true, powerPreference: "high-performance" });
     if (!gl) throw new Error("WebGL 2 is not available");
-    this.gl = gl; this.canvas = canvas; this.data = data;
-    const discs = !data.indices;
-    this.surface = this.program(discs ? DISC_V : SURFACE_V, discs ? DISC_F : SURFACE_F);
+    this.gl = gl; this.canvas = canvas;
+    this.surfaces = [this.program(SURFACE_V, SURFACE_F), this.program(DISC_V, DISC_F)];
     this.site = this.program(SITE_V, SITE_F);
     this.colors = this.program(COLOR_V, COLOR_F);
+    this.arrays = [];
+    this.classes = this.texture();
+    this.size = [0, 0];
+    this.take(data);
+  }
+  /** Draws these data from now on. */
+  take(data) {
+    for (const { array, buffers } of this.arrays) { this.gl.deleteVertexArray(array); buffers.forEach((buffer) => this.gl.deleteBuffer(buffer)); }
+    this.arrays = [];
+    this.data = data;
+    const discs = !data.indices;
+    this.surface = this.surfaces[+discs];
     // Four vertices and two triangles a site: software draws them far faster than instances.
     const sites = new Float64Array(data.sites), squares = new Float64Array(4 * sites.length), corners = new Uint32Array(6 * sites.length);
     sites.forEach((site, i) => {
@@ -151,11 +174,9 @@ class Gpu {
       corners.set([0, 1, 2, 2, 1, 3].map((k) => 4 * i + k), 6 * i);
     });
     this.siteArray = this.array(squares, corners);
-    if (!discs) this.meshArray = this.array(data.vertices, data.indices);
+    this.meshArray = discs ? null : this.array(data.vertices, data.indices);
     this.full = { mesh: this.meshArray, nMesh: discs ? 0 : data.indices.length, sites: this.siteArray, nSites: corners.length, wide: 1 };
     this.coarse = { ...this.full };
-    this.classes = this.texture();
-    this.size = [0, 0];
   }
   program(vertex, fragment) {
     const gl = this.gl, program = gl.createProgram();
@@ -174,14 +195,15 @@ class Gpu {
     return { program, places };
   }
   array(buffer, indices) {
-    const gl = this.gl, array = gl.createVertexArray();
+    const gl = this.gl, array = gl.createVertexArray(), buffers = [gl.createBuffer(), gl.createBuffer()];
+    this.arrays.push({ array, buffers });
     gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[0]);
     gl.bufferData(gl.ARRAY_BUFFER, buffer, gl.STATIC_DRAW);
     gl.vertexAttribPointer(0, 3, gl.UNSIGNED_SHORT, true, 8, 0);
     gl.vertexAttribPointer(1, 2, gl.BYTE, true, 8, 6);
     for (const k of [0, 1]) gl.enableVertexAttribArray(k);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers[1]);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
     gl.bindVertexArray(null);
     return array;
@@ -264,7 +286,7 @@ class Gpu {
       u_radius: camera.radius, u_half: half, u_cut: look.cut || [0, 0, 0, 1], u_caps: !!look.cut && data.about.closed, u_disc: 0.8 * data.about.spacing_mm,
       u_reach: 1.6 * what.wide * data.about.spacing_mm, u_spacing: what.wide * data.about.spacing_mm, u_every: what.wide * what.wide, u_size: this.size, u_surface: 0, u_depth: 1, u_site: 2, u_class: 3,
       u_palette: look.palette, u_ground: look.ground, u_cap: look.cap, u_selected: look.selected, u_hover: look.hover, u_samples: samples,
-      u_edges: data.indices ? 1 : 0, u_pixel: perPixel / samples,
+      u_edges: data.indices ? 1 : 0, u_changes: look.changes, u_pixel: perPixel / samples,
     };
     gl.viewport(0, 0, ...this.size);
     gl.enable(gl.DEPTH_TEST); gl.depthFunc(gl.LESS); gl.disable(gl.BLEND);

@@ -17,7 +17,7 @@ class Viewer {
     this.cut = null; this.selected = 0; this.hover = 0; this.off = new Set();
     this.moving = 1; this.view = 0;
     this.show(0);
-    this.listen();
+    this.listen(); this.attach();
     new ResizeObserver(() => this.resize()).observe(this.canvas.parentElement);
     this.resize(); this.home();
   }
@@ -58,7 +58,7 @@ class Viewer {
     const palette = new Float32Array(48);
     const { classes, layer } = this.data.views[this.view], colors = classes.map((c) => c.color).concat(layer ? layer.colors : []);
     colors.forEach((color, i) => palette.set((this.off.has(i % classes.length) ? [176, 186, 198] : color).map((v) => v / 255), 3 * i));
-    this.gpu.draw(this.camera, { ratio: this.ratio, cut: this.cut, palette, ground: rgb(ground), cap: [0.42, 0.45, 0.5], selected: this.selected, hover: this.hover, coarse: coarse < 0.6 }, samples);
+    this.gpu.draw(this.camera, { ratio: this.ratio, cut: this.cut, palette, ground: rgb(ground), cap: [0.42, 0.45, 0.5], changes: !!this.data.views[this.view].changed, selected: this.selected, hover: this.hover, coarse: coarse < 0.6 }, samples);
     this.overlay();
   }
   /** Outlines of fixtures and table, in front of all but what a section leaves out. */
@@ -93,7 +93,7 @@ class Viewer {
   /** The tab `v`. */
   show(v) {
     const view = this.data.views[v];
-    this.view = v; this.selected = 0; this.off.clear();
+    this.view = v; this.selected = 0; this.off = new Set();
     this.paint();
     document.querySelectorAll("[role=tab]").forEach((tab, i) => { tab.setAttribute("aria-selected", i === v); tab.tabIndex = i === v ? 0 : -1; });
     document.querySelectorAll("[role=tabpanel]").forEach((panel, i) => { panel.hidden = i !== v; });
@@ -102,8 +102,40 @@ class Viewer {
   }
   /** Groups of the sites, with the layer upon them if it is shown. */
   paint() {
-    const { of, classes, layer, finding } = this.data.views[this.view];
-    this.gpu.setClasses(layer && layer.shown ? of.map((group, i) => group + classes.length * layer.of[i]) : of, finding);
+    const { of, classes, layer, finding, changed } = this.data.views[this.view];
+    const shown = layer && layer.shown ? of.map((group, i) => group + classes.length * layer.of[i]) : of;
+    this.gpu.setClasses(changed ? shown.map((group, i) => group | 128 * changed[i]) : shown, finding);
+  }
+  /** Shows these data in place of those before; camera, section, tab, hidden groups and selection stay. */
+  take(data) {
+    const before = this.data.views[this.view], { camera, off } = this;
+    const chosen = this.selected ? before.findings[this.selected - 1] : null;
+    const shown = new Map(this.data.views.map((view) => [view.name, view.layer && view.layer.shown]));
+    this.data = data;
+    this.gpu.take(data);
+    this.camera = new Camera(data.about.low_box_mm, data.about.high_box_mm);
+    this.camera.turnTo(camera.azimuth, camera.elevation);
+    this.fitted = this.camera.fit(this.width, this.height).scale;
+    Object.assign(this.camera, { center: camera.center, scale: camera.scale });
+    this.attach();
+    data.views.forEach((view, v) => {
+      if (!view.layer || typeof shown.get(view.name) !== "boolean") return;
+      view.layer.shown = shown.get(view.name);
+      document.querySelectorAll(`#view${v} input[data-layer]`).forEach((box) => { box.checked = view.layer.shown; });
+    });
+    const v = Math.max(0, data.views.findIndex((view) => view.name === before.name));
+    this.hover = 0; $("tip").style.display = "none";
+    this.show(v);
+    const view = data.views[v];
+    if (JSON.stringify(view.classes) === JSON.stringify(before.classes)) {
+      this.off = off;
+      document.querySelectorAll(`#view${v} tr[data-class]`).forEach((row) => row.classList.toggle("off", off.has(+row.dataset.class)));
+    }
+    if (chosen) this.selected = 1 + view.findings.findIndex((finding) => finding.id === chosen.id);
+    const fixtures = $("fixtures");
+    if (fixtures) fixtures.hidden = !data.about.outlines.length;
+    if (fixtures && fixtures.hidden) $("outlines").firstElementChild.setAttribute("d", "");
+    this.mark(); this.range(); this.change();
   }
   mark() {
     document.querySelectorAll("tr[data-finding]").forEach((row) => row.setAttribute("aria-selected", !row.closest("[role=tabpanel]").hidden && +row.dataset.finding === this.selected));
@@ -287,6 +319,20 @@ class Viewer {
     $("axis").addEventListener("change", (e) => this.setCut(e.target.value));
     $("cut").addEventListener("input", (e) => { this.cut[3] = +e.target.value; this.say(); this.change(); });
     $("flip").addEventListener("click", () => { this.cut = this.cut.map((v) => -v); this.range(); this.change(); });
+    const fixtures = $("fixtures");
+    if (fixtures) fixtures.addEventListener("change", () => this.change());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.change());
+    addEventListener("beforeprint", () => {
+      const theme = document.documentElement.dataset.theme;
+      document.documentElement.dataset.theme = "light"; document.documentElement.style.setProperty("--ground", "#ffffff");
+      this.draw(2); $("print").src = this.canvas.toDataURL("image/png");
+      document.documentElement.style.removeProperty("--ground");
+      if (theme) document.documentElement.dataset.theme = theme; else delete document.documentElement.dataset.theme;
+      this.change();
+    });
+  }
+  /** Listens to tabs and tables. */
+  attach() {
     const tabs = [...document.querySelectorAll("[role=tab]")];
     tabs.forEach((tab, i) => {
       tab.addEventListener("click", () => this.show(i));
@@ -303,19 +349,8 @@ class Viewer {
     document.querySelectorAll("[role=tabpanel]").forEach((panel, v) => panel.querySelectorAll("input[data-layer]").forEach((box) => {
       box.addEventListener("change", () => { this.data.views[v].layer.shown = box.checked; this.paint(); this.change(); });
     }));
-    const fixtures = $("fixtures");
-    if (fixtures) fixtures.addEventListener("change", () => this.change());
     rows("finding", (number) => this.goTo(number));
     rows("class", (k, row) => { row.classList.toggle("off", !this.off.delete(k) && !!this.off.add(k)); this.change(); });
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.change());
-    addEventListener("beforeprint", () => {
-      const theme = document.documentElement.dataset.theme;
-      document.documentElement.dataset.theme = "light"; document.documentElement.style.setProperty("--ground", "#ffffff");
-      this.draw(2); $("print").src = this.canvas.toDataURL("image/png");
-      document.documentElement.style.removeProperty("--ground");
-      if (theme) document.documentElement.dataset.theme = theme; else delete document.documentElement.dataset.theme;
-      this.change();
-    });
   }
   /** Milliseconds per frame over a turn of `n` frames at `samples` samples per pixel side, each frame waited for. */
   measure(n, samples = 1) {
