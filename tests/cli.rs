@@ -470,7 +470,7 @@ fn every_command_has_help_with_an_example() {
     let commands: Vec<&str> =
         named.filter(|l| !l.starts_with(' ')).filter_map(|l| l.split_whitespace().next()).collect();
     assert!(commands.contains(&"label") && commands.contains(&"reproduce"), "{commands:?}");
-    assert_eq!(commands.len(), 19, "{commands:?}");
+    assert_eq!(commands.len(), 20, "{commands:?}");
     for command in commands.into_iter().filter(|c| *c != "help") {
         let help = text(&deepmill(&[command, "--help"]).stdout);
         let verbs = help.contains("Commands:");

@@ -104,7 +104,10 @@ class Browser:
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=mobile)
 
     def open(self, path):
-        self.call("Page.navigate", url=pathlib.Path(path).resolve().as_uri())
+        return self.visit(pathlib.Path(path).resolve().as_uri())
+
+    def visit(self, url):
+        self.call("Page.navigate", url=url)
         for _ in range(600):
             if self.run("document.readyState === 'complete' && !!window.report"):
                 break

@@ -64,7 +64,19 @@ pub struct UnsaidArgs {
     strict: bool,
 }
 
+impl ToolArgs {
+    /// The files that are read.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.tools.iter().chain(self.unsaid.files())
+    }
+}
+
 impl UnsaidArgs {
+    /// The files that are read.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.holder.iter()
+    }
+
     fn unsaid(&self, output: &Output) -> Result<Unsaid> {
         let unsaid = Unsaid {
             stick_out_mm: self.length("--stick-out", self.stick_out, output)?,
@@ -430,6 +442,32 @@ impl DirectionArgs {
     pub fn given(&self) -> Result<Option<Directions>> {
         let read = |set: &String| set.parse().map_err(|e| called(e, "--directions"));
         self.directions.as_ref().map(read).transpose()
+    }
+}
+
+/// Where the results go.
+#[derive(Clone, clap::Args)]
+pub struct OutArgs {
+    /// Folder of the results.
+    // Not required where a part is watched.
+    #[arg(long, value_name = "DIR", required = true)]
+    out: Option<PathBuf>,
+}
+
+impl OutArgs {
+    /// This folder.
+    pub fn of(folder: PathBuf) -> Self {
+        OutArgs { out: Some(folder) }
+    }
+
+    /// The folder, if there is one.
+    pub fn given(&self) -> Option<&Path> {
+        self.out.as_deref()
+    }
+
+    /// The folder of a command that requires one.
+    pub fn folder(&self) -> &Path {
+        self.given().unwrap_or(Path::new("."))
     }
 }
 

@@ -32,6 +32,22 @@ pub struct Known {
 }
 
 impl BaselineArgs {
+    /// The files that are read.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.baseline.iter()
+    }
+
+    /// Refuses to write where a part is watched.
+    pub fn refuse_to_write(&self) -> Result<()> {
+        match &self.write_baseline {
+            Some(_) => {
+                let remedy = "write it with the command itself, and watch with --baseline";
+                Err(Error::argument("--write-baseline", "given with watch", "one of both", remedy))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Refuses both options beside another.
     pub fn refuse(&self, other: &'static str, remedy: &str) -> Result<()> {
         let named = [("--baseline", &self.baseline), ("--write-baseline", &self.write_baseline)];
@@ -65,6 +81,14 @@ impl Known {
     /// Holds findings against what is known, if anything is.
     pub fn check(&self, hold: impl FnOnce(&Baseline) -> BaselineCheck) -> Option<BaselineCheck> {
         self.baseline.as_ref().map(hold)
+    }
+
+    /// What is not known, if that fails the run.
+    pub fn broken(&self, check: &BaselineCheck) -> Option<String> {
+        let (new, grown) = (count(check.new.len(), "new finding"), check.grown.len());
+        let of = self.path.display();
+        let is_broken = self.is_held && check.is_broken();
+        is_broken.then(|| format!("{new} and {grown} grown, against the baseline {of}"))
     }
 
     /// Writes the baseline of this day, if that is wanted.
@@ -116,11 +140,7 @@ impl Known {
         for gone in &check.gone {
             output.say(format!("  gone  {}", words_of_known(gone)));
         }
-        if self.is_held && check.is_broken() {
-            let (new, grown) = (count(check.new.len(), "new finding"), check.grown.len());
-            let of = self.path.display();
-            output.break_limit(format!("{new} and {grown} grown, against the baseline {of}"));
-        }
+        self.broken(&check).into_iter().for_each(|why| output.break_limit(why));
         let id = |k: usize| &*list[k].id;
         json!({
             "file": self.path,
@@ -162,7 +182,7 @@ fn words_of_known(known: &KnownFinding) -> String {
 }
 
 /// The day by the system's clock, at Greenwich.
-fn today() -> String {
+pub fn today() -> String {
     let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     // Four digits of a year, whatever the clock.
     day((seconds / 86_400).min(2_932_896))

@@ -7,8 +7,8 @@ const GROUPS: [(&str, &[&str]); 3] = [
     (
         "On a part",
         &[
-            "check", "sample", "label", "tools", "setups", "machined", "explain", "predict",
-            "report", "demo",
+            "check", "sample", "label", "tools", "setups", "machined", "watch", "explain",
+            "predict", "report", "demo",
         ],
     ),
     ("Networks and data", &["generate", "dataset", "train", "eval", "weights"]),
@@ -38,11 +38,10 @@ pub fn grouped(program: Command) -> Command {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn every_command_is_in_one_group_and_described() {
-        let program = crate::Cli::command();
+        let program = crate::program();
         let mut listed: Vec<&str> = GROUPS.iter().flat_map(|(_, names)| *names).copied().collect();
         let mut all: Vec<&str> = program.get_subcommands().map(Command::get_name).collect();
         listed.sort_unstable();

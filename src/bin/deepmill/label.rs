@@ -3,8 +3,11 @@
 mod parts;
 mod said;
 mod shares;
+mod watched;
 
-use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, called, millimeters, name_of};
+use crate::args::{
+    DirectionArgs, GateArgs, OutArgs, SiteArgs, ToolArgs, called, millimeters, name_of,
+};
 use crate::baseline::BaselineArgs;
 use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs};
@@ -16,9 +19,10 @@ use crate::region::RegionArgs;
 use crate::volume;
 use deepmill::access::LabelOptions;
 use deepmill::access::surface::SurfaceOptions;
-use deepmill::analysis::{Analysis, PerDirection};
+use deepmill::analysis::{Analysis, Files, Observer, Outcome, PerDirection};
 use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
+use deepmill::geom::file_vertices::FileVertices;
 use deepmill::geom::formats::{KeepVertices, MeshOrCloud};
 use deepmill::report::gate::Limit;
 use deepmill::{Error, Result, atomic_file};
@@ -87,9 +91,8 @@ pub struct Args {
     /// (`rest` in labels.npz; rest.png, rest.ply), by the mesh definition.
     #[arg(long, conflicts_with = "volume")]
     rest: bool,
-    /// Folder of the results.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[command(flatten)]
+    pub out: OutArgs,
     /// Draw no picture.
     #[arg(long)]
     pub no_picture: bool,
@@ -185,50 +188,86 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     }
 }
 
+/// What is requested of a part, checked before it is read.
+struct Request {
+    tools: Vec<Tool>,
+    limits: Vec<Limit>,
+    files: Files,
+    forms: Vec<PerDirection>,
+}
+
+impl Args {
+    /// # Errors
+    /// If something is wrong with the arguments, or a file of tools cannot be read.
+    fn request(&self, output: &Output) -> Result<Request> {
+        let request = Request {
+            tools: self.surface.tolerances.with_allowance(self.tools.tools(output)?)?,
+            limits: self.gate.limits(&[])?,
+            files: output.forms(!self.no_picture, self.report, &self.also)?,
+            forms: self.per_direction()?,
+        };
+        self.surface.tolerances.options()?;
+        self.directions.given()?;
+        Ok(request)
+    }
+
+    fn read_part(&self, output: &Output) -> Result<(MeshOrCloud, Option<FileVertices>)> {
+        let keep = if self.sites.are_vertices() { KeepVertices::Yes } else { KeepVertices::No };
+        self.read.read_file(&self.part, (Accept::bodies_or(self.force), keep), output)
+    }
+
+    /// Labels a part that was read.
+    fn label(
+        &self,
+        (part, vertices): (MeshOrCloud, Option<FileVertices>),
+        request: &Request,
+        observer: &mut dyn Observer,
+        output: &Output,
+    ) -> Result<Outcome> {
+        let analysis = self.analysis(part, request.tools.clone(), &request.limits, output)?;
+        let analysis = analysis.file_vertices(vertices);
+        let placed = self.region.place(analysis, &self.sites, &self.read, output);
+        let placed = placed.map_err(|error| match error {
+            Error::Argument { name: "rest", .. } => called(error, "--rest"),
+            other => other,
+        })?;
+        let (mesh, sites) = placed.shown();
+        request.files.show().require_memory(mesh, sites)?;
+        if !self.matrix.is_empty() {
+            placed.require_matrix()?;
+        }
+        let outcome = placed.label(observer)?;
+        outcome.notices().iter().for_each(|notice| output.say(notice));
+        Ok(outcome)
+    }
+}
+
 fn run_one(args: &Args, output: &Output) -> Result<()> {
-    let tools = args.surface.tolerances.with_allowance(args.tools.tools(output)?)?;
-    args.surface.tolerances.options()?;
-    let limits = args.gate.limits(&[])?;
-    args.directions.given()?;
-    let files = output.forms(!args.no_picture, args.report, &args.also)?;
-    let forms = args.per_direction()?;
+    let request = args.request(output)?;
     if args.volume.is_some() {
         args.baseline.refuse("--volume", "a lattice has no findings: leave out one of both")?;
     }
     let baseline = args.baseline.open()?;
-    atomic_file::check_writable_folder(&args.out)?;
+    atomic_file::check_writable_folder(args.out.folder())?;
     let mut clock = Clock::start();
-    let keep = if args.sites.are_vertices() { KeepVertices::Yes } else { KeepVertices::No };
-    let how = (Accept::bodies_or(args.force), keep);
-    let (part, vertices) = args.read.read_file(&args.part, how, output)?;
+    let part = args.read_part(output)?;
     clock.lap("read_s", "reading");
     if let Some(step_mm) = args.volume {
         args.region.refuse("--volume", "leave out --volume, or the region")?;
-        return volume::run(args, step_mm, (part, tools), clock, output);
-    }
-    let analysis = args.analysis(part, tools, &limits, output)?.file_vertices(vertices);
-    let placed = args.region.place(analysis, &args.sites, &args.read, output);
-    let placed = placed.map_err(|error| match error {
-        Error::Argument { name: "rest", .. } => called(error, "--rest"),
-        other => other,
-    })?;
-    let (mesh, sites) = placed.shown();
-    files.show().require_memory(mesh, sites)?;
-    if !args.matrix.is_empty() {
-        placed.require_matrix()?;
+        return volume::run(args, step_mm, (part.0, request.tools), clock, output);
     }
     let mut bars = Bars::default();
-    let mut outcome = placed.label(&mut bars)?;
-    outcome.notices().iter().for_each(|notice| output.say(notice));
+    let mut outcome = args.label(part, &request, &mut bars, output)?;
     clock.stages(STAGES, outcome.seconds());
+    let Request { limits, files, forms, .. } = &request;
     let check = baseline.check(|known| outcome.hold_against(known));
     let (mesh, sites) = outcome.shown();
     let held = baseline.is_held().then(|| (outcome.tool_of_findings(), outcome.findings()));
-    let broken = output.check_limits(&limits, (sites, mesh), outcome.named(), held)?;
-    let mut paths = outcome.write(&args.out, &files, &mut bars)?;
+    let broken = output.check_limits(limits, (sites, mesh), outcome.named(), held)?;
+    let mut paths = outcome.write(args.out.folder(), files, &mut bars)?;
     paths.extend(baseline.write(|date| outcome.baseline(date))?);
     clock.lap("write_s", "writing and drawing");
-    let (written, matrices) = outcome.write_per_direction(&args.out, &forms)?;
+    let (written, matrices) = outcome.write_per_direction(args.out.folder(), forms)?;
     if !matrices.is_empty() {
         clock.lap("matrix_s", "matrix");
     }

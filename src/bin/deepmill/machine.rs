@@ -13,6 +13,14 @@ pub enum MachineOrFile {
 }
 
 impl MachineOrFile {
+    /// The file that is read.
+    pub fn files(&self) -> Option<&PathBuf> {
+        match self {
+            MachineOrFile::Machine(_) => None,
+            MachineOrFile::File(path) => Some(path),
+        }
+    }
+
     /// The machine.
     pub fn machine(&self) -> Result<Machine> {
         match self {

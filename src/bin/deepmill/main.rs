@@ -39,6 +39,7 @@ mod tools;
 mod train;
 mod usage;
 mod volume;
+mod watch;
 mod weights;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -80,6 +81,7 @@ enum Command {
     Tools(tools::Args),
     Setups(setups::Args),
     Machined(machined::Args),
+    Watch(watch::Args),
     Dataset(dataset::Args),
     Train(train::Args),
     Eval(eval::Args),
@@ -91,7 +93,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let parsed = groups::grouped(Cli::command()).try_get_matches();
+    let parsed = groups::grouped(program()).try_get_matches();
     let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => return usage::refuse(&error),
@@ -113,6 +115,7 @@ fn main() -> ExitCode {
             Some(Command::Tools(args)) => tools::run(args, &output),
             Some(Command::Setups(args)) => setups::run(args, &output),
             Some(Command::Machined(args)) => machined::run(args, &output),
+            Some(Command::Watch(args)) => watch::run(args, &output),
             Some(Command::Dataset(args)) => dataset::run(args, &output),
             Some(Command::Train(args)) => train::run(args, &output),
             Some(Command::Eval(args)) => eval::run(args, &output),
@@ -134,6 +137,17 @@ fn main() -> ExitCode {
             ExitCode::from(exit_code(&error))
         }
     }
+}
+
+/// The program; of a part that is watched, no folder is required.
+fn program() -> clap::Command {
+    let optional = |command: clap::Command| command.mut_arg("out", |out| out.required(false));
+    Cli::command().mut_subcommand("watch", |watch| {
+        let others = ["label", "tools", "setups"];
+        others
+            .into_iter()
+            .fold(optional(watch), |watch, other| watch.mut_subcommand(other, optional))
+    })
 }
 
 fn output_unit(text: &str) -> Result<Unit, String> {

@@ -54,6 +54,11 @@ impl Output {
         Output { silent: rank != 0, ..Output::new(self.json, self.unit) }
     }
 
+    /// That of a repetition: warnings alone, each once.
+    pub fn of_repetition(&self) -> Self {
+        Output { silent: true, ..Output::new(self.json, self.unit) }
+    }
+
     /// That of one part of several: its result is kept.
     pub fn of_part(&self) -> Self {
         Output { collected: Some(Mutex::default()), ..Output::new(self.json, self.unit) }
@@ -151,42 +156,16 @@ impl Output {
     pub fn check_limits<'a>(
         &self,
         limits: &[Limit],
-        (sites, mesh): (&Sites, Option<&Mesh>),
+        part: (&Sites, Option<&Mesh>),
         answers: impl Iterator<Item = (&'a str, &'a SiteAnswers)>,
         held: Option<(&str, &Findings)>,
     ) -> Result<Value> {
         if limits.is_empty() {
             return Ok(Value::Null);
         }
-        let (about_findings, others): (Vec<&Limit>, Vec<&Limit>) =
-            limits.iter().partition(|limit| limit.is_about_findings());
-        let (of_all, others): (Vec<&Limit>, Vec<&Limit>) =
-            others.into_iter().partition(|limit| limit.is_about_all_tools());
-        let areas = SiteAreas::of(sites, mesh)?;
-        let answers: Vec<(&str, &SiteAnswers)> = answers.collect();
+        let found = limits_broken(limits, part, answers, held)?;
         let mut broken = self.broken.lock().unwrap_or_else(PoisonError::into_inner);
-        if !of_all.is_empty() && !answers.is_empty() {
-            let all = for_all_tools(answers.iter().map(|(_, answers)| *answers));
-            for limit in of_all {
-                broken.extend(limit.broken_by(&all, &areas).map_err(args::limit)?);
-            }
-        }
-        if let Some((tool, findings)) = held {
-            let why = about_findings.iter().filter_map(|l| l.broken_by_findings(findings));
-            broken.extend(why.map(|why| format!("{tool}: {why}")));
-        }
-        for (tool, answers) in answers {
-            for limit in &others {
-                if let Some(why) = limit.broken_by(answers, &areas).map_err(args::limit)? {
-                    broken.push(format!("{tool}: {why}"));
-                }
-            }
-            if !about_findings.is_empty() && held.is_none() {
-                let findings = Findings::of(sites, mesh, answers, &[])?;
-                let why = about_findings.iter().filter_map(|l| l.broken_by_findings(&findings));
-                broken.extend(why.map(|why| format!("{tool}: {why}")));
-            }
-        }
+        broken.extend(found);
         Ok(json!(*broken))
     }
 
@@ -224,6 +203,48 @@ impl Output {
         value["files"] = json!(paths);
         self.result(&value);
     }
+}
+
+/// The limits that answers break; as [`Output::check_limits`].
+pub fn limits_broken<'a>(
+    limits: &[Limit],
+    (sites, mesh): (&Sites, Option<&Mesh>),
+    answers: impl Iterator<Item = (&'a str, &'a SiteAnswers)>,
+    held: Option<(&str, &Findings)>,
+) -> Result<Vec<String>> {
+    if limits.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (about_findings, others): (Vec<&Limit>, Vec<&Limit>) =
+        limits.iter().partition(|limit| limit.is_about_findings());
+    let (of_all, others): (Vec<&Limit>, Vec<&Limit>) =
+        others.into_iter().partition(|limit| limit.is_about_all_tools());
+    let areas = SiteAreas::of(sites, mesh)?;
+    let answers: Vec<(&str, &SiteAnswers)> = answers.collect();
+    let mut broken = Vec::new();
+    if !of_all.is_empty() && !answers.is_empty() {
+        let all = for_all_tools(answers.iter().map(|(_, answers)| *answers));
+        for limit in of_all {
+            broken.extend(limit.broken_by(&all, &areas).map_err(args::limit)?);
+        }
+    }
+    if let Some((tool, findings)) = held {
+        let why = about_findings.iter().filter_map(|l| l.broken_by_findings(findings));
+        broken.extend(why.map(|why| format!("{tool}: {why}")));
+    }
+    for (tool, answers) in answers {
+        for limit in &others {
+            if let Some(why) = limit.broken_by(answers, &areas).map_err(args::limit)? {
+                broken.push(format!("{tool}: {why}"));
+            }
+        }
+        if !about_findings.is_empty() && held.is_none() {
+            let findings = Findings::of(sites, mesh, answers, &[])?;
+            let why = about_findings.iter().filter_map(|l| l.broken_by_findings(&findings));
+            broken.extend(why.map(|why| format!("{tool}: {why}")));
+        }
+    }
+    Ok(broken)
 }
 
 /// A line on standard error, in one piece: other processes write there too.

@@ -98,6 +98,11 @@ pub struct SurfaceArgs {
 }
 
 impl SurfaceArgs {
+    /// The files that are read.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.fixture.iter()
+    }
+
     /// Warns if an option is given that only the mesh definition has.
     pub fn warn_unused(&self, output: &Output) {
         if self.tolerances.tolerance.is_some() || self.table.is_some() || !self.fixture.is_empty() {

@@ -17,7 +17,7 @@ use deepmill::report::folder::REGION;
 use deepmill::{Error, Result};
 use glam::DVec3;
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The region of interest.
 #[derive(Clone, clap::Args)]
@@ -40,6 +40,15 @@ impl RegionArgs {
     /// Whether there is a region.
     pub fn is_given(&self) -> bool {
         !self.only.is_empty() || !self.except.is_empty()
+    }
+
+    /// The files that are read.
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        let file = |text: &String| match text.split_once(':') {
+            Some(("faces", file)) => Some(file.into()),
+            _ => None,
+        };
+        self.only.iter().chain(&self.except).filter_map(file)
     }
 
     /// For what a region cannot be of.

@@ -1,6 +1,8 @@
 //! `deepmill setups`: in how many clampings a part can be milled, and what each reaches.
 
-use crate::args::{GateArgs, SiteArgs, ToolArgs, called, name_of, share};
+mod watched;
+
+use crate::args::{GateArgs, OutArgs, SiteArgs, ToolArgs, called, name_of, share};
 use crate::baseline::BaselineArgs;
 use crate::clock::Clock;
 use crate::findings;
@@ -11,8 +13,10 @@ use crate::part_itself::{self, ToleranceArgs};
 use crate::progress::Bars;
 use crate::region::{self, RegionArgs};
 use deepmill::access::setups::{Clampings, direction_of_words};
-use deepmill::analysis::{Analysis, SetupRequest, SetupsOutcome};
+use deepmill::analysis::{Analysis, Files, Observer, SetupRequest, SetupsOutcome};
+use deepmill::data::files::tools::Tool;
 use deepmill::geom::Mesh;
+use deepmill::report::gate::Limit;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Error, Result, atomic_file};
 use glam::Vec3;
@@ -73,9 +77,8 @@ pub struct Args {
     gate: GateArgs,
     #[command(flatten)]
     baseline: BaselineArgs,
-    /// Folder of the results.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[command(flatten)]
+    out: OutArgs,
     /// Draw no pictures.
     #[arg(long)]
     no_picture: bool,
@@ -107,31 +110,22 @@ impl From<Clamping> for Clampings {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let limits = args.gate.limits(&["occlusion", "rest"])?;
+    let limits = args.limits()?;
     let share = share(&args.share)?;
     let request = args.request(share)?;
-    let tools = args.tolerances.with_allowance(args.tools.tools(output)?)?;
-    let options = args.tolerances.options()?;
+    let tools = args.tools(output)?;
+    args.tolerances.options()?;
     let baseline = args.baseline.open()?;
-    atomic_file::check_writable_folder(&args.out)?;
+    atomic_file::check_writable_folder(args.out.folder())?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
-    warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
-    let analysis = Analysis::new(name_of(&args.part), mesh, tools).options(options);
-    let placed = args.region.place(analysis, &args.sites, &args.read, output)?;
-    let files = output.forms(!args.no_picture, args.report, &[])?;
-    let (surface, sites) = placed.shown();
-    files.show().require_memory(surface, sites)?;
+    let files = args.forms(output)?;
     let mut bars = Bars::default();
-    let mut outcome = placed.plan(request, &mut bars).map_err(|error| match error {
-        Error::Argument { name: "setups", .. } => called(error, "--setup"),
-        other => other,
-    })?;
-    outcome.notices().iter().for_each(|notice| output.say(notice));
+    let mut outcome = args.plan(mesh, tools, (request, &files), &mut bars, output)?;
     clock.stages(STAGES, outcome.seconds());
     let check = baseline.check(|known| outcome.hold_against(known));
-    let mut paths = outcome.write(&args.out, &files, &mut bars)?;
+    let mut paths = outcome.write(args.out.folder(), &files, &mut bars)?;
     paths.extend(baseline.write(|date| outcome.baseline(date))?);
     clock.lap("write_s", "writing and drawing");
     let (surface, sites) = outcome.placed().shown();
@@ -156,6 +150,41 @@ const STAGES: [[&str; 2]; 4] = [
 ];
 
 impl Args {
+    fn limits(&self) -> Result<Vec<Limit>> {
+        self.gate.limits(&["occlusion", "rest"])
+    }
+
+    fn tools(&self, output: &Output) -> Result<Vec<Tool>> {
+        self.tolerances.with_allowance(self.tools.tools(output)?)
+    }
+
+    fn forms(&self, output: &Output) -> Result<Files> {
+        output.forms(!self.no_picture, self.report, &[])
+    }
+
+    /// The setups of a part that was read.
+    fn plan(
+        &self,
+        mesh: Mesh,
+        tools: Vec<Tool>,
+        (request, files): (SetupRequest, &Files),
+        observer: &mut dyn Observer,
+        output: &Output,
+    ) -> Result<SetupsOutcome> {
+        warn_wide_tools(&mesh, &tools, output);
+        let analysis = Analysis::new(name_of(&self.part), mesh, tools);
+        let analysis = analysis.options(self.tolerances.options()?);
+        let placed = self.region.place(analysis, &self.sites, &self.read, output)?;
+        let (surface, sites) = placed.shown();
+        files.show().require_memory(surface, sites)?;
+        let outcome = placed.plan(request, observer).map_err(|error| match error {
+            Error::Argument { name: "setups", .. } => called(error, "--setup"),
+            other => other,
+        })?;
+        outcome.notices().iter().for_each(|notice| output.say(notice));
+        Ok(outcome)
+    }
+
     fn request(&self, share: f64) -> Result<SetupRequest> {
         let machine = self.machine.machine()?;
         let mut request = SetupRequest::on(machine).share(share);

@@ -1,8 +1,11 @@
 //! `deepmill tools`: what every tool of a library reaches on a part, in one pass; and the library itself.
 
 mod library;
+mod watched;
 
-use crate::args::{DirectionArgs, GateArgs, SiteArgs, UnsaidArgs, name_of, share, with_names};
+use crate::args::{
+    DirectionArgs, GateArgs, OutArgs, SiteArgs, UnsaidArgs, name_of, share, with_names,
+};
 use crate::clock::Clock;
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
@@ -10,12 +13,14 @@ use crate::part_itself::{self, SurfaceArgs};
 use crate::premise::premise;
 use crate::progress::Bars;
 use crate::region::{self, RegionArgs};
-use deepmill::analysis::{Analysis, ToolsOutcome};
+use deepmill::analysis::{Analysis, Observer, ToolsOutcome};
+use deepmill::data::files::tools::Tool;
 use deepmill::geom::Mesh;
+use deepmill::report::gate::Limit;
 use deepmill::report::tables::{Cell, Facts};
 use deepmill::{Result, atomic_file};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Say what every tool of a library reaches on a part, which few of them reach nearly all, and how little each may
 /// stick out.
@@ -56,9 +61,8 @@ pub struct Args {
     gate: GateArgs,
     #[command(flatten)]
     alone: library::LibraryArgs,
-    /// Folder of the results.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[command(flatten)]
+    out: OutArgs,
     /// Draw no picture of the part.
     #[arg(long)]
     no_picture: bool,
@@ -68,34 +72,26 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    let limits = args.gate.limits(&["occlusion", "rest"])?;
+    let limits = args.limits()?;
     let share = share(&args.share)?;
-    let tools = with_names(args.unsaid.read(&args.library, output)?)?;
-    let written = args.alone.write(&tools, &args.out, output)?;
+    let tools = args.tools(output)?;
+    let written = args.alone.write(&tools, args.out.folder(), output)?;
     let Some(part) = &args.part else {
         library::say(&tools, &written, output);
         return Ok(());
     };
-    let tools = args.surface.tolerances.with_allowance(tools)?;
-    let options = args.surface.options(1.0)?;
     let directions = args.directions.directions()?;
-    atomic_file::check_writable_folder(&args.out)?;
+    args.surface.options(1.0)?;
+    atomic_file::check_writable_folder(args.out.folder())?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(part, args.force, output)?;
-    warn_wide_tools(&mesh, &tools, output);
     clock.lap("read_s", "reading");
     let premise = premise(&directions, &args.surface);
-    let analysis = Analysis::new(name_of(part), mesh, tools);
-    let analysis = analysis.options(options).directions(directions);
-    let analysis = args.surface.add_to(analysis, &args.read, output)?;
-    let placed = args.region.place(analysis, &args.sites, &args.read, output)?;
     let mut bars = Bars::default();
-    let outcome = placed.reach(share, &mut bars)?;
-    outcome.notices().iter().for_each(|notice| output.say(notice));
-    outcome.warnings().iter().for_each(|warning| output.warn(warning));
+    let outcome = args.reach((part, mesh), (tools, share), &mut bars, output)?;
     clock.stages(STAGES, outcome.seconds());
     let files = output.forms(!args.no_picture, false, &[])?;
-    let mut paths = outcome.write(&args.out, &files, &mut bars)?;
+    let mut paths = outcome.write(args.out.folder(), &files, &mut bars)?;
     paths.extend(written);
     clock.lap("write_s", "writing and drawing");
     let (surface, sites) = outcome.placed().shown();
@@ -107,6 +103,37 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     args.read.add_origin(&mut result);
     output.result_with_files(result, &paths);
     Ok(())
+}
+
+impl Args {
+    fn limits(&self) -> Result<Vec<Limit>> {
+        self.gate.limits(&["occlusion", "rest"])
+    }
+
+    fn tools(&self, output: &Output) -> Result<Vec<Tool>> {
+        with_names(self.unsaid.read(&self.library, output)?)
+    }
+
+    /// What the tools reach on a part that was read.
+    fn reach(
+        &self,
+        (part, mesh): (&Path, Mesh),
+        (tools, share): (Vec<Tool>, f64),
+        observer: &mut dyn Observer,
+        output: &Output,
+    ) -> Result<ToolsOutcome> {
+        let tools = self.surface.tolerances.with_allowance(tools)?;
+        warn_wide_tools(&mesh, &tools, output);
+        let analysis = Analysis::new(name_of(part), mesh, tools)
+            .options(self.surface.options(1.0)?)
+            .directions(self.directions.directions()?);
+        let analysis = self.surface.add_to(analysis, &self.read, output)?;
+        let placed = self.region.place(analysis, &self.sites, &self.read, output)?;
+        let outcome = placed.reach(share, observer)?;
+        outcome.notices().iter().for_each(|notice| output.say(notice));
+        outcome.warnings().iter().for_each(|warning| output.warn(warning));
+        Ok(outcome)
+    }
 }
 
 /// Keys and names of what [`ToolsOutcome::seconds`] has.

@@ -39,7 +39,7 @@ pub fn run(
     outcome.notices().iter().for_each(|notice| output.say(notice));
     clock.stages(STAGES, outcome.seconds());
     let files = output.forms(!args.no_picture, false, &[])?;
-    let paths = outcome.write(&args.out, &files)?;
+    let paths = outcome.write(args.out.folder(), &files)?;
     clock.lap("write_s", "writing and drawing");
 
     let file = outcome.file();

@@ -1,7 +1,7 @@
 //! Several parts in one call, a folder each.
 
 use super::{Args, run_one};
-use crate::args::name_of;
+use crate::args::{OutArgs, name_of};
 use crate::output::Output;
 use deepmill::{Error, Result, atomic_file};
 use serde_json::{Value, json};
@@ -20,13 +20,13 @@ pub fn run(args: &Args, parts: &[PathBuf], output: &Output) -> Result<()> {
     args.baseline
         .refuse("several parts", "a baseline is of one part: label it in a call of its own")?;
     output.forms(!args.no_picture, args.report, &args.also)?;
-    atomic_file::check_writable_folder(&args.out)?;
+    atomic_file::check_writable_folder(args.out.folder())?;
     let folders = folders(parts)?;
     let (mut results, mut failed): (Vec<Value>, Vec<String>) = Default::default();
     for (part, folder) in parts.iter().zip(folders) {
         let name = name_of(part);
         output.say(format!("{name}:"));
-        let out = args.out.join(&folder);
+        let out = OutArgs::of(args.out.folder().join(&folder));
         let one = Args { part: part.clone(), out, ..args.clone() };
         let of_part = output.of_part();
         let done = run_one(&one, &of_part);

@@ -1,0 +1,59 @@
+//! Labels of a part that is watched.
+
+use super::Args;
+use crate::baseline::today;
+use crate::output::{Output, limits_broken};
+use crate::watch::{Answer, Watched, Write};
+use deepmill::analysis::Observer;
+use deepmill::report::baseline::Baseline;
+use deepmill::{Error, Result, atomic_file};
+use std::path::PathBuf;
+
+impl Watched for Args {
+    fn files(&self) -> Vec<PathBuf> {
+        let beside = self.tools.files().chain(self.surface.files()).chain(self.baseline.files());
+        self.parts.iter().chain(beside).cloned().chain(self.region.files()).collect()
+    }
+
+    fn answer(
+        &self,
+        before: Option<&Baseline>,
+        observer: &mut dyn Observer,
+        output: &Output,
+    ) -> Result<Answer> {
+        let refused = |name, found: String, expected: &str, remedy| {
+            Err(Error::argument(name, found, expected, remedy))
+        };
+        let [part] = &self.parts[..] else {
+            let found = format!("{} parts", self.parts.len());
+            return refused("PART", found, "one part to watch", "watch each by itself");
+        };
+        if self.volume.is_some() {
+            return refused("--volume", "given".into(), "sites to watch", "leave --volume out");
+        }
+        self.baseline.refuse_to_write()?;
+        let args = Args { part: part.clone(), ..self.clone() };
+        let request = args.request(output)?;
+        let baseline = args.baseline.open()?;
+        if let Some(folder) = args.out.given() {
+            atomic_file::check_writable_folder(folder)?;
+        }
+        let mut outcome = args.label(args.read_part(output)?, &request, observer, output)?;
+        let held = baseline.check(|known| outcome.hold_against(known));
+        let (mesh, sites) = outcome.shown();
+        let of_tool = baseline.is_held().then(|| (outcome.tool_of_findings(), outcome.findings()));
+        let limits = &request.limits;
+        let mut broken = limits_broken(limits, (sites, mesh), outcome.named(), of_tool)?;
+        broken.extend(held.and_then(|check| baseline.broken(&check)));
+        let check = before.map(|before| outcome.name_findings(before));
+        let (page, findings) = (outcome.live_page(output.unit())?, outcome.baseline(&today())?);
+        let folder = args.out.given().map(PathBuf::from);
+        let write = folder.map(|folder| -> Box<Write> {
+            Box::new(move |observer| {
+                outcome.write(&folder, &request.files, observer)?;
+                outcome.write_per_direction(&folder, &request.forms).map(|_| ())
+            })
+        });
+        Ok(Answer { page, check, findings, broken, write })
+    }
+}
