@@ -30,7 +30,6 @@ use deepmill::cutter::{Assembly, Cutter, CutterParams, Section, TipShape};
 use deepmill::directions::Directions;
 use deepmill::geom::formats::{ReadOptions, read_mesh};
 use deepmill::geom::sites::{SiteOptions, sample};
-use deepmill::geom::weld::DEFAULT_TOLERANCE;
 use deepmill::geom::{Mesh, Sites};
 use std::collections::HashMap;
 use std::path::Path;
@@ -75,7 +74,7 @@ fn main() {
 }
 
 fn read(path: &str, n_sites: usize) -> (Mesh, Sites) {
-    let options = ReadOptions { scale: 1.0, weld: DEFAULT_TOLERANCE };
+    let options = ReadOptions::default();
     let mut mesh = read_mesh(Path::new(path), &options).expect("a mesh");
     let (low, high) = mesh.bounds().expect("a mesh with vertices");
     let factor = (80.0 / (high - low).min_element()).max(1.0);

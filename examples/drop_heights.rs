@@ -16,7 +16,6 @@ use deepmill::data::generated::demo_part;
 use deepmill::directions::Directions;
 use deepmill::geom::formats::{ReadOptions, read_mesh};
 use deepmill::geom::sites::{SiteOptions, sample};
-use deepmill::geom::weld::DEFAULT_TOLERANCE;
 use std::io::Write;
 use std::path::Path;
 
@@ -25,7 +24,7 @@ const TOLERANCE_MM: f64 = 0.01;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let options = ReadOptions { scale: 1.0, weld: DEFAULT_TOLERANCE };
+    let options = ReadOptions::default();
     let (mesh, [n_points, n_directions, lengths, corner]) = match &args[..] {
         [] => (demo_part(), ["3", "2", "1.5,6,40,5", "1.5"]),
         [part, rest @ ..] if rest.len() == 4 => {

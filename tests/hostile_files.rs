@@ -341,7 +341,7 @@ fn bad_options_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = put(folder.path(), "cube.stl", ascii_stl(&cube()));
     for (scale, weld) in [(0.0, 0.0), (-1.0, 0.0), (f64::NAN, 0.0), (1.0, -1e-6), (1.0, f64::NAN)] {
-        assert!(read_mesh(&path, &ReadOptions { scale, weld }).is_err());
+        assert!(read_mesh(&path, &ReadOptions::new(scale, weld)).is_err());
     }
 }
 

@@ -202,7 +202,7 @@ impl Mesh {
             (options.flag("repair")?.unwrap_or(false), options.flag("force")?.unwrap_or(false));
         options.finish()?;
         detached(py, move || {
-            let read = ReadOptions { scale, weld };
+            let read = ReadOptions::new(scale, weld);
             let PartFile { part, notices, .. } =
                 formats::read_part_file(&path, &read, KeepVertices::No)?;
             let MeshOrCloud::Mesh(mesh) = part else {

@@ -64,6 +64,17 @@ pub fn join_bodies(mesh: &mut Mesh, path: &Path, output: &Output) -> Result<Vec<
     Ok(changes)
 }
 
+/// Says volume and area of the bodies of a STEP file, to be compared with those of the program that wrote it.
+#[cfg(feature = "step")]
+fn say_size_of_step(mesh: &Mesh, path: &Path, output: &Output) {
+    if matches!(formats::Format::of(path), Ok(formats::Format::Step)) {
+        let (volume, area) = (mesh.volume(), mesh.area());
+        output.say(format!(
+            "volume {volume:.1} mm³, area {area:.1} mm², of the triangles of all bodies: compare them with the CAD program's"
+        ));
+    }
+}
+
 /// Warns if a part in millimeters may be one in inches.
 pub fn warn_if_in_inches(mesh: &Mesh, output: &Output) {
     let warning = mesh.bounds().and_then(|(low, high)| inch_warning(low, high));
@@ -100,6 +111,13 @@ pub struct MeshArgs {
         allow_negative_numbers = true
     )]
     weld: f64,
+    /// Of a STEP file: how far triangles may be from the surfaces that they stand for.
+    #[cfg(feature = "step")]
+    #[arg(
+        long, default_value_t = formats::DEFAULT_CHORD_MM, value_name = "MM",
+        allow_negative_numbers = true, value_parser = crate::args::millimeters
+    )]
+    chord: f64,
     /// Mend small faults: weld gaps, drop doubled and collapsed triangles, orient.
     #[arg(long)]
     pub repair: bool,
@@ -110,7 +128,10 @@ pub struct MeshArgs {
 
 impl MeshArgs {
     fn options(&self) -> ReadOptions {
-        ReadOptions { scale: self.unit.millimeters() * self.scale, weld: self.weld }
+        let options = ReadOptions::new(self.unit.millimeters() * self.scale, self.weld);
+        #[cfg(feature = "step")]
+        let options = ReadOptions { chord_mm: self.chord, ..options };
+        options
     }
 
     /// Reads a mesh or a cloud to be labeled, says its size, and applies the chosen repairs; an inward-facing mesh is
@@ -137,6 +158,8 @@ impl MeshArgs {
                     vertices.make_relative(at);
                 }
                 self.prepare(mesh, output)?;
+                #[cfg(feature = "step")]
+                say_size_of_step(mesh, path, output);
                 match join_bodies(mesh, path, output) {
                     Err(fault) if accept == Accept::Faults => output.warn(fault),
                     joined => {

@@ -9,6 +9,8 @@ pub(crate) mod npz;
 mod obj;
 mod ply;
 mod polygon;
+#[cfg(feature = "step")]
+mod step;
 mod stl;
 mod strip;
 mod text;
@@ -29,6 +31,11 @@ const MAX_COORDINATE: f64 = 1e12;
 /// Shortest normal that still has a direction.
 const MIN_NORMAL: f64 = 1e-12;
 
+/// Chord error of STEP files if none is given, mm.
+#[cfg(feature = "step")]
+#[doc(hidden)] // of the program
+pub const DEFAULT_CHORD_MM: f64 = 0.02;
+
 /// How the numbers of a mesh file become a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReadOptions {
@@ -37,12 +44,27 @@ pub struct ReadOptions {
     /// Corners closer than this fraction of the bounding box's diagonal become one; 0 joins only
     /// equal ones. See [`weld::DEFAULT_TOLERANCE`].
     pub weld: f64,
+    /// Of STEP files: how far triangles may be from the surfaces that they stand for, mm.
+    #[cfg(feature = "step")]
+    pub chord_mm: f64,
+}
+
+impl ReadOptions {
+    /// These factor and fraction, all else as by default.
+    pub fn new(scale: f64, weld: f64) -> Self {
+        ReadOptions {
+            scale,
+            weld,
+            #[cfg(feature = "step")]
+            chord_mm: DEFAULT_CHORD_MM,
+        }
+    }
 }
 
 impl Default for ReadOptions {
     /// Millimeters, default weld.
     fn default() -> Self {
-        ReadOptions { scale: 1.0, weld: weld::DEFAULT_TOLERANCE }
+        ReadOptions::new(1.0, weld::DEFAULT_TOLERANCE)
     }
 }
 
@@ -60,6 +82,9 @@ pub enum Format {
     ThreeMf,
     /// NumPy archive with `points` and `normals`.
     Npz,
+    /// STEP (ISO 10303-21).
+    #[cfg(feature = "step")]
+    Step,
 }
 
 impl Format {
@@ -75,12 +100,7 @@ impl Format {
             Some("ply") => Ok(Format::Ply),
             Some("3mf") => Ok(Format::ThreeMf),
             Some("npz") => Ok(Format::Npz),
-            Some("step" | "stp" | "iges" | "igs") => Err(Error::file(
-                path,
-                "file name",
-                "a CAD exchange file has no triangles",
-                "export it as STL in millimeters from the CAD program (docs/meshes.md says how)",
-            )),
+            Some(ending @ ("step" | "stp" | "iges" | "igs")) => exchange(ending, path),
             _ => Err(Error::file(
                 path,
                 "file name",
@@ -89,6 +109,22 @@ impl Format {
             )),
         }
     }
+}
+
+/// The format of a CAD exchange file.
+fn exchange(ending: &str, path: &Path) -> Result<Format> {
+    let found = "a CAD exchange file has no triangles";
+    let remedy = "export it as STL in millimeters from the CAD program (docs/meshes.md says how)";
+    let is_step = matches!(ending, "step" | "stp");
+    #[cfg(feature = "step")]
+    if is_step {
+        return Ok(Format::Step);
+    }
+    let remedy = match is_step {
+        true => format!("{remedy}, or build deepmill with --features step"),
+        false => remedy.into(),
+    };
+    Err(Error::file(path, "file name", found, remedy))
 }
 
 /// What a command can work on: a mesh, or sites that someone else has sampled.
@@ -145,7 +181,7 @@ pub fn read_part_file(path: &Path, options: &ReadOptions, keep: KeepVertices) ->
     let cloud = match format {
         Format::Npz => true,
         Format::Ply => ply::is_cloud(&bytes, path)?,
-        Format::Stl | Format::Obj | Format::ThreeMf => false,
+        _ => false,
     };
     if cloud {
         let part = MeshOrCloud::Cloud(cloud_from_bytes(&bytes, format, path, options.scale)?);
@@ -233,6 +269,12 @@ fn mesh_of(
             notices = left_out;
             mesh
         }
+        #[cfg(feature = "step")]
+        Format::Step => {
+            let (mesh, left_out) = step::read(bytes, path, options.chord_mm / options.scale)?;
+            notices = left_out;
+            mesh
+        }
         Format::Npz => {
             return Err(Error::file(
                 path,
@@ -250,7 +292,8 @@ fn mesh_of(
     }
     check_size(mesh.vertices.iter().copied(), path)?;
     let (welded, of_vertex) = weld::weld_with_map(&mesh, options.weld)?;
-    let is_kept = keep == KeepVertices::Yes && format != Format::Stl;
+    let lists_vertices = matches!(format, Format::Obj | Format::Ply | Format::ThreeMf);
+    let is_kept = keep == KeepVertices::Yes && lists_vertices;
     let vertices = is_kept.then(|| FileVertices::new(&welded, of_vertex));
     Ok((welded, notices, vertices))
 }
@@ -283,7 +326,7 @@ pub fn cloud_from_bytes(bytes: &[u8], format: Format, path: &Path, scale: f64) -
     let (mut points, normals) = match format {
         Format::Ply => ply::read_cloud(bytes, path)?,
         Format::Npz => npz::read_cloud(bytes, path)?,
-        Format::Stl | Format::Obj | Format::ThreeMf => {
+        _ => {
             return Err(Error::file(
                 path,
                 "file name",
@@ -359,6 +402,11 @@ fn check_options(options: &ReadOptions) -> Result<()> {
             "a fraction of the diagonal from 0 to 0.1",
             format!("the default is {:e}", weld::DEFAULT_TOLERANCE),
         ));
+    }
+    #[cfg(feature = "step")]
+    if !(options.chord_mm > 0.0 && options.chord_mm.is_finite()) {
+        let remedy = format!("the default is {DEFAULT_CHORD_MM}");
+        return Err(Error::argument("chord", options.chord_mm, "a length above 0, in mm", remedy));
     }
     Ok(())
 }
