@@ -11,6 +11,9 @@ use crate::report::tables::Table;
 use crate::report::{Class, Coloring, DARK_AND_LIGHT, Rgb, folder};
 use serde_json::Value;
 
+/// The name of rests in [`View::values`]; the script draws them in a section.
+pub(super) const REST: &str = "rest";
+
 /// One tab: answers about the sites of the page.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
@@ -234,7 +237,7 @@ fn site_values(answers: &SiteAnswers, n: usize) -> Vec<SiteValues> {
         let (name, unit, scale) = match name {
             "accessible_directions" => ("accessible directions", "", 1.0),
             "clearance" => ("clearance", "mm", 1.0),
-            "rest" => ("rest", "mm", 1.0),
+            "rest" => (REST, "mm", 1.0),
             "probability_inaccessible" => ("probability, inaccessible", "%", 100.0),
             "probability_occlusion" => ("probability, occlusion", "%", 100.0),
             _ => return None,

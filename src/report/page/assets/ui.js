@@ -78,9 +78,29 @@ class Viewer {
     }
     path.setAttribute("d", words.join(""));
   }
-  /** Scale bar, axes and outlines. */
+  /** In a section that is seen: what is left standing on the sites at it, along their normals, as wide as a site. */
+  rests() {
+    const svg = $("rests"), { about, views, place, normal } = this.data, { scale, back } = this.camera, cut = this.cut;
+    if (!svg) return;
+    const { of, classes, values } = views[this.view], rest = values.find((value) => value.name === "rest");
+    const seen = rest && cut && dot(cut, back) > 0.05, words = classes.map(() => []), most = 2 * this.camera.radius;
+    for (let i = 0; seen && i < about.n_sites; i++) {
+      const r = Math.min(rest.of[i], most);
+      if (!(r > 0)) continue;
+      const p = place(i), off = dot(cut, p) - cut[3];
+      if (Math.abs(off) > 0.75 * about.spacing_mm) continue;
+      const n = normal(i), across = dot(cut, n);
+      if (Math.abs(across) > 0.7) continue;
+      const foot = add(p, cut, -off), ends = [foot, add(foot, add(n, cut, -across), r)];
+      const [a, b] = ends.map((q) => { const [x, y] = this.camera.project(q); return `${(0.5 * this.width + x * scale).toFixed(1)} ${(0.5 * this.height - y * scale).toFixed(1)}`; });
+      words[of[i]].push(`M${a}L${b}`);
+    }
+    const path = (k) => `<path d="${words[k].join("")}" stroke="rgb(${classes[k].color})" stroke-width="${(0.9 * about.spacing_mm * scale).toFixed(1)}"/>`;
+    svg.innerHTML = words.map((_, k) => (words[k].length ? path(k) : "")).join("");
+  }
+  /** Scale bar, axes, outlines and what is left in a section. */
   overlay() {
-    this.outline();
+    this.outline(); this.rests();
     const unit = this.data.about.unit, scale = this.camera.scale * unit.mm, most = 160 / scale, power = 10 ** Math.floor(Math.log10(most));
     const length = [5, 2, 1].map((k) => k * power).find((l) => l <= most) || power;
     $("scale").firstElementChild.style.width = `${length * scale}px`;
