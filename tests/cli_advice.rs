@@ -103,3 +103,47 @@ fn thin_walls_are_found_below_a_limit_and_can_fail_a_check() {
     assert!(said.contains("--thin-wall"), "{said}");
     assert_eq!(json(&check(&["--json"]))["thin_walls"], Value::Null);
 }
+
+#[test]
+fn an_undercut_names_the_axes_that_reach_it() {
+    let folder = Folder::new();
+    // A groove along y that opens to +z, looked at from +x alone.
+    let part = grooved(&folder, 12.0, 8.0);
+    let out = folder.path("out");
+    let args = ["label", &part, "--out", &out, "--sites", "3000", "--no-picture", "--report"];
+    let result = json(&deepmill(
+        &[&args[..], &["--cutter", "2,60,4,30", "--directions", "list:1,0,0", "--json"]].concat(),
+    ));
+    let findings = result["findings"]["findings"].as_array().unwrap();
+    let opens = |finding: &Value| -> Vec<(String, f64)> {
+        let list = finding["opens"].as_array().unwrap();
+        let of = |o: &Value| (o["axis"].as_str().unwrap().into(), o["share"].as_f64().unwrap());
+        list.iter().map(of).collect()
+    };
+    let facing = |finding: &&Value, normal: [f64; 3]| {
+        let n = finding["normal"].as_array().unwrap();
+        (0..3).all(|k| (n[k].as_f64().unwrap() - normal[k]).abs() < 0.1)
+    };
+    // The face at x = 0 looks away from the tool. From -x all of it is reached, as by the side of the tool.
+    let away = findings.iter().find(|f| facing(f, [-1.0, 0.0, 0.0])).unwrap();
+    let found = opens(away);
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(found.iter().all(|(axis, share)| axis != "+x" && *share > 0.85), "{found:?}");
+    assert!(found[0].1 > 0.99, "{found:?}");
+    // Of the groove, walls and floor but for the corners, from above and along it.
+    let groove = findings.iter().find(|f| {
+        let (low, high) = (&f["low_mm"], &f["high_mm"]);
+        low[2].as_f64().unwrap() > 11.0 && high[0].as_f64().unwrap() < 29.0 && f != &away
+    });
+    let found = opens(groove.unwrap());
+    assert!(["+y", "-y", "+z"].contains(&&*found[0].0), "{found:?}");
+    // Floor of 12 of which 2 at each wall are left, walls of 8 of which 2 above the floor are: 20 of 28.
+    assert!((found[0].1 - 20.0 / 28.0).abs() < 0.08, "{found:?}");
+    let page = std::fs::read_to_string(folder.path("out/report.html")).unwrap();
+    assert!(page.contains("which was not tested: "));
+    // A set of the whole sphere leaves no axis out.
+    let whole = &["--cutter", "2,60,4,30", "--directions", "sphere:500", "--json"][..];
+    let result = json(&deepmill(&[&args[..], whole].concat()));
+    let findings = result["findings"]["findings"].as_array().unwrap();
+    assert!(findings.iter().all(|finding| opens(finding).is_empty()));
+}

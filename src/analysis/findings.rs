@@ -2,17 +2,39 @@
 
 use crate::Result;
 use crate::access::Labels;
-use crate::access::surface::PartChange;
 use crate::access::surface::explain::RegionAdvice;
+use crate::access::surface::{PartChange, SiteAnswer, SurfaceOptions, TriangleObstacles};
 use crate::cutter::Assembly;
+use crate::data::files::tools::Tool;
+use crate::directions::{DirectionSet, Directions};
 use crate::geom::{Mesh, Sites};
-use crate::report::findings::{Findings, PartAdvice, ToolChange, add_blocking_parts, add_proofs};
+use crate::report::findings::{
+    Findings, Opening, PartAdvice, ToolChange, add_blocking_parts, add_proofs,
+};
+use glam::Vec3;
 
 /// Findings that are shown in words, and for which a change of the tool is looked for.
 pub const N_SHOWN: usize = 6;
 
 /// A change of the tool that reaches less of a region is no help.
 const LEAST_SHARE: f64 = 0.25;
+
+/// Box axes along which regions are looked at from.
+const AXES: [(&str, Vec3); 6] = [
+    ("+x", Vec3::X),
+    ("-x", Vec3::NEG_X),
+    ("+y", Vec3::Y),
+    ("-y", Vec3::NEG_Y),
+    ("+z", Vec3::Z),
+    ("-z", Vec3::NEG_Z),
+];
+/// Cosine of 8°, about half of the angle between neighbors of the default set: an axis that is nearer to a direction
+/// was tested.
+const TESTED: f32 = 0.990_27;
+/// Sites of a region that are looked at.
+const N_OPENED: usize = 192;
+/// Openings that are named.
+const N_OPENINGS: usize = 2;
 
 /// The findings of every tool, and which other tools help; `names` and `labels` are of the same tools.
 ///
@@ -36,6 +58,64 @@ pub fn findings_of_tools(
         Ok(found)
     };
     (0..names.len()).map(of).collect()
+}
+
+/// Adds to the largest findings the box axes that were not tested and along which one of the tools reaches them.
+///
+/// # Errors
+/// As [`TriangleObstacles::label`].
+pub(super) fn add_openings(
+    findings: &mut Findings,
+    sites: &Sites,
+    tools: &[Tool],
+    obstacles: &TriangleObstacles,
+    (directions, options): (&Directions, &SurfaceOptions),
+) -> Result<()> {
+    let is_tested = |axis: Vec3| directions.vectors().iter().any(|d| d.dot(axis) > TESTED);
+    let axes = AXES.into_iter().filter(|(_, axis)| !is_tested(*axis));
+    let alone = |(name, axis): (&'static str, Vec3)| {
+        let set = DirectionSet::List { vectors: vec![axis.as_dvec3().to_array()] };
+        Directions::new(set).map(|directions| (name, directions))
+    };
+    let axes = axes.map(alone).collect::<Result<Vec<(&'static str, Directions)>>>()?;
+    if axes.is_empty() {
+        return Ok(());
+    }
+    let quick = SurfaceOptions {
+        counts: false,
+        occlusion: false,
+        refinement: None,
+        clearance_limit_mm: None,
+        ..*options
+    };
+    for number in 1..=findings.list.len().min(N_SHOWN) {
+        let all = (0..findings.of_site.len()).filter(|i| findings.of_site[*i] as usize == number);
+        let all: Vec<usize> = all.collect();
+        let step = all.len().div_ceil(N_OPENED).max(1);
+        let some = || all.iter().step_by(step);
+        let points = some().map(|i| sites.points[*i]).collect();
+        let of_region = Sites::new(points, some().map(|i| sites.normals[*i]).collect())?;
+        let mut opens = Vec::new();
+        for (name, axis) in &axes {
+            let mut is_reached = vec![false; of_region.len()];
+            for tool in tools {
+                let found = obstacles.label(&of_region, &tool.cutter, axis, &quick)?;
+                for (reached, answer) in is_reached.iter_mut().zip(found.answers) {
+                    *reached |= answer == SiteAnswer::Accessible;
+                }
+            }
+            let n_reached = is_reached.iter().filter(|reached| **reached).count();
+            let share = n_reached as f64 / is_reached.len().max(1) as f64;
+            if share >= LEAST_SHARE {
+                opens.push(Opening::new(name, share));
+            }
+        }
+        // Stable: among equals, in the order of the axes.
+        opens.sort_by(|a: &Opening, b| b.share.total_cmp(&a.share));
+        opens.truncate(N_OPENINGS);
+        findings.list[number - 1].opens = opens;
+    }
+    Ok(())
 }
 
 /// Adds to the largest findings a change of the tool that helps most of the region, and changes of the part, if

@@ -287,7 +287,7 @@ impl Placed {
         let start = Instant::now();
         report(observer, Stage::Findings, (0, 1))?;
         let kept_out = self.kept_out(&labels)?;
-        let (mut found, of_all) = self.findings(&labels)?;
+        let (mut found, mut of_all) = self.findings(&labels)?;
         kept_out.iter().for_each(|kept| kept.add_to(found.iter_mut()));
         if let (Some(triangles), [found], [tool]) =
             (&triangles, &mut found[..], &self.request.tools[..])
@@ -301,6 +301,11 @@ impl Placed {
                 let of_part = triangles.part_changes(of, held, &self.directions, &options)?;
                 Ok((of_tool, of_part))
             })?;
+        }
+        if let (Some(triangles), Some(found)) = (&triangles, of_all.as_mut().or(found.first_mut()))
+        {
+            let of = (&self.directions, &self.options());
+            findings::add_openings(found, &self.sites, &self.request.tools, triangles, of)?;
         }
         report(observer, Stage::Findings, (1, 1))?;
         let findings_s = start.elapsed().as_secs_f64();

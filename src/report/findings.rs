@@ -20,7 +20,7 @@ use crate::geom::{Mesh, Sites, regions, spacing};
 use crate::{Error, Result, atomic_file};
 pub use advice::ToolChange;
 #[doc(hidden)] // of the page and the program
-pub use advice::{PartAdvice, part_change_words};
+pub use advice::{Opening, PartAdvice, openings_words, part_change_words};
 pub use fixtures::InTheWay;
 #[doc(hidden)] // of `analysis`
 pub use fixtures::add_fixtures;
@@ -103,6 +103,10 @@ pub struct Finding {
     /// Changes of the part that help, the one that frees most first, if they were looked for.
     #[doc(hidden)] // of the page and the program
     pub advice: Vec<PartAdvice>,
+    /// Box axes that were not tested and along which it is reached, the one that reaches most first, if they were
+    /// looked for.
+    #[doc(hidden)] // of the page and the program
+    pub opens: Vec<Opening>,
     /// Mean place of its sites, mm.
     #[serde(skip)]
     middle_mm: DVec3,
@@ -363,6 +367,7 @@ impl About<'_> {
             change: None,
             stopped: None,
             advice: Vec::new(),
+            opens: Vec::new(),
         }
     }
 

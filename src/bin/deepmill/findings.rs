@@ -2,7 +2,7 @@
 
 use crate::output::Output;
 use deepmill::analysis::N_SHOWN as N_SAID;
-use deepmill::report::findings::Findings;
+use deepmill::report::findings::{Findings, openings_words};
 
 /// The largest findings as a table.
 pub fn say(findings: &Findings, output: &Output) {
@@ -16,6 +16,9 @@ pub fn say(findings: &Findings, output: &Output) {
     for (number, finding) in (1..).zip(findings.list.iter().take(N_SAID)) {
         for advice in &finding.advice {
             output.say(format!("finding {number}: of the part, {}", advice.words));
+        }
+        if !finding.opens.is_empty() {
+            output.say(format!("finding {number}: {}", openings_words(&finding.opens)));
         }
         if let Some(words) = &finding.stopped {
             output.say(format!("finding {number}: would help, but is not proposed: {words}"));

@@ -61,6 +61,32 @@ impl PartAdvice {
     }
 }
 
+/// An axis that was not tested and along which tools reach a region: the part would have to be turned so.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+#[doc(hidden)] // of the page and the program
+pub struct Opening {
+    /// The tool axis, from tip to spindle: `+x` to `-z`.
+    pub axis: &'static str,
+    /// Share of the region's sites that are reached along it.
+    pub share: f64,
+}
+
+impl Opening {
+    /// An axis, and what is reached along it.
+    pub fn new(axis: &'static str, share: f64) -> Self {
+        Opening { axis, share }
+    }
+}
+
+/// Openings in words.
+#[doc(hidden)] // of the page and the program
+pub fn openings_words(openings: &[Opening]) -> String {
+    let words = |of: &Opening| format!("{} ({:.1} %)", of.axis, 100.0 * of.share);
+    let words: Vec<String> = openings.iter().map(words).collect();
+    format!("reached with this axis up, which was not tested: {}", words.join(", "))
+}
+
 /// A change of the part in words, without what it frees.
 #[doc(hidden)] // of explanations
 pub fn part_change_words(change: &PartChange) -> String {

@@ -1,10 +1,11 @@
 //! The markup of a page. Every string of the user goes through [`text`].
 
+use super::view::REST;
 use super::{Page, View};
 use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
 use crate::geom::units::Unit;
-use crate::report::findings::Findings;
+use crate::report::findings::{Findings, openings_words};
 use crate::report::tables::{Cell, Table};
 use serde_json::Value;
 use std::fmt::Write;
@@ -73,6 +74,8 @@ pub fn document(page: &Page, areas: &[f64], script: Script) -> String {
     };
     let about = about.to_string().replace('<', "\\u003c");
     let program = Provenance::PROGRAM;
+    let has_rests = page.views.iter().flat_map(|view| &view.values).any(|of| of.name == REST);
+    let rests = if has_rests || version.is_some() { RESTS } else { "" };
     // Those of a live page may come with a later version.
     let outlines = match (page.outlines.is_empty(), version) {
         (true, None) => String::new(),
@@ -100,7 +103,7 @@ pub fn document(page: &Page, areas: &[f64], script: Script) -> String {
 <img id="print" alt="">
 {TOOLS}
 <div id="scale"><i></i><span></span></div>
-{outlines}<svg id="axes" viewBox="0 0 84 84" aria-hidden="true"></svg>
+{rests}{outlines}<svg id="axes" viewBox="0 0 84 84" aria-hidden="true"></svg>
 <div id="tip"></div>
 {bar}<div id="message"><noscript>The 3-D view needs scripts; tables and findings are complete without it.</noscript></div>
 </section>
@@ -122,6 +125,9 @@ pub fn document(page: &Page, areas: &[f64], script: Script) -> String {
     );
     out
 }
+
+/// What is left, in a section.
+const RESTS: &str = "<svg id=\"rests\" aria-hidden=\"true\"></svg>\n";
 
 /// Outlines of fixtures and table over the view, and the box that shows them.
 const OUTLINES: &str = r#"<svg id="outlines" aria-hidden="true"><path d=""/></svg>
@@ -313,7 +319,11 @@ fn list(findings: &Findings, unit: Unit) -> String {
         let _ = write!(
             out,
             "<tr data-finding=\"{number_of}\" tabindex=\"0\"{}><td>{number_of}</td><td>{cause}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"p\">{x:.digits$}, {y:.digits$}, {z:.digits$}</td>",
-            if f.change.is_some() || f.stopped.is_some() || !f.advice.is_empty() {
+            if f.change.is_some()
+                || f.stopped.is_some()
+                || !f.advice.is_empty()
+                || !f.opens.is_empty()
+            {
                 " class=\"more\""
             } else {
                 ""
@@ -334,6 +344,14 @@ fn list(findings: &Findings, unit: Unit) -> String {
                 "<tr class=\"helps\"><td></td><td colspan=\"{}\">not proposed: {}</td></tr>",
                 if has_help { 5 } else { 4 },
                 text(stopped),
+            );
+        }
+        if !f.opens.is_empty() {
+            let _ = write!(
+                out,
+                "<tr class=\"helps\"><td></td><td colspan=\"{}\">{}</td></tr>",
+                if has_help { 5 } else { 4 },
+                text(&openings_words(&f.opens)),
             );
         }
         for advice in &f.advice {
