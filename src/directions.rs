@@ -241,6 +241,14 @@ impl Directions {
         Ok(Directions { set, vectors: vectors.into_iter().map(DVec3::as_vec3).collect() })
     }
 
+    /// Those of these numbers, each as it is; a number may be there again.
+    #[cfg(all(feature = "formats", feature = "generate"))]
+    pub(crate) fn numbered(&self, numbers: impl Iterator<Item = u32>) -> Self {
+        let vectors: Vec<Vec3> = numbers.map(|k| self.vectors[k as usize]).collect();
+        let set = vectors.iter().map(|d| d.as_dvec3().to_array()).collect();
+        Directions { set: DirectionSet::List { vectors: set }, vectors }
+    }
+
     /// +z, then these; one more than a million is no fault of the user's.
     pub(crate) fn after_up(&self) -> Result<Self> {
         let vectors = std::iter::once(&Vec3::Z).chain(&self.vectors);

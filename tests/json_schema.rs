@@ -214,6 +214,8 @@ fn other_commands_about_a_part_print_what_the_schema_promises() {
     for machine in ["3-axis", "3+2:60", "4-axis:x", file] {
         require("setups", &few("setups", &["--tools", &tools, "--machine", machine]));
     }
+    let held = ["--machine", "3-axis", "--vise", "60,60,6", "--table", "10,300"];
+    require("setups", &few("setups", &[&["--tools", &tools][..], &held].concat()));
     require("machined", &of_part("machined", &["--cutter", "3,14,20,30", "--accuracy", "1"]));
     let setups = ["--cutter", "3,14,20,30", "--accuracy", "1", "--machine", "3-axis", "--setup"];
     require("machined", &of_part("machined", &[&setups[..], &["+z", "--setup", "-z"]].concat()));

@@ -7,7 +7,8 @@
 //! for which its rotary axes have angles within their limits. A site is reached in a
 //! setup iff some tool is [may stand](super::surface::AccessibleDirections) there along one of them, and the site is
 //! not on what the part lies on. The setups of a [`Plan`] are few of the [`Candidates`] that cover a share of the area
-//! that all candidates reach together. Fixtures and stock are not modelled.
+//! that all candidates reach together. What holds the part is in the way if the answers are about obstacles with it;
+//! stock is not modelled.
 //!
 //! # Pseudo-code
 //!
@@ -39,6 +40,8 @@
 //! ```
 
 mod candidates;
+#[cfg(all(feature = "formats", feature = "generate"))]
+mod clamped;
 mod kinematics;
 mod machine;
 mod plan;
@@ -48,6 +51,10 @@ pub use candidates::{Candidate, Candidates, Clampings};
 #[doc(hidden)] // of machine files and the program
 pub use kinematics::{Carrier, Fault, Kinematics, RotaryParams, plane_euler_deg};
 pub use machine::Machine;
+#[cfg(all(feature = "formats", feature = "generate"))]
+pub(crate) use machine::{DOWN_RAD, LOWEST_MM};
 #[doc(hidden)] // of the program
 pub use machine::{direction_of_words, direction_words};
+#[cfg(all(feature = "formats", feature = "generate"))]
+pub(crate) use plan::reached_in;
 pub use plan::{Choice, Plan, Setup};

@@ -8,7 +8,7 @@ use crate::geom::check::{self, Fault};
 use crate::geom::{Mesh, Sites, bodies};
 use crate::report::findings::{Findings, add_fixtures};
 use crate::{Error, Result};
-use glam::{DVec3, dvec3};
+use glam::DVec3;
 
 /// A fixture may share this of the part's volume: roundings of faces that lie on each other.
 const ROUNDING: f64 = 1e-6;
@@ -58,13 +58,30 @@ impl Fixture {
             return Err(Error::argument("table", z_mm, "a height in mm within 1 km", remedy));
         }
         let (low, high) = part.bounds().unwrap_or_default();
-        let half = 2.0 * (high - low).length() + 500.0;
+        let width = 4.0 * (high - low).length() + 1000.0;
+        Ok(Fixture::square(part, [DVec3::X, DVec3::Y, DVec3::Z], (z_mm, width)))
+    }
+
+    /// A table across `up`, so far below the lowest place of the part and below its middle; twice as wide as the
+    /// diagonal of its box, if it has no width: against a wide one no tool can tilt whose spindle is a half space.
+    pub(super) fn table_below(part: &Mesh, up: DVec3, mm: f64, width_mm: Option<f64>) -> Self {
+        let up = up.normalize();
+        let along = up.any_orthonormal_vector();
+        let lowest = part.vertices.iter().map(|p| p.dot(up)).fold(f64::INFINITY, f64::min);
+        let (low, high) = part.bounds().unwrap_or_default();
+        let width = width_mm.unwrap_or(2.0 * (high - low).length());
+        Fixture::square(part, [along, up.cross(along), up], (lowest - mm, width))
+    }
+
+    /// A table across the last of the axes, at a height along it, below or above the middle of the part.
+    fn square(part: &Mesh, [u, v, w]: [DVec3; 3], (height_mm, width_mm): (f64, f64)) -> Self {
+        let (low, high) = part.bounds().unwrap_or_default();
+        let half = 0.5 * width_mm;
         let middle = 0.5 * (low + high);
-        let corner =
-            |x: f64, y: f64| DVec3::new(middle.x, middle.y, z_mm) + dvec3(x, y, 0.0) * half;
+        let middle = middle.reject_from_normalized(w) + height_mm * w;
         let vertices = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
-        let vertices = vertices.into_iter().map(|(x, y)| corner(x, y)).collect();
-        Ok(Fixture::new("table", Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] }))
+        let vertices = vertices.into_iter().map(|(x, y)| middle + half * (x * u + y * v)).collect();
+        Fixture::new("table", Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] })
     }
 
     /// What is wrong with a table that cuts through the part.

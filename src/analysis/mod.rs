@@ -27,6 +27,7 @@
 //! ```
 
 mod baseline;
+mod clamping;
 mod findings;
 mod fixtures;
 mod machined;
@@ -41,6 +42,8 @@ mod tools;
 mod volume;
 mod write;
 
+#[doc(hidden)] // of the program
+pub use clamping::Vise;
 #[doc(hidden)] // of the program
 pub use findings::{N_SHOWN, advise, findings_of_tools};
 pub use fixtures::Fixture;

@@ -1,19 +1,22 @@
 //! In how few setups a part can be milled on a machine.
 
+use super::clamping::{Clamping, Holding, Table, Tested, Tests, Vise};
+use super::fixtures::Fixture;
 use super::observer::{Observer, Stage, report};
 use super::placed::{Placed, without_area};
 use super::write::Files;
 use crate::Result;
-use crate::access::setups::{Candidates, Choice, Clampings, Machine, Plan};
-use crate::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
+use crate::access::setups::{Candidates, Choice, Clampings, Machine, Plan, reached_in};
+use crate::access::surface::{AccessibleDirections, TriangleObstacles};
 use crate::answers::SiteAnswers;
 use crate::data::files::tools::{Tool, thick_and_short_first};
 use crate::geom::units::Unit;
+use crate::geom::{Mesh, Sites};
 use crate::report::PartView;
-use crate::report::findings::Findings;
+use crate::report::findings::{Findings, add_fixtures};
 use crate::report::gate::SiteAreas;
 use crate::report::page::{LivePage, Page};
-use crate::report::setups::Setups;
+use crate::report::setups::{Held, Setups};
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -36,6 +39,7 @@ pub struct SetupRequest {
     share: f64,
     at_most: Option<usize>,
     given: Vec<Vec3>,
+    holding: Holding,
 }
 
 impl SetupRequest {
@@ -48,6 +52,7 @@ impl SetupRequest {
             share: SHARE,
             at_most: None,
             given: Vec::new(),
+            holding: Holding::default(),
         }
     }
 
@@ -82,6 +87,38 @@ impl SetupRequest {
         SetupRequest { given, ..self }
     }
 
+    /// A vise that grips the part in every setup.
+    #[must_use]
+    #[doc(hidden)] // of the program, as the type is
+    pub fn vise(mut self, vise: Vise) -> Self {
+        self.holding.vise = Some(vise);
+        self
+    }
+
+    /// A square table in every setup, across z', so far below the lowest place of the part and below its middle; if it
+    /// has no width, twice as wide as the diagonal of the part's box.
+    #[must_use]
+    pub fn table_below(mut self, below_mm: f64, width_mm: Option<f64>) -> Self {
+        self.holding.table = Some(Table { below_mm, width_mm });
+        self
+    }
+
+    /// A fixture of one of the given setups, by its number from 1, in the part's coordinates. Those of the
+    /// [`Analysis`](super::Analysis::fixture) are there in every setup.
+    #[must_use]
+    pub fn fixture_of(mut self, setup: usize, fixture: Fixture) -> Self {
+        self.holding.fixtures.push((setup, fixture));
+        self
+    }
+
+    fn candidates(&self, part: &Mesh) -> Result<Candidates> {
+        let SetupRequest { machine, clampings, n_directions, .. } = self;
+        match &self.given[..] {
+            [] => Candidates::new(part, machine.clone(), *clampings, *n_directions),
+            given => Candidates::given(part, machine.clone(), given, *n_directions),
+        }
+    }
+
     fn choice(&self) -> Choice {
         let choice = Choice::share(self.share);
         match self.at_most {
@@ -106,95 +143,134 @@ pub struct SetupsOutcome {
 }
 
 impl Placed {
-    /// In how few setups the tools reach the part, by the mesh definition; fixtures are not modelled. See
+    /// In how few setups the tools reach the part, by the mesh definition, with what holds it in the way. See
     /// `docs/setups.md`.
     ///
     /// # Errors
-    /// If there are no triangles that block, a request is out of its domain, lists would not fit into memory, or the
-    /// observer stops it.
+    /// If there are no triangles that block, the part cannot be held as requested, a request is out of its domain,
+    /// lists would not fit into memory, or the observer stops it.
     pub fn plan(self, request: SetupRequest, observer: &mut dyn Observer) -> Result<SetupsOutcome> {
         let obstacles = self.require_triangles()?;
+        let mut notices: Vec<String> = without_area(&obstacles).into_iter().collect();
         let (shown, of_shown) = self.shown();
         let areas = SiteAreas::of(of_shown, shown)?;
         let mesh = self.mesh().expect("a part of triangles");
         let (tools, sites) = (&self.request.tools, &self.sites);
-        let SetupRequest { clampings, n_directions, .. } = request;
-        let machine = request.machine.clone();
-        let candidates = match &request.given[..] {
-            [] => Candidates::new(mesh, machine.clone(), clampings, n_directions)?,
-            given => Candidates::given(mesh, machine.clone(), given, n_directions)?,
-        };
+        let candidates = request.candidates(mesh)?;
         Plan::require_memory(&candidates, sites.len(), tools.len())?;
-        let start = Instant::now();
-        let accessible = self.accessible_directions(&obstacles, &candidates, observer)?;
-        let directions_s = start.elapsed().as_secs_f64();
-        let start = Instant::now();
-        let n_rests = self.n_rests(&obstacles, &candidates, &accessible)?;
-        let tolerances_s = start.elapsed().as_secs_f64();
+        let tests = Tests { tools, sites, options: self.options() };
+        let (fixtures, holding) = (&self.request.fixtures, &request.holding);
+        let tested = if holding.is_none(fixtures) {
+            let tested = tests.unclamped(&obstacles, candidates.directions(), observer)?;
+            InClampings { candidates, tested, clamped: None }
+        } else {
+            notices.extend(holding.warnings(mesh)?);
+            let given = !request.given.is_empty();
+            let clampings = holding.clampings(mesh, &candidates, fixtures, given)?;
+            notices.extend(clampings.notice);
+            InClampings::test(&tests, mesh, candidates, clampings.list, observer)?
+        };
+        let InClampings { candidates, tested, clamped } = tested;
         let start = Instant::now();
         report(observer, Stage::Findings, (0, 1))?;
         let order = thick_and_short_first(tools);
         let (shares, choice) = (areas.shares(), request.choice());
-        let plan = Plan::new(&candidates, mesh, sites, &accessible, shares, choice, &order)?;
+        let plan = Plan::new(&candidates, mesh, sites, &tested.accessible, shares, choice, &order)?;
+        let kept_out = clamped.map(|clamped| clamped.kept_out(&plan, mesh, sites, shares));
         let names = tools.iter().map(|tool| tool.name.clone()).collect();
-        let setups = Setups::new(plan, machine, names, areas);
+        let setups = Setups::new(plan, request.machine.clone(), names, areas);
         let mut findings = Findings::of(of_shown, shown, &setups.answers(), &[])?;
+        let setups = match kept_out {
+            Some(kept_out) => {
+                add_fixtures(&mut findings, &kept_out.names(), &kept_out.by);
+                setups.held(kept_out.held)
+            }
+            None => setups,
+        };
         findings.identify(ALL_SETUPS, self.bounds());
         report(observer, Stage::Findings, (1, 1))?;
+        let [directions_s, tolerances_s] = tested.seconds;
+        let cover_s = start.elapsed().as_secs_f64();
         Ok(SetupsOutcome {
             candidates,
             setups,
             findings,
-            n_rests,
+            n_rests: tested.rests.count(),
             request,
-            notices: without_area(&obstacles).into_iter().collect(),
-            seconds: [self.seconds(), directions_s, tolerances_s, start.elapsed().as_secs_f64()],
+            notices,
+            seconds: [self.seconds(), directions_s, tolerances_s, cover_s],
             placed: self,
         })
     }
+}
 
-    /// Of every tool.
-    fn accessible_directions(
-        &self,
-        obstacles: &TriangleObstacles,
-        candidates: &Candidates,
+/// What the tools reach in the candidates, each with what holds the part in it.
+struct InClampings {
+    candidates: Candidates,
+    tested: Tested,
+    clamped: Option<Clamped>,
+}
+
+/// Candidates that something holds.
+struct Clamped {
+    /// As if nothing did.
+    free: Candidates,
+    alone: Vec<AccessibleDirections>,
+    list: Vec<Clamping>,
+}
+
+impl InClampings {
+    fn test(
+        tests: &Tests,
+        part: &Mesh,
+        free: Candidates,
+        list: Vec<Clamping>,
         observer: &mut dyn Observer,
-    ) -> Result<Vec<AccessibleDirections>> {
-        let (tools, options) = (&self.request.tools, self.options());
-        let mut all = Vec::with_capacity(tools.len());
-        report(observer, Stage::Labels, (0, tools.len()))?;
-        for (k, tool) in tools.iter().enumerate() {
-            let directions = candidates.directions();
-            let cutter = &tool.cutter;
-            all.push(obstacles.accessible_directions(&self.sites, cutter, directions, &options)?);
-            report(observer, Stage::Labels, (k + 1, tools.len()))?;
-        }
-        Ok(all)
+    ) -> Result<Self> {
+        let numbers: Vec<usize> = list.iter().map(|clamping| clamping.candidate).collect();
+        let candidates = free.clamped(&numbers, tests.sites, tests.tools.len())?;
+        Plan::require_memory(&candidates, tests.sites.len(), tests.tools.len())?;
+        let start = Instant::now();
+        let progress = (0, tests.tools.len() * (1 + list.len()));
+        let obstacles = TriangleObstacles::new(part, &[])?;
+        let alone = tests.alone(&obstacles, free.directions(), progress, observer)?;
+        let alone_s = start.elapsed().as_secs_f64();
+        let mut tested = tests.clamped(part, (&list, &free), &alone, observer)?;
+        tested.seconds[0] += alone_s;
+        Ok(InClampings { candidates, tested, clamped: Some(Clamped { free, alone, list }) })
     }
+}
 
-    /// Sites that some tool reaches, and all that do by a wide gouge tolerance alone.
-    fn n_rests(
-        &self,
-        obstacles: &TriangleObstacles,
-        candidates: &Candidates,
-        accessible: &[AccessibleDirections],
-    ) -> Result<usize> {
-        let (sites, directions) = (&self.sites, candidates.directions());
-        let options = SurfaceOptions { refinement: None, ..self.options() };
-        let mut rests = vec![true; sites.len()];
-        let mut is_reached = vec![false; sites.len()];
-        for (tool, found) in self.request.tools.iter().zip(accessible) {
-            let reached = found.sites();
-            let (cutter, by) = (&tool.cutter, (&reached[..], &[][..]));
-            let of_tool =
-                obstacles.rest_on_wide_tolerance(sites, cutter, directions, &options, by)?;
-            for (i, reached) in reached.into_iter().enumerate() {
-                // Unless another tool reaches it by less.
-                rests[i] &= !reached || of_tool[i];
-                is_reached[i] |= reached;
-            }
+impl Clamped {
+    /// What keeps the tools off in the chosen setups.
+    fn kept_out(&self, plan: &Plan, part: &Mesh, sites: &Sites, shares: &[f64]) -> KeptOff {
+        let mut kept = KeptOff { held: Vec::new(), by: vec![None; sites.len()] };
+        for (k, setup) in plan.setups.iter().enumerate() {
+            let clamping = &self.list[setup.candidate()];
+            let number = clamping.candidate;
+            let without = reached_in(&self.free, number, (part, sites), &self.alone);
+            let is_kept_out = |i: &usize| without[*i] && !setup.reaches[*i];
+            let kept_out: Vec<usize> = (0..sites.len()).filter(is_kept_out).collect();
+            kept_out.iter().for_each(|&i| kept.by[i] = kept.by[i].or(Some(k)));
+            // Never minus zero.
+            let kept_out = kept_out.into_iter().map(|i| shares[i]).sum::<f64>() + 0.0;
+            kept.held.push(Held { kept_out, ..clamping.held.clone() });
         }
-        Ok(rests.iter().zip(is_reached).filter(|(rests, reached)| **rests && *reached).count())
+        kept
+    }
+}
+
+/// What holds the part in the chosen setups, each with the share of the surface that is out of reach for it alone; per
+/// site the first setup that would reach it with nothing but the part in the way, and does not.
+struct KeptOff {
+    held: Vec<Held>,
+    by: Vec<Option<usize>>,
+}
+
+impl KeptOff {
+    fn names(&self) -> Vec<String> {
+        let name = |(k, held): (usize, &Held)| format!("setup {}: {}", k + 1, held.words);
+        self.held.iter().enumerate().map(name).collect()
     }
 }
 
@@ -239,6 +315,11 @@ impl SetupsOutcome {
         self.seconds
     }
 
+    /// What holds the part, as it was requested.
+    fn held_words(&self) -> String {
+        self.request.holding.words(&self.placed.request.fixtures)
+    }
+
     /// On what the part lies, and which tool axes were allowed.
     pub fn premise(&self) -> String {
         let SetupRequest { machine, clampings, given, .. } = &self.request;
@@ -259,8 +340,14 @@ impl SetupsOutcome {
             }
             (_, Clampings::Any) => "in any position, even on an edge",
         };
-        let n_axes = self.candidates.directions().len();
-        format!("machine {machine}, {n_axes} tool axes; part {held}; {n} {one} to choose from")
+        let n_axes = self.candidates.n_tool_axes();
+        let with = match &*self.held_words() {
+            "" => String::new(),
+            words => format!("; in the way: {words}"),
+        };
+        format!(
+            "machine {machine}, {n_axes} tool axes; part {held}{with}; {n} {one} to choose from"
+        )
     }
 
     /// Writes what `deepmill setups` writes; returns the paths. Every file is written under another name and then
@@ -278,7 +365,8 @@ impl SetupsOutcome {
         let (mesh, sites) = self.placed.shown();
         let (name, unit) = (&*self.placed.request.part, files.unit);
         let words = &*format!("{} tools", self.placed.request.tools.len());
-        let view = PartView { name, mesh, sites, cutter: words, outlines: &[] };
+        let outlines = &self.placed.outlines()[..];
+        let view = PartView { name, mesh, sites, cutter: words, outlines };
         let mut paths = self.setups.write(folder, view, files.show(), unit)?;
         paths.extend(self.findings.write(folder, (name, words), unit)?);
         if files.report {
@@ -291,9 +379,9 @@ impl SetupsOutcome {
 
     /// Gives the page to a function.
     fn with_page<T>(&self, unit: Unit, with: impl FnOnce(Page) -> Result<T>) -> Result<T> {
-        let (mesh, sites) = self.placed.shown();
+        let ((mesh, sites), outlines) = (self.placed.shown(), &self.placed.outlines()[..]);
         let views = &self.setups.views(self.findings.clone(), &self.settings())[..];
-        with(Page { part: self.placed.part(), mesh, sites, views, unit, outlines: &[] })
+        with(Page { part: self.placed.part(), mesh, sites, views, unit, outlines })
     }
 
     /// As [`Outcome::live_page`](super::Outcome::live_page).
@@ -311,16 +399,25 @@ impl SetupsOutcome {
         let words = |tool: &Tool| format!("{}: {}", tool.name, tool.words());
         let tolerances = analysis.part_settings();
         let percent = (1e10 * self.request.share).round() / 1e8;
-        json!({
+        let held = self.held_words();
+        let not_modelled = match &*held {
+            "" => "fixtures, table, stock, travel of the machine's axes",
+            _ => "stock, travel of the machine's axes",
+        };
+        let mut settings = json!({
             "machine": self.request.machine.to_string(),
             "share": format!("{percent}%"),
             "tools": analysis.tools.iter().map(words).collect::<Vec<String>>(),
-            "tool_axes_tested": self.candidates.directions().len(),
+            "tool_axes_tested": self.candidates.n_tool_axes(),
             "candidates": self.candidates.list().len(),
             "sites": analysis.site_settings(),
-            "not_modelled": "fixtures, table, stock, travel of the machine's axes",
+            "not_modelled": not_modelled,
             "tolerance_mm": tolerances.tolerance_mm,
             "finish_mm": tolerances.finish_mm,
-        })
+        });
+        if !held.is_empty() {
+            settings["held_by"] = json!(held);
+        }
+        settings
     }
 }

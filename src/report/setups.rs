@@ -1,11 +1,15 @@
 //! What few setups cover of one part: tables, colored points and pictures of each, tabs of a page.
 
 mod angles;
+mod held;
+
+pub use held::Held;
 
 use super::coverage::{NO_TOOL, groups_called};
 use super::findings::Findings;
 use super::folder::{Show, Shown, Writer};
 use super::gate::SiteAreas;
+use super::outlines::outlines;
 use super::page::View;
 use super::points::PointValues;
 use super::tables::{Cell, Table};
@@ -28,6 +32,8 @@ pub struct Setups {
     areas: SiteAreas,
     /// Of each setup: number and orientation.
     names: Vec<String>,
+    /// Of each setup, or empty.
+    held: Vec<Held>,
 }
 
 /// What the colors of one setup say.
@@ -59,7 +65,17 @@ impl Setups {
             format!("{}: {words}{turn}", k + 1)
         };
         let names = plan.setups.iter().enumerate().map(name).collect();
-        Setups { plan, machine, tools, areas, names }
+        Setups { plan, machine, tools, areas, names, held: Vec::new() }
+    }
+
+    /// With what holds the part in each setup.
+    ///
+    /// # Panics
+    /// If there is not one for each.
+    #[must_use]
+    pub fn held(self, held: Vec<Held>) -> Self {
+        assert_eq!(held.len(), self.plan.setups.len(), "what holds it in every setup");
+        Setups { held, ..self }
     }
 
     /// The chosen setups.
@@ -104,7 +120,7 @@ impl Setups {
     /// A row per setup.
     pub fn table(&self) -> Table {
         let positions = if self.machine.has_positions() { "positions" } else { "" };
-        let mut table = Table::new(&[
+        let mut columns = vec![
             ("setup", "setup"),
             ("x", ""),
             ("y", ""),
@@ -117,9 +133,11 @@ impl Setups {
             ("positions", positions),
             ("positions_at_least", ""),
             ("tools", "tools"),
-        ]);
+        ];
+        columns.extend(held::columns(&self.held));
+        let mut table = Table::new(&columns);
         let mut so_far = 0.0;
-        for (name, setup) in self.names.iter().zip(&self.plan.setups) {
+        for (k, (name, setup)) in self.names.iter().zip(&self.plan.setups).enumerate() {
             let reached = self.areas.share(|i| setup.reaches[i]);
             so_far += setup.adds;
             let count = |n: fn(&crate::access::cover::Cover) -> usize| {
@@ -137,6 +155,7 @@ impl Setups {
                 count(|cover| cover.at_least),
                 Cell::Text(self.tool_names(setup)),
             ]);
+            row.extend(held::cells(self.held.get(k)));
             table.row(row);
         }
         table
@@ -300,12 +319,20 @@ impl Setups {
                 row(2)
             )],
         };
-        let part = PartView { mesh: mesh.as_ref(), sites: &sites, ..part };
+        let around = self.held.get(k).and_then(|held| held.body(turn));
+        let segments = around.as_ref().zip(mesh.as_ref());
+        let outlines = segments.map_or_else(Vec::new, |(around, part)| outlines(around, part));
+        let part = PartView { mesh: mesh.as_ref(), sites: &sites, outlines: &outlines, ..part };
         let mut paths = Writer { folder, part, show }.write(&name, &shown)?;
         if let Some(mesh) = mesh.as_ref().filter(|_| k < N_DRAWN) {
             let path = folder.join(format!("{name}.stl"));
             formats::write_stl(&path, mesh)?;
             paths.push(path);
+            if let Some(around) = &around {
+                let path = folder.join(format!("{name}-fixtures.stl"));
+                formats::write_stl(&path, around)?;
+                paths.push(path);
+            }
         }
         Ok(paths)
     }

@@ -43,6 +43,8 @@ pub struct Candidate {
     pub axes: Vec<u32>,
     /// Quarter turns about z' from [`Candidates::turn`] on.
     pub(super) n_quarters: u8,
+    /// The orientation that it is a clamping of: setups that are given are taken in one clamping each.
+    pub(super) orientation: usize,
 }
 
 /// The setups to choose from; those that a machinist would rather have come first.
@@ -52,8 +54,12 @@ pub struct Candidates {
     /// Flat faces and box axes.
     likely: Vec<Vec3>,
     has_flat: bool,
-    directions: Directions,
-    list: Vec<Candidate>,
+    /// Outward normals of all large flat faces.
+    faces: Vec<Vec3>,
+    /// Directions that differ.
+    n_tool_axes: usize,
+    pub(super) directions: Directions,
+    pub(super) list: Vec<Candidate>,
 }
 
 /// Normals within this of each other are of one flat face, radians.
@@ -107,7 +113,7 @@ impl Candidates {
             }
             _ => over_sphere(&machine, &likely, (clampings, n_upright), n_directions)?,
         };
-        Candidates::of(machine, (likely, !flat.is_empty()), directions, list)
+        Candidates::of(machine, (likely, !flat.is_empty()), normals, (directions, list))
     }
 
     /// The given setups alone, in their order: of each z', or the direction of the part along the rotary axis.
@@ -148,7 +154,7 @@ impl Candidates {
         }
         let (mut likely, flat) = (Vec::new(), flat_normals(part));
         let has_flat = !flat.is_empty();
-        for normal in setups.iter().copied().chain(flat).chain(BOX_AXES) {
+        for normal in setups.iter().chain(&flat).copied().chain(BOX_AXES) {
             add(&mut likely, normal);
         }
         let (directions, list) = match &machine {
@@ -158,18 +164,20 @@ impl Candidates {
             }
             _ => over_sphere(&machine, &likely, (Clampings::Flat, setups.len()), n_directions)?,
         };
-        Candidates::of(machine, (likely, has_flat), directions, list)
+        Candidates::of(machine, (likely, has_flat), flat, (directions, list))
     }
 
     fn of(
         machine: Machine,
         (likely, has_flat): (Vec<Vec3>, bool),
-        directions: Vec<Vec3>,
-        list: Vec<Candidate>,
+        faces: Vec<Vec3>,
+        (directions, mut list): (Vec<Vec3>, Vec<Candidate>),
     ) -> Result<Self> {
         let vectors = directions.iter().map(|d| d.as_dvec3().to_array()).collect();
         let directions = Directions::new(DirectionSet::List { vectors })?;
-        Ok(Candidates { machine, likely, has_flat, directions, list })
+        let n_tool_axes = directions.len();
+        list.iter_mut().enumerate().for_each(|(k, candidate)| candidate.orientation = k);
+        Ok(Candidates { machine, likely, has_flat, faces, n_tool_axes, directions, list })
     }
 
     /// The machine.
@@ -177,7 +185,7 @@ impl Candidates {
         &self.machine
     }
 
-    /// Every direction to test.
+    /// Every direction to test; of candidates that are clamped, those of each after those of the one before.
     pub fn directions(&self) -> &Directions {
         &self.directions
     }
@@ -201,6 +209,16 @@ impl Candidates {
     /// are along its box.
     pub fn stand_on_flat_faces(&self) -> bool {
         self.has_flat
+    }
+
+    /// Outward normals of the large flat faces, the largest first.
+    pub fn faces(&self) -> &[Vec3] {
+        &self.faces
+    }
+
+    /// Number of tool axes that differ.
+    pub fn n_tool_axes(&self) -> usize {
+        self.n_tool_axes
     }
 
     /// The setups.
@@ -239,7 +257,12 @@ fn over_sphere(
     let candidate = |&direction: &Vec3| {
         let within = |k: &u32| angle(all[*k as usize], direction) <= tilt;
         let axes = (0..all.len() as u32).filter(within).collect();
-        Candidate { direction, axes: upright_first(axes, direction, &all), n_quarters: 0 }
+        Candidate {
+            direction,
+            axes: upright_first(axes, direction, &all),
+            n_quarters: 0,
+            orientation: 0,
+        }
     };
     let list = all[..n].iter().map(candidate).collect();
     Ok((all, list))
@@ -250,6 +273,7 @@ fn on_axes((all, list): (Vec<Vec3>, Vec<Turned>)) -> (Vec<Vec3>, Vec<Candidate>)
         direction,
         axes: upright_first(axes, direction, &all),
         n_quarters,
+        orientation: 0,
     };
     let list = list.into_iter().map(candidate).collect();
     (all, list)
@@ -283,6 +307,7 @@ fn about_axes(
             direction,
             axes: upright_first(axes, direction, &all),
             n_quarters: 0,
+            orientation: 0,
         });
     }
     Ok((all, list))
@@ -348,153 +373,4 @@ fn flat_normals(part: &Mesh) -> Vec<Vec3> {
 const MOST_CELLS: usize = 400;
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geom::solids::{cuboid, torus};
-    use glam::dvec3;
-
-    fn turned() -> Mesh {
-        let mut part = cuboid(dvec3(40.0, 30.0, 20.0));
-        let turn = glam::DMat3::from_rotation_x(0.6);
-        part.vertices.iter_mut().for_each(|p| *p = turn * *p);
-        part
-    }
-
-    fn of(part: &Mesh, machine: Machine, n: usize) -> Candidates {
-        Candidates::new(part, machine.clone(), Clampings::usual(&machine), n).unwrap()
-    }
-
-    #[test]
-    fn box_axes_come_first_then_flat_faces_then_the_sphere() {
-        let any = |part: &Mesh| Candidates::new(part, Machine::ThreeAxis, Clampings::Any, 100);
-        let upright = any(&cuboid(DVec3::ONE)).unwrap();
-        assert_eq!(upright.directions().vectors()[..6], BOX_AXES);
-        let turn = upright.turn(Vec3::NEG_Z);
-        assert_eq!(turn, [DVec3::X, DVec3::NEG_Y, DVec3::NEG_Z]);
-        assert!((100..=106).contains(&upright.list().len()));
-        let of_turned = any(&turned()).unwrap();
-        let of_faces = &of_turned.directions().vectors()[2..6];
-        let up = Vec3::new(0.0, -libm::sinf(0.6), libm::cosf(0.6));
-        assert!(of_faces.iter().any(|d| angle(*d, up) < 1e-6), "{of_faces:?}");
-        for (k, candidate) in of_turned.list().iter().enumerate() {
-            assert_eq!(candidate.axes, [k as u32]);
-            let tested = of_turned.directions().vectors()[k];
-            assert!(angle(candidate.direction, tested) < ROUNDING_RAD);
-        }
-        assert_eq!(
-            of_turned.directions().vectors()[..2],
-            [Vec3::X, Vec3::NEG_X],
-            "flat ones first"
-        );
-        // The facets of a torus are all small; with two rings beside its top none lies flat.
-        let torus = torus(20.0, 5.0, 60, 32);
-        assert!(flat_normals(&torus).is_empty());
-    }
-
-    /// A wedge: its slanted side and the two triangles beside it are flat faces, too.
-    fn wedge() -> Mesh {
-        let vertices = [
-            [0., 0., 0.],
-            [40., 0., 0.],
-            [40., 30., 0.],
-            [0., 30., 0.],
-            [0., 0., 20.],
-            [0., 30., 20.],
-        ];
-        let triangles = [
-            [0, 2, 1],
-            [0, 3, 2],
-            [0, 1, 4],
-            [3, 5, 2],
-            [0, 4, 5],
-            [0, 5, 3],
-            [1, 2, 5],
-            [1, 5, 4],
-        ];
-        Mesh::from_slices(&vertices, &triangles).unwrap()
-    }
-
-    #[test]
-    fn an_upright_part_stands_on_flat_faces() {
-        let found = of(&wedge(), Machine::ThreeAxis, 100);
-        let mut directions: Vec<Vec3> = found.list().iter().map(|c| c.direction).collect();
-        assert_eq!(directions.len(), 5, "one for each face: {directions:?}");
-        let slanted = directions.pop().unwrap();
-        assert!(angle(slanted, Vec3::new(-1.0, 0.0, -2.0).normalize()) < 1e-6, "{slanted}");
-        for up in [Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Y] {
-            assert!(directions.contains(&up), "{up}");
-        }
-        // A pocket's floor is flat and faces up, but nothing stands on it.
-        let torus = of(&torus(20.0, 5.0, 60, 32), Machine::ThreeAxis, 100);
-        assert_eq!(torus.list().len(), 6, "without a flat face: the box axes");
-    }
-
-    #[test]
-    fn given_setups_are_the_only_candidates_and_limits_are_kept() {
-        let part = turned();
-        let up = [Vec3::Z, Vec3::NEG_X];
-        let upright = Candidates::given(&part, Machine::ThreeAxis, &up, 50).unwrap();
-        assert_eq!(upright.directions().vectors(), up);
-        let tilted = Machine::Indexed { tilt_deg: 60.0 };
-        let tilted = Candidates::given(&part, tilted, &up, 50).unwrap();
-        assert_eq!(tilted.list().len(), 2);
-        assert!(tilted.directions().len() > 50 && tilted.list()[0].axes.len() > 10);
-        let twice = Candidates::given(&part, Machine::ThreeAxis, &[Vec3::X, Vec3::X], 50);
-        assert!(twice.unwrap_err().to_string().contains("+x twice"));
-        let chucked: Machine = "4-axis:x".parse().unwrap();
-        assert_eq!(
-            Candidates::given(&part, chucked.clone(), &[Vec3::X], 8).unwrap().list().len(),
-            1
-        );
-        let other = Candidates::given(&part, chucked.clone(), &[Vec3::Y], 8).unwrap_err();
-        let other = other.to_string();
-        assert!(other.contains("setups is +y") && other.contains("+x"), "{other}");
-        assert!(Candidates::given(&part, chucked, &[], 8).is_err());
-        let limited: Machine = "4-axis:x:-30,90".parse().unwrap();
-        let limited = of(&part, limited, 72);
-        assert_eq!((limited.list().len(), limited.directions().len()), (1, 25));
-    }
-
-    #[test]
-    fn tool_axes_are_those_of_the_machine() {
-        let tilted = of(&turned(), Machine::Indexed { tilt_deg: 90.0 }, 50);
-        let all = tilted.directions().vectors();
-        assert_eq!(tilted.list().len(), 10, "box axes and flat faces");
-        for candidate in tilted.list() {
-            let within = all.iter().filter(|d| d.dot(candidate.direction) > -1e-6).count();
-            assert_eq!(candidate.axes.len(), within);
-        }
-        let machine = Machine::Rotary { axis: None, limits: None };
-        let rotary = of(&turned(), machine, 72);
-        assert_eq!(rotary.list().len(), 5, "three box axes, two more of the faces");
-        for candidate in rotary.list() {
-            assert_eq!(candidate.axes.len(), 72);
-            let across = |k: &u32| {
-                rotary.directions().vectors()[*k as usize].dot(candidate.direction).abs() < 1e-6
-            };
-            assert!(candidate.axes.iter().all(across));
-        }
-        assert!(rotary.directions().len() < 5 * 72, "circles share where they meet");
-        let given = Machine::Rotary { axis: Some([0.0, 0.0, 2.0]), limits: None };
-        assert_eq!(of(&turned(), given.clone(), 8).list().len(), 1);
-        assert!(Candidates::new(&turned(), given, Clampings::Flat, 0).is_err());
-        if cfg!(target_os = "linux") {
-            let five = Machine::FiveAxis { tilt_deg: 90.0 };
-            let many = Candidates::new(&turned(), five, Clampings::Any, 1_000_000).unwrap_err();
-            let message = many.to_string();
-            assert!(message.contains("tool axes of setups needs about 39985"), "{message}");
-        }
-        let flat = Candidates::new(&turned(), Machine::ThreeAxis, Clampings::Flat, 50).unwrap();
-        assert_eq!((flat.list().len(), flat.directions().len()), (6, 6));
-        for candidates in [&tilted, &rotary, &flat] {
-            for candidate in candidates.list() {
-                let [x, y, z] = candidates.turn(candidate.direction);
-                let along = if candidates.machine().tilt_rad().is_some() { z } else { x };
-                assert!((x.cross(y) - z).length() < 1e-12 && (z.length() - 1.0).abs() < 1e-12);
-                assert!((along - candidate.direction.as_dvec3()).length() < 1e-6);
-            }
-        }
-        let turned_up = flat.turn(Vec3::new(0.0, -libm::sinf(0.6), libm::cosf(0.6)));
-        assert_eq!(turned_up[0], DVec3::X, "along the part's edges");
-    }
-}
+mod tests;

@@ -183,9 +183,9 @@ pub fn direction_of_words(text: &str) -> Result<Vec3> {
 }
 
 /// What lies as low as this above the lowest place is what the part lies on, mm.
-pub(super) const LOWEST_MM: f64 = 0.01;
+pub(crate) const LOWEST_MM: f64 = 0.01;
 /// If its normal is as near to straight down as this, radians.
-pub(super) const DOWN_RAD: f64 = std::f64::consts::PI / 180.0;
+pub(crate) const DOWN_RAD: f64 = std::f64::consts::PI / 180.0;
 
 /// Radians between unit vectors.
 pub(super) fn angle(a: Vec3, b: Vec3) -> f64 {

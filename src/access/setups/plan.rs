@@ -47,7 +47,7 @@ impl Choice {
         Choice { at_most, ..self }
     }
 
-    /// All candidates, in their order.
+    /// All candidates, in their order; of one that is clamped in several ways the clamping that adds most.
     pub fn all(self) -> Self {
         Choice { all: true, ..self }
     }
@@ -74,6 +74,14 @@ pub struct Setup {
     pub positions: Option<Cover>,
     /// Every tool axis of the setup.
     pub axes: Vec<Vec3>,
+    candidate: usize,
+}
+
+impl Setup {
+    /// Its number among the candidates.
+    pub fn candidate(&self) -> usize {
+        self.candidate
+    }
 }
 
 type Bits = Vec<u64>;
@@ -150,7 +158,7 @@ impl Plan {
         let share = choice.share;
         let mut cover = cover_share(list.len(), weights, of, share);
         if choice.all {
-            cover.chosen = (0..list.len()).collect();
+            cover.chosen = one_of_each_orientation(list, &reached, weights);
         } else if cover.chosen.len() > choice.at_most {
             cover.chosen = greedy_share(list.len(), weights, of, share).chosen;
             cover.chosen.truncate(choice.at_most);
@@ -166,7 +174,7 @@ impl Plan {
             (0..n).filter(|&i| of(c, i)).for_each(|i| first[i] = first[i].or(Some(setups.len())));
             let lies_on = &lies_on[c];
             let about = About { candidates, accessible, any: &any, lies_on, share, order };
-            setups.push(about.setup(&list[c], &reached[c], adds, &new));
+            setups.push(about.setup(c, &reached[c], adds, &new));
         }
         let can_be_reached: Vec<bool> = (0..n).map(|i| (0..list.len()).any(|c| of(c, i))).collect();
         let only_tip = (0..n)
@@ -175,6 +183,48 @@ impl Plan {
         let at_least = cover.at_least;
         Ok(Plan { setups, at_least, n_for_all, can_be_reached, first, only_tip })
     }
+}
+
+/// Of every orientation the clamping that adds most to those before it; of equal ones the first.
+fn one_of_each_orientation(list: &[Candidate], reached: &[Bits], weights: &[f64]) -> Vec<usize> {
+    let mut so_far = vec![0; weights.len().div_ceil(64)];
+    let mut chosen = Vec::new();
+    let mut next = 0;
+    for of in list.chunk_by(|a, b| a.orientation == b.orientation) {
+        let first = next;
+        next += of.len();
+        let adds = |c: usize| -> f64 {
+            let new = |i: &usize| holds(&reached[c], *i) && !holds(&so_far, *i);
+            (0..weights.len()).filter(new).map(|i| weights[i]).sum()
+        };
+        let mut best = (first, adds(first));
+        for c in first + 1..next {
+            let gain = adds(c);
+            if gain > best.1 {
+                best = (c, gain);
+            }
+        }
+        unite(&mut so_far, &reached[best.0]);
+        chosen.push(best.0);
+    }
+    chosen
+}
+
+/// Per site, whether some tool reaches it in a candidate.
+#[cfg(all(feature = "formats", feature = "generate"))]
+pub(crate) fn reached_in(
+    candidates: &Candidates,
+    number: usize,
+    (part, sites): (&Mesh, &Sites),
+    accessible: &[AccessibleDirections],
+) -> Vec<bool> {
+    let candidate = &candidates.list()[number];
+    let lies_on = lies_on(candidates, candidate, part, sites);
+    let mut any = vec![0; lies_on.len()];
+    for tool in accessible {
+        unite(&mut any, &reach(candidate, &lies_on, |d| tool.words(d)));
+    }
+    (0..sites.len()).map(|i| holds(&any, i)).collect()
 }
 
 /// The sites on what the part lies on.
@@ -218,8 +268,8 @@ struct About<'a> {
 
 impl About<'_> {
     /// `new`: the weights of what the setup adds, 0 elsewhere.
-    fn setup(&self, candidate: &Candidate, reached: &Bits, adds: f64, new: &[f64]) -> Setup {
-        let n = new.len();
+    fn setup(&self, number: usize, reached: &Bits, adds: f64, new: &[f64]) -> Setup {
+        let (n, candidate) = (new.len(), &self.candidates.list()[number]);
         let list = |bits: &Bits| (0..n).map(|i| holds(bits, i)).collect::<Vec<bool>>();
         let by_tool: Vec<Vec<bool>> = par::map(self.accessible.len(), |t| {
             list(&reach(candidate, self.lies_on, |d| self.accessible[t].words(d)))
@@ -242,6 +292,7 @@ impl About<'_> {
             tools,
             positions,
             axes: candidate.axes.iter().map(|&d| vectors[d as usize]).collect(),
+            candidate: number,
         }
     }
 }

@@ -63,6 +63,30 @@ impl AccessibleDirections {
         self.n_sites
     }
 
+    /// With more in the way: the directions of each of `parts` after those of the one before, so many in all. A part
+    /// answers for the sites of these rows, which have all that `self` reaches. What is in the way then is no fault of
+    /// the tip.
+    #[cfg(all(feature = "formats", feature = "generate"))]
+    pub(crate) fn with_more_in_the_way(
+        &self,
+        rows: &[usize],
+        parts: &[AccessibleDirections],
+        n_directions: usize,
+    ) -> Self {
+        let mut words = Vec::with_capacity(n_directions);
+        for part in parts {
+            for k in 0..part.n_directions() {
+                let mut row = vec![0; self.n_sites.div_ceil(WORD)];
+                let reached = rows.iter().enumerate().filter(|(j, _)| part.is_accessible(k, *j));
+                reached.for_each(|(_, &i)| row[i / WORD] |= 1 << (i % WORD));
+                words.push(row);
+            }
+        }
+        words.resize(n_directions, vec![0; self.n_sites.div_ceil(WORD)]);
+        let only_tip = self.only_tip.clone();
+        AccessibleDirections { n_sites: self.n_sites, rows: words, only_tip }
+    }
+
     /// Per site, whether the tip is all that hinders the tool: it is accessible from no direction, and in some no step
     /// penetrates the part.
     pub fn only_tip(&self) -> &[bool] {

@@ -15,6 +15,7 @@ mod fixtures;
 mod generate;
 mod gradcheck;
 mod groups;
+mod holding;
 mod import;
 mod label;
 mod machine;

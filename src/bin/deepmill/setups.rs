@@ -6,6 +6,7 @@ use crate::args::{GateArgs, OutArgs, SiteArgs, ToolArgs, called, name_of, share}
 use crate::baseline::BaselineArgs;
 use crate::clock::Clock;
 use crate::findings;
+use crate::holding::{self, HoldingArgs};
 use crate::machine::{MachineOrFile, machine_or_file};
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
@@ -26,13 +27,15 @@ use std::path::PathBuf;
 /// Say in how few setups (clampings) a part can be milled on a machine, and what each reaches with which tools.
 ///
 /// Writes to DIR: setups.csv and setup-tools.csv, positions.csv (3+2, 4-axis and machine files, with angles),
-/// setups.ply and setups.png (the first setup that reaches each site), setup-K.ply and, of the first eight, .png and
-/// .stl (the part turned as it is clamped), findings.json and findings.csv (what is left) and part.stl.
+/// setups.ply and setups.png (the first setup that reaches each site), setup-K.ply and, of the first eight, .png, .stl
+/// (the part turned as it is clamped) and -fixtures.stl (what holds it), findings.json and findings.csv (what is left)
+/// and part.stl.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: deepmill setups part.stl --tools shop.csv --machine 3-axis --out setups\n\
 Tilting: deepmill setups part.stl --tools shop.csv --machine 3+2:60 --report --out setups\n\
-Fixtures, table and stock are not modelled: see docs/setups.md."
+In a vise: deepmill setups part.stl --tools shop.csv --machine 3-axis --vise 100,100,15 --setups 2 --out setups\n\
+What is modelled and what is not, such as stock: docs/setups.md."
 )]
 pub struct Args {
     /// Mesh (STL, OBJ, PLY, 3MF).
@@ -67,6 +70,8 @@ pub struct Args {
         conflicts_with_all = ["setups", "clampings"]
     )]
     setup: Vec<String>,
+    #[command(flatten)]
+    holding: HoldingArgs,
     #[command(flatten)]
     sites: SiteArgs,
     #[command(flatten)]
@@ -174,12 +179,13 @@ impl Args {
         warn_wide_tools(&mesh, &tools, output);
         let analysis = Analysis::new(name_of(&self.part), mesh, tools);
         let analysis = analysis.options(self.tolerances.options()?);
+        let (analysis, request) = self.holding.add_to(analysis, request, &self.read, output)?;
         let placed = self.region.place(analysis, &self.sites, &self.read, output)?;
         let (surface, sites) = placed.shown();
         files.show().require_memory(surface, sites)?;
         let outcome = placed.plan(request, observer).map_err(|error| match error {
             Error::Argument { name: "setups", .. } => called(error, "--setup"),
-            other => other,
+            other => holding::called(other),
         })?;
         outcome.notices().iter().for_each(|notice| output.say(notice));
         Ok(outcome)
@@ -223,7 +229,7 @@ impl Args {
         facts.add("area_mm2", "surface, mm²", Cell::Number(area_mm2));
         facts.add("n_sites", "sites", Cell::count(placed.sites().len()));
         facts.add("n_tools", "tools", Cell::count(placed.tools().len()));
-        facts.add("n_directions", "tool axes tested", Cell::count(candidates.directions().len()));
+        facts.add("n_directions", "tool axes tested", Cell::count(candidates.n_tool_axes()));
         facts.add("n_candidates", "candidates", Cell::count(candidates.list().len()));
         let can_be_reached = Cell::Share(setups.can_be_reached());
         facts.add("can_be_reached", "of the surface, can be reached", can_be_reached);

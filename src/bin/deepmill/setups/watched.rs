@@ -14,7 +14,8 @@ impl Watched for Args {
     fn files(&self) -> Vec<PathBuf> {
         let beside = self.tools.files().chain(self.machine.files()).chain(self.baseline.files());
         let part = std::iter::once(&self.part);
-        part.chain(beside).cloned().chain(self.region.files()).collect()
+        let named = self.holding.files().chain(self.region.files());
+        part.chain(beside).cloned().chain(named).collect()
     }
 
     fn answer(
