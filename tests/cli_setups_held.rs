@@ -37,6 +37,14 @@ fn faces(bytes: &[u8]) -> impl Iterator<Item = [Corner; 3]> + '_ {
     })
 }
 
+/// Least and greatest coordinates of a binary STL.
+fn bounds(bytes: &[u8]) -> [Corner; 2] {
+    let all = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+    faces(bytes).flatten().fold(all, |[low, high], p| {
+        [[0, 1, 2].map(|k| low[k].min(p[k])), [0, 1, 2].map(|k| high[k].max(p[k]))]
+    })
+}
+
 #[test]
 fn a_vise_keeps_tools_off_the_faces_that_it_grips_below_the_top_of_its_jaws() {
     let folder = Folder::new();
@@ -137,14 +145,7 @@ fn jaws_are_turned_with_the_part_and_parallels_lift_it() {
     let (part, out) = (of_block(&folder), folder.path("out"));
     let machine = ["--machine", "3-axis", "--setup", "-z", "--vise", "40,50,8,5"];
     setups(&part, &out, &machine);
-    let bounds = |name: &str| {
-        let bytes = std::fs::read(folder.path(name)).unwrap();
-        let corners = faces(&bytes).flatten();
-        let all = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
-        corners.fold(all, |[low, high], p| {
-            [[0, 1, 2].map(|k| low[k].min(p[k])), [0, 1, 2].map(|k| high[k].max(p[k]))]
-        })
-    };
+    let bounds = |name: &str| bounds(&std::fs::read(folder.path(name)).unwrap());
     let ([low, high], [jaws_low, jaws_high]) =
         (bounds("out/setup-1.stl"), bounds("out/setup-1-fixtures.stl"));
     assert_eq!((low[2], high[2]), (-20.0, 0.0));
@@ -153,6 +154,24 @@ fn jaws_are_turned_with_the_part_and_parallels_lift_it() {
     // The long side is along y'.
     assert_eq!((jaws_low[0], jaws_high[0]), (low[0] - 20.0, high[0] + 20.0));
     assert_eq!((jaws_low[1], jaws_high[1]), (low[1] + 10.0, high[1] - 10.0));
+}
+
+#[test]
+fn a_table_is_a_square_below_the_middle_of_the_part_along_the_axes_of_the_setup() {
+    let folder = Folder::new();
+    let (part, out) = (of_block(&folder), folder.path("out"));
+    setups(&part, &out, &["--machine", "3-axis", "--setup", "0.6,0,0.8", "--table", "7,200"]);
+    let of = |name: &str| bounds(&std::fs::read(folder.path(name)).unwrap());
+    let ([low, high], [table_low, table_high]) =
+        (of("out/setup-1.stl"), of("out/setup-1-fixtures.stl"));
+    assert!((table_low[2] - (low[2] - 7.0)).abs() < 1e-4 && table_high[2] - table_low[2] < 1e-4);
+    for k in [0, 1] {
+        assert!(
+            (table_high[k] - table_low[k] - 200.0).abs() < 1e-3,
+            "{table_low:?} {table_high:?}"
+        );
+        assert!((table_high[k] + table_low[k] - high[k] - low[k]).abs() < 1e-3);
+    }
 }
 
 #[test]

@@ -12,7 +12,7 @@ use crate::access::setups::{Candidate, Candidates, direction_words};
 use crate::geom::Mesh;
 use crate::report::setups::Held;
 use crate::{Error, Result};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use std::fmt;
 use vise::{Grip, Grips};
 
@@ -126,7 +126,8 @@ impl Holding {
                 None => vec![None],
             };
             for grip in grips {
-                let held = self.held(part, (number, candidate.direction), fixtures, grip);
+                let held =
+                    self.held(part, (number, candidates.turn(candidate.direction)), fixtures, grip);
                 list.push(Clamping { candidate: number, held });
             }
         }
@@ -181,7 +182,7 @@ impl Holding {
     fn held(
         &self,
         part: &Mesh,
-        (number, up): (usize, Vec3),
+        (number, turn): (usize, [DVec3; 3]),
         fixtures: &[Fixture],
         grip: Option<&Grip>,
     ) -> Held {
@@ -194,7 +195,7 @@ impl Holding {
         }
         if let Some(Table { below_mm, width_mm }) = self.table {
             words.push("table".into());
-            bodies.push(Fixture::table_below(part, up.as_dvec3(), below_mm, width_mm).mesh);
+            bodies.push(Fixture::table_below(part, turn, below_mm, width_mm).mesh);
         }
         for fixture in fixtures {
             words.push(fixture.name.clone());

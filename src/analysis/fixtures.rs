@@ -62,15 +62,18 @@ impl Fixture {
         Ok(Fixture::square(part, [DVec3::X, DVec3::Y, DVec3::Z], (z_mm, width)))
     }
 
-    /// A table across `up`, so far below the lowest place of the part and below its middle; twice as wide as the
-    /// diagonal of its box, if it has no width: against a wide one no tool can tilt whose spindle is a half space.
-    pub(super) fn table_below(part: &Mesh, up: DVec3, mm: f64, width_mm: Option<f64>) -> Self {
-        let up = up.normalize();
-        let along = up.any_orthonormal_vector();
-        let lowest = part.vertices.iter().map(|p| p.dot(up)).fold(f64::INFINITY, f64::min);
+    /// A table along x' and y' of a setup, so far below the lowest place of the part and below its middle; twice as wide
+    /// as the diagonal of its box, if it has no width: against a wide one no tool can tilt whose spindle is a half space.
+    pub(super) fn table_below(
+        part: &Mesh,
+        turn: [DVec3; 3],
+        mm: f64,
+        width_mm: Option<f64>,
+    ) -> Self {
+        let lowest = part.vertices.iter().map(|p| p.dot(turn[2])).fold(f64::INFINITY, f64::min);
         let (low, high) = part.bounds().unwrap_or_default();
         let width = width_mm.unwrap_or(2.0 * (high - low).length());
-        Fixture::square(part, [along, up.cross(along), up], (lowest - mm, width))
+        Fixture::square(part, turn, (lowest - mm, width))
     }
 
     /// A table across the last of the axes, at a height along it, below or above the middle of the part.
