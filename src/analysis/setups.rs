@@ -34,7 +34,7 @@ pub(super) const ALL_SETUPS: &str = "setups";
 #[derive(Debug, Clone, PartialEq)]
 pub struct SetupRequest {
     machine: Machine,
-    clampings: Clampings,
+    clampings: Option<Clampings>,
     n_directions: usize,
     share: f64,
     at_most: Option<usize>,
@@ -46,7 +46,7 @@ impl SetupRequest {
     /// The setups of a machine that cover 99 % of what can be reached, of the clampings that are usual on it.
     pub fn on(machine: Machine) -> Self {
         SetupRequest {
-            clampings: Clampings::usual(&machine),
+            clampings: None,
             n_directions: if machine.is_of_one_axis() { AROUND } else { OVER_SPHERE },
             machine,
             share: SHARE,
@@ -59,7 +59,7 @@ impl SetupRequest {
     /// The clampings to choose from.
     #[must_use]
     pub fn clampings(self, clampings: Clampings) -> Self {
-        SetupRequest { clampings, ..self }
+        SetupRequest { clampings: Some(clampings), ..self }
     }
 
     /// Directions tested beside box axes and flat faces; by default 300 over the sphere, 72 around a rotary axis.
@@ -87,7 +87,7 @@ impl SetupRequest {
         SetupRequest { given, ..self }
     }
 
-    /// A vise that grips the part in every setup.
+    /// A vise that grips the part in every setup; unless it is requested otherwise, the part stands on a flat face.
     #[must_use]
     #[doc(hidden)] // of the program, as the type is
     pub fn vise(mut self, vise: Vise) -> Self {
@@ -95,7 +95,7 @@ impl SetupRequest {
         self
     }
 
-    /// A square table in every setup, across z', so far below the lowest place of the part and below its middle; if it
+    /// A square table in every setup, along x' and y', so far below the lowest place of the part and below its middle; if it
     /// has no width, twice as wide as the diagonal of the part's box.
     #[must_use]
     pub fn table_below(mut self, below_mm: f64, width_mm: Option<f64>) -> Self {
@@ -111,10 +111,19 @@ impl SetupRequest {
         self
     }
 
+    /// Those requested, or those that are usual.
+    fn clampings_or_usual(&self) -> Clampings {
+        self.clampings.unwrap_or(match self.holding.vise {
+            Some(_) => Clampings::Standing,
+            None => Clampings::usual(&self.machine),
+        })
+    }
+
     fn candidates(&self, part: &Mesh) -> Result<Candidates> {
-        let SetupRequest { machine, clampings, n_directions, .. } = self;
+        let SetupRequest { machine, n_directions, .. } = self;
+        let clampings = self.clampings_or_usual();
         match &self.given[..] {
-            [] => Candidates::new(part, machine.clone(), *clampings, *n_directions),
+            [] => Candidates::new(part, machine.clone(), clampings, *n_directions),
             given => Candidates::given(part, machine.clone(), given, *n_directions),
         }
     }
@@ -322,7 +331,8 @@ impl SetupsOutcome {
 
     /// On what the part lies, and which tool axes were allowed.
     pub fn premise(&self) -> String {
-        let SetupRequest { machine, clampings, given, .. } = &self.request;
+        let SetupRequest { machine, given, .. } = &self.request;
+        let clampings = self.request.clampings_or_usual();
         let n = self.candidates.list().len();
         let one = if n == 1 { "setup" } else { "setups" };
         let held = match (machine, clampings) {

@@ -98,6 +98,13 @@ impl Candidates {
         // A part without a flat face is held somehow.
         let n_flat = if likely.is_empty() { BOX_AXES.len() } else { likely.len() };
         BOX_AXES.iter().for_each(|d| add(&mut likely, *d));
+        if !machine.is_upright() {
+            // A tool may stand on faces on which the part does not.
+            normals.iter().for_each(|normal| {
+                add(&mut likely, *normal);
+                add(&mut likely, -*normal);
+            });
+        }
         let is_flat = matches!(clampings, Clampings::Flat | Clampings::Standing);
         let n_upright = if is_flat { n_flat } else { likely.len() };
         let (directions, list) = match &machine {

@@ -57,7 +57,7 @@ pub struct Args {
     #[arg(long, value_name = "COUNT")]
     directions: Option<usize>,
     /// Which clampings to choose from: `standing` (on a large flat face), `flat` (along one), `box` (these and the box
-    /// axes) or `any` (every direction tested). By default `standing` for 3-axis, `box` for other machines.
+    /// axes) or `any` (every direction tested). By default `standing` for 3-axis and in a vise, else `box`.
     #[arg(long, value_name = "WHICH")]
     clampings: Option<Clamping>,
     /// At most so many setups: those that add most, one after the other.

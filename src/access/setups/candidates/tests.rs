@@ -63,6 +63,19 @@ fn an_upright_part_stands_on_flat_faces() {
 }
 
 #[test]
+fn a_tool_tilts_to_faces_on_which_the_part_does_not_stand() {
+    // The normal of the slanted face is z' of no setup, but 27 degrees from +z.
+    let slanted = Vec3::new(1.0, 0.0, 2.0).normalize();
+    let part = wedge();
+    let tilted = Machine::Indexed { tilt_deg: 60.0 };
+    let standing = Candidates::new(&part, tilted, Clampings::Standing, 20).unwrap();
+    assert_eq!(standing.list().len(), 5, "one for each face");
+    let up = standing.list().iter().find(|c| c.direction == Vec3::Z).unwrap();
+    let near = |k: &u32| angle(standing.directions().vectors()[*k as usize], slanted) < 1e-6;
+    assert!(up.axes.iter().any(near));
+}
+
+#[test]
 fn given_setups_are_the_only_candidates_and_limits_are_kept() {
     let part = turned();
     let up = [Vec3::Z, Vec3::NEG_X];
