@@ -52,6 +52,7 @@
 //! | `ndarray` | yes | sites, meshes and answers as `ndarray` views (`arrays`) |
 //! | `approx` | no | `approx::AbsDiffEq` and `RelativeEq` of answers and predictions |
 //! | `cli` | yes | the `deepmill` program |
+//! | `capi` | no | the C interface that `deepmill.h` declares; nothing for Rust |
 //! | `python` | no | the Python module that `pyproject.toml` builds; nothing for Rust |
 //! | `mpi` | no | several processes on many machines (`processes::Mpi`); binds the MPI library that is installed |
 //!
@@ -77,6 +78,9 @@ pub mod arrays;
 #[cfg(feature = "formats")]
 #[doc(hidden)] // of the program
 pub mod atomic_file;
+#[cfg(feature = "capi")]
+#[doc(hidden)] // of C
+pub mod capi;
 pub mod cutter;
 pub mod data;
 pub mod directions;

@@ -286,7 +286,7 @@ pub(crate) fn with_background<M: Send, R: Send>(
 ///
 /// # Errors
 /// If the system starts no thread.
-#[cfg(feature = "python")]
+#[cfg(any(feature = "python", feature = "capi"))]
 pub(crate) fn start(work: impl FnOnce() + Send + 'static) -> Result<()> {
     /// As much as a main thread has.
     const STACK_BYTES: usize = 8 << 20;

@@ -129,7 +129,7 @@ impl Outcome {
     }
 
     /// The page alone, as HTML.
-    #[cfg(feature = "python")]
+    #[cfg(any(feature = "python", feature = "capi"))]
     pub(crate) fn html(&self, unit: Unit) -> Result<String> {
         self.with_page(unit, |page| page.html())
     }

@@ -17,6 +17,8 @@ pub mod intersect;
 pub mod mesh;
 #[doc(hidden)] // of the program
 pub mod origin;
+#[cfg(any(feature = "python", feature = "capi"))]
+pub(crate) mod preparation;
 #[cfg(feature = "generate")]
 mod prepare;
 #[doc(hidden)] // of the program

@@ -4,11 +4,12 @@ use super::errors::{checked, detached, refused, wrong_type};
 use super::input;
 use super::options::{Options, text_of};
 use super::output::{list, rows, threes, threes_f64};
+use crate::Error;
 use crate::geom::formats::{self, KeepVertices, MeshOrCloud, PartFile, ReadOptions};
+use crate::geom::preparation::{Preparation, Prepared};
 use crate::geom::sites::{self, Normals, SiteOptions};
-use crate::geom::units::{Unit, inch_warning, size_warning};
-use crate::geom::{self, bodies, check, origin, repair, weld};
-use crate::{Error, Result};
+use crate::geom::units::Unit;
+use crate::geom::{self, weld};
 use glam::{DVec3, Vec3};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyTypeError;
@@ -41,58 +42,6 @@ pub struct Mesh {
     notices: Vec<String>,
 }
 
-/// How a mesh becomes one that can be labeled.
-struct Preparation {
-    repair: bool,
-    force: bool,
-    /// Of a file.
-    path: Option<PathBuf>,
-    scale: f64,
-}
-
-impl Preparation {
-    /// As `deepmill label` prepares a mesh.
-    fn mesh(&self, mut mesh: geom::Mesh, name: String, mut notices: Vec<String>) -> Result<Mesh> {
-        let local = origin::local_origin(&mesh);
-        if let Some(at) = local {
-            origin::make_relative(&mut mesh, at);
-            let [x, y, z] = at.to_array();
-            notices.push(format!(
-                "the part is far from the origin: results are relative to ({x}, {y}, {z}) mm"
-            ));
-        }
-        let mut changes: Vec<repair::Change> = repair::drop_loose(&mut mesh).into_iter().collect();
-        if let Some((low, high)) = mesh.bounds() {
-            let in_inches = || inch_warning(low, high).filter(|_| self.scale == 1.0);
-            notices.extend(size_warning(low, high, self.scale).or_else(in_inches));
-        }
-        match self.repair {
-            true => changes.extend(repair::repair(&mut mesh)?),
-            false => changes.extend(repair::face_outward(&mut mesh)),
-        }
-        let joined = bodies::join(&mut mesh).map_err(|error| self.in_file(error));
-        match joined {
-            Err(fault) if self.force => notices.push(fault.to_string()),
-            joined => changes.extend(joined?),
-        }
-        match check::check(&mesh).require_bodies().map_err(|error| self.in_file(error)) {
-            Err(fault) if self.force => notices.push(fault.to_string()),
-            verdict => verdict?,
-        }
-        notices.extend(changes.iter().map(ToString::to_string));
-        Ok(Mesh { mesh, origin: local, name, notices })
-    }
-
-    fn in_file(&self, error: Error) -> Error {
-        match (&self.path, error) {
-            (Some(path), Error::Geometry { place, found, remedy }) => {
-                Error::file(path, place, found, remedy)
-            }
-            (_, other) => other,
-        }
-    }
-}
-
 /// A file's name without its folder.
 fn name_of(path: &Path) -> String {
     path.file_name().map_or_else(|| "part".into(), |name| name.to_string_lossy().into_owned())
@@ -109,6 +58,10 @@ fn of_object(object: &Bound<'_, PyAny>) -> PyResult<Option<[Py<PyAny>; 2]>> {
 }
 
 impl Mesh {
+    fn named(name: String, Prepared { mesh, origin, notices }: Prepared) -> Self {
+        Mesh { mesh, origin, name, notices }
+    }
+
     /// A mesh of this module, or one made of an object with vertices and faces; of other objects none.
     pub fn of<'py>(value: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, Mesh>>> {
         if let Ok(mesh) = value.cast::<Mesh>() {
@@ -167,7 +120,7 @@ impl Mesh {
             let vertices =
                 corners.into_iter().map(|corner| DVec3::from_array(corner) * scale).collect();
             let mesh = weld::weld(&geom::Mesh::new(vertices, triangles)?, tolerance)?;
-            prepare.mesh(mesh, name, Vec::new())
+            Ok(Mesh::named(name, prepare.mesh(mesh, Vec::new())?))
         })
     }
 
@@ -215,7 +168,8 @@ impl Mesh {
                 ));
             };
             let name = name_of(&path);
-            Preparation { repair, force, path: Some(path), scale }.mesh(mesh, name, notices)
+            let prepare = Preparation { repair, force, path: Some(path), scale };
+            Ok(Mesh::named(name, prepare.mesh(mesh, notices)?))
         })
     }
 

@@ -5,11 +5,10 @@ use super::input;
 use super::options::{Options, number, text_of};
 use super::part::path_of;
 use crate::cutter::{Cutter, CutterParams};
-use crate::data::files::tools::{self, Unsaid, number_repeated};
+use crate::data::files::tools::{self, Unsaid, named_apart};
 use crate::{Error, Result};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString};
-use std::collections::HashSet;
 
 /// A milling cutter in its holder.
 ///
@@ -211,26 +210,8 @@ impl Tools {
         };
         let of_files = all.iter().filter(|(_, of_file)| *of_file).count();
         let (n, are_of_files) = (all.len(), of_files == all.len() && !all.is_empty());
-        let list = checked(py, with_names(all.into_iter().map(|(tool, _)| tool).collect()))?;
+        let list = checked(py, named_apart(all.into_iter().map(|(tool, _)| tool).collect()))?;
         Ok(Tools { list, are_of_files, are_several: n > 1 || of_files > 0 })
-    }
-}
-
-/// Tools of files that have one name get numbers; other names given twice are refused.
-fn with_names(mut tools: Vec<tools::Tool>) -> Result<Vec<tools::Tool>> {
-    number_repeated(&mut tools);
-    let mut keys = HashSet::new();
-    match tools.iter().find(|tool| !keys.insert(tool.name_key())) {
-        None => Ok(tools),
-        Some(tool) => {
-            let found = format!("`{}` twice", tool.name);
-            Err(Error::argument(
-                "tools",
-                found,
-                "a name for one tool only",
-                "leave one out, or give names by `name`",
-            ))
-        }
     }
 }
 

@@ -42,6 +42,8 @@ pub use export::{to_csv, to_json};
 #[doc(hidden)] // checked by fuzz targets
 pub use holder::holder_from_bytes;
 pub use holder::{Holder, read_holder};
+#[cfg(any(feature = "python", feature = "capi"))]
+pub(crate) use names::named_apart;
 #[doc(hidden)] // of the program
 pub use names::number_repeated;
 #[doc(hidden)] // checked by fuzz targets

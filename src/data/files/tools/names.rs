@@ -1,6 +1,8 @@
 //! Names of tools as their files have them, and names of folders that every system allows.
 
 use super::{Tool, starts_with_ignoring_case};
+#[cfg(any(feature = "python", feature = "capi"))]
+use crate::{Error, Result};
 use std::collections::HashSet;
 
 /// Longest name of a folder, bytes.
@@ -71,5 +73,20 @@ pub fn number_repeated(tools: &mut [Tool]) {
         let folder = std::iter::once(base.clone()).chain(numbered).find(free).unwrap_or_default();
         folders.insert(folder.to_lowercase());
         tool.folder = folder;
+    }
+}
+
+/// Tools of files that have one name get numbers; other names given twice are refused.
+#[cfg(any(feature = "python", feature = "capi"))]
+pub(crate) fn named_apart(mut tools: Vec<Tool>) -> Result<Vec<Tool>> {
+    number_repeated(&mut tools);
+    let mut keys = HashSet::new();
+    match tools.iter().find(|tool| !keys.insert(tool.name_key())) {
+        None => Ok(tools),
+        Some(tool) => {
+            let found = format!("`{}` twice", tool.name);
+            let remedy = "leave one out, or give names by `name`";
+            Err(Error::argument("tools", found, "a name for one tool only", remedy))
+        }
     }
 }
