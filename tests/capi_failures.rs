@@ -171,7 +171,7 @@ fn bad_tools_and_options_are_refused_and_change_nothing() {
             library.fails(add(cr, 0.0), DM_BAD_ARGUMENT, "cutter radius CR is ");
         }
         library.fails(add(3.0, nan), DM_BAD_ARGUMENT, "clearance is NaN");
-        let status = dm_tools_add_bull_nose(l, tools, 3.0, 20.0, 20.0, 20.0, 0.0, 4.0);
+        let status = dm_tools_add_bull_nose(l, tools, 3.0, 20.0, 20.0, 20.0, 4.0, 0.0);
         library.fails(status, DM_BAD_ARGUMENT, "corner radius is 4, expected between 0 and");
         let status = dm_tools_add_text(l, tools, c("3,20").as_ptr());
         library.fails(status, DM_BAD_ARGUMENT, "lengths is `3,20`, expected four lengths");
@@ -311,7 +311,7 @@ fn files_that_are_not_there_or_cannot_be_written_are_statuses() {
         let mut read = |name: &str| dm_mesh_read(l, path(name).as_ptr(), null(), 0, &mut mesh);
         library.fails(read("none.stl"), DM_CANNOT_READ, "none.stl: cannot be read");
         library.fails(read("bad.stl"), DM_BAD_FILE, "bad.stl: ");
-        library.fails(read("part.step"), DM_BAD_FILE, "export it as STL");
+        library.fails(read("part.iges"), DM_BAD_FILE, "export it as STL");
         let write = |name: &str, unit: &CStr, flags| {
             let name = path(name);
             dm_outcome_write(l, outcome, name.as_ptr(), unit.as_ptr(), flags, None, null_mut())

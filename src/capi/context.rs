@@ -66,7 +66,8 @@ kind!(ToolList, Tools, "a list of tools");
 kind!(Request, Analysis, "an analysis");
 kind!(Results, Outcome, "an outcome");
 
-/// Handles of one context, before their numbers would be those of the next.
+/// Handles of one context, before their numbers would be those of the next: a million million. The number of the
+/// context has the other 24 bits, so that after 16 million contexts the numbers begin again.
 const HANDLE_BITS: u32 = 40;
 
 impl dm_context {

@@ -316,8 +316,8 @@ dm_status dm_tools_add_bull_nose(dm_context *context,
                                  double ch_mm,
                                  double fr_mm,
                                  double fh_mm,
-                                 double clearance_mm,
-                                 double corner_mm);
+                                 double corner_mm,
+                                 double clearance_mm);
 
 // Adds a ball end in the words of the program: "CR,CH,FR,FH", mm.
 dm_status dm_tools_add_text(dm_context *context, dm_handle tools, const char *lengths);

@@ -18,7 +18,7 @@ pub type dm_progress =
     Option<unsafe extern "C" fn(user: *mut c_void, stage: u32, done: usize, of: usize) -> c_int>;
 
 /// A callback of C.
-pub struct Callback {
+pub(super) struct Callback {
     function: dm_progress,
     user: *mut c_void,
 }

@@ -72,8 +72,8 @@ pub unsafe extern "C" fn dm_tools_add_bull_nose(
     ch_mm: f64,
     fr_mm: f64,
     fh_mm: f64,
-    clearance_mm: f64,
     corner_mm: f64,
+    clearance_mm: f64,
 ) -> dm_status {
     let lengths = [cr_mm, ch_mm, fr_mm, fh_mm];
     // SAFETY: the caller keeps the contract of the header.
