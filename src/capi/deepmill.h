@@ -1,16 +1,11 @@
 /* Which parts of a surface a milling cutter cannot reach, and what is in its way: the C interface of deepmill.
- *
  * This file is written by `cargo run --manifest-path .ci/header/Cargo.toml`: change the sources instead.
- *
  * A context holds every object by a handle. A handle that was freed, is of another context or of an object of another
  * kind is refused by DM_BAD_HANDLE. Calls with one context may come from several threads.
- *
  * Every function but the first few returns a status, and of a failure the context keeps the text. Lengths are mm.
- *
  * Of every pointer the caller promises: it is null, or it leads to as much memory of its type as the lengths beside it
  * state, aligned, and nobody else writes there during the call. Texts are UTF-8 and end with a zero. A context is null,
  * or was made by dm_context_new and not freed since. Null where a value is needed is refused by DM_BAD_ARGUMENT.
- *
  * Buffers: n counts elements, not bytes. `needed`, which may be null, is set to the number of elements of the result,
  * for text with its zero. With a null buffer and n = 0 a call only asks for that. A buffer that is too short stays as
  * it was (DM_SHORT_BUFFER); elements beyond the result do too. */
@@ -247,12 +242,10 @@ dm_context *dm_context_new(uint32_t abi_version);
 // this context may be running.
 void dm_context_free(dm_context **context);
 
-// Copies the text of the last failure of this context: what was found, what is right, and what to do. It is empty
-// before the first.
+// Copies the text of the last failure of this context: what was found, what is right, what to do. At first none.
 dm_status dm_error_text(dm_context *context, char *buffer, size_t n, size_t *needed);
 
-// Frees an object. What was made of it stays: an analysis holds its mesh and its tools. The handle 0 names none,
-// which is done at once.
+// Frees an object; 0 is none. What was made of it stays: an analysis holds its mesh and its tools.
 dm_status dm_free(dm_context *context, dm_handle handle);
 
 // Makes a mesh of arrays and prepares it as the commands do: near corners are joined, a mesh that faces inward is

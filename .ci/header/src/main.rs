@@ -11,18 +11,13 @@ const SOURCES: [&str; 7] =
 
 const HEAD: &str = "\
 /* Which parts of a surface a milling cutter cannot reach, and what is in its way: the C interface of deepmill.
- *
  * This file is written by `cargo run --manifest-path .ci/header/Cargo.toml`: change the sources instead.
- *
  * A context holds every object by a handle. A handle that was freed, is of another context or of an object of another
  * kind is refused by DM_BAD_HANDLE. Calls with one context may come from several threads.
- *
  * Every function but the first few returns a status, and of a failure the context keeps the text. Lengths are mm.
- *
  * Of every pointer the caller promises: it is null, or it leads to as much memory of its type as the lengths beside it
  * state, aligned, and nobody else writes there during the call. Texts are UTF-8 and end with a zero. A context is null,
  * or was made by dm_context_new and not freed since. Null where a value is needed is refused by DM_BAD_ARGUMENT.
- *
  * Buffers: n counts elements, not bytes. `needed`, which may be null, is set to the number of elements of the result,
  * for text with its zero. With a null buffer and n = 0 a call only asks for that. A buffer that is too short stays as
  * it was (DM_SHORT_BUFFER); elements beyond the result do too. */";

@@ -129,8 +129,7 @@ pub unsafe extern "C" fn dm_context_free(context: *mut *mut dm_context) {
     }
 }
 
-/// Copies the text of the last failure of this context: what was found, what is right, and what to do. It is empty
-/// before the first.
+/// Copies the text of the last failure of this context: what was found, what is right, what to do. At first none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_error_text(
     context: *mut dm_context,
@@ -151,8 +150,7 @@ pub unsafe extern "C" fn dm_error_text(
     }
 }
 
-/// Frees an object. What was made of it stays: an analysis holds its mesh and its tools. The handle 0 names none,
-/// which is done at once.
+/// Frees an object; 0 is none. What was made of it stays: an analysis holds its mesh and its tools.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_free(context: *mut dm_context, handle: dm_handle) -> dm_status {
     // SAFETY: the caller keeps the contract of the header.
