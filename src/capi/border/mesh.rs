@@ -4,7 +4,7 @@ use super::super::context::dm_context;
 use super::super::mesh::PartMesh;
 use super::super::status::{dm_status, not_computed};
 use super::raw::{Buffer, Place, optional_text, slice, text};
-use super::{dm_handle, enter, make};
+use super::{copy, copy_text, dm_handle, enter, make};
 use std::ffi::c_char;
 
 /// Makes a mesh of arrays and prepares it as the commands do: near corners are joined, a mesh that faces inward is
@@ -61,12 +61,11 @@ pub unsafe extern "C" fn dm_mesh_vertices(
     n: usize,
     needed: *mut usize,
 ) -> dm_status {
+    let buffer = Buffer { buffer, n, needed };
     // SAFETY: the caller keeps the contract of the header.
     unsafe {
-        enter(context, |context| {
-            let mesh = context.get::<PartMesh>(mesh)?;
-            let flat: Vec<f64> = mesh.mesh.vertices.iter().flat_map(|v| v.to_array()).collect();
-            Buffer { buffer, n, needed }.fill(&flat)
+        copy(context, mesh, buffer, |of: &PartMesh| {
+            Ok(of.mesh.vertices.iter().flat_map(|v| v.to_array()).collect())
         })
     }
 }
@@ -80,12 +79,10 @@ pub unsafe extern "C" fn dm_mesh_triangles(
     n: usize,
     needed: *mut usize,
 ) -> dm_status {
+    let buffer = Buffer { buffer, n, needed };
     // SAFETY: the caller keeps the contract of the header.
     unsafe {
-        enter(context, |context| {
-            let mesh = context.get::<PartMesh>(mesh)?;
-            Buffer { buffer, n, needed }.fill(mesh.mesh.triangles.as_flattened())
-        })
+        copy(context, mesh, buffer, |of: &PartMesh| Ok(of.mesh.triangles.as_flattened().into()))
     }
 }
 
@@ -118,11 +115,7 @@ pub unsafe extern "C" fn dm_mesh_notices(
     n: usize,
     needed: *mut usize,
 ) -> dm_status {
+    let buffer = Buffer { buffer, n, needed };
     // SAFETY: the caller keeps the contract of the header.
-    unsafe {
-        enter(context, |context| {
-            let mesh = context.get::<PartMesh>(mesh)?;
-            Buffer { buffer, n, needed }.fill_text(&mesh.notices.join("\n"))
-        })
-    }
+    unsafe { copy_text(context, mesh, buffer, |of: &PartMesh| Ok(of.notices.join("\n"))) }
 }

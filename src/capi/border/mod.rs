@@ -25,6 +25,7 @@ use super::context::{Kind, dm_context};
 use super::status::{Answer, Failure, dm_status};
 use raw::{Buffer, Place};
 use std::any::Any;
+use std::borrow::Cow;
 use std::ffi::{CStr, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -79,6 +80,34 @@ unsafe fn make<K: Kind>(
             Ok(())
         })
     }
+}
+
+/// Copies numbers of an object into a buffer.
+///
+/// # Safety
+/// As [`enter`] and [`Buffer::fill`].
+unsafe fn copy<K: Kind, T: Copy>(
+    context: *mut dm_context,
+    handle: dm_handle,
+    buffer: Buffer<T>,
+    values: impl FnOnce(&K) -> Answer<Cow<'_, [T]>>,
+) -> dm_status {
+    // SAFETY: of this function.
+    unsafe { enter(context, |context| buffer.fill(&values(&*context.get::<K>(handle)?)?)) }
+}
+
+/// Copies text of an object into a buffer.
+///
+/// # Safety
+/// As [`copy`].
+unsafe fn copy_text<K: Kind>(
+    context: *mut dm_context,
+    handle: dm_handle,
+    buffer: Buffer<c_char>,
+    text: impl FnOnce(&K) -> Answer<String>,
+) -> dm_status {
+    // SAFETY: of this function.
+    unsafe { enter(context, |context| buffer.fill_text(&text(&*context.get::<K>(handle)?)?)) }
 }
 
 /// The version of this interface: compare it with DM_ABI_VERSION of the header.

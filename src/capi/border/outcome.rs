@@ -5,7 +5,7 @@ use super::super::results::{Results, cause};
 use super::super::status::{Answer, dm_status};
 use super::analysis::{Callback, dm_progress};
 use super::raw::{Buffer, Place, optional_text, text};
-use super::{dm_handle, enter};
+use super::{copy, copy_text, dm_handle, enter};
 use crate::report::findings::Finding;
 use std::ffi::{c_char, c_void};
 
@@ -118,13 +118,9 @@ pub unsafe extern "C" fn dm_outcome_floats(
     n: usize,
     needed: *mut usize,
 ) -> dm_status {
+    let buffer = Buffer { buffer, n, needed };
     // SAFETY: the caller keeps the contract of the header.
-    unsafe {
-        enter(context, |context| {
-            let results = context.get::<Results>(outcome)?;
-            Buffer { buffer, n, needed }.fill(&results.floats(tool, field)?)
-        })
-    }
+    unsafe { copy(context, outcome, buffer, |of: &Results| of.floats(tool, field)) }
 }
 
 /// Copies numbers of type double: DM_AREA_SHARES and so on.
@@ -138,13 +134,9 @@ pub unsafe extern "C" fn dm_outcome_doubles(
     n: usize,
     needed: *mut usize,
 ) -> dm_status {
+    let buffer = Buffer { buffer, n, needed };
     // SAFETY: the caller keeps the contract of the header.
-    unsafe {
-        enter(context, |context| {
-            let results = context.get::<Results>(outcome)?;
-            Buffer { buffer, n, needed }.fill(&results.doubles(tool, field)?)
-        })
-    }
+    unsafe { copy(context, outcome, buffer, |of: &Results| of.doubles(tool, field)) }
 }
 
 /// Copies numbers of type uint32_t: DM_FACES and so on. tool: from 0 on; DM_ALL_TOOLS for what no tool reaches, of
@@ -159,13 +151,9 @@ pub unsafe extern "C" fn dm_outcome_uint32s(
     n: usize,
     needed: *mut usize,
 ) -> dm_status {
+    let buffer = Buffer { buffer, n, needed };
     // SAFETY: the caller keeps the contract of the header.
-    unsafe {
-        enter(context, |context| {
-            let results = context.get::<Results>(outcome)?;
-            Buffer { buffer, n, needed }.fill(&results.wholes(tool, field)?)
-        })
-    }
+    unsafe { copy(context, outcome, buffer, |of: &Results| of.wholes(tool, field)) }
 }
 
 /// Copies numbers of type uint8_t: DM_ANSWERS or DM_OCCLUSION. tool: from 0 on; DM_ALL_TOOLS for what no tool reaches,
@@ -180,13 +168,9 @@ pub unsafe extern "C" fn dm_outcome_bytes(
     n: usize,
     needed: *mut usize,
 ) -> dm_status {
+    let buffer = Buffer { buffer, n, needed };
     // SAFETY: the caller keeps the contract of the header.
-    unsafe {
-        enter(context, |context| {
-            let results = context.get::<Results>(outcome)?;
-            Buffer { buffer, n, needed }.fill(&results.bytes(tool, field)?)
-        })
-    }
+    unsafe { copy(context, outcome, buffer, |of: &Results| of.bytes(tool, field)) }
 }
 
 /// Copies text: DM_TOOL_NAME and so on. tool: from 0 on; DM_ALL_TOOLS of DM_WARNINGS for all of them, of
@@ -201,13 +185,9 @@ pub unsafe extern "C" fn dm_outcome_text(
     n: usize,
     needed: *mut usize,
 ) -> dm_status {
+    let buffer = Buffer { buffer, n, needed };
     // SAFETY: the caller keeps the contract of the header.
-    unsafe {
-        enter(context, |context| {
-            let results = context.get::<Results>(outcome)?;
-            Buffer { buffer, n, needed }.fill_text(&results.text(tool, field)?)
-        })
-    }
+    unsafe { copy_text(context, outcome, buffer, |of: &Results| of.text(tool, field)) }
 }
 
 /// Share of the surface that has an answer, DM_ACCESSIBLE and so on. tool: from 0 on, or DM_ALL_TOOLS.
@@ -272,13 +252,10 @@ pub unsafe extern "C" fn dm_outcome_finding_id(
     n: usize,
     needed: *mut usize,
 ) -> dm_status {
+    let id = |of: &Results| of.finding(tool, number).map(|finding| finding.id.clone());
+    let buffer = Buffer { buffer, n, needed };
     // SAFETY: the caller keeps the contract of the header.
-    unsafe {
-        enter(context, |context| {
-            let results = context.get::<Results>(outcome)?;
-            Buffer { buffer, n, needed }.fill_text(&results.finding(tool, number)?.id)
-        })
-    }
+    unsafe { copy_text(context, outcome, buffer, id) }
 }
 
 /// Writes the folder of `deepmill label`. unit: of tables and report; null is mm. flags: 0, or DM_WRITE_REPORT and so

@@ -4,7 +4,7 @@ use super::super::context::dm_context;
 use super::super::status::{Answer, dm_status};
 use super::super::tools::ToolList;
 use super::raw::{Buffer, Place, optional_text, text};
-use super::{dm_handle, enter, make};
+use super::{copy_text, dm_handle, enter, make};
 use std::ffi::c_char;
 
 /// Changes a list.
@@ -176,14 +176,11 @@ pub unsafe extern "C" fn dm_tools_words(
     n: usize,
     needed: *mut usize,
 ) -> dm_status {
+    let words =
+        |of: &ToolList| of.tool(tool).map(|tool| format!("{}: {}", tool.name, tool.words()));
+    let buffer = Buffer { buffer, n, needed };
     // SAFETY: the caller keeps the contract of the header.
-    unsafe {
-        enter(context, |context| {
-            let list = context.get::<ToolList>(tools)?;
-            let tool = list.tool(tool)?;
-            Buffer { buffer, n, needed }.fill_text(&format!("{}: {}", tool.name, tool.words()))
-        })
-    }
+    unsafe { copy_text(context, tools, buffer, words) }
 }
 
 /// Copies what was left out of tool files or changed, a line each.
@@ -195,11 +192,7 @@ pub unsafe extern "C" fn dm_tools_notices(
     n: usize,
     needed: *mut usize,
 ) -> dm_status {
+    let buffer = Buffer { buffer, n, needed };
     // SAFETY: the caller keeps the contract of the header.
-    unsafe {
-        enter(context, |context| {
-            let list = context.get::<ToolList>(tools)?;
-            Buffer { buffer, n, needed }.fill_text(&list.notices.join("\n"))
-        })
-    }
+    unsafe { copy_text(context, tools, buffer, |of: &ToolList| Ok(of.notices.join("\n"))) }
 }
