@@ -170,6 +170,20 @@ fn what_is_no_whole_step_file_is_refused() {
 }
 
 #[test]
+fn files_that_would_take_all_memory_or_the_stack_are_refused() {
+    let block = text("block");
+    let deep = format!(
+        "#9999 = OTHER({}1{});\nENDSEC;\nEND-ISO",
+        "(".repeat(200_000),
+        ")".repeat(200_000)
+    );
+    assert!(refused(block.replacen("ENDSEC;\nEND-ISO", &deep, 1)).contains("parentheses"));
+    let fine = ReadOptions { chord_mm: 1e-7, ..ReadOptions::default() };
+    let words = read_mesh(&file("cylinder"), &fine).unwrap_err().to_string();
+    assert!(words.contains("chord") && words.contains("at least"), "{words}");
+}
+
+#[test]
 fn damaged_files_are_refused_or_read_and_nothing_worse() {
     let whole = text("cylinder").into_bytes();
     let mut state = 1u64;

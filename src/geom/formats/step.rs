@@ -22,6 +22,10 @@ use placed::Placed;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+/// Lists within lists of real files are a few levels deep; the reader follows them by recursion.
+const MOST_NESTED: usize = 100;
+/// A chord error of a smaller share of the file's box is refused: triangles would be without number.
+const LEAST_CHORD: f64 = 1e-5;
 /// What to do about a file that is refused.
 const REMEDY: &str = "export it as STL in millimeters, or convert it as docs/meshes.md says";
 
@@ -36,6 +40,10 @@ pub fn read(bytes: &[u8], path: &Path, chord_mm: f64) -> Result<(Mesh, Vec<Strin
         let found = "it does not begin with ISO-10303-21: it is no STEP file".into();
         return Err(refused("byte 0", found));
     }
+    if nesting(bytes) > MOST_NESTED {
+        let found = format!("parentheses within parentheses, more than {MOST_NESTED} deep");
+        return Err(refused("text", found));
+    }
     // Texts in other encodings are names alone: numbers are ASCII.
     let text = String::from_utf8_lossy(bytes);
     let parsed = guarded(|| step_p21::parser::parse(&text)).map_err(|why| refused("text", why))?;
@@ -47,6 +55,7 @@ pub fn read(bytes: &[u8], path: &Path, chord_mm: f64) -> Result<(Mesh, Vec<Strin
     let unit_mm = units::millimeters(&section.entities).map_err(|found| refused("units", found))?;
     let table =
         guarded(|| Table::from_data_section(section)).map_err(|why| refused("text", why))?;
+    require_chord(&table, unit_mm, chord_mm)?;
     let mut notices = Vec::new();
     if let Some(why) = placed::left_out(&table) {
         notices.push(format!("{}: {why}", path.display()));
@@ -74,6 +83,41 @@ pub fn read(bytes: &[u8], path: &Path, chord_mm: f64) -> Result<(Mesh, Vec<Strin
         ));
     }
     Ok((whole, notices))
+}
+
+/// The greatest depth of parentheses outside of texts.
+fn nesting(bytes: &[u8]) -> usize {
+    let (mut depth, mut most, mut in_text) = (0usize, 0, false);
+    for byte in bytes {
+        match byte {
+            b'\'' => in_text = !in_text,
+            b'(' if !in_text => {
+                depth += 1;
+                most = most.max(depth);
+            }
+            b')' if !in_text => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+    }
+    most
+}
+
+/// Passes if the chord error is no smaller than [`LEAST_CHORD`] of the box about the points of the file.
+fn require_chord(table: &Table, unit_mm: f64, chord_mm: f64) -> Result<()> {
+    let points = table.cartesian_point.values().filter_map(|point| match point.coordinates[..] {
+        [x, y, z] => Some(DVec3::new(x, y, z)),
+        _ => None,
+    });
+    let boxed = points.fold(None, |boxed: Option<(DVec3, DVec3)>, p| {
+        Some(boxed.map_or((p, p), |(low, high)| (low.min(p), high.max(p))))
+    });
+    let least_mm = boxed.map_or(0.0, |(low, high)| (high - low).length() * unit_mm * LEAST_CHORD);
+    if chord_mm >= least_mm {
+        return Ok(());
+    }
+    let expected = format!("at least {least_mm:.2e} mm for a part of this size");
+    let remedy = "give a greater chord error; 0.02 mm is usual";
+    Err(Error::argument("chord", format!("{chord_mm} mm"), expected, remedy))
 }
 
 /// Adds a mesh at a place; one that is mirrored is turned outward again.

@@ -8,6 +8,9 @@ use monstertruck::step::load::Table;
 use monstertruck::step::load::convert::{AssembleEntity, ProductEntity};
 use std::collections::BTreeSet;
 
+/// Places of parts in an assembly: few levels that each place the next twice make any number.
+const MOST_PLACES: usize = 100_000;
+
 /// A solid, or where there is none, surfaces that may bound one; by their number in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Body {
@@ -86,9 +89,13 @@ fn in_assembly(table: &Table, bodies: &BTreeSet<Body>) -> Result<Vec<Placed>, St
         attrs: (),
     };
     let assembly = assembly.map(node, edge);
-    let mut placed = Vec::new();
+    let (mut placed, mut n_paths) = (Vec::new(), 0);
     for top in assembly.top_nodes() {
         for path in assembly.paths_iter(top.index()) {
+            n_paths += 1;
+            if n_paths > MOST_PLACES {
+                return Err(format!("more than {MOST_PLACES} places of parts"));
+            }
             let m = path.matrix();
             let columns = [m.x, m.y, m.z, m.w].map(|c| DVec4::new(c.x, c.y, c.z, c.w));
             let [x, y, z, w] = columns;
