@@ -11,7 +11,7 @@ use deepmill::geom::sites::{self, Normals, SiteOptions, VertexNormals};
 use deepmill::geom::units::{Length, Unit};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::gate::Limit;
-use deepmill::{Error, Result};
+use deepmill::{Error, Result, atomic_file};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -463,6 +463,11 @@ impl OutArgs {
     /// The folder, if there is one.
     pub fn given(&self) -> Option<&Path> {
         self.out.as_deref()
+    }
+
+    /// Passes if there is none, or if it can be written.
+    pub fn check(&self) -> Result<()> {
+        self.given().map_or(Ok(()), atomic_file::check_writable_folder)
     }
 
     /// The folder of a command that requires one.

@@ -25,7 +25,7 @@ use deepmill::data::files::tools::Tool;
 use deepmill::geom::file_vertices::FileVertices;
 use deepmill::geom::formats::{KeepVertices, MeshOrCloud};
 use deepmill::report::gate::Limit;
-use deepmill::{Error, Result, atomic_file};
+use deepmill::{Error, Result};
 use std::path::PathBuf;
 
 /// Compute exactly which sites of a part a cutter cannot reach, and which sites are in its way.
@@ -248,7 +248,7 @@ fn run_one(args: &Args, output: &Output) -> Result<()> {
         args.baseline.refuse("--volume", "a lattice has no findings: leave out one of both")?;
     }
     let baseline = args.baseline.open()?;
-    atomic_file::check_writable_folder(args.out.folder())?;
+    args.out.check()?;
     let mut clock = Clock::start();
     let part = args.read_part(output)?;
     clock.lap("read_s", "reading");

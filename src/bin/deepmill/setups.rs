@@ -19,7 +19,7 @@ use deepmill::data::files::tools::Tool;
 use deepmill::geom::Mesh;
 use deepmill::report::gate::Limit;
 use deepmill::report::tables::{Cell, Facts};
-use deepmill::{Error, Result, atomic_file};
+use deepmill::{Error, Result};
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -121,7 +121,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.tools(output)?;
     args.tolerances.options()?;
     let baseline = args.baseline.open()?;
-    atomic_file::check_writable_folder(args.out.folder())?;
+    args.out.check()?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(&args.part, args.force, output)?;
     clock.lap("read_s", "reading");

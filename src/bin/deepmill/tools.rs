@@ -13,12 +13,12 @@ use crate::part_itself::{self, SurfaceArgs};
 use crate::premise::premise;
 use crate::progress::Bars;
 use crate::region::{self, RegionArgs};
+use deepmill::Result;
 use deepmill::analysis::{Analysis, Observer, ToolsOutcome};
 use deepmill::data::files::tools::Tool;
 use deepmill::geom::Mesh;
 use deepmill::report::gate::Limit;
 use deepmill::report::tables::{Cell, Facts};
-use deepmill::{Result, atomic_file};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -82,7 +82,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     };
     let directions = args.directions.directions()?;
     args.surface.options(1.0)?;
-    atomic_file::check_writable_folder(args.out.folder())?;
+    args.out.check()?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(part, args.force, output)?;
     clock.lap("read_s", "reading");

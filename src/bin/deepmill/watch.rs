@@ -16,7 +16,7 @@ use files::Files;
 use serde_json::json;
 use server::{Kind, Server};
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// How long a file that cannot be read is taken for one that is still being written.
@@ -107,7 +107,16 @@ pub struct Answer {
 }
 
 /// Writes files.
-pub type Write = dyn FnOnce(&mut dyn Observer) -> Result<()>;
+type Write = dyn FnOnce(&mut dyn Observer) -> Result<()>;
+
+/// What writes files into a folder, if there is one.
+pub fn writer(
+    folder: Option<&Path>,
+    write: impl FnOnce(&Path, &mut dyn Observer) -> Result<()> + 'static,
+) -> Option<Box<Write>> {
+    let folder = folder?.to_path_buf();
+    Some(Box::new(move |observer| write(&folder, observer)))
+}
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let watched: &dyn Watched = match (&args.other, &args.label.0) {

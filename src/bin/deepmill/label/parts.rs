@@ -3,7 +3,7 @@
 use super::{Args, run_one};
 use crate::args::{OutArgs, name_of};
 use crate::output::Output;
-use deepmill::{Error, Result, atomic_file};
+use deepmill::{Error, Result};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ pub fn run(args: &Args, parts: &[PathBuf], output: &Output) -> Result<()> {
     args.baseline
         .refuse("several parts", "a baseline is of one part: label it in a call of its own")?;
     output.forms(!args.no_picture, args.report, &args.also)?;
-    atomic_file::check_writable_folder(args.out.folder())?;
+    args.out.check()?;
     let folders = folders(parts)?;
     let (mut results, mut failed): (Vec<Value>, Vec<String>) = Default::default();
     for (part, folder) in parts.iter().zip(folders) {

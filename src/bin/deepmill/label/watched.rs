@@ -3,10 +3,10 @@
 use super::Args;
 use crate::baseline::today;
 use crate::output::{Output, limits_broken};
-use crate::watch::{Answer, Watched, Write};
+use crate::watch::{Answer, Watched, writer};
 use deepmill::analysis::Observer;
 use deepmill::report::baseline::Baseline;
-use deepmill::{Error, Result, atomic_file};
+use deepmill::{Error, Result};
 use std::path::PathBuf;
 
 impl Watched for Args {
@@ -35,9 +35,7 @@ impl Watched for Args {
         let args = Args { part: part.clone(), ..self.clone() };
         let request = args.request(output)?;
         let baseline = args.baseline.open()?;
-        if let Some(folder) = args.out.given() {
-            atomic_file::check_writable_folder(folder)?;
-        }
+        args.out.check()?;
         let mut outcome = args.label(args.read_part(output)?, &request, observer, output)?;
         let held = baseline.check(|known| outcome.hold_against(known));
         let (mesh, sites) = outcome.shown();
@@ -47,12 +45,9 @@ impl Watched for Args {
         broken.extend(held.and_then(|check| baseline.broken(&check)));
         let check = before.map(|before| outcome.name_findings(before));
         let (page, findings) = (outcome.live_page(output.unit())?, outcome.baseline(&today())?);
-        let folder = args.out.given().map(PathBuf::from);
-        let write = folder.map(|folder| -> Box<Write> {
-            Box::new(move |observer| {
-                outcome.write(&folder, &request.files, observer)?;
-                outcome.write_per_direction(&folder, &request.forms).map(|_| ())
-            })
+        let write = writer(args.out.given(), move |folder, observer| {
+            outcome.write(folder, &request.files, observer)?;
+            outcome.write_per_direction(folder, &request.forms).map(|_| ())
         });
         Ok(Answer { page, check, findings, broken, write })
     }

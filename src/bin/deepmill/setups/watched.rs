@@ -4,10 +4,10 @@ use super::Args;
 use crate::args::share;
 use crate::baseline::today;
 use crate::output::{Output, limits_broken};
-use crate::watch::{Answer, Watched, Write};
+use crate::watch::{Answer, Watched, writer};
+use deepmill::Result;
 use deepmill::analysis::Observer;
 use deepmill::report::baseline::Baseline;
-use deepmill::{Result, atomic_file};
 use std::path::PathBuf;
 
 impl Watched for Args {
@@ -29,9 +29,7 @@ impl Watched for Args {
         let request = self.request(share(&self.share)?)?;
         let (tools, files) = (self.tools(output)?, self.forms(output)?);
         let baseline = self.baseline.open()?;
-        if let Some(folder) = self.out.given() {
-            atomic_file::check_writable_folder(folder)?;
-        }
+        self.out.check()?;
         let mesh = self.read.read_bodies(&self.part, self.force, output)?;
         let mut outcome = self.plan(mesh, tools, (request, &files), observer, output)?;
         let held = baseline.check(|known| outcome.hold_against(known));
@@ -43,9 +41,8 @@ impl Watched for Args {
         broken.extend(held.and_then(|check| baseline.broken(&check)));
         let check = before.map(|before| outcome.name_findings(before));
         let (page, findings) = (outcome.live_page(output.unit())?, outcome.baseline(&today())?);
-        let folder = self.out.given().map(PathBuf::from);
-        let write = folder.map(|folder| -> Box<Write> {
-            Box::new(move |observer| outcome.write(&folder, &files, observer).map(|_| ()))
+        let write = writer(self.out.given(), move |folder, observer| {
+            outcome.write(folder, &files, observer).map(|_| ())
         });
         Ok(Answer { page, check, findings, broken, write })
     }

@@ -4,10 +4,10 @@ use super::Args;
 use crate::args::share;
 use crate::baseline::today;
 use crate::output::{Output, limits_broken};
-use crate::watch::{Answer, Watched, Write};
+use crate::watch::{Answer, Watched, writer};
 use deepmill::analysis::Observer;
 use deepmill::report::baseline::Baseline;
-use deepmill::{Error, Result, atomic_file};
+use deepmill::{Error, Result};
 use std::path::PathBuf;
 
 impl Watched for Args {
@@ -29,9 +29,7 @@ impl Watched for Args {
         let (limits, share) = (self.limits()?, share(&self.share)?);
         let tools = self.tools(output)?;
         let files = output.forms(!self.no_picture, false, &[])?;
-        if let Some(folder) = self.out.given() {
-            atomic_file::check_writable_folder(folder)?;
-        }
+        self.out.check()?;
         let mesh = self.read.read_bodies(part, self.force, output)?;
         let outcome = self.reach((part, mesh), (tools, share), observer, output)?;
         let (surface, sites) = outcome.placed().shown();
@@ -42,9 +40,8 @@ impl Watched for Args {
         let check = before.map(|before| outcome.name_findings(&mut found, before));
         let findings = outcome.baseline(&found, &today())?;
         let page = outcome.live_page(output.unit(), found)?;
-        let folder = self.out.given().map(PathBuf::from);
-        let write = folder.map(|folder| -> Box<Write> {
-            Box::new(move |observer| outcome.write(&folder, &files, observer).map(|_| ()))
+        let write = writer(self.out.given(), move |folder, observer| {
+            outcome.write(folder, &files, observer).map(|_| ())
         });
         Ok(Answer { page, check, findings, broken, write })
     }
