@@ -338,38 +338,25 @@ fn list(findings: &Findings, unit: Unit) -> String {
             let _ = write!(out, "<td class=\"w\">{help}</td>");
         }
         out.push_str("</tr>");
-        if let Some(stopped) = &f.stopped {
+        let n_columns = if has_help { 5 } else { 4 };
+        let mut helps = |words: &str| {
             let _ = write!(
                 out,
-                "<tr class=\"helps\"><td></td><td colspan=\"{}\">not proposed: {}</td></tr>",
-                if has_help { 5 } else { 4 },
-                text(stopped),
+                "<tr class=\"helps\"><td></td><td colspan=\"{n_columns}\">{}</td></tr>",
+                text(words)
             );
+        };
+        if let Some(stopped) = &f.stopped {
+            helps(&format!("not proposed: {stopped}"));
         }
         if !f.opens.is_empty() {
-            let _ = write!(
-                out,
-                "<tr class=\"helps\"><td></td><td colspan=\"{}\">{}</td></tr>",
-                if has_help { 5 } else { 4 },
-                text(&openings_words(&f.opens)),
-            );
+            helps(&openings_words(&f.opens));
         }
         for advice in &f.advice {
-            let _ = write!(
-                out,
-                "<tr class=\"helps\"><td></td><td colspan=\"{}\">of the part: {}</td></tr>",
-                if has_help { 5 } else { 4 },
-                text(&advice.words),
-            );
+            helps(&format!("of the part: {}", advice.words));
         }
         if let Some(change) = &f.change {
-            let _ = write!(
-                out,
-                "<tr class=\"helps\"><td></td><td colspan=\"{}\">{}: reaches {} of it</td></tr>",
-                if has_help { 5 } else { 4 },
-                text(&change.words),
-                percent(change.share, 1.0),
-            );
+            helps(&format!("{}: reaches {} of it", change.words, percent(change.share, 1.0)));
         }
     }
     let more = findings.list.len().saturating_sub(N_LISTED);
