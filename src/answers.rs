@@ -30,11 +30,11 @@ use std::str::FromStr;
 pub enum Definition {
     /// The published one: the sites are the obstacles, see [`access::label`](crate::access::label()).
     Sites,
-    /// The part itself: its triangles are the obstacles, see [`access::surface`](crate::access::surface).
+    /// The mesh definition: the part's triangles are the obstacles, see [`access::surface`](crate::access::surface).
     Part,
     /// The published definition for points of the space around the part, see [`data::volume`](crate::data::volume).
     SitesInSpace,
-    /// The part itself, for points of the space around it.
+    /// The mesh definition, for points of the space around it.
     PartInSpace,
 }
 
@@ -44,7 +44,7 @@ impl Definition {
         [Definition::Sites, Definition::Part, Definition::SitesInSpace, Definition::PartInSpace];
 
     /// Whether triangles are the obstacles.
-    pub fn is_part_itself(self) -> bool {
+    pub fn is_by_mesh(self) -> bool {
         matches!(self, Definition::Part | Definition::PartInSpace)
     }
 
@@ -58,9 +58,9 @@ impl fmt::Display for Definition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
             Definition::Sites => "published definition, points as obstacles",
-            Definition::Part => "the part itself",
+            Definition::Part => "mesh definition",
             Definition::SitesInSpace => "published definition, points as obstacles, in space",
-            Definition::PartInSpace => "the part itself, in space",
+            Definition::PartInSpace => "mesh definition, in space",
         })
     }
 }
@@ -77,9 +77,9 @@ pub struct SiteAnswers {
     /// obstacle that is ranked, where the labeler ranks others than the sites: see
     /// [`Obstacles`](crate::access::Obstacles).)
     pub occlusion: Vec<bool>,
-    /// In some direction only the tip penetrates the part, in none nothing does; answered about the part itself.
+    /// In some direction only the tip penetrates the part, in none nothing does; answered by the mesh definition alone.
     pub tip_does_not_fit: Vec<bool>,
-    /// Number of directions in which the cutter can stand there: without collision and, about the part itself, with a
+    /// Number of directions in which the cutter can stand there: without collision and, by the mesh definition, with a
     /// tip that fits.
     pub accessible_directions: Vec<u32>,
     /// Share of the directions in which the cutter can stand there, in [0, 1]: counted among those tested, or told by a network

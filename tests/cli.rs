@@ -155,7 +155,7 @@ fn label_writes_files_that_read_back_and_do_not_depend_on_threads() {
 }
 
 #[test]
-fn label_asks_the_part_itself_and_says_so() {
+fn label_answers_by_the_mesh_definition_and_says_so() {
     let folder = Folder::new();
     let part = folder.file("block.stl", stl(&block([0.0; 3], [40.0, 30.0, 20.0])));
     let clamp = folder.file("clamp.stl", stl(&block([0.0, 0.0, 20.5], [15.0, 30.0, 30.0])));
@@ -169,7 +169,7 @@ fn label_asks_the_part_itself_and_says_so() {
         (result, LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap())
     };
     let (result, file) = run(&[]);
-    assert_eq!(result["definition"], "the part itself");
+    assert_eq!(result["definition"], "mesh definition");
     let surface = file.labels.surface.as_ref().unwrap();
     for (i, normal) in file.sites.normals.iter().enumerate() {
         assert_eq!(file.labels.answers.inaccessible[i], normal.z < -0.5, "only the underside");

@@ -106,7 +106,7 @@ fn the_hint_after_an_interruption_is_the_command_that_goes_on() {
 }
 
 #[test]
-fn a_data_set_about_the_part_itself_is_told_apart_from_one_about_sites() {
+fn a_data_set_by_the_mesh_definition_is_told_apart_from_a_published_one() {
     let folder = Folder::new();
     let (of_sites, of_part) = (data(&folder), folder.path("of part"));
     let build = ["dataset", "build", "--generated", "2", "--sites", "80", "--directions", "10"];
@@ -154,7 +154,7 @@ fn a_data_set_about_the_part_itself_is_told_apart_from_one_about_sites() {
     let scores = eval(&of_part);
     assert!(!text(&scores.stderr).contains("learned"), "{}", text(&scores.stderr));
     assert!(json(&scores)["pooled"][0]["calibration_error_i"].is_f64());
-    let learned = "network learned the part itself; the labels of";
+    let learned = "network learned the mesh definition; the labels of";
     assert!(text(&eval(&of_sites).stderr).contains(learned));
     let run = folder.path("other run");
     let train = ["train", "--out", &run, "--preset", "tiny", "--epochs", "1", "--data", &of_part];
@@ -229,7 +229,7 @@ fn the_space_around_parts_is_learned_without_normals() {
     refused(&["dataset", "export", &by_part, "--out", &folder.path("c")], 1, "no normals");
     let (part, out) = (folder.block(), folder.path("out"));
     let predict = ["predict", &part, "--cutter", command::CUTTER, "--out", &out, "--model", &model];
-    refused(&predict, 2, "learned the part itself, in space");
+    refused(&predict, 2, "learned the mesh definition, in space");
     let both = ["train", "--preset", "tiny", "--out", &folder.path("d"), "--data", &surface];
     refused(&[&both[..], &[&by_sites]].concat(), 1, "another kind of obstacles");
 }

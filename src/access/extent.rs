@@ -14,7 +14,7 @@ use crate::{Result, par};
 const OF_ROW: usize = 128;
 const OF_ANSWER: usize = 160;
 const OF_POINT: usize = 128;
-/// Of a query about the part itself: contact, tolerance, tallies and statistics.
+/// Of a query by the mesh definition: contact, tolerance, tallies and statistics.
 const OF_CONTACT: usize = 512;
 
 /// How much is to be labeled.

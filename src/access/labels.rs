@@ -153,7 +153,7 @@ impl LabelOptions {
 pub struct Labels {
     /// Per query, what any engine answers.
     pub answers: SiteAnswers,
-    /// Per query: the first direction of the set without collision; nothing but `None` about the part itself, where
+    /// Per query: the first direction of the set without collision; nothing but `None` by the mesh definition, where
     /// [`SiteAnswers::witness`] may lie between the directions of the set.
     pub witness: Vec<Option<u32>>,
     /// Per obstacle: pairs (inaccessible query, direction) it collides in; empty if not wanted.

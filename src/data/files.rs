@@ -278,7 +278,7 @@ fn few(path: &Path, name: &str, len: usize, n: usize) -> Error {
 const WITNESS: [&str; 2] = ["witness_direction", "witness_tip"];
 const REST: [&str; 2] = ["rest_direction", "rest_tip"];
 
-/// Adds what only the part itself answers.
+/// Adds what only the mesh definition answers.
 fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
     let n = surface.answers.len();
     if surface.retreat_unproven.is_empty() {

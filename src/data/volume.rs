@@ -15,7 +15,7 @@ use glam::Vec3;
 pub enum VolumeObstacles {
     /// Points of the part's surface, mm: the published definition.
     Points(Vec<Vec3>),
-    /// Its triangles, and the search between the directions: the part itself.
+    /// Its triangles, and the search between the directions: the mesh definition.
     Part(Box<TriangleObstacles>),
 }
 

@@ -72,7 +72,7 @@ impl Predictor {
         if let Some(definition) =
             self.model.definition.filter(|d| d.is_in_space() && !sites.normals.is_empty())
         {
-            let found = format!("one that learned {definition}");
+            let found = format!("one that learned the {definition}");
             let remedy = "name a network that was trained on sites";
             return Err(Error::argument("network", found, "one for sites of a surface", remedy));
         }

@@ -8,7 +8,7 @@ use std::path::Path;
 const FILE: &[u8] = include_bytes!("shipped/weights.safetensors");
 
 impl Model<f32> {
-    /// The network that comes with the crate: it answers about the part itself, for ball ends and machine parts of any size,
+    /// The network that comes with the crate: it answers by the mesh definition, for ball ends and machine parts of any size,
     /// in the ratios of [`Model::domain`], directions over the upper hemisphere. Its data, commands and scores are in
     /// `src/model/shipped/README.md`.
     ///

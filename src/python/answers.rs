@@ -152,7 +152,7 @@ impl Outcome {
     /// "mesh": against the triangles; "published": against points.
     #[getter]
     fn definition(&self) -> &'static str {
-        if self.outcome.definition().is_part_itself() { "mesh" } else { "published" }
+        if self.outcome.definition().is_by_mesh() { "mesh" } else { "published" }
     }
 
     /// The tools.

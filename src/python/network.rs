@@ -56,7 +56,7 @@ impl Network {
     /// "mesh" or "published": by which definition it was trained; None if that is not known.
     #[getter]
     fn definition(&self) -> Option<&'static str> {
-        let name = |definition: crate::answers::Definition| match definition.is_part_itself() {
+        let name = |definition: crate::answers::Definition| match definition.is_by_mesh() {
             true => "mesh",
             false => "published",
         };

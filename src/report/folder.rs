@@ -146,7 +146,7 @@ fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> R
     let setup = setup(&file.provenance);
     if let Some(surface) = &labels.surface {
         notes.push("tip_does_not_fit 1: only the tip penetrates the part".to_string());
-        notes.push("the part itself: triangles are the obstacles".to_string());
+        notes.push("mesh definition: triangles are the obstacles".to_string());
         let counts = first(&surface.collision_free_directions, n);
         values.extend(counts.map(|of| ("collision_free_directions", PointValues::Counts(of))));
         let unproven = first(&surface.retreat_unproven, n);
@@ -155,7 +155,7 @@ fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> R
         let shown = occlusion.filter(|_| shows_occlusion(file)).unwrap_or_default();
         let (answers, areas) = (&surface.answers[..n], areas.shares());
         let coloring = Coloring::Surface { answers, occlusion: shown, areas };
-        let caption = format!("the part itself\n{setup}");
+        let caption = format!("mesh definition\n{setup}");
         return write(Shown { caption: &caption, coloring, values: &values, notes: &notes });
     }
     notes.push("published definition: sites are the obstacles".to_string());

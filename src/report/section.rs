@@ -43,7 +43,7 @@ pub fn draw(file: &VolumeFile, j: usize) -> Image {
     let square = (AREA[0] / nx).min(AREA[1] / nz).clamp(1, 24) as u32;
     let y = file.lattice.origin.y + file.lattice.step_mm * j as f64;
     let titles = [
-        format!("{}, space around the part itself", file.provenance.part),
+        format!("{}, space around the part, mesh definition", file.provenance.part),
         file.provenance.tool.clone(),
         format!("section at y = {y:.2} mm, a point every {:.2} mm", file.lattice.step_mm),
     ];

@@ -1,4 +1,4 @@
-//! What to compute about the part itself, and what comes out.
+//! What to compute by the mesh definition, and what comes out.
 
 use super::tolerance::{ContactTolerance, LEAST_MM};
 use super::tool::{Outline, axes};
@@ -44,7 +44,7 @@ pub struct SurfaceOptions {
     pub n_samples: usize,
 }
 
-/// How far the search between the directions goes: see `docs/part-itself.md`.
+/// How far the search between the directions goes: see `docs/mesh-definition.md`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RefinementOptions {
     /// Most cells of directions that are cut in four at every level, for one site.
@@ -151,7 +151,7 @@ const MAX_SAMPLES: usize = 100_000_000;
 /// More than any finish, mm.
 const MOST_FINISH_MM: f64 = 10.0;
 
-/// Answers about the part itself, in the order of the queries.
+/// Answers by the mesh definition, in the order of the queries.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceLabels {
     /// Number of directions tested and counted: those of the set, and +z where the set stands for all within an angle

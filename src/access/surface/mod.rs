@@ -1,4 +1,4 @@
-//! The part itself: which sites a cutter cannot reach, tested against the part's triangles.
+//! The mesh definition: which sites a cutter cannot reach, tested against the part's triangles.
 //!
 //! # Definition
 //!

@@ -1,4 +1,4 @@
-//! Claims about the part itself, each on bodies whose answer is known.
+//! Claims about the mesh definition, each on bodies whose answer is known.
 
 use super::tool::Tip;
 use super::{

@@ -184,7 +184,7 @@ fn exact(
     definition: Definition,
 ) -> Result<(LabelFile, f64, f64)> {
     let options = SiteOptions { n_sites: N_SITES, seed: SEED, ..SiteOptions::default() };
-    let blocking = match definition.is_part_itself() {
+    let blocking = match definition.is_by_mesh() {
         true => Blocking::Part,
         false => Blocking::Points(None),
     };

@@ -208,7 +208,7 @@ fn score_set(
         if let Some(learned) = model.definition.filter(|learned| *learned != definition) {
             let folder = folder.display();
             output.warn(format!(
-                "{name} learned {learned}; the labels of {folder} are about {definition}"
+                "{name} learned the {learned}; the labels of {folder} are by the {definition}"
             ));
         }
     }
@@ -226,7 +226,7 @@ fn score_set(
         return Err(Error::file(folder, "settings", found, remedy));
     }
     if args.exact && settings.part_itself {
-        let found = "its labels are about the part itself, whose triangles it does not hold";
+        let found = "its labels are by the mesh definition, whose triangles it does not hold";
         let remedy = "leave out --exact; `deepmill label` times single parts";
         return Err(Error::file(folder, "settings", found, remedy));
     }

@@ -46,7 +46,7 @@ pub fn run(
     let n_directions = file.provenance.settings.n_directions.unwrap_or_default();
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(&file.provenance.part));
-    facts.add("definition", "definition", Cell::text("the part itself, in space"));
+    facts.add("definition", "definition", Cell::text("mesh definition, in space"));
     facts.add("cutter", "cutter", Cell::text(&file.provenance.tool));
     facts.add("n_points", "points outside the part", Cell::count(outcome.n_points()));
     facts.add("step_mm", "step", Cell::Given(step_mm));

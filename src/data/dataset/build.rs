@@ -391,7 +391,7 @@ mod tests {
         builder.own_parts().try_for_each(|i| builder.part(i).map(drop)).unwrap();
         builder.finish().unwrap();
         let about_part = Dataset::open(&part).unwrap().samples(None).unwrap();
-        // About the part itself +z is tested, too.
+        // By the mesh definition +z is tested, too.
         for (samples, n) in [(&samples, 5.0), (&about_part, 6.0)] {
             for answers in samples.iter().map(|sample| &sample.answers) {
                 let counts = answers.accessible_directions.iter();

@@ -26,8 +26,9 @@ pub struct DatasetSettings {
     pub n_sites: usize,
     /// Obstacle sites per part; `None`: the sites themselves, as the paper has it.
     pub n_obstacles: Option<usize>,
-    /// Whether the labels are about the part itself: its triangles are the obstacles, and directions between those of the set
-    /// are searched ([`access::surface`](crate::access::surface)). Otherwise points are, as the paper has it.
+    /// Whether the labels are by the mesh definition: the part's triangles are the obstacles, and directions between
+    /// those of the set are searched ([`access::surface`](crate::access::surface)). Otherwise points are, as the
+    /// paper has it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub part_itself: bool,
     /// Whether the labels are about points of the space around the part instead of its sites ([`data::volume`](crate::data::volume)):
@@ -109,7 +110,7 @@ impl DatasetSettings {
         }
     }
 
-    /// Number of directions that the labels tested: about the part itself one more, +z, where the set lacks it.
+    /// Number of directions that the labels tested: by the mesh definition one more, +z, where the set lacks it.
     pub(super) fn n_directions(&self) -> Result<usize> {
         let directions = Directions::new(self.directions.clone())?;
         Ok(if self.part_itself { tested(&directions)?.len() } else { directions.len() })

@@ -8,7 +8,7 @@ const BLOCKED_BY: &str = "part of the tool that blocks in the direction which ge
 pub(super) fn label_meaning(part_itself: bool) -> Value {
     if part_itself {
         return json!({
-            "definition": "the part itself: its triangles are the obstacles, the tool is shrunk by the tolerance",
+            "definition": "mesh definition: the part's triangles are the obstacles, the tool is shrunk by the tolerance",
             "inaccessible": "true: in every direction the shank, holder or spindle penetrates the part (positive class)",
             "tip_does_not_fit": "true: in some direction only the tip penetrates the part, in none nothing does",
             "collision_free_directions": "number of the directions tested in which no shank, holder or spindle penetrates the part",

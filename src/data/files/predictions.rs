@@ -169,7 +169,7 @@ const BY_RANK: &str =
     "true: among the share of sites (occlusion_share) with the greatest probability";
 
 const VERIFIED_MEANING: [(&str, &str); 6] = [
-    ("verified", "true: the answer is computed about the part itself, false: it is predicted"),
+    ("verified", "true: the answer is computed by the mesh definition, false: it is predicted"),
     ("inaccessible", "true: computed where verified, predicted elsewhere"),
     ("tip_does_not_fit", "true: computed where verified; false elsewhere"),
     (

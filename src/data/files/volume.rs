@@ -189,7 +189,7 @@ impl VolumeFile {
 
 fn meaning() -> Value {
     json!({
-        "definition": "the part itself: its triangles are the obstacles, the tool is shrunk by the tolerance; it touches the point with any of its cutting portion",
+        "definition": "mesh definition: the part's triangles are the obstacles, the tool is shrunk by the tolerance; it touches the point with any of its cutting portion",
         "points": "origin + step · (i, j, k) with i fastest: reshape arrays to counts[2], counts[1], counts[0] for the axes z, y, x",
         "answer": "0 accessible, 1 inaccessible: in every direction the shank, holder or spindle penetrates the part, \
                    2 the tip does not fit, 3 inside the part",

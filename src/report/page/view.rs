@@ -96,7 +96,7 @@ impl View {
         }
         match &labels.surface {
             Some(surface) => {
-                view.caption = "the part itself: its triangles block".into();
+                view.caption = "mesh definition: the part's triangles block".into();
                 let answers = &surface.answers[..n];
                 view.color(&Coloring::Surface { answers, occlusion: &[], areas: &[] });
                 view.mark(occlusion, &PART_ITSELF, folder::shows_occlusion(file));

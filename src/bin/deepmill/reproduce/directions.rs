@@ -1,4 +1,4 @@
-//! How far labels are from the part itself, over the number of directions, and networks that learned them.
+//! How far labels are from those by the mesh definition, over the number of directions, and networks that learned them.
 
 use super::page::Page;
 use super::pictures::Sheet;
@@ -44,8 +44,8 @@ impl Way {
     fn words(self) -> &'static str {
         match self {
             Way::Sites => "sites",
-            Way::Part => "part itself",
-            Way::Search => "part itself, search between the directions",
+            Way::Part => "mesh definition",
+            Way::Search => "mesh definition, search between the directions",
         }
     }
 
@@ -96,7 +96,7 @@ fn ways() -> Vec<(Way, usize)> {
 }
 
 /// Networks trained on labels against sites, by the earlier rule so that only the obstacles differ, and on labels about
-/// the part itself with the search.
+/// the mesh definition with the search.
 fn learners(study: &Study, trainings: &Trainings) -> Result<[Learner; 2]> {
     let cutters = [CutterSet::Uniform, CutterSet::Extreme];
     let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
@@ -107,12 +107,12 @@ fn learners(study: &Study, trainings: &Trainings) -> Result<[Learner; 2]> {
     let draw = Draw { sets: &[CutterSet::Uniform], n_cutters: N_TEST_CUTTERS };
     let test = samples_of_part_itself(study, study.test_parts(), &draw, &directions)?;
     let data = Data { definition: Definition::Part, training: &training, test: &test };
-    let itself = trainings.network_of("labels about the part itself", &data, |_| ())?;
+    let itself = trainings.network_of("labels by the mesh definition", &data, |_| ())?;
     let place = |wanted: Way| ways().iter().position(|way| *way == (wanted, 0)).unwrap_or(0);
     let (sites, search) = (place(Way::Sites), place(Way::Search));
     Ok([
         Learner { words: "network, learned sites", model: published.model, way: sites },
-        Learner { words: "network, learned part itself", model: itself.model, way: search },
+        Learner { words: "network, learned mesh definition", model: itself.model, way: search },
     ])
 }
 
@@ -198,7 +198,7 @@ pub fn run(study: &Study) -> Result<Value> {
     sheet.image().write_png(&study.file("directions.png"))?;
     let page = Page {
         name: "directions",
-        title: "Number of directions, the part itself, and networks",
+        title: "Number of directions, the mesh definition, and networks",
         text: vec![
             format!(
                 "{} parts, {} sites on each; cutters as CR, CH, FR, FH in mm. The truth is the last exact row of each cutter: the \
@@ -209,7 +209,7 @@ pub fn run(study: &Study) -> Result<Value> {
                 study.args.sites
             ),
             format!(
-                "The networks are trained on labels of 150 directions, against sites without the bottom rule and about the part itself with the search \
+                "The networks are trained on labels of 150 directions, against sites without the bottom rule and by the mesh definition with the search \
                  between them; every other training cutter was from the set Extreme. {}",
                 words_of_factors(&factors)
             ),

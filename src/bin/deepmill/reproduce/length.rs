@@ -58,13 +58,13 @@ pub fn run(study: &Study) -> Result<Value> {
     let surface = SurfaceOptions { occlusion: false, ..SurfaceOptions::default() };
     let engines = [
         ("sites", Labeler::of_sites(Directions::published(), labels)),
-        ("part itself", Labeler::of_part(&part.mesh, &[], directions, surface)?),
+        ("mesh definition", Labeler::of_part(&part.mesh, &[], directions, surface)?),
     ];
     let mut table = Table::new(&[
         ("swept", "swept"),
         ("length_mm", "length, mm"),
         ("sites", "out of reach: sites"),
-        ("part", "out of reach: part itself"),
+        ("part", "out of reach: mesh definition"),
     ]);
     let (mut charts, mut sheet) = (Vec::new(), Sheet::default());
     let bar = study.bar(2 * LENGTHS.len(), "cutters");
@@ -104,14 +104,14 @@ pub fn run(study: &Study) -> Result<Value> {
         text: vec![format!(
             "Share of the area of the part `{}` that is out of reach of a ball-end cutter with CR {CR} mm and FR {FR} mm, while CH \
              is swept at FH {OTHER} mm, and FH at CH {OTHER} mm. *Sites*: the published definition ({} sites against each other). \
-             *Part itself*: its triangles, with the search between the directions; sites where only the tip does not fit are not \
+             *Mesh definition*: its triangles, with the search between the directions; sites where only the tip does not fit are not \
              counted, as the published definition has no such answer. The published 152 directions, and {N_DIRECTIONS} over the upper half.",
             part.name, study.args.sites
         )],
         table,
         pictures: vec![
             ("length.svg".into(), "Area out of reach over both lengths".into()),
-            ("length.png".into(), "Sites out of reach for three lengths: the published definition above, the part itself below".into()),
+            ("length.png".into(), "Sites out of reach for three lengths: the published definition above, the mesh definition below".into()),
         ],
     };
     page.write(study)

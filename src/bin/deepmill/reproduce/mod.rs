@@ -76,7 +76,7 @@ enum Experiment {
     Length,
     /// Direction sets: how often a site and its mirror image get different labels and predictions.
     Symmetry,
-    /// Number of directions: how far labels, and networks that learned them, are from the part itself, and times.
+    /// Number of directions: how far labels, and networks that learned them, are from the mesh definition, and times.
     Directions,
     /// Four sets of cutters, with and without cutter modules, and with extreme cutters in the training.
     Cutters,

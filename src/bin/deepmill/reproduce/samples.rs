@@ -45,7 +45,7 @@ pub fn labeled(
     })
 }
 
-/// Labels about the part itself, with the search between the directions, for every part and cutter.
+/// Labels by the mesh definition, with the search between the directions, for every part and cutter.
 pub fn samples_of_part_itself(
     study: &Study,
     parts: &[Part],

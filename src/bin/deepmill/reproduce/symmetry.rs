@@ -67,7 +67,11 @@ pub fn run(study: &Study) -> Result<Value> {
         let labeler = Labeler::of_part(&part.part.mesh, &[], directions.clone(), options)?;
         labeler.answer(&part.sites, cutter)
     })?;
-    itself.row(&mut table, "exact labels, part itself", "Fibonacci, 150, and the search between");
+    itself.row(
+        &mut table,
+        "exact labels, mesh definition",
+        "Fibonacci, 150, and the search between",
+    );
     let trainings = Trainings::new(study)?;
     for (set, words) in SETS {
         let data = training_samples(study, &[CutterSet::Uniform], &labeler(set)?)?;

@@ -187,7 +187,7 @@ pub fn training_samples(
     labeled(study, study.training_parts(), &draw, labeler, study.args.sites)
 }
 
-/// Training samples with cutters of these sets, labeled about the part itself.
+/// Training samples with cutters of these sets, labeled by the mesh definition.
 pub fn training_samples_of_part_itself(
     study: &Study,
     sets: &[CutterSet],

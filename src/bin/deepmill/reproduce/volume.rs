@@ -65,11 +65,11 @@ pub fn run(study: &Study) -> Result<Value> {
             Cell::Share(share.max(1.0 - share)),
             Cell::Share(score.accuracy),
             Cell::Share(score.f1),
-            if definition.is_part_itself() { Cell::Missing } else { Cell::Share(PUBLISHED) },
+            if definition.is_by_mesh() { Cell::Missing } else { Cell::Share(PUBLISHED) },
             Cell::Seconds(exact_seconds(study, &test, of)?),
             Cell::Seconds(scores.seconds / test.len() as f64),
         ]);
-        if definition.is_part_itself() {
+        if definition.is_by_mesh() {
             sections = show(study, &trained.model, &test[0])?;
         }
     }
@@ -89,14 +89,14 @@ pub fn run(study: &Study) -> Result<Value> {
         table,
         pictures: vec![(
             "volume.png".into(),
-            "A section of the space around a test part: exact labels about the part itself, and the network's predictions".into(),
+            "A section of the space around a test part: exact labels by the mesh definition, and the network's predictions".into(),
         )],
     };
     page.write(study)
 }
 
 fn words(definition: Definition) -> &'static str {
-    if definition.is_part_itself() { "part itself" } else { "sites" }
+    if definition.is_by_mesh() { "mesh definition" } else { "sites" }
 }
 
 /// Octree features that points without normals have.
@@ -131,7 +131,7 @@ fn samples(
 }
 
 fn obstacles(study: &Study, part: &Part, definition: Definition) -> Result<VolumeObstacles> {
-    Ok(match definition.is_part_itself() {
+    Ok(match definition.is_by_mesh() {
         true => VolumeObstacles::Part(Box::new(TriangleObstacles::new(&part.mesh, &[])?)),
         false => VolumeObstacles::Points(part.sites(study.args.sites)?.points),
     })
