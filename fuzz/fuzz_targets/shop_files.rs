@@ -24,6 +24,8 @@ fuzz_target!(|text: &str| {
             }
         }
     }
+    let of_freecad = scratch::file("shop.fcm", text.as_bytes());
+    scratch::assert_one_line(machines::read(&of_freecad));
     if let Some(matrix) = scratch::assert_one_line(AccessMatrix::read_text(&path)) {
         matrix.write_text(&path).expect("a matrix that was read");
         assert!(AccessMatrix::read_text(&path).expect("our own file") == matrix);

@@ -37,7 +37,7 @@ fn share_of(options: &mut Options<'_>, default: f64) -> PyResult<f64> {
 /// In how few setups the tools reach a part on a machine.
 ///
 /// machine: "3-axis", "3+2:DEGREES", "4-axis", "4-axis:x", "4-axis:x:LOW,HIGH" or "5-axis:DEGREES";
-/// or the path of a machine file, "FILE.toml".
+/// or the path of a machine file, "FILE.toml" or "FILE.fcm".
 /// share: of the area that can be reached, that the setups cover. at_most: no more setups than this.
 /// clampings: "standing", "flat", "box" or "any". directions: how many are tested.
 /// given: these setups in their order, none chosen: "+z", "-x" ..., or vectors, float [k, 3].

@@ -34,7 +34,7 @@ pub struct Args {
     #[command(flatten)]
     directions: DirectionArgs,
     /// In setups of this machine, one after the other (3-axis, 3+2:DEGREES, 5-axis:DEGREES, 4-axis, 4-axis:x …,
-    /// FILE.toml, as for `setups`): the fewest that cover 99 % of what can be reached.
+    /// FILE.toml, FILE.fcm, as for `setups`): the fewest that cover 99 % of what can be reached.
     #[arg(long, value_name = "MACHINE", value_parser = machine_or_file,
         conflicts_with_all = ["directions", "fixture", "table"])]
     machine: Option<MachineOrFile>,

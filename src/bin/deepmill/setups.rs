@@ -46,7 +46,8 @@ pub struct Args {
     tools: ToolArgs,
     /// 3-axis, 3+2:DEGREES and 5-axis:DEGREES (greatest tilt from the machine's z), 4-axis (the part may be chucked
     /// along its box or flat faces), 4-axis:x (y, z or X,Y,Z: along this), 4-axis:x:LOW,HIGH (turned by no more than
-    /// these degrees from +z); or FILE.toml, the machine's own rotary axes with their limits (docs/setups.md).
+    /// these degrees from +z); or FILE.toml or FreeCAD's FILE.fcm, the machine's own rotary axes with their limits
+    /// (docs/setups.md).
     #[arg(long, value_name = "MACHINE", value_parser = machine_or_file)]
     machine: MachineOrFile,
     /// The setups cover at least this share of the area that can be reached.

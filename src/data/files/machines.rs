@@ -1,4 +1,6 @@
-//! Machines as TOML files: rotary axes in the order from the part to the tool.
+//! Machines as files: rotary axes in the order from the part to the tool, as TOML, or as FreeCAD keeps them.
+
+mod freecad;
 
 use crate::access::setups::{Carrier, Fault, Kinematics, Machine, RotaryParams};
 use crate::{Error, Result, input_file};
@@ -52,7 +54,7 @@ struct AxisFile {
     center_mm: Option<Spanned<Numbers<3>>>,
 }
 
-/// A machine in words, as [`Machine`] reads them, or the path of a file that ends in `.toml`.
+/// A machine in words, as [`Machine`] reads them, or the path of a file that ends in `.toml` or `.fcm`.
 ///
 /// # Errors
 /// As the reader of words, or as [`read`].
@@ -62,18 +64,22 @@ pub fn of_words_or_file(text: &str) -> Result<Machine> {
 
 /// Whether a text is the path of a machine file.
 pub fn is_file(text: &str) -> bool {
-    let extension = Path::new(text).extension();
-    extension.is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
+    let is = |wanted: &str| has_extension(Path::new(text), wanted);
+    is("toml") || is("fcm")
 }
 
-/// Reads a machine.
+fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+}
+
+/// Reads a machine; a file that ends in `.fcm` as FreeCAD writes it.
 ///
 /// # Errors
-/// If the file cannot be read, is no TOML, lacks a key or has another one, or an axis is not what
+/// If the file cannot be read, is no TOML or no machine of FreeCAD, lacks a key or has another one, or an axis is not what
 /// [`Kinematics::new`] takes.
 pub fn read(path: &Path) -> Result<Machine> {
     let text = input_file::read_text(path, input_file::SETTINGS)?;
-    parse(&text, path)
+    if has_extension(path, "fcm") { freecad::parse(&text, path) } else { parse(&text, path) }
 }
 
 fn parse(text: &str, path: &Path) -> Result<Machine> {

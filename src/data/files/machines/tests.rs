@@ -109,3 +109,105 @@ fn words_are_read_as_words_and_toml_as_a_file() {
     assert!(message.starts_with("no such/mill.TOML: cannot be read"), "{message}");
     assert!(of_words_or_file("lathe").unwrap_err().to_string().starts_with("machine is `lathe`"));
 }
+
+/// A machine as FreeCAD writes it, with rotary axes of these names and texts.
+fn fcm(axes: &[(&str, &str)]) -> String {
+    let axes: Vec<_> = axes.iter().map(|(name, text)| format!("\"{name}\": {{{text}}}")).collect();
+    let x = r#""X": {"type": "linear", "role": "table_linear", "parent": null, "sequence": 0,
+        "joint": [[0, 0, 0], [1, 0, 0]], "limits": {"min": 0, "max": 510}, "max_velocity": 18000}"#;
+    format!(
+        r#"{{"freecad_version": "1.2.0", "machine": {{"name": "VM 5", "units": "metric",
+        "kinematics": {{"base_frame": {{"origin": [0, 0, 0], "orientation_quaternion": [0, 0, 0, 1]}}}},
+        "axes": {{{x}, {}}}, "toolheads": []}}, "output": {{"units": "metric"}}, "version": 1}}"#,
+        axes.join(", ")
+    )
+}
+
+const ON_TABLE: &str = r#""type": "rotary", "role": "table_rotary""#;
+const ON_HEAD: &str = r#""type": "rotary", "role": "head_rotary""#;
+
+#[test]
+fn machines_of_freecad_are_the_same_machines_whatever_the_order_and_form_of_their_axes() {
+    let path = Path::new("m.fcm");
+    let words = |axes: &[(&str, &str)]| {
+        freecad::parse(&fcm(axes), path).unwrap().axes().unwrap().to_string()
+    };
+    let about_z = r#""joint": {"origin": [0, 0, 0], "axis": [0, 0, 1]}"#;
+    let a = format!(
+        r#"{ON_TABLE}, "parent": null, "joint": [[0, 0, 0], [1, 0, 0]], "limits": {{"min": -120, "max": 30}}"#
+    );
+    // The round table stands on the cradle, which alone is on the frame.
+    let c = format!(r#"{ON_TABLE}, "parent": "A", {about_z}"#);
+    let trunnion = "VM 5 (table C, table A -120..30)";
+    assert_eq!(words(&[("A", &a), ("C", &c)]), trunnion);
+    assert_eq!(words(&[("C", &c), ("A", &a)]), trunnion);
+    // FreeCAD's own trunnion has the parents the other way round, and applies the axes in this order.
+    let (on_c, c) =
+        (a.replace("null", "\"C\""), format!(r#"{ON_TABLE}, "parent": null, {about_z}"#));
+    assert_eq!(words(&[("A", &on_c), ("C", &c)]), trunnion);
+    let about_y = r#""joint": [[0, 0, 0], [0, 1, 0]]"#;
+    let (b, c) =
+        (format!("{ON_HEAD}, {about_y}"), format!(r#"{ON_HEAD}, "parent": "B", {about_z}"#));
+    let fork = "VM 5 (head C, head B)";
+    assert_eq!(words(&[("B", &b), ("C", &c)]), fork);
+    let (b, c) =
+        (format!(r#"{ON_HEAD}, "parent": "C", {about_y}"#), format!("{ON_HEAD}, {about_z}"));
+    assert_eq!(words(&[("B", &b), ("C", &c)]), fork);
+    // Neither is about z: the root of the chain carries the part.
+    let b = format!(r#"{ON_TABLE}, "parent": "A", {about_y}"#);
+    assert_eq!(words(&[("B", &b), ("A", &a)]), "VM 5 (table A -120..30, table B)");
+    let b = format!("{ON_TABLE}, \"sequence\": -1, {about_y}");
+    assert_eq!(words(&[("A", &a), ("B", &b)]), "VM 5 (table B, table A -120..30)");
+    // A head after a table.
+    let c = format!(r#"{ON_TABLE}, "parent": "X", {about_z}"#);
+    let b = format!(r#"{ON_HEAD}, "joint": [[0, 0, 0], [0, 1, 0]]"#);
+    assert_eq!(words(&[("B", &b), ("C", &c)]), "VM 5 (table C, head B)");
+    // The example in TOML and the same machine here have the same angles.
+    let toml = example("trunnion-ac.toml");
+    let c = format!(r#"{ON_TABLE}, "parent": "A", {about_z}"#);
+    let same = freecad::parse(&fcm(&[("A", &a), ("C", &c)]), path).unwrap();
+    for axis in [DVec3::Z, DVec3::new(0.6, 0.0, 0.8), DVec3::new(-0.48, 0.64, 0.6)] {
+        assert_eq!(toml.poses(axis), same.axes().unwrap().poses(axis));
+    }
+}
+
+#[test]
+fn bad_machines_of_freecad_get_one_line_with_the_axis_and_a_remedy() {
+    let joint = r#""joint": [[0, 0, 0], [1, 0, 0]]"#;
+    let a = |more: &str| fcm(&[("A", &format!("{ON_TABLE}, {more}"))]);
+    let cases: [(String, &str, &str); 12] = [
+        ("{".into(), "m.fcm: line 1: ", "FreeCAD"),
+        ("{}".into(), "m.fcm: file: no `machine`", "FreeCAD"),
+        (r#"{"machine": {"axes": 3}}"#.into(), "m.fcm: line 1: ", "FreeCAD"),
+        (a(r#""parent": null"#), "m.fcm: machine.axes.A: no `joint`", "joint.axis"),
+        (a(r#""joint": [[0, 0, 0]]"#), "m.fcm: line ", "FreeCAD"),
+        (a(&format!(r#"{joint}, "parent": "A""#)), "m.fcm: machine.axes.A: a parent", "frame"),
+        (a(&format!(r#"{joint}, "parent": "Q""#)), "m.fcm: machine.axes.A: a parent", "frame"),
+        (
+            a(&format!(r#"{joint}, "limits": {{"min": 90, "max": -90}}"#)),
+            "m.fcm: machine.axes.A: limits 90, -90",
+            "least",
+        ),
+        (
+            a(&joint.replace("[1, 0, 0]", "[0, 0, 0]")),
+            "m.fcm: machine.axes.A: the vector 0, 0, 0",
+            "vector",
+        ),
+        (
+            fcm(&[("A", &format!(r#""type": "rotary", "role": "frame", {joint}"#))]),
+            "m.fcm: machine.axes.A: role is `frame`",
+            "table_rotary",
+        ),
+        (fcm(&[("A2", &format!("{ON_TABLE}, {joint}"))]), "m.fcm: machine.axes.A2: `A2`", "A, B"),
+        (
+            a(joint).replace("[0, 0, 0, 1]", "[1, 0, 0, 0]"),
+            "m.fcm: machine.kinematics.base_frame: a base frame turned",
+            "+z",
+        ),
+    ];
+    for (text, start, part) in cases {
+        let message = freecad::parse(&text, Path::new("m.fcm")).unwrap_err().to_string();
+        assert!(message.starts_with(start) && message.contains(part), "{text}\n{message}");
+        assert!(!message.contains('\n') && message.contains("; "), "{message}");
+    }
+}
