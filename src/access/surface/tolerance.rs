@@ -102,6 +102,12 @@ struct Fold {
     kind: FoldKind,
 }
 
+impl Fold {
+    fn faces(&self) -> [usize; 2] {
+        self.halves.map(|half| half as usize / 3)
+    }
+}
+
 #[derive(PartialEq)]
 enum FoldKind {
     Flat,
@@ -143,14 +149,19 @@ impl Chords {
         };
         let own = par::map(mesh.triangles.len(), chord);
         // The two triangles of a strip's quadrangle are one facet.
-        let mut chords = own.clone();
-        for fold in &folds {
-            let [x, y] = fold.halves.map(|half| half as usize / 3);
-            let is_one = fold.kind == FoldKind::Flat && is_similar(mesh, fold.halves);
-            if is_one || fold.kind == FoldKind::Corner {
-                chords[x] = chords[x].max(own[y]);
-                chords[y] = chords[y].max(own[x]);
+        let mut facets = own.clone();
+        for fold in folds.iter().filter(|fold| fold.kind == FoldKind::Flat) {
+            let [x, y] = fold.faces();
+            if is_similar(mesh, fold.halves) {
+                facets[x] = facets[x].max(own[y]);
+                facets[y] = facets[y].max(own[x]);
             }
+        }
+        let mut chords = facets.clone();
+        for fold in folds.iter().filter(|fold| fold.kind == FoldKind::Corner) {
+            let [x, y] = fold.faces();
+            chords[x] = chords[x].max(facets[y]);
+            chords[y] = chords[y].max(facets[x]);
         }
         Chords(chords)
     }
