@@ -205,6 +205,10 @@ impl Problem<'_> {
             if is_blocked(k) && self.is_trusted(i, axes[2]) {
                 continue;
             }
+            // The first directions were tested before the ball was moved to where it fits.
+            if let Some(at) = self.pose_of_moved_ball(i, axes, state) {
+                return Some((k, at));
+            }
             let before = state.scratch.n_queries;
             let n_tests = (remaining / 3).max(LEAST_TESTS);
             if let Some(at) = self.search_poses(i, axes, n_tests, state) {

@@ -20,7 +20,7 @@ use glam::DVec3;
 /// Cells of poses are not cut finer than to this share of the finish tolerance.
 const FINE: f64 = 0.2;
 /// Most poses that are tested to find where a ball fits.
-const BALL_TESTS: usize = 200;
+const BALL_TESTS: usize = 1000;
 /// Most poses that are tested for one direction of several.
 const DIRECTION_TESTS: usize = 40;
 /// Tools that are tested as a whole before the ball is tested on its own.
@@ -71,6 +71,12 @@ impl Problem<'_> {
         let (verdict, pose) = self.own_pose(i, axes, is_blocked, state);
         if pose.is_some() {
             return (verdict, pose);
+        }
+        if state.ball == Ball::Unknown {
+            self.place_ball(i, state);
+            if let Some(pose) = self.pose_of_moved_ball(i, axes, state) {
+                return (Verdict::Free, Some(pose));
+            }
         }
         match self.search_poses(i, axes, DIRECTION_TESTS, state) {
             Some(pose) => (Verdict::Free, Some(pose)),
@@ -144,6 +150,21 @@ impl Problem<'_> {
             Searched::Closed => Ball::Gouges,
             Searched::GivenUp => Ball::Undecided,
         };
+    }
+
+    /// The reference point with the ball where it fits, if that is not its own place and the tool is free there.
+    pub fn pose_of_moved_ball(
+        &self,
+        i: usize,
+        axes: &Axes,
+        state: &mut SiteState,
+    ) -> Option<DVec3> {
+        let contact = &self.contacts[i];
+        let own = contact.normal.map(|normal| contact.corner_center(&self.outline, normal));
+        match state.ball {
+            Ball::Fits(center) if own != Some(center) => self.own_pose(i, axes, false, state).1,
+            _ => None,
+        }
     }
 
     /// Whether a direction comes from behind the surface about a query, which is then in the way of all poses.

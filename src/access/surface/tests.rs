@@ -17,6 +17,7 @@ use std::f64::consts::{PI, TAU};
 mod engines;
 mod explain;
 mod invariance;
+mod known;
 mod library;
 mod margins;
 mod search;

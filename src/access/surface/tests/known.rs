@@ -1,0 +1,193 @@
+//! What a shop knows: floors, corners, fillets and bowls, +z alone, with answers computed by hand.
+
+use super::*;
+
+/// A block around a hollow: closed rings of as many places each, from its bottom's rim outward, up, inward and down to
+/// the floor; both ends are closed by fans about the means of their rings.
+fn nested(rings: &[Vec<DVec3>]) -> Mesh {
+    let n = rings[0].len() as u32;
+    let mut mesh = Mesh { vertices: rings.concat(), triangles: Vec::new() };
+    for ring in 1..rings.len() as u32 {
+        for k in 0..n {
+            let (low, high, next) = ((ring - 1) * n, ring * n, (k + 1) % n);
+            mesh.triangles.push([low + k, low + next, high + next]);
+            mesh.triangles.push([low + k, high + next, high + k]);
+        }
+    }
+    let last = (rings.len() as u32 - 1) * n;
+    for (start, is_floor) in [(0, false), (last, true)] {
+        let ring = &mesh.vertices[start as usize..][..n as usize];
+        let mean = ring.iter().sum::<DVec3>() / f64::from(n);
+        let center = mesh.vertices.len() as u32;
+        mesh.vertices.push(mean);
+        for k in 0..n {
+            let (a, b) = (start + k, start + (k + 1) % n);
+            mesh.triangles.push(if is_floor { [a, b, center] } else { [b, a, center] });
+        }
+    }
+    mesh
+}
+
+/// The places where rays from the axis through `inner` meet a square of 60 mm.
+fn around(inner: &[DVec2]) -> Vec<DVec2> {
+    inner.iter().map(|p| *p * (30.0 / p.abs().max_element())).collect()
+}
+
+fn at(ring: &[DVec2], z: f64) -> Vec<DVec3> {
+    ring.iter().map(|p| p.extend(z)).collect()
+}
+
+/// A pocket with this outline in a block 20 high, its floor at z = 6.
+fn pocket(outline: &[DVec2]) -> Mesh {
+    let outer = around(outline);
+    nested(&[at(&outer, 0.0), at(&outer, 20.0), at(outline, 20.0), at(outline, 6.0)])
+}
+
+/// A round hollow: radii and heights from the rim down to the floor.
+fn turned(down: &[[f64; 2]], n: u32) -> Mesh {
+    let ring = |radius: f64| -> Vec<DVec2> {
+        let angle = |k: u32| TAU * f64::from(k) / f64::from(n);
+        (0..n).map(|k| DVec2::from_angle(angle(k)) * radius).collect()
+    };
+    let outer = around(&ring(1.0));
+    let mut rings = vec![at(&outer, -20.0), at(&outer, down[0][1])];
+    rings.extend(down.iter().map(|[radius, z]| at(&ring(*radius), *z)));
+    nested(&rings)
+}
+
+/// An arc of a hollow about (radius, z) = `middle`, between two angles from straight down, outermost first.
+fn arc(middle: [f64; 2], radius: f64, [from, to]: [f64; 2], chord_error: f64) -> Vec<[f64; 2]> {
+    let n = (f64::from(facets(radius, chord_error)) * (from - to) / TAU).ceil();
+    let angle = |k: f64| from + (to - from) * k / n;
+    let place = |a: f64| [middle[0] + radius * a.sin(), middle[1] - radius * a.cos()];
+    (0..=n as u32).map(|k| place(angle(f64::from(k)))).collect()
+}
+
+/// A rectangle of 2 `half` with corners of a radius, counterclockwise; sharp if the radius is zero.
+fn rectangle(half: DVec2, radius: f64, chord_error: f64) -> Vec<DVec2> {
+    let n = if radius > 0.0 { facets(radius, chord_error).div_ceil(4) } else { 0 };
+    let mut outline = Vec::new();
+    for (k, corner) in [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].iter().enumerate() {
+        let middle = dvec2(corner.0, corner.1) * (half - radius);
+        for j in 0..=n {
+            let angle =
+                0.5 * PI * (k as f64 + if n > 0 { f64::from(j) / f64::from(n) } else { 0.0 });
+            outline.push(middle + radius * DVec2::from_angle(angle));
+        }
+    }
+    outline
+}
+
+fn share(mesh: &Mesh, sites: &Sites, cutter: &Cutter) -> f64 {
+    let found = answers(mesh, sites, cutter, &up(), &implied());
+    n_of(SiteAnswer::Accessible, &found) as f64 / found.len() as f64
+}
+
+/// Every `every`th site.
+fn some(sites: &Sites, every: usize) -> Sites {
+    sites.subset(&(0..sites.len()).step_by(every).collect::<Vec<_>>())
+}
+
+#[test]
+fn the_floor_of_a_sharp_pocket_is_reached_but_for_what_a_round_tool_leaves_in_its_corners() {
+    let half = dvec2(10.0, 7.0);
+    let mesh = pocket(&rectangle(half, 0.0, 1.0));
+    assert!(crate::geom::check::check(&mesh).is_closed());
+    let (n_x, n_y) = (80, 56);
+    let place = |k: usize, n: usize, half: f64| half * (2.0 * (k as f64 + 0.5) / n as f64 - 1.0);
+    let grid = (0..n_x).flat_map(|i| (0..n_y).map(move |j| (i, j)));
+    let points: Vec<DVec2> =
+        grid.map(|(i, j)| dvec2(place(i, n_x, half.x), place(j, n_y, half.y))).collect();
+    let mut floor = Sites::default();
+    for p in &points {
+        floor.points.push(p.extend(6.0).as_vec3());
+        floor.normals.push(Vec3::Z);
+    }
+    for radius in [1.5, 3.0, 6.0] {
+        let cutter = bull([radius, 30.0, 20.0, 5.0], 0.0);
+        let found = answers(&mesh, &floor, &cutter, &up(), &implied());
+        let mut n_left = 0;
+        for (p, found) in points.iter().zip(&found) {
+            // From the place of the tool's axis that is nearest; two tolerances are left undecided.
+            let beyond = (p.abs() - (half - radius)).max(DVec2::ZERO).length() - radius;
+            if beyond.abs() > 0.03 {
+                assert_eq!(*found == SiteAnswer::Accessible, beyond < 0.0, "{radius}: {p}");
+            }
+            n_left += usize::from(*found != SiteAnswer::Accessible);
+        }
+        let left = n_left as f64 / points.len() as f64;
+        let expected = (4.0 - PI) * radius * radius / (4.0 * half.x * half.y);
+        assert!((left - expected).abs() < 0.006, "{radius}: {left}, by hand {expected}");
+    }
+    assert_eq!(share(&mesh, &floor, &bull([7.2, 30.0, 20.0, 5.0], 0.0)), 0.0, "wider than it");
+}
+
+#[test]
+fn a_flat_end_of_the_radius_of_a_pockets_corners_reaches_all_of_them() {
+    for chord_error in [0.001, 0.005, 0.05] {
+        let mesh = pocket(&rectangle(dvec2(12.0, 9.0), 4.0, chord_error));
+        let inside = |p: DVec3, n: DVec3| {
+            let is_wall = n.z.abs() < 0.1 && n.dot(p) < 0.0;
+            is_wall && p.x.abs() > 8.0 && p.y.abs() > 5.0
+        };
+        let corners = some(&sites_on(&mesh, 3, inside), 3);
+        for radius in [3.9, 4.0] {
+            let found = share(&mesh, &corners, &bull([radius, 30.0, 20.0, 5.0], 0.0));
+            assert_eq!(found, 1.0, "R{radius}, chord error {chord_error}");
+        }
+        let wide = share(&mesh, &corners, &bull([4.4, 30.0, 20.0, 5.0], 0.0));
+        assert!(wide < 0.4, "R4.4, chord error {chord_error}: {wide}");
+    }
+}
+
+#[test]
+fn a_ball_of_the_radius_of_a_fillet_reaches_all_of_it_and_a_wider_one_its_ends() {
+    for chord_error in [0.002, 0.01, 0.05] {
+        let fillet = arc([9.0, 6.0], 6.0, [0.5 * PI, 0.0], chord_error);
+        let mesh = turned(&[vec![[15.0, 20.0]], fillet].concat(), facets(15.0, chord_error));
+        let sites = sites_on(&mesh, 1, |p, n| n.z > 0.01 && n.z < 0.9999 && p.z < 6.0);
+        let sites = some(&sites, sites.len().div_ceil(400));
+        for radius in [5.0, 5.5, 6.0] {
+            let found = share(&mesh, &sites, &ball([radius, 30.0, 20.0, 5.0]));
+            assert_eq!(found, 1.0, "R{radius}, chord error {chord_error}");
+        }
+        let wide = share(&mesh, &sites, &ball([7.0, 30.0, 20.0, 5.0]));
+        assert!(wide < 0.25, "R7, chord error {chord_error}: {wide}");
+    }
+}
+
+#[test]
+fn a_ball_of_the_radius_of_a_bowl_reaches_all_of_it_and_a_wider_one_none() {
+    for chord_error in [0.004, 0.02, 0.1] {
+        let step = 2.0 * (1.0 - chord_error / 15.0_f64).acos();
+        let bowl = arc([0.0, 0.0], 15.0, [0.5 * PI, step], chord_error);
+        let mut mesh = turned(&bowl, facets(15.0, chord_error));
+        // The middle of the floor is the pole.
+        mesh.vertices.last_mut().unwrap().z = -15.0;
+        let sites = sites_on(&mesh, 1, |p, n| n.z > 0.0 && p.z < 0.0 && p.length() < 15.01);
+        let sites = some(&sites, sites.len().div_ceil(400));
+        for radius in [10.0, 12.5, 14.0, 15.0] {
+            let found = share(&mesh, &sites, &ball([radius, 60.0, 20.0, 40.0]));
+            assert_eq!(found, 1.0, "R{radius}, chord error {chord_error}");
+        }
+        // Within the tolerances of the rim it is reached.
+        let low = sites_on(&mesh, 1, |p, n| n.z > 0.0 && p.z < -2.0 && p.length() < 15.01);
+        let low = some(&low, low.len().div_ceil(400));
+        let wide = share(&mesh, &low, &ball([15.5, 60.0, 20.0, 40.0]));
+        assert_eq!(wide, 0.0, "R15.5, chord error {chord_error}");
+    }
+}
+
+#[test]
+fn walls_of_a_block_stay_reached_whatever_clearance_the_holder_is_given() {
+    let block = solids::cuboid(dvec3(40.0, 30.0, 20.0));
+    let sites = everywhere(&block, 60);
+    let upward = |n: &Vec3| n.z > -0.5;
+    for clearance in [0.0, 0.1, 0.5, 1.0] {
+        let cutter = ball([3.0, 40.0, 25.0, 40.0]).with_clearance(clearance).unwrap();
+        let found = answers(&block, &sites, &cutter, &up(), &implied());
+        for (normal, found) in sites.normals.iter().zip(found) {
+            assert_eq!(found == SiteAnswer::Accessible, upward(normal), "{clearance}, {normal}");
+        }
+    }
+}
