@@ -30,7 +30,7 @@ pub enum Change {
     },
     /// Triangles dropped because a corner occurs twice in them.
     DroppedCollapsed(usize),
-    /// Triangles without area, or thinner than a sliver, dropped because they hang together with nothing else.
+    /// Triangles without area, or thinner than a sliver, dropped because they bound nothing.
     DroppedLoose(usize),
     /// Triangles dropped because another one has the same corners: copies, and pairs that face
     /// opposite sides and enclose nothing.
@@ -67,12 +67,8 @@ impl fmt::Display for Change {
                 write!(f, "dropped {} with a corner used twice", count(n, "triangle"))
             }
             Change::DroppedLoose(n) => {
-                let verb = if n == 1 { "hangs" } else { "hang" };
-                write!(
-                    f,
-                    "left out {} without area that {verb} together with nothing",
-                    count(n, "triangle")
-                )
+                let verb = if n == 1 { "bounds" } else { "bound" };
+                write!(f, "left out {} without area that {verb} nothing", count(n, "triangle"))
             }
             Change::DroppedDoubled(n) => write!(f, "dropped {}", count(n, "doubled triangle")),
             Change::TurnedTriangles(n) => {

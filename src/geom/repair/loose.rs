@@ -1,12 +1,13 @@
-//! Triangles without area that hang together with nothing: no surface, but they widen the part's box.
+//! Triangles without area that bound nothing: no surface, but they widen the part's box, or leave edges open.
 
 use super::Change;
 use crate::geom::Mesh;
 use crate::geom::check::SLIVER;
-use crate::geom::check::topology::{Topology, has_three_corners};
+use crate::geom::check::topology::{Topology, Use, has_three_corners};
+use crate::geom::weld::{join, root};
 
-/// Drops pieces that are open and of which no triangle is higher than a sliver, and triangles with a corner used twice
-/// that reach beyond the others; their vertices go with them. A mesh of nothing else stays as it is.
+/// Drops slivers that hang together if some edge of theirs is open and none is without them, and triangles with a
+/// corner used twice that reach beyond the others; their vertices go with them. A mesh of nothing else stays as it is.
 ///
 /// Triangles without area between others stay: they close the surface, and hold neither sites nor tools off.
 pub fn drop_loose(mesh: &mut Mesh) -> Option<Change> {
@@ -24,16 +25,7 @@ pub fn drop_loose(mesh: &mut Mesh) -> Option<Change> {
     if !thin.contains(&true) {
         return None;
     }
-    let topology = Topology::of(mesh);
-    let mut open = vec![false; n];
-    topology.unbalanced().flatten().for_each(|u| open[u.face as usize] = true);
-    let mut loose = vec![false; n];
-    for faces in topology.components() {
-        let all_thin = faces.iter().all(|&f| thin[f as usize]);
-        if all_thin && faces.iter().any(|&f| open[f as usize]) {
-            faces.iter().for_each(|&f| loose[f as usize] = true);
-        }
-    }
+    let mut loose = open_groups(&Topology::of(mesh), &thin);
     let mut used = vec![false; mesh.vertices.len()];
     for (f, triangle) in mesh.triangles.iter().enumerate() {
         if has_three_corners(triangle) && !loose[f] {
@@ -58,6 +50,35 @@ pub fn drop_loose(mesh: &mut Mesh) -> Option<Change> {
     mesh.triangles.retain(|_| faces.next() == Some(&false));
     mesh.triangles.iter_mut().for_each(|t| *t = t.map(|v| number[v as usize]));
     Some(Change::DroppedLoose(n_loose))
+}
+
+/// Of the groups of such faces that hang together, those with an open edge and none without them.
+fn open_groups(topology: &Topology, thin: &[bool]) -> Vec<bool> {
+    let is_thin = |u: &&Use| thin[u.face as usize];
+    let mut parent: Vec<u32> = (0..thin.len() as u32).collect();
+    for uses in topology.edges() {
+        let mut faces = uses.iter().filter(is_thin).map(|u| u.face);
+        if let Some(first) = faces.next() {
+            faces.for_each(|face| join(&mut parent, first, face));
+        }
+    }
+    let (mut is_open, mut closes) = (vec![false; thin.len()], vec![false; thin.len()]);
+    for uses in topology.edges() {
+        let Some(first) = uses.iter().find(is_thin) else { continue };
+        let group = root(&mut parent, first.face) as usize;
+        is_open[group] |= !is_balanced(uses.iter());
+        closes[group] |= !is_balanced(uses.iter().filter(|u| !is_thin(u)));
+    }
+    let mut is_loose = |f: usize| {
+        let group = root(&mut parent, f as u32) as usize;
+        thin[f] && is_open[group] && !closes[group]
+    };
+    (0..thin.len()).map(&mut is_loose).collect()
+}
+
+/// Whether an edge is passed equally often in both directions.
+fn is_balanced<'a>(uses: impl Iterator<Item = &'a Use>) -> bool {
+    uses.map(|u| if u.forward { 1 } else { -1 }).sum::<i32>() == 0
 }
 
 #[cfg(test)]
@@ -92,6 +113,26 @@ mod tests {
             assert_eq!(mesh.triangles.len(), 12);
             assert_eq!(mesh.volume(), block.volume());
         }
+    }
+
+    #[test]
+    fn triangles_without_area_that_leave_an_edge_open_go() {
+        let block = cuboid(dvec3(40.0, 30.0, 20.0));
+        let on_edge = [dvec3(0.0, 0.0, 20.0), dvec3(40.0, 0.0, 20.0), dvec3(20.0, 0.0, 20.0)];
+        let mut one = with_triangle(on_edge);
+        assert_eq!(
+            (one.triangles.len(), drop_loose(&mut one)),
+            (13, Some(Change::DroppedLoose(1)))
+        );
+        assert_eq!((one.volume(), one.vertices.len()), (block.volume(), 8));
+        // A second one hangs on the first.
+        let mut two = with_triangle(on_edge);
+        let middle = two.vertices.len() as u32;
+        two.vertices.push(dvec3(10.0, 0.0, 20.0));
+        let first = two.triangles[3];
+        two.triangles.push([first[2], first[0], middle]);
+        assert_eq!(drop_loose(&mut two), Some(Change::DroppedLoose(2)));
+        assert!(crate::geom::check::check(&two).require_bodies().is_ok());
     }
 
     #[test]
