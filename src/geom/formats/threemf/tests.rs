@@ -155,6 +155,10 @@ fn what_is_no_part_of_the_solid_is_left_out_by_name() {
         ("type=\"solidsupport\" name=\"foot\"", "object 2 \"foot\" is a support"),
         ("type=\"surface\"", "is a surface"),
         ("type=\"other\"", "is of type other"),
+        (
+            "type=\"support\" name=\"1/4&quot; &amp; more\"",
+            "object 2 \"1/4\\\" & more\" is a support",
+        ),
     ] {
         let text = model("", &(block(1, "type=\"model\"", 0, 1) + &block(2, more, 2, 4)), items);
         let (volume, left_out) = read_with(&text, "none", "").unwrap();

@@ -2,13 +2,18 @@
 
 use super::super::one_line;
 use super::Found;
+use quick_xml::escape::unescape;
 use quick_xml::events::BytesStart;
 
-/// The attribute of that name, whatever its prefix.
+/// The attribute of that name, whatever its prefix; `&quot;` and the like as the characters that they stand for.
 pub(super) fn value(tag: &BytesStart, name: &str) -> Option<String> {
     let mut all = tag.attributes();
     let mut all = all.with_checks(false).flatten();
-    all.find(|a| a.key.local_name().as_ref() == name).map(|a| a.value.into_owned())
+    let raw = all.find(|a| a.key.local_name().as_ref() == name)?.value;
+    Some(match unescape(&raw) {
+        Ok(text) => text.into_owned(),
+        Err(_) => raw.into_owned(),
+    })
 }
 
 pub(super) fn required(tag: &BytesStart, name: &str) -> Found<String> {
