@@ -113,8 +113,7 @@ impl UnsaidArgs {
     pub fn read(&self, paths: &[PathBuf], output: &Output) -> Result<Vec<Tool>> {
         let unsaid = self.unsaid(output)?;
         let mut all = Vec::new();
-        for path in paths {
-            let table = tools::read(path, &unsaid)?;
+        for (path, table) in paths.iter().zip(tools::read_several(paths, &unsaid)?) {
             self.check_whole(path, &table)?;
             if !table.unused.is_empty() {
                 let columns = table.unused.join(", ");

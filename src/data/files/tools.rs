@@ -49,6 +49,8 @@ pub use names::number_repeated;
 #[doc(hidden)] // checked by fuzz targets
 pub use reading::from_bytes;
 pub use reading::read;
+#[doc(hidden)] // of the program
+pub use reading::read_several;
 pub(crate) use table::{steps_of_words, steps_words};
 
 /// A checked cutter and the numbers it was ordered with.

@@ -92,6 +92,7 @@ pub(crate) fn tidy(mm: f64) -> f64 {
 /// Number and unit of a text, as they stand.
 pub(crate) fn split(text: &str) -> Option<(String, String)> {
     let text = text.trim().replace("''", "\"").replace(['”', '″'], "\"").replace(['′', '’'], "'");
+    let text = with_plain_fractions(&text);
     let is_of_number = |c: char| c.is_ascii_digit() || "+-.,/' \t\u{a0}\u{202f}".contains(c);
     // What follows the feet of `1' 2"` belongs to the number.
     let end = text.find(|c| !is_of_number(c)).unwrap_or(text.len());
@@ -102,6 +103,21 @@ pub(crate) fn split(text: &str) -> Option<(String, String)> {
         _ => (number, unit),
     };
     (!number.is_empty()).then(|| (number.into(), unit.into()))
+}
+
+/// `1½` as `1 1/2`.
+fn with_plain_fractions(text: &str) -> String {
+    const SIGNS: [(char, &str); 7] = [
+        ('¼', " 1/4"),
+        ('½', " 1/2"),
+        ('¾', " 3/4"),
+        ('⅛', " 1/8"),
+        ('⅜', " 3/8"),
+        ('⅝', " 5/8"),
+        ('⅞', " 7/8"),
+    ];
+    let plain = |text: String, (sign, plain): (char, &str)| text.replace(sign, plain);
+    SIGNS.into_iter().fold(text.replace('⁄', "/"), plain).trim_start().into()
 }
 
 /// `1'` and `2` of `1' 2"`, or of `1 ft 2 in`; an apostrophe between digits of a thousand divides nothing.
@@ -193,6 +209,10 @@ mod tests {
             ("125 thou", 3.175),
             ("-2 in", -50.8),
             ("0.875 in", 22.225),
+            ("¼\"", 6.35),
+            ("1½ in", 38.1),
+            ("1 ⅜”", 34.925),
+            ("1⁄8 in", 3.175),
         ] {
             let length = Length::read(text).unwrap_or_else(|| panic!("{text}"));
             assert_eq!((length.has_unit(), length.mm(Unit::Meter)), (true, mm), "{text}");

@@ -35,6 +35,7 @@ pub fn read_holder(path: &Path, unsaid: &Unsaid) -> Result<Holder> {
 pub fn holder_from_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<Holder> {
     let found = match content(bytes, path)? {
         Content::Text(text) => text,
+        Content::Western(_) => return Err(text(bytes, path).expect_err("it is not UTF-8")),
         Content::Library(unpacked) => text(&unpacked, path)?.into_owned().into(),
     };
     match found.trim_start().chars().next() {

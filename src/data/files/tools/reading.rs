@@ -50,10 +50,14 @@ impl Reading {
     }
 
     /// The table; an error if no tool is left.
-    fn finish(mut self, path: &Path) -> Result<ToolTable> {
-        if self.tools.is_empty() {
-            return Err(self.none_left(path));
+    fn finish(self, path: &Path) -> Result<ToolTable> {
+        match self.tools.is_empty() {
+            true => Err(self.none_left(path)),
+            false => Ok(self.table()),
         }
+    }
+
+    fn table(mut self) -> ToolTable {
         number_repeated(&mut self.tools);
         let sentence = |left: &LeftOut| match left.is_other_kind {
             true => left.why.to_string(),
@@ -61,7 +65,7 @@ impl Reading {
         };
         let refused = self.left_out.iter().map(sentence).collect();
         let Reading { tools, unused, notices, .. } = self;
-        Ok(ToolTable { tools, unused, refused, notices })
+        ToolTable { tools, unused, refused, notices }
     }
 
     fn none_left(self, path: &Path) -> Error {
@@ -91,11 +95,38 @@ impl Reading {
 /// # Errors
 /// If a file is not what its format demands, or no tool is left.
 pub fn read(path: &Path, unsaid: &Unsaid) -> Result<ToolTable> {
-    let reading = match path.is_dir() {
+    of_path(path, unsaid)?.finish(path)
+}
+
+/// As [`read`], of several files: one of which no tool is left does not lose the others, nor does a tool bit that
+/// cannot be read.
+///
+/// # Errors
+/// If another file is not what its format demands, or no tool of any is left.
+#[doc(hidden)] // of the program
+pub fn read_several(paths: &[PathBuf], unsaid: &Unsaid) -> Result<Vec<ToolTable>> {
+    let mut readings = Vec::new();
+    for path in paths {
+        let mut reading = Reading::default();
+        match has_extension(path, "fctb") && path.is_file() {
+            true => add_bit(&mut reading, path, None, unsaid),
+            false => reading = of_path(path, unsaid)?,
+        }
+        readings.push(reading);
+    }
+    if let Some(path) = paths.first().filter(|_| readings.iter().all(|of| of.tools.is_empty())) {
+        let mut all = Reading::default();
+        readings.into_iter().for_each(|reading| all.extend(reading));
+        return Err(all.none_left(path));
+    }
+    Ok(readings.into_iter().map(Reading::table).collect())
+}
+
+fn of_path(path: &Path, unsaid: &Unsaid) -> Result<Reading> {
+    match path.is_dir() {
         true => of_folder(path, unsaid),
         false => of_file(path, unsaid),
-    }?;
-    reading.finish(path)
+    }
 }
 
 /// Reads tools from the content of a file; `path` is for its extension and for messages. A FreeCAD library (`.fctl`),
@@ -190,6 +221,7 @@ fn of_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<Read> {
     let text = match content(bytes, path)? {
         Content::Text(text) => text,
         Content::Library(unpacked) => place::text(&unpacked, path)?.into_owned().into(),
+        Content::Western(text) => return of_western(&text, (bytes, path), unsaid),
     };
     Ok(Read::Tools(match text.trim_start().chars().next() {
         Some('{' | '[') => return of_json(&place::json(&text, path)?, path, unsaid),
@@ -210,6 +242,22 @@ fn of_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<Read> {
         }
         _ => table::read(&text, path, unsaid)?,
     }))
+}
+
+/// A table of which the text is not UTF-8; files of other formats are.
+fn of_western(text: &str, (bytes, path): (&[u8], &Path), unsaid: &Unsaid) -> Result<Read> {
+    let is_table = |first: char| !matches!(first, '{' | '[' | '<');
+    let others = ["fctb", "json", "fctl", "hsmlib"];
+    let is_table = text.trim_start().chars().next().is_some_and(is_table)
+        && !others.iter().any(|e| has_extension(path, e));
+    let mut reading = match has_extension(path, "tbl") || linuxcnc::is_table(text) {
+        _ if !is_table => return Err(place::text(bytes, path).expect_err("it is not UTF-8")),
+        true => linuxcnc::read(text, path, unsaid),
+        false => table::read(text, path, unsaid)?,
+    };
+    let notice = "the text is not UTF-8: it is read as Windows-1252; look at the names";
+    reading.notices.insert(0, format!("{}: {notice}", path.display()));
+    Ok(Read::Tools(reading))
 }
 
 fn of_json(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Read> {

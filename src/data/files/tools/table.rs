@@ -64,7 +64,13 @@ pub fn steps_of_words(words: &str) -> Option<Vec<Step>> {
 }
 
 fn is_passed_over(line: &str) -> bool {
-    line.trim().is_empty() || line.starts_with('#')
+    line.trim().is_empty() || line.starts_with('#') || is_separator_line(line)
+}
+
+/// `sep=;`, a first line that says how columns are separated.
+fn is_separator_line(line: &str) -> bool {
+    let line = line.trim().trim_matches('"');
+    line.len() <= 5 && line.get(..4).is_some_and(|sep| sep.eq_ignore_ascii_case("sep="))
 }
 
 fn separator(text: &str) -> char {
@@ -137,7 +143,8 @@ impl TableText<'_> {
         let mut rows = Vec::new();
         for row in reader.records() {
             let row = row.map_err(|e| self.at(1, e.to_string(), "save the table as CSV"))?;
-            if row.iter().any(|field| !field.is_empty()) {
+            let is_of_no_row = rows.is_empty() && row.get(0).is_some_and(is_separator_line);
+            if !is_of_no_row && row.iter().any(|field| !field.is_empty()) {
                 let line = row.position().map_or(1, |start| self.line_of_row(start));
                 rows.push((line, row));
             }

@@ -10,6 +10,8 @@ use zip::ZipArchive;
 /// The content of a file of tools.
 pub(super) enum Content<'a> {
     Text(Cow<'a, str>),
+    /// Text that is not UTF-8, by Windows-1252.
+    Western(String),
     /// The library of a Fusion 360 `.tools` file.
     Library(Vec<u8>),
 }
@@ -28,9 +30,27 @@ pub(super) fn content<'a>(bytes: &'a [u8], path: &Path) -> Result<Content<'a>> {
     }
     let text = match text {
         Some(text) => place::text(text.as_bytes(), path)?.into_owned().into(),
-        None => place::text(bytes, path)?,
+        None => match place::text(bytes, path) {
+            Err(error) => {
+                let western = western(bytes).ok_or(error)?;
+                return Ok(Content::Western(place::text(western.as_bytes(), path)?.into_owned()));
+            }
+            text => text?,
+        },
     };
     Ok(Content::Text(text))
+}
+
+/// The text of a table in Windows-1252, as Excel writes it in the west; none if it has characters that no text has.
+fn western(bytes: &[u8]) -> Option<String> {
+    const HIGH: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}\u{90}‘’“”•–—˜™š›œ\u{9d}žŸ";
+    let high: Vec<char> = HIGH.chars().collect();
+    let of = |byte: &u8| match byte {
+        0..=8 | 0x0e..=0x1f | 0x7f | 0x81 | 0x8d | 0x8f | 0x90 | 0x9d => None,
+        0x80..=0x9f => high.get(usize::from(byte - 0x80)).copied(),
+        _ => Some(char::from(*byte)),
+    };
+    bytes.iter().map(of).collect()
 }
 
 /// A text in UTF-16 with its mark, as `.hsmlib` files are; what is no character is shown as that.

@@ -148,11 +148,13 @@ fn is_among(known: &str, words: &[String]) -> bool {
     words.iter().any(|word| is(word)) || words.windows(2).any(|pair| is(&pair.concat()))
 }
 
-/// `r1`, `R0.5`, `R1/16"`: a word of the letter and a length.
+/// `r1`, `R0.5`, `R=0.5`, `R1/16"`: a word of the letter and a length.
 fn corner(text: &str, bare_mm: f64) -> Option<f64> {
     let words = text.split(|c: char| c.is_whitespace() || c == '_');
     let lengths = words.filter_map(|word| word.strip_prefix(['r', 'R']));
-    let length = |word: &str| Length::read(word.trim_end_matches([',', ')', ';']));
+    let length = |word: &str| {
+        Length::read(word.trim_start_matches(['=', ':']).trim_end_matches([',', ')', ';']))
+    };
     let corner = lengths.filter_map(length).next()?.mm_of(bare_mm);
     (corner > 0.0).then_some(corner)
 }
@@ -178,6 +180,7 @@ mod tests {
             ("bull r1", bull(1.0)),
             ("Bull-nose R0.5, long", bull(0.5)),
             ("bull nose R1/16\"", bull(1.5875)),
+            ("Bull nose R=0.5", bull(0.5)),
             ("bull", Remark::Bull),
             ("4mm_2F_Compression_Carbide_Endmill", Remark::EndMill),
             ("Banggood - 3.175x2mm Carbide End Mill Drillpro DB-M10", Remark::EndMill),

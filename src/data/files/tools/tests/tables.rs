@@ -196,3 +196,48 @@ fn lengths_of_a_bit_are_read_as_people_write_them_and_shown_as_found() {
         assert!(found.contains(&format!("Diameter is {text:?}")), "{found}");
     }
 }
+
+#[test]
+fn tables_of_spreadsheets_are_read_with_their_separator_and_their_letters() {
+    let rows =
+        "name;CR;CH;FR;FH;corner\nFr\u{e4}ser \u{d8}6;3,5;20;17;60;0\nKugel \"R3\";3;20;17;60;\n";
+    let found = tools(&format!("sep=;\r\n{rows}"), "shop.csv", &unsaid()).unwrap();
+    let read: Vec<_> = found.tools.iter().map(|t| (&*t.name, t.params.cr_mm)).collect();
+    assert_eq!(read, [("Fr\u{e4}ser \u{d8}6", 3.5), ("Kugel \"R3\"", 3.0)]);
+    assert!(found.notices.is_empty(), "{:?}", found.notices);
+    // Windows-1252 has these letters as one byte each; 0x96 is a dash.
+    let bytes: Vec<u8> = rows.replace("R3", "R3\u{96}").chars().map(|c| c as u8).collect();
+    let western = from_bytes(&bytes, "shop.csv".as_ref(), &unsaid()).unwrap();
+    assert_eq!(
+        (&western.tools[0], &*western.tools[1].name),
+        (&found.tools[0], "Kugel \"R3\u{2013}\"")
+    );
+    assert!(western.notices[0].contains("Windows-1252"), "{:?}", western.notices);
+    for (name, bytes) in [("shop.csv", &b"name;CR\xe4\0;"[..]), ("a.json", b"{\"data\": \"\xe4\"}")]
+    {
+        assert!(message(from_bytes(bytes, name.as_ref(), &unsaid())).contains("not UTF-8"));
+    }
+    let table = b"T1 P1 D6 ;flat \xd86\n";
+    let given =
+        Unsaid { unit_mm: Some(1.0), shank_mm: Some(6.0), flutes_mm: Some(15.0), ..unsaid() };
+    let found = from_bytes(table, "mill.tbl".as_ref(), &given).unwrap();
+    assert_eq!(found.tools[0].name, "T1 flat \u{d8}6");
+}
+
+#[test]
+fn one_bad_file_of_several_never_loses_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let bit = r#"{"name": "B/6", "shape": "endmill.fcstd", "parameter": {"Diameter": "6 mm", "ShankDiameter": "6 mm"}}"#;
+    std::fs::write(folder.path().join("b.fctb"), bit).unwrap();
+    let of = |name: &str| folder.path().join(name);
+    std::fs::write(of("bad.fctb"), bit.replace("\"6 mm\"", "\"six\"")).unwrap();
+    std::fs::write(of("cut.fctb"), &bit[..40]).unwrap();
+    std::fs::write(of("tap.json"), r#"{"data": [{"type": "tap left hand"}]}"#).unwrap();
+    let files = ["bad.fctb", "b.fctb", "cut.fctb", "tap.json"].map(of);
+    let tables = read_several(&files, &unsaid()).unwrap();
+    let counts = tables.iter().map(|table| (table.tools.len(), table.refused.len()));
+    assert_eq!(counts.collect::<Vec<_>>(), [(0, 1), (1, 0), (0, 1), (0, 1)]);
+    let refused = read_several(&[of("cut.fctb"), of("bad.fctb")], &unsaid());
+    assert!(refused.unwrap_err().to_string().contains("none of 2 tools can be used"));
+    assert!(read_several(&[of("b.fctb"), of("missing.csv")], &unsaid()).is_err());
+}
