@@ -7,11 +7,12 @@
 //!            'no-tool-reaches': what is out of reach of every tool together; or
 //!            'rest': the most that all tools together leave. _ may replace -
 //! UNIT     = '%', a share of the surface | 'mm2' or 'mm²', an area | of 'rest': 'mm' |
-//!            of 'finding' also 'mm3' or 'mm³': the most that is left about one
+//!            of 'finding' also 'mm3' or 'mm³': the most that is left about one; 'in2' and so on for other units
 //! ```
 
 use super::findings::{Finding, FindingStatus, Findings};
 use crate::answers::SiteAnswers;
+use crate::geom::units::length::unit_mm;
 use crate::geom::{Mesh, Sites, spacing};
 use crate::{Error, Result};
 use std::fmt;
@@ -108,19 +109,19 @@ impl FromStr for Limit {
         let quantity = names.iter().position(|known| same(known));
         let quantity =
             quantity.ok_or_else(|| refuse(format!("a quantity of {}", names.join(", "))))?;
-        let number = |unit: &str| rest.strip_suffix(unit).map(str::trim_end);
         if quantity == REST {
             let length = || refuse("rest>NUMBERmm, of 0 mm or more".into());
-            let value: f64 = number("mm").ok_or_else(length)?.parse().map_err(|_| length())?;
+            let value = measure(rest, 1).ok_or_else(length)?;
             if !(0.0..f64::INFINITY).contains(&value) {
                 return Err(length());
             }
             let is_most = text[at..].starts_with('>');
             return Ok(Limit { quantity, is_most, bound: Bound::Length(value) });
         }
-        let (share, area) = (number("%"), number("mm2").or(number("mm²")));
-        let volume = number("mm3").or(number("mm³")).filter(|_| quantity == FINDING);
-        let value: f64 = share.or(area).or(volume).and_then(|n| n.parse().ok()).ok_or_else(form)?;
+        let share = rest.strip_suffix('%').and_then(|number| number.trim_end().parse().ok());
+        let area = measure(rest, 2);
+        let volume = measure(rest, 3).filter(|_| quantity == FINDING);
+        let value: f64 = share.or(area).or(volume).ok_or_else(form)?;
         let most = if share.is_some() { 100.0 } else { f64::MAX };
         if !(0.0..=most).contains(&value) {
             return Err(refuse("0 to 100 %, or an area or volume of 0 or more".into()));
@@ -132,6 +133,18 @@ impl FromStr for Limit {
         };
         Ok(Limit { quantity, is_most: text[at..].starts_with('>'), bound })
     }
+}
+
+/// A length, area or volume with its unit, such as `20mm2` or `0.5 in²`, in mm to that power.
+fn measure(text: &str, power: i32) -> Option<f64> {
+    let text = match power {
+        1 => text,
+        2 => text.strip_suffix(['2', '²'])?,
+        _ => text.strip_suffix(['3', '³'])?,
+    };
+    let at = text.find(|c: char| c.is_alphabetic() && !matches!(c, 'e' | 'E'))?;
+    let (number, unit) = (text[..at].trim_end(), unit_mm(&text[at..])?);
+    number.parse::<f64>().ok().map(|value| value * unit.powi(power))
 }
 
 impl fmt::Display for Limit {
@@ -390,9 +403,9 @@ mod tests {
         answers.rest_mm = vec![0.75, 0.0];
         let why = limit.broken_by(&answers, &areas).unwrap().unwrap();
         assert_eq!(why, "the greatest rest is 0.750 mm: rest>0.5mm");
-        let kept: Limit = "rest>0.8mm".parse().unwrap();
+        let kept: Limit = "rest>0.0315in".parse().unwrap();
         assert_eq!(kept.broken_by(&answers, &areas).unwrap(), None);
-        for bad in ["rest>5%", "rest>5mm2", "rest>-1mm", "rest>xmm", "rest>infmm"] {
+        for bad in ["rest>5%", "rest>5mm2", "rest>-1mm", "rest>xmm", "rest>infmm", "rest>1ell"] {
             let error = bad.parse::<Limit>().unwrap_err().to_string();
             assert!(error.contains("rest>NUMBERmm"), "{error}");
         }
@@ -427,7 +440,7 @@ mod tests {
         let areas = SiteAreas { shares: vec![0.01; 100], total_mm2: Some(400.0) };
         let mut all = SiteAnswers::new((0..100).map(|i| i < 10).collect(), vec![]);
         all.tip_does_not_fit = (0..100).map(|i| (5..30).contains(&i)).collect();
-        for text in ["no-tool-reaches>20%", "no_tool_reaches > 100mm2"] {
+        for text in ["no-tool-reaches>20%", "no_tool_reaches > 100mm2", "no-tool-reaches>0.18in2"] {
             let limit: Limit = text.parse().unwrap();
             assert!(limit.is_about_all_tools() && !limit.is_about_findings());
             let why = limit.broken_by(&all, &areas).unwrap().unwrap();
@@ -475,7 +488,7 @@ mod tests {
             "inaccessible>-1%",
             "inaccessible>101%",
             "inaccessible>infmm2",
-            "inaccessible>5cm2",
+            "inaccessible>5ell2",
         ] {
             let message = text.parse::<Limit>().unwrap_err().to_string();
             assert!(
