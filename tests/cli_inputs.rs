@@ -197,18 +197,19 @@ fn a_part_in_inches_is_warned_about_before_any_work() {
     let tools = folder.file("shop.csv", "name,CR,CH,FR,FH\nD12,6,20,25,30\nD1,0.5,20,25,30\n");
     let commands = [
         &["check", &part][..],
-        &["label", &part, "--cutter", CUTTER, "--out", &out, "--directions", "up"],
+        &["label", &part, "--tools", &tools, "--out", &out, "--directions", "up"],
         &["tools", &part, "--library", &tools, "--out", &out, "--directions", "up"],
         &["setups", &part, "--tools", &tools, "--machine", "3-axis", "--out", &out],
         &["sample", &part, "--out", &folder.path("a.ply")],
-        &["explain", &out, "--site", "1", "--part", &part],
+        &["machined", &part, "--tools", &tools, "--out", &out, "--directions", "up"],
+        &["explain", &format!("{out}/D1"), "--site", "1", "--part", &part],
     ];
     for (k, command) in commands.into_iter().enumerate() {
         let few = if (1..=3).contains(&k) { &few[..] } else { &[] };
         let words = text(&deepmill(&[command, few].concat()).stderr);
         let inch = "3.000 mm long at most; if the file is in inches, --unit in makes it 76.2 mm";
         assert_eq!(words.matches(inch).count(), 1, "{command:?}: {words}");
-        if ["tools", "setups"].contains(&command[0]) {
+        if ["label", "tools", "setups", "machined"].contains(&command[0]) {
             let wide = "1 of 2 tools are wider than the part is long (3.000 mm), D12 with 12 mm";
             assert!(words.contains(wide), "{command:?}: {words}");
         }

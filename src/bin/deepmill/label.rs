@@ -10,7 +10,7 @@ use crate::args::{
 };
 use crate::baseline::BaselineArgs;
 use crate::clock::Clock;
-use crate::mesh_args::{Accept, MeshArgs};
+use crate::mesh_args::{Accept, MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::{self, SurfaceArgs};
 use crate::progress::Bars;
@@ -231,6 +231,7 @@ impl Args {
             Error::Argument { name: "rest", .. } => called(error, "--rest"),
             other => other,
         })?;
+        placed.mesh().iter().for_each(|mesh| warn_wide_tools(mesh, &request.tools, output));
         let (mesh, sites) = placed.shown();
         request.files.show().require_memory(mesh, sites)?;
         if !self.matrix.is_empty() {

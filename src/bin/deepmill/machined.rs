@@ -3,7 +3,7 @@
 use crate::args::{DirectionArgs, ToolArgs, called, millimeters, name_of};
 use crate::clock::Clock;
 use crate::machine::{MachineOrFile, machine_or_file};
-use crate::mesh_args::MeshArgs;
+use crate::mesh_args::{MeshArgs, warn_wide_tools};
 use crate::output::Output;
 use crate::part_itself::SurfaceArgs;
 use crate::premise::premise;
@@ -89,6 +89,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     atomic_file::check_writable_folder(&args.out)?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(&args.part, false, output)?;
+    warn_wide_tools(&mesh, &tools, output);
     let stock = args.stock(output)?;
     clock.lap("read_s", "reading");
     let premise = match machine {

@@ -161,10 +161,14 @@ impl SurfaceArgs {
     }
 }
 
-/// Says the warnings; as JSON for the result.
+/// Says the warnings, of one of several tools not again what was said of all before the work; as JSON for the result.
 pub fn say_warnings(warnings: &[Warning], tool: Option<&str>, output: &Output) -> Value {
     let of = tool.map_or(String::new(), |tool| format!("{tool}: "));
-    warnings.iter().for_each(|warning| output.warn(format!("{of}{warning}")));
+    let is_said = |warning: &&Warning| {
+        tool.is_some() && matches!(warning, Warning::Tiny { .. } | Warning::SmallerThanTool { .. })
+    };
+    let others = warnings.iter().filter(|warning| !is_said(warning));
+    others.for_each(|warning| output.warn(format!("{of}{warning}")));
     json!(warnings.iter().map(StatedWarning::from).collect::<Vec<_>>())
 }
 
