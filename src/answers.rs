@@ -238,7 +238,11 @@ impl fmt::Display for OutsideDomain {
         let unit = if self.is_count() { "" } else { " of the largest edge" };
         let short = |x: &f64| (x * 1e4).round() / 1e4;
         let [value, least, greatest] = [value, least, greatest].map(short);
-        write!(f, "{quantity} is {value}{unit}, trained from {least} to {greatest}")
+        write!(f, "{quantity} is {value}{unit}, trained ")?;
+        match self.is_count() && least == greatest {
+            true => write!(f, "with {least}"),
+            false => write!(f, "from {least} to {greatest}"),
+        }
     }
 }
 

@@ -29,10 +29,7 @@ impl TurnLimits {
         if within(low_deg) && within(high_deg) && (0.0..=360.0).contains(&(high_deg - low_deg)) {
             return Ok(TurnLimits { low_deg, high_deg });
         }
-        let found = format!("{low_deg},{high_deg}");
-        let expected = "LOW,HIGH in degrees, within ±360, at most a full turn apart";
-        let remedy = "write for example 4-axis:x:-30,90";
-        Err(Error::argument("limits of the rotary axis", found, expected, remedy))
+        Err(refused(format!("{low_deg},{high_deg}")))
     }
 
     /// The directions: multiples of a full turn over `n_per_turn` within the limits, and the limits themselves.
@@ -58,6 +55,12 @@ impl TurnLimits {
     }
 }
 
+fn refused(found: String) -> Error {
+    let expected = "LOW,HIGH in degrees, within ±360, at most a full turn apart";
+    let remedy = "write for example 4-axis:x:-30,90";
+    Error::argument("limits of the rotary axis", found, expected, remedy)
+}
+
 /// The direction a quarter turn on, and that of angle 0, of a unit axis.
 fn zero_about(axis: DVec3) -> [DVec3; 2] {
     let up = if axis.z.abs() < 1.0 - 1e-9 { DVec3::Z } else { DVec3::X };
@@ -79,8 +82,10 @@ impl FromStr for TurnLimits {
     /// As [`TurnLimits::new`], or if the text is not two numbers with a comma.
     fn from_str(text: &str) -> Result<Self> {
         let (low, high) = text.split_once(',').unwrap_or((text, ""));
-        let number = |text: &str| text.trim().parse().unwrap_or(f64::NAN);
-        TurnLimits::new(number(low), number(high))
+        match [low, high].map(|number| number.trim().parse()) {
+            [Ok(low), Ok(high)] => TurnLimits::new(low, high),
+            _ => Err(refused(format!("`{text}`"))),
+        }
     }
 }
 

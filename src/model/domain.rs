@@ -121,6 +121,6 @@ mod tests {
         let many: Vec<Vec3> = line(101).repeat(3);
         assert_eq!(names(&many, 1.0), [("number of sites", true)]);
         let message = domain.outside(&many, at(1.0))[0].to_string();
-        assert_eq!(message, "number of sites is 303, trained from 101 to 101");
+        assert_eq!(message, "number of sites is 303, trained with 101");
     }
 }

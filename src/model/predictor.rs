@@ -84,9 +84,16 @@ impl Predictor {
         let outside = |domain: &Domain| domain.outside(&sites.points, lengths);
         let outside = self.model.domain.as_ref().map(outside).unwrap_or_default();
         if let Some(far) = outside.iter().find(|o| o.is_far() && !self.far) {
-            let expected = "a part and a cutter like those that the network was trained on";
-            let remedy = "label it exactly, or accept a guess (`allow_out_of_domain`; `--far` at the command line)";
-            return Err(Error::argument("network's input", far, expected, remedy));
+            let words = far.to_string();
+            let found = words.trim_start_matches(far.quantity).trim_start_matches(" is ");
+            let (expected, also) = match far.is_count() {
+                true => ("as many as the network was trained with", "take as many, "),
+                false => ("a part and a cutter like those that the network was trained on", ""),
+            };
+            let remedy = format!(
+                "{also}label it exactly, or accept a guess (`allow_out_of_domain`; `--far` at the command line)"
+            );
+            return Err(Error::argument(far.quantity, found, expected, remedy));
         }
         let prediction = self.model.predict(&sites.points, &sites.normals, lengths.to_array())?;
         Ok((prediction, outside))
@@ -131,7 +138,12 @@ mod tests {
         let outside = predictor.answer(&sites, &cutter(2.0)).unwrap().outside_domain;
         assert_eq!((outside.len(), outside[0].quantity), (1, "CR"));
         let message = predictor.answer(&sites, &cutter(4.0)).unwrap_err().to_string();
-        assert!(message.contains("CR is 0.0816 of the largest edge, trained from"), "{message}");
+        assert!(message.starts_with("CR is 0.0816 of the largest edge, trained from"), "{message}");
+        let few = sites.points.iter().copied().step_by(6).collect();
+        let few = Sites::new(few, vec![Vec3::Z; 9]).unwrap();
+        let message = predictor.answer(&few, &cutter(1.5)).unwrap_err().to_string();
+        let said = "number of sites is 9, trained with 50, expected as many as the network was trained with; take as";
+        assert!(message.starts_with(said), "{message}");
         let accepted = predictor.allow_out_of_domain().answer(&sites, &cutter(4.0)).unwrap();
         assert!(accepted.outside_domain[0].is_far());
     }

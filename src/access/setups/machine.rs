@@ -206,6 +206,10 @@ mod tests {
         }
         let refused = "4-axis:x:90,-30".parse::<Machine>().unwrap_err().to_string();
         assert!(refused.contains("90,-30") && refused.contains("4-axis:x:-30,90"), "{refused}");
+        for text in ["-30", "-30,90,5", "-30,", "low,high"] {
+            let refused = format!("4-axis:x:{text}").parse::<Machine>().unwrap_err().to_string();
+            assert!(refused.contains(&format!("is `{text}`, expected LOW,HIGH")), "{refused}");
+        }
         assert_eq!("4-axis:y".parse::<Machine>().unwrap().to_string(), "4-axis:0,1,0");
         for text in [
             "",
