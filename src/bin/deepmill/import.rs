@@ -61,7 +61,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         args.directions.parse().map_err(|error| called(error, "--directions"))?;
     atomic_file::check_writable_folder(&args.out)?;
     let samples = match args.lists {
-        true => from_lists(&args.folder)?,
+        true => from_lists(&args.folder, output)?,
         false => from_raw(&args.folder, output)?,
     };
     let settings = DatasetSettings {
@@ -159,17 +159,20 @@ fn recover(
 }
 
 /// All samples of the lists.
-fn from_lists(folder: &Path) -> Result<Vec<(Split, Sample)>> {
+fn from_lists(folder: &Path, output: &Output) -> Result<Vec<(Split, Sample)>> {
     let mut samples = Vec::new();
     for (list, split) in LISTS {
-        samples.extend(published::read_list(folder, list)?.into_iter().map(|s| (split, s)));
+        let (of_list, notice) = published::read_list_with_notice(folder, list)?;
+        notice.iter().for_each(|notice| output.warn(notice));
+        samples.extend(of_list.into_iter().map(|s| (split, s)));
     }
     Ok(samples)
 }
 
 /// All samples of the raw text, in the splits that the lists beside it name.
 fn from_raw(folder: &Path, output: &Output) -> Result<Vec<(Split, Sample)>> {
-    let samples = published::read_raw(folder)?;
+    let (samples, notice) = published::read_raw_with_notice(folder)?;
+    notice.iter().for_each(|notice| output.warn(notice));
     let [train, test] = LISTS.map(|(list, _)| published::listed_names(folder, list));
     let (train, test) = (train?, test?);
     let in_list = |names: &Option<HashSet<String>>, sample: &Sample| {

@@ -47,6 +47,15 @@ impl List {
 /// # Errors
 /// If a folder or file is missing, or a line is not what the format says: file and line are named.
 pub fn read_raw(root: &Path) -> Result<Vec<Sample>> {
+    Ok(read_raw_with_notice(root)?.0)
+}
+
+/// As [`read_raw`], with a sentence about normals that were replaced.
+///
+/// # Errors
+/// As [`read_raw`].
+#[doc(hidden)] // of the program
+pub fn read_raw_with_notice(root: &Path) -> Result<(Vec<Sample>, Option<String>)> {
     let folder = root.join("raw_data/models");
     let entries = std::fs::read_dir(&folder).map_err(|e| Error::read(&folder, e))?;
     let mut names = Vec::new();
@@ -64,7 +73,7 @@ pub fn read_raw(root: &Path) -> Result<Vec<Sample>> {
         let path = folder.join(format!("{name}.txt"));
         Rows::of_text(&read_text(&path)?, &path)?.sample(name, cutter)
     };
-    names.iter().map(sample).collect()
+    Ok(with_notice(names.iter().map(sample).collect::<Result<_>>()?))
 }
 
 /// Reads the samples of one list of `root`. Their points are normalized: the part's millimeters are not in
@@ -73,6 +82,15 @@ pub fn read_raw(root: &Path) -> Result<Vec<Sample>> {
 /// # Errors
 /// As [`read_raw`].
 pub fn read_list(root: &Path, list: List) -> Result<Vec<Sample>> {
+    Ok(read_list_with_notice(root, list)?.0)
+}
+
+/// As [`read_list`], with a sentence about normals that were replaced.
+///
+/// # Errors
+/// As [`read_raw`].
+#[doc(hidden)] // of the program
+pub fn read_list_with_notice(root: &Path, list: List) -> Result<(Vec<Sample>, Option<String>)> {
     let path = list.file(root);
     let text = read_text(&path)?;
     let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
@@ -85,7 +103,23 @@ pub fn read_list(root: &Path, list: List) -> Result<Vec<Sample>> {
         let bytes = input_file::read(&points, input_file::TEXT)?;
         Rows::of_ply(&bytes, &points)?.sample(&stem(&relative), cutter)
     };
-    lines.map(sample).collect()
+    Ok(with_notice(lines.map(sample).collect::<Result<_>>()?))
+}
+
+/// Samples, and a sentence about their normals that were replaced; given with the number of these.
+fn with_notice(samples: Vec<(Sample, usize)>) -> (Vec<Sample>, Option<String>) {
+    let n_normals: usize = samples.iter().map(|(_, n)| n).sum();
+    let mut replaced = samples.iter().filter(|(_, n)| *n > 0);
+    let notice = replaced.next().map(|(first, _)| {
+        let n_samples = 1 + replaced.count();
+        format!(
+            "{n_normals} normals that are no numbers, or have no length, in {n_samples} of {} samples ({} first): \
+             they are replaced by (0, 0, 1), as in the published preparation",
+            samples.len(),
+            first.name
+        )
+    });
+    (samples.into_iter().map(|(sample, _)| sample).collect(), notice)
 }
 
 /// Names of the samples in one list of `root`; `None` if `root` has no such list.
@@ -195,6 +229,8 @@ struct Rows {
     sites: Sites,
     inaccessible: Vec<bool>,
     occlusion: Vec<bool>,
+    /// Normals that were replaced.
+    n_replaced: usize,
 }
 
 impl Rows {
@@ -256,7 +292,9 @@ impl Rows {
     /// so does one without a length; others are brought to unit length if they have not got it.
     fn push(&mut self, row: [f32; 8]) -> std::result::Result<(), String> {
         let (point, mut normal) = (Vec3::from_slice(&row[..3]), Vec3::from_slice(&row[3..6]));
-        if normal.is_nan() {
+        let is_none = normal.is_nan() || normal.length_squared() == 0.0;
+        self.n_replaced += usize::from(is_none);
+        if is_none {
             normal = Vec3::Z;
         }
         if !point.is_finite() || !normal.is_finite() {
@@ -277,13 +315,14 @@ impl Rows {
         Ok(())
     }
 
-    fn sample(self, name: &str, cutter: CutterParams) -> Result<Sample> {
-        let Rows { sites, inaccessible, occlusion } = self;
+    /// The sample, and how many normals of it were replaced.
+    fn sample(self, name: &str, cutter: CutterParams) -> Result<(Sample, usize)> {
+        let Rows { sites, inaccessible, occlusion, n_replaced } = self;
         let name = name.to_owned();
         let answers = SiteAnswers::new(inaccessible, occlusion);
         let sample = Sample { name, sites: Arc::new(sites), cutter, answers };
         sample.check()?;
-        Ok(sample)
+        Ok((sample, n_replaced))
     }
 }
 
@@ -347,8 +386,14 @@ mod tests {
         let rows =
             read("# made by hand\n\n1 2 3 -nan(ind) -nan(ind) -nan(ind) 1.000000 0\n").unwrap();
         assert_eq!((rows.sites.normals[0], rows.inaccessible[0]), (Vec3::Z, false));
+        assert_eq!(rows.n_replaced, 1);
         let rows = read("1 2 3 0 2 0 1 0\n1 2 3 0 0 0 1 0\n").unwrap();
-        assert_eq!(rows.sites.normals, [Vec3::Y, Vec3::Z]);
+        assert_eq!((&rows.sites.normals[..], rows.n_replaced), (&[Vec3::Y, Vec3::Z][..], 1));
+        let samples = vec![(sample("a"), 0), (sample("b"), 2), (sample("c"), 1)];
+        let said = with_notice(samples).1.unwrap();
+        assert!(said.starts_with("3 normals that are no numbers"), "{said}");
+        assert!(said.contains("in 2 of 3 samples (b first)"), "{said}");
+        assert_eq!(with_notice(vec![(sample("a"), 0)]).1, None);
         for (text, part) in [
             ("1 2 3 0 0 1 1", "a.txt: line 1: `1 2 3 0 0 1 1`, expected eight numbers"),
             ("1 2 3 0 0 1 1 0\n1 2 x 0 0 1 1 0", "a.txt: line 2"),
