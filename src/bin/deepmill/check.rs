@@ -3,6 +3,7 @@
 use crate::args::{called, millimeters};
 use crate::mesh_args::{MeshArgs, join_bodies};
 use crate::output::Output;
+use crate::progress;
 use deepmill::analysis::ThinWalls;
 use deepmill::geom::check::{self, Finding, MeshReport, Place};
 use deepmill::geom::sites::SiteOptions;
@@ -44,10 +45,12 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (mut mesh, mut changes) = args.read.read_mesh(&args.mesh, output)?;
     let refused =
         join_bodies(&mut mesh, &args.mesh, output).map(|joined| changes.extend(joined)).err();
+    let working = progress::working("examining the mesh");
     let mut report = check::check(&mesh);
     if !args.skip_intersections {
         report.findings.extend(intersect::finding(&mesh));
     }
+    drop(working);
     say(&report, args, output);
     let is_usable = refused.is_none() && report.blocking_bodies().is_none();
     if is_usable {
@@ -84,11 +87,13 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 
 /// Says which walls are thinner than a limit, the greatest first.
 fn thin_walls(mesh: &Mesh, limit_mm: f64, args: &Args, output: &Output) -> Result<ThinWalls> {
+    let working = progress::working("measuring walls");
     let found = ThinWalls::of(mesh, limit_mm, args.sites).map_err(|error| match error {
         Error::Argument { name: "thin wall", .. } => called(error, "--thin-wall"),
         Error::Argument { name: "sites", .. } => called(error, "--sites"),
         other => other,
     })?;
+    drop(working);
     let least = found.least_mm.map_or("no walls are found".into(), |least| {
         format!("the thinnest wall is {} mm thick", digits(thousandth(least)))
     });

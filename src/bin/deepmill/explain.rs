@@ -3,6 +3,7 @@
 use crate::args::{UnsaidArgs, called, millimeters};
 use crate::mesh_args::{MeshArgs, warn_if_in_inches};
 use crate::output::Output;
+use crate::progress;
 use deepmill::access::surface::SiteAnswer;
 use deepmill::access::surface::explain::Remedies;
 use deepmill::data::files::label_query::LabelQuery;
@@ -96,10 +97,12 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         }
         None => (args.site.unwrap_or_default(), 0.0),
     };
+    let working = progress::working("explaining");
     let why = query.explain(site).map_err(|e| match e {
         Error::Argument { name: "site", .. } => called(e, "--site"),
         other => other,
     })?;
+    drop(working);
     let about = About { query: &query, site, why: &why };
     let mut facts = about.facts();
     let mut result = about.json();

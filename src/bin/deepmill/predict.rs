@@ -100,7 +100,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         .folders(args.tools.are_several())
         .origin(args.read.origin())
         .directions(directions);
-    let placed = args.sites.add_to(analysis)?.place(&mut ())?;
+    let placed = args.sites.add_to(analysis)?.place(&mut Bars::default())?;
     let (mesh, sites) = placed.shown();
     files.show().require_memory(mesh, sites)?;
     let mut bars = Bars::default();

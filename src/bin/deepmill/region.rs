@@ -3,6 +3,7 @@
 use crate::args::{SiteArgs, called, millimeters};
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
+use crate::progress::Bars;
 use deepmill::analysis::{Analysis, Placed};
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::LabelFile;
@@ -72,7 +73,7 @@ impl RegionArgs {
             let selection = self.selection(read, output)?;
             analysis = analysis.region(selection, self.only.clone(), self.except.clone());
         }
-        let placed = analysis.place(&mut ()).map_err(|error| match error {
+        let placed = analysis.place(&mut Bars::default()).map_err(|error| match error {
             Error::Argument { name: "region", .. } => called(error, "--only, --except"),
             Error::Argument { name: "table", .. } => called(error, "--table"),
             other => other,

@@ -3,6 +3,7 @@
 use crate::findings;
 use crate::mesh_args::MeshArgs;
 use crate::output::Output;
+use crate::progress;
 use crate::region::take_region;
 use crate::status;
 use deepmill::analysis::{advise, findings_of_tools};
@@ -66,6 +67,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mesh = found.mesh(args, of_region, output)?;
     let outlines = found.outlines(mesh.as_ref())?;
     let scene = Scene { mesh: mesh.as_ref(), outlines: &outlines };
+    let working = progress::working("drawing");
     let mut paths = Vec::new();
     let mut shares = Table::new(&[
         ("source", "answers"),
@@ -88,6 +90,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         let areas = SiteAreas::even(file.sites.len());
         shares.row(row("predicted", &file.provenance, &file.answers(), &areas));
     }
+    drop(working);
     output.say(shares.text_in(output.unit()));
     let mut result = json!({ "answers": shares.json() });
     if let (Some(labels), Some(predictions)) = (&labels, &predictions) {

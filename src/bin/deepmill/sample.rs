@@ -5,6 +5,7 @@ use crate::clock::Clock;
 use crate::density;
 use crate::mesh_args::{Accept, MeshArgs};
 use crate::output::Output;
+use crate::progress;
 use deepmill::data::npz::NpzWriter;
 use deepmill::geom::cells::VoronoiCells;
 use deepmill::geom::formats::MeshOrCloud;
@@ -55,6 +56,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, Accept::bodies_or(args.force), output)?;
     clock.lap("read_s", "reading");
+    let working = progress::working("placing points");
     let mut facts = Facts::new();
     facts.add("part", "part", Cell::text(name_of(&args.part)));
     let warning = match args.volume {
@@ -74,6 +76,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         }
     };
     clock.add_to(&mut facts);
+    drop(working);
     output.say(facts.text_in(output.unit()));
     warning.iter().for_each(|warning| output.warn(warning));
     let paths = [args.out.clone()];
