@@ -36,6 +36,7 @@ mod observer;
 mod outcome;
 mod placed;
 mod predictions;
+mod region;
 mod setups;
 mod thin;
 mod tools;
@@ -59,6 +60,8 @@ pub use placed::Placed;
 #[doc(hidden)] // of the program
 pub use predictions::known_to_networks;
 pub use predictions::{PredictRequest, PredictionsOutcome, ToolPrediction};
+#[doc(hidden)] // of the program
+pub use region::{selector, take_region};
 pub use setups::{SetupRequest, SetupsOutcome};
 #[doc(hidden)] // of the program
 pub use thin::{ThinWall, ThinWalls};

@@ -5,6 +5,7 @@ use super::folder::{self, Takes};
 use super::options::{Options, text_of};
 use super::output::{list, of_json, rows, threes};
 use super::part::{Mesh, Part, Sites, path_of};
+use super::region;
 use super::request::{Purpose, analysis};
 use super::tool::Tool;
 use super::why;
@@ -31,6 +32,9 @@ use std::sync::{Arc, OnceLock};
 /// sites: about how many, or "vertices". seed: of the places. smooth: degrees; normals across flatter folds are smooth.
 /// occlusion, occlusion_share: also mark that share of the sites that are most often in the way.
 /// obstacles: "part", "published", "centroids", or a number of further points. fixtures: meshes that block too.
+/// only, except_: answer for these faces alone, or not for these; all of the part blocks. Text as of the command
+///     ("box:0,0,10,40,30,20", "normal:0,0,1:10", "faces:FILE" in mm, "findings:DIR"), a mesh of which the faces lie
+///     on the part's, an array of rows of Mesh.triangles or a bool for each, or a sequence of these.
 /// table: height of a table, mm. tolerance, finish, allowance, clearance_limit: mm.
 /// rest: also compute how much each tool leaves where it does not reach.
 /// search: how wide to search between the directions, 0 not at all. prove: search far longer, for proofs.
@@ -48,7 +52,7 @@ use std::sync::{Arc, OnceLock};
 #[pyo3(signature = (part, tools, **options))]
 #[pyo3(
     text_signature = "(part, tools, *, directions=None, sites=7000, seed=0, smooth=None, occlusion=False, \
-        occlusion_share=0.1, obstacles=None, fixtures=(), table=None, tolerance=None, finish=None, \
+        occlusion_share=0.1, obstacles=None, only=(), except_=(), fixtures=(), table=None, tolerance=None, finish=None, \
         allowance=0.0, search=None, prove=False, clearance_limit=None, rest=False, name=None, progress=None)"
 )]
 pub fn analyze(
@@ -63,7 +67,7 @@ pub fn analyze(
     let watch = options.progress()?;
     options.finish()?;
     let (outcome, warnings) = watch.run_apart(py, move |observer| {
-        let placed = request.place(observer)?;
+        let placed = region::named(request.place(observer))?;
         let mut warnings = placed.warnings().to_vec();
         let outcome = placed.label(observer)?;
         for (tool, answer) in outcome.tools().iter().zip(outcome.answers()) {
@@ -210,6 +214,13 @@ impl Outcome {
     #[getter]
     fn surface_mm2(&self, py: Python<'_>) -> PyResult<Option<f64>> {
         Ok(self.areas(py)?.total_mm2())
+    }
+
+    /// The region that the answers are about: a dict with `only`, `except`, `area_mm2`, `part_area_mm2`; None for all
+    /// of the part.
+    #[getter]
+    fn region(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
+        region::of_outcome(py, self.outcome.region())
     }
 
     /// The regions that no tool reaches, the largest first: dicts with the keys of findings.json.

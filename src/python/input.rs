@@ -65,32 +65,89 @@ fn threes<T: Copy>(numbers: &[T]) -> impl Iterator<Item = [T; 3]> + '_ {
 
 /// Real numbers `[n, 3]`, `n` at least 1.
 pub fn vectors(name: &'static str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
-    let expected = "real numbers of shape [n, 3]";
-    let given = Given::new(name, value, expected)?;
+    rows(
+        name,
+        value,
+        Rows { shape: "[n, 3]", remedy: "give x, y, z of each in a row", may_be_nan: false },
+    )
+}
+
+/// Rows of real numbers, as they are expected.
+#[derive(Debug, Clone, Copy)]
+pub struct Rows {
+    /// In words: as `[n, 3]`.
+    pub shape: &'static str,
+    /// For another shape.
+    pub remedy: &'static str,
+    /// Whether a row may be all NaN: it is not there.
+    pub may_be_nan: bool,
+}
+
+/// Real numbers `[n, N]`, `n` at least 1.
+pub fn rows<const N: usize>(
+    name: &'static str,
+    value: &Bound<'_, PyAny>,
+    Rows { shape, remedy, may_be_nan }: Rows,
+) -> PyResult<Vec<[f64; N]>> {
+    let expected = format!("real numbers of shape {shape}");
+    let given = Given::new(name, value, &expected)?;
     if !matches!(given.kind, 'f' | 'i' | 'u') {
-        return Err(given.refused(expected, "give float32 or float64"));
+        return Err(given.refused(&expected, "give float32 or float64"));
     }
-    if given.array.ndim() != 2 || given.array.shape()[1] != 3 {
-        return Err(given.refused(expected, "give x, y, z of each in a row"));
+    if given.array.ndim() != 2 || given.array.shape()[1] != N {
+        return Err(given.refused(&expected, remedy));
     }
     if given.array.shape()[0] == 0 {
-        return Err(
-            given.refused("real numbers of shape [n, 3], n at least 1", "give at least one row")
-        );
+        return Err(given.refused(&format!("{expected}, at least 1 row"), "give at least one row"));
     }
-    let numbers = given.rows::<f64>()?;
-    match numbers.iter().position(|x| !x.is_finite()) {
+    let numbers: Vec<[f64; N]> = given.rows::<f64>()?.as_chunks().0.to_vec();
+    let is_right = |row: &[f64; N]| {
+        row.iter().all(|x| x.is_finite()) || (may_be_nan && row.iter().all(|x| x.is_nan()))
+    };
+    match numbers.iter().position(|row| !is_right(row)) {
         Some(k) => {
-            let found = format!("{} in row {}", numbers[k], k / 3);
-            Err(refused(
-                value.py(),
-                name,
-                found,
-                "finite numbers",
-                "leave such rows out, or mend what made them",
-            ))
+            let bad = numbers[k].iter().find(|x| !x.is_finite()).unwrap_or(&f64::NAN);
+            let remedy = match may_be_nan {
+                false => "leave such rows out, or mend what made them",
+                true => "a row that is not there is all NaN",
+            };
+            let found = format!("{bad} in row {k}");
+            Err(refused(value.py(), name, found, "finite numbers", remedy))
         }
-        None => Ok(threes(&numbers).collect()),
+        None => Ok(numbers),
+    }
+}
+
+/// Rows that are chosen of `n`: by their numbers, or by a mark for each.
+pub fn chosen(
+    name: &'static str,
+    value: &Bound<'_, PyAny>,
+    (n, what): (usize, &str),
+) -> PyResult<Vec<usize>> {
+    let expected = format!("numbers of {what}, or bool of shape [{n}]");
+    let given = Given::new(name, value, &expected)?;
+    let rows = match given.kind {
+        'b' if given.array.shape() == [n] => {
+            let marks = given.rows::<bool>()?;
+            (0..n).filter(|&k| marks[k]).collect()
+        }
+        'i' | 'u' if given.array.ndim() == 1 => {
+            let numbers: Vec<i128> = match given.kind {
+                'u' => given.rows::<u64>()?.into_iter().map(i128::from).collect(),
+                _ => given.rows::<i64>()?.into_iter().map(i128::from).collect(),
+            };
+            if let Some(beyond) = numbers.iter().find(|number| !(0..n as i128).contains(number)) {
+                let expected = format!("{what} from 0 to {}", n.saturating_sub(1));
+                let remedy = "count from 0, in the order of Mesh.triangles";
+                return Err(refused(value.py(), name, beyond, expected, remedy));
+            }
+            numbers.into_iter().map(|number| number as usize).collect()
+        }
+        _ => return Err(given.refused(&expected, "give whole numbers, or a mark for each")),
+    };
+    match Vec::is_empty(&rows) {
+        true => Err(given.refused(&format!("{expected}, one or more of them"), "choose some")),
+        false => Ok(rows),
     }
 }
 
@@ -136,9 +193,13 @@ pub fn triangles(
     }
 }
 
-/// A mark for each of `n` sites.
-pub fn flags(name: &'static str, value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<bool>> {
-    let expected = format!("bool of shape [{n}], one for each site");
+/// A mark for each of `n` of something.
+pub fn flags(
+    name: &'static str,
+    value: &Bound<'_, PyAny>,
+    (n, what): (usize, &str),
+) -> PyResult<Vec<bool>> {
+    let expected = format!("bool of shape [{n}], one for each {what}");
     let given = Given::new(name, value, &expected)?;
     if given.kind != 'b' || given.array.shape() != [n] {
         return Err(given.refused(&expected, "convert it, for example by astype(bool)"));

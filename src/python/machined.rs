@@ -29,8 +29,8 @@ use std::path::PathBuf;
 #[pyfunction]
 #[pyo3(signature = (part, tools, **options))]
 #[pyo3(
-    text_signature = "(part, tools, *, stock=0.0, accuracy=None, machine=None, given=(), directions=None, fixtures=(), table=None, \
-        tolerance=None, finish=None, search=None, prove=False, name=None, progress=None)"
+    text_signature = "(part, tools, *, stock=0.0, accuracy=None, machine=None, given=(), directions=None, \
+        fixtures=(), table=None, tolerance=None, finish=None, search=None, prove=False, name=None, progress=None)"
 )]
 pub fn machined(
     part: &Bound<'_, PyAny>,

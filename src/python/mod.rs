@@ -16,6 +16,7 @@ mod options;
 mod output;
 mod part;
 mod plans;
+mod region;
 mod request;
 mod tool;
 mod training;

@@ -222,8 +222,8 @@ impl Sample {
         let name = name.map_or_else(|| Ok("part".into()), |name| text_of("name", name))?;
         let sites = Sites::of(points, normals)?.0;
         let params = ball_end_of("cutter", cutter)?;
-        let marks = input::flags("inaccessible", inaccessible, sites.len())?;
-        let occlusion = input::flags("occlusion", occlusion, sites.len())?;
+        let marks = input::flags("inaccessible", inaccessible, (sites.len(), "site"))?;
+        let occlusion = input::flags("occlusion", occlusion, (sites.len(), "site"))?;
         let answers = crate::answers::SiteAnswers::new(marks, occlusion);
         let sample = data::Sample { name, sites, cutter: params, answers };
         checked(points.py(), sample.check())?;

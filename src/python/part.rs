@@ -57,6 +57,15 @@ fn of_object(object: &Bound<'_, PyAny>) -> PyResult<Option<[Py<PyAny>; 2]>> {
     Ok(Some([vertices.unbind(), faces.unbind()]))
 }
 
+/// The triangles of an object with vertices and faces in mm, as they are; of other objects none.
+pub fn raw_mesh(object: &Bound<'_, PyAny>) -> PyResult<Option<geom::Mesh>> {
+    let Some([corners, faces]) = of_object(object)? else { return Ok(None) };
+    let corners = input::vectors("vertices", corners.bind(object.py()))?;
+    let triangles = input::triangles("faces", faces.bind(object.py()), corners.len())?;
+    let vertices = corners.into_iter().map(DVec3::from_array).collect();
+    checked(object.py(), geom::Mesh::new(vertices, triangles)).map(Some)
+}
+
 impl Mesh {
     fn named(name: String, Prepared { mesh, origin, notices }: Prepared) -> Self {
         Mesh { mesh, origin, name, notices }
@@ -378,6 +387,14 @@ impl<'py> Part<'py> {
     pub fn mesh(&self) -> Option<Py<Mesh>> {
         match self {
             Part::Mesh(mesh) => Some(mesh.clone().unbind()),
+            Part::Cloud(_) => None,
+        }
+    }
+
+    /// The triangles and the origin of their coordinates, if it is a mesh.
+    pub fn mesh_and_origin(&self) -> Option<(&geom::Mesh, Option<DVec3>)> {
+        match self {
+            Part::Mesh(mesh) => Some((&mesh.get().mesh, mesh.get().origin)),
             Part::Cloud(_) => None,
         }
     }

@@ -7,6 +7,7 @@ use super::input;
 use super::options::{Options, text_of};
 use super::output::{list, of_json, rows, threes};
 use super::part::Part;
+use super::region;
 use super::request::{Purpose, analysis};
 use super::tool::Tool;
 use crate::access::setups::{Clampings, direction_of_words};
@@ -46,8 +47,8 @@ fn share_of(options: &mut Options<'_>, default: f64) -> PyResult<f64> {
 #[pyo3(signature = (part, tools, machine, **options))]
 #[pyo3(
     text_signature = "(part, tools, machine, *, share=0.99, at_most=None, clampings=None, directions=None, \
-        given=(), sites=7000, seed=0, smooth=None, tolerance=None, finish=None, allowance=0.0, \
-        name=None, progress=None)"
+        given=(), sites=7000, seed=0, smooth=None, only=(), except_=(), tolerance=None, finish=None, \
+        allowance=0.0, name=None, progress=None)"
 )]
 pub fn setups(
     part: &Bound<'_, PyAny>,
@@ -92,8 +93,9 @@ pub fn setups(
     request = request.given(given_of(&mut options)?);
     let watch = options.progress()?;
     options.finish()?;
-    let outcome =
-        watch.run_apart(py, move |observer| analysis.place(observer)?.plan(request, observer))?;
+    let outcome = watch.run_apart(py, move |observer| {
+        region::named(analysis.place(observer))?.plan(request, observer)
+    })?;
     let first =
         outcome.setups().plan().first.iter().map(|first| first.map_or(-1, |k| k as i64)).collect();
     Ok(SetupsOutcome { notices: part.notices_and(outcome.notices()), outcome, first })
@@ -199,6 +201,13 @@ impl SetupsOutcome {
         self.outcome.premise()
     }
 
+    /// The region that the answers are about: a dict with `only`, `except`, `area_mm2`, `part_area_mm2`; None for all
+    /// of the part.
+    #[getter]
+    fn region(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
+        region::of_outcome(py, self.outcome.placed().region())
+    }
+
     /// The regions that the setups leave, the largest first: dicts with the keys of findings.json.
     #[getter]
     fn findings(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
@@ -244,7 +253,7 @@ impl SetupsOutcome {
 #[pyo3(signature = (part, tools, **options))]
 #[pyo3(
     text_signature = "(part, tools, *, share=0.95, directions=None, sites=7000, seed=0, smooth=None, \
-        fixtures=(), table=None, tolerance=None, finish=None, allowance=0.0, search=None, \
+        only=(), except_=(), fixtures=(), table=None, tolerance=None, finish=None, allowance=0.0, search=None, \
         prove=False, name=None, progress=None)"
 )]
 pub fn compare(
@@ -259,8 +268,9 @@ pub fn compare(
     let share = share_of(&mut options, 0.95)?;
     let watch = options.progress()?;
     options.finish()?;
-    let outcome =
-        watch.run_apart(py, move |observer| analysis.place(observer)?.reach(share, observer))?;
+    let outcome = watch.run_apart(py, move |observer| {
+        region::named(analysis.place(observer))?.reach(share, observer)
+    })?;
     Ok(ToolsOutcome { notices: part.notices_and(outcome.notices()), outcome })
 }
 
@@ -325,6 +335,13 @@ impl ToolsOutcome {
     #[getter]
     fn unreached_share(&self) -> f64 {
         self.outcome.library().unreached()
+    }
+
+    /// The region that the answers are about: a dict with `only`, `except`, `area_mm2`, `part_area_mm2`; None for all
+    /// of the part.
+    #[getter]
+    fn region(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
+        region::of_outcome(py, self.outcome.placed().region())
     }
 
     /// What may make the answers misleading, a sentence each.

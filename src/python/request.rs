@@ -3,6 +3,7 @@
 use super::errors::{checked, refused, wrong_type};
 use super::options::Options;
 use super::part::{Mesh, Part, placement};
+use super::region;
 use super::tool::Tools;
 use crate::Result;
 use crate::access::LabelOptions;
@@ -59,6 +60,9 @@ pub fn analysis(
             (Some(sites), _) => analysis.spread(sites),
             (None, seed) => analysis.at_vertices(seed),
         };
+    }
+    if purpose != Purpose::Volume {
+        analysis = region::add_to(analysis, part, options)?;
     }
     let (tolerances, share) = (surface_options(options, purpose)?, occlusion(options, purpose)?);
     let prove = purpose != Purpose::Setups && options.flag("prove")?.unwrap_or(false);

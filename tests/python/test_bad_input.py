@@ -83,6 +83,22 @@ ARRAYS = [
     (lambda: analyze(directions=np.zeros((2, 3))), ["direction"]),
     (lambda: analyze(directions=np.ones((2, 2))), ["directions", "shape [2, 2]", "[n, 3]"]),
     (lambda: analyze(obstacles="walls"), ["obstacles", "`walls`", "centroids"]),
+    (lambda: analyze(only="cube:1"), ["only", "`cube:1`", "box:X,Y,Z"]),
+    (lambda: analyze(only=""), ["only", "``", "box:X,Y,Z"]),
+    (lambda: analyze(except_="normal:0,0,0"), ["only, except_", "normal", "a direction"]),
+    (lambda: analyze(only="box:90,0,0,95,1,1"), ["only, except_", "no face", "the part reaches from"]),
+    (lambda: analyze(only="findings:nowhere"), ["nowhere"]),
+    (lambda: analyze(only="faces:nowhere.stl"), ["nowhere.stl"]),
+    (lambda: analyze(only=np.array([4])), ["only", "4", "triangles of the part from 0 to 3"]),
+    (lambda: analyze(only=np.array([-1])), ["only", "-1", "from 0 to 3"]),
+    (lambda: analyze(only=np.array([], dtype=int)), ["only", "shape [0]", "one or more"]),
+    (lambda: analyze(except_=np.zeros(4, dtype=bool)), ["except_", "bool of shape [4]", "one or more"]),
+    (lambda: analyze(except_=np.ones(5, dtype=bool)), ["except_", "shape [5]", "bool of shape [4]"]),
+    (lambda: analyze(only=np.array([0.5])), ["only", "float64", "numbers of triangles"]),
+    (lambda: analyze(only=np.zeros((2, 2), dtype=int)), ["only", "shape [2, 2]", "numbers of triangles"]),
+    (lambda: analyze(only="normal:0,0,1", obstacles="published"), ["only, except_", "points", "triangles that block"]),
+    (lambda: cloud(only="normal:0,0,1"), ["only, except_", "points", "triangles that block"]),
+    (lambda: cloud(only=np.array([0])), ["only", "points", "a mesh"]),
     (lambda: analyze(seed=-1), ["seed", "-1", "from 0 on"]),
     (lambda: analyze(seed=2**64), ["seed", str(2**64)]),
     (lambda: analyze(smooth=200), ["smooth", "200", "0 to 180"]),
@@ -130,6 +146,9 @@ TYPES = [
     (lambda: analyze(seed=True), ["seed", "True (bool)", "whole number"]),
     (lambda: analyze(table="low"), ["table", "'low' (str)", "a number"]),
     (lambda: analyze(occlusion="yes"), ["occlusion", "'yes' (str)", "True or False"]),
+    (lambda: analyze(only=5), ["only", "5 (int)", "array of triangles"]),
+    (lambda: analyze(except_=[5]), ["except_", "5 (int)", "array of triangles"]),
+    (lambda: deepmill.volume(tetrahedron(), "1,2,3,4", 5, only="normal:0,0,1"), ["no option only"]),
     (lambda: analyze(progress=5), ["progress", "5 (int)", "callable"]),
     (lambda: analyze(5), ["tools", "5 (int)", "deepmill.Tool"]),
     (lambda: analyze([None]), ["tools", "None", "deepmill.Tool"]),
@@ -156,6 +175,10 @@ def tetrahedron():
 
 def analyze(tools="1,2,3,4", **options):
     return deepmill.analyze(tetrahedron(), tools, **{"sites": 50, **options})
+
+
+def cloud(**options):
+    return deepmill.analyze(deepmill.Sites(CORNERS, UP), "1,2,3,4", **options)
 
 
 def labeled():
@@ -262,7 +285,7 @@ def test_numbers_and_names_of_tools_that_there_are_not():
 
 
 OPTIONS = [
-    "directions", "sites", "seed", "smooth", "occlusion", "occlusion_share", "obstacles", "fixtures", "table",
+    "directions", "sites", "seed", "smooth", "occlusion", "occlusion_share", "obstacles", "only", "except_", "fixtures", "table",
     "tolerance", "finish", "allowance", "search", "prove", "clearance_limit", "rest", "name", "progress",
 ]
 HOSTILE = [

@@ -52,6 +52,14 @@ CASES = [
         lambda: "1.5,6,40,5",
         {"smooth": 30, "tolerance": 0.02, "finish": 0.1, "allowance": 0.3},
     ),
+    (
+        [
+            "--cutter", "2,5,20,20",
+            "--only", "box:10,10,1,20,20,10", "--only", "normal:0,0,1", "--except", "normal:1,0,0:5",
+        ],
+        lambda: "2,5,20,20",
+        {"only": ["box:10,10,1,20,20,10", "normal:0,0,1"], "except_": "normal:1,0,0:5"},
+    ),
 ]
 
 
@@ -92,9 +100,11 @@ def test_arrays_in_answer_as_the_file_does(stl, pocket, mesh):
 
 
 def test_setups_and_tools_have_the_bytes_of_the_program(program, stl, tmp_path):
-    options = ["--cutter", "2,20,20,20", "--machine", "3-axis", "--sites", 800]
+    options = ["--cutter", "2,20,20,20", "--machine", "3-axis", "--sites", 800, "--except", "normal:0,0,-1"]
     run(program, "setups", stl, *options, "--out", tmp_path / "a")
-    setups = deepmill.setups(deepmill.Mesh.read(stl), "2,20,20,20", "3-axis", sites=800)
+    setups = deepmill.setups(
+        deepmill.Mesh.read(stl), "2,20,20,20", "3-axis", sites=800, except_="normal:0,0,-1"
+    )
     setups.save(tmp_path / "b")
     assert_same(tmp_path / "b", tmp_path / "a")
     assert len(setups) == len(setups.setups) >= setups.at_least
@@ -102,15 +112,17 @@ def test_setups_and_tools_have_the_bytes_of_the_program(program, stl, tmp_path):
 
     table = tmp_path / "tools.csv"
     table.write_text("name,CR,CH,FR,FH\nD4,2,20,20,20\nD10,5,30,20,20\n")
-    run(program, "tools", stl, "--library", table, "--sites", 800, "--out", tmp_path / "c")
+    run(program, "tools", stl, "--library", table, "--sites", 800, "--only", "normal:0,0,1", "--out", tmp_path / "c")
     tools, notices = deepmill.read_tools(table)
-    outcome = deepmill.compare(deepmill.Mesh.read(stl), tools, sites=800)
+    outcome = deepmill.compare(deepmill.Mesh.read(stl), tools, sites=800, only="normal:0,0,1")
     outcome.save(tmp_path / "d")
     assert not notices and [tool.name for tool in outcome.tools] == ["D4", "D10"]
     theirs = files(tmp_path / "c")
     for name, path in files(tmp_path / "d").items():
         assert path.read_bytes() == theirs[name].read_bytes(), name
-    assert outcome.accessible.shape == outcome.least_stick_out_mm.shape == (2, 800)
+    assert outcome.accessible.shape == outcome.least_stick_out_mm.shape == (2, len(outcome.points))
+    assert setups.region["part_area_mm2"] == outcome.region["part_area_mm2"] == pytest.approx(5800)
+    assert setups.region["area_mm2"] == pytest.approx(4600) and outcome.region["area_mm2"] == pytest.approx(1200)
 
 
 def test_volumes_have_the_bytes_of_the_program(program, stl, tmp_path):

@@ -38,6 +38,8 @@ def arrays(vertices: NDArray[np.float32], triangles: NDArray[np.int32], other: T
     for sample in deepmill.online([mesh, other], "short", seed=1, epochs=1):
         cutter: NDArray[np.float64] = sample.cutter_mm
         print(cutter, sample.inaccessible)
+    region = deepmill.analyze(mesh, "3,20,20,20", only=["normal:0,0,1", np.arange(3), other], except_=mesh).region
+    print(region["area_mm2"] if region else "all")
     trainer = deepmill.Trainer([sample], preset="tiny", settings={"n_epochs": 1})
     if trainer.train(lambda step: bool(step["loss"] < 1)):
         print(trainer.history, trainer.network.save("weights.safetensors"))

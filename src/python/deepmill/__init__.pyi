@@ -111,6 +111,8 @@ class Tool:
 
 _Part: TypeAlias = Mesh | _HasFaces
 _Tools: TypeAlias = Tool | str | Iterable[Tool | str]
+_Faces: TypeAlias = str | _Part | NDArray[np.integer[Any]] | NDArray[np.bool_]
+_Region: TypeAlias = _Faces | Sequence[_Faces]
 _Directions: TypeAlias = int | str | Sequence[Sequence[float]] | NDArray[Any]
 
 def read_tools(
@@ -125,10 +127,10 @@ def analyze(
     part: _Part | Sites, tools: _Tools, *,
     directions: _Directions | None = None, sites: int | Literal["vertices"] = 7000, seed: int = 0,
     smooth: float | None = None, occlusion: bool = False, occlusion_share: float = 0.1,
-    obstacles: str | None = None, fixtures: Iterable[_Part] = (), table: float | None = None,
-    tolerance: float | None = None, finish: float | None = None, allowance: float = 0.0,
-    search: int | None = None, prove: bool = False, clearance_limit: float | None = None,
-    rest: bool = False,
+    obstacles: str | None = None, only: _Region = (), except_: _Region = (), fixtures: Iterable[_Part] = (),
+    table: float | None = None, tolerance: float | None = None, finish: float | None = None,
+    allowance: float = 0.0, search: int | None = None, prove: bool = False,
+    clearance_limit: float | None = None, rest: bool = False,
     name: str | None = None, progress: _Progress | None = None,
 ) -> Outcome: ...
 def setups(
@@ -136,20 +138,23 @@ def setups(
     share: float = 0.99, at_most: int | None = None,
     clampings: Literal["standing", "flat", "box", "any"] | None = None, directions: int | None = None,
     given: str | Sequence[str] | ArrayLike = (), sites: int | Literal["vertices"] = 7000, seed: int = 0,
-    smooth: float | None = None, tolerance: float | None = None, finish: float | None = None,
-    allowance: float = 0.0, name: str | None = None, progress: _Progress | None = None,
+    smooth: float | None = None, only: _Region = (), except_: _Region = (), tolerance: float | None = None,
+    finish: float | None = None, allowance: float = 0.0, name: str | None = None,
+    progress: _Progress | None = None,
 ) -> SetupsOutcome: ...
 def compare(
     part: _Part, tools: _Tools, *,
     share: float = 0.95, directions: _Directions | None = None, sites: int | Literal["vertices"] = 7000,
-    seed: int = 0, smooth: float | None = None, fixtures: Iterable[_Part] = (), table: float | None = None,
-    tolerance: float | None = None, finish: float | None = None, allowance: float = 0.0,
+    seed: int = 0, smooth: float | None = None, only: _Region = (), except_: _Region = (),
+    fixtures: Iterable[_Part] = (), table: float | None = None, tolerance: float | None = None,
+    finish: float | None = None, allowance: float = 0.0,
     search: int | None = None, prove: bool = False, name: str | None = None, progress: _Progress | None = None,
 ) -> ToolsOutcome: ...
 def machined(
     part: _Part, tools: _Tools, *,
     stock: float | _Part = 0.0, accuracy: float | None = None, machine: str | None = None,
-    given: Iterable[str] | ArrayLike = (), directions: _Directions | None = None, fixtures: Iterable[_Part] = (), table: float | None = None, tolerance: float | None = None,
+    given: Iterable[str] | ArrayLike = (), directions: _Directions | None = None,
+    fixtures: Iterable[_Part] = (), table: float | None = None, tolerance: float | None = None,
     finish: float | None = None, search: int | None = None, prove: bool = False, name: str | None = None,
     progress: _Progress | None = None,
 ) -> MachinedOutcome: ...
@@ -190,6 +195,8 @@ class Outcome:
     def area_shares(self) -> NDArray[np.float64]: ...
     @property
     def surface_mm2(self) -> float | None: ...
+    @property
+    def region(self) -> dict[str, Any] | None: ...
     @property
     def findings(self) -> list[dict[str, Any]]: ...
     @property
@@ -295,6 +302,8 @@ class SetupsOutcome:
     @property
     def premise(self) -> str: ...
     @property
+    def region(self) -> dict[str, Any] | None: ...
+    @property
     def findings(self) -> list[dict[str, Any]]: ...
     @property
     def notices(self) -> list[str]: ...
@@ -325,6 +334,8 @@ class ToolsOutcome:
     def points(self) -> NDArray[np.float32]: ...
     @property
     def unreached_share(self) -> float: ...
+    @property
+    def region(self) -> dict[str, Any] | None: ...
     @property
     def warnings(self) -> list[str]: ...
     @property
