@@ -52,8 +52,9 @@ use std::sync::{Arc, OnceLock};
 #[pyo3(signature = (part, tools, **options))]
 #[pyo3(
     text_signature = "(part, tools, *, directions=None, sites=7000, seed=0, smooth=None, occlusion=False, \
-        occlusion_share=0.1, obstacles=None, only=(), except_=(), fixtures=(), table=None, tolerance=None, finish=None, \
-        allowance=0.0, search=None, prove=False, clearance_limit=None, rest=False, name=None, progress=None)"
+        occlusion_share=0.1, obstacles=None, only=(), except_=(), fixtures=(), table=None, \
+        tolerance=None, finish=None, allowance=0.0, search=None, prove=False, \
+        clearance_limit=None, rest=False, name=None, progress=None)"
 )]
 pub fn analyze(
     part: &Bound<'_, PyAny>,

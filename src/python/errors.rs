@@ -121,6 +121,16 @@ pub fn refused(
     exception(py, &Error::argument(name, found, expected, remedy))
 }
 
+/// The error of an argument by its name in the library, by that here; any other error as it is.
+pub fn called(name: &str, error: Error, here: &'static str) -> Error {
+    match error {
+        Error::Argument { name: there, found, expected, remedy } if there == name => {
+            Error::Argument { name: here, found, expected, remedy }
+        }
+        other => other,
+    }
+}
+
 /// An argument of another Python type.
 pub fn wrong_type(name: &str, found: &Bound<'_, PyAny>, expected: &str) -> PyErr {
     PyTypeError::new_err(format!("{name} is {}, expected {expected}", shown(found)))

@@ -220,3 +220,19 @@ pub fn numbers<const N: usize>(
     let numbers = given.rows::<f64>()?;
     <[f64; N]>::try_from(numbers).map_err(|_| given.refused(expected, "give so many numbers"))
 }
+
+/// Real numbers, of some counts.
+pub fn numbers_of(
+    name: &'static str,
+    value: &Bound<'_, PyAny>,
+    (counts, expected): (std::ops::RangeInclusive<usize>, &str),
+) -> PyResult<Vec<f64>> {
+    let given = Given::new(name, value, expected)?;
+    let is_right = matches!(given.kind, 'f' | 'i' | 'u')
+        && given.array.ndim() == 1
+        && counts.contains(&given.array.shape()[0]);
+    match is_right {
+        true => given.rows::<f64>(),
+        false => Err(given.refused(expected, "give so many numbers in a list or array")),
+    }
+}

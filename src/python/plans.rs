@@ -1,18 +1,19 @@
 //! Setups, and tools of a library compared.
 
 use super::answers::{array, findings_of};
-use super::errors::{checked, refused};
+use super::errors::{called, checked, refused};
 use super::folder::{self, Takes};
 use super::input;
 use super::options::{Options, text_of};
 use super::output::{list, of_json, rows, threes};
 use super::part::Part;
 use super::region;
-use super::request::{Purpose, analysis};
+use super::request::{Purpose, add_holding, analysis};
 use super::tool::Tool;
+use crate::Result;
 use crate::access::setups::{Clampings, direction_of_words};
 use crate::access::surface::SiteAnswer;
-use crate::analysis::{self, SetupRequest};
+use crate::analysis::{self, Analysis, Observer, SetupRequest};
 use crate::data::files::machines;
 use glam::{DVec3, Vec3};
 use numpy::{IntoPyArray, PyArray1, PyArray2};
@@ -42,13 +43,17 @@ fn share_of(options: &mut Options<'_>, default: f64) -> PyResult<f64> {
 /// share: of the area that can be reached, that the setups cover. at_most: no more setups than this.
 /// clampings: "standing", "flat", "box" or "any". directions: how many are tested.
 /// given: these setups in their order, none chosen: "+z", "-x" ..., or vectors, float [k, 3].
+/// vise: jaw width, opening, height and perhaps parallels, mm: it grips the part in every setup.
+/// table: how far below the lowest place of the part, mm, or that and its width.
+/// fixtures: meshes in the part's coordinates that are there in every setup; or pairs of a setup, from 1 on, and a mesh
+/// that is there in that one of the given.
 /// The other options are those of `analyze`.
 #[pyfunction]
 #[pyo3(signature = (part, tools, machine, **options))]
 #[pyo3(
     text_signature = "(part, tools, machine, *, share=0.99, at_most=None, clampings=None, directions=None, \
-        given=(), sites=7000, seed=0, smooth=None, only=(), except_=(), tolerance=None, finish=None, \
-        allowance=0.0, name=None, progress=None)"
+        given=(), vise=None, table=None, fixtures=(), sites=7000, seed=0, smooth=None, only=(), \
+        except_=(), tolerance=None, finish=None, allowance=0.0, name=None, progress=None)"
 )]
 pub fn setups(
     part: &Bound<'_, PyAny>,
@@ -91,14 +96,23 @@ pub fn setups(
         request = request.n_directions(n);
     }
     request = request.given(given_of(&mut options)?);
+    let (analysis, request) = add_holding((analysis, request), &part, &mut options)?;
     let watch = options.progress()?;
     options.finish()?;
-    let outcome = watch.run_apart(py, move |observer| {
-        region::named(analysis.place(observer))?.plan(request, observer)
-    })?;
+    let outcome = watch.run_apart(py, move |observer| plan(analysis, request, observer))?;
     let first =
         outcome.setups().plan().first.iter().map(|first| first.map_or(-1, |k| k as i64)).collect();
     Ok(SetupsOutcome { notices: part.notices_and(outcome.notices()), outcome, first })
+}
+
+/// Errors of fixtures have the name of the argument here.
+fn plan(
+    analysis: Analysis,
+    request: SetupRequest,
+    observer: &mut dyn Observer,
+) -> Result<analysis::SetupsOutcome> {
+    let outcome = region::named(analysis.place(observer))?.plan(request, observer);
+    outcome.map_err(|error| called("fixture", error, "fixtures"))
 }
 
 /// Those of a machine, if one is given.

@@ -1,17 +1,17 @@
 //! `only` and `except_`: the region of interest.
 
-use super::errors::{checked, refused, wrong_type};
+use super::errors::{called, checked, refused, wrong_type};
 use super::input;
 use super::options::{Options, text_of};
 use super::output::of_json;
 use super::part::{Mesh, Part, raw_mesh};
-use crate::analysis::{Analysis, Placed, selector};
+use crate::Result;
+use crate::analysis::{Analysis, selector};
 use crate::data::files::settings::RegionSettings;
 use crate::geom;
 use crate::geom::formats::{self, ReadOptions};
 use crate::geom::origin;
 use crate::geom::selection::{Selection, Selector};
-use crate::{Error, Result};
 use glam::DVec3;
 use numpy::PyUntypedArray;
 use pyo3::prelude::*;
@@ -41,14 +41,9 @@ pub fn add_to(
     })
 }
 
-/// Places the sites; an error is about the argument of this module.
-pub fn named(placed: Result<Placed>) -> Result<Placed> {
-    placed.map_err(|error| match error {
-        Error::Argument { name: "region", found, expected, remedy } => {
-            Error::Argument { name: "only, except_", found, expected, remedy }
-        }
-        other => other,
-    })
+/// A result; an error of a region is about the arguments of this module.
+pub fn named<T>(result: Result<T>) -> Result<T> {
+    result.map_err(|error| called("region", error, "only, except_"))
 }
 
 /// The region of an outcome, as a dict.

@@ -1,20 +1,22 @@
 //! What is requested of a part, from keyword arguments.
 
 use super::errors::{checked, refused, wrong_type};
-use super::options::Options;
+use super::input;
+use super::options::{Options, number};
 use super::part::{Mesh, Part, placement};
 use super::region;
 use super::tool::Tools;
 use crate::Result;
 use crate::access::LabelOptions;
 use crate::access::surface::{ContactTolerance, FINISH_MM, RefinementOptions, SurfaceOptions};
-use crate::analysis::{Analysis, Fixture};
+use crate::analysis::{Analysis, Fixture, SetupRequest, Vise};
 use crate::data::files::settings::Blocking;
 use crate::data::files::tools::Tool;
 use crate::geom::formats::MeshOrCloud;
 use crate::geom::origin;
 use glam::DVec3;
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 /// What the answers are for: of each, other options.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -145,26 +147,82 @@ fn add_fixtures(
     origin: Option<DVec3>,
     options: &mut Options<'_>,
 ) -> PyResult<Analysis> {
-    let expected = "a sequence of deepmill.Mesh";
     let about = origin.unwrap_or_default();
     if let Some(fixtures) = options.take("fixtures")? {
-        let items = fixtures.try_iter().map_err(|_| wrong_type("fixtures", &fixtures, expected))?;
-        for (k, item) in items.enumerate() {
-            let item = item?;
-            let Some(fixture) = Mesh::of(&item)? else {
-                return Err(wrong_type("fixtures", &item, expected));
-            };
-            let Mesh { mesh, origin, name, .. } = fixture.get();
-            let (mut mesh, from) = (mesh.clone(), about - origin.unwrap_or_default());
-            if from != DVec3::ZERO {
-                origin::make_relative(&mut mesh, from);
-            }
-            let name = if name == "part" { format!("fixture {}", k + 1) } else { name.clone() };
-            analysis = analysis.fixture(Fixture::new(name, mesh));
+        const EXPECTED: &str = "a sequence of deepmill.Mesh";
+        for (k, item) in items(&fixtures, EXPECTED)?.iter().enumerate() {
+            analysis = analysis.fixture(fixture(item, (k, about), EXPECTED)?);
         }
     }
     Ok(match options.number("table")? {
         Some(z_mm) => analysis.table(z_mm - about.z),
         None => analysis,
     })
+}
+
+/// Vise, table and fixtures of setups; fixtures are in the coordinates of the part as it was given.
+pub fn add_holding(
+    (mut analysis, mut request): (Analysis, SetupRequest),
+    part: &Part<'_>,
+    options: &mut Options<'_>,
+) -> PyResult<(Analysis, SetupRequest)> {
+    let py = options.py();
+    let about = part.mesh_and_origin().and_then(|(_, origin)| origin).unwrap_or_default();
+    if let Some(fixtures) = options.take("fixtures")? {
+        const EXPECTED: &str =
+            "a sequence of deepmill.Mesh, or of pairs of a setup, from 1, and one";
+        for (k, item) in items(&fixtures, EXPECTED)?.iter().enumerate() {
+            match item.cast::<PyTuple>() {
+                Ok(pair) => {
+                    let (setup, mesh): (usize, Bound<'_, PyAny>) =
+                        pair.extract().map_err(|_| wrong_type("fixtures", item, EXPECTED))?;
+                    request = request.fixture_of(setup, fixture(&mesh, (k, about), EXPECTED)?);
+                }
+                Err(_) => analysis = analysis.fixture(fixture(item, (k, about), EXPECTED)?),
+            }
+        }
+    }
+    if let Some(vise) = options.take("vise")? {
+        let expected = "jaw width, opening and height, and perhaps parallels, mm";
+        request = match input::numbers_of("vise", &vise, (3..=4, expected))?[..] {
+            [jaw, opening, height, ref parallels @ ..] => {
+                let parallels = parallels.first().copied().unwrap_or(0.0);
+                request.vise(checked(py, Vise::new([jaw, opening, height], parallels))?)
+            }
+            _ => unreachable!("three or four"),
+        };
+    }
+    if let Some(table) = options.take("table")? {
+        let expected = "how far below the part, or that and the width, mm";
+        request = match number("table", &table) {
+            Ok(below_mm) => request.table_below(below_mm, None),
+            Err(_) => match input::numbers_of("table", &table, (2..=2, expected))?[..] {
+                [below_mm, width_mm] => request.table_below(below_mm, Some(width_mm)),
+                _ => unreachable!("two"),
+            },
+        };
+    }
+    Ok((analysis, request))
+}
+
+fn items<'py>(fixtures: &Bound<'py, PyAny>, expected: &str) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    fixtures.try_iter().map_err(|_| wrong_type("fixtures", fixtures, expected))?.collect()
+}
+
+/// A mesh about the part's origin, by its name or number.
+fn fixture(
+    item: &Bound<'_, PyAny>,
+    (k, about): (usize, DVec3),
+    expected: &str,
+) -> PyResult<Fixture> {
+    let Some(fixture) = Mesh::of(item)? else {
+        return Err(wrong_type("fixtures", item, expected));
+    };
+    let Mesh { mesh, origin, name, .. } = fixture.get();
+    let (mut mesh, from) = (mesh.clone(), about - origin.unwrap_or_default());
+    if from != DVec3::ZERO {
+        origin::make_relative(&mut mesh, from);
+    }
+    let name = if name == "part" { format!("fixture {}", k + 1) } else { name.clone() };
+    Ok(Fixture::new(name, mesh))
 }

@@ -1,10 +1,10 @@
 //! Tools.
 
 use super::errors::{checked, detached, refused, wrong_type};
-use super::input;
+use super::input::{self, Rows};
 use super::options::{Options, number, text_of};
 use super::part::path_of;
-use crate::cutter::{Cutter, CutterParams};
+use crate::cutter::{Assembly, Cutter, CutterParams, Profile, ProfileSection, Section};
 use crate::data::files::tools::{self, Unsaid, named_apart};
 use crate::{Error, Result};
 use pyo3::prelude::*;
@@ -95,10 +95,76 @@ impl Tool {
         Ok(Tool { tool: checked(py, made())?, of_file: false })
     }
 
+    /// A tool given by its profile, which may be wider below than above: a lollipop, a T-slot cutter, a drill.
+    ///
+    /// profile: radius and height, mm, from the tip upward, float [n, 2]; the first has height 0, or is the radius of a
+    ///     flat lower end. Two points of one height are a face across the axis. Or text as in tables of tools.
+    /// stick_out: height of the holder's nose above the tip, mm.
+    /// holder: length, lower and upper radius of each of its segments from the nose upward, mm, float [k, 3].
+    /// arcs: radius and height of the center of the arc from each point to the next, float [n - 1, 2]; all NaN is a
+    ///     line. None: all are lines.
+    /// cuts: whether the tool cuts from each point to the next, bool [n - 1]. None: all cuts.
+    /// drill: it cuts along its axis alone. overall: length from tip to end, mm. clearance: margin about what does not
+    /// cut, mm.
+    ///
+    /// >>> import deepmill, math
+    /// >>> points = [[0, 0], [1.5, 3 + math.sqrt(6.75)], [1.5, 20], [3, 22]]
+    /// >>> arcs = [[0, 3], [math.nan, math.nan], [math.nan, math.nan]]
+    /// >>> deepmill.Tool.from_profile(points, 40, [[20, 15, 15]], arcs=arcs, cuts=[True, False, False]).words
+    /// 'profile 6 mm, 40 mm out of its holder'
+    #[staticmethod]
+    #[pyo3(signature = (profile, stick_out, holder, **options))]
+    #[pyo3(
+        text_signature = "(profile, stick_out, holder, *, arcs=None, cuts=None, drill=False, overall=None, \
+            clearance=0.0, name=None)"
+    )]
+    fn from_profile(
+        profile: &Bound<'_, PyAny>,
+        stick_out: &Bound<'_, PyAny>,
+        holder: &Bound<'_, PyAny>,
+        options: Option<Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let py = profile.py();
+        let mut options = Options::new(py, options)?;
+        let profile = profile_of(profile, &mut options)?;
+        let stick_out_mm = number("stick_out", stick_out)?;
+        let shape = Rows { shape: "[k, 3]", remedy: HOLDER, may_be_nan: false };
+        let holder: Vec<Section> = input::rows("holder", holder, shape)?
+            .into_iter()
+            .map(|[length_mm, lower_radius_mm, upper_radius_mm]| Section {
+                length_mm,
+                lower_radius_mm,
+                upper_radius_mm,
+            })
+            .collect();
+        let overall = options.number("overall")?;
+        let clearance = options.number("clearance")?.unwrap_or(0.0);
+        let name = options.text("name")?;
+        options.finish()?;
+        let made = || -> Result<tools::Tool> {
+            let diameter = 2.0 * profile.cutting_radius_mm();
+            let name = name.unwrap_or_else(|| format!("profile-{diameter}"));
+            let words = format!("profile {diameter} mm, {stick_out_mm} mm out of its holder");
+            let assembly = Assembly::from_profile(profile, &holder, stick_out_mm)?;
+            let assembly = match overall {
+                Some(mm) => assembly.with_overall(mm)?,
+                None => assembly,
+            };
+            tools::Tool::of_assembly(&name, assembly, clearance, words)
+        };
+        Ok(Tool { tool: checked(py, made())?, of_file: false })
+    }
+
     /// Name for files and tables.
     #[getter]
     fn name(&self) -> &str {
         &self.tool.name
+    }
+
+    /// The profile as tables of tools have it, if the tool was given by one; else None.
+    #[getter]
+    fn profile(&self) -> Option<String> {
+        self.tool.assembly.profile().map(Profile::to_string)
     }
 
     /// CR, CH, FR, FH, mm; a summary of a tool that has more steps.
@@ -135,6 +201,60 @@ impl Tool {
         format!("<deepmill.Tool {:?}: {}>", self.tool.name, self.tool.words())
     }
 }
+
+const HOLDER: &str = "give length, lower radius and upper radius of each segment in a row, mm";
+
+/// A profile of text, or of points with the options `arcs`, `cuts` and `drill`.
+fn profile_of(value: &Bound<'_, PyAny>, options: &mut Options<'_>) -> PyResult<Profile> {
+    let py = value.py();
+    let (arcs, cuts) = (options.take("arcs")?, options.take("cuts")?);
+    let is_drill = options.flag("drill")?;
+    if value.is_instance_of::<PyString>() {
+        for (name, is_given) in
+            [("arcs", arcs.is_some()), ("cuts", cuts.is_some()), ("drill", is_drill.is_some())]
+        {
+            if is_given {
+                let remedy = "write it into the text: docs/tools.md";
+                return Err(refused(py, name, "given with text", "none with text", remedy));
+            }
+        }
+        return checked(py, text_of("profile", value)?.parse());
+    }
+    let remedy = "give radius and height of each point in a row, mm";
+    let shape = Rows { shape: "[n, 2]", remedy, may_be_nan: false };
+    let points: Vec<[f64; 2]> = input::rows("profile", value, shape)?;
+    let [[start_mm, first], ends @ ..] = &points[..] else { unreachable!("rows has at least one") };
+    if *first != 0.0 {
+        let remedy = "begin with the lower end: its radius, 0 for a point, and height 0";
+        return Err(refused(py, "profile", format!("height {first} first"), "height 0", remedy));
+    }
+    let n = ends.len();
+    let shape = Rows { shape: "[n - 1, 2]", remedy: CENTERS, may_be_nan: true };
+    let arcs = arcs.map(|arcs| input::rows::<2>("arcs", &arcs, shape)).transpose()?;
+    if let Some(rows) = arcs.as_ref().filter(|rows| rows.len() != n) {
+        let (found, expected) = (format!("of {} rows", rows.len()), format!("{n}"));
+        return Err(refused(
+            py,
+            "arcs",
+            found,
+            format!("{expected}, one less than points"),
+            CENTERS,
+        ));
+    }
+    let cuts = cuts.map(|cuts| input::flags("cuts", &cuts, (n, "section"))).transpose()?;
+    let section = |(k, [radius_mm, height_mm]): (usize, &[f64; 2])| ProfileSection {
+        radius_mm: *radius_mm,
+        height_mm: *height_mm,
+        center_mm: arcs.as_ref().map(|arcs| arcs[k]).filter(|[c, _]| c.is_finite()),
+        cuts: cuts.as_ref().is_none_or(|cuts| cuts[k]),
+    };
+    let sections = ends.iter().enumerate().map(section).collect();
+    let profile = checked(py, Profile::new(*start_mm, sections))?;
+    Ok(if is_drill.unwrap_or(false) { profile.drilling() } else { profile })
+}
+
+const CENTERS: &str =
+    "give the center of each arc in a row, radius and height; NaN, NaN for a line";
 
 /// Four lengths of text, numbers or an array.
 fn params_of(name: &'static str, value: &Bound<'_, PyAny>) -> PyResult<CutterParams> {

@@ -111,6 +111,33 @@ ARRAYS = [
     (lambda: deepmill.setups(tetrahedron(), "1,2,3,4", "6-axis"), ["machine", "`6-axis`", "3-axis"]),
     (lambda: deepmill.setups(tetrahedron(), "1,2,3,4", "3-axis", at_most=0), ["at_most", "0", "1 or more"]),
     (lambda: deepmill.setups(tetrahedron(), "1,2,3,4", "3-axis", given=[[0, 0, 0]]), ["given", "without length"]),
+    (lambda: setups(vise=(100, 50)), ["vise", "shape [2]", "jaw width"]),
+    (lambda: setups(vise=(100, -50, 10)), ["vise", "-50", "above 0"]),
+    (lambda: setups(vise="100,50,10"), ["vise", "jaw width"]),
+    (lambda: setups(vise=(100, float("nan"), 10)), ["vise", "NaN", "above 0"]),
+    (lambda: setups(table=(1, 2, 3)), ["table", "shape [3]", "below the part"]),
+    (lambda: setups(table=-1), ["table", "-1"]),
+    (lambda: setups(table="low"), ["table", "how far below"]),
+    (lambda: setups(fixtures=[(2, tetrahedron())], given="+z"), ["fixtures", "2", "1"]),
+    (lambda: setups(fixtures=[(1, tetrahedron())]), ["fixtures", "given"]),
+    (lambda: profile([[0, 0, 0]]), ["profile", "shape [1, 3]", "[n, 2]"]),
+    (lambda: profile([0, 1, 2]), ["profile", "shape [3]", "[n, 2]"]),
+    (lambda: profile(np.zeros((0, 2))), ["profile", "shape [0, 2]", "at least 1"]),
+    (lambda: profile([[0, 0], [np.nan, 2]]), ["profile", "NaN in row 1", "finite"]),
+    (lambda: profile([[0, 1], [3, 2]]), ["profile", "height 1 first", "height 0"]),
+    (lambda: profile([[0, 0]]), ["sections of the profile", "0", "1 to 64"]),
+    (lambda: profile([[0, 0], [3, 5], [3, 2]]), ["height", "2"]),
+    (lambda: profile([[0, 0], [3, 5]], arcs=[[0, 3], [0, 3]]), ["arcs", "2 rows", "1, one less than points"]),
+    (lambda: profile([[0, 0], [3, 5]], arcs=[[0, np.nan]]), ["arcs", "NaN in row 0", "all NaN"]),
+    (lambda: profile([[0, 0], [3, 5]], arcs=[[0, 1]]), ["center"]),
+    (lambda: profile([[0, 0], [3, 5]], cuts=[1]), ["cuts", "int64", "bool of shape [1]"]),
+    (lambda: profile([[0, 0], [3, 5]], cuts=[True, True]), ["cuts", "shape [2]", "bool of shape [1]"]),
+    (lambda: profile([[0, 0], [3, 5]], cuts=[False]), ["profile", "without a cutting portion"]),
+    (lambda: profile("0:0 3:5", cuts=[True]), ["cuts", "given with text"]),
+    (lambda: profile("0:0 round"), ["profile", "round", "radius:height"]),
+    (lambda: profile([[0, 0], [3, 5]], holder=[[20, 15]]), ["holder", "shape [1, 2]", "[k, 3]"]),
+    (lambda: profile([[0, 0], [3, 5]], holder=[[20, 15, -1]]), ["holder", "-1"]),
+    (lambda: profile([[0, 0], [3, 5]], stick_out=0), ["stick-out", "0"]),
     (lambda: deepmill.volume(tetrahedron(), "1,2,3,4", 0), ["step", "0"]),
     (lambda: deepmill.volume(tetrahedron(), ["1,2,3,4", "1,3,3,4"], 5), ["volume", "2 tools", "one tool"]),
     (lambda: deepmill.volume(tetrahedron(), "1,9,3,4", 9).share("all"), ["answer", "`all`", "tip_does_not_fit"]),
@@ -179,6 +206,14 @@ def analyze(tools="1,2,3,4", **options):
 
 def cloud(**options):
     return deepmill.analyze(deepmill.Sites(CORNERS, UP), "1,2,3,4", **options)
+
+
+def setups(**options):
+    return deepmill.setups(tetrahedron(), "1,2,3,4", "3-axis", **{"sites": 50, **options})
+
+
+def profile(points, stick_out=30, holder=((20, 15, 15),), **options):
+    return deepmill.Tool.from_profile(points, stick_out, holder, **options)
 
 
 def labeled():
@@ -321,6 +356,14 @@ def test_no_argument_is_a_fault_of_ours(value):
         lambda: deepmill.Tool("1,2,3,4", corner=value),
         lambda: deepmill.Tool("1,2,3,4", clearance=value),
         lambda: deepmill.Tool("1,2,3,4", allowance=value),
+        lambda: profile(value),
+        lambda: profile([[0, 0], [3, 5]], value),
+        lambda: profile([[0, 0], [3, 5]], 30, value),
+        lambda: profile([[0, 0], [3, 5]], arcs=value),
+        lambda: profile([[0, 0], [3, 5]], cuts=value),
+        lambda: setups(vise=value, at_most=1),
+        lambda: setups(table=value, at_most=1),
+        lambda: setups(fixtures=value, at_most=1),
         lambda: deepmill.analyze(value, "1,2,3,4"),
         lambda: deepmill.analyze(tetrahedron(), value, sites=20),
         lambda: deepmill.compare(tetrahedron(), "1,2,3,4", share=value, sites=20, directions=4),

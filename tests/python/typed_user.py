@@ -40,6 +40,9 @@ def arrays(vertices: NDArray[np.float32], triangles: NDArray[np.int32], other: T
         print(cutter, sample.inaccessible)
     region = deepmill.analyze(mesh, "3,20,20,20", only=["normal:0,0,1", np.arange(3), other], except_=mesh).region
     print(region["area_mm2"] if region else "all")
+    disc = deepmill.Tool.from_profile([[7, 0], [7, 4], [2, 4], [2, 30]], 30, [[20, 15, 15]], cuts=[True, True, False])
+    held = deepmill.setups(mesh, disc, "3-axis", given="+z", vise=(100, 60, 15), table=(0, 400), fixtures=[(1, other)])
+    print(disc.profile, held.first)
     trainer = deepmill.Trainer([sample], preset="tiny", settings={"n_epochs": 1})
     if trainer.train(lambda step: bool(step["loss"] < 1)):
         print(trainer.history, trainer.network.save("weights.safetensors"))

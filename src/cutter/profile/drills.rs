@@ -6,6 +6,12 @@ use crate::{Error, Result};
 use std::f64::consts::PI;
 
 impl Profile {
+    /// The same, cutting along its axis alone.
+    #[cfg(feature = "python")]
+    pub(crate) fn drilling(self) -> Self {
+        Profile { is_drill: true, ..self }
+    }
+
     /// A drill: a cone with the point angle between its flanks, radians, and the margin above it up to the end of the
     /// flutes.
     ///

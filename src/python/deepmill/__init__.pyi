@@ -96,8 +96,23 @@ class Tool:
         allowance: float = 0.0,
         name: str | None = None,
     ) -> Tool: ...
+    @staticmethod
+    def from_profile(
+        profile: str | ArrayLike,
+        stick_out: float,
+        holder: ArrayLike,
+        *,
+        arcs: ArrayLike | None = None,
+        cuts: ArrayLike | None = None,
+        drill: bool = False,
+        overall: float | None = None,
+        clearance: float = 0.0,
+        name: str | None = None,
+    ) -> Tool: ...
     @property
     def name(self) -> str: ...
+    @property
+    def profile(self) -> str | None: ...
     @property
     def lengths_mm(self) -> tuple[float, float, float, float]: ...
     @property
@@ -137,7 +152,9 @@ def setups(
     part: _Part, tools: _Tools, machine: str, *,
     share: float = 0.99, at_most: int | None = None,
     clampings: Literal["standing", "flat", "box", "any"] | None = None, directions: int | None = None,
-    given: str | Sequence[str] | ArrayLike = (), sites: int | Literal["vertices"] = 7000, seed: int = 0,
+    given: str | Sequence[str] | ArrayLike = (), vise: ArrayLike | None = None,
+    table: float | tuple[float, float] | None = None, fixtures: Iterable[_Part | tuple[int, _Part]] = (),
+    sites: int | Literal["vertices"] = 7000, seed: int = 0,
     smooth: float | None = None, only: _Region = (), except_: _Region = (), tolerance: float | None = None,
     finish: float | None = None, allowance: float = 0.0, name: str | None = None,
     progress: _Progress | None = None,
