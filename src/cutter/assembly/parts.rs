@@ -122,13 +122,13 @@ impl Assembly {
     /// [`Assembly::cutter`].
     pub fn raised(&self, part: ToolPart, by_mm: f64) -> Result<Self> {
         let mut tool = self.clone();
-        match part {
-            ToolPart::Tip | ToolPart::Cutter => return Err(unchangeable(part)),
-            ToolPart::Shank if let Some(profile) = &self.profile => {
+        match (part, &self.profile) {
+            (ToolPart::Tip | ToolPart::Cutter, _) => return Err(unchangeable(part)),
+            (ToolPart::Shank, Some(profile)) => {
                 tool = self.with_changed(profile.with_longer_neck(by_mm)?);
                 tool.stick_out_mm += by_mm;
             }
-            ToolPart::Shank => {
+            (ToolPart::Shank, None) => {
                 let flutes_mm = tool.flutes_mm();
                 tool.shank_mut().for_each(|step| step.height_mm += by_mm);
                 if tool.flutes_mm() > flutes_mm {
@@ -138,8 +138,8 @@ impl Assembly {
                 }
                 tool.stick_out_mm += by_mm;
             }
-            ToolPart::Holder => tool.stick_out_mm += by_mm,
-            ToolPart::Spindle => {
+            (ToolPart::Holder, _) => tool.stick_out_mm += by_mm,
+            (ToolPart::Spindle, _) => {
                 let spindle = tool.holder.iter_mut().filter(|step| step.radius_mm == f64::INFINITY);
                 spindle.for_each(|step| step.height_mm += by_mm);
             }
@@ -156,16 +156,16 @@ impl Assembly {
         let least = self.end_mm();
         let narrow = |step: &mut Step| step.radius_mm = (step.radius_mm - by_mm).max(least);
         let mut tool = self.clone();
-        match part {
-            ToolPart::Shank if let Some(profile) = &self.profile => {
+        match (part, &self.profile) {
+            (ToolPart::Shank, Some(profile)) => {
                 tool = self.with_changed(profile.with_thinner_neck(by_mm)?);
             }
-            ToolPart::Shank => tool.shank_mut().for_each(narrow),
-            ToolPart::Holder => {
+            (ToolPart::Shank, None) => tool.shank_mut().for_each(narrow),
+            (ToolPart::Holder, _) => {
                 let finite = tool.holder.iter_mut().filter(|step| step.radius_mm.is_finite());
                 finite.for_each(narrow);
             }
-            part => return Err(unchangeable(part)),
+            (part, _) => return Err(unchangeable(part)),
         }
         tool.checked()
     }
