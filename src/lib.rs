@@ -51,12 +51,15 @@
 //! | `weights` | yes | the trained network (`Model::shipped`) |
 //! | `ndarray` | yes | sites, meshes and answers as `ndarray` views (`arrays`) |
 //! | `approx` | no | `approx::AbsDiffEq` and `RelativeEq` of answers and predictions |
+//! | `step` | no | STEP files (`geom::formats`): 55 crates more |
 //! | `cli` | yes | the `deepmill` program |
 //! | `capi` | no | the C interface that `deepmill.h` declares; nothing for Rust |
 //! | `python` | no | the Python module that `pyproject.toml` builds; nothing for Rust |
 //! | `mpi` | no | several processes on many machines (`processes::Mpi`); binds the MPI library that is installed |
 //!
-//! `default-features = false` leaves the numerical core: labeler, octree, layers, training. Nothing compiles C.
+//! `default-features = false` leaves the numerical core: labeler, octree, layers, training. Nothing compiles C. It also
+//! runs on `wasm32-unknown-unknown`, with the same bits: on one thread, and without a clock, so that seconds are 0.
+//! All other features need a system that has files. Rust 1.91 or newer.
 //!
 //! # Where to go on
 //!
@@ -113,6 +116,7 @@ pub mod rng;
 pub mod scalar;
 pub mod simd;
 mod spatial;
+mod stopwatch;
 pub mod train;
 
 pub use error::{Error, Result};

@@ -55,7 +55,8 @@ pub fn limit_bytes() -> u64 {
     let address_space = address_space.map(|limit: u64| limit - limit / 4);
     let left = |limit: Option<u64>, used| limit.map(|limit| limit.saturating_sub(used));
     let all = [left(machine, resident), left(group, resident), left(address_space, mapped)];
-    all.into_iter().flatten().min().unwrap_or(u64::MAX)
+    // No more than there are addresses.
+    all.into_iter().flatten().min().unwrap_or(usize::MAX as u64)
 }
 
 /// A file of the system; empty where there is none.

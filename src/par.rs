@@ -267,9 +267,35 @@ pub(crate) fn with_ahead<A, B: Send>(
     (first, result.expect("the scope has waited for it"))
 }
 
-/// Calls `main`, and `work` on every message that it sends, in order, on a thread of their own meanwhile; the results of
-/// `work` in order.
+/// Whether the system starts threads: `wasm32-unknown-unknown` does not.
+const HAS_THREADS: bool = !cfg!(all(target_family = "wasm", target_os = "unknown"));
+
+/// Calls `main`, and `work` on every message that it sends, in order, on a thread of their own meanwhile if there are
+/// threads; the results of `work` in order.
 pub(crate) fn with_background<M: Send, R: Send>(
+    work: impl FnMut(M) -> R + Send,
+    main: impl FnOnce(&(dyn Fn(M) + Sync)),
+) -> Vec<R> {
+    match HAS_THREADS {
+        true => in_background(work, main),
+        false => in_turn(work, main),
+    }
+}
+
+/// [`with_background`] without a thread: each message is worked on when it is sent.
+fn in_turn<M: Send, R: Send>(
+    work: impl FnMut(M) -> R + Send,
+    main: impl FnOnce(&(dyn Fn(M) + Sync)),
+) -> Vec<R> {
+    let both = Mutex::new((work, Vec::new()));
+    main(&|message| {
+        let (work, results) = &mut *both.lock().unwrap_or_else(PoisonError::into_inner);
+        results.push(work(message));
+    });
+    both.into_inner().unwrap_or_else(PoisonError::into_inner).1
+}
+
+fn in_background<M: Send, R: Send>(
     mut work: impl FnMut(M) -> R + Send,
     main: impl FnOnce(&(dyn Fn(M) + Sync)),
 ) -> Vec<R> {
@@ -309,7 +335,8 @@ pub fn threads() -> usize {
 /// Most threads that [`with_threads`] starts.
 pub(crate) const MAX_THREADS: usize = 4096;
 
-/// Runs `work` with parallel loops limited to `n_threads` (0: one per logical CPU).
+/// Runs `work` with parallel loops limited to `n_threads` (0: one per logical CPU); without threads on
+/// `wasm32-unknown-unknown`.
 ///
 /// # Errors
 /// If there are more than 4096, or the system refuses to start them.
@@ -317,6 +344,9 @@ pub fn with_threads<R: Send>(n_threads: usize, work: impl FnOnce() -> R + Send) 
     if n_threads > MAX_THREADS {
         let expected = format!("at most {MAX_THREADS}");
         return Err(Error::argument("threads", n_threads, expected, "give 0: one per processor"));
+    }
+    if !HAS_THREADS {
+        return Ok(work());
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build();
     let pool = pool.map_err(|e| {
@@ -394,9 +424,12 @@ mod tests {
     }
 
     #[test]
-    fn a_background_thread_answers_in_order() {
-        let found = with_background(|i: usize| 2 * i, |send| (0..100).for_each(send));
-        assert!(found.into_iter().eq((0..100).map(|i| 2 * i)));
+    fn messages_are_answered_in_order_with_a_background_thread_and_without() {
+        let work = |i: usize| 2 * i;
+        let main = |send: &(dyn Fn(usize) + Sync)| (0..100).for_each(send);
+        for found in [with_background(work, main), in_turn(work, main)] {
+            assert!(found.into_iter().eq((0..100).map(|i| 2 * i)));
+        }
     }
 
     #[test]

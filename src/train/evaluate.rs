@@ -12,8 +12,8 @@ use crate::geom::spacing;
 use crate::metrics::Confusion;
 use crate::model::{Model, Prediction, SiteNetwork};
 use crate::processes::{Processes, SingleProcess, share, share_numbers};
+use crate::stopwatch::Stopwatch;
 use crate::{Error, Result};
-use std::time::Instant;
 
 /// Scores of one way to predict, over a list of samples. The positive classes are *inaccessible* and
 /// *occlusion point*.
@@ -291,9 +291,9 @@ fn score<const N: usize>(
         return Err(Error::argument("the list of samples", "empty", "one sample or more", remedy));
     }
     let one = |sample: &Sample| -> Result<Vec<f64>> {
-        let start = Instant::now();
+        let start = Stopwatch::start();
         let answers = answers(sample)?;
-        let seconds = start.elapsed().as_secs_f64();
+        let seconds = start.seconds();
         let mut numbers = Vec::new();
         for answers in &answers {
             let mut evaluation = Evaluation { seconds, ..Evaluation::default() };

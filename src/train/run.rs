@@ -12,10 +12,10 @@ use crate::par;
 #[cfg(feature = "formats")]
 use crate::processes::share_bytes;
 use crate::processes::{Processes, SingleProcess, agree, agree_to_go_on, require_same};
+use crate::stopwatch::Stopwatch;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
-use std::time::Instant;
 
 /// One finished step.
 #[derive(Debug, Clone, Copy)]
@@ -299,7 +299,7 @@ impl Run {
         let (settings, mut ahead) = (self.settings.clone(), None);
         let draw = |indices: &[usize]| step::draw(source, &settings, epoch, indices);
         for (i, indices) in batches.iter().enumerate().skip(self.progress.steps_done) {
-            let start = Instant::now();
+            let start = Stopwatch::start();
             let next = batches.get(i + 1).map(|next| &next[groups(next).own_samples()]);
             let groups = groups(indices);
             let indices = &indices[groups.own_samples()];
@@ -317,7 +317,7 @@ impl Run {
             progress.loss_sum += outcome.loss;
             progress.confusion[0] += outcome.confusion[0];
             progress.confusion[1] += outcome.confusion[1];
-            progress.seconds += start.elapsed().as_secs_f64();
+            progress.seconds += start.seconds();
             let report = StepReport {
                 epoch,
                 step: i + 1,
