@@ -21,8 +21,15 @@ pub fn bar(n: u64, things: &'static str) -> ProgressBar {
     };
     let style = ProgressStyle::with_template(template).unwrap_or(ProgressStyle::default_bar());
     let bar = ProgressBar::new(n).with_style(style.with_key("left", left)).with_prefix(things);
-    bar.enable_steady_tick(TICK);
+    tick(&bar);
     bar
+}
+
+/// Moves a bar on by a thread of its own, which takes memory: not where nobody sees it.
+fn tick(bar: &ProgressBar) {
+    if io::stderr().is_terminal() {
+        bar.enable_steady_tick(TICK);
+    }
 }
 
 /// Says what is done and for how long, until it is dropped. Invisible where standard error is no terminal.
@@ -33,7 +40,7 @@ pub fn working(what: &'static str) -> Working {
     let style = ProgressStyle::with_template("{spinner} {prefix}, {elapsed} gone");
     let style = style.unwrap_or(ProgressStyle::default_spinner());
     let bar = ProgressBar::new_spinner().with_style(style).with_prefix(what);
-    bar.enable_steady_tick(TICK);
+    tick(&bar);
     Working(bar)
 }
 
