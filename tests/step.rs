@@ -112,6 +112,100 @@ fn parts_of_an_assembly_are_where_it_places_them() {
     }
 }
 
+/// The block, 40 x 30 x 20, in a shape of its own that another places at these frames: location, z, x.
+fn mapped(frames: &[[[f64; 3]; 3]]) -> String {
+    let block = text("block");
+    let of = |name: &str| {
+        let line = block.lines().find(|line| line.contains(name)).unwrap();
+        line.split('=').next().unwrap().trim().trim_start_matches('#').to_string()
+    };
+    let shape = of("ADVANCED_BREP_SHAPE_REPRESENTATION");
+    let mut more = String::from(
+        "#9001=CARTESIAN_POINT('',(0.,0.,0.));\n#9002=AXIS2_PLACEMENT_3D('',#9001,$,$);\n",
+    );
+    more += &format!("#9003=REPRESENTATION_MAP(#9002,#{shape});\n");
+    let mut items = Vec::new();
+    for (k, frame) in frames.iter().enumerate() {
+        let first = 9100 + 10 * k;
+        let [location, z, x] = frame.map(|[x, y, z]| format!("({x:?},{y:?},{z:?})"));
+        more += &format!("#{first}=CARTESIAN_POINT('',{location});\n");
+        more += &format!("#{}=DIRECTION('',{z});\n#{}=DIRECTION('',{x});\n", first + 1, first + 2);
+        let axes = format!("#{first},#{},#{}", first + 1, first + 2);
+        more += &format!("#{}=AXIS2_PLACEMENT_3D('',{axes});\n", first + 3);
+        more += &format!("#{}=MAPPED_ITEM('',#9003,#{});\n", first + 4, first + 3);
+        items.push(format!("#{}", first + 4));
+    }
+    let context = block.split_once("ADVANCED_BREP_SHAPE_REPRESENTATION").unwrap().1;
+    let context = context.split_once(";").unwrap().0.rsplit_once(',').unwrap().1.replace(')', "");
+    more += &format!("#9004=SHAPE_REPRESENTATION('',({}),{});\n", items.join(","), context.trim());
+    let of_product = block.split_once("SHAPE_DEFINITION_REPRESENTATION(").unwrap().1;
+    let of_product = of_product.split_once(',').unwrap().0;
+    more += &format!("#9005=SHAPE_DEFINITION_REPRESENTATION({of_product},#9004);\n");
+    let (data, end) = block.rsplit_once("ENDSEC;").unwrap();
+    format!("{data}{more}ENDSEC;{end}")
+}
+
+#[test]
+fn parts_are_where_mapped_items_place_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("part.step");
+    let boxed = |frames: &[[[f64; 3]; 3]]| {
+        std::fs::write(&path, mapped(frames)).unwrap();
+        let mesh = read_mesh(&path, &ReadOptions::default()).unwrap();
+        let (low, high) = mesh.bounds().unwrap();
+        (mesh.volume(), low, high)
+    };
+    let (own_low, own_high) = read("block").bounds().unwrap();
+    let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+    // As it is, and 100 mm along x.
+    let (volume, low, high) = boxed(&[[[0.0; 3], z, x], [[100.0, 0.0, 0.0], z, x]]);
+    assert!((volume - 48_000.0).abs() < 1e-6, "{volume}");
+    assert!((low - own_low).length() < 1e-9);
+    assert!((high - own_high - glam::DVec3::X * 100.0).length() < 1e-9);
+    // A quarter turn about z: what was along x is along y, what was along y against x.
+    let (volume, low, high) = boxed(&[[[5.0, 6.0, 7.0], z, y]]);
+    assert!((volume - 24_000.0).abs() < 1e-6, "{volume}");
+    let turned = |p: glam::DVec3| glam::dvec3(5.0 - p.y, 6.0 + p.x, 7.0 + p.z);
+    let (a, b) = (turned(own_low), turned(own_high));
+    assert!((low - a.min(b)).length() < 1e-9 && (high - a.max(b)).length() < 1e-9, "{low} {high}");
+    // A mapped item of a drawing places nothing.
+    let drawing = mapped(&[[[50.0, 0.0, 0.0], z, x]]);
+    let drawing = drawing.replace("#9004=SHAPE_REPRESENTATION", "#9004=DRAUGHTING_MODEL");
+    let drawing = drawing.replace("#9005=SHAPE_DEFINITION_REPRESENTATION", "#9005=NOTHING");
+    std::fs::write(&path, drawing).unwrap();
+    let (low, high) = read_mesh(&path, &ReadOptions::default()).unwrap().bounds().unwrap();
+    assert!((low - own_low).length() < 1e-9 && (high - own_high).length() < 1e-9);
+}
+
+#[test]
+fn places_without_number_and_shapes_within_themselves_are_refused() {
+    let z = [[0.0; 3], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
+    // Each of 20 shapes places the next twice: a million places.
+    let file = mapped(&[z]);
+    let mut more = String::new();
+    for k in 0..20 {
+        let (this, next) = (9500 + 10 * k, 9500 + 10 * (k + 1));
+        more += &format!("#{}=REPRESENTATION_MAP(#9002,#{next});\n", this + 1);
+        more += &format!("#{0}=MAPPED_ITEM('',#{1},#9002);\n", this + 2, this + 1);
+        more += &format!("#{0}=MAPPED_ITEM('',#{1},#9002);\n", this + 3, this + 1);
+        more += &format!("#{this}=SHAPE_REPRESENTATION('',(#{},#{}),#1);\n", this + 2, this + 3);
+    }
+    more += "#9700=SHAPE_REPRESENTATION('',(#9104),#1);\n";
+    let many = file.replace(
+        "#9004=SHAPE_REPRESENTATION('',(#9104)",
+        &format!("{more}#9004=SHAPE_REPRESENTATION('',(#9502)"),
+    );
+    let words = refused(many);
+    assert!(words.contains("more than 100000 places of parts"), "{words}");
+    // A shape that places itself.
+    let within = file.replace(
+        "#9003=REPRESENTATION_MAP(#9002,",
+        "#9003=REPRESENTATION_MAP(#9002,#9004);\n#9006=REPRESENTATION_MAP(#9002,",
+    );
+    let words = refused(within);
+    assert!(words.contains("solid #") || words.contains("deep"), "{words}");
+}
+
 #[test]
 fn a_smaller_chord_error_is_nearer_to_the_surface() {
     let exact = PI * 225.0 * 40.0;

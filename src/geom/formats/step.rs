@@ -9,7 +9,10 @@
 //! A solid that is accepted in no way refuses the file, with its faces: a part with a hole in it is no part.
 
 mod body;
+mod mapped;
+mod parts;
 mod placed;
+mod records;
 mod units;
 
 use super::one_line;
@@ -18,14 +21,14 @@ use crate::{Error, Result};
 use body::{Refused, Triangles};
 use glam::{DMat4, DVec3};
 use monstertruck::step::load::{Table, step_p21};
-use placed::Placed;
+use parts::Placed;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// Lists within lists of real files are a few levels deep; the reader follows them by recursion.
 const MOST_NESTED: usize = 100;
 /// A chord error of a smaller share of the file's box is refused: triangles would be without number.
-const LEAST_CHORD: f64 = 1e-5;
+const LEAST_CHORD: f64 = 1e-6;
 /// What to do about a file that is refused.
 const REMEDY: &str = "export it as STL in millimeters, or convert it as docs/meshes.md says";
 
@@ -60,7 +63,8 @@ pub fn read(bytes: &[u8], path: &Path, chord_mm: f64) -> Result<(Mesh, Vec<Strin
     if let Some(why) = placed::left_out(&table) {
         notices.push(format!("{}: {why}", path.display()));
     }
-    let placed = placed::placed(&table).map_err(|(place, found)| refused(&place, found))?;
+    let placed = placed::placed(&table, &records::records(&section.entities))
+        .map_err(|(place, found)| refused(&place, found))?;
     let mut whole = Mesh { vertices: Vec::new(), triangles: Vec::new() };
     let (mut done, mut off_mm): (Option<(u64, Triangles)>, f64) = (None, 0.0);
     for Placed { body, place } in placed {

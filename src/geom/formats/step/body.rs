@@ -1,7 +1,7 @@
 //! Triangles of one solid, and whether they are those of the whole solid.
 
 use super::guarded;
-use super::placed::Body;
+use super::parts::Body;
 use crate::geom::{Mesh, check, weld};
 use glam::DVec3;
 use monstertruck::meshing::prelude::*;

@@ -1,6 +1,8 @@
 //! The solids of a STEP file and where they are.
 
-use super::guarded;
+use super::parts::{Body, Placed};
+use super::records::Records;
+use super::{guarded, mapped};
 use glam::{DMat4, DVec4};
 use monstertruck::assembly::assy::{EdgeEntity, NodeEntity};
 use monstertruck::meshing::prelude::Matrix4;
@@ -11,43 +13,11 @@ use std::collections::BTreeSet;
 /// Places of parts in an assembly: few levels that each place the next twice make any number.
 const MOST_PLACES: usize = 100_000;
 
-/// A solid, or where there is none, surfaces that may bound one; by their number in the file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Body {
-    /// `MANIFOLD_SOLID_BREP`, `BREP_WITH_VOIDS`.
-    Solid(u64),
-    /// `SHELL_BASED_SURFACE_MODEL`.
-    Shells(u64),
-}
-
-impl Body {
-    pub fn id(self) -> u64 {
-        match self {
-            Body::Solid(id) | Body::Shells(id) => id,
-        }
-    }
-
-    /// For messages.
-    pub fn name(self) -> String {
-        match self {
-            Body::Solid(id) => format!("solid #{id}"),
-            Body::Shells(id) => format!("surfaces #{id}"),
-        }
-    }
-}
-
-/// A body at a place.
-pub struct Placed {
-    pub body: Body,
-    /// From its own coordinates to those of the file, in the file's unit.
-    pub place: DMat4,
-}
-
 /// All bodies, in the order of their numbers.
 ///
 /// # Errors
 /// If there is none, or the place of one is not known: where, and what was found.
-pub fn placed(table: &Table) -> Result<Vec<Placed>, (String, String)> {
+pub fn placed(table: &Table, records: &Records) -> Result<Vec<Placed>, (String, String)> {
     let refused = |found: String| ("assembly".to_string(), found);
     let bodies: BTreeSet<Body> = match table.manifold_solid_brep.is_empty() {
         false => table.manifold_solid_brep.keys().map(|id| Body::Solid(*id)).collect(),
@@ -56,16 +26,20 @@ pub fn placed(table: &Table) -> Result<Vec<Placed>, (String, String)> {
     if bodies.is_empty() {
         return Err(("text".into(), "there is no solid in it".into()));
     }
-    let is_mapped = |record: &str| record.contains("\"MAPPED_ITEM\"");
-    if table.dummy.values().any(|dummy| is_mapped(&dummy.record)) {
-        let found = "parts are placed by MAPPED_ITEM, which is not read";
-        return Err(refused(found.into()));
-    }
-    if table.next_assembly_usage_occurrence.is_empty() {
-        let place = DMat4::IDENTITY;
-        return Ok(bodies.into_iter().map(|body| Placed { body, place }).collect());
-    }
-    let mut placed = guarded(|| in_assembly(table, &bodies)).flatten().map_err(refused)?;
+    let mapped = mapped::placed(records, &bodies).map_err(refused)?;
+    let mut placed = match (mapped, table.next_assembly_usage_occurrence.is_empty()) {
+        (None, true) => {
+            let place = DMat4::IDENTITY;
+            return Ok(bodies.into_iter().map(|body| Placed { body, place }).collect());
+        }
+        (None, false) => guarded(|| in_assembly(table, &bodies)).flatten().map_err(refused)?,
+        (Some(placed), true) => placed,
+        (Some(_), false) => {
+            let found = "parts are placed by MAPPED_ITEM and by NEXT_ASSEMBLY_USAGE_OCCURRENCE, \
+                         of which one is read";
+            return Err(refused(found.into()));
+        }
+    };
     // Tables are hashed: their order is another in every run.
     placed.sort_by(|a, b| {
         let places = |placed: &Placed| placed.place.to_cols_array();

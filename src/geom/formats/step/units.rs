@@ -1,14 +1,15 @@
 //! The unit of length of a STEP file.
 
-use monstertruck::step::load::step_p21::ast::{EntityInstance, Name, Parameter, Record};
-use std::collections::{BTreeSet, HashMap};
+use super::records::{Records, flat, named, number, records, references};
+use monstertruck::step::load::step_p21::ast::{EntityInstance, Parameter};
+use std::collections::BTreeSet;
 
 /// Millimeters per unit of length; of a file that states none, one.
 ///
 /// # Errors
 /// If its contexts state different units, or one that is not known.
 pub fn millimeters(entities: &[EntityInstance]) -> Result<f64, String> {
-    let records: HashMap<u64, &[Record]> = entities.iter().map(of_entity).collect();
+    let records = records(entities);
     let mut used: Vec<u64> = Vec::new();
     for records in records.values() {
         let context = records.iter().find(|record| record.name == "GLOBAL_UNIT_ASSIGNED_CONTEXT");
@@ -38,23 +39,12 @@ pub fn millimeters(entities: &[EntityInstance]) -> Result<f64, String> {
     }
 }
 
-fn of_entity(entity: &EntityInstance) -> (u64, &[Record]) {
-    match entity {
-        EntityInstance::Simple { id, record } => (*id, std::slice::from_ref(record)),
-        EntityInstance::Complex { id, subsuper } => (*id, &subsuper.0[..]),
-    }
-}
-
-fn named<'a>(records: &'a [Record], name: &str) -> Option<&'a Record> {
-    records.iter().find(|record| record.name == name)
-}
-
-fn is_length(records: &HashMap<u64, &[Record]>, id: u64) -> bool {
+fn is_length(records: &Records, id: u64) -> bool {
     records.get(&id).is_some_and(|records| named(records, "LENGTH_UNIT").is_some())
 }
 
 /// Millimeters of the unit `id`, which is an SI unit or a multiple of another.
-fn size(records: &HashMap<u64, &[Record]>, id: u64, depth: usize) -> Result<f64, String> {
+fn size(records: &Records, id: u64, depth: usize) -> Result<f64, String> {
     let unknown = || format!("the unit of length #{id} is not known");
     let unit = records.get(&id).filter(|_| depth < 8).ok_or_else(unknown)?;
     if let Some(si) = named(unit, "SI_UNIT") {
@@ -88,34 +78,9 @@ fn size(records: &HashMap<u64, &[Record]>, id: u64, depth: usize) -> Result<f64,
     if size.is_finite() && size > 0.0 { Ok(size) } else { Err(unknown()) }
 }
 
-/// A parameter and all in it.
-fn flat(parameter: &Parameter) -> Box<dyn Iterator<Item = &Parameter> + '_> {
-    match parameter {
-        Parameter::List(list) => Box::new(list.iter().flat_map(flat)),
-        Parameter::Typed { parameter, .. } => flat(parameter),
-        other => Box::new(std::iter::once(other)),
-    }
-}
-
-fn references(parameter: &Parameter) -> Vec<u64> {
-    let id = |parameter: &Parameter| match parameter {
-        Parameter::Ref(Name::Entity(id)) => Some(*id),
-        _ => None,
-    };
-    flat(parameter).filter_map(id).collect()
-}
-
 fn word(parameter: &Parameter) -> Option<&str> {
     match parameter {
         Parameter::Enumeration(word) => Some(word),
-        _ => None,
-    }
-}
-
-fn number(parameter: &Parameter) -> Option<f64> {
-    match parameter {
-        Parameter::Real(x) => Some(*x),
-        Parameter::Integer(n) => Some(*n as f64),
         _ => None,
     }
 }
