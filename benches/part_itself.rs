@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! cargo bench --bench part_itself -- cost      N_SITES N_DIRECTIONS PART.stl…   labels, counts, β, search: 6 cutters
+//! cargo bench --bench part_itself -- tips      N_SITES N_DIRECTIONS PART.stl…   labels and search with other ends: 6 cutters
 //! cargo bench --bench part_itself -- triangles N_SITES N_DIRECTIONS PART.stl…   labels by number of triangles, 1 k to 1 M; wide tools
 //! cargo bench --bench part_itself -- plain     N_SITES N_DIRECTIONS PART.stl…   ratio to the plain loops of the law
 //! cargo bench --bench part_itself -- curve     N_SITES PART.stl…                share found by uniform sets and by searches
@@ -61,6 +62,7 @@ fn main() {
     let number = |k: usize| args[k].parse::<usize>().expect("a number");
     match args.first().map(String::as_str) {
         Some("cost") => costs(&args[3..], number(1), number(2)),
+        Some("tips") => tips(&args[3..], number(1), number(2)),
         Some("triangles") => {
             args[3..].iter().for_each(|part| by_triangles(part, number(1), number(2)));
         }
@@ -68,7 +70,7 @@ fn main() {
         Some("curve") => curves(&args[2..], number(1)),
         Some("equal") => args[3..].iter().for_each(|part| equal(part, number(1), number(2))),
         _ => println!(
-            "cost, triangles, plain, curve or equal; see the first lines of benches/part_itself.rs"
+            "cost, tips, triangles, plain, curve or equal; see the first lines of benches/part_itself.rs"
         ),
     }
 }
@@ -136,6 +138,46 @@ fn costs(paths: &[String], n_sites: usize, n_directions: usize) {
         times.sort_by(|a, b| a.passed.total_cmp(&b.passed));
         let (Some(worst), median) = (times.last(), times.len() / 2) else { continue };
         println!("{name}: median {}, worst {worst}", times[median]);
+    }
+}
+
+/// Labels with the lengths of every cutter and a ball, a bull nose or a flat end.
+fn tips(paths: &[String], n_sites: usize, n_directions: usize) {
+    let directions = Directions::fibonacci_hemisphere(n_directions).expect("directions");
+    let mut all: [[Vec<Times>; 2]; 3] = Default::default();
+    for path in paths {
+        let (mesh, sites) = read(path, n_sites);
+        let obstacles = TriangleObstacles::new(&mesh, &[]).expect("triangles");
+        for lengths in CUTTERS {
+            let params = CutterParams::from_array(lengths);
+            let cutters = [
+                Ok(ball(lengths)),
+                Cutter::bull_nose(params, 0.25 * params.cr_mm),
+                Cutter::flat_end(params),
+            ];
+            for (cutter, all) in cutters.into_iter().zip(&mut all) {
+                let cutter = cutter.expect("a cutter");
+                let quick = SurfaceOptions {
+                    occlusion: false,
+                    counts: false,
+                    refinement: None,
+                    ..Default::default()
+                };
+                let search =
+                    SurfaceOptions { refinement: Some(RefinementOptions::default()), ..quick };
+                for (options, all) in [quick, search].iter().zip(all) {
+                    let label = || obstacles.label(&sites, &cutter, &directions, options);
+                    all.push(timed(|| label().expect("labels")).1);
+                }
+            }
+        }
+    }
+    for (end, all) in ["ball", "bull nose, a quarter of CR", "flat"].iter().zip(&mut all) {
+        for (name, times) in COSTS.iter().zip(all) {
+            times.sort_by(|a, b| a.passed.total_cmp(&b.passed));
+            let (Some(worst), median) = (times.last(), times.len() / 2) else { continue };
+            println!("{end}, {name}: median {}, worst {worst}", times[median]);
+        }
     }
 }
 
@@ -344,6 +386,8 @@ fn equal(path: &str, n_sites: usize, n_directions: usize) {
         Cutter::flat_end(params(CUTTERS[3])),
         Ok(ball(CUTTERS[4])),
         Cutter::tapered(params([1.0, 12.0, 8.0, 10.0]), 0.08, 6),
+        Cutter::flat_end(params([3.0, 20.0, 20.0, 30.0])),
+        Cutter::bull_nose(params([3.0, 20.0, 20.0, 30.0]), 1.0),
     ];
     let (mut n_pairs, mut n_edges, mut n_wrong, mut n_missed) = (0, 0, 0, 0);
     for cutter in cutters {
