@@ -207,6 +207,44 @@ fn places_without_number_and_shapes_within_themselves_are_refused() {
 }
 
 #[test]
+fn assemblies_that_each_place_the_next_twice_are_refused_by_the_number_of_their_places() {
+    // 20 products over the assembly: a million places of its parts.
+    let (mut more, first) = (String::new(), 10_000);
+    for k in 0..20 {
+        let id = |j: usize| first + 100 * k + j;
+        let (part, shape) = match k {
+            19 => (5, 10),
+            _ => (id(100), id(105)),
+        };
+        more += &format!("#{}=PRODUCT_DEFINITION('design','',#{},#9);\n", id(0), id(1));
+        more += &format!("#{}=PRODUCT_DEFINITION_FORMATION('','',#{});\n", id(1), id(2));
+        more += &format!("#{}=PRODUCT('p{k}','p{k}','',(#8));\n", id(2));
+        more += &format!("#{}=PRODUCT_DEFINITION_SHAPE('','',#{});\n", id(3), id(0));
+        more += &format!("#{}=SHAPE_DEFINITION_REPRESENTATION(#{},#{});\n", id(4), id(3), id(5));
+        more += &format!("#{}=SHAPE_REPRESENTATION('',(#11,#15),#27);\n", id(5));
+        for j in [10, 20] {
+            let [dependent, relation, transformation, placement, usage] =
+                [0, 1, 2, 3, 4].map(|i| id(j + i));
+            more += &format!(
+                "#{dependent}=CONTEXT_DEPENDENT_SHAPE_REPRESENTATION(#{relation},#{placement});\n\
+                 #{relation}=(REPRESENTATION_RELATIONSHIP('','',#{shape},#{})\
+                 REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION(#{transformation})\
+                 SHAPE_REPRESENTATION_RELATIONSHIP());\n\
+                 #{transformation}=ITEM_DEFINED_TRANSFORMATION('','',#11,#15);\n\
+                 #{placement}=PRODUCT_DEFINITION_SHAPE('','',#{usage});\n\
+                 #{usage}=NEXT_ASSEMBLY_USAGE_OCCURRENCE('{usage}','','',#{},#{part},$);\n",
+                id(5),
+                id(0)
+            );
+        }
+    }
+    let assembly = text("assembly");
+    let (data, end) = assembly.rsplit_once("ENDSEC;").unwrap();
+    let words = refused(format!("{data}{more}ENDSEC;{end}"));
+    assert!(words.contains("more than 100000 places of parts"), "{words}");
+}
+
+#[test]
 fn a_smaller_chord_error_is_nearer_to_the_surface() {
     let exact = PI * 225.0 * 40.0;
     let off = |chord_mm: f64| {
