@@ -205,7 +205,7 @@ impl Problem<'_> {
             if is_blocked(k) && self.is_trusted(i, axes[2]) {
                 continue;
             }
-            // The first directions were tested before the ball was moved to where it fits.
+            // Directions that were tested before the ball was moved are among these.
             if let Some(at) = self.pose_of_moved_ball(i, axes, state) {
                 return Some((k, at));
             }

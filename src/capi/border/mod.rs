@@ -153,7 +153,7 @@ pub unsafe extern "C" fn dm_context_free(context: *mut *mut dm_context) {
             return;
         }
         let freed = Box::from_raw(context.replace(std::ptr::null_mut()));
-        // A panic of a destructor ends here; nobody could be told.
+        // A panic of a destructor ends here; there is no caller to report it to.
         let _ = catch_unwind(AssertUnwindSafe(|| drop(freed)));
     }
 }
@@ -168,7 +168,7 @@ pub unsafe extern "C" fn dm_error_text(
 ) -> dm_status {
     // SAFETY: the caller keeps the contract of the header.
     unsafe {
-        // Not by `enter`, which would put the text of a short buffer in place of the text that is asked for.
+        // Not by `enter`, which would put the text of a short buffer in place of the last error's text.
         let Some(context) = context.as_ref() else { return dm_status::DM_NO_CONTEXT };
         let fill = || Buffer { buffer, n, needed }.fill_text(&context.error());
         match catch_unwind(AssertUnwindSafe(fill)) {

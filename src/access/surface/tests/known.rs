@@ -70,8 +70,7 @@ fn rectangle(half: DVec2, radius: f64, chord_error: f64) -> Vec<DVec2> {
     for (k, corner) in [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].iter().enumerate() {
         let middle = dvec2(corner.0, corner.1) * (half - radius);
         for j in 0..=n {
-            let angle =
-                0.5 * PI * (k as f64 + if n > 0 { f64::from(j) / f64::from(n) } else { 0.0 });
+            let angle = 0.5 * PI * (k as f64 + f64::from(j) / f64::from(n.max(1)));
             outline.push(middle + radius * DVec2::from_angle(angle));
         }
     }
