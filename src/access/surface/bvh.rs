@@ -218,14 +218,11 @@ impl Bvh {
         let mut stack = vec![0u32];
         while let Some(node) = stack.pop() {
             let node = &self.nodes[node as usize];
-            for k in (0..WIDTH).filter(|k| node.used >> k & 1 == 1) {
-                let beyond = |axis: usize| {
-                    ((point[axis] - node.middle[axis][k]).abs() - node.half[axis][k]).max(0.0)
-                };
-                let squared = (0..3).map(|axis| beyond(axis) * beyond(axis)).sum::<f32>();
-                if squared > reach * reach {
-                    continue;
-                }
+            let squared = reach * reach;
+            let mut open = self.isa.run(Near { node, point, squared }) & u32::from(node.used);
+            while open != 0 {
+                let k = open.trailing_zeros() as usize;
+                open &= open - 1;
                 let (first, count) = (node.first[k], u32::from(node.count[k]));
                 match count {
                     0 => stack.push(first),
@@ -298,5 +295,39 @@ impl<R: Reach> Kernel for Reached<'_, R> {
             start += S::F32::LANES;
         }
         reached & ((1 << WIDTH) - 1)
+    }
+}
+
+/// Which boxes come near a point.
+struct Near<'a> {
+    node: &'a Node,
+    point: Vec3,
+    /// The distance, squared.
+    squared: f32,
+}
+
+impl Kernel for Near<'_> {
+    type Output = u32;
+
+    /// Bit k is set if box k comes within the distance.
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> u32 {
+        let Near { node, point, squared } = self;
+        let zero = S::F32::splat(simd, 0.0);
+        let mut near = 0;
+        let mut start = 0;
+        while start < WIDTH {
+            let middle = vectors(simd, &node.middle, start);
+            let half = vectors(simd, &node.half, start);
+            let p = splat3(simd, point);
+            let from = [p[0] - middle[0], p[1] - middle[1], p[2] - middle[2]];
+            let x = (from[0].max(zero - from[0]) - half[0]).max(zero);
+            let y = (from[1].max(zero - from[1]) - half[1]).max(zero);
+            let z = (from[2].max(zero - from[2]) - half[2]).max(zero);
+            let distance = x * x + y * y + z * z;
+            near |= distance.le(S::F32::splat(simd, squared)).bits() << start;
+            start += S::F32::LANES;
+        }
+        near & ((1 << WIDTH) - 1)
     }
 }

@@ -17,6 +17,8 @@ pub(super) struct Probe {
     parts: Parts,
     /// The tip, if there is one, then the steps: shrunk by the least tolerance.
     levels: Vec<Level>,
+    /// Few steps that hold all, shrunk likewise.
+    enclosing: Vec<[f64; 2]>,
 }
 
 /// What of a tool is tested.
@@ -62,9 +64,10 @@ impl Probe {
             Parts::Whole => Some(outline.tip(least).lower_end()),
         };
         let size = outline.size() + least + reach;
-        let lower_ends = tip.into_iter().chain(enclosing(&steps));
-        let levels = lower_ends.map(|[height, radius]| bvh.level(height, radius, size)).collect();
-        Probe { outline: outline.clone(), parts, levels }
+        let enclosing = enclosing(&steps);
+        let lower_ends = tip.iter().chain(&enclosing);
+        let levels = lower_ends.map(|[height, radius]| bvh.level(*height, *radius, size)).collect();
+        Probe { outline: outline.clone(), parts, levels, enclosing }
     }
 
     /// The tip after shrinking by a tolerance, and by `more`; none if nothing is left of it.
@@ -97,7 +100,7 @@ impl Probe {
         scratch: &mut Scratch,
         mut enough: impl FnMut(u32) -> bool,
     ) -> Verdict {
-        let Scratch { stack, last, n_triangles, n_queries, knife_edge } = scratch;
+        let Scratch { stack, last, n_triangles, n_queries, knife_edge, .. } = scratch;
         *n_queries += 1;
         *knife_edge = false;
         let (mut collides, mut gouges) = (false, false);
@@ -162,6 +165,42 @@ impl Probe {
         met
     }
 
+    /// Whether a triangle is in the steps wherever the tool stands within `spread` of `stand`: in the steps that are
+    /// thinner, and begin higher, by that. The one that a step penetrated last is tried first.
+    pub fn collides_within(
+        &self,
+        (bvh, tolerances): (&Bvh, &Tolerances),
+        stand: &Stand,
+        spread: f64,
+        scratch: &mut Scratch,
+    ) -> bool {
+        let Scratch { stack, last, cores, n_triangles, .. } = scratch;
+        let size = self.outline.size() + bvh.radius() + spread;
+        let steps = self.enclosing.iter().filter(|[_, radius]| *radius > spread);
+        cores.clear();
+        cores.extend(
+            steps.map(|[height, radius]| bvh.level(height + spread, radius - spread, size)),
+        );
+        if cores.is_empty() {
+            return false;
+        }
+        let mut test = |place: u32| {
+            *n_triangles += 1;
+            let corners = stand.triangle(bvh.triangle(place));
+            self.step_penetrates(&corners, tolerances.at(place), -spread)
+        };
+        if last.is_some_and(&mut test) {
+            return true;
+        }
+        bvh.visit(stand, cores, stack, |place, _| {
+            let collides = test(place);
+            if collides {
+                *last = Some(place);
+            }
+            collides
+        })
+    }
+
     /// As [`Probe::meets`], for a ball end's ball.
     pub fn ball_meets(&self, triangles: (&Bvh, &Tolerances), stand: &Stand) -> Met {
         let (bvh, tolerances) = triangles;
@@ -173,6 +212,22 @@ impl Probe {
                 && met.push(self.blocker(triangles, place, stand))
         });
         met
+    }
+
+    /// As [`Probe::collides_within`], for a ball end's ball.
+    pub fn ball_collides_within(
+        &self,
+        (bvh, tolerances): (&Bvh, &Tolerances),
+        stand: &Stand,
+        spread: f64,
+    ) -> bool {
+        let radius = self.outline.radius() - spread;
+        let holds = |place: u32| {
+            let corners = bvh.triangle(place).map(|p| p - stand.reference);
+            let radius = radius - tolerances.at(place);
+            radius > 0.0 && penetrate::ball(&corners, radius)
+        };
+        radius > tolerances.least && bvh.near(stand.reference, radius - tolerances.least, holds)
     }
 
     /// By how much a point, in the frame of the tool, is in the tool shrunk by a tolerance.
@@ -356,7 +411,7 @@ impl Scratch {
 
     /// For the next site: only the memory is kept.
     pub fn renewed(self) -> Self {
-        Scratch { stack: self.stack, ..Scratch::default() }
+        Scratch { stack: self.stack, cores: self.cores, ..Scratch::default() }
     }
 }
 
@@ -364,6 +419,7 @@ impl Scratch {
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     stack: Vec<u32>,
+    cores: Vec<Level>,
     /// Place of the triangle that collided last.
     pub last: Option<u32>,
     /// Tools tested against triangles.

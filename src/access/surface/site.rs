@@ -9,8 +9,8 @@
 //! touch with the site's normal without cutting, it is first moved to where it does.
 
 use super::pose::blockers::{Blockers, Met, Shape};
-use super::pose::search::{Around, PoseSearch, Searched};
-use super::problem::Problem;
+use super::pose::search::{Around, PoseSearch, Searched, Tested};
+use super::problem::{Probes, Problem};
 use super::query::Scratch;
 use super::tool::{Axes, Stand};
 use super::verdict::Verdict;
@@ -142,9 +142,7 @@ impl Problem<'_> {
             state.ball = Ball::Fits(center);
             return;
         }
-        let found = self.search_of(i, &axes, (&self.shapes[1], BALL_TESTS), state, |stand, _| {
-            ball.ball_meets(triangles, stand)
-        });
+        let found = self.search_of(i, &axes, (&self.shapes[1], BALL_TESTS), state);
         state.ball = match found {
             Searched::Free(center) => Ball::Fits(center),
             Searched::Closed => Ball::Gouges,
@@ -173,6 +171,17 @@ impl Problem<'_> {
         normal.is_some_and(|normal| normal.dot(direction) < -self.bounds[i].behind)
     }
 
+    /// Whether one triangle is in the way of all poses in an oblique direction.
+    fn is_closed(&self, i: usize, axes: &Axes, state: &mut SiteState) -> bool {
+        let spread = self.bounds[i].oblique + self.margin();
+        if !(spread.is_finite() && self.contacts[i].is_oblique(&self.outline, axes[2])) {
+            return false;
+        }
+        let reference = self.contacts[i].reference_point(&self.outline, axes[2]);
+        let stand = Stand { reference, axes: *axes };
+        self.probes.steps.collides_within(self.triangles(), &stand, spread, &mut state.scratch)
+    }
+
     /// The reference point of a free pose, by search.
     pub fn search_poses(
         &self,
@@ -181,17 +190,13 @@ impl Problem<'_> {
         n_tests: usize,
         state: &mut SiteState,
     ) -> Option<DVec3> {
-        if self.faces_away(i, axes[2]) {
+        if self.faces_away(i, axes[2])
+            || state.ball == Ball::Gouges
+            || self.is_closed(i, axes, state)
+        {
             return None;
         }
-        if state.ball == Ball::Gouges {
-            return None;
-        }
-        let (whole, triangles) = (&self.probes.whole, self.triangles());
-        let found = self.search_of(i, axes, (&self.shapes[0], n_tests), state, |stand, scratch| {
-            whole.meets(triangles, stand, scratch)
-        });
-        found.free()
+        self.search_of(i, axes, (&self.shapes[0], n_tests), state).free()
     }
 
     fn search_of(
@@ -200,7 +205,6 @@ impl Problem<'_> {
         axes: &Axes,
         (shape, n_tests): (&Shape, usize),
         state: &mut SiteState,
-        mut test: impl FnMut(&Stand, &mut Scratch) -> Met,
     ) -> Searched {
         let Problem { bvh, tolerances, .. } = self;
         let contact = &self.contacts[i];
@@ -225,8 +229,35 @@ impl Problem<'_> {
         let around =
             Around::new(shape, self.poses, contact, axes[2], [bounds.slack, within, self.rim(i)]);
         let limits = (FINE * self.outline.finish(), n_tests);
-        poses.run(&around, blockers, limits, |reference| {
-            test(&Stand { reference, axes: *axes }, scratch)
-        })
+        poses.run(&around, blockers, limits, InDirection { problem: self, shape, axes, scratch })
+    }
+}
+
+/// The whole tool or its ball, along one direction.
+struct InDirection<'a> {
+    problem: &'a Problem<'a>,
+    shape: &'a Shape,
+    axes: &'a Axes,
+    scratch: &'a mut Scratch,
+}
+
+impl Tested for InDirection<'_> {
+    fn meets(&mut self, reference: DVec3) -> Met {
+        let Probes { whole, ball, .. } = &self.problem.probes;
+        let (triangles, stand) = (self.problem.triangles(), Stand { reference, axes: *self.axes });
+        match self.shape.is_ball() {
+            true => ball.ball_meets(triangles, &stand),
+            false => whole.meets(triangles, &stand, self.scratch),
+        }
+    }
+
+    fn collides_within(&mut self, reference: DVec3, spread: f64) -> bool {
+        let Probes { steps, ball, .. } = &self.problem.probes;
+        let (triangles, stand) = (self.problem.triangles(), Stand { reference, axes: *self.axes });
+        let spread = spread + self.problem.margin();
+        match self.shape.is_ball() {
+            true => ball.ball_collides_within(triangles, &stand, spread),
+            false => steps.collides_within(triangles, &stand, spread, self.scratch),
+        }
     }
 }

@@ -14,6 +14,7 @@ use crate::rng::{Purpose, Stream};
 use glam::{DMat3, DQuat, DVec2, DVec3, Vec3, dvec2, dvec3};
 use std::f64::consts::{PI, TAU};
 
+mod closed;
 mod engines;
 mod explain;
 mod invariance;

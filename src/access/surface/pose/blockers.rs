@@ -80,6 +80,11 @@ impl Shape {
 }
 
 impl Shape {
+    /// Whether it is a ball end's ball alone.
+    pub fn is_ball(&self) -> bool {
+        self.is_ball
+    }
+
     /// By how much a point is in the tool, and in which direction the tool has to move to be clear of it.
     fn depth(&self, p: DVec3, tolerance: f64) -> (f64, DVec3) {
         let [corner, side] = [self.corner, self.side].map(f64::from);

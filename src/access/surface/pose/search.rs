@@ -2,16 +2,17 @@
 //!
 //! ```text
 //! cells = a rectangle around all poses, or around those that are not too deep in the plane of the surface, in eight
-//! forget cells that a known blocker closes, now and after every test; none left: closed
+//! forget cells that a known blocker closes, now and after every test, or that a triangle closes; none left: closed
 //! slide: test the pose that touches with the normal: free → reached; else points of what penetrates become blockers
 //!        push it along the poses, clear of the deepest blocker; again, unless it goes to and fro
 //! best first: the cell whose middle is least deep in the blockers
 //!     no blocker is in the middle: test there, as above
-//!     smaller than the resolution: given up; else cut in half across the longer side
+//!     smaller than the resolution: given up; a triangle closes it: forgotten; else cut in half across the longer side
 //! ```
 //!
 //! The poses of a cell are in a box; a blocker is in the tool for all of them if it is where the box puts it farthest
-//! from the axis and lowest.
+//! from the axis and lowest. A triangle closes a cell if it is in a tool at its middle that is shrunk by half the cell's
+//! diagonal: poses are no farther apart than their places on the disc.
 
 use super::blockers::{Blockers, Local, Met, Shape};
 use super::{PoseBox, PoseSet};
@@ -211,16 +212,16 @@ impl<'a> Around<'a> {
 }
 
 impl PoseSearch {
-    /// Searches for a free pose; `test` is given reference points, `resolution` is the size of cells that are not cut,
-    /// mm, `n_tests` how many poses are tested before it gives up, beside those that are pushed.
+    /// Searches for a free pose; `resolution` is the size of cells that are not cut, mm, `n_tests` how many poses are
+    /// tested before it gives up, beside those that are pushed.
     pub fn run(
         &mut self,
         around: &Around,
         blockers: &mut Blockers,
         (resolution, n_tests): (f64, usize),
-        test: impl FnMut(DVec3) -> Met,
+        tool: impl Tested,
     ) -> Searched {
-        let mut run = Run { memory: self, around, blockers, test };
+        let mut run = Run { memory: self, around, blockers, tool };
         run.begin();
         match run.slide() {
             Searched::GivenUp => run.best_first(resolution, n_tests),
@@ -229,15 +230,29 @@ impl PoseSearch {
     }
 }
 
+/// A tool in one direction, as a search asks about it.
+pub(in crate::access::surface) trait Tested {
+    /// What is in its way with the reference point here.
+    fn meets(&mut self, reference: DVec3) -> Met;
+
+    /// Whether a triangle is in its way wherever the reference point is within `spread` of here.
+    fn collides_within(&mut self, reference: DVec3, spread: f64) -> bool;
+}
+
+/// Whether a triangle is in the way of all poses of a cell.
+fn covers(tool: &mut impl Tested, around: &Around, cell: &Cell) -> bool {
+    tool.collides_within(around.reference(cell.at), cell.half.length())
+}
+
 /// One search.
-struct Run<'s, 'a, F> {
+struct Run<'s, 'a, T> {
     memory: &'s mut PoseSearch,
     around: &'s Around<'a>,
     blockers: &'s mut Blockers,
-    test: F,
+    tool: T,
 }
 
-impl<F: FnMut(DVec3) -> Met> Run<'_, '_, F> {
+impl<T: Tested> Run<'_, '_, T> {
     /// The cells that known blockers leave.
     fn begin(&mut self) {
         /// Halvings of the first cell.
@@ -258,6 +273,8 @@ impl<F: FnMut(DVec3) -> Met> Run<'_, '_, F> {
         }
         cells.retain(|cell| around.is_possible(cell));
         self.close(0);
+        let tool = &mut self.tool;
+        self.memory.cells.retain(|cell| !covers(tool, around, cell));
     }
 
     /// Drops the cells that a blocker from number `first` on is in the way of.
@@ -274,7 +291,7 @@ impl<F: FnMut(DVec3) -> Met> Run<'_, '_, F> {
 
     /// Whether a pose is free; what is in the way closes cells.
     fn is_free(&mut self, reference: DVec3) -> bool {
-        let met = (self.test)(reference);
+        let met = self.tool.meets(reference);
         if met.is_free() {
             return true;
         }
@@ -336,6 +353,9 @@ impl<F: FnMut(DVec3) -> Met> Run<'_, '_, F> {
             }
             if cell.half.length() <= resolution || n_cells > CELLS_PER_TEST * most_tests {
                 outcome = Searched::GivenUp;
+                continue;
+            }
+            if covers(&mut self.tool, around, &cell) {
                 continue;
             }
             let PoseSearch { cells, local, isa } = &mut *self.memory;
