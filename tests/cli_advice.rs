@@ -74,6 +74,53 @@ fn a_slot_too_narrow_is_named_with_its_depth_and_the_width_that_the_tool_needs()
 }
 
 #[test]
+fn where_no_tool_reaches_the_tool_that_needs_the_least_change_of_the_part_is_named() {
+    let folder = Folder::new();
+    let part = grooved(&folder, 20.0, 8.0);
+    // A wide ball, a thinner one, and one whose holder meets the part.
+    let table = "name,CR,CH,FR,FH\nD10,5,20,30,20\nD6,3,20,30,20\nD2,1,0.5,30,20\n";
+    let tools = folder.file("tools.csv", table);
+    let tool = ["--tools", &tools];
+    let result = json(&label(&folder, &part, &tool, &["--json", "--report"]));
+    let all = advice(&result);
+    let corners: Vec<_> = all.iter().filter(|one| one["kind"] == "corner-radius").collect();
+    assert!(!corners.is_empty(), "{result}");
+    for one in corners {
+        assert_eq!((&one["tool"], &one["to"]), (&"D6".into(), &3.0.into()), "{one}");
+        let words = one["words"].as_str().unwrap();
+        assert!(words.starts_with("corner radius 0 → 3 mm frees "), "{words}");
+        assert!(words.ends_with(" for D6"), "{words}");
+    }
+    // The change of a tool is one of those that are there.
+    let findings = result["findings"]["findings"].as_array().unwrap();
+    let changes = findings.iter().filter_map(|finding| finding["change"]["words"].as_str());
+    let changes: Vec<&str> = changes.collect();
+    assert!(!changes.is_empty(), "{result}");
+    for words in changes {
+        assert!(["D10: ", "D6: ", "D2: "].iter().any(|name| words.starts_with(name)), "{words}");
+    }
+    // `report` says the same of what it reads.
+    let out = folder.path("out");
+    let again = json(&deepmill(&["report", &out, "--json"]));
+    assert_eq!(again["findings"]["findings"], result["findings"]["findings"]);
+}
+
+#[test]
+fn a_report_names_axes_that_were_not_tested_as_the_labels_do() {
+    let folder = Folder::new();
+    let part = folder.block();
+    let out = folder.path("out");
+    let args = ["label", &part, "--out", &out, "--directions", "up", "--sites", "1500", "--json"];
+    let result =
+        json(&deepmill(&[&args[..], &["--cutter", "3,20,30,20", "--no-picture"]].concat()));
+    let opens = result["findings"]["findings"][0]["opens"].clone();
+    assert_eq!(opens[0]["axis"], "-z", "{result}");
+    deepmill(&["report", &out]);
+    let page = std::fs::read_to_string(folder.path("out/report.html")).unwrap();
+    assert!(page.contains("which was not tested: -z"), "the page");
+}
+
+#[test]
 fn a_block_that_is_reached_has_no_advice() {
     let folder = Folder::new();
     let part = folder.block();

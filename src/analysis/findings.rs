@@ -3,8 +3,12 @@
 use crate::Result;
 use crate::access::Labels;
 use crate::access::surface::explain::RegionAdvice;
-use crate::access::surface::{PartChange, SiteAnswer, SurfaceOptions, TriangleObstacles};
+use crate::access::surface::{
+    PartChange, PartLength, SiteAnswer, SurfaceOptions, TriangleObstacles,
+};
 use crate::cutter::Assembly;
+use crate::data::files::LabelFile;
+use crate::data::files::label_query::LabelQuery;
 use crate::data::files::tools::Tool;
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::{Mesh, Sites};
@@ -12,6 +16,7 @@ use crate::report::findings::{
     Findings, Opening, PartAdvice, ToolChange, add_blocking_parts, add_proofs,
 };
 use glam::Vec3;
+use std::path::Path;
 
 /// Findings that are shown in words, and for which a change of the tool is looked for.
 pub const N_SHOWN: usize = 6;
@@ -118,27 +123,135 @@ pub(super) fn add_openings(
     Ok(())
 }
 
-/// Adds to the largest findings a change of the tool that helps most of the region, and changes of the part, if
-/// `change_for` its sites finds any.
+/// Tools whose changes are looked for where no tool reaches.
+const N_ADVISED: usize = 3;
+/// Of tools that free this share of what the best one frees, the one that needs the least change is named.
+const AS_MUCH: f64 = 0.9;
+
+/// A tool whose changes are looked for, with its name where there are others.
+pub(super) type Advised<'a> = (Option<&'a str>, &'a Assembly);
+
+/// Of several tools, those that changes are looked for: the one that reaches most sites, the thinnest and the longest;
+/// the first among equals, and none that is given by its profile.
+pub(super) fn advised(tools: &[Tool], accessible: &[Vec<bool>]) -> Vec<usize> {
+    let of_lengths = |k: &usize| tools[*k].assembly.profile().is_none();
+    let greatest = |of: &dyn Fn(usize) -> f64| {
+        let better = |a: usize, b: usize| if of(b) > of(a) { b } else { a };
+        (0..tools.len()).filter(of_lengths).reduce(better)
+    };
+    let n_reached = |k: usize| accessible[k].iter().filter(|reached| **reached).count() as f64;
+    let thin = |k: usize| -(tools[k].cutter.corner_mm() + tools[k].cutter.side_mm());
+    let long = |k: usize| tools[k].assembly.stick_out_mm();
+    let mut chosen: Vec<usize> = Vec::with_capacity(N_ADVISED);
+    for k in [greatest(&n_reached), greatest(&thin), greatest(&long)].into_iter().flatten() {
+        if !chosen.contains(&k) {
+            chosen.push(k);
+        }
+    }
+    chosen
+}
+
+/// Adds to the largest findings a change of one of the tools that helps most of the region, and changes of the part, if
+/// `change_for` a tool and its sites finds any.
 ///
 /// # Errors
 /// Those of `change_for`.
-pub fn advise(
+pub(super) fn advise(
     findings: &mut Findings,
-    tool: &Assembly,
-    change_for: impl Fn(&[u32]) -> Result<(RegionAdvice, Vec<PartChange>)>,
+    tools: &[Advised],
+    change_for: impl Fn(usize, &[u32]) -> Result<(RegionAdvice, Vec<PartChange>)>,
 ) -> Result<()> {
     let of_site = &findings.of_site;
     for (number, finding) in (1..).zip(findings.list.iter_mut().take(N_SHOWN)) {
         let all = 0..of_site.len() as u32;
         let members: Vec<u32> = all.filter(|&i| of_site[i as usize] == number).collect();
-        let (advice, of_part) = change_for(&members)?;
-        let found = advice.change.filter(|found| found.share >= LEAST_SHARE);
-        let stopped = advice.stopped.filter(|s| s.by_overall_length || found.is_none());
-        let of_area = |change: &PartChange| PartAdvice::new(change, finding.area_mm2);
-        finding.advice = of_part.iter().map(of_area).collect();
-        finding.stopped = stopped.map(|stopped| stopped.words());
-        finding.change = found.map(|found| ToolChange::new(found.change.words(tool), found.share));
+        let (mut change, mut stopped): (Option<ToolChange>, _) = (None, None);
+        let mut of_part = Vec::new();
+        for (k, (name, tool)) in tools.iter().enumerate() {
+            let named = |words: String| match name {
+                Some(name) => format!("{name}: {words}"),
+                None => words,
+            };
+            let (advice, of_tool) = change_for(k, &members)?;
+            let found = advice.change.filter(|found| found.share >= LEAST_SHARE);
+            let is_best = |share: f64| change.as_ref().is_none_or(|best| share > best.share);
+            let is_found = found.is_some();
+            if let Some(found) = found.filter(|found| is_best(found.share)) {
+                change = Some(ToolChange::new(named(found.change.words(tool)), found.share));
+            }
+            let told = advice.stopped.filter(|s| s.by_overall_length || !is_found);
+            stopped =
+                stopped.or(told.map(|stopped| (stopped.by_overall_length, named(stopped.words()))));
+            of_part.extend(of_tool.into_iter().map(|change| (*name, change)));
+        }
+        let of_area =
+            |(name, of): &(Option<&str>, PartChange)| PartAdvice::new(of, finding.area_mm2, *name);
+        finding.advice = least_changes(of_part).iter().map(of_area).collect();
+        // What is too slender matters only where nothing else helps.
+        let is_told =
+            |(by_overall_length, _): &(bool, String)| *by_overall_length || change.is_none();
+        finding.stopped = stopped.filter(is_told).map(|(_, words)| words);
+        finding.change = change;
     }
     Ok(())
+}
+
+/// For each length of the part the changes for one tool: of those that free about as much as any, the one that needs
+/// least; the change that frees most first.
+fn least_changes(all: Vec<(Option<&str>, PartChange)>) -> Vec<(Option<&str>, PartChange)> {
+    let by = |change: &PartChange| (change.to_mm - change.from_mm).abs();
+    let chosen_for = |kind: PartLength| {
+        let of_kind = || all.iter().filter(move |(_, change)| change.kind == kind);
+        let most = of_kind().map(|(_, change)| change.share).fold(0.0, f64::max);
+        let enough = of_kind().filter(|(_, change)| change.share >= AS_MUCH * most);
+        let least = enough.reduce(|a, b| if by(&b.1) < by(&a.1) { b } else { a });
+        least.map(|(name, _)| *name)
+    };
+    let is_chosen =
+        |(name, change): &&(Option<&str>, PartChange)| chosen_for(change.kind) == Some(*name);
+    let mut left: Vec<_> = all.iter().filter(is_chosen).copied().collect();
+    left.sort_by(|a, b| b.1.share.total_cmp(&a.1.share));
+    left
+}
+
+/// Labels that were read, of one tool.
+#[doc(hidden)] // of the program
+pub struct Read<'a> {
+    /// The tool, where there are others.
+    pub name: &'a str,
+    /// The labels.
+    pub file: &'a LabelFile,
+    /// Where they were read; the surface and fixtures lie beside them.
+    pub path: &'a Path,
+}
+
+/// Adds what helps to the findings of labels that were read, of one tool or of several: those that no tool reaches.
+/// Nothing is added if the files do not state what is needed, as those of older versions. `mesh` is the surface, if it
+/// is known.
+///
+/// # Errors
+/// As [`TriangleObstacles::label`].
+#[doc(hidden)] // of the program
+pub fn advise_again(findings: &mut Findings, all: &[Read], mesh: Option<&Mesh>) -> Result<()> {
+    let tools = all.iter().map(|of| LabelQuery::tool_of(of.file, of.path).ok());
+    let Some(tools) = tools.collect::<Option<Vec<Tool>>>() else { return Ok(()) };
+    let accessible: Vec<_> = all.iter().map(|of| of.file.labels.answers.accessible()).collect();
+    let chosen = if all.len() == 1 { vec![0] } else { advised(&tools, &accessible) };
+    let query = |&k: &usize| {
+        let read = |mesh: Option<&Mesh>| LabelQuery::of_file(all[k].file, all[k].path, mesh);
+        read(mesh).or_else(|_| read(None)).ok()
+    };
+    let Some(queries) = chosen.iter().map(query).collect::<Option<Vec<LabelQuery>>>() else {
+        return Ok(());
+    };
+    let name = |k: usize| (all.len() > 1).then_some(all[k].name);
+    let of: Vec<Advised> = chosen.iter().map(|&k| (name(k), &tools[k].assembly)).collect();
+    advise(findings, &of, |k, members| {
+        Ok((queries[k].change_for(members)?, queries[k].part_changes(members)?))
+    })?;
+    let Some((first, triangles)) = queries.first().and_then(|q| Some((q, q.triangles()?))) else {
+        return Ok(());
+    };
+    let by = (&first.directions, &first.options);
+    add_openings(findings, &first.file.sites, &tools, triangles, by)
 }

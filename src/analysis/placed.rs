@@ -289,21 +289,9 @@ impl Placed {
         let kept_out = self.kept_out(&labels)?;
         let (mut found, mut of_all) = self.findings(&labels)?;
         kept_out.iter().for_each(|kept| kept.add_to(found.iter_mut()));
-        if let (Some(triangles), [found], [tool]) =
-            (&triangles, &mut found[..], &self.request.tools[..])
-        {
-            let held = (&tool.assembly, tool.clearance_mm);
-            let (options, remedies) = (self.options(), self.request.remedies());
-            findings::advise(found, held.0, |members| {
-                let of = (&self.sites, members);
-                let of_tool =
-                    triangles.change_for(of, held, &self.directions, &options, &remedies)?;
-                let of_part = triangles.part_changes(of, held, &self.directions, &options)?;
-                Ok((of_tool, of_part))
-            })?;
-        }
         if let (Some(triangles), Some(found)) = (&triangles, of_all.as_mut().or(found.first_mut()))
         {
+            self.advise(found, &labels, triangles)?;
             let of = (&self.directions, &self.options());
             findings::add_openings(found, &self.sites, &self.request.tools, triangles, of)?;
         }
@@ -430,6 +418,28 @@ impl Placed {
             }
         };
         Ok(())
+    }
+
+    /// Adds changes of tools and part that help.
+    fn advise(
+        &self,
+        findings: &mut Findings,
+        labels: &[Labels],
+        triangles: &TriangleObstacles,
+    ) -> Result<()> {
+        let tools = &self.request.tools;
+        let accessible: Vec<_> = labels.iter().map(|of| of.answers.accessible()).collect();
+        let chosen = if tools.len() == 1 { vec![0] } else { findings::advised(tools, &accessible) };
+        let name = |k: usize| (tools.len() > 1).then_some(&*tools[k].name);
+        let of: Vec<_> = chosen.iter().map(|&k| (name(k), &tools[k].assembly)).collect();
+        let (options, remedies) = (self.options(), self.request.remedies());
+        findings::advise(findings, &of, |k, members| {
+            let tool = &tools[chosen[k]];
+            let (of, held) = ((&self.sites, members), (&tool.assembly, tool.clearance_mm));
+            let of_tool = triangles.change_for(of, held, &self.directions, &options, &remedies)?;
+            let of_part = triangles.part_changes(of, held, &self.directions, &options)?;
+            Ok((of_tool, of_part))
+        })
     }
 
     /// What the fixtures keep out of reach, if there are any.

@@ -5,9 +5,8 @@ use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use crate::progress;
 use crate::status;
-use deepmill::analysis::{advise, findings_of_tools, take_region};
+use deepmill::analysis::{Read, advise_again, findings_of_tools, take_region};
 use deepmill::answers::SiteAnswers;
-use deepmill::data::files::label_query::LabelQuery;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
 use deepmill::geom::Mesh;
 use deepmill::geom::formats::{self, ReadOptions};
@@ -127,13 +126,10 @@ pub fn page(
         let mut found = findings_of_tools(&file.sites, mesh, &[""], &[&file.labels])?;
         let beside = path.parent().unwrap_or(Path::new(""));
         found.iter_mut().for_each(|found| found.take_ids(beside));
-        // The surface is in memory, unless that is of a region. Files of older versions lack what advice needs.
-        let own = mesh.filter(|_| file.provenance.settings.region.is_none()).cloned();
-        let query = LabelQuery::read(path, own).or_else(|_| LabelQuery::read(path, None));
-        if let (Ok(query), [found]) = (query, &mut found[..]) {
-            advise(found, &query.tool.assembly, |members| {
-                Ok((query.change_for(members)?, query.part_changes(members)?))
-            })?;
+        if let [found] = &mut found[..] {
+            // The surface in memory may be that of a region.
+            let own = mesh.filter(|_| file.provenance.settings.region.is_none());
+            advise_again(found, &[Read { name: "", file, path }], own)?;
         }
         let tabs = |found| View::tabs_of_labels("exact", file, found);
         views.extend(found.into_iter().flat_map(tabs));
@@ -187,6 +183,10 @@ fn several(args: &Args, output: &Output) -> Result<()> {
     let (classes, of) = coverage::groups(&tools, &first);
     let mut all = Findings::of(sites, mesh.as_ref(), &for_all_tools(answers.into_iter()), &[])?;
     all.take_ids(&args.results);
+    let at: Vec<PathBuf> = folders.iter().map(|of| args.results.join(of).join(LABELS)).collect();
+    let read = tools.iter().zip(&files).zip(&at);
+    let read: Vec<Read> = read.map(|((name, file), path)| Read { name, file, path }).collect();
+    advise_again(&mut all, &read, mesh.as_ref().filter(|_| !of_region))?;
     findings::say(&all, output);
     let result = json!({ "findings": all.json() });
     let mut first = View::of_first_tools(&classes, &of, all);

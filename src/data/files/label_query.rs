@@ -208,6 +208,30 @@ impl LabelQuery {
         }
     }
 
+    /// The tool of labels that were read at a path.
+    ///
+    /// # Errors
+    /// If they do not state it.
+    pub(crate) fn tool_of(file: &LabelFile, path: &Path) -> Result<Tool> {
+        Stated { path, provenance: &file.provenance }.tool()
+    }
+
+    /// As [`LabelQuery::read`], of labels that were read at a path.
+    ///
+    /// # Errors
+    /// As [`LabelQuery::read`].
+    pub(crate) fn of_file(file: &LabelFile, path: &Path, mesh: Option<&Mesh>) -> Result<Self> {
+        Self::with(file.clone(), path, (mesh.cloned(), None))
+    }
+
+    /// What blocks, if that is triangles.
+    pub(crate) fn triangles(&self) -> Option<&TriangleObstacles> {
+        match &self.barrier {
+            Barrier::Triangles(triangles) => Some(triangles),
+            Barrier::Points(_) => None,
+        }
+    }
+
     /// The change of the tool that helps most of these sites; none is looked for where points are the obstacles.
     ///
     /// # Errors

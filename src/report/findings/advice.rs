@@ -26,6 +26,8 @@ impl ToolChange {
 #[non_exhaustive]
 #[doc(hidden)] // of the page and the program
 pub struct PartAdvice {
+    /// For which tool, where no one of several tools reaches.
+    pub tool: Option<String>,
     /// Which length of the part.
     pub kind: PartLength,
     /// What it is.
@@ -45,10 +47,12 @@ pub struct PartAdvice {
 }
 
 impl PartAdvice {
-    /// Of a change, which frees its share of an area.
-    pub fn new(change: &PartChange, area_mm2: f64) -> Self {
+    /// Of a change, which frees its share of an area; `tool` is the name of the tool where there are others.
+    pub fn new(change: &PartChange, area_mm2: f64, tool: Option<&str>) -> Self {
         let frees_mm2 = change.share * area_mm2;
+        let with = tool.map_or(String::new(), |tool| format!(" for {tool}"));
         PartAdvice {
+            tool: tool.map(str::to_owned),
             kind: change.kind,
             from: change.from_mm,
             to: change.to_mm,
@@ -56,7 +60,7 @@ impl PartAdvice {
             frees_mm2,
             at_mm: change.at_mm,
             depth_mm: change.depth_mm,
-            words: format!("{} frees {}", part_change_words(change), area_words(frees_mm2)),
+            words: format!("{} frees {}{with}", part_change_words(change), area_words(frees_mm2)),
         }
     }
 }
