@@ -1,7 +1,8 @@
 //! What is left, as bodies with a surface.
 //!
-//! A node that is left is *core* if no node beside it is in the part: there the layer is thicker than the lattice's
-//! step. A body is a set of core nodes that hang together, with the nodes that are left within three steps of them.
+//! A node that is left is *core* if its distance from the part and that from what is removed are together more than the
+//! lattice's step: there the layer is thicker than that. A body is a set of core nodes that hang together, with the nodes
+//! that are left within three steps of them.
 //! Its surface is where an implicit function is 0: outside of the part, how far a place is above what tools leave;
 //! within, half a step below the part's surface, so that bodies and part overlap and a union joins them.
 
@@ -38,10 +39,14 @@ const TASK: usize = 4096;
 
 impl Nodes {
     /// Of a grid.
-    pub fn new(grid: &Grid) -> Self {
+    pub fn new(grid: &Grid, bvh: &Bvh) -> Self {
         let left = grid.left();
-        let counts = grid.lattice.counts;
-        let is_core = |at: &[usize; 3]| around(*at).all(|other| grid.node(other) != Node::Part);
+        let (counts, values, step) =
+            (grid.lattice.counts, Values { grid, bvh }, grid.lattice.step_mm);
+        let is_core = |at: &[usize; 3]| {
+            let beside_part = || around(*at).any(|other| grid.node(other) == Node::Part);
+            !beside_part() || values.to_removed(*at) + values.depth(grid.lattice.at(*at)) > step
+        };
         let is_left = |at: &[usize; 3]| matches!(grid.node(*at), Node::Above(above) if above < 0.0);
         let core = par::map_blocks(left.len(), TASK, |range| {
             let core = left[range].iter().filter(|at| is_core(at));
@@ -248,7 +253,22 @@ impl Values<'_> {
         sign * value.abs().clamp(LEAST * step, step)
     }
 
-    /// How deep a point in the part is below its surface, at most a step, mm.
+    /// How far a node that is left is from what is removed, at most a step, mm: along the lattice's edges and diagonals,
+    /// between values clipped to a step.
+    fn to_removed(&self, at: [usize; 3]) -> f64 {
+        let (step, own) = (self.grid.lattice.step_mm, self.at(at));
+        let to = |other: [usize; 3]| {
+            let value = match self.grid.node(other) {
+                Node::Part => return step,
+                _ => -self.at(other),
+            };
+            let apart = self.grid.lattice.at(at).distance(self.grid.lattice.at(other));
+            if value > 0.0 { apart * own / (own + value) } else { step }
+        };
+        around(at).map(to).fold(step, f64::min)
+    }
+
+    /// How far a point is from the surface of the part, at most a step, mm.
     fn depth(&self, p: DVec3) -> f64 {
         let mut depth = self.grid.lattice.step_mm;
         self.bvh.near(p, depth, |place| {

@@ -103,7 +103,7 @@ impl TriangleObstacles {
             after_mm3.push(found.after_mm3);
             grid = found.grid;
         }
-        let bodies = Nodes::new(&grid).bodies(&grid, &self.bvh);
+        let bodies = Nodes::new(&grid, &self.bvh).bodies(&grid, &self.bvh);
         Ok(Machined { alone_mm3, after_mm3, bodies, n_rounds })
     }
 
@@ -205,7 +205,7 @@ impl Pass<'_> {
     }
 
     fn volume(&self, grid: &Grid) -> f64 {
-        Nodes::new(grid).volume_mm3(grid, &self.obstacles.bvh)
+        Nodes::new(grid, &self.obstacles.bvh).volume_mm3(grid, &self.obstacles.bvh)
     }
 
     /// All tools along all directions until what is left stays, and the number of rounds.
@@ -222,7 +222,7 @@ impl Pass<'_> {
             if round == 1 {
                 alone_mm3 = mem::take(&mut found.alone_mm3);
             }
-            let points = Nodes::new(&found.grid).points(&found.grid);
+            let points = Nodes::new(&found.grid, &self.obstacles.bvh).points(&found.grid);
             let is_last = points == rest || round == MOST_ROUNDS;
             if is_last || !self.may_meet(&found.stops, &points) {
                 found.alone_mm3 = alone_mm3;

@@ -131,6 +131,25 @@ fn a_ball_leaves_the_volume_of_its_fillets_in_a_pocket() {
     }
 }
 
+/// In an inner corner a ball leaves a layer 0.41·R thick, wherever the nodes of the lattice are.
+#[test]
+fn a_fillet_thicker_than_the_accuracy_is_left_wherever_the_lattice_is() {
+    let cutter: Cutter = "3,20,20,40".parse().unwrap();
+    let by_hand = 2.0 * (1.0 - PI / 4.0) * 9.0 * 40.0;
+    for k in 0..10 {
+        let shift = 0.11 * f64::from(k);
+        let mesh = slotted(20.0 + 1.3 * shift, 8.0 + shift);
+        for accuracy in [0.4, 0.5, 0.6] {
+            let machined = machine(&mesh, &[&cutter], &Directions::up(), accuracy);
+            let share = left(&machined) / by_hand;
+            // Its rims are thinner than the accuracy.
+            assert!((share - 1.0).abs() < 0.25, "shift {shift}, accuracy {accuracy}: {share}");
+            // Along the whole corner: two bodies, and none in pieces.
+            assert_eq!(machined.bodies.len(), 2, "shift {shift}, accuracy {accuracy}");
+        }
+    }
+}
+
 /// A wall 50 high beside a floor: a holder of radius 10, 20 above the tip, keeps a cutter of radius 3 off the lower 30
 /// within 7 of the wall. What stays there keeps the holder off again.
 #[test]
