@@ -99,6 +99,11 @@ fn impossible_profiles_are_refused_with_the_place_and_a_remedy() {
     assert!(Profile::saw(9.0, 1.0, [9.5, 1.0], 3.0).is_err());
     assert!(Profile::face_mill(25.0, 25.0, 0.7, [0.0; 2]).is_err());
     for bad in [f64::NAN, f64::INFINITY, -1.0, 0.0] {
+        assert!(Profile::center_drill([bad, 3.0], 2.0, [2.0, 1.0]).is_err());
+        assert!(Profile::center_drill([1.0, bad], 2.0, [2.0, 1.0]).is_err());
+        assert!(Profile::center_drill([1.0, 3.0], bad, [2.0, 1.0]).is_err());
+        assert!(Profile::center_drill([1.0, 3.0], 2.0, [bad, 1.0]).is_err());
+        assert!(Profile::center_drill([1.0, 3.0], 2.0, [2.0, bad]).is_err());
         assert!(Profile::cylinder(bad, 0.0, 1.0).is_err() && Profile::oval(bad, 9.0, 1.0).is_err());
         assert!(Profile::spheroid(5.0, bad, 1.0).is_err());
         assert!(Profile::tapered_barrel(0.0, bad, 9.0, 0.1, [1.0, 1.0]).is_err());

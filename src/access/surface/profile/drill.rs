@@ -7,33 +7,62 @@ use glam::DVec3;
 /// Normals of walls are this near to what is across the axis, as sine of the angle, and to those of a cone, radians.
 pub(super) const NEAR: f64 = 0.12;
 
-/// What of a drill touches.
+/// A cylinder that cuts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Drill {
-    /// Radius and lower end of the margin, mm.
+pub(super) struct Margin {
+    /// Radius and height of its lower end, mm.
     pub radius: f64,
-    pub margin: f64,
-    /// Radius and height of the cone's ends, and the angle of its normal above the plane across the axis; none of a
-    /// reamer.
-    pub cone: Option<([[f64; 2]; 2], f64)>,
+    pub low: f64,
 }
+
+/// A cone that cuts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct DrillCone {
+    /// Radius and height of its ends, mm.
+    pub ends: [[f64; 2]; 2],
+    /// Angle of its normal above the plane across the axis, radians.
+    pub normal: f64,
+}
+
+/// What of a drill touches.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Drill {
+    /// From below, one of each radius: of a center drill that of its pilot, of a step drill several.
+    pub margins: Vec<Margin>,
+    /// From below: of a center drill its point and its countersink; none of a reamer without a lead.
+    pub cones: Vec<DrillCone>,
+}
+
+/// Radii closer than this are the same, mm.
+const SAME_MM: f64 = 1e-9;
 
 impl Drill {
     /// None if the profile is of no drill.
     pub fn of(profile: &Profile) -> Option<Self> {
-        let radius = profile.cutting_radius_mm();
-        let cutting = || profile.pieces().into_iter().filter(|piece| piece.cuts);
-        let is_margin = |ends: [[f64; 2]; 2]| ends.iter().all(|end| end[0] >= radius - 1e-9);
-        let margin = cutting().find(|piece| is_margin(piece.ends))?.ends[0][1];
-        let is_cone = |ends: [[f64; 2]; 2]| ends[0][0] < ends[1][0] && ends[0][1] < ends[1][1];
-        let cone = cutting().find(|piece| piece.arc.is_none() && is_cone(piece.ends));
-        let cone = cone.map(|piece| (piece.ends, normal_at(&piece, 0)));
-        profile.is_drill().then_some(Drill { radius, margin, cone })
+        let (mut margins, mut cones) = (Vec::<Margin>::new(), Vec::new());
+        for piece in profile.pieces().iter().filter(|piece| piece.cuts && piece.arc.is_none()) {
+            let [[r0, z0], [r1, z1]] = piece.ends;
+            if z1 <= z0 {
+                continue;
+            }
+            if (r1 - r0).abs() > SAME_MM {
+                let cone = DrillCone { ends: piece.ends, normal: normal_at(piece, 0) };
+                cones.extend((r1 > r0).then_some(cone));
+            } else if margins.last().is_none_or(|last| r0 > last.radius + SAME_MM) {
+                margins.push(Margin { radius: r0, low: z0 });
+            }
+        }
+        (profile.is_drill() && !margins.is_empty()).then_some(Drill { margins, cones })
     }
 
-    /// Whether a surface of this normal, in the frame of the tool, is touched by the cone.
-    pub fn is_by_cone(&self, normal: DVec3) -> bool {
+    /// The cones that touch a surface of this normal, in the frame of the tool.
+    pub fn cones_by(&self, normal: DVec3) -> impl Iterator<Item = &DrillCone> {
         let toward = libm::asin((-normal.z).clamp(-1.0, 1.0));
-        self.cone.is_some_and(|(_, angle)| (toward - angle).abs() <= NEAR)
+        self.cones.iter().filter(move |cone| (toward - cone.normal).abs() <= NEAR)
+    }
+
+    /// Whether a surface of this normal, in the frame of the tool, is touched by a cone.
+    pub fn is_by_cone(&self, normal: DVec3) -> bool {
+        self.cones_by(normal).next().is_some()
     }
 }

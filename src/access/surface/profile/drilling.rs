@@ -8,7 +8,8 @@
 //! axis of the bore, no deeper than it must to touch the site, and the site is *reached by drilling* if that pose is
 //! free and a retreat along the axis is. A site on the cone of a blind bore is reached if the tool is free where its own
 //! cone touches it, on the axis of a bore of its own. Single walls, slots and square pockets are no bores, whatever the
-//! tool fits.
+//! tool fits. A center drill or a step drill has several radii or cones: its own bores are those of each of its
+//! cylinders, and each of its cones is tried.
 //!
 //! ```text
 //! axes = those of the bores of its own at the triangles of the part
@@ -20,7 +21,7 @@
 //! What is not reached is inaccessible where something that does not cut is in the way in a bore of its own; else the
 //! tip does not fit. Of an even set only the directions that the part suggests are tested.
 
-use super::drill::{Drill, NEAR};
+use super::drill::{Drill, DrillCone, Margin, NEAR};
 use super::frame::Frame;
 use super::label::{Form, ProfileTool, SiteResult};
 use crate::access::surface::labels::WitnessPose;
@@ -57,7 +58,7 @@ const SAME_AXIS_MM: f64 = 1e-2;
 impl ProfileTool<'_> {
     /// The results for all sites.
     pub(super) fn drilled(&self, contacts: &[Contact], frames: &[Frame]) -> Vec<SiteResult> {
-        let Some(drill) = self.drill else { return vec![SiteResult::default(); contacts.len()] };
+        let Some(drill) = &self.drill else { return vec![SiteResult::default(); contacts.len()] };
         let along: Vec<usize> = match frames.iter().any(|frame| frame.is_suggested) {
             true => (0..frames.len()).filter(|k| frames[*k].is_suggested).collect(),
             false => (0..frames.len()).collect(),
@@ -67,15 +68,15 @@ impl ProfileTool<'_> {
             along.iter().any(|&k| drill.is_by_cone(frames[k].local(normal)))
         };
         let axes = match contacts.iter().any(by_cone) {
-            true => self.axes_of_bores(&drill, (frames, &along)),
+            true => self.axes_of_bores(drill, (frames, &along)),
             false => Vec::new(),
         };
         let found = par::map_blocks(contacts.len(), BLOCK, |range| {
             let of = |i: usize| {
-                let found = self.in_wall(&drill, &contacts[i], (frames, &along));
+                let found = self.in_wall(drill, &contacts[i], (frames, &along));
                 match found.witness {
                     Some(_) => found,
-                    None => self.on_cone(&drill, &contacts[i], (frames, &axes), found),
+                    None => self.on_cone(drill, &contacts[i], (frames, &axes), found),
                 }
             };
             range.map(of).collect::<Vec<_>>()
@@ -89,7 +90,7 @@ impl ProfileTool<'_> {
         drill: &Drill,
         (frames, along): (&[Frame], &[usize]),
     ) -> Vec<(usize, DVec2)> {
-        let n = if drill.cone.is_some() { self.bvh().n_triangles() } else { 0 };
+        let n = if drill.cones.is_empty() { 0 } else { self.bvh().n_triangles() };
         let step = n.div_ceil(MOST_PROBES).max(1);
         let found = par::map_blocks(n.div_ceil(step), BLOCK, |range| {
             let mut axes = Vec::new();
@@ -97,9 +98,9 @@ impl ProfileTool<'_> {
                 let [a, b, c] = *self.bvh().triangle((probe * step) as u32);
                 let normal = (b - a).cross(c - a).normalize_or_zero();
                 for &k in along {
-                    let wall = [(a + b + c) / 3.0, normal];
-                    let axis = self.bore(drill, &frames[k], (wall, self.most_tolerance()));
-                    axes.extend(axis.map(|axis| (k, axis)));
+                    let wall = ([(a + b + c) / 3.0, normal], self.most_tolerance());
+                    let axes_of = |margin: &Margin| self.bore(margin, &frames[k], wall);
+                    axes.extend(drill.margins.iter().filter_map(axes_of).map(|axis| (k, axis)));
                 }
             }
             axes
@@ -127,10 +128,11 @@ impl ProfileTool<'_> {
         for &k in along {
             let frame = &frames[k];
             let wall = ([contact.point, normal], self.most_tolerance());
-            if let Some(axis) = self.bore(drill, frame, wall) {
-                let height = frame.local(contact.point).z - drill.margin - ABOVE_MM;
+            for margin in &drill.margins {
+                let Some(axis) = self.bore(margin, frame, wall) else { continue };
+                let height = frame.local(contact.point).z - margin.low - ABOVE_MM;
                 if self.reaches_from(frame, axis.extend(height), &mut found) {
-                    break;
+                    return found;
                 }
             }
         }
@@ -148,14 +150,13 @@ impl ProfileTool<'_> {
         let Some(normal) = contact.normal else { return found };
         for (k, axis) in axes {
             let frame = &frames[*k];
-            if !drill.is_by_cone(frame.local(normal)) {
-                continue;
-            }
             let site = frame.local(contact.point);
-            if let Some(tip) = self.pose_by_cone(drill, site, *axis)
-                && self.reaches_from(frame, tip, &mut found)
-            {
-                return found;
+            for cone in drill.cones_by(frame.local(normal)) {
+                if let Some(tip) = self.pose_by_cone(cone, site, *axis)
+                    && self.reaches_from(frame, tip, &mut found)
+                {
+                    return found;
+                }
             }
         }
         found
@@ -181,39 +182,45 @@ impl ProfileTool<'_> {
 
     /// The pose of a drill in one direction.
     pub(super) fn drill_pose(&self, contact: &Contact, frame: &Frame) -> DrillPose {
-        let (Some(drill), Some(normal)) = (self.drill, contact.normal) else {
+        let (Some(drill), Some(normal)) = (&self.drill, contact.normal) else {
             return DrillPose::DoesNotTouch;
         };
         let site = frame.local(contact.point);
         let wall = ([contact.point, normal], f64::INFINITY);
-        if let Some(axis) = self.bore(&drill, frame, wall) {
-            let height = site.z - drill.margin - ABOVE_MM;
-            return DrillPose::OnAxis(frame.global(axis.extend(height)));
+        for margin in &drill.margins {
+            if let Some(axis) = self.bore(margin, frame, wall) {
+                let height = site.z - margin.low - ABOVE_MM;
+                return DrillPose::OnAxis(frame.global(axis.extend(height)));
+            }
         }
         if !drill.is_by_cone(frame.local(normal)) {
             let is_by_margin = frame.local(normal).z.abs() <= NEAR;
             return if is_by_margin { DrillPose::NotAtOwnBore } else { DrillPose::DoesNotTouch };
         }
-        let axes = self.axes_of_bores(&drill, (std::slice::from_ref(frame), &[0]));
-        let mut poses = axes.iter().filter_map(|(_, axis)| self.pose_by_cone(&drill, site, *axis));
+        let axes = self.axes_of_bores(drill, (std::slice::from_ref(frame), &[0]));
+        let cones = || drill.cones_by(frame.local(normal));
+        let of_axis = |(_, axis): &(usize, DVec2)| {
+            cones().find_map(|cone| self.pose_by_cone(cone, site, *axis))
+        };
+        let mut poses = axes.iter().filter_map(of_axis);
         let on_axis = |tip| DrillPose::OnAxis(frame.global(tip));
         poses.next().map_or(DrillPose::NotAtOwnBore, on_axis)
     }
 
     /// The tip of the pose on an axis that touches a site with the cone, all in the frame of the direction; none where the
     /// cone is not as wide.
-    fn pose_by_cone(&self, drill: &Drill, site: DVec3, axis: DVec2) -> Option<DVec3> {
-        let ([[r0, z0], [r1, z1]], _) = drill.cone?;
+    fn pose_by_cone(&self, cone: &DrillCone, site: DVec3, axis: DVec2) -> Option<DVec3> {
+        let [[r0, z0], [r1, z1]] = cone.ends;
         let radius = site.truncate().distance(axis);
         let height = site.z - (z0 + (z1 - z0) * (radius - r0) / (r1 - r0)) + self.finish();
         (r0..=r1).contains(&radius).then_some(axis.extend(height))
     }
 
-    /// The axis of the bore of about the tool's radius whose wall a place is on, with its normal; of one that is narrower
+    /// The axis of the bore of about a margin's radius whose wall a place is on, with its normal; of one that is narrower
     /// by no more than `narrower`, mm.
     fn bore(
         &self,
-        drill: &Drill,
+        margin: &Margin,
         frame: &Frame,
         ([site, normal], narrower): ([DVec3; 2], f64),
     ) -> Option<DVec2> {
@@ -222,9 +229,9 @@ impl ProfileTool<'_> {
         }
         let site = frame.local(site);
         let toward = frame.local(normal).truncate().normalize_or_zero();
-        let about = site.truncate() + toward * drill.radius;
+        let about = site.truncate() + toward * margin.radius;
         let stand = Stand { reference: frame.global(about.extend(site.z)), axes: frame.axes };
-        let reach = (1.0 + LOOSE) * drill.radius;
+        let reach = (1.0 + LOOSE) * margin.radius;
         let mut bands = vec![self.bvh().band([0.0, 0.0], reach, self.size())];
         let mut cuts: Vec<([DVec2; 2], f64)> = Vec::new();
         self.bvh().visit(&stand, &mut bands, &mut Vec::new(), |place, _| {
@@ -232,11 +239,11 @@ impl ProfileTool<'_> {
             cuts.extend(ends.map(|ends| (ends, self.shrunk(place).tolerance)));
             false
         });
-        let is_near = |p: &DVec2| (p.length() - drill.radius).abs() <= LOOSE * drill.radius;
+        let is_near = |p: &DVec2| (p.length() - margin.radius).abs() <= LOOSE * margin.radius;
         let ends: Vec<DVec2> = cuts.iter().flat_map(|cut| cut.0).filter(is_near).collect();
         let (center, radius) = outer_circle(ends)?;
         let own = self.finish() + self.shrunk_least().tolerance;
-        if radius > drill.radius + own || radius + narrower < drill.radius {
+        if radius > margin.radius + own || radius + narrower < margin.radius {
             return None;
         }
         // A chord of the wall is not farther within than facets of its tolerance are.

@@ -268,7 +268,7 @@ impl<'a> ProfileTool<'a> {
 
     /// Answers for one site.
     pub fn site(&self, contact: &Contact, frames: &[Frame]) -> SiteResult {
-        match self.drill {
+        match &self.drill {
             Some(_) => self.drilled(std::slice::from_ref(contact), frames).remove(0),
             None => self.milled(contact, frames),
         }

@@ -86,7 +86,7 @@ impl ProfileTool<'_> {
         let (free, kept) = (None, Vec::new());
         let tool = self;
         let mut search = Search { tool, ladder, frame, site, normal, state, free, kept };
-        let best = match self.drill {
+        let best = match &self.drill {
             Some(_) => match self.drill_pose(contact, frame) {
                 DrillPose::OnAxis(tip) => search.try_only(tip),
                 DrillPose::NotAtOwnBore => {

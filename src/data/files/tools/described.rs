@@ -2,7 +2,7 @@
 
 mod family;
 
-pub(super) use family::{Cone, Family};
+pub(super) use family::{CENTER_RAD, Cone, Family};
 
 use super::holder::Holder;
 use super::place::Place;

@@ -13,8 +13,8 @@ use std::path::Path;
 
 /// The types of tools that are read.
 const KINDS: &str = "end mills (ball, bull nose, flat, tapered), lollipop, slot, dovetail, chamfer, radius, face, \
-     thread, form and circle segment mills, countersinks, counterbores, drills, spot drills \
-     and reamers";
+     thread, form and circle segment mills, countersinks, counterbores, drills, spot and center \
+     drills and reamers";
 
 /// Whether a JSON text is such a library, or one tool of it.
 pub(super) fn is_library(value: &Value) -> bool {
@@ -62,8 +62,11 @@ pub(super) fn read(
                 format!("a {} cannot be represented, only {KINDS}", kind.trim()),
                 "it is left out",
             )),
-            Ok(Some(described)) => {
-                reading.add(described.tool(unsaid, &place));
+            Ok(Some((described, assumed))) => {
+                reading.add(described.tool(unsaid, &place).map(|(tool, mut notices)| {
+                    notices.extend(assumed);
+                    (tool, notices)
+                }));
                 reading.notices.extend(unnamed_holder(tool, &place));
             }
             Err(why) => reading.add(Err(why)),
@@ -88,13 +91,13 @@ fn name(tool: &Value, k: usize) -> String {
     named.map_or_else(|| format!("tool {}", k + 1), str::to_string)
 }
 
-/// `None` for a kind of tool that cannot be represented.
+/// With what was assumed; `None` for a kind of tool that cannot be represented.
 fn described(
     (name, kind, tool): (String, &str, &Value),
     spelling: Spelling,
     place: &Place,
     unsaid: &Unsaid,
-) -> Result<Option<Described>> {
+) -> Result<Option<(Described, Option<String>)>> {
     let kind = kind.trim().to_ascii_lowercase();
     if !families::is_known(&kind) {
         return Ok(None);
@@ -138,7 +141,7 @@ fn described(
     let is_at_end = neck_end.zip(flutes).is_none_or(|(end, flutes)| (end - flutes).abs() < 1e-6);
     let number = tool.get("post-process").and_then(|post| post.get("number"));
     let number = number.and_then(Value::as_u64).and_then(|n| u32::try_from(n).ok());
-    Ok(Some(Described {
+    let described = Described {
         flutes,
         neck_end,
         neck,
@@ -151,7 +154,8 @@ fn described(
         number: number.filter(|n| *n > 0),
         unit_mm: unit,
         ..described
-    }))
+    };
+    Ok(Some((described, of.assumed(&kind))))
 }
 
 /// Lengths of a tool.

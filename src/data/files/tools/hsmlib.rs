@@ -234,6 +234,7 @@ impl Spelling {
             "SFDM" => "shaft-diameter",
             // Of the whole point, or per side: by the kind of tool.
             "SIG" | "TA" => "taper-angle",
+            "TA2" => "taper-angle2",
             "TP" => "thread-pitch",
             "NT" => "number-of-teeth",
             key => key,

@@ -8,7 +8,7 @@
 //! A length has the unit written with it, else that of its heading (`diameter_in`, `D [mm]`), of the row's column
 //! `unit`, what [`Unsaid`] gives, or mm. The form is that of the column `type`, or follows from the corner, or from the name.
 
-use super::described::{Cone, Described, Family, Form};
+use super::described::{CENTER_RAD, Cone, Described, Family, Form};
 use super::place::{Place, shown};
 use super::reading::Reading;
 use super::table::TableText;
@@ -34,13 +34,16 @@ enum Meaning {
     Neck,
     NeckEnd,
     Taper,
+    Tip,
+    TipLength,
+    Point,
     Clearance,
     Profile,
     Unit,
 }
 
 /// Headings by letters and digits alone, in small letters.
-const WORDS: [(Meaning, &[&str]); 15] = [
+const WORDS: [(Meaning, &[&str]); 18] = [
     (Meaning::Name, &["name", "tool", "toolname", "description", "bezeichnung", "werkzeug"]),
     (Meaning::Number, &["t", "nr", "no", "number", "toolnumber", "toolno", "toolnr"]),
     (
@@ -75,6 +78,9 @@ const WORDS: [(Meaning, &[&str]); 15] = [
     (Meaning::Neck, &["neck", "neckdiameter", "shoulderdiameter"]),
     (Meaning::NeckEnd, &["necklength", "shoulderlength"]),
     (Meaning::Taper, &["taper", "taperangle", "ta"]),
+    (Meaning::Tip, &["tip", "tipdiameter", "pilot", "pilotdiameter"]),
+    (Meaning::TipLength, &["tiplength", "pilotlength"]),
+    (Meaning::Point, &["point", "pointangle", "sig", "spitzenwinkel"]),
     (Meaning::Clearance, &["clearance"]),
     (Meaning::Profile, &["profile", "profil"]),
     (Meaning::Unit, &["unit", "units", "einheit"]),
@@ -161,6 +167,10 @@ impl Columns {
             Err(why) => reading.add(Err(why)),
             Ok(Found::Other(kind)) => {
                 let (found, remedy) = match is_pointed(kind) {
+                    _ if kind == "center drill" => (
+                        "a center drill without the diameter and the length of its pilot".into(),
+                        "give them in columns tip and tip_length",
+                    ),
                     true => (
                         format!("a {kind} without the angle of its point"),
                         "give the angle between flank and axis in a column taper",
@@ -218,6 +228,7 @@ struct Row<'a> {
     place: &'a Place<'a>,
 }
 
+const CENTER: &str = "of a center drill, angles that are not given count as 60° of the countersink and 118° of the point";
 /// Radii that differ by less are the same, as a share.
 const SAME: f64 = 1e-3;
 
@@ -306,7 +317,13 @@ impl Row<'_> {
                 return Err(self.error(found.into(), "add a column corner: 0 for a flat end"));
             }
         };
-        Ok(Found::Form(form, None))
+        let is_assumed = match form {
+            Form::Family(Family::CenterDrill { .. }) => {
+                self.taper()?.is_none() || self.field(Meaning::Point).is_empty()
+            }
+            _ => false,
+        };
+        Ok(Found::Form(form, is_assumed.then_some(CENTER)))
     }
 
     fn check_corner(&self, said: Form, by_corner: Form, corner: f64) -> Result<Form> {
@@ -362,10 +379,20 @@ impl Row<'_> {
         .tool(self.unsaid, self.place)
     }
 
-    /// A cone or a drill whose angle is in the column taper; or a reamer.
+    /// A cone or a drill whose angle is in the column taper; or a reamer, or a center drill with its pilot.
     fn pointed(&self, kind: &str) -> Result<Option<Form>> {
         if kind == "reamer" {
             return Ok(Some(Form::Family(Family::Reamer)));
+        }
+        if kind == "center drill" {
+            let lengths = [self.length(Meaning::Tip)?, self.length(Meaning::TipLength)?];
+            let [Some(pilot), Some(length)] = lengths.map(|x| x.filter(|x| *x > 0.0)) else {
+                return Ok(None);
+            };
+            let angle = self.taper()?.map_or(CENTER_RAD[0], f64::to_radians);
+            let point = self.degrees(Meaning::Point, "the whole angle", 180.0)?;
+            let point = point.map_or(CENTER_RAD[1], |whole| 0.5 * whole.to_radians());
+            return Ok(Some(Form::Family(Family::CenterDrill { pilot, length, point, angle })));
         }
         if kind == "drill" {
             let drill = |degrees: f64| Family::Drill { angle: degrees.to_radians() };
@@ -378,15 +405,20 @@ impl Row<'_> {
 
     /// The angle between flank and axis of the column taper, degrees.
     fn taper(&self) -> Result<Option<f64>> {
-        let field = self.field(Meaning::Taper).trim_end_matches(['°', ' ']);
+        self.degrees(Meaning::Taper, "per side", 90.0)
+    }
+
+    /// An angle below `most`, degrees; none where the field is empty or 0.
+    fn degrees(&self, meaning: Meaning, what: &str, most: f64) -> Result<Option<f64>> {
+        let field = self.field(meaning).trim_end_matches(['°', ' ']);
         if field.is_empty() || field == "0" {
             return Ok(None);
         }
         let degrees: Option<f64> = field.replace(',', ".").parse().ok();
-        let degrees = degrees.filter(|degrees| *degrees > 0.0 && *degrees < 90.0);
-        let bad =
-            || self.error(format!("the taper is {}", shown(field)), "give it in degrees, per side");
-        degrees.map(Some).ok_or_else(bad)
+        let degrees = degrees.filter(|degrees| *degrees > 0.0 && *degrees < most);
+        let heading = self.columns.column(meaning).map_or("angle", |column| &column.heading);
+        let found = || format!("the {heading} is {}", shown(field));
+        degrees.map(Some).ok_or_else(|| self.error(found(), &format!("give it in degrees, {what}")))
     }
 
     /// With the angle of the column taper.

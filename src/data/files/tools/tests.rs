@@ -1,5 +1,6 @@
 //! Claims about libraries, each on a small one.
 
+mod center_drills;
 mod export;
 mod families;
 mod hsmlib;

@@ -24,11 +24,15 @@ const BULL: [&str; 4] = ["bull", "bullnose", "torus", "bullend"];
 const MILL: [&str; 3] = ["endmill", "slotdrill", "schaftfräser"];
 
 /// Words, alone or two joined, that name what cannot be represented.
-const OTHERS: [(&str, &str); 36] = [
+const OTHERS: [(&str, &str); 40] = [
     ("probe", "probe"),
     ("toucher", "probe"),
     ("spotdrill", "spot drill"),
     ("spot", "spot drill"),
+    ("centerdrill", "center drill"),
+    ("centredrill", "center drill"),
+    ("centeringdrill", "center drill"),
+    ("zentrierbohrer", "center drill"),
     ("drill", "drill"),
     ("drillbit", "drill"),
     ("bohrer", "drill"),
@@ -189,6 +193,13 @@ mod tests {
             ("Ballard flats", Remark::Form(Form::Flat)),
             ("2 drills", Remark::Other("drill")),
             ("Drill 5", Remark::Other("drill")),
+            ("center drill 60 deg", Remark::Other("center drill")),
+            ("Centre-drill #3", Remark::Other("center drill")),
+            ("Zentrierbohrer A2.5", Remark::Other("center drill")),
+            (
+                "drill, center 118 deg",
+                Remark::Form(Form::Family(Family::Drill { angle: 59f64.to_radians() })),
+            ),
             ("V-bit", Remark::Other("V-bit")),
             ("face mill 50", Remark::Other("face mill")),
             ("t-slot", Remark::Other("T-slot mill")),

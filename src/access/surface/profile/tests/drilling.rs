@@ -129,3 +129,89 @@ fn a_bore_across_no_direction_of_the_set_is_drilled_along_its_axis() {
     assert_eq!(share(&of(&hemisphere, &alone)), 0.0);
     assert_eq!(share(&of(&Directions::up(), &SurfaceOptions::default())), 0.0);
 }
+
+/// A pilot of radius 1 and its length below a countersink of this angle up to radius 3, on a shank.
+fn center_drill(pilot: f64, countersink: f64) -> Profile {
+    let angles = [118.0, countersink].map(f64::to_radians);
+    let drill = Profile::center_drill([1.0, 3.0], pilot, angles).unwrap();
+    drill.with_shank(&[[3.0, 40.0]]).unwrap()
+}
+
+/// A round block with a center hole from above: a countersink of 60° down from radius 2, and a pilot of radius 1, 2 long
+/// with its point. Heights of the lower ends of countersink and wall.
+fn center_hole() -> (Mesh, [f64; 2]) {
+    let sink = 30.0 - cone(60.0);
+    let wall = sink - (2.0 - cone(118.0));
+    let tip = wall - cone(118.0);
+    let outline =
+        [[0.0, 0.0], [20.0, 0.0], [20.0, 30.0], [2.0, 30.0], [1.0, sink], [1.0, wall], [0.0, tip]];
+    (revolved(&outline, 64), [sink, wall])
+}
+
+#[test]
+fn a_center_drill_reaches_pilot_point_and_countersink_of_its_own_hole() {
+    let (mesh, [sink, wall]) = center_hole();
+    let in_hole = |p: DVec3| p.truncate().length() < 2.1 && p.z < 29.99 && p.z > 1.0;
+    let countersink = sites_on(&mesh, 6, |p, n| in_hole(p) && n.z > 0.1 && p.z > sink);
+    let walls = sites_on(&mesh, 6, |p, n| in_hole(p) && n.z.abs() < 0.1);
+    let point = sites_on(&mesh, 8, |p, n| {
+        in_hole(p) && n.z > 0.1 && p.z < wall && p.truncate().length() > 0.2
+    });
+    assert!(countersink.len() > 500 && walls.len() > 500 && point.len() > 500);
+    for sites in [&countersink, &walls, &point] {
+        assert_eq!(share(&label(&mesh, sites, center_drill(2.0, 60.0), 50.0)), 1.0);
+    }
+    // Of another angle it reaches no countersink, and of the wall what it touches before that is in the way: raised by
+    // h, its flank of 45° is within the hole to the top iff 1.732 - h <= h·tan 30°/(1 - tan 30°).
+    assert_eq!(share(&label(&mesh, &countersink, center_drill(2.0, 90.0), 50.0)), 0.0);
+    assert_eq!(share(&label(&mesh, &point, center_drill(2.0, 90.0), 50.0)), 0.0);
+    let slope = 30f64.to_radians().tan();
+    let least = cone(60.0) / (1.0 + slope / (1.0 - slope));
+    check_above(&walls, &label(&mesh, &walls, center_drill(2.0, 90.0), 50.0), wall + least);
+    // A pilot shorter by 1 mm is stopped by its countersink 1 mm higher.
+    check_above(&walls, &label(&mesh, &walls, center_drill(1.0, 60.0), 50.0), wall + 1.0);
+    assert_eq!(share(&label(&mesh, &point, center_drill(1.0, 60.0), 50.0)), 0.0);
+    // Its body does not cut: a bore of the body's radius is none of its own.
+    let bore = revolved(&[[3.0, 0.0], [20.0, 0.0], [20.0, 30.0], [3.0, 30.0]], 64);
+    let sites = sites_on(&bore, 6, |p, n| p.truncate().length() < 3.1 && n.z.abs() < 0.1);
+    assert_eq!(share(&label(&bore, &sites, center_drill(2.0, 60.0), 50.0)), 0.0);
+}
+
+/// Sites are reached above a height, and not below it.
+fn check_above(sites: &Sites, labels: &SurfaceLabels, height: f64) {
+    let mut n = [0, 0];
+    for (point, answer) in sites.points.iter().zip(&labels.answers) {
+        let above = f64::from(point.z) - height;
+        if above.abs() > 0.05 {
+            assert_eq!(*answer == SiteAnswer::Accessible, above > 0.0, "{point} {height}");
+            n[usize::from(above > 0.0)] += 1;
+        }
+    }
+    assert!(n[0] > 20 && n[1] > 20, "{n:?}");
+}
+
+#[test]
+fn a_step_drill_reaches_the_walls_of_both_its_diameters() {
+    let wall = 15.0 - 2.5 * cone(118.0);
+    let outline =
+        [[0.0, 0.0], [20.0, 0.0], [20.0, 30.0], [4.0, 30.0], [4.0, 24.0], [2.5, 22.5], [2.5, 15.0]];
+    let mesh = revolved(&[&outline[..], &[[0.0, wall]]].concat(), 64);
+    let sites = sites_on(&mesh, 6, |p, n| {
+        let radius = p.truncate().length();
+        radius < 4.1 && p.z < 29.9 && n.z.abs() < 0.1 && radius > 0.5
+    });
+    let top = 2.5 * cone(118.0) + 7.5;
+    let text = format!("drill 0:0 2.5:{} 2.5:{top} 4:{} 4:40 | 4:60", 2.5 * cone(118.0), top + 1.5);
+    assert!(sites.len() > 1000);
+    assert_eq!(share(&label(&mesh, &sites, text.parse().unwrap(), 50.0)), 1.0);
+    // Without its step it reaches the upper bore alone, and without its point the lower one alone.
+    let is_upper = |p: &Vec3| p.truncate().length() > 3.0;
+    for (radius, upper) in [(4.0, true), (2.5, false)] {
+        let profile = drill(radius, 118.0);
+        let labels = label(&mesh, &sites, profile, 50.0);
+        for (point, answer) in sites.points.iter().zip(&labels.answers) {
+            let reached = *answer == SiteAnswer::Accessible;
+            assert!(!reached || is_upper(point) == upper, "{radius} {point}");
+        }
+    }
+}

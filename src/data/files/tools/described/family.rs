@@ -5,7 +5,7 @@ use super::{Described, round};
 use crate::cutter::{Crest, Profile};
 use crate::data::files::tools::place::Place;
 use crate::{Error, Result};
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Lengths in mm, angles between flank and axis in radians; of all, the diameter is the greatest of what cuts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,6 +83,13 @@ pub(in crate::data::files::tools) enum Family {
     Drill {
         angle: f64,
     },
+    /// A pilot of this diameter and length, its point included, below a countersink; of both half of the angle.
+    CenterDrill {
+        pilot: f64,
+        length: f64,
+        point: f64,
+        angle: f64,
+    },
     Reamer,
 }
 
@@ -117,6 +124,10 @@ impl Cone {
         }
     }
 }
+
+/// Half of the angle of center drills' countersinks (ISO 866), and of their points.
+pub(in crate::data::files::tools) const CENTER_RAD: [f64; 2] =
+    [30.0 / 180.0 * PI, 59.0 / 180.0 * PI];
 
 /// Heights closer than this are one, mm.
 const SAME_MM: f64 = 1e-6;
@@ -157,6 +168,10 @@ impl Family {
             }
             Family::Spheroid => "spheroid".into(),
             Family::Drill { angle } => format!("drill {}°", round(2.0 * angle.to_degrees())),
+            Family::CenterDrill { pilot, angle, .. } => {
+                let degrees = round(2.0 * angle.to_degrees());
+                format!("center drill {degrees}°, pilot {} mm,", round(pilot))
+            }
             Family::Reamer => "reamer".into(),
         }
     }
@@ -283,6 +298,9 @@ impl Described {
             }
             Family::Spheroid => Profile::spheroid(radius, height()?, shank),
             Family::Drill { angle } => Profile::drill(radius, 2.0 * angle, margin()?),
+            Family::CenterDrill { pilot, length, point, angle } => {
+                Profile::center_drill([0.5 * pilot, radius], length, [2.0 * point, 2.0 * angle])
+            }
             Family::Reamer => Profile::reamer(radius, 0.0, margin()?),
         };
         cutting.map_err(|error| place.within(error))

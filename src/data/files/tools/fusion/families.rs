@@ -1,14 +1,14 @@
 //! Families of Fusion 360 beside end mills, as profiles. Lengths are those of its tool editor: `docs/tool-families.md`.
 
-use super::{Geometry, SAME};
+use super::{Geometry, SAME, Spelling};
 use crate::cutter::Crest;
-use crate::data::files::tools::described::{Cone, Family, Form};
+use crate::data::files::tools::described::{CENTER_RAD, Cone, Family, Form, round};
 use crate::{Error, Result};
 use std::f64::consts::FRAC_PI_2;
 
 /// Whether tools of this type are read.
 pub(super) fn is_known(kind: &str) -> bool {
-    const KNOWN: [&str; 26] = [
+    const KNOWN: [&str; 27] = [
         "ball end mill",
         "flat end mill",
         "bull nose end mill",
@@ -34,6 +34,7 @@ pub(super) fn is_known(kind: &str) -> bool {
         "circle segment taper",
         "dovetail",
         "drill",
+        "center drill",
         "reamer",
     ];
     KNOWN.contains(&kind)
@@ -48,6 +49,7 @@ impl Geometry<'_> {
             "dovetail mill" | "dovetail" => self.dovetail(corner, diameter)?,
             "chamfer mill" => self.cone(Cone::Chamfer, self.per_side()?)?,
             "drill" => Family::Drill { angle: self.of_point()? },
+            "center drill" => self.center_drill()?,
             "reamer" => Family::Reamer,
             "corner chamfer end mill" => self.corner_chamfer(diameter)?,
             "counter sink" => self.cone(Cone::Countersink, self.of_point()?)?,
@@ -112,6 +114,44 @@ impl Geometry<'_> {
             return Ok(0.5 * whole);
         }
         self.angle("TA")?.ok_or_else(|| self.missing("SIG", "angle of the point"))
+    }
+
+    /// Of both points the file has the whole angle; `.hsmlib` files name them alike: the blunter is the pilot's.
+    fn center_drill(&self) -> Result<Family> {
+        let needed = |key: &'static str, what: &str| {
+            self.positive(key)?.ok_or_else(|| self.missing(key, what))
+        };
+        let stated = match self.spelling {
+            Spelling::Json => [self.angle("SIG")?, self.angle("TA")?],
+            Spelling::Xml => match [self.angle("SIG")?, self.angle("TA2")?] {
+                [Some(a), Some(b)] => [Some(a.max(b)), Some(a.min(b))],
+                one => one,
+            },
+        };
+        let [point, countersink] = stated;
+        let point = point.ok_or_else(|| self.missing("SIG", "angle of the pilot's point"))?;
+        let countersink = countersink.unwrap_or(2.0 * CENTER_RAD[0]);
+        if countersink < LEAST_COUNTERSINK_DEG.to_radians() {
+            let degrees = round(countersink.to_degrees());
+            let found = format!("a countersink of {degrees}°, the whole angle, on a center drill");
+            return Err(self.place.error(found, "give the angle between its flanks: 60° for most"));
+        }
+        Ok(Family::CenterDrill {
+            pilot: needed("tip-diameter", "diameter of the pilot")?,
+            length: needed("tip-length", "length of the pilot")?,
+            point: 0.5 * point,
+            angle: 0.5 * countersink,
+        })
+    }
+
+    /// What was taken for an angle that the file does not say.
+    pub(super) fn assumed(&self, kind: &str) -> Option<String> {
+        let key = if self.spelling == Spelling::Json { "TA" } else { "TA2" };
+        let is_said = kind != "center drill" || self.angle(key).is_ok_and(|x| x.is_some());
+        let key = self.key(key);
+        (!is_said).then(|| {
+            self.place.sentence(format!("its {key} is missing: a countersink of 60° counts"))
+        })
     }
 
     fn cone(&self, kind: Cone, angle: f64) -> Result<Family> {
@@ -288,5 +328,7 @@ fn depth(half: f64, pitch: f64, crest: Crest, is_single: bool) -> f64 {
     }
 }
 
+/// No center drill has less: it is half of an angle.
+const LEAST_COUNTERSINK_DEG: f64 = 45.0;
 /// No thread mill has more.
 const MOST_TEETH: f64 = 64.0;
