@@ -1,7 +1,10 @@
 //! LinuxCNC tool tables: number, diameter and a remark for each tool.
 //!
 //! Such a table does not say what a tool looks like. Its remark may: `ball`, `flat` or `bull` with `r` and the corner's
-//! radius; `V-bit` with its angle (`60°`, `60 deg`), and other cones alike.
+//! radius; `V-bit` with its angle (`60°`, `60 deg`), and other cones alike. Tables of versions up to 2.3 have columns in
+//! place of words with letters: [`pockets`].
+
+mod pockets;
 
 use super::described::{Described, Form};
 use super::place::{Place, shown};
@@ -12,14 +15,26 @@ use crate::geom::units::length::{converted, decimal};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Whether the first line that is not a remark begins with `T` and a number.
+/// Whether the first line that is not a remark begins with `T` and a number, or names the columns of an old table.
 pub(super) fn is_table(text: &str) -> bool {
-    let first = text.lines().map(str::trim).find(|l| !l.is_empty() && !l.starts_with(';'));
-    let mut chars = first.unwrap_or("").chars();
-    matches!(chars.next(), Some('T' | 't')) && chars.next().is_some_and(|c| c.is_ascii_digit())
+    let first = first_line(text);
+    let mut chars = first.chars();
+    let is_letter = matches!(chars.next(), Some('T' | 't'));
+    is_letter && chars.next().is_some_and(|c| c.is_ascii_digit()) || pockets::is_header(first)
+}
+
+/// That is not empty and no remark.
+fn first_line(text: &str) -> &str {
+    let mut lines = text.lines().map(str::trim);
+    lines.find(|line| !line.is_empty() && !line.starts_with(';')).unwrap_or("")
 }
 
 pub(super) fn read(text: &str, path: &Path, unsaid: &Unsaid) -> Reading {
+    let first = first_line(text);
+    let is_old = |line: &str| pockets::is_header(line) || pockets::is_row(line);
+    if is_old(first) || text.lines().any(pockets::is_header) {
+        return read_old(text, path, unsaid);
+    }
     let mut reading = Reading::default();
     for (line, row) in (1..).zip(text.lines()) {
         let (words, remark) = row.split_once(';').unwrap_or((row, ""));
@@ -29,6 +44,31 @@ pub(super) fn read(text: &str, path: &Path, unsaid: &Unsaid) -> Reading {
         }
         match row_of(words, line, path) {
             Ok(row) => add(&row, remark, (line, path), unsaid, &mut reading),
+            Err(why) => reading.add(Err(why)),
+        }
+    }
+    reading
+}
+
+/// A table of version 2.3 or older.
+fn read_old(text: &str, path: &Path, unsaid: &Unsaid) -> Reading {
+    let (mut reading, mut above) = (Reading::default(), pockets::Above::default());
+    for (line, row) in (1..).zip(text.lines()) {
+        let row = row.trim();
+        if row.is_empty() || row.starts_with(';') {
+            continue;
+        }
+        match above.line(row, line, path) {
+            Ok(pockets::Line::Above) => {}
+            Ok(pockets::Line::Row(row, remark)) => {
+                add(&row, remark, (line, path), unsaid, &mut reading);
+            }
+            // What the columns mean is not known.
+            Err(why) if pockets::is_header(row) => {
+                reading = Reading::default();
+                reading.add(Err(why));
+                return reading;
+            }
             Err(why) => reading.add(Err(why)),
         }
     }
@@ -46,6 +86,10 @@ fn add(
     let name = name.trim();
     let label = format!("line {line}, tool {}", shown(name));
     let place = Place { path, name: &label };
+    if row.is_lathe {
+        let found = "it has a front angle, a back angle or an orientation: a turning tool";
+        return reading.leave_out_kind(place.error(found, "it is left out"));
+    }
     let Some(unit) = unsaid.unit_mm else {
         let found = "the file does not say the unit";
         let remedy = "give that of the machine with --tool-unit mm or in";
@@ -68,12 +112,16 @@ fn add(
         let tool = Described { number, unit_mm: unit, ..Described::new(name, form, diameter) };
         let (tool, mut notices) = tool.tool(unsaid, &place)?;
         notices.extend(plain);
+        let other = row.other_number.filter(|other| *other != row.number);
+        notices.extend(other.map(|other| {
+            place.sentence(format!("its pocket {} counts as T, not FMS {other}", row.number))
+        }));
         Ok((tool, notices))
     };
     reading.add(tool());
 }
 
-const NO_DIAMETER: &str = "without a diameter D";
+const NO_DIAMETER: &str = "without a diameter";
 const POINTED: &str = "the remark does not say how wide its tip is: it counts as a point";
 const PLAIN: &str = "the remark says an end mill and no more: it counts as a flat end";
 
@@ -94,9 +142,14 @@ fn form_of(remark: Remark, text: &str) -> std::result::Result<Form, String> {
     }
 }
 
+#[derive(Debug, Default)]
 struct Row {
     number: u64,
+    /// Of an old table, its FMS.
+    other_number: Option<u64>,
     diameter: Option<f64>,
+    /// Whether angles or orientation are those of a turning tool.
+    is_lathe: bool,
 }
 
 fn row_of(words: &str, line: usize, path: &Path) -> Result<Row> {
@@ -104,7 +157,7 @@ fn row_of(words: &str, line: usize, path: &Path) -> Result<Row> {
         let remedy = "write for example T1 P1 D6.0 Z+52.3 ;6 mm ball end";
         Error::file(path, format!("line {line}"), found, remedy)
     };
-    let (mut number, mut diameter) = (None, None);
+    let (mut number, mut diameter, mut is_lathe) = (None, None, false);
     for word in words.split_whitespace().flat_map(glued) {
         let mut chars = word.chars();
         let letter = chars.next().map(|c| c.to_ascii_uppercase());
@@ -118,6 +171,7 @@ fn row_of(words: &str, line: usize, path: &Path) -> Result<Row> {
         match letter {
             Some('T') => number = value,
             Some('D') => diameter = value.filter(|d| *d != 0.0),
+            Some('I' | 'J' | 'Q') => is_lathe |= value.is_some_and(|x| x != 0.0),
             _ => {}
         }
     }
@@ -125,7 +179,7 @@ fn row_of(words: &str, line: usize, path: &Path) -> Result<Row> {
     let number = number.filter(|n| *n >= 0.0 && *n <= 1e9 && n.fract() == 0.0);
     let number =
         number.ok_or_else(|| bad(format!("the tool number T is {found}, no whole number")))?;
-    Ok(Row { number: number as u64, diameter })
+    Ok(Row { number: number as u64, other_number: None, diameter, is_lathe })
 }
 
 /// The letters that begin a word.

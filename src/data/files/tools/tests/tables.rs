@@ -241,3 +241,90 @@ fn one_bad_file_of_several_never_loses_the_others() {
     assert!(refused.unwrap_err().to_string().contains("none of 2 tools can be used"));
     assert!(read_several(&[of("b.fctb"), of("missing.csv")], &unsaid()).is_err());
 }
+
+fn of_machine(text: &str, name: &str) -> Result<ToolTable> {
+    let [unit_mm, shank_mm, flutes_mm] = [1.0, 6.0, 10.0].map(Some);
+    let given = Unsaid { unit_mm, shank_mm, flutes_mm, ..unsaid() };
+    from_bytes(text.as_bytes(), name.as_ref(), &given)
+}
+
+#[test]
+fn tables_of_emc2_with_columns_are_read_as_those_with_letters() {
+    let rows =
+        "1 1 52.3 6.0 6 mm ball\n2\t2\t50\t5,5\t;flat\n  3 3 -1.5 4 bull r1  \n4 4 0 0 ball\n";
+    let letters = "T1 P1 Z52.3 D6.0 ;6 mm ball\nT2 P2 Z50 D5.5 ;flat\nT3 P3 Z-1.5 D4 ;bull r1\nT4 P4 D0 ;ball\n";
+    let expected = of_machine(letters, "m.tbl").unwrap();
+    assert_eq!((expected.tools.len(), expected.refused.len()), (3, 1));
+    for (above, name) in [
+        ("POC  FMS  LEN  DIAM  COMMENT\n\n", "mill.txt"),
+        ("Pocket FMS TLO Diameter Comment\r\n\r\n", "mill"),
+        ("; of the mill\npoc fms len dia\n", "mill.csv"),
+        ("The file includes both mill and lathe\nPOCKET FMS LENGTH DIAMETER COMMENT\n\n", "m.tbl"),
+        ("", "mill.tbl"),
+    ] {
+        let found = of_machine(&format!("{above}{rows}"), name).unwrap();
+        let of = |table: &ToolTable| -> Vec<(String, Option<u32>, Cutter)> {
+            let of = |tool: &Tool| (tool.name.clone(), tool.number, tool.cutter.clone());
+            table.tools.iter().map(of).collect()
+        };
+        assert_eq!(of(&found), of(&expected), "{above}");
+        assert_eq!(found.refused.len(), 1);
+        assert!(found.refused[0].contains("without a diameter"), "{:?}", found.refused);
+        assert!(found.notices.is_empty(), "{:?}", found.notices);
+    }
+    // Programs of that time call a tool by its pocket.
+    let found = of_machine("POC FMS LEN DIAM\n\n7 12 0 6 ball\n", "m.tbl").unwrap();
+    assert_eq!(found.tools[0].number, Some(7));
+    assert!(found.notices[0].contains("its pocket 7 counts as T, not FMS 12"));
+}
+
+#[test]
+fn turning_tools_of_linuxcnc_are_left_out_by_name() {
+    let head = "POC FMS ZOFFSET XOFFSET DIAMETER FRONTANGLE BACKANGLE ORIENT COMMENT\n\n";
+    let rows = "1 1 0 0 6 0 0 0 ball\n2 2 0 1.5 0.8 95 155 2 left hand\n";
+    let both = format!("POC FMS LEN DIAM COMMENT\n{head}3 3 20 4 flat\n");
+    for above in [head, "", &both] {
+        let found = of_machine(&format!("{above}{rows}"), "lathe.tbl").unwrap();
+        let balls = found.tools.iter().filter(|tool| tool.name == "T1 ball").count();
+        assert_eq!((balls, found.refused.len()), (1, 1), "{above}");
+        let message = &found.refused[0];
+        assert!(message.contains("T2 left hand") && message.contains("turning tool"), "{message}");
+    }
+    let letters = "T1 D6 ;ball\nT2 D0.8 I95 J155 Q2 ;ball\n";
+    let found = of_machine(letters, "lathe.tbl").unwrap();
+    assert!(found.tools.len() == 1 && found.refused[0].contains("turning tool"));
+    // Among mills, a remark of numbers is a remark.
+    let mills = "POC FMS LEN DIAM COMMENT\n\n1 1 0 6 2 3 4 5 ball\n";
+    assert_eq!(of_machine(mills, "m.tbl").unwrap().tools[0].name, "T1 2 3 4 5 ball");
+}
+
+#[test]
+fn bad_tables_with_columns_are_refused_with_line_and_remedy() {
+    for (text, expected) in [
+        ("POC FMS LEN COMMENT\n\n1 1 0 ball\n", "line 1: the columns are"),
+        ("POC FMS LEN DIAM DIAM\n\n1 1 0 6 ball\n", "is there twice"),
+        ("POC FMS LEN DIAM SPEED\n\n1 1 0 6 ball\n", "\"SPEED\" is no column"),
+        ("POC FMS DIAM LEN COMMENT\n\n1 1 6 0 ball\n", "line 1: the columns are"),
+        ("POC FMS LEN DIAM\n\n1 1 ball\n", "line 3: \"1 1 ball\" does not begin with 4 numbers"),
+        ("POC FMS LEN DIAM\n\n1 1 0 nan ball\n", "does not begin with 4 numbers"),
+        ("POC FMS LEN DIAM\n\n1.5 1 0 6 ball\n", "does not begin with 4 numbers"),
+        ("POC FMS LEN DIAM\n\n-1 1 0 6 ball\n", "does not begin with 4 numbers"),
+        ("POC FMS LEN DIAM\n\nT1 P1 D6 ;ball\n", "does not begin with 4 numbers"),
+        ("POC FMS LEN DIAM\n\n1 1 0 -6 ball\n", "-6"),
+        ("POC FMS LEN DIAM\n\n1 1 0 1e9 ball\n", "10"),
+        ("POC FMS LEN DIAM\n", "no tool"),
+        (
+            "POC FMS ZOFFSET XOFFSET DIA FRONTANGLE BACKANGLE ORIENTATION\n\n1 1 0 6 ball\n",
+            "does not begin with 8 numbers",
+        ),
+        ("POC FMS LEN DIAM\n\n99999999999999999999 1 0 6 ball\n", "does not begin with 4 numbers"),
+    ] {
+        for name in ["m.tbl", "m.txt"] {
+            let message = of_machine(text, name).unwrap_err().to_string();
+            assert!(message.starts_with(name) && message.contains(expected), "{text}: {message}");
+        }
+    }
+    // A bad row does not lose the others.
+    let found = of_machine("POC FMS LEN DIAM\n\n1 1 0 six ball\n2 2 0 6 ball\n", "m.tbl").unwrap();
+    assert_eq!((found.tools.len(), found.refused.len()), (1, 1));
+}
