@@ -166,6 +166,11 @@ impl Parameters<'_> {
             Form::Family(Family::Cone { .. }) => None,
             Form::Family(Family::Saw { .. }) => positive("BladeThickness")?,
             Form::Family(Family::Slot { .. }) => edge.or(positive("BladeThickness")?),
+            // The crown is a cylinder above the arc.
+            Form::Family(Family::Rounding { arc, .. }) => match positive("CrownHeight")? {
+                Some(crown) => Some(arc + crown),
+                None => edge,
+            },
             _ => edge,
         };
         let neck_height = positive("NeckHeight")?;
@@ -204,6 +209,18 @@ impl Parameters<'_> {
                 tip: or_none("TipDiameter")?,
                 angle: 0.5 * self.edge_angle()?,
             },
+            // Of `fillet` other words: the arc goes up to the whole diameter, below a crown.
+            Shape::Radius if self.is_fillet() => {
+                let arc = needed("FilletRadius")?;
+                self.length("CrownHeight")?.ok_or_else(|| self.missing("CrownHeight"))?;
+                let tip = diameter - 2.0 * arc;
+                if tip < 0.0 {
+                    let found = format!("FilletRadius {arc} mm on a Diameter of {diameter} mm");
+                    let remedy = "the arc is no wider than the radius: correct one of them";
+                    return Err(self.place.error(found, remedy));
+                }
+                Family::Rounding { tip, tip_height: 0.0, arc }
+            }
             Shape::Radius => {
                 let arc = needed("CuttingRadius")?;
                 let tip = self.length("TipDiameter")?;
@@ -229,6 +246,12 @@ impl Parameters<'_> {
             Shape::Reamer => Family::Reamer,
             _ => Family::Lollipop,
         })
+    }
+
+    /// Whether a corner rounding mill has the parameters of FreeCAD's shape `fillet`.
+    fn is_fillet(&self) -> bool {
+        let has = |key: &str| self.parameters.get(key).is_some_and(|value| !value.is_null());
+        has("FilletRadius") && !has("CuttingRadius")
     }
 
     fn edge_angle(&self) -> Result<f64> {

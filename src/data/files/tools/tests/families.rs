@@ -375,3 +375,37 @@ const KEYS: [&str; 22] = [
     "upper-radius",
     "chamfer-width",
 ];
+
+#[test]
+fn freecad_fillets_are_corner_rounding_mills_below_a_crown() {
+    let bit = |parameters: &str| {
+        format!(
+            r#"{{"version": 2, "name": "R6", "shape": "fillet.fcstd", "shape-type": "Fillet", "parameter":
+            {{"Length": "60 mm", "ShankDiameter": "8 mm", {parameters}}}}}"#
+        )
+    };
+    let round = r#""Diameter": "18 mm", "FilletRadius": "6 mm", "CrownHeight": "4 mm""#;
+    let tool = one(&bit(round), "r.fctb");
+    // A quarter of a circle about (9, 0): vertical at the tip of radius 3, across the axis at the crown.
+    let arc = |height: f64| 9.0 - (36.0 - height * height).sqrt();
+    close(&tool, &[(0.0, 3.0), (3.0, arc(3.0)), (5.9, arc(5.9)), (6.5, 9.0), (9.9, 9.0)]);
+    close(&tool, &[(10.1, 4.0), (20.0, 4.0)]);
+    assert!(tool.words().starts_with("corner rounding mill R6 18 mm"), "{}", tool.words());
+    // Only tip and arc cut.
+    assert!((tool.assembly.profile().unwrap().flutes_mm() - 6.0).abs() < 1e-9);
+    // A tip that is a point is none of a mill, but no contradiction.
+    one(&bit(&round.replace("18 mm", "12 mm")), "r.fctb");
+    for (old, new, expected) in [
+        ("18 mm", "11 mm", "FilletRadius 6 mm on a Diameter of 11 mm"),
+        ("\"CrownHeight\": \"4 mm\"", "\"x\": 1", "CrownHeight is missing"),
+        ("\"6 mm\"", "\"0 mm\"", "FilletRadius is missing or 0"),
+        ("\"6 mm\"", "\"six\"", "FilletRadius is \"six\""),
+    ] {
+        let text = bit(&round.replace(old, new));
+        let message = from_bytes(text.as_bytes(), "r.fctb".as_ref(), &library()).unwrap_err();
+        assert!(message.to_string().contains(expected), "{message}");
+    }
+    // In other versions the name stands for the shape `radius`.
+    let other = r#""Diameter": "18 mm", "CuttingRadius": "6 mm", "CuttingEdgeHeight": "10 mm""#;
+    close(&one(&bit(other), "r.fctb"), &[(0.0, 3.0), (3.0, arc(3.0)), (9.0, 9.0)]);
+}
