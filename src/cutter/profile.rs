@@ -385,6 +385,11 @@ impl Profile {
                 ..*section
             });
         }
+        // Above its last point the tool goes on without cutting.
+        if let Some(last) = self.sections.last().filter(|last| last.cuts) {
+            sections
+                .push(ProfileSection::line(wider(last.radius_mm), last.height_mm).non_cutting());
+        }
         Profile { start_mm: self.start_mm, sections, is_drill: self.is_drill }
     }
 }

@@ -153,4 +153,11 @@ fn a_margin_is_about_what_does_not_cut_and_the_same_before_and_after_it_is_held(
     let expected = [10.5, 10.5, 6.0, 6.0, 9.0, 9.0, 21.0, 21.0, f64::INFINITY];
     assert_eq!(radii(&before), expected);
     assert_eq!(radii(&after), expected);
+    // What goes on above the last point has the margin, too.
+    let bare = Profile::t_slot(10.5, 9.0, 0.0, 5.0).unwrap();
+    let tool = Assembly::from_profile(bare, &holder, 35.0).unwrap();
+    let before = tool.with_clearance(1.0).unwrap().cutter().unwrap();
+    let after = tool.cutter().unwrap().with_clearance(1.0).unwrap();
+    let expected = [10.5, 10.5, 6.0, 6.0, 6.0, 6.0, 21.0, 21.0, f64::INFINITY];
+    assert_eq!([radii(&before), radii(&after)], [expected; 2]);
 }
