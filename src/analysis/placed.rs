@@ -401,16 +401,13 @@ impl Placed {
         tool: &Tool,
         (points, triangles): (Obstacles, Option<&TriangleObstacles>),
     ) -> Result<()> {
-        if tool.assembly.profile().is_some() {
-            return Ok(());
-        }
         let held = (&tool.assembly, tool.clearance_mm);
         let (sites, directions) = (&self.sites, &self.directions);
         labels.blocked_by = match (triangles, &labels.surface) {
             (Some(triangles), Some(surface)) => {
                 let options = self.options();
-                let answered = (&options, &surface.answers[..]);
-                triangles.blocking_parts(sites, held, directions, answered)?
+                let answered = (&options, &surface.answers[..], &surface.retreat_unproven[..]);
+                triangles.blocking_parts_of(sites, held, directions, answered)?
             }
             _ => {
                 let inaccessible = &labels.answers.inaccessible;

@@ -97,11 +97,15 @@ impl Assembly {
         }
     }
 
-    /// What is below `part`, with a margin; `None` if that is no step.
+    /// What is below `part`, with a margin; `None` if that is no step. Of a tool given by its profile the shank and what
+    /// is below it are no tool by themselves.
     ///
     /// # Errors
     /// As [`Assembly::with_clearance`] and [`Assembly::cutter`].
     pub fn below(&self, part: ToolPart, clearance_mm: f64) -> Result<Option<Cutter>> {
+        if self.profile.is_some() {
+            return self.profile_below(part, clearance_mm);
+        }
         let parts = self.parts(clearance_mm)?.into_iter().filter(|(p, _)| *p < part);
         let steps = envelope(parts.map(|(_, step)| step).collect());
         match steps.is_empty() {

@@ -1,6 +1,6 @@
 //! Tools of any profile in a holder.
 
-use super::{Assembly, Section, steps};
+use super::{Assembly, Section, ToolPart, steps};
 use crate::cutter::margins::envelope;
 use crate::cutter::profile::require_steps;
 use crate::cutter::{Cutter, Profile, Step, positive};
@@ -76,6 +76,23 @@ impl Assembly {
         let [cutting, upper] = steps_of(&profile);
         let side_mm = profile.cutting_radius_mm();
         Assembly { side_mm, cutting, upper, profile: Some(profile), ..self.clone() }
+    }
+
+    /// The tool without spindle, or without spindle and holder: the uppermost radius goes on.
+    pub(super) fn profile_below(
+        &self,
+        part: ToolPart,
+        clearance_mm: f64,
+    ) -> Result<Option<Cutter>> {
+        let mut tool = self.with_clearance(clearance_mm)?;
+        match part {
+            ToolPart::Spindle => {
+                tool.holder.retain(|step| step.radius_mm.is_finite());
+                tool.cutter().map(Some)
+            }
+            ToolPart::Holder => tool.body_cutter().map(Some),
+            ToolPart::Tip | ToolPart::Cutter | ToolPart::Shank => Ok(None),
+        }
     }
 
     /// The cutter with the profile in the holder, or alone.

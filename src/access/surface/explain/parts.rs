@@ -4,6 +4,10 @@
 //! tip, where no step blocks some direction
 //! for the parts from the spindle down: what is below it, labeled at the sites left: blocked by this part where that is free
 //! ```
+//!
+//! Of a tool given by its profile, sites that are inaccessible without spindle and holder are blocked by the shank:
+//! neck, shank or what else does not cut. In no pose does only what cuts penetrate there, or they were no such sites.
+//! Where a pose is free and no way out is proven, no part blocks.
 
 use crate::access::surface::labels::{SiteAnswer, SurfaceOptions};
 use crate::access::surface::obstacles::TriangleObstacles;
@@ -18,7 +22,9 @@ const FROM_ABOVE: [ToolPart; 3] = [ToolPart::Spindle, ToolPart::Holder, ToolPart
 
 impl TriangleObstacles {
     /// Per site, the part of the tool that blocks in the direction which gets furthest, over the directions tested; `None` where `answers` say
-    /// that the site is accessible. As [`Explanation::blocked_by`](super::Explanation::blocked_by), for all sites.
+    /// that the site is accessible. As [`Explanation::blocked_by`](super::Explanation::blocked_by), for all sites; of a
+    /// tool given by its profile the part without which some pose is free, and `None` also where one is and no way out
+    /// of it is proven.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`], or if there are not as many answers as sites.
@@ -30,22 +36,62 @@ impl TriangleObstacles {
         (options, answers): (&SurfaceOptions, &[SiteAnswer]),
     ) -> Result<Vec<Option<ToolPart>>> {
         check_count(sites, answers.len())?;
-        let mut parts: Vec<Option<ToolPart>> =
-            answers.iter().map(|answer| at_least(*answer)).collect();
-        let mut left: Vec<usize> =
-            (0..sites.len()).filter(|&i| answers[i] == SiteAnswer::Inaccessible).collect();
+        let mut is_free = Vec::new();
+        if tool.profile().is_some() {
+            let among = inaccessible(answers);
+            let cutter = tool.with_clearance(clearance_mm)?.cutter()?;
+            let options = options.for_few(among.len());
+            let labels = self.label(&sites.subset(&among), &cutter, directions, &options)?;
+            is_free = vec![false; answers.len()];
+            among.iter().zip(labels.retreat_unproven).for_each(|(&i, free)| is_free[i] = free);
+        }
+        self.blocking_parts_of(
+            sites,
+            (tool, clearance_mm),
+            directions,
+            (options, answers, &is_free),
+        )
+    }
+
+    /// The same, of a tool given by its profile with where a pose is free and no way out is proven.
+    pub(crate) fn blocking_parts_of(
+        &self,
+        sites: &Sites,
+        (tool, clearance_mm): (&Assembly, f64),
+        directions: &Directions,
+        (options, answers, is_free): (&SurfaceOptions, &[SiteAnswer], &[bool]),
+    ) -> Result<Vec<Option<ToolPart>>> {
+        check_count(sites, answers.len())?;
+        let by_profile = tool.profile().is_some();
+        let least = |answer: &SiteAnswer| match at_least(*answer) {
+            Some(ToolPart::Cutter) if by_profile => Some(ToolPart::Shank),
+            part => part,
+        };
+        let mut parts: Vec<Option<ToolPart>> = answers.iter().map(least).collect();
+        let mut left = inaccessible(answers);
+        left.retain(|&i| is_free.get(i) != Some(&true));
+        (0..is_free.len()).filter(|&i| is_free[i]).for_each(|i| parts[i] = None);
+        // The part suggests directions to such a tool, whatever its search costs.
+        let refinement = options.refinement.filter(|_| by_profile);
         for (part, cutter) in truncated(tool, clearance_mm)? {
             if left.is_empty() {
                 break;
             }
             let subset = sites.subset(&left);
-            let options = SurfaceOptions { refinement: None, ..options.for_few(left.len()) };
+            let options = SurfaceOptions { refinement, ..options.for_few(left.len()) };
             let labels = self.label(&subset, &cutter, directions, &options)?;
-            let blocked = labels.answers.iter().map(|answer| *answer == SiteAnswer::Inaccessible);
+            let is_free = |k: usize| labels.retreat_unproven.get(k) == Some(&true);
+            let answers = labels.answers.iter().enumerate();
+            let blocked =
+                answers.map(|(k, answer)| *answer == SiteAnswer::Inaccessible && !is_free(k));
             assign(part, &mut parts, &mut left, blocked);
         }
         Ok(parts)
     }
+}
+
+fn inaccessible(answers: &[SiteAnswer]) -> Vec<usize> {
+    (0..answers.len()).filter(|&i| answers[i] == SiteAnswer::Inaccessible).collect()
 }
 
 /// As [`TriangleObstacles::blocking_parts`], by the published definition; `inaccessible` are its labels of the `queries`.

@@ -282,3 +282,75 @@ fn the_greatest_depth_is_that_of_the_deepest_of_many_points() {
     }
     assert!(n > 20, "{n}");
 }
+
+fn blocking(mesh: &Mesh, tool: &Assembly, sites: &Sites, clearance: f64) -> Vec<Option<ToolPart>> {
+    let (obstacles, up) = (TriangleObstacles::new(mesh, &[]).unwrap(), Directions::up());
+    let options = SurfaceOptions::default();
+    let cutter = tool.with_clearance(clearance).unwrap().cutter().unwrap();
+    let labels = obstacles.label(sites, &cutter, &up, &options).unwrap();
+    let (held, answers) = ((tool, clearance), &labels.answers[..]);
+    let found = obstacles.blocking_parts(sites, held, &up, (&options, answers)).unwrap();
+    // Labels that know where no way out is proven give the same.
+    let known = (&options, answers, &labels.retreat_unproven[..]);
+    assert_eq!(obstacles.blocking_parts_of(sites, held, &up, known).unwrap(), found);
+    for (i, part) in found.iter().enumerate() {
+        let expected = match answers[i] {
+            SiteAnswer::Accessible => part.is_none(),
+            SiteAnswer::TipDoesNotFit => *part == Some(ToolPart::Tip),
+            SiteAnswer::Inaccessible => part.is_none() == labels.retreat_unproven[i],
+        };
+        assert!(expected, "{part:?} {:?}", answers[i]);
+    }
+    found
+}
+
+#[test]
+fn every_site_has_the_part_without_which_the_tool_fits() {
+    let mesh = t_slot();
+    let of = |(site, normal): ([f32; 3], Vec3), tool: &Assembly, clearance: f64| {
+        let points = vec![Vec3::from_array(site)];
+        let sites = Sites { points, normals: vec![normal], ..Sites::default() };
+        blocking(&mesh, tool, &sites, clearance)[0]
+    };
+    let neck = held(t_slot_cutter(8.9, 5.6), 20.0, 60.0);
+    assert_eq!(of(WALL, &neck, 0.0), Some(ToolPart::Shank));
+    // A margin alone widens the neck beyond the mouth.
+    let slim = held(t_slot_cutter(8.9, 5.0), 20.0, 60.0);
+    assert_eq!([0.0, 0.7].map(|by| of(WALL, &slim, by)), [None, Some(ToolPart::Shank)]);
+    let holder = held(t_slot_cutter(8.9, 4.0), 20.0, 15.0);
+    assert_eq!(of(FLOOR, &holder, 0.0), Some(ToolPart::Holder));
+    // A holder that passes the mouth, 5 high: the spindle begins 20 above the tip, the mouth ends 21 above the floor.
+    let short = [Section::cylinder(5.0, 5.2)];
+    let spindle = Assembly::from_profile(t_slot_cutter(8.9, 4.0), &short, 15.0).unwrap();
+    assert_eq!(of(FLOOR, &spindle, 0.0), Some(ToolPart::Spindle));
+    // Neck and holder both: without the holder the neck still blocks.
+    let both = held(t_slot_cutter(8.9, 5.6), 20.0, 15.0);
+    assert_eq!(of(WALL, &both, 0.0), Some(ToolPart::Shank));
+    assert_eq!(of(FLOOR, &held(t_slot_cutter(9.2, 5.0), 20.0, 60.0), 0.0), Some(ToolPart::Tip));
+    // All of the undercut, but where the tip may be so high that the holder is above the block.
+    let sites = sites_on(&mesh, 8, |p, n| undercut(p, n) && (p.z < 24.9 || n.z < -0.9));
+    for (tool, part) in [(&neck, ToolPart::Shank), (&holder, ToolPart::Holder)] {
+        let found = blocking(&mesh, tool, &sites, 0.0);
+        assert!(found.len() > 20);
+        let others = found.iter().filter(|found| **found != Some(part)).count();
+        assert_eq!(others, 0, "{part} {found:?}");
+    }
+}
+
+#[test]
+fn what_has_no_way_out_is_blocked_by_no_part_and_a_drill_by_its_holder() {
+    // A cave as wide as the ball and its neck, closed above but for a chimney that the neck passes.
+    let inner = [[2.0, 40.0], [2.0, 20.0], [6.0, 20.0], [6.0, 5.0], [0.0, 5.0]];
+    let cave = revolved(&[&[[0.0, 0.0], [20.0, 0.0], [20.0, 40.0]][..], &inner].concat(), 48);
+    // The tip is at the site, and the chimney 0.5 wider than the neck.
+    let is_below = |p: DVec3, n: DVec3| n.z > 0.9 && p.z < 6.0 && p.truncate().length() < 0.4;
+    let sites = sites_on(&cave, 40, is_below);
+    let ball = Profile::lollipop(4.0, 1.5).unwrap().with_shank(&[[1.5, 90.0]]).unwrap();
+    let found = blocking(&cave, &held(ball, 20.0, 80.0), &sites, 0.0);
+    assert!(!found.is_empty() && found.iter().all(Option::is_none), "{found:?}");
+    let mesh = blind_bore();
+    let walls = sites_on(&mesh, 4, |p, n| p.truncate().length() < 2.6 && n.z.abs() < 0.1);
+    let low: Vec<usize> = (0..walls.len()).filter(|&i| walls.points[i].z < 20.0).collect();
+    let found = blocking(&mesh, &held(drill(2.5, 118.0), 20.0, 8.0), &walls.subset(&low), 0.0);
+    assert!(!found.is_empty() && found.iter().all(|part| *part == Some(ToolPart::Holder)));
+}
