@@ -23,6 +23,10 @@ fn t_slot() -> Vec<u8> {
 }
 
 fn labeled(folder: &Folder, profile: &str, stick_out: &str) -> String {
+    labeled_with(folder, profile, stick_out, &[])
+}
+
+fn labeled_with(folder: &Folder, profile: &str, stick_out: &str, options: &[&str]) -> String {
     let part = folder.file("slot.stl", t_slot());
     let table = format!("T, name, profile, stick_out\n8, cutter, {profile}, {stick_out}\n");
     let tools = folder.file("tools.csv", table);
@@ -30,7 +34,7 @@ fn labeled(folder: &Folder, profile: &str, stick_out: &str) -> String {
     let out = folder.path("out");
     let args = ["label", &part, "--tools", &tools, "--holder", &holder, "--out", &out];
     let more = ["--sites", "1500", "--directions", "up", "--no-picture", "--json"];
-    json(&deepmill(&[&args[..], &more].concat()));
+    json(&deepmill(&[&args[..], &more, options].concat()));
     folder.path("out/cutter")
 }
 
@@ -46,6 +50,11 @@ fn a_neck_that_is_too_wide_is_named_and_drawn_and_a_thinner_one_proposed_if_any_
     let why = explain(&result, "10.6,-20,23.5", &["--any-tool"]);
     assert_eq!((&why["answer"], &why["blocked_by"]), (&"inaccessible".into(), &"shank".into()));
     assert_eq!((&why["answer"], &why["retreat_unproven"]), (&why["in_file"], &false.into()));
+    // So do labels and findings of all sites.
+    let table = std::fs::read_to_string(format!("{result}/findings.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
+    let at = rows[0].iter().position(|heading| *heading == "blocked_by").unwrap();
+    assert!(rows[1..].iter().any(|row| row[at] == "shank"), "{table}");
     let nearest = &why["nearest"];
     assert_eq!(nearest["state"], "blocked");
     assert!((nearest["penetration_mm"].as_f64().unwrap() - 0.18).abs() < 0.01, "{nearest}");
@@ -81,4 +90,19 @@ fn a_holder_that_is_too_low_needs_a_longer_stick_out_and_a_free_tool_may_be_lowe
     let tip = why["witness"]["tip_mm"][2].as_f64().unwrap();
     let margin = why["witness"]["margin_mm"].as_f64().unwrap();
     assert!((tip - margin - 18.99).abs() < 1e-2, "{tip} {margin}");
+}
+
+#[test]
+fn stock_to_leave_is_part_of_labels_and_explanations_of_a_profile() {
+    // A disc 8 high leaves 0.4 on both faces of a slot 9 high, and not 0.6.
+    for (allowance, answer) in [("0.4", "accessible"), ("0.6", "tip-does-not-fit")] {
+        let folder = Folder::new();
+        let disc = "10:0 10:8 4.5:8 | 4.5:50 8:50";
+        let result = labeled_with(&folder, disc, "60", &["--allowance", allowance]);
+        let why = explain(&result, "10.6,-20,23.5", &[]);
+        assert_eq!((&why["answer"], &why["in_file"]), (&answer.into(), &answer.into()));
+        // Without stock it fits.
+        let why = explain(&result, "10.6,-20,23.5", &["--allowance", "0", "--no-picture"]);
+        assert_eq!(why["answer"], "accessible");
+    }
 }

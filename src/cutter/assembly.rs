@@ -382,10 +382,6 @@ impl Assembly {
     /// If the allowance is not a number from 0 to 10 m, or as [`Assembly::cutter`].
     pub fn with_allowance(self, allowance_mm: f64) -> Result<Self> {
         check_allowance(allowance_mm)?;
-        if self.profile.is_some() && allowance_mm > 0.0 {
-            let remedy = "leave the allowance out, or give the profile as much greater";
-            return Err(Error::argument("allowance of a profile", allowance_mm, "0", remedy));
-        }
         let rough = Assembly { allowance_mm, ..self }.whole();
         rough.cutter().map(|_| rough)
     }

@@ -26,7 +26,7 @@ impl Cutter {
     /// This cutter with stock left by what cuts: that is dilated by a ball of radius `allowance_mm`. A ball of radius R
     /// becomes one of R + A with the same center, a flat end of radius R a bull nose of radius R + A with a corner of
     /// A, and cutting steps begin A lower and are A wider. So it is clear of the part iff the true tool is A away from
-    /// it.
+    /// it. Of a tool given by its profile the cutting portion, up to its end, is dilated as a solid.
     ///
     /// ```
     /// use deepmill::cutter::Cutter;
@@ -42,7 +42,9 @@ impl Cutter {
     pub fn with_allowance(&self, allowance_mm: f64) -> Result<Self> {
         check_allowance(allowance_mm)?;
         let cutting = grown(&self.cutting, allowance_mm);
+        let profile = self.profile.as_ref().map(|profile| profile.dilated(allowance_mm));
         Ok(Cutter {
+            profile,
             corner_mm: self.corner_mm + allowance_mm,
             allowance_mm: self.allowance_mm + allowance_mm,
             steps: joined(&cutting, &self.upper),

@@ -20,6 +20,7 @@
 //! `drill` comes first.
 
 mod changes;
+mod dilated;
 mod drills;
 mod families;
 mod mills;
@@ -89,9 +90,16 @@ impl ProfileSection {
 #[serde(try_from = "Unchecked")]
 pub struct Profile {
     start_mm: f64,
+    /// Height of the lower end above the tip: 0, or below it where what cuts leaves stock.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    base_mm: f64,
     sections: Vec<ProfileSection>,
     #[serde(default, skip_serializing_if = "is_false")]
     is_drill: bool,
+}
+
+fn is_zero(base_mm: &f64) -> bool {
+    *base_mm == 0.0
 }
 
 fn is_false(is_drill: &bool) -> bool {
@@ -186,7 +194,7 @@ impl Profile {
             let remedy = "say which of its sections cut";
             return Err(Error::argument("profile", "without a cutting portion", "one", remedy));
         }
-        Ok(Profile { start_mm, sections, is_drill: false })
+        Ok(Profile { start_mm, base_mm: 0.0, sections, is_drill: false })
     }
 
     /// The sections, from the tip upward.
@@ -221,7 +229,7 @@ impl Profile {
 
     /// Radius at a height above the tip, mm: the greater one at a face across the axis. 0 below the tip.
     pub fn radius_at(&self, height_mm: f64) -> f64 {
-        if height_mm < 0.0 {
+        if height_mm < self.base_mm {
             return 0.0;
         }
         let over = |piece: &Piece| (piece.ends[0][1]..=piece.ends[1][1]).contains(&height_mm);
@@ -265,9 +273,9 @@ impl Profile {
     /// The pieces from the axis upward; a flat lower end is the first.
     pub(crate) fn pieces(&self) -> Vec<Piece> {
         let mut pieces = Vec::with_capacity(self.sections.len() + 1);
-        let mut from = [0.0, 0.0];
+        let mut from = [0.0, self.base_mm];
         if self.start_mm > 0.0 {
-            let ends = [from, [self.start_mm, 0.0]];
+            let ends = [from, [self.start_mm, self.base_mm]];
             pieces.push(Piece { ends, arc: None, cuts: self.sections[0].cuts });
             from = ends[1];
         }
@@ -326,7 +334,7 @@ impl Profile {
     pub(crate) fn held(&self, holder: &[Step], stick_out_mm: f64) -> Profile {
         let begin = stick_out_mm + holder.first().map_or(0.0, |step| step.height_mm.min(0.0));
         let mut sections: Vec<ProfileSection> = Vec::new();
-        let mut from = [self.start_mm, 0.0];
+        let mut from = [self.start_mm, self.base_mm];
         for section in &self.sections {
             if section.height_mm > begin {
                 let ends = [from, section.end()];
@@ -343,7 +351,7 @@ impl Profile {
         let mut widest = self.greatest(|piece| piece.ends[1][1] > begin);
         widest = widest.max(self.sections[self.sections.len() - 1].radius_mm);
         for step in holder {
-            let last = sections.last().map_or([self.start_mm, 0.0], ProfileSection::end);
+            let last = sections.last().map_or([self.start_mm, self.base_mm], ProfileSection::end);
             let height_mm = (step.height_mm + stick_out_mm).max(last[1]);
             if height_mm > last[1] {
                 sections.push(ProfileSection::line(last[0], height_mm).non_cutting());
@@ -351,7 +359,8 @@ impl Profile {
             widest = widest.max(step.radius_mm);
             sections.push(ProfileSection::line(widest, height_mm).non_cutting());
         }
-        Profile { start_mm: self.start_mm, sections, is_drill: self.is_drill }
+        let Profile { start_mm, base_mm, is_drill, .. } = *self;
+        Profile { start_mm, base_mm, sections, is_drill }
     }
 
     /// The same with a margin about what does not cut: it is as much wider, and where it widens upward it begins as much
@@ -372,7 +381,7 @@ impl Profile {
                 sections.push(*section);
                 continue;
             }
-            let below = sections.last().map_or([self.start_mm, 0.0], ProfileSection::end);
+            let below = sections.last().map_or([self.start_mm, self.base_mm], ProfileSection::end);
             if k == 0 || self.sections[k - 1].cuts {
                 // Right above the flutes.
                 sections.push(ProfileSection::line(wider(radius_below(k)), below[1]).non_cutting());
@@ -390,7 +399,8 @@ impl Profile {
             sections
                 .push(ProfileSection::line(wider(last.radius_mm), last.height_mm).non_cutting());
         }
-        Profile { start_mm: self.start_mm, sections, is_drill: self.is_drill }
+        let Profile { start_mm, base_mm, is_drill, .. } = *self;
+        Profile { start_mm, base_mm, sections, is_drill }
     }
 }
 

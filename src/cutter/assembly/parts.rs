@@ -97,8 +97,8 @@ impl Assembly {
         }
     }
 
-    /// What is below `part`, with a margin; `None` if that is no step. Of a tool given by its profile the shank and what
-    /// is below it are no tool by themselves.
+    /// What is below `part`, with a margin; `None` if that is no step. Of a tool given by its profile the shank and
+    /// what is below it are no tool by themselves.
     ///
     /// # Errors
     /// As [`Assembly::with_clearance`] and [`Assembly::cutter`].

@@ -101,6 +101,10 @@ impl Assembly {
             Some(stick_out_mm) => profile.held(&self.holder, stick_out_mm),
             None => profile.clone(),
         });
+        let profile = profile.map(|profile| match self.allowance_mm > 0.0 {
+            true => profile.dilated(self.allowance_mm),
+            false => profile,
+        });
         Cutter { profile, ..cutter }
     }
 }

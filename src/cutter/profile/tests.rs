@@ -161,3 +161,96 @@ fn a_margin_is_about_what_does_not_cut_and_the_same_before_and_after_it_is_held(
     let expected = [10.5, 10.5, 6.0, 6.0, 6.0, 6.0, 21.0, 21.0, f64::INFINITY];
     assert_eq!([radii(&before), radii(&after)], [expected; 2]);
 }
+
+/// Radius at a height of what cuts, dilated, and of what does not: the greatest over places of both.
+fn dilated_radius(profile: &Profile, by: f64, height: f64) -> f64 {
+    let pieces = profile.pieces();
+    let of = |cuts: bool, z: f64| {
+        let over = |piece: &&Piece| {
+            piece.cuts == cuts && (piece.ends[0][1]..=piece.ends[1][1]).contains(&z)
+        };
+        let at = |piece: &Piece| match piece.ends {
+            [[r0, z0], [r1, z1]] if z0 == z1 => r0.max(r1),
+            _ => piece.radius_at(z),
+        };
+        pieces.iter().filter(over).map(at).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let turns = (0..=20_000).map(|k| height + by * (f64::from(k) / 1e4 - 1.0));
+    let ends = pieces.iter().flat_map(|piece| piece.ends).map(|end| end[1]);
+    let near = turns.chain(ends).filter(|z| (z - height).abs() <= by);
+    let dilated = near.map(|z| of(true, z) + (by * by - (z - height) * (z - height)).sqrt());
+    let top = pieces.last().unwrap().ends[1];
+    let above = if height >= top[1] { top[0] } else { 0.0 };
+    dilated.fold(of(false, height).max(above), f64::max)
+}
+
+#[test]
+fn what_cuts_is_dilated_by_a_ball() {
+    let shanks: [&[[f64; 2]]; 3] = [&[], &[[1.2, 26.0]], &[[1.2, 24.1], [9.0, 24.3], [9.0, 60.0]]];
+    let mut n = 0;
+    for (k, profile) in all().into_iter().enumerate() {
+        let profile = match profile.flutes_mm() < 24.0 {
+            true => profile.with_shank(shanks[k % 3]).unwrap(),
+            false => profile,
+        };
+        for by in [0.05, 0.3, 1.0, 4.0] {
+            let dilated = profile.dilated(by);
+            let top = profile.flutes_mm() + by;
+            let faces: Vec<f64> =
+                dilated.pieces().iter().flat_map(|piece| piece.ends.map(|end| end[1])).collect();
+            for i in 0..60 {
+                let height = -by + (top + by + 2.0) * (f64::from(i) + 0.37) / 60.0;
+                if faces.iter().any(|face| (face - height).abs() < 1e-3) {
+                    continue;
+                }
+                let (found, expected) =
+                    (dilated.radius_at(height), dilated_radius(&profile, by, height));
+                assert!((found - expected).abs() < 2e-3, "{k} {by} {height}: {found} {expected}");
+                n += 1;
+            }
+            assert_eq!(dilated.radius_at(-by - 1e-6), 0.0);
+            assert!((dilated.cutting_radius_mm() - profile.cutting_radius_mm() - by).abs() < 1e-6);
+            assert!((dilated.flutes_mm() - top).abs() < 1e-6, "{k} {by} {}", dilated.flutes_mm());
+        }
+    }
+    assert!(n > 4000, "{n}");
+}
+
+#[test]
+fn dilated_families_are_those_of_greater_lengths() {
+    let close = |a: &Profile, b: &Profile, by: f64, top: f64| {
+        for k in 1..400 {
+            let height = top * f64::from(k) / 400.0;
+            let radii = [a.radius_at(height - by), b.radius_at(height)];
+            assert!((radii[0] - radii[1]).abs() < 1e-9, "{height}: {radii:?}");
+        }
+    };
+    // A ball is a greater one about the same center, as far as the neck.
+    let ball = Profile::lollipop(3.0, 1.5).unwrap().dilated(0.5);
+    close(&ball, &Profile::lollipop(3.5, 1.5).unwrap(), 0.5, 3.5 + 3.5 * 6.75f64.sqrt() / 3.0);
+    // A disc has rounded edges; both faces cut.
+    let disc = Profile::t_slot(6.0, 3.0, 0.0, 2.0).unwrap().dilated(0.5);
+    close(&disc, &Profile::t_slot(6.5, 4.0, 0.5, 2.0).unwrap(), 0.5, 6.0);
+    let faces: Vec<bool> = disc
+        .pieces()
+        .iter()
+        .filter(|piece| piece.ends[0][1] == piece.ends[1][1])
+        .map(|piece| piece.cuts)
+        .collect();
+    assert_eq!(faces, [true, true]);
+    let round = Profile::t_slot(6.0, 3.0, 0.4, 2.0).unwrap().dilated(0.5);
+    close(&round, &Profile::t_slot(6.5, 4.0, 0.9, 2.0).unwrap(), 0.5, 6.0);
+    // A drill leaves stock in its bore.
+    let drill = Profile::drill(2.5, 2.0, 30.0).unwrap().dilated(0.2);
+    assert!(drill.is_drill() && (drill.radius_at(20.0) - 2.7).abs() < 1e-9);
+    // The lower face of a reamer does not cut, however low it is.
+    let reamer = Profile::reamer(3.0, 0.0, 30.0).unwrap().dilated(0.2);
+    assert!(!reamer.pieces()[0].cuts && reamer.pieces()[0].ends == [[0.0, -0.2], [3.0, -0.2]]);
+    // In a holder that begins where the flutes end.
+    let step = |height_mm, radius_mm| Step { height_mm, radius_mm };
+    let tool = Profile::t_slot(6.0, 3.0, 0.0, 2.0).unwrap();
+    let held = tool.held(&[step(0.0, 20.0), step(5.0, f64::INFINITY)], 3.2).dilated(1.0);
+    let radii = [2.9, 3.1, 3.9, 8.1, 8.3].map(|height| held.radius_at(height));
+    assert_eq!(radii[2..], [20.0, 20.0, f64::INFINITY]);
+    assert!((radii[0] - 7.0).abs() < 1e-9 && radii[1] > 6.9 && radii[1] < 7.0);
+}

@@ -18,7 +18,8 @@ impl Shape {
         if let (Some(own), Some(profile)) = (tool.profile(), profile) {
             let [holder, spindle] =
                 tool.upper_heights_mm(clearance_mm).unwrap_or([f64::INFINITY; 2]);
-            let (radius, flutes) = (own.cutting_radius_mm(), own.flutes_mm());
+            let lengths = [own.cutting_radius_mm(), own.flutes_mm()];
+            let [radius, flutes] = lengths.map(|length| length + tool.allowance_mm());
             return Shape::Profile { profile: profile.clone(), radius, flutes, holder, spindle };
         }
         let [corner, side] = tool.tip();
@@ -72,7 +73,7 @@ impl Shape {
                     _ => ToolPart::Tip,
                 };
                 let radius = profile.radius_at(height);
-                if height >= 0.0 { vec![(part, radius)] } else { Vec::new() }
+                if radius > 0.0 { vec![(part, radius)] } else { Vec::new() }
             }
         }
     }
@@ -95,6 +96,10 @@ mod tests {
         assert_eq!(shape.at(45.0), [(ToolPart::Holder, 20.0)]);
         assert_eq!(shape.at(75.0), [(ToolPart::Spindle, f64::INFINITY)]);
         assert_eq!((shape.above_tip(), shape.radius(), shape.nose()), (0.0, 6.0, Some(40.0)));
+        // What leaves stock begins below the tip.
+        let shape = Shape::of(&tool.clone().with_allowance(0.5).unwrap(), 0.0);
+        assert_eq!((shape.at(-0.6), shape.at(1.0)), (vec![], vec![(ToolPart::Tip, 6.5)]));
+        assert_eq!((shape.at(-0.4)[0].0, shape.radius()), (ToolPart::Tip, 6.5));
         // What the margin lowers and widens.
         assert_eq!(Shape::of(&tool, 1.0).at(39.5), [(ToolPart::Holder, 21.0)]);
     }

@@ -12,6 +12,7 @@ use crate::rng::{Purpose, Stream};
 use glam::{DVec2, DVec3, Vec3, dvec2, dvec3};
 use std::f64::consts::TAU;
 
+mod allowance;
 mod drilling;
 mod explain;
 mod search;
@@ -453,7 +454,6 @@ fn what_is_not_computed_of_a_profile_is_refused_by_name() {
             .unwrap_err()
             .to_string(),
         raise(&mesh, &cutter, 0.01, DVec3::ZERO, Vec3::Z).unwrap_err().to_string(),
-        tool.clone().with_allowance(0.1).unwrap_err().to_string(),
         tool.with_flutes(2.0).unwrap_err().to_string(),
     ] {
         assert!(message.contains("profile"), "{message}");
