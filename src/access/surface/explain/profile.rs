@@ -20,7 +20,7 @@ use crate::cutter::{Assembly, Cutter, Profile};
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::Sites;
 use crate::{Error, Result, par};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A site, and a tool given by its profile.
 pub(super) struct ProfileCase<'a> {
@@ -160,14 +160,38 @@ impl<'a> ProfileCase<'a> {
         let (sites, cutter) = (self.site(), self.cutter(tool)?);
         let options = self.query.options;
         let problem = self.triangles.problem(Queries::Sites(&sites), &cutter, options)?;
-        let Some(profile) = cutter.profile() else {
-            let remedy = "give the tool by its profile";
-            return Err(Error::argument("tool", "given by lengths", "a profile", remedy));
-        };
+        let Some(profile) = cutter.profile() else { return Err(no_profile()) };
         let bvh = &self.triangles.bvh;
         let tool = ProfileTool::new(bvh, &problem.tolerances, profile, options.finish_mm);
         then(&Held { contact: &problem.contacts[0], profile }, &tool)
     }
+}
+
+impl TriangleObstacles {
+    /// Whether a tool given by its profile is free in poses, directions and places of the tip, whatever it touches and
+    /// however it gets there: it penetrates no triangle.
+    ///
+    /// # Errors
+    /// If the tool is given by lengths, or the tolerance is none for it.
+    #[doc(hidden)] // of an example, for benches/peers/manifold_poses.py
+    pub fn are_free(
+        &self,
+        cutter: &Cutter,
+        poses: &[(Vec3, DVec3)],
+        options: &SurfaceOptions,
+    ) -> Result<Vec<bool>> {
+        let _floats = par::DefaultFloats::set();
+        let Some(profile) = cutter.profile() else { return Err(no_profile()) };
+        let problem = self.problem(Queries::Sites(&Sites::default()), cutter, options)?;
+        let tool = ProfileTool::new(&self.bvh, &problem.tolerances, profile, options.finish_mm);
+        let is_free =
+            |&(direction, tip): &(Vec3, DVec3)| tool.is_free(&Frame::along(direction), tip);
+        Ok(par::map(poses.len(), |k| is_free(&poses[k])))
+    }
+}
+
+fn no_profile() -> Error {
+    Error::argument("tool", "given by lengths", "a profile", "give the tool by its profile")
 }
 
 /// A tool in its holder where it touches.

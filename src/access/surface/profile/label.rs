@@ -203,6 +203,11 @@ impl<'a> ProfileTool<'a> {
         found
     }
 
+    /// Whether the tool penetrates no triangle.
+    pub fn is_free(&self, frame: &Frame, tip: DVec3) -> bool {
+        self.first_hit(frame, tip, Form::Whole, &mut None).is_none()
+    }
+
     /// Whether the tool penetrates a triangle when it is moved across its axis.
     pub(super) fn is_way_blocked(&self, frame: &Frame, tip: DVec3, by: DVec2) -> bool {
         // About the middle of the way.
