@@ -27,8 +27,8 @@ impl Profile {
         Ok(Profile { is_drill: true, ..Profile::new(0.0, sections)? })
     }
 
-    /// A center drill: a pilot, which ends `pilot_mm` above its tip, and the countersink above it up to the radius; each
-    /// point has the angle between its flanks, radians. What is above the countersink does not cut.
+    /// A center drill: a pilot, which ends `pilot_mm` above its tip, and the countersink above it up to the radius;
+    /// each point has the angle between its flanks, radians. What is above the countersink does not cut.
     ///
     /// # Errors
     /// If a length is not positive, an angle is not between 0 and a half turn, the pilot is not thinner than the tool,

@@ -216,8 +216,8 @@ impl ProfileTool<'_> {
         (r0..=r1).contains(&radius).then_some(axis.extend(height))
     }
 
-    /// The axis of the bore of about a margin's radius whose wall a place is on, with its normal; of one that is narrower
-    /// by no more than `narrower`, mm.
+    /// The axis of the bore of about a margin's radius whose wall a place is on, with its normal; of one that is
+    /// narrower by no more than `narrower`, mm.
     fn bore(
         &self,
         margin: &Margin,

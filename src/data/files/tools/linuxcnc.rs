@@ -1,8 +1,8 @@
 //! LinuxCNC tool tables: number, diameter and a remark for each tool.
 //!
 //! Such a table does not say what a tool looks like. Its remark may: `ball`, `flat` or `bull` with `r` and the corner's
-//! radius; `V-bit` with its angle (`60°`, `60 deg`), and other cones alike. Tables of versions up to 2.3 have columns in
-//! place of words with letters: [`pockets`].
+//! radius; `V-bit` with its angle (`60°`, `60 deg`), and other cones alike. Tables of versions up to 2.3 have columns
+//! in place of words with letters: [`pockets`].
 
 mod pockets;
 

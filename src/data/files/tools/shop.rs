@@ -228,7 +228,8 @@ struct Row<'a> {
     place: &'a Place<'a>,
 }
 
-const CENTER: &str = "of a center drill, angles that are not given count as 60° of the countersink and 118° of the point";
+const CENTER: &str =
+    "of a center drill, angles that are not given count as 60° (countersink) and 118° (point)";
 /// Radii that differ by less are the same, as a share.
 const SAME: f64 = 1e-3;
 

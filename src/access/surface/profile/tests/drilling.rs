@@ -137,8 +137,8 @@ fn center_drill(pilot: f64, countersink: f64) -> Profile {
     drill.with_shank(&[[3.0, 40.0]]).unwrap()
 }
 
-/// A round block with a center hole from above: a countersink of 60° down from radius 2, and a pilot of radius 1, 2 long
-/// with its point. Heights of the lower ends of countersink and wall.
+/// A round block with a center hole from above: a countersink of 60° down from radius 2, and a pilot of radius 1, 2
+/// long with its point. Heights of the lower ends of countersink and wall.
 fn center_hole() -> (Mesh, [f64; 2]) {
     let sink = 30.0 - cone(60.0);
     let wall = sink - (2.0 - cone(118.0));

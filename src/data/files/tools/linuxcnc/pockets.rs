@@ -1,4 +1,5 @@
-//! Tables of EMC2 up to version 2.3, of columns without letters: pocket, number of the tool (FMS), length, diameter, remark.
+//! Tables of EMC2 up to version 2.3, of columns without letters: pocket, number of the tool (FMS), length, diameter,
+//! remark.
 //!
 //! ```text
 //! POC  FMS  LEN   DIAM  COMMENT
