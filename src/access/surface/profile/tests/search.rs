@@ -7,6 +7,7 @@ use super::*;
 use crate::access::surface::bvh::Bvh;
 use crate::access::surface::tolerance::Chords;
 use crate::access::surface::tool::Contact;
+use proptest::prelude::*;
 
 /// Along the profile, mm, and around the axis.
 const STEP_MM: f64 = 0.1;
@@ -93,4 +94,49 @@ fn few_sites_are_missed_that_some_pose_reaches() {
     }
     // 16 of 1030: the edge of a dovetail cutter in facets of a bore.
     assert!(n_reached > 1000 && n_missed * 50 <= n_reached, "{n_missed} of {n_reached}");
+}
+
+/// End mills on a wider shank: radius, corner, end of the flutes, radius of the shank, stick-out.
+fn growing() -> impl Strategy<Value = [f64; 5]> {
+    let corner = prop::sample::select(vec![0.0, 0.3, 1.0]);
+    (0.8f64..2.5, corner, 3.0f64..10.0, 0.0f64..2.0, 1.0f64..8.0).prop_map(
+        |(radius, corner, flutes, wider, longer)| {
+            [radius, corner * radius, flutes, radius + wider, flutes + longer]
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    #[test]
+    fn any_profile_that_only_widens_has_the_answers_of_its_lengths(lengths in growing()) {
+        let [radius, corner, flutes, shank, stick_out] = lengths;
+        let section = [[3.0, 0.0], [20.0, 0.0], [20.0, 12.0], [9.0, 12.0], [9.0, 4.0], [3.0, 9.0]];
+        let mesh = revolved(&section, 48);
+        let sites = sites_on(&mesh, 2, |_, _| true);
+        let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
+        let set = Directions::new(DirectionSet::FibonacciHemisphere { n_dirs: 16 }).unwrap();
+        let vectors = set.vectors().iter().map(|d| d.as_dvec3().to_array()).collect();
+        let directions = Directions::new(DirectionSet::List { vectors }).unwrap();
+        let options =
+            SurfaceOptions { refinement: None, occlusion: false, ..SurfaceOptions::default() };
+        let holder = [Section::cylinder(10.0, 8.0)];
+        let flat = radius - corner;
+        let round = if corner > 0.0 { format!("{radius}:{corner}@{flat}:{corner} ") } else { String::new() };
+        let text = format!("{flat}:0 {round}{radius}:{flutes} | {shank}:{flutes} {shank}:60");
+        let tool = Assembly::from_profile(text.parse().unwrap(), &holder, stick_out).unwrap();
+        let tip = crate::cutter::TipShape::Straight { radius_mm: radius, corner_mm: corner };
+        let body = [Section::cylinder(flutes, radius), Section::cylinder(60.0, shank)];
+        let plain = Assembly::new(tip, &body, &holder, stick_out).unwrap();
+        let plain = plain.with_flutes(flutes).unwrap();
+        let [found, expected] = [tool, plain].map(|tool| {
+            obstacles.label(&sites, &tool.cutter().unwrap(), &directions, &options).unwrap()
+        });
+        let reached = |labels: &SurfaceLabels, i: usize| labels.answers[i] == SiteAnswer::Accessible;
+        let more = (0..sites.len()).filter(|&i| reached(&found, i) && !reached(&expected, i)).count();
+        let fewer = (0..sites.len()).filter(|&i| !reached(&found, i) && reached(&expected, i)).count();
+        // Poses are searched less far than for cutters of steps.
+        prop_assert!(more == 0 && fewer * 100 < 2 * sites.len(), "{text} {stick_out}: {more} {fewer}");
+    }
 }
