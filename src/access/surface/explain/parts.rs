@@ -7,9 +7,10 @@
 //!
 //! Of a tool given by its profile, sites that are inaccessible without spindle and holder are blocked by the shank:
 //! neck, shank or what else does not cut. In no pose does only what cuts penetrate there, or they were no such sites.
-//! Where a pose is free and no way out is proven, no part blocks.
+//! Of the others, those that are so without the spindle are blocked by the holder. Where a pose is free and no way out
+//! is proven, no part blocks.
 
-use crate::access::surface::labels::{SiteAnswer, SurfaceOptions};
+use crate::access::surface::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
 use crate::access::surface::obstacles::TriangleObstacles;
 use crate::access::{LabelOptions, Obstacles, Queries, label_many};
 use crate::cutter::{Assembly, Cutter, ToolPart};
@@ -45,12 +46,8 @@ impl TriangleObstacles {
             is_free = vec![false; answers.len()];
             among.iter().zip(labels.retreat_unproven).for_each(|(&i, free)| is_free[i] = free);
         }
-        self.blocking_parts_of(
-            sites,
-            (tool, clearance_mm),
-            directions,
-            (options, answers, &is_free),
-        )
+        let held = (tool, clearance_mm);
+        self.blocking_parts_of(sites, held, directions, (options, answers, &is_free))
     }
 
     /// The same, of a tool given by its profile with where a pose is free and no way out is proven.
@@ -62,31 +59,46 @@ impl TriangleObstacles {
         (options, answers, is_free): (&SurfaceOptions, &[SiteAnswer], &[bool]),
     ) -> Result<Vec<Option<ToolPart>>> {
         check_count(sites, answers.len())?;
-        let by_profile = tool.profile().is_some();
-        let least = |answer: &SiteAnswer| match at_least(*answer) {
-            Some(ToolPart::Cutter) if by_profile => Some(ToolPart::Shank),
-            part => part,
-        };
-        let mut parts: Vec<Option<ToolPart>> = answers.iter().map(least).collect();
+        let mut parts: Vec<Option<ToolPart>> =
+            answers.iter().map(|answer| at_least(*answer)).collect();
         let mut left = inaccessible(answers);
-        left.retain(|&i| is_free.get(i) != Some(&true));
-        (0..is_free.len()).filter(|&i| is_free[i]).for_each(|i| parts[i] = None);
-        // The part suggests directions to such a tool, whatever its search costs.
-        let refinement = options.refinement.filter(|_| by_profile);
-        for (part, cutter) in truncated(tool, clearance_mm)? {
-            if left.is_empty() {
-                break;
+        let truncated = truncated(tool, clearance_mm)?;
+        if tool.profile().is_some() {
+            left.iter().for_each(|&i| parts[i] = Some(ToolPart::Shank));
+            (0..is_free.len()).filter(|&i| is_free[i]).for_each(|i| parts[i] = None);
+            left.retain(|&i| parts[i].is_some());
+            // From below: of the sites that need every direction, each is labeled once.
+            for (part, cutter) in truncated.into_iter().rev() {
+                let labels = self.of_left((sites, &left), &cutter, directions, options)?;
+                let blocked = labels.answers.iter().zip(&labels.retreat_unproven);
+                let mut blocked = blocked
+                    .map(|(answer, is_free)| *answer == SiteAnswer::Inaccessible && !is_free);
+                left.retain(|_| !blocked.next().unwrap_or(true));
+                left.iter().for_each(|&i| parts[i] = Some(part));
             }
-            let subset = sites.subset(&left);
-            let options = SurfaceOptions { refinement, ..options.for_few(left.len()) };
-            let labels = self.label(&subset, &cutter, directions, &options)?;
-            let is_free = |k: usize| labels.retreat_unproven.get(k) == Some(&true);
-            let answers = labels.answers.iter().enumerate();
-            let blocked =
-                answers.map(|(k, answer)| *answer == SiteAnswer::Inaccessible && !is_free(k));
+            return Ok(parts);
+        }
+        for (part, cutter) in truncated {
+            let options = SurfaceOptions { refinement: None, ..*options };
+            let labels = self.of_left((sites, &left), &cutter, directions, &options)?;
+            let blocked = labels.answers.iter().map(|answer| *answer == SiteAnswer::Inaccessible);
             assign(part, &mut parts, &mut left, blocked);
         }
         Ok(parts)
+    }
+
+    /// Labels of some of the sites; none if none is left.
+    fn of_left(
+        &self,
+        (sites, left): (&Sites, &[usize]),
+        cutter: &Cutter,
+        directions: &Directions,
+        options: &SurfaceOptions,
+    ) -> Result<SurfaceLabels> {
+        if left.is_empty() {
+            return Ok(SurfaceLabels::default());
+        }
+        self.label(&sites.subset(left), cutter, directions, &options.for_few(left.len()))
     }
 }
 
