@@ -55,7 +55,7 @@ fn read_old(text: &str, path: &Path, unsaid: &Unsaid) -> Reading {
     let (mut reading, mut above) = (Reading::default(), pockets::Above::default());
     for (line, row) in (1..).zip(text.lines()) {
         let row = row.trim();
-        if row.is_empty() || row.starts_with(';') {
+        if row.is_empty() || row.starts_with([';', '#']) {
             continue;
         }
         match above.line(row, line, path) {

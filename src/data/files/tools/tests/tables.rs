@@ -258,7 +258,7 @@ fn tables_of_emc2_with_columns_are_read_as_those_with_letters() {
     for (above, name) in [
         ("POC  FMS  LEN  DIAM  COMMENT\n\n", "mill.txt"),
         ("Pocket FMS TLO Diameter Comment\r\n\r\n", "mill"),
-        ("; of the mill\npoc fms len dia\n", "mill.csv"),
+        ("; of the mill\npoc fms len dia\n# Added 20090312\n", "mill.csv"),
         ("The file includes both mill and lathe\nPOCKET FMS LENGTH DIAMETER COMMENT\n\n", "m.tbl"),
         ("", "mill.tbl"),
     ] {
