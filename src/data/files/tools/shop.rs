@@ -400,7 +400,8 @@ impl Row<'_> {
             return Ok(self.taper()?.map(|degrees| Form::Family(drill(degrees))));
         }
         let Some(kind) = Cone::named(kind) else { return Ok(None) };
-        let family = |degrees: f64| Family::Cone { kind, tip: 0.0, angle: degrees.to_radians() };
+        let tip = self.length(Meaning::Tip)?.unwrap_or(0.0);
+        let family = |degrees: f64| Family::Cone { kind, tip, angle: degrees.to_radians() };
         Ok(self.taper()?.map(|degrees| Form::Family(family(degrees))))
     }
 

@@ -51,6 +51,12 @@ fn center_drills_have_a_pilot_below_their_countersink() {
     close(&table.tools[0], &[&pilot[..], &stated].concat());
     close(&table.tools[1], &[&pilot[..], &of_60].concat());
     assert_eq!(table.notices.len(), 1, "{:?}", table.notices);
+    // The same column is the tip of a cone.
+    let cones = "name, diameter, taper, tip, flute_length, shank, stick_out\nV-bit, 6, 45, 1, 5, 6, 40\n\
+        V-bit 2, 6, 45, 7, 5, 6, 40\n";
+    let cones = only(cones, "v.csv", &library());
+    close(&cones.tools[0], &[(0.0, 0.5), (1.0, 1.5), (2.5, 3.0)]);
+    assert!(cones.refused.len() == 1 && cones.refused[0].contains("radius of the tool is 3"));
 }
 
 #[test]
