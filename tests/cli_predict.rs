@@ -5,6 +5,7 @@ mod command;
 
 use command::{CUTTER, Folder, block, deepmill, failure, json, stl, text};
 use deepmill::data::files::{LabelFile, PredictionFile};
+use deepmill::model::Model;
 use std::process::Output;
 
 /// The size decides, not the number of sites: half of the network's own is in its domain.
@@ -108,4 +109,13 @@ fn as_many_occlusion_points_are_predicted_as_asked_for() {
         let result = json(&run(&folder, "predict", &[&["--far"], more].concat()));
         assert_eq!(result["occlusion"].as_f64(), Some(share));
     }
+}
+
+#[test]
+fn without_a_file_weights_is_about_the_network_that_comes_with_deepmill_and_writes_its_file() {
+    let folder = Folder::new();
+    let path = folder.path("shipped.safetensors");
+    let shown = json(&deepmill(&["weights", "--bf16", &path, "--json"]));
+    assert_eq!(shown["n_parameters"].as_u64(), Some(3_925_012));
+    assert_eq!(std::fs::read(&path).unwrap(), Model::shipped_file());
 }

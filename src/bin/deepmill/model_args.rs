@@ -5,6 +5,9 @@ use deepmill::Result;
 use deepmill::model::{AnyModel, weights};
 use std::path::PathBuf;
 
+/// Name of the network that is taken where none is named.
+pub const SHIPPED: &str = "the network that comes with deepmill";
+
 /// Which network.
 #[derive(clap::Args)]
 pub struct ModelArgs {
@@ -26,7 +29,7 @@ impl ModelArgs {
 
 #[cfg(feature = "weights")]
 fn shipped() -> Result<(AnyModel<f32>, String)> {
-    Ok((deepmill::model::Model::shipped()?.into(), "the network that comes with deepmill".into()))
+    Ok((deepmill::model::Model::shipped()?.into(), SHIPPED.into()))
 }
 
 #[cfg(not(feature = "weights"))]

@@ -1,14 +1,16 @@
 //! `deepmill weights`: prints what a weight file says about itself, and writes copies in bf16.
 
+use crate::model_args::SHIPPED;
 use crate::output::Output;
 use deepmill::answers::Definition;
 use deepmill::data::dataset::Dataset;
 use deepmill::model::weights::tensors::TensorFile;
-use deepmill::model::weights::{self, Storage};
+use deepmill::model::weights::{self, Storage, WeightsInfo};
+use deepmill::model::{AnyModel, Model};
 use deepmill::train::calibration;
 use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Show what a network is, or store it in bf16.
 #[derive(clap::Args)]
@@ -16,8 +18,9 @@ use std::path::PathBuf;
     after_help = "Example: deepmill weights run/best.safetensors --bf16 small.safetensors --notes card.md"
 )]
 pub struct Args {
-    /// Network: a safetensors file.
-    model: PathBuf,
+    /// Network: a safetensors file. Without it: the network that comes with deepmill.
+    #[arg(required = cfg!(not(feature = "weights")))]
+    model: Option<PathBuf>,
     /// Write a copy with parameters rounded to bf16 (half the size) to this file.
     #[arg(long, value_name = "FILE")]
     bf16: Option<PathBuf>,
@@ -39,16 +42,30 @@ enum Learned {
     Part,
 }
 
+#[cfg(feature = "weights")]
+fn shipped() -> Result<(AnyModel<f32>, Option<WeightsInfo>)> {
+    let (bytes, origin) = (Model::shipped_file(), Path::new(SHIPPED));
+    let info = weights::info(&TensorFile::from_bytes(&bytes, origin)?, origin)?;
+    Ok((weights::from_bytes(&bytes, origin)?, info))
+}
+
+#[cfg(not(feature = "weights"))]
+fn shipped() -> Result<(AnyModel<f32>, Option<WeightsInfo>)> {
+    Err(deepmill::Error::argument("MODEL", "missing", "a safetensors file", "name one"))
+}
+
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     args.bf16.iter().try_for_each(|path| atomic_file::check_writable_file(path))?;
-    let file = TensorFile::read(&args.model)?;
-    let info = weights::info(&file, &args.model)?;
-    let mut model = weights::read::<f32>(&args.model)?;
+    let (mut model, info) = match &args.model {
+        Some(path) => (weights::read(path)?, weights::info(&TensorFile::read(path)?, path)?),
+        None => shipped()?,
+    };
     let mut notes = info.map_or_else(String::new, |info| info.notes);
     let n = model.params.len();
     output.say(format!("{n} parameters, {} running statistics", model.buffers.len()));
     let config = serde_json::to_value(model.net.config()).map_err(|e| {
-        Error::file(&args.model, "configuration", e.to_string(), "report this file")
+        let path = args.model.as_deref().unwrap_or(Path::new(SHIPPED));
+        Error::file(path, "configuration", e.to_string(), "report this file")
     })?;
     output.say(format!("{config:#}"));
     output.say(&notes);
