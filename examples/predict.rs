@@ -1,9 +1,12 @@
-//! Predict with the shipped network for a cloud of points, and compare with the exact labels, through `ndarray`.
+//! Predict with the shipped network for sites on a mesh, and compare with the exact labels of the definition that the
+//! network learned, through `ndarray`.
 //!
 //! `cargo run --release --example predict`
 #![allow(clippy::print_stdout)]
 
+use deepmill::access::surface::SurfaceOptions;
 use deepmill::access::{LabelOptions, Labeler};
+use deepmill::answers::Definition;
 use deepmill::cutter::Cutter;
 use deepmill::directions::Directions;
 use deepmill::geom::sites::{SiteOptions, sample};
@@ -15,18 +18,26 @@ use deepmill::model::{Model, Predictor};
 fn main() -> deepmill::Result<()> {
     // Points and normals may come from anywhere; here from a torus standing on a plate's height.
     let part = solids::torus(40.0, 15.0, 60, 30);
-    let sampled = sample(&part, &SiteOptions { n_sites: 7000, ..SiteOptions::default() })?;
+    let sampled = sample(&part, &SiteOptions { n_sites: 2000, ..SiteOptions::default() })?;
     let points = sampled.points_array().to_owned();
     let normals = sampled.normals_array().to_owned();
     let sites = Sites::from_arrays(points.view(), normals.view())?;
     println!("{} sites, extent {:.1} mm", sites.len(), part.bounds().map_or(0.0, extent));
 
     let cutter: Cutter = "1.5,6,40,5".parse()?;
-    // Both engines take the same sites and cutter, and answer in the same form.
     let predictor = Predictor::new(Model::shipped()?);
-    let labeler =
-        Labeler::of_sites(Directions::fibonacci_hemisphere(150)?, LabelOptions::default());
-    let (predicted, exact) = (predictor.answer(&sites, &cutter)?, labeler.answer(&sites, &cutter)?);
+    // The network was trained with 7,000 sites: on the part the missing ones are placed for it.
+    let predicted = predictor.answer_on(&part, &sites, &cutter)?;
+
+    // Labels of another definition than the network's would show what both differ in, not how good the network is.
+    let directions = Directions::fibonacci_hemisphere(150)?;
+    let labeler = match predictor.definition() {
+        Some(Definition::Part) => {
+            Labeler::of_part(&part, &[], directions, SurfaceOptions::default())?
+        }
+        _ => Labeler::of_sites(directions, LabelOptions::default()),
+    };
+    let exact = labeler.answer(&sites, &cutter)?;
 
     let mean = predicted.probability_inaccessible.iter().sum::<f32>() / sites.len() as f32;
     println!("mean probability to be inaccessible: {mean:.3}");

@@ -226,6 +226,10 @@ impl OutsideDomain {
         self.quantity == N_SITES
     }
 
+    pub(crate) fn is_below_half(&self) -> bool {
+        self.value < self.range[0] / FAR
+    }
+
     /// Whether the number is beyond twice the greatest or below half of the least.
     pub fn is_far(&self) -> bool {
         !(self.range[0] / FAR..=self.range[1] * FAR).contains(&self.value)

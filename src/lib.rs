@@ -34,7 +34,7 @@
 //! let share = exact.inaccessible_area_share(&sites)?; // of the surface
 //! let way = exact.witness[0]; // a direction in which the cutter can stand at site 0
 //!
-//! let predicted = Predictor::new(Model::shipped()?).allow_out_of_domain().answer(&sites, &cutter)?;
+//! let predicted = Predictor::new(Model::shipped()?).answer_on(&part, &sites, &cutter)?;
 //! assert_eq!(exact.inaccessible.len(), predicted.inaccessible.len());
 //! # Ok::<(), deepmill::Error>(())
 //! ```

@@ -30,6 +30,31 @@ fn predictions_outside_of_the_networks_domain_are_marked_and_far_ones_refused() 
     assert!(!json(&accepted)["outside_domain"].as_array().unwrap().is_empty());
 }
 
+/// Few sites of a mesh are filled up; those of a cloud cannot be, and are a matter apart from tool and part.
+#[test]
+fn a_mesh_may_have_few_sites_and_a_cloud_only_if_that_is_allowed() {
+    let folder = Folder::new();
+    let part = folder.file("part.stl", stl(&block([0.0; 3], [100.0, 60.0, 40.0])));
+    let (cloud, out) = (folder.path("cloud.ply"), folder.path("out"));
+    json(&deepmill(&["sample", &part, "--out", &cloud, "--sites", "900", "--json"]));
+    let predict = |part: &str, cutter: &str, more: &[&str]| {
+        let args = ["predict", part, "--cutter", cutter, "--out", &out, "--no-picture", "--json"];
+        deepmill(&[&args[..], more].concat())
+    };
+    let of_mesh = json(&predict(&part, CUTTER, &["--sites", "900"]));
+    assert_eq!(of_mesh["n_sites"].as_u64(), Some(900));
+    assert_eq!(of_mesh["outside_domain"].as_array().unwrap().len(), 0);
+    let file = PredictionFile::read(format!("{out}/predictions.npz").as_ref()).unwrap();
+    assert_eq!(file.prediction.logits_inaccessible.len(), 900);
+    let message = failure(&predict(&cloud, CUTTER, &[]), 2);
+    let said = "number of sites is 900, trained with 7000, expected at least half as many";
+    assert!(message.contains(said) && message.contains("--few-sites"), "{message}");
+    let allowed = json(&predict(&cloud, CUTTER, &["--few-sites"]));
+    assert_eq!(allowed["outside_domain"].as_array().unwrap().len(), 1);
+    let message = failure(&predict(&cloud, "40,6,40,5", &["--few-sites"]), 2);
+    assert!(message.contains("CR is 0.4") && message.contains("--far"), "{message}");
+}
+
 fn run(folder: &Folder, verb: &str, more: &[&str]) -> Output {
     let part = folder.block();
     let out = folder.path(verb);

@@ -50,7 +50,7 @@ impl PredictRequest {
     }
 
     fn definition(&self) -> Option<Definition> {
-        self.predictor.model().definition
+        self.predictor.definition()
     }
 
     /// An error if there is a bound to verify, and the network or the part cannot be held against triangles.
@@ -138,7 +138,12 @@ impl Placed {
         report(observer, Stage::Labels, (0, tools.len()))?;
         for (k, tool) in tools.iter().enumerate() {
             let of = if self.request.has_folders { &*format!("{}: ", tool.name) } else { "" };
-            match request.predictor.predict(&self.sites, &tool.cutter) {
+            let predictor = &request.predictor;
+            let prediction = match self.mesh() {
+                Some(mesh) => predictor.predict_on(mesh, &self.sites, &tool.cutter),
+                None => predictor.predict(&self.sites, &tool.cutter),
+            };
+            match prediction {
                 Ok((prediction, outside)) => {
                     let outside: Vec<String> = outside.iter().map(ToString::to_string).collect();
                     warnings.extend(outside.iter().map(|outside| {

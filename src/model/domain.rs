@@ -56,13 +56,23 @@ impl Domain {
         }
     }
 
-    /// What of a part and a cutter is outside; the number of sites counts only if it is far outside.
+    /// What of a part and a cutter is outside; the number of sites counts only if it is below half of the least.
     pub fn outside(&self, points_mm: &[Vec3], cutter: CutterParams) -> Vec<OutsideDomain> {
         let found = Domain::of(points_mm, cutter);
         let all = QUANTITIES.into_iter().zip(self.ranges()).zip(found.ranges());
         let all =
             all.map(|((quantity, range), [value, _])| OutsideDomain { quantity, value, range });
-        all.filter(|o| o.is_outside() && (!o.is_count() || o.is_far())).collect()
+        all.filter(|o| o.is_outside() && (!o.is_count() || o.is_below_half())).collect()
+    }
+
+    /// Least number of sites.
+    pub(super) fn least_n_sites(&self) -> usize {
+        self.n_sites[0] as usize
+    }
+
+    /// Greatest number of sites.
+    pub(super) fn most_n_sites(&self) -> usize {
+        self.n_sites[1] as usize
     }
 
     /// All ranges in the order of the fields.
@@ -105,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn near_and_far_are_told_apart_and_a_few_sites_more_do_not_matter() {
+    fn near_and_far_are_told_apart_and_sites_may_be_many_but_not_few() {
         let line = |n: usize| (0..n).map(|i| Vec3::splat(i as f32)).collect::<Vec<_>>();
         let at = |cr: f64| cutter([cr, 1.0, 10.0, 1.0]);
         let domain = Domain::of(&line(101), at(1.0));
@@ -118,9 +128,13 @@ mod tests {
         assert_eq!(names(&line(101), 2.1), [("CR", true)]);
         let many: Vec<Vec3> = line(101).into_iter().chain(line(50)).collect();
         assert_eq!(names(&many, 1.0), []);
-        let many: Vec<Vec3> = line(101).repeat(3);
-        assert_eq!(names(&many, 1.0), [("number of sites", true)]);
-        let message = domain.outside(&many, at(1.0))[0].to_string();
-        assert_eq!(message, "number of sites is 303, trained with 101");
+        assert_eq!(names(&line(101).repeat(3), 1.0), []);
+        let few = |n: usize| -> Vec<Vec3> {
+            line(101).into_iter().rev().take(n - 1).chain(line(1)).collect()
+        };
+        assert_eq!(names(&few(51), 1.0), []);
+        assert_eq!(names(&few(50), 1.0), [("number of sites", true)]);
+        let message = domain.outside(&few(50), at(1.0))[0].to_string();
+        assert_eq!(message, "number of sites is 50, trained with 101");
     }
 }

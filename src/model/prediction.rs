@@ -69,6 +69,27 @@ pub struct Prediction<T> {
 }
 
 impl<T: Scalar> Prediction<T> {
+    /// Keeps the first `n` sites.
+    pub(super) fn truncate(&mut self, n: usize) {
+        self.logits_inaccessible.truncate(n);
+        self.logits_occlusion.truncate(n);
+        self.accessible_share.truncate(n);
+        self.coarse_answers.truncate(n);
+    }
+
+    /// Puts what `group` has about its sites at their `rows` among `n`.
+    pub(super) fn place(&mut self, group: Prediction<T>, rows: &[usize], n: usize) {
+        fn put<V: Copy>(to: &mut Vec<V>, from: &[V], rows: &[usize], n: usize) {
+            let Some(&any) = from.first() else { return };
+            to.resize(n, any);
+            rows.iter().zip(from).for_each(|(&row, value)| to[row] = *value);
+        }
+        put(&mut self.logits_inaccessible, &group.logits_inaccessible, rows, n);
+        put(&mut self.logits_occlusion, &group.logits_occlusion, rows, n);
+        put(&mut self.accessible_share, &group.accessible_share, rows, n);
+        put(&mut self.coarse_answers, &group.coarse_answers, rows, n);
+    }
+
     /// Decisions and probabilities of both heads, and the shares of accessible directions.
     pub fn answers(&self) -> SiteAnswers {
         let decide = |logits: &[[T; N_CLASSES]]| logits.iter().copied().map(is_positive).collect();

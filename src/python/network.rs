@@ -1,10 +1,10 @@
 //! Answers of a network.
 
 use super::answers::array;
-use super::errors::{checked, detached, detached_long};
+use super::errors::{checked, detached, detached_long, wrong_type};
 use super::options::Options;
 use super::output::{list, rows};
-use super::part::{Sites, path_of};
+use super::part::{Mesh, Sites, path_of};
 use super::tool::cutter_of;
 use crate::answers::SiteAnswers;
 use crate::model::weights::{self, Storage};
@@ -66,10 +66,12 @@ impl Network {
     /// What it predicts for sites and a cutter.
     ///
     /// points: float [n, 3], mm. normals: float [n, 3], unit vectors. cutter: a ball end, Tool, "CR,CH,FR,FH" or four
-    /// numbers, mm. out_of_domain: predict also what it was not trained for. occlusion_share: mark that share.
+    /// numbers, mm. part: the Mesh that points are on, on which sites are added if they are fewer than in training.
+    /// few_sites: predict fewer than half of those without it. out_of_domain: predict also what it was not trained
+    /// for. occlusion_share: mark that share.
     #[pyo3(signature = (points, normals, cutter, **options))]
     #[pyo3(
-        text_signature = "($self, points, normals, cutter, *, out_of_domain=False, occlusion_share=None)"
+        text_signature = "($self, points, normals, cutter, *, part=None, few_sites=False, out_of_domain=False, occlusion_share=None)"
     )]
     fn predict(
         &self,
@@ -82,6 +84,14 @@ impl Network {
         let sites = Sites::of(points, normals)?;
         let cutter = cutter_of("cutter", cutter)?;
         let mut options = Options::new(py, options)?;
+        let part = match options.take("part")? {
+            None => None,
+            Some(given) => match Mesh::of(&given)? {
+                Some(mesh) => Some(mesh),
+                None => return Err(wrong_type("part", &given, "a deepmill.Mesh")),
+            },
+        };
+        let few_sites = options.flag("few_sites")?.unwrap_or(false);
         let out_of_domain = options.flag("out_of_domain")?.unwrap_or(false);
         let share = options.number("occlusion_share")?;
         options.finish()?;
@@ -92,8 +102,15 @@ impl Network {
         if out_of_domain {
             predictor = predictor.allow_out_of_domain();
         }
+        if few_sites {
+            predictor = predictor.allow_few_sites();
+        }
+        let part = part.as_ref().map(|part| &part.get().mesh);
         detached_long(py, || {
-            let (prediction, outside) = predictor.predict(&sites.0, &cutter)?;
+            let (prediction, outside) = match part {
+                Some(part) => predictor.predict_on(part, &sites.0, &cutter)?,
+                None => predictor.predict(&sites.0, &cutter)?,
+            };
             let answers = share
                 .map_or_else(|| prediction.answers(), |share| prediction.answers_ranked(share));
             let outside = outside.iter().map(ToString::to_string).collect();

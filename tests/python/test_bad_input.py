@@ -141,7 +141,7 @@ ARRAYS = [
     (lambda: deepmill.volume(tetrahedron(), "1,2,3,4", 0), ["step", "0"]),
     (lambda: deepmill.volume(tetrahedron(), ["1,2,3,4", "1,3,3,4"], 5), ["volume", "2 tools", "one tool"]),
     (lambda: deepmill.volume(tetrahedron(), "1,9,3,4", 9).share("all"), ["answer", "`all`", "tip_does_not_fit"]),
-    (lambda: network().predict(CORNERS, UP, "1.5,6,40,5"), ["network", "out_of_domain"]),
+    (lambda: network().predict(CORNERS, UP, "1.5,6,40,5"), ["sites", "few_sites"]),
     (lambda: network().predict(CORNERS, UP, deepmill.Tool("1,2,3,4", kind="flat")), ["cutter", "ball end"]),
     (lambda: network().predict(CORNERS, UP, "1.5,6,40,5", occlusion_share=0), ["share", "0", "above 0"]),
     (lambda: deepmill.online([]), ["training set", "empty", "one part"]),

@@ -156,10 +156,10 @@ def test_the_machined_part_has_the_bytes_of_the_program(program, stl, tmp_path):
 
 
 def test_predictions_are_those_of_the_program(program, stl, tmp_path):
-    run(program, "predict", stl, "--cutter", "1.5,6,40,5", "--sites", 1500, "--far", "--out", tmp_path)
+    run(program, "predict", stl, "--cutter", "1.5,6,40,5", "--sites", 1500, "--out", tmp_path)
     file = arrays(tmp_path / "predictions.npz")
     network = deepmill.Network.shipped()
-    prediction = network.predict(file["points"], file["normals"], "1.5,6,40,5", out_of_domain=True)
+    prediction = network.predict(file["points"], file["normals"], "1.5,6,40,5", part=deepmill.Mesh.read(stl))
     for name in ["logits_inaccessible", "logits_occlusion", "coarse_answers"]:
         assert np.array_equal(file[name], getattr(prediction, name)), name
 

@@ -75,6 +75,10 @@ pub struct Args {
     /// Answer even far outside of the sizes that the network was trained for; the answer may mean nothing.
     #[arg(long)]
     far: bool,
+    /// Answer for a cloud of fewer than half of the points that the network was trained with; the answer may mean
+    /// nothing. On a mesh sites are added.
+    #[arg(long)]
+    few_sites: bool,
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
@@ -132,6 +136,7 @@ impl Args {
         let (model, name) = self.model.read()?;
         let predictor = Predictor::new(model);
         let predictor = if self.far { predictor.allow_out_of_domain() } else { predictor };
+        let predictor = if self.few_sites { predictor.allow_few_sites() } else { predictor };
         let request = PredictRequest::new(predictor, name).occlusion_share(self.occlusion_share);
         Ok(match self.verify {
             Some(bound) => request.verify(bound),

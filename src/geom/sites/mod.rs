@@ -42,11 +42,21 @@ pub struct Sites {
 }
 
 impl Sites {
-    /// Points and normals of these rows, on no mesh.
+    /// Points and normals of these rows, on no mesh; no normals of points in space.
     pub(crate) fn subset(&self, rows: &[usize]) -> Sites {
+        let normals = if self.normals.is_empty() { &[] } else { rows };
         Sites {
             points: rows.iter().map(|&i| self.points[i]).collect(),
-            normals: rows.iter().map(|&i| self.normals[i]).collect(),
+            normals: normals.iter().map(|&i| self.normals[i]).collect(),
+            faces: Vec::new(),
+        }
+    }
+
+    /// These and then others, on no mesh.
+    pub(crate) fn followed_by(&self, others: &Sites) -> Sites {
+        Sites {
+            points: [&self.points[..], &others.points].concat(),
+            normals: [&self.normals[..], &others.normals].concat(),
             faces: Vec::new(),
         }
     }

@@ -393,6 +393,8 @@ class Network:
         normals: ArrayLike,
         cutter: Tool | str | ArrayLike,
         *,
+        part: Mesh | None = None,
+        few_sites: bool = False,
         out_of_domain: bool = False,
         occlusion_share: float | None = None,
     ) -> Prediction: ...
