@@ -51,8 +51,8 @@ fn a_mesh_may_have_few_sites_and_a_cloud_only_if_that_is_allowed() {
     assert!(message.contains(said) && message.contains("--few-sites"), "{message}");
     let allowed = json(&predict(&cloud, CUTTER, &["--few-sites"]));
     assert_eq!(allowed["outside_domain"].as_array().unwrap().len(), 1);
-    let message = failure(&predict(&cloud, "40,6,40,5", &["--few-sites"]), 2);
-    assert!(message.contains("CR is 0.4") && message.contains("--far"), "{message}");
+    let message = failure(&predict(&cloud, "36,6,40,5", &["--few-sites"]), 2);
+    assert!(message.contains("CR is 0.36") && message.contains("--far"), "{message}");
 }
 
 fn run(folder: &Folder, verb: &str, more: &[&str]) -> Output {
