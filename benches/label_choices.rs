@@ -30,7 +30,7 @@ fn main() {
         let (lo, hi) = mesh.bounds().unwrap();
         let scale = (80.0 / (hi - lo).min_element()).max(1.0);
         mesh.vertices.iter_mut().for_each(|v| *v *= scale);
-        let draw = |n_sites| sample(&mesh, &SiteOptions { n_sites, ..Default::default() }).unwrap();
+        let draw = |n_sites| sample(&mesh, &SiteOptions::default().with_n_sites(n_sites)).unwrap();
         let (sites, dense) = (draw(N_SITES), draw(N_DENSE).points);
         for lengths in CUTTERS {
             row(&path, &sites, &dense, lengths);
@@ -42,7 +42,7 @@ fn row(path: &str, sites: &Sites, dense: &[glam::Vec3], lengths: [f64; 4]) {
     let cutter = Cutter::ball_end(CutterParams::from_array(lengths)).unwrap();
     let run = |obstacles, n_dirs, occlusion| {
         let directions = Directions::fibonacci_hemisphere(n_dirs).unwrap();
-        let options = LabelOptions { occlusion, ..Default::default() };
+        let options = LabelOptions::default().with_occlusion(occlusion);
         label(sites, obstacles, &cutter, &directions, &options).unwrap()
     };
     let base = run(Obstacles::Queries, 150, true);

@@ -193,12 +193,12 @@ fn main() {
     for &n_sites in &settings.sizes {
         let mut worst: [Worst; 2] = Default::default();
         for (name, mesh) in &parts {
-            let sites = sample(mesh, &SiteOptions { n_sites, ..Default::default() }).unwrap();
+            let sites = sample(mesh, &SiteOptions::default().with_n_sites(n_sites)).unwrap();
             for &lengths in &settings.cutters {
                 let cutter = Cutter::ball_end(CutterParams::from_array(lengths)).unwrap();
                 check(&sites, &cutter, n_sites);
                 let runs = if n_sites <= 100_000 { 3 } else { 1 };
-                let mut options = LabelOptions { occlusion: false, ..Default::default() };
+                let mut options = LabelOptions::default().with_occlusion(false);
                 let (quick, quick_cpu, _) =
                     seconds(runs, || run(&sites, &cutter, &directions, &options));
                 options.occlusion = true;
@@ -252,9 +252,9 @@ fn equal(settings: &Settings, parts: &[(String, Mesh)], directions: &Directions)
     let cutters: Vec<Cutter> = (0..settings.equal).map(draw).collect();
     for &n_sites in &settings.sizes {
         for (name, mesh) in parts {
-            let sites = sample(mesh, &SiteOptions { n_sites, ..Default::default() }).unwrap();
+            let sites = sample(mesh, &SiteOptions::default().with_n_sites(n_sites)).unwrap();
             let answer = |engine| {
-                let options = LabelOptions { engine, ..Default::default() };
+                let options = LabelOptions::default().with_engine(engine);
                 let labels = label_many(&sites, Obstacles::Queries, &cutters, directions, &options);
                 let parts = |l: Labels| (l.answers, l.witness, l.beta);
                 labels.unwrap().into_iter().map(parts).collect::<Vec<_>>()
@@ -279,7 +279,7 @@ fn check(sites: &Sites, cutter: &Cutter, n_sites: usize) {
     };
     let obstacles = if stride == 1 { Obstacles::Queries } else { Obstacles::Points(&sites.points) };
     let answer = |engine| {
-        let options = LabelOptions { engine, ..Default::default() };
+        let options = LabelOptions::default().with_engine(engine);
         let labels = label(&some, obstacles, cutter, &few, &options).unwrap();
         (labels.answers, labels.witness, labels.beta)
     };
@@ -371,7 +371,7 @@ fn share_work(mesh: &Mesh, directions: &Directions) {
             .map(|lengths| Cutter::ball_end(CutterParams::from_array(lengths)).unwrap())
             .collect();
         for occlusion in [false, true] {
-            let options = LabelOptions { occlusion, ..Default::default() };
+            let options = LabelOptions::default().with_occlusion(occlusion);
             let all =
                 || label_many(&sites, Obstacles::Queries, &cutters, directions, &options).unwrap();
             let (together, together_cpu, _) = seconds(3, all);

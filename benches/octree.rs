@@ -34,7 +34,7 @@ fn sphere(n: usize) -> Vec<Vec3> {
 }
 
 fn octree(points: &[Vec3], depth: usize) -> Octree {
-    let options = OctreeOptions { depth, ..OctreeOptions::default() };
+    let options = OctreeOptions::default().with_depth(depth);
     Octree::build(&[Cloud::new(points, points)], &options).expect("a sphere")
 }
 
@@ -67,7 +67,7 @@ fn convolutions() {
         let (map, params) = (&octree.levels[depth].conv, layout.init_params::<f32>(1));
         let (x, dy) = (numbers(map.n_inputs() * c_in), numbers(map.n_outputs() * c_out));
         let (arena, mut grads) = (&Arena::default(), vec![0.0; params.len()]);
-        let (context, x) = (Context { params: &params, arena }, Operand::new(&x, c_in));
+        let (context, x) = (Context::new(&params, arena), Operand::new(&x, c_in));
         let name = format!("conv 3x3x3, depth {depth}, {c_in} to {c_out}");
         let n_products = map.n_pairs() * c_in * c_out;
         time(format!("{name}: forward"), n_products, || {
@@ -92,7 +92,8 @@ fn strides() {
         let (fine, rough) =
             (numbers(8 * coarse.n_nonempty() * c_fine), numbers(coarse.n_nodes() * c_coarse));
         let name = format!("stride 2, depth {depth}, {c_fine} and {c_coarse}");
-        let context = Context { params: &params, arena: &Arena::default() };
+        let arena = Arena::default();
+        let context = Context::new(&params, &arena);
         let (x, rough) = (Operand::new(&fine, c_fine), Operand::new(&rough, c_coarse));
         let n_products = fine.len() * c_coarse;
         time(format!("{name}: down"), n_products, || {

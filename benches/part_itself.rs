@@ -81,7 +81,7 @@ fn read(path: &str, n_sites: usize) -> (Mesh, Sites) {
     let (low, high) = mesh.bounds().expect("a mesh with vertices");
     let factor = (80.0 / (high - low).min_element()).max(1.0);
     mesh.vertices.iter_mut().for_each(|v| *v *= factor);
-    let sites = sample(&mesh, &SiteOptions { n_sites, ..SiteOptions::default() }).expect("sites");
+    let sites = sample(&mesh, &SiteOptions::default().with_n_sites(n_sites)).expect("sites");
     (mesh, sites)
 }
 
@@ -157,14 +157,11 @@ fn tips(paths: &[String], n_sites: usize, n_directions: usize) {
             ];
             for (cutter, all) in cutters.into_iter().zip(&mut all) {
                 let cutter = cutter.expect("a cutter");
-                let quick = SurfaceOptions {
-                    occlusion: false,
-                    counts: false,
-                    refinement: None,
-                    ..Default::default()
-                };
-                let search =
-                    SurfaceOptions { refinement: Some(RefinementOptions::default()), ..quick };
+                let quick = SurfaceOptions::default()
+                    .with_occlusion(false)
+                    .with_counts(false)
+                    .with_refinement(None);
+                let search = quick.with_refinement(Some(RefinementOptions::default()));
                 for (options, all) in [quick, search].iter().zip(all) {
                     let label = || obstacles.label(&sites, &cutter, &directions, options);
                     all.push(timed(|| label().expect("labels")).1);
@@ -188,14 +185,14 @@ fn cost(path: &str, n_sites: usize, n_directions: usize, all: &mut [Vec<Times>; 
     let directions = Directions::fibonacci_hemisphere(n_directions).expect("directions");
     for lengths in CUTTERS {
         let cutter = ball(lengths);
-        let base = SurfaceOptions { occlusion: false, refinement: None, ..Default::default() };
-        let quick = SurfaceOptions { counts: false, ..base };
-        let search = SurfaceOptions { refinement: Some(RefinementOptions::default()), ..quick };
+        let base = SurfaceOptions::default().with_occlusion(false).with_refinement(None);
+        let quick = base.with_counts(false);
+        let search = quick.with_refinement(Some(RefinementOptions::default()));
         let label = |options: &SurfaceOptions| {
             timed(|| obstacles.label(&sites, &cutter, &directions, options).expect("labels"))
         };
         let [labels, searched, counts] = [&quick, &search, &base].map(label);
-        let with_beta = SurfaceOptions { occlusion: true, ..base };
+        let with_beta = base.with_occlusion(true);
         let (_, beta) = timed(|| obstacles.label_sites(&sites, &cutter, &directions, &with_beta));
         let times = [labels.1, searched.1, counts.1, beta];
         all.iter_mut().zip(times).for_each(|(all, times)| all.push(times));
@@ -240,8 +237,8 @@ fn by_triangles(path: &str, n_sites: usize, n_directions: usize) {
         let (obstacles, index) = timed(|| TriangleObstacles::new(&mesh, &[]).expect("triangles"));
         print!("  {} triangles: tree {index}", mesh.triangles.len());
         for lengths in [CUTTERS[0], CUTTERS[1], CUTTERS[5]] {
-            let base = SurfaceOptions { occlusion: false, refinement: None, ..Default::default() };
-            let options = SurfaceOptions { counts: false, ..base };
+            let base = SurfaceOptions::default().with_occlusion(false).with_refinement(None);
+            let options = base.with_counts(false);
             let label = || obstacles.label(&sites, &ball(lengths), &directions, &options);
             let (_, times) = timed(|| label().expect("labels"));
             print!(", {lengths:?} {times}");
@@ -283,7 +280,7 @@ fn plain(path: &str, n_sites: usize, n_directions: usize) {
     let (mesh, sites) = read(path, n_sites);
     let obstacles = TriangleObstacles::new(&mesh, &[]).expect("triangles");
     let directions = Directions::fibonacci_hemisphere(n_directions).expect("directions");
-    let options = SurfaceOptions { occlusion: false, refinement: None, ..Default::default() };
+    let options = SurfaceOptions::default().with_occlusion(false).with_refinement(None);
     println!("{path}: {} triangles", mesh.triangles.len());
     for lengths in [CUTTERS[0], CUTTERS[1], CUTTERS[5]] {
         let cutter = ball(lengths);
@@ -331,8 +328,8 @@ fn curve(path: &str, n_sites: usize, all: &mut [Vec<Found>; SEARCHED.len()]) {
     for lengths in [CUTTERS[0], CUTTERS[1], CUTTERS[5]] {
         let cutter = ball(lengths);
         let label = |n_directions: usize, refinement: Option<RefinementOptions>| {
-            let base = SurfaceOptions { occlusion: false, refinement, ..Default::default() };
-            let options = SurfaceOptions { counts: false, ..base };
+            let base = SurfaceOptions::default().with_occlusion(false).with_refinement(refinement);
+            let options = base.with_counts(false);
             let directions = Directions::fibonacci_hemisphere(n_directions).expect("directions");
             timed(|| obstacles.label(&sites, &cutter, &directions, &options).expect("labels"))
         };
@@ -348,7 +345,9 @@ fn curve(path: &str, n_sites: usize, all: &mut [Vec<Found>; SEARCHED.len()]) {
             println!("  {n_directions} directions: accessible {share:.4}, {t}");
         }
         for ([n_kept, n_levels], all) in SEARCHED.into_iter().zip(all.iter_mut()) {
-            let refinement = RefinementOptions { n_kept, n_levels, prove: false };
+            let refinement = RefinementOptions::default();
+            let refinement =
+                refinement.with_n_kept(n_kept).with_n_levels(n_levels).with_prove(false);
             let (labels, t) = label(150, Some(refinement));
             let found = accessible(&labels);
             let both = found.iter().zip(&truth).filter(|(a, b)| **a && **b).count();
@@ -392,11 +391,11 @@ fn equal(path: &str, n_sites: usize, n_directions: usize) {
     let (mut n_pairs, mut n_edges, mut n_wrong, mut n_missed) = (0, 0, 0, 0);
     for cutter in cutters {
         let cutter = cutter.expect("a cutter");
-        let options = |tolerance: f64| SurfaceOptions {
-            tolerance: ContactTolerance::Millimeters(tolerance),
-            occlusion: false,
-            refinement: None,
-            ..SurfaceOptions::default()
+        let options = |tolerance: f64| {
+            SurfaceOptions::default()
+                .with_tolerance(ContactTolerance::Millimeters(tolerance))
+                .with_occlusion(false)
+                .with_refinement(None)
         };
         let expected = |tolerance: f64| {
             let options = options(tolerance);

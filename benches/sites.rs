@@ -24,7 +24,7 @@ fn bodies() -> [(&'static str, Mesh); 3] {
 fn sampling() {
     for (name, mesh) in bodies() {
         for n_sites in COUNTS {
-            let options = SiteOptions { n_sites, ..SiteOptions::default() };
+            let options = SiteOptions::default().with_n_sites(n_sites);
             let sites = sample(&mesh, &options).expect("a sound body");
             let spacing = Spacing::measure_on_sheet(&sites).expect("more than one site");
             assert!(spacing.cv <= 0.12, "{name} {n_sites}: {spacing:?}");

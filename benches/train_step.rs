@@ -12,7 +12,7 @@ use deepmill::optim::Sgd;
 const CUTTER_MM: [f64; 4] = [1.5, 6.0, 40.0, 5.0];
 
 fn main() {
-    let options = SiteOptions { n_sites: 7000, ..SiteOptions::default() };
+    let options = SiteOptions::default().with_n_sites(7000);
     let parts: Vec<_> = (0..2).map(|i| sample(&mixed_part(0, i), &options)).collect();
     let parts: Vec<_> = parts.into_iter().filter_map(Result::ok).collect();
     let shapes: Vec<Shape> = parts
@@ -24,7 +24,7 @@ fn main() {
         let arena = Arena::default();
         let n = model.params.len();
         let (mut velocity, mut grads) = (vec![0.0; n], vec![0.0; n]);
-        let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
+        let sgd = Sgd::new(0.9, 5e-4);
         let mut step = || {
             let batch = Batch::new(&shapes, &config.input).expect("generated parts are sound");
             let labels = vec![0; batch.n_points()];

@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let lengths: Vec<f64> = lengths.split(',').map(str::parse).collect::<Result<_, _>>()?;
     let lengths = <[f64; 4]>::try_from(lengths).map_err(|_| "four lengths")?;
     let cutter = Cutter::bull_nose(CutterParams::from_array(lengths), corner.parse()?)?;
-    let sites = sample(&mesh, &SiteOptions { n_sites: n_points.parse()?, ..Default::default() })?;
+    let sites = sample(&mesh, &SiteOptions::default().with_n_sites(n_points.parse()?))?;
     let mut out = std::io::stdout().lock();
     for &d in Directions::fibonacci_hemisphere(n_directions.parse()?)?.vectors() {
         for (site, normal) in sites.points.iter().zip(&sites.normals) {

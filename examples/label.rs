@@ -19,7 +19,7 @@ fn main() -> deepmill::Result<()> {
     let cutter: Cutter = args.next().as_deref().unwrap_or("1.5,6,40,5").parse()?;
     let (directions, options) = (Directions::published(), LabelOptions::published());
 
-    let sites = sample(&mesh, &SiteOptions { n_sites: 2000, ..SiteOptions::default() })?;
+    let sites = sample(&mesh, &SiteOptions::default().with_n_sites(2000))?;
     let labels = label(&sites, Obstacles::Queries, &cutter, &directions, &options)?;
     println!("{cutter}");
     println!("{} sites, {directions}", sites.len());

@@ -17,11 +17,9 @@ use std::ops::ControlFlow;
 const N_CLASSES: usize = 5;
 
 fn main() -> Result<()> {
-    let config = UNetConfig {
-        input: InputConfig { depth: 4, features: "NDP".into(), ..InputConfig::default() },
-        cutter: CutterConfig { placement: CutterPlacement::None, ..CutterConfig::default() },
-        ..UNetConfig::tiny()
-    };
+    let config = UNetConfig::tiny()
+        .with_input(InputConfig::default().with_depth(4).with_features("NDP".into()))
+        .with_cutter(CutterConfig::default().with_placement(CutterPlacement::None));
     let net = UNet::with_heads(&config, &[N_CLASSES])?;
     let source = |epoch, step| batch(epoch, step, &config.input);
     let criterion = CrossEntropy::equal(N_CLASSES);

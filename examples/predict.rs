@@ -18,7 +18,7 @@ use deepmill::model::{Model, Predictor};
 fn main() -> deepmill::Result<()> {
     // Points and normals may come from anywhere; here from a torus standing on a plate's height.
     let part = solids::torus(40.0, 15.0, 60, 30);
-    let sampled = sample(&part, &SiteOptions { n_sites: 2000, ..SiteOptions::default() })?;
+    let sampled = sample(&part, &SiteOptions::default().with_n_sites(2000))?;
     let points = sampled.points_array().to_owned();
     let normals = sampled.normals_array().to_owned();
     let sites = Sites::from_arrays(points.view(), normals.view())?;

@@ -17,7 +17,7 @@ fn main() -> deepmill::Result<()> {
     let temporary = std::env::temp_dir().join(format!("deepmill-{}", std::process::id()));
     let root = std::env::args().nth(1).map_or(temporary, PathBuf::from);
     let samples = (0..4).map(labeled).collect::<deepmill::Result<Vec<_>>>()?;
-    let settings = Settings { n_epochs: 4, seed: 7, ..Settings::tiny() };
+    let settings = Settings::tiny().with_n_epochs(4).with_seed(7);
 
     let folder = RunFolder::new(root.join("stopped"));
     let mut run = folder.start(settings.clone())?;
@@ -56,16 +56,11 @@ impl Observer for Show {
 
 /// A generated part with a random cutter and its exact labels.
 fn labeled(index: u64) -> deepmill::Result<Sample> {
-    let options = SiteOptions { n_sites: 400, ..SiteOptions::default() };
+    let options = SiteOptions::default().with_n_sites(400);
     let sites = sample(&generated::mixed_part(1, index), &options)?;
     let params = CutterSet::Uniform.draw(&mut Stream::new(1, 0, index, Purpose::Cutter));
     let (cutter, directions) = (Cutter::ball_end(params)?, Directions::fibonacci_hemisphere(50)?);
     let options = LabelOptions::default();
     let labels = label(&sites, Obstacles::Queries, &cutter, &directions, &options)?;
-    Ok(Sample {
-        name: format!("part {index}"),
-        sites: sites.into(),
-        cutter: params,
-        answers: labels.answers,
-    })
+    Ok(Sample::new(format!("part {index}"), sites.into(), params, labels.answers))
 }

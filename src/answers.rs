@@ -331,6 +331,7 @@ pub(crate) fn mark_top<T>(
 /// number.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Rounding {
     /// Up: the text of the paper.
     #[default]

@@ -17,12 +17,14 @@
 //! # Ok::<(), deepmill::Error>(())
 //! ```
 
+use crate::access::Labels;
+use crate::access::surface::SurfaceLabels;
 use crate::answers::SiteAnswers;
 use crate::geom::{Mesh, Sites};
 use crate::model::Prediction;
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
-use ndarray::{ArrayView1, ArrayView2, Axis};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 
 impl Sites {
     /// Sites from points and outward unit normals, both `[n, 3]`, mm.
@@ -76,22 +78,64 @@ impl Mesh {
     }
 }
 
+/// One method for each list of numbers or flags, `name_array`.
+macro_rules! views {
+    ($of:ident { $($view:ident of $field:ident: $number:ty, $text:literal;)* }) => {
+        impl $of {
+            $(
+                #[doc = $text]
+                pub fn $view(&self) -> ArrayView1<'_, $number> {
+                    ArrayView1::from(&self.$field)
+                }
+            )*
+        }
+    };
+}
+
+views!(SiteAnswers {
+    inaccessible_array of inaccessible: bool, "Per site: the cutter collides in every direction.";
+    occlusion_array of occlusion: bool, "Per site: is an occlusion point; empty if not wanted.";
+    tip_does_not_fit_array of tip_does_not_fit: bool,
+        "Per site: only the tip is in the way; empty by the published definition.";
+    accessible_directions_array of accessible_directions: u32,
+        "Per site: number of directions in which the cutter can stand there; empty from a network.";
+    accessible_share_array of accessible_share: f32,
+        "Per site: share of such directions; empty from a network without that head.";
+    clearance_mm_array of clearance_mm: f32, "Per site: signed clearance, mm; empty if not wanted.";
+    rest_mm_array of rest_mm: f32, "Per site: what the tool leaves, mm; empty if not wanted.";
+    rest_volume_mm3_array of rest_volume_mm3: f32,
+        "Per site: volume of what is left, mm³; empty if not wanted.";
+    probability_inaccessible_array of probability_inaccessible: f32,
+        "Per site: probability of `inaccessible`; empty if exact.";
+    probability_occlusion_array of probability_occlusion: f32,
+        "Per site: probability of `occlusion`; empty if exact.";
+});
+
 impl SiteAnswers {
-    /// Per site: the cutter collides in every direction.
-    pub fn inaccessible_array(&self) -> ArrayView1<'_, bool> {
-        ArrayView1::from(&self.inaccessible)
-    }
-
-    /// Per site: is an occlusion point; empty if not wanted.
-    pub fn occlusion_array(&self) -> ArrayView1<'_, bool> {
-        ArrayView1::from(&self.occlusion)
-    }
-
-    /// Per site: number of directions in which the cutter can stand there; empty from a network.
-    pub fn accessible_directions_array(&self) -> ArrayView1<'_, u32> {
-        ArrayView1::from(&self.accessible_directions)
+    /// Per site, `[n, 3]`: a direction in which the cutter can stand there, NaN where there is none. A copy.
+    pub fn witness_array(&self) -> Array2<f32> {
+        let row = |k: usize| self.witness[k].map_or([f32::NAN; 3], |v| v.to_array());
+        Array2::from_shape_fn((self.witness.len(), 3), |(k, axis)| row(k)[axis])
     }
 }
+
+views!(Labels {
+    beta_array of beta: u64,
+        "Per obstacle: pairs (inaccessible query, direction) it collides in; empty if not wanted.";
+});
+
+views!(SurfaceLabels {
+    collision_free_directions_array of collision_free_directions: u32,
+        "Per query: directions in which no step penetrates the part; empty if not counted.";
+    accessible_directions_array of accessible_directions: u32,
+        "Per query: of these, directions in which the tip fits too.";
+    open_directions_array of open_directions: f32,
+        "Per query: share of the directions that was not proven closed.";
+    clearance_mm_array of clearance_mm: f32,
+        "Per query: signed clearance, mm; empty if not wanted.";
+    retreat_unproven_array of retreat_unproven: bool,
+        "Per query: a pose is free, but no retreat is proven; empty for most tools.";
+});
 
 impl<T> Prediction<T> {
     /// Logits of head 1, `[n, 2]`: accessible, inaccessible.
@@ -114,6 +158,11 @@ impl<T> Prediction<T> {
     /// Logits of head 2, `[n, 2]`: no occlusion point, occlusion point.
     pub fn logits_occlusion_array(&self) -> ArrayView2<'_, T> {
         view(&self.logits_occlusion)
+    }
+
+    /// Share of accessible directions per site; empty for a network without that head.
+    pub fn accessible_share_array(&self) -> ArrayView1<'_, f32> {
+        ArrayView1::from(&self.accessible_share)
     }
 }
 
@@ -138,7 +187,7 @@ fn view<T, const N: usize>(rows: &[[T; N]]) -> ArrayView2<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::{Array2, ShapeBuilder, array};
+    use ndarray::{ShapeBuilder, array};
 
     #[test]
     fn arrays_of_any_order_go_in_and_come_out_as_they_were() {
@@ -152,6 +201,21 @@ mod tests {
         let mut fortran = Array2::zeros((4, 3).f());
         fortran.assign(&vertices);
         assert_eq!(Mesh::from_arrays(fortran.view(), triangles.view()).unwrap(), mesh);
+    }
+
+    #[test]
+    fn every_list_of_an_answer_is_a_view_of_the_same_memory() {
+        let mut answers = SiteAnswers::new(vec![true, false], vec![false, true]);
+        answers.witness = vec![None, Some(Vec3::Z)];
+        answers.clearance_mm = vec![-0.5, 2.0];
+        let view = answers.clearance_mm_array();
+        assert_eq!(view, array![-0.5, 2.0]);
+        assert_eq!(view.as_ptr(), answers.clearance_mm.as_ptr());
+        assert_eq!(answers.occlusion_array(), array![false, true]);
+        assert!(answers.rest_mm_array().is_empty());
+        let witness = answers.witness_array();
+        assert!(witness.row(0).iter().all(|x| x.is_nan()));
+        assert_eq!(witness.row(1), array![0.0, 0.0, 1.0]);
     }
 
     #[test]

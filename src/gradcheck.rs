@@ -54,7 +54,14 @@ use differences::{Differences, same_length};
 use std::fmt;
 
 /// How a check is made.
+///
+/// ```
+/// use deepmill::gradcheck::GradcheckSettings;
+/// let quick = GradcheckSettings::default().with_max_elements(50).with_seed(3);
+/// assert_eq!((quick.max_elements, quick.step), (50, GradcheckSettings::default().step));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct GradcheckSettings {
     /// Step `h` for elements up to magnitude 1; larger ones step in proportion.
     pub step: f64,
@@ -67,6 +74,13 @@ pub struct GradcheckSettings {
     pub seed: u64,
 }
 
+setters!(GradcheckSettings {
+    with_step(step: f64),
+    with_floor(floor: f64),
+    with_max_elements(max_elements: usize),
+    with_seed(seed: u64),
+});
+
 impl Default for GradcheckSettings {
     /// Step 1e-5, floor 64, every element, seed 0.
     fn default() -> Self {
@@ -76,6 +90,7 @@ impl Default for GradcheckSettings {
 
 /// One checked element.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Element {
     /// Name of its vector.
     pub name: String,

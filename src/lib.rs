@@ -24,7 +24,7 @@
 //! use deepmill::model::{Model, Predictor};
 //!
 //! let part = solids::cuboid(DVec3::new(80.0, 60.0, 40.0)); // or geom::formats::read_mesh
-//! let sites = sites::sample(&part, &sites::SiteOptions { n_sites: 500, ..Default::default() })?;
+//! let sites = sites::sample(&part, &sites::SiteOptions::default().with_n_sites(500))?;
 //! let cutter = "1.5,6,40,5".parse()?; // CR, CH, FR, FH in mm
 //! let directions = "hemisphere:150".parse()?;
 //!
@@ -71,6 +71,9 @@
 //! Items that this documentation does not show are for the program, tests and benches of this package. They may change
 //! in any release.
 #![deny(unsafe_code)]
+
+#[macro_use]
+mod setters;
 
 pub mod access;
 #[cfg(all(feature = "formats", feature = "generate"))]

@@ -14,12 +14,18 @@ const BLOCK: usize = 4096;
 /// `w_t·(1−ε)·(−ln p_t) + ε/C · Σ_c w_c·(−ln p_c)`, and the loss is `Σ rows / Σ w_t`: as PyTorch's
 /// `cross_entropy`.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct CrossEntropy {
     /// Weight of each class; their number is the number of classes.
     pub class_weights: Vec<f64>,
     /// Share `ε` of each target that is spread evenly over all classes, in `[0, 1)`.
     pub label_smoothing: f64,
 }
+
+setters!(CrossEntropy {
+    with_class_weights(class_weights: Vec<f64>),
+    with_label_smoothing(label_smoothing: f64),
+});
 
 impl CrossEntropy {
     /// Two classes of equal weight, no smoothing.

@@ -97,7 +97,7 @@ fn gradients_are_right_for_one_matrix_and_for_several_side_by_side() {
     let cutters = gradcheck::probe(2, 3);
     let parts = [Operand::new(&nodes, 2), Operand::PerShape { x: &cutters, c: 1, shapes: &shapes }];
     for x in [Operand::new(&nodes[..9], 3), Operand::Concat(&parts)] {
-        let case = Case { layout: &layout, params: &params, geometry: &(), x, dropout: None };
+        let case = Case::new(&layout, &params, &(), x);
         let report = gradcheck::layer(&scale, &case, &GradcheckSettings::default()).unwrap();
         report.require(1e-7).unwrap();
     }
@@ -113,7 +113,7 @@ fn numbers_are_those_of_pytorch() {
     let scale = ChannelScale::new(&mut layout, "scale", 2);
     let (params, arena) = ([2.0f32, -1.0], &Arena::default());
     let (x, mut grads) = (Operand::new(&[1.0, 2.0, 3.0, 4.0], 2), [0.0; 2]);
-    let mut pass = Training { params: &params, buffers: &mut [], dropout: None, arena };
+    let mut pass = Training::new(&params, &mut [], arena);
     let (y, saved) = scale.forward_train(&mut pass, &(), x);
     let mut pass = Backward::new(&params, &mut grads, arena);
     let dy = arena.copy_of(&[1.0, 0.5, 0.0, 2.0]);

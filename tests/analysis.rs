@@ -92,7 +92,7 @@ fn a_program_writes_what_the_command_writes() {
     let path = step(&folder);
     let path = path.as_str();
     let up: Directions = "up".parse().unwrap();
-    let spread = SiteOptions { n_sites: 300, seed: 4, ..SiteOptions::default() };
+    let spread = SiteOptions::default().with_n_sites(300).with_seed(4);
     let of = |tools: Vec<Tool>| Analysis::new("step.stl", part(path), tools).spread(spread);
     let lengths = ["--cutter", "3,20,20,20", "--corner", "0", "--sites", "300", "--seed", "4"];
     let one = || vec![flat("3,20,20,20")];
@@ -110,7 +110,7 @@ fn a_program_writes_what_the_command_writes() {
     same(&folder, "held", analysis, &[&[path], &lengths[..], &more].concat());
 
     let selector = Selector::Normal { direction: DVec3::Z, within_rad: 10f64.to_radians() };
-    let selection = Selection { only: vec![selector], ..Selection::default() };
+    let selection = Selection::default().with_only(vec![selector]);
     let analysis = of(one()).region(selection, vec!["normal:0,0,1".into()], vec![]);
     let more = ["--only", "normal:0,0,1", "--no-picture"];
     same(&folder, "region", analysis, &[&[path], &lengths[..], &more].concat());
@@ -140,7 +140,7 @@ fn tools_setups_volumes_and_predictions_of_a_program_are_those_of_the_commands()
         };
         vec![named("F6", "3,20,20,20"), named("F12", "6,20,20,20")]
     };
-    let spread = SiteOptions { n_sites: 200, ..SiteOptions::default() };
+    let spread = SiteOptions::default().with_n_sites(200);
     let of = |tools| Analysis::new("step.stl", part(&path), tools).spread(spread);
 
     let arguments = ["tools", &path, "--library", &library, "--sites", "200", "--table", "-1"];
@@ -251,7 +251,7 @@ fn what_has_no_answer_is_refused() {
     assert!(none.contains("tools is none"), "{none}");
     let of = || Analysis::new("step", part(&path), vec![flat("3,20,20,20")]);
     let nowhere = Selector::Box { low: DVec3::splat(900.0), high: DVec3::splat(901.0) };
-    let nowhere = Selection { only: vec![nowhere], ..Selection::default() };
+    let nowhere = Selection::default().with_only(vec![nowhere]);
     let empty = message(of().region(nowhere.clone(), vec![], vec![]));
     assert!(empty.contains("region is no face"), "{empty}");
     let points = message(of().obstacles(Blocking::Points(None)).region(nowhere, vec![], vec![]));

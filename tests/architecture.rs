@@ -19,7 +19,7 @@ const EVERYWHERE: [&str; 11] = [
 ];
 
 /// Top module → top modules it may import. Arrows only point down.
-const PLAN: [(&str, &[&str]); 32] = [
+const PLAN: [(&str, &[&str]); 34] = [
     ("capi", &["analysis", "report", "data", "access", "answers", "geom", "cutter", "directions"]),
     (
         "python",
@@ -37,7 +37,7 @@ const PLAN: [(&str, &[&str]); 32] = [
             "directions",
         ],
     ),
-    ("arrays", &["answers", "model", "geom"]),
+    ("arrays", &["access", "answers", "model", "geom"]),
     ("analysis", &["report", "data", "model", "access", "answers", "geom", "cutter", "directions"]),
     (
         "report",
@@ -88,6 +88,8 @@ const PLAN: [(&str, &[&str]); 32] = [
     ("cutter", &[]),
     ("directions", &[]),
     ("scalar", &["simd"]),
+    ("setters", &[]),
+    ("guide", &[]),
     ("processes", &[]),
     ("par", &["simd"]),
     ("stopwatch", &[]),

@@ -59,12 +59,12 @@ fn cutter() -> Cutter {
 }
 
 fn sites() -> Sites {
-    sample(&cube(), &SiteOptions { n_sites: 60, ..SiteOptions::default() }).unwrap()
+    sample(&cube(), &SiteOptions::default().with_n_sites(60)).unwrap()
 }
 
 #[test]
 fn sites_are_not_spread_over_meshes_beyond_a_kilometer_or_without_numbers() {
-    let options = SiteOptions { n_sites: 50, ..SiteOptions::default() };
+    let options = SiteOptions::default().with_n_sites(50);
     for x in [1e9, 1.1e6, 1e300, f64::NAN, f64::INFINITY, -1e9] {
         refused(sample(&with_vertex(x), &options), &["vertex 3", "1 km"]);
         refused(from_vertices(&with_vertex(x)), &["vertex 3", "1 km"]);
@@ -73,7 +73,7 @@ fn sites_are_not_spread_over_meshes_beyond_a_kilometer_or_without_numbers() {
     refused(sample(&Mesh::default(), &options), &["mesh", "no face has an area"]);
     assert!(sample(&with_vertex(1e6), &options).unwrap().check().is_ok());
     for crease_rad in [f64::NAN, -0.1, 3.2] {
-        let smooth = SiteOptions { normals: Normals::Smooth { crease_rad }, ..options };
+        let smooth = options.with_normals(Normals::Smooth { crease_rad });
         refused(sample(&cube(), &smooth), &["crease_rad is ", "0 to pi"]);
     }
 }
@@ -217,7 +217,9 @@ fn a_calibration_that_is_no_number_calibrates_nothing() {
 }
 
 fn loss(class_weights: &[f64], label_smoothing: f64, target: u8) -> f64 {
-    let entropy = CrossEntropy { class_weights: class_weights.to_vec(), label_smoothing };
+    let entropy = CrossEntropy::binary()
+        .with_class_weights(class_weights.to_vec())
+        .with_label_smoothing(label_smoothing);
     entropy.loss(&[0.1, 0.2], &[target], 1.0, &mut Vec::new())
 }
 
@@ -245,7 +247,7 @@ fn scores_count_two_classes() {
 
 fn octree() -> Octree {
     let points: Vec<Vec3> = (0..40).map(|i| Vec3::new(i as f32 / 20.0 - 1.0, 0.1, 0.2)).collect();
-    let options = OctreeOptions { depth: 4, ..OctreeOptions::default() };
+    let options = OctreeOptions::default().with_depth(4);
     Octree::build(&[Cloud::new(&points, &[])], &options).unwrap()
 }
 

@@ -79,7 +79,7 @@ fn answers_are_those_computed_by_hand() {
 fn in_rust(mesh: Mesh) -> Outcome {
     let flat = |lengths: &str| Tool::new(lengths.parse().unwrap(), Some(0.0), 0.0).unwrap();
     Analysis::new("part", mesh, vec![flat("3,5,20,20"), flat("3,20,20,20")])
-        .spread(SiteOptions { n_sites: 400, seed: 3, ..SiteOptions::default() })
+        .spread(SiteOptions::default().with_n_sites(400).with_seed(3))
         .directions("cone:60:40".parse().unwrap())
         .table(-1.0)
         .rest(true)

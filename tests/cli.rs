@@ -421,17 +421,10 @@ fn report_draws_again_and_compares() {
         let yes = |(i, f): (usize, &bool)| f32::from(u8::from(*f != (i == flip)));
         flags.iter().enumerate().map(|f| [0.5, yes(f)]).collect()
     };
-    let predictions = PredictionFile {
-        provenance: file.provenance.clone(),
-        sites: file.sites.clone(),
-        prediction: Prediction {
-            logits_inaccessible: logits(&file.labels.answers.inaccessible, 0),
-            logits_occlusion: logits(&file.labels.answers.occlusion, 200),
-            ..Prediction::default()
-        },
-        occlusion_share: None,
-        verified: None,
-    };
+    let mut prediction = Prediction::default();
+    prediction.logits_inaccessible = logits(&file.labels.answers.inaccessible, 0);
+    prediction.logits_occlusion = logits(&file.labels.answers.occlusion, 200);
+    let predictions = PredictionFile::new(file.provenance.clone(), file.sites.clone(), prediction);
     let guess = folder.path("guess.npz");
     predictions.write(guess.as_ref()).unwrap();
     let result = json(&deepmill(&["report", &out, "--compare", &guess, "--json"]));

@@ -94,7 +94,7 @@ fn a_layer_on_the_geometry_of_a_fixture_gives_its_output_and_gradients() {
     let conv = OctreeConv::new(&mut layout, "conv", 3, 5);
     let mut grads = vec![0.0; params.len()];
     let x = Operand::new(&x, 3);
-    let mut pass = Training { params: &params, buffers: &mut [], dropout: None, arena };
+    let mut pass = Training::new(&params, &mut [], arena);
     let (y, ()) = conv.forward_train(&mut pass, &map, x);
     let mut pass = Backward::new(&params, &mut grads, arena);
     let dx = conv.backward(&mut pass, &map, x, (), arena.copy_of(&file.get("dy"))).into_first();

@@ -63,7 +63,7 @@ fn train() -> Vec<u32> {
         }
         let [first, second] = &dlogits;
         model.backward(&batch, pass, &[first, second], &mut grads, &arena);
-        let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
+        let sgd = Sgd::new(0.9, 5e-4);
         last.clone_from(&grads);
         sgd.step(0.1, &mut grads, &mut velocity, &mut model.params);
     }

@@ -55,7 +55,7 @@ fn gridded_pocket(cells: i32, pitch: f32) -> Sites {
 }
 
 fn options(engine: Engine, isa: Isa) -> LabelOptions {
-    LabelOptions { engine, isa, collision_matrix: true, ..LabelOptions::default() }
+    LabelOptions::default().with_engine(engine).with_isa(isa).with_collision_matrix(true)
 }
 
 /// Everything but the account of the work.
@@ -83,7 +83,7 @@ fn assert_engines_agree<'a>(
         runs.extend([1, 3].map(|n_threads| (Engine::Pruned, isa, n_threads)));
     }
     for &isa in Isa::available() {
-        let options = LabelOptions { beta: false, ..options(Engine::Pruned, isa) };
+        let options = options(Engine::Pruned, isa).with_beta(false);
         let found = label_many(queries, obstacles, cutters, directions, &options).unwrap();
         for (found, expected) in found.iter().zip(&expected) {
             assert_eq!(found.answers, expected.answers, "{what}, {}: without beta", isa.name());
@@ -318,7 +318,7 @@ fn labels_do_not_depend_on_the_company_of_other_cutters() {
     let scene = solids(400);
     let mut by_cutter = 0;
     for cutters in [cutters(5, 3), families()] {
-        let options = LabelOptions { collision_matrix: true, ..LabelOptions::default() };
+        let options = LabelOptions::default().with_collision_matrix(true);
         let together =
             label_many(&scene, Obstacles::Queries, &cutters, &hemisphere(10), &options).unwrap();
         for (cutter, together) in cutters.iter().zip(together) {
@@ -340,7 +340,7 @@ fn labels_do_not_depend_on_whether_occlusion_is_labeled() {
         for cutter in &cutters(6, 21) {
             let run = |occlusion| {
                 let options =
-                    LabelOptions { occlusion, collision_matrix: true, ..LabelOptions::default() };
+                    LabelOptions::default().with_occlusion(occlusion).with_collision_matrix(true);
                 let labels = label(&scene, Obstacles::Queries, cutter, &hemisphere(10), &options);
                 let labels = labels.unwrap();
                 (

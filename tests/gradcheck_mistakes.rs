@@ -48,7 +48,7 @@ impl Scaled {
         let (params, x) = (layout.init_params(1), probe(6, 2));
         let scaled = Scaled { weight, mistake, cache: RefCell::default() };
         let x = Operand::new(&x, 1);
-        let case = Case { layout: &layout, params: &params, geometry: &(), x, dropout: None };
+        let case = Case::new(&layout, &params, &(), x);
         layer(&scaled, &case, &settings())
     }
 
@@ -219,11 +219,11 @@ fn what_a_check_cannot_take_is_refused() {
         function(&[("x", &x)], identity, back, &settings).unwrap_err().to_string()
     };
     for floor in [f64::INFINITY, f64::NAN, -1.0] {
-        let message = message(GradcheckSettings { floor, ..settings() });
+        let message = message(settings().with_floor(floor));
         assert!(message.starts_with("floor is "), "{message}");
     }
     for step in [0.0, -1e-5, f64::NAN, f64::INFINITY] {
-        let message = message(GradcheckSettings { step, ..settings() });
+        let message = message(settings().with_step(step));
         assert!(message.starts_with("step is "), "{message}");
     }
     let twice: [(&str, &[f64]); 2] = [("x", &x), ("x", &x)];
@@ -320,7 +320,7 @@ fn layers_are_swept_over_matrices_and_octrees() {
         let linear = Linear::new(&mut layout, "linear", columns, 3, true);
         let (params, x) = (layout.init_params(1), probe(rows * columns, 2));
         let x = Operand::new(&x, columns);
-        let case = Case { layout: &layout, params: &params, geometry: &(), x, dropout: None };
+        let case = Case::new(&layout, &params, &(), x);
         negative_control_of_layer(&linear, &case, &settings(), LIMIT)?;
         layer(&linear, &case, &settings())
     };
@@ -331,9 +331,8 @@ fn layers_are_swept_over_matrices_and_octrees() {
         let conv = OctreeConv::new(&mut layout, "conv", 3, 2);
         let (params, x) = (layout.init_params(1), probe(3 * level.keys.len(), 2));
         let x = Operand::new(&x, 3);
-        let case =
-            Case { layout: &layout, params: &params, geometry: &level.conv, x, dropout: None };
-        layer(&conv, &case, &GradcheckSettings { max_elements: 40, ..settings() })
+        let case = Case::new(&layout, &params, &level.conv, x);
+        layer(&conv, &case, &settings().with_max_elements(40))
     });
     assert_eq!(reports.unwrap().len(), 4);
     // A layer that is right for all shapes but one: the shape is named.

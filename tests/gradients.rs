@@ -27,7 +27,7 @@ const NETWORKS: [(&[ProbeShape], &[&str]); 6] = [
 ];
 
 fn suite(shapes: &[ProbeShape]) -> Suite {
-    Suite { shapes: shapes.into(), ..Suite::default() }
+    Suite::default().with_shapes(shapes.into())
 }
 
 fn require(suite: &Suite, case: &SuiteCase) {
@@ -61,7 +61,7 @@ fn layers_and_blocks_under_every_policy() {
     let suites: Vec<Suite> = BATCHES
         .iter()
         .flat_map(|shapes| policies.map(|p| (shapes, MemoryPolicy::uniform(p))))
-        .map(|(shapes, policy)| Suite { policy, ..suite(shapes) })
+        .map(|(shapes, policy)| suite(shapes).with_policy(policy))
         .collect();
     each_on_one_thread(&suites, |suite| {
         suite.layer_cases().unwrap().iter().for_each(|case| require(suite, case));

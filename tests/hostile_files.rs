@@ -103,7 +103,7 @@ fn a_cloud_is_told_from_a_mesh_and_its_normals_get_unit_length() {
         property double z\nproperty float nx\nproperty float ny\nproperty float nz\nend_header\n\
         1 2 3 0 0 5\n4 5 6 1e-5 0 0\n";
     let path = put(folder.path(), "cloud.ply", cloud);
-    let scale = ReadOptions { scale: 10.0, ..ReadOptions::default() };
+    let scale = ReadOptions::default().with_scale(10.0);
     let MeshOrCloud::Cloud(sites) = read_part(&path, &scale).unwrap() else {
         panic!("not a cloud")
     };

@@ -18,7 +18,7 @@ fn clearance_is_the_growth_at_which_the_label_flips() {
     let scene = solids(250);
     let few = hemisphere(5);
     let limit_mm = 8.0;
-    let options = LabelOptions { clearance_limit_mm: Some(limit_mm), ..LabelOptions::default() };
+    let options = LabelOptions::default().with_clearance_limit_mm(Some(limit_mm));
     for cutter in &cutters(4, 8) {
         let run = |n| {
             let work = || label(&scene, Obstacles::Queries, cutter, &few, &options).unwrap();
@@ -90,12 +90,10 @@ fn definition_holds_on_a_case_done_by_hand() {
     ];
     for (obstacle, expected, what) in cases {
         for engine in Engine::ALL {
-            let options = LabelOptions {
-                engine,
-                isa: Isa::fastest(),
-                collision_matrix: true,
-                ..LabelOptions::default()
-            };
+            let options = LabelOptions::default()
+                .with_engine(engine)
+                .with_isa(Isa::fastest())
+                .with_collision_matrix(true);
             let obstacles = [obstacle];
             let labels =
                 label(&query, Obstacles::Points(&obstacles), &cutter, &up, &options).unwrap();
@@ -132,10 +130,10 @@ fn unusable_queries_are_refused_with_a_remedy() {
     sites.normals[4] *= 2.0;
     assert!(refused(&sites, Obstacles::Queries, &defaults).contains("query 4"));
     for share in [0.0, -1.0, 1.5, f64::NAN] {
-        let options = LabelOptions { share, ..defaults };
+        let options = defaults.with_share(share);
         assert!(refused(&good, Obstacles::Queries, &options).contains("occlusion share"));
     }
-    let options = LabelOptions { clearance_limit_mm: Some(0.0), ..defaults };
+    let options = defaults.with_clearance_limit_mm(Some(0.0));
     assert!(refused(&good, Obstacles::Queries, &options).contains("clearance limit"));
     let volume = label(Queries::Volume(&good.points), Obstacles::Queries, cutter, &few, &defaults);
     assert!(volume.unwrap_err().to_string().contains("obstacles of their own"));

@@ -14,18 +14,13 @@ use std::sync::Arc;
 
 fn sample_of(family: Family, n_sites: usize, cutter: [f64; 4]) -> Sample {
     let mesh = part(family, 3, 1);
-    let sites = sample(&mesh, &SiteOptions { n_sites, seed: 1, ..SiteOptions::default() }).unwrap();
+    let sites = sample(&mesh, &SiteOptions::default().with_n_sites(n_sites).with_seed(1)).unwrap();
     let params = CutterParams::from_array(cutter);
     let tool = Cutter::ball_end(params).unwrap();
     let directions = Directions::fibonacci_hemisphere(60).unwrap();
     let labels =
         label(&sites, Obstacles::Queries, &tool, &directions, &LabelOptions::default()).unwrap();
-    Sample {
-        name: family.name().into(),
-        sites: Arc::new(sites),
-        cutter: params,
-        answers: labels.answers,
-    }
+    Sample::new(family.name(), Arc::new(sites), params, labels.answers)
 }
 
 fn two_parts(n_sites: usize) -> Vec<Sample> {
@@ -38,14 +33,12 @@ fn two_parts(n_sites: usize) -> Vec<Sample> {
 #[test]
 fn a_small_network_overfits_two_parts() {
     let samples = two_parts(2000);
-    let mut settings = Settings {
-        n_epochs: 220,
-        batch_size: 2,
-        schedule: Schedule::Cosine { min_lr: 1e-3 },
-        augment: Augment::default(),
-        weight_decay: 0.0,
-        ..Settings::tiny()
-    };
+    let mut settings = Settings::tiny()
+        .with_n_epochs(220)
+        .with_batch_size(2)
+        .with_schedule(Schedule::Cosine { min_lr: 1e-3 })
+        .with_augment(Augment::default())
+        .with_weight_decay(0.0);
     settings.network.octree_mut().unwrap().input.depth = 5;
     let mut run = Run::new(settings).unwrap();
     assert!(run.train(&samples[..], &samples, &mut ()).unwrap().is_continue());
@@ -76,7 +69,7 @@ fn a_run_interrupted_anywhere_ends_with_the_same_bits() {
     let samples: Vec<Sample> = (0..5)
         .map(|i| sample_of(Family::ALL[i], 300, [1.0 + 0.1 * i as f64, 4.0, 30.0, 5.0]))
         .collect();
-    let settings = Settings { n_epochs: 3, batch_size: 2, ..Settings::tiny() };
+    let settings = Settings::tiny().with_n_epochs(3).with_batch_size(2);
     let mut whole = Run::new(settings.clone()).unwrap();
     assert!(whole.train(&samples[..], &[], &mut ()).unwrap().is_continue());
     let folder = tempfile::tempdir().unwrap();
@@ -105,13 +98,11 @@ fn a_run_with_labels_made_on_the_fly_resumes_to_the_same_bits_and_needs_no_label
     use deepmill::train::Checkpoint;
     let mut samples = two_parts(300);
     samples.push(sample_of(Family::ALL[2], 300, [1.2, 4.0, 30.0, 5.0]));
-    let settings = Settings {
-        n_epochs: 3,
-        batch_size: 2,
-        samples_per_epoch: Some(4),
-        online: Some(Default::default()),
-        ..Settings::tiny()
-    };
+    let settings = Settings::tiny()
+        .with_n_epochs(3)
+        .with_batch_size(2)
+        .with_samples_per_epoch(Some(4))
+        .with_online(Some(Default::default()));
     let directions = Directions::fibonacci_hemisphere(20).unwrap();
     let online = |samples: &[Sample]| {
         Online::new(
@@ -148,7 +139,7 @@ fn the_shipped_network_beats_the_baselines_on_the_demo_part() {
     use deepmill::data::generated::demo_part;
     use deepmill::metrics::Confusion;
     use deepmill::model::Model;
-    let options = SiteOptions { n_sites: 7000, seed: 1, ..SiteOptions::default() };
+    let options = SiteOptions::default().with_n_sites(7000).with_seed(1);
     let sites = sample(&demo_part(), &options).unwrap();
     let cutter = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]);
     let directions = Directions::fibonacci_hemisphere(150).unwrap();
@@ -188,7 +179,7 @@ fn a_damaged_checkpoint_is_refused_with_advice() {
 #[test]
 fn a_loss_that_is_not_finite_names_epoch_batch_and_sample() {
     let samples = two_parts(200);
-    let settings = Settings { lr: 1e30, clip_norm: None, n_epochs: 9, ..Settings::tiny() };
+    let settings = Settings::tiny().with_lr(1e30).with_clip_norm(None).with_n_epochs(9);
     let mut run = Run::new(settings).unwrap();
     let error = run.train(&samples[..], &[], &mut ()).unwrap_err().to_string();
     assert!(error.starts_with("epoch ") && error.contains("batch 1: the loss is "), "{error}");

@@ -120,7 +120,8 @@ fn norm_and_relu_follow_an_own_operator() {
     // Factors 3 and -1, weights 2 and 1, biases 0.5 and 0; means 1 and 0, variances 4 and 1.
     params.copy_from_slice(&[3.0, -1.0, 2.0, 1.0, 0.5, 0.0]);
     buffers[..4].copy_from_slice(&[1.0, 0.0, 4.0, 1.0]);
-    let pass = Inference { params: &params, buffers: &buffers, arena: &Arena::default() };
+    let arena = Arena::default();
+    let pass = Inference::new(&params, &buffers, &arena);
     let y = own.forward(&pass, &(), Operand::new(&[1.0, 1.0, -1.0, -4.0], 2));
     // (3 - 1)/2·2 + 0.5 and max(-1, 0); max((-3 - 1)/2·2 + 0.5, 0) and 4.
     let expected = [2.5, 0.0, 0.0, 4.0];
@@ -134,7 +135,7 @@ fn gradients_through_an_own_operator_are_right() {
     let own = block(&mut layout, Scaling { c: 3, factor }, 3);
     let (params, x) = (gradcheck::probe(layout.n_params(), 1), gradcheck::probe(24, 2));
     let x = Operand::new(&x, 3);
-    let case = Case { layout: &layout, params: &params, geometry: &(), x, dropout: None };
+    let case = Case::new(&layout, &params, &(), x);
     let settings = GradcheckSettings::default();
     gradcheck::layer(&own, &case, &settings).unwrap().require(1e-7).unwrap();
     gradcheck::layer(&own.linear, &case, &settings).unwrap().require(1e-7).unwrap();
@@ -152,7 +153,8 @@ fn an_operator_that_treats_no_blocks_gives_the_bits_of_one_that_does() {
         gradcheck::probe(layout.n_params(), 1).iter().map(|x| *x as f32).collect();
     let buffers: Vec<f32> = layout.init_buffers();
     let x: Vec<f32> = gradcheck::probe(n * c_in, 2).iter().map(|x| *x as f32).collect();
-    let pass = Inference { params: &params, buffers: &buffers, arena: &Arena::default() };
+    let arena = Arena::default();
+    let pass = Inference::new(&params, &buffers, &arena);
     let x = Operand::new(&x, c_in);
     let (y, expected) = (plain.forward(&pass, &(), x), fused.forward(&pass, &(), x));
     assert_eq!(y[..], expected[..]);

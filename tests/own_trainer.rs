@@ -131,7 +131,7 @@ fn loss(logits: &[Buffer<f32>], classes: &Classes, dlogits: &mut [Vec<f32>]) -> 
 }
 
 fn trainer() -> Trainer<Classifier> {
-    let sgd = Sgd { momentum: 0.9, weight_decay: 1e-4 };
+    let sgd = Sgd::new(0.9, 1e-4);
     let trainer = Trainer::new(Classifier::new(), 3, (12, 5)).unwrap();
     trainer.with_sgd(0.2, sgd).unwrap().with_schedule(Schedule::Cosine { min_lr: 1e-3 }).unwrap()
 }
@@ -218,8 +218,7 @@ fn settings_out_of_their_domain_and_steps_after_the_last_are_refused() {
     let message = |trainer: Result<Trainer<Classifier>>| trainer.unwrap_err().to_string();
     assert!(message(new((0, 5))).starts_with("n_epochs is 0"));
     assert!(message(new((5, 0))).starts_with("n_steps is 0"));
-    let with =
-        |lr, momentum| new((1, 1)).unwrap().with_sgd(lr, Sgd { momentum, weight_decay: 0.0 });
+    let with = |lr, momentum| new((1, 1)).unwrap().with_sgd(lr, Sgd::new(momentum, 0.0));
     assert!(message(with(f64::NAN, 0.9)).starts_with("lr is NaN"));
     assert!(message(with(0.1, 1.0)).starts_with("momentum is 1"));
     let schedule = Schedule::Cosine { min_lr: -1.0 };

@@ -26,7 +26,7 @@ const CUTTERS: [[f64; 4]; 4] =
     [[1.5, 6.0, 40.0, 5.0], [1.0, 20.0, 5.0, 20.0], [2.0, 0.1, 90.0, 0.2], [3.0, 12.0, 8.0, 10.0]];
 
 fn parts() -> Vec<Sites> {
-    let options = SiteOptions { n_sites: 900, ..SiteOptions::default() };
+    let options = SiteOptions::default().with_n_sites(900);
     let parts: [Mesh; 3] = [demo_part(), mixed_part(5, 3), mixed_part(5, 11)];
     parts.iter().map(|mesh| sample(mesh, &options).unwrap()).collect()
 }
@@ -163,7 +163,7 @@ fn trained(config: &UNetConfig, parts: &[Sites]) -> Hash {
         }
         let [first, second] = &dlogits;
         model.backward(&batch, pass, &[first, second], &mut grads, &arena);
-        let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
+        let sgd = Sgd::new(0.9, 5e-4);
         sgd.step(0.1, &mut grads, &mut velocity, &mut model.params);
     }
     let mut hash = Hash::new();

@@ -159,7 +159,7 @@ proptest! {
     ) {
         let points: Vec<Vec3> =
             cells.iter().map(|c| Vec3::from(c.map(f32::from)) / 32.0 - 1.0).collect();
-        let options = OctreeOptions { depth, full_depth: full_depth.min(depth), ..Default::default() };
+        let options = OctreeOptions::default().with_depth(depth).with_full_depth(full_depth.min(depth));
         let halves = points.split_at(cut.min(points.len() - 1));
         let clouds: Vec<Cloud> = [halves.0, halves.1].into_iter()
             .filter(|points| !points.is_empty()).map(|points| Cloud::new(points, &[])).collect();
@@ -194,7 +194,7 @@ proptest! {
 #[test]
 fn parts_of_any_size_get_the_labels_of_their_ratios() {
     let mesh = solids::torus(20.0, 6.0, 24, 12);
-    let sites = sample(&mesh, &SiteOptions { n_sites: 300, ..Default::default() }).unwrap();
+    let sites = sample(&mesh, &SiteOptions::default().with_n_sites(300)).unwrap();
     let directions = Directions::fibonacci_hemisphere(20).unwrap();
     let model = Model::<f32>::new(&UNetConfig::tiny(), 3).unwrap();
     let lengths = [1.5, 2.0, 12.0, 4.0];
@@ -218,7 +218,7 @@ fn parts_of_any_size_get_the_labels_of_their_ratios() {
 #[test]
 fn subnormal_offsets_change_no_label() {
     let mesh = solids::cuboid(DVec3::new(8.0, 6.0, 4.0));
-    let options = SiteOptions { n_sites: 200, ..Default::default() };
+    let options = SiteOptions::default().with_n_sites(200);
     let mut sites = sample(&mesh, &options).unwrap();
     sites.points[0] = Vec3::ZERO;
     let directions = Directions::fibonacci_hemisphere(9).unwrap();
@@ -227,7 +227,7 @@ fn subnormal_offsets_change_no_label() {
     let all = |sites: &Sites| {
         let options = LabelOptions::default();
         let of = |engine| {
-            let options = LabelOptions { engine, ..options };
+            let options = options.with_engine(engine);
             said(&label(sites, Obstacles::Queries, &cutter, &directions, &options).unwrap())
         };
         let options = SurfaceOptions::default();
@@ -245,7 +245,7 @@ fn subnormal_offsets_change_no_label() {
 #[test]
 fn numbers_that_are_none_are_refused_at_every_entry() {
     let mesh = solids::cuboid(DVec3::new(8.0, 6.0, 4.0));
-    let good = sample(&mesh, &SiteOptions { n_sites: 20, ..Default::default() }).unwrap();
+    let good = sample(&mesh, &SiteOptions::default().with_n_sites(20)).unwrap();
     let directions = Directions::up();
     let cutter = ball_end([1.0, 2.0, 5.0, 2.0]);
     let triangles = TriangleObstacles::new(&mesh, &[]).unwrap();
@@ -265,7 +265,7 @@ fn numbers_that_are_none_are_refused_at_every_entry() {
         let (options, of_part) = (LabelOptions::default(), SurfaceOptions::default());
         for (what, sites) in [("a point", &point), ("a normal", &normal)] {
             for engine in Engine::ALL {
-                let options = LabelOptions { engine, ..options };
+                let options = options.with_engine(engine);
                 let found = label_many(sites, Obstacles::Queries, tools, &directions, &options);
                 refuse(what, value, found.err());
             }
@@ -299,12 +299,12 @@ fn numbers_that_are_none_are_refused_at_every_entry() {
             let cutter = Cutter::ball_end(CutterParams::from_array(lengths));
             refuse("a length", value, cutter.err());
         }
-        let limit = LabelOptions { clearance_limit_mm: Some(value), ..options };
+        let limit = options.with_clearance_limit_mm(Some(value));
         if !(value > 0.0 && value.is_finite()) {
             let found = label(&good, Obstacles::Queries, &cutter, &directions, &limit);
             refuse("a clearance", value, found.err());
         }
-        let share = LabelOptions { share: value, ..options };
+        let share = options.with_share(value);
         let found = label(&good, Obstacles::Queries, &cutter, &directions, &share);
         refuse("a share", value, found.err());
     }
@@ -313,8 +313,7 @@ fn numbers_that_are_none_are_refused_at_every_entry() {
 
 #[test]
 fn weights_beyond_all_numbers_give_an_error_and_no_answer() {
-    let good =
-        sample(&solids::cuboid(DVec3::ONE), &SiteOptions { n_sites: 20, ..Default::default() });
+    let good = sample(&solids::cuboid(DVec3::ONE), &SiteOptions::default().with_n_sites(20));
     let good = good.unwrap();
     for value in [f32::NAN, f32::INFINITY, 1e38] {
         let mut model = Model::<f32>::new(&UNetConfig::tiny(), 3).unwrap();
@@ -346,7 +345,7 @@ fn tiny_huge_and_flat_parts_are_sampled_or_refused() {
         DVec3::new(1.0, 1.0, 0.0),
         DVec3::new(f64::from_bits(1), 1.0, 1.0),
     ] {
-        match sample(&scaled(by), &SiteOptions { n_sites: 50, ..Default::default() }) {
+        match sample(&scaled(by), &SiteOptions::default().with_n_sites(50)) {
             Ok(sites) => assert!(
                 sites.len() == 50
                     && sites.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-5)
@@ -367,22 +366,19 @@ impl Observer for StopAfter {
     }
 }
 
+#[cfg(feature = "formats")]
 #[test]
 fn a_run_stopped_at_any_step_goes_on_to_the_same_bits() {
     let samples: Vec<Sample> = (0..5)
         .map(|k| {
             let mesh = solids::cuboid(DVec3::new(8.0 + f64::from(k), 6.0, 4.0));
-            let sites = sample(&mesh, &SiteOptions { n_sites: 40, ..Default::default() }).unwrap();
+            let sites = sample(&mesh, &SiteOptions::default().with_n_sites(40)).unwrap();
             let up: Vec<bool> = sites.normals.iter().map(|n| n.z > 0.5).collect();
-            Sample {
-                name: format!("part {k}"),
-                sites: sites.into(),
-                cutter: [1.5, 6.0, 40.0, 5.0].into(),
-                answers: SiteAnswers::new(up.clone(), up),
-            }
+            let answers = SiteAnswers::new(up.clone(), up);
+            Sample::new(format!("part {k}"), sites.into(), [1.5, 6.0, 40.0, 5.0].into(), answers)
         })
         .collect();
-    let settings = Settings { n_epochs: 3, batch_size: 2, ..Settings::tiny() };
+    let settings = Settings::tiny().with_n_epochs(3).with_batch_size(2);
     let mut whole = Run::new(settings.clone()).unwrap();
     assert!(whole.train(&samples[..], &samples[..1], &mut ()).unwrap().is_continue());
     let bits = |run: &Run| -> Vec<u32> {

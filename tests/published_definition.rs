@@ -91,8 +91,8 @@ fn the_bottom_is_accessible_by_the_rule_and_keeps_its_counts() {
     let run = |options: &LabelOptions| {
         label(&part, Obstacles::Queries, &cutter, &directions, options).unwrap()
     };
-    let plain = LabelOptions { clearance_limit_mm: Some(5.0), ..LabelOptions::default() };
-    let ruled = LabelOptions { clearance_limit_mm: Some(5.0), ..LabelOptions::published() };
+    let plain = LabelOptions::default().with_clearance_limit_mm(Some(5.0));
+    let ruled = LabelOptions::published().with_clearance_limit_mm(Some(5.0));
     let (plain, ruled) = (run(&plain), run(&ruled));
     assert_eq!(plain.answers.accessible_directions, ruled.answers.accessible_directions);
     assert_eq!(
@@ -114,13 +114,12 @@ fn the_bottom_is_accessible_by_the_rule_and_keeps_its_counts() {
 fn the_earlier_rule_is_what_its_parts_make() {
     let part = pocket(300, 9);
     let cutter: Cutter = TOOLS[1].parse().unwrap();
-    let parts =
-        LabelOptions { bottom_mm: None, rounding: Rounding::Ceil, ..LabelOptions::published() };
+    let parts = LabelOptions::published().with_bottom_mm(None).with_rounding(Rounding::Ceil);
     let run =
         |options| label(&part, Obstacles::Queries, &cutter, &hemisphere(150), options).unwrap();
     assert_eq!(run(&parts), run(&LabelOptions::default()));
     for bottom_mm in [-1.0, f64::NAN, f64::INFINITY] {
-        let options = LabelOptions { bottom_mm: Some(bottom_mm), ..parts };
+        let options = parts.with_bottom_mm(Some(bottom_mm));
         let refused = label(&part, Obstacles::Queries, &cutter, &hemisphere(9), &options);
         assert!(refused.unwrap_err().to_string().starts_with("bottom is"));
     }
@@ -128,13 +127,17 @@ fn the_earlier_rule_is_what_its_parts_make() {
 
 /// Everything but the account of the work.
 fn answers_of(labels: Vec<Labels>) -> Vec<Labels> {
-    labels.into_iter().map(|labels| Labels { stats: Default::default(), ..labels }).collect()
+    let without = |mut labels: Labels| {
+        labels.stats = Default::default();
+        labels
+    };
+    labels.into_iter().map(without).collect()
 }
 
 fn assert_engines_agree(queries: Queries, obstacles: Obstacles, seed: u64, options: LabelOptions) {
     let (cutters, directions) = (cutters(3, seed), hemisphere(11));
     let run = |engine, isa, beta| {
-        let options = LabelOptions { engine, isa, beta, ..options };
+        let options = options.with_engine(engine).with_isa(isa).with_beta(beta);
         answers_of(label_many(queries, obstacles, &cutters, &directions, &options).unwrap())
     };
     let expected = run(Engine::Reference, Isa::fastest(), true);
@@ -161,7 +164,7 @@ proptest! {
     ) {
         let (part, more) = (pocket(n, seed), pocket(n_more, seed + 1));
         let rounding = if floor { Rounding::Floor } else { Rounding::Ceil };
-        let options = LabelOptions { share, rounding, bottom_mm, ..LabelOptions::default() };
+        let options = LabelOptions::default().with_share(share).with_rounding(rounding).with_bottom_mm(bottom_mm);
         for obstacles in [
             Obstacles::Queries,
             Obstacles::QueriesAnd(&more.points),
@@ -171,7 +174,7 @@ proptest! {
             assert_engines_agree((&part).into(), obstacles, seed, options);
         }
         let space: Vec<Vec3> = part.points.iter().map(|p| *p + Vec3::Z).collect();
-        let options = LabelOptions { occlusion: false, ..options };
+        let options = options.with_occlusion(false);
         assert_engines_agree(Queries::Volume(&space), Obstacles::Points(&more.points), seed, options);
     }
 }

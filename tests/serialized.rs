@@ -31,7 +31,7 @@ fn refused<T: DeserializeOwned + Debug>(written: &Value, key: &str, value: Value
 
 fn scene() -> (Mesh, Sites, Cutter) {
     let part = solids::cuboid(DVec3::new(30.0, 20.0, 10.0));
-    let sites = sample(&part, &SiteOptions { n_sites: 100, ..SiteOptions::default() }).unwrap();
+    let sites = sample(&part, &SiteOptions::default().with_n_sites(100)).unwrap();
     (part, sites, "1.5,6,40,5".parse().unwrap())
 }
 
@@ -73,7 +73,7 @@ fn directions_are_read_from_their_set() {
 #[test]
 fn answers_are_read_with_lists_of_one_length_and_known_quantities() {
     let (part, sites, cutter) = scene();
-    let options = SurfaceOptions { clearance_limit_mm: Some(2.0), ..SurfaceOptions::default() };
+    let options = SurfaceOptions::default().with_clearance_limit_mm(Some(2.0));
     let labeler = Labeler::of_part(&part, &[], "20".parse().unwrap(), options).unwrap();
     let written = again(&labeler.answer(&sites, &cutter).unwrap());
     refused::<SiteAnswers>(

@@ -80,7 +80,7 @@ fn the_unit_of_the_file_is_read() {
         );
     }
     // A factor on top, as for 3MF: the chord error stays that of the part.
-    let doubled = ReadOptions { scale: 2.0, ..ReadOptions::default() };
+    let doubled = ReadOptions::default().with_scale(2.0);
     let mesh = read_mesh(&file("block"), &doubled).unwrap();
     assert_eq!(mesh.volume(), 8.0 * 24_000.0);
 }
@@ -248,12 +248,12 @@ fn assemblies_that_each_place_the_next_twice_are_refused_by_the_number_of_their_
 fn a_smaller_chord_error_is_nearer_to_the_surface() {
     let exact = PI * 225.0 * 40.0;
     let off = |chord_mm: f64| {
-        let options = ReadOptions { chord_mm, ..ReadOptions::default() };
+        let options = ReadOptions::default().with_chord_mm(chord_mm);
         exact - read_mesh(&file("cylinder"), &options).unwrap().volume()
     };
     let [coarse, fine] = [0.2, 0.02].map(off);
     assert!(coarse > 2.0 * fine && fine > 0.0, "{coarse} {fine}");
-    let zero = ReadOptions { chord_mm: 0.0, ..ReadOptions::default() };
+    let zero = ReadOptions::default().with_chord_mm(0.0);
     let words = read_mesh(&file("cylinder"), &zero).unwrap_err().to_string();
     assert!(words.contains("chord"), "{words}");
 }
@@ -310,7 +310,7 @@ fn files_that_would_take_all_memory_or_the_stack_are_refused() {
         ")".repeat(200_000)
     );
     assert!(refused(block.replacen("ENDSEC;\nEND-ISO", &deep, 1)).contains("parentheses"));
-    let fine = ReadOptions { chord_mm: 1e-7, ..ReadOptions::default() };
+    let fine = ReadOptions::default().with_chord_mm(1e-7);
     let words = read_mesh(&file("cylinder"), &fine).unwrap_err().to_string();
     assert!(words.contains("chord") && words.contains("at least"), "{words}");
 }

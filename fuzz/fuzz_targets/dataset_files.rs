@@ -16,16 +16,11 @@ static MANIFEST: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let sites = Sites::new(points, vec![Vec3::Z; 6]).expect("finite points");
     let mut answers = SiteAnswers::new(vec![true; 6], vec![false; 6]);
     answers.accessible_directions = vec![0; 6];
-    let sample = Sample {
-        name: "part".into(),
-        sites: sites.into(),
-        cutter: [1.5, 6.0, 40.0, 5.0].into(),
-        answers,
-    };
-    let settings = DatasetSettings { n_sites: 6, min_edge_mm: None, ..Default::default() };
+    let sample = Sample::new("part", sites.into(), [1.5, 6.0, 40.0, 5.0].into(), answers);
+    let settings = DatasetSettings::default().with_n_sites(6).with_min_edge_mm(None);
     let path = scratch::file("set/any", &[]);
     let folder = path.parent().expect("a folder");
-    let sample = ImportedSample { split: Split::Train, sample, mm_per_unit: 1.0 };
+    let sample = ImportedSample::new(Split::Train, sample, 1.0);
     import(folder, settings, &[sample]).expect("a data set");
     std::fs::read(folder.join("manifest.json")).expect("its manifest")
 });

@@ -19,7 +19,7 @@ fuzz_target!(|bytes: &[u8]| {
         sites.normals.push(axes[usize::from(site[0] ^ site[1] ^ site[2]) % 6]);
     }
     let run = |engine, beta| {
-        let options = LabelOptions { engine, beta, ..LabelOptions::default() };
+        let options = LabelOptions::default().with_engine(engine).with_beta(beta);
         let mut labels = label(&sites, Obstacles::Queries, &cutter, &directions, &options).unwrap();
         labels.stats = Default::default();
         labels

@@ -19,18 +19,18 @@ fuzz_target!(|input: &[u8]| {
         CutterPlacement::Last,
         CutterPlacement::All,
     ];
-    let mut config = UNetConfig {
-        input: InputConfig { depth: n_stages + 1, full_depth: 1, ..InputConfig::default() },
-        stem_width: small(head[1], 5),
-        encoder_widths: (0..n_stages).map(|s| small(head[2].wrapping_add(s as u8), 6)).collect(),
-        encoder_blocks: vec![small(head[3], 2); n_stages],
-        decoder_widths: (0..n_stages)
-            .map(|s| small(head[4].wrapping_mul(3 + s as u8), 6))
-            .collect(),
-        decoder_blocks: vec![small(head[5], 2); n_stages],
-        head_width: small(head[6], 4),
-        ..UNetConfig::tiny()
-    };
+    let mut config = UNetConfig::tiny()
+        .with_input(InputConfig::default().with_depth(n_stages + 1).with_full_depth(1))
+        .with_stem_width(small(head[1], 5))
+        .with_encoder_widths(
+            (0..n_stages).map(|s| small(head[2].wrapping_add(s as u8), 6)).collect(),
+        )
+        .with_encoder_blocks(vec![small(head[3], 2); n_stages])
+        .with_decoder_widths(
+            (0..n_stages).map(|s| small(head[4].wrapping_mul(3 + s as u8), 6)).collect(),
+        )
+        .with_decoder_blocks(vec![small(head[5], 2); n_stages])
+        .with_head_width(small(head[6], 4));
     config.cutter.placement = placements[usize::from(head[7] % 4)];
     config.cutter.dropout = 0.0;
     config.input.point_normals = head[7] & 4 != 0;

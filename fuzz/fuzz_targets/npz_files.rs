@@ -24,7 +24,7 @@ type Entries = Vec<(String, Vec<u8>)>;
 /// The entries of one whole file of each kind.
 static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
     let mesh = solids::cuboid(DVec3::new(4.0, 3.0, 2.0));
-    let options = sites::SiteOptions { n_sites: 12, ..Default::default() };
+    let options = sites::SiteOptions::default().with_n_sites(12);
     let sites = sites::sample(&mesh, &options).expect("a box");
     let params = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
     let cutter = Cutter::ball_end(params).expect("ordered lengths");
@@ -39,24 +39,15 @@ static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
         cutters: vec![params; 2],
         answers: vec![labels.answers.clone(); 2],
     };
-    let labels =
-        LabelFile { provenance: provenance(), sites: sites.clone(), labels, vertices: None };
+    let labels = LabelFile::new(provenance(), sites.clone(), labels);
     let prediction = prediction.expect("a prediction");
     let (n, mut answers) = (sites.len(), prediction.answers());
     answers.tip_does_not_fit = vec![false; n];
-    let prediction = PredictionFile {
-        provenance: provenance(),
-        sites,
-        prediction,
-        occlusion_share: Some(0.1),
-        verified: Some(Verified {
-            answers,
-            verified: vec![true; n],
-            beta: vec![0; n],
-            counted: vec![false; n],
-            spot_check: None,
-        }),
-    };
+    let mut verified = Verified::default();
+    (verified.answers, verified.verified) = (answers, vec![true; n]);
+    (verified.beta, verified.counted) = (vec![0; n], vec![false; n]);
+    let mut prediction = PredictionFile::new(provenance(), sites, prediction);
+    (prediction.occlusion_share, prediction.verified) = (Some(0.1), Some(verified));
     let path = scratch::file("whole.npz", &[]);
     let entries = || {
         let mut zip = ZipArchive::new(Cursor::new(std::fs::read(&path).unwrap())).unwrap();

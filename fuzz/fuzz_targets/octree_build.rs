@@ -13,13 +13,11 @@ use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|input: &[u8]| {
     let [depth, full_depth, wrap, coordinates @ ..] = input else { return };
-    let options = OctreeOptions {
-        depth: usize::from(*depth),
-        full_depth: usize::from(*full_depth),
-        wrap_at_faces: wrap % 2 == 1,
-        max_bytes: 1 << 24,
-        ..OctreeOptions::default()
-    };
+    let options = OctreeOptions::default()
+        .with_depth(usize::from(*depth))
+        .with_full_depth(usize::from(*full_depth))
+        .with_wrap_at_faces(wrap % 2 == 1)
+        .with_max_bytes(1 << 24);
     // Either any bit patterns, or points on a coarse lattice inside the cube.
     let bits = coordinates.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b));
     let lattice = coordinates.iter().map(|b| f32::from(*b) / 127.5 - 1.0);
@@ -47,7 +45,8 @@ fuzz_target!(|input: &[u8]| {
     }
     let map = Interpolation::linear(&octree, octree.depth(), &points, &octree.point_ranges);
     let ones = vec![1.0f64; octree.finest().n_nodes()];
-    let pass = Inference { params: &[], buffers: &[], arena: &Arena::default() };
+    let arena = Arena::default();
+    let pass = Inference::new(&[], &[], &arena);
     let y = Interpolate.forward(&pass, &map, Operand::new(&ones, 1));
     assert!(y.iter().all(|y| (y - 1.0).abs() < 1e-9));
 });

@@ -14,7 +14,7 @@ fuzz_target!(|input: &[u8]| {
     let corners: Vec<DVec3> = input.iter().take(300).map(|b| lattice(*b)).collect();
     let triangles = (0..corners.len() as u32 / 3).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect();
     let mesh = weld::weld(&Mesh { vertices: corners, triangles }, 1e-6).unwrap();
-    let options = SiteOptions { n_sites: usize::from(*n) + 2, seed: 1, ..Default::default() };
+    let options = SiteOptions::default().with_n_sites(usize::from(*n) + 2).with_seed(1);
     let Some(sites) = scratch::assert_one_line(sample(&mesh, &options)) else { return };
     assert!(sites.len() == options.n_sites && sites.check().is_ok());
     for (point, face) in sites.points.iter().zip(&sites.faces) {

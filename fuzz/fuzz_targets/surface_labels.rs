@@ -33,11 +33,11 @@ fuzz_target!(|bytes: &[u8]| {
         }
     }
     let Ok(obstacles) = TriangleObstacles::new(&mesh, &[]) else { return };
-    let options = |tolerance| SurfaceOptions {
-        tolerance: ContactTolerance::Millimeters(tolerance),
-        refinement: None,
-        occlusion: false,
-        ..SurfaceOptions::default()
+    let options = |tolerance| {
+        SurfaceOptions::default()
+            .with_tolerance(ContactTolerance::Millimeters(tolerance))
+            .with_refinement(None)
+            .with_occlusion(false)
     };
     let fast = obstacles.label(&sites, &cutter, &directions, &options(TOLERANCE_MM));
     let Ok(fast) = fast else { return };

@@ -12,13 +12,12 @@ fuzz_target!(|input: &[u8]| {
     let holder = Holder { name: "h".into(), sections: vec![Section::cylinder(40.0, 20.0)] };
     let unsaid = match choice / 4 % 2 {
         0 => Unsaid::default(),
-        _ => Unsaid {
-            stick_out_mm: Some(30.0),
-            holder: Some(holder),
-            shank_mm: Some(6.0),
-            flutes_mm: Some(10.0),
-            unit_mm: Some(25.4),
-        },
+        _ => Unsaid::default()
+            .with_stick_out_mm(Some(30.0))
+            .with_holder(Some(holder))
+            .with_shank_mm(Some(6.0))
+            .with_flutes_mm(Some(10.0))
+            .with_unit_mm(Some(25.4)),
     };
     if choice >> 7 == 1 {
         match holder_from_bytes(bytes, name.as_ref(), &unsaid) {

@@ -19,6 +19,7 @@ const OF_CONTACT: usize = 512;
 
 /// How much is to be labeled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Extent {
     /// Sites, or points of space.
     pub n_queries: usize,

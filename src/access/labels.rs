@@ -62,7 +62,14 @@ impl FromStr for Engine {
 }
 
 /// What to compute.
+///
+/// ```
+/// use deepmill::access::{Engine, LabelOptions};
+/// let options = LabelOptions::default().with_occlusion(false).with_engine(Engine::Reference);
+/// assert_eq!(options.share, 0.1); // as by default
+/// ```
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct LabelOptions {
     /// The engine; pruned by default.
     pub engine: Engine,
@@ -88,6 +95,19 @@ pub struct LabelOptions {
     #[doc(hidden)] // for tests and benches
     pub isa: Isa,
 }
+
+setters!(LabelOptions {
+    with_engine(engine: Engine),
+    with_occlusion(occlusion: bool),
+    with_beta(beta: bool),
+    with_share(share: f64),
+    with_rounding(rounding: Rounding),
+    with_bottom_mm(bottom_mm: Option<f64>),
+    with_collision_matrix(collision_matrix: bool),
+    with_clearance_limit_mm(clearance_limit_mm: Option<f64>),
+    #[doc(hidden)]
+    with_isa(isa: Isa),
+});
 
 impl Default for LabelOptions {
     fn default() -> Self {
@@ -150,6 +170,7 @@ impl LabelOptions {
 /// Exact labels of a set of queries: the answers, and what they rest on. Lists follow the order of queries or obstacles as
 /// given.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Labels {
     /// Per query, what any engine answers.
     pub answers: SiteAnswers,

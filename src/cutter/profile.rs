@@ -465,5 +465,5 @@ fn check_section(k: usize, from: [f64; 2], section: &ProfileSection) -> Result<(
     Ok(())
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "formats"))]
 mod tests;

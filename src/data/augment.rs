@@ -29,6 +29,7 @@ pub enum Turn {
 
 /// Smooth random displacement of all points.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Elastic {
     /// Spacing of the random displacements, as a share of the longest box edge.
     pub spacing: f64,
@@ -36,9 +37,21 @@ pub struct Elastic {
     pub magnitude: f64,
 }
 
+setters!(Elastic {
+    with_spacing(spacing: f64),
+    with_magnitude(magnitude: f64),
+});
+
 /// Which changes to draw.
+///
+/// ```
+/// use deepmill::data::augment::{Augment, Elastic, Turn};
+/// let augment = Augment::default().with_turn(Turn::None).with_elastic(Some(Elastic::new(0.25, 0.01)));
+/// assert!(augment.elastic.unwrap().is_sound());
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Augment {
     /// Mirror in x with probability ½, and in y with probability ½.
     pub mirror: bool,
@@ -47,6 +60,12 @@ pub struct Augment {
     /// Elastic deformation, or none.
     pub elastic: Option<Elastic>,
 }
+
+setters!(Augment {
+    with_mirror(mirror: bool),
+    with_turn(turn: Turn),
+    with_elastic(elastic: Option<Elastic>),
+});
 
 impl Augment {
     /// `sample` changed at random by numbers from `stream`.
@@ -86,6 +105,11 @@ impl Turn {
 }
 
 impl Elastic {
+    /// With this spacing and magnitude.
+    pub fn new(spacing: f64, magnitude: f64) -> Self {
+        Elastic { spacing, magnitude }
+    }
+
     /// Whether both numbers are in their domain.
     pub fn is_sound(&self) -> bool {
         self.spacing > 0.0 && self.spacing <= 1.0 && (0.0..=1.0).contains(&self.magnitude)

@@ -21,6 +21,8 @@ mod vertices;
 #[doc(hidden)] // of the program
 pub mod volume;
 
+#[doc(hidden)] // of the program
+pub use meaning::ball_end_words;
 pub use predictions::PredictionFile;
 #[doc(hidden)] // of the program
 pub use settings::AnalysisSettings;
@@ -62,7 +64,7 @@ impl Provenance {
     #[doc(hidden)] // of the program
     pub const PROGRAM: &str = concat!("deepmill ", env!("CARGO_PKG_VERSION"));
 
-    /// Provenance a ball-end cutter; `tool` is in words what `cutter` is in numbers.
+    /// Of a ball-end cutter; `tool` is in words what `cutter` is in numbers.
     #[doc(hidden)] // of the program
     pub fn ball_end(
         part: impl Into<String>,
@@ -113,15 +115,9 @@ impl Provenance {
     }
 }
 
-/// `ball-end CR 1.5, CH 6, FR 40, FH 5 mm`.
-#[doc(hidden)] // of the program
-pub fn ball_end_words(cutter: CutterParams) -> String {
-    let [cr, ch, fr, fh] = cutter.to_array();
-    format!("ball-end CR {cr}, CH {ch}, FR {fr}, FH {fh} mm")
-}
-
 /// The exact answers for one part and cutter.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct LabelFile {
     /// Part, cutter and settings.
     pub provenance: Provenance,
@@ -135,6 +131,11 @@ pub struct LabelFile {
 }
 
 impl LabelFile {
+    /// Without vertices.
+    pub fn new(provenance: Provenance, sites: Sites, labels: Labels) -> Self {
+        LabelFile { provenance, sites, labels, vertices: None }
+    }
+
     const FORMAT: &str = "deepmill labels";
 
     /// Writes the file.

@@ -61,6 +61,7 @@ pub fn in_millimeters(sample: &Sample, mm_per_unit: f64) -> Result<Sample> {
 
 /// One scale, and how well labels fit there.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Fit {
     /// Length of a unit of the normalized points, mm.
     pub mm_per_unit: f64,
@@ -72,6 +73,7 @@ pub struct Fit {
 
 /// The scale of a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ScaleFit {
     /// The scale that fits best.
     pub best: Fit,

@@ -19,6 +19,7 @@ use std::sync::Arc;
 /// What is drawn for every sample.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
+#[non_exhaustive]
 pub struct OnlineSettings {
     /// Where cutters are drawn from.
     pub cutter_set: CutterSet,
@@ -37,6 +38,16 @@ pub struct OnlineSettings {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub elastic: Option<Elastic>,
 }
+
+setters!(OnlineSettings {
+    with_cutter_set(cutter_set: CutterSet),
+    with_mirror(mirror: bool),
+    with_turn(turn: Turn),
+    with_sides(sides: f64),
+    with_tilt(tilt: f64),
+    with_size_mm(size_mm: Option<[f64; 2]>),
+    with_elastic(elastic: Option<Elastic>),
+});
 
 impl Default for OnlineSettings {
     /// Uniform cutters, mirroring, quarter turns, every tenth part tilted and of the others three in ten

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 /// One training or test example. Sites are shared between the cutters of a part.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Sample {
     /// Name of the part.
     pub name: String,
@@ -21,6 +22,16 @@ pub struct Sample {
 }
 
 impl Sample {
+    /// Of these; [`Sample::check`] tells whether they fit together.
+    pub fn new(
+        name: impl Into<String>,
+        sites: Arc<Sites>,
+        cutter: CutterParams,
+        answers: SiteAnswers,
+    ) -> Self {
+        Sample { name: name.into(), sites, cutter, answers }
+    }
+
     /// Whether it is about points of the space around a part.
     pub fn is_volume(&self) -> bool {
         self.sites.normals.is_empty() && !self.sites.is_empty()

@@ -21,6 +21,7 @@ pub enum VolumeObstacles {
 
 /// The points of a lattice over a part's box that are outside of the part.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Volume {
     /// All points.
     pub lattice: Lattice,

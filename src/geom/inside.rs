@@ -23,7 +23,7 @@
 //! let outside = (0..lattice.len()).filter(|&n| !inside[n]);
 //! let stock: Vec<_> = outside.map(|n| lattice.point(n).as_vec3()).collect();
 //!
-//! let sites = sample(&part, &SiteOptions { n_sites: 2000, ..SiteOptions::default() })?;
+//! let sites = sample(&part, &SiteOptions::default().with_n_sites(2000))?;
 //! let lengths = CutterParams { cr_mm: 3.0, ch_mm: 20.0, fr_mm: 25.0, fh_mm: 30.0 };
 //! let cutter = Cutter::ball_end(lengths)?;
 //! let directions = Directions::new(DirectionSet::FibonacciHemisphere { n_dirs: 50 })?;

@@ -54,13 +54,27 @@ pub enum Selector {
 }
 
 /// Which part of a surface answers are about.
+///
+/// ```
+/// use deepmill::geom::{selection::{Selection, Selector}, solids};
+/// use deepmill::glam::DVec3;
+/// let up = Selector::Normal { direction: DVec3::Z, within_rad: 0.1 };
+/// let region = Selection::default().with_only(vec![up]).of(&solids::cuboid(DVec3::splat(10.0)))?;
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct Selection {
     /// What any of these holds; everything, if there are none.
     pub only: Vec<Selector>,
     /// But not what one of these holds.
     pub except: Vec<Selector>,
 }
+
+setters!(Selection {
+    with_only(only: Vec<Selector>),
+    with_except(except: Vec<Selector>),
+});
 
 /// A region of a part, as a mesh of its own.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,6 +13,7 @@ use std::ops::Range;
 
 /// A [`Layer`] with what its passes take, as one call of [`layer()`] checks it.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Case<'a, G: ?Sized> {
     /// Names and places of the parameters.
     pub layout: &'a Layout,
@@ -24,6 +25,24 @@ pub struct Case<'a, G: ?Sized> {
     pub x: Operand<'a, f64>,
     /// Dropout, drawn from these streams in every pass alike; `None` turns it off.
     pub dropout: Option<&'a [Stream]>,
+}
+
+impl<'a, G: ?Sized> Case<'a, G> {
+    /// Without dropout.
+    pub fn new(
+        layout: &'a Layout,
+        params: &'a [f64],
+        geometry: &'a G,
+        x: Operand<'a, f64>,
+    ) -> Self {
+        Case { layout, params, geometry, x, dropout: None }
+    }
+
+    /// With dropout drawn from these streams.
+    #[must_use]
+    pub fn with_dropout(self, streams: &'a [Stream]) -> Self {
+        Case { dropout: Some(streams), ..self }
+    }
 }
 
 /// Checks the training pass of a layer: its gradients by every matrix of its operand and by every one of its
@@ -42,7 +61,7 @@ pub struct Case<'a, G: ?Sized> {
 /// let linear = Linear::new(&mut layout, "linear", 3, 2, true);
 /// let (params, x) = (layout.init_params(1), gradcheck::probe(12, 2));
 /// let x = Operand::new(&x, 3);
-/// let case = Case { layout: &layout, params: &params, geometry: &(), x, dropout: None };
+/// let case = Case::new(&layout, &params, &(), x);
 /// let report = gradcheck::layer(&linear, &case, &GradcheckSettings::default())?;
 /// assert_eq!(report.worst.len(), 3); // x, linear.weight, linear.bias
 /// report.require(1e-7)?;

@@ -35,6 +35,7 @@ pub const LIMIT: f64 = 1e-7;
 
 /// The points of one shape of the suite's batch, in an octree of depth 3.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ProbeShape {
     /// Nine points on a curved patch, with empty nodes around them.
     Patch,
@@ -51,12 +52,18 @@ pub(super) fn octree(shapes: &[ProbeShape]) -> Result<Octree> {
 
 /// What the cases are made for.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Suite {
     /// The batch, at least one shape.
     pub shapes: Vec<ProbeShape>,
     /// What blocks and networks save for backward.
     pub policy: MemoryPolicy,
 }
+
+setters!(Suite {
+    with_shapes(shapes: Vec<ProbeShape>),
+    with_policy(policy: MemoryPolicy),
+});
 
 impl Default for Suite {
     /// One shape of each kind, the policy of training.

@@ -1,5 +1,7 @@
 //! Configuration of a network: depths, widths, blocks, cutter modules and the preparation of its input.
 
+mod with;
+
 use super::heads::N_HEADS;
 use crate::octree::{Features, Normalization, OctreeOptions};
 use crate::{Error, Result};
@@ -8,6 +10,7 @@ use serde::{Deserialize, Serialize};
 /// In which unit the cutter's four lengths enter the network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum CutterInput {
     /// As they are, in mm, beside a shape whose millimeters were normalized away: the reference's way.
     #[default]
@@ -20,6 +23,7 @@ pub enum CutterInput {
 /// Which decoder stages see the cutter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum CutterPlacement {
     /// No stage: the shape is the only input.
     None,
@@ -36,6 +40,7 @@ pub enum CutterPlacement {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[doc(hidden)] // for the reference's weights
+#[non_exhaustive]
 pub enum Cube {
     /// Bounding box centered, longest edge to `[-1, 1]`: the paper's.
     #[default]
@@ -58,8 +63,15 @@ impl From<Cube> for Normalization {
 pub const N_COARSE: usize = 4;
 
 /// From points, normals and cutter in millimeters to the network's input.
+///
+/// ```
+/// use deepmill::model::config::InputConfig;
+/// let input = InputConfig::default().with_depth(4).with_features("NDP".into());
+/// assert_eq!(input.full_depth, InputConfig::default().full_depth);
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct InputConfig {
     /// Finest depth of the octree, `1..=10`.
     pub depth: usize,
@@ -166,8 +178,15 @@ impl InputConfig {
 }
 
 /// The modules that turn four cutter lengths into features of the decoder.
+///
+/// ```
+/// use deepmill::model::config::{CutterConfig, CutterPlacement};
+/// let none = CutterConfig::default().with_placement(CutterPlacement::None);
+/// assert_ne!(none, CutterConfig::default());
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct CutterConfig {
     /// Which decoder stages get cutter features.
     pub placement: CutterPlacement,
@@ -207,8 +226,16 @@ impl CutterConfig {
 }
 
 /// Attention between all nodes of a shape, after the blocks of decoder stages.
+///
+/// ```
+/// use deepmill::model::UNetConfig;
+/// use deepmill::model::config::AttentionConfig;
+/// let attention = AttentionConfig::default().with_depths(vec![3]).with_n_heads(2);
+/// assert_eq!(UNetConfig::tiny().with_attention(attention).attention.depths, [3]);
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct AttentionConfig {
     /// Depths at which the decoder has it, of 2 to 4: its time grows with the square of the number of nodes. None by default.
     pub depths: Vec<usize>,
@@ -232,8 +259,16 @@ impl AttentionConfig {
 ///
 /// There are as many decoder stages as encoder stages, and at most `depth` of each: stage `i` of the
 /// encoder works at depth `depth - 1 - i`, stage `i` of the decoder climbs back up.
+///
+/// ```
+/// use deepmill::model::{Model, UNetConfig};
+/// let config = UNetConfig::tiny().with_head_width(16);
+/// assert!(Model::<f32>::new(&config, 1)?.params.len() < Model::<f32>::new(&UNetConfig::small(), 1)?.params.len());
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct UNetConfig {
     /// Octree, normalization, cutter unit.
     #[serde(default)]
@@ -448,6 +483,7 @@ mod tests {
         assert!(UNetConfig::preset("huge").is_err());
     }
 
+    #[cfg(feature = "formats")]
     #[test]
     fn both_spellings_of_field_names_are_read() {
         let config = serde_json::to_string(&UNetConfig::reference()).unwrap();

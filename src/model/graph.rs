@@ -17,6 +17,7 @@ pub const N_FEATURES: usize = 6;
 
 /// Which vertices are neighbors.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub enum Edges<'a> {
     /// Corner indices of each face; its three edges join neighbors.
     Faces(&'a [[u32; 3]]),
@@ -39,6 +40,7 @@ pub struct GraphShape<'a> {
 
 /// Several graphs, ready for a graph network.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct GraphBatch<T> {
     /// Normalized position and normal of every vertex, `[n, 6]`.
     pub features: Vec<T>,

@@ -30,6 +30,7 @@ use std::ops::Range;
 /// Configuration of a [`GraphSage`]; checked when the network is built.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct GraphSageConfig {
     /// Normalization of the vertices.
     pub cube: Cube,
@@ -47,6 +48,16 @@ pub struct GraphSageConfig {
     /// Cutter modules; "stage" means layer.
     pub cutter: CutterConfig,
 }
+
+setters!(GraphSageConfig {
+    with_cube(cube: Cube),
+    with_cutter_input(cutter_input: CutterInput),
+    with_widths(widths: Vec<usize>),
+    with_n_nearest(n_nearest: usize),
+    with_n_neighbors(n_neighbors: usize),
+    with_head_width(head_width: usize),
+    with_cutter(cutter: CutterConfig),
+});
 
 impl Default for GraphSageConfig {
     /// Four layers of 64 channels, 16 nearest sites of which training draws ten, a cutter module of 32 channels before each

@@ -26,6 +26,7 @@ use std::fmt;
 /// # fn main() {}
 /// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum NetworkConfig {
     /// The octree network.
     Octree(UNetConfig),

@@ -28,6 +28,7 @@ use crate::nn::saved::Policy;
 
 /// One policy for each kind of block of a [`super::UNet`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct MemoryPolicy {
     /// The stem's convolution, before normalization.
     pub stem: Policy,
@@ -40,6 +41,14 @@ pub struct MemoryPolicy {
     /// Hidden matrices of the heads, before normalization.
     pub head: Policy,
 }
+
+setters!(MemoryPolicy {
+    with_stem(stem: Policy),
+    with_down(down: Policy),
+    with_blocks(blocks: BlocksPolicy),
+    with_up(up: Policy),
+    with_head(head: Policy),
+});
 
 impl Default for MemoryPolicy {
     /// The table of this module.

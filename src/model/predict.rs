@@ -25,6 +25,7 @@ use glam::Vec3;
 
 /// A network and its numbers; the octree U-Net unless another is named.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Model<T, N = UNet> {
     /// The description.
     pub net: N,

@@ -55,6 +55,7 @@ impl Calibration {
 
 /// What a network says about the sites of one part and one cutter, as numbers.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Prediction<T> {
     /// Two logits per site of head 1: accessible, inaccessible.
     pub logits_inaccessible: Vec<[T; N_CLASSES]>,

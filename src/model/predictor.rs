@@ -27,7 +27,7 @@ use crate::{Error, Result};
 /// let predictor = Predictor::new(Model::shipped()?);
 /// assert_eq!(predictor.definition(), Some(Definition::Part)); // compare with `Labeler::of_part`
 /// let part = solids::cuboid(DVec3::new(80.0, 60.0, 40.0));
-/// let sites = sites::sample(&part, &sites::SiteOptions { n_sites: 500, ..Default::default() })?;
+/// let sites = sites::sample(&part, &sites::SiteOptions::default().with_n_sites(500))?;
 /// let cutter = "1.5,6,40,5".parse()?;
 /// let answers = predictor.answer_on(&part, &sites, &cutter)?; // 6,500 sites more are placed for the network alone
 /// assert_eq!(answers.len(), 500);

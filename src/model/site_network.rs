@@ -153,6 +153,7 @@ impl<T: Scalar> SiteNetwork<T> for GraphSage {
 
 /// A network of either kind: what files hold and commands run.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub enum AnyNetwork {
     /// The octree network.
     Octree(Box<UNet>),

@@ -72,6 +72,7 @@ struct SavedDecoderStage<T> {
 
 /// Gradient of a loss by what the network is fed with.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct InputGradients<T> {
     /// By the features of the finest nodes, shaped as [`Batch::features`].
     pub features: Vec<T>,

@@ -57,6 +57,7 @@ pub(super) struct DecoderStage {
 
 /// Every intermediate result of one inference, by the reference's names.
 #[derive(Debug, Default)]
+#[non_exhaustive]
 pub struct Activations<T> {
     /// `conv1`: finest depth.
     pub stem: Buffer<T>,

@@ -13,12 +13,18 @@ use std::ops::Range;
 
 /// What a row of blocks saves for backward.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct BlocksPolicy {
     /// Outputs of all blocks but the last, `[n, c_out]` each: the inputs of the blocks after them.
     pub outputs: Policy,
     /// What each block saves of its own.
     pub block: ResidualPolicy,
 }
+
+setters!(BlocksPolicy {
+    with_outputs(outputs: Policy),
+    with_block(block: ResidualPolicy),
+});
 
 /// At least one [`Residual`]; the first may change the width.
 #[derive(Debug, Clone)]

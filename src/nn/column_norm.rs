@@ -10,6 +10,7 @@ use std::ops::Range;
 
 /// What a linear operator does to each block of its output rows as soon as they are done.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub enum Epilogue<'a, T> {
     /// Nothing.
     Identity,

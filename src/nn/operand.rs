@@ -11,6 +11,7 @@ use std::ops::{Deref, Range};
 
 /// The input of a layer, `[n, c]`.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub enum Operand<'a, T> {
     /// A matrix with its own row for every node.
     PerNode {
@@ -41,6 +42,7 @@ pub(super) enum OperandPart<'a, T> {
 
 /// An operand as one matrix: borrowed where it is one already.
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum Matrix<'a, T> {
     /// The operand's own numbers.
     Borrowed(&'a [T]),

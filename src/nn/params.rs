@@ -32,6 +32,14 @@ pub struct Entry {
 }
 
 /// The tensors of a model, in the order in which its layers were built.
+///
+/// ```
+/// use deepmill::nn::params::{Init, Layout};
+/// let mut layout = Layout::default();
+/// let weights = layout.param("linear.weight", &[3, 2], Init::Constant(0.0));
+/// let bias = layout.param("linear.bias", &[2], Init::Constant(0.0));
+/// assert_eq!((weights, bias, layout.n_params()), (0..6, 6..8, 8));
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Layout {
     /// Learned tensors.

@@ -11,6 +11,7 @@ use std::ops::{Deref, Range};
 
 /// What a linear operator needs in any pass.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Context<'a, T> {
     /// Learned numbers of the whole model.
     pub params: &'a [T],
@@ -20,6 +21,7 @@ pub struct Context<'a, T> {
 
 /// A pass that answers and changes nothing.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Inference<'a, T> {
     /// Learned numbers of the whole model.
     pub params: &'a [T],
@@ -31,6 +33,7 @@ pub struct Inference<'a, T> {
 
 /// The forward pass of a training step: statistics of the batch, running ones move toward them.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Training<'a, T> {
     /// Learned numbers of the whole model.
     pub params: &'a [T],
@@ -44,6 +47,7 @@ pub struct Training<'a, T> {
 
 /// The backward pass: gradients by the parameters accumulate, or are used up layer by layer.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Backward<'a, T> {
     /// Learned numbers of the whole model, as they were in the forward pass for every layer whose gradient is
     /// not whole.
@@ -60,6 +64,7 @@ pub type Update<'a, T> = dyn FnMut(Range<usize>, &mut [T], &mut [T]) + Send + 'a
 
 /// Parameters in a backward pass, read through [`Deref`].
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum Params<'a, T> {
     /// They stay as they are.
     Constant(&'a [T]),
@@ -68,6 +73,7 @@ pub enum Params<'a, T> {
 }
 
 /// Where a backward pass adds the gradient by the parameters.
+#[non_exhaustive]
 pub enum Gradients<'a, T> {
     /// One vector as long as the parameters.
     Vector(&'a mut [T]),
@@ -80,7 +86,19 @@ pub enum Gradients<'a, T> {
     },
 }
 
+impl<'a, T> Context<'a, T> {
+    /// Of these.
+    pub fn new(params: &'a [T], arena: &'a Arena<T>) -> Self {
+        Context { params, arena }
+    }
+}
+
 impl<'a, T> Inference<'a, T> {
+    /// Of these.
+    pub fn new(params: &'a [T], buffers: &'a [T], arena: &'a Arena<T>) -> Self {
+        Inference { params, buffers, arena }
+    }
+
     /// Parameters and memory alone.
     pub fn context(&self) -> Context<'a, T> {
         Context { params: self.params, arena: self.arena }
@@ -88,6 +106,17 @@ impl<'a, T> Inference<'a, T> {
 }
 
 impl<'a, T> Training<'a, T> {
+    /// Without dropout.
+    pub fn new(params: &'a [T], buffers: &'a mut [T], arena: &'a Arena<T>) -> Self {
+        Training { params, buffers, dropout: None, arena }
+    }
+
+    /// With dropout drawn from these streams, one per shape.
+    #[must_use]
+    pub fn with_dropout(self, streams: &'a mut [Stream]) -> Self {
+        Training { dropout: Some(streams), ..self }
+    }
+
     /// A pass that changes nothing, for layers that do the same in both.
     pub fn inference(&self) -> Inference<'_, T> {
         Inference { params: self.params, buffers: self.buffers, arena: self.arena }

@@ -18,12 +18,18 @@ use std::ops::Range;
 
 /// What a block saves of its own for backward.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct ResidualPolicy {
     /// Outputs of both convolutions before normalization, `[n, c_out]` each.
     pub convolutions: Policy,
     /// Output of the shortcut's linear map before normalization, `[n, c_out]`.
     pub shortcut: Policy,
 }
+
+setters!(ResidualPolicy {
+    with_convolutions(convolutions: Policy),
+    with_shortcut(shortcut: Policy),
+});
 
 /// `y = relu(norm(conv(relu(norm(conv(x))))) + shortcut(x))` (He et al. 2016).
 ///

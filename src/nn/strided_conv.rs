@@ -16,6 +16,7 @@ use std::ops::Range;
 
 /// Which nodes of the coarse depth have a row in the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum OutputRows {
     /// All; empty nodes get zero rows.
     AllNodes,

@@ -17,6 +17,7 @@ pub enum Normalization {
 
 /// The similarity `p ↦ (p − center)·scale` that normalizes one shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct CubeTransform {
     /// What becomes the origin, mm.
     pub center: DVec3,
@@ -72,6 +73,7 @@ impl CubeTransform {
 
 /// How points in millimeters are prepared for [`super::Octree::build`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub struct Preparation {
     /// The cube.
     pub normalization: Normalization,

@@ -6,7 +6,14 @@ use crate::{Error, Result};
 pub const MAX_DEPTH: usize = 10;
 
 /// Depths, conventions and limits of an [`super::Octree`].
+///
+/// ```
+/// use deepmill::octree::OctreeOptions;
+/// let options = OctreeOptions::default().with_depth(6).with_full_depth(2);
+/// assert!(options.depth <= deepmill::octree::MAX_DEPTH);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct OctreeOptions {
     /// Finest depth, `1..=10`.
     pub depth: usize,
@@ -28,6 +35,18 @@ pub struct OctreeOptions {
     /// Refuse to build an octree that needs more bytes than this, by an upper estimate.
     pub max_bytes: u64,
 }
+
+setters!(OctreeOptions {
+    with_depth(depth: usize),
+    with_full_depth(full_depth: usize),
+    #[doc(hidden)]
+    with_absolute_normals(absolute_normals: bool),
+    #[doc(hidden)]
+    with_wrap_at_faces(wrap_at_faces: bool),
+    #[doc(hidden)]
+    with_single_precision_means(single_precision_means: bool),
+    with_max_bytes(max_bytes: u64),
+});
 
 impl Default for OctreeOptions {
     /// Depth 5, full to depth 2, signed normals, no wrapping, means in f64, at most 4 GiB.

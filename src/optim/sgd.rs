@@ -9,7 +9,15 @@ use crate::simd::elementwise::{SgdStep, sgd_step};
 const BLOCK: usize = 1 << 17;
 
 /// SGD with momentum and weight decay, no Nesterov term, no dampening: PyTorch's `SGD`.
+///
+/// ```
+/// use deepmill::optim::Sgd;
+/// let (mut grads, mut velocity, mut params) = ([0.5], [0.0], [1.0]);
+/// Sgd::new(0.9, 0.0).step(0.1, &mut grads, &mut velocity, &mut params);
+/// assert_eq!((params, velocity, grads), ([0.95], [0.5], [0.0]));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Sgd {
     /// Share of the velocity that is kept, in `[0, 1)`.
     pub momentum: f64,
@@ -17,7 +25,17 @@ pub struct Sgd {
     pub weight_decay: f64,
 }
 
+setters!(Sgd {
+    with_momentum(momentum: f64),
+    with_weight_decay(weight_decay: f64),
+});
+
 impl Sgd {
+    /// With this momentum and weight decay.
+    pub fn new(momentum: f64, weight_decay: f64) -> Self {
+        Sgd { momentum, weight_decay }
+    }
+
     /// `v ← momentum·v + (g + weight_decay·p)`, then `p ← p − lr·v`; a velocity of zeros starts it. The
     /// gradients are zeros afterward, ready to be added to: one way through memory instead of two.
     ///

@@ -14,6 +14,7 @@ const REMEDY: &str = "use the previous checkpoint, or start the run anew";
 
 /// Everything that changes while a run goes on.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Checkpoint {
     /// How the run was set up.
     pub settings: Settings,

@@ -36,6 +36,7 @@ pub struct Evaluation {
 
 /// Scores of one head.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub struct HeadScores {
     /// Mean over the samples.
     pub mean: HeadScore,
@@ -186,6 +187,7 @@ pub fn evaluate_ranked<N: SiteNetwork<f32>>(
 
 /// What is left of a network's errors once sites are computed until spot checks pass.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub struct VerifiedScore {
     /// Share of the sites that are computed, all samples pooled.
     pub computed: f64,

@@ -5,6 +5,7 @@ use std::fmt;
 
 /// One head's scores, each in `[0, 1]`; F1 of class "yes" (inaccessible, or occlusion).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct HeadScore {
     /// Share of sites labeled right.
     pub accuracy: f64,
@@ -12,8 +13,16 @@ pub struct HeadScore {
     pub f1: f64,
 }
 
+impl HeadScore {
+    /// Of these.
+    pub fn new(accuracy: f64, f1: f64) -> Self {
+        HeadScore { accuracy, f1 }
+    }
+}
+
 /// What one epoch did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct EpochRow {
     /// Epoch, from 1.
     pub epoch: u64,

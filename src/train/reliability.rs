@@ -7,6 +7,7 @@ pub const N_BINS: usize = 20;
 
 /// Predictions by their probability, and how often they were right.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Reliability {
     /// From probability 0 to 1.
     pub bins: [Bin; N_BINS],
@@ -14,6 +15,7 @@ pub struct Reliability {
 
 /// Predictions of similar probability.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Bin {
     /// Their number.
     pub n: u64,

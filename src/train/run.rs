@@ -56,6 +56,7 @@ impl Observer for () {}
 
 /// How far a run has come.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Progress {
     /// One row per finished epoch.
     pub history: Vec<EpochRow>,

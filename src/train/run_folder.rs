@@ -38,10 +38,8 @@ const HISTORY: &str = "history.csv";
 /// # let points: Vec<Vec3> =
 /// #     (0..40).map(|i| Vec3::new((i % 7) as f32, (i / 7) as f32, (i % 3) as f32)).collect();
 /// # let sites = Sites { normals: vec![Vec3::Z; 40], points, faces: vec![] };
-/// # let samples = [Sample {
-/// #     name: "part".into(), sites: sites.into(), cutter: [1.5, 6.0, 40.0, 5.0].into(),
-/// #     answers: SiteAnswers::new(vec![false; 40], vec![true; 40]),
-/// # }];
+/// # let answers = SiteAnswers::new(vec![false; 40], vec![true; 40]);
+/// # let samples = [Sample::new("part", sites.into(), [1.5, 6.0, 40.0, 5.0].into(), answers)];
 /// # let temporary = tempfile::tempdir().unwrap();
 /// # let path = temporary.path().join("run");
 /// struct StopAfterOneStep;
@@ -51,7 +49,7 @@ const HISTORY: &str = "history.csv";
 ///     }
 /// }
 /// let folder = RunFolder::new(path);
-/// let mut run = folder.start(Settings { n_epochs: 2, ..Settings::tiny() })?;
+/// let mut run = folder.start(Settings::tiny().with_n_epochs(2))?;
 /// assert!(folder.train(&mut run, &samples[..], &[], &mut StopAfterOneStep)?.is_break());
 ///
 /// let mut run = folder.resume()?;

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 /// How the losses of the two heads become one.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Reduction {
     /// Their sum, as in the paper.
     #[default]
@@ -20,8 +21,15 @@ pub enum Reduction {
 }
 
 /// The loss.
+///
+/// ```
+/// use deepmill::train::{LossSettings, Reduction};
+/// let loss = LossSettings::default().with_reduction(Reduction::Mean).with_label_smoothing(0.1);
+/// assert_eq!(loss.positive_weights, None);
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
+#[non_exhaustive]
 pub struct LossSettings {
     /// Sum or mean of the heads.
     pub reduction: Reduction,
@@ -34,9 +42,23 @@ pub struct LossSettings {
     pub share_weight: Option<f64>,
 }
 
+setters!(LossSettings {
+    with_reduction(reduction: Reduction),
+    with_label_smoothing(label_smoothing: f64),
+    with_positive_weights(positive_weights: Option<[f64; 2]>),
+    with_share_weight(share_weight: Option<f64>),
+});
+
 /// How a network is trained.
+///
+/// ```
+/// use deepmill::train::Settings;
+/// let settings = Settings::tiny().with_n_epochs(4).with_seed(7);
+/// assert_eq!(settings.batch_size, Settings::tiny().batch_size);
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Settings {
     /// Seed of every random decision.
     pub seed: u64,
@@ -77,6 +99,25 @@ pub struct Settings {
     /// The network.
     pub network: NetworkConfig,
 }
+
+setters!(Settings {
+    with_seed(seed: u64),
+    with_n_epochs(n_epochs: u64),
+    with_samples_per_epoch(samples_per_epoch: Option<usize>),
+    with_batch_size(batch_size: usize),
+    with_n_groups(n_groups: usize),
+    with_lr(lr: f64),
+    with_momentum(momentum: f64),
+    with_weight_decay(weight_decay: f64),
+    with_schedule(schedule: Schedule),
+    with_clip_norm(clip_norm: Option<f64>),
+    with_evaluate_every(evaluate_every: u64),
+    with_loss(loss: LossSettings),
+    with_augment(augment: Augment),
+    #[doc(hidden)]
+    with_online(online: Option<OnlineSettings>),
+    with_network(network: NetworkConfig),
+});
 
 fn one() -> usize {
     1

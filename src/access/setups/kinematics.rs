@@ -13,6 +13,7 @@ use std::fmt;
 
 /// What a rotary axis turns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Carrier {
     /// The part.
     Table,
@@ -22,6 +23,7 @@ pub enum Carrier {
 
 /// A rotary axis as it is given.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct RotaryParams {
     /// `A`, `B` or `C`.
     pub letter: char,
@@ -31,6 +33,19 @@ pub struct RotaryParams {
     pub axis: [f64; 3],
     /// Least and greatest angle, degrees; any angle if there are none.
     pub limits_deg: Option<[f64; 2]>,
+}
+
+impl RotaryParams {
+    /// That turns by any angle.
+    pub fn new(letter: char, on: Carrier, axis: [f64; 3]) -> Self {
+        RotaryParams { letter, on, axis, limits_deg: None }
+    }
+
+    /// From the least to the greatest angle, degrees.
+    #[must_use]
+    pub fn with_limits_deg(self, limits: [f64; 2]) -> Self {
+        RotaryParams { limits_deg: Some(limits), ..self }
+    }
 }
 
 /// A checked machine: at most two rotary axes.
@@ -52,6 +67,7 @@ struct RotaryAxis {
 
 /// What is wrong with a machine, at which key of which axis.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Fault {
     /// Number of the axis, from 0; none if it is the name.
     pub axis: Option<usize>,

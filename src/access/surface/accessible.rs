@@ -106,7 +106,7 @@ impl TriangleObstacles {
     /// use deepmill::{cutter::Cutter, directions::Directions, geom::sites, geom::solids};
     ///
     /// let part = solids::cuboid(glam::DVec3::new(30.0, 20.0, 10.0));
-    /// let sites = sites::sample(&part, &sites::SiteOptions { n_sites: 200, ..Default::default() })?;
+    /// let sites = sites::sample(&part, &sites::SiteOptions::default().with_n_sites(200))?;
     /// let cutter = Cutter::ball_end([1.5, 20.0, 20.0, 5.0].into())?;
     /// let both: Directions = "list:0,0,1;0,0,-1".parse()?;
     /// let obstacles = TriangleObstacles::new(&part, &[])?;
@@ -201,7 +201,7 @@ mod tests {
     #[test]
     fn a_site_is_accessible_where_the_drop_height_says_so() {
         let part = solids::torus(14.0, 6.0, 24, 12);
-        let sites = sample(&part, &SiteOptions { n_sites: 60, ..SiteOptions::default() }).unwrap();
+        let sites = sample(&part, &SiteOptions::default().with_n_sites(60)).unwrap();
         let directions: Directions = "sphere:12".parse().unwrap();
         let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
         let options = SurfaceOptions { refinement: None, ..SurfaceOptions::default() };

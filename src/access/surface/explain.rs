@@ -68,6 +68,7 @@ use profile::ProfileCase;
 
 /// A site, and what it is labeled for.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Query<'a> {
     /// Where the tool touches, mm.
     pub site: Vec3,
@@ -87,6 +88,26 @@ pub struct Query<'a> {
     /// Which changed tools are worth a proposal.
     pub remedies: Remedies,
 }
+
+impl<'a> Query<'a> {
+    /// For a tool without a margin, with the remedies that are proposed by default.
+    pub fn new(
+        site: Vec3,
+        normal: Vec3,
+        tool: &'a Assembly,
+        directions: &'a Directions,
+        options: &'a SurfaceOptions,
+    ) -> Self {
+        let (clearance_mm, witness, remedies) = (0.0, None, Remedies::default());
+        Query { site, normal, tool, clearance_mm, directions, options, witness, remedies }
+    }
+}
+
+setters!(Query<'a> {
+    with_clearance_mm(clearance_mm: f64),
+    with_witness(witness: Option<Vec3>),
+    with_remedies(remedies: Remedies),
+});
 
 /// Why a site can or cannot be reached.
 #[derive(Debug, Clone, PartialEq)]
@@ -250,7 +271,7 @@ impl TriangleObstacles {
     /// Why `query`'s site can or cannot be reached among these triangles.
     ///
     /// ```
-    /// use deepmill::access::surface::explain::{ChangeKind, Query, Remedies};
+    /// use deepmill::access::surface::explain::{ChangeKind, Query};
     /// use deepmill::access::surface::{SiteAnswer, SurfaceOptions, TriangleObstacles};
     /// use deepmill::cutter::{Assembly, Section, TipShape, ToolPart};
     /// use deepmill::directions::Directions;
@@ -265,16 +286,8 @@ impl TriangleObstacles {
     /// let tip = TipShape::Straight { radius_mm: 1.5, corner_mm: 1.5 };
     /// let holder = [Section::cylinder(30.0, 15.0)];
     /// let tool = Assembly::new(tip, &[Section::cylinder(50.0, 1.5)], &holder, 12.0)?;
-    /// let query = Query {
-    ///     site: Vec3::new(30.0, 30.0, 5.0),
-    ///     normal: Vec3::Z,
-    ///     tool: &tool,
-    ///     clearance_mm: 0.0,
-    ///     directions: &Directions::up(),
-    ///     options: &SurfaceOptions::default(),
-    ///     witness: None,
-    ///     remedies: Remedies::default(),
-    /// };
+    /// let (up, options) = (Directions::up(), SurfaceOptions::default());
+    /// let query = Query::new(Vec3::new(30.0, 30.0, 5.0), Vec3::Z, &tool, &up, &options);
     /// let why = obstacles.explain(&query)?;
     /// assert_eq!(why.answer, SiteAnswer::Inaccessible);
     /// assert_eq!(why.directions[0].blocked.unwrap().part, ToolPart::Holder);

@@ -11,6 +11,7 @@ use std::ops::AddAssign;
 /// The answer for one site.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum SiteAnswer {
     /// In some direction no step penetrates the part, and the tip fits.
     Accessible,
@@ -21,7 +22,15 @@ pub enum SiteAnswer {
 }
 
 /// What to compute.
+///
+/// ```
+/// use deepmill::access::surface::{RefinementOptions, SurfaceOptions};
+/// let search = RefinementOptions::default().with_prove(false);
+/// let options = SurfaceOptions::default().with_refinement(Some(search)).with_clearance_limit_mm(Some(1.0));
+/// assert_eq!(options.finish_mm, SurfaceOptions::default().finish_mm);
+/// ```
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct SurfaceOptions {
     /// How deep the tool may seem to cut: by this it is shrunk.
     pub tolerance: ContactTolerance,
@@ -44,8 +53,29 @@ pub struct SurfaceOptions {
     pub n_samples: usize,
 }
 
+setters!(SurfaceOptions {
+    with_tolerance(tolerance: ContactTolerance),
+    with_finish_mm(finish_mm: f64),
+    with_counts(counts: bool),
+    with_occlusion(occlusion: bool),
+    with_beta(beta: bool),
+    with_share(share: f64),
+    with_refinement(refinement: Option<RefinementOptions>),
+    with_clearance_limit_mm(clearance_limit_mm: Option<f64>),
+    #[doc(hidden)]
+    with_n_samples(n_samples: usize),
+});
+
 /// How far the search between the directions goes: see `docs/mesh-definition.md`.
+///
+/// ```
+/// use deepmill::access::surface::RefinementOptions;
+/// let more = RefinementOptions::default();
+/// let more = more.with_n_kept(2 * more.n_kept);
+/// assert!(more.n_kept > RefinementOptions::default().n_kept);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct RefinementOptions {
     /// Most cells of directions that are cut in four at every level, for one site.
     pub n_kept: usize,
@@ -55,6 +85,13 @@ pub struct RefinementOptions {
     /// Also look for proofs that nothing is open: tens of times the cost.
     pub prove: bool,
 }
+
+setters!(RefinementOptions {
+    with_n_kept(n_kept: usize),
+    #[doc(hidden)]
+    with_n_levels(n_levels: usize),
+    with_prove(prove: bool),
+});
 
 impl Default for RefinementOptions {
     fn default() -> Self {
@@ -153,6 +190,7 @@ const MOST_FINISH_MM: f64 = 10.0;
 
 /// Answers by the mesh definition, in the order of the queries.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct SurfaceLabels {
     /// Number of directions tested and counted: those of the set, and +z where the set stands for all within an angle
     /// that +z is among.

@@ -26,7 +26,7 @@ use glam::{DVec3, Vec3};
 /// use deepmill::geom::{sites, solids};
 ///
 /// let part = solids::cuboid(glam::DVec3::new(30.0, 20.0, 10.0));
-/// let sites = sites::sample(&part, &sites::SiteOptions { n_sites: 200, ..Default::default() })?;
+/// let sites = sites::sample(&part, &sites::SiteOptions::default().with_n_sites(200))?;
 /// let cutter = Cutter::ball_end(CutterParams::from_array([1.5, 20.0, 20.0, 5.0]))?;
 /// let obstacles = TriangleObstacles::new(&part, &[])?;
 /// let labels = obstacles.label(&sites, &cutter, &Directions::up(), &SurfaceOptions::default())?;

@@ -12,6 +12,7 @@ use crate::{Result, par};
 
 /// Answers of which some are computed and the others predicted.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Verified {
     /// Inaccessible, as computed where [`Verified::verified`] says so and as predicted elsewhere; occlusion points,
     /// by β where [`Verified::counted`] says so and as predicted elsewhere; that the tip does not fit, `false` where

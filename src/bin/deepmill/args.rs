@@ -78,15 +78,13 @@ impl UnsaidArgs {
     }
 
     fn unsaid(&self, output: &Output) -> Result<Unsaid> {
-        let unsaid = Unsaid {
-            stick_out_mm: self.length("--stick-out", self.stick_out, output)?,
-            shank_mm: self.length("--shank", self.shank, output)?,
-            flutes_mm: self.length("--flute-length", self.flute_length, output)?,
-            unit_mm: self.tool_unit.map(Unit::millimeters),
-            holder: None,
-        };
+        let unsaid = Unsaid::default()
+            .with_stick_out_mm(self.length("--stick-out", self.stick_out, output)?)
+            .with_shank_mm(self.length("--shank", self.shank, output)?)
+            .with_flutes_mm(self.length("--flute-length", self.flute_length, output)?)
+            .with_unit_mm(self.tool_unit.map(Unit::millimeters));
         let holder = self.holder.as_ref().map(|path| tools::read_holder(path, &unsaid));
-        Ok(Unsaid { holder: holder.transpose()?, ..unsaid })
+        Ok(unsaid.with_holder(holder.transpose()?))
     }
 
     /// In mm; a number without a unit is in that of the files of tools.
@@ -384,7 +382,8 @@ impl SiteArgs {
     fn options(&self, count: &str) -> Result<SiteOptions> {
         self.vertex_normals()?;
         let (n_sites, normals) = (site_count(count)?, self.smooth_normals()?);
-        Ok(SiteOptions { n_sites, seed: self.seed, normals })
+        let options = SiteOptions::default().with_n_sites(n_sites);
+        Ok(options.with_seed(self.seed).with_normals(normals))
     }
 
     fn smooth_normals(&self) -> Result<Normals> {

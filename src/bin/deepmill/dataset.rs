@@ -192,22 +192,20 @@ fn builder(args: &BuildArgs, share: (usize, usize)) -> Result<Builder> {
         })?),
     };
     let options = args.published.options(!part_itself && !args.volume)?;
-    let settings = DatasetSettings {
-        seed: args.seed,
-        n_sites: args.sites,
-        n_obstacles,
-        part_itself,
-        volume: args.volume,
-        directions: directions(args, part_itself)?,
-        occlusion_rounding: options.rounding,
-        bottom_mm: options.bottom_mm,
-        cutter_set: args.cutter_set.parse()?,
-        n_cutters: args.cutters,
-        min_edge_mm: (args.min_edge != 0.0 && args.sizes.is_none()).then_some(args.min_edge),
-        size_mm: args.sizes,
-        validation_share: args.validation,
-        ..DatasetSettings::default()
-    };
+    let settings = DatasetSettings::default()
+        .with_seed(args.seed)
+        .with_n_sites(args.sites)
+        .with_n_obstacles(n_obstacles)
+        .with_part_itself(part_itself)
+        .with_volume(args.volume)
+        .with_directions(directions(args, part_itself)?)
+        .with_occlusion_rounding(options.rounding)
+        .with_bottom_mm(options.bottom_mm)
+        .with_cutter_set(args.cutter_set.parse()?)
+        .with_n_cutters(args.cutters)
+        .with_min_edge_mm((args.min_edge != 0.0 && args.sizes.is_none()).then_some(args.min_edge))
+        .with_size_mm(args.sizes)
+        .with_validation_share(args.validation);
     let mut sources = Vec::new();
     for path in &args.parts {
         sources.extend(mesh_files(path)?.into_iter().map(PartSource::File));

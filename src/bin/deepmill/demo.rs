@@ -83,8 +83,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let provenance = Provenance::ball_end("demo part", params, settings);
     let sites = labels.sites.clone();
     let prediction = model.predict(&sites.points, &sites.normals, params.to_array())?;
-    let predictions =
-        PredictionFile { prediction, provenance, sites, occlusion_share: None, verified: None };
+    let predictions = PredictionFile::new(provenance, sites, prediction);
     let predict_s = start.elapsed().as_secs_f64();
     let result = say((&labels, &predictions), definition, (labels_s, train_s, predict_s), output);
     let paths = write(args, folder, &mesh, (&labels, &predictions), output)?;
@@ -183,7 +182,7 @@ fn exact(
     directions: &Directions,
     definition: Definition,
 ) -> Result<(LabelFile, f64, f64)> {
-    let options = SiteOptions { n_sites: N_SITES, seed: SEED, ..SiteOptions::default() };
+    let options = SiteOptions::default().with_n_sites(N_SITES).with_seed(SEED);
     let blocking = match definition.is_by_mesh() {
         true => Blocking::Part,
         false => Blocking::Points(None),
@@ -203,8 +202,7 @@ fn training_samples(directions: &Directions) -> Result<Vec<Sample>> {
     let made: Vec<Result<Vec<Sample>>> = par::map(N_PARTS, |i| {
         let (family, mesh) =
             (generated::family_of(i as u64), generated::mixed_part(SEED, i as u64));
-        let options =
-            SiteOptions { n_sites: N_TRAINING_SITES, seed: SEED, ..SiteOptions::default() };
+        let options = SiteOptions::default().with_n_sites(N_TRAINING_SITES).with_seed(SEED);
         let sites = Arc::new(sample(&mesh, &options)?);
         let mut stream = Stream::new(SEED, 0, i as u64, Purpose::Cutter);
         (0..N_CUTTERS).map(|_| labeled(family.name(), &sites, &mut stream, directions)).collect()
@@ -225,16 +223,14 @@ fn labeled(
     let cutter = CutterSet::Uniform.draw(stream);
     let tool = Cutter::ball_end(cutter)?;
     let labels = label(&**sites, Obstacles::Queries, &tool, directions, &LabelOptions::default())?;
-    Ok(Sample { name: name.into(), sites: Arc::clone(sites), cutter, answers: labels.answers })
+    Ok(Sample::new(name, Arc::clone(sites), cutter, labels.answers))
 }
 
 fn train(samples: &[Sample]) -> Result<Run> {
-    let settings = Settings {
-        seed: SEED,
-        n_epochs: N_EPOCHS,
-        schedule: Schedule::Cosine { min_lr: 1e-3 },
-        ..Settings::tiny()
-    };
+    let settings = Settings::tiny()
+        .with_seed(SEED)
+        .with_n_epochs(N_EPOCHS)
+        .with_schedule(Schedule::Cosine { min_lr: 1e-3 });
     let n_steps = N_EPOCHS * samples.len().div_ceil(settings.batch_size) as u64;
     let mut run = Run::new(settings)?;
     let mut watch = Watch { bar: progress::bar(n_steps, "steps"), stop: progress::stop_flag()? };

@@ -87,7 +87,8 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
         }
         for &bound in &args.verify {
             let score = evaluate_verified(&networks[0].1, &samples, bound, processes)?;
-            let VerifiedScore { computed, wrong, above_bound, counted, wrong_occlusion } = score;
+            let VerifiedScore { computed, wrong, above_bound, counted, wrong_occlusion, .. } =
+                score;
             let shares = [bound, computed, wrong, above_bound, counted, wrong_occlusion];
             let shares = shares.into_iter().map(Cell::Share);
             verified.row([Cell::text(&name)].into_iter().chain(shares).collect::<Vec<_>>());

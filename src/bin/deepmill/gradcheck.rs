@@ -89,7 +89,7 @@ fn chosen(cases: Vec<SuiteCase>, names: &[String]) -> Result<Vec<SuiteCase>> {
 
 /// The cases of layers and blocks on each kind of shape alone.
 fn others() -> Result<[Vec<SuiteCase>; 3]> {
-    let of = |shape| Suite { shapes: vec![shape], ..Suite::default() }.layer_cases();
+    let of = |shape| Suite::default().with_shapes(vec![shape]).layer_cases();
     Ok([of(ProbeShape::Point)?, of(ProbeShape::Cell)?, of(ProbeShape::Patch)?])
 }
 

@@ -64,14 +64,12 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         true => from_lists(&args.folder, output)?,
         false => from_raw(&args.folder, output)?,
     };
-    let settings = DatasetSettings {
-        n_sites: samples.first().map_or(0, |(_, sample)| sample.sites.len()),
-        directions: directions.set().clone(),
-        occlusion_rounding: rule.rounding,
-        bottom_mm: rule.bottom_mm,
-        min_edge_mm: None,
-        ..DatasetSettings::default()
-    };
+    let settings = DatasetSettings::default()
+        .with_n_sites(samples.first().map_or(0, |(_, sample)| sample.sites.len()))
+        .with_directions(directions.set().clone())
+        .with_occlusion_rounding(rule.rounding)
+        .with_bottom_mm(rule.bottom_mm)
+        .with_min_edge_mm(None);
     let samples = in_millimeters(args, samples, (&directions, &rule), output)?;
     show(&import(&args.out, settings, &samples)?, output);
     Ok(())
@@ -117,7 +115,7 @@ fn in_millimeters(
             1.0 => sample,
             scale => normalized::in_millimeters(&sample, scale)?,
         };
-        imported.push(ImportedSample { split, sample, mm_per_unit });
+        imported.push(ImportedSample::new(split, sample, mm_per_unit));
     }
     Ok(imported)
 }
@@ -131,7 +129,7 @@ fn recover(
     (directions, rule): (&Directions, &LabelOptions),
     output: &Output,
 ) -> Result<f64> {
-    let ScaleFit { best, exchanged, n_occlusion_stored } =
+    let ScaleFit { best, exchanged, n_occlusion_stored, .. } =
         normalized::fit_scale(sample, directions, rule)?;
     let (name, percent) = (&sample.name, |share: f64| format!("{:.2} %", 100.0 * share));
     output.say(format!(

@@ -18,7 +18,6 @@ use crate::published_args::PublishedArgs;
 use crate::region::RegionArgs;
 use crate::volume;
 use deepmill::access::LabelOptions;
-use deepmill::access::surface::SurfaceOptions;
 use deepmill::analysis::{Analysis, Files, Observer, Outcome, PerDirection};
 use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
@@ -146,17 +145,17 @@ impl Args {
     ) -> Result<Analysis> {
         let is_mesh = matches!(part, MeshOrCloud::Mesh(_));
         let blocking = part_itself::blocking(self.obstacles.as_deref(), is_mesh, output)?;
-        let options = SurfaceOptions {
-            clearance_limit_mm: self.clearance_limit,
-            occlusion: self.wants_occlusion(limits),
-            ..self.surface.options(self.share_of_occlusion())?
-        };
-        let published = LabelOptions {
-            engine: self.engine.parse()?,
-            share: self.share_of_occlusion(),
-            clearance_limit_mm: self.clearance_limit,
-            ..self.published.options(blocking != Blocking::Part)?
-        };
+        let options = self
+            .surface
+            .options(self.share_of_occlusion())?
+            .with_clearance_limit_mm(self.clearance_limit)
+            .with_occlusion(self.wants_occlusion(limits));
+        let published = self
+            .published
+            .options(blocking != Blocking::Part)?
+            .with_engine(self.engine.parse()?)
+            .with_share(self.share_of_occlusion())
+            .with_clearance_limit_mm(self.clearance_limit);
         let mut analysis = Analysis::new(name_of(&self.part), part, tools)
             .library(self.tools.are_of_files())
             .folders(self.tools.are_several())

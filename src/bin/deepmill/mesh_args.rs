@@ -130,7 +130,7 @@ impl MeshArgs {
     fn options(&self) -> ReadOptions {
         let options = ReadOptions::new(self.unit.millimeters() * self.scale, self.weld);
         #[cfg(feature = "step")]
-        let options = ReadOptions { chord_mm: self.chord, ..options };
+        let options = options.with_chord_mm(self.chord);
         options
     }
 

@@ -60,7 +60,7 @@ impl ToleranceArgs {
         let tolerance =
             self.tolerance.map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters);
         let finish_mm = self.finish;
-        let options = SurfaceOptions { tolerance, finish_mm, ..SurfaceOptions::default() };
+        let options = SurfaceOptions::default().with_tolerance(tolerance).with_finish_mm(finish_mm);
         options.check().map(|()| options).map_err(|error| called(error, "--finish"))
     }
 
@@ -141,13 +141,13 @@ impl SurfaceArgs {
     pub fn options(&self, share: f64) -> Result<SurfaceOptions> {
         let search = match self.prove {
             true => RefinementOptions::proving(),
-            false => RefinementOptions { n_kept: self.search, ..RefinementOptions::default() },
+            false => RefinementOptions::default().with_n_kept(self.search),
         };
-        Ok(SurfaceOptions {
-            share,
-            refinement: (self.search > 0).then_some(search),
-            ..self.tolerances.options()?
-        })
+        Ok(self
+            .tolerances
+            .options()?
+            .with_share(share)
+            .with_refinement((self.search > 0).then_some(search)))
     }
 
     /// Whether the directions between those tested are searched.

@@ -77,7 +77,9 @@ impl RegionArgs {
             let named = |text: &String| selector(text, option, read.origin(), &file);
             texts.iter().map(named).collect::<Result<Vec<Selector>>>()
         };
-        Ok(Selection { only: all(&self.only, "--only")?, except: all(&self.except, "--except")? })
+        Ok(Selection::default()
+            .with_only(all(&self.only, "--only")?)
+            .with_except(all(&self.except, "--except")?))
     }
 }
 

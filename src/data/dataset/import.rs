@@ -11,6 +11,7 @@ use std::path::Path;
 
 /// A sample of another program, in mm.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct ImportedSample {
     /// What it is used for.
     pub split: Split,
@@ -18,6 +19,13 @@ pub struct ImportedSample {
     pub sample: Sample,
     /// Factor that made its points millimeters; 1 if they were.
     pub mm_per_unit: f64,
+}
+
+impl ImportedSample {
+    /// Of these.
+    pub fn new(split: Split, sample: Sample, mm_per_unit: f64) -> Self {
+        ImportedSample { split, sample, mm_per_unit }
+    }
 }
 
 /// Writes `samples` as a data set into the empty or new `folder`. `settings` say how they were labeled;

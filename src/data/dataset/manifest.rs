@@ -19,6 +19,7 @@ pub(super) const FORMAT: &str = "deepmill-dataset/1";
 /// Everything that decides the content of a data set, besides its parts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct DatasetSettings {
     /// Seed of all random decisions.
     pub seed: u64,
@@ -58,6 +59,23 @@ pub struct DatasetSettings {
     /// Probability of a part to be in the validation split.
     pub validation_share: f64,
 }
+
+setters!(DatasetSettings {
+    with_seed(seed: u64),
+    with_n_sites(n_sites: usize),
+    with_n_obstacles(n_obstacles: Option<usize>),
+    with_part_itself(part_itself: bool),
+    with_volume(volume: bool),
+    with_directions(directions: DirectionSet),
+    with_cutter_set(cutter_set: CutterSet),
+    with_n_cutters(n_cutters: usize),
+    with_min_edge_mm(min_edge_mm: Option<f64>),
+    with_size_mm(size_mm: Option<[f64; 2]>),
+    with_occlusion_share(occlusion_share: f64),
+    with_occlusion_rounding(occlusion_rounding: Rounding),
+    with_bottom_mm(bottom_mm: Option<f64>),
+    with_validation_share(validation_share: f64),
+});
 
 fn is_ceil(rounding: &Rounding) -> bool {
     *rounding == Rounding::Ceil
@@ -177,6 +195,7 @@ pub enum Split {
 
 /// One cutter's labels in numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct CutterRecord {
     /// The cutter.
     pub cutter: CutterParams,
@@ -188,6 +207,7 @@ pub struct CutterRecord {
 
 /// Where a finished part's arrays are and what they hold.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Content {
     /// NPZ file, relative to the data set's folder.
     pub file: String,
@@ -205,6 +225,7 @@ pub struct Content {
 
 /// One part of a data set: finished, or skipped with the reason.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct PartRecord {
     /// Place in the list of parts.
     pub index: usize,
@@ -220,6 +241,7 @@ pub struct PartRecord {
 
 /// The table of contents of a data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Manifest {
     /// Format and version.
     pub format: String,

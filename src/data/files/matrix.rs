@@ -225,6 +225,7 @@ pub(super) fn truth(token: &str) -> Option<bool> {
 
 /// The matrix of one part and tool, with its directions and sites.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct MatrixFile {
     /// Part, tool and settings.
     pub provenance: Provenance,

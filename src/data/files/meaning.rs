@@ -1,5 +1,6 @@
 //! What the arrays of labels mean, in the words of their metadata.
 
+use crate::cutter::CutterParams;
 use serde_json::{Value, json};
 
 pub(super) const RETREAT_UNPROVEN: &str = "true: a pose of the tool is free there, but no retreat from one is proven; of tools given by a profile, whose directions are not counted";
@@ -39,4 +40,10 @@ pub(super) fn label_meaning(part_itself: bool) -> Value {
         "blocked_by": BLOCKED_BY,
         "clearance": "how far heights and radii of the steps may grow before the site becomes inaccessible, mm; negative: must shrink",
     })
+}
+
+/// `ball-end CR 1.5, CH 6, FR 40, FH 5 mm`.
+pub fn ball_end_words(cutter: CutterParams) -> String {
+    let [cr, ch, fr, fh] = cutter.to_array();
+    format!("ball-end CR {cr}, CH {ch}, FR {fr}, FH {fh} mm")
 }

@@ -15,6 +15,7 @@ use std::path::Path;
 
 /// A network's answers for one part and cutter.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct PredictionFile {
     /// Part, cutter and settings.
     pub provenance: Provenance,
@@ -31,6 +32,11 @@ pub struct PredictionFile {
 }
 
 impl PredictionFile {
+    /// Of these; occlusion points decided one by one, nothing verified.
+    pub fn new(provenance: Provenance, sites: Sites, prediction: Prediction<f32>) -> Self {
+        PredictionFile { provenance, sites, prediction, occlusion_share: None, verified: None }
+    }
+
     const FORMAT: &str = "deepmill predictions";
 
     /// The answers: those of the network, or what verifying made of them.

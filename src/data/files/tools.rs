@@ -259,7 +259,14 @@ fn starts_with_ignoring_case(text: &str, start: &str) -> bool {
 }
 
 /// What tools are given where their file does not say it. An error names what is missing in both.
+///
+/// ```
+/// use deepmill::data::files::tools::Unsaid;
+/// let unsaid = Unsaid::default().with_stick_out_mm(Some(30.0)).with_unit_mm(Some(25.4));
+/// assert_eq!(unsaid.holder, None);
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Unsaid {
     /// Height of the holder's nose above the tip, mm.
     pub stick_out_mm: Option<f64>,
@@ -272,6 +279,14 @@ pub struct Unsaid {
     /// Millimeters that the file's unit has.
     pub unit_mm: Option<f64>,
 }
+
+setters!(Unsaid {
+    with_stick_out_mm(stick_out_mm: Option<f64>),
+    with_holder(holder: Option<Holder>),
+    with_shank_mm(shank_mm: Option<f64>),
+    with_flutes_mm(flutes_mm: Option<f64>),
+    with_unit_mm(unit_mm: Option<f64>),
+});
 
 /// What a file of tools holds.
 #[derive(Debug, Clone, Default, PartialEq)]

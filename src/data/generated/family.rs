@@ -12,6 +12,7 @@ macro_rules! families {
         ///
         /// The order decides the random streams: add at the end only.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
         pub enum Family {
             $(#[doc = $text] $variant,)*
         }

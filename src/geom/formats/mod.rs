@@ -37,7 +37,13 @@ const MIN_NORMAL: f64 = 1e-12;
 pub const DEFAULT_CHORD_MM: f64 = 0.02;
 
 /// How the numbers of a mesh file become a mesh.
+///
+/// ```
+/// let inches = deepmill::geom::formats::ReadOptions::default().with_scale(25.4);
+/// assert_eq!(inches.scale, 25.4);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ReadOptions {
     /// Millimeters per unit of the file; positive. A 3MF says its unit: for it, a factor on top.
     pub scale: f64,
@@ -48,6 +54,13 @@ pub struct ReadOptions {
     #[cfg(feature = "step")]
     pub chord_mm: f64,
 }
+
+setters!(ReadOptions {
+    with_scale(scale: f64),
+    with_weld(weld: f64),
+    #[cfg(feature = "step")]
+    with_chord_mm(chord_mm: f64),
+});
 
 impl ReadOptions {
     /// These factor and fraction, all else as by default.

@@ -9,7 +9,7 @@
 //! use deepmill::geom::{solids, spacing::Spacing};
 //!
 //! let part = solids::cuboid(glam::DVec3::new(30.0, 20.0, 10.0));
-//! let sites = sample(&part, &SiteOptions { n_sites: 1000, ..SiteOptions::default() })?;
+//! let sites = sample(&part, &SiteOptions::default().with_n_sites(1000))?;
 //! assert!(Spacing::measure(&sites).unwrap().cv < 0.12);
 //! # Ok::<(), deepmill::Error>(())
 //! ```
@@ -174,8 +174,17 @@ impl AsRef<Sites> for Sites {
 }
 
 /// How [`sample`] places its sites.
+///
+/// ```
+/// use deepmill::geom::sites::{Normals, SiteOptions, sample};
+/// use deepmill::geom::solids;
+/// let options = SiteOptions::default().with_n_sites(500).with_normals(Normals::Smooth { crease_rad: 0.52 });
+/// assert_eq!(sample(&solids::torus(40.0, 15.0, 60, 30), &options)?.len(), 500);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
+#[non_exhaustive]
 pub struct SiteOptions {
     /// Number of sites, at least 1.
     pub n_sites: usize,
@@ -184,6 +193,12 @@ pub struct SiteOptions {
     /// Which normal each site carries.
     pub normals: Normals,
 }
+
+setters!(SiteOptions {
+    with_n_sites(n_sites: usize),
+    with_seed(seed: u64),
+    with_normals(normals: Normals),
+});
 
 impl Default for SiteOptions {
     /// 7,000 sites as in the paper, seed 0, face normals.

@@ -33,6 +33,7 @@ const BATCHES: &str = ".num_batches_tracked";
 
 /// In which type learned numbers are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Storage {
     /// As the model holds them: reading gives the same bits.
     #[default]
@@ -44,6 +45,7 @@ pub enum Storage {
 /// What a weight file says about itself.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[doc(hidden)] // of the program
+#[non_exhaustive]
 pub struct WeightsInfo {
     /// Configuration of the network.
     pub config: NetworkConfig,

@@ -40,7 +40,7 @@ impl Args {
     pub fn clouds(&self) -> Result<Vec<Sites>> {
         let n = self.batch.max(1);
         if self.clouds.is_empty() {
-            let options = sites::SiteOptions { n_sites: self.sites, ..Default::default() };
+            let options = sites::SiteOptions::default().with_n_sites(self.sites);
             let part = |i| sites::sample(&generated::mixed_part(0, i), &options);
             return (0..n as u64).map(part).collect();
         }

@@ -228,7 +228,7 @@ impl Timing {
         n_outputs: usize,
     ) -> [f64; 2] {
         let (params, arena) = (layout.init_params::<f32>(1), &Arena::default());
-        let context = Context { params: &params, arena };
+        let context = Context::new(&params, arena);
         let forward = || drop(operator.apply(context, geometry, x, Epilogue::Identity));
         let (forward, _) = median_seconds(self.limit, forward);
         let (dy, mut grads) = (values(n_outputs), vec![0.0; params.len()]);

@@ -103,7 +103,7 @@ impl Trainer {
             CrossEntropy::binary().loss(logits, &self.targets, 1.0, d);
         }
         let [first, second] = &self.dlogits;
-        let sgd = Sgd { momentum: 0.9, weight_decay: 5e-4 };
+        let sgd = Sgd::new(0.9, 5e-4);
         let velocity = &mut self.velocity;
         let mut update = |range: Range<usize>, grads: &mut [f32], params: &mut [f32]| {
             sgd.step(1e-3, grads, &mut velocity[range], params);

@@ -86,7 +86,7 @@ fn sizes(study: &Study) -> [usize; 3] {
 
 /// Training and test samples.
 fn samples(study: &Study, n_sites: usize, share: f64) -> Result<[Vec<Sample>; 2]> {
-    let options = LabelOptions { share, ..LabelOptions::published() };
+    let options = LabelOptions::published().with_share(share);
     let labeler = Labeler::of_sites(Directions::published(), options);
     let draw = |n_cutters| Draw { sets: &[CutterSet::Uniform], n_cutters };
     let training = labeled(study, study.training_parts(), &draw(N_CUTTERS), &labeler, n_sites)?;

@@ -56,15 +56,14 @@ impl Way {
         cutter: &Cutter,
         directions: &Directions,
     ) -> Result<Vec<bool>> {
-        let surface =
-            SurfaceOptions { occlusion: false, counts: false, ..SurfaceOptions::default() };
+        let surface = SurfaceOptions::default().with_occlusion(false).with_counts(false);
         let surface = match self {
             Way::Sites => {
-                let options = LabelOptions { occlusion: false, ..LabelOptions::default() };
+                let options = LabelOptions::default().with_occlusion(false);
                 let labels = label(sites, Obstacles::Queries, cutter, directions, &options)?;
                 return Ok(labels.answers.inaccessible);
             }
-            Way::Part => SurfaceOptions { refinement: None, ..surface },
+            Way::Part => surface.with_refinement(None),
             Way::Search => surface,
         };
         Ok(triangles.label(sites, cutter, directions, &surface)?.inaccessible())

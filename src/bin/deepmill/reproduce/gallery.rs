@@ -126,7 +126,7 @@ fn answer(model: &AnyModel<f32>, sample: Sample) -> Result<Answered> {
         Confusion::of_labels(&predicted.inaccessible, &truth.inaccessible),
         Confusion::of_labels(&predicted.occlusion, &truth.occlusion),
     ];
-    let scores = heads.map(|c| HeadScore { accuracy: c.accuracy(), f1: c.f1() });
+    let scores = heads.map(|c| HeadScore::new(c.accuracy(), c.f1()));
     Ok(Answered { sample, predicted, scores })
 }
 

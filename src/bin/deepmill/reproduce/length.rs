@@ -54,8 +54,8 @@ pub fn run(study: &Study) -> Result<Value> {
     let part = study.parts_of_user().first().unwrap_or(&demo);
     let sites = part.sites(study.args.sites)?;
     let directions = Directions::fibonacci_hemisphere(N_DIRECTIONS)?;
-    let labels = LabelOptions { occlusion: false, ..LabelOptions::published() };
-    let surface = SurfaceOptions { occlusion: false, ..SurfaceOptions::default() };
+    let labels = LabelOptions::published().with_occlusion(false);
+    let surface = SurfaceOptions::default().with_occlusion(false);
     let engines = [
         ("sites", Labeler::of_sites(Directions::published(), labels)),
         ("mesh definition", Labeler::of_part(&part.mesh, &[], directions, surface)?),

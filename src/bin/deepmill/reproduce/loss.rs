@@ -81,11 +81,20 @@ fn change(settings: &mut Settings, (reduction, mirror, elastic, labels): Way) {
     settings.loss.reduction = reduction;
     let elastic = Settings::paper().augment.elastic.filter(|_| elastic);
     match labels {
-        Labels::Kept => settings.augment = Augment { mirror, elastic, turn: Turn::None },
+        Labels::Kept => {
+            settings.augment =
+                Augment::default().with_mirror(mirror).with_elastic(elastic).with_turn(Turn::None)
+        }
         Labels::Anew => {
             let (cutter_set, turn) = (CutterSet::Uniform, Turn::None);
-            let rigid = OnlineSettings { sides: 0.0, tilt: 0.0, ..OnlineSettings::default() };
-            settings.online = Some(OnlineSettings { cutter_set, mirror, turn, elastic, ..rigid });
+            let rigid = OnlineSettings::default().with_sides(0.0).with_tilt(0.0);
+            settings.online = Some(
+                rigid
+                    .with_cutter_set(cutter_set)
+                    .with_mirror(mirror)
+                    .with_turn(turn)
+                    .with_elastic(elastic),
+            );
         }
     }
 }

@@ -37,13 +37,11 @@ pub fn run(study: &Study) -> Result<Value> {
     let data = training_samples(study, &[CutterSet::Uniform], &labeler)?;
     let paper = Settings::paper();
     let batch_size = paper.batch_size.min(n_samples).min(data.len());
-    let settings = Settings {
-        seed: SEED,
-        batch_size,
-        n_groups: batch_size.div_ceil(GROUP),
-        samples_per_epoch: Some(N_PUBLISHED),
-        ..paper
-    };
+    let settings = paper
+        .with_seed(SEED)
+        .with_batch_size(batch_size)
+        .with_n_groups(batch_size.div_ceil(GROUP))
+        .with_samples_per_epoch(Some(N_PUBLISHED));
     let n_steps = (n_samples / batch_size).clamp(1, N_STEPS);
     let (steps, n_parameters) = steps(study, &settings, &data, n_steps)?;
     let mut table = Table::new(&[

@@ -21,7 +21,7 @@ pub struct Part {
 impl Part {
     /// Near-uniform sites, always the same.
     pub fn sites(&self, n_sites: usize) -> Result<Sites> {
-        sample(&self.mesh, &SiteOptions { n_sites, seed: SEED, ..SiteOptions::default() })
+        sample(&self.mesh, &SiteOptions::default().with_n_sites(n_sites).with_seed(SEED))
     }
 }
 

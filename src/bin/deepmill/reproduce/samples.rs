@@ -96,7 +96,7 @@ fn of_part(
     let sample = |k| {
         let cutter = draw.cutter(index, k);
         let answers = labeler.answer(sites, &Cutter::ball_end(cutter)?)?;
-        Ok(Sample { name: part.name.clone(), sites: Arc::clone(sites), cutter, answers })
+        Ok(Sample::new(part.name.clone(), Arc::clone(sites), cutter, answers))
     };
     (0..draw.n_cutters).map(sample).collect()
 }

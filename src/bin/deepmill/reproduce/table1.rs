@@ -115,7 +115,7 @@ fn test(study: &Study, model: &AnyModel<f32>, parts: &[Part], n_sites: usize) ->
                 *sum += share * seconds;
             }
             let (name, sites) = (part.name.clone(), Arc::clone(&sites));
-            let sample = Sample { name, sites, cutter: params, answers };
+            let sample = Sample::new(name, sites, params, answers);
             tested.evaluation.add(&sample, &predicted.answers())?;
         }
         bar.inc(1);
@@ -126,7 +126,7 @@ fn test(study: &Study, model: &AnyModel<f32>, parts: &[Part], n_sites: usize) ->
 
 /// The published definition, with or without the labels of the second head.
 fn labeler(occlusion: bool) -> Labeler {
-    let options = LabelOptions { occlusion, ..LabelOptions::published() };
+    let options = LabelOptions::published().with_occlusion(occlusion);
     Labeler::of_sites(Directions::published(), options)
 }
 
@@ -145,7 +145,8 @@ fn row(table: &mut Table, set: Set, n_sites: usize, source: &str, tested: &Teste
 }
 
 fn published_row(table: &mut Table, set: Set, &[acc_i, f1_i, acc_o, f1_o]: &[f64; 4]) {
-    let published = [(acc_i, f1_i), (acc_o, f1_o)].map(|(accuracy, f1)| HeadScore { accuracy, f1 });
+    let published =
+        [(acc_i, f1_i), (acc_o, f1_o)].map(|(accuracy, f1)| HeadScore::new(accuracy, f1));
     let mut row = vec![Cell::text(set.name()), Cell::Missing, Cell::text("published")];
     row.extend(scores::cells(published));
     row.extend([Cell::Missing, Cell::Missing, Cell::Missing]);

@@ -71,12 +71,10 @@ pub struct Trainings<'a> {
 impl<'a> Trainings<'a> {
     pub fn new(study: &'a Study<'a>) -> Result<Self> {
         let test = test_samples(study, CutterSet::Uniform)?;
-        let mut settings = Settings {
-            seed: SEED,
-            n_epochs: N_PIECES,
-            evaluate_every: 1,
-            ..Settings::preset(&study.args.preset)?
-        };
+        let mut settings = Settings::preset(&study.args.preset)?
+            .with_seed(SEED)
+            .with_n_epochs(N_PIECES)
+            .with_evaluate_every(1);
         let wanted = match study.args.samples {
             Some(n) => n,
             None => samples_in_budget(study, &settings)?,
@@ -225,7 +223,7 @@ fn samples_in_budget(study: &Study, settings: &Settings) -> Result<usize> {
     let draw = Draw { sets: &[CutterSet::Uniform], n_cutters: 1 };
     let data = labeled(study, parts, &draw, &Labeler::published(), study.args.sites)?;
     let n_timed = (N_TIMED as usize + 1) * settings.batch_size;
-    let settings = Settings { n_epochs: 1, samples_per_epoch: Some(n_timed), ..settings.clone() };
+    let settings = settings.clone().with_n_epochs(1).with_samples_per_epoch(Some(n_timed));
     let batch_size = settings.batch_size;
     let mut timer = Timer::default();
     let _ = Run::new(settings)?.train(&data[..], &[], &mut timer)?;

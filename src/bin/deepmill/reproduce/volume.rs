@@ -124,7 +124,7 @@ fn samples(
             let cutter = draw.cutter(index, k);
             let tool = Cutter::ball_end(cutter)?;
             let answers = obstacles.answers(&sites.points, &tool, directions)?;
-            Ok(Sample { name: part.name.clone(), sites: Arc::clone(&sites), cutter, answers })
+            Ok(Sample::new(part.name.clone(), Arc::clone(&sites), cutter, answers))
         };
         (0..n_cutters).map(sample).collect()
     })
@@ -181,13 +181,11 @@ fn file(sample: &Sample, volume: &Volume, inaccessible: &[bool]) -> Result<Volum
         false => SiteAnswer::Accessible,
     };
     let n = inaccessible.len();
-    let labels = SurfaceLabels {
-        answers: inaccessible.iter().map(answer).collect(),
-        witness: vec![None; n],
-        collision_free_directions: vec![0; n],
-        accessible_directions: vec![0; n],
-        ..SurfaceLabels::default()
-    };
+    let mut labels = SurfaceLabels::default();
+    labels.answers = inaccessible.iter().map(answer).collect();
+    labels.witness = vec![None; n];
+    labels.collision_free_directions = vec![0; n];
+    labels.accessible_directions = vec![0; n];
     let mut provenance =
         Provenance::ball_end(sample.name.clone(), sample.cutter, Default::default());
     let [cr, ch, fr, fh] = sample.cutter.to_array();
