@@ -66,6 +66,7 @@
 //! - from a part and tools to a folder of results: `analysis` (features `formats` and `generate`)
 //! - label: [`access`], [`access::surface`]; sites: [`geom::sites`]; cutters: [`cutter`]; directions: [`directions`]
 //! - predict and train: [`model`], [`train`], [`data`]
+//! - formulas, formats, limits and how to: `guide`, the pages of `docs`
 //! - build networks: [`nn`], [`octree`], [`optim`], [`loss`]; check gradients: [`gradcheck`]
 //!
 //! Items that this documentation does not show are for the program, tests and benches of this package. They may change
@@ -96,6 +97,8 @@ pub mod error;
 pub mod folder_lock;
 pub mod geom;
 pub mod gradcheck;
+#[cfg(any(doc, doctest))]
+pub mod guide;
 #[cfg(feature = "formats")]
 mod input_file;
 pub mod loss;

@@ -1,4 +1,5 @@
 //! `deepmill watch`: a page that follows the files.
+#![cfg(feature = "cli")]
 
 mod command;
 

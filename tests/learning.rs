@@ -8,7 +8,10 @@ use deepmill::data::{Augment, Sample};
 use deepmill::directions::Directions;
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::optim::Schedule;
-use deepmill::train::{Observer, Run, Settings, StepReport, evaluate};
+#[cfg(feature = "formats")]
+use deepmill::train::{Observer, StepReport};
+use deepmill::train::{Run, Settings, evaluate};
+#[cfg(feature = "formats")]
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -53,8 +56,10 @@ fn a_small_network_overfits_two_parts() {
 }
 
 /// Stops after a number of steps.
+#[cfg(feature = "formats")]
 struct StopAfter(usize);
 
+#[cfg(feature = "formats")]
 impl Observer for StopAfter {
     fn step(&mut self, _: &StepReport) -> ControlFlow<()> {
         self.0 -= 1;
@@ -186,6 +191,7 @@ fn a_loss_that_is_not_finite_names_epoch_batch_and_sample() {
     assert!(error.contains(samples[0].name.as_str()), "{error}");
 }
 
+#[cfg(feature = "formats")]
 fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|v| v.to_bits()).collect()
 }

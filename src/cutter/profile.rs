@@ -198,7 +198,7 @@ impl Profile {
     }
 
     /// The sections, from the tip upward.
-    #[cfg(test)]
+    #[cfg(all(test, feature = "formats"))]
     pub(crate) fn sections(&self) -> &[ProfileSection] {
         &self.sections
     }

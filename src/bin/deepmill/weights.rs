@@ -4,9 +4,9 @@ use crate::model_args::SHIPPED;
 use crate::output::Output;
 use deepmill::answers::Definition;
 use deepmill::data::dataset::Dataset;
+use deepmill::model::AnyModel;
 use deepmill::model::weights::tensors::TensorFile;
 use deepmill::model::weights::{self, Storage, WeightsInfo};
-use deepmill::model::{AnyModel, Model};
 use deepmill::train::calibration;
 use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
@@ -44,7 +44,7 @@ enum Learned {
 
 #[cfg(feature = "weights")]
 fn shipped() -> Result<(AnyModel<f32>, Option<WeightsInfo>)> {
-    let (bytes, origin) = (Model::shipped_file(), Path::new(SHIPPED));
+    let (bytes, origin) = (deepmill::model::Model::shipped_file(), Path::new(SHIPPED));
     let info = weights::info(&TensorFile::from_bytes(&bytes, origin)?, origin)?;
     Ok((weights::from_bytes(&bytes, origin)?, info))
 }
