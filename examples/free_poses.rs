@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let obstacles = TriangleObstacles::new(&mesh, &[])?;
     let tolerance = ContactTolerance::Millimeters(tolerance_mm);
-    let options = SurfaceOptions { tolerance, ..SurfaceOptions::default() };
+    let options = SurfaceOptions::default().with_tolerance(tolerance);
     let mut free = vec![false; poses.len()];
     for (k, cutter) in cutters.iter().enumerate() {
         let of: Vec<usize> = (0..poses.len()).filter(|i| poses[*i].0 == k).collect();
