@@ -212,6 +212,7 @@ impl LabelQuery {
     ///
     /// # Errors
     /// If they do not state it.
+    #[cfg(all(feature = "formats", feature = "generate"))]
     pub(crate) fn tool_of(file: &LabelFile, path: &Path) -> Result<Tool> {
         Stated { path, provenance: &file.provenance }.tool()
     }
@@ -220,11 +221,13 @@ impl LabelQuery {
     ///
     /// # Errors
     /// As [`LabelQuery::read`].
+    #[cfg(all(feature = "formats", feature = "generate"))]
     pub(crate) fn of_file(file: &LabelFile, path: &Path, mesh: Option<&Mesh>) -> Result<Self> {
         Self::with(file.clone(), path, (mesh.cloned(), None))
     }
 
     /// What blocks, if that is triangles.
+    #[cfg(all(feature = "formats", feature = "generate"))]
     pub(crate) fn triangles(&self) -> Option<&TriangleObstacles> {
         match &self.barrier {
             Barrier::Triangles(triangles) => Some(triangles),
