@@ -23,7 +23,7 @@ impl Hash {
 fn hash() -> Result<u64> {
     let mut hash = Hash(0xcbf2_9ce4_8422_2325);
     let part = solids::cuboid(DVec3::new(40.0, 30.0, 20.0));
-    let sites = sites::sample(&part, &sites::SiteOptions { n_sites: 200, ..Default::default() })?;
+    let sites = sites::sample(&part, &sites::SiteOptions::default().with_n_sites(200))?;
     let cutter: CutterParams = "1.5,6,40,5".parse()?;
     let labelers = [
         Labeler::of_part(&part, &[], "hemisphere:40".parse()?, SurfaceOptions::default())?,
@@ -37,10 +37,9 @@ fn hash() -> Result<u64> {
         answers.push(answer);
     }
     let sites = Arc::new(sites);
-    let sample =
-        |answers| Sample { name: "block".into(), sites: Arc::clone(&sites), cutter, answers };
+    let sample = |answers| Sample::new("block", Arc::clone(&sites), cutter, answers);
     let samples: Vec<Sample> = answers.into_iter().map(sample).collect();
-    let mut run = Run::new(Settings { n_epochs: 2, ..Settings::tiny() })?;
+    let mut run = Run::new(Settings::tiny().with_n_epochs(2))?;
     let _ = par::with_threads(0, || run.train(&samples[1..], &samples[1..], &mut ()))??;
     run.model.params.iter().for_each(|x| hash.add(&x.to_le_bytes()));
     Ok(hash.0)
