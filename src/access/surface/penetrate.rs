@@ -169,7 +169,7 @@ fn facet_near_disc(corners: &[DVec3; 3], ring: f64, radius: f64) -> bool {
 
 /// Whether a point of the plane of a triangle is in its box, but for roundings: the turns about a sliver are
 /// nothing but roundings.
-fn in_box(p: DVec3, [a, b, c]: &[DVec3; 3]) -> bool {
+pub(super) fn in_box(p: DVec3, [a, b, c]: &[DVec3; 3]) -> bool {
     let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
     (low - p).max(p - high).max_element() <= 1e-9
 }

@@ -214,20 +214,37 @@ impl Probe {
         met
     }
 
-    /// As [`Probe::collides_within`], for a ball end's ball.
+    /// As [`Probe::collides_within`], for a ball end's ball. The triangle that was in its way last is tried first.
     pub fn ball_collides_within(
         &self,
         (bvh, tolerances): (&Bvh, &Tolerances),
         stand: &Stand,
         spread: f64,
+        scratch: &mut Scratch,
     ) -> bool {
         let radius = self.outline.radius() - spread;
+        if radius <= tolerances.least {
+            return false;
+        }
         let holds = |place: u32| {
-            let corners = bvh.triangle(place).map(|p| p - stand.reference);
             let radius = radius - tolerances.at(place);
-            radius > 0.0 && penetrate::ball(&corners, radius)
+            let corners = bvh.triangle(place).map(|p| p - stand.reference);
+            let at = nearest(DVec3::ZERO, &corners);
+            radius > 0.0
+                && at.length_squared() < radius * radius
+                // The plane of a sliver is nothing but roundings.
+                && (penetrate::in_box(at, &corners) || penetrate::ball(&corners, radius))
         };
-        radius > tolerances.least && bvh.near(stand.reference, radius - tolerances.least, holds)
+        if scratch.last_in_ball.is_some_and(holds) {
+            return true;
+        }
+        bvh.near(stand.reference, radius - tolerances.least, |place| {
+            let is_held = holds(place);
+            if is_held {
+                scratch.last_in_ball = Some(place);
+            }
+            is_held
+        })
     }
 
     /// By how much a point, in the frame of the tool, is in the tool shrunk by a tolerance.
@@ -422,6 +439,8 @@ pub(super) struct Scratch {
     cores: Vec<Level>,
     /// Place of the triangle that collided last.
     pub last: Option<u32>,
+    /// Place of the triangle that was in the way of a ball last.
+    last_in_ball: Option<u32>,
     /// Tools tested against triangles.
     pub n_queries: u64,
     /// Triangles tested for them.

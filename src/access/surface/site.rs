@@ -256,7 +256,7 @@ impl Tested for InDirection<'_> {
         let (triangles, stand) = (self.problem.triangles(), Stand { reference, axes: *self.axes });
         let spread = spread + self.problem.margin();
         match self.shape.is_ball() {
-            true => ball.ball_collides_within(triangles, &stand, spread),
+            true => ball.ball_collides_within(triangles, &stand, spread, self.scratch),
             false => steps.collides_within(triangles, &stand, spread, self.scratch),
         }
     }

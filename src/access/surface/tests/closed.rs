@@ -47,8 +47,8 @@ fn what_collides_within_a_distance_collides_in_every_pose_within_it() {
                 let steps = &problem.probes.steps;
                 let ball = &problem.probes.ball;
                 let collides = steps.collides_within(triangles, &stand, spread, &mut scratch);
-                let holds =
-                    cutter.side_mm() == 0.0 && ball.ball_collides_within(triangles, &stand, spread);
+                let holds = cutter.side_mm() == 0.0
+                    && ball.ball_collides_within(triangles, &stand, spread, &mut scratch);
                 n_closed += usize::from(collides);
                 n_balls += usize::from(holds);
                 for _ in 0..20 {
