@@ -98,7 +98,7 @@ views!(SiteAnswers {
     tip_does_not_fit_array of tip_does_not_fit: bool,
         "Per site: only the tip is in the way; empty by the published definition.";
     accessible_directions_array of accessible_directions: u32,
-        "Per site: number of directions in which the cutter can stand there; empty from a network.";
+        "Per site: number of accessible directions; empty from a network.";
     accessible_share_array of accessible_share: f32,
         "Per site: share of such directions; empty from a network without that head.";
     clearance_mm_array of clearance_mm: f32, "Per site: signed clearance, mm; empty if not wanted.";
@@ -112,7 +112,7 @@ views!(SiteAnswers {
 });
 
 impl SiteAnswers {
-    /// Per site, `[n, 3]`: a direction in which the cutter can stand there, NaN where there is none. A copy.
+    /// Per site, `[n, 3]`: a direction in which it is accessible, NaN where there is none. A copy.
     pub fn witness_array(&self) -> Array2<f32> {
         let row = |k: usize| self.witness[k].map_or([f32::NAN; 3], |v| v.to_array());
         Array2::from_shape_fn((self.witness.len(), 3), |(k, axis)| row(k)[axis])

@@ -40,11 +40,7 @@ setters!(OctreeOptions {
     with_depth(depth: usize),
     with_full_depth(full_depth: usize),
     #[doc(hidden)]
-    with_absolute_normals(absolute_normals: bool),
-    #[doc(hidden)]
     with_wrap_at_faces(wrap_at_faces: bool),
-    #[doc(hidden)]
-    with_single_precision_means(single_precision_means: bool),
     with_max_bytes(max_bytes: u64),
 });
 

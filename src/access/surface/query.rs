@@ -165,8 +165,8 @@ impl Probe {
         met
     }
 
-    /// Whether a triangle is in the steps wherever the tool stands within `spread` of `stand`: in the steps that are
-    /// thinner, and begin higher, by that. The one that a step penetrated last is tried first.
+    /// Whether a triangle collides in every pose within `spread` of this one: it is in what is left of the steps, or of
+    /// a ball end's ball, if they shrink by that. The triangle that collided last is tried first.
     pub fn collides_within(
         &self,
         (bvh, tolerances): (&Bvh, &Tolerances),
@@ -174,6 +174,10 @@ impl Probe {
         spread: f64,
         scratch: &mut Scratch,
     ) -> bool {
+        if self.parts == Parts::Ball {
+            let ball = (stand.reference, self.outline.radius() - spread);
+            return is_in_ball((bvh, tolerances), ball, &mut scratch.last_in_ball);
+        }
         let Scratch { stack, last, cores, n_triangles, .. } = scratch;
         let size = self.outline.size() + bvh.radius() + spread;
         let steps = self.enclosing.iter().filter(|[_, radius]| *radius > spread);
@@ -212,39 +216,6 @@ impl Probe {
                 && met.push(self.blocker(triangles, place, stand))
         });
         met
-    }
-
-    /// As [`Probe::collides_within`], for a ball end's ball. The triangle that was in its way last is tried first.
-    pub fn ball_collides_within(
-        &self,
-        (bvh, tolerances): (&Bvh, &Tolerances),
-        stand: &Stand,
-        spread: f64,
-        scratch: &mut Scratch,
-    ) -> bool {
-        let radius = self.outline.radius() - spread;
-        if radius <= tolerances.least {
-            return false;
-        }
-        let holds = |place: u32| {
-            let radius = radius - tolerances.at(place);
-            let corners = bvh.triangle(place).map(|p| p - stand.reference);
-            let at = nearest(DVec3::ZERO, &corners);
-            radius > 0.0
-                && at.length_squared() < radius * radius
-                // The plane of a sliver is nothing but roundings.
-                && (penetrate::in_box(at, &corners) || penetrate::ball(&corners, radius))
-        };
-        if scratch.last_in_ball.is_some_and(holds) {
-            return true;
-        }
-        bvh.near(stand.reference, radius - tolerances.least, |place| {
-            let is_held = holds(place);
-            if is_held {
-                scratch.last_in_ball = Some(place);
-            }
-            is_held
-        })
     }
 
     /// By how much a point, in the frame of the tool, is in the tool shrunk by a tolerance.
@@ -363,6 +334,34 @@ impl Probe {
             radius >= 0.0 && squared <= radius * radius && penetrate::step(corners, height, radius)
         })
     }
+}
+
+/// Whether a triangle is in a ball that shrinks by its tolerance; `last`, the one that was so last, is tried first.
+fn is_in_ball(
+    (bvh, tolerances): (&Bvh, &Tolerances),
+    (center, radius): (DVec3, f64),
+    last: &mut Option<u32>,
+) -> bool {
+    if radius <= tolerances.least {
+        return false;
+    }
+    let is_in = |place: u32| {
+        let radius = radius - tolerances.at(place);
+        let corners = bvh.triangle(place).map(|p| p - center);
+        let at = nearest(DVec3::ZERO, &corners);
+        radius > 0.0
+            && at.length_squared() < radius * radius
+            // The plane of a sliver is nothing but roundings.
+            && (penetrate::in_box(at, &corners) || penetrate::ball(&corners, radius))
+    };
+    last.is_some_and(is_in)
+        || bvh.near(center, radius - tolerances.least, |place| {
+            let found = is_in(place);
+            if found {
+                *last = Some(place);
+            }
+            found
+        })
 }
 
 /// Steps that the boxes of the tree are compared with, below the spindle.

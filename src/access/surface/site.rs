@@ -171,7 +171,7 @@ impl Problem<'_> {
         normal.is_some_and(|normal| normal.dot(direction) < -self.bounds[i].behind)
     }
 
-    /// Whether one triangle is in the way of all poses in an oblique direction.
+    /// Whether one triangle collides in all poses in an oblique direction.
     fn is_closed(&self, i: usize, axes: &Axes, state: &mut SiteState) -> bool {
         let spread = self.bounds[i].oblique + self.margin();
         if !(spread.is_finite() && self.contacts[i].is_oblique(&self.outline, axes[2])) {
@@ -254,10 +254,7 @@ impl Tested for InDirection<'_> {
     fn collides_within(&mut self, reference: DVec3, spread: f64) -> bool {
         let Probes { steps, ball, .. } = &self.problem.probes;
         let (triangles, stand) = (self.problem.triangles(), Stand { reference, axes: *self.axes });
-        let spread = spread + self.problem.margin();
-        match self.shape.is_ball() {
-            true => ball.ball_collides_within(triangles, &stand, spread, self.scratch),
-            false => steps.collides_within(triangles, &stand, spread, self.scratch),
-        }
+        let probe = if self.shape.is_ball() { ball } else { steps };
+        probe.collides_within(triangles, &stand, spread + self.problem.margin(), self.scratch)
     }
 }

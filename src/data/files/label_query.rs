@@ -224,7 +224,6 @@ impl LabelQuery {
     }
 
     /// What blocks, if that is triangles.
-    #[cfg(all(feature = "formats", feature = "generate"))]
     pub(crate) fn triangles(&self) -> Option<&TriangleObstacles> {
         match &self.barrier {
             Barrier::Triangles(triangles) => Some(triangles),
@@ -240,9 +239,7 @@ impl LabelQuery {
     /// # Panics
     /// If a member is no site.
     pub fn change_for(&self, members: &[u32]) -> Result<RegionAdvice> {
-        let Barrier::Triangles(triangles) = &self.barrier else {
-            return Ok(RegionAdvice::default());
-        };
+        let Some(triangles) = self.triangles() else { return Ok(RegionAdvice::default()) };
         let (of, held) =
             ((&self.file.sites, members), (&self.tool.assembly, self.tool.clearance_mm));
         triangles.change_for(of, held, &self.directions, &self.options, &self.remedies)
@@ -258,7 +255,7 @@ impl LabelQuery {
     /// If a member is no site.
     #[doc(hidden)] // of the program and explanations
     pub fn part_changes(&self, members: &[u32]) -> Result<Vec<PartChange>> {
-        let Barrier::Triangles(triangles) = &self.barrier else { return Ok(Vec::new()) };
+        let Some(triangles) = self.triangles() else { return Ok(Vec::new()) };
         let (of, held) =
             ((&self.file.sites, members), (&self.tool.assembly, self.tool.clearance_mm));
         triangles.part_changes(of, held, &self.directions, &self.options)

@@ -1,21 +1,11 @@
 //! Setters.
 
-use super::{
-    AttentionConfig, Cube, CutterConfig, CutterInput, CutterPlacement, InputConfig, UNetConfig,
-};
+use super::{AttentionConfig, CutterConfig, CutterInput, CutterPlacement, InputConfig, UNetConfig};
 
 setters!(InputConfig {
     with_depth(depth: usize),
     with_full_depth(full_depth: usize),
     with_features(features: String),
-    #[doc(hidden)]
-    with_cube(cube: Cube),
-    #[doc(hidden)]
-    with_absolute_normals(absolute_normals: bool),
-    #[doc(hidden)]
-    with_wrap_at_faces(wrap_at_faces: bool),
-    #[doc(hidden)]
-    with_single_precision_means(single_precision_means: bool),
     with_cutter(cutter: CutterInput),
     with_point_normals(point_normals: bool),
     with_coarse_directions(coarse_directions: usize),

@@ -235,11 +235,11 @@ pub(in crate::access::surface) trait Tested {
     /// What is in its way with the reference point here.
     fn meets(&mut self, reference: DVec3) -> Met;
 
-    /// Whether a triangle is in its way wherever the reference point is within `spread` of here.
+    /// Whether a triangle collides in every pose whose reference point is within `spread` of here.
     fn collides_within(&mut self, reference: DVec3, spread: f64) -> bool;
 }
 
-/// Whether a triangle is in the way of all poses of a cell.
+/// Whether a triangle collides in all poses of a cell.
 fn covers(tool: &mut impl Tested, around: &Around, cell: &Cell) -> bool {
     tool.collides_within(around.reference(cell.at), cell.half.length())
 }

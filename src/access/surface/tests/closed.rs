@@ -1,4 +1,4 @@
-//! Proofs that a triangle is in the way of all poses within some distance, and the triangles near a point.
+//! Proofs that a triangle collides in all poses within some distance, and the triangles near a point.
 
 use super::*;
 use crate::access::Queries;
@@ -48,7 +48,7 @@ fn what_collides_within_a_distance_collides_in_every_pose_within_it() {
                 let ball = &problem.probes.ball;
                 let collides = steps.collides_within(triangles, &stand, spread, &mut scratch);
                 let holds = cutter.side_mm() == 0.0
-                    && ball.ball_collides_within(triangles, &stand, spread, &mut scratch);
+                    && ball.collides_within(triangles, &stand, spread, &mut scratch);
                 n_closed += usize::from(collides);
                 n_balls += usize::from(holds);
                 for _ in 0..20 {
