@@ -1,4 +1,4 @@
-//! ProfileTool of any profile: poses are tested against the whole profile, and each needs a way out.
+//! Tools of any profile: poses are tested against the whole profile, and each needs a way out.
 //!
 //! # Definition
 //!
@@ -58,6 +58,7 @@ mod label;
 mod meet;
 mod nearest;
 mod outline;
+mod push;
 #[cfg(test)]
 mod reference;
 mod retreat;

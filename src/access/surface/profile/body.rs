@@ -18,6 +18,8 @@ pub(super) struct Element {
     /// Greatest radius.
     pub most: f64,
     pub cuts: bool,
+    /// Radii just below and just above: of its ends more is a face; infinite where faces do not count.
+    pub beside: [f64; 2],
 }
 
 /// Radius over height.
@@ -120,6 +122,7 @@ impl Body {
                 curve: Curve::Line { radius, slope: 0.0 },
                 most: radius,
                 cuts,
+                beside: [f64::INFINITY; 2],
             };
             if from > low && widest.0 > 0.0 {
                 elements.push(flat(low, from, widest));
@@ -135,6 +138,23 @@ impl Body {
             }
         }
         Body { elements: joined(elements) }
+    }
+
+    /// With what is beside every element, so that depths are also measured from the faces across the axis.
+    pub fn with_faces(mut self) -> Body {
+        let beside = |k: Option<usize>, at: f64, end: fn(&Element) -> f64| {
+            let next = k.and_then(|k| self.elements.get(k));
+            let next = next.filter(|next| (end(next) - at).abs() < SAME);
+            next.map_or(0.0, |next| next.curve.radius_at(at).max(0.0))
+        };
+        let all: Vec<[f64; 2]> = (0..self.elements.len())
+            .map(|k| {
+                let Element { low, high, .. } = self.elements[k];
+                [beside(k.checked_sub(1), low, |e| e.high), beside(Some(k + 1), high, |e| e.low)]
+            })
+            .collect();
+        self.elements.iter_mut().zip(all).for_each(|(element, beside)| element.beside = beside);
+        self
     }
 
     /// At a height, mm; 0 where there is nothing.
@@ -195,7 +215,7 @@ impl Shrunk {
         Shrunk {
             retracting: whole.retracting(),
             non_cutting: whole.non_cutting(),
-            whole,
+            whole: whole.with_faces(),
             tolerance,
         }
     }
@@ -254,7 +274,8 @@ fn lowest(bounds: &[Bound], [low, high]: [f64; 2], elements: &mut Vec<Element>) 
     };
     let mut push = |k: usize, low: f64, high: f64| {
         let Bound { curve, cuts, .. } = bounds[k];
-        let mut element = Element { low, high, curve, most: 0.0, cuts };
+        let beside = [f64::INFINITY; 2];
+        let mut element = Element { low, high, curve, most: 0.0, cuts, beside };
         element.most = curve.radius_at(peak(&element));
         if element.most > 0.0 && high > low {
             elements.push(element);

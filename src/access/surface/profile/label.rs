@@ -3,11 +3,12 @@
 use super::balls::{Around, Balls};
 use super::bands::Bands;
 use super::body::{Body, Shrunk};
-use super::contact::{BEYOND_MM, Contacts, LEAST_COSINE, Pose, SHALLOWER};
+use super::contact::{Contacts, Pose};
 use super::drill::Drill;
 use super::frame::Frame;
 use super::meet::{Hit, deepest, penetrates};
 use super::outline::Outline;
+use super::push::REACH;
 use super::shallow::{Candidate, Shallow};
 use crate::access::surface::bvh::{Band, Bvh};
 use crate::access::surface::cells::Domain;
@@ -65,11 +66,6 @@ const TOLERANCE_STEP: f64 = 1.02;
 /// Sites per task.
 const BLOCK: usize = 32;
 // The limits of the search over poses, chosen on the T-slot and the turned part of the tests.
-/// Pushes of one pose, and how many of them may fail to leave it less deep by a tenth.
-pub(super) const PUSHES: usize = 20;
-pub(super) const MOST_STALLED: usize = 4;
-/// Poses are pushed if what they penetrate is not deeper than this many times their freedom.
-const REACH: f64 = 1.5;
 /// Size of the ball that must fit, of the one that the tool holds: the search for its place is a single one.
 const BALL_SHARE: f64 = 0.7;
 /// Free poses of one site whose retreat is tried.
@@ -110,7 +106,7 @@ pub(super) struct State {
     pub last: Option<u32>,
     last_retracting: Option<u32>,
     last_non_cutting: Option<u32>,
-    n_tested: u64,
+    pub n_tested: u64,
     pub n_retreats: usize,
 }
 
@@ -351,62 +347,6 @@ impl<'a> ProfileTool<'a> {
     /// Whether only what cuts is in the way.
     fn only_cutting_penetrates(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
         self.first_hit(frame, tip, Form::NonCutting, last).is_none()
-    }
-
-    /// The tip of a free pose, pushed from one that is not.
-    fn slide(
-        &self,
-        frame: &Frame,
-        site: DVec3,
-        (mut pose, normal): (Pose, DVec3),
-        state: &mut State,
-    ) -> Option<DVec3> {
-        let (mut least, mut n_stalled) = (f64::INFINITY, 0);
-        for _ in 0..PUSHES {
-            state.n_tested += 1;
-            let tip = self.tip(frame, site, &pose);
-            let Some((place, point)) = self.deepest_hit(frame, tip, Form::Whole, state.last) else {
-                // The deepest point is found roughly: nothing at all must be penetrated.
-                let touches = self.contacts.normal(&pose).dot(-normal) >= LEAST_COSINE;
-                if !touches || self.first_hit(frame, tip, Form::Whole, &mut state.last).is_some() {
-                    return None;
-                }
-                return Some(tip);
-            };
-            let depth = self.outline.depth(point);
-            let by = depth.mm - self.shrunk(place).tolerance + BEYOND_MM;
-            state.last = Some(place);
-            if by > REACH * self.contacts.freedom(&pose, self.shrunk(place).tolerance + self.finish)
-            {
-                return None;
-            }
-            n_stalled += 1;
-            if by < SHALLOWER * least {
-                (least, n_stalled) = (by, 0);
-            }
-            if n_stalled == MOST_STALLED {
-                return None;
-            }
-            pose = self.pushed_clear(&pose, (place, point), (by, depth.toward))?;
-        }
-        None
-    }
-
-    /// A pose that is pushed clear of a point of a triangle, which is `toward` the profile, `by` mm; where that is no
-    /// way along the profile, across the axis.
-    pub(super) fn pushed_clear(
-        &self,
-        pose: &Pose,
-        (place, point): (u32, DVec3),
-        (by, toward): (f64, DVec3),
-    ) -> Option<Pose> {
-        let flat = point.truncate();
-        let across = || {
-            let by = self.shrunk(place).whole.radius_at(point.z) - flat.length() + BEYOND_MM;
-            let outward = flat.normalize_or_zero().extend(0.0);
-            self.contacts.pushed(pose, -outward, by)
-        };
-        self.contacts.pushed(pose, -toward, by).or_else(across)
     }
 }
 

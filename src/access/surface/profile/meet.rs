@@ -78,6 +78,21 @@ pub(super) fn deepest(body: &Body, corners: &[DVec3; 3], least: f64) -> Option<(
     best
 }
 
+/// As [`deepest`], measured from the faces beside an element as well.
+pub(super) fn deepest_from_faces(body: &Body, corners: &[DVec3; 3]) -> Option<(f64, DVec3)> {
+    let (mut most, mut best) = (0.0, None);
+    over(body, corners, (DVec2::ZERO, 0.0), |segment, element| {
+        if let Some((depth, t)) = farthest_in(segment, element, most) {
+            let (depth, t) = from_faces(segment, element, [depth, t]);
+            if depth > most {
+                (most, best) = (depth, Some((depth, segment.at(t))));
+            }
+        }
+        false
+    });
+    best
+}
+
 /// Calls `test` with the segments that represent a triangle and the elements at their heights in which it may be deeper
 /// than `least`, until it is true.
 fn over(
@@ -284,4 +299,37 @@ fn farthest_in(segment: &Segment, element: &Element, least: f64) -> Option<(f64,
         if at[1] > 0.0 { (high, at_high) = (t, at) } else { (low, at_low) = (t, at) }
     }
     (best.0 < -least).then_some((-best.0, best.1))
+}
+
+/// About the greatest of the lesser depth, of that across the axis and that from a face, near the place that is deepest
+/// across the axis: a triangle that barely passes a face may be far in beside it.
+///
+/// ```text
+/// nearer to the axis than the face is, or deeper from the face: as it is
+/// else away from the face, until it is as deep across the axis as from the face
+/// ```
+fn from_faces(segment: &Segment, element: &Element, [depth, at]: [f64; 2]) -> (f64, f64) {
+    const HALVINGS: usize = 20;
+    let across = |t: f64| {
+        let p = segment.at(t);
+        element.curve.radius_at(p.z) - p.truncate().length()
+    };
+    let p = segment.at(at);
+    let distance = p.truncate().length();
+    let from = [p.z - element.low, element.high - p.z];
+    let end = usize::from(from[1] < from[0]);
+    if from[end] >= depth || distance <= element.beside[end] {
+        return (depth, at);
+    }
+    let Some([low, high]) = segment.between(element.low, element.high) else { return (depth, at) };
+    let side = if end == 0 { 1.0 } else { -1.0 };
+    let far = if segment.run.z * side > 0.0 { high } else { low };
+    let face = [element.low, element.high][end];
+    let from_face = |t: f64| side * (segment.at(t).z - face);
+    let (mut near, mut far) = (at, far);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (near + far);
+        if across(middle) > from_face(middle) { near = middle } else { far = middle }
+    }
+    (across(near).min(from_face(near)).max(0.0), near)
 }

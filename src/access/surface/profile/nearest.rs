@@ -10,12 +10,13 @@
 //!
 //! It is an upper bound: of the poses tried and where they are pushed to.
 
-use super::contact::{BEYOND_MM, LEAST_COSINE, Pose, SHALLOWER};
+use super::contact::{BEYOND_MM, LEAST_COSINE, Pose};
 use super::depth::Ladder;
 use super::drilling::DrillPose;
 use super::frame::Frame;
-use super::label::{Form, MOST_RETREATS, MOST_STALLED, PUSHES, ProfileTool, SiteResult, State};
+use super::label::{Form, MOST_RETREATS, ProfileTool, SiteResult, State};
 use super::meet::penetrates;
+use super::push::{PUSHES, Pushes};
 use crate::access::surface::tool::{Contact, Stand};
 use crate::cutter::ToolPart;
 use glam::{DVec2, DVec3};
@@ -227,12 +228,11 @@ impl Search<'_> {
     /// As labels do, but from any depth.
     fn push(&mut self, mut pose: Pose, best: &mut Option<(f64, DVec3)>) {
         let (tool, frame) = (self.tool, self.frame);
-        let (mut least, mut n_stalled) = (f64::INFINITY, 0);
+        let mut pushes = Pushes::default();
         for k in 0..PUSHES {
             let tip = tool.tip(frame, self.site, &pose);
             let touches = tool.contacts.normal(&pose).dot(-self.normal) >= LEAST_COSINE;
-            let Some((place, point)) = tool.deepest_hit(frame, tip, Form::Whole, self.state.last)
-            else {
+            let Some((place, point, depth)) = tool.deepest(frame, tip, self.state.last) else {
                 let last = &mut self.state.last;
                 if touches && tool.first_hit(frame, tip, Form::Whole, last).is_none() {
                     self.note_free(tip);
@@ -248,15 +248,8 @@ impl Search<'_> {
             {
                 *best = Some((depth, tip));
             }
-            let depth = tool.outline.depth(point);
-            let by = depth.mm - tool.shrunk(place).tolerance + BEYOND_MM;
-            n_stalled += 1;
-            if by < SHALLOWER * least {
-                (least, n_stalled) = (by, 0);
-            }
-            if n_stalled == MOST_STALLED {
-                return;
-            }
+            let by = (depth.mm - tool.shrunk(place).tolerance).max(0.0) + BEYOND_MM;
+            let Some(by) = pushes.next(place, by) else { return };
             let Some(next) = tool.pushed_clear(&pose, (place, point), (by, depth.toward)) else {
                 return;
             };

@@ -4,10 +4,14 @@ use super::super::contact::{Contacts, LEAST_COSINE, Pose};
 use super::super::frame::Frame;
 use super::super::label::{Form, ProfileTool};
 use super::*;
+use crate::access::Queries;
+use crate::access::surface::ContactTolerance;
 use crate::access::surface::bvh::Bvh;
+use crate::access::surface::query::Scratch;
 use crate::access::surface::tolerance::Chords;
-use crate::access::surface::tool::Contact;
+use crate::access::surface::tool::{Contact, Stand, axes};
 use proptest::prelude::*;
+use proptest::test_runner::TestCaseError;
 
 /// Along the profile, mm, and around the axis.
 const STEP_MM: f64 = 0.1;
@@ -92,8 +96,8 @@ fn few_sites_are_missed_that_some_pose_reaches() {
             }
         }
     }
-    // 16 of 1030: the edge of a dovetail cutter in facets of a bore.
-    assert!(n_reached > 1000 && n_missed * 50 <= n_reached, "{n_missed} of {n_reached}");
+    // 0 of 1040.
+    assert!(n_reached > 1000 && n_missed * 200 <= n_reached, "{n_missed} of {n_reached}");
 }
 
 /// End mills on a wider shank: radius, corner, end of the flutes, radius of the shank, stick-out.
@@ -106,37 +110,84 @@ fn growing() -> impl Strategy<Value = [f64; 5]> {
     )
 }
 
+/// Holds labels of an end mill given by its profile against those of the same one given by lengths.
+fn hold_against_lengths(
+    lengths: [f64; 5],
+    tolerance: ContactTolerance,
+) -> Result<(), TestCaseError> {
+    let [radius, corner, flutes, shank, stick_out] = lengths;
+    let section = [[3.0, 0.0], [20.0, 0.0], [20.0, 12.0], [9.0, 12.0], [9.0, 4.0], [3.0, 9.0]];
+    let mesh = revolved(&section, 48);
+    let sites = sites_on(&mesh, 2, |_, _| true);
+    let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
+    let set = Directions::new(DirectionSet::FibonacciHemisphere { n_dirs: 16 }).unwrap();
+    let vectors = set.vectors().iter().map(|d| d.as_dvec3().to_array()).collect();
+    let directions = Directions::new(DirectionSet::List { vectors }).unwrap();
+    let options = SurfaceOptions {
+        tolerance,
+        refinement: None,
+        occlusion: false,
+        ..SurfaceOptions::default()
+    };
+    let holder = [Section::cylinder(10.0, 8.0)];
+    let flat = radius - corner;
+    let round =
+        if corner > 0.0 { format!("{radius}:{corner}@{flat}:{corner} ") } else { String::new() };
+    let text = format!("{flat}:0 {round}{radius}:{flutes} | {shank}:{flutes} {shank}:60");
+    let by_profile = Assembly::from_profile(text.parse().unwrap(), &holder, stick_out).unwrap();
+    let tip = crate::cutter::TipShape::Straight { radius_mm: radius, corner_mm: corner };
+    let body = [Section::cylinder(flutes, radius), Section::cylinder(60.0, shank)];
+    let by_lengths = Assembly::new(tip, &body, &holder, stick_out).unwrap();
+    let by_lengths = by_lengths.with_flutes(flutes).unwrap();
+    let [by_profile, by_lengths] = [by_profile, by_lengths].map(|tool| tool.cutter().unwrap());
+    let [found, expected] = [&by_profile, &by_lengths]
+        .map(|cutter| obstacles.label(&sites, cutter, &directions, &options).unwrap());
+    let reached = |labels: &SurfaceLabels, i: usize| labels.answers[i] == SiteAnswer::Accessible;
+    let only = |a: &SurfaceLabels, b: &SurfaceLabels| {
+        (0..sites.len()).filter(|&i| reached(a, i) && !reached(b, i)).count()
+    };
+    // Poses of profiles are searched less far. Of 404 tools at most 4 and 28 of 1728.
+    let (more, fewer) = (only(&found, &expected), only(&expected, &found));
+    let few = more * 200 < sites.len() && fewer * 50 < sites.len();
+    prop_assert!(few, "{text} {stick_out}: {more} {fewer}");
+    // Every pose that one of them finds is free for the other.
+    let poses = expected.witness.iter().flatten().map(|pose| (pose.direction, pose.tip_mm));
+    let poses: Vec<(Vec3, DVec3)> = poses.collect();
+    let free = obstacles.are_free(&by_profile, &poses, &options).unwrap();
+    prop_assert!(free.iter().all(|free| *free), "{text} {stick_out}");
+    if tolerance == ContactTolerance::default() {
+        // Tolerances of chords are rounded up for profiles.
+        return Ok(());
+    }
+    let problem = obstacles.problem(Queries::Sites(&sites), &by_lengths, &options).unwrap();
+    let (triangles, mut scratch) = (problem.triangles(), Scratch::default());
+    for pose in found.witness.iter().flatten() {
+        let stand =
+            Stand { reference: pose.reference(&problem.outline), axes: axes(pose.direction) };
+        let met = problem.probes.whole.meets(triangles, &stand, &mut scratch);
+        prop_assert!(met.is_free(), "{text} {stick_out}: {pose:?}");
+    }
+    Ok(())
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
-    fn any_profile_that_only_widens_has_the_answers_of_its_lengths(lengths in growing()) {
-        let [radius, corner, flutes, shank, stick_out] = lengths;
-        let section = [[3.0, 0.0], [20.0, 0.0], [20.0, 12.0], [9.0, 12.0], [9.0, 4.0], [3.0, 9.0]];
-        let mesh = revolved(&section, 48);
-        let sites = sites_on(&mesh, 2, |_, _| true);
-        let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
-        let set = Directions::new(DirectionSet::FibonacciHemisphere { n_dirs: 16 }).unwrap();
-        let vectors = set.vectors().iter().map(|d| d.as_dvec3().to_array()).collect();
-        let directions = Directions::new(DirectionSet::List { vectors }).unwrap();
-        let options =
-            SurfaceOptions { refinement: None, occlusion: false, ..SurfaceOptions::default() };
-        let holder = [Section::cylinder(10.0, 8.0)];
-        let flat = radius - corner;
-        let round = if corner > 0.0 { format!("{radius}:{corner}@{flat}:{corner} ") } else { String::new() };
-        let text = format!("{flat}:0 {round}{radius}:{flutes} | {shank}:{flutes} {shank}:60");
-        let tool = Assembly::from_profile(text.parse().unwrap(), &holder, stick_out).unwrap();
-        let tip = crate::cutter::TipShape::Straight { radius_mm: radius, corner_mm: corner };
-        let body = [Section::cylinder(flutes, radius), Section::cylinder(60.0, shank)];
-        let plain = Assembly::new(tip, &body, &holder, stick_out).unwrap();
-        let plain = plain.with_flutes(flutes).unwrap();
-        let [found, expected] = [tool, plain].map(|tool| {
-            obstacles.label(&sites, &tool.cutter().unwrap(), &directions, &options).unwrap()
-        });
-        let reached = |labels: &SurfaceLabels, i: usize| labels.answers[i] == SiteAnswer::Accessible;
-        let more = (0..sites.len()).filter(|&i| reached(&found, i) && !reached(&expected, i)).count();
-        let fewer = (0..sites.len()).filter(|&i| !reached(&found, i) && reached(&expected, i)).count();
-        // Poses are searched less far than for cutters of steps.
-        prop_assert!(more == 0 && fewer * 100 < 2 * sites.len(), "{text} {stick_out}: {more} {fewer}");
+    fn any_profile_that_only_widens_has_the_answers_of_its_lengths(
+        lengths in growing(),
+        chords in any::<bool>(),
+    ) {
+        let fixed = ContactTolerance::Millimeters(0.02);
+        let tolerance = if chords { ContactTolerance::default() } else { fixed };
+        hold_against_lengths(lengths, tolerance)?;
     }
+}
+
+#[test]
+fn poses_are_pushed_off_what_is_near_a_face_of_the_tool() {
+    // The shank or the holder barely passes a rim; of 38 sites poses were pushed by nothing.
+    let bull_nose =
+        [1.725055995277883, 0.5175167985833649, 3.0, 3.645987917906231, 4.352595457233674];
+    hold_against_lengths(bull_nose, ContactTolerance::default()).unwrap();
 }

@@ -1,0 +1,139 @@
+//! Poses that are not free, pushed along the profile until they are.
+//!
+//! ```text
+//! again and again, a few times:
+//!     the deepest triangle, from the axis; if that is near a face of the tool, its point that is deepest from both
+//!     none: free if nothing at all is penetrated
+//!     deeper than the pose has freedom, or as deep as before for the second time: given up
+//!     push clear of it along the profile, else across the axis; of the same as before, by what its depths imply (secant)
+//! ```
+
+use super::contact::{BEYOND_MM, LEAST_COSINE, Pose, SHALLOWER};
+use super::frame::Frame;
+use super::label::{Form, ProfileTool, State};
+use super::meet::deepest_from_faces;
+use super::outline::Depth;
+use crate::access::surface::tool::Stand;
+use glam::DVec3;
+
+// Chosen on the T-slot and the turned part of the tests.
+/// Pushes of one pose, and how many of them may meet a triangle again that is not less deep by a tenth.
+pub(super) const PUSHES: usize = 16;
+pub(super) const MOST_STALLED: usize = 2;
+/// Poses are pushed if what they penetrate is not deeper than this many times their freedom.
+pub(super) const REACH: f64 = 1.5;
+
+/// A triangle that a pose was pushed clear of.
+struct Pushed {
+    place: u32,
+    /// The last time, mm.
+    depth: f64,
+    by: f64,
+}
+
+/// The triangles that a pose was pushed clear of.
+#[derive(Default)]
+pub(super) struct Pushes {
+    known: Vec<Pushed>,
+    last: Option<u32>,
+    n_stalled: usize,
+}
+
+impl Pushes {
+    /// By how much to push clear of a triangle that is `depth` deep; none if others are again and again as deep.
+    pub fn next(&mut self, place: u32, depth: f64) -> Option<f64> {
+        /// Of the depth.
+        const MOST: f64 = 4.0;
+        let mut by = depth;
+        match self.known.iter_mut().find(|known| known.place == place) {
+            None => self.known.push(Pushed { place, depth, by }),
+            Some(known) => {
+                if self.last == Some(place) && depth < known.depth {
+                    let implied = depth * known.by / (known.depth - depth);
+                    by = implied.clamp(depth, MOST * depth);
+                }
+                let is_less = depth < SHALLOWER * known.depth;
+                self.n_stalled = if is_less { 0 } else { self.n_stalled + 1 };
+                (known.depth, known.by) = (depth, by);
+            }
+        }
+        self.last = Some(place);
+        (self.n_stalled < MOST_STALLED).then_some(by)
+    }
+}
+
+impl ProfileTool<'_> {
+    /// As [`ProfileTool::deepest_hit`] of the whole tool, with the way out of it.
+    ///
+    /// A triangle that is far in across the axis may be near a face of the tool; by that alone a pose would be pushed by
+    /// nothing again and again.
+    pub(super) fn deepest(
+        &self,
+        frame: &Frame,
+        tip: DVec3,
+        first: Option<u32>,
+    ) -> Option<(u32, DVec3, Depth)> {
+        let (place, point) = self.deepest_hit(frame, tip, Form::Whole, first)?;
+        let shrunk = self.shrunk(place);
+        let depth = self.outline.depth(point);
+        if depth.mm - shrunk.tolerance > BEYOND_MM {
+            return Some((place, point, depth));
+        }
+        let stand = Stand { reference: tip, axes: frame.axes };
+        let corners = stand.triangle(self.bvh().triangle(place));
+        let Some((_, point)) = deepest_from_faces(&shrunk.whole, &corners) else {
+            return Some((place, point, depth));
+        };
+        Some((place, point, self.outline.depth(point)))
+    }
+
+    /// The tip of a free pose, pushed from one that is not.
+    pub(super) fn slide(
+        &self,
+        frame: &Frame,
+        site: DVec3,
+        (mut pose, normal): (Pose, DVec3),
+        state: &mut State,
+    ) -> Option<DVec3> {
+        let mut pushes = Pushes::default();
+        for _ in 0..PUSHES {
+            state.n_tested += 1;
+            let tip = self.tip(frame, site, &pose);
+            let Some((place, point, depth)) = self.deepest(frame, tip, state.last) else {
+                // The deepest point is found roughly: nothing at all must be penetrated.
+                let touches = self.contacts.normal(&pose).dot(-normal) >= LEAST_COSINE;
+                if !touches || self.first_hit(frame, tip, Form::Whole, &mut state.last).is_some() {
+                    return None;
+                }
+                return Some(tip);
+            };
+            let by = (depth.mm - self.shrunk(place).tolerance).max(0.0) + BEYOND_MM;
+            state.last = Some(place);
+            if by
+                > REACH * self.contacts.freedom(&pose, self.shrunk(place).tolerance + self.finish())
+            {
+                return None;
+            }
+            let by = pushes.next(place, by)?;
+            pose = self.pushed_clear(&pose, (place, point), (by, depth.toward))?;
+        }
+        None
+    }
+
+    /// A pose that is pushed clear of a point of a triangle, which is `toward` the profile, `by` mm; where that is no
+    /// way along the profile, across the axis.
+    pub(super) fn pushed_clear(
+        &self,
+        pose: &Pose,
+        (place, point): (u32, DVec3),
+        (by, toward): (f64, DVec3),
+    ) -> Option<Pose> {
+        let flat = point.truncate();
+        let across = || {
+            let by = self.shrunk(place).whole.radius_at(point.z) - flat.length() + BEYOND_MM;
+            let outward = flat.normalize_or_zero().extend(0.0);
+            self.contacts.pushed(pose, -outward, by)
+        };
+        self.contacts.pushed(pose, -toward, by).or_else(across)
+    }
+}
