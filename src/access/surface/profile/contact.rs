@@ -79,6 +79,8 @@ pub(super) const LEAST_COSINE: f64 = 0.1;
 pub(super) const BEYOND_MM: f64 = 1e-5;
 /// Pushes that leave a pose less deep than this share of the least so far count as progress.
 pub(super) const SHALLOWER: f64 = 0.9;
+/// Poses are pushed if what they penetrate is not deeper than this many times their freedom.
+pub(super) const REACH: f64 = 1.5;
 /// Even shares of an arc at which its balls are compared.
 const BALLS: usize = 9;
 /// Normals may differ by this where a pose is tried, radians: more than facets of one curve do.

@@ -3,12 +3,11 @@
 use super::balls::{Around, Balls};
 use super::bands::Bands;
 use super::body::{Body, Shrunk};
-use super::contact::{Contacts, Pose};
+use super::contact::{Contacts, Pose, REACH};
 use super::drill::Drill;
 use super::frame::Frame;
 use super::meet::{Hit, deepest, penetrates};
 use super::outline::Outline;
-use super::push::REACH;
 use super::shallow::{Candidate, Shallow};
 use crate::access::surface::bvh::{Band, Bvh};
 use crate::access::surface::cells::Domain;

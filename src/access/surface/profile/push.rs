@@ -8,7 +8,7 @@
 //!     push clear of it along the profile, else across the axis; of the same as before, by what its depths imply (secant)
 //! ```
 
-use super::contact::{BEYOND_MM, LEAST_COSINE, Pose, SHALLOWER};
+use super::contact::{BEYOND_MM, LEAST_COSINE, Pose, REACH, SHALLOWER};
 use super::frame::Frame;
 use super::label::{Form, ProfileTool, State};
 use super::meet::deepest_from_faces;
@@ -20,8 +20,6 @@ use glam::DVec3;
 /// Pushes of one pose, and how many of them may meet a triangle again that is not less deep by a tenth.
 pub(super) const PUSHES: usize = 16;
 pub(super) const MOST_STALLED: usize = 2;
-/// Poses are pushed if what they penetrate is not deeper than this many times their freedom.
-pub(super) const REACH: f64 = 1.5;
 
 /// A triangle that a pose was pushed clear of.
 struct Pushed {
