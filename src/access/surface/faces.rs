@@ -81,7 +81,7 @@ pub(super) fn faces(mesh: &Mesh) -> Vec<u32> {
 }
 
 /// The first triangle of a chain, which is shortened on the way.
-fn root(first: &mut [u32], mut f: u32) -> u32 {
+pub(super) fn root(first: &mut [u32], mut f: u32) -> u32 {
     while first[f as usize] != f {
         first[f as usize] = first[first[f as usize] as usize];
         f = first[f as usize];

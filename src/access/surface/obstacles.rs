@@ -2,10 +2,10 @@
 
 use super::bvh::Bvh;
 use super::cells::Domain;
+use super::chords::Chords;
 use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
 use super::problem::Problem;
 use super::profile::{self, ProfileTool};
-use super::tolerance::Chords;
 use super::tool::{Contact, Outline};
 use crate::access::{Counted, Extent, Labels, Obstacles, Queries, count_for, occlusion_points};
 use crate::answers::{SiteAnswers, n_of_share};

@@ -22,16 +22,18 @@
 //!
 //! For a strip of width `b` that turns by θ this is `b·θ/8`. `ratio` is the neighbor's height over the facet's own:
 //! facets of one curve have similar widths, a plane beside a fillet does not belong to it. Turns above 36° (ten facets
-//! to the turn) count less and less, from 45° on they are corners. A face that meets a facet of a curve in a corner, as
-//! the top of a bore does, is granted what that is: their edge is a chord.
+//! to the turn) count less and less, from 45° on they are corners.
+//!
+//! A facet may be any number of triangles: those that hang together in one plane are one, wherever a file cuts it. A face
+//! that meets a facet of a curve in a corner, as the top of a bore does, is granted what that is: their edge is a chord.
+//! The triangles about it in one plane are granted how far they reach in between the chord and a parabola over it.
 
 use super::bvh::Bvh;
+use super::chords::Chords;
 use super::tool::Outline;
 use crate::Result;
-use crate::geom::Mesh;
 use crate::par;
-use crate::spatial::CountingSort;
-use glam::{DMat2, DVec2, DVec3};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// By how much, in mm, the tool is shrunk all around before it is tested.
@@ -52,235 +54,10 @@ pub enum ContactTolerance {
 /// The tolerance where facets imply no more, mm.
 pub const LEAST_MM: f64 = 0.01;
 
-/// Turns up to this belong to a curve: ten facets to the full turn.
-const SMOOTH_RAD: f64 = 0.63;
-/// Turns from this on are corners.
-const CORNER_RAD: f64 = 0.785;
-/// Turns below this are rounding.
-const FLAT_RAD: f64 = 1e-5;
-/// Facets of one curve have at least this ratio of widths; below the next it is none.
-const SAME_CURVE: f64 = 0.5;
-const OTHER_SURFACE: f64 = 0.25;
-/// More than what the estimate of a chord error may lack, as a factor.
-const ESTIMATE: f64 = 1.1;
 /// Sites per task.
 const BLOCK: usize = 256;
-/// Vertices per task.
-const VERTICES: usize = 4096;
 /// A site is on the facets within this share of the part's size.
 const ON_FACET: f64 = 1e-6;
-
-/// What a facet says of the concave curve that it stands for.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Chord {
-    /// Distance between facet and curve, mm.
-    error: f64,
-    /// Curvature, 1/mm.
-    curvature: f64,
-}
-
-impl Chord {
-    /// What is granted beyond [`LEAST_MM`] to a tool of this radius.
-    fn granted(self, radius: f64) -> f64 {
-        ESTIMATE * self.error * (radius * self.curvature).min(1.0)
-    }
-
-    fn max(self, other: Chord) -> Chord {
-        Chord { error: self.error.max(other.error), curvature: self.curvature.max(other.curvature) }
-    }
-}
-
-/// The chords of all faces of a mesh.
-#[derive(Debug)]
-pub(super) struct Chords(Vec<Chord>);
-
-/// Two faces over an edge, by half edge: three times the face, plus the number of the corner where it begins.
-struct Fold {
-    halves: [u32; 2],
-    /// Concave turn, radians; 0 for a flat edge or a corner.
-    turn: f64,
-    kind: FoldKind,
-}
-
-impl Fold {
-    fn faces(&self) -> [usize; 2] {
-        self.halves.map(|half| half as usize / 3)
-    }
-}
-
-#[derive(PartialEq)]
-enum FoldKind {
-    Flat,
-    Curve,
-    /// The edge of a curve's facet is a chord as well: another face that begins there reaches in as far.
-    Corner,
-}
-
-impl Chords {
-    /// The chord errors, as if they were tolerances.
-    pub fn as_tolerances(&self, bvh: &Bvh) -> Tolerances {
-        let error = |place: u32| self.0.get(bvh.face(place) as usize).map_or(0.0, |c| c.error);
-        let by_place: Vec<f64> = (0..bvh.n_triangles() as u32).map(error).collect();
-        let most = by_place.iter().fold(0.0, |a: f64, b| a.max(*b));
-        Tolerances { least: 0.0, most, by_place }
-    }
-
-    /// Those of some of the faces, or of pieces of them.
-    pub fn of_faces(&self, faces: &[u32]) -> Self {
-        Chords(faces.iter().map(|&f| self.0[f as usize]).collect())
-    }
-
-    /// Number of faces.
-    pub fn len(&self) -> usize {
-        self.0.len()
-    }
-
-    pub fn of(mesh: &Mesh) -> Self {
-        let folds = folds(mesh);
-        let mut across = vec![[None; 3]; mesh.triangles.len()];
-        for fold in folds.iter().filter(|fold| fold.turn > 0.0) {
-            let [x, y] = fold.halves;
-            for (half, other) in [(x, y), (y, x)] {
-                across.as_flattened_mut()[half as usize] = Some((fold.turn, other));
-            }
-        }
-        let chord = |f: usize| {
-            if across[f] == [None; 3] { Chord::default() } else { chord(mesh, f, &across[f]) }
-        };
-        let own = par::map(mesh.triangles.len(), chord);
-        // The two triangles of a strip's quadrangle are one facet.
-        let mut facets = own.clone();
-        for fold in folds.iter().filter(|fold| fold.kind == FoldKind::Flat) {
-            let [x, y] = fold.faces();
-            if is_similar(mesh, fold.halves) {
-                facets[x] = facets[x].max(own[y]);
-                facets[y] = facets[y].max(own[x]);
-            }
-        }
-        let mut chords = facets.clone();
-        for fold in folds.iter().filter(|fold| fold.kind == FoldKind::Corner) {
-            let [x, y] = fold.faces();
-            chords[x] = chords[x].max(facets[y]);
-            chords[y] = chords[y].max(facets[x]);
-        }
-        Chords(chords)
-    }
-}
-
-/// Whether the faces over an edge are about as high on it.
-fn is_similar(mesh: &Mesh, [x, y]: [u32; 2]) -> bool {
-    let [x, y] = [height(mesh, x), height(mesh, y)];
-    x.min(y) >= SAME_CURVE * x.max(y)
-}
-
-/// Height of a face over one of its edges.
-fn height(mesh: &Mesh, half: u32) -> f64 {
-    let (corners, k) = (mesh.corners(half as usize / 3), half as usize % 3);
-    let edge = (corners[(k + 1) % 3] - corners[k]).length();
-    if edge > 0.0 { mesh.area_vector(half as usize / 3).length() / edge } else { 0.0 }
-}
-
-/// How much a neighbor tells of a facet, by the ratio of its height on the edge to the facet's own.
-fn weight(ratio: f64) -> f64 {
-    if ratio >= 1.0 {
-        return 1.0;
-    }
-    let share = ((ratio - OTHER_SURFACE) / (SAME_CURVE - OTHER_SURFACE)).clamp(0.0, 1.0);
-    share * 2.0 / (1.0 + ratio.max(SAME_CURVE))
-}
-
-/// How much a turn counts.
-fn smoothness(turn: f64) -> f64 {
-    ((CORNER_RAD - turn) / (CORNER_RAD - SMOOTH_RAD)).clamp(0.0, 1.0)
-}
-
-/// The chord of a face whose neighbors rise over some of its edges.
-fn chord(mesh: &Mesh, f: usize, across: &[Option<(f64, u32)>; 3]) -> Chord {
-    let corners = mesh.corners(f);
-    let normal = mesh.area_vector(f).normalize_or_zero();
-    let u = (corners[1] - corners[0]).normalize_or_zero();
-    let v = normal.cross(u);
-    let flat = corners.map(|p| DVec2::new((p - corners[0]).dot(u), (p - corners[0]).dot(v)));
-    let mut shape = DMat2::ZERO;
-    for (k, fold) in across.iter().enumerate() {
-        let Some((turn, other)) = *fold else { continue };
-        let own = height(mesh, (3 * f + k) as u32);
-        let edge = (flat[(k + 1) % 3] - flat[k]).normalize_or_zero();
-        if own <= 0.0 || edge == DVec2::ZERO {
-            continue;
-        }
-        let t = edge.perp();
-        let counted = weight(height(mesh, other) / own) * smoothness(turn) * turn / own;
-        shape += DMat2::from_cols(t * t.x, t * t.y) * counted;
-    }
-    let second = |a: usize, b: usize| (flat[a] - flat[b]).dot(shape * (flat[a] - flat[b]));
-    let q = [second(0, 1), second(1, 2), second(2, 0)];
-    let on_edges = q.iter().fold(0.0, |a: f64, b| a.max(*b)) / 8.0;
-    let within = q.iter().sum::<f64>() / 18.0;
-    let half_trace = 0.5 * (shape.x_axis.x + shape.y_axis.y);
-    let spread = (half_trace * half_trace - shape.determinant()).max(0.0).sqrt();
-    Chord { error: on_edges.max(within), curvature: half_trace + spread }
-}
-
-/// The folds over all edges that two faces share, but for convex curves.
-fn folds(mesh: &Mesh) -> Vec<Fold> {
-    let ends = |half: u32| {
-        let (corners, k) = (mesh.triangles[half as usize / 3], half as usize % 3);
-        let (a, b) = (corners[k], corners[(k + 1) % 3]);
-        [a.min(b), a.max(b)]
-    };
-    let n_halves = 3 * mesh.triangles.len() as u32;
-    let mut sort = CountingSort::default();
-    sort.clear(mesh.vertices.len());
-    (0..n_halves).for_each(|half| sort.count(ends(half)[0] as usize));
-    sort.finish_counting();
-    let mut by_lower_end = vec![[0; 2]; n_halves as usize];
-    for half in 0..n_halves {
-        let [low, high] = ends(half);
-        by_lower_end[sort.place(low as usize)] = [high, half];
-    }
-    let blocks = par::map_blocks(mesh.vertices.len(), VERTICES, |range| {
-        let mut found = Vec::new();
-        let mut edges = Vec::new();
-        for vertex in range {
-            edges.clear();
-            edges.extend_from_slice(&by_lower_end[sort.range(vertex, vertex)]);
-            edges.sort_unstable();
-            for same in edges.chunk_by(|x, y| x[0] == y[0]) {
-                let &[[_, x], [_, y]] = same else { continue };
-                found.extend(fold(mesh, [x, y]));
-            }
-        }
-        found
-    });
-    blocks.into_iter().flatten().collect()
-}
-
-/// The fold over two half edges; none for a convex curve.
-fn fold(mesh: &Mesh, halves: [u32; 2]) -> Option<Fold> {
-    let [n, m] = halves.map(|half| mesh.area_vector(half as usize / 3).normalize_or_zero());
-    if n == DVec3::ZERO || m == DVec3::ZERO {
-        return None;
-    }
-    let turn = libm::atan2(n.cross(m).length(), n.dot(m));
-    let kind = match turn {
-        turn if turn < FLAT_RAD => FoldKind::Flat,
-        turn if turn >= CORNER_RAD => FoldKind::Corner,
-        _ => FoldKind::Curve,
-    };
-    let corner = |half: u32, k: usize| mesh.corners(half as usize / 3)[(half as usize + k) % 3];
-    let rises = n.dot(across(mesh, halves[1]) - corner(halves[0], 0)) > 0.0;
-    match kind {
-        FoldKind::Curve if !rises => None,
-        FoldKind::Curve => Some(Fold { halves, turn, kind }),
-        _ => Some(Fold { halves, turn: 0.0, kind }),
-    }
-}
-
-/// The corner of a face across from one of its edges.
-fn across(mesh: &Mesh, half: u32) -> DVec3 {
-    mesh.corners(half as usize / 3)[(half as usize % 3 + 2) % 3]
-}
 
 /// The tolerance against every triangle of a search tree, for one tool, mm.
 #[derive(Debug, Clone)]
@@ -291,6 +68,16 @@ pub(super) struct Tolerances {
     pub most: f64,
     /// By place in the tree; empty if all are the least.
     by_place: Vec<f64>,
+}
+
+impl Chords {
+    /// The chord errors, as if they were tolerances.
+    pub fn as_tolerances(&self, bvh: &Bvh) -> Tolerances {
+        let error = |place: u32| self.at(bvh.face(place)).error;
+        let by_place: Vec<f64> = (0..bvh.n_triangles() as u32).map(error).collect();
+        let most = by_place.iter().fold(0.0, |a: f64, b| a.max(*b));
+        Tolerances { least: 0.0, most, by_place }
+    }
 }
 
 impl Tolerances {
@@ -324,8 +111,10 @@ impl ContactTolerance {
         let least = outline.check_tolerance(LEAST_MM)?.min(cap);
         let radius = outline.radius();
         let granted = |face: u32| {
-            let chord = chords.0.get(face as usize).copied().unwrap_or_default();
-            (least + chord.granted(radius)).min(cap).min(GREATEST_SHARE * radius).max(least)
+            (least + chords.at(face).granted(radius))
+                .min(cap)
+                .min(GREATEST_SHARE * radius)
+                .max(least)
         };
         let n = bvh.n_triangles();
         let most = (0..n as u32).map(|place| granted(bvh.face(place))).fold(least, f64::max);

@@ -111,7 +111,7 @@ impl<T: Fn(u32) -> f64> Around<'_, T> {
 mod tests {
     use super::*;
     use crate::access::surface::bvh::Bvh;
-    use crate::access::surface::tolerance::Chords;
+    use crate::access::surface::chords::Chords;
     use crate::cutter::Profile;
     use crate::geom::Mesh;
     use glam::dvec3;

@@ -1,6 +1,7 @@
 //! Parts with analytic answers, and tips that do not fit.
 
 use super::*;
+use crate::access::surface::chords::Chords;
 
 #[test]
 fn on_a_sphere_the_collision_free_directions_are_the_analytic_ones() {
@@ -200,6 +201,130 @@ fn a_tool_of_the_radius_of_a_bore_reaches_all_of_it_and_a_wider_one_none() {
             let wide = bull([1.02 * 4.0, 40.0, 20.0, 5.0], corner);
             let found = answers(&mesh, &bore, &wide, &up(), &implied());
             assert_eq!(n_of(SiteAnswer::Accessible, &found), 0, "{chord_error} {corner}");
+        }
+    }
+}
+
+/// Every triangle cut in four, as many times as given; corners rounded to 32 bits, as files do.
+fn quartered(mesh: &Mesh, n: usize) -> Mesh {
+    let mut mesh = mesh.clone();
+    for _ in 0..n {
+        let mut middles = std::collections::BTreeMap::new();
+        let mut vertices = mesh.vertices.clone();
+        let mut triangles = Vec::new();
+        for &[a, b, c] in &mesh.triangles {
+            let mut middle = |p: u32, q: u32| {
+                *middles.entry([p.min(q), p.max(q)]).or_insert_with(|| {
+                    vertices.push(0.5 * (mesh.vertices[p as usize] + mesh.vertices[q as usize]));
+                    vertices.len() as u32 - 1
+                })
+            };
+            let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
+            triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+        }
+        mesh = Mesh { vertices, triangles, ..Mesh::default() };
+    }
+    mesh.vertices.iter_mut().for_each(|p| *p = p.as_vec3().as_dvec3());
+    mesh
+}
+
+#[test]
+fn facets_cut_into_many_triangles_have_the_chord_of_their_curve() {
+    for n in [12, 40, 100, 400] {
+        let mesh = tube(2.5, 10.0, 15.0, n);
+        let whole = Chords::of(&mesh);
+        for times in [1, 2, 3] {
+            let cut = quartered(&mesh, times);
+            let chords = Chords::of(&cut);
+            assert_eq!(chords.len(), whole.len() << (2 * times));
+            let of_bore = 4 * n as usize..6 * n as usize;
+            for f in 0..chords.len() {
+                let [own, of] =
+                    [chords.at(f as u32).error, whole.at((f >> (2 * times)) as u32).error];
+                if of_bore.contains(&(f >> (2 * times))) {
+                    assert!((own - of).abs() <= 0.02 * of, "{n}, {times}, {f}: {own}, {of}");
+                    continue;
+                }
+                // Faces at the ends of the bore reach in between its chords and its curve, by no more than these.
+                let from_axis = cut.corners(f).map(|p| p.truncate().length());
+                let reaches_in = from_axis.iter().any(|r| *r < 2.5 - 1e-4);
+                let is_outside = from_axis.iter().all(|r| *r > 2.5 + 1e-4);
+                assert!(
+                    own <= whole.at(of_bore.start as u32).error * 1.02,
+                    "{n}, {times}, {f}: {own}"
+                );
+                assert!(if reaches_in { own > 0.0 } else { !is_outside || own == 0.0 });
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tool_of_the_radius_of_a_finer_cut_bore_reaches_it_and_a_wider_one_does_not() {
+    for chord_error in [0.005, 0.05] {
+        let mesh = quartered(&tube(2.5, 10.0, 12.0, facets(2.5, chord_error)), 2);
+        let inside = |p: DVec3, n: DVec3| n.z.abs() < 0.1 && n.dot(dvec3(p.x, p.y, 0.0)) < 0.0;
+        let bore = sites_on(&mesh, 1, inside);
+        let bore = bore.subset(&(0..bore.len()).step_by(7).collect::<Vec<_>>());
+        for (radius, share) in [(2.45, 1.0), (2.5, 1.0), (2.6, 0.0)] {
+            for cutter in [ball([radius, 30.0, 20.0, 5.0]), bull([radius, 30.0, 20.0, 5.0], 0.0)] {
+                let found = answers(&mesh, &bore, &cutter, &up(), &implied());
+                let n = n_of(SiteAnswer::Accessible, &found);
+                assert_eq!(n as f64 / bore.len() as f64, share, "{radius}, {chord_error}");
+            }
+        }
+    }
+}
+
+/// A tube with a recess in the middle of every facet of its bore, as if it were drilled across.
+fn recessed(inner: f64, outer: f64, height: f64, n: u32, depth: f64) -> Mesh {
+    let mut mesh = tube(inner, outer, height, n);
+    mesh.triangles.retain(|corners| corners.iter().any(|v| *v < 2 * n));
+    for k in 0..n {
+        let k1 = (k + 1) % n;
+        let outline = [2 * n + k, 2 * n + k1, 3 * n + k1, 3 * n + k];
+        let [a, b, c, d] = outline.map(|v| mesh.vertices[v as usize]);
+        let outward = -(b - a).cross(d - a).normalize();
+        let first = mesh.vertices.len() as u32;
+        for out in [0.0, depth] {
+            for (s, t) in [(0.2, 0.3), (0.7, 0.3), (0.7, 0.6), (0.2, 0.6)] {
+                mesh.vertices.push(a.lerp(b, s).lerp(d.lerp(c, s), t) + outward * out);
+            }
+        }
+        let rings = [outline, [0, 1, 2, 3].map(|j| first + j), [4, 5, 6, 7].map(|j| first + j)];
+        for pair in rings.windows(2) {
+            for j in 0..4 {
+                let next = (j + 1) % 4;
+                let [p, q] = [pair[0][j], pair[0][next]];
+                let [p1, q1] = [pair[1][j], pair[1][next]];
+                mesh.triangles.extend([[p, q, q1], [p, q1, p1]]);
+            }
+        }
+        let [p, q, r, s] = rings[2];
+        mesh.triangles.extend([[p, q, r], [p, r, s]]);
+    }
+    mesh
+}
+
+#[test]
+fn a_tool_of_the_radius_of_a_bore_that_is_crossed_reaches_it_and_a_wider_one_does_not() {
+    for n in [12, 20, 32, 64] {
+        let mesh = recessed(2.5, 10.0, 12.0, n, 1.0);
+        assert!(crate::geom::check::check(&mesh).is_closed());
+        let inside = |p: DVec3, n: DVec3| {
+            let from_axis = p.truncate().length();
+            n.dot(dvec3(p.x, p.y, 0.0)) < -0.9 * from_axis && from_axis < 2.51
+        };
+        let all = sites_on(&mesh, 3, inside);
+        // On the rim a wider one is within the tolerance.
+        let low: Vec<usize> = (0..all.len()).filter(|&i| all.points[i].z < 11.0).collect();
+        let bore = all.subset(&low);
+        for (radius, share) in [(2.45, 1.0), (2.5, 1.0), (2.7, 0.0)] {
+            for cutter in [ball([radius, 30.0, 20.0, 5.0]), bull([radius, 30.0, 20.0, 5.0], 0.0)] {
+                let found = answers(&mesh, &bore, &cutter, &up(), &implied());
+                let reached = n_of(SiteAnswer::Accessible, &found) as f64 / bore.len() as f64;
+                assert_eq!(reached, share, "{radius}, {n} facets");
+            }
         }
     }
 }

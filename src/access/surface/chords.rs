@@ -1,0 +1,426 @@
+//! The chord errors of the facets of a mesh: their [definition](super::tolerance).
+
+use super::facets::{Facet, Facets};
+use crate::geom::Mesh;
+use crate::par;
+use crate::spatial::CountingSort;
+use glam::{DMat2, DVec2, DVec3};
+use std::f64::consts::FRAC_1_SQRT_2;
+
+/// Turns up to this belong to a curve: ten facets to the full turn.
+const SMOOTH_RAD: f64 = 0.63;
+/// Turns from this on are corners.
+const CORNER_RAD: f64 = 0.785;
+/// Turns below this are rounding.
+const FLAT_RAD: f64 = 1e-5;
+/// So are turns of faces whose corners are off by this share of the part's size, for their heights, up to another.
+const ROUNDING: f64 = 2.4e-7;
+const MOST_ROUNDING_RAD: f64 = 1e-3;
+/// Facets of one curve have at least this ratio of widths; below the next it is none.
+const SAME_CURVE: f64 = 0.5;
+const OTHER_SURFACE: f64 = 0.25;
+/// More than what the estimate of a chord error may lack, as a factor.
+const ESTIMATE: f64 = 1.1;
+/// Vertices per task.
+const VERTICES: usize = 4096;
+
+/// What a facet says of the concave curve that it stands for.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Chord {
+    /// Distance between facet and curve, mm.
+    pub error: f64,
+    /// Curvature, 1/mm.
+    curvature: f64,
+}
+
+impl Chord {
+    /// What is granted beyond [`LEAST_MM`] to a tool of this radius.
+    pub fn granted(self, radius: f64) -> f64 {
+        ESTIMATE * self.error * (radius * self.curvature).min(1.0)
+    }
+
+    fn max(self, other: Chord) -> Chord {
+        Chord { error: self.error.max(other.error), curvature: self.curvature.max(other.curvature) }
+    }
+}
+
+/// The chords of all faces of a mesh.
+#[derive(Debug)]
+pub(super) struct Chords(Vec<Chord>);
+
+/// Two faces over an edge, by half edge: three times the face, plus the number of the corner where it begins.
+struct Fold {
+    halves: [u32; 2],
+    /// Concave turn, radians; 0 for a flat edge or a corner.
+    turn: f64,
+    kind: FoldKind,
+}
+
+impl Fold {
+    fn faces(&self) -> [usize; 2] {
+        self.halves.map(|half| half as usize / 3)
+    }
+}
+
+#[derive(PartialEq)]
+enum FoldKind {
+    Flat,
+    Curve,
+    /// The edge of a curve's facet is a chord as well: another face that begins there reaches in as far.
+    Corner,
+}
+
+impl Chords {
+    /// Of a face; nothing of one that is not of the mesh.
+    pub fn at(&self, face: u32) -> Chord {
+        self.0.get(face as usize).copied().unwrap_or_default()
+    }
+
+    /// Those of some of the faces, or of pieces of them.
+    pub fn of_faces(&self, faces: &[u32]) -> Self {
+        Chords(faces.iter().map(|&f| self.0[f as usize]).collect())
+    }
+
+    /// Number of faces.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    pub fn of(mesh: &Mesh) -> Self {
+        let folds = folds(mesh);
+        let flat = || folds.iter().filter(|fold| fold.kind == FoldKind::Flat);
+        let curved = || folds.iter().filter(|fold| fold.turn > 0.0);
+        let facets = Facets::of(mesh, flat().map(Fold::faces));
+        let mut across = vec![[None; 3]; mesh.triangles.len()];
+        let mut around = vec![Vec::new(); facets.all().len()];
+        for fold in curved() {
+            let [x, y] = fold.halves;
+            for (half, other) in [(x, y), (y, x)] {
+                match facets.number(half as usize / 3) {
+                    Some(k) => around[k].push((fold.turn, half, other)),
+                    None => across.as_flattened_mut()[half as usize] = Some((fold.turn, other)),
+                }
+            }
+        }
+        let widths = Widths { mesh, facets: &facets };
+        let of_facet = |k: usize| facet_chord(&widths, &facets.all()[k], &around[k]);
+        let of_facets = par::map(around.len(), of_facet);
+        let chord = |f: usize| match facets.number(f) {
+            Some(k) => of_facets[k],
+            None if across[f] == [None; 3] => Chord::default(),
+            None => chord(&widths, f, &across[f]),
+        };
+        let own = par::map(mesh.triangles.len(), chord);
+        // The two triangles of a strip's quadrangle are one facet.
+        let mut by_facet = own.clone();
+        for fold in flat() {
+            let [x, y] = fold.faces();
+            if facets.number(x).is_none() && is_similar(mesh, fold.halves) {
+                by_facet[x] = by_facet[x].max(own[y]);
+                by_facet[y] = by_facet[y].max(own[x]);
+            }
+        }
+        let mut chords = by_facet.clone();
+        let plane = PlaneNeighbors::of(mesh, flat());
+        for fold in folds.iter().filter(|fold| fold.kind == FoldKind::Corner) {
+            let [x, y] = fold.faces();
+            let [p, q] = fold.halves;
+            for (of, half, other) in [(y, p, q), (x, q, p)] {
+                let granted = by_facet[of];
+                let cut_off = widths.cut_off(other, granted.error / oblique(mesh, fold.halves));
+                plane.reaching_in(mesh, half, &cut_off, |f, share| {
+                    let error = share * granted.error;
+                    chords[f] = chords[f].max(Chord { error, ..granted });
+                });
+            }
+        }
+        Chords(chords)
+    }
+}
+
+/// What reaches in less than this, as a share of the chord error, is only touched.
+const LEAST_SHARE: f64 = 1e-3;
+
+/// Distance from a curve across it, over distance in the plane that meets it in an edge; at least that at 45°.
+fn oblique(mesh: &Mesh, halves: [u32; 2]) -> f64 {
+    let [n, m] = halves.map(|half| mesh.area_vector(half as usize / 3).normalize_or_zero());
+    n.cross(m).length().max(FRAC_1_SQRT_2)
+}
+
+/// The faces that are in one plane with a face, over each of its edges.
+struct PlaneNeighbors(Vec<[Option<u32>; 3]>);
+
+impl PlaneNeighbors {
+    fn of<'a>(mesh: &Mesh, flat: impl Iterator<Item = &'a Fold>) -> Self {
+        let mut over = vec![[None; 3]; mesh.triangles.len()];
+        for &Fold { halves: [x, y], .. } in flat {
+            over.as_flattened_mut()[x as usize] = Some(y / 3);
+            over.as_flattened_mut()[y as usize] = Some(x / 3);
+        }
+        PlaneNeighbors(over)
+    }
+
+    /// Calls `then` with the faces in one plane with that of a half edge that reach in between a facet and its curve, and
+    /// how far, as a share of the chord error; with all of it for the face itself.
+    fn reaching_in(
+        &self,
+        mesh: &Mesh,
+        half: u32,
+        cut_off: &CutOff,
+        mut then: impl FnMut(usize, f64),
+    ) {
+        if cut_off.error <= 0.0 || cut_off.ends[0] == cut_off.ends[1] {
+            return;
+        }
+        let mut found = vec![half as usize / 3];
+        then(found[0], 1.0);
+        let mut next = 0;
+        while next < found.len() {
+            for over in self.0[found[next]].into_iter().flatten() {
+                let over = over as usize;
+                if found.contains(&over) {
+                    continue;
+                }
+                let share = cut_off.share(&mesh.corners(over));
+                if share > LEAST_SHARE {
+                    then(over, share);
+                    found.push(over);
+                }
+            }
+            next += 1;
+        }
+    }
+}
+
+/// What is between a facet and the curve that it stands for, in a plane that meets the facet in an edge.
+struct CutOff {
+    /// Of the edge, if it is between the facet's sides; else of the chord that the side is.
+    ends: [DVec3; 2],
+    is_chord: bool,
+    /// Greatest distance from the chord, mm.
+    error: f64,
+}
+
+impl CutOff {
+    /// How far a triangle in the plane reaches in, as a share of the error. Over a chord the curve is a parabola; along
+    /// an edge between the sides all of the error is assumed.
+    fn share(&self, corners: &[DVec3; 3]) -> f64 {
+        let [a, b] = self.ends;
+        let length = (b - a).length();
+        let along = (b - a) / length;
+        let places = corners.map(|p| [(p - a).dot(along), (p - a).reject_from(along).length()]);
+        if !self.is_chord {
+            let is_beside = |s: f64| (-self.error..=length + self.error).contains(&s);
+            let is_near = places.iter().any(|[s, away]| is_beside(*s) && *away < self.error);
+            return f64::from(u8::from(is_near));
+        }
+        let steep = 4.0 * self.error / (length * length);
+        // Above the parabola, negative in it, the height is convex along the sides of the triangle.
+        let lowest = (0..3).map(|k| {
+            let ([s, away], [s1, away1]) = (places[k], places[(k + 1) % 3]);
+            let (run, rise) = (s1 - s, away1 - away);
+            let above = |t: f64| {
+                let at = s + run * t;
+                away + rise * t - steep * at * (length - at)
+            };
+            let slope = rise + steep * run * (2.0 * s - length);
+            let t = -slope / (2.0 * steep * run * run).max(f64::MIN_POSITIVE);
+            above(t.clamp(0.0, 1.0))
+        });
+        (-lowest.fold(0.0, f64::min) / self.error).min(1.0)
+    }
+}
+
+/// How far faces and facets extend from their edges.
+struct Widths<'a> {
+    mesh: &'a Mesh,
+    facets: &'a Facets,
+}
+
+impl Widths<'_> {
+    /// Of a half edge.
+    fn at(&self, half: u32) -> f64 {
+        let facet = self.facets.of_face(half as usize / 3);
+        facet.map_or_else(|| height(self.mesh, half), |facet| facet.width(edge(self.mesh, half)))
+    }
+
+    /// What is cut off from a curve along a half edge of its facet.
+    fn cut_off(&self, half: u32, error: f64) -> CutOff {
+        let edge = edge(self.mesh, half);
+        let side = self.facets.of_face(half as usize / 3).map_or(Some(edge), |f| f.side(edge));
+        CutOff { error, is_chord: side.is_some(), ends: side.unwrap_or(edge) }
+    }
+}
+
+/// Whether the faces over an edge are about as high on it.
+fn is_similar(mesh: &Mesh, [x, y]: [u32; 2]) -> bool {
+    let [x, y] = [height(mesh, x), height(mesh, y)];
+    x.min(y) >= SAME_CURVE * x.max(y)
+}
+
+/// The ends of a half edge.
+fn edge(mesh: &Mesh, half: u32) -> [DVec3; 2] {
+    let (corners, k) = (mesh.corners(half as usize / 3), half as usize % 3);
+    [corners[k], corners[(k + 1) % 3]]
+}
+
+/// Height of a face over one of its edges.
+fn height(mesh: &Mesh, half: u32) -> f64 {
+    let [a, b] = edge(mesh, half);
+    let edge = (b - a).length();
+    if edge > 0.0 { mesh.area_vector(half as usize / 3).length() / edge } else { 0.0 }
+}
+
+/// How much a neighbor tells of a facet, by the ratio of its height on the edge to the facet's own.
+fn weight(ratio: f64) -> f64 {
+    if ratio >= 1.0 {
+        return 1.0;
+    }
+    let share = ((ratio - OTHER_SURFACE) / (SAME_CURVE - OTHER_SURFACE)).clamp(0.0, 1.0);
+    share * 2.0 / (1.0 + ratio.max(SAME_CURVE))
+}
+
+/// How much a turn counts.
+fn smoothness(turn: f64) -> f64 {
+    ((CORNER_RAD - turn) / (CORNER_RAD - SMOOTH_RAD)).clamp(0.0, 1.0)
+}
+
+/// The chord of a face whose neighbors rise over some of its edges.
+fn chord(widths: &Widths, f: usize, across: &[Option<(f64, u32)>; 3]) -> Chord {
+    let mesh = widths.mesh;
+    let corners = mesh.corners(f);
+    let normal = mesh.area_vector(f).normalize_or_zero();
+    let u = (corners[1] - corners[0]).normalize_or_zero();
+    let v = normal.cross(u);
+    let flat = corners.map(|p| DVec2::new((p - corners[0]).dot(u), (p - corners[0]).dot(v)));
+    let mut shape = DMat2::ZERO;
+    for (k, fold) in across.iter().enumerate() {
+        let Some((turn, other)) = *fold else { continue };
+        let own = height(mesh, (3 * f + k) as u32);
+        let edge = (flat[(k + 1) % 3] - flat[k]).normalize_or_zero();
+        if own <= 0.0 || edge == DVec2::ZERO {
+            continue;
+        }
+        let t = edge.perp();
+        let counted = weight(widths.at(other) / own) * smoothness(turn) * turn / own;
+        shape += DMat2::from_cols(t * t.x, t * t.y) * counted;
+    }
+    let second = |a: usize, b: usize| (flat[a] - flat[b]).dot(shape * (flat[a] - flat[b]));
+    let q = [second(0, 1), second(1, 2), second(2, 0)];
+    let on_edges = q.iter().fold(0.0, |a: f64, b| a.max(*b)) / 8.0;
+    let within = q.iter().sum::<f64>() / 18.0;
+    Chord { error: on_edges.max(within), curvature: greatest_eigenvalue(shape) }
+}
+
+/// The chord of a facet of many triangles, of which some rise over some of its edges, `(turn, half edge, other half)`.
+///
+/// ```text
+/// Λ = 1 / min(A, pᵀMp) · Σ w(ratio) · θ · l/2 · t tᵀ        A: area; l: length of the edge
+/// M = Σ l/2 · h · t tᵀ                                     p: greatest eigenvector of the sum; h: width on the edge
+/// ```
+///
+/// Of a triangle the first is what [`chord`] has. The second is less where sides are missing, to which M then has less
+/// as well: of a strip with its neighbors on one side, or with bores across its edges.
+fn facet_chord(widths: &Widths, facet: &Facet, around: &[(f64, u32, u32)]) -> Chord {
+    let (mut turns, mut swept) = (DMat2::ZERO, DMat2::ZERO);
+    for &(turn, half, other) in around {
+        let [a, b] = edge(widths.mesh, half).map(|p| facet.flat(p));
+        let (own, t) = (widths.at(half), (b - a).normalize_or_zero().perp());
+        let counted = weight(widths.at(other) / own) * smoothness(turn);
+        if own > 0.0 && counted > 0.0 {
+            let across = DMat2::from_cols(t * t.x, t * t.y) * (0.5 * (b - a).length());
+            turns += across * (counted * turn);
+            swept += across * (counted * own);
+        }
+    }
+    let greatest = greatest_eigenvalue(turns);
+    if greatest <= 0.0 {
+        return Chord::default();
+    }
+    // A column of what the other eigenvalue leaves.
+    let rest =
+        turns - DMat2::from_diagonal(DVec2::splat(turns.x_axis.x + turns.y_axis.y - greatest));
+    let longer = rest.x_axis.length_squared() >= rest.y_axis.length_squared();
+    let p = if longer { rest.x_axis } else { rest.y_axis }.normalize_or(DVec2::X);
+    let shape = turns * (1.0 / (0.5 * facet.double_area).min(p.dot(swept * p)));
+    let mut across: f64 = 0.0;
+    for (k, a) in facet.hull.iter().enumerate() {
+        for b in &facet.hull[k + 1..] {
+            across = across.max((*a - *b).dot(shape * (*a - *b)));
+        }
+    }
+    Chord { error: across / 8.0, curvature: greatest_eigenvalue(shape) }
+}
+
+fn greatest_eigenvalue(shape: DMat2) -> f64 {
+    let half_trace = 0.5 * (shape.x_axis.x + shape.y_axis.y);
+    half_trace + (half_trace * half_trace - shape.determinant()).max(0.0).sqrt()
+}
+
+/// The folds over all edges that two faces share, but for convex curves.
+fn folds(mesh: &Mesh) -> Vec<Fold> {
+    let ends = |half: u32| {
+        let (corners, k) = (mesh.triangles[half as usize / 3], half as usize % 3);
+        let (a, b) = (corners[k], corners[(k + 1) % 3]);
+        [a.min(b), a.max(b)]
+    };
+    let size = mesh.vertices.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+    let n_halves = 3 * mesh.triangles.len() as u32;
+    let mut sort = CountingSort::default();
+    sort.clear(mesh.vertices.len());
+    (0..n_halves).for_each(|half| sort.count(ends(half)[0] as usize));
+    sort.finish_counting();
+    let mut by_lower_end = vec![[0; 2]; n_halves as usize];
+    for half in 0..n_halves {
+        let [low, high] = ends(half);
+        by_lower_end[sort.place(low as usize)] = [high, half];
+    }
+    let blocks = par::map_blocks(mesh.vertices.len(), VERTICES, |range| {
+        let mut found = Vec::new();
+        let mut edges = Vec::new();
+        for vertex in range {
+            edges.clear();
+            edges.extend_from_slice(&by_lower_end[sort.range(vertex, vertex)]);
+            edges.sort_unstable();
+            for same in edges.chunk_by(|x, y| x[0] == y[0]) {
+                let &[[_, x], [_, y]] = same else { continue };
+                found.extend(fold(mesh, [x, y], size));
+            }
+        }
+        found
+    });
+    blocks.into_iter().flatten().collect()
+}
+
+/// Turns of two faces that are rounding, for corners of a part of a size.
+fn rounding(mesh: &Mesh, halves: [u32; 2], size: f64) -> f64 {
+    let [x, y] = halves.map(|half| height(mesh, half));
+    (ROUNDING * size / x.min(y)).clamp(FLAT_RAD, MOST_ROUNDING_RAD)
+}
+
+/// The fold over two half edges; none for a convex curve.
+fn fold(mesh: &Mesh, halves: [u32; 2], size: f64) -> Option<Fold> {
+    let [n, m] = halves.map(|half| mesh.area_vector(half as usize / 3).normalize_or_zero());
+    if n == DVec3::ZERO || m == DVec3::ZERO {
+        return None;
+    }
+    let turn = libm::atan2(n.cross(m).length(), n.dot(m));
+    let kind = match turn {
+        turn if turn < FLAT_RAD => FoldKind::Flat,
+        turn if turn < MOST_ROUNDING_RAD && turn < rounding(mesh, halves, size) => FoldKind::Flat,
+        turn if turn >= CORNER_RAD => FoldKind::Corner,
+        _ => FoldKind::Curve,
+    };
+    let corner = |half: u32, k: usize| mesh.corners(half as usize / 3)[(half as usize + k) % 3];
+    let rises = n.dot(across(mesh, halves[1]) - corner(halves[0], 0)) > 0.0;
+    match kind {
+        FoldKind::Curve if !rises => None,
+        FoldKind::Curve => Some(Fold { halves, turn, kind }),
+        _ => Some(Fold { halves, turn: 0.0, kind }),
+    }
+}
+
+/// The corner of a face across from one of its edges.
+fn across(mesh: &Mesh, half: u32) -> DVec3 {
+    mesh.corners(half as usize / 3)[(half as usize % 3 + 2) % 3]
+}
