@@ -222,7 +222,7 @@ fn quartered(mesh: &Mesh, n: usize) -> Mesh {
             let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
             triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
         }
-        mesh = Mesh { vertices, triangles, ..Mesh::default() };
+        mesh = Mesh { vertices, triangles };
     }
     mesh.vertices.iter_mut().for_each(|p| *p = p.as_vec3().as_dvec3());
     mesh
