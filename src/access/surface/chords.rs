@@ -5,6 +5,7 @@ use crate::geom::Mesh;
 use crate::par;
 use crate::spatial::CountingSort;
 use glam::{DMat2, DVec2, DVec3};
+use std::collections::BTreeSet;
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Turns up to this belong to a curve: ten facets to the full turn.
@@ -172,22 +173,20 @@ impl PlaneNeighbors {
         if cut_off.error <= 0.0 || cut_off.ends[0] == cut_off.ends[1] {
             return;
         }
-        let mut found = vec![half as usize / 3];
-        then(found[0], 1.0);
-        let mut next = 0;
-        while next < found.len() {
-            for over in self.0[found[next]].into_iter().flatten() {
-                let over = over as usize;
-                if found.contains(&over) {
+        let first = half / 3;
+        then(first as usize, 1.0);
+        let (mut seen, mut next) = (BTreeSet::from([first]), vec![first]);
+        while let Some(f) = next.pop() {
+            for over in self.0[f as usize].into_iter().flatten() {
+                if !seen.insert(over) {
                     continue;
                 }
-                let share = cut_off.share(&mesh.corners(over));
+                let share = cut_off.share(&mesh.corners(over as usize));
                 if share > LEAST_SHARE {
-                    then(over, share);
-                    found.push(over);
+                    then(over as usize, share);
+                    next.push(over);
                 }
             }
-            next += 1;
         }
     }
 }
@@ -319,8 +318,8 @@ fn chord(widths: &Widths, f: usize, across: &[Option<(f64, u32)>; 3]) -> Chord {
 /// M = Σ l/2 · h · t tᵀ                                     p: greatest eigenvector of the sum; h: width on the edge
 /// ```
 ///
-/// Of a triangle the first is what [`chord`] has. The second is less where sides are missing, to which M then has less
-/// as well: of a strip with its neighbors on one side, or with bores across its edges.
+/// Of a triangle the first is what [`chord`] has. The second is less where some of a side turns against nothing: of a
+/// strip with a neighbor on one side alone, or with bores across its edges.
 fn facet_chord(widths: &Widths, facet: &Facet, around: &[(f64, u32, u32)]) -> Chord {
     let (mut turns, mut swept) = (DMat2::ZERO, DMat2::ZERO);
     for &(turn, half, other) in around {
