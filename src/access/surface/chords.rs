@@ -97,26 +97,31 @@ impl Chords {
         for fold in curved() {
             let [x, y] = fold.halves;
             for (half, other) in [(x, y), (y, x)] {
-                match facets.number(half as usize / 3) {
-                    Some(k) => around[k].push((fold.turn, half, other)),
-                    None => across.as_flattened_mut()[half as usize] = Some((fold.turn, other)),
+                across.as_flattened_mut()[half as usize] = Some((fold.turn, other));
+                if let Some(k) = facets.number(half as usize / 3) {
+                    around[k].push((fold.turn, half, other));
                 }
             }
         }
         let widths = Widths { mesh, facets: &facets };
         let of_facet = |k: usize| facet_chord(&widths, &facets.all()[k], &around[k]);
         let of_facets = par::map(around.len(), of_facet);
-        let chord = |f: usize| match facets.number(f) {
-            Some(k) => of_facets[k],
+        let of_many = |f: usize| facets.number(f).and_then(|k| of_facets[k]);
+        let height_at = |half: u32| match of_many(half as usize / 3) {
+            Some(_) => widths.at(half),
+            None => height(mesh, half),
+        };
+        let chord = |f: usize| match of_many(f) {
+            Some(chord) => chord,
             None if across[f] == [None; 3] => Chord::default(),
-            None => chord(&widths, f, &across[f]),
+            None => chord(mesh, f, &across[f], height_at),
         };
         let own = par::map(mesh.triangles.len(), chord);
         // The two triangles of a strip's quadrangle are one facet.
         let mut by_facet = own.clone();
         for fold in flat() {
             let [x, y] = fold.faces();
-            if facets.number(x).is_none() && is_similar(mesh, fold.halves) {
+            if of_many(x).is_none() && is_similar(mesh, fold.halves) {
                 by_facet[x] = by_facet[x].max(own[y]);
                 by_facet[y] = by_facet[y].max(own[x]);
             }
@@ -284,9 +289,13 @@ fn smoothness(turn: f64) -> f64 {
     ((CORNER_RAD - turn) / (CORNER_RAD - SMOOTH_RAD)).clamp(0.0, 1.0)
 }
 
-/// The chord of a face whose neighbors rise over some of its edges.
-fn chord(widths: &Widths, f: usize, across: &[Option<(f64, u32)>; 3]) -> Chord {
-    let mesh = widths.mesh;
+/// The chord of a face whose neighbors rise over some of its edges; `height_at` is how far these extend from an edge.
+fn chord(
+    mesh: &Mesh,
+    f: usize,
+    across: &[Option<(f64, u32)>; 3],
+    height_at: impl Fn(u32) -> f64,
+) -> Chord {
     let corners = mesh.corners(f);
     let normal = mesh.area_vector(f).normalize_or_zero();
     let u = (corners[1] - corners[0]).normalize_or_zero();
@@ -301,7 +310,7 @@ fn chord(widths: &Widths, f: usize, across: &[Option<(f64, u32)>; 3]) -> Chord {
             continue;
         }
         let t = edge.perp();
-        let counted = weight(widths.at(other) / own) * smoothness(turn) * turn / own;
+        let counted = weight(height_at(other) / own) * smoothness(turn) * turn / own;
         shape += DMat2::from_cols(t * t.x, t * t.y) * counted;
     }
     let second = |a: usize, b: usize| (flat[a] - flat[b]).dot(shape * (flat[a] - flat[b]));
@@ -311,7 +320,8 @@ fn chord(widths: &Widths, f: usize, across: &[Option<(f64, u32)>; 3]) -> Chord {
     Chord { error: on_edges.max(within), curvature: greatest_eigenvalue(shape) }
 }
 
-/// The chord of a facet of many triangles, of which some rise over some of its edges, `(turn, half edge, other half)`.
+/// The chord of a facet of many triangles, of which some rise over some of its edges, `(turn, half edge, other half)`;
+/// none of one that has neighbors of its curve on one side alone: planes that meet in a blunt edge are no curve.
 ///
 /// ```text
 /// Λ = 1 / min(A, pᵀMp) · Σ w(ratio) · θ · l/2 · t tᵀ        A: area; l: length of the edge
@@ -319,9 +329,12 @@ fn chord(widths: &Widths, f: usize, across: &[Option<(f64, u32)>; 3]) -> Chord {
 /// ```
 ///
 /// Of a triangle the first is what [`chord`] has. The second is less where some of a side turns against nothing: of a
-/// strip with a neighbor on one side alone, or with bores across its edges.
-fn facet_chord(widths: &Widths, facet: &Facet, around: &[(f64, u32, u32)]) -> Chord {
+/// strip with bores across its edges.
+fn facet_chord(widths: &Widths, facet: &Facet, around: &[(f64, u32, u32)]) -> Option<Chord> {
+    /// Cosine with the curve's direction of what is on one of its sides.
+    const SIDE: f64 = 0.5;
     let (mut turns, mut swept) = (DMat2::ZERO, DMat2::ZERO);
+    let mut sides = Vec::new();
     for &(turn, half, other) in around {
         let [a, b] = edge(widths.mesh, half).map(|p| facet.flat(p));
         let (own, t) = (widths.at(half), (b - a).normalize_or_zero().perp());
@@ -330,17 +343,22 @@ fn facet_chord(widths: &Widths, facet: &Facet, around: &[(f64, u32, u32)]) -> Ch
             let across = DMat2::from_cols(t * t.x, t * t.y) * (0.5 * (b - a).length());
             turns += across * (counted * turn);
             swept += across * (counted * own);
+            sides.push(t);
         }
     }
     let greatest = greatest_eigenvalue(turns);
     if greatest <= 0.0 {
-        return Chord::default();
+        return None;
     }
     // A column of what the other eigenvalue leaves.
     let rest =
         turns - DMat2::from_diagonal(DVec2::splat(turns.x_axis.x + turns.y_axis.y - greatest));
     let longer = rest.x_axis.length_squared() >= rest.y_axis.length_squared();
     let p = if longer { rest.x_axis } else { rest.y_axis }.normalize_or(DVec2::X);
+    let is_on = |sign: f64| sides.iter().any(|t| sign * t.dot(p) > SIDE);
+    if !(is_on(1.0) && is_on(-1.0)) {
+        return None;
+    }
     let shape = turns * (1.0 / (0.5 * facet.double_area).min(p.dot(swept * p)));
     let mut across: f64 = 0.0;
     for (k, a) in facet.hull.iter().enumerate() {
@@ -348,7 +366,7 @@ fn facet_chord(widths: &Widths, facet: &Facet, around: &[(f64, u32, u32)]) -> Ch
             across = across.max((*a - *b).dot(shape * (*a - *b)));
         }
     }
-    Chord { error: across / 8.0, curvature: greatest_eigenvalue(shape) }
+    Some(Chord { error: across / 8.0, curvature: greatest_eigenvalue(shape) })
 }
 
 fn greatest_eigenvalue(shape: DMat2) -> f64 {

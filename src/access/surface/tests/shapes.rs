@@ -328,3 +328,16 @@ fn a_tool_of_the_radius_of_a_bore_that_is_crossed_reaches_it_and_a_wider_one_doe
         }
     }
 }
+
+#[test]
+fn planes_of_many_triangles_that_meet_in_a_blunt_edge_are_no_curve() {
+    let outline = [[-20.0, -5.0], [20.0, -5.0], [20.0, 7.3], [0.0, 0.0], [-20.0, 0.0]];
+    let cap = [[0, 1, 3], [1, 2, 3], [0, 3, 4]];
+    let mesh = solids::prism(&outline.map(DVec2::from_array), &cap, 30.0);
+    let greatest = |mesh: &Mesh| {
+        let chords = Chords::of(mesh);
+        (0..chords.len() as u32).map(|f| chords.at(f).error).fold(0.0, f64::max)
+    };
+    // Of each triangle what its own width shows, no more.
+    assert!(greatest(&quartered(&mesh, 2)) < 0.3 * greatest(&mesh));
+}
