@@ -244,14 +244,14 @@ struct Widths<'a> {
 impl Widths<'_> {
     /// Of a half edge.
     fn at(&self, half: u32) -> f64 {
-        let facet = self.facets.of_face(half as usize / 3);
+        let facet = self.facets.facet(half as usize / 3);
         facet.map_or_else(|| height(self.mesh, half), |facet| facet.width(edge(self.mesh, half)))
     }
 
     /// What is cut off from a curve along a half edge of its facet.
     fn cut_off(&self, half: u32, error: f64) -> CutOff {
         let edge = edge(self.mesh, half);
-        let side = self.facets.of_face(half as usize / 3).map_or(Some(edge), |f| f.side(edge));
+        let side = self.facets.facet(half as usize / 3).map_or(Some(edge), |f| f.side(edge));
         CutOff { error, is_chord: side.is_some(), ends: side.unwrap_or(edge) }
     }
 }
