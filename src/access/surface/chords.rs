@@ -25,7 +25,7 @@ const ESTIMATE: f64 = 1.1;
 /// Vertices per task.
 const VERTICES: usize = 4096;
 
-/// What a facet says of the concave curve that it stands for.
+/// The concave curve that a facet replaces.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Chord {
     /// Distance between facet and curve, mm.
@@ -104,14 +104,14 @@ impl Chords {
             }
         }
         let widths = Widths { mesh, facets: &facets };
-        let of_facet = |k: usize| facet_chord(&widths, &facets.all()[k], &around[k]);
-        let of_facets = par::map(around.len(), of_facet);
-        let of_many = |f: usize| facets.number(f).and_then(|k| of_facets[k]);
-        let height_at = |half: u32| match of_many(half as usize / 3) {
+        let facet_chords =
+            par::map(around.len(), |k: usize| facet_chord(&widths, &facets.all()[k], &around[k]));
+        let from_facet = |f: usize| facets.number(f).and_then(|k| facet_chords[k]);
+        let height_at = |half: u32| match from_facet(half as usize / 3) {
             Some(_) => widths.at(half),
             None => height(mesh, half),
         };
-        let chord = |f: usize| match of_many(f) {
+        let chord = |f: usize| match from_facet(f) {
             Some(chord) => chord,
             None if across[f] == [None; 3] => Chord::default(),
             None => chord(mesh, f, &across[f], height_at),
@@ -121,7 +121,7 @@ impl Chords {
         let mut by_facet = own.clone();
         for fold in flat() {
             let [x, y] = fold.faces();
-            if of_many(x).is_none() && is_similar(mesh, fold.halves) {
+            if from_facet(x).is_none() && is_similar(mesh, fold.halves) {
                 by_facet[x] = by_facet[x].max(own[y]);
                 by_facet[y] = by_facet[y].max(own[x]);
             }
@@ -129,12 +129,15 @@ impl Chords {
         let mut chords = by_facet.clone();
         let plane = PlaneNeighbors::of(mesh, flat());
         for fold in folds.iter().filter(|fold| fold.kind == FoldKind::Corner) {
-            let [x, y] = fold.faces();
-            let [p, q] = fold.halves;
-            for (of, half, other) in [(y, p, q), (x, q, p)] {
+            let ([x, y], [p, q]) = (fold.faces(), fold.halves);
+            for (own, of, other) in [(x, y, q), (y, x, p)] {
                 let granted = by_facet[of];
+                chords[own] = chords[own].max(granted);
+                if from_facet(of).is_none() || granted.error <= 0.0 {
+                    continue;
+                }
                 let cut_off = widths.cut_off(other, granted.error / oblique(mesh, fold.halves));
-                plane.reaching_in(mesh, half, &cut_off, |f, share| {
+                plane.reaching_in(mesh, own, &cut_off, |f, share| {
                     let error = share * granted.error;
                     chords[f] = chords[f].max(Chord { error, ..granted });
                 });
@@ -166,21 +169,16 @@ impl PlaneNeighbors {
         PlaneNeighbors(over)
     }
 
-    /// Calls `then` with the faces in one plane with that of a half edge that reach in between a facet and its curve, and
-    /// how far, as a share of the chord error; with all of it for the face itself.
+    /// Calls `then` with the faces in one plane with a face at the edge of a facet that reach in between the facet and its
+    /// curve, and how far, as a share of the chord error.
     fn reaching_in(
         &self,
         mesh: &Mesh,
-        half: u32,
+        face: usize,
         cut_off: &CutOff,
         mut then: impl FnMut(usize, f64),
     ) {
-        if cut_off.error <= 0.0 || cut_off.ends[0] == cut_off.ends[1] {
-            return;
-        }
-        let first = half / 3;
-        then(first as usize, 1.0);
-        let (mut seen, mut next) = (BTreeSet::from([first]), vec![first]);
+        let (mut seen, mut next) = (BTreeSet::from([face as u32]), vec![face as u32]);
         while let Some(f) = next.pop() {
             for over in self.0[f as usize].into_iter().flatten() {
                 if !seen.insert(over) {
@@ -196,7 +194,7 @@ impl PlaneNeighbors {
     }
 }
 
-/// What is between a facet and the curve that it stands for, in a plane that meets the facet in an edge.
+/// What is between a facet and the curve that it replaces, in a plane that meets the facet in an edge.
 struct CutOff {
     /// Of the edge, if it is between the facet's sides; else of the chord that the side is.
     ends: [DVec3; 2],
@@ -248,10 +246,10 @@ impl Widths<'_> {
         facet.map_or_else(|| height(self.mesh, half), |facet| facet.width(edge(self.mesh, half)))
     }
 
-    /// What is cut off from a curve along a half edge of its facet.
+    /// What a facet of many triangles cuts off from its curve along one of their edges.
     fn cut_off(&self, half: u32, error: f64) -> CutOff {
         let edge = edge(self.mesh, half);
-        let side = self.facets.facet(half as usize / 3).map_or(Some(edge), |f| f.side(edge));
+        let side = self.facets.facet(half as usize / 3).and_then(|facet| facet.side(edge));
         CutOff { error, is_chord: side.is_some(), ends: side.unwrap_or(edge) }
     }
 }
@@ -275,7 +273,7 @@ fn height(mesh: &Mesh, half: u32) -> f64 {
     if edge > 0.0 { mesh.area_vector(half as usize / 3).length() / edge } else { 0.0 }
 }
 
-/// How much a neighbor tells of a facet, by the ratio of its height on the edge to the facet's own.
+/// How much a neighbor counts for the curve of a facet, by the ratio of its height on the edge to the facet's own.
 fn weight(ratio: f64) -> f64 {
     if ratio >= 1.0 {
         return 1.0;
