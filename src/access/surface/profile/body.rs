@@ -18,7 +18,7 @@ pub(super) struct Element {
     /// Greatest radius.
     pub most: f64,
     pub cuts: bool,
-    /// Radii just below and just above: of its ends more is a face; infinite where faces do not count.
+    /// Radii just below and just above, beyond which its ends are faces; infinite where faces do not count.
     pub beside: [f64; 2],
 }
 

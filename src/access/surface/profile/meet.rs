@@ -78,14 +78,14 @@ pub(super) fn deepest(body: &Body, corners: &[DVec3; 3], least: f64) -> Option<(
     best
 }
 
-/// As [`deepest`], measured from the faces beside an element as well.
-pub(super) fn deepest_from_faces(body: &Body, corners: &[DVec3; 3]) -> Option<(f64, DVec3)> {
+/// About the point of a triangle that is deepest, measured from the faces beside an element as well as across the axis.
+pub(super) fn deepest_from_faces(body: &Body, corners: &[DVec3; 3]) -> Option<DVec3> {
     let (mut most, mut best) = (0.0, None);
     over(body, corners, (DVec2::ZERO, 0.0), |segment, element| {
         if let Some((depth, t)) = farthest_in(segment, element, most) {
             let (depth, t) = from_faces(segment, element, [depth, t]);
             if depth > most {
-                (most, best) = (depth, Some((depth, segment.at(t))));
+                (most, best) = (depth, Some(segment.at(t)));
             }
         }
         false
@@ -301,12 +301,12 @@ fn farthest_in(segment: &Segment, element: &Element, least: f64) -> Option<(f64,
     (best.0 < -least).then_some((-best.0, best.1))
 }
 
-/// About the greatest of the lesser depth, of that across the axis and that from a face, near the place that is deepest
-/// across the axis: a triangle that barely passes a face may be far in beside it.
+/// About the greatest depth, the lesser of that across the axis and that from a face, and its share; from the share that
+/// is deepest across the axis.
 ///
 /// ```text
-/// nearer to the axis than the face is, or deeper from the face: as it is
-/// else away from the face, until it is as deep across the axis as from the face
+/// nearer to the axis than the face is, or deeper from the face: that share
+/// else away from the face, to where it is as deep across the axis as from the face
 /// ```
 fn from_faces(segment: &Segment, element: &Element, [depth, at]: [f64; 2]) -> (f64, f64) {
     const HALVINGS: usize = 20;

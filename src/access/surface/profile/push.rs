@@ -2,10 +2,11 @@
 //!
 //! ```text
 //! again and again, a few times:
-//!     the deepest triangle, from the axis; if that is near a face of the tool, its point that is deepest from both
+//!     the triangle that is deepest across the axis, and the point of it; if that lies on a face of the tool, the point
+//!         that is deepest from the faces as well
 //!     none: free if nothing at all is penetrated
 //!     deeper than the pose has freedom, or as deep as before for the second time: given up
-//!     push clear of it along the profile, else across the axis; of the same as before, by what its depths imply (secant)
+//!     push clear of it along the profile, else across the axis; off the same triangle again, by the secant of its depths
 //! ```
 
 use super::contact::{BEYOND_MM, LEAST_COSINE, Pose, REACH, SHALLOWER};
@@ -19,7 +20,7 @@ use glam::DVec3;
 // Chosen on the T-slot and the turned part of the tests.
 /// Pushes of one pose, and how many of them may meet a triangle again that is not less deep by a tenth.
 pub(super) const PUSHES: usize = 16;
-pub(super) const MOST_STALLED: usize = 2;
+const MOST_STALLED: usize = 2;
 
 /// A triangle that a pose was pushed clear of.
 struct Pushed {
@@ -63,8 +64,8 @@ impl Pushes {
 impl ProfileTool<'_> {
     /// As [`ProfileTool::deepest_hit`] of the whole tool, with the way out of it.
     ///
-    /// A triangle that is far in across the axis may be near a face of the tool; by that alone a pose would be pushed by
-    /// nothing again and again.
+    /// The point that is deepest across the axis may lie on a face of the tool, by which a pose would be pushed by
+    /// nothing. Then it is the point of its triangle that is deepest from the faces as well.
     pub(super) fn deepest(
         &self,
         frame: &Frame,
@@ -79,7 +80,7 @@ impl ProfileTool<'_> {
         }
         let stand = Stand { reference: tip, axes: frame.axes };
         let corners = stand.triangle(self.bvh().triangle(place));
-        let Some((_, point)) = deepest_from_faces(&shrunk.whole, &corners) else {
+        let Some(point) = deepest_from_faces(&shrunk.whole, &corners) else {
             return Some((place, point, depth));
         };
         Some((place, point, self.outline.depth(point)))

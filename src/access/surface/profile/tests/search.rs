@@ -146,7 +146,7 @@ fn hold_against_lengths(
     let only = |a: &SurfaceLabels, b: &SurfaceLabels| {
         (0..sites.len()).filter(|&i| reached(a, i) && !reached(b, i)).count()
     };
-    // Poses of profiles are searched less far. Of 404 tools at most 4 and 28 of 1728.
+    // Fewer poses of profiles are searched. Of 404 tools at most 4 and 28 of 1728.
     let (more, fewer) = (only(&found, &expected), only(&expected, &found));
     let few = more * 200 < sites.len() && fewer * 50 < sites.len();
     prop_assert!(few, "{text} {stick_out}: {more} {fewer}");
