@@ -4,6 +4,7 @@ use super::super::obstacles::{TriangleObstacles, contacts};
 use super::super::profile::Frame;
 use super::super::query::Scratch;
 use super::super::tool::Outline;
+use super::super::triangle::crossing;
 use super::super::{SurfaceOptions, WitnessPose};
 use super::footprint::{Cutting, Footprint};
 use super::heights::{Buffers, Heights};
@@ -185,7 +186,26 @@ impl TriangleObstacles {
                 length = length.min(((end - from[k]) / along[k]).max(0.0));
             }
         }
-        self.ray(from, along, OWN_WALL_MM).map_or(length, |(wall, _)| wall.min(length))
+        let Some((wall, place)) = self.ray(from, along, OWN_WALL_MM) else { return length };
+        // The line would come out of the part there: it has met the other wall of a thin gap already.
+        let comes_out = self.facing(place).dot(along) > 0.0;
+        comes_out.then(|| self.thin_gap(from, along)).flatten().unwrap_or(wall).min(length)
+    }
+
+    /// Width of a gap that is too thin to tell a site's own wall from the other, if there is one.
+    fn thin_gap(&self, from: DVec3, along: DVec3) -> Option<f64> {
+        let mut width: Option<f64> = None;
+        self.bvh.near(from, OWN_WALL_MM, |place| {
+            if self.facing(place).dot(along) < 0.0
+                && let Some(t) = crossing(self.bvh.triangle(place), from, along)
+                && t.abs() <= OWN_WALL_MM
+            {
+                let t = t.max(0.0);
+                width = Some(width.map_or(t, |least| least.min(t)));
+            }
+            false
+        });
+        width
     }
 }
 

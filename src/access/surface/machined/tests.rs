@@ -188,6 +188,18 @@ fn a_slot_that_is_too_narrow_stays_full() {
     assert_eq!(machine(&mesh, &[&fits], &Directions::up(), 0.25).bodies.len(), 0);
 }
 
+/// A gap thinner than what is taken for a site's own wall: the other wall is not missed.
+#[test]
+fn no_more_is_left_in_a_thin_gap_than_its_width() {
+    let cutter = Cutter::flat_end(CutterParams::from_array([3.0, 20.0, 3.0, 20.0])).unwrap();
+    for width in [1e-6, 1e-3, 0.015, 0.025, 0.5] {
+        let mesh = slotted(width, 10.0);
+        let at = [(DVec3::new(-0.5 * width, 0.0, 15.0), DVec3::X)];
+        let found = rests(&mesh, &at, &cutter, &Directions::up());
+        assert!((found[0] - width).abs() < 1e-5, "{width} {}", found[0]);
+    }
+}
+
 #[test]
 fn more_tools_and_more_directions_leave_no_more_and_a_second_time_adds_nothing() {
     let mesh = pocket();
