@@ -4,7 +4,7 @@ use super::super::obstacles::{TriangleObstacles, contacts};
 use super::super::profile::Frame;
 use super::super::query::Scratch;
 use super::super::tool::Outline;
-use super::super::triangle::crossing;
+use super::super::triangle::nearest;
 use super::super::{SurfaceOptions, WitnessPose};
 use super::footprint::{Cutting, Footprint};
 use super::heights::{Buffers, Heights};
@@ -192,16 +192,14 @@ impl TriangleObstacles {
         comes_out.then(|| self.thin_gap(from, along)).flatten().unwrap_or(wall).min(length)
     }
 
-    /// Width of a gap that is too thin to tell a site's own wall from the other, if there is one.
+    /// Width of a gap that is too thin to tell a site's own wall from the other, if there is one. A line that begins at an
+    /// edge of needles may cross neither.
     fn thin_gap(&self, from: DVec3, along: DVec3) -> Option<f64> {
         let mut width: Option<f64> = None;
         self.bvh.near(from, OWN_WALL_MM, |place| {
-            if self.facing(place).dot(along) < 0.0
-                && let Some(t) = crossing(self.bvh.triangle(place), from, along)
-                && t.abs() <= OWN_WALL_MM
-            {
-                let t = t.max(0.0);
-                width = Some(width.map_or(t, |least| least.min(t)));
+            if self.facing(place).dot(along) < 0.0 {
+                let distance = nearest(from, self.bvh.triangle(place)).distance(from);
+                width = Some(width.map_or(distance, |least| least.min(distance)));
             }
             false
         });
