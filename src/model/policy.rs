@@ -53,11 +53,10 @@ setters!(MemoryPolicy {
 impl Default for MemoryPolicy {
     /// The table of this module.
     fn default() -> Self {
-        let block = ResidualPolicy { convolutions: Policy::Save, shortcut: Policy::Recompute };
         MemoryPolicy {
             stem: Policy::Recompute,
             down: Policy::Save,
-            blocks: BlocksPolicy { outputs: Policy::Recompute, block },
+            blocks: BlocksPolicy::default(),
             up: Policy::Recompute,
             head: Policy::Recompute,
         }

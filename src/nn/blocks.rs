@@ -26,6 +26,13 @@ setters!(BlocksPolicy {
     with_block(block: ResidualPolicy),
 });
 
+impl Default for BlocksPolicy {
+    /// Outputs are recomputed, and each block saves what it does by default.
+    fn default() -> Self {
+        BlocksPolicy { outputs: Policy::Recompute, block: ResidualPolicy::default() }
+    }
+}
+
 /// At least one [`Residual`]; the first may change the width.
 #[derive(Debug, Clone)]
 pub struct Blocks {

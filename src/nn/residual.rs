@@ -31,6 +31,13 @@ setters!(ResidualPolicy {
     with_shortcut(shortcut: Policy),
 });
 
+impl Default for ResidualPolicy {
+    /// Convolutions are saved, the shortcut is recomputed.
+    fn default() -> Self {
+        ResidualPolicy { convolutions: Policy::Save, shortcut: Policy::Recompute }
+    }
+}
+
 /// `y = relu(norm(conv(relu(norm(conv(x))))) + shortcut(x))` (He et al. 2016).
 ///
 /// The shortcut is the identity, or a linear map with batch norm where the widths differ.
