@@ -9,6 +9,16 @@ use serde::{Deserialize, Serialize};
 use std::ops::AddAssign;
 
 /// Counts of right and wrong predictions; they add up over samples, so pooled scores are exact.
+///
+/// ```
+/// use deepmill::metrics::Confusion;
+///
+/// let mut counts = Confusion::of_labels(&[true, true, true, false], &[true, true, false, true]);
+/// assert_eq!(counts.to_array(), [2, 1, 1, 0]); // right yes, wrong yes, missed, right no
+/// assert_eq!((counts.precision(), counts.recall(), counts.iou()), (2.0 / 3.0, 2.0 / 3.0, 0.5));
+/// counts += Confusion::of_labels(&[true; 6], &[true; 6]);
+/// assert_eq!(counts.f1(), 16.0 / 18.0); // of all ten, not the mean of 2/3 and 1
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Confusion {
     /// Predicted yes, truly yes.

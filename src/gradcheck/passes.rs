@@ -12,6 +12,22 @@ use crate::rng::Stream;
 use std::ops::Range;
 
 /// A [`Layer`] with what its passes take, as one call of [`layer()`] checks it.
+///
+/// Dropout is drawn alike in every pass, so that what it does is a linear map with a gradient.
+///
+/// ```
+/// use deepmill::gradcheck::{self, Case, GradcheckSettings};
+/// use deepmill::nn::{dropout::Dropout, operand::Operand, params::Layout};
+/// use deepmill::rng::{Purpose, Stream};
+///
+/// let (layout, x) = (Layout::default(), gradcheck::probe(40, 1)); // no parameters; four rows of ten
+/// let streams: Vec<Stream> = (0..4).map(|row| Stream::new(3, 0, row, Purpose::Dropout)).collect();
+/// let case = Case::new(&layout, &[], &(), Operand::new(&x, 10)).with_dropout(&streams);
+/// let report = gradcheck::layer(&Dropout::new(0.4)?, &case, &GradcheckSettings::default())?;
+/// report.require(1e-7)?;
+/// assert_eq!((report.n_checked, report.worst[0].name.as_str()), (40, "x"));
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Case<'a, G: ?Sized> {

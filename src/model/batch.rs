@@ -39,6 +39,25 @@ impl Shape<'_> {
 }
 
 /// Several shapes, ready for the network.
+///
+/// The logits of a shape do not depend on the others of its batch:
+///
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::model::{Batch, Model, Shape, UNetConfig};
+/// use deepmill::nn::arena::Arena;
+///
+/// let (config, arena) = (UNetConfig::tiny(), Arena::default());
+/// let points = [Vec3::ZERO, Vec3::new(30.0, 0.0, 0.0), Vec3::new(0.0, 20.0, 10.0)];
+/// let one = Shape { points: &points, normals: &[Vec3::Z; 3], cutter_mm: [1.5, 6.0, 40.0, 5.0] };
+/// let other = Shape { points: &points[1..], normals: &[Vec3::X; 2], cutter_mm: [3.0, 6.0, 40.0, 20.0] };
+/// let [alone, both] = [Batch::<f32>::new(&[one], &config.input)?, Batch::new(&[one, other], &config.input)?];
+/// assert_eq!((both.n_shapes(), both.n_points()), (2, 5));
+/// let model = Model::new(&config, 1)?;
+/// let logits = |batch| model.logits(batch, &arena)[0].to_vec(); // two for each point
+/// assert_eq!(logits(&both)[..6], logits(&alone));
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Batch<T> {
     /// The joint octree.

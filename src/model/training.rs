@@ -17,6 +17,25 @@ use crate::scalar::Scalar;
 
 /// The outcome of a training pass: logits, and what one backward needs and uses up, which [`Network`](super::Network)
 /// names.
+///
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::model::{Batch, Model, Shape, UNetConfig};
+/// use deepmill::nn::arena::Arena;
+///
+/// let (config, arena) = (UNetConfig::tiny(), Arena::default());
+/// let mut model = Model::<f64>::new(&config, 1)?;
+/// # let points = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// # let shape = Shape { points: &points, normals: &[Vec3::Z; 3], cutter_mm: [1.5, 6.0, 40.0, 5.0] };
+/// let batch = Batch::new(&[shape], &config.input)?; // three points
+/// let pass = model.forward_train(&batch, None, &arena);
+/// let (zeros, ones) = (vec![0.0; pass.logits[0].len()], vec![1.0; pass.logits[1].len()]);
+/// let mut grads = vec![0.0; model.params.len()];
+/// model.backward(&batch, pass, &[&zeros, &ones], &mut grads, &arena); // uses the pass up
+/// // Of the sum of the second head's logits: each of its two biases, the last parameters, is in three of them.
+/// assert_eq!(grads[grads.len() - 2..], [3.0, 3.0]);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct TrainingPass<T, S = SavedUNet<T>> {
     /// Logits of the heads, `[n_points, n_classes]` each; of the networks here two classes: inaccessible, occlusion

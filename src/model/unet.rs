@@ -24,6 +24,23 @@ use crate::octree::{KernelMap, Octree, OctreeLevel};
 use crate::scalar::Scalar;
 
 /// Description of a network; its numbers live in the two vectors that [`UNet::layout`] describes.
+///
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::model::{Batch, Model, Shape, UNet, UNetConfig};
+/// use deepmill::nn::arena::Arena;
+///
+/// let config = UNetConfig::tiny();
+/// let model = Model::<f32, _>::with_network(UNet::new(&config)?, 7); // seed of the weights
+/// assert_eq!(model.params.len(), model.net.layout().n_params());
+/// let points = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// let shape = Shape { points: &points, normals: &[Vec3::Z; 3], cutter_mm: [1.5, 6.0, 40.0, 5.0] };
+/// let logits = model.logits(&Batch::new(&[shape], &config.input)?, &Arena::default());
+/// assert_eq!(logits.iter().map(|l| l.len()).collect::<Vec<_>>(), [3 * 2; 2]); // two heads of two classes
+/// let error = UNet::new(&config.with_head_width(0)).unwrap_err().to_string();
+/// assert!(error.starts_with("width is 0, expected 1 to 4096"), "{error}");
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct UNet {
     pub(super) config: UNetConfig,

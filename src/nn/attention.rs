@@ -23,6 +23,22 @@ use std::ops::Range;
 ///
 /// Every node meets every other of its shape, whatever their distance: time and memory grow with the square of their number. Products run in
 /// vectors, the exponentials of a row one by one. `W_out` starts at 0, so that the layer starts as the identity.
+///
+/// Where queries are 0, all nodes of the shape count the same: each gets the mean of their values.
+///
+/// ```
+/// use deepmill::nn::{arena::Arena, attention::Attention, layer::Layer, operand::Operand};
+/// use deepmill::nn::{params::Layout, pass::Inference};
+///
+/// let mut layout = Layout::default();
+/// let attention = Attention::new(&mut layout, "attention", 1, 1);
+/// let (arena, x, shapes) = (Arena::default(), [1.0, 3.0, 10.0], [0..2, 2..3]);
+/// let output = |params: &[f64]| {
+///     attention.forward(&Inference::new(params, &[], &arena), &shapes, Operand::new(&x, 1)).to_vec()
+/// };
+/// assert_eq!(output(&layout.init_params(7)), x); // it starts as the identity
+/// assert_eq!(output(&[0.0, 0.0, 1.0, 1.0]), [3.0, 5.0, 20.0]); // Q = K = 0, V = x, W_out = 1
+/// ```
 #[derive(Debug, Clone)]
 pub struct Attention {
     n_heads: usize,

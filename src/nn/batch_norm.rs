@@ -30,6 +30,20 @@ const FEW_ROWS: usize = 32;
 /// In training `mean` and `var` are those of the batch (`var` biased); the running statistics move a
 /// tenth of the way to them (`var` unbiased there). A batch of a single row has no variance: training
 /// then normalizes with the running statistics, as inference does, and leaves them alone.
+///
+/// ```
+/// use deepmill::nn::{arena::Arena, batch_norm::BatchNorm, layer::Layer, operand::Operand};
+/// use deepmill::nn::{params::Layout, pass::Training};
+///
+/// let mut layout = Layout::default();
+/// let norm = BatchNorm::new(&mut layout, "bn", 1);
+/// let (params, mut buffers) = (layout.init_params::<f64>(0), layout.init_buffers());
+/// let (arena, x) = (Arena::default(), [1.0, 3.0]); // mean 2, variance 1 biased, 2 unbiased
+/// let mut pass = Training::new(&params, &mut buffers, &arena);
+/// let (y, _) = norm.forward_train(&mut pass, &(), Operand::new(&x, 1));
+/// assert!((y[0] + 1.0).abs() < 1e-5 && (y[1] - 1.0).abs() < 1e-5);
+/// assert_eq!(buffers, [0.2, 1.1, 1.0]); // from mean 0 and variance 1 a tenth of the way; one batch
+/// ```
 #[derive(Debug, Clone)]
 pub struct BatchNorm {
     c: usize,

@@ -34,6 +34,32 @@ impl Default for BlocksPolicy {
 }
 
 /// At least one [`Residual`]; the first may change the width.
+///
+/// What is not saved is computed once more: the gradients have the same bits, from less memory between the passes.
+///
+/// ```
+/// # use deepmill::octree::{Cloud, Octree, OctreeOptions};
+/// use deepmill::nn::blocks::{Blocks, BlocksPolicy};
+/// use deepmill::nn::pass::{Backward, Training};
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, params::Layout, saved::Policy};
+///
+/// # let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
+/// # let octree = Octree::build(&[Cloud::new(&[glam::Vec3::ZERO], &[])], &options)?;
+/// let (x, map) = (deepmill::gradcheck::probe(16, 1), &octree.finest().conv); // eight nodes of depth 1
+/// let gradient = |outputs| {
+///     let (mut layout, arena, x) = (Layout::default(), Arena::default(), Operand::new(&x, 2));
+///     let blocks = Blocks::new(&mut layout, "stage", 3, (2, 4), BlocksPolicy::default().with_outputs(outputs));
+///     let (params, mut buffers) = (layout.init_params::<f64>(1), layout.init_buffers());
+///     let (y, saved) = blocks.forward_train(&mut Training::new(&params, &mut buffers, &arena), map, x);
+///     let (bytes, mut grads) = (arena.in_use_bytes(), vec![0.0; params.len()]);
+///     blocks.backward(&mut Backward::new(&params, &mut grads, &arena), map, x, saved, y);
+///     (grads, bytes)
+/// };
+/// let ((saved, more), (recomputed, less)) = (gradient(Policy::Save), gradient(Policy::Recompute));
+/// assert_eq!(saved, recomputed);
+/// assert_eq!(more - less, 2 * 8 * 4 * 8); // outputs of two blocks: eight rows of four numbers in f64
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Blocks {
     blocks: Vec<Residual>,

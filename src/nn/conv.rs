@@ -20,6 +20,25 @@ use std::ops::Range;
 
 /// Convolution with weights `{name}.weights: [27, c_in, c_out]`; its geometry is
 /// [`crate::octree::OctreeLevel::conv`].
+///
+/// Each node gets the kernels of the neighbors that it has; those beyond the cube have no part in the sum.
+///
+/// ```
+/// # use deepmill::octree::{Cloud, Octree, OctreeOptions};
+/// use deepmill::nn::{arena::Arena, conv::OctreeConv, layer::Layer, operand::Operand};
+/// use deepmill::nn::{params::Layout, pass::Inference};
+///
+/// # let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
+/// # let octree = Octree::build(&[Cloud::new(&[glam::Vec3::ZERO], &[])], &options)?;
+/// let conv = OctreeConv::new(&mut Layout::default(), "conv", 1, 1);
+/// let weights: Vec<f64> = (0..27).map(f64::from).collect(); // W_k = k
+/// let (arena, level) = (Arena::default(), octree.finest()); // depth 1: eight nodes, in the corners of the cube
+/// let pass = Inference::new(&weights, &[], &arena);
+/// let y = conv.forward(&pass, &level.conv, Operand::new(&[1.0; 8], 1));
+/// // Node 0 has itself (13) and its neighbors in the directions of +x, +y, +z.
+/// assert_eq!(y[0], f64::from(13 + 14 + 16 + 17 + 22 + 23 + 25 + 26));
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct OctreeConv {
     c_in: usize,

@@ -16,6 +16,25 @@ use std::ops::Range;
 
 /// Transposed convolution with weights `{name}.weights: [8, c_out, c_in]`; its geometry is the coarse level.
 /// Writes `[8·n_nonempty, c_out]`: all nodes one depth finer.
+///
+/// Each of the eight children of a node has a weight of its own; empty nodes have no children.
+///
+/// ```
+/// # use deepmill::octree::{Cloud, Octree, OctreeOptions};
+/// use deepmill::nn::{arena::Arena, deconv::OctreeDeconv, layer::Layer, operand::Operand};
+/// use deepmill::nn::{params::Layout, pass::Inference};
+///
+/// # let options = OctreeOptions::default().with_depth(2).with_full_depth(1);
+/// # let octree = Octree::build(&[Cloud::new(&[glam::Vec3::splat(-0.5)], &[])], &options)?;
+/// let coarse = &octree.levels[1]; // eight nodes; one point, so that only node 0 has children
+/// let up = OctreeDeconv::new(&mut Layout::default(), "up", 1, 1);
+/// let weights = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]; // W_k = k
+/// let (arena, mut x) = (Arena::default(), [f64::NAN; 8]);
+/// x[0] = 3.0; // the rows of empty nodes are not read
+/// let y = up.forward(&Inference::new(&weights, &[], &arena), coarse, Operand::new(&x, 1));
+/// assert_eq!(y[..], [0.0, 3.0, 6.0, 9.0, 12.0, 15.0, 18.0, 21.0]);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct OctreeDeconv {
     c_in: usize,

@@ -20,6 +20,27 @@ use std::ops::Range;
 /// [`OutputRows::AllNodes`]: their zero rows take part in the batch norm: they count in its statistics, and come
 /// out of it and of the ReLU as a constant per channel. The reference's way. [`OutputRows::NonEmpty`]: they take
 /// no part and stay zero. Both have the same parameters.
+///
+/// ```
+/// # use deepmill::octree::{Cloud, Octree, OctreeOptions};
+/// use deepmill::nn::{downsample::Downsample, saved::Policy, strided_conv::OutputRows};
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, params::Layout, pass::Inference};
+///
+/// # let options = OctreeOptions::default().with_depth(2).with_full_depth(1);
+/// # let octree = Octree::build(&[Cloud::new(&[glam::Vec3::splat(-0.5)], &[])], &options)?;
+/// let coarse = &octree.levels[1]; // eight nodes; one point, so that only node 0 has children
+/// let (arena, x) = (Arena::default(), Operand::new(&[0.0; 8], 1));
+/// let output = |rows| {
+///     let mut layout = Layout::default();
+///     let down = Downsample::new(&mut layout, "down", (1, 1), rows, Policy::Save);
+///     let (mut params, buffers) = (layout.init_params::<f64>(0), layout.init_buffers());
+///     params[9] = 0.5; // the bias of the norm, after eight weights and its weight
+///     down.forward(&Inference::new(&params, &buffers, &arena), coarse, x).to_vec()
+/// };
+/// assert_eq!(output(OutputRows::AllNodes), [0.5; 8]);
+/// assert_eq!(output(OutputRows::NonEmpty), [0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Downsample {
     stage: LinearNormAct<OctreeStridedConv>,

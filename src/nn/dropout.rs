@@ -14,6 +14,21 @@ use std::ops::Range;
 ///
 /// Row `i` draws from stream `i` of the pass, so a shape's mask does not depend on its batch. Without streams it
 /// is the identity, as with `p = 0`.
+///
+/// ```
+/// use deepmill::nn::{arena::Arena, dropout::Dropout, layer::Layer, operand::Operand, pass::Training};
+/// use deepmill::rng::{Purpose, Stream};
+///
+/// let (dropout, arena, x) = (Dropout::new(0.5)?, Arena::default(), Operand::new(&[3.0; 100], 100));
+/// let mut streams = [Stream::new(1, 0, 0, Purpose::Dropout)]; // one row
+/// let mut pass = Training::new(&[], &mut [], &arena).with_dropout(&mut streams);
+/// let (y, _) = dropout.forward_train(&mut pass, &(), x);
+/// assert!(y.iter().all(|&y| y == 0.0 || y == 6.0)); // dropped, or 3 / (1 - p)
+/// assert!((30..70).contains(&y.iter().filter(|y| **y == 0.0).count()));
+/// let y = dropout.forward(&pass.inference(), &(), x);
+/// assert_eq!(y[..], [3.0; 100]); // inference drops nothing
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dropout {
     p: f64,

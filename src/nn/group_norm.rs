@@ -20,6 +20,22 @@ pub(crate) const EPS: f64 = 1e-5;
 
 /// `y = (x - mean) / √(var + ε) · weight + bias`, mean and biased variance over all nodes of a shape
 /// and all channels of a group.
+///
+/// Mean and variance of a shape are those of its own rows, whatever its batch holds.
+///
+/// ```
+/// use deepmill::nn::{arena::Arena, group_norm::GroupNorm, layer::Layer, operand::Operand};
+/// use deepmill::nn::{params::Layout, pass::Inference};
+///
+/// let mut layout = Layout::default();
+/// let norm = GroupNorm::new(&mut layout, "gn", 2, 1); // both columns in one group
+/// let (params, arena) = (layout.init_params::<f64>(0), Arena::default());
+/// let x = [1.0, 3.0, 5.0, 7.0, 101.0, 103.0, 105.0, 107.0]; // two shapes of two nodes
+/// let y = norm.forward(&Inference::new(&params, &[], &arena), &[0..2, 2..4], Operand::new(&x, 2));
+/// assert_eq!(y[..4], y[4..]); // the second shape is the first, moved by 100
+/// assert!(y[..4].iter().sum::<f64>().abs() < 1e-12);
+/// assert!((y[3] - 3.0 / 5.0_f64.sqrt()).abs() < 1e-5); // 7 is 3 above the mean, the variance is 5
+/// ```
 #[derive(Debug, Clone)]
 pub struct GroupNorm {
     c: usize,

@@ -15,6 +15,17 @@ use crate::scalar::Scalar;
 use std::ops::Range;
 
 /// `y[n, c_out] = x[n, c_in] · Wᵀ + b` with `W: [c_out, c_in]`.
+///
+/// ```
+/// use deepmill::nn::{arena::Arena, layer::Layer, linear::Linear, operand::Operand};
+/// use deepmill::nn::{params::Layout, pass::Inference};
+///
+/// let linear = Linear::new(&mut Layout::default(), "linear", 2, 3, true);
+/// let params = [1.0, 0.0, 0.0, 1.0, 1.0, -1.0, 10.0, 20.0, 30.0]; // three rows of weights, three biases
+/// let arena = Arena::default();
+/// let y = linear.forward(&Inference::new(&params, &[], &arena), &(), Operand::new(&[5.0, 3.0], 2));
+/// assert_eq!(y[..], [15.0, 23.0, 32.0]);
+/// ```
 #[derive(Debug, Clone)]
 pub struct Linear {
     c_in: usize,

@@ -16,6 +16,19 @@ use std::ops::Range;
 pub struct NeighborMean;
 
 /// The neighbors of every node, in lists that follow each other.
+///
+/// A path of three nodes, and one that reads the first and is read by none:
+///
+/// ```
+/// use deepmill::nn::neighbor_mean::{NeighborMean, Neighbors};
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference};
+///
+/// let lists: [&[u32]; 4] = [&[1], &[0, 2], &[1], &[0]]; // of each node
+/// let graph = Neighbors::new(lists);
+/// let (arena, x) = (Arena::default(), [1.0, 10.0, 4.0, 7.0]);
+/// let y = NeighborMean.forward(&Inference::new(&[], &[], &arena), &graph, Operand::new(&x, 1));
+/// assert_eq!((graph.n_nodes(), &y[..]), (4, &[10.0, 2.5, 10.0, 1.0][..]));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Neighbors {
     /// Node `v` reads `sources[starts[v]..starts[v + 1]]`.

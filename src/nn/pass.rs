@@ -10,6 +10,18 @@ use std::fmt;
 use std::ops::{Deref, Range};
 
 /// What a linear operator needs in any pass.
+///
+/// ```
+/// use deepmill::nn::{arena::Arena, linear::Linear, linear_operator::LinearOperator, operand::Operand};
+/// use deepmill::nn::{params::Layout, pass::Context};
+///
+/// let linear = Linear::new(&mut Layout::default(), "linear", 2, 1, false);
+/// let (params, arena) = ([3.0, 4.0], Arena::default()); // y = 3 x₀ + 4 x₁
+/// let (context, x) = (Context::new(&params, &arena), Operand::new(&[1.0, 2.0], 2));
+/// assert_eq!(linear.map(context, &(), x)[..], [11.0]);
+/// let dx = linear.input_gradient(context, &(), x, &[10.0]);
+/// assert_eq!(dx.into_first()[..], [30.0, 40.0]);
+/// ```
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct Context<'a, T> {
@@ -20,6 +32,18 @@ pub struct Context<'a, T> {
 }
 
 /// A pass that answers and changes nothing.
+///
+/// ```
+/// use deepmill::nn::{arena::Arena, batch_norm::BatchNorm, layer::Layer, operand::Operand};
+/// use deepmill::nn::{params::Layout, pass::Inference};
+///
+/// let norm = BatchNorm::new(&mut Layout::default(), "bn", 1);
+/// let (params, buffers) = ([1.0, 0.0], [5.0, 4.0, 100.0]); // weight and bias; mean and variance after 100 batches
+/// let arena = Arena::default();
+/// let pass = Inference::new(&params, &buffers, &arena); // many threads may share it
+/// let y = norm.forward(&pass, &(), Operand::new(&[9.0], 1));
+/// assert!((y[0] - (9.0 - 5.0) / 2.0_f64).abs() < 1e-5); // the running statistics, not those of one row
+/// ```
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct Inference<'a, T> {
@@ -32,6 +56,25 @@ pub struct Inference<'a, T> {
 }
 
 /// The forward pass of a training step: statistics of the batch, running ones move toward them.
+///
+/// A stream for each shape: the same seed, epoch and sample drop the same elements.
+///
+/// ```
+/// use deepmill::nn::{arena::Arena, dropout::Dropout, layer::Layer, operand::Operand, pass::Training};
+/// use deepmill::rng::{Purpose, Stream};
+///
+/// let (dropout, arena, x) = (Dropout::new(0.3)?, Arena::default(), [1.0; 64]);
+/// let output = |epoch: u64| {
+///     let mut streams = [0, 1].map(|sample| Stream::new(7, epoch, sample, Purpose::Dropout));
+///     let mut pass = Training::new(&[], &mut [], &arena).with_dropout(&mut streams);
+///     dropout.forward_train(&mut pass, &(), Operand::new(&x, 32)).0.to_vec() // two rows
+/// };
+/// assert_eq!(output(1), output(1));
+/// assert_ne!(output(1), output(2));
+/// let (plain, _) = dropout.forward_train(&mut Training::new(&[], &mut [], &arena), &(), Operand::new(&x, 32));
+/// assert_eq!(plain[..], x); // a pass without streams drops nothing
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Training<'a, T> {
@@ -46,6 +89,24 @@ pub struct Training<'a, T> {
 }
 
 /// The backward pass: gradients by the parameters accumulate, or are used up layer by layer.
+///
+/// ```
+/// use deepmill::nn::{arena::Arena, layer::Layer, linear::Linear, operand::Operand};
+/// use deepmill::nn::{params::Layout, pass::Backward};
+///
+/// let linear = Linear::new(&mut Layout::default(), "linear", 1, 1, false);
+/// let (mut params, arena, x) = ([2.0], Arena::default(), Operand::new(&[3.0], 1)); // y = 2 · 3
+/// let dy = || arena.copy_of(&[5.0]);
+/// let mut grads = [100.0];
+/// linear.backward(&mut Backward::new(&params, &mut grads, &arena), &(), x, (), dy());
+/// assert_eq!(grads, [115.0]); // 3 · 5 is added to what was there
+/// // Or a step of descent as soon as the gradient of a layer is whole:
+/// let mut step = |_, gradient: &mut [f64], params: &mut [f64]| params[0] -= 0.1 * gradient[0];
+/// let mut pass = Backward::updating(&mut params, &mut step, &arena);
+/// linear.backward(&mut pass, &(), x, (), dy());
+/// pass.layer_done();
+/// assert_eq!(params, [0.5]);
+/// ```
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Backward<'a, T> {

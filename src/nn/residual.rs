@@ -41,6 +41,27 @@ impl Default for ResidualPolicy {
 /// `y = relu(norm(conv(relu(norm(conv(x))))) + shortcut(x))` (He et al. 2016).
 ///
 /// The shortcut is the identity, or a linear map with batch norm where the widths differ.
+///
+/// The shortcut carries the input past convolutions that do nothing:
+///
+/// ```
+/// # use deepmill::octree::{Cloud, Octree, OctreeOptions};
+/// use deepmill::nn::residual::{Residual, ResidualPolicy};
+/// use deepmill::nn::{arena::Arena, layer, layer::Layer, operand::Operand};
+/// use deepmill::nn::{params::Layout, pass::Inference};
+///
+/// # let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
+/// # let octree = Octree::build(&[Cloud::new(&[glam::Vec3::ZERO], &[])], &options)?;
+/// let (mut layout, arena, policy) = (Layout::default(), Arena::default(), ResidualPolicy::default());
+/// let block = Residual::new(&mut layout, "block", 1, 1, policy);
+/// let (params, buffers) = (vec![0.0; layout.n_params()], layout.init_buffers());
+/// let x = [-4.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0]; // of the eight nodes of depth 1
+/// let y = block.forward(&Inference::new(&params, &buffers, &arena), &octree.finest().conv, Operand::new(&x, 1));
+/// assert_eq!(y[..], x.map(|x: f64| x.max(0.0)));
+/// let wider = Residual::new(&mut layout, "wider", 1, 2, policy);
+/// assert!(layer::describe::<f64>(&wider, &layout).contains("wider.conv1x1.conv.linear.weight [2, 1]"));
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Residual {
     first: LinearNormAct<OctreeConv>,

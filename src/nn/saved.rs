@@ -13,6 +13,18 @@ pub enum Policy {
 }
 
 /// An intermediate matrix under a [`Policy`]. Restoring uses it up, so one forward serves one backward.
+///
+/// ```
+/// use deepmill::nn::arena::Arena;
+/// use deepmill::nn::saved::{Policy, Saved};
+///
+/// let arena = Arena::<f64>::default();
+/// let saved = Saved::new(Policy::Save, arena.copy_of(&[1.0, 2.0]));
+/// let dropped = Saved::new(Policy::Recompute, arena.copy_of(&[1.0, 2.0, 3.0]));
+/// assert_eq!(arena.in_use_bytes(), 16); // only what is saved takes memory
+/// assert_eq!(saved.restore(|| unreachable!("it is there"))[..], [1.0, 2.0]);
+/// assert_eq!(dropped.restore(|| arena.copy_of(&[4.0, 5.0, 6.0]))[..], [4.0, 5.0, 6.0]);
+/// ```
 #[derive(Debug)]
 pub struct Saved<T>(Option<Buffer<T>>);
 

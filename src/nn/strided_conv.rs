@@ -26,6 +26,27 @@ pub enum OutputRows {
 
 /// Strided convolution with weights `{name}.weights: [8, c_in, c_out]`; its geometry is the coarse level. Reads
 /// `[8·n_nonempty, c_in]`: all nodes one depth finer.
+///
+/// With equal weights that sum to 1 a node gets the mean of its children.
+///
+/// ```
+/// # use deepmill::octree::{Cloud, Octree, OctreeOptions};
+/// use deepmill::nn::strided_conv::{OctreeStridedConv, OutputRows};
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, params::Layout, pass::Inference};
+///
+/// # let options = OctreeOptions::default().with_depth(2).with_full_depth(1);
+/// # let octree = Octree::build(&[Cloud::new(&[glam::Vec3::splat(-0.5)], &[])], &options)?;
+/// let coarse = &octree.levels[1]; // eight nodes; one point, so that only node 0 has children
+/// let (arena, x) = (Arena::default(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+/// let pass = Inference::new(&[0.125; 8], &[], &arena);
+/// let output = |rows| {
+///     let conv = OctreeStridedConv::new(&mut Layout::default(), "down", 1, 1, rows);
+///     conv.forward(&pass, coarse, Operand::new(&x, 1)).to_vec()
+/// };
+/// assert_eq!(output(OutputRows::NonEmpty), [4.5]);
+/// assert_eq!(output(OutputRows::AllNodes), [4.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct OctreeStridedConv {
     c_in: usize,
