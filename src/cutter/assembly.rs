@@ -83,6 +83,24 @@ pub enum TipShape {
 }
 
 /// A checked tool in its holder; checked again when it is deserialized.
+///
+/// ```
+/// use deepmill::cutter::{Assembly, Section, TipShape};
+///
+/// // A ball end of 6 mm with a shank of 10 mm from 25 mm on, 40 mm out of a holder of 30 mm.
+/// let tip = TipShape::Straight { radius_mm: 3.0, corner_mm: 3.0 };
+/// let body = [Section::cylinder(25.0, 3.0), Section::cylinder(60.0, 5.0)];
+/// let tool = Assembly::new(tip, &body, &[Section::cylinder(50.0, 15.0)], 40.0)?.with_overall(80.0)?;
+/// assert_eq!((tool.flutes_mm(), tool.most_stick_out_mm()), (25.0, 80.0));
+/// let nose = |stick_out_mm| -> deepmill::Result<f64> {
+///     let cutter = tool.at_stick_out(stick_out_mm)?;
+///     Ok(cutter.steps().iter().find(|step| step.radius_mm == 15.0).expect("a holder").height_mm)
+/// };
+/// assert_eq!(nose(55.0)? - nose(40.0)?, 15.0);
+/// let error = tool.clone().with_overall(35.0).unwrap_err().to_string();
+/// assert!(error.ends_with("correct one of them, or take a longer tool"), "{error}");
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "read::Unchecked")]
 pub struct Assembly {

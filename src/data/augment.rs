@@ -28,6 +28,24 @@ pub enum Turn {
 }
 
 /// Smooth random displacement of all points.
+///
+/// ```
+/// use deepmill::data::{Sample, augment::{Augment, Elastic}};
+/// # use deepmill::{answers::SiteAnswers, geom::Sites, glam::Vec3};
+/// use deepmill::rng::{Purpose, Stream};
+///
+/// # let points = vec![Vec3::ZERO, Vec3::new(100.0, 0.0, 0.0), Vec3::new(100.0, 0.0, 1.0)];
+/// # let sites = Sites { points, normals: vec![Vec3::Z; 3], faces: vec![] };
+/// # let answers = SiteAnswers::new(vec![true; 3], vec![false; 3]);
+/// # let sample = Sample::new("bar", sites.into(), [1.5, 6.0, 40.0, 5.0].into(), answers);
+/// // A bar of 100 mm: displacements of about 1 mm, nearly the same for sites 1 mm apart.
+/// let augment = Augment::default().with_elastic(Some(Elastic::new(0.25, 0.01)));
+/// let moved = augment.apply(&sample, &mut Stream::new(1, 0, 0, Purpose::Augment));
+/// let shift = |i: usize| moved.sites.points[i] - sample.sites.points[i];
+/// assert!(shift(1).length() > 0.0 && shift(1).length() < 6.0 && (shift(2) - shift(1)).length() < 0.3);
+/// assert_eq!((&moved.sites.normals, &moved.answers), (&sample.sites.normals, &sample.answers));
+/// assert!(!Elastic::new(0.0, 0.01).is_sound());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Elastic {

@@ -116,6 +116,26 @@ impl Provenance {
 }
 
 /// The exact answers for one part and cutter.
+///
+#[cfg_attr(feature = "generate", doc = "```")]
+#[cfg_attr(not(feature = "generate"), doc = "```ignore")]
+/// use deepmill::analysis::Analysis;
+/// use deepmill::data::files::{LabelFile, PredictionFile, tools::Tool};
+/// use deepmill::{geom::solids, glam::DVec3};
+///
+/// # let temporary = tempfile::tempdir().unwrap();
+/// # let path = temporary.path().join("labels.npz");
+/// let block = solids::cuboid(DVec3::new(40.0, 30.0, 20.0));
+/// let tool = Tool::new("3,20,20,20".parse()?, None, 0.0)?;
+/// let outcome = Analysis::new("block", block, vec![tool]).n_sites(100).run(&mut ())?;
+/// outcome.file(0)?.write(&path)?;
+/// let file = LabelFile::read(&path)?;
+/// assert_eq!(file.sites, *outcome.sites());
+/// assert_eq!(file.labels.answers.inaccessible, outcome.answers()[0].labels.answers.inaccessible);
+/// let error = PredictionFile::read(&path).unwrap_err().to_string();
+/// assert!(error.contains("expected deepmill predictions"), "{error}");
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct LabelFile {

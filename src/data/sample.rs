@@ -8,6 +8,20 @@ use crate::{Error, Result};
 use std::sync::Arc;
 
 /// One training or test example. Sites are shared between the cutters of a part.
+///
+/// ```
+/// use deepmill::{answers::SiteAnswers, data::Sample, geom::Sites, glam::Vec3};
+///
+/// let sites = Sites { points: vec![Vec3::ZERO, Vec3::X], normals: vec![Vec3::Z; 2], faces: vec![] };
+/// let answers = SiteAnswers::new(vec![false, true], vec![true, false]);
+/// let sample = Sample::new("block", sites.into(), [1.5, 6.0, 40.0, 5.0].into(), answers);
+/// sample.check()?;
+/// let mut short = sample.clone(); // shares the sites
+/// short.answers.occlusion.pop();
+/// let error = short.check().unwrap_err().to_string();
+/// assert!(error.starts_with("sample block: 1 occlusion for 2 sites"), "{error}");
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Sample {

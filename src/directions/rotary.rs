@@ -13,6 +13,20 @@ const AROUND: usize = 72;
 
 /// From where to where the tool axis may be about a rotary axis, degrees: 0 is +z (for an axis along z: +x) as near as
 /// it is across the axis; positive angles turn right-handed about the axis.
+///
+/// ```
+/// use deepmill::directions::{Directions, TurnLimits};
+/// use deepmill::glam::Vec3;
+///
+/// assert_eq!(TurnLimits::new(-30.0, 90.0)?.to_string(), "-30,90");
+/// let directions: Directions = "4-axis:x:-30,90".parse()?;
+/// let (first, last) = (directions.vectors()[0], directions.vectors()[directions.len() - 1]);
+/// assert!(first.distance(Vec3::new(0.0, 0.5, 0.75_f32.sqrt())) < 1e-6); // 30 degrees before +z
+/// assert!(last.distance(Vec3::NEG_Y) < 1e-6); // about +x, +z turns to -y
+/// let error = TurnLimits::new(-200.0, 200.0).unwrap_err().to_string();
+/// assert!(error.contains("at most a full turn apart"), "{error}");
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TurnLimits {
     low_deg: f64,

@@ -4,6 +4,18 @@ use crate::{Error, Result};
 use glam::Vec3;
 
 /// Points of one shape in [−1, 1]³, and their normals: as many, or none at all.
+///
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::octree::{Cloud, Octree, OctreeOptions};
+///
+/// let (points, options) = ([Vec3::ZERO, Vec3::splat(0.5)], OctreeOptions::default());
+/// let octree = Octree::build(&[Cloud::new(&points, &[]), Cloud::new(&points[1..], &[])], &options)?;
+/// assert_eq!((octree.n_shapes(), octree.n_points()), (2, 3)); // two shapes without normals
+/// let error = Octree::build(&[Cloud::new(&points, &[Vec3::Z])], &options).unwrap_err().to_string();
+/// assert!(error.starts_with("shape 0: 1 normals for 2 points") && error.contains("give each point"));
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cloud<'a> {
     /// Positions, dimensionless (see [`super::normalize`]).

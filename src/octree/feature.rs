@@ -8,6 +8,22 @@ use std::str::FromStr;
 /// Which features every finest node carries, in this order; empty nodes carry zeros.
 ///
 /// Written as letters: `N` normal (3 channels), `D` displacement (1), `P` position (3).
+///
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::octree::{Cloud, Features, Octree, OctreeOptions};
+///
+/// let (points, normals) = ([Vec3::new(0.5, 0.5, 0.75)], [Vec3::Z]);
+/// let options = OctreeOptions::default().with_depth(1).with_full_depth(1); // cells of edge 1
+/// let octree = Octree::build(&[Cloud::new(&points, &normals)], &options)?;
+/// let features: Features = "NDP".parse()?;
+/// let (rows, n) = (octree.features(features)?, features.n_channels());
+/// assert_eq!((rows.len(), n), (8 * 7, 7)); // eight nodes, seven of them empty
+/// assert!(rows[..7 * n].iter().all(|x| *x == 0.0));
+/// // The cell's center is (½, ½, ½): the point is a quarter of a cell above it.
+/// assert_eq!(rows[7 * n..], [0.0, 0.0, 1.0, 0.25, 0.5, 0.5, 0.75]);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Features {
     /// Mean unit normal.

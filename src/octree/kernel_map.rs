@@ -14,6 +14,18 @@ const MIN_BLOCK: usize = 64;
 const MIN_BLOCKS: usize = 32;
 
 /// Pairs of input and output rows for every block of output rows and every kernel offset.
+///
+/// ```
+/// use deepmill::octree::KernelMap;
+///
+/// let gather = KernelMap::gather(&[3, 1], 4); // outputs 0, 1 read inputs 3, 1 of four
+/// assert_eq!(gather.pairs(0, 0), (&[3, 1][..], &[0, 1][..]));
+/// let mut neigh = [[-1; 27]; 2]; // two nodes side by side in z
+/// (neigh[0][13], neigh[0][14], neigh[1][12], neigh[1][13]) = (0, 1, 0, 1);
+/// let conv = KernelMap::convolution(&neigh, vec![]);
+/// assert_eq!((conv.n_offsets(), conv.n_pairs()), (27, 4)); // what is missing costs nothing
+/// assert_eq!(conv.pairs(0, 14), (&[1][..], &[0][..])); // at this offset node 0 reads node 1
+/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct KernelMap {
     n_inputs: usize,

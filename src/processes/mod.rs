@@ -52,6 +52,20 @@ pub struct Traffic {
 }
 
 /// One process that has no others.
+///
+/// What is written for several processes is the same for one:
+///
+/// ```
+/// use deepmill::processes::{Processes, SingleProcess};
+///
+/// fn mean(own: f64, processes: &dyn Processes) -> f64 {
+///     let all = processes.gather(&own.to_le_bytes());
+///     let number = |bytes: &Vec<u8>| f64::from_le_bytes(bytes[..].try_into().expect("eight bytes"));
+///     all.iter().map(number).sum::<f64>() / processes.size() as f64
+/// }
+/// assert_eq!(mean(0.25, &SingleProcess), 0.25);
+/// assert_eq!(SingleProcess.exchange(&[1.0, 2.0, 3.0], &[1..3], &[2]), [2.0, 3.0]); // sent to itself
+/// ```
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SingleProcess;
 

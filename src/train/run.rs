@@ -83,6 +83,26 @@ pub struct Progress {
 const N_VECTORS: usize = 9;
 
 /// A training run.
+///
+/// ```
+/// use deepmill::train::{Run, Settings};
+/// # use deepmill::{answers::SiteAnswers, data::Sample, geom::Sites, glam::Vec3};
+///
+/// # let points: Vec<Vec3> = (0..40).map(|i| Vec3::new((i % 7) as f32, (i / 7) as f32, (i % 3) as f32)).collect();
+/// # let sites = Sites { normals: vec![Vec3::Z; 40], points, faces: vec![] };
+/// # let answers = SiteAnswers::new(vec![false; 40], vec![true; 40]);
+/// # let samples = [Sample::new("part", sites.into(), [1.5, 6.0, 40.0, 5.0].into(), answers)];
+/// let mut run = Run::new(Settings::tiny().with_n_epochs(1).with_seed(7))?;
+/// let error = run.train(&samples[..0], &[], &mut ()).unwrap_err().to_string();
+/// assert!(error.contains("training set is empty") && !run.is_finished());
+/// let before = run.model.params.clone();
+/// assert!(run.train(&samples[..], &[], &mut ())?.is_continue()); // no observer stopped it
+/// assert!(run.is_finished() && run.model.params != before);
+/// let mut again = Run::new(run.settings.clone())?;
+/// again.train(&samples[..], &[], &mut ())?;
+/// assert_eq!(again.model.params, run.model.params); // the seed decides everything
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct Run {
     /// How it was set up.

@@ -15,6 +15,32 @@ use std::ops::ControlFlow;
 /// Every random decision is keyed by (seed, epoch, step), and all of the state is in one file: a training that was
 /// stopped and resumed ends with the bits of one that was not, if its source makes batches from the numbers of epoch
 /// and step alone. `examples/own_network.rs` has all of it.
+///
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::loss::CrossEntropy;
+/// use deepmill::model::{Batch, Shape, UNet, UNetConfig};
+/// use deepmill::{nn::arena::Buffer, train::Trainer};
+/// use std::ops::ControlFlow::{Break, Continue};
+///
+/// # let points = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+/// # let shape = Shape { points: &points, normals: &[Vec3::Z; 4], cutter_mm: [1.5, 6.0, 40.0, 5.0] };
+/// let (config, three) = (UNetConfig::tiny(), CrossEntropy::equal(3)); // three classes
+/// let source = |_epoch, _step| Ok((Batch::new(&[shape], &config.input)?, [0_u8, 1, 2, 0]));
+/// let loss = |logits: &[Buffer<f32>], classes: &[u8; 4], dlogits: &mut [Vec<f32>]| {
+///     three.try_loss(&logits[0], classes, 1.0, &mut dlogits[0])
+/// };
+/// let start = || Trainer::new(UNet::with_heads(&config, &[3])?, 1, (2, 2)); // two epochs of two steps
+/// let (mut stopped, mut whole) = (start()?, start()?);
+/// let flow = stopped.train(source, loss, |trainer, _| {
+///     Ok(if trainer.position() == (2, 1) { Break(()) } else { Continue(()) }) // after three steps
+/// })?;
+/// assert!(flow.is_break() && !stopped.is_finished());
+/// stopped.train(source, loss, |_, _| Ok(Continue(())))?;
+/// whole.train(source, loss, |_, _| Ok(Continue(())))?;
+/// assert_eq!(stopped.model().params, whole.model().params);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct Trainer<N> {
     pub(super) model: Model<f32, N>,

@@ -27,6 +27,29 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A finished data set.
+///
+/// ```
+/// # use deepmill::data::dataset::{DatasetSettings, ImportedSample, import};
+/// use deepmill::data::dataset::{Dataset, Split};
+/// # use deepmill::{answers::SiteAnswers, data::Sample, geom::Sites, glam::Vec3};
+///
+/// # let temporary = tempfile::tempdir().unwrap();
+/// # let sample = |name: &str, split| {
+/// #     let sites = Sites { points: vec![Vec3::ZERO, Vec3::X], normals: vec![Vec3::Z; 2], faces: vec![] };
+/// #     let answers = SiteAnswers::new(vec![false, true], vec![true, false]);
+/// #     ImportedSample::new(split, Sample::new(name, sites.into(), [1.5, 6.0, 40.0, 5.0].into(), answers), 1.0)
+/// # };
+/// # let samples = [sample("block", Split::Train), sample("plate", Split::Validation)];
+/// # import(temporary.path(), DatasetSettings::default(), &samples)?;
+/// # let folder = temporary.path();
+/// let data = Dataset::open(folder)?; // of `deepmill dataset build` or `dataset import`
+/// let [training, validation] = [Split::Train, Split::Validation].map(|split| data.samples(Some(split)));
+/// assert_eq!((training?[0].name.as_str(), validation?[0].name.as_str()), ("block", "plate"));
+/// assert_eq!(data.samples(None)?.len(), 2); // one part is never in both
+/// let error = Dataset::open(&folder.join("other")).unwrap_err().to_string();
+/// assert!(error.contains("manifest.json"), "{error}");
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Dataset {
     /// Its folder.

@@ -14,6 +14,31 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// A network's answers for one part and cutter.
+///
+/// What is read is what was written, with the logits of each site:
+///
+#[cfg_attr(feature = "generate", doc = "```")]
+#[cfg_attr(not(feature = "generate"), doc = "```ignore")]
+/// use deepmill::analysis::{Analysis, PredictRequest};
+/// use deepmill::data::files::{PredictionFile, tools::Tool};
+/// use deepmill::model::{Model, Predictor, UNetConfig};
+/// use deepmill::{geom::solids, glam::DVec3};
+///
+/// # let temporary = tempfile::tempdir().unwrap();
+/// # let path = temporary.path().join("predictions.npz");
+/// let block = solids::cuboid(DVec3::new(40.0, 30.0, 20.0));
+/// let tool = Tool::new("3,20,20,20".parse()?, None, 0.0)?;
+/// let network = Predictor::new(Model::new(&UNetConfig::tiny(), 1)?); // not trained
+/// let placed = Analysis::new("block", block, vec![tool]).n_sites(100).place(&mut ())?;
+/// let outcome = placed.predict(&PredictRequest::new(network, "tiny"), &mut ())?;
+/// let file = &outcome.predictions()[0].file;
+/// file.write(&path)?;
+/// let read = PredictionFile::read(&path)?;
+/// assert_eq!((&read.prediction, read.provenance.part.as_str()), (&file.prediction, "block"));
+/// let [no, yes] = read.prediction.logits_inaccessible[0];
+/// assert_eq!(read.answers().inaccessible[0], yes > no);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct PredictionFile {

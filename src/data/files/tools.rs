@@ -54,6 +54,20 @@ pub use reading::read_several;
 pub(crate) use table::{steps_of_words, steps_words};
 
 /// A checked cutter and the numbers it was ordered with.
+///
+/// ```
+/// use deepmill::{cutter::Step, data::files::tools::Tool};
+///
+/// // CR, CH, FR, FH in mm; a flat end, with half a millimeter around what does not cut.
+/// let tool = Tool::new("3,20,20,30".parse()?, Some(0.0), 0.5)?.named("T1 rougher");
+/// assert_eq!(tool.assembly.stick_out_mm(), 26.0); // 2·CR + CH
+/// assert_eq!(tool.words().split(", ").last(), Some("clearance 0.5 mm"));
+/// let widest_mm = |steps: &[Step]| steps.iter().map(|s| s.radius_mm).filter(|r| r.is_finite()).fold(0.0, f64::max);
+/// assert_eq!((widest_mm(tool.assembly.holder()), widest_mm(tool.cutter.steps())), (20.0, 20.5));
+/// let error = Tool::new("3,20,20,30".parse()?, None, -3.0).unwrap_err().to_string();
+/// assert!(error.contains("more than -CR = -3 mm"), "{error}");
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tool {
     /// Name as its file has it.
@@ -289,12 +303,27 @@ setters!(Unsaid {
 });
 
 /// What a file of tools holds.
+///
+/// ```
+/// use deepmill::data::files::tools::{Unsaid, read};
+///
+/// # let temporary = tempfile::tempdir().unwrap();
+/// # let path = temporary.path().join("tools.csv");
+/// let text = "name,CR,CH,FR,FH,supplier\nfinisher,1.5,6,40,5,A\nbroken,1.5,6,1,5,B\n";
+/// std::fs::write(&path, text).unwrap();
+/// let table = read(&path, &Unsaid::default())?;
+/// assert_eq!(table.tools.iter().map(|tool| &*tool.name).collect::<Vec<_>>(), ["finisher"]);
+/// assert_eq!(table.unused, ["\"supplier\""]);
+/// // A holder thinner than the tool is named, and the rest is read.
+/// assert!(table.refused[0].ends_with("the tool is left out"), "{:?}", table.refused);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ToolTable {
     /// The tools in the order of the file; no two have the same name.
     pub tools: Vec<Tool>,
-    /// Headings of columns that mean nothing here.
+    /// Headings of columns that mean nothing here, in quotes.
     pub unused: Vec<String>,
     /// Tools that are left out: not complete, contradictory or of a kind that cannot be represented; one sentence each.
     pub refused: Vec<String>,
