@@ -16,6 +16,30 @@ const ROUNDING: f64 = 1e-6;
 const MAX_COORDINATE_MM: f64 = 1e6;
 
 /// A mesh that blocks beside the part, such as a clamp or a vise.
+///
+/// A clamp lies on the right half of a block, and beyond:
+///
+/// ```
+/// use deepmill::analysis::{Analysis, Fixture};
+/// use deepmill::data::files::tools::Tool;
+/// use deepmill::{geom::solids, glam::DVec3};
+///
+/// let block = solids::cuboid(DVec3::new(40.0, 30.0, 20.0));
+/// let mut clamp = solids::cuboid(DVec3::new(30.0, 30.0, 5.0));
+/// clamp.vertices.iter_mut().for_each(|v| *v += DVec3::new(20.0, 0.0, 20.0));
+/// let tool = Tool::new("3,30,20,20".parse()?, Some(0.0), 0.0)?;
+/// let outcome = Analysis::new("block", block, vec![tool])
+///     .n_sites(300)
+///     .directions("up".parse()?)
+///     .fixture(Fixture::new("clamp", clamp))
+///     .run(&mut ())?;
+/// let (sites, accessible) = (outcome.sites(), &outcome.accessible()[0]);
+/// for i in (0..sites.len()).filter(|&i| sites.normals[i].z > 0.5) {
+///     // A flat end touches with its rim too: it comes up to the clamp.
+///     assert_eq!(accessible[i], sites.points[i].x < 20.0);
+/// }
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fixture {
     /// Name for findings and files.

@@ -83,6 +83,29 @@ use crate::geom::sites::{Normals, SiteOptions, VertexNormals};
 use glam::DVec3;
 
 /// What is requested of a part.
+///
+/// Beside a wall of 20 mm, a tool whose holder begins at 10 mm and one whose holder begins at 30 mm:
+///
+/// ```
+/// use deepmill::analysis::Analysis;
+/// use deepmill::data::files::tools::Tool;
+/// use deepmill::{geom::solids, glam::dvec2};
+///
+/// let outline = [(0., 0.), (40., 0.), (40., 10.), (20., 10.), (20., 30.), (0., 30.)].map(|(x, y)| dvec2(x, y));
+/// let part = solids::prism(&outline, &[[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]], 30.0);
+/// let tool = |lengths: &str| Tool::new(lengths.parse()?, Some(0.0), 0.0); // CR, CH, FR, FH of a flat end
+/// let tools = vec![tool("3,4,20,20")?, tool("3,24,20,20")?];
+/// let directions = "list:0,1,0".parse()?; // along y
+/// let outcome = Analysis::new("step", part, tools).n_sites(400).directions(directions).run(&mut ())?;
+/// let (sites, accessible) = (outcome.sites(), outcome.accessible());
+/// let floor = |i: &usize| sites.normals[*i].y > 0.5 && sites.points[*i].y < 20.0;
+/// for i in (0..sites.len()).filter(floor) {
+///     // The holder is 20 mm from its axis to the wall at x = 20; the rim touches up to 3 mm off the axis.
+///     assert_eq!(accessible[0][i], sites.points[i].x > 20.0 + 20.0 - 3.0);
+///     assert!(accessible[1][i]);
+/// }
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Analysis {
     part: String,

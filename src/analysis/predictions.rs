@@ -19,6 +19,27 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Which network predicts, and what is computed of its answers.
+///
+/// Where every site is computed, even a network that has learned nothing answers as the labels do:
+///
+/// ```
+/// use deepmill::analysis::{Analysis, PredictRequest};
+/// use deepmill::data::files::tools::Tool;
+/// use deepmill::model::{Model, Predictor, UNetConfig};
+/// use deepmill::{geom::solids, glam::DVec3};
+///
+/// let analysis = Analysis::new("block", solids::cuboid(DVec3::new(40.0, 30.0, 20.0)), vec![
+///     Tool::new("3,20,20,20".parse()?, None, 0.0)?,
+/// ]);
+/// let analysis = analysis.n_sites(100).directions("up".parse()?);
+/// let network = Predictor::new(Model::new(&UNetConfig::tiny(), 1)?);
+/// let request = PredictRequest::new(network, "tiny").verify(0.0); // no answer may be wrong
+/// let outcome = analysis.clone().place(&mut ())?.predict(&request, &mut ())?;
+/// let exact = analysis.run(&mut ())?;
+/// let answers = outcome.predictions()[0].file.answers();
+/// assert_eq!(answers.inaccessible, exact.answers()[0].labels.answers.inaccessible);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct PredictRequest {
     predictor: Predictor,

@@ -31,6 +31,31 @@ const SAME_PART: f64 = 0.5;
 const SAME_SIZE: f64 = 1e-3;
 
 /// The findings of a part that are known.
+///
+#[cfg_attr(feature = "generate", doc = "```")]
+#[cfg_attr(not(feature = "generate"), doc = "```ignore")]
+/// use deepmill::analysis::Analysis;
+/// use deepmill::data::files::tools::Tool;
+/// use deepmill::report::baseline::Baseline;
+/// use deepmill::{geom::solids, glam::DVec3};
+///
+/// # let temporary = tempfile::tempdir().unwrap();
+/// # let path = temporary.path().join("known.toml");
+/// let block = solids::cuboid(DVec3::new(40.0, 30.0, 20.0));
+/// let analysis = |lengths: &str| {
+///     let tool = Tool::new(lengths.parse()?, None, 0.0)?.named("finisher");
+///     Analysis::new("block", block.clone(), vec![tool]).n_sites(300).directions("up".parse()?).run(&mut ())
+/// };
+/// let first = analysis("3,20,20,20")?;
+/// first.baseline("2026-01-31")?.write(&path)?; // the underside is known
+/// let baseline = Baseline::read(&path)?;
+/// let mut same = analysis("3,20,20,20")?;
+/// assert!(!same.hold_against(&baseline).is_broken());
+/// let mut shorter = analysis("3,4,20,20")?; // its holder hits the block beside the lower half of the sides
+/// assert!(shorter.hold_against(&baseline).is_broken());
+/// assert!(first.baseline("31.1.2026").unwrap_err().to_string().contains("write for example 2026-01-31"));
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Baseline {
     part: String,

@@ -101,6 +101,17 @@ fn significant(x: f64) -> String {
 }
 
 /// Rows of cells under named columns.
+///
+/// ```
+/// use deepmill::report::tables::{Cell, Table};
+///
+/// let mut table = Table::new(&[("tool", "tool"), ("reach", "reaches"), ("n_sites", "")]);
+/// table.row([Cell::text("T1"), Cell::Share(0.625), Cell::count(500)]);
+/// table.row([Cell::text("T2"), Cell::Missing, Cell::count(500)]);
+/// // People see no column without a heading; programs see every one, under its key, with all digits.
+/// assert_eq!(table.markdown(), "| tool | reaches |\n| --- | ---: |\n| T1 | 62.5 % |\n| T2 | - |\n");
+/// assert_eq!(table.csv(), b"tool,reach,n_sites\nT1,0.625,500\nT2,,500\n");
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Table {
     columns: Vec<(&'static str, &'static str)>,

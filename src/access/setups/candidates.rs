@@ -48,6 +48,21 @@ pub struct Candidate {
 }
 
 /// The setups to choose from; those that a machinist would rather have come first.
+///
+/// ```
+/// use deepmill::access::setups::{Candidates, Clampings};
+/// use deepmill::{geom::solids, glam::{DVec3, Vec3}};
+///
+/// let block = solids::cuboid(DVec3::new(30.0, 20.0, 10.0));
+/// let upright = Candidates::new(&block, "3-axis".parse()?, Clampings::Standing, 100)?;
+/// assert_eq!((upright.list().len(), upright.list()[0].direction), (6, Vec3::Z)); // a block stands on each face
+/// assert!(upright.list().iter().all(|setup| setup.axes.len() == 1)); // the spindle is along z'
+/// let tilting = Candidates::new(&block, "5-axis:60".parse()?, Clampings::Standing, 100)?;
+/// assert!(tilting.list().iter().all(|setup| setup.axes.len() > 1));
+/// let error = Candidates::given(&block, "3-axis".parse()?, &[Vec3::Z, Vec3::Z], 100).unwrap_err();
+/// assert!(error.to_string().contains("leave one of them out"));
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidates {
     machine: Machine,

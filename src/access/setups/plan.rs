@@ -10,6 +10,28 @@ use glam::{DMat3, Vec3};
 
 /// The chosen setups, in the order of what each adds to those before it, most first; among nearly equal ones the
 /// likelier clamping first.
+///
+/// A block reaches most of its surface standing on its smallest face:
+///
+/// ```
+/// use deepmill::access::setups::{Candidates, Choice, Clampings, Plan};
+/// use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
+/// use deepmill::geom::{sites, solids, spacing};
+/// use deepmill::{cutter::Cutter, glam::{DVec3, Vec3}};
+///
+/// let part = solids::cuboid(DVec3::new(30.0, 20.0, 10.0)); // 2200 mm²
+/// let sites = sites::sample(&part, &sites::SiteOptions::default().with_n_sites(400))?;
+/// let areas = spacing::areas_mm2(&sites, Some(part.area()))?;
+/// let cutter = Cutter::ball_end([1.5, 30.0, 20.0, 30.0].into())?;
+/// let candidates = Candidates::new(&part, "3-axis".parse()?, Clampings::Standing, 20)?;
+/// let accessible = TriangleObstacles::new(&part, &[])?
+///     .accessible_directions(&sites, &cutter, candidates.directions(), &SurfaceOptions::default())?;
+/// let choice = Choice::share(1.0).at_most(1);
+/// let plan = Plan::new(&candidates, &part, &sites, &[accessible], &areas, choice, &[0])?;
+/// assert_eq!((plan.setups[0].direction, plan.n_for_all), (Vec3::X, 2));
+/// assert!((plan.setups[0].adds - 2000.0).abs() < 40.0); // all but 20 mm · 10 mm
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Plan {

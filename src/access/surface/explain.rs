@@ -67,6 +67,27 @@ use meet::Points;
 use profile::ProfileCase;
 
 /// A site, and what it is labeled for.
+///
+/// A margin is part of the question. A wall of 20 mm is 5 mm beside a site, and the tool's radius 1.5 mm:
+///
+/// ```
+/// use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, explain::Query};
+/// use deepmill::{cutter::*, directions::Directions, geom::solids, glam::{DVec3, Vec3}};
+///
+/// let table = solids::cuboid(DVec3::new(60.0, 60.0, 5.0));
+/// let mut wall = solids::cuboid(DVec3::new(60.0, 10.0, 20.0));
+/// wall.vertices.iter_mut().for_each(|v| *v += DVec3::new(0.0, 35.0, 5.0));
+/// let tip = TipShape::Straight { radius_mm: 1.5, corner_mm: 1.5 };
+/// let body = [Section::cylinder(10.0, 1.5), Section::cylinder(50.0, 1.5)]; // flutes and shank
+/// let tool = Assembly::new(tip, &body, &[Section::cylinder(30.0, 15.0)], 30.0)?;
+/// let (obstacles, options) = (TriangleObstacles::new(&table, &[wall])?, SurfaceOptions::default());
+/// let up = Directions::up();
+/// let query = Query::new(Vec3::new(30.0, 30.0, 5.0), Vec3::Z, &tool, &up, &options);
+/// assert!(obstacles.explain(&query.with_clearance_mm(3.0))?.directions[0].is_free()); // 1.5 + 3 < 5
+/// let why = obstacles.explain(&query.with_clearance_mm(4.0))?;
+/// assert_eq!(why.directions[0].blocked.map(|blocked| blocked.part), Some(ToolPart::Shank)); // 1.5 + 4 > 5
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct Query<'a> {
