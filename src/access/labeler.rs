@@ -13,7 +13,8 @@ use crate::geom::{Mesh, Sites};
 /// Answers exactly, by one of two definitions; takes and returns what
 /// [`Predictor`](crate::model::Predictor) does.
 ///
-/// ```
+#[cfg_attr(feature = "weights", doc = "```")]
+#[cfg_attr(not(feature = "weights"), doc = "```ignore")]
 /// use deepmill::access::Labeler;
 /// use deepmill::model::{Model, Predictor};
 /// use deepmill::{cutter::Cutter, geom::Sites};
