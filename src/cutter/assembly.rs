@@ -290,7 +290,7 @@ impl Assembly {
         self.corner_mm + self.side_mm
     }
 
-    /// The same tool, of which the overall length is stated: it cannot stick out further.
+    /// The same tool, of which the overall length is stated: [`Assembly::most_stick_out_mm`] is no more.
     ///
     /// # Errors
     /// If the length is not a number from 0.0001 mm to 10 m, or less than the stick-out.
@@ -362,7 +362,7 @@ impl Assembly {
         self.at_stick_out(self.stick_out_mm)
     }
 
-    /// The whole tool with its holder's nose at another height above the tip.
+    /// The whole tool with its holder's nose at another height above the tip, whatever its overall length.
     ///
     /// # Errors
     /// As [`Assembly::cutter`].
