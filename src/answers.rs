@@ -179,7 +179,7 @@ impl SiteAnswers {
     ///
     /// ```
     /// use deepmill::{answers::SiteAnswers, geom::Sites};
-    /// use glam::Vec3;
+    /// use deepmill::glam::Vec3;
     /// let points = (0..100).map(|i| Vec3::new((i % 10) as f32, (i / 10) as f32, 0.0)).collect();
     /// let sites = Sites::new(points, vec![Vec3::Z; 100])?;
     /// let answers = SiteAnswers::new((0..100).map(|i| i < 50).collect(), vec![]);

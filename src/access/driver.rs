@@ -29,7 +29,7 @@ use crate::{Result, par};
 ///
 /// ```
 /// use deepmill::{access, cutter::*, directions::Directions, geom::Sites};
-/// use glam::Vec3;
+/// use deepmill::glam::Vec3;
 /// // A floor site beside a tall post: the holder hits the post from nearly everywhere.
 /// let sites = Sites {
 ///     points: vec![Vec3::ZERO, Vec3::new(3.0, 0.0, 9.0)],

@@ -25,7 +25,7 @@
 //! use deepmill::cutter::Cutter;
 //! use deepmill::geom::{sites, solids, spacing};
 //!
-//! let part = solids::cuboid(glam::DVec3::new(30.0, 20.0, 10.0));
+//! let part = solids::cuboid(deepmill::glam::DVec3::new(30.0, 20.0, 10.0));
 //! let sites = sites::sample(&part, &sites::SiteOptions::default().with_n_sites(300))?;
 //! let cutter = Cutter::ball_end([1.5, 30.0, 20.0, 30.0].into())?;
 //! let candidates = Candidates::new(&part, "3-axis".parse()?, Clampings::Any, 20)?;

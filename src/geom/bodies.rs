@@ -46,9 +46,9 @@ use std::collections::BTreeMap;
 ///
 /// ```
 /// use deepmill::geom::{bodies, solids};
-/// let mut part = solids::cuboid(glam::DVec3::new(20.0, 10.0, 10.0));
-/// let other = solids::cuboid(glam::DVec3::new(20.0, 10.0, 10.0));
-/// part.vertices.extend(other.vertices.iter().map(|v| *v + glam::DVec3::new(10.0, 2.0, 3.0)));
+/// let mut part = solids::cuboid(deepmill::glam::DVec3::new(20.0, 10.0, 10.0));
+/// let other = solids::cuboid(deepmill::glam::DVec3::new(20.0, 10.0, 10.0));
+/// part.vertices.extend(other.vertices.iter().map(|v| *v + deepmill::glam::DVec3::new(10.0, 2.0, 3.0)));
 /// part.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + 8)));
 /// assert_eq!(part.volume(), 4000.0);
 /// bodies::join(&mut part)?;

@@ -9,7 +9,7 @@ use crate::Result;
 ///
 /// ```
 /// use deepmill::geom::{self, solids};
-/// let mut part = solids::cuboid(glam::DVec3::new(20.0, 10.0, 10.0));
+/// let mut part = solids::cuboid(deepmill::glam::DVec3::new(20.0, 10.0, 10.0));
 /// part.triangles.iter_mut().for_each(|triangle| triangle.swap(0, 1)); // it faces inward
 /// assert_eq!(geom::prepare(&mut part)?.len(), 1);
 /// assert_eq!(part.volume(), 2000.0);

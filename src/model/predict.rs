@@ -135,7 +135,7 @@ impl<T: Scalar, N: SiteNetwork<T>> Model<T, N> {
     ///
     /// ```
     /// use deepmill::model::{Model, UNetConfig};
-    /// use glam::Vec3;
+    /// use deepmill::glam::Vec3;
     /// let model = Model::<f32>::new(&UNetConfig::tiny(), 1)?;
     /// let (points, normals) = ([Vec3::ZERO, Vec3::X], [Vec3::Z, Vec3::Z]);
     /// let prediction = model.predict(&points, &normals, [1.5, 6.0, 40.0, 5.0])?;

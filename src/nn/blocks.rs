@@ -44,7 +44,7 @@ impl Default for BlocksPolicy {
 /// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, params::Layout, saved::Policy};
 ///
 /// # let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
-/// # let octree = Octree::build(&[Cloud::new(&[glam::Vec3::ZERO], &[])], &options)?;
+/// # let octree = Octree::build(&[Cloud::new(&[deepmill::glam::Vec3::ZERO], &[])], &options)?;
 /// let (x, map) = (deepmill::gradcheck::probe(16, 1), &octree.finest().conv); // eight nodes of depth 1
 /// let gradient = |outputs| {
 ///     let (mut layout, arena, x) = (Layout::default(), Arena::default(), Operand::new(&x, 2));

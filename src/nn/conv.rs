@@ -29,7 +29,7 @@ use std::ops::Range;
 /// use deepmill::nn::{params::Layout, pass::Inference};
 ///
 /// # let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
-/// # let octree = Octree::build(&[Cloud::new(&[glam::Vec3::ZERO], &[])], &options)?;
+/// # let octree = Octree::build(&[Cloud::new(&[deepmill::glam::Vec3::ZERO], &[])], &options)?;
 /// let conv = OctreeConv::new(&mut Layout::default(), "conv", 1, 1);
 /// let weights: Vec<f64> = (0..27).map(f64::from).collect(); // W_k = k
 /// let (arena, level) = (Arena::default(), octree.finest()); // depth 1: eight nodes, in the corners of the cube

@@ -27,7 +27,7 @@ use std::ops::Range;
 /// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, params::Layout, pass::Inference};
 ///
 /// # let options = OctreeOptions::default().with_depth(2).with_full_depth(1);
-/// # let octree = Octree::build(&[Cloud::new(&[glam::Vec3::splat(-0.5)], &[])], &options)?;
+/// # let octree = Octree::build(&[Cloud::new(&[deepmill::glam::Vec3::splat(-0.5)], &[])], &options)?;
 /// let coarse = &octree.levels[1]; // eight nodes; one point, so that only node 0 has children
 /// let (arena, x) = (Arena::default(), Operand::new(&[0.0; 8], 1));
 /// let output = |rows| {

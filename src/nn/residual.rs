@@ -51,7 +51,7 @@ impl Default for ResidualPolicy {
 /// use deepmill::nn::{params::Layout, pass::Inference};
 ///
 /// # let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
-/// # let octree = Octree::build(&[Cloud::new(&[glam::Vec3::ZERO], &[])], &options)?;
+/// # let octree = Octree::build(&[Cloud::new(&[deepmill::glam::Vec3::ZERO], &[])], &options)?;
 /// let (mut layout, arena, policy) = (Layout::default(), Arena::default(), ResidualPolicy::default());
 /// let block = Residual::new(&mut layout, "block", 1, 1, policy);
 /// let (params, buffers) = (vec![0.0; layout.n_params()], layout.init_buffers());

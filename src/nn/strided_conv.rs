@@ -35,7 +35,7 @@ pub enum OutputRows {
 /// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, params::Layout, pass::Inference};
 ///
 /// # let options = OctreeOptions::default().with_depth(2).with_full_depth(1);
-/// # let octree = Octree::build(&[Cloud::new(&[glam::Vec3::splat(-0.5)], &[])], &options)?;
+/// # let octree = Octree::build(&[Cloud::new(&[deepmill::glam::Vec3::splat(-0.5)], &[])], &options)?;
 /// let coarse = &octree.levels[1]; // eight nodes; one point, so that only node 0 has children
 /// let (arena, x) = (Arena::default(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
 /// let pass = Inference::new(&[0.125; 8], &[], &arena);

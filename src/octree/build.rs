@@ -24,7 +24,7 @@ impl Octree {
     ///
     /// ```
     /// use deepmill::octree::{Cloud, Octree, OctreeOptions};
-    /// use glam::Vec3;
+    /// use deepmill::glam::Vec3;
     /// let (points, normals) = ([Vec3::ZERO, Vec3::splat(0.5)], [Vec3::X, Vec3::Z]);
     /// let octree = Octree::build(&[Cloud::new(&points, &normals)], &OctreeOptions::default())?;
     /// assert_eq!(octree.finest().n_nonempty(), 2);

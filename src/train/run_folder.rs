@@ -34,7 +34,7 @@ const HISTORY: &str = "history.csv";
 /// ```
 /// # use deepmill::{answers::SiteAnswers, cutter::*, data::Sample, geom::Sites, train::*};
 /// use std::ops::ControlFlow;
-/// # use glam::Vec3;
+/// # use deepmill::glam::Vec3;
 /// # let points: Vec<Vec3> =
 /// #     (0..40).map(|i| Vec3::new((i % 7) as f32, (i / 7) as f32, (i % 3) as f32)).collect();
 /// # let sites = Sites { normals: vec![Vec3::Z; 40], points, faces: vec![] };

@@ -105,7 +105,7 @@ impl TriangleObstacles {
     /// use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
     /// use deepmill::{cutter::Cutter, directions::Directions, geom::sites, geom::solids};
     ///
-    /// let part = solids::cuboid(glam::DVec3::new(30.0, 20.0, 10.0));
+    /// let part = solids::cuboid(deepmill::glam::DVec3::new(30.0, 20.0, 10.0));
     /// let sites = sites::sample(&part, &sites::SiteOptions::default().with_n_sites(200))?;
     /// let cutter = Cutter::ball_end([1.5, 20.0, 20.0, 5.0].into())?;
     /// let both: Directions = "list:0,0,1;0,0,-1".parse()?;

@@ -25,7 +25,7 @@ use glam::{DVec3, Vec3};
 /// use deepmill::directions::Directions;
 /// use deepmill::geom::{sites, solids};
 ///
-/// let part = solids::cuboid(glam::DVec3::new(30.0, 20.0, 10.0));
+/// let part = solids::cuboid(deepmill::glam::DVec3::new(30.0, 20.0, 10.0));
 /// let sites = sites::sample(&part, &sites::SiteOptions::default().with_n_sites(200))?;
 /// let cutter = Cutter::ball_end(CutterParams::from_array([1.5, 20.0, 20.0, 5.0]))?;
 /// let obstacles = TriangleObstacles::new(&part, &[])?;
@@ -56,7 +56,7 @@ impl TriangleObstacles {
     /// use deepmill::access::surface::TriangleObstacles;
     /// use deepmill::geom::{check, solids};
     ///
-    /// let mut part = solids::cuboid(glam::DVec3::ONE);
+    /// let mut part = solids::cuboid(deepmill::glam::DVec3::ONE);
     /// check::require_labelable(&part)?;
     /// part.triangles.pop();
     /// assert!(check::require_labelable(&part).is_err() && TriangleObstacles::new(&part, &[]).is_ok());

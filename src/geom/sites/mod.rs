@@ -8,7 +8,7 @@
 //! use deepmill::geom::sites::{SiteOptions, sample};
 //! use deepmill::geom::{solids, spacing::Spacing};
 //!
-//! let part = solids::cuboid(glam::DVec3::new(30.0, 20.0, 10.0));
+//! let part = solids::cuboid(deepmill::glam::DVec3::new(30.0, 20.0, 10.0));
 //! let sites = sample(&part, &SiteOptions::default().with_n_sites(1000))?;
 //! assert!(Spacing::measure(&sites).unwrap().cv < 0.12);
 //! # Ok::<(), deepmill::Error>(())

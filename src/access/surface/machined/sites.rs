@@ -74,12 +74,12 @@ impl TriangleObstacles {
     /// use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
     /// use deepmill::directions::Directions;
     /// use deepmill::geom::{Sites, solids};
-    /// use glam::{DVec3, Vec3};
+    /// use deepmill::glam::{DVec3, Vec3};
     ///
     /// // In the inner corner of an angle a ball of radius 3 leaves what its circle does not reach.
     /// let outline = [[0.0, 0.0], [30.0, 0.0], [30.0, 10.0], [10.0, 10.0], [10.0, 30.0], [0.0, 30.0]];
     /// let cap = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]];
-    /// let mut part = solids::prism(&outline.map(glam::DVec2::from_array), &cap, 20.0);
+    /// let mut part = solids::prism(&outline.map(deepmill::glam::DVec2::from_array), &cap, 20.0);
     /// part.vertices.iter_mut().for_each(|v| *v = DVec3::new(v.x, -v.z, v.y));
     /// let sites = Sites::new(vec![Vec3::new(11.0, -10.0, 10.0)], vec![Vec3::Z])?;
     /// let obstacles = TriangleObstacles::new(&part, &[])?;
