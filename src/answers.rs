@@ -79,13 +79,13 @@ pub struct SiteAnswers {
     pub occlusion: Vec<bool>,
     /// In some direction only the tip penetrates the part, in none nothing does; answered by the mesh definition alone.
     pub tip_does_not_fit: Vec<bool>,
-    /// Number of directions in which the cutter can stand there: without collision and, by the mesh definition, with a
-    /// tip that fits.
+    /// Number of directions in which the cutter has a free pose there: without collision and, by the mesh definition,
+    /// with a tip that fits.
     pub accessible_directions: Vec<u32>,
-    /// Share of the directions in which the cutter can stand there, in [0, 1]: counted among those tested, or told by a network
-    /// with a head for it.
+    /// Share of the directions in which the cutter has a free pose there, in [0, 1]: counted among those tested, or the
+    /// answer of a network with a head for it.
     pub accessible_share: Vec<f32>,
-    /// A direction in which the cutter can stand there, a unit vector from tip to spindle.
+    /// A direction in which the cutter has a free pose there, a unit vector from tip to spindle.
     pub witness: Vec<Option<Vec3>>,
     /// How far every height and radius of the cutter may grow before the site becomes inaccessible (positive), or must
     /// shrink before it becomes accessible (negative), mm, within the limit of the options. `docs/labeling.md` has the

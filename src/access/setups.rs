@@ -5,7 +5,7 @@
 //! A *setup* is a clamping of the part: the direction z' of the part that points to the spindle, or that lies along a
 //! rotary axis. Its *tool axes* are those that the [`Machine`] can take without clamping again: of a machine file those
 //! for which its rotary axes have angles within their limits. A site is reached in a
-//! setup iff some tool is [may stand](super::surface::AccessibleDirections) there along one of them, and the site is
+//! setup iff some tool has a [free pose](super::surface::AccessibleDirections) there along one of them, and the site is
 //! not on what the part lies on. The setups of a [`Plan`] are few of the [`Candidates`] that cover a share of the area
 //! that all candidates reach together. What holds the part is in the way if the answers are about obstacles with it;
 //! stock is not modelled.
@@ -13,7 +13,7 @@
 //! # Pseudo-code
 //!
 //! ```text
-//! for every tool, for every direction tested: a bit per site, whether the tool may stand there
+//! for every tool, for every direction tested: a bit per site, whether the tool has a free pose there
 //! for every candidate: the union of the bits over its tool axes and all tools
 //! the fewest candidates that cover the share                                  (cover_share: greedy, lower bound, exact when small)
 //! positions and tools of a setup: the fewest tool axes, and tools, that cover the share of what it adds

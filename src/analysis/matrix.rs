@@ -1,4 +1,4 @@
-//! In which directions each tool may stand at each site.
+//! In which directions each tool has a free pose at each site.
 
 use super::outcome::Outcome;
 use super::placed::Placed;
@@ -39,7 +39,7 @@ pub struct PerDirectionFacts {
     pub n_directions: usize,
     /// Number of columns.
     pub n_sites: usize,
-    /// Number of pairs in which the tool may stand.
+    /// Number of pairs of a free pose of the tool.
     pub n_accessible: u64,
     /// Number of accessible sites that no direction of the set reaches.
     pub n_between: usize,
@@ -73,8 +73,8 @@ impl Placed {
 }
 
 impl Outcome {
-    /// Per direction and site, whether a tool may stand there: a row for each of [`Outcome::directions`], in their
-    /// order, a column for each of [`Outcome::sites`].
+    /// Per direction and site, whether a tool has a free pose there: a row for each of [`Outcome::directions`], in
+    /// their order, a column for each of [`Outcome::sites`].
     ///
     /// By the mesh definition an entry is set if in that direction no step penetrates the part and the tip fits, at a
     /// site that is accessible; the witness is among them. So a site is accessible iff some row has it, or its witness

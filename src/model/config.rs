@@ -297,7 +297,7 @@ pub struct UNetConfig {
     /// Attention; none by default.
     #[serde(default, skip_serializing_if = "AttentionConfig::is_default")]
     pub attention: AttentionConfig,
-    /// Whether a third head tells the share of the directions in which the cutter can stand at a site.
+    /// Whether a third head gives the share of the directions in which the cutter has a free pose at a site.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub share_head: bool,
 }

@@ -61,7 +61,8 @@ pub struct Prediction<T> {
     pub logits_inaccessible: Vec<[T; N_CLASSES]>,
     /// Two logits per site of head 2: no occlusion point, occlusion point.
     pub logits_occlusion: Vec<[T; N_CLASSES]>,
-    /// Share of the directions in which the cutter can stand at the site, in [0, 1]; empty for a network without such a head.
+    /// Share of the directions in which the cutter has a free pose at the site, in [0, 1]; empty for a network
+    /// without such a head.
     pub accessible_share: Vec<f32>,
     /// What a network with [`coarse_directions`](super::config::InputConfig::coarse_directions) has read of each site beside the shape: three
     /// numbers in [0, 1] and one in [−1, 1]; empty for others.

@@ -172,7 +172,7 @@ impl About<'_> {
                 false => "by the reference engine",
             };
             lines.push(format!(
-                "The tool may stand there from direction {}{}, {proof}: {margin}.",
+                "The tool has a free pose there from direction {}{}, {proof}: {margin}.",
                 triple(witness.direction.as_dvec3(), 4),
                 witness.tip_mm.map_or(String::new(), tip_words)
             ));
@@ -221,7 +221,7 @@ impl About<'_> {
         }
         if let Some(direction) = why.other_direction {
             lines.push(format!(
-                "This tool may stand there from {}, which is none of the directions given: another setup.",
+                "This tool has a free pose there from {}, which is none of the directions given: another setup.",
                 triple(direction.as_dvec3(), 3)
             ));
         }

@@ -134,9 +134,9 @@ impl Plan {
         memory::require("the choice of setups", bits.saturating_add(by_tool), remedy)
     }
 
-    /// Of the `candidates` for `part`, those of a [`Choice`]; `accessible` says for each tool in which of their
-    /// directions it may stand, `weights` what each site counts. `order` has every tool once, the preferred first: of
-    /// sets of tools as small as can be a setup takes the one that comes first.
+    /// Of the `candidates` for `part`, those of a [`Choice`]; `accessible` has for each tool in which of their
+    /// directions it has a free pose, `weights` what each site counts. `order` has every tool once, the preferred
+    /// first: of sets of tools as small as can be a setup takes the one that comes first.
     ///
     /// # Errors
     /// If a weight is negative or not finite, or the share of the choice is not from 0 to 1.

@@ -40,7 +40,7 @@ impl AccessibleDirections {
         (0..self.rows.len()).any(|direction| self.is_accessible(direction, site))
     }
 
-    /// Per site, whether the tool may stand there in some direction.
+    /// Per site, whether the tool has a free pose there in some direction.
     pub fn sites(&self) -> Vec<bool> {
         (0..self.n_sites).map(|site| self.reaches(site)).collect()
     }

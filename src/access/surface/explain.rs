@@ -138,7 +138,7 @@ pub struct Explanation {
     pub answer: SiteAnswer,
     /// Contact tolerance, mm; 0 where points are the obstacles.
     pub tolerance_mm: f64,
-    /// Where the tool may stand.
+    /// The free pose of the tool.
     pub witness: Option<Witness>,
     /// The directions tested.
     pub directions: Vec<DirectionState>,
@@ -148,12 +148,12 @@ pub struct Explanation {
     pub changes: Vec<Change>,
     /// A stick-out that would help and is not proposed, if there is one.
     pub stopped: Option<Stopped>,
-    /// For a site that is not accessible: a direction outside of those of the query in which this tool may stand.
+    /// For a site that is not accessible: a direction outside of those of the query with a free pose of this tool.
     pub other_direction: Option<Vec3>,
     pub(crate) of_profile: bool,
 }
 
-/// A direction in which the tool may stand, by the reference engine.
+/// A direction with a free pose of the tool, by the reference engine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Witness {
@@ -196,7 +196,7 @@ pub(crate) enum Outcome {
 }
 
 impl DirectionState {
-    /// Whether the tool may stand there.
+    /// Whether the tool has a free pose there.
     pub fn is_free(&self) -> bool {
         self.outcome == Outcome::Free
     }

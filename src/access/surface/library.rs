@@ -60,9 +60,9 @@ pub struct ToolReach {
     pub answers: Vec<SiteAnswer>,
     /// Per site, a free pose of the tool as it is held.
     pub witness: Vec<Option<WitnessPose>>,
-    /// Per site, whether the body alone may stand there, whatever the stick-out.
+    /// Per site, whether the body alone has a free pose there, whatever the stick-out.
     pub body_reaches: Vec<bool>,
-    /// Per site, mm: from which stick-out on the tool may stand there; infinite where the body cannot.
+    /// Per site, mm: from which stick-out on the tool has a free pose there; infinite where the body cannot.
     pub least_stick_out_mm: Vec<f64>,
 }
 

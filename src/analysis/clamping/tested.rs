@@ -1,4 +1,4 @@
-//! Where the tools may stand in every clamping, with what holds the part in the way.
+//! The free poses of tools in every clamping, with what holds the part in the way.
 
 use super::Clamping;
 use crate::Result;

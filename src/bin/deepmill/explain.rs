@@ -19,8 +19,8 @@ use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Say why a site can or cannot be reached: a direction in which the tool may stand there, or what blocks by direction,
-/// by how much, and the least change of the tool that helps.
+/// Say why a site can or cannot be reached: a direction in which the tool has a free pose there, or what blocks by
+/// direction, by how much, and the least change of the tool that helps.
 ///
 /// RESULT states the query: part, obstacles, tool, directions, tolerance. Writes a section through tool and part to
 /// RESULT/site-N.png.

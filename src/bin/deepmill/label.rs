@@ -98,7 +98,7 @@ pub struct Args {
     /// Also write these: `glb` (binary glTF in the colors of the answers), `csv` (a row per site); several with commas.
     #[arg(long, value_name = "FORMATS", value_delimiter = ',')]
     also: Vec<String>,
-    /// Also write, for every direction and site, whether the tool may stand there: `npz` (matrix.npz) and `txt`
+    /// Also write, for every direction and site, whether the tool has a free pose there: `npz` (matrix.npz) and `txt`
     /// (visibility_matrix.txt, as DeepMill++ has it: a line per direction, a column per vertex of the file); both with
     /// a comma.
     #[arg(long, value_name = "FORMATS", value_delimiter = ',', conflicts_with = "volume")]

@@ -23,7 +23,7 @@ const DIRECTIONS: &str = "directions";
 const REMEDY: &str =
     "write a line per direction, with a 0 or 1 for each site and spaces between them";
 
-/// Per direction and site, whether the tool may stand there.
+/// Per direction and site, whether the tool has a free pose there.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AccessMatrix {
     n_sites: usize,
@@ -108,7 +108,7 @@ impl AccessMatrix {
         reached.iter().zip(kept).filter(|(reached, kept)| **reached && !**kept).count()
     }
 
-    /// Per site, whether the tool may stand there in some direction.
+    /// Per site, whether the tool has a free pose there in some direction.
     pub fn reached(&self) -> Vec<bool> {
         let any = |w: usize| self.rows.iter().fold(0, |any, row| any | row[w]);
         let words: Vec<u64> = (0..self.n_sites.div_ceil(WORD)).map(any).collect();

@@ -95,7 +95,8 @@ impl PredictionFile {
                 return Err(few(path, SHARE, accessible_share.len(), n));
             }
             npz.array(SHARE, &[n], accessible_share);
-            meaning[SHARE] = "share of the directions in which the cutter can stand there".into();
+            meaning[SHARE] =
+                "share of the directions in which the cutter has a free pose there".into();
         }
         if !coarse_answers.is_empty() {
             if coarse_answers.len() != n {

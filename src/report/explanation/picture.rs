@@ -69,7 +69,7 @@ impl<'a> Scene<'a> {
         let axis = direction.map_or(normal, |d| d.as_dvec3().normalize());
         let blocked = nearest.and_then(|state| state.blocked).filter(|_| witness.is_none());
         let words = match (witness, blocked) {
-            (Some(_), _) => format!("may stand there from {}", triple(axis, 3)),
+            (Some(_), _) => format!("free pose from {}", triple(axis, 3)),
             (None, Some(b)) => format!(
                 "nearest to being free: from {}, the {} penetrates by {} mm (x)",
                 triple(axis, 3),

@@ -1,4 +1,4 @@
-//! The least changes of a tool with which it may stand at a site.
+//! The least changes of a tool with which it has a free pose at a site.
 
 use super::Stopped;
 use super::case::{Between, Case};
@@ -39,7 +39,7 @@ pub struct Change {
     pub is_least: bool,
     /// The changed tool, without a margin.
     pub tool: Assembly,
-    /// A direction in which the changed tool may stand, by the reference engine.
+    /// A direction with a free pose of the changed tool, by the reference engine.
     pub direction: Vec3,
 }
 
@@ -224,7 +224,7 @@ impl Case<'_> {
         is_of_stick_out.then_some(Stopped { stick_out_mm, most_mm, by_overall_length })
     }
 
-    /// A direction in which the changed tool may stand: the one of its label, or this one.
+    /// A direction with a free pose of the changed tool: the one of its label, or this one.
     fn proved(&self, tool: &Assembly, direction: Vec3) -> Result<Option<Vec3>> {
         let found = self.label(tool, self.query.directions, Between::Quick)?;
         if !self.proves {
