@@ -12,7 +12,7 @@
 
 use deepmill::access::surface::{ContactTolerance, SurfaceOptions, TriangleObstacles};
 use deepmill::cutter::{Assembly, Cutter, Profile, Section};
-use deepmill::data::files::tools::{self, Unsaid};
+use deepmill::data::files::tools::{self, MissingParameters};
 use deepmill::geom::formats::{ReadOptions, read_mesh};
 use deepmill::geom::{Mesh, solids};
 use deepmill::glam::{DVec3, Vec3};
@@ -65,7 +65,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn cutters(table: &Path) -> Result<Vec<Cutter>, Box<dyn Error>> {
-    let table = tools::read(table, &Unsaid::default())?;
+    let table = tools::read(table, &MissingParameters::default())?;
     Ok(table.tools.into_iter().map(|tool| tool.cutter).collect())
 }
 

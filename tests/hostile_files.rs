@@ -321,7 +321,7 @@ fn every_broken_tool_table_is_refused_in_one_line_with_file_place_and_remedy() {
     for (name, bytes, expected) in cases {
         let path = put(folder.path(), name, bytes);
         // One bad row loses no other tool: it is left out in the same words.
-        let message = match tools::read(&path, &tools::Unsaid::default()) {
+        let message = match tools::read(&path, &tools::MissingParameters::default()) {
             Ok(table) => {
                 table.refused.into_iter().next().unwrap_or_else(|| panic!("{name} was read"))
             }
@@ -332,7 +332,7 @@ fn every_broken_tool_table_is_refused_in_one_line_with_file_place_and_remedy() {
     // A table that a spreadsheet wrote in its own encoding is read, and that is said.
     let latin = [full.as_bytes(), b"a,1,2,3,4\n\xd86,1,2,3,4"].concat();
     let path = put(folder.path(), "latin.csv", latin);
-    let table = tools::read(&path, &tools::Unsaid::default()).unwrap();
+    let table = tools::read(&path, &tools::MissingParameters::default()).unwrap();
     assert_eq!(table.tools.iter().map(|tool| &tool.name[..]).collect::<Vec<_>>(), ["a", "Ø6"]);
     assert!(table.notices[0].contains("latin.csv: the text is not UTF-8"), "{:?}", table.notices);
 }

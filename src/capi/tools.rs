@@ -4,7 +4,7 @@ use super::mesh::unit_of;
 use super::status::{Answer, Failure, called, refused};
 use crate::Result;
 use crate::cutter::CutterParams;
-use crate::data::files::tools::{self, Tool, Unsaid};
+use crate::data::files::tools::{self, MissingParameters, Tool};
 use std::path::Path;
 
 /// Tools in order, and what was left out of their files.
@@ -47,12 +47,12 @@ impl ToolList {
             let expected = "0, or 0.0001 mm to 10 m";
             return Err(refused("stick_out_mm", stick_out_mm, expected, "0 is not stated"));
         }
-        let unsaid = Unsaid {
+        let defaults = MissingParameters {
             stick_out_mm: is_stated.then_some(stick_out_mm),
             unit_mm: unit.map(|unit| unit_of(Some(unit))).transpose()?.map(|u| u.millimeters()),
-            ..Unsaid::default()
+            ..MissingParameters::default()
         };
-        let table = tools::read(Path::new(path), &unsaid)?;
+        let table = tools::read(Path::new(path), &defaults)?;
         let unused = table.unused.iter().map(|column| format!("column not used: {column}"));
         let notices = unused.chain(table.refused).chain(table.notices).collect();
         Ok(ToolList { n_of_files: table.tools.len(), tools: table.tools, notices })

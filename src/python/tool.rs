@@ -5,7 +5,7 @@ use super::input::{self, Rows};
 use super::options::{Options, number, text_of};
 use super::part::path_of;
 use crate::cutter::{Assembly, Cutter, CutterParams, Profile, ProfileSection, Section};
-use crate::data::files::tools::{self, Unsaid, named_apart};
+use crate::data::files::tools::{self, MissingParameters, named_apart};
 use crate::{Error, Result};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString};
@@ -373,7 +373,7 @@ pub fn read_tools<'py>(
     };
     let strict = options.flag("strict")?.unwrap_or(false);
     options.finish()?;
-    let unsaid = Unsaid {
+    let defaults = MissingParameters {
         stick_out_mm: stick_out_mm?,
         shank_mm: shank_mm?,
         flutes_mm: flutes_mm?,
@@ -381,8 +381,8 @@ pub fn read_tools<'py>(
         holder: None,
     };
     let table = detached(py, || {
-        let holder = holder.map(|path| tools::read_holder(&path, &unsaid)).transpose()?;
-        let table = tools::read(&path, &Unsaid { holder, ..unsaid })?;
+        let holder = holder.map(|path| tools::read_holder(&path, &defaults)).transpose()?;
+        let table = tools::read(&path, &MissingParameters { holder, ..defaults })?;
         match table.refused.first().filter(|_| strict) {
             None => Ok(table),
             Some(first) => {

@@ -384,8 +384,8 @@ mod tests {
         let why = broken("inaccessible>5%").unwrap();
         assert_eq!(why, "inaccessible is 10.00 % (40.0 mm2): inaccessible>5%");
         assert!(broken(" inaccessible < 50 mm² ").unwrap().ends_with("inaccessible<50mm2"));
-        let unsaid = "occlusion>5%".parse::<Limit>().unwrap().broken_by(&answers, &areas);
-        assert!(unsaid.unwrap_err().to_string().contains("this command answers"));
+        let unknown = "occlusion>5%".parse::<Limit>().unwrap().broken_by(&answers, &areas);
+        assert!(unknown.unwrap_err().to_string().contains("this command answers"));
         let cloud = SiteAreas { total_mm2: None, ..areas.clone() };
         let error = "inaccessible>5mm2".parse::<Limit>().unwrap().broken_by(&answers, &cloud);
         assert!(error.unwrap_err().to_string().contains("cloud"));

@@ -4,7 +4,7 @@ use crate::output::Output;
 use deepmill::analysis::Analysis;
 use deepmill::cutter::CutterParams;
 use deepmill::data::files::settings::SiteSettings;
-use deepmill::data::files::tools::{self, Tool, ToolTable, Unsaid};
+use deepmill::data::files::tools::{self, MissingParameters, Tool, ToolTable};
 use deepmill::directions::Directions;
 use deepmill::geom::formats::MeshOrCloud;
 use deepmill::geom::sites::{self, Normals, SiteOptions, VertexNormals};
@@ -36,10 +36,10 @@ pub struct ToolArgs {
     #[command(flatten)]
     tip: TipArgs,
     #[command(flatten)]
-    unsaid: UnsaidArgs,
+    defaults: UnsaidArgs,
 }
 
-/// What files of tools may leave unsaid.
+/// What files of tools may leave defaults.
 #[derive(Clone, clap::Args)]
 pub struct UnsaidArgs {
     /// For tools whose file does not say it: height of the holder's nose above the tip. Of this and the next lengths, a
@@ -67,7 +67,7 @@ pub struct UnsaidArgs {
 impl ToolArgs {
     /// The files that are read.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        self.tools.iter().chain(self.unsaid.files())
+        self.tools.iter().chain(self.defaults.files())
     }
 }
 
@@ -77,14 +77,14 @@ impl UnsaidArgs {
         self.holder.iter()
     }
 
-    fn unsaid(&self, output: &Output) -> Result<Unsaid> {
-        let unsaid = Unsaid::default()
+    fn defaults(&self, output: &Output) -> Result<MissingParameters> {
+        let defaults = MissingParameters::default()
             .with_stick_out_mm(self.length("--stick-out", self.stick_out, output)?)
             .with_shank_mm(self.length("--shank", self.shank, output)?)
             .with_flutes_mm(self.length("--flute-length", self.flute_length, output)?)
             .with_unit_mm(self.tool_unit.map(Unit::millimeters));
-        let holder = self.holder.as_ref().map(|path| tools::read_holder(path, &unsaid));
-        Ok(unsaid.with_holder(holder.transpose()?))
+        let holder = self.holder.as_ref().map(|path| tools::read_holder(path, &defaults));
+        Ok(defaults.with_holder(holder.transpose()?))
     }
 
     /// In mm; a number without a unit is in that of the files of tools.
@@ -109,9 +109,9 @@ impl UnsaidArgs {
 
     /// The tools of all files, those of libraries with names of their own; says what was refused and changed.
     pub fn read(&self, paths: &[PathBuf], output: &Output) -> Result<Vec<Tool>> {
-        let unsaid = self.unsaid(output)?;
+        let defaults = self.defaults(output)?;
         let mut all = Vec::new();
-        for (path, table) in paths.iter().zip(tools::read_several(paths, &unsaid)?) {
+        for (path, table) in paths.iter().zip(tools::read_several(paths, &defaults)?) {
             self.check_whole(path, &table)?;
             if !table.unused.is_empty() {
                 let columns = table.unused.join(", ");
@@ -182,7 +182,7 @@ impl ToolArgs {
         self.check_tip()?;
         let lengths = self.cutter.iter();
         let mut tools: Vec<Tool> = lengths.map(|l| self.tip.tool(l)).collect::<Result<_>>()?;
-        tools.extend(self.unsaid.read(&self.tools, output)?);
+        tools.extend(self.defaults.read(&self.tools, output)?);
         with_names(tools)
     }
 

@@ -53,7 +53,7 @@ pub struct Args {
     #[arg(long, conflicts_with = "library")]
     any_tool: bool,
     #[command(flatten)]
-    unsaid: UnsaidArgs,
+    defaults: UnsaidArgs,
     /// How much may remain at a site that counts as reached; by default as for the labels.
     #[arg(long, value_name = "MM", value_parser = millimeters)]
     finish: Option<f64>,
@@ -81,7 +81,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         atomic_file::check_writable_file(path)?;
     }
     let mesh = args.part.as_ref().map(|path| args.read.read_near(path, output));
-    let library = args.unsaid.read(&args.library, output)?;
+    let library = args.defaults.read(&args.library, output)?;
     let mut query = LabelQuery::read(&labels, mesh.transpose()?)?;
     query.mesh.iter().for_each(|mesh| warn_if_in_inches(mesh, output));
     query.remedies = args.remedies(query.remedies)?;

@@ -43,7 +43,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     library: Vec<PathBuf>,
     #[command(flatten)]
-    unsaid: UnsaidArgs,
+    defaults: UnsaidArgs,
     /// The smallest set reaches this share of what any tool reaches; the least stick-out of a tool is that at which
     /// this share of what it reaches
     /// at any stick-out is reached.
@@ -111,7 +111,7 @@ impl Args {
     }
 
     fn tools(&self, output: &Output) -> Result<Vec<Tool>> {
-        with_names(self.unsaid.read(&self.library, output)?)
+        with_names(self.defaults.read(&self.library, output)?)
     }
 
     /// What the tools reach on a part that was read.

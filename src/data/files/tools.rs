@@ -11,8 +11,8 @@
 //! | LinuxCNC tool table | `.tbl`, or a first line that begins with `T` and a number |
 //! | table of lengths, or in the words of a shop | anything else: CSV |
 //!
-//! What a file does not say comes from [`Unsaid`], never assumed. A tool that is not complete, contradicts itself or
-//! is of a kind that `docs/tool-families.md` does not list is left out by name with the reason, and the rest is read.
+//! What a file leaves out comes from [`MissingParameters`], never assumed. A tool that is not complete, contradicts itself
+//! or is of a kind that `docs/tool-families.md` does not list is left out by name with the reason, and the rest is read.
 
 mod camotics;
 mod described;
@@ -272,16 +272,16 @@ fn starts_with_ignoring_case(text: &str, start: &str) -> bool {
     text.get(..start.len()).is_some_and(|head| head.eq_ignore_ascii_case(start))
 }
 
-/// What tools are given where their file does not say it. An error names what is missing in both.
+/// Values of parameters that a tool file leaves out. An error names what is missing in both.
 ///
 /// ```
-/// use deepmill::data::files::tools::Unsaid;
-/// let unsaid = Unsaid::default().with_stick_out_mm(Some(30.0)).with_unit_mm(Some(25.4));
-/// assert_eq!(unsaid.holder, None);
+/// use deepmill::data::files::tools::MissingParameters;
+/// let defaults = MissingParameters::default().with_stick_out_mm(Some(30.0)).with_unit_mm(Some(25.4));
+/// assert_eq!(defaults.holder, None);
 /// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
-pub struct Unsaid {
+pub struct MissingParameters {
     /// Height of the holder's nose above the tip, mm.
     pub stick_out_mm: Option<f64>,
     /// The holder.
@@ -294,7 +294,7 @@ pub struct Unsaid {
     pub unit_mm: Option<f64>,
 }
 
-setters!(Unsaid {
+setters!(MissingParameters {
     with_stick_out_mm(stick_out_mm: Option<f64>),
     with_holder(holder: Option<Holder>),
     with_shank_mm(shank_mm: Option<f64>),
@@ -305,13 +305,13 @@ setters!(Unsaid {
 /// What a file of tools holds.
 ///
 /// ```
-/// use deepmill::data::files::tools::{Unsaid, read};
+/// use deepmill::data::files::tools::{MissingParameters, read};
 ///
 /// # let temporary = tempfile::tempdir().unwrap();
 /// # let path = temporary.path().join("tools.csv");
 /// let text = "name,CR,CH,FR,FH,supplier\nfinisher,1.5,6,40,5,A\nbroken,1.5,6,1,5,B\n";
 /// std::fs::write(&path, text).unwrap();
-/// let table = read(&path, &Unsaid::default())?;
+/// let table = read(&path, &MissingParameters::default())?;
 /// assert_eq!(table.tools.iter().map(|tool| &*tool.name).collect::<Vec<_>>(), ["finisher"]);
 /// assert_eq!(table.unused, ["\"supplier\""]);
 /// // A holder thinner than the tool is named, and the rest is read.

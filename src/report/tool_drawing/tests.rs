@@ -1,14 +1,14 @@
 use super::*;
-use crate::data::files::tools::{Holder, Unsaid, from_bytes};
+use crate::data::files::tools::{Holder, MissingParameters, from_bytes};
 use proptest::prelude::*;
 
 fn drawn(row: &str) -> (String, Tool) {
     let sections = vec![crate::cutter::Section::cylinder(40.0, 15.0)];
     let holder = Some(Holder { name: "ER20".into(), sections });
-    let unsaid = Unsaid { holder, ..Unsaid::default() };
+    let defaults = MissingParameters { holder, ..MissingParameters::default() };
     let text =
         format!("name,diameter,corner,flute_length,shank,stick_out,taper,profile,unit\n{row}\n");
-    let table = from_bytes(text.as_bytes(), "shop.csv".as_ref(), &unsaid).unwrap();
+    let table = from_bytes(text.as_bytes(), "shop.csv".as_ref(), &defaults).unwrap();
     (draw(&table.tools[0]), table.tools[0].clone())
 }
 
@@ -74,7 +74,7 @@ proptest! {
         for (key, number) in changed {
             tool["geometry"][key] = number.into();
         }
-        let table = from_bytes(tool.to_string().as_bytes(), "x.json".as_ref(), &Unsaid::default());
+        let table = from_bytes(tool.to_string().as_bytes(), "x.json".as_ref(), &MissingParameters::default());
         for tool in table.iter().flat_map(|table| &table.tools) {
             let svg = draw(tool);
             prop_assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 impl Watched for Args {
     fn files(&self) -> Vec<PathBuf> {
-        let beside = self.library.iter().chain(self.unsaid.files()).chain(self.surface.files());
+        let beside = self.library.iter().chain(self.defaults.files()).chain(self.surface.files());
         self.part.iter().chain(beside).cloned().chain(self.region.files()).collect()
     }
 

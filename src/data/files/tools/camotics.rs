@@ -5,7 +5,7 @@
 use super::described::{Cone, Described, Family, Form};
 use super::place::{Place, shown, shown_value};
 use super::reading::Reading;
-use super::{Tool, Unsaid};
+use super::{MissingParameters, Tool};
 use crate::Result;
 use crate::geom::units::length::unit_mm;
 use serde_json::Value;
@@ -31,7 +31,11 @@ pub(super) fn tools(value: &Value) -> Option<Vec<(Option<u32>, &Value)>> {
     })
 }
 
-pub(super) fn read(tools: &[(Option<u32>, &Value)], path: &Path, unsaid: &Unsaid) -> Reading {
+pub(super) fn read(
+    tools: &[(Option<u32>, &Value)],
+    path: &Path,
+    defaults: &MissingParameters,
+) -> Reading {
     let mut reading = Reading::default();
     for (k, (number, tool)) in tools.iter().enumerate() {
         let words = tool.get("description").and_then(Value::as_str).unwrap_or("").trim();
@@ -48,7 +52,7 @@ pub(super) fn read(tools: &[(Option<u32>, &Value)], path: &Path, unsaid: &Unsaid
             reading.leave_out_kind(place.error(found, "it is left out"));
             continue;
         };
-        reading.add(one(tool, (&name, *number), shape, &place, unsaid));
+        reading.add(one(tool, (&name, *number), shape, &place, defaults));
     }
     reading
 }
@@ -78,10 +82,10 @@ fn one(
     (name, number): (&str, Option<u32>),
     shape: Shape,
     place: &Place,
-    unsaid: &Unsaid,
+    defaults: &MissingParameters,
 ) -> Result<(Tool, Vec<String>)> {
     let unit = match tool.get("units") {
-        None | Some(Value::Null) => unsaid.unit_mm.ok_or_else(|| {
+        None | Some(Value::Null) => defaults.unit_mm.ok_or_else(|| {
             place.error("the file does not say the unit", "give it with --tool-unit mm or in")
         })?,
         Some(name) => name.as_str().and_then(unit_mm).ok_or_else(|| {
@@ -126,7 +130,7 @@ fn one(
         neck_end: flutes,
         ..Described::new(name, form, width)
     }
-    .tool(unsaid, place)
+    .tool(defaults, place)
 }
 
 /// Lengths that differ by less are the same, as a share.

@@ -6,7 +6,7 @@ pub(super) use family::{CENTER_RAD, Cone, Family};
 
 use super::holder::Holder;
 use super::place::Place;
-use super::{Tool, Unsaid};
+use super::{MissingParameters, Tool};
 use crate::cutter::{Assembly, Profile, Section, TipShape};
 use crate::geom::units::Unit;
 use crate::geom::units::length::tidy;
@@ -71,7 +71,7 @@ fn is_same_end(a: f64, b: f64) -> bool {
 }
 
 impl Described {
-    /// Without what a file may leave unsaid.
+    /// Without what a file may leave defaults.
     pub fn new(name: impl Into<String>, form: Form, diameter: f64) -> Self {
         Described {
             name: name.into(),
@@ -100,18 +100,18 @@ impl Described {
     }
 
     /// The tool, and what was changed to the safe side.
-    pub fn tool(&self, unsaid: &Unsaid, place: &Place) -> Result<(Tool, Vec<String>)> {
+    pub fn tool(&self, defaults: &MissingParameters, place: &Place) -> Result<(Tool, Vec<String>)> {
         let missing = |what: &str, option: &str| {
             let found = format!("the file does not say the {what}");
             place.error(found, format!("give it with {option}"))
         };
-        let stick_out = self.stick_out.or(unsaid.stick_out_mm);
+        let stick_out = self.stick_out.or(defaults.stick_out_mm);
         let stick_out = stick_out.ok_or_else(|| missing("stick-out", "--stick-out MM"))?;
-        let holder = self.holder.as_ref().or(unsaid.holder.as_ref());
+        let holder = self.holder.as_ref().or(defaults.holder.as_ref());
         let holder = holder.ok_or_else(|| missing("holder", "--holder FILE"))?;
         let shank = || {
             let shaft = self.shaft.last().map(|last| 2.0 * last.upper_radius_mm);
-            let shank = shaft.or(self.shank).or(unsaid.shank_mm);
+            let shank = shaft.or(self.shank).or(defaults.shank_mm);
             shank.ok_or_else(|| missing("diameter of the shank", "--shank MM"))
         };
         let mut notices = Vec::new();
@@ -120,17 +120,17 @@ impl Described {
                 Assembly::from_profile(profile.clone(), &holder.sections, stick_out)
             }
             (None, Form::Family(family)) => {
-                let flutes = self.flutes.or(unsaid.flutes_mm);
+                let flutes = self.flutes.or(defaults.flutes_mm);
                 let profile = self.profile_of(family, flutes, shank()?, place)?;
                 Assembly::from_profile(profile, &holder.sections, stick_out)
             }
             _ => {
                 let shank = shank()?;
-                self.check_taper(unsaid, shank, place)?;
-                let body = self.body(unsaid, shank, place, &mut notices)?;
-                let tip = self.tip(unsaid, place)?;
+                self.check_taper(defaults, shank, place)?;
+                let body = self.body(defaults, shank, place, &mut notices)?;
+                let tip = self.tip(defaults, place)?;
                 let assembly = Assembly::new(tip, &body, &holder.sections, stick_out);
-                match self.end_of_flutes(unsaid) {
+                match self.end_of_flutes(defaults) {
                     Some(flutes) => assembly.and_then(|tool| tool.with_flutes(flutes)),
                     None => assembly,
                 }
@@ -154,7 +154,7 @@ impl Described {
     }
 
     /// An angle that looks like one in radians, and a cone that ends elsewhere than the file says.
-    fn check_taper(&self, unsaid: &Unsaid, shank: f64, place: &Place) -> Result<()> {
+    fn check_taper(&self, defaults: &MissingParameters, shank: f64, place: &Place) -> Result<()> {
         let Form::Tapered { taper, .. } = self.form else { return Ok(()) };
         let degrees = taper.to_degrees();
         // The same number, in radians.
@@ -169,7 +169,7 @@ impl Described {
                 format!("a taper of {degrees:.5}° per side is too little for a tapered mill");
             return Err(radians(found));
         }
-        let ends = |taper: f64| self.top_of(taper, unsaid, place);
+        let ends = |taper: f64| self.top_of(taper, defaults, place);
         let top = ends(taper)?;
         if degrees < MOST_TAPER_RAD && is_same_end(ends(other)?, shank) && !is_same_end(top, shank)
         {
@@ -206,8 +206,8 @@ impl Described {
         Ok(())
     }
 
-    fn flutes(&self, unsaid: &Unsaid, place: &Place) -> Result<f64> {
-        self.flutes.or(unsaid.flutes_mm).ok_or_else(|| {
+    fn flutes(&self, defaults: &MissingParameters, place: &Place) -> Result<f64> {
+        self.flutes.or(defaults.flutes_mm).ok_or_else(|| {
             let found = "the file does not say the flute length";
             place.error(found, "give it with --flute-length MM")
         })
@@ -215,12 +215,12 @@ impl Described {
 
     /// Where what cuts ends, if the file says it; of a tool without flute length all of the cutter's own width counts
     /// as flutes.
-    fn end_of_flutes(&self, unsaid: &Unsaid) -> Option<f64> {
-        let flutes = self.flutes.or(unsaid.flutes_mm).filter(|flutes| *flutes > 0.0)?;
+    fn end_of_flutes(&self, defaults: &MissingParameters) -> Option<f64> {
+        let flutes = self.flutes.or(defaults.flutes_mm).filter(|flutes| *flutes > 0.0)?;
         Some(self.neck_end.map_or(flutes, |end| flutes.min(end)))
     }
 
-    fn tip(&self, unsaid: &Unsaid, place: &Place) -> Result<TipShape> {
+    fn tip(&self, defaults: &MissingParameters, place: &Place) -> Result<TipShape> {
         let radius_mm = 0.5 * self.diameter;
         Ok(match self.form {
             Form::Ball => TipShape::Straight { radius_mm, corner_mm: radius_mm },
@@ -230,7 +230,7 @@ impl Described {
                 radius_mm,
                 corner_mm: corner,
                 taper_rad: taper,
-                flutes_mm: self.flutes(unsaid, place)?,
+                flutes_mm: self.flutes(defaults, place)?,
             },
             // Made of its profile.
             Form::Family(_) => TipShape::Straight { radius_mm, corner_mm: 0.0 },
@@ -240,13 +240,13 @@ impl Described {
     /// Flutes (of a straight tool), neck and shank; the last has no upper end, whatever its length.
     fn body(
         &self,
-        unsaid: &Unsaid,
+        defaults: &MissingParameters,
         shank: f64,
         place: &Place,
         notices: &mut Vec<String>,
     ) -> Result<Vec<Section>> {
         const REST: f64 = 1.0;
-        let top = self.top_of_flutes(unsaid, place)?;
+        let top = self.top_of_flutes(defaults, place)?;
         if shank < top - SAME_MM {
             notices.push(format!(
                 "the shank of {} mm is thinner than what is below it and counts as {} mm wide",
@@ -260,11 +260,11 @@ impl Described {
         let is_narrow = shank <= top
             && self.neck.is_none_or(|neck| neck <= top)
             && !self.shaft.iter().any(is_wider);
-        if is_narrow && !is_tapered && self.end_of_flutes(unsaid).is_none() {
+        if is_narrow && !is_tapered && self.end_of_flutes(defaults).is_none() {
             self.say_relieved(top, notices);
             return Ok(vec![Section::cylinder(REST, 0.5 * self.diameter)]);
         }
-        let flutes = self.flutes(unsaid, place)?;
+        let flutes = self.flutes(defaults, place)?;
         let mut end = self.neck_end.unwrap_or(flutes);
         if end < flutes - SAME_MM && is_narrow {
             end = end.max(SAME_MM);
@@ -296,16 +296,16 @@ impl Described {
     }
 
     /// Diameter of the flutes' upper end.
-    fn top_of_flutes(&self, unsaid: &Unsaid, place: &Place) -> Result<f64> {
+    fn top_of_flutes(&self, defaults: &MissingParameters, place: &Place) -> Result<f64> {
         match self.form {
-            Form::Tapered { taper, .. } => self.top_of(taper, unsaid, place),
+            Form::Tapered { taper, .. } => self.top_of(taper, defaults, place),
             _ => Ok(self.diameter),
         }
     }
 
     /// Diameter of the upper end of flutes with this taper.
-    fn top_of(&self, taper: f64, unsaid: &Unsaid, place: &Place) -> Result<f64> {
-        let flutes = self.flutes(unsaid, place)?;
+    fn top_of(&self, taper: f64, defaults: &MissingParameters, place: &Place) -> Result<f64> {
+        let flutes = self.flutes(defaults, place)?;
         let taper = taper.clamp(0.0, 1.5);
         let corner = if let Form::Tapered { corner, .. } = self.form { corner } else { 0.0 };
         let is_ball = 2.0 * corner >= self.diameter - SAME_MM;

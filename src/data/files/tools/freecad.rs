@@ -1,7 +1,7 @@
 //! FreeCAD tool bits (`.fctb`): JSON with one tool, lengths as texts with a unit; and libraries (`.fctl`) of
 //! them.
 
-use super::Unsaid;
+use super::MissingParameters;
 use super::described::{Cone, Described, Family, Form};
 use super::place::{Place, shown, shown_value};
 use super::reading::Reading;
@@ -43,7 +43,7 @@ pub(super) fn find(bit: &str, library: &Path) -> Option<PathBuf> {
     files.find(|file| file.is_file())
 }
 
-pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Reading {
+pub(super) fn read(value: &Value, path: &Path, defaults: &MissingParameters) -> Reading {
     let word = |key: &str| value.get(key).and_then(Value::as_str).filter(|w| !w.trim().is_empty());
     let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let name = word("name").or(word("label")).map(str::to_string).or(stem).unwrap_or_default();
@@ -57,7 +57,7 @@ pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Reading {
         return reading;
     };
     let parameters = value.get("parameter").unwrap_or(&Value::Null);
-    let bit = Parameters { parameters, place: &place, unsaid };
+    let bit = Parameters { parameters, place: &place, defaults };
     match shapes.iter().find_map(|shape| shape_of(shape)) {
         None => reading.leave_out_kind(place.error(
             format!(
@@ -68,7 +68,7 @@ pub(super) fn read(value: &Value, path: &Path, unsaid: &Unsaid) -> Reading {
         )),
         Some(shape) => {
             let described = bit.described(name.clone(), shape);
-            reading.add(described.and_then(|described| described.tool(unsaid, &place)));
+            reading.add(described.and_then(|described| described.tool(defaults, &place)));
             if shape == Shape::ThreadMill && parameters.get("cuttingAngle").is_none() {
                 let found = "its cuttingAngle is missing: 60° counts, as in FreeCAD's shape";
                 reading.notices.push(place.sentence(found));
@@ -138,7 +138,7 @@ const ISO_THREAD_RAD: f64 = std::f64::consts::FRAC_PI_6;
 struct Parameters<'a> {
     parameters: &'a Value,
     place: &'a Place<'a>,
-    unsaid: &'a Unsaid,
+    defaults: &'a MissingParameters,
 }
 
 impl Parameters<'_> {
@@ -287,7 +287,7 @@ impl Parameters<'_> {
                 None => self.bad(key, &text),
             });
         };
-        let unit = match self.unsaid.unit_mm {
+        let unit = match self.defaults.unit_mm {
             Some(unit) => unit,
             None if length.has_unit() => 1.0,
             None => {
@@ -302,7 +302,7 @@ impl Parameters<'_> {
     /// Millimeters of the unit that a length is written in.
     fn written_in(&self, key: &str) -> Result<f64> {
         let length = self.text(key)?.and_then(|text| Length::read(&text));
-        let bare = self.unsaid.unit_mm.unwrap_or(1.0);
+        let bare = self.defaults.unit_mm.unwrap_or(1.0);
         Ok(length.map_or(bare, |length| length.unit_or(bare)))
     }
 

@@ -6,7 +6,7 @@ mod form_mill;
 use super::described::{Described, Family, Form};
 use super::place::{Place, shown, shown_value};
 use super::reading::Reading;
-use super::{Unsaid, holder};
+use super::{MissingParameters, holder};
 use crate::{Error, Result};
 use serde_json::Value;
 use std::path::Path;
@@ -34,7 +34,7 @@ pub(super) fn read(
     value: &Value,
     spelling: Spelling,
     path: &Path,
-    unsaid: &Unsaid,
+    defaults: &MissingParameters,
 ) -> Result<Reading> {
     let tools = match value.get("data") {
         None => std::slice::from_ref(value),
@@ -57,13 +57,13 @@ pub(super) fn read(
         if kind == "holder" {
             continue;
         }
-        match described((name.clone(), kind, tool), spelling, &place, unsaid) {
+        match described((name.clone(), kind, tool), spelling, &place, defaults) {
             Ok(None) => reading.leave_out_kind(place.error(
                 format!("a {} cannot be represented, only {KINDS}", kind.trim()),
                 "it is left out",
             )),
             Ok(Some((described, assumed))) => {
-                reading.add(described.tool(unsaid, &place).map(|(tool, mut notices)| {
+                reading.add(described.tool(defaults, &place).map(|(tool, mut notices)| {
                     notices.extend(assumed);
                     (tool, notices)
                 }));
@@ -96,13 +96,13 @@ fn described(
     (name, kind, tool): (String, &str, &Value),
     spelling: Spelling,
     place: &Place,
-    unsaid: &Unsaid,
+    defaults: &MissingParameters,
 ) -> Result<Option<(Described, Option<String>)>> {
     let kind = kind.trim().to_ascii_lowercase();
     if !families::is_known(&kind) {
         return Ok(None);
     }
-    let unit = holder::unit(tool, place, unsaid)?;
+    let unit = holder::unit(tool, place, defaults)?;
     let geometry = tool.get("geometry").unwrap_or(&Value::Null);
     let of = Geometry { geometry, unit, spelling, place };
     let described = match &*kind {
@@ -119,7 +119,7 @@ fn described(
     };
     let holder = match tool.get("holder") {
         None | Some(Value::Null) => None,
-        Some(object) => holder::of_object(object, place.path, unsaid)
+        Some(object) => holder::of_object(object, place.path, defaults)
             .map_err(|error| place.about_part(error))?,
     };
     let shaft = match tool.get("shaft").and_then(|shaft| shaft.get("segments")) {

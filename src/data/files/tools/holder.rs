@@ -1,6 +1,6 @@
 //! Holders: segments from the nose upward, from a library or a table of their own.
 
-use super::Unsaid;
+use super::MissingParameters;
 use super::place::{Place, json, shown, shown_value, text};
 use super::unpack::{Content, content};
 use crate::cutter::Section;
@@ -24,15 +24,19 @@ pub struct Holder {
 ///
 /// # Errors
 /// If the file is neither, holds several holders, or a segment is not possible.
-pub fn read_holder(path: &Path, unsaid: &Unsaid) -> Result<Holder> {
-    holder_from_bytes(&input_file::read(path, input_file::LIBRARY)?, path, unsaid)
+pub fn read_holder(path: &Path, defaults: &MissingParameters) -> Result<Holder> {
+    holder_from_bytes(&input_file::read(path, input_file::LIBRARY)?, path, defaults)
 }
 
 /// As [`read_holder`]; `path` only names the place in errors.
 ///
 /// # Errors
 /// As [`read_holder`].
-pub fn holder_from_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<Holder> {
+pub fn holder_from_bytes(
+    bytes: &[u8],
+    path: &Path,
+    defaults: &MissingParameters,
+) -> Result<Holder> {
     let found = match content(bytes, path)? {
         Content::Text(text) => text,
         Content::Western(_) => return Err(text(bytes, path).expect_err("it is not UTF-8")),
@@ -43,10 +47,10 @@ pub fn holder_from_bytes(bytes: &[u8], path: &Path, unsaid: &Unsaid) -> Result<H
             let value = json(&found, path)?;
             match value.get("profile") {
                 Some(profile) => of_profile(&value, profile, path),
-                None => of_library(&value, path, unsaid),
+                None => of_library(&value, path, defaults),
             }
         }
-        Some('<') => of_library(&super::hsmlib::library(&found, path)?, path, unsaid),
+        Some('<') => of_library(&super::hsmlib::library(&found, path)?, path, defaults),
         _ => of_table(&found, path),
     }
 }
@@ -98,12 +102,12 @@ fn of_profile(object: &Value, profile: &Value, path: &Path) -> Result<Holder> {
 /// Where an outline begins on the axis, mm.
 const LEAST_MM: f64 = 1e-3;
 
-fn of_library(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Holder> {
+fn of_library(value: &Value, path: &Path, defaults: &MissingParameters) -> Result<Holder> {
     let tools = value.get("data").and_then(Value::as_array);
     let mut found: Vec<Holder> = Vec::new();
     for object in tools.into_iter().flatten().chain([value]) {
         for object in [Some(object), object.get("holder")].into_iter().flatten() {
-            let holder = of_object(object, path, unsaid)?;
+            let holder = of_object(object, path, defaults)?;
             if let Some(holder) = holder.filter(|holder| !found.contains(holder)) {
                 found.push(holder);
             }
@@ -123,12 +127,16 @@ fn of_library(value: &Value, path: &Path, unsaid: &Unsaid) -> Result<Holder> {
 }
 
 /// A Fusion 360 holder; `None` if the object has no segments.
-pub(super) fn of_object(object: &Value, path: &Path, unsaid: &Unsaid) -> Result<Option<Holder>> {
+pub(super) fn of_object(
+    object: &Value,
+    path: &Path,
+    defaults: &MissingParameters,
+) -> Result<Option<Holder>> {
     let Some(segments) = object.get("segments") else { return Ok(None) };
     let name = object.get("description").and_then(Value::as_str).unwrap_or("holder");
     let label = format!("holder {}", shown(name));
     let place = Place { path, name: &label };
-    let unit = unit(object, &place, unsaid)?;
+    let unit = unit(object, &place, defaults)?;
     let sections = sections_of(segments, unit, &place)?;
     let gauge = place.length(object, "gaugeLength", unit)?.filter(|g| *g > 0.0);
     let sections = below_gauge(sections, gauge);
@@ -205,9 +213,9 @@ fn checked(holder: Holder, place: &Place) -> Result<Holder> {
 }
 
 /// Millimeters of the unit that a Fusion 360 object states.
-pub(super) fn unit(object: &Value, place: &Place, unsaid: &Unsaid) -> Result<f64> {
+pub(super) fn unit(object: &Value, place: &Place, defaults: &MissingParameters) -> Result<f64> {
     match object.get("unit") {
-        None | Some(Value::Null) => unsaid.unit_mm.ok_or_else(|| {
+        None | Some(Value::Null) => defaults.unit_mm.ok_or_else(|| {
             place.error("the file does not say the unit", "give it with --tool-unit mm or in")
         }),
         Some(name) => name.as_str().and_then(unit_mm).ok_or_else(|| {
@@ -266,7 +274,11 @@ mod tests {
     use serde_json::json;
 
     fn library(text: &str) -> Result<Holder> {
-        of_library(&serde_json::from_str(text).unwrap(), "h.json".as_ref(), &Unsaid::default())
+        of_library(
+            &serde_json::from_str(text).unwrap(),
+            "h.json".as_ref(),
+            &MissingParameters::default(),
+        )
     }
 
     #[test]
@@ -286,7 +298,7 @@ mod tests {
     #[test]
     fn freecad_holders_are_outlines_of_radius_and_height() {
         let read = |text: &str| {
-            holder_from_bytes(text.as_bytes(), "a.fcholder".as_ref(), &Unsaid::default())
+            holder_from_bytes(text.as_bytes(), "a.fcholder".as_ref(), &MissingParameters::default())
         };
         let nut = r#"{"version": 1, "name": "ER20 nut", "units": "mm", "type": "ER20",
             "profile": [[0, 0], [16.1, 0], [17.5, 1.4], [17.5, 19], [0, 19]]}"#;
@@ -318,7 +330,8 @@ mod tests {
             { "height": 8, "lower-diameter": 20, "upper-diameter": 20 },
             { "height": 8, "lower-diameter": 20, "upper-diameter": 40 },
             { "height": 8, "lower-diameter": 60, "upper-diameter": 60 } ] });
-        let holder = of_object(&object, "h".as_ref(), &Unsaid::default()).unwrap().unwrap();
+        let holder =
+            of_object(&object, "h".as_ref(), &MissingParameters::default()).unwrap().unwrap();
         let last = holder.sections[1];
         assert_eq!((holder.sections.len(), last.length_mm, last.upper_radius_mm), (2, 2.0, 12.5));
     }

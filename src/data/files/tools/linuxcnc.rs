@@ -10,7 +10,7 @@ use super::described::{Described, Form};
 use super::place::{Place, shown};
 use super::reading::Reading;
 use super::words::{Remark, remark};
-use super::{Tool, Unsaid};
+use super::{MissingParameters, Tool};
 use crate::geom::units::length::{converted, decimal};
 use crate::{Error, Result};
 use std::path::Path;
@@ -29,11 +29,11 @@ fn first_line(text: &str) -> &str {
     lines.find(|line| !line.is_empty() && !line.starts_with(';')).unwrap_or("")
 }
 
-pub(super) fn read(text: &str, path: &Path, unsaid: &Unsaid) -> Reading {
+pub(super) fn read(text: &str, path: &Path, defaults: &MissingParameters) -> Reading {
     let first = first_line(text);
     let is_old = |line: &str| pockets::is_header(line) || pockets::is_row(line);
     if is_old(first) || text.lines().any(pockets::is_header) {
-        return read_old(text, path, unsaid);
+        return read_old(text, path, defaults);
     }
     let mut reading = Reading::default();
     for (line, row) in (1..).zip(text.lines()) {
@@ -43,7 +43,7 @@ pub(super) fn read(text: &str, path: &Path, unsaid: &Unsaid) -> Reading {
             continue;
         }
         match row_of(words, line, path) {
-            Ok(row) => add(&row, remark, (line, path), unsaid, &mut reading),
+            Ok(row) => add(&row, remark, (line, path), defaults, &mut reading),
             Err(why) => reading.add(Err(why)),
         }
     }
@@ -51,7 +51,7 @@ pub(super) fn read(text: &str, path: &Path, unsaid: &Unsaid) -> Reading {
 }
 
 /// A table of version 2.3 or older.
-fn read_old(text: &str, path: &Path, unsaid: &Unsaid) -> Reading {
+fn read_old(text: &str, path: &Path, defaults: &MissingParameters) -> Reading {
     let (mut reading, mut above) = (Reading::default(), pockets::Above::default());
     for (line, row) in (1..).zip(text.lines()) {
         let row = row.trim();
@@ -61,7 +61,7 @@ fn read_old(text: &str, path: &Path, unsaid: &Unsaid) -> Reading {
         match above.line(row, line, path) {
             Ok(pockets::Line::Above) => {}
             Ok(pockets::Line::Row(row, remark)) => {
-                add(&row, remark, (line, path), unsaid, &mut reading);
+                add(&row, remark, (line, path), defaults, &mut reading);
             }
             // What the columns mean is not known.
             Err(why) if pockets::is_header(row) => {
@@ -79,7 +79,7 @@ fn add(
     row: &Row,
     text: &str,
     (line, path): (usize, &Path),
-    unsaid: &Unsaid,
+    defaults: &MissingParameters,
     reading: &mut Reading,
 ) {
     let name = format!("T{} {text}", row.number);
@@ -90,7 +90,7 @@ fn add(
         let found = "it has a front angle, a back angle or an orientation: a turning tool";
         return reading.leave_out_kind(place.error(found, "it is left out"));
     }
-    let Some(unit) = unsaid.unit_mm else {
+    let Some(unit) = defaults.unit_mm else {
         let found = "the file does not say the unit";
         let remedy = "give that of the machine with --tool-unit mm or in";
         return reading.add(Err(place.error(found, remedy)));
@@ -110,7 +110,7 @@ fn add(
         let diameter = converted(place.not_negative("D", diameter)?, unit);
         let number = u32::try_from(row.number).ok();
         let tool = Described { number, unit_mm: unit, ..Described::new(name, form, diameter) };
-        let (tool, mut notices) = tool.tool(unsaid, &place)?;
+        let (tool, mut notices) = tool.tool(defaults, &place)?;
         notices.extend(plain);
         let other = row.other_number.filter(|other| *other != row.number);
         notices.extend(other.map(|other| {

@@ -6,14 +6,15 @@
 //! ```
 //!
 //! A length has the unit written with it, else that of its heading (`diameter_in`, `D [mm]`), of the row's column
-//! `unit`, what [`Unsaid`] gives, or mm. The form is that of the column `type`, or follows from the corner, or from the name.
+//! `unit`, what [`MissingParameters`] gives, or mm. The form is that of the column `type`, or follows from the corner, or
+//! from the name.
 
 use super::described::{CENTER_RAD, Cone, Described, Family, Form};
 use super::place::{Place, shown};
 use super::reading::Reading;
 use super::table::TableText;
 use super::words::{Remark, is_pointed, remark};
-use super::{Tool, Unsaid};
+use super::{MissingParameters, Tool};
 use crate::cutter::Profile;
 use crate::geom::units::length::{Length, unit_mm};
 use crate::{Error, Result};
@@ -146,7 +147,7 @@ impl Columns {
         text: &TableText,
         line: usize,
         row: &StringRecord,
-        unsaid: &Unsaid,
+        defaults: &MissingParameters,
         reading: &mut Reading,
     ) {
         let name = match self.field(row, Meaning::Name) {
@@ -159,7 +160,7 @@ impl Columns {
         if let Err(why) = text.check_width(line, row, self.n) {
             return reading.add(Err(why));
         }
-        let row = Row { columns: self, row, unsaid, place: &place };
+        let row = Row { columns: self, row, defaults, place: &place };
         if !row.field(Meaning::Profile).is_empty() {
             return reading.add(row.tool_of_profile(&name, number));
         }
@@ -224,7 +225,7 @@ enum Found {
 struct Row<'a> {
     columns: &'a Columns,
     row: &'a StringRecord,
-    unsaid: &'a Unsaid,
+    defaults: &'a MissingParameters,
     place: &'a Place<'a>,
 }
 
@@ -253,7 +254,7 @@ impl Row<'_> {
             let found = format!("{} is {}, not a length", column.heading, shown(field));
             self.error(found, "write a number, or one with its unit (1/4 in)")
         })?;
-        let unit = column.unit_mm.or(self.unit()?).or(self.unsaid.unit_mm).unwrap_or(1.0);
+        let unit = column.unit_mm.or(self.unit()?).or(self.defaults.unit_mm).unwrap_or(1.0);
         self.place.not_negative(&column.heading, length.mm_of(unit)).map(Some)
     }
 
@@ -272,7 +273,7 @@ impl Row<'_> {
         let column = self.columns.column(meaning).and_then(|column| column.unit_mm);
         let own = Length::read(self.field(meaning)).filter(|length| length.has_unit());
         let own = own.map(|length| length.unit_or(1.0)).or(column);
-        Ok(own.or(self.unit()?).or(self.unsaid.unit_mm).unwrap_or(1.0))
+        Ok(own.or(self.unit()?).or(self.defaults.unit_mm).unwrap_or(1.0))
     }
 
     fn diameter(&self) -> Result<f64> {
@@ -284,7 +285,7 @@ impl Row<'_> {
         let (diameter, corner) = (self.diameter()?, self.length(Meaning::Corner)?);
         let kind = self.field(Meaning::Form);
         let said =
-            remark(if kind.is_empty() { name } else { kind }, self.unsaid.unit_mm.unwrap_or(1.0));
+            remark(if kind.is_empty() { name } else { kind }, self.defaults.unit_mm.unwrap_or(1.0));
         let by_corner = |corner: f64| match corner {
             0.0 => Form::Flat,
             corner if (2.0 * corner - diameter).abs() <= SAME * diameter => Form::Ball,
@@ -358,14 +359,14 @@ impl Row<'_> {
             clearance: self.length(Meaning::Clearance)?.unwrap_or(0.0),
             ..Described::new(name, form, diameter)
         }
-        .tool(self.unsaid, self.place)
+        .tool(self.defaults, self.place)
     }
 
     /// A tool of the column profile, which describes all of it below the holder.
     fn tool_of_profile(&self, name: &str, number: Option<u32>) -> Result<(Tool, Vec<String>)> {
         let column = self.columns.column(Meaning::Profile);
         let unit = column.and_then(|column| column.unit_mm).or(self.unit()?);
-        let unit = unit.or(self.unsaid.unit_mm).unwrap_or(1.0);
+        let unit = unit.or(self.defaults.unit_mm).unwrap_or(1.0);
         let profile: Result<Profile> = self.field(Meaning::Profile).parse();
         let profile = profile.and_then(|profile| profile.scaled(unit));
         let profile = profile.map_err(|error| self.place.within(error))?;
@@ -377,7 +378,7 @@ impl Row<'_> {
             clearance: self.length(Meaning::Clearance)?.unwrap_or(0.0),
             ..Described::of_profile(name, profile)
         }
-        .tool(self.unsaid, self.place)
+        .tool(self.defaults, self.place)
     }
 
     /// A cone or a drill whose angle is in the column taper; or a reamer, or a center drill with its pilot.

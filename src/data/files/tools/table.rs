@@ -2,7 +2,7 @@
 
 use super::place::shown;
 use super::reading::Reading;
-use super::{Tool, Unsaid, shop};
+use super::{MissingParameters, Tool, shop};
 use crate::cutter::{Assembly, CutterParams, Step};
 use crate::geom::units::{Length, Unit};
 use crate::{Error, Result};
@@ -43,8 +43,8 @@ const REQUIRED: std::ops::Range<usize> = 1..5;
 ///
 /// # Errors
 /// If the file is not such a table.
-pub(super) fn read(text: &str, path: &Path, unsaid: &Unsaid) -> Result<Reading> {
-    TableText { path, text, separator: separator(text) }.table(unsaid)
+pub(super) fn read(text: &str, path: &Path, defaults: &MissingParameters) -> Result<Reading> {
+    TableText { path, text, separator: separator(text) }.table(defaults)
 }
 
 /// `height:radius` of every step, with blanks between: what the columns `body` and `holder` hold.
@@ -92,7 +92,7 @@ pub(super) struct TableText<'a> {
 }
 
 impl TableText<'_> {
-    fn table(&self, unsaid: &Unsaid) -> Result<Reading> {
+    fn table(&self, defaults: &MissingParameters) -> Result<Reading> {
         let mut rows = self.rows()?.into_iter();
         let Some((header_line, header)) = rows.next() else {
             let remedy = "begin with a header row such as name,CR,CH,FR,FH";
@@ -107,7 +107,7 @@ impl TableText<'_> {
         let mut reading = Reading::default();
         if let Some(shop) = shop::Columns::of(&header).filter(|_| !has("CR")) {
             shop.check(self, header_line)?;
-            rows.iter().for_each(|(line, row)| shop.add(self, *line, row, unsaid, &mut reading));
+            rows.iter().for_each(|(line, row)| shop.add(self, *line, row, defaults, &mut reading));
             reading.unused = shop.unused;
             return Ok(reading);
         }

@@ -68,12 +68,12 @@ fn holder() -> Holder {
     Holder { name: "C".into(), sections }
 }
 
-fn unsaid() -> Unsaid {
-    Unsaid { holder: Some(holder()), stick_out_mm: Some(30.0), ..Unsaid::default() }
+fn usual() -> MissingParameters {
+    MissingParameters::default().with_holder(Some(holder())).with_stick_out_mm(Some(30.0))
 }
 
-fn tools(text: &str, name: &str, unsaid: &Unsaid) -> Result<ToolTable> {
-    from_bytes(text.as_bytes(), name.as_ref(), unsaid)
+fn tools(text: &str, name: &str, given: &MissingParameters) -> Result<ToolTable> {
+    from_bytes(text.as_bytes(), name.as_ref(), given)
 }
 
 /// Height and radius of the steps above the tip.
@@ -96,7 +96,7 @@ fn message(result: Result<ToolTable>) -> String {
 
 #[test]
 fn a_fusion_library_keeps_what_can_be_represented() {
-    let table = tools(FUSION, "shop.json", &unsaid()).unwrap();
+    let table = tools(FUSION, "shop.json", &usual()).unwrap();
     let names: Vec<&str> = table.tools.iter().map(|tool| &*tool.name).collect();
     assert_eq!(names, ["6 mm ball, long", "1/8\" flat", "tapered"]);
     assert_eq!(table.tools[1].folder(), "1 8 flat");
@@ -136,26 +136,26 @@ fn a_fusion_library_keeps_what_can_be_represented() {
 fn what_a_library_does_not_say_is_asked_for_by_name() {
     let bit = r#"{"version": 2, "name": "B", "shape": "ballend.fcstd", "parameter":
         {"CuttingEdgeHeight": "14,0 mm", "Diameter": "4.0000 mm", "Length": "50 mm", "ShankDiameter": "6 mm"}}"#;
-    let none = Unsaid::default();
+    let none = MissingParameters::default();
     let words = message(tools(bit, "b.fctb", &none));
     assert!(words.starts_with("b.fctb: tool \"B\": ") && words.contains("--stick-out"), "{words}");
-    let long = Unsaid { stick_out_mm: Some(30.0), ..none.clone() };
+    let long = MissingParameters { stick_out_mm: Some(30.0), ..none.clone() };
     assert!(message(tools(bit, "b.fctb", &long)).contains("--holder"));
-    let table = tools(bit, "b.fctb", &unsaid()).unwrap();
+    let table = tools(bit, "b.fctb", &usual()).unwrap();
     assert_eq!(
         outline(&table.tools[0]),
         [(4.0, 2.0), (14.0, 3.0), (30.0, 20.0), (70.0, f64::INFINITY)]
     );
-    let beyond = Unsaid { stick_out_mm: Some(51.0), ..unsaid() };
+    let beyond = MissingParameters { stick_out_mm: Some(51.0), ..usual() };
     assert!(message(tools(bit, "b.fctb", &beyond)).contains("overall length of 50 mm"));
     assert!(message(tools(FUSION, "shop.json", &none)).contains("--holder"));
     let table = "T1 P1 D6.0 Z+52.3 ;6mm ball end\nT2 P2 D3.175 ;flat\nT3 D10 ;bull r1\nT9 P0 ;probe\nT8 D3 ;odd\n";
-    assert!(message(tools(table, "tool.tbl", &unsaid())).contains("--tool-unit"));
-    let millimeters = Unsaid { unit_mm: Some(1.0), ..unsaid() };
+    assert!(message(tools(table, "tool.tbl", &usual())).contains("--tool-unit"));
+    let millimeters = MissingParameters { unit_mm: Some(1.0), ..usual() };
     assert!(message(tools(table, "tool.tbl", &millimeters)).contains("--shank"));
-    let shank = Unsaid { shank_mm: Some(6.0), ..millimeters };
+    let shank = MissingParameters { shank_mm: Some(6.0), ..millimeters };
     assert!(message(tools(table, "tool.tbl", &shank)).contains("--flute-length"));
-    let flutes = Unsaid { flutes_mm: Some(10.0), ..shank };
+    let flutes = MissingParameters { flutes_mm: Some(10.0), ..shank };
     let read = tools(table, "tool.tbl", &flutes).unwrap();
     assert_eq!(outline(&read.tools[1])[..2], [(3.175, 1.5875), (10.0, 3.0)]);
     assert_eq!((read.tools[2].corner_mm, read.tools[2].assembly.tip()[1]), (1.0, 4.0));
@@ -172,7 +172,7 @@ fn tool_bits_have_a_unit_in_every_value() {
             "CuttingEdgeHeight": "10 mm"{more}}}}}"#
         )
     };
-    let read = |diameter: &str| tools(&bit(diameter, "endmill", ""), "q.fctb", &unsaid());
+    let read = |diameter: &str| tools(&bit(diameter, "endmill", ""), "q.fctb", &usual());
     for (text, mm) in [
         (r#""0.2500 \"""#, 6.35),
         (r#""2.0000 in""#, 50.8),
@@ -202,18 +202,18 @@ fn tool_bits_have_a_unit_in_every_value() {
             "{text}: {found}"
         );
     }
-    let bull = |more: &str| tools(&bit(r#""6 mm""#, "bullnose", more), "q.fctb", &unsaid());
+    let bull = |more: &str| tools(&bit(r#""6 mm""#, "bullnose", more), "q.fctb", &usual());
     assert_eq!(bull(r#", "CornerRadius": "1 mm""#).unwrap().tools[0].corner_mm, 1.0);
     assert_eq!(bull(r#", "FlatRadius": "1.5 mm""#).unwrap().tools[0].corner_mm, 1.5);
     assert!(message(bull(r#", "FlatRadius": "1 mm""#)).contains("in some versions"));
     assert!(message(bull("")).contains("CornerRadius is missing"));
     let drill = bit(r#""6 mm""#, "drill", "");
-    let refused = message(tools(&drill, "q.fctb", &unsaid()));
+    let refused = message(tools(&drill, "q.fctb", &usual()));
     assert!(refused.contains("TipAngle is missing"), "{refused}");
-    let vbit = message(tools(&bit(r#""6 mm""#, "v-bit", ""), "q.fctb", &unsaid()));
+    let vbit = message(tools(&bit(r#""6 mm""#, "v-bit", ""), "q.fctb", &usual()));
     assert!(vbit.contains("CuttingEdgeAngle is missing"), "{vbit}");
     let taper = r#", "TaperAngle": "6 °""#;
-    let tapered = tools(&bit(r#""1 mm""#, "taperedballnose", taper), "q.fctb", &unsaid()).unwrap();
+    let tapered = tools(&bit(r#""1 mm""#, "taperedballnose", taper), "q.fctb", &usual()).unwrap();
     assert!(
         tapered.tools[0].words().starts_with("tapered ball 1 mm 3°"),
         "{}",
@@ -255,15 +255,15 @@ fn hostile_libraries_are_errors_that_name_file_tool_and_remedy() {
         (FUSION.replace("\"tip-diameter\": 1", "\"tip-diameter\": 0.3"), "tip-diameter 0.3"),
         ("[".repeat(100_000), "cannot be read"),
     ] {
-        let found = message(tools(&text, "x.json", &unsaid()));
+        let found = message(tools(&text, "x.json", &usual()));
         assert!(found.starts_with("x.json: ") && found.contains(words), "{words}: {found}");
     }
     for text in ["T1 P1 X", "P1 D6", "T1.5 D6", "T1 D1e999", "T1 Dnan", "T1 ~6", "T1 D-6 ;ball"] {
-        let unsaid = Unsaid { unit_mm: Some(1.0), shank_mm: Some(3.0), ..unsaid() };
-        let found = message(tools(text, "x.tbl", &unsaid));
+        let given = MissingParameters { unit_mm: Some(1.0), shank_mm: Some(3.0), ..usual() };
+        let found = message(tools(text, "x.tbl", &given));
         assert!(found.starts_with("x.tbl: line 1"), "{found}");
     }
-    assert!(message(tools("hello", "x.fctb", &unsaid())).contains("not JSON"));
+    assert!(message(tools("hello", "x.fctb", &usual())).contains("not JSON"));
 }
 
 #[test]
@@ -273,19 +273,19 @@ fn libraries_are_folders_too_and_repeat_names() {
     for name in ["b.fctb", "a.FCTB", "note.txt"] {
         std::fs::write(folder.path().join(name), bit).unwrap();
     }
-    let table = read(folder.path(), &unsaid()).unwrap();
+    let table = read(folder.path(), &usual()).unwrap();
     assert_eq!(table.tools.iter().map(|t| &*t.name).collect::<Vec<_>>(), ["B/6", "B/6 (2)"]);
     assert_eq!(table.tools.iter().map(Tool::folder).collect::<Vec<_>>(), ["B 6", "B 6 (2)"]);
     let empty = tempfile::tempdir().unwrap();
-    assert!(message(read(empty.path(), &unsaid())).contains("no .fctb file"));
+    assert!(message(read(empty.path(), &usual())).contains("no .fctb file"));
     let tap = folder.path().join("d.json");
     std::fs::write(&tap, r#"{"data": [{"type": "tap left hand"}]}"#).unwrap();
-    assert!(message(read(&tap, &unsaid())).contains("no tool can be used"));
+    assert!(message(read(&tap, &usual())).contains("no tool can be used"));
 }
 
 #[test]
 fn a_table_holds_a_tool_of_many_steps_exactly() {
-    let first = tools(FUSION, "shop.json", &unsaid()).unwrap().tools;
+    let first = tools(FUSION, "shop.json", &usual()).unwrap().tools;
     let mut text = "name;CR;CH;FR;FH;corner;body;holder;stick_out;neck_and_shank\n".to_string();
     for tool in &first {
         let [cr, ch, fr, fh] = tool.params.to_array();
@@ -297,7 +297,7 @@ fn a_table_holds_a_tool_of_many_steps_exactly() {
             tool.name, tool.corner_mm
         );
     }
-    let again = tools(&text, "tools.csv", &Unsaid::default()).unwrap().tools;
+    let again = tools(&text, "tools.csv", &MissingParameters::default()).unwrap().tools;
     for (a, b) in first.iter().zip(&again) {
         assert_eq!((&a.name, &a.cutter), (&b.name, &b.cutter));
     }
@@ -345,28 +345,28 @@ fn one_bad_tool_never_loses_the_others() {
         (bad(whole, "").replace("bull nose end mill", "probe"), "a probe cannot be represented"),
     ] {
         for library in [fusion(&[GOOD, &tool]), fusion(&[&tool, GOOD])] {
-            let table = tools(&library, "lib.json", &unsaid()).unwrap();
+            let table = tools(&library, "lib.json", &usual()).unwrap();
             assert_eq!((table.tools.len(), table.refused.len()), (1, 1), "{words}");
             assert_eq!(table.tools[0].name, "RU1600");
             let left = &table.refused[0];
             assert!(left.contains("left out") && left.contains(words), "{words}: {left}");
             assert!(left.starts_with("lib.json: tool "), "{left}");
         }
-        assert!(message(tools(&fusion(&[&tool, &tool]), "lib.json", &unsaid())).contains(words));
+        assert!(message(tools(&fusion(&[&tool, &tool]), "lib.json", &usual())).contains(words));
     }
     // A holder of which there is but the name is the one given.
     let named = bad(whole, r#", "holder": {"description": "CAT40 ER16"}"#);
-    let table = tools(&fusion(&[&named]), "lib.json", &unsaid()).unwrap();
+    let table = tools(&fusion(&[&named]), "lib.json", &usual()).unwrap();
     assert!(table.notices[0].contains("\"CAT40 ER16\" has no segments"), "{:?}", table.notices);
     let table = "name,CR,CH,FR,FH\na,1,2,3,4\nb,0,2,3,4\nA,1,2,3,4\nc,1,2,x,4\nd,1/8in,2,4,4\n";
-    let table = tools(table, "t.csv", &Unsaid::default()).unwrap();
+    let table = tools(table, "t.csv", &MissingParameters::default()).unwrap();
     assert_eq!(table.tools.iter().map(|t| t.params.cr_mm).collect::<Vec<_>>(), [1.0, 3.175]);
     for (left, words) in
         table.refused.iter().zip(["line 3: ", "line 4: \"A\" is also", "FR is \"x\""])
     {
         assert!(left.contains(words), "{words}: {left}");
     }
-    let millimeters = Unsaid { unit_mm: Some(1.0), shank_mm: Some(6.0), ..unsaid() };
+    let millimeters = MissingParameters { unit_mm: Some(1.0), shank_mm: Some(6.0), ..usual() };
     let table = tools("T1 P1 D6 ;ball\nT2 ~7\nT3 D6 ;flat\n", "t.tbl", &millimeters).unwrap();
     assert_eq!((table.tools.len(), table.refused.len()), (2, 1));
     assert!(table.refused[0].contains("line 2: \"~7\" is no word"), "{:?}", table.refused);
@@ -376,7 +376,7 @@ fn one_bad_tool_never_loses_the_others() {
 fn a_tapered_ball_may_state_the_diameter_of_its_cone() {
     let ball = |geometry: &str| {
         let library = fusion(&[&milled("tapered mill", geometry)]);
-        tools(&library, "t.json", &unsaid())
+        tools(&library, "t.json", &usual())
     };
     // DC is that of the ball, of the cone at the tip's height, or of the cone where the ball ends.
     for dc in ["0.0625", "0.0568", "0.0622"] {
@@ -392,14 +392,14 @@ fn a_tapered_ball_may_state_the_diameter_of_its_cone() {
 #[test]
 fn tapers_in_radians_or_against_their_end_are_left_out_with_the_numbers() {
     let taper = |geometry: &str| {
-        message(tools(&fusion(&[&milled("tapered mill", geometry), GOOD]), "t.json", &unsaid()))
+        message(tools(&fusion(&[&milled("tapered mill", geometry), GOOD]), "t.json", &usual()))
     };
     let radians = taper(r#""DC": 0.0625, "RE": 0.03125, "TA": 0.09599"#);
     assert!(radians.contains("0.09599° per side") && radians.contains("5.500°"), "{radians}");
     // 26.6 degrees would do for a tapered mill; the shank says that it is an angle in radians.
     let steep = milled("tapered mill", r#""DC": 0.0625, "RE": 0, "TA": 0.464"#);
     let steep = steep.replace("\"LCF\": 1,", "\"LCF\": 0.1875,");
-    let found = message(tools(&fusion(&[&steep]), "t.json", &unsaid()));
+    let found = message(tools(&fusion(&[&steep]), "t.json", &usual()));
     assert!(found.contains("in radians 6.3") && found.contains("26.585°"), "{found}");
     let end = taper(
         r#""DC": 0.0625, "RE": 0.03125, "TA": 2, "shoulder-diameter": 0.25, "shoulder-length": 1"#,
@@ -411,13 +411,13 @@ fn tapers_in_radians_or_against_their_end_are_left_out_with_the_numbers() {
             "CuttingEdgeHeight": "20 mm", "Length": "60 mm", "ShankDiameter": "6 mm"{more}}}}}"#
         )
     };
-    let found = message(tools(&bit(r#", "TaperDiameter": "6 mm""#), "b.fctb", &unsaid()));
+    let found = message(tools(&bit(r#", "TaperDiameter": "6 mm""#), "b.fctb", &usual()));
     assert!(found.contains("ends 3.0453 mm wide, the file says 6 mm"), "{found}");
     assert_eq!(
-        tools(&bit(r#", "TaperDiameter": "3.05 mm""#), "b.fctb", &unsaid()).unwrap().tools.len(),
+        tools(&bit(r#", "TaperDiameter": "3.05 mm""#), "b.fctb", &usual()).unwrap().tools.len(),
         1
     );
-    let found = message(tools(&bit("").replace("6 °", "0.1 °"), "b.fctb", &unsaid()));
+    let found = message(tools(&bit("").replace("6 °", "0.1 °"), "b.fctb", &usual()));
     assert!(found.contains("0.05000° per side is too little"), "{found}");
 }
 
@@ -429,7 +429,7 @@ fn shapes_have_the_names_of_all_versions_of_freecad() {
             r#"{{"name": "B", {shape}, "parameter": {{"Diameter": "3 mm", "CuttingEdgeHeight": "20 mm",
             "Length": "60 mm", "ShankDiameter": "8 mm"{taper}}}}}"#
         );
-        tools(&bit, "b.fctb", &unsaid()).map(|table| table.tools[0].words())
+        tools(&bit, "b.fctb", &usual()).map(|table| table.tools[0].words())
     };
     for (shape, words) in [
         ("endmill.fcstd", "flat end"),
@@ -462,7 +462,7 @@ fn shapes_have_the_names_of_all_versions_of_freecad() {
             message(tools(
                 &format!(r#"{{"shape": "{other}", "parameter": {{}}}}"#),
                 "b.fctb",
-                &unsaid()
+                &usual()
             ))
             .contains("cannot be represented")
         );
@@ -484,7 +484,7 @@ fn a_freecad_library_has_numbers_and_its_bits_beside_it() {
     let text = r#"{"version": 1, "tools": [{"nr": 4, "path": "5mm_Endmill.fctb"}, {"nr": 1, "path": "near.fctb"},
         {"nr": 2, "path": "away/lost.fctb"}]}"#;
     let library = put("Library/Default.fctl", text);
-    let table = read(&library, &unsaid()).unwrap();
+    let table = read(&library, &usual()).unwrap();
     let found: Vec<_> = table.tools.iter().map(|t| (&*t.name, t.number)).collect();
     assert_eq!(found, [("5mm Endmill", Some(4)), ("near", Some(1))]);
     assert!(
@@ -493,6 +493,6 @@ fn a_freecad_library_has_numbers_and_its_bits_beside_it() {
         table.refused
     );
     // The folder of the library's folders stands for the bits.
-    assert_eq!(read(folder.path(), &unsaid()).unwrap().tools.len(), 1);
-    assert!(message(tools(text, "a.fctl", &unsaid())).contains("names tool bits in other files"));
+    assert_eq!(read(folder.path(), &usual()).unwrap().tools.len(), 1);
+    assert!(message(tools(text, "a.fctl", &usual())).contains("names tool bits in other files"));
 }

@@ -8,7 +8,7 @@ use super::*;
 const CENTER: &str = r#""DC": 6, "LCF": 12, "SFDM": 6, "SIG": 118, "TA": 90, "tip-diameter": 2, "tip-length": 2,
     "shoulder-length": 15"#;
 
-fn only(text: &str, name: &str, given: &Unsaid) -> ToolTable {
+fn only(text: &str, name: &str, given: &MissingParameters) -> ToolTable {
     from_bytes(text.as_bytes(), name.as_ref(), given).unwrap()
 }
 
@@ -61,7 +61,7 @@ fn center_drills_have_a_pilot_below_their_countersink() {
 
 #[test]
 fn a_center_drill_that_lacks_something_is_left_out_by_name() {
-    let refused = |text: &str, name: &str, given: &Unsaid| {
+    let refused = |text: &str, name: &str, given: &MissingParameters| {
         from_bytes(text.as_bytes(), name.as_ref(), given).unwrap_err().to_string()
     };
     for (old, new, expected) in [
@@ -87,7 +87,7 @@ fn a_center_drill_that_lacks_something_is_left_out_by_name() {
     let message = refused(table, "c.csv", &library());
     assert!(message.contains("columns tip and tip_length"), "{message}");
     // A remark has no pilot: it is no drill of 60°.
-    let given = Unsaid { unit_mm: Some(1.0), flutes_mm: Some(9.0), ..library() };
+    let given = MissingParameters { unit_mm: Some(1.0), flutes_mm: Some(9.0), ..library() };
     let message = refused("T1 P1 D6 ;center drill 60 deg\n", "c.tbl", &given);
     assert!(message.contains("names a center drill"), "{message}");
 }

@@ -40,15 +40,19 @@ fn files() -> Vec<(&'static str, String)> {
 
 #[test]
 fn every_file_is_read_again_as_it_is_exported() {
-    let unsaid =
-        Unsaid { shank_mm: Some(6.0), flutes_mm: Some(12.0), unit_mm: Some(1.0), ..library() };
+    let given = MissingParameters {
+        shank_mm: Some(6.0),
+        flutes_mm: Some(12.0),
+        unit_mm: Some(1.0),
+        ..library()
+    };
     for (name, text) in files() {
-        let unsaid = if name.ends_with("fctb") { library() } else { unsaid.clone() };
-        let first = from_bytes(text.as_bytes(), name.as_ref(), &unsaid).unwrap().tools;
+        let given = if name.ends_with("fctb") { library() } else { given.clone() };
+        let first = from_bytes(text.as_bytes(), name.as_ref(), &given).unwrap().tools;
         for (to, bytes) in [("again.csv", to_csv(&first)), ("again.json", to_json(&first).unwrap())]
         {
             // Nothing is asked for.
-            let again = from_bytes(&bytes, to.as_ref(), &Unsaid::default()).unwrap();
+            let again = from_bytes(&bytes, to.as_ref(), &MissingParameters::default()).unwrap();
             assert!(again.refused.is_empty() && again.unused.is_empty(), "{name}: {again:?}");
             assert_eq!(again.tools.len(), first.len());
             for (a, b) in first.iter().zip(&again.tools) {
@@ -71,14 +75,17 @@ fn every_file_is_read_again_as_it_is_exported() {
 
 #[test]
 fn one_exported_tool_that_was_spoiled_loses_no_other() {
-    let tools = from_bytes(SHOP.as_bytes(), "s.json".as_ref(), &Unsaid::default()).unwrap().tools;
+    let tools = from_bytes(SHOP.as_bytes(), "s.json".as_ref(), &MissingParameters::default())
+        .unwrap()
+        .tools;
     let text = String::from_utf8(to_json(&tools[..3]).unwrap()).unwrap();
     for (bad, words) in [
         (text.replacen("\"assembly\"", "\"x\"", 1), "neither assembly nor lengths_mm"),
         (text.replacen("\"corner_mm\": 0.0", "\"corner_mm\": -1.0", 1), "its assembly"),
         (text.replacen("\"unit\": \"mm\"", "\"unit\": \"ell\"", 1), "its unit is \"ell\""),
     ] {
-        let table = from_bytes(bad.as_bytes(), "x.json".as_ref(), &Unsaid::default()).unwrap();
+        let table =
+            from_bytes(bad.as_bytes(), "x.json".as_ref(), &MissingParameters::default()).unwrap();
         assert_eq!((table.tools.len(), table.refused.len()), (2, 1), "{words}");
         let refused = &table.refused[0];
         assert!(
@@ -90,7 +97,8 @@ fn one_exported_tool_that_was_spoiled_loses_no_other() {
 
 #[test]
 fn a_shop_of_fifty_tools_keeps_all_that_mill_or_drill() {
-    let table = from_bytes(SHOP.as_bytes(), "shop50.json".as_ref(), &Unsaid::default()).unwrap();
+    let table =
+        from_bytes(SHOP.as_bytes(), "shop50.json".as_ref(), &MissingParameters::default()).unwrap();
     let left_out: Vec<&str> =
         table.refused.iter().filter_map(|refused| refused.split('"').nth(1)).collect();
     assert_eq!(table.tools.len(), 47, "{:#?}", table.refused);

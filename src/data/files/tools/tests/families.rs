@@ -294,8 +294,8 @@ fn every_shape_of_freecad_and_camotics_that_mills_is_read() {
         "5": {"units": "metric", "shape": "spheroid", "length": 20, "diameter": 10},
         "6": {"units": "metric", "shape": "snubnose", "length": 5, "diameter": 6, "snub_diameter": 6},
         "7": {"units": "metric", "shape": "cube", "length": 5, "diameter": 6}}"#;
-    let unsaid = Unsaid { shank_mm: Some(6.0), ..library() };
-    let table = from_bytes(table.as_bytes(), "t.json".as_ref(), &unsaid).unwrap();
+    let given = MissingParameters { shank_mm: Some(6.0), ..library() };
+    let table = from_bytes(table.as_bytes(), "t.json".as_ref(), &given).unwrap();
     let [cone, snub, wide, ball, long, flat] = &table.tools[..] else { panic!("{table:?}") };
     close(cone, &[(0.0, 0.0), (2.5, 2.5), (5.0, 5.0), (9.0, 3.0)]);
     close(snub, &[(0.0, 1.0), (2.5, 3.0), (9.0, 3.0)]);

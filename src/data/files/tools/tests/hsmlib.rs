@@ -81,7 +81,8 @@ fn a_library_in_xml_gives_the_tools_of_the_same_in_json() {
     assert_eq!(table.refused.len(), 3);
     let one = SHOP.split("  <tool type=\"chamfer").next().unwrap().to_string() + "</tool-library>";
     let holder =
-        holder_from_bytes(one.as_bytes(), "h.hsmlib".as_ref(), &Unsaid::default()).unwrap();
+        holder_from_bytes(one.as_bytes(), "h.hsmlib".as_ref(), &MissingParameters::default())
+            .unwrap();
     assert_eq!((&*holder.name, holder.sections.len()), ("ER20", 3));
 }
 

@@ -5,9 +5,14 @@ use crate::cutter::Profile;
 
 const HOLDER: &str = "height,lower,upper\n40,30,30\n";
 
-pub(super) fn library() -> Unsaid {
-    let holder = holder_from_bytes(HOLDER.as_bytes(), "holder.csv".as_ref(), &Unsaid::default());
-    Unsaid { holder: Some(holder.unwrap()), stick_out_mm: Some(40.0), ..Unsaid::default() }
+pub(super) fn library() -> MissingParameters {
+    let holder =
+        holder_from_bytes(HOLDER.as_bytes(), "holder.csv".as_ref(), &MissingParameters::default());
+    MissingParameters {
+        holder: Some(holder.unwrap()),
+        stick_out_mm: Some(40.0),
+        ..MissingParameters::default()
+    }
 }
 
 /// Radii of a tool's profile, to a millionth.
@@ -104,7 +109,8 @@ fn a_profile_comes_back_from_settings_and_tables_of_our_own() {
         tool.corner_mm,
         assembly.profile().unwrap()
     );
-    let again = from_bytes(row.as_bytes(), "tools.csv".as_ref(), &Unsaid::default()).unwrap();
+    let again =
+        from_bytes(row.as_bytes(), "tools.csv".as_ref(), &MissingParameters::default()).unwrap();
     assert_eq!(again.tools[0].assembly.profile(), assembly.profile());
     assert_eq!(again.tools[0].cutter.profile(), tool.cutter.profile());
 }
@@ -135,8 +141,12 @@ fn drills_and_reamers_are_read_from_all_kinds_of_files() {
     let table = "name, type, diameter, taper, flute_length, shank, stick_out\n\
         a, drill, 6, 59, 30, 6, 50\nb, reamer, 8, , 30, 7, 50\n";
     check(drills(from_bytes(table.as_bytes(), "shop.csv".as_ref(), &library()).unwrap()));
-    let given =
-        Unsaid { flutes_mm: Some(30.0), shank_mm: Some(6.0), unit_mm: Some(1.0), ..library() };
+    let given = MissingParameters {
+        flutes_mm: Some(30.0),
+        shank_mm: Some(6.0),
+        unit_mm: Some(1.0),
+        ..library()
+    };
     let machine = "T1 P1 D6 ;drill 118 deg\nT2 P2 D8 ;reamer 8H7\n";
     check(drills(from_bytes(machine.as_bytes(), "t.tbl".as_ref(), &given).unwrap()));
     let bit = r#"{"version": 2, "name": "6", "shape": "drill.fcstd", "parameter":

@@ -7,7 +7,7 @@ fn camotics_tables_have_shapes_units_and_numbers() {
     let text = r#"{"12": {"units": "imperial", "shape": "Ballnose", "length": 0.75, "diameter": 0.25, "description": "1/4\" ball"},
         "3": {"units": "metric", "shape": "cylindrical", "length": 20, "diameter": 6, "description": ""},
         "5": {"units": "metric", "shape": "tapered", "length": 20, "diameter": 6, "snub_diameter": 1}}"#;
-    let given = Unsaid { shank_mm: Some(6.35), ..unsaid() };
+    let given = MissingParameters { shank_mm: Some(6.35), ..usual() };
     for text in
         [text.to_string(), format!(r#"{{"units": "metric", "tools": {text}, "files": ["a.nc"]}}"#)]
     {
@@ -38,7 +38,7 @@ fn tables_are_in_the_words_of_a_shop_too() {
         4,drill,0.25,,0.75in,1/4in,1.1,\n\
         5,odd,0.25,,0.75in,1/4in,1.1,\n\
         6,far,0.25,0,0.75in,1/4in,one,\n";
-    let given = Unsaid { stick_out_mm: None, ..unsaid() };
+    let given = MissingParameters { stick_out_mm: None, ..usual() };
     let found = tools(table, "shop.csv", &given).unwrap();
     let rows: Vec<_> = found
         .tools
@@ -63,7 +63,7 @@ fn tables_are_in_the_words_of_a_shop_too() {
     // Semicolons, other words, and the unit that is given.
     let table = "Nr;Bezeichnung;Durchmesser;Typ;stick_out;shank;x\n1;Fräser;0,25;flat;1,1;0,25;9\n2;A;0,25;ball;1,1;0,25;\n\
         3;B;0,25;end mill;30mm;0,25;\n4;C;0,25;cone;1;1;\n";
-    let inch = Unsaid { unit_mm: Some(25.4), ..given };
+    let inch = MissingParameters { unit_mm: Some(25.4), ..given };
     let found = tools(table, "shop.csv", &inch).unwrap();
     let rows: Vec<_> =
         found.tools.iter().map(|t| (&*t.name, t.params.cr_mm, t.corner_mm)).collect();
@@ -71,7 +71,7 @@ fn tables_are_in_the_words_of_a_shop_too() {
     assert_eq!(found.unused, ["\"x\""]);
     assert!(found.notices[0].contains("it counts as a flat end"), "{:?}", found.notices);
     assert!(found.refused[0].contains("the type is \"cone\""), "{:?}", found.refused);
-    let none = Unsaid::default();
+    let none = MissingParameters::default();
     assert!(
         message(tools("name,D,corner,flute,stickout\nF6,6,0,20,30\n", "dia.csv", &none))
             .contains("--holder")
@@ -80,7 +80,7 @@ fn tables_are_in_the_words_of_a_shop_too() {
         message(tools("D,corner,diameter\n6,0,6\n", "dia.csv", &none)).contains("mean the same")
     );
     let tapered = "name,d,r,taper,flute,shank,stick_out\nk,1,0.5,3,20,6,40\n";
-    let given = Unsaid { stick_out_mm: None, ..unsaid() };
+    let given = MissingParameters { stick_out_mm: None, ..usual() };
     assert!(
         tools(tapered, "k.csv", &given).unwrap().tools[0]
             .words()
@@ -92,7 +92,7 @@ fn tables_are_in_the_words_of_a_shop_too() {
 fn lines_of_tables_end_in_any_of_the_three_ways() {
     let csv = "# shop\nname,CR,CH,FR,FH\n\na,1,2,3,4\nb,1,2,x,4\n";
     let tbl = "T1 P1 D6 ;ball\n;\nT2 D6 ;drill\n";
-    let given = Unsaid { unit_mm: Some(1.0), shank_mm: Some(6.0), ..unsaid() };
+    let given = MissingParameters { unit_mm: Some(1.0), shank_mm: Some(6.0), ..usual() };
     for (text, name, line) in [(csv, "t.csv", "line 5"), (tbl, "t.tbl", "line 3")] {
         let plain = tools(text, name, &given).unwrap();
         for end in ["\r\n", "\r"] {
@@ -108,8 +108,12 @@ fn lines_of_tables_end_in_any_of_the_three_ways() {
 
 #[test]
 fn a_table_of_a_machine_is_read_as_other_programs_export_it() {
-    let given =
-        Unsaid { unit_mm: Some(1.0), shank_mm: Some(3.175), flutes_mm: Some(10.0), ..unsaid() };
+    let given = MissingParameters {
+        unit_mm: Some(1.0),
+        shank_mm: Some(3.175),
+        flutes_mm: Some(10.0),
+        ..usual()
+    };
     let table = "T1 P X0 Y0 Z0 A0 B0 C0 U0 V0 W0 D4.00 I0 J0 Q0;4mm_2F_Compression_Carbide_Endmill\n\
         t2 p2 z+1.5 d1.93 ;Banggood - 3.175x2mm Carbide End Mill Drillpro DB-M10\nT3P3D6.0 ;6mm ball end\n\
         T4 P4 D22.0 ; -\nT5 P5 D5 ;Drill 5\nT6 ;ball\n";
@@ -139,7 +143,7 @@ fn packed_libraries_are_read_and_other_files_called_what_they_are() {
         }
         zip.finish().unwrap().into_inner()
     };
-    let read = |bytes: &[u8], name: &str| from_bytes(bytes, name.as_ref(), &unsaid());
+    let read = |bytes: &[u8], name: &str| from_bytes(bytes, name.as_ref(), &usual());
     let library = fusion(&[GOOD]);
     for entries in [
         &[("tools.json", &*library)][..],
@@ -152,7 +156,7 @@ fn packed_libraries_are_read_and_other_files_called_what_they_are() {
     let holder = r#"{"data": [{"type": "holder", "description": "A", "unit": "inches",
         "segments": [{"height": 1, "lower-diameter": 1, "upper-diameter": 2}]}]}"#;
     let packed = zip(&[("tools.json", holder)]);
-    assert_eq!(holder_from_bytes(&packed, "h.tools".as_ref(), &unsaid()).unwrap().name, "A");
+    assert_eq!(holder_from_bytes(&packed, "h.tools".as_ref(), &usual()).unwrap().name, "A");
     for (bytes, words) in [
         (zip(&[("xl/workbook.xml", "")]), "it is an Excel workbook"),
         (zip(&[("content.xml", "")]), "it is an OpenDocument sheet"),
@@ -164,7 +168,7 @@ fn packed_libraries_are_read_and_other_files_called_what_they_are() {
             let message = message(read(&bytes, name));
             assert!(message.contains(words), "{words}: {message}");
         }
-        assert!(holder_from_bytes(&bytes, "h.csv".as_ref(), &unsaid()).is_err());
+        assert!(holder_from_bytes(&bytes, "h.csv".as_ref(), &usual()).is_err());
     }
 }
 
@@ -175,7 +179,7 @@ fn lengths_of_a_bit_are_read_as_people_write_them_and_shown_as_found() {
         let bit = format!(
             r#"{{"name": "T", "shape": "endmill.fcstd", "parameter": {{"Diameter": {length}, "ShankDiameter": {length}}}}}"#
         );
-        tools(&bit, "t.fctb", &unsaid())
+        tools(&bit, "t.fctb", &usual())
     };
     for (text, mm) in [
         ("1/4\"", 6.35),
@@ -201,13 +205,13 @@ fn lengths_of_a_bit_are_read_as_people_write_them_and_shown_as_found() {
 fn tables_of_spreadsheets_are_read_with_their_separator_and_their_letters() {
     let rows =
         "name;CR;CH;FR;FH;corner\nFr\u{e4}ser \u{d8}6;3,5;20;17;60;0\nKugel \"R3\";3;20;17;60;\n";
-    let found = tools(&format!("sep=;\r\n{rows}"), "shop.csv", &unsaid()).unwrap();
+    let found = tools(&format!("sep=;\r\n{rows}"), "shop.csv", &usual()).unwrap();
     let read: Vec<_> = found.tools.iter().map(|t| (&*t.name, t.params.cr_mm)).collect();
     assert_eq!(read, [("Fr\u{e4}ser \u{d8}6", 3.5), ("Kugel \"R3\"", 3.0)]);
     assert!(found.notices.is_empty(), "{:?}", found.notices);
     // Windows-1252 has these letters as one byte each; 0x96 is a dash.
     let bytes: Vec<u8> = rows.replace("R3", "R3\u{96}").chars().map(|c| c as u8).collect();
-    let western = from_bytes(&bytes, "shop.csv".as_ref(), &unsaid()).unwrap();
+    let western = from_bytes(&bytes, "shop.csv".as_ref(), &usual()).unwrap();
     assert_eq!(
         (&western.tools[0], &*western.tools[1].name),
         (&found.tools[0], "Kugel \"R3\u{2013}\"")
@@ -215,11 +219,15 @@ fn tables_of_spreadsheets_are_read_with_their_separator_and_their_letters() {
     assert!(western.notices[0].contains("Windows-1252"), "{:?}", western.notices);
     for (name, bytes) in [("shop.csv", &b"name;CR\xe4\0;"[..]), ("a.json", b"{\"data\": \"\xe4\"}")]
     {
-        assert!(message(from_bytes(bytes, name.as_ref(), &unsaid())).contains("not UTF-8"));
+        assert!(message(from_bytes(bytes, name.as_ref(), &usual())).contains("not UTF-8"));
     }
     let table = b"T1 P1 D6 ;flat \xd86\n";
-    let given =
-        Unsaid { unit_mm: Some(1.0), shank_mm: Some(6.0), flutes_mm: Some(15.0), ..unsaid() };
+    let given = MissingParameters {
+        unit_mm: Some(1.0),
+        shank_mm: Some(6.0),
+        flutes_mm: Some(15.0),
+        ..usual()
+    };
     let found = from_bytes(table, "mill.tbl".as_ref(), &given).unwrap();
     assert_eq!(found.tools[0].name, "T1 flat \u{d8}6");
 }
@@ -234,17 +242,17 @@ fn one_bad_file_of_several_never_loses_the_others() {
     std::fs::write(of("cut.fctb"), &bit[..40]).unwrap();
     std::fs::write(of("tap.json"), r#"{"data": [{"type": "tap left hand"}]}"#).unwrap();
     let files = ["bad.fctb", "b.fctb", "cut.fctb", "tap.json"].map(of);
-    let tables = read_several(&files, &unsaid()).unwrap();
+    let tables = read_several(&files, &usual()).unwrap();
     let counts = tables.iter().map(|table| (table.tools.len(), table.refused.len()));
     assert_eq!(counts.collect::<Vec<_>>(), [(0, 1), (1, 0), (0, 1), (0, 1)]);
-    let refused = read_several(&[of("cut.fctb"), of("bad.fctb")], &unsaid());
+    let refused = read_several(&[of("cut.fctb"), of("bad.fctb")], &usual());
     assert!(refused.unwrap_err().to_string().contains("none of 2 tools can be used"));
-    assert!(read_several(&[of("b.fctb"), of("missing.csv")], &unsaid()).is_err());
+    assert!(read_several(&[of("b.fctb"), of("missing.csv")], &usual()).is_err());
 }
 
 fn of_machine(text: &str, name: &str) -> Result<ToolTable> {
     let [unit_mm, shank_mm, flutes_mm] = [1.0, 6.0, 10.0].map(Some);
-    let given = Unsaid { unit_mm, shank_mm, flutes_mm, ..unsaid() };
+    let given = MissingParameters { unit_mm, shank_mm, flutes_mm, ..usual() };
     from_bytes(text.as_bytes(), name.as_ref(), &given)
 }
 
