@@ -11,7 +11,6 @@ and an end mill; volumes within the stock's box, mm^3.
 """
 
 import json
-import struct
 import subprocess
 import sys
 import tempfile
@@ -19,6 +18,8 @@ import time
 
 import numpy as np
 from manifold3d import CrossSection, Manifold
+
+from stl import binary_stl, triangles
 
 N_AROUND = 24
 HIGH = 80.0
@@ -49,14 +50,6 @@ def tools():
     yield "flat R3", ["--corner", "0"], Manifold.cylinder(HIGH, r, r, N_AROUND)
 
 
-def stl(solid):
-    mesh = solid.to_mesh()
-    corners = np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts)].astype("<f4")
-    rows = np.zeros(len(corners), dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
-    rows["v"] = corners
-    return bytes(80) + struct.pack("<I", len(rows)) + rows.tobytes()
-
-
 def left_by_solids(part, tool):
     low, high = np.array(part.bounding_box()).reshape(2, 3)
     stock = box(low, high)
@@ -71,7 +64,7 @@ def left_by_solids(part, tool):
 def left_by_deepmill(deepmill, part, arguments, accuracy):
     with tempfile.TemporaryDirectory() as folder:
         with open(f"{folder}/part.stl", "wb") as file:
-            file.write(stl(part))
+            file.write(binary_stl(triangles(part)))
         command = [deepmill, "machined", f"{folder}/part.stl", "--cutter", "3,60,3,60", "--directions", "up"]
         command += ["--accuracy", str(accuracy), "--no-picture", "--json", "--out", folder, *arguments]
         return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)["left_mm3"]

@@ -17,11 +17,12 @@ solids, binary STL, millimeters.
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
 import numpy as np
 from manifold3d import CrossSection, FillRule, JoinType, Manifold, Mesh
 
-from stl import read_binary_stl
+from stl import binary_stl, read_binary_stl, triangles
 
 N_POSES, N_AROUND = 2000, 128
 TOLERANCE, BAND, NEAR = 0.05, 0.002, 0.6
@@ -104,18 +105,6 @@ def parts(files):
         yield file.rsplit("/", 1)[-1], solid
 
 
-def triangles(solid):
-    mesh = solid.to_mesh()
-    return np.asarray(mesh.vert_properties, np.float32)[:, :3][np.asarray(mesh.tri_verts)]
-
-
-def write_stl(path, corners):
-    rows = np.zeros(len(corners), dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
-    rows["v"] = corners
-    with open(path, "wb") as file:
-        file.write(bytes(80) + np.uint32(len(rows)).tobytes() + rows.tobytes())
-
-
 def random_pose(random, corners, areas, pieces):
     """Direction from the tip to the holder, and the tip."""
     a, b, c = corners[random.choice(len(corners), p=areas)].astype(float)
@@ -154,7 +143,7 @@ def free_by_program(folder, deepmill, free_poses, corners, poses):
     command = [deepmill, "tools", "--library", f"{folder}/shop.csv", "--holder", f"{folder}/holder.csv"]
     command += ["--export", "csv", "--strict", "--out", f"{folder}/tools"]
     subprocess.run(command, check=True, capture_output=True)
-    write_stl(f"{folder}/part.stl", corners)
+    Path(folder, "part.stl").write_bytes(binary_stl(corners))
     lines = [" ".join([str(k), *(repr(float(x)) for x in [*d, *tip])]) for k, d, tip in poses]
     command = [free_poses, f"{folder}/part.stl", f"{folder}/tools/library.csv", str(TOLERANCE)]
     run = subprocess.run(command, input="\n".join(lines), check=True, capture_output=True, text=True)
