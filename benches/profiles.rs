@@ -84,7 +84,7 @@ fn hold(part: &str, n_sites: usize, directions: &Directions) {
     let (low, high) = mesh.bounds().expect("a mesh with vertices");
     let factor = (80.0 / (high - low).min_element()).max(1.0);
     mesh.vertices.iter_mut().for_each(|v| *v *= factor);
-    let most = factor * (high - low).length();
+    let size = factor * (high - low).length();
     let sites = sample(&mesh, &SiteOptions::default().with_n_sites(n_sites)).expect("sites");
     let obstacles = TriangleObstacles::new(&mesh, &[]).expect("obstacles");
     let options = SurfaceOptions::default().with_occlusion(false).with_refinement(None);
@@ -94,7 +94,7 @@ fn hold(part: &str, n_sites: usize, directions: &Directions) {
         let held = Assembly::from_profile(profile.clone(), &holder, STICK_OUT_MM).expect(tool);
         let cutter = held.cutter().expect(tool);
         let labels = obstacles.label(&sites, &cutter, directions, &options).expect("labels");
-        let search = Search { obstacles: &obstacles, cutter: &cutter, options: &options, most };
+        let search = Search { obstacles: &obstacles, cutter: &cutter, options: &options, size };
         let places = places(&profile.to_string());
         let reached: Vec<bool> = labels.witness.iter().map(Option::is_some).collect();
         let mut n_alone = [0; 2];
@@ -125,8 +125,8 @@ struct Search<'a> {
     obstacles: &'a TriangleObstacles,
     cutter: &'a Cutter,
     options: &'a SurfaceOptions,
-    /// Size of the part, mm.
-    most: f64,
+    /// Diagonal of the part's box, mm.
+    size: f64,
 }
 
 impl Search<'_> {
@@ -164,7 +164,7 @@ impl Search<'_> {
             let poses: Vec<_> = (0..=n).map(step).collect();
             self.free(&poses).into_iter().all(|free| free)
         };
-        if way(tip, up, 2.0 * self.most) {
+        if way(tip, up, 2.0 * self.size) {
             return true;
         }
         let (u, v) = up.any_orthonormal_pair();
@@ -172,7 +172,7 @@ impl Search<'_> {
             let lengths = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
             lengths.into_iter().take_while(|length| way(tip, aside, *length)).any(|length| {
                 let tip = tip + aside * length;
-                way(tip, up, 2.0 * self.most)
+                way(tip, up, 2.0 * self.size)
             })
         })
     }

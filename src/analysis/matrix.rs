@@ -39,7 +39,7 @@ pub struct PerDirectionFacts {
     pub n_directions: usize,
     /// Number of columns.
     pub n_sites: usize,
-    /// Number of pairs of a free pose of the tool.
+    /// Number of pairs in which the tool has a free pose.
     pub n_accessible: u64,
     /// Number of accessible sites that no direction of the set reaches.
     pub n_between: usize,

@@ -20,7 +20,7 @@ use std::time::Instant;
 
 /// Which network predicts, and what is computed of its answers.
 ///
-/// Where every site is computed, even a network that has learned nothing answers as the labels do:
+/// Where every site is computed, the answers of an untrained network are those of the labels:
 ///
 /// ```
 /// use deepmill::analysis::{Analysis, PredictRequest};

@@ -62,7 +62,7 @@ pub struct ToolReach {
     pub witness: Vec<Option<WitnessPose>>,
     /// Per site, whether the body alone has a free pose there, whatever the stick-out.
     pub body_reaches: Vec<bool>,
-    /// Per site, mm: from which stick-out on the tool has a free pose there; infinite where the body cannot.
+    /// Per site, mm: from which stick-out on the tool has a free pose there; infinite where the body has none.
     pub least_stick_out_mm: Vec<f64>,
 }
 

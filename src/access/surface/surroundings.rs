@@ -1,4 +1,4 @@
-//! The surface around a site: how far from touching with its normal a tool has a free pose there at all.
+//! The surface around a site: how much the normal of a tool that touches there may differ from the site's at most.
 //!
 //! Points of the surface on rings about the site are in the way of all poses but those that touch nearly with the
 //! site's normal. With `v` from the site to such a point, the tip's corner of radius `r`, grown by δ and touching with

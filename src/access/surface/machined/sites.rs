@@ -193,7 +193,7 @@ impl TriangleObstacles {
     }
 
     /// Width of a gap that is too thin to tell a site's own wall from the other, if there is one. A line that begins at an
-    /// edge of needles may cross neither.
+    /// edge of needle triangles may cross neither.
     fn thin_gap(&self, from: DVec3, along: DVec3) -> Option<f64> {
         let mut width: Option<f64> = None;
         self.bvh.near(from, OWN_WALL_MM, |place| {
