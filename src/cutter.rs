@@ -33,6 +33,14 @@ use std::fmt;
 use std::str::FromStr;
 
 /// One widening of a cutter: from `height_mm` above its reference point on, it fills `radius_mm`.
+/// ```
+/// use deepmill::cutter::{Cutter, Step};
+///
+/// let tool = Cutter::ball_end("1.5,20,20,30".parse()?)?; // CR, CH, FR, FH
+/// let holder = tool.steps().iter().find(|step| step.radius_mm > 1.5);
+/// assert_eq!(holder, Some(&Step { height_mm: 21.5, radius_mm: 20.0 })); // CR + CH above the center of the ball
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Step {
     /// Height above the reference point, mm.

@@ -31,6 +31,20 @@ const SHARE: f64 = 0.99;
 pub(super) const ALL_SETUPS: &str = "setups";
 
 /// On which machine, in which clampings, and how few.
+/// A block in a three-axis mill: from above all but the underside, from two setups all of it.
+///
+/// ```
+/// use deepmill::analysis::{Analysis, SetupRequest};
+/// use deepmill::data::files::tools::Tool;
+/// use deepmill::{geom::solids, glam::DVec3};
+///
+/// let tool = Tool::new("3,20,20,30".parse()?, Some(0.0), 0.0)?; // a flat end of 6 mm
+/// let part = solids::cuboid(DVec3::new(40.0, 30.0, 15.0));
+/// let placed = Analysis::new("block", part, vec![tool]).n_sites(400).place(&mut ())?;
+/// let plan = placed.plan(SetupRequest::on("3-axis".parse()?), &mut ())?;
+/// assert_eq!(plan.setups().plan().setups.len(), 2);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct SetupRequest {
     machine: Machine,

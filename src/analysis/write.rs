@@ -13,6 +13,17 @@ use crate::report::{PartView, Scene};
 use std::path::{Path, PathBuf};
 
 /// Which files an outcome's folder gets beside numbers and colored points.
+/// ```no_run
+/// use deepmill::analysis::{Analysis, Files};
+/// use deepmill::data::files::tools::Tool;
+/// use deepmill::{geom::solids, glam::DVec3};
+/// use std::path::Path;
+///
+/// let tool = Tool::new("3,20,20,30".parse()?, None, 0.0)?; // a ball end
+/// let outcome = Analysis::new("block", solids::cuboid(DVec3::splat(30.0)), vec![tool]).run(&mut ())?;
+/// outcome.write(Path::new("block"), &Files::shown(true), &mut ())?; // pictures and report.html beside the answers
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Files {

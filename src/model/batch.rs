@@ -13,6 +13,18 @@ use crate::{Error, Result, par};
 use glam::Vec3;
 
 /// One shape to be judged, in millimeters.
+///
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::model::{Batch, Shape, UNetConfig};
+///
+/// let points = [Vec3::ZERO, Vec3::new(30.0, 0.0, 0.0)];
+/// let shape = Shape { points: &points, normals: &[Vec3::Z; 2], cutter_mm: [1.5, 6.0, 40.0, 5.0] };
+/// assert_eq!(Batch::<f32>::new(&[shape], &UNetConfig::tiny().input)?.n_points(), 2);
+/// let long = Shape { normals: &[Vec3::new(0.0, 0.0, 2.0); 2], ..shape }; // no unit normals
+/// assert!(Batch::<f32>::new(&[long], &UNetConfig::tiny().input).is_err());
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Shape<'a> {
     /// Sites, mm.
@@ -78,13 +90,13 @@ impl<T: Scalar> Batch<T> {
     /// Normalizes each shape, builds the joint octree and its features.
     ///
     /// # Errors
-    /// If there are no shapes, or one has no points, lacks normals that the network reads, holds a number that is not finite, or
-    /// has lengths that make no cutter; if the octree would be too large.
+    /// If there are no shapes, or one has no points, lacks normals that the network reads, holds a number that is not finite, a
+    /// normal that is not a unit vector, or lengths that make no cutter; if the octree would be too large.
     pub fn new(shapes: &[Shape], input: &InputConfig) -> Result<Self> {
         let _floats = par::DefaultFloats::set();
         let (mut points, mut cutters) = (Vec::new(), Vec::new());
         for shape in shapes {
-            Cutter::ball_end(CutterParams::from_array(shape.cutter_mm))?;
+            shape.check()?;
             let transform = input.normalization().transform(shape.points)?;
             points.push(shape.points.iter().map(|&p| transform.apply(p)).collect::<Vec<_>>());
             cutters.push(shape.cutter_mm.map(|mm| cutter_input(input.cutter, mm, &transform)));

@@ -23,10 +23,28 @@ const BLOCK: usize = 256;
 
 /// `y[point] = Σ weight·x[node]` over the nodes that the [`Interpolation`] names: from `[n_nodes, c]` to
 /// `[n_points, c]`, for any `c`.
+/// See [`Interpolation`] for an example.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Interpolate;
 
 /// Which nodes each query point reads, with which weights.
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::nn::arena::Arena;
+/// use deepmill::nn::interp::{Interpolate, Interpolation};
+/// use deepmill::nn::{layer::Layer, operand::Operand, pass::Inference};
+/// use deepmill::octree::{Cloud, Octree, OctreeOptions};
+///
+/// let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
+/// let octree = Octree::build(&[Cloud::new(&[Vec3::ZERO], &[])], &options)?; // eight nodes, centers at ±½
+/// let points = [Vec3::new(0.25, 0.0, -0.5), Vec3::new(0.5, 0.5, 0.5)];
+/// let between = Interpolation::linear(&octree, 1, &points, &[0..2]);
+/// let x: Vec<f64> = (0..8u8).map(|node| f64::from(node >> 2)).collect(); // 1 in the half of +x
+/// let arena = Arena::default();
+/// let y = Interpolate.forward(&Inference::new(&[], &[], &arena), &between, Operand::new(&x, 1));
+/// assert!((y[0] - 0.75).abs() < 1e-9 && (y[1] - 1.0).abs() < 1e-9); // ¾ of the way from −½ to ½
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Interpolation<T> {
     n_nodes: usize,

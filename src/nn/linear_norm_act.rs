@@ -13,6 +13,22 @@ use std::ops::Range;
 
 /// `y = relu(norm(linear(x)))`, or without the ReLU. Inference normalizes and rectifies each block of rows as
 /// soon as the operator has written it.
+/// ```
+/// use deepmill::nn::{arena::Arena, batch_norm::BatchNorm, layer::Layer, linear::Linear};
+/// use deepmill::nn::{linear_norm_act::LinearNormAct, operand::Operand, params::Layout};
+/// use deepmill::nn::{pass::Training, saved::Policy};
+///
+/// let mut layout = Layout::default();
+/// let linear = Linear::new(&mut layout, "linear", 1, 1, false);
+/// let norm = BatchNorm::new(&mut layout, "bn", 1);
+/// let block = LinearNormAct { linear, norm, relu: true, policy: Policy::Save };
+/// let (mut params, mut buffers) = (layout.init_params::<f64>(0), layout.init_buffers());
+/// params[0] = 2.0; // the weight
+/// let arena = Arena::default();
+/// let mut pass = Training::new(&params, &mut buffers, &arena);
+/// let (y, _) = block.forward_train(&mut pass, &(), Operand::new(&[1.0, 3.0], 1));
+/// assert!(y[0] == 0.0 && (y[1] - 1.0).abs() < 1e-5); // 2 and 6 are −1 and 1 when normalized
+/// ```
 #[derive(Debug, Clone)]
 pub struct LinearNormAct<M> {
     /// The linear operator.

@@ -10,6 +10,13 @@ use crate::simd::elementwise::Combination;
 use std::ops::Range;
 
 /// `y = max(x, 0)`, element by element. The derivative at 0 is 0.
+/// ```
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, relu::Relu};
+///
+/// let arena = Arena::default();
+/// let y = Relu.forward(&Inference::new(&[], &[], &arena), &(), Operand::new(&[-2.0, 0.0, 3.0], 3));
+/// assert_eq!(y[..], [0.0, 0.0, 3.0]);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Relu;
 

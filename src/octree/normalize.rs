@@ -72,6 +72,17 @@ impl CubeTransform {
 }
 
 /// How points in millimeters are prepared for [`super::Octree::build`].
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::octree::{Cloud, Octree, OctreeOptions, Preparation};
+///
+/// let points = [Vec3::new(10.0, 0.0, 0.0), Vec3::new(30.0, 0.0, 0.0)]; // mm
+/// let prepared = Preparation::default().prepare(&points)?;
+/// assert_eq!(prepared.points, [Vec3::NEG_X, Vec3::X]); // the edges of the cube
+/// let octree = Octree::build(&[Cloud::new(&prepared.points, &[])], &OctreeOptions::default())?;
+/// assert_eq!(octree.finest().n_nodes(), 16); // the children of the two nodes that hold a point
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Preparation {

@@ -51,6 +51,13 @@ pub struct Plan {
 }
 
 /// Which of the candidates a plan takes.
+/// ```
+/// use deepmill::access::setups::Choice;
+///
+/// let few = Choice::share(0.99); // as few as cover 99 % of what some candidate reaches
+/// let two = few.at_most(2); // no more than two, even if those cover less
+/// assert_ne!(few, two);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choice {
     share: f64,

@@ -10,6 +10,12 @@
 use crate::cutter::{Assembly, ToolPart};
 
 /// What a proposed tool must keep.
+/// ```
+/// use deepmill::access::surface::explain::Remedies;
+///
+/// let remedies = Remedies::default().with_least_diameter_mm(2.0); // this shop has no thinner cutter
+/// assert_eq!(remedies.most_slender, 10.0);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Remedies {
@@ -26,6 +32,12 @@ impl Default for Remedies {
         Remedies { least_diameter_mm: 0.5, most_slender: 10.0, only_this_tool: false }
     }
 }
+
+setters!(Remedies {
+    with_least_diameter_mm(least_diameter_mm: f64),
+    with_most_slender(most_slender: f64),
+    with_only_this_tool(only_this_tool: bool),
+});
 
 /// A stick-out that would help and is not proposed.
 #[derive(Debug, Clone, Copy, PartialEq)]

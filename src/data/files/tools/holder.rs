@@ -11,6 +11,15 @@ use serde_json::Value;
 use std::path::Path;
 
 /// A holder; what is above its last section is spindle.
+/// ```
+/// use deepmill::data::files::tools::{MissingParameters, holder_from_bytes};
+/// use std::path::Path;
+///
+/// let table = b"height,lower,upper\n10,24,32\n30,32,32\n"; // diameters
+/// let holder = holder_from_bytes(table, Path::new("er16.csv"), &MissingParameters::default())?;
+/// assert_eq!((holder.sections.len(), holder.sections[0].upper_radius_mm), (2, 16.0));
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Holder {
     /// Name.
