@@ -22,6 +22,16 @@ use glam::DVec3;
 use std::collections::HashMap;
 
 /// What holds a part of a surface.
+/// ```
+/// use deepmill::geom::{selection::{Selection, Selector}, solids};
+/// use deepmill::glam::DVec3;
+///
+/// let part = solids::cuboid(DVec3::new(40.0, 30.0, 20.0));
+/// let up = Selector::Normal { direction: DVec3::Z, within_rad: 0.1 };
+/// let top = Selection::default().with_only(vec![up]).of(&part)?;
+/// assert!((top.mesh.area() - 40.0 * 30.0).abs() < 1e-6); // mm²
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Selector {

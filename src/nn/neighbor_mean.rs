@@ -12,6 +12,15 @@ use crate::simd::elementwise::{SparseRows, sparse_rows};
 use std::ops::Range;
 
 /// `y[v] = Σ_u x[u] / deg(v)` over the neighbors `u` of `v`, `[n_nodes, c]` for any `c`; 0 without neighbors.
+/// ```
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference};
+/// use deepmill::nn::neighbor_mean::{NeighborMean, Neighbors};
+///
+/// let path = Neighbors::new([&[1][..], &[0, 2], &[1]]); // 0 – 1 – 2
+/// let arena = Arena::default();
+/// let y = NeighborMean.forward(&Inference::new(&[], &[], &arena), &path, Operand::new(&[1.0, 2.0, 5.0], 1));
+/// assert_eq!(y[..], [2.0, 3.0, 2.0]);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NeighborMean;
 

@@ -10,6 +10,18 @@ use crate::scalar::Scalar;
 use std::ops::{Deref, Range};
 
 /// The input of a layer, `[n, c]`.
+/// ```
+/// use deepmill::nn::{arena::Arena, layer::Layer, linear::Linear, operand::Operand};
+/// use deepmill::nn::{params::Layout, pass::Inference};
+///
+/// let sum = Linear::new(&mut Layout::default(), "sum", 2, 1, false);
+/// let (params, arena) = ([1.0, 1.0], Arena::default());
+/// let nodes = Operand::new(&[1.0, 2.0, 3.0], 1); // three nodes
+/// let shapes = Operand::PerShape { x: &[10.0, 20.0], c: 1, shapes: &[0..2, 2..3] }; // of two shapes
+/// let both = [nodes, shapes]; // side by side: two columns
+/// let y = sum.forward(&Inference::new(&params, &[], &arena), &(), Operand::Concat(&both));
+/// assert_eq!(y[..], [11.0, 12.0, 23.0]);
+/// ```
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub enum Operand<'a, T> {

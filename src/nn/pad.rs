@@ -16,10 +16,36 @@ const BLOCK: usize = 1024;
 
 /// From the non-empty nodes to all nodes, with zero rows for the empty ones: `[n_nonempty, c]` to
 /// `[n_nodes, c]`, for any `c`.
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, pad::Pad};
+/// use deepmill::octree::{Cloud, Octree, OctreeOptions};
+///
+/// let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
+/// let octree = Octree::build(&[Cloud::new(&[Vec3::splat(0.5)], &[])], &options)?; // a root with eight children
+/// let arena = Arena::default();
+/// let pass = Inference::<f64>::new(&[], &[], &arena);
+/// let y = Pad.forward(&pass, octree.finest(), Operand::new(&[2.0], 1)); // of the node that holds the point
+/// assert_eq!(y[..], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0]);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pad;
 
 /// From all nodes to the non-empty ones: `[n_nodes, c]` to `[n_nonempty, c]`, for any `c`.
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, pad::Depad};
+/// use deepmill::octree::{Cloud, Octree, OctreeOptions};
+///
+/// let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
+/// let octree = Octree::build(&[Cloud::new(&[Vec3::splat(0.5)], &[])], &options)?; // a root with eight children
+/// let arena = Arena::default();
+/// let pass = Inference::<f64>::new(&[], &[], &arena);
+/// let x: Vec<f64> = (0..8).map(f64::from).collect(); // of all nodes
+/// assert_eq!(Depad.forward(&pass, octree.finest(), Operand::new(&x, 1))[..], [7.0]); // the node that holds the point
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Depad;
 

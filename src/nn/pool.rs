@@ -15,6 +15,19 @@ const BLOCK: usize = 1024;
 
 /// Greatest value among the eight children of every non-empty node, NaN if one is; empty nodes get zeros. From
 /// `[8·n_nonempty, c]`, all nodes one depth finer than the geometry, to its `[n_nodes, c]`.
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, pool::MaxPool};
+/// use deepmill::octree::{Cloud, Octree, OctreeOptions};
+///
+/// let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
+/// let octree = Octree::build(&[Cloud::new(&[Vec3::splat(0.5)], &[])], &options)?; // a root with eight children
+/// let arena = Arena::default();
+/// let pass = Inference::<f64>::new(&[], &[], &arena);
+/// let x: Vec<f64> = (0..8).map(f64::from).collect(); // of the children
+/// assert_eq!(MaxPool.forward(&pass, &octree.levels[0], Operand::new(&x, 1))[..], [7.0]);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MaxPool;
 
@@ -23,10 +36,36 @@ pub struct MaxPool;
 pub struct TakenChildren(Vec<u8>);
 
 /// Mean of the eight children of every non-empty node; empty nodes get zeros. Rows as of [`MaxPool`].
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, pool::MeanPool};
+/// use deepmill::octree::{Cloud, Octree, OctreeOptions};
+///
+/// let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
+/// let octree = Octree::build(&[Cloud::new(&[Vec3::splat(0.5)], &[])], &options)?; // a root with eight children
+/// let arena = Arena::default();
+/// let pass = Inference::<f64>::new(&[], &[], &arena);
+/// let x: Vec<f64> = (0..8).map(f64::from).collect(); // of the children
+/// assert_eq!(MeanPool.forward(&pass, &octree.levels[0], Operand::new(&x, 1))[..], [3.5]);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MeanPool;
 
 /// Mean over all nodes of each shape, empty ones included: from `[n_nodes, c]` to `[n_shapes, c]`.
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, pool::GlobalMeanPool};
+/// use deepmill::octree::{Cloud, Octree, OctreeOptions};
+///
+/// let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
+/// let octree = Octree::build(&[Cloud::new(&[Vec3::splat(0.5)], &[])], &options)?; // a root with eight children
+/// let arena = Arena::default();
+/// let pass = Inference::<f64>::new(&[], &[], &arena);
+/// let x: Vec<f64> = (0..8).map(f64::from).collect(); // of all nodes of the one shape
+/// assert_eq!(GlobalMeanPool.forward(&pass, octree.finest(), Operand::new(&x, 1))[..], [3.5]);
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GlobalMeanPool;
 

@@ -17,6 +17,19 @@ const BLOCK: usize = 1024;
 
 /// `y[8·children[n] + k] = x[n]`, from `[n_nodes, c]` of the coarse level to `[8·n_nonempty, c]`, all nodes one
 /// depth finer, for any `c`; rows of empty nodes are not read.
+/// ```
+/// use deepmill::glam::Vec3;
+/// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, upsample::NearestUpsample};
+/// use deepmill::octree::{Cloud, Octree, OctreeOptions};
+///
+/// let options = OctreeOptions::default().with_depth(1).with_full_depth(1);
+/// let octree = Octree::build(&[Cloud::new(&[Vec3::splat(0.5)], &[])], &options)?; // a root with eight children
+/// let arena = Arena::default();
+/// let pass = Inference::<f64>::new(&[], &[], &arena);
+/// let y = NearestUpsample.forward(&pass, &octree.levels[0], Operand::new(&[3.0, 5.0], 2));
+/// assert_eq!((y.len(), &y[14..]), (8 * 2, &[3.0, 5.0][..])); // each child has its parent's row
+/// # Ok::<(), deepmill::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NearestUpsample;
 

@@ -4,6 +4,13 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// A learning-rate schedule. Epochs count from 1; the rate is constant within one.
+/// ```
+/// use deepmill::optim::Schedule;
+///
+/// let cosine = Schedule::Cosine { min_lr: 0.0 };
+/// let rates = [1, 51, 100].map(|epoch| cosine.lr(0.1, epoch, 100)); // of 100 epochs
+/// assert!(rates[0] == 0.1 && (rates[1] - 0.05).abs() < 1e-12 && rates[2] < 1e-4);
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "kind", deny_unknown_fields)]
 #[non_exhaustive]

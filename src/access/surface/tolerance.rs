@@ -40,6 +40,13 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// By how much, in mm, the tool is shrunk all around before it is tested.
+/// ```
+/// use deepmill::access::surface::{ContactTolerance, SurfaceOptions};
+///
+/// let strict = SurfaceOptions::default().with_tolerance(ContactTolerance::AtMost(0.02)); // coarse facets grant no more
+/// assert!(matches!(SurfaceOptions::default().tolerance, ContactTolerance::Tessellation));
+/// assert!(matches!(strict.tolerance, ContactTolerance::AtMost(0.02)));
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
