@@ -411,8 +411,18 @@ fn equal(path: &str, n_sites: usize, n_directions: usize) {
                 let (found, k) = (fast.is_accessible(d, i), i * directions.len() + d);
                 n_pairs += 1;
                 n_edges += usize::from((less[k] == Reached::Yes) != (more[k] == Reached::Yes));
-                n_wrong += usize::from(found && more[k] == Reached::No);
-                n_missed += usize::from(!found && less[k] == Reached::Yes);
+                let wrong = found && more[k] == Reached::No;
+                let missed = !found && less[k] == Reached::Yes;
+                (n_wrong, n_missed) =
+                    (n_wrong + usize::from(wrong), n_missed + usize::from(missed));
+                if wrong || missed {
+                    let (site, normal) = (sites.points[i], sites.normals[i]);
+                    let direction = directions.vectors()[d];
+                    println!(
+                        "  {}: site {i} at {site}, normal {normal}, direction {d} {direction}, tool {cutter}",
+                        if wrong { "wrong" } else { "missed" }
+                    );
+                }
             }
         }
     }

@@ -20,7 +20,7 @@ use std::str::FromStr;
 #[non_exhaustive]
 pub enum DirectionSet {
     /// `z_k = 1 − (k+½)/m`, azimuth `k·π(3−√5)`, k = 0…m−1: even over the upper half, without +z
-    /// itself, which would put every vertical wall on the knife edge r = R.
+    /// itself, which would make every vertical wall the borderline case r = R.
     FibonacciHemisphere {
         /// Number of directions m.
         n_dirs: usize,

@@ -212,7 +212,7 @@ fn label_warns_with_numbers_where_an_answer_may_mislead() {
     let result = json(&output);
     assert_eq!(result["warnings"][0][0]["warning"], "smaller-than-tool");
     assert_eq!(result["warnings"][0][0]["longest_mm"], 2.0);
-    assert!(result["knife_edge"].is_number());
+    assert!(result["borderline"].is_number());
     let file = LabelFile::read(&Path::new(&out).join("labels.npz")).unwrap();
     assert_eq!(file.provenance.settings.json()["warnings"][1]["warning"], "tiny");
 }

@@ -34,7 +34,7 @@ fn cloud(n: usize, size: f64, stream: &mut Stream) -> Sites {
 }
 
 /// A gridded pocket: floor, four walls exactly one ball radius apart in places, and a rim. Thousands
-/// of knife edges: equal heights, equal radii, distances of exactly CR.
+/// of borderline cases: equal heights, equal radii, distances of exactly CR.
 fn gridded_pocket(cells: i32, pitch: f32) -> Sites {
     let (mut points, mut normals) = (Vec::new(), Vec::new());
     let mut add = |x: i32, y: i32, z: i32, normal: Vec3| {
@@ -146,7 +146,7 @@ fn engines_agree_on_deep_trees() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Coordinates and lengths on a coarse grid make ties and knife edges common.
+    /// Coordinates and lengths on a coarse grid make ties and borderline cases common.
     #[test]
     fn engines_agree_on_whatever_comes(
         points in prop::collection::vec(prop::array::uniform3(0u8..40), 0..300),
@@ -171,7 +171,7 @@ proptest! {
 }
 
 #[test]
-fn engines_agree_on_knife_edges() {
+fn engines_agree_on_borderline_cases() {
     let exact = |lengths| Cutter::ball_end(CutterParams::from_array(lengths)).unwrap();
     let cutters =
         [exact([1.0, 1.0, 2.0, 1.0]), exact([1.0, 2.0, 1.0, 3.0]), exact([2.0, 4.0, 8.0, 2.0])];

@@ -47,7 +47,7 @@ struct Annulus {
     outer_squared: f32,
 }
 
-/// Share of the radius by which circles keep their distance from the knife edge. Each squared distance
+/// Share of the radius by which circles keep their distance from borderline cases. Each squared distance
 /// in `f32` is off by four roundings at most, 1.2e-7 of the distance, and so is the predicate's own:
 /// this is thirty times as much.
 const MARGIN: f64 = 1e-5;

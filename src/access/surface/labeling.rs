@@ -74,7 +74,7 @@ impl Problem<'_> {
                 stats.tools_tested += site.scratch.n_queries;
                 stats.triangles_tested += site.scratch.n_triangles;
                 if found.witness.is_some() {
-                    stats.knife_edge = u64::from(site.scratch.knife_edge);
+                    stats.borderline = u64::from(site.scratch.borderline);
                 }
                 (tally, stats)
             };
@@ -133,18 +133,18 @@ impl Problem<'_> {
                 continue;
             }
             let (verdict, at) = self.own_pose(i, axes, is_blocked, state);
-            let knife_edge = state.scratch.knife_edge;
-            on_edge |= knife_edge;
+            let borderline = state.scratch.borderline;
+            on_edge |= borderline;
             tally.add(at.map(|at| pose(k, at)), verdict);
             if tally.accessible == 1 && at.is_some() {
-                stats.knife_edge = u64::from(knife_edge);
+                stats.borderline = u64::from(borderline);
                 if !options.counts {
                     break;
                 }
             }
         }
         if tally.accessible == 0 {
-            stats.knife_edge = u64::from(on_edge);
+            stats.borderline = u64::from(on_edge);
         }
         stats.tools_tested = state.scratch.n_queries;
         stats.triangles_tested = state.scratch.n_triangles;

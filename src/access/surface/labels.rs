@@ -182,7 +182,7 @@ pub const FINISH_MM: f64 = LEAST_MM;
 /// What clearances are exact to, mm.
 pub const CLEARANCE_STEP_MM: f64 = 1e-4;
 /// Answers that a lesser change of the tolerance turns, mm, are left to rounding.
-pub const KNIFE_EDGE_MM: f64 = 1e-6;
+pub const BORDERLINE_MM: f64 = 1e-6;
 
 const MAX_SAMPLES: usize = 100_000_000;
 /// More than any finish, mm.
@@ -293,7 +293,7 @@ pub struct SurfaceStats {
     pub found_between: u64,
     /// Borderline sites: whose answer rests on a triangle that a change of the tolerance by 1e-6 mm
     /// would take out of the tool or put into it; at most this many would have another answer then.
-    pub knife_edge: u64,
+    pub borderline: u64,
 }
 
 impl AddAssign for SurfaceStats {
@@ -303,7 +303,7 @@ impl AddAssign for SurfaceStats {
         self.tools_tested += other.tools_tested;
         self.triangles_tested += other.triangles_tested;
         self.found_between += other.found_between;
-        self.knife_edge += other.knife_edge;
+        self.borderline += other.borderline;
     }
 }
 

@@ -1,7 +1,7 @@
 //! One tool at one place against all triangles, through the tree.
 
 use super::bvh::{Bvh, Level};
-use super::labels::KNIFE_EDGE_MM;
+use super::labels::BORDERLINE_MM;
 use super::penetrate::{self, nearest_above};
 use super::pose::blockers::{Blocker, Met};
 use super::tolerance::Tolerances;
@@ -100,9 +100,9 @@ impl Probe {
         scratch: &mut Scratch,
         mut enough: impl FnMut(u32) -> bool,
     ) -> Verdict {
-        let Scratch { stack, last, n_triangles, n_queries, knife_edge, .. } = scratch;
+        let Scratch { stack, last, n_triangles, n_queries, borderline, .. } = scratch;
         *n_queries += 1;
-        *knife_edge = false;
+        *borderline = false;
         let (mut collides, mut gouges) = (false, false);
         let first = *last;
         let mut levels = &self.levels[..];
@@ -111,19 +111,19 @@ impl Probe {
             let corners = stand.triangle(bvh.triangle(place));
             let tolerance = tolerances.at(place);
             // What a slightly greater tool is clear of, this one is clear of for certain.
-            if self.step_penetrates(&corners, tolerance, KNIFE_EDGE_MM) {
+            if self.step_penetrates(&corners, tolerance, BORDERLINE_MM) {
                 if self.step_penetrates(&corners, tolerance, 0.0) {
                     collides = true;
-                    *knife_edge = !self.step_penetrates(&corners, tolerance, -KNIFE_EDGE_MM);
+                    *borderline = !self.step_penetrates(&corners, tolerance, -BORDERLINE_MM);
                     *last = Some(place);
                     return enough(place);
                 }
-                *knife_edge = true;
+                *borderline = true;
             }
             let tip = |more| self.tip(tolerance, more).is_some_and(|t| penetrate::tip(&corners, t));
-            if !collides && !gouges && tip(-KNIFE_EDGE_MM) {
+            if !collides && !gouges && tip(-BORDERLINE_MM) {
                 gouges = tip(0.0);
-                *knife_edge |= !tip(KNIFE_EDGE_MM);
+                *borderline |= !tip(BORDERLINE_MM);
                 if gouges {
                     enough(place);
                     // What else is in the tip does not matter.
@@ -444,6 +444,6 @@ pub(super) struct Scratch {
     pub n_queries: u64,
     /// Triangles tested for them.
     pub n_triangles: u64,
-    /// Whether the last verdict is on the knife edge: see [`SurfaceStats`](super::SurfaceStats).
-    pub knife_edge: bool,
+    /// Whether the last verdict is borderline: see [`SurfaceStats`](super::SurfaceStats).
+    pub borderline: bool,
 }

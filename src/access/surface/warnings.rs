@@ -91,8 +91,8 @@ pub enum Warning {
     },
     /// A drill or a reamer: what is accessible is reached by drilling, in bores of its own diameter.
     Drill,
-    /// Sites whose answer rests on roundings: see [`SurfaceStats::knife_edge`](super::SurfaceStats::knife_edge).
-    KnifeEdge {
+    /// Sites whose answer rests on roundings: see [`SurfaceStats::borderline`](super::SurfaceStats::borderline).
+    Borderline {
         /// Share of the sites.
         share: f64,
     },
@@ -102,8 +102,8 @@ pub enum Warning {
 const TINY_MM: f64 = 10.0;
 /// Tolerances above this are warned about, mm.
 pub const WIDE_MM: f64 = 5.0 * LEAST_MM;
-/// Share of the sites on the knife edge above which they are warned about.
-const KNIFE_EDGE_SHARE: f64 = 0.001;
+/// Share of borderline sites above which they are warned about.
+const BORDERLINE_SHARE: f64 = 0.001;
 /// Millimeters to the inch.
 const INCH_MM: f64 = 25.4;
 
@@ -169,7 +169,7 @@ impl fmt::Display for Warning {
             Warning::Drill => f.write_str(
                 "the tool is a drill or a reamer: what it reaches is reached by drilling, in bores of its own diameter",
             ),
-            Warning::KnifeEdge { share } => write!(
+            Warning::Borderline { share } => write!(
                 f,
                 "the answers of up to {:.2} % of the sites rest on roundings: the tool touches exactly; change --tolerance a little",
                 100.0 * share
@@ -252,9 +252,9 @@ impl TriangleObstacles {
                 chord_mm: coarser().fold(0.0, |a: f64, b| a.max(*b)),
             });
         }
-        let on_edge = labels.stats.knife_edge as f64 / n;
-        if on_edge > KNIFE_EDGE_SHARE {
-            warnings.push(Warning::KnifeEdge { share: on_edge });
+        let on_edge = labels.stats.borderline as f64 / n;
+        if on_edge > BORDERLINE_SHARE {
+            warnings.push(Warning::Borderline { share: on_edge });
         }
         Ok(warnings)
     }
@@ -452,7 +452,7 @@ mod tests {
     }
 
     #[test]
-    fn sites_on_the_knife_edge_are_counted() {
+    fn borderline_sites_are_counted() {
         // The tool's flank is as far from the second wall as the tolerance makes it narrower.
         let mut walls = solids::cuboid(DVec3::splat(20.0));
         let mut other = solids::cuboid(DVec3::splat(20.0));
@@ -470,10 +470,10 @@ mod tests {
         for (cr, expected) in [(1.125, 1), (1.12, 0), (1.13, 0)] {
             let cutter = Cutter::ball_end([cr, 30.0, 1.0 + cr, 5.0].into()).unwrap();
             let labels = obstacles.label(&sites, &cutter, &Directions::up(), &options).unwrap();
-            assert_eq!(labels.stats.knife_edge, expected, "{cr} {:?}", labels.answers);
+            assert_eq!(labels.stats.borderline, expected, "{cr} {:?}", labels.answers);
             let found = obstacles.warnings(&walls, &sites, &cutter, &labels).unwrap();
-            assert_eq!(found.contains(&Warning::KnifeEdge { share: 1.0 }), expected == 1);
+            assert_eq!(found.contains(&Warning::Borderline { share: 1.0 }), expected == 1);
         }
-        assert_eq!(SurfaceStats::default().knife_edge, 0);
+        assert_eq!(SurfaceStats::default().borderline, 0);
     }
 }

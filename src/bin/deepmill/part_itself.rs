@@ -248,8 +248,8 @@ pub fn add_facts(facts: &mut Facts, labels: &Labels) {
     facts.add("found_between", "reached only between the directions", share(between));
     let raised = surface.tolerance_mm.iter().filter(|t| **t > LEAST_MM).count();
     facts.add("tolerance_raised", "tolerance above 0.01 mm", share(raised));
-    let on_edge = Cell::Share(surface.stats.knife_edge as f64 / n);
-    facts.add("knife_edge", "answers that rest on roundings, at most", on_edge);
+    let on_edge = Cell::Share(surface.stats.borderline as f64 / n);
+    facts.add("borderline", "answers that rest on roundings, at most", on_edge);
 }
 
 /// Says which faces are most in the way; as JSON for the result.

@@ -2,7 +2,7 @@
 
 use crate::simd::{Simd, Unsigned};
 
-/// Cells by which discs keep their distance from the knife edge. Finding the columns of two places takes two
+/// Cells by which discs keep their distance from borderline cases. Finding the columns of two places takes two
 /// roundings each, together off by 2.4e-7 of the greater one, and no grid has more than
 /// [`MOST_CELLS`](super::cell_bins::MOST_CELLS) of them: this is four times as much.
 const MARGIN: f64 = 1e-3;

@@ -26,13 +26,13 @@ fn penetration_of_a_triangle_is_what_its_drop_height_says() {
         };
         let drop = drop::tip(&corners, tip);
         let penetrates = penetrate::tip(&corners, tip);
-        // Moving the triangle by its distance from the knife edge in height is the same as moving the tool.
+        // Moving the triangle by its distance from the borderline case in height is the same as moving the tool.
         for shift in [0.0, -drop + 1e-7, -drop - 1e-7] {
             let shift = if shift.is_finite() { shift } else { 0.0 };
             let moved = corners.map(|p| p + DVec3::Z * shift);
             let expected = drop + shift > 0.0;
-            let knife_edge = drop.is_finite() && (drop + shift).abs() < 0.9e-7;
-            if !knife_edge && penetrate::tip(&moved, tip) != expected && !at_rim(&moved, tip) {
+            let borderline = drop.is_finite() && (drop + shift).abs() < 0.9e-7;
+            if !borderline && penetrate::tip(&moved, tip) != expected && !at_rim(&moved, tip) {
                 panic!("{trial} {tip:?} {moved:?}: drop height {}", drop + shift);
             }
         }
