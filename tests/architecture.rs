@@ -377,3 +377,64 @@ fn circles_of_imports_are_found() {
     let found = circle(&[edge("a", &["b"]), edge("b", &["c"]), edge("c", &["b"])]).unwrap();
     assert_eq!(found, ["a", "b", "c", "b"]);
 }
+
+/// Texts in quotes, without those of raw strings; of a text that goes over lines all of it.
+fn texts(code: &str) -> Vec<String> {
+    let (mut found, mut rest) = (Vec::new(), code);
+    while let Some(start) = rest.find('"') {
+        let is_char = rest[..start].ends_with('\'') || rest[..start].ends_with("'\\");
+        let mut text = String::new();
+        let mut end = start + 1;
+        if !is_char {
+            let mut escaped = false;
+            for c in rest[start + 1..].chars() {
+                end += c.len_utf8();
+                match c {
+                    '"' if !escaped => break,
+                    '\\' if !escaped => escaped = true,
+                    c => {
+                        text.push(c);
+                        escaped = false;
+                    }
+                }
+            }
+            found.push(text);
+        }
+        rest = &rest[end..];
+    }
+    found
+}
+
+/// Texts of the program that the library holds: units are doubted where files are read for a command.
+const TEXTS_OF_THE_PROGRAM: [&str; 1] = ["geom/units.rs"];
+
+#[test]
+fn messages_of_the_library_name_its_own_arguments() {
+    let names_flag = |text: &str| {
+        let mut words = text.split([' ', '`', '(', '\n']);
+        words
+            .any(|word| word.strip_prefix("--").is_some_and(|w| w.starts_with(char::is_alphabetic)))
+    };
+    let explains = |text: &str| text.contains("command line") || text.contains("`deepmill ");
+    let mut faults = Vec::new();
+    for (path, lines) in files() {
+        if path.starts_with("bin/")
+            || path.contains("tests")
+            || TEXTS_OF_THE_PROGRAM.contains(&&*path)
+        {
+            continue;
+        }
+        let found = texts(&lines.join("\n")).into_iter().filter(|t| names_flag(t) && !explains(t));
+        faults.extend(found.map(|text| format!("{path}: {text:?}")));
+    }
+    assert!(faults.is_empty(), "a flag of the program is no argument of the library: {faults:#?}");
+}
+
+#[test]
+fn texts_are_read_over_lines_and_past_escapes() {
+    let code = r#"let a = "one \"two\""; let b = '"'; let c = "three \
+        four";"#;
+    let found = texts(code);
+    assert_eq!((found.len(), &*found[0]), (2, "one \"two\""));
+    assert!(found[1].starts_with("three") && found[1].ends_with("four"));
+}

@@ -129,7 +129,7 @@ impl Fixture {
         let Some(k) = vertices.iter().position(|v| !usable(v)) else { return Ok(()) };
         let found = format!("position {}", vertices[k]);
         let remedy =
-            "coordinates of a fixture must be finite and within 1 km; check the file and --unit";
+            "coordinates of a fixture must be finite and within 1 km; check the file and its unit";
         Err(Error::file(&self.name, format!("vertex {k}"), found, remedy))
     }
 

@@ -292,7 +292,7 @@ fn require_balanced(mesh: &Mesh) -> Result<()> {
             Err(Error::geometry(
                 Place::Edge(ends, ends.map(|v| mesh.vertices[v as usize])).to_string(),
                 "the mesh is open or its triangles face different sides, so it has no inside",
-                "run `deepmill check` on it, and try --repair",
+                "repair it (`geom::repair::repair`; `deepmill check --repair` at the command line)",
             ))
         }
     }

@@ -65,7 +65,7 @@ impl FromStr for Unit {
 
     fn from_str(text: &str) -> Result<Self> {
         Unit::ALL.into_iter().find(|u| u.symbol() == text).ok_or_else(|| {
-            Error::argument("unit", format!("{text:?}"), "mm, cm, in or m", "or give --scale")
+            Error::argument("unit", format!("{text:?}"), "mm, cm, in or m", "for another unit give its millimeters (`ReadOptions::scale`; `--scale` at the command line)")
         })
     }
 }

@@ -112,23 +112,23 @@ impl fmt::Display for Warning {
         match *self {
             Warning::SmallerThanTool { longest_mm, diameter_mm } => write!(
                 f,
-                "the part is {longest_mm:.3} mm long at most, the cutter {diameter_mm} mm wide: check --unit and --cutter"
+                "the part is {longest_mm:.3} mm long at most, the cutter {diameter_mm} mm wide: check the unit and the cutter"
             ),
             Warning::Tiny { longest_mm } => write!(
                 f,
-                "the part is {longest_mm:.3} mm long at most; if the file is in inches, --unit in makes it {:.1} mm",
+                "the part is {longest_mm:.3} mm long at most; read in inches it has {:.1} mm",
                 longest_mm * INCH_MM
             ),
             Warning::FacesWithoutSites { n_faces, n_without, area_share, spacing_mm } => write!(
                 f,
                 "{n_without} of {n_faces} faces ({:.2} % of the surface) hold no site, with one site per \
-                 {spacing_mm:.2} mm × {spacing_mm:.2} mm: nothing is said of them; raise --sites",
+                 {spacing_mm:.2} mm × {spacing_mm:.2} mm: nothing is said of them; take more sites",
                 100.0 * area_share
             ),
             Warning::CoarseTessellation { share, implied_mm, granted_mm } => write!(
                 f,
                 "the facets are coarser than the tolerance at {:.1} % of the sites: they imply up to {implied_mm:.3} mm, \
-                 {granted_mm:.3} mm is granted; leave out --tolerance or export a finer mesh",
+                 {granted_mm:.3} mm is granted; leave out the tolerance or export a finer mesh",
                 100.0 * share
             ),
             Warning::WideTolerance { share, greatest_mm } => write!(
@@ -140,13 +140,13 @@ impl fmt::Display for Warning {
             Warning::RestsOnTolerance { n_sites, share, greatest_mm } => write!(
                 f,
                 "{n_sites} sites ({:.1} %) are accessible only because the tool may seem to cut more than {WIDE_MM} mm there, up to \
-                 {greatest_mm:.3} mm: export a finer mesh, or give --tolerance",
+                 {greatest_mm:.3} mm: export a finer mesh, or give a tolerance",
                 100.0 * share
             ),
             Warning::FinishBelowChord { share, finish_mm, chord_mm } => write!(
                 f,
                 "the finish tolerance of {finish_mm} mm is below the chord error of the mesh at {:.1} % of the sites, up to {chord_mm:.3} mm: \
-                 export a finer mesh, or raise --finish",
+                 export a finer mesh, or raise the finish tolerance",
                 100.0 * share
             ),
             Warning::ClearanceCloses { clearance_mm, share, closes_all: true } => write!(
@@ -171,7 +171,7 @@ impl fmt::Display for Warning {
             ),
             Warning::Borderline { share } => write!(
                 f,
-                "the answers of up to {:.2} % of the sites rest on roundings: the tool touches exactly; change --tolerance a little",
+                "the answers of up to {:.2} % of the sites rest on roundings: the tool touches exactly; change the tolerance a little",
                 100.0 * share
             ),
         }
@@ -328,7 +328,7 @@ mod tests {
             Warning::Tiny { longest_mm: 3.0 },
         ];
         assert_eq!(tiny, expected);
-        assert!(tiny[1].to_string().contains("--unit in makes it 76.2 mm"), "{}", tiny[1]);
+        assert!(tiny[1].to_string().contains("read in inches it has 76.2 mm"), "{}", tiny[1]);
     }
 
     #[test]

@@ -112,7 +112,7 @@ impl FromStr for Family {
                 "family",
                 name,
                 "the name of a family",
-                "`deepmill generate --list` shows all",
+                "one of `Family::ALL`; `deepmill generate --list` shows them",
             )
         })
     }

@@ -110,24 +110,26 @@ impl Fault {
         match self {
             Fault::MissingVertex | Fault::NotFinite | Fault::Empty => "export the part again",
             Fault::OpenEdge => {
-                "try `deepmill check --repair`, which closes gaps of up to 1e-5 of the diagonal; else \
-                 close the solid in the program that wrote it"
+                "try `deepmill check --repair` (in a program `geom::repair::repair`), which closes gaps \
+                 of up to 1e-5 of the diagonal; else close the solid in the program that wrote it"
             }
             Fault::TJunction => {
                 "split the longer edge at the vertex in the program that wrote it: mesh the faces so \
                  that neighbors share their corners"
             }
             Fault::NonManifoldEdge => {
-                "try `deepmill check --repair`, else separate or join the touching bodies in the CAD \
-                 program"
+                "try `deepmill check --repair` (in a program `geom::repair::repair`), else separate \
+                 or join the touching bodies in the CAD program"
             }
-            Fault::InconsistentEdge | Fault::Inward => "try `deepmill check --repair`",
+            Fault::InconsistentEdge | Fault::Inward => {
+                "try `deepmill check --repair` (in a program `geom::repair::repair`)"
+            }
             Fault::NonManifoldVertex => "separate or join the touching bodies in the CAD program",
             Fault::ManyComponents => {
                 "each body is labeled against all; fill voids that no cutter can enter, lest they count as out of reach"
             }
             Fault::Degenerate => {
-                "harmless: they are no obstacles and hold no sites; `deepmill check --repair` drops collapsed ones"
+                "harmless: they are no obstacles and hold no sites; a repair drops collapsed ones"
             }
             Fault::Sliver => "harmless for labels unless sites land on them",
             Fault::SelfIntersection => "unite the overlapping bodies in the CAD program",

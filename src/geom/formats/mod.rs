@@ -134,7 +134,7 @@ fn exchange(ending: &str, path: &Path) -> Result<Format> {
         return Ok(Format::Step);
     }
     let remedy = match is_step {
-        true => format!("{remedy}, or build deepmill with --features step"),
+        true => format!("{remedy}, or build deepmill with the feature `step`"),
         false => remedy.into(),
     };
     Err(Error::file(path, "file name", found, remedy))

@@ -156,7 +156,7 @@ impl Stated<'_> {
         }
         let Some(hash) = stated else {
             let found = "it does not say which surface the labels are about";
-            let remedy = "label the part again with this version, or name its mesh (--part FILE)";
+            let remedy = "label the part again with this version, or give its mesh (`--part FILE` at the command line)";
             return Err(self.fault("settings.surface", found, remedy));
         };
         self.read_stated(SURFACE, hash).map(Some)
@@ -182,7 +182,9 @@ impl Stated<'_> {
         let Some(path) = self.beside(name) else {
             let found = format!("there is no {name} beside it");
             let remedy = match name == SURFACE {
-                true => "keep the folder whole, or name the part's mesh (--part FILE)",
+                true => {
+                    "keep the folder whole, or give the part's mesh (`--part FILE` at the command line)"
+                }
                 false => "keep the folder whole, or label the part again",
             };
             return Err(self.fault("folder", found, remedy));

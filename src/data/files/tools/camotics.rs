@@ -86,7 +86,10 @@ fn one(
 ) -> Result<(Tool, Vec<String>)> {
     let unit = match tool.get("units") {
         None | Some(Value::Null) => defaults.unit_mm.ok_or_else(|| {
-            place.error("the file does not say the unit", "give it with --tool-unit mm or in")
+            place.error(
+                "the file does not say the unit",
+                "give it (`unit_mm`; `--tool-unit mm` or `in` at the command line)",
+            )
         })?,
         Some(name) => name.as_str().and_then(unit_mm).ok_or_else(|| {
             let found = format!("its units are {}", shown_value(name));

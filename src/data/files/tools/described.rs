@@ -103,16 +103,21 @@ impl Described {
     pub fn tool(&self, defaults: &MissingParameters, place: &Place) -> Result<(Tool, Vec<String>)> {
         let missing = |what: &str, option: &str| {
             let found = format!("the file does not say the {what}");
-            place.error(found, format!("give it with {option}"))
+            place.error(found, format!("give it ({option})"))
         };
         let stick_out = self.stick_out.or(defaults.stick_out_mm);
-        let stick_out = stick_out.ok_or_else(|| missing("stick-out", "--stick-out MM"))?;
+        let stick_out = stick_out.ok_or_else(|| {
+            missing("stick-out", "`stick_out_mm`; `--stick-out MM` at the command line")
+        })?;
         let holder = self.holder.as_ref().or(defaults.holder.as_ref());
-        let holder = holder.ok_or_else(|| missing("holder", "--holder FILE"))?;
+        let holder = holder
+            .ok_or_else(|| missing("holder", "`holder`; `--holder FILE` at the command line"))?;
         let shank = || {
             let shaft = self.shaft.last().map(|last| 2.0 * last.upper_radius_mm);
             let shank = shaft.or(self.shank).or(defaults.shank_mm);
-            shank.ok_or_else(|| missing("diameter of the shank", "--shank MM"))
+            shank.ok_or_else(|| {
+                missing("diameter of the shank", "`shank_mm`; `--shank MM` at the command line")
+            })
         };
         let mut notices = Vec::new();
         let assembly = match (&self.profile, self.form) {
@@ -209,7 +214,7 @@ impl Described {
     fn flutes(&self, defaults: &MissingParameters, place: &Place) -> Result<f64> {
         self.flutes.or(defaults.flutes_mm).ok_or_else(|| {
             let found = "the file does not say the flute length";
-            place.error(found, "give it with --flute-length MM")
+            place.error(found, "give it (`flutes_mm`; `--flute-length MM` at the command line)")
         })
     }
 

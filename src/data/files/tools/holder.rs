@@ -225,7 +225,10 @@ fn checked(holder: Holder, place: &Place) -> Result<Holder> {
 pub(super) fn unit(object: &Value, place: &Place, defaults: &MissingParameters) -> Result<f64> {
     match object.get("unit") {
         None | Some(Value::Null) => defaults.unit_mm.ok_or_else(|| {
-            place.error("the file does not say the unit", "give it with --tool-unit mm or in")
+            place.error(
+                "the file does not say the unit",
+                "give it (`unit_mm`; `--tool-unit mm` or `in` at the command line)",
+            )
         }),
         Some(name) => name.as_str().and_then(unit_mm).ok_or_else(|| {
             let found = format!("the unit is {}", shown_value(name));

@@ -92,7 +92,8 @@ fn add(
     }
     let Some(unit) = defaults.unit_mm else {
         let found = "the file does not say the unit";
-        let remedy = "give that of the machine with --tool-unit mm or in";
+        let remedy =
+            "give that of the machine (`unit_mm`; `--tool-unit mm` or `in` at the command line)";
         return reading.add(Err(place.error(found, remedy)));
     };
     let form = form_of(remark(text, unit), text);

@@ -228,7 +228,9 @@ fn whole(
 fn add(mesh: &mut Mesh, cut: &PolygonMesh, orientation: bool) -> Result<(), Refused> {
     let first = mesh.vertices.len();
     if u32::try_from(first + cut.positions().len()).is_err() {
-        return Err(Refused::of_body("it has too many triangles: give a greater --chord"));
+        return Err(Refused::of_body(
+            "it has too many triangles: give a greater chord error (`chord_mm`; `--chord` at the command line)",
+        ));
     }
     mesh.vertices.extend(cut.positions().iter().map(|p| DVec3::new(p.x, p.y, p.z)));
     for corners in cut.faces().triangle_iter() {

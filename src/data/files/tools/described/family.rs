@@ -264,7 +264,9 @@ impl Described {
         let height = || flutes.ok_or_else(|| missing("flute length, the height of what cuts"));
         let margin = || {
             let found = "the file does not say the flute length, where its margin ends";
-            flutes.ok_or_else(|| place.error(found, "give it with --flute-length MM"))
+            flutes.ok_or_else(|| {
+                place.error(found, "give it (`flutes_mm`; `--flute-length MM` at the command line)")
+            })
         };
         let cutting = match family {
             Family::Lollipop => Profile::lollipop(radius, neck()?),
