@@ -3,24 +3,8 @@
 
 mod command;
 
-use command::{Folder, deepmill, json, stl, text};
-use deepmill::geom::solids;
-use deepmill::glam::{DVec2, DVec3};
+use command::{Folder, deepmill, json, t_slot, text};
 use serde_json::Value;
-
-/// A T-slot along y: 11 mm wide at its mouth, 21.2 below the lips, 9 mm high there.
-fn t_slot() -> Vec<u8> {
-    let half = [[30.0, 0.0], [30.0, 40.0], [5.5, 40.0], [5.5, 28.0], [10.6, 28.0], [10.6, 19.0]];
-    let other = half.iter().rev().map(|[x, z]| [-x, *z]);
-    let outline: Vec<DVec2> = half.iter().copied().chain(other).map(DVec2::from_array).collect();
-    let right = [[0, 4, 5], [0, 1, 4], [1, 2, 4], [2, 3, 4]];
-    let left = right.map(|[a, b, c]| [11 - a, 11 - c, 11 - b]);
-    let cap = [&[[0, 5, 6], [0, 6, 11]][..], &right, &left].concat();
-    let mut mesh = solids::prism(&outline, &cap, 40.0);
-    mesh.vertices.iter_mut().for_each(|p| *p = DVec3::new(p.x, -p.z, p.y));
-    let corners = |f: usize| mesh.corners(f).map(|p| p.as_vec3().to_array());
-    stl(&(0..mesh.triangles.len()).map(corners).collect::<Vec<_>>())
-}
 
 fn labeled(folder: &Folder, profile: &str, stick_out: &str) -> String {
     labeled_with(folder, profile, stick_out, &[])

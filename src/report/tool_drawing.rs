@@ -2,11 +2,13 @@
 //! maker. A picture of SVG for people: the long plain part of the shank is broken, the holder cut off.
 
 mod outline;
+mod solid;
 mod svg;
 
 use crate::data::files::tools::Tool;
 use crate::geom::units::Unit;
 use outline::{Outline, Section};
+pub(super) use solid::{Portion, Solid};
 use svg::Drawing;
 
 /// The drawing of a tool as SVG.

@@ -1,6 +1,8 @@
 //! Running the program, and what the tests of the command line need beside it.
 #![allow(dead_code)] // Each test file uses some of it.
 
+use deepmill::geom::solids;
+use deepmill::glam::{DVec2, DVec3};
 use serde_json::Value;
 use std::process::{Command, Output};
 use tempfile::TempDir;
@@ -112,4 +114,18 @@ pub fn grooved(folder: &Folder, width: f32, depth: f32) -> String {
         triangles.extend([[a, b, c], [a, c, d]]);
     }
     folder.file("groove.stl", stl(&triangles))
+}
+
+/// A T-slot along y: 11 mm wide at its mouth, 21.2 below the lips, 9 mm high there.
+pub fn t_slot() -> Vec<u8> {
+    let half = [[30.0, 0.0], [30.0, 40.0], [5.5, 40.0], [5.5, 28.0], [10.6, 28.0], [10.6, 19.0]];
+    let other = half.iter().rev().map(|[x, z]| [-x, *z]);
+    let outline: Vec<DVec2> = half.iter().copied().chain(other).map(DVec2::from_array).collect();
+    let right = [[0, 4, 5], [0, 1, 4], [1, 2, 4], [2, 3, 4]];
+    let left = right.map(|[a, b, c]| [11 - a, 11 - c, 11 - b]);
+    let cap = [&[[0, 5, 6], [0, 6, 11]][..], &right, &left].concat();
+    let mut mesh = solids::prism(&outline, &cap, 40.0);
+    mesh.vertices.iter_mut().for_each(|p| *p = DVec3::new(p.x, -p.z, p.y));
+    let corners = |f: usize| mesh.corners(f).map(|p| p.as_vec3().to_array());
+    stl(&(0..mesh.triangles.len()).map(corners).collect::<Vec<_>>())
 }

@@ -11,7 +11,9 @@ use super::tools::Tool;
 use crate::access::surface::explain::{
     Explanation, Query, RegionAdvice, Remedies, explain_among_points,
 };
-use crate::access::surface::{PartChange, SiteAnswer, SurfaceOptions, TriangleObstacles};
+use crate::access::surface::{
+    PartChange, SiteAnswer, SurfaceOptions, TriangleObstacles, WitnessPose,
+};
 use crate::access::{self, LabelOptions, Obstacles, Queries, bottom_sites};
 use crate::answers::Definition;
 use crate::directions::Directions;
@@ -209,9 +211,29 @@ impl LabelQuery {
     ///
     /// # Errors
     /// If they do not state it.
-    #[cfg(all(feature = "formats", feature = "generate"))]
     pub(crate) fn tool_of(file: &LabelFile, path: &Path) -> Result<Tool> {
         Stated { path, provenance: &file.provenance }.tool()
+    }
+
+    /// By the published definition, the free pose that each site's first free direction stands for, if the labels state
+    /// their directions; `tool` is theirs.
+    pub(crate) fn poses_among_points(file: &LabelFile, tool: &Tool) -> Vec<Option<WitnessPose>> {
+        let stated = Stated { path: Path::new(""), provenance: &file.provenance };
+        let Ok(directions) = stated.directions() else { return Vec::new() };
+        let (sites, cutter) = (&file.sites, &tool.cutter);
+        let pose = |(i, row): (usize, &Option<u32>)| {
+            let direction = *directions.vectors().get(row.as_ref().copied()? as usize)?;
+            let (normal, axis) = (sites.normals[i].as_dvec3(), direction.as_dvec3());
+            let across = normal - axis * normal.dot(axis);
+            // As in `access::predicate`: a flat end is centered where the normal is along the axis.
+            let side = if across.length() < 1e-6 { 0.0 } else { cutter.side_mm() };
+            let corner = cutter.corner_mm();
+            let reference = sites.points[i].as_dvec3() + normal * corner;
+            let reference = reference + across.normalize_or_zero() * side;
+            let tip_mm = reference - axis * (corner - cutter.allowance_mm());
+            Some(WitnessPose { direction, tip_mm })
+        };
+        file.labels.witness.iter().take(sites.len()).enumerate().map(pose).collect()
     }
 
     /// As [`LabelQuery::read`], of labels that were read at a path.

@@ -11,10 +11,11 @@ use serde_json::Value;
 use std::fmt::Write;
 
 const CSS: &str = include_str!("assets/page.css");
-const SCRIPTS: [&str; 4] = [
+const SCRIPTS: [&str; 5] = [
     include_str!("assets/data.js"),
     include_str!("assets/camera.js"),
     include_str!("assets/gpu.js"),
+    include_str!("assets/tool.js"),
     include_str!("assets/ui.js"),
 ];
 /// What a live page has beside these.
@@ -99,7 +100,7 @@ pub fn document(page: &Page, areas: &[f64], script: Script) -> String {
 <header><h1>{part}</h1><p>{facts}</p><button id="theme" title="Light or dark">◐</button></header>
 <main>
 <section id="stage" aria-label="3-D view">
-<canvas id="canvas" tabindex="0" aria-label="The part. Drag to turn, drag with the right button or two fingers to move, scroll or pinch to zoom, arrow keys to turn; click a site for its finding."></canvas>
+<canvas id="canvas" tabindex="0" aria-label="The part. Drag to turn, drag with the right button or two fingers to move, scroll or pinch to zoom, arrow keys to turn; click a site for its finding and the tool there."></canvas>
 <img id="print" alt="">
 {TOOLS}
 <div id="scale"><i></i><span></span></div>
@@ -136,7 +137,8 @@ const OUTLINES: &str = r#"<svg id="outlines" aria-hidden="true"><path d=""/></sv
 
 const TOOLS: &str = r#"<div class="tools">
 <div class="group"><button id="home" title="All of the part">Fit</button><button data-look="-58,30" title="From above, front right">Iso</button><button data-look="-90,90" title="From above">Top</button><button data-look="-90,0" title="From the front">Front</button><button data-look="0,0" title="From the right">Right</button><button data-look="122,-30" title="From below, back left">Below</button></div>
-<div class="group"><label for="axis">Section</label><select id="axis"><option value="off">off</option><option value="x">x</option><option value="y">y</option><option value="z">z</option><option value="view">as seen</option><option value="free" hidden>before finding</option></select><span id="cutting" hidden><input id="cut" type="range" aria-label="Place of the section"><button id="flip" title="Other side">⇄</button><label id="place"></label></span></div>
+<div class="group"><label for="axis">Section</label><select id="axis"><option value="off">off</option><option value="x">x</option><option value="y">y</option><option value="z">z</option><option value="view">as seen</option><option value="tool" hidden>through the tool</option><option value="free" hidden>before finding</option></select><span id="cutting" hidden><input id="cut" type="range" aria-label="Place of the section"><button id="flip" title="Other side">⇄</button><label id="place"></label></span></div>
+<div class="group" id="toolbox" hidden><label title="At a site that is clicked, in a pose in which it is reached"><input id="tool" type="checkbox" checked> Tool</label></div>
 </div>"#;
 
 /// All tabs in one table, if there are several.

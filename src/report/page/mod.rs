@@ -7,6 +7,7 @@
 mod html;
 mod live;
 mod pack;
+mod tool;
 mod view;
 
 #[doc(hidden)] // of the program
@@ -97,7 +98,9 @@ impl Page<'_> {
     fn require_memory(&self) -> Result<()> {
         let of_findings = |view: &View| usize::from(view.findings.is_some()) * 4;
         let of_values = |view: &View| if self.is_detailed() { 4 * view.values.len() } else { 0 };
-        let of_site = self.views.iter().map(|view| 2 + of_findings(view) + of_values(view));
+        let of_tool = |view: &View| if view.tool_at.is_somewhere() { tool::SITE_BYTES } else { 0 };
+        let of_site =
+            (self.views.iter()).map(|view| 2 + of_findings(view) + of_values(view) + of_tool(view));
         let n_number_bytes = self.sites.len().saturating_mul(of_site.sum());
         let findings = self.views.iter().flat_map(|view| &view.findings);
         let n_findings = findings.map(|findings| findings.list.len()).sum();
@@ -118,9 +121,13 @@ impl Page<'_> {
         let sites = self.sites;
         let places = sites.points.iter().map(|p| p.as_dvec3());
         block.add_points("sites", &grid, places, sites.normals.iter().copied());
-        let views: Vec<Value> = (self.views.iter().enumerate())
-            .map(|(v, view)| add_view(&mut block, v, view, self.is_detailed()))
-            .collect();
+        let mut tools = Vec::new();
+        let mut views = Vec::with_capacity(self.views.len());
+        for (v, view) in self.views.iter().enumerate() {
+            let mut about = add_view(&mut block, v, view, self.is_detailed());
+            about["pose"] = view.tool_at.add(&mut block, v, sites, &mut tools);
+            views.push(about);
+        }
         let spacing_mm = match self.mesh {
             Some(mesh) => (mesh.area() / sites.len().max(1) as f64).sqrt(),
             None => Spacing::measure_on_sheet(sites).map_or(0.0, |s| s.mean_mm),
@@ -138,6 +145,7 @@ impl Page<'_> {
             "spacing_mm": if spacing_mm > 0.0 { spacing_mm } else { 1.0 },
             "closed": self.mesh.is_some_and(|mesh| check::check(mesh).is_closed()),
             "views": views,
+            "tools": tools,
             "outlines": self.outlines.iter().flatten().map(|p| p.to_array().map(to_micron)).collect::<Vec<_>>(),
             "parts": block.parts(),
         });

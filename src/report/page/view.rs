@@ -1,5 +1,6 @@
 //! The tabs of a page: one set of answers each.
 
+use super::tool::ToolAt;
 use crate::access::surface::SiteAnswer;
 use crate::answers::SiteAnswers;
 use crate::data::files::{AnalysisSettings, LabelFile, PredictionFile, Provenance};
@@ -45,6 +46,8 @@ pub struct View {
     pub settings: Value,
     /// Warnings about them.
     pub warnings: Vec<String>,
+    /// Where the tool is shown.
+    pub(in crate::report) tool_at: ToolAt,
 }
 
 /// Marked sites in colors of their own, upon the groups: the shares of the groups do not depend on it.
@@ -90,6 +93,7 @@ impl View {
         let occlusion = answers.occlusion.get(..n).unwrap_or_default();
         let mut view = View::about(name, &file.provenance);
         view.values = site_values(answers, n);
+        view.tool_at = ToolAt::of_labels(file, false);
         if let Some(beta) = labels.beta.get(..n) {
             let beta = beta.iter().map(|b| *b as f32).collect();
             view.add("collisions with it, from inaccessible sites", "", Numbers::Reals(beta));
@@ -125,7 +129,8 @@ impl View {
         if rests.is_empty() {
             return vec![answers];
         }
-        let mut rest = View { layer: None, ..answers.clone() };
+        let tool_at = ToolAt::of_labels(file, true);
+        let mut rest = View { layer: None, tool_at, ..answers.clone() };
         (rest.name, rest.caption) = (format!("{name}: rest"), "how much the tool leaves".into());
         rest.color(&Coloring::Groups {
             classes: &rest::CLASSES,
@@ -180,7 +185,7 @@ impl View {
     /// The first of several tools that reaches each site; `classes` and `of` as for a picture.
     pub fn of_first_tools(classes: &[Class], of: &[usize], findings: Findings) -> Self {
         let view = View::of_groups("all tools", "first tool that reaches", classes, of);
-        View { findings: Some(findings), ..view }
+        View { findings: Some(findings), tool_at: ToolAt::FirstOfOthers, ..view }
     }
 
     /// Sites in groups; `classes` and `of` as for a picture.

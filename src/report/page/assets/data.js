@@ -62,6 +62,18 @@ function unfold(a, b) {
   return [x / l, y / l, z / l];
 }
 
+/** The poses of a tab: of a site its tool, the axis from tip to spindle and the tip, mm; null if none is known. */
+function poses(part, v, { tools, views, n_sites }, place) {
+  const { pose } = views[v];
+  if (!pose || pose === "first") return null;
+  const axes = new Float32Array(words(part(`view${v}.axes`), 3 * pose.n_axes)), row = new Uint32Array(words(part(`view${v}.axis`), n_sites));
+  const columns = [0, 1, 2].map((k) => new Uint32Array(words(part(`view${v}.tip${k}`), pose.n_tips))), of = new Int32Array(n_sites);
+  for (let i = 0, next = 0; i < n_sites; i++) of[i] = row[i] ? next++ : -1;
+  const step = (code) => (code >>> 1) ^ -(code & 1);
+  return (i) => (of[i] < 0 ? null : { tool: tools[pose.tool], axis: [...axes.subarray(3 * row[i] - 3, 3 * row[i])],
+    tip: place(i).map((x, k) => x + pose.step_mm * step(columns[k][of[i]])) });
+}
+
 /** Everything of the page, ready to draw. */
 async function load() {
   const about = JSON.parse(document.getElementById("about").textContent);
@@ -87,5 +99,9 @@ async function load() {
       return { ...value, of: value.real ? new Float32Array(four) : new Uint32Array(four) };
     }),
   }));
+  const of = about.views.map((_, v) => poses(part, v, about, data.place));
+  const first = (i) => { for (const pose of of) { const found = pose && pose(i); if (found) return found; } return null; };
+  data.hasTools = of.some((pose) => pose);
+  data.pose = (v, i) => (of[v] ? of[v](i) : about.views[v].pose === "first" ? first(i) : null);
   return data;
 }

@@ -78,6 +78,7 @@ void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2
 const COLOR_F = CHUNK + `
 uniform sampler2D u_surface, u_depth; uniform usampler2D u_site, u_class;
 uniform vec3 u_palette[16], u_ground, u_cap; uniform ivec2 u_size; uniform uint u_selected, u_hover; uniform float u_samples, u_edges, u_pixel; uniform bool u_changes;
+uniform sampler2D u_tool, u_tool_depth; uniform bool u_has_tool; uniform float u_span; uniform vec3 u_parts[4];
 out vec4 o_color;
 /** Whether the answer of the site at a pixel has changed: bit 7 of its group. */
 bool changed(ivec2 p) {
@@ -123,10 +124,32 @@ vec3 color(ivec2 p) {
   vec3 light = normalize(vec3(-0.30, 0.40, 0.87));
   return base * (0.30 + 0.72 * (0.5 + 0.5 * dot(v, light))) * edge;
 }
+int portion(ivec2 p) { return int(texelFetch(u_tool, clamp(p, ivec2(0), u_size - 1), 0).a * 15.0 + 0.5); }
+/** The tool over what is behind it, and through what is before it; of a section the cut only is dense. */
+vec3 tool(ivec2 p, vec3 under) {
+  int code = portion(p), r = max(1, int(u_samples));
+  if (code == 0) return under;
+  vec4 t = texelFetch(u_tool, p, 0);
+  vec3 n = 2.0 * t.xyz - 1.0;
+  bool cut = code > 8, edge = false;
+  for (int k = 0; k < 4; k++) {
+    ivec2 q = p + ivec2(k == 0 ? r : k == 1 ? -r : 0, k == 2 ? r : k == 3 ? -r : 0);
+    edge = edge || portion(q) != code || (!cut && dot(2.0 * texelFetch(u_tool, clamp(q, ivec2(0), u_size - 1), 0).xyz - 1.0, n) < 0.8);
+  }
+  float z = (1.0 - 2.0 * texelFetch(u_tool_depth, p, 0).r) * u_span, surface = texelFetch(u_surface, p, 0).a;
+  bool before = cut || surface < 0.25 || (surface > 0.75 && z > depth(p));
+  vec3 v = vec3(dot(n, u_right), dot(n, u_up), dot(n, u_back)), light = normalize(vec3(-0.30, 0.40, 0.87));
+  vec3 base = u_parts[(code - 1) & 7] * (cut ? 1.0 : 0.45 + 0.6 * (0.5 + 0.5 * dot(normalize(v), light)));
+  return mix(under, edge ? base * 0.35 : base, before ? (cut ? 0.94 : edge ? 0.85 : 0.6) : edge ? 0.45 : 0.16);
+}
 void main() {
   int k = int(u_samples);
   vec3 sum = vec3(0.0);
-  for (int i = 0; i < k * k; i++) sum += color(ivec2(gl_FragCoord.xy) * k + ivec2(i % k, i / k));
+  for (int i = 0; i < k * k; i++) {
+    ivec2 p = ivec2(gl_FragCoord.xy) * k + ivec2(i % k, i / k);
+    vec3 c = color(p);
+    sum += u_has_tool ? tool(p, c) : c;
+  }
   o_color = vec4(sum / float(k * k), 1.0);
 }`;
 
@@ -155,6 +178,7 @@ class Gpu {
     this.surfaces = [this.program(SURFACE_V, SURFACE_F), this.program(DISC_V, DISC_F)];
     this.site = this.program(SITE_V, SITE_F);
     this.colors = this.program(COLOR_V, COLOR_F);
+    this.tool = new ToolPass(this);
     this.arrays = [];
     this.classes = this.texture();
     this.size = [0, 0];
@@ -164,6 +188,7 @@ class Gpu {
   take(data) {
     for (const { array, buffers } of this.arrays) { this.gl.deleteVertexArray(array); buffers.forEach((buffer) => this.gl.deleteBuffer(buffer)); }
     this.arrays = [];
+    this.tool.clear();
     this.data = data;
     const discs = !data.indices;
     this.surface = this.surfaces[+discs];
@@ -239,27 +264,28 @@ class Gpu {
     gl.bindTexture(gl.TEXTURE_2D, this.classes);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8UI, 2048, rows, 0, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, bytes);
   }
+  /** A texture to draw on, as large as all of them. */
+  target(inner, format, type) {
+    const { gl } = this, texture = this.texture();
+    gl.texImage2D(gl.TEXTURE_2D, 0, inner, ...this.size, 0, format, type, null);
+    return texture;
+  }
+  frame(color, depth) {
+    const { gl } = this, frame = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, color, 0);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, depth, 0);
+    return frame;
+  }
   resize(width, height) {
     if (this.size[0] === width && this.size[1] === height) return;
     const gl = this.gl;
     for (const old of this.targets || []) gl.deleteTexture(old);
     for (const old of this.frames || []) gl.deleteFramebuffer(old);
-    const target = (inner, format, type) => {
-      const texture = this.texture();
-      gl.texImage2D(gl.TEXTURE_2D, 0, inner, width, height, 0, format, type, null);
-      return texture;
-    };
-    const frame = (color, depth) => {
-      const frame = gl.createFramebuffer();
-      gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-      gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, color, 0);
-      gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, depth, 0);
-      return frame;
-    };
-    const depth = () => target(gl.DEPTH_COMPONENT24, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT);
-    this.targets = [target(gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE), depth(), target(gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT), depth()];
-    this.frames = [frame(this.targets[0], this.targets[1]), frame(this.targets[2], this.targets[3])];
     this.size = [width, height];
+    const depth = () => this.target(gl.DEPTH_COMPONENT24, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT);
+    this.targets = [this.target(gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE), depth(), this.target(gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT), depth()];
+    this.frames = [this.frame(this.targets[0], this.targets[1]), this.frame(this.targets[2], this.targets[3])];
   }
   use({ program, places }, values) {
     const gl = this.gl;
@@ -308,10 +334,12 @@ class Gpu {
     gl.drawElements(gl.TRIANGLES, what.nSites, gl.UNSIGNED_INT, 0);
     gl.activeTexture(gl.TEXTURE2); gl.bindTexture(gl.TEXTURE_2D, this.targets[2]);
     gl.activeTexture(gl.TEXTURE3); gl.bindTexture(gl.TEXTURE_2D, this.classes);
+    const noTool = { u_tool: 0, u_tool_depth: 1, u_span: 1, u_parts: PORTIONS.flat() };
+    const tool = look.tool ? this.tool.draw(camera, values, look.tool) : noTool;
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.disable(gl.DEPTH_TEST);
-    this.use(this.colors, { ...values, u_size: this.size });
+    this.use(this.colors, { ...values, ...tool, u_has_tool: !!look.tool });
     gl.bindVertexArray(null);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.activeTexture(gl.TEXTURE0);

@@ -14,7 +14,7 @@ class Viewer {
     this.canvas = $("canvas");
     this.gpu = new Gpu(this.canvas, data);
     this.camera = new Camera(data.about.low_box_mm, data.about.high_box_mm);
-    this.cut = null; this.selected = 0; this.hover = 0; this.off = new Set();
+    this.cut = null; this.selected = 0; this.hover = 0; this.site = -1; this.off = new Set();
     this.moving = 1; this.view = 0;
     this.show(0);
     this.listen(); this.attach();
@@ -58,8 +58,24 @@ class Viewer {
     const palette = new Float32Array(48);
     const { classes, layer } = this.data.views[this.view], colors = classes.map((c) => c.color).concat(layer ? layer.colors : []);
     colors.forEach((color, i) => palette.set((this.off.has(i % classes.length) ? [176, 186, 198] : color).map((v) => v / 255), 3 * i));
-    this.gpu.draw(this.camera, { ratio: this.ratio, cut: this.cut, palette, ground: rgb(ground), cap: [0.42, 0.45, 0.5], changes: !!this.data.views[this.view].changed, selected: this.selected, hover: this.hover, coarse: coarse < 0.6 }, samples);
+    this.gpu.draw(this.camera, { ratio: this.ratio, cut: this.cut, palette, ground: rgb(ground), cap: [0.42, 0.45, 0.5], changes: !!this.data.views[this.view].changed, selected: this.selected, hover: this.hover || this.site + 1, tool: this.toolAt(), coarse: coarse < 0.6 }, samples);
     this.overlay();
+  }
+  /** The tool in its pose at the chosen site, if one is known and shown. */
+  toolAt() {
+    return this.site >= 0 && $("tool").checked ? this.data.pose(this.view, this.site) : null;
+  }
+  /** Chooses a site, or none. */
+  choose(site) {
+    this.site = site;
+    this.offer();
+    if ($("axis").value === "tool") this.setCut(this.toolAt() ? "tool" : "off");
+    this.change();
+  }
+  /** The section through the tool is there with the tool. */
+  offer() {
+    $("toolbox").hidden = !this.data.hasTools;
+    document.querySelector("#axis [value=tool]").hidden = !this.toolAt();
   }
   /** Outlines of fixtures and table, in front of all but what a section leaves out. */
   outline() {
@@ -118,7 +134,7 @@ class Viewer {
     document.querySelectorAll("[role=tab]").forEach((tab, i) => { tab.setAttribute("aria-selected", i === v); tab.tabIndex = i === v ? 0 : -1; });
     document.querySelectorAll("[role=tabpanel]").forEach((panel, i) => { panel.hidden = i !== v; });
     this.mark();
-    if (this.fitted) this.change();
+    if (this.fitted) this.choose(this.site); else this.offer();
   }
   /** Groups of the sites, with the layer upon them if it is shown. */
   paint() {
@@ -128,7 +144,8 @@ class Viewer {
   }
   /** Shows these data in place of those before; camera, section, tab, hidden groups and selection stay. */
   take(data) {
-    const before = this.data.views[this.view], { camera, off } = this;
+    const before = this.data.views[this.view], { camera, off, site } = this;
+    const was = site < 0 ? null : { place: this.data.place(site), normal: this.data.normal(site) };
     const chosen = this.selected ? before.findings[this.selected - 1] : null;
     const shown = new Map(this.data.views.map((view) => [view.name, view.layer && view.layer.shown]));
     this.data = data;
@@ -145,6 +162,8 @@ class Viewer {
     });
     const v = Math.max(0, data.views.findIndex((view) => view.name === before.name));
     this.hover = 0; $("tip").style.display = "none";
+    // Other sites may lie there.
+    this.site = was ? nearest(data, was.place, (i) => dot(was.normal, data.normal(i)) > 0.5) : -1;
     this.show(v);
     const view = data.views[v];
     if (JSON.stringify(view.classes) === JSON.stringify(before.classes)) {
@@ -193,6 +212,8 @@ class Viewer {
     const finding = this.data.views[this.view].findings[number - 1];
     if (!finding) return;
     this.selected = number; this.setCut("off"); this.mark();
+    const { finding: of } = this.data.views[this.view];
+    this.choose(nearest(this.data, finding.at_mm, (i) => of[i] === number));
     const n = finding.normal, flat = norm(n) > 0.1, size = Math.max(norm(add(finding.high_mm, finding.low_mm, -1)), 4 * this.data.about.spacing_mm);
     const azimuth = flat && Math.hypot(n[0], n[1]) > 0.2 ? Math.atan2(n[1], n[0]) * 180 / Math.PI + 22 : this.camera.azimuth;
     const elevation = flat ? Math.asin(Math.max(-1, Math.min(1, n[2]))) * 180 / Math.PI : 30;
@@ -232,6 +253,7 @@ class Viewer {
     if (axis === "off") this.cut = null;
     else if (k >= 0) this.cut = [0, 1, 2].map((i) => (i === k ? 1 : 0)).concat(this.camera.middle[k]);
     else if (axis === "view") this.cut = [...this.camera.back, dot(this.camera.back, this.camera.middle)];
+    else if (axis === "tool") this.cut = throughTool(this.toolAt(), this.data.normal(this.site), this.camera.back);
     if (flip && this.cut) this.cut = this.cut.map((v) => -v);
     if (axis !== "free" || !this.cut) $("axis").value = axis;
     this.range(); this.change();
@@ -264,6 +286,9 @@ class Viewer {
       [`place, ${name}`, mm === 1 ? vector(at) : at.map((x) => x.toFixed(4)).join(", ")],
       ["normal", vector(this.data.normal(i))]];
     if (view.layer && view.layer.of[i]) rows.push([view.layer.name, "yes"]);
+    const pose = this.data.pose(this.view, i);
+    if (pose) rows.push(["tool axis", pose.axis.map((x) => short(Math.round(1e4 * x) / 1e4 || 0)).join(", ")],
+      [`tool tip, ${name}`, mm === 1 ? vector(pose.tip) : pose.tip.map((x) => (x / mm).toFixed(4)).join(", ")]);
     if (f) rows.push(["finding", `${f} (${short(view.findings[f - 1].area_mm2 / mm / mm)} ${name}²)`]);
     for (const value of view.values) if (!Number.isNaN(value.of[i])) rows.push([value.name,
       value.unit === "mm" ? `${short(value.of[i] / mm)} ${name}` : short(value.of[i]) + (value.unit ? ` ${value.unit}` : "")]);
@@ -315,7 +340,7 @@ class Viewer {
     const up = (e) => {
       if (fingers.delete(e.pointerId) && travel < 4 && e.type === "pointerup") {
         const i = this.tip(...place(e)), view = this.data.views[this.view], f = i >= 0 && view.finding ? view.finding[i] : 0;
-        this.selected = f; this.mark(); this.change();
+        this.selected = f; this.mark(); this.choose(i === this.site ? -1 : i);
         const row = f && document.querySelector(`[role=tabpanel]:not([hidden]) tr[data-finding="${f}"]`);
         if (row) row.scrollIntoView({ block: "nearest" });
       }
@@ -324,18 +349,19 @@ class Viewer {
     c.addEventListener("pointerleave", () => { $("tip").style.display = "none"; if (this.hover) { this.hover = 0; this.change(); } });
     c.addEventListener("wheel", (e) => { e.preventDefault(); zoom(Math.exp(-0.0015 * e.deltaY * (e.deltaMode ? 20 : 1)), place(e)); }, { passive: false });
     c.addEventListener("contextmenu", (e) => e.preventDefault());
-    c.addEventListener("dblclick", () => { this.selected = 0; this.mark(); this.home(); });
+    c.addEventListener("dblclick", () => { this.selected = 0; this.mark(); this.choose(-1); this.home(); });
     c.addEventListener("keydown", (e) => {
       const turn = { ArrowLeft: [5, 0], ArrowRight: [-5, 0], ArrowUp: [0, 5], ArrowDown: [0, -5] }[e.key], factor = { "+": 1.2, "=": 1.2, "-": 1 / 1.2 }[e.key];
       if (turn) this.camera.turnTo(this.camera.azimuth + turn[0], this.camera.elevation + turn[1]);
       else if (factor) zoom(factor, [0.5 * this.width, 0.5 * this.height]);
       else if (e.key === "Home") this.home();
-      else if (e.key === "Escape") { this.selected = 0; this.mark(); this.setCut("off"); } else return;
+      else if (e.key === "Escape") { this.selected = 0; this.mark(); this.setCut("off"); this.choose(-1); } else return;
       e.preventDefault(); this.change();
     });
     c.addEventListener("webglcontextlost", (e) => { e.preventDefault(); fail("The browser gave up the 3-D view; load the page again."); });
     document.querySelectorAll("[data-look]").forEach((button) => button.addEventListener("click", () => this.look(...button.dataset.look.split(",").map(Number))));
-    $("home").addEventListener("click", () => { this.selected = 0; this.mark(); this.home(); });
+    $("home").addEventListener("click", () => { this.selected = 0; this.mark(); this.choose(-1); this.home(); });
+    $("tool").addEventListener("change", () => this.choose(this.site));
     $("axis").addEventListener("change", (e) => this.setCut(e.target.value));
     $("cut").addEventListener("input", (e) => { this.cut[3] = +e.target.value; this.say(); this.change(); });
     $("flip").addEventListener("click", () => { this.cut = this.cut.map((v) => -v); this.range(); this.change(); });
