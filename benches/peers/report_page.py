@@ -10,7 +10,7 @@ Protocol), without a network: a request to anywhere, or a line in the console, i
 (SwiftShader). Ends with code 1 if something does not hold.
 
 Tested: the view draws the part in the legend's colors; turning changes the picture; a section shows the cut and moves; the pointer
-finds a site; a click on a finding brings its color to the middle; tabs change the colors; the page without WebGL shows its tables and
+finds a site; a click on a site draws the tool there, whole and cut; a click on a finding brings its color to the middle; tabs change the colors; the page without WebGL shows its tables and
 a message; phone and print layouts fit their width.
 """
 
@@ -181,6 +181,68 @@ def stage(browser):
     return [int(v) for v in box]
 
 
+def seen_site(browser, which="true"):
+    """The seen site nearest to the middle of those that hold `which`, an expression of its number `i`, and where it is."""
+    return browser.run("""(() => { const v = report.viewer; v.draw(1); const w = v.canvas.width, h = v.canvas.height, s = v.gpu.sites(0, 0, w, h), is = new Map();
+        const holds = (n) => { if (!is.has(n)) { const i = n - 1; is.set(n, WHICH); } return is.get(n); };
+        let best = -1, gap = 1e9; s.forEach((n, k) => { if (n) { const x = k % w, y = h - 1 - Math.floor(k / w), d = Math.hypot(x - w / 2, y - h / 2); if (d < gap && holds(n)) { gap = d; best = k; } } });
+        return best < 0 ? null : [s[best] - 1, (best % w) / v.ratio, (h - 1 - Math.floor(best / w)) / v.ratio]; })()""".replace("WHICH", which))
+
+
+def place_of(browser, site):
+    """Where a site is on the canvas."""
+    return browser.run(f"(() => {{ const v = report.viewer, q = v.camera.project(v.data.place({site})); return [v.width / 2 + q[0] * v.camera.scale, v.height / 2 - q[1] * v.camera.scale]; }})()")
+
+
+def tool(browser, box, tests, out):
+    """A click on a site with a pose draws the tool; a section cuts it, its box and a second click hide it."""
+    browser.mouse("mouseMoved", box[0] + 3, box[3] - 3)
+    browser.run("report.viewer.home()")
+    browser.settle()
+    site = seen_site(browser, "!!v.data.pose(v.view, i)")
+    if site is None:
+        print("     no site with a pose is seen: no tool")
+        return
+    # Its own place, not a pixel between sites.
+    near = place_of(browser, site[0])
+    at = [box[0] + near[0], box[1] + near[1]]
+
+    def click():
+        browser.mouse("mouseMoved", *at)
+        # Coarse frames have coarse sites.
+        browser.settle()
+        for kind in ["mousePressed", "mouseReleased"]:
+            browser.mouse(kind, *at, button="left", clickCount=1)
+        browser.mouse("mouseMoved", box[0] + 3, box[3] - 3)
+        browser.settle()
+
+    without = browser.picture()
+    click()
+    tests.hold("a click chooses its site", browser.run("report.viewer.site") == site[0], site)
+    shown = browser.picture()
+    shown.save(out / "tool.png")
+    tests.hold("and draws the tool there", differing(without.crop(box), shown.crop(box)) > 0.005, "")
+    select = "(() => { const e = document.getElementById('axis'); e.value = '%s'; e.dispatchEvent(new Event('change')); })()"
+    browser.run(select % "tool")
+    browser.settle()
+    cut = browser.picture()
+    cut.save(out / "tool-section.png")
+    # The cutting portion's color as a cut shows it.
+    n = sum(abs(r - 230) < 14 and abs(g - 133) < 14 and abs(b - 41) < 22 for r, g, b in values(cut.crop(box)))
+    tests.hold("a section through it cuts it", n > 100, f"{n} pixels of what cuts")
+    browser.run(select % "off")
+    browser.click("#tool")
+    browser.mouse("mouseMoved", box[0] + 3, box[3] - 3)
+    browser.settle()
+    hidden = differing(shown.crop(box), browser.picture().crop(box))
+    tests.hold("its box hides it", hidden > 0.005 and browser.run("report.viewer.toolAt()") is None, f"{100 * hidden:.1f} % of the pixels")
+    browser.click("#tool")
+    browser.settle()
+    click()
+    gone, chosen = differing(without.crop(box), browser.picture().crop(box)), browser.run("report.viewer.site")
+    tests.hold("a second click takes it away", gone < 0.002 and chosen == -1, f"site {chosen}, {100 * gone:.2f} % of the pixels")
+
+
 def desktop(browser, path, tests, out):
     browser.size(1280, 800)
     tests.hold("the view starts", browser.open(path), "")
@@ -224,18 +286,17 @@ def desktop(browser, path, tests, out):
     browser.run("report.viewer.setCut('off')")
     browser.settle()
 
-    site = browser.run("""(() => { const v = report.viewer; v.draw(1); const w = v.canvas.width, h = v.canvas.height, s = v.gpu.sites(0, 0, w, h);
-        let best = -1, gap = 1e9; s.forEach((n, i) => { if (n) { const x = i % w, y = h - 1 - Math.floor(i / w), d = Math.hypot(x - w / 2, y - h / 2); if (d < gap) { gap = d; best = i; } } });
-        return [s[best] - 1, (best % w) / v.ratio, (h - 1 - Math.floor(best / w)) / v.ratio]; })()""")
+    site = seen_site(browser)
     browser.mouse("mouseMoved", box[0] + site[1], box[1] + site[2])
     browser.settle()
     words = browser.run("document.getElementById('tip').innerText")
     shown = browser.run("getComputedStyle(document.getElementById('tip')).display")
     tests.hold("the pointer finds its site", shown == "block" and f"site\t{site[0]}" in words, repr(words[:60]))
-    near = browser.run(f"(() => {{ const v = report.viewer, q = v.camera.project(v.data.place({site[0]})); return [v.width / 2 + q[0] * v.camera.scale, v.height / 2 - q[1] * v.camera.scale]; }})()")
+    near = place_of(browser, site[0])
     gap = ((near[0] - site[1]) ** 2 + (near[1] - site[2]) ** 2) ** 0.5 / browser.run("report.viewer.camera.scale * report.viewer.data.about.spacing_mm")
     tests.hold("and that site is there", gap < 1.7, f"{gap:.2f} spacings away")
     browser.picture().save(out / "hover.png")
+    tool(browser, box, tests, out)
 
     for number in range(1, min(view["findings"], 3) + 1):
         browser.click(f"#view0 tr[data-finding='{number}']")

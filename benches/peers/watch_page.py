@@ -6,7 +6,7 @@
 
 The part is a binary STL file. An edit moves all corners in the upper half of its longest side along that side, by another
 length up to a hundredth of it each time, and writes the file in place. Tested: the picture changes, what changed is
-outlined; camera, section, tab, selection and scrolling stay; a broken file is said and the picture stays; the page asks
+outlined; camera, section, tab, selection, the tool and scrolling stay; a broken file is said and the picture stays; the page asks
 nobody but its own server, and the console is silent; memory of the program and of the page does not grow over the
 edits. Measured: from the end of a write until the version is served, and until the page has drawn it. Ends with code 1
 if something does not hold.
@@ -114,9 +114,12 @@ def main():
         n_findings = browser.run("report.viewer.data.views[0].findings.length")
         if n_findings:
             browser.run("(() => { const v = report.viewer; v.selected = 1; v.mark(); v.change(); })()")
+        browser.run("(() => { const v = report.viewer; v.choose(nearest(v.data, v.camera.middle, (i) => !!v.data.pose(0, i))); })()")
         browser.settle()
         before = browser.picture().crop(box)
         before.save(out / "before.png")
+        axis = "(() => { const pose = report.viewer.toolAt(); return pose && pose.axis; })()"
+        tests.hold("the tool is at a site", browser.run(axis) is not None, browser.run(axis))
         kept = "(() => { const v = report.viewer, c = v.camera; return JSON.stringify([c.azimuth, c.elevation, c.center, c.scale, v.cut, v.view]); })()"
         was = browser.run(kept)
         chosen = "(() => { const v = report.viewer; return v.selected ? v.data.views[0].findings[v.selected - 1].id : null; })()"
@@ -131,6 +134,7 @@ def main():
         tests.hold("camera, section and tab stay", browser.run(kept) == was, was)
         is_chosen = browser.run(chosen)
         tests.hold("the selection stays, or its finding is gone", is_chosen in (was_chosen, None), f"{was_chosen}, {is_chosen}")
+        tests.hold("the tool stays, or its site has no pose", browser.run("report.viewer.site") >= 0, browser.run(axis))
         said = browser.run("document.getElementById('live').innerText")
         tests.hold("the change is said", "reachable" in said, repr(said))
         browser.run("report.viewer.setCut('off'); report.viewer.home()")
