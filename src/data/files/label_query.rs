@@ -223,7 +223,7 @@ impl LabelQuery {
         let (sites, cutter) = (&file.sites, &tool.cutter);
         let pose = |(i, row): (usize, &Option<u32>)| {
             let direction = *directions.vectors().get(row.as_ref().copied()? as usize)?;
-            let (normal, axis) = (sites.normals[i].as_dvec3(), direction.as_dvec3());
+            let (normal, axis) = (sites.normals.get(i)?.as_dvec3(), direction.as_dvec3());
             let across = normal - axis * normal.dot(axis);
             // As in `access::predicate`: a flat end is centered where the normal is along the axis.
             let side = if across.length() < 1e-6 { 0.0 } else { cutter.side_mm() };
