@@ -33,6 +33,7 @@
 //! `deepmill gradcheck` does all of that with every layer of this crate.
 
 mod adjoint;
+mod consistency;
 mod controls;
 mod differences;
 #[doc(hidden)] // of the program and tests
@@ -50,7 +51,9 @@ pub use sweep::{matrix_shapes, octree_shapes, sweep};
 
 use crate::rng::{Purpose, Stream};
 use crate::{Error, Result};
-use differences::{Differences, same_length};
+use consistency::{check_names, consistent_gradients};
+use differences::Differences;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// How a check is made.
@@ -60,7 +63,8 @@ use std::fmt;
 /// let quick = GradcheckSettings::default().with_max_elements(50).with_seed(3);
 /// assert_eq!((quick.max_elements, quick.step), (50, GradcheckSettings::default().step));
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 #[non_exhaustive]
 pub struct GradcheckSettings {
     /// Step `h` for elements up to magnitude 1; larger ones step in proportion.
@@ -117,6 +121,7 @@ pub struct GradientReport {
     pub kinks: Vec<Element>,
     /// Elements checked in all.
     pub n_checked: usize,
+    lost: Vec<Element>,
 }
 
 impl GradientReport {
@@ -129,16 +134,32 @@ impl GradientReport {
         worst.expect("a check has at least one element")
     }
 
+    /// Elements so small beside the rounding of the outputs that an error of a hundredth passes: they are not checked.
+    pub fn lost(&self) -> &[Element] {
+        &self.lost
+    }
+
     /// Nothing if no error exceeds `limit`.
     ///
     /// # Errors
-    /// Otherwise [`Error::Gradient`] with the worst element and both of its values.
+    /// Otherwise [`Error::Gradient`] with the worst element and both of its values; a number that is not finite is no
+    /// error within any limit. [`Error::Argument`] if every element is [lost](GradientReport::lost), but for kinks.
     pub fn require(&self, limit: f64) -> Result<()> {
         let worst = self.worst();
-        if worst.error <= limit {
-            return Ok(());
+        if !(worst.error <= limit && worst.error.is_finite()) {
+            return Err(Error::Gradient { place: worst.to_string(), limit });
         }
-        Err(Error::Gradient { place: worst.to_string(), limit })
+        if !self.lost.is_empty() && self.lost.len() + self.kinks.len() == self.n_checked {
+            let found = format!("lost in rounding: {}", self.lost[0]);
+            let remedy = "check at smaller outputs, or with the default step and floor";
+            return Err(Error::argument(
+                "every gradient",
+                found,
+                "some that rounding shows",
+                remedy,
+            ));
+        }
+        Ok(())
     }
 }
 
@@ -154,20 +175,26 @@ impl fmt::Display for Element {
 }
 
 impl fmt::Display for GradientReport {
-    /// One line per vector.
+    /// One line per vector, and one of how many elements are lost in rounding.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.worst.iter().try_for_each(|element| writeln!(f, "{element}"))
+        self.worst.iter().try_for_each(|element| writeln!(f, "{element}"))?;
+        match self.lost.len() {
+            0 => Ok(()),
+            n => writeln!(f, "{n} of {} elements are lost in rounding", self.n_checked),
+        }
     }
 }
 
 /// Checks `backward` against central differences of `forward`.
 ///
 /// Both get the vectors of `inputs` in order; `backward(vectors, dy)` returns one gradient per vector,
-/// of its length. Anything random in the function must be held fixed between calls.
+/// of its length. Anything random in the function must be held fixed between calls. Both are also called at inputs close
+/// by, and backward of a single output with another `dy` than 1.
 ///
 /// # Errors
-/// If there is nothing to check (no input element, an empty output, `max_elements` 0), or if backward returns
-/// another number of gradients than there are inputs, or one of another length.
+/// If there is nothing to check (no input element, an empty output, `max_elements` 0), an output is not finite, or if
+/// backward returns another number of gradients than there are inputs, one of another length, other numbers the second
+/// time, or, of a single output, a gradient that is not in proportion to `dy`.
 pub fn function(
     inputs: &[(&str, &[f64])],
     mut forward: impl FnMut(&[Vec<f64>]) -> Vec<f64>,
@@ -177,13 +204,16 @@ pub fn function(
     check(inputs, &mut forward, &mut backward, settings)
 }
 
+/// The output, of the vectors.
+type Forward<'a> = dyn FnMut(&[Vec<f64>]) -> Vec<f64> + 'a;
+
 /// Gradients by all vectors, of the vectors and the gradient of the output.
 type Gradients<'a> = dyn FnMut(&[Vec<f64>], &[f64]) -> Vec<Vec<f64>> + 'a;
 
 /// [`function`], compiled once.
 fn check(
     inputs: &[(&str, &[f64])],
-    forward: &mut dyn FnMut(&[Vec<f64>]) -> Vec<f64>,
+    forward: &mut Forward,
     backward: &mut Gradients,
     settings: &GradcheckSettings,
 ) -> Result<GradientReport> {
@@ -193,7 +223,7 @@ fn check(
 /// [`check`] by all vectors, or by one.
 fn check_by(
     inputs: &[(&str, &[f64])],
-    forward: &mut dyn FnMut(&[Vec<f64>]) -> Vec<f64>,
+    forward: &mut Forward,
     backward: &mut Gradients,
     settings: &GradcheckSettings,
     one: Option<usize>,
@@ -201,16 +231,7 @@ fn check_by(
     settings.check()?;
     check_names(inputs)?;
     let vectors: Vec<Vec<f64>> = inputs.iter().map(|(_, v)| v.to_vec()).collect();
-    let y = forward(&vectors);
-    check_sizes(inputs, y.len(), settings)?;
-    let dy = output_gradient(y.len(), settings);
-    // Somewhere else: what a forward pass left behind must not decide what backward computes.
-    let elsewhere = displaced(&vectors, settings);
-    same_length(&forward(&elsewhere), y.len())?;
-    let gradients = backward(&vectors, &dy);
-    check_gradients(inputs, &gradients)?;
-    check_gradients(inputs, &backward(&elsewhere, &dy))?;
-    require_same(inputs, &gradients, &backward(&vectors, &dy))?;
+    let (y, dy, gradients) = consistent_gradients(inputs, &vectors, forward, backward, settings)?;
     let mut differences = Differences::new(forward, vectors, (y, dy), (settings, &gradients));
     let mut checked = Vec::new();
     let wanted = gradients.iter().enumerate().filter(|(i, _)| one.is_none_or(|one| one == *i));
@@ -223,100 +244,21 @@ fn check_by(
     Ok(report(checked))
 }
 
-/// All elements moved by what a difference moves one at most.
-fn displaced(vectors: &[Vec<f64>], settings: &GradcheckSettings) -> Vec<Vec<f64>> {
-    let mut stream = Stream::new(settings.seed, 2, 0, Purpose::Probe);
-    let mut moved = |x: &f64| {
-        let sign = if stream.normal() < 0.0 { -1.0 } else { 1.0 };
-        x + sign * 64.0 * settings.step * x.abs().max(1.0)
-    };
-    vectors.iter().map(|vector| vector.iter().map(&mut moved).collect()).collect()
-}
-
-/// An error if backward computes other gradients the second time.
-fn require_same(inputs: &[(&str, &[f64])], first: &[Vec<f64>], second: &[Vec<f64>]) -> Result<()> {
-    check_gradients(inputs, second)?;
-    for ((name, _), (first, second)) in inputs.iter().zip(first.iter().zip(second)) {
-        let largest = first.iter().fold(0.0, |m: f64, g| m.max(g.abs()));
-        let differs = |(a, b): &(&f64, &f64)| (*a - *b).abs() > 1e-9 * largest;
-        if let Some(index) = first.iter().zip(second).position(|pair| differs(&pair)) {
-            let found = format!("{} for {name}[{index}] the second time", second[index]);
-            let expected = format!("{}, as the first time", first[index]);
-            let remedy = "compute it from the arguments, not from what earlier calls left";
-            return Err(Error::argument("gradient", found, expected, remedy));
-        }
-    }
-    Ok(())
-}
-
-impl GradcheckSettings {
-    /// An error if a number is out of its domain.
-    fn check(&self) -> Result<()> {
-        let (step, floor) = (self.step, self.floor);
-        if !(step > 0.0 && step.is_finite()) {
-            return Err(Error::argument("step", step, "above 0 and finite", "1e-5 is the default"));
-        }
-        if !(floor >= 0.0 && floor.is_finite()) {
-            return Err(Error::argument("floor", floor, "0 or more, finite", "64 is the default"));
-        }
-        Ok(())
-    }
-}
-
-fn check_names(inputs: &[(&str, &[f64])]) -> Result<()> {
-    let twice = (1..inputs.len()).find(|&k| inputs[..k].iter().any(|(n, _)| *n == inputs[k].0));
-    let Some(k) = twice else { return Ok(()) };
-    let (found, remedy) = (format!("`{}` twice", inputs[k].0), "give each input its own name");
-    Err(Error::argument("names of the inputs", found, "different ones", remedy))
-}
-
 /// The `dy` of a check.
 fn output_gradient(n_outputs: usize, settings: &GradcheckSettings) -> Vec<f64> {
     if n_outputs == 1 { vec![1.0] } else { probe(n_outputs, settings.seed) }
 }
 
-fn check_sizes(
-    inputs: &[(&str, &[f64])],
-    n_outputs: usize,
-    settings: &GradcheckSettings,
-) -> Result<()> {
-    let n: usize = inputs.iter().map(|(_, v)| v.len()).sum();
-    let sizes = [
-        ("number of elements to differentiate by", n),
-        ("length of the output", n_outputs),
-        ("max_elements", settings.max_elements),
-    ];
-    match sizes.iter().find(|(_, size)| *size == 0) {
-        None => Ok(()),
-        Some((name, _)) => {
-            let remedy = "a check of nothing proves nothing: give inputs that reach the output";
-            Err(Error::argument(name, 0, "at least 1", remedy))
-        }
-    }
-}
-
-fn check_gradients(inputs: &[(&str, &[f64])], gradients: &[Vec<f64>]) -> Result<()> {
-    if gradients.len() != inputs.len() {
-        let expected = format!("{}, one for each input", inputs.len());
-        let remedy = "return one from backward for each input, in their order";
-        return Err(Error::argument("number of gradients", gradients.len(), expected, remedy));
-    }
-    for ((name, input), gradient) in inputs.iter().zip(gradients) {
-        if gradient.len() != input.len() {
-            let found = format!("{} for {name}", gradient.len());
-            let expected = format!("{}, the length of the input", input.len());
-            let remedy = "return one number for each element";
-            return Err(Error::argument("length of a gradient", found, expected, remedy));
-        }
-    }
-    Ok(())
-}
-
-fn report(checked: Vec<Element>) -> GradientReport {
-    let (n_checked, mut worst, mut kinks) = (checked.len(), Vec::<Element>::new(), Vec::new());
-    for element in checked {
+/// Of all elements, and whether each is lost in rounding.
+fn report(checked: Vec<(Element, bool)>) -> GradientReport {
+    let n_checked = checked.len();
+    let (mut worst, mut kinks, mut lost) = (Vec::<Element>::new(), Vec::new(), Vec::new());
+    for (element, is_lost) in checked {
         if element.is_kink {
             kinks.push(element.clone());
+        }
+        if is_lost {
+            lost.push(element.clone());
         }
         match worst.iter_mut().find(|w| w.name == element.name) {
             Some(w) if w.error >= element.error => {}
@@ -324,7 +266,7 @@ fn report(checked: Vec<Element>) -> GradientReport {
             None => worst.push(element),
         }
     }
-    GradientReport { worst, kinks, n_checked }
+    GradientReport { worst, kinks, n_checked, lost }
 }
 
 /// Ascending indices: all of `0..n`, or a random subset of the wanted size.

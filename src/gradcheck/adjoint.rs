@@ -26,11 +26,15 @@ pub fn adjoint(
     }
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let length = |a: &[f64]| dot(a, a).sqrt();
-    let scale = (length(&ax) * length(&y)).max(length(&x) * length(&aty));
     if ax.iter().chain(&aty).all(|v| *v == 0.0) {
         let remedy = "a check of nothing proves nothing: give a map that is not zero";
         return Err(Error::argument("A x and Aᵀ y", "zero", "some number that is not", remedy));
     }
+    // Squares of tiny numbers would be 0.
+    let largest = ax.iter().chain(&aty).fold(0.0, |m: f64, v| m.max(v.abs()));
+    let of_one = |v: Vec<f64>| v.into_iter().map(|v| v / largest).collect::<Vec<f64>>();
+    let (ax, aty) = (of_one(ax), of_one(aty));
+    let scale = (length(&ax) * length(&y)).max(length(&x) * length(&aty));
     let error = (dot(&ax, &y) - dot(&x, &aty)).abs() / scale;
     Ok(if error.is_nan() { f64::INFINITY } else { error })
 }

@@ -1,7 +1,7 @@
 //! Negative controls: a check that cannot fail proves nothing.
 
 use super::passes::{Bound, Checkable, Numbers, Vectors, backward, forward, tensors};
-use super::{Case, GradcheckSettings, Gradients, check_by, subset};
+use super::{Case, Forward, GradcheckSettings, Gradients, check_by, subset};
 use crate::nn::layer::Layer;
 use crate::{Error, Result};
 use std::cmp::Ordering;
@@ -37,7 +37,8 @@ const MISTAKES: [Mistake; 5] = [
 /// rounding of the outputs that zero passes for it has one, which says so ([`Control::is_lost`]).
 ///
 /// # Errors
-/// If a wrong gradient passes at `limit`, or no gradient can be told from zero; or as [`function`](super::function).
+/// If the gradients are wrong before that, `limit` is negative or not finite, a wrong gradient passes at `limit`, or no
+/// gradient can be told from zero; or as [`function`](super::function).
 pub fn negative_control(
     inputs: &[(&str, &[f64])],
     mut forward: impl FnMut(&[Vec<f64>]) -> Vec<f64>,
@@ -79,11 +80,15 @@ pub(super) fn controls_of_layer(
 /// [`negative_control`], compiled once.
 pub(super) fn controls(
     inputs: &[(&str, &[f64])],
-    forward: &mut dyn FnMut(&[Vec<f64>]) -> Vec<f64>,
+    forward: &mut Forward,
     backward: &mut Gradients,
     settings: &GradcheckSettings,
     limit: f64,
 ) -> Result<Vec<Control>> {
+    if !(limit >= 0.0 && limit.is_finite()) {
+        let remedy = "1e-7 suits most functions";
+        return Err(Error::argument("limit", limit, "0 or more, finite", remedy));
+    }
     let mut controls = Vec::new();
     for (k, (name, vector)) in inputs.iter().enumerate().filter(|(_, (_, v))| !v.is_empty()) {
         let checked = subset(vector.len(), settings, k as u64);
@@ -107,6 +112,10 @@ pub(super) fn controls(
             let mistake = format!("{name} {AT_ZERO}");
             controls.push(Control { mistake, error: 0.0, is_lost: true });
             continue;
+        }
+        let right = check_by(inputs, forward, backward, settings, Some(k))?;
+        if !passes(right.worst().error) {
+            return Err(Error::Gradient { place: right.worst().to_string(), limit });
         }
         for (words, error) in of_vector {
             let mistake = format!("{name} {words}");

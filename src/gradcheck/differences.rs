@@ -1,6 +1,6 @@
 //! Differences of a function, and what of their distance from a gradient rounding, curvature and kinks explain.
 
-use super::{Element, GradcheckSettings};
+use super::{Element, Forward, GradcheckSettings};
 use crate::{Error, Result};
 
 /// Steps at which a scalar function is tried.
@@ -19,8 +19,10 @@ const CLOSER: [f64; 3] = [1.0, 1.0 / 8.0, 1.0 / 64.0];
 const KINK: f64 = 1e-3;
 /// Share of their difference by which a subgradient may be beyond the slopes, by curvature.
 const MARGIN: f64 = 1e-4;
-
-type Forward<'a> = dyn FnMut(&[Vec<f64>]) -> Vec<f64> + 'a;
+/// The slopes at a jump grow with the step's inverse, those at a kink stay: a greater gap than that before is a jump.
+const JUMP: f64 = 2.0;
+/// An element is lost in rounding if an error of this share of it would be.
+const LOST: f64 = 0.01;
 
 /// A function at some vectors.
 pub(super) struct Differences<'a> {
@@ -89,13 +91,13 @@ impl<'a> Differences<'a> {
         Ok([self.slope(&self.y, &y_low, x - low), self.slope(&y_high, &self.y, high - x)])
     }
 
-    /// Compares an element of a gradient with the differences.
+    /// Compares an element of a gradient with the differences; and whether it is lost in rounding.
     pub fn element(
         &mut self,
         name: &str,
         (at, analytic): ((usize, usize), f64),
         step: f64,
-    ) -> Result<Element> {
+    ) -> Result<(Element, bool)> {
         let h = step * self.vectors[at.0][at.1].abs().max(1.0);
         let (numeric, bend) = match self.y.len() {
             1 => self.extrapolated(at, h)?,
@@ -107,31 +109,34 @@ impl<'a> Differences<'a> {
         };
         let floor = self.floor;
         let noise = floor * (numeric.rounding + self.of_gradients);
+        let scale = analytic.abs().max(numeric.value.abs());
         let error = |allowance: f64| {
             let difference = (analytic - numeric.value).abs();
             if difference.is_nan() || !allowance.is_finite() {
                 return f64::INFINITY;
             }
-            let scale = analytic.abs().max(numeric.value.abs());
             let error = if difference == 0.0 { 0.0 } else { difference / scale };
             if error > SUSPICIOUS && difference <= allowance { 0.0 } else { error }
         };
+        let mut allowance = noise + bend;
         let mut element = Element {
             name: name.into(),
             index: at.1,
             analytic,
             numeric: numeric.value,
-            error: error(noise + bend),
+            error: error(allowance),
             is_kink: false,
         };
         if element.error > SUSPICIOUS {
             let bend = if self.y.len() > 1 { self.bend(at, h, numeric.value)? } else { bend };
-            element.error = error(noise + floor * self.hidden_rounding(at, h)? + bend);
+            allowance = noise + floor * self.hidden_rounding(at, h)? + bend;
+            element.error = error(allowance);
         }
+        let is_lost = element.error == 0.0 && error(0.0) > SUSPICIOUS && LOST * scale <= allowance;
         if element.error > SUSPICIOUS && self.is_kink(at, h, analytic)? {
             (element.error, element.is_kink) = (0.0, true);
         }
-        Ok(element)
+        Ok((element, is_lost))
     }
 
     /// The rounding of all outputs that a far greater step moves: a small one may be lost in their rounding.
@@ -172,17 +177,22 @@ impl<'a> Differences<'a> {
         Ok((Slope { value: best, rounding }, if least.is_finite() { least } else { 0.0 }))
     }
 
-    /// Whether the slopes to both sides differ at every step, and the gradient is between them: a subgradient at a kink.
+    /// Whether the slopes to both sides differ at every step, neither grows as at a jump, and the gradient is between
+    /// them: a subgradient at a kink.
     fn is_kink(&mut self, at: (usize, usize), h: f64, analytic: f64) -> Result<bool> {
+        let mut widest = f64::INFINITY;
         for share in CLOSER {
             let [left, right] = self.one_sided(at, share * h)?;
             let noise = self.floor * (left.rounding.max(right.rounding) + self.of_gradients);
             let (low, high) = (left.value.min(right.value), left.value.max(right.value));
             let margin = noise + MARGIN * (high - low);
             let gap = KINK * low.abs().max(high.abs());
-            if high - low <= gap + noise || analytic < low - margin || analytic > high + margin {
+            // Of NaN none of these holds.
+            let differ = high - low > gap + noise && high - low <= widest;
+            if !(differ && analytic >= low - margin && analytic <= high + margin) {
                 return Ok(false);
             }
+            widest = JUMP * (high - low) + noise;
         }
         Ok(true)
     }

@@ -66,9 +66,11 @@ impl<'a, G: ?Sized> Case<'a, G> {
 ///
 /// - every range of [`Layer::param_ranges`] is a tensor of the layout, and no other tensor changes the output or gets a
 ///   gradient;
-/// - backward adds to the gradients that are there;
-/// - two forward passes before two backward passes give the gradients of each alone;
-/// - inference gives the output of training, unless running statistics or dropout part them.
+/// - backward adds to the gradients that are there, and leaves those of other tensors;
+/// - two forward passes before two backward passes, in either order, give the output and the gradients of each alone,
+///   and what an earlier pass left in the layer serves no later one;
+/// - what buffers of the arena hold before they are written changes nothing;
+/// - inference gives the output of training without dropout, unless it reads running statistics, and changes nothing.
 ///
 /// ```
 /// use deepmill::gradcheck::{self, Case, GradcheckSettings};
@@ -117,14 +119,21 @@ pub(super) struct Job<'a> {
 /// The output, and the gradients by the matrices of the operand.
 pub(super) type Passed = (Buffer<f64>, Vec<Vec<f64>>);
 
+/// Which forward pass is the first to have its backward pass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Order {
+    FirstFirst,
+    LastFirst,
+}
+
 /// A layer with its geometry.
 pub(super) trait Checkable {
     fn param_ranges(&self) -> Vec<Range<usize>>;
 
     fn infer(&self, pass: &Inference<f64>, x: Operand<f64>) -> Buffer<f64>;
 
-    /// All forward passes, then all backward passes.
-    fn passes(&self, arena: &Arena<f64>, jobs: Vec<Job>) -> Vec<Passed>;
+    /// All forward passes, then all backward passes, in the same order or the last first.
+    fn passes(&self, arena: &Arena<f64>, jobs: Vec<Job>, order: Order) -> Vec<Passed>;
 }
 
 pub(super) struct Bound<'a, L, G: ?Sized> {
@@ -141,7 +150,7 @@ impl<L: Layer<f64>> Checkable for Bound<'_, L, L::Geometry> {
         self.layer.forward(pass, self.geometry, x)
     }
 
-    fn passes(&self, arena: &Arena<f64>, jobs: Vec<Job>) -> Vec<Passed> {
+    fn passes(&self, arena: &Arena<f64>, jobs: Vec<Job>, order: Order) -> Vec<Passed> {
         let Bound { layer, geometry } = *self;
         let mut done = Vec::new();
         for Job { params, buffers, dropout, x, dy } in jobs {
@@ -155,7 +164,12 @@ impl<L: Layer<f64>> Checkable for Bound<'_, L, L::Geometry> {
             let gradient = layer.backward(&mut pass, geometry, x, saved, arena.copy_of(dy));
             (y, gradient.into_parts().iter().map(|part| part.to_vec()).collect())
         };
-        done.into_iter().map(backward).collect()
+        if order == Order::FirstFirst {
+            return done.into_iter().map(backward).collect();
+        }
+        let mut passed: Vec<Passed> = done.into_iter().rev().map(backward).collect();
+        passed.reverse();
+        passed
     }
 }
 
@@ -261,7 +275,8 @@ pub(super) fn run(
     dy: Option<&[f64]>,
 ) -> Step {
     let grads = vec![0.0; params.len()];
-    run_all(case, layer, vec![At { x, params, dy, grads }]).remove(0)
+    let all = vec![At { x, params, dy, grads }];
+    run_all(case, layer, all, (&Arena::default(), Order::FirstFirst)).remove(0)
 }
 
 /// Where a training pass is, and gradients of the parameters that are there before its backward pass.
@@ -277,8 +292,8 @@ pub(super) fn run_all<'a>(
     case: &Numbers<'a>,
     layer: &dyn Checkable,
     all: Vec<At<'a>>,
+    (arena, order): (&Arena<f64>, Order),
 ) -> Vec<Step> {
-    let arena = &Arena::default();
     let matrices = case.x.matrices();
     let with_numbers = |at: &At<'a>| {
         let parts = matrices.iter().zip(at.x);
@@ -300,7 +315,7 @@ pub(super) fn run_all<'a>(
         },
         dy: dy.map(|dy| (dy, &mut grads[..])),
     });
-    let passed = layer.passes(arena, jobs.collect());
+    let passed = layer.passes(arena, jobs.collect(), order);
     let each = passed.into_iter().zip(buffers).zip(grads);
     each.map(|(((y, dx), buffers), grads)| Step { y, buffers, dx, grads }).collect()
 }

@@ -62,8 +62,11 @@ pub fn sweep<'a, S>(
     let mut reports = Vec::new();
     for (name, shape) in shapes {
         let report = check(&shape)?;
-        if report.require(limit).is_err() {
-            return Err(Error::Gradient { place: format!("of {name}: {}", report.worst()), limit });
+        match report.require(limit) {
+            Err(Error::Gradient { place, limit }) => {
+                return Err(Error::Gradient { place: format!("of {name}: {place}"), limit });
+            }
+            other => other?,
         }
         reports.push(report);
     }

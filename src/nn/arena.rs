@@ -28,6 +28,8 @@ const EXCESS: usize = 32;
 
 /// Counts are numbers of `T`.
 struct Pool<T> {
+    /// What every buffer is filled with, to show who reads what nobody has written.
+    fill: Option<T>,
     free: Vec<Vec<T>>,
     in_use: usize,
     peak: usize,
@@ -45,6 +47,13 @@ pub struct Buffer<T> {
 }
 
 impl<T: Copy + Default> Arena<T> {
+    /// An arena whose buffers hold `fill` until they are written.
+    pub(crate) fn filled_with(fill: T) -> Self {
+        let arena = Arena::default();
+        arena.pool().fill = Some(fill);
+        arena
+    }
+
     /// `n` numbers of any content.
     pub fn get(&self, n: usize) -> Buffer<T> {
         let data = self.pool().take(n);
@@ -95,6 +104,14 @@ impl<T> Arena<T> {
 
 impl<T: Copy + Default> Pool<T> {
     fn take(&mut self, n: usize) -> Vec<T> {
+        let mut data = self.take_unfilled(n);
+        if let Some(fill) = self.fill {
+            data.fill(fill);
+        }
+        data
+    }
+
+    fn take_unfilled(&mut self, n: usize) -> Vec<T> {
         if n == 0 {
             return Vec::new();
         }
@@ -158,7 +175,7 @@ impl<T> Clone for Arena<T> {
 
 impl<T> Default for Arena<T> {
     fn default() -> Self {
-        let pool = Pool { free: Vec::new(), in_use: 0, peak: 0, reserved: 0 };
+        let pool = Pool { fill: None, free: Vec::new(), in_use: 0, peak: 0, reserved: 0 };
         Arena(Arc::new(Mutex::new(pool)))
     }
 }
@@ -230,6 +247,14 @@ mod tests {
         let arena = Arena::<f64>::default();
         arena.get(10).fill(f64::NAN);
         assert_eq!(arena.zeroed(10)[..], [0.0; 10]);
+    }
+
+    #[test]
+    fn a_filled_arena_shows_its_number_in_new_and_used_memory() {
+        let arena = Arena::<f64>::filled_with(7.0);
+        arena.get(10).fill(1.0);
+        assert_eq!((&arena.get(9)[..], &arena.get(3)[..]), (&[7.0; 9][..], &[7.0; 3][..]));
+        assert_eq!(arena.zeroed(3)[..], [0.0; 3]);
     }
 
     #[test]

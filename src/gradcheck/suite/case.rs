@@ -5,7 +5,7 @@ use super::{LIMIT, SuiteCase};
 use crate::Result;
 use crate::gradcheck::controls::controls_of_layer;
 use crate::gradcheck::fixture::{Fixture, NamedArray};
-use crate::gradcheck::passes::{self, Bound, Checkable, Job, Numbers, Passed};
+use crate::gradcheck::passes::{self, Bound, Checkable, Job, Numbers, Order, Passed};
 use crate::gradcheck::{self, Control, GradcheckSettings, GradientReport};
 use crate::nn::arena::{Arena, Buffer};
 use crate::nn::layer::Layer;
@@ -94,8 +94,8 @@ impl<L: Layer<f64>, G: Borrow<L::Geometry>> Checkable for Probed<L, G> {
         Bound { layer: &self.layer, geometry: self.geometry.borrow() }.infer(pass, x)
     }
 
-    fn passes(&self, arena: &Arena<f64>, jobs: Vec<Job>) -> Vec<Passed> {
-        Bound { layer: &self.layer, geometry: self.geometry.borrow() }.passes(arena, jobs)
+    fn passes(&self, arena: &Arena<f64>, jobs: Vec<Job>, order: Order) -> Vec<Passed> {
+        Bound { layer: &self.layer, geometry: self.geometry.borrow() }.passes(arena, jobs, order)
     }
 }
 
