@@ -352,7 +352,10 @@ impl Rounding {
         }
     }
 
-    /// `share·n` as a whole number; `share` is in [0, 1].
+    /// `share·n` as a whole number.
+    ///
+    /// # Panics
+    /// If `share` is not in [0, 1].
     ///
     /// ```
     /// use deepmill::answers::Rounding;
@@ -360,6 +363,7 @@ impl Rounding {
     /// assert_eq!([Rounding::Ceil, Rounding::Floor].map(|r| r.n_of_share(0.1, 30)), [3, 3]);
     /// ```
     pub fn n_of_share(self, share: f64, n: usize) -> usize {
+        assert!((0.0..=1.0).contains(&share), "a share of {share}");
         match self {
             Rounding::Ceil => (share * n as f64 - 1e-9).ceil().max(0.0) as usize,
             Rounding::Floor => (share * n as f64 + 1e-9).floor().max(0.0) as usize,

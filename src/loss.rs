@@ -4,6 +4,7 @@
 use crate::par;
 use crate::scalar::Scalar;
 use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
 
 /// Rows per block of the sum: a constant, so that the sum does not depend on the number of threads.
 const BLOCK: usize = 4096;
@@ -13,7 +14,8 @@ const BLOCK: usize = 4096;
 /// With `p` the softmax of a row's logits, class weights `w`, smoothing `ε` and target `t`, a row costs
 /// `w_t·(1−ε)·(−ln p_t) + ε/C · Σ_c w_c·(−ln p_c)`, and the loss is `Σ rows / Σ w_t`: as PyTorch's
 /// `cross_entropy`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct CrossEntropy {
     /// Weight of each class; their number is the number of classes.
@@ -40,7 +42,7 @@ impl CrossEntropy {
 
     /// The loss; 0 for no rows. `dlogits` is overwritten with `scale` times its gradient, `[n, n_classes]`.
     ///
-    /// Logits that are not finite give a loss that is not a number.
+    /// Logits that are not finite give a loss that is not finite.
     ///
     /// # Panics
     /// Where [`CrossEntropy::try_loss`] is an error.
@@ -71,7 +73,7 @@ impl CrossEntropy {
     ///
     /// # Errors
     /// If `logits` and `targets` disagree in length, a target is not a class, there is no class, a weight is not
-    /// positive and finite, or the smoothing is not in `[0, 1)`. `dlogits` stays as it is.
+    /// positive and finite, the smoothing is not in `[0, 1)`, or `scale` is not finite. `dlogits` stays as it is.
     pub fn try_loss<T: Scalar, C: Copy + Into<usize> + Sync>(
         &self,
         logits: &[T],
@@ -80,6 +82,14 @@ impl CrossEntropy {
         dlogits: &mut Vec<T>,
     ) -> Result<f64> {
         self.check()?;
+        if !scale.is_finite() {
+            return Err(Error::argument(
+                "scale",
+                scale,
+                "finite",
+                "1 leaves the gradient as it is",
+            ));
+        }
         let n_classes = self.class_weights.len();
         check_targets(targets, n_classes)?;
         check_logits(logits.len(), targets.len(), n_classes)?;

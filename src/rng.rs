@@ -72,12 +72,20 @@ impl Stream {
     }
 
     /// Uniform in `[low, high)`.
+    ///
+    /// # Panics
+    /// If the distance of both is not finite.
     pub fn range(&mut self, low: f64, high: f64) -> f64 {
+        assert!((high - low).is_finite(), "a range from {low} to {high}");
         low + (high - low) * self.unit()
     }
 
-    /// Uniform on a logarithmic scale in `[low, high)`; both must be positive.
+    /// Uniform on a logarithmic scale in `[low, high)`.
+    ///
+    /// # Panics
+    /// If one of both is not positive and finite.
     pub fn log_range(&mut self, low: f64, high: f64) -> f64 {
+        assert!(low > 0.0 && high > 0.0, "a logarithmic range from {low} to {high}");
         libm::exp(self.range(libm::log(low), libm::log(high)))
     }
 

@@ -5,19 +5,24 @@ use deepmill::access::Labeler;
 use deepmill::access::cover::cover_share;
 use deepmill::access::setups::{Candidates, Choice, Clampings, Plan};
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, raise};
-use deepmill::cutter::Cutter;
+use deepmill::answers::Rounding;
+use deepmill::cutter::{Assembly, Cutter, Profile, Section, TipShape};
 use deepmill::directions::Directions;
 use deepmill::geom::inside::{Lattice, lattice_inside, windings};
 use deepmill::geom::sites::{Normals, SiteOptions, from_vertices, sample};
 use deepmill::geom::{Mesh, Sites, check, regions, solids, spacing, weld};
 use deepmill::loss::CrossEntropy;
 use deepmill::metrics::Confusion;
-use deepmill::model::{Calibration, Model, UNetConfig};
+use deepmill::model::{Calibration, Model, UNet, UNetConfig};
 use deepmill::nn::interp::Interpolation;
+use deepmill::nn::params::{Init, Layout};
+use deepmill::octree::normalize::Preparation;
 use deepmill::octree::{Cloud, KernelMap, Octree, OctreeOptions, key};
+use deepmill::optim::{Schedule, Sgd};
+use deepmill::rng::{Purpose, Stream};
 use deepmill::train::reliability::Reliability;
 use deepmill::{Error, Result};
-use glam::{DVec3, Vec3, dvec3};
+use glam::{DVec2, DVec3, Vec3, dvec3};
 use std::fmt::Debug;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::slice::from_ref;
@@ -291,4 +296,81 @@ fn cells_beyond_the_cube_have_no_node_and_depths_beyond_the_octree_no_cells() {
 fn errors_of_arguments_name_them() {
     let error = weld::weld(&cube(), f64::NAN).unwrap_err();
     assert!(matches!(error, Error::Argument { name: "weld", .. }));
+}
+
+#[test]
+fn solids_have_lengths_corners_and_quads() {
+    for size in [DVec3::ZERO, DVec3::splat(-1.0), DVec3::NAN, dvec3(1.0, f64::INFINITY, 1.0)] {
+        panics(|| solids::cuboid(size), "a box of size [");
+    }
+    let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(DVec2::from_array);
+    panics(|| solids::prism(&corners[..2], &[], 1.0), "an outline of [");
+    panics(|| solids::prism(&corners, &[[0, 1, 9]], 1.0), "corner Some(9) of an outline of 3");
+    panics(|| solids::prism(&corners, &[[0, 1, 2]], f64::NAN), "a prism NaN mm high");
+    for radii in [[10.0, 15.0], [40.0, 0.0], [-40.0, 5.0], [f64::NAN, 5.0]] {
+        panics(|| solids::torus(radii[0], radii[1], 9, 9), "a torus with the radii ");
+    }
+    for [around, across] in [[2, 9], [9, 0], [u32::MAX, 3], [100_000, 100_000]] {
+        panics(|| solids::torus(40.0, 5.0, around, across), "quads");
+    }
+}
+
+#[test]
+fn tools_stick_out_and_leave_stock_by_lengths() {
+    let tip = TipShape::Straight { radius_mm: 3.0, corner_mm: 0.5 };
+    let (body, holder) = ([Section::cylinder(20.0, 3.0)], [Section::cylinder(30.0, 20.0)]);
+    let tool = Assembly::new(tip, &body, &holder, 40.0).unwrap();
+    for stick_out in [-1.0, 0.0, f64::NAN, f64::INFINITY] {
+        refused(tool.at_stick_out(stick_out), &["stick-out is ", "a positive length"]);
+    }
+    let rough = cutter().with_allowance(6e3).unwrap();
+    refused(rough.with_allowance(6e3), &["allowance is 12000"]);
+    assert!(Profile::lollipop(5.0, 2.0).unwrap().radius_at(f64::NAN).is_nan());
+    for angle in [f64::NAN, -1.0, 2.0] {
+        refused(Profile::dovetail(5.0, angle, 3.0, 2.0), &["angle of the flank is ", "1.5708 rad"]);
+    }
+}
+
+#[test]
+fn steps_and_rates_of_training_are_in_their_domain() {
+    let step = |lr: f64, sgd: Sgd| sgd.step(lr, &mut [1.0], &mut [0.0], &mut [1.0]);
+    panics(|| step(f64::NAN, Sgd::new(0.9, 0.0)), "the rate is NaN");
+    panics(|| step(-0.1, Sgd::new(0.9, 0.0)), "the rate is -0.1");
+    panics(|| step(0.1, Sgd::new(0.9, f64::INFINITY)), "the weight decay is inf");
+    panics(|| step(0.1, Sgd::new(1.0, 0.0)), "the momentum is 1");
+    panics(|| Schedule::Poly { power: f64::NAN }.lr(0.1, 3, 10), "out of its domain");
+    panics(|| Schedule::Constant.lr(f64::NAN, 3, 10), "the base rate is NaN");
+    let entropy = CrossEntropy::binary();
+    let loss = entropy.try_loss(&[0.1, 0.2], &[1_u8], f64::NAN, &mut Vec::new());
+    refused(loss, &["scale is NaN", "finite"]);
+}
+
+#[test]
+fn random_ranges_shares_and_clips_are_numbers() {
+    let stream = || Stream::new(1, 0, 0, Purpose::Probe);
+    panics(|| stream().log_range(-1.0, 2.0), "a logarithmic range from -1 to 2");
+    panics(|| stream().range(0.0, f64::INFINITY), "a range from 0 to inf");
+    for share in [f64::NAN, -0.5, 1.5] {
+        panics(|| Rounding::Ceil.n_of_share(share, 10), "a share of ");
+    }
+    for limit in [f32::NAN, -1.0, 0.0] {
+        let mut preparation = Preparation::default();
+        preparation.clip = Some(limit);
+        refused(preparation.prepare(&[Vec3::ZERO, Vec3::X]), &["clip is ", "above 0"]);
+    }
+}
+
+#[test]
+fn tensors_can_be_counted_and_start_at_numbers() {
+    let param = |shape: &[usize], init| Layout::default().param("a", shape, init);
+    panics(|| param(&[usize::MAX, 2], Init::Constant(0.0)), "a: a tensor of shape [");
+    panics(|| param(&[usize::MAX], Init::Constant(0.0)), "a: a tensor of shape [");
+    panics(|| param(&[2], Init::Constant(f64::NAN)), "a: a tensor that starts at NaN");
+    panics(|| param(&[2], Init::Uniform { bound: f64::INFINITY }), "starts at inf");
+    for n in [0, usize::MAX, 1 << 33] {
+        refused(
+            UNet::with_heads(&UNetConfig::tiny(), &[2, n]),
+            &["n_classes is [2, ", "1 to 1048576"],
+        );
+    }
 }

@@ -375,8 +375,9 @@ impl Assembly {
     /// The whole tool with its holder's nose at another height above the tip, whatever its overall length.
     ///
     /// # Errors
-    /// As [`Assembly::cutter`].
+    /// As [`Assembly::cutter`], or if the stick-out is not a number from 0.0001 mm to 10 m.
     pub fn at_stick_out(&self, stick_out_mm: f64) -> Result<Cutter> {
+        positive("stick-out", stick_out_mm)?;
         let raised = self.holder.iter().map(|step| raise(step, stick_out_mm));
         let cutter = self.cutter_of(self.upper.iter().copied().chain(raised).collect())?;
         Ok(self.with_profile_of(cutter, Some(stick_out_mm)))

@@ -38,9 +38,10 @@ impl Cutter {
     /// ```
     ///
     /// # Errors
-    /// If the allowance is not a number from 0 to 10 m.
+    /// If the allowance is not a number from 0 to 10 m, or more than that with the one it has.
     pub fn with_allowance(&self, allowance_mm: f64) -> Result<Self> {
         check_allowance(allowance_mm)?;
+        check_allowance(self.allowance_mm + allowance_mm)?;
         let cutting = grown(&self.cutting, allowance_mm);
         let profile = self.profile.as_ref().map(|profile| profile.dilated(allowance_mm));
         Ok(Cutter {

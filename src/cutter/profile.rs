@@ -111,6 +111,8 @@ fn is_false(is_drill: &bool) -> bool {
 #[serde(rename = "Profile")]
 struct Unchecked {
     start_mm: f64,
+    #[serde(default)]
+    base_mm: f64,
     sections: Vec<ProfileSection>,
     #[serde(default)]
     is_drill: bool,
@@ -119,8 +121,21 @@ struct Unchecked {
 impl TryFrom<Unchecked> for Profile {
     type Error = Error;
 
-    fn try_from(Unchecked { start_mm, sections, is_drill }: Unchecked) -> Result<Self> {
-        Ok(Profile { is_drill, ..Profile::new(start_mm, sections)? })
+    /// # Errors
+    /// As [`Profile::new`], of heights above the lower end, which is the tip or, where stock is left, below it.
+    fn try_from(read: Unchecked) -> Result<Self> {
+        let Unchecked { start_mm, base_mm, sections, is_drill } = read;
+        check_length("depth of the lower end below the tip", -base_mm)?;
+        let is_spindle =
+            |section: &ProfileSection| section.radius_mm == f64::INFINITY && !section.cuts;
+        let above = |section: &ProfileSection| ProfileSection {
+            radius_mm: if is_spindle(section) { MAX_LENGTH_MM } else { section.radius_mm },
+            height_mm: section.height_mm - base_mm,
+            center_mm: section.center_mm.map(|[radius, height]| [radius, height - base_mm]),
+            ..*section
+        };
+        Profile::new(start_mm, sections.iter().map(above).collect())?;
+        Ok(Profile { start_mm, base_mm, sections, is_drill })
     }
 }
 
@@ -227,8 +242,11 @@ impl Profile {
         Ok(Profile { is_drill: self.is_drill, ..Profile::new(by * self.start_mm, sections)? })
     }
 
-    /// Radius at a height above the tip, mm: the greater one at a face across the axis. 0 below the tip.
+    /// Radius at a height above the tip, mm: the greater one at a face across the axis. 0 below the tip; NaN at NaN.
     pub fn radius_at(&self, height_mm: f64) -> f64 {
+        if height_mm.is_nan() {
+            return f64::NAN;
+        }
         if height_mm < self.base_mm {
             return 0.0;
         }

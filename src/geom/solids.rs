@@ -4,15 +4,27 @@ use super::Mesh;
 use glam::{DVec2, DVec3};
 
 /// A box from the origin to `size` mm: 8 vertices, 12 triangles.
+///
+/// # Panics
+/// If a length is not positive and finite.
 pub fn cuboid(size: DVec3) -> Mesh {
+    assert!(size.is_finite() && size.min_element() > 0.0, "a box of size {size}");
     let outline = [[0.0, 0.0], [size.x, 0.0], [size.x, size.y], [0.0, size.y]];
     prism(&outline.map(DVec2::from_array), &[[0, 1, 2], [0, 2, 3]], size.z)
 }
 
 /// The outline (counter-clockwise, mm; cut into the triangles `cap`) raised from z = 0 to
 /// `height_mm`: two vertices per outline corner.
+///
+/// # Panics
+/// If the outline has less than three corners or one that is not finite, `cap` names another corner, or the height is
+/// not positive and finite.
 pub fn prism(outline: &[DVec2], cap: &[[u32; 3]], height_mm: f64) -> Mesh {
     let n = outline.len() as u32;
+    assert!(n > 2 && outline.iter().all(|p| p.is_finite()), "an outline of {outline:?}");
+    let stray = cap.iter().flatten().find(|&&corner| corner >= n);
+    assert!(stray.is_none(), "corner {stray:?} of an outline of {n}");
+    assert!(height_mm > 0.0 && height_mm.is_finite(), "a prism {height_mm} mm high");
     let bottom = outline.iter().map(|p| p.extend(0.0));
     let vertices = bottom.chain(outline.iter().map(|p| p.extend(height_mm))).collect();
     let caps = cap.iter().flat_map(|[a, b, c]| [[*a, *c, *b], [a + n, b + n, c + n]]);
@@ -24,7 +36,14 @@ pub fn prism(outline: &[DVec2], cap: &[[u32; 3]], height_mm: f64) -> Mesh {
 }
 
 /// A torus about the z axis: `n_around` × `n_across` quads cut in two.
+///
+/// # Panics
+/// If the radii are not `0 < minor_mm < major_mm` and finite, or a number is below 3 or their product above 2^24.
 pub fn torus(major_mm: f64, minor_mm: f64, n_around: u32, n_across: u32) -> Mesh {
+    let is_ring = minor_mm > 0.0 && minor_mm < major_mm && major_mm.is_finite();
+    assert!(is_ring, "a torus with the radii {major_mm} and {minor_mm} mm");
+    let n = u64::from(n_around) * u64::from(n_across);
+    assert!(n_around.min(n_across) > 2 && n <= 1 << 24, "{n_around} times {n_across} quads");
     let angle = |i: u32, n: u32| std::f64::consts::TAU * f64::from(i) / f64::from(n);
     let mut mesh = Mesh::default();
     for i in 0..n_around {

@@ -118,7 +118,7 @@ impl<T: Scalar> Batch<T> {
         cutters: &[[f64; N_LENGTHS]],
         input: &InputConfig,
     ) -> Result<Self> {
-        assert_eq!(clouds.len(), cutters.len());
+        assert_eq!(clouds.len(), cutters.len(), "numbers of clouds and cutters differ");
         let octree = Octree::build(clouds, &input.octree())?;
         let node_features = input.node_features()?;
         let mut features = octree.features(node_features)?;

@@ -13,6 +13,9 @@ use crate::scalar::Scalar;
 use crate::{Error, Result};
 use std::fmt::Debug;
 
+/// More classes than labels of points have; beyond, products of sizes might overflow.
+const MOST_CLASSES: usize = 1 << 20;
+
 /// A U-Net that answers other questions than those about a cutter: whatever needs these, it does not have.
 #[derive(Debug, Clone)]
 struct OwnHeads(UNet);
@@ -38,8 +41,9 @@ impl UNet {
 
 impl OwnHeads {
     fn new(config: &UNetConfig, n_classes: &[usize]) -> Result<Self> {
-        if n_classes.is_empty() || n_classes.contains(&0) {
-            let (found, expected) = (format!("{n_classes:?}"), "1 class or more for each head");
+        if n_classes.is_empty() || n_classes.iter().any(|n| !(1..=MOST_CLASSES).contains(n)) {
+            let expected = format!("1 to {MOST_CLASSES} classes for each head");
+            let found = format!("{n_classes:?}");
             let remedy = "give one number of classes for each label of a point";
             return Err(Error::argument("n_classes", found, expected, remedy));
         }

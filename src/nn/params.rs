@@ -52,7 +52,7 @@ impl Layout {
     /// Appends a learned tensor and returns its range in the parameter vector.
     ///
     /// # Panics
-    /// If the name is taken, or the shape holds no element.
+    /// If the name is taken, the shape holds no element or more than can be counted, or a number of `init` is not finite.
     pub fn param(&mut self, name: impl Into<String>, shape: &[usize], init: Init) -> Range<usize> {
         append((&mut self.params, &self.buffers), name.into(), shape, init)
     }
@@ -60,7 +60,7 @@ impl Layout {
     /// Appends a running statistic and returns its range in the buffer vector.
     ///
     /// # Panics
-    /// If the name is taken, or the shape holds no element.
+    /// As [`Layout::param`].
     pub fn buffer(&mut self, name: impl Into<String>, shape: &[usize], init: Init) -> Range<usize> {
         append((&mut self.buffers, &self.params), name.into(), shape, init)
     }
@@ -107,7 +107,11 @@ fn append(
     assert!(all.all(|entry| entry.name != name), "two tensors with the name {name}");
     assert!(shape.iter().all(|&n| n > 0), "{name}: a tensor of shape {shape:?}");
     let start = entries.last().map_or(0, |e| e.range.end);
-    let range = start..start + shape.iter().product::<usize>();
+    let n = shape.iter().try_fold(1_usize, |n, &of| n.checked_mul(of));
+    let end = n.and_then(|n| start.checked_add(n)).filter(|&end| end <= isize::MAX as usize);
+    let range = start..end.unwrap_or_else(|| panic!("{name}: a tensor of shape {shape:?}"));
+    let (Init::Constant(number) | Init::Uniform { bound: number }) = init;
+    assert!(number.is_finite(), "{name}: a tensor that starts at {number}");
     entries.push(Entry { name, shape: shape.to_vec(), range: range.clone(), init });
     range
 }

@@ -113,8 +113,12 @@ impl Preparation {
     /// Normalizes and clips.
     ///
     /// # Errors
-    /// If there are no points or one is not finite.
+    /// If there are no points or one is not finite, or the limit of clipping is not positive.
     pub fn prepare(&self, points: &[Vec3]) -> Result<Prepared> {
+        if let Some(limit) = self.clip.filter(|limit| limit.is_nan() || *limit <= 0.0) {
+            let remedy = "the reference clips at 0.99; None clips nothing";
+            return Err(Error::argument("clip", limit, "above 0", remedy));
+        }
         let transform = self.normalization.transform(points)?;
         let points: Vec<Vec3> = points.iter().map(|&p| transform.apply(p)).collect();
         let kept = match self.clip {

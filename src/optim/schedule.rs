@@ -60,7 +60,12 @@ impl Schedule {
     }
 
     /// Rate of `epoch` (from 1) out of `n_epochs`.
+    ///
+    /// # Panics
+    /// If the base rate is negative or not finite, or the schedule is not [sound](Schedule::is_sound).
     pub fn lr(&self, base: f64, epoch: u64, n_epochs: u64) -> f64 {
+        assert!(base >= 0.0 && base.is_finite(), "the base rate is {base}");
+        assert!(self.is_sound(), "a number of {self:?} is out of its domain");
         let done = epoch.saturating_sub(1) as f64;
         let n = n_epochs.max(1) as f64;
         match self {

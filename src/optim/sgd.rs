@@ -4,6 +4,7 @@ use crate::par;
 use crate::scalar::Scalar;
 use crate::simd::Isa;
 use crate::simd::elementwise::{SgdStep, sgd_step};
+use serde::{Deserialize, Serialize};
 
 /// Elements per task.
 const BLOCK: usize = 1 << 17;
@@ -16,7 +17,8 @@ const BLOCK: usize = 1 << 17;
 /// Sgd::new(0.9, 0.0).step(0.1, &mut grads, &mut velocity, &mut params);
 /// assert_eq!((params, velocity, grads), ([0.95], [0.5], [0.0]));
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Sgd {
     /// Share of the velocity that is kept, in `[0, 1)`.
@@ -40,9 +42,14 @@ impl Sgd {
     /// gradients are zeros afterward, ready to be added to: one way through memory instead of two.
     ///
     /// # Panics
-    /// If the three vectors differ in length.
+    /// If the three vectors differ in length, the rate or the weight decay is negative or not finite, or the momentum is
+    /// not in `[0, 1)`.
     pub fn step<T: Scalar>(&self, lr: f64, grads: &mut [T], velocity: &mut [T], params: &mut [T]) {
         assert!(grads.len() == params.len() && velocity.len() == params.len());
+        for (name, number) in [("rate", lr), ("weight decay", self.weight_decay)] {
+            assert!(number >= 0.0 && number.is_finite(), "the {name} is {number}");
+        }
+        assert!((0.0..1.0).contains(&self.momentum), "the momentum is {}", self.momentum);
         let [lr, momentum, decay] = [lr, self.momentum, self.weight_decay].map(T::from_f64);
         par::for_each_block3(grads, velocity, params, BLOCK, |grads, velocity, params| {
             sgd_step(Isa::active(), SgdStep { lr, momentum, decay, grads, velocity, params });

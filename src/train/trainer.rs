@@ -185,7 +185,8 @@ impl<N: Network<f32>> Trainer<N> {
     /// them.
     ///
     /// # Errors
-    /// If all steps are done, `loss` fails, a gradient has another length than the logits, or the loss is not finite.
+    /// If all steps are done, `loss` fails, a gradient has another length than the logits, or one of the numbers that it
+    /// returns is not finite.
     /// The trainer is then as it was before.
     pub fn step(
         &mut self,
@@ -242,7 +243,7 @@ fn checked(place: &str, loss: f64, logits: &[Buffer<f32>], dlogits: &[Vec<f32>])
     }
     let mut lengths = logits.iter().zip(dlogits).map(|(of, d)| (of.len(), d.len()));
     match lengths.position(|(n, found)| n != found) {
-        None => Ok(loss),
+        None => require_finite(place, dlogits).map(|()| loss),
         Some(head) => {
             let found = format!("{} for head {head}", dlogits[head].len());
             let expected = format!("{}, one for each logit", logits[head].len());
@@ -251,6 +252,19 @@ fn checked(place: &str, loss: f64, logits: &[Buffer<f32>], dlogits: &[Vec<f32>])
             Err(Error::argument("number of gradients by logits", found, expected, remedy))
         }
     }
+}
+
+fn require_finite(place: &str, dlogits: &[Vec<f32>]) -> Result<()> {
+    for (head, dlogits) in dlogits.iter().enumerate() {
+        if let Some(k) = dlogits.iter().position(|d| !d.is_finite()) {
+            return Err(Error::NotFinite {
+                place: place.into(),
+                found: format!("gradient {k} by the logits of head {head} is {}", dlogits[k]),
+                remedy: "correct the gradient of the loss, or lower the learning rate".into(),
+            });
+        }
+    }
+    Ok(())
 }
 
 impl State {

@@ -25,6 +25,20 @@ pub(super) fn between(name: &'static str, length: f64, [least, most]: [f64; 2]) 
     Err(Error::argument(name, length, expected, "correct one of the tool's lengths"))
 }
 
+/// An angle in radians in an open interval.
+pub(super) fn between_angles(
+    name: &'static str,
+    angle: f64,
+    [least, most]: [f64; 2],
+) -> Result<()> {
+    if angle > least && angle < most {
+        return Ok(());
+    }
+    let found = format!("{angle} rad");
+    let expected = format!("between {least:.4} and {most:.4} rad");
+    Err(Error::argument(name, found, expected, "give it in radians, against the tool's axis"))
+}
+
 /// A corner, 0 or more and no more than a length.
 pub(super) fn corner(name: &'static str, corner_mm: f64, most: f64) -> Result<()> {
     if (0.0..=most).contains(&corner_mm) {
@@ -104,7 +118,7 @@ impl Profile {
         neck_radius_mm: f64,
     ) -> Result<Self> {
         between("height of the flank", height_mm, [0.0, f64::INFINITY])?;
-        between("angle of the flank", angle_rad, [0.0, std::f64::consts::FRAC_PI_2])?;
+        between_angles("angle of the flank", angle_rad, [0.0, std::f64::consts::FRAC_PI_2])?;
         corner("corner of the edge", corner_mm, radius_mm)?;
         let (cos, sin) = (libm::cos(angle_rad), libm::sin(angle_rad));
         let flat = radius_mm - corner_mm;
@@ -132,7 +146,7 @@ impl Profile {
     /// If a length is not positive, the angle is not between 0 and a right angle, or the tip is wider than the tool.
     pub fn chamfer(tip_radius_mm: f64, angle_rad: f64, radius_mm: f64) -> Result<Self> {
         between("radius of the tool", radius_mm, [tip_radius_mm.max(0.0), f64::INFINITY])?;
-        between("angle of the flank", angle_rad, [0.0, std::f64::consts::FRAC_PI_2])?;
+        between_angles("angle of the flank", angle_rad, [0.0, std::f64::consts::FRAC_PI_2])?;
         let height = (radius_mm - tip_radius_mm) / libm::tan(angle_rad);
         Profile::new(tip_radius_mm, vec![line(radius_mm, height)])
     }

@@ -1,6 +1,6 @@
 //! Profiles of mills that round corners, mill threads, face, and saw.
 
-use super::families::{arc, between, corner, line};
+use super::families::{arc, between, between_angles, corner, line};
 use super::{Profile, ProfileSection};
 use crate::{Error, Result};
 use std::f64::consts::FRAC_PI_2;
@@ -53,7 +53,7 @@ impl Profile {
         [corner_mm, upper_mm]: [f64; 2],
     ) -> Result<Self> {
         between("radius of the mill", radius_mm, [lower_radius_mm.max(0.0), f64::INFINITY])?;
-        between("angle of the flank", angle_rad, [0.0, FRAC_PI_2])?;
+        between_angles("angle of the flank", angle_rad, [0.0, FRAC_PI_2])?;
         let (cos, sin) = (libm::cos(angle_rad), libm::sin(angle_rad));
         let flat = lower_radius_mm - corner_mm * (1.0 - sin) / cos;
         corner("corner of the mill", corner_mm, radius_mm)?;
@@ -135,7 +135,7 @@ impl Profile {
     ) -> Result<Self> {
         between("radius of the thread mill", radius_mm, [0.0, f64::INFINITY])?;
         between("radius of the neck", neck_mm, [0.0, radius_mm])?;
-        between("angle of the thread's flank", angle_rad, [0.0, FRAC_PI_2])?;
+        between_angles("angle of the thread's flank", angle_rad, [0.0, FRAC_PI_2])?;
         if !(1..=MOST_RINGS).contains(&n) {
             let expected = format!("1 to {MOST_RINGS}");
             let remedy = "correct the number of teeth along the axis";

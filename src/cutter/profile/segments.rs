@@ -1,6 +1,6 @@
 //! Profiles of circle segment mills: the flank is an arc of a great radius, its corners are tangent to it.
 
-use super::families::{arc, between, corner, line};
+use super::families::{arc, between, between_angles, corner, line};
 use super::{Profile, ProfileSection};
 use crate::Result;
 
@@ -114,7 +114,7 @@ impl Profile {
         [lower_mm, upper_mm]: [f64; 2],
     ) -> Result<Self> {
         between("radius of the mill", radius_mm, [0.0, f64::INFINITY])?;
-        between("angle of the flank", angle_rad, [0.0, std::f64::consts::FRAC_PI_2])?;
+        between_angles("angle of the flank", angle_rad, [0.0, std::f64::consts::FRAC_PI_2])?;
         corner("corner of the upper edge", upper_mm, radius_mm)?;
         corner("flat of the lower end", flat_mm, radius_mm)?;
         corner("corner of the lower end", lower_mm, radius_mm)?;
