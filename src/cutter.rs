@@ -18,6 +18,7 @@ mod assembly;
 mod margins;
 mod params;
 mod profile;
+mod read;
 
 pub use assembly::{Assembly, Section, TipShape, ToolPart};
 pub use params::{CutterParams, CutterSet};
@@ -64,7 +65,8 @@ mod spindle {
 }
 
 /// A checked cutter: where it touches, and steps whose heights increase and radii do not decrease.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "read::Unchecked")]
 pub struct Cutter {
     /// The allowance included.
     corner_mm: f64,

@@ -1,14 +1,18 @@
 //! What is written with serde is read back the same, and what makes no sense is refused on reading.
 #![cfg(feature = "formats")]
 
-use deepmill::access::Labeler;
 use deepmill::access::surface::{SurfaceLabels, SurfaceOptions, TriangleObstacles};
+use deepmill::access::{Engine, LabelOptions, Labeler};
 use deepmill::answers::SiteAnswers;
-use deepmill::cutter::{Assembly, Cutter, CutterParams, Section, TipShape};
+use deepmill::cutter::{Assembly, Cutter, CutterParams, Profile, Section, TipShape};
 use deepmill::directions::{DirectionSet, Directions};
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::geom::{Mesh, Sites, solids};
+use deepmill::gradcheck::GradcheckSettings;
+use deepmill::loss::CrossEntropy;
 use deepmill::model::{Model, Predictor, UNetConfig};
+use deepmill::octree::OctreeOptions;
+use deepmill::optim::Sgd;
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -60,6 +64,44 @@ fn tools_are_built_again_when_they_are_read() {
 }
 
 #[test]
+fn cutters_are_checked_when_they_are_read() {
+    let ball: Cutter = "1.5,6,40,5".parse().unwrap();
+    let params = CutterParams::from_array([1.0, 8.0, 20.0, 5.0]);
+    let lollipop = Profile::lollipop(5.0, 2.0).unwrap();
+    let holder = [Section::cylinder(30.0, 20.0)];
+    let lollipop = Assembly::from_profile(lollipop, &holder, 45.0).unwrap().cutter().unwrap();
+    let wide = ball.with_clearance(0.5).unwrap();
+    for cutter in [
+        ball.clone(),
+        Cutter::flat_end(params).unwrap(),
+        Cutter::tapered(params, 0.1, 8).unwrap(),
+        ball.grown(-2.0).unwrap(),
+        wide.with_allowance(0.25).unwrap(),
+        lollipop.with_allowance(0.1).unwrap().with_clearance(0.2).unwrap(),
+        lollipop,
+    ] {
+        again(&cutter);
+    }
+    let written = again(&ball);
+    for (key, value, words) in [
+        ("corner_mm", json!(-1.5), "corner radius is -1.5"),
+        ("side_mm", json!(1e9), "side offset is 1000000000"),
+        ("allowance_mm", json!(-0.1), "allowance is -0.1"),
+        ("cutting", json!([{ "height_mm": 1.5, "radius_mm": -1.5 }]), "cutting steps is "),
+        ("upper", json!([]), "those of the flutes"),
+        ("steps", json!([]), "those of the flutes"),
+        ("steps", json!(null), "invalid type"),
+    ] {
+        refused::<Cutter>(&written, key, value, words);
+    }
+    let turned = json!([
+        { "height_mm": 12.5, "radius_mm": 40.0 },
+        { "height_mm": 7.5, "radius_mm": null },
+    ]);
+    refused::<Cutter>(&written, "upper", turned, "rising heights");
+}
+
+#[test]
 fn directions_are_read_from_their_set() {
     let cone = DirectionSet::Cone { axis: [0.0, 0.0, 1.0], half_angle_rad: 0.5, n_dirs: 9 };
     let written = again(&Directions::new(cone).unwrap());
@@ -100,4 +142,21 @@ fn labels_of_the_mesh_definition_are_read_back() {
     let labels = obstacles.label(&sites, &cutter, &Directions::up(), &options).unwrap();
     again::<SurfaceLabels>(&labels);
     assert!(labels.witness.iter().flatten().all(|pose| pose.direction == Vec3::Z));
+}
+
+#[test]
+fn settings_are_read_back_and_what_they_leave_out_is_as_by_default() {
+    let options = LabelOptions::default().with_engine(Engine::Reference).with_bottom_mm(Some(1.0));
+    let written = again(&options);
+    refused::<LabelOptions>(&written, "engines", json!(1), "unknown field `engines`");
+    let less: LabelOptions = serde_json::from_value(json!({ "share": 0.2 })).unwrap();
+    assert_eq!(less, LabelOptions::default().with_share(0.2));
+    let options = SurfaceOptions::default().with_finish_mm(0.05).with_clearance_limit_mm(Some(2.0));
+    let written = again(&options);
+    refused::<SurfaceOptions>(&written, "finish", json!(1), "unknown field `finish`");
+    again(&SurfaceOptions::default().with_refinement(None));
+    again(&CrossEntropy::equal(5).with_label_smoothing(0.1));
+    again(&Sgd::new(0.9, 1e-4));
+    again(&OctreeOptions::default().with_depth(5));
+    again(&GradcheckSettings::default().with_max_elements(9).with_seed(3));
 }

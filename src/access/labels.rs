@@ -68,7 +68,8 @@ impl FromStr for Engine {
 /// let options = LabelOptions::default().with_occlusion(false).with_engine(Engine::Reference);
 /// assert_eq!(options.share, 0.1); // as by default
 /// ```
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 #[non_exhaustive]
 pub struct LabelOptions {
     /// The engine; pruned by default.
@@ -93,6 +94,7 @@ pub struct LabelOptions {
     pub clearance_limit_mm: Option<f64>,
     /// Instruction set of the kernels; results do not depend on it.
     #[doc(hidden)] // for tests and benches
+    #[serde(skip)]
     pub isa: Isa,
 }
 

@@ -1,6 +1,7 @@
 //! Options of an octree: depths, conventions, limits.
 
 use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
 
 /// Greatest depth: keys and rows of deeper trees would still fit, their nodes would not.
 pub const MAX_DEPTH: usize = 10;
@@ -12,7 +13,8 @@ pub const MAX_DEPTH: usize = 10;
 /// let options = OctreeOptions::default().with_depth(6).with_full_depth(2);
 /// assert!(options.depth <= deepmill::octree::MAX_DEPTH);
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 #[non_exhaustive]
 pub struct OctreeOptions {
     /// Finest depth, `1..=10`.

@@ -29,7 +29,8 @@ pub enum SiteAnswer {
 /// let options = SurfaceOptions::default().with_refinement(Some(search)).with_clearance_limit_mm(Some(1.0));
 /// assert_eq!(options.finish_mm, SurfaceOptions::default().finish_mm);
 /// ```
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 #[non_exhaustive]
 pub struct SurfaceOptions {
     /// How deep the tool may seem to cut: by this it is shrunk.
@@ -50,6 +51,7 @@ pub struct SurfaceOptions {
     pub clearance_limit_mm: Option<f64>,
     /// Points of the surface that are tested before the triangles.
     #[doc(hidden)] // answers do not depend on it
+    #[serde(skip)]
     pub n_samples: usize,
 }
 
