@@ -184,7 +184,7 @@ fn a_right_layer_passes_and_each_mistake_between_calls_is_named() {
             Mistake::GradientOnLeftovers,
             "gradient is another one where buffers of the arena held NaN",
         ),
-        (Mistake::GreatestOfLeftovers, "gradient"),
+        (Mistake::GreatestOfLeftovers, "output is another one where buffers"),
         (Mistake::InferenceOnLeftovers, "output of inference is another one where buffers"),
         (Mistake::InferenceIsNan, "output of inference is NaN at place 0"),
         (Mistake::InferenceCounts, "output of inference"),

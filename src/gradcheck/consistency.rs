@@ -50,7 +50,7 @@ pub(super) fn consistent_gradients(
     Ok((y, dy, gradients))
 }
 
-fn require_finite(y: &[f64]) -> Result<()> {
+pub(super) fn require_finite(y: &[f64]) -> Result<()> {
     let Some(k) = y.iter().position(|y| !y.is_finite()) else { return Ok(()) };
     let found = format!("{} at place {k}", y[k]);
     let remedy = "check at inputs where every output is a number";

@@ -1,7 +1,7 @@
 //! What no difference shows of a layer: places of its tensors, gradients that are added to, state, what nobody wrote,
 //! inference.
 
-use super::consistency::{displaced, first_difference};
+use super::consistency::{displaced, first_difference, require_finite};
 use super::passes::{At, Checkable, Numbers, Order, Step, run, run_all};
 use super::{GradcheckSettings, output_gradient, probe};
 use crate::nn::arena::Arena;
@@ -42,15 +42,16 @@ pub(super) fn require(
         let expected = format!("{n}, as before");
         return Err(Error::argument("length of the output", y.len(), expected, remedy));
     }
+    require_finite(&y)?;
     require_all_tensors(case, layer, &ranges, (&x, &y))?;
     let dy = output_gradient(y.len(), settings);
     let alone = run(case, layer, &x, case.params, Some(&dy));
     require_own_gradients(case, &ranges, &alone)?;
     require_added(case, layer, (&x, &dy), (&ranges, &alone))?;
+    require_written(case, layer, (&x, &dy), &alone)?;
     let elsewhere = run(case, layer, &near, &near_params, Some(&dy));
     let both = [(&x[..], case.params, &alone), (&near[..], &near_params[..], &elsewhere)];
     require_no_state(case, layer, &dy, both)?;
-    require_written(case, layer, (&x, &dy), &alone)?;
     require_inference(case, layer, (&x, &y), &near_params)
 }
 
@@ -229,6 +230,10 @@ fn require_inference(
         let (found, expected) = (format!("{} numbers", inferred.len()), y.len().to_string());
         let remedy = "return as many as in training";
         return refused("output of inference", found, &expected, remedy);
+    }
+    if let Some(k) = inferred.iter().position(|v| v.is_nan()) {
+        let remedy = "compute what training does";
+        return refused("output of inference", format!("NaN at place {k}"), "a number", remedy);
     }
     for left in LEFTOVERS {
         let again = infer(case.params, &buffers, &Arena::filled_with(left));
