@@ -5,7 +5,8 @@
 //!     the triangle that is deepest across the axis, and the point of it; if that lies on a face of the tool, the point
 //!         that is deepest from the faces as well
 //!     none: free if nothing at all is penetrated
-//!     deeper than the pose has freedom, or as deep as before for the second time: given up
+//!     deeper than the pose has freedom: given up
+//!     as deep as before for the second time: once more from the first pose, along normals of triangles; then given up
 //!     push clear of it along the profile, else across the axis; off the same triangle again, by the secant of its depths
 //! ```
 
@@ -28,6 +29,34 @@ struct Pushed {
     /// The last time, mm.
     depth: f64,
     by: f64,
+}
+
+/// What gives the direction of a push.
+#[derive(Debug, Clone, Copy)]
+enum Way {
+    /// The nearest place of the profile.
+    Profile,
+    /// The triangle that is penetrated.
+    Normals,
+}
+
+/// What pushes come to.
+enum Slid {
+    /// The tip of a free pose.
+    Free(DVec3),
+    /// They go to and fro.
+    ToAndFro,
+    /// No push leads on.
+    Closed,
+}
+
+impl Slid {
+    fn free(self) -> Option<DVec3> {
+        match self {
+            Slid::Free(tip) => Some(tip),
+            Slid::ToAndFro | Slid::Closed => None,
+        }
+    }
 }
 
 /// The triangles that a pose was pushed clear of.
@@ -86,14 +115,29 @@ impl ProfileTool<'_> {
         Some((place, point, self.outline.depth(point)))
     }
 
-    /// The tip of a free pose, pushed from one that is not.
+    /// The tip of a free pose, pushed from one that is not: along the profile, and where that goes to and fro along the
+    /// normals of what is penetrated. Between a facet and a rim of the tool these lead sideways.
     pub(super) fn slide(
         &self,
         frame: &Frame,
         site: DVec3,
-        (mut pose, normal): (Pose, DVec3),
+        from: (Pose, DVec3),
         state: &mut State,
     ) -> Option<DVec3> {
+        match self.slide_by(Way::Profile, frame, site, from, state) {
+            Slid::ToAndFro => self.slide_by(Way::Normals, frame, site, from, state).free(),
+            slid => slid.free(),
+        }
+    }
+
+    fn slide_by(
+        &self,
+        way: Way,
+        frame: &Frame,
+        site: DVec3,
+        (mut pose, normal): (Pose, DVec3),
+        state: &mut State,
+    ) -> Slid {
         let mut pushes = Pushes::default();
         for _ in 0..PUSHES {
             state.n_tested += 1;
@@ -102,21 +146,38 @@ impl ProfileTool<'_> {
                 // The deepest point is found roughly: nothing at all must be penetrated.
                 let touches = self.contacts.normal(&pose).dot(-normal) >= LEAST_COSINE;
                 if !touches || self.first_hit(frame, tip, Form::Whole, &mut state.last).is_some() {
-                    return None;
+                    return Slid::Closed;
                 }
-                return Some(tip);
+                return Slid::Free(tip);
             };
             let by = (depth.mm - self.shrunk(place).tolerance).max(0.0) + BEYOND_MM;
             state.last = Some(place);
             if by
                 > REACH * self.contacts.freedom(&pose, self.shrunk(place).tolerance + self.finish())
             {
-                return None;
+                return Slid::Closed;
             }
-            let by = pushes.next(place, by)?;
-            pose = self.pushed_clear(&pose, (place, point), (by, depth.toward))?;
+            let Some(by) = pushes.next(place, by) else { return Slid::ToAndFro };
+            let toward = match way {
+                Way::Profile => depth.toward,
+                Way::Normals => self.into_triangle(frame, tip, place, depth.toward),
+            };
+            let Some(next) = self.pushed_clear(&pose, (place, point), (by, toward)) else {
+                return Slid::Closed;
+            };
+            pose = next;
         }
-        None
+        Slid::ToAndFro
+    }
+
+    /// The normal of a triangle, in the frame of the tool, to the side of `toward`; `toward` where it lies across that.
+    fn into_triangle(&self, frame: &Frame, tip: DVec3, place: u32, toward: DVec3) -> DVec3 {
+        const LEAST: f64 = 0.5;
+        let stand = Stand { reference: tip, axes: frame.axes };
+        let [a, b, c] = stand.triangle(self.bvh().triangle(place));
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let along = normal.dot(toward);
+        if along.abs() < LEAST { toward } else { normal * along.signum() }
     }
 
     /// A pose that is pushed clear of a point of a triangle, which is `toward` the profile, `by` mm; where that is no

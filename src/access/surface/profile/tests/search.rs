@@ -146,7 +146,7 @@ fn hold_against_lengths(
     let only = |a: &SurfaceLabels, b: &SurfaceLabels| {
         (0..sites.len()).filter(|&i| reached(a, i) && !reached(b, i)).count()
     };
-    // Fewer poses of profiles are searched. Of 404 tools at most 4 and 28 of 1728.
+    // Fewer poses of profiles are searched.
     let (more, fewer) = (only(&found, &expected), only(&expected, &found));
     let few = more * 200 < sites.len() && fewer * 50 < sites.len();
     prop_assert!(few, "{text} {stick_out}: {more} {fewer}");
@@ -154,7 +154,16 @@ fn hold_against_lengths(
     let poses = expected.witness.iter().flatten().map(|pose| (pose.direction, pose.tip_mm));
     let poses: Vec<(Vec3, DVec3)> = poses.collect();
     let free = obstacles.are_free(&by_profile, &poses, &options).unwrap();
-    prop_assert!(free.iter().all(|free| *free), "{text} {stick_out}");
+    // In the notch between flutes and shank the shrunk profile is round; of the steps, shrunk one by one, it is a corner
+    // that is √2 times as far away.
+    let n_in_notch = free.iter().filter(|free| !**free).count();
+    prop_assert!(n_in_notch * 200 <= poses.len(), "{text} {stick_out}: {n_in_notch}");
+    if let ContactTolerance::Millimeters(fixed) = tolerance {
+        let tolerance = ContactTolerance::Millimeters(fixed * std::f64::consts::SQRT_2 + 1e-9);
+        let as_corner = SurfaceOptions { tolerance, ..options };
+        let free = obstacles.are_free(&by_profile, &poses, &as_corner).unwrap();
+        prop_assert!(free.iter().all(|free| *free), "{text} {stick_out}");
+    }
     if tolerance == ContactTolerance::default() {
         // Tolerances of chords are rounded up for profiles.
         return Ok(());
@@ -190,4 +199,26 @@ fn poses_are_pushed_off_what_is_near_a_face_of_the_tool() {
     let bull_nose =
         [1.725055995277883, 0.5175167985833649, 3.0, 3.645987917906231, 4.352595457233674];
     hold_against_lengths(bull_nose, ContactTolerance::default()).unwrap();
+}
+
+#[test]
+fn rims_between_a_facet_and_a_face_of_the_tool_have_the_answers_of_lengths() {
+    // Pushes along the profile alone go to and fro there: 42 of 1728 sites were missed.
+    let ball = [
+        1.918944755043061,
+        1.918944755043061,
+        3.2775675104905813,
+        1.918944755043061,
+        6.293019668497305,
+    ];
+    let bull_nose = [
+        2.2097144181405763,
+        0.6629143254421729,
+        7.523623490856016,
+        3.40232304296645,
+        12.492073504952566,
+    ];
+    for lengths in [ball, bull_nose] {
+        hold_against_lengths(lengths, ContactTolerance::Millimeters(0.02)).unwrap();
+    }
 }
