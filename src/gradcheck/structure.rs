@@ -159,12 +159,15 @@ fn difference(a: &Step, b: &Step) -> Option<&'static str> {
     (of_inputs() || first_difference(&a.grads, &b.grads).is_some()).then_some("gradient")
 }
 
+/// Inputs, parameters, and what one step computes of them alone.
+type Alone<'a> = (&'a [Vec<f64>], &'a [f64], &'a Step);
+
 /// Two forward passes, at other inputs and parameters, before two backward passes compute what each computes alone.
 fn require_no_state(
     case: &Numbers,
     layer: &dyn Checkable,
     dy: &[f64],
-    both: [(&[Vec<f64>], &[f64], &Step); 2],
+    both: [Alone; 2],
 ) -> Result<()> {
     for order in [Order::FirstFirst, Order::LastFirst] {
         let at = both.map(|(x, params, _)| {

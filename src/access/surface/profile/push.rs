@@ -160,7 +160,7 @@ impl ProfileTool<'_> {
             let Some(by) = pushes.next(place, by) else { return Slid::ToAndFro };
             let toward = match way {
                 Way::Profile => depth.toward,
-                Way::Normals => self.into_triangle(frame, tip, place, depth.toward),
+                Way::Normals => self.triangle_normal(frame, tip, place, depth.toward),
             };
             let Some(next) = self.pushed_clear(&pose, (place, point), (by, toward)) else {
                 return Slid::Closed;
@@ -171,7 +171,7 @@ impl ProfileTool<'_> {
     }
 
     /// The normal of a triangle, in the frame of the tool, to the side of `toward`; `toward` where it lies across that.
-    fn into_triangle(&self, frame: &Frame, tip: DVec3, place: u32, toward: DVec3) -> DVec3 {
+    fn triangle_normal(&self, frame: &Frame, tip: DVec3, place: u32, toward: DVec3) -> DVec3 {
         const LEAST: f64 = 0.5;
         let stand = Stand { reference: tip, axes: frame.axes };
         let [a, b, c] = stand.triangle(self.bvh().triangle(place));
