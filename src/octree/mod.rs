@@ -63,6 +63,9 @@ impl OctreeLevel {
     }
 
     /// Shape to which row `n` belongs.
+    ///
+    /// # Panics
+    /// If there is no such row.
     pub fn shape_of(&self, n: usize) -> usize {
         key::decode(self.keys[n]).1
     }
