@@ -307,7 +307,7 @@ fn solids_have_lengths_corners_and_quads() {
     panics(|| solids::prism(&corners[..2], &[], 1.0), "an outline of [");
     panics(|| solids::prism(&corners, &[[0, 1, 9]], 1.0), "corner Some(9) of an outline of 3");
     panics(|| solids::prism(&corners, &[[0, 1, 2]], f64::NAN), "a prism NaN mm high");
-    for radii in [[10.0, 15.0], [40.0, 0.0], [-40.0, 5.0], [f64::NAN, 5.0]] {
+    for radii in [[f64::INFINITY, 15.0], [40.0, 0.0], [-40.0, 5.0], [f64::NAN, 5.0]] {
         panics(|| solids::torus(radii[0], radii[1], 9, 9), "a torus with the radii ");
     }
     for [around, across] in [[2, 9], [9, 0], [u32::MAX, 3], [100_000, 100_000]] {

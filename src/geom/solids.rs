@@ -35,12 +35,12 @@ pub fn prism(outline: &[DVec2], cap: &[[u32; 3]], height_mm: f64) -> Mesh {
     Mesh { vertices, triangles: caps.chain(walls).collect() }
 }
 
-/// A torus about the z axis: `n_around` × `n_across` quads cut in two.
+/// A torus about the z axis: `n_around` × `n_across` quads cut in two. A tube thicker than the ring intersects itself.
 ///
 /// # Panics
-/// If the radii are not `0 < minor_mm < major_mm` and finite, or a number is below 3 or their product above 2^24.
+/// If a radius is not positive and finite, or a number is below 3 or their product above 2^24.
 pub fn torus(major_mm: f64, minor_mm: f64, n_around: u32, n_across: u32) -> Mesh {
-    let is_ring = minor_mm > 0.0 && minor_mm < major_mm && major_mm.is_finite();
+    let is_ring = [major_mm, minor_mm].iter().all(|radius| *radius > 0.0 && radius.is_finite());
     assert!(is_ring, "a torus with the radii {major_mm} and {minor_mm} mm");
     let n = u64::from(n_around) * u64::from(n_across);
     assert!(n_around.min(n_across) > 2 && n <= 1 << 24, "{n_around} times {n_across} quads");

@@ -65,6 +65,9 @@ impl PredictionFile {
     const FORMAT: &str = "deepmill predictions";
 
     /// The answers: those of the network, or what verifying made of them.
+    ///
+    /// # Panics
+    /// If the share of occlusion points is not in [0, 1].
     pub fn answers(&self) -> SiteAnswers {
         let verified = self.verified.as_ref().map(|verified| verified.answers.clone());
         verified.unwrap_or_else(|| predicted(&self.prediction, self.occlusion_share))
@@ -88,6 +91,7 @@ impl PredictionFile {
             }
             npz.array(&format!("logits_{name}"), &[n, 2], logits.as_flattened());
         }
+        self.occlusion_share.map_or(Ok(()), |share| check_share(path, share))?;
         add_answers(path, &mut npz, &self.answers(), n)?;
         let mut meaning = prediction_meaning();
         if !accessible_share.is_empty() {
@@ -105,8 +109,7 @@ impl PredictionFile {
             npz.array(COARSE, &[n, N_COARSE], coarse_answers.as_flattened());
             meaning[COARSE] = COARSE_MEANING.into();
         }
-        if let Some(share) = self.occlusion_share {
-            check_share(path, share)?;
+        if self.occlusion_share.is_some() {
             meaning["occlusion"] = BY_RANK.into();
         }
         if let Some(Verified { verified, beta, counted, .. }) = &self.verified {
