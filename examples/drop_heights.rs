@@ -19,7 +19,7 @@ use deepmill::geom::sites::{SiteOptions, sample};
 use std::io::Write;
 use std::path::Path;
 
-/// The tools are shrunk by this, or every tangent wall would be a knife edge.
+/// The tools are shrunk by this, or every tangent wall would be a borderline case.
 const TOLERANCE_MM: f64 = 0.01;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

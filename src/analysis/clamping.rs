@@ -167,7 +167,7 @@ impl Holding {
                 0 => "a fixture of every setup, where none is given".into(),
                 n => format!("the number of a given setup, 1 to {n}"),
             };
-            let remedy = "give the setups (`given`; `--setup` at the command line), or the fixture without a number";
+            let remedy = "give the setups with --setup (`given` in a program), or the fixture without a number";
             return Err(Error::argument("fixture", found, expected, remedy));
         }
         Ok(())

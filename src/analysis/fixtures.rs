@@ -128,8 +128,7 @@ impl Fixture {
         let vertices = &self.mesh.vertices;
         let Some(k) = vertices.iter().position(|v| !usable(v)) else { return Ok(()) };
         let found = format!("position {}", vertices[k]);
-        let remedy =
-            "coordinates of a fixture must be finite and within 1 km; check the file and its unit";
+        let remedy = "coordinates of a fixture must be finite and within 1 km; check the file and its unit (`--unit` at the command line)";
         Err(Error::file(&self.name, format!("vertex {k}"), found, remedy))
     }
 

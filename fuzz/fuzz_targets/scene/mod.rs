@@ -5,7 +5,7 @@ use deepmill::directions::{DirectionSet, Directions};
 
 /// A ball end and four directions.
 pub fn tool(head: &[u8; 8]) -> (Cutter, Directions) {
-    // Small whole numbers make ties and knife edges common.
+    // Small whole numbers make ties and borderline cases common.
     let length = |b: u8| f64::from(b % 32 + 1) * 0.25;
     let (cr, wider) = (length(head[0]), length(head[2]));
     let lengths = [cr, length(head[1]), cr + wider - 0.25, length(head[3])];

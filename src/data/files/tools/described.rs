@@ -103,20 +103,20 @@ impl Described {
     pub fn tool(&self, defaults: &MissingParameters, place: &Place) -> Result<(Tool, Vec<String>)> {
         let missing = |what: &str, option: &str| {
             let found = format!("the file does not say the {what}");
-            place.error(found, format!("give it ({option})"))
+            place.error(found, format!("give it with {option}"))
         };
         let stick_out = self.stick_out.or(defaults.stick_out_mm);
         let stick_out = stick_out.ok_or_else(|| {
-            missing("stick-out", "`stick_out_mm`; `--stick-out MM` at the command line")
+            missing("stick-out", "`stick_out_mm` in a program, or --stick-out MM")
         })?;
         let holder = self.holder.as_ref().or(defaults.holder.as_ref());
-        let holder = holder
-            .ok_or_else(|| missing("holder", "`holder`; `--holder FILE` at the command line"))?;
+        let holder =
+            holder.ok_or_else(|| missing("holder", "`holder` in a program, or --holder FILE"))?;
         let shank = || {
             let shaft = self.shaft.last().map(|last| 2.0 * last.upper_radius_mm);
             let shank = shaft.or(self.shank).or(defaults.shank_mm);
             shank.ok_or_else(|| {
-                missing("diameter of the shank", "`shank_mm`; `--shank MM` at the command line")
+                missing("diameter of the shank", "`shank_mm` in a program, or --shank MM")
             })
         };
         let mut notices = Vec::new();
