@@ -34,6 +34,7 @@ use std::fmt;
 use std::str::FromStr;
 
 /// One widening of a cutter: from `height_mm` above its reference point on, it fills `radius_mm`.
+///
 /// ```
 /// use deepmill::cutter::{Cutter, Step};
 ///

@@ -93,17 +93,20 @@ fn from_base64(text: &str) -> Vec<u8> {
 /// What of the tool may be left where it touches, and the steps of the page.
 const ABOUT_MM: f64 = 0.03;
 
-#[test]
-fn a_ball_is_drawn_on_the_surface_that_it_touches() {
+/// Page and labels of a block of 40 × 30 × 20 mm and a ball end of R3.
+fn ball_on_block(more: &[&str]) -> (Page, LabelFile) {
     let folder = Folder::new();
     let part = folder.file("block.stl", stl(&block([0.0; 3], [40.0, 30.0, 20.0])));
-    let out = folder.path("out");
-    let args = ["label", &part, "--out", &out, "--sites", "600", "--no-picture", "--report"];
-    json(&deepmill(
-        &[&args[..], &["--cutter", "3,20,15,40", "--directions", "up", "--json"]].concat(),
-    ));
-    let page = Page::read(&folder.path("out/report.html"));
+    let args = ["label", &part, "--out", &folder.path("out"), "--cutter", "3,20,15,40"];
+    let pages = ["--sites", "600", "--no-picture", "--report", "--json"];
+    json(&deepmill(&[&args[..], &pages, more].concat()));
     let file = LabelFile::read(folder.path("out/labels.npz").as_ref()).unwrap();
+    (Page::read(&folder.path("out/report.html")), file)
+}
+
+#[test]
+fn a_ball_is_drawn_on_the_surface_that_it_touches() {
+    let (page, file) = ball_on_block(&["--directions", "up"]);
     let poses = page.poses(0, &file.sites.points);
     let mut n = [0; 3];
     for (i, pose) in poses.iter().enumerate() {
@@ -220,14 +223,7 @@ fn the_page_of_a_folder_has_the_poses_of_its_files_and_of_the_rest_those_that_le
 
 #[test]
 fn by_the_published_definition_the_tool_touches_along_the_first_free_direction() {
-    let folder = Folder::new();
-    let part = folder.file("block.stl", stl(&block([0.0; 3], [40.0, 30.0, 20.0])));
-    let out = folder.path("out");
-    let args = ["label", &part, "--out", &out, "--sites", "600", "--no-picture", "--report"];
-    let more = ["--cutter", "3,20,15,40", "--obstacles", "published", "--json"];
-    json(&deepmill(&[&args[..], &more].concat()));
-    let page = Page::read(&folder.path("out/report.html"));
-    let file = LabelFile::read(folder.path("out/labels.npz").as_ref()).unwrap();
+    let (page, file) = ball_on_block(&["--obstacles", "published"]);
     let poses = page.poses(0, &file.sites.points);
     for (i, pose) in poses.iter().enumerate() {
         let first = file.labels.witness[i];

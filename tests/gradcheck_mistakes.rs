@@ -1,134 +1,20 @@
-//! Mistakes that the kit of gradient checks catches, one wrong function or layer for each, and right ones that pass.
+//! Mistakes that the kit of gradient checks catches, one wrong function for each, and right ones that pass. Wrong layers
+//! are in `gradcheck_state.rs`.
 
-use deepmill::Error;
 use deepmill::gradcheck::{
-    self, Case, GradcheckSettings, adjoint, function, layer, matrix_shapes, negative_control,
+    Case, GradcheckSettings, adjoint, function, layer, matrix_shapes, negative_control,
     negative_control_of_layer, octree_shapes, probe, sweep,
 };
-use deepmill::nn::arena::Arena;
-use deepmill::nn::arena::Buffer;
 use deepmill::nn::conv::OctreeConv;
-use deepmill::nn::layer::Layer;
 use deepmill::nn::linear::Linear;
-use deepmill::nn::operand::{Operand, OperandGradient};
-use deepmill::nn::params::{Init, Layout};
-use deepmill::nn::pass::{Backward, Inference, Training};
+use deepmill::nn::operand::Operand;
+use deepmill::nn::params::Layout;
 use std::cell::RefCell;
-use std::ops::Range;
 
 const LIMIT: f64 = 1e-7;
 
 fn settings() -> GradcheckSettings {
     GradcheckSettings::default()
-}
-
-/// y = w · x, a row a number; wrong in the way that `mistake` names.
-struct Scaled {
-    weight: Range<usize>,
-    mistake: Mistake,
-    cache: RefCell<Vec<f64>>,
-}
-
-#[derive(Clone, Copy, PartialEq, Debug)]
-enum Mistake {
-    None,
-    StaleCache,
-    ForgottenTensor,
-    Assigns,
-    OtherInference,
-    LongerInference,
-    NoTensor,
-    TwiceNamed,
-}
-
-impl Scaled {
-    fn case(mistake: Mistake) -> Result<gradcheck::GradientReport, Error> {
-        let mut layout = Layout::default();
-        let weight = layout.param("scaled.weight", &[1], Init::Constant(0.7));
-        let (params, x) = (layout.init_params(1), probe(6, 2));
-        let scaled = Scaled { weight, mistake, cache: RefCell::default() };
-        let x = Operand::new(&x, 1);
-        let case = Case::new(&layout, &params, &(), x);
-        layer(&scaled, &case, &settings())
-    }
-
-    fn times(&self, factor: f64, x: &Operand<f64>, arena: &Arena<f64>) -> Buffer<f64> {
-        let y: Vec<f64> = x.numbers().iter().map(|x| factor * x).collect();
-        arena.copy_of(&y)
-    }
-}
-
-impl Layer<f64> for Scaled {
-    type Geometry = ();
-    type Saved = Vec<f64>;
-
-    fn param_ranges(&self) -> Vec<Range<usize>> {
-        match self.mistake {
-            Mistake::ForgottenTensor => vec![],
-            Mistake::NoTensor => vec![0..1, 1..3],
-            Mistake::TwiceNamed => vec![self.weight.clone(), self.weight.clone()],
-            _ => vec![self.weight.clone()],
-        }
-    }
-
-    fn forward(&self, pass: &Inference<f64>, (): &(), x: Operand<f64>) -> Buffer<f64> {
-        let factor = pass.params[self.weight.start];
-        match self.mistake {
-            Mistake::OtherInference => self.times(1.001 * factor, &x, pass.arena),
-            Mistake::LongerInference => pass.arena.copy_of(&[0.0; 7]),
-            _ => self.times(factor, &x, pass.arena),
-        }
-    }
-
-    fn forward_train(
-        &self,
-        pass: &mut Training<f64>,
-        (): &(),
-        x: Operand<f64>,
-    ) -> (Buffer<f64>, Vec<f64>) {
-        *self.cache.borrow_mut() = x.numbers().to_vec();
-        (self.times(pass.params[self.weight.start], &x, pass.arena), x.numbers().to_vec())
-    }
-
-    fn backward(
-        &self,
-        pass: &mut Backward<f64>,
-        (): &(),
-        x: Operand<f64>,
-        saved: Vec<f64>,
-        dy: Buffer<f64>,
-    ) -> OperandGradient<f64> {
-        let x_then = match self.mistake {
-            Mistake::StaleCache => self.cache.borrow().clone(),
-            _ => saved,
-        };
-        let dw: f64 = x_then.iter().zip(&*dy).map(|(x, dy)| x * dy).sum();
-        let factor = pass.context().params[self.weight.start];
-        let place = &mut pass.grads(&self.weight)[0];
-        match self.mistake {
-            Mistake::Assigns => *place = dw,
-            _ => *place += dw,
-        }
-        let dx: Vec<f64> = dy.iter().map(|dy| factor * dy).collect();
-        OperandGradient::of_matrix(pass.arena, x, pass.arena.copy_of(&dx))
-    }
-}
-
-#[test]
-fn a_right_layer_passes_and_each_mistake_of_structure_is_named() {
-    Scaled::case(Mistake::None).unwrap().require(LIMIT).unwrap();
-    for (mistake, words) in [
-        (Mistake::StaleCache, "others after a second forward pass"),
-        (Mistake::ForgottenTensor, "without scaled.weight, which changes the output"),
-        (Mistake::Assigns, "for scaled.weight[0] where"),
-        (Mistake::OtherInference, "output of inference"),
-        (Mistake::LongerInference, "output of inference is 7 numbers"),
-        (Mistake::NoTensor, "param_ranges is 1..3, which is no tensor"),
-        (Mistake::TwiceNamed, "param_ranges is 0..1 twice"),
-    ] {
-        let message = Scaled::case(mistake).unwrap_err().to_string();
-        assert!(message.contains(words), "{mistake:?}: {message}");
-    }
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! Layers and functions whose mistakes show only between calls, in memory that nobody wrote, or where numbers are none:
-//! the kit of gradient checks catches each, and passes the right one.
+//! Mistakes of layers, and of functions between calls, in memory that nobody wrote, or where numbers are none: the kit of
+//! gradient checks catches each, and passes the right one.
 
 use deepmill::gradcheck::{
     self, Case, GradcheckSettings, function, layer, negative_control, probe,
@@ -19,6 +19,16 @@ const LIMIT: f64 = 1e-7;
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Mistake {
     None,
+    /// Keeps the input of its last pass.
+    StaleCache,
+    /// Names no tensor.
+    ForgottenTensor,
+    /// Names a range that is no tensor.
+    NoTensor,
+    TwiceNamed,
+    /// Sets the gradient of its tensor.
+    Assigns,
+    LongerInference,
     /// Keeps the input of its first pass.
     FirstInput,
     /// Keeps the parameters of its first pass.
@@ -40,7 +50,6 @@ enum Mistake {
     InferenceMoves,
     /// Inference keeps its first parameters.
     InferenceKeepsParams,
-    /// Inference differs, beside running statistics of others.
     OtherInference,
     /// Sets the gradient of another tensor to 0.
     ClearsOthers,
@@ -58,11 +67,14 @@ struct Scaled {
 }
 
 impl Scaled {
-    fn check(mistake: Mistake) -> Result<()> {
+    /// Checks the layer, alone or beside running statistics of others.
+    fn check(mistake: Mistake, beside_statistics: bool) -> Result<()> {
         let mut layout = Layout::default();
         let other = layout.param("other", &[2], Init::Constant(0.3));
         let weight = layout.param("scaled.weight", &[1], Init::Constant(0.7));
-        layout.buffer("other.mean", &[1], Init::Constant(0.0));
+        if beside_statistics {
+            layout.buffer("other.mean", &[1], Init::Constant(0.0));
+        }
         let (params, x) = (layout.init_params(1), probe(6, 2));
         let (inputs, params_then) = (RefCell::default(), RefCell::default());
         let n_inferences = Cell::new(0);
@@ -93,7 +105,12 @@ impl Layer<f64> for Scaled {
     type Saved = Vec<f64>;
 
     fn param_ranges(&self) -> Vec<Range<usize>> {
-        vec![self.weight.clone()]
+        match self.mistake {
+            Mistake::ForgottenTensor => vec![],
+            Mistake::NoTensor => vec![self.weight.clone(), 1..3],
+            Mistake::TwiceNamed => vec![self.weight.clone(), self.weight.clone()],
+            _ => vec![self.weight.clone()],
+        }
     }
 
     fn forward(&self, pass: &Inference<f64>, (): &(), x: Operand<f64>) -> Buffer<f64> {
@@ -101,7 +118,8 @@ impl Layer<f64> for Scaled {
         let mut factor = pass.params[self.weight.start];
         match self.mistake {
             Mistake::InferenceCounts => factor += f64::from(n),
-            Mistake::OtherInference => factor *= 1.5,
+            Mistake::OtherInference => factor *= 1.001,
+            Mistake::LongerInference => return pass.arena.copy_of(&[0.0; 7]),
             Mistake::InferenceIsNan => factor = f64::NAN,
             Mistake::InferenceOnLeftovers => return pass.arena.get(x.numbers().len()),
             Mistake::InferenceKeepsParams => {
@@ -124,6 +142,9 @@ impl Layer<f64> for Scaled {
     ) -> (Buffer<f64>, Vec<f64>) {
         let factor = pass.params[self.weight.start];
         let (mut inputs, mut params) = (self.inputs.borrow_mut(), self.params.borrow_mut());
+        if self.mistake == Mistake::StaleCache {
+            inputs.clear();
+        }
         if self.mistake == Mistake::Queue || inputs.is_empty() {
             inputs.push_back(x.numbers().to_vec());
         }
@@ -150,7 +171,7 @@ impl Layer<f64> for Scaled {
         dy: Buffer<f64>,
     ) -> OperandGradient<f64> {
         let x_then = match self.mistake {
-            Mistake::FirstInput => self.inputs.borrow()[0].clone(),
+            Mistake::FirstInput | Mistake::StaleCache => self.inputs.borrow()[0].clone(),
             Mistake::Queue => self.inputs.borrow_mut().pop_front().expect("a forward pass"),
             _ => saved,
         };
@@ -158,7 +179,12 @@ impl Layer<f64> for Scaled {
             Mistake::FirstParams | Mistake::LastParams => self.params.borrow()[0],
             _ => pass.params[self.weight.start],
         };
-        pass.grads(&self.weight)[0] += x_then.iter().zip(&*dy).map(|(x, dy)| x * dy).sum::<f64>();
+        let dw: f64 = x_then.iter().zip(&*dy).map(|(x, dy)| x * dy).sum();
+        let place = &mut pass.grads(&self.weight)[0];
+        match self.mistake {
+            Mistake::Assigns => *place = dw,
+            _ => *place += dw,
+        }
         if self.mistake == Mistake::ClearsOthers {
             pass.grads(&self.other).fill(0.0);
         }
@@ -172,9 +198,14 @@ impl Layer<f64> for Scaled {
 }
 
 #[test]
-fn a_right_layer_passes_and_each_mistake_between_calls_is_named() {
-    Scaled::check(Mistake::None).unwrap();
-    for (mistake, words) in [
+fn a_right_layer_passes_and_each_mistake_is_named() {
+    let mistakes = [
+        (Mistake::StaleCache, "others after a second forward pass"),
+        (Mistake::ForgottenTensor, "without scaled.weight, which changes the output"),
+        (Mistake::NoTensor, "param_ranges is 1..3, which is no tensor"),
+        (Mistake::TwiceNamed, "param_ranges is 2..3 twice"),
+        (Mistake::Assigns, "for scaled.weight[0] where"),
+        (Mistake::LongerInference, "output of inference is 7 numbers"),
         (Mistake::FirstInput, "gradient scaled.weight[0]"),
         (Mistake::FirstParams, "gradient x["),
         (Mistake::LastParams, "after a second forward pass"),
@@ -193,9 +224,13 @@ fn a_right_layer_passes_and_each_mistake_between_calls_is_named() {
         (Mistake::OtherInference, "output of inference"),
         (Mistake::ClearsOthers, "gradient is 0 for other[0] where"),
         (Mistake::OutputIsNan, "output is NaN at place 3"),
-    ] {
-        let message = Scaled::check(mistake).expect_err("a mistake").to_string();
-        assert!(message.contains(words), "{mistake:?}: {message}");
+    ];
+    for beside_statistics in [false, true] {
+        Scaled::check(Mistake::None, beside_statistics).unwrap();
+        for (mistake, words) in mistakes {
+            let message = Scaled::check(mistake, beside_statistics).expect_err("a mistake");
+            assert!(message.to_string().contains(words), "{mistake:?}: {message}");
+        }
     }
 }
 

@@ -13,6 +13,7 @@ use crate::report::{PartView, Scene};
 use std::path::{Path, PathBuf};
 
 /// Which files an outcome's folder gets beside numbers and colored points.
+///
 /// ```no_run
 /// use deepmill::analysis::{Analysis, Files};
 /// use deepmill::data::files::tools::Tool;

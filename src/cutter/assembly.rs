@@ -33,6 +33,7 @@ use lower_end::LowerEnd;
 use serde::{Deserialize, Serialize};
 
 /// A cylinder or cone of a solid of revolution.
+///
 /// ```
 /// use deepmill::cutter::{Assembly, Section, TipShape};
 ///

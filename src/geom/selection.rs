@@ -22,6 +22,7 @@ use glam::DVec3;
 use std::collections::HashMap;
 
 /// What holds a part of a surface.
+///
 /// ```
 /// use deepmill::geom::{selection::{Selection, Selector}, solids};
 /// use deepmill::glam::DVec3;

@@ -14,7 +14,7 @@ pub struct Control {
     pub mistake: String,
     /// The error that the check found.
     pub error: f64,
-    /// Whether the gradient by this vector cannot be told from zero at these inputs: nothing about it is checked.
+    /// Whether the gradient by this vector does not differ from zero by more than rounding at these inputs: nothing about it is checked.
     pub is_lost: bool,
 }
 
@@ -38,7 +38,7 @@ const MISTAKES: [Mistake; 5] = [
 ///
 /// # Errors
 /// If the gradients are wrong before that, `limit` is negative or not finite, a wrong gradient passes at `limit`, or no
-/// gradient can be told from zero; or as [`function`](super::function).
+/// gradient differs from zero by more than rounding; or as [`function`](super::function).
 pub fn negative_control(
     inputs: &[(&str, &[f64])],
     mut forward: impl FnMut(&[Vec<f64>]) -> Vec<f64>,

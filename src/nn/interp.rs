@@ -23,11 +23,13 @@ const BLOCK: usize = 256;
 
 /// `y[point] = Σ weight·x[node]` over the nodes that the [`Interpolation`] names: from `[n_nodes, c]` to
 /// `[n_points, c]`, for any `c`.
+///
 /// See [`Interpolation`] for an example.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Interpolate;
 
 /// Which nodes each query point reads, with which weights.
+///
 /// ```
 /// use deepmill::glam::Vec3;
 /// use deepmill::nn::arena::Arena;

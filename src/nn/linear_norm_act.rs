@@ -13,6 +13,7 @@ use std::ops::Range;
 
 /// `y = relu(norm(linear(x)))`, or without the ReLU. Inference normalizes and rectifies each block of rows as
 /// soon as the operator has written it.
+///
 /// ```
 /// use deepmill::nn::{arena::Arena, batch_norm::BatchNorm, layer::Layer, linear::Linear};
 /// use deepmill::nn::{linear_norm_act::LinearNormAct, operand::Operand, params::Layout};

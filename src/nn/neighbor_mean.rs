@@ -12,6 +12,7 @@ use crate::simd::elementwise::{SparseRows, sparse_rows};
 use std::ops::Range;
 
 /// `y[v] = Σ_u x[u] / deg(v)` over the neighbors `u` of `v`, `[n_nodes, c]` for any `c`; 0 without neighbors.
+///
 /// ```
 /// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference};
 /// use deepmill::nn::neighbor_mean::{NeighborMean, Neighbors};

@@ -10,6 +10,7 @@ use crate::scalar::Scalar;
 use std::ops::{Deref, Range};
 
 /// The input of a layer, `[n, c]`.
+///
 /// ```
 /// use deepmill::nn::{arena::Arena, layer::Layer, linear::Linear, operand::Operand};
 /// use deepmill::nn::{params::Layout, pass::Inference};

@@ -16,6 +16,7 @@ const BLOCK: usize = 1024;
 
 /// From the non-empty nodes to all nodes, with zero rows for the empty ones: `[n_nonempty, c]` to
 /// `[n_nodes, c]`, for any `c`.
+///
 /// ```
 /// use deepmill::glam::Vec3;
 /// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, pad::Pad};
@@ -33,6 +34,7 @@ const BLOCK: usize = 1024;
 pub struct Pad;
 
 /// From all nodes to the non-empty ones: `[n_nodes, c]` to `[n_nonempty, c]`, for any `c`.
+///
 /// ```
 /// use deepmill::glam::Vec3;
 /// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, pad::Depad};

@@ -15,6 +15,7 @@ const BLOCK: usize = 1024;
 
 /// Greatest value among the eight children of every non-empty node, NaN if one is; empty nodes get zeros. From
 /// `[8·n_nonempty, c]`, all nodes one depth finer than the geometry, to its `[n_nodes, c]`.
+///
 /// ```
 /// use deepmill::glam::Vec3;
 /// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, pool::MaxPool};
@@ -36,6 +37,7 @@ pub struct MaxPool;
 pub struct TakenChildren(Vec<u8>);
 
 /// Mean of the eight children of every non-empty node; empty nodes get zeros. Rows as of [`MaxPool`].
+///
 /// ```
 /// use deepmill::glam::Vec3;
 /// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, pool::MeanPool};
@@ -53,6 +55,7 @@ pub struct TakenChildren(Vec<u8>);
 pub struct MeanPool;
 
 /// Mean over all nodes of each shape, empty ones included: from `[n_nodes, c]` to `[n_shapes, c]`.
+///
 /// ```
 /// use deepmill::glam::Vec3;
 /// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, pool::GlobalMeanPool};

@@ -10,6 +10,7 @@ use crate::simd::elementwise::Combination;
 use std::ops::Range;
 
 /// `y = max(x, 0)`, element by element. The derivative at 0 is 0.
+///
 /// ```
 /// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, relu::Relu};
 ///

@@ -17,6 +17,7 @@ const BLOCK: usize = 1024;
 
 /// `y[8·children[n] + k] = x[n]`, from `[n_nodes, c]` of the coarse level to `[8·n_nonempty, c]`, all nodes one
 /// depth finer, for any `c`; rows of empty nodes are not read.
+///
 /// ```
 /// use deepmill::glam::Vec3;
 /// use deepmill::nn::{arena::Arena, layer::Layer, operand::Operand, pass::Inference, upsample::NearestUpsample};

@@ -72,6 +72,7 @@ impl CubeTransform {
 }
 
 /// How points in millimeters are prepared for [`super::Octree::build`].
+///
 /// ```
 /// use deepmill::glam::Vec3;
 /// use deepmill::octree::{Cloud, Octree, OctreeOptions, Preparation};

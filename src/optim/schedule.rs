@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// A learning-rate schedule. Epochs count from 1; the rate is constant within one.
+///
 /// ```
 /// use deepmill::optim::Schedule;
 ///

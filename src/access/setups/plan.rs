@@ -51,6 +51,7 @@ pub struct Plan {
 }
 
 /// Which of the candidates a plan takes.
+///
 /// ```
 /// use deepmill::access::setups::Choice;
 ///

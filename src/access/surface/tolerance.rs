@@ -40,6 +40,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// By how much, in mm, the tool is shrunk all around before it is tested.
+///
 /// ```
 /// use deepmill::access::surface::{ContactTolerance, SurfaceOptions};
 ///

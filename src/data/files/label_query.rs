@@ -215,8 +215,8 @@ impl LabelQuery {
         Stated { path, provenance: &file.provenance }.tool()
     }
 
-    /// By the published definition, the free pose that each site's first free direction stands for, if the labels state
-    /// their directions; `tool` is theirs.
+    /// By the published definition, the pose of `tool`, with which the labels were made, along the first free direction
+    /// of each site, if they state their directions.
     pub(crate) fn poses_among_points(file: &LabelFile, tool: &Tool) -> Vec<Option<WitnessPose>> {
         let stated = Stated { path: Path::new(""), provenance: &file.provenance };
         let Ok(directions) = stated.directions() else { return Vec::new() };

@@ -38,6 +38,7 @@ use std::path::Path;
 /// let [no, yes] = read.prediction.logits_inaccessible[0];
 /// assert_eq!(read.answers().inaccessible[0], yes > no);
 /// # Ok::<(), deepmill::Error>(())
+///
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]

@@ -10,6 +10,7 @@
 use crate::cutter::{Assembly, ToolPart};
 
 /// What a proposed tool must keep.
+///
 /// ```
 /// use deepmill::access::surface::explain::Remedies;
 ///

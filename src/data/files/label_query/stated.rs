@@ -156,7 +156,7 @@ impl Stated<'_> {
         }
         let Some(hash) = stated else {
             let found = "it does not say which surface the labels are about";
-            let remedy = "label the part again with this version, or give its mesh (`--part FILE` at the command line)";
+            let remedy = "label the part again with this version, or give its mesh, with --part FILE at the command line";
             return Err(self.fault("settings.surface", found, remedy));
         };
         self.read_stated(SURFACE, hash).map(Some)
@@ -183,7 +183,7 @@ impl Stated<'_> {
             let found = format!("there is no {name} beside it");
             let remedy = match name == SURFACE {
                 true => {
-                    "keep the folder whole, or give the part's mesh (`--part FILE` at the command line)"
+                    "keep the folder whole, or give the part's mesh, with --part FILE at the command line"
                 }
                 false => "keep the folder whole, or label the part again",
             };

@@ -88,7 +88,7 @@ fn one(
         None | Some(Value::Null) => defaults.unit_mm.ok_or_else(|| {
             place.error(
                 "the file does not say the unit",
-                "give it (`unit_mm`; `--tool-unit mm` or `in` at the command line)",
+                "give it with `unit_mm` in a program, or --tool-unit mm or in",
             )
         })?,
         Some(name) => name.as_str().and_then(unit_mm).ok_or_else(|| {

@@ -214,7 +214,7 @@ impl Described {
     fn flutes(&self, defaults: &MissingParameters, place: &Place) -> Result<f64> {
         self.flutes.or(defaults.flutes_mm).ok_or_else(|| {
             let found = "the file does not say the flute length";
-            place.error(found, "give it (`flutes_mm`; `--flute-length MM` at the command line)")
+            place.error(found, "give it with `flutes_mm` in a program, or --flute-length MM")
         })
     }
 

@@ -292,7 +292,7 @@ impl Parameters<'_> {
             None if length.has_unit() => 1.0,
             None => {
                 let found = format!("{key} is {}, without a unit", shown(&text));
-                let remedy = "write for example \"6 mm\", or give a unit (`unit_mm`; `--tool-unit mm` or `in` at the command line)";
+                let remedy = "write for example \"6 mm\", or give a unit with `unit_mm` in a program, or --tool-unit mm or in";
                 return Err(self.place.error(found, remedy));
             }
         };

@@ -11,6 +11,7 @@ use serde_json::Value;
 use std::path::Path;
 
 /// A holder; what is above its last section is spindle.
+///
 /// ```
 /// use deepmill::data::files::tools::{MissingParameters, holder_from_bytes};
 /// use std::path::Path;
@@ -227,7 +228,7 @@ pub(super) fn unit(object: &Value, place: &Place, defaults: &MissingParameters) 
         None | Some(Value::Null) => defaults.unit_mm.ok_or_else(|| {
             place.error(
                 "the file does not say the unit",
-                "give it (`unit_mm`; `--tool-unit mm` or `in` at the command line)",
+                "give it with `unit_mm` in a program, or --tool-unit mm or in",
             )
         }),
         Some(name) => name.as_str().and_then(unit_mm).ok_or_else(|| {

@@ -93,7 +93,7 @@ fn add(
     let Some(unit) = defaults.unit_mm else {
         let found = "the file does not say the unit";
         let remedy =
-            "give that of the machine (`unit_mm`; `--tool-unit mm` or `in` at the command line)";
+            "give that of the machine with `unit_mm` in a program, or --tool-unit mm or in";
         return reading.add(Err(place.error(found, remedy)));
     };
     let form = form_of(remark(text, unit), text);

@@ -101,7 +101,7 @@ class ToolPass {
   }
 }
 
-/** The site that is nearest to a place, of those on the same side and in the same group as told; -1 if there is none. */
+/** The site that is nearest to a place, of those for which `is` holds; -1 if there is none. */
 function nearest(data, place, is) {
   let best = -1, least = Infinity;
   for (let i = 0; i < data.nSites; i++) {

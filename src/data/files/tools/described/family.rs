@@ -265,7 +265,7 @@ impl Described {
         let margin = || {
             let found = "the file does not say the flute length, where its margin ends";
             flutes.ok_or_else(|| {
-                place.error(found, "give it (`flutes_mm`; `--flute-length MM` at the command line)")
+                place.error(found, "give it with `flutes_mm` in a program, or --flute-length MM")
             })
         };
         let cutting = match family {
