@@ -9,6 +9,7 @@ pub mod machines;
 #[doc(hidden)] // of the program
 pub mod matrix;
 mod meaning;
+mod poses;
 mod predictions;
 #[doc(hidden)] // of the program
 pub mod published;
@@ -30,14 +31,14 @@ pub use settings::Blocking;
 
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
-use crate::access::surface::{SiteAnswer, SurfaceLabels, WitnessPose};
+use crate::access::surface::{SiteAnswer, SurfaceLabels};
 use crate::answers::SiteAnswers;
 use crate::cutter::{CutterParams, ToolPart};
 use crate::geom::Sites;
 use crate::geom::file_vertices::SiteVertices;
 use crate::{Error, Result};
-use glam::{DVec3, Vec3};
 use meaning::{RETREAT_UNPROVEN, label_meaning};
+use poses::{REST, WITNESS, read_directions, read_poses};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -295,10 +296,6 @@ fn few(path: &Path, name: &str, len: usize, n: usize) -> Error {
     Error::file(path, name, found, "write answers together with the sites that they are about")
 }
 
-/// Names of the arrays of poses: their directions and tips.
-const WITNESS: [&str; 2] = ["witness_direction", "witness_tip"];
-const REST: [&str; 2] = ["rest_direction", "rest_tip"];
-
 /// Adds what only the mesh definition answers.
 fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
     let n = surface.answers.len();
@@ -312,14 +309,9 @@ fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
     if !surface.rests_on_tolerance.is_empty() {
         npz.array("rests_on_tolerance", &[n], &surface.rests_on_tolerance);
     }
-    let direction = |pose: &Option<WitnessPose>| pose.map_or(Vec3::ZERO, |pose| pose.direction);
-    let tip = |pose: &Option<WitnessPose>| pose.map_or(DVec3::ZERO, |pose| pose.tip_mm);
-    for ([directions, tips], poses) in [(WITNESS, &surface.witness), (REST, &surface.rest_pose)] {
-        if poses.len() == n {
-            let of = poses.iter().flat_map(|pose| direction(pose).to_array());
-            npz.array(directions, &[n, 3], &of.collect::<Vec<f32>>());
-            let of = poses.iter().flat_map(|pose| tip(pose).to_array());
-            npz.array(tips, &[n, 3], &of.collect::<Vec<f64>>());
+    for (names, list) in [(WITNESS, &surface.witness), (REST, &surface.rest_pose)] {
+        if list.len() == n {
+            poses::add(npz, names, list);
         }
     }
 }
@@ -387,38 +379,6 @@ fn read_surface(
     same_length(path, sites, "open_directions", surface.open_directions.len())?;
     same_length(path, sites, "tolerance", surface.tolerance_mm.len())?;
     Ok(surface)
-}
-
-/// The directions of poses.
-fn read_directions(
-    path: &Path,
-    npz: &mut NpzReader,
-    sites: &Sites,
-    name: &str,
-) -> Result<Vec<Option<Vec3>>> {
-    let witness = npz.f32s(name, 3)?;
-    same_length(path, sites, name, witness.len() / 3)?;
-    let direction = |w: &[f32]| Some(Vec3::from_slice(w)).filter(|d| *d != Vec3::ZERO);
-    Ok(witness.chunks_exact(3).map(direction).collect())
-}
-
-/// Poses by the names of their arrays; none from a file of before there were poses.
-fn read_poses(
-    path: &Path,
-    npz: &mut NpzReader,
-    sites: &Sites,
-    [direction, tip]: [&str; 2],
-) -> Result<Vec<Option<WitnessPose>>> {
-    if !npz.has(tip) {
-        return Ok(vec![None; sites.len()]);
-    }
-    let tips = npz.f64s(tip, 3)?;
-    same_length(path, sites, tip, tips.len() / 3)?;
-    let directions = read_directions(path, npz, sites, direction)?;
-    let pose = |(direction, tip): (Option<Vec3>, &[f64])| {
-        direction.map(|direction| WitnessPose { direction, tip_mm: DVec3::from_slice(tip) })
-    };
-    Ok(directions.into_iter().zip(tips.chunks_exact(3)).map(pose).collect())
 }
 
 fn start(sites: &Sites, provenance: &Provenance) -> NpzWriter {
