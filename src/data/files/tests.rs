@@ -1,7 +1,7 @@
 //! Claims about files of labels.
 
 use super::*;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 pub(super) fn provenance() -> Provenance {
     let cutter = CutterParams::from_array([1.5, 6.0, 40.0, 5.0]);
@@ -48,4 +48,49 @@ fn labels_come_back_exactly() {
     bare.vertices = None;
     bare.write(&path).unwrap();
     assert_eq!(LabelFile::read(&path).unwrap(), bare);
+}
+
+#[test]
+fn poses_that_are_none_are_named() {
+    use crate::access::surface::{SiteAnswer, SurfaceLabels, WitnessPose};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("labels.npz");
+    let read = |direction: Vec3, tip_mm: DVec3| {
+        let pose = Some(WitnessPose { direction, tip_mm });
+        let surface = SurfaceLabels {
+            answers: vec![SiteAnswer::Accessible; 2],
+            collision_free_directions: vec![1; 2],
+            accessible_directions: vec![1; 2],
+            witness: vec![None, pose],
+            rest_pose: vec![pose, None],
+            open_directions: vec![0.0; 2],
+            tolerance_mm: vec![0.01; 2],
+            ..SurfaceLabels::default()
+        };
+        let answers = SiteAnswers {
+            accessible_directions: vec![1; 2],
+            tip_does_not_fit: vec![false; 2],
+            ..SiteAnswers::new(vec![false; 2], vec![false; 2])
+        };
+        let labels = Labels {
+            answers,
+            witness: vec![None; 2],
+            beta: vec![0; 2],
+            surface: Some(surface),
+            ..Labels::default()
+        };
+        let (provenance, sites) = (provenance(), sites());
+        LabelFile { provenance, sites, labels, vertices: None }.write(&path).unwrap();
+        LabelFile::read(&path)
+    };
+    let file = read(Vec3::Z, DVec3::ONE).unwrap();
+    assert_eq!(file.labels.surface.unwrap().witness[1].unwrap().tip_mm, DVec3::ONE);
+    for direction in [2.0 * Vec3::Z, Vec3::NAN, Vec3::new(0.0, f32::INFINITY, 0.0)] {
+        let message = read(direction, DVec3::ONE).unwrap_err().to_string();
+        assert!(message.contains("witness_direction: row 1 is ["), "{message}");
+    }
+    for tip in [f64::NAN, f64::INFINITY] {
+        let message = read(Vec3::Z, DVec3::new(1.0, tip, 0.0)).unwrap_err().to_string();
+        assert!(message.contains("witness_tip: row 1 has "), "{message}");
+    }
 }

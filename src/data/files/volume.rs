@@ -2,6 +2,7 @@
 
 use super::super::npz::{NpzReader, NpzWriter};
 use super::Provenance;
+use super::poses::unit_or_none;
 use crate::access::surface::{SiteAnswer, SurfaceLabels};
 use crate::geom::inside::Lattice;
 use crate::{Error, Result};
@@ -162,13 +163,11 @@ impl VolumeFile {
             let answer = PointAnswer::ALL.get(usize::from(number)).copied();
             answer.ok_or_else(|| bad("answer", format!("the number {number}")))
         });
-        let witness = npz.f32s("witness_direction", 3)?;
-        let direction = |w: &[f32]| Some(Vec3::from_slice(w)).filter(|d| *d != Vec3::ZERO);
         let file = VolumeFile {
             answers: answers.collect::<Result<_>>()?,
             collision_free_directions: npz.counts("collision_free_directions")?,
             accessible_directions: npz.counts("accessible_directions")?,
-            witness: witness.chunks_exact(3).map(direction).collect(),
+            witness: unit_or_none(path, &mut npz, "witness_direction")?,
             provenance,
             lattice,
         };
