@@ -48,16 +48,16 @@ pub struct Step {
     /// Height above the reference point, mm.
     pub height_mm: f64,
     /// Radius from there upward, mm; infinite for the spindle's half-space, serialized as none.
-    #[serde(with = "spindle")]
+    #[serde(with = "infinite")]
     pub radius_mm: f64,
 }
 
-/// Radii, none for an infinite one, which text formats cannot hold.
-mod spindle {
+/// Lengths, none for an infinite one, which text formats cannot hold.
+pub(crate) mod infinite {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    pub fn serialize<S: Serializer>(radius: &f64, to: S) -> Result<S::Ok, S::Error> {
-        Some(radius).filter(|radius| **radius != f64::INFINITY).serialize(to)
+    pub fn serialize<S: Serializer>(length: &f64, to: S) -> Result<S::Ok, S::Error> {
+        Some(length).filter(|length| **length != f64::INFINITY).serialize(to)
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {

@@ -1,8 +1,10 @@
 //! What is written with serde is read back the same, and what makes no sense is refused on reading.
 #![cfg(feature = "formats")]
 
+use deepmill::access::setups::{Candidates, Choice, Clampings, Plan};
+use deepmill::access::surface::explain::Query;
 use deepmill::access::surface::{SurfaceLabels, SurfaceOptions, TriangleObstacles};
-use deepmill::access::{Engine, LabelOptions, Labeler};
+use deepmill::access::{CollisionMatrix, Engine, LabelOptions, Labeler, Labels};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::{Assembly, Cutter, CutterParams, Profile, Section, TipShape};
 use deepmill::directions::{DirectionSet, Directions};
@@ -10,7 +12,7 @@ use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::geom::{Mesh, Sites, solids};
 use deepmill::gradcheck::GradcheckSettings;
 use deepmill::loss::CrossEntropy;
-use deepmill::model::{Model, Predictor, UNetConfig};
+use deepmill::model::{Model, Prediction, Predictor, UNetConfig};
 use deepmill::octree::OctreeOptions;
 use deepmill::optim::Sgd;
 use glam::{DVec3, Vec3};
@@ -142,6 +144,71 @@ fn labels_of_the_mesh_definition_are_read_back() {
     let labels = obstacles.label(&sites, &cutter, &Directions::up(), &options).unwrap();
     again::<SurfaceLabels>(&labels);
     assert!(labels.witness.iter().flatten().all(|pose| pose.direction == Vec3::Z));
+}
+
+#[test]
+fn labels_and_their_collision_matrix_are_read_back() {
+    let (part, sites, cutter) = scene();
+    let options = LabelOptions::default().with_collision_matrix(true);
+    let by_points = Labeler::of_sites("20".parse().unwrap(), options);
+    let labels = by_points.label(&sites, &cutter).unwrap();
+    again::<Labels>(&labels);
+    let written = again(labels.collision_matrix.as_ref().unwrap());
+    let words = "rows of a collision matrix is row ";
+    for n_queries in [64, 129] {
+        refused::<CollisionMatrix>(&written, "n_queries", json!(n_queries), words);
+    }
+    let past_the_end = json!([[0, 1_u64 << 40]]); // the 105th of 100
+    refused::<CollisionMatrix>(&written, "rows", past_the_end, words);
+    let options = SurfaceOptions::default().with_beta(true);
+    let by_part = Labeler::of_part(&part, &[], Directions::up(), options).unwrap();
+    again::<Labels>(&by_part.label(&sites, &cutter).unwrap());
+}
+
+#[test]
+fn explanations_are_read_back() {
+    let table = solids::cuboid(DVec3::new(60.0, 60.0, 5.0));
+    let mut wall = solids::cuboid(DVec3::new(60.0, 10.0, 20.0));
+    wall.vertices.iter_mut().for_each(|v| *v += DVec3::new(0.0, 35.0, 5.0));
+    let obstacles = TriangleObstacles::new(&table, &[wall]).unwrap();
+    let tip = TipShape::Straight { radius_mm: 1.5, corner_mm: 1.5 };
+    let holder = [Section::cylinder(30.0, 15.0)];
+    let tool = Assembly::new(tip, &[Section::cylinder(50.0, 1.5)], &holder, 12.0).unwrap();
+    let (up, options) = (Directions::up(), SurfaceOptions::default());
+    // In the way, free beside it, and free above all that there is.
+    for (site, blocked) in [
+        (Vec3::new(30.0, 30.0, 5.0), true),
+        (Vec3::new(30.0, 5.0, 5.0), false),
+        (Vec3::new(30.0, 40.0, 25.0), false),
+    ] {
+        let why = obstacles.explain(&Query::new(site, Vec3::Z, &tool, &up, &options)).unwrap();
+        assert_eq!(why.blocked_by().is_some(), blocked);
+        again(&why);
+    }
+}
+
+#[test]
+fn plans_of_setups_are_read_back() {
+    let (part, sites, cutter) = scene();
+    let candidates =
+        Candidates::new(&part, "5-axis:60".parse().unwrap(), Clampings::Standing, 50).unwrap();
+    let accessible = TriangleObstacles::new(&part, &[])
+        .unwrap()
+        .accessible_directions(&sites, &cutter, candidates.directions(), &SurfaceOptions::default())
+        .unwrap();
+    let (weights, choice) = (vec![1.0; sites.len()], Choice::share(1.0));
+    let plan =
+        Plan::new(&candidates, &part, &sites, &[accessible], &weights, choice, &[0]).unwrap();
+    assert!(!plan.setups.is_empty());
+    again(&plan);
+}
+
+#[test]
+fn predictions_are_read_back() {
+    let (_, sites, _) = scene();
+    let model = Model::<f32>::new(&UNetConfig::tiny(), 1).unwrap();
+    let prediction = model.predict(&sites.points, &sites.normals, [1.5, 6.0, 40.0, 5.0]).unwrap();
+    again::<Prediction<f32>>(&prediction);
 }
 
 #[test]

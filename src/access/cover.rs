@@ -19,10 +19,11 @@ pub(crate) use share::greedy_share;
 #[doc(hidden)] // of the plans of setups and of the program
 pub use share::{cover_share, cover_share_preferring};
 
+use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
 
 /// Sets that cover all that can be covered.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Cover {
     /// The sets, in the order of what each adds to those before it, most first.

@@ -171,7 +171,7 @@ impl LabelOptions {
 
 /// Exact labels of a set of queries: the answers, and what they rest on. Lists follow the order of queries or obstacles as
 /// given.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Labels {
     /// Per query, what any engine answers.

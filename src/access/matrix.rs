@@ -1,10 +1,47 @@
 //! The collision matrix: one bit per direction and query, set where the cutter collides.
 
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
 /// One bit per direction and query, `[n_dirs, n_queries]` row-major: set where the cutter collides.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Unchecked")]
 pub struct CollisionMatrix {
     n_queries: usize,
     rows: Vec<Vec<u64>>,
+}
+
+/// As it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Unchecked {
+    n_queries: usize,
+    rows: Vec<Vec<u64>>,
+}
+
+impl TryFrom<Unchecked> for CollisionMatrix {
+    type Error = Error;
+
+    fn try_from(Unchecked { n_queries, rows }: Unchecked) -> Result<Self> {
+        let n_words = n_queries.div_ceil(64);
+        let past_the_end = |words: &[u64]| match (words.last(), n_queries % 64) {
+            (Some(last), n @ 1..) => last >> n != 0,
+            _ => false,
+        };
+        match rows.iter().position(|row| row.len() != n_words || past_the_end(row)) {
+            None => Ok(CollisionMatrix::new(n_queries, rows)),
+            Some(i) => {
+                let expected = format!("{n_words} words for {n_queries} queries, 0 past the end");
+                let remedy = "label again, with the collision matrix";
+                Err(Error::argument(
+                    "rows of a collision matrix",
+                    format!("row {i}"),
+                    expected,
+                    remedy,
+                ))
+            }
+        }
+    }
 }
 
 impl CollisionMatrix {

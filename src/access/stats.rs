@@ -1,9 +1,10 @@
 //! Counts of how an engine decided its queries.
 
+use serde::{Deserialize, Serialize};
 use std::ops::AddAssign;
 
 /// Counts of the work done. They depend on the engine, not on threads or instruction set.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Stats {
     /// Answers to "does the cutter collide here?": queries × directions.

@@ -36,7 +36,7 @@ impl fmt::Display for SpotCheck {
 }
 
 /// Answers *inaccessible* of which some are computed.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct SpotChecked {
     /// Computed where [`SpotChecked::verified`] says so, predicted elsewhere.

@@ -38,7 +38,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ProfileSection {
     /// Radius at its end, mm; infinite above a spindle's lower face, serialized as none.
-    #[serde(with = "super::spindle")]
+    #[serde(with = "super::infinite")]
     pub radius_mm: f64,
     /// Height of its end above the tip, mm.
     pub height_mm: f64,

@@ -7,6 +7,7 @@ use crate::access::surface::AccessibleDirections;
 use crate::geom::{Mesh, Sites};
 use crate::{Error, Result, memory, par};
 use glam::{DMat3, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// The chosen setups, in the order of what each adds to those before it, most first; among nearly equal ones the
 /// likelier clamping first.
@@ -32,7 +33,7 @@ use glam::{DMat3, Vec3};
 /// assert!((plan.setups[0].adds - 2000.0).abs() < 40.0); // all but 20 mm · 10 mm
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Plan {
     /// The setups.
@@ -84,7 +85,7 @@ impl Choice {
 }
 
 /// One clamping.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Setup {
     /// z', or the direction of the part along the rotary axis.

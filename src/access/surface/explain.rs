@@ -65,6 +65,7 @@ use case::{Barrier, Case};
 use glam::{DVec3, Vec3};
 use meet::Points;
 use profile::ProfileCase;
+use serde::{Deserialize, Serialize};
 
 /// A site, and what it is labeled for.
 ///
@@ -131,7 +132,7 @@ setters!(Query<'a> {
 });
 
 /// Why a site can or cannot be reached.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Explanation {
     /// The answer.
@@ -154,7 +155,7 @@ pub struct Explanation {
 }
 
 /// A direction with a free pose of the tool, by the reference engine.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Witness {
     /// From tip to spindle.
@@ -163,11 +164,12 @@ pub struct Witness {
     pub tip_mm: Option<DVec3>,
     /// How far the tool could be lowered until it penetrates, mm: 0 or more; infinite if it meets nothing. Among
     /// points: how far its steps could grow, which is no more than that.
+    #[serde(with = "crate::cutter::infinite")]
     pub margin_mm: f64,
 }
 
 /// What was found in a direction.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct DirectionState {
     /// From tip to spindle.
@@ -183,7 +185,8 @@ pub struct DirectionState {
 }
 
 /// What was found in a direction, from the best.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum Outcome {
     Free,
     /// Of a tool given by its profile: a pose is free, but no way out of one is proven.
@@ -213,7 +216,7 @@ impl DirectionState {
 }
 
 /// What blocks a direction.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Blocked {
     /// Part of the tool. Of one given by its profile: the lowest that does not cut and penetrates in the pose nearest

@@ -9,9 +9,10 @@ use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::geom::Sites;
 use crate::{Result, par};
+use serde::{Deserialize, Serialize};
 
 /// Answers of which some are computed and the others predicted.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Verified {
     /// Inaccessible, as computed where [`Verified::verified`] says so and as predicted elsewhere; occlusion points,

@@ -7,9 +7,11 @@ use super::remedies::diameter;
 use crate::cutter::{Assembly, ToolPart};
 use crate::{Error, Result};
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// One length of a tool.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum ChangeKind {
     /// The part and everything above it is higher: a longer stick-out (holder), a longer holder (spindle), a longer
@@ -24,7 +26,7 @@ pub enum ChangeKind {
 }
 
 /// A change of the tool that helps.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Change {
     /// What is changed.

@@ -13,9 +13,10 @@ use crate::access::Queries;
 use crate::access::surface::labels::{SurfaceOptions, WitnessPose};
 use crate::access::surface::tolerance::ContactTolerance;
 use crate::cutter::{Assembly, ToolPart};
+use serde::{Deserialize, Serialize};
 
 /// A pose in which a tool touches a site and is not free.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct NearestPose {
     /// Where the tool is.

@@ -8,6 +8,7 @@
 //! ```
 
 use crate::cutter::{Assembly, ToolPart};
+use serde::{Deserialize, Serialize};
 
 /// What a proposed tool must keep.
 ///
@@ -41,7 +42,7 @@ setters!(Remedies {
 });
 
 /// A stick-out that would help and is not proposed.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Stopped {
     /// The stick-out, mm.
