@@ -3,16 +3,12 @@
 //! It learns in which of five bands of a sphere a point lies. `cargo run --release --example own_network`
 #![allow(clippy::print_stdout)]
 
-use deepmill::Result;
-use deepmill::glam::Vec3;
-use deepmill::loss::CrossEntropy;
-use deepmill::metrics::ConfusionMatrix;
 use deepmill::model::config::{CutterConfig, CutterPlacement, InputConfig};
 use deepmill::model::{Batch, Shape, UNet, UNetConfig};
 use deepmill::nn::arena::{Arena, Buffer};
 use deepmill::rng::{Purpose, Stream};
-use deepmill::train::Trainer;
-use std::ops::ControlFlow;
+use deepmill::{Result, glam::Vec3, loss::CrossEntropy, metrics::ConfusionMatrix, train::Trainer};
+use std::ops::ControlFlow::{Break, Continue};
 
 const N_CLASSES: usize = 5;
 
@@ -22,28 +18,24 @@ fn main() -> Result<()> {
         .with_cutter(CutterConfig::default().with_placement(CutterPlacement::None));
     let net = UNet::with_heads(&config, &[N_CLASSES])?;
     let source = |epoch, step| batch(epoch, step, &config.input);
-    let criterion = CrossEntropy::equal(N_CLASSES);
     let loss = |logits: &[Buffer<f32>], classes: &Vec<u8>, dlogits: &mut [Vec<f32>]| {
-        criterion.try_loss(&logits[0], classes, 1.0, &mut dlogits[0])
+        CrossEntropy::equal(N_CLASSES).try_loss(&logits[0], classes, 1.0, &mut dlogits[0])
     };
 
     let path = std::env::temp_dir().join(format!("own-{}.safetensors", std::process::id()));
     let mut trainer = Trainer::new(net.clone(), 1, (3, 8))?;
-    let _ = trainer.train(source, loss, |trainer, loss| match trainer.position() {
-        (2, 4) => {
-            println!("stopped in the second epoch at loss {loss:.3}");
-            Ok(ControlFlow::Break(trainer.write(&path)?))
-        }
-        _ => Ok(ControlFlow::Continue(())),
+    let _ = trainer.train(source, loss, |trainer, loss| {
+        println!("loss {loss:.3}");
+        Ok(if trainer.position() == (2, 4) { Break(()) } else { Continue(()) }) // in the second epoch
     })?;
+    trainer.write(&path)?;
     let mut trainer = Trainer::resume(net, &path)?;
-    let _ = trainer.train(source, loss, |_, _| Ok(ControlFlow::Continue(())))?;
+    let _ = trainer.train(source, loss, |_, _| Ok(Continue(())))?;
 
     let (points, classes) = source(4, 0)?;
     let mut counts = ConfusionMatrix::new(N_CLASSES)?;
     counts.add_logits(&trainer.model().logits(&points, &Arena::default())[0], &classes)?;
     println!("accuracy {:.3}, mean IoU {:.3}", counts.accuracy(), counts.mean_iou());
-    (0..N_CLASSES).for_each(|class| println!("F1 {:.3}", counts.class(class).f1()));
     std::fs::remove_file(&path).map_err(|e| deepmill::Error::write(&path, e))
 }
 

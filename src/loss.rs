@@ -130,7 +130,7 @@ impl CrossEntropy {
 }
 
 /// Demands that each target is one of `n_classes` classes.
-fn check_targets<C: Copy + Into<usize>>(targets: &[C], n_classes: usize) -> Result<()> {
+pub(crate) fn check_targets<C: Copy + Into<usize>>(targets: &[C], n_classes: usize) -> Result<()> {
     let Some(row) = targets.iter().position(|&t| t.into() >= n_classes) else { return Ok(()) };
     let found = format!("{} in row {row}", targets[row].into());
     let expected = format!("below {n_classes}, the number of classes");
@@ -138,7 +138,7 @@ fn check_targets<C: Copy + Into<usize>>(targets: &[C], n_classes: usize) -> Resu
 }
 
 /// Demands `n_classes` logits for each target.
-fn check_logits(n_logits: usize, n_targets: usize, n_classes: usize) -> Result<()> {
+pub(crate) fn check_logits(n_logits: usize, n_targets: usize, n_classes: usize) -> Result<()> {
     if n_targets.checked_mul(n_classes) == Some(n_logits) {
         return Ok(());
     }

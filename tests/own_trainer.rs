@@ -2,7 +2,7 @@
 
 use deepmill::loss::CrossEntropy;
 use deepmill::metrics::ConfusionMatrix;
-use deepmill::model::{Model, Network, TrainingPass};
+use deepmill::model::{Calibration, Model, Network, TrainingPass};
 use deepmill::nn::arena::{Arena, Buffer};
 use deepmill::nn::batch_norm::BatchNorm;
 use deepmill::nn::dropout::Dropout;
@@ -157,7 +157,18 @@ fn it_learns_both_labels() {
     assert!(run(&mut trainer, usize::MAX) && trainer.is_finished());
     let (points, classes) = source(99, 0).unwrap();
     let logits = trainer.model().logits(&points, &Arena::default());
+    let (others, of_others) = source(98, 0).unwrap();
+    let validation = trainer.model().logits(&others, &Arena::default());
     for (head, n_classes) in HEADS.into_iter().enumerate() {
+        let fit = Calibration::fit(&validation[head], &of_others[head], n_classes).unwrap();
+        let mut calibrated = logits[head].to_vec();
+        fit.calibrate(&mut calibrated, n_classes).unwrap();
+        let loss = |logits: &[f32]| {
+            let criterion = CrossEntropy::equal(n_classes);
+            criterion.try_loss(logits, &classes[head], 1.0, &mut Vec::new()).unwrap()
+        };
+        let (before, after) = (loss(&logits[head]), loss(&calibrated));
+        assert!(after < before, "head {head}: {after} after {before}");
         let mut counts = ConfusionMatrix::new(n_classes).unwrap();
         counts.add_logits(&logits[head], &classes[head]).unwrap();
         assert!(counts.accuracy() > 0.75 && counts.mean_iou() > 0.5, "head {head}: {counts:?}");

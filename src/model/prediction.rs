@@ -45,6 +45,36 @@ impl Calibration {
         Err(Error::argument("calibration", found, "a positive slope and finite numbers", remedy))
     }
 
+    /// Calibrates the logits of any head, `[n, n_classes]`: each is multiplied by the slope, and to those of the last
+    /// class the offset is added. What is most likely of more than two classes stays most likely if the offset is 0.
+    ///
+    /// ```
+    /// use deepmill::model::Calibration;
+    ///
+    /// let mut logits = [0.0, 3.0, 1.0, 2.0, 0.0, 0.0]; // of three classes
+    /// Calibration { slope: 0.5, offset: 0.0 }.calibrate(&mut logits, 3)?;
+    /// assert_eq!(logits, [0.0, 1.5, 0.5, 1.0, 0.0, 0.0]);
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If a number is out of its domain, there are no classes, or the number of logits is not a multiple of theirs. The
+    /// logits are as they were.
+    pub fn calibrate<T: Scalar>(&self, logits: &mut [T], n_classes: usize) -> Result<()> {
+        self.check()?;
+        if n_classes == 0 || logits.len() % n_classes != 0 {
+            let expected = format!("a multiple of {n_classes} classes");
+            let remedy = "give rows of as many logits as there are classes";
+            return Err(Error::argument("number of logits", logits.len(), expected, remedy));
+        }
+        let [slope, offset] = [self.slope, self.offset].map(T::from_f64);
+        for row in logits.chunks_exact_mut(n_classes) {
+            row.iter_mut().for_each(|logit| *logit = *logit * slope);
+            row[n_classes - 1] = row[n_classes - 1] + offset;
+        }
+        Ok(())
+    }
+
     /// The logits of "no" and "yes".
     pub(super) fn apply<T: Scalar>(self, no: T, yes: T) -> [T; N_CLASSES] {
         let slope = T::from_f64(self.slope);
@@ -54,7 +84,7 @@ impl Calibration {
 }
 
 /// What a network says about the sites of one part and one cutter, as numbers.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Prediction<T> {
     /// Two logits per site of head 1: accessible, inaccessible.

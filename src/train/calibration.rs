@@ -7,8 +7,10 @@
 
 use super::evaluate::predict;
 use crate::data::Sample;
+use crate::loss::{check_logits, check_targets};
 use crate::model::heads::N_HEADS;
 use crate::model::{Calibration, Model, SiteNetwork};
+use crate::scalar::Scalar;
 use crate::{Error, Result};
 
 /// The calibration of each head at which the labels of `samples` are most likely; sets [`Model::calibration`] to it.
@@ -36,18 +38,73 @@ pub fn fit<N: SiteNetwork<f32>>(
     }
     let mut calibration = [Calibration::IDENTITY; N_HEADS];
     for (found, margins) in calibration.iter_mut().zip(&margins) {
-        *found = most_likely(margins).ok_or_else(|| {
-            let found =
-                "labels of one class alone, or a network that is no better than chance or never errs";
-            let expected = "labels of both classes and predictions that are mostly right";
-            let remedy = "take a validation set of several parts, and train longer";
-            Error::argument("calibration", found, expected, remedy)
-        })?;
+        *found = most_likely(margins).ok_or_else(no_calibration)?;
     }
     model.calibration = calibration;
     Ok(calibration)
 }
 
+impl Calibration {
+    /// The calibration of one head of any network at which `classes` are most likely by its logits,
+    /// `[n, n_classes]` row-major: of two classes slope and offset, of more the slope alone (temperature scaling).
+    ///
+    /// ```
+    /// use deepmill::model::Calibration;
+    ///
+    /// // Ten rows that all call class 2 more likely by e⁴ than the others: eight times it is.
+    /// let logits = [0.0, 0.0, 4.0].repeat(10);
+    /// let found = Calibration::fit(&logits, &[2_u8, 2, 2, 2, 0, 2, 2, 2, 2, 1], 3)?;
+    /// assert!((found.slope - 8_f64.ln() / 4.0).abs() < 1e-9); // e^(4 · slope) is 8
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    ///
+    /// Its samples should be a validation set. [`Calibration::calibrate`] applies it; serde writes it beside a model.
+    ///
+    /// # Errors
+    /// If there are fewer than two classes, a class is none of them, the number of logits is not that of rows times
+    /// classes, or a logit is not finite; if the network is no better than chance or never errs, or of two classes there
+    /// is one alone.
+    pub fn fit<T: Scalar, C: Copy + Into<usize>>(
+        logits: &[T],
+        classes: &[C],
+        n_classes: usize,
+    ) -> Result<Self> {
+        if n_classes < 2 {
+            let remedy = "a network that knows one class has no probabilities";
+            return Err(Error::argument("n_classes", n_classes, "2 or more", remedy));
+        }
+        check_targets(classes, n_classes)?;
+        check_logits(logits.len(), classes.len(), n_classes)?;
+        if let Some(i) = logits.iter().position(|logit| !logit.to_f64().is_finite()) {
+            return Err(Error::NotFinite {
+                place: format!("row {}, class {}", i / n_classes, i % n_classes),
+                found: format!("the logit is {}", logits[i].to_f64()),
+                remedy: "look for the layer with `GradientReport`, or train again".into(),
+            });
+        }
+        let rows = logits.chunks_exact(n_classes).zip(classes.iter().map(|&class| class.into()));
+        let found = match n_classes {
+            2 => {
+                let margin =
+                    |(row, class): (&[T], _)| (row[1].to_f64() - row[0].to_f64(), class == 1);
+                most_likely(&rows.map(margin).collect::<Vec<_>>())
+            }
+            _ => most_likely_slope(&rows.collect::<Vec<_>>()),
+        };
+        found.ok_or_else(no_calibration)
+    }
+}
+
+fn no_calibration() -> Error {
+    let found =
+        "labels of one class alone, or a network that is no better than chance or never errs";
+    let expected = "labels of both classes and predictions that are mostly right";
+    let remedy = "take a validation set of several parts, and train longer";
+    Error::argument("calibration", found, expected, remedy)
+}
+
+/// No network is so unsure.
+const MOST_SLOPE: f64 = 1e3;
 /// Newton steps: more than ever needed.
 const N_STEPS: usize = 100;
 
@@ -74,7 +131,36 @@ fn most_likely(margins: &[(f64, bool)]) -> Option<Calibration> {
             break;
         }
     }
-    (at.is_sound() && at.slope < 1e3).then_some(at)
+    (at.is_sound() && at.slope < MOST_SLOPE).then_some(at)
+}
+
+/// The slope that minimizes the sum of `log Σ exp(slope z) − slope z_y` over rows `z` of class `y`, which is convex: where
+/// its derivative changes the sign. `None` if that is at 0 or less, or beyond every sensible slope.
+fn most_likely_slope<T: Scalar>(rows: &[(&[T], usize)]) -> Option<Calibration> {
+    // Σ softmax(slope z) · z − z_y over all rows.
+    let derivative = |slope: f64| -> f64 {
+        let of_row = |&(row, class): &(&[T], usize)| {
+            let greatest = row.iter().fold(f64::NEG_INFINITY, |most, z| most.max(z.to_f64()));
+            let (mut sum, mut weighted) = (0.0, 0.0);
+            for z in row.iter().map(|z| z.to_f64() - greatest) {
+                let weight = libm::exp(slope * z);
+                sum += weight;
+                weighted += weight * z;
+            }
+            weighted / sum - (row[class].to_f64() - greatest)
+        };
+        rows.iter().map(of_row).sum()
+    };
+    let (mut low, mut high) = (0.0, MOST_SLOPE);
+    let crosses = derivative(low) < 0.0 && derivative(high) > 0.0;
+    while crosses && high - low > 1e-12 * high {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        if derivative(middle) < 0.0 { low = middle } else { high = middle }
+    }
+    crosses.then_some(Calibration { slope: 0.5 * (low + high), offset: 0.0 })
 }
 
 /// Sum of the losses of all margins, with its derivatives by slope and offset.
@@ -145,5 +231,55 @@ mod tests {
             vec![(f64::NAN, true), (1.0, false)],
         ];
         assert!(never.iter().all(|margins| most_likely(margins).is_none()));
+    }
+
+    #[test]
+    fn heads_of_any_number_of_classes_are_calibrated() {
+        for (n_classes, slope) in [(3, 0.5), (5, 2.0), (40, 0.3), (2, 1.4)] {
+            let mut stream = Stream::new(2, n_classes as u64, 0, Purpose::Probe);
+            let (mut logits, mut classes) = (Vec::<f32>::new(), Vec::<u16>::new());
+            for _ in 0..20_000 {
+                let row: Vec<f64> = (0..n_classes).map(|_| 2.0 * stream.normal()).collect();
+                let weights: Vec<f64> = row.iter().map(|z| libm::exp(slope * z)).collect();
+                let mut left = stream.unit() * weights.iter().sum::<f64>();
+                let passed = |weight: &f64| {
+                    left -= weight;
+                    left < 0.0
+                };
+                classes.push(weights.iter().position(passed).unwrap_or(n_classes - 1) as u16);
+                logits.extend(row.iter().map(|z| *z as f32));
+            }
+            let found = Calibration::fit(&logits, &classes, n_classes).unwrap();
+            assert!((found.slope / slope - 1.0).abs() < 0.05, "{found:?} for {slope}");
+            assert!(found.offset.abs() < 0.1 && (n_classes == 2 || found.offset == 0.0));
+            found.calibrate(&mut logits, n_classes).unwrap();
+            let again = Calibration::fit(&logits, &classes, n_classes).unwrap();
+            assert!((again.slope - 1.0).abs() < 1e-5 && again.offset.abs() < 1e-5, "{again:?}");
+        }
+    }
+
+    #[test]
+    fn heads_that_cannot_be_calibrated_are_named() {
+        let fit = |logits: &[f64], classes: &[u8], n| {
+            Calibration::fit(logits, classes, n).unwrap_err().to_string()
+        };
+        for (found, words) in [
+            (fit(&[0.0; 3], &[0; 3], 1), "n_classes is 1"),
+            (fit(&[0.0; 6], &[0, 3], 3), "target is 3 in row 1"),
+            (fit(&[0.0; 5], &[0, 1], 3), "number of logits is 5"),
+            (fit(&[0.0, 1.0, 2.0, f64::NAN, 1.0, 0.0], &[2, 0], 3), "row 1, class 0: "),
+            (fit(&[0.0, 0.0, 4.0], &[2], 3), "calibration is "),
+            (fit(&[0.0, 0.0, 4.0], &[0], 3), "calibration is "),
+            (fit(&[], &[], 3), "calibration is "),
+            (fit(&[0.0; 9], &[0, 1, 2], 3), "calibration is "),
+        ] {
+            assert!(found.starts_with(words), "{found}");
+        }
+        let mut logits = [1.0; 6];
+        for (slope, n_classes) in [(f64::NAN, 3), (0.0, 3), (1.0, 0), (1.0, 4)] {
+            let calibration = Calibration { slope, offset: 0.0 };
+            assert!(calibration.calibrate(&mut logits, n_classes).is_err());
+        }
+        assert_eq!(logits, [1.0; 6]);
     }
 }
