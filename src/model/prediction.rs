@@ -62,15 +62,15 @@ impl Calibration {
     /// logits are as they were.
     pub fn calibrate<T: Scalar>(&self, logits: &mut [T], n_classes: usize) -> Result<()> {
         self.check()?;
-        if n_classes == 0 || logits.len() % n_classes != 0 {
+        if n_classes == 0 || !logits.len().is_multiple_of(n_classes) {
             let expected = format!("a multiple of {n_classes} classes");
             let remedy = "give rows of as many logits as there are classes";
             return Err(Error::argument("number of logits", logits.len(), expected, remedy));
         }
         let [slope, offset] = [self.slope, self.offset].map(T::from_f64);
         for row in logits.chunks_exact_mut(n_classes) {
-            row.iter_mut().for_each(|logit| *logit = *logit * slope);
-            row[n_classes - 1] = row[n_classes - 1] + offset;
+            row.iter_mut().for_each(|logit| *logit *= slope);
+            row[n_classes - 1] += offset;
         }
         Ok(())
     }
