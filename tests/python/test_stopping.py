@@ -65,7 +65,10 @@ except KeyboardInterrupt:
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("text", [CHILD, LONG], ids=["between tools", "within a tool"])
 def test_ctrl_c_stops_long_work(stl, text):
-    child = subprocess.Popen([sys.executable, "-c", text, str(stl)], stdout=subprocess.PIPE, text=True)
+    # A shell without job control starts background jobs with SIGINT ignored, and children inherit that.
+    reset = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
+    command = [sys.executable, "-c", text, str(stl)]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=reset)
     try:
         assert child.stdout.readline() == "ready\n"
         time.sleep(0.2)
