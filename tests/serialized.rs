@@ -205,10 +205,15 @@ fn plans_of_setups_are_read_back() {
 
 #[test]
 fn predictions_are_read_back() {
-    let (_, sites, _) = scene();
+    let (part, sites, cutter) = scene();
     let model = Model::<f32>::new(&UNetConfig::tiny(), 1).unwrap();
     let prediction = model.predict(&sites.points, &sites.normals, [1.5, 6.0, 40.0, 5.0]).unwrap();
     again::<Prediction<f32>>(&prediction);
+    let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
+    let (options, up) = (SurfaceOptions::default(), Directions::up());
+    let predicted = prediction.answers();
+    let by = (&cutter, &up);
+    again(&obstacles.verify(&sites, by, &options, &predicted, (0.05, 1)).unwrap());
 }
 
 #[test]

@@ -67,19 +67,23 @@ impl Calibration {
             let remedy = "give rows of as many logits as there are classes";
             return Err(Error::argument("number of logits", logits.len(), expected, remedy));
         }
-        let [slope, offset] = [self.slope, self.offset].map(T::from_f64);
-        for row in logits.chunks_exact_mut(n_classes) {
-            row.iter_mut().for_each(|logit| *logit *= slope);
-            row[n_classes - 1] += offset;
-        }
+        logits.chunks_exact_mut(n_classes).for_each(|row| self.calibrate_row(row));
         Ok(())
+    }
+
+    fn calibrate_row<T: Scalar>(self, row: &mut [T]) {
+        let slope = T::from_f64(self.slope);
+        row.iter_mut().for_each(|logit| *logit *= slope);
+        if let Some(last) = row.last_mut().filter(|_| self.offset != 0.0) {
+            *last += T::from_f64(self.offset);
+        }
     }
 
     /// The logits of "no" and "yes".
     pub(super) fn apply<T: Scalar>(self, no: T, yes: T) -> [T; N_CLASSES] {
-        let slope = T::from_f64(self.slope);
-        let [no, yes] = [no * slope, yes * slope];
-        [no, if self.offset == 0.0 { yes } else { yes + T::from_f64(self.offset) }]
+        let mut row = [no, yes];
+        self.calibrate_row(&mut row);
+        row
     }
 }
 

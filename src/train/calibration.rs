@@ -3,7 +3,7 @@
 //! A network that says 0.8 of many sites is calibrated if 80 % of them are positive. A slope of the margin between its logits
 //! repairs what is too sure or not sure enough (temperature scaling: Guo, Pleiss, Sun and Weinberger, *On calibration of modern
 //! neural networks*, 2017), an offset what is said too often or too seldom (Platt, *Probabilistic outputs for support vector
-//! machines*, 1999). The offset moves decisions, too.
+//! machines*, 1999). The offset moves decisions, too. Heads of more than two classes have a slope alone, of all their logits.
 
 use super::evaluate::predict;
 use crate::data::Sample;
@@ -51,7 +51,7 @@ impl Calibration {
     /// ```
     /// use deepmill::model::Calibration;
     ///
-    /// // Ten rows that all call class 2 more likely by e⁴ than the others: eight times it is.
+    /// // Ten rows with the same logits; eight are of class 2, one is of each other class.
     /// let logits = [0.0, 0.0, 4.0].repeat(10);
     /// let found = Calibration::fit(&logits, &[2_u8, 2, 2, 2, 0, 2, 2, 2, 2, 1], 3)?;
     /// assert!((found.slope - 8_f64.ln() / 4.0).abs() < 1e-9); // e^(4 · slope) is 8
@@ -79,7 +79,7 @@ impl Calibration {
             return Err(Error::NotFinite {
                 place: format!("row {}, class {}", i / n_classes, i % n_classes),
                 found: format!("the logit is {}", logits[i].to_f64()),
-                remedy: "look for the layer with `GradientReport`, or train again".into(),
+                remedy: "train again with a lower learning rate".into(),
             });
         }
         let rows = logits.chunks_exact(n_classes).zip(classes.iter().map(|&class| class.into()));
@@ -155,9 +155,6 @@ fn most_likely_slope<T: Scalar>(rows: &[(&[T], usize)]) -> Option<Calibration> {
     let crosses = derivative(low) < 0.0 && derivative(high) > 0.0;
     while crosses && high - low > 1e-12 * high {
         let middle = 0.5 * (low + high);
-        if middle <= low || middle >= high {
-            break;
-        }
         if derivative(middle) < 0.0 { low = middle } else { high = middle }
     }
     crosses.then_some(Calibration { slope: 0.5 * (low + high), offset: 0.0 })
