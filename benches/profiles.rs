@@ -1,28 +1,33 @@
-//! Labels of tools given by their profile, against a dense search for poses.
+//! Labels of tools given by their profile: time, and equality with a dense search for poses.
 //!
 //! ```text
-//! cargo bench --bench profiles -- N_SITES N_DIRECTIONS PART.stl…
+//! cargo bench --bench profiles -- times N_SITES N_DIRECTIONS PART.stl…   labels: twelve tools
+//! cargo bench --bench profiles -- dense N_SITES N_DIRECTIONS PART.stl…   equality: eleven of them
 //! ```
 //!
-//! Eleven tools that cut with their flank or the end. At every site that the labels do not reach, all poses of a dense
+//! *Times*: seconds of the lesser of two runs; ends with the median and the most of all parts and tools.
+//!
+//! *Dense*: tools that cut with their flank or the end. At every site that the labels do not reach, all poses of a dense
 //! set are tried in every direction: places of the cutting profile 0.1 mm apart, 72 turns around the axis; first those
 //! with normals up to 7° apart, as the definition has them but for facets, then up to 84°, which pass around edges too.
 //! A pose counts if it is free, and so is the tool at every step of a retreat: straight along the axis, or to
 //! one of 72 sides and then along it. Profiles are read here from their text. Drills go by closed forms and are left out.
+//! A line for a tool: sites, those that labels reach, those that the dense search alone reaches within 7° and within 84°,
+//! those without a proven retreat in the labels.
 //!
-//! Parts with an edge of the bounding box below 80 mm are scaled up to 80 mm. A line for a tool: sites, those that labels
-//! reach, those that the dense search alone reaches within 7° and within 84°, those without a proven retreat in the
-//! labels.
+//! Parts with an edge of the bounding box below 80 mm are scaled up to 80 mm.
 #![allow(clippy::print_stdout)]
 
-use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
+use deepmill::access::surface::{SiteAnswer, SurfaceLabels, SurfaceOptions, TriangleObstacles};
 use deepmill::cutter::{Assembly, Cutter, Profile, Section};
 use deepmill::directions::Directions;
+use deepmill::geom::Sites;
 use deepmill::geom::formats::{ReadOptions, read_mesh};
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::glam::{DVec2, DVec3, Vec3, dvec2};
 use std::f64::consts::TAU;
 use std::path::Path;
+use std::time::Instant;
 
 /// Along the profile, mm, and around the axis.
 const STEP_MM: f64 = 0.1;
@@ -32,6 +37,8 @@ const LEAST_COSINES: [f64; 2] = [0.993, 0.1];
 /// Of a retreat, mm.
 const RETREAT_MM: f64 = 0.25;
 const STICK_OUT_MM: f64 = 40.0;
+/// The only tool that cuts along its axis alone.
+const DRILL: &str = "drill";
 /// Height and radius of the holder, mm.
 const HOLDER: [f64; 2] = [30.0, 20.0];
 
@@ -43,17 +50,33 @@ struct Place {
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|arg| arg != "--bench").collect();
-    let [n_sites, n_directions, parts @ ..] = &args[..] else {
+    let [mode, n_sites, n_directions, parts @ ..] = &args[..] else {
         // As `cargo bench` runs all: nothing to read.
         return;
     };
     let number = |text: &str| text.parse().expect("a number");
     let directions = Directions::fibonacci_hemisphere(number(n_directions)).expect("directions");
-    println!(
-        "part                      tool                sites  reached  alone 7°  alone 84°  no retreat"
-    );
+    let is_dense = match &**mode {
+        "dense" => true,
+        "times" => false,
+        _ => panic!("times or dense; see the first lines of benches/profiles.rs"),
+    };
+    if is_dense {
+        println!(
+            "part                      tool                sites  reached  alone 7°  alone 84°  no retreat"
+        );
+    }
+    let mut seconds = Vec::new();
     for part in parts {
-        hold(part, number(n_sites), &directions);
+        let part = Part::read(part, number(n_sites));
+        match is_dense {
+            true => part.hold(&directions),
+            false => seconds.extend(part.times(&directions)),
+        }
+    }
+    seconds.sort_by(f64::total_cmp);
+    if let Some(most) = seconds.last() {
+        println!("median {:.3} s, most {most:.3} s", seconds[seconds.len() / 2]);
     }
 }
 
@@ -73,65 +96,120 @@ fn tools() -> Vec<(&'static str, Profile)> {
         ("tapered ball", text("0:0 2.988584:2.738533@0:3 4:14.299")),
         ("chamfer", Profile::chamfer(0.5, degrees(45.0), 5.0)),
         ("relieved neck", text("2:0 2:6 | 1.7:6 1.7:20 3:22")),
+        (DRILL, text("drill 0:0 2.5:1.502 2.5:40")),
     ]
     .into_iter()
     .map(|(name, profile)| (name, profile.expect(name)))
     .collect()
 }
 
-fn hold(part: &str, n_sites: usize, directions: &Directions) {
-    let mut mesh = read_mesh(Path::new(part), &ReadOptions::default()).expect("a mesh");
-    let (low, high) = mesh.bounds().expect("a mesh with vertices");
-    let factor = (80.0 / (high - low).min_element()).max(1.0);
-    mesh.vertices.iter_mut().for_each(|v| *v *= factor);
-    let size = factor * (high - low).length();
-    let sites = sample(&mesh, &SiteOptions::default().with_n_sites(n_sites)).expect("sites");
-    let obstacles = TriangleObstacles::new(&mesh, &[]).expect("obstacles");
-    let options = SurfaceOptions::default().with_occlusion(false).with_refinement(None);
-    let name = Path::new(part).file_stem().and_then(|name| name.to_str()).unwrap_or(part);
-    for (tool, profile) in tools() {
-        let holder = [Section::cylinder(HOLDER[0], HOLDER[1])];
-        let held = Assembly::from_profile(profile.clone(), &holder, STICK_OUT_MM).expect(tool);
-        let cutter = held.cutter().expect(tool);
-        let labels = obstacles.label(&sites, &cutter, directions, &options).expect("labels");
-        let search = Search { obstacles: &obstacles, cutter: &cutter, options: &options, size };
-        let places = places(&profile.to_string());
-        let reached: Vec<bool> = labels.witness.iter().map(Option::is_some).collect();
-        let mut n_alone = [0; 2];
-        for i in (0..sites.len()).filter(|i| !reached[*i]) {
-            let site = [sites.points[i], sites.normals[i]].map(|p| p.as_dvec3());
-            let found = LEAST_COSINES.iter().enumerate().find_map(|(k, least)| {
-                let mut all = directions.vectors().iter();
-                Some((k, all.find_map(|d| search.densely(site, *d, (&places, *least)))?))
-            });
-            if let Some((k, (direction, tip))) = found {
-                n_alone[k] += 1;
-                let degrees = LEAST_COSINES[k].acos().to_degrees();
-                println!("  {degrees:.0}°: {site:?} from {direction:?} with the tip at {tip:?}");
-            }
+/// A part with its sites.
+struct Part {
+    name: String,
+    sites: Sites,
+    obstacles: TriangleObstacles,
+    /// Diagonal of its box, mm.
+    size: f64,
+}
+
+impl Part {
+    fn read(path: &str, n_sites: usize) -> Self {
+        let path = Path::new(path);
+        let mut mesh = read_mesh(path, &ReadOptions::default()).expect("a mesh");
+        let (low, high) = mesh.bounds().expect("a mesh with vertices");
+        let factor = (80.0 / (high - low).min_element()).max(1.0);
+        mesh.vertices.iter_mut().for_each(|v| *v *= factor);
+        Part {
+            name: path.file_stem().expect("a file").to_string_lossy().into_owned(),
+            sites: sample(&mesh, &SiteOptions::default().with_n_sites(n_sites)).expect("sites"),
+            obstacles: TriangleObstacles::new(&mesh, &[]).expect("obstacles"),
+            size: factor * (high - low).length(),
         }
-        let n_reached = reached.iter().filter(|reached| **reached).count();
-        let n_unproven = labels.retreat_unproven.iter().filter(|unproven| **unproven).count();
-        println!(
-            "{name:<25} {tool:<17} {:>7} {n_reached:>8} {:>9} {:>10} {n_unproven:>11}",
-            sites.len(),
-            n_alone[0],
-            n_alone[1]
-        );
+    }
+
+    fn labels(&self, cutter: &Cutter, directions: &Directions) -> SurfaceLabels {
+        self.obstacles.label(&self.sites, cutter, directions, &options()).expect("labels")
+    }
+
+    /// Seconds of each tool.
+    fn times(&self, directions: &Directions) -> Vec<f64> {
+        let time = |(tool, profile): (&str, Profile)| {
+            let cutter = held(tool, profile);
+            let run = || {
+                let start = Instant::now();
+                let labels = self.labels(&cutter, directions);
+                (start.elapsed().as_secs_f64(), labels.share(SiteAnswer::Accessible))
+            };
+            let ((first, share), (second, _)) = (run(), run());
+            let least = first.min(second);
+            println!(
+                "{:<25} {tool:<17} {least:>7.3} s, {:>5.1} % reached",
+                self.name,
+                100.0 * share
+            );
+            least
+        };
+        tools().into_iter().map(time).collect()
+    }
+
+    fn hold(&self, directions: &Directions) {
+        for (tool, profile) in tools().into_iter().filter(|(tool, _)| *tool != DRILL) {
+            let places = places(&profile.to_string());
+            let cutter = held(tool, profile);
+            let labels = self.labels(&cutter, directions);
+            let options = options();
+            let search = Search { part: self, cutter: &cutter, options: &options };
+            let reached: Vec<bool> = labels.witness.iter().map(Option::is_some).collect();
+            let mut n_alone = [0; 2];
+            for i in (0..self.sites.len()).filter(|i| !reached[*i]) {
+                let site = [self.sites.points[i], self.sites.normals[i]].map(|p| p.as_dvec3());
+                let found = LEAST_COSINES.iter().enumerate().find_map(|(k, least)| {
+                    let mut all = directions.vectors().iter();
+                    Some((k, all.find_map(|d| search.densely(site, *d, (&places, *least)))?))
+                });
+                if let Some((k, (direction, tip))) = found {
+                    n_alone[k] += 1;
+                    let degrees = LEAST_COSINES[k].acos().to_degrees();
+                    println!(
+                        "  {degrees:.0}°: {site:?} from {direction:?} with the tip at {tip:?}"
+                    );
+                }
+            }
+            let n_reached = reached.iter().filter(|reached| **reached).count();
+            let n_unproven = labels.retreat_unproven.iter().filter(|unproven| **unproven).count();
+            println!(
+                "{:<25} {tool:<17} {:>7} {n_reached:>8} {:>9} {:>10} {n_unproven:>11}",
+                self.name,
+                self.sites.len(),
+                n_alone[0],
+                n_alone[1]
+            );
+        }
     }
 }
 
+fn options() -> SurfaceOptions {
+    SurfaceOptions::default().with_occlusion(false).with_refinement(None)
+}
+
+fn held(tool: &str, profile: Profile) -> Cutter {
+    let holder = [Section::cylinder(HOLDER[0], HOLDER[1])];
+    let held = Assembly::from_profile(profile, &holder, STICK_OUT_MM).expect(tool);
+    held.cutter().expect(tool)
+}
+
 struct Search<'a> {
-    obstacles: &'a TriangleObstacles,
+    part: &'a Part,
     cutter: &'a Cutter,
     options: &'a SurfaceOptions,
-    /// Diagonal of the part's box, mm.
-    size: f64,
 }
 
 impl Search<'_> {
     fn free(&self, poses: &[(Vec3, DVec3)]) -> Vec<bool> {
-        self.obstacles.are_free(self.cutter, poses, self.options).expect("a tool by its profile")
+        self.part
+            .obstacles
+            .are_free(self.cutter, poses, self.options)
+            .expect("a tool by its profile")
     }
 
     /// The first pose of a dense set that is free and may be drawn back.
@@ -164,7 +242,7 @@ impl Search<'_> {
             let poses: Vec<_> = (0..=n).map(step).collect();
             self.free(&poses).into_iter().all(|free| free)
         };
-        if way(tip, up, 2.0 * self.size) {
+        if way(tip, up, 2.0 * self.part.size) {
             return true;
         }
         let (u, v) = up.any_orthonormal_pair();
@@ -172,7 +250,7 @@ impl Search<'_> {
             let lengths = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
             lengths.into_iter().take_while(|length| way(tip, aside, *length)).any(|length| {
                 let tip = tip + aside * length;
-                way(tip, up, 2.0 * self.size)
+                way(tip, up, 2.0 * self.part.size)
             })
         })
     }

@@ -25,7 +25,8 @@
 //! for every site, for every direction, for every place of the profile with the site's normal:
 //!     some triangle penetrated by the pose: next; the one that the last pose met is tried first
 //!     straight retreat free, or moved aside and free: accessible
-//! if none: for every direction again, pushing poses along the profile, clear of what they penetrate;
+//! if none: for every direction again, pushing poses along the profile, clear of what they penetrate: those that
+//!     penetrate least until it leads no further, those after them a few times;
 //!     on an arc only if a ball inside of the tool has a place at the site, which is one search for all directions
 //! ```
 //!

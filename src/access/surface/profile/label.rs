@@ -3,7 +3,7 @@
 use super::balls::{Around, Balls};
 use super::bands::Bands;
 use super::body::{Body, Shrunk};
-use super::contact::{Contacts, Pose, REACH};
+use super::contact::{Contacts, FEW_PUSHES, PUSHES, Pose, REACH};
 use super::drill::Drill;
 use super::frame::Frame;
 use super::meet::{Hit, deepest, penetrates};
@@ -217,34 +217,36 @@ impl<'a> ProfileTool<'a> {
     }
 
     /// About the deepest point of triangles that the tool penetrates, and the place of its triangle; `first` is the place
-    /// of a triangle that is tried first.
+    /// of a triangle that is tried first. With a place and point that are enough none deeper is looked for.
     pub(super) fn deepest_hit(
         &self,
         frame: &Frame,
         tip: DVec3,
         form: Form,
         first: Option<u32>,
+        is_enough: impl Fn(u32, DVec3) -> bool,
     ) -> Option<(u32, DVec3)> {
         let stand = Stand { reference: tip, axes: frame.axes };
         let (mut most, mut best) = (0.0, None);
         let mut test = |place: u32, most: &mut f64| {
             let corners = stand.triangle(self.bvh.triangle(place));
             let found = deepest(form.of(self.shrunk(place)), &corners, DEEPER * *most);
-            if let Some((depth, point)) = found {
+            found.map(|(depth, point)| {
                 (*most, best) = (depth, Some((place, point)));
-            }
-            found.is_some()
+                is_enough(place, point)
+            })
         };
-        if let Some(place) = first {
-            test(place, &mut most);
+        if first.and_then(|place| test(place, &mut most)) == Some(true) {
+            return best;
         }
         // What is not deeper than the deepest so far is outside of a narrower tool.
         let mut bands = self.bands(form, -DEEPER * most);
         self.bvh.visit(&stand, &mut bands, &mut Vec::new(), |place, bands| {
-            if test(place, &mut most) {
+            let is_enough = test(place, &mut most);
+            if is_enough == Some(false) {
                 *bands = self.bands(form, -DEEPER * most);
             }
-            false
+            is_enough == Some(true)
         });
         best
     }
@@ -312,12 +314,15 @@ impl<'a> ProfileTool<'a> {
                 return found.with_witness(frame.direction, &state);
             }
         }
-        for Candidate { k, pose, .. } in suggested.poses.into_iter().chain(shallow.poses) {
-            let frame = &frames[k];
-            let from = (pose, frame.local(normal));
-            let tip = self.slide(frame, contact.point, from, &mut state);
-            if tip.is_some_and(|tip| self.retracts(frame, tip, &mut state, &mut found)) {
-                return found.with_witness(frame.direction, &state);
+        let [first, after] = Shallow::in_turns([suggested, shallow]);
+        for (candidates, pushes) in [(first, PUSHES), (after, FEW_PUSHES)] {
+            for Candidate { k, pose, .. } in candidates {
+                let frame = &frames[k];
+                let from = (pose, frame.local(normal));
+                let tip = self.slide(pushes, frame, contact.point, from, &mut state);
+                if tip.is_some_and(|tip| self.retracts(frame, tip, &mut state, &mut found)) {
+                    return found.with_witness(frame.direction, &state);
+                }
             }
         }
         SiteResult { n_tested: state.n_tested, ..found }

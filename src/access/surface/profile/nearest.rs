@@ -10,13 +10,13 @@
 //!
 //! It is an upper bound: of the poses tried and where they are pushed to.
 
-use super::contact::{BEYOND_MM, LEAST_COSINE, Pose};
+use super::contact::{BEYOND_MM, LEAST_COSINE, PUSHES, Pose};
 use super::depth::Ladder;
 use super::drilling::DrillPose;
 use super::frame::Frame;
 use super::label::{Form, MOST_RETREATS, ProfileTool, SiteResult, State};
 use super::meet::penetrates;
-use super::push::{PUSHES, Pushes};
+use super::push::Pushes;
 use crate::access::surface::tool::{Contact, Stand};
 use crate::cutter::ToolPart;
 use glam::{DVec2, DVec3};
@@ -232,7 +232,9 @@ impl Search<'_> {
         for k in 0..PUSHES {
             let tip = tool.tip(frame, self.site, &pose);
             let touches = tool.contacts.normal(&pose).dot(-self.normal) >= LEAST_COSINE;
-            let Some((place, point, depth)) = tool.deepest(frame, tip, self.state.last) else {
+            let Some((place, point, depth)) =
+                tool.deepest(frame, tip, self.state.last, |_, _| false)
+            else {
                 let last = &mut self.state.last;
                 if touches && tool.first_hit(frame, tip, Form::Whole, last).is_none() {
                     self.note_free(tip);

@@ -5,12 +5,12 @@
 //!     the triangle that is deepest across the axis, and the point of it; if that lies on a face of the tool, the point
 //!         that is deepest from the faces as well
 //!     none: free if nothing at all is penetrated
-//!     deeper than the pose has freedom: given up
+//!     deeper than the pose has freedom: given up; so it is with any point that is, the deepest or not
 //!     as deep as before for the second time: once more from the first pose, along normals of triangles; then given up
 //!     push clear of it along the profile, else across the axis; off the same triangle again, by the secant of its depths
 //! ```
 
-use super::contact::{BEYOND_MM, LEAST_COSINE, Pose, REACH, SHALLOWER};
+use super::contact::{BEYOND_MM, FEW_PUSHES, LEAST_COSINE, Pose, REACH, SHALLOWER};
 use super::frame::Frame;
 use super::label::{Form, ProfileTool, State};
 use super::meet::deepest_from_faces;
@@ -18,9 +18,8 @@ use super::outline::Depth;
 use crate::access::surface::tool::Stand;
 use glam::DVec3;
 
-// Chosen on the T-slot and the turned part of the tests.
-/// Pushes of one pose, and how many of them may meet a triangle again that is not less deep by a tenth.
-pub(super) const PUSHES: usize = 16;
+/// So many pushes of a pose may meet a triangle again that is not less deep by a tenth. Chosen on the T-slot and the
+/// turned part of the tests.
 const MOST_STALLED: usize = 2;
 
 /// A triangle that a pose was pushed clear of.
@@ -100,8 +99,9 @@ impl ProfileTool<'_> {
         frame: &Frame,
         tip: DVec3,
         first: Option<u32>,
+        is_enough: impl Fn(u32, DVec3) -> bool,
     ) -> Option<(u32, DVec3, Depth)> {
-        let (place, point) = self.deepest_hit(frame, tip, Form::Whole, first)?;
+        let (place, point) = self.deepest_hit(frame, tip, Form::Whole, first, is_enough)?;
         let shrunk = self.shrunk(place);
         let depth = self.outline.depth(point);
         if depth.mm - shrunk.tolerance > BEYOND_MM {
@@ -115,34 +115,46 @@ impl ProfileTool<'_> {
         Some((place, point, self.outline.depth(point)))
     }
 
-    /// The tip of a free pose, pushed from one that is not: along the profile, and where that goes to and fro along the
-    /// normals of what is penetrated. Between a facet and a rim of the tool these lead sideways.
+    /// The tip of a free pose, pushed from one that is not: along the profile, and where that goes to and fro in more than
+    /// a few pushes along the normals of what is penetrated. Between a facet and a rim of the tool these lead sideways.
     pub(super) fn slide(
         &self,
+        n_pushes: usize,
         frame: &Frame,
         site: DVec3,
         from: (Pose, DVec3),
         state: &mut State,
     ) -> Option<DVec3> {
-        match self.slide_by(Way::Profile, frame, site, from, state) {
-            Slid::ToAndFro => self.slide_by(Way::Normals, frame, site, from, state).free(),
+        match self.slide_by((Way::Profile, n_pushes), frame, site, from, state) {
+            Slid::ToAndFro if n_pushes > FEW_PUSHES => {
+                self.slide_by((Way::Normals, n_pushes), frame, site, from, state).free()
+            }
             slid => slid.free(),
         }
     }
 
     fn slide_by(
         &self,
-        way: Way,
+        (way, n_pushes): (Way, usize),
         frame: &Frame,
         site: DVec3,
         (mut pose, normal): (Pose, DVec3),
         state: &mut State,
     ) -> Slid {
         let mut pushes = Pushes::default();
-        for _ in 0..PUSHES {
+        for _ in 0..n_pushes {
             state.n_tested += 1;
             let tip = self.tip(frame, site, &pose);
-            let Some((place, point, depth)) = self.deepest(frame, tip, state.last) else {
+            let excess = |place: u32, depth: f64| depth - self.shrunk(place).tolerance;
+            let reach = |place: u32| {
+                let slack = self.shrunk(place).tolerance + self.finish();
+                REACH * self.contacts.freedom(&pose, slack)
+            };
+            let is_enough = |place: u32, point: DVec3| {
+                excess(place, self.outline.depth(point).mm) > reach(place)
+            };
+            let deepest = self.deepest(frame, tip, state.last, is_enough);
+            let Some((place, point, depth)) = deepest else {
                 // The deepest point is found roughly: nothing at all must be penetrated.
                 let touches = self.contacts.normal(&pose).dot(-normal) >= LEAST_COSINE;
                 if !touches || self.first_hit(frame, tip, Form::Whole, &mut state.last).is_some() {
@@ -150,11 +162,9 @@ impl ProfileTool<'_> {
                 }
                 return Slid::Free(tip);
             };
-            let by = (depth.mm - self.shrunk(place).tolerance).max(0.0) + BEYOND_MM;
+            let by = excess(place, depth.mm).max(0.0) + BEYOND_MM;
             state.last = Some(place);
-            if by
-                > REACH * self.contacts.freedom(&pose, self.shrunk(place).tolerance + self.finish())
-            {
+            if by > reach(place) {
                 return Slid::Closed;
             }
             let Some(by) = pushes.next(place, by) else { return Slid::ToAndFro };

@@ -59,7 +59,7 @@ impl ProfileTool<'_> {
         let (mut by, mut last) = (DVec2::ZERO, None);
         for _ in 0..PUSHES {
             let Some((place, point)) =
-                self.deepest_hit(frame, frame.moved(tip, by), Form::Retracting, last)
+                self.deepest_hit(frame, frame.moved(tip, by), Form::Retracting, last, |_, _| false)
             else {
                 return Some(by);
             };

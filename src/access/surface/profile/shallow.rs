@@ -2,10 +2,13 @@
 
 use super::contact::Pose;
 
-/// Poses of one site that are pushed, those that penetrate least: at least so many, more along few directions.
+/// Poses of one site that are pushed as far as that leads, those that penetrate least: at least so many, more along few
+/// directions.
 const PUSHED: usize = 10;
 const PUSHED_OF_FEW: usize = 40;
 const PUSHED_OF_ALL: usize = 200;
+/// Those after them, which are pushed a few times: of what comes clear most does so by then.
+const PUSHED_SHORTLY: usize = 60;
 
 /// A pose that penetrates something.
 #[derive(Debug, Clone, Copy)]
@@ -20,26 +23,39 @@ pub(super) struct Candidate {
 /// The poses that penetrate least, in that order; the first among equals.
 #[derive(Debug)]
 pub(super) struct Shallow {
-    pub poses: Vec<Candidate>,
-    most: usize,
+    poses: Vec<Candidate>,
+    /// How many of them are pushed as far as that leads.
+    n_first: usize,
 }
 
 impl Shallow {
     pub fn along(n_directions: usize) -> Self {
-        let most = (PUSHED_OF_ALL / n_directions.max(1)).clamp(PUSHED, PUSHED_OF_FEW);
-        Shallow { poses: Vec::new(), most }
+        let n_first = (PUSHED_OF_ALL / n_directions.max(1)).clamp(PUSHED, PUSHED_OF_FEW);
+        Shallow { poses: Vec::new(), n_first }
     }
 
     /// Along the directions that the part suggests, beside the others.
     pub fn suggested() -> Self {
-        Shallow { poses: Vec::new(), most: PUSHED }
+        Shallow { poses: Vec::new(), n_first: PUSHED }
     }
 
     pub fn add(&mut self, candidate: Candidate) {
         let at = self.poses.partition_point(|other| other.depth <= candidate.depth);
-        if at < self.most {
-            self.poses.truncate(self.most - 1);
+        let most = self.n_first + PUSHED_SHORTLY;
+        if at < most {
+            self.poses.truncate(most - 1);
             self.poses.insert(at, candidate);
         }
+    }
+
+    /// The first of each, then those after them.
+    pub fn in_turns(of: [Shallow; 2]) -> [Vec<Candidate>; 2] {
+        let mut turns = [Vec::new(), Vec::new()];
+        for Shallow { poses, n_first } in of {
+            let (first, after) = poses.split_at(n_first.min(poses.len()));
+            turns[0].extend_from_slice(first);
+            turns[1].extend_from_slice(after);
+        }
+        turns
     }
 }
