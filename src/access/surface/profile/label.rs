@@ -348,6 +348,15 @@ impl<'a> ProfileTool<'a> {
         self.retracts_aside(frame, tip, &mut state.last_retracting)
     }
 
+    /// Whether a pose is free and a retreat from it is proven.
+    pub fn is_free_with_retreat(&self, pose: &WitnessPose) -> bool {
+        let (frame, tip) = (Frame::along(pose.direction), pose.tip_mm);
+        let mut last = None;
+        self.is_free(&frame, tip)
+            && (self.retracts_along_axis(&frame, tip, &mut last)
+                || (!self.only_widens && self.retracts_aside(&frame, tip, &mut last)))
+    }
+
     /// Whether only what cuts is in the way.
     fn only_cutting_penetrates(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
         self.first_hit(frame, tip, Form::NonCutting, last).is_none()
