@@ -181,7 +181,11 @@ impl Contact {
         let center = self.corner_center(outline, direction);
         let normal = self.normal.unwrap_or(direction);
         let across = normal - direction * normal.dot(direction);
-        center + across.normalize_or_zero() * outline.side
+        // Of a direction along the normal rounding alone is left, which may be along it.
+        match across.length() < ALONG {
+            true => center,
+            false => center + across.normalize() * outline.side,
+        }
     }
 
     /// Whether [`Contact::reference_point`] is where [`access`](crate::access) puts it, so that points decide.
@@ -198,6 +202,9 @@ impl Contact {
 
 /// Sine of the angle between normal and direction from which on a flat end touches with its rim alone.
 pub(super) const OBLIQUE: f64 = 0.3;
+
+/// Sine of the angle up to which a direction is along the normal.
+const ALONG: f64 = 1e-9;
 
 /// Where a tool stands: its reference point and axes.
 #[derive(Debug, Clone, Copy)]

@@ -1,6 +1,7 @@
 //! What a shop knows: floors, corners, fillets and bowls, +z alone, with answers computed by hand.
 
 use super::*;
+use crate::access::Queries;
 
 /// A block around a hollow: closed rings of as many places each, from its bottom's rim outward, up, inward and down to
 /// the floor; both ends are closed by fans about the means of their rings.
@@ -189,4 +190,66 @@ fn walls_of_a_block_stay_reached_whatever_clearance_the_holder_is_given() {
             assert_eq!(found == SiteAnswer::Accessible, upward(normal), "{clearance}, {normal}");
         }
     }
+}
+
+#[test]
+fn a_floor_along_whose_normal_no_tool_fits_is_not_reached_however_the_part_is_turned() {
+    // A round pocket of radius 4, 2 deep, and a flat end of radius 5, which is free 5 mm higher.
+    let upright = turned(&[[4.0, 0.0], [4.0, -2.0]], 40);
+    let cutter = Cutter::flat_end([5.0, 40.0, 30.0, 40.0].into()).unwrap();
+    let options = SurfaceOptions::default().with_refinement(None).with_occlusion(false);
+    let mut n_same = 0;
+    for k in 0..40 {
+        let turn = glam::DQuat::from_axis_angle(dvec3(0.6, -0.8, 0.0), 0.03 * f64::from(k))
+            * glam::DQuat::from_rotation_y(0.05 * f64::from(k));
+        let mut part = upright.clone();
+        part.vertices.iter_mut().for_each(|v| *v = turn * *v);
+        let normal = (turn * DVec3::Z).as_vec3();
+        let vectors = vec![normal.as_dvec3().to_array()];
+        let along = Directions::new(DirectionSet::List { vectors }).unwrap();
+        n_same += usize::from(along.vectors()[0] == normal);
+        let points: Vec<Vec3> =
+            (0..8).map(|k| (turn * dvec3(0.4 * f64::from(k), 0.1, -2.0)).as_vec3()).collect();
+        let sites = Sites { normals: vec![normal; points.len()], points, faces: vec![] };
+        let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
+        let labels = obstacles.label(&sites, &cutter, &along, &options).unwrap();
+        let reached = labels.witness.iter().flatten().count();
+        assert_eq!(reached, 0, "{turn}: {:?}", labels.witness);
+    }
+    assert!(n_same > 20, "directions along normals to the last bit: {n_same} of 40");
+}
+
+#[test]
+fn the_tool_touches_its_point_of_space_in_every_witness() {
+    // Between the point and the end of the tool is the finish tolerance, and nothing else.
+    let part = turned(&[[6.0, 0.0], [5.0, -4.0], [2.0, -7.0]], 24);
+    let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
+    let at =
+        |k: i32| Vec3::new((k % 9 - 4) as f32, (k / 9 % 9 - 4) as f32, (k / 81) as f32 * 0.8 - 6.5);
+    let points: Vec<Vec3> = (0..9 * 9 * 9).map(at).collect();
+    let directions = Directions::fibonacci_hemisphere(40).unwrap();
+    let options = SurfaceOptions::default().with_refinement(None).with_occlusion(false);
+    let mut n_reached = 0;
+    for [radius, corner] in [[3.0, 0.0], [3.0, 1.0], [2.0, 2.0]] {
+        let cutter = Cutter::bull_nose([radius, 20.0, 20.0, 30.0].into(), corner).unwrap();
+        let labels =
+            obstacles.label(Queries::Volume(&points), &cutter, &directions, &options).unwrap();
+        for (point, pose) in points.iter().zip(&labels.witness) {
+            let Some(pose) = pose else { continue };
+            let axis = pose.direction.as_dvec3().normalize();
+            let from = point.as_dvec3() - pose.tip_mm;
+            let height = from.dot(axis);
+            let across = (from - axis * height).length();
+            // From the end: a disc within the corner, a torus around it, a cylinder above.
+            let away = match height < corner {
+                true => {
+                    dvec2((across - (radius - corner)).max(0.0), height - corner).length() - corner
+                }
+                false => across - radius,
+            };
+            assert!(away < options.finish_mm + 1e-6, "{cutter}: {point} {pose:?} {away}");
+            n_reached += 1;
+        }
+    }
+    assert!(n_reached > 500, "{n_reached}");
 }

@@ -150,6 +150,16 @@ fn hold_against_lengths(
     let (more, fewer) = (only(&found, &expected), only(&expected, &found));
     let few = more * 200 < sites.len() && fewer * 50 < sites.len();
     prop_assert!(few, "{text} {stick_out}: {more} {fewer}");
+    // Every witness touches its site: the finish tolerance is all that is between them.
+    let outline = Outline::new(by_profile.profile().unwrap());
+    for labels in [&found, &expected] {
+        for (point, pose) in sites.points.iter().zip(&labels.witness) {
+            let Some(pose) = pose else { continue };
+            let stand = Stand { reference: pose.tip_mm, axes: axes(pose.direction) };
+            let depth = outline.depth(stand.local(point.as_dvec3())).mm;
+            prop_assert!(depth >= -options.finish_mm - 1e-6, "{text}: {point} {pose:?}");
+        }
+    }
     // Every pose that one of them finds is free for the other.
     let poses = expected.witness.iter().flatten().map(|pose| (pose.direction, pose.tip_mm));
     let poses: Vec<(Vec3, DVec3)> = poses.collect();
