@@ -2,6 +2,9 @@
 
 use super::*;
 use crate::access::Queries;
+use crate::access::surface::WitnessPose;
+use crate::cutter::{Assembly, Section, TipShape};
+use crate::geom::sites::{SiteOptions, sample};
 
 /// A block around a hollow: closed rings of as many places each, from its bottom's rim outward, up, inward and down to
 /// the floor; both ends are closed by fans about the means of their rings.
@@ -219,6 +222,21 @@ fn a_floor_along_whose_normal_no_tool_fits_is_not_reached_however_the_part_is_tu
     assert!(n_same > 20, "directions along normals to the last bit: {n_same} of 40");
 }
 
+/// How far a point is from the end of a bull nose in a pose, mm; negative inside.
+fn away([radius, corner]: [f64; 2], point: Vec3, pose: &WitnessPose) -> f64 {
+    let axis = pose.direction.as_dvec3().normalize();
+    let from = point.as_dvec3() - pose.tip_mm;
+    let height = from.dot(axis);
+    let across = (from - axis * height).length();
+    // A disc within the corner, a torus around it, a cylinder above.
+    match height < corner {
+        true => dvec2((across - (radius - corner)).max(0.0), height - corner).length() - corner,
+        false => across - radius,
+    }
+}
+
+const BULL_NOSES: [[f64; 2]; 3] = [[3.0, 0.0], [3.0, 1.0], [2.0, 2.0]];
+
 #[test]
 fn the_tool_touches_its_point_of_space_in_every_witness() {
     // Between the point and the end of the tool is the finish tolerance, and nothing else.
@@ -230,26 +248,51 @@ fn the_tool_touches_its_point_of_space_in_every_witness() {
     let directions = Directions::fibonacci_hemisphere(40).unwrap();
     let options = SurfaceOptions::default().with_refinement(None).with_occlusion(false);
     let mut n_reached = 0;
-    for [radius, corner] in [[3.0, 0.0], [3.0, 1.0], [2.0, 2.0]] {
-        let cutter = Cutter::bull_nose([radius, 20.0, 20.0, 30.0].into(), corner).unwrap();
+    for end in BULL_NOSES {
+        let cutter = Cutter::bull_nose([end[0], 20.0, 20.0, 30.0].into(), end[1]).unwrap();
         let labels =
             obstacles.label(Queries::Volume(&points), &cutter, &directions, &options).unwrap();
         for (point, pose) in points.iter().zip(&labels.witness) {
             let Some(pose) = pose else { continue };
-            let axis = pose.direction.as_dvec3().normalize();
-            let from = point.as_dvec3() - pose.tip_mm;
-            let height = from.dot(axis);
-            let across = (from - axis * height).length();
-            // From the end: a disc within the corner, a torus around it, a cylinder above.
-            let away = match height < corner {
-                true => {
-                    dvec2((across - (radius - corner)).max(0.0), height - corner).length() - corner
-                }
-                false => across - radius,
-            };
+            let away = away(end, *point, pose);
             assert!(away < options.finish_mm + 1e-6, "{cutter}: {point} {pose:?} {away}");
             n_reached += 1;
         }
     }
     assert!(n_reached > 500, "{n_reached}");
+}
+
+#[test]
+fn the_tool_touches_its_site_in_every_witness_of_labels_and_of_libraries() {
+    let turn = DQuat::from_axis_angle(dvec3(0.6, -0.8, 0.0), 0.3);
+    let mut part = turned(&[[6.0, 0.0], [5.0, -4.0], [2.0, -7.0]], 16);
+    part.vertices.iter_mut().for_each(|v| *v = turn * *v);
+    let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
+    let sites = sample(&part, &SiteOptions::default().with_n_sites(600)).unwrap();
+    // Along every normal, to the last bit; and an even set with the directions between.
+    let mut vectors: Vec<[f64; 3]> =
+        sites.normals.iter().map(|n| n.as_dvec3().to_array()).collect();
+    vectors.dedup();
+    let along_normals = Directions::new(DirectionSet::List { vectors }).unwrap();
+    let options = SurfaceOptions::default().with_occlusion(false);
+    let mut n_reached = 0;
+    for directions in [along_normals, Directions::fibonacci_hemisphere(40).unwrap()] {
+        for end in BULL_NOSES {
+            let tip = TipShape::Straight { radius_mm: end[0], corner_mm: end[1] };
+            let sections = [Section::cylinder(20.0, end[0]), Section::cylinder(30.0, 20.0)];
+            let tool = Assembly::new(tip, &sections[..1], &sections[1..], 20.0).unwrap();
+            let cutter = tool.cutter().unwrap();
+            let labels = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
+            let reach = obstacles.reach_many(&sites, &[tool], &directions, &options).unwrap();
+            for witness in [&labels.witness, &reach[0].witness] {
+                for (i, pose) in witness.iter().enumerate() {
+                    let Some(pose) = pose else { continue };
+                    let away = away(end, sites.points[i], pose);
+                    assert!(away < options.finish_mm + 1e-6, "{cutter}: {i} {pose:?} {away}");
+                    n_reached += 1;
+                }
+            }
+        }
+    }
+    assert!(n_reached > 2000, "{n_reached}");
 }
