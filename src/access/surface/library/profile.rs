@@ -2,14 +2,14 @@
 //!
 //! # Definition
 //!
-//! The **least stick-out** of a site is the least at which the tool is free with a proven retreat in the pose that was
-//! found for the whole tool, or in the one that was found for its body: of lengths [2 %](STEP) apart, the one at which
-//! the tool is held among them. Other poses may do with less.
+//! Stick-outs [2 %](STEP) apart are tried, the tool's own among them. The **least stick-out** of a site is the least of
+//! these at which one of two poses is free with a proven retreat: that found for the whole tool, or that found for its
+//! body. Other poses may need less.
 //!
-//! A holder that is higher is less in the way, in the pose and on its retreat, so the lengths are halved:
+//! A higher holder is less in the way, in the pose and on its retreat, so bisection finds it:
 //!
 //! ```text
-//! for both poses: free at the longest, above all of the part? then the least by halving
+//! for both poses: free at the longest, above all of the part? then the least by bisection
 //! a site that the body reaches at no more than the tool's own stick-out: accessible, whatever the search missed
 //! ```
 
@@ -26,7 +26,7 @@ use std::sync::OnceLock;
 
 /// From one length to the next.
 const STEP: f64 = 1.02;
-/// No stick-out is longer, mm.
+/// No length of a tool is longer, mm.
 const LONGEST_MM: f64 = 9999.0;
 /// Sites per task.
 const BLOCK: usize = 32;
@@ -91,9 +91,11 @@ impl<'a> Lengths<'a> {
         let least = flutes.max(2.0 * outline.radius()).min(held);
         // A tip is not farther below its site than what cuts is long.
         let above = 2.0 * obstacles.bvh.radius() + flutes + outline.radius();
-        let most = above.min(LONGEST_MM).max(held);
+        let holder = tool.holder().iter().fold(0.0, |top: f64, step| top.max(step.height_mm));
         let steps = |ratio: f64| libm::log(ratio) / libm::log(STEP);
-        let [below, beyond] = [steps(held / least).floor(), steps(most / held).ceil()];
+        let below = steps(held / least).floor();
+        let possible = steps((LONGEST_MM - holder).max(held) / held).floor();
+        let beyond = steps(above.max(held) / held).ceil().min(possible);
         let length = |k: i32| if k == 0 { held } else { held * libm::pow(STEP, f64::from(k)) };
         let all: Vec<f64> = (-(below as i32)..=beyond as i32).map(length).collect();
         let cutters = all.iter().map(|length| tool.at_stick_out(*length));
@@ -137,6 +139,20 @@ mod tests {
     use crate::cutter::Section;
     use crate::geom::solids;
     use glam::{DVec3, dvec2};
+
+    #[test]
+    fn a_part_longer_than_any_tool_has_answers() {
+        let part = solids::cuboid(DVec3::new(30_000.0, 20.0, 20.0));
+        let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
+        let (points, normals) = (vec![glam::Vec3::new(10.0, 10.0, 20.0)], vec![glam::Vec3::Z]);
+        let sites = Sites { points, normals, faces: vec![] };
+        let profile = Profile::lollipop(3.0, 1.5).unwrap();
+        let holder = [Section::cylinder(30.0, 20.0)];
+        let tool = Assembly::from_profile(profile, &holder, 40.0).unwrap();
+        let up: Directions = "up".parse().unwrap();
+        let reach = obstacles.reach_many(&sites, &[tool], &up, &SurfaceOptions::default()).unwrap();
+        assert!(reach[0].least_stick_out_mm[0] < 40.0 && reach[0].body_reaches[0]);
+    }
 
     /// In a block of 80 x 60 mm, 50 mm high, a slot of 14 mm along y down to 20 mm; its wall alone.
     #[test]
