@@ -279,15 +279,15 @@ impl Case<'_> {
         let share = |size: &f64| size / diameter(tool);
         // What a cutter does not reach at any length, no larger one does.
         let by = if length == Length::Most { MOST_MM } else { 0.0 };
-        let may_reach = |size: &f64| {
+        let is_small_enough = |size: &f64| {
             let longest = tool.clone().without_overall().with_smaller_end(share(size));
             let longest = longest.and_then(|tool| tool.raised(ToolPart::Holder, by));
             longest.is_ok_and(|tool| self.stands(&tool).is_ok_and(|found| found.is_some()))
         };
-        if !sizes.last().is_some_and(may_reach) {
+        if !sizes.last().is_some_and(is_small_enough) {
             return Ok(None);
         }
-        let n_too_large = sizes.partition_point(|size| !may_reach(size));
+        let n_too_large = sizes.partition_point(|size| !is_small_enough(size));
         for size in &sizes[n_too_large..] {
             let Some(smaller) = self.with_end(tool, share(size), length)? else { continue };
             if let Some(direction) = self.stands(&smaller)? {
