@@ -15,7 +15,7 @@
 //! the body is free, and there over its own pose, the one that was found, and 16 poses around the disc of an end that
 //! lies on a face; no `L` is tried. Directions are those of the set and the witnesses that the search between them
 //! found, so it is exact for these and an upper bound for all. It is never below twice the radius of the lower end;
-//! infinite where the body cannot stand.
+//! infinite where the body has no free pose. Tools given by their profile: see `profile` in this room.
 //!
 //! # Pseudo-code
 //!

@@ -81,8 +81,9 @@ pub(super) const BEYOND_MM: f64 = 1e-5;
 pub(super) const SHALLOWER: f64 = 0.9;
 /// Poses are pushed if what they penetrate is not deeper than this many times their freedom.
 pub(super) const REACH: f64 = 1.5;
-/// Pushes of one pose, and of one that is one of many. Chosen on the T-slot and the turned part of the tests.
+/// Pushes of a pose that is among the first. Chosen on the T-slot and the turned part of the tests.
 pub(super) const PUSHES: usize = 16;
+/// Pushes of a pose that comes after them. Chosen with `cargo bench --bench profiles -- times`, as is their number.
 pub(super) const FEW_PUSHES: usize = 4;
 /// Even shares of an arc at which its balls are compared.
 const BALLS: usize = 9;

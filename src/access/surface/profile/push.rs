@@ -5,7 +5,7 @@
 //!     the triangle that is deepest across the axis, and the point of it; if that lies on a face of the tool, the point
 //!         that is deepest from the faces as well
 //!     none: free if nothing at all is penetrated
-//!     deeper than the pose has freedom: given up; so it is with any point that is, the deepest or not
+//!     some point deeper than the pose has freedom: given up
 //!     as deep as before for the second time: once more from the first pose, along normals of triangles; then given up
 //!     push clear of it along the profile, else across the axis; off the same triangle again, by the secant of its depths
 //! ```

@@ -7,7 +7,7 @@ use super::contact::Pose;
 const PUSHED: usize = 10;
 const PUSHED_OF_FEW: usize = 40;
 const PUSHED_OF_ALL: usize = 200;
-/// Those after them, which are pushed a few times: of what comes clear most does so by then.
+/// So many after them are pushed a few times: most that come clear do so by then.
 const PUSHED_SHORTLY: usize = 60;
 
 /// A pose that penetrates something.

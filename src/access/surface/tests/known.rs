@@ -203,8 +203,8 @@ fn a_floor_along_whose_normal_no_tool_fits_is_not_reached_however_the_part_is_tu
     let options = SurfaceOptions::default().with_refinement(None).with_occlusion(false);
     let mut n_same = 0;
     for k in 0..40 {
-        let turn = glam::DQuat::from_axis_angle(dvec3(0.6, -0.8, 0.0), 0.03 * f64::from(k))
-            * glam::DQuat::from_rotation_y(0.05 * f64::from(k));
+        let turn = DQuat::from_axis_angle(dvec3(0.6, -0.8, 0.0), 0.03 * f64::from(k))
+            * DQuat::from_rotation_y(0.05 * f64::from(k));
         let mut part = upright.clone();
         part.vertices.iter_mut().for_each(|v| *v = turn * *v);
         let normal = (turn * DVec3::Z).as_vec3();
