@@ -425,6 +425,7 @@ fn equal(path: &str, n_sites: usize, n_directions: usize) {
                 }
             }
         }
+        println!("  {cutter}: {n_wrong} wrong, {n_missed} missed of {n_pairs} so far");
     }
     println!(
         "{path}: {} triangles, {n_pairs} answers, {n_edges} turn within {MISSED_MM} mm of tolerance, {n_wrong} wrong, {n_missed} missed",
