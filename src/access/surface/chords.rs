@@ -1,30 +1,18 @@
 //! The chord errors of the facets of a mesh: their [definition](super::tolerance).
 
 use super::facets::{Facet, Facets};
+use super::folds::{Fold, FoldKind, edge, folds, height, smoothness};
 use crate::geom::Mesh;
 use crate::par;
-use crate::spatial::CountingSort;
 use glam::{DMat2, DVec2, DVec3};
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// Turns up to this belong to a curve: ten facets to the full turn.
-const SMOOTH_RAD: f64 = 0.63;
-/// Turns from this on are corners.
-const CORNER_RAD: f64 = 0.785;
-/// Turns below this are rounding.
-const FLAT_RAD: f64 = 1e-5;
-/// So are turns of faces whose corners are off by this share of the part's size, for their heights, up to another.
-const ROUNDING: f64 = 2.4e-7;
-const MOST_ROUNDING_RAD: f64 = 1e-3;
 /// Facets of one curve have at least this ratio of widths; below the next it is none.
 const SAME_CURVE: f64 = 0.5;
 const OTHER_SURFACE: f64 = 0.25;
 /// More than what the estimate of a chord error may lack, as a factor.
 const ESTIMATE: f64 = 1.1;
-/// Vertices per task.
-const VERTICES: usize = 4096;
-
 /// The concave curve that a facet replaces.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Chord {
@@ -48,28 +36,6 @@ impl Chord {
 /// The chords of all faces of a mesh.
 #[derive(Debug)]
 pub(super) struct Chords(Vec<Chord>);
-
-/// Two faces over an edge, by half edge: three times the face, plus the number of the corner where it begins.
-struct Fold {
-    halves: [u32; 2],
-    /// Concave turn, radians; 0 for a flat edge or a corner.
-    turn: f64,
-    kind: FoldKind,
-}
-
-impl Fold {
-    fn faces(&self) -> [usize; 2] {
-        self.halves.map(|half| half as usize / 3)
-    }
-}
-
-#[derive(PartialEq)]
-enum FoldKind {
-    Flat,
-    Curve,
-    /// The edge of a curve's facet is a chord as well: another face that begins there reaches in as far.
-    Corner,
-}
 
 impl Chords {
     /// Of a face; nothing of one that is not of the mesh.
@@ -260,19 +226,6 @@ fn is_similar(mesh: &Mesh, [x, y]: [u32; 2]) -> bool {
     x.min(y) >= SAME_CURVE * x.max(y)
 }
 
-/// The ends of a half edge.
-fn edge(mesh: &Mesh, half: u32) -> [DVec3; 2] {
-    let (corners, k) = (mesh.corners(half as usize / 3), half as usize % 3);
-    [corners[k], corners[(k + 1) % 3]]
-}
-
-/// Height of a face over one of its edges.
-fn height(mesh: &Mesh, half: u32) -> f64 {
-    let [a, b] = edge(mesh, half);
-    let edge = (b - a).length();
-    if edge > 0.0 { mesh.area_vector(half as usize / 3).length() / edge } else { 0.0 }
-}
-
 /// How much a neighbor counts for the curve of a facet, by the ratio of its height on the edge to the facet's own.
 fn weight(ratio: f64) -> f64 {
     if ratio >= 1.0 {
@@ -280,11 +233,6 @@ fn weight(ratio: f64) -> f64 {
     }
     let share = ((ratio - OTHER_SURFACE) / (SAME_CURVE - OTHER_SURFACE)).clamp(0.0, 1.0);
     share * 2.0 / (1.0 + ratio.max(SAME_CURVE))
-}
-
-/// How much a turn counts.
-fn smoothness(turn: f64) -> f64 {
-    ((CORNER_RAD - turn) / (CORNER_RAD - SMOOTH_RAD)).clamp(0.0, 1.0)
 }
 
 /// The chord of a face whose neighbors rise over some of its edges; `height_at` is how far these extend from an edge.
@@ -370,72 +318,4 @@ fn facet_chord(widths: &Widths, facet: &Facet, around: &[(f64, u32, u32)]) -> Op
 fn greatest_eigenvalue(shape: DMat2) -> f64 {
     let half_trace = 0.5 * (shape.x_axis.x + shape.y_axis.y);
     half_trace + (half_trace * half_trace - shape.determinant()).max(0.0).sqrt()
-}
-
-/// The folds over all edges that two faces share, but for convex curves.
-fn folds(mesh: &Mesh) -> Vec<Fold> {
-    let ends = |half: u32| {
-        let (corners, k) = (mesh.triangles[half as usize / 3], half as usize % 3);
-        let (a, b) = (corners[k], corners[(k + 1) % 3]);
-        [a.min(b), a.max(b)]
-    };
-    let size = mesh.vertices.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-    let n_halves = 3 * mesh.triangles.len() as u32;
-    let mut sort = CountingSort::default();
-    sort.clear(mesh.vertices.len());
-    (0..n_halves).for_each(|half| sort.count(ends(half)[0] as usize));
-    sort.finish_counting();
-    let mut by_lower_end = vec![[0; 2]; n_halves as usize];
-    for half in 0..n_halves {
-        let [low, high] = ends(half);
-        by_lower_end[sort.place(low as usize)] = [high, half];
-    }
-    let blocks = par::map_blocks(mesh.vertices.len(), VERTICES, |range| {
-        let mut found = Vec::new();
-        let mut edges = Vec::new();
-        for vertex in range {
-            edges.clear();
-            edges.extend_from_slice(&by_lower_end[sort.range(vertex, vertex)]);
-            edges.sort_unstable();
-            for same in edges.chunk_by(|x, y| x[0] == y[0]) {
-                let &[[_, x], [_, y]] = same else { continue };
-                found.extend(fold(mesh, [x, y], size));
-            }
-        }
-        found
-    });
-    blocks.into_iter().flatten().collect()
-}
-
-/// Turns of two faces that are rounding, for corners of a part of a size.
-fn rounding(mesh: &Mesh, halves: [u32; 2], size: f64) -> f64 {
-    let [x, y] = halves.map(|half| height(mesh, half));
-    (ROUNDING * size / x.min(y)).clamp(FLAT_RAD, MOST_ROUNDING_RAD)
-}
-
-/// The fold over two half edges; none for a convex curve.
-fn fold(mesh: &Mesh, halves: [u32; 2], size: f64) -> Option<Fold> {
-    let [n, m] = halves.map(|half| mesh.area_vector(half as usize / 3).normalize_or_zero());
-    if n == DVec3::ZERO || m == DVec3::ZERO {
-        return None;
-    }
-    let turn = libm::atan2(n.cross(m).length(), n.dot(m));
-    let kind = match turn {
-        turn if turn < FLAT_RAD => FoldKind::Flat,
-        turn if turn < MOST_ROUNDING_RAD && turn < rounding(mesh, halves, size) => FoldKind::Flat,
-        turn if turn >= CORNER_RAD => FoldKind::Corner,
-        _ => FoldKind::Curve,
-    };
-    let corner = |half: u32, k: usize| mesh.corners(half as usize / 3)[(half as usize + k) % 3];
-    let rises = n.dot(across(mesh, halves[1]) - corner(halves[0], 0)) > 0.0;
-    match kind {
-        FoldKind::Curve if !rises => None,
-        FoldKind::Curve => Some(Fold { halves, turn, kind }),
-        _ => Some(Fold { halves, turn: 0.0, kind }),
-    }
-}
-
-/// The corner of a face across from one of its edges.
-fn across(mesh: &Mesh, half: u32) -> DVec3 {
-    mesh.corners(half as usize / 3)[(half as usize % 3 + 2) % 3]
 }

@@ -41,6 +41,7 @@ mod drop;
 pub mod explain;
 mod faces;
 mod facets;
+mod folds;
 mod labeling;
 mod labels;
 mod library;
