@@ -1,9 +1,10 @@
 //! The chord errors of the facets of a mesh: their [definition](super::tolerance).
 
 use super::facets::{Facet, Facets};
-use super::folds::{Fold, FoldKind, edge, folds, height, smoothness};
+use super::folds::{Fold, FoldKind, Side, edge, folds, height, smoothness};
 use crate::geom::Mesh;
 use crate::par;
+use crate::spatial::CountingSort;
 use glam::{DMat2, DVec2, DVec3};
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -54,22 +55,20 @@ impl Chords {
     }
 
     pub fn of(mesh: &Mesh) -> Self {
-        let folds = folds(mesh);
+        let mut folds = folds(mesh);
+        let flat = folds.iter().filter(|fold| fold.kind == FoldKind::Flat);
+        let facets = Facets::of(mesh, flat.map(Fold::faces));
+        let widths = Widths { mesh, facets: &facets };
+        count_continued(&widths, &mut folds);
         let flat = || folds.iter().filter(|fold| fold.kind == FoldKind::Flat);
-        let curved = || folds.iter().filter(|fold| fold.turn > 0.0);
-        let facets = Facets::of(mesh, flat().map(Fold::faces));
         let mut across = vec![[None; 3]; mesh.triangles.len()];
         let mut around = vec![Vec::new(); facets.all().len()];
-        for fold in curved() {
-            let [x, y] = fold.halves;
-            for (half, other) in [(x, y), (y, x)] {
-                across.as_flattened_mut()[half as usize] = Some((fold.turn, other));
-                if let Some(k) = facets.number(half as usize / 3) {
-                    around[k].push((fold.turn, half, other));
-                }
+        for side in folds.iter().flat_map(Fold::sides).filter(|side| side.counted > 0.0) {
+            across.as_flattened_mut()[side.half as usize] = Some(side);
+            if let Some(k) = facets.number(side.half as usize / 3) {
+                around[k].push(side);
             }
         }
-        let widths = Widths { mesh, facets: &facets };
         let facet_chords =
             par::map(around.len(), |k: usize| facet_chord(&widths, &facets.all()[k], &around[k]));
         let from_facet = |f: usize| facets.number(f).and_then(|k| facet_chords[k]);
@@ -79,7 +78,7 @@ impl Chords {
         };
         let chord = |f: usize| match from_facet(f) {
             Some(chord) => chord,
-            None if across[f] == [None; 3] => Chord::default(),
+            None if across[f].iter().all(Option::is_none) => Chord::default(),
             None => chord(mesh, f, &across[f], height_at),
         };
         let own = par::map(mesh.triangles.len(), chord);
@@ -235,11 +234,90 @@ fn weight(ratio: f64) -> f64 {
     share * 2.0 / (1.0 + ratio.max(SAME_CURVE))
 }
 
+/// Counts the turns that belong to a curve, by their [`smoothness`] and by how much the curve goes on beyond one of the
+/// two facets: two planes that meet in a blunt edge are no curve, whatever else is beside them.
+///
+/// ```text
+/// goes on beyond a facet = min(1, 2/l · Σ l' max(0, -t·t') w' · smoothness(θ') · similarity(κ, κ'))
+/// l: length of the edge; t: in the facet, across the edge; κ: turn over the facet's width; primes: its other folds
+/// ```
+///
+/// So half of the edge is to have a turn across from it.
+fn count_continued(widths: &Widths, folds: &mut [Fold]) {
+    let (mesh, facets) = (widths.mesh, widths.facets);
+    let curved: Vec<usize> = (0..folds.len()).filter(|&k| folds[k].turn > 0.0).collect();
+    let turning = par::map(curved.len(), |k: usize| {
+        folds[curved[k]].sides().map(|side| Turning::of(widths, side))
+    });
+    let facet = |k: usize| facets.first(turning.as_flattened()[k].half as usize / 3) as usize;
+    let mut sort = CountingSort::default();
+    sort.clear(mesh.triangles.len());
+    (0..2 * curved.len()).for_each(|k| sort.count(facet(k)));
+    sort.finish_counting();
+    let mut by_facet = vec![0; 2 * curved.len()];
+    (0..2 * curved.len()).for_each(|k| by_facet[sort.place(facet(k))] = k as u32);
+    let goes_on = |k: usize| {
+        let side = &turning.as_flattened()[k];
+        let needed = 0.5 * side.outward.length_squared();
+        let mut found = 0.0;
+        for &other in &by_facet[sort.range(facet(k), facet(k))] {
+            found += side.found_across(&turning.as_flattened()[other as usize]);
+            if found >= needed {
+                return 1.0;
+            }
+        }
+        if needed > 0.0 { found / needed } else { 0.0 }
+    };
+    let counted = par::map(curved.len(), |k: usize| goes_on(2 * k).max(goes_on(2 * k + 1)));
+    for (&k, goes_on) in curved.iter().zip(counted) {
+        folds[k].counted = smoothness(folds[k].turn) * goes_on;
+    }
+}
+
+/// A turn of a facet, as the others of the facet see it.
+struct Turning {
+    half: u32,
+    /// In the facet, across the edge, as long as the edge.
+    outward: DVec3,
+    /// Of the turn over the facet's width, 1/mm.
+    curvature: f64,
+    /// By the neighbor's width and the turn.
+    counted: f64,
+}
+
+impl Turning {
+    fn of(widths: &Widths, side: Side) -> Self {
+        let [a, b] = edge(widths.mesh, side.half);
+        let normal = widths.mesh.area_vector(side.half as usize / 3).normalize_or_zero();
+        let (own, others) = (widths.at(side.half), widths.at(side.other));
+        let counted = if own > 0.0 { weight(others / own) * smoothness(side.turn) } else { 0.0 };
+        let (half, outward) = (side.half, (b - a).cross(normal));
+        Turning { half, outward, curvature: side.turn / own, counted }
+    }
+
+    /// What of its edge another of the same facet faces, times its length; nothing of itself.
+    fn found_across(&self, other: &Turning) -> f64 {
+        let across = -self.outward.dot(other.outward);
+        match across > 0.0 && other.counted > 0.0 {
+            true => across * other.counted * similarity(self.curvature, other.curvature),
+            false => 0.0,
+        }
+    }
+}
+
+/// How much two curvatures may be those of one curve.
+fn similarity(one: f64, other: f64) -> f64 {
+    /// Ratios in one curve are at least the second; below the first it is another.
+    const RATIOS: [f64; 2] = [0.1, 0.25];
+    let [least, same] = RATIOS;
+    ((one.min(other) / one.max(other) - least) / (same - least)).clamp(0.0, 1.0)
+}
+
 /// The chord of a face whose neighbors rise over some of its edges; `height_at` is how far these extend from an edge.
 fn chord(
     mesh: &Mesh,
     f: usize,
-    across: &[Option<(f64, u32)>; 3],
+    across: &[Option<Side>; 3],
     height_at: impl Fn(u32) -> f64,
 ) -> Chord {
     let corners = mesh.corners(f);
@@ -249,14 +327,14 @@ fn chord(
     let flat = corners.map(|p| DVec2::new((p - corners[0]).dot(u), (p - corners[0]).dot(v)));
     let mut shape = DMat2::ZERO;
     for (k, fold) in across.iter().enumerate() {
-        let Some((turn, other)) = *fold else { continue };
+        let Some(Side { turn, counted, other, .. }) = *fold else { continue };
         let own = height(mesh, (3 * f + k) as u32);
         let edge = (flat[(k + 1) % 3] - flat[k]).normalize_or_zero();
         if own <= 0.0 || edge == DVec2::ZERO {
             continue;
         }
         let t = edge.perp();
-        let counted = weight(height_at(other) / own) * smoothness(turn) * turn / own;
+        let counted = weight(height_at(other) / own) * counted * turn / own;
         shape += DMat2::from_cols(t * t.x, t * t.y) * counted;
     }
     let second = |a: usize, b: usize| (flat[a] - flat[b]).dot(shape * (flat[a] - flat[b]));
@@ -266,8 +344,8 @@ fn chord(
     Chord { error: on_edges.max(within), curvature: greatest_eigenvalue(shape) }
 }
 
-/// The chord of a facet of many triangles, of which some rise over some of its edges, `(turn, half edge, other half)`;
-/// none of one that has neighbors of its curve on one side alone: planes that meet in a blunt edge are no curve.
+/// The chord of a facet of many triangles, of which some rise over some of its edges; none of one that has neighbors of
+/// its curve on one side alone.
 ///
 /// ```text
 /// Λ = 1 / min(A, pᵀMp) · Σ w(ratio) · θ · l/2 · t tᵀ        A: area; l: length of the edge
@@ -276,15 +354,15 @@ fn chord(
 ///
 /// Of a triangle the first is what [`chord`] has. The second is less where some of a side turns against nothing: of a
 /// strip with bores across its edges.
-fn facet_chord(widths: &Widths, facet: &Facet, around: &[(f64, u32, u32)]) -> Option<Chord> {
+fn facet_chord(widths: &Widths, facet: &Facet, around: &[Side]) -> Option<Chord> {
     /// Cosine with the curve's direction of what is on one of its sides.
     const SIDE: f64 = 0.5;
     let (mut turns, mut swept) = (DMat2::ZERO, DMat2::ZERO);
     let mut sides = Vec::new();
-    for &(turn, half, other) in around {
+    for &Side { turn, counted, half, other } in around {
         let [a, b] = edge(widths.mesh, half).map(|p| facet.flat(p));
         let (own, t) = (widths.at(half), (b - a).normalize_or_zero().perp());
-        let counted = weight(widths.at(other) / own) * smoothness(turn);
+        let counted = weight(widths.at(other) / own) * counted;
         if own > 0.0 && counted > 0.0 {
             let across = DMat2::from_cols(t * t.x, t * t.y) * (0.5 * (b - a).length());
             turns += across * (counted * turn);

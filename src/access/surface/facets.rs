@@ -10,6 +10,8 @@ use std::f64::consts::TAU;
 
 /// The facets of a mesh that are more than two triangles.
 pub(super) struct Facets {
+    /// Per face, the first of those that hang together with it in one plane, as pairs of them do.
+    first: Vec<u32>,
     /// Per face, its facet, or [`NONE`].
     by_face: Vec<u32>,
     facets: Vec<Facet>,
@@ -51,11 +53,16 @@ impl Facets {
                 facets.push(facet);
             }
         }
-        Facets { by_face, facets }
+        Facets { first, by_face, facets }
     }
 
     pub fn all(&self) -> &[Facet] {
         &self.facets
+    }
+
+    /// The first of the faces that hang together with a face in one plane; of two, too.
+    pub fn first(&self, face: usize) -> u32 {
+        self.first[face]
     }
 
     /// The number of a face's facet.

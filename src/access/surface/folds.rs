@@ -22,6 +22,8 @@ pub(super) struct Fold {
     pub halves: [u32; 2],
     /// Concave turn, radians; 0 for a flat edge or a corner.
     pub turn: f64,
+    /// How much it counts as a turn of a curve, 0 to 1.
+    pub counted: f64,
     pub kind: FoldKind,
 }
 
@@ -29,6 +31,25 @@ impl Fold {
     pub fn faces(&self) -> [usize; 2] {
         self.halves.map(|half| half as usize / 3)
     }
+
+    /// As its two faces have it.
+    pub fn sides(&self) -> [Side; 2] {
+        let ([x, y], &Fold { turn, counted, .. }) = (self.halves, self);
+        [(x, y), (y, x)].map(|(half, other)| Side { turn, counted, half, other })
+    }
+}
+
+/// A fold as one of its faces has it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Side {
+    /// As [`Fold::turn`].
+    pub turn: f64,
+    /// As [`Fold::counted`].
+    pub counted: f64,
+    /// Its half edge.
+    pub half: u32,
+    /// The other face's.
+    pub other: u32,
 }
 
 #[derive(PartialEq)]
@@ -115,8 +136,8 @@ fn fold(mesh: &Mesh, halves: [u32; 2], size: f64) -> Option<Fold> {
     let rises = n.dot(across(mesh, halves[1]) - corner(halves[0], 0)) > 0.0;
     match kind {
         FoldKind::Curve if !rises => None,
-        FoldKind::Curve => Some(Fold { halves, turn, kind }),
-        _ => Some(Fold { halves, turn: 0.0, kind }),
+        FoldKind::Curve => Some(Fold { halves, turn, counted: 0.0, kind }),
+        _ => Some(Fold { halves, turn: 0.0, counted: 0.0, kind }),
     }
 }
 

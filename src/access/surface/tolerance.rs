@@ -22,7 +22,8 @@
 //!
 //! For a strip of width `b` that turns by θ this is `b·θ/8`. `ratio` is the neighbor's height over the facet's own:
 //! facets of one curve have similar widths, a plane beside a fillet does not belong to it. Turns above 36° (ten facets
-//! to the turn) count less and less, from 45° on they are corners.
+//! to the turn) count less and less, from 45° on they are corners. A turn counts if the curve goes on: if one of the two
+//! facets turns again across from it, as strongly. Two planes that meet in a blunt edge are no curve.
 //!
 //! A face that meets a facet of a curve in a corner, as the top of a bore does, is granted what that is: their edge is a
 //! chord.

@@ -1,5 +1,6 @@
 //! What a shop knows: floors, corners, fillets and bowls, +z alone, with answers computed by hand.
 
+use super::shapes::quartered;
 use super::*;
 use crate::access::Queries;
 use crate::access::surface::WitnessPose;
@@ -178,6 +179,83 @@ fn a_ball_of_the_radius_of_a_bowl_reaches_all_of_it_and_a_wider_one_none() {
         let low = some(&low, low.len().div_ceil(400));
         let wide = share(&mesh, &low, &ball([15.5, 60.0, 20.0, 40.0]));
         assert_eq!(wide, 0.0, "R15.5, chord error {chord_error}");
+    }
+}
+
+#[test]
+fn a_ball_of_the_radius_of_a_shallow_dimple_reaches_all_of_it_however_few_its_rings() {
+    for chord_error in [0.004, 0.02, 0.1] {
+        let step = 2.0 * (1.0 - chord_error / 15.0_f64).acos();
+        for n_rings in 2..5 {
+            let angle = |k: i32| f64::from(k) * step;
+            let down: Vec<[f64; 2]> = (1..=n_rings)
+                .rev()
+                .map(|k| [15.0 * angle(k).sin(), -15.0 * angle(k).cos()])
+                .collect();
+            let mut mesh = turned(&down, 20 * n_rings as u32);
+            mesh.vertices.last_mut().unwrap().z = -15.0;
+            let sites = sites_on(&mesh, 3, |p, n| n.z > 0.0 && p.z < down[0][1] - 1e-6);
+            for radius in [12.5, 14.0, 15.0] {
+                let found = share(&mesh, &sites, &ball([radius, 60.0, 20.0, 40.0]));
+                assert_eq!(found, 1.0, "R{radius}, chord error {chord_error}, {n_rings} rings");
+            }
+        }
+    }
+}
+
+/// A block with a groove along y whose section is this, from one rim to the other, the rims at z = 0.
+fn grooved(section: &[[f64; 2]]) -> Mesh {
+    let half = section[0][0].abs() + 20.0;
+    let n = section.len() as u32;
+    let mut outline = vec![[-half, -40.0], [half, -40.0], [half, 0.0]];
+    outline.extend(section.iter().rev());
+    outline.push([-half, 0.0]);
+    let (right, left) = (2, n + 3);
+    // Below the right half of the groove from one corner of the block, below the left from the other.
+    let middle = 3 + n / 2;
+    let mut cap = vec![[1, right, 3]];
+    cap.extend((3..middle).map(|k| [1, k, k + 1]));
+    cap.push([0, 1, middle]);
+    cap.extend((middle..n + 2).map(|k| [0, k, k + 1]));
+    cap.push([0, n + 2, left]);
+    let mesh =
+        solids::prism(&outline.into_iter().map(DVec2::from_array).collect::<Vec<_>>(), &cap, 30.0);
+    Mesh {
+        vertices: mesh.vertices.iter().map(|p| dvec3(p.x, -p.z, p.y)).collect(),
+        triangles: mesh.triangles,
+    }
+}
+
+#[test]
+fn two_planes_that_meet_in_a_blunt_edge_are_no_curve_and_a_ball_leaves_its_gusset_there() {
+    for turn_deg in [6.0, 12.0, 20.0, 30.0, 36.0, 40.0, 44.0_f64] {
+        for width in [6.0, 20.0] {
+            let (sin, cos) = (0.5 * turn_deg).to_radians().sin_cos();
+            let section = [[-width * cos, 0.0], [0.0, -width * sin], [width * cos, 0.0]];
+            let mesh = grooved(&section);
+            assert!(crate::geom::check::check(&mesh).is_closed());
+            for mesh in [quartered(&mesh, 1), mesh] {
+                let of_groove = |p: DVec3, n: DVec3| p.z < -1e-9 && n.z > 0.5 && p.z > -width * sin;
+                let sites = sites_on(&mesh, 400 / mesh.triangles.len().min(40), of_groove);
+                for radius in [2.0, 5.0, 20.0] {
+                    // The ball that rests on both planes touches them here; beyond the rims it does not.
+                    let touches = radius * sin / cos;
+                    if touches > width {
+                        continue;
+                    }
+                    let cutter = ball([radius, 200.0, radius, 200.0]);
+                    let found = answers(&mesh, &sites, &cutter, &up(), &implied());
+                    for (p, answer) in sites.points.iter().zip(found) {
+                        let from_edge = f64::from(p.x).abs() / cos;
+                        let rest = radius.hypot((touches - from_edge).max(0.0)) - radius;
+                        let is_reached = answer == SiteAnswer::Accessible;
+                        let at = format!("{turn_deg}°, {width} mm, R{radius}, {from_edge}: {rest}");
+                        assert!(is_reached || rest > 0.0099, "{at}");
+                        assert!(!is_reached || rest < 0.0301, "{at}");
+                    }
+                }
+            }
+        }
     }
 }
 
