@@ -232,3 +232,49 @@ fn settings_are_read_back_and_what_they_leave_out_is_as_by_default() {
     again(&OctreeOptions::default().with_depth(5));
     again(&GradcheckSettings::default().with_max_elements(9).with_seed(3));
 }
+
+#[cfg(feature = "generate")]
+mod outcomes {
+    use super::*;
+    use deepmill::analysis::{Analysis, Fixture};
+    use deepmill::data::files::tools::Tool;
+    use deepmill::report::findings::Findings;
+
+    #[test]
+    fn answers_and_findings_of_an_outcome_are_read_back() {
+        let outline =
+            [(0.0, 0.0), (40.0, 0.0), (40.0, 10.0), (20.0, 10.0), (20.0, 30.0), (0.0, 30.0)];
+        let outline = outline.map(|(x, y)| glam::dvec2(x, y));
+        let part = solids::prism(&outline, &[[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]], 30.0);
+        let tool = |lengths: &str| Tool::new(lengths.parse().unwrap(), Some(0.0), 0.0).unwrap();
+        let mut clamp = solids::cuboid(DVec3::new(4.0, 8.0, 40.0));
+        clamp.vertices.iter_mut().for_each(|v| *v += DVec3::new(26.0, 12.0, 0.0));
+        let outcome = Analysis::new("step", part, vec![tool("3,4,20,20"), tool("3,24,20,20")])
+            .n_sites(600)
+            .directions("list:0,1,0".parse().unwrap())
+            .fixture(Fixture::new("clamp", clamp))
+            .rest(true)
+            .run(&mut ())
+            .unwrap();
+        for answer in outcome.answers() {
+            again(answer);
+        }
+        let findings = outcome.findings();
+        assert!(
+            findings
+                .list
+                .iter()
+                .any(|finding| finding.helps.is_none() && !finding.opens.is_empty())
+        );
+        assert!(outcome.answers()[0].findings.list.iter().any(|finding| finding.helps.is_some()));
+        let written = again(findings);
+        let n = findings.of_site.len();
+        for (key, value, words) in [
+            ("of_site", json!(vec![99; n]), "of_site is 99"),
+            ("of_site", json!(vec![0; n]), "of_site is 0 sites of finding 1"),
+            ("scattered_sites", json!([n]), "scattered_sites is others"),
+        ] {
+            refused::<Findings>(&written, key, value, words);
+        }
+    }
+}

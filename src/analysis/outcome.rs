@@ -18,9 +18,10 @@ use crate::geom::{Mesh, Sites};
 use crate::report::coverage::Coverage;
 use crate::report::findings::Findings;
 use crate::report::gate::SiteAreas;
+use serde::{Deserialize, Serialize};
 
 /// The answers about one tool.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct ToolOutcome {
     /// Per site.

@@ -5,6 +5,7 @@
 //! the smaller ones are summed as [`Scattered`], so that all areas together are the area that is not accessible.
 
 mod advice;
+mod checked;
 mod columns;
 mod fixtures;
 mod ids;
@@ -28,7 +29,7 @@ use glam::DVec3;
 pub(super) use ids::untaken;
 #[doc(hidden)] // of `analysis` and the program
 pub use ids::{ALL_TOOLS, Bounds, FindingStatus, bounds_of};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 #[doc(hidden)] // of `analysis` and the program
@@ -44,7 +45,7 @@ pub const FINDINGS: [&str; 2] = ["findings.json", "findings.csv"];
 const VERSION: u64 = 1;
 
 /// A region that is not accessible.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Finding {
     /// A name that other sites, another order and small changes of the part do not change: see `docs/pipeline.md`.
@@ -108,12 +109,11 @@ pub struct Finding {
     #[doc(hidden)] // of the page and the program
     pub opens: Vec<Opening>,
     /// Mean place of its sites, mm.
-    #[serde(skip)]
     middle_mm: DVec3,
 }
 
 /// Another tool that reaches a region.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Help {
     /// The tool's name.
@@ -123,7 +123,7 @@ pub struct Help {
 }
 
 /// The regions of fewer than [`MIN_SITES`] sites, together.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 #[doc(hidden)] // of the table
 pub struct Scattered {
@@ -136,7 +136,8 @@ pub struct Scattered {
 }
 
 /// What of a part is not accessible.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(remote = "Self")] // checked when they are read
 #[non_exhaustive]
 pub struct Findings {
     /// The regions, largest area first; among equals, the one with the lowest site first.

@@ -42,10 +42,10 @@ use crate::cutter::{Assembly, Cutter};
 use crate::directions::Directions;
 use crate::geom::Sites;
 use glam::{DVec3, Vec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A length of the part.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 #[doc(hidden)] // of findings

@@ -2,10 +2,11 @@
 
 use crate::access::surface::{PartChange, PartLength};
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// A change of the tool that reaches sites of a region.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct ToolChange {
     /// In words.
@@ -22,7 +23,7 @@ impl ToolChange {
 }
 
 /// A change of the part that lets the tool reach sites of a region.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 #[doc(hidden)] // of the page and the program
 pub struct PartAdvice {
@@ -35,7 +36,7 @@ pub struct PartAdvice {
     /// What the tool needs.
     pub to: f64,
     /// Of both.
-    pub unit: &'static str,
+    pub unit: Cow<'static, str>,
     /// Area that it frees, mm².
     pub frees_mm2: f64,
     /// A place that it frees, mm; of what blocks, where that is.
@@ -56,7 +57,7 @@ impl PartAdvice {
             kind: change.kind,
             from: change.from_mm,
             to: change.to_mm,
-            unit: "mm",
+            unit: "mm".into(),
             frees_mm2,
             at_mm: change.at_mm,
             depth_mm: change.depth_mm,
@@ -66,12 +67,12 @@ impl PartAdvice {
 }
 
 /// An axis that was not tested and along which tools reach a region: the part would have to be turned so.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 #[doc(hidden)] // of the page and the program
 pub struct Opening {
     /// The tool axis, from tip to spindle: `+x` to `-z`.
-    pub axis: &'static str,
+    pub axis: Cow<'static, str>,
     /// Share of the region's sites that are reached along it.
     pub share: f64,
 }
@@ -79,7 +80,7 @@ pub struct Opening {
 impl Opening {
     /// An axis, and what is reached along it.
     pub fn new(axis: &'static str, share: f64) -> Self {
-        Opening { axis, share }
+        Opening { axis: axis.into(), share }
     }
 }
 

@@ -1,10 +1,10 @@
 //! Which fixtures keep the tool from a finding.
 
 use super::Findings;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A fixture without which the tool reaches sites of a region.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct InTheWay {
     /// The fixture.
