@@ -1,5 +1,6 @@
 //! The definition in plain loops: all poses of a tool along one direction, in `f64`.
 
+use super::drop;
 use super::labels::{SiteAnswer, SurfaceOptions};
 use super::obstacles::{TriangleObstacles, tested};
 use super::pose::PoseSet;
@@ -10,6 +11,7 @@ use crate::cutter::{Cutter, require_steps};
 use crate::directions::Directions;
 use crate::{Result, par};
 use glam::{DVec2, DVec3, Vec3};
+use std::rc::Rc;
 
 /// What the plain loops find at one query along one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,7 +38,7 @@ impl TriangleObstacles {
     ///     drop height of the whole tool at its middle not above where it is: reached
     ///     one triangle penetrates the tool shrunk by the half diagonal, at its middle: so it does in all poses of the cell
     ///     half diagonal below the resolution: undecided
-    ///     else: cut in four
+    ///     else: cut in four; triangles that the tool, grown by the half diagonal, is clear of are left out there
     /// ```
     ///
     /// # Errors
@@ -110,11 +112,17 @@ fn reached(
     let poses = PoseSet::new(outline);
     let radius = poses.radius();
     let [u, v, d] = axes;
-    let raise = |at: DVec2, more: f64| {
+    let stand = |at: DVec2| {
         let o = poses.offset(at);
-        let stand = Stand { reference: contact.point + u * o.x + v * o.y + d * o.z, axes };
-        let Raise { steps, tip } = raise_over(triangles.iter().copied(), outline, more, &stand);
+        Stand { reference: contact.point + u * o.x + v * o.y + d * o.z, axes }
+    };
+    let raise = |triangles: &Toleranced, at: DVec2, more: f64| {
+        let Raise { steps, tip } = raise_over(triangles.iter().copied(), outline, more, &stand(at));
         steps.max(tip)
+    };
+    let near = |triangles: &Toleranced, at: DVec2, reach: f64| -> Rc<Toleranced> {
+        let stand = stand(at);
+        triangles.iter().filter(|of| is_near(of, outline, reach, &stand)).copied().collect()
     };
     let normal = contact.normal.map(|n| DVec3::new(n.dot(u), n.dot(v), n.dot(d)));
     let may_touch = |at: DVec2| normal.is_none_or(|normal| poses.touches(at, 0.0, (normal, rim)));
@@ -124,23 +132,78 @@ fn reached(
         return Reached::Yes;
     }
     let mut found = Reached::No;
-    let mut cells = vec![(DVec2::ZERO, radius)];
-    while let Some((middle, half)) = cells.pop() {
+    let mut cells = vec![(DVec2::ZERO, radius, Rc::from(triangles))];
+    while let Some((middle, half, triangles)) = cells.pop() {
         let reach = half * std::f64::consts::SQRT_2;
-        if (middle.abs() - half).max(DVec2::ZERO).length() > radius || raise(middle, reach) > 0.0 {
+        let is_outside = (middle.abs() - half).max(DVec2::ZERO).length() > radius;
+        if is_outside || raise(&triangles, middle, reach) > 0.0 {
             continue;
         }
-        if may_touch(middle) && raise(middle, 0.0) <= 0.0 {
+        if may_touch(middle) && raise(&triangles, middle, 0.0) <= 0.0 {
             return Reached::Yes;
         }
         if reach <= resolution {
             found = Reached::Undecided;
             continue;
         }
-        let half = 0.5 * half;
+        let (half, near) = (0.5 * half, near(&triangles, middle, reach));
         for corner in [[-half, -half], [half, -half], [-half, half], [half, half]] {
-            cells.push((middle + DVec2::from_array(corner), half));
+            cells.push((middle + DVec2::from_array(corner), half, near.clone()));
         }
     }
     found
+}
+
+/// Whether a triangle may penetrate the tool that stands within `reach` of a place: the steps, and a disc under the tip.
+fn is_near(
+    (corners, tolerance): &([DVec3; 3], f64),
+    outline: &Outline,
+    reach: f64,
+    stand: &Stand,
+) -> bool {
+    let corners = stand.triangle(corners);
+    let under_tip = [-outline.radius(), outline.radius()];
+    outline
+        .steps(*tolerance)
+        .chain([under_tip])
+        .any(|[height, radius]| drop::disc(&corners, radius + reach) > height - reach)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cutter::CutterParams;
+    use crate::rng::{Purpose, Stream};
+
+    #[test]
+    fn what_penetrates_in_some_pose_of_a_cell_is_near_it() {
+        let params = CutterParams::from_array([3.0, 5.0, 8.0, 10.0]);
+        let cutters = [
+            Cutter::ball_end(params),
+            Cutter::bull_nose(params, 1.0),
+            Cutter::flat_end(params),
+            Cutter::tapered(params, 0.2, 4),
+        ];
+        let mut stream = Stream::new(7, 0, 0, Purpose::Probe);
+        let mut n_penetrate = 0;
+        for cutter in cutters {
+            let outline = Outline::new(&cutter.unwrap(), 0.01);
+            for _ in 0..5000 {
+                let mut point = |r: f64| DVec3::ZERO.map(|_| stream.range(-r, r));
+                let (low, edges) = (point(15.0), [point(4.0), point(4.0)]);
+                let axes = axes(point(1.0).as_vec3().normalize_or(Vec3::Z));
+                let (middle, aside) = (point(3.0), point(1.0).normalize_or_zero());
+                let reach = stream.range(0.0, 2.0);
+                let triangle = ([low, low + edges[0], low + edges[1]], 0.01);
+                let moved = Stand { reference: middle + aside * (0.999 * reach), axes };
+                let Raise { steps, tip } =
+                    raise_over([triangle].into_iter(), &outline, 0.0, &moved);
+                let is_near =
+                    is_near(&triangle, &outline, reach, &Stand { reference: middle, axes });
+                assert!(is_near || steps.max(tip) <= 0.0, "{triangle:?}, {reach}");
+                n_penetrate += usize::from(is_near && steps.max(tip) > 0.0);
+            }
+        }
+        assert!(n_penetrate > 1000, "{n_penetrate}");
+    }
 }
